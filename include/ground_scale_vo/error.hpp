@@ -1,0 +1,23 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace ground_scale_vo {
+
+/// A file or folder that cannot be used. what() is one sentence that names it (and the line).
+class DataError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// An option outside its range. what() is one sentence that names the option, its value and range.
+class OptionError : public std::invalid_argument {
+ public:
+  using std::invalid_argument::invalid_argument;
+};
+
+/// Throws OptionError unless `min <= value <= max`; NaN is refused. For the validate() of an Options struct.
+void requireInRange(const char* option, double value, double min, double max);
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
+
+#include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
+
+namespace ground_scale_vo {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+/// Camera pose in metres. `o` has the camera's axes (x right, y down, z forward) and lies at the
+/// first frame of the first map.
+struct MetricPose {
+  Eigen::Isometry3d T_o_c = Eigen::Isometry3d::Identity();
+  /// Accumulated covariance of T_o_c: position in o axes [m^2], then rotation as a small rotation
+  /// about o's axes [rad^2] (the order of geometry_msgs/PoseWithCovariance).
+  Matrix6d covariance = Matrix6d::Zero();
+  /// Since the previous metric pose, in camera axes c: v [m/s], w [rad/s]; zero in a map's first.
+  Eigen::Matrix<double, 6, 1> twist_c = Eigen::Matrix<double, 6, 1>::Zero();
+  Matrix6d twist_covariance = Matrix6d::Zero();
+  double distance = 0;  ///< travelled so far [m]
+};
+
+/// Chains metric increments: rotation as it is, translation times the frame's scale (Eq. 10, applied
+/// to increments, so the past never moves).
+///
+/// First metric frame of the first map: the way from the map's first frame is scaled by this frame's
+/// scale. A later map goes on from the last metric pose without a step, and adds the uncertainty
+/// of what was missed. While the odometry has no pose, nothing is appended.
+class MetricTrajectory {
+ public:
+  struct Options {
+    double rotation_sigma_per_sqrt_m = 0.0005;     ///< random walk of rotation [rad/sqrt(m)]
+    double direction_sigma = 0.005;                ///< of a frame's direction of motion [rad]
+    double scale_correlation_m = 10.0;             ///< scale errors agree over this distance [m]
+    double new_map_position_sigma_per_s = 5.0;     ///< unseen motion while lost [m/s]
+    double new_map_rotation_sigma_per_s = 0.1;     ///< unseen rotation while lost [rad/s]
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  explicit MetricTrajectory(const Options& options);
+
+  /// Empty while scale.status is kUnknown or the frame is not tracking.
+  std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale);
+
+  void reset();
+
+ private:
+  Options options_;
+  bool has_pose_ = false;
+  MetricPose last_;
+  std::uint32_t last_map_id_ = 0;
+  std::int64_t last_stamp_ns_ = 0;
+  Eigen::Isometry3d last_T_w_c_ = Eigen::Isometry3d::Identity();
+};
+
+}  // namespace ground_scale_vo

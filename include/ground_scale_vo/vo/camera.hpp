@@ -1,0 +1,54 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+namespace ground_scale_vo {
+
+/// A camera without distortion. Pixel convention: the centre of the upper left pixel is (0, 0).
+/// Camera axes: x right, y down, z forward (REP-103 optical).
+struct PinholeCamera {
+  int width = 0;       ///< [px]
+  int height = 0;      ///< [px]
+  double fx = 0;       ///< [px]
+  double fy = 0;       ///< [px]
+  double cx = 0;       ///< [px]
+  double cy = 0;       ///< [px]
+
+  /// Throws OptionError that names the offending number (not finite, focal length or size not
+  /// positive).
+  void validate() const;
+
+  /// x = K^-1 u with z = 1. The paper's Alg. 1 line 7 is this ray; depth comes from the map.
+  Eigen::Vector3d ray(const Eigen::Vector2d& u) const {
+    return {(u.x() - cx) / fx, (u.y() - cy) / fy, 1.0};
+  }
+  /// Precondition: p_c.z() > 0.
+  Eigen::Vector2d project(const Eigen::Vector3d& p_c) const {
+    return {fx * p_c.x() / p_c.z() + cx, fy * p_c.y() / p_c.z() + cy};
+  }
+};
+
+enum class DistortionModel { kNone, kPlumbBob, kRationalPolynomial, kEquidistant };
+
+/// Turns raw images into images of a pinhole camera. Identity (no copy) for kNone.
+class Rectifier {
+ public:
+  /// raw: K of the raw image. coefficients: as in sensor_msgs/CameraInfo (k1 k2 p1 p2 k3 ...; 4 for
+  /// equidistant). Throws OptionError.
+  Rectifier(const PinholeCamera& raw, DistortionModel model, std::vector<double> coefficients);
+
+  /// Of the rectified image; the same size as the raw one.
+  const PinholeCamera& camera() const { return camera_; }
+
+  /// raw: 8-bit, one channel, the camera's size (throws OptionError otherwise). May share memory.
+  cv::Mat rectify(const cv::Mat& raw) const;
+
+ private:
+  PinholeCamera camera_;
+  cv::Mat map1_, map2_;  ///< empty for kNone
+};
+
+}  // namespace ground_scale_vo

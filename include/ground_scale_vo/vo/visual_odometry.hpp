@@ -1,0 +1,54 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground_scale_vo/vo/vo_frame.hpp"
+
+namespace ground_scale_vo {
+
+/// Monocular visual odometry up to scale (the paper's MVO thread): images in, VoFrame out.
+/// Deterministic: the same images give the same bytes. Not thread safe.
+class VisualOdometry {
+ public:
+  struct Options {
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  /// The pose of an earlier frame of the current map, known only since the map was started.
+  struct StartPose {
+    std::uint32_t sequence = 0;
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  };
+
+  /// [ms] wall time.
+  struct Times {
+    double pyramid = 0, track = 0, detect = 0, pose = 0, triangulate = 0, bundle_adjustment = 0;
+    double total = 0;
+  };
+
+  struct Output {
+    VoFrame frame;
+    /// Not empty exactly in the frame that starts a map: the frames from the map's first frame
+    /// until now, in order.
+    std::vector<StartPose> start;
+    Times times;
+  };
+
+  VisualOdometry(const PinholeCamera& camera, const Options& options);
+  ~VisualOdometry();
+
+  /// image: 8-bit, one channel, the camera's size, rectified (throws OptionError otherwise).
+  /// Precondition: stamps grow.
+  Output process(const cv::Mat& image, std::int64_t stamp_ns);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <vector>
+
+#include "ground_scale_vo/vo/camera.hpp"
+
+namespace ground_scale_vo {
+
+enum class VoStatus : std::uint8_t { kInitialising = 0, kTracking = 1, kLost = 2 };
+
+/// One tracked corner of one frame.
+struct TrackedFeature {
+  std::uint64_t id = 0;   ///< the same corner has the same id in every frame; never used again
+  std::uint32_t age = 0;  ///< number of earlier frames that saw it
+  Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] in the rectified image
+  bool has_point = false;  ///< p_c and depth_sigma are valid
+  /// 3-D map point in the camera frame of this frame, VO units. z > 0.
+  Eigen::Vector3f p_c = Eigen::Vector3f::Zero();
+  float depth_sigma = 0.f;  ///< standard deviation of p_c.z from triangulation, VO units
+};
+
+/// All that the scale stage knows of the odometry: one frame's pose and its tracked features with
+/// their 3-D points, up to scale. Any monocular odometry can fill it (msg/VoFrame.msg mirrors it).
+struct VoFrame {
+  std::int64_t stamp_ns = 0;
+  std::uint32_t sequence = 0;  ///< counts the images that reached the odometry, from 0
+  VoStatus status = VoStatus::kInitialising;
+  std::uint32_t map_id = 0;  ///< grows by one with each new map; VO units differ between maps
+  bool keyframe = false;
+  PinholeCamera camera;
+  /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
+  /// VO units. Valid only while status is kTracking.
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  /// Largest first age is not guaranteed; order is by id.
+  std::vector<TrackedFeature> features;
+};
+
+}  // namespace ground_scale_vo

@@ -11,6 +11,8 @@
 namespace ground_scale_vo {
 namespace {
 
+constexpr double kMinDepthRatio = 1e-3;  // depth in the observer over depth in the anchor
+
 /// Rotation vector, then translation, of T_r_c in the frame r of the newest keyframe: rotations
 /// stay far from the vector's singularity at a whole turn.
 using PoseParameters = std::array<double, 6>;
@@ -52,7 +54,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 6, 1> {
     const Eigen::Matrix3d R_o_T = rotation(w_o).transpose();
     const Eigen::Vector3d y = R_a * ray_ + rho * (t_a - t_o);
     const Eigen::Vector3d q = R_o_T * y;
-    if (q.z() < 1e-6) return false;
+    if (q.z() < 0.1 * kMinDepthRatio) return false;
 
     Eigen::Map<Eigen::Vector2d> r(residuals);
     r = weight_ * (q.head<2>() / q.z() - x_);
@@ -154,6 +156,11 @@ LocalBundleAdjustment::Result LocalBundleAdjustment::adjust(LocalMap* map) const
     const std::size_t anchor = observations.front().keyframe - first_id;
     for (std::size_t i = 1; i < observations.size(); ++i) {
       const std::size_t observer = observations[i].keyframe - first_id;
+      // Ceres cannot start behind a camera; removeOutliers() sees to what stays there.
+      const Eigen::Vector3d q =
+          keyframes[observer].T_w_c.inverse() *
+          (keyframes[anchor].T_w_c * Eigen::Vector3d(a.landmark->ray() / a.inverse_depth));
+      if (q.z() < kMinDepthRatio / a.inverse_depth) continue;
       problem.AddResidualBlock(
           new ReprojectionCost(a.landmark->ray(), observations[i].x, options_.noise), &loss,
           poses[anchor].data(), poses[observer].data(), &a.inverse_depth);

@@ -17,12 +17,12 @@ struct ImagePyramid {
 class FeatureTracker {
  public:
   struct Options {
-    double cell = 0.0161;  ///< side of the square that holds one corner [image width]
+    double cell = 0.0129;  ///< side of the square that holds one corner [image width]
     double min_corner_strength =
         1e-4;                ///< smaller eigenvalue of the gradient matrix, image in [0, 1]
-    int window_px = 15;      ///< side of the tracked patch, odd
+    int window_px = 9;       ///< side of the tracked patch, odd
     int pyramid_levels = 4;  ///< above the full image
-    double forward_backward_px = 0.5;  ///< largest distance after tracking there and back
+    double forward_backward_px = 0.7;  ///< largest distance after tracking there and back
     /// Throws OptionError.
     void validate() const;
   };

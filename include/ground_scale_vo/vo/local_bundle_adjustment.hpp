@@ -14,7 +14,7 @@ class LocalBundleAdjustment {
     int window = 7;  ///< newest keyframes that move
     int max_iterations = 6;
     double noise = 0.0008;     ///< standard deviation of an observation, normalised coordinates
-    double huber_sigma = 2.0;  ///< residuals over this many standard deviations count linearly
+    double huber_sigma = 1.0;  ///< residuals over this many standard deviations count linearly
     /// Throws OptionError.
     void validate() const;
   };

@@ -26,12 +26,12 @@ class VisualOdometry {
     LocalMap::Options map;
     LocalBundleAdjustment::Options bundle_adjustment;
 
-    double keyframe_parallax = 0.012;   ///< median since the last keyframe [rad]
+    double keyframe_parallax = 0.03;    ///< median since the last keyframe [rad]
     double keyframe_min_tracked = 0.7;  ///< share of the last keyframe's landmarks still tracked
     double standstill_flow = 0.0003;    ///< median flow below this is none [image width]
     double epipolar_error = 0.0028;     ///< of a feature without depth, normalised coordinates
-    double outlier_error = 0.0035;  ///< of an observation after adjustment, normalised coordinates
-    int max_outlier_frames = 2;     ///< frames in a row that a feature may disagree
+    double outlier_error = 0.003;  ///< of an observation after adjustment, normalised coordinates
+    int max_outlier_frames = 2;    ///< frames in a row that a feature may disagree
     int start_min_share_percent = 40;    ///< of the first frame's features, or it is replaced [%]
     int lost_frames_before_new_map = 3;  ///< textured frames in a row without a pose
     /// Throws OptionError.

@@ -17,7 +17,8 @@ class OptionError : public std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };
 
-/// Throws OptionError unless `min <= value <= max`; NaN is refused. For the validate() of an Options struct.
+/// Throws OptionError unless `min <= value <= max`; NaN is refused. For the validate() of an
+/// Options struct.
 void requireInRange(const char* option, double value, double min, double max);
 
 }  // namespace ground_scale_vo

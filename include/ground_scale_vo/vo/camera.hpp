@@ -10,12 +10,12 @@ namespace ground_scale_vo {
 /// A camera without distortion. Pixel convention: the centre of the upper left pixel is (0, 0).
 /// Camera axes: x right, y down, z forward (REP-103 optical).
 struct PinholeCamera {
-  int width = 0;       ///< [px]
-  int height = 0;      ///< [px]
-  double fx = 0;       ///< [px]
-  double fy = 0;       ///< [px]
-  double cx = 0;       ///< [px]
-  double cy = 0;       ///< [px]
+  int width = 0;   ///< [px]
+  int height = 0;  ///< [px]
+  double fx = 0;   ///< [px]
+  double fy = 0;   ///< [px]
+  double cx = 0;   ///< [px]
+  double cy = 0;   ///< [px]
 
   /// Throws OptionError that names the offending number (not finite, focal length or size not
   /// positive).
@@ -30,6 +30,9 @@ struct PinholeCamera {
     return {fx * p_c.x() / p_c.z() + cx, fy * p_c.y() / p_c.z() + cy};
   }
 };
+
+/// Throws OptionError unless image is 8-bit with one channel and of the camera's size.
+void requireImage(const cv::Mat& image, const PinholeCamera& camera);
 
 enum class DistortionModel { kNone, kPlumbBob, kRationalPolynomial, kEquidistant };
 

@@ -6,6 +6,11 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground_scale_vo/vo/feature_tracker.hpp"
+#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
+#include "ground_scale_vo/vo/local_map.hpp"
+#include "ground_scale_vo/vo/pose_estimation.hpp"
+#include "ground_scale_vo/vo/two_view.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
@@ -15,6 +20,20 @@ namespace ground_scale_vo {
 class VisualOdometry {
  public:
   struct Options {
+    FeatureTracker::Options tracker;
+    TwoView::Options two_view;
+    PoseEstimation::Options pose;
+    LocalMap::Options map;
+    LocalBundleAdjustment::Options bundle_adjustment;
+
+    double keyframe_parallax = 0.03;    ///< median since the last keyframe [rad]
+    double keyframe_min_tracked = 0.7;  ///< share of the last keyframe's landmarks still tracked
+    double standstill_flow = 0.0003;    ///< median flow below this is none [image width]
+    double epipolar_error = 0.0028;     ///< of a feature without depth, normalised coordinates
+    double outlier_error = 0.003;  ///< of an observation after adjustment, normalised coordinates
+    int max_outlier_frames = 2;    ///< frames in a row that a feature may disagree
+    int start_min_share_percent = 40;    ///< of the first frame's features, or it is replaced [%]
+    int lost_frames_before_new_map = 3;  ///< textured frames in a row without a pose
     /// Throws OptionError.
     void validate() const;
   };

@@ -15,7 +15,7 @@ struct TrackedFeature {
   std::uint64_t id = 0;   ///< the same corner has the same id in every frame; never used again
   std::uint32_t age = 0;  ///< number of earlier frames that saw it
   Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] in the rectified image
-  bool has_point = false;  ///< p_c and depth_sigma are valid
+  bool has_point = false;                       ///< p_c and depth_sigma are valid
   /// 3-D map point in the camera frame of this frame, VO units. z > 0.
   Eigen::Vector3f p_c = Eigen::Vector3f::Zero();
   float depth_sigma = 0.f;  ///< standard deviation of p_c.z from triangulation, VO units

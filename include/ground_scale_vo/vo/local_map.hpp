@@ -1,0 +1,100 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "ground_scale_vo/vo/triangulation.hpp"
+
+namespace ground_scale_vo {
+
+/// A frame whose pose is kept and optimised.
+struct Keyframe {
+  std::uint32_t id = 0;                                     ///< consecutive within a map, from 0
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
+};
+
+struct Observation {
+  std::uint32_t keyframe = 0;
+  Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
+};
+
+/// A corner seen in keyframes, with or without a depth yet. It lies on the ray of its first
+/// observation, which is its anchor.
+struct Landmark {
+  std::vector<Observation> observations;  ///< by keyframe; never empty
+  std::optional<InverseDepth> depth;      ///< in the anchor keyframe
+  int outlier_count = 0;                  ///< frames in a row that disagreed with it
+
+  Eigen::Vector3d ray() const { return observations.front().x.homogeneous(); }
+};
+
+/// A landmark's place in the world, with its uncertainty along the anchor's ray.
+struct WorldPoint {
+  Eigen::Vector3d p_w = Eigen::Vector3d::Zero();
+  Eigen::Vector3d sigma_w =
+      Eigen::Vector3d::Zero();  ///< one standard deviation away from the anchor
+};
+
+/// The last keyframes of the odometry and the landmarks that they see. Bounded: what only dropped
+/// keyframes saw is forgotten, and a landmark that outlives its anchor moves to its next
+/// observation.
+class LocalMap {
+ public:
+  struct Options {
+    int keyframes = 14;                ///< kept at most
+    double noise = 0.0008;             ///< of an observation, normalised image coordinates
+    double max_relative_sigma = 0.35;  ///< a new depth needs sigma(1/z) below this share of 1/z
+    double max_error = 0.004;  ///< of any observation of a new depth, normalised coordinates
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  explicit LocalMap(const Options& options);
+
+  struct Corner {
+    std::uint64_t id = 0;
+    Eigen::Vector2d x = Eigen::Vector2d::Zero();
+  };
+  /// Adds the corners as observations of the new keyframe; unknown ids become landmarks.
+  std::uint32_t addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners);
+
+  /// Gives a depth to landmarks that lack one and have been seen with enough parallax by now.
+  void triangulateNew();
+
+  /// Recomputes every depth's sigma from its observations.
+  void updateSigmas();
+
+  /// Removes observations whose error is over `max_error` (normalised); a landmark whose anchor is
+  /// left alone loses its depth.
+  void removeOutliers(double max_error);
+
+  void erase(std::uint64_t id) { landmarks_.erase(id); }
+  void clear();
+
+  Landmark* find(std::uint64_t id);
+  std::optional<WorldPoint> point(std::uint64_t id) const;
+  std::optional<WorldPoint> point(const Landmark& landmark) const;
+
+  std::deque<Keyframe>& keyframes() { return keyframes_; }
+  const std::deque<Keyframe>& keyframes() const { return keyframes_; }
+  /// Precondition: the keyframe is kept.
+  const Keyframe& keyframe(std::uint32_t id) const {
+    return keyframes_[id - keyframes_.front().id];
+  }
+  std::map<std::uint64_t, Landmark>& landmarks() { return landmarks_; }
+  const std::map<std::uint64_t, Landmark>& landmarks() const { return landmarks_; }
+
+ private:
+  void dropOldestKeyframe();
+  std::vector<RayObservation> rayObservations(const Landmark& landmark) const;
+
+  Options options_;
+  std::deque<Keyframe> keyframes_;
+  std::map<std::uint64_t, Landmark> landmarks_;
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,129 @@
+#include "ground_scale_vo/vo/feature_tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
+const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01);
+
+}  // namespace
+
+void FeatureTracker::Options::validate() const {
+  requireInRange("tracker/cell", cell, 0.004, 0.2);
+  requireInRange("tracker/min_corner_strength", min_corner_strength, 0, 1);
+  requireInRange("tracker/window_px", window_px, 5, 51);
+  if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
+  requireInRange("tracker/pyramid_levels", pyramid_levels, 0, 8);
+  requireInRange("tracker/forward_backward_px", forward_backward_px, 0.05, 10);
+}
+
+FeatureTracker::FeatureTracker(const Options& options) : options_(options) { options_.validate(); }
+
+ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
+  ImagePyramid result;
+  result.image = image;
+  cv::buildOpticalFlowPyramid(image, result.levels, {options_.window_px, options_.window_px},
+                              options_.pyramid_levels);
+  return result;
+}
+
+std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
+                                                const std::vector<cv::Point2f>& occupied) const {
+  const int cell = std::max(8, static_cast<int>(std::lround(options_.cell * image.cols)));
+  const int border = options_.window_px / 2 + 1;
+  const int columns = (image.cols - 2 * border) / cell;
+  const int rows = (image.rows - 2 * border) / cell;
+  if (columns < 1 || rows < 1) return {};
+
+  const auto cellOf = [&](const cv::Point2f& u) {
+    const int column =
+        static_cast<int>((u.x - static_cast<float>(border)) / static_cast<float>(cell));
+    const int row = static_cast<int>((u.y - static_cast<float>(border)) / static_cast<float>(cell));
+    return column >= 0 && column < columns && row >= 0 && row < rows ? row * columns + column : -1;
+  };
+  std::vector<unsigned char> taken(static_cast<std::size_t>(columns * rows), 0);
+  cv::Mat free(image.size(), CV_8UC1, cv::Scalar(255));
+  for (const cv::Point2f& u : occupied) {
+    const int index = cellOf(u);
+    if (index >= 0) taken[static_cast<std::size_t>(index)] = 1;
+    cv::circle(free, u, cell / 2, 0, cv::FILLED);
+  }
+
+  cv::Mat strength;
+  cv::cornerMinEigenVal(image, strength, 5, 3);
+  std::vector<cv::Point2f> corners;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      if (taken[static_cast<std::size_t>(row * columns + column)]) continue;
+      const cv::Rect area(border + column * cell, border + row * cell, cell, cell);
+      double best = 0;
+      cv::Point at;
+      cv::minMaxLoc(strength(area), nullptr, &best, nullptr, &at, free(area));
+      if (best < options_.min_corner_strength) continue;
+      at += area.tl();
+      // The strongest of a cell may lie on its edge, on the flank of a neighbour's corner.
+      double around = 0;
+      cv::minMaxLoc(strength(cv::Rect(at.x - 1, at.y - 1, 3, 3)), nullptr, &around);
+      if (around > best) continue;
+      corners.emplace_back(at);
+      cv::circle(free, at, cell / 2, 0, cv::FILLED);
+    }
+  }
+  return corners;
+}
+
+FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const ImagePyramid& to,
+                                                 const std::vector<cv::Point2f>& from_points,
+                                                 const std::vector<cv::Point2f>& predicted,
+                                                 int levels) const {
+  Tracks tracks;
+  tracks.points = predicted;
+  tracks.ok.assign(from_points.size(), 0);
+  if (from_points.empty()) return tracks;
+
+  const cv::Size window(options_.window_px, options_.window_px);
+  std::vector<float> error;
+  cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, tracks.ok, error,
+                           window, levels, kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
+  std::vector<cv::Point2f> back = from_points;
+  std::vector<unsigned char> back_ok;
+  cv::calcOpticalFlowPyrLK(to.levels, from.levels, tracks.points, back, back_ok, error, window, 0,
+                           kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
+
+  const cv::Rect2f inside(1.f, 1.f, static_cast<float>(to.image.cols) - 3.f,
+                          static_cast<float>(to.image.rows) - 3.f);
+  for (std::size_t i = 0; i < from_points.size(); ++i) {
+    tracks.ok[i] = tracks.ok[i] && back_ok[i] && inside.contains(tracks.points[i]) &&
+                   cv::norm(back[i] - from_points[i]) <= options_.forward_backward_px;
+  }
+  return tracks;
+}
+
+FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const ImagePyramid& to,
+                                             const std::vector<cv::Point2f>& from_points,
+                                             const std::vector<cv::Point2f>& predicted) const {
+  Tracks tracks = trackOnce(from, to, from_points, predicted,
+                            std::min(kLevelsNearPrediction, options_.pyramid_levels));
+  std::vector<std::size_t> missed;
+  std::vector<cv::Point2f> missed_points;
+  for (std::size_t i = 0; i < from_points.size(); ++i) {
+    if (tracks.ok[i]) continue;
+    missed.push_back(i);
+    missed_points.push_back(from_points[i]);
+  }
+  const Tracks again = trackOnce(from, to, missed_points, missed_points, options_.pyramid_levels);
+  for (std::size_t k = 0; k < missed.size(); ++k) {
+    tracks.points[missed[k]] = again.points[k];
+    tracks.ok[missed[k]] = again.ok[k];
+  }
+  return tracks;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,175 @@
+#include "ground_scale_vo/vo/local_map.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <limits>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Distance between the observation and the point's projection, infinite behind the camera.
+double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
+                         const RayObservation& o) {
+  const Eigen::Vector3d p =
+      o.T_c_anchor.linear() * ray + inverse_depth * o.T_c_anchor.translation();
+  if (p.z() <= 1e-6) return std::numeric_limits<double>::infinity();
+  return (p.head<2>() / p.z() - o.x).norm();
+}
+
+}  // namespace
+
+void LocalMap::Options::validate() const {
+  requireInRange("map/keyframes", keyframes, 3, 1000);
+  requireInRange("map/noise", noise, 1e-6, 0.1);
+  requireInRange("map/max_relative_sigma", max_relative_sigma, 0.01, 10);
+  requireInRange("map/max_error", max_error, 1e-6, 0.1);
+}
+
+LocalMap::LocalMap(const Options& options) : options_(options) { options_.validate(); }
+
+void LocalMap::clear() {
+  keyframes_.clear();
+  landmarks_.clear();
+}
+
+std::uint32_t LocalMap::addKeyframe(const Eigen::Isometry3d& T_w_c,
+                                    const std::vector<Corner>& corners) {
+  const std::uint32_t id = keyframes_.empty() ? 0 : keyframes_.back().id + 1;
+  keyframes_.push_back({id, T_w_c});
+  for (const Corner& corner : corners) {
+    landmarks_[corner.id].observations.push_back({id, corner.x});
+  }
+  if (keyframes_.size() > static_cast<std::size_t>(options_.keyframes)) dropOldestKeyframe();
+  return id;
+}
+
+void LocalMap::dropOldestKeyframe() {
+  const std::uint32_t dropped = keyframes_.front().id;
+  const std::uint32_t newest = keyframes_.back().id;
+  for (auto it = landmarks_.begin(); it != landmarks_.end();) {
+    Landmark& landmark = it->second;
+    if (landmark.observations.front().keyframe == dropped) {
+      const auto world = point(landmark);
+      landmark.observations.erase(landmark.observations.begin());
+      const bool tracked =
+          !landmark.observations.empty() && landmark.observations.back().keyframe == newest;
+      if (landmark.observations.empty() || (!tracked && landmark.observations.size() < 2)) {
+        it = landmarks_.erase(it);
+        continue;
+      }
+      if (world) {
+        const Eigen::Isometry3d T_c_w =
+            keyframe(landmark.observations.front().keyframe).T_w_c.inverse();
+        const double z = (T_c_w * world->p_w).z();
+        if (z > 0) {
+          const double z_sigma = (T_c_w.linear() * world->sigma_w).norm();
+          landmark.depth = InverseDepth{1 / z, z_sigma / (z * z)};
+        } else {
+          landmark.depth.reset();
+        }
+      }
+    } else if (landmark.observations.back().keyframe != newest &&
+               landmark.observations.size() < 2) {
+      it = landmarks_.erase(it);  // no longer tracked, and never a constraint
+      continue;
+    }
+    ++it;
+  }
+  keyframes_.pop_front();
+}
+
+std::vector<RayObservation> LocalMap::rayObservations(const Landmark& landmark) const {
+  const Eigen::Isometry3d& T_w_a = keyframe(landmark.observations.front().keyframe).T_w_c;
+  std::vector<RayObservation> result;
+  result.reserve(landmark.observations.size() - 1);
+  for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
+    result.push_back({keyframe(o->keyframe).T_w_c.inverse() * T_w_a, o->x});
+  }
+  return result;
+}
+
+void LocalMap::triangulateNew() {
+  for (auto& [id, landmark] : landmarks_) {
+    if (landmark.depth || landmark.observations.size() < 2) continue;
+    const auto observations = rayObservations(landmark);
+    const Eigen::Vector3d ray = landmark.ray();
+    const auto depth = triangulate(ray, observations, options_.noise);
+    if (!depth || depth->value <= 0) continue;
+    if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
+    const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
+      return reprojectionError(ray, depth->value, o) < options_.max_error;
+    });
+    if (fits) landmark.depth = depth;
+  }
+}
+
+void LocalMap::updateSigmas() {
+  for (auto& [id, landmark] : landmarks_) {
+    if (!landmark.depth) continue;
+    const Eigen::Vector3d ray = landmark.ray();
+    double information = 0;
+    for (const RayObservation& o : rayObservations(landmark)) {
+      const Eigen::Vector3d& t = o.T_c_anchor.translation();
+      const Eigen::Vector3d p = o.T_c_anchor.linear() * ray + landmark.depth->value * t;
+      if (p.z() < 1e-6) continue;
+      information += ((t.head<2>() - p.head<2>() / p.z() * t.z()) / p.z()).squaredNorm();
+    }
+    // Without another observation left (they were dropped with their keyframes) the old one stays.
+    if (information > 1e-18) {
+      const double sigma = options_.noise / std::sqrt(information);
+      landmark.depth->sigma =
+          landmark.observations.size() < 3 ? std::min(sigma, landmark.depth->sigma) : sigma;
+    }
+  }
+}
+
+void LocalMap::removeOutliers(double max_error) {
+  for (auto it = landmarks_.begin(); it != landmarks_.end();) {
+    Landmark& landmark = it->second;
+    if (!landmark.depth) {
+      ++it;
+      continue;
+    }
+    if (landmark.depth->value <= 0) {
+      it = landmarks_.erase(it);
+      continue;
+    }
+    const Eigen::Vector3d ray = landmark.ray();
+    const auto errors = rayObservations(landmark);
+    std::size_t kept = 1;
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+      if (reprojectionError(ray, landmark.depth->value, errors[i]) > max_error) continue;
+      landmark.observations[kept++] = landmark.observations[i + 1];
+    }
+    const std::size_t before = landmark.observations.size();
+    landmark.observations.resize(kept);
+    if (kept < before && kept < 2) {
+      it = landmarks_.erase(it);
+    } else {
+      ++it;
+    }
+  }
+}
+
+Landmark* LocalMap::find(std::uint64_t id) {
+  const auto it = landmarks_.find(id);
+  return it == landmarks_.end() ? nullptr : &it->second;
+}
+
+std::optional<WorldPoint> LocalMap::point(std::uint64_t id) const {
+  const auto it = landmarks_.find(id);
+  return it == landmarks_.end() ? std::nullopt : point(it->second);
+}
+
+std::optional<WorldPoint> LocalMap::point(const Landmark& landmark) const {
+  if (!landmark.depth || landmark.depth->value <= 0) return std::nullopt;
+  const Eigen::Isometry3d& T_w_a = keyframe(landmark.observations.front().keyframe).T_w_c;
+  const double rho = landmark.depth->value;
+  const Eigen::Vector3d ray = landmark.ray();
+  return WorldPoint{T_w_a * (ray / rho),
+                    T_w_a.linear() * ray * (landmark.depth->sigma / (rho * rho))};
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,131 @@
+#include "ground_scale_vo/vo/pose_estimation.hpp"
+
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kMinDepth = 1e-6;
+constexpr double kRansacError = 0.006;  // normalised coordinates; 4 px at a focal length of 718
+constexpr double kSpreadOfFirstSteps = 4.0;  // the first steps forgive this much more than the last
+
+struct Linearised {
+  bool in_front = false;
+  Eigen::Vector2d residual;
+  Eigen::Matrix<double, 2, 6> J;  // to (rotation, translation) of a left increment to T_c_w
+  Eigen::Matrix2d information;
+};
+
+Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o, double noise) {
+  Linearised l;
+  const Eigen::Vector3d p = T_c_w * o.p_w;
+  if (p.z() < kMinDepth) return l;
+  l.in_front = true;
+  const double iz = 1 / p.z();
+  l.residual = p.head<2>() * iz - o.x;
+  Eigen::Matrix<double, 2, 3> P;
+  P << iz, 0, -p.x() * iz * iz, 0, iz, -p.y() * iz * iz;
+  Eigen::Matrix3d minus_skew;
+  minus_skew << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
+  l.J << P * minus_skew, P;
+  const Eigen::Vector2d g = P * (T_c_w.linear() * o.sigma_w);
+  // (noise^2 I + g g^T)^-1
+  const double n2 = noise * noise;
+  l.information = (Eigen::Matrix2d::Identity() - g * g.transpose() / (n2 + g.squaredNorm())) / n2;
+  return l;
+}
+
+}  // namespace
+
+void PoseEstimation::Options::validate() const {
+  requireInRange("pose/noise", noise, 1e-6, 0.1);
+  requireInRange("pose/inlier_sigma", inlier_sigma, 0.5, 100);
+  requireInRange("pose/min_inliers", min_inliers, 6, 100000);
+  requireInRange("pose/min_inlier_share", min_inlier_share, 0, 1);
+  requireInRange("pose/max_iterations", max_iterations, 1, 1000);
+}
+
+PoseEstimation::PoseEstimation(const Options& options) : options_(options) { options_.validate(); }
+
+PoseEstimation::Result PoseEstimation::refine(
+    const Eigen::Isometry3d& start_T_w_c, const std::vector<PointObservation>& observations) const {
+  Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
+  for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
+    const double spread = std::max(1.0, kSpreadOfFirstSteps / (iteration + 1));
+    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
+    for (const PointObservation& o : observations) {
+      const Linearised l = linearise(T_c_w, o, options_.noise);
+      if (!l.in_front) continue;
+      const double m2 = l.residual.dot(l.information * l.residual) / (spread * spread);
+      const double weight = 1 / ((1 + m2 / 4) * (1 + m2 / 4));  // Geman-McClure: outliers vanish
+      const Eigen::Matrix<double, 6, 2> JtW = weight * l.J.transpose() * l.information;
+      H.noalias() += JtW * l.J;
+      b.noalias() -= JtW * l.residual;
+    }
+    H.diagonal() *= 1 + 1e-9;
+    const Eigen::Matrix<double, 6, 1> step = H.ldlt().solve(b);
+    if (!step.allFinite()) break;
+    const double angle = step.head<3>().norm();
+    if (angle > 1) break;
+    Eigen::Isometry3d increment = Eigen::Isometry3d::Identity();
+    if (angle > 0) increment.linear() = Eigen::AngleAxisd(angle, step.head<3>() / angle).matrix();
+    increment.translation() = step.tail<3>();
+    T_c_w = increment * T_c_w;
+    if (spread == 1.0 && b.dot(step) < 1e-6) break;
+  }
+
+  Result result;
+  result.T_w_c = T_c_w.inverse();
+  result.T_w_c.linear() = Eigen::Quaterniond(result.T_w_c.linear()).normalized().matrix();
+  result.inlier.reserve(observations.size());
+  const double limit2 = options_.inlier_sigma * options_.inlier_sigma;
+  for (const PointObservation& o : observations) {
+    const Linearised l = linearise(T_c_w, o, options_.noise);
+    const bool inlier = l.in_front && l.residual.dot(l.information * l.residual) < limit2;
+    result.inlier.push_back(inlier);
+    result.inliers += inlier;
+  }
+  const double share = options_.min_inlier_share * static_cast<double>(observations.size());
+  result.status = result.inliers >= options_.min_inliers && result.inliers >= share
+                      ? PoseStatus::kOk
+                      : PoseStatus::kTooFewInliers;
+  return result;
+}
+
+PoseEstimation::Result PoseEstimation::estimate(
+    const Eigen::Isometry3d& predicted_T_w_c,
+    const std::vector<PointObservation>& observations) const {
+  if (static_cast<int>(observations.size()) < options_.min_inliers) return {};
+  Result result = refine(predicted_T_w_c, observations);
+  if (result.status == PoseStatus::kOk) return result;
+
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> pixels;
+  for (const PointObservation& o : observations) {
+    points.emplace_back(o.p_w.x(), o.p_w.y(), o.p_w.z());
+    pixels.emplace_back(o.x.x(), o.x.y());
+  }
+  cv::Mat rotation_vector, translation, R;
+  if (!cv::solvePnPRansac(
+          points, pixels, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation_vector, translation,
+          false, 200, static_cast<float>(kRansacError), 0.99, cv::noArray(), cv::SOLVEPNP_AP3P)) {
+    return result;
+  }
+  cv::Rodrigues(rotation_vector, R);
+  Eigen::Matrix3d R_c_w;
+  cv::cv2eigen(R, R_c_w);
+  Eigen::Isometry3d T_c_w = Eigen::Isometry3d::Identity();
+  T_c_w.linear() = R_c_w;
+  T_c_w.translation() = Eigen::Vector3d(translation.at<double>(0), translation.at<double>(1),
+                                        translation.at<double>(2));
+  Result searched = refine(T_c_w.inverse(), observations);
+  return searched.inliers > result.inliers ? searched : result;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,177 @@
+#include "ground_scale_vo/vo/two_view.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/vo/triangulation.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kConfidence = 0.9999;
+constexpr int kMaxIterations = 1000;
+
+struct Candidate {
+  Eigen::Isometry3d T_2_1 = Eigen::Isometry3d::Identity();
+  bool planar = false;
+  std::vector<bool> inlier;
+  std::vector<double> inverse_depth_1;
+  int inliers = 0;
+  double cost = 0;  // squared errors, truncated, in units of the inlier threshold
+};
+
+Eigen::Matrix3d toEigen(const cv::Mat& m) {
+  Eigen::Matrix3d result;
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) result(r, c) = m.at<double>(r, c);
+  return result;
+}
+
+Candidate candidate(const Eigen::Matrix3d& R, const Eigen::Vector3d& t, bool planar) {
+  Candidate result;
+  result.T_2_1.linear() = R;
+  result.T_2_1.translation() = t.normalized();
+  result.planar = planar;
+  return result;
+}
+
+std::vector<Candidate> essentialCandidates(const std::vector<cv::Point2d>& x1,
+                                           const std::vector<cv::Point2d>& x2, double threshold) {
+  cv::Mat mask;
+  const cv::Mat E = cv::findEssentialMat(x1, x2, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC,
+                                         kConfidence, threshold, kMaxIterations, mask);
+  if (E.rows != 3 || E.cols != 3) return {};
+  cv::Mat Ra, Rb, t;
+  cv::decomposeEssentialMat(E, Ra, Rb, t);
+  const Eigen::Vector3d t_eigen(t.at<double>(0), t.at<double>(1), t.at<double>(2));
+  return {candidate(toEigen(Ra), t_eigen, false), candidate(toEigen(Ra), -t_eigen, false),
+          candidate(toEigen(Rb), t_eigen, false), candidate(toEigen(Rb), -t_eigen, false)};
+}
+
+std::vector<Candidate> homographyCandidates(const std::vector<cv::Point2d>& x1,
+                                            const std::vector<cv::Point2d>& x2, double threshold) {
+  const cv::Mat H =
+      cv::findHomography(x1, x2, cv::RANSAC, threshold, cv::noArray(), kMaxIterations, kConfidence);
+  if (H.empty()) return {};
+  std::vector<cv::Mat> rotations, translations, normals;
+  cv::decomposeHomographyMat(H, cv::Mat::eye(3, 3, CV_64F), rotations, translations, normals);
+  std::vector<Candidate> result;
+  for (std::size_t i = 0; i < rotations.size(); ++i) {
+    const cv::Mat& t = translations[i];
+    const Eigen::Vector3d t_eigen(t.at<double>(0), t.at<double>(1), t.at<double>(2));
+    if (t_eigen.norm() < 1e-9) continue;
+    result.push_back(candidate(toEigen(rotations[i]), t_eigen, true));
+    result.push_back(candidate(toEigen(rotations[i]), -t_eigen, true));
+  }
+  return result;
+}
+
+void judge(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& x2, double threshold,
+           Candidate* c) {
+  c->inlier.assign(x1.size(), false);
+  c->inverse_depth_1.assign(x1.size(), 0.0);
+  c->inliers = 0;
+  c->cost = 0;
+  for (std::size_t i = 0; i < x1.size(); ++i) {
+    c->cost += 1;
+    const Eigen::Vector3d ray(x1[i].x, x1[i].y, 1);
+    const Eigen::Vector2d observed(x2[i].x, x2[i].y);
+    const auto point = triangulate(ray, {{c->T_2_1, observed}}, threshold);
+    // A far point may come out slightly behind infinity; farther behind than its noise it is wrong.
+    if (!point || point->value < -2 * point->sigma) continue;
+    const Eigen::Vector3d p2 = c->T_2_1.linear() * ray + point->value * c->T_2_1.translation();
+    const double error = (p2.head<2>() / p2.z() - observed).norm() / threshold;
+    if (error > 1) continue;
+    c->cost += error * error - 1;
+    c->inlier[i] = point->value > 0;
+    c->inverse_depth_1[i] = point->value;
+    ++c->inliers;
+  }
+}
+
+bool sameMotion(const Candidate& a, const Candidate& b) {
+  const double rotation =
+      Eigen::AngleAxisd(a.T_2_1.linear().transpose() * b.T_2_1.linear()).angle();
+  return rotation < 0.02 && a.T_2_1.translation().dot(b.T_2_1.translation()) > std::cos(0.15);
+}
+
+}  // namespace
+
+void TwoView::Options::validate() const {
+  requireInRange("two_view/min_matches", min_matches, 8, 10000);
+  requireInRange("two_view/inlier_px_per_f", inlier_px_per_f, 1e-5, 0.1);
+  requireInRange("two_view/min_parallax", min_parallax, 1e-4, 1);
+  requireInRange("two_view/min_inlier_share", min_inlier_share, 0, 1);
+  requireInRange("two_view/max_second_share", max_second_share, 0, 1);
+}
+
+TwoView::TwoView(const Options& options) : options_(options) { options_.validate(); }
+
+TwoView::Result TwoView::estimate(const PinholeCamera& camera,
+                                  const std::vector<Eigen::Vector2d>& u1,
+                                  const std::vector<Eigen::Vector2d>& u2) const {
+  Result result;
+  if (u1.size() != u2.size() || static_cast<int>(u1.size()) < options_.min_matches) {
+    result.status = TwoViewStatus::kTooFewMatches;
+    return result;
+  }
+  std::vector<cv::Point2d> x1, x2;
+  std::vector<double> flow;
+  for (std::size_t i = 0; i < u1.size(); ++i) {
+    const Eigen::Vector3d a = camera.ray(u1[i]), b = camera.ray(u2[i]);
+    x1.emplace_back(a.x(), a.y());
+    x2.emplace_back(b.x(), b.y());
+    flow.push_back((a - b).norm());
+  }
+  const auto median = [](std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+  };
+  if (median(flow) < options_.min_parallax / 2) {  // no motion: spare the search
+    result.status = TwoViewStatus::kTooLittleParallax;
+    return result;
+  }
+
+  const double threshold = options_.inlier_px_per_f;
+  std::vector<Candidate> candidates = essentialCandidates(x1, x2, threshold);
+  for (const Candidate& c : homographyCandidates(x1, x2, threshold)) candidates.push_back(c);
+  if (candidates.empty()) return result;
+  for (Candidate& c : candidates) judge(x1, x2, threshold, &c);
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
+  const Candidate& best = candidates.front();
+
+  std::vector<double> parallax;
+  for (std::size_t i = 0; i < x1.size(); ++i) {
+    if (!best.inlier[i]) continue;
+    const Eigen::Vector3d turned = best.T_2_1.linear() * Eigen::Vector3d(x1[i].x, x1[i].y, 1);
+    const Eigen::Vector3d seen(x2[i].x, x2[i].y, 1);
+    parallax.push_back(std::atan2(turned.cross(seen).norm(), turned.dot(seen)));
+  }
+  const double n = static_cast<double>(x1.size());
+  if (parallax.empty() || best.inliers < options_.min_inlier_share * n) return result;
+
+  result.T_2_1 = best.T_2_1;
+  result.inlier = best.inlier;
+  result.inverse_depth_1 = best.inverse_depth_1;
+  result.planar = best.planar;
+  result.median_parallax = median(parallax);
+  result.status = TwoViewStatus::kOk;
+  if (result.median_parallax < options_.min_parallax) {
+    result.status = TwoViewStatus::kTooLittleParallax;
+  } else {
+    for (const Candidate& other : candidates) {
+      if (sameMotion(best, other)) continue;
+      if (n - other.cost > options_.max_second_share * (n - best.cost)) {
+        result.status = TwoViewStatus::kAmbiguous;
+      }
+      break;
+    }
+  }
+  return result;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,244 @@
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <vector>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Options = SyntheticDrive::Options;
+using Frame = SyntheticDrive::Frame;
+
+Options shortDrive(int frames) {
+  Options options;
+  options.frames = frames;
+  return options;
+}
+
+bool equal(const cv::Mat& a, const cv::Mat& b) { return cv::norm(a, b, cv::NORM_INF) == 0; }
+
+/// Where the road pixel u of frame a is seen in frame b.
+Eigen::Vector2d warp(const PinholeCamera& camera, const Frame& a, const Frame& b,
+                     const Eigen::Vector2d& u) {
+  const Eigen::Vector3d ray = camera.ray(u);
+  const Eigen::Vector3d p_a = -a.height / a.n_c.dot(ray) * ray;  // n.x + height = 0
+  return camera.project(b.T_c0_c.inverse() * a.T_c0_c * p_a);
+}
+
+double quantile(std::vector<double> values, double q) {
+  const auto k = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + k, values.end());
+  return values[static_cast<std::size_t>(k)];
+}
+
+/// The lane before the car, free of others: about 6 to 12 m ahead.
+cv::Rect laneAhead(const PinholeCamera& camera) {
+  return {camera.width * 2 / 5, camera.height * 31 / 40, camera.width / 5, camera.height / 5};
+}
+
+TEST(SyntheticDrive, RendersTheSameBytesTwice) {
+  const SyntheticDrive a(shortDrive(3)), b(shortDrive(3));
+  const cv::Mat first = a.image(2);
+  EXPECT_TRUE(equal(first, a.image(2)));
+  EXPECT_TRUE(equal(first, b.image(2)));
+  EXPECT_FALSE(equal(first, a.image(1)));
+  EXPECT_EQ(first.type(), CV_8UC1);
+  EXPECT_EQ(first.size(), cv::Size(a.camera().width, a.camera().height));
+
+  Options other = shortDrive(3);
+  other.random_seed = 2;
+  EXPECT_FALSE(equal(first, SyntheticDrive(other).image(2)));
+}
+
+TEST(SyntheticDrive, RefusesOptionsOutOfRange) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::function<void(Options&)>> mistakes{
+      [](Options& o) { o.frames = 0; },        [](Options& o) { o.speed = -1; },
+      [](Options& o) { o.camera.width = 0; },  [](Options& o) { o.camera.fx = 0; },
+      [](Options& o) { o.camera_height = 0; }, [](Options& o) { o.frame_rate_hz = 0; },
+      [&](Options& o) { o.pitch_rad = nan; },  [](Options& o) { o.curvature = 1; },
+      [](Options& o) { o.slope = 1; },         [](Options& o) { o.stop_s = -1; },
+      [](Options& o) { o.stop_at_m = 5; },     [](Options& o) { o.suspension = -1; },
+      [](Options& o) { o.road_texture = -1; }, [](Options& o) { o.noise_sigma = -1; },
+      [](Options& o) { o.black_frames = -1; }, [](Options& o) { o.frames = 99999; },
+  };
+  for (std::size_t i = 0; i < mistakes.size(); ++i) {
+    Options options;
+    EXPECT_NO_THROW(options.validate());
+    mistakes[i](options);
+    EXPECT_THROW(SyntheticDrive{options}, OptionError) << "mistake " << i;
+  }
+}
+
+TEST(SyntheticDrive, DefaultDriveIsLongEnoughAndSmooth) {
+  const SyntheticDrive drive{Options()};
+  double length = 0, left = 0, right = 0, up = 0;
+  for (std::size_t i = 1; i < drive.size(); ++i) {
+    const Eigen::Isometry3d motion = drive.frame(i - 1).T_c0_c.inverse() * drive.frame(i).T_c0_c;
+    const double step = motion.translation().norm();
+    EXPECT_LE(step, 0.92);
+    length += step;
+    const double yaw = std::atan2(motion.linear()(0, 2), motion.linear()(2, 2));
+    (yaw > 0 ? right : left) += std::abs(yaw);
+    up = std::max(up, -drive.frame(i).T_c0_c.translation().y());
+    EXPECT_GT(drive.frame(i).stamp_ns, drive.frame(i - 1).stamp_ns);
+  }
+  EXPECT_GT(length, 105);
+  EXPECT_GT(left, 0.5);
+  EXPECT_GT(right, 0.5);
+  EXPECT_GT(up, 0.5);
+}
+
+// The camera's own speed, normal and height must tell one story: the way along the normal is the
+// change of height, so a road plane taken from one frame is the next one's but for its curvature.
+TEST(SyntheticDrive, HeightAndNormalAgreeWithThePoses) {
+  const SyntheticDrive drive{Options()};
+  EXPECT_TRUE(drive.frame(0).T_c0_c.isApprox(Eigen::Isometry3d::Identity(), 1e-12));
+  for (std::size_t i = 0; i + 1 < drive.size(); ++i) {
+    const Frame &a = drive.frame(i), &b = drive.frame(i + 1);
+    EXPECT_NEAR(a.n_c.norm(), 1, 1e-12);
+    EXPECT_LT(a.n_c.y(), -0.99);  // up
+    EXPECT_NEAR(a.height, 1.65, 0.02);
+    const Eigen::Isometry3d T_a_b = a.T_c0_c.inverse() * b.T_c0_c;
+    const double height_of_b = a.height + a.n_c.dot(T_a_b.translation());
+    EXPECT_NEAR(height_of_b, b.height, 1.2e-3) << i;  // a crest of 500 m radius in 0.9 m
+    EXPECT_LT((T_a_b.linear() * b.n_c - a.n_c).norm(), 3e-3) << i;
+  }
+}
+
+TEST(SyntheticDrive, ARigidCarOnAFlatRoadKeepsItsPlane) {
+  Options options = shortDrive(150);
+  options.slope = options.suspension = 0;
+  const SyntheticDrive drive(options);
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    EXPECT_NEAR(drive.frame(i).height, options.camera_height, 1e-9);
+    EXPECT_LT((drive.frame(i).n_c - drive.frame(0).n_c).norm(), 1e-9);
+    const double height =
+        options.camera_height + drive.frame(0).n_c.dot(drive.frame(i).T_c0_c.translation());
+    EXPECT_NEAR(height, options.camera_height, 1e-9);
+  }
+  EXPECT_NEAR(drive.frame(0).n_c.y(), -std::cos(options.pitch_rad), 1e-12);
+  EXPECT_NEAR(drive.frame(0).n_c.z(), -std::sin(options.pitch_rad), 1e-12);
+}
+
+TEST(SyntheticDrive, StandsStillAtTheStop) {
+  Options options;
+  options.moving_cars = false;
+  options.noise_sigma = 0;
+  const SyntheticDrive drive(options);
+  std::vector<std::size_t> standing;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    if (drive.frame(i).speed == 0) standing.push_back(i);
+  }
+  ASSERT_GE(standing.size(), 24u);
+  ASSERT_LE(standing.size(), 26u);
+  const Frame &first = drive.frame(standing.front()), &last = drive.frame(standing.back());
+  EXPECT_TRUE(first.T_c0_c.isApprox(last.T_c0_c, 0));
+  EXPECT_EQ(first.height, last.height);
+  EXPECT_EQ(first.height, options.camera_height);
+  EXPECT_TRUE(equal(drive.image(standing.front()), drive.image(standing.back())));
+}
+
+TEST(SyntheticDrive, BlackFramesAreBlack) {
+  Options options = shortDrive(6);
+  options.black_first = 2;
+  options.black_frames = 3;
+  const SyntheticDrive drive(options);
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    EXPECT_EQ(cv::countNonZero(drive.image(i)) == 0, i >= 2 && i < 5) << i;
+  }
+}
+
+TEST(SyntheticDrive, SwitchesChangeThePicture) {
+  const cv::Mat all = SyntheticDrive(shortDrive(1)).image(0);
+  for (const auto& change : std::vector<std::function<void(Options&)>>{
+           [](Options& o) { o.moving_cars = false; }, [](Options& o) { o.lane_markings = false; },
+           [](Options& o) { o.shadows = false; }, [](Options& o) { o.road_texture = 0; },
+           [](Options& o) { o.curvature = 0; }, [](Options& o) { o.noise_sigma = 0; }}) {
+    Options options = shortDrive(1);
+    change(options);
+    EXPECT_FALSE(equal(all, SyntheticDrive(options).image(0)));
+  }
+}
+
+/// Straight, curve and slope.
+class SyntheticRoad : public testing::TestWithParam<std::size_t> {};
+
+TEST_P(SyntheticRoad, PixelsReprojectToTheSameTexture) {
+  Options options = shortDrive(40);
+  options.moving_cars = false;
+  options.noise_sigma = 0;
+  const SyntheticDrive drive(options);
+  const std::size_t i = GetParam();
+  const cv::Mat a = drive.image(i), b = drive.image(i + 1);
+  const cv::Rect lane = laneAhead(drive.camera());
+  cv::Mat map(lane.size(), CV_32FC2), warped;
+  for (int y = 0; y < lane.height; ++y) {
+    for (int x = 0; x < lane.width; ++x) {
+      // From the later frame, where the same road is lower in the image, to the earlier one.
+      const Eigen::Vector2d u =
+          warp(drive.camera(), drive.frame(i + 1), drive.frame(i), {lane.x + x, lane.y + y});
+      map.at<cv::Vec2f>(y, x) = {static_cast<float>(u.x()), static_cast<float>(u.y())};
+    }
+  }
+  cv::remap(a, warped, map, cv::noArray(), cv::INTER_CUBIC);
+  cv::Mat difference, texture, smooth;
+  cv::absdiff(warped, b(lane), difference);
+  cv::GaussianBlur(b(lane), smooth, {}, 4);
+  cv::absdiff(b(lane), smooth, texture);
+  EXPECT_LT(cv::mean(difference)[0], 5);
+  EXPECT_LT(cv::mean(difference)[0], 0.7 * cv::mean(texture)[0]);
+}
+
+TEST_P(SyntheticRoad, CornersStickToTheRoad) {
+  Options options = shortDrive(40);
+  options.moving_cars = false;
+  const SyntheticDrive drive(options);
+  const std::size_t i = GetParam();
+  const cv::Mat a = drive.image(i), b = drive.image(i + 1);
+  cv::Mat mask = cv::Mat::zeros(a.size(), CV_8U);
+  cv::Rect lane = laneAhead(drive.camera());
+  lane.y -= 15;
+  mask(lane) = 255;
+  std::vector<cv::Point2f> corners, tracked;
+  cv::goodFeaturesToTrack(a, corners, 100, 0.02, 5, mask);
+  ASSERT_GT(corners.size(), 30u);
+  for (const cv::Point2f& corner : corners) {  // from the truth: how corners stick is asked here
+    const Eigen::Vector2d u =
+        warp(drive.camera(), drive.frame(i), drive.frame(i + 1), {corner.x, corner.y});
+    tracked.emplace_back(static_cast<float>(u.x()), static_cast<float>(u.y()));
+  }
+  const std::vector<cv::Point2f> truth = tracked;
+  std::vector<uchar> found;
+  cv::calcOpticalFlowPyrLK(a, b, corners, tracked, found, cv::noArray(), {11, 11}, 0,
+                           {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.001},
+                           cv::OPTFLOW_USE_INITIAL_FLOW);
+  std::vector<double> errors, x, y;
+  for (std::size_t k = 0; k < corners.size(); ++k) {
+    const cv::Point2f off = tracked[k] - truth[k];
+    if (!found[k] || truth[k].y > static_cast<float>(a.rows) - 6) continue;
+    errors.push_back(std::hypot(off.x, off.y));
+    x.push_back(off.x);
+    y.push_back(off.y);
+  }
+  ASSERT_GT(errors.size(), 20u);
+  RecordProperty("median_px", std::to_string(quantile(errors, 0.5)));
+  RecordProperty("p95_px", std::to_string(quantile(errors, 0.95)));
+  EXPECT_LT(quantile(errors, 0.5), 0.3);
+  EXPECT_LT(std::abs(quantile(x, 0.5)), 0.1);
+  EXPECT_LT(std::abs(quantile(y, 0.5)), 0.15);
+}
+
+INSTANTIATE_TEST_SUITE_P(Places, SyntheticRoad, testing::Values(0, 8, 20, 35));
+
+}  // namespace
+}  // namespace ground_scale_vo

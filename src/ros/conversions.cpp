@@ -300,6 +300,27 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
   return msg;
 }
 
+ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
+  if (msg.status > ScaleEstimateMsg::HELD || msg.reason > ScaleEstimateMsg::REJECTED_BY_FILTER) {
+    throw MessageError("the status " + std::to_string(msg.status) + " or the reason " +
+                       std::to_string(msg.reason) + " of the scale is not known");
+  }
+  ScaleEstimate scale;
+  scale.status = static_cast<ScaleStatus>(msg.status);
+  scale.reason = static_cast<ScaleReason>(msg.reason);
+  scale.raw_scale = msg.raw_scale;
+  scale.scale = msg.scale;
+  scale.sigma = msg.sigma;
+  scale.height = msg.height;
+  scale.n_c = {msg.normal.x, msg.normal.y, msg.normal.z};
+  scale.triangles = static_cast<int>(msg.triangles);
+  scale.ground_triangles = static_cast<int>(msg.ground_triangles);
+  scale.ground_points = static_cast<int>(msg.ground_points);
+  scale.window_points = static_cast<int>(msg.window_points);
+  scale.plane_inliers = static_cast<int>(msg.plane_inliers);
+  return scale;
+}
+
 geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b) {
   const Eigen::Quaterniond q(T_a_b.linear());
   geometry_msgs::Pose pose;

@@ -73,6 +73,8 @@ VoFrame fromMsg(const VoFrameMsg& msg);
 
 ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
                             const std_msgs::Header& header);
+/// Throws MessageError when the status or reason is not known.
+ScaleEstimate fromMsg(const ScaleEstimateMsg& msg);
 
 geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b);
 /// Throws MessageError when a number is not finite or the quaternion has no direction.

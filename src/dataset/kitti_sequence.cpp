@@ -20,9 +20,10 @@ namespace {
 
 constexpr std::size_t kMaxImageBytes = 256u << 20;
 
-/// The files NNN.extension of a folder in the order of their numbers, which must run 0, 1, 2 ...
-std::vector<fs::path> numberedFiles(const fs::path& folder, const std::string& extensions) {
-  const std::regex pattern("([0-9]{1,18})\\.(" + extensions + ")");
+/// The files NNN.png and NNN.jpg (or NNN.txt) of a folder in the order of their numbers, which must
+/// run 0, 1, 2 ...
+std::vector<fs::path> numberedFiles(const fs::path& folder, bool images) {
+  const std::regex pattern(images ? "([0-9]{1,18})\\.(png|jpg)" : "([0-9]{1,18})\\.txt");
   std::map<unsigned long long, fs::path> files;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string file_name = entry.path().filename().string();
@@ -34,7 +35,10 @@ std::vector<fs::path> numberedFiles(const fs::path& folder, const std::string& e
                       other->second.filename().string());
     }
   }
-  if (files.empty()) throw DataError(folder.string() + ": has no file named NNN." + extensions);
+  if (files.empty()) {
+    throw DataError(folder.string() + ": has no " +
+                    (images ? "image NNN.png or NNN.jpg" : "file NNN.txt"));
+  }
   std::vector<fs::path> ordered;
   for (const auto& [number, file] : files) {
     if (number != ordered.size()) {
@@ -179,7 +183,7 @@ std::vector<Eigen::Isometry3d> readOxts(const fs::path& folder) {
   constexpr double kRadians = M_PI / 180.0;
   std::vector<Eigen::Isometry3d> poses;
   double scale = 0;
-  for (const fs::path& file : numberedFiles(folder, "txt")) {
+  for (const fs::path& file : numberedFiles(folder, false)) {
     const TextFile text(file);
     const std::vector<double> v = text.numbers(0, 30);
     const double latitude = v[0], longitude = v[1], altitude = v[2];
@@ -236,8 +240,8 @@ KittiSequence::KittiSequence(const fs::path& folder_as_given) try {
     throw DataError(folder.string() + ": has neither image_0 (KITTI odometry) nor image_00/data " +
                     "(KITTI raw)");
   }
-  images_ = is_odometry ? numberedFiles(folder / "image_0", "png|jpg")
-                        : numberedFiles(folder / "image_00" / "data", "png|jpg");
+  images_ = is_odometry ? numberedFiles(folder / "image_0", true)
+                        : numberedFiles(folder / "image_00" / "data", true);
   const cv::Size size = readImage(images_.front()).size();
   if (is_odometry) {
     camera_ = readCamera(folder / "calib.txt", "P0:", size);

@@ -187,7 +187,9 @@ TEST_P(PeerMetrics, AgreeWithOtherImplementations) {
   const OdometryMetrics m = computeOdometryMetrics(readKittiPoses(truth), readKittiPoses(estimate));
   const auto expectNear = [](std::optional<double> value, std::optional<double> expected,
                              double tolerance) {
-    if (expected) EXPECT_NEAR(value.value(), *expected, tolerance);
+    if (expected) {
+      EXPECT_NEAR(value.value(), *expected, tolerance);
+    }
   };
   expectNear(m.t_err_true_length_percent, peer.t_err_true_length_percent, 0.005);
   expectNear(m.t_err_sim3_percent, peer.t_err_sim3_percent, 0.005);

@@ -165,9 +165,7 @@ std::string timingCsv(const RunRecord& record) {
 
 void writeRun(const fs::path& folder, const RunRecord& record, double camera_height,
               const std::vector<Eigen::Isometry3d>& ground_truth) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw DataError(folder.string() + ": " + error.message());
+  makeFolder(folder);
   const auto metric_poses = record.metricPoses();
   std::vector<StampedPose> stamped;
   for (std::size_t i = 0; i < metric_poses.size(); ++i) {
@@ -180,7 +178,8 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
   writeFile(folder / "timing.csv", timingCsv(record));
   writeFile(folder / "metrics.json", metricsJson(record, camera_height, ground_truth));
   if (ground_truth.empty()) {
-    fs::remove(folder / "ground_truth.txt", error);  // of an earlier run
+    std::error_code ignored;
+    fs::remove(folder / "ground_truth.txt", ignored);  // of an earlier run
   } else {
     writeKittiPoses(folder / "ground_truth.txt", ground_truth);
   }

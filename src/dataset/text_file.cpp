@@ -76,6 +76,12 @@ void writeFile(const fs::path& file, const std::string& content) {
   }
 }
 
+void makeFolder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw DataError(folder.string() + ": cannot be made, " + error.message());
+}
+
 TextFile::TextFile(const fs::path& file) : file_(file) {
   std::istringstream stream(readFile(file, kMaxBytes));
   std::size_t used = 0;

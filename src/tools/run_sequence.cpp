@@ -3,10 +3,12 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <opencv2/core.hpp>
 #include <string>
 
@@ -14,6 +16,7 @@
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
 #include "ground_scale_vo/dataset/offline_run.hpp"
 #include "ground_scale_vo/dataset/run_report.hpp"
+#include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -119,6 +122,8 @@ class Progress {
 void run(const Arguments& arguments) {
   cv::setNumThreads(arguments.opencv_threads);
   const gsv::KittiSequence sequence(arguments.sequence);
+  const auto folder = std::filesystem::path(arguments.out) / sequence.name();
+  gsv::makeFolder(folder);  // fails now rather than after the run
   gsv::OfflineRun run(sequence.camera(), arguments.options);
   Progress progress(sequence.name(), sequence.size());
   double metres = 0;
@@ -129,9 +134,14 @@ void run(const Arguments& arguments) {
     position = frame.T_o_c.translation();
     progress.show(i + 1, metres, frame.scale.status);
   }
-  const auto folder = std::filesystem::path(arguments.out) / sequence.name();
   gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height,
                 sequence.groundTruth());
+  const auto& frames = run.record().frames();
+  if (std::none_of(frames.begin(), frames.end(),
+                   [](const gsv::RunFrame& frame) { return frame.has_metric_pose; })) {
+    std::fprintf(stderr, "%s: no frame got a scale, so the metric trajectory stands still\n",
+                 sequence.name().c_str());
+  }
   std::printf("%s: %zu frames, %zu tracked, %.1f m, written to %s\n", sequence.name().c_str(),
               sequence.size(), run.record().trackedFrames(),
               gsv::pathLength(run.record().metricPoses()), folder.c_str());

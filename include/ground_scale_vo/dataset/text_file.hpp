@@ -15,6 +15,9 @@ std::string readFile(const std::filesystem::path& file, std::size_t max_bytes);
 /// not at all. Throws DataError.
 void writeFile(const std::filesystem::path& file, const std::string& content);
 
+/// Makes the folder and those above it where they are missing. Throws DataError.
+void makeFolder(const std::filesystem::path& folder);
+
 /// A table of numbers in text: the lines of a file, read at once. LF and CRLF end a line; blank
 /// lines at the end do not count. Numbers are read the same in every locale, and NaN and infinity
 /// are not numbers here. Every refusal is a DataError of the form "FILE, line N: what is wrong".

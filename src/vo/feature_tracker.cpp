@@ -13,16 +13,6 @@ namespace {
 constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
 const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01);
 
-/// Normalised correlation of the square patches around a in A and b in B, in [-1, 1].
-double correlation(const cv::Mat& A, const cv::Point2f& a, const cv::Mat& B, const cv::Point2f& b,
-                   int side) {
-  cv::Mat patch_a, patch_b, result;
-  cv::getRectSubPix(A, {side, side}, a, patch_a, CV_32F);
-  cv::getRectSubPix(B, {side, side}, b, patch_b, CV_32F);
-  cv::matchTemplate(patch_a, patch_b, result, cv::TM_CCOEFF_NORMED);
-  return result.at<float>(0);
-}
-
 }  // namespace
 
 void FeatureTracker::Options::validate() const {
@@ -32,7 +22,6 @@ void FeatureTracker::Options::validate() const {
   if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
   requireInRange("tracker/pyramid_levels", pyramid_levels, 0, 8);
   requireInRange("tracker/forward_backward_px", forward_backward_px, 0.05, 10);
-  requireInRange("tracker/min_correlation", min_correlation, -1, 1);
 }
 
 FeatureTracker::FeatureTracker(const Options& options) : options_(options) { options_.validate(); }
@@ -112,9 +101,7 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
                           static_cast<float>(to.image.rows) - 3.f);
   for (std::size_t i = 0; i < from_points.size(); ++i) {
     tracks.ok[i] = tracks.ok[i] && back_ok[i] && inside.contains(tracks.points[i]) &&
-                   cv::norm(back[i] - from_points[i]) <= options_.forward_backward_px &&
-                   correlation(from.image, from_points[i], to.image, tracks.points[i],
-                               options_.window_px) >= options_.min_correlation;
+                   cv::norm(back[i] - from_points[i]) <= options_.forward_backward_px;
   }
   return tracks;
 }

@@ -23,7 +23,6 @@ class FeatureTracker {
     int window_px = 9;       ///< side of the tracked patch, odd
     int pyramid_levels = 4;  ///< above the full image
     double forward_backward_px = 0.7;  ///< largest distance after tracking there and back
-    double min_correlation = 0.7;      ///< normalised, between the patch before and after
     /// Throws OptionError.
     void validate() const;
   };

@@ -137,7 +137,7 @@ struct SyntheticDrive::Impl {
       T_w_c.push_back(rig.T_w_c);
       Frame frame;
       frame.stamp_ns = std::llround(t * 1e9);
-      frame.T_c0_c = T_w_c.front().inverse() * rig.T_w_c;
+      if (i > 0) frame.T_c0_c = T_w_c.front().inverse() * rig.T_w_c;
       frame.n_c = rig.T_w_c.linear().transpose() * rig.n_w;
       frame.height = rig.height;
       frame.speed = motion.v;
@@ -159,7 +159,7 @@ struct SyntheticDrive::Impl {
     Scene scene = world.scene();
     if (!options.moving_cars) return scene;
     const double t = static_cast<double>(frames[i].stamp_ns) * 1e-9;
-    addCar(scene, timetable.at(t + kLeadTime).s + kLeadGap, 0, false, 1);
+    addCar(scene, timetable.at(t + kLeadTime).s + kLeadGap, 0, false, 2);
     for (int k = 0; k * kOncomingSpacing < 2 * kLongest; ++k) {
       const double s = kOncomingStart + k * kOncomingSpacing - kOncomingSpeed * t;
       addCar(scene, s, kOncomingU, true, static_cast<std::size_t>(k) + 3);

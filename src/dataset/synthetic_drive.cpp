@@ -2,21 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include "ground_scale_vo/error.hpp"
+#include "synthetic_car.hpp"
 #include "synthetic_renderer.hpp"
+#include "synthetic_street.hpp"
 #include "synthetic_world.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-using synthetic::CarShadow;
+using synthetic::kPi;
 using synthetic::Scene;
 using synthetic::Street;
 using synthetic::World;
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kBraking = 3;       // largest acceleration, braking and starting [m/s^2]
 constexpr double kBehind = 25;       // the street begins before the first frame, and goes on
 constexpr double kAhead = 190;       // after the last [m]

@@ -2,21 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include "ground_scale_vo/error.hpp"
+#include "synthetic_car.hpp"
 #include "synthetic_renderer.hpp"
+#include "synthetic_street.hpp"
 #include "synthetic_world.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-using synthetic::CarShadow;
+using synthetic::kPi;
 using synthetic::Scene;
 using synthetic::Street;
 using synthetic::World;
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kBraking = 3;       // largest acceleration, braking and starting [m/s^2]
 constexpr double kBehind = 25;       // the street begins before the first frame, and goes on
 constexpr double kAhead = 190;       // after the last [m]
@@ -137,7 +137,7 @@ struct SyntheticDrive::Impl {
       T_w_c.push_back(rig.T_w_c);
       Frame frame;
       frame.stamp_ns = std::llround(t * 1e9);
-      frame.T_c0_c = T_w_c.front().inverse() * rig.T_w_c;
+      if (i > 0) frame.T_c0_c = T_w_c.front().inverse() * rig.T_w_c;
       frame.n_c = rig.T_w_c.linear().transpose() * rig.n_w;
       frame.height = rig.height;
       frame.speed = motion.v;
@@ -159,7 +159,7 @@ struct SyntheticDrive::Impl {
     Scene scene = world.scene();
     if (!options.moving_cars) return scene;
     const double t = static_cast<double>(frames[i].stamp_ns) * 1e-9;
-    addCar(scene, timetable.at(t + kLeadTime).s + kLeadGap, 0, false, 1);
+    addCar(scene, timetable.at(t + kLeadTime).s + kLeadGap, 0, false, 2);
     for (int k = 0; k * kOncomingSpacing < 2 * kLongest; ++k) {
       const double s = kOncomingStart + k * kOncomingSpacing - kOncomingSpeed * t;
       addCar(scene, s, kOncomingU, true, static_cast<std::size_t>(k) + 3);

@@ -6,12 +6,13 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "synthetic_car.hpp"
+#include "synthetic_paint.hpp"
+
 namespace ground_scale_vo::synthetic {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kPeriod = 130;  // the road repeats itself [m]
-constexpr double kStep = 0.5;    // of the street's nodes and of its mesh [m]
+constexpr double kMeshStep = 0.5;  // of the road along s [m]
 
 // The cross-section [m]: u of the kerbs, of the lane's and the pavement's borders. Cars park
 // between the right lane and the right kerb.
@@ -25,146 +26,7 @@ constexpr double kTextureRight = -8.2;  // u of the texture's first column
 constexpr double kTextureLeft =
     kTextureRight + kRoadColumns * kRoadTexel - 2 * kKerbHeight;  // of its last
 
-/// Towards the sun, from the left.
-const Eigen::Vector3d kSun = Eigen::Vector3d(0.25, 0.62, 0.75).normalized();
-
-/// A smooth hump sin^2 over [a, b], and its integral.
-double hump(double s, double a, double b) {
-  const double x = std::clamp((s - a) / (b - a), 0.0, 1.0);
-  return std::pow(std::sin(kPi * x), 2);
-}
-double humpIntegral(double s, double a, double b) {
-  const double x = std::clamp((s - a) / (b - a), 0.0, 1.0);
-  return (b - a) * (x - std::sin(2 * kPi * x) / (2 * kPi)) / 2;
-}
-double inPeriod(double s) { return s - kPeriod * std::floor(s / kPeriod); }
-
-double lit(const Eigen::Vector3d& normal) { return 0.5 + 0.62 * std::max(0.0, normal.dot(kSun)); }
-
-/// Noise of mean 0 and deviation 1 that repeats itself: white noise blurred by each sigma [px].
-cv::Mat noiseTile(cv::Size size, std::uint64_t seed,
-                  std::initializer_list<std::pair<double, double>> sigma_weight) {
-  cv::RNG rng(seed);
-  cv::Mat sum = cv::Mat::zeros(size, CV_32F);
-  for (const auto& [sigma, weight] : sigma_weight) {
-    const int border = static_cast<int>(std::ceil(4 * sigma));
-    cv::Mat white(size, CV_32F), wrapped, blurred;
-    rng.fill(white, cv::RNG::NORMAL, 0, 1);
-    cv::copyMakeBorder(white, wrapped, border, border, border, border, cv::BORDER_WRAP);
-    cv::GaussianBlur(wrapped, blurred, {}, sigma);
-    blurred = blurred(cv::Rect({border, border}, size));
-    cv::Scalar mean, deviation;
-    cv::meanStdDev(blurred, mean, deviation);
-    sum += (blurred - mean[0]) * (weight / deviation[0]);
-  }
-  cv::Scalar mean, deviation;
-  cv::meanStdDev(sum, mean, deviation);
-  return (sum - mean[0]) / deviation[0];
-}
-
-cv::Mat grey(const cv::Mat& noise, double mean, double deviation) {
-  cv::Mat image;
-  noise.convertTo(image, CV_8U, deviation, mean);
-  return image;
-}
-
-/// Draws in metres on a texture.
-class Brush {
- public:
-  Brush(cv::Mat image, double texel_m) : image_(std::move(image)), texel_m_(texel_m) {}
-  void polygon(const std::vector<Eigen::Vector2d>& corners, double level) {
-    std::vector<cv::Point> points;
-    for (const Eigen::Vector2d& corner : corners) points.push_back(point(corner));
-    cv::fillPoly(image_, std::vector<std::vector<cv::Point>>{points}, level, cv::LINE_AA, kShift);
-  }
-  void box(double u, double v, double width, double height, double level) {
-    polygon({{u, v}, {u + width, v}, {u + width, v + height}, {u, v + height}}, level);
-  }
-  void line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double width, double level) {
-    const Eigen::Vector2d along = b - a;
-    const Eigen::Vector2d side =
-        Eigen::Vector2d(-along.y(), along.x()) * (width / 2 / std::max(along.norm(), 1e-9));
-    polygon({a - side, b - side, b + side, a + side}, level);
-  }
-  void ellipse(const Eigen::Vector2d& centre, const Eigen::Vector2d& radii, double level) {
-    const double scale = (1 << kShift) / texel_m_;
-    cv::ellipse(image_, point(centre), {cvRound(radii.x() * scale), cvRound(radii.y() * scale)}, 0,
-                0, 360, level, cv::FILLED, cv::LINE_AA, kShift);
-  }
-
- private:
-  static constexpr int kShift = 4;
-  cv::Point point(const Eigen::Vector2d& p) const {
-    const Eigen::Vector2d at = (p / texel_m_ - Eigen::Vector2d(0.5, 0.5)) * (1 << kShift);
-    return {cvRound(at.x()), cvRound(at.y())};
-  }
-  cv::Mat image_;
-  double texel_m_;
-};
-
 }  // namespace
-
-std::uint64_t Random::bits() {
-  state_ += 0x9E3779B97F4A7C15u;
-  std::uint64_t z = state_;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  return z ^ (z >> 31);
-}
-
-double Random::uniform(double from, double to) {
-  return from + (to - from) * static_cast<double>(bits() >> 11) * 0x1p-53;
-}
-
-Street::Street(double curvature, double slope, double from, double to)
-    : curvature_(curvature), slope_(slope), from_(from), to_(to), nodes_{{from, 0}} {
-  for (double s = from; s < to; s = from + kStep * static_cast<double>(nodes_.size() - 1)) {
-    const double a = heading(s), m = heading(s + kStep / 2), b = heading(s + kStep);  // Simpson
-    nodes_.push_back(nodes_.back() +
-                     kStep / 6 *
-                         Eigen::Vector2d(std::cos(a) + 4 * std::cos(m) + std::cos(b),
-                                         std::sin(a) + 4 * std::sin(m) + std::sin(b)));
-  }
-}
-
-double Street::curvature(double s) const {
-  const double at = inPeriod(s);
-  return curvature_ * (hump(at, 15, 55) - hump(at, 65, 105));
-}
-double Street::heading(double s) const {
-  const double at = inPeriod(s);
-  return curvature_ * (humpIntegral(at, 15, 55) - humpIntegral(at, 65, 105));
-}
-double Street::rise(double s) const {
-  const double at = inPeriod(s);
-  return slope_ * (hump(at, 0, 65) - hump(at, 65, 130));
-}
-double Street::elevation(double s) const {
-  const double at = inPeriod(s);
-  return slope_ * (humpIntegral(at, 0, 65) - humpIntegral(at, 65, 130));
-}
-
-Eigen::Vector3d Street::point(double s, double u, double z) const {
-  const auto node = static_cast<std::size_t>(
-      std::clamp((s - from_) / kStep, 0.0, static_cast<double>(nodes_.size()) - 1));
-  const double start = from_ + kStep * static_cast<double>(node), h = s - start;
-  const double a = heading(start), m = heading(start + h / 2), b = heading(s);
-  const Eigen::Vector2d plan =
-      nodes_[node] + h / 6 *
-                         Eigen::Vector2d(std::cos(a) + 4 * std::cos(m) + std::cos(b),
-                                         std::sin(a) + 4 * std::sin(m) + std::sin(b));
-  return {plan.x() - u * std::sin(b), plan.y() + u * std::cos(b), elevation(s) + z};
-}
-
-Eigen::Isometry3d Street::frame(double s, double u) const {
-  const double angle = heading(s), up = rise(s) / (1 - u * curvature(s));
-  Eigen::Isometry3d T_w_s = Eigen::Isometry3d::Identity();
-  const Eigen::Vector3d x = Eigen::Vector3d(std::cos(angle), std::sin(angle), up).normalized();
-  const Eigen::Vector3d y(-std::sin(angle), std::cos(angle), 0);
-  T_w_s.linear() << x, y, x.cross(y);
-  T_w_s.translation() = point(s, u);
-  return T_w_s;
-}
 
 /// Builds the world in the order of its constructor; textures and meshes stay where they are.
 class World::Builder {
@@ -207,7 +69,7 @@ class World::Builder {
     world_.scene_.instances.push_back({&mesh, T_w_m});
   }
 
-  // --- Materials -------------------------------------------------------------------------------
+  // --- Materials --------------------------------------------------------------------------------
 
   cv::Mat leafImage() {  // clumps of light leaves before dark gaps
     cv::Mat leaves = noiseTile({256, 256}, bits(), {{1, 1}, {2, 1}, {6, 0.7}});
@@ -244,103 +106,14 @@ class World::Builder {
     world_.scene_.sky = &texture(image, texel);
   }
 
-  // --- Cars ------------------------------------------------------------------------------------
+  // --- Cars -------------------------------------------------------------------------------------
 
   void cars() {
     for (const double body : {185., 45., 120., 225., 75.}) {
-      world_.cars_.push_back(car(texture(carImage(body), 0.01, Texture::Wrap::kClamp)));
+      world_.cars_.push_back(
+          carMesh(texture(carImage(body, bits()), kCarTexel, Texture::Wrap::kClamp)));
       world_.cars_.back().bound();
     }
-  }
-
-  /// 5.12 x 2.56 m: the side at (0, 0), the rear at (0, 1.3), paint at (2, 1.3), glass at
-  /// (3.2, 1.3), a wheel at (4.35, 0).
-  cv::Mat carImage(double body) {
-    cv::Mat image = grey(noiseTile({512, 256}, bits(), {{20, 1}}), body, 4);
-    Brush brush(image, 0.01);
-    const double dark = body * 0.55, glass = 38;
-    brush.box(0, 0.95, 4.3, 0.3, body * 0.8);  // the lower side
-    brush.box(0, 1.13, 4.3, 0.1, dark * 0.6);
-    for (const double seam : {1.15, 2.05, 3.05}) brush.box(seam, 0.1, 0.025, 0.98, dark);
-    for (const double handle : {1.35, 2.25}) brush.box(handle, 0.72, 0.16, 0.035, 255 - body);
-    brush.polygon({{0.62, 0.56}, {0.86, 0.14}, {1.42, 0.14}, {1.42, 0.56}}, glass);
-    brush.polygon({{1.52, 0.56}, {1.52, 0.14}, {2.2, 0.14}, {2.72, 0.56}}, glass + 15);
-    brush.box(0, 0.68, 0.16, 0.14, 70);      // rear light
-    brush.box(3.96, 0.72, 0.24, 0.12, 235);  // head light
-    brush.box(0.1, 1.45, 0.32, 0.17, 80);    // rear: lights, plate, seam, bumper
-    brush.box(1.28, 1.45, 0.32, 0.17, 80);
-    brush.box(0.58, 1.5, 0.54, 0.12, 240);
-    brush.box(0.66, 1.53, 0.38, 0.06, 60);
-    brush.box(0, 1.68, 1.7, 0.02, dark);
-    brush.box(0, 1.72, 1.7, 0.16, body * 0.75);
-    brush.box(3.2, 1.25, 1.1, 1.1, glass);
-    brush.polygon({{3.3, 2.2}, {3.9, 1.3}, {4.1, 1.3}, {3.5, 2.2}}, glass + 14);
-    brush.ellipse({4.7, 0.33}, {0.4, 0.4}, 22);
-    brush.ellipse({4.7, 0.33}, {0.2, 0.2}, 150);
-    for (const double spoke : {0.3, 1.6, 2.8, 4.1, 5.3}) {
-      brush.ellipse({4.7 + 0.12 * std::cos(spoke), 0.33 + 0.12 * std::sin(spoke)}, {0.04, 0.04},
-                    40);
-    }
-    return image;
-  }
-
-  /// Side profiles drawn out over the width.
-  static Mesh car(const Texture& texture) {
-    Mesh mesh;
-    const double half = kCarWidth / 2, rear = -kCarLength / 2, front = kCarLength / 2;
-    struct Point {
-      double x, z, half_width;
-    };
-    const std::array<Point, 9> outline{{{rear, 0.28, half},
-                                        {rear, 0.8, half},
-                                        {rear + 0.3, 0.92, half},
-                                        {rear + 0.75, 1.42, half - 0.16},
-                                        {rear + 2.25, 1.42, half - 0.16},
-                                        {rear + 2.95, 0.9, half},
-                                        {front - 0.1, 0.78, half},
-                                        {front, 0.6, half},
-                                        {front, 0.28, half}}};
-    const auto sideUv = [&](const Point& p) { return Eigen::Vector2d(p.x - rear, 1.5 - p.z); };
-    for (const double side : {-1., 1.}) {
-      const double shade = lit({0, side, 0});
-      const auto corner = [&](std::size_t k) {
-        const Point& p = outline[k];
-        return Vertex{{p.x, side * p.half_width, p.z}, sideUv(p), shade};
-      };
-      for (const auto& quad : {std::array<std::size_t, 4>{0, 1, 7, 8}, {1, 2, 6, 7}}) {
-        mesh.addQuad(corner(quad[0]), corner(quad[1]), corner(quad[2]), corner(quad[3]), texture);
-      }
-      mesh.addTriangle(corner(2), corner(5), corner(6), texture);
-      mesh.addQuad(corner(2), corner(3), corner(4), corner(5), texture);
-      for (const double axle : {rear + 0.8, front - 0.85}) {  // wheels
-        const auto rim = [&](int k, double inset, const Eigen::Vector2d& uv) {
-          const double angle = kPi * k / 8, x = 0.31 * std::cos(angle), z = 0.31 * std::sin(angle);
-          return Vertex{{axle + x, side * (half + 0.02 - inset), 0.31 + z},
-                        uv + Eigen::Vector2d(x, z),
-                        inset > 0 ? 0.5 : shade};
-        };
-        const Eigen::Vector2d hub(4.7, 0.33);
-        for (int k = 0; k < 16; ++k) {
-          if (k > 0 && k < 15)
-            mesh.addTriangle(rim(0, 0, hub), rim(k, 0, hub), rim(k + 1, 0, hub), texture);
-          mesh.addQuad(rim(k, 0, hub), rim(k + 1, 0, hub), rim(k + 1, 0.2, hub), rim(k, 0.2, hub),
-                       texture);
-        }
-      }
-    }
-    for (std::size_t k = 0; k + 1 < outline.size(); ++k) {  // rear, boot, window, roof, ... front
-      const Point &a = outline[k], &b = outline[k + 1];
-      const double shade = lit(Eigen::Vector3d(a.z - b.z, 0, b.x - a.x).normalized());
-      const bool end = k == 0 || k == 7 || k == 6, glass = k == 2 || k == 4;
-      const Eigen::Vector2d from(end ? 0 : (glass ? 3.25 : 2.05), glass ? 1.3 : 1.35);
-      const double width = end ? kCarWidth : (glass ? 0.9 : 0.7);
-      const double va = end ? 2.16 - a.z : from.y(), vb = end ? 2.16 - b.z : from.y() + 0.8;
-      mesh.addQuad({{a.x, a.half_width, a.z}, {from.x(), va}, shade},
-                   {{a.x, -a.half_width, a.z}, {from.x() + width, va}, shade},
-                   {{b.x, -b.half_width, b.z}, {from.x() + width, vb}, shade},
-                   {{b.x, b.half_width, b.z}, {from.x(), vb}, shade}, texture);
-    }
-    return mesh;
   }
 
   void parkedCars() {
@@ -359,8 +132,7 @@ class World::Builder {
     castShadow(s, u, {{1.9, 0.75}, {1.9, -0.75}, {-1.9, -0.75}, {-1.9, 0.75}}, 0.9, 0.5);
   }
 
-  // --- Trees, poles, hedges, houses
-  // ---------------------------------------------------------------
+  // --- Trees, poles, hedges, houses -------------------------------------------------------------
 
   static void addPrism(Mesh& mesh, double radius, double top_radius, double height,
                        const Texture& texture, double light) {
@@ -560,8 +332,7 @@ class World::Builder {
     place(keep(std::move(mesh)), T_w_m);
   }
 
-  // --- The road
-  // ------------------------------------------------------------------------------------
+  // --- The road ---------------------------------------------------------------------------------
 
   Eigen::Vector2d onRoad(double s, double u) const { return world_.roadTexture(s, u); }
 
@@ -736,11 +507,11 @@ class World::Builder {
       const Eigen::Vector2d uv(strip.verge ? u : u_texture, s - street_.from());
       return Vertex{street_.point(s, u, z), uv, face ? 0.6 : 0.97};
     };
-    const int per_mesh = 20, steps = static_cast<int>((street_.to() - street_.from()) / kStep);
+    const int per_mesh = 20, steps = static_cast<int>((street_.to() - street_.from()) / kMeshStep);
     for (int first = 0; first < steps; first += per_mesh) {
       Mesh mesh;
       for (int k = first; k < std::min(first + per_mesh, steps); ++k) {
-        const double s0 = street_.from() + kStep * k, s1 = s0 + kStep;
+        const double s0 = street_.from() + kMeshStep * k, s1 = s0 + kMeshStep;
         double along = 0;  // the cross-section, in the texture
         for (const Strip& strip : strips) {
           const double a = along;

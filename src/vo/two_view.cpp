@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kConfidence = 0.9999;
 constexpr int kMaxIterations = 1000;
+constexpr double kRotationShare = 0.5;  // a rotation alone may explain part of a small parallax
 
 struct Candidate {
   Eigen::Isometry3d T_2_1 = Eigen::Isometry3d::Identity();
@@ -91,6 +92,42 @@ void judge(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& x
   }
 }
 
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Median angle between the rays that the best rotation leaves (Kabsch, repeated on the better
+/// half).
+double parallaxAfterRotation(const std::vector<cv::Point2d>& x1,
+                             const std::vector<cv::Point2d>& x2) {
+  std::vector<Eigen::Vector3d> rays1, rays2;
+  for (std::size_t i = 0; i < x1.size(); ++i) {
+    rays1.push_back(Eigen::Vector3d(x1[i].x, x1[i].y, 1).normalized());
+    rays2.push_back(Eigen::Vector3d(x2[i].x, x2[i].y, 1).normalized());
+  }
+  std::vector<double> angles(x1.size(), 0.0);
+  double limit = 1;
+  for (int iteration = 0; iteration < 5; ++iteration) {
+    Eigen::Matrix3d C = Eigen::Matrix3d::Zero();
+    for (std::size_t i = 0; i < rays1.size(); ++i) {
+      if (angles[i] <= limit) C += rays2[i] * rays1[i].transpose();
+    }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(C, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
+    if (R.determinant() < 0) {
+      R = svd.matrixU() * Eigen::Vector3d(1, 1, -1).asDiagonal() * svd.matrixV().transpose();
+    }
+    for (std::size_t i = 0; i < rays1.size(); ++i) {
+      const Eigen::Vector3d turned = R * rays1[i];
+      angles[i] = std::atan2(turned.cross(rays2[i]).norm(), turned.dot(rays2[i]));
+    }
+    limit = median(angles);
+  }
+  return limit;
+}
+
 bool sameMotion(const Candidate& a, const Candidate& b) {
   const double rotation =
       Eigen::AngleAxisd(a.T_2_1.linear().transpose() * b.T_2_1.linear()).angle();
@@ -118,19 +155,12 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
     return result;
   }
   std::vector<cv::Point2d> x1, x2;
-  std::vector<double> flow;
   for (std::size_t i = 0; i < u1.size(); ++i) {
     const Eigen::Vector3d a = camera.ray(u1[i]), b = camera.ray(u2[i]);
     x1.emplace_back(a.x(), a.y());
     x2.emplace_back(b.x(), b.y());
-    flow.push_back((a - b).norm());
   }
-  const auto median = [](std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-  };
-  if (median(flow) < options_.min_parallax / 2) {  // no motion: spare the search
+  if (parallaxAfterRotation(x1, x2) < kRotationShare * options_.min_parallax) {
     result.status = TwoViewStatus::kTooLittleParallax;
     return result;
   }

@@ -6,16 +6,28 @@
 
 namespace ground_scale_vo {
 
-/// Errors of an estimated trajectory against ground truth, both T_c0_ci in metres, one pose a frame.
+/// Errors of an estimated trajectory against ground truth, both T_c0_ci in metres, one pose a
+/// frame.
 struct OdometryMetrics {
   double length_m = 0;
   double gt_length_m = 0;
-  double rle_percent = 0;  ///< relative length error |l_gt - l| / l_gt
+  double rle_percent = 0;  ///< relative length error |l_gt - l| / l_gt; NaN when the truth stands
   /// KITTI devkit: lengths 100, 200 ... 800 m, a start every 10 frames, the end the first frame
   /// farther than the length along the true path; mean over all segments. Empty when there is none.
   std::optional<double> t_err_percent;
   std::optional<double> r_err_deg_per_m;
   std::optional<double> t_err_short_percent;  ///< the same over 10, 20 ... 80 m
+  /// t_err_percent with the length of each of the estimate's increments replaced by the true one's;
+  /// rotations and directions stay. What is left is not the scale's fault. An increment of zero
+  /// length has no direction and stays zero.
+  std::optional<double> t_err_true_length_percent;
+  /// t_err_percent after the one similarity that brings the estimate's positions nearest to the
+  /// true ones (least squares). Also for estimates up to scale. Empty too when the estimate stands.
+  std::optional<double> t_err_sim3_percent;
+  /// Median angle between the estimated and the true direction of motion since the previous frame,
+  /// each in its own trajectory's camera axes of that previous frame [deg], over the frames with
+  /// more than 0.3 m of true motion and any estimated. Empty when there is none.
+  std::optional<double> direction_median_deg;
   double ate_rmse_m = 0;  ///< position, after the best rigid alignment (no scale)
 
   struct LengthError {
@@ -24,11 +36,19 @@ struct OdometryMetrics {
     double t_err_percent = 0;
     double r_err_deg_per_m = 0;
   };
-  std::vector<LengthError> by_length;  ///< devkit lengths that have a segment
+  std::vector<LengthError> by_length;        ///< devkit lengths that have a segment
+  std::vector<LengthError> by_short_length;  ///< of 10, 20 ... 80 m, those that have a segment
 };
 
-/// Throws OptionError when the sizes differ or there are fewer than two poses, or one is not finite.
+/// Throws OptionError when the sizes differ or there are fewer than two poses, or one is not
+/// finite.
 OdometryMetrics computeOdometryMetrics(const std::vector<Eigen::Isometry3d>& ground_truth,
                                        const std::vector<Eigen::Isometry3d>& estimate);
+
+/// Sum of the distances between neighbouring positions.
+double pathLength(const std::vector<Eigen::Isometry3d>& poses);
+
+/// The q-quantile (q in [0, 1]), linear between neighbours; the median for 0.5. NaN when empty.
+double quantile(std::vector<double> values, double q);
 
 }  // namespace ground_scale_vo

@@ -52,14 +52,15 @@ class SyntheticDrive {
     double speed = 0;                               ///< along the road [m/s]
   };
 
-  /// Builds the street: about 1 s and 60 MB for the default drive.
+  /// Builds the street: 0.5 s for the default drive, 130 MB at the peak. Throws OptionError.
   explicit SyntheticDrive(const Options& options);
   ~SyntheticDrive();
 
   const PinholeCamera& camera() const;
   std::size_t size() const;
   const Frame& frame(std::size_t i) const;
-  /// 8-bit grey. The same bytes for the same options and i. Thread safe.
+  /// 8-bit grey. The same bytes for the same options and i. Thread safe. Renders on the calling
+  /// thread, 0.1 s at the default size.
   cv::Mat image(std::size_t i) const;
 
  private:

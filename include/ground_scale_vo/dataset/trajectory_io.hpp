@@ -3,21 +3,31 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 namespace ground_scale_vo {
+
+/// The rotation nearest to m (least squares). Precondition: det(m) > 0.
+Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m);
+
+/// The rigid transform with the rotation nearest to m; empty when m is farther from it than
+/// rounding explains (0.01 in an entry).
+std::optional<Eigen::Isometry3d> rigidTransform(const Eigen::Matrix3d& m, const Eigen::Vector3d& t);
 
 /// KITTI: a line of 12 numbers a pose, the upper 3x4 of T_c0_ci row by row. Rotations are made
 /// orthonormal on reading (nearest rotation). Throws DataError naming file and line.
 std::vector<Eigen::Isometry3d> readKittiPoses(const std::filesystem::path& file);
 /// 17 significant digits. Written to a temporary name beside it and renamed. Throws DataError.
-void writeKittiPoses(const std::filesystem::path& file, const std::vector<Eigen::Isometry3d>& poses);
+void writeKittiPoses(const std::filesystem::path& file,
+                     const std::vector<Eigen::Isometry3d>& poses);
 
 struct StampedPose {
   std::int64_t stamp_ns = 0;
   Eigen::Isometry3d T_a_b = Eigen::Isometry3d::Identity();
 };
-/// TUM: `stamp[s] tx ty tz qx qy qz qw`, stamp with nine decimals, exact to the nanosecond.
+/// TUM: `stamp[s] tx ty tz qx qy qz qw`, stamp with nine decimals, exact to the nanosecond. Throws
+/// DataError as the KITTI functions do. Reading skips lines that begin with #.
 void writeTumTrajectory(const std::filesystem::path& file, const std::vector<StampedPose>& poses);
 std::vector<StampedPose> readTumTrajectory(const std::filesystem::path& file);
 

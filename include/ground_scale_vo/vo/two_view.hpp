@@ -10,7 +10,7 @@ namespace ground_scale_vo {
 enum class TwoViewStatus {
   kOk,
   kTooFewMatches,
-  kTooLittleParallax,  ///< standing still, or turning on the spot
+  kTooLittleParallax,  ///< standing still or turning on the spot: a rotation explains it
   kNoModel,            ///< neither an essential matrix nor a homography explains the matches
   kAmbiguous           ///< several motions explain them about equally well
 };
@@ -26,7 +26,7 @@ class TwoView {
         0.0021;  ///< reprojection error of an inlier [focal lengths] (1.5 px at 718)
     double min_parallax = 0.012;    ///< median angle left after rotation [rad]
     double min_inlier_share = 0.6;  ///< of the matches
-    double max_second_share = 0.8;  ///< inliers of the second best motion over those of the best
+    double max_second_share = 0.9;  ///< inliers of the second best motion over those of the best
     /// Throws OptionError.
     void validate() const;
   };

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/dataset/offline_run.hpp"
+
+namespace ground_scale_vo {
+
+/// The figures of a run as one JSON object, null where there is none:
+///   frames, tracked_frames, lost_events, backfilled_frames, camera_height_m [m];
+///   length_m and OdometryMetrics' members under their names, of the metric trajectory (of these,
+///   t_err_sim3_percent is of the trajectory up to scale); null without ground truth;
+///   ms_vo_, ms_scale_, ms_total_ with median and p95 [ms] over all frames, without image reading;
+///   peak_rss_mb of this process [MiB];
+///   by_length, by_short_length: arrays of OdometryMetrics::LengthError.
+/// ground_truth: T_c0_ci [m] of each frame, or empty. Throws OptionError when it has another size.
+std::string metricsJson(const RunRecord& record, double camera_height,
+                        const std::vector<Eigen::Isometry3d>& ground_truth);
+
+/// One line a frame: what the scale stage said at that frame, and the odometry's map and status.
+///   stamp [s]; raw_scale, scale, sigma [m per VO unit]; height [VO units]; n the plane's normal in
+///   camera axes, up. backfilled: the frame's pose was filled in later, from the first scale.
+std::string scaleCsv(const RunRecord& record);
+
+/// One line a frame: the time of each stage [ms].
+std::string timingCsv(const RunRecord& record);
+
+/// Makes the folder and writes into it poses.txt, poses_unscaled.txt, trajectory_tum.txt,
+/// scale.csv, timing.csv and metrics.json; with ground truth also ground_truth.txt, for the
+/// pictures. Throws DataError; OptionError as metricsJson.
+void writeRun(const std::filesystem::path& folder, const RunRecord& record, double camera_height,
+              const std::vector<Eigen::Isometry3d>& ground_truth);
+
+}  // namespace ground_scale_vo

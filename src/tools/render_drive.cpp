@@ -1,0 +1,290 @@
+// A SyntheticDrive as a KITTI odometry folder with ground truth.
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iomanip>
+#include <locale>
+#include <mutex>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/dataset/trajectory_io.hpp"
+#include "ground_scale_vo/error.hpp"
+
+namespace gsv = ground_scale_vo;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// What the command line sets, besides FOLDER.
+struct Settings {
+  gsv::SyntheticDrive::Options drive;
+  double threads = std::max(1u, std::thread::hardware_concurrency());
+};
+
+double number(const std::string& option, const std::string& text) {
+  std::istringstream stream(text);
+  stream.imbue(std::locale::classic());
+  double value = 0;
+  if (!(stream >> value) || !stream.eof()) {
+    throw gsv::OptionError(option + " is '" + text + "', which is not a number");
+  }
+  return value;
+}
+
+int wholeNumber(const std::string& option, const std::string& text) {
+  const double value = number(option, text);
+  gsv::requireInRange(option.c_str(), value, 0, 1e6);
+  if (value != static_cast<int>(value)) {
+    throw gsv::OptionError(option + " is '" + text + "', which is not a whole number");
+  }
+  return static_cast<int>(value);
+}
+
+/// WxH; the focal length and the centre follow in proportion to the width.
+void setSize(gsv::PinholeCamera& camera, const std::string& option, const std::string& text) {
+  const std::size_t x = text.find('x');
+  if (x == std::string::npos) throw gsv::OptionError(option + " is '" + text + "', not WxH");
+  const int width = wholeNumber(option, text.substr(0, x));
+  const int height = wholeNumber(option, text.substr(x + 1));
+  const double scale = static_cast<double>(width) / camera.width;
+  camera.fx *= scale;
+  camera.fy *= scale;
+  camera.cx = (camera.cx + 0.5) * scale - 0.5;
+  camera.cy = (camera.cy + 0.5) * height / camera.height - 0.5;
+  camera.width = width;
+  camera.height = height;
+}
+
+struct Option {
+  const char *name, *value;  ///< value: nullptr for a switch
+  std::string help;
+  std::function<void(const std::string& option, const std::string& value)> set;
+};
+
+std::vector<Option> optionTable(Settings& settings) {
+  gsv::SyntheticDrive::Options& drive = settings.drive;
+  const auto real = [](const char* name, const char* value, const char* help, double& target) {
+    std::ostringstream text;
+    text << help << " (" << std::setprecision(3) << target << ")";
+    return Option{name, value, text.str(), [&target](const auto& option, const auto& given) {
+                    target = number(option, given);
+                  }};
+  };
+  const auto whole = [](const char* name, const char* help, int& target) {
+    return Option{
+        name, "N", help + (" (" + std::to_string(target)) + ")",
+        [&target](const auto& option, const auto& given) { target = wholeNumber(option, given); }};
+  };
+  const auto off = [](const char* name, const char* help, bool& target) {
+    return Option{name, nullptr, help, [&target](const auto&, const auto&) { target = false; }};
+  };
+  const gsv::PinholeCamera& camera = drive.camera;
+  return {
+      whole("--frames", "frames", drive.frames),
+      {"--size", "WxH",
+       "of the image, at one field of view (" + std::to_string(camera.width) + "x" +
+           std::to_string(camera.height) + ")",
+       [&drive](const auto& option, const auto& given) { setSize(drive.camera, option, given); }},
+      real("--camera-height", "M", "over the road [m]", drive.camera_height),
+      real("--pitch", "RAD", "of the mounted camera, positive looks down [rad]", drive.pitch_rad),
+      real("--speed", "MPS", "cruise [m/s]", drive.speed),
+      real("--rate", "HZ", "frame rate [Hz]", drive.frame_rate_hz),
+      {"--seed", "N", "of the street and of the noise (1)",
+       [&drive](const auto& option, const auto& given) {
+         drive.random_seed = static_cast<std::uint64_t>(wholeNumber(option, given));
+       }},
+      real("--curvature", "PER_M", "largest, 0 for a straight road [1/m]", drive.curvature),
+      real("--slope", "RATIO", "largest, 0 for a flat road", drive.slope),
+      real("--stop", "S", "time at standstill, 0 for no stop [s]", drive.stop_s),
+      real("--stop-at", "M", "along the road [m]", drive.stop_at_m),
+      real("--suspension", "FACTOR", "on pitch, roll and bounce", drive.suspension),
+      real("--road-texture", "FACTOR", "on the asphalt's contrast", drive.road_texture),
+      real("--noise", "SIGMA", "of the sensor [grey levels]", drive.noise_sigma),
+      whole("--black-first", "first black frame", drive.black_first),
+      whole("--black-frames", "number of black frames", drive.black_frames),
+      off("--no-moving-cars", "nobody else drives", drive.moving_cars),
+      off("--no-lane-markings", "bare asphalt", drive.lane_markings),
+      off("--no-shadows", "an overcast sky's road", drive.shadows),
+      real("--threads", "N", "that render", settings.threads),
+  };
+}
+
+void printUsage() {
+  Settings defaults;
+  std::printf(
+      "usage: render_drive [options] FOLDER\n\n"
+      "Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,\n"
+      "times.txt, the exact poses.txt, and ground.txt with the exact height and road normal of\n"
+      "every frame. FOLDER must not exist yet.\n\n");
+  for (const Option& option : optionTable(defaults)) {
+    const std::string name =
+        option.name + (option.value ? " " + std::string(option.value) : std::string());
+    std::printf("  %-22s %s\n", name.c_str(), option.help.c_str());
+  }
+  std::printf("\nExit status: 0 done, 1 FOLDER cannot be written, 2 wrong options.\n");
+}
+
+/// Returns FOLDER. Throws OptionError.
+fs::path parse(const std::vector<std::string>& arguments, Settings& settings) {
+  const std::vector<Option> options = optionTable(settings);
+  fs::path folder;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& argument = arguments[i];
+    if (argument.empty() || argument.front() != '-') {
+      if (!folder.empty()) throw gsv::OptionError("one FOLDER at a time, not also " + argument);
+      folder = argument;
+      continue;
+    }
+    const auto known = std::find_if(options.begin(), options.end(),
+                                    [&](const Option& option) { return argument == option.name; });
+    if (known == options.end()) throw gsv::OptionError(argument + " is no option, see --help");
+    if (known->value && ++i == arguments.size()) {
+      throw gsv::OptionError(argument + " needs a value, see --help");
+    }
+    known->set(argument, known->value ? arguments[i] : "");
+  }
+  if (folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
+  gsv::requireInRange("--threads", settings.threads, 1, 256);
+  return folder;
+}
+
+/// A bar on the terminal; silent when standard error is none.
+class Progress {
+ public:
+  explicit Progress(std::size_t total) : total_(total) {}
+  void step() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++done_;
+    if (!terminal_) return;
+    constexpr std::size_t kWidth = 40;
+    const std::size_t filled = kWidth * done_ / total_;
+    std::fprintf(stderr, "\r[%s%s] %zu/%zu frames", std::string(filled, '#').c_str(),
+                 std::string(kWidth - filled, '.').c_str(), done_, total_);
+    if (done_ == total_) std::fputc('\n', stderr);
+  }
+
+ private:
+  std::mutex mutex_;
+  const bool terminal_ = isatty(STDERR_FILENO) != 0;
+  const std::size_t total_;
+  std::size_t done_ = 0;
+};
+
+void writeText(const fs::path& file, const std::string& text) {
+  std::ofstream stream(file);
+  stream << text;
+  stream.close();
+  if (!stream) throw gsv::DataError(file.string() + " cannot be written");
+}
+
+void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int threads) {
+  fs::create_directories(folder);
+  Progress progress(drive.size());
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr failure;
+  std::mutex failure_mutex;
+  const auto work = [&] {
+    try {
+      for (std::size_t i = next++; i < drive.size(); i = next++) {
+        std::ostringstream name;
+        name << std::setw(6) << std::setfill('0') << i << ".png";
+        const std::string file = folder / name.str();
+        if (!cv::imwrite(file, drive.image(i), {cv::IMWRITE_PNG_COMPRESSION, 1})) {
+          throw gsv::DataError(file + " cannot be written");
+        }
+        progress.step();
+      }
+    } catch (...) {
+      const std::lock_guard<std::mutex> lock(failure_mutex);
+      failure = std::current_exception();
+      next = drive.size();
+    }
+  };
+  std::vector<std::thread> workers;
+  for (int k = 0; k < threads; ++k) workers.emplace_back(work);
+  for (std::thread& worker : workers) worker.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
+  const gsv::PinholeCamera& c = drive.camera();
+  std::ostringstream calib, times, ground;
+  calib << std::setprecision(17) << "P0: " << c.fx << " 0 " << c.cx << " 0 0 " << c.fy << ' '
+        << c.cy << " 0 0 0 1 0\n";
+  ground << std::setprecision(12)
+         << "# camera height above the local road plane [m], its unit normal in camera axes "
+            "(x right, y down, z forward), pointing up\n";
+  times << std::fixed << std::setprecision(9);
+  std::vector<Eigen::Isometry3d> poses;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const gsv::SyntheticDrive::Frame& frame = drive.frame(i);
+    times << static_cast<double>(frame.stamp_ns) * 1e-9 << '\n';
+    ground << frame.height;
+    for (const double component : frame.n_c) ground << ' ' << component;
+    ground << '\n';
+    poses.push_back(frame.T_c0_c);
+  }
+  writeText(folder / "calib.txt", calib.str());
+  writeText(folder / "times.txt", times.str());
+  writeText(folder / "ground.txt", ground.str());
+  gsv::writeKittiPoses(folder / "poses.txt", poses);
+}
+
+/// Everything under a temporary name, so that a folder of that name is a whole one.
+void renderTo(const fs::path& folder, const Settings& settings) {
+  if (fs::exists(folder)) throw gsv::DataError(folder.string() + " exists already");
+  const gsv::SyntheticDrive drive(settings.drive);
+  const fs::path clean = fs::absolute(folder).lexically_normal();
+  const fs::path target = clean.has_filename() ? clean : clean.parent_path();
+  const fs::path partial = target.string() + ".partial." + std::to_string(getpid());
+  try {
+    std::error_code error;
+    fs::create_directories(partial, error);
+    if (error) throw gsv::DataError(folder.string() + " cannot be made: " + error.message());
+    writeImages(drive, partial / "image_0", static_cast<int>(settings.threads));
+    writeTables(drive, partial);
+    fs::rename(partial, target);
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(partial, ignored);
+    throw;
+  }
+  std::printf("%zu frames in %s\n", drive.size(), folder.c_str());
+}
+
+int fail(const std::exception& error, int status) {
+  std::fprintf(stderr, "render_drive: %s\n", error.what());
+  return status;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::vector<std::string> arguments(argv + 1, argv + argc);
+  for (const std::string& argument : arguments) {
+    if (argument == "--help" || argument == "-h") return printUsage(), 0;
+  }
+  try {
+    Settings settings;
+    const fs::path folder = parse(arguments, settings);
+    cv::setNumThreads(1);  // the frames are rendered side by side
+    renderTo(folder, settings);
+    return 0;
+  } catch (const gsv::OptionError& error) {
+    return fail(error, 2);
+  } catch (const std::exception& error) {
+    return fail(error, 1);
+  }
+}

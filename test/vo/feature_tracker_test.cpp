@@ -1,0 +1,129 @@
+#include "ground_scale_vo/vo/feature_tracker.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+cv::Mat texture(int seed) {
+  cv::Mat noise(248, 800, CV_8UC1), image;
+  cv::RNG generator(static_cast<std::uint64_t>(seed));
+  generator.fill(noise, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(noise, image, {0, 0}, 2.0);
+  cv::normalize(image, image, 0, 255, cv::NORM_MINMAX);
+  return image;
+}
+
+cv::Mat shifted(const cv::Mat& image, double dx, double dy) {
+  cv::Mat result;
+  const cv::Mat M = (cv::Mat_<double>(2, 3) << 1, 0, dx, 0, 1, dy);
+  cv::warpAffine(image, result, M, image.size(), cv::INTER_CUBIC, cv::BORDER_REFLECT);
+  return result;
+}
+
+TEST(FeatureTracker, findsCornersAllOverATexturedImage) {
+  const FeatureTracker tracker({});
+  const auto corners = tracker.detect(texture(1), {});
+  ASSERT_GT(corners.size(), 400u);
+  int quarter[4] = {0, 0, 0, 0};
+  for (const auto& u : corners) ++quarter[(u.x > 400 ? 1 : 0) + (u.y > 124 ? 2 : 0)];
+  for (const int n : quarter) EXPECT_GT(n, static_cast<int>(corners.size()) / 6);
+}
+
+TEST(FeatureTracker, findsNothingWithoutTexture) {
+  const FeatureTracker tracker({});
+  EXPECT_TRUE(tracker.detect(cv::Mat(248, 800, CV_8UC1, cv::Scalar(90)), {}).empty());
+  EXPECT_TRUE(tracker.detect(cv::Mat(4, 4, CV_8UC1, cv::Scalar(90)), {}).empty());
+}
+
+TEST(FeatureTracker, keepsAwayFromOccupiedCells) {
+  const FeatureTracker tracker({});
+  const cv::Mat image = texture(2);
+  const auto first = tracker.detect(image, {});
+  const auto second = tracker.detect(image, first);
+  for (const auto& u : second) {
+    for (const auto& v : first) EXPECT_GT(cv::norm(u - v), 3.0);
+  }
+  EXPECT_LT(second.size(), first.size() / 3);
+}
+
+TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
+  const FeatureTracker tracker({});
+  const cv::Mat a = texture(3), b = shifted(a, 6.3, -2.7);
+  const auto corners = tracker.detect(a, {});
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
+  std::vector<double> error;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (tracks.ok[i])
+      error.push_back(cv::norm(tracks.points[i] - corners[i] - cv::Point2f(6.3f, -2.7f)));
+  }
+  ASSERT_GT(error.size(), corners.size() * 8 / 10);
+  std::sort(error.begin(), error.end());
+  EXPECT_LT(error[error.size() / 2], 0.1);
+  EXPECT_LT(error[error.size() * 95 / 100], 0.3);
+}
+
+TEST(FeatureTracker, aFarGuessIsCorrectedOverAllLevels) {
+  const FeatureTracker tracker({});
+  const cv::Mat a = texture(4), b = shifted(a, 4, 0);
+  const auto corners = tracker.detect(a, {});
+  auto wrong = corners;
+  for (auto& u : wrong) u.x -= 40;
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, wrong);
+  std::size_t right = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    right += tracks.ok[i] && cv::norm(tracks.points[i] - corners[i] - cv::Point2f(4, 0)) < 0.5;
+  }
+  EXPECT_GT(right, corners.size() * 6 / 10);
+}
+
+TEST(FeatureTracker, whatLeftTheImageIsNotTracked) {
+  const FeatureTracker tracker({});
+  const cv::Mat a = texture(5), b = shifted(a, 60, 0);
+  const auto corners = tracker.detect(a, {});
+  auto predicted = corners;
+  for (auto& u : predicted) u.x += 60;
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, predicted);
+  int left = 0, wrong = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (corners[i].x < 750) continue;
+    ++left;
+    wrong += tracks.ok[i] && tracks.points[i].x > 799;
+  }
+  EXPECT_GT(left, 20);
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST(FeatureTracker, aBlankImageGivesNoTracks) {
+  const FeatureTracker tracker({});
+  const cv::Mat a = texture(5), b(a.size(), CV_8UC1, cv::Scalar(0));
+  const auto corners = tracker.detect(a, {});
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
+  EXPECT_EQ(std::count(tracks.ok.begin(), tracks.ok.end(), 1), 0);
+}
+
+TEST(FeatureTracker, nothingToTrackIsNoError) {
+  const FeatureTracker tracker({});
+  const auto pyramid = tracker.pyramid(texture(7));
+  EXPECT_TRUE(tracker.track(pyramid, pyramid, {}, {}).points.empty());
+}
+
+TEST(FeatureTracker, refusesBadOptions) {
+  FeatureTracker::Options options;
+  options.window_px = 10;
+  EXPECT_THROW(FeatureTracker{options}, OptionError);
+  options = {};
+  options.cell = 0;
+  EXPECT_THROW(FeatureTracker{options}, OptionError);
+  options = {};
+  options.forward_backward_px = -1;
+  EXPECT_THROW(FeatureTracker{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,253 @@
+#include "ground_scale_vo/vo/local_map.hpp"
+
+#include <gtest/gtest.h>
+
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
+#include "ground_scale_vo/vo/pose_estimation.hpp"
+#include "scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::angleBetween;
+using test::normalised;
+using test::pose;
+using test::randomPoints;
+
+constexpr int kPoints = 300;
+
+std::vector<Eigen::Vector3d> farPoints() {
+  auto points = randomPoints(kPoints, 21);
+  for (auto& p : points) p.z() += 12;  // stays in front all the way
+  return points;
+}
+
+Eigen::Isometry3d drive(int keyframe) {
+  return pose({0, 0.01 * keyframe, 0}, {0.1 * keyframe, 0, 0.8 * keyframe});
+}
+
+std::vector<LocalMap::Corner> see(const std::vector<Eigen::Vector3d>& points,
+                                  const Eigen::Isometry3d& T_w_c, double noise = 0) {
+  static std::mt19937 generator;
+  generator.seed(31);
+  std::normal_distribution<double> error(0, 1);
+  std::vector<LocalMap::Corner> corners;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector2d e(error(generator), error(generator));
+    corners.push_back({i, normalised(T_w_c.inverse() * points[i]) + noise * e});
+  }
+  return corners;
+}
+
+TEST(LocalMap, triangulatesWhatWasSeenWithParallax) {
+  const auto points = farPoints();
+  LocalMap map({});
+  for (int k = 0; k < 6; ++k) {
+    map.addKeyframe(drive(k), see(points, drive(k)));
+    map.triangulateNew();
+  }
+  int known = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (const auto point = map.point(i)) {
+      ++known;
+      EXPECT_LT((point->p_w - points[i]).norm(), 1e-6 * points[i].norm());
+    }
+  }
+  EXPECT_GT(known, kPoints * 8 / 10);
+}
+
+TEST(LocalMap, withoutMotionNoPointIsInvented) {
+  const auto points = farPoints();
+  LocalMap map({});
+  for (int k = 0; k < 5; ++k) map.addKeyframe(drive(0), see(points, drive(0)));
+  map.triangulateNew();
+  for (std::size_t i = 0; i < points.size(); ++i) EXPECT_FALSE(map.point(i));
+}
+
+TEST(LocalMap, aPointSurvivesItsAnchorAndTheMapStaysBounded) {
+  const auto points = farPoints();
+  LocalMap::Options options;
+  options.keyframes = 4;
+  LocalMap map(options);
+  for (int k = 0; k < 12; ++k) {
+    map.addKeyframe(drive(k), see(points, drive(k)));
+    map.triangulateNew();
+  }
+  EXPECT_EQ(map.keyframes().size(), 4u);
+  EXPECT_EQ(map.keyframes().front().id, 8u);
+  int known = 0;
+  for (const auto& [id, landmark] : map.landmarks()) {
+    EXPECT_LE(landmark.observations.size(), 4u);
+    EXPECT_GE(landmark.observations.front().keyframe, 8u);
+    if (const auto point = map.point(landmark)) {
+      ++known;
+      EXPECT_LT((point->p_w - points[id]).norm(), 1e-6 * points[id].norm());
+    }
+  }
+  EXPECT_GT(known, kPoints * 8 / 10);
+}
+
+TEST(LocalMap, forgetsWhatIsSeenNoMore) {
+  const auto points = farPoints();
+  LocalMap::Options options;
+  options.keyframes = 4;
+  LocalMap map(options);
+  map.addKeyframe(drive(0), see(points, drive(0)));
+  map.addKeyframe(drive(1), see(points, drive(1)));
+  for (int k = 2; k < 8; ++k) map.addKeyframe(drive(k), {});
+  EXPECT_TRUE(map.landmarks().empty());
+}
+
+TEST(LocalMap, removesWrongObservations) {
+  const auto points = farPoints();
+  LocalMap map({});
+  for (int k = 0; k < 5; ++k) {
+    auto corners = see(points, drive(k));
+    if (k == 3) corners[7].x.x() += 0.05;
+    map.addKeyframe(drive(k), corners);
+    if (k == 2) map.triangulateNew();
+  }
+  ASSERT_TRUE(map.find(7)->depth);
+  map.removeOutliers(0.003);
+  EXPECT_EQ(map.find(7)->observations.size(), 4u);
+  EXPECT_EQ(map.find(8)->observations.size(), 5u);
+}
+
+TEST(LocalBundleAdjustment, bringsDisturbedPosesAndDepthsBack) {
+  const auto points = farPoints();
+  LocalMap map({});
+  for (int k = 0; k < 10; ++k) map.addKeyframe(drive(k), see(points, drive(k)));
+  map.triangulateNew();
+  std::mt19937 generator(41);
+  std::normal_distribution<double> error(0, 1);
+  const auto random = [&] {
+    return Eigen::Vector3d(error(generator), error(generator), error(generator));
+  };
+  for (std::size_t k = 3; k < 10; ++k) {
+    Eigen::Isometry3d& T = map.keyframes()[k].T_w_c;
+    T = T * pose(0.003 * random(), 0.02 * random());
+  }
+  for (auto& [id, landmark] : map.landmarks()) {
+    if (landmark.depth) landmark.depth->value *= 1 + 0.05 * error(generator);
+  }
+  LocalBundleAdjustment::Options options;
+  options.max_iterations = 30;
+  const auto result = LocalBundleAdjustment(options).adjust(&map);
+  ASSERT_TRUE(result.usable);
+  EXPECT_LT(result.rms_sigma, 1e-2);
+  for (int k = 0; k < 10; ++k) {
+    const Eigen::Isometry3d& T = map.keyframe(static_cast<std::uint32_t>(k)).T_w_c;
+    EXPECT_LT(angleBetween(T, drive(k)), 1e-5);
+    EXPECT_LT((T.translation() - drive(k).translation()).norm(), 1e-4);
+  }
+}
+
+TEST(LocalBundleAdjustment, residualsAreOneSigmaWhenTheNoiseIs) {
+  const auto points = farPoints();
+  LocalMap map({});
+  LocalBundleAdjustment::Options options;
+  std::mt19937 seeds(1);
+  for (int k = 0; k < 8; ++k) {
+    auto corners = see(points, drive(k));
+    std::normal_distribution<double> noise(0, options.noise);
+    for (auto& corner : corners) corner.x += Eigen::Vector2d(noise(seeds), noise(seeds));
+    map.addKeyframe(drive(k), corners);
+  }
+  map.triangulateNew();
+  options.huber_sigma = 100;
+  const auto result = LocalBundleAdjustment(options).adjust(&map);
+  ASSERT_TRUE(result.usable);
+  // The anchor's observation counts as exact, so its noise reappears in the others.
+  EXPECT_GT(result.rms_sigma, 0.8);
+  EXPECT_LT(result.rms_sigma, 1.8);
+}
+
+TEST(LocalBundleAdjustment, leavesAnEmptyMapAlone) {
+  LocalMap map({});
+  EXPECT_FALSE(LocalBundleAdjustment({}).adjust(&map).usable);
+  map.addKeyframe(drive(0), {});
+  map.addKeyframe(drive(1), {});
+  EXPECT_FALSE(LocalBundleAdjustment({}).adjust(&map).usable);
+  EXPECT_EQ(map.keyframes().back().T_w_c.matrix(), drive(1).matrix());
+}
+
+std::vector<PointObservation> observe(const Eigen::Isometry3d& T_w_c, double noise) {
+  std::mt19937 generator(51);
+  std::normal_distribution<double> error(0, noise > 0 ? noise : 1);
+  std::vector<PointObservation> result;
+  for (const Eigen::Vector3d& p : farPoints()) {
+    Eigen::Vector2d x = normalised(T_w_c.inverse() * p);
+    if (noise > 0) x += Eigen::Vector2d(error(generator), error(generator));
+    result.push_back({p, Eigen::Vector3d::Zero(), x});
+  }
+  return result;
+}
+
+TEST(PoseEstimation, isExactWithoutNoise) {
+  const Eigen::Isometry3d truth = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
+  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observe(truth, 0));
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT(angleBetween(result.T_w_c, truth), 1e-8);
+  EXPECT_LT((result.T_w_c.translation() - truth.translation()).norm(), 1e-7);
+  EXPECT_EQ(result.inliers, kPoints);
+}
+
+TEST(PoseEstimation, namesTheOutliersAndIgnoresThem) {
+  const Eigen::Isometry3d truth = pose({0, 0.03, 0}, {0.1, 0, 1});
+  auto observations = observe(truth, 0.0005);
+  for (std::size_t i = 0; i < observations.size(); i += 4) observations[i].x.x() += 0.05;
+  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT(angleBetween(result.T_w_c, truth), 3e-4);
+  for (std::size_t i = 0; i < observations.size(); i += 4) EXPECT_FALSE(result.inlier[i]);
+}
+
+TEST(PoseEstimation, recoversFromAPredictionThatIsFarOff) {
+  const Eigen::Isometry3d truth = pose({0.05, -0.5, 0.1}, {3, 1, -4});
+  const auto result =
+      PoseEstimation({}).estimate(pose({0, 0.6, 0}, {-5, 0, 8}), observe(truth, 0.0005));
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT(angleBetween(result.T_w_c, truth), 1e-3);
+}
+
+TEST(PoseEstimation, depthsThatAreUnsureCountAlongTheirLineOnly) {
+  const Eigen::Isometry3d truth = pose({0, 0.02, 0}, {0.1, 0, 1});
+  auto observations = observe(truth, 0);
+  // Half the points lie at a wrong depth on their ray from the origin, and say how wrong they may
+  // be.
+  for (std::size_t i = 0; i < observations.size(); i += 2) {
+    observations[i].sigma_w = 0.5 * observations[i].p_w;
+    observations[i].p_w *= 1.4;
+  }
+  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT((result.T_w_c.translation() - truth.translation()).norm(), 0.03);
+  EXPECT_EQ(result.inliers, kPoints);
+}
+
+TEST(PoseEstimation, saysWhenItHasNoPose) {
+  EXPECT_EQ(PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), {}).status,
+            PoseStatus::kTooFewPoints);
+  auto observations = observe(Eigen::Isometry3d::Identity(), 0);
+  std::mt19937 generator(61);
+  std::uniform_real_distribution<double> anywhere(-0.5, 0.5);
+  for (auto& o : observations) o.x = {anywhere(generator), anywhere(generator)};
+  EXPECT_EQ(PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations).status,
+            PoseStatus::kTooFewInliers);
+}
+
+TEST(VoOptions, outOfRangeIsRefused) {
+  LocalMap::Options map;
+  map.keyframes = 1;
+  EXPECT_THROW(LocalMap{map}, OptionError);
+  LocalBundleAdjustment::Options adjustment;
+  adjustment.window = 0;
+  EXPECT_THROW(LocalBundleAdjustment{adjustment}, OptionError);
+  PoseEstimation::Options estimation;
+  estimation.noise = 0;
+  EXPECT_THROW(PoseEstimation{estimation}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

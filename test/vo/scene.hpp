@@ -1,0 +1,54 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <random>
+#include <vector>
+
+#include "ground_scale_vo/vo/camera.hpp"
+
+namespace ground_scale_vo::test {
+
+inline PinholeCamera testCamera() { return {800, 248, 464, 464, 391, 119}; }
+
+inline Eigen::Isometry3d pose(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  if (rotation.norm() > 0) {
+    T.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).matrix();
+  }
+  T.translation() = translation;
+  return T;
+}
+
+inline double angleBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return Eigen::Quaterniond(a.linear()).angularDistance(Eigen::Quaterniond(b.linear()));
+}
+
+/// Points before a camera at the origin that looks along z, 5 to 40 away.
+inline std::vector<Eigen::Vector3d> randomPoints(int n, unsigned seed) {
+  std::mt19937 generator(seed);
+  std::uniform_real_distribution<double> x(-0.7, 0.7), y(-0.22, 0.22), z(5, 40);
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < n; ++i) {
+    const double depth = z(generator);
+    const double sx = x(generator), sy = y(generator);
+    points.emplace_back(depth * sx, depth * sy, depth);
+  }
+  return points;
+}
+
+/// Points of a plane before the same camera: a road seen from 1.65 above it.
+inline std::vector<Eigen::Vector3d> roadPoints(int n, unsigned seed) {
+  std::mt19937 generator(seed);
+  std::uniform_real_distribution<double> x(-5, 5), z(7, 30);
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < n; ++i) {
+    const double depth = z(generator);
+    const double side = x(generator);
+    points.emplace_back(side, 1.65, depth);
+  }
+  return points;
+}
+
+inline Eigen::Vector2d normalised(const Eigen::Vector3d& p_c) { return p_c.head<2>() / p_c.z(); }
+
+}  // namespace ground_scale_vo::test

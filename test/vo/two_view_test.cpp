@@ -1,0 +1,170 @@
+#include "ground_scale_vo/vo/two_view.hpp"
+
+#include <gtest/gtest.h>
+
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/vo/triangulation.hpp"
+#include "scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::angleBetween;
+using test::normalised;
+using test::pose;
+using test::randomPoints;
+using test::roadPoints;
+using test::testCamera;
+
+struct Views {
+  std::vector<Eigen::Vector2d> u1, u2;
+};
+
+Views look(const std::vector<Eigen::Vector3d>& points, const Eigen::Isometry3d& T_2_1,
+           double noise_px = 0) {
+  std::mt19937 generator(5);
+  std::normal_distribution<double> noise(0, noise_px > 0 ? noise_px : 1);
+  Views views;
+  for (const Eigen::Vector3d& p : points) {
+    const Eigen::Vector3d p2 = T_2_1 * p;
+    if (p2.z() < 1) continue;
+    views.u1.push_back(testCamera().project(p));
+    views.u2.push_back(testCamera().project(p2));
+    if (noise_px > 0) views.u2.back() += Eigen::Vector2d(noise(generator), noise(generator));
+  }
+  return views;
+}
+
+void expectMotion(const TwoView::Result& result, const Eigen::Isometry3d& T_2_1,
+                  double rotation_rad, double direction_rad) {
+  ASSERT_EQ(result.status, TwoViewStatus::kOk);
+  EXPECT_LT(angleBetween(result.T_2_1, T_2_1), rotation_rad);
+  EXPECT_GT(result.T_2_1.translation().dot(T_2_1.translation().normalized()),
+            std::cos(direction_rad));
+  EXPECT_NEAR(result.T_2_1.translation().norm(), 1, 1e-9);
+}
+
+TEST(TwoView, findsTheMotionAmongScatteredPoints) {
+  const Eigen::Isometry3d T_2_1 = pose({0.01, 0.04, -0.005}, {0.1, 0.02, -1.5});
+  const Views views = look(randomPoints(400, 1), T_2_1, 0.3);
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  expectMotion(result, T_2_1, 0.003, 0.03);
+  EXPECT_FALSE(result.planar);
+}
+
+TEST(TwoView, givesTheDepthsInUnitsOfTheMotion) {
+  const Eigen::Isometry3d T_2_1 = pose({0, 0.02, 0}, {1, 0, 0});
+  const auto points = randomPoints(300, 2);
+  const Views views = look(points, T_2_1);
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  ASSERT_EQ(result.status, TwoViewStatus::kOk);
+  ASSERT_EQ(result.inlier.size(), points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (result.inlier[i]) {
+      EXPECT_NEAR(result.inverse_depth_1[i] * points[i].z(), 1, 1e-2);
+    }
+  }
+}
+
+TEST(TwoView, aMostlyPlanarSceneIsNoSpecialCase) {
+  const Eigen::Isometry3d T_2_1 = pose({0.005, 0.02, 0}, {0.05, 0, -1.5});
+  auto points = roadPoints(400, 3);
+  const auto others = randomPoints(80, 14);
+  points.insert(points.end(), others.begin(), others.end());
+  const Views views = look(points, T_2_1, 0.1);
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  expectMotion(result, T_2_1, 0.01, 0.08);
+}
+
+// Two motions explain a plane alone (the second: straight down on a wall), so none is taken.
+TEST(TwoView, aPlaneAloneIsAmbiguous) {
+  const Views views = look(roadPoints(400, 3), pose({0.005, 0.02, 0}, {0.05, 0, -1.5}), 0.1);
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  EXPECT_EQ(result.status, TwoViewStatus::kAmbiguous);
+}
+
+TEST(TwoView, survivesWrongMatches) {
+  const Eigen::Isometry3d T_2_1 = pose({0, 0.03, 0}, {0.1, 0, -1.5});
+  Views views = look(randomPoints(400, 4), T_2_1, 0.2);
+  std::mt19937 generator(6);
+  std::uniform_real_distribution<double> x(0, 799), y(0, 247);
+  for (std::size_t i = 0; i < views.u2.size(); i += 4) views.u2[i] = {x(generator), y(generator)};
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  expectMotion(result, T_2_1, 0.004, 0.04);
+}
+
+TEST(TwoView, inventsNoMotionWhenTurningOnTheSpotOrStanding) {
+  const Views turning = look(randomPoints(400, 7), pose({0.002, 0.06, 0}, {0, 0, 0}), 0.2);
+  EXPECT_EQ(TwoView({}).estimate(testCamera(), turning.u1, turning.u2).status,
+            TwoViewStatus::kTooLittleParallax);
+  const Views standing = look(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
+  EXPECT_EQ(TwoView({}).estimate(testCamera(), standing.u1, standing.u2).status,
+            TwoViewStatus::kTooLittleParallax);
+}
+
+TEST(TwoView, saysWhenItCannotTell) {
+  const Views few = look(randomPoints(20, 9), pose({0, 0, 0}, {1, 0, 0}));
+  EXPECT_EQ(TwoView({}).estimate(testCamera(), few.u1, few.u2).status,
+            TwoViewStatus::kTooFewMatches);
+  Views nonsense = look(randomPoints(300, 10), pose({0, 0, 0}, {1, 0, 0}));
+  std::mt19937 generator(11);
+  std::shuffle(nonsense.u2.begin(), nonsense.u2.end(), generator);
+  EXPECT_NE(TwoView({}).estimate(testCamera(), nonsense.u1, nonsense.u2).status,
+            TwoViewStatus::kOk);
+}
+
+TEST(TwoView, isDeterministic) {
+  const Views views = look(randomPoints(300, 12), pose({0, 0.03, 0}, {0.1, 0, -1.5}), 0.3);
+  const auto a = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  const auto b = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  EXPECT_EQ(a.T_2_1.matrix(), b.T_2_1.matrix());
+}
+
+TEST(TwoView, refusesBadOptions) {
+  TwoView::Options options;
+  options.min_matches = 3;
+  EXPECT_THROW(TwoView{options}, OptionError);
+  options = {};
+  options.min_parallax = 0;
+  EXPECT_THROW(TwoView{options}, OptionError);
+}
+
+TEST(Triangulation, isExactWithoutNoise) {
+  const Eigen::Vector3d p(1, -0.5, 8);
+  std::vector<RayObservation> observations;
+  for (const double x : {0.5, 1.0, 1.5}) {
+    const Eigen::Isometry3d T = pose({0, 0.01 * x, 0}, {x, 0, -x});
+    observations.push_back({T, normalised(T * p)});
+  }
+  const auto depth = triangulate(p / p.z(), observations, 1e-3);
+  ASSERT_TRUE(depth);
+  EXPECT_NEAR(1 / depth->value, 8, 1e-9);
+  EXPECT_GT(depth->sigma, 0);
+}
+
+TEST(Triangulation, sigmaIsThatOfRepeatedMeasurements) {
+  const Eigen::Vector3d p(1, -0.5, 8);
+  const Eigen::Isometry3d T = pose({0, 0.01, 0}, {0.7, 0, -1});
+  std::mt19937 generator(13);
+  std::normal_distribution<double> noise(0, 1e-3);
+  double sum2 = 0, sigma = 0;
+  const int n = 500;
+  for (int i = 0; i < n; ++i) {
+    const Eigen::Vector2d x =
+        normalised(T * p) + Eigen::Vector2d(noise(generator), noise(generator));
+    const auto depth = triangulate(p / p.z(), {{T, x}}, 1e-3);
+    ASSERT_TRUE(depth);
+    sum2 += (depth->value - 1 / p.z()) * (depth->value - 1 / p.z());
+    sigma = depth->sigma;
+  }
+  EXPECT_NEAR(std::sqrt(sum2 / n) / sigma, 1, 0.15);
+}
+
+TEST(Triangulation, withoutBaselineThereIsNoPoint) {
+  const Eigen::Vector3d ray(0.1, 0, 1);
+  EXPECT_FALSE(triangulate(ray, {}, 1e-3));
+  EXPECT_FALSE(triangulate(ray, {{Eigen::Isometry3d::Identity(), ray.head<2>()}}, 1e-3));
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

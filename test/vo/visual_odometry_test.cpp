@@ -1,0 +1,237 @@
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/error.hpp"
+#include "scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::angleBetween;
+using test::pose;
+
+struct DriveRun {
+  std::vector<VisualOdometry::Output> outputs;
+
+  const VoFrame& frame(std::size_t i) const { return outputs[i].frame; }
+};
+
+DriveRun run(const SyntheticDrive& drive, std::size_t first = 0) {
+  VisualOdometry odometry(drive.camera(), {});
+  DriveRun result;
+  for (std::size_t i = first; i < drive.size(); ++i) {
+    result.outputs.push_back(odometry.process(drive.image(i), drive.frame(i).stamp_ns));
+  }
+  return result;
+}
+
+SyntheticDrive::Options drive(int frames) {
+  SyntheticDrive::Options options;
+  options.frames = frames;
+  return options;
+}
+
+/// True metres per VO unit over the tracked frames [from, to).
+double scaleOver(const SyntheticDrive& truth, const DriveRun& run, std::size_t from,
+                 std::size_t to) {
+  double metres = 0, units = 0;
+  for (std::size_t i = from + 1; i < to; ++i) {
+    metres +=
+        (truth.frame(i).T_c0_c.translation() - truth.frame(i - 1).T_c0_c.translation()).norm();
+    units += (run.frame(i).T_w_c.translation() - run.frame(i - 1).T_w_c.translation()).norm();
+  }
+  return metres / units;
+}
+
+// Curves, a slope, a car ahead and oncoming ones, and a stop.
+TEST(VisualOdometry, followsTheSyntheticDrive) {
+  const SyntheticDrive truth(drive(120));
+  const DriveRun result = run(truth);
+  std::size_t first = 0;
+  while (result.frame(first).status != VoStatus::kTracking) ++first;
+  ASSERT_LT(first, 10u);
+  ASSERT_EQ(result.outputs[first].start.front().sequence, 0u);
+  ASSERT_EQ(result.outputs[first].start.size(), first + 1);
+  const double scale = scaleOver(truth, result, first, truth.size());
+  for (std::size_t i = first; i < truth.size(); ++i) {
+    const VoFrame& frame = result.frame(i);
+    ASSERT_EQ(frame.status, VoStatus::kTracking) << i;
+    EXPECT_EQ(frame.map_id, 0u);
+    const Eigen::Isometry3d& T = truth.frame(i).T_c0_c;
+    EXPECT_LT(angleBetween(frame.T_w_c, T), 0.01) << i;
+    const double distance = std::max(10.0, T.translation().norm());
+    EXPECT_LT((scale * frame.T_w_c.translation() - T.translation()).norm(), 0.04 * distance) << i;
+  }
+}
+
+TEST(VisualOdometry, featuresCarryTheirPointsAndAreOrderedById) {
+  const SyntheticDrive truth(drive(25));
+  const DriveRun result = run(truth);
+  const VoFrame& frame = result.outputs.back().frame;
+  ASSERT_EQ(frame.status, VoStatus::kTracking);
+  std::vector<double> error;
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    const TrackedFeature& feature = frame.features[i];
+    if (i > 0) {
+      EXPECT_LT(frame.features[i - 1].id, feature.id);
+    }
+    if (!feature.has_point) continue;
+    ASSERT_GT(feature.p_c.z(), 0);
+    EXPECT_GT(feature.depth_sigma, 0);
+    error.push_back(
+        (frame.camera.project(feature.p_c.cast<double>()) - feature.u.cast<double>()).norm());
+  }
+  ASSERT_GT(error.size(), 150u);
+  std::sort(error.begin(), error.end());
+  EXPECT_LT(error[error.size() / 2], 0.8);
+}
+
+TEST(VisualOdometry, standingStillNeitherMovesNorLosesTheMap) {
+  SyntheticDrive::Options options = drive(130);
+  options.stop_at_m = 25;
+  options.stop_s = 5;
+  options.slope = 0;
+  const SyntheticDrive truth(options);
+  const DriveRun result = run(truth);
+  std::size_t begin = 0;
+  while (begin < truth.size() && (begin < 10 || truth.frame(begin).speed > 0)) ++begin;
+  std::size_t end = begin;
+  while (end < truth.size() && truth.frame(end).speed == 0) ++end;
+  ASSERT_GE(end - begin, 45u);
+  ASSERT_LT(end + 20, truth.size());
+  const double scale = scaleOver(truth, result, 10, begin);
+  for (std::size_t i = begin; i < truth.size(); ++i) {
+    ASSERT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
+    EXPECT_EQ(result.frame(i).map_id, 0u);
+    if (i >= end) continue;
+    const Eigen::Vector3d moved =
+        result.frame(i).T_w_c.translation() - result.frame(begin).T_w_c.translation();
+    EXPECT_LT(scale * moved.norm(), 0.05) << i;
+  }
+  EXPECT_NEAR(scaleOver(truth, result, end, truth.size()) / scale, 1, 0.03);
+}
+
+TEST(VisualOdometry, standingFromTheStartIsInitialisingAndThenStarts) {
+  SyntheticDrive::Options options = drive(30);
+  const SyntheticDrive truth(options);
+  VisualOdometry odometry(truth.camera(), {});
+  const cv::Mat first = truth.image(0);
+  std::int64_t stamp = 0;
+  for (int i = 0; i < 10; ++i, stamp += 100'000'000) {
+    EXPECT_EQ(odometry.process(first, stamp).frame.status, VoStatus::kInitialising);
+  }
+  VisualOdometry::Output output;
+  std::size_t i = 1;
+  do {
+    output = odometry.process(truth.image(i++), stamp);
+    stamp += 100'000'000;
+  } while (output.frame.status == VoStatus::kInitialising && i < truth.size());
+  ASSERT_EQ(output.frame.status, VoStatus::kTracking);
+  EXPECT_EQ(output.start.front().sequence, 0u);
+  // The frames at rest have the pose of the first.
+  EXPECT_LT(output.start[9].T_w_c.translation().norm(),
+            0.1 * output.start.back().T_w_c.translation().norm());
+}
+
+TEST(VisualOdometry, turningOnTheSpotStartsNoMap) {
+  const SyntheticDrive truth(drive(1));
+  const PinholeCamera camera = truth.camera();
+  const cv::Matx33d K(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+  VisualOdometry odometry(camera, {});
+  for (int i = 0; i < 25; ++i) {
+    const Eigen::Matrix3d R = pose({0, 0.01 * i, 0}, {0, 0, 0}).linear();
+    const cv::Matx33d turn(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
+                           R(2, 2));
+    cv::Mat image;
+    cv::warpPerspective(truth.image(0), image, K * turn * K.inv(), truth.image(0).size(),
+                        cv::INTER_CUBIC);
+    EXPECT_EQ(odometry.process(image, i * 100'000'000LL).frame.status, VoStatus::kInitialising)
+        << i;
+  }
+}
+
+TEST(VisualOdometry, blindFramesAreLostAndTrackingComesBack) {
+  SyntheticDrive::Options options = drive(90);
+  options.stop_s = 0;
+  options.black_first = 40;
+  options.black_frames = 10;
+  const SyntheticDrive truth(options);
+  const DriveRun result = run(truth);
+  ASSERT_EQ(result.frame(39).status, VoStatus::kTracking);
+  for (std::size_t i = 40; i < 50; ++i) EXPECT_EQ(result.frame(i).status, VoStatus::kLost) << i;
+  std::size_t back = 50;
+  while (back < truth.size() && result.frame(back).status != VoStatus::kTracking) ++back;
+  EXPECT_LT(back, 60u);
+  for (std::size_t i = back; i < truth.size(); ++i) {
+    EXPECT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
+  }
+  const std::size_t last = truth.size() - 1;
+  const Eigen::Isometry3d moved = result.frame(back).T_w_c.inverse() * result.frame(last).T_w_c;
+  const Eigen::Isometry3d true_moved =
+      truth.frame(back).T_c0_c.inverse() * truth.frame(last).T_c0_c;
+  EXPECT_LT(angleBetween(moved, true_moved), 0.01);
+  EXPECT_GT(moved.translation().normalized().dot(true_moved.translation().normalized()),
+            std::cos(0.03));
+}
+
+TEST(VisualOdometry, aCutToAnotherPlaceStartsANewMap) {
+  const SyntheticDrive truth(drive(20));
+  SyntheticDrive::Options other_options = drive(30);
+  other_options.random_seed = 77;
+  other_options.curvature = 0;
+  const SyntheticDrive other(other_options);
+  VisualOdometry odometry(truth.camera(), {});
+  std::int64_t stamp = 0;
+  for (std::size_t i = 0; i < truth.size(); ++i, stamp += 100'000'000) {
+    odometry.process(truth.image(i), stamp);
+  }
+  std::vector<VoFrame> frames;
+  for (std::size_t i = 0; i < other.size(); ++i, stamp += 100'000'000) {
+    frames.push_back(odometry.process(other.image(i), stamp).frame);
+  }
+  EXPECT_EQ(frames.front().status, VoStatus::kLost);
+  EXPECT_EQ(frames.back().status, VoStatus::kTracking);
+  EXPECT_EQ(frames.back().map_id, 1u);
+}
+
+TEST(VisualOdometry, sameImagesGiveTheSameBytes) {
+  const SyntheticDrive truth(drive(25));
+  const DriveRun a = run(truth), b = run(truth);
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    EXPECT_EQ(a.frame(i).T_w_c.matrix(), b.frame(i).T_w_c.matrix());
+    ASSERT_EQ(a.frame(i).features.size(), b.frame(i).features.size());
+    for (std::size_t k = 0; k < a.frame(i).features.size(); ++k) {
+      EXPECT_EQ(a.frame(i).features[k].u, b.frame(i).features[k].u);
+    }
+  }
+}
+
+TEST(VisualOdometry, refusesWrongImagesAndOptions) {
+  const PinholeCamera camera = test::testCamera();
+  VisualOdometry odometry(camera, {});
+  EXPECT_THROW(odometry.process(cv::Mat(), 0), OptionError);
+  EXPECT_THROW(odometry.process(cv::Mat(248, 801, CV_8UC1), 0), OptionError);
+  EXPECT_THROW(odometry.process(cv::Mat(248, 800, CV_8UC3), 0), OptionError);
+  VisualOdometry::Options options;
+  options.keyframe_min_tracked = 2;
+  EXPECT_THROW(VisualOdometry(camera, options), OptionError);
+  EXPECT_THROW(VisualOdometry({}, {}), OptionError);
+}
+
+TEST(VisualOdometry, imagesWithoutTextureAreNoError) {
+  const PinholeCamera camera = test::testCamera();
+  VisualOdometry odometry(camera, {});
+  for (int i = 0; i < 5; ++i) {
+    const cv::Mat grey(camera.height, camera.width, CV_8UC1, cv::Scalar(60 * i));
+    const VoFrame frame = odometry.process(grey, i * 100'000'000LL).frame;
+    EXPECT_EQ(frame.status, VoStatus::kInitialising);
+    EXPECT_TRUE(frame.features.empty());
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

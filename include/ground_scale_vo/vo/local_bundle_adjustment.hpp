@@ -12,7 +12,7 @@ class LocalBundleAdjustment {
  public:
   struct Options {
     int window = 7;  ///< newest keyframes that move
-    int max_iterations = 6;
+    int max_iterations = 4;
     double noise = 0.0008;     ///< standard deviation of an observation, normalised coordinates
     double huber_sigma = 1.0;  ///< residuals over this many standard deviations count linearly
     /// Throws OptionError.

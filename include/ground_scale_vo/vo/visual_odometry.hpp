@@ -27,7 +27,7 @@ class VisualOdometry {
     LocalBundleAdjustment::Options bundle_adjustment;
 
     double keyframe_parallax = 0.03;    ///< median since the last keyframe [rad]
-    double keyframe_min_tracked = 0.7;  ///< share of the last keyframe's landmarks still tracked
+    double keyframe_min_tracked = 0.5;  ///< share of the last keyframe's landmarks still tracked
     double standstill_flow = 0.0003;    ///< median flow below this is none [image width]
     double epipolar_error = 0.0028;     ///< of a feature without depth, normalised coordinates
     double outlier_error = 0.003;  ///< of an observation after adjustment, normalised coordinates

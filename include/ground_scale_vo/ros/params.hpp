@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+
+#include "ground_scale_vo/ros/param_reader.hpp"
+#include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+
+namespace ground_scale_vo {
+
+/// All parameters of the MonoVo nodelet, under its private namespace.
+struct MonoVoParams {
+  int queue_size = 5;
+  bool image_is_rectified = false;
+  double clock_jump_s = 1.0;
+  std::string world_frame = "vo_world";
+  VisualOdometry::Options vo;
+
+  /// Throws OptionError that names the parameter.
+  static MonoVoParams read(ParamReader& reader);
+};
+
+/// All parameters of the ScaleRecovery nodelet, under its private namespace.
+struct ScaleRecoveryParams {
+  std::string odom_frame = "odom";
+  std::string base_frame;
+  bool publish_tf = true;
+  bool refine = true;
+  int path_max_poses = 5000;
+  double path_spacing_m = 0.5;
+  double clock_jump_s = 1.0;
+  ScaleRecovery::Options scale;
+
+  /// Throws OptionError that names the parameter.
+  static ScaleRecoveryParams read(ParamReader& reader);
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,28 @@
+#!/usr/bin/env python3
+"""Prints "passed failed skipped" over the JUnit result files below a folder."""
+
+import pathlib
+import sys
+import xml.etree.ElementTree as ElementTree
+
+
+def main():
+    passed = failed = skipped = 0
+    for file in sorted(pathlib.Path(sys.argv[1]).rglob("*.xml")):
+        try:
+            cases = list(ElementTree.parse(file).iter("testcase"))
+        except ElementTree.ParseError:
+            failed += 1
+            continue
+        for case in cases:
+            if case.find("failure") is not None or case.find("error") is not None:
+                failed += 1
+            elif case.find("skipped") is not None or case.get("status") == "notrun":
+                skipped += 1
+            else:
+                passed += 1
+    print(passed, failed, skipped)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+# Set-up, build and environment for the commands in scripts/. Sourced, not run.
+#
+#   gsv_setup [section...]   installs what is missing of packages.txt ([base] and the sections)
+#   gsv_build [target...]    configures and builds to <root>/build; no target: everything
+#   gsv_env                  makes ROS and this build usable in the calling shell
+#
+# Each returns non-zero after one sentence on stderr when it fails.
+
+gsv_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+
+# A Python that stands before /usr/bin (pyenv, conda) breaks catkin, which needs the system's.
+PATH=/usr/bin:/bin:$PATH
+
+# On Noetic everything lies under /opt/ros; on Debian there is no such folder and nothing to source.
+gsv_source_distribution() {
+  local distribution=/opt/ros/${ROS_DISTRO:-noetic}
+  [[ -z ${ROS_ROOT:-} && -f $distribution/setup.bash ]] || return 0
+  # These scripts are not made for `set -u` and `set -e`.
+  local options=$-
+  set +eu
+  source "$distribution/setup.bash"
+  [[ $options != *e* ]] || set -e
+  [[ $options != *u* ]] || set -u
+}
+
+# The packages of packages.txt in the sections named.
+gsv_packages() {
+  awk -v wanted=" $* " '
+    /^\[/ { section = substr($0, 2, length($0) - 2); next }
+    /^[a-z0-9]/ && index(wanted, " " section " ") { print $1 }
+  ' "$gsv_root/scripts/lib/packages.txt"
+}
+
+gsv_setup() {
+  if [[ -d /opt/ros/${ROS_DISTRO:-noetic} ]]; then
+    gsv_source_distribution
+    return 0 # there rosdep installs: rosdep install --from-paths . --ignore-src
+  fi
+  local packages=() missing=() package
+  mapfile -t packages < <(gsv_packages base "$@")
+  # One call for all of them; a name that dpkg does not know is missing too.
+  local installed
+  installed=" $(dpkg-query -W -f '${db:Status-Status}=${Package} ' "${packages[@]}" 2>/dev/null) "
+  for package in "${packages[@]}"; do
+    [[ $installed == *" installed=$package "* ]] || missing+=("$package")
+  done
+  ((${#missing[@]})) || return 0
+
+  local as_root=()
+  if ((EUID != 0)); then
+    if ! command -v sudo >/dev/null; then
+      echo "set-up: ${#missing[@]} packages are missing and neither root nor sudo is there to install them: ${missing[*]}" >&2
+      return 1
+    fi
+    as_root=(sudo)
+  fi
+  mkdir -p "$gsv_root/build"
+  local log=$gsv_root/build/setup.log
+  echo "set-up: installing ${#missing[@]} packages with apt (log: build/setup.log)" >&2
+  local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600)
+  local install=("${apt[@]}" install -y --no-install-recommends "${missing[@]}")
+  # The package lists are refreshed only when they are missing or out of date.
+  if ! "${install[@]}" >"$log" 2>&1; then
+    if ! { "${apt[@]}" update && "${install[@]}"; } >>"$log" 2>&1; then
+      echo "set-up: apt could not install ${missing[*]}; the reason stands in $log:" >&2
+      grep -E '^E: ' "$log" | tail -n 3 >&2
+      return 1
+    fi
+  fi
+}
+
+gsv_build() {
+  gsv_source_distribution
+  local build=$gsv_root/build log=$gsv_root/build/build.log jobs
+  jobs=${GSV_JOBS:-$(nproc)}
+  mkdir -p "$build"
+  if ! cmake -S "$gsv_root" -B "$build" \
+    -DPYTHON_EXECUTABLE=/usr/bin/python3 -DPython3_EXECUTABLE=/usr/bin/python3 \
+    "${gsv_cmake_arguments[@]}" >"$log" 2>&1; then
+    grep -A 8 -m 1 'CMake Error' "$log" >&2 || tail -n 10 "$log" >&2
+    echo "build: cmake failed, see $log" >&2
+    return 1
+  fi
+  local targets=()
+  (($# == 0)) || targets=(--target "$@")
+  # The compiler's lines go to the log; the terminal sees how far it is.
+  if ! (
+    set -o pipefail
+    cmake --build "$build" --parallel "$jobs" "${targets[@]}" 2>&1 | tee -a "$log" |
+      gsv_show_progress
+  ); then
+    grep -E -A 4 -m 3 '(error:|Error [0-9]|undefined reference)' "$log" >&2
+    echo "build: failed, see $log" >&2
+    return 1
+  fi
+}
+gsv_cmake_arguments=()
+
+gsv_show_progress() {
+  local line
+  [[ -t 2 ]] || {
+    cat >/dev/null
+    return 0
+  }
+  while IFS= read -r line; do
+    [[ $line =~ ^\[\ *([0-9]+)%\] ]] && printf '\rbuild: %s%% ' "${BASH_REMATCH[1]}" >&2
+  done
+  printf '\r\033[K' >&2
+}
+
+gsv_env() {
+  gsv_source_distribution
+  local setup=$gsv_root/build/devel/setup.bash options=$-
+  if [[ ! -f $setup ]]; then
+    echo "environment: nothing is built in $gsv_root/build" >&2
+    return 1
+  fi
+  set +eu
+  source "$setup"
+  [[ $options != *e* ]] || set -e
+  [[ $options != *u* ]] || set -u
+  export ROS_HOME=$gsv_root/build/ros ROS_LOG_DIR=$gsv_root/build/ros/log
+  mkdir -p "$ROS_LOG_DIR"
+}

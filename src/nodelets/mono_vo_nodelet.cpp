@@ -1,0 +1,215 @@
+#include "ground_scale_vo/nodelets/mono_vo_nodelet.hpp"
+
+#include <nav_msgs/Odometry.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include <algorithm>
+#include <exception>
+#include <pluginlib/class_list_macros.hpp>
+#include <utility>
+
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/nodelets/load_params.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// The callbacks only store, so these never fill; what is lost is lost, and counted, in images_.
+constexpr std::uint32_t kTransportQueue = 100;
+constexpr std::uint32_t kPublishQueue = 100;
+constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
+
+const char* toText(VoStatus status) {
+  switch (status) {
+    case VoStatus::kInitialising:
+      return "initialising";
+    case VoStatus::kTracking:
+      return "tracking";
+    case VoStatus::kLost:
+      return "lost";
+  }
+  return "unknown";
+}
+
+}  // namespace
+
+MonoVoNodelet::~MonoVoNodelet() {
+  // After these no callback runs any more.
+  image_subscriber_.shutdown();
+  camera_info_subscriber_.shutdown();
+  diagnostics_timer_.stop();
+  if (images_) images_->close();
+  if (thread_.joinable()) thread_.join();
+}
+
+void MonoVoNodelet::onInit() {
+  ros::NodeHandle& handle = getNodeHandle();
+  ros::NodeHandle& private_handle = getPrivateNodeHandle();
+  params_ = loadParams<MonoVoParams>(getName(), private_handle);
+
+  guard_ = std::make_unique<StampGuard>(params_.clock_jump_s);
+  images_ = std::make_unique<BoundedQueue<sensor_msgs::ImageConstPtr>>(
+      static_cast<std::size_t>(params_.queue_size));
+
+  transport_ = std::make_unique<image_transport::ImageTransport>(handle);
+  frame_publisher_ = handle.advertise<VoFrameMsg>("vo/frame", kPublishQueue);
+  odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("vo/odometry", kPublishQueue);
+  points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("vo/points", 1);
+  tracks_publisher_ = transport_->advertise("vo/image_tracks", 1);
+
+  updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
+  updater_->setHardwareID("none");
+  updater_->add("odometry", this, &MonoVoNodelet::diagnose);
+  diagnosed_at_ = std::chrono::steady_clock::now();
+
+  thread_ = std::thread(&MonoVoNodelet::work, this);
+  camera_info_subscriber_ =
+      handle.subscribe("camera_info", kTransportQueue, &MonoVoNodelet::onCameraInfo, this);
+  image_subscriber_ = transport_->subscribe(
+      "image", kTransportQueue, &MonoVoNodelet::onImage, this,
+      image_transport::TransportHints("raw", ros::TransportHints().tcpNoDelay(), private_handle));
+  diagnostics_timer_ =
+      handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
+                             [this](const ros::WallTimerEvent&) { updater_->force_update(); });
+}
+
+void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+  const std::string topic = camera_info_subscriber_.getTopic();
+  try {
+    Calibration calibration = toCalibration(*info, topic, params_.image_is_rectified);
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (camera_ && camera_->calibration == calibration) return;
+    }
+    Rectifier rectifier = toRectifier(calibration, topic);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    camera_ = std::make_shared<const Camera>(Camera{std::move(calibration), std::move(rectifier)});
+  } catch (const MessageError& error) {
+    drop("camera_info refused", error.what());
+    return;
+  }
+  images_->release();
+}
+
+void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
+  const bool kept_all = images_->push(image);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++state_.received;
+  if (!kept_all) ++state_.overtaken;
+}
+
+void MonoVoNodelet::work() {
+  while (const std::optional<sensor_msgs::ImageConstPtr> image = images_->pop()) {
+    try {
+      process(**image);
+    } catch (const std::exception& error) {
+      drop("image failed", error.what());
+    }
+  }
+}
+
+void MonoVoNodelet::process(const sensor_msgs::Image& image) {
+  const auto start = std::chrono::steady_clock::now();
+  std::shared_ptr<const Camera> camera;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    camera = camera_;
+  }
+
+  cv::Mat grey;
+  try {
+    grey = toGrey(image);
+  } catch (const MessageError& error) {
+    return drop("image refused", error.what());
+  }
+  const PinholeCamera& raw = camera->calibration.raw;
+  if (grey.cols != raw.width || grey.rows != raw.height) {
+    return drop("image size", "the image is " + std::to_string(grey.cols) + " x " +
+                                  std::to_string(grey.rows) + ", camera_info says " +
+                                  std::to_string(raw.width) + " x " + std::to_string(raw.height));
+  }
+  const StampGuard::Verdict verdict = guard_->check(image.header.stamp);
+  if (verdict == StampGuard::Verdict::kDrop) return drop("image stamp", guard_->reason());
+
+  prepareOdometry(camera, verdict == StampGuard::Verdict::kJumpedBack);
+  const cv::Mat rectified = camera->rectifier.rectify(grey);
+  const VisualOdometry::Output output =
+      odometry_->process(rectified, toNanoseconds(image.header.stamp));
+  publish(rectified, output.frame, image.header);
+
+  const std::chrono::duration<double, std::milli> elapsed =
+      std::chrono::steady_clock::now() - start;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++state_.processed;
+  state_.status = output.frame.status;
+  state_.map_id = output.frame.map_id;
+  state_.features = output.frame.features.size();
+  state_.points = static_cast<std::size_t>(
+      std::count_if(output.frame.features.begin(), output.frame.features.end(),
+                    [](const TrackedFeature& feature) { return feature.has_point; }));
+  state_.frame_ms = elapsed.count();
+}
+
+void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const Camera>& camera,
+                                    bool clock_jumped_back) {
+  if (odometry_ && clock_jumped_back) NODELET_WARN("The clock jumped back: starting anew.");
+  if (odometry_ && camera != odometry_camera_) NODELET_WARN("The camera changed: starting anew.");
+  if (odometry_ && !clock_jumped_back && camera == odometry_camera_) return;
+  odometry_ = std::make_unique<VisualOdometry>(camera->rectifier.camera(), params_.vo);
+  odometry_camera_ = camera;
+  painter_ = TrackPainter();
+}
+
+void MonoVoNodelet::publish(const cv::Mat& rectified, const VoFrame& frame,
+                            const std_msgs::Header& header) {
+  frame_publisher_.publish(toMsg(frame, header));
+  if (frame.status == VoStatus::kTracking) {
+    odometry_publisher_.publish(toOdometryMsg(frame, header, params_.world_frame));
+  }
+  if (points_publisher_.getNumSubscribers() > 0) {
+    points_publisher_.publish(toPointCloud(frame, header));
+  }
+  if (tracks_publisher_.getNumSubscribers() > 0) {
+    tracks_publisher_.publish(painter_.paint(rectified, frame, header));
+  }
+}
+
+void MonoVoNodelet::drop(const std::string& kind, const std::string& why) {
+  const std::string sentence = faults_.report(kind, why);
+  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
+}
+
+void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  const double seconds = std::chrono::duration<double>(now - diagnosed_at_).count();
+  const double rate =
+      seconds > 0 ? static_cast<double>(state_.processed - diagnosed_) / seconds : 0.0;
+  diagnosed_ = state_.processed;
+  diagnosed_at_ = now;
+
+  if (!camera_) {
+    status.summary(state_.received > 0 ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN,
+                   "no usable camera_info yet on " + camera_info_subscriber_.getTopic());
+  } else if (!state_.status) {
+    status.summary(DiagnosticStatus::WARN, "no image yet on " + image_subscriber_.getTopic());
+  } else if (*state_.status != VoStatus::kTracking) {
+    status.summary(DiagnosticStatus::WARN, toText(*state_.status));
+  } else {
+    status.summary(DiagnosticStatus::OK, toText(*state_.status));
+  }
+  status.add("rate [Hz]", rate);
+  status.add("time of the last frame [ms]", state_.frame_ms);
+  status.add("images received", state_.received);
+  status.add("images processed", state_.processed);
+  status.add("images overtaken by newer ones", state_.overtaken);
+  for (const auto& [kind, count] : faults_.counts()) status.add("dropped: " + kind, count);
+  status.add("map_id", state_.map_id);
+  status.add("features", state_.features);
+  status.add("map points", state_.points);
+}
+
+}  // namespace ground_scale_vo
+
+PLUGINLIB_EXPORT_CLASS(ground_scale_vo::MonoVoNodelet, nodelet::Nodelet)

@@ -1,0 +1,231 @@
+#include "ground_scale_vo/nodelets/scale_recovery_nodelet.hpp"
+
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <visualization_msgs/Marker.h>
+
+#include <boost/make_shared.hpp>
+#include <exception>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "ground_scale_vo/nodelets/load_params.hpp"
+#include "ground_scale_vo/ros/visuals.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Frames are small and none may be lost: room for more than a minute.
+constexpr std::uint32_t kFrameQueue = 1000;
+constexpr std::uint32_t kPublishQueue = 100;
+constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
+
+}  // namespace
+
+ScaleRecoveryNodelet::~ScaleRecoveryNodelet() {
+  // After these no callback runs any more.
+  frame_subscriber_.shutdown();
+  reset_server_.shutdown();
+  diagnostics_timer_.stop();
+}
+
+void ScaleRecoveryNodelet::onInit() {
+  ros::NodeHandle& handle = getNodeHandle();
+  ros::NodeHandle& private_handle = getPrivateNodeHandle();
+  params_ = loadParams<ScaleRecoveryParams>(getName(), private_handle);
+
+  recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
+  guard_ = std::make_unique<StampGuard>(params_.clock_jump_s);
+  path_ = std::make_unique<BoundedPath>(static_cast<std::size_t>(params_.path_max_poses),
+                                        params_.path_spacing_m);
+  if (!params_.base_frame.empty()) {
+    tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
+    tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_buffer_, handle);
+  }
+  if (params_.publish_tf) tf_broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
+
+  odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kPublishQueue);
+  scale_publisher_ = handle.advertise<ScaleEstimateMsg>("scale", kPublishQueue);
+  path_publisher_ = handle.advertise<nav_msgs::Path>("path", 1);
+  ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
+  ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 2);
+
+  updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
+  updater_->setHardwareID("none");
+  updater_->add("scale", this, &ScaleRecoveryNodelet::diagnose);
+  diagnosed_at_ = std::chrono::steady_clock::now();
+  diagnostics_timer_ =
+      handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
+                             [this](const ros::WallTimerEvent&) { updater_->force_update(); });
+
+  reset_server_ = handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
+  frame_subscriber_ =
+      handle.subscribe("vo/frame", kFrameQueue, &ScaleRecoveryNodelet::onFrame, this);
+}
+
+bool ScaleRecoveryNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
+                                   std_srvs::Trigger::Response& response) {
+  reset();
+  response.success = true;
+  response.message = "the scale is unknown and the odometry starts anew";
+  return true;
+}
+
+void ScaleRecoveryNodelet::reset() {
+  recovery_->reset();
+  path_->clear();
+  last_scale_ = ScaleEstimate();
+  last_measured_ = ros::Time();
+  distance_m_ = 0;
+}
+
+void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
+  const auto start = std::chrono::steady_clock::now();
+  VoFrame frame;
+  try {
+    frame = fromMsg(*msg);
+  } catch (const MessageError& error) {
+    return report("frame refused", error.what());
+  }
+  switch (guard_->check(msg->header.stamp)) {
+    case StampGuard::Verdict::kDrop:
+      return report("frame stamp", guard_->reason());
+    case StampGuard::Verdict::kJumpedBack:
+      NODELET_WARN("The clock jumped back: starting anew.");
+      reset();
+      break;
+    case StampGuard::Verdict::kNext:
+      break;
+  }
+  renumberMap(frame);
+
+  ScaleRecovery::Output output;
+  try {
+    output = recovery_->process(frame);
+  } catch (const std::exception& error) {
+    return report("frame failed", error.what());
+  }
+  scale_publisher_.publish(toMsg(output.scale, frame.map_id, msg->header));
+  if (output.scale.status != ScaleStatus::kUnknown) {
+    if (output.pose) publishPose(*output.pose, msg->header);
+    publishGround(output, msg->header);
+  }
+
+  ++processed_;
+  last_scale_ = output.scale;
+  last_stamp_ = msg->header.stamp;
+  if (output.scale.status == ScaleStatus::kOk) last_measured_ = last_stamp_;
+  if (output.pose) distance_m_ = output.pose->distance;
+  frame_ms_ =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+void ScaleRecoveryNodelet::renumberMap(VoFrame& frame) {
+  if (last_sequence_ && frame.sequence <= *last_sequence_) map_offset_ = last_map_id_ + 1;
+  last_sequence_ = frame.sequence;
+  frame.map_id += map_offset_;
+  last_map_id_ = frame.map_id;
+}
+
+const OdometryFrames* ScaleRecoveryNodelet::framesFor(const std::string& camera_frame) {
+  if (frames_ && frames_camera_ == camera_frame) return &*frames_;
+  if (camera_frame.empty()) {
+    report("no frame_id", "the images have an empty frame_id, so there is no frame to publish");
+    return nullptr;
+  }
+  if (params_.base_frame.empty() || params_.base_frame == camera_frame) {
+    frames_ = OdometryFrames::ofCamera(params_.odom_frame, camera_frame);
+  } else {
+    try {
+      const geometry_msgs::TransformStamped mounting =
+          tf_buffer_->lookupTransform(params_.base_frame, camera_frame, ros::Time(0));
+      frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame,
+                                       fromMsg(mounting.transform));
+    } catch (const std::exception& error) {
+      const std::string sentence =
+          faults_.report("no tf", "tf knows no way from base_frame \"" + params_.base_frame +
+                                      "\" to the camera \"" + camera_frame +
+                                      "\", so nothing metric is published: " + error.what());
+      if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
+      return nullptr;
+    }
+  }
+  frames_camera_ = camera_frame;
+  return &*frames_;
+}
+
+void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const std_msgs::Header& header) {
+  const OdometryFrames* const frames = framesFor(header.frame_id);
+  if (frames == nullptr) return;
+
+  const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(pose, *frames, header.stamp);
+  odometry_publisher_.publish(odometry);
+  if (tf_broadcaster_) tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
+
+  geometry_msgs::PoseStamped stamped;
+  stamped.header = odometry->header;
+  stamped.pose = odometry->pose.pose;
+  if (path_->add(stamped) && path_publisher_.getNumSubscribers() > 0) {
+    auto path = boost::make_shared<nav_msgs::Path>();
+    path->header = odometry->header;
+    path->poses = path_->poses();
+    path_publisher_.publish(path);
+  }
+}
+
+void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output,
+                                         const std_msgs::Header& header) {
+  if (ground_points_publisher_.getNumSubscribers() > 0) {
+    std::vector<Eigen::Vector3f> metric = output.ground_points_c;
+    for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
+    ground_points_publisher_.publish(toPointCloud(metric, header));
+  }
+  if (ground_plane_publisher_.getNumSubscribers() > 0) {
+    for (const auto& marker : toPlaneMarkers(output.scale, header)) {
+      ground_plane_publisher_.publish(marker);
+    }
+  }
+}
+
+void ScaleRecoveryNodelet::report(const std::string& kind, const std::string& why) {
+  const std::string sentence = faults_.report(kind, why);
+  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
+}
+
+void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const auto now = std::chrono::steady_clock::now();
+  const double seconds = std::chrono::duration<double>(now - diagnosed_at_).count();
+  const double rate = seconds > 0 ? static_cast<double>(processed_ - diagnosed_) / seconds : 0.0;
+  diagnosed_ = processed_;
+  diagnosed_at_ = now;
+
+  const auto faults = faults_.counts();
+  if (processed_ == 0) {
+    status.summary(DiagnosticStatus::WARN, "no frame yet on " + frame_subscriber_.getTopic());
+  } else if (last_scale_.status == ScaleStatus::kUnknown) {
+    status.summary(DiagnosticStatus::WARN, "the scale is not known yet");
+  } else if (!frames_) {
+    status.summary(DiagnosticStatus::ERROR, "tf does not know where the camera is mounted");
+  } else if (last_scale_.status == ScaleStatus::kHeld) {
+    status.summary(DiagnosticStatus::WARN, "the scale is held");
+  } else {
+    status.summary(DiagnosticStatus::OK, "the scale is measured");
+  }
+  status.add("rate [Hz]", rate);
+  status.add("time of the last frame [ms]", frame_ms_);
+  status.add("frames processed", processed_);
+  for (const auto& [kind, count] : faults) status.add("dropped: " + kind, count);
+  status.add("scale status", toString(last_scale_.status));
+  status.add("reason", toString(last_scale_.reason));
+  status.add("scale [m / VO unit]", last_scale_.scale);
+  status.add("sigma [m / VO unit]", last_scale_.sigma);
+  if (!last_measured_.isZero()) {
+    status.add("age of the last measured scale [s]", (last_stamp_ - last_measured_).toSec());
+  }
+  status.add("distance [m]", distance_m_);
+}
+
+}  // namespace ground_scale_vo
+
+PLUGINLIB_EXPORT_CLASS(ground_scale_vo::ScaleRecoveryNodelet, nodelet::Nodelet)

@@ -1,0 +1,239 @@
+// What the nodelets made of a bag: poses, scale and figures from the bag that kitti.launch
+// recorded.
+
+#include <nav_msgs/Odometry.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/dataset/offline_run.hpp"
+#include "ground_scale_vo/dataset/run_report.hpp"
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/ground_truth.hpp"
+
+namespace gsv = ground_scale_vo;
+
+namespace {
+
+constexpr const char* kUsage =
+    R"(usage: evaluate_bag --played BAG --recorded BAG --out DIR --camera-height M [--image TOPIC]
+
+Compares what both nodelets made of a bag with the bag's own ground truth.
+
+  --played BAG       the bag that was played: its images say which frames there were, its tf is the
+                     ground truth
+  --recorded BAG     what kitti.launch record:=BAG wrote: scale, odometry, vo/odometry
+  --out DIR          gets the files of run_sequence: poses.txt, poses_unscaled.txt,
+                     trajectory_tum.txt, scale.csv, metrics.json, ground_truth.txt
+  --camera-height M  [m] as it was given to the launch file
+  --image TOPIC      of the played bag (default /kitti/camera_gray_left/image)
+
+The nodelets publish nothing metric before the first scale, so the files begin at the first frame
+with a metric pose; its number is printed. Poses are those of the published frame, in the axes of
+a camera (x right, y down, z forward).
+
+Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
+)";
+
+struct Arguments {
+  std::string played, recorded, out, image = "/kitti/camera_gray_left/image";
+  double camera_height = 0;
+};
+
+/// Throws OptionError.
+Arguments parseArguments(int argc, char** argv) {
+  Arguments arguments;
+  std::string height;
+  const std::map<std::string, std::string*> texts = {{"--played", &arguments.played},
+                                                     {"--recorded", &arguments.recorded},
+                                                     {"--out", &arguments.out},
+                                                     {"--image", &arguments.image},
+                                                     {"--camera-height", &height}};
+  for (int i = 1; i < argc; ++i) {
+    const auto option = texts.find(argv[i]);
+    if (option == texts.end()) {
+      throw gsv::OptionError(std::string(argv[i]) + " is not known, see --help");
+    }
+    if (++i == argc) throw gsv::OptionError(option->first + " needs a value");
+    *option->second = argv[i];
+  }
+  for (const auto& [name, value] : texts) {
+    if (value->empty()) throw gsv::OptionError(name + " is missing, see --help");
+  }
+  char* end = nullptr;
+  arguments.camera_height = std::strtod(height.c_str(), &end);
+  if (*end != '\0') throw gsv::OptionError("--camera-height is '" + height + "', not a number");
+  gsv::requireInRange("--camera-height", arguments.camera_height, 0.05, 100.0);
+  return arguments;
+}
+
+/// Throws DataError.
+void open(rosbag::Bag& bag, const std::string& file) {
+  if (!std::filesystem::is_regular_file(file)) throw gsv::DataError("there is no bag " + file);
+  try {
+    bag.open(file, rosbag::bagmode::Read);
+  } catch (const rosbag::BagException& error) {
+    throw gsv::DataError("the bag " + file + " cannot be read: " + error.what());
+  }
+}
+
+/// What was played.
+struct Played {
+  std::vector<std_msgs::Header> images;
+  gsv::GroundTruthTf truth;
+};
+
+void readPlayed(const Arguments& arguments, Played& played) {
+  rosbag::Bag bag;
+  open(bag, arguments.played);
+  for (const rosbag::MessageInstance& instance :
+       rosbag::View(bag, rosbag::TopicQuery({arguments.image, "/tf", "/tf_static"}))) {
+    if (const auto image = instance.instantiate<sensor_msgs::Image>()) {
+      played.images.push_back(image->header);
+    } else if (const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>()) {
+      played.images.push_back(compressed->header);
+    } else if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
+      played.truth.add(*tf, instance.getTopic() == "/tf_static");
+    }
+  }
+  if (played.images.empty()) {
+    throw gsv::DataError("the bag " + arguments.played + " has no image on " + arguments.image);
+  }
+}
+
+/// What came out, by stamp.
+struct Recorded {
+  std::map<ros::Time, gsv::ScaleEstimateMsg::ConstPtr> scales;
+  std::map<ros::Time, nav_msgs::OdometryConstPtr> metric, unscaled;
+};
+
+void readRecorded(const Arguments& arguments, Recorded& recorded) {
+  rosbag::Bag bag;
+  open(bag, arguments.recorded);
+  for (const rosbag::MessageInstance& instance : rosbag::View(bag)) {
+    if (const auto scale = instance.instantiate<gsv::ScaleEstimateMsg>()) {
+      recorded.scales[scale->header.stamp] = scale;
+    } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
+      const std::string topic = instance.getTopic();
+      const bool is_unscaled =
+          topic.size() >= 11 && topic.substr(topic.size() - 11) == "vo/odometry";
+      (is_unscaled ? recorded.unscaled : recorded.metric)[odometry->header.stamp] = odometry;
+    }
+  }
+}
+
+/// A pose told in the axes of a camera: what is x forward, z up becomes z forward, y down.
+Eigen::Isometry3d inCameraAxes(const Eigen::Isometry3d& T_a_b, bool is_camera) {
+  if (is_camera) return T_a_b;
+  Eigen::Isometry3d T_body_optical = Eigen::Isometry3d::Identity();
+  T_body_optical.linear() = gsv::bodyFromOptical();
+  return T_body_optical.inverse() * T_a_b * T_body_optical;
+}
+
+void evaluate(const Arguments& arguments) {
+  Played played;
+  readPlayed(arguments, played);
+  Recorded recorded;
+  readRecorded(arguments, recorded);
+
+  std::size_t first = 0, scales = 0;
+  const auto hasPose = [&](std::size_t i) {
+    return recorded.metric.count(played.images[i].stamp) != 0;
+  };
+  for (const std_msgs::Header& image : played.images) scales += recorded.scales.count(image.stamp);
+  while (first < played.images.size() && !hasPose(first)) ++first;
+  const bool any = first < played.images.size();
+  std::printf(
+      "%zu images in, %zu frames out of both nodelets, %zu lost on the way; %s\n",
+      played.images.size(), scales, played.images.size() - scales,
+      any ? ("first metric pose at frame " + std::to_string(first)).c_str() : "no metric pose");
+  if (!any) throw gsv::DataError("no scale was found, so there is nothing to compare");
+
+  const auto& first_odometry = *recorded.metric.at(played.images[first].stamp);
+  const bool is_camera = first_odometry.child_frame_id == played.images[first].frame_id;
+  const Eigen::Isometry3d T_b0_odom = gsv::fromMsg(first_odometry.pose.pose).inverse();
+
+  gsv::RunRecord record;
+  std::vector<Eigen::Isometry3d> truth;
+  std::optional<Eigen::Isometry3d> T_b0_root;
+  for (std::size_t i = first; i < played.images.size(); ++i) {
+    const ros::Time& stamp = played.images[i].stamp;
+    gsv::VisualOdometry::Output vo;
+    gsv::ScaleRecovery::Output scale;
+    // The nodelets tell no times; NaN is written as "none".
+    vo.times.total = scale.times.total = std::numeric_limits<double>::quiet_NaN();
+    vo.frame.stamp_ns = gsv::toNanoseconds(stamp);
+    vo.frame.sequence = static_cast<std::uint32_t>(i - first);
+    vo.frame.status = gsv::VoStatus::kLost;
+    const auto said = recorded.scales.find(stamp);
+    if (said != recorded.scales.end()) {
+      scale.scale = gsv::fromMsg(*said->second);
+      vo.frame.map_id = said->second->map_id;
+    }
+    const auto unscaled = recorded.unscaled.find(stamp);
+    if (unscaled != recorded.unscaled.end()) {
+      vo.frame.status = gsv::VoStatus::kTracking;
+      vo.frame.T_w_c = gsv::fromMsg(unscaled->second->pose.pose);
+    }
+    if (hasPose(i)) {
+      scale.pose.emplace();
+      scale.pose->T_o_c =
+          inCameraAxes(T_b0_odom * gsv::fromMsg(recorded.metric.at(stamp)->pose.pose), is_camera);
+    }
+    record.append(vo, scale);
+
+    const auto T_root_b = played.truth.pose(first_odometry.child_frame_id, stamp);
+    if (!T_root_b) continue;
+    if (!T_b0_root) T_b0_root = T_root_b->inverse();
+    truth.push_back(inCameraAxes(*T_b0_root * *T_root_b, is_camera));
+  }
+  if (truth.size() != record.frames().size()) {
+    if (!truth.empty()) {
+      std::printf("the ground truth reaches only %zu of %zu frames and is left out\n", truth.size(),
+                  record.frames().size());
+    }
+    truth.clear();
+  }
+  gsv::writeRun(arguments.out, record, arguments.camera_height, truth);
+}
+
+int fail(const std::exception& error, int status) {
+  std::fprintf(stderr, "evaluate_bag: %s\n", error.what());
+  return status;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    if (argv[i] == std::string("--help") || argv[i] == std::string("-h")) {
+      std::fputs(kUsage, stdout);
+      return 0;
+    }
+  }
+  Arguments arguments;
+  try {
+    arguments = parseArguments(argc, argv);
+  } catch (const std::exception& error) {
+    return fail(error, 2);
+  }
+  try {
+    evaluate(arguments);
+  } catch (const std::exception& error) {
+    return fail(error, 1);
+  }
+  return 0;
+}

@@ -1,0 +1,110 @@
+// Shows the ground truth of a bag beside the estimate: ground_truth/tf (the bag's own tf, moved
+// there by play_bag) -> ground_truth/odometry and ground_truth/path in the estimate's odom frame.
+//
+// The truth has an origin of its own; the two are laid together at the first metric pose.
+
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <ros/ros.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <algorithm>
+#include <boost/make_shared.hpp>
+#include <deque>
+#include <optional>
+
+#include "ground_scale_vo/ros/bounded_path.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/ground_truth.hpp"
+
+namespace gsv = ground_scale_vo;
+
+namespace {
+
+constexpr std::uint32_t kQueue = 1000;
+constexpr std::size_t kPathPoses = 5000;
+constexpr double kPathSpacing = 0.5;      // [m]
+constexpr std::size_t kLongestWait = 50;  // estimates without a truth
+constexpr double kClockJump = 1.0;        // [s]
+
+class GroundTruthRelay {
+ public:
+  explicit GroundTruthRelay(ros::NodeHandle& handle)
+      : path_(kPathPoses, kPathSpacing),
+        odometry_publisher_(handle.advertise<nav_msgs::Odometry>("ground_truth/odometry", 100)),
+        path_publisher_(handle.advertise<nav_msgs::Path>("ground_truth/path", 1)),
+        tf_subscriber_(handle.subscribe<tf2_msgs::TFMessage>(
+            "ground_truth/tf", kQueue,
+            [this](const tf2_msgs::TFMessageConstPtr& message) { onTf(*message, false); })),
+        tf_static_subscriber_(handle.subscribe<tf2_msgs::TFMessage>(
+            "ground_truth/tf_static", kQueue,
+            [this](const tf2_msgs::TFMessageConstPtr& message) { onTf(*message, true); })),
+        odometry_subscriber_(
+            handle.subscribe("odometry", kQueue, &GroundTruthRelay::onOdometry, this)) {}
+
+ private:
+  void onTf(const tf2_msgs::TFMessage& message, bool is_static) {
+    truth_.add(message, is_static);
+    work();
+  }
+
+  void onOdometry(const nav_msgs::OdometryConstPtr& odometry) {
+    const ros::Time& stamp = odometry->header.stamp;
+    if ((last_stamp_ - stamp).toSec() > kClockJump) {  // a looped bag: both start anew
+      T_odom_root_.reset();
+      waiting_.clear();
+      path_.clear();
+    }
+    last_stamp_ = stamp;
+    waiting_.push_back(odometry);
+    if (waiting_.size() > kLongestWait) waiting_.pop_front();
+    work();
+  }
+
+  /// Publishes the truth of the estimates that it reaches by now; the others wait.
+  void work() {
+    const auto reached = [this](const nav_msgs::OdometryConstPtr& estimate) {
+      const auto T_root_b = truth_.pose(estimate->child_frame_id, estimate->header.stamp);
+      if (!T_root_b) return false;
+      if (!T_odom_root_) T_odom_root_ = gsv::fromMsg(estimate->pose.pose) * T_root_b->inverse();
+      publish(*estimate, *T_odom_root_ * *T_root_b);
+      return true;
+    };
+    waiting_.erase(std::remove_if(waiting_.begin(), waiting_.end(), reached), waiting_.end());
+  }
+
+  void publish(const nav_msgs::Odometry& estimate, const Eigen::Isometry3d& T_odom_b) {
+    auto odometry = boost::make_shared<nav_msgs::Odometry>();
+    odometry->header = estimate.header;
+    odometry->child_frame_id = gsv::GroundTruthTf::twinOf(estimate.child_frame_id);
+    odometry->pose.pose = gsv::toMsg(T_odom_b);
+    odometry_publisher_.publish(odometry);
+
+    geometry_msgs::PoseStamped pose;
+    pose.header = odometry->header;
+    pose.pose = odometry->pose.pose;
+    if (!path_.add(pose) || path_publisher_.getNumSubscribers() == 0) return;
+    auto path = boost::make_shared<nav_msgs::Path>();
+    path->header = odometry->header;
+    path->poses = path_.poses();
+    path_publisher_.publish(path);
+  }
+
+  gsv::GroundTruthTf truth_;
+  gsv::BoundedPath path_;
+  std::deque<nav_msgs::OdometryConstPtr> waiting_;
+  std::optional<Eigen::Isometry3d> T_odom_root_;
+  ros::Time last_stamp_;
+  ros::Publisher odometry_publisher_, path_publisher_;
+  ros::Subscriber tf_subscriber_, tf_static_subscriber_, odometry_subscriber_;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "ground_truth_relay");
+  ros::NodeHandle handle;
+  GroundTruthRelay relay(handle);
+  ros::spin();
+  return 0;
+}

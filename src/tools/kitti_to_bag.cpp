@@ -31,10 +31,10 @@ truth to a bag. Topics are those of kitti2bag: /kitti/camera_gray_left/image and
   --out FILE     the bag; there is nothing under this name until it is complete
   --start N      first frame (default 0)
   --end N        last frame (default: the sequence's last)
-  --style S      native: K and P filled, frame `camera`, ground truth on /tf as
-                 ground_truth -> ground_truth/camera (default);
-                 kitti2bag: as kitti2bag writes an odometry sequence: K zero, P filled, frame
-                 `camera_gray_left`, ground truth on /tf as camera_init -> camera_gray_left
+  --style S      native: K and P filled, ground truth on /tf as
+                 ground_truth -> ground_truth/camera_gray_left (default);
+                 kitti2bag: as kitti2bag writes an odometry sequence: K zero, P filled,
+                 ground truth on /tf as camera_init -> camera_gray_left
 
 Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
 )";
@@ -151,7 +151,7 @@ void convert(const Arguments& arguments) {
                          std::to_string(arguments.start));
   }
   const bool native = arguments.style == Style::kNative;
-  const std::string camera_frame = native ? "camera" : "camera_gray_left";
+  const std::string camera_frame = "camera_gray_left";
   const std::int64_t shift =
       sequence.stampNs(0) < kFirstStampNs ? kFirstStampNs - sequence.stampNs(0) : 0;
 

@@ -1,0 +1,444 @@
+#include "ground_scale_vo/ros/conversions.hpp"
+
+#include <gtest/gtest.h>
+#include <sensor_msgs/distortion_models.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace ground_scale_vo {
+namespace {
+
+namespace enc = sensor_msgs::image_encodings;
+
+sensor_msgs::Image imageOf(const std::string& encoding, std::uint32_t width, std::uint32_t height) {
+  sensor_msgs::Image image;
+  image.encoding = encoding;
+  image.width = width;
+  image.height = height;
+  image.step =
+      width * static_cast<std::uint32_t>(enc::numChannels(encoding) * enc::bitDepth(encoding) / 8);
+  image.data.assign(image.step * height, 100);
+  return image;
+}
+
+std::string refusal(const sensor_msgs::Image& image) {
+  try {
+    toGrey(image);
+  } catch (const MessageError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ToGrey, TakesEveryEncodingThatHasBrightness) {
+  for (const char* encoding :
+       {"mono8", "8UC1", "bgr8", "rgb8", "bgra8", "rgba8", "mono16", "16UC1", "bgr16", "rgba16",
+        "bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"}) {
+    const cv::Mat grey = toGrey(imageOf(encoding, 8, 6));
+    ASSERT_EQ(grey.type(), CV_8UC1) << encoding;
+    EXPECT_EQ(grey.size(), cv::Size(8, 6)) << encoding;
+    // 16-bit: 100 * 256 + 100 over 257.
+    EXPECT_EQ(grey.at<uchar>(3, 3), 100) << encoding;
+  }
+}
+
+TEST(ToGrey, KeepsMonoPixelsAndOwnsThem) {
+  sensor_msgs::Image image = imageOf("mono8", 4, 2);
+  for (std::size_t i = 0; i < 8; ++i) image.data[i] = static_cast<std::uint8_t>(i);
+  const cv::Mat grey = toGrey(image);
+  image.data.assign(8, 255);
+  for (int i = 0; i < 8; ++i) EXPECT_EQ(grey.at<uchar>(i / 4, i % 4), i);
+}
+
+TEST(ToGrey, RespectsTheStep) {
+  sensor_msgs::Image image = imageOf("mono8", 4, 2);
+  image.step = 6;
+  image.data = {1, 2, 3, 4, 0, 0, 5, 6, 7, 8, 0, 0};
+  EXPECT_EQ(toGrey(image).at<uchar>(1, 0), 5);
+}
+
+TEST(ToGrey, RefusesWhatIsBroken) {
+  sensor_msgs::Image image = imageOf("mono8", 4, 2);
+  image.width = 0;
+  EXPECT_EQ(refusal(image), "the image has no pixels");
+  image = imageOf("mono8", 4, 2);
+  image.data.pop_back();
+  EXPECT_EQ(refusal(image), "the image holds 7 bytes instead of 8");
+  image = imageOf("mono8", 4, 2);
+  image.data.push_back(0);
+  EXPECT_EQ(refusal(image), "the image holds 9 bytes instead of 8");
+  image = imageOf("bgr8", 4, 2);
+  image.step = 4;
+  EXPECT_NE(refusal(image).find("too short for 4 pixels of bgr8"), std::string::npos);
+  image = imageOf("mono8", 4, 2);
+  image.encoding = "jpeg";
+  EXPECT_EQ(refusal(image), "the encoding \"jpeg\" is not known");
+  image.encoding = "";
+  EXPECT_EQ(refusal(image), "the encoding \"\" is not known");
+  EXPECT_EQ(refusal(imageOf("32FC1", 4, 2)), "the encoding \"32FC1\" cannot be turned into grey");
+  image = imageOf("mono8", 4, 2);
+  image.step = image.width = std::numeric_limits<std::uint32_t>::max();
+  image.height = image.width;
+  EXPECT_NE(refusal(image), "");
+}
+
+sensor_msgs::CameraInfo goodInfo() {
+  PinholeCamera camera;
+  camera.width = 640;
+  camera.height = 200;
+  camera.fx = 400;
+  camera.fy = 410;
+  camera.cx = 320;
+  camera.cy = 100;
+  return toCameraInfo(camera);
+}
+
+std::string refusal(const sensor_msgs::CameraInfo& info, bool rectified = false) {
+  try {
+    toRectifier(toCalibration(info, "/cam/info", rectified), "/cam/info");
+  } catch (const MessageError& error) {
+    EXPECT_NE(std::string(error.what()).find("/cam/info"), std::string::npos) << error.what();
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ToCalibration, UsesKWhenItIsThere) {
+  sensor_msgs::CameraInfo info = goodInfo();
+  info.P[0] = 999;
+  const Calibration calibration = toCalibration(info, "/cam/info", false);
+  EXPECT_EQ(calibration.raw.fx, 400);
+  EXPECT_EQ(calibration.raw.fy, 410);
+  EXPECT_EQ(calibration.raw.cx, 320);
+  EXPECT_EQ(calibration.raw.cy, 100);
+  EXPECT_EQ(calibration.raw.width, 640);
+  EXPECT_EQ(calibration.raw.height, 200);
+  EXPECT_EQ(calibration.model, DistortionModel::kNone);
+  EXPECT_TRUE(calibration == toCalibration(info, "/cam/info", false));
+}
+
+TEST(ToCalibration, UsesPOfARectifiedCamera) {
+  sensor_msgs::CameraInfo info = goodInfo();
+  info.P[0] = 500;
+  info.K.fill(0);
+  EXPECT_EQ(toCalibration(info, "/cam/info", false).raw.fx, 500);
+  // KITTI's raw drives: K and D of the raw camera beside rectified images.
+  info = goodInfo();
+  info.P[0] = 500;
+  info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
+  const Calibration calibration = toCalibration(info, "/cam/info", true);
+  EXPECT_EQ(calibration.raw.fx, 500);
+  EXPECT_EQ(calibration.model, DistortionModel::kNone);
+}
+
+TEST(ToCalibration, KnowsTheDistortionModels) {
+  sensor_msgs::CameraInfo info = goodInfo();
+  info.D = {-0.3, 0.1, 0.001, 0.002, 0};
+  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kPlumbBob);
+  EXPECT_EQ(toCalibration(info, "/t", false).coefficients, info.D);
+  EXPECT_EQ(refusal(info), "");
+  info.distortion_model = sensor_msgs::distortion_models::RATIONAL_POLYNOMIAL;
+  info.D = {0.1, 0.1, 0, 0, 0, 0.1, 0.1, 0.1};
+  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kRationalPolynomial);
+  EXPECT_EQ(refusal(info), "");
+  info.distortion_model = sensor_msgs::distortion_models::EQUIDISTANT;
+  info.D = {0, 0, 0, 0};  // bends all the same
+  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kEquidistant);
+  EXPECT_EQ(refusal(info), "");
+  info.distortion_model = "";
+  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kNone);
+}
+
+TEST(ToCalibration, RefusesWhatIsNoCalibrationAndNamesTheTopic) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  sensor_msgs::CameraInfo info = goodInfo();
+  info.K.fill(0);
+  info.P.fill(0);
+  EXPECT_EQ(refusal(info),
+            "camera_info on topic /cam/info is all zeros: the camera is not calibrated");
+  EXPECT_NE(refusal(sensor_msgs::CameraInfo()), "");
+  info = goodInfo();
+  info.P.fill(0);
+  EXPECT_NE(refusal(info, true), "");
+  info = goodInfo();
+  info.K[0] = nan;
+  EXPECT_NE(refusal(info).find("not finite"), std::string::npos);
+  info = goodInfo();
+  info.D[1] = nan;
+  EXPECT_NE(refusal(info).find("not finite"), std::string::npos);
+  info = goodInfo();
+  info.K[4] = -410;
+  EXPECT_NE(refusal(info), "");
+  info = goodInfo();
+  info.width = 0;
+  EXPECT_NE(refusal(info), "");
+  info = goodInfo();
+  info.distortion_model = "thin_prism";
+  EXPECT_NE(refusal(info).find("\"thin_prism\""), std::string::npos);
+  info = goodInfo();
+  info.D = {0.1, 0.1};
+  EXPECT_NE(refusal(info), "");
+  info = goodInfo();
+  info.binning_x = 2;
+  EXPECT_NE(refusal(info).find("binning"), std::string::npos);
+  info = goodInfo();
+  info.roi.x_offset = 4;
+  EXPECT_NE(refusal(info).find("region"), std::string::npos);
+}
+
+VoFrame someFrame() {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  VoFrame frame;
+  frame.stamp_ns = 1317617735123456789;
+  frame.sequence = 17;
+  frame.status = VoStatus::kTracking;
+  frame.map_id = 3;
+  frame.keyframe = true;
+  frame.camera.width = 1241;
+  frame.camera.height = 376;
+  frame.camera.fx = 718.856;
+  frame.camera.fy = 718.857;
+  frame.camera.cx = 607.1928;
+  frame.camera.cy = 185.2157;
+  frame.T_w_c.linear() =
+      Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
+          .normalized()
+          .toRotationMatrix();
+  frame.T_w_c.translation() << normal(random), normal(random), normal(random);
+  for (std::uint64_t id = 0; id < 50; ++id) {
+    TrackedFeature feature;
+    feature.id = (id << 33) + 5;
+    feature.age = static_cast<std::uint32_t>(id);
+    feature.u = Eigen::Vector2d(normal(random), normal(random)).cast<float>();
+    feature.has_point = id % 3 != 0;
+    if (feature.has_point) {
+      feature.p_c = Eigen::Vector3d(normal(random), normal(random), 2 + 1 / 3.0).cast<float>();
+      feature.depth_sigma = 1.f / 3.f;
+    }
+    frame.features.push_back(feature);
+  }
+  return frame;
+}
+
+std_msgs::Header headerOf(const VoFrame& frame) {
+  std_msgs::Header header;
+  header.stamp = fromNanoseconds(frame.stamp_ns);
+  header.frame_id = "camera";
+  return header;
+}
+
+TEST(VoFrameMsg, RoundTripIsExact) {
+  const VoFrame frame = someFrame();
+  const VoFrameMsg::Ptr msg = toMsg(frame, headerOf(frame));
+  const VoFrame back = fromMsg(*msg);
+  EXPECT_EQ(back.stamp_ns, frame.stamp_ns);
+  EXPECT_EQ(back.sequence, frame.sequence);
+  EXPECT_EQ(back.status, frame.status);
+  EXPECT_EQ(back.map_id, frame.map_id);
+  EXPECT_EQ(back.keyframe, frame.keyframe);
+  EXPECT_EQ(back.camera.width, frame.camera.width);
+  EXPECT_EQ(back.camera.height, frame.camera.height);
+  EXPECT_EQ(back.camera.fx, frame.camera.fx);
+  EXPECT_EQ(back.camera.fy, frame.camera.fy);
+  EXPECT_EQ(back.camera.cx, frame.camera.cx);
+  EXPECT_EQ(back.camera.cy, frame.camera.cy);
+  EXPECT_EQ(back.T_w_c.translation(), frame.T_w_c.translation());
+  EXPECT_LT((back.T_w_c.linear() - frame.T_w_c.linear()).norm(), 1e-15);
+  ASSERT_EQ(back.features.size(), frame.features.size());
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    const TrackedFeature &a = frame.features[i], &b = back.features[i];
+    EXPECT_EQ(b.id, a.id);
+    EXPECT_EQ(b.age, a.age);
+    EXPECT_EQ(b.u, a.u);
+    EXPECT_EQ(b.has_point, a.has_point);
+    EXPECT_EQ(b.p_c, a.p_c);
+    EXPECT_EQ(b.depth_sigma, a.depth_sigma);
+  }
+}
+
+TEST(VoFrameMsg, RefusesWhatAnotherOdometryMayFillWrongly) {
+  const VoFrame frame = someFrame();
+  const VoFrameMsg good = *toMsg(frame, headerOf(frame));
+  EXPECT_NO_THROW(fromMsg(good));
+  VoFrameMsg msg = good;
+  msg.z.pop_back();
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  msg.age.pop_back();
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  std::swap(msg.id[3], msg.id[4]);
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  msg.u[2] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  msg.fx = 0;
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  msg.status = 9;
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  msg.pose.orientation = geometry_msgs::Quaternion();
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  msg.pose.position.x = std::numeric_limits<double>::infinity();
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg.status = VoFrameMsg::LOST;  // then the pose does not count
+  EXPECT_NO_THROW(fromMsg(msg));
+}
+
+TEST(VoFrameMsg, APointBehindTheCameraIsNone) {
+  const VoFrame frame = someFrame();
+  VoFrameMsg msg = *toMsg(frame, headerOf(frame));
+  msg.z[1] = -2.f;
+  msg.depth_sigma[2] = std::numeric_limits<float>::infinity();
+  const VoFrame back = fromMsg(msg);
+  EXPECT_FALSE(back.features[1].has_point);
+  EXPECT_FALSE(back.features[2].has_point);
+  EXPECT_TRUE(back.features[4].has_point);
+}
+
+TEST(ScaleEstimateMsg, RoundTripIsExact) {
+  ScaleEstimate scale;
+  scale.status = ScaleStatus::kHeld;
+  scale.reason = ScaleReason::kPlaneTilted;
+  scale.raw_scale = 1 / 3.0;
+  scale.scale = 2 / 3.0;
+  scale.sigma = 0.1;
+  scale.height = 2.5;
+  scale.n_c = {0.1, -0.9, -0.2};
+  scale.triangles = 5;
+  scale.ground_triangles = 4;
+  scale.ground_points = 3;
+  scale.window_points = 2;
+  scale.plane_inliers = 1;
+  const ScaleEstimateMsg::Ptr msg = toMsg(scale, 8, std_msgs::Header());
+  EXPECT_EQ(msg->map_id, 8u);
+  const ScaleEstimate back = fromMsg(*msg);
+  EXPECT_EQ(back.status, scale.status);
+  EXPECT_EQ(back.reason, scale.reason);
+  EXPECT_EQ(back.raw_scale, scale.raw_scale);
+  EXPECT_EQ(back.scale, scale.scale);
+  EXPECT_EQ(back.sigma, scale.sigma);
+  EXPECT_EQ(back.height, scale.height);
+  EXPECT_EQ(back.n_c, scale.n_c);
+  EXPECT_EQ(back.plane_inliers, scale.plane_inliers);
+}
+
+Eigen::Isometry3d isometry(const Eigen::Vector3d& axis_angle, const Eigen::Vector3d& t) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  if (axis_angle.norm() > 0) {
+    T.linear() = Eigen::AngleAxisd(axis_angle.norm(), axis_angle.normalized()).toRotationMatrix();
+  }
+  T.translation() = t;
+  return T;
+}
+
+using Covariance = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
+
+TEST(Odometry, ACameraThatDrivesForwardMovesAlongX) {
+  MetricPose pose;
+  pose.T_o_c = isometry({0, 0, 0}, {1, -2, 10});  // 1 right, 2 up, 10 forward
+  pose.twist_c << 0.1, -0.2, 5, 0, 0.3, 0;        // turns right: about y down
+  pose.covariance.diagonal() << 1, 2, 3, 4, 5, 6;
+  pose.twist_covariance.setIdentity();
+  const auto odometry =
+      toOdometryMsg(pose, OdometryFrames::ofCamera("odom", "cam"), ros::Time(3, 4));
+  EXPECT_EQ(odometry->header.frame_id, "odom");
+  EXPECT_EQ(odometry->child_frame_id, "cam");
+  EXPECT_EQ(odometry->header.stamp, ros::Time(3, 4));
+  EXPECT_NEAR(odometry->pose.pose.position.x, 10, 1e-12);
+  EXPECT_NEAR(odometry->pose.pose.position.y, -1, 1e-12);
+  EXPECT_NEAR(odometry->pose.pose.position.z, 2, 1e-12);
+  // The child is the camera: its orientation is that of an optical frame, its twist in its axes.
+  const Eigen::Isometry3d T = fromMsg(odometry->pose.pose);
+  EXPECT_TRUE(T.linear().isApprox(bodyFromOptical(), 1e-12));
+  EXPECT_NEAR(odometry->twist.twist.linear.z, 5, 1e-12);
+  EXPECT_NEAR(odometry->twist.twist.angular.y, 0.3, 1e-12);
+  // Covariance in odom axes: x is the camera's z, y its x, z its y.
+  const Covariance covariance(odometry->pose.covariance.data());
+  EXPECT_NEAR(covariance(0, 0), 3, 1e-12);
+  EXPECT_NEAR(covariance(1, 1), 1, 1e-12);
+  EXPECT_NEAR(covariance(2, 2), 2, 1e-12);
+  EXPECT_NEAR(covariance(3, 3), 6, 1e-12);
+}
+
+TEST(Odometry, ABaseStartsAtTheOriginOfOdom) {
+  Eigen::Isometry3d T_b_c = Eigen::Isometry3d::Identity();
+  T_b_c.linear() = bodyFromOptical();
+  T_b_c.translation() << 1.5, 0.2, 1.4;
+  const OdometryFrames frames = OdometryFrames::ofBase("odom", "base_link", T_b_c);
+  MetricPose pose;
+  const auto start = toOdometryMsg(pose, frames, ros::Time(1));
+  EXPECT_TRUE(fromMsg(start->pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
+  pose.T_o_c = isometry({0, 0, 0}, {0, 0, 7});
+  EXPECT_NEAR(toOdometryMsg(pose, frames, ros::Time(1))->pose.pose.position.x, 7, 1e-12);
+}
+
+// A disturbed core pose, told through the frames, must differ as the told covariance's J says.
+TEST(Odometry, CovarianceIsCarriedAsSmallDisturbancesAre) {
+  const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
+  const OdometryFrames frames = OdometryFrames::ofBase("odom", "base_link", T_b_c);
+  MetricPose pose;
+  pose.T_o_c = isometry({-0.2, 0.7, 0.1}, {3, -1, 20});
+  const Eigen::Isometry3d told = fromMsg(toOdometryMsg(pose, frames, ros::Time(1))->pose.pose);
+  constexpr double kStep = 1e-6;
+  for (int k = 0; k < 6; ++k) {
+    MetricPose disturbed = pose;
+    if (k < 3) {
+      disturbed.T_o_c.translation()[k] += kStep;
+    } else {
+      disturbed.T_o_c.linear() =
+          isometry(kStep * Eigen::Vector3d::Unit(k - 3), {0, 0, 0}).linear() * pose.T_o_c.linear();
+    }
+    const Eigen::Isometry3d moved =
+        fromMsg(toOdometryMsg(disturbed, frames, ros::Time(1))->pose.pose);
+    Eigen::Matrix<double, 6, 1> column;
+    column.head<3>() = (moved.translation() - told.translation()) / kStep;
+    const Eigen::AngleAxisd rotation(moved.linear() * told.linear().transpose());
+    column.tail<3>() = rotation.angle() / kStep * rotation.axis();
+
+    MetricPose certain = pose;
+    certain.covariance.setZero();
+    certain.covariance(k, k) = 1;
+    const auto odometry = toOdometryMsg(certain, frames, ros::Time(1));
+    const Covariance covariance(odometry->pose.covariance.data());
+    EXPECT_LT((covariance - column * column.transpose()).norm(), 1e-3) << k;
+  }
+}
+
+// The twist of the base: what its own small motion over a small time is.
+TEST(Odometry, TwistIsThatOfTheBase) {
+  const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
+  MetricPose pose;
+  pose.T_o_c = isometry({-0.2, 0.7, 0.1}, {3, -1, 20});
+  pose.twist_c << 0.1, -0.2, 8, 0.05, -0.3, 0.02;
+  constexpr double kTime = 1e-6;
+  const Eigen::Isometry3d T_c_then =
+      isometry(kTime * pose.twist_c.tail<3>(), kTime * pose.twist_c.head<3>());
+  const Eigen::Isometry3d T_b_then = T_b_c * T_c_then * T_b_c.inverse();
+  const Eigen::AngleAxisd rotation(T_b_then.linear());
+  const Eigen::Vector3d v = T_b_then.translation() / kTime;
+  const Eigen::Vector3d w = rotation.angle() / kTime * rotation.axis();
+  const auto odometry =
+      toOdometryMsg(pose, OdometryFrames::ofBase("odom", "base_link", T_b_c), ros::Time(1));
+  EXPECT_NEAR(odometry->twist.twist.linear.x, v.x(), 1e-4);
+  EXPECT_NEAR(odometry->twist.twist.linear.y, v.y(), 1e-4);
+  EXPECT_NEAR(odometry->twist.twist.linear.z, v.z(), 1e-4);
+  EXPECT_NEAR(odometry->twist.twist.angular.x, w.x(), 1e-4);
+  EXPECT_NEAR(odometry->twist.twist.angular.y, w.y(), 1e-4);
+  EXPECT_NEAR(odometry->twist.twist.angular.z, w.z(), 1e-4);
+}
+
+TEST(Stamps, AreExactToTheNanosecond) {
+  const std::int64_t ns = 1317617735123456789;
+  EXPECT_EQ(toNanoseconds(fromNanoseconds(ns)), ns);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,129 @@
+#include "ground_scale_vo/ros/param_reader.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "ground_scale_vo/ros/nearest_name.hpp"
+#include "ground_scale_vo/ros/params.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using XmlRpc::XmlRpcValue;
+
+std::string refusal(XmlRpcValue tree) {
+  try {
+    ParamReader reader("/car/scale_recovery", tree);
+    ScaleRecoveryParams::read(reader);
+  } catch (const OptionError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(NearestName, CountsSingleLetterEdits) {
+  EXPECT_EQ(editDistance("", ""), 0u);
+  EXPECT_EQ(editDistance("height", ""), 6u);
+  EXPECT_EQ(editDistance("camera_height", "camera_hight"), 1u);
+  EXPECT_EQ(editDistance("kitten", "sitting"), 3u);
+}
+
+TEST(NearestName, FindsTheNearestAndNothingAtAllForTheForeign) {
+  const std::vector<std::string> known = {"odom_frame", "base_frame", "camera_height"};
+  EXPECT_EQ(nearestName("odom_fram", known), "odom_frame");
+  EXPECT_EQ(nearestName("camera_hieght", known), "camera_height");
+  EXPECT_EQ(nearestName("xyz", known), "");
+}
+
+TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {
+  XmlRpcValue tree;
+  tree["group"]["count"] = 7;
+  tree["ratio"] = 1;  // a whole number is a number
+  tree["name"] = "abc";
+  tree["flag"] = true;
+  int count = 3, untouched = 4;
+  double ratio = 0.5;
+  std::string name = "x";
+  bool flag = false;
+  ParamReader reader("/n", tree);
+  reader.declare("group/count", count, 1, 10, "[] how many");
+  reader.declare("group/untouched", untouched, 1, 10, "[] how many");
+  reader.declare("ratio", ratio, 0, 1, "[] of all");
+  reader.declare("name", name, "[] of it");
+  reader.declare("flag", flag, "[] on");
+  EXPECT_EQ(count, 7);
+  EXPECT_EQ(untouched, 4);
+  EXPECT_EQ(ratio, 1.0);
+  EXPECT_EQ(name, "abc");
+  EXPECT_TRUE(flag);
+  EXPECT_TRUE(reader.unknown().empty());
+  ASSERT_EQ(reader.entries().size(), 5u);
+  EXPECT_EQ(ParamReader::echo(reader.entries()[0]), "group/count = 7  [] how many, [1, 10]");
+  EXPECT_FALSE(reader.entries()[1].given);
+}
+
+TEST(ParamReader, DegreesBecomeRadiansAndADefaultKeepsItsBits) {
+  XmlRpcValue tree;
+  tree["given_deg"] = 90.0;
+  double given = 0, kept = 0.1234567890123456789;
+  ParamReader reader("/n", tree);
+  reader.declareDegrees("given_deg", given, 0, 180, "[deg] angle");
+  reader.declareDegrees("kept_deg", kept, 0, 180, "[deg] angle");
+  EXPECT_DOUBLE_EQ(given, std::acos(0.0));
+  EXPECT_EQ(kept, 0.1234567890123456789);
+}
+
+TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
+  XmlRpcValue tree;
+  tree["camera_height"] = -1.0;
+  EXPECT_EQ(refusal(tree),
+            "parameter /car/scale_recovery/camera_height is -1, it must lie in [0.05, 100]");
+  tree["camera_height"] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_NE(refusal(tree).find("camera_height is nan"), std::string::npos);
+  tree["camera_height"] = "1.65";
+  EXPECT_NE(refusal(tree).find("camera_height is a text, it must be a number"), std::string::npos);
+  tree["camera_height"] = 1.65;
+  tree["random_seed"] = 1.5;
+  EXPECT_NE(refusal(tree).find("random_seed is 1.5, it must be a whole number"), std::string::npos);
+  tree["random_seed"] = 2;
+  tree["publish_tf"] = 1;
+  EXPECT_NE(refusal(tree).find("publish_tf is a number, it must be true or false"),
+            std::string::npos);
+  tree["publish_tf"] = false;
+  EXPECT_EQ(refusal(tree), "");
+}
+
+TEST(ParamReader, TheCameraHeightHasNoDefault) {
+  EXPECT_NE(refusal(XmlRpcValue()).find("camera_height is not set and has no default"),
+            std::string::npos);
+}
+
+TEST(ParamReader, FramesMustDiffer) {
+  XmlRpcValue tree;
+  tree["camera_height"] = 1.65;
+  tree["base_frame"] = "odom";
+  EXPECT_NE(refusal(tree).find("must differ"), std::string::npos);
+}
+
+TEST(ParamReader, UnknownKeysAreToldWithTheNearestName) {
+  XmlRpcValue tree;
+  tree["camera_height"] = 1.65;
+  tree["odom_fram"] = "map";
+  tree["tracker"]["nonsense_nobody_wrote"] = 1;
+  tree["diagnostic_period"] = 0.5;  // another library's
+  ParamReader reader("/scale_recovery", tree);
+  ScaleRecoveryParams::read(reader);
+  const std::vector<std::string> unknown = reader.unknown();
+  ASSERT_EQ(unknown.size(), 2u);
+  EXPECT_EQ(unknown[0],
+            "parameter /scale_recovery/odom_fram is not known and has no effect; did you mean "
+            "/scale_recovery/odom_frame?");
+  EXPECT_EQ(unknown[1],
+            "parameter /scale_recovery/tracker/nonsense_nobody_wrote is not known and has no "
+            "effect");
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,99 @@
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "ground_scale_vo/ros/bounded_path.hpp"
+#include "ground_scale_vo/ros/bounded_queue.hpp"
+#include "ground_scale_vo/ros/fault_log.hpp"
+#include "ground_scale_vo/ros/stamp_guard.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+TEST(BoundedQueue, KeepsOrderAndLetsTheOldestGo) {
+  BoundedQueue<int> queue(3);
+  queue.release();
+  EXPECT_TRUE(queue.push(1));
+  EXPECT_TRUE(queue.push(2));
+  EXPECT_TRUE(queue.push(3));
+  EXPECT_FALSE(queue.push(4));
+  EXPECT_EQ(queue.pop(), 2);
+  EXPECT_EQ(queue.pop(), 3);
+  EXPECT_EQ(queue.pop(), 4);
+}
+
+TEST(BoundedQueue, HoldsItemsUntilReleased) {
+  BoundedQueue<int> queue(3);
+  queue.push(1);
+  std::optional<int> got;
+  std::thread reader([&] { got = queue.pop(); });
+  queue.push(2);
+  queue.release();
+  reader.join();
+  EXPECT_EQ(got, 1);
+}
+
+TEST(BoundedQueue, CloseEndsAWaitingPop) {
+  BoundedQueue<int> queue(3);
+  std::optional<int> got = 5;
+  std::thread reader([&] { got = queue.pop(); });
+  queue.close();
+  reader.join();
+  EXPECT_FALSE(got);
+  queue.push(1);
+  queue.release();
+  EXPECT_FALSE(queue.pop());
+}
+
+TEST(StampGuard, DropsWhatRepeatsAndStartsAnewAfterAJump) {
+  using Verdict = StampGuard::Verdict;
+  StampGuard guard(1.0);
+  EXPECT_EQ(guard.check(ros::Time()), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kDrop);
+  EXPECT_NE(guard.reason(), "");
+  EXPECT_EQ(guard.check(ros::Time(9.5)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(60.0)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kJumpedBack);
+  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
+}
+
+TEST(FaultLog, CountsAllAndPrintsTheFirst) {
+  FaultLog log(std::chrono::hours(1));
+  EXPECT_EQ(log.report("size", "too small"), "too small (size: 1 so far)");
+  EXPECT_EQ(log.report("size", "too small"), "");
+  EXPECT_NE(log.report("stamp", "late"), "");
+  EXPECT_EQ(log.counts().at("size"), 2u);
+  FaultLog chatty(std::chrono::milliseconds(0));
+  chatty.report("size", "a");
+  EXPECT_EQ(chatty.report("size", "b"), "b (size: 2 so far)");
+}
+
+geometry_msgs::PoseStamped poseAt(double x) {
+  geometry_msgs::PoseStamped pose;
+  pose.pose.position.x = x;
+  return pose;
+}
+
+TEST(BoundedPath, StaysBoundedAndReachesFromStartToEnd) {
+  BoundedPath path(100, 0.5);
+  for (int i = 0; i < 100000; ++i) path.add(poseAt(0.1 * i));
+  EXPECT_LE(path.poses().size(), 100u);
+  EXPECT_GE(path.poses().size(), 40u);
+  EXPECT_EQ(path.poses().front().pose.position.x, 0);
+  EXPECT_GT(path.poses().back().pose.position.x, 9500);
+  path.clear();
+  path.add(poseAt(0));
+  EXPECT_FALSE(path.add(poseAt(0.4)));
+  EXPECT_TRUE(path.add(poseAt(0.6)));
+}
+
+TEST(BoundedPath, EvenWithoutASpacing) {
+  BoundedPath path(2, 0);
+  for (int i = 0; i < 1000; ++i) path.add(poseAt(0));
+  EXPECT_LE(path.poses().size(), 2u);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,270 @@
+// A rendered drive through both nodelets in a real manager, image by image: the metric odometry
+// against the truth, and against the offline run, which must give the same poses.
+
+#include <cv_bridge/cv_bridge.h>
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <sensor_msgs/image_encodings.h>
+#include <tf2_msgs/TFMessage.h>
+#include <visualization_msgs/Marker.h>
+
+#include <Eigen/Eigenvalues>
+#include <boost/make_shared.hpp>
+#include <memory>
+
+#include "ground_scale_vo/dataset/offline_run.hpp"
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kCameraHeight = 1.65;
+constexpr std::int64_t kStartNs = 1000000000000;
+
+SyntheticDrive::Options driveOptions() {
+  SyntheticDrive::Options options;
+  options.frames = 90;
+  options.camera_height = kCameraHeight;
+  return options;
+}
+
+/// The drive, played through the nodelets and run offline.
+struct PlayedDrive {
+  explicit PlayedDrive(ros::NodeHandle& handle)
+      : drive(driveOptions()),
+        offline(drive.camera(), offlineOptions()),
+        frames(handle, "vo/frame"),
+        scales(handle, "scale"),
+        odometry(handle, "odometry"),
+        path(handle, "path"),
+        tracks(handle, "vo/image_tracks"),
+        plane(handle, "ground_plane"),
+        tf(handle, "/tf"),
+        images(handle.advertise<sensor_msgs::Image>("image", 10)),
+        infos(handle.advertise<sensor_msgs::CameraInfo>("camera_info", 10)) {}
+
+  static OfflineRun::Options offlineOptions() {
+    OfflineRun::Options options;
+    options.scale.camera_height = kCameraHeight;
+    return options;
+  }
+
+  void play() {
+    ASSERT_TRUE(waitUntil([this] {
+      return images.getNumSubscribers() > 0 && infos.getNumSubscribers() > 0 &&
+             frames.connected() && scales.connected() && odometry.connected() && path.connected() &&
+             tracks.connected() && plane.connected() && tf.connected();
+    })) << "the nodelets did not come up";
+    for (std::size_t i = 0; i < drive.size(); ++i) {
+      const cv::Mat picture = drive.image(i);
+      const auto image =
+          cv_bridge::CvImage(header(i), sensor_msgs::image_encodings::MONO8, picture).toImageMsg();
+      auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(drive.camera()));
+      info->header = image->header;
+      infos.publish(info);
+      images.publish(image);
+      offline.process(picture, toNanoseconds(image->header.stamp));
+      // The next image only when this one has come out: no frame is dropped.
+      ASSERT_TRUE(scales.waitForStamp(image->header.stamp)) << "frame " << i;
+    }
+    const ros::Time last = header(drive.size() - 1).stamp;
+    ASSERT_TRUE(odometry.waitForStamp(last));
+    ASSERT_TRUE(tf.wait([&last](const auto& messages) {
+      return !messages.empty() && messages.back()->transforms.at(0).header.stamp == last;
+    }));
+  }
+
+  std_msgs::Header header(std::size_t i) const {
+    std_msgs::Header header;
+    header.stamp = fromNanoseconds(kStartNs + drive.frame(i).stamp_ns);
+    header.frame_id = "camera";
+    return header;
+  }
+  std::size_t frameAt(const ros::Time& stamp) const {
+    for (std::size_t i = 0; i < drive.size(); ++i) {
+      if (header(i).stamp == stamp) return i;
+    }
+    throw std::logic_error("no frame has this stamp");
+  }
+
+  SyntheticDrive drive;
+  OfflineRun offline;
+  Inbox<VoFrameMsg> frames;
+  Inbox<ScaleEstimateMsg> scales;
+  Inbox<nav_msgs::Odometry> odometry;
+  Inbox<nav_msgs::Path> path;
+  Inbox<sensor_msgs::Image> tracks;
+  Inbox<visualization_msgs::Marker> plane;
+  Inbox<tf2_msgs::TFMessage> tf;
+  ros::Publisher images, infos;
+};
+
+/// Played once; every test looks at the same run.
+class Drive : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    ros::NodeHandle handle;
+    run_ = std::make_unique<PlayedDrive>(handle);
+    run_->play();
+  }
+  static void TearDownTestSuite() { run_.reset(); }
+
+  static std::unique_ptr<PlayedDrive> run_;
+  PlayedDrive& run = *run_;
+};
+
+std::unique_ptr<PlayedDrive> Drive::run_;
+
+TEST_F(Drive, EveryImageComesOutOnceInOrder) {
+  const auto frame_messages = run.frames.messages();
+  const auto scale_messages = run.scales.messages();
+  ASSERT_EQ(frame_messages.size(), run.drive.size());
+  ASSERT_EQ(scale_messages.size(), run.drive.size());
+  for (std::size_t i = 0; i < run.drive.size(); ++i) {
+    EXPECT_EQ(frame_messages[i]->sequence, i);
+    EXPECT_EQ(frame_messages[i]->header.stamp, run.header(i).stamp);
+    EXPECT_EQ(frame_messages[i]->header.frame_id, "camera");
+    EXPECT_EQ(scale_messages[i]->header.stamp, run.header(i).stamp);
+  }
+}
+
+TEST_F(Drive, TheOfflineRunGivesTheSame) {
+  const auto& records = run.offline.record().frames();
+  const auto scale_messages = run.scales.messages();
+  ASSERT_EQ(records.size(), scale_messages.size());
+  std::size_t poses = 0;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    EXPECT_EQ(scale_messages[i]->status, static_cast<int>(records[i].scale.status)) << i;
+    EXPECT_NEAR(scale_messages[i]->scale, records[i].scale.scale, 1e-9) << i;
+    poses += records[i].has_metric_pose;
+  }
+  const auto odometry_messages = run.odometry.messages();
+  ASSERT_EQ(odometry_messages.size(), poses);
+  Eigen::Isometry3d T_odom_o = Eigen::Isometry3d::Identity();
+  T_odom_o.linear() = bodyFromOptical();
+  for (const auto& message : odometry_messages) {
+    const std::size_t i = run.frameAt(message->header.stamp);
+    ASSERT_TRUE(records[i].has_metric_pose);
+    const Eigen::Isometry3d T_o_c = T_odom_o.inverse() * fromMsg(message->pose.pose);
+    EXPECT_LT((T_o_c.matrix() - records[i].T_o_c.matrix()).cwiseAbs().maxCoeff(), 1e-9) << i;
+  }
+}
+
+TEST_F(Drive, NothingMetricBeforeTheFirstScale) {
+  const auto scale_messages = run.scales.messages();
+  ros::Time first_scale = ros::TIME_MAX;
+  for (const auto& scale : scale_messages) {
+    if (scale->status == ScaleEstimateMsg::UNKNOWN) {
+      EXPECT_EQ(scale->scale, 0);
+    } else {
+      first_scale = std::min(first_scale, scale->header.stamp);
+    }
+  }
+  ASSERT_LT(first_scale, run.header(run.drive.size() / 2).stamp) << "no scale in half of the drive";
+  EXPECT_GE(run.odometry.messages().front()->header.stamp, first_scale);
+  EXPECT_GE(run.plane.messages().front()->header.stamp, first_scale);
+  EXPECT_GE(run.tf.messages().front()->transforms.at(0).header.stamp, first_scale);
+}
+
+TEST_F(Drive, TheMetresAreTrue) {
+  const auto messages = run.odometry.messages();
+  ASSERT_GT(messages.size(), run.drive.size() / 2);
+  double length = 0, true_length = 0;
+  for (std::size_t k = 1; k < messages.size(); ++k) {
+    const Eigen::Isometry3d step =
+        fromMsg(messages[k - 1]->pose.pose).inverse() * fromMsg(messages[k]->pose.pose);
+    length += step.translation().norm();
+    const auto& a = run.drive.frame(run.frameAt(messages[k - 1]->header.stamp));
+    const auto& b = run.drive.frame(run.frameAt(messages[k]->header.stamp));
+    true_length += (b.T_c0_c.translation() - a.T_c0_c.translation()).norm();
+  }
+  EXPECT_NEAR(length / true_length, 1.0, 0.06);
+}
+
+TEST_F(Drive, FramesAndAxesFollowRep103) {
+  const auto messages = run.odometry.messages();
+  for (const auto& message : messages) {
+    EXPECT_EQ(message->header.frame_id, "odom");
+    EXPECT_EQ(message->child_frame_id, "camera");
+  }
+  // Forward at the start is x; the orientation is that of an optical frame.
+  const auto& early = *messages[std::min<std::size_t>(10, messages.size() - 1)];
+  EXPECT_GT(early.pose.pose.position.x, 3 * std::abs(early.pose.pose.position.y));
+  EXPECT_GT(early.pose.pose.position.x, 3 * std::abs(early.pose.pose.position.z));
+  EXPECT_TRUE(fromMsg(early.pose.pose).linear().isApprox(bodyFromOptical(), 0.2));
+  // The twist is in the camera's axes: forward is z.
+  const auto& last = *messages.back();
+  const std::size_t i = run.frameAt(last.header.stamp);
+  const double seconds =
+      1e-9 * static_cast<double>(run.drive.frame(i).stamp_ns - run.drive.frame(i - 1).stamp_ns);
+  const double speed =
+      (run.drive.frame(i).T_c0_c.translation() - run.drive.frame(i - 1).T_c0_c.translation())
+          .norm() /
+      seconds;
+  EXPECT_NEAR(last.twist.twist.linear.z, speed, 0.15 * speed + 0.1);
+}
+
+TEST_F(Drive, CovarianceIsFilledAndGrows) {
+  using Covariance = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
+  double before = 0;
+  const auto messages = run.odometry.messages();
+  for (const auto& message : messages) {
+    const Covariance covariance(message->pose.covariance.data());
+    ASSERT_TRUE(covariance.allFinite());
+    EXPECT_EQ(covariance, covariance.transpose());
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(covariance);
+    EXPECT_GE(solver.eigenvalues().minCoeff(), -1e-12);
+    const double trace = covariance.trace();
+    EXPECT_GE(trace, before * (1 - 1e-9));
+    before = trace;
+  }
+  EXPECT_GT(before, 0);
+  const Covariance twist(messages.back()->twist.covariance.data());
+  EXPECT_GT(twist.trace(), 0);
+}
+
+TEST_F(Drive, TfSaysWhatTheOdometrySays) {
+  const auto messages = run.odometry.messages();
+  const auto tf_messages = run.tf.messages();
+  ASSERT_EQ(tf_messages.size(), messages.size());
+  for (std::size_t k = 0; k < messages.size(); ++k) {
+    ASSERT_EQ(tf_messages[k]->transforms.size(), 1u);
+    const geometry_msgs::TransformStamped& transform = tf_messages[k]->transforms[0];
+    EXPECT_EQ(transform.header.frame_id, "odom");
+    EXPECT_EQ(transform.child_frame_id, "camera");
+    EXPECT_EQ(transform.header.stamp, messages[k]->header.stamp);
+    EXPECT_EQ(transform.transform.translation.x, messages[k]->pose.pose.position.x);
+    EXPECT_EQ(transform.transform.rotation.w, messages[k]->pose.pose.orientation.w);
+  }
+}
+
+TEST_F(Drive, WhatIsOnlyLookedAtComesWhenSomeoneLooks) {
+  ASSERT_TRUE(run.path.waitForCount(1));
+  EXPECT_GT(run.path.messages().back()->poses.size(), 10u);
+  ASSERT_TRUE(run.tracks.waitForCount(run.drive.size() / 2));
+  const auto picture = run.tracks.messages().back();
+  EXPECT_EQ(picture->encoding, "bgr8");
+  EXPECT_EQ(static_cast<int>(picture->width), run.drive.camera().width);
+  const auto markers = run.plane.messages();
+  ASSERT_FALSE(markers.empty());
+  // The quad lies below the camera (y down) and is level.
+  for (const auto& marker : markers) {
+    if (marker->id != 0) continue;
+    EXPECT_GT(marker->pose.position.y, 0.8);
+    EXPECT_LT(marker->pose.position.y, 3.0);
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "drive_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

@@ -3,9 +3,22 @@
 namespace ground_scale_vo {
 namespace {
 
-// One line for each option: name, field, least, greatest, "[unit] meaning".
+/// Reads what a stage's Options describe, as group/name.
+template <typename Options>
+void declareStage(ParamReader& reader, const std::string& group, Options& options) {
+  Options::describe(options, [&](const char* name, auto& field, auto... rest) {
+    reader.declare((group + "/" + name).c_str(), field, rest...);
+  });
+}
 
-void declareOptions(ParamReader& /*reader*/, VisualOdometry::Options& /*options*/) {}
+void declareOptions(ParamReader& reader, VisualOdometry::Options& options) {
+  declareStage(reader, "tracker", options.tracker);
+  declareStage(reader, "two_view", options.two_view);
+  declareStage(reader, "pose", options.pose);
+  declareStage(reader, "map", options.map);
+  declareStage(reader, "bundle_adjustment", options.bundle_adjustment);
+  declareStage(reader, "odometry", options);
+}
 
 void declareOptions(ParamReader& reader, ScaleRecovery::Options& options) {
   reader.require("camera_height", options.camera_height, 0.05, 100.0,

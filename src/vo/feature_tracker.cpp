@@ -16,12 +16,8 @@ const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriter
 }  // namespace
 
 void FeatureTracker::Options::validate() const {
-  requireInRange("tracker/cell", cell, 0.004, 0.2);
-  requireInRange("tracker/min_corner_strength", min_corner_strength, 0, 1);
-  requireInRange("tracker/window_px", window_px, 5, 51);
+  describe(*this, RangeCheck("tracker/"));
   if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
-  requireInRange("tracker/pyramid_levels", pyramid_levels, 0, 8);
-  requireInRange("tracker/forward_backward_px", forward_backward_px, 0.05, 10);
 }
 
 FeatureTracker::FeatureTracker(const Options& options) : options_(options) { options_.validate(); }

@@ -103,10 +103,7 @@ Eigen::Isometry3d toPose(const PoseParameters& p) {
 }  // namespace
 
 void LocalBundleAdjustment::Options::validate() const {
-  requireInRange("bundle_adjustment/window", window, 1, 100);
-  requireInRange("bundle_adjustment/max_iterations", max_iterations, 1, 1000);
-  requireInRange("bundle_adjustment/noise", noise, 1e-6, 0.1);
-  requireInRange("bundle_adjustment/huber_sigma", huber_sigma, 0.1, 1000);
+  describe(*this, RangeCheck("bundle_adjustment/"));
 }
 
 LocalBundleAdjustment::LocalBundleAdjustment(const Options& options) : options_(options) {

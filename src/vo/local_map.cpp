@@ -20,12 +20,7 @@ double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
 
 }  // namespace
 
-void LocalMap::Options::validate() const {
-  requireInRange("map/keyframes", keyframes, 3, 1000);
-  requireInRange("map/noise", noise, 1e-6, 0.1);
-  requireInRange("map/max_relative_sigma", max_relative_sigma, 0.01, 10);
-  requireInRange("map/max_error", max_error, 1e-6, 0.1);
-}
+void LocalMap::Options::validate() const { describe(*this, RangeCheck("map/")); }
 
 LocalMap::LocalMap(const Options& options) : options_(options) { options_.validate(); }
 

@@ -42,13 +42,7 @@ Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o, 
 
 }  // namespace
 
-void PoseEstimation::Options::validate() const {
-  requireInRange("pose/noise", noise, 1e-6, 0.1);
-  requireInRange("pose/inlier_sigma", inlier_sigma, 0.5, 100);
-  requireInRange("pose/min_inliers", min_inliers, 6, 100000);
-  requireInRange("pose/min_inlier_share", min_inlier_share, 0, 1);
-  requireInRange("pose/max_iterations", max_iterations, 1, 1000);
-}
+void PoseEstimation::Options::validate() const { describe(*this, RangeCheck("pose/")); }
 
 PoseEstimation::PoseEstimation(const Options& options) : options_(options) { options_.validate(); }
 

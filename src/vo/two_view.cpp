@@ -136,13 +136,7 @@ bool sameMotion(const Candidate& a, const Candidate& b) {
 
 }  // namespace
 
-void TwoView::Options::validate() const {
-  requireInRange("two_view/min_matches", min_matches, 8, 10000);
-  requireInRange("two_view/inlier_px_per_f", inlier_px_per_f, 1e-5, 0.1);
-  requireInRange("two_view/min_parallax", min_parallax, 1e-4, 1);
-  requireInRange("two_view/min_inlier_share", min_inlier_share, 0, 1);
-  requireInRange("two_view/max_second_share", max_second_share, 0, 1);
-}
+void TwoView::Options::validate() const { describe(*this, RangeCheck("two_view/")); }
 
 TwoView::TwoView(const Options& options) : options_(options) { options_.validate(); }
 
@@ -165,7 +159,7 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
     return result;
   }
 
-  const double threshold = options_.inlier_px_per_f;
+  const double threshold = options_.inlier_error;
   std::vector<Candidate> candidates = essentialCandidates(x1, x2, threshold);
   for (const Candidate& c : homographyCandidates(x1, x2, threshold)) candidates.push_back(c);
   if (candidates.empty()) return result;

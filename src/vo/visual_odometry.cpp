@@ -74,19 +74,12 @@ class InverseDepthGuess {
 }  // namespace
 
 void VisualOdometry::Options::validate() const {
+  describe(*this, RangeCheck("odometry/"));
   tracker.validate();
   two_view.validate();
   pose.validate();
   map.validate();
   bundle_adjustment.validate();
-  requireInRange("keyframe/parallax", keyframe_parallax, 1e-4, 1);
-  requireInRange("keyframe/min_tracked", keyframe_min_tracked, 0, 1);
-  requireInRange("standstill_flow", standstill_flow, 0, 0.1);
-  requireInRange("epipolar_error", epipolar_error, 1e-5, 1);
-  requireInRange("outlier_error", outlier_error, 1e-5, 1);
-  requireInRange("max_outlier_frames", max_outlier_frames, 0, 1000);
-  requireInRange("start/min_share_percent", start_min_share_percent, 1, 100);
-  requireInRange("lost_frames_before_new_map", lost_frames_before_new_map, 1, 1000);
 }
 
 struct VisualOdometry::Impl {
@@ -270,8 +263,8 @@ struct VisualOdometry::Impl {
       if (!features.empty()) found = trackFeatures(image, dt, predictPixelsByFlow(dt));
     }
     const std::size_t first = start_frames.empty() ? 0 : start_frames.front().corners.size();
-    const std::size_t share = static_cast<std::size_t>(options.start_min_share_percent);
-    if (found.size() < kMinStartMatches || found.size() * 100 < first * share ||
+    if (found.size() < kMinStartMatches ||
+        static_cast<double>(found.size()) < options.start_min_share * static_cast<double>(first) ||
         start_frames.size() > kMaxStartFrames) {
       Timer timer(&out->times.detect);
       restart(std::move(image), stamp_ns, out->frame.sequence);

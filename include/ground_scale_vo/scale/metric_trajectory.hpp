@@ -50,9 +50,13 @@ class MetricTrajectory {
   void reset();
 
  private:
+  using Matrix7d = Eigen::Matrix<double, 7, 7>;
+  void move(const Eigen::Isometry3d& T_last_now, double scale, double relative_sigma, double dt);
+
   Options options_;
   bool has_pose_ = false;
   MetricPose last_;
+  Matrix7d covariance_ = Matrix7d::Zero();  ///< of T_o_c and of the relative error of the scale
   std::uint32_t last_map_id_ = 0;
   std::int64_t last_stamp_ns_ = 0;
   Eigen::Isometry3d last_T_w_c_ = Eigen::Isometry3d::Identity();

@@ -6,8 +6,13 @@
 #include <optional>
 #include <vector>
 
+#include "ground_scale_vo/scale/ground_point_aggregation.hpp"
+#include "ground_scale_vo/scale/ground_point_extraction.hpp"
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
+#include "ground_scale_vo/scale/motion_history.hpp"
+#include "ground_scale_vo/scale/mounting.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
@@ -17,7 +22,25 @@ class ScaleRecovery {
  public:
   struct Options {
     double camera_height = 0;     ///< h* [m] above the road; required, there is no default
-    std::uint64_t random_seed = 1;
+    std::uint64_t random_seed = 1;  ///< of everything random (goes before gpe.random_seed)
+    /// The paper's choices as printed, where they can run at all: overrides the stages' options
+    /// with those of withPaperLiteral(). For comparison only.
+    bool paper_literal = false;
+    /// A step below this is standstill: no measurement, and the window stays [camera heights].
+    double min_step_h = 0.02;
+
+    MotionHistory::Options motion;
+    Mounting::Options mounting;
+    GroundPointExtraction::Options gpe;
+    GroundPointAggregation::Options gpa;
+    ScaleFilter::Options filter;
+    MetricTrajectory::Options trajectory;
+
+    /// A copy in which the stages' options are the paper's: t of one frame, theta_1 on the frame's
+    /// rotation, most inliers within 0.01 m (in heights), a window of four frames with all copies
+    /// and used from the fifth on, unweighted homogeneous least squares, a moving average of the
+    /// scale, standstill not noticed.
+    Options withPaperLiteral() const;
     /// Throws OptionError.
     void validate() const;
   };
@@ -35,6 +58,9 @@ class ScaleRecovery {
     /// Ids of this frame's features that were extracted as ground points.
     std::vector<std::uint64_t> ground_feature_ids;
     Times times;
+    GroundPlane plane;          ///< of this frame alone; height 0 when there is none
+    double mounting_pitch = 0;  ///< [rad], positive looks down
+    double mounting_roll = 0;   ///< [rad], positive: the camera's x axis dips
   };
 
   explicit ScaleRecovery(const Options& options);

@@ -3,6 +3,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
+
 namespace ground_scale_vo {
 
 /// An image with its Gaussian pyramid and gradients, made once and used for tracking from and to
@@ -17,12 +19,23 @@ struct ImagePyramid {
 class FeatureTracker {
  public:
   struct Options {
-    double cell = 0.0129;  ///< side of the square that holds one corner [image width]
-    double min_corner_strength =
-        1e-4;                ///< smaller eigenvalue of the gradient matrix, image in [0, 1]
-    int window_px = 9;       ///< side of the tracked patch, odd
-    int pyramid_levels = 4;  ///< above the full image
-    double forward_backward_px = 0.7;  ///< largest distance after tracking there and back
+    double cell = 0.0129;
+    double min_corner_strength = 1e-4;
+    int window_px = 9;
+    int pyramid_levels = 4;
+    double forward_backward_px = 0.7;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("cell", self.cell, 0.004, 0.2,
+            "[image width] side of the square that holds one corner");
+      visit("min_corner_strength", self.min_corner_strength, 0, 1,
+            "[] smaller eigenvalue of the gradient matrix, image in [0, 1]");
+      visit("window_px", self.window_px, 5, 51,
+            "[px] side of the tracked patch, odd; a small one suffers less from change of scale");
+      visit("pyramid_levels", self.pyramid_levels, 0, 8, "[levels] above the full image");
+      visit("forward_backward_px", self.forward_backward_px, 0.05, 10,
+            "[px] largest distance after tracking there and back");
+    }
     /// Throws OptionError.
     void validate() const;
   };

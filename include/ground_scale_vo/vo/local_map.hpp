@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 
 namespace ground_scale_vo {
@@ -45,10 +46,19 @@ struct WorldPoint {
 class LocalMap {
  public:
   struct Options {
-    int keyframes = 14;                ///< kept at most
-    double noise = 0.0008;             ///< of an observation, normalised image coordinates
-    double max_relative_sigma = 0.35;  ///< a new depth needs sigma(1/z) below this share of 1/z
-    double max_error = 0.004;  ///< of any observation of a new depth, normalised coordinates
+    int keyframes = 14;
+    double noise = 0.0008;
+    double max_relative_sigma = 0.35;
+    double max_error = 0.004;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("keyframes", self.keyframes, 3, 1000, "[keyframes] kept at most");
+      visit("noise", self.noise, 1e-6, 0.1, "[focal lengths] standard deviation of an observation");
+      visit("max_relative_sigma", self.max_relative_sigma, 0.01, 10,
+            "[] a new depth needs sigma(1/z) below this share of 1/z");
+      visit("max_error", self.max_error, 1e-6, 0.1,
+            "[focal lengths] of any observation of a new depth");
+    }
     /// Throws OptionError.
     void validate() const;
   };

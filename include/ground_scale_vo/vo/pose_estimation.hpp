@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
+
 namespace ground_scale_vo {
 
 /// A map point and where this frame sees it.
@@ -21,11 +23,20 @@ enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
 class PoseEstimation {
  public:
   struct Options {
-    double noise = 0.0008;      ///< standard deviation of x
-    double inlier_sigma = 3.5;  ///< Mahalanobis distance of an inlier
+    double noise = 0.0008;
+    double inlier_sigma = 3.5;
     int min_inliers = 25;
-    double min_inlier_share = 0.4;  ///< of the given points
+    double min_inlier_share = 0.4;
     int max_iterations = 15;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("noise", self.noise, 1e-6, 0.1, "[focal lengths] standard deviation of a corner");
+      visit("inlier_sigma", self.inlier_sigma, 0.5, 100,
+            "[sigma] Mahalanobis distance of an inlier");
+      visit("min_inliers", self.min_inliers, 6, 100000, "[points] fewer are no pose");
+      visit("min_inlier_share", self.min_inlier_share, 0, 1, "[] of the tracked points");
+      visit("max_iterations", self.max_iterations, 1, 1000, "[iterations] of Gauss-Newton");
+    }
     /// Throws OptionError.
     void validate() const;
   };

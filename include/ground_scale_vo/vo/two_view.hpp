@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
@@ -22,11 +23,21 @@ class TwoView {
  public:
   struct Options {
     int min_matches = 80;
-    double inlier_px_per_f =
+    double inlier_error =
         0.0021;  ///< reprojection error of an inlier [focal lengths] (1.5 px at 718)
-    double min_parallax = 0.012;    ///< median angle left after rotation [rad]
-    double min_inlier_share = 0.6;  ///< of the matches
-    double max_second_share = 0.9;  ///< inliers of the second best motion over those of the best
+    double min_parallax = 0.012;
+    double min_inlier_share = 0.6;
+    double max_second_share = 0.9;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("min_matches", self.min_matches, 8, 10000, "[matches] below this no start is tried");
+      visit("inlier_error", self.inlier_error, 1e-5, 0.1,
+            "[focal lengths] reprojection error of an inlier");
+      visit("min_parallax", self.min_parallax, 1e-4, 1, "[rad] median angle left after rotation");
+      visit("min_inlier_share", self.min_inlier_share, 0, 1, "[] of the matches");
+      visit("max_second_share", self.max_second_share, 0, 1,
+            "[] support of the second best motion over that of the best");
+    }
     /// Throws OptionError.
     void validate() const;
   };

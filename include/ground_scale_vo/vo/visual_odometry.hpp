@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
@@ -26,14 +27,33 @@ class VisualOdometry {
     LocalMap::Options map;
     LocalBundleAdjustment::Options bundle_adjustment;
 
-    double keyframe_parallax = 0.03;    ///< median since the last keyframe [rad]
-    double keyframe_min_tracked = 0.7;  ///< share of the last keyframe's landmarks still tracked
-    double standstill_flow = 0.0003;    ///< median flow below this is none [image width]
-    double epipolar_error = 0.0028;     ///< of a feature without depth, normalised coordinates
-    double outlier_error = 0.003;  ///< of an observation after adjustment, normalised coordinates
-    int max_outlier_frames = 2;    ///< frames in a row that a feature may disagree
-    int start_min_share_percent = 40;    ///< of the first frame's features, or it is replaced [%]
-    int lost_frames_before_new_map = 3;  ///< textured frames in a row without a pose
+    double keyframe_parallax = 0.03;
+    double keyframe_min_tracked = 0.5;
+    double standstill_flow = 0.0003;
+    double epipolar_error = 0.0028;
+    double outlier_error = 0.003;
+    int max_outlier_frames = 2;
+    double start_min_share = 0.4;
+    int lost_frames_before_new_map = 3;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("keyframe_parallax", self.keyframe_parallax, 1e-4, 1,
+            "[rad] median since the last keyframe that makes the next one");
+      visit("keyframe_min_tracked", self.keyframe_min_tracked, 0, 1,
+            "[] share of the last keyframe's features; with fewer a new one is made");
+      visit("standstill_flow", self.standstill_flow, 0, 0.1,
+            "[image width] a median flow below this is none");
+      visit("epipolar_error", self.epipolar_error, 1e-5, 1,
+            "[focal lengths] of a feature without depth");
+      visit("outlier_error", self.outlier_error, 1e-5, 1,
+            "[focal lengths] of an observation after adjustment");
+      visit("max_outlier_frames", self.max_outlier_frames, 0, 1000,
+            "[frames] in a row that a feature may disagree");
+      visit("start_min_share", self.start_min_share, 0.01, 1,
+            "[] of the first frame's features; with fewer the start begins anew");
+      visit("lost_frames_before_new_map", self.lost_frames_before_new_map, 1, 1000,
+            "[frames] with texture in a row without a pose");
+    }
     /// Throws OptionError.
     void validate() const;
   };

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+#include <type_traits>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+
+// Every Options struct lists its fields once:
+//
+//   template <typename Self, typename Visit>
+//   static void describe(Self& self, Visit&& visit) {
+//     visit("name", self.field, min, max, "[unit] meaning");   // numbers
+//     visit("name", self.flag, "[] meaning");                  // bools
+//   }
+//
+// validate(), the parameters of the nodelets and their documentation all come from that list. A
+// parameter's full name is group/name; the group is the stage.
+
+/// A visitor that throws OptionError at the first number outside its range.
+class RangeCheck {
+ public:
+  explicit RangeCheck(std::string group) : group_(std::move(group)) {}
+
+  template <typename Number>
+  void operator()(const char* name, const Number& value, double min, double max,
+                  const char* /*meaning*/) const {
+    static_assert(std::is_arithmetic_v<Number> && !std::is_same_v<Number, bool>);
+    requireInRange((group_ + name).c_str(), static_cast<double>(value), min, max);
+  }
+  void operator()(const char* /*name*/, bool /*value*/, const char* /*meaning*/) const {}
+
+ private:
+  std::string group_;  ///< "tracker/", or empty
+};
+
+}  // namespace ground_scale_vo

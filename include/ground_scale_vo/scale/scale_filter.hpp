@@ -1,0 +1,65 @@
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "ground_scale_vo/scale/scale_estimate.hpp"
+
+namespace ground_scale_vo {
+
+/// Smooths the camera height h in VO units along the way (the paper's section III.C). With a local
+/// map neighbouring frames share one scale, so the height is what varies slowly; the scale follows
+/// as h*/h. A bias or a slow drift costs accuracy, jitter hardly does: the filter is slow.
+///
+/// State: ln h with its variance, a random walk in distance. One measurement a frame, but those of
+/// neighbouring frames see the same road: their information is taken per distance, so the frame
+/// rate does not matter.
+class ScaleFilter {
+ public:
+  struct Options {
+    double correlation_h = 4;         ///< measurements agree over this way [camera heights]
+    double drift_per_sqrt_h = 0.01;   ///< random walk of ln h over one camera height of way
+    double measurement_floor = 0.02;  ///< least relative sigma of one measurement
+    double gate_sigma = 3;            ///< measurements farther off are rejected
+    int start_measurements = 4;       ///< consistent ones that start (or restart) the filter
+    double start_spread = 0.15;  ///< consistent: relative spread about their median (robust sigma)
+    double restart_h = 12;       ///< contradiction over this way restarts it [camera heights]
+    /// The paper's literal choice: moving average of the scale h*/h over so many frames. 0: off.
+    int moving_average_frames = 0;
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  explicit ScaleFilter(const Options& options);
+
+  /// The camera moved by `distance` [VO units, >= 0] since the last call: the variance grows.
+  void move(double distance);
+
+  /// One frame's measurement, height > 0 and sigma > 0 [VO units]. True when it was used.
+  bool update(double height, double sigma);
+
+  bool known() const { return known_; }
+  double height() const;  ///< [VO units]; 0 while not known
+  double sigma() const;   ///< standard deviation of height() [VO units]; 0 while not known
+
+  void reset();  ///< a new map: another unit of length
+
+ private:
+  struct Measurement {
+    double log_height;
+    double variance;
+    double at;  ///< way so far [VO units]
+  };
+  bool start(const Measurement& measurement);
+
+  Options options_;
+  bool known_ = false;
+  double log_height_ = 0;
+  double variance_ = 0;
+  double way_ = 0;                        ///< since reset()
+  double last_update_at_ = 0;             ///< way at the last measurement used
+  std::vector<Measurement> challengers_;  ///< since the last measurement that was used
+  std::deque<double> inverse_heights_;    ///< of the moving average
+};
+
+}  // namespace ground_scale_vo

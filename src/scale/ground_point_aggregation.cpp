@@ -1,0 +1,65 @@
+#include "ground_scale_vo/scale/ground_point_aggregation.hpp"
+
+#include <unordered_set>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+
+void GroundPointAggregation::Options::validate() const {
+  requireInRange("gpa window_h", window_h, 0, 1e6);
+  requireInRange("gpa max_frames", max_frames, 1, 1e6);
+  requireInRange("gpa min_frames", min_frames, 1, max_frames);
+  requireInRange("gpa max_points", max_points, 3, 1e7);
+  fit.validate();
+}
+
+GroundPointAggregation::GroundPointAggregation(const Options& options)
+    : options_(options), fit_(options.fit) {
+  options_.validate();
+}
+
+void GroundPointAggregation::add(const Eigen::Isometry3d& T_w_c, double travelled,
+                                 const std::vector<GroundPoint>& points, double min_step) {
+  if (!queue_.empty() && travelled - queue_.back().travelled < min_step) queue_.pop_back();
+  queue_.push_back({T_w_c, travelled, points});  // Alg. 2 line 7
+  if (queue_.size() > static_cast<std::size_t>(options_.max_frames)) queue_.pop_front();  // line 8
+}
+
+std::vector<PlanePoint> GroundPointAggregation::window(const Eigen::Isometry3d& T_w_c) const {
+  std::vector<PlanePoint> points;
+  std::unordered_set<std::uint64_t> seen;  // asked for membership alone: its order does not matter
+  const Eigen::Isometry3d T_c_w = T_w_c.inverse();
+  for (auto frame = queue_.rbegin(); frame != queue_.rend(); ++frame) {  // lines 10-13
+    const Eigen::Isometry3d T_c_f = T_c_w * frame->T_w_c;
+    for (const GroundPoint& point : frame->points) {
+      if (points.size() >= static_cast<std::size_t>(options_.max_points)) return points;
+      if (options_.feature_once && !seen.insert(point.id).second) continue;
+      // Eq. 5, but into the axes of the newest camera: a world frame's origin means nothing here.
+      points.push_back({T_c_f * point.p_c, T_c_f.translation(), point.p_c.z(), point.depth_sigma});
+    }
+  }
+  return points;
+}
+
+GroundPointAggregation::Result GroundPointAggregation::estimate(const Eigen::Isometry3d& T_w_c,
+                                                                double travelled,
+                                                                const NormalPrior& prior,
+                                                                double height_hint) {
+  while (!queue_.empty() &&
+         travelled - queue_.front().travelled > options_.window_h * height_hint) {
+    queue_.pop_front();
+  }
+  Result result;
+  if (queue_.size() < static_cast<std::size_t>(options_.min_frames)) {
+    result.fit.status = ScaleReason::kTooFewGroundPoints;
+    return result;
+  }
+  result.window = window(T_w_c);
+  result.fit = fit_.fit(result.window, prior, height_hint);  // lines 14-34
+  return result;
+}
+
+void GroundPointAggregation::reset() { queue_.clear(); }
+
+}  // namespace ground_scale_vo

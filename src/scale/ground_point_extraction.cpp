@@ -1,0 +1,235 @@
+#include "ground_scale_vo/scale/ground_point_extraction.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Triangle = std::array<std::uint32_t, 3>;
+
+/// Triples flatter than this (sine of the angle at the first corner) have no normal to speak of.
+constexpr double kMinSine = 0.02;
+
+/// Eq. 1 and 2 for three points in camera axes; the normal is turned up (y is down), so Eq. 2 gives
+/// h > 0 exactly when the plane lies under the camera. Empty for a degenerate triple, or when not.
+std::optional<GroundPlane> planeThrough(const Eigen::Vector3d& x1, const Eigen::Vector3d& x2,
+                                        const Eigen::Vector3d& x3) {
+  const Eigen::Vector3d a = x1 - x2;
+  const Eigen::Vector3d b = x1 - x3;
+  const Eigen::Vector3d cross = a.cross(b);
+  const double length = cross.norm();
+  if (!(length > kMinSine * a.norm() * b.norm())) return std::nullopt;
+  GroundPlane plane;
+  plane.n_c = (cross.y() < 0 ? cross : Eigen::Vector3d(-cross)) / length;  // Eq. 1
+  plane.height = -plane.n_c.dot(x1);                                       // Eq. 2
+  if (!(plane.height > 0)) return std::nullopt;
+  return plane;
+}
+
+/// Angle by which the normal is turned from the prior's about its lateral axis (first) and about
+/// its forward axis (second) [rad].
+std::pair<double, double> tilt(const Eigen::Vector3d& n_c, const NormalPrior& prior) {
+  const double up = n_c.dot(prior.n_c);
+  return {std::abs(std::atan2(n_c.dot(prior.forward_c), up)),
+          std::abs(std::atan2(n_c.dot(prior.lateral()), up))};
+}
+
+/// Alg. 1 line 1. Triangles as indices into `features`; each of `chosen` is used once, and of
+/// several at one pixel the first.
+std::vector<Triangle> delaunay(const PinholeCamera& camera,
+                               const std::vector<TrackedFeature>& features,
+                               const std::vector<std::uint32_t>& chosen) {
+  std::vector<Triangle> triangles;
+  if (chosen.size() < 3) return triangles;
+  cv::Subdiv2D subdivision(cv::Rect(-1, -1, camera.width + 2, camera.height + 2));
+  std::vector<std::uint32_t> feature_of_vertex;  // by Subdiv2D's vertex id, the first few its own
+  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  for (const std::uint32_t i : chosen) {
+    const int vertex = subdivision.insert(cv::Point2f(features[i].u.x(), features[i].u.y()));
+    if (vertex < 0) continue;
+    const auto v = static_cast<std::size_t>(vertex);
+    if (v >= feature_of_vertex.size()) feature_of_vertex.resize(v + 1, kNone);
+    if (feature_of_vertex[v] == kNone) feature_of_vertex[v] = i;
+  }
+  std::vector<int> edges;
+  subdivision.getLeadingEdgeList(edges);
+  triangles.reserve(edges.size());
+  for (int edge : edges) {
+    Triangle triangle;
+    bool inside = true;
+    for (std::uint32_t& corner : triangle) {
+      const auto vertex = static_cast<std::size_t>(subdivision.edgeOrg(edge));
+      corner = vertex < feature_of_vertex.size() ? feature_of_vertex[vertex] : kNone;
+      inside = inside && corner != kNone;
+      edge = subdivision.getEdge(edge, cv::Subdiv2D::NEXT_AROUND_LEFT);
+    }
+    if (inside) triangles.push_back(triangle);
+  }
+  return triangles;
+}
+
+}  // namespace
+
+void GroundPointExtraction::Options::validate() const {
+  requireInRange("gpe min_ahead_h", min_ahead_h, 0, 1000);
+  requireInRange("gpe max_ahead_h", max_ahead_h, min_ahead_h, 10000);
+  requireInRange("gpe lane_h", lane_h, 0.01, 1000);
+  requireInRange("gpe max_lateral_h", max_lateral_h, lane_h, 1000);
+  requireInRange("gpe lane_points", lane_points, 0, 1e6);
+  requireInRange("gpe motion_tolerance_rad", motion_tolerance_rad, 1e-4, 1.6);
+  requireInRange("gpe pitch_tolerance_rad", pitch_tolerance_rad, 1e-4, 1.6);
+  requireInRange("gpe roll_tolerance_rad", roll_tolerance_rad, 1e-4, 1.6);
+  requireInRange("gpe min_points", min_points, 3, 1e6);
+  requireInRange("gpe ransac_iterations", ransac_iterations, 1, 1e6);
+  requireInRange("gpe plane_threshold_h", plane_threshold_h, 1e-6, 1);
+  requireInRange("gpe plane_threshold_sigma", plane_threshold_sigma, 0, 100);
+}
+
+GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(options) {
+  options_.validate();
+}
+
+/// Features that can lie on the road: with a point, inside the image, and with a ray that meets the
+/// expected plane inside the region. (On that plane a pixel's depth in camera heights is
+/// -1 / (n . r), without the height being known.) The narrow region when enough lie in it.
+std::vector<std::uint32_t> GroundPointExtraction::candidates(const VoFrame& frame,
+                                                             const NormalPrior& prior) const {
+  const Eigen::Vector3d lateral = prior.lateral();
+  std::vector<std::uint32_t> wide, lane;
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    const TrackedFeature& feature = frame.features[i];
+    if (!feature.has_point || !feature.p_c.allFinite() || !(feature.p_c.z() > 0) ||
+        !(feature.depth_sigma > 0) || !std::isfinite(feature.depth_sigma)) {
+      continue;
+    }
+    if (!(feature.u.x() >= 0 && feature.u.x() <= static_cast<float>(frame.camera.width) &&
+          feature.u.y() >= 0 && feature.u.y() <= static_cast<float>(frame.camera.height))) {
+      continue;
+    }
+    const Eigen::Vector3d ray = frame.camera.ray(feature.u.cast<double>());
+    const double down = -prior.n_c.dot(ray);
+    const double ahead_h = prior.forward_c.dot(ray) / down;
+    const double lateral_h = std::abs(lateral.dot(ray)) / down;
+    if (!(down > 0 && std::abs(ahead_h) >= options_.min_ahead_h &&
+          std::abs(ahead_h) <= options_.max_ahead_h && lateral_h <= options_.max_lateral_h)) {
+      continue;
+    }
+    wide.push_back(static_cast<std::uint32_t>(i));
+    if (lateral_h <= options_.lane_h) lane.push_back(static_cast<std::uint32_t>(i));
+  }
+  return lane.size() >= static_cast<std::size_t>(options_.lane_points) ? lane : wide;
+}
+
+GroundPointExtraction::Result GroundPointExtraction::extract(
+    const VoFrame& frame, const NormalPrior& prior,
+    const std::optional<MotionHistory::Chord>& chord, const Eigen::Isometry3d& last_motion) const {
+  Result result;
+  const auto start = std::chrono::steady_clock::now();
+  const std::vector<Triangle> triangles =
+      delaunay(frame.camera, frame.features, candidates(frame, prior));  // Alg. 1 line 1
+  result.delaunay_ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  result.triangles = static_cast<int>(triangles.size());
+  if (triangles.empty()) return result;
+
+  // Eq. 3 as printed: one relative rotation for all triangles, so it selects frames.
+  const Eigen::Matrix3d R = last_motion.linear();
+  const bool frame_is_level =
+      !options_.frame_pitch_test ||
+      std::abs(std::atan(-R(2, 1) / R(2, 2))) < options_.pitch_tolerance_rad;
+
+  std::vector<bool> is_ground(frame.features.size(), false);
+  for (const Triangle& triangle : triangles) {  // Alg. 1 lines 6-15
+    // Alg. 1 line 7: the pixel's ray has no depth, so the tracked map points are the corners.
+    const std::optional<GroundPlane> plane = planeThrough(
+        frame.features[triangle[0]].p_c.cast<double>(),
+        frame.features[triangle[1]].p_c.cast<double>(),
+        frame.features[triangle[2]].p_c.cast<double>());  // lines 8-9; h > 0 of line 10
+    if (!plane || !frame_is_level) continue;
+    if (!options_.frame_pitch_test) {  // theta_1 of line 10, for the triangle's own normal
+      const auto [pitch, roll] = tilt(plane->n_c, prior);
+      if (pitch >= options_.pitch_tolerance_rad || roll >= options_.roll_tolerance_rad) continue;
+    }
+    // Line 11 (Eq. 3): |90 deg - angle(n, t)| < theta_2.
+    if (chord && std::abs(std::asin(std::clamp(plane->n_c.dot(chord->direction_c), -1.0, 1.0))) >=
+                     options_.motion_tolerance_rad) {
+      continue;
+    }
+    ++result.ground_triangles;
+    for (const std::uint32_t corner : triangle) is_ground[corner] = true;  // lines 12 and 16
+  }
+  for (std::size_t i = 0; i < is_ground.size(); ++i) {
+    if (!is_ground[i]) continue;
+    const TrackedFeature& feature = frame.features[i];
+    result.points.push_back(
+        {feature.id, feature.p_c.cast<double>(), static_cast<double>(feature.depth_sigma)});
+  }
+  // Every frame has its own random sequence, so a frame's result does not depend on earlier ones.
+  ransac(options_.random_seed * 0x9E3779B97F4A7C15ull + frame.sequence, prior, &result);
+  if (result.status != ScaleReason::kNone) result.points.clear();
+  return result;
+}
+
+/// Alg. 1 lines 17-33: keeps those of result->points that lie on the best plane through three of
+/// them. Best is the least total distance, truncated at the threshold (Eq. 4; without the
+/// truncation one outlier decides), or the most inliers (line 28).
+void GroundPointExtraction::ransac(std::uint64_t seed, const NormalPrior& prior,
+                                   Result* result) const {
+  std::vector<GroundPoint>& points = result->points;
+  const std::size_t n = points.size();
+  result->status = ScaleReason::kTooFewGroundPoints;
+  if (n < static_cast<std::size_t>(options_.min_points)) return;  // line 18
+
+  // A point's depth error as a share of its depth is, for a point near the plane, the error of its
+  // distance as a share of the height.
+  std::vector<double> threshold(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    threshold[i] =
+        std::hypot(options_.plane_threshold_h,
+                   options_.plane_threshold_sigma * points[i].depth_sigma / points[i].p_c.z());
+  }
+  std::mt19937_64 random(seed);
+  double best_cost = std::numeric_limits<double>::infinity();
+  std::vector<bool> best, inlier(n);                                            // G_best, G_k
+  for (int k = 0; k < options_.ransac_iterations; ++k) {                        // line 19
+    const std::size_t i1 = random() % n, i2 = random() % n, i3 = random() % n;  // line 20
+    if (i1 == i2 || i1 == i3 || i2 == i3) continue;
+    const std::optional<GroundPlane> plane =
+        planeThrough(points[i1].p_c, points[i2].p_c, points[i3].p_c);  // line 21
+    if (!plane) continue;
+    if (!options_.frame_pitch_test) {
+      const auto [pitch, roll] = tilt(plane->n_c, prior);
+      if (pitch >= options_.pitch_tolerance_rad || roll >= options_.pitch_tolerance_rad) continue;
+    }
+    double cost = 0;
+    for (std::size_t g = 0; g < n; ++g) {  // lines 22-27
+      const double distance = std::abs(plane->n_c.dot(points[g].p_c) + plane->height) /
+                              plane->height;  // line 23, over the height
+      inlier[g] = distance < threshold[g];    // line 24
+      cost += !inlier[g] ? 1 : options_.most_inliers ? 0 : distance / threshold[g];
+    }
+    if (cost < best_cost) {  // lines 28-30
+      best_cost = cost;
+      best = inlier;
+      result->plane = *plane;
+    }
+  }
+  result->status = ScaleReason::kNoPlane;
+  if (best.empty()) return;
+  std::size_t kept = 0;  // line 32
+  for (std::size_t g = 0; g < n; ++g) {
+    if (best[g]) points[kept++] = points[g];
+  }
+  points.resize(kept);
+  if (kept >= static_cast<std::size_t>(options_.min_points)) result->status = ScaleReason::kNone;
+}
+
+}  // namespace ground_scale_vo

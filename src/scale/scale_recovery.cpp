@@ -1,0 +1,186 @@
+#include "ground_scale_vo/scale/scale_recovery.hpp"
+
+#include <chrono>
+#include <limits>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Milliseconds since the last call (or construction).
+class Stopwatch {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double ms = std::chrono::duration<double, std::milli>(now - last_).count();
+    last_ = now;
+    return ms;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+ScaleRecovery::Options ScaleRecovery::Options::withPaperLiteral() const {
+  Options literal = *this;
+  literal.min_step_h = 0;
+  literal.mounting.chord_h = 0.01;  // one frame's t
+  literal.gpe.lane_points = 0;
+  literal.gpe.lane_h = literal.gpe.max_lateral_h = 1000;
+  literal.gpe.max_ahead_h = 10000;
+  literal.gpe.frame_pitch_test = true;
+  literal.gpe.most_inliers = true;
+  literal.gpe.plane_threshold_sigma = 0;
+  literal.gpa.window_h = 1e6;
+  literal.gpa.max_frames = 4;
+  literal.gpa.min_frames = 4;
+  literal.gpa.feature_once = false;
+  literal.gpa.fit.method = PlaneFit::Method::kLiteral;
+  literal.filter.moving_average_frames = 20;  // the paper gives no number
+  return literal;
+}
+
+void ScaleRecovery::Options::validate() const {
+  requireInRange("camera_height", camera_height, 0.05, 100);
+  requireInRange("min_step_h", min_step_h, 0, 1);
+  motion.validate();
+  mounting.validate();
+  gpe.validate();
+  gpa.validate();
+  filter.validate();
+  trajectory.validate();
+}
+
+struct ScaleRecovery::Impl {
+  explicit Impl(const Options& o)
+      : options(prepared(o)),
+        motion(options.motion),
+        mounting(options.mounting),
+        gpe(options.gpe),
+        gpa(options.gpa),
+        filter(options.filter),
+        trajectory(options.trajectory) {}
+
+  static Options prepared(const Options& o) {
+    o.validate();
+    Options result = o.paper_literal ? o.withPaperLiteral() : o;
+    result.gpe.random_seed = o.random_seed;
+    result.validate();
+    return result;
+  }
+
+  /// GPE, GPA and filter for one tracking frame. Returns why there is no measurement, or kNone.
+  ScaleReason measure(const VoFrame& frame, Output* output);
+
+  const Options options;
+  MotionHistory motion;
+  Mounting mounting;
+  GroundPointExtraction gpe;
+  GroundPointAggregation gpa;
+  ScaleFilter filter;
+  MetricTrajectory trajectory;
+
+  std::optional<std::uint32_t> map_id;
+  double rough_height = 0;  ///< latest idea of the height [VO units]; 0: none in this map yet
+  Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< of the latest plane, zero: none yet
+};
+
+ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, Output* output) {
+  Stopwatch watch;
+  ScaleEstimate& scale = output->scale;
+  const double step = motion.distanceFromLast(frame.T_w_c);
+  if (!motion.empty() && step < options.min_step_h * rough_height) return ScaleReason::kStandstill;
+  motion.add(frame.T_w_c);
+  filter.move(step);
+
+  const NormalPrior prior = mounting.prior(motion, rough_height);
+  const auto chord = motion.chord(options.mounting.chord_h * rough_height);
+  GroundPointExtraction::Result ground = gpe.extract(frame, prior, chord, motion.lastMotion());
+  scale.triangles = ground.triangles;
+  scale.ground_triangles = ground.ground_triangles;
+  scale.ground_points = static_cast<int>(ground.points.size());
+  for (const GroundPoint& point : ground.points) output->ground_feature_ids.push_back(point.id);
+  output->times.delaunay = ground.delaunay_ms;
+  output->times.gpe = watch.lap() - ground.delaunay_ms;
+
+  if (ground.status != ScaleReason::kNone) {
+    // The window alone says nothing that it has not said before.
+    if (rough_height > 0) n_c = prior.n_c;
+    return ground.status;
+  }
+  if (rough_height == 0) rough_height = ground.plane.height;
+  gpa.add(frame.T_w_c, motion.travelled(), ground.points, options.min_step_h * rough_height);
+  GroundPointAggregation::Result plane =
+      gpa.estimate(frame.T_w_c, motion.travelled(), prior, rough_height);
+  scale.window_points = static_cast<int>(plane.window.size());
+  for (const PlanePoint& point : plane.window) {
+    output->ground_points_c.push_back(point.p_c.cast<float>());
+  }
+  output->times.gpa = watch.lap();
+  // A refinement of plane.fit on the image would come here.
+
+  const bool found = plane.fit.status == ScaleReason::kNone;
+  if (found) {
+    scale.plane_inliers = static_cast<int>(plane.fit.inliers.size());
+    output->plane = {plane.fit.plane.n_c, plane.fit.median_height};
+    scale.raw_scale = options.camera_height / output->plane.height;
+    n_c = plane.fit.plane.n_c;
+  } else {
+    n_c = prior.n_c;
+  }
+  const bool used = found && filter.update(output->plane.height, plane.fit.height_sigma);
+  // Until the filter knows, the latest plane is the best idea of the unit of length.
+  if (filter.known()) {
+    rough_height = filter.height();
+  } else if (found) {
+    rough_height = output->plane.height;
+  }
+  mounting.update(chord, used ? &plane.fit.plane : nullptr, step / rough_height);
+  output->times.filter = watch.lap();
+  if (!found) return plane.fit.status;
+  // While the filter collects its first ones, a measurement is not rejected: the status says
+  // unknown.
+  return used || !filter.known() ? ScaleReason::kNone : ScaleReason::kRejectedByFilter;
+}
+
+ScaleRecovery::ScaleRecovery(const Options& options) : impl_(std::make_unique<Impl>(options)) {}
+
+ScaleRecovery::~ScaleRecovery() = default;
+
+void ScaleRecovery::reset() { impl_ = std::make_unique<Impl>(impl_->options); }
+
+ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame) {
+  Stopwatch watch;
+  Output output;
+  ScaleEstimate& scale = output.scale;
+  scale.reason = ScaleReason::kVoNotTracking;
+  if (frame.status == VoStatus::kTracking) {
+    if (impl_->map_id != frame.map_id) {
+      // Another unit of length: all but the mounting starts anew.
+      impl_->motion.reset();
+      impl_->gpa.reset();
+      impl_->filter.reset();
+      impl_->rough_height = 0;
+      impl_->n_c.setZero();
+      impl_->map_id = frame.map_id;
+    }
+    scale.reason = impl_->measure(frame, &output);
+  }
+  scale.n_c = impl_->n_c;
+  if (impl_->filter.known()) {
+    scale.status = scale.reason == ScaleReason::kNone ? ScaleStatus::kOk : ScaleStatus::kHeld;
+    scale.height = impl_->filter.height();
+    scale.scale = impl_->options.camera_height / scale.height;
+    scale.sigma = scale.scale * impl_->filter.sigma() / scale.height;
+  }
+  output.pose = impl_->trajectory.append(frame, scale);
+  output.mounting_pitch = impl_->mounting.pitch();
+  output.mounting_roll = impl_->mounting.roll();
+  output.times.total = watch.lap();
+  return output;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,125 @@
+#include "ground_scale_vo/scale/ground_point_aggregation.hpp"
+
+#include <gtest/gtest.h>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kHeight = 0.8;
+
+/// Ground points ahead of a level camera: ids first .. first + n - 1.
+std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
+  std::vector<GroundPoint> points;
+  for (int i = 0; i < n; ++i) {
+    const double z = 2 + 0.37 * (i % 11);
+    points.push_back(
+        {first + static_cast<std::uint64_t>(i), {0.1 * (i % 7) - 0.3, kHeight, z}, 0.01 * z});
+  }
+  return points;
+}
+
+Eigen::Isometry3d poseAt(double z) {
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  T_w_c.rotate(Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()));  // the world looks elsewhere
+  T_w_c.translation() = T_w_c.linear() * Eigen::Vector3d(0, 0, z);
+  return T_w_c;
+}
+
+NormalPrior prior() {
+  NormalPrior p;
+  p.pitch_sigma = p.roll_sigma = 0.02;
+  return p;
+}
+
+TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
+  GroundPointAggregation gpa({});
+  for (int i = 0; i < 4; ++i) {
+    gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(15, 1 + 100u * static_cast<unsigned>(i)), 0);
+  }
+  const auto result = gpa.estimate(poseAt(1.5), 1.5, prior(), kHeight);
+  ASSERT_EQ(result.fit.status, ScaleReason::kNone);
+  EXPECT_EQ(result.window.size(), 60u);
+  EXPECT_NEAR(result.fit.plane.height, kHeight, 1e-5);
+  for (const PlanePoint& point : result.window) EXPECT_NEAR(point.p_c.y(), kHeight, 1e-9);
+  // The oldest frame's come last, 1.5 back.
+  EXPECT_NEAR((result.window.back().origin_c - Eigen::Vector3d(0, 0, -1.5)).norm(), 0, 1e-9);
+  EXPECT_NEAR(result.window[45].p_c.z(), 2 - 1.5, 1e-9);
+  EXPECT_NEAR(result.window[45].depth, 2, 1e-9);
+}
+
+TEST(GroundPointAggregation, WindowIsMeasuredInTravelledHeights) {
+  GroundPointAggregation::Options options;
+  options.window_h = 2;  // 1.6 units
+  GroundPointAggregation gpa(options);
+  for (int i = 0; i < 10; ++i) {
+    gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)), 0);
+    gpa.estimate(poseAt(0.5 * i), 0.5 * i, prior(), kHeight);
+  }
+  EXPECT_EQ(gpa.estimate(poseAt(4.5), 4.5, prior(), kHeight).window.size(), 80u);
+}
+
+TEST(GroundPointAggregation, FramesAndPointsAreBounded) {
+  GroundPointAggregation::Options options;
+  options.max_frames = 3;
+  GroundPointAggregation gpa(options);
+  for (int i = 0; i < 10; ++i) {
+    gpa.add(poseAt(0), 0.001 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)), 0);
+  }
+  EXPECT_EQ(gpa.estimate(poseAt(0), 0.009, prior(), kHeight).window.size(), 60u);
+  options.max_points = 25;
+  GroundPointAggregation few(options);
+  few.add(poseAt(0), 0, pointsAhead(20, 1), 0);
+  few.add(poseAt(0.5), 0.5, pointsAhead(20, 101), 0);
+  EXPECT_EQ(few.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 25u);
+}
+
+TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
+  auto older = pointsAhead(20, 1);
+  for (GroundPoint& point : older) point.p_c.z() += 0.5;
+  GroundPointAggregation once({});
+  once.add(poseAt(0), 0, older, 0);
+  once.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0);
+  const auto result = once.estimate(poseAt(0.5), 0.5, prior(), kHeight);
+  EXPECT_EQ(result.window.size(), 20u);
+  EXPECT_EQ(result.window[0].origin_c.norm(), 0);
+
+  GroundPointAggregation::Options options;
+  options.feature_once = false;
+  GroundPointAggregation copies(options);
+  copies.add(poseAt(0), 0, older, 0);
+  copies.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0);
+  EXPECT_EQ(copies.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 40u);
+}
+
+TEST(GroundPointAggregation, StandingStillReplacesTheNewestFrame) {
+  GroundPointAggregation::Options options;
+  options.feature_once = false;
+  GroundPointAggregation gpa(options);
+  gpa.add(poseAt(0), 0, pointsAhead(20, 1), 0.02);
+  for (int i = 0; i < 30; ++i) gpa.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0.02);
+  EXPECT_EQ(gpa.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 40u);
+}
+
+TEST(GroundPointAggregation, EmptyAndResetWindowsSaySo) {
+  GroundPointAggregation gpa({});
+  EXPECT_EQ(gpa.estimate(poseAt(0), 0, prior(), kHeight).fit.status,
+            ScaleReason::kTooFewGroundPoints);
+  gpa.add(poseAt(0), 0, pointsAhead(30, 1), 0);
+  EXPECT_EQ(gpa.estimate(poseAt(0), 0, prior(), kHeight).fit.status, ScaleReason::kNone);
+  gpa.reset();
+  EXPECT_TRUE(gpa.estimate(poseAt(0), 0, prior(), kHeight).window.empty());
+}
+
+TEST(GroundPointAggregation, BadOptionsAreRefused) {
+  GroundPointAggregation::Options options;
+  options.max_frames = 0;
+  EXPECT_THROW(GroundPointAggregation{options}, OptionError);
+  options = {};
+  options.fit.max_iterations = 0;
+  EXPECT_THROW(GroundPointAggregation{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,207 @@
+#include "ground_scale_vo/scale/ground_point_extraction.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "ground_scale_vo/error.hpp"
+#include "road_scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+NormalPrior priorOf(const RoadScene& scene) {
+  NormalPrior prior;
+  prior.n_c = scene.normal();
+  prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
+  prior.pitch_sigma = prior.roll_sigma = 0.01;
+  return prior;
+}
+
+MotionHistory::Chord chordOf(const RoadScene& scene) {
+  return {scene.rotation().transpose() * Eigen::Vector3d::UnitZ(), 5.0};
+}
+
+GroundPointExtraction::Result extract(const RoadScene& scene, const VoFrame& frame,
+                                      const GroundPointExtraction::Options& options = {}) {
+  return GroundPointExtraction(options).extract(frame, priorOf(scene), chordOf(scene),
+                                                Eigen::Isometry3d::Identity());
+}
+
+RoadScene road() {
+  RoadScene scene;
+  scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, 0, 1);
+  return scene;
+}
+
+TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
+  RoadScene scene = road();
+  scene.roll = 0.03;
+  const auto result = extract(scene, scene.frame(0));
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
+  EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 1e-3);
+  EXPECT_GT(result.triangles, 100);
+  EXPECT_GT(result.ground_triangles, result.triangles * 9 / 10);
+  EXPECT_GT(result.points.size(), 100u);
+}
+
+TEST(GroundPointExtraction, TrianglesAreThoseOfEuler) {
+  // A square with a point inside: four triangles, five unique corners.
+  RoadScene scene;
+  scene.points = {{-0.5, 0, 3}, {0.5, 0, 3}, {-0.5, 0, 5}, {0.5, 0, 5}, {0.1, 0, 3.8}, {0, 0, 4.3}};
+  const auto result = extract(scene, scene.frame(0));
+  EXPECT_EQ(result.triangles, 6);  // 2n - 2 - corners on the hull
+  EXPECT_EQ(result.points.size(), 6u);
+}
+
+TEST(GroundPointExtraction, WallAcrossAndAlongTheWayIsNotGround) {
+  RoadScene scene = road();
+  const std::size_t on_road = scene.points.size();
+  scene.addWall(150, -0.7, 0.7, 0.6, 5.0, 2);  // back of a car
+  for (int i = 0; i < 60; ++i)
+    scene.points.emplace_back(0.95, -0.01 * i, 2.0 + 0.1 * i);  // its side
+  const auto result = extract(scene, scene.frame(0));
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, 0.7, 0.01);
+  std::size_t foreign = 0;
+  for (const GroundPoint& point : result.points) {
+    if (point.id <= on_road) continue;
+    ++foreign;
+    EXPECT_LT(-scene.points[point.id - 1].y(), 0.07);  // only the wall's foot
+  }
+  EXPECT_LT(foreign, result.points.size() / 10);
+}
+
+TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByTheRansac) {
+  RoadScene scene = road();
+  scene.depth_sigma = 0.005;
+  scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the height up
+  const auto result = extract(scene, scene.frame(0));
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, 0.7, 0.005);
+  const auto on_kerb = std::count_if(result.points.begin(), result.points.end(),
+                                     [](const GroundPoint& p) { return p.id > 400; });
+  EXPECT_EQ(on_kerb, 0);
+}
+
+TEST(GroundPointExtraction, LaneIsPreferredWhileItHasEnoughPoints) {
+  RoadScene scene = road();
+  scene.addPatch(400, 1.2, 2.5, 1.0, 9.0, 0, 4);
+  const auto count_outside = [&](const GroundPointExtraction::Result& result) {
+    return std::count_if(result.points.begin(), result.points.end(),
+                         [](const GroundPoint& p) { return p.p_c.x() > 1.4 * 0.7; });
+  };
+  EXPECT_EQ(count_outside(extract(scene, scene.frame(0))), 0);
+  GroundPointExtraction::Options options;
+  options.lane_points = 100000;
+  EXPECT_GT(count_outside(extract(scene, scene.frame(0), options)), 50);
+}
+
+TEST(GroundPointExtraction, PlaneAboveOrBehindTheCameraIsNoGround) {
+  RoadScene scene;
+  scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, -2.0, 1);  // a ceiling
+  const auto ceiling = extract(scene, scene.frame(0));
+  EXPECT_NE(ceiling.status, ScaleReason::kNone);
+  EXPECT_TRUE(ceiling.points.empty());
+
+  VoFrame behind = road().frame(0);
+  for (TrackedFeature& feature : behind.features) feature.p_c = -feature.p_c;
+  EXPECT_EQ(extract(road(), behind).status, ScaleReason::kTooFewTriangles);
+}
+
+TEST(GroundPointExtraction, DegenerateInputIsRefusedByStatus) {
+  RoadScene scene;
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, ScaleReason::kTooFewTriangles);
+  scene.points = {{0, 0, 3}, {0.3, 0, 4}};
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, ScaleReason::kTooFewTriangles);
+  scene.points.push_back({-0.4, 0, 5});
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, ScaleReason::kTooFewGroundPoints);
+  scene.points.clear();
+  for (int i = 0; i < 40; ++i) scene.points.emplace_back(0, 0, 2 + 0.2 * i);  // collinear
+  EXPECT_NE(extract(scene, scene.frame(0)).status, ScaleReason::kNone);
+
+  VoFrame same = road().frame(0);  // all at one pixel
+  for (TrackedFeature& feature : same.features) feature.u = same.features[0].u;
+  EXPECT_EQ(extract(road(), same).status, ScaleReason::kTooFewTriangles);
+}
+
+TEST(GroundPointExtraction, FeaturesWithoutAUsablePointAreLeftOut) {
+  const RoadScene scene = road();
+  VoFrame frame = scene.frame(0);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    if (i % 5 == 0) frame.features[i].has_point = false;
+    if (i % 5 == 1) frame.features[i].p_c.y() = nan;
+    if (i % 5 == 2) frame.features[i].u.x() = nan;
+    if (i % 5 == 3) frame.features[i].depth_sigma = nan;
+  }
+  const auto result = extract(scene, frame);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
+  for (const GroundPoint& point : result.points) EXPECT_TRUE(point.p_c.allFinite());
+  EXPECT_LE(result.points.size(), frame.features.size() / 5 + 1);
+}
+
+TEST(GroundPointExtraction, SameInputSameResultAndSeedMatters) {
+  RoadScene scene = road();
+  scene.depth_noise = 0.03;
+  const VoFrame frame = scene.frame(3);
+  GroundPointExtraction::Options options;
+  const auto a = extract(scene, frame, options), b = extract(scene, frame, options);
+  ASSERT_EQ(a.status, ScaleReason::kNone);
+  EXPECT_EQ(a.plane.height, b.plane.height);
+  EXPECT_EQ(a.plane.n_c, b.plane.n_c);
+  ASSERT_EQ(a.points.size(), b.points.size());
+  for (std::size_t i = 0; i < a.points.size(); ++i) EXPECT_EQ(a.points[i].id, b.points[i].id);
+  options.random_seed = 2;
+  EXPECT_NE(a.plane.height, extract(scene, frame, options).plane.height);
+}
+
+TEST(GroundPointExtraction, MotionTestSelectsNormalsAcrossTheMotion) {
+  const RoadScene scene = road();
+  GroundPointExtraction::Options options;
+  MotionHistory::Chord climbing = chordOf(scene);
+  climbing.direction_c =
+      Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitX()) * climbing.direction_c;  // 11 deg off
+  const auto result = GroundPointExtraction(options).extract(
+      scene.frame(0), priorOf(scene), climbing, Eigen::Isometry3d::Identity());
+  EXPECT_EQ(result.ground_triangles, 0);
+  const auto without = GroundPointExtraction(options).extract(
+      scene.frame(0), priorOf(scene), std::nullopt, Eigen::Isometry3d::Identity());
+  EXPECT_EQ(without.status, ScaleReason::kNone);
+}
+
+TEST(GroundPointExtraction, LiteralPitchTestSelectsFrames) {
+  const RoadScene scene = road();
+  GroundPointExtraction::Options options;
+  options.frame_pitch_test = true;
+  options.most_inliers = true;
+  const GroundPointExtraction gpe(options);
+  Eigen::Isometry3d nod = Eigen::Isometry3d::Identity();
+  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), nod).status,
+            ScaleReason::kNone);
+  nod.rotate(Eigen::AngleAxisd(0.12, Eigen::Vector3d::UnitX()));
+  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), nod).ground_triangles, 0);
+}
+
+TEST(GroundPointExtraction, BadOptionsAreNamed) {
+  GroundPointExtraction::Options options;
+  options.min_points = 2;
+  try {
+    GroundPointExtraction gpe(options);
+    FAIL();
+  } catch (const OptionError& error) {
+    EXPECT_NE(std::string(error.what()).find("min_points"), std::string::npos);
+  }
+  options = {};
+  options.plane_threshold_h = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(options.validate(), OptionError);
+  options = {};
+  options.max_lateral_h = 0.5 * options.lane_h;
+  EXPECT_THROW(options.validate(), OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,170 @@
+#include "ground_scale_vo/scale/metric_trajectory.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+VoFrame frameAt(int i, const Eigen::Isometry3d& T_w_c, std::uint32_t map_id = 0) {
+  VoFrame frame;
+  frame.stamp_ns = 100000000ll * i;
+  frame.sequence = static_cast<std::uint32_t>(i);
+  frame.status = VoStatus::kTracking;
+  frame.map_id = map_id;
+  frame.T_w_c = T_w_c;
+  return frame;
+}
+
+ScaleEstimate scaleOf(double scale, double relative_sigma = 0) {
+  ScaleEstimate estimate;
+  estimate.status = ScaleStatus::kOk;
+  estimate.scale = scale;
+  estimate.sigma = scale * relative_sigma;
+  return estimate;
+}
+
+Eigen::Isometry3d straight(double z) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation().z() = z;
+  return T;
+}
+
+/// Yaw of 0.02 rad and 0.5 ahead a frame.
+Eigen::Isometry3d onCircle(int i) {
+  Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
+  step.rotate(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY()));
+  step.translation() = Eigen::Vector3d(0, 0, 0.5);
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  for (int k = 0; k < i; ++k) T = T * step;
+  return T;
+}
+
+TEST(MetricTrajectory, ConstantScaleGivesTheScaledTrajectory) {
+  MetricTrajectory trajectory({});
+  for (int i = 0; i < 200; ++i) {
+    const auto pose = trajectory.append(frameAt(i, onCircle(i)), scaleOf(2.5));
+    ASSERT_TRUE(pose.has_value());
+    EXPECT_NEAR((pose->T_o_c.translation() - 2.5 * onCircle(i).translation()).norm(), 0, 1e-9);
+    EXPECT_NEAR((pose->T_o_c.linear() - onCircle(i).linear()).norm(), 0, 1e-9);
+    EXPECT_NEAR(pose->distance, 2.5 * 0.5 * i, 1e-9);
+  }
+}
+
+TEST(MetricTrajectory, Eq10ScalesIncrementsAndNeverThePast) {
+  MetricTrajectory trajectory({});
+  trajectory.append(frameAt(0, straight(0)), scaleOf(2));
+  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(1, straight(1)), scaleOf(2))->T_o_c.translation().z(),
+                   2);
+  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(2, straight(2)), scaleOf(3))->T_o_c.translation().z(),
+                   5);
+}
+
+TEST(MetricTrajectory, FirstMetricFrameBringsTheWayFromTheMapsFirstFrame) {
+  MetricTrajectory trajectory({});
+  ScaleEstimate unknown;
+  EXPECT_FALSE(trajectory.append(frameAt(0, straight(0)), unknown).has_value());
+  const auto pose = trajectory.append(frameAt(7, straight(3)), scaleOf(2));
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 6);
+  EXPECT_DOUBLE_EQ(pose->distance, 6);
+  EXPECT_EQ(pose->twist_c.norm(), 0);
+}
+
+TEST(MetricTrajectory, NothingWithoutAPose) {
+  MetricTrajectory trajectory({});
+  trajectory.append(frameAt(0, straight(0)), scaleOf(2));
+  VoFrame lost = frameAt(1, straight(99));
+  lost.status = VoStatus::kLost;
+  EXPECT_FALSE(trajectory.append(lost, scaleOf(2)).has_value());
+  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(2, straight(1)), scaleOf(2))->T_o_c.translation().z(),
+                   2);
+}
+
+TEST(MetricTrajectory, TwistIsInCameraAxesPerSecond) {
+  MetricTrajectory trajectory({});
+  trajectory.append(frameAt(0, onCircle(0)), scaleOf(2));
+  const auto pose = trajectory.append(frameAt(1, onCircle(1)), scaleOf(2, 0.05));
+  // 1 m in 0.1 s along the old z axis, seen from a camera that turned by 0.02.
+  EXPECT_NEAR(pose->twist_c(0), -10 * std::sin(0.02), 1e-9);
+  EXPECT_NEAR(pose->twist_c(2), 10 * std::cos(0.02), 1e-9);
+  EXPECT_NEAR(pose->twist_c(4), 0.2, 1e-9);
+  EXPECT_NEAR(pose->twist_covariance(2, 2), std::pow(10 * 0.05, 2), 0.01);
+  EXPECT_GT(pose->twist_covariance(4, 4), 0);
+}
+
+TEST(MetricTrajectory, CovarianceOfCorrelatedScaleGrowsWithTheDistanceThenItsRoot) {
+  MetricTrajectory::Options options;
+  options.rotation_sigma_per_sqrt_m = options.direction_sigma = 0;
+  options.scale_correlation_m = 50;
+  MetricTrajectory trajectory(options);
+  std::vector<double> sigma;
+  for (int i = 0; i <= 20000; ++i) {
+    const auto pose = trajectory.append(frameAt(i, straight(0.25 * i)), scaleOf(2, 0.03));
+    sigma.push_back(std::sqrt(pose->covariance(2, 2)));
+    EXPECT_GE(pose->covariance.diagonal().minCoeff(), 0);
+  }
+  // 5 m: nearly fully correlated, 3 % of the way.
+  EXPECT_NEAR(sigma[10], 0.03 * 5, 0.03 * 5 * 0.05);
+  // Far: an Ornstein-Uhlenbeck integral, variance 2 s^2 l (d - l (1 - exp(-d / l))).
+  const double d = 10000, l = 50;
+  EXPECT_NEAR(sigma[20000], 0.03 * std::sqrt(2 * l * (d - l)), 0.02 * sigma[20000]);
+  // White noise of the same size would be far smaller.
+  EXPECT_GT(sigma[20000], 5 * 0.03 * 0.5 * std::sqrt(20000.0));
+}
+
+TEST(MetricTrajectory, RotationErrorLeversThePosition) {
+  MetricTrajectory::Options options;
+  options.direction_sigma = 0;
+  options.rotation_sigma_per_sqrt_m = 0.001;
+  MetricTrajectory trajectory(options);
+  std::optional<MetricPose> pose;
+  for (int i = 0; i <= 400; ++i)
+    pose = trajectory.append(frameAt(i, straight(0.5 * i)), scaleOf(1));
+  // Integrated random walk over 200 m: s^2 d^3 / 3 across, nothing along.
+  EXPECT_NEAR(std::sqrt(pose->covariance(0, 0)), 0.001 * std::sqrt(200.0 * 200 * 200 / 3), 0.01);
+  EXPECT_NEAR(pose->covariance(2, 2), 0, 1e-12);
+  EXPECT_NEAR(pose->covariance(4, 4), 1e-6 * 200, 1e-9);
+}
+
+TEST(MetricTrajectory, StandingStillAddsNothing) {
+  MetricTrajectory trajectory({});
+  const auto before = trajectory.append(frameAt(0, straight(1)), scaleOf(2, 0.05));
+  const auto after = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.05));
+  EXPECT_EQ(before->covariance, after->covariance);
+  EXPECT_EQ(after->twist_c.norm(), 0);
+}
+
+TEST(MetricTrajectory, NewMapGoesOnFromTheLastPoseWithMoreUncertainty) {
+  MetricTrajectory trajectory({});
+  trajectory.append(frameAt(0, onCircle(0)), scaleOf(2, 0.02));
+  const auto last = trajectory.append(frameAt(1, onCircle(50)), scaleOf(2, 0.02));
+  const auto first = trajectory.append(frameAt(11, straight(0.7), 1), scaleOf(9, 0.02));
+  ASSERT_TRUE(first.has_value());
+  EXPECT_EQ(first->T_o_c.matrix(), last->T_o_c.matrix());
+  EXPECT_EQ(first->distance, last->distance);
+  EXPECT_EQ(first->twist_c.norm(), 0);
+  EXPECT_NEAR(first->covariance(0, 0) - last->covariance(0, 0), 25, 1e-9);  // 5 m/s for 1 s
+  EXPECT_NEAR(first->covariance(4, 4) - last->covariance(4, 4), 0.01, 1e-12);
+  const auto next = trajectory.append(frameAt(12, straight(0.8), 1), scaleOf(9, 0.02));
+  EXPECT_NEAR((next->T_o_c.translation() - first->T_o_c.translation()).norm(), 0.9, 1e-9);
+}
+
+TEST(MetricTrajectory, ResetAndBadOptions) {
+  MetricTrajectory trajectory({});
+  trajectory.append(frameAt(0, straight(5)), scaleOf(2));
+  trajectory.reset();
+  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(1, straight(1)), scaleOf(3))->distance, 3);
+  MetricTrajectory::Options options;
+  options.scale_correlation_m = 0;
+  EXPECT_THROW(MetricTrajectory{options}, OptionError);
+  options = {};
+  options.direction_sigma = -1;
+  EXPECT_THROW(MetricTrajectory{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,103 @@
+#include "ground_scale_vo/scale/mounting.hpp"
+
+#include <gtest/gtest.h>
+
+#include "ground_scale_vo/error.hpp"
+#include "road_scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
+  RoadScene scene;
+  scene.pitch = 0.05;
+  scene.roll = -0.03;
+  Mounting mounting({});
+  EXPECT_EQ(mounting.normal(), Eigen::Vector3d(0, -1, 0));
+  MotionHistory history({});
+  const GroundPlane plane{scene.normal(), scene.height};
+  for (int i = 0; i < 400; ++i) {
+    history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
+    mounting.update(history.chord(3), &plane, 0.6);
+  }
+  EXPECT_NEAR(mounting.pitch(), 0.05, 1e-3);
+  EXPECT_NEAR(mounting.roll(), -0.03, 1e-3);
+  EXPECT_NEAR((mounting.normal() - scene.normal()).norm(), 0, 2e-3);
+}
+
+TEST(Mounting, ReverseTeachesTheSamePitch) {
+  RoadScene scene;
+  scene.pitch = 0.04;
+  Mounting mounting({});
+  MotionHistory history({});
+  for (int i = 0; i < 200; ++i) {
+    history.add(scene.frameAt(0, -0.4 * i).T_w_c);
+    mounting.update(history.chord(3), nullptr, 0.6);
+  }
+  EXPECT_NEAR(mounting.pitch(), 0.04, 1e-3);
+}
+
+TEST(Mounting, PriorIsOrthogonalToALongChordAndUnit) {
+  RoadScene scene;
+  scene.pitch = 0.06;  // not learnt yet
+  Mounting mounting({});
+  MotionHistory history({});
+  const NormalPrior blind = mounting.prior(history, 0.7);
+  EXPECT_EQ(blind.n_c, Eigen::Vector3d(0, -1, 0));
+  for (std::uint32_t i = 0; i < 15; ++i) history.add(scene.frame(i).T_w_c);
+  const NormalPrior prior = mounting.prior(history, 0.7);
+  EXPECT_NEAR(prior.n_c.norm(), 1, 1e-12);
+  EXPECT_NEAR(prior.forward_c.dot(prior.n_c), 0, 1e-12);
+  EXPECT_NEAR((prior.n_c - scene.normal()).norm(), 0, 1e-3);
+  EXPECT_LT(prior.pitch_sigma, 0.1 * blind.pitch_sigma);
+  EXPECT_EQ(prior.roll_sigma, blind.roll_sigma);
+}
+
+TEST(Mounting, StaysWithinItsLimitAndResets) {
+  Mounting::Options options;
+  options.max_tilt_rad = 0.1;
+  Mounting mounting(options);
+  RoadScene scene;
+  scene.pitch = 0.3;
+  MotionHistory history({});
+  for (int i = 0; i < 400; ++i) {
+    history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
+    mounting.update(history.chord(3), nullptr, 0.6);
+  }
+  EXPECT_EQ(mounting.pitch(), 0.1);
+  mounting.reset();
+  EXPECT_EQ(mounting.pitch(), 0);
+}
+
+TEST(Mounting, SidewaysAndNoMotionTeachNothing) {
+  Mounting mounting({});
+  mounting.update(std::nullopt, nullptr, 1);
+  mounting.update(MotionHistory::Chord{Eigen::Vector3d(1, 0, 0), 1}, nullptr, 1);
+  EXPECT_EQ(mounting.pitch(), 0);
+  Mounting::Options options;
+  options.chord_h = 0;
+  EXPECT_THROW(Mounting{options}, OptionError);
+}
+
+TEST(MotionHistory, ChordAveragesTheDirection) {
+  MotionHistory history({});
+  EXPECT_FALSE(history.chord(1).has_value());
+  for (int i = 0; i < 30; ++i) {  // a camera that wobbles sideways by a quarter of its step
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+    T_w_c.translation() = Eigen::Vector3d(i % 2 == 0 ? 0.0 : 0.1, 0, 0.4 * i);
+    history.add(T_w_c);
+  }
+  EXPECT_NEAR(history.lastStep(), std::hypot(0.4, 0.1), 1e-12);
+  EXPECT_NEAR(history.travelled(), 29 * std::hypot(0.4, 0.1), 1e-9);
+  EXPECT_GT(std::abs(history.chord(0.1)->direction_c.x()), 0.2);
+  EXPECT_LT(std::abs(history.chord(4)->direction_c.x()), 0.03);
+  EXPECT_NEAR(history.chord(4)->length, 4.0, 0.5);
+  EXPECT_NEAR(history.chord(1e9)->length, 29 * 0.4, 0.01);
+  EXPECT_NEAR(history.lastMotion().translation().z(), -0.4, 1e-12);
+  history.reset();
+  EXPECT_TRUE(history.empty());
+  EXPECT_EQ(history.travelled(), 0);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

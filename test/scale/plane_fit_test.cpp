@@ -1,0 +1,180 @@
+#include "ground_scale_vo/scale/plane_fit.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+struct Noise {
+  std::mt19937 random{5};
+  double uniform(double a, double b) {
+    return a + (b - a) * static_cast<double>(random()) / 4294967296.0;
+  }
+  double gauss() {
+    double sum = -6;
+    for (int k = 0; k < 12; ++k) sum += uniform(0, 1);
+    return sum;
+  }
+};
+
+/// Points of the plane n . x + h = 0, seen from cameras up to `back` behind; the inverse depth has
+/// a relative error of `noise`.
+std::vector<PlanePoint> pointsOn(const GroundPlane& plane, int n, double noise, double back,
+                                 unsigned seed) {
+  Noise random;
+  random.random.seed(seed);
+  std::vector<PlanePoint> points;
+  for (int i = 0; i < n; ++i) {
+    PlanePoint point;
+    point.origin_c = Eigen::Vector3d(0, 0, -random.uniform(0, back));
+    const double h = plane.height + plane.n_c.dot(point.origin_c);
+    const Eigen::Vector3d ray(random.uniform(-0.3, 0.3), random.uniform(0.08, 0.25), 1);
+    point.depth = -h / plane.n_c.dot(ray) / (1 + noise * random.gauss());
+    point.depth_sigma =
+        std::max(noise, 0.001) * point.depth * point.depth * -plane.n_c.dot(ray) / h;
+    point.p_c = point.origin_c + point.depth * ray;
+    points.push_back(point);
+  }
+  return points;
+}
+
+const GroundPlane kPlane{Eigen::Vector3d(0.01, -1, -0.02).normalized(), 0.8};
+
+NormalPrior loosePrior() {
+  NormalPrior prior;
+  prior.pitch_sigma = prior.roll_sigma = 0.5;
+  return prior;
+}
+
+TEST(PlaneFit, ExactPointsGiveTheExactPlane) {
+  const auto result = PlaneFit({}).fit(pointsOn(kPlane, 60, 0, 3, 1), loosePrior(), 1.0);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, 0.8, 1e-5);
+  EXPECT_NEAR((result.plane.n_c - kPlane.n_c).norm(), 0, 1e-5);
+  EXPECT_NEAR(result.median_height, 0.8, 1e-5);
+  EXPECT_EQ(result.inliers.size(), 60u);
+}
+
+TEST(PlaneFit, NoiseOfTheInverseDepthDoesNotBiasTheHeight) {
+  // Relative error 8 %: weights from measured depths would shrink the height by more than 1 %.
+  const auto result = PlaneFit({}).fit(pointsOn(kPlane, 20000, 0.08, 3, 2), loosePrior(), 1.0);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / 0.8, 1, 0.003);
+  EXPECT_NEAR(result.median_height / 0.8, 1, 0.004);
+}
+
+TEST(PlaneFit, SigmaIsThatOfRepeatedFits) {
+  double squares = 0, sigma = 0;
+  const int runs = 200;
+  for (int i = 0; i < runs; ++i) {
+    const auto result = PlaneFit({}).fit(
+        pointsOn(kPlane, 120, 0.03, 3, 100u + static_cast<unsigned>(i)), loosePrior(), 1.0);
+    ASSERT_EQ(result.status, ScaleReason::kNone);
+    squares += std::pow(result.plane.height - 0.8, 2);
+    sigma += result.height_sigma;
+  }
+  const double ratio = std::sqrt(squares / runs) / (sigma / runs);
+  EXPECT_GT(ratio, 0.75);
+  EXPECT_LT(ratio, 1.4);
+}
+
+TEST(PlaneFit, OutliersAreRejected) {
+  auto points = pointsOn(kPlane, 150, 0.02, 3, 3);
+  Noise random;
+  for (int i = 0; i < 60; ++i) {  // anything nearer than the road
+    PlanePoint point = points[static_cast<std::size_t>(i)];
+    const double shorter = random.uniform(0.3, 0.8);
+    point.p_c = point.origin_c + shorter * (point.p_c - point.origin_c);
+    point.depth *= shorter;
+    point.depth_sigma *= shorter;
+    points.push_back(point);
+  }
+  const auto result = PlaneFit({}).fit(points, loosePrior(), 1.0);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / 0.8, 1, 0.01);
+  EXPECT_LT(result.inliers.back(), 150u);
+}
+
+TEST(PlaneFit, PriorHoldsWhatThePointsLeaveOpen) {
+  // A narrow strip, 6 heights ahead and noisy: by itself it leaves the pitch open.
+  Noise random;
+  std::vector<PlanePoint> points;
+  for (int i = 0; i < 60; ++i) {
+    const double z = random.uniform(4.6, 5.0);
+    const Eigen::Vector3d ray(random.uniform(-0.1, 0.1), 0.8 / z, 1);
+    const double depth = z / (1 + 0.03 * random.gauss());
+    points.push_back({depth * ray, Eigen::Vector3d::Zero(), depth, 0.03 * depth});
+  }
+  NormalPrior tight = loosePrior();
+  tight.pitch_sigma = tight.roll_sigma = 0.002;
+  const auto result = PlaneFit({}).fit(points, tight, 0.8);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, 0.8, 0.02);
+  EXPECT_NEAR(result.plane.n_c.z(), 0, 0.004);
+  const auto loose = PlaneFit({}).fit(points, loosePrior(), 0.8);
+  if (loose.status == ScaleReason::kNone) {
+    EXPECT_GT(loose.height_sigma, 3 * result.height_sigma);
+  }
+}
+
+TEST(PlaneFit, RefusesByStatus) {
+  const PlaneFit fit{PlaneFit::Options{}};
+  EXPECT_EQ(fit.fit({}, loosePrior(), 1.0).status, ScaleReason::kTooFewGroundPoints);
+  EXPECT_EQ(fit.fit(pointsOn(kPlane, 5, 0, 0, 1), loosePrior(), 1.0).status,
+            ScaleReason::kTooFewGroundPoints);
+  const GroundPlane above{{0, 1, 0}, 0.8};
+  EXPECT_EQ(fit.fit(pointsOn(above, 50, 0, 0, 1), loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  // All points in one, and all on a line.
+  std::vector<PlanePoint> line;
+  for (int i = 0; i < 40; ++i) {
+    const double z = 3 + 0.1 * i;
+    line.push_back({{0, 0.8, z}, Eigen::Vector3d::Zero(), z, 0.01 * z});
+  }
+  EXPECT_EQ(fit.fit(line, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  const std::vector<PlanePoint> same(50, pointsOn(kPlane, 1, 0, 0, 1)[0]);
+  EXPECT_EQ(fit.fit(same, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+}
+
+TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
+  PlaneFit::Options options;
+  options.sac_tilt_rad = 0.5;
+  options.max_tilt_rad = 0.05;
+  const GroundPlane slope{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
+  EXPECT_EQ(PlaneFit(options).fit(pointsOn(slope, 80, 0.001, 0, 1), loosePrior(), 1.0).status,
+            ScaleReason::kPlaneTilted);
+}
+
+TEST(PlaneFit, SameInputSameBytes) {
+  const auto points = pointsOn(kPlane, 200, 0.05, 3, 4);
+  const auto a = PlaneFit({}).fit(points, loosePrior(), 1.0);
+  const auto b = PlaneFit({}).fit(points, loosePrior(), 1.0);
+  EXPECT_EQ(a.plane.height, b.plane.height);
+  EXPECT_EQ(a.plane.n_c, b.plane.n_c);
+  EXPECT_EQ(a.inliers, b.inliers);
+}
+
+TEST(PlaneFit, LiteralFitIsExactOnExactPoints) {
+  PlaneFit::Options options;
+  options.method = PlaneFit::Method::kLiteral;
+  const auto result = PlaneFit(options).fit(pointsOn(kPlane, 60, 0, 3, 1), loosePrior(), 0.8);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, 0.8, 1e-6);
+  EXPECT_NEAR(result.median_height, 0.8, 1e-6);
+}
+
+TEST(PlaneFit, BadOptionsAreRefused) {
+  PlaneFit::Options options;
+  options.reject_sigma = -1;
+  EXPECT_THROW(PlaneFit{options}, OptionError);
+  options = {};
+  options.min_points = 2;
+  EXPECT_THROW(PlaneFit{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

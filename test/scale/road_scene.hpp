@@ -1,0 +1,89 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "ground_scale_vo/vo/vo_frame.hpp"
+
+namespace ground_scale_vo {
+
+/// A flat road with points on it, and a camera that drives over it: exact VoFrames in any unit.
+/// Road axes: x right, y down, z ahead, the origin under the first camera.
+struct RoadScene {
+  PinholeCamera camera{620, 188, 359.0, 359.0, 310.0, 92.0};
+  double height = 0.7;     ///< of the camera [VO units]
+  double pitch = 0.02;     ///< positive looks down
+  double roll = 0;         ///< positive: the camera's x axis dips
+  double step = 0.4;       ///< per frame [VO units]
+  double depth_noise = 0;  ///< relative, on the inverse depth, the same for all frames of a point
+  double depth_sigma = 0.02;            ///< reported, relative
+  std::vector<Eigen::Vector3d> points;  ///< road axes; id = index + 1
+
+  /// n points on the plane y = y within the given rectangle.
+  void addPatch(int n, double x_min, double x_max, double z_min, double z_max, double y,
+                unsigned seed) {
+    std::mt19937 random(seed);
+    const auto uniform = [&](double a, double b) {
+      return a + (b - a) * static_cast<double>(random()) / 4294967296.0;
+    };
+    for (int i = 0; i < n; ++i)
+      points.emplace_back(uniform(x_min, x_max), y, uniform(z_min, z_max));
+  }
+  /// A wall of points across the way (the back of a vehicle), y from -top to 0.
+  void addWall(int n, double x_min, double x_max, double top, double z, unsigned seed) {
+    addPatch(n, x_min, x_max, -top, 0, 0, seed);
+    for (auto p = points.end() - n; p != points.end(); ++p) *p = {p->x(), p->z(), z};
+  }
+
+  /// Of point i: about normal, mean 0, deviation 1, the same in every frame (a hash of i).
+  static double errorOf(std::size_t i) {
+    std::uint64_t state = i + 1;
+    double sum = -6;
+    for (int k = 0; k < 12; ++k) {
+      state = (state ^ (state >> 29)) * 0xBF58476D1CE4E5B9ull + 0x9E3779B97F4A7C15ull;
+      sum += static_cast<double>(state >> 11) * 0x1p-53;
+    }
+    return sum;
+  }
+
+  Eigen::Matrix3d rotation() const {
+    return (Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
+            Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()))
+        .toRotationMatrix();
+  }
+  Eigen::Vector3d normal() const { return rotation().transpose() * Eigen::Vector3d(0, -1, 0); }
+
+  /// The frame at distance `at` along the way.
+  VoFrame frameAt(std::uint32_t sequence, double at) const {
+    VoFrame frame;
+    frame.sequence = sequence;
+    frame.stamp_ns = 1000000000ll + 100000000ll * static_cast<std::int64_t>(sequence);
+    frame.status = VoStatus::kTracking;
+    frame.camera = camera;
+    const Eigen::Matrix3d R_r_c = rotation();
+    frame.T_w_c.translation() = R_r_c.transpose() * Eigen::Vector3d(0, 0, at);
+    const Eigen::Vector3d centre_r(0, -height, at);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      Eigen::Vector3d p = R_r_c.transpose() * (points[i] - centre_r);
+      if (!(p.z() > 0.1 * height)) continue;
+      const Eigen::Vector2d u = camera.project(p);
+      if (u.x() < 0 || u.y() < 0 || u.x() > camera.width - 1 || u.y() > camera.height - 1) continue;
+      p /= 1 + depth_noise * errorOf(i);
+      TrackedFeature feature;
+      feature.id = i + 1;
+      feature.age = 5;
+      feature.u = u.cast<float>();
+      feature.has_point = true;
+      feature.p_c = p.cast<float>();
+      feature.depth_sigma = static_cast<float>(depth_sigma * p.z());
+      frame.features.push_back(feature);
+    }
+    return frame;
+  }
+  VoFrame frame(std::uint32_t sequence) const { return frameAt(sequence, step * sequence); }
+};
+
+}  // namespace ground_scale_vo

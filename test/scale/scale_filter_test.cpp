@@ -1,0 +1,131 @@
+#include "ground_scale_vo/scale/scale_filter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Drives `frames` steps of 0.5 with the same measured height.
+int drive(ScaleFilter* filter, int frames, double height, double sigma) {
+  int used = 0;
+  for (int i = 0; i < frames; ++i) {
+    filter->move(0.5);
+    used += filter->update(height, sigma);
+  }
+  return used;
+}
+
+TEST(ScaleFilter, StartsWithTheMedianOfConsistentMeasurements) {
+  ScaleFilter filter({});
+  EXPECT_FALSE(filter.known());
+  EXPECT_EQ(filter.height(), 0);
+  EXPECT_FALSE(filter.update(0.80, 0.02));
+  EXPECT_FALSE(filter.update(0.82, 0.02));
+  EXPECT_FALSE(filter.update(0.81, 0.02));
+  EXPECT_TRUE(filter.update(0.81, 0.02));
+  EXPECT_TRUE(filter.known());
+  EXPECT_NEAR(filter.height(), 0.81, 1e-9);
+  EXPECT_GT(filter.sigma(), 0.015);
+}
+
+TEST(ScaleFilter, ScatteredMeasurementsDoNotStartIt) {
+  ScaleFilter filter({});
+  for (int i = 0; i < 20; ++i) {
+    filter.move(0.5);
+    EXPECT_FALSE(filter.update(i % 2 == 0 ? 0.5 : 1.5, 0.02));
+  }
+  EXPECT_FALSE(filter.known());
+  EXPECT_EQ(drive(&filter, 6, 0.8, 0.02) > 0, true);
+  EXPECT_NEAR(filter.height(), 0.8, 0.01);
+}
+
+TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
+  ScaleFilter filter({});
+  drive(&filter, 4, 0.8, 0.04);
+  const double at_start = filter.sigma();
+  for (int i = 0; i < 400; ++i) {
+    filter.move(0.5);
+    filter.update(0.8 * (i % 2 == 0 ? 1.04 : 1 / 1.04), 0.04);
+  }
+  EXPECT_NEAR(filter.height(), 0.8, 0.005);
+  EXPECT_LT(filter.sigma(), at_start);
+}
+
+TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
+  ScaleFilter slow({}), fast({});
+  drive(&slow, 4, 0.8, 0.03);
+  drive(&fast, 4, 0.8, 0.03);
+  for (int i = 0; i < 10; ++i) {
+    slow.move(0.5);
+    slow.update(0.84, 0.03);
+    for (int k = 0; k < 10; ++k) {
+      fast.move(0.05);
+      fast.update(0.84, 0.03);
+    }
+  }
+  EXPECT_NEAR(slow.height(), fast.height(), 0.002);
+  EXPECT_NEAR(slow.sigma(), fast.sigma(), 0.001);
+}
+
+TEST(ScaleFilter, HeldStateKeepsItsHeightAndLosesCertaintyWithDistance) {
+  ScaleFilter filter({});
+  drive(&filter, 50, 0.8, 0.03);
+  const double height = filter.height(), sigma = filter.sigma();
+  filter.move(0);
+  EXPECT_EQ(filter.sigma(), sigma);  // standing still costs nothing
+  filter.move(40);
+  EXPECT_EQ(filter.height(), height);
+  const double drift = ScaleFilter::Options().drift_per_sqrt_h;
+  EXPECT_NEAR(std::pow(filter.sigma() / height, 2),
+              std::pow(sigma / height, 2) + drift * drift * 40 / height, 1e-9);
+}
+
+TEST(ScaleFilter, SingleJumpsAreRejectedAndALastingOneTakesOver) {
+  ScaleFilter filter({});
+  drive(&filter, 100, 0.8, 0.02);
+  filter.move(0.5);
+  EXPECT_FALSE(filter.update(1.2, 0.02));
+  EXPECT_NEAR(filter.height(), 0.8, 1e-6);
+  EXPECT_EQ(drive(&filter, 5, 0.8, 0.02), 5);
+  EXPECT_EQ(drive(&filter, 10, 1.2, 0.02), 0);  // 5 units are 6 heights: not yet
+  EXPECT_NEAR(filter.height(), 0.8, 1e-6);
+  EXPECT_GT(drive(&filter, 40, 1.2, 0.02), 0);
+  EXPECT_NEAR(filter.height(), 1.2, 0.01);
+}
+
+TEST(ScaleFilter, ResetForgets) {
+  ScaleFilter filter({});
+  drive(&filter, 10, 0.8, 0.02);
+  filter.reset();
+  EXPECT_FALSE(filter.known());
+  drive(&filter, 10, 3.0, 0.02);
+  EXPECT_NEAR(filter.height(), 3.0, 1e-6);
+}
+
+TEST(ScaleFilter, LiteralMovingAverageIsOfTheScale) {
+  ScaleFilter::Options options;
+  options.moving_average_frames = 2;
+  ScaleFilter filter(options);
+  filter.update(1.0, 0.1);
+  EXPECT_DOUBLE_EQ(filter.height(), 1.0);
+  filter.update(0.5, 0.1);
+  EXPECT_NEAR(1 / filter.height(), 1.5, 1e-12);
+  filter.update(0.5, 0.1);
+  EXPECT_NEAR(1 / filter.height(), 2.0, 1e-12);
+}
+
+TEST(ScaleFilter, BadOptionsAreRefused) {
+  ScaleFilter::Options options;
+  options.gate_sigma = 0;
+  EXPECT_THROW(ScaleFilter{options}, OptionError);
+  options = {};
+  options.start_measurements = 0;
+  EXPECT_THROW(ScaleFilter{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

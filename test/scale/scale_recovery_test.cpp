@@ -1,0 +1,243 @@
+#include "ground_scale_vo/scale/scale_recovery.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "ground_scale_vo/error.hpp"
+#include "road_scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+ScaleRecovery::Options options() {
+  ScaleRecovery::Options o;
+  o.camera_height = 1.65;
+  return o;
+}
+
+RoadScene road() {
+  RoadScene scene;
+  scene.pitch = 0.03;
+  scene.addPatch(6000, -2.5, 2.5, 0, 60, 0, 1);
+  scene.depth_noise = 0.02;
+  return scene;
+}
+
+const double kTrueScale = 1.65 / RoadScene().height;
+
+TEST(ScaleRecovery, FindsTheScaleOfARoad) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output output;
+  std::uint32_t first_known = 0;
+  for (std::uint32_t i = 0; i < 80; ++i) {
+    output = recovery.process(scene.frame(i));
+    const bool known = output.scale.status != ScaleStatus::kUnknown;
+    EXPECT_EQ(output.pose.has_value(), known);
+    if (!known) {
+      first_known = i + 1;
+      EXPECT_EQ(output.scale.scale, 0);
+    }
+  }
+  EXPECT_LE(first_known, 10u);
+  EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
+  EXPECT_EQ(output.scale.reason, ScaleReason::kNone);
+  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.01);
+  EXPECT_LT(std::abs(output.scale.scale - kTrueScale), 3 * output.scale.sigma);
+  EXPECT_LT(output.scale.sigma / kTrueScale, 0.03);
+  EXPECT_NEAR(output.scale.height, 0.7, 0.007);
+  EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.01);
+  EXPECT_NEAR(output.mounting_pitch, 0.03, 0.002);
+  EXPECT_NEAR(output.pose->distance, kTrueScale * 0.4 * 79, 0.015 * kTrueScale * 0.4 * 79);
+  EXPECT_GT(output.ground_feature_ids.size(), 50u);
+  EXPECT_EQ(output.ground_points_c.size(), static_cast<std::size_t>(output.scale.window_points));
+}
+
+TEST(ScaleRecovery, AnyUnitAndMountingWithinTheLimits) {
+  for (const double unit : {0.01, 1.0, 300.0}) {
+    for (const double pitch : {-0.06, 0.0, 0.1}) {
+      for (const double roll : {-0.04, 0.05}) {
+        RoadScene scene = road();
+        for (auto& point : scene.points) point *= unit;
+        scene.height *= unit;
+        scene.step *= unit;
+        scene.pitch = pitch;
+        scene.roll = roll;
+        ScaleRecovery recovery(options());
+        ScaleRecovery::Output output;
+        for (std::uint32_t i = 0; i < 60; ++i) output = recovery.process(scene.frame(i));
+        ASSERT_NE(output.scale.status, ScaleStatus::kUnknown)
+            << unit << ' ' << pitch << ' ' << roll;
+        EXPECT_NEAR(output.scale.scale * unit / kTrueScale, 1, 0.015)
+            << unit << ' ' << pitch << ' ' << roll;
+      }
+    }
+  }
+}
+
+TEST(ScaleRecovery, VehicleAheadDoesNotPullTheScale) {
+  const RoadScene empty = road();
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 80; ++i) {
+    RoadScene scene = empty;  // a car that keeps its distance: it moves with the camera
+    VoFrame frame = scene.frame(i);
+    RoadScene car;
+    car.pitch = scene.pitch;
+    car.addWall(250, -0.4, 0.4, 0.6, 3.0, 9);
+    VoFrame seen = car.frameAt(i, 0);
+    for (TrackedFeature& feature : seen.features) {
+      feature.id += 100000;
+      frame.features.push_back(feature);
+    }
+    output = recovery.process(frame);
+  }
+  ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
+  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.02);
+}
+
+TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
+  ASSERT_EQ(output.scale.status, ScaleStatus::kOk);
+  const ScaleEstimate known = output.scale;
+  for (std::uint32_t i = 40; i < 80; ++i) {
+    VoFrame frame = scene.frame(i);
+    frame.features.clear();
+    output = recovery.process(frame);
+    EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
+  }
+  EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
+  EXPECT_NEAR(output.scale.scale / known.scale, 1, 0.01);  // the window gave some more at first
+  EXPECT_GT(output.scale.sigma, 1.5 * known.sigma);
+  EXPECT_EQ(output.scale.raw_scale, 0);
+  EXPECT_TRUE(output.pose.has_value());
+}
+
+TEST(ScaleRecovery, UnknownUntilThereIsARoad) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    VoFrame frame = scene.frame(i);
+    for (TrackedFeature& feature : frame.features) feature.has_point = false;
+    const auto output = recovery.process(frame);
+    EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
+    EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
+    EXPECT_FALSE(output.pose.has_value());
+    EXPECT_EQ(output.scale.n_c, Eigen::Vector3d::Zero());
+  }
+}
+
+TEST(ScaleRecovery, StandstillHoldsTheScaleAndItsSigma) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output moving, still;
+  for (std::uint32_t i = 0; i < 40; ++i) moving = recovery.process(scene.frame(i));
+  for (std::uint32_t i = 40; i < 100; ++i) {
+    still = recovery.process(scene.frameAt(i, 39 * scene.step + 0.0005 * (i % 3)));
+    EXPECT_EQ(still.scale.status, ScaleStatus::kHeld);
+    EXPECT_EQ(still.scale.reason, ScaleReason::kStandstill);
+    EXPECT_EQ(still.scale.scale, moving.scale.scale);
+    EXPECT_EQ(still.scale.sigma, moving.scale.sigma);
+  }
+  EXPECT_NEAR(still.pose->distance, moving.pose->distance, 0.15);
+  for (std::uint32_t i = 100; i < 120; ++i) {
+    moving = recovery.process(scene.frameAt(i, scene.step * (i - 60)));
+    EXPECT_EQ(moving.scale.status, ScaleStatus::kOk);
+  }
+}
+
+TEST(ScaleRecovery, NewMapStartsAnewAndTheOdometryGoesOn) {
+  const RoadScene scene = road();
+  RoadScene other = road();  // the same road in another unit
+  for (auto& point : other.points) point *= 3;
+  other.height *= 3;
+  other.step *= 3;
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
+  const MetricPose last = *output.pose;
+  VoFrame lost = scene.frame(40);
+  lost.status = VoStatus::kLost;
+  output = recovery.process(lost);
+  EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
+  EXPECT_EQ(output.scale.reason, ScaleReason::kVoNotTracking);
+  EXPECT_FALSE(output.pose.has_value());
+  bool first = true;
+  for (std::uint32_t i = 41; i < 80; ++i) {
+    VoFrame frame = other.frame(i);
+    frame.map_id = 1;
+    output = recovery.process(frame);
+    if (i == 41) {
+      EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
+    }
+    if (output.pose && first) {
+      first = false;
+      EXPECT_EQ(output.pose->T_o_c.matrix(), last.T_o_c.matrix());
+      EXPECT_GT(output.pose->covariance(0, 0), last.covariance(0, 0) + 1);
+    }
+  }
+  EXPECT_FALSE(first);
+  EXPECT_NEAR(output.scale.scale / (kTrueScale / 3), 1, 0.01);
+}
+
+TEST(ScaleRecovery, DeterministicAndResetIsAsNew) {
+  const RoadScene scene = road();
+  ScaleRecovery a(options()), b(options());
+  for (std::uint32_t i = 0; i < 30; ++i) b.process(scene.frame(i + 100));
+  b.reset();
+  for (std::uint32_t i = 0; i < 50; ++i) {
+    const auto output_a = a.process(scene.frame(i)), output_b = b.process(scene.frame(i));
+    EXPECT_EQ(std::memcmp(&output_a.scale.raw_scale, &output_b.scale.raw_scale, sizeof(double)), 0);
+    EXPECT_EQ(std::memcmp(&output_a.scale.scale, &output_b.scale.scale, sizeof(double)), 0);
+    EXPECT_EQ(output_a.scale.n_c, output_b.scale.n_c);
+    EXPECT_EQ(output_a.ground_feature_ids, output_b.ground_feature_ids);
+    ASSERT_EQ(output_a.pose.has_value(), output_b.pose.has_value());
+    if (output_a.pose) {
+      EXPECT_EQ(output_a.pose->covariance, output_b.pose->covariance);
+    }
+  }
+}
+
+TEST(ScaleRecovery, PaperLiteralRuns) {
+  RoadScene scene = road();
+  scene.depth_noise = 0.002;
+  ScaleRecovery::Options o = options();
+  o.paper_literal = true;
+  ScaleRecovery recovery(o);
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 60; ++i) output = recovery.process(scene.frame(i));
+  ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
+  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.03);
+}
+
+TEST(ScaleRecovery, BadOptionsAreNamed) {
+  for (const double height : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    ScaleRecovery::Options o;
+    o.camera_height = height;
+    try {
+      ScaleRecovery recovery(o);
+      FAIL() << height;
+    } catch (const OptionError& error) {
+      EXPECT_NE(std::string(error.what()).find("camera_height"), std::string::npos);
+    }
+  }
+  EXPECT_THROW(ScaleRecovery::Options().validate(), OptionError);  // required: no default
+  ScaleRecovery::Options o = options();
+  o.gpa.fit.roughness_h = 0;
+  EXPECT_THROW(ScaleRecovery{o}, OptionError);
+}
+
+TEST(ScaleNames, AreThoseOfTheMessages) {
+  EXPECT_STREQ(toString(ScaleStatus::kHeld), "held");
+  EXPECT_STREQ(toString(ScaleReason::kVoNotTracking), "vo_not_tracking");
+  EXPECT_STREQ(toString(ScaleReason::kRejectedByFilter), "rejected_by_filter");
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <future>
 #include <optional>
 #include <unordered_map>
 
@@ -322,9 +323,7 @@ struct VisualOdometry::Impl {
       const double inverse_depth = motion.inverse_depth_1[i] * unit;
       map.find(found[i].id)->depth = InverseDepth{inverse_depth, inverse_depth};
     }
-    const auto adjusted = bundle_adjustment.adjust(&map);
-    map.removeOutliers(options.outlier_error);
-    map.updateSigmas();
+    const auto adjusted = adjust(&map);
     T_w_c = map.keyframes().back().T_w_c;
 
     // The frames on the way, by their points.
@@ -369,11 +368,14 @@ struct VisualOdometry::Impl {
 
   std::vector<Feature> follow(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
     const double dt = static_cast<double>(stamp_ns - from_stamp_ns) * 1e-9;
-    const Eigen::Isometry3d predicted = predictPose(stamp_ns);
     std::vector<Feature> found;
     {
       Timer timer(&out->times.track);
-      found = trackFeatures(image, dt, predictPixels(predicted));
+      found = trackFeatures(image, dt, predictPixels(predictPose(stamp_ns)));
+    }
+    {
+      Timer timer(&out->times.bundle_adjustment);
+      takeAdjustedMap();
     }
     PoseEstimation::Result pose;
     {
@@ -388,7 +390,7 @@ struct VisualOdometry::Impl {
           index.push_back(i);
         }
       }
-      pose = pose_estimation.estimate(predicted, observed);
+      pose = pose_estimation.estimate(predictPose(stamp_ns), observed);
       if (pose.status == PoseStatus::kOk) {
         setPose(pose.T_w_c, stamp_ns);
         std::vector<bool> agrees(found.size(), true);
@@ -493,12 +495,33 @@ struct VisualOdometry::Impl {
       Timer timer(&out->times.triangulate);
       map.triangulateNew();
     }
-    Timer timer(&out->times.bundle_adjustment);
-    bundle_adjustment.adjust(&map);
-    map.removeOutliers(options.outlier_error);
-    map.updateSigmas();
-    T_w_c = map.keyframes().back().T_w_c;
+    // The odometry goes on with the map as it is and takes the adjusted one at a fixed point of the
+    // next frame, however long it took: the result does not depend on the machine's speed.
+    adjusting = std::async(std::launch::async, [this, copy = map]() mutable {
+      adjust(&copy);
+      return std::move(copy);
+    });
   }
+
+  LocalBundleAdjustment::Result adjust(LocalMap* adjusted) const {
+    const auto result = bundle_adjustment.adjust(adjusted);
+    adjusted->removeOutliers(options.outlier_error);
+    adjusted->updateSigmas();
+    return result;
+  }
+
+  /// Waits for the bundle adjustment under way, if any, and goes on with its map.
+  void takeAdjustedMap() {
+    if (!adjusting.valid()) return;
+    LocalMap adjusted = adjusting.get();
+    for (auto& [id, landmark] : adjusted.landmarks()) {
+      if (const Landmark* now = map.find(id)) landmark.outlier_count = now->outlier_count;
+    }
+    const Eigen::Isometry3d before = map.keyframes().back().T_w_c;
+    map = std::move(adjusted);
+    T_w_c = map.keyframes().back().T_w_c * before.inverse() * T_w_c;
+  }
+  std::future<LocalMap> adjusting;
 
   void lose(ImagePyramid image, std::int64_t stamp_ns, std::size_t found, Output* out) {
     status = VoStatus::kLost;

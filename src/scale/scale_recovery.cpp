@@ -94,7 +94,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, Output* output) {
   const double step = motion.distanceFromLast(frame.T_w_c);
   if (!motion.empty() && step < options.min_step_h * rough_height) return ScaleReason::kStandstill;
   motion.add(frame.T_w_c);
-  filter.move(step);
+  filter.move(step, Eigen::AngleAxisd(motion.lastMotion().linear()).angle());
 
   const NormalPrior prior = mounting.prior(motion, rough_height);
   const auto chord = motion.chord(options.mounting.chord_h * rough_height);

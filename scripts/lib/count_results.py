@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Prints "passed failed skipped" over the JUnit result files below a folder."""
 
 import pathlib

@@ -54,8 +54,8 @@ void collectLeaves(XmlRpcValue& tree, const std::string& prefix, std::vector<std
 
 }  // namespace
 
-ParamReader::ParamReader(std::string parameter_namespace, XmlRpcValue tree)
-    : namespace_(std::move(parameter_namespace)), tree_(std::move(tree)) {}
+ParamReader::ParamReader(std::string parameter_namespace, const XmlRpcValue& tree)
+    : namespace_(std::move(parameter_namespace)), tree_(tree) {}
 
 XmlRpcValue* ParamReader::find(const std::string& name) {
   XmlRpcValue* node = &tree_;

@@ -64,8 +64,8 @@ class KittiBag : public testing::Test {
     SyntheticDrive::Options options;
     options.frames = static_cast<int>(kFrames);
     drive_ = std::make_unique<SyntheticDrive>(options);
+    for (std::size_t i = images_.size(); i < kFrames; ++i) images_.push_back(drive_->image(i));
   }
-  static void TearDownTestSuite() { drive_.reset(); }
 
   KittiBag()
       : folder_(fs::temp_directory_path() / ("kitti_launch_rostest_" + std::to_string(getpid()))) {
@@ -100,7 +100,7 @@ class KittiBag : public testing::Test {
       }
       bag.write(kInfo, header.stamp, info);
       bag.write(kImage, header.stamp,
-                *cv_bridge::CvImage(header, sensor_msgs::image_encodings::MONO8, drive_->image(i))
+                *cv_bridge::CvImage(header, sensor_msgs::image_encodings::MONO8, images_[i])
                      .toImageMsg());
     }
     return file;
@@ -132,9 +132,11 @@ class KittiBag : public testing::Test {
 
   fs::path folder_;
   static std::unique_ptr<SyntheticDrive> drive_;
+  static std::vector<cv::Mat> images_;
 };
 
 std::unique_ptr<SyntheticDrive> KittiBag::drive_;
+std::vector<cv::Mat> KittiBag::images_;
 
 class KittiLaunch : public KittiBag, public testing::WithParamInterface<Kind> {};
 

@@ -28,7 +28,7 @@ class ParamReader {
   };
 
   /// parameter_namespace: only for messages. tree: all below it; not a struct means empty.
-  ParamReader(std::string parameter_namespace, XmlRpc::XmlRpcValue tree);
+  ParamReader(std::string parameter_namespace, const XmlRpc::XmlRpcValue& tree);
 
   /// A number. Throws OptionError that names the parameter when it is no number or outside
   /// [min, max]; NaN is always outside.

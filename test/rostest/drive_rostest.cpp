@@ -71,6 +71,7 @@ struct PlayedDrive {
       ASSERT_TRUE(scales.waitForStamp(image->header.stamp)) << "frame " << i;
     }
     const ros::Time last = header(drive.size() - 1).stamp;
+    ASSERT_TRUE(frames.waitForStamp(last));
     ASSERT_TRUE(odometry.waitForStamp(last));
     ASSERT_TRUE(tf.wait([&last](const auto& messages) {
       return !messages.empty() && messages.back()->transforms.at(0).header.stamp == last;

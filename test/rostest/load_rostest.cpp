@@ -1,0 +1,132 @@
+// Loading and unloading in a real manager: refusals, two pairs, and unloading at any moment.
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <gtest/gtest.h>
+#include <nodelet/NodeletList.h>
+#include <nodelet/NodeletLoad.h>
+#include <nodelet/NodeletUnload.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <atomic>
+#include <boost/make_shared.hpp>
+#include <thread>
+
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+class Load : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(ros::service::waitForService("manager/load_nodelet",
+                                             static_cast<std::int32_t>(1000 * kPatience)));
+  }
+
+  static bool load(const std::string& type, const std::string& name) {
+    nodelet::NodeletLoad service;
+    service.request.name = name;
+    service.request.type = "ground_scale_vo/" + type;
+    return ros::service::call("manager/load_nodelet", service) && service.response.success;
+  }
+  static bool unload(const std::string& name) {
+    nodelet::NodeletUnload service;
+    service.request.name = name;
+    return ros::service::call("manager/unload_nodelet", service) && service.response.success;
+  }
+  static std::size_t loaded() {
+    nodelet::NodeletList service;
+    EXPECT_TRUE(ros::service::call("manager/list", service));
+    return service.response.nodelets.size();
+  }
+};
+
+TEST_F(Load, ScaleRecoveryRefusesToLoadWithoutTheHeight) {
+  EXPECT_FALSE(load("ScaleRecovery", "/without_height"));
+  EXPECT_EQ(loaded(), 0u);
+  ros::param::set("/without_height/camera_height", 1.65);
+  EXPECT_TRUE(load("ScaleRecovery", "/without_height"));
+  EXPECT_TRUE(unload("/without_height"));
+}
+
+TEST_F(Load, WrongParametersAreRefused) {
+  ros::param::set("/wrong_height/camera_height", -1.65);
+  EXPECT_FALSE(load("ScaleRecovery", "/wrong_height"));
+  ros::param::set("/wrong_queue/queue_size", 0);
+  EXPECT_FALSE(load("MonoVo", "/wrong_queue"));
+  EXPECT_EQ(loaded(), 0u);
+}
+
+TEST_F(Load, TwoPairsLiveInOneManager) {
+  for (const std::string car : {"/front", "/rear"}) {
+    ros::param::set(car + "/scale_recovery/camera_height", 1.65);
+    EXPECT_TRUE(load("ScaleRecovery", car + "/scale_recovery"));  // in either order
+    EXPECT_TRUE(load("MonoVo", car + "/mono_vo"));
+  }
+  EXPECT_EQ(loaded(), 4u);
+  ros::NodeHandle handle;
+  Inbox<VoFrameMsg> front(handle, "/front/vo/frame"), rear(handle, "/rear/vo/frame");
+  EXPECT_TRUE(waitUntil([&] { return front.connected() && rear.connected(); }));
+  for (const std::string car : {"/front", "/rear"}) {
+    EXPECT_TRUE(unload(car + "/mono_vo"));
+    EXPECT_TRUE(unload(car + "/scale_recovery"));
+  }
+  EXPECT_EQ(loaded(), 0u);
+}
+
+TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
+  ros::NodeHandle handle;
+  ros::Publisher images = handle.advertise<sensor_msgs::Image>("image", 10);
+  ros::Publisher infos = handle.advertise<sensor_msgs::CameraInfo>("camera_info", 10);
+  std::atomic<bool> stop{false};
+  std::thread camera([&] {
+    PinholeCamera pinhole;
+    pinhole.width = 320;
+    pinhole.height = 120;
+    pinhole.fx = pinhole.fy = 200;
+    pinhole.cx = 160;
+    pinhole.cy = 60;
+    for (std::uint32_t i = 1; !stop; ++i) {
+      auto image = boost::make_shared<sensor_msgs::Image>();
+      image->header.stamp = ros::Time(100 + 0.01 * i);
+      image->header.frame_id = "camera";
+      image->encoding = "mono8";
+      image->width = image->step = 320;
+      image->height = 120;
+      for (std::uint32_t k = 0; k < 320 * 120; ++k) {
+        image->data.push_back(static_cast<std::uint8_t>((k * 2654435761u) >> 24));
+      }
+      auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(pinhole));
+      info->header = image->header;
+      infos.publish(info);
+      images.publish(image);
+      ros::WallDuration(0.01).sleep();  // the camera's rate
+    }
+  });
+  ros::param::set("/scale_recovery/camera_height", 1.65);
+  Inbox<VoFrameMsg> frames(handle, "vo/frame");
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_TRUE(load("MonoVo", "/mono_vo"));
+    ASSERT_TRUE(load("ScaleRecovery", "/scale_recovery"));
+    frames.clear();
+    EXPECT_TRUE(frames.waitForCount(static_cast<std::size_t>(1 + i % 3))) << "load " << i;
+    ASSERT_TRUE(unload(i % 2 == 0 ? "/mono_vo" : "/scale_recovery"));
+    ASSERT_TRUE(unload(i % 2 == 0 ? "/scale_recovery" : "/mono_vo"));
+  }
+  stop = true;
+  camera.join();
+  EXPECT_EQ(loaded(), 0u);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "load_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,225 @@
+// ScaleRecovery fed by another odometry: a camera 1 VO unit above a flat road, with exact points.
+// The mounting comes from tf, late; the clock jumps; the odometry restarts; messages are broken.
+
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <std_srvs/Trigger.h>
+#include <tf2_ros/static_transform_broadcaster.h>
+
+#include <boost/make_shared.hpp>
+
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kCameraHeight = 1.65;  // [m] for 1 VO unit
+constexpr double kStep = 0.5;           // [VO units] a frame
+constexpr double kPeriod = 0.1;         // [s]
+
+/// The other odometry.
+class FlatRoad {
+ public:
+  explicit FlatRoad(double start_s) : start_s_(start_s) {
+    camera_.width = 620;
+    camera_.height = 188;
+    camera_.fx = camera_.fy = 359;
+    camera_.cx = 303;
+    camera_.cy = 92;
+  }
+
+  VoFrameMsg::Ptr next() {
+    VoFrame frame;
+    frame.sequence = sequence_;
+    frame.status = VoStatus::kTracking;
+    frame.keyframe = true;
+    frame.camera = camera_;
+    frame.T_w_c.translation().z() = kStep * sequence_;
+    std::uint64_t id = 0;
+    for (int row = 0; row < 200; ++row) {
+      for (int column = -6; column <= 6; ++column, ++id) {
+        // Uneven spacing, so that triangles are no squares; every fifth point is a facade's.
+        const double x = 0.7 * column + 0.2 * std::sin(7.0 * static_cast<double>(id));
+        const double z = 0.8 * row + 0.3 * std::sin(3.0 * static_cast<double>(id));
+        const bool facade = std::abs(column) == 6;
+        const Eigen::Vector3d p_c(facade ? 2 * x : x, facade ? -0.3 * (row % 5) : 1.0,
+                                  z - kStep * sequence_);
+        if (p_c.z() < 2.0 || p_c.z() > 25.0) continue;
+        const Eigen::Vector2d u = camera_.project(p_c);
+        if (u.x() < 0 || u.y() < 0 || u.x() > camera_.width - 1 || u.y() > camera_.height - 1) {
+          continue;
+        }
+        TrackedFeature feature;
+        feature.id = id;
+        feature.age = sequence_;
+        feature.u = u.cast<float>();
+        feature.has_point = true;
+        feature.p_c = p_c.cast<float>();
+        feature.depth_sigma = static_cast<float>(0.002 * p_c.z() * p_c.z());
+        frame.features.push_back(feature);
+      }
+    }
+    std_msgs::Header header;
+    header.stamp = ros::Time(start_s_ + kPeriod * sequence_);
+    header.frame_id = "camera";
+    frame.stamp_ns = toNanoseconds(header.stamp);
+    ++sequence_;
+    return toMsg(frame, header);
+  }
+
+ private:
+  PinholeCamera camera_;
+  double start_s_;
+  std::uint32_t sequence_ = 0;
+};
+
+class Scale : public testing::Test {
+ protected:
+  static constexpr int kFrames = 40;
+
+  Scale()
+      : frames_(handle_.advertise<VoFrameMsg>("vo/frame", 100)),
+        scales_(handle_, "scale"),
+        odometry_(handle_, "odometry") {}
+
+  void SetUp() override {
+    ASSERT_TRUE(waitUntil([this] {
+      return frames_.getNumSubscribers() > 0 && scales_.connected() && odometry_.connected();
+    }));
+    ASSERT_TRUE(reset());
+  }
+  bool reset() {
+    std_srvs::Trigger trigger;
+    return ros::service::call("reset", trigger) && trigger.response.success;
+  }
+  void play(FlatRoad& road, int frames) {
+    ros::Time stamp;
+    for (int i = 0; i < frames; ++i) {
+      const VoFrameMsg::Ptr msg = road.next();
+      stamp = msg->header.stamp;
+      frames_.publish(msg);
+    }
+    ASSERT_TRUE(scales_.waitForStamp(stamp));
+  }
+  static void publishMounting() {
+    static tf2_ros::StaticTransformBroadcaster broadcaster;
+    geometry_msgs::TransformStamped mounting;
+    mounting.header.stamp = ros::Time::now();
+    mounting.header.frame_id = "base_link";
+    mounting.child_frame_id = "camera";
+    mounting.transform.translation.x = 1.5;
+    mounting.transform.translation.z = 1.4;
+    const Eigen::Quaterniond q(bodyFromOptical());
+    mounting.transform.rotation.w = q.w();
+    mounting.transform.rotation.x = q.x();
+    mounting.transform.rotation.y = q.y();
+    mounting.transform.rotation.z = q.z();
+    broadcaster.sendTransform(mounting);
+  }
+  /// Plays on until an odometry comes out: tf is known.
+  void playUntilOdometry(FlatRoad& road) {
+    ASSERT_TRUE(waitUntil([&] {
+      frames_.publish(road.next());
+      return !odometry_.messages().empty();
+    }));
+  }
+
+  ros::NodeHandle handle_;
+  ros::Publisher frames_;
+  Inbox<ScaleEstimateMsg> scales_;
+  Inbox<nav_msgs::Odometry> odometry_;
+};
+
+// The first test: nobody has told the mounting yet.
+TEST_F(Scale, WithoutTheMountingNothingMetricIsPublished) {
+  FlatRoad road(1000);
+  play(road, kFrames);
+  EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
+  EXPECT_NEAR(scales_.messages().back()->scale, kCameraHeight, 0.03);
+  EXPECT_TRUE(odometry_.messages().empty());
+
+  publishMounting();  // late
+  playUntilOdometry(road);
+  EXPECT_EQ(odometry_.messages().front()->child_frame_id, "base_link");
+}
+
+TEST_F(Scale, TheBaseDrivesAlongXFromTheOrigin) {
+  publishMounting();
+  FlatRoad road(2000);
+  playUntilOdometry(road);
+  play(road, kFrames);
+  const ros::Time last = scales_.messages().back()->header.stamp;
+  ASSERT_TRUE(odometry_.waitForStamp(last));
+  const nav_msgs::Odometry odometry = *odometry_.messages().back();
+  const double metres = kCameraHeight * kStep * (last.toSec() - 2000) / kPeriod;
+  EXPECT_NEAR(odometry.pose.pose.position.x, metres, 0.02 * metres);
+  EXPECT_NEAR(odometry.pose.pose.position.y, 0, 0.02 * metres);
+  EXPECT_NEAR(odometry.pose.pose.position.z, 0, 0.02 * metres);
+  EXPECT_NEAR(odometry.pose.pose.orientation.w, 1, 1e-6);
+  EXPECT_NEAR(odometry.twist.twist.linear.x, kCameraHeight * kStep / kPeriod, 0.2);
+  EXPECT_GT(odometry.pose.covariance[0], 0);
+}
+
+TEST_F(Scale, ResetMakesTheScaleUnknown) {
+  FlatRoad road(3000);
+  play(road, kFrames);
+  ASSERT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
+  ASSERT_TRUE(reset());
+  play(road, 1);
+  EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+TEST_F(Scale, AClockThatJumpsBackStartsAnew) {
+  FlatRoad road(4000);
+  play(road, kFrames);
+  FlatRoad again(4000);  // a looped bag: the same stamps once more
+  play(again, 1);
+  EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+  play(again, kFrames);
+  EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
+}
+
+TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetresGoOn) {
+  publishMounting();
+  FlatRoad road(5000);
+  playUntilOdometry(road);
+  play(road, kFrames);
+  ASSERT_TRUE(odometry_.waitForStamp(scales_.messages().back()->header.stamp));
+  const double before = odometry_.messages().back()->pose.pose.position.x;
+  const auto map_before = scales_.messages().back()->map_id;
+  FlatRoad restarted(5100);  // its map_id and sequence are 0 again
+  play(restarted, kFrames);
+  EXPECT_GT(scales_.messages().back()->map_id, map_before);
+  EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
+  ASSERT_TRUE(odometry_.waitForStamp(scales_.messages().back()->header.stamp));
+  EXPECT_GT(odometry_.messages().back()->pose.pose.position.x, before);
+}
+
+TEST_F(Scale, BrokenMessagesAreLeftOut) {
+  FlatRoad road(6000);
+  play(road, kFrames);
+  VoFrameMsg::Ptr broken = road.next();
+  broken->z.pop_back();
+  frames_.publish(broken);
+  broken = road.next();
+  broken->pose.position.x = std::numeric_limits<double>::quiet_NaN();
+  frames_.publish(broken);
+  const VoFrameMsg::Ptr repeated = road.next();
+  frames_.publish(repeated);
+  frames_.publish(repeated);
+  play(road, 1);
+  EXPECT_EQ(scales_.messages().size(), static_cast<std::size_t>(kFrames) + 2);
+  EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "scale_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

@@ -3,10 +3,20 @@
 #   gsv_setup [section...]   installs what is missing of packages.txt ([base] and the sections)
 #   gsv_build [target...]    configures and builds to <root>/build; no target: everything
 #   gsv_env                  makes ROS and this build usable in the calling shell
+#   $gsv_tools               the folder of the package's programs
 #
-# Each returns non-zero after one sentence on stderr when it fails.
+# Each returns non-zero after one sentence on stderr when it fails. In an install space, where the
+# commands lie beside the programs, there is nothing to build.
 
-gsv_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+gsv_lib=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+gsv_root=$(cd "$gsv_lib/../.." && pwd)
+gsv_installed() { [[ ! -f $gsv_root/CMakeLists.txt ]]; }
+if gsv_installed; then
+  gsv_space=$(dirname "$gsv_root")
+else
+  gsv_space=$gsv_root/build/devel
+fi
+gsv_tools=$gsv_space/lib/ground_scale_vo
 
 # A Python that stands before /usr/bin (pyenv, conda) breaks catkin, which needs the system's.
 PATH=/usr/bin:/bin:$PATH
@@ -28,7 +38,7 @@ gsv_packages() {
   awk -v wanted=" $* " '
     /^\[/ { section = substr($0, 2, length($0) - 2); next }
     /^[a-z0-9]/ && index(wanted, " " section " ") { print $1 }
-  ' "$gsv_root/scripts/lib/packages.txt"
+  ' "$gsv_lib/packages.txt"
 }
 
 gsv_setup() {
@@ -54,9 +64,9 @@ gsv_setup() {
     fi
     as_root=(sudo)
   fi
-  mkdir -p "$gsv_root/build"
-  local log=$gsv_root/build/setup.log
-  echo "set-up: installing ${#missing[@]} packages with apt (log: build/setup.log)" >&2
+  local log
+  log=$(mktemp "${TMPDIR:-/tmp}/ground_scale_vo_setup.XXXXXX.log")
+  echo "set-up: installing ${#missing[@]} packages with apt (log: $log)" >&2
   local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600)
   local install=("${apt[@]}" install -y --no-install-recommends "${missing[@]}")
   # The package lists are refreshed only when they are missing or out of date.
@@ -70,6 +80,7 @@ gsv_setup() {
 }
 
 gsv_build() {
+  gsv_installed && return 0
   gsv_source_distribution
   local build=$gsv_root/build log=$gsv_root/build/build.log jobs
   jobs=${GSV_JOBS:-$(nproc)}
@@ -110,15 +121,16 @@ gsv_show_progress() {
 
 gsv_env() {
   gsv_source_distribution
-  local setup=$gsv_root/build/devel/setup.bash options=$-
+  local setup=$gsv_space/setup.bash options=$-
   if [[ ! -f $setup ]]; then
-    echo "environment: nothing is built in $gsv_root/build" >&2
+    echo "environment: there is no $setup, nothing is built" >&2
     return 1
   fi
   set +eu
   source "$setup"
   [[ $options != *e* ]] || set -e
   [[ $options != *u* ]] || set -u
+  gsv_installed && return 0
   export ROS_HOME=$gsv_root/build/ros ROS_LOG_DIR=$gsv_root/build/ros/log
   mkdir -p "$ROS_LOG_DIR"
 }

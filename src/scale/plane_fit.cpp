@@ -2,6 +2,7 @@
 
 #include <pcl/ModelCoefficients.h>
 #include <pcl/PointIndices.h>
+#include <pcl/console/print.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
 #include <pcl/segmentation/sac_segmentation.h>
@@ -64,6 +65,18 @@ bool isCollinear(const std::vector<PlanePoint>& points) {
   return !(eigenvalues(1) > kMinScatterRatio * kMinScatterRatio * eigenvalues(2));
 }
 
+/// PCL prints a line for every degenerate triple it draws; not into our users' terminals.
+class QuietPcl {
+ public:
+  QuietPcl() { pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS); }
+  ~QuietPcl() { pcl::console::setVerbosityLevel(before_); }
+  QuietPcl(const QuietPcl&) = delete;
+  QuietPcl& operator=(const QuietPcl&) = delete;
+
+ private:
+  const pcl::console::VERBOSITY_LEVEL before_ = pcl::console::getVerbosityLevel();
+};
+
 /// RANSAC for the start, with PCL. Deterministic: PCL seeds its generator with a constant unless
 /// told otherwise (random = false), and one thread is used. Points are handed over in camera
 /// heights.
@@ -86,6 +99,7 @@ std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
   segmentation.setMaxIterations(options.sac_iterations);
   segmentation.setOptimizeCoefficients(false);
   segmentation.setInputCloud(cloud);
+  const QuietPcl quiet;
   pcl::PointIndices inliers;
   pcl::ModelCoefficients coefficients;
   segmentation.segment(inliers, coefficients);

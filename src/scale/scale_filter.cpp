@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <vector>
 
 #include "ground_scale_vo/error.hpp"
 
@@ -20,10 +21,13 @@ double median(std::vector<double> values) {
 void ScaleFilter::Options::validate() const {
   requireInRange("filter correlation_h", correlation_h, 0, 1e6);
   requireInRange("filter drift_per_sqrt_h", drift_per_sqrt_h, 0, 1);
+  requireInRange("filter drift_per_sqrt_rad", drift_per_sqrt_rad, 0, 1);
   requireInRange("filter measurement_floor", measurement_floor, 1e-4, 1);
   requireInRange("filter gate_sigma", gate_sigma, 0.1, 1000);
   requireInRange("filter start_measurements", start_measurements, 1, 1000);
+  requireInRange("filter start_way_h", start_way_h, 0, 1e6);
   requireInRange("filter start_spread", start_spread, 1e-4, 10);
+  requireInRange("filter start_sigma", start_sigma, 0, 10);
   requireInRange("filter restart_h", restart_h, 0, 1e6);
   requireInRange("filter moving_average_frames", moving_average_frames, 0, 1e6);
 }
@@ -34,16 +38,17 @@ double ScaleFilter::height() const { return known_ ? std::exp(log_height_) : 0; 
 
 double ScaleFilter::sigma() const { return known_ ? height() * std::sqrt(variance_) : 0; }
 
-void ScaleFilter::move(double distance) {
+void ScaleFilter::move(double distance, double angle) {
   way_ += distance;
   if (known_) {
-    variance_ += options_.drift_per_sqrt_h * options_.drift_per_sqrt_h * distance / height();
+    variance_ += options_.drift_per_sqrt_h * options_.drift_per_sqrt_h * distance / height() +
+                 options_.drift_per_sqrt_rad * options_.drift_per_sqrt_rad * angle;
   }
 }
 
 bool ScaleFilter::update(double height, double sigma) {
   const double relative = std::hypot(sigma / height, options_.measurement_floor);
-  const Measurement measurement{std::log(height), relative * relative, way_};
+  const Measurement measurement{std::log(height), relative * relative};
   if (options_.moving_average_frames > 0) {
     inverse_heights_.push_back(1 / height);
     if (inverse_heights_.size() > static_cast<std::size_t>(options_.moving_average_frames)) {
@@ -74,28 +79,30 @@ bool ScaleFilter::update(double height, double sigma) {
   return true;
 }
 
-/// Collects measurements without, or against, the present state; takes them over when they agree.
-/// True when they became the state.
+/// Collects measurements without, or against, the present state; the latest few become the state
+/// when they agree and enough way has been made. True when they did.
 bool ScaleFilter::start(const Measurement& measurement) {
+  if (challengers_.empty()) challenged_at_ = way_;
   challengers_.push_back(measurement);
   const auto enough = static_cast<std::size_t>(options_.start_measurements);
-  if (challengers_.size() < enough) return false;
-  // At a start the latest few count; against a state, all for as long as restart_h.
-  const double way = way_ - challengers_.front().at;
-  if (known_ && way < options_.restart_h * height()) return false;
-
-  std::vector<double> values;
-  for (const Measurement& m : challengers_) values.push_back(m.log_height);
-  const double middle = median(values);
-  for (double& value : values) value = std::abs(value - middle);
-  if (1.4826 * median(values) > options_.start_spread) {
-    challengers_.erase(challengers_.begin());
+  if (challengers_.size() > enough) challengers_.pop_front();
+  const double way = way_ - (known_ ? challenged_at_ : 0);
+  const double needed_h = known_ ? options_.restart_h : options_.start_way_h;
+  if (challengers_.size() < enough || way < needed_h * std::exp(measurement.log_height)) {
     return false;
   }
+  std::vector<double> values;
   double variance = 0;
-  for (const Measurement& m : challengers_) variance += m.variance;
+  for (const Measurement& m : challengers_) {
+    values.push_back(m.log_height);
+    variance += m.variance / static_cast<double>(enough);
+  }
+  const double middle = median(values);
+  for (const double value : values) {
+    if (std::abs(value - middle) > options_.start_spread) return false;
+  }
   log_height_ = middle;
-  variance_ = variance / static_cast<double>(challengers_.size());
+  variance_ = variance + options_.start_sigma * options_.start_sigma;
   known_ = true;
   last_update_at_ = way_;
   challengers_.clear();

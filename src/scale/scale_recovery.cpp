@@ -33,6 +33,8 @@ ScaleRecovery::Options ScaleRecovery::Options::withPaperLiteral() const {
   literal.gpe.max_ahead_h = 10000;
   literal.gpe.frame_pitch_test = true;
   literal.gpe.most_inliers = true;
+  literal.gpe.motion_tolerance_rad = literal.gpe.pitch_tolerance_rad = 0.0873;  // 5 deg
+  literal.gpe.plane_threshold_h = literal.gpa.fit.reject_h = 0.01 / camera_height;
   literal.gpe.plane_threshold_sigma = 0;
   literal.gpa.window_h = 1e6;
   literal.gpa.max_frames = 4;
@@ -94,7 +96,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, Output* output) {
   const double step = motion.distanceFromLast(frame.T_w_c);
   if (!motion.empty() && step < options.min_step_h * rough_height) return ScaleReason::kStandstill;
   motion.add(frame.T_w_c);
-  filter.move(step);
+  filter.move(step, Eigen::AngleAxisd(motion.lastMotion().linear()).angle());
 
   const NormalPrior prior = mounting.prior(motion, rough_height);
   const auto chord = motion.chord(options.mounting.chord_h * rough_height);

@@ -39,11 +39,11 @@ Eigen::Matrix3d rightJacobian(const Eigen::Vector3d& w) {
 }
 
 /// Residual of one observation. With y = R_a ray + rho (t_a - t_o), the point seen from camera o is
-/// q = R_o^T y up to scale, and the residual is (q_xy / q_z - x) / noise.
+/// q = R_o^T y up to scale, and the residual is (q_xy / q_z - x) / sigma.
 class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 6, 1> {
  public:
-  ReprojectionCost(const Eigen::Vector3d& ray, const Eigen::Vector2d& x, double noise)
-      : ray_(ray), x_(x), weight_(1 / noise) {}
+  ReprojectionCost(const Eigen::Vector3d& ray, const Observation& observation)
+      : ray_(ray), x_(observation.x), weight_(1 / observation.sigma) {}
 
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
@@ -158,9 +158,8 @@ LocalBundleAdjustment::Result LocalBundleAdjustment::adjust(LocalMap* map) const
           keyframes[observer].T_w_c.inverse() *
           (keyframes[anchor].T_w_c * Eigen::Vector3d(a.landmark->ray() / a.inverse_depth));
       if (q.z() < kMinDepthRatio / a.inverse_depth) continue;
-      problem.AddResidualBlock(
-          new ReprojectionCost(a.landmark->ray(), observations[i].x, options_.noise), &loss,
-          poses[anchor].data(), poses[observer].data(), &a.inverse_depth);
+      problem.AddResidualBlock(new ReprojectionCost(a.landmark->ray(), observations[i]), &loss,
+                               poses[anchor].data(), poses[observer].data(), &a.inverse_depth);
     }
   }
   const bool scale_is_free = first_free < 2;

@@ -34,7 +34,7 @@ std::uint32_t LocalMap::addKeyframe(const Eigen::Isometry3d& T_w_c,
   const std::uint32_t id = keyframes_.empty() ? 0 : keyframes_.back().id + 1;
   keyframes_.push_back({id, T_w_c});
   for (const Corner& corner : corners) {
-    landmarks_[corner.id].observations.push_back({id, corner.x});
+    landmarks_[corner.id].observations.push_back({id, corner.x, corner.sigma});
   }
   if (keyframes_.size() > static_cast<std::size_t>(options_.keyframes)) dropOldestKeyframe();
   return id;
@@ -80,7 +80,7 @@ std::vector<RayObservation> LocalMap::rayObservations(const Landmark& landmark) 
   std::vector<RayObservation> result;
   result.reserve(landmark.observations.size() - 1);
   for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
-    result.push_back({keyframe(o->keyframe).T_w_c.inverse() * T_w_a, o->x});
+    result.push_back({keyframe(o->keyframe).T_w_c.inverse() * T_w_a, o->x, o->sigma});
   }
   return result;
 }
@@ -90,7 +90,7 @@ void LocalMap::triangulateNew() {
     if (landmark.depth || landmark.observations.size() < 2) continue;
     const auto observations = rayObservations(landmark);
     const Eigen::Vector3d ray = landmark.ray();
-    const auto depth = triangulate(ray, observations, options_.noise);
+    const auto depth = triangulate(ray, observations);
     if (!depth || depth->value <= 0) continue;
     if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
     const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
@@ -109,11 +109,12 @@ void LocalMap::updateSigmas() {
       const Eigen::Vector3d& t = o.T_c_anchor.translation();
       const Eigen::Vector3d p = o.T_c_anchor.linear() * ray + landmark.depth->value * t;
       if (p.z() < 1e-6) continue;
-      information += ((t.head<2>() - p.head<2>() / p.z() * t.z()) / p.z()).squaredNorm();
+      information +=
+          ((t.head<2>() - p.head<2>() / p.z() * t.z()) / (p.z() * o.sigma)).squaredNorm();
     }
     // Without another observation left (they were dropped with their keyframes) the old one stays.
-    if (information > 1e-18) {
-      const double sigma = options_.noise / std::sqrt(information);
+    if (information > 0) {
+      const double sigma = 1 / std::sqrt(information);
       landmark.depth->sigma =
           landmark.observations.size() < 3 ? std::min(sigma, landmark.depth->sigma) : sigma;
     }

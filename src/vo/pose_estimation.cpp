@@ -21,7 +21,7 @@ struct Linearised {
   Eigen::Matrix2d information;
 };
 
-Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o, double noise) {
+Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) {
   Linearised l;
   const Eigen::Vector3d p = T_c_w * o.p_w;
   if (p.z() < kMinDepth) return l;
@@ -34,8 +34,8 @@ Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o, 
   minus_skew << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
   l.J << P * minus_skew, P;
   const Eigen::Vector2d g = P * (T_c_w.linear() * o.sigma_w);
-  // (noise^2 I + g g^T)^-1
-  const double n2 = noise * noise;
+  // (sigma^2 I + g g^T)^-1
+  const double n2 = o.sigma * o.sigma;
   l.information = (Eigen::Matrix2d::Identity() - g * g.transpose() / (n2 + g.squaredNorm())) / n2;
   return l;
 }
@@ -54,7 +54,7 @@ PoseEstimation::Result PoseEstimation::refine(
     Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
     Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
     for (const PointObservation& o : observations) {
-      const Linearised l = linearise(T_c_w, o, options_.noise);
+      const Linearised l = linearise(T_c_w, o);
       if (!l.in_front) continue;
       const double m2 = l.residual.dot(l.information * l.residual) / (spread * spread);
       const double weight = 1 / ((1 + m2 / 4) * (1 + m2 / 4));  // Geman-McClure: outliers vanish
@@ -80,7 +80,7 @@ PoseEstimation::Result PoseEstimation::refine(
   result.inlier.reserve(observations.size());
   const double limit2 = options_.inlier_sigma * options_.inlier_sigma;
   for (const PointObservation& o : observations) {
-    const Linearised l = linearise(T_c_w, o, options_.noise);
+    const Linearised l = linearise(T_c_w, o);
     const bool inlier = l.in_front && l.residual.dot(l.information * l.residual) < limit2;
     result.inlier.push_back(inlier);
     result.inliers += inlier;

@@ -3,10 +3,14 @@
 #include <cmath>
 
 namespace ground_scale_vo {
+namespace {
+
+constexpr double kMinInformation = 1e-12;  // below it there is no baseline
+
+}  // namespace
 
 std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
-                                        const std::vector<RayObservation>& observations,
-                                        double noise) {
+                                        const std::vector<RayObservation>& observations) {
   if (observations.empty()) return std::nullopt;
 
   // In camera c the point is, up to scale, a + rho t with a = R ray. Start from the linear solution
@@ -16,10 +20,11 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
     const Eigen::Vector3d a = o.T_c_anchor.linear() * ray;
     const Eigen::Vector3d& t = o.T_c_anchor.translation();
     const Eigen::Vector2d slope = o.x * t.z() - t.head<2>();
-    numerator += slope.dot(a.head<2>() - o.x * a.z());
-    denominator += slope.squaredNorm();
+    const double weight = 1 / (o.sigma * o.sigma);
+    numerator += weight * slope.dot(a.head<2>() - o.x * a.z());
+    denominator += weight * slope.squaredNorm();
   }
-  if (denominator < 1e-18) return std::nullopt;
+  if (denominator < kMinInformation) return std::nullopt;
   double rho = numerator / denominator;
 
   double information = 0;
@@ -32,15 +37,16 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
       if (p.z() < 1e-6) return std::nullopt;
       const Eigen::Vector2d residual = p.head<2>() / p.z() - o.x;
       const Eigen::Vector2d J = (t.head<2>() - p.head<2>() / p.z() * t.z()) / p.z();
-      gradient += J.dot(residual);
-      information += J.squaredNorm();
+      const double weight = 1 / (o.sigma * o.sigma);
+      gradient += weight * J.dot(residual);
+      information += weight * J.squaredNorm();
     }
-    if (information < 1e-18) return std::nullopt;
+    if (information < kMinInformation) return std::nullopt;
     const double step = gradient / information;
     rho -= step;
     if (!std::isfinite(rho)) return std::nullopt;
-    if (std::abs(step) < 1e-3 * noise / std::sqrt(information)) {
-      return InverseDepth{rho, noise / std::sqrt(information)};
+    if (std::abs(step) < 1e-3 / std::sqrt(information)) {
+      return InverseDepth{rho, 1 / std::sqrt(information)};
     }
   }
   return std::nullopt;

@@ -79,7 +79,7 @@ void judge(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& x
     c->cost += 1;
     const Eigen::Vector3d ray(x1[i].x, x1[i].y, 1);
     const Eigen::Vector2d observed(x2[i].x, x2[i].y);
-    const auto point = triangulate(ray, {{c->T_2_1, observed}}, threshold);
+    const auto point = triangulate(ray, {{c->T_2_1, observed, threshold}});
     // A far point may come out slightly behind infinity; farther behind than its noise it is wrong.
     if (!point || point->value < -2 * point->sigma) continue;
     const Eigen::Vector3d p2 = c->T_2_1.linear() * ray + point->value * c->T_2_1.translation();

@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <future>
 #include <optional>
 #include <unordered_map>
 
@@ -88,6 +89,7 @@ struct VisualOdometry::Impl {
     std::uint32_t age = 0;
     Eigen::Vector2d u = Eigen::Vector2d::Zero();     // in the tracking image
     Eigen::Vector2d flow = Eigen::Vector2d::Zero();  // of the last step, per second
+    double sigma = 0;                                // of u, normalised coordinates
   };
 
   /// A frame between the first of a map to be and the one that starts it.
@@ -181,9 +183,11 @@ struct VisualOdometry::Impl {
     return predicted;
   }
 
-  /// The features that were found, at their new pixels.
+  /// The features that were found, at their new pixels. R_to_from: predicted rotation. What moves
+  /// beyond it comes nearer and changes its size, and is found less well.
   std::vector<Feature> trackFeatures(const ImagePyramid& to, double dt,
-                                     const std::vector<cv::Point2f>& predicted) const {
+                                     const std::vector<cv::Point2f>& predicted,
+                                     const Eigen::Matrix3d& R_to_from) const {
     std::vector<cv::Point2f> points;
     for (const Feature& feature : features) points.push_back(toCv(feature.u));
     const FeatureTracker::Tracks tracks = tracker.track(from, to, points, predicted);
@@ -195,6 +199,9 @@ struct VisualOdometry::Impl {
       feature.u = Eigen::Vector2d(tracks.points[i].x, tracks.points[i].y);
       feature.flow =
           dt > 0 ? Eigen::Vector2d((feature.u - features[i].u) / dt) : Eigen::Vector2d::Zero();
+      const Eigen::Vector3d turned = R_to_from * camera.ray(features[i].u);
+      const double moved = (normalised(feature.u) - turned.head<2>() / turned.z()).norm();
+      feature.sigma = options.noise * std::hypot(1.0, moved / options.noise_flow);
       found.push_back(feature);
     }
     return found;
@@ -230,6 +237,7 @@ struct VisualOdometry::Impl {
     for (const cv::Point2f& corner : tracker.detect(from.image, occupied)) {
       Feature feature;
       feature.id = next_feature_id++;
+      feature.sigma = options.noise;
       feature.u = Eigen::Vector2d(corner.x, corner.y);
       features.push_back(feature);
     }
@@ -237,7 +245,8 @@ struct VisualOdometry::Impl {
 
   std::vector<LocalMap::Corner> corners(const std::vector<Feature>& of) const {
     std::vector<LocalMap::Corner> result;
-    for (const Feature& feature : of) result.push_back({feature.id, normalised(feature.u)});
+    for (const Feature& feature : of)
+      result.push_back({feature.id, normalised(feature.u), feature.sigma});
     return result;
   }
 
@@ -260,7 +269,8 @@ struct VisualOdometry::Impl {
     std::vector<Feature> found;
     {
       Timer timer(&out->times.track);
-      if (!features.empty()) found = trackFeatures(image, dt, predictPixelsByFlow(dt));
+      if (!features.empty())
+        found = trackFeatures(image, dt, predictPixelsByFlow(dt), Eigen::Matrix3d::Identity());
     }
     const std::size_t first = start_frames.empty() ? 0 : start_frames.front().corners.size();
     if (found.size() < kMinStartMatches ||
@@ -322,9 +332,7 @@ struct VisualOdometry::Impl {
       const double inverse_depth = motion.inverse_depth_1[i] * unit;
       map.find(found[i].id)->depth = InverseDepth{inverse_depth, inverse_depth};
     }
-    const auto adjusted = bundle_adjustment.adjust(&map);
-    map.removeOutliers(options.outlier_error);
-    map.updateSigmas();
+    const auto adjusted = adjust(&map);
     T_w_c = map.keyframes().back().T_w_c;
 
     // The frames on the way, by their points.
@@ -359,7 +367,7 @@ struct VisualOdometry::Impl {
     std::vector<PointObservation> result;
     for (const LocalMap::Corner& corner : of) {
       if (const auto world = map.point(corner.id)) {
-        result.push_back({world->p_w, world->sigma_w, corner.x});
+        result.push_back({world->p_w, world->sigma_w, corner.x, corner.sigma});
       }
     }
     return result;
@@ -369,11 +377,16 @@ struct VisualOdometry::Impl {
 
   std::vector<Feature> follow(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
     const double dt = static_cast<double>(stamp_ns - from_stamp_ns) * 1e-9;
-    const Eigen::Isometry3d predicted = predictPose(stamp_ns);
     std::vector<Feature> found;
     {
       Timer timer(&out->times.track);
-      found = trackFeatures(image, dt, predictPixels(predicted));
+      const Eigen::Isometry3d predicted = predictPose(stamp_ns);
+      found = trackFeatures(image, dt, predictPixels(predicted),
+                            predicted.linear().transpose() * T_w_c.linear());
+    }
+    {
+      Timer timer(&out->times.bundle_adjustment);
+      takeAdjustedMap();
     }
     PoseEstimation::Result pose;
     {
@@ -384,11 +397,11 @@ struct VisualOdometry::Impl {
       std::vector<std::size_t> index;  // of the feature
       for (std::size_t i = 0; i < seen.size(); ++i) {
         if (const auto world = map.point(seen[i].id)) {
-          observed.push_back({world->p_w, world->sigma_w, seen[i].x});
+          observed.push_back({world->p_w, world->sigma_w, seen[i].x, seen[i].sigma});
           index.push_back(i);
         }
       }
-      pose = pose_estimation.estimate(predicted, observed);
+      pose = pose_estimation.estimate(predictPose(stamp_ns), observed);
       if (pose.status == PoseStatus::kOk) {
         setPose(pose.T_w_c, stamp_ns);
         std::vector<bool> agrees(found.size(), true);
@@ -493,12 +506,33 @@ struct VisualOdometry::Impl {
       Timer timer(&out->times.triangulate);
       map.triangulateNew();
     }
-    Timer timer(&out->times.bundle_adjustment);
-    bundle_adjustment.adjust(&map);
-    map.removeOutliers(options.outlier_error);
-    map.updateSigmas();
-    T_w_c = map.keyframes().back().T_w_c;
+    // The odometry goes on with the map as it is and takes the adjusted one at a fixed point of the
+    // next frame, however long it took: the result does not depend on the machine's speed.
+    adjusting = std::async(std::launch::async, [this, copy = map]() mutable {
+      adjust(&copy);
+      return std::move(copy);
+    });
   }
+
+  LocalBundleAdjustment::Result adjust(LocalMap* adjusted) const {
+    const auto result = bundle_adjustment.adjust(adjusted);
+    adjusted->removeOutliers(options.outlier_error);
+    adjusted->updateSigmas();
+    return result;
+  }
+
+  /// Waits for the bundle adjustment under way, if any, and goes on with its map.
+  void takeAdjustedMap() {
+    if (!adjusting.valid()) return;
+    LocalMap adjusted = adjusting.get();
+    for (auto& [id, landmark] : adjusted.landmarks()) {
+      if (const Landmark* now = map.find(id)) landmark.outlier_count = now->outlier_count;
+    }
+    const Eigen::Isometry3d before = map.keyframes().back().T_w_c;
+    map = std::move(adjusted);
+    T_w_c = map.keyframes().back().T_w_c * before.inverse() * T_w_c;
+  }
+  std::future<LocalMap> adjusting;
 
   void lose(ImagePyramid image, std::int64_t stamp_ns, std::size_t found, Output* out) {
     status = VoStatus::kLost;

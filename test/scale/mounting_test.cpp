@@ -79,25 +79,5 @@ TEST(Mounting, SidewaysAndNoMotionTeachNothing) {
   EXPECT_THROW(Mounting{options}, OptionError);
 }
 
-TEST(MotionHistory, ChordAveragesTheDirection) {
-  MotionHistory history({});
-  EXPECT_FALSE(history.chord(1).has_value());
-  for (int i = 0; i < 30; ++i) {  // a camera that wobbles sideways by a quarter of its step
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-    T_w_c.translation() = Eigen::Vector3d(i % 2 == 0 ? 0.0 : 0.1, 0, 0.4 * i);
-    history.add(T_w_c);
-  }
-  EXPECT_NEAR(history.lastStep(), std::hypot(0.4, 0.1), 1e-12);
-  EXPECT_NEAR(history.travelled(), 29 * std::hypot(0.4, 0.1), 1e-9);
-  EXPECT_GT(std::abs(history.chord(0.1)->direction_c.x()), 0.2);
-  EXPECT_LT(std::abs(history.chord(4)->direction_c.x()), 0.03);
-  EXPECT_NEAR(history.chord(4)->length, 4.0, 0.5);
-  EXPECT_NEAR(history.chord(1e9)->length, 29 * 0.4, 0.01);
-  EXPECT_NEAR(history.lastMotion().translation().z(), -0.4, 1e-12);
-  history.reset();
-  EXPECT_TRUE(history.empty());
-  EXPECT_EQ(history.travelled(), 0);
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

@@ -13,42 +13,50 @@ namespace {
 int drive(ScaleFilter* filter, int frames, double height, double sigma) {
   int used = 0;
   for (int i = 0; i < frames; ++i) {
-    filter->move(0.5);
+    filter->move(0.5, 0);
     used += filter->update(height, sigma);
   }
   return used;
 }
 
-TEST(ScaleFilter, StartsWithTheMedianOfConsistentMeasurements) {
+TEST(ScaleFilter, StartsWithTheMedianOfTheLatestWhenTheyAgree) {
   ScaleFilter filter({});
   EXPECT_FALSE(filter.known());
   EXPECT_EQ(filter.height(), 0);
+  filter.move(10, 0);
+  EXPECT_FALSE(filter.update(2.00, 0.02));
   EXPECT_FALSE(filter.update(0.80, 0.02));
   EXPECT_FALSE(filter.update(0.82, 0.02));
   EXPECT_FALSE(filter.update(0.81, 0.02));
   EXPECT_TRUE(filter.update(0.81, 0.02));
   EXPECT_TRUE(filter.known());
   EXPECT_NEAR(filter.height(), 0.81, 1e-9);
-  EXPECT_GT(filter.sigma(), 0.015);
+  EXPECT_GT(filter.sigma() / filter.height(), ScaleFilter::Options().start_sigma);
+}
+
+TEST(ScaleFilter, WaitsForSomeWayBeforeItStarts) {
+  ScaleFilter filter({});
+  EXPECT_EQ(drive(&filter, 4, 0.8, 0.02), 0);  // 2 units are 2.5 heights
+  EXPECT_EQ(drive(&filter, 1, 0.8, 0.02), 1);
 }
 
 TEST(ScaleFilter, ScatteredMeasurementsDoNotStartIt) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
-    filter.move(0.5);
+    filter.move(0.5, 0);
     EXPECT_FALSE(filter.update(i % 2 == 0 ? 0.5 : 1.5, 0.02));
   }
   EXPECT_FALSE(filter.known());
-  EXPECT_EQ(drive(&filter, 6, 0.8, 0.02) > 0, true);
+  EXPECT_GT(drive(&filter, 6, 0.8, 0.02), 0);
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
 
 TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
   ScaleFilter filter({});
-  drive(&filter, 4, 0.8, 0.04);
+  drive(&filter, 5, 0.8, 0.04);
   const double at_start = filter.sigma();
   for (int i = 0; i < 400; ++i) {
-    filter.move(0.5);
+    filter.move(0.5, 0);
     filter.update(0.8 * (i % 2 == 0 ? 1.04 : 1 / 1.04), 0.04);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.005);
@@ -57,13 +65,13 @@ TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
 
 TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   ScaleFilter slow({}), fast({});
-  drive(&slow, 4, 0.8, 0.03);
-  drive(&fast, 4, 0.8, 0.03);
+  drive(&slow, 5, 0.8, 0.03);
+  drive(&fast, 5, 0.8, 0.03);
   for (int i = 0; i < 10; ++i) {
-    slow.move(0.5);
+    slow.move(0.5, 0);
     slow.update(0.84, 0.03);
     for (int k = 0; k < 10; ++k) {
-      fast.move(0.05);
+      fast.move(0.05, 0);
       fast.update(0.84, 0.03);
     }
   }
@@ -75,19 +83,32 @@ TEST(ScaleFilter, HeldStateKeepsItsHeightAndLosesCertaintyWithDistance) {
   ScaleFilter filter({});
   drive(&filter, 50, 0.8, 0.03);
   const double height = filter.height(), sigma = filter.sigma();
-  filter.move(0);
+  filter.move(0, 0);
   EXPECT_EQ(filter.sigma(), sigma);  // standing still costs nothing
-  filter.move(40);
+  filter.move(40, 0);
   EXPECT_EQ(filter.height(), height);
   const double drift = ScaleFilter::Options().drift_per_sqrt_h;
   EXPECT_NEAR(std::pow(filter.sigma() / height, 2),
               std::pow(sigma / height, 2) + drift * drift * 40 / height, 1e-9);
 }
 
+TEST(ScaleFilter, ATurnLetsTheScaleChangeFaster) {
+  ScaleFilter straight({}), turning({});
+  drive(&straight, 50, 0.8, 0.02);
+  drive(&turning, 50, 0.8, 0.02);
+  const double sigma = turning.sigma();
+  turning.move(0, 1.5);
+  const double drift = ScaleFilter::Options().drift_per_sqrt_rad;
+  EXPECT_NEAR(std::pow(turning.sigma(), 2) - sigma * sigma, 0.64 * drift * drift * 1.5, 1e-9);
+  drive(&straight, 5, 0.84, 0.02);
+  drive(&turning, 5, 0.84, 0.02);
+  EXPECT_GT(turning.height(), straight.height() + 0.005);
+}
+
 TEST(ScaleFilter, SingleJumpsAreRejectedAndALastingOneTakesOver) {
   ScaleFilter filter({});
   drive(&filter, 100, 0.8, 0.02);
-  filter.move(0.5);
+  filter.move(0.5, 0);
   EXPECT_FALSE(filter.update(1.2, 0.02));
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_EQ(drive(&filter, 5, 0.8, 0.02), 5);
@@ -102,7 +123,7 @@ TEST(ScaleFilter, ResetForgets) {
   drive(&filter, 10, 0.8, 0.02);
   filter.reset();
   EXPECT_FALSE(filter.known());
-  drive(&filter, 10, 3.0, 0.02);
+  drive(&filter, 20, 3.0, 0.02);
   EXPECT_NEAR(filter.height(), 3.0, 1e-6);
 }
 

@@ -16,6 +16,7 @@ using test::pose;
 using test::randomPoints;
 
 constexpr int kPoints = 300;
+constexpr double kNoise = 0.0008;
 
 std::vector<Eigen::Vector3d> farPoints() {
   auto points = randomPoints(kPoints, 21);
@@ -35,7 +36,7 @@ std::vector<LocalMap::Corner> see(const std::vector<Eigen::Vector3d>& points,
   std::vector<LocalMap::Corner> corners;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Eigen::Vector2d e(error(generator), error(generator));
-    corners.push_back({i, normalised(T_w_c.inverse() * points[i]) + noise * e});
+    corners.push_back({i, normalised(T_w_c.inverse() * points[i]) + noise * e, kNoise});
   }
   return corners;
 }
@@ -150,7 +151,7 @@ TEST(LocalBundleAdjustment, residualsAreOneSigmaWhenTheNoiseIs) {
   std::mt19937 seeds(1);
   for (int k = 0; k < 8; ++k) {
     auto corners = see(points, drive(k));
-    std::normal_distribution<double> noise(0, options.noise);
+    std::normal_distribution<double> noise(0, kNoise);
     for (auto& corner : corners) corner.x += Eigen::Vector2d(noise(seeds), noise(seeds));
     map.addKeyframe(drive(k), corners);
   }
@@ -179,7 +180,7 @@ std::vector<PointObservation> observe(const Eigen::Isometry3d& T_w_c, double noi
   for (const Eigen::Vector3d& p : farPoints()) {
     Eigen::Vector2d x = normalised(T_w_c.inverse() * p);
     if (noise > 0) x += Eigen::Vector2d(error(generator), error(generator));
-    result.push_back({p, Eigen::Vector3d::Zero(), x});
+    result.push_back({p, Eigen::Vector3d::Zero(), x, kNoise});
   }
   return result;
 }
@@ -245,7 +246,7 @@ TEST(VoOptions, outOfRangeIsRefused) {
   adjustment.window = 0;
   EXPECT_THROW(LocalBundleAdjustment{adjustment}, OptionError);
   PoseEstimation::Options estimation;
-  estimation.noise = 0;
+  estimation.min_inliers = 2;
   EXPECT_THROW(PoseEstimation{estimation}, OptionError);
 }
 

@@ -134,9 +134,9 @@ TEST(Triangulation, isExactWithoutNoise) {
   std::vector<RayObservation> observations;
   for (const double x : {0.5, 1.0, 1.5}) {
     const Eigen::Isometry3d T = pose({0, 0.01 * x, 0}, {x, 0, -x});
-    observations.push_back({T, normalised(T * p)});
+    observations.push_back({T, normalised(T * p), 1e-3});
   }
-  const auto depth = triangulate(p / p.z(), observations, 1e-3);
+  const auto depth = triangulate(p / p.z(), observations);
   ASSERT_TRUE(depth);
   EXPECT_NEAR(1 / depth->value, 8, 1e-9);
   EXPECT_GT(depth->sigma, 0);
@@ -152,7 +152,7 @@ TEST(Triangulation, sigmaIsThatOfRepeatedMeasurements) {
   for (int i = 0; i < n; ++i) {
     const Eigen::Vector2d x =
         normalised(T * p) + Eigen::Vector2d(noise(generator), noise(generator));
-    const auto depth = triangulate(p / p.z(), {{T, x}}, 1e-3);
+    const auto depth = triangulate(p / p.z(), {{T, x, 1e-3}});
     ASSERT_TRUE(depth);
     sum2 += (depth->value - 1 / p.z()) * (depth->value - 1 / p.z());
     sigma = depth->sigma;
@@ -162,8 +162,8 @@ TEST(Triangulation, sigmaIsThatOfRepeatedMeasurements) {
 
 TEST(Triangulation, withoutBaselineThereIsNoPoint) {
   const Eigen::Vector3d ray(0.1, 0, 1);
-  EXPECT_FALSE(triangulate(ray, {}, 1e-3));
-  EXPECT_FALSE(triangulate(ray, {{Eigen::Isometry3d::Identity(), ray.head<2>()}}, 1e-3));
+  EXPECT_FALSE(triangulate(ray, {}));
+  EXPECT_FALSE(triangulate(ray, {{Eigen::Isometry3d::Identity(), ray.head<2>(), 1e-3}}));
 }
 
 }  // namespace

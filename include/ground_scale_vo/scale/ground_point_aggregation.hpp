@@ -14,7 +14,7 @@ namespace ground_scale_vo {
 class GroundPointAggregation {
  public:
   struct Options {
-    double window_h = 4.0;  ///< length of the window along the way [camera heights]
+    double window_h = 3.0;  ///< length of the window along the way [camera heights]
     int max_frames = 60;    ///< and at most this many frames (Alg. 2 line 8; the paper: 4)
     int min_frames = 1;     ///< the window is used from this many frames on
     int max_points = 3000;  ///< and points (the oldest frames go first)

@@ -27,16 +27,16 @@ class GroundPointExtraction {
     /// The region of the road that is looked at, in camera heights on the expected plane. It is cut
     /// by the pixel's ray alone, never by a point's own depth, so it cannot bias the depth.
     double min_ahead_h = 1.0;
-    double max_ahead_h = 18.0;
-    double lane_h = 1.4;         ///< half width of the region while it holds lane_points features
+    double max_ahead_h = 25.0;
+    double lane_h = 1.2;         ///< half width of the region while it holds lane_points features
     double max_lateral_h = 4.0;  ///< half width otherwise
-    int lane_points = 30;
+    int lane_points = 15;
 
-    double motion_tolerance_rad = 0.0873;  ///< theta_2 of Alg. 1: |90 deg - angle(n, t)| (Eq. 3)
-    double pitch_tolerance_rad = 0.0873;   ///< theta_1: pitch of the triangle against the road's
-    double roll_tolerance_rad = 0.26;      ///< roll likewise: Eq. 3 lets walls along the way pass
-    int min_points = 6;                    ///< Alg. 1 line 18: more than five
-    int ransac_iterations = 100;           ///< Z of Alg. 1
+    double motion_tolerance_rad = 0.12;  ///< theta_2 of Alg. 1: |90 deg - angle(n, t)| (Eq. 3)
+    double pitch_tolerance_rad = 0.12;   ///< theta_1: pitch of the triangle against the road's
+    double roll_tolerance_rad = 0.26;    ///< roll likewise: Eq. 3 lets walls along the way pass
+    int min_points = 6;                  ///< Alg. 1 line 18: more than five
+    int ransac_iterations = 100;         ///< Z of Alg. 1
     /// d_thresh of Alg. 1: distance to the plane over the camera height; the paper's 0.01 m / 1.65
     /// m.
     double plane_threshold_h = 0.006;

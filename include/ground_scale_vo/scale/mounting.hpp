@@ -20,7 +20,7 @@ class Mounting {
     /// Bounce of the camera against the road between a chord's ends [camera heights]: a chord of
     /// length L constrains the pitch to bounce / L.
     double bounce_h = 0.02;
-    double chord_h = 5;     ///< length of the chord for the direction of motion [camera heights]
+    double chord_h = 3;     ///< length of the chord for the direction of motion [camera heights]
     double memory_h = 200;  ///< distance over which the average forgets [camera heights]
     double max_tilt_rad = 0.26;  ///< limit of both estimates
     /// Throws OptionError.

@@ -37,7 +37,7 @@ class PlaneFit {
     Method method = Method::kInverseDepth;
     int min_points = 12;
     double sac_threshold_h = 0.04;  ///< of the PCL start: distance over the camera height
-    double sac_tilt_rad = 0.07;     ///< ... normal at most this far from the prior's
+    double sac_tilt_rad = 0.087;    ///< ... normal at most this far from the prior's
     int sac_iterations = 100;
     double roughness_h = 0.01;  ///< of the road: limits the weight of near points
     /// Rejection: residuals beyond this many (robustly estimated) standard deviations.

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <deque>
-#include <vector>
 
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
@@ -17,13 +16,18 @@ namespace ground_scale_vo {
 class ScaleFilter {
  public:
   struct Options {
-    double correlation_h = 4;         ///< measurements agree over this way [camera heights]
-    double drift_per_sqrt_h = 0.01;   ///< random walk of ln h over one camera height of way
-    double measurement_floor = 0.02;  ///< least relative sigma of one measurement
-    double gate_sigma = 3;            ///< measurements farther off are rejected
-    int start_measurements = 4;       ///< consistent ones that start (or restart) the filter
-    double start_spread = 0.15;  ///< consistent: relative spread about their median (robust sigma)
-    double restart_h = 12;       ///< contradiction over this way restarts it [camera heights]
+    double correlation_h = 3;        ///< measurements agree over this way [camera heights]
+    double drift_per_sqrt_h = 0.01;  ///< random walk of ln h over one camera height of way
+    /// ... and over one radian of rotation: a turn replaces the map that carries the scale.
+    double drift_per_sqrt_rad = 0.05;
+    double measurement_floor = 0.015;  ///< least relative sigma of one measurement
+    double gate_sigma = 3;             ///< measurements farther off are rejected
+    int start_measurements = 4;        ///< the latest few that must agree to start or restart it
+    double start_spread = 0.15;        ///< agree: at most this far from their median, relative
+    double start_way_h = 3;            ///< and not before this way [camera heights]
+    /// Relative error that those first ones share: they see one piece of road, from a young map.
+    double start_sigma = 0.1;
+    double restart_h = 12;  ///< contradiction over this way restarts it [camera heights]
     /// The paper's literal choice: moving average of the scale h*/h over so many frames. 0: off.
     int moving_average_frames = 0;
     /// Throws OptionError.
@@ -32,8 +36,9 @@ class ScaleFilter {
 
   explicit ScaleFilter(const Options& options);
 
-  /// The camera moved by `distance` [VO units, >= 0] since the last call: the variance grows.
-  void move(double distance);
+  /// The camera moved by `distance` [VO units, >= 0] and turned by `angle` [rad, >= 0] since the
+  /// last call: the variance grows.
+  void move(double distance, double angle);
 
   /// One frame's measurement, height > 0 and sigma > 0 [VO units]. True when it was used.
   bool update(double height, double sigma);
@@ -48,7 +53,6 @@ class ScaleFilter {
   struct Measurement {
     double log_height;
     double variance;
-    double at;  ///< way so far [VO units]
   };
   bool start(const Measurement& measurement);
 
@@ -56,10 +60,11 @@ class ScaleFilter {
   bool known_ = false;
   double log_height_ = 0;
   double variance_ = 0;
-  double way_ = 0;                        ///< since reset()
-  double last_update_at_ = 0;             ///< way at the last measurement used
-  std::vector<Measurement> challengers_;  ///< since the last measurement that was used
-  std::deque<double> inverse_heights_;    ///< of the moving average
+  double way_ = 0;                       ///< since reset()
+  double last_update_at_ = 0;            ///< way at the last measurement used
+  std::deque<Measurement> challengers_;  ///< the latest of those since one was used
+  double challenged_at_ = 0;             ///< way at the first of those
+  std::deque<double> inverse_heights_;   ///< of the moving average
 };
 
 }  // namespace ground_scale_vo

@@ -37,9 +37,9 @@ class ScaleRecovery {
     MetricTrajectory::Options trajectory;
 
     /// A copy in which the stages' options are the paper's: t of one frame, theta_1 on the frame's
-    /// rotation, most inliers within 0.01 m (in heights), a window of four frames with all copies
-    /// and used from the fifth on, unweighted homogeneous least squares, a moving average of the
-    /// scale, standstill not noticed.
+    /// rotation, 5 degrees, most inliers within 0.01 m (over the height), a window of four frames
+    /// with all copies, unweighted homogeneous least squares, a moving average of the scale,
+    /// standstill not noticed. Precondition: camera_height > 0.
     Options withPaperLiteral() const;
     /// Throws OptionError.
     void validate() const;

@@ -14,14 +14,12 @@ class LocalBundleAdjustment {
   struct Options {
     int window = 7;
     int max_iterations = 4;
-    double noise = 0.0008;
     double huber_sigma = 1.0;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
       visit("window", self.window, 1, 100,
             "[keyframes] newest ones that move; older ones are held");
       visit("max_iterations", self.max_iterations, 1, 1000, "[iterations] of Levenberg-Marquardt");
-      visit("noise", self.noise, 1e-6, 0.1, "[focal lengths] standard deviation of an observation");
       visit("huber_sigma", self.huber_sigma, 0.1, 1000, "[sigma] larger residuals count linearly");
     }
     /// Throws OptionError.

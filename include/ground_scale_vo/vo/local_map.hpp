@@ -21,6 +21,7 @@ struct Keyframe {
 struct Observation {
   std::uint32_t keyframe = 0;
   Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
+  double sigma = 0;                             ///< standard deviation of x, > 0
 };
 
 /// A corner seen in keyframes, with or without a depth yet. It lies on the ray of its first
@@ -47,13 +48,11 @@ class LocalMap {
  public:
   struct Options {
     int keyframes = 14;
-    double noise = 0.0008;
     double max_relative_sigma = 0.35;
     double max_error = 0.004;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
       visit("keyframes", self.keyframes, 3, 1000, "[keyframes] kept at most");
-      visit("noise", self.noise, 1e-6, 0.1, "[focal lengths] standard deviation of an observation");
       visit("max_relative_sigma", self.max_relative_sigma, 0.01, 10,
             "[] a new depth needs sigma(1/z) below this share of 1/z");
       visit("max_error", self.max_error, 1e-6, 0.1,
@@ -67,7 +66,8 @@ class LocalMap {
 
   struct Corner {
     std::uint64_t id = 0;
-    Eigen::Vector2d x = Eigen::Vector2d::Zero();
+    Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
+    double sigma = 0;                             ///< standard deviation of x, > 0
   };
   /// Adds the corners as observations of the new keyframe; unknown ids become landmarks.
   std::uint32_t addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners);

@@ -14,6 +14,7 @@ struct PointObservation {
   /// a point of unsure depth still tells where it is not: off its epipolar line.
   Eigen::Vector3d sigma_w = Eigen::Vector3d::Zero();
   Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
+  double sigma = 0;                             ///< standard deviation of x, > 0
 };
 
 enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
@@ -23,14 +24,12 @@ enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
 class PoseEstimation {
  public:
   struct Options {
-    double noise = 0.0008;
     double inlier_sigma = 3.5;
     int min_inliers = 25;
     double min_inlier_share = 0.4;
     int max_iterations = 15;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
-      visit("noise", self.noise, 1e-6, 0.1, "[focal lengths] standard deviation of a corner");
       visit("inlier_sigma", self.inlier_sigma, 0.5, 100,
             "[sigma] Mahalanobis distance of an inlier");
       visit("min_inliers", self.min_inliers, 6, 100000, "[points] fewer are no pose");

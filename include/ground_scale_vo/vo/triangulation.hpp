@@ -15,13 +15,13 @@ struct InverseDepth {
 struct RayObservation {
   Eigen::Isometry3d T_c_anchor = Eigen::Isometry3d::Identity();
   Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
+  double sigma = 0;                             ///< standard deviation of x, > 0
 };
 
 /// Least squares over all observations (anchor's own excluded), Gauss-Newton on the reprojection
-/// error. noise: standard deviation of x. Empty when there is no observation, the point falls
+/// error. Empty when there is no observation, the point falls
 /// behind a camera, or the iteration does not settle.
 std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
-                                        const std::vector<RayObservation>& observations,
-                                        double noise);
+                                        const std::vector<RayObservation>& observations);
 
 }  // namespace ground_scale_vo

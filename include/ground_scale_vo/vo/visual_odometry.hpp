@@ -27,6 +27,8 @@ class VisualOdometry {
     LocalMap::Options map;
     LocalBundleAdjustment::Options bundle_adjustment;
 
+    double noise = 0.0005;
+    double noise_flow = 0.028;
     double keyframe_parallax = 0.03;
     double keyframe_min_tracked = 0.5;
     double standstill_flow = 0.0003;
@@ -37,6 +39,10 @@ class VisualOdometry {
     int lost_frames_before_new_map = 3;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
+      visit("noise", self.noise, 1e-6, 0.1,
+            "[focal lengths] standard deviation of a corner that hardly moves");
+      visit("noise_flow", self.noise_flow, 1e-4, 100,
+            "[focal lengths] motion between frames, without rotation, that doubles its variance");
       visit("keyframe_parallax", self.keyframe_parallax, 1e-4, 1,
             "[rad] median since the last keyframe that makes the next one");
       visit("keyframe_min_tracked", self.keyframe_min_tracked, 0, 1,

@@ -1,0 +1,209 @@
+// kitti.launch with a bag of each kind: it plays the bag to its end, gives no frame two parents,
+// shows the truth beside the estimate, and ends.
+
+#include <cv_bridge/cv_bridge.h>
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <rosbag/bag.h>
+#include <sensor_msgs/image_encodings.h>
+#include <sys/wait.h>
+#include <tf2_msgs/TFMessage.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Kind {
+  std::string name;
+  std::string base_frame;  ///< argument of the launch file
+  std::string published;   ///< child of odom
+};
+
+/// Of the camera, mounted on a base: 1.5 m before it and 1.65 m above it.
+Eigen::Isometry3d mounting() {
+  Eigen::Isometry3d T_b_c = Eigen::Isometry3d::Identity();
+  T_b_c.linear() = bodyFromOptical();
+  T_b_c.translation() << 1.5, 0, 1.65;
+  return T_b_c;
+}
+
+tf2_msgs::TFMessage transform(const std::string& parent, const std::string& child,
+                              const ros::Time& stamp, const Eigen::Isometry3d& T) {
+  nav_msgs::Odometry odometry;
+  odometry.header.frame_id = parent;
+  odometry.header.stamp = stamp;
+  odometry.child_frame_id = child;
+  odometry.pose.pose = toMsg(T);
+  tf2_msgs::TFMessage message;
+  message.transforms.push_back(toTransformMsg(odometry));
+  return message;
+}
+
+class KittiBag : public testing::Test {
+ protected:
+  static constexpr std::size_t kFrames = 40;
+  static constexpr const char* kImage = "/kitti/camera_gray_left/image_raw";
+  static constexpr const char* kInfo = "/kitti/camera_gray_left/camera_info";
+
+  static void SetUpTestSuite() {
+    SyntheticDrive::Options options;
+    options.frames = static_cast<int>(kFrames);
+    drive_ = std::make_unique<SyntheticDrive>(options);
+  }
+  static void TearDownTestSuite() { drive_.reset(); }
+
+  KittiBag()
+      : folder_(fs::temp_directory_path() / ("kitti_launch_rostest_" + std::to_string(getpid()))) {
+    fs::create_directories(folder_);
+  }
+  ~KittiBag() override { fs::remove_all(folder_); }
+
+  fs::path writeBag(const std::string& kind) const {
+    const fs::path file = folder_ / (kind + ".bag");
+    rosbag::Bag bag(file.string(), rosbag::bagmode::Write);
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      std_msgs::Header header;
+      header.stamp = fromNanoseconds(1000000000000 + drive_->frame(i).stamp_ns);
+      header.frame_id = "camera_gray_left";
+      const Eigen::Isometry3d& T_c0_c = drive_->frame(i).T_c0_c;
+      sensor_msgs::CameraInfo info = toCameraInfo(drive_->camera());
+      info.header = header;
+      if (kind == "native") {
+        bag.write("/tf", header.stamp,
+                  transform("ground_truth", "ground_truth/camera_gray_left", header.stamp, T_c0_c));
+      } else if (kind == "kitti2bag_odometry") {
+        info.K.fill(0);
+        bag.write("/tf", header.stamp,
+                  transform("camera_init", "camera_gray_left", header.stamp, T_c0_c));
+      } else {
+        info.K[0] = info.K[4] = 2 * info.K[0];  // of the raw camera
+        info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
+        const Eigen::Isometry3d T_b0_b = mounting() * T_c0_c * mounting().inverse();
+        bag.write("/tf", header.stamp, transform("world", "base_link", header.stamp, T_b0_b));
+        bag.write("/tf_static", header.stamp,
+                  transform("base_link", "camera_gray_left", header.stamp, mounting()));
+      }
+      bag.write(kInfo, header.stamp, info);
+      bag.write(kImage, header.stamp,
+                *cv_bridge::CvImage(header, sensor_msgs::image_encodings::MONO8, drive_->image(i))
+                     .toImageMsg());
+    }
+    return file;
+  }
+
+  /// roslaunch's process id.
+  static pid_t launch(const std::vector<std::string>& arguments) {
+    std::vector<std::string> words = {"roslaunch", "ground_scale_vo", "kitti.launch"};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    const pid_t child = fork();
+    if (child == 0) {
+      execvp(argv[0], argv.data());
+      _exit(127);
+    }
+    return child;
+  }
+  /// The status of the process when it ended in time; it is stopped otherwise.
+  static int waitForEnd(pid_t child) {
+    int status = -1;
+    if (waitUntil([&] { return waitpid(child, &status, WNOHANG) == child; })) return status;
+    kill(child, SIGTERM);
+    waitpid(child, &status, 0);
+    ADD_FAILURE() << "roslaunch did not end";
+    return -1;
+  }
+
+  fs::path folder_;
+  static std::unique_ptr<SyntheticDrive> drive_;
+};
+
+std::unique_ptr<SyntheticDrive> KittiBag::drive_;
+
+class KittiLaunch : public KittiBag, public testing::WithParamInterface<Kind> {};
+
+TEST_P(KittiLaunch, PlaysTheBagWithoutTwoParents) {
+  const Kind& kind = GetParam();
+  const fs::path bag = writeBag(kind.name);
+  const fs::path recorded = folder_ / "recorded.bag";
+
+  ros::NodeHandle handle;
+  Inbox<ScaleEstimateMsg> scales(handle, "scale");
+  Inbox<nav_msgs::Odometry> odometry(handle, "odometry");
+  Inbox<nav_msgs::Odometry> truth(handle, "ground_truth/odometry");
+  Inbox<nav_msgs::Path> truth_path(handle, "ground_truth/path");
+  Inbox<tf2_msgs::TFMessage> tf(handle, "/tf"), tf_static(handle, "/tf_static");
+
+  const pid_t child = launch({"bag:=" + bag.string(), "image:=" + std::string(kImage),
+                              "camera_info:=" + std::string(kInfo), "required:=true",
+                              "base_frame:=" + kind.base_frame, "record:=" + recorded.string()});
+  ASSERT_GT(child, 0);
+  waitForEnd(child);
+
+  EXPECT_TRUE(fs::exists(recorded));
+  EXPECT_EQ(scales.messages().size(), kFrames) << "a frame was lost";
+  std::map<std::string, std::set<std::string>> parents;
+  for (auto* inbox : {&tf, &tf_static}) {
+    for (const auto& message : inbox->messages()) {
+      for (const auto& transform : message->transforms) {
+        parents[transform.child_frame_id].insert(transform.header.frame_id);
+      }
+    }
+  }
+  for (const auto& [name, of_one] : parents) EXPECT_EQ(of_one.size(), 1u) << name;
+  EXPECT_EQ(parents[kind.published], std::set<std::string>{"odom"});
+
+  const auto estimates = odometry.messages();
+  const auto truths = truth.messages();
+  ASSERT_GT(estimates.size(), kFrames / 2);
+  ASSERT_GT(truths.size(), kFrames / 2);
+  EXPECT_EQ(estimates.back()->child_frame_id, kind.published);
+  EXPECT_EQ(truths.back()->header.frame_id, "odom");
+  EXPECT_EQ(truths.back()->child_frame_id, "ground_truth/" + kind.published);
+  const auto& estimate = estimates.back()->pose.pose.position;
+  const auto& true_place = truths.back()->pose.pose.position;
+  EXPECT_GT(true_place.x, 15.0);
+  EXPECT_NEAR(estimate.x, true_place.x, 0.08 * true_place.x);
+  EXPECT_NEAR(estimate.y, true_place.y, 0.08 * true_place.x);
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,
+                         testing::Values(Kind{"native", "", "camera_gray_left"},
+                                         Kind{"kitti2bag_odometry", "", "camera_gray_left"},
+                                         Kind{"kitti2bag_raw", "base_link", "base_link"},
+                                         Kind{"kitti2bag_raw", "", "camera_gray_left"}));
+
+TEST_F(KittiBag, ThatIsMissingOrLacksTheTopicEndsTheLaunch) {
+  const ros::WallTime start = ros::WallTime::now();
+  waitForEnd(launch({"bag:=/there/is/none.bag", "required:=true"}));
+  const fs::path bag = writeBag("native");
+  waitForEnd(launch({"bag:=" + bag.string(), "image:=/no/such/topic", "required:=true"}));
+  EXPECT_LT((ros::WallTime::now() - start).toSec(), kPatience);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "kitti_launch_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

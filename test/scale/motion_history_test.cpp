@@ -1,0 +1,61 @@
+#include "ground_scale_vo/scale/motion_history.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+TEST(MotionHistory, ChordAveragesTheDirection) {
+  MotionHistory history({});
+  EXPECT_FALSE(history.chord(1).has_value());
+  for (int i = 0; i < 30; ++i) {  // a camera that wobbles sideways by a quarter of its step
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+    T_w_c.translation() = Eigen::Vector3d(i % 2 == 0 ? 0.0 : 0.1, 0, 0.4 * i);
+    history.add(T_w_c);
+  }
+  EXPECT_NEAR(history.lastStep(), std::hypot(0.4, 0.1), 1e-12);
+  EXPECT_NEAR(history.travelled(), 29 * std::hypot(0.4, 0.1), 1e-9);
+  EXPECT_GT(std::abs(history.chord(0.1)->direction_c.x()), 0.2);
+  EXPECT_LT(std::abs(history.chord(4)->direction_c.x()), 0.03);
+  EXPECT_NEAR(history.chord(4)->length, 4.0, 0.5);
+  EXPECT_NEAR(history.chord(1e9)->length, 29 * 0.4, 0.01);
+  EXPECT_NEAR(history.lastMotion().translation().z(), -0.4, 1e-12);
+  history.reset();
+  EXPECT_TRUE(history.empty());
+  EXPECT_EQ(history.travelled(), 0);
+}
+
+TEST(MotionHistory, ChordIsInTheLastCamerasAxesAndSigned) {
+  MotionHistory history({});
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  history.add(T_w_c);
+  EXPECT_EQ(history.distanceFromLast(T_w_c), 0);
+  T_w_c.rotate(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()));
+  T_w_c.pretranslate(Eigen::Vector3d(0, 0, -2));  // backwards
+  EXPECT_NEAR(history.distanceFromLast(T_w_c), 2, 1e-12);
+  history.add(T_w_c);
+  const Eigen::Vector3d expected(std::sin(0.5), 0, -std::cos(0.5));
+  EXPECT_NEAR((history.chord(1)->direction_c - expected).norm(), 0, 1e-12);
+}
+
+TEST(MotionHistory, KeepsNoMoreThanItsFrames) {
+  MotionHistory::Options options;
+  options.max_frames = 5;
+  MotionHistory history(options);
+  for (int i = 0; i < 100; ++i) {
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+    T_w_c.translation().z() = i;
+    history.add(T_w_c);
+  }
+  EXPECT_NEAR(history.chord(1e9)->length, 4, 1e-12);
+  EXPECT_NEAR(history.travelled(), 99, 1e-9);
+  options.max_frames = 1;
+  EXPECT_THROW(MotionHistory{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -3,27 +3,35 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Reads what a stage's Options describe, as group/name.
+/// Reads what a stage's Options describe, under group ("tracker/", or empty).
 template <typename Options>
 void declareStage(ParamReader& reader, const std::string& group, Options& options) {
   Options::describe(options, [&](const char* name, auto& field, auto... rest) {
-    reader.declare((group + "/" + name).c_str(), field, rest...);
+    reader.declare((group + name).c_str(), field, rest...);
   });
 }
 
 void declareOptions(ParamReader& reader, VisualOdometry::Options& options) {
-  declareStage(reader, "tracker", options.tracker);
-  declareStage(reader, "two_view", options.two_view);
-  declareStage(reader, "pose", options.pose);
-  declareStage(reader, "map", options.map);
-  declareStage(reader, "bundle_adjustment", options.bundle_adjustment);
-  declareStage(reader, "odometry", options);
+  declareStage(reader, "tracker/", options.tracker);
+  declareStage(reader, "two_view/", options.two_view);
+  declareStage(reader, "pose/", options.pose);
+  declareStage(reader, "map/", options.map);
+  declareStage(reader, "bundle_adjustment/", options.bundle_adjustment);
+  declareStage(reader, "odometry/", options);
 }
 
 void declareOptions(ParamReader& reader, ScaleRecovery::Options& options) {
   reader.require("camera_height", options.camera_height, 0.05, 100.0,
                  "[m] height of the camera above the road");
   reader.declare("random_seed", options.random_seed, 0, 2147483647, "[] seed of all random draws");
+  declareStage(reader, "", options);
+  declareStage(reader, "motion/", options.motion);
+  declareStage(reader, "mounting/", options.mounting);
+  declareStage(reader, "gpe/", options.gpe);
+  declareStage(reader, "gpa/", options.gpa);
+  declareStage(reader, "fit/", options.gpa.fit);
+  declareStage(reader, "filter/", options.filter);
+  declareStage(reader, "trajectory/", options.trajectory);
 }
 
 /// What both nodelets have, and what libraries read beside us.

@@ -13,11 +13,11 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [m] how far the quad lies before the camera (its centre), and its length and width.
-constexpr double kQuadAhead = 8.0;
-constexpr double kQuadLength = 12.0;
+/// [m] how far the quad's centre lies before the camera, its length and width.
+constexpr double kQuadAhead = 5.0;
+constexpr double kQuadLength = 16.0;
 constexpr double kQuadWidth = 8.0;
-constexpr double kArrowLength = 1.5;
+constexpr double kArrowWidth = 0.25;
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
 
@@ -106,13 +106,13 @@ std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate&
   T_c_arrow.linear().col(0) = up;
   T_c_arrow.linear().col(1) = forward;
   T_c_arrow.linear().col(2) = up.cross(forward);
-  T_c_arrow.translation() = foot + kQuadAhead * forward;
+  T_c_arrow.translation() = foot;
 
   const auto arrow = marker(header, 1, visualization_msgs::Marker::ARROW);
   arrow->pose = toMsg(T_c_arrow);
-  arrow->scale.x = kArrowLength;
-  arrow->scale.y = 0.1;
-  arrow->scale.z = 0.1;
+  arrow->scale.x = scale.scale * scale.height;
+  arrow->scale.y = kArrowWidth;
+  arrow->scale.z = kArrowWidth;
   arrow->color.r = 1.0f;
   arrow->color.g = 0.8f;
   arrow->color.b = 0.1f;

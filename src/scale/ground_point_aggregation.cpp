@@ -7,10 +7,8 @@
 namespace ground_scale_vo {
 
 void GroundPointAggregation::Options::validate() const {
-  requireInRange("gpa window_h", window_h, 0, 1e6);
-  requireInRange("gpa max_frames", max_frames, 1, 1e6);
-  requireInRange("gpa min_frames", min_frames, 1, max_frames);
-  requireInRange("gpa max_points", max_points, 3, 1e7);
+  describe(*this, RangeCheck("gpa/"));
+  requireInRange("gpa/min_frames", min_frames, 1, max_frames);
   fit.validate();
 }
 

@@ -79,18 +79,9 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
 }  // namespace
 
 void GroundPointExtraction::Options::validate() const {
-  requireInRange("gpe min_ahead_h", min_ahead_h, 0, 1000);
-  requireInRange("gpe max_ahead_h", max_ahead_h, min_ahead_h, 10000);
-  requireInRange("gpe lane_h", lane_h, 0.01, 1000);
-  requireInRange("gpe max_lateral_h", max_lateral_h, lane_h, 1000);
-  requireInRange("gpe lane_points", lane_points, 0, 1e6);
-  requireInRange("gpe motion_tolerance_rad", motion_tolerance_rad, 1e-4, 1.6);
-  requireInRange("gpe pitch_tolerance_rad", pitch_tolerance_rad, 1e-4, 1.6);
-  requireInRange("gpe roll_tolerance_rad", roll_tolerance_rad, 1e-4, 1.6);
-  requireInRange("gpe min_points", min_points, 3, 1e6);
-  requireInRange("gpe ransac_iterations", ransac_iterations, 1, 1e6);
-  requireInRange("gpe plane_threshold_h", plane_threshold_h, 1e-6, 1);
-  requireInRange("gpe plane_threshold_sigma", plane_threshold_sigma, 0, 100);
+  describe(*this, RangeCheck("gpe/"));
+  requireInRange("gpe/max_ahead_h", max_ahead_h, min_ahead_h, 10000);
+  requireInRange("gpe/max_lateral_h", max_lateral_h, lane_h, 1000);
 }
 
 GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(options) {

@@ -18,13 +18,7 @@ double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 
 }  // namespace
 
-void MetricTrajectory::Options::validate() const {
-  requireInRange("trajectory rotation_sigma_per_sqrt_m", rotation_sigma_per_sqrt_m, 0, 1);
-  requireInRange("trajectory direction_sigma", direction_sigma, 0, 1);
-  requireInRange("trajectory scale_correlation_m", scale_correlation_m, 1e-3, 1e6);
-  requireInRange("trajectory new_map_position_sigma_per_s", new_map_position_sigma_per_s, 0, 1e3);
-  requireInRange("trajectory new_map_rotation_sigma_per_s", new_map_rotation_sigma_per_s, 0, 1e3);
-}
+void MetricTrajectory::Options::validate() const { describe(*this, RangeCheck("trajectory/")); }
 
 MetricTrajectory::MetricTrajectory(const Options& options) : options_(options) {
   options_.validate();

@@ -4,9 +4,7 @@
 
 namespace ground_scale_vo {
 
-void MotionHistory::Options::validate() const {
-  requireInRange("motion max_frames", max_frames, 2, 100000);
-}
+void MotionHistory::Options::validate() const { describe(*this, RangeCheck("motion/")); }
 
 MotionHistory::MotionHistory(const Options& options) : options_(options) { options_.validate(); }
 

@@ -15,16 +15,7 @@ constexpr double kMinForward = 0.8;
 
 }  // namespace
 
-void Mounting::Options::validate() const {
-  requireInRange("mounting start_pitch_sigma", start_pitch_sigma, 1e-4, 1);
-  requireInRange("mounting start_roll_sigma", start_roll_sigma, 1e-4, 1);
-  requireInRange("mounting pitch_motion_sigma", pitch_motion_sigma, 1e-4, 1);
-  requireInRange("mounting roll_motion_sigma", roll_motion_sigma, 1e-4, 1);
-  requireInRange("mounting bounce_h", bounce_h, 1e-5, 1);
-  requireInRange("mounting chord_h", chord_h, 0.01, 1000);
-  requireInRange("mounting memory_h", memory_h, 1, 1e6);
-  requireInRange("mounting max_tilt_rad", max_tilt_rad, 0.001, 0.8);
-}
+void Mounting::Options::validate() const { describe(*this, RangeCheck("mounting/")); }
 
 Mounting::Mounting(const Options& options) : options_(options) {
   options_.validate();

@@ -129,17 +129,7 @@ std::optional<Prediction> predict(const PlanePoint& point, const Eigen::Vector3d
 
 }  // namespace
 
-void PlaneFit::Options::validate() const {
-  requireInRange("fit min_points", min_points, 3, 1e6);
-  requireInRange("fit sac_threshold_h", sac_threshold_h, 1e-6, 1);
-  requireInRange("fit sac_tilt_rad", sac_tilt_rad, 1e-4, 1.5);
-  requireInRange("fit sac_iterations", sac_iterations, 1, 1e6);
-  requireInRange("fit roughness_h", roughness_h, 1e-6, 1);
-  requireInRange("fit reject_sigma", reject_sigma, 0.1, 100);
-  requireInRange("fit reject_h", reject_h, 1e-6, 1);
-  requireInRange("fit max_iterations", max_iterations, 1, 1e6);
-  requireInRange("fit max_tilt_rad", max_tilt_rad, 1e-4, 1.5);
-}
+void PlaneFit::Options::validate() const { describe(*this, RangeCheck("fit/")); }
 
 PlaneFit::PlaneFit(const Options& options) : options_(options) { options_.validate(); }
 

@@ -18,19 +18,7 @@ double median(std::vector<double> values) {
 
 }  // namespace
 
-void ScaleFilter::Options::validate() const {
-  requireInRange("filter correlation_h", correlation_h, 0, 1e6);
-  requireInRange("filter drift_per_sqrt_h", drift_per_sqrt_h, 0, 1);
-  requireInRange("filter drift_per_sqrt_rad", drift_per_sqrt_rad, 0, 1);
-  requireInRange("filter measurement_floor", measurement_floor, 1e-4, 1);
-  requireInRange("filter gate_sigma", gate_sigma, 0.1, 1000);
-  requireInRange("filter start_measurements", start_measurements, 1, 1000);
-  requireInRange("filter start_way_h", start_way_h, 0, 1e6);
-  requireInRange("filter start_spread", start_spread, 1e-4, 10);
-  requireInRange("filter start_sigma", start_sigma, 0, 10);
-  requireInRange("filter restart_h", restart_h, 0, 1e6);
-  requireInRange("filter moving_average_frames", moving_average_frames, 0, 1e6);
-}
+void ScaleFilter::Options::validate() const { describe(*this, RangeCheck("filter/")); }
 
 ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.validate(); }
 

@@ -47,7 +47,7 @@ ScaleRecovery::Options ScaleRecovery::Options::withPaperLiteral() const {
 
 void ScaleRecovery::Options::validate() const {
   requireInRange("camera_height", camera_height, 0.05, 100);
-  requireInRange("min_step_h", min_step_h, 0, 1);
+  describe(*this, RangeCheck(""));
   motion.validate();
   mounting.validate();
   gpe.validate();

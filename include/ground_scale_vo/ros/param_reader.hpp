@@ -33,12 +33,10 @@ class ParamReader {
   /// A number. Throws OptionError that names the parameter when it is no number or outside
   /// [min, max]; NaN is always outside.
   template <typename Number>
-  void declare(const char* name, Number& field, std::common_type_t<Number> min,
-               std::common_type_t<Number> max, const char* meaning) {
+  void declare(const char* name, Number& field, double min, double max, const char* meaning) {
     static_assert(std::is_arithmetic_v<Number> && !std::is_same_v<Number, bool>);
-    field =
-        static_cast<Number>(number(name, static_cast<double>(field), static_cast<double>(min),
-                                   static_cast<double>(max), std::is_integral_v<Number>, meaning));
+    field = static_cast<Number>(
+        number(name, static_cast<double>(field), min, max, std::is_integral_v<Number>, meaning));
   }
   /// An angle: degrees at the boundary, radians in the field.
   void declareDegrees(const char* name, double& field_rad, double min_deg, double max_deg,

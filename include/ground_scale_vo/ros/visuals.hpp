@@ -36,7 +36,7 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
 sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header);
 
 /// The ground plane below and before the camera as a translucent quad (id 0) with its normal as an
-/// arrow from the foot of the camera (id 1), in metres in the camera's frame.
+/// arrow from the camera's foot up to the camera (id 1), in metres in the camera's frame.
 /// Precondition: scale.status is not kUnknown.
 std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate& scale,
                                                             const std_msgs::Header& header);

@@ -4,6 +4,7 @@
 #include <deque>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/scale/ground_point_extraction.hpp"
 #include "ground_scale_vo/scale/plane_fit.hpp"
 
@@ -22,6 +23,16 @@ class GroundPointAggregation {
     /// point is the same one: its copies would only pretend to be independent.
     bool feature_once = true;
     PlaneFit::Options fit;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("window_h", self.window_h, 0, 1e6,
+            "[camera heights] length of the window along the way");
+      visit("max_frames", self.max_frames, 1, 1e6, "[frames] in the window at most");
+      visit("min_frames", self.min_frames, 1, 1e6, "[frames] with fewer the window is not used");
+      visit("max_points", self.max_points, 3, 1e7, "[points] in the window at most");
+      visit("feature_once", self.feature_once,
+            "[] a feature of several frames counts once, with its newest point");
+    }
     /// Throws OptionError.
     void validate() const;
   };

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/scale/motion_history.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
@@ -49,6 +50,32 @@ class GroundPointExtraction {
     bool most_inliers = false;  ///< Alg. 1 line 28; otherwise the least truncated distance (Eq. 4)
 
     std::uint64_t random_seed = 1;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("min_ahead_h", self.min_ahead_h, 0, 1000,
+            "[camera heights] where the region of the road begins");
+      visit("max_ahead_h", self.max_ahead_h, 0, 10000, "[camera heights] where it ends");
+      visit("lane_h", self.lane_h, 0.01, 1000,
+            "[camera heights] half width of the region while it holds lane_points");
+      visit("max_lateral_h", self.max_lateral_h, 0.01, 1000,
+            "[camera heights] half width otherwise");
+      visit("lane_points", self.lane_points, 0, 1e6,
+            "[features] that are enough for the narrow region");
+      visit("motion_tolerance_rad", self.motion_tolerance_rad, 1e-4, 1.6,
+            "[rad] theta_2 of Alg. 1: |90 deg - angle(n, t)|");
+      visit("pitch_tolerance_rad", self.pitch_tolerance_rad, 1e-4, 1.6,
+            "[rad] theta_1 of Alg. 1: pitch of a triangle against the road");
+      visit("roll_tolerance_rad", self.roll_tolerance_rad, 1e-4, 1.6,
+            "[rad] roll of a triangle against the road");
+      visit("min_points", self.min_points, 3, 1e6, "[points] fewer are no ground");
+      visit("ransac_iterations", self.ransac_iterations, 1, 1e6, "[iterations] Z of Alg. 1");
+      visit("plane_threshold_h", self.plane_threshold_h, 1e-6, 1,
+            "[camera heights] d_thresh of Alg. 1");
+      visit("plane_threshold_sigma", self.plane_threshold_sigma, 0, 100,
+            "[sigma] of a point's own depth, added to it");
+      visit("most_inliers", self.most_inliers,
+            "[] RANSAC by most inliers (Alg. 1), not by least distance (Eq. 4)");
+    }
     /// Throws OptionError.
     void validate() const;
   };

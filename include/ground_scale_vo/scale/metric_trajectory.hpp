@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
@@ -24,20 +25,33 @@ struct MetricPose {
   double distance = 0;  ///< travelled so far [m]
 };
 
-/// Chains metric increments: rotation as it is, translation times the frame's scale (Eq. 10, applied
-/// to increments, so the past never moves).
+/// Chains metric increments: rotation as it is, translation times the frame's scale (Eq. 10,
+/// applied to increments, so the past never moves).
 ///
-/// First metric frame of the first map: the way from the map's first frame is scaled by this frame's
-/// scale. A later map goes on from the last metric pose without a step, and adds the uncertainty
-/// of what was missed. While the odometry has no pose, nothing is appended.
+/// First metric frame of the first map: the way from the map's first frame is scaled by this
+/// frame's scale. A later map goes on from the last metric pose without a step, and adds the
+/// uncertainty of what was missed. While the odometry has no pose, nothing is appended.
 class MetricTrajectory {
  public:
   struct Options {
-    double rotation_sigma_per_sqrt_m = 0.0005;     ///< random walk of rotation [rad/sqrt(m)]
-    double direction_sigma = 0.005;                ///< of a frame's direction of motion [rad]
-    double scale_correlation_m = 10.0;             ///< scale errors agree over this distance [m]
-    double new_map_position_sigma_per_s = 5.0;     ///< unseen motion while lost [m/s]
-    double new_map_rotation_sigma_per_s = 0.1;     ///< unseen rotation while lost [rad/s]
+    double rotation_sigma_per_sqrt_m = 0.0005;  ///< random walk of rotation [rad/sqrt(m)]
+    double direction_sigma = 0.005;             ///< of a frame's direction of motion [rad]
+    double scale_correlation_m = 10.0;          ///< scale errors agree over this distance [m]
+    double new_map_position_sigma_per_s = 5.0;  ///< unseen motion while lost [m/s]
+    double new_map_rotation_sigma_per_s = 0.1;  ///< unseen rotation while lost [rad/s]
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("rotation_sigma_per_sqrt_m", self.rotation_sigma_per_sqrt_m, 0, 1,
+            "[rad/sqrt(m)] random walk of rotation");
+      visit("direction_sigma", self.direction_sigma, 0, 1,
+            "[rad] of a frame's direction of motion");
+      visit("scale_correlation_m", self.scale_correlation_m, 1e-3, 1e6,
+            "[m] scale errors agree over this way");
+      visit("new_map_position_sigma_per_s", self.new_map_position_sigma_per_s, 0, 1e3,
+            "[m/s] unseen motion while lost");
+      visit("new_map_rotation_sigma_per_s", self.new_map_rotation_sigma_per_s, 0, 1e3,
+            "[rad/s] unseen rotation while lost");
+    }
     /// Throws OptionError.
     void validate() const;
   };

@@ -4,6 +4,8 @@
 #include <deque>
 #include <optional>
 
+#include "ground_scale_vo/options.hpp"
+
 namespace ground_scale_vo {
 
 /// The way of the camera within one map. Gives the direction of motion averaged over a distance,
@@ -13,6 +15,10 @@ class MotionHistory {
  public:
   struct Options {
     int max_frames = 60;  ///< poses kept
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("max_frames", self.max_frames, 2, 100000, "[frames] poses kept");
+    }
     /// Throws OptionError.
     void validate() const;
   };

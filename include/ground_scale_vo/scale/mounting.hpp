@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/scale/motion_history.hpp"
 
@@ -23,6 +24,23 @@ class Mounting {
     double chord_h = 3;     ///< length of the chord for the direction of motion [camera heights]
     double memory_h = 200;  ///< distance over which the average forgets [camera heights]
     double max_tilt_rad = 0.26;  ///< limit of both estimates
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("start_pitch_sigma", self.start_pitch_sigma, 1e-4, 1,
+            "[rad] of the start-up pitch zero");
+      visit("start_roll_sigma", self.start_roll_sigma, 1e-4, 1, "[rad] of the start-up roll zero");
+      visit("pitch_motion_sigma", self.pitch_motion_sigma, 1e-4, 1,
+            "[rad] nodding and slope edges: road against mounting");
+      visit("roll_motion_sigma", self.roll_motion_sigma, 1e-4, 1,
+            "[rad] leaning and camber: road against mounting");
+      visit("bounce_h", self.bounce_h, 1e-5, 1,
+            "[camera heights] bounce against the road between the ends of a chord");
+      visit("chord_h", self.chord_h, 0.01, 1000,
+            "[camera heights] length of the chord for the direction of motion");
+      visit("memory_h", self.memory_h, 1, 1e6,
+            "[camera heights] way over which the averages forget");
+      visit("max_tilt_rad", self.max_tilt_rad, 0.001, 0.8, "[rad] limit of pitch and roll");
+    }
     /// Throws OptionError.
     void validate() const;
   };

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
@@ -46,6 +47,22 @@ class PlaneFit {
     double reject_h = 0.006;
     int max_iterations = 15;     ///< Z of Alg. 2
     double max_tilt_rad = 0.06;  ///< result against the prior's normal; more is kPlaneTilted
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("min_points", self.min_points, 3, 1e6, "[points] fewer are no plane");
+      visit("sac_threshold_h", self.sac_threshold_h, 1e-6, 1,
+            "[camera heights] inlier distance of SACSegmentation");
+      visit("sac_tilt_rad", self.sac_tilt_rad, 1e-4, 1.5,
+            "[rad] of its plane against the expected normal");
+      visit("sac_iterations", self.sac_iterations, 1, 1e6, "[iterations] of SACSegmentation");
+      visit("roughness_h", self.roughness_h, 1e-6, 1,
+            "[camera heights] of the road: limits the weight of near points");
+      visit("reject_sigma", self.reject_sigma, 0.1, 100, "[sigma] points beyond are rejected");
+      visit("reject_h", self.reject_h, 1e-6, 1, "[camera heights] the same with paper_literal");
+      visit("max_iterations", self.max_iterations, 1, 1e6, "[iterations] Z of Alg. 2");
+      visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,
+            "[rad] of the result against the expected normal");
+    }
     /// Throws OptionError.
     void validate() const;
   };

@@ -13,9 +13,9 @@ enum class ScaleStatus : std::uint8_t {
 
 /// Why a frame gave no measurement of its own.
 enum class ScaleReason : std::uint8_t {
-  kNone = 0,             ///< it gave one
+  kNone = 0,  ///< it gave one
   kVoNotTracking = 1,
-  kStandstill = 2,       ///< no motion since the last measurement
+  kStandstill = 2,  ///< no motion since the last measurement
   kTooFewTriangles = 3,
   kTooFewGroundPoints = 4,
   kNoPlane = 5,          ///< no plane explains the ground points
@@ -23,21 +23,21 @@ enum class ScaleReason : std::uint8_t {
   kRejectedByFilter = 7  ///< contradicts the filter
 };
 
-/// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out of
-/// the road, towards the camera), so d = h, the camera's height, positive.
+/// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out
+/// of the road, towards the camera), so d = h, the camera's height, positive.
 struct ScaleEstimate {
   ScaleStatus status = ScaleStatus::kUnknown;
   ScaleReason reason = ScaleReason::kNone;
-  double raw_scale = 0;    ///< h*/h of this frame alone [m per VO unit]; 0 when there is none
-  double scale = 0;        ///< filtered, the one in use [m per VO unit]; 0 while kUnknown
-  double sigma = 0;        ///< standard deviation of `scale` [m per VO unit]
-  double height = 0;       ///< filtered height h of the camera over the plane [VO units]
+  double raw_scale = 0;  ///< h*/h of this frame alone [m per VO unit]; 0 when there is none
+  double scale = 0;      ///< filtered, the one in use [m per VO unit]; 0 while kUnknown
+  double sigma = 0;      ///< standard deviation of `scale` [m per VO unit]
+  double height = 0;     ///< filtered height h of the camera over the plane [VO units]
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< unit, up; zero when there is no plane yet
-  int triangles = 0;         ///< Delaunay triangles with three map points
-  int ground_triangles = 0;  ///< of these, those that passed Eq. 1-3
-  int ground_points = 0;     ///< of this frame, after RANSAC (Alg. 1)
-  int window_points = 0;     ///< in the window (Alg. 2)
-  int plane_inliers = 0;     ///< of these, reserved at convergence
+  int triangles = 0;                              ///< Delaunay triangles with three map points
+  int ground_triangles = 0;                       ///< of these, those that passed Eq. 1-3
+  int ground_points = 0;                          ///< of this frame, after RANSAC (Alg. 1)
+  int window_points = 0;                          ///< in the window (Alg. 2)
+  int plane_inliers = 0;                          ///< of these, reserved at convergence
 };
 
 const char* toString(ScaleStatus status);  ///< "unknown", "ok", "held"

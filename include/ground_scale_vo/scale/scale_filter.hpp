@@ -2,6 +2,7 @@
 
 #include <deque>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
 namespace ground_scale_vo {
@@ -30,6 +31,29 @@ class ScaleFilter {
     double restart_h = 12;  ///< contradiction over this way restarts it [camera heights]
     /// The paper's literal choice: moving average of the scale h*/h over so many frames. 0: off.
     int moving_average_frames = 0;
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("correlation_h", self.correlation_h, 0, 1e6,
+            "[camera heights] measurements agree over this way");
+      visit("drift_per_sqrt_h", self.drift_per_sqrt_h, 0, 1,
+            "[] random walk of ln h over one camera height of way");
+      visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
+            "[] random walk of ln h over one radian of rotation");
+      visit("measurement_floor", self.measurement_floor, 1e-4, 1,
+            "[] least relative sigma of one measurement");
+      visit("gate_sigma", self.gate_sigma, 0.1, 1000,
+            "[sigma] measurements farther off are rejected");
+      visit("start_measurements", self.start_measurements, 1, 1000,
+            "[frames] that must agree to start or restart");
+      visit("start_way_h", self.start_way_h, 0, 1e6, "[camera heights] no start before this way");
+      visit("start_spread", self.start_spread, 1e-4, 10,
+            "[] they agree: at most this far from their median, relative");
+      visit("start_sigma", self.start_sigma, 0, 10, "[] relative error that the first ones share");
+      visit("restart_h", self.restart_h, 0, 1e6,
+            "[camera heights] contradiction over this way restarts it");
+      visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
+            "[frames] moving average of the scale instead; 0: off");
+    }
     /// Throws OptionError.
     void validate() const;
   };

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/scale/ground_point_aggregation.hpp"
 #include "ground_scale_vo/scale/ground_point_extraction.hpp"
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
@@ -21,7 +22,7 @@ namespace ground_scale_vo {
 class ScaleRecovery {
  public:
   struct Options {
-    double camera_height = 0;     ///< h* [m] above the road; required, there is no default
+    double camera_height = 0;       ///< h* [m] above the road; required, there is no default
     std::uint64_t random_seed = 1;  ///< of everything random (goes before gpe.random_seed)
     /// The paper's choices as printed, where they can run at all: overrides the stages' options
     /// with those of withPaperLiteral(). For comparison only.
@@ -36,6 +37,13 @@ class ScaleRecovery {
     ScaleFilter::Options filter;
     MetricTrajectory::Options trajectory;
 
+    /// Without camera_height, which has no default, and random_seed.
+    template <typename Self, typename Visit>
+    static void describe(Self& self, Visit&& visit) {
+      visit("min_step_h", self.min_step_h, 0, 1, "[camera heights] a shorter step is standstill");
+      visit("paper_literal", self.paper_literal,
+            "[] the paper's choices as printed, for comparison; overrides the stages' options");
+    }
     /// A copy in which the stages' options are the paper's: t of one frame, theta_1 on the frame's
     /// rotation, 5 degrees, most inliers within 0.01 m (over the height), a window of four frames
     /// with all copies, unweighted homogeneous least squares, a moving average of the scale,

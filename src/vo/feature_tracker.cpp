@@ -18,11 +18,6 @@ const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriter
 void FeatureTracker::Options::validate() const {
   describe(*this, RangeCheck("tracker/"));
   if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
-  if (steady_window_px % 2 == 0) throw OptionError("tracker/steady_window_px must be odd");
-}
-
-int FeatureTracker::largestWindow() const {
-  return std::max(options_.window_px, options_.steady_window_px);
 }
 
 FeatureTracker::FeatureTracker(const Options& options) : options_(options) { options_.validate(); }
@@ -30,7 +25,7 @@ FeatureTracker::FeatureTracker(const Options& options) : options_(options) { opt
 ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
   ImagePyramid result;
   result.image = image;
-  cv::buildOpticalFlowPyramid(image, result.levels, {largestWindow(), largestWindow()},
+  cv::buildOpticalFlowPyramid(image, result.levels, {options_.window_px, options_.window_px},
                               options_.pyramid_levels);
   return result;
 }
@@ -83,13 +78,13 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
 FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const ImagePyramid& to,
                                                  const std::vector<cv::Point2f>& from_points,
                                                  const std::vector<cv::Point2f>& predicted,
-                                                 int levels, int window_px) const {
+                                                 int levels) const {
   Tracks tracks;
   tracks.points = predicted;
   tracks.ok.assign(from_points.size(), 0);
   if (from_points.empty()) return tracks;
 
-  const cv::Size window(window_px, window_px);
+  const cv::Size window(options_.window_px, options_.window_px);
   std::vector<float> error;
   cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, tracks.ok, error,
                            window, levels, kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
@@ -109,33 +104,21 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
 
 FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const ImagePyramid& to,
                                              const std::vector<cv::Point2f>& from_points,
-                                             const std::vector<cv::Point2f>& predicted,
-                                             const std::vector<bool>& steady) const {
-  Tracks tracks;
-  tracks.points = from_points;
-  tracks.ok.assign(from_points.size(), 0);
-  const auto trackThose = [&](const std::vector<std::size_t>& those,
-                              const std::vector<cv::Point2f>& guess, int levels, int window_px) {
-    std::vector<cv::Point2f> points, guesses;
-    for (const std::size_t i : those) {
-      points.push_back(from_points[i]);
-      guesses.push_back(guess[i]);
-    }
-    const Tracks found = trackOnce(from, to, points, guesses, levels, window_px);
-    for (std::size_t k = 0; k < those.size(); ++k) {
-      tracks.points[those[k]] = found.points[k];
-      tracks.ok[those[k]] = found.ok[k];
-    }
-  };
-  std::vector<std::size_t> near, far, missed;
-  for (std::size_t i = 0; i < from_points.size(); ++i) (steady[i] ? far : near).push_back(i);
-  const int few_levels = std::min(kLevelsNearPrediction, options_.pyramid_levels);
-  trackThose(near, predicted, few_levels, options_.window_px);
-  trackThose(far, predicted, few_levels, options_.steady_window_px);
+                                             const std::vector<cv::Point2f>& predicted) const {
+  Tracks tracks = trackOnce(from, to, from_points, predicted,
+                            std::min(kLevelsNearPrediction, options_.pyramid_levels));
+  std::vector<std::size_t> missed;
+  std::vector<cv::Point2f> missed_points;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    if (!tracks.ok[i]) missed.push_back(i);
+    if (tracks.ok[i]) continue;
+    missed.push_back(i);
+    missed_points.push_back(from_points[i]);
   }
-  trackThose(missed, from_points, options_.pyramid_levels, options_.window_px);
+  const Tracks again = trackOnce(from, to, missed_points, missed_points, options_.pyramid_levels);
+  for (std::size_t k = 0; k < missed.size(); ++k) {
+    tracks.points[missed[k]] = again.points[k];
+    tracks.ok[missed[k]] = again.ok[k];
+  }
   return tracks;
 }
 

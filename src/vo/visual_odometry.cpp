@@ -183,22 +183,14 @@ struct VisualOdometry::Impl {
     return predicted;
   }
 
-  /// The features that were found, at their new pixels. R_to_from: predicted rotation.
+  /// The features that were found, at their new pixels. R_to_from: predicted rotation. What moves
+  /// beyond it comes nearer and changes its size, and is found less well.
   std::vector<Feature> trackFeatures(const ImagePyramid& to, double dt,
                                      const std::vector<cv::Point2f>& predicted,
                                      const Eigen::Matrix3d& R_to_from) const {
     std::vector<cv::Point2f> points;
     for (const Feature& feature : features) points.push_back(toCv(feature.u));
-    // What moves beyond the rotation comes nearer, and changes its size.
-    const auto moved = [&](std::size_t i, const cv::Point2f& to_point) {
-      const Eigen::Vector3d turned = R_to_from * camera.ray(features[i].u);
-      return (normalised({to_point.x, to_point.y}) - turned.head<2>() / turned.z()).norm();
-    };
-    std::vector<bool> steady;
-    for (std::size_t i = 0; i < features.size(); ++i) {
-      steady.push_back(moved(i, predicted[i]) < options.steady_flow);
-    }
-    const FeatureTracker::Tracks tracks = tracker.track(from, to, points, predicted, steady);
+    const FeatureTracker::Tracks tracks = tracker.track(from, to, points, predicted);
     std::vector<Feature> found;
     for (std::size_t i = 0; i < features.size(); ++i) {
       if (!tracks.ok[i]) continue;
@@ -207,8 +199,9 @@ struct VisualOdometry::Impl {
       feature.u = Eigen::Vector2d(tracks.points[i].x, tracks.points[i].y);
       feature.flow =
           dt > 0 ? Eigen::Vector2d((feature.u - features[i].u) / dt) : Eigen::Vector2d::Zero();
-      feature.sigma =
-          options.noise * std::hypot(1.0, moved(i, tracks.points[i]) / options.noise_flow);
+      const Eigen::Vector3d turned = R_to_from * camera.ray(features[i].u);
+      const double moved = (normalised(feature.u) - turned.head<2>() / turned.z()).norm();
+      feature.sigma = options.noise * std::hypot(1.0, moved / options.noise_flow);
       found.push_back(feature);
     }
     return found;

@@ -16,6 +16,13 @@ namespace {
 const std::filesystem::path kTable =
     std::filesystem::path(__FILE__).parent_path() / "../../docs/parameters.md";
 
+/// A bar would end the cell.
+std::string escaped(const std::string& text) {
+  std::string result;
+  for (const char c : text) result += c == '|' ? std::string("\\|") : std::string(1, c);
+  return result;
+}
+
 /// The row of an entry: name, unit, default, range, meaning.
 std::string row(const ParamReader::Entry& entry) {
   const std::size_t end = entry.meaning.find("] ");
@@ -23,7 +30,7 @@ std::string row(const ParamReader::Entry& entry) {
   const std::string meaning = entry.meaning.substr(end + 2);
   const std::string value = entry.given ? "**required**" : "`" + entry.value + "`";
   return "| `" + entry.name + "` | " + unit + " | " + value + " | " + entry.range + " | " +
-         meaning + " |";
+         escaped(meaning) + " |";
 }
 
 template <typename Params>

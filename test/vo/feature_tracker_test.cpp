@@ -26,10 +26,6 @@ cv::Mat shifted(const cv::Mat& image, double dx, double dy) {
   return result;
 }
 
-std::vector<bool> none(const std::vector<cv::Point2f>& points) {
-  return std::vector<bool>(points.size(), false);
-}
-
 TEST(FeatureTracker, findsCornersAllOverATexturedImage) {
   const FeatureTracker tracker({});
   const auto corners = tracker.detect(texture(1), {});
@@ -60,8 +56,7 @@ TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(3), b = shifted(a, 6.3, -2.7);
   const auto corners = tracker.detect(a, {});
-  const auto tracks =
-      tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners, none(corners));
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
   std::vector<double> error;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     if (tracks.ok[i])
@@ -79,8 +74,7 @@ TEST(FeatureTracker, aFarGuessIsCorrectedOverAllLevels) {
   const auto corners = tracker.detect(a, {});
   auto wrong = corners;
   for (auto& u : wrong) u.x -= 40;
-  const auto tracks =
-      tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, wrong, none(corners));
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, wrong);
   std::size_t right = 0;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     right += tracks.ok[i] && cv::norm(tracks.points[i] - corners[i] - cv::Point2f(4, 0)) < 0.5;
@@ -94,8 +88,7 @@ TEST(FeatureTracker, whatLeftTheImageIsNotTracked) {
   const auto corners = tracker.detect(a, {});
   auto predicted = corners;
   for (auto& u : predicted) u.x += 60;
-  const auto tracks =
-      tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, predicted, none(corners));
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, predicted);
   int left = 0, wrong = 0;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     if (corners[i].x < 750) continue;
@@ -110,15 +103,14 @@ TEST(FeatureTracker, aBlankImageGivesNoTracks) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(5), b(a.size(), CV_8UC1, cv::Scalar(0));
   const auto corners = tracker.detect(a, {});
-  const auto tracks =
-      tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners, none(corners));
+  const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
   EXPECT_EQ(std::count(tracks.ok.begin(), tracks.ok.end(), 1), 0);
 }
 
 TEST(FeatureTracker, nothingToTrackIsNoError) {
   const FeatureTracker tracker({});
   const auto pyramid = tracker.pyramid(texture(7));
-  EXPECT_TRUE(tracker.track(pyramid, pyramid, {}, {}, {}).points.empty());
+  EXPECT_TRUE(tracker.track(pyramid, pyramid, {}, {}).points.empty());
 }
 
 TEST(FeatureTracker, refusesBadOptions) {

@@ -22,7 +22,6 @@ class FeatureTracker {
     double cell = 0.0129;
     double min_corner_strength = 1e-4;
     int window_px = 9;
-    int steady_window_px = 15;
     int pyramid_levels = 4;
     double forward_backward_px = 0.7;
     template <typename Self, typename Visit>
@@ -33,8 +32,6 @@ class FeatureTracker {
             "[] smaller eigenvalue of the gradient matrix, image in [0, 1]");
       visit("window_px", self.window_px, 5, 51,
             "[px] side of the tracked patch, odd; a small one suffers less from change of scale");
-      visit("steady_window_px", self.steady_window_px, 5, 51,
-            "[px] the same of a corner that hardly changes its size, odd");
       visit("pyramid_levels", self.pyramid_levels, 0, 8, "[levels] above the full image");
       visit("forward_backward_px", self.forward_backward_px, 0.05, 10,
             "[px] largest distance after tracking there and back");
@@ -56,18 +53,16 @@ class FeatureTracker {
     std::vector<unsigned char> ok;
   };
 
-  /// predicted: a first guess of each point in `to`, same length as from_points. steady: for each
-  /// point, that its patch hardly changes its size, so that a large one is no harm. A point that is
+  /// predicted: a first guess of each point in `to`, same length as from_points. A point that is
   /// not found near its guess is searched once more from its place in `from`, over all levels.
   Tracks track(const ImagePyramid& from, const ImagePyramid& to,
                const std::vector<cv::Point2f>& from_points,
-               const std::vector<cv::Point2f>& predicted, const std::vector<bool>& steady) const;
+               const std::vector<cv::Point2f>& predicted) const;
 
  private:
-  int largestWindow() const;
   Tracks trackOnce(const ImagePyramid& from, const ImagePyramid& to,
                    const std::vector<cv::Point2f>& from_points,
-                   const std::vector<cv::Point2f>& predicted, int levels, int window_px) const;
+                   const std::vector<cv::Point2f>& predicted, int levels) const;
 
   Options options_;
 };

@@ -29,7 +29,6 @@ class VisualOdometry {
 
     double noise = 0.0005;
     double noise_flow = 0.028;
-    double steady_flow = 0.014;
     double keyframe_parallax = 0.03;
     double keyframe_min_tracked = 0.5;
     double standstill_flow = 0.0003;
@@ -44,9 +43,6 @@ class VisualOdometry {
             "[focal lengths] standard deviation of a corner that hardly moves");
       visit("noise_flow", self.noise_flow, 1e-4, 100,
             "[focal lengths] motion between frames, without rotation, that doubles its variance");
-      visit("steady_flow", self.steady_flow, 0, 100,
-            "[focal lengths] motion between frames, without rotation, of a corner that counts as "
-            "steady");
       visit("keyframe_parallax", self.keyframe_parallax, 1e-4, 1,
             "[rad] median since the last keyframe that makes the next one");
       visit("keyframe_min_tracked", self.keyframe_min_tracked, 0, 1,

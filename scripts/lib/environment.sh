@@ -84,7 +84,9 @@ gsv_build() {
   gsv_source_distribution
   local build=$gsv_root/build log=$gsv_root/build/build.log jobs
   jobs=${GSV_JOBS:-$(nproc)}
-  mkdir -p "$build"
+  # catkin notes the environment of the tests when it configures, and leaves out what is not there yet:
+  # the folder of the messages' Python modules.
+  mkdir -p "$build/devel/lib/python3/dist-packages"
   if ! cmake -S "$gsv_root" -B "$build" \
     -DPYTHON_EXECUTABLE=/usr/bin/python3 -DPython3_EXECUTABLE=/usr/bin/python3 \
     "${gsv_cmake_arguments[@]}" >"$log" 2>&1; then

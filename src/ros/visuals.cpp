@@ -35,14 +35,12 @@ visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, i
 
 sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
                                             const std_msgs::Header& header) {
-  const cv::Scalar with_point(80, 220, 80), without_point(0, 200, 255), lost(60, 60, 240);
+  const cv::Scalar with_point(80, 220, 80), without_point(0, 200, 255);
   cv::Mat picture;
   cv::cvtColor(grey, picture, cv::COLOR_GRAY2BGR);
   std::map<std::uint64_t, Eigen::Vector2f> now;
   for (const TrackedFeature& feature : frame.features) {
-    const cv::Scalar& colour = frame.status == VoStatus::kLost ? lost
-                               : feature.has_point             ? with_point
-                                                               : without_point;
+    const cv::Scalar& colour = feature.has_point ? with_point : without_point;
     const auto before = last_.find(feature.id);
     if (before != last_.end()) {
       cv::line(picture, toPixel(before->second), toPixel(feature.u), colour, 1, cv::LINE_AA);

@@ -124,6 +124,10 @@ void run(const Arguments& arguments) {
   const gsv::KittiSequence sequence(arguments.sequence);
   const auto folder = std::filesystem::path(arguments.out) / sequence.name();
   gsv::makeFolder(folder);  // fails now rather than after the run
+  if (std::filesystem::equivalent(folder, arguments.sequence)) {
+    throw gsv::OptionError("--out " + arguments.out +
+                           " would put the results over the sequence, its poses.txt included");
+  }
   gsv::OfflineRun run(sequence.camera(), arguments.options);
   Progress progress(sequence.name(), sequence.size());
   double metres = 0;

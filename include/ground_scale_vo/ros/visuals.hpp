@@ -19,8 +19,8 @@ namespace ground_scale_vo {
 /// Draws the corners of a frame and their way since the frames drawn before.
 class TrackPainter {
  public:
-  /// grey: the rectified image of the frame. Green: has a map point; yellow: none yet; red: all,
-  /// while the odometry is lost. The tail is the way since the frame drawn last.
+  /// grey: the rectified image of the frame. Green: has a map point; yellow: none yet. The tail
+  /// is the way since the frame drawn last.
   sensor_msgs::Image::Ptr paint(const cv::Mat& grey, const VoFrame& frame,
                                 const std_msgs::Header& header);
 

@@ -50,7 +50,7 @@ gsv_setup() {
   mapfile -t packages < <(gsv_packages base "$@")
   # One call for all of them; a name that dpkg does not know is missing too.
   local installed
-  installed=" $(dpkg-query -W -f '${db:Status-Status}=${Package} ' "${packages[@]}" 2>/dev/null) "
+  installed=" $(dpkg-query -W -f '${db:Status-Status}=${Package} ' "${packages[@]}" 2>/dev/null || true) "
   for package in "${packages[@]}"; do
     [[ $installed == *" installed=$package "* ]] || missing+=("$package")
   done

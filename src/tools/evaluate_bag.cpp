@@ -23,6 +23,7 @@
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/ground_truth.hpp"
+#include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
 
@@ -210,30 +211,8 @@ void evaluate(const Arguments& arguments) {
   gsv::writeRun(arguments.out, record, arguments.camera_height, truth);
 }
 
-int fail(const std::exception& error, int status) {
-  std::fprintf(stderr, "evaluate_bag: %s\n", error.what());
-  return status;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    if (argv[i] == std::string("--help") || argv[i] == std::string("-h")) {
-      std::fputs(kUsage, stdout);
-      return 0;
-    }
-  }
-  Arguments arguments;
-  try {
-    arguments = parseArguments(argc, argv);
-  } catch (const std::exception& error) {
-    return fail(error, 2);
-  }
-  try {
-    evaluate(arguments);
-  } catch (const std::exception& error) {
-    return fail(error, 1);
-  }
-  return 0;
+  return gsv::toolMain("evaluate_bag", kUsage, argc, argv, parseArguments, evaluate);
 }

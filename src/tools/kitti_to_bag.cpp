@@ -15,6 +15,7 @@
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/ground_truth.hpp"
+#include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
 
@@ -194,32 +195,16 @@ void convert(const Arguments& arguments) {
               sequence.groundTruth().empty() ? ", no ground truth" : "");
 }
 
-int fail(const std::string& what, int status) {
-  std::fprintf(stderr, "kitti_to_bag: %s\n", what.c_str());
-  return status;
+void convertOrSayWhere(const Arguments& arguments) {
+  try {
+    convert(arguments);
+  } catch (const rosbag::BagException& error) {
+    throw gsv::DataError(arguments.out.string() + " cannot be written: " + error.what());
+  }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    if (argv[i] == std::string("--help") || argv[i] == std::string("-h")) {
-      std::fputs(kUsage, stdout);
-      return 0;
-    }
-  }
-  Arguments arguments;
-  try {
-    arguments = parseArguments(argc, argv);
-  } catch (const std::exception& error) {
-    return fail(error.what(), 2);
-  }
-  try {
-    convert(arguments);
-  } catch (const rosbag::BagException& error) {
-    return fail(arguments.out.string() + " cannot be written: " + error.what(), 1);
-  } catch (const std::exception& error) {
-    return fail(error.what(), 1);
-  }
-  return 0;
+  return gsv::toolMain("kitti_to_bag", kUsage, argc, argv, parseArguments, convertOrSayWhere);
 }

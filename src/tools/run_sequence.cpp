@@ -18,6 +18,7 @@
 #include "ground_scale_vo/dataset/run_report.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
 
@@ -151,30 +152,8 @@ void run(const Arguments& arguments) {
               gsv::pathLength(run.record().metricPoses()), folder.c_str());
 }
 
-int fail(const std::exception& error, int status) {
-  std::fprintf(stderr, "run_sequence: %s\n", error.what());
-  return status;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    if (argv[i] == std::string("--help") || argv[i] == std::string("-h")) {
-      std::fputs(kUsage, stdout);
-      return 0;
-    }
-  }
-  Arguments arguments;
-  try {
-    arguments = parseArguments(argc, argv);
-  } catch (const std::exception& error) {
-    return fail(error, 2);
-  }
-  try {
-    run(arguments);
-  } catch (const std::exception& error) {
-    return fail(error, 1);
-  }
-  return 0;
+  return gsv::toolMain("run_sequence", kUsage, argc, argv, parseArguments, run);
 }

@@ -61,18 +61,6 @@ double peakRssMb() {
   return static_cast<double>(usage.ru_maxrss) / 1024.0;  // Linux counts in KiB
 }
 
-const char* statusName(VoStatus status) {
-  switch (status) {
-    case VoStatus::kInitialising:
-      return "initialising";
-    case VoStatus::kTracking:
-      return "tracking";
-    case VoStatus::kLost:
-      return "lost";
-  }
-  return "unknown";
-}
-
 double voTime(const RunFrame& frame) { return frame.vo_times.total; }
 double scaleTime(const RunFrame& frame) { return frame.scale_times.total; }
 double totalTime(const RunFrame& frame) { return voTime(frame) + scaleTime(frame); }
@@ -142,7 +130,7 @@ std::string scaleCsv(const RunRecord& record) {
            << s.height << ',' << s.n_c.x() << ',' << s.n_c.y() << ',' << s.n_c.z() << ','
            << s.triangles << ',' << s.ground_triangles << ',' << s.ground_points << ','
            << s.window_points << ',' << s.plane_inliers << ',' << frame.backfilled << ','
-           << frame.map_id << ',' << statusName(frame.vo_status) << '\n';
+           << frame.map_id << ',' << toString(frame.vo_status) << '\n';
   }
   return stream.str();
 }

@@ -19,18 +19,6 @@ constexpr std::uint32_t kTransportQueue = 100;
 constexpr std::uint32_t kPublishQueue = 100;
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 
-const char* toText(VoStatus status) {
-  switch (status) {
-    case VoStatus::kInitialising:
-      return "initialising";
-    case VoStatus::kTracking:
-      return "tracking";
-    case VoStatus::kLost:
-      return "lost";
-  }
-  return "unknown";
-}
-
 }  // namespace
 
 MonoVoNodelet::~MonoVoNodelet() {
@@ -195,9 +183,9 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   } else if (!state_.status) {
     status.summary(DiagnosticStatus::WARN, "no image yet on " + image_subscriber_.getTopic());
   } else if (*state_.status != VoStatus::kTracking) {
-    status.summary(DiagnosticStatus::WARN, toText(*state_.status));
+    status.summary(DiagnosticStatus::WARN, toString(*state_.status));
   } else {
-    status.summary(DiagnosticStatus::OK, toText(*state_.status));
+    status.summary(DiagnosticStatus::OK, toString(*state_.status));
   }
   status.add("rate [Hz]", rate);
   status.add("time of the last frame [ms]", state_.frame_ms);

@@ -10,6 +10,8 @@ namespace ground_scale_vo {
 
 enum class VoStatus : std::uint8_t { kInitialising = 0, kTracking = 1, kLost = 2 };
 
+const char* toString(VoStatus status);  ///< "initialising", "tracking", "lost"
+
 /// One tracked corner of one frame.
 struct TrackedFeature {
   std::uint64_t id = 0;   ///< the same corner has the same id in every frame; never used again
@@ -33,8 +35,7 @@ struct VoFrame {
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
   /// VO units. Valid only while status is kTracking.
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-  /// Largest first age is not guaranteed; order is by id.
-  std::vector<TrackedFeature> features;
+  std::vector<TrackedFeature> features;  ///< ordered by id
 };
 
 }  // namespace ground_scale_vo

@@ -12,8 +12,7 @@ namespace {
 /// Distance between the observation and the point's projection, infinite behind the camera.
 double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
                          const RayObservation& o) {
-  const Eigen::Vector3d p =
-      o.T_c_anchor.linear() * ray + inverse_depth * o.T_c_anchor.translation();
+  const Eigen::Vector3d p = projectOnRay(ray, inverse_depth, o.T_c_anchor).p;
   if (p.z() <= 1e-6) return std::numeric_limits<double>::infinity();
   return (p.head<2>() / p.z() - o.x).norm();
 }
@@ -106,11 +105,9 @@ void LocalMap::updateSigmas() {
     const Eigen::Vector3d ray = landmark.ray();
     double information = 0;
     for (const RayObservation& o : rayObservations(landmark)) {
-      const Eigen::Vector3d& t = o.T_c_anchor.translation();
-      const Eigen::Vector3d p = o.T_c_anchor.linear() * ray + landmark.depth->value * t;
+      const auto [p, slope] = projectOnRay(ray, landmark.depth->value, o.T_c_anchor);
       if (p.z() < 1e-6) continue;
-      information +=
-          ((t.head<2>() - p.head<2>() / p.z() * t.z()) / (p.z() * o.sigma)).squaredNorm();
+      information += (slope / (p.z() * o.sigma)).squaredNorm();
     }
     // Without another observation left (they were dropped with their keyframes) the old one stays.
     if (information > 0) {

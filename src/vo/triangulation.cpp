@@ -9,6 +9,13 @@ constexpr double kMinInformation = 1e-12;  // below it there is no baseline
 
 }  // namespace
 
+RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_depth,
+                           const Eigen::Isometry3d& T_c_anchor) {
+  const Eigen::Vector3d& t = T_c_anchor.translation();
+  const Eigen::Vector3d p = T_c_anchor.linear() * ray + inverse_depth * t;
+  return {p, t.head<2>() - p.head<2>() / p.z() * t.z()};
+}
+
 std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
                                         const std::vector<RayObservation>& observations) {
   if (observations.empty()) return std::nullopt;
@@ -32,11 +39,10 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
     double gradient = 0;
     information = 0;
     for (const RayObservation& o : observations) {
-      const Eigen::Vector3d& t = o.T_c_anchor.translation();
-      const Eigen::Vector3d p = o.T_c_anchor.linear() * ray + rho * t;
+      const auto [p, slope] = projectOnRay(ray, rho, o.T_c_anchor);
       if (p.z() < 1e-6) return std::nullopt;
       const Eigen::Vector2d residual = p.head<2>() / p.z() - o.x;
-      const Eigen::Vector2d J = (t.head<2>() - p.head<2>() / p.z() * t.z()) / p.z();
+      const Eigen::Vector2d J = slope / p.z();
       const double weight = 1 / (o.sigma * o.sigma);
       gradient += weight * J.dot(residual);
       information += weight * J.squaredNorm();

@@ -41,6 +41,16 @@ std::vector<LocalMap::Corner> see(const std::vector<Eigen::Vector3d>& points,
   return corners;
 }
 
+TEST(Triangulation, slopeIsTheDerivativeOfWhereAPointIsSeen) {
+  const Eigen::Vector3d ray(0.2, -0.1, 1);
+  const Eigen::Isometry3d T = pose({0.02, 0.1, -0.03}, {0.3, 0.1, 0.8});
+  const double rho = 0.15, step = 1e-6;
+  const auto x = [&](double at) { return normalised(projectOnRay(ray, at, T).p); };
+  const RayProjection seen = projectOnRay(ray, rho, T);
+  EXPECT_LT((normalised(T * (ray / rho)) - normalised(seen.p)).norm(), 1e-12);
+  EXPECT_LT(((x(rho + step) - x(rho - step)) / (2 * step) - seen.slope / seen.p.z()).norm(), 1e-8);
+}
+
 TEST(LocalMap, triangulatesWhatWasSeenWithParallax) {
   const auto points = farPoints();
   LocalMap map({});

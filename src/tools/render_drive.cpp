@@ -21,14 +21,25 @@
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;
 
 namespace {
 
-/// What the command line sets, besides FOLDER.
+constexpr const char* kPurpose =
+    R"(usage: render_drive [options] FOLDER
+
+Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,
+times.txt, the exact poses.txt, and ground.txt with the exact height and road normal of
+every frame. FOLDER must not exist yet.
+
+)";
+
+/// What the command line sets.
 struct Settings {
+  fs::path folder;
   gsv::SyntheticDrive::Options drive;
   double threads = std::max(1u, std::thread::hardware_concurrency());
 };
@@ -121,43 +132,44 @@ std::vector<Option> optionTable(Settings& settings) {
   };
 }
 
-void printUsage() {
+std::string usage() {
   Settings defaults;
-  std::printf(
-      "usage: render_drive [options] FOLDER\n\n"
-      "Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,\n"
-      "times.txt, the exact poses.txt, and ground.txt with the exact height and road normal of\n"
-      "every frame. FOLDER must not exist yet.\n\n");
+  std::ostringstream text;
+  text << kPurpose;
   for (const Option& option : optionTable(defaults)) {
     const std::string name =
         option.name + (option.value ? " " + std::string(option.value) : std::string());
-    std::printf("  %-22s %s\n", name.c_str(), option.help.c_str());
+    text << "  " << std::left << std::setw(22) << name << ' ' << option.help << '\n';
   }
-  std::printf("\nExit status: 0 done, 1 FOLDER cannot be written, 2 wrong options.\n");
+  text << "\nExit status: 0 done, 1 FOLDER cannot be written, 2 wrong options.\n";
+  return text.str();
 }
 
-/// Returns FOLDER. Throws OptionError.
-fs::path parse(const std::vector<std::string>& arguments, Settings& settings) {
+/// Throws OptionError.
+Settings parse(int argc, char** argv) {
+  Settings settings;
   const std::vector<Option> options = optionTable(settings);
-  fs::path folder;
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& argument = arguments[i];
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
     if (argument.empty() || argument.front() != '-') {
-      if (!folder.empty()) throw gsv::OptionError("one FOLDER at a time, not also " + argument);
-      folder = argument;
+      if (!settings.folder.empty()) {
+        throw gsv::OptionError("one FOLDER at a time, not also " + argument);
+      }
+      settings.folder = argument;
       continue;
     }
     const auto known = std::find_if(options.begin(), options.end(),
                                     [&](const Option& option) { return argument == option.name; });
     if (known == options.end()) throw gsv::OptionError(argument + " is no option, see --help");
-    if (known->value && ++i == arguments.size()) {
+    if (known->value && ++i == argc) {
       throw gsv::OptionError(argument + " needs a value, see --help");
     }
-    known->set(argument, known->value ? arguments[i] : "");
+    known->set(argument, known->value ? argv[i] : "");
   }
-  if (folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
+  if (settings.folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
   gsv::requireInRange("--threads", settings.threads, 1, 256);
-  return folder;
+  settings.drive.validate();
+  return settings;
 }
 
 /// A bar on the terminal; silent when standard error is none.
@@ -243,7 +255,9 @@ void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
 }
 
 /// Everything under a temporary name, so that a folder of that name is a whole one.
-void renderTo(const fs::path& folder, const Settings& settings) {
+void render(const Settings& settings) {
+  cv::setNumThreads(1);  // the frames are rendered side by side
+  const fs::path& folder = settings.folder;
   if (fs::exists(folder)) throw gsv::DataError(folder.string() + " exists already");
   const gsv::SyntheticDrive drive(settings.drive);
   const fs::path clean = fs::absolute(folder).lexically_normal();
@@ -264,27 +278,8 @@ void renderTo(const fs::path& folder, const Settings& settings) {
   std::printf("%zu frames in %s\n", drive.size(), folder.c_str());
 }
 
-int fail(const std::exception& error, int status) {
-  std::fprintf(stderr, "render_drive: %s\n", error.what());
-  return status;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::vector<std::string> arguments(argv + 1, argv + argc);
-  for (const std::string& argument : arguments) {
-    if (argument == "--help" || argument == "-h") return printUsage(), 0;
-  }
-  try {
-    Settings settings;
-    const fs::path folder = parse(arguments, settings);
-    cv::setNumThreads(1);  // the frames are rendered side by side
-    renderTo(folder, settings);
-    return 0;
-  } catch (const gsv::OptionError& error) {
-    return fail(error, 2);
-  } catch (const std::exception& error) {
-    return fail(error, 1);
-  }
+  return gsv::toolMain("render_drive", usage().c_str(), argc, argv, parse, render);
 }

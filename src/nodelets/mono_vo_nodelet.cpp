@@ -123,7 +123,7 @@ void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   const cv::Mat rectified = camera->rectifier.rectify(grey);
   const VisualOdometry::Output output =
       odometry_->process(rectified, toNanoseconds(image.header.stamp));
-  publish(rectified, output.frame, image.header);
+  publish(rectified, output, image.header);
 
   const std::chrono::duration<double, std::milli> elapsed =
       std::chrono::steady_clock::now() - start;
@@ -148,8 +148,9 @@ void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const Camera>& camera,
   painter_ = TrackPainter();
 }
 
-void MonoVoNodelet::publish(const cv::Mat& rectified, const VoFrame& frame,
+void MonoVoNodelet::publish(const cv::Mat& rectified, const VisualOdometry::Output& output,
                             const std_msgs::Header& header) {
+  const VoFrame& frame = output.frame;
   frame_publisher_.publish(toMsg(frame, header));
   if (frame.status == VoStatus::kTracking) {
     odometry_publisher_.publish(toOdometryMsg(frame, header, params_.world_frame));
@@ -158,7 +159,7 @@ void MonoVoNodelet::publish(const cv::Mat& rectified, const VoFrame& frame,
     points_publisher_.publish(toPointCloud(frame, header));
   }
   if (tracks_publisher_.getNumSubscribers() > 0) {
-    tracks_publisher_.publish(painter_.paint(rectified, frame, header));
+    tracks_publisher_.publish(painter_.paint(rectified, frame, output.rejected, header));
   }
 }
 

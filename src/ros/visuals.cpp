@@ -5,8 +5,11 @@
 #include <sensor_msgs/point_cloud2_iterator.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <boost/make_shared.hpp>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <string>
 
 #include "ground_scale_vo/ros/conversions.hpp"
 
@@ -18,6 +21,69 @@ constexpr double kQuadAhead = 5.0;
 constexpr double kQuadLength = 16.0;
 constexpr double kQuadWidth = 8.0;
 constexpr double kArrowWidth = 0.25;
+
+constexpr double kBrightness = 0.7;  // of the image below the tracks
+constexpr double kOldest = 100;      // [frames] what is older has the same colour
+constexpr double kYoungest = 0.28;   // place in the colour map; its beginning is too dark to see
+const cv::Scalar kOutlierColour(30, 30, 255), kNotFoundColour(200, 130, 255);
+const cv::Scalar kLegendText(230, 230, 230), kLegendGround(25, 25, 25);
+
+/// Age in frames; logarithmic, and of growing brightness.
+cv::Scalar ageColour(double age) {
+  static const cv::Mat colours = [] {
+    cv::Mat ramp(1, 256, CV_8UC1), result;
+    for (int i = 0; i < ramp.cols; ++i) ramp.at<uchar>(i) = static_cast<uchar>(i);
+    cv::applyColorMap(ramp, result, cv::COLORMAP_VIRIDIS);
+    return result;
+  }();
+  const double place = std::min(1.0, std::log1p(age) / std::log1p(kOldest));
+  const int index = cvRound(255 * (kYoungest + (1 - kYoungest) * place));
+  return colours.at<cv::Vec3b>(index);
+}
+
+void drawDot(cv::Mat& picture, const cv::Point& at, const cv::Scalar& colour, bool filled) {
+  cv::circle(picture, at, 3, colour, filled ? cv::FILLED : 1, cv::LINE_AA);
+}
+
+void drawCross(cv::Mat& picture, const cv::Point& at, RejectReason reason) {
+  const bool outlier = reason == RejectReason::kOutlier;
+  cv::drawMarker(picture, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
+                 outlier ? 7 : 5, 1);
+}
+
+/// In the upper left corner: the colours of ages, and what the marks mean.
+void drawLegend(cv::Mat& picture) {
+  constexpr int kBar = 120, kLeft = 8;
+  cv::rectangle(picture, cv::Rect(0, 0, 462, 34), kLegendGround, cv::FILLED);
+  const auto write = [&picture](const std::string& text, int x, int y, double size) {
+    cv::putText(picture, text, {x, y}, cv::FONT_HERSHEY_SIMPLEX, size, kLegendText, 1, cv::LINE_AA);
+  };
+  for (int x = 0; x <= kBar; ++x) {
+    const double age = std::expm1(std::log1p(kOldest) * x / kBar);
+    cv::line(picture, {kLeft + x, 4}, {kLeft + x, 14}, ageColour(age), 1);
+  }
+  for (const int age : {0, 1, 3, 10, 30, 100}) {
+    const int x = kLeft + cvRound(kBar * std::log1p(age) / std::log1p(kOldest));
+    cv::line(picture, {x, 12}, {x, 16}, kLegendText, 1);
+    const std::string text = std::to_string(age);
+    write(text, x - 3 * static_cast<int>(text.size()), 29, 0.35);
+  }
+  int x = kLeft + kBar + 16;
+  write("age [frames]", x - 4, 14, 0.35);
+  x += 90;
+  const auto entry = [&](const char* text, int row, auto draw) {
+    const cv::Point at(x, 10 + 15 * row);
+    draw(at);
+    write(text, x + 8, at.y + 4, 0.35);
+  };
+  const cv::Scalar colour = ageColour(10);
+  entry("has a point", 0, [&](cv::Point at) { drawDot(picture, at, colour, true); });
+  entry("none yet", 1, [&](cv::Point at) { drawDot(picture, at, colour, false); });
+  x += 100;
+  entry("outlier, dropped", 0,
+        [&](cv::Point at) { drawCross(picture, at, RejectReason::kOutlier); });
+  entry("not found", 1, [&](cv::Point at) { drawCross(picture, at, RejectReason::kNotFound); });
+}
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
 
@@ -34,21 +100,28 @@ visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, i
 }  // namespace
 
 sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
+                                            const std::vector<RejectedFeature>& rejected,
                                             const std_msgs::Header& header) {
-  const cv::Scalar with_point(80, 220, 80), without_point(0, 200, 255);
   cv::Mat picture;
-  cv::cvtColor(grey, picture, cv::COLOR_GRAY2BGR);
+  grey.convertTo(picture, CV_8U, kBrightness);
+  cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
+  if (frame.sequence != last_sequence_ + 1) last_.clear();
   std::map<std::uint64_t, Eigen::Vector2f> now;
   for (const TrackedFeature& feature : frame.features) {
-    const cv::Scalar& colour = feature.has_point ? with_point : without_point;
+    const cv::Scalar colour = ageColour(feature.age);
     const auto before = last_.find(feature.id);
     if (before != last_.end()) {
       cv::line(picture, toPixel(before->second), toPixel(feature.u), colour, 1, cv::LINE_AA);
     }
-    cv::circle(picture, toPixel(feature.u), 2, colour, cv::FILLED, cv::LINE_AA);
+    drawDot(picture, toPixel(feature.u), colour, feature.has_point);
     now.emplace_hint(now.end(), feature.id, feature.u);
   }
   last_.swap(now);
+  last_sequence_ = frame.sequence;
+  for (const RejectedFeature& feature : rejected) {
+    drawCross(picture, toPixel(feature.u), feature.reason);
+  }
+  drawLegend(picture);
   return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, picture).toImageMsg();
 }
 

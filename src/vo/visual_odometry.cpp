@@ -184,16 +184,21 @@ struct VisualOdometry::Impl {
   }
 
   /// The features that were found, at their new pixels. R_to_from: predicted rotation. What moves
-  /// beyond it comes nearer and changes its size, and is found less well.
+  /// beyond it comes nearer and changes its size, and is found less well. What is not found joins
+  /// `rejected`.
   std::vector<Feature> trackFeatures(const ImagePyramid& to, double dt,
                                      const std::vector<cv::Point2f>& predicted,
-                                     const Eigen::Matrix3d& R_to_from) const {
+                                     const Eigen::Matrix3d& R_to_from,
+                                     std::vector<RejectedFeature>* rejected) const {
     std::vector<cv::Point2f> points;
     for (const Feature& feature : features) points.push_back(toCv(feature.u));
     const FeatureTracker::Tracks tracks = tracker.track(from, to, points, predicted);
     std::vector<Feature> found;
     for (std::size_t i = 0; i < features.size(); ++i) {
-      if (!tracks.ok[i]) continue;
+      if (!tracks.ok[i]) {
+        rejected->push_back({features[i].id, features[i].u.cast<float>(), RejectReason::kNotFound});
+        continue;
+      }
       Feature feature = features[i];
       feature.age += 1;
       feature.u = Eigen::Vector2d(tracks.points[i].x, tracks.points[i].y);
@@ -270,7 +275,8 @@ struct VisualOdometry::Impl {
     {
       Timer timer(&out->times.track);
       if (!features.empty())
-        found = trackFeatures(image, dt, predictPixelsByFlow(dt), Eigen::Matrix3d::Identity());
+        found = trackFeatures(image, dt, predictPixelsByFlow(dt), Eigen::Matrix3d::Identity(),
+                              &out->rejected);
     }
     const std::size_t first = start_frames.empty() ? 0 : start_frames.front().corners.size();
     if (found.size() < kMinStartMatches ||
@@ -382,7 +388,7 @@ struct VisualOdometry::Impl {
       Timer timer(&out->times.track);
       const Eigen::Isometry3d predicted = predictPose(stamp_ns);
       found = trackFeatures(image, dt, predictPixels(predicted),
-                            predicted.linear().transpose() * T_w_c.linear());
+                            predicted.linear().transpose() * T_w_c.linear(), &out->rejected);
     }
     {
       Timer timer(&out->times.bundle_adjustment);
@@ -406,7 +412,7 @@ struct VisualOdometry::Impl {
         setPose(pose.T_w_c, stamp_ns);
         std::vector<bool> agrees(found.size(), true);
         for (std::size_t k = 0; k < index.size(); ++k) agrees[index[k]] = pose.inlier[k];
-        dropDisagreeing(T_w_from, agrees, &found);
+        dropDisagreeing(T_w_from, agrees, &found, &out->rejected);
       }
     }
     if (pose.status != PoseStatus::kOk) {
@@ -442,7 +448,7 @@ struct VisualOdometry::Impl {
 
   /// Features without a point must at least lie on their epipolar line.
   void dropDisagreeing(const Eigen::Isometry3d& T_w_from, const std::vector<bool>& agrees,
-                       std::vector<Feature>* found) {
+                       std::vector<Feature>* found, std::vector<RejectedFeature>* rejected) {
     const Eigen::Isometry3d T_to_from = T_w_c.inverse() * T_w_from;
     std::vector<Feature> kept;
     auto old = features.begin();
@@ -460,6 +466,8 @@ struct VisualOdometry::Impl {
       }
       if (keep) {
         kept.push_back(feature);
+      } else {
+        rejected->push_back({feature.id, feature.u.cast<float>(), RejectReason::kOutlier});
       }
     }
     *found = std::move(kept);

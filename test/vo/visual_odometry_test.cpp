@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/error.hpp"
@@ -88,6 +89,45 @@ TEST(VisualOdometry, featuresCarryTheirPointsAndAreOrderedById) {
   ASSERT_GT(error.size(), 150u);
   std::sort(error.begin(), error.end());
   EXPECT_LT(error[error.size() / 2], 0.8);
+}
+
+// A poster hangs before the camera from frame 12 on and moves up, against everything else.
+TEST(VisualOdometry, whatIsGivenUpIsToldAndIsNoFeature) {
+  SyntheticDrive::Options options = drive(24);
+  options.curvature = 0;
+  const SyntheticDrive truth(options);
+  const auto poster = [](std::size_t i) {
+    return cv::Rect(500, 170 - 6 * static_cast<int>(i), 120, 70);
+  };
+  cv::Mat paper(70, 120, CV_8UC1);
+  cv::RNG(5).fill(paper, cv::RNG::UNIFORM, 30, 220);
+  cv::GaussianBlur(paper, paper, {}, 2);
+  cv::normalize(paper, paper, 30, 220, cv::NORM_MINMAX);
+
+  constexpr std::size_t kFirst = 12;
+  VisualOdometry odometry(truth.camera(), {});
+  std::size_t covered = 0, outliers = 0;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    cv::Mat image = truth.image(i);
+    if (i >= kFirst) paper.copyTo(image(poster(i)));
+    const VisualOdometry::Output output = odometry.process(image, truth.frame(i).stamp_ns);
+    std::set<std::uint64_t> given_up;
+    for (const RejectedFeature& rejected : output.rejected) {
+      EXPECT_TRUE(given_up.insert(rejected.id).second) << "twice in frame " << i;
+      const bool on_poster = poster(i).contains(cv::Point2f(rejected.u.x(), rejected.u.y()));
+      const bool outlier = rejected.reason == RejectReason::kOutlier;
+      covered += i == kFirst && on_poster && !outlier;
+      outliers += i > kFirst && on_poster && outlier;
+    }
+    for (const TrackedFeature& feature : output.frame.features) {
+      EXPECT_EQ(given_up.count(feature.id), 0u) << "given up, yet a feature of frame " << i;
+    }
+    if (i >= kFirst) {
+      EXPECT_EQ(output.frame.status, VoStatus::kTracking) << i;
+    }
+  }
+  EXPECT_GT(covered, 10u);
+  EXPECT_GT(outliers, 30u);
 }
 
 TEST(VisualOdometry, standingStillNeitherMovesNorLosesTheMap) {

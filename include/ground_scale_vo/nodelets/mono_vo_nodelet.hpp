@@ -57,7 +57,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void process(const sensor_msgs::Image& image);
   /// A new odometry when there is none or the camera or the clock demand it.
   void prepareOdometry(const std::shared_ptr<const Camera>& camera, bool clock_jumped_back);
-  void publish(const cv::Mat& rectified, const VoFrame& frame, const std_msgs::Header& header);
+  void publish(const cv::Mat& rectified, const VisualOdometry::Output& output,
+               const std_msgs::Header& header);
 
   void drop(const std::string& kind, const std::string& why);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);

@@ -11,21 +11,25 @@
 #include <vector>
 
 #include "ground_scale_vo/scale/scale_estimate.hpp"
-#include "ground_scale_vo/vo/vo_frame.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
 
 /// Messages that are only looked at.
 namespace ground_scale_vo {
 
-/// Draws the corners of a frame and their way since the frames drawn before.
+/// Draws the tracks of a frame, dots coloured by age (a legend tells it), and what the frame gave
+/// up.
 class TrackPainter {
  public:
-  /// grey: the rectified image of the frame. Green: has a map point; yellow: none yet. The tail
-  /// is the way since the frame drawn last.
+  /// grey: the rectified image of the frame; it is darkened. A filled dot has a map point, a hollow
+  /// one none yet; its tail is its way since the image before, if that was drawn. Crosses:
+  /// rejected, red an outlier, pink not found.
   sensor_msgs::Image::Ptr paint(const cv::Mat& grey, const VoFrame& frame,
+                                const std::vector<RejectedFeature>& rejected,
                                 const std_msgs::Header& header);
 
  private:
-  std::map<std::uint64_t, Eigen::Vector2f> last_;
+  std::uint32_t last_sequence_ = 0;
+  std::map<std::uint64_t, Eigen::Vector2f> last_;  ///< pixels of the frame drawn last
 };
 
 /// x, y, z [float32] in the header's frame.

@@ -16,6 +16,18 @@
 
 namespace ground_scale_vo {
 
+enum class RejectReason : std::uint8_t {
+  kNotFound,  ///< not seen in this image, or tracked back to another place than it came from
+  kOutlier    ///< seen where the pose allows neither its point nor its epipolar line to be
+};
+
+/// A feature that a frame gives up.
+struct RejectedFeature {
+  std::uint64_t id = 0;
+  Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] where it was seen last; of an outlier: now
+  RejectReason reason = RejectReason::kNotFound;
+};
+
 /// Monocular visual odometry up to scale (the paper's MVO thread): images in, VoFrame out.
 /// Deterministic: the same images give the same bytes. Not thread safe.
 class VisualOdometry {
@@ -81,6 +93,9 @@ class VisualOdometry {
     /// Not empty exactly in the frame that starts a map: the frames from the map's first frame
     /// until now, in order.
     std::vector<StartPose> start;
+    /// To be looked at; none is among the frame's features. While the camera stands or is lost, the
+    /// image that is tracked from stays, and what was given up may come back.
+    std::vector<RejectedFeature> rejected;
     Times times;
   };
 

@@ -1,0 +1,143 @@
+#include "ground_scale_vo/ros/visuals.hpp"
+
+#include <gtest/gtest.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <cstdlib>
+#include <tuple>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr int kWidth = 640, kHeight = 200;
+constexpr float kRow = 120;  // below the legend
+
+TrackedFeature feature(std::uint64_t id, float u, std::uint32_t age, bool has_point = true) {
+  TrackedFeature result;
+  result.id = id;
+  result.age = age;
+  result.u = {u, kRow};
+  result.has_point = has_point;
+  return result;
+}
+
+RejectedFeature rejected(float u, RejectReason reason) {
+  RejectedFeature result;
+  result.u = {u, kRow};
+  result.reason = reason;
+  return result;
+}
+
+struct Pixel {
+  int blue, green, red;
+  bool operator==(const Pixel& o) const {
+    return std::tie(blue, green, red) == std::tie(o.blue, o.green, o.red);
+  }
+  /// As far as the soft edge of a line leaves it.
+  bool isLike(const Pixel& o) const {
+    return std::abs(blue - o.blue) + std::abs(green - o.green) + std::abs(red - o.red) < 40;
+  }
+  double brightness() const { return 0.11 * blue + 0.59 * green + 0.3 * red; }
+  bool isGrey() const { return blue == green && green == red; }
+};
+
+/// Frames of a grey wall, numbered one after the other.
+class TrackPainting : public testing::Test {
+ protected:
+  void paint(std::vector<TrackedFeature> features, std::vector<RejectedFeature> given_up = {}) {
+    frame_.features = std::move(features);
+    std_msgs::Header header;
+    header.frame_id = "camera";
+    picture_ = painter_.paint(cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(128)), frame_, given_up,
+                              header);
+    ++frame_.sequence;
+  }
+  void skipAFrame() { ++frame_.sequence; }
+
+  Pixel at(float u, float v = kRow) const {
+    const std::size_t i =
+        static_cast<std::size_t>(v) * picture_->step + 3 * static_cast<std::size_t>(u);
+    return {picture_->data[i], picture_->data[i + 1], picture_->data[i + 2]};
+  }
+
+  VoFrame frame_;
+  TrackPainter painter_;
+  sensor_msgs::Image::Ptr picture_;
+};
+
+TEST_F(TrackPainting, GivesAColourPictureOfTheImagesSize) {
+  paint({});
+  EXPECT_EQ(picture_->encoding, sensor_msgs::image_encodings::BGR8);
+  EXPECT_EQ(picture_->width, static_cast<unsigned>(kWidth));
+  EXPECT_EQ(picture_->height, static_cast<unsigned>(kHeight));
+  EXPECT_EQ(picture_->header.frame_id, "camera");
+  EXPECT_TRUE(at(300).isGrey());
+}
+
+TEST_F(TrackPainting, OlderTracksAreBrighterLogarithmically) {
+  const std::vector<std::uint32_t> ages = {0, 1, 3, 10, 30, 100};
+  std::vector<TrackedFeature> features;
+  for (std::size_t k = 0; k < ages.size(); ++k) {
+    features.push_back(feature(k, 50.f + 40.f * static_cast<float>(k), ages[k]));
+  }
+  features.push_back(feature(90, 400, 10));
+  features.push_back(feature(91, 440, 5000));
+  paint(features);
+  for (std::size_t k = 1; k < ages.size(); ++k) {
+    EXPECT_GT(at(features[k].u.x()).brightness(), at(features[k - 1].u.x()).brightness() + 8) << k;
+  }
+  EXPECT_EQ(at(400), at(features[3].u.x())) << "one age, one colour";
+  EXPECT_EQ(at(440), at(features[5].u.x())) << "older than the legend";
+}
+
+TEST_F(TrackPainting, TracksWithoutAPointAreHollow) {
+  paint({feature(1, 100, 10, true), feature(2, 200, 10, false)});
+  EXPECT_FALSE(at(100).isGrey());
+  EXPECT_TRUE(at(200).isGrey());
+  EXPECT_TRUE(at(203).isLike(at(100))) << "the ring has the colour of the age";
+}
+
+TEST_F(TrackPainting, WhatIsRejectedIsCrossed) {
+  paint({feature(1, 100, 1), feature(2, 200, 100)},
+        {rejected(300, RejectReason::kOutlier), rejected(400, RejectReason::kNotFound)});
+  const Pixel outlier = at(300), not_found = at(400);
+  for (const float side : {-2.f, 2.f}) {
+    EXPECT_EQ(at(300 + side, kRow + 2), outlier);
+    EXPECT_EQ(at(400 + side, kRow + 2), not_found);
+    EXPECT_TRUE(at(300 + side).isGrey());
+    EXPECT_TRUE(at(400 + side).isGrey());
+  }
+  for (const Pixel& cross : {outlier, not_found}) {
+    // No age looks like that.
+    EXPECT_GT(cross.red, cross.green + 80);
+    EXPECT_GT(cross.red, cross.blue + 40);
+  }
+  EXPECT_FALSE(outlier == not_found);
+}
+
+TEST_F(TrackPainting, TailsReachBackToTheImageBefore) {
+  paint({feature(1, 100, 1)});
+  paint({feature(1, 120, 2), feature(2, 300, 0)});
+  EXPECT_TRUE(at(110).isLike(at(120)));
+  EXPECT_TRUE(at(290).isGrey());
+  skipAFrame();
+  paint({feature(1, 160, 3)});
+  EXPECT_TRUE(at(140).isGrey()) << "the image before was not drawn";
+}
+
+TEST_F(TrackPainting, TheLegendTellsTheColours) {
+  paint({feature(1, 100, 3)});
+  const Pixel colour = at(100);
+  bool found = false;
+  for (float u = 0; u < 200; ++u) found = found || at(u, 8).isLike(colour);
+  EXPECT_TRUE(found);
+}
+
+TEST_F(TrackPainting, MarksAtTheEdgeAreNoError) {
+  paint({feature(1, 0, 3), feature(2, kWidth - 1, 3, false)},
+        {rejected(0, RejectReason::kOutlier), rejected(kWidth - 1, RejectReason::kNotFound)});
+  EXPECT_FALSE(at(0).isGrey());
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -164,6 +164,25 @@ OdometryMetrics computeOdometryMetrics(const Poses& ground_truth, const Poses& e
   return metrics;
 }
 
+std::optional<double> largestRotationDifferenceDeg(const Poses& first, const Poses& second,
+                                                   std::size_t frames) {
+  if (first.size() != second.size() || frames == 0) {
+    throw OptionError("rotations over " + std::to_string(frames) + " frames of " +
+                      std::to_string(first.size()) + " and " + std::to_string(second.size()) +
+                      " poses cannot be compared");
+  }
+  const Poses a = orthonormalised(first, "first");
+  const Poses b = orthonormalised(second, "second");
+  std::optional<double> largest;
+  for (std::size_t i = 0; i + frames < a.size(); ++i) {
+    const Eigen::Matrix3d turn_a = a[i].linear().transpose() * a[i + frames].linear();
+    const Eigen::Matrix3d turn_b = b[i].linear().transpose() * b[i + frames].linear();
+    const Eigen::AngleAxisd between(turn_a.transpose() * turn_b);
+    largest = std::max(largest.value_or(0), toDegrees(between.angle()));
+  }
+  return largest;
+}
+
 double pathLength(const Poses& poses) { return poses.empty() ? 0.0 : distances(poses).back(); }
 
 double quantile(std::vector<double> values, double q) {

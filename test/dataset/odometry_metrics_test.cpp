@@ -158,6 +158,42 @@ TEST(OdometryMetrics, RefusesWhatCannotBeCompared) {
   EXPECT_THROW(computeOdometryMetrics(broken, ten), OptionError);
 }
 
+// A bias of yaw adds up over the frames compared; a jolt counts once, whatever their number.
+TEST(RotationDifference, IsTheLargestOverTheFramesCompared) {
+  const double degree = M_PI / 180.0;
+  const Poses straight = drive(120, 1.0);
+  const Poses biased = drive(120, 0.5, 0.01 * degree);
+  EXPECT_NEAR(largestRotationDifferenceDeg(straight, biased, 50).value(), 0.5, 1e-9);
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, straight, 1).value(), 0.01, 1e-9);
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, biased, 50).value(), 0.0, 1e-9);
+
+  Poses jolted = biased;
+  for (std::size_t i = 0; i < jolted.size(); ++i) {
+    const double roll = i < 30 ? 0 : i < 40 ? 2 : -1;  // 2 deg at frame 30, -3 at frame 40
+    jolted[i].rotate(Eigen::AngleAxisd(roll * degree, Eigen::Vector3d::UnitZ()));
+  }
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, jolted, 5).value(), 3.0, 0.01);
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, jolted, 100).value(), 1.0, 0.01);
+}
+
+TEST(RotationDifference, DoesNotDependOnTheWorldsAxes) {
+  const Poses truth = drive(100, 1.0, 0.02);
+  const Eigen::Isometry3d elsewhere(Eigen::Translation3d(5, 6, 7) *
+                                    Eigen::AngleAxisd(1.0, Eigen::Vector3d(1, 2, 3).normalized()));
+  Poses moved = scaled(truth, 3);
+  for (auto& pose : moved) pose = elsewhere * pose;
+  EXPECT_NEAR(largestRotationDifferenceDeg(truth, moved, 50).value(), 0.0, 1e-5);
+}
+
+TEST(RotationDifference, NeedsMorePosesThanFramesAndAsManyOfBoth) {
+  const Poses ten = drive(10, 1.0);
+  EXPECT_TRUE(largestRotationDifferenceDeg(ten, ten, 9));
+  EXPECT_FALSE(largestRotationDifferenceDeg(ten, ten, 10));
+  EXPECT_FALSE(largestRotationDifferenceDeg({}, {}, 10));
+  EXPECT_THROW(largestRotationDifferenceDeg(ten, drive(9, 1.0), 5), OptionError);
+  EXPECT_THROW(largestRotationDifferenceDeg(ten, ten, 0), OptionError);
+}
+
 TEST(Quantile, IsLinearBetweenNeighbours) {
   EXPECT_DOUBLE_EQ(quantile({3, 1, 2}, 0.5), 2.0);
   EXPECT_DOUBLE_EQ(quantile({4, 1, 2, 3}, 0.5), 2.5);

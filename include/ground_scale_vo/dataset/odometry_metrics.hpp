@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -44,6 +45,15 @@ struct OdometryMetrics {
 /// finite.
 OdometryMetrics computeOdometryMetrics(const std::vector<Eigen::Isometry3d>& ground_truth,
                                        const std::vector<Eigen::Isometry3d>& estimate);
+
+/// How far two trajectories of the same frames disagree in rotation: R_i^T R_(i + frames) is the
+/// camera's rotation over `frames` frames, and this is the largest angle between the two's, over
+/// every i [deg]. Positions, scale and the worlds' axes do not count. Empty when there are not more
+/// than `frames` poses. Throws OptionError when the sizes differ, `frames` is 0, or a pose is not
+/// finite.
+std::optional<double> largestRotationDifferenceDeg(const std::vector<Eigen::Isometry3d>& first,
+                                                   const std::vector<Eigen::Isometry3d>& second,
+                                                   std::size_t frames);
 
 /// Sum of the distances between neighbouring positions.
 double pathLength(const std::vector<Eigen::Isometry3d>& poses);

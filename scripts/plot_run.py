@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Draws trajectory.png, scale.png, timing.png and, with ground truth, errors.png into the result
-folders of run_sequence."""
+"""Draws trajectory.png, scale.png, timing.png (with timing.csv) and errors.png (with ground truth)
+into the result folders of run_sequence and evaluate_bag."""
 
 import argparse
 import csv
@@ -114,13 +114,16 @@ def draw_scale(folder, scale, camera_height, title):
         axes.axvline(frames[change] + 0.5, color="black", linewidth=0.8, linestyle=":")
     draw_status(axes, scale)
     axes.set(xlabel="frame", ylabel="scale [m per VO unit]")
-    values = np.concatenate([scale["raw_scale"][measured], scale["scale"][known]])
-    if len(values):
-        low, high = np.percentile(values, [1, 99])
-        margin = 0.3 * max(high - low, 0.02 * high)
+    if np.any(known):
+        # The band, but for the few frames at a map's start in which it is still wide.
+        lower, upper = filtered - 2 * sigma, filtered + 2 * sigma
+        low = np.percentile(np.append(lower[known], scale["raw_scale"][measured]), 4)
+        high = np.percentile(np.append(upper[known], scale["raw_scale"][measured]), 96)
+        low = min(low, np.min(filtered[known]))
+        high = max(high, np.max(filtered[known]))
+        margin = 0.1 * max(high - low, 0.02 * high)
         axes.set_ylim(low - margin, high + margin)
-    axes.legend(loc="upper right", fontsize="small", ncol=2)
-
+    grid[1, 1].legend(*axes.get_legend_handles_labels(), loc="upper left", fontsize="small")
     grid[1, 1].axis("off")
     for axes in (grid[0, 0], grid[0, 1], grid[1, 0]):
         axes.grid(True, linewidth=0.4)
@@ -137,13 +140,12 @@ def draw_timing(folder, timing, title):
         if name == "frame" or len(ran) == 0:
             continue
         stages.append(name.replace("_", "\n", 1).replace("bundle_adjustment", "bundle adj.") +
-                      f"\n{np.median(ran):.1f} ms\n{100 * len(ran) / len(values):.0f} %")
+                      f"\n{np.median(ran):.2g} ms\n{100 * len(ran) / len(values):.0f} %")
         times.append(ran)
     figure, axes = plt.subplots(figsize=(12, 6))
-    if times:
-        axes.boxplot(times, whis=(5, 95), showfliers=False)
-        axes.set_xticks(range(1, len(stages) + 1))
-        axes.set_xticklabels(stages, fontsize="small")
+    axes.boxplot(times, whis=(5, 95), showfliers=False)
+    axes.set_xticks(range(1, len(stages) + 1))
+    axes.set_xticklabels(stages, fontsize="small")
     axes.set_ylim(bottom=0)
     axes.grid(True, axis="y", linewidth=0.4)
     axes.set(ylabel="time [ms]", title=f"{title}: box quartiles, whiskers 5 and 95 %; below the "
@@ -189,17 +191,18 @@ def draw(folder):
                     f"t_err {figure_text(metrics, 't_err_percent', '{:.2f} %')}, "
                     f"r_err {figure_text(metrics, 'r_err_deg_per_m', '{:.4f} deg/m')}")
     draw_scale(folder, read_table(folder / "scale.csv"), metrics["camera_height_m"], name)
-    draw_timing(folder, read_table(folder / "timing.csv"), name)
+    for picture in ("timing.png", "errors.png"):
+        (folder / picture).unlink(missing_ok=True)  # of an earlier run
+    if (folder / "timing.csv").exists():
+        draw_timing(folder, read_table(folder / "timing.csv"), name)
     if has_truth:
         draw_errors(folder, metrics, name)
-    else:
-        (folder / "errors.png").unlink(missing_ok=True)  # of an earlier run
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=pathlib.Path, metavar="DIR",
-                        help="a result folder of run_sequence")
+                        help="a result folder")
     for folder in parser.parse_args().folders:
         try:
             draw(folder)

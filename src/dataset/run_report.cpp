@@ -154,6 +154,10 @@ std::string timingCsv(const RunRecord& record) {
 void writeRun(const fs::path& folder, const RunRecord& record, double camera_height,
               const std::vector<Eigen::Isometry3d>& ground_truth) {
   makeFolder(folder);
+  for (const char* name : {"timing.csv", "ground_truth.txt"}) {  // of an earlier run
+    std::error_code ignored;
+    fs::remove(folder / name, ignored);
+  }
   const auto metric_poses = record.metricPoses();
   std::vector<StampedPose> stamped;
   for (std::size_t i = 0; i < metric_poses.size(); ++i) {
@@ -163,14 +167,12 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
   writeKittiPoses(folder / "poses_unscaled.txt", record.unscaledPoses());
   writeTumTrajectory(folder / "trajectory_tum.txt", stamped);
   writeFile(folder / "scale.csv", scaleCsv(record));
-  writeFile(folder / "timing.csv", timingCsv(record));
-  writeFile(folder / "metrics.json", metricsJson(record, camera_height, ground_truth));
-  if (ground_truth.empty()) {
-    std::error_code ignored;
-    fs::remove(folder / "ground_truth.txt", ignored);  // of an earlier run
-  } else {
-    writeKittiPoses(folder / "ground_truth.txt", ground_truth);
+  const std::vector<double> times = timesOf(record, totalTime);
+  if (std::any_of(times.begin(), times.end(), [](double ms) { return std::isfinite(ms); })) {
+    writeFile(folder / "timing.csv", timingCsv(record));
   }
+  writeFile(folder / "metrics.json", metricsJson(record, camera_height, ground_truth));
+  if (!ground_truth.empty()) writeKittiPoses(folder / "ground_truth.txt", ground_truth);
 }
 
 }  // namespace ground_scale_vo

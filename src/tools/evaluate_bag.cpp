@@ -174,7 +174,7 @@ void evaluate(const Arguments& arguments) {
     const ros::Time& stamp = played.images[i].stamp;
     gsv::VisualOdometry::Output vo;
     gsv::ScaleRecovery::Output scale;
-    // The nodelets tell no times; NaN is written as "none".
+    // The nodelets tell no times.
     vo.times.total = scale.times.total = std::numeric_limits<double>::quiet_NaN();
     vo.frame.stamp_ns = gsv::toNanoseconds(stamp);
     vo.frame.sequence = static_cast<std::uint32_t>(i - first);

@@ -390,10 +390,7 @@ struct VisualOdometry::Impl {
       found = trackFeatures(image, dt, predictPixels(predicted),
                             predicted.linear().transpose() * T_w_c.linear(), &out->rejected);
     }
-    {
-      Timer timer(&out->times.bundle_adjustment);
-      takeAdjustedMap();
-    }
+    takeAdjustedMap(&out->times.bundle_adjustment);
     PoseEstimation::Result pose;
     {
       Timer timer(&out->times.pose);
@@ -530,8 +527,9 @@ struct VisualOdometry::Impl {
   }
 
   /// Waits for the bundle adjustment under way, if any, and goes on with its map.
-  void takeAdjustedMap() {
+  void takeAdjustedMap(double* ms) {
     if (!adjusting.valid()) return;
+    Timer timer(ms);
     LocalMap adjusted = adjusting.get();
     for (auto& [id, landmark] : adjusted.landmarks()) {
       if (const Landmark* now = map.find(id)) landmark.outlier_count = now->outlier_count;

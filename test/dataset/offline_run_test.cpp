@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 
@@ -227,6 +228,13 @@ TEST_F(RunReport, WritesTheFilesOfARun) {
   }
   writeRun(folder, script.record(), 1.65, {});
   EXPECT_FALSE(std::filesystem::exists(folder / "ground_truth.txt"));
+
+  RunRecord without_times;
+  VisualOdometry::Output vo;
+  vo.times.total = std::numeric_limits<double>::quiet_NaN();
+  without_times.append(vo, {});
+  writeRun(folder, without_times, 1.65, {});
+  EXPECT_FALSE(std::filesystem::exists(folder / "timing.csv")) << "that of the run before";
 
   const auto file = write("file", "");
   EXPECT_NE(dataErrorOf([&] { writeRun(file / "07", script.record(), 1.65, {}); }, folder_),

@@ -28,9 +28,10 @@ std::string scaleCsv(const RunRecord& record);
 /// One line a frame: the time of each stage [ms].
 std::string timingCsv(const RunRecord& record);
 
-/// Makes the folder and writes into it poses.txt, poses_unscaled.txt, trajectory_tum.txt,
-/// scale.csv, timing.csv and metrics.json; with ground truth also ground_truth.txt, for the
-/// pictures. Throws DataError; OptionError as metricsJson.
+/// Makes the folder and writes into it poses.txt, poses_unscaled.txt, trajectory_tum.txt, scale.csv
+/// and metrics.json; timing.csv unless every frame's total is NaN, which means that no times are
+/// known; with ground truth also ground_truth.txt, for the pictures. Throws DataError; OptionError
+/// as metricsJson.
 void writeRun(const std::filesystem::path& folder, const RunRecord& record, double camera_height,
               const std::vector<Eigen::Isometry3d>& ground_truth);
 

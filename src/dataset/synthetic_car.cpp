@@ -8,6 +8,34 @@
 
 namespace ground_scale_vo::synthetic {
 
+namespace {
+
+/// outside: the middle of the wheel's outer face; hub: its place in the skin.
+void addWheel(Mesh& mesh, const Eigen::Vector3d& outside, const Eigen::Vector2d& hub, double shade,
+              const Texture& texture) {
+  const auto rim = [&](int k, double inset) {
+    const double angle = kPi * k / 8, x = 0.31 * std::cos(angle), z = 0.31 * std::sin(angle);
+    const double in = outside.y() > 0 ? -inset : inset;
+    return Vertex{outside + Eigen::Vector3d(x, in, z), hub + Eigen::Vector2d(x, z),
+                  inset > 0 ? 0.5 : shade};
+  };
+  for (int k = 0; k < 16; ++k) {
+    if (k > 0 && k < 15) mesh.addTriangle(rim(0, 0), rim(k, 0), rim(k + 1, 0), texture);
+    mesh.addQuad(rim(k, 0), rim(k + 1, 0), rim(k + 1, 0.2), rim(k, 0.2), texture);
+  }
+}
+
+void paintWheel(Brush& brush, const Eigen::Vector2d& hub) {
+  brush.ellipse(hub, {0.4, 0.4}, 22);
+  brush.ellipse(hub, {0.2, 0.2}, 150);
+  for (const double spoke : {0.3, 1.6, 2.8, 4.1, 5.3}) {
+    brush.ellipse({hub.x() + 0.12 * std::cos(spoke), hub.y() + 0.12 * std::sin(spoke)},
+                  {0.04, 0.04}, 40);
+  }
+}
+
+}  // namespace
+
 cv::Mat carImage(double body, std::uint64_t seed) {
   cv::Mat image = grey(noiseTile({512, 256}, seed, {{20, 1}}), body, 4);
   Brush brush(image, 0.01);
@@ -28,15 +56,11 @@ cv::Mat carImage(double body, std::uint64_t seed) {
   brush.box(0, 1.72, 1.7, 0.16, body * 0.75);
   brush.box(3.2, 1.25, 1.1, 1.1, glass);
   brush.polygon({{3.3, 2.2}, {3.9, 1.3}, {4.1, 1.3}, {3.5, 2.2}}, glass + 14);
-  brush.ellipse({4.7, 0.33}, {0.4, 0.4}, 22);
-  brush.ellipse({4.7, 0.33}, {0.2, 0.2}, 150);
-  for (const double spoke : {0.3, 1.6, 2.8, 4.1, 5.3}) {
-    brush.ellipse({4.7 + 0.12 * std::cos(spoke), 0.33 + 0.12 * std::sin(spoke)}, {0.04, 0.04}, 40);
-  }
+  paintWheel(brush, {4.7, 0.33});
   return image;
 }
 
-Mesh carMesh(const Texture& texture) {
+Mesh carMesh(const Texture& texture, const Eigen::Vector3d& sun) {
   Mesh mesh;
   const double half = kCarWidth / 2, rear = -kCarLength / 2, front = kCarLength / 2;
   struct Point {
@@ -53,7 +77,7 @@ Mesh carMesh(const Texture& texture) {
                                       {front, 0.28, half}}};
   const auto sideUv = [&](const Point& p) { return Eigen::Vector2d(p.x - rear, 1.5 - p.z); };
   for (const double side : {-1., 1.}) {
-    const double shade = lit({0, side, 0});
+    const double shade = lit({0, side, 0}, sun);
     const auto corner = [&](std::size_t k) {
       const Point& p = outline[k];
       return Vertex{{p.x, side * p.half_width, p.z}, sideUv(p), shade};
@@ -63,25 +87,13 @@ Mesh carMesh(const Texture& texture) {
     }
     mesh.addTriangle(corner(2), corner(5), corner(6), texture);
     mesh.addQuad(corner(2), corner(3), corner(4), corner(5), texture);
-    for (const double axle : {rear + 0.8, front - 0.85}) {  // wheels
-      const auto rim = [&](int k, double inset, const Eigen::Vector2d& uv) {
-        const double angle = kPi * k / 8, x = 0.31 * std::cos(angle), z = 0.31 * std::sin(angle);
-        return Vertex{{axle + x, side * (half + 0.02 - inset), 0.31 + z},
-                      uv + Eigen::Vector2d(x, z),
-                      inset > 0 ? 0.5 : shade};
-      };
-      const Eigen::Vector2d hub(4.7, 0.33);
-      for (int k = 0; k < 16; ++k) {
-        if (k > 0 && k < 15)
-          mesh.addTriangle(rim(0, 0, hub), rim(k, 0, hub), rim(k + 1, 0, hub), texture);
-        mesh.addQuad(rim(k, 0, hub), rim(k + 1, 0, hub), rim(k + 1, 0.2, hub), rim(k, 0.2, hub),
-                     texture);
-      }
+    for (const double axle : {rear + 0.8, front - 0.85}) {
+      addWheel(mesh, {axle, side * (half + 0.02), 0.31}, {4.7, 0.33}, shade, texture);
     }
   }
   for (std::size_t k = 0; k + 1 < outline.size(); ++k) {  // rear, boot, window, roof, ... front
     const Point &a = outline[k], &b = outline[k + 1];
-    const double shade = lit(Eigen::Vector3d(a.z - b.z, 0, b.x - a.x).normalized());
+    const double shade = lit(Eigen::Vector3d(a.z - b.z, 0, b.x - a.x).normalized(), sun);
     const bool end = k == 0 || k == 7 || k == 6, glass = k == 2 || k == 4;
     const Eigen::Vector2d from(end ? 0 : (glass ? 3.25 : 2.05), glass ? 1.3 : 1.35);
     const double width = end ? kCarWidth : (glass ? 0.9 : 0.7);
@@ -91,6 +103,110 @@ Mesh carMesh(const Texture& texture) {
                  {{b.x, -b.half_width, b.z}, {from.x() + width, vb}, shade},
                  {{b.x, b.half_width, b.z}, {from.x(), vb}, shade}, texture);
   }
+  return mesh;
+}
+
+cv::Mat vanImage(double body, std::uint64_t seed) {
+  cv::Mat image = grey(noiseTile({1024, 512}, seed, {{3, 0.5}, {25, 1}}), body, 3.5);
+  Brush brush(image, kCarTexel);
+  const double dark = body * 0.5, glass = 40;
+  brush.box(0, 1.9, 5.6, 0.3, body * 0.75);  // the side: sill, rubbing strip, doors, window
+  brush.box(0, 1.35, 5.6, 0.1, dark);
+  for (const double seam : {0.05, 2.2, 3.7, 4.6}) brush.box(seam, 0.1, 0.03, 2.0, dark);
+  brush.polygon({{3.8, 0.35}, {4.5, 0.35}, {4.8, 1.0}, {3.8, 1.0}}, glass);
+  brush.box(0.7, 0.5, 2.1, 0.45, body * 0.6);  // what is written on it
+  for (int k = 0; k < 7; ++k) brush.box(0.8 + 0.28 * k, 0.58, 0.17, 0.28, 250);
+  const double x = 6;  // the rear: two doors with windows, hinges, lights, plate, bumper
+  brush.box(x + 1.04, 0.1, 0.03, 1.95, dark);
+  for (const double window : {0.16, 1.14}) {
+    brush.box(x + window, 0.3, 0.8, 0.62, dark);
+    brush.box(x + window + 0.04, 0.34, 0.72, 0.54, glass);
+    brush.polygon({{x + window + 0.1, 0.84},
+                   {x + window + 0.35, 0.38},
+                   {x + window + 0.5, 0.38},
+                   {x + window + 0.25, 0.84}},
+                  glass + 25);
+  }
+  for (const double light : {0.02, 1.9}) {
+    brush.box(x + light, 0.95, 0.18, 0.65, 95);
+    brush.box(x + light, 1.15, 0.18, 0.2, 200);
+  }
+  for (const double hinge : {0.25, 1.1, 1.8}) {
+    brush.box(x, hinge, 0.14, 0.06, dark);
+    brush.box(x + 1.96, hinge, 0.14, 0.06, dark);
+  }
+  brush.box(x + 1.12, 1.2, 0.16, 0.05, 30);
+  brush.box(x + 0.3, 1.25, 0.52, 0.12, 240);
+  brush.box(x + 0.36, 1.28, 0.4, 0.06, 60);
+  brush.box(x, 1.92, 2.1, 0.28, 55);
+  brush.box(3, 3, 2.2, 1.4, glass);
+  brush.polygon({{3.2, 4.2}, {4.2, 3.1}, {4.5, 3.1}, {3.5, 4.2}}, glass + 16);
+  paintWheel(brush, {8, 3});
+  return image;
+}
+
+Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun) {
+  Mesh mesh;
+  const double half = kVanWidth / 2, rear = -kVanLength / 2, front = kVanLength / 2;
+  const double low = 0.35, high = 2.5, brow = front - 1.4, nose = 1.15;
+  for (const double side : {-1., 1.}) {
+    const double y = side * half, shade = lit({0, side, 0}, sun);
+    const auto corner = [&](double x, double z) {
+      return Vertex{{x, y, z}, {x - rear, high - z}, shade};
+    };
+    mesh.addQuad(corner(rear, low), corner(rear, high), corner(brow, high), corner(brow, low),
+                 texture);
+    mesh.addQuad(corner(brow, low), corner(brow, high), corner(front, nose), corner(front, low),
+                 texture);
+    for (const double axle : {rear + 1.1, front - 0.95}) {
+      addWheel(mesh, {axle, side * (half + 0.02), 0.31}, {8, 3}, shade, texture);
+    }
+  }
+  const auto across = [&](double xa, double za, double xb, double zb, const Eigen::Vector2d& uv,
+                          const Eigen::Vector3d& normal) {
+    const double shade = lit(normal.normalized(), sun), length = std::hypot(xb - xa, zb - za);
+    mesh.addQuad({{xa, half, za}, uv, shade},
+                 {{xa, -half, za}, {uv.x() + kVanWidth, uv.y()}, shade},
+                 {{xb, -half, zb}, {uv.x() + kVanWidth, uv.y() + length}, shade},
+                 {{xb, half, zb}, {uv.x(), uv.y() + length}, shade}, texture);
+  };
+  across(rear, high, rear, low, {6, 0}, {-1, 0, 0});
+  across(rear, high, brow, high, {0, 3}, {0, 0, 1});
+  across(brow, high, front, nose, {3, 3}, {1.35, 0, 1.4});
+  across(front, nose, front, low, {0, 3}, {1, 0, 0});
+  return mesh;
+}
+
+cv::Mat hoodImage(std::uint64_t seed) {
+  cv::Mat image = grey(noiseTile({256, 256}, seed + 99, {{30, 1}}), 70, 5);
+  for (int y = 0; y < image.rows; ++y) {  // far off it mirrors the horizon, near by the zenith
+    image.row(y) *= 1.9 - 0.9 * y / image.rows;
+  }
+  Brush brush(image, kCarTexel);
+  for (const double x : {0.55, 1.95}) {  // creases
+    brush.line({x, 0}, {x + 0.2 * (x - 1.25), 2.56}, 0.03, 150);
+    brush.line({x + 0.03, 0}, {x + 0.03 + 0.2 * (x - 1.25), 2.56}, 0.03, 45);
+  }
+  for (const double x : {0.85, 1.65}) brush.ellipse({x, 1.6}, {0.05, 0.03}, 25);  // nozzles
+  return image;
+}
+
+Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double share) {
+  constexpr int kStrips = 16;
+  constexpr double kFar = 1.8, kNearby = 0.8;  // [m]
+  Mesh mesh;
+  const auto vertex = [&](int k, bool far) {
+    const double a = 2.0 * k / kStrips - 1, edge = share * (1 - 0.4 * a * a);
+    const double u = (0.5 + 0.6 * a) * camera.width;
+    const double v = far ? (1 - edge) * camera.height : 1.6 * camera.height;
+    const double z = far ? kFar : kNearby;
+    return Vertex{z * camera.ray({u, v}), {1.28 + 1.2 * a, far ? 0 : 2.5}, 1 - 0.25 * a * a};
+  };
+  for (int k = 0; k < kStrips; ++k) {
+    mesh.addQuad(vertex(k, true), vertex(k + 1, true), vertex(k + 1, false), vertex(k, false),
+                 texture);
+  }
+  mesh.bound();
   return mesh;
 }
 

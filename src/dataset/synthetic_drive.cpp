@@ -2,6 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
 
 #include "ground_scale_vo/error.hpp"
 #include "synthetic_car.hpp"
@@ -21,27 +25,37 @@ constexpr double kBraking = 3;       // largest acceleration, braking and starti
 constexpr double kBehind = 25;       // the street begins before the first frame, and goes on
 constexpr double kAhead = 190;       // after the last [m]
 constexpr double kLongest = 3000;    // drive [m]
-constexpr double kLeadGap = 9;       // the car ahead: as the camera was, kLeadTime later, so far on
-constexpr double kLeadTime = 1.2;    // [s]
 constexpr double kOncomingU = 3.55;  // [m] left of the camera's lane
 constexpr double kOncomingSpeed = 8, kOncomingStart = 112, kOncomingSpacing = 150;  // [m/s, m, m]
+constexpr double kBesideStart = 4.5, kBesideSpacing = 6.5;  // ahead of the camera [m]
+constexpr double kFrontAxle = 1.4, kRearAxle = 1.2;         // before and behind the camera [m]
+constexpr double kLampsAhead = 1.9, kLampsHeight = 0.65;    // of the camera, over the road [m]
+constexpr double kOwnWidth = 1.8, kOwnFront = 2, kOwnRear = 2.4;  // the car around the camera [m]
 
 struct Motion {
   double s, v, a;  // along the road [m, m/s, m/s^2]
 };
 
-/// Cruise, one stop between cosine ramps, cruise. t [s] may lie before or after the drive.
+/// Where the car is and how fast. t [s] may lie before or after the drive.
 class Timetable {
  public:
   explicit Timetable(const SyntheticDrive::Options& o)
-      : v_(o.speed), ramp_s_(rampTime(o)), stop_s_(o.stop_s), stop_m_(o.stop_at_m) {
+      : v_(o.speed),
+        ramp_s_(rampTime(o)),
+        stop_s_(o.stop_s),
+        stop_m_(o.stop_at_m),
+        speeds_(o.speeds) {
     brake_s_ = (stop_m_ - v_ * ramp_s_ / 2) / v_;
   }
   static double rampTime(const SyntheticDrive::Options& o) {
     return kPi * o.speed / (2 * kBraking);
   }
 
-  Motion at(double t) const {
+  Motion at(double t) const { return speeds_.empty() ? cruise(t) : byTable(t); }
+
+ private:
+  /// Cruise, one stop between cosine ramps, cruise.
+  Motion cruise(double t) const {
     if (stop_s_ <= 0 || t <= brake_s_) return {v_ * t, v_, 0};
     const double stands = brake_s_ + ramp_s_, starts = stands + stop_s_;
     if (t >= stands && t <= starts) return {stop_m_, 0, 0};
@@ -53,26 +67,58 @@ class Timetable {
             v_ / 2 * (1 - std::cos(phase)), sign * v_ / 2 * kPi / ramp_s_ * std::sin(phase)};
   }
 
- private:
+  /// Cosine ramps between the speeds of the table; s = 0 at its first time.
+  Motion byTable(double t) const {
+    Motion m{0, speeds_.front().speed, 0};
+    double since = t - speeds_.front().time_s;
+    for (std::size_t k = 1; k < speeds_.size() && since > 0; ++k) {
+      const double whole = speeds_[k].time_s - speeds_[k - 1].time_s;
+      const double change = speeds_[k].speed - speeds_[k - 1].speed;
+      const double part = std::min(since, whole), phase = kPi * part / whole;
+      m.s += (m.v + change / 2) * part - change / 2 * whole / kPi * std::sin(phase);
+      m.a = since < whole ? change / 2 * kPi / whole * std::sin(phase) : 0;
+      m.v += change / 2 * (1 - std::cos(phase));
+      since -= part;
+    }
+    m.s += m.v * since;
+    return m;
+  }
+
   double v_, ramp_s_, stop_s_, stop_m_, brake_s_;
+  const std::vector<SyntheticDrive::SpeedAt> speeds_;
 };
 
 /// World from camera: on the lane, moved by the suspension. The height is that over the plane.
 struct Rig {
   Eigen::Isometry3d T_w_c;
-  Eigen::Vector3d n_w;  // of the road
+  Eigen::Isometry3d T_w_v;  // the car's body: at the camera, its axes without the mounting
+  Eigen::Vector3d n_w;      // of the road
   double height;
 };
+
+/// The road's frame below the camera. Over edges it is the plane on which the axles stand.
+Eigen::Isometry3d standsOn(const Street& street, double s, const SyntheticDrive::Options& o) {
+  Eigen::Isometry3d T_w_s = street.frame(s, o.lane_offset);
+  if (o.ramp_slope == 0 && o.bump_height == 0) return T_w_s;
+  const double front = street.point(s + kFrontAxle, 0).z();
+  const double rear = street.point(s - kRearAxle, 0).z();
+  const double rise = (front - rear) / (kFrontAxle + kRearAxle);
+  const Eigen::Vector3d y = T_w_s.linear().col(1);
+  const Eigen::Vector3d x = Eigen::Vector3d(y.y(), -y.x(), rise).normalized();
+  T_w_s.linear() << x, y, x.cross(y);
+  T_w_s.translation().z() = rear + rise * kRearAxle;
+  return T_w_s;
+}
 
 Rig rigAt(const Street& street, const Motion& m, const SyntheticDrive::Options& o) {
   const double moving = o.suspension * m.v / o.speed;  // the road shakes only a moving car
   const double lean = o.suspension * 0.0035 * m.v * m.v * street.curvature(m.s);
-  const double down = o.pitch_rad - o.suspension * 0.004 * m.a +
-                      moving * (0.003 * std::sin(0.9 * m.s) + 0.0018 * std::sin(2.1 * m.s + 1));
+  const double shake = moving * (0.003 * std::sin(0.9 * m.s) + 0.0018 * std::sin(2.1 * m.s + 1));
+  const double nod = o.suspension * 0.004 * m.a;
   const double roll = lean + moving * 0.003 * std::sin(0.7 * m.s + 2);
   const double bounce = moving * (0.012 * std::sin(1.1 * m.s + 0.5) + 0.006 * std::sin(2.3 * m.s));
 
-  const Eigen::Isometry3d T_w_s = street.frame(m.s, 0);  // x forward, y left, z up
+  const Eigen::Isometry3d T_w_s = standsOn(street, m.s, o);  // x forward, y left, z up
   Rig rig;
   rig.n_w = T_w_s.linear().col(2);
   rig.height = o.camera_height + bounce;
@@ -81,8 +127,13 @@ Rig rigAt(const Street& street, const Motion& m, const SyntheticDrive::Options& 
   rig.T_w_c = T_w_s;
   rig.T_w_c.translate(rig.height * Eigen::Vector3d::UnitZ());
   rig.T_w_c.rotate(R_s_c);
-  rig.T_w_c.rotate(Eigen::AngleAxisd(-down, Eigen::Vector3d::UnitX()));
-  rig.T_w_c.rotate(Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()));
+  const auto turned = [](Eigen::Isometry3d T, double down, double dip) {
+    T.rotate(Eigen::AngleAxisd(-down, Eigen::Vector3d::UnitX()));
+    T.rotate(Eigen::AngleAxisd(dip, Eigen::Vector3d::UnitZ()));
+    return T;
+  };
+  rig.T_w_v = turned(rig.T_w_c, shake - nod, roll);
+  rig.T_w_c = turned(rig.T_w_c, o.pitch_rad - nod + shake, o.roll_rad + roll);
   return rig;
 }
 
@@ -105,36 +156,106 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("frames", frames, 1, 100000);
   requireInRange("speed", speed, 0.1, 40);
   requireInRange("pitch_rad", pitch_rad, -0.5, 0.5);
-  requireInRange("curvature", curvature, 0, 0.035);
+  requireInRange("roll_rad", roll_rad, -0.5, 0.5);
+  requireInRange("lane_offset", lane_offset, -3.4, 4.6);
+  requireInRange("curvature", curvature, 0, 0.08);
   requireInRange("slope", slope, -0.15, 0.15);
   requireInRange("stop_s", stop_s, 0, 3600);
-  if (stop_s > 0) {
+  if (stop_s > 0 && speeds.empty()) {
     const double braking_m = speed * Timetable::rampTime(*this) / 2;
     requireInRange("stop_at_m (at least the braking distance)", stop_at_m, braking_m, kLongest);
   }
+  double time = -1e9, drive_m = speeds.empty() ? speed * frames / frame_rate_hz : 0;
+  for (const SpeedAt& at : speeds) {
+    requireInRange("speeds.speed", at.speed, -40, 40);
+    requireInRange("speeds.time_s (in order)", at.time_s, std::nextafter(time, 1e9), 1e6);
+    time = at.time_s;
+    drive_m = std::max(drive_m, std::abs(at.speed) * frames / frame_rate_hz);
+  }
   requireInRange("suspension", suspension, 0, 5);
+  requireInRange("ramp_slope", ramp_slope, -0.2, 0.2);
+  if (ramp_slope != 0) {
+    requireInRange("ramp_from_m", ramp_from_m, 0, kLongest);
+    requireInRange("ramp_to_m (at least 12 m on)", ramp_to_m, ramp_from_m + 12, kLongest);
+  }
+  requireInRange("bump_height", bump_height, 0, 0.15);
+  requireInRange("lead_gap", lead_gap, 3, 150);
+  requireInRange("lead_time", lead_time, 0, 10);
+  requireInRange("cars_beside", cars_beside, 0, 10);
+  requireInRange("arrow_spacing", arrow_spacing, 0, 1000);
+  if (arrow_spacing > 0) requireInRange("arrow_spacing (0: none)", arrow_spacing, 6, 1000);
   requireInRange("road_texture", road_texture, 0, 3);
+  requireInRange("bare_from_m", bare_from_m, -kBehind, kLongest);
+  requireInRange("bare_to_m", bare_to_m, -kBehind, kLongest);
+  requireInRange("puddles", puddles, 0, 1);
+  if (puddles > 0) {  // one mirror
+    requireInRange("slope (with puddles)", slope, 0, 0);
+    requireInRange("ramp_slope (with puddles)", ramp_slope, 0, 0);
+    requireInRange("bump_height (with puddles)", bump_height, 0, 0);
+  }
+  requireInRange("sun.norm()", sun.norm(), 1e-3, 1e3);
+  requireInRange("elevation of the sun [rad]", std::asin(sun.z() / sun.norm()), 0.1, kPi / 2);
+  requireInRange("daylight", daylight, 0, 1);
+  requireInRange("hood", hood, 0, 0.5);
   requireInRange("noise_sigma", noise_sigma, 0, 50);
+  requireInRange("jpeg_quality", jpeg_quality, 0, 100);
   requireInRange("black_first", black_first, 0, 100000);
   requireInRange("black_frames", black_frames, 0, 100000);
-  requireInRange("length of the drive [m]", speed * frames / frame_rate_hz, 0, kLongest);
+  requireInRange("length of the drive [m]", drive_m, 0, kLongest);
 }
 
-struct SyntheticDrive::Impl {
-  static double lastStation(const Options& o, const Timetable& timetable) {
-    return timetable.at((o.frames - 1) / o.frame_rate_hz).s;
-  }
+namespace {
 
+synthetic::RoadShape roadShape(const SyntheticDrive::Options& o) {
+  return {o.curvature, o.slope, o.ramp_slope, o.ramp_from_m, o.ramp_to_m, o.bump_height};
+}
+
+synthetic::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
+  synthetic::WorldOptions world;
+  world.seed = o.random_seed;
+  world.road_texture = o.road_texture;
+  world.lane_markings = o.lane_markings;
+  world.shadows = o.shadows;
+  world.solid_lines = o.solid_lines;
+  world.arrow_spacing = o.arrow_spacing;
+  world.cobbles = o.cobbles;
+  world.bare_from = o.bare_from_m;
+  world.bare_to = o.bare_to_m;
+  world.puddles = o.puddles;
+  world.parked_cars = o.parked_cars;
+  world.largest_curvature = o.curvature;
+  world.sun = o.sun.normalized();
+  return world;
+}
+
+/// Between the first and the last place of the drive, and what is seen from there.
+Street streetFor(const SyntheticDrive::Options& o, const Timetable& timetable) {
+  double from = 0, to = 0;
+  for (int i = 0; i < o.frames; ++i) {
+    const double s = timetable.at(i / o.frame_rate_hz).s;
+    from = std::min(from, s);
+    to = std::max(to, s);
+  }
+  return {roadShape(o), from - kBehind, to + kAhead};
+}
+
+}  // namespace
+
+struct SyntheticDrive::Impl {
   explicit Impl(const Options& o)
-      : options(o),
-        timetable(o),
-        street(o.curvature, o.slope, -kBehind, lastStation(o, timetable) + kAhead),
-        world(street, {o.random_seed, o.road_texture, o.lane_markings, o.shadows}) {
+      : options(o), timetable(o), street(streetFor(o, timetable)), world(street, worldOptions(o)) {
+    if (o.hood > 0) {
+      hood_skin.emplace(synthetic::hoodImage(o.random_seed), synthetic::kCarTexel,
+                        synthetic::Texture::Wrap::kClamp);
+      hood = synthetic::hoodMesh(*hood_skin, o.camera, o.hood);
+    }
     for (int i = 0; i < o.frames; ++i) {
       const double t = i / o.frame_rate_hz;
       const Motion motion = timetable.at(t);
       const Rig rig = rigAt(street, motion, o);
       T_w_c.push_back(rig.T_w_c);
+      T_w_v.push_back(rig.T_w_v);
+      stations.push_back(motion.s);
       Frame frame;
       frame.stamp_ns = std::llround(t * 1e9);
       if (i > 0) frame.T_c0_c = T_w_c.front().inverse() * rig.T_w_c;
@@ -145,24 +266,80 @@ struct SyntheticDrive::Impl {
     }
   }
 
-  void addCar(Scene& scene, double s, double u, bool oncoming, std::size_t kind) const {
+  void addVehicle(Scene& scene, const synthetic::Mesh& mesh, const Eigen::Vector2d& size, double s,
+                  double u, bool oncoming) const {
     if (s < street.from() + 5 || s > street.to() - 5) return;
     Eigen::Isometry3d T_w_m = street.frame(s, u);
     if (oncoming) T_w_m.rotate(Eigen::AngleAxisd(kPi, Eigen::Vector3d::UnitZ()));
-    scene.instances.push_back({&world.car(kind), T_w_m});
+    scene.instances.push_back({&mesh, T_w_m});
     if (!options.shadows) return;
-    scene.shadows.push_back(
-        {world.roadTexture(s, u), {synthetic::kCarWidth / 2, synthetic::kCarLength / 2}});
+    scene.shadows.push_back({world.roadTexture(s, u), {size.x() / 2, size.y() / 2}});
+  }
+
+  void addTraffic(Scene& scene, double t) const {
+    const Eigen::Vector2d car(synthetic::kCarWidth, synthetic::kCarLength);
+    const Eigen::Vector2d van(synthetic::kVanWidth, synthetic::kVanLength);
+    const Eigen::Vector2d& lead = options.lead_van ? van : car;
+    addVehicle(scene, options.lead_van ? world.van() : world.car(2), lead,
+               timetable.at(t + options.lead_time).s + (options.lead_gap + lead.y() / 2), 0, false);
+    for (int k = 0; k < options.cars_beside; ++k) {
+      const double s = timetable.at(t + 0.3 * k).s + kBesideStart + k * kBesideSpacing;
+      addVehicle(scene, world.car(static_cast<std::size_t>(k) + 3), car, s, kOncomingU, false);
+    }
+    if (options.cars_beside > 0) return;
+    for (int k = 0; k * kOncomingSpacing < 2 * kLongest; ++k) {
+      const double s = kOncomingStart + k * kOncomingSpacing - kOncomingSpeed * t;
+      addVehicle(scene, world.car(static_cast<std::size_t>(k) + 3), car, s, kOncomingU, true);
+    }
+  }
+
+  /// Sill, bonnet and roof of the car around the camera, thrown along the sun's rays: the hull.
+  synthetic::OutlineShadow ownShadow(double s) const {
+    const double heading = street.heading(s);
+    const Eigen::Vector3d sun =
+        Eigen::AngleAxisd(-heading, Eigen::Vector3d::UnitZ()) * options.sun.normalized();
+    const double roof = options.camera_height, half = kOwnWidth / 2;
+    std::vector<cv::Point2f> fallen;
+    const auto box = [&](double rear, double front, double width, double z) {
+      for (const double x : {rear, front}) {
+        for (const double y : {-width, width}) {
+          const Eigen::Vector2d at = world.roadTexture(
+              s + x - sun.x() / sun.z() * z, options.lane_offset + y - sun.y() / sun.z() * z);
+          fallen.emplace_back(static_cast<float>(at.x()), static_cast<float>(at.y()));
+        }
+      }
+    };
+    box(-kOwnRear, kOwnFront, half, 0.2);
+    box(-kOwnRear, kOwnFront, half, 0.55 * roof);
+    box(-0.8 * kOwnRear, 0.2 * kOwnFront, 0.75 * half, roof);
+    std::vector<cv::Point2f> hull;
+    cv::convexHull(fallen, hull);
+    synthetic::OutlineShadow shadow;
+    Eigen::Vector2d middle(0, 0);
+    for (const cv::Point2f& p : hull) middle += Eigen::Vector2d(p.x, p.y);
+    middle /= static_cast<double>(hull.size());
+    for (std::size_t k = 0; k < hull.size(); ++k) {
+      const cv::Point2f &a = hull[k], &b = hull[(k + 1) % hull.size()];
+      const Eigen::Vector2d from(a.x, a.y), to(b.x, b.y);
+      Eigen::Vector2d normal(from.y() - to.y(), to.x() - from.x());
+      if (normal.norm() < 1e-3) continue;
+      normal.normalize();
+      if (normal.dot(middle - from) < 0) normal = -normal;
+      shadow.edges.emplace_back(normal.x(), normal.y(), -normal.dot(from));
+    }
+    return shadow;
   }
 
   Scene sceneAt(std::size_t i) const {
     Scene scene = world.scene();
-    if (!options.moving_cars) return scene;
-    const double t = static_cast<double>(frames[i].stamp_ns) * 1e-9;
-    addCar(scene, timetable.at(t + kLeadTime).s + kLeadGap, 0, false, 2);
-    for (int k = 0; k * kOncomingSpacing < 2 * kLongest; ++k) {
-      const double s = kOncomingStart + k * kOncomingSpacing - kOncomingSpeed * t;
-      addCar(scene, s, kOncomingU, true, static_cast<std::size_t>(k) + 3);
+    if (options.moving_cars) addTraffic(scene, static_cast<double>(frames[i].stamp_ns) * 1e-9);
+    if (options.own_shadow) scene.own_shadow = ownShadow(stations[i]);
+    if (options.hood > 0) scene.instances.push_back({&hood, T_w_c[i], false});
+    scene.daylight = options.daylight;
+    if (options.headlamps) {
+      scene.T_w_lamps = T_w_v[i];
+      scene.T_w_lamps->translate(
+          Eigen::Vector3d(0, options.camera_height - kLampsHeight, kLampsAhead));
     }
     return scene;
   }
@@ -177,8 +354,11 @@ struct SyntheticDrive::Impl {
   const Timetable timetable;
   const Street street;
   const World world;
-  std::vector<Eigen::Isometry3d> T_w_c;
+  std::vector<Eigen::Isometry3d> T_w_c, T_w_v;
+  std::vector<double> stations;  // along the road
   std::vector<Frame> frames;
+  std::optional<synthetic::Texture> hood_skin;
+  synthetic::Mesh hood;
 };
 
 SyntheticDrive::SyntheticDrive(const Options& options) {
@@ -207,6 +387,11 @@ cv::Mat SyntheticDrive::image(std::size_t i) const {
   }
   cv::Mat image;
   grey.convertTo(image, CV_8U);
+  if (impl_->options.jpeg_quality > 0) {
+    std::vector<uchar> file;
+    cv::imencode(".jpg", image, file, {cv::IMWRITE_JPEG_QUALITY, impl_->options.jpeg_quality});
+    image = cv::imdecode(file, cv::IMREAD_GRAYSCALE);
+  }
   return image;
 }
 

@@ -10,9 +10,9 @@ constexpr int kShift = 4;  // fractional bits of OpenCV's drawing
 constexpr int kSubTexels = 1 << kShift;
 }  // namespace
 
-const Eigen::Vector3d kSun = Eigen::Vector3d(0.25, 0.62, 0.75).normalized();
-
-double lit(const Eigen::Vector3d& normal) { return 0.5 + 0.62 * std::max(0.0, normal.dot(kSun)); }
+double lit(const Eigen::Vector3d& normal, const Eigen::Vector3d& sun) {
+  return 0.5 + 0.62 * std::max(0.0, normal.dot(sun));
+}
 
 cv::Mat noiseTile(cv::Size size, std::uint64_t seed,
                   std::initializer_list<std::pair<double, double>> sigma_weight) {

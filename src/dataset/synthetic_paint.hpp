@@ -9,10 +9,8 @@
 
 namespace ground_scale_vo::synthetic {
 
-/// Unit vector towards the sun, in world axes: from the left of the road.
-extern const Eigen::Vector3d kSun;
-/// Light on a surface of this unit normal, 1 = full.
-double lit(const Eigen::Vector3d& normal);
+/// Light on a surface of this unit normal, 1 = full. sun: unit vector towards it.
+double lit(const Eigen::Vector3d& normal, const Eigen::Vector3d& sun);
 
 /// Noise of mean 0 and deviation 1 that repeats itself: white noise blurred by each sigma [px].
 cv::Mat noiseTile(cv::Size size, std::uint64_t seed,

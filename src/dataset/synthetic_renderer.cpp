@@ -16,6 +16,12 @@ constexpr double kNear = 0.3;        // [m]
 constexpr double kView = 220;        // [m]
 constexpr double kHazeLength = 700;  // [m]
 constexpr double kHazeGrey = 190;
+constexpr double kLampGap = 1.2;       // between the headlamps [m]
+constexpr double kLampPower = 2000;    // light, full daylight = 1, at 1 m [m^2]
+constexpr double kLampWidth = 0.4;     // of the beam [rad]
+constexpr double kLampDepth = 0.07;    // below its upper edge [rad]
+constexpr double kLampCutOff = 0.012;  // of that edge below the horizon [rad]
+constexpr double kGamma = 0.45;        // of the night's grey levels: eyes and cameras see the dark
 constexpr std::uint32_t kSky = std::numeric_limits<std::uint32_t>::max();
 
 /// A triangle in the image: rows are u/z, v/z, shade/z and 1/z, each affine in (x, y, 1) [px].
@@ -31,8 +37,16 @@ double smoothStep(double x) {
 
 class Rasteriser {
  public:
-  Rasteriser(const Scene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_w_c)
-      : scene_(scene), camera_(camera), T_c_w_(T_w_c.inverse()), R_w_c_(T_w_c.linear()) {
+  /// mirror: what puddles show in every pixel; nullptr where nothing is to be mirrored.
+  Rasteriser(const Scene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_w_c,
+             const Rasteriser* mirror)
+      : scene_(scene),
+        camera_(camera),
+        T_c_w_(T_w_c.inverse()),
+        R_w_c_(T_w_c.linear()),
+        mirror_(mirror),
+        dusk_(std::pow(scene.daylight, kGamma)) {
+    if (scene.T_w_lamps) T_l_c_ = scene.T_w_lamps->inverse() * T_w_c;
     K_ << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
     width_ = kSide * camera.width;
     const auto samples = static_cast<std::size_t>(width_ * kSide * camera.height);
@@ -174,8 +188,9 @@ class Rasteriser {
     const Eigen::Vector3d ray = R_w_c_ * camera_.ray(u);
     const double azimuth = std::atan2(ray.y(), ray.x());
     const double elevation = std::atan2(ray.z(), std::hypot(ray.x(), ray.y()));
-    return scene_.sky->sample({azimuth + 4, std::clamp(kSkyTop - elevation, 0.0, 0.78)},
-                              Eigen::Matrix2d::Identity() / camera_.fx);
+    const float day = scene_.sky->sample({azimuth + 4, std::clamp(kSkyTop - elevation, 0.0, 0.78)},
+                                         Eigen::Matrix2d::Identity() / camera_.fx);
+    return scene_.daylight < 1 ? day * static_cast<float>(dusk_) : day;
   }
 
   float surface(const Surface& s, const Eigen::Vector2d& u) const {
@@ -185,9 +200,47 @@ class Rasteriser {
     const Eigen::Matrix2d J =
         (s.over_z.topLeftCorner<2, 2>() - uv * s.over_z.bottomLeftCorner<1, 2>()) * z;
     double light = a(2) * z;
-    if (s.texture == scene_.road) light *= carShadow(uv);
+    if (s.texture == scene_.road) light *= carShadow(uv) * ownShadow(uv);
+    if (scene_.daylight < 1) light *= night(s, z * camera_.ray(u));
     const double clear = std::exp(-z / kHazeLength);
-    return static_cast<float>(s.texture->sample(uv, J) * light * clear + kHazeGrey * (1 - clear));
+    const double haze = kHazeGrey * dusk_;
+    double grey = s.texture->sample(uv, J) * light;
+    if (mirror_ && s.texture == scene_.road) grey = wet(grey, uv, J, u);
+    return static_cast<float>(grey * clear + haze * (1 - clear));
+  }
+
+  /// Grey of the road under the puddles: darker where it is wet, and a mirror at a flat angle.
+  double wet(double grey, const Eigen::Vector2d& uv, const Eigen::Matrix2d& J,
+             const Eigen::Vector2d& u) const {
+    if (uv.x() < scene_.puddles_from || uv.x() > scene_.puddles_to) return grey;
+    const double water = scene_.puddles->sample(uv, J) / 255;
+    if (water <= 0) return grey;
+    const double upright = std::abs((R_w_c_ * camera_.ray(u).normalized()).z());
+    const double mirrored = 0.02 + 0.98 * std::pow(1 - upright, 5);  // Schlick's, for water
+    const double seen = mirror_->shadePixel(static_cast<int>(std::lround(u.x())),
+                                            static_cast<int>(std::lround(u.y())));
+    const double pool = 0.6 * grey * (1 - mirrored) + seen * mirrored;
+    return grey + water * (pool - grey);
+  }
+
+  /// Factor on the day's grey at the place p_c of a surface.
+  double night(const Surface& s, const Eigen::Vector3d& p_c) const {
+    if (!scene_.T_w_lamps) return dusk_;
+    const Eigen::Vector3d p_l = T_l_c_ * p_c;
+    const Eigen::Vector3d n_l =
+        T_l_c_.linear() * (K_.transpose() * s.over_z.row(3).transpose()).normalized();
+    double light = scene_.daylight;
+    for (const double side : {-0.5, 0.5}) {
+      const Eigen::Vector3d way = p_l - Eigen::Vector3d(side * kLampGap, 0, 0);
+      if (way.z() <= 0) continue;
+      const double distance = way.norm(), across = std::atan2(way.x(), way.z()) / kLampWidth;
+      const double below = std::atan2(way.y(), way.z()) - kLampCutOff;
+      const double lit_part = smoothStep(0.5 + below / 0.02);
+      const double beam = std::exp(-across * across) *
+                          (0.015 + lit_part * std::exp(-std::max(below, 0.0) / kLampDepth));
+      light += kLampPower / 2 * beam * std::abs(n_l.dot(way)) / std::pow(distance, 3);
+    }
+    return std::min(std::pow(light, kGamma), 1.3);
   }
 
   double carShadow(const Eigen::Vector2d& uv) const {
@@ -199,10 +252,24 @@ class Rasteriser {
     return light;
   }
 
+  /// The light that is left in the own car's shadow.
+  double ownShadow(const Eigen::Vector2d& uv) const {
+    constexpr double kPenumbra = 0.1;  // [m]
+    if (scene_.own_shadow.edges.empty()) return 1;
+    double inside = 1e9;
+    for (const Eigen::Vector3d& edge : scene_.own_shadow.edges) {
+      inside = std::min(inside, edge.dot(uv.homogeneous()));
+    }
+    return 1 - 0.5 * smoothStep(0.5 + inside / kPenumbra);
+  }
+
   const Scene& scene_;
   const PinholeCamera& camera_;
   const Eigen::Isometry3d T_c_w_;
   const Eigen::Matrix3d R_w_c_;
+  const Rasteriser* mirror_;
+  const double dusk_;        // factor on the day's grey where no lamp shines
+  Eigen::Isometry3d T_l_c_;  // lamps from camera
   Eigen::Matrix3d K_;
   int width_ = 0;                     // in samples
   std::vector<float> inverse_depth_;  // [1/m]
@@ -293,7 +360,18 @@ void Mesh::bound() {
 }
 
 cv::Mat render(const Scene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_w_c) {
-  return Rasteriser(scene, camera, T_w_c).shade();
+  if (!scene.puddles) return Rasteriser(scene, camera, T_w_c, nullptr).shade();
+  // A mirror at z = 0 shows, in the same pixels, what a camera below it sees upside down.
+  Scene mirrored = scene;
+  mirrored.puddles = nullptr;
+  mirrored.instances.clear();
+  for (const Instance& instance : scene.instances) {
+    if (instance.mirrored) mirrored.instances.push_back(instance);
+  }
+  Eigen::Isometry3d T_w_below = T_w_c;
+  T_w_below.matrix().row(2) *= -1;
+  const Rasteriser mirror(mirrored, camera, T_w_below, nullptr);
+  return Rasteriser(scene, camera, T_w_c, &mirror).shade();
 }
 
 }  // namespace ground_scale_vo::synthetic

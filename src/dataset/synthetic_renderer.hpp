@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 #include "ground_scale_vo/vo/camera.hpp"
@@ -57,6 +58,7 @@ struct Mesh {
 struct Instance {
   const Mesh* mesh;
   Eigen::Isometry3d T_w_m;
+  bool mirrored = true;  ///< puddles show it
 };
 
 /// Shadow of a moving car, in the road texture's metres.
@@ -65,11 +67,27 @@ struct CarShadow {
   Eigen::Vector2d half_size;
 };
 
+/// Sharp shadow of a convex outline, in the road texture's metres: where every edge (a, b, c) has
+/// a u + b v + c > 0. (a, b) is a unit vector.
+struct OutlineShadow {
+  std::vector<Eigen::Vector3d> edges;
+};
+
 struct Scene {
   std::vector<Instance> instances;
   const Texture* sky = nullptr;   ///< panorama: u = azimuth, v = kSkyTop - elevation [rad]
   const Texture* road = nullptr;  ///< the only one on which shadows fall
   std::vector<CarShadow> shadows;
+  OutlineShadow own_shadow;  ///< none without edges
+
+  /// Share of water on the road [1/255], addressed as the road's texture, between these u [m].
+  /// Water lies in the plane z = 0 and mirrors what is above it. nullptr: dry.
+  const Texture* puddles = nullptr;
+  double puddles_from = 0, puddles_to = 0;
+
+  double daylight = 1;  ///< 1 = day
+  /// Axes x right, y down, z ahead, the origin between two headlamps; without it they are off.
+  std::optional<Eigen::Isometry3d> T_w_lamps;
 };
 constexpr double kSkyTop = 0.68;  ///< elevation of the panorama's upper edge [rad]
 

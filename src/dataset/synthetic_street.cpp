@@ -8,6 +8,8 @@ namespace {
 
 constexpr double kPeriod = 130;  // the road repeats itself [m]
 constexpr double kStep = 0.5;    // of the nodes [m]
+constexpr double kEdge = 6;      // over which a ramp begins and ends [m]
+constexpr double kBumpLength = 3.6, kBumpAt = 21, kBumpSpacing = 17;  // [m]
 
 /// A smooth hump sin^2 over [a, b], and its integral.
 double hump(double s, double a, double b) {
@@ -19,6 +21,23 @@ double humpIntegral(double s, double a, double b) {
   return (b - a) * (x - std::sin(2 * kPi * x) / (2 * kPi)) / 2;
 }
 double inPeriod(double s) { return s - kPeriod * std::floor(s / kPeriod); }
+
+/// From 0 to 1 over [a, a + kEdge] with a smooth start and end, and its integral.
+double step(double s, double a) {
+  const double x = std::clamp((s - a) / kEdge, 0.0, 1.0);
+  return x - std::sin(2 * kPi * x) / (2 * kPi);
+}
+double stepIntegral(double s, double a) {
+  const double x = std::clamp((s - a) / kEdge, 0.0, 1.0);
+  return kEdge * (x * x / 2 + (std::cos(2 * kPi * x) - 1) / (4 * kPi * kPi)) +
+         std::max(0.0, s - a - kEdge);
+}
+
+/// Place on the nearest bump, from 0 to 1; outside of it beside a bump.
+double onBump(double s) {
+  const double k = std::max(0.0, std::round((s - kBumpAt - kBumpLength / 2) / kBumpSpacing));
+  return (s - kBumpAt - k * kBumpSpacing) / kBumpLength;
+}
 
 }  // namespace
 
@@ -34,8 +53,8 @@ double Random::uniform(double from, double to) {
   return from + (to - from) * static_cast<double>(bits() >> 11) * 0x1p-53;
 }
 
-Street::Street(double curvature, double slope, double from, double to)
-    : curvature_(curvature), slope_(slope), from_(from), to_(to), nodes_{{from, 0}} {
+Street::Street(const RoadShape& shape, double from, double to)
+    : shape_(shape), from_(from), to_(to), nodes_{{from, 0}} {
   for (double s = from; s < to; s = from + kStep * static_cast<double>(nodes_.size() - 1)) {
     const double a = heading(s), m = heading(s + kStep / 2), b = heading(s + kStep);  // Simpson
     nodes_.push_back(nodes_.back() +
@@ -47,19 +66,47 @@ Street::Street(double curvature, double slope, double from, double to)
 
 double Street::curvature(double s) const {
   const double at = inPeriod(s);
-  return curvature_ * (hump(at, 15, 55) - hump(at, 65, 105));
+  return shape_.curvature * (hump(at, 15, 55) - hump(at, 65, 105));
 }
 double Street::heading(double s) const {
   const double at = inPeriod(s);
-  return curvature_ * (humpIntegral(at, 15, 55) - humpIntegral(at, 65, 105));
+  return shape_.curvature * (humpIntegral(at, 15, 55) - humpIntegral(at, 65, 105));
 }
 double Street::rise(double s) const {
   const double at = inPeriod(s);
-  return slope_ * (hump(at, 0, 65) - hump(at, 65, 130));
+  double rise = shape_.slope * (hump(at, 0, 65) - hump(at, 65, 130));
+  if (shape_.ramp_slope != 0) {
+    rise += shape_.ramp_slope * (step(s, shape_.ramp_from) - step(s, shape_.ramp_to - kEdge));
+  }
+  if (shape_.bump_height > 0) {
+    const double x = onBump(s);
+    if (x > 0 && x < 1) rise += shape_.bump_height * kPi / kBumpLength * std::sin(2 * kPi * x);
+  }
+  return rise;
 }
 double Street::elevation(double s) const {
   const double at = inPeriod(s);
-  return slope_ * (humpIntegral(at, 0, 65) - humpIntegral(at, 65, 130));
+  double height = shape_.slope * (humpIntegral(at, 0, 65) - humpIntegral(at, 65, 130));
+  if (shape_.ramp_slope != 0) {
+    height += shape_.ramp_slope *
+              (stepIntegral(s, shape_.ramp_from) - stepIntegral(s, shape_.ramp_to - kEdge));
+  }
+  if (shape_.bump_height > 0) height += shape_.bump_height * hump(onBump(s), 0, 1);
+  return height;
+}
+
+double Street::lowest() const {
+  double lowest = elevation(from_);
+  for (double s = from_; s < to_; s += kStep) lowest = std::min(lowest, elevation(s));
+  return lowest;
+}
+
+double Street::distance(const Eigen::Vector3d& p) const {
+  double squared = 1e18;
+  for (const Eigen::Vector2d& node : nodes_) {
+    squared = std::min(squared, (node - p.head<2>()).squaredNorm());
+  }
+  return std::sqrt(squared);
 }
 
 Eigen::Vector3d Street::point(double s, double u, double z) const {

@@ -20,13 +20,23 @@ class Random {
   std::uint64_t state_;
 };
 
+/// What the road does in the plan and in height. Lengths along the road [m].
+struct RoadShape {
+  double curvature = 0;    ///< largest [1/m]
+  double slope = 0;        ///< largest of the long waves [m/m]
+  double ramp_slope = 0;   ///< of one straight ramp [m/m]
+  double ramp_from = 0;    ///< where its foot (or crest) begins
+  double ramp_to = 0;      ///< where its other edge ends
+  double bump_height = 0;  ///< of speed bumps across the road [m]
+};
+
 /// The road: s is the length along the camera's lane in the plan [m], u the offset to its left [m].
 /// World axes: x along the road at s = 0, y left, z up. Without camber: at one s all u of the
 /// carriageway have one height.
 class Street {
  public:
-  /// curvature [1/m] and slope [m/m]: the largest; s in [from, to].
-  Street(double curvature, double slope, double from, double to);
+  /// s in [from, to].
+  Street(const RoadShape& shape, double from, double to);
 
   double from() const { return from_; }
   double to() const { return to_; }
@@ -34,13 +44,17 @@ class Street {
   double curvature(double s) const;  ///< d(heading)/ds [1/m]
   /// On the surface, raised by z [m].
   Eigen::Vector3d point(double s, double u, double z = 0) const;
+  double lowest() const;  ///< elevation [m]
+  /// Distance in the plan from a place to the middle of the lane [m].
+  double distance(const Eigen::Vector3d& p) const;
   /// Axes x along the road, y left, z normal to its surface; the origin on it at (s, u).
   Eigen::Isometry3d frame(double s, double u) const;
 
  private:
   double elevation(double s) const;
   double rise(double s) const;
-  double curvature_, slope_, from_, to_;
+  const RoadShape shape_;
+  double from_, to_;
   std::vector<Eigen::Vector2d> nodes_;  ///< plan positions, every kStep
 };
 

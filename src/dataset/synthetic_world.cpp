@@ -47,7 +47,7 @@ class World::Builder {
     cars();
     trees();
     houses();
-    parkedCars();
+    if (options_.parked_cars) parkedCars();
     road();
   }
 
@@ -67,6 +67,11 @@ class World::Builder {
   }
   void place(const Mesh& mesh, const Eigen::Isometry3d& T_w_m) {
     world_.scene_.instances.push_back({&mesh, T_w_m});
+  }
+
+  void placeGround(Mesh mesh) {
+    world_.scene_.instances.push_back(
+        {&keep(std::move(mesh)), Eigen::Isometry3d::Identity(), false});
   }
 
   // --- Materials --------------------------------------------------------------------------------
@@ -111,9 +116,12 @@ class World::Builder {
   void cars() {
     for (const double body : {185., 45., 120., 225., 75.}) {
       world_.cars_.push_back(
-          carMesh(texture(carImage(body, bits()), kCarTexel, Texture::Wrap::kClamp)));
+          carMesh(texture(carImage(body, bits()), kCarTexel, Texture::Wrap::kClamp), options_.sun));
       world_.cars_.back().bound();
     }
+    world_.van_ = vanMesh(
+        texture(vanImage(205, options_.seed + 77), kCarTexel, Texture::Wrap::kClamp), options_.sun);
+    world_.van_.bound();
   }
 
   void parkedCars() {
@@ -134,14 +142,15 @@ class World::Builder {
 
   // --- Trees, poles, hedges, houses -------------------------------------------------------------
 
-  static void addPrism(Mesh& mesh, double radius, double top_radius, double height,
-                       const Texture& texture, double light) {
+  void addPrism(Mesh& mesh, double radius, double top_radius, double height, const Texture& texture,
+                double light) const {
     constexpr int kSides = 8;
     const auto rim = [&](int k, double r, double z) {
       const double angle = 2 * kPi * k / kSides;
       const Eigen::Vector3d normal(std::cos(angle), std::sin(angle), 0);
-      return Vertex{
-          r * normal + Eigen::Vector3d(0, 0, z), {radius * angle, z}, light * lit(normal)};
+      return Vertex{r * normal + Eigen::Vector3d(0, 0, z),
+                    {radius * angle, z},
+                    light * lit(normal, options_.sun)};
     };
     for (int k = 0; k < kSides; ++k) {
       mesh.addQuad(rim(k, radius, 0), rim(k + 1, radius, 0), rim(k + 1, top_radius, height),
@@ -161,7 +170,8 @@ class World::Builder {
         const Eigen::Vector3d n(std::cos(b) * std::cos(a), std::cos(b) * std::sin(a), std::sin(b));
         const bool pole = j == 0 || j == kUp;
         const double r = radius * (pole ? 1 : uniform(0.78, 1.15));
-        const double shade = 0.55 * lit(n) + 0.3 + 0.25 * n.z() + 0.15 * (r / radius - 1);
+        const double shade =
+            0.55 * lit(n, options_.sun) + 0.3 + 0.25 * n.z() + 0.15 * (r / radius - 1);
         grid[j][i] = {centre + r * n, offset + radius * Eigen::Vector2d(a, 1.3 * b), shade};
         if (i == kRound) grid[j][i].p = grid[j][0].p;
       }
@@ -215,7 +225,9 @@ class World::Builder {
   Mesh house(double length, double depth, double height, double roof, const Eigen::Matrix3d& R_w_m,
              const Texture& front, const Texture& plain) {
     Mesh mesh;
-    const auto light = [&](const Eigen::Vector3d& n) { return lit(R_w_m * n.normalized()); };
+    const auto light = [&](const Eigen::Vector3d& n) {
+      return lit(R_w_m * n.normalized(), options_.sun);
+    };
     const auto wall = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b, double top,
                           const Texture& texture, const Eigen::Vector3d& n) {
       const double l = (b - a).norm();
@@ -305,10 +317,10 @@ class World::Builder {
         T_w_m.translate(Eigen::Vector3d(-length / 2 + s + length / 2 - at, 0, -0.5));
         const Texture& front = texture(facadeImage(length, height + 0.5, floors, wall),
                                        kFacadeTexel, Texture::Wrap::kClamp);
-        place(keep(house(length, depth, height + 0.5, uniform(2, 3.5), T_w_m.linear(), front,
-                         plaster)),
-              T_w_m);
-        if (side > 0) {
+        Mesh mesh =
+            house(length, depth, height + 0.5, uniform(2, 3.5), T_w_m.linear(), front, plaster);
+        if (clearOfRoad(T_w_m, length, depth)) place(keep(std::move(mesh)), T_w_m);
+        if (side * options_.sun.y() > 0) {
           castShadow(at, u, {{length / 2, 0}, {-length / 2, 0}}, height, 1);
         }
         hedge(at, side > 0 ? uniform(9.6, 10.4) : -uniform(8.6, 9.4), length * uniform(0.4, 1));
@@ -329,7 +341,21 @@ class World::Builder {
     mesh.addQuad({{0, 0, height}, {0, 0}, 0.95}, {{length, 0, height}, {length, 0}, 0.95},
                  {{length, depth, height}, {length, depth}, 0.95},
                  {{0, depth, height}, {0, depth}, 0.95}, skin);
-    place(keep(std::move(mesh)), T_w_m);
+    if (clearOfRoad(T_w_m, length, depth)) place(keep(std::move(mesh)), T_w_m);
+  }
+
+  /// Inside a tight curve a long box would reach over to the road again.
+  bool clearOfRoad(const Eigen::Isometry3d& T_w_m, double length, double depth) const {
+    constexpr double kWide = 0.035, kClear = 8.5;
+    if (options_.largest_curvature <= kWide) return true;
+    for (const double x : {0., 0.25, 0.5, 0.75, 1.}) {
+      for (const double y : {0., 1.}) {
+        if (street_.distance(T_w_m * Eigen::Vector3d(x * length, y * depth, 0)) < kClear) {
+          return false;
+        }
+      }
+    }
+    return true;
   }
 
   // --- The road ---------------------------------------------------------------------------------
@@ -340,7 +366,7 @@ class World::Builder {
   /// axes.
   Eigen::Vector2d shadowOf(double s, double u, const Eigen::Vector3d& above) const {
     const Eigen::Vector3d sun =
-        Eigen::AngleAxisd(-street_.heading(s), Eigen::Vector3d::UnitZ()) * kSun;
+        Eigen::AngleAxisd(-street_.heading(s), Eigen::Vector3d::UnitZ()) * options_.sun;
     return onRoad(s + above.x() - sun.x() / sun.z() * above.z(),
                   u + above.y() - sun.y() / sun.z() * above.z());
   }
@@ -367,6 +393,8 @@ class World::Builder {
 
   void road() {
     paintAsphalt();
+    if (options_.cobbles) paintCobbles();
+    if (options_.puddles > 0) puddles();
     cv::Mat shadow = shadow_;
     cv::GaussianBlur(shadow, shadow, {}, 0.8);
     cv::resize(shadow, shadow, paint_.size(), 0, 0, cv::INTER_LINEAR);
@@ -390,6 +418,15 @@ class World::Builder {
     Brush brush(albedo, kRoadTexel);
     for (double s = street_.from(); s < street_.to(); s += 1) pavementRow(brush, s);
     if (options_.lane_markings) paintLines(brush);
+    if (options_.arrow_spacing > 0) paintArrows(brush);
+    const int bare_first = row(options_.bare_from), bare_end = row(options_.bare_to);
+    const int road_first = column(kRightKerb), road_end = column(kLeftKerb);
+    if (bare_first < bare_end) {
+      paint_(cv::Range(bare_first, bare_end), cv::Range(road_first, road_end)) = kNeutral;
+    }
+
+    std::vector<float> bare = contrast;  // where the asphalt shows nothing
+    std::fill(bare.begin() + road_first, bare.begin() + road_end, 0.f);
 
     // 20 m of grit, repeated: the paint's, the light's and the surface's grey are multiplied.
     const cv::Mat grit =
@@ -397,10 +434,11 @@ class World::Builder {
     for (int y = 0; y < albedo.rows; ++y) {
       const float* grain = grit.ptr<float>(y % grit.rows);
       const uchar *paint = paint_.ptr(y), *light = shadow.ptr(y);
+      const std::vector<float>& strength = y >= bare_first && y < bare_end ? bare : contrast;
       uchar* out = albedo.ptr(y);
       for (int x = 0; x < albedo.cols; ++x) {
         const float tone = static_cast<float>(paint[x] * light[x]) / (128.f * 255.f);
-        const float grainy = 1 + contrast[static_cast<std::size_t>(x)] * grain[x];
+        const float grainy = 1 + strength[static_cast<std::size_t>(x)] * grain[x];
         out[x] = cv::saturate_cast<uchar>(static_cast<float>(out[x]) * tone * grainy);
       }
     }
@@ -412,6 +450,12 @@ class World::Builder {
     // The kerbs' faces stand between the road's and the pavements' columns.
     const double right = u >= kRightKerb ? kKerbHeight : 0, left = u >= kLeftKerb ? kKerbHeight : 0;
     return static_cast<int>(std::lround((u - kTextureRight + right + left) / kRoadTexel));
+  }
+
+  /// Of the road's texture; s may lie outside of it.
+  int row(double s) const {
+    const double at = (s - street_.from()) / kRoadTexel;
+    return static_cast<int>(std::lround(std::clamp(at, 0.0, static_cast<double>(paint_.rows))));
   }
 
   void pavementRow(Brush& brush, double s) {  // one metre of slabs and kerb stones
@@ -431,9 +475,11 @@ class World::Builder {
   }
 
   void paintLines(Brush& brush) {
+    const double dash = options_.solid_lines ? 6 : 3;
     for (double s = street_.from(); s < street_.to(); s += 6) {
       const Eigen::Vector2d at = onRoad(s, kCentreLine - 0.06);
-      brush.box(at.x(), at.y(), 0.12, 3, 215);
+      brush.box(at.x(), at.y(), 0.12, dash, 215);
+      if (options_.solid_lines) continue;
       const Eigen::Vector2d bay = onRoad(s, kRightKerb);
       brush.box(bay.x(), bay.y(), kRightLine - kRightKerb, 0.1, 195);
     }
@@ -441,6 +487,56 @@ class World::Builder {
       const Eigen::Vector2d at = onRoad(street_.from(), u - 0.06);
       brush.box(at.x(), at.y(), 0.12, street_.to() - street_.from(), 205);
     }
+  }
+
+  /// Straight on, in the middle of the lane: a shaft and a head.
+  void paintArrows(Brush& brush) {
+    for (double s = street_.from() + 4; s < street_.to() - 6; s += options_.arrow_spacing) {
+      const Eigen::Vector2d at = onRoad(s, 0);
+      const auto corner = [&](double x, double y) {
+        return Eigen::Vector2d(at + Eigen::Vector2d(x, y));
+      };
+      brush.box(at.x() - 0.08, at.y(), 0.16, 3.1, 215);
+      brush.polygon({corner(-0.38, 3), corner(0.38, 3), corner(0, 4.9)}, 215);
+    }
+  }
+
+  /// Stones in rows across the road, each of its own grey, with sand between them.
+  void paintCobbles() {
+    constexpr int kAcross = 9, kAlong = 7;  // texels of a stone with its joint
+    const int first = column(kRightKerb), end = column(kLeftKerb);
+    std::vector<double> stones(static_cast<std::size_t>((end - first) / kAcross + 2));
+    int shift = 0;
+    for (int y = 0; y < paint_.rows; ++y) {
+      if (y % kAlong == 0) {
+        for (double& stone : stones) stone = uniform(-22, 20);
+        shift = static_cast<int>(uniform(0, kAcross));
+      }
+      uchar* out = paint_.ptr(y);
+      for (int x = first; x < end; ++x) {
+        const int at = x - first + shift, in_row = y % kAlong, in_stone = at % kAcross;
+        const bool joint = in_row == 0 || in_stone == 0;
+        const bool rim = in_row == 1 || in_row == kAlong - 1 || in_stone == 1;  // rounded off
+        const double stone = stones[static_cast<std::size_t>(at / kAcross)];
+        const double percent = joint ? -45 : stone - (rim ? 9 : 0);
+        out[x] = cv::saturate_cast<uchar>(out[x] * (1 + percent / 100));
+      }
+    }
+  }
+
+  /// Irregular pools of some metres with narrow shores, repeated after 41 m.
+  void puddles() {
+    cv::Mat depth = noiseTile({256, 512}, bits(), {{3, 0.35}, {8, 1}, {20, 0.8}});
+    std::vector<float> sorted(depth.begin<float>(), depth.end<float>());
+    const auto shore =
+        sorted.begin() + static_cast<std::ptrdiff_t>((1 - options_.puddles) *
+                                                     static_cast<double>(sorted.size() - 1));
+    std::nth_element(sorted.begin(), shore, sorted.end());
+    const double narrow = 0.12;
+    depth.convertTo(depth, CV_8U, 255 / narrow, -255 * *shore / narrow);
+    world_.scene_.puddles = &texture(depth, 0.08);
+    world_.scene_.puddles_from = onRoad(0, kRightKerb).x();
+    world_.scene_.puddles_to = onRoad(0, kLeftKerb).x() - kKerbHeight;
   }
 
   /// Patches, tarred joints and cracks, spots, manholes: factors on the asphalt's grey.
@@ -492,15 +588,18 @@ class World::Builder {
       double u, z, u_next, z_next;
       bool verge;
     };
+    // Inside a tight curve the verge ends before the curve's centre, where it would fold.
+    const double verge = std::min(kVergeEnd, 0.8 / std::max(options_.largest_curvature, 1e-9));
+    const double middle = std::min(14.0, (verge - kTextureRight) / 2);
     const std::array<Strip, 8> strips{{
-        {-kVergeEnd, kKerbHeight, -14, kKerbHeight, true},
-        {-14, kKerbHeight, kTextureRight, kKerbHeight, true},
+        {-verge, kKerbHeight, -middle, kKerbHeight, true},
+        {-middle, kKerbHeight, kTextureRight, kKerbHeight, true},
         {kTextureRight, kKerbHeight, kRightKerb, kKerbHeight, false},
         {kRightKerb, kKerbHeight, kRightKerb, 0, false},
         {kRightKerb, 0, kLeftKerb, 0, false},
         {kLeftKerb, 0, kLeftKerb, kKerbHeight, false},
         {kLeftKerb, kKerbHeight, kTextureLeft, kKerbHeight, false},
-        {kTextureLeft, kKerbHeight, kVergeEnd, kKerbHeight, true},
+        {kTextureLeft, kKerbHeight, verge, kKerbHeight, true},
     }};
     const auto vertex = [&](const Strip& strip, double s, double u, double z, double u_texture) {
       const bool face = strip.z != strip.z_next;
@@ -525,16 +624,16 @@ class World::Builder {
                        strip.verge ? *grass_ : *world_.scene_.road);
         }
       }
-      place(keep(std::move(mesh)), Eigen::Isometry3d::Identity());
+      placeGround(std::move(mesh));
     }
     Mesh plain;  // what lies beyond the verges
-    const double size = 500, low = -0.5;
+    const double size = 500, low = std::min(0.0, street_.lowest()) - street_.point(0, 0).z() - 0.5;
     const auto corner = [&](double x, double y) {
       return Vertex{street_.point(0, 0, low) + Eigen::Vector3d(x, y, 0), {x, y}, 0.9};
     };
     const double to = street_.to() + size;
     plain.addQuad(corner(-size, -to), corner(to, -to), corner(to, to), corner(-size, to), *grass_);
-    place(keep(std::move(plain)), Eigen::Isometry3d::Identity());
+    placeGround(std::move(plain));
   }
 
   static constexpr double kFacadeTexel = 0.025;  // [m]

@@ -11,11 +11,20 @@
 
 namespace ground_scale_vo::synthetic {
 
+/// As SyntheticDrive::Options says.
 struct WorldOptions {
   std::uint64_t seed = 1;
   double road_texture = 1;
   bool lane_markings = true;
   bool shadows = true;
+  bool solid_lines = false;
+  double arrow_spacing = 0;
+  bool cobbles = false;
+  double bare_from = 0, bare_to = 0;
+  double puddles = 0;
+  bool parked_cars = true;
+  double largest_curvature = 0;
+  Eigen::Vector3d sun = Eigen::Vector3d::UnitZ();  ///< unit vector towards it
 };
 
 /// Everything that stands still, and the meshes of cars. Immutable once built.
@@ -28,6 +37,7 @@ class World {
   /// Static instances, sky and road; moving cars are to be added.
   const Scene& scene() const { return scene_; }
   const Mesh& car(std::size_t i) const { return cars_[i % cars_.size()]; }
+  const Mesh& van() const { return van_; }
   Eigen::Vector2d roadTexture(double s, double u) const;  ///< [m]
 
  private:
@@ -37,6 +47,7 @@ class World {
   std::deque<Texture> textures_;
   std::deque<Mesh> meshes_;
   std::vector<Mesh> cars_;  ///< x forward, origin on the road below the middle
+  Mesh van_;                ///< the same axes
 };
 
 }  // namespace ground_scale_vo::synthetic

@@ -178,14 +178,11 @@ Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun) {
 }
 
 cv::Mat hoodImage(std::uint64_t seed) {
-  cv::Mat image = grey(noiseTile({256, 256}, seed + 99, {{30, 1}}), 70, 5);
-  for (int y = 0; y < image.rows; ++y) {  // far off it mirrors the horizon, near by the zenith
-    image.row(y) *= 1.9 - 0.9 * y / image.rows;
-  }
+  cv::Mat image = grey(noiseTile({256, 256}, seed + 99, {{30, 1}}), 48, 4);
   Brush brush(image, kCarTexel);
   for (const double x : {0.55, 1.95}) {  // creases
-    brush.line({x, 0}, {x + 0.2 * (x - 1.25), 2.56}, 0.03, 150);
-    brush.line({x + 0.03, 0}, {x + 0.03 + 0.2 * (x - 1.25), 2.56}, 0.03, 45);
+    brush.line({x, 0}, {x + 0.2 * (x - 1.25), 2.56}, 0.03, 120);
+    brush.line({x + 0.03, 0}, {x + 0.03 + 0.2 * (x - 1.25), 2.56}, 0.03, 28);
   }
   for (const double x : {0.85, 1.65}) brush.ellipse({x, 1.6}, {0.05, 0.03}, 25);  // nozzles
   return image;

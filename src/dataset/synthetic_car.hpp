@@ -19,7 +19,7 @@ cv::Mat carImage(double body, std::uint64_t seed);
 /// on the road below its middle. sun: unit vector towards it.
 Mesh carMesh(const Texture& texture, const Eigen::Vector3d& sun);
 
-/// Paint that mirrors a bright sky, 2.56 x 2.56 m, the windscreen's side at the bottom.
+/// Dark paint with creases, 2.56 x 2.56 m, the windscreen's side at the bottom.
 cv::Mat hoodImage(std::uint64_t seed);
 
 /// The own hood in its skin, in the camera's axes: it hides this share of the image's height in the

@@ -222,6 +222,7 @@ synthetic::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   world.bare_from = o.bare_from_m;
   world.bare_to = o.bare_to_m;
   world.puddles = o.puddles;
+  world.bumps = o.bump_height > 0;
   world.parked_cars = o.parked_cars;
   world.largest_curvature = o.curvature;
   world.sun = o.sun.normalized();
@@ -335,6 +336,8 @@ struct SyntheticDrive::Impl {
     if (options.moving_cars) addTraffic(scene, static_cast<double>(frames[i].stamp_ns) * 1e-9);
     if (options.own_shadow) scene.own_shadow = ownShadow(stations[i]);
     if (options.hood > 0) scene.instances.push_back({&hood, T_w_c[i], false});
+    scene.hood = hood_skin ? &*hood_skin : nullptr;
+    scene.hood_share = options.hood;
     scene.daylight = options.daylight;
     if (options.headlamps) {
       scene.T_w_lamps = T_w_v[i];
@@ -369,6 +372,7 @@ SyntheticDrive::SyntheticDrive(const Options& options) {
 SyntheticDrive::~SyntheticDrive() = default;
 
 const PinholeCamera& SyntheticDrive::camera() const { return impl_->options.camera; }
+double SyntheticDrive::cameraHeight() const { return impl_->options.camera_height; }
 std::size_t SyntheticDrive::size() const { return impl_->frames.size(); }
 const SyntheticDrive::Frame& SyntheticDrive::frame(std::size_t i) const {
   return impl_->frames.at(i);

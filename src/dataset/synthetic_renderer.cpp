@@ -205,8 +205,18 @@ class Rasteriser {
     const double clear = std::exp(-z / kHazeLength);
     const double haze = kHazeGrey * dusk_;
     double grey = s.texture->sample(uv, J) * light;
+    if (s.texture == scene_.hood) grey = polished(grey, u);
     if (mirror_ && s.texture == scene_.road) grey = wet(grey, uv, J, u);
     return static_cast<float>(grey * clear + haze * (1 - clear));
+  }
+
+  /// Grey of the curved hood: its edge mirrors the horizon, what is near the zenith.
+  double polished(double paint, const Eigen::Vector2d& u) const {
+    const double height = camera_.height * scene_.hood_share,
+                 rise = (camera_.height - u.y()) / height;
+    const double row = std::clamp(rise, 0.0, 1.0) * 0.95 * camera_.cy;
+    return 0.7 * paint + 0.35 * shadePixel(static_cast<int>(std::lround(u.x())),
+                                           static_cast<int>(std::lround(row)));
   }
 
   /// Grey of the road under the puddles: darker where it is wet, and a mirror at a flat angle.

@@ -85,6 +85,9 @@ struct Scene {
   const Texture* puddles = nullptr;
   double puddles_from = 0, puddles_to = 0;
 
+  const Texture* hood = nullptr;  ///< what has this texture mirrors the upper part of the picture
+  double hood_share = 0;          ///< of the image's height
+
   double daylight = 1;  ///< 1 = day
   /// Axes x right, y down, z ahead, the origin between two headlamps; without it they are off.
   std::optional<Eigen::Isometry3d> T_w_lamps;

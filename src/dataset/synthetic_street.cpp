@@ -9,7 +9,6 @@ namespace {
 constexpr double kPeriod = 130;  // the road repeats itself [m]
 constexpr double kStep = 0.5;    // of the nodes [m]
 constexpr double kEdge = 6;      // over which a ramp begins and ends [m]
-constexpr double kBumpLength = 3.6, kBumpAt = 21, kBumpSpacing = 17;  // [m]
 
 /// A smooth hump sin^2 over [a, b], and its integral.
 double hump(double s, double a, double b) {

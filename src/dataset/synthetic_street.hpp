@@ -8,6 +8,9 @@ namespace ground_scale_vo::synthetic {
 
 constexpr double kPi = 3.14159265358979323846;
 
+/// Speed bumps: their length along the road, where the first one begins, from one to the next [m].
+constexpr double kBumpLength = 3.6, kBumpAt = 21, kBumpSpacing = 17;
+
 /// Small seeded generator (SplitMix64), the same numbers with every standard library.
 class Random {
  public:

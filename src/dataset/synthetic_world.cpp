@@ -419,6 +419,7 @@ class World::Builder {
     for (double s = street_.from(); s < street_.to(); s += 1) pavementRow(brush, s);
     if (options_.lane_markings) paintLines(brush);
     if (options_.arrow_spacing > 0) paintArrows(brush);
+    if (options_.bumps) paintBumps(brush);
     const int bare_first = row(options_.bare_from), bare_end = row(options_.bare_to);
     const int road_first = column(kRightKerb), road_end = column(kLeftKerb);
     if (bare_first < bare_end) {
@@ -501,8 +502,21 @@ class World::Builder {
     }
   }
 
+  /// Fresh, darker asphalt, and white fields on the flank that faces the traffic.
+  void paintBumps(Brush& brush) {
+    for (double s = kBumpAt; s < street_.to() - kBumpLength; s += kBumpSpacing) {
+      const Eigen::Vector2d at = onRoad(s, kRightKerb);
+      brush.box(at.x(), at.y(), kLeftKerb - kRightKerb, kBumpLength, 88);
+      for (double x = 0.3; x < kLeftKerb - kRightKerb - 0.5 && options_.lane_markings; x += 1) {
+        const bool right = kRightKerb + x < kCentreLine;
+        brush.box(at.x() + x, at.y() + (right ? 0.3 : kBumpLength - 1.2), 0.5, 0.9, 210);
+      }
+    }
+  }
+
   /// Stones in rows across the road, each of its own grey, with sand between them.
   void paintCobbles() {
+    paint_.colRange(column(kRightKerb), column(kLeftKerb)) = kNeutral;
     constexpr int kAcross = 9, kAlong = 7;  // texels of a stone with its joint
     const int first = column(kRightKerb), end = column(kLeftKerb);
     std::vector<double> stones(static_cast<std::size_t>((end - first) / kAcross + 2));

@@ -22,6 +22,7 @@ struct WorldOptions {
   bool cobbles = false;
   double bare_from = 0, bare_to = 0;
   double puddles = 0;
+  bool bumps = false;
   bool parked_cars = true;
   double largest_curvature = 0;
   Eigen::Vector3d sun = Eigen::Vector3d::UnitZ();  ///< unit vector towards it

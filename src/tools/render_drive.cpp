@@ -18,6 +18,7 @@
 #include <thread>
 #include <vector>
 
+#include "ground_scale_vo/dataset/hazard_drives.hpp"
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
 #include "ground_scale_vo/error.hpp"
@@ -30,10 +31,11 @@ namespace {
 
 constexpr const char* kPurpose =
     R"(usage: render_drive [options] FOLDER
+       render_drive --list
 
 Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,
 times.txt, the exact poses.txt, and ground.txt with the exact height and road normal of
-every frame. FOLDER must not exist yet.
+every frame. FOLDER must not exist yet. kitti_to_bag makes a bag of it.
 
 )";
 
@@ -42,6 +44,7 @@ struct Settings {
   fs::path folder;
   gsv::SyntheticDrive::Options drive;
   double threads = std::max(1u, std::thread::hardware_concurrency());
+  bool list = false;  ///< the catalogue instead of a drive
 };
 
 double number(const std::string& option, const std::string& text) {
@@ -103,6 +106,10 @@ std::vector<Option> optionTable(Settings& settings) {
   };
   const gsv::PinholeCamera& camera = drive.camera;
   return {
+      {"--list", nullptr, "prints the catalogue of drives that are hard for a camera",
+       [&settings](const auto&, const auto&) { settings.list = true; }},
+      {"--hazard", "NAME", "a drive of the catalogue (--list); options after it change it",
+       [&drive](const auto&, const auto& given) { drive = gsv::hazardDrive(given).options; }},
       whole("--frames", "frames", drive.frames),
       {"--size", "WxH",
        "of the image, at one field of view (" + std::to_string(camera.width) + "x" +
@@ -145,6 +152,12 @@ std::string usage() {
   return text.str();
 }
 
+void printCatalogue() {
+  for (const gsv::HazardDrive& hazard : gsv::hazardDrives()) {
+    std::printf("%-18s %s\n", hazard.name.c_str(), hazard.what.c_str());
+  }
+}
+
 /// Throws OptionError.
 Settings parse(int argc, char** argv) {
   Settings settings;
@@ -166,6 +179,7 @@ Settings parse(int argc, char** argv) {
     }
     known->set(argument, known->value ? argv[i] : "");
   }
+  if (settings.list) return settings;
   if (settings.folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
   gsv::requireInRange("--threads", settings.threads, 1, 256);
   settings.drive.validate();
@@ -278,8 +292,16 @@ void render(const Settings& settings) {
   std::printf("%zu frames in %s\n", drive.size(), folder.c_str());
 }
 
+void run(const Settings& settings) {
+  if (settings.list) {
+    printCatalogue();
+  } else {
+    render(settings);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  return gsv::toolMain("render_drive", usage().c_str(), argc, argv, parse, render);
+  return gsv::toolMain("render_drive", usage().c_str(), argc, argv, parse, run);
 }

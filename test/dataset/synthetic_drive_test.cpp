@@ -11,6 +11,7 @@
 #include <opencv2/video/tracking.hpp>
 #include <vector>
 
+#include "ground_scale_vo/dataset/hazard_drives.hpp"
 #include "ground_scale_vo/error.hpp"
 
 namespace ground_scale_vo {
@@ -74,14 +75,23 @@ TEST(SyntheticDrive, RendersTheSameBytesOnOtherThreads) {
 TEST(SyntheticDrive, RefusesOptionsOutOfRange) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<std::function<void(Options&)>> mistakes{
-      [](Options& o) { o.frames = 0; },        [](Options& o) { o.speed = -1; },
-      [](Options& o) { o.camera.width = 0; },  [](Options& o) { o.camera.fx = 0; },
-      [](Options& o) { o.camera_height = 0; }, [](Options& o) { o.frame_rate_hz = 0; },
-      [&](Options& o) { o.pitch_rad = nan; },  [](Options& o) { o.curvature = 1; },
-      [](Options& o) { o.slope = 1; },         [](Options& o) { o.stop_s = -1; },
-      [](Options& o) { o.stop_at_m = 5; },     [](Options& o) { o.suspension = -1; },
-      [](Options& o) { o.road_texture = -1; }, [](Options& o) { o.noise_sigma = -1; },
-      [](Options& o) { o.black_frames = -1; }, [](Options& o) { o.frames = 99999; },
+      [](Options& o) { o.frames = 0; },         [](Options& o) { o.speed = -1; },
+      [](Options& o) { o.camera.width = 0; },   [](Options& o) { o.camera.fx = 0; },
+      [](Options& o) { o.camera_height = 0; },  [](Options& o) { o.frame_rate_hz = 0; },
+      [&](Options& o) { o.pitch_rad = nan; },   [](Options& o) { o.curvature = 1; },
+      [](Options& o) { o.slope = 1; },          [](Options& o) { o.stop_s = -1; },
+      [](Options& o) { o.stop_at_m = 5; },      [](Options& o) { o.suspension = -1; },
+      [](Options& o) { o.road_texture = -1; },  [](Options& o) { o.noise_sigma = -1; },
+      [](Options& o) { o.black_frames = -1; },  [](Options& o) { o.frames = 99999; },
+      [&](Options& o) { o.roll_rad = nan; },    [](Options& o) { o.lane_offset = -5; },
+      [](Options& o) { o.ramp_slope = 1; },     [](Options& o) { o.ramp_slope = 0.1; },
+      [](Options& o) { o.bump_height = 1; },    [](Options& o) { o.lead_gap = 0; },
+      [](Options& o) { o.lead_time = -1; },     [](Options& o) { o.cars_beside = -1; },
+      [](Options& o) { o.arrow_spacing = 1; },  [](Options& o) { o.puddles = 0.5; },
+      [&](Options& o) { o.sun.x() = nan; },     [](Options& o) { o.sun.z() = -1; },
+      [](Options& o) { o.daylight = 2; },       [](Options& o) { o.hood = 1; },
+      [](Options& o) { o.jpeg_quality = -1; },  [](Options& o) { o.bare_to_m = 1e9; },
+      [](Options& o) { o.speeds = {{0, 99}}; }, [](Options& o) { o.speeds = {{1, 5}, {1, 6}}; },
   };
   for (std::size_t i = 0; i < mistakes.size(); ++i) {
     Options options;
@@ -160,6 +170,48 @@ TEST(SyntheticDrive, StandsStillAtTheStop) {
   EXPECT_TRUE(equal(drive.image(standing.front()), drive.image(standing.back())));
 }
 
+TEST(SyntheticDrive, DrivesAsTheTableOfSpeedsSays) {
+  Options options = shortDrive(60);
+  options.curvature = options.slope = 0;
+  options.speeds = {{0, 6}, {2, 6}, {3, 0}, {4, -2}};
+  const SyntheticDrive drive(options);
+  const auto way = [&](std::size_t i) { return drive.frame(i).T_c0_c.translation().norm(); };
+  EXPECT_NEAR(way(20), 12, 0.05);
+  EXPECT_NEAR(way(30), 15, 0.05);  // a cosine ramp is half as long as the cruise
+  EXPECT_NEAR(way(40), 14, 0.05);
+  EXPECT_NEAR(way(50), 12, 0.05);
+  EXPECT_EQ(drive.frame(10).speed, 6);
+  EXPECT_NEAR(drive.frame(25).speed, 3, 1e-12);
+  EXPECT_EQ(drive.frame(50).speed, -2);
+}
+
+TEST(SyntheticDrive, StandsOnItsWheelsOnABump) {
+  Options options = shortDrive(60);
+  options.curvature = options.slope = options.suspension = 0;
+  options.bump_height = 0.1;
+  options.speed = 5;
+  options.stop_s = 0;
+  const SyntheticDrive drive(options);
+  const double h = options.camera_height;
+  const Eigen::Vector3d n = drive.frame(0).n_c;
+  double highest = 0, steepest = 0;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const Frame& frame = drive.frame(i);
+    EXPECT_NEAR(frame.height, h, 1e-9);
+    const double rise = n.dot(frame.T_c0_c.translation());
+    highest = std::max(highest, rise);
+    steepest =
+        std::max(steepest, std::acos(std::min(1.0, (frame.T_c0_c.linear() * frame.n_c).dot(n))));
+    EXPECT_GT(rise, -0.01);
+    // Front axle at 21 m: s + 1.4; the rear has left the bump at 24.6 m: s - 1.2.
+    if (0.5 * static_cast<double>(i) < 19.6) EXPECT_NEAR(rise, 0, 1e-9) << i;
+    if (0.5 * static_cast<double>(i) > 25.8) EXPECT_NEAR(rise, 0, 1e-9) << i;
+  }
+  EXPECT_GT(highest, 0.05);
+  EXPECT_LT(highest, 0.1);
+  EXPECT_NEAR(steepest, 0.1 / 2.6, 0.012);
+}
+
 TEST(SyntheticDrive, BlackFramesAreBlack) {
   Options options = shortDrive(6);
   options.black_first = 2;
@@ -173,9 +225,31 @@ TEST(SyntheticDrive, BlackFramesAreBlack) {
 TEST(SyntheticDrive, SwitchesChangeThePicture) {
   const cv::Mat all = SyntheticDrive(shortDrive(1)).image(0);
   for (const auto& change : std::vector<std::function<void(Options&)>>{
-           [](Options& o) { o.moving_cars = false; }, [](Options& o) { o.lane_markings = false; },
-           [](Options& o) { o.shadows = false; }, [](Options& o) { o.road_texture = 0; },
-           [](Options& o) { o.curvature = 0; }, [](Options& o) { o.noise_sigma = 0; }}) {
+           [](Options& o) { o.moving_cars = false; },
+           [](Options& o) { o.lane_markings = false; },
+           [](Options& o) { o.shadows = false; },
+           [](Options& o) { o.road_texture = 0; },
+           [](Options& o) { o.curvature = 0; },
+           [](Options& o) { o.noise_sigma = 0; },
+           [](Options& o) { o.roll_rad = 0.05; },
+           [](Options& o) { o.lane_offset = -1; },
+           [](Options& o) { o.lead_van = true; },
+           [](Options& o) { o.lead_gap = 5; },
+           [](Options& o) { o.cars_beside = 1; },
+           [](Options& o) { o.parked_cars = false; },
+           [](Options& o) { o.solid_lines = true; },
+           [](Options& o) { o.arrow_spacing = 10; },
+           [](Options& o) { o.bare_to_m = 20; },
+           [](Options& o) { o.cobbles = true; },
+           [](Options& o) { o.slope = 0, o.puddles = 0.3; },
+           [](Options& o) { o.sun.y() = -0.6; },
+           [](Options& o) { o.daylight = 0.5; },
+           [](Options& o) {
+             o.own_shadow = true, o.sun = {-0.9, 0.1, 0.2};
+           },
+           [](Options& o) { o.headlamps = true, o.daylight = 0.01; },
+           [](Options& o) { o.hood = 0.2; },
+           [](Options& o) { o.jpeg_quality = 40; }}) {
     Options options = shortDrive(1);
     change(options);
     EXPECT_FALSE(equal(all, SyntheticDrive(options).image(0)));
@@ -186,14 +260,15 @@ TEST(SyntheticDrive, SwitchesChangeThePicture) {
 struct Place {
   std::size_t frame;
   double slope;
-  double median_px, bias_px;  ///< allowed
+  double median_px, bias_px;     ///< allowed
+  const char* hazard = nullptr;  ///< its drive; else the default one
 };
 
 /// Frame i's picture of the road, laid over frame i + 1 along the true plane.
 class SyntheticRoad : public testing::TestWithParam<Place> {
  protected:
   void SetUp() override {
-    Options options;
+    Options options = GetParam().hazard ? hazardDrive(GetParam().hazard).options : Options();
     options.slope = GetParam().slope;
     options.moving_cars = false;
     const SyntheticDrive drive(options);
@@ -258,6 +333,12 @@ INSTANTIATE_TEST_SUITE_P(StraightAndCurves, SyntheticRoad,
 // Ten metres ahead the road is some centimetres off the plane below the camera.
 INSTANTIATE_TEST_SUITE_P(Slope, SyntheticRoad,
                          testing::Values(Place{10, 0.025, 0.5, 0.4}, Place{150, 0.025, 0.5, 0.4}));
+// Where a mounting, a ramp or a bend is extreme, the plane below is still the one ahead.
+INSTANTIATE_TEST_SUITE_P(
+    Hazards, SyntheticRoad,
+    testing::Values(Place{20, 0, 0.2, 0.06, "rolled"}, Place{20, 0, 0.2, 0.06, "pitched"},
+                    Place{20, 0, 0.2, 0.06, "camera_high"}, Place{60, 0, 0.2, 0.06, "tight_bends"},
+                    Place{33, 0, 0.2, 0.06, "slope_edges"}, Place{52, 0, 0.2, 0.06, "cobbles"}));
 
 }  // namespace
 }  // namespace ground_scale_vo

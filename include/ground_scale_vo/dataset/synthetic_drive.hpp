@@ -96,6 +96,7 @@ class SyntheticDrive {
   ~SyntheticDrive();
 
   const PinholeCamera& camera() const;
+  double cameraHeight() const;  ///< Options::camera_height
   std::size_t size() const;
   const Frame& frame(std::size_t i) const;
   /// 8-bit grey. The same bytes for the same options and i. Thread safe. Renders on the calling

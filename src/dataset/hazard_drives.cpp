@@ -1,0 +1,246 @@
+#include "ground_scale_vo/dataset/hazard_drives.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "ground_scale_vo/dataset/odometry_metrics.hpp"
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Options = SyntheticDrive::Options;
+
+constexpr double kDegree = 0.017453292519943295;
+constexpr double kChord = 2;           // for the true scale of a frame [m]
+constexpr std::size_t kFarthest = 25;  // of its ends from the frame
+
+/// A drive without a stop, changed by one hazard.
+HazardDrive drive(const char* name, const char* what, int frames,
+                  const std::function<void(Options&)>& change,
+                  std::optional<HazardDrive::Frames> road_hidden = {}) {
+  HazardDrive result{name, what, {}, road_hidden};
+  result.options.frames = frames;
+  result.options.stop_s = 0;
+  change(result.options);
+  return result;
+}
+
+void setCamera(Options& o, int width, int height, double focal) {
+  o.camera.width = width;
+  o.camera.height = height;
+  o.camera.fx = o.camera.fy = focal;
+  o.camera.cx = (width - 1) / 2.0;
+  o.camera.cy = (height - 1) / 2.0;
+}
+
+/// Metres per VO unit around frame i; empty when the camera hardly moves or has no pose.
+std::optional<double> trueScale(const SyntheticDrive& drive, const std::vector<RunFrame>& frames,
+                                std::size_t i) {
+  const auto usable = [&](std::size_t k) {
+    return frames[k].has_vo_pose && frames[k].map_id == frames[i].map_id;
+  };
+  if (!usable(i)) return {};
+  std::size_t a = i, b = i;
+  for (std::size_t reach = 1; reach <= kFarthest; ++reach) {
+    if (i >= reach && usable(i - reach)) a = i - reach;
+    if (i + reach < frames.size() && usable(i + reach)) b = i + reach;
+    const double truth =
+        (drive.frame(b).T_c0_c.translation() - drive.frame(a).T_c0_c.translation()).norm();
+    const double estimate = (frames[b].T_w_c.translation() - frames[a].T_w_c.translation()).norm();
+    if (truth >= kChord && estimate > 0) return truth / estimate;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<HazardDrive> hazardDrives() {
+  return {
+      drive("car_close_ahead", "a car 5 to 6 m before the camera", 60,
+            [](Options& o) { o.lead_gap = 5.2, o.lead_time = 0.05; }),
+      drive("van_close_ahead", "a van 6 m ahead that fills the lane", 60,
+            [](Options& o) { o.lead_van = true, o.lead_gap = 5.5, o.lead_time = 0.05; }),
+      drive("cars_beside", "two cars keep pace in the next lane, one drives ahead", 60,
+            [](Options& o) { o.cars_beside = 2, o.lead_time = 0.6; }),
+      drive("crawl_start", "the drive begins at walking pace, close behind and beside others", 110,
+            [](Options& o) {
+              o.speeds = {{0, 1.4}, {4, 1.4}, {7.5, 8}};
+              o.cars_beside = 3;
+              o.lead_gap = 5;
+              o.lead_time = 0.4;
+            }),
+      drive("own_shadow", "low sun from behind: the own shadow lies on the road ahead", 60,
+            [](Options& o) {
+              o.own_shadow = true;
+              o.sun = {-0.96, 0.12, 0.15};
+              o.curvature = 0.01;
+              o.moving_cars = false;
+            }),
+      drive("tree_shadows", "shadows of trees, houses and parked cars across the lane", 60,
+            [](Options& o) {
+              o.sun = {0.2, -0.78, 0.6};
+            }),
+      drive("puddles", "half of the road is a mirror of sky, trees and houses", 60,
+            [](Options& o) { o.puddles = 0.5, o.slope = 0, o.shadows = false; }),
+      drive(
+          "lines_only", "30 m of asphalt on which only lines along the road can be seen", 90,
+          [](Options& o) {
+            o.solid_lines = true;
+            o.bare_from_m = 28;
+            o.bare_to_m = 75;
+            o.shadows = o.moving_cars = false;
+          },
+          HazardDrive::Frames{33, 66}),
+      drive("arrows_and_lines", "bare asphalt with lines along the road and an arrow every 12 m",
+            60,
+            [](Options& o) {
+              o.solid_lines = true;
+              o.arrow_spacing = 12;
+              o.road_texture = 0;
+              o.shadows = o.moving_cars = false;
+            }),
+      drive("speed_bumps", "bumps of 8 cm at 15 km/h", 100,
+            [](Options& o) { o.bump_height = 0.08, o.speed = 4.2, o.slope = 0; }),
+      drive("cobbles", "cobbles that shake the car", 60,
+            [](Options& o) { o.cobbles = true, o.suspension = 2, o.lane_markings = false; }),
+      drive("kerb_side", "the camera 1 m beside the kerb", 60,
+            [](Options& o) { o.lane_offset = -3.3, o.parked_cars = o.moving_cars = false; }),
+      drive("tight_bends", "bends of 12.5 m radius", 90,
+            [](Options& o) {
+              o.curvature = 0.08;
+              o.speed = 5;
+              o.slope = 0;
+              o.moving_cars = false;
+            }),
+      drive("slope_edges", "foot and crest of a ramp of 8 %", 75,
+            [](Options& o) {
+              o.slope = 0;
+              o.ramp_slope = 0.08;
+              o.ramp_from_m = 22;
+              o.ramp_to_m = 46;
+            }),
+      drive("hill", "up a hill of 10 % and over its top (200 m radius)", 85,
+            [](Options& o) { o.slope = 0.1, o.curvature = 0.01; }),
+      drive("weak_texture", "asphalt of a seventh of the contrast, without markings, overcast", 60,
+            [](Options& o) {
+              o.road_texture = 0.15;
+              o.lane_markings = o.shadows = false;
+            }),
+      drive("small_steps", "0.2 m between images", 110,
+            [](Options& o) { o.speed = 4, o.frame_rate_hz = 20; }),
+      drive("large_steps", "3.1 m between images", 45,
+            [](Options& o) {
+              o.speed = 25;
+              o.frame_rate_hz = 8;
+              o.curvature = 0.003;
+              o.lead_time = 1;
+            }),
+      drive("stop", "braking, a second of standstill, and on", 80,
+            [](Options& o) {
+              o.speeds = {{0, 7}, {2, 7}, {4, 0}, {5, 0}, {7, 7}};
+              o.speed = 7;
+            }),
+      drive("reversing", "forward, a stop, and 6 m back", 85,
+            [](Options& o) {
+              o.speeds = {{0, 6}, {3, 6}, {4.5, 0}, {5, 0}, {6.5, -3}};
+              o.speed = 6;
+              o.moving_cars = false;
+            }),
+      drive("night", "headlamps light the road near the car, all else is dark", 60,
+            [](Options& o) {
+              o.daylight = 0.004;
+              o.headlamps = true;
+              o.noise_sigma = 3;
+              o.shadows = o.moving_cars = false;
+            }),
+      drive("jpeg", "compressed at quality 40", 60, [](Options& o) { o.jpeg_quality = 40; }),
+      drive("camera_low", "a small robot's camera, 0.5 m high", 70,
+            [](Options& o) { o.camera_height = 0.5, o.speed = 4; }),
+      drive("camera_high", "a lorry's camera, 2.5 m high", 60,
+            [](Options& o) { o.camera_height = 2.5; }),
+      drive("pitched", "mounted 6 degrees down", 60, [](Options& o) { o.pitch_rad = 6 * kDegree; }),
+      drive("rolled", "mounted 3 degrees askew", 60, [](Options& o) { o.roll_rad = 3 * kDegree; }),
+      drive("hood", "the own hood covers the lower edge", 60, [](Options& o) { o.hood = 0.2; }),
+      drive("wide_angle", "640x480 with 90 degrees of view", 50,
+            [](Options& o) { setCamera(o, 640, 480, 320); }),
+      drive("tele", "38 degrees of view: the nearest road is 16 m off", 60,
+            [](Options& o) { setCamera(o, 800, 248, 1160); }),
+      drive("large_image", "960x540, half of a 1920x1080 camera of 69 degrees", 45,
+            [](Options& o) { setCamera(o, 960, 540, 700); }),
+  };
+}
+
+HazardDrive hazardDrive(const std::string& name) {
+  std::string names;
+  for (HazardDrive& hazard : hazardDrives()) {
+    if (hazard.name == name) return std::move(hazard);
+    names += (names.empty() ? "" : ", ") + hazard.name;
+  }
+  throw OptionError("'" + name + "' is no hazard, these are: " + names);
+}
+
+RunRecord runDrive(const SyntheticDrive& drive) {
+  OfflineRun::Options options;
+  options.scale.camera_height = drive.cameraHeight();
+  OfflineRun run(drive.camera(), options);
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    run.process(drive.image(i), drive.frame(i).stamp_ns);
+  }
+  return run.record();
+}
+
+DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive,
+                          const RunRecord& record) {
+  const std::vector<RunFrame>& frames = record.frames();
+  if (frames.size() != drive.size()) {
+    throw OptionError("the run has " + std::to_string(frames.size()) + " frames, the drive " +
+                      std::to_string(drive.size()));
+  }
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  DriveFigures figures;
+  figures.frames = frames.size();
+  figures.tracked_frames = record.trackedFrames();
+  figures.lost_events = record.lostEvents();
+  figures.rle_percent = figures.t_err_short_percent = kNone;
+
+  std::vector<Eigen::Isometry3d> truth, estimate;
+  std::vector<double> errors;
+  std::size_t within = 0, held = 0, hidden_ok = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const RunFrame& frame = frames[i];
+    if (hazard.road_hidden && i >= hazard.road_hidden->first && i <= hazard.road_hidden->last) {
+      hidden_ok += frame.scale.status == ScaleStatus::kOk;
+    }
+    if (truth.empty() && !frame.has_metric_pose) continue;
+    truth.push_back(drive.frame(i).T_c0_c);
+    estimate.push_back(frame.T_o_c);
+    held += frame.scale.status == ScaleStatus::kHeld;
+    if (frame.scale.status == ScaleStatus::kUnknown) continue;
+    const std::optional<double> scale = trueScale(drive, frames, i);
+    if (!scale) continue;
+    errors.push_back(100 * std::abs(frame.scale.scale / *scale - 1));
+    within += std::abs(frame.scale.scale - *scale) <= 2 * frame.scale.sigma;
+  }
+  figures.metric_frames = truth.size();
+  if (truth.size() > 1) {
+    const OdometryMetrics metrics = computeOdometryMetrics(truth, estimate);
+    figures.rle_percent = metrics.rle_percent;
+    figures.t_err_short_percent = metrics.t_err_short_percent.value_or(kNone);
+  }
+  const auto share = [](std::size_t part, std::size_t whole) {
+    return static_cast<double>(part) / static_cast<double>(whole);
+  };
+  figures.scale_error_percent = quantile(errors, 0.5);
+  figures.within_2_sigma = errors.empty() ? kNone : share(within, errors.size());
+  figures.held = truth.empty() ? kNone : share(held, truth.size());
+  if (hazard.road_hidden) {
+    figures.ok_while_hidden =
+        share(hidden_ok, hazard.road_hidden->last - hazard.road_hidden->first + 1);
+  }
+  return figures;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,183 @@
+// Renders the drives of the hazard catalogue, runs the pipeline over each and tables the figures.
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <future>
+#include <mutex>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/dataset/hazard_drives.hpp"
+#include "ground_scale_vo/dataset/text_file.hpp"
+#include "ground_scale_vo/error.hpp"
+#include "tool_main.hpp"
+
+namespace gsv = ground_scale_vo;
+
+namespace {
+
+constexpr const char* kUsage =
+    R"(usage: evaluate_hazards [NAME...] --out DIR [--threads N]
+
+Renders drives that are hard for a camera, each with exact truth, runs the odometry over them and
+tables how well it measured.
+
+  NAME          of a drive (render_drive --list); default: all
+  --out DIR     DIR/hazards.md and DIR/hazards.json are written
+  --threads N   drives at once (default 1)
+
+Figures are of the way from the first metric pose on. RLE: error of its length; t_err short: the
+devkit's error over 10, 20 ... 80 m; scale: median error of the scale against that of 2 m of true
+way; held: share of frames without a measurement of their own; 2 sigma: share of frames whose true
+scale lies within two reported sigma; ok hidden: share of measured frames where the road shows
+nothing that could be measured, which should be 0.
+
+Exit status: 0 done, 1 DIR cannot be written, 2 the arguments cannot be used.
+)";
+
+struct Arguments {
+  std::vector<gsv::HazardDrive> hazards;
+  std::string out;
+  int threads = 1;
+};
+
+Arguments parseArguments(int argc, char** argv) {
+  Arguments arguments;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "--out" || argument == "--threads") {
+      if (++i == argc) throw gsv::OptionError(argument + " needs a value");
+      if (argument == "--out") {
+        arguments.out = argv[i];
+      } else {
+        arguments.threads = std::atoi(argv[i]);
+        gsv::requireInRange("--threads", arguments.threads, 1, 256);
+      }
+    } else if (argument.size() > 1 && argument.front() == '-') {
+      throw gsv::OptionError(argument + " is not an option, see --help");
+    } else {
+      arguments.hazards.push_back(gsv::hazardDrive(argument));
+    }
+  }
+  if (arguments.out.empty()) throw gsv::OptionError("--out is missing, see --help");
+  if (arguments.hazards.empty()) arguments.hazards = gsv::hazardDrives();
+  return arguments;
+}
+
+struct Row {
+  std::string name;
+  gsv::DriveFigures figures;
+};
+
+/// A column of both files: its heading, its key, and a decimal number or nothing.
+struct Column {
+  const char *heading, *key;
+  int decimals;
+  double (*value)(const gsv::DriveFigures&);
+};
+using Figures = gsv::DriveFigures;
+constexpr Column kColumns[] = {
+    {"frames", "frames", 0, [](const Figures& f) { return static_cast<double>(f.frames); }},
+    {"tracked", "tracked_frames", 0,
+     [](const Figures& f) { return static_cast<double>(f.tracked_frames); }},
+    {"lost", "lost_events", 0, [](const Figures& f) { return static_cast<double>(f.lost_events); }},
+    {"metric", "metric_frames", 0,
+     [](const Figures& f) { return static_cast<double>(f.metric_frames); }},
+    {"RLE %", "rle_percent", 2, [](const Figures& f) { return f.rle_percent; }},
+    {"t_err short %", "t_err_short_percent", 2,
+     [](const Figures& f) { return f.t_err_short_percent; }},
+    {"scale %", "scale_error_percent", 2, [](const Figures& f) { return f.scale_error_percent; }},
+    {"held", "held", 2, [](const Figures& f) { return f.held; }},
+    {"2 sigma", "within_2_sigma", 2, [](const Figures& f) { return f.within_2_sigma; }},
+    {"ok hidden", "ok_while_hidden", 2, [](const Figures& f) { return f.ok_while_hidden; }},
+};
+
+std::string number(const Column& column, const Figures& figures, const char* none) {
+  const double value = column.value(figures);
+  if (!std::isfinite(value)) return none;
+  char text[32];
+  std::snprintf(text, sizeof text, "%.*f", column.decimals, value);
+  return text;
+}
+
+std::string markdown(const std::vector<Row>& rows) {
+  std::string text = "| drive |", rule = "|---|";
+  for (const Column& column : kColumns) {
+    text += std::string(" ") + column.heading + " |";
+    rule += "---|";
+  }
+  text += "\n" + rule + "\n";
+  for (const Row& row : rows) {
+    text += "| " + row.name + " |";
+    for (const Column& column : kColumns) text += " " + number(column, row.figures, "–") + " |";
+    text += "\n";
+  }
+  return text;
+}
+
+std::string json(const std::vector<Row>& rows) {
+  std::string text;
+  for (const Row& row : rows) {
+    text += (text.empty() ? "" : ",\n") + std::string("  {\"drive\": \"") + row.name + "\"";
+    for (const Column& column : kColumns) {
+      text += std::string(", \"") + column.key + "\": " + number(column, row.figures, "null");
+    }
+    text += "}";
+  }
+  return "[\n" + text + "\n]\n";
+}
+
+void printHeading() {
+  std::printf("%-18s", "drive");
+  for (const Column& column : kColumns) std::printf("  %s", column.heading);
+  std::printf("  seconds\n");
+}
+
+void print(const Row& row, double seconds) {
+  std::printf("%-18s", row.name.c_str());
+  for (const Column& column : kColumns) {
+    const auto width = static_cast<int>(std::string(column.heading).size()) + 2;
+    std::printf("%*s", width, number(column, row.figures, "-").c_str());
+  }
+  std::printf("%9.1f\n", seconds);
+  std::fflush(stdout);
+}
+
+void run(const Arguments& arguments) {
+  cv::setNumThreads(1);
+  gsv::makeFolder(arguments.out);  // fails now rather than after the runs
+  printHeading();
+  using Clock = std::chrono::steady_clock;
+  std::vector<Row> rows(arguments.hazards.size());
+  std::atomic<std::size_t> next{0};
+  std::mutex printing;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < rows.size(); i = next++) {
+      const gsv::HazardDrive& hazard = arguments.hazards[i];
+      const auto start = Clock::now();
+      const gsv::SyntheticDrive drive(hazard.options);
+      rows[i] = {hazard.name, gsv::driveFigures(hazard, drive, gsv::runDrive(drive))};
+      const std::lock_guard<std::mutex> lock(printing);
+      print(rows[i], std::chrono::duration<double>(Clock::now() - start).count());
+    }
+  };
+  std::vector<std::future<void>> workers;
+  for (int k = 0; k < arguments.threads; ++k) {
+    workers.push_back(std::async(std::launch::async, work));
+  }
+  for (std::future<void>& worker : workers) worker.get();
+  const std::filesystem::path out(arguments.out);
+  gsv::writeFile(out / "hazards.md", markdown(rows));
+  gsv::writeFile(out / "hazards.json", json(rows));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return gsv::toolMain("evaluate_hazards", kUsage, argc, argv, parseArguments, run);
+}

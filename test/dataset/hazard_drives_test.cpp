@@ -1,0 +1,93 @@
+#include "ground_scale_vo/dataset/hazard_drives.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <set>
+#include <string>
+
+#include "ground_scale_vo/error.hpp"
+
+// Images in, metres out, on drives that are hard for a camera and whose truth is exact.
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kRlePercent = 1.5;
+constexpr double kWithin2Sigma = 0.75;  // neighbouring frames err together, so not 0.95
+
+/// What is not met yet, and by how much. A drive in this list needs a pose in every frame and no
+/// more; take it out as soon as it meets what the others do.
+struct Open {
+  const char* name;
+  const char* figure;
+};
+constexpr Open kOpen[] = {
+    {"crawl_start", "RLE 2.3 %"},
+    {"lines_only", "RLE 2.6 %, measures in 35 % of the frames that show nothing"},
+};
+
+bool open(const std::string& name) {
+  return std::any_of(std::begin(kOpen), std::end(kOpen),
+                     [&](const Open& entry) { return entry.name == name; });
+}
+
+TEST(HazardDrives, AreACatalogue) {
+  std::set<std::string> names;
+  for (const HazardDrive& hazard : hazardDrives()) {
+    EXPECT_TRUE(names.insert(hazard.name).second) << hazard.name;
+    EXPECT_NO_THROW(hazard.options.validate()) << hazard.name;
+    EXPECT_EQ(hazardDrive(hazard.name).what, hazard.what);
+    if (!hazard.road_hidden) continue;
+    EXPECT_LE(hazard.road_hidden->first, hazard.road_hidden->last);
+    EXPECT_LT(static_cast<int>(hazard.road_hidden->last), hazard.options.frames);
+  }
+  for (const Open& entry : kOpen) EXPECT_EQ(names.count(entry.name), 1u) << entry.name;
+  try {
+    hazardDrive("fog_of_war");
+    FAIL();
+  } catch (const OptionError& error) {
+    EXPECT_NE(std::string(error.what()).find("puddles"), std::string::npos) << error.what();
+  }
+}
+
+class Hazard : public testing::TestWithParam<HazardDrive> {};
+
+/// The way from one frame to the next along the first one's normal is the change of height.
+void expectOneStory(const HazardDrive& hazard, const SyntheticDrive& drive) {
+  // On an edge one axle climbs before the other, so the car does not move along its own plane.
+  const bool edges = hazard.options.ramp_slope != 0 || hazard.options.bump_height != 0;
+  for (std::size_t i = 0; i + 1 < drive.size(); ++i) {
+    const SyntheticDrive::Frame &a = drive.frame(i), &b = drive.frame(i + 1);
+    const Eigen::Isometry3d T_a_b = a.T_c0_c.inverse() * b.T_c0_c;
+    const double turn = (T_a_b.linear() * b.n_c - a.n_c).norm();
+    const double allowed = edges ? 0.025 : 1e-3 + 0.6 * turn * T_a_b.translation().norm();
+    EXPECT_NEAR(a.n_c.norm(), 1, 1e-12);
+    EXPECT_NEAR(a.height + a.n_c.dot(T_a_b.translation()), b.height, allowed) << i;
+  }
+}
+
+TEST_P(Hazard, IsMeasuredOrHeld) {
+  const HazardDrive& hazard = GetParam();
+  const SyntheticDrive drive(hazard.options);
+  expectOneStory(hazard, drive);
+  const DriveFigures figures = driveFigures(hazard, drive, runDrive(drive));
+  std::printf("%s: RLE %.2f %%, scale %.2f %%, held %.2f, within 2 sigma %.2f, ok hidden %.2f\n",
+              hazard.name.c_str(), figures.rle_percent, figures.scale_error_percent, figures.held,
+              figures.within_2_sigma, figures.ok_while_hidden);
+  EXPECT_EQ(figures.tracked_frames, figures.frames);
+  if (open(hazard.name)) return;
+  EXPECT_EQ(figures.lost_events, 0u);
+  EXPECT_GT(figures.metric_frames, figures.frames / 2);
+  EXPECT_LE(figures.rle_percent, kRlePercent);
+  EXPECT_GE(figures.within_2_sigma, kWithin2Sigma);
+  EXPECT_EQ(figures.ok_while_hidden, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Drives, Hazard, testing::ValuesIn(hazardDrives()),
+                         [](const auto& info) { return info.param.name; });
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -36,6 +36,11 @@ void setCamera(Options& o, int width, int height, double focal) {
   o.camera.cy = (height - 1) / 2.0;
 }
 
+void setNight(Options& o) {
+  o.headlamps = true;
+  o.shadows = o.moving_cars = false;
+}
+
 /// Metres per VO unit around frame i; empty when the camera hardly moves or has no pose.
 std::optional<double> trueScale(const SyntheticDrive& drive, const std::vector<RunFrame>& frames,
                                 std::size_t i) {
@@ -86,14 +91,15 @@ std::vector<HazardDrive> hazardDrives() {
       drive("puddles", "half of the road is a mirror of sky, trees and houses", 60,
             [](Options& o) { o.puddles = 0.5, o.slope = 0, o.shadows = false; }),
       drive(
-          "lines_only", "30 m of asphalt on which only lines along the road can be seen", 90,
+          "lines_only", "47 m of straight asphalt that shows nothing but lines along the road", 90,
           [](Options& o) {
             o.solid_lines = true;
             o.bare_from_m = 28;
             o.bare_to_m = 75;
             o.shadows = o.moving_cars = false;
+            o.curvature = o.slope = 0;  // a bend would show how far off the lines are
           },
-          HazardDrive::Frames{33, 66}),
+          HazardDrive::Frames{33, 60}),
       drive("arrows_and_lines", "bare asphalt with lines along the road and an arrow every 12 m",
             60,
             [](Options& o) {
@@ -149,27 +155,24 @@ std::vector<HazardDrive> hazardDrives() {
               o.speed = 6;
               o.moving_cars = false;
             }),
-      drive("night", "headlamps light the road near the car, all else is dark", 60,
-            [](Options& o) {
-              o.daylight = 0.004;
-              o.headlamps = true;
-              o.noise_sigma = 3;
-              o.shadows = o.moving_cars = false;
-            }),
+      drive("night", "headlamps light the road near the car, hardly anything else is seen", 60,
+            [](Options& o) { o.daylight = 0.01, o.noise_sigma = 2, setNight(o); }),
+      drive("night_noisy", "the same, darker, with a sensor at its limits", 30,
+            [](Options& o) { o.daylight = 0.004, o.noise_sigma = 3, setNight(o); }),
       drive("jpeg", "compressed at quality 40", 60, [](Options& o) { o.jpeg_quality = 40; }),
       drive("camera_low", "a small robot's camera, 0.5 m high", 70,
-            [](Options& o) { o.camera_height = 0.5, o.speed = 4; }),
+            [](Options& o) { o.camera_height = 0.5, o.speed = 4, o.grain = 0.12; }),
       drive("camera_high", "a lorry's camera, 2.5 m high", 60,
             [](Options& o) { o.camera_height = 2.5; }),
       drive("pitched", "mounted 6 degrees down", 60, [](Options& o) { o.pitch_rad = 6 * kDegree; }),
       drive("rolled", "mounted 3 degrees askew", 60, [](Options& o) { o.roll_rad = 3 * kDegree; }),
       drive("hood", "the own hood covers the lower edge", 60, [](Options& o) { o.hood = 0.2; }),
       drive("wide_angle", "640x480 with 90 degrees of view", 50,
-            [](Options& o) { setCamera(o, 640, 480, 320); }),
+            [](Options& o) { setCamera(o, 640, 480, 320), o.grain = 0.12; }),
       drive("tele", "38 degrees of view: the nearest road is 16 m off", 60,
             [](Options& o) { setCamera(o, 800, 248, 1160); }),
       drive("large_image", "960x540, half of a 1920x1080 camera of 69 degrees", 45,
-            [](Options& o) { setCamera(o, 960, 540, 700); }),
+            [](Options& o) { setCamera(o, 960, 540, 700), o.grain = 0.12; }),
   };
 }
 

@@ -185,6 +185,7 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("arrow_spacing", arrow_spacing, 0, 1000);
   if (arrow_spacing > 0) requireInRange("arrow_spacing (0: none)", arrow_spacing, 6, 1000);
   requireInRange("road_texture", road_texture, 0, 3);
+  requireInRange("grain", grain, 0, 0.5);
   requireInRange("bare_from_m", bare_from_m, -kBehind, kLongest);
   requireInRange("bare_to_m", bare_to_m, -kBehind, kLongest);
   requireInRange("puddles", puddles, 0, 1);
@@ -218,6 +219,7 @@ synthetic::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   world.shadows = o.shadows;
   world.solid_lines = o.solid_lines;
   world.arrow_spacing = o.arrow_spacing;
+  world.grain = o.grain;
   world.cobbles = o.cobbles;
   world.bare_from = o.bare_from_m;
   world.bare_to = o.bare_to_m;

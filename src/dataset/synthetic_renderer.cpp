@@ -205,6 +205,7 @@ class Rasteriser {
     const double clear = std::exp(-z / kHazeLength);
     const double haze = kHazeGrey * dusk_;
     double grey = s.texture->sample(uv, J) * light;
+    if (scene_.grain && s.texture == scene_.road) grey *= scene_.grain->sample(uv, J) / 128;
     if (s.texture == scene_.hood) grey = polished(grey, u);
     if (mirror_ && s.texture == scene_.road) grey = wet(grey, uv, J, u);
     return static_cast<float>(grey * clear + haze * (1 - clear));

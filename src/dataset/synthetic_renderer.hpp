@@ -85,6 +85,9 @@ struct Scene {
   const Texture* puddles = nullptr;
   double puddles_from = 0, puddles_to = 0;
 
+  /// Factor on the road's grey, 128 = 1, addressed as the road's texture; nullptr: none.
+  const Texture* grain = nullptr;
+
   const Texture* hood = nullptr;  ///< what has this texture mirrors the upper part of the picture
   double hood_share = 0;          ///< of the image's height
 

@@ -395,6 +395,10 @@ class World::Builder {
     paintAsphalt();
     if (options_.cobbles) paintCobbles();
     if (options_.puddles > 0) puddles();
+    if (options_.grain > 0) {
+      const cv::Mat stones = noiseTile({1024, 1024}, bits(), {{0.8, 1}, {1.8, 1}, {3.5, 0.8}});
+      world_.scene_.grain = &texture(grey(stones, kNeutral, kNeutral * options_.grain), 0.004);
+    }
     cv::Mat shadow = shadow_;
     cv::GaussianBlur(shadow, shadow, {}, 0.8);
     cv::resize(shadow, shadow, paint_.size(), 0, 0, cv::INTER_LINEAR);

@@ -19,6 +19,7 @@ struct WorldOptions {
   bool shadows = true;
   bool solid_lines = false;
   double arrow_spacing = 0;
+  double grain = 0;
   bool cobbles = false;
   double bare_from = 0, bare_to = 0;
   double puddles = 0;

@@ -75,23 +75,45 @@ TEST(SyntheticDrive, RendersTheSameBytesOnOtherThreads) {
 TEST(SyntheticDrive, RefusesOptionsOutOfRange) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<std::function<void(Options&)>> mistakes{
-      [](Options& o) { o.frames = 0; },         [](Options& o) { o.speed = -1; },
-      [](Options& o) { o.camera.width = 0; },   [](Options& o) { o.camera.fx = 0; },
-      [](Options& o) { o.camera_height = 0; },  [](Options& o) { o.frame_rate_hz = 0; },
-      [&](Options& o) { o.pitch_rad = nan; },   [](Options& o) { o.curvature = 1; },
-      [](Options& o) { o.slope = 1; },          [](Options& o) { o.stop_s = -1; },
-      [](Options& o) { o.stop_at_m = 5; },      [](Options& o) { o.suspension = -1; },
-      [](Options& o) { o.road_texture = -1; },  [](Options& o) { o.noise_sigma = -1; },
-      [](Options& o) { o.black_frames = -1; },  [](Options& o) { o.frames = 99999; },
-      [&](Options& o) { o.roll_rad = nan; },    [](Options& o) { o.lane_offset = -5; },
-      [](Options& o) { o.ramp_slope = 1; },     [](Options& o) { o.ramp_slope = 0.1; },
-      [](Options& o) { o.bump_height = 1; },    [](Options& o) { o.lead_gap = 0; },
-      [](Options& o) { o.lead_time = -1; },     [](Options& o) { o.cars_beside = -1; },
-      [](Options& o) { o.arrow_spacing = 1; },  [](Options& o) { o.puddles = 0.5; },
-      [&](Options& o) { o.sun.x() = nan; },     [](Options& o) { o.sun.z() = -1; },
-      [](Options& o) { o.daylight = 2; },       [](Options& o) { o.hood = 1; },
-      [](Options& o) { o.jpeg_quality = -1; },  [](Options& o) { o.bare_to_m = 1e9; },
-      [](Options& o) { o.speeds = {{0, 99}}; }, [](Options& o) { o.speeds = {{1, 5}, {1, 6}}; },
+      [](Options& o) { o.frames = 0; },
+      [](Options& o) { o.speed = -1; },
+      [](Options& o) { o.camera.width = 0; },
+      [](Options& o) { o.camera.fx = 0; },
+      [](Options& o) { o.camera_height = 0; },
+      [](Options& o) { o.frame_rate_hz = 0; },
+      [&](Options& o) { o.pitch_rad = nan; },
+      [](Options& o) { o.curvature = 1; },
+      [](Options& o) { o.slope = 1; },
+      [](Options& o) { o.stop_s = -1; },
+      [](Options& o) { o.stop_at_m = 5; },
+      [](Options& o) { o.suspension = -1; },
+      [](Options& o) { o.road_texture = -1; },
+      [](Options& o) { o.noise_sigma = -1; },
+      [](Options& o) { o.black_frames = -1; },
+      [](Options& o) { o.frames = 99999; },
+      [&](Options& o) { o.roll_rad = nan; },
+      [](Options& o) { o.lane_offset = -5; },
+      [](Options& o) { o.ramp_slope = 1; },
+      [](Options& o) { o.ramp_slope = 0.1; },
+      [](Options& o) { o.bump_height = 1; },
+      [](Options& o) { o.lead_gap = 0; },
+      [](Options& o) { o.lead_time = -1; },
+      [](Options& o) { o.cars_beside = -1; },
+      [](Options& o) { o.arrow_spacing = 1; },
+      [](Options& o) { o.puddles = 0.5; },
+      [&](Options& o) { o.sun.x() = nan; },
+      [](Options& o) { o.sun.z() = -1; },
+      [](Options& o) { o.daylight = 2; },
+      [](Options& o) { o.hood = 1; },
+      [](Options& o) { o.grain = 1; },
+      [](Options& o) { o.jpeg_quality = -1; },
+      [](Options& o) { o.bare_to_m = 1e9; },
+      [](Options& o) {
+        o.speeds = {{0, 99}};
+      },
+      [](Options& o) {
+        o.speeds = {{1, 5}, {1, 6}};
+      },
   };
   for (std::size_t i = 0; i < mistakes.size(); ++i) {
     Options options;
@@ -203,9 +225,11 @@ TEST(SyntheticDrive, StandsOnItsWheelsOnABump) {
     steepest =
         std::max(steepest, std::acos(std::min(1.0, (frame.T_c0_c.linear() * frame.n_c).dot(n))));
     EXPECT_GT(rise, -0.01);
-    // Front axle at 21 m: s + 1.4; the rear has left the bump at 24.6 m: s - 1.2.
-    if (0.5 * static_cast<double>(i) < 19.6) EXPECT_NEAR(rise, 0, 1e-9) << i;
-    if (0.5 * static_cast<double>(i) > 25.8) EXPECT_NEAR(rise, 0, 1e-9) << i;
+    // The front axle comes to it at 21 m - 1.4, the rear one leaves it at 24.6 m + 1.2.
+    const double station = 0.5 * static_cast<double>(i);
+    if (station < 19.6 || station > 25.8) {
+      EXPECT_NEAR(rise, 0, 1e-9) << i;
+    }
   }
   EXPECT_GT(highest, 0.05);
   EXPECT_LT(highest, 0.1);
@@ -249,6 +273,7 @@ TEST(SyntheticDrive, SwitchesChangeThePicture) {
            },
            [](Options& o) { o.headlamps = true, o.daylight = 0.01; },
            [](Options& o) { o.hood = 0.2; },
+           [](Options& o) { o.grain = 0.1; },
            [](Options& o) { o.jpeg_quality = 40; }}) {
     Options options = shortDrive(1);
     change(options);
@@ -334,11 +359,12 @@ INSTANTIATE_TEST_SUITE_P(StraightAndCurves, SyntheticRoad,
 INSTANTIATE_TEST_SUITE_P(Slope, SyntheticRoad,
                          testing::Values(Place{10, 0.025, 0.5, 0.4}, Place{150, 0.025, 0.5, 0.4}));
 // Where a mounting, a ramp or a bend is extreme, the plane below is still the one ahead.
-INSTANTIATE_TEST_SUITE_P(
-    Hazards, SyntheticRoad,
-    testing::Values(Place{20, 0, 0.2, 0.06, "rolled"}, Place{20, 0, 0.2, 0.06, "pitched"},
-                    Place{20, 0, 0.2, 0.06, "camera_high"}, Place{60, 0, 0.2, 0.06, "tight_bends"},
-                    Place{33, 0, 0.2, 0.06, "slope_edges"}, Place{52, 0, 0.2, 0.06, "cobbles"}));
+INSTANTIATE_TEST_SUITE_P(Hazards, SyntheticRoad,
+                         testing::Values(Place{20, 0, 0.2, 0.06, "rolled"},
+                                         Place{20, 0, 0.2, 0.06, "pitched"},
+                                         Place{20, 0, 0.2, 0.06, "camera_high"},
+                                         Place{60, 0, 0.2, 0.06, "tight_bends"},
+                                         Place{33, 0, 0.2, 0.15, "slope_edges"}));
 
 }  // namespace
 }  // namespace ground_scale_vo

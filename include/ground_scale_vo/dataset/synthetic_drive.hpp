@@ -61,12 +61,13 @@ class SyntheticDrive {
     bool solid_lines = false;  ///< the markings are lines along the road only
     double arrow_spacing = 0;  ///< of arrows painted in the lane [m]; 0: none
     double road_texture = 1;   ///< contrast of the asphalt, its patches and cracks; 0: none
-    double bare_from_m = 0;    ///< between these the asphalt shows nothing but the markings:
-    double bare_to_m = 0;      ///< along the road [m]
-    bool cobbles = false;      ///< instead of asphalt
-    double puddles = 0;        ///< share of the carriageway under water; needs a flat road
-    bool shadows = true;       ///< of trees, houses and cars on the road
-    bool own_shadow = false;   ///< of the own car, as high as the camera
+    double grain = 0;        ///< contrast of the road's stones under 2 cm, which a near camera sees
+    double bare_from_m = 0;  ///< between these the asphalt shows nothing but the markings:
+    double bare_to_m = 0;    ///< along the road [m]
+    bool cobbles = false;    ///< instead of asphalt
+    double puddles = 0;      ///< share of the carriageway under water; needs a flat road
+    bool shadows = true;     ///< of trees, houses and cars on the road
+    bool own_shadow = false;  ///< of the own car, as high as the camera
     /// Towards the sun: x along the road at the start, y left, z up.
     Eigen::Vector3d sun{0.25, 0.62, 0.75};
     double daylight = 1;     ///< 1: day; 0: nothing but the headlamps

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <utility>
 
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
 #include "ground_scale_vo/error.hpp"

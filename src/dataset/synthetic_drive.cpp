@@ -5,7 +5,6 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
-#include <utility>
 
 #include "ground_scale_vo/error.hpp"
 #include "synthetic_car.hpp"

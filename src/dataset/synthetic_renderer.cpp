@@ -213,9 +213,10 @@ class Rasteriser {
 
   /// Grey of the curved hood: its edge mirrors the horizon, what is near the zenith.
   double polished(double paint, const Eigen::Vector2d& u) const {
-    const double height = camera_.height * scene_.hood_share,
-                 rise = (camera_.height - u.y()) / height;
-    const double row = std::clamp(rise, 0.0, 1.0) * 0.95 * camera_.cy;
+    const double height = camera_.height * scene_.hood_share;
+    const double rise = std::clamp((camera_.height - u.y()) / height, 0.0, 1.0);
+    const double edge = camera_.height - height;  // never the hood in the hood
+    const double row = rise * std::clamp(0.95 * camera_.cy, 0.0, edge - 2);
     return 0.7 * paint + 0.35 * shadePixel(static_cast<int>(std::lround(u.x())),
                                            static_cast<int>(std::lround(row)));
   }
@@ -279,8 +280,8 @@ class Rasteriser {
   const Eigen::Isometry3d T_c_w_;
   const Eigen::Matrix3d R_w_c_;
   const Rasteriser* mirror_;
-  const double dusk_;        // factor on the day's grey where no lamp shines
-  Eigen::Isometry3d T_l_c_;  // lamps from camera
+  const double dusk_;  // factor on the day's grey where no lamp shines
+  Eigen::Isometry3d T_l_c_ = Eigen::Isometry3d::Identity();  // lamps from camera
   Eigen::Matrix3d K_;
   int width_ = 0;                     // in samples
   std::vector<float> inverse_depth_;  // [1/m]

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ostream>
 #include <set>
 #include <string>
 
@@ -13,6 +14,9 @@
 // Images in, metres out, on drives that are hard for a camera and whose truth is exact.
 
 namespace ground_scale_vo {
+
+void PrintTo(const HazardDrive& hazard, std::ostream* stream) { *stream << hazard.name; }
+
 namespace {
 
 constexpr double kRlePercent = 1.5;

@@ -363,6 +363,7 @@ INSTANTIATE_TEST_SUITE_P(Hazards, SyntheticRoad,
                          testing::Values(Place{20, 0, 0.2, 0.06, "rolled"},
                                          Place{20, 0, 0.2, 0.06, "pitched"},
                                          Place{20, 0, 0.2, 0.06, "camera_high"},
+                                         Place{20, 0, 0.2, 0.06, "camera_low"},
                                          Place{60, 0, 0.2, 0.06, "tight_bends"},
                                          Place{33, 0, 0.2, 0.15, "slope_edges"}));
 

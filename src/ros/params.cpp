@@ -14,6 +14,7 @@ void declareStage(ParamReader& reader, const std::string& group, Options& option
 void declareOptions(ParamReader& reader, VisualOdometry::Options& options) {
   declareStage(reader, "tracker/", options.tracker);
   declareStage(reader, "two_view/", options.two_view);
+  declareStage(reader, "alignment/", options.alignment);
   declareStage(reader, "pose/", options.pose);
   declareStage(reader, "map/", options.map);
   declareStage(reader, "bundle_adjustment/", options.bundle_adjustment);

@@ -11,7 +11,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
-const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01);
+const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.005);
 
 }  // namespace
 
@@ -24,9 +24,11 @@ FeatureTracker::FeatureTracker(const Options& options) : options_(options) { opt
 
 ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
   ImagePyramid result;
-  result.image = image;
+  // Never the caller's memory: the pyramid outlives the call.
   cv::buildOpticalFlowPyramid(image, result.levels, {options_.window_px, options_.window_px},
-                              options_.pyramid_levels);
+                              options_.pyramid_levels, true, cv::BORDER_REFLECT_101,
+                              cv::BORDER_CONSTANT, false);
+  result.image = result.levels.front();
   return result;
 }
 
@@ -82,6 +84,7 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   Tracks tracks;
   tracks.points = predicted;
   tracks.ok.assign(from_points.size(), 0);
+  tracks.round_trip_px.assign(from_points.size(), 0.f);
   if (from_points.empty()) return tracks;
 
   const cv::Size window(options_.window_px, options_.window_px);
@@ -96,8 +99,10 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   const cv::Rect2f inside(1.f, 1.f, static_cast<float>(to.image.cols) - 3.f,
                           static_cast<float>(to.image.rows) - 3.f);
   for (std::size_t i = 0; i < from_points.size(); ++i) {
+    const double round_trip = cv::norm(back[i] - from_points[i]);
+    tracks.round_trip_px[i] = static_cast<float>(round_trip);
     tracks.ok[i] = tracks.ok[i] && back_ok[i] && inside.contains(tracks.points[i]) &&
-                   cv::norm(back[i] - from_points[i]) <= options_.forward_backward_px;
+                   round_trip <= options_.forward_backward_px;
   }
   return tracks;
 }
@@ -118,6 +123,7 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
   for (std::size_t k = 0; k < missed.size(); ++k) {
     tracks.points[missed[k]] = again.points[k];
     tracks.ok[missed[k]] = again.ok[k];
+    tracks.round_trip_px[missed[k]] = again.round_trip_px[k];
   }
   return tracks;
 }

@@ -16,6 +16,8 @@ namespace {
 constexpr std::size_t kMinTexture = 60;  // corners of an image that is not blind
 constexpr std::size_t kMinStartMatches = 100;
 constexpr std::size_t kMaxStartFrames = 3000;
+constexpr double kSurelyTheSame =
+    0.95;  // correlation of patches; below it other surfaces are tried
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -78,6 +80,7 @@ void VisualOdometry::Options::validate() const {
   describe(*this, RangeCheck("odometry/"));
   tracker.validate();
   two_view.validate();
+  alignment.validate();
   pose.validate();
   map.validate();
   bundle_adjustment.validate();
@@ -90,6 +93,7 @@ struct VisualOdometry::Impl {
     Eigen::Vector2d u = Eigen::Vector2d::Zero();     // in the tracking image
     Eigen::Vector2d flow = Eigen::Vector2d::Zero();  // of the last step, per second
     double sigma = 0;                                // of u, normalised coordinates
+    PatchSurface surface = PatchSurface::kFacing;    // what fitted last
   };
 
   /// A frame between the first of a map to be and the one that starts it.
@@ -97,6 +101,7 @@ struct VisualOdometry::Impl {
     std::uint32_t sequence = 0;
     std::int64_t stamp_ns = 0;
     std::vector<LocalMap::Corner> corners;
+    cv::Mat image;  // of the first one only
   };
 
   Impl(const PinholeCamera& camera_in, const Options& options_in)
@@ -104,6 +109,7 @@ struct VisualOdometry::Impl {
         camera((camera_in.validate(), camera_in)),
         tracker(options.tracker),
         two_view(options.two_view),
+        alignment(options.alignment),
         pose_estimation(options.pose),
         bundle_adjustment(options.bundle_adjustment),
         map(options.map) {}
@@ -112,6 +118,7 @@ struct VisualOdometry::Impl {
   const PinholeCamera camera;
   const FeatureTracker tracker;
   const TwoView two_view;
+  const PatchAlignment alignment;
   const PoseEstimation pose_estimation;
   const LocalBundleAdjustment bundle_adjustment;
 
@@ -195,7 +202,8 @@ struct VisualOdometry::Impl {
     const FeatureTracker::Tracks tracks = tracker.track(from, to, points, predicted);
     std::vector<Feature> found;
     for (std::size_t i = 0; i < features.size(); ++i) {
-      if (!tracks.ok[i]) {
+      const bool proven = map.point(features[i].id).has_value();
+      if (!tracks.ok[i] || (!proven && tracks.round_trip_px[i] > options.unproven_round_trip_px)) {
         rejected->push_back({features[i].id, features[i].u.cast<float>(), RejectReason::kNotFound});
         continue;
       }
@@ -210,6 +218,63 @@ struct VisualOdometry::Impl {
       found.push_back(feature);
     }
     return found;
+  }
+
+  /// Where a landmark was seen first at about the size that it should have now.
+  struct Reference {
+    const Keyframe* keyframe;
+    Eigen::Vector2d u;    // [px]
+    Eigen::Vector3d p_r;  // in the keyframe's camera
+  };
+  std::optional<Reference> reference(const Landmark& landmark, const Eigen::Vector3d& p_w,
+                                     double z) const {
+    for (const Observation& o : landmark.observations) {
+      const Keyframe& keyframe = map.keyframe(o.keyframe);
+      const Eigen::Vector3d p_r = keyframe.T_w_c.inverse() * p_w;
+      const double scale = p_r.z() / z, limit = alignment.options().max_scale;
+      if (keyframe.image.empty() || scale > limit || scale < 1 / limit) continue;
+      return Reference{&keyframe, camera.project(o.x.homogeneous()), p_r};
+    }
+    return std::nullopt;
+  }
+
+  /// Moves features with a point from where tracking has drifted to, to where their first patch
+  /// is. The others stay, with their larger sigma.
+  void align(const cv::Mat& image, const Eigen::Isometry3d& predicted_T_w_c,
+             std::vector<Feature>* found) const {
+    const Eigen::Isometry3d T_c_w = predicted_T_w_c.inverse();
+    for (Feature& feature : *found) {
+      const auto it = map.landmarks().find(feature.id);
+      if (it == map.landmarks().end()) continue;
+      const auto world = map.point(it->second);
+      if (!world) continue;
+      const double z = (T_c_w * world->p_w).z();
+      const auto ref = z > 0 ? reference(it->second, world->p_w, z) : std::nullopt;
+      if (!ref) continue;
+
+      const Eigen::Isometry3d T_c_r = T_c_w * ref->keyframe->T_w_c;
+      std::optional<PatchAlignment::Match> best;
+      PatchSurface best_surface = feature.surface;
+      const auto attempt = [&](PatchSurface surface) {
+        const auto warp = patchWarp(camera, ref->p_r, T_c_r, surface);
+        if (!warp) return;
+        const auto match = alignment.align(ref->keyframe->image, ref->u, *warp, image, feature.u);
+        if (!match || (best && best->correlation >= match->correlation)) return;
+        best = match;
+        best_surface = surface;
+      };
+      attempt(feature.surface);
+      if (!best || best->correlation < kSurelyTheSame) {
+        for (const auto surface :
+             {PatchSurface::kFacing, PatchSurface::kFloor, PatchSurface::kWall}) {
+          if (surface != feature.surface) attempt(surface);
+        }
+      }
+      if (!best) continue;
+      feature.u = best->u;
+      feature.sigma = options.noise_aligned;
+      feature.surface = best_surface;
+    }
   }
 
   /// Median length of what `found` moved since the tracking image [px].
@@ -265,7 +330,7 @@ struct VisualOdometry::Impl {
     from = std::move(image);
     from_stamp_ns = stamp_ns;
     detect();
-    start_frames.push_back({sequence, stamp_ns, corners(features)});
+    start_frames.push_back({sequence, stamp_ns, corners(features), from.image});
     velocity.setZero();
   }
 
@@ -286,7 +351,7 @@ struct VisualOdometry::Impl {
       restart(std::move(image), stamp_ns, out->frame.sequence);
       return features;
     }
-    start_frames.push_back({out->frame.sequence, stamp_ns, corners(found)});
+    start_frames.push_back({out->frame.sequence, stamp_ns, corners(found), {}});
 
     Timer timer(&out->times.pose);
     std::vector<Eigen::Vector2d> u1, u2;
@@ -297,7 +362,7 @@ struct VisualOdometry::Impl {
       u2.push_back(feature.u);
     }
     const TwoView::Result motion = two_view.estimate(camera, u1, u2);
-    if (motion.status == TwoViewStatus::kOk && startMap(found, motion, out)) {
+    if (motion.status == TwoViewStatus::kOk && startMap(found, motion, image.image, out)) {
       status = VoStatus::kTracking;
       pose_stamp_ns = stamp_ns;
       lost_frames = 0;
@@ -312,7 +377,8 @@ struct VisualOdometry::Impl {
   }
 
   /// False, with an empty map, when the points do not hold after all.
-  bool startMap(const std::vector<Feature>& found, const TwoView::Result& motion, Output* out) {
+  bool startMap(const std::vector<Feature>& found, const TwoView::Result& motion,
+                const cv::Mat& image, Output* out) {
     std::vector<double> depths;
     for (std::size_t i = 0; i < found.size(); ++i) {
       if (motion.inlier[i]) depths.push_back(1 / motion.inverse_depth_1[i]);
@@ -331,8 +397,8 @@ struct VisualOdometry::Impl {
       while (reference->id != feature.id) ++reference;
       first_corners.push_back(*reference);
     }
-    map.addKeyframe(Eigen::Isometry3d::Identity(), first_corners);
-    map.addKeyframe(T_1_2, corners(found));
+    map.addKeyframe(Eigen::Isometry3d::Identity(), first_corners, start_frames.front().image);
+    map.addKeyframe(T_1_2, corners(found), image);
     for (std::size_t i = 0; i < found.size(); ++i) {
       if (!motion.inlier[i]) continue;
       const double inverse_depth = motion.inverse_depth_1[i] * unit;
@@ -391,6 +457,10 @@ struct VisualOdometry::Impl {
                             predicted.linear().transpose() * T_w_c.linear(), &out->rejected);
     }
     takeAdjustedMap(&out->times.bundle_adjustment);
+    {
+      Timer timer(&out->times.align);
+      align(image.image, predictPose(stamp_ns), &found);
+    }
     PoseEstimation::Result pose;
     {
       Timer timer(&out->times.pose);
@@ -506,7 +576,7 @@ struct VisualOdometry::Impl {
       detect();
     }
     keyframe_features = features.size();
-    map.addKeyframe(T_w_c, corners(features));
+    map.addKeyframe(T_w_c, corners(features), from.image);
     {
       Timer timer(&out->times.triangulate);
       map.triangulateNew();

@@ -10,7 +10,7 @@ namespace ground_scale_vo {
 /// An image with its Gaussian pyramid and gradients, made once and used for tracking from and to
 /// it.
 struct ImagePyramid {
-  cv::Mat image;                ///< 8-bit grey, level 0
+  cv::Mat image;                ///< 8-bit grey, level 0, own memory
   std::vector<cv::Mat> levels;  ///< as cv::buildOpticalFlowPyramid makes it
 };
 
@@ -23,7 +23,7 @@ class FeatureTracker {
     double min_corner_strength = 1e-4;
     int window_px = 9;
     int pyramid_levels = 4;
-    double forward_backward_px = 0.7;
+    double forward_backward_px = 1.5;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
       visit("cell", self.cell, 0.004, 0.2,
@@ -51,6 +51,7 @@ class FeatureTracker {
   struct Tracks {
     std::vector<cv::Point2f> points;  ///< same order as `from_points`; meaningful where ok
     std::vector<unsigned char> ok;
+    std::vector<float> round_trip_px;  ///< distance after tracking there and back, where ok
   };
 
   /// predicted: a first guess of each point in `to`, same length as from_points. A point that is

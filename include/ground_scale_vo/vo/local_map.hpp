@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
@@ -16,6 +17,7 @@ namespace ground_scale_vo {
 struct Keyframe {
   std::uint32_t id = 0;                                     ///< consecutive within a map, from 0
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
+  cv::Mat image;  ///< 8-bit grey, the reference of the corners first seen in it; may be empty
 };
 
 struct Observation {
@@ -69,8 +71,10 @@ class LocalMap {
     Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
     double sigma = 0;                             ///< standard deviation of x, > 0
   };
-  /// Adds the corners as observations of the new keyframe; unknown ids become landmarks.
-  std::uint32_t addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners);
+  /// Adds the corners as observations of the new keyframe; unknown ids become landmarks. The image
+  /// is kept, not copied.
+  std::uint32_t addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners,
+                            const cv::Mat& image = {});
 
   /// Gives a depth to landmarks that lack one and have been seen with enough parallax by now.
   void triangulateNew();

@@ -10,6 +10,7 @@
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
+#include "ground_scale_vo/vo/patch_alignment.hpp"
 #include "ground_scale_vo/vo/pose_estimation.hpp"
 #include "ground_scale_vo/vo/two_view.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
@@ -35,13 +36,16 @@ class VisualOdometry {
   struct Options {
     FeatureTracker::Options tracker;
     TwoView::Options two_view;
+    PatchAlignment::Options alignment;
     PoseEstimation::Options pose;
     LocalMap::Options map;
     LocalBundleAdjustment::Options bundle_adjustment;
 
-    double noise = 0.0005;
+    double unproven_round_trip_px = 0.5;
+    double noise = 0.00075;
     double noise_flow = 0.028;
-    double keyframe_parallax = 0.03;
+    double noise_aligned = 0.00025;
+    double keyframe_parallax = 0.035;
     double keyframe_min_tracked = 0.5;
     double standstill_flow = 0.0003;
     double epipolar_error = 0.0028;
@@ -51,10 +55,14 @@ class VisualOdometry {
     int lost_frames_before_new_map = 3;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
+      visit("unproven_round_trip_px", self.unproven_round_trip_px, 0.05, 10,
+            "[px] as tracker/forward_backward_px, of a corner without a point to prove it");
       visit("noise", self.noise, 1e-6, 0.1,
             "[focal lengths] standard deviation of a corner that hardly moves");
       visit("noise_flow", self.noise_flow, 1e-4, 100,
             "[focal lengths] motion between frames, without rotation, that doubles its variance");
+      visit("noise_aligned", self.noise_aligned, 1e-6, 0.1,
+            "[focal lengths] standard deviation of a corner aligned to its first patch");
       visit("keyframe_parallax", self.keyframe_parallax, 1e-4, 1,
             "[rad] median since the last keyframe that makes the next one");
       visit("keyframe_min_tracked", self.keyframe_min_tracked, 0, 1,
@@ -84,7 +92,8 @@ class VisualOdometry {
 
   /// [ms] wall time.
   struct Times {
-    double pyramid = 0, track = 0, detect = 0, pose = 0, triangulate = 0, bundle_adjustment = 0;
+    double pyramid = 0, track = 0, align = 0, detect = 0, pose = 0, triangulate = 0,
+           bundle_adjustment = 0;
     double total = 0;
   };
 

@@ -1,0 +1,161 @@
+#include "ground_scale_vo/vo/patch_alignment.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "ground_scale_vo/error.hpp"
+#include "scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+const PinholeCamera kCamera = test::testCamera();
+constexpr double kHeight = 1.65;
+
+/// Grey of a surface at (a, b) on it: smooth, without a period that fits into a patch.
+double grey(double a, double b) {
+  return 120 + 35 * std::sin(9.1 * a + 1.3 * std::sin(5.3 * b)) + 35 * std::sin(8.3 * b + 1.7 * a) +
+         20 * std::sin(3.1 * a - 4.7 * b);
+}
+
+/// The floor kHeight below the first camera, or with `wall` a wall 20 ahead, seen from T_w_c.
+cv::Mat render(const Eigen::Isometry3d& T_w_c, bool wall, double gain = 1, double offset = 0) {
+  const Eigen::Vector3d n = wall ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitY();
+  const double d = wall ? 20 : kHeight;
+  cv::Mat image(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0));
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u) {
+      const Eigen::Vector3d ray = T_w_c.linear() * kCamera.ray({u, v});
+      const double depth = (d - n.dot(T_w_c.translation())) / n.dot(ray);
+      if (!(depth > 0 && depth < 200)) continue;
+      const Eigen::Vector3d p = T_w_c.translation() + depth * ray;
+      const double value = wall ? grey(p.x(), p.y()) : grey(p.x(), 0.5 * p.z());
+      image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(gain * value + offset);
+    }
+  }
+  return image;
+}
+
+struct Errors {
+  int tried = 0, found = 0;
+  double rms_px = 0, mean_correlation = 0;
+};
+
+/// Points of the surface aligned after a motion, from starts that are half a pixel off.
+Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c, double gain = 1,
+                double offset = 0) {
+  const cv::Mat reference = render(Eigen::Isometry3d::Identity(), wall);
+  const cv::Mat current = render(T_w_c, wall, gain, offset);
+  const PatchAlignment alignment({});
+  const Eigen::Isometry3d T_c_r = T_w_c.inverse();
+  Errors errors;
+  std::vector<cv::Point2f> corners;
+  cv::Mat sharp(reference.size(), CV_8UC1, cv::Scalar(255));  // no floor so far that it shimmers
+  if (!wall) sharp.rowRange(0, 170) = 0;
+  cv::goodFeaturesToTrack(reference, corners, 100, 0.05, 8, sharp);
+  for (const cv::Point2f& corner : corners) {
+    const Eigen::Vector2d u_ref(corner.x, corner.y);
+    const Eigen::Vector3d ray = kCamera.ray(u_ref);
+    const Eigen::Vector3d p = ray * (wall ? 20 : kHeight / ray.y());
+    if (!wall && p.z() < 8) continue;
+    const Eigen::Vector2d truth = kCamera.project(T_c_r * p);
+    if (!cv::Rect(10, 10, kCamera.width - 20, kCamera.height - 20)
+             .contains(cv::Point(static_cast<int>(truth.x()), static_cast<int>(truth.y())))) {
+      continue;
+    }
+    const auto warp = patchWarp(kCamera, p, T_c_r, surface);
+    if (!warp) continue;
+    ++errors.tried;
+    const auto match =
+        alignment.align(reference, u_ref, *warp, current, truth + Eigen::Vector2d(0.4, -0.3));
+    if (!match) continue;
+    ++errors.found;
+    errors.rms_px += (match->u - truth).squaredNorm();
+    errors.mean_correlation += match->correlation;
+  }
+  if (errors.found > 0) {
+    errors.rms_px = std::sqrt(errors.rms_px / errors.found);
+    errors.mean_correlation /= errors.found;
+  }
+  return errors;
+}
+
+TEST(PatchAlignment, findsTheFloorsPatchesAfterTheyHaveGrown) {
+  const auto T_w_c = test::pose({0.004, 0.02, 0}, {0.05, 0, 2.0});
+  const Errors floor = alignAll(false, PatchSurface::kFloor, T_w_c);
+  ASSERT_GT(floor.tried, 30);
+  EXPECT_GT(floor.found, floor.tried * 8 / 10) << floor.tried;
+  EXPECT_LT(floor.rms_px, 0.25);
+  EXPECT_GT(floor.mean_correlation, 0.97);
+  // Taken for something that faces the camera, the same patches fit worse.
+  const Errors facing = alignAll(false, PatchSurface::kFacing, T_w_c);
+  EXPECT_LT(facing.mean_correlation, floor.mean_correlation);
+  EXPECT_GT(facing.rms_px, 1.5 * floor.rms_px);
+}
+
+TEST(PatchAlignment, findsTheWallAheadWhateverTheLight) {
+  const auto T_w_c = test::pose({0.01, -0.02, 0.005}, {0.2, 0.05, 4.0});
+  const Errors same = alignAll(true, PatchSurface::kFacing, T_w_c);
+  ASSERT_GT(same.tried, 50);
+  EXPECT_GT(same.found, same.tried * 9 / 10);
+  EXPECT_LT(same.rms_px, 0.05);
+  const Errors brighter = alignAll(true, PatchSurface::kFacing, T_w_c, 1, 25);
+  EXPECT_GT(brighter.found, brighter.tried * 9 / 10);
+  EXPECT_LT(brighter.rms_px, 0.05);
+}
+
+TEST(PatchAlignment, refusesWhatIsNotThere) {
+  const PatchAlignment alignment({});
+  const auto identity = Eigen::Matrix2d::Identity();
+  const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
+  const cv::Mat other = render(test::pose({0, 0, 0}, {1.3, 0.9, 0}), true);
+  const cv::Mat blank(wall.size(), CV_8UC1, cv::Scalar(90));
+  const Eigen::Vector2d u(400, 120);
+  EXPECT_TRUE(alignment.align(wall, u, identity, wall, u));
+  EXPECT_FALSE(alignment.align(blank, u, identity, wall, u)) << "no corner";
+  EXPECT_FALSE(alignment.align(wall, u, identity, blank, u)) << "nothing that is like it";
+  int wrong = 0;
+  for (int x = 100; x < 700; x += 10) {
+    const Eigen::Vector2d at(x, 120);
+    wrong += alignment.align(wall, at, identity, other, at).has_value();
+  }
+  EXPECT_LT(wrong, 6) << "of 60 patches of another place";
+  // Patches that leave an image.
+  EXPECT_FALSE(alignment.align(wall, {2, 120}, identity, wall, u));
+  EXPECT_FALSE(alignment.align(wall, u, identity, wall, {798, 120}));
+  EXPECT_FALSE(alignment.align(wall, u, Eigen::Matrix2d::Zero(), wall, u));
+}
+
+TEST(PatchWarp, isTheDerivativeOfTheProjection) {
+  const auto T_c_r = test::pose({0.01, 0.03, -0.02}, {0.1, 0.05, -1.5});
+  const Eigen::Vector3d p(1.2, kHeight, 11);
+  const auto warp = patchWarp(kCamera, p, T_c_r, PatchSurface::kFloor);
+  ASSERT_TRUE(warp);
+  const Eigen::Vector3d q = p + Eigen::Vector3d(0.002, 0, 0.01);  // on the floor too
+  const Eigen::Vector2d moved_r = kCamera.project(q) - kCamera.project(p);
+  const Eigen::Vector2d moved_c = kCamera.project(T_c_r * q) - kCamera.project(T_c_r * p);
+  EXPECT_LT((*warp * moved_r - moved_c).norm(), 0.05 * moved_c.norm());
+}
+
+TEST(PatchWarp, isNothingForWhatACameraCannotSee) {
+  const Eigen::Isometry3d none = Eigen::Isometry3d::Identity();
+  EXPECT_TRUE(patchWarp(kCamera, {1, 1.65, 10}, none, PatchSurface::kFloor));
+  EXPECT_FALSE(patchWarp(kCamera, {1, 0, 10}, none, PatchSurface::kFloor)) << "edge-on";
+  EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, -10}, none, PatchSurface::kFacing)) << "behind";
+  EXPECT_FALSE(
+      patchWarp(kCamera, {1, 1.65, 10}, test::pose({0, 0, 0}, {0, 0, -11}), PatchSurface::kFacing))
+      << "behind the current camera";
+}
+
+TEST(PatchAlignment, refusesOptionsOutOfRange) {
+  PatchAlignment::Options options;
+  options.window_px = 8;
+  EXPECT_THROW(PatchAlignment{options}, OptionError);
+  options = {};
+  options.min_correlation = 2;
+  EXPECT_THROW(PatchAlignment{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -84,7 +84,6 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   Tracks tracks;
   tracks.points = predicted;
   tracks.ok.assign(from_points.size(), 0);
-  tracks.round_trip_px.assign(from_points.size(), 0.f);
   if (from_points.empty()) return tracks;
 
   const cv::Size window(options_.window_px, options_.window_px);
@@ -99,10 +98,8 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   const cv::Rect2f inside(1.f, 1.f, static_cast<float>(to.image.cols) - 3.f,
                           static_cast<float>(to.image.rows) - 3.f);
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    const double round_trip = cv::norm(back[i] - from_points[i]);
-    tracks.round_trip_px[i] = static_cast<float>(round_trip);
     tracks.ok[i] = tracks.ok[i] && back_ok[i] && inside.contains(tracks.points[i]) &&
-                   round_trip <= options_.forward_backward_px;
+                   cv::norm(back[i] - from_points[i]) <= options_.forward_backward_px;
   }
   return tracks;
 }
@@ -123,7 +120,6 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
   for (std::size_t k = 0; k < missed.size(); ++k) {
     tracks.points[missed[k]] = again.points[k];
     tracks.ok[missed[k]] = again.ok[k];
-    tracks.round_trip_px[missed[k]] = again.round_trip_px[k];
   }
   return tracks;
 }

@@ -202,8 +202,7 @@ struct VisualOdometry::Impl {
     const FeatureTracker::Tracks tracks = tracker.track(from, to, points, predicted);
     std::vector<Feature> found;
     for (std::size_t i = 0; i < features.size(); ++i) {
-      const bool proven = map.point(features[i].id).has_value();
-      if (!tracks.ok[i] || (!proven && tracks.round_trip_px[i] > options.unproven_round_trip_px)) {
+      if (!tracks.ok[i]) {
         rejected->push_back({features[i].id, features[i].u.cast<float>(), RejectReason::kNotFound});
         continue;
       }

@@ -143,12 +143,12 @@ struct RealSequence {
 // clang-format off
 const RealSequence kRealSequences[] = {
     // name                  rle   t_err    r_err    true    sim3    peers
-    {"kitti_00_0000_0199",   2.4,  2.0,     0.0174,  kNoBar, 3.4,    0.3},
-    {"kitti_raw_0926_0039",  1.0,  1.2,     0.0014,  kNoBar, 1.6,    kNoBar},
-    {"rendered_04",          1.0,  0.8,     kNoBar,  0.06,   kNoBar, kNoBar},
-    {"rendered_09_traffic",  1.0,  0.6,     0.0017,  0.04,   kNoBar, kNoBar},
-    {"kitti_05_0100_0159",   3.0,  kNoBar,  kNoBar,  kNoBar, kNoBar, kNoBar},
-    {"kitti_06_0000_0050",   3.0,  kNoBar,  kNoBar,  kNoBar, kNoBar, kNoBar},
+    {"kitti_00_0000_0199",   2.4,  2.0,     0.0174,  1.12,   3.4,    0.3},
+    {"kitti_raw_0926_0039",  0.5,  0.7,     0.0014,  0.62,   1.6,    kNoBar},
+    {"rendered_04",          0.3,  0.3,     0.0005,  0.06,   kNoBar, kNoBar},
+    {"rendered_09_traffic",  0.5,  0.5,     0.0017,  0.04,   kNoBar, kNoBar},
+    {"kitti_05_0100_0159",   2.0,  kNoBar,  kNoBar,  kNoBar, kNoBar, kNoBar},
+    {"kitti_06_0000_0050",   2.0,  kNoBar,  kNoBar,  kNoBar, kNoBar, kNoBar},
 };
 // clang-format on
 constexpr std::size_t kPeerFrames = 50;

@@ -23,7 +23,7 @@ class FeatureTracker {
     double min_corner_strength = 1e-4;
     int window_px = 9;
     int pyramid_levels = 4;
-    double forward_backward_px = 1.5;
+    double forward_backward_px = 0.7;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
       visit("cell", self.cell, 0.004, 0.2,
@@ -51,7 +51,6 @@ class FeatureTracker {
   struct Tracks {
     std::vector<cv::Point2f> points;  ///< same order as `from_points`; meaningful where ok
     std::vector<unsigned char> ok;
-    std::vector<float> round_trip_px;  ///< distance after tracking there and back, where ok
   };
 
   /// predicted: a first guess of each point in `to`, same length as from_points. A point that is

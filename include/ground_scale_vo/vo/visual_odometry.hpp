@@ -41,8 +41,7 @@ class VisualOdometry {
     LocalMap::Options map;
     LocalBundleAdjustment::Options bundle_adjustment;
 
-    double unproven_round_trip_px = 0.5;
-    double noise = 0.00075;
+    double noise = 0.001;
     double noise_flow = 0.028;
     double noise_aligned = 0.00025;
     double keyframe_parallax = 0.035;
@@ -55,8 +54,6 @@ class VisualOdometry {
     int lost_frames_before_new_map = 3;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
-      visit("unproven_round_trip_px", self.unproven_round_trip_px, 0.05, 10,
-            "[px] as tracker/forward_backward_px, of a corner without a point to prove it");
       visit("noise", self.noise, 1e-6, 0.1,
             "[focal lengths] standard deviation of a corner that hardly moves");
       visit("noise_flow", self.noise_flow, 1e-4, 100,

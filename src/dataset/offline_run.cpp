@@ -108,7 +108,7 @@ OfflineRun::OfflineRun(const PinholeCamera& camera, const Options& options)
 
 const RunFrame& OfflineRun::process(const cv::Mat& image, std::int64_t stamp_ns) {
   const VisualOdometry::Output vo = vo_.process(image, stamp_ns);
-  record_.append(vo, scale_.process(vo.frame));
+  record_.append(vo, scale_.process(vo.frame, image));
   return record_.frames().back();
 }
 

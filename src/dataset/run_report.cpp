@@ -139,7 +139,8 @@ std::string timingCsv(const RunRecord& record) {
   std::ostringstream stream = tableStream();
   stream
       << "frame,vo_pyramid,vo_track,vo_align,vo_detect,vo_pose,vo_triangulate,vo_bundle_adjustment,"
-         "vo_total,scale_delaunay,scale_gpe,scale_gpa,scale_filter,scale_total,total\n";
+         "vo_total,scale_delaunay,scale_gpe,scale_gpa,scale_refine,scale_filter,scale_total,"
+         "total\n";
   for (std::size_t i = 0; i < record.frames().size(); ++i) {
     const RunFrame& frame = record.frames()[i];
     const VisualOdometry::Times& vo = frame.vo_times;
@@ -147,7 +148,8 @@ std::string timingCsv(const RunRecord& record) {
     stream << i << ',' << vo.pyramid << ',' << vo.track << ',' << vo.align << ',' << vo.detect
            << ',' << vo.pose << ',' << vo.triangulate << ',' << vo.bundle_adjustment << ','
            << vo.total << ',' << scale.delaunay << ',' << scale.gpe << ',' << scale.gpa << ','
-           << scale.filter << ',' << scale.total << ',' << totalTime(frame) << '\n';
+           << scale.refine << ',' << scale.filter << ',' << scale.total << ',' << totalTime(frame)
+           << '\n';
   }
   return stream.str();
 }

@@ -31,6 +31,7 @@ void declareOptions(ParamReader& reader, ScaleRecovery::Options& options) {
   declareStage(reader, "gpe/", options.gpe);
   declareStage(reader, "gpa/", options.gpa);
   declareStage(reader, "fit/", options.gpa.fit);
+  declareStage(reader, "refinement/", options.refinement);
   declareStage(reader, "filter/", options.filter);
   declareStage(reader, "trajectory/", options.trajectory);
 }
@@ -66,9 +67,6 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   reader.declare("base_frame", params.base_frame,
                  "[] the frame whose pose is published; empty: the image's frame");
   reader.declare("publish_tf", params.publish_tf, "[] broadcast odom_frame -> base_frame");
-  reader.declare(
-      "refine", params.refine,
-      "[] align the road's pixels; has no effect yet, this version works on points alone");
   reader.declare("path_max_poses", params.path_max_poses, 2, 1000000,
                  "[poses] in path; when it is full every second one goes");
   reader.declare("path_spacing_m", params.path_spacing_m, 0.0, 1000.0,

@@ -33,7 +33,8 @@ std::optional<MotionHistory::Chord> MotionHistory::chord(double min_length) cons
   const Eigen::Vector3d way_w = T_w_c.translation() - start->T_w_c.translation();
   const double length = way_w.norm();
   if (!(length > 0)) return std::nullopt;
-  return Chord{T_w_c.linear().transpose() * way_w / length, length};
+  const Eigen::AngleAxisd turn(start->T_w_c.linear().transpose() * T_w_c.linear());
+  return Chord{T_w_c.linear().transpose() * way_w / length, length, turn.angle() * turn.axis()};
 }
 
 void MotionHistory::reset() {

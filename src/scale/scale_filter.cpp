@@ -10,6 +10,9 @@
 namespace ground_scale_vo {
 namespace {
 
+/// Limits of the factor on the variance.
+constexpr double kMinAgreement = 0.05, kMaxAgreement = 20;
+
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -24,7 +27,9 @@ ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.
 
 double ScaleFilter::height() const { return known_ ? std::exp(log_height_) : 0; }
 
-double ScaleFilter::sigma() const { return known_ ? height() * std::sqrt(variance_) : 0; }
+double ScaleFilter::sigma() const {
+  return known_ ? height() * std::sqrt(agreement_ * variance_) : 0;
+}
 
 void ScaleFilter::move(double distance, double angle) {
   way_ += distance;
@@ -34,8 +39,10 @@ void ScaleFilter::move(double distance, double angle) {
   }
 }
 
-bool ScaleFilter::update(double height, double sigma) {
-  const double relative = std::hypot(sigma / height, options_.measurement_floor);
+bool ScaleFilter::update(double height, double sigma, Source source) {
+  const bool points = source == Source::kPoints;
+  const double floor = points ? options_.measurement_floor : options_.pixels_floor;
+  const double relative = std::hypot(sigma / height, floor);
   const Measurement measurement{std::log(height), relative * relative};
   if (options_.moving_average_frames > 0) {
     inverse_heights_.push_back(1 / height);
@@ -51,20 +58,31 @@ bool ScaleFilter::update(double height, double sigma) {
   if (!known_) return start(measurement);
 
   const double innovation = measurement.log_height - log_height_;
-  if (std::abs(innovation) > options_.gate_sigma * std::sqrt(variance_ + measurement.variance)) {
-    return start(measurement);
-  }
+  const double expected = variance_ + measurement.variance;
+  const double gate = options_.gate_sigma * options_.gate_sigma;
+  const double squared = innovation * innovation / expected;
+  learnAgreement(source, std::min(squared, gate));
+  if (squared > gate) return start(measurement);
   challengers_.clear();
   // A measurement whose predecessor lies closer than the correlation length brings only its share.
-  const double share =
-      std::min(1.0, (way_ - last_update_at_) / (options_.correlation_h * this->height()));
-  last_update_at_ = way_;
+  const double correlation_h = points ? options_.correlation_h : options_.pixels_correlation_h;
+  double& last = last_update_at_[static_cast<std::size_t>(source)];
+  const double share = std::min(1.0, (way_ - last) / (correlation_h * this->height()));
+  last = way_;
   if (share > 0) {
     const double gain = variance_ / (variance_ + measurement.variance / share);
     log_height_ += gain * innovation;
     variance_ *= 1 - gain;
   }
   return true;
+}
+
+/// squared: an innovation's square over its expected one.
+void ScaleFilter::learnAgreement(Source source, double squared) {
+  double& last = last_seen_at_[static_cast<std::size_t>(source)];
+  const double rate = std::min(1.0, (way_ - last) / (options_.agreement_memory_h * this->height()));
+  last = way_;
+  agreement_ = std::clamp(agreement_ + rate * (squared - agreement_), kMinAgreement, kMaxAgreement);
 }
 
 /// Collects measurements without, or against, the present state; the latest few become the state
@@ -92,7 +110,9 @@ bool ScaleFilter::start(const Measurement& measurement) {
   log_height_ = middle;
   variance_ = variance + options_.start_sigma * options_.start_sigma;
   known_ = true;
-  last_update_at_ = way_;
+  last_update_at_.fill(way_);
+  last_seen_at_.fill(way_);
+  agreement_ = 1;
   challengers_.clear();
   return true;
 }

@@ -27,6 +27,7 @@ class Stopwatch {
 ScaleRecovery::Options ScaleRecovery::Options::withPaperLiteral() const {
   Options literal = *this;
   literal.min_step_h = 0;
+  literal.refine = false;
   literal.mounting.chord_h = 0.01;  // one frame's t
   literal.gpe.lane_points = 0;
   literal.gpe.lane_h = literal.gpe.max_lateral_h = 1000;
@@ -52,6 +53,7 @@ void ScaleRecovery::Options::validate() const {
   mounting.validate();
   gpe.validate();
   gpa.validate();
+  refinement.validate();
   filter.validate();
   trajectory.validate();
 }
@@ -63,6 +65,7 @@ struct ScaleRecovery::Impl {
         mounting(options.mounting),
         gpe(options.gpe),
         gpa(options.gpa),
+        refinement(options.refinement),
         filter(options.filter),
         trajectory(options.trajectory) {}
 
@@ -74,14 +77,18 @@ struct ScaleRecovery::Impl {
     return result;
   }
 
-  /// GPE, GPA and filter for one tracking frame. Returns why there is no measurement, or kNone.
-  ScaleReason measure(const VoFrame& frame, Output* output);
+  /// All stages for one tracking frame. Returns why there is no measurement, or kNone.
+  ScaleReason measure(const VoFrame& frame, const cv::Mat& image, Output* output);
+  /// GPE and GPA; output->points.
+  PlaneFit::Result measurePoints(const VoFrame& frame, const NormalPrior& prior,
+                                 const std::optional<MotionHistory::Chord>& chord, Output* output);
 
   const Options options;
   MotionHistory motion;
   Mounting mounting;
   GroundPointExtraction gpe;
   GroundPointAggregation gpa;
+  PlaneRefinement refinement;
   ScaleFilter filter;
   MetricTrajectory trajectory;
 
@@ -90,16 +97,11 @@ struct ScaleRecovery::Impl {
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< of the latest plane, zero: none yet
 };
 
-ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, Output* output) {
+PlaneFit::Result ScaleRecovery::Impl::measurePoints(
+    const VoFrame& frame, const NormalPrior& prior,
+    const std::optional<MotionHistory::Chord>& chord, Output* output) {
   Stopwatch watch;
   ScaleEstimate& scale = output->scale;
-  const double step = motion.distanceFromLast(frame.T_w_c);
-  if (!motion.empty() && step < options.min_step_h * rough_height) return ScaleReason::kStandstill;
-  motion.add(frame.T_w_c);
-  filter.move(step, Eigen::AngleAxisd(motion.lastMotion().linear()).angle());
-
-  const NormalPrior prior = mounting.prior(motion, rough_height);
-  const auto chord = motion.chord(options.mounting.chord_h * rough_height);
   GroundPointExtraction::Result ground = gpe.extract(frame, prior, chord, motion.lastMotion());
   scale.triangles = ground.triangles;
   scale.ground_triangles = ground.ground_triangles;
@@ -107,11 +109,11 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, Output* output) {
   for (const GroundPoint& point : ground.points) output->ground_feature_ids.push_back(point.id);
   output->times.delaunay = ground.delaunay_ms;
   output->times.gpe = watch.lap() - ground.delaunay_ms;
-
   if (ground.status != ScaleReason::kNone) {
     // The window alone says nothing that it has not said before.
-    if (rough_height > 0) n_c = prior.n_c;
-    return ground.status;
+    PlaneFit::Result none;
+    none.status = ground.status;
+    return none;
   }
   if (rough_height == 0) rough_height = ground.plane.height;
   gpa.add(frame.T_w_c, motion.travelled(), ground.points, options.min_step_h * rough_height);
@@ -121,28 +123,67 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, Output* output) {
   for (const PlanePoint& point : plane.window) {
     output->ground_points_c.push_back(point.p_c.cast<float>());
   }
-  output->times.gpa = watch.lap();
-  // A refinement of plane.fit on the image would come here.
-
-  const bool found = plane.fit.status == ScaleReason::kNone;
-  if (found) {
+  if (plane.fit.status == ScaleReason::kNone) {
     scale.plane_inliers = static_cast<int>(plane.fit.inliers.size());
-    output->plane = {plane.fit.plane.n_c, plane.fit.median_height};
-    scale.raw_scale = options.camera_height / output->plane.height;
-    n_c = plane.fit.plane.n_c;
-  } else {
-    n_c = prior.n_c;
+    output->points = {plane.fit.median_height, plane.fit.height_sigma};
   }
-  const bool used = found && filter.update(output->plane.height, plane.fit.height_sigma);
+  output->times.gpa = watch.lap();
+  return plane.fit;
+}
+
+ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& image,
+                                         Output* output) {
+  const double step = motion.distanceFromLast(frame.T_w_c);
+  if (!motion.empty() && step < options.min_step_h * rough_height) return ScaleReason::kStandstill;
+  motion.add(frame.T_w_c);
+  filter.move(step, Eigen::AngleAxisd(motion.lastMotion().linear()).angle());
+  const NormalPrior prior = mounting.prior(motion, rough_height);
+  const auto chord = motion.chord(options.mounting.chord_h * rough_height);
+
+  const PlaneFit::Result points = measurePoints(frame, prior, chord, output);
+  const bool has_points = points.status == ScaleReason::kNone;
+  if (has_points) output->plane = {points.plane.n_c, output->points.height};
+
+  Stopwatch watch;
+  bool has_pixels = false;
+  if (options.refine && !image.empty()) {
+    const PlaneRefinement::Result pixels =
+        refinement.align(frame, image, prior, chord, filter.height());
+    has_pixels = pixels.status == ScaleReason::kNone;
+    if (has_pixels) {
+      output->plane = pixels.plane;
+      output->pixels = {pixels.plane.height, pixels.height_sigma};
+      output->correlation = pixels.correlation;
+    }
+  }
+  output->times.refine = watch.lap();
+
+  const bool found = has_points || has_pixels;
+  bool used = false;
+  if (has_points) {
+    used = filter.update(output->points.height, output->points.sigma, ScaleFilter::Source::kPoints);
+  }
+  if (has_pixels) {
+    used |=
+        filter.update(output->pixels.height, output->pixels.sigma, ScaleFilter::Source::kPixels);
+  }
   // Until the filter knows, the latest plane is the best idea of the unit of length.
   if (filter.known()) {
     rough_height = filter.height();
   } else if (found) {
     rough_height = output->plane.height;
   }
-  mounting.update(chord, used ? &plane.fit.plane : nullptr, step / rough_height);
+  if (found) {
+    output->scale.raw_scale = options.camera_height / output->plane.height;
+    n_c = output->plane.n_c;
+  } else if (rough_height > 0) {
+    n_c = prior.n_c;
+  }
+  if (rough_height > 0) {
+    mounting.update(chord, used ? &output->plane : nullptr, step / rough_height);
+  }
   output->times.filter = watch.lap();
-  if (!found) return plane.fit.status;
+  if (!found) return points.status;
   // While the filter collects its first ones, a measurement is not rejected: the status says
   // unknown.
   return used || !filter.known() ? ScaleReason::kNone : ScaleReason::kRejectedByFilter;
@@ -154,7 +195,7 @@ ScaleRecovery::~ScaleRecovery() = default;
 
 void ScaleRecovery::reset() { impl_ = std::make_unique<Impl>(impl_->options); }
 
-ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame) {
+ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat& image) {
   Stopwatch watch;
   Output output;
   ScaleEstimate& scale = output.scale;
@@ -164,12 +205,13 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame) {
       // Another unit of length: all but the mounting starts anew.
       impl_->motion.reset();
       impl_->gpa.reset();
+      impl_->refinement.reset();
       impl_->filter.reset();
       impl_->rough_height = 0;
       impl_->n_c.setZero();
       impl_->map_id = frame.map_id;
     }
-    scale.reason = impl_->measure(frame, &output);
+    scale.reason = impl_->measure(frame, image, &output);
   }
   scale.n_c = impl_->n_c;
   if (impl_->filter.known()) {

@@ -25,7 +25,6 @@ struct ScaleRecoveryParams {
   std::string odom_frame = "odom";
   std::string base_frame;
   bool publish_tf = true;
-  bool refine = true;
   int path_max_poses = 5000;
   double path_spacing_m = 0.5;
   double clock_jump_s = 1.0;

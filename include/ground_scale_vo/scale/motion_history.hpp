@@ -26,6 +26,7 @@ class MotionHistory {
   struct Chord {
     Eigen::Vector3d direction_c = Eigen::Vector3d::Zero();  ///< unit, along the motion, camera axes
     double length = 0;                                      ///< VO units, > 0
+    Eigen::Vector3d turn_c = Eigen::Vector3d::Zero();  ///< rotation from its start to its end [rad]
   };
 
   explicit MotionHistory(const Options& options);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <deque>
 
 #include "ground_scale_vo/options.hpp"
@@ -11,18 +13,30 @@ namespace ground_scale_vo {
 /// map neighbouring frames share one scale, so the height is what varies slowly; the scale follows
 /// as h*/h. A bias or a slow drift costs accuracy, jitter hardly does: the filter is slow.
 ///
-/// State: ln h with its variance, a random walk in distance. One measurement a frame, but those of
-/// neighbouring frames see the same road: their information is taken per distance, so the frame
-/// rate does not matter.
+/// State: ln h with its variance, a random walk in distance. Each source gives at most one
+/// measurement a frame, but those of neighbouring frames see the same road: their information is
+/// taken per distance, so the frame rate does not matter.
+///
+/// The gain follows from the options. How large the errors are in this street with this camera does
+/// not: sigma() is scaled by how well the measurements of late, rejected ones too, agreed with the
+/// state.
 class ScaleFilter {
  public:
+  enum class Source : std::uint8_t {
+    kPoints = 0,  ///< the plane through the ground points
+    kPixels = 1   ///< the plane that aligns the road's pixels
+  };
   struct Options {
-    double correlation_h = 3;        ///< measurements agree over this way [camera heights]
-    double drift_per_sqrt_h = 0.01;  ///< random walk of ln h over one camera height of way
+    /// Measurements of one source share their errors over this way [camera heights].
+    double correlation_h = 3;         ///< of kPoints
+    double pixels_correlation_h = 2;  ///< of kPixels
+    double drift_per_sqrt_h = 0.01;   ///< random walk of ln h over one camera height of way
     /// ... and over one radian of rotation: a turn replaces the map that carries the scale.
     double drift_per_sqrt_rad = 0.05;
     double measurement_floor = 0.015;  ///< least relative sigma of one measurement
+    double pixels_floor = 0.015;       ///< the same of kPixels
     double gate_sigma = 3;             ///< measurements farther off are rejected
+    double agreement_memory_h = 40;    ///< way over which the scale of sigma forgets
     int start_measurements = 4;        ///< the latest few that must agree to start or restart it
     double start_spread = 0.15;        ///< agree: at most this far from their median, relative
     double start_way_h = 3;            ///< and not before this way [camera heights]
@@ -34,15 +48,21 @@ class ScaleFilter {
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
       visit("correlation_h", self.correlation_h, 0, 1e6,
-            "[camera heights] measurements agree over this way");
+            "[camera heights] measurements of points agree over this way");
+      visit("pixels_correlation_h", self.pixels_correlation_h, 0, 1e6,
+            "[camera heights] measurements of pixels agree over this way");
       visit("drift_per_sqrt_h", self.drift_per_sqrt_h, 0, 1,
             "[] random walk of ln h over one camera height of way");
       visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
             "[] random walk of ln h over one radian of rotation");
       visit("measurement_floor", self.measurement_floor, 1e-4, 1,
-            "[] least relative sigma of one measurement");
+            "[] least relative sigma of one measurement of points");
+      visit("pixels_floor", self.pixels_floor, 1e-4, 1,
+            "[] least relative sigma of one measurement of pixels");
       visit("gate_sigma", self.gate_sigma, 0.1, 1000,
             "[sigma] measurements farther off are rejected");
+      visit("agreement_memory_h", self.agreement_memory_h, 0.1, 1e6,
+            "[camera heights] way over which sigma learns how well measurements agree");
       visit("start_measurements", self.start_measurements, 1, 1000,
             "[frames] that must agree to start or restart");
       visit("start_way_h", self.start_way_h, 0, 1e6, "[camera heights] no start before this way");
@@ -65,7 +85,7 @@ class ScaleFilter {
   void move(double distance, double angle);
 
   /// One frame's measurement, height > 0 and sigma > 0 [VO units]. True when it was used.
-  bool update(double height, double sigma);
+  bool update(double height, double sigma, Source source = Source::kPoints);
 
   bool known() const { return known_; }
   double height() const;  ///< [VO units]; 0 while not known
@@ -79,13 +99,16 @@ class ScaleFilter {
     double variance;
   };
   bool start(const Measurement& measurement);
+  void learnAgreement(Source source, double squared);
 
   Options options_;
   bool known_ = false;
   double log_height_ = 0;
   double variance_ = 0;
-  double way_ = 0;                       ///< since reset()
-  double last_update_at_ = 0;            ///< way at the last measurement used
+  double way_ = 0;  ///< since reset()
+  /// Way at the last measurement used, and at the last one seen, of each source.
+  std::array<double, 2> last_update_at_{}, last_seen_at_{};
+  double agreement_ = 1;                 ///< mean square of innovations over what was expected
   std::deque<Measurement> challengers_;  ///< the latest of those since one was used
   double challenged_at_ = 0;             ///< way at the first of those
   std::deque<double> inverse_heights_;   ///< of the moving average

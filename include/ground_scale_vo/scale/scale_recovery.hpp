@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <memory>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
@@ -12,13 +13,18 @@
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
 #include "ground_scale_vo/scale/motion_history.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
+#include "ground_scale_vo/scale/plane_refinement.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
 
-/// The paper's GPE-GPA thread: VoFrame in, scale and metric pose out.
+/// The paper's GPE-GPA thread, and beyond it the road's pixels: VoFrame and its image in, scale and
+/// metric pose out.
+///
+/// Points and pixels measure the height each by itself; one filter takes both. Points work in the
+/// first frames and where the road has no texture, pixels where it has no corners.
 class ScaleRecovery {
  public:
   struct Options {
@@ -27,6 +33,8 @@ class ScaleRecovery {
     /// The paper's choices as printed, where they can run at all: overrides the stages' options
     /// with those of withPaperLiteral(). For comparison only.
     bool paper_literal = false;
+    /// The images are used; without them, or with false, points work alone.
+    bool refine = true;
     /// A step below this is standstill: no measurement, and the window stays [camera heights].
     double min_step_h = 0.02;
 
@@ -34,6 +42,7 @@ class ScaleRecovery {
     Mounting::Options mounting;
     GroundPointExtraction::Options gpe;
     GroundPointAggregation::Options gpa;
+    PlaneRefinement::Options refinement;
     ScaleFilter::Options filter;
     MetricTrajectory::Options trajectory;
 
@@ -41,20 +50,27 @@ class ScaleRecovery {
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
       visit("min_step_h", self.min_step_h, 0, 1, "[camera heights] a shorter step is standstill");
+      visit("refine", self.refine, "[] align the road's pixels; false: points alone");
       visit("paper_literal", self.paper_literal,
             "[] the paper's choices as printed, for comparison; overrides the stages' options");
     }
     /// A copy in which the stages' options are the paper's: t of one frame, theta_1 on the frame's
     /// rotation, 5 degrees, most inliers within 0.01 m (over the height), a window of four frames
     /// with all copies, unweighted homogeneous least squares, a moving average of the scale,
-    /// standstill not noticed. Precondition: camera_height > 0.
+    /// standstill not noticed, images not used. Precondition: camera_height > 0.
     Options withPaperLiteral() const;
     /// Throws OptionError.
     void validate() const;
   };
 
   struct Times {
-    double delaunay = 0, gpe = 0, gpa = 0, filter = 0, total = 0;  ///< [ms] wall time
+    double delaunay = 0, gpe = 0, gpa = 0, refine = 0, filter = 0, total = 0;  ///< [ms] wall time
+  };
+
+  /// What one source says of the height in one frame [VO units].
+  struct Measurement {
+    double height = 0;  ///< 0: nothing
+    double sigma = 0;
   };
 
   struct Output {
@@ -66,6 +82,8 @@ class ScaleRecovery {
     /// Ids of this frame's features that were extracted as ground points.
     std::vector<std::uint64_t> ground_feature_ids;
     Times times;
+    Measurement points, pixels;
+    double correlation = 0;     ///< of the pixels' alignment, 0 when there was none
     GroundPlane plane;          ///< of this frame alone; height 0 when there is none
     double mounting_pitch = 0;  ///< [rad], positive looks down
     double mounting_roll = 0;   ///< [rad], positive: the camera's x axis dips
@@ -74,7 +92,9 @@ class ScaleRecovery {
   explicit ScaleRecovery(const Options& options);
   ~ScaleRecovery();
 
-  Output process(const VoFrame& frame);
+  /// image: the picture of this frame, rectified, 8-bit grey, of the size of frame.camera (throws
+  /// OptionError otherwise), or empty.
+  Output process(const VoFrame& frame, const cv::Mat& image = {});
 
   /// As newly constructed.
   void reset();

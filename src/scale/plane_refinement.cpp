@@ -15,7 +15,7 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr int kSide = 4;  ///< samples along a side of a tile
+constexpr int kSide = 8;  ///< samples along a side of a tile
 constexpr int kSamples = kSide * kSide;
 constexpr int kReferences = 2;
 constexpr int kPictures = 12;            ///< kept
@@ -24,7 +24,7 @@ constexpr double kMinBaseline = 0.2;     ///< [first baseline]
 constexpr double kMaxBaselineRatio = 4;  ///< between a picture's distance and the one wanted
 constexpr double kSideMargin = 0.12;     ///< around the strip, for later frames [focal lengths]
 constexpr double kUpperMargin = 0.04;    ///< likewise
-constexpr double kMinBlurPx = 0.8;       ///< less, and the interpolation between pixels shows
+constexpr double kMinBlurPx = 0.6;       ///< less, and the interpolation between pixels shows
 constexpr double kKernelReach = 2.5;     ///< of the blur [its sigma]
 constexpr int kMinTilePx = 8;
 constexpr double kConverged = 2e-4;           ///< a relative step of m below this is rest
@@ -69,11 +69,11 @@ struct Tile {
 /// An earlier picture and the motion to it.
 struct Reference {
   const Picture* picture = nullptr;
-  Eigen::Matrix3f R;          ///< y = R r - t (m . r)
-  Eigen::Vector3f t;          ///< VO units
-  Eigen::Vector3f across[2];  ///< orthogonal to t, of its length
-  Matrix8d H;                 ///< of the plane and of this motion's errors
-  Vector8d b;
+  Eigen::Matrix3f R;              ///< y = R r - t (m . r)
+  Eigen::Vector3f t;              ///< VO units
+  Eigen::Vector3f across[2];      ///< orthogonal to t, of its length
+  Matrix8d H = Matrix8d::Zero();  ///< of the plane and of this motion's errors
+  Vector8d b = Vector8d::Zero();
 };
 
 /// A tile in one earlier picture.
@@ -134,6 +134,8 @@ struct PlaneRefinement::Impl {
   double correlate(const Reference& reference, const Eigen::Vector3f& m) const;
   double search(const NormalPrior& prior, double middle) const;
   Result alignFrom(const NormalPrior& prior, double height);
+  bool isSearchDue(const Eigen::Vector3d& here_w, double height) const;
+  void unmaskForeign();
   void learnStatic(const NormalPrior& prior, double height, bool aligned);
   void keep(double height);
 
@@ -150,7 +152,7 @@ struct PlaneRefinement::Impl {
   std::vector<Reference> references;
   std::vector<Match> matches;  ///< of tile i in reference k: i * kReferences + k
   mutable std::vector<double> scratch;
-  std::optional<Eigen::Vector3d> searched_at_w;  ///< the last search in vain
+  std::optional<Eigen::Vector3d> sure_at_w;  ///< the last alignment, or search
 };
 
 /// For another camera than before: everything of the image's size.
@@ -451,7 +453,7 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
   Result result;
   Eigen::Vector3d m = prior.n_c / height;
   matches.resize(tiles.size() * kReferences);
-  Eigen::Matrix3d H;
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
   double spread = 1;
   bool rests = false;
   for (int iteration = 0; iteration < options.max_iterations && !rests; ++iteration) {
@@ -533,6 +535,17 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
   return result;
 }
 
+/// While the height is not known (0), always; else when nothing was found for some way.
+bool PlaneRefinement::Impl::isSearchDue(const Eigen::Vector3d& here_w, double height) const {
+  return !sure_at_w || !(height > 0) ||
+         (here_w - *sure_at_w).norm() > options.search_every_h * height;
+}
+
+/// Whether features lie on a plane is not known when the plane is sought.
+void PlaneRefinement::Impl::unmaskForeign() {
+  for (Tile& tile : tiles) tile.masked = stationary[tile.cell] > kStationary;
+}
+
 /// What stands still in the image while the camera moves belongs to the vehicle: hood, its shadow.
 void PlaneRefinement::Impl::learnStatic(const NormalPrior& prior, double height, bool aligned) {
   if (references.empty() || kept == 0) return;
@@ -588,7 +601,7 @@ PlaneRefinement::~PlaneRefinement() = default;
 
 void PlaneRefinement::reset() {
   impl_->kept = 0;
-  impl_->searched_at_w.reset();
+  impl_->sure_at_w.reset();
 }
 
 PlaneRefinement::Result PlaneRefinement::align(const VoFrame& frame, const cv::Mat& image,
@@ -610,12 +623,16 @@ PlaneRefinement::Result PlaneRefinement::align(const VoFrame& frame, const cv::M
   if (rough > 0) s.chooseReferences(rough);
   if (rough > 0 && !s.references.empty()) {
     result.status = ScaleReason::kNoPlane;
-    if (height > 0) {
-      result = s.alignFrom(prior, height);
-    } else if (const double found = s.search(prior, rough); found > 0) {
-      result = s.alignFrom(prior, found);
+    if (height > 0) result = s.alignFrom(prior, height);
+    const Eigen::Vector3d& here = s.pictures.front().T_w_c.translation();
+    const bool lost = result.status != ScaleReason::kNone;
+    if (lost && s.isSearchDue(here, height)) {
+      s.unmaskForeign();
+      const double found = s.search(prior, rough);
+      if (found > 0) result = s.alignFrom(prior, found);
       result.searched = true;
     }
+    if (!lost || result.searched) s.sure_at_w = here;
     const bool aligned = result.status == ScaleReason::kNone;
     s.learnStatic(prior, aligned ? result.plane.height : rough, aligned);
   }

@@ -79,8 +79,15 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   EXPECT_NEAR(slow.sigma(), fast.sigma(), 0.001);
 }
 
+/// Without the scale of sigma that is learnt: the variance is the options' alone.
+ScaleFilter::Options withoutAgreement() {
+  ScaleFilter::Options options;
+  options.agreement_memory_h = 1e6;
+  return options;
+}
+
 TEST(ScaleFilter, HeldStateKeepsItsHeightAndLosesCertaintyWithDistance) {
-  ScaleFilter filter({});
+  ScaleFilter filter(withoutAgreement());
   drive(&filter, 50, 0.8, 0.03);
   const double height = filter.height(), sigma = filter.sigma();
   filter.move(0, 0);
@@ -89,17 +96,17 @@ TEST(ScaleFilter, HeldStateKeepsItsHeightAndLosesCertaintyWithDistance) {
   EXPECT_EQ(filter.height(), height);
   const double drift = ScaleFilter::Options().drift_per_sqrt_h;
   EXPECT_NEAR(std::pow(filter.sigma() / height, 2),
-              std::pow(sigma / height, 2) + drift * drift * 40 / height, 1e-9);
+              std::pow(sigma / height, 2) + drift * drift * 40 / height, 1e-6);
 }
 
 TEST(ScaleFilter, ATurnLetsTheScaleChangeFaster) {
-  ScaleFilter straight({}), turning({});
+  ScaleFilter straight(withoutAgreement()), turning(withoutAgreement());
   drive(&straight, 50, 0.8, 0.02);
   drive(&turning, 50, 0.8, 0.02);
   const double sigma = turning.sigma();
   turning.move(0, 1.5);
   const double drift = ScaleFilter::Options().drift_per_sqrt_rad;
-  EXPECT_NEAR(std::pow(turning.sigma(), 2) - sigma * sigma, 0.64 * drift * drift * 1.5, 1e-9);
+  EXPECT_NEAR(std::pow(turning.sigma(), 2) - sigma * sigma, 0.64 * drift * drift * 1.5, 1e-6);
   drive(&straight, 5, 0.84, 0.02);
   drive(&turning, 5, 0.84, 0.02);
   EXPECT_GT(turning.height(), straight.height() + 0.005);
@@ -146,6 +153,48 @@ TEST(ScaleFilter, BadOptionsAreRefused) {
   options = {};
   options.start_measurements = 0;
   EXPECT_THROW(ScaleFilter{options}, OptionError);
+}
+
+TEST(ScaleFilter, SigmaFollowsHowWellMeasurementsAgree) {
+  // The errors of a turn of the road, by one source or two, are larger or smaller than the options
+  // say; the state is the same, only its sigma follows.
+  const auto sigmaAfter = [](double error) {
+    ScaleFilter filter({});
+    drive(&filter, 10, 0.8, 0.01);
+    for (int i = 0; i < 300; ++i) {
+      filter.move(0.5, 0);
+      filter.update(0.8 * (1 + (i % 4 < 2 ? error : -error)), 0.01);
+    }
+    return filter.sigma() / filter.height();
+  };
+  EXPECT_LT(sigmaAfter(0.002), 0.5 * sigmaAfter(0.02));
+  EXPECT_GT(sigmaAfter(0.04), 1.5 * sigmaAfter(0.02));
+  EXPECT_GT(sigmaAfter(0), 0);
+}
+
+TEST(ScaleFilter, TwoSourcesKnowMoreThanOne) {
+  ScaleFilter one(withoutAgreement()), two(withoutAgreement());
+  for (int i = 0; i < 100; ++i) {
+    for (ScaleFilter* filter : {&one, &two}) {
+      filter->move(0.5, 0);
+      filter->update(0.80, 0.01);
+    }
+    two.update(0.82, 0.01, ScaleFilter::Source::kPixels);
+  }
+  EXPECT_LT(two.sigma(), 0.9 * one.sigma());
+  EXPECT_NEAR(one.height(), 0.80, 1e-6);
+  EXPECT_GT(two.height(), 0.805);
+  EXPECT_LT(two.height(), 0.815);
+}
+
+TEST(ScaleFilter, OneSourceGoesOnWhereTheOtherIsSilent) {
+  ScaleFilter filter({});
+  drive(&filter, 20, 0.8, 0.01);
+  for (int i = 0; i < 200; ++i) {
+    filter.move(0.5, 0);
+    EXPECT_TRUE(filter.update(0.8 + 0.0003 * i, 0.01, ScaleFilter::Source::kPixels));
+  }
+  EXPECT_NEAR(filter.height(), 0.86, 0.02);
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ class PlaneRefinement {
     double max_ahead_h = 10;
     double half_width_h = 1.0;  ///< the lane alone: kerb and pavement lie higher
     double tile = 0.03;         ///< [focal lengths] side of a tile
-    double blur = 0.0014;       ///< [focal lengths] of the pictures, before they are sampled
+    double blur = 0.0010;       ///< [focal lengths] of the pictures, before they are sampled
     double baseline_h = 0.7;    ///< to the first earlier picture; the second is twice as far
     double noise = 2;           ///< [grey levels] a tile with less contrast counts little
     double roughness_h = 0.005;

@@ -1,0 +1,290 @@
+#include "ground_scale_vo/scale/plane_refinement.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "ground_scale_vo/error.hpp"
+#include "road_image.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Change = std::function<void(std::uint32_t, cv::Mat*)>;
+
+RoadScene road() {
+  RoadScene scene;
+  scene.pitch = 0.03;
+  scene.addPatch(1500, -2.5, 2.5, 0, 15, 0, 1);
+  return scene;
+}
+
+NormalPrior priorOf(const RoadScene& scene) {
+  NormalPrior prior;
+  prior.n_c = scene.normal();
+  prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
+  prior.pitch_sigma = prior.roll_sigma = 0.012;
+  return prior;
+}
+
+/// The result at the last of `frames` frames, each with the same prediction (0: none).
+PlaneRefinement::Result drive(PlaneRefinement* refinement, const RoadScene& scene, double predicted,
+                              std::uint32_t frames = 4, const Change& change = nullptr,
+                              const std::function<double(double, double)>& texture = asphalt) {
+  PlaneRefinement::Result result;
+  const NormalPrior prior = priorOf(scene);
+  const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
+  for (std::uint32_t i = 0; i < frames; ++i) {
+    cv::Mat image = roadImage(scene, scene.step * i, texture);
+    if (change) change(i, &image);
+    result = refinement->align(scene.frame(i), image, prior, chord, predicted);
+  }
+  return result;
+}
+
+PlaneRefinement::Result drive(const RoadScene& scene, double predicted, std::uint32_t frames = 4,
+                              const Change& change = nullptr,
+                              const std::function<double(double, double)>& texture = asphalt) {
+  PlaneRefinement refinement({});
+  return drive(&refinement, scene, predicted, frames, change, texture);
+}
+
+TEST(PlaneRefinement, FindsHeightAndNormal) {
+  for (const double unit : {0.01, 1.0, 300.0}) {
+    RoadScene scene = road();
+    scene.height *= unit;
+    scene.step *= unit;
+    for (auto& point : scene.points) point *= unit;
+    const auto result = drive(scene, 1.06 * scene.height);
+    ASSERT_EQ(result.status, ScaleReason::kNone) << unit;
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.002) << unit;
+    EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
+    EXPECT_GT(result.correlation, 0.9);
+    EXPECT_LT(result.height_sigma / scene.height, 0.01);
+    EXPECT_FALSE(result.searched);
+  }
+}
+
+TEST(PlaneRefinement, OtherCamerasAndMountings) {
+  for (const double focal : {180.0, 500.0}) {
+    for (const double pitch : {-0.03, 0.08}) {
+      RoadScene scene = road();
+      scene.camera = {640, 240, focal, focal, 320, 110};
+      scene.pitch = pitch;
+      scene.roll = 0.05;
+      const auto result = drive(scene, 0.95 * scene.height);
+      ASSERT_EQ(result.status, ScaleReason::kNone) << focal << ' ' << pitch;
+      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.003) << focal << ' ' << pitch;
+    }
+  }
+}
+
+TEST(PlaneRefinement, AWrongNormalIsCorrected) {
+  const RoadScene scene = road();
+  RoadScene expected = scene;
+  expected.pitch += 0.01;
+  PlaneRefinement refinement({});
+  PlaneRefinement::Result result;
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i), priorOf(expected),
+                              std::nullopt, scene.height);
+  }
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
+  EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
+}
+
+TEST(PlaneRefinement, LightAndExposureDropOut) {
+  const RoadScene scene = road();
+  const auto result = drive(scene, scene.height, 4, [](std::uint32_t i, cv::Mat* image) {
+    image->convertTo(*image, -1, 1 - 0.15 * (i % 3), 20.0 * (i % 2));
+    cv::Mat ramp(image->size(), CV_8U);  // and a shade across the image that comes and goes
+    for (int u = 0; u < ramp.cols; ++u) ramp.col(u).setTo(u * (i % 2) * 40 / ramp.cols);
+    *image += ramp;
+  });
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.003);
+}
+
+// Lines along the way look the same wherever one is on them.
+TEST(PlaneRefinement, LinesAlongTheWaySayNothing) {
+  const RoadScene scene = road();
+  const auto lines = [](double x, double) { return asphalt(x, 0); };
+  const auto result = drive(scene, 1.03 * scene.height, 4, nullptr, lines);
+  EXPECT_EQ(result.status, ScaleReason::kNoPlane);
+  EXPECT_GT(result.correlation, 0.9);
+  // A little texture across is a height, less certain than with all of it.
+  const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.1 * (asphalt(x, z) - 110); };
+  const auto some = drive(scene, 1.03 * scene.height, 4, nullptr, weak);
+  const auto full = drive(scene, 1.03 * scene.height);
+  ASSERT_EQ(some.status, ScaleReason::kNone);
+  EXPECT_NEAR(some.plane.height / scene.height, 1, 0.02);
+  EXPECT_GT(some.height_sigma, 1.5 * full.height_sigma);
+}
+
+TEST(PlaneRefinement, NoTextureNoPlane) {
+  const RoadScene scene = road();
+  const auto bare = [](double, double) { return 110.0; };
+  EXPECT_EQ(drive(scene, scene.height, 4, nullptr, bare).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(drive(scene, 0, 4, nullptr, bare).status, ScaleReason::kNoPlane);
+}
+
+/// Something with texture of its own that stays where it is in the image.
+Change stays(const cv::Rect& place) {
+  return [place](std::uint32_t, cv::Mat* image) {
+    for (int v = place.y; v < place.br().y; ++v) {
+      for (int u = place.x; u < place.br().x; ++u) {
+        image->at<std::uint8_t>(v, u) =
+            static_cast<std::uint8_t>(90 + 60 * smoothNoise(u, v, 6, 7));
+      }
+    }
+  };
+}
+
+TEST(PlaneRefinement, AVehicleInTheStripIsLeftOut) {
+  const RoadScene scene = road();
+  const auto result = drive(scene, scene.height, 4, stays({270, 60, 60, 60}));
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.005);
+}
+
+TEST(PlaneRefinement, FeaturesOffThePlaneMaskTheirTiles) {
+  const RoadScene scene = road();
+  RoadScene wall = scene;  // a wall across the way, its features where the road is expected
+  wall.points.clear();
+  PlaneRefinement refinement({});
+  const NormalPrior prior = priorOf(scene);
+  int with = 0, without = 0;
+  for (const bool masked : {false, true}) {
+    PlaneRefinement fresh({});
+    PlaneRefinement::Result result;
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      VoFrame frame = scene.frame(i);
+      if (masked) {
+        for (TrackedFeature& feature : frame.features) {
+          if (feature.u.x() > 310) feature.p_c *= 0.7f;
+        }
+      }
+      result =
+          fresh.align(frame, roadImage(scene, scene.step * i), prior, std::nullopt, scene.height);
+    }
+    ASSERT_EQ(result.status, ScaleReason::kNone);
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.003);
+    (masked ? with : without) = result.tiles;
+  }
+  EXPECT_LT(with, 0.75 * without);
+}
+
+TEST(PlaneRefinement, TheHoodIsFoundAndMasked) {
+  RoadScene scene = road();
+  scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
+  const Change hood = stays({0, 170, 620, 70});
+  PlaneRefinement refinement({});
+  const auto result = drive(&refinement, scene, scene.height, 25, hood);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.003);
+  EXPECT_GT(result.correlation, 0.9);  // the hood's tiles are not among them
+}
+
+TEST(PlaneRefinement, AWrongPredictionIsNeverConfirmed) {
+  const RoadScene scene = road();
+  for (const double factor : {0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 3.0}) {
+    const auto result = drive(scene, factor * scene.height);
+    if (result.status != ScaleReason::kNone) continue;
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01) << factor;
+  }
+}
+
+TEST(PlaneRefinement, ALostValleyIsSoughtAnew) {
+  const RoadScene scene = road();
+  const auto result = drive(scene, 2.5 * scene.height, 25);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_TRUE(result.searched);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
+}
+
+TEST(PlaneRefinement, TheSearchFindsTheRoadInAnyUnit) {
+  for (const double unit : {0.001, 1.0, 5000.0}) {
+    for (const double off : {0.2, 1.0, 4.0}) {  // the features' heights against the road's
+      RoadScene scene = road();
+      scene.height *= unit;
+      scene.step *= unit;
+      for (auto& point : scene.points) point *= unit;
+      const NormalPrior prior = priorOf(scene);
+      PlaneRefinement refinement({});
+      PlaneRefinement::Result result;
+      for (std::uint32_t i = 0; i < 8 && result.status != ScaleReason::kNone; ++i) {
+        VoFrame frame = scene.frame(i);
+        for (TrackedFeature& feature : frame.features) feature.p_c *= static_cast<float>(off);
+        result = refinement.align(frame, roadImage(scene, scene.step * i), prior, std::nullopt, 0);
+      }
+      ASSERT_EQ(result.status, ScaleReason::kNone) << unit << ' ' << off;
+      EXPECT_TRUE(result.searched);
+      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.005) << unit << ' ' << off;
+    }
+  }
+}
+
+TEST(PlaneRefinement, TheSearchWaitsWhereThereIsNoRoad) {
+  const RoadScene scene = road();
+  // The back of a vehicle that fills the view, and nothing but noise.
+  const Change filled = stays({0, 0, 620, 188});
+  const Change noise = [](std::uint32_t i, cv::Mat* image) {
+    cv::theRNG().state = i + 1;
+    cv::randu(*image, 0, 255);
+    cv::GaussianBlur(*image, *image, {0, 0}, 2);
+  };
+  for (const Change& change : {filled, noise}) {
+    PlaneRefinement refinement({});
+    for (std::uint32_t frames = 2; frames < 8; ++frames) {
+      EXPECT_NE(drive(&refinement, scene, 0, frames, change).status, ScaleReason::kNone);
+    }
+  }
+}
+
+TEST(PlaneRefinement, WithoutMotionThereIsNothingToSee) {
+  RoadScene scene = road();
+  scene.step = 0;
+  EXPECT_EQ(drive(scene, scene.height).status, ScaleReason::kStandstill);
+}
+
+TEST(PlaneRefinement, Reverse) {
+  RoadScene scene = road();
+  scene.step = -0.3;
+  RoadScene far = scene;
+  PlaneRefinement refinement({});
+  NormalPrior prior = priorOf(scene);
+  prior.forward_c = -prior.forward_c;
+  const MotionHistory::Chord chord{prior.forward_c, 0.9, Eigen::Vector3d::Zero()};
+  PlaneRefinement::Result result;
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i), prior, chord,
+                              scene.height);
+  }
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.003);
+}
+
+TEST(PlaneRefinement, ResetForgetsThePictures) {
+  const RoadScene scene = road();
+  PlaneRefinement refinement({});
+  drive(&refinement, scene, scene.height);
+  refinement.reset();
+  EXPECT_EQ(drive(&refinement, scene, scene.height, 1).status, ScaleReason::kStandstill);
+}
+
+TEST(PlaneRefinement, RefusesOtherImages) {
+  const RoadScene scene = road();
+  PlaneRefinement refinement({});
+  EXPECT_THROW(
+      refinement.align(scene.frame(0), cv::Mat(10, 10, CV_8U), priorOf(scene), std::nullopt, 0.7),
+      OptionError);
+  PlaneRefinement::Options options;
+  options.tile = 0;
+  EXPECT_THROW(PlaneRefinement{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

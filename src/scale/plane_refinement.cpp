@@ -21,7 +21,7 @@ constexpr int kReferences = 2;
 constexpr int kPictures = 12;            ///< kept
 constexpr double kSpacing = 0.2;         ///< between kept ones [first baseline]
 constexpr double kMinBaseline = 0.2;     ///< [first baseline]
-constexpr double kMaxBaselineRatio = 4;  ///< between a picture's distance and the one wanted
+constexpr double kMaxBaselineRatio = 8;  ///< between a picture's distance and the one wanted
 constexpr double kSideMargin = 0.12;     ///< around the strip, for later frames [focal lengths]
 constexpr double kUpperMargin = 0.04;    ///< likewise
 constexpr double kMinBlurPx = 0.6;       ///< less, and the interpolation between pixels shows
@@ -83,8 +83,9 @@ struct Match {
   float shift = 0;     ///< of q, that the tile asks for
   float variance = 0;  ///< of shift, from the pixels
   Eigen::Vector3f ray;
-  Vector5f motion;   ///< shift by the motion's errors: rotation, direction
-  Samples jacobian;  ///< of value by q, mean free; of the first iteration
+  Vector5f motion;      ///< shift by the motion's errors: rotation, direction
+  float per_pixel = 0;  ///< shift of q by a shift in the image [1 / focal length]
+  Samples jacobian;     ///< of value by q, mean free; of the first iteration
 };
 
 double median(std::vector<double>* values) {
@@ -142,7 +143,7 @@ struct PlaneRefinement::Impl {
   const Options options;
   PinholeCamera camera;
   int tile_px = 0, columns = 0, rows = 0;
-  cv::Mat kernel;
+  cv::Mat kernel, twice_smooth;
   std::vector<Picture> pictures;  ///< first the present one, then `kept` earlier ones, newest first
   std::size_t kept = 0;
   std::vector<int> foreign;       ///< by cell: features off the plane less those on it
@@ -171,6 +172,7 @@ void PlaneRefinement::Impl::prepare(const PinholeCamera& new_camera) {
   kernel = cv::getGaussianKernel(2 * reach + 1, blur_px, CV_32F);
   pictures.assign(kPictures + 1, Picture());
   for (Picture& picture : pictures) picture.storage.create(camera.height, camera.width, CV_32F);
+  twice_smooth.create(camera.height, camera.width, CV_32F);
   kept = 0;
   const std::size_t cells = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
   foreign.assign(cells, 0);
@@ -243,14 +245,19 @@ void PlaneRefinement::Impl::cutTiles(const cv::Mat& image, const RoadStrip& stri
   picture.roi &= cv::Rect(0, 0, camera.width, camera.height);
   cv::Mat smooth = picture.storage(cv::Rect({0, 0}, picture.roi.size()));
   cv::sepFilter2D(image(picture.roi), smooth, CV_32F, kernel, kernel);
+  // The earlier pictures show this road from farther off, smaller and so more blurred: what is
+  // compared with them is smoothed once more. Without that the difference in sharpness moves tiles.
+  cv::Mat smoother = twice_smooth(cv::Rect({0, 0}, picture.roi.size()));
+  cv::sepFilter2D(smooth, smoother, CV_32F, kernel, kernel, {-1, -1}, 0,
+                  cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
 
-  const auto stride = static_cast<std::ptrdiff_t>(picture.storage.step1());
+  const auto stride = static_cast<std::ptrdiff_t>(twice_smooth.step1());
   for (Tile& tile : tiles) {
     for (int i = 0; i < kSamples; ++i) {
       const auto k = static_cast<std::size_t>(i);
       const int u = tile.corner.x + (2 * (i % kSide) + 1) * tile_px / (2 * kSide);
       const int v = tile.corner.y + (2 * (i / kSide) + 1) * tile_px / (2 * kSide);
-      const float* pixel = picture.row(v) + u;
+      const float* pixel = smoother.ptr<float>(v - picture.roi.y) + (u - picture.roi.x);
       tile.ray_x[k] = static_cast<float>((u - camera.cx) / camera.fx);
       tile.ray_y[k] = static_cast<float>((v - camera.cy) / camera.fy);
       tile.value[k] = *pixel;
@@ -335,6 +342,7 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
   const auto fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
   float mean = 0, squares = 0;
   Vector5f motion_mean = Vector5f::Zero(), motion = Vector5f::Zero();
+  Eigen::Vector2f slope_mean(0, 0), slope(0, 0);  // of the value by the place in the image
   for (std::size_t i = 0; i < kSamples; ++i) {
     const Eigen::Vector3f ray(tile.ray_x[i], tile.ray_y[i], 1.f);
     const Eigen::Vector3f y = A * ray;
@@ -354,14 +362,18 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
     by_motion << y.cross(by_y), -q * by_y.dot(reference.across[0]),
         -q * by_y.dot(reference.across[1]);
     match->jacobian[i] = j;
+    slope_mean += Eigen::Vector2f(hx, hy) * z / kSamples;
+    slope += j * z * Eigen::Vector2f(hx, hy);
     mean += j / kSamples;
     squares += j * j;
     motion_mean += by_motion / kSamples;
     motion += j * by_motion;
   }
   for (float& j : match->jacobian) j -= mean;
-  match->motion = (motion - kSamples * mean * motion_mean) /
-                  std::max(squares - kSamples * mean * mean, std::numeric_limits<float>::min());
+  const float information =
+      std::max(squares - kSamples * mean * mean, std::numeric_limits<float>::min());
+  match->motion = (motion - kSamples * mean * motion_mean) / information;
+  match->per_pixel = (slope - kSamples * mean * slope_mean).norm() / information;
 }
 
 /// The shift of q that the tile asks for at the plane m.
@@ -396,7 +408,9 @@ void PlaneRefinement::Impl::measure(const Reference& reference, const Tile& tile
   }
   match->inside = information > 0;
   match->shift = gradient / information;
-  match->variance = (weighted_squares / weight_sum + kMatchFloor) / information;
+  const float registration = match->per_pixel * static_cast<float>(options.registration);
+  match->variance =
+      (weighted_squares / weight_sum + kMatchFloor) / information + registration * registration;
   match->ray = Eigen::Vector3f(x / information, y / information, 1.f);
 }
 
@@ -608,7 +622,6 @@ PlaneRefinement::Result PlaneRefinement::align(const VoFrame& frame, const cv::M
                                                const NormalPrior& prior,
                                                const std::optional<MotionHistory::Chord>& chord,
                                                double height) {
-  requireImage(image, frame.camera);
   Impl& s = *impl_;
   s.prepare(frame.camera);
   s.pictures.front().T_w_c = frame.T_w_c;
@@ -628,7 +641,9 @@ PlaneRefinement::Result PlaneRefinement::align(const VoFrame& frame, const cv::M
     const bool lost = result.status != ScaleReason::kNone;
     if (lost && s.isSearchDue(here, height)) {
       s.unmaskForeign();
-      const double found = s.search(prior, rough);
+      const double middle = s.heightOfFeatures(frame, strip, prior);
+      s.chooseReferences(middle);
+      const double found = middle > 0 ? s.search(prior, middle) : 0;
       if (found > 0) result = s.alignFrom(prior, found);
       result.searched = true;
     }

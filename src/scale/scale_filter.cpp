@@ -40,9 +40,7 @@ void ScaleFilter::move(double distance, double angle) {
 }
 
 bool ScaleFilter::update(double height, double sigma, Source source) {
-  const bool points = source == Source::kPoints;
-  const double floor = points ? options_.measurement_floor : options_.pixels_floor;
-  const double relative = std::hypot(sigma / height, floor);
+  const double relative = std::hypot(sigma / height, options_.measurement_floor);
   const Measurement measurement{std::log(height), relative * relative};
   if (options_.moving_average_frames > 0) {
     inverse_heights_.push_back(1 / height);
@@ -65,9 +63,8 @@ bool ScaleFilter::update(double height, double sigma, Source source) {
   if (squared > gate) return start(measurement);
   challengers_.clear();
   // A measurement whose predecessor lies closer than the correlation length brings only its share.
-  const double correlation_h = points ? options_.correlation_h : options_.pixels_correlation_h;
   double& last = last_update_at_[static_cast<std::size_t>(source)];
-  const double share = std::min(1.0, (way_ - last) / (correlation_h * this->height()));
+  const double share = std::min(1.0, (way_ - last) / (options_.correlation_h * this->height()));
   last = way_;
   if (share > 0) {
     const double gain = variance_ / (variance_ + measurement.variance / share);

@@ -197,6 +197,7 @@ void ScaleRecovery::reset() { impl_ = std::make_unique<Impl>(impl_->options); }
 
 ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat& image) {
   Stopwatch watch;
+  if (!image.empty()) requireImage(image, frame.camera);
   Output output;
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;

@@ -36,7 +36,7 @@ inline double asphalt(double x, double z) {
 /// horizon it is dark. texture: of the place on the road in camera heights.
 inline cv::Mat roadImage(const RoadScene& scene, double at,
                          const std::function<double(double, double)>& texture = asphalt) {
-  constexpr int kOver = 3;  // rays along a pixel's side
+  constexpr int kOver = 2;  // rays along a pixel's side
   cv::Mat image(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(30));
   const Eigen::Matrix3d R_r_c = scene.rotation();
   for (int v = 0; v < image.rows; ++v) {

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "ground_scale_vo/error.hpp"
-#include "road_scene.hpp"
+#include "road_image.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -184,6 +184,75 @@ TEST(ScaleRecovery, NewMapStartsAnewAndTheOdometryGoesOn) {
   }
   EXPECT_FALSE(first);
   EXPECT_NEAR(output.scale.scale / (kTrueScale / 3), 1, 0.01);
+}
+
+TEST(ScaleRecovery, PixelsMeasureWhereThereAreNoPoints) {
+  RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output output;
+  int first_known = -1;
+  for (std::uint32_t i = 0; i < 25; ++i) {
+    VoFrame frame = scene.frame(i);
+    frame.features.resize(5);  // too few for triangles that are ground
+    output = recovery.process(frame, roadImage(scene, scene.step * i));
+    EXPECT_EQ(output.points.height, 0);
+    if (first_known < 0 && output.scale.status == ScaleStatus::kOk)
+      first_known = static_cast<int>(i);
+  }
+  EXPECT_GT(first_known, 0);
+  EXPECT_LT(first_known, 12);
+  EXPECT_EQ(output.scale.reason, ScaleReason::kNone);
+  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.006);
+  EXPECT_NEAR(output.pixels.height / 0.7, 1, 0.01);
+  EXPECT_GT(output.correlation, 0.8);
+  EXPECT_GT(output.times.refine, 0);
+  // From here on the image is missing: held.
+  VoFrame frame = scene.frame(25);
+  frame.features.clear();
+  output = recovery.process(frame);
+  EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
+  EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
+}
+
+TEST(ScaleRecovery, PixelsCorrectPointsThatAreWrong) {
+  // Kerb and pavement hold the corners: all points lie a little high.
+  RoadScene scene = road();
+  scene.depth_noise = 0.01;
+  for (auto& point : scene.points) point.y() = -0.05 * scene.height;
+  double with = 0, without = 0;
+  for (const bool refine : {true, false}) {
+    ScaleRecovery::Options o = options();
+    o.refine = refine;
+    ScaleRecovery recovery(o);
+    ScaleRecovery::Output output;
+    for (std::uint32_t i = 0; i < 40; ++i) {
+      output = recovery.process(scene.frame(i), roadImage(scene, scene.step * i));
+    }
+    (refine ? with : without) = std::abs(output.scale.height / scene.height - 1);
+  }
+  EXPECT_GT(without, 0.04);
+  EXPECT_LT(with, 0.7 * without);
+}
+
+TEST(ScaleRecovery, WithoutImagesOrRefinePointsWorkAlone) {
+  const RoadScene scene = road();
+  ScaleRecovery::Options o = options();
+  o.refine = false;
+  ScaleRecovery without(options()), refused(o);
+  for (std::uint32_t i = 0; i < 12; ++i) {
+    const auto a = without.process(scene.frame(i));
+    const auto b = refused.process(scene.frame(i), roadImage(scene, scene.step * i));
+    EXPECT_EQ(std::memcmp(&a.scale.scale, &b.scale.scale, sizeof(double)), 0);
+    EXPECT_EQ(std::memcmp(&a.scale.sigma, &b.scale.sigma, sizeof(double)), 0);
+    EXPECT_EQ(b.pixels.height, 0);
+  }
+}
+
+TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(10, 10, CV_8U)), OptionError);
+  EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(188, 620, CV_8UC3)), OptionError);
 }
 
 TEST(ScaleRecovery, DeterministicAndResetIsAsNew) {

@@ -30,11 +30,12 @@ class PlaneRefinement {
   struct Options {
     double min_ahead_h = 1.5;  ///< the strip of road that is looked at, along the path
     double max_ahead_h = 10;
-    double half_width_h = 1.0;  ///< the lane alone: kerb and pavement lie higher
-    double tile = 0.03;         ///< [focal lengths] side of a tile
-    double blur = 0.0010;       ///< [focal lengths] of the pictures, before they are sampled
-    double baseline_h = 0.7;    ///< to the first earlier picture; the second is twice as far
-    double noise = 2;           ///< [grey levels] a tile with less contrast counts little
+    double half_width_h = 1.0;   ///< the lane alone: kerb and pavement lie higher
+    double tile = 0.03;          ///< [focal lengths] side of a tile
+    double blur = 0.0010;        ///< [focal lengths] of the pictures, before they are sampled
+    double baseline_h = 0.7;     ///< to the first earlier picture; the second is twice as far
+    double noise = 2;            ///< [grey levels] a tile with less contrast counts little
+    double registration = 1e-4;  ///< [focal lengths] a tile's place is no better known than this
     double roughness_h = 0.005;
     double rotation_sigma_rad = 7e-5;  ///< of the motion between two frames
     double direction_sigma_rad = 1e-3;
@@ -64,6 +65,8 @@ class PlaneRefinement {
             "[camera heights] to the first earlier picture; the second is twice as far");
       visit("noise", self.noise, 0.01, 255,
             "[grey levels] a tile with less contrast counts little");
+      visit("registration", self.registration, 0, 1,
+            "[focal lengths] a tile's place is no better known than this");
       visit("roughness_h", self.roughness_h, 1e-6, 1,
             "[camera heights] of the road: limits the weight of a tile");
       visit("rotation_sigma_rad", self.rotation_sigma_rad, 1e-9, 1,
@@ -107,7 +110,7 @@ class PlaneRefinement {
   ~PlaneRefinement();
 
   /// frame: tracking, of the map since reset(); image: its rectified picture (8-bit grey, of the
-  /// camera's size; throws OptionError otherwise). prior: of the normal, in this camera's axes.
+  /// camera's size). prior: of the normal, in this camera's axes.
   /// chord: averaged motion; tells where the path leads. height: predicted [VO units]; 0 when it is
   /// not known: then it is sought. Keeps the picture for the frames to come.
   Result align(const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,

@@ -27,14 +27,11 @@ class ScaleFilter {
     kPixels = 1   ///< the plane that aligns the road's pixels
   };
   struct Options {
-    /// Measurements of one source share their errors over this way [camera heights].
-    double correlation_h = 3;         ///< of kPoints
-    double pixels_correlation_h = 2;  ///< of kPixels
-    double drift_per_sqrt_h = 0.01;   ///< random walk of ln h over one camera height of way
+    double correlation_h = 3;  ///< measurements of one source agree over this way [camera heights]
+    double drift_per_sqrt_h = 0.01;  ///< random walk of ln h over one camera height of way
     /// ... and over one radian of rotation: a turn replaces the map that carries the scale.
     double drift_per_sqrt_rad = 0.05;
     double measurement_floor = 0.015;  ///< least relative sigma of one measurement
-    double pixels_floor = 0.015;       ///< the same of kPixels
     double gate_sigma = 3;             ///< measurements farther off are rejected
     double agreement_memory_h = 40;    ///< way over which the scale of sigma forgets
     int start_measurements = 4;        ///< the latest few that must agree to start or restart it
@@ -48,17 +45,13 @@ class ScaleFilter {
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
       visit("correlation_h", self.correlation_h, 0, 1e6,
-            "[camera heights] measurements of points agree over this way");
-      visit("pixels_correlation_h", self.pixels_correlation_h, 0, 1e6,
-            "[camera heights] measurements of pixels agree over this way");
+            "[camera heights] measurements of one source agree over this way");
       visit("drift_per_sqrt_h", self.drift_per_sqrt_h, 0, 1,
             "[] random walk of ln h over one camera height of way");
       visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
             "[] random walk of ln h over one radian of rotation");
       visit("measurement_floor", self.measurement_floor, 1e-4, 1,
-            "[] least relative sigma of one measurement of points");
-      visit("pixels_floor", self.pixels_floor, 1e-4, 1,
-            "[] least relative sigma of one measurement of pixels");
+            "[] least relative sigma of one measurement");
       visit("gate_sigma", self.gate_sigma, 0.1, 1000,
             "[sigma] measurements farther off are rejected");
       visit("agreement_memory_h", self.agreement_memory_h, 0.1, 1e6,

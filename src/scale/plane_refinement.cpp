@@ -33,6 +33,8 @@ constexpr double kSearchStep = 0.05;          ///< of ln h
 constexpr double kValley = 0.26;              ///< heights this close in ln h belong to one valley
 constexpr double kFartherCorrelation = 0.75;  ///< of what is asked over the shorter baseline
 constexpr float kMatchFloor = 0.01f;          ///< least variance of a normalised residual
+/// A tile whose texture runs along the epipolar line but for this share says nothing of q.
+constexpr float kAperture = 0.2f;
 constexpr float kMinTexture = 1e-3f;
 constexpr float kCauchyPixel = 2;       ///< [deviations]
 constexpr double kCauchyTile = 2;       ///< [deviations]
@@ -46,8 +48,8 @@ constexpr float kStationary = 0.5f;  ///< from here on a cell is masked
 
 using Samples = std::array<float, kSamples>;
 using Vector5f = Eigen::Matrix<float, 5, 1>;
-using Matrix8d = Eigen::Matrix<double, 8, 8>;
-using Vector8d = Eigen::Matrix<double, 8, 1>;
+using Matrix9d = Eigen::Matrix<double, 9, 9>;
+using Vector9d = Eigen::Matrix<double, 9, 1>;
 
 struct Picture {
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
@@ -72,20 +74,21 @@ struct Reference {
   Eigen::Matrix3f R;              ///< y = R r - t (m . r)
   Eigen::Vector3f t;              ///< VO units
   Eigen::Vector3f across[2];      ///< orthogonal to t, of its length
-  Matrix8d H = Matrix8d::Zero();  ///< of the plane and of this motion's errors
-  Vector8d b = Vector8d::Zero();
+  Matrix9d H = Matrix9d::Zero();  ///< of the plane and of this motion's errors
+  Vector9d b = Vector9d::Zero();
 };
 
 /// A tile in one earlier picture.
 struct Match {
-  bool inside = false;  ///< it lies in that picture
+  bool inside = false;  ///< it lies in that picture and is readable
   float correlation = 0;
   float shift = 0;     ///< of q, that the tile asks for
   float variance = 0;  ///< of shift, from the pixels
   Eigen::Vector3f ray;
-  Vector5f motion;      ///< shift by the motion's errors: rotation, direction
-  float per_pixel = 0;  ///< shift of q by a shift in the image [1 / focal length]
-  Samples jacobian;     ///< of value by q, mean free; of the first iteration
+  Vector5f motion;        ///< shift by the motion's errors: rotation, direction
+  bool readable = false;  ///< not all texture runs along the epipolar line
+  float per_pixel = 0;    ///< shift of q by a shift in the image [1 / focal length]
+  Samples jacobian;       ///< of value by q, mean free; of the first iteration
 };
 
 double median(std::vector<double>* values) {
@@ -343,6 +346,7 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
   float mean = 0, squares = 0;
   Vector5f motion_mean = Vector5f::Zero(), motion = Vector5f::Zero();
   Eigen::Vector2f slope_mean(0, 0), slope(0, 0);  // of the value by the place in the image
+  float slope_squares = 0, along_squares = 0;
   for (std::size_t i = 0; i < kSamples; ++i) {
     const Eigen::Vector3f ray(tile.ray_x[i], tile.ray_y[i], 1.f);
     const Eigen::Vector3f y = A * ray;
@@ -364,6 +368,10 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
     match->jacobian[i] = j;
     slope_mean += Eigen::Vector2f(hx, hy) * z / kSamples;
     slope += j * z * Eigen::Vector2f(hx, hy);
+    slope_squares += (hx * hx + hy * hy) * z * z;
+    along_squares +=
+        (Eigen::Vector2f(xn, yn) * reference.t.z() - reference.t.head<2>()).squaredNorm() /
+        (z * z * kSamples);
     mean += j / kSamples;
     squares += j * j;
     motion_mean += by_motion / kSamples;
@@ -372,6 +380,8 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
   for (float& j : match->jacobian) j -= mean;
   const float information =
       std::max(squares - kSamples * mean * mean, std::numeric_limits<float>::min());
+  match->readable = information > kAperture * kAperture * along_squares *
+                                      (slope_squares - kSamples * slope_mean.squaredNorm());
   match->motion = (motion - kSamples * mean * motion_mean) / information;
   match->per_pixel = (slope - kSamples * mean * slope_mean).norm() / information;
 }
@@ -406,7 +416,7 @@ void PlaneRefinement::Impl::measure(const Reference& reference, const Tile& tile
     x += wj * match->jacobian[i] * tile.ray_x[i];
     y += wj * match->jacobian[i] * tile.ray_y[i];
   }
-  match->inside = information > 0;
+  match->inside = match->readable && information > 0;
   match->shift = gradient / information;
   const float registration = match->per_pixel * static_cast<float>(options.registration);
   match->variance =
@@ -421,19 +431,20 @@ double PlaneRefinement::Impl::correlate(const Reference& reference,
   double sum = 0, weights = 0, all = 0;
   int inside = 0;
   Samples values;
-  for (const Tile& tile : tiles) {
+  for (std::size_t i = 0; i < tiles.size(); i += 2) {  // half of them tell the valley
+    const Tile& tile = tiles[i];
     if (tile.masked) continue;
     all += tile.texture;
     if (!sample(reference, tile, m, &values)) continue;
     float texture = 0, product = 0;
     normalise(static_cast<float>(options.noise), &values, &texture);
-    for (std::size_t i = 0; i < kSamples; ++i) product += tile.value[i] * values[i];
+    for (std::size_t k = 0; k < kSamples; ++k) product += tile.value[k] * values[k];
     sum += tile.texture * product /
            (kSamples * std::sqrt(std::max(tile.texture * texture, kMinTexture)));
     weights += tile.texture;
     ++inside;
   }
-  return inside >= options.min_tiles && weights > 0.5 * all ? sum / weights : -1;
+  return 2 * inside >= options.min_tiles && weights > 0.5 * all ? sum / weights : -1;
 }
 
 /// The height at which both baselines see one and the same clear valley, around `middle`; 0: none.
@@ -467,7 +478,7 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
   Result result;
   Eigen::Vector3d m = prior.n_c / height;
   matches.resize(tiles.size() * kReferences);
-  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+  Eigen::Matrix4d H = Eigen::Matrix4d::Zero();  // of the plane and the bend
   double spread = 1;
   bool rests = false;
   for (int iteration = 0; iteration < options.max_iterations && !rests; ++iteration) {
@@ -506,8 +517,11 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
       for (std::size_t k = 0; k < references.size(); ++k) {
         const Match& match = matches[i * kReferences + k];
         if (!match.inside) continue;
-        Vector8d row;
-        row << match.ray.cast<double>(), match.motion.cast<double>();
+        Vector9d row;
+        const Eigen::Vector3d ray = match.ray.cast<double>();
+        const double q = m.dot(ray);
+        const double ahead = prior.forward_c.dot(ray) / (-q * height);  // [camera heights]
+        row << ray, -0.5 * q * ahead * ahead, match.motion.cast<double>();
         const double expected = variance(match) * spread * spread;
         const double shift = match.shift;
         const double weight = 1 / (expected + shift * shift / (kCauchyTile * kCauchyTile));
@@ -516,22 +530,23 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
       }
     }
     H.setZero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    Eigen::Vector4d b = Eigen::Vector4d::Zero();
     for (Reference& reference : references) {
-      reference.H.diagonal().segment<3>(3).array() += std::pow(options.rotation_sigma_rad, -2);
+      reference.H.diagonal().segment<3>(4).array() += std::pow(options.rotation_sigma_rad, -2);
       reference.H.diagonal().tail<2>().array() += std::pow(options.direction_sigma_rad, -2);
-      const Eigen::Matrix<double, 3, 5> cross = reference.H.topRightCorner<3, 5>();
+      const Eigen::Matrix<double, 4, 5> cross = reference.H.topRightCorner<4, 5>();
       const Eigen::LDLT<Eigen::Matrix<double, 5, 5>> motion(reference.H.bottomRightCorner<5, 5>());
-      H += reference.H.topLeftCorner<3, 3>() - cross * motion.solve(cross.transpose());
-      b += reference.b.head<3>() - cross * motion.solve(reference.b.tail<5>());
+      H += reference.H.topLeftCorner<4, 4>() - cross * motion.solve(cross.transpose());
+      b += reference.b.head<4>() - cross * motion.solve(reference.b.tail<5>());
     }
     for (const auto& [axis, sigma] : {std::pair(prior.forward_c, prior.pitch_sigma),
                                       std::pair(prior.lateral(), prior.roll_sigma)}) {
       const Eigen::Vector3d jacobian = height * axis / sigma;
-      H += jacobian * jacobian.transpose();
-      b -= jacobian * jacobian.dot(m);
+      H.topLeftCorner<3, 3>() += jacobian * jacobian.transpose();
+      b.head<3>() -= jacobian * jacobian.dot(m);
     }
-    const Eigen::Vector3d step = H.ldlt().solve(b);
+    H(3, 3) += std::pow(options.bend_sigma, -2);
+    const Eigen::Vector3d step = H.ldlt().solve(b).head<3>();
     if (!step.allFinite()) return result;
     m += step;
     if (!(m.dot(prior.n_c) > 0)) return result;
@@ -539,7 +554,8 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
   }
   result.plane = {m.normalized(), 1 / m.norm()};
   const Eigen::Vector3d n_c = result.plane.n_c;
-  const double relative = result.plane.height * std::sqrt(n_c.dot(H.inverse() * n_c));
+  const double relative =
+      result.plane.height * std::sqrt(n_c.dot(H.inverse().topLeftCorner<3, 3>() * n_c));
   result.height_sigma = relative * result.plane.height;
   const double factor = std::abs(std::log(result.plane.height / height));
   if (result.correlation >= options.min_correlation && factor <= std::log(options.max_step) &&

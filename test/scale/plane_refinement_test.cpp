@@ -82,6 +82,33 @@ TEST(PlaneRefinement, OtherCamerasAndMountings) {
   }
 }
 
+// The height is that over the road below, not over the road ahead.
+TEST(PlaneRefinement, ACrestAheadIsNoOtherHeight) {
+  const RoadScene scene = road();
+  constexpr double kBend = 0.0015;  // a radius of 1100 m for a camera of 1.65 m
+  // Where the ray to a place of the flat road meets the bent one.
+  PlaneRefinement refinement({});
+  PlaneRefinement::Options flat_options;
+  flat_options.bend_sigma = 1e-9;
+  PlaneRefinement flat(flat_options);
+  double error = 0, flat_error = 0;
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    const double at_h = scene.step * i / scene.height;
+    const auto bent = [at_h](double x, double z) {
+      double s = 1;
+      for (int k = 0; k < 8; ++k) s = 1 + 0.5 * kBend * std::pow((z - at_h) * s, 2);
+      return asphalt(x * s, at_h + (z - at_h) * s);
+    };
+    const cv::Mat image = roadImage(scene, scene.step * i, bent);
+    const auto a = refinement.align(scene.frame(i), image, priorOf(scene), std::nullopt, 0.7);
+    const auto b = flat.align(scene.frame(i), image, priorOf(scene), std::nullopt, 0.7);
+    error = std::abs(a.plane.height / scene.height - 1);
+    flat_error = std::abs(b.plane.height / scene.height - 1);
+  }
+  EXPECT_GT(flat_error, 0.01);
+  EXPECT_LT(error, 0.8 * flat_error);
+}
+
 TEST(PlaneRefinement, AWrongNormalIsCorrected) {
   const RoadScene scene = road();
   RoadScene expected = scene;
@@ -113,14 +140,18 @@ TEST(PlaneRefinement, LightAndExposureDropOut) {
 TEST(PlaneRefinement, LinesAlongTheWaySayNothing) {
   const RoadScene scene = road();
   const auto lines = [](double x, double) { return asphalt(x, 0); };
-  const auto none = drive(scene, 1.03 * scene.height, 4, nullptr, lines);
-  const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.05 * (asphalt(x, z) - 110); };
-  const auto some = drive(scene, 1.03 * scene.height, 4, nullptr, weak);
-  const auto full = drive(scene, 1.03 * scene.height);
-  EXPECT_GT(none.correlation, 0.9);
-  EXPECT_GT(none.height_sigma, 5 * full.height_sigma);
-  EXPECT_GT(some.height_sigma, 1.5 * full.height_sigma);
-  EXPECT_LT(some.height_sigma, none.height_sigma);
+  EXPECT_EQ(drive(scene, 1.03 * scene.height, 4, nullptr, lines).status, ScaleReason::kNoPlane);
+  // A little of other texture is a height, less certain than with all of it.
+  const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
+  PlaneRefinement::Options options;
+  options.bend_sigma = 1e-9;  // the road's bend is as uncertain with any texture
+  PlaneRefinement of_some(options), of_full(options);
+  const auto some = drive(&of_some, scene, 1.03 * scene.height, 4, nullptr, weak);
+  const auto full = drive(&of_full, scene, 1.03 * scene.height);
+  ASSERT_EQ(some.status, ScaleReason::kNone);
+  ASSERT_EQ(full.status, ScaleReason::kNone);
+  EXPECT_GT(some.height_sigma, 1.3 * full.height_sigma);
+  EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.height_sigma);
 }
 
 TEST(PlaneRefinement, NoTextureNoPlane) {
@@ -227,7 +258,7 @@ TEST(PlaneRefinement, TheSearchFindsTheRoadInAnyUnit) {
       }
       ASSERT_EQ(result.status, ScaleReason::kNone) << unit << ' ' << off;
       EXPECT_TRUE(result.searched);
-      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006) << unit << ' ' << off;
+      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015) << unit << ' ' << off;
     }
   }
 }
@@ -268,7 +299,7 @@ TEST(PlaneRefinement, Reverse) {
                               scene.height);
   }
   ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015);
 }
 
 TEST(PlaneRefinement, ResetForgetsThePictures) {

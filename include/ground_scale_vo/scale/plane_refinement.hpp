@@ -37,13 +37,14 @@ class PlaneRefinement {
     double noise = 2;            ///< [grey levels] a tile with less contrast counts little
     double registration = 1e-4;  ///< [focal lengths] a tile's place is no better known than this
     double roughness_h = 0.005;
+    double bend_sigma = 1e-3;        ///< [1/camera height] of the road, up and down
     double rotation_sigma_rad = 7e-5;  ///< of the motion between two frames
     double direction_sigma_rad = 1e-3;
     int max_iterations = 12;
     double max_step = 1.4;         ///< factor between height found and predicted
     double min_correlation = 0.5;  ///< of the tiles on the plane found
     double max_sigma = 0.05;       ///< relative, of the height
-    int min_tiles = 20;
+    int min_tiles = 24;
 
     double search_range = 10;          ///< factor around the features' median height
     double search_correlation = 0.75;  ///< of a start, over the shorter baseline
@@ -69,6 +70,8 @@ class PlaneRefinement {
             "[focal lengths] a tile's place is no better known than this");
       visit("roughness_h", self.roughness_h, 1e-6, 1,
             "[camera heights] of the road: limits the weight of a tile");
+      visit("bend_sigma", self.bend_sigma, 1e-9, 1,
+            "[1/camera height] curvature of the road up and down");
       visit("rotation_sigma_rad", self.rotation_sigma_rad, 1e-9, 1,
             "[rad] of the odometry's rotation between two pictures");
       visit("direction_sigma_rad", self.direction_sigma_rad, 1e-9, 1,

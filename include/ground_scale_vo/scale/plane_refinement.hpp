@@ -37,7 +37,7 @@ class PlaneRefinement {
     double noise = 2;            ///< [grey levels] a tile with less contrast counts little
     double registration = 1e-4;  ///< [focal lengths] a tile's place is no better known than this
     double roughness_h = 0.005;
-    double bend_sigma = 1e-3;        ///< [1/camera height] of the road, up and down
+    double bend_sigma = 1e-3;          ///< [1/camera height] of the road, up and down
     double rotation_sigma_rad = 7e-5;  ///< of the motion between two frames
     double direction_sigma_rad = 1e-3;
     int max_iterations = 12;

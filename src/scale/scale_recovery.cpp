@@ -179,7 +179,8 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   } else if (rough_height > 0) {
     n_c = prior.n_c;
   }
-  if (rough_height > 0) {
+  // A frame without a single ground point teaches nothing.
+  if (found || output->scale.ground_points > 0) {
     mounting.update(chord, used ? &output->plane : nullptr, step / rough_height);
   }
   output->times.filter = watch.lap();

@@ -26,7 +26,7 @@ class TwoView {
     double inlier_error =
         0.0021;  ///< reprojection error of an inlier [focal lengths] (1.5 px at 718)
     double min_parallax = 0.012;
-    double min_inlier_share = 0.6;
+    double min_inlier_share = 0.45;
     double max_second_share = 0.9;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {

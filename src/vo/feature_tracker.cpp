@@ -13,6 +13,25 @@ namespace {
 constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
 const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.005);
 
+/// Smaller over larger eigenvalue of the gradient matrix over the patch around a pixel: 0 on a
+/// straight edge, along which a patch can be moved without being told from itself.
+double eigenvalueRatio(const cv::Mat& image, const cv::Point& at, int half) {
+  double xx = 0, xy = 0, yy = 0;
+  for (int y = std::max(1, at.y - half); y <= std::min(image.rows - 2, at.y + half); ++y) {
+    const unsigned char* above = image.ptr(y - 1);
+    const unsigned char* row = image.ptr(y);
+    const unsigned char* below = image.ptr(y + 1);
+    for (int x = std::max(1, at.x - half); x <= std::min(image.cols - 2, at.x + half); ++x) {
+      const double gx = row[x + 1] - row[x - 1], gy = below[x] - above[x];
+      xx += gx * gx;
+      xy += gx * gy;
+      yy += gy * gy;
+    }
+  }
+  const double mean = (xx + yy) / 2, radius = std::hypot((xx - yy) / 2, xy);
+  return mean > 0 ? (mean - radius) / (mean + radius) : 0;
+}
+
 }  // namespace
 
 void FeatureTracker::Options::validate() const {
@@ -54,6 +73,7 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
     cv::circle(free, u, cell / 2, 0, cv::FILLED);
   }
 
+  const double ratio = options_.min_corner_ratio;
   cv::Mat strength;
   cv::cornerMinEigenVal(image, strength, 5, 3);
   std::vector<cv::Point2f> corners;
@@ -69,7 +89,7 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
       // The strongest of a cell may lie on its edge, on the flank of a neighbour's corner.
       double around = 0;
       cv::minMaxLoc(strength(cv::Rect(at.x - 1, at.y - 1, 3, 3)), nullptr, &around);
-      if (around > best) continue;
+      if (around > best || eigenvalueRatio(image, at, options_.window_px / 2) < ratio) continue;
       corners.emplace_back(at);
       cv::circle(free, at, cell / 2, 0, cv::FILLED);
     }

@@ -52,6 +52,31 @@ TEST(FeatureTracker, keepsAwayFromOccupiedCells) {
   EXPECT_LT(second.size(), first.size() / 3);
 }
 
+TEST(FeatureTracker, takesNoEdgeForACorner) {
+  // Diagonal bars with a little noise, and a patch of corners.
+  cv::Mat image(248, 800, CV_8UC1);
+  cv::RNG generator(5);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      const bool bright = ((2 * x + 3 * y) / 120) % 2 == 0;
+      image.at<unsigned char>(y, x) =
+          static_cast<unsigned char>((bright ? 180 : 60) + generator.uniform(-3, 4));
+    }
+  }
+  texture(6)(cv::Rect(300, 80, 120, 90)).copyTo(image(cv::Rect(300, 80, 120, 90)));
+  FeatureTracker::Options options;
+  const auto outside = [](const std::vector<cv::Point2f>& corners) {
+    return std::count_if(corners.begin(), corners.end(), [](const cv::Point2f& u) {
+      return !cv::Rect2f(290, 70, 140, 110).contains(u);
+    });
+  };
+  const auto corners = FeatureTracker(options).detect(image, {});
+  EXPECT_GT(corners.size() - static_cast<std::size_t>(outside(corners)), 30u);
+  EXPECT_LT(outside(corners), 10);
+  options.min_corner_ratio = 0;
+  EXPECT_GT(outside(FeatureTracker(options).detect(image, {})), 200) << "the bars are not enough";
+}
+
 TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(3), b = shifted(a, 6.3, -2.7);

@@ -21,6 +21,7 @@ class FeatureTracker {
   struct Options {
     double cell = 0.0129;
     double min_corner_strength = 1e-4;
+    double min_corner_ratio = 0.12;
     int window_px = 9;
     int pyramid_levels = 4;
     double forward_backward_px = 0.7;
@@ -30,6 +31,8 @@ class FeatureTracker {
             "[image width] side of the square that holds one corner");
       visit("min_corner_strength", self.min_corner_strength, 0, 1,
             "[] smaller eigenvalue of the gradient matrix, image in [0, 1]");
+      visit("min_corner_ratio", self.min_corner_ratio, 0, 1,
+            "[] smaller over larger eigenvalue over the patch; below it the patch is an edge");
       visit("window_px", self.window_px, 5, 51,
             "[px] side of the tracked patch, odd; a small one suffers less from change of scale");
       visit("pyramid_levels", self.pyramid_levels, 0, 8, "[levels] above the full image");

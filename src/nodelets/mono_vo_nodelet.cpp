@@ -36,6 +36,7 @@ void MonoVoNodelet::onInit() {
   params_ = loadParams<MonoVoParams>(getName(), private_handle);
 
   guard_ = std::make_unique<StampGuard>(params_.clock_jump_s);
+  stream_ = std::make_unique<CameraStream>(params_.image_is_rectified);
   images_ = std::make_unique<BoundedQueue<sensor_msgs::ImageConstPtr>>(
       static_cast<std::size_t>(params_.queue_size));
 
@@ -62,19 +63,10 @@ void MonoVoNodelet::onInit() {
 }
 
 void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  const std::string topic = camera_info_subscriber_.getTopic();
   try {
-    Calibration calibration = toCalibration(*info, topic, params_.image_is_rectified);
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      if (camera_ && camera_->calibration == calibration) return;
-    }
-    Rectifier rectifier = toRectifier(calibration, topic);
-    const std::lock_guard<std::mutex> lock(mutex_);
-    camera_ = std::make_shared<const Camera>(Camera{std::move(calibration), std::move(rectifier)});
+    stream_->accept(*info, camera_info_subscriber_.getTopic());
   } catch (const MessageError& error) {
-    drop("camera_info refused", error.what());
-    return;
+    return drop("camera_info refused", error.what());
   }
   images_->release();
 }
@@ -98,29 +90,17 @@ void MonoVoNodelet::work() {
 
 void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   const auto start = std::chrono::steady_clock::now();
-  std::shared_ptr<const Camera> camera;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    camera = camera_;
-  }
-
-  cv::Mat grey;
+  const std::shared_ptr<const DescribedCamera> camera = stream_->camera();
+  cv::Mat rectified;
   try {
-    grey = toGrey(image);
+    rectified = camera->rectified(image);
   } catch (const MessageError& error) {
     return drop("image refused", error.what());
-  }
-  const PinholeCamera& raw = camera->calibration.raw;
-  if (grey.cols != raw.width || grey.rows != raw.height) {
-    return drop("image size", "the image is " + std::to_string(grey.cols) + " x " +
-                                  std::to_string(grey.rows) + ", camera_info says " +
-                                  std::to_string(raw.width) + " x " + std::to_string(raw.height));
   }
   const StampGuard::Verdict verdict = guard_->check(image.header.stamp);
   if (verdict == StampGuard::Verdict::kDrop) return drop("image stamp", guard_->reason());
 
   prepareOdometry(camera, verdict == StampGuard::Verdict::kJumpedBack);
-  const cv::Mat rectified = camera->rectifier.rectify(grey);
   const VisualOdometry::Output output =
       odometry_->process(rectified, toNanoseconds(image.header.stamp));
   publish(rectified, output, image.header);
@@ -138,12 +118,12 @@ void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   state_.frame_ms = elapsed.count();
 }
 
-void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const Camera>& camera,
+void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const DescribedCamera>& camera,
                                     bool clock_jumped_back) {
   if (odometry_ && clock_jumped_back) NODELET_WARN("The clock jumped back: starting anew.");
   if (odometry_ && camera != odometry_camera_) NODELET_WARN("The camera changed: starting anew.");
   if (odometry_ && !clock_jumped_back && camera == odometry_camera_) return;
-  odometry_ = std::make_unique<VisualOdometry>(camera->rectifier.camera(), params_.vo);
+  odometry_ = std::make_unique<VisualOdometry>(camera->camera(), params_.vo);
   odometry_camera_ = camera;
   painter_ = TrackPainter();
 }
@@ -178,7 +158,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   diagnosed_ = state_.processed;
   diagnosed_at_ = now;
 
-  if (!camera_) {
+  if (!stream_->camera()) {
     status.summary(state_.received > 0 ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN,
                    "no usable camera_info yet on " + camera_info_subscriber_.getTopic());
   } else if (!state_.status) {

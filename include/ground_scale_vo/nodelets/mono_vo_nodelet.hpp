@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "ground_scale_vo/ros/bounded_queue.hpp"
+#include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/fault_log.hpp"
 #include "ground_scale_vo/ros/params.hpp"
@@ -34,12 +35,6 @@ class MonoVoNodelet : public nodelet::Nodelet {
   ~MonoVoNodelet() override;
 
  private:
-  /// A camera as one camera_info described it. Shared between the threads, never changed.
-  struct Camera {
-    Calibration calibration;
-    Rectifier rectifier;
-  };
-
   /// What the diagnostics tell, written by the working thread.
   struct State {
     std::uint64_t received = 0, processed = 0, overtaken = 0;
@@ -56,7 +51,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void work();
   void process(const sensor_msgs::Image& image);
   /// A new odometry when there is none or the camera or the clock demand it.
-  void prepareOdometry(const std::shared_ptr<const Camera>& camera, bool clock_jumped_back);
+  void prepareOdometry(const std::shared_ptr<const DescribedCamera>& camera,
+                       bool clock_jumped_back);
   void publish(const cv::Mat& rectified, const VisualOdometry::Output& output,
                const std_msgs::Header& header);
 
@@ -74,14 +70,14 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
 
-  std::mutex mutex_;  ///< guards camera_ and state_
-  std::shared_ptr<const Camera> camera_;
+  std::unique_ptr<CameraStream> stream_;
+  std::mutex mutex_;  ///< guards state_
   State state_;
   std::uint64_t diagnosed_ = 0;  ///< processed at the last diagnosis, for the rate
   std::chrono::steady_clock::time_point diagnosed_at_;
 
   // Of the working thread alone.
-  std::shared_ptr<const Camera> odometry_camera_;
+  std::shared_ptr<const DescribedCamera> odometry_camera_;
   std::unique_ptr<VisualOdometry> odometry_;
   std::unique_ptr<StampGuard> guard_;
   TrackPainter painter_;

@@ -1,0 +1,50 @@
+#include "ground_scale_vo/ros/camera_stream.hpp"
+
+#include <cmath>
+#include <utility>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kSamePx = 0.01;
+
+}  // namespace
+
+DescribedCamera::DescribedCamera(Calibration calibration, const std::string& topic)
+    : calibration_(std::move(calibration)), rectifier_(toRectifier(calibration_, topic)) {}
+
+cv::Mat DescribedCamera::rectified(const sensor_msgs::Image& image) const {
+  const cv::Mat grey = toGrey(image);
+  const PinholeCamera& raw = calibration_.raw;
+  if (grey.cols != raw.width || grey.rows != raw.height) {
+    throw MessageError("the image is " + std::to_string(grey.cols) + " x " +
+                       std::to_string(grey.rows) + ", camera_info says " +
+                       std::to_string(raw.width) + " x " + std::to_string(raw.height));
+  }
+  return rectifier_.rectify(grey);
+}
+
+bool DescribedCamera::isCameraOf(const PinholeCamera& other) const {
+  const PinholeCamera& own = camera();
+  const auto same = [](double a, double b) { return std::abs(a - b) <= kSamePx; };
+  return own.width == other.width && own.height == other.height && same(own.fx, other.fx) &&
+         same(own.fy, other.fy) && same(own.cx, other.cx) && same(own.cy, other.cy);
+}
+
+void CameraStream::accept(const sensor_msgs::CameraInfo& info, const std::string& topic) {
+  Calibration calibration = toCalibration(info, topic, image_is_rectified_);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (camera_ && camera_->calibration() == calibration) return;
+  }
+  auto camera = std::make_shared<const DescribedCamera>(std::move(calibration), topic);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  camera_ = std::move(camera);
+}
+
+std::shared_ptr<const DescribedCamera> CameraStream::camera() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return camera_;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+
+#include <string>
+
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+
+/// True when the diagnostics come to tell this value, from now on; empty: any.
+inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& key,
+                      const std::string& value = "") {
+  diagnostics.clear();
+  return diagnostics.wait([&](const auto& reports) {
+    for (const auto& report : reports) {
+      for (const auto& status : report->status) {
+        for (const auto& entry : status.values) {
+          if (entry.key == key && (value.empty() || entry.value == value)) return true;
+        }
+      }
+    }
+    return false;
+  });
+}
+
+}  // namespace ground_scale_vo

@@ -8,6 +8,7 @@
 #include <boost/make_shared.hpp>
 #include <exception>
 #include <pluginlib/class_list_macros.hpp>
+#include <utility>
 
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
@@ -18,13 +19,19 @@ namespace {
 /// Frames are small and none may be lost: room for more than a minute.
 constexpr std::uint32_t kFrameQueue = 1000;
 constexpr std::uint32_t kPublishQueue = 100;
+/// Images come with their frames; more than these wait only when the machine is far behind.
+constexpr std::uint32_t kImageQueue = 100;
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
+constexpr double kWaitingPeriod = 0.1;      // [s] wall time, between looks at frames that wait
 
 }  // namespace
 
 ScaleRecoveryNodelet::~ScaleRecoveryNodelet() {
   // After these no callback runs any more.
   frame_subscriber_.shutdown();
+  image_subscriber_.shutdown();
+  camera_info_subscriber_.shutdown();
+  waiting_timer_.stop();
   reset_server_.shutdown();
   diagnostics_timer_.stop();
 }
@@ -38,6 +45,10 @@ void ScaleRecoveryNodelet::onInit() {
   guard_ = std::make_unique<StampGuard>(params_.clock_jump_s);
   path_ = std::make_unique<BoundedPath>(static_cast<std::size_t>(params_.path_max_poses),
                                         params_.path_spacing_m);
+  stream_ = std::make_unique<CameraStream>(params_.image_is_rectified);
+  Pairing::Limits limits;
+  limits.images = static_cast<std::size_t>(params_.image_buffer);
+  pairing_ = std::make_unique<Pairing>(limits);
   if (!params_.base_frame.empty()) {
     tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
     tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_buffer_, handle);
@@ -59,12 +70,28 @@ void ScaleRecoveryNodelet::onInit() {
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
 
   reset_server_ = handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
+  if (params_.scale.refine && !params_.scale.paper_literal) subscribeToImages();
+  // Last: who sees this subscription knows that no image is missed.
   frame_subscriber_ =
       handle.subscribe("vo/frame", kFrameQueue, &ScaleRecoveryNodelet::onFrame, this);
 }
 
+void ScaleRecoveryNodelet::subscribeToImages() {
+  ros::NodeHandle& handle = getNodeHandle();
+  transport_ = std::make_unique<image_transport::ImageTransport>(handle);
+  camera_info_subscriber_ =
+      handle.subscribe("camera_info", kImageQueue, &ScaleRecoveryNodelet::onCameraInfo, this);
+  image_subscriber_ =
+      transport_->subscribe("image", kImageQueue, &ScaleRecoveryNodelet::onImage, this,
+                            image_transport::TransportHints(
+                                "raw", ros::TransportHints().tcpNoDelay(), getPrivateNodeHandle()));
+  waiting_timer_ = handle.createWallTimer(ros::WallDuration(kWaitingPeriod),
+                                          [this](const ros::WallTimerEvent&) { processReady(); });
+}
+
 bool ScaleRecoveryNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
                                    std_srvs::Trigger::Response& response) {
+  processReady(false);
   reset();
   response.success = true;
   response.message = "the scale is unknown and the odometry starts anew";
@@ -79,8 +106,20 @@ void ScaleRecoveryNodelet::reset() {
   distance_m_ = 0;
 }
 
+void ScaleRecoveryNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+  try {
+    stream_->accept(*info, camera_info_subscriber_.getTopic());
+  } catch (const MessageError& error) {
+    report("camera_info refused", error.what());
+  }
+}
+
+void ScaleRecoveryNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
+  pairing_->addImage(toNanoseconds(image->header.stamp), image);
+  processReady();
+}
+
 void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
-  const auto start = std::chrono::steady_clock::now();
   VoFrame frame;
   try {
     frame = fromMsg(*msg);
@@ -92,28 +131,64 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
       return report("frame stamp", guard_->reason());
     case StampGuard::Verdict::kJumpedBack:
       NODELET_WARN("The clock jumped back: starting anew.");
+      processReady(false);
+      pairing_->jumpBack(frame.stamp_ns);
       reset();
       break;
     case StampGuard::Verdict::kNext:
       break;
   }
-  renumberMap(frame);
+  const std::int64_t stamp_ns = frame.stamp_ns;
+  pairing_->addFrame(stamp_ns, {std::move(frame), msg->header}, Pairing::Clock::now());
+  processReady();
+}
 
+void ScaleRecoveryNodelet::processReady(bool may_wait) {
+  while (std::optional<Pairing::Pair> pair = pairing_->next(Pairing::Clock::now(), may_wait)) {
+    process(std::move(pair->frame.frame), pair->frame.header, pair->image);
+  }
+}
+
+cv::Mat ScaleRecoveryNodelet::pictureOf(const VoFrame& frame,
+                                        const sensor_msgs::ImageConstPtr& image) {
+  const std::shared_ptr<const DescribedCamera> camera = stream_->camera();
+  if (!image || !camera) return {};
+  if (!camera->isCameraOf(frame.camera)) {
+    report("other camera", "camera_info on topic " + camera_info_subscriber_.getTopic() +
+                               " describes another camera than " + frame_subscriber_.getTopic());
+    return {};
+  }
+  try {
+    return camera->rectified(*image);
+  } catch (const std::exception& error) {
+    report("image refused", error.what());
+    return {};
+  }
+}
+
+void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header,
+                                   const sensor_msgs::ImageConstPtr& image) {
+  const auto start = std::chrono::steady_clock::now();
+  renumberMap(frame);
+  const cv::Mat picture = pictureOf(frame, image);
   ScaleRecovery::Output output;
   try {
-    output = recovery_->process(frame);
+    output = recovery_->process(frame, picture);
   } catch (const std::exception& error) {
     return report("frame failed", error.what());
   }
-  scale_publisher_.publish(toMsg(output.scale, frame.map_id, msg->header));
+  scale_publisher_.publish(toMsg(output.scale, frame.map_id, header));
   if (output.scale.status != ScaleStatus::kUnknown) {
-    if (output.pose) publishPose(*output.pose, msg->header);
-    publishGround(output, msg->header);
+    if (output.pose) publishPose(*output.pose, header);
+    publishGround(output, header);
   }
 
   ++processed_;
+  last_had_image_ = !picture.empty();
+  if (last_had_image_) ++with_image_;
+  if (output.pixels.height > 0) ++refined_;
   last_scale_ = output.scale;
-  last_stamp_ = msg->header.stamp;
+  last_stamp_ = header.stamp;
   if (output.scale.status == ScaleStatus::kOk) last_measured_ = last_stamp_;
   if (output.pose) distance_m_ = output.pose->distance;
   frame_ms_ =
@@ -192,6 +267,17 @@ void ScaleRecoveryNodelet::report(const std::string& kind, const std::string& wh
   if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
 }
 
+std::string ScaleRecoveryNodelet::imagesState() const {
+  if (!transport_) return "not used";
+  if (image_subscriber_.getNumPublishers() == 0) {
+    return "no image: nobody publishes " + image_subscriber_.getTopic();
+  }
+  if (!stream_->camera()) {
+    return "no image: no usable camera_info yet on " + camera_info_subscriber_.getTopic();
+  }
+  return last_had_image_ ? "used" : "no image of the last frame";
+}
+
 void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   const auto now = std::chrono::steady_clock::now();
@@ -215,6 +301,9 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   status.add("rate [Hz]", rate);
   status.add("time of the last frame [ms]", frame_ms_);
   status.add("frames processed", processed_);
+  status.add("images", imagesState());
+  status.add("frames without an image", processed_ - with_image_);
+  status.add("frames refined", refined_);
   for (const auto& [kind, count] : faults) status.add("dropped: " + kind, count);
   status.add("scale status", toString(last_scale_.status));
   status.add("reason", toString(last_scale_.reason));

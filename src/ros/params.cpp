@@ -37,7 +37,9 @@ void declareOptions(ParamReader& reader, ScaleRecovery::Options& options) {
 }
 
 /// What both nodelets have, and what libraries read beside us.
-void declareCommon(ParamReader& reader, double& clock_jump_s) {
+void declareCommon(ParamReader& reader, bool& image_is_rectified, double& clock_jump_s) {
+  reader.declare("image_is_rectified", image_is_rectified,
+                 "[] the images have no distortion and P of camera_info belongs to them");
   reader.declare(
       "clock_jump_s", clock_jump_s, 0.0, 3600.0,
       "[s] a stamp that lies farther back than this starts anew; a nearer one is dropped");
@@ -51,10 +53,8 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
   MonoVoParams params;
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[images] that may wait; when it is full the oldest is dropped");
-  reader.declare("image_is_rectified", params.image_is_rectified,
-                 "[] the images have no distortion and P of camera_info belongs to them");
   reader.declare("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
-  declareCommon(reader, params.clock_jump_s);
+  declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
   declareOptions(reader, params.vo);
   params.vo.validate();
   return params;
@@ -71,7 +71,9 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
                  "[poses] in path; when it is full every second one goes");
   reader.declare("path_spacing_m", params.path_spacing_m, 0.0, 1000.0,
                  "[m] least distance between two poses of path");
-  declareCommon(reader, params.clock_jump_s);
+  reader.declare("image_buffer", params.image_buffer, 1, 10000,
+                 "[images] kept until their vo/frame comes; when it is full the oldest goes");
+  declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
   if (params.odom_frame.empty()) throw OptionError("parameter odom_frame is empty");
   if (params.odom_frame == params.base_frame) {
     throw OptionError("parameters odom_frame and base_frame are both \"" + params.odom_frame +

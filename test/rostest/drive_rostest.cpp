@@ -13,6 +13,7 @@
 #include <boost/make_shared.hpp>
 #include <memory>
 
+#include "diagnosed.hpp"
 #include "ground_scale_vo/dataset/offline_run.hpp"
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -43,6 +44,7 @@ struct PlayedDrive {
         tracks(handle, "vo/image_tracks"),
         plane(handle, "ground_plane"),
         tf(handle, "/tf"),
+        diagnostics(handle, "/diagnostics"),
         images(handle.advertise<sensor_msgs::Image>("image", 10)),
         infos(handle.advertise<sensor_msgs::CameraInfo>("camera_info", 10)) {}
 
@@ -100,6 +102,7 @@ struct PlayedDrive {
   Inbox<sensor_msgs::Image> tracks;
   Inbox<visualization_msgs::Marker> plane;
   Inbox<tf2_msgs::TFMessage> tf;
+  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics;
   ros::Publisher images, infos;
 };
 
@@ -153,6 +156,8 @@ TEST_F(Drive, TheOfflineRunGivesTheSame) {
     EXPECT_LT((T_o_c.matrix() - records[i].T_o_c.matrix()).cwiseAbs().maxCoeff(), 1e-9) << i;
   }
 }
+
+TEST_F(Drive, TheImagesAreUsed) { EXPECT_TRUE(diagnosed(run.diagnostics, "images", "used")); }
 
 TEST_F(Drive, NothingMetricBeforeTheFirstScale) {
   const auto scale_messages = run.scales.messages();

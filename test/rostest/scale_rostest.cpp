@@ -1,13 +1,18 @@
 // ScaleRecovery fed by another odometry: a camera 1 VO unit above a flat road, with exact points.
 // The mounting comes from tf, late; the clock jumps; the odometry restarts; messages are broken.
+// Beside it, in the namespace `alone`, one with `refine: false`: what images do is the difference.
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
 #include <boost/make_shared.hpp>
 
+#include "../scale/road_image.hpp"
+#include "diagnosed.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "inbox.hpp"
 
@@ -17,6 +22,8 @@ namespace {
 constexpr double kCameraHeight = 1.65;  // [m] for 1 VO unit
 constexpr double kStep = 0.5;           // [VO units] a frame
 constexpr double kPeriod = 0.1;         // [s]
+/// [VO units] of the camera above the road in the images: a little more than the points say.
+constexpr double kPictureHeight = 1.02;
 
 /// The other odometry.
 class FlatRoad {
@@ -27,6 +34,24 @@ class FlatRoad {
     camera_.fx = camera_.fy = 359;
     camera_.cx = 303;
     camera_.cy = 92;
+  }
+
+  const PinholeCamera& camera() const { return camera_; }
+
+  /// Of the frame that comes next.
+  sensor_msgs::Image::Ptr nextImage() const {
+    RoadScene scene;
+    scene.camera = camera_;
+    scene.height = kPictureHeight;
+    scene.pitch = 0;
+    const cv::Mat picture = roadImage(scene, kStep * sequence_);
+    auto image = boost::make_shared<sensor_msgs::Image>();
+    image->header = header();
+    image->encoding = "mono8";
+    image->width = image->step = static_cast<std::uint32_t>(picture.cols);
+    image->height = static_cast<std::uint32_t>(picture.rows);
+    image->data.assign(picture.datastart, picture.dataend);
+    return image;
   }
 
   VoFrameMsg::Ptr next() {
@@ -60,15 +85,20 @@ class FlatRoad {
         frame.features.push_back(feature);
       }
     }
-    std_msgs::Header header;
-    header.stamp = ros::Time(start_s_ + kPeriod * sequence_);
-    header.frame_id = "camera";
-    frame.stamp_ns = toNanoseconds(header.stamp);
+    const std_msgs::Header stamped = header();
+    frame.stamp_ns = toNanoseconds(stamped.stamp);
     ++sequence_;
-    return toMsg(frame, header);
+    return toMsg(frame, stamped);
   }
 
  private:
+  std_msgs::Header header() const {
+    std_msgs::Header header;
+    header.stamp = ros::Time(start_s_ + kPeriod * sequence_);
+    header.frame_id = "camera";
+    return header;
+  }
+
   PinholeCamera camera_;
   double start_s_;
   std::uint32_t sequence_ = 0;
@@ -211,6 +241,101 @@ TEST_F(Scale, BrokenMessagesAreLeftOut) {
   play(road, 1);
   EXPECT_EQ(scales_.messages().size(), static_cast<std::size_t>(kFrames) + 2);
   EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+/// The same frames to both nodelets.
+class Refined : public Scale {
+ protected:
+  Refined()
+      : images_(handle_.advertise<sensor_msgs::Image>("image", 100)),
+        infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera_info", 100)),
+        alone_(handle_, "alone/scale"),
+        diagnostics_(handle_, "/diagnostics") {}
+
+  void SetUp() override {
+    Scale::SetUp();
+    ASSERT_TRUE(waitUntil([this] {
+      return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
+             alone_.connected() && diagnostics_.connected();
+    }));
+    std_srvs::Trigger trigger;
+    ASSERT_TRUE(ros::service::call("alone/reset", trigger));
+    scales_.clear();
+    alone_.clear();
+  }
+
+  /// Plays with what spoil makes of the images.
+  void play(FlatRoad& road, const std::function<void(sensor_msgs::Image&)>& spoil) {
+    for (int i = 0; i < kFrames; ++i) {
+      const sensor_msgs::Image::Ptr image = road.nextImage();
+      spoil(*image);
+      images_.publish(image);
+      Scale::play(road, 1);
+    }
+    const ros::Time last = scales_.messages().back()->header.stamp;
+    ASSERT_TRUE(alone_.waitForStamp(last));
+    ASSERT_EQ(scales_.messages().size(), static_cast<std::size_t>(kFrames));
+    ASSERT_EQ(alone_.messages().size(), static_cast<std::size_t>(kFrames));
+  }
+  void describe(const PinholeCamera& camera) { infos_.publish(toCameraInfo(camera)); }
+  void expectNoEffect() {
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      EXPECT_EQ(scales_.messages()[i]->scale, alone_.messages()[i]->scale) << i;
+    }
+    EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
+  }
+
+  ros::Publisher images_, infos_;
+  Inbox<ScaleEstimateMsg> alone_;
+  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
+};
+
+// The first of these: there was no camera_info yet.
+TEST_F(Refined, NotWithoutACameraInfo) {
+  FlatRoad road(7000);
+  play(road, [](sensor_msgs::Image&) {});
+  expectNoEffect();
+  EXPECT_TRUE(
+      diagnosed(diagnostics_, "images", "no image: no usable camera_info yet on /camera_info"));
+}
+
+TEST_F(Refined, ByTheImages) {
+  FlatRoad road(8000);
+  describe(road.camera());
+  play(road, [](sensor_msgs::Image&) {});
+  EXPECT_TRUE(diagnosed(diagnostics_, "images", "used"));
+  EXPECT_TRUE(diagnosed(diagnostics_, "images", "not used"));
+  EXPECT_NEAR(alone_.messages().back()->scale, kCameraHeight, 0.002 * kCameraHeight);
+  EXPECT_LT(scales_.messages().back()->scale, 0.995 * alone_.messages().back()->scale);
+  EXPECT_GT(scales_.messages().back()->scale, 0.995 * kCameraHeight / kPictureHeight);
+}
+
+TEST_F(Refined, NotByImagesThatCannotBeUsed) {
+  FlatRoad road(9000);
+  describe(road.camera());
+  play(road, [](sensor_msgs::Image& image) { image.encoding = "nonsense"; });
+  expectNoEffect();
+  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: image refused"));
+  EXPECT_TRUE(diagnosed(diagnostics_, "images", "no image of the last frame"));
+}
+
+TEST_F(Refined, NotByImagesOfAnotherCamera) {
+  FlatRoad road(10000);
+  PinholeCamera other = road.camera();
+  other.fx += 10;
+  describe(other);
+  describe(PinholeCamera());  // refused: the one before stays
+  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: camera_info refused", "1"));
+  play(road, [](sensor_msgs::Image&) {});
+  expectNoEffect();
+  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: other camera"));
+}
+
+TEST_F(Refined, NotByImagesOfOtherTimes) {
+  FlatRoad road(11000);
+  describe(road.camera());
+  play(road, [](sensor_msgs::Image& image) { image.header.stamp += ros::Duration(0.01); });
+  expectNoEffect();
 }
 
 }  // namespace

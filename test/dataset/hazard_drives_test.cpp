@@ -22,25 +22,29 @@ namespace {
 constexpr double kRlePercent = 1.5;
 constexpr double kWithin2Sigma = 0.75;  // neighbouring frames err together, so not 0.95
 
-/// What is not met yet, and by how much. A drive in this list needs a pose in every frame and no
-/// more, if even that; take it out as soon as it meets what the others do.
+/// What is not met yet, and what is asked of it instead, so that it does not get worse unseen. A
+/// drive leaves this list as soon as it meets what the others do.
 struct Open {
   const char* name;
-  const char* figure;
-  bool has_poses = true;
+  double rle_percent = kRlePercent;
+  double within_2_sigma = kWithin2Sigma;
+  double ok_while_hidden = 0;
 };
 constexpr Open kOpen[] = {
-    {"crawl_start", "RLE 2.3 %"},
-    {"tele", "RLE 2.5 %"},
-    {"night_noisy", "never gets a map", false},
-    {"lines_only", "RLE 2.8 %, measures in 46 % of the frames that show nothing"},
-    {"hood", "RLE 3.1 %"},
+    // Six metres of road between bumpers, seen from a map that has hardly moved: 7 % too high until
+    // the cars ahead drive off, and too sure of it.
+    {"crawl_start", 3.5, 0.45},
+    // The frames before the hidden part lean on few points.
+    {"lines_only", 2.5, kWithin2Sigma, 0.1},
+    {"kerb_side", kRlePercent, 0.65},
 };
 
-const Open* findOpen(const std::string& name) {
-  const auto* entry = std::find_if(std::begin(kOpen), std::end(kOpen),
-                                   [&](const Open& open) { return open.name == name; });
-  return entry == std::end(kOpen) ? nullptr : entry;
+/// What is asked of a drive.
+Open demandsOn(const std::string& name) {
+  for (const Open& open : kOpen) {
+    if (open.name == name) return open;
+  }
+  return {name.c_str()};
 }
 
 TEST(HazardDrives, AreACatalogue) {
@@ -86,19 +90,13 @@ TEST_P(Hazard, IsMeasuredOrHeld) {
   std::printf("%s: RLE %.2f %%, scale %.2f %%, held %.2f, within 2 sigma %.2f, ok hidden %.2f\n",
               hazard.name.c_str(), figures.rle_percent, figures.scale_error_percent, figures.held,
               figures.within_2_sigma, figures.ok_while_hidden);
-  const Open* open = findOpen(hazard.name);
-  if (!open || open->has_poses) {
-    EXPECT_EQ(figures.tracked_frames, figures.frames);
-  }
-  if (open) {
-    std::printf("%s: OPEN, when entered: %s\n", hazard.name.c_str(), open->figure);
-    return;
-  }
+  const Open demands = demandsOn(hazard.name);
+  EXPECT_EQ(figures.tracked_frames, figures.frames);
   EXPECT_EQ(figures.lost_events, 0u);
   EXPECT_GT(figures.metric_frames, figures.frames / 2);
-  EXPECT_LE(figures.rle_percent, kRlePercent);
-  EXPECT_GE(figures.within_2_sigma, kWithin2Sigma);
-  EXPECT_EQ(figures.ok_while_hidden, 0);
+  EXPECT_LE(figures.rle_percent, demands.rle_percent);
+  EXPECT_GE(figures.within_2_sigma, demands.within_2_sigma);
+  EXPECT_LE(figures.ok_while_hidden, demands.ok_while_hidden);
 }
 
 INSTANTIATE_TEST_SUITE_P(Drives, Hazard, testing::ValuesIn(hazardDrives()),

@@ -17,6 +17,7 @@ COLUMNS = [
     ("r_err deg/m", "r_err_deg_per_m", "{:.4f}"),
     ("t_err true length %", "t_err_true_length_percent", "{:.2f}"),
     ("t_err short %", "t_err_short_percent", "{:.2f}"),
+    ("2 sigma", "scale_within_2_sigma", "{:.2f}"),
     ("ms median", "ms_total_median", "{:.1f}"),
 ]
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
+#include "ground_scale_vo/dataset/scale_metrics.hpp"
 #include "ground_scale_vo/error.hpp"
 
 namespace ground_scale_vo {
@@ -15,8 +16,6 @@ namespace {
 using Options = SyntheticDrive::Options;
 
 constexpr double kDegree = 0.017453292519943295;
-constexpr double kChord = 2;           // for the true scale of a frame [m]
-constexpr std::size_t kFarthest = 25;  // of its ends from the frame
 
 /// A drive without a stop, changed by one hazard.
 HazardDrive drive(const char* name, const char* what, int frames,
@@ -40,25 +39,6 @@ void setCamera(Options& o, int width, int height, double focal) {
 void setNight(Options& o) {
   o.headlamps = true;
   o.shadows = o.moving_cars = false;
-}
-
-/// Metres per VO unit around frame i; empty when the camera hardly moves or has no pose.
-std::optional<double> trueScale(const SyntheticDrive& drive, const std::vector<RunFrame>& frames,
-                                std::size_t i) {
-  const auto usable = [&](std::size_t k) {
-    return frames[k].has_vo_pose && frames[k].map_id == frames[i].map_id;
-  };
-  if (!usable(i)) return {};
-  std::size_t a = i, b = i;
-  for (std::size_t reach = 1; reach <= kFarthest; ++reach) {
-    if (i >= reach && usable(i - reach)) a = i - reach;
-    if (i + reach < frames.size() && usable(i + reach)) b = i + reach;
-    const double truth =
-        (drive.frame(b).T_c0_c.translation() - drive.frame(a).T_c0_c.translation()).norm();
-    const double estimate = (frames[b].T_w_c.translation() - frames[a].T_w_c.translation()).norm();
-    if (truth >= kChord && estimate > 0) return truth / estimate;
-  }
-  return {};
 }
 
 }  // namespace
@@ -210,23 +190,17 @@ DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive
   figures.lost_events = record.lostEvents();
   figures.rle_percent = figures.t_err_short_percent = kNone;
 
-  std::vector<Eigen::Isometry3d> truth, estimate;
-  std::vector<double> errors;
-  std::size_t within = 0, held = 0, hidden_ok = 0;
+  std::vector<Eigen::Isometry3d> all_truth, truth, estimate;
+  std::size_t hidden_ok = 0;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const RunFrame& frame = frames[i];
+    all_truth.push_back(drive.frame(i).T_c0_c);
     if (hazard.road_hidden && i >= hazard.road_hidden->first && i <= hazard.road_hidden->last) {
       hidden_ok += frame.scale.status == ScaleStatus::kOk;
     }
     if (truth.empty() && !frame.has_metric_pose) continue;
-    truth.push_back(drive.frame(i).T_c0_c);
+    truth.push_back(all_truth.back());
     estimate.push_back(frame.T_o_c);
-    held += frame.scale.status == ScaleStatus::kHeld;
-    if (frame.scale.status == ScaleStatus::kUnknown) continue;
-    const std::optional<double> scale = trueScale(drive, frames, i);
-    if (!scale) continue;
-    errors.push_back(100 * std::abs(frame.scale.scale / *scale - 1));
-    within += std::abs(frame.scale.scale - *scale) <= 2 * frame.scale.sigma;
   }
   figures.metric_frames = truth.size();
   if (truth.size() > 1) {
@@ -234,15 +208,13 @@ DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive
     figures.rle_percent = metrics.rle_percent;
     figures.t_err_short_percent = metrics.t_err_short_percent.value_or(kNone);
   }
-  const auto share = [](std::size_t part, std::size_t whole) {
-    return static_cast<double>(part) / static_cast<double>(whole);
-  };
-  figures.scale_error_percent = quantile(errors, 0.5);
-  figures.within_2_sigma = errors.empty() ? kNone : share(within, errors.size());
-  figures.held = truth.empty() ? kNone : share(held, truth.size());
+  const ScaleMetrics scale = computeScaleMetrics(record, all_truth, kWayOfExactTruth);
+  figures.scale_error_percent = scale.error_abs_median_percent;
+  figures.within_2_sigma = scale.within_2_sigma;
+  figures.held = scale.held_share;
   if (hazard.road_hidden) {
-    figures.ok_while_hidden =
-        share(hidden_ok, hazard.road_hidden->last - hazard.road_hidden->first + 1);
+    const std::size_t hidden = hazard.road_hidden->last - hazard.road_hidden->first + 1;
+    figures.ok_while_hidden = static_cast<double>(hidden_ok) / static_cast<double>(hidden);
   }
   return figures;
 }

@@ -226,6 +226,18 @@ std::vector<Eigen::Isometry3d> readOdometryGroundTruth(const fs::path& folder) {
   return {};
 }
 
+std::vector<double> readTrueHeights(const fs::path& file) {
+  if (!fs::exists(file)) return {};
+  const TextFile text(file);
+  std::vector<double> heights;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (!text.line(i).empty() && text.line(i).front() == '#') continue;
+    heights.push_back(text.numbers(i, 4).front());
+    if (!(heights.back() > 0)) text.fail(i, "its height is not positive");
+  }
+  return heights;
+}
+
 }  // namespace
 
 KittiSequence::KittiSequence(const fs::path& folder_as_given) try {
@@ -247,6 +259,7 @@ KittiSequence::KittiSequence(const fs::path& folder_as_given) try {
     camera_ = readCamera(folder / "calib.txt", "P0:", size);
     stamps_ns_ = readStamps(folder / "times.txt", images_.size(), readSeconds);
     ground_truth_ = readOdometryGroundTruth(folder);
+    true_heights_ = readTrueHeights(folder / "ground.txt");
   } else {
     camera_ = readCamera(folder.parent_path() / "calib_cam_to_cam.txt", "P_rect_00:", size);
     stamps_ns_ = readStamps(folder / "image_00" / "timestamps.txt", images_.size(), readUtc);
@@ -255,6 +268,10 @@ KittiSequence::KittiSequence(const fs::path& folder_as_given) try {
   if (!ground_truth_.empty() && ground_truth_.size() != images_.size()) {
     throw DataError(folder.string() + ": has " + std::to_string(ground_truth_.size()) +
                     " true poses for " + std::to_string(images_.size()) + " images");
+  }
+  if (!true_heights_.empty() && true_heights_.size() != images_.size()) {
+    throw DataError(folder.string() + ": has " + std::to_string(true_heights_.size()) +
+                    " true heights for " + std::to_string(images_.size()) + " images");
   }
 } catch (const fs::filesystem_error& error) {
   throw DataError(error.path1().string() + ": " + error.code().message());

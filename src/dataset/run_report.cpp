@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
+#include "ground_scale_vo/dataset/scale_metrics.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
 #include "ground_scale_vo/error.hpp"
@@ -74,16 +75,24 @@ std::vector<double> timesOf(const RunRecord& record, double (*time)(const RunFra
 }  // namespace
 
 std::string metricsJson(const RunRecord& record, double camera_height,
-                        const std::vector<Eigen::Isometry3d>& ground_truth) {
+                        const std::vector<Eigen::Isometry3d>& ground_truth,
+                        const std::vector<double>& true_heights) {
   const auto& frames = record.frames();
   const auto metric_poses = record.metricPoses();
   std::optional<OdometryMetrics> metrics, unscaled;
+  std::optional<ScaleMetrics> scale;
   if (!ground_truth.empty() && frames.size() >= 2) {
     metrics = computeOdometryMetrics(ground_truth, metric_poses);
     unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
+    scale = computeScaleMetrics(record, ground_truth,
+                                true_heights.empty() ? kWayOfMeasuredTruth : kWayOfExactTruth,
+                                true_heights);
   }
   const auto ofTruth = [&](auto member) {
     return metrics ? json((*metrics).*member) : std::string("null");
+  };
+  const auto ofScale = [&](auto member) {
+    return scale ? json((*scale).*member) : std::string("null");
   };
   using Metrics = OdometryMetrics;
   const auto backfilled = std::count_if(frames.begin(), frames.end(),
@@ -103,7 +112,12 @@ std::string metricsJson(const RunRecord& record, double camera_height,
       {"t_err_true_length_percent", ofTruth(&Metrics::t_err_true_length_percent)},
       {"t_err_sim3_percent", unscaled ? json(unscaled->t_err_sim3_percent) : "null"},
       {"direction_median_deg", ofTruth(&Metrics::direction_median_deg)},
-      {"ate_rmse_m", ofTruth(&Metrics::ate_rmse_m)}};
+      {"ate_rmse_m", ofTruth(&Metrics::ate_rmse_m)},
+      {"scale_within_2_sigma", ofScale(&ScaleMetrics::within_2_sigma)},
+      {"scale_held_share", ofScale(&ScaleMetrics::held_share)},
+      {"scale_error_median_percent", ofScale(&ScaleMetrics::error_median_percent)},
+      {"scale_error_spread_percent", ofScale(&ScaleMetrics::error_spread_percent)},
+      {"height_bias_percent", ofScale(&ScaleMetrics::height_bias_percent)}};
   const std::pair<const char*, double (*)(const RunFrame&)> stages[] = {
       {"ms_vo", voTime}, {"ms_scale", scaleTime}, {"ms_total", totalTime}};
   for (const auto& [name, time] : stages) {
@@ -155,7 +169,8 @@ std::string timingCsv(const RunRecord& record) {
 }
 
 void writeRun(const fs::path& folder, const RunRecord& record, double camera_height,
-              const std::vector<Eigen::Isometry3d>& ground_truth) {
+              const std::vector<Eigen::Isometry3d>& ground_truth,
+              const std::vector<double>& true_heights) {
   makeFolder(folder);
   for (const char* name : {"timing.csv", "ground_truth.txt"}) {  // of an earlier run
     std::error_code ignored;
@@ -174,7 +189,8 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
   if (std::any_of(times.begin(), times.end(), [](double ms) { return std::isfinite(ms); })) {
     writeFile(folder / "timing.csv", timingCsv(record));
   }
-  writeFile(folder / "metrics.json", metricsJson(record, camera_height, ground_truth));
+  writeFile(folder / "metrics.json",
+            metricsJson(record, camera_height, ground_truth, true_heights));
   if (!ground_truth.empty()) writeKittiPoses(folder / "ground_truth.txt", ground_truth);
 }
 

@@ -163,6 +163,23 @@ TEST_F(KittiSequenceTest, RefusesAnotherNumberOfTruePoses) {
   EXPECT_EQ(errorOf(folder), "/sequences/07: has 2 true poses for 3 images");
 }
 
+TEST_F(KittiSequenceTest, ReadsTheHeightsOfARenderedDrive) {
+  const fs::path folder = makeOdometry();
+  EXPECT_TRUE(KittiSequence(folder).trueHeights().empty());
+  const auto errorOfGround = [&](const std::string& content) {
+    write("sequences/07/ground.txt", content);
+    return errorOf(folder);
+  };
+  write("sequences/07/ground.txt", "# height, normal\n1.6 0 -1 0\n1.7 0 -1 0\n1.65 0 -1 0\n");
+  EXPECT_EQ(KittiSequence(folder).trueHeights(), (std::vector<double>{1.6, 1.7, 1.65}));
+  EXPECT_EQ(errorOfGround("1.6 0 -1 0\n1.7 0 -1 0\n"),
+            "/sequences/07: has 2 true heights for 3 images");
+  EXPECT_EQ(errorOfGround("1.6 0 -1 0\n0 0 -1 0\n"),
+            "/sequences/07/ground.txt, line 2: its height is not positive");
+  EXPECT_EQ(errorOfGround("1.6 0 -1\n"),
+            "/sequences/07/ground.txt, line 1: has 3 numbers instead of 4");
+}
+
 TEST_F(KittiSequenceTest, RefusesGapsAndDoubles) {
   const fs::path folder = makeOdometry();
   write("sequences/07/image_0/000005.png", encoded("png"));

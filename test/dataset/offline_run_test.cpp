@@ -41,6 +41,7 @@ class Script {
     ScaleRecovery::Output output;
     output.scale.status = ScaleStatus::kOk;
     output.scale.scale = scale;
+    output.scale.height = 1.65 / scale;
     output.pose.emplace();
     output.pose->T_o_c = ahead(z_m);
     return append(output);
@@ -187,6 +188,11 @@ TEST_F(RunReport, FiguresAreNullWithoutGroundTruth) {
                              "\"t_err_sim3_percent\": null,",
                              "\"direction_median_deg\": null,",
                              "\"ate_rmse_m\": null,",
+                             "\"scale_within_2_sigma\": null,",
+                             "\"scale_held_share\": null,",
+                             "\"scale_error_median_percent\": null,",
+                             "\"scale_error_spread_percent\": null,",
+                             "\"height_bias_percent\": null,",
                              "\"ms_vo_median\": 40,",
                              "\"ms_vo_p95\": 67,",
                              "\"ms_scale_median\": 0,",
@@ -208,8 +214,25 @@ TEST_F(RunReport, FiguresWithGroundTruth) {
         "\"by_short_length\": [{\"length_m\": 10, \"segments\": 1, "}) {
     EXPECT_NE(json.find(member), std::string::npos) << member << " in\n" << json;
   }
+  // Around frames 5 and 6 lie 9 m of 3 units (8 m are asked for): 3 m per unit instead of 2.
+  EXPECT_NE(json.find("\"scale_error_median_percent\": -33.33333333,"), std::string::npos) << json;
+  EXPECT_NE(json.find("\"height_bias_percent\": null,"), std::string::npos) << json;
   truth.pop_back();
   EXPECT_THROW(metricsJson(started().record(), 1.65, truth), OptionError);
+}
+
+// The truth is exact, so 2 m are enough: 7 m of 2 units around frame 5, 5 m of 1 before frame 6.
+TEST_F(RunReport, FiguresWithTrueHeights) {
+  std::vector<Eigen::Isometry3d> truth;
+  for (const double z : {0, 0, 3, 6, 8, 10, 15}) truth.push_back(ahead(z));
+  const std::string json =
+      metricsJson(started().record(), 1.65, truth, std::vector<double>(7, 1.65));
+  for (const char* member :
+       {"\"scale_within_2_sigma\": 0,", "\"scale_held_share\": 0,",
+        "\"scale_error_median_percent\": -51.42857143,", "\"scale_error_spread_percent\": null,",
+        "\"height_bias_percent\": 112.5,"}) {
+    EXPECT_NE(json.find(member), std::string::npos) << member << " in\n" << json;
+  }
 }
 
 TEST_F(RunReport, WritesTheFilesOfARun) {

@@ -41,11 +41,10 @@ struct DriveFigures {
   double rle_percent = 0;
   double t_err_short_percent = 0;
 
-  /// Median of |scale / true - 1| [%]; the true scale of a frame is that of the chord of 2 m of way
-  /// around it. NaN when there is none.
+  // ScaleMetrics' error_abs_median_percent, within_2_sigma and held_share, of kWayOfExactTruth.
   double scale_error_percent = 0;
-  double within_2_sigma = 0;   ///< share of the frames with a true scale; NaN when there is none
-  double held = 0;             ///< share of the frames with ScaleStatus::kHeld
+  double within_2_sigma = 0;
+  double held = 0;
   double ok_while_hidden = 0;  ///< share of road_hidden's frames with kOk; 0 when there are none
 };
 

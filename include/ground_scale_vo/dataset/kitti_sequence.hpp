@@ -14,7 +14,8 @@ namespace ground_scale_vo {
 /// A folder of rectified grey images with calibration, stamps and, where there is one, ground
 /// truth. Two layouts are known:
 ///  - KITTI odometry: `image_0/NNNNNN.png|jpg`, `calib.txt` (`P0:`), `times.txt` [s], ground truth
-///    `poses.txt` beside them or `../../poses/NN.txt`;
+///    `poses.txt` beside them or `../../poses/NN.txt`, and `ground.txt` of a rendered one: a line
+///    of height [m] and unit normal in camera axes for each image, after lines that begin with #;
 ///  - KITTI raw synced drive: `image_00/data/*.png`, `image_00/timestamps.txt`,
 ///    `../calib_cam_to_cam.txt` (`P_rect_00:`), ground truth from `oxts/data/*.txt` with
 ///    `../calib_imu_to_velo.txt` and `../calib_velo_to_cam.txt` where all are there.
@@ -25,7 +26,7 @@ class KittiSequence {
  public:
   /// Throws DataError: no such folder, nothing known in it, missing or malformed file (names file
   /// and line), fewer stamps than images, stamps that do not grow, gaps in the numbering, another
-  /// number of true poses than images.
+  /// number of true poses or heights than images.
   explicit KittiSequence(const std::filesystem::path& folder);
 
   const std::string& name() const { return name_; }  ///< the folder's own name
@@ -38,6 +39,8 @@ class KittiSequence {
 
   /// T_c0_ci, [m]; empty when the folder has none. Read by metrics and bag writing alone.
   const std::vector<Eigen::Isometry3d>& groundTruth() const { return ground_truth_; }
+  /// Of the camera over the road, exact [m]; empty when the folder has none. Read by metrics alone.
+  const std::vector<double>& trueHeights() const { return true_heights_; }
 
  private:
   std::string name_;
@@ -45,6 +48,7 @@ class KittiSequence {
   std::vector<std::filesystem::path> images_;
   std::vector<std::int64_t> stamps_ns_;
   std::vector<Eigen::Isometry3d> ground_truth_;
+  std::vector<double> true_heights_;
 };
 
 }  // namespace ground_scale_vo

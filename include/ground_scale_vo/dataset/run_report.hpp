@@ -13,12 +13,17 @@ namespace ground_scale_vo {
 ///   frames, tracked_frames, lost_events, backfilled_frames, camera_height_m [m];
 ///   length_m and OdometryMetrics' members under their names, of the metric trajectory (of these,
 ///   t_err_sim3_percent is of the trajectory up to scale); null without ground truth;
-///   ms_vo_, ms_scale_, ms_total_ with median and p95 [ms] over all frames, without image reading;
-///   peak_rss_mb of this process [MiB];
-///   by_length, by_short_length: arrays of OdometryMetrics::LengthError.
-/// ground_truth: T_c0_ci [m] of each frame, or empty. Throws OptionError when it has another size.
+///   scale_within_2_sigma, scale_held_share, scale_error_median_percent,
+///   scale_error_spread_percent, height_bias_percent: ScaleMetrics; all null without ground truth,
+///   the last without true_heights; ms_vo_, ms_scale_, ms_total_ with median and p95 [ms] over all
+///   frames, without image reading; peak_rss_mb of this process [MiB]; by_length, by_short_length:
+///   arrays of OdometryMetrics::LengthError.
+/// ground_truth: T_c0_ci [m] of each frame, or empty. true_heights: of the camera over the road [m]
+/// of each frame, or empty; where they are known, the truth is exact. Throws OptionError when one
+/// has another size.
 std::string metricsJson(const RunRecord& record, double camera_height,
-                        const std::vector<Eigen::Isometry3d>& ground_truth);
+                        const std::vector<Eigen::Isometry3d>& ground_truth,
+                        const std::vector<double>& true_heights = {});
 
 /// One line a frame: what the scale stage said at that frame, and the odometry's map and status.
 ///   stamp [s]; raw_scale, scale, sigma [m per VO unit]; height [VO units]; n the plane's normal in
@@ -33,6 +38,7 @@ std::string timingCsv(const RunRecord& record);
 /// known; with ground truth also ground_truth.txt, for the pictures. Throws DataError; OptionError
 /// as metricsJson.
 void writeRun(const std::filesystem::path& folder, const RunRecord& record, double camera_height,
-              const std::vector<Eigen::Isometry3d>& ground_truth);
+              const std::vector<Eigen::Isometry3d>& ground_truth,
+              const std::vector<double>& true_heights = {});
 
 }  // namespace ground_scale_vo

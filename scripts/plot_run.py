@@ -74,7 +74,7 @@ def draw_status(axes, scale):
 
 def draw_scale(folder, scale, camera_height, title):
     """As the paper's Fig. 3: each frame's own camera height in the trajectory's metres, with the
-    filtered scale, and the heights' distribution."""
+    filtered scale and its band, and the heights' distribution; below, the scale and its status."""
     figure, grid = plt.subplots(2, 2, figsize=(12, 8), sharey="row",
                                 gridspec_kw={"width_ratios": [3, 1]})
     frames = scale["frame"]
@@ -85,6 +85,9 @@ def draw_scale(folder, scale, camera_height, title):
     heights = camera_height * scale["scale"][measured] / scale["raw_scale"][measured]
 
     axes = grid[0, 0]
+    relative = 2 * sigma / np.where(known, scale["scale"], np.nan)
+    axes.fill_between(frames, camera_height * (1 - relative), camera_height * (1 + relative),
+                      color=ESTIMATE, alpha=0.25, linewidth=0, label="filtered, 2 sigma")
     axes.plot(frames[measured], heights, ".", color=RAW, markersize=3, label="of the frame alone")
     axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given, {camera_height:g} m")
     axes.set(ylabel="scaled camera height [m]", title=title)
@@ -98,8 +101,10 @@ def draw_scale(folder, scale, camera_height, title):
     if len(heights):
         axes.hist(heights, bins=np.linspace(*axes.get_ylim(), 40), orientation="horizontal",
                   color=RAW, alpha=0.7)
-        axes.axhline(np.median(heights), color="black", linewidth=1,
-                     label=f"median {np.median(heights):.3f} m")
+        median = np.median(heights)
+        spread = 1.4826 * np.median(np.abs(heights - median))  # a normal distribution's sigma
+        axes.axhline(median, color="black", linewidth=1,
+                     label=f"median {median:.3f} m\nspread {spread:.3f} m")
         axes.legend(loc="upper right", fontsize="small")
     axes.axhline(camera_height, color=TARGET, linewidth=1)
     axes.set(xlabel="frames", title=f"distribution, {len(heights)} frames")

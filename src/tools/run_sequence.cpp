@@ -30,8 +30,9 @@ constexpr const char* kUsage =
 Metric odometry of one KITTI folder without ROS: every frame, causal, deterministic.
 
   SEQ                   KITTI odometry folder (image_0/, calib.txt, times.txt, and ground truth
-                        poses.txt or ../../poses/NN.txt, ground.txt) or KITTI raw synced drive (image_00/data/,
-                        ../calib_cam_to_cam.txt, and ground truth from oxts/)
+                        poses.txt or ../../poses/NN.txt, and ground.txt as of render_drive) or
+                        KITTI raw synced drive (image_00/data/, ../calib_cam_to_cam.txt, and ground
+                        truth from oxts/)
   --camera-height M     height of the camera above the road [m]; required
   --out DIR             results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt,
                         trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt
@@ -139,8 +140,8 @@ void run(const Arguments& arguments) {
     position = frame.T_o_c.translation();
     progress.show(i + 1, metres, frame.scale.status);
   }
-  gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height,
-                sequence.groundTruth(), sequence.trueHeights());
+  gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height, sequence.groundTruth(),
+                sequence.trueHeights());
   const auto& frames = run.record().frames();
   if (std::none_of(frames.begin(), frames.end(),
                    [](const gsv::RunFrame& frame) { return frame.has_metric_pose; })) {

@@ -15,6 +15,7 @@
 #include <optional>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/median.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -32,12 +33,6 @@ constexpr double kMinScatterRatio = 1e-3;
 
 /// Then the spread stays as it is, or the set of reserved points may never settle.
 constexpr int kSpreadIterations = 5;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// The value at which half of the weight lies below.
 double weightedMedian(std::vector<std::pair<double, double>> value_and_weight) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/median.hpp"
 #include "ground_scale_vo/scale/road_strip.hpp"
 
 namespace ground_scale_vo {
@@ -90,12 +91,6 @@ struct Match {
   float per_pixel = 0;    ///< shift of q by a shift in the image [1 / focal length]
   Samples jacobian;       ///< of value by q, mean free; of the first iteration
 };
-
-double median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 /// Frees values of mean and contrast. texture: share of the variance that is not noise. Returns the
 /// deviation, noise included.

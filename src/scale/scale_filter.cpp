@@ -6,18 +6,13 @@
 #include <vector>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/median.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 /// Limits of the factor on the variance.
 constexpr double kMinAgreement = 0.05, kMaxAgreement = 20;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 

@@ -5,6 +5,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/median.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 
 namespace ground_scale_vo {
@@ -90,12 +91,6 @@ void judge(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& x
     c->inverse_depth_1[i] = point->value;
     ++c->inliers;
   }
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Median angle between the rays that the best rotation leaves (Kabsch, repeated on the better

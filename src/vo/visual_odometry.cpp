@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/median.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -18,12 +19,6 @@ constexpr std::size_t kMinStartMatches = 100;
 constexpr std::size_t kMaxStartFrames = 3000;
 constexpr double kSurelyTheSame =
     0.95;  // correlation of patches; below it other surfaces are tried
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 cv::Point2f toCv(const Eigen::Vector2d& u) {
   return {static_cast<float>(u.x()), static_cast<float>(u.y())};

@@ -30,7 +30,9 @@ class Pairs : public testing::Test {
   std::string out(bool may_wait = true) {
     std::string text;
     while (const auto pair = pairing_.next(now_, may_wait)) {
-      if (pair->image) EXPECT_EQ(*pair->image, pair->frame);
+      if (pair->image) {
+        EXPECT_EQ(*pair->image, pair->frame);
+      }
       text += std::to_string(pair->frame) + (pair->image ? " " : "- ");
     }
     return text;

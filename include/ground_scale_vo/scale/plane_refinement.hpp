@@ -42,7 +42,7 @@ class PlaneRefinement {
     double direction_sigma_rad = 1e-3;
     int max_iterations = 12;
     double max_step = 1.4;         ///< factor between height found and predicted
-    double min_correlation = 0.5;  ///< of the tiles on the plane found
+    double min_correlation = 0.8;  ///< of the tiles on the plane found
     double max_sigma = 0.05;       ///< relative, of the height
     int min_tiles = 24;
 

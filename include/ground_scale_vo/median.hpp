@@ -15,4 +15,7 @@ inline double median(std::vector<double>* values) {
 
 inline double median(std::vector<double> values) { return median(&values); }
 
+/// Of a normal distribution: sigma over the median distance from the median (MAD).
+constexpr double kSigmaOfMad = 1.4826;
+
 }  // namespace ground_scale_vo

@@ -8,6 +8,7 @@
 
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/median.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -39,11 +40,9 @@ double share(std::size_t part, std::size_t whole) {
                     : static_cast<double>(part) / static_cast<double>(whole);
 }
 
-double median(const std::vector<double>& values) { return quantile(values, 0.5); }
-
 double medianDistance(std::vector<double> values, double from) {
   for (double& value : values) value = std::abs(value - from);
-  return median(values);
+  return quantile(values, 0.5);
 }
 
 }  // namespace
@@ -80,11 +79,12 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
   }
   ScaleMetrics metrics;
   metrics.within_2_sigma = share(within, errors.size());
-  metrics.error_median_percent = median(errors);
+  metrics.error_median_percent = quantile(errors, 0.5);
   metrics.error_abs_median_percent = medianDistance(errors, 0);
-  metrics.error_spread_percent = 1.4826 * medianDistance(raw_errors, median(raw_errors));
+  metrics.error_spread_percent =
+      kSigmaOfMad * medianDistance(raw_errors, quantile(raw_errors, 0.5));
   metrics.held_share = share(held, from_first);
-  metrics.height_bias_percent = median(height_errors);
+  metrics.height_bias_percent = quantile(height_errors, 0.5);
   return metrics;
 }
 

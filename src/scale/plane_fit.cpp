@@ -20,9 +20,6 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Converts a median absolute deviation to the standard deviation of a normal distribution.
-constexpr double kSigmaOfMad = 1.4826;
-
 /// The residuals' spread is taken as no less than this share of what their sigmas say, so that
 /// exact points keep a finite weight.
 constexpr double kMinSpread = 0.05;

@@ -37,11 +37,10 @@ constexpr float kMatchFloor = 0.01f;          ///< least variance of a normalise
 /// A tile whose texture runs along the epipolar line but for this share says nothing of q.
 constexpr float kAperture = 0.2f;
 constexpr float kMinTexture = 1e-3f;
-constexpr float kCauchyPixel = 2;       ///< [deviations]
-constexpr double kCauchyTile = 2;       ///< [deviations]
-constexpr double kSigmaOfMad = 1.4826;  ///< for a normal distribution
-constexpr double kForeignSigma = 3;     ///< of a feature's depth
-constexpr float kStaticFlow = 0.004f;   ///< a tile of road would have moved [focal lengths]
+constexpr float kCauchyPixel = 2;      ///< [deviations]
+constexpr double kCauchyTile = 2;      ///< [deviations]
+constexpr double kForeignSigma = 3;    ///< of a feature's depth
+constexpr float kStaticFlow = 0.004f;  ///< a tile of road would have moved [focal lengths]
 constexpr float kStaticCorrelation = 0.8f;
 constexpr float kStaticLead = 0.1f;  ///< over the correlation of a tile of road
 constexpr float kStaticTexture = 0.5f;
@@ -106,6 +105,15 @@ float normalise(float noise, Samples* values, float* texture) {
   for (float& value : *values) value /= deviation;
   *texture = variance / (variance + noise * noise);
   return deviation;
+}
+
+/// Frees values of mean and contrast too. Returns how well they correlate with the tile, noise
+/// left out.
+float correlation(const Tile& tile, float noise, Samples* values) {
+  float texture = 0, product = 0;
+  normalise(noise, values, &texture);
+  for (std::size_t i = 0; i < kSamples; ++i) product += tile.value[i] * (*values)[i];
+  return product / (kSamples * std::sqrt(std::max(tile.texture * texture, kMinTexture)));
 }
 
 }  // namespace
@@ -387,16 +395,13 @@ void PlaneRefinement::Impl::measure(const Reference& reference, const Tile& tile
   Samples values;
   match->inside = sample(reference, tile, m, &values);
   if (!match->inside) return;
-  float texture = 0, product = 0, squares = 0;
-  normalise(static_cast<float>(options.noise), &values, &texture);
+  match->correlation = correlation(tile, static_cast<float>(options.noise), &values);
+  float squares = 0;
   Samples residual;
   for (std::size_t i = 0; i < kSamples; ++i) {
-    product += tile.value[i] * values[i];
     residual[i] = tile.value[i] - values[i];
     squares += residual[i] * residual[i];
   }
-  match->correlation =
-      product / (kSamples * std::sqrt(std::max(tile.texture * texture, kMinTexture)));
   // Cauchy weights, then one step along q.
   const float scale = kSamples / (kCauchyPixel * kCauchyPixel * std::max(squares, kMatchFloor));
   float weight_sum = 0, weighted_squares = 0, information = 0, gradient = 0;
@@ -431,11 +436,7 @@ double PlaneRefinement::Impl::correlate(const Reference& reference,
     if (tile.masked) continue;
     all += tile.texture;
     if (!sample(reference, tile, m, &values)) continue;
-    float texture = 0, product = 0;
-    normalise(static_cast<float>(options.noise), &values, &texture);
-    for (std::size_t k = 0; k < kSamples; ++k) product += tile.value[k] * values[k];
-    sum += tile.texture * product /
-           (kSamples * std::sqrt(std::max(tile.texture * texture, kMinTexture)));
+    sum += tile.texture * correlation(tile, static_cast<float>(options.noise), &values);
     weights += tile.texture;
     ++inside;
   }
@@ -579,6 +580,7 @@ void PlaneRefinement::Impl::learnStatic(const NormalPrior& prior, double height,
   const auto rate = static_cast<float>(std::min(1.0, step / (options.static_memory_h * height)));
   const Eigen::Vector3f m = (prior.n_c / height).cast<float>();
   const cv::Rect& roi = reference.picture->roi;
+  const auto noise = static_cast<float>(options.noise);
   Samples values;
   for (const Tile& tile : tiles) {
     const cv::Rect square(tile.corner, cv::Size(tile_px, tile_px));
@@ -586,19 +588,14 @@ void PlaneRefinement::Impl::learnStatic(const NormalPrior& prior, double height,
     const Eigen::Vector3f ray(tile.ray_x[0], tile.ray_y[0], 1.f);
     const Eigen::Vector3f y = reference.R * ray - reference.t * m.dot(ray);
     if (!((y / y.z() - ray).norm() > kStaticFlow)) continue;
-    const auto correlation = [&] {
-      float texture = 0, product = 0;
-      normalise(static_cast<float>(options.noise), &values, &texture);
-      for (std::size_t i = 0; i < kSamples; ++i) product += tile.value[i] * values[i];
-      return product / (kSamples * std::sqrt(std::max(tile.texture * texture, kMinTexture)));
-    };
     for (std::size_t i = 0; i < kSamples; ++i) {
       const auto u = static_cast<int>(std::lround(tile.ray_x[i] * camera.fx + camera.cx));
       const auto v = static_cast<int>(std::lround(tile.ray_y[i] * camera.fy + camera.cy));
       values[i] = reference.picture->row(v)[u];
     }
-    const float still = correlation();
-    const float moving = aligned && sample(reference, tile, m, &values) ? correlation() : 0.f;
+    const float still = correlation(tile, noise, &values);
+    const float moving =
+        aligned && sample(reference, tile, m, &values) ? correlation(tile, noise, &values) : 0.f;
     const bool stands =
         tile.texture > kStaticTexture && still > kStaticCorrelation && still > moving + kStaticLead;
     stationary[tile.cell] += rate * ((stands ? 1.f : 0.f) - stationary[tile.cell]);

@@ -216,9 +216,21 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   }
   result.median_height = weightedMedian(std::move(heights));
   const Eigen::Matrix3d covariance = H.inverse();
-  result.height_sigma =
+  const double sigma_of_fit =
       result.plane.height * result.plane.height *
       std::sqrt(std::max(0.0, result.plane.n_c.dot(covariance * result.plane.n_c)));
+  // Where the points lie beside the camera on average, each by its weight in the height.
+  double weights = 0, beside = 0;
+  for (const std::uint32_t i : kept) {
+    const double weight = std::pow(sigma[i] * points[i].depth, -2);
+    weights += weight;
+    beside += weight * lateral.dot(points[i].p_c);
+  }
+  result.height_sigma = std::hypot(sigma_of_fit, options_.camber_sigma_rad * beside / weights);
+  if (result.height_sigma > options_.max_sigma * result.plane.height) {
+    result.status = ScaleReason::kNoPlane;
+    return result;
+  }
   result.inliers = std::move(kept);
   result.status = ScaleReason::kNone;
   return result;

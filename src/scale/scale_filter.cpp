@@ -64,9 +64,16 @@ bool ScaleFilter::update(double height, double sigma, Source source) {
   if (share > 0) {
     const double gain = variance_ / (variance_ + measurement.variance / share);
     log_height_ += gain * innovation;
-    variance_ *= 1 - gain;
+    variance_ = std::max((1 - gain) * variance_, sharedVariance());
   }
   return true;
+}
+
+/// What all measurements of a young map have in common cannot be seen in them.
+double ScaleFilter::sharedVariance() const {
+  const double shared =
+      options_.start_sigma * std::exp(-way_ / (options_.start_memory_h * height()));
+  return shared * shared;
 }
 
 /// squared: an innovation's square over its expected one.
@@ -100,8 +107,11 @@ bool ScaleFilter::start(const Measurement& measurement) {
     if (std::abs(value - middle) > options_.start_spread) return false;
   }
   log_height_ = middle;
-  variance_ = variance + options_.start_sigma * options_.start_sigma;
+  // A restart says that something was wrong, whatever the map's age.
+  const bool restarts = known_;
   known_ = true;
+  variance_ =
+      variance + (restarts ? options_.start_sigma * options_.start_sigma : sharedVariance());
   last_update_at_.fill(way_);
   last_seen_at_.fill(way_);
   agreement_ = 1;

@@ -83,6 +83,36 @@ TEST(PlaneFit, SigmaIsThatOfRepeatedFits) {
   EXPECT_LT(ratio, 1.4);
 }
 
+/// Points of kPlane whose rays have x in [from, to].
+std::vector<PlanePoint> pointsBetween(double from, double to) {
+  std::vector<PlanePoint> points;
+  for (PlanePoint& point : pointsOn(kPlane, 400, 0.02, 3, 7)) {
+    const double x = (point.p_c - point.origin_c).x() / point.depth;
+    if (x >= from && x <= to) points.push_back(point);
+  }
+  return points;
+}
+
+TEST(PlaneFit, GroundOnOneSideAloneTellsLittle) {
+  NormalPrior prior;
+  prior.n_c = kPlane.n_c;
+  prior.pitch_sigma = prior.roll_sigma = 0.01;
+  const auto both = PlaneFit({}).fit(pointsBetween(-0.3, 0.3), prior, 0.8);
+  const auto right = PlaneFit({}).fit(pointsBetween(0.1, 0.2), prior, 0.8);
+  ASSERT_EQ(both.status, ScaleReason::kNone);
+  ASSERT_EQ(right.status, ScaleReason::kNone);
+  EXPECT_LT(both.height_sigma, 0.01 * 0.8);
+  // About 0.8 m to the right on ground tilted by 0.03 rad: 0.03 of the height.
+  EXPECT_GT(right.height_sigma, 0.02 * 0.8);
+  EXPECT_LT(right.height_sigma, 0.045 * 0.8);
+
+  PlaneFit::Options options;
+  options.max_sigma = 0.02;
+  EXPECT_EQ(PlaneFit(options).fit(pointsBetween(0.1, 0.2), prior, 0.8).status,
+            ScaleReason::kNoPlane);
+  EXPECT_EQ(PlaneFit(options).fit(pointsBetween(-0.3, 0.3), prior, 0.8).status, ScaleReason::kNone);
+}
+
 TEST(PlaneFit, OutliersAreRejected) {
   auto points = pointsOn(kPlane, 150, 0.02, 3, 3);
   Noise random;

@@ -41,11 +41,16 @@ class PlaneFit {
     double sac_tilt_rad = 0.087;    ///< ... normal at most this far from the prior's
     int sac_iterations = 100;
     double roughness_h = 0.01;  ///< of the road: limits the weight of near points
+    /// Roads fall off to the gutter and pavements are higher: ground beside the vehicle is tilted
+    /// against the ground under it. The height's sigma takes that in; the fit itself does not, as
+    /// points on both sides speak against each other.
+    double camber_sigma_rad = 0.03;
     /// Rejection: residuals beyond this many (robustly estimated) standard deviations.
     double reject_sigma = 2.5;
     /// Rejection of kLiteral: the paper's 0.01 m over 1.65 m.
     double reject_h = 0.006;
     int max_iterations = 15;     ///< Z of Alg. 2
+    double max_sigma = 0.05;     ///< relative, of the height; more is kNoPlane
     double max_tilt_rad = 0.06;  ///< result against the prior's normal; more is kPlaneTilted
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
@@ -57,9 +62,12 @@ class PlaneFit {
       visit("sac_iterations", self.sac_iterations, 1, 1e6, "[iterations] of SACSegmentation");
       visit("roughness_h", self.roughness_h, 1e-6, 1,
             "[camera heights] of the road: limits the weight of near points");
+      visit("camber_sigma_rad", self.camber_sigma_rad, 1e-9, 1,
+            "[rad] tilt of the ground beside the vehicle against that under it");
       visit("reject_sigma", self.reject_sigma, 0.1, 100, "[sigma] points beyond are rejected");
       visit("reject_h", self.reject_h, 1e-6, 1, "[camera heights] the same with paper_literal");
       visit("max_iterations", self.max_iterations, 1, 1e6, "[iterations] Z of Alg. 2");
+      visit("max_sigma", self.max_sigma, 1e-4, 10, "[] relative, of the height found");
       visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,
             "[rad] of the result against the expected normal");
     }
@@ -72,7 +80,7 @@ class PlaneFit {
     ScaleReason status = ScaleReason::kNoPlane;
     GroundPlane plane;                   ///< least squares
     double median_height = 0;            ///< weighted median of Eq. 9 over the reserved points
-    double height_sigma = 0;             ///< of either, propagated from the residuals, VO units
+    double height_sigma = 0;             ///< of either, from residuals and camber, VO units
     std::vector<std::uint32_t> inliers;  ///< reserved points p*, ascending indices
   };
 

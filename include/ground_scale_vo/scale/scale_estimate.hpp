@@ -18,7 +18,7 @@ enum class ScaleReason : std::uint8_t {
   kStandstill = 2,  ///< no motion since the last measurement
   kTooFewTriangles = 3,
   kTooFewGroundPoints = 4,
-  kNoPlane = 5,          ///< no plane explains the ground points
+  kNoPlane = 5,          ///< no plane explains the ground points, or not well enough
   kPlaneTilted = 6,      ///< a plane, but too far from the mounting's normal
   kRejectedByFilter = 7  ///< contradicts the filter
 };

@@ -33,13 +33,15 @@ class ScaleFilter {
     double drift_per_sqrt_rad = 0.05;
     double measurement_floor = 0.015;  ///< least relative sigma of one measurement
     double gate_sigma = 3;             ///< measurements farther off are rejected
-    double agreement_memory_h = 40;    ///< way over which the scale of sigma forgets
+    double agreement_memory_h = 20;    ///< way over which the scale of sigma forgets
     int start_measurements = 4;        ///< the latest few that must agree to start or restart it
     double start_spread = 0.15;        ///< agree: at most this far from their median, relative
     double start_way_h = 3;            ///< and not before this way [camera heights]
-    /// Relative error that those first ones share: they see one piece of road, from a young map.
+    /// Relative error that all measurements of a young map share: they see one piece of road, and
+    /// points whose depths one short way has told. It fades as the map grows.
     double start_sigma = 0.1;
-    double restart_h = 12;  ///< contradiction over this way restarts it [camera heights]
+    double start_memory_h = 6;  ///< ... over this way from the map's first frame [camera heights]
+    double restart_h = 12;      ///< contradiction over this way restarts it [camera heights]
     /// The paper's literal choice: moving average of the scale h*/h over so many frames. 0: off.
     int moving_average_frames = 0;
     template <typename Self, typename Visit>
@@ -61,7 +63,10 @@ class ScaleFilter {
       visit("start_way_h", self.start_way_h, 0, 1e6, "[camera heights] no start before this way");
       visit("start_spread", self.start_spread, 1e-4, 10,
             "[] they agree: at most this far from their median, relative");
-      visit("start_sigma", self.start_sigma, 0, 10, "[] relative error that the first ones share");
+      visit("start_sigma", self.start_sigma, 0, 10,
+            "[] relative error that the measurements of a young map share");
+      visit("start_memory_h", self.start_memory_h, 0.01, 1e6,
+            "[camera heights] way over which that error fades");
       visit("restart_h", self.restart_h, 0, 1e6,
             "[camera heights] contradiction over this way restarts it");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
@@ -92,6 +97,7 @@ class ScaleFilter {
     double variance;
   };
   bool start(const Measurement& measurement);
+  double sharedVariance() const;
   void learnAgreement(Source source, double squared);
 
   Options options_;

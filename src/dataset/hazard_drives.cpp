@@ -166,8 +166,7 @@ HazardDrive hazardDrive(const std::string& name) {
   throw OptionError("'" + name + "' is no hazard, these are: " + names);
 }
 
-RunRecord runDrive(const SyntheticDrive& drive) {
-  OfflineRun::Options options;
+RunRecord runDrive(const SyntheticDrive& drive, OfflineRun::Options options) {
   options.scale.camera_height = drive.cameraHeight();
   OfflineRun run(drive.camera(), options);
   for (std::size_t i = 0; i < drive.size(); ++i) {

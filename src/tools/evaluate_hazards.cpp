@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <future>
 #include <mutex>
@@ -13,8 +12,10 @@
 #include <vector>
 
 #include "ground_scale_vo/dataset/hazard_drives.hpp"
+#include "ground_scale_vo/dataset/set_option.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/parse_number.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -22,7 +23,7 @@ namespace gsv = ground_scale_vo;
 namespace {
 
 constexpr const char* kUsage =
-    R"(usage: evaluate_hazards [NAME...] --out DIR [--threads N]
+    R"(usage: evaluate_hazards [NAME...] --out DIR [options]
 
 Renders drives that are hard for a camera, each with exact truth, runs the odometry over them and
 tables how well it measured.
@@ -30,6 +31,9 @@ tables how well it measured.
   NAME          of a drive (render_drive --list); default: all
   --out DIR     DIR/hazards.md and DIR/hazards.json are written
   --threads N   drives at once (default 1)
+  --set GROUP/NAME=VALUE
+                an option other than its default, by the name of its parameter
+                (docs/parameters.md); as often as needed
 
 Figures are of the way from the first metric pose on. RLE: error of its length; t_err short: the
 devkit's error over 10, 20 ... 80 m; scale: median error of the scale against that of 2 m of true
@@ -44,20 +48,23 @@ struct Arguments {
   std::vector<gsv::HazardDrive> hazards;
   std::string out;
   int threads = 1;
+  gsv::OfflineRun::Options options;
 };
 
 Arguments parseArguments(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
-    if (argument == "--out" || argument == "--threads") {
+    const auto value = [&] {
       if (++i == argc) throw gsv::OptionError(argument + " needs a value");
-      if (argument == "--out") {
-        arguments.out = argv[i];
-      } else {
-        arguments.threads = std::atoi(argv[i]);
-        gsv::requireInRange("--threads", arguments.threads, 1, 256);
-      }
+      return std::string(argv[i]);
+    };
+    if (argument == "--out") {
+      arguments.out = value();
+    } else if (argument == "--threads") {
+      arguments.threads = gsv::parseWholeNumber(argument, value(), 1, 256);
+    } else if (argument == "--set") {
+      gsv::setOption(arguments.options, value());
     } else if (argument.size() > 1 && argument.front() == '-') {
       throw gsv::OptionError(argument + " is not an option, see --help");
     } else {
@@ -161,7 +168,8 @@ void run(const Arguments& arguments) {
       const gsv::HazardDrive& hazard = arguments.hazards[i];
       const auto start = Clock::now();
       const gsv::SyntheticDrive drive(hazard.options);
-      rows[i] = {hazard.name, gsv::driveFigures(hazard, drive, gsv::runDrive(drive))};
+      rows[i] = {hazard.name,
+                 gsv::driveFigures(hazard, drive, gsv::runDrive(drive, arguments.options))};
       const std::lock_guard<std::mutex> lock(printing);
       print(rows[i], std::chrono::duration<double>(Clock::now() - start).count());
     }

@@ -52,7 +52,8 @@ struct DriveFigures {
 DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive,
                           const RunRecord& record);
 
-/// Renders the drive and runs both stages over it, frame by frame.
-RunRecord runDrive(const SyntheticDrive& drive);
+/// Renders the drive and runs both stages over it, frame by frame; options: without the camera's
+/// height, which is the drive's. Throws OptionError.
+RunRecord runDrive(const SyntheticDrive& drive, OfflineRun::Options options = {});
 
 }  // namespace ground_scale_vo

@@ -51,7 +51,7 @@ std::vector<HazardDrive> hazardDrives() {
             {"points: the lane shows no road to the pixels", {}, {kPixelsAlone}}),
       drive("van_close_ahead", "a van 6 m ahead that fills the lane", 60,
             [](Options& o) { o.lead_van = true, o.lead_gap = 5.5, o.lead_time = 0.05; },
-            {"likewise", {}, {kPixelsAlone}}),
+            {"points: the van hides the lane from the pixels", {}, {kPixelsAlone}}),
       drive("cars_beside", "two cars keep pace in the next lane, one drives ahead", 60,
             [](Options& o) { o.cars_beside = 2, o.lead_time = 0.6; },
             {"a strip no wider than the lane", {kPixelsAlone}, {"refinement/half_width_h=4"}}),
@@ -168,7 +168,7 @@ std::vector<HazardDrive> hazardDrives() {
             o.speed = 6;
             o.moving_cars = false;
           },
-          {"likewise", {}, {"min_step_h=0", "odometry/standstill_flow=0"}},
+          {"standstill is noticed", {}, {"min_step_h=0", "odometry/standstill_flow=0"}},
           HazardDrive::Frames{47, 49}),
       drive("night", "headlamps light the road near the car, hardly anything else is seen", 60,
             [](Options& o) { o.daylight = 0.01, o.noise_sigma = 2, setNight(o); }),

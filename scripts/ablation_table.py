@@ -10,9 +10,10 @@ import sys
 TABLES = [
     ("t_err % / RLE % / share of frames held",
      [("t_err_percent", "{:.2f}"), ("rle_percent", "{:.2f}"), ("scale_held_share", "{:.2f}")]),
-    ("t_err % with true lengths / error of the scale in use, median % / scatter of one frame %",
+    ("floor: t_err % with true lengths / error of the scale in use, median % / scatter of one "
+     "frame % / share within 2 sigma",
      [("t_err_true_length_percent", "{:.2f}"), ("scale_error_median_percent", "{:+.2f}"),
-      ("scale_error_spread_percent", "{:.1f}")]),
+      ("scale_error_spread_percent", "{:.1f}"), ("scale_within_2_sigma", "{:.2f}")]),
 ]
 TIME = "ms_scale_median"
 BIAS = "height_bias_percent"

@@ -16,7 +16,24 @@ namespace ground_scale_vo {
 //   }
 //
 // validate(), the parameters of the nodelets and their documentation all come from that list. A
-// parameter's full name is group/name; the group is the stage.
+// parameter's full name is group/name; the group is the stage. Options that hold those of stages
+// list them, with their groups:
+//
+//   template <typename Self, typename Visit>
+//   static void describeStages(Self& self, Visit&& visit) {
+//     visit("group/", self.stage);
+//   }
+
+/// Every option of all stages under its full name: visit(name, field, min, max, meaning) or
+/// visit(name, flag, meaning).
+template <typename Options, typename Visit>
+void describeAll(Options& options, Visit&& visit) {
+  Options::describeStages(options, [&visit](const std::string& group, auto& stage) {
+    stage.describe(stage, [&](const char* name, auto& field, auto... rest) {
+      visit(group + name, field, rest...);
+    });
+  });
+}
 
 /// A visitor that throws OptionError at the first number outside its range.
 class RangeCheck {

@@ -8,6 +8,7 @@
 
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
 #include "ground_scale_vo/dataset/scale_metrics.hpp"
+#include "ground_scale_vo/dataset/set_option.hpp"
 #include "ground_scale_vo/error.hpp"
 
 namespace ground_scale_vo {
@@ -19,9 +20,9 @@ constexpr double kDegree = 0.017453292519943295;
 
 /// A drive without a stop, changed by one hazard.
 HazardDrive drive(const char* name, const char* what, int frames,
-                  const std::function<void(Options&)>& change,
+                  const std::function<void(Options&)>& change, const HazardRemedy& remedy = {},
                   std::optional<HazardDrive::Frames> road_hidden = {}) {
-  HazardDrive result{name, what, {}, road_hidden};
+  HazardDrive result{name, what, {}, road_hidden, remedy};
   result.options.frames = frames;
   result.options.stop_s = 0;
   change(result.options);
@@ -46,25 +47,33 @@ void setNight(Options& o) {
 std::vector<HazardDrive> hazardDrives() {
   return {
       drive("car_close_ahead", "a car 5 to 6 m before the camera", 60,
-            [](Options& o) { o.lead_gap = 5.2, o.lead_time = 0.05; }),
+            [](Options& o) { o.lead_gap = 5.2, o.lead_time = 0.05; },
+            {"points: the lane shows no road to the pixels", {}, {kPixelsAlone}}),
       drive("van_close_ahead", "a van 6 m ahead that fills the lane", 60,
-            [](Options& o) { o.lead_van = true, o.lead_gap = 5.5, o.lead_time = 0.05; }),
+            [](Options& o) { o.lead_van = true, o.lead_gap = 5.5, o.lead_time = 0.05; },
+            {"points: the van hides the lane from the pixels", {}, {kPixelsAlone}}),
       drive("cars_beside", "two cars keep pace in the next lane, one drives ahead", 60,
-            [](Options& o) { o.cars_beside = 2, o.lead_time = 0.6; }),
+            [](Options& o) { o.cars_beside = 2, o.lead_time = 0.6; },
+            {"a strip no wider than the lane", {kPixelsAlone}, {"refinement/half_width_h=4"}}),
       drive("crawl_start", "the drive begins at walking pace, close behind and beside others", 110,
             [](Options& o) {
               o.speeds = {{0, 1.4}, {4, 1.4}, {7.5, 8}};
               o.cars_beside = 3;
               o.lead_gap = 5;
               o.lead_time = 0.4;
-            }),
+            },
+            {"points, which measure from the first metres on", {}, {kPixelsAlone}}),
       drive("own_shadow", "low sun from behind: the own shadow lies on the road ahead", 60,
             [](Options& o) {
               o.own_shadow = true;
+              o.road_texture = 0.6;
               o.sun = {-0.96, 0.12, 0.15};
               o.curvature = 0.01;
               o.moving_cars = false;
-            }),
+            },
+            {"what stands still in the image is learnt and masked",
+             {kPixelsAlone},
+             {"refinement/static_memory_h=1000000"}}),
       drive("tree_shadows", "shadows of trees, houses and parked cars across the lane", 60,
             [](Options& o) {
               o.sun = {0.2, -0.78, 0.6};
@@ -80,6 +89,9 @@ std::vector<HazardDrive> hazardDrives() {
             o.shadows = o.moving_cars = false;
             o.curvature = o.slope = 0;  // a bend would show how far off the lines are
           },
+          {"a patch whose gradients have one direction is no corner",
+           {},
+           {"tracker/min_corner_ratio=0"}},
           HazardDrive::Frames{33, 60}),
       drive("arrows_and_lines", "bare asphalt with lines along the road and an arrow every 12 m",
             60,
@@ -88,13 +100,20 @@ std::vector<HazardDrive> hazardDrives() {
               o.arrow_spacing = 12;
               o.road_texture = 0;
               o.shadows = o.moving_cars = false;
-            }),
-      drive("speed_bumps", "bumps of 8 cm at 15 km/h", 100,
-            [](Options& o) { o.bump_height = 0.08, o.speed = 4.2, o.slope = 0; }),
+            },
+            {"points beside the pixels, and tiles must correlate",
+             {},
+             {kPixelsAlone, "refinement/min_correlation=0"}}),
+      drive("speed_bumps", "bumps of 12 cm at 15 km/h", 100,
+            [](Options& o) { o.bump_height = 0.12, o.speed = 4.2, o.slope = 0; },
+            {"the road may bend up and down", {kPixelsAlone}, {"refinement/bend_sigma=1e-9"}}),
       drive("cobbles", "cobbles that shake the car", 60,
             [](Options& o) { o.cobbles = true, o.suspension = 2, o.lane_markings = false; }),
       drive("kerb_side", "the camera 1 m beside the kerb", 60,
-            [](Options& o) { o.lane_offset = -3.3, o.parked_cars = o.moving_cars = false; }),
+            [](Options& o) { o.lane_offset = -3.3, o.parked_cars = o.moving_cars = false; },
+            {"only the lane is looked at, by points and by pixels",
+             {},
+             {"gpe/lane_h=4", "refinement/half_width_h=3"}}),
       drive("tight_bends", "bends of 12.5 m radius", 90,
             [](Options& o) {
               o.curvature = 0.08;
@@ -108,50 +127,76 @@ std::vector<HazardDrive> hazardDrives() {
               o.ramp_slope = 0.08;
               o.ramp_from_m = 22;
               o.ramp_to_m = 46;
-            }),
+            },
+            {"the points of the last metres only", {}, {"gpa/window_h=30"}}),
       drive("hill", "up a hill of 10 % and over its top (200 m radius)", 85,
-            [](Options& o) { o.slope = 0.1, o.curvature = 0.01; }),
+            [](Options& o) { o.slope = 0.1, o.curvature = 0.01; },
+            {"the road may bend up and down", {kPixelsAlone}, {"refinement/bend_sigma=1e-9"}}),
       drive("weak_texture", "asphalt of a seventh of the contrast, without markings, overcast", 60,
             [](Options& o) {
               o.road_texture = 0.15;
               o.lane_markings = o.shadows = false;
-            }),
+            },
+            {"weak corners are corners", {}, {"tracker/min_corner_strength=0.001"}}),
       drive("small_steps", "0.2 m between images", 110,
-            [](Options& o) { o.speed = 4, o.frame_rate_hz = 20; }),
+            [](Options& o) { o.speed = 4, o.frame_rate_hz = 20; },
+            {"pixels are compared over a fixed way, not with the image before",
+             {kPixelsAlone},
+             {"refinement/baseline_h=0.06"}}),
       drive("large_steps", "3.1 m between images", 45,
             [](Options& o) {
               o.speed = 25;
               o.frame_rate_hz = 8;
               o.curvature = 0.003;
               o.lead_time = 1;
-            }),
-      drive("stop", "braking, a second of standstill, and on", 80,
-            [](Options& o) {
-              o.speeds = {{0, 7}, {2, 7}, {4, 0}, {5, 0}, {7, 7}};
-              o.speed = 7;
-            }),
-      drive("reversing", "forward, a stop, and 6 m back", 85,
-            [](Options& o) {
-              o.speeds = {{0, 6}, {3, 6}, {4.5, 0}, {5, 0}, {6.5, -3}};
-              o.speed = 6;
-              o.moving_cars = false;
-            }),
+            },
+            {"a start may rest on fewer than 60 % of the matches",
+             {},
+             {"two_view/min_inlier_share=0.6"}}),
+      drive(
+          "stop", "braking, a second of standstill, and on", 80,
+          [](Options& o) {
+            o.speeds = {{0, 7}, {2, 7}, {4, 0}, {5, 0}, {7, 7}};
+            o.speed = 7;
+          },
+          {"standstill is noticed", {}, {"min_step_h=0", "odometry/standstill_flow=0"}},
+          HazardDrive::Frames{42, 50}),
+      drive(
+          "reversing", "forward, a stop, and 6 m back", 85,
+          [](Options& o) {
+            o.speeds = {{0, 6}, {3, 6}, {4.5, 0}, {5, 0}, {6.5, -3}};
+            o.speed = 6;
+            o.moving_cars = false;
+          },
+          {"standstill is noticed", {}, {"min_step_h=0", "odometry/standstill_flow=0"}},
+          HazardDrive::Frames{47, 49}),
       drive("night", "headlamps light the road near the car, hardly anything else is seen", 60,
             [](Options& o) { o.daylight = 0.01, o.noise_sigma = 2, setNight(o); }),
       drive("night_noisy", "the same, darker, with a sensor at its limits", 30,
-            [](Options& o) { o.daylight = 0.004, o.noise_sigma = 3, setNight(o); }),
-      drive("jpeg", "compressed at quality 40", 60, [](Options& o) { o.jpeg_quality = 40; }),
+            [](Options& o) { o.daylight = 0.004, o.noise_sigma = 3, setNight(o); },
+            {"a start may rest on fewer than 60 % of the matches",
+             {},
+             {"two_view/min_inlier_share=0.6"}}),
+      drive("jpeg", "compressed at quality 15", 60, [](Options& o) { o.jpeg_quality = 15; },
+            {"points: the blocks of the compression leave the pixels no texture",
+             {},
+             {kPixelsAlone}}),
       drive("camera_low", "a small robot's camera, 0.5 m high", 70,
             [](Options& o) { o.camera_height = 0.5, o.speed = 4, o.grain = 0.12; }),
       drive("camera_high", "a lorry's camera, 2.5 m high", 60,
             [](Options& o) { o.camera_height = 2.5; }),
-      drive("pitched", "mounted 6 degrees down", 60, [](Options& o) { o.pitch_rad = 6 * kDegree; }),
+      drive("pitched", "mounted 6 degrees down", 60, [](Options& o) { o.pitch_rad = 6 * kDegree; },
+            {"the mounting's pitch is not taken for known",
+             {kPixelsAlone},
+             {"mounting/start_pitch_sigma=1e-4"}}),
       drive("rolled", "mounted 3 degrees askew", 60, [](Options& o) { o.roll_rad = 3 * kDegree; }),
-      drive("hood", "the own hood covers the lower edge", 60, [](Options& o) { o.hood = 0.2; }),
+      drive("hood", "the own hood covers the lower edge", 60, [](Options& o) { o.hood = 0.2; },
+            {"points: the lane shows hardly any road to the pixels", {}, {kPixelsAlone}}),
       drive("wide_angle", "640x480 with 90 degrees of view", 50,
             [](Options& o) { setCamera(o, 640, 480, 320), o.grain = 0.12; }),
       drive("tele", "38 degrees of view: the nearest road is 16 m off", 60,
-            [](Options& o) { setCamera(o, 800, 248, 1160); }),
+            [](Options& o) { setCamera(o, 800, 248, 1160); },
+            {"points as far off as the road is seen", {}, {"gpe/max_ahead_h=10"}}),
       drive("large_image", "960x540, half of a 1920x1080 camera of 69 degrees", 45,
             [](Options& o) { setCamera(o, 960, 540, 700), o.grain = 0.12; }),
   };
@@ -166,14 +211,28 @@ HazardDrive hazardDrive(const std::string& name) {
   throw OptionError("'" + name + "' is no hazard, these are: " + names);
 }
 
-RunRecord runDrive(const SyntheticDrive& drive) {
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive) {
+  std::vector<cv::Mat> images;
+  for (std::size_t i = 0; i < drive.size(); ++i) images.push_back(drive.image(i));
+  return images;
+}
+
+RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
+                   const std::vector<std::string>& assignments) {
   OfflineRun::Options options;
   options.scale.camera_height = drive.cameraHeight();
+  for (const std::string& assignment : assignments) setOption(options, assignment);
   OfflineRun run(drive.camera(), options);
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    run.process(drive.image(i), drive.frame(i).stamp_ns);
-  }
+  for (std::size_t i = 0; i < images.size(); ++i) run.process(images[i], drive.frame(i).stamp_ns);
   return run.record();
+}
+
+std::string brokenBar(const DriveFigures& figures, const DriveBars& bars) {
+  if (figures.tracked_frames != figures.frames || figures.lost_events > 0) return "lost";
+  if (2 * figures.metric_frames <= figures.frames) return "start";
+  if (!(figures.rle_percent <= bars.rle_percent)) return "RLE";
+  if (!(figures.within_2_sigma >= bars.within_2_sigma)) return "2 sigma";
+  return figures.ok_while_hidden <= bars.ok_while_hidden ? "" : "ok hidden";
 }
 
 DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive,

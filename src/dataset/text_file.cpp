@@ -3,28 +3,14 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <locale>
-#include <optional>
 #include <sstream>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/parse_number.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
-
-/// The whole word as one finite number, or nothing.
-template <typename Number>
-std::optional<Number> parse(const std::string& word) {
-  std::istringstream stream(word);
-  stream.imbue(std::locale::classic());
-  Number value{};
-  if (!(stream >> value) || stream.peek() != std::istringstream::traits_type::eof() ||
-      !std::isfinite(value)) {
-    return std::nullopt;
-  }
-  return value;
-}
 
 /// A word fit for an error message: short, and printable whatever the file holds.
 std::string quote(const std::string& word) {
@@ -100,7 +86,7 @@ std::vector<double> TextFile::numbers(std::size_t i, std::size_t count, std::siz
   const std::vector<std::string> found = words(i);
   std::vector<double> values;
   for (std::size_t k = first; k < found.size(); ++k) {
-    const auto value = parse<double>(found[k]);
+    const auto value = parseNumber<double>(found[k]);
     if (!value) fail(i, quote(found[k]) + " is not a finite number");
     values.push_back(*value);
   }
@@ -122,7 +108,7 @@ std::size_t TextFile::lineOf(const std::string& key) const {
 std::int64_t TextFile::nanoseconds(std::size_t i, const std::string& word) const {
   // long double, whose 64 bits of mantissa hold an epoch stamp to the nanosecond.
   constexpr long double kLargest = 9.2e9L;
-  const auto seconds = parse<long double>(word);
+  const auto seconds = parseNumber<long double>(word);
   if (!seconds || std::abs(*seconds) > kLargest) fail(i, quote(word) + " is not a time in seconds");
   return std::llround(*seconds * 1e9L);
 }

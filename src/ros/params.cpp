@@ -1,39 +1,16 @@
 #include "ground_scale_vo/ros/params.hpp"
 
+#include "ground_scale_vo/options.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
-/// Reads what a stage's Options describe, under group ("tracker/", or empty).
+/// Reads what all stages describe.
 template <typename Options>
-void declareStage(ParamReader& reader, const std::string& group, Options& options) {
-  Options::describe(options, [&](const char* name, auto& field, auto... rest) {
-    reader.declare((group + name).c_str(), field, rest...);
+void declareStages(ParamReader& reader, Options& options) {
+  describeAll(options, [&](const std::string& name, auto& field, auto... rest) {
+    reader.declare(name.c_str(), field, rest...);
   });
-}
-
-void declareOptions(ParamReader& reader, VisualOdometry::Options& options) {
-  declareStage(reader, "tracker/", options.tracker);
-  declareStage(reader, "two_view/", options.two_view);
-  declareStage(reader, "alignment/", options.alignment);
-  declareStage(reader, "pose/", options.pose);
-  declareStage(reader, "map/", options.map);
-  declareStage(reader, "bundle_adjustment/", options.bundle_adjustment);
-  declareStage(reader, "odometry/", options);
-}
-
-void declareOptions(ParamReader& reader, ScaleRecovery::Options& options) {
-  reader.require("camera_height", options.camera_height, 0.05, 100.0,
-                 "[m] height of the camera above the road");
-  reader.declare("random_seed", options.random_seed, 0, 2147483647, "[] seed of all random draws");
-  declareStage(reader, "", options);
-  declareStage(reader, "motion/", options.motion);
-  declareStage(reader, "mounting/", options.mounting);
-  declareStage(reader, "gpe/", options.gpe);
-  declareStage(reader, "gpa/", options.gpa);
-  declareStage(reader, "fit/", options.gpa.fit);
-  declareStage(reader, "refinement/", options.refinement);
-  declareStage(reader, "filter/", options.filter);
-  declareStage(reader, "trajectory/", options.trajectory);
 }
 
 /// What both nodelets have, and what libraries read beside us.
@@ -55,14 +32,16 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
                  "[images] that may wait; when it is full the oldest is dropped");
   reader.declare("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
   declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
-  declareOptions(reader, params.vo);
+  declareStages(reader, params.vo);
   params.vo.validate();
   return params;
 }
 
 ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   ScaleRecoveryParams params;
-  declareOptions(reader, params.scale);
+  reader.require("camera_height", params.scale.camera_height, 0.05, 100.0,
+                 "[m] height of the camera above the road");
+  declareStages(reader, params.scale);
   reader.declare("odom_frame", params.odom_frame, "[] the metric odometry's fixed frame");
   reader.declare("base_frame", params.base_frame,
                  "[] the frame whose pose is published; empty: the image's frame");

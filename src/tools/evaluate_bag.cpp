@@ -9,7 +9,6 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <limits>
@@ -21,6 +20,7 @@
 #include "ground_scale_vo/dataset/offline_run.hpp"
 #include "ground_scale_vo/dataset/run_report.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/parse_number.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/ground_truth.hpp"
 #include "tool_main.hpp"
@@ -74,9 +74,7 @@ Arguments parseArguments(int argc, char** argv) {
   for (const auto& [name, value] : texts) {
     if (value->empty()) throw gsv::OptionError(name + " is missing, see --help");
   }
-  char* end = nullptr;
-  arguments.camera_height = std::strtod(height.c_str(), &end);
-  if (*end != '\0') throw gsv::OptionError("--camera-height is '" + height + "', not a number");
+  arguments.camera_height = gsv::parseNumber("--camera-height", height);
   gsv::requireInRange("--camera-height", arguments.camera_height, 0.05, 100.0);
   return arguments;
 }

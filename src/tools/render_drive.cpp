@@ -22,6 +22,7 @@
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/parse_number.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -47,23 +48,8 @@ struct Settings {
   bool list = false;  ///< the catalogue instead of a drive
 };
 
-double number(const std::string& option, const std::string& text) {
-  std::istringstream stream(text);
-  stream.imbue(std::locale::classic());
-  double value = 0;
-  if (!(stream >> value) || !stream.eof()) {
-    throw gsv::OptionError(option + " is '" + text + "', which is not a number");
-  }
-  return value;
-}
-
 int wholeNumber(const std::string& option, const std::string& text) {
-  const double value = number(option, text);
-  gsv::requireInRange(option.c_str(), value, 0, 1e6);
-  if (value != static_cast<int>(value)) {
-    throw gsv::OptionError(option + " is '" + text + "', which is not a whole number");
-  }
-  return static_cast<int>(value);
+  return gsv::parseWholeNumber(option, text, 0, 1000000);
 }
 
 /// WxH; the focal length and the centre follow in proportion to the width.
@@ -93,7 +79,7 @@ std::vector<Option> optionTable(Settings& settings) {
     std::ostringstream text;
     text << help << " (" << std::setprecision(3) << target << ")";
     return Option{name, value, text.str(), [&target](const auto& option, const auto& given) {
-                    target = number(option, given);
+                    target = gsv::parseNumber(option, given);
                   }};
   };
   const auto whole = [](const char* name, const char* help, int& target) {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <opencv2/core.hpp>
@@ -16,8 +15,10 @@
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
 #include "ground_scale_vo/dataset/offline_run.hpp"
 #include "ground_scale_vo/dataset/run_report.hpp"
+#include "ground_scale_vo/dataset/set_option.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/parse_number.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -25,7 +26,7 @@ namespace gsv = ground_scale_vo;
 namespace {
 
 constexpr const char* kUsage =
-    R"(usage: run_sequence SEQ --camera-height M --out DIR [--opencv-threads N]
+    R"(usage: run_sequence SEQ --camera-height M --out DIR [options]
 
 Metric odometry of one KITTI folder without ROS: every frame, causal, deterministic.
 
@@ -36,6 +37,9 @@ Metric odometry of one KITTI folder without ROS: every frame, causal, determinis
   --camera-height M     height of the camera above the road [m]; required
   --out DIR             results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt,
                         trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt
+  --set GROUP/NAME=VALUE
+                        an option other than its default, by the name of its parameter
+                        (docs/parameters.md); as often as needed
   --opencv-threads N    threads inside OpenCV (default 1: deterministic, and times are CPU times)
 
 Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
@@ -46,15 +50,6 @@ struct Arguments {
   int opencv_threads = 1;
   gsv::OfflineRun::Options options;
 };
-
-double parseNumber(const std::string& option, const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != '\0') {
-    throw gsv::OptionError(option + " is '" + text + "', which is not a number");
-  }
-  return value;
-}
 
 /// Throws OptionError.
 Arguments parseArguments(int argc, char** argv) {
@@ -67,14 +62,14 @@ Arguments parseArguments(int argc, char** argv) {
       return std::string(argv[i]);
     };
     if (argument == "--camera-height") {
-      arguments.options.scale.camera_height = parseNumber(argument, value());
+      arguments.options.scale.camera_height = gsv::parseNumber(argument, value());
       has_height = true;
     } else if (argument == "--out") {
       arguments.out = value();
     } else if (argument == "--opencv-threads") {
-      const double threads = parseNumber(argument, value());
-      gsv::requireInRange("--opencv-threads", threads, 1, 256);
-      arguments.opencv_threads = static_cast<int>(threads);
+      arguments.opencv_threads = gsv::parseWholeNumber(argument, value(), 1, 256);
+    } else if (argument == "--set") {
+      gsv::setOption(arguments.options, value());
     } else if (argument.size() > 1 && argument.front() == '-') {
       throw gsv::OptionError(argument + " is not an option, see --help");
     } else if (!arguments.sequence.empty()) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,6 +10,17 @@
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 
 namespace ground_scale_vo {
+
+/// The scale from one of its two sources, as an assignment (setOption).
+constexpr const char* kPointsAlone = "refine=false";
+constexpr const char* kPixelsAlone = "gpe/min_points=1000000";  ///< out of reach
+
+/// What makes a drive right, and the options (as of setOption) by which it can be shown.
+struct HazardRemedy {
+  std::string what;                  ///< one line; empty: no single thing
+  std::vector<std::string> with;     ///< besides the defaults: so set, the drive keeps its bars
+  std::vector<std::string> without;  ///< besides those: so set, it breaks one. Empty: none is known
+};
 
 /// A short rendered drive with one thing in it that makes the scale hard to measure.
 struct HazardDrive {
@@ -20,8 +32,10 @@ struct HazardDrive {
   std::string name;  ///< lower case, words joined by _
   std::string what;  ///< one line
   SyntheticDrive::Options options;
-  /// In these nothing on the road tells how far off it is, so the only right status is held.
+  /// In these nothing tells how far off the road is (bare, or the camera stands), so the only right
+  /// status is held.
   std::optional<Frames> road_hidden;
+  HazardRemedy remedy;
 };
 
 /// The catalogue. Names are unique.
@@ -48,11 +62,27 @@ struct DriveFigures {
   double ok_while_hidden = 0;  ///< share of road_hidden's frames with kOk; 0 when there are none
 };
 
+/// What a drive keeps when it is measured.
+struct DriveBars {
+  double rle_percent = 1.5;      ///< at most
+  double within_2_sigma = 0.75;  ///< at least; neighbouring frames err together, so not 0.95
+  double ok_while_hidden = 0;    ///< at most
+};
+
+/// The first bar that the figures break, in a word: "lost" (not every frame is tracked), "start"
+/// (metric in no more than half of the frames), "RLE", "2 sigma", "ok hidden". Empty: none.
+std::string brokenBar(const DriveFigures& figures, const DriveBars& bars = {});
+
 /// record: of the drive's own images, from the first on. Throws OptionError when it is shorter.
 DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive,
                           const RunRecord& record);
 
-/// Renders the drive and runs both stages over it, frame by frame.
-RunRecord runDrive(const SyntheticDrive& drive);
+/// All images of the drive.
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive);
+
+/// Runs both stages over the drive's images, frame by frame, with the defaults but for the drive's
+/// camera height and these assignments (as of setOption). Throws OptionError.
+RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
+                   const std::vector<std::string>& assignments = {});
 
 }  // namespace ground_scale_vo

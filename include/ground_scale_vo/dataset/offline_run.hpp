@@ -60,6 +60,11 @@ class OfflineRun {
   struct Options {
     VisualOdometry::Options vo;
     ScaleRecovery::Options scale;
+    template <typename Self, typename Visit>
+    static void describeStages(Self& self, Visit&& visit) {
+      VisualOdometry::Options::describeStages(self.vo, visit);
+      ScaleRecovery::Options::describeStages(self.scale, visit);
+    }
     /// Throws OptionError.
     void validate() const;
   };

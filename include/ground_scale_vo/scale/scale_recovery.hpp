@@ -46,13 +46,26 @@ class ScaleRecovery {
     ScaleFilter::Options filter;
     MetricTrajectory::Options trajectory;
 
-    /// Without camera_height, which has no default, and random_seed.
+    /// Without camera_height, which has no default.
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
+      visit("random_seed", self.random_seed, 0, 2147483647, "[] seed of all random draws");
       visit("min_step_h", self.min_step_h, 0, 1, "[camera heights] a shorter step is standstill");
       visit("refine", self.refine, "[] align the road's pixels; false: points alone");
       visit("paper_literal", self.paper_literal,
             "[] the paper's choices as printed, for comparison; overrides the stages' options");
+    }
+    template <typename Self, typename Visit>
+    static void describeStages(Self& self, Visit&& visit) {
+      visit("", self);
+      visit("motion/", self.motion);
+      visit("mounting/", self.mounting);
+      visit("gpe/", self.gpe);
+      visit("gpa/", self.gpa);
+      visit("fit/", self.gpa.fit);
+      visit("refinement/", self.refinement);
+      visit("filter/", self.filter);
+      visit("trajectory/", self.trajectory);
     }
     /// A copy in which the stages' options are the paper's: t of one frame, theta_1 on the frame's
     /// rotation, 5 degrees, most inliers within 0.01 m (over the height), a window of four frames

@@ -77,6 +77,16 @@ class VisualOdometry {
       visit("lost_frames_before_new_map", self.lost_frames_before_new_map, 1, 1000,
             "[frames] with texture in a row without a pose");
     }
+    template <typename Self, typename Visit>
+    static void describeStages(Self& self, Visit&& visit) {
+      visit("tracker/", self.tracker);
+      visit("two_view/", self.two_view);
+      visit("alignment/", self.alignment);
+      visit("pose/", self.pose);
+      visit("map/", self.map);
+      visit("bundle_adjustment/", self.bundle_adjustment);
+      visit("odometry/", self);
+    }
     /// Throws OptionError.
     void validate() const;
   };

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/nearest_name.hpp"
+#include "ground_scale_vo/nearest_name.hpp"
 
 #include <algorithm>
 #include <numeric>

@@ -32,6 +32,7 @@ constexpr double kConverged = 2e-4;           ///< a relative step of m below th
 constexpr int kSpreadIterations = 5;          ///< then the spread of the shifts stays as it is
 constexpr double kSearchStep = 0.05;          ///< of ln h
 constexpr double kValley = 0.26;              ///< heights this close in ln h belong to one valley
+constexpr double kClearCorrelation = 0.92;    ///< of tiles on a road without anything else
 constexpr double kFartherCorrelation = 0.75;  ///< of what is asked over the shorter baseline
 constexpr float kMatchFloor = 0.01f;          ///< least variance of a normalised residual
 /// A tile whose texture runs along the epipolar line but for this share says nothing of q.
@@ -552,7 +553,9 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
   const Eigen::Vector3d n_c = result.plane.n_c;
   const double relative =
       result.plane.height * std::sqrt(n_c.dot(H.inverse().topLeftCorner<3, 3>() * n_c));
-  result.height_sigma = relative * result.plane.height;
+  // What correlates less than clear road does is partly something else: not known so well.
+  const double doubt = std::max(1.0, (1 - result.correlation) / (1 - kClearCorrelation));
+  result.height_sigma = doubt * relative * result.plane.height;
   const double factor = std::abs(std::log(result.plane.height / height));
   if (result.correlation >= options.min_correlation && factor <= std::log(options.max_step) &&
       relative <= options.max_sigma) {

@@ -48,15 +48,15 @@ bool ScaleFilter::update(double height, double sigma, Source source) {
     known_ = true;
     return true;
   }
-  if (!known_) return start(measurement);
+  if (!known_) return start(measurement, Source::kPoints);
 
   const double innovation = measurement.log_height - log_height_;
   const double expected = variance_ + measurement.variance;
   const double gate = options_.gate_sigma * options_.gate_sigma;
   const double squared = innovation * innovation / expected;
   learnAgreement(source, std::min(squared, gate));
-  if (squared > gate) return start(measurement);
-  challengers_.clear();
+  if (squared > gate) return start(measurement, source);
+  settle(source);
   // A measurement whose predecessor lies closer than the correlation length brings only its share.
   double& last = last_update_at_[static_cast<std::size_t>(source)];
   const double share = std::min(1.0, (way_ - last) / (options_.correlation_h * this->height()));
@@ -84,21 +84,34 @@ void ScaleFilter::learnAgreement(Source source, double squared) {
   agreement_ = std::clamp(agreement_ + rate * (squared - agreement_), kMinAgreement, kMaxAgreement);
 }
 
+/// A measurement of that source agrees with the state: what spoke against the state is forgotten.
+/// But pixels are sought around the state and would agree with a wrong one too, so they do not
+/// silence points that lie far off.
+void ScaleFilter::settle(Source source) {
+  challengers_[static_cast<std::size_t>(Source::kPixels)].clear();
+  std::deque<Measurement>& points = challengers_[static_cast<std::size_t>(Source::kPoints)];
+  const bool far_off =
+      !points.empty() && std::abs(points.back().log_height - log_height_) > options_.start_spread;
+  if (source == Source::kPoints || !far_off) points.clear();
+}
+
 /// Collects measurements without, or against, the present state; the latest few become the state
 /// when they agree and enough way has been made. True when they did.
-bool ScaleFilter::start(const Measurement& measurement) {
-  if (challengers_.empty()) challenged_at_ = way_;
-  challengers_.push_back(measurement);
+bool ScaleFilter::start(const Measurement& measurement, Source source) {
+  std::deque<Measurement>& challengers = challengers_[static_cast<std::size_t>(source)];
+  double& challenged_at = challenged_at_[static_cast<std::size_t>(source)];
+  if (challengers.empty()) challenged_at = way_;
+  challengers.push_back(measurement);
   const auto enough = static_cast<std::size_t>(options_.start_measurements);
-  if (challengers_.size() > enough) challengers_.pop_front();
-  const double way = way_ - (known_ ? challenged_at_ : 0);
+  if (challengers.size() > enough) challengers.pop_front();
+  const double way = way_ - (known_ ? challenged_at : 0);
   const double needed_h = known_ ? options_.restart_h : options_.start_way_h;
-  if (challengers_.size() < enough || way < needed_h * std::exp(measurement.log_height)) {
+  if (challengers.size() < enough || way < needed_h * std::exp(measurement.log_height)) {
     return false;
   }
   std::vector<double> values;
   double variance = 0;
-  for (const Measurement& m : challengers_) {
+  for (const Measurement& m : challengers) {
     values.push_back(m.log_height);
     variance += m.variance / static_cast<double>(enough);
   }
@@ -115,7 +128,7 @@ bool ScaleFilter::start(const Measurement& measurement) {
   last_update_at_.fill(way_);
   last_seen_at_.fill(way_);
   agreement_ = 1;
-  challengers_.clear();
+  for (std::deque<Measurement>& each : challengers_) each.clear();
   return true;
 }
 

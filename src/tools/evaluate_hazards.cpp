@@ -200,8 +200,8 @@ void tabulate(const Arguments& arguments) {
 }
 
 /// RLE % / held / 2 sigma; bold, with the reason, when a bar is broken.
-std::string cell(const Figures& figures) {
-  const std::string broken = gsv::brokenBar(figures);
+std::string cell(const Figures& figures, const gsv::DriveBars& bars) {
+  const std::string broken = gsv::brokenBar(figures, bars);
   if (figures.metric_frames == 0) return broken == "lost" ? "**lost**" : "**no start**";
   char text[64];
   std::snprintf(text, sizeof text, "%.2f / %.2f / %.2f", figures.rle_percent, figures.held,
@@ -255,7 +255,7 @@ void tabulateRemedies(const Arguments& arguments) {
     const auto run = [&](const Settings& settings) {
       Settings all = arguments.settings;
       all.insert(all.end(), settings.begin(), settings.end());
-      return cell(gsv::driveFigures(hazard, drive, gsv::runDrive(drive, images, all)));
+      return cell(gsv::driveFigures(hazard, drive, gsv::runDrive(drive, images, all)), hazard.bars);
     };
     std::string& line = lines[i];
     line = "| " + hazard.name + " | " + remedy.what + " |";

@@ -121,12 +121,11 @@ TEST(Covariance, IsAsLargeAsTheErrorAlongTheWay) {
     since_scale.push_back(ends->since_scale.ratio());
   }
   std::printf("rms of the ratio: %.2f, since the first scale %.2f\n", rms(whole), rms(since_scale));
-  // 1 is right, and eight drives tell it to within a factor of two. OPEN: the aim is 0.3 to 2,
-  // these are 0.13 and 0.25 (0.19 and 0.43 with 60 frames), so on easy drives sigma is too large.
-  // As published more so: the first scale is said to be uncertain by 10 %, and so are the 6 m that
-  // it brings at once. Hard starts need that.
+  // 1 is right, and eight drives tell it to within a factor of two. OPEN: the aim is 0.3 to 2, these
+  // are 0.24 and 0.18, so on easy drives sigma is too large: a young map's scale is said to be
+  // uncertain by some per cent, because on hard ones it is.
   for (const double ratio : {rms(whole), rms(since_scale)}) {
-    EXPECT_GT(ratio, 0.08);
+    EXPECT_GT(ratio, 0.12);
     EXPECT_LT(ratio, 2);
   }
 }

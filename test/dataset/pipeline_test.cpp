@@ -143,15 +143,16 @@ struct RealSequence {
   Bar height_bias;                   // [%], its size
 };
 
-// Within 2 sigma: the aim is 0.85 to 0.99. OPEN: 1.00 of kitti_06 and rendered_09_traffic.
+// Within 2 sigma: the aim is 0.85 to 0.99. OPEN: 1.00 of kitti_05 and kitti_06, whose 30 and 45 frames
+// with a true scale are some six independent ones: that none of them is outside says nothing.
 // clang-format off
 const RealSequence kRealSequences[] = {
     // name                  rle   t_err    r_err    true    sim3    peers   within 2 sigma  height
     {"kitti_00_0000_0199",   2.4,  2.0,     0.0174,  1.12,   3.4,    0.3,    0.85, 0.99,     kNoBar},
     {"kitti_raw_0926_0039",  0.5,  0.7,     0.0014,  0.62,   1.6,    kNoBar, 0.85, 0.99,     kNoBar},
     {"rendered_04",          0.3,  0.3,     0.0005,  0.06,   kNoBar, kNoBar, 0.85, 0.99,     0.3},
-    {"rendered_09_traffic",  0.5,  0.5,     0.0017,  0.04,   kNoBar, kNoBar, 0.85, 1.00,     0.3},
-    {"kitti_05_0100_0159",   2.0,  kNoBar,  kNoBar,  kNoBar, kNoBar, kNoBar, 0.85, 0.99,     kNoBar},
+    {"rendered_09_traffic",  0.5,  0.5,     0.0017,  0.04,   kNoBar, kNoBar, 0.85, 0.99,     0.3},
+    {"kitti_05_0100_0159",   2.0,  kNoBar,  kNoBar,  kNoBar, kNoBar, kNoBar, 0.85, 1.00,     kNoBar},
     {"kitti_06_0000_0050",   2.0,  kNoBar,  kNoBar,  kNoBar, kNoBar, kNoBar, 0.85, 1.00,     kNoBar},
 };
 // clang-format on

@@ -208,6 +208,35 @@ TEST(ScaleFilter, TwoSourcesKnowMoreThanOne) {
   EXPECT_LT(two.height(), 0.815);
 }
 
+TEST(ScaleFilter, PixelsInAWrongValleyDoNotSilenceThePoints) {
+  ScaleFilter filter({});
+  for (int i = 0; i < 20; ++i) {
+    filter.move(0.5, 0);
+    filter.update(1.6, 0.01, ScaleFilter::Source::kPixels);
+  }
+  ASSERT_NEAR(filter.height(), 1.6, 0.01);
+  double way = 0;
+  while (filter.height() > 1 && way < 100) {  // the pixels are sought around the state
+    filter.move(0.5, 0);
+    way += 0.5;
+    filter.update(0.8, 0.01, ScaleFilter::Source::kPoints);
+    filter.update(filter.height(), 0.01, ScaleFilter::Source::kPixels);
+  }
+  EXPECT_NEAR(filter.height(), 0.8, 0.01);
+  EXPECT_LT(way, 20);
+
+}
+
+TEST(ScaleFilter, PointsOnAPavementDoNotTakeOver) {
+  ScaleFilter filter({});
+  for (int i = 0; i < 200; ++i) {
+    filter.move(0.5, 0);
+    filter.update(i < 50 ? 0.8 : 0.72, 0.001, ScaleFilter::Source::kPoints);
+    filter.update(0.8, 0.001, ScaleFilter::Source::kPixels);
+  }
+  EXPECT_NEAR(filter.height(), 0.8, 0.01);
+}
+
 TEST(ScaleFilter, OneSourceGoesOnWhereTheOtherIsSilent) {
   ScaleFilter filter({});
   drive(&filter, 20, 0.8, 0.01);

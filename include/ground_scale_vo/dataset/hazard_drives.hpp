@@ -22,6 +22,14 @@ struct HazardRemedy {
   std::vector<std::string> without;  ///< besides those: so set, it breaks one. Empty: none is known
 };
 
+/// What a drive keeps when it is measured.
+struct DriveBars {
+  double rle_percent = 1.5;      ///< at most
+  double within_2_sigma = 0.75;  ///< at least; neighbouring frames err together, so not 0.95
+  double ok_while_hidden = 0;    ///< at most
+  double metric_share = 0.5;     ///< of the frames; more
+};
+
 /// A short rendered drive with one thing in it that makes the scale hard to measure.
 struct HazardDrive {
   /// Frames [first, last].
@@ -36,6 +44,7 @@ struct HazardDrive {
   /// status is held.
   std::optional<Frames> road_hidden;
   HazardRemedy remedy;
+  DriveBars bars;
 };
 
 /// The catalogue. Names are unique.
@@ -62,16 +71,9 @@ struct DriveFigures {
   double ok_while_hidden = 0;  ///< share of road_hidden's frames with kOk; 0 when there are none
 };
 
-/// What a drive keeps when it is measured.
-struct DriveBars {
-  double rle_percent = 1.5;      ///< at most
-  double within_2_sigma = 0.75;  ///< at least; neighbouring frames err together, so not 0.95
-  double ok_while_hidden = 0;    ///< at most
-};
-
 /// The first bar that the figures break, in a word: "lost" (not every frame is tracked), "start"
-/// (metric in no more than half of the frames), "RLE", "2 sigma", "ok hidden". Empty: none.
-std::string brokenBar(const DriveFigures& figures, const DriveBars& bars = {});
+/// (metric in too few of them), "RLE", "2 sigma", "ok hidden". Empty: none.
+std::string brokenBar(const DriveFigures& figures, const DriveBars& bars);
 
 /// record: of the drive's own images, from the first on. Throws OptionError when it is shorter.
 DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive,

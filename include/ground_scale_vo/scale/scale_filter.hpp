@@ -96,7 +96,8 @@ class ScaleFilter {
     double log_height;
     double variance;
   };
-  bool start(const Measurement& measurement);
+  bool start(const Measurement& measurement, Source source);
+  void settle(Source source);
   double sharedVariance() const;
   void learnAgreement(Source source, double squared);
 
@@ -107,10 +108,11 @@ class ScaleFilter {
   double way_ = 0;  ///< since reset()
   /// Way at the last measurement used, and at the last one seen, of each source.
   std::array<double, 2> last_update_at_{}, last_seen_at_{};
-  double agreement_ = 1;                 ///< mean square of innovations over what was expected
-  std::deque<Measurement> challengers_;  ///< the latest of those since one was used
-  double challenged_at_ = 0;             ///< way at the first of those
-  std::deque<double> inverse_heights_;   ///< of the moving average
+  double agreement_ = 1;  ///< mean square of innovations over what was expected
+  /// The latest of each source since one was used; all are with the points until there is a state.
+  std::array<std::deque<Measurement>, 2> challengers_;
+  std::array<double, 2> challenged_at_{};  ///< way at the first of those
+  std::deque<double> inverse_heights_;     ///< of the moving average
 };
 
 }  // namespace ground_scale_vo

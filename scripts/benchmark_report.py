@@ -81,12 +81,16 @@ def stage_figures(times):
 def run_figures(run):
     usage, frames = run["usage"], run["facts"]["frames"]
     cpu = 1e3 * usage["cpu_s"][-1] / frames
+    decode, main_thread = np.mean(usage["decode_cpu"]), np.mean(usage["frame_cpu"])
+    adjusted = np.mean(run["time"]["vo_bundle_adjustment"] > 0)
     return {
         **run["facts"],
         "frames_per_second": float(frames / usage["wall_s"][-1]),
         "cpu_ms_per_frame": float(cpu),
         "frame_cpu_ms_median": float(np.median(usage["frame_cpu"])),
-        "decode_cpu_ms_per_frame": float(np.mean(usage["decode_cpu"])),
+        "decode_cpu_ms_per_frame": float(decode),
+        # What is left: the second thread, and a little for messages and for measuring.
+        "adjustment_cpu_ms": float((cpu - decode - main_thread) / adjusted) if adjusted else None,
         "features_median": float(np.median(usage["features"])),
         "peak_rss_mb": float(usage["peak_rss_mb"][-1]),
         "stages_ms": {name: stage_figures(run["time"][name]) for _, name, _ in STAGES},
@@ -131,14 +135,20 @@ def graph_figures(file, images):
     if len(frames) == 0:
         raise ValueError(f"{file}: no vo/frame was heard")
 
+    # When each image was due: the player keeps a line, which the image that was heard earliest
+    # after its stamp touches. Images that were heard late do not make the latency look short.
+    rate = float(file.stem.split("_")[1])
+    due = table["stamp"] / rate
+    due += np.nanmin(table["image"] - due)
+
     def latency(what):
-        times = 1e3 * (table[what] - table["image"])
+        times = 1e3 * (table[what] - due)
         return times[np.isfinite(times)]
 
     known = frames[table["cpu_s"][frames] > 0]  # the first frames may not know the process
     cpu = np.diff(table["cpu_s"][known[[0, -1]]])[0] / max(len(known) - 1, 1) if len(known) else None
     return {
-        "rate": float(file.stem.split("_")[1]),
+        "rate": rate,
         "images": images,
         "frames": len(frames),
         "dropped": images - len(frames),
@@ -146,6 +156,7 @@ def graph_figures(file, images):
         "odometry_messages": int(np.isfinite(table["odometry"]).sum()),
         "latency_ms": figures(latency("odometry")),
         "latency_to_frame_ms": figures(latency("frame")),
+        "latency_to_image_ms": figures(latency("image")),
         "cpu_ms_per_frame": None if cpu is None else float(1e3 * cpu),
         "peak_rss_mb": float(np.max(table["peak_rss_mb"])),
     }, latency("odometry")
@@ -249,26 +260,32 @@ def benchmark_text(name, report):
                          "pipeline does", ratio["mean_with_adjustment_and_its_detections"]]])]
     parts += ["## Throughput and memory",
               markdown(["run", "frames/s", "processor ms a frame", "of it decoding",
-                        "front end median ms", "scale stage median ms", "peak MiB"],
+                        "its main thread, median", "front end median ms", "scale stage median ms",
+                         "peak MiB"],
                        [[f"{run['cores']} core{'s' if run['cores'] > 1 else ''}",
                          run["frames_per_second"], run["cpu_ms_per_frame"],
-                         run["decode_cpu_ms_per_frame"], run["stages_ms"]["vo_total"]["median"],
+                         run["decode_cpu_ms_per_frame"], run["frame_cpu_ms_median"],
+                         run["stages_ms"]["vo_total"]["median"],
                          run["stages_ms"]["scale_total"]["median"], run["peak_rss_mb"]]
                         for run in (one, two)]),
-              "Peaks: the run on one core also keeps the points for the floor.",
+              "*Its main thread*: processor time of front end and scale stage. Peaks: the run on "
+              "one core also keeps the points for the floor.",
               f"Memory along {memory['frames']} frames, the sequence forwards and backwards in "
               f"turn: {', '.join(number(place['rss_mb']) for place in memory['rss_mb'])} MiB after "
               f"each tenth, {number(memory['peak_rss_mb'])} MiB at most; over the second half it "
               f"grows by {number(memory['growth_mb_per_1000_frames'])} MiB in 1000 frames."]
     if graph:
         parts += ["## Nodelets",
-                  "Latency: wall time from an image's arrival at a node that listens to it until "
-                  "its metric odometry arrives there. Dropped: images without a vo/frame. Processor "
-                  "time and memory are the nodelet manager's.",
+                  "Latency: wall time from an image's stamp, as the player of the bag keeps it, until "
+                  "its metric odometry is heard by another node. *image*: until the image itself is "
+                  "heard there, median; more than a millisecond means that the machine is busy. "
+                  "Dropped: images without a vo/frame. Processor time and memory are the nodelet "
+                  "manager's.",
                   markdown(["rate", "images", "dropped", "odometry", "latency median ms", "p95",
-                            "p99", "max", "processor ms a frame", "peak MiB"],
+                            "p99", "max", "image", "processor ms a frame", "peak MiB"],
                            [[f"{run['rate']:g} x", run["images"], run["dropped"],
                              run["odometry_messages"], *cells(run["latency_ms"]),
+                             run["latency_to_image_ms"]["median"],
                              run["cpu_ms_per_frame"], run["peak_rss_mb"]] for run in graph])]
     parts += ["## Aims", "Of an idle machine with images of 1241x376.",
               markdown(["", "measured", "aim", ""],
@@ -303,7 +320,7 @@ def draw_stages(folder, name, run, floor, report):
     axes.set_xlim(left=0.7 * low)
     axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
     axes.set_yticks(range(1, len(rows) + 1))
-    axes.set_yticklabels([f"{label}   {np.median(times):7.2f} ms" for _, label, times in rows])
+    axes.set_yticklabels([f"{label}   {np.median(times):.2g} ms" for _, label, times in rows])
     for tick, (group, _, _) in zip(axes.get_yticklabels(), rows):
         tick.set_color(COLOURS[group])
     axes.invert_yaxis()
@@ -329,7 +346,7 @@ def draw_latency(folder, name, latencies, report):
                           for (rate, _), graph in zip(latencies, report["graph"])])
     axes.set_ylim(bottom=0)
     axes.grid(True, axis="y", linewidth=0.4)
-    axes.set(xlabel="rate of the bag", ylabel="image to metric odometry [ms]",
+    axes.set(xlabel="rate of the bag", ylabel="image stamp to metric odometry [ms]",
              title=f"{name}: latency in the nodelets' graph\n(box quartiles, whiskers 5 and 95 %)")
     save(figure, folder / "latency.png")
 
@@ -378,8 +395,12 @@ def report_benchmark(folder, load):
     write(folder, "benchmark", report, benchmark_text(name, report))
 
 
-SERIES = {"features": "Features (`tracker/cell`)", "image": "Image size",
-          "window": "Window (`bundle_adjustment/window`, twice as many keyframes kept)"}
+# What is changed, its column, what else there is to say.
+SERIES = {
+    "features": ("Features", "tracker/cell", "The side of the square that holds one corner."),
+    "image": ("Image size", "pixels", "The same images, resized."),
+    "window": ("Window", "bundle_adjustment/window", "Twice as many keyframes are kept."),
+}
 
 
 def of_series(series, run):
@@ -398,21 +419,49 @@ def report_growth(folder, load):
             runs.append(run_figures(read_run(place)))
         report["series"][series] = runs
     parts = [f"# {name}: growth", introduction(report),
-             "Medians [ms] over the frames in which a stage ran, one core; each series changes one "
-             "thing."]
-    columns = ["vo_pyramid", "vo_track", "vo_align", "vo_pose", "vo_detect", "vo_bundle_adjustment",
-               "vo_total", "scale_delaunay", "scale_refine", "scale_total"]
+             "One core; each series changes one thing. Stages: median of wall milliseconds over the "
+             "frames in which one ran. Main thread (front end and scale stage, median), adjustment "
+             "(the second thread, mean of one) and a whole frame (mean, decoding included): "
+             "milliseconds of processor time, which other work on the machine changes little."]
+    columns = ["vo_pyramid", "vo_track", "vo_align", "vo_pose", "vo_detect", "scale_delaunay",
+               "scale_gpa", "scale_refine"]
     labels = {column: label for _, column, label in STAGES}
-    for series, title in SERIES.items():
+    for series, (title, what, how) in SERIES.items():
         rows = []
         for run in report["series"][series]:
             rows.append([of_series(series, run), run["features_median"],
                          *(run["stages_ms"][column]["median"] for column in columns),
+                         run["frame_cpu_ms_median"], run["adjustment_cpu_ms"],
                          run["cpu_ms_per_frame"], run["peak_rss_mb"]])
-        parts += [f"## {title}",
-                  markdown([series, "features", *(labels[column] for column in columns),
-                            "processor ms a frame", "peak MiB"], rows)]
+        parts += [f"## {title}", how,
+                  markdown([what, "features", *(labels[column] for column in columns),
+                            "main thread", "adjustment", "frame", "peak MiB"], rows)]
     write(folder, "growth", report, "\n\n".join(parts) + "\n")
+
+
+def report_micro(folder):
+    """A row for each piece, a column for each size; both as Google Benchmark names them. A table
+    for those of the same sizes."""
+    report = json.loads((folder / "micro.json").read_text())
+    host = report["context"]
+    pieces = {}
+    for run in report["benchmarks"]:
+        if run.get("run_type") != "aggregate":
+            name, *sizes = run["name"].replace("/manual_time", "").split("/")
+            # Time that a piece reports itself is its own; else processor time, which other work on
+            # the machine changes less.
+            time = run["real_time" if "manual_time" in run["name"] else "cpu_time"]
+            to_ms = {"ns": 1e-6, "us": 1e-3, "ms": 1.0, "s": 1e3}[run["time_unit"]]
+            pieces.setdefault(name, []).append((", ".join(sizes), time * to_ms))
+    text = [f"Processor milliseconds of one call. {host['num_cpus']} cores of "
+            f"{host['mhz_per_cpu']} MHz, load {host['load_avg'][0]:.2f} when the measuring began."]
+    tables = {}
+    for name, runs in pieces.items():
+        sizes = tuple(size for size, _ in runs)
+        tables.setdefault(sizes, []).append([name, *(time for _, time in runs)])
+    text += [markdown(["", *sizes], rows) for sizes, rows in tables.items()]
+    (folder / "micro.md").write_text("\n\n".join(text) + "\n")
+    print("\n\n".join(text))
 
 
 def main():
@@ -420,11 +469,17 @@ def main():
     parser.add_argument("folder", type=pathlib.Path, metavar="DIR",
                         help="of one sequence, as scripts/benchmark leaves it")
     parser.add_argument("--growth", action="store_true", help="report the runs in DIR/growth")
+    parser.add_argument("--micro", action="store_true", help="report DIR/micro.json")
     parser.add_argument("--load", type=float, default=0.0,
                         help="load average of the machine before the first run")
     arguments = parser.parse_args()
     try:
-        (report_growth if arguments.growth else report_benchmark)(arguments.folder, arguments.load)
+        if arguments.micro:
+            report_micro(arguments.folder)
+        elif arguments.growth:
+            report_growth(arguments.folder, arguments.load)
+        else:
+            report_benchmark(arguments.folder, arguments.load)
     except (OSError, ValueError, KeyError, IndexError) as error:
         sys.exit(f"benchmark_report.py: {arguments.folder}: cannot be reported ({error})")
 

@@ -144,7 +144,8 @@ def draw_timing(folder, timing, title):
         ran = values[values > 0]
         if name == "frame" or len(ran) == 0:
             continue
-        stages.append(name.replace("_", "\n", 1).replace("bundle_adjustment", "bundle adj.") +
+        name = name.replace("bundle_adjustment", "bundle adj.").replace("adjustment_wait", "wait")
+        stages.append(name.replace("_", "\n", 1) +
                       f"\n{np.median(ran):.2g} ms\n{100 * len(ran) / len(values):.0f} %")
         times.append(ran)
     figure, axes = plt.subplots(figsize=(12, 6))

@@ -16,7 +16,8 @@ const OfflineRun::Options& validated(const OfflineRun::Options& options) {
 
 }  // namespace
 
-void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale) {
+void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
+                       double decode_ms) {
   if (vo.frame.sequence != frames_.size()) {
     throw std::logic_error("the odometry's frames are not numbered as the images are");
   }
@@ -28,6 +29,7 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   if (frame.has_vo_pose) frame.T_w_c = vo.frame.T_w_c;
   if (!frames_.empty()) frame.T_o_c = frames_.back().T_o_c;
   frame.scale = scale.scale;
+  frame.decode_ms = decode_ms;
   frame.vo_times = vo.times;
   frame.scale_times = scale.times;
   frames_.push_back(frame);
@@ -106,9 +108,10 @@ void OfflineRun::Options::validate() const {
 OfflineRun::OfflineRun(const PinholeCamera& camera, const Options& options)
     : vo_(camera, validated(options).vo), scale_(options.scale) {}
 
-const RunFrame& OfflineRun::process(const cv::Mat& image, std::int64_t stamp_ns) {
-  const VisualOdometry::Output vo = vo_.process(image, stamp_ns);
-  record_.append(vo, scale_.process(vo.frame, image));
+const RunFrame& OfflineRun::process(const cv::Mat& image, std::int64_t stamp_ns, double decode_ms) {
+  last_vo_ = vo_.process(image, stamp_ns);
+  last_scale_ = scale_.process(last_vo_.frame, image);
+  record_.append(last_vo_, last_scale_, decode_ms);
   return record_.frames().back();
 }
 

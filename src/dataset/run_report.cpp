@@ -1,7 +1,5 @@
 #include "ground_scale_vo/dataset/run_report.hpp"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <cmath>
 #include <locale>
@@ -10,6 +8,7 @@
 #include <utility>
 
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
+#include "ground_scale_vo/dataset/process_usage.hpp"
 #include "ground_scale_vo/dataset/scale_metrics.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
@@ -54,12 +53,6 @@ std::string json(const std::vector<OdometryMetrics::LengthError>& errors) {
                                                 " ", "");
   }
   return "[" + text + "]";
-}
-
-double peakRssMb() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;  // Linux counts in KiB
 }
 
 double voTime(const RunFrame& frame) { return frame.vo_times.total; }
@@ -125,7 +118,7 @@ std::string metricsJson(const RunRecord& record, double camera_height,
     members.emplace_back(std::string(name) + "_median", json(quantile(times, 0.5)));
     members.emplace_back(std::string(name) + "_p95", json(quantile(times, 0.95)));
   }
-  members.emplace_back("peak_rss_mb", json(peakRssMb()));
+  members.emplace_back("peak_rss_mb", json(processUsage().peak_rss_mb));
   members.emplace_back("by_length", metrics ? json(metrics->by_length) : "null");
   members.emplace_back("by_short_length", metrics ? json(metrics->by_short_length) : "null");
   return jsonObject(members, "\n  ", "\n  ");
@@ -151,19 +144,19 @@ std::string scaleCsv(const RunRecord& record) {
 
 std::string timingCsv(const RunRecord& record) {
   std::ostringstream stream = tableStream();
-  stream
-      << "frame,vo_pyramid,vo_track,vo_align,vo_detect,vo_pose,vo_triangulate,vo_bundle_adjustment,"
-         "vo_total,scale_delaunay,scale_gpe,scale_gpa,scale_refine,scale_filter,scale_total,"
-         "total\n";
+  stream << "frame,decode,vo_pyramid,vo_track,vo_adjustment_wait,vo_align,vo_pose,vo_detect,"
+            "vo_triangulate,vo_bundle_adjustment,vo_total,scale_delaunay,scale_gpe,scale_gpa,scale_"
+            "refine,scale_filter,scale_total,"
+            "total\n";
   for (std::size_t i = 0; i < record.frames().size(); ++i) {
     const RunFrame& frame = record.frames()[i];
     const VisualOdometry::Times& vo = frame.vo_times;
     const ScaleRecovery::Times& scale = frame.scale_times;
-    stream << i << ',' << vo.pyramid << ',' << vo.track << ',' << vo.align << ',' << vo.detect
-           << ',' << vo.pose << ',' << vo.triangulate << ',' << vo.bundle_adjustment << ','
-           << vo.total << ',' << scale.delaunay << ',' << scale.gpe << ',' << scale.gpa << ','
-           << scale.refine << ',' << scale.filter << ',' << scale.total << ',' << totalTime(frame)
-           << '\n';
+    stream << i << ',' << frame.decode_ms << ',' << vo.pyramid << ',' << vo.track << ','
+           << vo.adjustment_wait << ',' << vo.align << ',' << vo.pose << ',' << vo.detect << ','
+           << vo.triangulate << ',' << vo.bundle_adjustment << ',' << vo.total << ','
+           << scale.delaunay << ',' << scale.gpe << ',' << scale.gpa << ',' << scale.refine << ','
+           << scale.filter << ',' << scale.total << ',' << totalTime(frame) << '\n';
   }
   return stream.str();
 }

@@ -1,16 +1,14 @@
 // The offline pipeline over one KITTI folder: parses arguments, drives OfflineRun, writes its
 // files.
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <string>
 
+#include "ground_scale_vo/dataset/image_reader.hpp"
 #include "ground_scale_vo/dataset/kitti_sequence.hpp"
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
 #include "ground_scale_vo/dataset/offline_run.hpp"
@@ -19,6 +17,7 @@
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
+#include "run_progress.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -86,36 +85,6 @@ Arguments parseArguments(int argc, char** argv) {
   return arguments;
 }
 
-/// One line on a terminal, written again some times a second.
-class Progress {
- public:
-  Progress(const std::string& name, std::size_t frames) : name_(name), frames_(frames) {}
-  ~Progress() {
-    if (is_terminal_) std::fputc('\n', stderr);
-  }
-  Progress(const Progress&) = delete;
-  Progress& operator=(const Progress&) = delete;
-
-  void show(std::size_t done, double metres, gsv::ScaleStatus status) {
-    if (!is_terminal_) return;
-    const auto now = Clock::now();
-    if (now - shown_ < std::chrono::milliseconds(200) && done != frames_) return;
-    shown_ = now;
-    const double seconds = std::chrono::duration<double>(now - start_).count();
-    std::fprintf(stderr, "\r%s: frame %zu/%zu, %.1f frames/s, %.1f m, scale %s \033[K",
-                 name_.c_str(), done, frames_, static_cast<double>(done) / seconds, metres,
-                 gsv::toString(status));
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  const std::string name_;
-  const std::size_t frames_;
-  const bool is_terminal_ = isatty(STDERR_FILENO) != 0;
-  const Clock::time_point start_ = Clock::now();
-  Clock::time_point shown_{};
-};
-
 void run(const Arguments& arguments) {
   cv::setNumThreads(arguments.opencv_threads);
   const gsv::KittiSequence sequence(arguments.sequence);
@@ -126,14 +95,11 @@ void run(const Arguments& arguments) {
                            " would put the results over the sequence, its poses.txt included");
   }
   gsv::OfflineRun run(sequence.camera(), arguments.options);
-  Progress progress(sequence.name(), sequence.size());
-  double metres = 0;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  gsv::RunProgress progress(sequence.name(), sequence.size());
+  gsv::ImageReader reader(sequence.size(), [&](std::size_t i) { return sequence.image(i); });
   for (std::size_t i = 0; i < sequence.size(); ++i) {
-    const gsv::RunFrame& frame = run.process(sequence.image(i), sequence.stampNs(i));
-    metres += (frame.T_o_c.translation() - position).norm();
-    position = frame.T_o_c.translation();
-    progress.show(i + 1, metres, frame.scale.status);
+    const gsv::ImageReader::Image image = reader.next();
+    progress.show(run.process(image.image, sequence.stampNs(i), image.decode_ms));
   }
   gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height, sequence.groundTruth(),
                 sequence.trueHeights());

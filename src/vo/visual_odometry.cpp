@@ -450,7 +450,7 @@ struct VisualOdometry::Impl {
       found = trackFeatures(image, dt, predictPixels(predicted),
                             predicted.linear().transpose() * T_w_c.linear(), &out->rejected);
     }
-    takeAdjustedMap(&out->times.bundle_adjustment);
+    takeAdjustedMap(&out->times);
     {
       Timer timer(&out->times.align);
       align(image.image, predictPose(stamp_ns), &found);
@@ -577,9 +577,12 @@ struct VisualOdometry::Impl {
     }
     // The odometry goes on with the map as it is and takes the adjusted one at a fixed point of the
     // next frame, however long it took: the result does not depend on the machine's speed.
-    adjusting = std::async(std::launch::async, [this, copy = map]() mutable {
-      adjust(&copy);
-      return std::move(copy);
+    adjusting = std::async(std::launch::async, [this, adjusted = Adjusted{map}]() mutable {
+      {
+        Timer timer(&adjusted.ms);
+        adjust(&adjusted.map);
+      }
+      return std::move(adjusted);
     });
   }
 
@@ -591,18 +594,23 @@ struct VisualOdometry::Impl {
   }
 
   /// Waits for the bundle adjustment under way, if any, and goes on with its map.
-  void takeAdjustedMap(double* ms) {
+  void takeAdjustedMap(Times* times) {
     if (!adjusting.valid()) return;
-    Timer timer(ms);
-    LocalMap adjusted = adjusting.get();
-    for (auto& [id, landmark] : adjusted.landmarks()) {
+    Timer timer(&times->adjustment_wait);
+    Adjusted adjusted = adjusting.get();
+    times->bundle_adjustment = adjusted.ms;
+    for (auto& [id, landmark] : adjusted.map.landmarks()) {
       if (const Landmark* now = map.find(id)) landmark.outlier_count = now->outlier_count;
     }
     const Eigen::Isometry3d before = map.keyframes().back().T_w_c;
-    map = std::move(adjusted);
+    map = std::move(adjusted.map);
     T_w_c = map.keyframes().back().T_w_c * before.inverse() * T_w_c;
   }
-  std::future<LocalMap> adjusting;
+  struct Adjusted {
+    LocalMap map;
+    double ms = 0;
+  };
+  std::future<Adjusted> adjusting;
 
   void lose(ImagePyramid image, std::int64_t stamp_ns, std::size_t found, Output* out) {
     status = VoStatus::kLost;

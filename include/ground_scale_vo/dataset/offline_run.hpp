@@ -22,6 +22,7 @@ struct RunFrame {
   bool has_metric_pose = false;  ///< T_o_c was given at this frame; else it is held or filled
   bool backfilled = false;       ///< T_o_c was filled in when the first scale was known
   ScaleEstimate scale;           ///< as it was said at this frame
+  double decode_ms = 0;          ///< wall time of reading and decoding the image
   VisualOdometry::Times vo_times;
   ScaleRecovery::Times scale_times;
 };
@@ -36,7 +37,8 @@ struct RunFrame {
 class RunRecord {
  public:
   /// Precondition: vo.frame.sequence counts the calls from 0. Throws std::logic_error otherwise.
-  void append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale);
+  void append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
+              double decode_ms = 0);
 
   const std::vector<RunFrame>& frames() const { return frames_; }
 
@@ -72,16 +74,21 @@ class OfflineRun {
   /// Throws OptionError.
   OfflineRun(const PinholeCamera& camera, const Options& options);
 
-  /// image and stamp as VisualOdometry::process. Throws OptionError. Returns the frame's record as
-  /// it is now; valid until the next call.
-  const RunFrame& process(const cv::Mat& image, std::int64_t stamp_ns);
+  /// image and stamp as VisualOdometry::process; decode_ms: for the record alone. Throws
+  /// OptionError. Returns the frame's record as it is now; valid until the next call.
+  const RunFrame& process(const cv::Mat& image, std::int64_t stamp_ns, double decode_ms = 0);
 
   const RunRecord& record() const { return record_; }
+  /// What both stages gave for the last frame.
+  const VisualOdometry::Output& lastVo() const { return last_vo_; }
+  const ScaleRecovery::Output& lastScale() const { return last_scale_; }
 
  private:
   VisualOdometry vo_;
   ScaleRecovery scale_;
   RunRecord record_;
+  VisualOdometry::Output last_vo_;
+  ScaleRecovery::Output last_scale_;
 };
 
 }  // namespace ground_scale_vo

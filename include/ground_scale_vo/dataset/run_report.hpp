@@ -30,7 +30,9 @@ std::string metricsJson(const RunRecord& record, double camera_height,
 ///   camera axes, up. backfilled: the frame's pose was filled in later, from the first scale.
 std::string scaleCsv(const RunRecord& record);
 
-/// One line a frame: the time of each stage [ms].
+/// One line a frame: the time of each stage [ms], in the order in which they run; 0 where a stage
+/// did not run. total is vo_total + scale_total: without decode, and without
+/// vo_bundle_adjustment, which runs beside them (VisualOdometry::Times).
 std::string timingCsv(const RunRecord& record);
 
 /// Makes the folder and writes into it poses.txt, poses_unscaled.txt, trajectory_tum.txt, scale.csv

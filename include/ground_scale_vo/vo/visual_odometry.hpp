@@ -99,8 +99,10 @@ class VisualOdometry {
 
   /// [ms] wall time.
   struct Times {
-    double pyramid = 0, track = 0, align = 0, detect = 0, pose = 0, triangulate = 0,
-           bundle_adjustment = 0;
+    double pyramid = 0, track = 0, align = 0, detect = 0, pose = 0, triangulate = 0;
+    /// On the second thread, in the frame that takes the adjusted map over; not part of total.
+    double bundle_adjustment = 0;
+    double adjustment_wait = 0;  ///< until that map was there and taken over
     double total = 0;
   };
 

@@ -1,0 +1,118 @@
+// The hot pieces of the scale stage at growing sizes.
+
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "ground_scale_vo/scale/ground_point_extraction.hpp"
+#include "ground_scale_vo/scale/plane_fit.hpp"
+#include "ground_scale_vo/scale/plane_refinement.hpp"
+#include "road_image.hpp"
+#include "road_scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+NormalPrior priorOf(const RoadScene& scene) {
+  NormalPrior prior;
+  prior.n_c = scene.normal();
+  prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
+  prior.pitch_sigma = prior.roll_sigma = 0.01;
+  return prior;
+}
+
+/// A road with about n features in the picture, as noisy as real ones.
+RoadScene road(int n) {
+  RoadScene scene;
+  scene.depth_noise = 0.02;
+  scene.addPatch(n, -1.2, 1.2, 1.9, 9.0, 0, 1);
+  return scene;
+}
+
+void features(benchmark::internal::Benchmark* of) {
+  of->ArgName("features")->ArgsProduct({{125, 250, 500, 1000, 2000}})->Complexity();
+  of->Unit(benchmark::kMicrosecond);
+}
+
+/// Ground point extraction; the first only its triangulation.
+void extraction(benchmark::State& state, bool delaunay_alone) {
+  const RoadScene scene = road(static_cast<int>(state.range(0)));
+  const VoFrame frame = scene.frame(0);
+  const NormalPrior prior = priorOf(scene);
+  const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
+  const GroundPointExtraction extraction({});
+  GroundPointExtraction::Result result;
+  for (auto _ : state) {
+    result = extraction.extract(frame, prior, chord, Eigen::Isometry3d::Identity());
+    if (delaunay_alone) state.SetIterationTime(1e-3 * result.delaunay_ms);
+  }
+  state.counters["triangles"] = result.triangles;
+  state.counters["ground_points"] = static_cast<double>(result.points.size());
+  state.SetComplexityN(state.range(0));
+}
+void delaunay(benchmark::State& state) { extraction(state, true); }
+void groundPointExtraction(benchmark::State& state) { extraction(state, false); }
+BENCHMARK(delaunay)->Apply(features)->UseManualTime();
+BENCHMARK(groundPointExtraction)->Apply(features);
+
+void planeFit(benchmark::State& state) {
+  const RoadScene scene = road(4 * static_cast<int>(state.range(0)));
+  std::vector<PlanePoint> points;
+  for (const TrackedFeature& feature : scene.frame(0).features) {
+    if (points.size() == static_cast<std::size_t>(state.range(0))) break;
+    const Eigen::Vector3d p = feature.p_c.cast<double>();
+    points.push_back({p, Eigen::Vector3d::Zero(), p.z(), feature.depth_sigma});
+  }
+  const PlaneFit fit({});
+  const NormalPrior prior = priorOf(scene);
+  std::size_t inliers = 0;
+  for (auto _ : state) inliers = fit.fit(points, prior, scene.height).inliers.size();
+  state.counters["inliers"] = static_cast<double>(inliers);
+  state.SetComplexityN(state.range(0));
+}
+BENCHMARK(planeFit)->Apply(features);
+
+/// A new frame against the kept ones, at the image's size.
+void planeRefinement(benchmark::State& state) {
+  RoadScene scene = road(400);
+  const double scale = static_cast<double>(state.range(0)) / scene.camera.width;
+  scene.camera.width = static_cast<int>(state.range(0));
+  scene.camera.height = static_cast<int>(std::lround(scale * scene.camera.height));
+  for (double* length : {&scene.camera.fx, &scene.camera.fy, &scene.camera.cx, &scene.camera.cy}) {
+    *length *= scale;
+  }
+  const NormalPrior prior = priorOf(scene);
+  const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
+  PlaneRefinement refinement({});
+  constexpr std::uint32_t kKept = 4, kMeasured = 4;
+  std::vector<cv::Mat> images;
+  for (std::uint32_t i = 0; i < kKept + kMeasured; ++i) {
+    images.push_back(roadImage(scene, scene.step * i));
+  }
+  PlaneRefinement::Result result;
+  std::uint32_t next = 0;
+  for (auto _ : state) {
+    if (next == 0 || next == images.size()) {
+      state.PauseTiming();
+      refinement.reset();
+      for (next = 0; next < kKept; ++next) {
+        refinement.align(scene.frame(next), images[next], prior, chord, scene.height);
+      }
+      state.ResumeTiming();
+    }
+    result = refinement.align(scene.frame(next), images[next], prior, chord, scene.height);
+    ++next;
+  }
+  state.counters["tiles"] = result.tiles;
+}
+BENCHMARK(planeRefinement)
+    ->ArgName("width")
+    ->Arg(620)
+    ->Arg(1241)
+    ->Arg(1920)
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,80 @@
+#!/usr/bin/python3
+"""Holds a benchmark.json to what must be true of it on any machine: no time is too long."""
+
+import json
+import math
+import pathlib
+import sys
+
+STAGES = ["decode", "vo_pyramid", "vo_track", "vo_adjustment_wait", "vo_align", "vo_pose",
+          "vo_detect", "vo_triangulate", "vo_rest", "vo_total", "vo_bundle_adjustment",
+          "scale_delaunay", "scale_gpe", "scale_gpa", "scale_refine", "scale_filter",
+          "scale_total", "publish", "total"]
+FLOOR = ["pyramid", "detect", "track", "total"]
+
+
+def finite(value, place="benchmark.json"):
+    """Every number; null only where nothing was to be measured."""
+    if isinstance(value, dict):
+        for name, member in value.items():
+            finite(member, f"{place}: {name}")
+    elif isinstance(value, list):
+        for i, member in enumerate(value):
+            finite(member, f"{place}: {i}")
+    elif isinstance(value, float):
+        assert math.isfinite(value), place
+
+
+def times(of, names):
+    for name in names:
+        stage = of[name]
+        assert 0 <= stage["share"] <= 1, name
+        if stage["share"] > 0:
+            assert 0 < stage["median"] <= stage["p95"] <= stage["p99"] <= stage["max"], name
+            assert 0 < stage["mean"] <= stage["max"], name
+
+
+def check(folder, frames, rates):
+    report = json.loads((folder / "benchmark.json").read_text())
+    finite(report)
+    for name in ("benchmark.md", "stages.png", "memory.png", "latency.png"):
+        assert (folder / name).stat().st_size > 0, name
+    for run in (report["one_core"], report["two_cores"]):
+        assert run["frames"] == frames and run["features_median"] > 0
+        assert run["frames_per_second"] > 0 and run["peak_rss_mb"] > 0
+        assert run["cpu_ms_per_frame"] > run["decode_cpu_ms_per_frame"] > 0
+        stages = run["stages_ms"]
+        times(stages, STAGES)
+        parts = sum(stages[name]["mean"] for name in STAGES[1:9])
+        assert math.isclose(parts, stages["vo_total"]["mean"], rel_tol=1e-6)
+        parts = sum(stages[name]["mean"] for name in STAGES[11:16])
+        assert 0 < parts <= stages["scale_total"]["mean"]
+        assert math.isclose(stages["vo_total"]["mean"] + stages["scale_total"]["mean"],
+                            stages["total"]["mean"], rel_tol=1e-6)
+        assert stages["vo_bundle_adjustment"]["share"] > 0, "no keyframe in the whole drive"
+        assert stages["vo_adjustment_wait"]["share"] == stages["vo_bundle_adjustment"]["share"]
+    assert report["one_core"]["cores"] == 1
+    floor = report["floor_ms"]
+    times(floor, FLOOR)
+    assert floor["points_median"] > 0
+    assert math.isclose(sum(floor[name]["mean"] for name in FLOOR[:3]), floor["total"]["mean"],
+                        rel_tol=1e-6)
+    assert all(ratio > 0 for ratio in report["whole_over_floor"].values())
+    memory = report["memory"]
+    assert memory["frames"] == 2 * frames - 1  # there and back
+    assert all(0 < at["rss_mb"] <= memory["peak_rss_mb"] for at in memory["rss_mb"])
+    assert [graph["rate"] for graph in report["graph"]] == rates
+    for graph in report["graph"]:
+        assert graph["images"] == frames and 0 < graph["frames"] <= frames
+        assert graph["dropped"] == frames - graph["frames"]
+        assert 0 < graph["odometry_messages"] <= graph["scale_messages"] <= graph["frames"]
+        latency = graph["latency_ms"]
+        assert 0 < latency["median"] <= latency["p95"] <= latency["max"]
+        assert graph["latency_to_frame_ms"]["median"] > 0
+        assert graph["cpu_ms_per_frame"] > 0 and graph["peak_rss_mb"] > 0
+    for aim in report["aims"]:
+        assert aim["holds"] in (True, False, None) and aim["what"], aim
+
+
+if __name__ == "__main__":
+    check(pathlib.Path(sys.argv[1]), int(sys.argv[2]), [float(rate) for rate in sys.argv[3:]])

@@ -1,0 +1,38 @@
+#include "ground_scale_vo/dataset/image_reader.hpp"
+
+#include <chrono>
+#include <utility>
+
+#include "ground_scale_vo/dataset/process_usage.hpp"
+
+namespace ground_scale_vo {
+
+ImageReader::ImageReader(std::size_t size, Read read, bool ahead)
+    : size_(size),
+      read_(std::move(read)),
+      policy_(ahead ? std::launch::async : std::launch::deferred) {
+  start();
+}
+
+void ImageReader::start() {
+  if (index_ >= size_) return;
+  under_way_ = std::async(policy_, [this, i = index_] {
+    const auto begin = std::chrono::steady_clock::now();
+    const double cpu_begin = threadCpuMs();
+    Image result;
+    result.image = read_(i);
+    result.decode_cpu_ms = threadCpuMs() - cpu_begin;
+    result.decode_ms =
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    return result;
+  });
+}
+
+ImageReader::Image ImageReader::next() {
+  Image image = under_way_.get();
+  ++index_;
+  start();
+  return image;
+}
+
+}  // namespace ground_scale_vo

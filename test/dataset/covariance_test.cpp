@@ -121,9 +121,9 @@ TEST(Covariance, IsAsLargeAsTheErrorAlongTheWay) {
     since_scale.push_back(ends->since_scale.ratio());
   }
   std::printf("rms of the ratio: %.2f, since the first scale %.2f\n", rms(whole), rms(since_scale));
-  // 1 is right, and eight drives tell it to within a factor of two. OPEN: the aim is 0.3 to 2, these
-  // are 0.24 and 0.18, so on easy drives sigma is too large: a young map's scale is said to be
-  // uncertain by some per cent, because on hard ones it is.
+  // 1 is right, and eight drives tell it to within a factor of two. OPEN: the aim is 0.3 to 2,
+  // these are 0.24 and 0.18, so on easy drives sigma is too large: a young map's scale is said to
+  // be uncertain by some per cent, because on hard ones it is.
   for (const double ratio : {rms(whole), rms(since_scale)}) {
     EXPECT_GT(ratio, 0.12);
     EXPECT_LT(ratio, 2);

@@ -143,8 +143,9 @@ struct RealSequence {
   Bar height_bias;                   // [%], its size
 };
 
-// Within 2 sigma: the aim is 0.85 to 0.99. OPEN: 1.00 of kitti_05 and kitti_06, whose 30 and 45 frames
-// with a true scale are some six independent ones: that none of them is outside says nothing.
+// Within 2 sigma: the aim is 0.85 to 0.99. OPEN: 1.00 of kitti_05 and kitti_06, whose 30 and 45
+// frames with a true scale are some six independent ones: that none of them is outside says
+// nothing.
 // clang-format off
 const RealSequence kRealSequences[] = {
     // name                  rle   t_err    r_err    true    sim3    peers   within 2 sigma  height

@@ -224,7 +224,6 @@ TEST(ScaleFilter, PixelsInAWrongValleyDoNotSilenceThePoints) {
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
   EXPECT_LT(way, 20);
-
 }
 
 TEST(ScaleFilter, PointsOnAPavementDoNotTakeOver) {

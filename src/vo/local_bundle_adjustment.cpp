@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kMinDepthRatio = 1e-3;  // depth in the observer over depth in the anchor
 constexpr std::size_t kMinPoints = 10;
+constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 constexpr double kFirstDamping = 1e-4;   // added to the diagonal, as a share of it
 constexpr double kMinDiagonal = 1e-6;    // the share is of at least this
 constexpr double kMinGain = 1e-3;        // decrease of the cost over the model's, of a good step
@@ -54,7 +55,7 @@ Matrix6d adjoint(const Eigen::Isometry3d& T_o_a) {
 struct LocalBundleAdjustment::Problem {
   /// A keyframe that sees a point. Of the anchor only the coupling counts.
   struct View {
-    std::size_t keyframe;
+    std::size_t keyframe, pair;
     Eigen::Vector2d x;
     double weight;      // 1 / sigma
     Vector6d coupling;  // block of the Hessian between the keyframe's pose and the point's depth
@@ -71,6 +72,7 @@ struct LocalBundleAdjustment::Problem {
   };
   /// Sums over all points of one anchor that one keyframe sees, for the pose of the latter.
   struct Pair {
+    std::size_t observer, anchor;
     Eigen::Isometry3d T_o_a;
     Matrix6d hessian;
     Vector6d gradient;
@@ -83,13 +85,11 @@ struct LocalBundleAdjustment::Problem {
   bool usable = false;
 
   std::vector<Pair> pairs;
+  std::vector<std::size_t> pair_of;  // by observer, then anchor; kNone: no point needs it
   Eigen::MatrixXd hessian, reduced;  // of the poses; lower triangles
   Eigen::VectorXd gradient, step;
 
   std::size_t keyframes() const { return state.T_w_c.size(); }
-  Pair& pair(std::size_t observer, std::size_t anchor) {
-    return pairs[observer * keyframes() + anchor];
-  }
   Eigen::Index row(std::size_t keyframe) const {
     return static_cast<Eigen::Index>(6 * (keyframe - held));
   }
@@ -97,6 +97,7 @@ struct LocalBundleAdjustment::Problem {
   void load(const LocalMap& map, std::size_t window) {
     points.clear();
     views.clear();
+    pairs.clear();
     state.T_w_c.clear();
     state.inverse_depth.clear();
     usable = false;
@@ -104,11 +105,10 @@ struct LocalBundleAdjustment::Problem {
 
     for (const Keyframe& keyframe : map.keyframes()) state.T_w_c.push_back(keyframe.T_w_c);
     held = keyframes() > window ? keyframes() - window : 1;
-    pairs.resize(keyframes() * keyframes());
+    pair_of.assign(keyframes() * keyframes(), kNone);
     const Eigen::Index rows = row(keyframes());
     hessian.resize(rows, rows);
     gradient.resize(rows);
-    relate(state);
 
     const std::uint32_t first_id = map.keyframes().front().id;
     for (const auto& [id, landmark] : map.landmarks()) {
@@ -119,13 +119,14 @@ struct LocalBundleAdjustment::Problem {
       const std::size_t begin = views.size();
       for (const Observation& o : observations) {
         const std::size_t keyframe = o.keyframe - first_id;
+        std::size_t pair = kNone;
         if (views.size() > begin) {
+          pair = pairOf(keyframe, views[begin].keyframe);
           // A start behind a camera has no way to its front; such an observation does not count.
-          const RayProjection seen =
-              projectOnRay(ray, landmark.depth->value, pair(keyframe, views[begin].keyframe).T_o_a);
+          const RayProjection seen = projectOnRay(ray, landmark.depth->value, pairs[pair].T_o_a);
           if (seen.p.z() < kMinDepthRatio) continue;
         }
-        views.push_back({keyframe, o.x, 1 / o.sigma, Vector6d::Zero()});
+        views.push_back({keyframe, pair, o.x, 1 / o.sigma, Vector6d::Zero()});
       }
       if (views.size() < begin + 2) {
         views.resize(begin);
@@ -136,22 +137,27 @@ struct LocalBundleAdjustment::Problem {
     }
   }
 
-  void relate(const State& of) {
-    for (std::size_t o = 1; o < keyframes(); ++o) {
-      const Eigen::Isometry3d T_o_w = of.T_w_c[o].inverse();
-      for (std::size_t a = 0; a < o; ++a) pair(o, a).T_o_a = T_o_w * of.T_w_c[a];
+  std::size_t pairOf(std::size_t observer, std::size_t anchor) {
+    std::size_t& pair = pair_of[observer * keyframes() + anchor];
+    if (pair == kNone) {
+      pair = pairs.size();
+      pairs.push_back({observer, anchor, state.T_w_c[observer].inverse() * state.T_w_c[anchor],
+                       Matrix6d::Zero(), Vector6d::Zero()});
     }
+    return pair;
   }
 
   /// Half the robust sum of squares; infinite when a point comes behind a camera. Leaves the pairs'
   /// poses as they are in this state.
   double cost(const State& of, double huber) {
-    relate(of);
+    for (Pair& pair : pairs) {
+      pair.T_o_a = of.T_w_c[pair.observer].inverse() * of.T_w_c[pair.anchor];
+    }
     double sum = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Point& point = points[i];
       for (std::size_t k = point.begin + 1; k < point.end; ++k) {
-        const Eigen::Isometry3d& T_o_a = pair(views[k].keyframe, views[point.begin].keyframe).T_o_a;
+        const Eigen::Isometry3d& T_o_a = pairs[views[k].pair].T_o_a;
         const Eigen::Vector3d q =
             T_o_a.linear() * point.ray + of.inverse_depth[i] * T_o_a.translation();
         if (q.z() < 0.1 * kMinDepthRatio) return std::numeric_limits<double>::infinity();
@@ -176,7 +182,7 @@ struct LocalBundleAdjustment::Problem {
       Eigen::Vector3d pull = Eigen::Vector3d::Zero();
       for (std::size_t k = point.begin + 1; k < point.end; ++k) {
         View& view = views[k];
-        Pair& p = pair(view.keyframe, anchor.keyframe);
+        Pair& p = pairs[view.pair];
         const Eigen::Vector3d& t = p.T_o_a.translation();
         const Eigen::Vector3d q = p.T_o_a.linear() * point.ray + rho * t;
         const Eigen::Vector2d u = q.head<2>() / q.z();
@@ -205,17 +211,17 @@ struct LocalBundleAdjustment::Problem {
 
     hessian.setZero();
     gradient.setZero();
-    for (std::size_t o = held; o < keyframes(); ++o) {
-      for (std::size_t a = 0; a < o; ++a) {
-        const Pair& p = pair(o, a);
-        hessian.block<6, 6>(row(o), row(o)) += p.hessian;
-        gradient.segment<6>(row(o)) += p.gradient;
-        if (a < held) continue;
-        const Matrix6d A = adjoint(p.T_o_a), HA = p.hessian * A;
-        hessian.block<6, 6>(row(o), row(a)) -= HA;
-        hessian.block<6, 6>(row(a), row(a)).noalias() += A.transpose() * HA;
-        gradient.segment<6>(row(a)).noalias() -= A.transpose() * p.gradient;
-      }
+    for (const Pair& p : pairs) {
+      if (p.observer < held) continue;
+      const Eigen::Index o = row(p.observer);
+      hessian.block<6, 6>(o, o) += p.hessian;
+      gradient.segment<6>(o) += p.gradient;
+      if (p.anchor < held) continue;
+      const Eigen::Index a = row(p.anchor);
+      const Matrix6d A = adjoint(p.T_o_a), HA = p.hessian * A;
+      hessian.block<6, 6>(o, a) -= HA;
+      hessian.block<6, 6>(a, a).noalias() += A.transpose() * HA;
+      gradient.segment<6>(a).noalias() -= A.transpose() * p.gradient;
     }
   }
 

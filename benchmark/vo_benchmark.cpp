@@ -18,12 +18,13 @@
 namespace ground_scale_vo {
 namespace {
 
+using test::drive;
+using test::kNoise;
 using test::normalised;
 using test::pose;
 using test::randomPoints;
 
-constexpr double kNoise = 0.0008;  // [focal lengths]
-constexpr int kWidth = 1241;       // KITTI's images
+constexpr int kWidth = 1241;  // KITTI's images
 constexpr double kAspect = 376.0 / 1241.0;
 
 /// Corners everywhere. dx, dy: shifted by so many pixels.
@@ -142,7 +143,7 @@ void bundleAdjustment(benchmark::State& state) {
   map_options.keyframes = 2 * window;
   LocalMap map(map_options);
   for (int k = 0; k < 2 * window; ++k) {
-    const Eigen::Isometry3d T_w_c = pose({0, 0.01 * k, 0}, {0.1 * k, 0, 0.8 * k});
+    const Eigen::Isometry3d T_w_c = drive(k);
     std::vector<LocalMap::Corner> corners;
     for (std::size_t i = 0; i < world.size(); ++i) {
       const Eigen::Vector2d e(error(generator), error(generator));
@@ -154,7 +155,7 @@ void bundleAdjustment(benchmark::State& state) {
   map.triangulateNew();
   LocalBundleAdjustment::Options options;
   options.window = window;
-  const LocalBundleAdjustment adjustment(options);
+  LocalBundleAdjustment adjustment(options);
   int residuals = 0;
   for (auto _ : state) {
     state.PauseTiming();

@@ -1,10 +1,13 @@
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 
-#include <ceres/ceres.h>
-
-#include <array>
+#include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
-#include <memory>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "ground_scale_vo/error.hpp"
 
@@ -12,10 +15,15 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kMinDepthRatio = 1e-3;  // depth in the observer over depth in the anchor
+constexpr std::size_t kMinPoints = 10;
+constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+constexpr double kFirstDamping = 1e-4;   // added to the diagonal, as a share of it
+constexpr double kMinDiagonal = 1e-6;    // the share is of at least this
+constexpr double kMinGain = 1e-3;        // decrease of the cost over the model's, of a good step
+constexpr double kCostTolerance = 1e-6;  // a smaller relative change is the last
 
-/// Rotation vector, then translation, of T_r_c in the frame r of the newest keyframe: rotations
-/// stay far from the vector's singularity at a whole turn.
-using PoseParameters = std::array<double, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
   Eigen::Matrix3d m;
@@ -23,177 +31,337 @@ Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
   return m;
 }
 
-Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
-  const double angle = w.norm();
-  if (angle < 1e-12) return Eigen::Matrix3d::Identity() + skew(w);
-  return Eigen::AngleAxisd(angle, w / angle).toRotationMatrix();
-}
-
-/// exp(w + d) = exp(w) exp(Jr(w) d) for small d.
-Eigen::Matrix3d rightJacobian(const Eigen::Vector3d& w) {
-  const double angle2 = w.squaredNorm(), angle = std::sqrt(angle2);
-  const Eigen::Matrix3d W = skew(w);
-  if (angle < 1e-6) return Eigen::Matrix3d::Identity() - 0.5 * W + W * W / 6.0;
-  return Eigen::Matrix3d::Identity() - (1 - std::cos(angle)) / angle2 * W +
-         (angle - std::sin(angle)) / (angle2 * angle) * W * W;
-}
-
-/// Residual of one observation. With y = R_a ray + rho (t_a - t_o), the point seen from camera o is
-/// q = R_o^T y up to scale, and the residual is (q_xy / q_z - x) / sigma.
-class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 6, 1> {
- public:
-  ReprojectionCost(const Eigen::Vector3d& ray, const Observation& observation)
-      : ray_(ray), x_(observation.x), weight_(1 / observation.sigma) {}
-
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const Eigen::Map<const Eigen::Vector3d> w_a(parameters[0]), t_a(parameters[0] + 3);
-    const Eigen::Map<const Eigen::Vector3d> w_o(parameters[1]), t_o(parameters[1] + 3);
-    const double rho = parameters[2][0];
-    const Eigen::Matrix3d R_a = rotation(w_a);
-    const Eigen::Matrix3d R_o_T = rotation(w_o).transpose();
-    const Eigen::Vector3d y = R_a * ray_ + rho * (t_a - t_o);
-    const Eigen::Vector3d q = R_o_T * y;
-    if (q.z() < 0.1 * kMinDepthRatio) return false;
-
-    Eigen::Map<Eigen::Vector2d> r(residuals);
-    r = weight_ * (q.head<2>() / q.z() - x_);
-    if (!jacobians) return true;
-
-    Eigen::Matrix<double, 2, 3> P;
-    P << 1 / q.z(), 0, -q.x() / (q.z() * q.z()), 0, 1 / q.z(), -q.y() / (q.z() * q.z());
-    const Eigen::Matrix<double, 2, 3> PR = weight_ * P * R_o_T;
-    using Jacobian26 = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
-    if (jacobians[0]) {
-      Eigen::Map<Jacobian26> J(jacobians[0]);
-      J.leftCols<3>() = -PR * R_a * skew(ray_) * rightJacobian(w_a);
-      J.rightCols<3>() = rho * PR;
-    }
-    if (jacobians[1]) {
-      Eigen::Map<Jacobian26> J(jacobians[1]);
-      J.leftCols<3>() = PR * skew(y) * rightJacobian(-w_o);
-      J.rightCols<3>() = -rho * PR;
-    }
-    if (jacobians[2]) {
-      Eigen::Map<Eigen::Vector2d> J(jacobians[2]);
-      J = PR * (t_a - t_o);
-    }
-    return true;
-  }
-
- private:
-  Eigen::Vector3d ray_;
-  Eigen::Vector2d x_;
-  double weight_;
-};
-
-PoseParameters toParameters(const Eigen::Isometry3d& T) {
-  const Eigen::AngleAxisd aa(T.linear());
-  const Eigen::Vector3d w = aa.angle() * aa.axis(), t = T.translation();
-  return {w.x(), w.y(), w.z(), t.x(), t.y(), t.z()};
-}
-
-Eigen::Isometry3d toPose(const PoseParameters& p) {
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = rotation({p[0], p[1], p[2]});
-  T.translation() = Eigen::Vector3d(p[3], p[4], p[5]);
+/// An increment (w, v) of the pose in its own camera.
+Eigen::Isometry3d moved(const Eigen::Isometry3d& T_w_c, const Vector6d& increment) {
+  Eigen::Isometry3d T = T_w_c;
+  T.translation() += T_w_c.linear() * increment.tail<3>();
+  const double angle = increment.head<3>().norm();
+  if (angle > 0) T.rotate(Eigen::AngleAxisd(angle, increment.head<3>() / angle));
   return T;
 }
 
+/// Increments of a's pose, seen as increments of o's: the residual of o moves as if o's pose had
+/// been incremented by minus this matrix times the increment of a's.
+Matrix6d adjoint(const Eigen::Isometry3d& T_o_a) {
+  Matrix6d m;
+  m << T_o_a.linear(), Eigen::Matrix3d::Zero(), skew(T_o_a.translation()) * T_o_a.linear(),
+      T_o_a.linear();
+  return m;
+}
+
 }  // namespace
+
+/// Blocks of six rows belong to the keyframes from `held` on.
+struct LocalBundleAdjustment::Problem {
+  /// A keyframe that sees a point. Of the anchor only the coupling counts.
+  struct View {
+    std::size_t keyframe, pair;
+    Eigen::Vector2d x;
+    double weight;      // 1 / sigma
+    Vector6d coupling;  // block of the Hessian between the keyframe's pose and the point's depth
+  };
+  struct Point {
+    std::uint64_t id;
+    Eigen::Vector3d ray;
+    std::size_t begin, end;  // of its views, by keyframe; the first is the anchor's
+    double hessian, gradient;
+  };
+  struct State {
+    std::vector<Eigen::Isometry3d> T_w_c;
+    std::vector<double> inverse_depth;
+  };
+  /// Sums over all points of one anchor that one keyframe sees, for the pose of the latter.
+  struct Pair {
+    std::size_t observer, anchor;
+    Eigen::Isometry3d T_o_a;
+    Matrix6d hessian;
+    Vector6d gradient;
+  };
+
+  std::size_t held = 0;
+  std::vector<Point> points;
+  std::vector<View> views;
+  State state, candidate;
+  bool usable = false;
+
+  std::vector<Pair> pairs;
+  std::vector<std::size_t> pair_of;  // by observer, then anchor; kNone: no point needs it
+  Eigen::MatrixXd hessian, reduced;  // of the poses; lower triangles
+  Eigen::VectorXd gradient, step;
+
+  std::size_t keyframes() const { return state.T_w_c.size(); }
+  Eigen::Index row(std::size_t keyframe) const {
+    return static_cast<Eigen::Index>(6 * (keyframe - held));
+  }
+
+  void load(const LocalMap& map, std::size_t window) {
+    points.clear();
+    views.clear();
+    pairs.clear();
+    state.T_w_c.clear();
+    state.inverse_depth.clear();
+    usable = false;
+    if (map.keyframes().size() < 2) return;
+
+    for (const Keyframe& keyframe : map.keyframes()) state.T_w_c.push_back(keyframe.T_w_c);
+    held = keyframes() > window ? keyframes() - window : 1;
+    pair_of.assign(keyframes() * keyframes(), kNone);
+    const Eigen::Index rows = row(keyframes());
+    hessian.resize(rows, rows);
+    gradient.resize(rows);
+
+    const std::uint32_t first_id = map.keyframes().front().id;
+    for (const auto& [id, landmark] : map.landmarks()) {
+      const auto& observations = landmark.observations;
+      if (!landmark.depth || observations.size() < 2) continue;
+      if (observations.back().keyframe - first_id < held) continue;
+      const Eigen::Vector3d ray = landmark.ray();
+      const std::size_t begin = views.size();
+      for (const Observation& o : observations) {
+        const std::size_t keyframe = o.keyframe - first_id;
+        std::size_t pair = kNone;
+        if (views.size() > begin) {
+          pair = pairOf(keyframe, views[begin].keyframe);
+          // A start behind a camera has no way to its front; such an observation does not count.
+          const RayProjection seen = projectOnRay(ray, landmark.depth->value, pairs[pair].T_o_a);
+          if (seen.p.z() < kMinDepthRatio) continue;
+        }
+        views.push_back({keyframe, pair, o.x, 1 / o.sigma, Vector6d::Zero()});
+      }
+      if (views.size() < begin + 2) {
+        views.resize(begin);
+        continue;
+      }
+      points.push_back({id, ray, begin, views.size(), 0, 0});
+      state.inverse_depth.push_back(landmark.depth->value);
+    }
+  }
+
+  std::size_t pairOf(std::size_t observer, std::size_t anchor) {
+    std::size_t& pair = pair_of[observer * keyframes() + anchor];
+    if (pair == kNone) {
+      pair = pairs.size();
+      pairs.push_back({observer, anchor, state.T_w_c[observer].inverse() * state.T_w_c[anchor],
+                       Matrix6d::Zero(), Vector6d::Zero()});
+    }
+    return pair;
+  }
+
+  /// Half the robust sum of squares; infinite when a point comes behind a camera. Leaves the pairs'
+  /// poses as they are in this state.
+  double cost(const State& of, double huber) {
+    for (Pair& pair : pairs) {
+      pair.T_o_a = of.T_w_c[pair.observer].inverse() * of.T_w_c[pair.anchor];
+    }
+    double sum = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Point& point = points[i];
+      for (std::size_t k = point.begin + 1; k < point.end; ++k) {
+        const Eigen::Isometry3d& T_o_a = pairs[views[k].pair].T_o_a;
+        const Eigen::Vector3d q =
+            T_o_a.linear() * point.ray + of.inverse_depth[i] * T_o_a.translation();
+        if (q.z() < 0.1 * kMinDepthRatio) return std::numeric_limits<double>::infinity();
+        const double r = views[k].weight * (q.head<2>() / q.z() - views[k].x).norm();
+        sum += r > huber ? huber * (2 * r - huber) : r * r;
+      }
+    }
+    return 0.5 * sum;
+  }
+
+  /// Gradient and Gauss-Newton Hessian of cost(state), which was computed last.
+  void linearise(double huber) {
+    for (Pair& p : pairs) {
+      p.hessian.setZero();
+      p.gradient.setZero();
+    }
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      Point& point = points[i];
+      View& anchor = views[point.begin];
+      const double rho = state.inverse_depth[i];
+      point.hessian = point.gradient = 0;
+      Eigen::Vector3d pull = Eigen::Vector3d::Zero();
+      for (std::size_t k = point.begin + 1; k < point.end; ++k) {
+        View& view = views[k];
+        Pair& p = pairs[view.pair];
+        const Eigen::Vector3d& t = p.T_o_a.translation();
+        const Eigen::Vector3d q = p.T_o_a.linear() * point.ray + rho * t;
+        const Eigen::Vector2d u = q.head<2>() / q.z();
+        Eigen::Vector2d r = view.weight * (u - view.x);
+        const double norm = r.norm();
+        const double robust = norm > huber ? std::sqrt(huber / norm) : 1;
+        r *= robust;
+        const double m = robust * view.weight, m_z = m / q.z();
+        Eigen::Matrix<double, 2, 3> P;  // of the residual over q
+        P << m_z, 0, -m_z * u.x(), 0, m_z, -m_z * u.y();
+        const Eigen::Vector2d j = P * t;  // over rho
+        point.hessian += j.squaredNorm();
+        point.gradient += j.dot(r);
+        if (view.keyframe < held) continue;
+        Eigen::Matrix<double, 2, 6> J;  // over the observer's pose: P [skew(q), -rho I]
+        J.leftCols<3>() << m * u.x() * u.y(), -m * (1 + u.x() * u.x()), m * u.y(),
+            m * (1 + u.y() * u.y()), -m * u.x() * u.y(), -m * u.x();
+        J.rightCols<3>() = -rho * P;
+        p.hessian.noalias() += J.transpose() * J;
+        p.gradient.noalias() += J.transpose() * r;
+        view.coupling.noalias() = J.transpose() * j;
+        pull.noalias() += p.T_o_a.linear().transpose() * (P.transpose() * j);
+      }
+      anchor.coupling << point.ray.cross(pull), rho * pull;
+    }
+
+    hessian.setZero();
+    gradient.setZero();
+    for (const Pair& p : pairs) {
+      if (p.observer < held) continue;
+      const Eigen::Index o = row(p.observer);
+      hessian.block<6, 6>(o, o) += p.hessian;
+      gradient.segment<6>(o) += p.gradient;
+      if (p.anchor < held) continue;
+      const Eigen::Index a = row(p.anchor);
+      const Matrix6d A = adjoint(p.T_o_a), HA = p.hessian * A;
+      hessian.block<6, 6>(o, a) -= HA;
+      hessian.block<6, 6>(a, a).noalias() += A.transpose() * HA;
+      gradient.segment<6>(a).noalias() -= A.transpose() * p.gradient;
+    }
+  }
+
+  static double damped(double diagonal, double damping) {
+    return damping * std::max(diagonal, kMinDiagonal);
+  }
+
+  /// Fills the candidate with the minimum of the damped model. Returns by how much the model
+  /// without damping decreases; empty when the equations have no solution.
+  std::optional<double> makeStep(double damping) {
+    reduced = hessian;
+    step = -gradient;
+    for (Eigen::Index i = 0; i < step.size(); ++i) reduced(i, i) += damped(hessian(i, i), damping);
+    for (const Point& point : points) {
+      const double h = point.hessian + damped(point.hessian, damping);
+      for (std::size_t a = point.begin; a < point.end; ++a) {
+        if (views[a].keyframe < held) continue;
+        const Vector6d e = views[a].coupling / h;
+        step.segment<6>(row(views[a].keyframe)) += point.gradient * e;
+        for (std::size_t b = a; b < point.end; ++b) {
+          reduced.block<6, 6>(row(views[b].keyframe), row(views[a].keyframe)).noalias() -=
+              views[b].coupling * e.transpose();
+        }
+      }
+    }
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(reduced);  // in place
+    if (cholesky.info() != Eigen::Success) return std::nullopt;
+    cholesky.solveInPlace(step);
+    if (!step.allFinite()) return std::nullopt;
+
+    // With (H + D) s = -g the model changes by g s + s H s / 2 = (g s - s D s) / 2.
+    double decrease = 0;
+    for (Eigen::Index i = 0; i < step.size(); ++i) {
+      decrease += 0.5 * step(i) * (damped(hessian(i, i), damping) * step(i) - gradient(i));
+    }
+    candidate = state;
+    for (std::size_t k = held; k < keyframes(); ++k) {
+      candidate.T_w_c[k] = moved(state.T_w_c[k], step.segment<6>(row(k)));
+    }
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Point& point = points[i];
+      double slope = point.gradient;
+      for (std::size_t k = point.begin; k < point.end; ++k) {
+        if (views[k].keyframe < held) continue;
+        slope += views[k].coupling.dot(step.segment<6>(row(views[k].keyframe)));
+      }
+      const double d = damped(point.hessian, damping), s = -slope / (point.hessian + d);
+      decrease += 0.5 * s * (d * s - point.gradient);
+      candidate.inverse_depth[i] += s;
+    }
+    return decrease;
+  }
+
+  /// The way from the first keyframe to the newest.
+  Eigen::Vector3d way() const {
+    return state.T_w_c.back().translation() - state.T_w_c.front().translation();
+  }
+
+  void stretch(double factor) {
+    const Eigen::Vector3d origin = state.T_w_c.front().translation();
+    for (Eigen::Isometry3d& T : state.T_w_c) {
+      T.translation() = origin + factor * (T.translation() - origin);
+    }
+    for (double& rho : state.inverse_depth) rho /= factor;
+  }
+
+  Result solve(int max_iterations, double huber) {
+    if (points.size() < kMinPoints) return {};
+    const double length = way().norm();
+    double now = cost(state, huber);
+    if (!std::isfinite(now)) return {};
+    linearise(huber);
+
+    // The damping follows the gain: Nielsen's rule.
+    double damping = kFirstDamping, growth = 2;
+    for (int iteration = 1; iteration <= max_iterations; ++iteration) {
+      const auto decrease = makeStep(damping);
+      usable = usable || decrease;
+      const double then =
+          decrease ? cost(candidate, huber) : std::numeric_limits<double>::infinity();
+      const bool settled = std::abs(now - then) <= kCostTolerance * now;
+      const double gain = decrease ? (now - then) / *decrease : 0;
+      if (gain > kMinGain) {
+        std::swap(state, candidate);
+        now = then;
+        damping *= std::max(1.0 / 3, 1 - std::pow(2 * gain - 1, 3));
+        growth = 2;
+      } else {
+        damping *= growth;
+        growth *= 2;
+      }
+      if (settled) break;
+      if (gain > kMinGain && iteration < max_iterations) linearise(huber);
+    }
+    if (!usable) return {};
+
+    if (held < 2) {
+      const double adjusted_length = way().norm();
+      if (length > 0 && adjusted_length > 0) stretch(length / adjusted_length);
+    }
+    Result result;
+    result.usable = true;
+    result.residuals = static_cast<int>(2 * (views.size() - points.size()));
+    result.rms_sigma = std::sqrt(2 * now / std::max(1, result.residuals));
+    return result;
+  }
+
+  void store(LocalMap* map) const {
+    if (!usable) return;
+    for (std::size_t k = held; k < keyframes(); ++k) map->keyframes()[k].T_w_c = state.T_w_c[k];
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      map->find(points[i].id)->depth->value = state.inverse_depth[i];
+    }
+  }
+};
 
 void LocalBundleAdjustment::Options::validate() const {
   describe(*this, RangeCheck("bundle_adjustment/"));
 }
 
-LocalBundleAdjustment::LocalBundleAdjustment(const Options& options) : options_(options) {
-  options_.validate();
-}
+LocalBundleAdjustment::LocalBundleAdjustment(const Options& options)
+    : options_((options.validate(), options)), problem_(std::make_unique<Problem>()) {}
 
-LocalBundleAdjustment::Result LocalBundleAdjustment::adjust(LocalMap* map) const {
-  Result result;
-  std::deque<Keyframe>& keyframes = map->keyframes();
-  if (keyframes.size() < 2) return result;
+LocalBundleAdjustment::~LocalBundleAdjustment() = default;
 
-  const std::size_t window = static_cast<std::size_t>(options_.window);
-  const std::size_t first_free = keyframes.size() > window ? keyframes.size() - window : 1;
-  const std::uint32_t first_id = keyframes.front().id;
-  const Eigen::Isometry3d T_w_r = keyframes.back().T_w_c;
-  std::vector<PoseParameters> poses;
-  for (const Keyframe& keyframe : keyframes) {
-    poses.push_back(toParameters(T_w_r.inverse() * keyframe.T_w_c));
-  }
-
-  struct Adjusted {
-    Landmark* landmark;
-    double inverse_depth;
-  };
-  std::vector<Adjusted> adjusted;
-  for (auto& [id, landmark] : map->landmarks()) {
-    if (!landmark.depth || landmark.observations.size() < 2) continue;
-    if (landmark.observations.back().keyframe - first_id < first_free) continue;
-    adjusted.push_back({&landmark, landmark.depth->value});
-  }
-  if (adjusted.size() < 10) return result;
-
-  ceres::Problem::Options problem_options;
-  problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::HuberLoss loss(options_.huber_sigma);
-  ceres::Problem problem(problem_options);
-  auto* ordering = new ceres::ParameterBlockOrdering;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    problem.AddParameterBlock(poses[i].data(), 6);
-    ordering->AddElementToGroup(poses[i].data(), 1);
-    if (i < first_free) problem.SetParameterBlockConstant(poses[i].data());
-  }
-  for (Adjusted& a : adjusted) {
-    problem.AddParameterBlock(&a.inverse_depth, 1);
-    ordering->AddElementToGroup(&a.inverse_depth, 0);
-    const auto& observations = a.landmark->observations;
-    const std::size_t anchor = observations.front().keyframe - first_id;
-    for (std::size_t i = 1; i < observations.size(); ++i) {
-      const std::size_t observer = observations[i].keyframe - first_id;
-      // Ceres cannot start behind a camera; removeOutliers() sees to what stays there.
-      const Eigen::Vector3d q =
-          keyframes[observer].T_w_c.inverse() *
-          (keyframes[anchor].T_w_c * Eigen::Vector3d(a.landmark->ray() / a.inverse_depth));
-      if (q.z() < kMinDepthRatio / a.inverse_depth) continue;
-      problem.AddResidualBlock(new ReprojectionCost(a.landmark->ray(), observations[i]), &loss,
-                               poses[anchor].data(), poses[observer].data(), &a.inverse_depth);
-    }
-  }
-  const bool scale_is_free = first_free < 2;
-  const double length =
-      (keyframes.back().T_w_c.translation() - keyframes.front().T_w_c.translation()).norm();
-
-  ceres::Solver::Options solver;
-  solver.linear_solver_type = ceres::DENSE_SCHUR;
-  solver.linear_solver_ordering.reset(ordering);
-  solver.max_num_iterations = options_.max_iterations;
-  solver.num_threads = 1;
-  solver.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable()) return result;
-
-  for (std::size_t i = first_free; i < keyframes.size(); ++i) {
-    keyframes[i].T_w_c = T_w_r * toPose(poses[i]);
-  }
-  double unit = 1;
-  if (scale_is_free) {
-    const Eigen::Vector3d origin = keyframes.front().T_w_c.translation();
-    const double adjusted_length = (keyframes.back().T_w_c.translation() - origin).norm();
-    if (length > 0 && adjusted_length > 0) unit = length / adjusted_length;
-    for (Keyframe& keyframe : keyframes) {
-      keyframe.T_w_c.translation() = origin + unit * (keyframe.T_w_c.translation() - origin);
-    }
-  }
-  for (const Adjusted& a : adjusted) a.landmark->depth->value = a.inverse_depth / unit;
-
-  result.usable = true;
-  result.residuals = summary.num_residuals;
-  result.rms_sigma = std::sqrt(2 * summary.final_cost / std::max(1, summary.num_residuals));
+LocalBundleAdjustment::Result LocalBundleAdjustment::adjust(LocalMap* map) {
+  load(*map);
+  const Result result = solve();
+  store(map);
   return result;
 }
+
+void LocalBundleAdjustment::load(const LocalMap& map) {
+  problem_->load(map, static_cast<std::size_t>(options_.window));
+}
+
+LocalBundleAdjustment::Result LocalBundleAdjustment::solve() {
+  return problem_->solve(options_.max_iterations, options_.huber_sigma);
+}
+
+void LocalBundleAdjustment::store(LocalMap* map) const { problem_->store(map); }
 
 }  // namespace ground_scale_vo

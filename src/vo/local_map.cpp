@@ -17,6 +17,31 @@ double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
   return (p.head<2>() / p.z() - o.x).norm();
 }
 
+/// What the keyframes of a map, as they are now, see on the rays of landmarks' anchors.
+class AnchoredObservations {
+ public:
+  explicit AnchoredObservations(const LocalMap& map) : map_(map) {
+    for (const Keyframe& keyframe : map.keyframes()) T_c_w_.push_back(keyframe.T_w_c.inverse());
+  }
+
+  /// The anchor's own excluded. Valid until the next call.
+  const std::vector<RayObservation>& of(const Landmark& landmark) {
+    const auto& seen = landmark.observations;
+    const std::uint32_t first_id = map_.keyframes().front().id;
+    const Eigen::Isometry3d& T_w_a = map_.keyframe(seen.front().keyframe).T_w_c;
+    observations_.clear();
+    for (auto o = std::next(seen.begin()); o != seen.end(); ++o) {
+      observations_.push_back({T_c_w_[o->keyframe - first_id] * T_w_a, o->x, o->sigma});
+    }
+    return observations_;
+  }
+
+ private:
+  const LocalMap& map_;
+  std::vector<Eigen::Isometry3d> T_c_w_;
+  std::vector<RayObservation> observations_;
+};
+
 }  // namespace
 
 void LocalMap::Options::validate() const { describe(*this, RangeCheck("map/")); }
@@ -74,20 +99,11 @@ void LocalMap::dropOldestKeyframe() {
   keyframes_.pop_front();
 }
 
-std::vector<RayObservation> LocalMap::rayObservations(const Landmark& landmark) const {
-  const Eigen::Isometry3d& T_w_a = keyframe(landmark.observations.front().keyframe).T_w_c;
-  std::vector<RayObservation> result;
-  result.reserve(landmark.observations.size() - 1);
-  for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
-    result.push_back({keyframe(o->keyframe).T_w_c.inverse() * T_w_a, o->x, o->sigma});
-  }
-  return result;
-}
-
 void LocalMap::triangulateNew() {
+  AnchoredObservations anchored(*this);
   for (auto& [id, landmark] : landmarks_) {
     if (landmark.depth || landmark.observations.size() < 2) continue;
-    const auto observations = rayObservations(landmark);
+    const auto& observations = anchored.of(landmark);
     const Eigen::Vector3d ray = landmark.ray();
     const auto depth = triangulate(ray, observations);
     if (!depth || depth->value <= 0) continue;
@@ -100,11 +116,12 @@ void LocalMap::triangulateNew() {
 }
 
 void LocalMap::updateSigmas() {
+  AnchoredObservations anchored(*this);
   for (auto& [id, landmark] : landmarks_) {
     if (!landmark.depth) continue;
     const Eigen::Vector3d ray = landmark.ray();
     double information = 0;
-    for (const RayObservation& o : rayObservations(landmark)) {
+    for (const RayObservation& o : anchored.of(landmark)) {
       const auto [p, slope] = projectOnRay(ray, landmark.depth->value, o.T_c_anchor);
       if (p.z() < 1e-6) continue;
       information += (slope / (p.z() * o.sigma)).squaredNorm();
@@ -119,6 +136,7 @@ void LocalMap::updateSigmas() {
 }
 
 void LocalMap::removeOutliers(double max_error) {
+  AnchoredObservations anchored(*this);
   for (auto it = landmarks_.begin(); it != landmarks_.end();) {
     Landmark& landmark = it->second;
     if (!landmark.depth) {
@@ -130,10 +148,10 @@ void LocalMap::removeOutliers(double max_error) {
       continue;
     }
     const Eigen::Vector3d ray = landmark.ray();
-    const auto errors = rayObservations(landmark);
+    const auto& observations = anchored.of(landmark);
     std::size_t kept = 1;
-    for (std::size_t i = 0; i < errors.size(); ++i) {
-      if (reprojectionError(ray, landmark.depth->value, errors[i]) > max_error) continue;
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      if (reprojectionError(ray, landmark.depth->value, observations[i]) > max_error) continue;
       landmark.observations[kept++] = landmark.observations[i + 1];
     }
     const std::size_t before = landmark.observations.size();

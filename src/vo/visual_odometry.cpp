@@ -115,7 +115,7 @@ struct VisualOdometry::Impl {
   const TwoView two_view;
   const PatchAlignment alignment;
   const PoseEstimation pose_estimation;
-  const LocalBundleAdjustment bundle_adjustment;
+  LocalBundleAdjustment bundle_adjustment;
 
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;
@@ -398,7 +398,9 @@ struct VisualOdometry::Impl {
       const double inverse_depth = motion.inverse_depth_1[i] * unit;
       map.find(found[i].id)->depth = InverseDepth{inverse_depth, inverse_depth};
     }
-    const auto adjusted = adjust(&map);
+    bundle_adjustment.load(map);
+    const auto adjusted = bundle_adjustment.solve();
+    storeAdjusted();
     T_w_c = map.keyframes().back().T_w_c;
 
     // The frames on the way, by their points.
@@ -577,40 +579,33 @@ struct VisualOdometry::Impl {
     }
     // The odometry goes on with the map as it is and takes the adjusted one at a fixed point of the
     // next frame, however long it took: the result does not depend on the machine's speed.
-    adjusting = std::async(std::launch::async, [this, adjusted = Adjusted{map}]() mutable {
+    bundle_adjustment.load(map);
+    adjusting = std::async(std::launch::async, [this] {
+      double ms = 0;
       {
-        Timer timer(&adjusted.ms);
-        adjust(&adjusted.map);
+        Timer timer(&ms);
+        bundle_adjustment.solve();
       }
-      return std::move(adjusted);
+      return ms;
     });
   }
 
-  LocalBundleAdjustment::Result adjust(LocalMap* adjusted) const {
-    const auto result = bundle_adjustment.adjust(adjusted);
-    adjusted->removeOutliers(options.outlier_error);
-    adjusted->updateSigmas();
-    return result;
+  void storeAdjusted() {
+    bundle_adjustment.store(&map);
+    map.removeOutliers(options.outlier_error);
+    map.updateSigmas();
   }
 
-  /// Waits for the bundle adjustment under way, if any, and goes on with its map.
+  /// Waits for the bundle adjustment under way, if any, and goes on with the adjusted map.
   void takeAdjustedMap(Times* times) {
     if (!adjusting.valid()) return;
     Timer timer(&times->adjustment_wait);
-    Adjusted adjusted = adjusting.get();
-    times->bundle_adjustment = adjusted.ms;
-    for (auto& [id, landmark] : adjusted.map.landmarks()) {
-      if (const Landmark* now = map.find(id)) landmark.outlier_count = now->outlier_count;
-    }
+    times->bundle_adjustment = adjusting.get();
     const Eigen::Isometry3d before = map.keyframes().back().T_w_c;
-    map = std::move(adjusted.map);
+    storeAdjusted();
     T_w_c = map.keyframes().back().T_w_c * before.inverse() * T_w_c;
   }
-  struct Adjusted {
-    LocalMap map;
-    double ms = 0;
-  };
-  std::future<Adjusted> adjusting;
+  std::future<double> adjusting;  // [ms] that it took
 
   void lose(ImagePyramid image, std::int64_t stamp_ns, std::size_t found, Output* out) {
     status = VoStatus::kLost;

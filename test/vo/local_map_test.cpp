@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "ground_scale_vo/vo/pose_estimation.hpp"
 #include "scene.hpp"
 
@@ -11,35 +10,15 @@ namespace ground_scale_vo {
 namespace {
 
 using test::angleBetween;
+using test::drive;
+using test::kNoise;
 using test::normalised;
 using test::pose;
-using test::randomPoints;
+using test::see;
 
 constexpr int kPoints = 300;
-constexpr double kNoise = 0.0008;
 
-std::vector<Eigen::Vector3d> farPoints() {
-  auto points = randomPoints(kPoints, 21);
-  for (auto& p : points) p.z() += 12;  // stays in front all the way
-  return points;
-}
-
-Eigen::Isometry3d drive(int keyframe) {
-  return pose({0, 0.01 * keyframe, 0}, {0.1 * keyframe, 0, 0.8 * keyframe});
-}
-
-std::vector<LocalMap::Corner> see(const std::vector<Eigen::Vector3d>& points,
-                                  const Eigen::Isometry3d& T_w_c, double noise = 0) {
-  static std::mt19937 generator;
-  generator.seed(31);
-  std::normal_distribution<double> error(0, 1);
-  std::vector<LocalMap::Corner> corners;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Eigen::Vector2d e(error(generator), error(generator));
-    corners.push_back({i, normalised(T_w_c.inverse() * points[i]) + noise * e, kNoise});
-  }
-  return corners;
-}
+std::vector<Eigen::Vector3d> farPoints() { return test::farPoints(kPoints); }
 
 TEST(Triangulation, slopeIsTheDerivativeOfWhereAPointIsSeen) {
   const Eigen::Vector3d ray(0.2, -0.1, 1);
@@ -125,64 +104,6 @@ TEST(LocalMap, removesWrongObservations) {
   EXPECT_EQ(map.find(8)->observations.size(), 5u);
 }
 
-TEST(LocalBundleAdjustment, bringsDisturbedPosesAndDepthsBack) {
-  const auto points = farPoints();
-  LocalMap map({});
-  for (int k = 0; k < 10; ++k) map.addKeyframe(drive(k), see(points, drive(k)));
-  map.triangulateNew();
-  std::mt19937 generator(41);
-  std::normal_distribution<double> error(0, 1);
-  const auto random = [&] {
-    return Eigen::Vector3d(error(generator), error(generator), error(generator));
-  };
-  for (std::size_t k = 3; k < 10; ++k) {
-    Eigen::Isometry3d& T = map.keyframes()[k].T_w_c;
-    T = T * pose(0.003 * random(), 0.02 * random());
-  }
-  for (auto& [id, landmark] : map.landmarks()) {
-    if (landmark.depth) landmark.depth->value *= 1 + 0.05 * error(generator);
-  }
-  LocalBundleAdjustment::Options options;
-  options.max_iterations = 30;
-  const auto result = LocalBundleAdjustment(options).adjust(&map);
-  ASSERT_TRUE(result.usable);
-  EXPECT_LT(result.rms_sigma, 1e-2);
-  for (int k = 0; k < 10; ++k) {
-    const Eigen::Isometry3d& T = map.keyframe(static_cast<std::uint32_t>(k)).T_w_c;
-    EXPECT_LT(angleBetween(T, drive(k)), 1e-5);
-    EXPECT_LT((T.translation() - drive(k).translation()).norm(), 1e-4);
-  }
-}
-
-TEST(LocalBundleAdjustment, residualsAreOneSigmaWhenTheNoiseIs) {
-  const auto points = farPoints();
-  LocalMap map({});
-  LocalBundleAdjustment::Options options;
-  std::mt19937 seeds(1);
-  for (int k = 0; k < 8; ++k) {
-    auto corners = see(points, drive(k));
-    std::normal_distribution<double> noise(0, kNoise);
-    for (auto& corner : corners) corner.x += Eigen::Vector2d(noise(seeds), noise(seeds));
-    map.addKeyframe(drive(k), corners);
-  }
-  map.triangulateNew();
-  options.huber_sigma = 100;
-  const auto result = LocalBundleAdjustment(options).adjust(&map);
-  ASSERT_TRUE(result.usable);
-  // The anchor's observation counts as exact, so its noise reappears in the others.
-  EXPECT_GT(result.rms_sigma, 0.8);
-  EXPECT_LT(result.rms_sigma, 1.8);
-}
-
-TEST(LocalBundleAdjustment, leavesAnEmptyMapAlone) {
-  LocalMap map({});
-  EXPECT_FALSE(LocalBundleAdjustment({}).adjust(&map).usable);
-  map.addKeyframe(drive(0), {});
-  map.addKeyframe(drive(1), {});
-  EXPECT_FALSE(LocalBundleAdjustment({}).adjust(&map).usable);
-  EXPECT_EQ(map.keyframes().back().T_w_c.matrix(), drive(1).matrix());
-}
-
 std::vector<PointObservation> observe(const Eigen::Isometry3d& T_w_c, double noise) {
   std::mt19937 generator(51);
   std::normal_distribution<double> error(0, noise > 0 ? noise : 1);
@@ -252,9 +173,6 @@ TEST(VoOptions, outOfRangeIsRefused) {
   LocalMap::Options map;
   map.keyframes = 1;
   EXPECT_THROW(LocalMap{map}, OptionError);
-  LocalBundleAdjustment::Options adjustment;
-  adjustment.window = 0;
-  EXPECT_THROW(LocalBundleAdjustment{adjustment}, OptionError);
   PoseEstimation::Options estimation;
   estimation.min_inliers = 2;
   EXPECT_THROW(PoseEstimation{estimation}, OptionError);

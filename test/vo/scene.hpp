@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/vo/local_map.hpp"
 
 namespace ground_scale_vo::test {
 
@@ -50,5 +51,30 @@ inline std::vector<Eigen::Vector3d> roadPoints(int n, unsigned seed) {
 }
 
 inline Eigen::Vector2d normalised(const Eigen::Vector3d& p_c) { return p_c.head<2>() / p_c.z(); }
+
+/// Standard deviation of what is seen, normalised image coordinates.
+constexpr double kNoise = 0.0008;
+
+/// The pose of a keyframe of a gentle curve.
+inline Eigen::Isometry3d drive(int keyframe) {
+  return pose({0, 0.01 * keyframe, 0}, {0.1 * keyframe, 0, 0.8 * keyframe});
+}
+
+/// Points that stay in front for the first 14 keyframes of that drive.
+inline std::vector<Eigen::Vector3d> farPoints(int n) {
+  auto points = randomPoints(n, 21);
+  for (auto& p : points) p.z() += 12;
+  return points;
+}
+
+/// The points as a keyframe's corners, without noise; ids are indices.
+inline std::vector<LocalMap::Corner> see(const std::vector<Eigen::Vector3d>& points,
+                                         const Eigen::Isometry3d& T_w_c) {
+  std::vector<LocalMap::Corner> corners;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    corners.push_back({i, normalised(T_w_c.inverse() * points[i]), kNoise});
+  }
+  return corners;
+}
 
 }  // namespace ground_scale_vo::test

@@ -104,7 +104,6 @@ class LocalMap {
 
  private:
   void dropOldestKeyframe();
-  std::vector<RayObservation> rayObservations(const Landmark& landmark) const;
 
   Options options_;
   std::deque<Keyframe> keyframes_;

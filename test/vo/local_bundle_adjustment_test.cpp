@@ -1,0 +1,331 @@
+#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+#include "ceres_adjustment.hpp"
+#include "ground_scale_vo/error.hpp"
+#include "scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::angleBetween;
+using test::drive;
+using test::kNoise;
+using test::normalised;
+using test::pose;
+using test::see;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+std::vector<Eigen::Vector3d> farPoints() { return test::farPoints(300); }
+
+/// A map as the odometry's: points come and go, some were seen better than others, a few
+/// observations are wrong, and the newest poses are only roughly known.
+LocalMap randomMap(int keyframes, unsigned seed) {
+  std::mt19937 generator(seed);
+  std::normal_distribution<double> error(0, 1);
+  std::uniform_real_distribution<double> share(0, 1);
+  const auto random = [&](double scale) {
+    return Eigen::Vector3d(scale * error(generator), scale * error(generator),
+                           scale * error(generator));
+  };
+  struct Seen {
+    Eigen::Vector3d p_w;
+    int first, last;
+    double sigma;
+  };
+  std::vector<Seen> world;
+  for (const Eigen::Vector3d& p : test::randomPoints(600, seed)) {
+    const int first = static_cast<int>(share(generator) * keyframes) - 3;
+    const int last = first + 1 + static_cast<int>(share(generator) * 10);
+    const double sigma = share(generator) < 0.6 ? 0.3 * kNoise : kNoise;
+    world.push_back({drive(last) * p, first, last, sigma});
+  }
+  LocalMap map({});
+  for (int k = 0; k < keyframes; ++k) {
+    std::vector<LocalMap::Corner> corners;
+    for (std::size_t i = 0; i < world.size(); ++i) {
+      const Seen& seen = world[i];
+      if (k < seen.first || k > seen.last) continue;
+      const double wrong = share(generator) < 0.03 ? 5 : 1;
+      const Eigen::Vector2d noise = wrong * seen.sigma * random(1).head<2>();
+      corners.push_back({i, normalised(drive(k).inverse() * seen.p_w) + noise, seen.sigma});
+    }
+    map.addKeyframe(drive(k) * pose(random(3e-4), random(3e-3)), corners);
+    map.triangulateNew();
+  }
+  return map;
+}
+
+LocalMap straightMap(int keyframes) {
+  const auto points = farPoints();
+  LocalMap map({});
+  for (int k = 0; k < keyframes; ++k) map.addKeyframe(drive(k), see(points, drive(k)));
+  map.triangulateNew();
+  return map;
+}
+
+/// Largest difference of two places of a keyframe.
+double distance(const LocalMap& a, const LocalMap& b) {
+  double largest = 0;
+  for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
+    const auto difference =
+        a.keyframes()[k].T_w_c.translation() - b.keyframes()[k].T_w_c.translation();
+    largest = std::max(largest, difference.norm());
+  }
+  return largest;
+}
+
+double largestAngle(const LocalMap& a, const LocalMap& b) {
+  double largest = 0;
+  for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
+    largest = std::max(largest, angleBetween(a.keyframes()[k].T_w_c, b.keyframes()[k].T_w_c));
+  }
+  return largest;
+}
+
+/// Largest difference of two depths of a point, in standard deviations.
+double depthDifference(LocalMap a, const LocalMap& b) {
+  a.updateSigmas();
+  double largest = 0;
+  for (const auto& [id, landmark] : b.landmarks()) {
+    if (!landmark.depth) continue;
+    const InverseDepth& other = *a.find(id)->depth;
+    largest = std::max(largest, std::abs(other.value - landmark.depth->value) / other.sigma);
+  }
+  return largest;
+}
+
+void expectUnchanged(const LocalMap& before, const LocalMap& after) {
+  for (std::size_t k = 0; k < before.keyframes().size(); ++k) {
+    const Eigen::Matrix4d a = before.keyframes()[k].T_w_c.matrix();
+    const Eigen::Matrix4d b = after.keyframes()[k].T_w_c.matrix();
+    EXPECT_TRUE(a == b || (a.hasNaN() && b.hasNaN())) << "keyframe " << k;
+  }
+  for (const auto& [id, landmark] : before.landmarks()) {
+    const auto& other = after.landmarks().at(id);
+    ASSERT_EQ(landmark.depth.has_value(), other.depth.has_value());
+    if (!landmark.depth || std::isnan(landmark.depth->value)) continue;
+    EXPECT_EQ(landmark.depth->value, other.depth->value);
+  }
+}
+
+TEST(LocalBundleAdjustment, agreesWithCeres) {
+  for (const int keyframes : {2, 3, 6, 9, 14, 20}) {  // up to 7 leave the scale free
+    for (const int iterations : {1, 2, 4, 50}) {
+      for (const double huber : {0.5, 1.0, 100.0}) {
+        SCOPED_TRACE(testing::Message() << keyframes << " keyframes, " << iterations
+                                        << " iterations, Huber " << huber);
+        LocalBundleAdjustment::Options options;
+        options.max_iterations = iterations;
+        options.huber_sigma = huber;
+        const LocalMap map = randomMap(keyframes, static_cast<unsigned>(10 * keyframes));
+        LocalMap ours = map, reference = map;
+        const auto result = LocalBundleAdjustment(options).adjust(&ours);
+        const auto expected = test::adjustWithCeres(options, &reference);
+        ASSERT_TRUE(result.usable && expected.usable);
+        EXPECT_EQ(result.residuals, expected.residuals);
+        // One step from far off depends a little on how rotations are written.
+        const double rms_tolerance = iterations == 1 ? 2e-3 : 1e-5;
+        EXPECT_NEAR(result.rms_sigma, expected.rms_sigma, rms_tolerance * expected.rms_sigma);
+        EXPECT_LT(distance(ours, reference), 0.02 * distance(map, reference));
+        EXPECT_LT(largestAngle(ours, reference), 0.05 * kNoise);
+        EXPECT_LT(depthDifference(ours, reference), 0.2);
+      }
+    }
+  }
+}
+
+TEST(LocalBundleAdjustment, forgetsTheProblemBefore) {
+  LocalBundleAdjustment kept({});
+  for (const int keyframes : {14, 5, 9, 2, 12}) {
+    const LocalMap map = randomMap(keyframes, 7);
+    LocalMap first = map, again = map;
+    const auto a = LocalBundleAdjustment({}).adjust(&first);
+    const auto b = kept.adjust(&again);
+    ASSERT_TRUE(a.usable && b.usable);
+    EXPECT_EQ(a.rms_sigma, b.rms_sigma);
+    expectUnchanged(first, again);
+    LocalMap empty({});
+    EXPECT_FALSE(kept.adjust(&empty).usable);
+  }
+}
+
+TEST(LocalBundleAdjustment, touchesTheMapOnlyInTheEnd) {
+  const LocalMap before = randomMap(10, 3);
+  LocalMap map = before, expected = before;
+  LocalBundleAdjustment adjustment({});
+  adjustment.store(&map);
+  expectUnchanged(before, map);
+  adjustment.load(map);
+  adjustment.store(&map);
+  expectUnchanged(before, map);
+  ASSERT_TRUE(adjustment.solve().usable);
+  expectUnchanged(before, map);
+  adjustment.store(&map);
+  LocalBundleAdjustment({}).adjust(&expected);
+  expectUnchanged(expected, map);
+}
+
+TEST(LocalBundleAdjustment, bringsDisturbedPosesAndDepthsBack) {
+  const auto points = farPoints();
+  LocalMap map({});
+  for (int k = 0; k < 10; ++k) map.addKeyframe(drive(k), see(points, drive(k)));
+  map.triangulateNew();
+  std::mt19937 generator(41);
+  std::normal_distribution<double> error(0, 1);
+  const auto random = [&] {
+    return Eigen::Vector3d(error(generator), error(generator), error(generator));
+  };
+  for (std::size_t k = 3; k < 10; ++k) {
+    Eigen::Isometry3d& T = map.keyframes()[k].T_w_c;
+    T = T * pose(0.003 * random(), 0.02 * random());
+  }
+  for (auto& [id, landmark] : map.landmarks()) {
+    if (landmark.depth) landmark.depth->value *= 1 + 0.05 * error(generator);
+  }
+  LocalBundleAdjustment::Options options;
+  options.max_iterations = 30;
+  const auto result = LocalBundleAdjustment(options).adjust(&map);
+  ASSERT_TRUE(result.usable);
+  EXPECT_LT(result.rms_sigma, 1e-2);
+  for (int k = 0; k < 10; ++k) {
+    const Eigen::Isometry3d& T = map.keyframe(static_cast<std::uint32_t>(k)).T_w_c;
+    EXPECT_LT(angleBetween(T, drive(k)), 1e-5);
+    EXPECT_LT((T.translation() - drive(k).translation()).norm(), 1e-4);
+  }
+}
+
+TEST(LocalBundleAdjustment, residualsAreOneSigmaWhenTheNoiseIs) {
+  const auto points = farPoints();
+  LocalMap map({});
+  LocalBundleAdjustment::Options options;
+  std::mt19937 seeds(1);
+  for (int k = 0; k < 8; ++k) {
+    auto corners = see(points, drive(k));
+    std::normal_distribution<double> noise(0, kNoise);
+    for (auto& corner : corners) corner.x += Eigen::Vector2d(noise(seeds), noise(seeds));
+    map.addKeyframe(drive(k), corners);
+  }
+  map.triangulateNew();
+  options.huber_sigma = 100;
+  const auto result = LocalBundleAdjustment(options).adjust(&map);
+  ASSERT_TRUE(result.usable);
+  // The anchor's observation counts as exact, so its noise reappears in the others.
+  EXPECT_GT(result.rms_sigma, 0.8);
+  EXPECT_LT(result.rms_sigma, 1.8);
+}
+
+TEST(LocalBundleAdjustment, holdsWhatFixesTheWorld) {
+  LocalMap before = randomMap(14, 5), map = before;
+  ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
+  for (std::size_t k = 0; k < 7; ++k) {
+    EXPECT_EQ(map.keyframes()[k].T_w_c.matrix(), before.keyframes()[k].T_w_c.matrix());
+  }
+  map = before = randomMap(4, 5);
+  ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
+  EXPECT_EQ(map.keyframes()[0].T_w_c.matrix(), before.keyframes()[0].T_w_c.matrix());
+  const auto length = [](const LocalMap& m) {
+    const auto& k = m.keyframes();
+    return (k.back().T_w_c.translation() - k.front().T_w_c.translation()).norm();
+  };
+  EXPECT_GT(distance(before, map), 1e-4);
+  EXPECT_NEAR(length(map), length(before), 1e-12);
+}
+
+TEST(LocalBundleAdjustment, staysAtAMinimum) {
+  const LocalMap before = straightMap(10);
+  LocalMap map = before;
+  const auto result = LocalBundleAdjustment({}).adjust(&map);
+  EXPECT_TRUE(result.usable);
+  EXPECT_LT(result.rms_sigma, 1e-6);
+  EXPECT_LT(distance(before, map), 1e-9);
+}
+
+TEST(LocalBundleAdjustment, aKeyframeThatSeesNothingStays) {
+  LocalMap before = straightMap(9);
+  before.addKeyframe(drive(9), {});
+  LocalMap map = before;
+  EXPECT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
+  EXPECT_EQ(map.keyframes().back().T_w_c.matrix(), drive(9).matrix());
+}
+
+/// Not usable, and the map as it was.
+void expectRefused(const LocalMap& before) {
+  LocalMap map = before;
+  const auto result = LocalBundleAdjustment({}).adjust(&map);
+  EXPECT_FALSE(result.usable);
+  EXPECT_EQ(result.residuals, 0);
+  expectUnchanged(before, map);
+}
+
+TEST(LocalBundleAdjustment, refusesWhatSaysNothing) {
+  LocalMap map({});
+  expectRefused(map);
+  map.addKeyframe(drive(0), see(farPoints(), drive(0)));
+  expectRefused(map);  // one keyframe
+  map.addKeyframe(drive(1), {});
+  for (auto& [id, landmark] : map.landmarks()) landmark.depth = InverseDepth{0.05, 0.01};
+  expectRefused(map);  // every point was seen once
+
+  LocalMap few({});
+  auto points = farPoints();
+  points.resize(9);
+  for (int k = 0; k < 5; ++k) few.addKeyframe(drive(k), see(points, drive(k)));
+  few.triangulateNew();
+  expectRefused(few);
+
+  LocalMap behind = straightMap(10);
+  for (Keyframe& keyframe : behind.keyframes()) {
+    if (keyframe.id > 0) keyframe.T_w_c.translation().z() += 1000;
+  }
+  expectRefused(behind);
+}
+
+TEST(LocalBundleAdjustment, aPointBehindDoesNotCount) {
+  LocalMap map = straightMap(10);
+  const int all = LocalBundleAdjustment({}).adjust(&map).residuals;
+  map.find(7)->depth->value = 10;  // nearer than the second keyframe
+  const auto result = LocalBundleAdjustment({}).adjust(&map);
+  EXPECT_TRUE(result.usable);
+  EXPECT_EQ(result.residuals, all - 2 * 9);
+  EXPECT_EQ(map.find(7)->depth->value, 10);
+}
+
+TEST(LocalBundleAdjustment, refusesWhatIsNotANumber) {
+  const LocalMap good = straightMap(10);
+  LocalMap map = good;
+  map.find(3)->observations.back().x.x() = kNaN;
+  expectRefused(map);
+  map = good;
+  map.find(3)->observations.front().x.y() = kNaN;
+  expectRefused(map);
+  map = good;
+  map.find(3)->observations.back().sigma = kNaN;
+  expectRefused(map);
+  map = good;
+  map.find(3)->observations.back().sigma = 0;
+  expectRefused(map);
+  map = good;
+  map.find(3)->depth->value = kNaN;
+  expectRefused(map);
+  map = good;
+  map.keyframes().back().T_w_c.translation().x() = kNaN;
+  expectRefused(map);
+  map = good;
+  map.keyframes().front().T_w_c.linear()(0, 0) = std::numeric_limits<double>::infinity();
+  expectRefused(map);
+}
+
+TEST(LocalBundleAdjustment, optionsOutOfRangeAreRefused) {
+  LocalBundleAdjustment::Options options;
+  options.window = 0;
+  EXPECT_THROW(LocalBundleAdjustment{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

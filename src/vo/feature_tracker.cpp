@@ -11,7 +11,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
-const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.005);
+const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 12, 0.005);
 
 /// Smaller over larger eigenvalue of the gradient matrix over the patch around a pixel: 0 on a
 /// straight edge, along which a patch can be moved without being told from itself.
@@ -30,6 +30,13 @@ double eigenvalueRatio(const cv::Mat& image, const cv::Point& at, int half) {
   }
   const double mean = (xx + yy) / 2, radius = std::hypot((xx - yy) / 2, xy);
   return mean > 0 ? (mean - radius) / (mean + radius) : 0;
+}
+
+/// With room for the interpolation between pixels.
+bool isInside(const cv::Mat& image, const cv::Point2f& u) {
+  return cv::Rect2f(1.f, 1.f, static_cast<float>(image.cols) - 3.f,
+                    static_cast<float>(image.rows) - 3.f)
+      .contains(u);
 }
 
 }  // namespace
@@ -107,19 +114,24 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   if (from_points.empty()) return tracks;
 
   const cv::Size window(options_.window_px, options_.window_px);
-  std::vector<float> error;
-  cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, tracks.ok, error,
-                           window, levels, kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
-  std::vector<cv::Point2f> back = from_points;
-  std::vector<unsigned char> back_ok;
-  cv::calcOpticalFlowPyrLK(to.levels, from.levels, tracks.points, back, back_ok, error, window, 0,
-                           kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
-
-  const cv::Rect2f inside(1.f, 1.f, static_cast<float>(to.image.cols) - 3.f,
-                          static_cast<float>(to.image.rows) - 3.f);
+  std::vector<unsigned char> found;
+  cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, found,
+                           cv::noArray(), window, levels, kLucasKanadeStop,
+                           cv::OPTFLOW_USE_INITIAL_FLOW);
+  std::vector<std::size_t> index;  // of what was found
+  std::vector<cv::Point2f> there, back;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    tracks.ok[i] = tracks.ok[i] && back_ok[i] && inside.contains(tracks.points[i]) &&
-                   cv::norm(back[i] - from_points[i]) <= options_.forward_backward_px;
+    if (!found[i] || !isInside(to.image, tracks.points[i])) continue;
+    index.push_back(i);
+    there.push_back(tracks.points[i]);
+    back.push_back(from_points[i]);
+  }
+  if (index.empty()) return tracks;
+  cv::calcOpticalFlowPyrLK(to.levels, from.levels, there, back, found, cv::noArray(), window, 0,
+                           kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
+  for (std::size_t k = 0; k < index.size(); ++k) {
+    tracks.ok[index[k]] =
+        found[k] && cv::norm(back[k] - from_points[index[k]]) <= options_.forward_backward_px;
   }
   return tracks;
 }
@@ -132,7 +144,7 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
   std::vector<std::size_t> missed;
   std::vector<cv::Point2f> missed_points;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    if (tracks.ok[i]) continue;
+    if (tracks.ok[i] || !isInside(to.image, predicted[i])) continue;
     missed.push_back(i);
     missed_points.push_back(from_points[i]);
   }

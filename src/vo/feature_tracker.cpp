@@ -12,7 +12,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
-const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 12, 0.005);
+const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 12, 0.01);
 
 /// Smaller over larger eigenvalue of the gradient matrix over the patch around a pixel: 0 on a
 /// straight edge, along which a patch can be moved without being told from itself.

@@ -111,6 +111,7 @@ cv::Mat toGrey(const sensor_msgs::Image& image) {
     // One channel without a meaning is taken as brightness.
     if (shared.encoding == enc::TYPE_8UC1) shared.encoding = enc::MONO8;
     if (shared.encoding == enc::TYPE_16UC1) shared.encoding = enc::MONO16;
+    if (shared.encoding == enc::MONO8) return shared.image;
     return cv_bridge::cvtColor(boost::make_shared<const cv_bridge::CvImage>(shared), enc::MONO8)
         ->image;
   } catch (const std::exception&) {

@@ -47,7 +47,7 @@ constexpr float kStaticLead = 0.1f;  ///< over the correlation of a tile of road
 constexpr float kStaticTexture = 0.5f;
 constexpr float kStationary = 0.5f;  ///< from here on a cell is masked
 
-using Samples = std::array<float, kSamples>;
+using Samples = Eigen::Array<float, kSamples, 1>;
 using Vector5f = Eigen::Matrix<float, 5, 1>;
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
 using Vector9d = Eigen::Matrix<double, 9, 1>;
@@ -95,15 +95,10 @@ struct Match {
 /// Frees values of mean and contrast. texture: share of the variance that is not noise. Returns the
 /// deviation, noise included.
 float normalise(float noise, Samples* values, float* texture) {
-  float sum = 0, squares = 0;
-  for (const float value : *values) sum += value;
-  for (float& value : *values) {
-    value -= sum / kSamples;
-    squares += value * value;
-  }
-  const float variance = squares / kSamples;
+  *values -= values->mean();
+  const float variance = values->square().mean();
   const float deviation = std::sqrt(variance + noise * noise);
-  for (float& value : *values) value /= deviation;
+  *values /= deviation;
   *texture = variance / (variance + noise * noise);
   return deviation;
 }
@@ -111,10 +106,10 @@ float normalise(float noise, Samples* values, float* texture) {
 /// Frees values of mean and contrast too. Returns how well they correlate with the tile, noise
 /// left out.
 float correlation(const Tile& tile, float noise, Samples* values) {
-  float texture = 0, product = 0;
+  float texture = 0;
   normalise(noise, values, &texture);
-  for (std::size_t i = 0; i < kSamples; ++i) product += tile.value[i] * (*values)[i];
-  return product / (kSamples * std::sqrt(std::max(tile.texture * texture, kMinTexture)));
+  const float product = (tile.value * *values).mean();
+  return product / std::sqrt(std::max(tile.texture * texture, kMinTexture));
 }
 
 }  // namespace
@@ -260,10 +255,9 @@ void PlaneRefinement::Impl::cutTiles(const cv::Mat& image, const RoadStrip& stri
 
   const auto stride = static_cast<std::ptrdiff_t>(twice_smooth.step1());
   for (Tile& tile : tiles) {
-    for (int i = 0; i < kSamples; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      const int u = tile.corner.x + (2 * (i % kSide) + 1) * tile_px / (2 * kSide);
-      const int v = tile.corner.y + (2 * (i / kSide) + 1) * tile_px / (2 * kSide);
+    for (int k = 0; k < kSamples; ++k) {
+      const int u = tile.corner.x + (2 * (k % kSide) + 1) * tile_px / (2 * kSide);
+      const int v = tile.corner.y + (2 * (k / kSide) + 1) * tile_px / (2 * kSide);
       const float* pixel = smoother.ptr<float>(v - picture.roi.y) + (u - picture.roi.x);
       tile.ray_x[k] = static_cast<float>((u - camera.cx) / camera.fx);
       tile.ray_y[k] = static_cast<float>((v - camera.cy) / camera.fy);
@@ -273,8 +267,8 @@ void PlaneRefinement::Impl::cutTiles(const cv::Mat& image, const RoadStrip& stri
     }
     const float deviation =
         normalise(static_cast<float>(options.noise), &tile.value, &tile.texture);
-    for (float& gradient : tile.grad_x) gradient /= deviation;
-    for (float& gradient : tile.grad_y) gradient /= deviation;
+    tile.grad_x /= deviation;
+    tile.grad_y /= deviation;
   }
 }
 
@@ -322,16 +316,15 @@ bool PlaneRefinement::Impl::sample(const Reference& reference, const Tile& tile,
   const auto bottom = static_cast<float>(picture.roi.height - 1);
   const float* const data = picture.storage.ptr<float>();
   const auto stride = static_cast<std::ptrdiff_t>(picture.storage.step1());
-  Samples u, v, z;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    const float x = tile.ray_x[i], y = tile.ray_y[i];
-    z[i] = A(2, 0) * x + A(2, 1) * y + A(2, 2);
-    u[i] = fx * (A(0, 0) * x + A(0, 1) * y + A(0, 2)) / z[i] + cx;
-    v[i] = fy * (A(1, 0) * x + A(1, 1) * y + A(1, 2)) / z[i] + cy;
+  const Samples z = A(2, 0) * tile.ray_x + A(2, 1) * tile.ray_y + A(2, 2);
+  if (!(z.minCoeff() > 0)) return false;
+  const Samples u = fx * (A(0, 0) * tile.ray_x + A(0, 1) * tile.ray_y + A(0, 2)) / z + cx;
+  const Samples v = fy * (A(1, 0) * tile.ray_x + A(1, 1) * tile.ray_y + A(1, 2)) / z + cy;
+  if (!(u.minCoeff() >= 0 && v.minCoeff() >= 0 && u.maxCoeff() < right && v.maxCoeff() < bottom)) {
+    return false;
   }
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    if (!(z[i] > 0 && u[i] >= 0 && v[i] >= 0 && u[i] < right && v[i] < bottom)) return false;
-    const auto left = static_cast<std::ptrdiff_t>(u[i]), above = static_cast<std::ptrdiff_t>(v[i]);
+  for (int i = 0; i < kSamples; ++i) {
+    const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
     const float a = u[i] - static_cast<float>(left), b = v[i] - static_cast<float>(above);
     const float* p = data + above * stride + left;
     const float upper = p[0] + a * (p[1] - p[0]);
@@ -351,7 +344,7 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
   Vector5f motion_mean = Vector5f::Zero(), motion = Vector5f::Zero();
   Eigen::Vector2f slope_mean(0, 0), slope(0, 0);  // of the value by the place in the image
   float slope_squares = 0, along_squares = 0;
-  for (std::size_t i = 0; i < kSamples; ++i) {
+  for (int i = 0; i < kSamples; ++i) {
     const Eigen::Vector3f ray(tile.ray_x[i], tile.ray_y[i], 1.f);
     const Eigen::Vector3f y = A * ray;
     const float z = y.z(), xn = y.x() / z, yn = y.y() / z;
@@ -381,7 +374,7 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
     motion_mean += by_motion / kSamples;
     motion += j * by_motion;
   }
-  for (float& j : match->jacobian) j -= mean;
+  match->jacobian -= mean;
   const float information =
       std::max(squares - kSamples * mean * mean, std::numeric_limits<float>::min());
   match->readable = information > kAperture * kAperture * along_squares *
@@ -397,32 +390,22 @@ void PlaneRefinement::Impl::measure(const Reference& reference, const Tile& tile
   match->inside = sample(reference, tile, m, &values);
   if (!match->inside) return;
   match->correlation = correlation(tile, static_cast<float>(options.noise), &values);
-  float squares = 0;
-  Samples residual;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    residual[i] = tile.value[i] - values[i];
-    squares += residual[i] * residual[i];
-  }
+  const Samples residual = tile.value - values;
+  const Samples squares = residual.square();
   // Cauchy weights, then one step along q.
-  const float scale = kSamples / (kCauchyPixel * kCauchyPixel * std::max(squares, kMatchFloor));
-  float weight_sum = 0, weighted_squares = 0, information = 0, gradient = 0;
-  float x = 0, y = 0;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    const float weight = 1 / (1 + residual[i] * residual[i] * scale);
-    const float wj = weight * match->jacobian[i];
-    weight_sum += weight;
-    weighted_squares += weight * residual[i] * residual[i];
-    information += wj * match->jacobian[i];
-    gradient += wj * residual[i];
-    x += wj * match->jacobian[i] * tile.ray_x[i];
-    y += wj * match->jacobian[i] * tile.ray_y[i];
-  }
+  const float scale =
+      kSamples / (kCauchyPixel * kCauchyPixel * std::max(squares.sum(), kMatchFloor));
+  const Samples weight = 1 / (1 + squares * scale);
+  const Samples wj = weight * match->jacobian;
+  const Samples wjj = wj * match->jacobian;
+  const float information = wjj.sum();
   match->inside = match->readable && information > 0;
-  match->shift = gradient / information;
+  match->shift = (wj * residual).sum() / information;
   const float registration = match->per_pixel * static_cast<float>(options.registration);
-  match->variance =
-      (weighted_squares / weight_sum + kMatchFloor) / information + registration * registration;
-  match->ray = Eigen::Vector3f(x / information, y / information, 1.f);
+  match->variance = ((weight * squares).sum() / weight.sum() + kMatchFloor) / information +
+                    registration * registration;
+  match->ray = Eigen::Vector3f((wjj * tile.ray_x).sum() / information,
+                               (wjj * tile.ray_y).sum() / information, 1.f);
 }
 
 /// Mean correlation of the tiles under the plane m, weighted by texture; -1 when too few tiles of
@@ -591,7 +574,7 @@ void PlaneRefinement::Impl::learnStatic(const NormalPrior& prior, double height,
     const Eigen::Vector3f ray(tile.ray_x[0], tile.ray_y[0], 1.f);
     const Eigen::Vector3f y = reference.R * ray - reference.t * m.dot(ray);
     if (!((y / y.z() - ray).norm() > kStaticFlow)) continue;
-    for (std::size_t i = 0; i < kSamples; ++i) {
+    for (int i = 0; i < kSamples; ++i) {
       const auto u = static_cast<int>(std::lround(tile.ray_x[i] * camera.fx + camera.cx));
       const auto v = static_cast<int>(std::lround(tile.ray_y[i] * camera.fy + camera.cy));
       values[i] = reference.picture->row(v)[u];

@@ -6,12 +6,13 @@
 #include <opencv2/video/tracking.hpp>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/vo/corner_strength.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
-const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.005);
+const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 12, 0.01);
 
 /// Smaller over larger eigenvalue of the gradient matrix over the patch around a pixel: 0 on a
 /// straight edge, along which a patch can be moved without being told from itself.
@@ -30,6 +31,13 @@ double eigenvalueRatio(const cv::Mat& image, const cv::Point& at, int half) {
   }
   const double mean = (xx + yy) / 2, radius = std::hypot((xx - yy) / 2, xy);
   return mean > 0 ? (mean - radius) / (mean + radius) : 0;
+}
+
+/// With room for the interpolation between pixels.
+bool isInside(const cv::Mat& image, const cv::Point2f& u) {
+  return cv::Rect2f(1.f, 1.f, static_cast<float>(image.cols) - 3.f,
+                    static_cast<float>(image.rows) - 3.f)
+      .contains(u);
 }
 
 }  // namespace
@@ -54,7 +62,7 @@ ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
 std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
                                                 const std::vector<cv::Point2f>& occupied) const {
   const int cell = std::max(8, static_cast<int>(std::lround(options_.cell * image.cols)));
-  const int border = options_.window_px / 2 + 1;
+  const int border = std::max(options_.window_px / 2, CornerStrength::kReach) + 1;
   const int columns = (image.cols - 2 * border) / cell;
   const int rows = (image.rows - 2 * border) / cell;
   if (columns < 1 || rows < 1) return {};
@@ -74,25 +82,32 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
   }
 
   const double ratio = options_.min_corner_ratio;
-  cv::Mat strength;
-  cv::cornerMinEigenVal(image, strength, 5, 3);
+  CornerStrength strength(image, border - 1);
+  cv::Mat band(cell + 2, image.cols, CV_32FC1);  // of a row of cells, and a pixel around it
+  int filled = 0;
   std::vector<cv::Point2f> corners;
   for (int row = 0; row < rows; ++row) {
+    for (; filled < band.rows; ++filled) strength.next(band.ptr<float>(filled));
+    const cv::Point origin(0, border + row * cell - 1);  // of the band
     for (int column = 0; column < columns; ++column) {
       if (taken[static_cast<std::size_t>(row * columns + column)]) continue;
-      const cv::Rect area(border + column * cell, border + row * cell, cell, cell);
+      const cv::Rect area(border + column * cell, 1, cell, cell);
       double best = 0;
       cv::Point at;
-      cv::minMaxLoc(strength(area), nullptr, &best, nullptr, &at, free(area));
+      cv::minMaxLoc(band(area), nullptr, &best, nullptr, &at, free(area + origin));
       if (best < options_.min_corner_strength) continue;
       at += area.tl();
       // The strongest of a cell may lie on its edge, on the flank of a neighbour's corner.
       double around = 0;
-      cv::minMaxLoc(strength(cv::Rect(at.x - 1, at.y - 1, 3, 3)), nullptr, &around);
+      cv::minMaxLoc(band(cv::Rect(at.x - 1, at.y - 1, 3, 3)), nullptr, &around);
+      at += origin;
       if (around > best || eigenvalueRatio(image, at, options_.window_px / 2) < ratio) continue;
       corners.emplace_back(at);
       cv::circle(free, at, cell / 2, 0, cv::FILLED);
     }
+    // The last two rows are the first of the next band.
+    band.rowRange(cell, cell + 2).copyTo(band.rowRange(0, 2));
+    filled = 2;
   }
   return corners;
 }
@@ -107,19 +122,23 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   if (from_points.empty()) return tracks;
 
   const cv::Size window(options_.window_px, options_.window_px);
-  std::vector<float> error;
-  cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, tracks.ok, error,
+  std::vector<unsigned char> found;
+  cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, found, cv::noArray(),
                            window, levels, kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
-  std::vector<cv::Point2f> back = from_points;
-  std::vector<unsigned char> back_ok;
-  cv::calcOpticalFlowPyrLK(to.levels, from.levels, tracks.points, back, back_ok, error, window, 0,
-                           kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
-
-  const cv::Rect2f inside(1.f, 1.f, static_cast<float>(to.image.cols) - 3.f,
-                          static_cast<float>(to.image.rows) - 3.f);
+  std::vector<std::size_t> index;  // of what was found
+  std::vector<cv::Point2f> there, back;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    tracks.ok[i] = tracks.ok[i] && back_ok[i] && inside.contains(tracks.points[i]) &&
-                   cv::norm(back[i] - from_points[i]) <= options_.forward_backward_px;
+    if (!found[i] || !isInside(to.image, tracks.points[i])) continue;
+    index.push_back(i);
+    there.push_back(tracks.points[i]);
+    back.push_back(from_points[i]);
+  }
+  if (index.empty()) return tracks;
+  cv::calcOpticalFlowPyrLK(to.levels, from.levels, there, back, found, cv::noArray(), window, 0,
+                           kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
+  for (std::size_t k = 0; k < index.size(); ++k) {
+    tracks.ok[index[k]] =
+        found[k] && cv::norm(back[k] - from_points[index[k]]) <= options_.forward_backward_px;
   }
   return tracks;
 }
@@ -132,7 +151,7 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
   std::vector<std::size_t> missed;
   std::vector<cv::Point2f> missed_points;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    if (tracks.ok[i]) continue;
+    if (tracks.ok[i] || !isInside(to.image, predicted[i])) continue;
     missed.push_back(i);
     missed_points.push_back(from_points[i]);
   }

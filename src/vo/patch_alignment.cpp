@@ -1,8 +1,10 @@
 #include "ground_scale_vo/vo/patch_alignment.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 
 #include "ground_scale_vo/error.hpp"
 
@@ -15,19 +17,14 @@ constexpr float kConverged_px = 0.003f;  // last step
 constexpr float kMinCornerness = 1e-3f;  // determinant over squared trace of the gradient matrix
 constexpr double kMinAreaRatio = 0.1;    // of a patch in the two images, and its inverse
 
-/// The four pixels around a place and their bilinear weights. Precondition: inside the image.
-struct Bilinear {
-  Bilinear(float x, float y) : column(static_cast<int>(x)), row(static_cast<int>(y)) {
-    const float fx = x - static_cast<float>(column), fy = y - static_cast<float>(row);
-    weight = {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy};
-  }
-  float operator()(const unsigned char* upper, const unsigned char* lower) const {
-    return weight[0] * upper[0] + weight[1] * upper[1] + weight[2] * lower[0] +
-           weight[3] * lower[1];
-  }
-  int column, row;
-  std::array<float, 4> weight;
-};
+// A patch lies in a flat array, row after row, each with two columns more than the window: loops
+// run over it without regard to rows, four pixels at a time, and a mask takes out what is too much.
+constexpr std::size_t kLanes = 4;
+using Lanes = Eigen::Array<float, kLanes, 1>;
+constexpr std::size_t kMaxStride = kMaxWindow + 2;
+using Patch = std::array<float, kMaxStride * kMaxStride + kLanes>;
+
+Lanes lanes(const float* at) { return Lanes::Map(at); }
 
 /// Everything of a patch with `margin` px around it lies where Bilinear can sample.
 bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
@@ -36,61 +33,132 @@ bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
          u.y() + margin < static_cast<float>(image.rows - 1);
 }
 
+/// The pixels of an image at u_ref + step * (x, y) for the columns and rows -half ... half.
+/// Precondition: they and their right and lower neighbours are inside.
+void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& step,
+            int half, Patch* values) {
+  const int side = 2 * half + 1;
+  const Eigen::Vector2f across = step.col(0);
+  std::array<float, kMaxStride> a, b;  // place between pixels
+  std::array<int, kMaxStride> u, v;
+  std::array<int, kMaxStride> upper_left, upper_right, lower_left, lower_right;
+  for (int y = 0; y < side; ++y) {
+    const Eigen::Vector2f begin =
+        u_ref + step * Eigen::Vector2f(static_cast<float>(-half), static_cast<float>(y - half));
+    for (int x = 0; x < side; ++x) {
+      const auto k = static_cast<std::size_t>(x);
+      const float at_x = begin.x() + static_cast<float>(x) * across.x();
+      const float at_y = begin.y() + static_cast<float>(x) * across.y();
+      u[k] = static_cast<int>(at_x);
+      v[k] = static_cast<int>(at_y);
+      a[k] = at_x - static_cast<float>(u[k]);
+      b[k] = at_y - static_cast<float>(v[k]);
+    }
+    for (int x = 0; x < side; ++x) {
+      const auto k = static_cast<std::size_t>(x);
+      const unsigned char* const upper = image.ptr(v[k]) + u[k];
+      const unsigned char* const lower = upper + image.step;
+      upper_left[k] = upper[0];
+      upper_right[k] = upper[1];
+      lower_left[k] = lower[0];
+      lower_right[k] = lower[1];
+    }
+    float* const row = values->data() + y * side;
+    for (int x = 0; x < side; ++x) {
+      const auto k = static_cast<std::size_t>(x);
+      const float upper = static_cast<float>(upper_left[k]) +
+                          a[k] * static_cast<float>(upper_right[k] - upper_left[k]);
+      const float lower = static_cast<float>(lower_left[k]) +
+                          a[k] * static_cast<float>(lower_right[k] - lower_left[k]);
+      row[x] = upper + b[k] * (lower - upper);
+    }
+  }
+}
+
 /// The reference patch as the current image should show it, without its mean, and its gradients.
 struct Template {
-  std::array<float, kMaxWindow * kMaxWindow> grey, gx, gy;
+  Patch grey, gx, gy;
   float variance = 0;  // times the number of pixels
   Eigen::Matrix2f inverse_hessian;
 
-  /// False without a corner in it.
+  /// mask: 1 for the pixels of the window. False without a corner in it.
   bool make(const cv::Mat& reference, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& warp,
-            int window) {
+            int window, const std::vector<float>& mask) {
     const Eigen::Matrix2f inverse = warp.inverse();
-    const int side = window + 2, half = side / 2;
+    const int half = window / 2 + 1;  // with the neighbours that the gradient needs
     const float reach =
         static_cast<float>(half) * inverse.cwiseAbs().rowwise().sum().maxCoeff() + 1;
     if (!std::isfinite(reach) || !contains(reference, u_ref, reach)) return false;
-    std::array<float, (kMaxWindow + 2) * (kMaxWindow + 2)> wide;
-    for (int y = 0, i = 0; y < side; ++y) {
-      for (int x = 0; x < side; ++x, ++i) {
-        const Eigen::Vector2f at = u_ref + inverse * Eigen::Vector2f(static_cast<float>(x - half),
-                                                                     static_cast<float>(y - half));
-        const Bilinear sample(at.x(), at.y());
-        const unsigned char* upper = reference.ptr(sample.row) + sample.column;
-        wide[static_cast<std::size_t>(i)] = sample(upper, upper + reference.step);
-      }
+    const auto stride = static_cast<std::size_t>(window + 2);
+    Patch wide;
+    sample(reference, u_ref, inverse, half, &wide);
+    std::fill_n(wide.begin() + static_cast<std::ptrdiff_t>(stride * stride), kLanes, 0.f);
+
+    Lanes sum = Lanes::Zero(), sum_x = Lanes::Zero(), sum_y = Lanes::Zero();
+    for (std::size_t i = 0; i < mask.size(); i += kLanes) {
+      const float* const above = wide.data() + i + 1;
+      const float* const centre = above + stride;
+      const Lanes inside = lanes(mask.data() + i);
+      const Lanes value = lanes(centre) * inside;
+      const Lanes x = 0.5f * (lanes(centre + 1) - lanes(centre - 1)) * inside;
+      const Lanes y = 0.5f * (lanes(centre + stride) - lanes(above)) * inside;
+      Lanes::Map(&grey[i]) = value;
+      Lanes::Map(&gx[i]) = x;
+      Lanes::Map(&gy[i]) = y;
+      sum += value;
+      sum_x += x;
+      sum_y += y;
     }
-    float mean = 0, mean_x = 0, mean_y = 0;
-    std::size_t n = 0;
-    for (int y = 0; y < window; ++y) {
-      for (int x = 0; x < window; ++x, ++n) {
-        const float* centre = wide.data() + (y + 1) * side + x + 1;
-        grey[n] = *centre;
-        gx[n] = 0.5f * (centre[1] - centre[-1]);
-        gy[n] = 0.5f * (centre[side] - centre[-side]);
-        mean += grey[n];
-        mean_x += gx[n];
-        mean_y += gy[n];
-      }
+    const float count = static_cast<float>(window * window);
+    const float mean = sum.sum() / count;
+    const float mean_x = sum_x.sum() / count;  // the mean of the current patch moves with it
+    const float mean_y = sum_y.sum() / count;
+    Lanes squares = Lanes::Zero(), xx = Lanes::Zero(), xy = Lanes::Zero(), yy = Lanes::Zero();
+    for (std::size_t i = 0; i < mask.size(); i += kLanes) {
+      const Lanes inside = lanes(mask.data() + i);
+      const Lanes value = lanes(&grey[i]) - mean * inside;
+      const Lanes x = lanes(&gx[i]) - mean_x * inside;
+      const Lanes y = lanes(&gy[i]) - mean_y * inside;
+      Lanes::Map(&grey[i]) = value;
+      Lanes::Map(&gx[i]) = x;
+      Lanes::Map(&gy[i]) = y;
+      squares += value * value;
+      xx += x * x;
+      xy += x * y;
+      yy += y * y;
     }
-    const float count = static_cast<float>(n);
-    Eigen::Matrix2f hessian = Eigen::Matrix2f::Zero();
-    variance = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      grey[i] -= mean / count;
-      gx[i] -= mean_x / count;  // the mean of the current patch moves with it
-      gy[i] -= mean_y / count;
-      hessian(0, 0) += gx[i] * gx[i];
-      hessian(0, 1) += gx[i] * gy[i];
-      hessian(1, 1) += gy[i] * gy[i];
-      variance += grey[i] * grey[i];
-    }
-    hessian(1, 0) = hessian(0, 1);
+    variance = squares.sum();
+    Eigen::Matrix2f hessian;
+    hessian << xx.sum(), xy.sum(), xy.sum(), yy.sum();
     const float trace = hessian.trace();
     if (variance < count || hessian.determinant() < kMinCornerness * trace * trace) return false;
     inverse_hessian = hessian.inverse();
     return true;
   }
+};
+
+/// The pixels of the current image around a patch, as numbers to calculate with.
+class Window {
+ public:
+  Window(const cv::Mat& image, int window) : image_(image), size_(window) { pixels_.fill(0.f); }
+
+  /// From that pixel on. Precondition: inside the image, with a row and a column more.
+  void moveTo(int column, int row) {
+    if (column == column_ && row == row_) return;
+    column_ = column;
+    row_ = row;
+    for (int y = 0; y <= size_; ++y) {
+      const unsigned char* const from = image_.ptr(row + y) + column;
+      float* const to = pixels_.data() + y * (size_ + 2);
+      for (int x = 0; x <= size_; ++x) to[x] = from[x];
+    }
+  }
+  const float* pixels() const { return pixels_.data(); }
+
+ private:
+  const cv::Mat& image_;
+  int size_, column_ = -1, row_ = -1;
+  Patch pixels_;
 };
 
 }  // namespace
@@ -122,7 +190,12 @@ void PatchAlignment::Options::validate() const {
   if (window_px % 2 == 0) throw OptionError("alignment/window_px must be odd");
 }
 
-PatchAlignment::PatchAlignment(const Options& options) : options_(options) { options_.validate(); }
+PatchAlignment::PatchAlignment(const Options& options) : options_(options) {
+  options_.validate();
+  const int window = options_.window_px, stride = window + 2;
+  for (int i = 0; i < window * stride; ++i) mask_.push_back(i % stride < window ? 1.f : 0.f);
+  while (mask_.size() % kLanes != 0) mask_.push_back(0.f);
+}
 
 std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& reference,
                                                            const Eigen::Vector2d& u_ref,
@@ -131,36 +204,45 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
                                                            const Eigen::Vector2d& start) const {
   const int window = options_.window_px, half = window / 2;
   Template patch;
-  if (!patch.make(reference, u_ref.cast<float>(), warp.cast<float>(), window)) return std::nullopt;
+  if (!patch.make(reference, u_ref.cast<float>(), warp.cast<float>(), window, mask_)) {
+    return std::nullopt;
+  }
 
   const Eigen::Vector2f first = start.cast<float>();
   const float max_shift = static_cast<float>(options_.max_shift_px);
   Eigen::Vector2f u = first;
   float correlation = -1;
+  Window around(current, window);
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
     // Some freedom on the way; the end has to be near.
     if (!((u - first).norm() < 2 * max_shift) || !contains(current, u, static_cast<float>(half))) {
       return std::nullopt;
     }
-    const Bilinear sample(u.x() - static_cast<float>(half), u.y() - static_cast<float>(half));
-    float sum = 0, squares = 0, product = 0;
-    Eigen::Vector2f b = Eigen::Vector2f::Zero();
-    std::size_t i = 0;
-    for (int y = 0; y < window; ++y) {
-      const unsigned char* upper = current.ptr(sample.row + y) + sample.column;
-      const unsigned char* lower = upper + current.step;
-      for (int x = 0; x < window; ++x, ++i) {
-        const float grey = sample(upper + x, lower + x);
-        sum += grey;
-        squares += grey * grey;
-        product += grey * patch.grey[i];
-        b.x() += patch.gx[i] * (grey - patch.grey[i]);
-        b.y() += patch.gy[i] * (grey - patch.grey[i]);
-      }
+    const Eigen::Vector2f corner = u - Eigen::Vector2f::Constant(static_cast<float>(half));
+    const int column = static_cast<int>(corner.x()), row = static_cast<int>(corner.y());
+    const float a = corner.x() - static_cast<float>(column);
+    const float b = corner.y() - static_cast<float>(row);
+    around.moveTo(column, row);
+    Lanes sums = Lanes::Zero(), squared = Lanes::Zero(), products = Lanes::Zero();
+    Lanes along_x = Lanes::Zero(), along_y = Lanes::Zero();
+    for (std::size_t i = 0; i < mask_.size(); i += kLanes) {
+      const float* const upper = around.pixels() + i;
+      const float* const lower = upper + window + 2;
+      const Lanes grey = ((1 - b) * ((1 - a) * lanes(upper) + a * lanes(upper + 1)) +
+                          b * ((1 - a) * lanes(lower) + a * lanes(lower + 1))) *
+                         lanes(mask_.data() + i);
+      const Lanes expected = lanes(&patch.grey[i]);
+      sums += grey;
+      squared += grey * grey;
+      products += grey * expected;
+      along_x += lanes(&patch.gx[i]) * (grey - expected);
+      along_y += lanes(&patch.gy[i]) * (grey - expected);
     }
-    const float variance = squares - sum * sum / static_cast<float>(i);
-    correlation = product / std::sqrt(std::max(1e-3f, variance) * patch.variance);
-    const Eigen::Vector2f step = patch.inverse_hessian * b;
+    const float sum = sums.sum();
+    const float variance = squared.sum() - sum * sum / static_cast<float>(window * window);
+    correlation = products.sum() / std::sqrt(std::max(1e-3f, variance) * patch.variance);
+    const Eigen::Vector2f step =
+        patch.inverse_hessian * Eigen::Vector2f(along_x.sum(), along_y.sum());
     u -= step;
     if (step.norm() < kConverged_px) break;
   }

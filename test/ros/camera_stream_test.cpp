@@ -51,7 +51,8 @@ TEST(CameraStream, KeepsItsCameraWhenOneIsRefused) {
 TEST(DescribedCamera, RectifiesImagesOfItsSizeOnly) {
   CameraStream stream(false);
   stream.accept(info(), "t");
-  const cv::Mat grey = stream.camera()->rectified(image(8, 6));
+  const sensor_msgs::Image msg = image(8, 6);
+  const cv::Mat grey = stream.camera()->rectified(msg);
   EXPECT_EQ(grey.type(), CV_8UC1);
   EXPECT_EQ(grey.at<std::uint8_t>(3, 3), 100);
   try {

@@ -22,7 +22,8 @@ class DescribedCamera {
   const Calibration& calibration() const { return calibration_; }
   /// Of the rectified images.
   const PinholeCamera& camera() const { return rectifier_.camera(); }
-  /// 8-bit grey. Throws MessageError: toGrey's reasons, or not of the calibration's size.
+  /// 8-bit grey; may be the message's own pixels, as toGrey's are. Throws MessageError: toGrey's
+  /// reasons, or not of the calibration's size.
   cv::Mat rectified(const sensor_msgs::Image& image) const;
   /// The other camera is that of the rectified images, give or take the digits of a float.
   bool isCameraOf(const PinholeCamera& other) const;

@@ -34,9 +34,10 @@ std::int64_t toNanoseconds(const ros::Time& stamp);
 /// Precondition: 0 <= stamp_ns < 2^32 s.
 ros::Time fromNanoseconds(std::int64_t stamp_ns);
 
-/// 8-bit grey image that owns its pixels, from every encoding that has brightness (mono, colour,
-/// Bayer, 8 or 16 bits; 16 bits are divided by 257). Throws MessageError: no pixels, unknown
-/// encoding, a step too short for the width, data shorter or longer than step * height.
+/// 8-bit grey image from every encoding that has brightness (mono, colour, Bayer, 8 or 16 bits; 16
+/// bits are divided by 257). Of an 8-bit mono image the pixels are the message's own, which must
+/// outlive them. Throws MessageError: no pixels, unknown encoding, a step too short for the width,
+/// data shorter or longer than step * height.
 cv::Mat toGrey(const sensor_msgs::Image& image);
 
 /// What a CameraInfo says of the images beside it.

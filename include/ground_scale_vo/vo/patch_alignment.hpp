@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <vector>
 
 #include "ground_scale_vo/options.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
@@ -64,6 +65,7 @@ class PatchAlignment {
 
  private:
   Options options_;
+  std::vector<float> mask_;  ///< of a patch in memory: 1 for its pixels, 0 for what fills it up
 };
 
 }  // namespace ground_scale_vo

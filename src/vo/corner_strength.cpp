@@ -1,0 +1,79 @@
+#include "ground_scale_vo/vo/corner_strength.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace ground_scale_vo {
+namespace {
+
+// Of the smoothing across the gradient, of the square's side and of the grey levels.
+constexpr float kGradientScale = 1.f / (4 * 5 * 255);
+
+}  // namespace
+
+CornerStrength::CornerStrength(const cv::Mat& image, int first_row)
+    : image_(image), row_(first_row) {
+  const auto columns = static_cast<std::size_t>(image.cols);
+  for (Gradients& gradients : gradients_) {
+    gradients.x.assign(columns, 0);
+    gradients.y.assign(columns, 0);
+  }
+  smooth_.resize(columns);
+  difference_.resize(columns);
+  for (auto* sums : {&xx_, &xy_, &yy_}) sums->assign(columns, 0);
+  for (int row = first_row - kSide / 2; row < first_row + kSide / 2; ++row) addRow(row);
+}
+
+/// The gradients of a row, which join the sums; those of the row kSide above leave them.
+void CornerStrength::addRow(int row) {
+  const unsigned char* const above = image_.ptr(row - 1);
+  const unsigned char* const here = image_.ptr(row);
+  const unsigned char* const below = image_.ptr(row + 1);
+  std::int16_t* const smooth = smooth_.data();
+  std::int16_t* const difference = difference_.data();
+  for (int x = 0; x < image_.cols; ++x) {
+    smooth[x] = static_cast<std::int16_t>(above[x] + 2 * here[x] + below[x]);
+    difference[x] = static_cast<std::int16_t>(below[x] - above[x]);
+  }
+  Gradients& gradients = gradients_[static_cast<std::size_t>(row % kSide)];
+  std::int16_t* const gx = gradients.x.data();
+  std::int16_t* const gy = gradients.y.data();
+  std::int32_t* const xx = xx_.data();
+  std::int32_t* const xy = xy_.data();
+  std::int32_t* const yy = yy_.data();
+  for (int x = 1; x < image_.cols - 1; ++x) {
+    const auto new_x = static_cast<std::int16_t>(smooth[x + 1] - smooth[x - 1]);
+    const auto new_y =
+        static_cast<std::int16_t>(difference[x - 1] + 2 * difference[x] + difference[x + 1]);
+    const std::int16_t old_x = gx[x], old_y = gy[x];
+    xx[x] += new_x * new_x - old_x * old_x;
+    xy[x] += new_x * new_y - old_x * old_y;
+    yy[x] += new_y * new_y - old_y * old_y;
+    gx[x] = new_x;
+    gy[x] = new_y;
+  }
+}
+
+void CornerStrength::next(float* strength) {
+  addRow(row_ + kSide / 2);
+  ++row_;
+  const std::int32_t* const xx = xx_.data();
+  const std::int32_t* const xy = xy_.data();
+  const std::int32_t* const yy = yy_.data();
+  const auto across = [](const std::int32_t* sums) {
+    return sums[-2] + sums[-1] + sums[0] + sums[1] + sums[2];
+  };
+  const int end = image_.cols - kReach;
+  std::fill(strength, strength + kReach, 0.f);
+  std::fill(strength + end, strength + image_.cols, 0.f);
+  for (int x = kReach; x < end; ++x) {
+    const std::int32_t a = across(xx + x), b = across(xy + x), c = across(yy + x);
+    const auto sum = static_cast<float>(a + c), difference = static_cast<float>(a - c),
+               mixed = static_cast<float>(2 * b);
+    const float root = std::sqrt(difference * difference + mixed * mixed);
+    strength[x] = 0.5f * kGradientScale * kGradientScale * (sum - root);
+  }
+}
+
+}  // namespace ground_scale_vo

@@ -28,6 +28,7 @@ constexpr double kUpperMargin = 0.04;    ///< likewise
 constexpr double kMinBlurPx = 0.6;       ///< less, and the interpolation between pixels shows
 constexpr double kKernelReach = 2.5;     ///< of the blur [its sigma]
 constexpr int kMinTilePx = 8;
+constexpr double kShortestStrip = 6;  ///< that is seen of the road, where a tele lens sees none near
 constexpr double kConverged = 2e-4;           ///< a relative step of m below this is rest
 constexpr int kSpreadIterations = 5;          ///< then the spread of the shifts stays as it is
 constexpr double kSearchStep = 0.05;          ///< of ln h
@@ -91,6 +92,13 @@ struct Match {
   float per_pixel = 0;    ///< shift of q by a shift in the image [1 / focal length]
   Samples jacobian;       ///< of value by q, mean free; of the first iteration
 };
+
+/// How far ahead the lower edge of the picture sees the road [camera heights].
+double nearestRoad(const PinholeCamera& camera, const NormalPrior& prior) {
+  const Eigen::Vector3d ray(0, (camera.height - 1 - camera.cy) / camera.fy, 1);
+  const double down = -prior.n_c.dot(ray);
+  return down > 0 ? std::abs(prior.forward_c.dot(ray)) / down : 0;
+}
 
 /// Frees values of mean and contrast. texture: share of the variance that is not noise. Returns the
 /// deviation, noise included.
@@ -619,7 +627,9 @@ PlaneRefinement::Result PlaneRefinement::align(const VoFrame& frame, const cv::M
   Impl& s = *impl_;
   s.prepare(frame.camera);
   s.pictures.front().T_w_c = frame.T_w_c;
-  const RoadStrip strip(prior, chord, height, s.options.min_ahead_h, s.options.max_ahead_h,
+  const double farthest =
+      std::max(s.options.max_ahead_h, nearestRoad(frame.camera, prior) + kShortestStrip);
+  const RoadStrip strip(prior, chord, height, s.options.min_ahead_h, farthest,
                         s.options.half_width_h);
   s.markForeign(frame, prior, height);
   s.cutTiles(image, strip);

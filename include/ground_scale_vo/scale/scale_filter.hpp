@@ -36,7 +36,7 @@ class ScaleFilter {
     double agreement_memory_h = 20;    ///< way over which the scale of sigma forgets
     int start_measurements = 4;        ///< the latest few that must agree to start or restart it
     double start_spread = 0.15;        ///< agree: at most this far from their median, relative
-    double start_way_h = 3;            ///< and not before this way [camera heights]
+    double start_way_h = 5;            ///< and not before this way [camera heights]
     /// Relative error that all measurements of a young map share: they see one piece of road, and
     /// points whose depths one short way has told. It fades as the map grows.
     double start_sigma = 0.1;

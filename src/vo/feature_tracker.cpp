@@ -12,7 +12,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr int kLevelsNearPrediction = 1;  // a prediction is good to some pixels
-const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 12, 0.01);
+const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.005);
 
 /// Smaller over larger eigenvalue of the gradient matrix over the patch around a pixel: 0 on a
 /// straight edge, along which a patch can be moved without being told from itself.
@@ -151,7 +151,7 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
   std::vector<std::size_t> missed;
   std::vector<cv::Point2f> missed_points;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    if (tracks.ok[i] || !isInside(to.image, predicted[i])) continue;
+    if (tracks.ok[i]) continue;
     missed.push_back(i);
     missed_points.push_back(from_points[i]);
   }

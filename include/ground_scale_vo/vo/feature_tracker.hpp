@@ -57,8 +57,7 @@ class FeatureTracker {
   };
 
   /// predicted: a first guess of each point in `to`, same length as from_points. A point that is
-  /// not found near its guess is searched once more from its place in `from`, over all levels,
-  /// unless the guess is that it has left the image.
+  /// not found near its guess is searched once more from its place in `from`, over all levels.
   Tracks track(const ImagePyramid& from, const ImagePyramid& to,
                const std::vector<cv::Point2f>& from_points,
                const std::vector<cv::Point2f>& predicted) const;

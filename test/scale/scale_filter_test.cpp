@@ -57,7 +57,7 @@ TEST(ScaleFilter, WhatAYoungMapSaysIsNotBelievedForLong) {
 
 TEST(ScaleFilter, WaitsForSomeWayBeforeItStarts) {
   ScaleFilter filter({});
-  EXPECT_EQ(drive(&filter, 4, 0.8, 0.02), 0);  // 2 units are 2.5 heights
+  EXPECT_EQ(drive(&filter, 7, 0.8, 0.02), 0);  // 3.5 units are 4.4 heights
   EXPECT_EQ(drive(&filter, 1, 0.8, 0.02), 1);
 }
 
@@ -74,7 +74,7 @@ TEST(ScaleFilter, ScatteredMeasurementsDoNotStartIt) {
 
 TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
   ScaleFilter filter({});
-  drive(&filter, 5, 0.8, 0.04);
+  drive(&filter, 8, 0.8, 0.04);
   const double at_start = filter.sigma();
   for (int i = 0; i < 400; ++i) {
     filter.move(0.5, 0);
@@ -86,8 +86,8 @@ TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
 
 TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   ScaleFilter slow({}), fast({});
-  drive(&slow, 5, 0.8, 0.03);
-  drive(&fast, 5, 0.8, 0.03);
+  drive(&slow, 8, 0.8, 0.03);
+  drive(&fast, 8, 0.8, 0.03);
   for (int i = 0; i < 10; ++i) {
     slow.move(0.5, 0);
     slow.update(0.84, 0.03);
@@ -151,7 +151,7 @@ TEST(ScaleFilter, ResetForgets) {
   drive(&filter, 10, 0.8, 0.02);
   filter.reset();
   EXPECT_FALSE(filter.known());
-  drive(&filter, 20, 3.0, 0.02);
+  drive(&filter, 40, 3.0, 0.02);
   EXPECT_NEAR(filter.height(), 3.0, 1e-6);
 }
 

@@ -28,8 +28,9 @@ constexpr double kUpperMargin = 0.04;    ///< likewise
 constexpr double kMinBlurPx = 0.6;       ///< less, and the interpolation between pixels shows
 constexpr double kKernelReach = 2.5;     ///< of the blur [its sigma]
 constexpr int kMinTilePx = 8;
-constexpr double kShortestStrip = 6;  ///< that is seen of the road, where a tele lens sees none near
-constexpr double kConverged = 2e-4;           ///< a relative step of m below this is rest
+constexpr double kShortestStrip =
+    6;                               ///< that is seen of the road, where a tele lens sees none near
+constexpr double kConverged = 2e-4;  ///< a relative step of m below this is rest
 constexpr int kSpreadIterations = 5;          ///< then the spread of the shifts stays as it is
 constexpr double kSearchStep = 0.05;          ///< of ln h
 constexpr double kValley = 0.26;              ///< heights this close in ln h belong to one valley

@@ -1,6 +1,7 @@
 #include "ground_scale_vo/parse_number.hpp"
 
 #include <cmath>
+#include <ios>
 #include <locale>
 #include <sstream>
 
@@ -13,8 +14,8 @@ std::optional<Number> parseNumber(const std::string& text) {
   std::istringstream stream(text);
   stream.imbue(std::locale::classic());
   Number value{};
-  if (!(stream >> value) || stream.peek() != std::istringstream::traits_type::eof() ||
-      !std::isfinite(value)) {
+  if (!(stream >> std::noskipws >> value) ||
+      stream.peek() != std::istringstream::traits_type::eof() || !std::isfinite(value)) {
     return std::nullopt;
   }
   return value;

@@ -28,9 +28,9 @@ constexpr double kUpperMargin = 0.04;    ///< likewise
 constexpr double kMinBlurPx = 0.6;       ///< less, and the interpolation between pixels shows
 constexpr double kKernelReach = 2.5;     ///< of the blur [its sigma]
 constexpr int kMinTilePx = 8;
-constexpr double kShortestStrip =
-    6;                               ///< that is seen of the road, where a tele lens sees none near
-constexpr double kConverged = 2e-4;  ///< a relative step of m below this is rest
+constexpr double kShortestStrip = 6;          ///< beyond the nearest road in the picture
+constexpr double kLeastSlope = 0.02;          ///< of a ray down to a road that can be read
+constexpr double kConverged = 2e-4;           ///< a relative step of m below this is rest
 constexpr int kSpreadIterations = 5;          ///< then the spread of the shifts stays as it is
 constexpr double kSearchStep = 0.05;          ///< of ln h
 constexpr double kValley = 0.26;              ///< heights this close in ln h belong to one valley
@@ -94,11 +94,11 @@ struct Match {
   Samples jacobian;       ///< of value by q, mean free; of the first iteration
 };
 
-/// How far ahead the lower edge of the picture sees the road [camera heights].
+/// How far ahead the lower edge of the picture sees the road [camera heights]; 0: beyond reach.
 double nearestRoad(const PinholeCamera& camera, const NormalPrior& prior) {
   const Eigen::Vector3d ray(0, (camera.height - 1 - camera.cy) / camera.fy, 1);
   const double down = -prior.n_c.dot(ray);
-  return down > 0 ? std::abs(prior.forward_c.dot(ray)) / down : 0;
+  return down > kLeastSlope ? std::abs(prior.forward_c.dot(ray)) / down : 0;
 }
 
 /// Frees values of mean and contrast. texture: share of the variance that is not noise. Returns the
@@ -326,12 +326,10 @@ bool PlaneRefinement::Impl::sample(const Reference& reference, const Tile& tile,
   const float* const data = picture.storage.ptr<float>();
   const auto stride = static_cast<std::ptrdiff_t>(picture.storage.step1());
   const Samples z = A(2, 0) * tile.ray_x + A(2, 1) * tile.ray_y + A(2, 2);
-  if (!(z.minCoeff() > 0)) return false;
+  if (!(z > 0).all()) return false;  // nor when it is no number
   const Samples u = fx * (A(0, 0) * tile.ray_x + A(0, 1) * tile.ray_y + A(0, 2)) / z + cx;
   const Samples v = fy * (A(1, 0) * tile.ray_x + A(1, 1) * tile.ray_y + A(1, 2)) / z + cy;
-  if (!(u.minCoeff() >= 0 && v.minCoeff() >= 0 && u.maxCoeff() < right && v.maxCoeff() < bottom)) {
-    return false;
-  }
+  if (!(u >= 0 && v >= 0 && u < right && v < bottom).all()) return false;
   for (int i = 0; i < kSamples; ++i) {
     const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
     const float a = u[i] - static_cast<float>(left), b = v[i] - static_cast<float>(above);
@@ -628,6 +626,7 @@ PlaneRefinement::Result PlaneRefinement::align(const VoFrame& frame, const cv::M
   Impl& s = *impl_;
   s.prepare(frame.camera);
   s.pictures.front().T_w_c = frame.T_w_c;
+  // A tele lens sees no road near by.
   const double farthest =
       std::max(s.options.max_ahead_h, nearestRoad(frame.camera, prior) + kShortestStrip);
   const RoadStrip strip(prior, chord, height, s.options.min_ahead_h, farthest,

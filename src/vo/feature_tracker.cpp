@@ -95,7 +95,7 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
       double best = 0;
       cv::Point at;
       cv::minMaxLoc(band(area), nullptr, &best, nullptr, &at, free(area + origin));
-      if (best < options_.min_corner_strength) continue;
+      if (at.x < 0 || best < options_.min_corner_strength) continue;  // at: nothing is free
       at += area.tl();
       // The strongest of a cell may lie on its edge, on the flank of a neighbour's corner.
       double around = 0;

@@ -1,6 +1,7 @@
 #include "ground_scale_vo/vo/local_map.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <limits>
 

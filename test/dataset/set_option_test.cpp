@@ -75,7 +75,7 @@ TEST(DescribeAll, NamesAreUnique) {
 
 TEST(ParseNumber, IsTheWholeTextAndFinite) {
   EXPECT_EQ(parseNumber<double>("-1.5e2"), -150.0);
-  for (const char* text : {"", "1,5", "1.5m", "nan", "inf", "1e999", "0x10"}) {
+  for (const char* text : {"", " 1", "1,5", "1.5m", "nan", "inf", "1e999", "0x10"}) {
     EXPECT_FALSE(parseNumber<double>(text)) << text;
   }
   EXPECT_EQ(parseWholeNumber("--threads", "8", 1, 8), 8);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "ground_scale_vo/error.hpp"
 
@@ -50,6 +51,26 @@ TEST(FeatureTracker, keepsAwayFromOccupiedCells) {
     for (const auto& v : first) EXPECT_GT(cv::norm(u - v), 3.0);
   }
   EXPECT_LT(second.size(), first.size() / 3);
+}
+
+TEST(FeatureTracker, copesWithAFreeCellThatItsNeighboursCover) {
+  FeatureTracker::Options options;
+  options.min_corner_strength = 0;
+  options.window_px = 9;
+  options.cell = 10.0 / 800;
+  // Features all around the cell [205, 214] x [105, 114], none in it.
+  std::vector<cv::Point2f> occupied;
+  for (int i = 0; i < 12; ++i) {
+    const auto along = static_cast<float>(i);
+    occupied.insert(occupied.end(), {{204 + along, 104}, {204 + along, 115}});
+    occupied.insert(occupied.end(), {{204, 104 + along}, {215, 104 + along}});
+  }
+  std::vector<cv::Point2f> corners;
+  ASSERT_NO_THROW(corners = FeatureTracker(options).detect(texture(3), occupied));
+  EXPECT_GT(corners.size(), 300u);
+  for (const cv::Point2f& u : corners) {
+    EXPECT_FALSE(u.x > 204 && u.x < 215 && u.y > 104 && u.y < 115) << u;
+  }
 }
 
 TEST(FeatureTracker, takesNoEdgeForACorner) {

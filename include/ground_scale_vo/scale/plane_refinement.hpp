@@ -58,7 +58,8 @@ class PlaneRefinement {
     static void describe(Self& self, Visit&& visit) {
       visit("min_ahead_h", self.min_ahead_h, 0, 1000,
             "[camera heights] where the strip of road begins");
-      visit("max_ahead_h", self.max_ahead_h, 0.1, 1000, "[camera heights] where it ends");
+      visit("max_ahead_h", self.max_ahead_h, 0.1, 1000,
+            "[camera heights] where it ends, or 6 beyond the nearest road in the picture");
       visit("half_width_h", self.half_width_h, 0.01, 1000, "[camera heights] its half width");
       visit("tile", self.tile, 1e-3, 1, "[focal lengths] side of a tile");
       visit("blur", self.blur, 0, 0.1, "[focal lengths] smoothing of the pictures");

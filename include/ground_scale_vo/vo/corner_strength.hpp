@@ -15,7 +15,7 @@ class CornerStrength {
   static constexpr int kReach = 3;  ///< [px] a pixel this near to the image's edge has no strength
 
   /// image: 8-bit grey, kept, not copied. first_row: the one that the first call of next gives.
-  /// Precondition: kReach <= first_row.
+  /// Precondition: kReach <= first_row, and at least 2 kReach columns.
   CornerStrength(const cv::Mat& image, int first_row);
 
   /// Of the next row, for an image in [0, 1]; as many floats as the image has columns.

@@ -83,10 +83,9 @@ class LocalMap {
   void updateSigmas();
 
   /// Removes observations whose error is over `max_error` (normalised); a landmark whose anchor is
-  /// left alone loses its depth.
+  /// left alone is removed.
   void removeOutliers(double max_error);
 
-  void erase(std::uint64_t id) { landmarks_.erase(id); }
   void clear();
 
   Landmark* find(std::uint64_t id);

@@ -15,14 +15,6 @@
 namespace ground_scale_vo {
 namespace {
 
-NormalPrior priorOf(const RoadScene& scene) {
-  NormalPrior prior;
-  prior.n_c = scene.normal();
-  prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
-  prior.pitch_sigma = prior.roll_sigma = 0.01;
-  return prior;
-}
-
 /// A road with about n features in the picture, as noisy as real ones.
 RoadScene road(int n) {
   RoadScene scene;

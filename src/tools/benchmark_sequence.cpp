@@ -30,6 +30,7 @@
 #include "ground_scale_vo/parse_number.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "run_progress.hpp"
+#include "sequence_arguments.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -68,63 +69,35 @@ Files in DIR:
 Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
 )";
 
-struct Arguments {
-  std::string sequence, out;
+struct Arguments : gsv::SequenceArguments {
   int cores = 1, repeat = 1;
   bool floor = false;
   double image_scale = 1;
-  std::string settings;
-  gsv::OfflineRun::Options options;
+  std::string settings;  ///< of --set, as one text
 };
 
 /// Throws OptionError.
 Arguments parseArguments(int argc, char** argv) {
   Arguments arguments;
-  bool has_height = false;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const auto value = [&] {
-      if (++i == argc) throw gsv::OptionError(argument + " needs a value");
-      return std::string(argv[i]);
-    };
-    const auto number = [&](double min, double max) {
-      const double result = gsv::parseNumber(argument, value());
-      gsv::requireInRange(argument.c_str(), result, min, max);
-      return result;
-    };
-    const auto whole = [&](int min, int max) {
-      return gsv::parseWholeNumber(argument, value(), min, max);
-    };
-    if (argument == "--camera-height") {
-      arguments.options.scale.camera_height = gsv::parseNumber(argument, value());
-      has_height = true;
-    } else if (argument == "--out") {
-      arguments.out = value();
-    } else if (argument == "--cores") {
-      arguments.cores = whole(1, 1024);
+  arguments.parse(argc, argv, [&](const std::string& argument, const Arguments::Value& value) {
+    if (argument == "--cores") {
+      arguments.cores = gsv::parseWholeNumber(argument, value(), 1, 1024);
     } else if (argument == "--repeat") {
-      arguments.repeat = whole(1, 100000);
+      arguments.repeat = gsv::parseWholeNumber(argument, value(), 1, 100000);
     } else if (argument == "--image-scale") {
-      arguments.image_scale = number(0.1, 10);
+      arguments.image_scale = gsv::parseNumber(argument, value());
+      gsv::requireInRange(argument.c_str(), arguments.image_scale, 0.1, 10);
     } else if (argument == "--floor") {
       arguments.floor = true;
     } else if (argument == "--set") {
       const std::string setting = value();
       gsv::setOption(arguments.options, setting);
       arguments.settings += (arguments.settings.empty() ? "" : " ") + setting;
-    } else if (argument.size() > 1 && argument.front() == '-') {
-      throw gsv::OptionError(argument + " is not an option, see --help");
-    } else if (!arguments.sequence.empty()) {
-      throw gsv::OptionError("one sequence at a time, not " + arguments.sequence + " and " +
-                             argument);
     } else {
-      arguments.sequence = argument;
+      return false;
     }
-  }
-  if (arguments.sequence.empty()) throw gsv::OptionError("SEQ is missing, see --help");
-  if (!has_height) throw gsv::OptionError("--camera-height is missing, there is no default");
-  if (arguments.out.empty()) throw gsv::OptionError("--out is missing, see --help");
-  arguments.options.validate();
+    return true;
+  });
   return arguments;
 }
 

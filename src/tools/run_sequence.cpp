@@ -13,11 +13,11 @@
 #include "ground_scale_vo/dataset/odometry_metrics.hpp"
 #include "ground_scale_vo/dataset/offline_run.hpp"
 #include "ground_scale_vo/dataset/run_report.hpp"
-#include "ground_scale_vo/dataset/set_option.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
 #include "run_progress.hpp"
+#include "sequence_arguments.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -44,44 +44,18 @@ Metric odometry of one KITTI folder without ROS: every frame, causal, determinis
 Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
 )";
 
-struct Arguments {
-  std::string sequence, out;
+struct Arguments : gsv::SequenceArguments {
   int opencv_threads = 1;
-  gsv::OfflineRun::Options options;
 };
 
 /// Throws OptionError.
 Arguments parseArguments(int argc, char** argv) {
   Arguments arguments;
-  bool has_height = false;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const auto value = [&] {
-      if (++i == argc) throw gsv::OptionError(argument + " needs a value");
-      return std::string(argv[i]);
-    };
-    if (argument == "--camera-height") {
-      arguments.options.scale.camera_height = gsv::parseNumber(argument, value());
-      has_height = true;
-    } else if (argument == "--out") {
-      arguments.out = value();
-    } else if (argument == "--opencv-threads") {
-      arguments.opencv_threads = gsv::parseWholeNumber(argument, value(), 1, 256);
-    } else if (argument == "--set") {
-      gsv::setOption(arguments.options, value());
-    } else if (argument.size() > 1 && argument.front() == '-') {
-      throw gsv::OptionError(argument + " is not an option, see --help");
-    } else if (!arguments.sequence.empty()) {
-      throw gsv::OptionError("one sequence at a time, not " + arguments.sequence + " and " +
-                             argument);
-    } else {
-      arguments.sequence = argument;
-    }
-  }
-  if (arguments.sequence.empty()) throw gsv::OptionError("SEQ is missing, see --help");
-  if (!has_height) throw gsv::OptionError("--camera-height is missing, there is no default");
-  if (arguments.out.empty()) throw gsv::OptionError("--out is missing, see --help");
-  arguments.options.validate();
+  arguments.parse(argc, argv, [&](const std::string& argument, const Arguments::Value& value) {
+    if (argument != "--opencv-threads") return false;
+    arguments.opencv_threads = gsv::parseWholeNumber(argument, value(), 1, 256);
+    return true;
+  });
   return arguments;
 }
 

@@ -11,14 +11,6 @@
 namespace ground_scale_vo {
 namespace {
 
-NormalPrior priorOf(const RoadScene& scene) {
-  NormalPrior prior;
-  prior.n_c = scene.normal();
-  prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
-  prior.pitch_sigma = prior.roll_sigma = 0.01;
-  return prior;
-}
-
 MotionHistory::Chord chordOf(const RoadScene& scene) {
   return {scene.rotation().transpose() * Eigen::Vector3d::UnitZ(), 5.0};
 }

@@ -12,6 +12,8 @@
 namespace ground_scale_vo {
 namespace {
 
+constexpr double kPriorSigma = 0.012;  // [rad]
+
 using Change = std::function<void(std::uint32_t, cv::Mat*)>;
 
 RoadScene road() {
@@ -21,20 +23,12 @@ RoadScene road() {
   return scene;
 }
 
-NormalPrior priorOf(const RoadScene& scene) {
-  NormalPrior prior;
-  prior.n_c = scene.normal();
-  prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
-  prior.pitch_sigma = prior.roll_sigma = 0.012;
-  return prior;
-}
-
 /// The result at the last of `frames` frames, each with the same prediction (0: none).
 PlaneRefinement::Result drive(PlaneRefinement* refinement, const RoadScene& scene, double predicted,
                               std::uint32_t frames = 4, const Change& change = nullptr,
                               const std::function<double(double, double)>& texture = asphalt) {
   PlaneRefinement::Result result;
-  const NormalPrior prior = priorOf(scene);
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
   const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
   for (std::uint32_t i = 0; i < frames; ++i) {
     cv::Mat image = roadImage(scene, scene.step * i, texture);
@@ -100,8 +94,10 @@ TEST(PlaneRefinement, ACrestAheadIsNoOtherHeight) {
       return asphalt(x * s, at_h + (z - at_h) * s);
     };
     const cv::Mat image = roadImage(scene, scene.step * i, bent);
-    const auto a = refinement.align(scene.frame(i), image, priorOf(scene), std::nullopt, 0.7);
-    const auto b = flat.align(scene.frame(i), image, priorOf(scene), std::nullopt, 0.7);
+    const auto a =
+        refinement.align(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
+    const auto b =
+        flat.align(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
     error = std::abs(a.plane.height / scene.height - 1);
     flat_error = std::abs(b.plane.height / scene.height - 1);
   }
@@ -116,8 +112,8 @@ TEST(PlaneRefinement, AWrongNormalIsCorrected) {
   PlaneRefinement refinement({});
   PlaneRefinement::Result result;
   for (std::uint32_t i = 0; i < 4; ++i) {
-    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i), priorOf(expected),
-                              std::nullopt, scene.height);
+    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i),
+                              priorOf(expected, kPriorSigma), std::nullopt, scene.height);
   }
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
@@ -182,7 +178,7 @@ TEST(PlaneRefinement, AVehicleInTheStripIsLeftOut) {
 
 TEST(PlaneRefinement, FeaturesOffThePlaneMaskTheirTiles) {
   const RoadScene scene = road();
-  const NormalPrior prior = priorOf(scene);
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
   int with = 0, without = 0;
   for (const bool masked : {false, true}) {
     PlaneRefinement fresh({});
@@ -226,7 +222,7 @@ TEST(PlaneRefinement, AWrongPredictionIsNeverConfirmed) {
 
 TEST(PlaneRefinement, ALostValleyIsSoughtAnew) {
   const RoadScene scene = road();
-  const NormalPrior prior = priorOf(scene);
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
   PlaneRefinement refinement({});
   int found = 0;
   for (std::uint32_t i = 0; i < 25; ++i) {
@@ -248,7 +244,7 @@ TEST(PlaneRefinement, TheSearchFindsTheRoadInAnyUnit) {
       scene.height *= unit;
       scene.step *= unit;
       for (auto& point : scene.points) point *= unit;
-      const NormalPrior prior = priorOf(scene);
+      const NormalPrior prior = priorOf(scene, kPriorSigma);
       PlaneRefinement refinement({});
       PlaneRefinement::Result result;
       for (std::uint32_t i = 0; i < 8 && result.status != ScaleReason::kNone; ++i) {
@@ -290,7 +286,7 @@ TEST(PlaneRefinement, Reverse) {
   RoadScene scene = road();
   scene.step = -0.3;
   PlaneRefinement refinement({});
-  NormalPrior prior = priorOf(scene);
+  NormalPrior prior = priorOf(scene, kPriorSigma);
   prior.forward_c = -prior.forward_c;
   const MotionHistory::Chord chord{prior.forward_c, 0.9, Eigen::Vector3d::Zero()};
   PlaneRefinement::Result result;

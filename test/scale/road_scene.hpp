@@ -6,6 +6,7 @@
 #include <random>
 #include <vector>
 
+#include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
@@ -85,5 +86,14 @@ struct RoadScene {
   }
   VoFrame frame(std::uint32_t sequence) const { return frameAt(sequence, step * sequence); }
 };
+
+/// The scene's normal and direction of motion, each known to `sigma` [rad].
+inline NormalPrior priorOf(const RoadScene& scene, double sigma = 0.01) {
+  NormalPrior prior;
+  prior.n_c = scene.normal();
+  prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
+  prior.pitch_sigma = prior.roll_sigma = sigma;
+  return prior;
+}
 
 }  // namespace ground_scale_vo

@@ -7,6 +7,7 @@
 #include <functional>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace ground_scale_vo {
@@ -51,10 +52,12 @@ class Inbox {
     const std::lock_guard<std::mutex> lock(mutex_);
     return messages_;
   }
-  void clear() {
+  /// The same, and forgets them.
+  std::vector<ConstPtr> take() {
     const std::lock_guard<std::mutex> lock(mutex_);
-    messages_.clear();
+    return std::exchange(messages_, {});
   }
+  void clear() { take(); }
   bool connected() const { return subscriber_.getNumPublishers() > 0; }
 
  private:

@@ -1,0 +1,213 @@
+// Hours of driving through both nodelets, with every output listened to: the manager's memory stays
+// as it is, the path stays short, every number is finite and the metres stay true.
+//
+// Two minutes by default, an hour with GROUND_SCALE_VO_LONG (scripts/test --long). What it measured
+// stands in the log of its rostest.
+
+#include <cv_bridge/cv_bridge.h>
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <sensor_msgs/image_encodings.h>
+#include <visualization_msgs/Marker.h>
+
+#include <algorithm>
+#include <boost/make_shared.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/dataset/process_usage.hpp"
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "inbox.hpp"
+#include "process_of_node.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kCameraHeight = 1.65;
+constexpr std::int64_t kStartNs = 1000000000000;
+constexpr std::int64_t kPeriodNs = 100000000;  // 10 Hz
+constexpr std::size_t kHour = 36000;           // frames
+constexpr std::size_t kShort = 1200;
+/// Ways there and back without a cut; then the car stands where it started in the next image.
+constexpr std::size_t kWaysBetweenCuts = 9;
+/// Frames until everything has been as large as it gets, and how often memory is looked at.
+constexpr std::size_t kWarmUp = 500, kLookEvery = 100;
+/// What one frame may leave behind [bytes]: far less than the smallest thing that it has (a pose, a
+/// keyframe, a feature). The short run measures the same with the allocator's noise on top.
+constexpr double kBytesPerFrameLong = 100, kBytesPerFrameShort = 4000;
+
+/// From a standstill to a standstill, so that it can be driven there and back.
+SyntheticDrive::Options driveOptions() {
+  SyntheticDrive::Options options;
+  options.frames = 120;
+  options.camera_height = kCameraHeight;
+  options.speeds = {{0.5, 0}, {3.5, 9}, {8.4, 9}, {11.4, 0}};
+  options.moving_cars = false;
+  return options;
+}
+
+/// Which image of the drive is the n-th that the nodelets get.
+std::size_t imageAt(std::size_t n, std::size_t images) {
+  const std::size_t way = n / images % kWaysBetweenCuts, i = n % images;
+  return way % 2 == 0 ? i : images - 1 - i;
+}
+
+/// Listens, as rviz would, and keeps only the last message.
+template <typename Message>
+class Listener {
+ public:
+  using ConstPtr = typename Message::ConstPtr;
+  Listener(ros::NodeHandle& handle, const std::string& topic)
+      : subscriber_(handle.subscribe<Message>(topic, 100, [this](const ConstPtr& message) {
+          const std::lock_guard<std::mutex> lock(mutex_);
+          last_ = message;
+        })) {}
+  ~Listener() { subscriber_.shutdown(); }
+  bool connected() const { return subscriber_.getNumPublishers() > 0; }
+  ConstPtr last() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return last_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  ConstPtr last_;
+  ros::Subscriber subscriber_;
+};
+
+/// The metric odometry against the truth, step by step.
+class Metres {
+ public:
+  explicit Metres(const SyntheticDrive& drive) : drive_(drive) {}
+
+  void add(const nav_msgs::Odometry& odometry) {
+    const auto n =
+        static_cast<std::size_t>((toNanoseconds(odometry.header.stamp) - kStartNs) / kPeriodNs);
+    const std::size_t image = imageAt(n, drive_.size());
+    const Eigen::Isometry3d T_o_b = fromMsg(odometry.pose.pose);
+    finite_ = finite_ && T_o_b.matrix().allFinite() && isFinite(odometry.pose.covariance) &&
+              isFinite(odometry.twist.covariance) && std::isfinite(odometry.twist.twist.linear.z);
+    const std::size_t passed = image > last_image_ ? image - last_image_ : last_image_ - image;
+    if (poses_++ > 0 && n == last_n_ + 1 && passed <= 1) {
+      way_ += (T_o_b.translation() - last_.translation()).norm();
+      true_way_ += (drive_.frame(image).T_c0_c.translation() -
+                    drive_.frame(last_image_).T_c0_c.translation())
+                       .norm();
+    }
+    last_ = T_o_b;
+    last_n_ = n;
+    last_image_ = image;
+  }
+  bool finite() const { return finite_; }
+  double ratio() const { return way_ / true_way_; }
+  double trueWay() const { return true_way_; }
+  std::size_t poses() const { return poses_; }
+
+ private:
+  static bool isFinite(const boost::array<double, 36>& values) {
+    return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
+  }
+
+  const SyntheticDrive& drive_;
+  Eigen::Isometry3d last_ = Eigen::Isometry3d::Identity();
+  std::size_t last_n_ = 0, last_image_ = 0, poses_ = 0;
+  double way_ = 0, true_way_ = 0;
+  bool finite_ = true;
+};
+
+/// What the manager had used after a frame.
+struct Look {
+  std::size_t frame;
+  ProcessUsage usage;
+};
+
+void print(const std::vector<Look>& looks) {
+  std::cout << "frames, memory [MiB], processor time a frame since the last line [ms]\n";
+  const std::size_t step = std::max<std::size_t>(1, looks.size() / 12);
+  for (std::size_t k = step; k < looks.size(); k += step) {
+    const Look &from = looks[k - step], &to = looks[k];
+    std::cout << to.frame << ", " << to.usage.rss_mb << ", "
+              << 1e3 * (to.usage.cpu_s - from.usage.cpu_s) /
+                     static_cast<double>(to.frame - from.frame)
+              << "\n";
+  }
+}
+
+TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
+  const bool whole = std::getenv("GROUND_SCALE_VO_LONG") != nullptr;
+  const std::size_t frames = whole ? kHour : kShort;
+  const SyntheticDrive drive(driveOptions());
+  std::vector<sensor_msgs::ImagePtr> pictures;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    pictures.push_back(
+        cv_bridge::CvImage({}, sensor_msgs::image_encodings::MONO8, drive.image(i)).toImageMsg());
+  }
+
+  ros::NodeHandle handle;
+  ros::Publisher images = handle.advertise<sensor_msgs::Image>("image", 10);
+  ros::Publisher infos = handle.advertise<sensor_msgs::CameraInfo>("camera_info", 10);
+  Inbox<ScaleEstimateMsg> scales(handle, "scale");
+  Inbox<nav_msgs::Odometry> odometry(handle, "odometry");
+  Listener<VoFrameMsg> vo_frames(handle, "vo/frame");
+  Listener<nav_msgs::Path> path(handle, "path");
+  Listener<sensor_msgs::Image> tracks(handle, "vo/image_tracks");
+  Listener<sensor_msgs::PointCloud2> points(handle, "vo/points"), ground(handle, "ground_points");
+  Listener<visualization_msgs::Marker> plane(handle, "ground_plane");
+  ASSERT_TRUE(waitUntil([&] {
+    return images.getNumSubscribers() > 0 && infos.getNumSubscribers() > 0 && scales.connected() &&
+           odometry.connected() && vo_frames.connected() && path.connected() &&
+           tracks.connected() && points.connected() && ground.connected() && plane.connected();
+  })) << "the nodelets did not come up";
+  const pid_t manager = processOfNode("manager");
+  ASSERT_GT(processUsage(manager).rss_mb, 0) << "the manager's process is not found";
+
+  Metres metres(drive);
+  std::vector<Look> looks;
+  for (std::size_t n = 0; n < frames; ++n) {
+    const auto image = boost::make_shared<sensor_msgs::Image>(*pictures[imageAt(n, drive.size())]);
+    image->header.stamp = fromNanoseconds(kStartNs + static_cast<std::int64_t>(n) * kPeriodNs);
+    image->header.frame_id = "camera";
+    const auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(drive.camera()));
+    info->header = image->header;
+    infos.publish(info);
+    images.publish(image);
+    ASSERT_TRUE(scales.waitForStamp(image->header.stamp)) << "frame " << n;
+    for (const auto& scale : scales.take()) {
+      ASSERT_TRUE(std::isfinite(scale->scale) && std::isfinite(scale->sigma)) << "frame " << n;
+    }
+    for (const auto& pose : odometry.take()) metres.add(*pose);
+    if ((n + 1) % kLookEvery == 0) looks.push_back({n + 1, processUsage(manager)});
+  }
+  print(looks);
+  std::cout << "metric poses " << metres.poses() << " of " << frames << ", " << metres.trueWay()
+            << " m, odometry over truth " << metres.ratio() << "\n";
+
+  EXPECT_TRUE(metres.finite());
+  EXPECT_GT(metres.poses(), frames * 8 / 10);
+  EXPECT_NEAR(metres.ratio(), 1, 0.03);
+  ASSERT_TRUE(path.last());
+  EXPECT_LE(path.last()->poses.size(), 5000u);  // path_max_poses
+  const Look &warm = looks[kWarmUp / kLookEvery - 1], &last = looks.back();
+  const double bytes_a_frame = (last.usage.rss_mb - warm.usage.rss_mb) * 1024 * 1024 /
+                               static_cast<double>(last.frame - warm.frame);
+  std::cout << bytes_a_frame << " bytes a frame left behind\n";
+  EXPECT_LT(bytes_a_frame, whole ? kBytesPerFrameLong : kBytesPerFrameShort);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "long_run_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

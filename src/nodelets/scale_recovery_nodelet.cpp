@@ -58,6 +58,7 @@ void ScaleRecoveryNodelet::onInit() {
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kPublishQueue);
   scale_publisher_ = handle.advertise<ScaleEstimateMsg>("scale", kPublishQueue);
   path_publisher_ = handle.advertise<nav_msgs::Path>("path", 1);
+  points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("points", 1);
   ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
   ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 2);
 
@@ -79,6 +80,7 @@ void ScaleRecoveryNodelet::onInit() {
 void ScaleRecoveryNodelet::subscribeToImages() {
   ros::NodeHandle& handle = getNodeHandle();
   transport_ = std::make_unique<image_transport::ImageTransport>(handle);
+  road_publisher_ = transport_->advertise("image_road", 1);
   camera_info_subscriber_ =
       handle.subscribe("camera_info", kImageQueue, &ScaleRecoveryNodelet::onCameraInfo, this);
   image_subscriber_ =
@@ -181,6 +183,12 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
   if (output.scale.status != ScaleStatus::kUnknown) {
     if (output.pose) publishPose(*output.pose, header);
     publishGround(output, header);
+    if (points_publisher_.getNumSubscribers() > 0) {
+      points_publisher_.publish(toPointCloud(frame, header, output.scale.scale));
+    }
+  }
+  if (road_publisher_.getNumSubscribers() > 0 && !picture.empty()) {
+    road_publisher_.publish(paintRoad(picture, frame, output, header));
   }
 
   ++processed_;

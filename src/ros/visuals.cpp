@@ -10,6 +10,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <string>
+#include <unordered_set>
 
 #include "ground_scale_vo/ros/conversions.hpp"
 
@@ -22,10 +23,16 @@ constexpr double kQuadLength = 16.0;
 constexpr double kQuadWidth = 8.0;
 constexpr double kArrowWidth = 0.25;
 
+/// [m] the grid on the road: ahead, to either side; and how near the camera it may come.
+constexpr int kGridFrom = 2, kGridTo = 20, kGridSide = 3;
+constexpr double kGridNearest = 0.5;
+
 constexpr double kBrightness = 0.7;  // of the image below the tracks
 constexpr double kOldest = 100;      // [frames] what is older has the same colour
 constexpr double kYoungest = 0.28;   // place in the colour map; its beginning is too dark to see
 const cv::Scalar kOutlierColour(30, 30, 255), kNotFoundColour(200, 130, 255);
+const cv::Scalar kMeasuredColour(60, 230, 60), kHeldColour(40, 170, 255),
+    kOtherColour(170, 170, 170);
 const cv::Scalar kLegendText(230, 230, 230), kLegendGround(25, 25, 25);
 
 /// Age in frames; logarithmic, and of growing brightness.
@@ -39,6 +46,17 @@ cv::Scalar ageColour(double age) {
   const double place = std::min(1.0, std::log1p(age) / std::log1p(kOldest));
   const int index = cvRound(255 * (kYoungest + (1 - kYoungest) * place));
   return colours.at<cv::Vec3b>(index);
+}
+
+cv::Mat darkened(const cv::Mat& grey) {
+  cv::Mat picture;
+  grey.convertTo(picture, CV_8U, kBrightness);
+  cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
+  return picture;
+}
+
+void write(cv::Mat& picture, const std::string& text, const cv::Point& at, double size) {
+  cv::putText(picture, text, at, cv::FONT_HERSHEY_SIMPLEX, size, kLegendText, 1, cv::LINE_AA);
 }
 
 void drawDot(cv::Mat& picture, const cv::Point& at, const cv::Scalar& colour, bool filled) {
@@ -55,9 +73,6 @@ void drawCross(cv::Mat& picture, const cv::Point& at, RejectReason reason) {
 void drawLegend(cv::Mat& picture) {
   constexpr int kBar = 120, kLeft = 8;
   cv::rectangle(picture, cv::Rect(0, 0, 462, 34), kLegendGround, cv::FILLED);
-  const auto write = [&picture](const std::string& text, int x, int y, double size) {
-    cv::putText(picture, text, {x, y}, cv::FONT_HERSHEY_SIMPLEX, size, kLegendText, 1, cv::LINE_AA);
-  };
   for (int x = 0; x <= kBar; ++x) {
     const double age = std::expm1(std::log1p(kOldest) * x / kBar);
     cv::line(picture, {kLeft + x, 4}, {kLeft + x, 14}, ageColour(age), 1);
@@ -66,15 +81,15 @@ void drawLegend(cv::Mat& picture) {
     const int x = kLeft + cvRound(kBar * std::log1p(age) / std::log1p(kOldest));
     cv::line(picture, {x, 12}, {x, 16}, kLegendText, 1);
     const std::string text = std::to_string(age);
-    write(text, x - 3 * static_cast<int>(text.size()), 29, 0.35);
+    write(picture, text, {x - 3 * static_cast<int>(text.size()), 29}, 0.35);
   }
   int x = kLeft + kBar + 16;
-  write("age [frames]", x - 4, 14, 0.35);
+  write(picture, "age [frames]", {x - 4, 14}, 0.35);
   x += 90;
   const auto entry = [&](const char* text, int row, auto draw) {
     const cv::Point at(x, 10 + 15 * row);
     draw(at);
-    write(text, x + 8, at.y + 4, 0.35);
+    write(picture, text, {x + 8, at.y + 4}, 0.35);
   };
   const cv::Scalar colour = ageColour(10);
   entry("has a point", 0, [&](cv::Point at) { drawDot(picture, at, colour, true); });
@@ -86,6 +101,65 @@ void drawLegend(cv::Mat& picture) {
 }
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
+
+/// Axes of the ground below the camera: x where the camera looks, y left, z up.
+Eigen::Isometry3d groundAxes(const ScaleEstimate& scale) {
+  const Eigen::Vector3d up = scale.n_c;
+  const Eigen::Vector3d forward = (Eigen::Vector3d::UnitZ() - up.z() * up).normalized();
+  Eigen::Isometry3d T_c_ground = Eigen::Isometry3d::Identity();
+  T_c_ground.linear() << forward, up.cross(forward), up;
+  T_c_ground.translation() = -scale.scale * scale.height * up;
+  return T_c_ground;
+}
+
+/// A grid of metres on the ground plane, with figures every five.
+void drawGroundGrid(cv::Mat& picture, const PinholeCamera& camera, const ScaleEstimate& scale) {
+  const Eigen::Isometry3d T_c_ground = groundAxes(scale);
+  const auto pixel = [&](double ahead, double left) {
+    const Eigen::Vector2d u = camera.project(T_c_ground * Eigen::Vector3d(ahead, left, 0));
+    // Far outside means the same as outside, and an int holds it.
+    return cv::Point(cvRound(std::clamp(u.x(), -1e4, 1e4)), cvRound(std::clamp(u.y(), -1e4, 1e4)));
+  };
+  // What lies behind the picture's plane has no pixel: the camera may look up or down.
+  int from = kGridFrom;
+  while (from < kGridTo && (T_c_ground * Eigen::Vector3d(from, 0, 0)).z() < kGridNearest) ++from;
+  const cv::Scalar colour = scale.status == ScaleStatus::kOk ? kMeasuredColour : kHeldColour;
+  cv::Mat grid = picture.clone();
+  for (int left = -kGridSide; left <= kGridSide; ++left) {
+    cv::line(grid, pixel(from, left), pixel(kGridTo, left), colour, 1, cv::LINE_AA);
+  }
+  for (int ahead = from; ahead <= kGridTo; ++ahead) {
+    cv::line(grid, pixel(ahead, -kGridSide), pixel(ahead, kGridSide), colour, ahead % 5 ? 1 : 2,
+             cv::LINE_AA);
+  }
+  cv::addWeighted(picture, 0.5, grid, 0.5, 0, picture);
+  for (int ahead = from; ahead <= kGridTo; ++ahead) {
+    if (ahead % 5 != 0) continue;
+    write(picture, std::to_string(ahead) + " m", pixel(ahead, -kGridSide) + cv::Point(4, 4), 0.4);
+  }
+}
+
+std::string percentOf(const ScaleRecovery::Measurement& measured) {
+  return measured.height > 0 ? cv::format("%.1f %%", 100 * measured.sigma / measured.height)
+                             : std::string("none");
+}
+
+/// In the upper left corner: the scale, and how well each source measured it in this frame.
+void drawScale(cv::Mat& picture, const ScaleRecovery::Output& output) {
+  const ScaleEstimate& scale = output.scale;
+  std::string first = toString(scale.status);
+  if (scale.reason != ScaleReason::kNone) first += std::string(", ") + toString(scale.reason);
+  if (scale.status != ScaleStatus::kUnknown) {
+    first += cv::format(": one VO unit is %.4g m +- %.1f %%", scale.scale,
+                        100 * scale.sigma / scale.scale);
+  }
+  std::string second =
+      "this frame: points " + percentOf(output.points) + ", pixels " + percentOf(output.pixels);
+  if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
+  cv::rectangle(picture, cv::Rect(0, 0, 462, 34), kLegendGround, cv::FILLED);
+  write(picture, first, {8, 14}, 0.38);
+  write(picture, second, {8, 29}, 0.38);
+}
 
 visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, int type) {
   auto marker = boost::make_shared<visualization_msgs::Marker>();
@@ -102,9 +176,7 @@ visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, i
 sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
                                             const std::vector<RejectedFeature>& rejected,
                                             const std_msgs::Header& header) {
-  cv::Mat picture;
-  grey.convertTo(picture, CV_8U, kBrightness);
-  cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
+  cv::Mat picture = darkened(grey);
   if (frame.sequence != last_sequence_ + 1) last_.clear();
   std::map<std::uint64_t, Eigen::Vector2f> now;
   for (const TrackedFeature& feature : frame.features) {
@@ -122,6 +194,24 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& 
     drawCross(picture, toPixel(feature.u), feature.reason);
   }
   drawLegend(picture);
+  return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, picture).toImageMsg();
+}
+
+sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
+                                  const ScaleRecovery::Output& output,
+                                  const std_msgs::Header& header) {
+  cv::Mat picture = darkened(grey);
+  if (output.scale.status != ScaleStatus::kUnknown) {
+    drawGroundGrid(picture, frame.camera, output.scale);
+  }
+  const std::unordered_set<std::uint64_t> ground(output.ground_feature_ids.begin(),
+                                                 output.ground_feature_ids.end());
+  for (const TrackedFeature& feature : frame.features) {
+    if (!feature.has_point) continue;
+    const bool on_ground = ground.count(feature.id) > 0;
+    drawDot(picture, toPixel(feature.u), on_ground ? kMeasuredColour : kOtherColour, on_ground);
+  }
+  drawScale(picture, output);
   return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, picture).toImageMsg();
 }
 
@@ -143,25 +233,20 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
   return cloud;
 }
 
-sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header) {
+sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header,
+                                           double scale) {
   std::vector<Eigen::Vector3f> points;
   for (const TrackedFeature& feature : frame.features) {
-    if (feature.has_point) points.push_back(feature.p_c);
+    if (feature.has_point) points.push_back(static_cast<float>(scale) * feature.p_c);
   }
   return toPointCloud(points, header);
 }
 
 std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate& scale,
                                                             const std_msgs::Header& header) {
-  const Eigen::Vector3d up = scale.n_c;
-  const Eigen::Vector3d foot = -scale.scale * scale.height * up;
-  const Eigen::Vector3d forward = (Eigen::Vector3d::UnitZ() - up.z() * up).normalized();
-
-  Eigen::Isometry3d T_c_quad = Eigen::Isometry3d::Identity();
-  T_c_quad.linear().col(0) = forward;
-  T_c_quad.linear().col(1) = up.cross(forward);
-  T_c_quad.linear().col(2) = up;
-  T_c_quad.translation() = foot + kQuadAhead * forward;
+  const Eigen::Isometry3d T_c_ground = groundAxes(scale);
+  const Eigen::Isometry3d T_c_quad =
+      T_c_ground * Eigen::Translation3d(kQuadAhead * Eigen::Vector3d::UnitX());
 
   const auto quad = marker(header, 0, visualization_msgs::Marker::CUBE);
   quad->pose = toMsg(T_c_quad);
@@ -173,11 +258,9 @@ std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate&
   quad->color.b = 1.0f;
   quad->color.a = scale.status == ScaleStatus::kOk ? 0.5f : 0.25f;
 
-  Eigen::Isometry3d T_c_arrow = Eigen::Isometry3d::Identity();
-  T_c_arrow.linear().col(0) = up;
-  T_c_arrow.linear().col(1) = forward;
-  T_c_arrow.linear().col(2) = up.cross(forward);
-  T_c_arrow.translation() = foot;
+  Eigen::Isometry3d T_c_arrow = T_c_ground;  // which points along its x
+  T_c_arrow.linear() << T_c_ground.linear().col(2), T_c_ground.linear().col(0),
+      T_c_ground.linear().col(1);
 
   const auto arrow = marker(header, 1, visualization_msgs::Marker::ARROW);
   arrow->pose = toMsg(T_c_arrow);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <tuple>
 
@@ -41,6 +42,14 @@ struct Pixel {
   bool isGrey() const { return blue == green && green == red; }
 };
 
+Pixel pixelOf(const sensor_msgs::Image& picture, float u, float v) {
+  const std::size_t i =
+      static_cast<std::size_t>(v) * picture.step + 3 * static_cast<std::size_t>(u);
+  return {picture.data[i], picture.data[i + 1], picture.data[i + 2]};
+}
+
+cv::Mat wall() { return {kHeight, kWidth, CV_8UC1, cv::Scalar(128)}; }
+
 /// Frames of a grey wall, numbered one after the other.
 class TrackPainting : public testing::Test {
  protected:
@@ -48,17 +57,12 @@ class TrackPainting : public testing::Test {
     frame_.features = std::move(features);
     std_msgs::Header header;
     header.frame_id = "camera";
-    picture_ = painter_.paint(cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(128)), frame_, given_up,
-                              header);
+    picture_ = painter_.paint(wall(), frame_, given_up, header);
     ++frame_.sequence;
   }
   void skipAFrame() { ++frame_.sequence; }
 
-  Pixel at(float u, float v = kRow) const {
-    const std::size_t i =
-        static_cast<std::size_t>(v) * picture_->step + 3 * static_cast<std::size_t>(u);
-    return {picture_->data[i], picture_->data[i + 1], picture_->data[i + 2]};
-  }
+  Pixel at(float u, float v = kRow) const { return pixelOf(*picture_, u, v); }
 
   VoFrame frame_;
   TrackPainter painter_;
@@ -137,6 +141,79 @@ TEST_F(TrackPainting, MarksAtTheEdgeAreNoError) {
   paint({feature(1, 0, 3), feature(2, kWidth - 1, 3, false)},
         {rejected(0, RejectReason::kOutlier), rejected(kWidth - 1, RejectReason::kNotFound)});
   EXPECT_FALSE(at(0).isGrey());
+}
+
+/// A level camera, half a VO unit over the road, which is 1.65 m.
+class RoadPainting : public testing::Test {
+ protected:
+  RoadPainting() {
+    frame_.camera.width = kWidth;
+    frame_.camera.height = kHeight;
+    frame_.camera.fx = frame_.camera.fy = 400;
+    frame_.camera.cx = 320;
+    frame_.camera.cy = 40;
+    output_.scale.n_c = {0, -1, 0};
+    output_.scale.height = 0.5;
+    output_.scale.scale = 3.3;
+    output_.scale.sigma = 0.03;
+  }
+  void paint(ScaleStatus status) {
+    output_.scale.status = status;
+    picture_ = paintRoad(wall(), frame_, output_, {});
+  }
+  /// Where the camera sees the road so far ahead, and to the left [m].
+  Pixel onRoad(float ahead, float left) const {
+    return pixelOf(*picture_, 320 - 400 * left / ahead, std::round(40 + 400 * 1.65f / ahead));
+  }
+
+  VoFrame frame_;
+  ScaleRecovery::Output output_;
+  sensor_msgs::Image::Ptr picture_;
+};
+
+TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
+  paint(ScaleStatus::kOk);
+  for (const float ahead : {5.f, 10.f, 15.f, 20.f}) {
+    const Pixel line = onRoad(ahead, 0.5f);
+    EXPECT_GT(line.green, line.red + 30) << ahead;
+    EXPECT_TRUE(onRoad(ahead, 3.6f).isGrey()) << ahead << " m, beside the grid";
+  }
+  EXPECT_TRUE(onRoad(5.5f, 0.5f).isGrey()) << "between the lines";
+  EXPECT_TRUE(onRoad(25.f, 0.5f).isGrey()) << "beyond the grid";
+  // A scale of twice as much makes the same road twice as large.
+  output_.scale.scale *= 2;
+  paint(ScaleStatus::kOk);
+  EXPECT_TRUE(onRoad(3.f, 0.25f).isGrey());
+}
+
+TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownOneNoGrid) {
+  paint(ScaleStatus::kHeld);
+  const Pixel held = onRoad(10, 0.5f);
+  EXPECT_GT(held.red, held.blue + 50);
+  EXPECT_GT(held.red, held.green);
+  paint(ScaleStatus::kUnknown);
+  EXPECT_TRUE(onRoad(10, 0.5f).isGrey());
+}
+
+TEST_F(RoadPainting, GroundPointsAreFilled) {
+  frame_.features = {feature(1, 100, 5), feature(2, 200, 5), feature(3, 300, 5, false)};
+  for (TrackedFeature& f : frame_.features) f.u.y() = 60;
+  output_.ground_feature_ids = {1};
+  paint(ScaleStatus::kUnknown);
+  const Pixel ground = pixelOf(*picture_, 100, 60), other = pixelOf(*picture_, 200, 60);
+  EXPECT_GT(ground.green, ground.red + 50);
+  EXPECT_EQ(other, pixelOf(*picture_, 300, 60)) << "hollow";
+  EXPECT_FALSE(pixelOf(*picture_, 203, 60) == other) << "its ring";
+  EXPECT_EQ(pixelOf(*picture_, 303, 60), other) << "without a point there is nothing";
+}
+
+TEST_F(RoadPainting, APlaneThatTheCameraDoesNotSeeIsNoError) {
+  for (const Eigen::Vector3d& up :
+       {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(1, 0, 0)}) {
+    output_.scale.n_c = up;
+    paint(ScaleStatus::kOk);
+    EXPECT_EQ(picture_->width, static_cast<unsigned>(kWidth));
+  }
 }
 
 }  // namespace

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
+#include <sensor_msgs/PointCloud2.h>
 #include <sensor_msgs/image_encodings.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
 #include <tf2_msgs/TFMessage.h>
 #include <visualization_msgs/Marker.h>
 
@@ -42,6 +44,8 @@ struct PlayedDrive {
         odometry(handle, "odometry"),
         path(handle, "path"),
         tracks(handle, "vo/image_tracks"),
+        road(handle, "image_road"),
+        points(handle, "points"),
         plane(handle, "ground_plane"),
         tf(handle, "/tf"),
         diagnostics(handle, "/diagnostics"),
@@ -58,7 +62,8 @@ struct PlayedDrive {
     ASSERT_TRUE(waitUntil([this] {
       return images.getNumSubscribers() > 0 && infos.getNumSubscribers() > 0 &&
              frames.connected() && scales.connected() && odometry.connected() && path.connected() &&
-             tracks.connected() && plane.connected() && tf.connected();
+             tracks.connected() && road.connected() && points.connected() && plane.connected() &&
+             tf.connected();
     })) << "the nodelets did not come up";
     for (std::size_t i = 0; i < drive.size(); ++i) {
       const cv::Mat picture = drive.image(i);
@@ -99,7 +104,8 @@ struct PlayedDrive {
   Inbox<ScaleEstimateMsg> scales;
   Inbox<nav_msgs::Odometry> odometry;
   Inbox<nav_msgs::Path> path;
-  Inbox<sensor_msgs::Image> tracks;
+  Inbox<sensor_msgs::Image> tracks, road;
+  Inbox<sensor_msgs::PointCloud2> points;
   Inbox<visualization_msgs::Marker> plane;
   Inbox<tf2_msgs::TFMessage> tf;
   Inbox<diagnostic_msgs::DiagnosticArray> diagnostics;
@@ -254,6 +260,10 @@ TEST_F(Drive, WhatIsOnlyLookedAtComesWhenSomeoneLooks) {
   const auto picture = run.tracks.messages().back();
   EXPECT_EQ(picture->encoding, "bgr8");
   EXPECT_EQ(static_cast<int>(picture->width), run.drive.camera().width);
+  ASSERT_TRUE(run.road.waitForCount(run.drive.size() / 2));
+  const auto road = run.road.messages().back();
+  EXPECT_EQ(road->encoding, "bgr8");
+  EXPECT_EQ(static_cast<int>(road->width), run.drive.camera().width);
   const auto markers = run.plane.messages();
   ASSERT_FALSE(markers.empty());
   // The quad lies below the camera (y down) and is level.
@@ -261,6 +271,25 @@ TEST_F(Drive, WhatIsOnlyLookedAtComesWhenSomeoneLooks) {
     if (marker->id != 0) continue;
     EXPECT_GT(marker->pose.position.y, 0.8);
     EXPECT_LT(marker->pose.position.y, 3.0);
+  }
+}
+
+TEST_F(Drive, ThePointsAreInMetres) {
+  const ros::Time last = run.header(run.drive.size() - 1).stamp;
+  ASSERT_TRUE(run.points.waitForStamp(last));
+  const auto cloud = run.points.messages().back();
+  const auto frame = run.frames.messages().back();
+  const double scale = run.scales.messages().back()->scale;
+  std::vector<float> expected;
+  for (const TrackedFeature& feature : fromMsg(*frame).features) {
+    if (feature.has_point) expected.push_back(static_cast<float>(scale) * feature.p_c.z());
+  }
+  ASSERT_EQ(cloud->width * cloud->height, expected.size());
+  ASSERT_GT(expected.size(), 50u);
+  sensor_msgs::PointCloud2ConstIterator<float> z(*cloud, "z");
+  for (const float depth : expected) {
+    EXPECT_FLOAT_EQ(*z, depth);
+    ++z;
   }
 }
 

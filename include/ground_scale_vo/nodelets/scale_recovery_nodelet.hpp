@@ -29,7 +29,7 @@
 namespace ground_scale_vo {
 
 /// vo/frame, and image + camera_info where there are any -> scale, odometry, path, tf, and to look
-/// at ground_points, ground_plane; service reset.
+/// at image_road, points, ground_points, ground_plane; service reset.
 ///
 /// Everything runs on the nodelet's single-threaded queue. A frame is processed with the image of
 /// its stamp (FrameImagePairing), or on its points alone.
@@ -92,12 +92,13 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   /// These only when images are used.
   std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::Subscriber image_subscriber_;
+  image_transport::Publisher road_publisher_;
   ros::Subscriber camera_info_subscriber_;
   ros::WallTimer waiting_timer_;
   ros::Subscriber frame_subscriber_;
   ros::ServiceServer reset_server_;
   ros::Publisher odometry_publisher_, path_publisher_, scale_publisher_;
-  ros::Publisher ground_points_publisher_, ground_plane_publisher_;
+  ros::Publisher points_publisher_, ground_points_publisher_, ground_plane_publisher_;
 
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;

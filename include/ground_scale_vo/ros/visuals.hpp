@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
 /// Messages that are only looked at.
@@ -32,12 +33,21 @@ class TrackPainter {
   std::map<std::uint64_t, Eigen::Vector2f> last_;  ///< pixels of the frame drawn last
 };
 
+/// The road as it was measured, over the rectified image of the frame: a grid of metres on the
+/// ground plane (green measured, amber held, none while the scale is not known), which lies on the
+/// road when the plane is right; green dots are ground points, hollow grey ones other points; and
+/// the scale with its status in words.
+sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
+                                  const ScaleRecovery::Output& output,
+                                  const std_msgs::Header& header);
+
 /// x, y, z [float32] in the header's frame.
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,
                                            const std_msgs::Header& header);
 
-/// The map points that a frame sees, in its camera frame, VO units.
-sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header);
+/// The map points that a frame sees, in its camera frame, in metres with the scale; 1: VO units.
+sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header,
+                                           double scale = 1);
 
 /// The ground plane below and before the camera as a translucent quad (id 0) with its normal as an
 /// arrow from the camera's foot up to the camera (id 1), in metres in the camera's frame.

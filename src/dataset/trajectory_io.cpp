@@ -86,7 +86,7 @@ std::vector<StampedPose> readTumTrajectory(const fs::path& file) {
       text.fail(i, "its quaternion is not of unit length");
     }
     StampedPose pose;
-    pose.stamp_ns = text.nanoseconds(i, text.words(i).front());
+    pose.stamp_ns = text.nanoseconds(i);
     pose.T_a_b.linear() = q.normalized().toRotationMatrix();
     pose.T_a_b.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
     if (!isPlace(pose.T_a_b.translation())) text.fail(i, kTooFar);

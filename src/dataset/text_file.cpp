@@ -104,11 +104,11 @@ std::vector<double> TextFile::numbers(std::size_t i, std::size_t count, std::siz
   std::vector<double> values;
   std::size_t words = 0;
   forEachWord(line(i), [&](const std::string& word) {
-    if (words++ < first) return true;
+    // A line may be millions of words: what is too much is only counted.
+    if (words++ < first || values.size() == count) return true;
     const auto value = parseNumber<double>(word);
     if (!value) fail(i, quote(word) + " is not a finite number");
-    // A line may be millions of numbers: what is too much is only counted.
-    if (values.size() < count) values.push_back(*value);
+    values.push_back(*value);
     return true;
   });
   const std::size_t found = words - std::min(words, first);

@@ -255,5 +255,32 @@ INSTANTIATE_TEST_SUITE_P(RealData, MetricPeer,
                          ::testing::Values(std::make_pair("kitti_raw_0926_0039", 3.0),
                                            std::make_pair("kitti_00_0000_0199", 6.7)));
 
+TEST(OdometryMetrics, FewAndIdenticalPosesGiveFiniteNumbers) {
+  std::vector<Eigen::Isometry3d> still(2, Eigen::Isometry3d::Identity());
+  std::vector<Eigen::Isometry3d> moved = still;
+  moved[1].translation().z() = 1;
+  std::vector<Eigen::Isometry3d> line;
+  for (int i = 0; i < 300; ++i) {
+    line.push_back(still[0]);
+    line.back().translation().z() = i;
+  }
+  const std::vector<Eigen::Isometry3d> stands(300, still[0]);
+  for (const auto& [truth, estimate] :
+       {std::pair(still, still), std::pair(still, moved), std::pair(moved, still),
+        std::pair(moved, moved), std::pair(line, stands), std::pair(stands, line),
+        std::pair(line, line)}) {
+    const OdometryMetrics m = computeOdometryMetrics(truth, estimate);
+    EXPECT_TRUE(std::isfinite(m.length_m) && std::isfinite(m.gt_length_m));
+    EXPECT_TRUE(std::isfinite(m.ate_rmse_m));
+    for (const auto& value :
+         {m.rle_percent, m.t_err_percent, m.r_err_deg_per_m, m.t_err_short_percent,
+          m.t_err_true_length_percent, m.t_err_sim3_percent, m.direction_median_deg}) {
+      EXPECT_TRUE(!value || std::isfinite(*value));
+    }
+  }
+  moved[1].translation().z() = 1e300;
+  EXPECT_THROW(computeOdometryMetrics(still, moved), OptionError);
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

@@ -130,7 +130,7 @@ TEST_F(KittiSequenceTest, RefusesBadStamps) {
   EXPECT_EQ(errorOfTimes("0\n0.1\n0.1\n"),
             "/sequences/07/times.txt, line 3: its stamp is not later than the last");
   EXPECT_EQ(errorOfTimes("0\nnan\n1\n"),
-            "/sequences/07/times.txt, line 2: 'nan' is not a time in seconds");
+            "/sequences/07/times.txt, line 2: 'nan' is not a finite number");
   EXPECT_EQ(errorOfTimes("0\n1e12\n1\n"),
             "/sequences/07/times.txt, line 2: '1e12' is not a time in seconds");
   EXPECT_EQ(errorOfTimes("0\n1 2\n3\n"),

@@ -294,11 +294,23 @@ def benchmark_text(name, report):
     return "\n\n".join(parts) + "\n"
 
 
+def write(file, text):
+    temporary = file.with_name(file.name + ".tmp")
+    try:
+        temporary.write_text(text)
+        temporary.replace(file)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
 def save(figure, file):
     temporary = file.with_name(file.name + ".tmp")
-    figure.savefig(temporary, dpi=110, format="png", bbox_inches="tight")
-    temporary.replace(file)
-    plt.close(figure)
+    try:
+        figure.savefig(temporary, dpi=110, format="png", bbox_inches="tight")
+        temporary.replace(file)
+    finally:
+        temporary.unlink(missing_ok=True)
+        plt.close(figure)
 
 
 def draw_stages(folder, name, run, floor, report):
@@ -364,8 +376,8 @@ def draw_memory(folder, name, run):
 
 
 def write(folder, stem, report, text):
-    (folder / f"{stem}.json").write_text(json.dumps(report, indent=2, allow_nan=False) + "\n")
-    (folder / f"{stem}.md").write_text(text)
+    write(folder / f"{stem}.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
+    write(folder / f"{stem}.md", text)
     print(text)
 
 
@@ -460,7 +472,7 @@ def report_micro(folder):
         sizes = tuple(size for size, _ in runs)
         tables.setdefault(sizes, []).append([name, *(time for _, time in runs)])
     text += [markdown(["", *sizes], rows) for sizes, rows in tables.items()]
-    (folder / "micro.md").write_text("\n\n".join(text) + "\n")
+    write(folder / "micro.md", "\n\n".join(text) + "\n")
     print("\n\n".join(text))
 
 

@@ -40,9 +40,12 @@ def read_table(file):
 def save(figure, file):
     figure.tight_layout()
     temporary = file.with_name(file.name + ".tmp")
-    figure.savefig(temporary, dpi=110, format="png")
-    temporary.replace(file)
-    plt.close(figure)
+    try:
+        figure.savefig(temporary, dpi=110, format="png")
+        temporary.replace(file)
+    finally:
+        temporary.unlink(missing_ok=True)
+        plt.close(figure)
 
 
 def draw_trajectory(folder, estimate, truth, title):
@@ -212,7 +215,7 @@ def main():
     for folder in parser.parse_args().folders:
         try:
             draw(folder)
-        except (OSError, ValueError, KeyError, IndexError) as error:
+        except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
             sys.exit(f"plot_run.py: {folder}: cannot be drawn ({error})")
 
 

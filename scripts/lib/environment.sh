@@ -1,9 +1,10 @@
 # Set-up, build and environment for the commands in scripts/. Sourced, not run.
 #
 #   gsv_setup [section...]   installs what is missing of packages.txt ([base] and the sections)
-#   gsv_build [target...]    configures and builds to <root>/build; no target: everything
+#   gsv_build [target...]    configures and builds to $gsv_build_folder; no target: everything
 #   gsv_env                  makes ROS and this build usable in the calling shell
 #   $gsv_tools               the folder of the package's programs
+#   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
 # Each returns non-zero after one sentence on stderr when it fails. In an install space, where the
 # commands lie beside the programs, there is nothing to build.
@@ -11,12 +12,13 @@
 gsv_lib=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 gsv_root=$(cd "$gsv_lib/../.." && pwd)
 gsv_installed() { [[ ! -f $gsv_root/CMakeLists.txt ]]; }
-if gsv_installed; then
-  gsv_space=$(dirname "$gsv_root")
-else
-  gsv_space=$gsv_root/build/devel
-fi
-gsv_tools=$gsv_space/lib/ground_scale_vo
+gsv_use_build() {
+  gsv_build_folder=$1
+  gsv_space=$gsv_build_folder/devel
+  if gsv_installed; then gsv_space=$(dirname "$gsv_root"); fi
+  gsv_tools=$gsv_space/lib/ground_scale_vo
+}
+gsv_use_build "$gsv_root/build"
 
 # A Python that stands before /usr/bin (pyenv, conda) breaks catkin, which needs the system's.
 PATH=/usr/bin:/bin:$PATH
@@ -82,7 +84,7 @@ gsv_setup() {
 gsv_build() {
   gsv_installed && return 0
   gsv_source_distribution
-  local build=$gsv_root/build log=$gsv_root/build/build.log jobs
+  local build=$gsv_build_folder log=$gsv_build_folder/build.log jobs
   jobs=${GSV_JOBS:-$(nproc)}
   # catkin notes the environment of the tests when it configures, and leaves out what is not there yet:
   # the folder of the messages' Python modules.
@@ -133,6 +135,6 @@ gsv_env() {
   [[ $options != *e* ]] || set -e
   [[ $options != *u* ]] || set -u
   gsv_installed && return 0
-  export ROS_HOME=$gsv_root/build/ros ROS_LOG_DIR=$gsv_root/build/ros/log
+  export ROS_HOME=$gsv_build_folder/ros ROS_LOG_DIR=$gsv_build_folder/ros/log
   mkdir -p "$ROS_LOG_DIR"
 }

@@ -291,7 +291,7 @@ DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive
   figures.metric_frames = truth.size();
   if (truth.size() > 1) {
     const OdometryMetrics metrics = computeOdometryMetrics(truth, estimate);
-    figures.rle_percent = metrics.rle_percent;
+    figures.rle_percent = metrics.rle_percent.value_or(kNone);
     figures.t_err_short_percent = metrics.t_err_short_percent.value_or(kNone);
   }
   const ScaleMetrics scale = computeScaleMetrics(record, all_truth, kWayOfExactTruth);

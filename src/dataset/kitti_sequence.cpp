@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::size_t kMaxImageBytes = 256u << 20;
+constexpr std::int64_t kMaxPixels = 1 << 27;
 
 /// The files NNN.png and NNN.jpg (or NNN.txt) of a folder in the order of their numbers, which must
 /// run 0, 1, 2 ...
@@ -62,9 +63,44 @@ bool isWhole(const std::string& bytes) {
   return false;
 }
 
+std::string sizeText(const cv::Size& size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
+
+/// What the head of a PNG or JPEG file says of its size; 0x0 when it says nothing. A small file may
+/// claim any size, and decoding it would take that much memory.
+cv::Size claimedSize(const std::string& bytes) {
+  const auto number = [&](std::size_t at, std::size_t length) {
+    std::uint32_t value = 0;
+    for (std::size_t k = at; k < at + length; ++k) {
+      value = value << 8 | static_cast<unsigned char>(bytes[k]);
+    }
+    return static_cast<int>(value & 0x7fffffffu);
+  };
+  constexpr std::size_t kPngSize = 16;
+  if (bytes[0] == '\x89') {
+    return bytes.size() < kPngSize + 8 ? cv::Size()
+                                       : cv::Size(number(kPngSize, 4), number(kPngSize + 4, 4));
+  }
+  // JPEG: segments of a mark, a length and that many bytes; the size stands in a frame's (SOF).
+  for (std::size_t at = 2; at + 9 <= bytes.size() && bytes[at] == '\xff';) {
+    const int mark = number(at + 1, 1);
+    const bool is_frame =
+        mark >= 0xc0 && mark <= 0xcf && mark != 0xc4 && mark != 0xc8 && mark != 0xcc;
+    if (is_frame) return {number(at + 7, 2), number(at + 5, 2)};
+    at += mark == 0xff ? 1 : 2 + static_cast<std::size_t>(number(at + 2, 2));
+  }
+  return {};
+}
+
 cv::Mat readImage(const fs::path& file) {
   const std::string bytes = readFile(file, kMaxImageBytes);
   if (!isWhole(bytes)) throw DataError(file.string() + ": is not a whole PNG or JPEG file");
+  const cv::Size size = claimedSize(bytes);
+  if (std::int64_t{size.width} * size.height > kMaxPixels) {
+    throw DataError(file.string() + ": claims " + sizeText(size) +
+                    " pixels, more than are plausible");
+  }
   cv::Mat image;
   try {
     const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1,
@@ -75,10 +111,6 @@ cv::Mat readImage(const fs::path& file) {
   }
   if (image.empty()) throw DataError(file.string() + ": cannot be decoded as an image");
   return image;
-}
-
-std::string sizeText(const cv::Size& size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height);
 }
 
 /// The camera from the row-by-row 3x4 projection matrix behind `key`.
@@ -121,19 +153,15 @@ std::optional<std::int64_t> parseUtc(const std::string& text) {
   const bool exists = normalised.tm_mon == date.tm_mon && normalised.tm_mday == date.tm_mday &&
                       normalised.tm_hour == date.tm_hour && normalised.tm_min == date.tm_min &&
                       normalised.tm_sec == date.tm_sec;
-  constexpr std::int64_t kLargestSeconds = 9200000000;  // int64 nanoseconds end in 2262
-  if (!exists || std::abs(seconds) > kLargestSeconds) return std::nullopt;
+  if (!exists || std::abs(static_cast<double>(seconds)) > kLatestStamp) return std::nullopt;
   std::string nanoseconds = match[7];
   nanoseconds.resize(9, '0');
   return seconds * 1000000000 + std::stoll(nanoseconds);
 }
 
 std::int64_t readSeconds(const TextFile& text, std::size_t i) {
-  const std::vector<std::string> words = text.words(i);
-  if (words.size() != 1) {
-    text.fail(i, "has " + std::to_string(words.size()) + " numbers instead of 1");
-  }
-  return text.nanoseconds(i, words.front());
+  text.numbers(i, 1);
+  return text.nanoseconds(i);
 }
 
 std::int64_t readUtc(const TextFile& text, std::size_t i) {
@@ -207,7 +235,7 @@ std::vector<Eigen::Isometry3d> readRawGroundTruth(const fs::path& folder) {
   const fs::path camera_calibration = folder.parent_path() / "calib_cam_to_cam.txt";
   const fs::path imu_calibration = folder.parent_path() / "calib_imu_to_velo.txt";
   const fs::path velo_calibration = folder.parent_path() / "calib_velo_to_cam.txt";
-  if (!fs::exists(oxts) || !fs::exists(imu_calibration) || !fs::exists(velo_calibration)) return {};
+  if (!isThere(oxts) || !isThere(imu_calibration) || !isThere(velo_calibration)) return {};
   const Eigen::Isometry3d T_c_imu = readTransform(camera_calibration, "R_rect_00:", "") *
                                     readTransform(velo_calibration, "R:", "T:") *
                                     readTransform(imu_calibration, "R:", "T:");
@@ -221,13 +249,13 @@ std::vector<Eigen::Isometry3d> readOdometryGroundTruth(const fs::path& folder) {
   const fs::path elsewhere = folder.parent_path().parent_path() / "poses";
   for (const fs::path& file :
        {folder / "poses.txt", elsewhere / (folder.filename().string() + ".txt")}) {
-    if (fs::exists(file)) return readKittiPoses(file);
+    if (isThere(file)) return readKittiPoses(file);
   }
   return {};
 }
 
 std::vector<double> readTrueHeights(const fs::path& file) {
-  if (!fs::exists(file)) return {};
+  if (!isThere(file)) return {};
   const TextFile text(file);
   std::vector<double> heights;
   for (std::size_t i = 0; i < text.size(); ++i) {

@@ -8,6 +8,7 @@
 
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -25,8 +26,9 @@ double toDegrees(double radians) { return radians * (180.0 / M_PI); }
 Poses orthonormalised(const Poses& poses, const char* name) {
   Poses result = poses;
   for (std::size_t i = 0; i < result.size(); ++i) {
-    if (!result[i].matrix().allFinite()) {
-      throw OptionError(std::string(name) + " pose " + std::to_string(i) + " is not finite");
+    if (!isFinite(result[i]) || !isPlace(result[i].translation())) {
+      throw OptionError(std::string(name) + " pose " + std::to_string(i) +
+                        " is not finite or farther off than a camera can be");
     }
     result[i].linear() = nearestRotation(result[i].linear());
   }
@@ -146,10 +148,9 @@ OdometryMetrics computeOdometryMetrics(const Poses& ground_truth, const Poses& e
   OdometryMetrics metrics;
   metrics.length_m = pathLength(poses);
   metrics.gt_length_m = pathLength(truth);
-  metrics.rle_percent =
-      100.0 * std::abs(metrics.gt_length_m - metrics.length_m) / metrics.gt_length_m;
-  if (metrics.gt_length_m == 0.0) {
-    metrics.rle_percent = std::numeric_limits<double>::quiet_NaN();
+  if (metrics.gt_length_m > 0) {
+    metrics.rle_percent =
+        100.0 * std::abs(metrics.gt_length_m - metrics.length_m) / metrics.gt_length_m;
   }
   using Error = OdometryMetrics::LengthError;
   metrics.by_length = segmentErrors(truth, poses, kDevkitLengths);

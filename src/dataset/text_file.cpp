@@ -1,9 +1,12 @@
 #include "ground_scale_vo/dataset/text_file.hpp"
 
+#include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <sstream>
+#include <system_error>
 
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
@@ -20,18 +23,28 @@ std::string quote(const std::string& word) {
   return quoted + (word.size() > kLongest ? "...'" : "'");
 }
 
-std::vector<std::string> split(const std::string& line) {
-  std::istringstream stream(line);
-  std::vector<std::string> words;
-  for (std::string word; stream >> word;) words.push_back(word);
-  return words;
+/// Calls take(word) for each blank-separated word, until that says false.
+template <typename Take>
+void forEachWord(const std::string& line, const Take& take) {
+  constexpr const char* kBlank = " \t\r\v\f";
+  std::size_t end = 0;
+  for (std::size_t begin = line.find_first_not_of(kBlank); begin != std::string::npos;
+       begin = line.find_first_not_of(kBlank, end)) {
+    end = std::min(line.find_first_of(kBlank, begin), line.size());
+    if (!take(line.substr(begin, end - begin))) return;
+  }
 }
 
 }  // namespace
 
+bool isThere(const fs::path& path) { return fs::exists(fs::symlink_status(path)); }
+
 std::string readFile(const fs::path& file, std::size_t max_bytes) {
   std::error_code error;
-  if (!fs::exists(file, error)) throw DataError(file.string() + ": no such file");
+  if (!fs::exists(file, error)) {
+    const bool is_link = fs::is_symlink(fs::symlink_status(file, error));
+    throw DataError(file.string() + (is_link ? ": is a link to nothing" : ": no such file"));
+  }
   if (!fs::is_regular_file(file, error)) throw DataError(file.string() + ": not a file");
   const auto bytes = fs::file_size(file, error);
   if (error) throw DataError(file.string() + ": " + error.message());
@@ -50,16 +63,23 @@ std::string readFile(const fs::path& file, std::size_t max_bytes) {
 void writeFile(const fs::path& file, const std::string& content) {
   fs::path temporary = file;
   temporary += ".tmp";
-  std::ofstream stream(temporary, std::ios::binary | std::ios::trunc);
-  stream.write(content.data(), static_cast<std::streamsize>(content.size()));
-  stream.close();
+  const auto systemError = [] { return std::error_code(errno, std::generic_category()); };
   std::error_code error;
-  if (stream) fs::rename(temporary, file, error);
-  if (!stream || error) {
-    std::error_code ignored;
-    fs::remove(temporary, ignored);
-    throw DataError(file.string() + ": cannot be written");
+  std::FILE* const stream = std::fopen(temporary.c_str(), "wb");
+  if (stream == nullptr) error = systemError();
+  if (!error) {
+    if (std::fwrite(content.data(), 1, content.size(), stream) != content.size()) {
+      error = systemError();
+    }
+    // The last bytes leave with this call: it is where a full disk may show.
+    if (std::fclose(stream) != 0 && !error) error = systemError();
+    if (!error) fs::rename(temporary, file, error);
+    if (error) {
+      std::error_code ignored;
+      fs::remove(temporary, ignored);
+    }
   }
+  if (error) throw DataError(file.string() + ": cannot be written, " + error.message());
 }
 
 void makeFolder(const fs::path& folder) {
@@ -80,36 +100,47 @@ TextFile::TextFile(const fs::path& file) : file_(file) {
   if (lines_.empty()) throw DataError(file.string() + ": is empty");
 }
 
-std::vector<std::string> TextFile::words(std::size_t i) const { return split(line(i)); }
-
 std::vector<double> TextFile::numbers(std::size_t i, std::size_t count, std::size_t first) const {
-  const std::vector<std::string> found = words(i);
   std::vector<double> values;
-  for (std::size_t k = first; k < found.size(); ++k) {
-    const auto value = parseNumber<double>(found[k]);
-    if (!value) fail(i, quote(found[k]) + " is not a finite number");
+  std::size_t words = 0;
+  forEachWord(line(i), [&](const std::string& word) {
+    // A line may be millions of words: what is too much is only counted.
+    if (words++ < first || values.size() == count) return true;
+    const auto value = parseNumber<double>(word);
+    if (!value) fail(i, quote(word) + " is not a finite number");
     values.push_back(*value);
-  }
-  if (values.size() != count) {
-    fail(i,
-         "has " + std::to_string(values.size()) + " numbers instead of " + std::to_string(count));
+    return true;
+  });
+  const std::size_t found = words - std::min(words, first);
+  if (found != count) {
+    fail(i, "has " + std::to_string(found) + " numbers instead of " + std::to_string(count));
   }
   return values;
 }
 
 std::size_t TextFile::lineOf(const std::string& key) const {
   for (std::size_t i = 0; i < size(); ++i) {
-    const std::vector<std::string> found = words(i);
-    if (!found.empty() && found.front() == key) return i;
+    bool is_key = false;
+    forEachWord(line(i), [&](const std::string& word) {
+      is_key = word == key;
+      return false;
+    });
+    if (is_key) return i;
   }
   throw DataError(file_.string() + ": has no line that begins with " + key);
 }
 
-std::int64_t TextFile::nanoseconds(std::size_t i, const std::string& word) const {
+std::int64_t TextFile::nanoseconds(std::size_t i) const {
+  std::string word;
+  forEachWord(line(i), [&](const std::string& first) {
+    word = first;
+    return false;
+  });
   // long double, whose 64 bits of mantissa hold an epoch stamp to the nanosecond.
-  constexpr long double kLargest = 9.2e9L;
   const auto seconds = parseNumber<long double>(word);
-  if (!seconds || std::abs(*seconds) > kLargest) fail(i, quote(word) + " is not a time in seconds");
+  if (!seconds || std::abs(*seconds) > kLatestStamp) {
+    fail(i, quote(word) + " is not a time in seconds");
+  }
   return std::llround(*seconds * 1e9L);
 }
 

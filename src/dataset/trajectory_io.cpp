@@ -7,12 +7,14 @@
 #include <sstream>
 
 #include "ground_scale_vo/dataset/text_file.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
 constexpr double kRoundingTolerance = 0.01;
+constexpr const char* kTooFar = "its position is farther off than a camera can be";
 
 /// A stream whose numbers read back as the same doubles, in every locale.
 std::ostringstream exactStream() {
@@ -31,7 +33,8 @@ std::optional<Eigen::Isometry3d> rigidTransform(const Eigen::Matrix3d& m,
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = nearestRotation(m);
   T.translation() = t;
-  const bool is_rotation = (T.linear() - m).cwiseAbs().maxCoeff() <= kRoundingTolerance;
+  const bool is_rotation =
+      isFinite(T) && (T.linear() - m).cwiseAbs().maxCoeff() <= kRoundingTolerance;
   return is_rotation ? std::make_optional(T) : std::nullopt;
 }
 
@@ -43,6 +46,7 @@ std::vector<Eigen::Isometry3d> readKittiPoses(const fs::path& file) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> rows(numbers.data());
     const auto pose = rigidTransform(rows.leftCols<3>(), rows.col(3));
     if (!pose) text.fail(i, "its 3x3 is not a rotation");
+    if (!isPlace(pose->translation())) text.fail(i, kTooFar);
     poses.push_back(*pose);
   }
   return poses;
@@ -82,9 +86,10 @@ std::vector<StampedPose> readTumTrajectory(const fs::path& file) {
       text.fail(i, "its quaternion is not of unit length");
     }
     StampedPose pose;
-    pose.stamp_ns = text.nanoseconds(i, text.words(i).front());
+    pose.stamp_ns = text.nanoseconds(i);
     pose.T_a_b.linear() = q.normalized().toRotationMatrix();
     pose.T_a_b.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
+    if (!isPlace(pose.T_a_b.translation())) text.fail(i, kTooFar);
     poses.push_back(pose);
   }
   return poses;

@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -19,12 +20,6 @@ constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
 template <typename Range>
 bool allZero(const Range& values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
-}
-
-template <typename Range>
-bool allFinite(const Range& values) {
-  return std::all_of(values.begin(), values.end(),
-                     [](double value) { return std::isfinite(value); });
 }
 
 DistortionModel toDistortionModel(const std::string& name, const std::string& subject) {
@@ -40,7 +35,9 @@ DistortionModel toDistortionModel(const std::string& name, const std::string& su
 }
 
 Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) {
-  if (!q.coeffs().allFinite() || !t.allFinite()) throw MessageError("the pose is not finite");
+  if (!isFinite(q.coeffs()) || !isPlace(t)) {
+    throw MessageError("the pose is not finite, or farther off than a camera can be");
+  }
   if (std::abs(q.norm() - 1.0) > 0.01)
     throw MessageError("the pose's quaternion is not a unit one");
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
@@ -128,7 +125,7 @@ bool operator==(const Calibration& a, const Calibration& b) {
 Calibration toCalibration(const sensor_msgs::CameraInfo& info, const std::string& topic,
                           bool image_is_rectified) {
   const std::string subject = "camera_info on topic " + topic;
-  if (!allFinite(info.K) || !allFinite(info.P) || !allFinite(info.D)) {
+  if (!areFinite(info.K, info.P, info.D)) {
     throw MessageError(subject + " has numbers that are not finite");
   }
   if (info.binning_x > 1 || info.binning_y > 1) {
@@ -267,14 +264,12 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
     feature.age = msg.age[i];
     feature.u = {msg.u[i], msg.v[i]};
     if (i > 0 && feature.id <= msg.id[i - 1]) throw MessageError("the ids do not grow");
-    if (!feature.u.allFinite()) throw MessageError("a feature's pixel is not finite");
-    const Eigen::Vector3f p_c(msg.x[i], msg.y[i], msg.z[i]);
-    feature.has_point = p_c.allFinite() && p_c.z() > 0.f && std::isfinite(msg.depth_sigma[i]) &&
-                        msg.depth_sigma[i] >= 0.f;
-    if (feature.has_point) {
-      feature.p_c = p_c;
-      feature.depth_sigma = msg.depth_sigma[i];
-    }
+    if (!isPlace(feature.u)) throw MessageError("a feature's pixel is not finite");
+    TrackedFeature with_point = feature;
+    with_point.has_point = true;
+    with_point.p_c = {msg.x[i], msg.y[i], msg.z[i]};
+    with_point.depth_sigma = msg.depth_sigma[i];
+    if (hasUsablePoint(with_point)) feature = with_point;
   }
   return frame;
 }

@@ -97,10 +97,7 @@ std::vector<std::uint32_t> GroundPointExtraction::candidates(const VoFrame& fram
   std::vector<std::uint32_t> wide, lane;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const TrackedFeature& feature = frame.features[i];
-    if (!feature.has_point || !feature.p_c.allFinite() || !(feature.p_c.z() > 0) ||
-        !(feature.depth_sigma > 0) || !std::isfinite(feature.depth_sigma)) {
-      continue;
-    }
+    if (!hasUsablePoint(feature) || !(feature.depth_sigma > 0)) continue;
     if (!(feature.u.x() >= 0 && feature.u.x() <= static_cast<float>(frame.camera.width) &&
           feature.u.y() >= 0 && feature.u.y() <= static_cast<float>(frame.camera.height))) {
       continue;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -32,6 +33,7 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
       !(scale.scale > 0)) {
     return std::nullopt;
   }
+  const MetricTrajectory before = *this;
   const double dt = has_pose_ ? seconds(frame.stamp_ns - last_stamp_ns_) : 0;
   const bool new_map = has_pose_ && frame.map_id != last_map_id_;
   const double relative_sigma = scale.sigma / scale.scale;
@@ -56,7 +58,11 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
   last_stamp_ns_ = frame.stamp_ns;
   last_T_w_c_ = frame.T_w_c;
   last_.covariance = covariance_.topLeftCorner<6, 6>();
-  return last_;
+  if (areFinite(last_.T_o_c, last_.distance, covariance_, last_.twist_c, last_.twist_covariance)) {
+    return last_;
+  }
+  *this = before;
+  return std::nullopt;
 }
 
 /// Appends one increment. dt: [s], 0 when the increment is not one frame's and has no twist.

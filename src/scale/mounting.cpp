@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -57,7 +58,7 @@ NormalPrior Mounting::prior(const MotionHistory& history, double height) const {
 void Mounting::learn(Average* average, double value, double motion_sigma, double step_h) const {
   // The vehicle's own motion agrees with itself over a chord's length: one independent value each.
   const double information = step_h / (options_.chord_h * motion_sigma * motion_sigma);
-  if (!(information > 0)) return;
+  if (!(information > 0) || !areFinite(information, value)) return;
   const double kept =
       std::min(1 / (average->sigma * average->sigma),
                options_.memory_h / (options_.chord_h * motion_sigma * motion_sigma));

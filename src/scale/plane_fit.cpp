@@ -15,6 +15,7 @@
 #include <optional>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 #include "ground_scale_vo/median.hpp"
 
 namespace ground_scale_vo {
@@ -190,7 +191,7 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
       b -= jacobian * jacobian.dot(m);
     }
     const Eigen::Vector3d step = H.ldlt().solve(b);
-    if (!step.allFinite()) return result;
+    if (!isFinite(step)) return result;
     m += step;
     if (!(m.dot(prior.n_c) > 0)) return result;
     if (kept == last_kept && step.norm() < 1e-9 * m.norm()) break;
@@ -227,7 +228,8 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
     beside += weight * lateral.dot(points[i].p_c);
   }
   result.height_sigma = std::hypot(sigma_of_fit, options_.camber_sigma_rad * beside / weights);
-  if (result.height_sigma > options_.max_sigma * result.plane.height) {
+  const bool known = result.height_sigma <= options_.max_sigma * result.plane.height;
+  if (!known || !areFinite(result.plane.n_c, result.plane.height, result.median_height)) {
     result.status = ScaleReason::kNoPlane;
     return result;
   }
@@ -278,6 +280,7 @@ PlaneFit::Result PlaneFit::fitLiteral(const std::vector<PlanePoint>& points,
   result.plane = plane;
   result.median_height = median(std::move(heights));
   result.height_sigma = std::sqrt(squares / static_cast<double>(kept.size()));
+  if (!areFinite(plane.n_c, plane.height, result.height_sigma)) return result;
   result.inliers = std::move(kept);
   result.status = ScaleReason::kNone;
   return result;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 #include "ground_scale_vo/median.hpp"
 #include "ground_scale_vo/scale/road_strip.hpp"
 
@@ -200,9 +201,9 @@ double PlaneRefinement::Impl::heightOfFeatures(const VoFrame& frame, const RoadS
                                                const NormalPrior& prior) const {
   std::vector<double> heights;
   for (const TrackedFeature& feature : frame.features) {
-    if (!feature.has_point || !strip.contains(camera.ray(feature.u.cast<double>()))) continue;
+    if (!hasUsablePoint(feature) || !strip.contains(camera.ray(feature.u.cast<double>()))) continue;
     const double height = -prior.n_c.dot(feature.p_c.cast<double>());
-    if (height > 0 && std::isfinite(height)) heights.push_back(height);
+    if (height > 0) heights.push_back(height);
   }
   return heights.empty() ? 0 : median(&heights);
 }
@@ -212,13 +213,15 @@ void PlaneRefinement::Impl::markForeign(const VoFrame& frame, const NormalPrior&
                                         double height) {
   std::fill(foreign.begin(), foreign.end(), 0);
   if (!(height > 0)) return;
+  const auto right = static_cast<float>(columns * tile_px);
+  const auto bottom = static_cast<float>(rows * tile_px);
   for (const TrackedFeature& feature : frame.features) {
-    const int column = static_cast<int>(std::floor(feature.u.x())) / tile_px;
-    const int row = static_cast<int>(std::floor(feature.u.y())) / tile_px;
-    if (!feature.has_point || !(feature.p_c.z() > 0) || !(feature.u.x() >= 0) ||
-        !(feature.u.y() >= 0) || column >= columns || row >= rows) {
+    const Eigen::Vector2f& u = feature.u;
+    if (!hasUsablePoint(feature) ||
+        !(u.x() >= 0 && u.y() >= 0 && u.x() < right && u.y() < bottom)) {
       continue;
     }
+    const int column = static_cast<int>(u.x()) / tile_px, row = static_cast<int>(u.y()) / tile_px;
     const double expected = -prior.n_c.dot(camera.ray(feature.u.cast<double>())) / height;
     const double z = feature.p_c.z();
     const double off = std::abs(1 / z - expected);
@@ -534,7 +537,7 @@ PlaneRefinement::Result PlaneRefinement::Impl::alignFrom(const NormalPrior& prio
     }
     H(3, 3) += std::pow(options.bend_sigma, -2);
     const Eigen::Vector3d step = H.ldlt().solve(b).head<3>();
-    if (!step.allFinite()) return result;
+    if (!isFinite(step)) return result;
     m += step;
     if (!(m.dot(prior.n_c) > 0)) return result;
     rests = step.norm() < kConverged * m.norm();

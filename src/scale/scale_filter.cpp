@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 #include "ground_scale_vo/median.hpp"
 
 namespace ground_scale_vo {
@@ -35,6 +36,7 @@ void ScaleFilter::move(double distance, double angle) {
 }
 
 bool ScaleFilter::update(double height, double sigma, Source source) {
+  if (!(height > 0 && sigma >= 0) || !areFinite(height, sigma)) return false;
   const double relative = std::hypot(sigma / height, options_.measurement_floor);
   const Measurement measurement{std::log(height), relative * relative};
   if (options_.moving_average_frames > 0) {

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -77,6 +78,15 @@ struct ScaleRecovery::Impl {
     return result;
   }
 
+  /// Another unit of length: all but the mounting and the way made starts anew.
+  void startMap() {
+    motion.reset();
+    gpa.reset();
+    refinement.reset();
+    filter.reset();
+    rough_height = 0;
+    n_c.setZero();
+  }
   /// All stages for one tracking frame. Returns why there is no measurement, or kNone.
   ScaleReason measure(const VoFrame& frame, const cv::Mat& image, Output* output);
   /// GPE and GPA; output->points.
@@ -202,15 +212,11 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   Output output;
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;
-  if (frame.status == VoStatus::kTracking) {
+  const bool has_pose = frame.status == VoStatus::kTracking && isFinite(frame.T_w_c) &&
+                        isPlace(frame.T_w_c.translation());
+  if (has_pose) {
     if (impl_->map_id != frame.map_id) {
-      // Another unit of length: all but the mounting starts anew.
-      impl_->motion.reset();
-      impl_->gpa.reset();
-      impl_->refinement.reset();
-      impl_->filter.reset();
-      impl_->rough_height = 0;
-      impl_->n_c.setZero();
+      impl_->startMap();
       impl_->map_id = frame.map_id;
     }
     scale.reason = impl_->measure(frame, image, &output);
@@ -222,7 +228,16 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
     scale.scale = impl_->options.camera_height / scale.height;
     scale.sigma = scale.scale * impl_->filter.sigma() / scale.height;
   }
-  output.pose = impl_->trajectory.append(frame, scale);
+  if (!isFinite(scale.n_c) ||
+      !isPlace(Eigen::Vector4d(scale.raw_scale, scale.scale, scale.sigma, scale.height))) {
+    // No road was measured here: nothing of it leaves, and nothing of it stays.
+    impl_->startMap();
+    scale = ScaleEstimate();
+    scale.reason = ScaleReason::kNoPlane;
+    output.points = output.pixels = {};
+    output.plane = {};
+  }
+  if (has_pose) output.pose = impl_->trajectory.append(frame, scale);
   output.mounting_pitch = impl_->mounting.pitch();
   output.mounting_roll = impl_->mounting.roll();
   output.times.total = watch.lap();

@@ -79,12 +79,16 @@ Arguments parseArguments(int argc, char** argv) {
   return arguments;
 }
 
-/// Throws DataError.
-void open(rosbag::Bag& bag, const std::string& file) {
+/// Calls read(message) for each message of a bag. Throws DataError.
+template <typename Read>
+void forEachMessage(const std::string& file, const rosbag::TopicQuery* topics, const Read& read) {
   if (!std::filesystem::is_regular_file(file)) throw gsv::DataError("there is no bag " + file);
   try {
-    bag.open(file, rosbag::bagmode::Read);
-  } catch (const rosbag::BagException& error) {
+    rosbag::Bag bag(file, rosbag::bagmode::Read);
+    rosbag::View view;
+    topics != nullptr ? view.addQuery(bag, *topics) : view.addQuery(bag);
+    for (const rosbag::MessageInstance& instance : view) read(instance);
+  } catch (const std::exception& error) {  // of rosbag, or of a message that is cut short
     throw gsv::DataError("the bag " + file + " cannot be read: " + error.what());
   }
 }
@@ -96,10 +100,8 @@ struct Played {
 };
 
 void readPlayed(const Arguments& arguments, Played& played) {
-  rosbag::Bag bag;
-  open(bag, arguments.played);
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag, rosbag::TopicQuery({arguments.image, "/tf", "/tf_static"}))) {
+  const rosbag::TopicQuery topics({arguments.image, "/tf", "/tf_static"});
+  forEachMessage(arguments.played, &topics, [&](const rosbag::MessageInstance& instance) {
     if (const auto image = instance.instantiate<sensor_msgs::Image>()) {
       played.images.push_back(image->header);
     } else if (const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>()) {
@@ -107,7 +109,7 @@ void readPlayed(const Arguments& arguments, Played& played) {
     } else if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
       played.truth.add(*tf, instance.getTopic() == "/tf_static");
     }
-  }
+  });
   if (played.images.empty()) {
     throw gsv::DataError("the bag " + arguments.played + " has no image on " + arguments.image);
   }
@@ -120,18 +122,18 @@ struct Recorded {
 };
 
 void readRecorded(const Arguments& arguments, Recorded& recorded) {
-  rosbag::Bag bag;
-  open(bag, arguments.recorded);
-  for (const rosbag::MessageInstance& instance : rosbag::View(bag)) {
+  forEachMessage(arguments.recorded, nullptr, [&](const rosbag::MessageInstance& instance) {
     if (const auto scale = instance.instantiate<gsv::ScaleEstimateMsg>()) {
+      gsv::fromMsg(*scale);  // refuses what is none
       recorded.scales[scale->header.stamp] = scale;
     } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
       const std::string topic = instance.getTopic();
       const bool is_unscaled =
           topic.size() >= 11 && topic.substr(topic.size() - 11) == "vo/odometry";
+      gsv::fromMsg(odometry->pose.pose);
       (is_unscaled ? recorded.unscaled : recorded.metric)[odometry->header.stamp] = odometry;
     }
-  }
+  });
 }
 
 /// A pose told in the axes of a camera: what is x forward, z up becomes z forward, y down.

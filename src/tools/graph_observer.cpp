@@ -141,7 +141,9 @@ class Observer {
 };
 
 void run(const Arguments& arguments) {
-  gsv::writeFile(arguments.out, "");  // fails now rather than after the run
+  // Fails now rather than after the run, and leaves no empty table if that breaks off.
+  gsv::writeFile(arguments.out, "");
+  std::filesystem::remove(arguments.out);
   const auto observer = std::make_unique<Observer>(arguments);
   std::puts("listening");
   std::fflush(stdout);

@@ -9,9 +9,11 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <memory>
 #include <string>
 
 #include "ground_scale_vo/dataset/kitti_sequence.hpp"
+#include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/ground_truth.hpp"
@@ -104,15 +106,21 @@ Arguments parseArguments(int argc, char** argv) {
 class PendingBag {
  public:
   explicit PendingBag(std::filesystem::path final_name)
-      : final_(std::move(final_name)), temporary_(final_.string() + ".tmp") {
-    bag_.open(temporary_.string(), rosbag::bagmode::Write);
+      : final_(std::move(final_name)),
+        temporary_(final_.string() + ".tmp"),
+        bag_(std::make_unique<rosbag::Bag>()) {
+    bag_->open(temporary_.string(), rosbag::bagmode::Write);
   }
   ~PendingBag() {
     if (committed_) return;
     try {
-      bag_.close();
+      bag_->close();
     } catch (const std::exception&) {
-      // What cannot be closed is removed all the same.
+      // On a full disk. Its destructor would try again, throw again and so end the process: the
+      // bag is left to the end of the process, and what it has written is removed all the same.
+      static rosbag::Bag* left = nullptr;
+      left = bag_.release();
+      static_cast<void>(left);
     }
     std::error_code ignored;
     std::filesystem::remove(temporary_, ignored);
@@ -120,16 +128,16 @@ class PendingBag {
   PendingBag(const PendingBag&) = delete;
   PendingBag& operator=(const PendingBag&) = delete;
 
-  rosbag::Bag& bag() { return bag_; }
+  rosbag::Bag& bag() { return *bag_; }
   void commit() {
-    bag_.close();
+    bag_->close();
     std::filesystem::rename(temporary_, final_);
     committed_ = true;
   }
 
  private:
   const std::filesystem::path final_, temporary_;
-  rosbag::Bag bag_;
+  std::unique_ptr<rosbag::Bag> bag_;
   bool committed_ = false;
 };
 
@@ -155,6 +163,11 @@ void convert(const Arguments& arguments) {
   const std::string camera_frame = "camera_gray_left";
   const std::int64_t shift =
       sequence.stampNs(0) < kFirstStampNs ? kFirstStampNs - sequence.stampNs(0) : 0;
+
+  if (static_cast<double>(sequence.stampNs(last) + shift) > gsv::kLatestStamp * 1e9) {
+    throw gsv::DataError(arguments.sequence.string() +
+                         ": its stamps reach beyond those that a bag knows");
+  }
 
   sensor_msgs::CameraInfo info = gsv::toCameraInfo(sequence.camera());
   if (!native) info.K.fill(0.0);

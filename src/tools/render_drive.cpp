@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <iomanip>
 #include <locale>
@@ -20,6 +19,7 @@
 
 #include "ground_scale_vo/dataset/hazard_drives.hpp"
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
@@ -194,13 +194,6 @@ class Progress {
   std::size_t done_ = 0;
 };
 
-void writeText(const fs::path& file, const std::string& text) {
-  std::ofstream stream(file);
-  stream << text;
-  stream.close();
-  if (!stream) throw gsv::DataError(file.string() + " cannot be written");
-}
-
 void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int threads) {
   fs::create_directories(folder);
   Progress progress(drive.size());
@@ -213,9 +206,9 @@ void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int t
         std::ostringstream name;
         name << std::setw(6) << std::setfill('0') << i << ".png";
         const std::string file = folder / name.str();
-        if (!cv::imwrite(file, drive.image(i), {cv::IMWRITE_PNG_COMPRESSION, 1})) {
-          throw gsv::DataError(file + " cannot be written");
-        }
+        std::vector<unsigned char> png;
+        cv::imencode(".png", drive.image(i), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
+        gsv::writeFile(file, {png.begin(), png.end()});
         progress.step();
       }
     } catch (...) {
@@ -248,9 +241,9 @@ void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
     ground << '\n';
     poses.push_back(frame.T_c0_c);
   }
-  writeText(folder / "calib.txt", calib.str());
-  writeText(folder / "times.txt", times.str());
-  writeText(folder / "ground.txt", ground.str());
+  gsv::writeFile(folder / "calib.txt", calib.str());
+  gsv::writeFile(folder / "times.txt", times.str());
+  gsv::writeFile(folder / "ground.txt", ground.str());
   gsv::writeKittiPoses(folder / "poses.txt", poses);
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -250,7 +251,7 @@ struct LocalBundleAdjustment::Problem {
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(reduced);  // in place
     if (cholesky.info() != Eigen::Success) return std::nullopt;
     cholesky.solveInPlace(step);
-    if (!step.allFinite()) return std::nullopt;
+    if (!isFinite(step)) return std::nullopt;
 
     // With (H + D) s = -g the model changes by g s + s H s / 2 = (g s - s D s) / 2.
     double decrease = 0;
@@ -292,7 +293,7 @@ struct LocalBundleAdjustment::Problem {
     if (points.size() < kMinPoints) return {};
     const double length = way().norm();
     double now = cost(state, huber);
-    if (!std::isfinite(now)) return {};
+    if (!isFinite(now)) return {};
     linearise(huber);
 
     // The damping follows the gain: Nielsen's rule.
@@ -322,6 +323,10 @@ struct LocalBundleAdjustment::Problem {
       const double adjusted_length = way().norm();
       if (length > 0 && adjusted_length > 0) stretch(length / adjusted_length);
     }
+    usable = std::all_of(state.T_w_c.begin(), state.T_w_c.end(),
+                         [](const auto& T) { return isFinite(T); }) &&
+             isFinite(state.inverse_depth);
+    if (!usable) return {};
     Result result;
     result.usable = true;
     result.residuals = static_cast<int>(2 * (views.size() - points.size()));

@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -88,7 +89,7 @@ struct Template {
     const int half = window / 2 + 1;  // with the neighbours that the gradient needs
     const float reach =
         static_cast<float>(half) * inverse.cwiseAbs().rowwise().sum().maxCoeff() + 1;
-    if (!std::isfinite(reach) || !contains(reference, u_ref, reach)) return false;
+    if (!isFinite(reach) || !contains(reference, u_ref, reach)) return false;
     const auto stride = static_cast<std::size_t>(window + 2);
     Patch wide;
     sample(reference, u_ref, inverse, half, &wide);
@@ -246,7 +247,7 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
     u -= step;
     if (step.norm() < kConverged_px) break;
   }
-  if (!((u - first).norm() <= max_shift) || correlation < options_.min_correlation) {
+  if (!((u - first).norm() <= max_shift) || !(correlation >= options_.min_correlation)) {
     return std::nullopt;
   }
   return Match{u.cast<double>(), correlation};

@@ -6,6 +6,7 @@
 #include <opencv2/core/eigen.hpp>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -64,7 +65,7 @@ PoseEstimation::Result PoseEstimation::refine(
     }
     H.diagonal() *= 1 + 1e-9;
     const Eigen::Matrix<double, 6, 1> step = H.ldlt().solve(b);
-    if (!step.allFinite()) break;
+    if (!isFinite(step)) break;
     const double angle = step.head<3>().norm();
     if (angle > 1) break;
     Eigen::Isometry3d increment = Eigen::Isometry3d::Identity();
@@ -86,7 +87,8 @@ PoseEstimation::Result PoseEstimation::refine(
     result.inliers += inlier;
   }
   const double share = options_.min_inlier_share * static_cast<double>(observations.size());
-  result.status = result.inliers >= options_.min_inliers && result.inliers >= share
+  result.status = result.inliers >= options_.min_inliers && result.inliers >= share &&
+                          isPlace(result.T_w_c.translation())
                       ? PoseStatus::kOk
                       : PoseStatus::kTooFewInliers;
   return result;

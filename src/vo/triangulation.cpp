@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "ground_scale_vo/finite.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -50,7 +52,7 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
     if (information < kMinInformation) return std::nullopt;
     const double step = gradient / information;
     rho -= step;
-    if (!std::isfinite(rho)) return std::nullopt;
+    if (!areFinite(rho, information)) return std::nullopt;
     if (std::abs(step) < 1e-3 / std::sqrt(information)) {
       return InverseDepth{rho, 1 / std::sqrt(information)};
     }

@@ -5,6 +5,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/finite.hpp"
 #include "ground_scale_vo/median.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 
@@ -172,6 +173,7 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
   }
   const double n = static_cast<double>(x1.size());
   if (parallax.empty() || best.inliers < options_.min_inlier_share * n) return result;
+  if (!isFinite(best.T_2_1)) return result;
 
   result.T_2_1 = best.T_2_1;
   result.inlier = best.inlier;

@@ -652,10 +652,12 @@ struct VisualOdometry::Impl {
       tracked.age = feature.age;
       tracked.u = feature.u.cast<float>();
       if (const auto world = map.point(feature.id)) {
-        const Eigen::Vector3d p_c = T_c_w * world->p_w;
-        tracked.has_point = p_c.z() > 0;
-        tracked.p_c = p_c.cast<float>();
-        tracked.depth_sigma = static_cast<float>(std::abs((T_c_w.linear() * world->sigma_w).z()));
+        TrackedFeature with_point = tracked;
+        with_point.has_point = true;
+        with_point.p_c = (T_c_w * world->p_w).cast<float>();
+        with_point.depth_sigma =
+            static_cast<float>(std::abs((T_c_w.linear() * world->sigma_w).z()));
+        if (hasUsablePoint(with_point)) tracked = with_point;
       }
       frame->features.push_back(tracked);
     }

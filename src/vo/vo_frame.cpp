@@ -1,5 +1,7 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
+#include "ground_scale_vo/finite.hpp"
+
 namespace ground_scale_vo {
 
 const char* toString(VoStatus status) {
@@ -12,6 +14,11 @@ const char* toString(VoStatus status) {
       return "lost";
   }
   return "invalid";
+}
+
+bool hasUsablePoint(const TrackedFeature& feature) {
+  return feature.has_point && isPlace(feature.p_c) && feature.p_c.z() > 0 &&
+         feature.depth_sigma >= 0 && feature.depth_sigma <= kLargestCoordinate;
 }
 
 }  // namespace ground_scale_vo

@@ -130,7 +130,7 @@ TEST_F(KittiSequenceTest, RefusesBadStamps) {
   EXPECT_EQ(errorOfTimes("0\n0.1\n0.1\n"),
             "/sequences/07/times.txt, line 3: its stamp is not later than the last");
   EXPECT_EQ(errorOfTimes("0\nnan\n1\n"),
-            "/sequences/07/times.txt, line 2: 'nan' is not a time in seconds");
+            "/sequences/07/times.txt, line 2: 'nan' is not a finite number");
   EXPECT_EQ(errorOfTimes("0\n1e12\n1\n"),
             "/sequences/07/times.txt, line 2: '1e12' is not a time in seconds");
   EXPECT_EQ(errorOfTimes("0\n1 2\n3\n"),
@@ -232,6 +232,51 @@ TEST_F(KittiSequenceTest, RefusesTruncatedAndBrokenImages) {
   write("headless/image_0/000001.png", png.substr(0, 20) + png.substr(png.size() - 12));
   EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
             "/headless/image_0/000001.png: cannot be decoded as an image");
+}
+
+// A few bytes may claim any size, and a decoder takes the memory for it.
+TEST_F(KittiSequenceTest, RefusesAnImageThatClaimsTooMuch) {
+  const std::string side("\xea\x60", 2);  // 60000
+  std::string png = encoded("png"), jpg = encoded("jpg");
+  png.replace(16, 8, std::string(2, '\0') + side + std::string(2, '\0') + side);
+  const std::size_t frame = jpg.find("\xff\xc0");
+  ASSERT_NE(frame, std::string::npos);
+  jpg.replace(frame + 5, 4, side + side);
+  for (const auto& [extension, bytes] : {std::pair("png", png), std::pair("jpg", jpg)}) {
+    const fs::path folder = makeOdometry(extension, extension);
+    const KittiSequence sequence(folder);
+    const std::string name = std::string(extension) + "/image_0/000001." + extension;
+    write(name, bytes);
+    EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
+              "/" + name + ": claims 60000x60000 pixels, more than are plausible");
+  }
+}
+
+TEST_F(KittiSequenceTest, AnImageThatVanishesDuringTheRunIsNamed) {
+  const KittiSequence sequence(makeOdometry());
+  fs::remove(folder_ / "sequences/07/image_0/000001.png");
+  EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
+            "/sequences/07/image_0/000001.png: no such file");
+  fs::create_directory(folder_ / "sequences/07/image_0/000001.png");
+  EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
+            "/sequences/07/image_0/000001.png: not a file");
+}
+
+TEST_F(KittiSequenceTest, GroundTruthThatIsALinkToNothingIsNotPassedOver) {
+  const fs::path folder = makeOdometry();
+  fs::create_symlink(folder / "none", folder / "poses.txt");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt: is a link to nothing");
+}
+
+TEST_F(KittiSequenceTest, RefusesPlacesAndStampsBeyondReason) {
+  const fs::path folder = makeOdometry();
+  write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + "1 0 0 1e300 0 1 0 0 0 0 1 0\n");
+  EXPECT_EQ(errorOf(folder),
+            "/sequences/07/poses.txt, line 3: its position is farther off than a camera can be");
+  write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + "1 0 0 0 0 1e308 0 0 0 0 1 0\n");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt, line 3: its 3x3 is not a rotation");
+  write("sequences/07/times.txt", "-5\n0\n5e9\n");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt, line 3: '5e9' is not a time in seconds");
 }
 
 TEST_F(KittiSequenceTest, ReadsARawDrive) {

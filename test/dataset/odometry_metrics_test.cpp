@@ -33,7 +33,7 @@ TEST(OdometryMetrics, NoErrorForTheTruthItself) {
   const OdometryMetrics m = computeOdometryMetrics(truth, truth);
   EXPECT_NEAR(m.gt_length_m, 399 * 0.9, 1e-9);
   EXPECT_DOUBLE_EQ(m.length_m, m.gt_length_m);
-  EXPECT_DOUBLE_EQ(m.rle_percent, 0.0);
+  EXPECT_DOUBLE_EQ(m.rle_percent.value(), 0.0);
   EXPECT_NEAR(m.t_err_percent.value(), 0.0, 1e-10);
   EXPECT_NEAR(m.r_err_deg_per_m.value(), 0.0, 1e-10);
   EXPECT_NEAR(m.t_err_short_percent.value(), 0.0, 1e-10);
@@ -50,7 +50,7 @@ TEST(OdometryMetrics, ScaleErrorOnAStraightLine) {
   const OdometryMetrics m = computeOdometryMetrics(truth, scaled(truth, 1.02));
   EXPECT_NEAR(m.gt_length_m, 251.0, 1e-9);
   EXPECT_NEAR(m.length_m, 256.02, 1e-9);
-  EXPECT_NEAR(m.rle_percent, 2.0, 1e-9);
+  EXPECT_NEAR(m.rle_percent.value(), 2.0, 1e-9);
 
   ASSERT_EQ(m.by_length.size(), 2u);
   EXPECT_EQ(m.by_length[0].length_m, 100);
@@ -92,7 +92,7 @@ TEST(OdometryMetrics, YawRateBias) {
   // The error is expressed in the estimate's end frame, but its norm is that of the difference.
   EXPECT_NEAR(m.t_err_percent.value(), (end - Eigen::Vector2d(0, 101)).norm(), 1e-9);
   EXPECT_NEAR(m.direction_median_deg.value(), 0.0, 1e-9);
-  EXPECT_NEAR(m.rle_percent, 0.0, 1e-9);
+  EXPECT_NEAR(m.rle_percent.value(), 0.0, 1e-9);
 }
 
 TEST(OdometryMetrics, DirectionErrorOfAMisalignedCamera) {
@@ -122,21 +122,21 @@ TEST(OdometryMetrics, NoDevkitErrorUnderAHundredMetres) {
   EXPECT_FALSE(m.t_err_sim3_percent);
   EXPECT_TRUE(m.by_length.empty());
   EXPECT_TRUE(m.t_err_short_percent);
-  EXPECT_NEAR(m.rle_percent, 2.0, 1e-9);
+  EXPECT_NEAR(m.rle_percent.value(), 2.0, 1e-9);
 }
 
 TEST(OdometryMetrics, StandingEstimateOrTruthIsNoDivisionByZero) {
   const Poses moving = drive(150, 1.0);
   const Poses standing(150, Eigen::Isometry3d::Identity());
   const OdometryMetrics held = computeOdometryMetrics(moving, standing);
-  EXPECT_NEAR(held.rle_percent, 100.0, 1e-9);
+  EXPECT_NEAR(held.rle_percent.value(), 100.0, 1e-9);
   EXPECT_NEAR(held.t_err_percent.value(), 101.0, 1e-9);
   EXPECT_FALSE(held.t_err_sim3_percent);
   EXPECT_FALSE(held.direction_median_deg);
   EXPECT_TRUE(std::isfinite(held.ate_rmse_m));
 
   const OdometryMetrics drift = computeOdometryMetrics(standing, moving);
-  EXPECT_TRUE(std::isnan(drift.rle_percent));
+  EXPECT_FALSE(drift.rle_percent);
   EXPECT_FALSE(drift.t_err_percent);
 }
 
@@ -254,6 +254,33 @@ TEST_P(MetricPeer, HasTheKnownTranslationError) {
 INSTANTIATE_TEST_SUITE_P(RealData, MetricPeer,
                          ::testing::Values(std::make_pair("kitti_raw_0926_0039", 3.0),
                                            std::make_pair("kitti_00_0000_0199", 6.7)));
+
+TEST(OdometryMetrics, FewAndIdenticalPosesGiveFiniteNumbers) {
+  std::vector<Eigen::Isometry3d> still(2, Eigen::Isometry3d::Identity());
+  std::vector<Eigen::Isometry3d> moved = still;
+  moved[1].translation().z() = 1;
+  std::vector<Eigen::Isometry3d> line;
+  for (int i = 0; i < 300; ++i) {
+    line.push_back(still[0]);
+    line.back().translation().z() = i;
+  }
+  const std::vector<Eigen::Isometry3d> stands(300, still[0]);
+  for (const auto& [truth, estimate] :
+       {std::pair(still, still), std::pair(still, moved), std::pair(moved, still),
+        std::pair(moved, moved), std::pair(line, stands), std::pair(stands, line),
+        std::pair(line, line)}) {
+    const OdometryMetrics m = computeOdometryMetrics(truth, estimate);
+    EXPECT_TRUE(std::isfinite(m.length_m) && std::isfinite(m.gt_length_m));
+    EXPECT_TRUE(std::isfinite(m.ate_rmse_m));
+    for (const auto& value :
+         {m.rle_percent, m.t_err_percent, m.r_err_deg_per_m, m.t_err_short_percent,
+          m.t_err_true_length_percent, m.t_err_sim3_percent, m.direction_median_deg}) {
+      EXPECT_TRUE(!value || std::isfinite(*value));
+    }
+  }
+  moved[1].translation().z() = 1e300;
+  EXPECT_THROW(computeOdometryMetrics(still, moved), OptionError);
+}
 
 }  // namespace
 }  // namespace ground_scale_vo

@@ -277,6 +277,8 @@ TEST(VoFrameMsg, RefusesWhatAnotherOdometryMayFillWrongly) {
   msg = good;
   msg.u[2] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THROW(fromMsg(msg), MessageError);
+  msg.u[2] = 1e30f;  // no whole number holds it
+  EXPECT_THROW(fromMsg(msg), MessageError);
   msg = good;
   msg.fx = 0;
   EXPECT_THROW(fromMsg(msg), MessageError);
@@ -289,6 +291,8 @@ TEST(VoFrameMsg, RefusesWhatAnotherOdometryMayFillWrongly) {
   msg = good;
   msg.pose.position.x = std::numeric_limits<double>::infinity();
   EXPECT_THROW(fromMsg(msg), MessageError);
+  msg.pose.position.x = 1e300;
+  EXPECT_THROW(fromMsg(msg), MessageError);
   msg.status = VoFrameMsg::LOST;  // then the pose does not count
   EXPECT_NO_THROW(fromMsg(msg));
 }
@@ -298,9 +302,11 @@ TEST(VoFrameMsg, APointBehindTheCameraIsNone) {
   VoFrameMsg msg = *toMsg(frame, headerOf(frame));
   msg.z[1] = -2.f;
   msg.depth_sigma[2] = std::numeric_limits<float>::infinity();
+  msg.x[3] = 1e30f;
   const VoFrame back = fromMsg(msg);
   EXPECT_FALSE(back.features[1].has_point);
   EXPECT_FALSE(back.features[2].has_point);
+  EXPECT_FALSE(back.features[3].has_point);
   EXPECT_TRUE(back.features[4].has_point);
 }
 

@@ -12,7 +12,7 @@ namespace ground_scale_vo {
 struct OdometryMetrics {
   double length_m = 0;
   double gt_length_m = 0;
-  double rle_percent = 0;  ///< relative length error |l_gt - l| / l_gt; NaN when the truth stands
+  std::optional<double> rle_percent;  ///< relative length error; empty when the truth stands
   /// KITTI devkit: lengths 100, 200 ... 800 m, a start every 10 frames, the end the first frame
   /// farther than the length along the true path; mean over all segments. Empty when there is none.
   std::optional<double> t_err_percent;
@@ -41,8 +41,8 @@ struct OdometryMetrics {
   std::vector<LengthError> by_short_length;  ///< of 10, 20 ... 80 m, those that have a segment
 };
 
-/// Throws OptionError when the sizes differ or there are fewer than two poses, or one is not
-/// finite.
+/// Throws OptionError when the sizes differ, there are fewer than two poses, or one is not
+/// finite or farther off than a camera can be.
 OdometryMetrics computeOdometryMetrics(const std::vector<Eigen::Isometry3d>& ground_truth,
                                        const std::vector<Eigen::Isometry3d>& estimate);
 

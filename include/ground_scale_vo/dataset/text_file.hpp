@@ -8,6 +8,12 @@
 
 namespace ground_scale_vo {
 
+/// The latest stamp that ROS knows, in the year 2106 [s].
+constexpr double kLatestStamp = 4294967295;
+
+/// Something has this name, be it a link to nothing.
+bool isThere(const std::filesystem::path& path);
+
 /// A file's bytes. Throws DataError: no such file, not a file, not readable, more than max_bytes.
 std::string readFile(const std::filesystem::path& file, std::size_t max_bytes);
 
@@ -31,14 +37,13 @@ class TextFile {
   std::size_t size() const { return lines_.size(); }
   const std::string& line(std::size_t i) const { return lines_.at(i); }
 
-  /// The blank-separated words of line i.
-  std::vector<std::string> words(std::size_t i) const;
   /// Line i from its word `first` on as exactly `count` numbers. Throws DataError.
   std::vector<double> numbers(std::size_t i, std::size_t count, std::size_t first = 0) const;
   /// The first line that begins with the word `key`. Throws DataError when there is none.
   std::size_t lineOf(const std::string& key) const;
-  /// A word of line i as seconds, exact to the nanosecond. Throws DataError.
-  std::int64_t nanoseconds(std::size_t i, const std::string& word) const;
+  /// The first of the numbers of line i as seconds, exact to the nanosecond. Throws DataError, also
+  /// beyond kLatestStamp before or after 0.
+  std::int64_t nanoseconds(std::size_t i) const;
 
   [[noreturn]] void fail(std::size_t i, const std::string& what) const;
 

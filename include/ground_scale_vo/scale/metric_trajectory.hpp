@@ -58,7 +58,8 @@ class MetricTrajectory {
 
   explicit MetricTrajectory(const Options& options);
 
-  /// Empty while scale.status is kUnknown or the frame is not tracking.
+  /// Empty while scale.status is kUnknown or the frame is not tracking, and for an increment that
+  /// leads to no finite pose, which is left out.
   std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale);
 
   void reset();

@@ -82,7 +82,8 @@ class ScaleFilter {
   /// last call: the variance grows.
   void move(double distance, double angle);
 
-  /// One frame's measurement, height > 0 and sigma > 0 [VO units]. True when it was used.
+  /// One frame's measurement [VO units]. True when it was used; one that is not finite, or a height
+  /// that is not positive, never is.
   bool update(double height, double sigma, Source source = Source::kPoints);
 
   bool known() const { return known_; }

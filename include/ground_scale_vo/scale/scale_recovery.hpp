@@ -106,7 +106,8 @@ class ScaleRecovery {
   ~ScaleRecovery();
 
   /// image: the picture of this frame, rectified, 8-bit grey, of the size of frame.camera (throws
-  /// OptionError otherwise), or empty.
+  /// OptionError otherwise), or empty. A frame whose pose is not finite counts as not tracking, a
+  /// point that is not as none; a scale that is not finite or beyond reason is unknown.
   Output process(const VoFrame& frame, const cv::Mat& image = {});
 
   /// As newly constructed.

@@ -23,6 +23,9 @@ struct TrackedFeature {
   float depth_sigma = 0.f;  ///< standard deviation of p_c.z from triangulation, VO units
 };
 
+/// has_point, and point and sigma are numbers to calculate with, the point ahead of the camera.
+bool hasUsablePoint(const TrackedFeature& feature);
+
 /// All that the scale stage knows of the odometry: one frame's pose and its tracked features with
 /// their 3-D points, up to scale. Any monocular odometry can fill it (msg/VoFrame.msg mirrors it).
 struct VoFrame {

@@ -1,0 +1,175 @@
+// Drives a target without libFuzzer: mutations of its corpus, the same for the same seed.
+//
+//   X_fuzz [--iterations N] [--seed S]   as many mutated inputs (default: the target's own number,
+//   1) X_fuzz --write-corpus DIR            the corpus as files, for libFuzzer X_fuzz FILE... these
+//   inputs alone
+//
+// An input that ends the process is left in the file X_fuzz.input.
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <random>
+
+#include "fuzz_target.hpp"
+
+namespace ground_scale_vo::fuzz {
+namespace {
+
+int iterations = -1;
+std::uint64_t seed = 1;
+std::vector<std::string> files;
+
+std::string input_file;  // of the input that ends the process
+const std::string* under_test = nullptr;
+
+extern "C" void keepInput(int signal) {
+  std::signal(signal, SIG_DFL);
+  const int file = open(input_file.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0644);
+  if (under_test != nullptr && file >= 0 &&
+      write(file, under_test->data(), under_test->size()) >= 0) {
+    constexpr char kKept[] = "the input is kept in ";
+    if (write(STDERR_FILENO, kKept, sizeof kKept - 1) < 0 ||
+        write(STDERR_FILENO, input_file.data(), input_file.size()) < 0 ||
+        write(STDERR_FILENO, "\n", 1) < 0) {
+      _exit(1);
+    }
+  }
+  std::raise(signal);
+}
+
+void run(const std::string& input) {
+  // A copy of its own size, so that a sanitizer sees a step beyond its end.
+  const std::vector<std::uint8_t> bytes(input.begin(), input.end());
+  under_test = &input;
+  LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
+  under_test = nullptr;
+}
+
+/// Changes that a parser or a reader of numbers may not expect.
+class Mutator {
+ public:
+  Mutator(std::vector<std::string> corpus, std::uint64_t random_seed)
+      : corpus_(std::move(corpus)), random_(random_seed) {}
+
+  std::string next() {
+    std::string input = corpus_[below(corpus_.size())];
+    for (std::size_t k = below(6) + 1; k > 0; --k) mutate(&input);
+    if (input.size() > kLongest) input.resize(kLongest);
+    return input;
+  }
+
+ private:
+  static constexpr std::size_t kLongest = 1u << 16;
+
+  std::size_t below(std::size_t count) { return count == 0 ? 0 : random_() % count; }
+
+  void mutate(std::string* input) {
+    static const char* const kWords[] = {"nan",        "-inf",   "1e400",
+                                         "-1e400",     "1e-400", "0",
+                                         "-0",         "-1",     "1e308",
+                                         "1e19",       "0x1p",   "1,5",
+                                         "",           "x",      "\n",
+                                         "\r\n",       " ",      "\t",
+                                         "#",          "P0:",    "=",
+                                         "/",          "true",   "1e9",
+                                         "4294967296", "0.001",  "99999999999999999999",
+                                         "--",         ".",      "e",
+                                         "+1",         "1e-320"};
+    const std::size_t at = below(input->size() + 1);
+    switch (below(9)) {
+      case 0:
+        if (at < input->size()) (*input)[at] ^= static_cast<char>(1u << below(8));
+        break;
+      case 1:
+        if (at < input->size()) (*input)[at] = static_cast<char>(random_());
+        break;
+      case 2:
+        input->resize(at);
+        break;
+      case 3:
+        input->erase(at, below(16) + 1);
+        break;
+      case 4:
+        input->insert(at, input->substr(below(input->size() + 1), below(64) + 1));
+        break;
+      case 5: {
+        const std::string& other = corpus_[below(corpus_.size())];
+        *input = input->substr(0, at) + other.substr(below(other.size() + 1));
+        break;
+      }
+      case 6:
+      case 7: {  // a word of a text
+        const char* const blank = " \t\r\n=";
+        const std::size_t begin = std::min(input->find_first_not_of(blank, at), input->size());
+        const std::size_t end = std::min(input->find_first_of(blank, begin), input->size());
+        input->replace(begin, end - begin, kWords[below(std::size(kWords))]);
+        break;
+      }
+      default:
+        for (std::size_t k = below(8) + 1; k > 0; --k) {
+          input->insert(input->begin() + static_cast<std::ptrdiff_t>(at),
+                        static_cast<char>(random_()));
+        }
+    }
+  }
+
+  const std::vector<std::string> corpus_;
+  std::mt19937_64 random_;
+};
+
+TEST(Fuzz, EndsWellWhateverTheInput) {
+  for (const std::string& file : files) {
+    std::ifstream stream(file, std::ios::binary);
+    ASSERT_TRUE(stream) << file;
+    run({std::istreambuf_iterator<char>(stream), {}});
+  }
+  if (!files.empty()) return;
+  const Plan target = plan();
+  for (const std::string& input : target.corpus) run(input);
+  run("");
+  Mutator mutator(target.corpus, seed);
+  const int count = iterations >= 0 ? iterations : target.iterations;
+  for (int i = 0; i < count; ++i) run(mutator.next());
+}
+
+int writeCorpus(const std::filesystem::path& folder) {
+  std::filesystem::create_directories(folder);
+  const std::vector<std::string> corpus = plan().corpus;
+  for (std::size_t i = 0; i < corpus.size(); ++i) {
+    std::ofstream(folder / std::to_string(i), std::ios::binary) << corpus[i];
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace ground_scale_vo::fuzz
+
+int main(int argc, char** argv) {
+  using namespace ground_scale_vo::fuzz;
+  testing::InitGoogleTest(&argc, argv);
+  input_file = std::filesystem::absolute(argv[0]).string() + ".input";
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const bool has_value = i + 1 < argc;
+    if (argument == "--iterations" && has_value) {
+      iterations = std::atoi(argv[++i]);
+    } else if (argument == "--seed" && has_value) {
+      seed = std::strtoull(argv[++i], nullptr, 10);
+    } else if (argument == "--write-corpus" && has_value) {
+      return writeCorpus(argv[++i]);
+    } else {
+      files.push_back(argument);
+    }
+  }
+  for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL}) {
+    std::signal(signal, keepInput);
+  }
+  return RUN_ALL_TESTS();
+}

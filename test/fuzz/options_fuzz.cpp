@@ -1,0 +1,33 @@
+// --set GROUP/NAME=VALUE, and the numbers of the command line.
+
+#include "fuzz_target.hpp"
+#include "ground_scale_vo/dataset/set_option.hpp"
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/parse_number.hpp"
+
+namespace ground_scale_vo::fuzz {
+
+Plan plan() {
+  return {20000,
+          {"tracker/cell=0.03", "refine=false", "random_seed=7", "gpe/min_points=12",
+           "refinement/tile = 1", "bundle_adjustment/window=5"}};
+}
+
+}  // namespace ground_scale_vo::fuzz
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace ground_scale_vo;
+  const std::string text(reinterpret_cast<const char*>(data), size);
+  OfflineRun::Options options;
+  try {
+    setOption(options, text);
+  } catch (const OptionError&) {
+    return 0;
+  }
+  // One option inside its range may still not fit to another one.
+  try {
+    options.validate();
+  } catch (const OptionError&) {
+  }
+  return 0;
+}

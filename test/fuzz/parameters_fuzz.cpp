@@ -1,0 +1,111 @@
+// The trees of parameters that a nodelet may find under its name.
+
+#include <XmlRpcValue.h>
+
+#include "fuzz_target.hpp"
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/ros/params.hpp"
+
+namespace ground_scale_vo::fuzz {
+namespace {
+
+using XmlRpc::XmlRpcValue;
+
+/// The names of a nodelet's parameters.
+template <typename Params>
+std::vector<std::string> namesOf() {
+  XmlRpcValue tree;
+  tree["camera_height"] = 1.65;
+  ParamReader reader("fuzz", tree);
+  Params::read(reader);
+  std::vector<std::string> names;
+  for (const ParamReader::Entry& entry : reader.entries()) names.push_back(entry.name);
+  return names;
+}
+
+XmlRpcValue value(Input* input, int depth) {
+  switch (input->below(depth > 0 ? 8 : 6)) {
+    case 0:
+      return XmlRpcValue(input->number());
+    case 1:
+      return XmlRpcValue(input->take<int>());
+    case 2:
+      return XmlRpcValue(input->take<char>() != 0);
+    case 3:
+      return XmlRpcValue(input->text(12));
+    case 4:
+      return XmlRpcValue();
+    case 5:
+      return XmlRpcValue(static_cast<int>(input->below(30)));
+    case 6: {
+      XmlRpcValue list;
+      list.setSize(static_cast<int>(input->below(4)));
+      for (int i = 0; i < list.size(); ++i) list[i] = value(input, depth - 1);
+      return list;
+    }
+    default: {
+      XmlRpcValue group;
+      for (std::size_t i = input->below(4); i > 0; --i) {
+        group[input->text(8)] = value(input, depth - 1);
+      }
+      return group;
+    }
+  }
+}
+
+/// A tree with some of the names, most values valid types.
+XmlRpcValue tree(Input* input, const std::vector<std::string>& names) {
+  XmlRpcValue root;
+  root["camera_height"] = 1.65;
+  while (!input->empty()) {
+    if (input->below(8) == 0) {
+      root[input->text(8)] = value(input, 3);
+      continue;
+    }
+    const std::string& name = names[input->below(names.size())];
+    const std::size_t slash = name.find('/');
+    if (slash == std::string::npos) {
+      root[name] = value(input, 2);
+      continue;
+    }
+    XmlRpcValue& group = root[name.substr(0, slash)];
+    if (group.valid() && group.getType() != XmlRpcValue::TypeStruct) continue;
+    group[name.substr(slash + 1)] = value(input, 2);
+  }
+  return root;
+}
+
+template <typename Params>
+void read(const std::uint8_t* data, std::size_t size) {
+  static const std::vector<std::string> kNames = namesOf<Params>();
+  Input input(data, size);
+  const XmlRpcValue root = input.below(50) == 1 ? value(&input, 3) : tree(&input, kNames);
+  ParamReader reader("fuzz", root);
+  try {
+    Params::read(reader);
+    for (const ParamReader::Entry& entry : reader.entries()) {
+      require(entry.value.find("nan") == std::string::npos &&
+                  entry.value.find("inf") == std::string::npos,
+              "what is accepted is a number");
+    }
+  } catch (const OptionError&) {
+  }
+  reader.unknown();
+}
+
+}  // namespace
+
+Plan plan() {
+  std::vector<std::string> corpus;
+  for (const char fill : {'\0', '\1', '\2', '\7', '\x20'}) corpus.emplace_back(40, fill);
+  return {5000, corpus};
+}
+
+}  // namespace ground_scale_vo::fuzz
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace ground_scale_vo;
+  fuzz::read<MonoVoParams>(data, size);
+  fuzz::read<ScaleRecoveryParams>(data, size);
+  return 0;
+}

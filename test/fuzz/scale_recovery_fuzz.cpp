@@ -1,0 +1,233 @@
+// The way of a message through ScaleRecovery: vo/frame, of any odometry, and the image beside it,
+// to all that it publishes. An input is a list of frames: an even byte is the next frame of a drive
+// as it is, an odd one a frame with something wrong.
+
+#include <ros/serialization.h>
+
+#include "fuzz_target.hpp"
+#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/stamp_guard.hpp"
+#include "ground_scale_vo/ros/visuals.hpp"
+#include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "message_checks.hpp"
+#include "small_drive.hpp"
+
+namespace ground_scale_vo::fuzz {
+namespace {
+
+/// What MonoVo publishes of the drive.
+const std::vector<VoFrameMsg>& frames() {
+  static const std::vector<VoFrameMsg> kFrames = [] {
+    const SmallDrive& drive = smallDrive();
+    VisualOdometry odometry(drive.camera, VisualOdometry::Options());
+    std::vector<VoFrameMsg> messages;
+    std::size_t tracked = 0;
+    for (std::size_t i = 0; i < drive.images.size(); ++i) {
+      const VoFrame frame = odometry.process(drive.images[i], drive.stamps_ns[i]).frame;
+      std_msgs::Header header;
+      header.stamp = fromNanoseconds(frame.stamp_ns);
+      header.frame_id = "camera";
+      messages.push_back(*toMsg(frame, header));
+      tracked += frame.status == VoStatus::kTracking;
+    }
+    require(tracked >= drive.images.size() / 2, "the drive is one that can be tracked");
+    return messages;
+  }();
+  return kFrames;
+}
+
+/// What the nodelet does with its messages.
+class Scale {
+ public:
+  explicit Scale(bool paper_literal) : recovery_(options(paper_literal)) {}
+
+  void onFrame(const VoFrameMsg& message, const cv::Mat& image) {
+    VoFrame frame;
+    try {
+      frame = fromMsg(message);
+    } catch (const MessageError&) {
+      return;
+    }
+    const auto verdict = guard_.check(message.header.stamp);
+    if (verdict == StampGuard::Verdict::kDrop) return;
+    if (verdict == StampGuard::Verdict::kJumpedBack) recovery_.reset();
+    const bool is_of_frame = image.cols == frame.camera.width && image.rows == frame.camera.height;
+    const auto output = recovery_.process(frame, is_of_frame ? image : cv::Mat());
+    check(*toMsg(output.scale, frame.map_id, message.header));
+    for (const Eigen::Vector3f& point : output.ground_points_c) {
+      require(point.allFinite(), "ground points are finite");
+    }
+    if (output.scale.status == ScaleStatus::kUnknown) {
+      require(!output.pose, "nothing metric without a scale");
+      return;
+    }
+    if (output.pose) {
+      Eigen::Isometry3d T_b_c = Eigen::Isometry3d::Identity();
+      T_b_c.translation() << 1, 0.2, 1.5;
+      for (const auto& way : {OdometryFrames::ofCamera("odom", "camera"),
+                              OdometryFrames::ofBase("odom", "base_link", T_b_c)}) {
+        check(*toOdometryMsg(*output.pose, way, message.header.stamp));
+      }
+      require(std::isfinite(output.pose->distance), "the distance is finite");
+    }
+    std::vector<Eigen::Vector3f> metric = output.ground_points_c;
+    for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
+    check(*toPointCloud(metric, message.header));
+    for (const auto& marker : toPlaneMarkers(output.scale, message.header)) {
+      require(isPose(marker->pose), "the marker's pose is one");
+      for (const auto& point : marker->points) {
+        require(std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z),
+                "the marker is finite");
+      }
+    }
+  }
+
+ private:
+  static ScaleRecovery::Options options(bool paper_literal) {
+    ScaleRecovery::Options options;
+    options.camera_height = 1.65;
+    options.paper_literal = paper_literal;
+    return options;
+  }
+  ScaleRecovery recovery_;
+  StampGuard guard_{1.0};
+};
+
+std::vector<float>* arrayOf(VoFrameMsg* frame, std::size_t i) {
+  std::vector<float>* const arrays[] = {&frame->u, &frame->v, &frame->x,
+                                        &frame->y, &frame->z, &frame->depth_sigma};
+  return arrays[i % std::size(arrays)];
+}
+
+void spoil(VoFrameMsg* frame, Input* input) {
+  double* const numbers[] = {&frame->fx,
+                             &frame->fy,
+                             &frame->cx,
+                             &frame->cy,
+                             &frame->pose.position.x,
+                             &frame->pose.position.y,
+                             &frame->pose.position.z,
+                             &frame->pose.orientation.x,
+                             &frame->pose.orientation.w};
+  std::vector<float>* const array = arrayOf(frame, input->below(6));
+  switch (input->below(14)) {
+    case 0:
+      *numbers[input->below(std::size(numbers))] = input->number();
+      break;
+    case 1:
+      frame->pose.position.x = input->number();
+      frame->pose.position.z = input->number();
+      break;
+    case 2:
+    case 3:
+      if (!array->empty()) {
+        (*array)[input->below(array->size())] = static_cast<float>(input->number());
+      }
+      break;
+    case 4: {  // all the same: one point, a line, a plane, behind the camera
+      const auto value = static_cast<float>(input->number());
+      std::fill(array->begin(), array->end(), value);
+      break;
+    }
+    case 5: {  // another unit of length, or a mirror
+      const auto factor = static_cast<float>(input->number());
+      for (float& value : *array) value *= factor;
+      break;
+    }
+    case 6:
+      for (std::size_t i = 0; i < 6; ++i) arrayOf(frame, i)->resize(input->below(40));
+      break;
+    case 7: {  // few
+      const std::size_t count = std::min(frame->id.size(), input->below(12));
+      frame->id.resize(count);
+      frame->age.resize(count);
+      for (std::size_t i = 0; i < 6; ++i) arrayOf(frame, i)->resize(count);
+      break;
+    }
+    case 8:
+      frame->status = input->take<std::uint8_t>();
+      break;
+    case 9:
+      frame->map_id = input->take<std::uint32_t>();
+      frame->sequence = input->take<std::uint32_t>();
+      break;
+    case 10:
+      (input->below(2) ? frame->width : frame->height) =
+          input->below(2) ? input->take<std::uint32_t>()
+                          : static_cast<std::uint32_t>(input->below(1000));
+      break;
+    case 11:
+      if (!frame->id.empty()) {
+        frame->id[input->below(frame->id.size())] = input->take<std::uint64_t>();
+      }
+      break;
+    case 12: {  // everything in another unit of length
+      const auto factor = input->number();
+      for (std::size_t i = 2; i < 6; ++i) {
+        for (float& value : *arrayOf(frame, i)) {
+          value = static_cast<float>(factor * static_cast<double>(value));
+        }
+      }
+      frame->pose.position.x *= factor;
+      frame->pose.position.y *= factor;
+      frame->pose.position.z *= factor;
+      break;
+    }
+    default:
+      frame->pose = geometry_msgs::Pose();
+      frame->pose.orientation.w = 1;
+  }
+}
+
+/// A frame from bytes as a broken sender could put them on the wire.
+bool deserialised(VoFrameMsg* frame, Input* input) {
+  std::vector<std::uint8_t> bytes(input->below(600));
+  for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
+  try {
+    ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+    ros::serialization::deserialize(stream, *frame);
+  } catch (const std::exception&) {
+    return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+Plan plan() {
+  std::vector<std::string> corpus{std::string(24, '\0'), std::string(16, '\0'),
+                                  std::string(24, '\2')};
+  std::string mixed;
+  for (int i = 0; i < 40; ++i) mixed += {static_cast<char>(i % 5 == 4), static_cast<char>(7 * i)};
+  corpus.push_back(mixed);
+  return {400, corpus};
+}
+
+}  // namespace ground_scale_vo::fuzz
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace ground_scale_vo;
+  using namespace ground_scale_vo::fuzz;
+  constexpr int kMostMessages = 40;
+  Input input(data, size);
+  const auto flags = input.take<std::uint8_t>();
+  Scale scale(flags % 8 == 1);
+  const bool with_images = flags % 2 == 0;
+  std::size_t next = 0;
+  for (int k = 0; k < kMostMessages && !input.empty(); ++k) {
+    const auto kind = input.take<std::uint8_t>();
+    const std::size_t i = next++ % frames().size();
+    VoFrameMsg frame = frames()[i];
+    if (kind % 2 == 1) {
+      if (kind >= 240) {
+        if (!deserialised(&frame, &input)) continue;
+      } else {
+        for (std::size_t n = input.below(3) + 1; n > 0; --n) spoil(&frame, &input);
+      }
+    }
+    scale.onFrame(frame, with_images ? smallDrive().images[i] : cv::Mat());
+  }
+  return 0;
+}

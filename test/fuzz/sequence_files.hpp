@@ -1,0 +1,51 @@
+#pragma once
+
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "fuzz_target.hpp"
+#include "ground_scale_vo/dataset/kitti_sequence.hpp"
+#include "ground_scale_vo/error.hpp"
+
+namespace ground_scale_vo::fuzz {
+
+inline void writeScratch(const std::string& name, const std::string& text) {
+  writeScratch(name, reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
+}
+
+/// A sequence of two images in the scratch folder, the same for every input.
+inline void makeSequence() {
+  static const bool kMade = [] {
+    std::filesystem::create_directories(std::filesystem::path(scratchFolder()) / "image_0");
+    std::vector<unsigned char> png;
+    cv::imencode(".png", cv::Mat(12, 16, CV_8UC1, cv::Scalar(100)), png);
+    for (const char* name : {"image_0/0.png", "image_0/1.png"}) {
+      writeScratch(name, png.data(), png.size());
+    }
+    writeScratch("calib.txt", "P0: 10 0 8 0 0 10 6 0 0 0 1 0\n");
+    writeScratch("times.txt", "0\n0.1\n");
+    return true;
+  }();
+  static_cast<void>(kMade);
+}
+
+/// Writes one file of the sequence and reads the whole. What is read is what the headers promise.
+inline void readSequenceWith(const char* file, const std::uint8_t* data, std::size_t size) {
+  makeSequence();
+  writeScratch(file, data, size);
+  try {
+    const KittiSequence sequence(scratchFolder());
+    sequence.camera().validate();
+    require(sequence.stampNs(0) < sequence.stampNs(1), "stamps grow");
+    for (const Eigen::Isometry3d& pose : sequence.groundTruth()) {
+      require(pose.matrix().allFinite(), "true poses are finite");
+    }
+  } catch (const DataError& error) {
+    const std::string sentence = error.what();
+    require(sentence.find(file) != std::string::npos || sentence.find("has ") != std::string::npos,
+            "the refusal names the file");
+    require(sentence.find('\n') == std::string::npos, "the refusal is one sentence");
+  }
+}
+
+}  // namespace ground_scale_vo::fuzz

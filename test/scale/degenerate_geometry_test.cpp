@@ -1,0 +1,222 @@
+// What has no answer gets a status, and no number that is none leaves.
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/scale/plane_fit.hpp"
+#include "ground_scale_vo/scale/scale_filter.hpp"
+#include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "road_image.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+ScaleRecovery::Options options() {
+  ScaleRecovery::Options o;
+  o.camera_height = 1.65;
+  return o;
+}
+
+RoadScene road() {
+  RoadScene scene;
+  scene.addPatch(6000, -2.5, 2.5, 0, 60, 0, 1);
+  return scene;
+}
+
+void expectFinite(const ScaleRecovery::Output& output) {
+  const ScaleEstimate& s = output.scale;
+  EXPECT_TRUE(areFinite(s.raw_scale, s.scale, s.sigma, s.height, s.n_c));
+  EXPECT_EQ(s.status == ScaleStatus::kUnknown, s.scale == 0);
+  for (const Eigen::Vector3f& point : output.ground_points_c) EXPECT_TRUE(isFinite(point));
+  if (!output.pose) return;
+  EXPECT_TRUE(areFinite(output.pose->T_o_c, output.pose->covariance, output.pose->twist_c,
+                        output.pose->twist_covariance, output.pose->distance));
+}
+
+/// Drives over the road, disturbs one frame in the middle, and drives on.
+void expectSurvives(const std::function<void(VoFrame&)>& disturb) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 60; ++i) {
+    VoFrame frame = scene.frame(i);
+    if (i == 30) disturb(frame);
+    output = recovery.process(frame, i % 2 == 0 ? cv::Mat()
+                                                : cv::Mat(frame.camera.height, frame.camera.width,
+                                                          CV_8UC1, cv::Scalar(90)));
+    expectFinite(output);
+  }
+  EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
+  EXPECT_NEAR(output.scale.scale * scene.height, 1.65, 0.05);
+}
+
+TEST(DegenerateRoad, AFrameOfAForeignOdometryDoesNotPoisonTheNextOnes) {
+  for (const double number : {kNan, kInf, -kInf, 1e300, 1e30, -1e30, 1e10}) {
+    SCOPED_TRACE(number);
+    const auto bad = static_cast<float>(number);
+    expectSurvives([&](VoFrame& f) { f.T_w_c.translation().x() = number; });
+    expectSurvives([&](VoFrame& f) { f.T_w_c.linear()(1, 1) = number > 1 ? kNan : number; });
+    expectSurvives([&](VoFrame& f) {
+      for (auto& feature : f.features) feature.p_c.y() = bad;
+    });
+    expectSurvives([&](VoFrame& f) {
+      for (auto& feature : f.features) feature.p_c.z() = bad;
+    });
+    expectSurvives([&](VoFrame& f) {
+      for (auto& feature : f.features) feature.depth_sigma = bad;
+    });
+    expectSurvives([&](VoFrame& f) {
+      for (auto& feature : f.features) feature.u.x() = bad;
+    });
+    expectSurvives([&](VoFrame& f) { f.features.front().p_c.x() = bad; });
+  }
+}
+
+TEST(DegenerateRoad, ASceneThatIsNoRoadHasNoScale) {
+  const auto run = [](const char* name,
+                      const std::function<void(std::size_t, TrackedFeature&)>& change) {
+    SCOPED_TRACE(name);
+    const RoadScene scene = road();
+    ScaleRecovery recovery(options());
+    for (std::uint32_t i = 0; i < 40; ++i) {
+      VoFrame frame = scene.frame(i);
+      for (std::size_t k = 0; k < frame.features.size(); ++k) change(k, frame.features[k]);
+      const auto output = recovery.process(frame);
+      expectFinite(output);
+      EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
+      EXPECT_FALSE(output.pose);
+    }
+  };
+  run("one point", [](std::size_t, auto& f) { f.p_c = {0.1f, 0.7f, 5.f}; });
+  run("a line", [](std::size_t k, auto& f) {
+    f.p_c = {0.f, 0.7f, 3.f + 0.01f * static_cast<float>(k)};
+  });
+  run("behind", [](std::size_t, auto& f) { f.p_c = -f.p_c; });
+  run("no points", [](std::size_t, auto& f) { f.has_point = false; });
+  run("above", [](std::size_t, auto& f) { f.p_c.y() = -f.p_c.y(); });
+  run("a single one", [](std::size_t k, auto& f) { f.has_point = k == 0; });
+  run("sure of nothing", [](std::size_t, auto& f) { f.depth_sigma = 1e9f; });
+}
+
+TEST(DegenerateRoad, AnOdometryInAnyUnitGivesFiniteNumbers) {
+  for (const double unit : {1e-30, 1e-12, 1e-6, 1e6, 1e12, 1e30}) {
+    SCOPED_TRACE(unit);
+    const RoadScene scene = road();
+    ScaleRecovery recovery(options());
+    for (std::uint32_t i = 0; i < 40; ++i) {
+      VoFrame frame = scene.frame(i);
+      frame.T_w_c.translation() *= unit;
+      for (auto& feature : frame.features) {
+        feature.p_c *= static_cast<float>(unit);
+        feature.depth_sigma *= static_cast<float>(unit);
+      }
+      expectFinite(recovery.process(frame));
+    }
+  }
+}
+
+TEST(DegenerateRoad, StandingAndTurningOnTheSpotMoveNothing) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(options());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 30; ++i) output = recovery.process(scene.frame(i));
+  ASSERT_TRUE(output.pose);
+  const double distance = output.pose->distance;
+  for (std::uint32_t i = 30; i < 50; ++i) {
+    VoFrame frame = scene.frameAt(i, scene.step * 29);
+    frame.T_w_c.rotate(Eigen::AngleAxisd(0.01 * (i - 30), Eigen::Vector3d::UnitY()));
+    output = recovery.process(frame);
+    expectFinite(output);
+    ASSERT_TRUE(output.pose);
+    EXPECT_NEAR(output.pose->distance, distance, 1e-6);
+    EXPECT_EQ(output.scale.reason, ScaleReason::kStandstill);
+  }
+}
+
+TEST(DegeneratePlane, EveryFitIsFiniteOrNone) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> exponent(-12, 12), unit(-1, 1);
+  for (int round = 0; round < 400; ++round) {
+    std::vector<PlanePoint> points;
+    const double size = std::pow(10, exponent(random)), sigma = std::pow(10, exponent(random));
+    for (int i = 0; i < 30; ++i) {
+      PlanePoint point;
+      point.depth = size * (2 + unit(random));
+      point.p_c = point.depth * Eigen::Vector3d(0.3 * unit(random), 0.2 + 0.1 * unit(random), 1);
+      if (round % 4 == 0) point.p_c.y() = 0.2 * size;                          // one plane
+      if (round % 4 == 1) point.p_c = point.depth * Eigen::Vector3d::UnitZ();  // one line
+      if (round % 4 == 2) point.p_c = size * Eigen::Vector3d(0, 0.2, 1);       // one point
+      point.depth_sigma = i % 7 == 0 ? 0 : sigma;
+      points.push_back(point);
+    }
+    for (const auto method : {PlaneFit::Method::kInverseDepth, PlaneFit::Method::kLiteral}) {
+      PlaneFit::Options fit_options;
+      fit_options.method = method;
+      NormalPrior prior;
+      prior.pitch_sigma = round % 3 == 0 ? 0 : 0.02;
+      prior.roll_sigma = 0.02;
+      const auto result = PlaneFit(fit_options).fit(points, prior, round % 5 == 0 ? 1 : 0.2 * size);
+      if (result.status != ScaleReason::kNone) continue;
+      EXPECT_TRUE(areFinite(result.plane.n_c, result.plane.height, result.median_height,
+                            result.height_sigma))
+          << round;
+      EXPECT_GT(result.plane.height, 0) << round;
+    }
+  }
+}
+
+TEST(DegeneratePlane, TheFilterTakesNoMeasurementThatIsNone) {
+  ScaleFilter filter({});
+  for (int i = 0; i < 20; ++i) {
+    filter.move(1, 0);
+    filter.update(0.7, 0.02);
+  }
+  ASSERT_TRUE(filter.known());
+  for (const double height : {kNan, kInf, -kInf, 0.0, -1.0}) {
+    EXPECT_FALSE(filter.update(height, 0.02)) << height;
+  }
+  for (const double sigma : {kNan, kInf, -1.0}) EXPECT_FALSE(filter.update(0.7, sigma)) << sigma;
+  EXPECT_NEAR(filter.height(), 0.7, 1e-9);
+  EXPECT_TRUE(isFinite(filter.sigma()));
+  EXPECT_TRUE(filter.update(0.7, 0.02));
+}
+
+TEST(DegeneratePlane, AnIncrementWithoutAFiniteEndIsLeftOut) {
+  MetricTrajectory trajectory({});
+  ScaleEstimate scale;
+  scale.status = ScaleStatus::kOk;
+  scale.scale = 2;
+  scale.sigma = 0.02;
+  VoFrame frame;
+  frame.status = VoStatus::kTracking;
+  frame.T_w_c.translation().z() = 1;
+  ASSERT_TRUE(trajectory.append(frame, scale));
+  for (const double number : {kNan, kInf, 1e300}) {
+    VoFrame bad = frame;
+    bad.stamp_ns = 50000000;
+    bad.T_w_c.translation().x() = number;
+    EXPECT_FALSE(trajectory.append(bad, scale)) << number;
+    ScaleEstimate wrong = scale;
+    wrong.sigma = number;
+    bad.T_w_c = frame.T_w_c;
+    bad.T_w_c.translation().z() = 1.5;
+    EXPECT_FALSE(trajectory.append(bad, wrong)) << number;
+  }
+  frame.T_w_c.translation().z() = 2;
+  frame.stamp_ns = 100000000;
+  const auto pose = trajectory.append(frame, scale);
+  ASSERT_TRUE(pose);
+  EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 4);
+  EXPECT_TRUE(isFinite(pose->covariance));
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

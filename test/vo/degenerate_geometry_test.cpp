@@ -1,0 +1,214 @@
+// What has no answer gets a status, and no number that is none leaves.
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+
+#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/vo/feature_tracker.hpp"
+#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
+#include "ground_scale_vo/vo/patch_alignment.hpp"
+#include "ground_scale_vo/vo/pose_estimation.hpp"
+#include "ground_scale_vo/vo/triangulation.hpp"
+#include "ground_scale_vo/vo/two_view.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::normalised;
+using test::pose;
+using test::randomPoints;
+using test::testCamera;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+struct Scene {
+  std::string name;
+  std::vector<Eigen::Vector3d> points;
+};
+
+/// Sets of 200 points that say less than points in space do, or nothing.
+std::vector<Scene> degenerateScenes() {
+  constexpr int kPoints = 200;
+  std::vector<Scene> scenes{{"line", {}},   {"line ahead", {}}, {"wall", {}}, {"one point", {}},
+                            {"behind", {}}, {"far", {}},        {"near", {}}};
+  for (int i = 0; i < kPoints; ++i) {
+    const double s = 0.01 * i - 1;
+    scenes[0].points.emplace_back(s, 0.2 * s, 10);
+    scenes[1].points.emplace_back(0, 0, 5 + i);
+    scenes[2].points.emplace_back(s, 0.3 * std::sin(7.0 * i), 12);
+    scenes[3].points.emplace_back(0.4, 0.1, 9);
+  }
+  for (const Eigen::Vector3d& p : randomPoints(kPoints, 3)) {
+    scenes[4].points.push_back(-p);
+    scenes[5].points.push_back(1e12 * p);
+    scenes[6].points.push_back(1e-12 * p);
+  }
+  return scenes;
+}
+
+const std::vector<Eigen::Isometry3d>& motions() {
+  static const std::vector<Eigen::Isometry3d> kMotions{
+      pose({0, 0, 0}, {0, 0, 0}), pose({0, 0.05, 0}, {0, 0, 0}),
+      pose({0.01, 0.02, 0}, {0.2, 0, -1}), pose({0, 0, 0}, {1e-14, 0, 0}),
+      pose({0, 0, 0}, {1e14, 0, 0})};
+  return kMotions;
+}
+
+TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
+  int motion = 0;
+  for (const Eigen::Isometry3d& T_2_1 : motions()) {
+    for (const Scene& scene : degenerateScenes()) {
+      SCOPED_TRACE(scene.name + ", motion " + std::to_string(motion));
+      std::vector<Eigen::Vector2d> u1, u2;
+      for (const Eigen::Vector3d& p : scene.points) {
+        u1.push_back(testCamera().project(p));
+        u2.push_back(testCamera().project(T_2_1 * p));
+      }
+      const TwoView::Result result = TwoView({}).estimate(testCamera(), u1, u2);
+      // Standing still, and turning alone, are never a motion.
+      EXPECT_TRUE(motion >= 2 || result.status != TwoViewStatus::kOk);
+      if (result.status != TwoViewStatus::kOk) continue;
+      EXPECT_TRUE(isFinite(result.T_2_1));
+      EXPECT_NEAR(result.T_2_1.translation().norm(), 1, 1e-9);
+      EXPECT_TRUE(isFinite(result.inverse_depth_1));
+    }
+    ++motion;
+  }
+}
+
+TEST(DegenerateGeometry, PixelsThatAreNoNumbersAreNoMotion) {
+  for (const double bad : {kNan, kInf, -kInf, 1e300}) {
+    const std::vector<Eigen::Vector2d> u(200, {bad, 5});
+    EXPECT_NE(TwoView({}).estimate(testCamera(), u, u).status, TwoViewStatus::kOk) << bad;
+  }
+}
+
+TEST(DegenerateGeometry, ARayIsTriangulatedOrNot) {
+  const Eigen::Vector3d ray(0.1, 0.05, 1);
+  for (const double t : {0.0, 1e-200, 1e-9, 1.0, 1e9, 1e200, kNan, kInf}) {
+    for (const double x : {0.1, -5.0, 1e9, 1e200, kNan, kInf}) {
+      for (const double sigma : {1e-3, 1e-200, 1e200, kNan}) {
+        const auto point = triangulate(ray, {{pose({0, 0, 0}, {t, 0, 0}), {x, 0.05}, sigma},
+                                             {pose({0, 0.1, 0}, {0, t, 0}), {0.1, x}, sigma}});
+        if (!point) continue;
+        EXPECT_TRUE(areFinite(point->value, point->sigma)) << t << ' ' << x << ' ' << sigma;
+        EXPECT_GE(point->sigma, 0);
+      }
+    }
+  }
+}
+
+TEST(DegenerateGeometry, APoseIsFoundOrNot) {
+  for (const Scene& scene : degenerateScenes()) {
+    SCOPED_TRACE(scene.name);
+    for (const double lie : {0.0, 1e6, kNan}) {
+      std::vector<PointObservation> seen;
+      for (const Eigen::Vector3d& p : scene.points) {
+        seen.push_back({p, 0.01 * p, normalised(p), 1e-3});
+      }
+      seen.front().p_w.x() += lie;
+      for (const Eigen::Isometry3d& guess : motions()) {
+        const auto result = PoseEstimation({}).estimate(guess, seen);
+        EXPECT_TRUE(scene.name != "behind" || result.status != PoseStatus::kOk);
+        EXPECT_TRUE(result.status != PoseStatus::kOk || isFinite(result.T_w_c));
+      }
+    }
+  }
+  EXPECT_EQ(PoseEstimation({}).estimate(pose({0, 0, 0}, {0, 0, 0}), {}).status,
+            PoseStatus::kTooFewPoints);
+}
+
+TEST(DegenerateGeometry, AGuessThatIsNoNumberIsNoPose) {
+  std::vector<PointObservation> seen;
+  for (const Eigen::Vector3d& p : randomPoints(100, 4)) {
+    seen.push_back({p, Eigen::Vector3d::Zero(), normalised(p), 1e-3});
+  }
+  const auto result = PoseEstimation({}).estimate(pose({0, 0, 0}, {kNan, 0, 0}), seen);
+  EXPECT_TRUE(result.status != PoseStatus::kOk || isFinite(result.T_w_c));
+}
+
+TEST(DegenerateGeometry, AnAdjustmentIsFiniteOrNotUsed) {
+  for (const Scene& scene : degenerateScenes()) {
+    for (const double depth : {1.0, 1e-300, 1e300}) {
+      SCOPED_TRACE(scene.name);
+      LocalMap map({});
+      for (int k = 0; k < 4; ++k) {
+        const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, 0, 1e-9 * k});  // hardly a baseline
+        std::vector<LocalMap::Corner> corners;
+        for (std::size_t i = 0; i < scene.points.size(); ++i) {
+          corners.push_back({i, normalised(T_w_c.inverse() * scene.points[i]), 1e-3});
+        }
+        map.addKeyframe(T_w_c, corners);
+      }
+      for (std::size_t i = 0; i < scene.points.size(); ++i) {
+        map.find(i)->depth = InverseDepth{depth, depth};
+      }
+      LocalBundleAdjustment adjustment({});
+      const auto result = adjustment.adjust(&map);
+      EXPECT_TRUE(!result.usable || isFinite(result.rms_sigma));
+      for (const Keyframe& keyframe : map.keyframes()) EXPECT_TRUE(isFinite(keyframe.T_w_c));
+      for (const auto& [id, landmark] : map.landmarks()) {
+        EXPECT_TRUE(isFinite(landmark.depth->value)) << id;
+      }
+    }
+  }
+}
+
+TEST(DegenerateGeometry, TracksAndPatchesOfNoPlaceAreNone) {
+  cv::Mat image(100, 200, CV_8UC1);
+  cv::theRNG().state = 7;
+  cv::randu(image, 0, 255);
+  const FeatureTracker tracker({});
+  const ImagePyramid pyramid = tracker.pyramid(image);
+  const auto bad = static_cast<float>(kNan);
+  const std::vector<cv::Point2f> from{{50, 50}, {60, 40}, {70, 30}, {80, 50}};
+  const std::vector<cv::Point2f> predicted{{bad, 50}, {1e30f, 40}, {-1e30f, 30}, {80, bad}};
+  const auto tracks = tracker.track(pyramid, pyramid, from, predicted);
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    EXPECT_TRUE(!tracks.ok[i] || areFinite(tracks.points[i].x, tracks.points[i].y)) << i;
+  }
+  const PatchAlignment alignment({});
+  for (const double number : {kNan, kInf, 1e30, 0.0}) {
+    const Eigen::Matrix2d warp = number * Eigen::Matrix2d::Identity();
+    EXPECT_FALSE(alignment.align(image, {50, 50}, warp, image, {50, 50})) << number;
+    if (number == 0) continue;
+    EXPECT_FALSE(
+        alignment.align(image, {50, 50}, Eigen::Matrix2d::Identity(), image, {number, 50}));
+    EXPECT_FALSE(
+        alignment.align(image, {50, number}, Eigen::Matrix2d::Identity(), image, {50, 50}));
+    for (const auto surface : {PatchSurface::kFacing, PatchSurface::kFloor, PatchSurface::kWall}) {
+      const auto carried =
+          patchWarp(testCamera(), {1, 1, 9}, pose({0, 0, 0}, {0, 0, number}), surface);
+      EXPECT_TRUE(!carried || isFinite(*carried)) << number;
+    }
+  }
+}
+
+TEST(DegenerateGeometry, AFeatureWithoutAUsablePointIsKnown) {
+  TrackedFeature feature;
+  feature.has_point = true;
+  feature.p_c = {1, 2, 3};
+  feature.depth_sigma = 0.1f;
+  EXPECT_TRUE(hasUsablePoint(feature));
+  const auto with = [&](auto change) {
+    TrackedFeature changed = feature;
+    change(changed);
+    return hasUsablePoint(changed);
+  };
+  for (const double number : {kNan, kInf, -kInf, 1e10, -1e30}) {
+    const auto bad = static_cast<float>(number);
+    EXPECT_FALSE(with([&](auto& f) { f.p_c.x() = bad; })) << number;
+    EXPECT_FALSE(with([&](auto& f) { f.p_c.z() = bad; })) << number;
+    EXPECT_FALSE(with([&](auto& f) { f.depth_sigma = bad; })) << number;
+  }
+  EXPECT_FALSE(with([](auto& f) { f.p_c.z() = 0; }));
+  EXPECT_FALSE(with([](auto& f) { f.has_point = false; }));
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -15,12 +15,11 @@ namespace {
 using Options = SyntheticDrive::Options;
 using synthetic::Random;
 
-constexpr std::uint64_t kSeed = 20;
 constexpr const char *kLorry = "lorry", *kWall = "wall";
 constexpr double kLorryS = 10, kLorryEdgeS = 1;  // it takes so long to cut in, and to leave [s]
 constexpr double kStartS = 4.5, kStretchS = 3;   // clean: at the start, and beyond settling [s]
-constexpr double kWallHidesM = 4;                // the ground is out of sight so near to it
-constexpr double kSlack = 0.05, kSlackM = 1;     // of way that is not invented but badly measured
+constexpr double kWallHidesM = 7, kStopsBefore = 1.8;  // hardly any road is in sight so near to it
+constexpr double kSlack = 0.05, kSlackM = 1;  // of way that is not invented but badly measured
 constexpr double kSigmas = 3;
 
 const std::vector<ImageFault>& imageFaults() {
@@ -91,22 +90,22 @@ class Plan {
   }
   /// Up to a wall, a stop, and back; always the last.
   void addWall() {
-    constexpr double kBrakeS = 2.5, kStandS = 2, kStartS2 = 1, kBack = -3;
+    constexpr double kBrakeS = 2.5, kStandS = 2, kGoS = 1, kBack = -3;
     Options& o = drive_.options;
     o.curvature = o.slope = 0;
     o.moving_cars = false;
     const double v = std::min(o.speed, 8.0), brake = s_, stand = brake + kBrakeS;
     o.speeds = {
-        {0, v}, {brake, v}, {stand, 0}, {stand + kStandS, 0}, {stand + kStandS + kStartS2, kBack}};
-    o.wall_at_m = v * brake + v * kBrakeS / 2 + 1.8;
+        {0, v}, {brake, v}, {stand, 0}, {stand + kStandS, 0}, {stand + kStandS + kGoS, kBack}};
+    o.wall_at_m = v * brake + v * kBrakeS / 2 + kStopsBefore;
     // Cosine ramps: the last metres before and the first after the stop.
     double from = stand, to = stand + kStandS;
     const auto left = [&](double t) {  // metres before the stop
       const double x = (stand - t) / kBrakeS;
       return v * kBrakeS / 2 * (x - std::sin(M_PI * x) / M_PI);
     };
-    while (from > brake && left(from) < kWallHidesM - 1.8) from -= 0.05;
-    to += kStartS2 / 2 + (kWallHidesM - 1.8) / -kBack;
+    while (from > brake && left(from) < kWallHidesM - kStopsBefore) from -= 0.05;
+    to += kGoS / 2 + (kWallHidesM - kStopsBefore) / -kBack;
     PlacedFault fault{kWall, {}, 0, 0, true, 0};
     fault.first = static_cast<std::size_t>(frames(from));
     fault.last = static_cast<std::size_t>(frames(to));
@@ -166,10 +165,10 @@ std::vector<std::string> faultNames() {
   return names;
 }
 
-FaultDrive faultDrive(std::size_t i) {
+FaultDrive faultDrive(std::size_t i, std::uint64_t seed) {
   requireInRange("the number of the drive", static_cast<double>(i), 0, kFaultDrives - 1);
   // The deck is the same for all drives: what hides the ground, and what does not.
-  Random deck(kSeed);
+  Random deck(seed);
   std::vector<std::string> hiding{kLorry, kWall}, light;
   for (const ImageFault fault : imageFaults()) {
     (hidesTheGround(fault) ? hiding : light).emplace_back(toString(fault));
@@ -183,7 +182,7 @@ FaultDrive faultDrive(std::size_t i) {
   fill(&light, 0);
   fill(&hiding, 2);  // lorry and wall take long: once is enough
 
-  Random random(kSeed + 1000 * (i + 1));
+  Random random(seed + 1000 * (i + 1));
   const Options options = someDrive(&random);
   Plan plan("drive " + std::to_string(i), options, &random);
   const auto add = [&](const std::string& name) {
@@ -199,8 +198,8 @@ FaultDrive faultDrive(std::size_t i) {
   return plan.finish();
 }
 
-FaultDrive faultDrive(const std::string& what) {
-  Random random(kSeed);
+FaultDrive faultDrive(const std::string& what, std::uint64_t seed) {
+  Random random(seed);
   Options options = someDrive(&random);
   Plan plan(what, options, &random);
   if (what == kLorry) {

@@ -26,6 +26,7 @@ odometry over them and tables how it took them.
 
   NAME          a fault, alone in a drive: lorry, wall, black, white, frozen, covered, rain ...
                 (a wrong name lists them all); default: the ten drives with two faults each
+  --seed N      of all that is drawn (default 20)
   --threads N   drives at once (default 1)
 
 A line for each fault and each stretch without one. said: seconds until HELD or LOST; ok: frames
@@ -44,20 +45,30 @@ struct Arguments {
 
 Arguments parseArguments(int argc, char** argv) {
   Arguments arguments;
+  std::vector<std::string> names;
+  std::uint64_t seed = 20;
   for (int i = 1; i < argc; ++i) {
     const std::string given = argv[i];
-    if (given == "--threads") {
-      if (++i == argc) throw gsv::OptionError("--threads needs a value");
-      arguments.threads = gsv::parseWholeNumber(given, argv[i], 1, 256);
+    if (given == "--threads" || given == "--seed") {
+      if (++i == argc) throw gsv::OptionError(given + " needs a value");
+      const bool threads = given == "--threads";
+      const int number = gsv::parseWholeNumber(given, argv[i], threads, threads ? 256 : 1000000);
+      if (threads) {
+        arguments.threads = number;
+      } else {
+        seed = static_cast<std::uint64_t>(number);
+      }
     } else if (given.size() > 1 && given.front() == '-') {
       throw gsv::OptionError(given + " is not an option, see --help");
     } else {
-      arguments.drives.push_back(gsv::faultDrive(given));
+      names.push_back(given);
     }
   }
-  if (!arguments.drives.empty()) return arguments;
-  for (std::size_t i = 0; i < gsv::kFaultDrives; ++i) {
-    arguments.drives.push_back(gsv::faultDrive(i));
+  for (const std::string& name : names) {
+    arguments.drives.push_back(gsv::faultDrive(name, seed));
+  }
+  for (std::size_t i = 0; names.empty() && i < gsv::kFaultDrives; ++i) {
+    arguments.drives.push_back(gsv::faultDrive(i, seed));
   }
   return arguments;
 }

@@ -32,17 +32,17 @@ struct FaultDrive {
 
 constexpr std::size_t kFaultDrives = 10;
 
-/// Drive i of kFaultDrives: camera, speed, street, which faults and when are all drawn from a seed.
-/// Over the ten every ImageFault, a lorry close ahead for 10 s and a wall before the camera occur.
+/// Drive i of kFaultDrives: camera, speed, street, which faults and when are all drawn from the
+/// seed. Over the ten of one seed every ImageFault, a lorry close ahead for 10 s and a wall before the camera occur.
 /// Throws OptionError.
-FaultDrive faultDrive(std::size_t i);
+FaultDrive faultDrive(std::size_t i, std::uint64_t seed = 20);
 
 /// One of each fault alone, in the same kind of drive: "lorry", "wall" or toString(ImageFault).
 /// Throws OptionError that lists the names.
-FaultDrive faultDrive(const std::string& what);
+FaultDrive faultDrive(const std::string& what, std::uint64_t seed = 20);
 std::vector<std::string> faultNames();
 
-/// Says what a frame got; returned true: it is all finite.
+/// No number of what a frame gave is NaN or infinite, and no variance is negative.
 bool isFinite(const VisualOdometry::Output& vo);
 bool isFinite(const ScaleRecovery::Output& scale);
 

@@ -59,6 +59,9 @@ void setCamera(Options& o, int width, int height, double focal) {
   o.camera.cy = (height - 1) / 2.0;
 }
 
+/// KITTI's field of view in 480x150: a third of the time.
+void setSmallCamera(Options& o) { setCamera(o, 480, 150, 278); }
+
 void setNight(Options& o) {
   o.headlamps = true;
   o.shadows = o.moving_cars = false;
@@ -196,6 +199,66 @@ std::vector<HazardDrive> hazardDrives() {
           },
           {"standstill is noticed", {}, {"min_step_h=0", "odometry/standstill_flow=0"}},
           HazardDrive::Frames{47, 49}),
+      drive(
+          "traffic_passes", "standing for 5 s in a row of oncoming cars", 100,
+          [](Options& o) {
+            setSmallCamera(o);
+            o.speeds = {{0, 7}, {2, 7}, {3.5, 0}, {8.5, 0}, {9.5, 6}};
+            o.speed = 7;
+            o.oncoming_spacing = 11;
+            o.lead_time = 0;
+          },
+          {}, HazardDrive::Frames{37, 84}),
+      drive(
+          "lorry_close", "a lorry cuts in and hides the road for 10 s", 190,
+          [](Options& o) {
+            setSmallCamera(o);
+            o.lorry_first = 60;
+            o.lorry_frames = 100;
+            o.lorry_width = 4.6;
+          },
+          {}, HazardDrive::Frames{70, 149}),
+      drive(
+          "wall", "up to the front of a house, a stop before it, and back", 120,
+          [](Options& o) {
+            setSmallCamera(o);
+            o.speeds = {{0, 6}, {3.5, 6}, {5, 0}, {6, 0}, {7.5, -3}};
+            o.speed = 6;
+            o.wall_at_m = 29;
+            o.curvature = o.slope = 0;
+            o.moving_cars = o.parked_cars = false;
+          },
+          {}, HazardDrive::Frames{46, 60}),
+      drive("off_road", "a bumpy gravel track without markings", 90,
+            [](Options& o) {
+              setSmallCamera(o);
+              o.off_road = true;
+              o.suspension = 2;
+              o.speed = 6;
+              o.moving_cars = o.parked_cars = o.shadows = false;
+            }),
+      drive("bridge", "over a bridge: parapets, and the ground beside it lies 9 m below", 90,
+            [](Options& o) {
+              setSmallCamera(o);
+              o.bridge_from_m = 20;
+              o.bridge_to_m = 75;
+              o.parked_cars = false;
+            }),
+      drive("underpass", "through an underpass: suddenly dark, and light again", 90,
+            [](Options& o) {
+              setSmallCamera(o);
+              o.underpass_from_m = 30;
+              o.underpass_to_m = 55;
+              o.parked_cars = o.moving_cars = false;
+            }),
+      drive("crawl_bends", "bends of 12.5 m radius at 9 km/h", 150,
+            [](Options& o) {
+              setSmallCamera(o);
+              o.curvature = 0.08;
+              o.speed = 2.5;
+              o.slope = 0;
+              o.moving_cars = false;
+            }),
       drive("night", "headlamps light the road near the car, hardly anything else is seen", 60,
             [](Options& o) { o.daylight = 0.01, o.noise_sigma = 2, setNight(o); }),
       drive("night_noisy", "the same, darker, with a sensor at its limits", 30,

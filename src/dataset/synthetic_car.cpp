@@ -148,7 +148,7 @@ cv::Mat vanImage(double body, std::uint64_t seed) {
 Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun) {
   Mesh mesh;
   const double half = kVanWidth / 2, rear = -kVanLength / 2, front = kVanLength / 2;
-  const double low = 0.35, high = 2.5, brow = front - 1.4, nose = 1.15;
+  const double low = 0.35, high = kVanHeight, brow = front - 1.4, nose = 1.15;
   for (const double side : {-1., 1.}) {
     const double y = side * half, shade = lit({0, side, 0}, sun);
     const auto corner = [&](double x, double z) {

@@ -7,9 +7,9 @@
 
 namespace ground_scale_vo::synthetic {
 
-constexpr double kCarLength = 4.2, kCarWidth = 1.7;  // [m]
-constexpr double kVanLength = 5.6, kVanWidth = 2.1;  // [m]
-constexpr double kCarTexel = 0.01;                   // [m]
+constexpr double kCarLength = 4.2, kCarWidth = 1.7;                    // [m]
+constexpr double kVanLength = 5.6, kVanWidth = 2.1, kVanHeight = 2.5;  // [m]
+constexpr double kCarTexel = 0.01;                                     // [m]
 
 /// The skin of a car in the grey level `body`, 5.12 x 2.56 m: the side at (0, 0), the rear at
 /// (0, 1.3), paint at (2, 1.3), glass at (3.2, 1.3), a wheel at (4.35, 0).
@@ -30,7 +30,7 @@ Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double share)
 /// glass at (3, 3), a wheel at (8, 3).
 cv::Mat vanImage(double body, std::uint64_t seed);
 
-/// A van in its skin, 2.5 m high; axes as carMesh's.
+/// A van in its skin; axes as carMesh's.
 Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun);
 
 }  // namespace ground_scale_vo::synthetic

@@ -8,6 +8,7 @@
 
 #include "ground_scale_vo/error.hpp"
 #include "synthetic_car.hpp"
+#include "synthetic_paint.hpp"
 #include "synthetic_renderer.hpp"
 #include "synthetic_street.hpp"
 #include "synthetic_world.hpp"
@@ -25,10 +26,11 @@ constexpr double kBehind = 25;       // the street begins before the first frame
 constexpr double kAhead = 190;       // after the last [m]
 constexpr double kLongest = 3000;    // drive [m]
 constexpr double kOncomingU = 3.55;  // [m] left of the camera's lane
-constexpr double kOncomingSpeed = 8, kOncomingStart = 112, kOncomingSpacing = 150;  // [m/s, m, m]
+constexpr double kOncomingSpeed = 8, kOncomingStart = 112;  // [m/s, m]
 constexpr double kBesideStart = 4.5, kBesideSpacing = 6.5;  // ahead of the camera [m]
 constexpr double kFrontAxle = 1.4, kRearAxle = 1.2;         // before and behind the camera [m]
 constexpr double kLampsAhead = 1.9, kLampsHeight = 0.65;    // of the camera, over the road [m]
+constexpr double kLorryHeight = 3.6, kLorryCutsIn = 1.0;    // [m, s]
 constexpr double kOwnWidth = 1.8, kOwnFront = 2, kOwnRear = 2.4;  // the car around the camera [m]
 
 struct Motion {
@@ -181,6 +183,16 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("lead_gap", lead_gap, 3, 150);
   requireInRange("lead_time", lead_time, 0, 10);
   requireInRange("cars_beside", cars_beside, 0, 10);
+  requireInRange("oncoming_spacing", oncoming_spacing, 6, 1000);
+  requireInRange("lorry_first", lorry_first, 0, 100000);
+  requireInRange("lorry_frames", lorry_frames, 0, 100000);
+  requireInRange("lorry_gap", lorry_gap, 2, 50);
+  requireInRange("lorry_width", lorry_width, 2, 6);
+  requireInRange("wall_at_m", wall_at_m, 0, kLongest);
+  requireInRange("bridge_from_m", bridge_from_m, -kBehind, kLongest);
+  requireInRange("bridge_to_m", bridge_to_m, -kBehind, kLongest);
+  requireInRange("underpass_from_m", underpass_from_m, -kBehind, kLongest);
+  requireInRange("underpass_to_m", underpass_to_m, -kBehind, kLongest);
   requireInRange("arrow_spacing", arrow_spacing, 0, 1000);
   if (arrow_spacing > 0) requireInRange("arrow_spacing (0: none)", arrow_spacing, 6, 1000);
   requireInRange("road_texture", road_texture, 0, 3);
@@ -225,6 +237,12 @@ synthetic::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   world.puddles = o.puddles;
   world.bumps = o.bump_height > 0;
   world.parked_cars = o.parked_cars;
+  world.wall_at = o.wall_at_m;
+  world.off_road = o.off_road;
+  world.bridge_from = o.bridge_from_m;
+  world.bridge_to = o.bridge_to_m;
+  world.underpass_from = o.underpass_from_m;
+  world.underpass_to = o.underpass_to_m;
   world.largest_curvature = o.curvature;
   world.sun = o.sun.normalized();
   return world;
@@ -250,6 +268,19 @@ struct SyntheticDrive::Impl {
       hood_skin.emplace(synthetic::hoodImage(o.random_seed), synthetic::kCarTexel,
                         synthetic::Texture::Wrap::kClamp);
       hood = synthetic::hoodMesh(*hood_skin, o.camera, o.hood);
+    }
+    if (o.lorry_frames > 0) {
+      lorry_skin.emplace(synthetic::grey(synthetic::noiseTile({512, 512}, o.random_seed + 55,
+                                                              {{1.5, 1}, {5, 1}, {20, 1}}),
+                                         105, 18),
+                         synthetic::kCarTexel, synthetic::Texture::Wrap::kRepeat);
+      lorry = world.van();
+      for (synthetic::Mesh::Triangle& triangle : lorry.triangles) triangle.texture = &*lorry_skin;
+      for (synthetic::Vertex& vertex : lorry.vertices) {
+        vertex.p.y() *= o.lorry_width / synthetic::kVanWidth;
+        vertex.p.z() *= kLorryHeight / synthetic::kVanHeight;
+      }
+      lorry.bound();
     }
     for (int i = 0; i < o.frames; ++i) {
       const double t = i / o.frame_rate_hz;
@@ -289,10 +320,26 @@ struct SyntheticDrive::Impl {
       addVehicle(scene, world.car(static_cast<std::size_t>(k) + 3), car, s, kOncomingU, false);
     }
     if (options.cars_beside > 0) return;
-    for (int k = 0; k * kOncomingSpacing < 2 * kLongest; ++k) {
-      const double s = kOncomingStart + k * kOncomingSpacing - kOncomingSpeed * t;
+    for (int k = 0; k * options.oncoming_spacing < 2 * kLongest; ++k) {
+      const double s = kOncomingStart + k * options.oncoming_spacing - kOncomingSpeed * t;
       addVehicle(scene, world.car(static_cast<std::size_t>(k) + 3), car, s, kOncomingU, true);
     }
+  }
+
+  /// It keeps pace, but for what drivers do not manage: some decimetres to the side and in the gap.
+  void addLorry(Scene& scene, std::size_t i) const {
+    const double first = options.lorry_first, last = first + options.lorry_frames - 1;
+    const auto at = static_cast<double>(i);
+    if (at < first || at > last) return;
+    const double t = at / options.frame_rate_hz;
+    const double inside = std::min(at - first, last - at) / options.frame_rate_hz / kLorryCutsIn;
+    const double aside =
+        inside < 1 ? (1 + std::cos(kPi * inside)) / 2 * (kOncomingU + options.lorry_width) : 0;
+    const double moving = frames[i].speed / options.speed;
+    const double sway = 0.06 * moving * std::sin(0.9 * t), gap = 0.15 * std::sin(0.7 * t) * moving;
+    addVehicle(scene, lorry, {options.lorry_width, synthetic::kVanLength},
+               stations[i] + options.lorry_gap + gap + synthetic::kVanLength / 2,
+               options.lane_offset + sway + aside, false);
   }
 
   /// Sill, bonnet and roof of the car around the camera, thrown along the sun's rays: the hull.
@@ -335,6 +382,7 @@ struct SyntheticDrive::Impl {
   Scene sceneAt(std::size_t i) const {
     Scene scene = world.scene();
     if (options.moving_cars) addTraffic(scene, static_cast<double>(frames[i].stamp_ns) * 1e-9);
+    if (options.lorry_frames > 0) addLorry(scene, i);
     if (options.own_shadow) scene.own_shadow = ownShadow(stations[i]);
     if (options.hood > 0) scene.instances.push_back({&hood, T_w_c[i], false});
     scene.hood = hood_skin ? &*hood_skin : nullptr;
@@ -361,8 +409,8 @@ struct SyntheticDrive::Impl {
   std::vector<Eigen::Isometry3d> T_w_c, T_w_v;
   std::vector<double> stations;  // along the road
   std::vector<Frame> frames;
-  std::optional<synthetic::Texture> hood_skin;
-  synthetic::Mesh hood;
+  std::optional<synthetic::Texture> hood_skin, lorry_skin;
+  synthetic::Mesh hood, lorry;
 };
 
 SyntheticDrive::SyntheticDrive(const Options& options) {

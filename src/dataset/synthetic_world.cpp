@@ -46,8 +46,11 @@ class World::Builder {
     sky();
     cars();
     trees();
-    houses();
+    if (!options_.off_road) houses();
     if (options_.parked_cars) parkedCars();
+    if (options_.wall_at > 0) wall();
+    if (options_.bridge_from < options_.bridge_to) parapets();
+    if (options_.underpass_from < options_.underpass_to) underpass();
     road();
   }
 
@@ -206,10 +209,12 @@ class World::Builder {
         T_w_m.translation() = street_.point(s, u, kKerbHeight);
         T_w_m.rotate(Eigen::AngleAxisd(uniform(0, 2 * kPi), Eigen::Vector3d::UnitZ()));
         if (random_.chance(0.25)) {
+          if (!openBeside(s)) continue;
           place(pole, T_w_m);
           castShadow(s, u, {{0, 0.06}, {0, -0.06}}, 6.5, 0.4);
           continue;
         }
+        if (!openBeside(s)) continue;
         place(*kinds[bits() % kinds.size()], T_w_m);
         castShadow(s, u, {{0, 0.16}, {0, -0.16}}, 4, 0.5);
         for (int leaf = 0; leaf < 150; ++leaf) {
@@ -319,11 +324,13 @@ class World::Builder {
                                        kFacadeTexel, Texture::Wrap::kClamp);
         Mesh mesh =
             house(length, depth, height + 0.5, uniform(2, 3.5), T_w_m.linear(), front, plaster);
-        if (clearOfRoad(T_w_m, length, depth)) place(keep(std::move(mesh)), T_w_m);
-        if (side * options_.sun.y() > 0) {
+        const bool open = openBeside(s) && openBeside(s + length);
+        if (open && clearOfRoad(T_w_m, length, depth)) place(keep(std::move(mesh)), T_w_m);
+        if (open && side * options_.sun.y() > 0) {
           castShadow(at, u, {{length / 2, 0}, {-length / 2, 0}}, height, 1);
         }
-        hedge(at, side > 0 ? uniform(9.6, 10.4) : -uniform(8.6, 9.4), length * uniform(0.4, 1));
+        if (open)
+          hedge(at, side > 0 ? uniform(9.6, 10.4) : -uniform(8.6, 9.4), length * uniform(0.4, 1));
         s += length + gap;
       }
     }
@@ -356,6 +363,83 @@ class World::Builder {
       }
     }
     return true;
+  }
+
+  // --- What stands across or beside the road ----------------------------------------------------
+
+  static bool between(double s, double from, double to) { return s >= from && s <= to; }
+  /// Neither bridge nor underpass takes the place of houses and trees.
+  bool openBeside(double s) const {
+    constexpr double kClear = 3;
+    const auto near = [&](double from, double to) {
+      return from < to && between(s, from - kClear, to + kClear);
+    };
+    return !near(options_.bridge_from, options_.bridge_to) &&
+           !near(options_.underpass_from, options_.underpass_to);
+  }
+
+  /// The front of a house across road and pavements.
+  void wall() {
+    constexpr double kLength = 26, kHeight = 6.5;
+    const Texture& front =
+        texture(facadeImage(kLength, kHeight, 2, 150), kFacadeTexel, Texture::Wrap::kClamp);
+    Eigen::Isometry3d T_w_m = street_.frame(options_.wall_at, kLength / 2);
+    T_w_m.rotate(Eigen::AngleAxisd(-kPi / 2, Eigen::Vector3d::UnitZ()));
+    place(keep(house(kLength, 6, kHeight, 2.5, T_w_m.linear(), front, front)), T_w_m);
+  }
+
+  /// A strip between two places of the cross-section (u, z), along the road.
+  void placeStrip(double from, double to, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+                  double shade, const Texture& skin) {
+    Mesh mesh;
+    const double width = (b - a).norm();
+    const auto vertex = [&](double s, const Eigen::Vector2d& uz, double across) {
+      return Vertex{street_.point(s, uz.x(), uz.y()), {across, s - street_.from()}, shade};
+    };
+    for (double s = from; s < to; s += 2) {
+      const double next = std::min(s + 2, to);
+      mesh.addQuad(vertex(s, a, 0), vertex(s, b, width), vertex(next, b, width), vertex(next, a, 0),
+                   skin);
+    }
+    place(keep(std::move(mesh)), Eigen::Isometry3d::Identity());
+  }
+
+  void parapets() {
+    constexpr double kTop = kKerbHeight + 1.0, kThick = 0.25;
+    const double from = options_.bridge_from, to = options_.bridge_to;
+    for (const auto& [u, out] : {std::pair(kRightPavement, -kThick), {kLeftPavement, kThick}}) {
+      placeStrip(from, to, {u, kKerbHeight}, {u, kTop}, 0.7, *stone_);
+      placeStrip(from, to, {u, kTop}, {u + out, kTop}, 1, *stone_);
+      placeStrip(from, to, {u + out, kTop}, {u + out, -2}, 0.6, *stone_);
+    }
+  }
+
+  /// Walls, a ceiling and its two faces; the road below lies in the dark.
+  void underpass() {
+    constexpr double kClearance = 4.6, kThick = 1.2, kLight = 0.1;
+    const double from = options_.underpass_from, to = options_.underpass_to;
+    const double right = kRightPavement - 0.5, left = kLeftPavement + 0.5;
+    for (const double u : {right, left}) {
+      placeStrip(from, to, {u, kKerbHeight}, {u, kClearance}, kLight, *stone_);
+    }
+    placeStrip(from, to, {right, kClearance}, {left, kClearance}, kLight, *stone_);
+    for (const double s : {from, to}) {
+      Mesh face;
+      const auto corner = [&](double u, double z) {
+        return Vertex{street_.point(s, u, z), {u, z}, 0.7};
+      };
+      face.addQuad(corner(right - 8, kClearance), corner(left + 8, kClearance),
+                   corner(left + 8, kClearance + kThick), corner(right - 8, kClearance + kThick),
+                   *stone_);
+      for (const auto& [a, b] : {std::pair(right - 8, right), {left, left + 8}}) {
+        face.addQuad(corner(a, kKerbHeight), corner(b, kKerbHeight), corner(b, kClearance),
+                     corner(a, kClearance), *stone_);
+      }
+      place(keep(std::move(face)), Eigen::Isometry3d::Identity());
+    }
+    const Eigen::Vector2d at = onRoad(from, kTextureRight);
+    Brush(shadow_, kShadowTexels * kRoadTexel)
+        .box(at.x(), at.y(), kRoadColumns * kRoadTexel, to - from, 255 * kLight);
   }
 
   // --- The road ---------------------------------------------------------------------------------
@@ -601,7 +685,54 @@ class World::Builder {
     }
   }
 
+  /// Ruts, tufts and holes of some centimetres around the plane.
+  static double roughness(double s, double u) {
+    return 0.025 * std::sin(1.9 * s + 0.7 * u) + 0.02 * std::sin(3.1 * u - 1.3 * s + 1) +
+           0.02 * std::sin(4.3 * s + 2.7 * u + 2);
+  }
+
+  /// No road: uneven all over, gravel where the road would be.
+  void meshGravel() {
+    const Texture& gravel = texture(
+        grey(noiseTile({512, 512}, bits(), {{0.8, 1}, {2, 1}, {8, 0.8}, {40, 0.8}}), 118, 20),
+        0.02);
+    const double verge = std::min(kVergeEnd, 0.8 / std::max(options_.largest_curvature, 1e-9));
+    constexpr double kWidth = 0.5, kLength = 10;
+    const auto vertex = [&](double s, double u) {
+      const double z = roughness(s, u);
+      return Vertex{street_.point(s, u, z), {u, s - street_.from()}, 0.95 + 2 * z};
+    };
+    for (double first = street_.from(); first + kMeshStep < street_.to(); first += kLength) {
+      Mesh mesh;
+      for (double s = first; s < std::min(first + kLength, street_.to()); s += kMeshStep) {
+        for (double u = -verge; u < verge; u += kWidth) {
+          const bool track = u > kRightKerb && u < kLeftKerb;
+          mesh.addQuad(vertex(s, u), vertex(s, u + kWidth), vertex(s + kMeshStep, u + kWidth),
+                       vertex(s + kMeshStep, u), track ? gravel : *grass_);
+        }
+      }
+      placeGround(std::move(mesh));
+    }
+  }
+
   void meshRoad() {
+    if (options_.off_road) {
+      meshGravel();
+    } else {
+      meshStrips();
+    }
+    Mesh plain;  // what lies beyond the verges
+    const double size = 500, below = options_.bridge_from < options_.bridge_to ? kBelowBridge : 0.5;
+    const double low = std::min(0.0, street_.lowest()) - street_.point(0, 0).z() - below;
+    const auto corner = [&](double x, double y) {
+      return Vertex{street_.point(0, 0, low) + Eigen::Vector3d(x, y, 0), {x, y}, 0.9};
+    };
+    const double to = street_.to() + size;
+    plain.addQuad(corner(-size, -to), corner(to, -to), corner(to, to), corner(-size, to), *grass_);
+    placeGround(std::move(plain));
+  }
+
+  void meshStrips() {
     struct Strip {
       double u, z, u_next, z_next;
       bool verge;
@@ -635,6 +766,8 @@ class World::Builder {
           if (!strip.verge) {
             along += std::hypot(strip.u_next - strip.u, strip.z_next - strip.z);
           }
+          const bool falls_away = between(s0, options_.bridge_from, options_.bridge_to - kMeshStep);
+          if (falls_away && strip.verge) continue;
           mesh.addQuad(vertex(strip, s0, strip.u, strip.z, a),
                        vertex(strip, s0, strip.u_next, strip.z_next, along),
                        vertex(strip, s1, strip.u_next, strip.z_next, along),
@@ -644,17 +777,10 @@ class World::Builder {
       }
       placeGround(std::move(mesh));
     }
-    Mesh plain;  // what lies beyond the verges
-    const double size = 500, low = std::min(0.0, street_.lowest()) - street_.point(0, 0).z() - 0.5;
-    const auto corner = [&](double x, double y) {
-      return Vertex{street_.point(0, 0, low) + Eigen::Vector3d(x, y, 0), {x, y}, 0.9};
-    };
-    const double to = street_.to() + size;
-    plain.addQuad(corner(-size, -to), corner(to, -to), corner(to, to), corner(-size, to), *grass_);
-    placeGround(std::move(plain));
   }
 
   static constexpr double kFacadeTexel = 0.025;  // [m]
+  static constexpr double kBelowBridge = 9;      // [m]
   World& world_;
   const Street& street_;
   const WorldOptions options_;

@@ -25,6 +25,10 @@ struct WorldOptions {
   double puddles = 0;
   bool bumps = false;
   bool parked_cars = true;
+  double wall_at = 0;
+  bool off_road = false;
+  double bridge_from = 0, bridge_to = 0;
+  double underpass_from = 0, underpass_to = 0;
   double largest_curvature = 0;
   Eigen::Vector3d sun = Eigen::Vector3d::UnitZ();  ///< unit vector towards it
 };

@@ -41,9 +41,10 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
   last_.twist_covariance.setZero();
   if (new_map) {
     // The pose stays; what the vehicle did meanwhile is not known.
+    const double unseen_s = seconds(frame.stamp_ns - moving_stamp_ns_);
     Eigen::Matrix<double, 6, 1> unseen;
-    unseen << Eigen::Vector3d::Constant(dt * options_.new_map_position_sigma_per_s),
-        Eigen::Vector3d::Constant(dt * options_.new_map_rotation_sigma_per_s);
+    unseen << Eigen::Vector3d::Constant(unseen_s * options_.new_map_position_sigma_per_s),
+        Eigen::Vector3d::Constant(unseen_s * options_.new_map_rotation_sigma_per_s);
     covariance_.topLeftCorner<6, 6>().diagonal() += unseen.cwiseAbs2();
     // The new map's scale has nothing to do with the old one's.
     covariance_.row(6).setZero();
@@ -53,6 +54,7 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
     if (!has_pose_) covariance_(6, 6) = relative_sigma * relative_sigma;
     move(last_T_w_c_.inverse() * frame.T_w_c, scale.scale, relative_sigma, has_pose_ ? dt : 0);
   }
+  if (!has_pose_ || scale.reason != ScaleReason::kStandstill) moving_stamp_ns_ = frame.stamp_ns;
   has_pose_ = true;
   last_map_id_ = frame.map_id;
   last_stamp_ns_ = frame.stamp_ns;

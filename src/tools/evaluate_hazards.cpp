@@ -1,17 +1,16 @@
 // Renders the drives of the hazard catalogue, runs the pipeline over each and tables the figures.
 
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <future>
 #include <mutex>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
+#include "for_all.hpp"
 #include "ground_scale_vo/dataset/hazard_drives.hpp"
 #include "ground_scale_vo/dataset/set_option.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
@@ -167,25 +166,12 @@ void print(const Row& row, double seconds) {
   std::fflush(stdout);
 }
 
-/// Calls work(i) for i = 0 ... count - 1 on so many threads.
-template <typename Work>
-void forAll(std::size_t count, int threads, const Work& work) {
-  std::atomic<std::size_t> next{0};
-  std::vector<std::future<void>> workers;
-  for (int k = 0; k < threads; ++k) {
-    workers.push_back(std::async(std::launch::async, [&] {
-      for (std::size_t i = next++; i < count; i = next++) work(i);
-    }));
-  }
-  for (std::future<void>& worker : workers) worker.get();
-}
-
 void tabulate(const Arguments& arguments) {
   printHeading();
   using Clock = std::chrono::steady_clock;
   std::vector<Row> rows(arguments.hazards.size());
   std::mutex printing;
-  forAll(rows.size(), arguments.threads, [&](std::size_t i) {
+  gsv::forAll(rows.size(), arguments.threads, [&](std::size_t i) {
     const gsv::HazardDrive& hazard = arguments.hazards[i];
     const auto start = Clock::now();
     const gsv::SyntheticDrive drive(hazard.options);
@@ -247,7 +233,7 @@ void tabulateRemedies(const Arguments& arguments) {
   std::fputs(text.c_str(), stdout);
   std::vector<std::string> lines(arguments.hazards.size());
   std::mutex printing;
-  forAll(lines.size(), arguments.threads, [&](std::size_t i) {
+  gsv::forAll(lines.size(), arguments.threads, [&](std::size_t i) {
     const gsv::HazardDrive& hazard = arguments.hazards[i];
     const gsv::HazardRemedy& remedy = hazard.remedy;
     const gsv::SyntheticDrive drive(hazard.options);

@@ -10,6 +10,7 @@
 
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/median.hpp"
+#include "ground_scale_vo/vo/exposure.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -138,6 +139,11 @@ struct VisualOdometry::Impl {
 
   Eigen::Vector2d normalised(const Eigen::Vector2d& u) const { return camera.ray(u).head<2>(); }
 
+  /// The smallest image of a pyramid; every other one is a gradient.
+  static const cv::Mat& top(const ImagePyramid& pyramid) {
+    return pyramid.levels[(pyramid.levels.size() - 1) / 2 * 2];
+  }
+
   // --- tracking -------------------------------------------------------------------------------
 
   Eigen::Isometry3d predictPose(std::int64_t stamp_ns) const {
@@ -194,7 +200,11 @@ struct VisualOdometry::Impl {
                                      std::vector<RejectedFeature>* rejected) const {
     std::vector<cv::Point2f> points;
     for (const Feature& feature : features) points.push_back(toCv(feature.u));
-    const FeatureTracker::Tracks tracks = tracker.track(from, to, points, predicted);
+    const double step = to.exposure / from.exposure;
+    const FeatureTracker::Tracks tracks =
+        step == 1
+            ? tracker.track(from, to, points, predicted)
+            : tracker.track(tracker.pyramid(exposed(from.image, step)), to, points, predicted);
     std::vector<Feature> found;
     for (std::size_t i = 0; i < features.size(); ++i) {
       if (!tracks.ok[i]) {
@@ -234,9 +244,13 @@ struct VisualOdometry::Impl {
 
   /// Moves features with a point from where tracking has drifted to, to where their first patch
   /// is. The others stay, with their larger sigma.
-  void align(const cv::Mat& image, const Eigen::Isometry3d& predicted_T_w_c,
+  void align(const ImagePyramid& to, const Eigen::Isometry3d& predicted_T_w_c,
              std::vector<Feature>* found) const {
     const Eigen::Isometry3d T_c_w = predicted_T_w_c.inverse();
+    std::vector<cv::Mat> references;  // of the keyframes, as bright as this image
+    for (const Keyframe& keyframe : map.keyframes()) {
+      references.push_back(exposed(keyframe.image, to.exposure / keyframe.exposure));
+    }
     for (Feature& feature : *found) {
       const auto it = map.landmarks().find(feature.id);
       if (it == map.landmarks().end()) continue;
@@ -247,12 +261,13 @@ struct VisualOdometry::Impl {
       if (!ref) continue;
 
       const Eigen::Isometry3d T_c_r = T_c_w * ref->keyframe->T_w_c;
+      const cv::Mat& reference = references[ref->keyframe->id - map.keyframes().front().id];
       std::optional<PatchAlignment::Match> best;
       PatchSurface best_surface = feature.surface;
       const auto attempt = [&](PatchSurface surface) {
         const auto warp = patchWarp(camera, ref->p_r, T_c_r, surface);
         if (!warp) return;
-        const auto match = alignment.align(ref->keyframe->image, ref->u, *warp, image, feature.u);
+        const auto match = alignment.align(reference, ref->u, *warp, to.image, feature.u);
         if (!match || (best && best->correlation >= match->correlation)) return;
         best = match;
         best_surface = surface;
@@ -322,6 +337,7 @@ struct VisualOdometry::Impl {
     start_frames.clear();
     features.clear();
     from = std::move(image);
+    from.exposure = 1;
     from_stamp_ns = stamp_ns;
     detect();
     start_frames.push_back({sequence, stamp_ns, corners(features), from.image});
@@ -356,7 +372,7 @@ struct VisualOdometry::Impl {
       u2.push_back(feature.u);
     }
     const TwoView::Result motion = two_view.estimate(camera, u1, u2);
-    if (motion.status == TwoViewStatus::kOk && startMap(found, motion, image.image, out)) {
+    if (motion.status == TwoViewStatus::kOk && startMap(found, motion, image, out)) {
       status = VoStatus::kTracking;
       pose_stamp_ns = stamp_ns;
       lost_frames = 0;
@@ -372,7 +388,7 @@ struct VisualOdometry::Impl {
 
   /// False, with an empty map, when the points do not hold after all.
   bool startMap(const std::vector<Feature>& found, const TwoView::Result& motion,
-                const cv::Mat& image, Output* out) {
+                const ImagePyramid& image, Output* out) {
     std::vector<double> depths;
     for (std::size_t i = 0; i < found.size(); ++i) {
       if (motion.inlier[i]) depths.push_back(1 / motion.inverse_depth_1[i]);
@@ -392,7 +408,8 @@ struct VisualOdometry::Impl {
       first_corners.push_back(*reference);
     }
     map.addKeyframe(Eigen::Isometry3d::Identity(), first_corners, start_frames.front().image);
-    map.addKeyframe(T_1_2, corners(found), image);
+    map.addKeyframe(T_1_2, corners(found), image.image);
+    map.keyframes().back().exposure = image.exposure;
     for (std::size_t i = 0; i < found.size(); ++i) {
       if (!motion.inlier[i]) continue;
       const double inverse_depth = motion.inverse_depth_1[i] * unit;
@@ -455,7 +472,7 @@ struct VisualOdometry::Impl {
     takeAdjustedMap(&out->times);
     {
       Timer timer(&out->times.align);
-      align(image.image, predictPose(stamp_ns), &found);
+      align(image, predictPose(stamp_ns), &found);
     }
     PoseEstimation::Result pose;
     {
@@ -573,6 +590,7 @@ struct VisualOdometry::Impl {
     }
     keyframe_features = features.size();
     map.addKeyframe(T_w_c, corners(features), from.image);
+    map.keyframes().back().exposure = from.exposure;
     {
       Timer timer(&out->times.triangulate);
       map.triangulateNew();
@@ -632,6 +650,8 @@ struct VisualOdometry::Impl {
       {
         Timer timer(&out.times.pyramid);
         pyramid = tracker.pyramid(image);
+        if (!from.levels.empty())
+          pyramid.exposure = from.exposure * exposureStep(top(from), top(pyramid));
       }
       const std::vector<Feature> visible = status == VoStatus::kInitialising
                                                ? initialise(std::move(pyramid), stamp_ns, &out)

@@ -55,7 +55,19 @@ class SyntheticDrive {
     double lead_gap = 6.9;    ///< from the camera to the rear of the one ahead, when both stand [m]
     double lead_time = 1.2;   ///< it drives as the camera does so much later [s]
     int cars_beside = 0;      ///< that keep pace in the left lane, instead of oncoming ones
+    double oncoming_spacing = 150;  ///< between oncoming cars, which drive at 8 m/s [m]
     bool parked_cars = true;
+    int lorry_first = 0;     ///< first frame in which a lorry is close ahead: it cuts in from the
+    int lorry_frames = 0;    ///< left, leads for so many frames and leaves to the left again
+    double lorry_gap = 2.3;  ///< from the camera to its rear [m]
+    double lorry_width = 2.55;  ///< of the lorry with its load [m]
+
+    double wall_at_m = 0;         ///< of a house across the road, along the road [m]; 0: none
+    bool off_road = false;        ///< rough gravel and grass instead of road, kerbs and houses
+    double bridge_from_m = 0;     ///< between these the ground beside the road lies 9 m below:
+    double bridge_to_m = 0;       ///< along the road [m]
+    double underpass_from_m = 0;  ///< between these walls and a ceiling leave hardly any light:
+    double underpass_to_m = 0;    ///< along the road [m]
 
     bool lane_markings = true;
     bool solid_lines = false;  ///< the markings are lines along the road only

@@ -30,7 +30,8 @@ struct MetricPose {
 ///
 /// First metric frame of the first map: the way from the map's first frame is scaled by this
 /// frame's scale. A later map goes on from the last metric pose without a step, and adds the
-/// uncertainty of what was missed. While the odometry has no pose, nothing is appended.
+/// uncertainty of what was missed; a standstill that ends in a new map counts as missed, for the
+/// camera may as well have repeated one image. While the odometry has no pose, nothing is appended.
 class MetricTrajectory {
  public:
   struct Options {
@@ -74,6 +75,7 @@ class MetricTrajectory {
   Matrix7d covariance_ = Matrix7d::Zero();  ///< of T_o_c and of the relative error of the scale
   std::uint32_t last_map_id_ = 0;
   std::int64_t last_stamp_ns_ = 0;
+  std::int64_t moving_stamp_ns_ = 0;  ///< of the last frame that was no standstill
   Eigen::Isometry3d last_T_w_c_ = Eigen::Isometry3d::Identity();
 };
 

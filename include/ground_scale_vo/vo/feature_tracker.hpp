@@ -12,6 +12,7 @@ namespace ground_scale_vo {
 struct ImagePyramid {
   cv::Mat image;                ///< 8-bit grey, level 0, own memory
   std::vector<cv::Mat> levels;  ///< as cv::buildOpticalFlowPyramid makes it
+  double exposure = 1;          ///< over that of another image: whose, is up to its user
 };
 
 /// Corners spread over the image, and pyramidal Lucas-Kanade with a forward-backward check.

@@ -17,7 +17,8 @@ namespace ground_scale_vo {
 struct Keyframe {
   std::uint32_t id = 0;                                     ///< consecutive within a map, from 0
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
-  cv::Mat image;  ///< 8-bit grey, the reference of the corners first seen in it; may be empty
+  cv::Mat image;        ///< 8-bit grey, the reference of the corners first seen in it; may be empty
+  double exposure = 1;  ///< of the image, over that of the map's first
 };
 
 struct Observation {

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <future>
+#include <vector>
+
+namespace ground_scale_vo {
+
+/// Calls work(i) for i = 0 ... count - 1 on so many threads.
+template <typename Work>
+void forAll(std::size_t count, int threads, const Work& work) {
+  std::atomic<std::size_t> next{0};
+  std::vector<std::future<void>> workers;
+  for (int k = 0; k < threads; ++k) {
+    workers.push_back(std::async(std::launch::async, [&] {
+      for (std::size_t i = next++; i < count; i = next++) work(i);
+    }));
+  }
+  for (std::future<void>& worker : workers) worker.get();
+}
+
+}  // namespace ground_scale_vo

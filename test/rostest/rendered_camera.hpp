@@ -18,7 +18,9 @@ namespace ground_scale_vo {
 /// A rendered drive as the messages of a camera, each image rendered once.
 class RenderedDrive {
  public:
-  explicit RenderedDrive(const SyntheticDrive::Options& options) : drive_(options) {
+  explicit RenderedDrive(const SyntheticDrive::Options& options,
+                         const std::string& frame_id = "camera")
+      : drive_(options), frame_id_(frame_id) {
     for (std::size_t i = 0; i < drive_.size(); ++i) images_.push_back(drive_.image(i));
   }
 
@@ -28,7 +30,7 @@ class RenderedDrive {
   std_msgs::Header header(std::size_t i, double start_s) const {
     std_msgs::Header header;
     header.stamp = ros::Time(start_s) + ros::Duration().fromNSec(drive_.frame(i).stamp_ns);
-    header.frame_id = "camera";
+    header.frame_id = frame_id_;
     return header;
   }
   sensor_msgs::Image::Ptr image(std::size_t i, double start_s) const {
@@ -40,18 +42,10 @@ class RenderedDrive {
     info->header = header(i, start_s);
     return info;
   }
-  /// Way between two frames, as the sum of its steps [m].
-  double length(std::size_t from, std::size_t to) const {
-    double metres = 0;
-    for (std::size_t i = from + 1; i <= to; ++i) {
-      metres += (drive_.frame(i).T_c0_c.translation() - drive_.frame(i - 1).T_c0_c.translation())
-                    .norm();
-    }
-    return metres;
-  }
 
  private:
   SyntheticDrive drive_;
+  const std::string frame_id_;
   std::vector<cv::Mat> images_;
 };
 

@@ -85,6 +85,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
 
   std::optional<OdometryFrames> frames_;
   std::string frames_camera_;
+  std::string no_frames_;  ///< why there were none when they were last asked for in vain
 
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
@@ -102,6 +103,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
   std::uint64_t processed_ = 0, diagnosed_ = 0;
+  std::optional<std::uint32_t> last_received_;  ///< its sequence number
+  std::uint64_t overtaken_ = 0;
   std::uint64_t with_image_ = 0, refined_ = 0;
   bool last_had_image_ = false;
   std::chrono::steady_clock::time_point diagnosed_at_;

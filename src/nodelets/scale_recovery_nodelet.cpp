@@ -10,6 +10,7 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
@@ -23,19 +24,11 @@ constexpr double kWaitingPeriod = 0.1;      // [s] wall time, between looks at f
 
 }  // namespace
 
-ScaleRecoveryNodelet::~ScaleRecoveryNodelet() {
-  // After these no callback runs any more.
-  frame_subscriber_.shutdown();
-  image_subscriber_.shutdown();
-  camera_info_subscriber_.shutdown();
-  waiting_timer_.stop();
-  reset_server_.shutdown();
-  diagnostics_timer_.stop();
-}
+ScaleRecoveryNodelet::~ScaleRecoveryNodelet() { callbacks_.stop(); }
 
 void ScaleRecoveryNodelet::onInit() {
-  ros::NodeHandle& handle = getNodeHandle();
-  ros::NodeHandle& private_handle = getPrivateNodeHandle();
+  ros::NodeHandle handle = callbacks_.handle(getNodeHandle());
+  ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
   params_ = loadParams<ScaleRecoveryParams>(getName(), private_handle);
 
   recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
@@ -67,22 +60,22 @@ void ScaleRecoveryNodelet::onInit() {
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
 
   reset_server_ = handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
-  if (params_.scale.refine && !params_.scale.paper_literal) subscribeToImages();
+  if (params_.scale.refine && !params_.scale.paper_literal) {
+    useImages(handle, private_handle);
+  }
   // Last: who sees this subscription knows that no image is missed.
   frame_subscriber_ = handle.subscribe("vo/frame", static_cast<std::uint32_t>(params_.queue_size),
                                        &ScaleRecoveryNodelet::onFrame, this);
+  callbacks_.start();
 }
 
-void ScaleRecoveryNodelet::subscribeToImages() {
-  ros::NodeHandle& handle = getNodeHandle();
+void ScaleRecoveryNodelet::useImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   transport_ = std::make_unique<image_transport::ImageTransport>(handle);
   camera_info_subscriber_ =
       handle.subscribe("camera_info", kInfoQueue, &ScaleRecoveryNodelet::onCameraInfo, this);
-  image_subscriber_ =
-      transport_->subscribe("image", static_cast<std::uint32_t>(params_.image_buffer),
-                            &ScaleRecoveryNodelet::onImage, this,
-                            image_transport::TransportHints(
-                                "raw", ros::TransportHints().tcpNoDelay(), getPrivateNodeHandle()));
+  image_subscriber_ = subscribeToImages(*transport_, private_handle,
+                                        static_cast<std::uint32_t>(params_.image_buffer),
+                                        &ScaleRecoveryNodelet::onImage, this, getName());
   waiting_timer_ = handle.createWallTimer(ros::WallDuration(kWaitingPeriod),
                                           [this](const ros::WallTimerEvent&) { processReady(); });
 }

@@ -77,6 +77,18 @@ TEST_F(Graph, OneCameraInfoIsEnough) {
   EXPECT_TRUE(pair.unload());
 }
 
+// What arrives while the nodelets are still being loaded.
+TEST_F(Graph, ALatchedCameraInfoIsEnough) {
+  for (int round = 0; round < 5; ++round) {
+    NodeletPair pair(manager_, *drive_, "/latched_" + std::to_string(round));
+    pair.publishInfo(0);
+    ASSERT_TRUE(pair.load());
+    pair.publishImage(0);
+    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(0).stamp)) << round;
+    EXPECT_TRUE(pair.unload());
+  }
+}
+
 TEST_F(Graph, CameraInfoForMonoVoAloneLeavesThePoints) {
   NodeletPair pair(manager_, *drive_, "/points");
   ASSERT_TRUE(pair.loadMonoVo());
@@ -99,6 +111,7 @@ TEST_F(Graph, ATransportThatIsNotInstalledIsRefused) {
   }
   EXPECT_FALSE(pair.loadMonoVo());
   EXPECT_FALSE(pair.loadScaleRecovery());
+  ASSERT_EQ(manager_.loaded(), 0u) << "or it is gone";
   EXPECT_TRUE(log.wait([](const auto& lines) {
     return std::any_of(lines.begin(), lines.end(), [](const auto& line) {
       return line->level >= rosgraph_msgs::Log::ERROR &&

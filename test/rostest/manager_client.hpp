@@ -5,6 +5,7 @@
 #include <nodelet/NodeletUnload.h>
 
 #include <map>
+#include <optional>
 #include <string>
 
 #include "inbox.hpp"
@@ -38,10 +39,11 @@ class ManagerClient {
     service.request.name = nodelet;
     return ros::service::call(name_ + "/unload_nodelet", service) && service.response.success;
   }
-  /// How many nodelets it holds.
-  std::size_t loaded() const {
+  /// How many nodelets it holds; empty when it does not answer.
+  std::optional<std::size_t> loaded() const {
     nodelet::NodeletList service;
-    return ros::service::call(name_ + "/list", service) ? service.response.nodelets.size() : 0;
+    if (!ros::service::call(name_ + "/list", service)) return std::nullopt;
+    return service.response.nodelets.size();
   }
 
  private:

@@ -21,7 +21,7 @@ class NodeletPair {
         ns_(ns),
         start_s_(start_s),
         images_(handle_.advertise<sensor_msgs::Image>(ns + "/image", 1000)),
-        infos_(handle_.advertise<sensor_msgs::CameraInfo>(ns + "/camera_info", 1000)),
+        infos_(handle_.advertise<sensor_msgs::CameraInfo>(ns + "/camera_info", 1000, true)),
         frames(handle_, ns + "/vo/frame"),
         scales(handle_, ns + "/scale"),
         odometry(handle_, ns + "/odometry") {
@@ -75,7 +75,7 @@ class NodeletPair {
   double lengthRatio() {
     const auto messages = odometry.messages();
     if (messages.size() < 2) return 0;
-    const auto place = [](const nav_msgs::Odometry& message) {
+    const auto place = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
       return fromMsg(message.pose.pose).translation();
     };
     const auto& from = drive_.drive().frame(frameAt(messages.front()->header.stamp));

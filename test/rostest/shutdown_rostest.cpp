@@ -72,8 +72,8 @@ class Shutdown : public testing::Test {
     const std::string output = tail(process.output());
     EXPECT_TRUE(status.has_value()) << what << ": did not end\n" << output;
     EXPECT_EQ(status.value_or(-1), 0) << what << "\n" << output;
-    for (const char* bad : {"terminate called", "lock_error", "egmentation", "Assertion", "has died",
-                            "escalating"}) {
+    for (const char* bad :
+         {"terminate called", "lock_error", "egmentation", "Assertion", "has died", "escalating"}) {
       EXPECT_EQ(output.find(bad), std::string::npos) << what << "\n" << output;
     }
   }

@@ -19,7 +19,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kTolerance = 0.05;  // of the metric way
-constexpr std::size_t kFrames = 90;
+constexpr std::size_t kFrames = 60;
 /// With this argument and a namespace the program is the listener: it says so once it hears, and
 /// waits for its end.
 const char* const kDeaf = "--deaf";
@@ -83,6 +83,7 @@ TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
   NodeletPair recorder(manager_, *drive_, "/recorded");
   ASSERT_TRUE(recorder.load());
   ASSERT_TRUE(recorder.playAll());
+  ASSERT_TRUE(recorder.frames.waitForCount(kFrames));
   const auto frames = recorder.frames.messages();
   EXPECT_TRUE(recorder.unload());
 

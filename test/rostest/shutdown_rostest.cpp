@@ -16,8 +16,17 @@
 namespace ground_scale_vo {
 namespace {
 
+/// Where `rosrun nodelet nodelet` finds it; without the shell in between.
+std::string nodeletProgram() {
+  for (const std::string path : {"/usr/lib", "/opt/ros/noetic/lib"}) {
+    if (std::filesystem::exists(path + "/nodelet/nodelet")) return path + "/nodelet/nodelet";
+  }
+  throw std::runtime_error("there is no program nodelet");
+}
+
 enum class Moment { kBeforeLoad, kWhileLoading, kInitialising, kTracking, kIdle };
 constexpr int kMoments = 5;
+const std::string kNodelet = nodeletProgram();
 const char* const kNames[] = {"before load", "while loading", "initialising", "tracking", "idle"};
 
 /// Publishes the drive over and over, at some 100 images a second.
@@ -53,10 +62,7 @@ class Shutdown : public testing::Test {
   static void SetUpTestSuite() { drive_ = std::make_unique<RenderedDrive>(smallDrive(20)); }
 
   /// How often each test stops something.
-  static int rounds() {
-    const char* const text = std::getenv("GSV_ROUNDS");
-    return text != nullptr ? std::atoi(text) : 15;
-  }
+  static int rounds() { return std::getenv("GROUND_SCALE_VO_LONG") != nullptr ? 100 : 15; }
 
   /// Without the echo of the parameters.
   static std::string tail(const std::string& output) {
@@ -95,7 +101,7 @@ TEST_F(Shutdown, OfTheManagerAtAnyMoment) {
     Inbox<VoFrameMsg> frames(handle_, "vo/frame");
     std::unique_ptr<Camera> camera;
     if (moment != Moment::kIdle) camera = std::make_unique<Camera>(*drive_);
-    ChildProcess manager({"/usr/lib/nodelet/nodelet", "manager", "__name:=" + name.substr(1)});
+    ChildProcess manager({kNodelet, "manager", "__name:=" + name.substr(1)});
     const ManagerClient client(name);
     ASSERT_TRUE(client.waitForIt());
     if (moment == Moment::kBeforeLoad) {
@@ -124,6 +130,31 @@ TEST_F(Shutdown, OfTheManagerAtAnyMoment) {
     manager.send(SIGINT);
     expectClean(manager, what);
     if (loader.joinable()) loader.join();
+  }
+}
+
+TEST_F(Shutdown, OfStandaloneNodes) {
+  std::mt19937 random(3);
+  ros::param::set("/scale_recovery/camera_height", 1.65);
+  Camera camera(*drive_);
+  for (int round = 0; round < rounds() / 4; ++round) {
+    const double delay = 1e-3 * static_cast<double>(random() % 300);
+    const std::string what = "round " + std::to_string(round) + " + " + std::to_string(delay);
+    Inbox<VoFrameMsg> frames(handle_, "vo/frame");
+    Inbox<ScaleEstimateMsg> scales(handle_, "scale");
+    ChildProcess mono_vo({kNodelet, "standalone", "ground_scale_vo/MonoVo", "__name:=mono_vo"});
+    ChildProcess scale_recovery(
+        {kNodelet, "standalone", "ground_scale_vo/ScaleRecovery", "__name:=scale_recovery"});
+    if (round > 0) {
+      ASSERT_TRUE(scales.waitForCount(1)) << mono_vo.output() << scale_recovery.output();
+    } else {
+      ASSERT_TRUE(waitUntil([&] { return frames.connected() && scales.connected(); }));
+    }
+    ros::WallDuration(delay).sleep();
+    mono_vo.send(SIGINT);
+    scale_recovery.send(SIGINT);
+    expectClean(mono_vo, what + " MonoVo");
+    expectClean(scale_recovery, what + " ScaleRecovery");
   }
 }
 

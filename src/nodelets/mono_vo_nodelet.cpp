@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 
 namespace ground_scale_vo {
@@ -22,17 +23,14 @@ constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 }  // namespace
 
 MonoVoNodelet::~MonoVoNodelet() {
-  // After these no callback runs any more.
-  image_subscriber_.shutdown();
-  camera_info_subscriber_.shutdown();
-  diagnostics_timer_.stop();
+  callbacks_.stop();
   if (images_) images_->close();
   if (thread_.joinable()) thread_.join();
 }
 
 void MonoVoNodelet::onInit() {
-  ros::NodeHandle& handle = getNodeHandle();
-  ros::NodeHandle& private_handle = getPrivateNodeHandle();
+  ros::NodeHandle handle = callbacks_.handle(getNodeHandle());
+  ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
   params_ = loadParams<MonoVoParams>(getName(), private_handle);
 
   guard_ = std::make_unique<StampGuard>(params_.clock_jump_s);
@@ -54,12 +52,12 @@ void MonoVoNodelet::onInit() {
   thread_ = std::thread(&MonoVoNodelet::work, this);
   camera_info_subscriber_ =
       handle.subscribe("camera_info", kTransportQueue, &MonoVoNodelet::onCameraInfo, this);
-  image_subscriber_ = transport_->subscribe(
-      "image", kTransportQueue, &MonoVoNodelet::onImage, this,
-      image_transport::TransportHints("raw", ros::TransportHints().tcpNoDelay(), private_handle));
+  image_subscriber_ = subscribeToImages(*transport_, private_handle, kTransportQueue,
+                                        &MonoVoNodelet::onImage, this, getName());
   diagnostics_timer_ =
       handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
+  callbacks_.start();
 }
 
 void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {

@@ -10,35 +10,25 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-/// Frames are small and none may be lost: room for more than a minute.
-constexpr std::uint32_t kFrameQueue = 1000;
 constexpr std::uint32_t kPublishQueue = 100;
-/// Images come with their frames; more than these wait only when the machine is far behind.
-constexpr std::uint32_t kImageQueue = 100;
+constexpr std::uint32_t kInfoQueue = 10;
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 constexpr double kWaitingPeriod = 0.1;      // [s] wall time, between looks at frames that wait
 
 }  // namespace
 
-ScaleRecoveryNodelet::~ScaleRecoveryNodelet() {
-  // After these no callback runs any more.
-  frame_subscriber_.shutdown();
-  image_subscriber_.shutdown();
-  camera_info_subscriber_.shutdown();
-  waiting_timer_.stop();
-  reset_server_.shutdown();
-  diagnostics_timer_.stop();
-}
+ScaleRecoveryNodelet::~ScaleRecoveryNodelet() { callbacks_.stop(); }
 
 void ScaleRecoveryNodelet::onInit() {
-  ros::NodeHandle& handle = getNodeHandle();
-  ros::NodeHandle& private_handle = getPrivateNodeHandle();
+  ros::NodeHandle handle = callbacks_.handle(getNodeHandle());
+  ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
   params_ = loadParams<ScaleRecoveryParams>(getName(), private_handle);
 
   recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
@@ -71,22 +61,23 @@ void ScaleRecoveryNodelet::onInit() {
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
 
   reset_server_ = handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
-  if (params_.scale.refine && !params_.scale.paper_literal) subscribeToImages();
+  if (params_.scale.refine && !params_.scale.paper_literal) {
+    useImages(handle, private_handle);
+  }
   // Last: who sees this subscription knows that no image is missed.
-  frame_subscriber_ =
-      handle.subscribe("vo/frame", kFrameQueue, &ScaleRecoveryNodelet::onFrame, this);
+  frame_subscriber_ = handle.subscribe("vo/frame", static_cast<std::uint32_t>(params_.queue_size),
+                                       &ScaleRecoveryNodelet::onFrame, this);
+  callbacks_.start();
 }
 
-void ScaleRecoveryNodelet::subscribeToImages() {
-  ros::NodeHandle& handle = getNodeHandle();
+void ScaleRecoveryNodelet::useImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   transport_ = std::make_unique<image_transport::ImageTransport>(handle);
   road_publisher_ = transport_->advertise("image_road", 1);
   camera_info_subscriber_ =
-      handle.subscribe("camera_info", kImageQueue, &ScaleRecoveryNodelet::onCameraInfo, this);
-  image_subscriber_ =
-      transport_->subscribe("image", kImageQueue, &ScaleRecoveryNodelet::onImage, this,
-                            image_transport::TransportHints(
-                                "raw", ros::TransportHints().tcpNoDelay(), getPrivateNodeHandle()));
+      handle.subscribe("camera_info", kInfoQueue, &ScaleRecoveryNodelet::onCameraInfo, this);
+  image_subscriber_ = subscribeToImages(*transport_, private_handle,
+                                        static_cast<std::uint32_t>(params_.image_buffer),
+                                        &ScaleRecoveryNodelet::onImage, this, getName());
   waiting_timer_ = handle.createWallTimer(ros::WallDuration(kWaitingPeriod),
                                           [this](const ros::WallTimerEvent&) { processReady(); });
 }
@@ -122,6 +113,10 @@ void ScaleRecoveryNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
+  if (last_received_ && msg->sequence > *last_received_ + 1) {
+    overtaken_ += msg->sequence - *last_received_ - 1;
+  }
+  last_received_ = msg->sequence;
   VoFrame frame;
   try {
     frame = fromMsg(*msg);
@@ -212,8 +207,10 @@ void ScaleRecoveryNodelet::renumberMap(VoFrame& frame) {
 
 const OdometryFrames* ScaleRecoveryNodelet::framesFor(const std::string& camera_frame) {
   if (frames_ && frames_camera_ == camera_frame) return &*frames_;
+  frames_.reset();
   if (camera_frame.empty()) {
-    report("no frame_id", "the images have an empty frame_id, so there is no frame to publish");
+    no_frames_ = "the images have an empty frame_id, so there is no frame to publish";
+    report("no frame_id", no_frames_);
     return nullptr;
   }
   if (params_.base_frame.empty() || params_.base_frame == camera_frame) {
@@ -225,10 +222,9 @@ const OdometryFrames* ScaleRecoveryNodelet::framesFor(const std::string& camera_
       frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame,
                                        fromMsg(mounting.transform));
     } catch (const std::exception& error) {
-      const std::string sentence =
-          faults_.report("no tf", "tf knows no way from base_frame \"" + params_.base_frame +
-                                      "\" to the camera \"" + camera_frame +
-                                      "\", so nothing metric is published: " + error.what());
+      no_frames_ = "tf knows no way from base_frame \"" + params_.base_frame +
+                   "\" to the camera \"" + camera_frame + "\", so nothing metric is published";
+      const std::string sentence = faults_.report("no tf", no_frames_ + ": " + error.what());
       if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
       return nullptr;
     }
@@ -299,8 +295,8 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
     status.summary(DiagnosticStatus::WARN, "no frame yet on " + frame_subscriber_.getTopic());
   } else if (last_scale_.status == ScaleStatus::kUnknown) {
     status.summary(DiagnosticStatus::WARN, "the scale is not known yet");
-  } else if (!frames_) {
-    status.summary(DiagnosticStatus::ERROR, "tf does not know where the camera is mounted");
+  } else if (!frames_ && !no_frames_.empty()) {
+    status.summary(DiagnosticStatus::ERROR, no_frames_);
   } else if (last_scale_.status == ScaleStatus::kHeld) {
     status.summary(DiagnosticStatus::WARN, "the scale is held");
   } else {
@@ -309,6 +305,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   status.add("rate [Hz]", rate);
   status.add("time of the last frame [ms]", frame_ms_);
   status.add("frames processed", processed_);
+  status.add("frames overtaken by newer ones", overtaken_);
   status.add("images", imagesState());
   status.add("frames without an image", processed_ - with_image_);
   status.add("frames refined", refined_);

@@ -50,6 +50,8 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
                  "[poses] in path; when it is full every second one goes");
   reader.declare("path_spacing_m", params.path_spacing_m, 0.0, 1000.0,
                  "[m] least distance between two poses of path");
+  reader.declare("queue_size", params.queue_size, 1, 1000,
+                 "[frames] of vo/frame that may wait; when it is full the oldest is dropped");
   reader.declare("image_buffer", params.image_buffer, 1, 10000,
                  "[images] kept until their vo/frame comes; when it is full the oldest goes");
   declareCommon(reader, params.image_is_rectified, params.clock_jump_s);

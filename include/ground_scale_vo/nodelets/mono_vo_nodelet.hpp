@@ -15,6 +15,7 @@
 #include <string>
 #include <thread>
 
+#include "ground_scale_vo/nodelets/own_queue.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -59,6 +60,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void drop(const std::string& kind, const std::string& why);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
+  OwnQueue callbacks_;
   MonoVoParams params_;
   FaultLog faults_;
 

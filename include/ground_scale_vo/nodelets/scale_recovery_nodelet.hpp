@@ -17,6 +17,7 @@
 #include <optional>
 #include <string>
 
+#include "ground_scale_vo/nodelets/own_queue.hpp"
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -31,7 +32,7 @@ namespace ground_scale_vo {
 /// vo/frame, and image + camera_info where there are any -> scale, odometry, path, tf, and to look
 /// at image_road, points, ground_points, ground_plane; service reset.
 ///
-/// Everything runs on the nodelet's single-threaded queue. A frame is processed with the image of
+/// Everything runs on one thread, in callbacks. A frame is processed with the image of
 /// its stamp (FrameImagePairing), or on its points alone.
 class ScaleRecoveryNodelet : public nodelet::Nodelet {
  public:
@@ -46,7 +47,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   using Pairing = FrameImagePairing<Arrived, sensor_msgs::ImageConstPtr>;
 
   void onInit() override;
-  void subscribeToImages();
+  void useImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle);
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFrame(const VoFrameMsg::ConstPtr& msg);
@@ -70,6 +71,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::string imagesState() const;
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
+  OwnQueue callbacks_;
   ScaleRecoveryParams params_;
   FaultLog faults_;
   std::unique_ptr<ScaleRecovery> recovery_;
@@ -85,6 +87,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
 
   std::optional<OdometryFrames> frames_;
   std::string frames_camera_;
+  std::string no_frames_;  ///< why there were none when they were last asked for in vain
 
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
@@ -103,6 +106,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
   std::uint64_t processed_ = 0, diagnosed_ = 0;
+  std::optional<std::uint32_t> last_received_;  ///< its sequence number
+  std::uint64_t overtaken_ = 0;
   std::uint64_t with_image_ = 0, refined_ = 0;
   bool last_had_image_ = false;
   std::chrono::steady_clock::time_point diagnosed_at_;

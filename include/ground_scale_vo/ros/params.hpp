@@ -27,6 +27,7 @@ struct ScaleRecoveryParams {
   bool publish_tf = true;
   int path_max_poses = 5000;
   double path_spacing_m = 0.5;
+  int queue_size = 10;
   bool image_is_rectified = false;
   int image_buffer = 30;
   double clock_jump_s = 1.0;

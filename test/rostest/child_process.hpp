@@ -1,0 +1,80 @@
+#pragma once
+
+#include <fcntl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+
+/// A program that the test starts, and ends at the latest with itself. What it prints is kept.
+class ChildProcess {
+ public:
+  explicit ChildProcess(std::vector<std::string> words) {
+    char name[] = "/tmp/ground_scale_vo_child_XXXXXX";
+    const int file = mkstemp(name);
+    if (file < 0) throw std::runtime_error("no temporary file");
+    log_ = name;
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    pid_ = fork();
+    if (pid_ == 0) {
+      setpgid(0, 0);
+      dup2(file, STDOUT_FILENO);
+      dup2(file, STDERR_FILENO);
+      execvp(argv[0], argv.data());
+      _exit(127);
+    }
+    close(file);
+  }
+  ~ChildProcess() {
+    if (!status_) {
+      kill(-pid_, SIGKILL);
+      waitpid(pid_, nullptr, 0);
+    }
+    std::filesystem::remove(log_);
+  }
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+
+  pid_t pid() const { return pid_; }
+  void send(int signal) const {
+    if (!status_) kill(pid_, signal);
+  }
+  bool running() {
+    if (!status_) {
+      int status = 0;
+      if (waitpid(pid_, &status, WNOHANG) == pid_) status_ = status;
+    }
+    return !status_;
+  }
+  /// As a shell tells it: 0 is clean, 128 + n ended by signal n; empty when it did not end in time.
+  std::optional<int> waitForEnd(double patience = kPatience) {
+    if (!waitUntil([this] { return !running(); }, patience)) return std::nullopt;
+    return WIFSIGNALED(*status_) ? 128 + WTERMSIG(*status_) : WEXITSTATUS(*status_);
+  }
+  /// All that it has printed so far.
+  std::string output() const {
+    std::ostringstream text;
+    text << std::ifstream(log_).rdbuf();
+    return text.str();
+  }
+
+ private:
+  pid_t pid_ = -1;
+  std::filesystem::path log_;
+  std::optional<int> status_;
+};
+
+}  // namespace ground_scale_vo

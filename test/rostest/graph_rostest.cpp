@@ -1,0 +1,246 @@
+// What comes late, never, or in another order: both nodelets in a real manager, on a rendered drive
+// whose metres are known.
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <diagnostic_msgs/DiagnosticStatus.h>
+#include <gtest/gtest.h>
+#include <rosgraph_msgs/Log.h>
+#include <tf2_msgs/TFMessage.h>
+#include <tf2_ros/static_transform_broadcaster.h>
+
+#include <memory>
+#include <set>
+
+#include "diagnosed.hpp"
+#include "nodelet_pair.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kTolerance = 0.05;  // of the metric way
+
+class Graph : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { drive_ = std::make_unique<RenderedDrive>(smallDrive(50)); }
+  static void TearDownTestSuite() { drive_.reset(); }
+  void SetUp() override { ASSERT_TRUE(manager_.waitForIt()); }
+  void TearDown() override { EXPECT_EQ(manager_.loaded(), 0u); }
+
+  /// From now on, the diagnostics of a nodelet come to say this.
+  bool says(const std::string& nodelet, std::int8_t level, const std::string& text) {
+    diagnostics_.clear();
+    return diagnostics_.wait([&](const auto& reports) {
+      for (const auto& report : reports) {
+        for (const auto& status : report->status) {
+          if (status.name.find(nodelet) != std::string::npos && status.level == level &&
+              status.message.find(text) != std::string::npos) {
+            return true;
+          }
+        }
+      }
+      return false;
+    });
+  }
+
+  ManagerClient manager_{"/manager"};
+  ros::NodeHandle handle_;
+  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_{handle_, "/diagnostics"};
+  static std::unique_ptr<RenderedDrive> drive_;
+};
+
+std::unique_ptr<RenderedDrive> Graph::drive_;
+
+TEST_F(Graph, CameraInfoThatNeverComesIsAnErrorThatNamesItsTopic) {
+  NodeletPair pair(manager_, *drive_, "/never");
+  ASSERT_TRUE(pair.load());
+  for (std::size_t i = 0; i < drive_->size(); ++i) pair.publishImage(i);
+  EXPECT_TRUE(diagnosed(diagnostics_, "images received", std::to_string(drive_->size())));
+  EXPECT_TRUE(says("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                   "no usable camera_info yet on /never/camera_info"));
+  // All but the five that the queue holds have gone.
+  EXPECT_TRUE(diagnosed(diagnostics_, "images overtaken by newer ones",
+                        std::to_string(drive_->size() - 5)));
+  EXPECT_TRUE(pair.frames.messages().empty());
+  EXPECT_TRUE(pair.unload());
+}
+
+TEST_F(Graph, OneCameraInfoIsEnough) {
+  NodeletPair pair(manager_, *drive_, "/once");
+  ASSERT_TRUE(pair.load());
+  pair.publishInfo(0);
+  for (std::size_t i = 0; i < drive_->size(); ++i) {
+    pair.publishImage(i);
+    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
+  }
+  EXPECT_TRUE(diagnosed(diagnostics_, "images", "used"));
+  EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+  EXPECT_TRUE(pair.unload());
+}
+
+// What arrives while the nodelets are still being loaded.
+TEST_F(Graph, ALatchedCameraInfoIsEnough) {
+  for (int round = 0; round < 5; ++round) {
+    NodeletPair pair(manager_, *drive_, "/latched_" + std::to_string(round));
+    pair.publishInfo(0);
+    ASSERT_TRUE(pair.load());
+    pair.publishImage(0);
+    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(0).stamp)) << round;
+    EXPECT_TRUE(pair.unload());
+  }
+}
+
+TEST_F(Graph, CameraInfoForMonoVoAloneLeavesThePoints) {
+  NodeletPair pair(manager_, *drive_, "/points");
+  ASSERT_TRUE(pair.loadMonoVo());
+  ASSERT_TRUE(manager_.load("ScaleRecovery", "/points/scale_recovery",
+                            {{"/points/camera_info", "/points/no_camera_info"}}));
+  ASSERT_TRUE(pair.waitUntilConnected());
+  ASSERT_TRUE(pair.playAll());
+  EXPECT_TRUE(diagnosed(diagnostics_, "images",
+                        "no image: no usable camera_info yet on /points/no_camera_info"));
+  EXPECT_NEAR(pair.lengthRatio(), 1, 2 * kTolerance);
+  EXPECT_TRUE(pair.unload());
+}
+
+TEST_F(Graph, ATransportThatIsNotInstalledIsRefused) {
+  NodeletPair pair(manager_, *drive_, "/transport");
+  Inbox<rosgraph_msgs::Log> log(handle_, "/rosout");
+  ASSERT_TRUE(waitUntil([&] { return log.connected(); }));
+  for (const std::string nodelet : {"mono_vo", "scale_recovery"}) {
+    pair.setParam(nodelet, "image_transport", std::string("pigeon"));
+  }
+  const auto said = [&](const std::string& nodelet) {
+    return log.wait(
+        [&](const auto& lines) {
+          return std::any_of(lines.begin(), lines.end(), [&](const auto& line) {
+            return line->msg.find("/transport/" + nodelet +
+                                  " does not start: parameter image_transport is \"pigeon\"") == 0;
+          });
+        },
+        0.5);
+  };
+  // Again until the manager's log is heard.
+  EXPECT_TRUE(waitUntil([&] { return pair.loadMonoVo() || said("mono_vo"); }));
+  EXPECT_TRUE(waitUntil([&] { return pair.loadScaleRecovery() || said("scale_recovery"); }));
+  ASSERT_EQ(manager_.loaded(), 0u) << "or it is gone";
+}
+
+TEST_F(Graph, EitherOrderWhileImagesComeGivesMetres) {
+  for (const bool mono_vo_first : {true, false}) {
+    NodeletPair pair(manager_, *drive_, mono_vo_first ? "/mono_first" : "/scale_first");
+    // The drive goes on while the nodelets are being loaded.
+    std::size_t next = 0;
+    for (; next < 3; ++next) pair.publish(next);
+    ASSERT_TRUE(mono_vo_first ? pair.loadMonoVo() : pair.loadScaleRecovery());
+    for (; next < 6; ++next) pair.publish(next);
+    ASSERT_TRUE(mono_vo_first ? pair.loadScaleRecovery() : pair.loadMonoVo());
+    ASSERT_TRUE(pair.waitUntilConnected());
+    ASSERT_TRUE(pair.play(next, drive_->size() - 1));
+    EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+    EXPECT_TRUE(pair.unload());
+  }
+}
+
+TEST_F(Graph, TheMountingComesLate) {
+  NodeletPair pair(manager_, *drive_, "/mounted");
+  Inbox<rosgraph_msgs::Log> log(handle_, "/rosout");
+  pair.setParam("scale_recovery", "base_frame", std::string("mounted_base"));
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(waitUntil([&] { return log.connected(); }));
+  const std::size_t half = drive_->size() / 2;
+  for (std::size_t i = 0; i < half; ++i) {
+    pair.publish(i);
+    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
+  }
+  ASSERT_NE(pair.scales.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+  EXPECT_TRUE(pair.odometry.messages().empty());
+  EXPECT_TRUE(says("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
+                   "base_frame \"mounted_base\" to the camera \"camera\""));
+  EXPECT_TRUE(log.wait([](const auto& lines) {
+    return std::any_of(lines.begin(), lines.end(), [](const auto& line) {
+      return line->level == rosgraph_msgs::Log::ERROR &&
+             line->msg.find("base_frame \"mounted_base\" to the camera \"camera\"") !=
+                 std::string::npos;
+    });
+  }));
+
+  tf2_ros::StaticTransformBroadcaster broadcaster;
+  geometry_msgs::TransformStamped mounting;
+  mounting.header.frame_id = "mounted_base";
+  mounting.child_frame_id = "camera";
+  mounting.transform.translation.z = 1.65;
+  const Eigen::Quaterniond q(bodyFromOptical());
+  mounting.transform.rotation.w = q.w();
+  mounting.transform.rotation.x = q.x();
+  mounting.transform.rotation.y = q.y();
+  mounting.transform.rotation.z = q.z();
+  broadcaster.sendTransform(mounting);
+  std::size_t next = half;
+  while (next < drive_->size() && pair.odometry.messages().empty()) {
+    pair.publish(next);
+    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(next).stamp));
+    // tf has no event here: the next image asks again.
+    pair.odometry.waitForCount(1, 0.3);
+    ++next;
+  }
+  ASSERT_LT(next, drive_->size() - 10);
+  ASSERT_TRUE(pair.play(next, drive_->size() - 1));
+  EXPECT_EQ(pair.odometry.messages().back()->child_frame_id, "mounted_base");
+  EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+  // In the base's axes: x is forward.
+  EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.x, 5);
+  EXPECT_TRUE(says("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK, ""));
+  EXPECT_TRUE(pair.unload());
+}
+
+TEST_F(Graph, TwoPairsMeasureTheirOwnRoads) {
+  SyntheticDrive::Options options = smallDrive(50, 2.4);
+  options.random_seed = 7;
+  options.speed = 12;
+  options.camera.fx = options.camera.fy = 200;
+  const RenderedDrive high(options, "rear_camera");
+  NodeletPair front(manager_, *drive_, "/front"), rear(manager_, high, "/rear");
+  front.setParam("scale_recovery", "odom_frame", std::string("front_odom"));
+  rear.setParam("scale_recovery", "odom_frame", std::string("rear_odom"));
+  Inbox<tf2_msgs::TFMessage> tf(handle_, "/tf");
+  ASSERT_TRUE(front.load());
+  ASSERT_TRUE(rear.load());
+  // At once: the second image goes out before the first has come back.
+  const std::size_t half = drive_->size() - 10;
+  for (std::size_t i = 0; i < half; ++i) {
+    front.publish(i);
+    rear.publish(i);
+    ASSERT_TRUE(front.scales.waitForStamp(front.header(i).stamp)) << i;
+    ASSERT_TRUE(rear.scales.waitForStamp(rear.header(i).stamp)) << i;
+  }
+  ASSERT_TRUE(front.odometry.waitForStamp(front.header(half - 1).stamp));
+  ASSERT_TRUE(rear.odometry.waitForStamp(rear.header(half - 1).stamp));
+  EXPECT_NEAR(front.lengthRatio(), 1, kTolerance);
+  EXPECT_NEAR(rear.lengthRatio(), 1, kTolerance);
+  EXPECT_EQ(front.odometry.messages().back()->header.frame_id, "front_odom");
+  EXPECT_EQ(rear.odometry.messages().back()->header.frame_id, "rear_odom");
+  std::map<std::string, std::set<std::string>> parents;
+  for (const auto& message : tf.messages()) {
+    for (const auto& transform : message->transforms) {
+      parents[transform.child_frame_id].insert(transform.header.frame_id);
+    }
+  }
+  EXPECT_EQ(parents["camera"], std::set<std::string>{"front_odom"});
+  EXPECT_EQ(parents["rear_camera"], std::set<std::string>{"rear_odom"});
+
+  EXPECT_TRUE(front.unload());
+  ASSERT_TRUE(rear.play(half, high.size() - 1));
+  EXPECT_NEAR(rear.lengthRatio(), 1, kTolerance);
+  EXPECT_TRUE(rear.unload());
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "graph_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+
+#include <string>
+
+#include "manager_client.hpp"
+#include "rendered_camera.hpp"
+
+namespace ground_scale_vo {
+
+/// A camera on a rendered drive with both nodelets behind it, in a namespace of their own.
+class NodeletPair {
+ public:
+  /// ns: "/front", or "" for the root.
+  NodeletPair(const ManagerClient& manager, const RenderedDrive& drive, const std::string& ns,
+              double start_s = 1000)
+      : manager_(manager),
+        drive_(drive),
+        ns_(ns),
+        start_s_(start_s),
+        images_(handle_.advertise<sensor_msgs::Image>(ns + "/image", 1000)),
+        infos_(handle_.advertise<sensor_msgs::CameraInfo>(ns + "/camera_info", 1000, true)),
+        frames(handle_, ns + "/vo/frame"),
+        scales(handle_, ns + "/scale"),
+        odometry(handle_, ns + "/odometry") {
+    setParam("scale_recovery", "camera_height", drive.drive().cameraHeight());
+  }
+
+  template <typename Value>
+  void setParam(const std::string& nodelet, const std::string& name, const Value& value) {
+    ros::param::set(ns_ + "/" + nodelet + "/" + name, value);
+  }
+
+  bool loadMonoVo() { return manager_.load("MonoVo", ns_ + "/mono_vo"); }
+  bool loadScaleRecovery() { return manager_.load("ScaleRecovery", ns_ + "/scale_recovery"); }
+  bool load() { return loadMonoVo() && loadScaleRecovery() && waitUntilConnected(); }
+  bool unload() {
+    return manager_.unload(ns_ + "/mono_vo") && manager_.unload(ns_ + "/scale_recovery");
+  }
+  /// Both hear the camera, and this program hears both.
+  bool waitUntilConnected() {
+    return waitUntil([this] {
+      return images_.getNumSubscribers() >= 1 && infos_.getNumSubscribers() >= 1 &&
+             frames.connected() && scales.connected() && odometry.connected();
+    });
+  }
+
+  std_msgs::Header header(std::size_t i) const { return drive_.header(i, start_s_); }
+  void publishInfo(std::size_t i) { infos_.publish(drive_.info(i, start_s_)); }
+  void publishImage(std::size_t i) { images_.publish(drive_.image(i, start_s_)); }
+  void publish(std::size_t i) {
+    publishInfo(i);
+    publishImage(i);
+  }
+  /// Frames from first up to last, each when the one before has come out: none is overtaken.
+  bool play(std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i <= last; ++i) {
+      publish(i);
+      if (!scales.waitForStamp(header(i).stamp)) return false;
+    }
+    return odometry.waitForStamp(header(last).stamp);
+  }
+  bool playAll() { return play(0, drive_.size() - 1); }
+
+  std::size_t frameAt(const ros::Time& stamp) const {
+    for (std::size_t i = 0; i < drive_.size(); ++i) {
+      if (header(i).stamp == stamp) return i;
+    }
+    throw std::logic_error("no frame has this stamp");
+  }
+  /// The metric odometry so far over the true way between its first and its last message, each as
+  /// the distance of its two ends. 0: hardly any way.
+  double lengthRatio() {
+    const auto messages = odometry.messages();
+    if (messages.size() < 2) return 0;
+    const auto place = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
+      return fromMsg(message.pose.pose).translation();
+    };
+    const auto& from = drive_.drive().frame(frameAt(messages.front()->header.stamp));
+    const auto& to = drive_.drive().frame(frameAt(messages.back()->header.stamp));
+    const double true_way = (to.T_c0_c.translation() - from.T_c0_c.translation()).norm();
+    if (true_way < 5) return 0;
+    return (place(*messages.back()) - place(*messages.front())).norm() / true_way;
+  }
+
+ private:
+  ros::NodeHandle handle_;
+  const ManagerClient manager_;
+  const RenderedDrive& drive_;
+  const std::string ns_;
+  const double start_s_;
+  ros::Publisher images_, infos_;
+
+ public:
+  Inbox<VoFrameMsg> frames;
+  Inbox<ScaleEstimateMsg> scales;
+  Inbox<nav_msgs::Odometry> odometry;
+};
+
+}  // namespace ground_scale_vo

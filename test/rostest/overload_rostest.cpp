@@ -1,0 +1,210 @@
+// More than the machine can do, and listeners that do not listen: the newest images win, what goes
+// is counted, the metres stay right, and who only looks on changes nothing.
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <gtest/gtest.h>
+#include <nav_msgs/Path.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include "child_process.hpp"
+#include "diagnosed.hpp"
+#include "node_probe.hpp"
+#include "nodelet_pair.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kTolerance = 0.05;  // of the metric way
+constexpr std::size_t kFrames = 60;
+/// With this argument and a namespace the program is the listener: it says so once it hears, and
+/// waits for its end.
+const char* const kDeaf = "--deaf";
+
+class Overload : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    drive_ = std::make_unique<RenderedDrive>(smallDrive(static_cast<int>(kFrames)));
+  }
+  static void TearDownTestSuite() { drive_.reset(); }
+  void SetUp() override { ASSERT_TRUE(manager_.waitForIt()); }
+
+  ManagerClient manager_{"/manager"};
+  ros::NodeHandle handle_;
+  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_{handle_, "/diagnostics"};
+  static std::unique_ptr<RenderedDrive> drive_;
+};
+
+std::unique_ptr<RenderedDrive> Overload::drive_;
+
+// A burst is published while MonoVo cannot take any image: it waits for its camera_info, as it
+// waits for the machine when that is too slow. What comes out is then no matter of speed.
+TEST_F(Overload, TheNewestImagesWinAndTheOthersAreCounted) {
+  NodeletPair pair(manager_, *drive_, "/burst");
+  pair.setParam("mono_vo", "queue_size", 4);
+  ASSERT_TRUE(pair.load());
+  for (std::size_t i = 0; i < kFrames; ++i) pair.publishImage(i);
+  ASSERT_TRUE(diagnosed(diagnostics_, "images received", std::to_string(kFrames)));
+  pair.publishInfo(0);
+  ASSERT_TRUE(pair.scales.waitForStamp(pair.header(kFrames - 1).stamp));
+  const auto frames = pair.frames.messages();
+  ASSERT_EQ(frames.size(), 4u);
+  EXPECT_EQ(frames.front()->header.stamp, pair.header(kFrames - 4).stamp);
+  EXPECT_TRUE(
+      diagnosed(diagnostics_, "images overtaken by newer ones", std::to_string(kFrames - 4)));
+  EXPECT_TRUE(pair.unload());
+}
+
+// The camera is three times too fast: of each three images two are gone.
+TEST_F(Overload, TheMetresStayRightOverTheGaps) {
+  SyntheticDrive::Options fast = smallDrive(3 * static_cast<int>(kFrames));
+  fast.frame_rate_hz = 30;
+  const RenderedDrive drive(fast);
+  NodeletPair pair(manager_, drive, "/gaps");
+  pair.setParam("mono_vo", "queue_size", 1);
+  ASSERT_TRUE(pair.load());
+  // Bursts of three; the next when the newest one has come out.
+  for (std::size_t i = 0; i < drive.size(); i += 3) {
+    for (std::size_t k = i; k < i + 3; ++k) pair.publish(k);
+    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i + 2).stamp)) << i;
+  }
+  ASSERT_TRUE(pair.odometry.waitForStamp(pair.header(drive.size() - 1).stamp));
+  EXPECT_LT(pair.frames.messages().size(), drive.size());
+  EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+  EXPECT_TRUE(pair.unload());
+}
+
+// ScaleRecovery, too, comes to the newest frames only.
+TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
+  // The same drive once more, its frames recorded.
+  NodeletPair recorder(manager_, *drive_, "/recorded");
+  ASSERT_TRUE(recorder.load());
+  ASSERT_TRUE(recorder.playAll());
+  ASSERT_TRUE(recorder.frames.waitForCount(kFrames));
+  const auto frames = recorder.frames.messages();
+  EXPECT_TRUE(recorder.unload());
+
+  ros::Publisher publisher = handle_.advertise<VoFrameMsg>("/late/vo/frame", 1000);
+  Inbox<ScaleEstimateMsg> scales(handle_, "/late/scale");
+  Inbox<nav_msgs::Odometry> odometry(handle_, "/late/odometry");
+  ros::param::set("/late/scale_recovery/camera_height", 1.65);
+  ros::param::set("/late/scale_recovery/refine", false);
+  ros::param::set("/late/scale_recovery/queue_size", 2);
+  ASSERT_TRUE(manager_.load("ScaleRecovery", "/late/scale_recovery"));
+  ASSERT_TRUE(waitUntil([&] {
+    return publisher.getNumSubscribers() == 1 && scales.connected() && odometry.connected();
+  }));
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    // Two of three never reach it.
+    if (i % 3 == 2) {
+      publisher.publish(frames[i]);
+      ASSERT_TRUE(scales.waitForStamp(frames[i]->header.stamp)) << i;
+    }
+  }
+  EXPECT_TRUE(diagnosed(diagnostics_, "frames overtaken by newer ones",
+                        std::to_string(2 * (kFrames / 3 - 1))));
+  ASSERT_TRUE(odometry.waitForStamp(frames.back()->header.stamp));
+  const auto place = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
+    return fromMsg(message.pose.pose).translation();
+  };
+  const auto messages = odometry.messages();
+  const auto& from = drive_->drive().frame(recorder.frameAt(messages.front()->header.stamp)).T_c0_c;
+  const auto& to = drive_->drive().frame(recorder.frameAt(messages.back()->header.stamp)).T_c0_c;
+  const double ratio = (place(*messages.back()) - place(*messages.front())).norm() /
+                       (to.translation() - from.translation()).norm();
+  EXPECT_NEAR(ratio, 1, 2 * kTolerance);
+
+  // A burst: the last one comes out whatever goes before it, and all are accounted for.
+  scales.clear();
+  const std::uint32_t burst = 400;
+  VoFrameMsg::Ptr last;
+  for (std::uint32_t i = 1; i <= burst; ++i) {
+    last = boost::make_shared<VoFrameMsg>(*frames.back());
+    last->sequence += i;
+    last->header.stamp += ros::Duration(0.1 * i);
+    publisher.publish(last);
+  }
+  ASSERT_TRUE(scales.waitForStamp(last->header.stamp));
+  const std::size_t left_out = burst - scales.messages().size();
+  EXPECT_GT(left_out, 0u);
+  EXPECT_TRUE(diagnosed(diagnostics_, "frames overtaken by newer ones",
+                        std::to_string(2 * (kFrames / 3 - 1) + left_out)));
+  EXPECT_TRUE(manager_.unload("/late/scale_recovery"));
+}
+
+// A listener that stands still and never reads its sockets, and some that come and go.
+TEST_F(Overload, ListenersChangeNothing) {
+  NodeletPair alone(manager_, *drive_, "/alone");
+  ASSERT_TRUE(alone.load());
+  ASSERT_TRUE(alone.playAll());
+  EXPECT_TRUE(alone.unload());
+
+  NodeletPair watched(manager_, *drive_, "/watched");
+  ASSERT_TRUE(watched.load());
+  ChildProcess deaf({std::filesystem::read_symlink("/proc/self/exe").string(), kDeaf, "/watched"});
+  ASSERT_TRUE(waitUntil([&] { return deaf.output().find(kDeaf) != std::string::npos; }));
+  deaf.send(SIGSTOP);
+  const NodeProbe probe("/manager");
+  const double megabytes = probe.residentMegabytes();
+  for (std::size_t i = 0; i < kFrames; i += 10) {
+    std::unique_ptr<Inbox<sensor_msgs::Image>> tracks;
+    std::unique_ptr<Inbox<sensor_msgs::PointCloud2>> points, ground;
+    std::unique_ptr<Inbox<nav_msgs::Path>> path;
+    if (i % 20 == 0) {
+      tracks = std::make_unique<Inbox<sensor_msgs::Image>>(handle_, "/watched/vo/image_tracks");
+      points = std::make_unique<Inbox<sensor_msgs::PointCloud2>>(handle_, "/watched/vo/points");
+      ground = std::make_unique<Inbox<sensor_msgs::PointCloud2>>(handle_, "/watched/ground_points");
+      path = std::make_unique<Inbox<nav_msgs::Path>>(handle_, "/watched/path");
+      ASSERT_TRUE(waitUntil([&] {
+        return tracks->connected() && points->connected() && ground->connected() &&
+               path->connected();
+      }));
+    }
+    for (std::size_t k = i; k < i + 10; ++k) {
+      watched.publish(k);
+      ASSERT_TRUE(watched.scales.waitForStamp(watched.header(k).stamp)) << k;
+    }
+    if (tracks) EXPECT_TRUE(tracks->waitForCount(1));
+  }
+  ASSERT_TRUE(watched.odometry.waitForStamp(watched.header(kFrames - 1).stamp));
+  const auto before = alone.odometry.messages(), now = watched.odometry.messages();
+  ASSERT_EQ(now.size(), before.size());
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    EXPECT_EQ(now[i]->pose.pose, before[i]->pose.pose) << i;
+  }
+  EXPECT_LT(probe.residentMegabytes() - megabytes, 60);
+  EXPECT_NEAR(watched.lengthRatio(), 1, kTolerance);
+  EXPECT_TRUE(watched.unload());
+}
+
+int listen(const std::string& ns) {
+  ros::NodeHandle handle;
+  Inbox<VoFrameMsg> frames(handle, ns + "/vo/frame");
+  Inbox<sensor_msgs::Image> tracks(handle, ns + "/vo/image_tracks");
+  Inbox<nav_msgs::Odometry> odometry(handle, ns + "/odometry");
+  if (!waitUntil(
+          [&] { return frames.connected() && tracks.connected() && odometry.connected(); })) {
+    return 1;
+  }
+  std::cout << kDeaf << std::endl;
+  ros::waitForShutdown();
+  return 0;
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kDeaf) {
+    ros::init(argc, argv, "deaf", ros::init_options::AnonymousName);
+    return ground_scale_vo::listen(argv[2]);
+  }
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "overload_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,77 @@
+// The master goes and comes back under a running pair. The test has a master of its own, on
+// another port than the one that rostest has started.
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <memory>
+
+#include "child_process.hpp"
+#include "node_probe.hpp"
+#include "nodelet_pair.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+std::string port;
+
+std::unique_ptr<ChildProcess> startMaster() {
+  auto master =
+      std::make_unique<ChildProcess>(std::vector<std::string>{"rosmaster", "--core", "-p", port});
+  EXPECT_TRUE(waitUntil([] { return ros::master::check(); })) << master->output();
+  return master;
+}
+
+TEST(Roscore, GoneAndBack) {
+  std::unique_ptr<ChildProcess> master = startMaster();
+  ros::NodeHandle handle;
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  const RenderedDrive drive(smallDrive(60));
+  ChildProcess manager({"rosrun", "nodelet", "nodelet", "manager", "__name:=manager"});
+  const ManagerClient client("/manager");
+  ASSERT_TRUE(client.waitForIt());
+  auto pair = std::make_unique<NodeletPair>(client, drive, "/car");
+  ASSERT_TRUE(pair->load());
+  ASSERT_TRUE(pair->play(0, 19));
+
+  // Gone: those who know each other go on.
+  master->send(SIGKILL);
+  ASSERT_TRUE(master->waitForEnd());
+  ASSERT_FALSE(ros::master::check());
+  ASSERT_TRUE(pair->play(20, 39));
+
+  // Back, and empty: nobody has registered anew.
+  master = startMaster();
+  EXPECT_THROW(NodeProbe("/manager"), std::runtime_error);
+  ASSERT_TRUE(pair->play(40, 59));
+  EXPECT_NEAR(pair->lengthRatio(), 1, 0.05);
+  EXPECT_TRUE(manager.running()) << manager.output();
+
+  manager.send(SIGINT);
+  EXPECT_EQ(manager.waitForEnd(), 0) << manager.output();
+  EXPECT_EQ(manager.output().find("terminate called"), std::string::npos) << manager.output();
+
+  // A pair that is started now works; so does this camera, once it is advertised anew.
+  pair.reset();
+  ChildProcess again({"rosrun", "nodelet", "nodelet", "manager", "__name:=manager"});
+  ASSERT_TRUE(client.waitForIt());
+  NodeletPair second(client, drive, "/car");
+  ASSERT_TRUE(second.load());
+  ASSERT_TRUE(second.playAll());
+  EXPECT_NEAR(second.lengthRatio(), 1, 0.05);
+  again.send(SIGINT);
+  EXPECT_EQ(again.waitForEnd(), 0) << again.output();
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  // rostest's ports are free when nobody else has them; the next one is as good.
+  ground_scale_vo::port = std::to_string(20000 + getpid() % 10000);
+  setenv("ROS_MASTER_URI", ("http://localhost:" + ground_scale_vo::port).c_str(), 1);
+  ros::init(argc, argv, "roscore_rostest");
+  return RUN_ALL_TESTS();
+}

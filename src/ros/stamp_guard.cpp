@@ -13,7 +13,8 @@ double seconds(std::int64_t from_ns, std::int64_t to_ns) {
 }
 
 bool follows(std::int64_t last_ns, std::int64_t stamp_ns) {
-  return stamp_ns > last_ns && seconds(last_ns, stamp_ns) <= StampGuard::kMaxAhead;
+  return seconds(last_ns, stamp_ns) >= StampGuard::kMinStep &&
+         seconds(last_ns, stamp_ns) <= StampGuard::kMaxAhead;
 }
 
 }  // namespace
@@ -33,7 +34,7 @@ StampGuard::Verdict StampGuard::check(const ros::Time& stamp) {
   }
   std::ostringstream sentence;
   sentence << "the stamp " << stamp;
-  if (stamp_ns > last_ns_) {
+  if (seconds(last_ns_, stamp_ns) > kMaxAhead) {
     ahead_ns_ = stamp_ns;
     sentence << " lies " << seconds(last_ns_, stamp_ns)
              << " s after the last one, and no other yet";
@@ -41,7 +42,8 @@ StampGuard::Verdict StampGuard::check(const ros::Time& stamp) {
     last_ns_ = stamp_ns;
     return Verdict::kJumpedBack;
   } else {
-    sentence << " does not lie after the last one, " << fromNanoseconds(last_ns_);
+    sentence << " does not lie " << kMinStep << " s or more after the last one, "
+             << fromNanoseconds(last_ns_);
   }
   reason_ = sentence.str();
   return Verdict::kDrop;

@@ -15,13 +15,15 @@ class StampGuard {
  public:
   enum class Verdict {
     kNext,       ///< later than all before: use it
-    kDrop,       ///< zero, repeated, a little backward or alone far ahead: leave it out
+    kDrop,       ///< zero, repeated (or nearly), a little backward or alone far ahead: leave it out
     kJumpedBack  ///< the clock jumped back (a looped bag): start anew with it
   };
 
   /// clock_jump_s: a stamp that lies farther back than this [s] is a jump of the clock.
   explicit StampGuard(double clock_jump_s) : clock_jump_s_(clock_jump_s) {}
 
+  /// Shortest step between two images [s]; over a shorter one no velocity has a meaning.
+  static constexpr double kMinStep = 0.001;
   /// Longest step forward that is believed at once [s].
   static constexpr double kMaxAhead = 3600.0;
 

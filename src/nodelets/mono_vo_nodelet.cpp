@@ -91,7 +91,7 @@ void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   const std::shared_ptr<const DescribedCamera> camera = stream_->camera();
   cv::Mat rectified;
   try {
-    rectified = camera->rectified(image);
+    rectified = camera->rectified(image, &grey_);
   } catch (const MessageError& error) {
     return drop("image refused", error.what());
   }

@@ -156,7 +156,7 @@ cv::Mat ScaleRecoveryNodelet::pictureOf(const VoFrame& frame,
     return {};
   }
   try {
-    return camera->rectified(*image);
+    return camera->rectified(*image, &grey_);
   } catch (const std::exception& error) {
     report("image refused", error.what());
     return {};
@@ -315,7 +315,9 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   status.add("scale [m / VO unit]", last_scale_.scale);
   status.add("sigma [m / VO unit]", last_scale_.sigma);
   if (!last_measured_.isZero()) {
-    status.add("age of the last measured scale [s]", (last_stamp_ - last_measured_).toSec());
+    status.add(
+        "age of the last measured scale [s]",
+        1e-9 * static_cast<double>(toNanoseconds(last_stamp_) - toNanoseconds(last_measured_)));
   }
   status.add("distance [m]", distance_m_);
 }

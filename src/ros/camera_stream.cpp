@@ -1,6 +1,7 @@
 #include "ground_scale_vo/ros/camera_stream.hpp"
 
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 namespace ground_scale_vo {
@@ -13,15 +14,15 @@ constexpr double kSamePx = 0.01;
 DescribedCamera::DescribedCamera(Calibration calibration, const std::string& topic)
     : calibration_(std::move(calibration)), rectifier_(toRectifier(calibration_, topic)) {}
 
-cv::Mat DescribedCamera::rectified(const sensor_msgs::Image& image) const {
-  const cv::Mat grey = toGrey(image);
+cv::Mat DescribedCamera::rectified(const sensor_msgs::Image& image, GreyConverter* grey) const {
   const PinholeCamera& raw = calibration_.raw;
-  if (grey.cols != raw.width || grey.rows != raw.height) {
-    throw MessageError("the image is " + std::to_string(grey.cols) + " x " +
-                       std::to_string(grey.rows) + ", camera_info says " +
+  if (image.width != static_cast<std::uint32_t>(raw.width) ||
+      image.height != static_cast<std::uint32_t>(raw.height)) {
+    throw MessageError("the image is " + std::to_string(image.width) + " x " +
+                       std::to_string(image.height) + ", camera_info says " +
                        std::to_string(raw.width) + " x " + std::to_string(raw.height));
   }
-  return rectifier_.rectify(grey);
+  return rectifier_.rectify(grey->convert(image));
 }
 
 bool DescribedCamera::isCameraOf(const PinholeCamera& other) const {

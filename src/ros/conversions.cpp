@@ -1,13 +1,13 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 
-#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/distortion_models.h>
-#include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
+#include <string_view>
 
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/finite.hpp"
@@ -17,12 +17,66 @@ namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
 
+/// Greatest side of an image [px] and most pixels, so that their product and the memory behind it
+/// stay sane whatever a message says.
+constexpr std::uint32_t kMaxSide = 100000;
+constexpr double kMaxPixels = 1e8;
+
+constexpr int kIsGrey = -1;
+struct Encoding {
+  std::string_view name;
+  int depth, channels;
+  int to_grey;  ///< cv::ColorConversionCodes or kIsGrey
+};
+/// Channels without a meaning are taken as OpenCV has them: one is brightness, three or four are
+/// blue, green, red (and opacity). OpenCV names Bayer patterns by their second row.
+constexpr Encoding kEncodings[] = {
+    {"mono8", CV_8U, 1, kIsGrey},
+    {"8UC1", CV_8U, 1, kIsGrey},
+    {"bgr8", CV_8U, 3, cv::COLOR_BGR2GRAY},
+    {"8UC3", CV_8U, 3, cv::COLOR_BGR2GRAY},
+    {"rgb8", CV_8U, 3, cv::COLOR_RGB2GRAY},
+    {"bgra8", CV_8U, 4, cv::COLOR_BGRA2GRAY},
+    {"8UC4", CV_8U, 4, cv::COLOR_BGRA2GRAY},
+    {"rgba8", CV_8U, 4, cv::COLOR_RGBA2GRAY},
+    {"bayer_rggb8", CV_8U, 1, cv::COLOR_BayerBG2GRAY},
+    {"bayer_bggr8", CV_8U, 1, cv::COLOR_BayerRG2GRAY},
+    {"bayer_gbrg8", CV_8U, 1, cv::COLOR_BayerGR2GRAY},
+    {"bayer_grbg8", CV_8U, 1, cv::COLOR_BayerGB2GRAY},
+    {"mono16", CV_16U, 1, kIsGrey},
+    {"16UC1", CV_16U, 1, kIsGrey},
+    {"bgr16", CV_16U, 3, cv::COLOR_BGR2GRAY},
+    {"16UC3", CV_16U, 3, cv::COLOR_BGR2GRAY},
+    {"rgb16", CV_16U, 3, cv::COLOR_RGB2GRAY},
+    {"bgra16", CV_16U, 4, cv::COLOR_BGRA2GRAY},
+    {"16UC4", CV_16U, 4, cv::COLOR_BGRA2GRAY},
+    {"rgba16", CV_16U, 4, cv::COLOR_RGBA2GRAY},
+    {"bayer_rggb16", CV_16U, 1, cv::COLOR_BayerBG2GRAY},
+    {"bayer_bggr16", CV_16U, 1, cv::COLOR_BayerRG2GRAY},
+    {"bayer_gbrg16", CV_16U, 1, cv::COLOR_BayerGR2GRAY},
+    {"bayer_grbg16", CV_16U, 1, cv::COLOR_BayerGB2GRAY},
+    {"yuv422", CV_8U, 2, cv::COLOR_YUV2GRAY_UYVY},
+    {"yuv422_yuy2", CV_8U, 2, cv::COLOR_YUV2GRAY_YUY2},
+};
+
+/// Of 16-bit numbers, into pixels of its own.
+cv::Mat swapBytes(const cv::Mat& numbers) {
+  cv::Mat swapped = numbers.clone();
+  const int row_numbers = swapped.cols * swapped.channels();
+  for (int row = 0; row < swapped.rows; ++row) {
+    auto* const first = swapped.ptr<std::uint16_t>(row);
+    std::transform(first, first + row_numbers, first,
+                   [](std::uint16_t n) { return static_cast<std::uint16_t>(n << 8 | n >> 8); });
+  }
+  return swapped;
+}
+
 template <typename Range>
 bool allZero(const Range& values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
 }
 
-DistortionModel toDistortionModel(const std::string& name, const std::string& subject) {
+DistortionModel toDistortionModel(const std::string& name) {
   if (name == sensor_msgs::distortion_models::PLUMB_BOB) return DistortionModel::kPlumbBob;
   if (name == sensor_msgs::distortion_models::RATIONAL_POLYNOMIAL) {
     return DistortionModel::kRationalPolynomial;
@@ -30,8 +84,60 @@ DistortionModel toDistortionModel(const std::string& name, const std::string& su
   if (name == sensor_msgs::distortion_models::EQUIDISTANT || name == "fisheye") {
     return DistortionModel::kEquidistant;
   }
-  throw MessageError(subject + " has the distortion model \"" + name +
-                     "\"; known are plumb_bob, rational_polynomial and equidistant");
+  throw OptionError("the distortion model is \"" + name +
+                    "\"; known are plumb_bob, rational_polynomial and equidistant");
+}
+
+/// The camera of the full resolution by K or P (3 x columns, row by row; the last column of P tells
+/// where another camera of a pair is and is left out). Throws OptionError when it is no camera's.
+PinholeCamera cameraOf(const sensor_msgs::CameraInfo& info, const double* matrix, int columns) {
+  const auto at = [&](int row, int column) { return matrix[row * columns + column]; };
+  PinholeCamera camera;
+  camera.width = static_cast<int>(std::min(info.width, kMaxSide + 1));
+  camera.height = static_cast<int>(std::min(info.height, kMaxSide + 1));
+  camera.fx = at(0, 0);
+  camera.fy = at(1, 1);
+  camera.cx = at(0, 2);
+  camera.cy = at(1, 2);
+  camera.validate();
+  const char* const name = columns == 4 ? "P" : "K";
+  if (at(0, 1) != 0 || at(1, 0) != 0 || at(2, 0) != 0 || at(2, 1) != 0 || at(2, 2) != 1) {
+    throw OptionError(std::string(name) + " is not of the form fx 0 cx, 0 fy cy, 0 0 1");
+  }
+  requireInRange("width * height [px]", 1.0 * camera.width * camera.height, 1, kMaxPixels);
+  requireInRange("fx [image widths]", camera.fx / camera.width, 0.02, 500);
+  requireInRange("fy / fx", camera.fy / camera.fx, 0.1, 10);
+  requireInRange("cx [image widths]", camera.cx / camera.width, -10, 10);
+  requireInRange("cy [image heights]", camera.cy / camera.height, -10, 10);
+  return camera;
+}
+
+/// The camera of the images when they are a part of the full resolution (roi), or coarser
+/// (binning), as image_geometry has it. Throws OptionError when the part is none.
+PinholeCamera partOf(const sensor_msgs::CameraInfo& info, PinholeCamera camera) {
+  sensor_msgs::RegionOfInterest roi = info.roi;
+  if (roi.x_offset == 0 && roi.y_offset == 0 && roi.width == 0 && roi.height == 0) {
+    roi.width = info.width;
+    roi.height = info.height;
+  }
+  const std::uint32_t bin_x = std::max(info.binning_x, 1u);
+  const std::uint32_t bin_y = std::max(info.binning_y, 1u);
+  if (roi.width < bin_x || roi.x_offset > info.width || roi.width > info.width - roi.x_offset ||
+      roi.height < bin_y || roi.y_offset > info.height || roi.height > info.height - roi.y_offset) {
+    throw OptionError("the roi of " + std::to_string(roi.width) + " x " +
+                      std::to_string(roi.height) + " at (" + std::to_string(roi.x_offset) + ", " +
+                      std::to_string(roi.y_offset) + ") with a binning of " +
+                      std::to_string(bin_x) + " x " + std::to_string(bin_y) +
+                      " is no part of an image of " + std::to_string(info.width) + " x " +
+                      std::to_string(info.height));
+  }
+  camera.width = static_cast<int>(roi.width / bin_x);
+  camera.height = static_cast<int>(roi.height / bin_y);
+  camera.fx /= bin_x;
+  camera.fy /= bin_y;
+  camera.cx = (camera.cx - roi.x_offset) / bin_x;
+  camera.cy = (camera.cy - roi.y_offset) / bin_y;
+  return camera;
 }
 
 Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) {
@@ -82,20 +188,25 @@ ros::Time fromNanoseconds(std::int64_t stamp_ns) {
                    static_cast<std::uint32_t>(stamp_ns % kNanosecondsPerSecond));
 }
 
-cv::Mat toGrey(const sensor_msgs::Image& image) {
-  namespace enc = sensor_msgs::image_encodings;
+cv::Mat GreyConverter::convert(const sensor_msgs::Image& image) {
   if (image.width == 0 || image.height == 0) throw MessageError("the image has no pixels");
-
-  std::size_t pixel_bytes = 0;
-  try {
-    pixel_bytes = static_cast<std::size_t>(enc::numChannels(image.encoding)) *
-                  static_cast<std::size_t>(enc::bitDepth(image.encoding)) / 8;
-  } catch (const std::exception&) {
-    throw MessageError("the encoding \"" + image.encoding + "\" is not known");
+  if (image.width > kMaxSide || image.height > kMaxSide) {
+    throw MessageError("the image is " + std::to_string(image.width) + " x " +
+                       std::to_string(image.height) + ", which is no camera's size");
   }
+  const auto* const encoding =
+      std::find_if(std::begin(kEncodings), std::end(kEncodings),
+                   [&](const Encoding& known) { return known.name == image.encoding; });
+  if (encoding == std::end(kEncodings)) {
+    throw MessageError("the encoding \"" + image.encoding +
+                       "\" cannot be turned into grey; mono, colour and Bayer of 8 or 16 bits and "
+                       "yuv422 can");
+  }
+  const std::size_t number_bytes = encoding->depth == CV_16U ? 2 : 1;
   const std::size_t step = image.step;
-  if (step < image.width * pixel_bytes) {
-    throw MessageError("the step of " + std::to_string(step) + " bytes is too short for " +
+  if (step < image.width * number_bytes * static_cast<std::size_t>(encoding->channels) ||
+      step % number_bytes != 0) {
+    throw MessageError("the step of " + std::to_string(step) + " bytes does not fit " +
                        std::to_string(image.width) + " pixels of " + image.encoding);
   }
   if (image.data.size() != step * image.height) {
@@ -103,17 +214,26 @@ cv::Mat toGrey(const sensor_msgs::Image& image) {
                        " bytes instead of " + std::to_string(step * image.height));
   }
 
-  try {
-    cv_bridge::CvImage shared = *cv_bridge::toCvShare(image, nullptr);
-    // One channel without a meaning is taken as brightness.
-    if (shared.encoding == enc::TYPE_8UC1) shared.encoding = enc::MONO8;
-    if (shared.encoding == enc::TYPE_16UC1) shared.encoding = enc::MONO16;
-    if (shared.encoding == enc::MONO8) return shared.image;
-    return cv_bridge::cvtColor(boost::make_shared<const cv_bridge::CvImage>(shared), enc::MONO8)
-        ->image;
-  } catch (const std::exception&) {
-    throw MessageError("the encoding \"" + image.encoding + "\" cannot be turned into grey");
+  // cv::Mat has no const pixels; these are not written to.
+  cv::Mat grey(static_cast<int>(image.height), static_cast<int>(image.width),
+               CV_MAKETYPE(encoding->depth, encoding->channels),
+               const_cast<std::uint8_t*>(image.data.data()), step);
+  if (number_bytes == 2 && image.is_bigendian != 0) grey = swapBytes(grey);
+  if (encoding->to_grey != kIsGrey) {
+    cv::Mat converted;
+    cv::cvtColor(grey, converted, encoding->to_grey);
+    grey = converted;
   }
+  return number_bytes == 2 ? toEightBits(grey) : grey;
+}
+
+cv::Mat GreyConverter::toEightBits(const cv::Mat& grey) {
+  double brightest = 0;
+  cv::minMaxLoc(grey, nullptr, &brightest);
+  while (brightest >= std::ldexp(1.0, bits_)) bits_ += 2;
+  cv::Mat eight_bits;
+  grey.convertTo(eight_bits, CV_8U, 255 / (std::ldexp(1.0, bits_) - 1));
+  return eight_bits;
 }
 
 bool operator==(const Calibration& a, const Calibration& b) {
@@ -125,16 +245,8 @@ bool operator==(const Calibration& a, const Calibration& b) {
 Calibration toCalibration(const sensor_msgs::CameraInfo& info, const std::string& topic,
                           bool image_is_rectified) {
   const std::string subject = "camera_info on topic " + topic;
-  if (!areFinite(info.K, info.P, info.D)) {
+  if (!areFinite(info.K, info.P, info.D, info.R)) {
     throw MessageError(subject + " has numbers that are not finite");
-  }
-  if (info.binning_x > 1 || info.binning_y > 1) {
-    throw MessageError(subject + " has binning, which is not supported");
-  }
-  const bool whole_image =
-      info.roi.width == 0 || (info.roi.width == info.width && info.roi.height == info.height);
-  if (!whole_image || info.roi.x_offset != 0 || info.roi.y_offset != 0) {
-    throw MessageError(subject + " has a region of interest, which is not supported");
   }
   const bool has_K = !allZero(info.K);
   const bool has_P = !allZero(info.P);
@@ -146,36 +258,30 @@ Calibration toCalibration(const sensor_msgs::CameraInfo& info, const std::string
   }
 
   Calibration calibration;
-  PinholeCamera& raw = calibration.raw;
-  raw.width = static_cast<int>(info.width);
-  raw.height = static_cast<int>(info.height);
-  if (image_is_rectified || !has_K) {
-    raw.fx = info.P[0];
-    raw.fy = info.P[5];
-    raw.cx = info.P[2];
-    raw.cy = info.P[6];
-  } else {
-    raw.fx = info.K[0];
-    raw.fy = info.K[4];
-    raw.cx = info.K[2];
-    raw.cy = info.K[5];
-    // Zero coefficients are no distortion, but for the fisheye, which bends without any.
-    const bool unnamed = info.distortion_model.empty() && allZero(info.D);
-    const DistortionModel model =
-        unnamed ? DistortionModel::kNone : toDistortionModel(info.distortion_model, subject);
-    if (model == DistortionModel::kEquidistant || !allZero(info.D)) {
-      calibration.model = model;
-      calibration.coefficients = info.D;
+  try {
+    if (image_is_rectified || !has_K) {
+      calibration.raw = partOf(info, cameraOf(info, info.P.data(), 4));
+    } else {
+      calibration.raw = partOf(info, cameraOf(info, info.K.data(), 3));
+      // Zero coefficients are no distortion, but for the fisheye, which bends without any.
+      const bool unnamed = info.distortion_model.empty() && allZero(info.D);
+      const DistortionModel model =
+          unnamed ? DistortionModel::kNone : toDistortionModel(info.distortion_model);
+      if (model == DistortionModel::kEquidistant || !allZero(info.D)) {
+        calibration.model = model;
+        calibration.coefficients = info.D;
+      }
     }
+  } catch (const OptionError& error) {
+    throw MessageError(subject + " cannot be used: " + error.what());
   }
   return calibration;
 }
 
 Rectifier toRectifier(const Calibration& calibration, const std::string& topic) {
   try {
-    calibration.raw.validate();
     return Rectifier(calibration.raw, calibration.model, calibration.coefficients);
-  } catch (const OptionError& error) {
+  } catch (const std::exception& error) {
     throw MessageError("camera_info on topic " + topic + " cannot be used: " + error.what());
   }
 }

@@ -2,23 +2,49 @@
 
 #include <sstream>
 
+#include "ground_scale_vo/ros/conversions.hpp"
+
 namespace ground_scale_vo {
+namespace {
+
+// Not by ros::Duration, which throws beyond 2^31 s.
+double seconds(std::int64_t from_ns, std::int64_t to_ns) {
+  return 1e-9 * static_cast<double>(to_ns - from_ns);
+}
+
+bool follows(std::int64_t last_ns, std::int64_t stamp_ns) {
+  return seconds(last_ns, stamp_ns) >= StampGuard::kMinStep &&
+         seconds(last_ns, stamp_ns) <= StampGuard::kMaxAhead;
+}
+
+}  // namespace
 
 StampGuard::Verdict StampGuard::check(const ros::Time& stamp) {
-  if (stamp.isZero()) {
+  const std::int64_t stamp_ns = toNanoseconds(stamp);
+  const std::int64_t ahead_ns = ahead_ns_;
+  ahead_ns_ = 0;
+  if (stamp_ns == 0) {
     reason_ = "the stamp is zero";
     return Verdict::kDrop;
   }
-  if (stamp > last_) {
-    last_ = stamp;
+  if (last_ns_ == 0 || follows(last_ns_, stamp_ns) ||
+      (ahead_ns != 0 && follows(ahead_ns, stamp_ns))) {
+    last_ns_ = stamp_ns;
     return Verdict::kNext;
   }
-  if ((last_ - stamp).toSec() > clock_jump_s_) {
-    last_ = stamp;
-    return Verdict::kJumpedBack;
-  }
   std::ostringstream sentence;
-  sentence << "the stamp " << stamp << " does not lie after the last one, " << last_;
+  sentence << "the stamp " << stamp;
+  if (seconds(last_ns_, stamp_ns) > kMaxAhead) {
+    ahead_ns_ = stamp_ns;
+    sentence << " lies " << seconds(last_ns_, stamp_ns)
+             << " s after the last one, and no other yet";
+  } else if (seconds(stamp_ns, last_ns_) > clock_jump_s_) {
+    last_ns_ = stamp_ns;
+    return Verdict::kJumpedBack;
+  } else {
+    sentence << " does not lie " << kMinStep << " s or more after the last one, "
+             << fromNanoseconds(last_ns_);
+  }
   reason_ = sentence.str();
   return Verdict::kDrop;
 }

@@ -15,6 +15,9 @@
 namespace ground_scale_vo {
 namespace {
 
+/// A motion is foretold for so many times the time in which it was seen: a velocity over two stamps
+/// that lie closer than their images tells nothing of the next one.
+constexpr double kMaxPredictedSteps = 8;
 constexpr std::size_t kMinTexture = 60;  // corners of an image that is not blind
 constexpr std::size_t kMinStartMatches = 100;
 constexpr std::size_t kMaxStartFrames = 3000;
@@ -133,6 +136,7 @@ struct VisualOdometry::Impl {
   std::int64_t pose_stamp_ns = 0;
   Eigen::Matrix<double, 6, 1> velocity =
       Eigen::Matrix<double, 6, 1>::Zero();  // w, v in c, per second
+  double velocity_dt = 0;                   // [s] over which it was measured
   int lost_frames = 0;
 
   std::vector<StartFrame> start_frames;  // the first is the reference
@@ -147,7 +151,8 @@ struct VisualOdometry::Impl {
   // --- tracking -------------------------------------------------------------------------------
 
   Eigen::Isometry3d predictPose(std::int64_t stamp_ns) const {
-    const double dt = static_cast<double>(stamp_ns - pose_stamp_ns) * 1e-9;
+    const double dt = std::min(static_cast<double>(stamp_ns - pose_stamp_ns) * 1e-9,
+                               kMaxPredictedSteps * velocity_dt);
     Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
     const Eigen::Vector3d w = velocity.head<3>() * dt;
     if (w.norm() > 0) step.linear() = Eigen::AngleAxisd(w.norm(), w.normalized()).matrix();
@@ -522,6 +527,7 @@ struct VisualOdometry::Impl {
 
   void setVelocity(const Eigen::Isometry3d& step, double dt) {
     if (dt <= 0) return;
+    velocity_dt = dt;
     const Eigen::AngleAxisd rotation(step.linear());
     velocity << rotation.angle() / dt * rotation.axis(), step.translation() / dt;
   }

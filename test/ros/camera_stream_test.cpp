@@ -52,11 +52,12 @@ TEST(DescribedCamera, RectifiesImagesOfItsSizeOnly) {
   CameraStream stream(false);
   stream.accept(info(), "t");
   const sensor_msgs::Image msg = image(8, 6);
-  const cv::Mat grey = stream.camera()->rectified(msg);
+  GreyConverter converter;
+  const cv::Mat grey = stream.camera()->rectified(msg, &converter);
   EXPECT_EQ(grey.type(), CV_8UC1);
   EXPECT_EQ(grey.at<std::uint8_t>(3, 3), 100);
   try {
-    stream.camera()->rectified(image(6, 8));
+    stream.camera()->rectified(image(6, 8), &converter);
     FAIL() << "took it";
   } catch (const MessageError& error) {
     EXPECT_STREQ(error.what(), "the image is 6 x 8, camera_info says 8 x 6");

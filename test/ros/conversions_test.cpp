@@ -1,8 +1,6 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 
 #include <gtest/gtest.h>
-#include <sensor_msgs/distortion_models.h>
-#include <sensor_msgs/image_encodings.h>
 
 #include <cmath>
 #include <limits>
@@ -11,183 +9,13 @@
 namespace ground_scale_vo {
 namespace {
 
-namespace enc = sensor_msgs::image_encodings;
-
-sensor_msgs::Image imageOf(const std::string& encoding, std::uint32_t width, std::uint32_t height) {
-  sensor_msgs::Image image;
-  image.encoding = encoding;
-  image.width = width;
-  image.height = height;
-  image.step =
-      width * static_cast<std::uint32_t>(enc::numChannels(encoding) * enc::bitDepth(encoding) / 8);
-  image.data.assign(image.step * height, 100);
-  return image;
-}
-
-std::string refusal(const sensor_msgs::Image& image) {
-  try {
-    toGrey(image);
-  } catch (const MessageError& error) {
-    return error.what();
+TEST(Nanoseconds, HoldTheWholeRangeOfStamps) {
+  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  for (const ros::Time& stamp :
+       {ros::Time(0, 0), ros::Time(0, 1), ros::Time(2147483648u, 5), ros::Time(kMost, 999999999)}) {
+    EXPECT_EQ(fromNanoseconds(toNanoseconds(stamp)), stamp);
   }
-  return "";
-}
-
-TEST(ToGrey, TakesEveryEncodingThatHasBrightness) {
-  for (const char* encoding :
-       {"mono8", "8UC1", "bgr8", "rgb8", "bgra8", "rgba8", "mono16", "16UC1", "bgr16", "rgba16",
-        "bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"}) {
-    const sensor_msgs::Image image = imageOf(encoding, 8, 6);
-    const cv::Mat grey = toGrey(image);
-    ASSERT_EQ(grey.type(), CV_8UC1) << encoding;
-    EXPECT_EQ(grey.size(), cv::Size(8, 6)) << encoding;
-    // 16-bit: 100 * 256 + 100 over 257.
-    EXPECT_EQ(grey.at<uchar>(3, 3), 100) << encoding;
-  }
-}
-
-TEST(ToGrey, KeepsMonoPixelsAndDoesNotCopyThem) {
-  sensor_msgs::Image image = imageOf("mono8", 4, 2);
-  for (std::size_t i = 0; i < 8; ++i) image.data[i] = static_cast<std::uint8_t>(i);
-  const cv::Mat grey = toGrey(image);
-  EXPECT_EQ(grey.data, image.data.data());
-  for (int i = 0; i < 8; ++i) EXPECT_EQ(grey.at<uchar>(i / 4, i % 4), i);
-}
-
-TEST(ToGrey, RespectsTheStep) {
-  sensor_msgs::Image image = imageOf("mono8", 4, 2);
-  image.step = 6;
-  image.data = {1, 2, 3, 4, 0, 0, 5, 6, 7, 8, 0, 0};
-  EXPECT_EQ(toGrey(image).at<uchar>(1, 0), 5);
-}
-
-TEST(ToGrey, RefusesWhatIsBroken) {
-  sensor_msgs::Image image = imageOf("mono8", 4, 2);
-  image.width = 0;
-  EXPECT_EQ(refusal(image), "the image has no pixels");
-  image = imageOf("mono8", 4, 2);
-  image.data.pop_back();
-  EXPECT_EQ(refusal(image), "the image holds 7 bytes instead of 8");
-  image = imageOf("mono8", 4, 2);
-  image.data.push_back(0);
-  EXPECT_EQ(refusal(image), "the image holds 9 bytes instead of 8");
-  image = imageOf("bgr8", 4, 2);
-  image.step = 4;
-  EXPECT_NE(refusal(image).find("too short for 4 pixels of bgr8"), std::string::npos);
-  image = imageOf("mono8", 4, 2);
-  image.encoding = "jpeg";
-  EXPECT_EQ(refusal(image), "the encoding \"jpeg\" is not known");
-  image.encoding = "";
-  EXPECT_EQ(refusal(image), "the encoding \"\" is not known");
-  EXPECT_EQ(refusal(imageOf("32FC1", 4, 2)), "the encoding \"32FC1\" cannot be turned into grey");
-  image = imageOf("mono8", 4, 2);
-  image.step = image.width = std::numeric_limits<std::uint32_t>::max();
-  image.height = image.width;
-  EXPECT_NE(refusal(image), "");
-}
-
-sensor_msgs::CameraInfo goodInfo() {
-  PinholeCamera camera;
-  camera.width = 640;
-  camera.height = 200;
-  camera.fx = 400;
-  camera.fy = 410;
-  camera.cx = 320;
-  camera.cy = 100;
-  return toCameraInfo(camera);
-}
-
-std::string refusal(const sensor_msgs::CameraInfo& info, bool rectified = false) {
-  try {
-    toRectifier(toCalibration(info, "/cam/info", rectified), "/cam/info");
-  } catch (const MessageError& error) {
-    EXPECT_NE(std::string(error.what()).find("/cam/info"), std::string::npos) << error.what();
-    return error.what();
-  }
-  return "";
-}
-
-TEST(ToCalibration, UsesKWhenItIsThere) {
-  sensor_msgs::CameraInfo info = goodInfo();
-  info.P[0] = 999;
-  const Calibration calibration = toCalibration(info, "/cam/info", false);
-  EXPECT_EQ(calibration.raw.fx, 400);
-  EXPECT_EQ(calibration.raw.fy, 410);
-  EXPECT_EQ(calibration.raw.cx, 320);
-  EXPECT_EQ(calibration.raw.cy, 100);
-  EXPECT_EQ(calibration.raw.width, 640);
-  EXPECT_EQ(calibration.raw.height, 200);
-  EXPECT_EQ(calibration.model, DistortionModel::kNone);
-  EXPECT_TRUE(calibration == toCalibration(info, "/cam/info", false));
-}
-
-TEST(ToCalibration, UsesPOfARectifiedCamera) {
-  sensor_msgs::CameraInfo info = goodInfo();
-  info.P[0] = 500;
-  info.K.fill(0);
-  EXPECT_EQ(toCalibration(info, "/cam/info", false).raw.fx, 500);
-  // KITTI's raw drives: K and D of the raw camera beside rectified images.
-  info = goodInfo();
-  info.P[0] = 500;
-  info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
-  const Calibration calibration = toCalibration(info, "/cam/info", true);
-  EXPECT_EQ(calibration.raw.fx, 500);
-  EXPECT_EQ(calibration.model, DistortionModel::kNone);
-}
-
-TEST(ToCalibration, KnowsTheDistortionModels) {
-  sensor_msgs::CameraInfo info = goodInfo();
-  info.D = {-0.3, 0.1, 0.001, 0.002, 0};
-  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kPlumbBob);
-  EXPECT_EQ(toCalibration(info, "/t", false).coefficients, info.D);
-  EXPECT_EQ(refusal(info), "");
-  info.distortion_model = sensor_msgs::distortion_models::RATIONAL_POLYNOMIAL;
-  info.D = {0.1, 0.1, 0, 0, 0, 0.1, 0.1, 0.1};
-  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kRationalPolynomial);
-  EXPECT_EQ(refusal(info), "");
-  info.distortion_model = sensor_msgs::distortion_models::EQUIDISTANT;
-  info.D = {0, 0, 0, 0};  // bends all the same
-  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kEquidistant);
-  EXPECT_EQ(refusal(info), "");
-  info.distortion_model = "";
-  EXPECT_EQ(toCalibration(info, "/t", false).model, DistortionModel::kNone);
-}
-
-TEST(ToCalibration, RefusesWhatIsNoCalibrationAndNamesTheTopic) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  sensor_msgs::CameraInfo info = goodInfo();
-  info.K.fill(0);
-  info.P.fill(0);
-  EXPECT_EQ(refusal(info),
-            "camera_info on topic /cam/info is all zeros: the camera is not calibrated");
-  EXPECT_NE(refusal(sensor_msgs::CameraInfo()), "");
-  info = goodInfo();
-  info.P.fill(0);
-  EXPECT_NE(refusal(info, true), "");
-  info = goodInfo();
-  info.K[0] = nan;
-  EXPECT_NE(refusal(info).find("not finite"), std::string::npos);
-  info = goodInfo();
-  info.D[1] = nan;
-  EXPECT_NE(refusal(info).find("not finite"), std::string::npos);
-  info = goodInfo();
-  info.K[4] = -410;
-  EXPECT_NE(refusal(info), "");
-  info = goodInfo();
-  info.width = 0;
-  EXPECT_NE(refusal(info), "");
-  info = goodInfo();
-  info.distortion_model = "thin_prism";
-  EXPECT_NE(refusal(info).find("\"thin_prism\""), std::string::npos);
-  info = goodInfo();
-  info.D = {0.1, 0.1};
-  EXPECT_NE(refusal(info), "");
-  info = goodInfo();
-  info.binning_x = 2;
-  EXPECT_NE(refusal(info).find("binning"), std::string::npos);
-  info = goodInfo();
-  info.roi.x_offset = 4;
-  EXPECT_NE(refusal(info).find("region"), std::string::npos);
+  EXPECT_EQ(toNanoseconds(ros::Time(kMost, 999999999)), 4294967295999999999);
 }
 
 VoFrame someFrame() {

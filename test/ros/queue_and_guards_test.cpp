@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <thread>
 
 #include "ground_scale_vo/ros/bounded_path.hpp"
@@ -49,14 +50,55 @@ TEST(StampGuard, DropsWhatRepeatsAndStartsAnewAfterAJump) {
   using Verdict = StampGuard::Verdict;
   StampGuard guard(1.0);
   EXPECT_EQ(guard.check(ros::Time()), Verdict::kDrop);
+  EXPECT_EQ(guard.reason(), "the stamp is zero");
   EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kNext);
   EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kDrop);
-  EXPECT_NE(guard.reason(), "");
+  EXPECT_EQ(guard.reason(),
+            "the stamp 10.000000000 does not lie 0.001 s or more after the last one, 10.000000000");
+  EXPECT_EQ(guard.check(ros::Time(10, 999999)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(9.5)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
   EXPECT_EQ(guard.check(ros::Time(60.0)), Verdict::kNext);
   EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kJumpedBack);
   EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
+}
+
+TEST(StampGuard, BelievesAStampFarAheadWhenAnotherFollows) {
+  using Verdict = StampGuard::Verdict;
+  StampGuard guard(1.0);
+  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kNext);
+  // Alone it is a fault.
+  EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.reason(),
+            "the stamp 7210.000000000 lies 7200 s after the last one, and no other yet");
+  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
+  // Faults that do not agree with each other are faults all the same.
+  EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(19000.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(18999.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(18999.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(10.2)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time()), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(7210.1)), Verdict::kDrop);
+  // A pause.
+  EXPECT_EQ(guard.check(ros::Time(7210.2)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(7210.3)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.3)), Verdict::kJumpedBack);
+}
+
+// ros::Duration ends at 2^31 s and throws beyond.
+TEST(StampGuard, HoldsOverTheWholeRangeOfStamps) {
+  using Verdict = StampGuard::Verdict;
+  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  StampGuard guard(1.0);
+  EXPECT_EQ(guard.check(ros::Time(1, 0)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(kMost, 0)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(kMost, 998999999)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(kMost, 999999999)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(kMost, 999999999)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(0, 1)), Verdict::kJumpedBack);
+  EXPECT_EQ(guard.check(ros::Time(0, 1000001)), Verdict::kNext);
 }
 
 TEST(FaultLog, CountsAllAndPrintsTheFirst) {

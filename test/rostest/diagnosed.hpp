@@ -8,13 +8,15 @@
 
 namespace ground_scale_vo {
 
-/// True when the diagnostics come to tell this value, from now on; empty: any.
+/// True when the diagnostics come to tell this value, from now on; empty: any. of: part of the
+/// name of the nodelet that shall tell it.
 inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& key,
-                      const std::string& value = "") {
+                      const std::string& value = "", const std::string& of = "") {
   diagnostics.clear();
   return diagnostics.wait([&](const auto& reports) {
     for (const auto& report : reports) {
       for (const auto& status : report->status) {
+        if (status.name.find(of) == std::string::npos) continue;
         for (const auto& entry : status.values) {
           if (entry.key == key && (value.empty() || entry.value == value)) return true;
         }

@@ -1,11 +1,15 @@
-// MonoVo and what a camera can do wrong: each bad image or camera_info is left out and counted in
-// the diagnostics, and the next good one is used.
+// Both nodelets and what a camera can do wrong: each bad image or camera_info is left out and
+// counted in the diagnostics, and the next good one is used.
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <boost/make_shared.hpp>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
 
 #include "diagnosed.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -14,53 +18,90 @@
 namespace ground_scale_vo {
 namespace {
 
+constexpr std::uint32_t kWidth = 160, kHeight = 80;
+
 class Images : public testing::Test {
  protected:
   Images()
       : images_(handle_.advertise<sensor_msgs::Image>("image", 100)),
         infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera_info", 100)),
+        foreign_frames_(handle_.advertise<VoFrameMsg>("vo/frame", 100)),
         frames_(handle_, "vo/frame"),
+        scales_(handle_, "scale"),
         diagnostics_(handle_, "/diagnostics") {}
 
   void SetUp() override {
+    // Subscribers are counted by process, so it is the diagnostics that tell that both are there.
     ASSERT_TRUE(waitUntil([this] {
       return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
-             frames_.connected() && diagnostics_.connected();
+             foreign_frames_.getNumSubscribers() > 1 && scales_.connected() &&
+             diagnostics_.connected();
     }));
+    ASSERT_TRUE(diagnosed("mono_vo", "images received", ""));
+    ASSERT_TRUE(diagnosed("scale_recovery", "images", ""));
   }
 
-  static sensor_msgs::Image image(double stamp) {
+  static sensor_msgs::Image image(double stamp, const std::string& encoding = "mono8",
+                                  std::uint32_t pixel_bytes = 1) {
     sensor_msgs::Image image;
     image.header.stamp = ros::Time(stamp);
     image.header.frame_id = "camera";
-    image.encoding = "mono8";
-    image.width = image.step = 160;
-    image.height = 80;
-    image.data.assign(160 * 80, 90);
+    image.encoding = encoding;
+    image.width = kWidth;
+    image.height = kHeight;
+    image.step = kWidth * pixel_bytes;
+    image.data.assign(image.step * kHeight, 90);
     return image;
   }
   static sensor_msgs::CameraInfo info() {
     PinholeCamera camera;
-    camera.width = 160;
-    camera.height = 80;
+    camera.width = kWidth;
+    camera.height = kHeight;
     camera.fx = camera.fy = 100;
     camera.cx = 80;
     camera.cy = 40;
     return toCameraInfo(camera);
   }
 
-  bool diagnosed(const std::string& key, const std::string& value) {
-    return ground_scale_vo::diagnosed(diagnostics_, key, value);
+  bool diagnosed(const std::string& nodelet, const std::string& key, const std::string& value) {
+    return ground_scale_vo::diagnosed(diagnostics_, key, value, nodelet);
   }
-  /// Publishes and waits for the frame of this stamp.
+  /// What a nodelet counts, as the next diagnostics tell it; 0 when they do not.
+  int counted(const std::string& nodelet, const std::string& key) {
+    int count = 0;
+    diagnostics_.clear();
+    EXPECT_TRUE(diagnostics_.wait([&](const auto& reports) {
+      for (const auto& report : reports) {
+        for (const auto& status : report->status) {
+          if (status.name.find(nodelet) == std::string::npos) continue;
+          for (const auto& entry : status.values) {
+            if (entry.key == key) count = std::stoi(entry.value);
+          }
+          return true;
+        }
+      }
+      return false;
+    }));
+    return count;
+  }
+  /// Publishes and waits until both nodelets are through with it.
   bool comesOut(const sensor_msgs::Image& good) {
     images_.publish(good);
-    return frames_.waitForStamp(good.header.stamp);
+    return frames_.waitForStamp(good.header.stamp) && scales_.waitForStamp(good.header.stamp);
+  }
+  /// The frame that another odometry might have made of an image: what ScaleRecovery does with that
+  /// image is its own matter.
+  bool pairsWith(const sensor_msgs::Image& bad) {
+    VoFrame frame;
+    frame.camera = toCalibration(info(), "t", false).raw;
+    foreign_frames_.publish(toMsg(frame, bad.header));
+    return scales_.waitForStamp(bad.header.stamp);
   }
 
   ros::NodeHandle handle_;
-  ros::Publisher images_, infos_;
+  ros::Publisher images_, infos_, foreign_frames_;
   Inbox<VoFrameMsg> frames_;
+  Inbox<ScaleEstimateMsg> scales_;
   Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
 };
 
@@ -68,70 +109,230 @@ class Images : public testing::Test {
 TEST_F(Images, WaitForAUsableCameraInfo) {
   for (int i = 0; i < 10; ++i) images_.publish(image(10 + i));
   infos_.publish(sensor_msgs::CameraInfo());
-  EXPECT_TRUE(diagnosed("dropped: camera_info refused", "1"));
-  EXPECT_TRUE(diagnosed("images received", "10"));
-  EXPECT_TRUE(diagnosed("images overtaken by newer ones", "7"));  // queue_size is 3
+  EXPECT_TRUE(diagnosed("mono_vo", "dropped: camera_info refused", "1"));
+  EXPECT_TRUE(diagnosed("mono_vo", "images received", "10"));
+  EXPECT_TRUE(diagnosed("mono_vo", "images overtaken by newer ones", "7"));  // queue_size is 3
+  EXPECT_TRUE(diagnosed("scale_recovery", "dropped: camera_info refused", "1"));
   EXPECT_TRUE(frames_.messages().empty());
   infos_.publish(info());
   ASSERT_TRUE(frames_.waitForStamp(ros::Time(19)));
   EXPECT_EQ(frames_.messages().size(), 3u);  // newest wins
 }
 
+struct BadImage {
+  const char* name;
+  std::function<void(sensor_msgs::Image*)> spoil;
+};
+
 TEST_F(Images, BadOnesAreLeftOutAndCounted) {
+  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  const std::vector<BadImage> bad_images = {
+      {"data too short", [](auto* i) { i->data.resize(100); }},
+      {"data too long", [](auto* i) { i->data.resize(i->data.size() + 1); }},
+      {"no data", [](auto* i) { i->data.clear(); }},
+      {"step too small", [](auto* i) { i->step = kWidth - 1; }},
+      {"step zero", [](auto* i) { i->step = 0; }},
+      {"step larger than data", [](auto* i) { i->step = kWidth + 1; }},
+      {"greatest step", [](auto* i) { i->step = kMost; }},
+      {"odd step of 16 bits",
+       [](auto* i) {
+         i->encoding = "mono16";
+         i->step = 2 * kWidth + 1;
+         i->data.resize(i->step * kHeight);
+       }},
+      {"no width", [](auto* i) { i->width = 0; }},
+      {"no height", [](auto* i) { i->height = 0; }},
+      {"nothing at all", [](auto* i) { i->width = i->height = i->step = 0, i->data.clear(); }},
+      {"greatest size", [](auto* i) { i->width = i->height = i->step = kMost; }},
+      {"another size",
+       [](auto* i) {
+         i->width = i->step = 80;
+         i->data.resize(80 * kHeight);
+       }},
+      {"width and height exchanged",
+       [](auto* i) {
+         i->width = i->step = kHeight;
+         i->height = kWidth;
+       }},
+      {"larger than camera_info says",
+       [](auto* i) {
+         i->width = i->step = 2 * kWidth;
+         i->height = 2 * kHeight;
+         i->data.resize(4 * kWidth * kHeight);
+       }},
+      {"unknown encoding", [](auto* i) { i->encoding = "nonsense"; }},
+      {"no encoding", [](auto* i) { i->encoding.clear(); }},
+      {"depth for grey",
+       [](auto* i) {
+         i->encoding = "32FC1";
+         i->step = 4 * kWidth;
+         i->data.resize(i->step * kHeight);
+       }},
+      {"colour of a mono image's length", [](auto* i) { i->encoding = "bgr8"; }},
+  };
   infos_.publish(info());
-  ASSERT_TRUE(comesOut(image(100)));
-  frames_.clear();
-
-  sensor_msgs::Image bad = image(101);
-  bad.data.resize(100);
-  images_.publish(bad);
-  bad = image(101);
-  bad.encoding = "nonsense";
-  images_.publish(bad);
-  ASSERT_TRUE(comesOut(image(102)));
-  bad = image(103);
-  bad.width = bad.step = 80;
-  bad.data.resize(80 * 80);
-  images_.publish(bad);
-  ASSERT_TRUE(comesOut(image(104)));
-  EXPECT_TRUE(diagnosed("dropped: image refused", "3"));
-
-  // Each beside a good one: more than three at once may overtake each other.
-  images_.publish(image(104));  // repeated
-  ASSERT_TRUE(comesOut(image(105)));
-  images_.publish(image(104.5));  // a little backward
-  ASSERT_TRUE(comesOut(image(106)));
-  images_.publish(image(0));  // no stamp at all
-  ASSERT_TRUE(comesOut(image(107)));
-  EXPECT_TRUE(diagnosed("dropped: image stamp", "3"));
-
-  EXPECT_EQ(frames_.messages().size(), 5u);
-  for (std::size_t i = 1; i < 5; ++i) {
-    EXPECT_EQ(frames_.messages()[i]->sequence, frames_.messages()[i - 1]->sequence + 1);
+  double stamp = 100;
+  ASSERT_TRUE(comesOut(image(stamp)));
+  std::uint32_t sequence = frames_.messages().back()->sequence;
+  const int without_image = counted("scale_recovery", "frames without an image");
+  for (const BadImage& bad_image : bad_images) {
+    const sensor_msgs::Image good = image(++stamp);
+    sensor_msgs::Image bad = image(++stamp);
+    bad_image.spoil(&bad);
+    images_.publish(good);
+    images_.publish(bad);
+    ASSERT_TRUE(frames_.waitForStamp(good.header.stamp)) << "before " << bad_image.name;
+    // The odometry goes on as if the bad ones had not come.
+    EXPECT_EQ(frames_.messages().back()->sequence, ++sequence) << "before " << bad_image.name;
+    ASSERT_TRUE(scales_.waitForStamp(good.header.stamp)) << "before " << bad_image.name;
+    ASSERT_TRUE(pairsWith(bad)) << bad_image.name;
   }
+  ASSERT_TRUE(comesOut(image(++stamp)));
+  EXPECT_EQ(frames_.messages().back()->sequence, ++sequence);
+  const std::string count = std::to_string(bad_images.size());
+  EXPECT_TRUE(diagnosed("mono_vo", "dropped: image refused", count));
+  EXPECT_TRUE(diagnosed("scale_recovery", "dropped: image refused", count));
+  EXPECT_EQ(counted("scale_recovery", "frames without an image"),
+            without_image + static_cast<int>(bad_images.size()));
+  EXPECT_EQ(counted("mono_vo", "dropped: image failed"), 0);
 }
 
-TEST_F(Images, AClockThatJumpsBackStartsAnew) {
+TEST_F(Images, EveryEncodingComesOut) {
   infos_.publish(info());
-  ASSERT_TRUE(comesOut(image(200)));
-  ASSERT_TRUE(comesOut(image(201)));
-  ASSERT_TRUE(comesOut(image(150)));
-  EXPECT_EQ(frames_.messages().back()->sequence, 0u);
+  double stamp = 200;
+  ASSERT_TRUE(comesOut(image(stamp)));
+  const int refused = counted("mono_vo", "dropped: image refused");
+  const int without_image = counted("scale_recovery", "frames without an image");
+  const auto passes = [&](sensor_msgs::Image good) {
+    EXPECT_TRUE(comesOut(good)) << good.encoding << ", big endian: " << int(good.is_bigendian);
+    good.header.stamp = ros::Time(++stamp);
+    good.is_bigendian = 1;
+    EXPECT_TRUE(comesOut(good)) << good.encoding << " big endian";
+    good.header.stamp = ros::Time(++stamp);
+    good.step += 6;  // padding
+    good.data.resize(good.step * kHeight);
+    EXPECT_TRUE(comesOut(good)) << good.encoding << " with a padding";
+  };
+  for (const std::uint32_t bytes : {1u, 2u}) {
+    const std::string bits = bytes == 1 ? "8" : "16";
+    for (const char* name : {"mono", "bayer_rggb", "bayer_bggr", "bayer_gbrg", "bayer_grbg"}) {
+      passes(image(++stamp, name + bits, bytes));
+    }
+    for (const char* name : {"bgr", "rgb"}) {
+      passes(image(++stamp, name + bits, 3 * bytes));
+      passes(image(++stamp, std::string(name) + "a" + bits, 4 * bytes));
+    }
+    for (const std::uint32_t channels : {1u, 3u, 4u}) {
+      passes(image(++stamp, bits + "UC" + std::to_string(channels), channels * bytes));
+    }
+  }
+  passes(image(++stamp, "yuv422", 2));
+  passes(image(++stamp, "yuv422_yuy2", 2));
+  EXPECT_EQ(counted("mono_vo", "dropped: image refused"), refused);
+  EXPECT_EQ(counted("scale_recovery", "frames without an image"), without_image);
+}
+
+TEST_F(Images, ABadCameraInfoLeavesTheOneBeforeInUse) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  using Info = sensor_msgs::CameraInfo;
+  const std::vector<std::function<void(Info*)>> spoils = {
+      [](Info* i) { *i = Info(); },
+      [](Info* i) { i->K.fill(0), i->P.fill(0); },
+      [](Info* i) { i->K[0] = kNan; },
+      [](Info* i) { i->P[0] = kNan; },
+      [](Info* i) { i->D[0] = kNan; },
+      [](Info* i) { i->R[0] = kNan; },
+      [](Info* i) { i->K[0] = -100; },
+      [](Info* i) { i->K[4] = 0; },
+      [](Info* i) { i->K[0] = i->K[4] = 1e5; },
+      [](Info* i) { i->K[2] = 1e4; },
+      [](Info* i) { i->distortion_model = "unknown"; },
+      [](Info* i) {
+        i->D = {0.1, 0.2, 0.3};
+      },
+      [](Info* i) { i->distortion_model = "equidistant"; },
+      [](Info* i) { i->width = 0; },
+      // 10^10 pixels: the maps of its distortion would need 60 GB.
+      [](Info* i) { i->width = i->height = 100000, i->K[0] = i->K[4] = 5e4, i->D[0] = 0.1; },
+      [](Info* i) { i->roi.x_offset = 1000, i->roi.width = i->roi.height = 10; },
+      [](Info* i) { i->binning_x = 1000; },
+  };
+  infos_.publish(info());
+  ASSERT_TRUE(comesOut(image(300)));
+  const std::uint32_t sequence = frames_.messages().back()->sequence;
+  const int refused = counted("mono_vo", "dropped: camera_info refused");
+  for (const auto& spoil : spoils) {
+    Info bad = info();
+    spoil(&bad);
+    infos_.publish(bad);
+  }
+  const std::string count = std::to_string(refused + static_cast<int>(spoils.size()));
+  EXPECT_TRUE(diagnosed("mono_vo", "dropped: camera_info refused", count));
+  EXPECT_TRUE(diagnosed("scale_recovery", "dropped: camera_info refused", count));
+  ASSERT_TRUE(comesOut(image(301)));
+  EXPECT_EQ(frames_.messages().back()->sequence, sequence + 1);
+  EXPECT_EQ(frames_.messages().back()->fx, 100);
 }
 
 TEST_F(Images, AnotherCalibrationStartsAnew) {
+  struct Camera {
+    const char* model;
+    std::vector<double> D;
+    std::uint32_t width;  ///< of the full resolution
+    std::uint32_t binning;
+  };
+  double stamp = 400, f = 110;
+  for (const Camera& camera :
+       {Camera{"plumb_bob", {0, 0, 0, 0, 0}, kWidth, 1},
+        Camera{"plumb_bob", {-0.3, 0.1, 0, 0}, kWidth, 0},
+        Camera{"rational_polynomial", std::vector<double>(8, 0.01), kWidth, 0},
+        Camera{"equidistant", {0, 0, 0, 0}, kWidth, 0}, Camera{"", {}, kWidth, 0},
+        Camera{"plumb_bob", {-0.3, 0.1, 0, 0, 0}, 2 * kWidth, 2}, Camera{"", {}, 100, 0},
+        Camera{"", {}, kWidth, 0}}) {
+    sensor_msgs::CameraInfo other = info();
+    f += 2;
+    other.K[0] = other.K[4] = f * std::max(camera.binning, 1u);
+    other.distortion_model = camera.model;
+    other.D = camera.D;
+    other.width = camera.width;
+    other.binning_x = other.binning_y = camera.binning;
+    other.height = kHeight * std::max(camera.binning, 1u);
+    infos_.publish(other);
+    sensor_msgs::Image good = image(stamp);
+    good.width = good.step = camera.width / std::max(camera.binning, 1u);
+    good.data.resize(good.step * kHeight);
+    // camera_info and image come by different ways: send images until the new one is in use. Those
+    // of another size are refused until then.
+    ASSERT_TRUE(waitUntil([&] {
+      good.header.stamp = ros::Time(stamp += 1);
+      images_.publish(good);
+      return frames_.waitForStamp(good.header.stamp, 0.5) && frames_.messages().back()->fx == f;
+    })) << camera.model;
+    EXPECT_EQ(frames_.messages().back()->sequence, 0u) << camera.model;
+    EXPECT_EQ(frames_.messages().back()->width, good.width);
+    good.header.stamp = ros::Time(stamp += 1);
+    ASSERT_TRUE(comesOut(good));
+    EXPECT_EQ(frames_.messages().back()->sequence, 1u) << camera.model;
+  }
+}
+
+// Without a new camera_info, images of another size are refused until the old size is back.
+TEST_F(Images, AnotherSizeAloneIsRefused) {
   infos_.publish(info());
-  ASSERT_TRUE(comesOut(image(300)));
-  ASSERT_TRUE(comesOut(image(301)));
-  sensor_msgs::CameraInfo other = info();
-  other.K[0] = other.K[4] = 120;
-  infos_.publish(other);
-  // camera_info and image come by different ways: send images until the new one is in use.
-  double stamp = 302;
+  double stamp = 500;
   ASSERT_TRUE(waitUntil(
-      [&] { return comesOut(image(stamp += 1)) && frames_.messages().back()->fx == 120; }));
-  EXPECT_EQ(frames_.messages().back()->sequence, 0u);
-  infos_.publish(info());
+      [&] { return comesOut(image(stamp += 1)) && frames_.messages().back()->fx == info().K[0]; }));
+  const std::uint32_t sequence = frames_.messages().back()->sequence;
+  const int refused = counted("mono_vo", "dropped: image refused");
+  for (int i = 0; i < 3; ++i) {
+    sensor_msgs::Image small = image(stamp += 1);
+    small.width = small.step = 100;
+    small.data.resize(100 * kHeight);
+    images_.publish(small);
+  }
+  EXPECT_TRUE(diagnosed("mono_vo", "dropped: image refused", std::to_string(refused + 3)));
+  ASSERT_TRUE(comesOut(image(stamp += 1)));
+  EXPECT_EQ(frames_.messages().back()->sequence, sequence + 1);
 }
 
 }  // namespace

@@ -82,6 +82,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::shared_ptr<const DescribedCamera> odometry_camera_;
   std::unique_ptr<VisualOdometry> odometry_;
   std::unique_ptr<StampGuard> guard_;
+  GreyConverter grey_;
   TrackPainter painter_;
 
   std::unique_ptr<BoundedQueue<sensor_msgs::ImageConstPtr>> images_;

@@ -78,6 +78,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<StampGuard> guard_;
   std::unique_ptr<BoundedPath> path_;
   std::unique_ptr<CameraStream> stream_;
+  GreyConverter grey_;
   std::unique_ptr<Pairing> pairing_;
 
   /// Since the last frame of the odometry before: what its maps are renumbered with.

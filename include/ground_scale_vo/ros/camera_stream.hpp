@@ -22,9 +22,9 @@ class DescribedCamera {
   const Calibration& calibration() const { return calibration_; }
   /// Of the rectified images.
   const PinholeCamera& camera() const { return rectifier_.camera(); }
-  /// 8-bit grey; may be the message's own pixels, as toGrey's are. Throws MessageError: toGrey's
+  /// 8-bit grey; may be the message's own pixels, as GreyConverter's are. Throws MessageError: its
   /// reasons, or not of the calibration's size.
-  cv::Mat rectified(const sensor_msgs::Image& image) const;
+  cv::Mat rectified(const sensor_msgs::Image& image, GreyConverter* grey) const;
   /// The other camera is that of the rectified images, give or take the digits of a float.
   bool isCameraOf(const PinholeCamera& other) const;
 

@@ -34,11 +34,24 @@ std::int64_t toNanoseconds(const ros::Time& stamp);
 /// Precondition: 0 <= stamp_ns < 2^32 s.
 ros::Time fromNanoseconds(std::int64_t stamp_ns);
 
-/// 8-bit grey image from every encoding that has brightness (mono, colour, Bayer, 8 or 16 bits; 16
-/// bits are divided by 257). Of an 8-bit mono image the pixels are the message's own, which must
-/// outlive them. Throws MessageError: no pixels, unknown encoding, a step too short for the width,
-/// data shorter or longer than step * height.
-cv::Mat toGrey(const sensor_msgs::Image& image);
+/// Turns images into 8-bit grey, from every encoding that has brightness: mono, colour and Bayer of
+/// 8 or 16 bits, yuv422.
+///
+/// Of 16 bits most cameras use fewer. The scale is taken from the bits that are in use (8, 10, 12,
+/// 14 or 16): at first those of the first image, more when a brighter one comes, never fewer. So
+/// the brightness does not flicker, and an image does not depend on the ones after it.
+class GreyConverter {
+ public:
+  /// Of an 8-bit mono image the pixels are the message's own, which must outlive them. Throws
+  /// MessageError: no pixels, an encoding that has no grey, a step that does not fit the width,
+  /// data shorter or longer than step * height.
+  cv::Mat convert(const sensor_msgs::Image& image);
+
+ private:
+  cv::Mat toEightBits(const cv::Mat& grey);
+
+  int bits_ = 8;  ///< in use
+};
 
 /// What a CameraInfo says of the images beside it.
 struct Calibration {
@@ -49,14 +62,14 @@ struct Calibration {
 bool operator==(const Calibration& a, const Calibration& b);
 
 /// K and D; P when K is all zero, as for a rectified camera, or when image_is_rectified says that
-/// the images are rectified although K and D describe the raw camera. Throws MessageError, which
-/// names the topic: nothing calibrated (K and P all zero), a number not finite, an unknown
-/// distortion model, binning or a region of interest.
+/// the images are rectified although K and D describe the raw camera. roi and binning are applied.
+/// R and the last column of P are not used: the motion is that of the camera as it is mounted.
+/// Throws MessageError, which names the topic: nothing calibrated (K and P all zero), a number not
+/// finite, a matrix that is no camera's, an unknown distortion model, a roi outside the image.
 Calibration toCalibration(const sensor_msgs::CameraInfo& info, const std::string& topic,
                           bool image_is_rectified);
 
-/// Throws MessageError, which names the topic: a focal length or size not positive, a wrong number
-/// of coefficients.
+/// Throws MessageError, which names the topic: a wrong number of coefficients.
 Rectifier toRectifier(const Calibration& calibration, const std::string& topic);
 
 /// The camera alone: no distortion, K and P filled, D zero. For writing bags.

@@ -1,0 +1,228 @@
+// Images of every encoding: the same scene gives the same grey, what is broken is refused with one
+// sentence.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/ros/conversions.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr int kWidth = 50, kHeight = 40;
+
+/// How an encoding lays out its numbers: per pixel, "bgr" in their order, "x" any, "y" brightness;
+/// Bayer: the 2 x 2 pattern row by row.
+struct Layout {
+  std::string encoding;
+  std::string channels;
+  bool bayer = false;
+  int bytes = 1;
+  int tolerance = 1;
+};
+
+const std::vector<Layout>& layouts() {
+  static const std::vector<Layout> all = [] {
+    std::vector<Layout> list = {
+        {"8UC1", "y"},           {"8UC3", "bgr"},          {"8UC4", "bgrx"}, {"16UC1", "y", {}, 2},
+        {"16UC3", "bgr", {}, 2}, {"16UC4", "bgrx", {}, 2}, {"yuv422", "xy"}, {"yuv422_yuy2", "yx"}};
+    for (const int bytes : {1, 2}) {
+      const std::string bits = bytes == 1 ? "8" : "16";
+      list.push_back({"mono" + bits, "y", false, bytes});
+      for (const char* order : {"bgr", "rgb"}) {
+        list.push_back({order + bits, order, false, bytes});
+        list.push_back({std::string(order) + "a" + bits, std::string(order) + "x", false, bytes});
+      }
+      for (const char* pattern : {"rggb", "bggr", "gbrg", "grbg"}) {
+        list.push_back({std::string("bayer_") + pattern + bits, pattern, true, bytes, 2});
+      }
+    }
+    return list;
+  }();
+  return all;
+}
+
+/// A scene of smooth colours [0, 255]; Bayer's gaps are filled exactly in it.
+double colour(char channel, int u, int v) {
+  if (channel == 'b') return 20 + 3.0 * u + 1.0 * v;
+  if (channel == 'g') return 40 + 1.0 * u + 3.0 * v;
+  if (channel == 'r') return 235 - 2.0 * u - 2.0 * v;
+  if (channel == 'x') return 77;
+  return 0.114 * colour('b', u, v) + 0.587 * colour('g', u, v) + 0.299 * colour('r', u, v);
+}
+
+/// unit: the number of 1 of 255 grey levels.
+sensor_msgs::Image imageOf(const Layout& layout, double unit, std::uint32_t padding = 0,
+                           bool big_endian = false) {
+  const std::size_t numbers = layout.bayer ? 1 : layout.channels.size();
+  const auto bytes = static_cast<std::size_t>(layout.bytes);
+  sensor_msgs::Image image;
+  image.encoding = layout.encoding;
+  image.width = kWidth;
+  image.height = kHeight;
+  image.is_bigendian = big_endian;
+  image.step = static_cast<std::uint32_t>(kWidth * numbers * bytes) + padding;
+  image.data.assign(image.step * image.height, 255);
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      for (std::size_t k = 0; k < numbers; ++k) {
+        const char channel = layout.channels[layout.bayer ? 2 * (v % 2) + u % 2 : k];
+        const auto number = static_cast<unsigned>(std::lround(unit * colour(channel, u, v)));
+        std::uint8_t* const at = &image.data[v * image.step + (u * numbers + k) * bytes];
+        if (bytes == 1) {
+          at[0] = static_cast<std::uint8_t>(number);
+        } else {
+          at[big_endian ? 0 : 1] = static_cast<std::uint8_t>(number / 256);
+          at[big_endian ? 1 : 0] = static_cast<std::uint8_t>(number % 256);
+        }
+      }
+    }
+  }
+  return image;
+}
+
+/// The largest difference from the scene's grey, without the border, which Bayer makes up.
+double difference(const cv::Mat& grey) {
+  if (grey.type() != CV_8UC1 || grey.size() != cv::Size(kWidth, kHeight)) return 1e9;
+  double largest = 0;
+  for (int v = 1; v + 1 < kHeight; ++v) {
+    for (int u = 1; u + 1 < kWidth; ++u) {
+      largest = std::max(largest, std::abs(grey.at<std::uint8_t>(v, u) - colour('y', u, v)));
+    }
+  }
+  return largest;
+}
+
+TEST(GreyConverter, EveryEncodingOfASceneGivesTheSameGrey) {
+  for (const Layout& layout : layouts()) {
+    for (const std::uint32_t padding : {0u, 6u}) {
+      const double unit = layout.bytes == 2 ? 257 : 1;
+      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit, padding))),
+                layout.tolerance)
+          << layout.encoding << " with a padding of " << padding;
+      if (layout.bytes == 1) continue;
+      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit, padding, true))),
+                layout.tolerance)
+          << layout.encoding << ", big endian";
+    }
+  }
+}
+
+TEST(GreyConverter, SixteenBitsKeepTheContrastOfTheBitsInUse) {
+  for (const Layout& layout : layouts()) {
+    if (layout.bytes == 1) continue;
+    for (const int bits : {8, 10, 12, 14, 16}) {
+      const double unit = (std::ldexp(1.0, bits) - 1) / 255;
+      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit))), layout.tolerance)
+          << layout.encoding << " of " << bits << " bits";
+    }
+  }
+}
+
+std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number) {
+  sensor_msgs::Image image;
+  image.encoding = "mono16";
+  image.width = image.height = 1;
+  image.step = 2;
+  image.data = {static_cast<std::uint8_t>(number % 256), static_cast<std::uint8_t>(number / 256)};
+  return converter->convert(image).at<std::uint8_t>(0, 0);
+}
+
+TEST(GreyConverter, TheScaleOfSixteenBitsIsWidenedAndNeverNarrowed) {
+  GreyConverter converter;
+  EXPECT_EQ(greyOf(&converter, 0), 0);
+  EXPECT_EQ(greyOf(&converter, 200), 200);
+  EXPECT_EQ(greyOf(&converter, 4095), 255);
+  EXPECT_EQ(greyOf(&converter, 200), 12);  // dark now, and not brightened up again
+  EXPECT_EQ(greyOf(&converter, 4095), 255);
+  EXPECT_EQ(greyOf(&converter, 4096), 64);  // 14 bits
+  EXPECT_EQ(greyOf(&converter, 65535), 255);
+  EXPECT_EQ(greyOf(&converter, 4095), 16);
+}
+
+TEST(GreyConverter, MonoPixelsAreNotCopied) {
+  const sensor_msgs::Image image = imageOf({"mono8", "y"}, 1, 3);
+  EXPECT_EQ(GreyConverter().convert(image).data, image.data.data());
+}
+
+std::string refusal(const sensor_msgs::Image& image) {
+  try {
+    GreyConverter().convert(image);
+  } catch (const MessageError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(GreyConverter, RefusesEncodingsWithoutGrey) {
+  for (const char* encoding :
+       {"", "jpeg", "MONO8", "mono8 ", "8UC", "8UC2", "8UC5", "8UC-4", "8UC1000000000", "8SC1",
+        "16SC1", "16UC2", "32SC1", "32FC1", "32FC3", "64FC1", "bayer_rggb", "yuv420", "nv12"}) {
+    sensor_msgs::Image image = imageOf({"mono8", "y"}, 1);
+    image.encoding = encoding;
+    EXPECT_EQ(refusal(image), "the encoding \"" + std::string(encoding) +
+                                  "\" cannot be turned into grey; mono, colour and Bayer of 8 or "
+                                  "16 bits and yuv422 can");
+  }
+}
+
+TEST(GreyConverter, RefusesSizesThatDoNotFit) {
+  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  struct Case {
+    const char* encoding;
+    std::uint32_t width, height, step;
+    std::size_t bytes;
+    const char* sentence;
+  };
+  const Case cases[] = {
+      {"mono8", 0, 2, 4, 8, "the image has no pixels"},
+      {"mono8", 4, 0, 4, 0, "the image has no pixels"},
+      {"mono8", 0, 0, 0, 0, "the image has no pixels"},
+      {"mono8", 4, 2, 4, 7, "the image holds 7 bytes instead of 8"},
+      {"mono8", 4, 2, 4, 9, "the image holds 9 bytes instead of 8"},
+      {"mono8", 4, 2, 4, 0, "the image holds 0 bytes instead of 8"},
+      {"mono8", 4, 2, 6, 10, "the image holds 10 bytes instead of 12"},
+      {"mono8", 4, 2, 3, 6, "the step of 3 bytes does not fit 4 pixels of mono8"},
+      {"mono8", 4, 2, 0, 0, "the step of 0 bytes does not fit 4 pixels of mono8"},
+      {"bgr8", 4, 2, 11, 22, "the step of 11 bytes does not fit 4 pixels of bgr8"},
+      {"rgba16", 4, 2, 31, 62, "the step of 31 bytes does not fit 4 pixels of rgba16"},
+      {"mono16", 4, 2, 9, 18, "the step of 9 bytes does not fit 4 pixels of mono16"},
+      {"yuv422", 4, 2, 7, 14, "the step of 7 bytes does not fit 4 pixels of yuv422"},
+      {"mono8", kMost, kMost, kMost, 1,
+       "the image is 4294967295 x 4294967295, which is no "
+       "camera's size"},
+      {"mono8", kMost, 1, kMost, 1, "the image is 4294967295 x 1, which is no camera's size"},
+      // step * height is 2^32: nothing is left of it in 32 bits.
+      {"mono8", 65536, 65536, 65536, 0, "the image holds 0 bytes instead of 4294967296"},
+      {"bgr8", 4, 2, kMost, 24, "the image holds 24 bytes instead of 8589934590"},
+  };
+  for (const Case& c : cases) {
+    sensor_msgs::Image image;
+    image.encoding = c.encoding;
+    image.width = c.width;
+    image.height = c.height;
+    image.step = c.step;
+    image.data.assign(c.bytes, 100);
+    EXPECT_EQ(refusal(image), c.sentence);
+  }
+}
+
+TEST(GreyConverter, TakesTheSmallestImages) {
+  for (const Layout& layout : layouts()) {
+    sensor_msgs::Image image;
+    image.encoding = layout.encoding;
+    image.width = image.height = 1;
+    image.step = static_cast<std::uint32_t>((layout.bayer ? 1 : layout.channels.size()) *
+                                            static_cast<std::size_t>(layout.bytes));
+    image.data.assign(image.step, 100);
+    EXPECT_EQ(GreyConverter().convert(image).size(), cv::Size(1, 1)) << layout.encoding;
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

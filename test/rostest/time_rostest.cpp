@@ -1,0 +1,257 @@
+// Both nodelets under use_sim_time: a clock that starts late, a looped bag, a lone stamp far ahead,
+// a pause of hours.
+
+#include <cv_bridge/cv_bridge.h>
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <rosgraph_msgs/Clock.h>
+#include <sensor_msgs/image_encodings.h>
+#include <tf2_msgs/TFMessage.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+
+#include <Eigen/Core>
+#include <boost/make_shared.hpp>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "diagnosed.hpp"
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr std::size_t kFrames = 50;
+constexpr std::int64_t kSecond = 1000000000;
+constexpr std::int64_t kStart = 1000 * kSecond;
+
+class Time : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    SyntheticDrive::Options options;
+    options.frames = kFrames;
+    options.stop_s = 0;
+    const SyntheticDrive drive(options);
+    camera_ = drive.camera();
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      pictures_.push_back(drive.image(i));
+      stamps_ns_.push_back(drive.frame(i).stamp_ns);
+    }
+  }
+
+  Time()
+      : clock_(handle_.advertise<rosgraph_msgs::Clock>("/clock", 10)),
+        images_(handle_.advertise<sensor_msgs::Image>("image", 10)),
+        infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera_info", 10)),
+        foreign_frames_(handle_.advertise<VoFrameMsg>("vo/frame", 10)),
+        frames_(handle_, "vo/frame"),
+        scales_(handle_, "scale"),
+        odometry_(handle_, "odometry"),
+        tf_(handle_, "/tf"),
+        diagnostics_(handle_, "/diagnostics") {}
+
+  void SetUp() override {
+    ASSERT_TRUE(waitUntil([this] {
+      return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
+             foreign_frames_.getNumSubscribers() > 1 && scales_.connected() &&
+             odometry_.connected() && tf_.connected() && diagnostics_.connected();
+    }));
+    ASSERT_TRUE(diagnosed(diagnostics_, "images received", "", "mono_vo"));
+    infos_.publish(toCameraInfo(camera_));
+  }
+
+  static std_msgs::Header header(std::int64_t stamp_ns) {
+    std_msgs::Header header;
+    header.stamp = fromNanoseconds(stamp_ns);
+    header.frame_id = "camera";
+    return header;
+  }
+  /// The drive's image i, shown at this time.
+  bool comesOut(std::size_t i, std::int64_t stamp_ns) {
+    publish(i, stamp_ns);
+    return scales_.waitForStamp(fromNanoseconds(stamp_ns));
+  }
+  void publish(std::size_t i, std::int64_t stamp_ns) {
+    images_.publish(
+        cv_bridge::CvImage(header(stamp_ns), sensor_msgs::image_encodings::MONO8, pictures_[i])
+            .toImageMsg());
+  }
+  /// All images from start_ns on. with_clock: /clock goes along.
+  void play(std::int64_t start_ns, bool with_clock) {
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      if (with_clock) setClock(start_ns + stamps_ns_[i]);
+      ASSERT_TRUE(comesOut(i, start_ns + stamps_ns_[i])) << i;
+    }
+    const ros::Time last = fromNanoseconds(start_ns + stamps_ns_.back());
+    ASSERT_TRUE(odometry_.waitForStamp(last));
+    ASSERT_TRUE(tf_.wait([&last](const auto& messages) {
+      return !messages.empty() && messages.back()->transforms.at(0).header.stamp == last;
+    }));
+  }
+  void setClock(std::int64_t now_ns) {
+    rosgraph_msgs::Clock clock;
+    clock.clock = fromNanoseconds(now_ns);
+    clock_.publish(clock);
+    ASSERT_TRUE(waitUntil([&] { return ros::Time::now() == clock.clock; }));
+  }
+  void clear() {
+    frames_.clear();
+    scales_.clear();
+    odometry_.clear();
+    tf_.clear();
+  }
+  static bool finite(const nav_msgs::Odometry& odometry) {
+    const auto all = [](const auto& covariance) {
+      return Eigen::Map<const Eigen::Matrix<double, 36, 1>>(covariance.data()).allFinite();
+    };
+    const auto& twist = odometry.twist.twist;
+    return all(odometry.pose.covariance) && all(odometry.twist.covariance) &&
+           fromMsg(odometry.pose.pose).matrix().allFinite() &&
+           Eigen::Vector3d(twist.linear.x, twist.linear.y, twist.linear.z).allFinite() &&
+           Eigen::Vector3d(twist.angular.x, twist.angular.y, twist.angular.z).allFinite();
+  }
+
+  static PinholeCamera camera_;
+  static std::vector<cv::Mat> pictures_;
+  static std::vector<std::int64_t> stamps_ns_;
+
+  ros::NodeHandle handle_;
+  ros::Publisher clock_, images_, infos_, foreign_frames_;
+  Inbox<VoFrameMsg> frames_;
+  Inbox<ScaleEstimateMsg> scales_;
+  Inbox<nav_msgs::Odometry> odometry_;
+  Inbox<tf2_msgs::TFMessage> tf_;
+  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
+};
+
+PinholeCamera Time::camera_;
+std::vector<cv::Mat> Time::pictures_;
+std::vector<std::int64_t> Time::stamps_ns_;
+
+// Runs first. The first pass has no clock at all; for the second, which a looped bag plays, it
+// starts, and the third is another loop with the clock jumping back.
+TEST_F(Time, ALateClockLosesNothingAndEachLoopOfABagGivesTheSame) {
+  ASSERT_TRUE(ros::Time::now().isZero());
+  std::vector<nav_msgs::Odometry::ConstPtr> first;
+  std::uint32_t map_id = 0;
+  for (int pass = 0; pass < 3; ++pass) {
+    if (pass == 2) setClock(kStart + stamps_ns_.back() + 30 * kSecond);
+    tf2_ros::Buffer buffer;
+    const tf2_ros::TransformListener listener(buffer, handle_);
+    clear();
+    ASSERT_NO_FATAL_FAILURE(play(kStart, pass > 0)) << "pass " << pass;
+    EXPECT_TRUE(diagnosed(diagnostics_, "images", "used", "scale_recovery"));
+
+    const auto frames = frames_.messages();
+    ASSERT_EQ(frames.size(), kFrames) << "pass " << pass;
+    for (std::size_t i = 0; i < kFrames; ++i) EXPECT_EQ(frames[i]->sequence, i);
+    const auto scales = scales_.messages();
+    EXPECT_EQ(scales.size(), kFrames);
+    if (pass > 0) {
+      EXPECT_GT(scales.front()->map_id, map_id);
+    }
+    map_id = scales.back()->map_id;
+
+    const auto odometry = odometry_.messages();
+    if (pass == 0) first = odometry;
+    ASSERT_GT(first.size(), kFrames / 2);
+    ASSERT_EQ(odometry.size(), first.size()) << "pass " << pass;
+    const auto transforms = tf_.messages();
+    ASSERT_EQ(transforms.size(), odometry.size());
+    for (std::size_t k = 0; k < first.size(); ++k) {
+      // A loop gives the same, to the last bit.
+      nav_msgs::Odometry again = *odometry[k];
+      again.header.seq = first[k]->header.seq;
+      EXPECT_EQ(again, *first[k]) << "pass " << pass << ", " << k;
+      // Nothing of the pass before follows on tf.
+      geometry_msgs::TransformStamped transform = transforms[k]->transforms.at(0);
+      transform.header.seq = odometry[k]->header.seq;
+      EXPECT_EQ(transform, toTransformMsg(*odometry[k])) << "pass " << pass << ", " << k;
+    }
+    // A listener that lives through the passes is cleared by tf2 when the clock jumps; one that is
+    // there from this pass on knows this pass.
+    const auto& last = *odometry.back();
+    ASSERT_TRUE(waitUntil([&] {
+      return buffer.canTransform("odom", "camera", last.header.stamp, ros::Duration(0));
+    }));
+    EXPECT_EQ(buffer.lookupTransform("odom", "camera", last.header.stamp).transform,
+              toTransformMsg(last).transform);
+  }
+}
+
+// Alone it is a fault: left out and counted, by both nodelets, and nothing starts anew.
+TEST_F(Time, ALoneStampFarAheadIsLeftOut) {
+  constexpr std::uint32_t kMost = std::numeric_limits<std::uint32_t>::max();
+  ASSERT_TRUE(comesOut(0, kStart));
+  ASSERT_TRUE(comesOut(1, kStart + stamps_ns_[1]));
+  const std::uint32_t map_id = scales_.messages().back()->map_id;
+  publish(2, kMost * kSecond);
+  ASSERT_TRUE(comesOut(2, kStart + stamps_ns_[2]));
+  EXPECT_EQ(frames_.messages().back()->sequence, 2u);
+  publish(3, 0);
+  ASSERT_TRUE(comesOut(3, kStart + stamps_ns_[3]));
+  publish(4, kStart + stamps_ns_[3]);
+  publish(4, kStart + stamps_ns_[2]);
+  ASSERT_TRUE(comesOut(4, kStart + stamps_ns_[4]));
+  EXPECT_EQ(frames_.messages().back()->sequence, 4u);
+  EXPECT_EQ(scales_.messages().back()->map_id, map_id);
+  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: image stamp", "4", "mono_vo"));
+
+  // Frames of another odometry: what MonoVo lets through is no fault any more.
+  VoFrameMsg frame = *frames_.messages().back();
+  for (const std::int64_t stamp_ns : {kMost * kSecond, std::int64_t{0}, kStart}) {
+    frame.header = header(stamp_ns);
+    ++frame.sequence;
+    foreign_frames_.publish(frame);
+  }
+  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: frame stamp", "3", "scale_recovery"));
+  ASSERT_TRUE(comesOut(5, kStart + stamps_ns_[5]));
+
+  // Two that agree are a jump, also over more than the 2^31 s of ros::Duration, and back again.
+  for (const std::int64_t stamp_ns :
+       {(kMost - 1) * kSecond, kMost * kSecond, kStart + stamps_ns_[6]}) {
+    frame.header = header(stamp_ns);
+    ++frame.sequence;
+    foreign_frames_.publish(frame);
+  }
+  ASSERT_TRUE(scales_.waitForStamp(fromNanoseconds(kStart + stamps_ns_[6])));
+  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: frame stamp", "4", "scale_recovery"));
+}
+
+// The images after a pause of two hours go on where those before it ended. The stamp of the first
+// image, and then that of the first frame, is left out, as it is alone until the next comes.
+TEST_F(Time, APauseOfHoursIsBridged) {
+  constexpr std::size_t kBefore = 30;
+  constexpr std::int64_t start = kStart - 500 * kSecond;
+  constexpr std::int64_t kPause = 7200 * kSecond;
+  clear();
+  for (std::size_t i = 0; i < kBefore; ++i) ASSERT_TRUE(comesOut(i, start + stamps_ns_[i])) << i;
+  publish(kBefore, start + kPause + stamps_ns_[kBefore]);
+  publish(kBefore + 1, start + kPause + stamps_ns_[kBefore + 1]);
+  for (std::size_t i = kBefore + 2; i < kFrames; ++i) {
+    ASSERT_TRUE(comesOut(i, start + kPause + stamps_ns_[i])) << i;
+  }
+  EXPECT_EQ(scales_.messages().size(), kFrames - 2);
+  EXPECT_EQ(frames_.messages().back()->status, VoFrameMsg::TRACKING);
+  EXPECT_EQ(frames_.messages().back()->sequence, kFrames - 2);  // nothing started anew
+  ASSERT_TRUE(odometry_.waitForStamp(fromNanoseconds(start + kPause + stamps_ns_.back())));
+  for (const auto& odometry : odometry_.messages()) {
+    EXPECT_TRUE(finite(*odometry)) << odometry->header.stamp;
+    EXPECT_LT(odometry->twist.twist.linear.x, 12) << odometry->header.stamp;
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "time_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

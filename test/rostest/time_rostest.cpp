@@ -73,7 +73,8 @@ class Time : public testing::Test {
   /// The drive's image i, shown at this time.
   bool comesOut(std::size_t i, std::int64_t stamp_ns) {
     publish(i, stamp_ns);
-    return scales_.waitForStamp(fromNanoseconds(stamp_ns));
+    return frames_.waitForStamp(fromNanoseconds(stamp_ns)) &&
+           scales_.waitForStamp(fromNanoseconds(stamp_ns));
   }
   void publish(std::size_t i, std::int64_t stamp_ns) {
     images_.publish(

@@ -103,7 +103,7 @@ TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
   for (int i = 0; i < kReloads; ++i) {
     if (i == kWarm) {
       threads = manager.threads();
-      megabytes = manager.residentMegabytes();
+      megabytes = manager.usage().rss_mb;
     }
     ASSERT_TRUE(load("MonoVo", "/mono_vo"));
     ASSERT_TRUE(load("ScaleRecovery", "/scale_recovery"));
@@ -117,9 +117,8 @@ TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
   EXPECT_EQ(loaded(), 0u);
   EXPECT_EQ(manager.registrations(), registered);
   EXPECT_LE(manager.threads(), threads);
-  EXPECT_LT(manager.residentMegabytes() - megabytes, kGrowthMegabytes)
-      << "from " << megabytes << " MB";
-  RecordProperty("growth_kB", static_cast<int>(1000 * (manager.residentMegabytes() - megabytes)));
+  EXPECT_LT(manager.usage().rss_mb - megabytes, kGrowthMegabytes) << "from " << megabytes << " MB";
+  RecordProperty("growth_kB", static_cast<int>(1000 * (manager.usage().rss_mb - megabytes)));
 }
 
 }  // namespace

@@ -25,7 +25,7 @@
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "inbox.hpp"
-#include "process_of_node.hpp"
+#include "node_probe.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -166,8 +166,7 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
            odometry.connected() && vo_frames.connected() && path.connected() &&
            tracks.connected() && points.connected() && ground.connected() && plane.connected();
   })) << "the nodelets did not come up";
-  const pid_t manager = processOfNode("manager");
-  ASSERT_GT(processUsage(manager).rss_mb, 0) << "the manager's process is not found";
+  const NodeProbe manager("/manager");
 
   Metres metres(drive);
   std::vector<Look> looks;
@@ -184,7 +183,7 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
       ASSERT_TRUE(std::isfinite(scale->scale) && std::isfinite(scale->sigma)) << "frame " << n;
     }
     for (const auto& pose : odometry.take()) metres.add(*pose);
-    if ((n + 1) % kLookEvery == 0) looks.push_back({n + 1, processUsage(manager)});
+    if ((n + 1) % kLookEvery == 0) looks.push_back({n + 1, manager.usage()});
   }
   print(looks);
   std::cout << "metric poses " << metres.poses() << " of " << frames << ", " << metres.trueWay()

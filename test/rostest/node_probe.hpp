@@ -3,15 +3,15 @@
 #include <ros/master.h>
 #include <ros/network.h>
 #include <ros/this_node.h>
-#include <unistd.h>
 #include <xmlrpcpp/XmlRpc.h>
 
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <set>
 #include <stdexcept>
 #include <string>
+
+#include "ground_scale_vo/dataset/process_usage.hpp"
 
 namespace ground_scale_vo {
 
@@ -33,17 +33,12 @@ class NodeProbe {
     caller[0] = ros::this_node::getName();
     XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port), "/");
     if (!client.execute("getPid", caller, pid)) throw std::runtime_error(name + " is silent");
-    process_ = "/proc/" + std::to_string(static_cast<int>(pid[2]));
+    pid_ = static_cast<int>(pid[2]);
   }
 
-  double residentMegabytes() const {
-    std::ifstream statm(process_ + "/statm");
-    double pages = 0, resident = 0;
-    statm >> pages >> resident;
-    return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
-  }
+  ProcessUsage usage() const { return processUsage(pid_); }
   std::size_t threads() const {
-    const std::filesystem::directory_iterator tasks(process_ + "/task");
+    const std::filesystem::directory_iterator tasks("/proc/" + std::to_string(pid_) + "/task");
     return static_cast<std::size_t>(std::distance(begin(tasks), end(tasks)));
   }
   /// What the master has of it: "publishes /a", "listens to /b", "serves /c".

@@ -160,7 +160,7 @@ TEST_F(Overload, ListenersChangeNothing) {
   ASSERT_TRUE(waitUntil([&] { return deaf.output().find(kDeaf) != std::string::npos; }));
   deaf.send(SIGSTOP);
   const NodeProbe probe("/manager");
-  const double megabytes = probe.residentMegabytes();
+  const double megabytes = probe.usage().rss_mb;
   for (std::size_t i = 0; i < kFrames; i += 10) {
     std::unique_ptr<Inbox<sensor_msgs::Image>> tracks;
     std::unique_ptr<Inbox<sensor_msgs::PointCloud2>> points, ground;
@@ -187,7 +187,7 @@ TEST_F(Overload, ListenersChangeNothing) {
   for (std::size_t i = 0; i < now.size(); ++i) {
     EXPECT_EQ(now[i]->pose.pose, before[i]->pose.pose) << i;
   }
-  EXPECT_LT(probe.residentMegabytes() - megabytes, 60);
+  EXPECT_LT(probe.usage().rss_mb - megabytes, 60);
   EXPECT_NEAR(watched.lengthRatio(), 1, kTolerance);
   EXPECT_TRUE(watched.unload());
 }

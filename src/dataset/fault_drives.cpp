@@ -344,8 +344,9 @@ std::string brokenBar(const FaultRunFigures& figures) {
   if (figures.non_finite_frames > 0) {
     return say("%zu frames hold a number that is not finite", figures.non_finite_frames);
   }
+  if (figures.stretches.empty()) return "no stretch without a fault is long enough";
   for (const StretchFigures& s : figures.stretches) {
-    if (s.error_percent <= kStretchBarPercent) continue;
+    if (s.error_percent <= kStretchBarPercent) continue;  // nor when it is no number
     return say("frames %zu to %zu are wrong by %.1f %%", s.first, s.last, s.error_percent);
   }
   for (const FaultFigures& f : figures.faults) {

@@ -18,7 +18,7 @@ using synthetic::Random;
 constexpr const char *kLorry = "lorry", *kWall = "wall";
 constexpr double kLorryS = 10, kLorryEdgeS = 1;  // it takes so long to cut in, and to leave [s]
 constexpr double kStartS = 4.5, kStretchS = 3;   // clean: at the start, and beyond settling [s]
-constexpr double kWallHidesM = 7, kStopsBefore = 1.8;  // hardly any road is in sight so near to it
+constexpr double kWallFillsM = 7, kStopsBefore = 1.8;  // the picture; hardly any road is seen [m]
 constexpr double kSlack = 0.05, kSlackM = 1;  // of way that is not invented but badly measured
 constexpr double kSigmas = 3;
 
@@ -104,8 +104,10 @@ class Plan {
       const double x = (stand - t) / kBrakeS;
       return v * kBrakeS / 2 * (x - std::sin(M_PI * x) / M_PI);
     };
-    while (from > brake && left(from) < kWallHidesM - kStopsBefore) from -= 0.05;
-    to += kGoS / 2 + (kWallHidesM - kStopsBefore) / -kBack;
+    while (from > brake && left(from) < kWallFillsM - kStopsBefore) from -= 0.05;
+    // Back to where the lower edge of the picture shows road again.
+    const double down = (o.camera.height - 1 - o.camera.cy) / o.camera.fy + o.pitch_rad;
+    to += kGoS / 2 + (0.9 * o.camera_height / down - kStopsBefore) / -kBack;
     PlacedFault fault{kWall, {}, 0, 0, true, 0};
     fault.first = static_cast<std::size_t>(frames(from));
     fault.last = static_cast<std::size_t>(frames(to));
@@ -344,8 +346,9 @@ std::string brokenBar(const FaultRunFigures& figures) {
   if (figures.non_finite_frames > 0) {
     return say("%zu frames hold a number that is not finite", figures.non_finite_frames);
   }
+  if (figures.stretches.empty()) return "no stretch without a fault is long enough";
   for (const StretchFigures& s : figures.stretches) {
-    if (s.error_percent <= kStretchBarPercent) continue;
+    if (s.error_percent <= kStretchBarPercent) continue;  // nor when it is no number
     return say("frames %zu to %zu are wrong by %.1f %%", s.first, s.last, s.error_percent);
   }
   for (const FaultFigures& f : figures.faults) {

@@ -209,26 +209,6 @@ std::vector<HazardDrive> hazardDrives() {
             o.lead_time = 0;
           },
           {}, HazardDrive::Frames{37, 84}),
-      drive(
-          "lorry_close", "a lorry cuts in and hides the road for 10 s", 190,
-          [](Options& o) {
-            setSmallCamera(o);
-            o.lorry_first = 60;
-            o.lorry_frames = 100;
-            o.lorry_width = 4.6;
-          },
-          {}, HazardDrive::Frames{70, 149}),
-      drive(
-          "wall", "up to the front of a house, a stop before it, and back", 120,
-          [](Options& o) {
-            setSmallCamera(o);
-            o.speeds = {{0, 6}, {3.5, 6}, {5, 0}, {6, 0}, {7.5, -3}};
-            o.speed = 6;
-            o.wall_at_m = 29;
-            o.curvature = o.slope = 0;
-            o.moving_cars = o.parked_cars = false;
-          },
-          {}, HazardDrive::Frames{46, 60}),
       drive("off_road", "a bumpy gravel track without markings", 90,
             [](Options& o) {
               setSmallCamera(o);

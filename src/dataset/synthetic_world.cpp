@@ -416,7 +416,7 @@ class World::Builder {
 
   /// Walls, a ceiling and its two faces; the road below lies in the dark.
   void underpass() {
-    constexpr double kClearance = 4.6, kThick = 1.2, kLight = 0.1;
+    constexpr double kClearance = 4.6, kThick = 1.2, kLight = 0.2;
     const double from = options_.underpass_from, to = options_.underpass_to;
     const double right = kRightPavement - 0.5, left = kLeftPavement + 0.5;
     for (const double u : {right, left}) {

@@ -1,5 +1,6 @@
 #include "ground_scale_vo/vo/exposure.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -12,7 +13,7 @@ namespace {
 constexpr int kDark = 8, kBright = 247;  // beyond them a grey level may be cut off
 constexpr double kLeastReadable = 0.2;   // share of the pixels that are not, in both images
 constexpr double kLeastStep = 1.25, kLargestStep = 5;
-constexpr double kClear = 3;  // a step over the spread of its parts
+constexpr double kClear = 3;  // a step over what three quarters of its parts differ from it
 
 }  // namespace
 
@@ -33,7 +34,9 @@ double exposureStep(const cv::Mat& before, const cv::Mat& now) {
   const double step = median(&ratios), size = std::abs(std::log(step));
   if (size < std::log(kLeastStep) || size > std::log(kLargestStep)) return 1;
   for (double& ratio : ratios) ratio = std::abs(std::log(ratio / step));
-  return kClear * kSigmaOfMad * median(&ratios) < size ? step : 1;
+  const auto most = ratios.begin() + static_cast<std::ptrdiff_t>(3 * ratios.size() / 4);
+  std::nth_element(ratios.begin(), most, ratios.end());
+  return kClear * *most < size ? step : 1;
 }
 
 cv::Mat exposed(const cv::Mat& image, double factor) {

@@ -153,6 +153,24 @@ TEST(MetricTrajectory, NewMapGoesOnFromTheLastPoseWithMoreUncertainty) {
   EXPECT_NEAR((next->T_o_c.translation() - first->T_o_c.translation()).norm(), 0.9, 1e-9);
 }
 
+// A camera that repeats one image looks like a standstill, until the picture jumps on.
+TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsMissed) {
+  MetricTrajectory trajectory({});
+  trajectory.append(frameAt(0, straight(0)), scaleOf(2, 0.02));
+  const auto last = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.02));
+  ScaleEstimate stands = scaleOf(2, 0.02);
+  stands.status = ScaleStatus::kHeld;
+  stands.reason = ScaleReason::kStandstill;
+  for (int i = 2; i <= 21; ++i) trajectory.append(frameAt(i, straight(1)), stands);
+  const auto first = trajectory.append(frameAt(31, straight(0.7), 1), scaleOf(9, 0.02));
+  EXPECT_NEAR(first->covariance(0, 0) - last->covariance(0, 0), 225, 1e-9);  // 5 m/s for 3 s
+  // Once it has moved, only what was lost counts.
+  trajectory.append(frameAt(32, straight(0.8), 1), scaleOf(9, 0.02));
+  const auto before = trajectory.append(frameAt(33, straight(0.9), 1), scaleOf(9, 0.02));
+  const auto third = trajectory.append(frameAt(34, straight(0), 2), scaleOf(1, 0.02));
+  EXPECT_NEAR(third->covariance(0, 0) - before->covariance(0, 0), 0.25, 1e-9);
+}
+
 TEST(MetricTrajectory, ResetAndBadOptions) {
   MetricTrajectory trajectory({});
   trajectory.append(frameAt(0, straight(5)), scaleOf(2));

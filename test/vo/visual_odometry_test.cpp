@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "ground_scale_vo/dataset/fault_drives.hpp"
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "scene.hpp"
@@ -33,6 +34,18 @@ DriveRun run(const SyntheticDrive& drive, std::size_t first = 0) {
 SyntheticDrive::Options drive(int frames) {
   SyntheticDrive::Options options;
   options.frames = frames;
+  return options;
+}
+
+/// The same field of view in a third of the time; without a stop.
+SyntheticDrive::Options smallDrive(int frames) {
+  SyntheticDrive::Options options = drive(frames);
+  options.camera.width = 480;
+  options.camera.height = 150;
+  options.camera.fx = options.camera.fy = 278;
+  options.camera.cx = 239.5;
+  options.camera.cy = 74.5;
+  options.stop_s = 0;
   return options;
 }
 
@@ -217,6 +230,44 @@ TEST(VisualOdometry, blindFramesAreLostAndTrackingComesBack) {
   EXPECT_LT(angleBetween(moved, true_moved), 0.01);
   EXPECT_GT(moved.translation().normalized().dot(true_moved.translation().normalized()),
             std::cos(0.03));
+}
+
+TEST(VisualOdometry, aStepOfTheExposureLosesNothing) {
+  const SyntheticDrive truth(smallDrive(45));
+  VisualOdometry odometry(truth.camera(), {});
+  DriveRun result;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    const double gain = i < 12 ? 1 : i < 19 ? 0.4 : i < 26 ? 1 : i < 33 ? 2.5 : i % 2 ? 0.6 : 1.5;
+    cv::Mat image;
+    truth.image(i).convertTo(image, CV_8U, gain);
+    result.outputs.push_back(odometry.process(image, truth.frame(i).stamp_ns));
+    if (i < 10) continue;
+    EXPECT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
+    EXPECT_EQ(result.frame(i).map_id, 0u) << i;
+  }
+  EXPECT_NEAR(scaleOver(truth, result, 26, 45) / scaleOver(truth, result, 10, 26), 1, 0.03);
+}
+
+// Blind for four seconds behind a car: it is at the same place in the picture before and after.
+TEST(VisualOdometry, whatMovesAlongDoesNotHideThatWayWasMissed) {
+  const SyntheticDrive truth(faultDrive(1, 21).options);
+  const auto mapsAfter = [&](double return_min_share) {
+    VisualOdometry::Options options;
+    options.return_min_share = return_min_share;
+    VisualOdometry odometry(truth.camera(), options);
+    std::set<std::uint32_t> maps;
+    for (std::size_t i = 95; i < 182; ++i) {
+      const bool blind = i >= 130 && i < 171;
+      const cv::Mat image = blind
+                                ? cv::Mat::zeros(truth.camera().height, truth.camera().width, CV_8U)
+                                : truth.image(i);
+      const VoFrame frame = odometry.process(image, truth.frame(i).stamp_ns).frame;
+      if (i > 170 && frame.status == VoStatus::kTracking) maps.insert(frame.map_id);
+    }
+    return maps;
+  };
+  EXPECT_EQ(mapsAfter(VisualOdometry::Options().return_min_share), std::set<std::uint32_t>{1});
+  EXPECT_EQ(mapsAfter(0).count(0), 1u) << "the drive shows nothing";
 }
 
 TEST(VisualOdometry, aCutToAnotherPlaceStartsANewMap) {

@@ -33,8 +33,8 @@ struct FaultDrive {
 constexpr std::size_t kFaultDrives = 10;
 
 /// Drive i of kFaultDrives: camera, speed, street, which faults and when are all drawn from the
-/// seed. Over the ten of one seed every ImageFault, a lorry close ahead for 10 s and a wall before the camera occur.
-/// Throws OptionError.
+/// seed. Over the ten of one seed every ImageFault, a lorry close ahead for 10 s and a wall before
+/// the camera occur. Throws OptionError.
 FaultDrive faultDrive(std::size_t i, std::uint64_t seed = 20);
 
 /// One of each fault alone, in the same kind of drive: "lorry", "wall" or toString(ImageFault).

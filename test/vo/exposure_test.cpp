@@ -1,0 +1,52 @@
+#include "ground_scale_vo/vo/exposure.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+namespace ground_scale_vo {
+namespace {
+
+/// Blurred noise around a grey, moved by so many pixels.
+cv::Mat scene(int moved = 0) {
+  cv::Mat noise(24, 80 + 20, CV_8UC1);
+  cv::RNG(3).fill(noise, cv::RNG::UNIFORM, 0, 255);
+  cv::GaussianBlur(noise, noise, {}, 1.5);
+  cv::normalize(noise, noise, 50, 100, cv::NORM_MINMAX);
+  return noise(cv::Rect(moved, 0, 80, 24)).clone();
+}
+
+TEST(Exposure, AStepIsFoundWhileTheSceneMoves) {
+  for (const double gain : {0.4, 0.7, 1.5, 2.4}) {
+    EXPECT_NEAR(exposureStep(scene(), exposed(scene(1), gain)), gain, 0.06 * gain) << gain;
+  }
+  // What saturates tells nothing: a third of this image.
+  cv::Mat bright = exposed(scene(), 2.4);
+  bright.colRange(0, 27) = 255;
+  EXPECT_NEAR(exposureStep(scene(), bright), 2.4, 0.1);
+}
+
+TEST(Exposure, NothingElseIsAStep) {
+  EXPECT_EQ(exposureStep(scene(), scene()), 1);
+  EXPECT_EQ(exposureStep(scene(), scene(7)), 1) << "motion";
+  EXPECT_EQ(exposureStep(scene(), exposed(scene(), 1.15)), 1) << "too small";
+  EXPECT_EQ(exposureStep(scene(), exposed(scene(), 0)), 1) << "black";
+  EXPECT_EQ(exposureStep(scene(), cv::Mat(24, 80, CV_8UC1, cv::Scalar(255))), 1) << "white";
+  cv::Mat half = scene();
+  half.colRange(0, 45) *= 0.4;
+  EXPECT_EQ(exposureStep(scene(), half), 1) << "something dark before half of the picture";
+  cv::Mat other(24, 80, CV_8UC1);
+  cv::RNG(8).fill(other, cv::RNG::UNIFORM, 10, 120);
+  EXPECT_EQ(exposureStep(scene(), other), 1) << "another scene";
+}
+
+TEST(Exposure, ExposedScalesAndLeavesTheImageAlone) {
+  const cv::Mat image = scene();
+  EXPECT_EQ(exposed(image, 1).data, image.data);
+  const cv::Mat brighter = exposed(image, 2);
+  EXPECT_EQ(brighter.at<unsigned char>(5, 5), 2 * image.at<unsigned char>(5, 5));
+  EXPECT_EQ(exposed(image, 100).at<unsigned char>(5, 5), 255);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -76,7 +76,7 @@ TEST_F(TrajectoryIo, RefusesWhatIsNotAFile) {
   EXPECT_EQ(dataErrorOf([&] { readKittiPoses(huge); }, folder_),
             "/huge.txt: has 67108865 bytes, more than the 67108864 that are plausible");
   EXPECT_EQ(dataErrorOf([&] { writeKittiPoses(folder_ / "none" / "p.txt", {}); }, folder_),
-            "/none/p.txt: cannot be written");
+            "/none/p.txt: cannot be written, No such file or directory");
 }
 
 TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {

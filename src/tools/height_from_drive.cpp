@@ -266,6 +266,8 @@ class BagDrive {
     const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>();
     if (!image && !compressed) return nullptr;
     const std_msgs::Header& header = image ? image->header : compressed->header;
+    // A trajectory without stamps has a line for every image, whether it can be used or not.
+    drive_.stamps_ns.push_back(gsv::toNanoseconds(header.stamp));
     if (first_.isZero()) first_ = header.stamp;
     const double s = (header.stamp - first_).toSec();
     if (s < arguments_.from_s || s > arguments_.to_s) return nullptr;
@@ -277,9 +279,7 @@ class BagDrive {
       const auto camera = stream_.camera();
       const cv::Mat rectified = camera->rectified(*image);
       if (!run_) run_ = std::make_unique<gsv::OfflineRun>(camera->camera(), arguments_.options);
-      const std::int64_t stamp_ns = gsv::toNanoseconds(header.stamp);
-      drive_.stamps_ns.push_back(stamp_ns);
-      return &run_->process(rectified, stamp_ns);
+      return &run_->process(rectified, gsv::toNanoseconds(header.stamp));
     } catch (const gsv::MessageError& error) {
       refuse(error.what());
     } catch (const cv::Exception&) {

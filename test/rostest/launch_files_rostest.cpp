@@ -165,7 +165,7 @@ TEST(AnotherVo, GetsMetres) {
     length += (fromMsg(b.pose.pose).translation() - fromMsg(a.pose.pose).translation()).norm();
     true_length += (truth.at(b.header.stamp) - truth.at(a.header.stamp)).norm();
   }
-  EXPECT_NEAR(length / true_length, 1, 0.05);
+  EXPECT_NEAR(length / true_length, 1, 0.025);
 }
 
 }  // namespace

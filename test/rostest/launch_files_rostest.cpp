@@ -1,5 +1,6 @@
-// two_vehicles.launch: both pairs of nodelets answer, each in its own namespace. another_vo.launch:
-// an odometry that tells a pose and map points gets metres; ours, run beside it, is the other one.
+// two_vehicles.launch: both pairs of nodelets answer, each in its own namespace.
+// live_camera.launch: the same with a height_file. another_vo.launch: an odometry that tells a pose
+// and map points gets metres; ours, run beside it, is the other one.
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
@@ -87,6 +88,12 @@ TEST(TwoVehicles, BothAnswerEachForItself) {
   }
   EXPECT_TRUE(first.reset());
   EXPECT_TRUE(second.reset());
+}
+
+TEST(LiveCamera, TakesTheHeightFile) {
+  Vehicle live("live");
+  EXPECT_TRUE(live.answers());
+  EXPECT_EQ(live.height(), 1.6539);
 }
 
 sensor_msgs::PointCloud mapPoints(const VoFrame& frame, const std_msgs::Header& header) {

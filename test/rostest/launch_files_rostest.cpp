@@ -1,0 +1,189 @@
+// two_vehicles.launch: both pairs of nodelets answer, each in its own namespace.
+// live_camera.launch: the same with a height_file. another_vo.launch: an odometry that tells a pose
+// and map points gets metres; ours, run beside it, is the other one.
+
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/PointCloud.h>
+#include <std_srvs/Trigger.h>
+
+#include <boost/make_shared.hpp>
+
+#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "inbox.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+PinholeCamera smallCamera() { return {620, 188, 359.6, 359.6, 309.5, 93.5}; }
+
+class Vehicle {
+ public:
+  explicit Vehicle(const std::string& name)
+      : name_(name),
+        handle_(name),
+        images_(handle_.advertise<sensor_msgs::Image>("camera/image_raw", 1)),
+        camera_infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 1, true)),
+        frames_(handle_, "vo/frame"),
+        scales_(handle_, "scale") {}
+
+  /// Grey images until both nodelets have answered to one. A publisher cannot see which of two
+  /// nodelets in one manager listens, so the first images may not reach them.
+  bool answers() {
+    camera_infos_.publish(toCameraInfo(smallCamera()));
+    sensor_msgs::Image image;
+    image.header.frame_id = name_ + "/camera";
+    image.encoding = "mono8";
+    image.width = image.step = 620;
+    image.height = 188;
+    image.data.assign(620 * 188, 100);
+    for (int s = 1; s <= kPatience; ++s) {
+      image.header.stamp = ros::Time(s);
+      images_.publish(image);
+      if (scales_.waitForCount(1, 1.0)) return true;
+    }
+    return false;
+  }
+  double height() {
+    double height = 0;
+    handle_.getParam("scale_recovery/camera_height", height);
+    return height;
+  }
+  bool reset() {
+    std_srvs::Trigger trigger;
+    return handle_.serviceClient<std_srvs::Trigger>("reset").call(trigger) &&
+           trigger.response.success;
+  }
+  Inbox<VoFrameMsg>& frames() { return frames_; }
+  Inbox<ScaleEstimateMsg>& scales() { return scales_; }
+
+ private:
+  std::string name_;
+  ros::NodeHandle handle_;
+  ros::Publisher images_, camera_infos_;
+  Inbox<VoFrameMsg> frames_;
+  Inbox<ScaleEstimateMsg> scales_;
+};
+
+TEST(TwoVehicles, BothAnswerEachForItself) {
+  Vehicle first("first"), second("second");
+  ASSERT_TRUE(first.answers());
+  EXPECT_TRUE(second.frames().messages().empty());
+  ASSERT_TRUE(second.answers());
+  EXPECT_EQ(first.height(), 1.2);
+  EXPECT_EQ(second.height(), 1.65);
+  // What one vehicle sees does not come to the other.
+  for (const auto& [vehicle, frame] :
+       {std::pair(&first, "first/camera"), {&second, "second/camera"}}) {
+    for (const auto& message : vehicle->frames().messages()) {
+      EXPECT_EQ(message->header.frame_id, frame);
+    }
+    for (const auto& message : vehicle->scales().messages()) {
+      EXPECT_EQ(message->header.frame_id, frame);
+    }
+  }
+  EXPECT_TRUE(first.reset());
+  EXPECT_TRUE(second.reset());
+}
+
+TEST(LiveCamera, TakesTheHeightFile) {
+  Vehicle live("live");
+  EXPECT_TRUE(live.answers());
+  EXPECT_EQ(live.height(), 1.6539);
+}
+
+sensor_msgs::PointCloud mapPoints(const VoFrame& frame, const std_msgs::Header& header) {
+  sensor_msgs::PointCloud tracks;
+  tracks.header = header;
+  tracks.channels.resize(3);
+  tracks.channels[0].name = "v";
+  tracks.channels[1].name = "id";
+  tracks.channels[2].name = "u";
+  for (const TrackedFeature& feature : frame.features) {
+    if (!feature.has_point) continue;
+    const Eigen::Vector3d p_w = frame.T_w_c * feature.p_c.cast<double>();
+    geometry_msgs::Point32 point;
+    point.x = static_cast<float>(p_w.x());
+    point.y = static_cast<float>(p_w.y());
+    point.z = static_cast<float>(p_w.z());
+    tracks.points.push_back(point);
+    tracks.channels[0].values.push_back(feature.u.y());
+    tracks.channels[1].values.push_back(static_cast<float>(feature.id));
+    tracks.channels[2].values.push_back(feature.u.x());
+  }
+  return tracks;
+}
+
+TEST(AnotherVo, GetsMetres) {
+  ros::NodeHandle handle("other");
+  const ros::Publisher odometries = handle.advertise<nav_msgs::Odometry>("another_vo/odometry", 10);
+  const ros::Publisher clouds = handle.advertise<sensor_msgs::PointCloud>("another_vo/tracks", 10);
+  const ros::Publisher infos =
+      handle.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 1, true);
+  infos.publish(toCameraInfo(smallCamera()));
+  Inbox<VoFrameMsg> frames(handle, "vo/frame");
+  Inbox<ScaleEstimateMsg> scales(handle, "scale");
+  Inbox<nav_msgs::Odometry> metric(handle, "odometry");
+  ASSERT_TRUE(waitUntil([&] {
+    return odometries.getNumSubscribers() == 1 && clouds.getNumSubscribers() == 1 &&
+           infos.getNumSubscribers() >= 1 && frames.connected() && scales.connected() &&
+           metric.connected();
+  }));
+
+  SyntheticDrive::Options options;
+  options.camera = smallCamera();
+  options.frames = 45;
+  options.stop_s = 0;
+  const SyntheticDrive drive(options);
+  VisualOdometry odometry(drive.camera(), {});
+  std::map<ros::Time, Eigen::Vector3d> truth;
+  bool is_heard = false;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const VoFrame frame = odometry.process(drive.image(i), drive.frame(i).stamp_ns).frame;
+    if (frame.status != VoStatus::kTracking) continue;
+    std_msgs::Header header;
+    header.stamp = fromNanoseconds(frame.stamp_ns + 1000000000);
+    header.frame_id = "camera";
+    truth[header.stamp] = drive.frame(i).T_c0_c.translation();
+    // The example has its camera once anything comes out; before that an image may be left out.
+    const std::size_t before = frames.messages().size();
+    clouds.publish(mapPoints(frame, header));
+    odometries.publish(toOdometryMsg(frame, header, "map"));
+    is_heard = frames.waitForCount(before + 1, is_heard ? kPatience : 1.0) || is_heard;
+  }
+  const ros::Time last = truth.rbegin()->first;
+  ASSERT_TRUE(scales.waitForStamp(last));
+  ASSERT_TRUE(metric.waitForStamp(last));
+  EXPECT_EQ(frames.messages().back()->header.frame_id, "camera");
+  int measured = 0;
+  for (const auto& scale : scales.messages()) measured += scale->status == ScaleEstimateMsg::OK;
+  EXPECT_GT(measured, 10);
+
+  double length = 0, true_length = 0;
+  const auto poses = metric.messages();
+  ASSERT_GT(poses.size(), 20u);
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    const auto& a = *poses[i - 1];
+    const auto& b = *poses[i];
+    length += (fromMsg(b.pose.pose).translation() - fromMsg(a.pose.pose).translation()).norm();
+    true_length += (truth.at(b.header.stamp) - truth.at(a.header.stamp)).norm();
+  }
+  EXPECT_NEAR(length / true_length, 1, 0.025);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "launch_files_rostest");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  const int result = RUN_ALL_TESTS();
+  ros::shutdown();
+  return result;
+}

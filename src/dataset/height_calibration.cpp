@@ -147,7 +147,7 @@ std::vector<TruePosition> readTruePositions(const std::filesystem::path& file,
   std::size_t first = 0;
   while (first + 1 < text.size() && text.line(first).rfind('#', 0) == 0) ++first;
   std::vector<TruePosition> positions;
-  if (text.words(first).size() == 12) {
+  if (text.wordCount(first) == 12) {
     const std::vector<Eigen::Isometry3d> poses = readKittiPoses(file);
     if (poses.size() != stamps_ns.size()) {
       throw DataError(file.string() + ": has " + std::to_string(poses.size()) +

@@ -100,6 +100,15 @@ TextFile::TextFile(const fs::path& file) : file_(file) {
   if (lines_.empty()) throw DataError(file.string() + ": is empty");
 }
 
+std::size_t TextFile::wordCount(std::size_t i) const {
+  std::size_t count = 0;
+  forEachWord(line(i), [&](const std::string&) {
+    ++count;
+    return true;
+  });
+  return count;
+}
+
 std::vector<double> TextFile::numbers(std::size_t i, std::size_t count, std::size_t first) const {
   std::vector<double> values;
   std::size_t words = 0;

@@ -269,7 +269,8 @@ class BagDrive {
     // A trajectory without stamps has a line for every image, whether it can be used or not.
     drive_.stamps_ns.push_back(gsv::toNanoseconds(header.stamp));
     if (first_.isZero()) first_ = header.stamp;
-    const double s = (header.stamp - first_).toSec();
+    const double s =
+        1e-9 * static_cast<double>(gsv::toNanoseconds(header.stamp) - gsv::toNanoseconds(first_));
     if (s < arguments_.from_s || s > arguments_.to_s) return nullptr;
     try {
       if (guard_.check(header.stamp) != gsv::StampGuard::Verdict::kNext) {
@@ -277,7 +278,7 @@ class BagDrive {
       }
       if (!image) image = cv_bridge::toCvCopy(compressed)->toImageMsg();
       const auto camera = stream_.camera();
-      const cv::Mat rectified = camera->rectified(*image);
+      const cv::Mat rectified = camera->rectified(*image, &grey_);
       if (!run_) run_ = std::make_unique<gsv::OfflineRun>(camera->camera(), arguments_.options);
       return &run_->process(rectified, gsv::toNanoseconds(header.stamp));
     } catch (const gsv::MessageError& error) {
@@ -332,6 +333,7 @@ class BagDrive {
   const Arguments& arguments_;
   rosbag::Bag bag_;
   gsv::CameraStream stream_;
+  gsv::GreyConverter grey_;
   gsv::StampGuard guard_{1e18};
   ros::Time first_;
   std::unique_ptr<gsv::OfflineRun> run_;

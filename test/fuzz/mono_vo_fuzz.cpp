@@ -44,7 +44,7 @@ class MonoVo {
     if (!camera) return;
     cv::Mat rectified;
     try {
-      rectified = camera->rectified(image);
+      rectified = camera->rectified(image, &grey_);
     } catch (const MessageError&) {
       return;
     }
@@ -64,6 +64,7 @@ class MonoVo {
 
  private:
   CameraStream stream_;
+  GreyConverter grey_;
   StampGuard guard_{1.0};
   std::shared_ptr<const DescribedCamera> camera_;
   std::unique_ptr<VisualOdometry> odometry_;

@@ -65,7 +65,7 @@ class NodeProbe {
 
  private:
   std::string name_;
-  std::string process_;
+  pid_t pid_ = 0;
 };
 
 }  // namespace ground_scale_vo

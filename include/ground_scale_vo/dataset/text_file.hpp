@@ -37,6 +37,8 @@ class TextFile {
   std::size_t size() const { return lines_.size(); }
   const std::string& line(std::size_t i) const { return lines_.at(i); }
 
+  /// Blank-separated words of line i.
+  std::size_t wordCount(std::size_t i) const;
   /// Line i from its word `first` on as exactly `count` numbers. Throws DataError.
   std::vector<double> numbers(std::size_t i, std::size_t count, std::size_t first = 0) const;
   /// The first line that begins with the word `key`. Throws DataError when there is none.

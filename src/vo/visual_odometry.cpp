@@ -669,8 +669,9 @@ struct VisualOdometry::Impl {
       {
         Timer timer(&out.times.pyramid);
         pyramid = tracker.pyramid(image);
-        if (!from.levels.empty())
+        if (!from.levels.empty()) {
           pyramid.exposure = from.exposure * exposureStep(top(from), top(pyramid));
+        }
       }
       const std::vector<Feature> visible = status == VoStatus::kInitialising
                                                ? initialise(std::move(pyramid), stamp_ns, &out)

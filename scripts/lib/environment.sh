@@ -1,9 +1,11 @@
 # Set-up, build and environment for the commands in scripts/. Sourced, not run.
 #
-#   gsv_setup [section...]   installs what is missing of packages.txt ([base] and the sections)
-#   gsv_build [target...]    configures and builds to <root>/build; no target: everything
+#   gsv_setup [section...]   installs what is missing of packages.txt: [run], [build], these sections
+#   gsv_build [target...]    configures and builds to $gsv_build_folder; no target: everything
 #   gsv_env                  makes ROS and this build usable in the calling shell
+#   gsv_show_launch NAME     filters what kitti.launch says: progress, warnings, errors
 #   $gsv_tools               the folder of the package's programs
+#   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
 # Each returns non-zero after one sentence on stderr when it fails. In an install space, where the
 # commands lie beside the programs, there is nothing to build.
@@ -11,12 +13,13 @@
 gsv_lib=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 gsv_root=$(cd "$gsv_lib/../.." && pwd)
 gsv_installed() { [[ ! -f $gsv_root/CMakeLists.txt ]]; }
-if gsv_installed; then
-  gsv_space=$(dirname "$gsv_root")
-else
-  gsv_space=$gsv_root/build/devel
-fi
-gsv_tools=$gsv_space/lib/ground_scale_vo
+gsv_use_build() {
+  gsv_build_folder=$1
+  gsv_space=$gsv_build_folder/devel
+  if gsv_installed; then gsv_space=$(dirname "$gsv_root"); fi
+  gsv_tools=$gsv_space/lib/ground_scale_vo
+}
+gsv_use_build "$gsv_root/build"
 
 # A Python that stands before /usr/bin (pyenv, conda) breaks catkin, which needs the system's.
 PATH=/usr/bin:/bin:$PATH
@@ -46,8 +49,9 @@ gsv_setup() {
     gsv_source_distribution
     return 0 # there rosdep installs: rosdep install --from-paths . --ignore-src
   fi
-  local packages=() missing=() package
-  mapfile -t packages < <(gsv_packages base "$@")
+  local sections=(run "$@") packages=() missing=() package
+  gsv_installed || sections+=(build)
+  mapfile -t packages < <(gsv_packages "${sections[@]}")
   # One call for all of them; a name that dpkg does not know is missing too.
   local installed
   installed=" $(dpkg-query -W -f '${db:Status-Status}=${Package} ' "${packages[@]}" 2>/dev/null || true) "
@@ -82,7 +86,7 @@ gsv_setup() {
 gsv_build() {
   gsv_installed && return 0
   gsv_source_distribution
-  local build=$gsv_root/build log=$gsv_root/build/build.log jobs
+  local build=$gsv_build_folder log=$gsv_build_folder/build.log jobs
   jobs=${GSV_JOBS:-$(nproc)}
   # catkin notes the environment of the tests when it configures, and leaves out what is not there yet:
   # the folder of the messages' Python modules.
@@ -124,6 +128,9 @@ gsv_show_progress() {
 gsv_env() {
   gsv_source_distribution
   local setup=$gsv_space/setup.bash options=$-
+  if [[ $gsv_space == /usr ]]; then
+    return 0 # of a Debian package: ROS lies there too, and needs no environment
+  fi
   if [[ ! -f $setup ]]; then
     echo "environment: there is no $setup, nothing is built" >&2
     return 1
@@ -133,6 +140,37 @@ gsv_env() {
   [[ $options != *e* ]] || set -e
   [[ $options != *u* ]] || set -u
   gsv_installed && return 0
-  export ROS_HOME=$gsv_root/build/ros ROS_LOG_DIR=$gsv_root/build/ros/log
+  export ROS_HOME=$gsv_build_folder/ros ROS_LOG_DIR=$gsv_build_folder/ros/log
   mkdir -p "$ROS_LOG_DIR"
+}
+
+# Of all that roslaunch says the terminal sees the progress, under this name, warnings and errors; a
+# log sees the progress now and then.
+gsv_show_launch() {
+  local name=$1 line at=0 over=no
+  shopt -s extglob
+  while IFS= read -r line; do
+    line=${line//$'\e'\[*([0-9;])m/}
+    case $line in
+      'progress: '*)
+        if [[ -t 2 ]]; then
+          printf '\r\e[K%s: %s' "$name" "${line#progress: }" >&2
+        elif ((SECONDS >= at)); then
+          printf '%s: %s\n' "$name" "${line#progress: }" >&2
+          at=$((SECONDS + 10))
+        fi
+        ;;
+      *'play_bag: '*) # roslaunch may have written before it on the same line
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf 'play_bag: %s\n' "${line##*play_bag: }" >&2
+        over=yes # what the others say while they are ended is no news
+        ;;
+      *'[ WARN]'* | *'[ERROR]'* | *'[FATAL]'*)
+        [[ $over == no ]] || continue
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf '%s\n' "$line" >&2
+        ;;
+    esac
+  done
+  [[ ! -t 2 ]] || printf '\n' >&2
 }

@@ -165,6 +165,11 @@ gsv_show_launch() {
         printf 'play_bag: %s\n' "${line##*play_bag: }" >&2
         over=yes # what the others say while they are ended is no news
         ;;
+      '[rviz-'*'process has died'*)
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf '%s: rviz could not open its window on the display "%s", or broke down; the run goes on without it\n' \
+          "$name" "${DISPLAY:-}" >&2
+        ;;
       *'[ WARN]'* | *'[ERROR]'* | *'[FATAL]'*)
         [[ $over == no ]] || continue
         [[ ! -t 2 ]] || printf '\r\e[K' >&2

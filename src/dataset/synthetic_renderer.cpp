@@ -49,7 +49,7 @@ class Rasteriser {
     if (scene.T_w_lamps) T_l_c_ = scene.T_w_lamps->inverse() * T_w_c;
     K_ << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
     width_ = kSide * camera.width;
-    const auto samples = static_cast<std::size_t>(width_) * kSide * camera.height;
+    const auto samples = static_cast<std::size_t>(width_ * kSide * camera.height);
     inverse_depth_.assign(samples, 0.f);
     id_.assign(samples, kSky);
     for (const Instance& instance : scene.instances) draw(instance);
@@ -146,7 +146,7 @@ class Rasteriser {
       const int x0 = std::max(0, first(from - 1e-7));
       const int x1 = std::min(width_ - 1, last(to + 1e-7, camera_.width));
       for (int i = x0; i <= x1; ++i) {
-        const auto at = static_cast<std::size_t>(j) * width_ + i;
+        const auto at = static_cast<std::size_t>(j * width_ + i);
         const auto near = static_cast<float>(over_z(0) * position(i) + over_z(1) * y + over_z(2));
         if (near > inverse_depth_[at]) {
           inverse_depth_[at] = near;
@@ -161,7 +161,7 @@ class Rasteriser {
     std::array<std::uint32_t, kSamples> ids;
     for (int k = 0; k < kSamples; ++k) {
       const int i = kSide * x + k % kSide, j = kSide * y + k / kSide;
-      ids[static_cast<std::size_t>(k)] = id_[static_cast<std::size_t>(j) * width_ + i];
+      ids[static_cast<std::size_t>(k)] = id_[static_cast<std::size_t>(j * width_ + i)];
     }
     float sum = 0;
     for (std::size_t k = 0; k < ids.size(); ++k) {

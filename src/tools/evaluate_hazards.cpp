@@ -172,6 +172,7 @@ template <typename Work>
 void forAll(std::size_t count, int threads, const Work& work) {
   std::atomic<std::size_t> next{0};
   std::vector<std::future<void>> workers;
+  workers.reserve(static_cast<std::size_t>(threads));
   for (int k = 0; k < threads; ++k) {
     workers.push_back(std::async(std::launch::async, [&] {
       for (std::size_t i = next++; i < count; i = next++) work(i);

@@ -206,6 +206,7 @@ void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int t
     }
   };
   std::vector<std::thread> workers;
+  workers.reserve(static_cast<std::size_t>(threads));
   for (int k = 0; k < threads; ++k) workers.emplace_back(work);
   for (std::thread& worker : workers) worker.join();
   if (failure) std::rethrow_exception(failure);

@@ -12,9 +12,11 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.ticker  # noqa: E402
 import numpy as np  # noqa: E402
 
 TRUTH, ESTIMATE, RAW, TARGET = "0.35", "tab:blue", "tab:green", "tab:red"
+PICTURES = ("trajectory", "scale", "timing", "errors")
 STATUS_COLOURS = {"ok": "tab:green", "held": "tab:orange", "unknown": "0.7", "lost": "tab:red"}
 
 
@@ -37,50 +39,78 @@ def read_table(file):
     return table
 
 
-def save(figure, file):
-    figure.tight_layout()
-    temporary = file.with_name(file.name + ".tmp")
+def save(figure, file, pdf):
+    """A PNG, and as pdf the same with lines that stay lines; whole or not at all."""
     try:
-        figure.savefig(temporary, dpi=110, format="png")
-        temporary.replace(file)
+        for suffix in (".png", ".pdf") if pdf else (".png",):
+            target = file.with_suffix(suffix)
+            temporary = target.with_name(target.name + ".tmp")
+            try:
+                figure.savefig(temporary, dpi=150, format=suffix[1:], bbox_inches="tight")
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
     finally:
-        temporary.unlink(missing_ok=True)
         plt.close(figure)
 
 
-def draw_trajectory(folder, estimate, truth, title):
-    """Top view, as the paper's Fig. 4."""
-    figure, axes = plt.subplots(figsize=(8, 8))
+def legend_above(axes, columns, **arguments):
+    """Where it covers nothing."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.3, ncol=columns,
+                frameon=False, fontsize="small", handlelength=1.5, columnspacing=1.2, **arguments)
+
+
+def grid_step(span):
+    """1, 2 or 5 times a power of ten, for five to twelve lines over the span."""
+    power = 10.0 ** np.floor(np.log10(span / 5))
+    return max(factor * power for factor in (1, 2, 5) if factor * power <= span / 5)
+
+
+def draw_trajectory(file, estimate, truth, title, pdf):
+    """Top view, as the paper's Fig. 4: one length of the grid for both axes, and a sheet in the
+    proportions of the drive, but no narrower than 2 to 5."""
+    every = np.concatenate([estimate] if truth is None else [estimate, truth])[:, [0, 2]]
+    low, high = every.min(axis=0), every.max(axis=0)
+    span = np.maximum(high - low, 1.0)
+    span = 1.1 * np.maximum(span, 0.4 * span.max())
+    figure, axes = plt.subplots(figsize=tuple(7 * span / span.max()))
     if truth is not None:
         axes.plot(truth[:, 0], truth[:, 2], color=TRUTH, linestyle="--", label="ground truth")
-        axes.plot(*truth[-1, [0, 2]], "s", color=TRUTH, label="true end")
+        axes.plot(*truth[-1, [0, 2]], "s", color=TRUTH, markersize=5, label="true end")
     axes.plot(estimate[:, 0], estimate[:, 2], color=ESTIMATE, label="estimate")
-    axes.plot(*estimate[0, [0, 2]], "o", color="black", label="start")
-    axes.plot(*estimate[-1, [0, 2]], "s", color=ESTIMATE, label="end")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.08)
+    axes.plot(*estimate[0, [0, 2]], "o", color="black", markersize=5, label="start")
+    axes.plot(*estimate[-1, [0, 2]], "s", color=ESTIMATE, markersize=5, label="end")
+    axes.set_aspect("equal")
+    middle = (low + high) / 2
+    axes.set_xlim(middle[0] - span[0] / 2, middle[0] + span[0] / 2)
+    axes.set_ylim(middle[1] - span[1] / 2, middle[1] + span[1] / 2)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(matplotlib.ticker.MultipleLocator(grid_step(span.max())))
     axes.grid(True, linewidth=0.4)
-    axes.set(xlabel="x, right [m]", ylabel="z, forward [m]", title=title)
-    axes.legend()
-    save(figure, folder / "trajectory.png")
+    axes.set(xlabel="x, right [m]", ylabel="z, forward [m]")
+    axes.set_title(title, loc="left", fontsize="medium")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1), borderaxespad=0, frameon=False)
+    save(figure, file, pdf)
 
 
-def draw_status(axes, scale):
-    """A strip at the bottom: what state each frame was in."""
+def draw_status(axes, edges, scale):
+    """A strip at the bottom: what state each frame was in, over the way from it to the next."""
     state = np.where(scale["vo_status"] == "lost", "lost", scale["status"])
     for name, colour in STATUS_COLOURS.items():
-        if np.any(state == name):
-            axes.broken_barh([(frame - 0.5, 1) for frame in scale["frame"][state == name]],
-                             (0, 0.03), color=colour, linewidth=0,
-                             transform=axes.get_xaxis_transform(), label=f"{name} (strip)")
+        chosen = np.flatnonzero(state == name)
+        if len(chosen):
+            axes.broken_barh([(edges[i], edges[i + 1] - edges[i]) for i in chosen], (0, 0.03),
+                             color=colour, linewidth=0, transform=axes.get_xaxis_transform(),
+                             label=f"{name}: {len(chosen)} frames")
 
 
-def draw_scale(folder, scale, camera_height, title):
-    """As the paper's Fig. 3: each frame's own camera height in the trajectory's metres, with the
-    filtered scale and its band, and the heights' distribution; below, the scale and its status."""
-    figure, grid = plt.subplots(2, 2, figsize=(12, 8), sharey="row",
-                                gridspec_kw={"width_ratios": [3, 1]})
-    frames = scale["frame"]
+def draw_scale(file, scale, way, camera_height, title, pdf):
+    """As the paper's Fig. 3, over the way driven [m]: each frame's own camera height in the
+    trajectory's metres, with the filter's band, and the heights' distribution; below, the scale
+    and its status."""
+    figure, grid = plt.subplots(2, 2, figsize=(10, 7), sharey="row", sharex="col",
+                                gridspec_kw={"width_ratios": [4, 1], "hspace": 0.22,
+                                             "wspace": 0.05})
     known = scale["status"] != "unknown"
     measured = known & (scale["raw_scale"] > 0)
     filtered = np.where(known, scale["scale"], np.nan)
@@ -89,16 +119,17 @@ def draw_scale(folder, scale, camera_height, title):
 
     axes = grid[0, 0]
     relative = 2 * sigma / np.where(known, scale["scale"], np.nan)
-    axes.fill_between(frames, camera_height * (1 - relative), camera_height * (1 + relative),
-                      color=ESTIMATE, alpha=0.25, linewidth=0, label="filtered, 2 sigma")
-    axes.plot(frames[measured], heights, ".", color=RAW, markersize=3, label="of the frame alone")
-    axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given, {camera_height:g} m")
-    axes.set(ylabel="scaled camera height [m]", title=title)
+    axes.plot(way[measured], heights, ".", color=RAW, markersize=3, label="of one frame")
+    axes.fill_between(way, camera_height * (1 - relative), camera_height * (1 + relative),
+                      color=ESTIMATE, alpha=0.25, linewidth=0, label=r"filtered, $\pm 2\sigma$")
+    axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given: {camera_height:g} m")
+    axes.set(ylabel="camera height [m]")
     if len(heights):
         low, high = np.percentile(heights, [1, 99])
         margin = 0.5 * max(high - low, 0.02 * camera_height)
         axes.set_ylim(min(low, camera_height) - margin, max(high, camera_height) + margin)
-    axes.legend(loc="upper right", fontsize="small")
+    legend_above(axes, 3)
+    figure.suptitle(title, x=0.125, ha="left", fontsize="medium", y=0.96)
 
     axes = grid[0, 1]
     if len(heights):
@@ -108,20 +139,22 @@ def draw_scale(folder, scale, camera_height, title):
         spread = 1.4826 * np.median(np.abs(heights - median))  # a normal distribution's sigma
         axes.axhline(median, color="black", linewidth=1,
                      label=f"median {median:.3f} m\nspread {spread:.3f} m")
-        axes.legend(loc="upper right", fontsize="small")
+        legend_above(axes, 1)
     axes.axhline(camera_height, color=TARGET, linewidth=1)
-    axes.set(xlabel="frames", title=f"distribution, {len(heights)} frames")
+    axes.set_xlabel("frames")
+    axes.tick_params(labelbottom=True)
 
     axes = grid[1, 0]
-    axes.plot(frames[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
-              label="raw")
-    axes.fill_between(frames, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
-                      alpha=0.25, linewidth=0, label="filtered, 2 sigma")
-    axes.plot(frames, filtered, color=ESTIMATE, label="filtered")
-    for change in np.flatnonzero(np.diff(scale["map_id"])):
-        axes.axvline(frames[change] + 0.5, color="black", linewidth=0.8, linestyle=":")
-    draw_status(axes, scale)
-    axes.set(xlabel="frame", ylabel="scale [m per VO unit]")
+    axes.plot(way[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
+              label="of one frame")
+    axes.plot(way, filtered, color=ESTIMATE, label="filtered")
+    axes.fill_between(way, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
+                      alpha=0.25, linewidth=0, label=r"$\pm 2\sigma$")
+    for number, change in enumerate(np.flatnonzero(np.diff(scale["map_id"]))):
+        axes.axvline(way[change], color="black", linewidth=0.8, linestyle=":",
+                     label="" if number else "new map")
+    draw_status(axes, np.append(way, way[-1]), scale)
+    axes.set(xlabel="way driven [m]", ylabel="scale [m per unit of the odometry]")
     if np.any(known):
         # The band, but for the few frames at a map's start in which it is still wide.
         lower, upper = filtered - 2 * sigma, filtered + 2 * sigma
@@ -131,90 +164,102 @@ def draw_scale(folder, scale, camera_height, title):
         high = max(high, np.max(filtered[known]))
         margin = 0.1 * max(high - low, 0.02 * high)
         axes.set_ylim(low - margin, high + margin)
-    grid[1, 1].legend(*axes.get_legend_handles_labels(), loc="upper left", fontsize="small")
+    grid[1, 1].legend(*axes.get_legend_handles_labels(), loc="upper left", borderaxespad=0,
+                      bbox_to_anchor=(-0.1, 0.9), frameon=False, fontsize="small")
     grid[1, 1].axis("off")
     for axes in (grid[0, 0], grid[0, 1], grid[1, 0]):
         axes.grid(True, linewidth=0.4)
-    for axes in grid[:, 0]:
-        axes.set_xlim(frames[0] - 0.5, frames[-1] + 0.5)
-    save(figure, folder / "scale.png")
+    grid[1, 0].set_xlim(0, max(way[-1], 1.0))
+    save(figure, file, pdf)
 
 
-def draw_timing(folder, timing, title):
-    """As the paper's Fig. 5. A stage counts in the frames in which it ran."""
-    stages, times = [], []
-    for name, values in timing.items():
-        ran = values[values > 0]
-        if name == "frame" or len(ran) == 0:
-            continue
-        name = name.replace("bundle_adjustment", "bundle adj.").replace("adjustment_wait", "wait")
-        stages.append(name.replace("_", "\n", 1) +
-                      f"\n{np.median(ran):.2g} ms\n{100 * len(ran) / len(values):.0f} %")
-        times.append(ran)
-    figure, axes = plt.subplots(figsize=(12, 6))
-    axes.boxplot(times, whis=(5, 95), showfliers=False)
-    axes.set_xticks(range(1, len(stages) + 1))
-    axes.set_xticklabels(stages, fontsize="small")
-    axes.set_ylim(bottom=0)
-    axes.grid(True, axis="y", linewidth=0.4)
-    axes.set(ylabel="time [ms]", title=f"{title}: box quartiles, whiskers 5 and 95 %; below the "
-             "median and the share of frames in which the stage ran")
-    save(figure, folder / "timing.png")
+def draw_timing(file, timing, title, pdf):
+    """As the paper's Fig. 5, a line for each stage. A stage counts in the frames in which it ran."""
+    stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
+              if name != "frame" and np.any(values > 0)]
+    figure, axes = plt.subplots(figsize=(8, 0.9 + 0.29 * len(stages)))
+    axes.boxplot([ran for _, ran, _ in stages], vert=False, whis=(5, 95), showfliers=False,
+                 widths=0.6, medianprops={"color": TARGET})
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.set_yticks(range(1, len(stages) + 1))
+    axes.set_yticklabels([name.replace("_", " ") for name, _, _ in stages], fontsize="small")
+    axes.invert_yaxis()
+    axes.grid(True, axis="x", linewidth=0.4)
+    axes.set_xlabel("time [ms]: box quartiles, line median, whiskers 5 and 95 %", fontsize="small")
+    figures = axes.twinx()
+    figures.set_ylim(axes.get_ylim())
+    figures.set_yticks(axes.get_yticks())
+    figures.set_yticklabels([f"{np.median(ran):8.3f} {100 * len(ran) / frames:5.0f} %"
+                             for _, ran, frames in stages], fontsize="small", family="monospace")
+    figures.tick_params(length=0)
+    axes.set_title(title, loc="left", fontsize="medium")
+    axes.text(1.01, 1.01, f"{'median':>8} {'frames':>7}", transform=axes.transAxes,
+              fontsize="small", family="monospace")
+    save(figure, file, pdf)
 
 
-def draw_errors(folder, metrics, title):
+def draw_errors(file, metrics, title, pdf):
     """Error against segment length, the KITTI devkit's and the short ones."""
-    figure, (translation, rotation) = plt.subplots(1, 2, figsize=(12, 5))
-    for key, marker, label in (("by_short_length", ".", "10 ... 80 m"),
-                               ("by_length", "o", "100 ... 800 m (devkit)")):
+    figure, panels = plt.subplots(1, 2, figsize=(10, 3.8), gridspec_kw={"wspace": 0.25})
+    longest = 20
+    for key, marker, label in (("by_short_length", ".", "10 to 80 m"),
+                               ("by_length", "o", "100 to 800 m: KITTI devkit")):
         errors = metrics[key] or []
         lengths = [error["length_m"] for error in errors]
-        for axes, member in ((translation, "t_err_percent"), (rotation, "r_err_deg_per_m")):
+        longest = max([longest, *lengths])
+        for axes, member in zip(panels, ("t_err_percent", "r_err_deg_per_m")):
             if lengths:
                 axes.plot(lengths, [error[member] for error in errors], marker=marker,
                           color=ESTIMATE, label=label)
-    translation.set(ylabel="translation error [%]", title=title)
-    rotation.set(ylabel="rotation error [deg/m]")
-    for axes in (translation, rotation):
-        axes.set_xlabel("segment length [m]")
+    ticks = [length for length in (10, 20, 40, 80, 100, 200, 400, 800) if length <= longest]
+    for axes, name in zip(panels, ("translation error [%]", "rotation error [deg/m]")):
+        axes.set_xscale("log")
+        axes.set_xlim(9, 1.1 * longest)
+        axes.set_xticks([length for length in ticks if length != 80 or longest <= 80])
+        axes.set_xticks([], minor=True)
+        axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%d"))
+        axes.set(xlabel="segment length [m]", ylabel=name)
         axes.set_ylim(bottom=0)
-        axes.set_xlim(left=0)
         axes.grid(True, linewidth=0.4)
         if axes.lines:
-            axes.legend()
-    save(figure, folder / "errors.png")
+            axes.legend(frameon=False, fontsize="small")
+    panels[0].set_title(title, loc="left", fontsize="medium")
+    save(figure, file, pdf)
 
 
-def figure_text(metrics, key, form):
-    return "-" if metrics[key] is None else form.format(metrics[key])
-
-
-def draw(folder):
+def draw(folder, pdf):
     metrics = json.loads((folder / "metrics.json").read_text())
     name = folder.resolve().name
     estimate = read_positions(folder / "poses.txt")
     has_truth = (folder / "ground_truth.txt").exists()
     truth = read_positions(folder / "ground_truth.txt") if has_truth else None
-    draw_trajectory(folder, estimate, truth,
-                    f"{name}: {metrics['length_m']:.1f} m, "
-                    f"t_err {figure_text(metrics, 't_err_percent', '{:.2f} %')}, "
-                    f"r_err {figure_text(metrics, 'r_err_deg_per_m', '{:.4f} deg/m')}")
-    draw_scale(folder, read_table(folder / "scale.csv"), metrics["camera_height_m"], name)
-    for picture in ("timing.png", "errors.png"):
-        (folder / picture).unlink(missing_ok=True)  # of an earlier run
+    for picture in PICTURES:  # of an earlier run
+        for suffix in (".png", ".pdf"):
+            (folder / (picture + suffix)).unlink(missing_ok=True)
+    title = f"{name}: {metrics['length_m']:.1f} m"
+    if metrics["t_err_percent"] is not None:
+        title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
+                  f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")
+    draw_trajectory(folder / "trajectory", estimate, truth, title, pdf)
+    steps = np.linalg.norm(np.diff(estimate, axis=0), axis=1)
+    draw_scale(folder / "scale", read_table(folder / "scale.csv"),
+               np.concatenate([[0.0], np.cumsum(steps)]), metrics["camera_height_m"], name, pdf)
     if (folder / "timing.csv").exists():
-        draw_timing(folder, read_table(folder / "timing.csv"), name)
+        draw_timing(folder / "timing", read_table(folder / "timing.csv"), name, pdf)
     if has_truth:
-        draw_errors(folder, metrics, name)
+        draw_errors(folder / "errors", metrics, name, pdf)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=pathlib.Path, metavar="DIR",
                         help="a result folder")
-    for folder in parser.parse_args().folders:
+    parser.add_argument("--pdf", action="store_true", help="as PDF too, for a paper")
+    arguments = parser.parse_args()
+    for folder in arguments.folders:
         try:
-            draw(folder)
+            draw(folder, arguments.pdf)
         except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
             sys.exit(f"plot_run.py: {folder}: cannot be drawn ({error})")
 

@@ -1,8 +1,9 @@
 # Set-up, build and environment for the commands in scripts/. Sourced, not run.
 #
-#   gsv_setup [section...]   installs what is missing of packages.txt ([base] and the sections)
+#   gsv_setup [section...]   installs what is missing of packages.txt: [run], [build], these sections
 #   gsv_build [target...]    configures and builds to $gsv_build_folder; no target: everything
 #   gsv_env                  makes ROS and this build usable in the calling shell
+#   gsv_show_launch NAME     filters what kitti.launch says: progress, warnings, errors
 #   $gsv_tools               the folder of the package's programs
 #   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
@@ -48,8 +49,9 @@ gsv_setup() {
     gsv_source_distribution
     return 0 # there rosdep installs: rosdep install --from-paths . --ignore-src
   fi
-  local packages=() missing=() package
-  mapfile -t packages < <(gsv_packages base "$@")
+  local sections=(run "$@") packages=() missing=() package
+  gsv_installed || sections+=(build)
+  mapfile -t packages < <(gsv_packages "${sections[@]}")
   # One call for all of them; a name that dpkg does not know is missing too.
   local installed
   installed=" $(dpkg-query -W -f '${db:Status-Status}=${Package} ' "${packages[@]}" 2>/dev/null || true) "
@@ -126,6 +128,9 @@ gsv_show_progress() {
 gsv_env() {
   gsv_source_distribution
   local setup=$gsv_space/setup.bash options=$-
+  if [[ $gsv_space == /usr ]]; then
+    return 0 # of a Debian package: ROS lies there too, and needs no environment
+  fi
   if [[ ! -f $setup ]]; then
     echo "environment: there is no $setup, nothing is built" >&2
     return 1
@@ -137,4 +142,40 @@ gsv_env() {
   gsv_installed && return 0
   export ROS_HOME=$gsv_build_folder/ros ROS_LOG_DIR=$gsv_build_folder/ros/log
   mkdir -p "$ROS_LOG_DIR"
+}
+
+# Of all that roslaunch says the terminal sees the progress, under this name, warnings and errors; a
+# log sees the progress now and then.
+gsv_show_launch() {
+  local name=$1 line at=0 over=no
+  shopt -s extglob
+  while IFS= read -r line; do
+    line=${line//$'\e'\[*([0-9;])m/}
+    case $line in
+      'progress: '*)
+        if [[ -t 2 ]]; then
+          printf '\r\e[K%s: %s' "$name" "${line#progress: }" >&2
+        elif ((SECONDS >= at)); then
+          printf '%s: %s\n' "$name" "${line#progress: }" >&2
+          at=$((SECONDS + 10))
+        fi
+        ;;
+      *'play_bag: '*) # roslaunch may have written before it on the same line
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf 'play_bag: %s\n' "${line##*play_bag: }" >&2
+        over=yes # what the others say while they are ended is no news
+        ;;
+      '[rviz-'*'process has died'*)
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf '%s: rviz could not open its window on the display "%s", or broke down; the run goes on without it\n' \
+          "$name" "${DISPLAY:-}" >&2
+        ;;
+      *'[ WARN]'* | *'[ERROR]'* | *'[FATAL]'*)
+        [[ $over == no ]] || continue
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf '%s\n' "$line" >&2
+        ;;
+    esac
+  done
+  [[ ! -t 2 ]] || printf '\n' >&2
 }

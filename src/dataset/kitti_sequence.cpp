@@ -307,7 +307,7 @@ KittiSequence::KittiSequence(const fs::path& folder_as_given) try {
 
 cv::Mat KittiSequence::image(std::size_t i) const {
   const fs::path& file = images_.at(i);
-  const cv::Mat image = readImage(file);
+  cv::Mat image = readImage(file);
   if (image.cols != camera_.width || image.rows != camera_.height) {
     throw DataError(file.string() + ": is " + sizeText(image.size()) + " instead of " +
                     sizeText({camera_.width, camera_.height}));

@@ -467,6 +467,7 @@ class World::Builder {
     std::vector<cv::Point2f> hull;
     cv::convexHull(points, hull);
     std::vector<Eigen::Vector2d> corners;
+    corners.reserve(hull.size());
     for (const cv::Point2f& p : hull) corners.emplace_back(p.x, p.y);
     Brush(shadow_, kShadowTexels * kRoadTexel).polygon(corners, 255 * (1 - 0.5 * depth));
   }

@@ -4,7 +4,6 @@
 #include <rosbag/bag.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_msgs/TFMessage.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <exception>
@@ -17,6 +16,7 @@
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/ground_truth.hpp"
+#include "progress_line.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -141,16 +141,6 @@ class PendingBag {
   bool committed_ = false;
 };
 
-/// One line on a terminal.
-void showProgress(const std::string& name, std::size_t done, std::size_t total) {
-  static const bool is_terminal = isatty(STDERR_FILENO) != 0;
-  if (!is_terminal || (done % 10 != 0 && done != total)) return;
-  constexpr std::size_t kWidth = 40;
-  const std::size_t filled = kWidth * done / total;
-  std::fprintf(stderr, "\r%s [%s%s] %zu/%zu%s", name.c_str(), std::string(filled, '#').c_str(),
-               std::string(kWidth - filled, '.').c_str(), done, total, done == total ? "\n" : "");
-}
-
 void convert(const Arguments& arguments) {
   const gsv::KittiSequence sequence(arguments.sequence);
   const std::size_t last = std::min(arguments.end, sequence.size() - 1);
@@ -177,6 +167,7 @@ void convert(const Arguments& arguments) {
   truth.child_frame_id = native ? gsv::GroundTruthTf::twinOf(camera_frame) : camera_frame;
 
   PendingBag pending(arguments.out);
+  gsv::ProgressLine progress(sequence.name(), last - arguments.start + 1);
   for (std::size_t i = arguments.start; i <= last; ++i) {
     std_msgs::Header header;
     header.seq = static_cast<std::uint32_t>(i);
@@ -200,7 +191,7 @@ void convert(const Arguments& arguments) {
     cv_bridge::CvImage(header, sensor_msgs::image_encodings::MONO8, sequence.image(i))
         .toImageMsg(image);
     pending.bag().write(kImageTopic, header.stamp, image);
-    showProgress(sequence.name(), i - arguments.start + 1, last - arguments.start + 1);
+    progress.show(i - arguments.start + 1, "frames");
   }
   pending.commit();
   std::printf("%s: %zu frames written to %s%s\n", sequence.name().c_str(),

@@ -23,6 +23,7 @@
 #include "ground_scale_vo/dataset/trajectory_io.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
+#include "progress_line.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -172,34 +173,13 @@ Settings parse(int argc, char** argv) {
   return settings;
 }
 
-/// A bar on the terminal; silent when standard error is none.
-class Progress {
- public:
-  explicit Progress(std::size_t total) : total_(total) {}
-  void step() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    ++done_;
-    if (!terminal_) return;
-    constexpr std::size_t kWidth = 40;
-    const std::size_t filled = kWidth * done_ / total_;
-    std::fprintf(stderr, "\r[%s%s] %zu/%zu frames", std::string(filled, '#').c_str(),
-                 std::string(kWidth - filled, '.').c_str(), done_, total_);
-    if (done_ == total_) std::fputc('\n', stderr);
-  }
-
- private:
-  std::mutex mutex_;
-  const bool terminal_ = isatty(STDERR_FILENO) != 0;
-  const std::size_t total_;
-  std::size_t done_ = 0;
-};
-
 void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int threads) {
   fs::create_directories(folder);
-  Progress progress(drive.size());
+  gsv::ProgressLine progress("render_drive", drive.size());
+  std::size_t done = 0;
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
-  std::mutex failure_mutex;
+  std::mutex mutex;  // of progress, done and failure
   const auto work = [&] {
     try {
       for (std::size_t i = next++; i < drive.size(); i = next++) {
@@ -209,15 +189,17 @@ void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int t
         std::vector<unsigned char> png;
         cv::imencode(".png", drive.image(i), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
         gsv::writeFile(file, {png.begin(), png.end()});
-        progress.step();
+        const std::lock_guard<std::mutex> lock(mutex);
+        progress.show(++done, "frames");
       }
     } catch (...) {
-      const std::lock_guard<std::mutex> lock(failure_mutex);
+      const std::lock_guard<std::mutex> lock(mutex);
       failure = std::current_exception();
       next = drive.size();
     }
   };
   std::vector<std::thread> workers;
+  workers.reserve(static_cast<std::size_t>(threads));
   for (int k = 0; k < threads; ++k) workers.emplace_back(work);
   for (std::thread& worker : workers) worker.join();
   if (failure) std::rethrow_exception(failure);
@@ -236,9 +218,8 @@ void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
   for (std::size_t i = 0; i < drive.size(); ++i) {
     const gsv::SyntheticDrive::Frame& frame = drive.frame(i);
     times << static_cast<double>(frame.stamp_ns) * 1e-9 << '\n';
-    ground << frame.height;
-    for (const double component : frame.n_c) ground << ' ' << component;
-    ground << '\n';
+    ground << frame.height << ' ' << frame.n_c.x() << ' ' << frame.n_c.y() << ' ' << frame.n_c.z()
+           << '\n';
     poses.push_back(frame.T_c0_c);
   }
   gsv::writeFile(folder / "calib.txt", calib.str());

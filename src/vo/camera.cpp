@@ -23,7 +23,7 @@ void PinholeCamera::validate() const {
 }
 
 Rectifier::Rectifier(const PinholeCamera& raw, DistortionModel model,
-                     std::vector<double> coefficients)
+                     const std::vector<double>& coefficients)
     : camera_(raw) {
   raw.validate();
   for (const double k : coefficients) requireInRange("distortion coefficient", k, -1e3, 1e3);

@@ -42,9 +42,9 @@ Candidate candidate(const Eigen::Matrix3d& R, const Eigen::Vector3d& t, bool pla
 
 std::vector<Candidate> essentialCandidates(const std::vector<cv::Point2d>& x1,
                                            const std::vector<cv::Point2d>& x2, double threshold) {
-  cv::Mat mask;
-  const cv::Mat E = cv::findEssentialMat(x1, x2, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC,
-                                         kConfidence, threshold, kMaxIterations, mask);
+  // kMaxIterations is what OpenCV takes by itself; 4.5.1 and older cannot be told.
+  const cv::Mat E =
+      cv::findEssentialMat(x1, x2, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, kConfidence, threshold);
   if (E.rows != 3 || E.cols != 3) return {};
   cv::Mat Ra, Rb, t;
   cv::decomposeEssentialMat(E, Ra, Rb, t);

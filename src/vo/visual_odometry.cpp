@@ -330,6 +330,7 @@ struct VisualOdometry::Impl {
 
   std::vector<LocalMap::Corner> corners(const std::vector<Feature>& of) const {
     std::vector<LocalMap::Corner> result;
+    result.reserve(of.size());
     for (const Feature& feature : of)
       result.push_back({feature.id, normalised(feature.u), feature.sigma});
     return result;
@@ -511,7 +512,7 @@ struct VisualOdometry::Impl {
     status = VoStatus::kTracking;
     lost_frames = 0;
 
-    const std::vector<Feature> visible = found;
+    std::vector<Feature> visible = found;
     if (isKeyframe(found)) {
       out->frame.keyframe = true;
       addKeyframe(std::move(image), stamp_ns, std::move(found), out);

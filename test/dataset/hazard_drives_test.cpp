@@ -63,7 +63,9 @@ void expectRemedy(const HazardDrive& hazard, const SyntheticDrive& drive,
   const auto broken = [&](const std::vector<std::string>& settings) {
     return brokenBar(driveFigures(hazard, drive, runDrive(drive, images, settings)), hazard.bars);
   };
-  if (!remedy.with.empty()) EXPECT_EQ(broken(remedy.with), "");
+  if (!remedy.with.empty()) {
+    EXPECT_EQ(broken(remedy.with), "");
+  }
   std::vector<std::string> without = remedy.with;
   without.insert(without.end(), remedy.without.begin(), remedy.without.end());
   EXPECT_NE(broken(without), "") << "it does not need: " << remedy.what;

@@ -41,7 +41,8 @@ class Rectifier {
  public:
   /// raw: K of the raw image. coefficients: as in sensor_msgs/CameraInfo (k1 k2 p1 p2 k3 ...; 4 for
   /// equidistant). Throws OptionError.
-  Rectifier(const PinholeCamera& raw, DistortionModel model, std::vector<double> coefficients);
+  Rectifier(const PinholeCamera& raw, DistortionModel model,
+            const std::vector<double>& coefficients);
 
   /// Of the rectified image; the same size as the raw one.
   const PinholeCamera& camera() const { return camera_; }

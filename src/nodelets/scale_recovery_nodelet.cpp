@@ -18,7 +18,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::uint32_t kPublishQueue = 100;
-constexpr std::uint32_t kInfoQueue = 10;
+constexpr std::uint32_t kInfoQueue = 100;
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 constexpr double kWaitingPeriod = 0.1;      // [s] wall time, between looks at frames that wait
 

@@ -15,9 +15,11 @@
 namespace ground_scale_vo {
 namespace {
 
-/// A motion is foretold for so many times the time in which it was seen: a velocity over two stamps
-/// that lie closer than their images tells nothing of the next one.
-constexpr double kMaxPredictedSteps = 8;
+/// A motion is foretold for so many times the time in which it was seen. A velocity over two stamps
+/// that lie closer than their images tells nothing of the next one; and after a longer blind time
+/// the car ahead and the horizon, which look as before, would fit a pose somewhere on the way
+/// foretold.
+constexpr double kMaxPredictedSteps = 12;
 constexpr std::size_t kMinTexture = 60;  // corners of an image that is not blind
 constexpr std::size_t kMinStartMatches = 100;
 constexpr std::size_t kMaxStartFrames = 3000;
@@ -129,8 +131,7 @@ struct VisualOdometry::Impl {
   // The tracking image: the last one that was tracked, or an earlier one while nothing moves.
   ImagePyramid from;
   std::int64_t from_stamp_ns = 0;
-  std::int64_t last_stamp_ns = 0;  // of the image before this one, tracked or not
-  std::vector<Feature> features;   // by id
+  std::vector<Feature> features;  // by id
 
   LocalMap map;
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  // of the last tracked frame
@@ -495,9 +496,6 @@ struct VisualOdometry::Impl {
         }
       }
       pose = pose_estimation.estimate(predictPose(stamp_ns), observed);
-      if (from_stamp_ns != last_stamp_ns && !isReturn(pose.inliers)) {
-        pose.status = PoseStatus::kTooFewInliers;
-      }
       if (pose.status == PoseStatus::kOk) {
         setPose(pose.T_w_c, stamp_ns);
         std::vector<bool> agrees(found.size(), true);
@@ -520,15 +518,6 @@ struct VisualOdometry::Impl {
       advance(std::move(image), stamp_ns, std::move(found));
     }
     return visible;
-  }
-
-  /// After a loss or a standstill the scene may be another one, of which the car ahead is the old
-  /// one still, or the horizon: they fit a pose at which nothing has moved.
-  bool isReturn(int inliers) const {
-    const auto points =
-        std::count_if(features.begin(), features.end(),
-                      [&](const Feature& feature) { return map.point(feature.id).has_value(); });
-    return inliers >= options.return_min_share * static_cast<double>(points);
   }
 
   void setPose(const Eigen::Isometry3d& now_T_w_c, std::int64_t stamp_ns) {
@@ -677,7 +666,6 @@ struct VisualOdometry::Impl {
       const std::vector<Feature> visible = status == VoStatus::kInitialising
                                                ? initialise(std::move(pyramid), stamp_ns, &out)
                                                : follow(std::move(pyramid), stamp_ns, &out);
-      last_stamp_ns = stamp_ns;
       fill(visible, &out.frame);
     }
     return out;

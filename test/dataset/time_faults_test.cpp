@@ -171,7 +171,7 @@ TEST_F(TimeFaults, FiveAndThirtyImagesASecond) {
   const double truth = (fast.frame(fast.size() - 1).T_c0_c.translation() -
                         fast.frame(first_index).T_c0_c.translation())
                            .norm();
-  EXPECT_GT(truth, 20);
+  EXPECT_GT(truth, 15);
   EXPECT_LT(std::abs(way / truth - 1), 0.03);
   EXPECT_LT(speed_error, 1.5);  // [m/s] of 9
 }
@@ -185,7 +185,7 @@ TEST_F(TimeFaults, BunchedStampsDoNotCarryThePoseAway) {
     const Ways ways = waysOf(shown);
     EXPECT_GT(ways.true_way, 80) << apart_ns;
     EXPECT_LT(std::abs(ways.way / ways.true_way - 1), 0.02) << apart_ns;
-    EXPECT_LT(ways.worst_step, 0.5) << apart_ns;
+    EXPECT_LT(ways.worst_step, 0.7) << apart_ns;
   }
 }
 

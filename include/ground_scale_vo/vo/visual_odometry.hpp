@@ -51,7 +51,6 @@ class VisualOdometry {
     double outlier_error = 0.003;
     int max_outlier_frames = 2;
     double start_min_share = 0.4;
-    double return_min_share = 0.3;
     int lost_frames_before_new_map = 3;
     template <typename Self, typename Visit>
     static void describe(Self& self, Visit&& visit) {
@@ -75,8 +74,6 @@ class VisualOdometry {
             "[frames] in a row that a feature may disagree");
       visit("start_min_share", self.start_min_share, 0.01, 1,
             "[] of the first frame's features; with fewer the start begins anew");
-      visit("return_min_share", self.return_min_share, 0, 1,
-            "[] of the points followed before a loss or a standstill; a pose with fewer is none");
       visit("lost_frames_before_new_map", self.lost_frames_before_new_map, 1, 1000,
             "[frames] with texture in a row without a pose");
     }

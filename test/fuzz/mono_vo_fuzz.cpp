@@ -225,7 +225,7 @@ Plan plan() {
   std::string mixed;
   for (int i = 0; i < 40; ++i) mixed += {static_cast<char>(i % 3), static_cast<char>(7 * i)};
   corpus.push_back(mixed);
-  return {250, corpus};
+  return {600, corpus};
 }
 
 }  // namespace ground_scale_vo::fuzz

@@ -202,7 +202,7 @@ Plan plan() {
   std::string mixed;
   for (int i = 0; i < 40; ++i) mixed += {static_cast<char>(i % 5 == 4), static_cast<char>(7 * i)};
   corpus.push_back(mixed);
-  return {400, corpus};
+  return {1500, corpus};
 }
 
 }  // namespace ground_scale_vo::fuzz

@@ -375,7 +375,7 @@ def draw_memory(folder, name, run):
     save(figure, folder / "memory.png")
 
 
-def write(folder, stem, report, text):
+def write_report(folder, stem, report, text):
     write(folder / f"{stem}.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
     write(folder / f"{stem}.md", text)
     print(text)
@@ -404,7 +404,7 @@ def report_benchmark(folder, load):
     latencies = [(graph["rate"], times) for graph, times in graphs]
     if latencies:
         draw_latency(folder, name, latencies, report)
-    write(folder, "benchmark", report, benchmark_text(name, report))
+    write_report(folder, "benchmark", report, benchmark_text(name, report))
 
 
 # What is changed, its column, what else there is to say.
@@ -448,7 +448,7 @@ def report_growth(folder, load):
         parts += [f"## {title}", how,
                   markdown([what, "features", *(labels[column] for column in columns),
                             "main thread", "adjustment", "frame", "peak MiB"], rows)]
-    write(folder, "growth", report, "\n\n".join(parts) + "\n")
+    write_report(folder, "growth", report, "\n\n".join(parts) + "\n")
 
 
 def report_micro(folder):

@@ -62,7 +62,8 @@ def check(folder, frames, rates):
     assert all(ratio > 0 for ratio in report["whole_over_floor"].values())
     memory = report["memory"]
     assert memory["frames"] == 2 * frames - 1  # there and back
-    assert all(0 < at["rss_mb"] <= memory["peak_rss_mb"] for at in memory["rss_mb"])
+    # The kernel counts both by the thread and adds them up now and then: they may be a little apart.
+    assert all(0 < at["rss_mb"] <= memory["peak_rss_mb"] + 5 for at in memory["rss_mb"])
     assert [graph["rate"] for graph in report["graph"]] == rates
     for graph in report["graph"]:
         assert graph["images"] == frames and 0 < graph["frames"] <= frames

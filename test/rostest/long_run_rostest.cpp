@@ -23,6 +23,7 @@
 
 #include "ground_scale_vo/dataset/process_usage.hpp"
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/finite.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "inbox.hpp"
 #include "node_probe.hpp"
@@ -93,8 +94,8 @@ class Metres {
         static_cast<std::size_t>((toNanoseconds(odometry.header.stamp) - kStartNs) / kPeriodNs);
     const std::size_t image = imageAt(n, drive_.size());
     const Eigen::Isometry3d T_o_b = fromMsg(odometry.pose.pose);
-    finite_ = finite_ && T_o_b.matrix().allFinite() && isFinite(odometry.pose.covariance) &&
-              isFinite(odometry.twist.covariance) && std::isfinite(odometry.twist.twist.linear.z);
+    finite_ = finite_ && areFinite(T_o_b, odometry.pose.covariance, odometry.twist.covariance,
+                                   odometry.twist.twist.linear.z);
     const std::size_t passed = image > last_image_ ? image - last_image_ : last_image_ - image;
     if (poses_++ > 0 && n == last_n_ + 1 && passed <= 1) {
       way_ += (T_o_b.translation() - last_.translation()).norm();
@@ -112,10 +113,6 @@ class Metres {
   std::size_t poses() const { return poses_; }
 
  private:
-  static bool isFinite(const boost::array<double, 36>& values) {
-    return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
-  }
-
   const SyntheticDrive& drive_;
   Eigen::Isometry3d last_ = Eigen::Isometry3d::Identity();
   std::size_t last_n_ = 0, last_image_ = 0, poses_ = 0;

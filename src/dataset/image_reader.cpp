@@ -1,9 +1,9 @@
 #include "ground_scale_vo/dataset/image_reader.hpp"
 
-#include <chrono>
 #include <utility>
 
 #include "ground_scale_vo/dataset/process_usage.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
 
@@ -17,13 +17,12 @@ ImageReader::ImageReader(std::size_t size, Read read, bool ahead)
 void ImageReader::start() {
   if (index_ >= size_) return;
   under_way_ = std::async(policy_, [this, i = index_] {
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     const double cpu_begin = threadCpuMs();
     Image result;
     result.image = read_(i);
     result.decode_cpu_ms = threadCpuMs() - cpu_begin;
-    result.decode_ms =
-        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    result.decode_ms = watch.ms();
     return result;
   });
 }

@@ -11,6 +11,7 @@
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -47,7 +48,6 @@ void MonoVoNodelet::onInit() {
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
   updater_->setHardwareID("none");
   updater_->add("odometry", this, &MonoVoNodelet::diagnose);
-  diagnosed_at_ = std::chrono::steady_clock::now();
 
   thread_ = std::thread(&MonoVoNodelet::work, this);
   camera_info_subscriber_ =
@@ -87,7 +87,7 @@ void MonoVoNodelet::work() {
 }
 
 void MonoVoNodelet::process(const sensor_msgs::Image& image) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const std::shared_ptr<const DescribedCamera> camera = stream_->camera();
   cv::Mat rectified;
   try {
@@ -103,8 +103,6 @@ void MonoVoNodelet::process(const sensor_msgs::Image& image) {
       odometry_->process(rectified, toNanoseconds(image.header.stamp));
   publish(rectified, output, image.header);
 
-  const std::chrono::duration<double, std::milli> elapsed =
-      std::chrono::steady_clock::now() - start;
   const std::lock_guard<std::mutex> lock(mutex_);
   ++state_.processed;
   state_.status = output.frame.status;
@@ -113,7 +111,7 @@ void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   state_.points = static_cast<std::size_t>(
       std::count_if(output.frame.features.begin(), output.frame.features.end(),
                     [](const TrackedFeature& feature) { return feature.has_point; }));
-  state_.frame_ms = elapsed.count();
+  state_.frame_ms = watch.ms();
 }
 
 void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const DescribedCamera>& camera,
@@ -149,12 +147,6 @@ void MonoVoNodelet::drop(const std::string& kind, const std::string& why) {
 void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
-  const auto now = std::chrono::steady_clock::now();
-  const double seconds = std::chrono::duration<double>(now - diagnosed_at_).count();
-  const double rate =
-      seconds > 0 ? static_cast<double>(state_.processed - diagnosed_) / seconds : 0.0;
-  diagnosed_ = state_.processed;
-  diagnosed_at_ = now;
 
   if (!stream_->camera()) {
     status.summary(state_.received > 0 ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN,
@@ -166,7 +158,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   } else {
     status.summary(DiagnosticStatus::OK, toString(*state_.status));
   }
-  status.add("rate [Hz]", rate);
+  status.add("rate [Hz]", rate_.rate(state_.processed));
   status.add("time of the last frame [ms]", state_.frame_ms);
   status.add("images received", state_.received);
   status.add("images processed", state_.processed);

@@ -13,6 +13,7 @@
 #include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -55,7 +56,6 @@ void ScaleRecoveryNodelet::onInit() {
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
   updater_->setHardwareID("none");
   updater_->add("scale", this, &ScaleRecoveryNodelet::diagnose);
-  diagnosed_at_ = std::chrono::steady_clock::now();
   diagnostics_timer_ =
       handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
@@ -165,7 +165,7 @@ cv::Mat ScaleRecoveryNodelet::pictureOf(const VoFrame& frame,
 
 void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header,
                                    const sensor_msgs::ImageConstPtr& image) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   renumberMap(frame);
   const cv::Mat picture = pictureOf(frame, image);
   ScaleRecovery::Output output;
@@ -194,8 +194,7 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
   last_stamp_ = header.stamp;
   if (output.scale.status == ScaleStatus::kOk) last_measured_ = last_stamp_;
   if (output.pose) distance_m_ = output.pose->distance;
-  frame_ms_ =
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  frame_ms_ = watch.ms();
 }
 
 void ScaleRecoveryNodelet::renumberMap(VoFrame& frame) {
@@ -284,11 +283,6 @@ std::string ScaleRecoveryNodelet::imagesState() const {
 
 void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
-  const auto now = std::chrono::steady_clock::now();
-  const double seconds = std::chrono::duration<double>(now - diagnosed_at_).count();
-  const double rate = seconds > 0 ? static_cast<double>(processed_ - diagnosed_) / seconds : 0.0;
-  diagnosed_ = processed_;
-  diagnosed_at_ = now;
 
   const auto faults = faults_.counts();
   if (processed_ == 0) {
@@ -302,7 +296,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   } else {
     status.summary(DiagnosticStatus::OK, "the scale is measured");
   }
-  status.add("rate [Hz]", rate);
+  status.add("rate [Hz]", rate_.rate(processed_));
   status.add("time of the last frame [ms]", frame_ms_);
   status.add("frames processed", processed_);
   status.add("frames overtaken by newer ones", overtaken_);

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <random>
 
 #include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -120,11 +120,10 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
     const VoFrame& frame, const NormalPrior& prior,
     const std::optional<MotionHistory::Chord>& chord, const Eigen::Isometry3d& last_motion) const {
   Result result;
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const std::vector<Triangle> triangles =
       delaunay(frame.camera, frame.features, candidates(frame, prior));  // Alg. 1 line 1
-  result.delaunay_ms =
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  result.delaunay_ms = watch.ms();
   result.triangles = static_cast<int>(triangles.size());
   if (triangles.empty()) return result;
 

@@ -1,29 +1,10 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
-#include <chrono>
-#include <limits>
-
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
-namespace {
-
-/// Milliseconds since the last call (or construction).
-class Stopwatch {
- public:
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    const double ms = std::chrono::duration<double, std::milli>(now - last_).count();
-    last_ = now;
-    return ms;
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
-
-}  // namespace
 
 ScaleRecovery::Options ScaleRecovery::Options::withPaperLiteral() const {
   Options literal = *this;
@@ -118,7 +99,7 @@ PlaneFit::Result ScaleRecovery::Impl::measurePoints(
   scale.ground_points = static_cast<int>(ground.points.size());
   for (const GroundPoint& point : ground.points) output->ground_feature_ids.push_back(point.id);
   output->times.delaunay = ground.delaunay_ms;
-  output->times.gpe = watch.lap() - ground.delaunay_ms;
+  output->times.gpe = watch.lapMs() - ground.delaunay_ms;
   if (ground.status != ScaleReason::kNone) {
     // The window alone says nothing that it has not said before.
     PlaneFit::Result none;
@@ -137,7 +118,7 @@ PlaneFit::Result ScaleRecovery::Impl::measurePoints(
     scale.plane_inliers = static_cast<int>(plane.fit.inliers.size());
     output->points = {plane.fit.median_height, plane.fit.height_sigma};
   }
-  output->times.gpa = watch.lap();
+  output->times.gpa = watch.lapMs();
   return plane.fit;
 }
 
@@ -166,7 +147,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
       output->correlation = pixels.correlation;
     }
   }
-  output->times.refine = watch.lap();
+  output->times.refine = watch.lapMs();
 
   const bool found = has_points || has_pixels;
   bool used = false;
@@ -193,7 +174,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   if (found || output->scale.ground_points > 0) {
     mounting.update(chord, used ? &output->plane : nullptr, step / rough_height);
   }
-  output->times.filter = watch.lap();
+  output->times.filter = watch.lapMs();
   if (!found) return points.status;
   // While the filter collects its first ones, a measurement is not rejected: the status says
   // unknown.
@@ -240,7 +221,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   if (has_pose) output.pose = impl_->trajectory.append(frame, scale);
   output.mounting_pitch = impl_->mounting.pitch();
   output.mounting_roll = impl_->mounting.roll();
-  output.times.total = watch.lap();
+  output.times.total = watch.lapMs();
   return output;
 }
 

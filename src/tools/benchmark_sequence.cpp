@@ -6,7 +6,6 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -29,6 +28,7 @@
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 #include "run_progress.hpp"
 #include "sequence_arguments.hpp"
 #include "tool_main.hpp"
@@ -118,11 +118,6 @@ void useCores(int cores) {
     throw gsv::OptionError("--cores is " + std::to_string(cores) + ", but this process may use " +
                            std::to_string(found));
   }
-}
-
-double millisecondsSince(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
-      .count();
 }
 
 /// The drive: the sequence forwards and backwards in turn, with stamps that go on, at any size.
@@ -219,7 +214,7 @@ std::vector<Pixels> measurePipeline(const Drive& drive, const Arguments& argumen
   std::vector<Pixels> pixels;
   std::ostringstream usage =
       table("frame,features,decode_cpu,frame_cpu,publish,wall_s,cpu_s,rss_mb,peak_rss_mb");
-  const auto begin = std::chrono::steady_clock::now();
+  const gsv::Stopwatch wall;
   const double cpu_begin = gsv::processUsage().cpu_s;
   gsv::ImageReader reader(
       drive.size(), [&](std::size_t i) { return drive.image(i); }, arguments.cores > 1);
@@ -228,15 +223,15 @@ std::vector<Pixels> measurePipeline(const Drive& drive, const Arguments& argumen
     const double frame_cpu_begin = gsv::threadCpuMs();
     const gsv::RunFrame& frame = run.process(image.image, drive.stampNs(i), image.decode_ms);
     const double frame_cpu_ms = gsv::threadCpuMs() - frame_cpu_begin;
-    const auto published = std::chrono::steady_clock::now();
+    const gsv::Stopwatch watch;
     if (publish(run, frames) == 0) throw std::logic_error("messages without bytes");
-    const double publish_ms = millisecondsSince(published);
+    const double publish_ms = watch.ms();
     const gsv::VisualOdometry::Output& vo = run.lastVo();
     if (arguments.floor) pixels.push_back(trackedPixels(vo));
     const gsv::ProcessUsage now = gsv::processUsage();
     usage << i << ',' << vo.frame.features.size() + vo.rejected.size() << ',' << image.decode_cpu_ms
-          << ',' << frame_cpu_ms << ',' << publish_ms << ',' << millisecondsSince(begin) / 1e3
-          << ',' << now.cpu_s - cpu_begin << ',' << now.rss_mb << ',' << now.peak_rss_mb << '\n';
+          << ',' << frame_cpu_ms << ',' << publish_ms << ',' << wall.seconds() << ','
+          << now.cpu_s - cpu_begin << ',' << now.rss_mb << ',' << now.peak_rss_mb << '\n';
     progress.show(frame);
   }
   std::ostringstream facts;
@@ -264,25 +259,23 @@ void measureFloor(const Drive& drive, const Arguments& arguments,
   for (std::size_t i = 1; i < drive.size(); ++i) {
     const cv::Mat image = drive.image(i);
     const double cpu_begin = gsv::threadCpuMs();
-    const auto begin = std::chrono::steady_clock::now();
+    gsv::Stopwatch watch;
     std::vector<cv::Mat> to = pyramid(image);
-    const double pyramid_ms = millisecondsSince(begin);
+    const double pyramid_ms = watch.lapMs();
 
     const Pixels& points = pixels[i];
-    const auto detection = std::chrono::steady_clock::now();
     Pixels corners;
     cv::goodFeaturesToTrack(image, corners, std::max(1, static_cast<int>(points.size())), 0.01,
                             tracker.cell * image.cols / 2);
-    const double detect_ms = millisecondsSince(detection);
+    const double detect_ms = watch.lapMs();
 
-    const auto tracking = std::chrono::steady_clock::now();
     Pixels found;
     std::vector<unsigned char> ok;
     std::vector<float> error;
     if (!points.empty()) {
       cv::calcOpticalFlowPyrLK(from, to, points, found, ok, error, window, tracker.pyramid_levels);
     }
-    const double track_ms = millisecondsSince(tracking);
+    const double track_ms = watch.lapMs();
     csv << i << ',' << points.size() << ',' << pyramid_ms << ',' << detect_ms << ',' << track_ms
         << ',' << pyramid_ms + detect_ms + track_ms << ',' << gsv::threadCpuMs() - cpu_begin
         << '\n';

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <future>
 #include <optional>
@@ -10,6 +9,7 @@
 
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/median.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 #include "ground_scale_vo/vo/exposure.hpp"
 
 namespace ground_scale_vo {
@@ -34,14 +34,13 @@ cv::Point2f toCv(const Eigen::Vector2d& u) {
 class Timer {
  public:
   explicit Timer(double* ms) : ms_(ms) {}
-  ~Timer() { *ms_ += std::chrono::duration<double, std::milli>(Clock::now() - begin_).count(); }
+  ~Timer() { *ms_ += watch_.ms(); }
   Timer(const Timer&) = delete;
   Timer& operator=(const Timer&) = delete;
 
  private:
-  using Clock = std::chrono::steady_clock;
   double* ms_;
-  Clock::time_point begin_ = Clock::now();
+  const Stopwatch watch_;
 };
 
 /// Median inverse depth of the known points around a pixel: a guess for corners that lack one.

@@ -7,7 +7,6 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
-#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -21,6 +20,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/fault_log.hpp"
 #include "ground_scale_vo/ros/params.hpp"
+#include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
@@ -75,8 +75,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::unique_ptr<CameraStream> stream_;
   std::mutex mutex_;  ///< guards state_
   State state_;
-  std::uint64_t diagnosed_ = 0;  ///< processed at the last diagnosis, for the rate
-  std::chrono::steady_clock::time_point diagnosed_at_;
+  RateMeter rate_;  ///< of processed
 
   // Of the working thread alone.
   std::shared_ptr<const DescribedCamera> odometry_camera_;

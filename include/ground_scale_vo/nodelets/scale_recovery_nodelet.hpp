@@ -11,7 +11,6 @@
 #include <tf2_ros/transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
 
-#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -24,6 +23,7 @@
 #include "ground_scale_vo/ros/fault_log.hpp"
 #include "ground_scale_vo/ros/frame_image_pairing.hpp"
 #include "ground_scale_vo/ros/params.hpp"
+#include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
@@ -32,8 +32,8 @@ namespace ground_scale_vo {
 /// vo/frame, and image + camera_info where there are any -> scale, odometry, path, tf, and to look
 /// at image_road, points, ground_points, ground_plane; service reset.
 ///
-/// Everything runs on one thread, in callbacks. A frame is processed with the image of
-/// its stamp (FrameImagePairing), or on its points alone.
+/// Everything runs on one thread, in callbacks. A frame is processed with the image of its stamp
+/// (FrameImagePairing), or on its points alone.
 class ScaleRecoveryNodelet : public nodelet::Nodelet {
  public:
   ~ScaleRecoveryNodelet() override;
@@ -106,12 +106,12 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
 
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
-  std::uint64_t processed_ = 0, diagnosed_ = 0;
+  std::uint64_t processed_ = 0;
+  RateMeter rate_;                              ///< of processed_
   std::optional<std::uint32_t> last_received_;  ///< its sequence number
   std::uint64_t overtaken_ = 0;
   std::uint64_t with_image_ = 0, refined_ = 0;
   bool last_had_image_ = false;
-  std::chrono::steady_clock::time_point diagnosed_at_;
   double frame_ms_ = 0;
   ScaleEstimate last_scale_;
   ros::Time last_stamp_, last_measured_;

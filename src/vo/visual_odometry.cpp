@@ -248,15 +248,35 @@ struct VisualOdometry::Impl {
     return std::nullopt;
   }
 
+  /// A keyframe's image, as bright as the one that is aligned to it.
+  struct ReferenceImage {
+    cv::Mat original;
+    double factor;
+    cv::Mat image;
+  };
+  std::vector<ReferenceImage> references;  // of the map's keyframes, in their order
+
+  /// Only what has changed since the last call is made anew.
+  void updateReferences(double exposure) {
+    std::vector<ReferenceImage> now;
+    for (const Keyframe& keyframe : map.keyframes()) {
+      const double factor = exposure / keyframe.exposure;
+      const auto known = std::find_if(references.begin(), references.end(), [&](const auto& r) {
+        return r.original.data == keyframe.image.data && r.factor == factor;
+      });
+      now.push_back(known != references.end()
+                        ? *known
+                        : ReferenceImage{keyframe.image, factor, exposed(keyframe.image, factor)});
+    }
+    references = std::move(now);
+  }
+
   /// Moves features with a point from where tracking has drifted to, to where their first patch
   /// is. The others stay, with their larger sigma.
   void align(const ImagePyramid& to, const Eigen::Isometry3d& predicted_T_w_c,
-             std::vector<Feature>* found) const {
+             std::vector<Feature>* found) {
     const Eigen::Isometry3d T_c_w = predicted_T_w_c.inverse();
-    std::vector<cv::Mat> references;  // of the keyframes, as bright as this image
-    for (const Keyframe& keyframe : map.keyframes()) {
-      references.push_back(exposed(keyframe.image, to.exposure / keyframe.exposure));
-    }
+    updateReferences(to.exposure);
     for (Feature& feature : *found) {
       const auto it = map.landmarks().find(feature.id);
       if (it == map.landmarks().end()) continue;
@@ -267,7 +287,7 @@ struct VisualOdometry::Impl {
       if (!ref) continue;
 
       const Eigen::Isometry3d T_c_r = T_c_w * ref->keyframe->T_w_c;
-      const cv::Mat& reference = references[ref->keyframe->id - map.keyframes().front().id];
+      const cv::Mat& reference = references[ref->keyframe->id - map.keyframes().front().id].image;
       std::optional<PatchAlignment::Match> best;
       PatchSurface best_surface = feature.surface;
       const auto attempt = [&](PatchSurface surface) {

@@ -1,11 +1,9 @@
 // Notes when images enter the nodelets' graph and when what they make of them comes out.
 
 #include <nav_msgs/Odometry.h>
-#include <ros/network.h>
 #include <ros/ros.h>
 #include <sensor_msgs/Image.h>
 #include <unistd.h>
-#include <xmlrpcpp/XmlRpcClient.h>
 
 #include <chrono>
 #include <cmath>
@@ -22,6 +20,7 @@
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/ros/messages.hpp"
+#include "ground_scale_vo/ros/node_process.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -62,24 +61,6 @@ Arguments parseArguments(int argc, char** argv) {
   }
   if (arguments.out.empty()) throw gsv::OptionError("--out is missing, see --help");
   return arguments;
-}
-
-/// The process of a node, as the node itself says.
-std::optional<pid_t> processOf(const std::string& node) {
-  XmlRpc::XmlRpcValue request, response, uri;
-  request[0] = ros::this_node::getName();
-  request[1] = ros::names::resolve(node);
-  std::string host;
-  std::uint32_t port = 0;
-  if (!ros::master::execute("lookupNode", request, response, uri, false) ||
-      !ros::network::splitURI(uri, host, port)) {
-    return std::nullopt;
-  }
-  XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port), "/");
-  XmlRpc::XmlRpcValue self, answer;
-  self[0] = ros::this_node::getName();
-  if (!client.execute("getPid", self, answer) || answer.size() < 3) return std::nullopt;
-  return static_cast<int>(answer[2]);
 }
 
 class Observer {
@@ -128,7 +109,7 @@ class Observer {
 
   void onFrame(const ros::Time& stamp) {
     Line& line = note(stamp, &Line::frame);
-    if (!process_) process_ = processOf(manager_);
+    if (!process_) process_ = gsv::processOf(manager_);
     if (process_) line.usage = gsv::processUsage(*process_);
   }
 

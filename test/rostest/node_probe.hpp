@@ -1,17 +1,18 @@
 #pragma once
 
 #include <ros/master.h>
-#include <ros/network.h>
 #include <ros/this_node.h>
 #include <xmlrpcpp/XmlRpc.h>
 
 #include <filesystem>
 #include <iterator>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
 
 #include "ground_scale_vo/dataset/process_usage.hpp"
+#include "ground_scale_vo/ros/node_process.hpp"
 
 namespace ground_scale_vo {
 
@@ -20,20 +21,9 @@ class NodeProbe {
  public:
   /// Throws std::runtime_error when it does not answer.
   explicit NodeProbe(const std::string& name) : name_(name) {
-    XmlRpc::XmlRpcValue request, response, uri, pid;
-    request[0] = ros::this_node::getName();
-    request[1] = name;
-    std::string host;
-    std::uint32_t port = 0;
-    if (!ros::master::execute("lookupNode", request, response, uri, false) ||
-        !ros::network::splitURI(uri, host, port)) {
-      throw std::runtime_error("the master does not know " + name);
-    }
-    XmlRpc::XmlRpcValue caller;
-    caller[0] = ros::this_node::getName();
-    XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port), "/");
-    if (!client.execute("getPid", caller, pid)) throw std::runtime_error(name + " is silent");
-    pid_ = static_cast<int>(pid[2]);
+    const std::optional<pid_t> pid = processOf(name);
+    if (!pid) throw std::runtime_error(name + " does not answer");
+    pid_ = *pid;
   }
 
   ProcessUsage usage() const { return processUsage(pid_); }

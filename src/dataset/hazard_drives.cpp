@@ -1,7 +1,5 @@
 #include "ground_scale_vo/dataset/hazard_drives.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <utility>
@@ -280,19 +278,25 @@ HazardDrive hazardDrive(const std::string& name) {
   throw OptionError("'" + name + "' is no hazard, these are: " + names);
 }
 
-std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive) {
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive, const std::function<void()>& each) {
   std::vector<cv::Mat> images;
-  for (std::size_t i = 0; i < drive.size(); ++i) images.push_back(drive.image(i));
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    images.push_back(drive.image(i));
+    if (each) each();
+  }
   return images;
 }
 
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
-                   const std::vector<std::string>& assignments) {
+                   const std::vector<std::string>& assignments, const std::function<void()>& each) {
   OfflineRun::Options options;
   options.scale.camera_height = drive.cameraHeight();
   for (const std::string& assignment : assignments) setOption(options, assignment);
   OfflineRun run(drive.camera(), options);
-  for (std::size_t i = 0; i < images.size(); ++i) run.process(images[i], drive.frame(i).stamp_ns);
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    run.process(images[i], drive.frame(i).stamp_ns);
+    if (each) each();
+  }
   return run.record();
 }
 

@@ -1,9 +1,7 @@
 // Renders drives with faults injected at random, runs the pipeline over each and tables how it took
 // them.
 
-#include <cmath>
 #include <cstdio>
-#include <mutex>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -12,6 +10,7 @@
 #include "ground_scale_vo/dataset/fault_drives.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
+#include "progress_line.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -95,19 +94,25 @@ void print(const gsv::FaultDrive& drive, const gsv::FaultRunFigures& figures) {
   }
   const std::string broken = gsv::brokenBar(figures);
   if (!broken.empty()) std::printf("  BROKEN: %s\n", broken.c_str());
-  std::fflush(stdout);
 }
 
 int broken_drives = 0;
 
 void run(const Arguments& arguments) {
   cv::setNumThreads(1);
-  std::mutex printing;
+  std::size_t frames = 0;
+  for (const gsv::FaultDrive& drive : arguments.drives) {
+    frames += static_cast<std::size_t>(drive.options.frames);
+  }
+  gsv::ProgressLine progress("evaluate_faults", frames);
   gsv::forAll(arguments.drives.size(), arguments.threads, [&](std::size_t i) {
-    const gsv::FaultRunFigures figures = gsv::runFaultDrive(arguments.drives[i]);
-    const std::lock_guard<std::mutex> lock(printing);
-    print(arguments.drives[i], figures);
-    broken_drives += !gsv::brokenBar(figures).empty();
+    const gsv::FaultRunFigures figures = gsv::runFaultDrive(
+        arguments.drives[i],
+        [&](std::size_t, const cv::Mat&, const gsv::OfflineRun&) { progress.step("frames"); });
+    progress.pause([&] {
+      print(arguments.drives[i], figures);
+      broken_drives += !gsv::brokenBar(figures).empty();
+    });
   });
   std::printf("%zu drives, %d with a broken bar\n", arguments.drives.size(), broken_drives);
 }

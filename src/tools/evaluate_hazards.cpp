@@ -1,11 +1,9 @@
 // Renders the drives of the hazard catalogue, runs the pipeline over each and tables the figures.
 
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <mutex>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -16,6 +14,8 @@
 #include "ground_scale_vo/dataset/text_file.hpp"
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
+#include "progress_line.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -163,22 +163,27 @@ void print(const Row& row, double seconds) {
     std::printf("%*s", width, number(column, row.figures, "-").c_str());
   }
   std::printf("%9.1f\n", seconds);
-  std::fflush(stdout);
+}
+
+std::size_t frames(const gsv::HazardDrive& hazard) {
+  return static_cast<std::size_t>(hazard.options.frames);
 }
 
 void tabulate(const Arguments& arguments) {
   printHeading();
-  using Clock = std::chrono::steady_clock;
   std::vector<Row> rows(arguments.hazards.size());
-  std::mutex printing;
+  std::size_t images = 0;  // rendered, and again for each run over them
+  for (const gsv::HazardDrive& hazard : arguments.hazards) images += 2 * frames(hazard);
+  gsv::ProgressLine progress("evaluate_hazards", images);
+  const auto step = [&progress] { progress.step("images"); };
   gsv::forAll(rows.size(), arguments.threads, [&](std::size_t i) {
     const gsv::HazardDrive& hazard = arguments.hazards[i];
-    const auto start = Clock::now();
+    const gsv::Stopwatch watch;
     const gsv::SyntheticDrive drive(hazard.options);
-    const gsv::RunRecord record = gsv::runDrive(drive, gsv::renderDrive(drive), arguments.settings);
+    const gsv::RunRecord record =
+        gsv::runDrive(drive, gsv::renderDrive(drive, step), arguments.settings, step);
     rows[i] = {hazard.name, gsv::driveFigures(hazard, drive, record)};
-    const std::lock_guard<std::mutex> lock(printing);
-    print(rows[i], std::chrono::duration<double>(Clock::now() - start).count());
+    progress.pause([&] { print(rows[i], watch.seconds()); });
   });
   const std::filesystem::path out(arguments.out);
   gsv::writeFile(out / "hazards.md", markdown(rows));
@@ -232,16 +237,23 @@ void tabulateRemedies(const Arguments& arguments) {
   text += " without it | which is |\n" + rule + "---|---|\n";
   std::fputs(text.c_str(), stdout);
   std::vector<std::string> lines(arguments.hazards.size());
-  std::mutex printing;
+  std::size_t images = 0;  // rendered, and again for each run over them
+  for (const gsv::HazardDrive& hazard : arguments.hazards) {
+    const std::size_t runs = variants().size() + !hazard.remedy.without.empty();
+    images += (1 + runs) * frames(hazard);
+  }
+  gsv::ProgressLine progress("evaluate_hazards", images);
+  const auto step = [&progress] { progress.step("images"); };
   gsv::forAll(lines.size(), arguments.threads, [&](std::size_t i) {
     const gsv::HazardDrive& hazard = arguments.hazards[i];
     const gsv::HazardRemedy& remedy = hazard.remedy;
     const gsv::SyntheticDrive drive(hazard.options);
-    const std::vector<cv::Mat> images = gsv::renderDrive(drive);
+    const std::vector<cv::Mat> rendered = gsv::renderDrive(drive, step);
     const auto run = [&](const Settings& settings) {
       Settings all = arguments.settings;
       all.insert(all.end(), settings.begin(), settings.end());
-      return cell(gsv::driveFigures(hazard, drive, gsv::runDrive(drive, images, all)), hazard.bars);
+      return cell(gsv::driveFigures(hazard, drive, gsv::runDrive(drive, rendered, all, step)),
+                  hazard.bars);
     };
     std::string& line = lines[i];
     line = "| " + hazard.name + " | " + remedy.what + " |";
@@ -250,9 +262,7 @@ void tabulateRemedies(const Arguments& arguments) {
     without.insert(without.end(), remedy.without.begin(), remedy.without.end());
     line += remedy.without.empty() ? " | |" : " " + run(without) + " | " + code(without) + " |";
     line += "\n";
-    const std::lock_guard<std::mutex> lock(printing);
-    std::fputs(line.c_str(), stdout);
-    std::fflush(stdout);
+    progress.pause([&] { std::fputs(line.c_str(), stdout); });
   });
   for (const std::string& line : lines) text += line;
   gsv::writeFile(std::filesystem::path(arguments.out) / "remedies.md", text);

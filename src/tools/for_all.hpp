@@ -7,14 +7,20 @@
 
 namespace ground_scale_vo {
 
-/// Calls work(i) for i = 0 ... count - 1 on so many threads.
+/// Calls work(i) for i = 0 ... count - 1 on so many threads. After an exception of work no more
+/// calls begin, and it, or the first of them, is thrown.
 template <typename Work>
 void forAll(std::size_t count, int threads, const Work& work) {
   std::atomic<std::size_t> next{0};
   std::vector<std::future<void>> workers;
   for (int k = 0; k < threads; ++k) {
     workers.push_back(std::async(std::launch::async, [&] {
-      for (std::size_t i = next++; i < count; i = next++) work(i);
+      try {
+        for (std::size_t i = next++; i < count; i = next++) work(i);
+      } catch (...) {
+        next = count;
+        throw;
+      }
     }));
   }
   for (std::future<void>& worker : workers) worker.get();

@@ -191,7 +191,7 @@ void convert(const Arguments& arguments) {
     cv_bridge::CvImage(header, sensor_msgs::image_encodings::MONO8, sequence.image(i))
         .toImageMsg(image);
     pending.bag().write(kImageTopic, header.stamp, image);
-    progress.show(i - arguments.start + 1, "frames");
+    progress.step("frames");
   }
   pending.commit();
   std::printf("%s: %zu frames written to %s%s\n", sequence.name().c_str(),

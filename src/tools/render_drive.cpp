@@ -3,20 +3,18 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <functional>
 #include <iomanip>
 #include <locale>
-#include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "for_all.hpp"
 #include "ground_scale_vo/dataset/hazard_drives.hpp"
 #include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/dataset/text_file.hpp"
@@ -176,33 +174,15 @@ Settings parse(int argc, char** argv) {
 void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int threads) {
   fs::create_directories(folder);
   gsv::ProgressLine progress("render_drive", drive.size());
-  std::size_t done = 0;
-  std::atomic<std::size_t> next{0};
-  std::exception_ptr failure;
-  std::mutex mutex;  // of progress, done and failure
-  const auto work = [&] {
-    try {
-      for (std::size_t i = next++; i < drive.size(); i = next++) {
-        std::ostringstream name;
-        name << std::setw(6) << std::setfill('0') << i << ".png";
-        const std::string file = folder / name.str();
-        std::vector<unsigned char> png;
-        cv::imencode(".png", drive.image(i), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
-        gsv::writeFile(file, {png.begin(), png.end()});
-        const std::lock_guard<std::mutex> lock(mutex);
-        progress.show(++done, "frames");
-      }
-    } catch (...) {
-      const std::lock_guard<std::mutex> lock(mutex);
-      failure = std::current_exception();
-      next = drive.size();
-    }
-  };
-  std::vector<std::thread> workers;
-  workers.reserve(static_cast<std::size_t>(threads));
-  for (int k = 0; k < threads; ++k) workers.emplace_back(work);
-  for (std::thread& worker : workers) worker.join();
-  if (failure) std::rethrow_exception(failure);
+  gsv::forAll(drive.size(), threads, [&](std::size_t i) {
+    std::ostringstream name;
+    name << std::setw(6) << std::setfill('0') << i << ".png";
+    const std::string file = folder / name.str();
+    std::vector<unsigned char> png;
+    cv::imencode(".png", drive.image(i), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    gsv::writeFile(file, {png.begin(), png.end()});
+    progress.step("frames");
+  });
 }
 
 void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {

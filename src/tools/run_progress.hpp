@@ -19,7 +19,7 @@ class RunProgress {
   void show(const RunFrame& frame) {
     metres_ += (frame.T_o_c.translation() - position_).norm();
     position_ = frame.T_o_c.translation();
-    line_.show(++done_, [&](double rate) {
+    line_.step([&](double rate) {
       char text[128];
       const int length =
           std::snprintf(text, sizeof text, " frames, %.1f/s, %.1f m, scale ", rate, metres_);
@@ -36,7 +36,6 @@ class RunProgress {
   }
 
   ProgressLine line_;
-  std::size_t done_ = 0;
   double metres_ = 0;
   Eigen::Vector3d position_ = Eigen::Vector3d::Zero();
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -79,12 +80,15 @@ std::string brokenBar(const DriveFigures& figures, const DriveBars& bars);
 DriveFigures driveFigures(const HazardDrive& hazard, const SyntheticDrive& drive,
                           const RunRecord& record);
 
-/// All images of the drive.
-std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive);
+/// All images of the drive. each: is called after every one, may be empty.
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive,
+                                 const std::function<void()>& each = {});
 
 /// Runs both stages over the drive's images, frame by frame, with the defaults but for the drive's
-/// camera height and these assignments (as of setOption). Throws OptionError.
+/// camera height and these assignments (as of setOption). each: is called after every frame, may be
+/// empty. Throws OptionError.
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
-                   const std::vector<std::string>& assignments = {});
+                   const std::vector<std::string>& assignments = {},
+                   const std::function<void()>& each = {});
 
 }  // namespace ground_scale_vo

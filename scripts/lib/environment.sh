@@ -4,6 +4,8 @@
 #   gsv_build [target...]    configures and builds to $gsv_build_folder; no target: everything
 #   gsv_env                  makes ROS and this build usable in the calling shell
 #   gsv_show_launch NAME     filters what kitti.launch says: progress, warnings, errors
+#   gsv_find_folders OUT SEQ...
+#                            the folders of sequences whose results go to OUT/<name>, to gsv_folders
 #   $gsv_tools               the folder of the package's programs
 #   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
@@ -142,6 +144,25 @@ gsv_env() {
   gsv_installed && return 0
   export ROS_HOME=$gsv_build_folder/ros ROS_LOG_DIR=$gsv_build_folder/ros/log
   mkdir -p "$ROS_LOG_DIR"
+}
+
+gsv_find_folders() {
+  local out=$1 sequence folder name
+  local -A folder_of=()
+  gsv_folders=()
+  for sequence in "${@:2}"; do
+    folder=$(cd -- "$sequence" 2>/dev/null && pwd) || {
+      echo "${0##*/}: $sequence: no such folder" >&2
+      return 1
+    }
+    name=$(basename "$folder")
+    [[ -z ${folder_of[$name]:-} ]] || {
+      echo "${0##*/}: ${folder_of[$name]} and $folder have the same name and would share $out/$name" >&2
+      return 1
+    }
+    folder_of[$name]=$folder
+    gsv_folders+=("$folder")
+  done
 }
 
 # Of all that roslaunch says the terminal sees the progress, under this name, warnings and errors; a

@@ -1,6 +1,5 @@
 #include "ground_scale_vo/dataset/scale_metrics.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>

@@ -12,8 +12,6 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
-constexpr double kRadiansPerDegree = 0.017453292519943295;
-
 std::string text(double value) {
   std::ostringstream out;
   out.precision(10);
@@ -88,14 +86,6 @@ double ParamReader::number(const char* name, double default_value, double min, d
   }
   entries_.push_back({name, text(value), rangeText(min, max), meaning, given != nullptr});
   return value;
-}
-
-void ParamReader::declareDegrees(const char* name, double& field_rad, double min_deg,
-                                 double max_deg, const char* meaning) {
-  const double default_deg = field_rad / kRadiansPerDegree;
-  const double value_deg = number(name, default_deg, min_deg, max_deg, false, meaning);
-  // The default stays as it is, to the last bit.
-  if (entries_.back().given) field_rad = value_deg * kRadiansPerDegree;
 }
 
 void ParamReader::declare(const char* name, bool& field, const char* meaning) {

@@ -1,6 +1,5 @@
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include "ground_scale_vo/error.hpp"

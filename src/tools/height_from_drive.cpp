@@ -11,9 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <memory>
 #include <opencv2/core.hpp>

@@ -1,7 +1,5 @@
 #include "ground_scale_vo/vo/pose_estimation.hpp"
 
-#include <cmath>
-#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 

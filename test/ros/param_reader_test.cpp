@@ -64,17 +64,6 @@ TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {
   EXPECT_FALSE(reader.entries()[1].given);
 }
 
-TEST(ParamReader, DegreesBecomeRadiansAndADefaultKeepsItsBits) {
-  XmlRpcValue tree;
-  tree["given_deg"] = 90.0;
-  double given = 0, kept = 0.1234567890123456789;
-  ParamReader reader("/n", tree);
-  reader.declareDegrees("given_deg", given, 0, 180, "[deg] angle");
-  reader.declareDegrees("kept_deg", kept, 0, 180, "[deg] angle");
-  EXPECT_DOUBLE_EQ(given, std::acos(0.0));
-  EXPECT_EQ(kept, 0.1234567890123456789);
-}
-
 TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   XmlRpcValue tree;
   tree["camera_height"] = -1.0;

@@ -13,7 +13,6 @@
 #include <Eigen/Core>
 #include <boost/make_shared.hpp>
 #include <limits>
-#include <memory>
 #include <string>
 #include <vector>
 

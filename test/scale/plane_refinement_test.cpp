@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <vector>
 
 #include "ground_scale_vo/error.hpp"
 #include "road_image.hpp"

@@ -91,7 +91,7 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
 ScaleEstimate fromMsg(const ScaleEstimateMsg& msg);
 
 geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b);
-/// Throws MessageError when a number is not finite or the quaternion has no direction.
+/// Throws MessageError when the position is no place (isPlace) or the quaternion not a unit one.
 Eigen::Isometry3d fromMsg(const geometry_msgs::Pose& pose);
 Eigen::Isometry3d fromMsg(const geometry_msgs::Transform& transform);
 

@@ -2,8 +2,6 @@
 
 #include <xmlrpcpp/XmlRpcValue.h>
 
-#include <cstdint>
-#include <limits>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -15,8 +13,8 @@ namespace ground_scale_vo {
 /// Reads the parameters under one namespace into the fields that they belong to.
 ///
 /// Every parameter is declared once, with the field (its value before is the default), its range
-/// and a text "[unit] meaning". What is declared is also what is known: problems(), unknown() and
-/// entries() follow from it. Needs no master: the tree is handed in.
+/// and a text "[unit] meaning". What is declared is also what is known: unknown() and entries()
+/// follow from it. Needs no master: the tree is handed in.
 class ParamReader {
  public:
   struct Entry {
@@ -38,9 +36,6 @@ class ParamReader {
     field = static_cast<Number>(
         number(name, static_cast<double>(field), min, max, std::is_integral_v<Number>, meaning));
   }
-  /// An angle: degrees at the boundary, radians in the field.
-  void declareDegrees(const char* name, double& field_rad, double min_deg, double max_deg,
-                      const char* meaning);
   void declare(const char* name, bool& field, const char* meaning);
   void declare(const char* name, std::string& field, const char* meaning);
 

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <future>
 #include <limits>
 #include <thread>
 
@@ -26,12 +28,12 @@ TEST(BoundedQueue, KeepsOrderAndLetsTheOldestGo) {
 TEST(BoundedQueue, HoldsItemsUntilReleased) {
   BoundedQueue<int> queue(3);
   queue.push(1);
-  std::optional<int> got;
-  std::thread reader([&] { got = queue.pop(); });
+  auto got = std::async(std::launch::async, [&] { return queue.pop(); });
+  // However long one waits.
+  EXPECT_EQ(got.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
   queue.push(2);
   queue.release();
-  reader.join();
-  EXPECT_EQ(got, 1);
+  EXPECT_EQ(got.get(), 1);
 }
 
 TEST(BoundedQueue, CloseEndsAWaitingPop) {

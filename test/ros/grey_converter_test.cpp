@@ -16,6 +16,18 @@ namespace {
 
 constexpr int kWidth = 50, kHeight = 40;
 
+/// Every byte is the same.
+sensor_msgs::Image plainImage(const std::string& encoding, std::uint32_t width,
+                              std::uint32_t height, std::uint32_t step, std::size_t bytes) {
+  sensor_msgs::Image image;
+  image.encoding = encoding;
+  image.width = width;
+  image.height = height;
+  image.step = step;
+  image.data.assign(bytes, 100);
+  return image;
+}
+
 /// How an encoding lays out its numbers: per pixel, "bgr" in their order, "x" any, "y" brightness;
 /// Bayer: the 2 x 2 pattern row by row.
 struct Layout {
@@ -56,18 +68,19 @@ double colour(char channel, int u, int v) {
   return 0.114 * colour('b', u, v) + 0.587 * colour('g', u, v) + 0.299 * colour('r', u, v);
 }
 
+std::size_t pixelBytes(const Layout& layout) {
+  return (layout.bayer ? 1 : layout.channels.size()) * static_cast<std::size_t>(layout.bytes);
+}
+
 /// unit: the number of 1 of 255 grey levels.
 sensor_msgs::Image imageOf(const Layout& layout, double unit, std::uint32_t padding = 0,
                            bool big_endian = false) {
   const std::size_t numbers = layout.bayer ? 1 : layout.channels.size();
   const auto bytes = static_cast<std::size_t>(layout.bytes);
-  sensor_msgs::Image image;
-  image.encoding = layout.encoding;
-  image.width = kWidth;
-  image.height = kHeight;
+  const auto step = static_cast<std::uint32_t>(kWidth * pixelBytes(layout)) + padding;
+  sensor_msgs::Image image =
+      plainImage(layout.encoding, kWidth, kHeight, step, std::size_t{step} * kHeight);
   image.is_bigendian = big_endian;
-  image.step = static_cast<std::uint32_t>(kWidth * numbers * bytes) + padding;
-  image.data.assign(image.step * image.height, 255);
   for (int v = 0; v < kHeight; ++v) {
     for (int u = 0; u < kWidth; ++u) {
       for (std::size_t k = 0; k < numbers; ++k) {
@@ -125,10 +138,7 @@ TEST(GreyConverter, SixteenBitsKeepTheContrastOfTheBitsInUse) {
 }
 
 std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number) {
-  sensor_msgs::Image image;
-  image.encoding = "mono16";
-  image.width = image.height = 1;
-  image.step = 2;
+  sensor_msgs::Image image = plainImage("mono16", 1, 1, 2, 2);
   image.data = {static_cast<std::uint8_t>(number % 256), static_cast<std::uint8_t>(number / 256)};
   return converter->convert(image).at<std::uint8_t>(0, 0);
 }
@@ -202,24 +212,15 @@ TEST(GreyConverter, RefusesSizesThatDoNotFit) {
       {"bgr8", 4, 2, kMost, 24, "the image holds 24 bytes instead of 8589934590"},
   };
   for (const Case& c : cases) {
-    sensor_msgs::Image image;
-    image.encoding = c.encoding;
-    image.width = c.width;
-    image.height = c.height;
-    image.step = c.step;
-    image.data.assign(c.bytes, 100);
-    EXPECT_EQ(refusal(image), c.sentence);
+    EXPECT_EQ(refusal(plainImage(c.encoding, c.width, c.height, c.step, c.bytes)), c.sentence);
   }
 }
 
 TEST(GreyConverter, TakesTheSmallestImages) {
   for (const Layout& layout : layouts()) {
-    sensor_msgs::Image image;
-    image.encoding = layout.encoding;
-    image.width = image.height = 1;
-    image.step = static_cast<std::uint32_t>((layout.bayer ? 1 : layout.channels.size()) *
-                                            static_cast<std::size_t>(layout.bytes));
-    image.data.assign(image.step, 100);
+    const std::size_t bytes = pixelBytes(layout);
+    const sensor_msgs::Image image =
+        plainImage(layout.encoding, 1, 1, static_cast<std::uint32_t>(bytes), bytes);
     EXPECT_EQ(GreyConverter().convert(image).size(), cv::Size(1, 1)) << layout.encoding;
   }
 }

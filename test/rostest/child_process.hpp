@@ -21,8 +21,8 @@ namespace ground_scale_vo {
 class ChildProcess {
  public:
   explicit ChildProcess(std::vector<std::string> words) {
-    char name[] = "/tmp/ground_scale_vo_child_XXXXXX";
-    const int file = mkstemp(name);
+    std::string name = std::filesystem::temp_directory_path() / "ground_scale_vo_child_XXXXXX";
+    const int file = mkstemp(name.data());
     if (file < 0) throw std::runtime_error("no temporary file");
     log_ = name;
     std::vector<char*> argv;

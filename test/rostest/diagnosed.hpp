@@ -2,27 +2,43 @@
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 
+#include <algorithm>
+#include <functional>
 #include <string>
 
 #include "inbox.hpp"
 
 namespace ground_scale_vo {
 
+/// True when from now on a status comes in the diagnostics of which the predicate is true.
+inline bool waitForStatus(
+    Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics,
+    const std::function<bool(const diagnostic_msgs::DiagnosticStatus&)>& predicate) {
+  diagnostics.clear();
+  return diagnostics.wait([&](const auto& reports) {
+    return std::any_of(reports.begin(), reports.end(), [&](const auto& report) {
+      return std::any_of(report->status.begin(), report->status.end(), predicate);
+    });
+  });
+}
+
+/// 0 when the status does not tell.
+inline int countIn(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
+  for (const auto& entry : status.values) {
+    if (entry.key == key) return std::stoi(entry.value);
+  }
+  return 0;
+}
+
 /// True when the diagnostics come to tell this value, from now on; empty: any. of: part of the
 /// name of the nodelet that shall tell it.
 inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& key,
                       const std::string& value = "", const std::string& of = "") {
-  diagnostics.clear();
-  return diagnostics.wait([&](const auto& reports) {
-    for (const auto& report : reports) {
-      for (const auto& status : report->status) {
-        if (status.name.find(of) == std::string::npos) continue;
-        for (const auto& entry : status.values) {
-          if (entry.key == key && (value.empty() || entry.value == value)) return true;
-        }
-      }
-    }
-    return false;
+  return waitForStatus(diagnostics, [&](const auto& status) {
+    return status.name.find(of) != std::string::npos &&
+           std::any_of(status.values.begin(), status.values.end(), [&](const auto& entry) {
+             return entry.key == key && (value.empty() || entry.value == value);
+           });
   });
 }
 

@@ -1,54 +1,31 @@
 // What comes late, never, or in another order: both nodelets in a real manager, on a rendered drive
 // whose metres are known.
 
-#include <diagnostic_msgs/DiagnosticArray.h>
-#include <diagnostic_msgs/DiagnosticStatus.h>
 #include <gtest/gtest.h>
 #include <rosgraph_msgs/Log.h>
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
-#include <memory>
+#include <atomic>
 #include <set>
 
-#include "diagnosed.hpp"
-#include "nodelet_pair.hpp"
+#include "drive_test.hpp"
+#include "ground_scale_vo/nodelets/own_queue.hpp"
+#include "mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kTolerance = 0.05;  // of the metric way
-
-class Graph : public testing::Test {
+class Graph : public DriveTest<50> {
  protected:
-  static void SetUpTestSuite() { drive_ = std::make_unique<RenderedDrive>(smallDrive(50)); }
-  static void TearDownTestSuite() { drive_.reset(); }
-  void SetUp() override { ASSERT_TRUE(manager_.waitForIt()); }
-  void TearDown() override { EXPECT_EQ(manager_.loaded(), 0u); }
-
   /// From now on, the diagnostics of a nodelet come to say this.
   bool says(const std::string& nodelet, std::int8_t level, const std::string& text) {
-    diagnostics_.clear();
-    return diagnostics_.wait([&](const auto& reports) {
-      for (const auto& report : reports) {
-        for (const auto& status : report->status) {
-          if (status.name.find(nodelet) != std::string::npos && status.level == level &&
-              status.message.find(text) != std::string::npos) {
-            return true;
-          }
-        }
-      }
-      return false;
+    return waitForStatus(diagnostics_, [&](const auto& status) {
+      return status.name.find(nodelet) != std::string::npos && status.level == level &&
+             status.message.find(text) != std::string::npos;
     });
   }
-
-  ManagerClient manager_{"/manager"};
-  ros::NodeHandle handle_;
-  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_{handle_, "/diagnostics"};
-  static std::unique_ptr<RenderedDrive> drive_;
 };
-
-std::unique_ptr<RenderedDrive> Graph::drive_;
 
 TEST_F(Graph, CameraInfoThatNeverComesIsAnErrorThatNamesItsTopic) {
   NodeletPair pair(manager_, *drive_, "/never");
@@ -75,6 +52,28 @@ TEST_F(Graph, OneCameraInfoIsEnough) {
   EXPECT_TRUE(diagnosed(diagnostics_, "images", "used"));
   EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
   EXPECT_TRUE(pair.unload());
+}
+
+// A manager throws away what arrives while a nodelet is being loaded, like a queue that is
+// disabled.
+TEST(OwnQueue, KeepsWhatComesBeforeItsStart) {
+  ros::NodeHandle handle;
+  ros::Publisher publisher = handle.advertise<std_msgs::Header>("latched", 1, true);
+  publisher.publish(std_msgs::Header());
+  ros::CallbackQueue of_manager;
+  of_manager.disable();
+  ros::NodeHandle of_nodelet;
+  of_nodelet.setCallbackQueue(&of_manager);
+  std::atomic<bool> heard{false};
+  OwnQueue queue;
+  const ros::Subscriber subscriber =
+      queue.handle(of_nodelet)
+          .subscribe<std_msgs::Header>("latched", 1,
+                                       [&](const std_msgs::HeaderConstPtr&) { heard = true; });
+  ASSERT_TRUE(waitUntil([&] { return publisher.getNumSubscribers() == 1; }));
+  queue.start();
+  EXPECT_TRUE(waitUntil([&] { return heard.load(); }));
+  queue.stop();
 }
 
 // What arrives while the nodelets are still being loaded.
@@ -132,7 +131,14 @@ TEST_F(Graph, EitherOrderWhileImagesComeGivesMetres) {
     std::size_t next = 0;
     for (; next < 3; ++next) pair.publish(next);
     ASSERT_TRUE(mono_vo_first ? pair.loadMonoVo() : pair.loadScaleRecovery());
+    ASSERT_TRUE(pair.waitUntilTheCameraIsHeard());
+    if (mono_vo_first) {
+      ASSERT_TRUE(waitUntil([&] { return pair.frames.connected(); }));
+    }
     for (; next < 6; ++next) pair.publish(next);
+    if (mono_vo_first) {  // frames that the other never hears of
+      ASSERT_TRUE(pair.frames.waitForStamp(pair.header(next - 1).stamp));
+    }
     ASSERT_TRUE(mono_vo_first ? pair.loadScaleRecovery() : pair.loadMonoVo());
     ASSERT_TRUE(pair.waitUntilConnected());
     ASSERT_TRUE(pair.play(next, drive_->size() - 1));
@@ -165,16 +171,7 @@ TEST_F(Graph, TheMountingComesLate) {
   }));
 
   tf2_ros::StaticTransformBroadcaster broadcaster;
-  geometry_msgs::TransformStamped mounting;
-  mounting.header.frame_id = "mounted_base";
-  mounting.child_frame_id = "camera";
-  mounting.transform.translation.z = 1.65;
-  const Eigen::Quaterniond q(bodyFromOptical());
-  mounting.transform.rotation.w = q.w();
-  mounting.transform.rotation.x = q.x();
-  mounting.transform.rotation.y = q.y();
-  mounting.transform.rotation.z = q.z();
-  broadcaster.sendTransform(mounting);
+  broadcaster.sendTransform(mounting("mounted_base", {0, 0, 1.65}));
   std::size_t next = half;
   while (next < drive_->size() && pair.odometry.messages().empty()) {
     pair.publish(next);

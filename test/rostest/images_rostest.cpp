@@ -69,18 +69,9 @@ class Images : public testing::Test {
   /// What a nodelet counts, as the next diagnostics tell it; 0 when they do not.
   int counted(const std::string& nodelet, const std::string& key) {
     int count = 0;
-    diagnostics_.clear();
-    EXPECT_TRUE(diagnostics_.wait([&](const auto& reports) {
-      for (const auto& report : reports) {
-        for (const auto& status : report->status) {
-          if (status.name.find(nodelet) == std::string::npos) continue;
-          for (const auto& entry : status.values) {
-            if (entry.key == key) count = std::stoi(entry.value);
-          }
-          return true;
-        }
-      }
-      return false;
+    EXPECT_TRUE(waitForStatus(diagnostics_, [&](const auto& status) {
+      count = countIn(status, key);
+      return status.name.find(nodelet) != std::string::npos;
     }));
     return count;
   }

@@ -4,6 +4,7 @@
 #include <nav_msgs/Odometry.h>
 
 #include <string>
+#include <vector>
 
 #include "manager_client.hpp"
 #include "rendered_camera.hpp"
@@ -39,12 +40,16 @@ class NodeletPair {
   bool unload() {
     return manager_.unload(ns_ + "/mono_vo") && manager_.unload(ns_ + "/scale_recovery");
   }
+  /// By one of them: subscribers are counted by process.
+  bool waitUntilTheCameraIsHeard() {
+    return waitUntil(
+        [this] { return images_.getNumSubscribers() >= 1 && infos_.getNumSubscribers() >= 1; });
+  }
   /// Both hear the camera, and this program hears both.
   bool waitUntilConnected() {
-    return waitUntil([this] {
-      return images_.getNumSubscribers() >= 1 && infos_.getNumSubscribers() >= 1 &&
-             frames.connected() && scales.connected() && odometry.connected();
-    });
+    return waitUntilTheCameraIsHeard() && waitUntil([this] {
+             return frames.connected() && scales.connected() && odometry.connected();
+           });
   }
 
   std_msgs::Header header(std::size_t i) const { return drive_.header(i, start_s_); }
@@ -70,10 +75,9 @@ class NodeletPair {
     }
     throw std::logic_error("no frame has this stamp");
   }
-  /// The metric odometry so far over the true way between its first and its last message, each as
-  /// the distance of its two ends. 0: hardly any way.
-  double lengthRatio() {
-    const auto messages = odometry.messages();
+  /// A metric odometry over the true way between its first and its last message, each as the
+  /// distance of its two ends. 0: hardly any way.
+  double lengthRatio(const std::vector<nav_msgs::Odometry::ConstPtr>& messages) const {
     if (messages.size() < 2) return 0;
     const auto place = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
       return fromMsg(message.pose.pose).translation();
@@ -84,6 +88,8 @@ class NodeletPair {
     if (true_way < 5) return 0;
     return (place(*messages.back()) - place(*messages.front())).norm() / true_way;
   }
+  /// Of the odometry so far.
+  double lengthRatio() { return lengthRatio(odometry.messages()); }
 
  private:
   ros::NodeHandle handle_;

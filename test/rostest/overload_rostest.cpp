@@ -1,7 +1,6 @@
 // More than the machine can do, and listeners that do not listen: the newest images win, what goes
 // is counted, the metres stay right, and who only looks on changes nothing.
 
-#include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
 #include <nav_msgs/Path.h>
 #include <sensor_msgs/PointCloud2.h>
@@ -11,42 +10,18 @@
 #include <memory>
 
 #include "child_process.hpp"
-#include "diagnosed.hpp"
+#include "drive_test.hpp"
 #include "node_probe.hpp"
-#include "nodelet_pair.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kTolerance = 0.05;  // of the metric way
 constexpr std::size_t kFrames = 60;
 /// With this argument and a namespace the program is the listener: it says so once it hears, and
 /// waits for its end.
 const char* const kDeaf = "--deaf";
 
-/// 0 when it does not tell.
-std::size_t countIn(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
-  for (const auto& entry : status.values) {
-    if (entry.key == key) return std::stoul(entry.value);
-  }
-  return 0;
-}
-
-class Overload : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    drive_ = std::make_unique<RenderedDrive>(smallDrive(static_cast<int>(kFrames)));
-  }
-  static void TearDownTestSuite() { drive_.reset(); }
-  void SetUp() override { ASSERT_TRUE(manager_.waitForIt()); }
-
-  ManagerClient manager_{"/manager"};
-  ros::NodeHandle handle_;
-  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_{handle_, "/diagnostics"};
-  static std::unique_ptr<RenderedDrive> drive_;
-};
-
-std::unique_ptr<RenderedDrive> Overload::drive_;
+using Overload = DriveTest<kFrames>;
 
 // A burst is published while MonoVo cannot take any image: it waits for its camera_info, as it
 // waits for the machine when that is too slow. What comes out is then no matter of speed.
@@ -115,15 +90,7 @@ TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
   EXPECT_TRUE(diagnosed(diagnostics_, "frames overtaken by newer ones",
                         std::to_string(2 * (kFrames / 3 - 1))));
   ASSERT_TRUE(odometry.waitForStamp(frames.back()->header.stamp));
-  const auto place = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
-    return fromMsg(message.pose.pose).translation();
-  };
-  const auto messages = odometry.messages();
-  const auto& from = drive_->drive().frame(recorder.frameAt(messages.front()->header.stamp)).T_c0_c;
-  const auto& to = drive_->drive().frame(recorder.frameAt(messages.back()->header.stamp)).T_c0_c;
-  const double ratio = (place(*messages.back()) - place(*messages.front())).norm() /
-                       (to.translation() - from.translation()).norm();
-  EXPECT_NEAR(ratio, 1, 2 * kTolerance);
+  EXPECT_NEAR(recorder.lengthRatio(odometry.messages()), 1, 2 * kTolerance);
 
   // A burst: the last one comes out whatever goes before it, and all are accounted for.
   constexpr std::uint32_t burst = 400;
@@ -136,13 +103,10 @@ TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
   }
   ASSERT_TRUE(scales.waitForStamp(last->header.stamp));
   // From the third frame on, each was either processed or counted as overtaken.
-  diagnostics_.clear();
-  EXPECT_TRUE(diagnostics_.wait([](const auto& reports) {
-    const auto& status =
-        reports.empty() ? diagnostic_msgs::DiagnosticStatus() : reports.back()->status.front();
-    const std::size_t overtaken = countIn(status, "frames overtaken by newer ones");
-    return overtaken > 2 * (kFrames / 3 - 1) &&
-           overtaken + countIn(status, "frames processed") == kFrames - 2 + burst;
+  EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
+    const int overtaken = countIn(status, "frames overtaken by newer ones");
+    return overtaken > int{2 * (kFrames / 3 - 1)} &&
+           overtaken + countIn(status, "frames processed") == int{kFrames - 2 + burst};
   }));
   EXPECT_TRUE(manager_.unload("/late/scale_recovery"));
 }

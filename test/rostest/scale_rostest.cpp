@@ -15,6 +15,7 @@
 #include "diagnosed.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "inbox.hpp"
+#include "mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -134,18 +135,7 @@ class Scale : public testing::Test {
   }
   static void publishMounting() {
     static tf2_ros::StaticTransformBroadcaster broadcaster;
-    geometry_msgs::TransformStamped mounting;
-    mounting.header.stamp = ros::Time::now();
-    mounting.header.frame_id = "base_link";
-    mounting.child_frame_id = "camera";
-    mounting.transform.translation.x = 1.5;
-    mounting.transform.translation.z = 1.4;
-    const Eigen::Quaterniond q(bodyFromOptical());
-    mounting.transform.rotation.w = q.w();
-    mounting.transform.rotation.x = q.x();
-    mounting.transform.rotation.y = q.y();
-    mounting.transform.rotation.z = q.z();
-    broadcaster.sendTransform(mounting);
+    broadcaster.sendTransform(mounting("base_link", {1.5, 0, 1.4}));
   }
   /// Plays on until an odometry comes out: tf is known.
   void playUntilOdometry(FlatRoad& road) {
@@ -201,13 +191,19 @@ TEST_F(Scale, ResetMakesTheScaleUnknown) {
 }
 
 TEST_F(Scale, AClockThatJumpsBackStartsAnew) {
+  publishMounting();
   FlatRoad road(4000);
+  playUntilOdometry(road);
   play(road, kFrames);
   FlatRoad again(4000);  // a looped bag: the same stamps once more
   play(again, 1);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
   play(again, kFrames);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
+  // From the origin, and not on from where it was.
+  ASSERT_TRUE(odometry_.waitForStamp(scales_.messages().back()->header.stamp));
+  const double metres = kCameraHeight * kStep * kFrames;
+  EXPECT_NEAR(odometry_.messages().back()->pose.pose.position.x, metres, 0.02 * metres);
 }
 
 TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetresGoOn) {
@@ -329,6 +325,22 @@ TEST_F(Refined, NotByImagesOfAnotherCamera) {
   play(road, [](sensor_msgs::Image&) {});
   expectNoEffect();
   EXPECT_TRUE(diagnosed(diagnostics_, "dropped: other camera"));
+}
+
+// A frame that waits for its image when the clock jumps belongs to the scale of the old clock.
+TEST_F(Refined, AFrameThatWaitsIsNotCarriedOverAJumpOfTheClock) {
+  FlatRoad road(10500);
+  describe(road.camera());
+  play(road, [](sensor_msgs::Image&) {});
+  frames_.publish(road.next());
+  FlatRoad again(10500);
+  const VoFrameMsg::Ptr first = again.next();
+  frames_.publish(first);
+  ASSERT_TRUE(scales_.waitForStamp(first->header.stamp));
+  const auto scales = scales_.messages();
+  ASSERT_EQ(scales.size(), static_cast<std::size_t>(kFrames) + 2);
+  EXPECT_EQ(scales.back()->status, ScaleEstimateMsg::UNKNOWN);
+  EXPECT_NE(scales[kFrames]->status, ScaleEstimateMsg::UNKNOWN);
 }
 
 TEST_F(Refined, NotByImagesOfOtherTimes) {

@@ -11,6 +11,7 @@
 #include "ground_scale_vo/scale/plane_fit.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "recovery_options.hpp"
 #include "road_image.hpp"
 
 namespace ground_scale_vo {
@@ -18,12 +19,6 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
-
-ScaleRecovery::Options options() {
-  ScaleRecovery::Options o;
-  o.camera_height = 1.65;
-  return o;
-}
 
 RoadScene road() {
   RoadScene scene;

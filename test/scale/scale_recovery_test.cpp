@@ -7,16 +7,11 @@
 #include <limits>
 
 #include "ground_scale_vo/error.hpp"
+#include "recovery_options.hpp"
 #include "road_image.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-ScaleRecovery::Options options() {
-  ScaleRecovery::Options o;
-  o.camera_height = 1.65;
-  return o;
-}
 
 RoadScene road() {
   RoadScene scene;

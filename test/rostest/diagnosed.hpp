@@ -2,6 +2,7 @@
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 
+#include <cstdint>
 #include <string>
 
 #include "inbox.hpp"
@@ -19,6 +20,23 @@ inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, cons
         if (status.name.find(of) == std::string::npos) continue;
         for (const auto& entry : status.values) {
           if (entry.key == key && (value.empty() || entry.value == value)) return true;
+        }
+      }
+    }
+    return false;
+  });
+}
+
+/// The same of the one line that is shown: with this level, the text is a part of it.
+inline bool diagnosedAs(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& of,
+                        std::int8_t level, const std::string& text) {
+  diagnostics.clear();
+  return diagnostics.wait([&](const auto& reports) {
+    for (const auto& report : reports) {
+      for (const auto& status : report->status) {
+        if (status.name.find(of) != std::string::npos && status.level == level &&
+            status.message.find(text) != std::string::npos) {
+          return true;
         }
       }
     }

@@ -26,20 +26,8 @@ class Graph : public testing::Test {
   void SetUp() override { ASSERT_TRUE(manager_.waitForIt()); }
   void TearDown() override { EXPECT_EQ(manager_.loaded(), 0u); }
 
-  /// From now on, the diagnostics of a nodelet come to say this.
   bool says(const std::string& nodelet, std::int8_t level, const std::string& text) {
-    diagnostics_.clear();
-    return diagnostics_.wait([&](const auto& reports) {
-      for (const auto& report : reports) {
-        for (const auto& status : report->status) {
-          if (status.name.find(nodelet) != std::string::npos && status.level == level &&
-              status.message.find(text) != std::string::npos) {
-            return true;
-          }
-        }
-      }
-      return false;
-    });
+    return diagnosedAs(diagnostics_, nodelet, level, text);
   }
 
   ManagerClient manager_{"/manager"};
@@ -53,10 +41,14 @@ std::unique_ptr<RenderedDrive> Graph::drive_;
 TEST_F(Graph, CameraInfoThatNeverComesIsAnErrorThatNamesItsTopic) {
   NodeletPair pair(manager_, *drive_, "/never");
   ASSERT_TRUE(pair.load());
+  EXPECT_TRUE(says("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                   "no image yet on /never/image"));
+  EXPECT_TRUE(says("never/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
+                   "no frame yet on /never/vo/frame"));
   for (std::size_t i = 0; i < drive_->size(); ++i) pair.publishImage(i);
   EXPECT_TRUE(diagnosed(diagnostics_, "images received", std::to_string(drive_->size())));
   EXPECT_TRUE(says("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
-                   "no usable camera_info yet on /never/camera_info"));
+                   "no camera_info yet on /never/camera_info"));
   // All but the five that the queue holds have gone.
   EXPECT_TRUE(diagnosed(diagnostics_, "images overtaken by newer ones",
                         std::to_string(drive_->size() - 5)));
@@ -99,6 +91,10 @@ TEST_F(Graph, CameraInfoForMonoVoAloneLeavesThePoints) {
   EXPECT_TRUE(diagnosed(diagnostics_, "images",
                         "no image: no usable camera_info yet on /points/no_camera_info"));
   EXPECT_NEAR(pair.lengthRatio(), 1, 2 * kTolerance);
+  // The images have ended.
+  EXPECT_TRUE(says("points/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR, "no image for "));
+  EXPECT_TRUE(
+      says("points/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR, "no frame for "));
   EXPECT_TRUE(pair.unload());
 }
 

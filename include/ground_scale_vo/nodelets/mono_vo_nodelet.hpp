@@ -39,6 +39,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   /// What the diagnostics tell, written by the working thread.
   struct State {
     std::uint64_t received = 0, processed = 0, overtaken = 0;
+    std::optional<std::chrono::steady_clock::time_point> received_at;
+    std::string info_refused;  ///< why the last camera_info was; empty: it was accepted
     std::optional<VoStatus> status;
     std::uint32_t map_id = 0;
     std::size_t features = 0, points = 0;
@@ -75,7 +77,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::unique_ptr<CameraStream> stream_;
   std::mutex mutex_;  ///< guards state_
   State state_;
-  std::uint64_t diagnosed_ = 0;  ///< processed at the last diagnosis, for the rate
+  std::uint64_t diagnosed_ = 0, left_out_ = 0;  ///< processed and left out at the last diagnosis
   std::chrono::steady_clock::time_point diagnosed_at_;
 
   // Of the working thread alone.

@@ -3,7 +3,8 @@
 #   gsv_setup [section...]   installs what is missing of packages.txt: [run], [build], these sections
 #   gsv_build [target...]    configures and builds to $gsv_build_folder; no target: everything
 #   gsv_env                  makes ROS and this build usable in the calling shell
-#   gsv_show_launch NAME     filters what kitti.launch says: progress, warnings, errors
+#   gsv_show_launch NAME PID filters what kitti.launch says: progress, warnings, errors. Ends roslaunch,
+#                            whose process id stands in the file PID, when a node cannot be started
 #   $gsv_tools               the folder of the package's programs
 #   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
@@ -147,7 +148,7 @@ gsv_env() {
 # Of all that roslaunch says the terminal sees the progress, under this name, warnings and errors; a
 # log sees the progress now and then.
 gsv_show_launch() {
-  local name=$1 line at=0 over=no
+  local name=$1 pid_file=$2 line at=0 over=no
   shopt -s extglob
   while IFS= read -r line; do
     line=${line//$'\e'\[*([0-9;])m/}
@@ -164,6 +165,20 @@ gsv_show_launch() {
         [[ ! -t 2 ]] || printf '\r\e[K' >&2
         printf 'play_bag: %s\n' "${line##*play_bag: }" >&2
         over=yes # what the others say while they are ended is no news
+        ;;
+      *'cannot launch node of type'*) # roslaunch goes on without it, even when it is required
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf '%s: roslaunch cannot start %s\n' "$name" "${line#*cannot launch node of type }" >&2
+        kill -TERM "$(<"$pid_file")" 2>/dev/null || true
+        over=yes
+        ;;
+      *'REQUIRED process ['*'] has died!'*)
+        # So ends play_bag when all is well; else it has said why.
+        [[ $over == no && $line != *'[play_bag-'* ]] || continue
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        line=${line#*REQUIRED process [}
+        printf '%s: the node %s has ended before the bag\n' "$name" "${line%%-+([0-9])]*}" >&2
+        over=yes
         ;;
       '[rviz-'*'process has died'*)
         [[ ! -t 2 ]] || printf '\r\e[K' >&2

@@ -53,7 +53,8 @@ Health ofScale(const ScaleFacts& facts) {
   const std::string reason = toString(facts.reason);
   switch (facts.status) {
     case ScaleStatus::kUnknown:
-      return {Health::Level::kWarn, "the scale is not known yet: " + reason};
+      return {Health::Level::kWarn, "the scale is not known yet" +
+                                        (facts.reason == ScaleReason::kNone ? "" : ": " + reason)};
     case ScaleStatus::kOk:
       if (!facts.without_images.empty()) {
         return {Health::Level::kWarn,

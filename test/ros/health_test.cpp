@@ -91,6 +91,7 @@ TEST_F(ScaleHealth, HoldingForAMomentOrAtAStopIsNoFault) {
 
 TEST_F(ScaleHealth, WarnsUntilTheScaleIsKnown) {
   facts.status = ScaleStatus::kUnknown;
+  expect(healthOf(facts), kWarn, "the scale is not known yet");
   facts.reason = ScaleReason::kTooFewTriangles;
   expect(healthOf(facts), kWarn, "the scale is not known yet: too_few_triangles");
 }

@@ -114,16 +114,19 @@ gsv_build() {
 }
 gsv_cmake_arguments=()
 
+# On a terminal in one line, in a log now and then, and only while something is made.
 gsv_show_progress() {
-  local line
-  [[ -t 2 ]] || {
-    cat >/dev/null
-    return 0
-  }
+  local line at=$((SECONDS + 10))
   while IFS= read -r line; do
-    [[ $line =~ ^\[\ *([0-9]+)%\] ]] && printf '\rbuild: %s%% ' "${BASH_REMATCH[1]}" >&2
+    [[ $line =~ ^\[\ *([0-9]+)%\]\ (Building|Linking|Built) ]] || continue
+    if [[ -t 2 ]]; then
+      printf '\rbuild: %s%% ' "${BASH_REMATCH[1]}" >&2
+    elif [[ ${BASH_REMATCH[2]} == Building ]] && ((SECONDS >= at)); then
+      printf 'build: %s%%\n' "${BASH_REMATCH[1]}" >&2
+      at=$((SECONDS + 30))
+    fi
   done
-  printf '\r\033[K' >&2
+  [[ ! -t 2 ]] || printf '\r\033[K' >&2
 }
 
 gsv_env() {

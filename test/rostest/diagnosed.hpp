@@ -27,10 +27,11 @@ inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, cons
   });
 }
 
-/// The same of the one line that is shown: with this level, the text is a part of it.
+/// The same of the one line that is shown: with this level, the text is a part of it. Unless
+/// from_now, one that has come since the inbox was last cleared counts too.
 inline bool diagnosedAs(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& of,
-                        std::int8_t level, const std::string& text) {
-  diagnostics.clear();
+                        std::int8_t level, const std::string& text, bool from_now = true) {
+  if (from_now) diagnostics.clear();
   return diagnostics.wait([&](const auto& reports) {
     for (const auto& report : reports) {
       for (const auto& status : report->status) {

@@ -191,6 +191,8 @@ TEST_F(Images, BadOnesAreLeftOutAndCounted) {
   }
   ASSERT_TRUE(comesOut(image(++stamp)));
   EXPECT_EQ(frames_.messages().back()->sequence, ++sequence);
+  EXPECT_TRUE(diagnosedAs(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
+                          " images left out in the last second", false));
   const std::string count = std::to_string(bad_images.size());
   EXPECT_TRUE(diagnosed("mono_vo", "dropped: image refused", count));
   EXPECT_TRUE(diagnosed("scale_recovery", "dropped: image refused", count));

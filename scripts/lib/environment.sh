@@ -3,7 +3,8 @@
 #   gsv_setup [section...]   installs what is missing of packages.txt: [run], [build], these sections
 #   gsv_build [target...]    configures and builds to $gsv_build_folder; no target: everything
 #   gsv_env                  makes ROS and this build usable in the calling shell
-#   gsv_show_launch NAME     filters what kitti.launch says: progress, warnings, errors
+#   gsv_show_launch NAME PID filters what kitti.launch says: progress, warnings, errors. Ends roslaunch,
+#                            whose process id stands in the file PID, when a node cannot be started
 #   gsv_find_folders OUT SEQ...
 #                            the folders of sequences whose results go to OUT/<name>, to gsv_folders
 #   $gsv_tools               the folder of the package's programs
@@ -115,16 +116,19 @@ gsv_build() {
 }
 gsv_cmake_arguments=()
 
+# On a terminal in one line, in a log now and then, and only while something is made.
 gsv_show_progress() {
-  local line
-  [[ -t 2 ]] || {
-    cat >/dev/null
-    return 0
-  }
+  local line at=$((SECONDS + 10))
   while IFS= read -r line; do
-    [[ $line =~ ^\[\ *([0-9]+)%\] ]] && printf '\rbuild: %s%% ' "${BASH_REMATCH[1]}" >&2
+    [[ $line =~ ^\[\ *([0-9]+)%\]\ (Building|Linking|Built) ]] || continue
+    if [[ -t 2 ]]; then
+      printf '\rbuild: %s%% ' "${BASH_REMATCH[1]}" >&2
+    elif [[ ${BASH_REMATCH[2]} == Building ]] && ((SECONDS >= at)); then
+      printf 'build: %s%%\n' "${BASH_REMATCH[1]}" >&2
+      at=$((SECONDS + 30))
+    fi
   done
-  printf '\r\033[K' >&2
+  [[ ! -t 2 ]] || printf '\r\033[K' >&2
 }
 
 gsv_env() {
@@ -168,7 +172,7 @@ gsv_find_folders() {
 # Of all that roslaunch says the terminal sees the progress, under this name, warnings and errors; a
 # log sees the progress now and then.
 gsv_show_launch() {
-  local name=$1 line at=0 over=no
+  local name=$1 pid_file=$2 line at=0 over=no
   shopt -s extglob
   while IFS= read -r line; do
     line=${line//$'\e'\[*([0-9;])m/}
@@ -185,6 +189,20 @@ gsv_show_launch() {
         [[ ! -t 2 ]] || printf '\r\e[K' >&2
         printf 'play_bag: %s\n' "${line##*play_bag: }" >&2
         over=yes # what the others say while they are ended is no news
+        ;;
+      *'cannot launch node of type'*) # roslaunch goes on without it, even when it is required
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        printf '%s: roslaunch cannot start %s\n' "$name" "${line#*cannot launch node of type }" >&2
+        kill -TERM "$(<"$pid_file")" 2>/dev/null || true
+        over=yes
+        ;;
+      *'REQUIRED process ['*'] has died!'*)
+        # So ends play_bag when all is well; else it has said why.
+        [[ $over == no && $line != *'[play_bag-'* ]] || continue
+        [[ ! -t 2 ]] || printf '\r\e[K' >&2
+        line=${line#*REQUIRED process [}
+        printf '%s: the node %s has ended before the bag\n' "$name" "${line%%-+([0-9])]*}" >&2
+        over=yes
         ;;
       '[rviz-'*'process has died'*)
         [[ ! -t 2 ]] || printf '\r\e[K' >&2

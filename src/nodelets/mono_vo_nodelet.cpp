@@ -11,7 +11,7 @@
 #include "ground_scale_vo/error.hpp"
 #include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
+#include "ground_scale_vo/ros/health.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -61,18 +61,23 @@ void MonoVoNodelet::onInit() {
 }
 
 void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+  std::string refused;
   try {
     stream_->accept(*info, camera_info_subscriber_.getTopic());
+    images_->release();
   } catch (const MessageError& error) {
-    return drop("camera_info refused", error.what());
+    refused = error.what();
+    drop("camera_info refused", refused);
   }
-  images_->release();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  state_.info_refused = std::move(refused);
 }
 
 void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
   const bool kept_all = images_->push(image);
   const std::lock_guard<std::mutex> lock(mutex_);
   ++state_.received;
+  state_.since_received.emplace();
   if (!kept_all) ++state_.overtaken;
 }
 
@@ -145,19 +150,21 @@ void MonoVoNodelet::drop(const std::string& kind, const std::string& why) {
 }
 
 void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
 
-  if (!stream_->camera()) {
-    status.summary(state_.received > 0 ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN,
-                   "no usable camera_info yet on " + camera_info_subscriber_.getTopic());
-  } else if (!state_.status) {
-    status.summary(DiagnosticStatus::WARN, "no image yet on " + image_subscriber_.getTopic());
-  } else if (*state_.status != VoStatus::kTracking) {
-    status.summary(DiagnosticStatus::WARN, toString(*state_.status));
-  } else {
-    status.summary(DiagnosticStatus::OK, toString(*state_.status));
-  }
+  const std::uint64_t left_out = state_.overtaken + faults_.count("image ");
+  MonoVoFacts facts;
+  facts.images.topic = image_subscriber_.getTopic();
+  if (state_.since_received) facts.images.silent_s = state_.since_received->seconds();
+  facts.images.left_out = left_out - left_out_;
+  facts.info_topic = camera_info_subscriber_.getTopic();
+  facts.camera_known = stream_->camera() != nullptr;
+  facts.info_refused = state_.info_refused;
+  facts.status = state_.status;
+  left_out_ = left_out;
+
+  const Health health = healthOf(facts);
+  status.summary(static_cast<std::uint8_t>(health.level), health.message);
   status.add("rate [Hz]", rate_.rate(state_.processed));
   status.add("time of the last frame [ms]", state_.frame_ms);
   status.add("images received", state_.received);

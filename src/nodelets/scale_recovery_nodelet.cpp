@@ -12,6 +12,7 @@
 
 #include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
+#include "ground_scale_vo/ros/health.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/stopwatch.hpp"
 
@@ -22,6 +23,10 @@ constexpr std::uint32_t kPublishQueue = 100;
 constexpr std::uint32_t kInfoQueue = 100;
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 constexpr double kWaitingPeriod = 0.1;      // [s] wall time, between looks at frames that wait
+
+double secondsBetween(const ros::Time& from, const ros::Time& to) {
+  return 1e-9 * static_cast<double>(toNanoseconds(to) - toNanoseconds(from));
+}
 
 }  // namespace
 
@@ -95,7 +100,7 @@ void ScaleRecoveryNodelet::reset() {
   recovery_->reset();
   path_->clear();
   last_scale_ = ScaleEstimate();
-  last_measured_ = ros::Time();
+  last_measured_ = held_since_ = ros::Time();
   distance_m_ = 0;
 }
 
@@ -117,6 +122,7 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
     overtaken_ += msg->sequence - *last_received_ - 1;
   }
   last_received_ = msg->sequence;
+  since_received_.emplace();
   VoFrame frame;
   try {
     frame = fromMsg(*msg);
@@ -193,6 +199,12 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
   last_scale_ = output.scale;
   last_stamp_ = header.stamp;
   if (output.scale.status == ScaleStatus::kOk) last_measured_ = last_stamp_;
+  if (output.scale.status != ScaleStatus::kHeld ||
+      output.scale.reason == ScaleReason::kStandstill) {
+    held_since_ = ros::Time();
+  } else if (held_since_.isZero()) {
+    held_since_ = last_stamp_;
+  }
   if (output.pose) distance_m_ = output.pose->distance;
   frame_ms_ = watch.ms();
 }
@@ -282,20 +294,24 @@ std::string ScaleRecoveryNodelet::imagesState() const {
 }
 
 void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  using diagnostic_msgs::DiagnosticStatus;
-
-  const auto faults = faults_.counts();
-  if (processed_ == 0) {
-    status.summary(DiagnosticStatus::WARN, "no frame yet on " + frame_subscriber_.getTopic());
-  } else if (last_scale_.status == ScaleStatus::kUnknown) {
-    status.summary(DiagnosticStatus::WARN, "the scale is not known yet");
-  } else if (!frames_ && !no_frames_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, no_frames_);
-  } else if (last_scale_.status == ScaleStatus::kHeld) {
-    status.summary(DiagnosticStatus::WARN, "the scale is held");
-  } else {
-    status.summary(DiagnosticStatus::OK, "the scale is measured");
+  const std::uint64_t left_out = overtaken_ + faults_.count("frame ");
+  ScaleFacts facts;
+  facts.frames.topic = frame_subscriber_.getTopic();
+  if (since_received_) facts.frames.silent_s = since_received_->seconds();
+  facts.frames.left_out = left_out - left_out_;
+  facts.status = last_scale_.status;
+  facts.reason = last_scale_.reason;
+  if (!held_since_.isZero()) facts.held_s = secondsBetween(held_since_, last_stamp_);
+  if (!frames_) facts.no_frames = no_frames_;
+  if (transport_ && processed_ > diagnosed_ && with_image_ == diagnosed_with_image_) {
+    facts.without_images = imagesState();
   }
+  left_out_ = left_out;
+  diagnosed_ = processed_;
+  diagnosed_with_image_ = with_image_;
+
+  const Health health = healthOf(facts);
+  status.summary(static_cast<std::uint8_t>(health.level), health.message);
   status.add("rate [Hz]", rate_.rate(processed_));
   status.add("time of the last frame [ms]", frame_ms_);
   status.add("frames processed", processed_);
@@ -303,15 +319,13 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   status.add("images", imagesState());
   status.add("frames without an image", processed_ - with_image_);
   status.add("frames refined", refined_);
-  for (const auto& [kind, count] : faults) status.add("dropped: " + kind, count);
+  for (const auto& [kind, count] : faults_.counts()) status.add("dropped: " + kind, count);
   status.add("scale status", toString(last_scale_.status));
   status.add("reason", toString(last_scale_.reason));
   status.add("scale [m / VO unit]", last_scale_.scale);
   status.add("sigma [m / VO unit]", last_scale_.sigma);
   if (!last_measured_.isZero()) {
-    status.add(
-        "age of the last measured scale [s]",
-        1e-9 * static_cast<double>(toNanoseconds(last_stamp_) - toNanoseconds(last_measured_)));
+    status.add("age of the last measured scale [s]", secondsBetween(last_measured_, last_stamp_));
   }
   status.add("distance [m]", distance_m_);
 }

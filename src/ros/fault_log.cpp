@@ -19,4 +19,12 @@ std::map<std::string, std::uint64_t> FaultLog::counts() const {
   return counts;
 }
 
+std::uint64_t FaultLog::count(const std::string& beginning) const {
+  std::uint64_t sum = 0;
+  for (const auto& [kind, count] : counts()) {
+    if (kind.compare(0, beginning.size(), beginning) == 0) sum += count;
+  }
+  return sum;
+}
+
 }  // namespace ground_scale_vo

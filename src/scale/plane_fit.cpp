@@ -145,7 +145,7 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
 
   const Eigen::Vector3d forward = prior.forward_c, lateral = prior.lateral();
   Eigen::Vector3d m = start->n_c / start->height;
-  Eigen::Matrix3d H;
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
   std::vector<double> residual(points.size()), sigma(points.size());  // inverse depth
   std::vector<std::uint32_t> kept, last_kept;
   double spread = 1;  // of the residuals, in units of their own sigma

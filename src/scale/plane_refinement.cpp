@@ -243,11 +243,10 @@ void PlaneRefinement::Impl::cutTiles(const cv::Mat& image, const RoadStrip& stri
       if (column == 0 || square.br().x >= camera.width || square.br().y >= camera.height) continue;
       const cv::Point centre = (square.tl() + square.br()) / 2;
       if (row == 0 || !strip.contains(camera.ray({centre.x, centre.y}))) continue;
-      Tile tile;
+      Tile& tile = tiles.emplace_back();
       tile.cell = static_cast<std::size_t>(row * columns + column);
       tile.corner = square.tl();
       tile.masked = foreign[tile.cell] > 0 || stationary[tile.cell] > kStationary;
-      tiles.push_back(tile);
       picture.roi |= square;
     }
   }
@@ -370,7 +369,8 @@ void PlaneRefinement::Impl::linearise(const Reference& reference, const Tile& ti
     const float j = -by_y.dot(reference.t);
     const float q = m.dot(ray);
     Vector5f by_motion;
-    by_motion << y.cross(by_y), -q * by_y.dot(reference.across[0]),
+    const Eigen::Vector3f turn = y.cross(by_y);
+    by_motion << turn.x(), turn.y(), turn.z(), -q * by_y.dot(reference.across[0]),
         -q * by_y.dot(reference.across[1]);
     match->jacobian[i] = j;
     slope_mean += Eigen::Vector2f(hx, hy) * z / kSamples;

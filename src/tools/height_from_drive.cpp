@@ -361,7 +361,8 @@ std::string mounting(const gsv::HeightCalibration::Result& result) {
       (Eigen::Vector3d::UnitZ() - up.dot(Eigen::Vector3d::UnitZ()) * up).normalized();
   Eigen::Matrix3d R_c_b;
   R_c_b << ahead, up.cross(ahead), up;
-  const Eigen::Quaterniond q(R_c_b.transpose());
+  Eigen::Quaterniond q(R_c_b.transpose());
+  if (q.w() < 0) q.coeffs() *= -1;  // of the two that say the same
   char text[160];
   std::snprintf(text, sizeof text, "0 0 %.3f %.5f %.5f %.5f %.5f", result.height.value, q.x(),
                 q.y(), q.z(), q.w());

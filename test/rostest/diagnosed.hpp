@@ -3,6 +3,7 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -10,11 +11,13 @@
 
 namespace ground_scale_vo {
 
-/// True when from now on a status comes in the diagnostics of which the predicate is true.
+/// True when from now on a status comes in the diagnostics of which the predicate is true. Unless
+/// from_now, one that has come since the inbox was last cleared counts too.
 inline bool waitForStatus(
     Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics,
-    const std::function<bool(const diagnostic_msgs::DiagnosticStatus&)>& predicate) {
-  diagnostics.clear();
+    const std::function<bool(const diagnostic_msgs::DiagnosticStatus&)>& predicate,
+    bool from_now = true) {
+  if (from_now) diagnostics.clear();
   return diagnostics.wait([&](const auto& reports) {
     return std::any_of(reports.begin(), reports.end(), [&](const auto& report) {
       return std::any_of(report->status.begin(), report->status.end(), predicate);
@@ -40,6 +43,18 @@ inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, cons
              return entry.key == key && (value.empty() || entry.value == value);
            });
   });
+}
+
+/// The same of the one line that is shown: with this level, the text is a part of it.
+inline bool diagnosedAs(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& of,
+                        std::int8_t level, const std::string& text, bool from_now = true) {
+  return waitForStatus(
+      diagnostics,
+      [&](const auto& status) {
+        return status.name.find(of) != std::string::npos && status.level == level &&
+               status.message.find(text) != std::string::npos;
+      },
+      from_now);
 }
 
 }  // namespace ground_scale_vo

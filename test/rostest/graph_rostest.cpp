@@ -18,22 +18,22 @@ namespace {
 
 class Graph : public DriveTest<50> {
  protected:
-  /// From now on, the diagnostics of a nodelet come to say this.
   bool says(const std::string& nodelet, std::int8_t level, const std::string& text) {
-    return waitForStatus(diagnostics_, [&](const auto& status) {
-      return status.name.find(nodelet) != std::string::npos && status.level == level &&
-             status.message.find(text) != std::string::npos;
-    });
+    return diagnosedAs(diagnostics_, nodelet, level, text);
   }
 };
 
 TEST_F(Graph, CameraInfoThatNeverComesIsAnErrorThatNamesItsTopic) {
   NodeletPair pair(manager_, *drive_, "/never");
   ASSERT_TRUE(pair.load());
+  EXPECT_TRUE(says("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                   "no image yet on /never/image"));
+  EXPECT_TRUE(says("never/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
+                   "no frame yet on /never/vo/frame"));
   for (std::size_t i = 0; i < drive_->size(); ++i) pair.publishImage(i);
   EXPECT_TRUE(diagnosed(diagnostics_, "images received", std::to_string(drive_->size())));
   EXPECT_TRUE(says("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
-                   "no usable camera_info yet on /never/camera_info"));
+                   "no camera_info yet on /never/camera_info"));
   // All but the five that the queue holds have gone.
   EXPECT_TRUE(diagnosed(diagnostics_, "images overtaken by newer ones",
                         std::to_string(drive_->size() - 5)));
@@ -98,6 +98,10 @@ TEST_F(Graph, CameraInfoForMonoVoAloneLeavesThePoints) {
   EXPECT_TRUE(diagnosed(diagnostics_, "images",
                         "no image: no usable camera_info yet on /points/no_camera_info"));
   EXPECT_NEAR(pair.lengthRatio(), 1, 2 * kTolerance);
+  // The images have ended.
+  EXPECT_TRUE(says("points/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR, "no image for "));
+  EXPECT_TRUE(
+      says("points/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR, "no frame for "));
   EXPECT_TRUE(pair.unload());
 }
 

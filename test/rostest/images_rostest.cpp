@@ -101,6 +101,8 @@ TEST_F(Images, WaitForAUsableCameraInfo) {
   for (int i = 0; i < 10; ++i) images_.publish(image(10 + i));
   infos_.publish(sensor_msgs::CameraInfo());
   EXPECT_TRUE(diagnosed("mono_vo", "dropped: camera_info refused", "1"));
+  EXPECT_TRUE(diagnosedAs(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                          "camera_info on topic /camera_info is all zeros"));
   EXPECT_TRUE(diagnosed("mono_vo", "images received", "10"));
   EXPECT_TRUE(diagnosed("mono_vo", "images overtaken by newer ones", "7"));  // queue_size is 3
   EXPECT_TRUE(diagnosed("scale_recovery", "dropped: camera_info refused", "1"));
@@ -180,6 +182,8 @@ TEST_F(Images, BadOnesAreLeftOutAndCounted) {
   }
   ASSERT_TRUE(comesOut(image(++stamp)));
   EXPECT_EQ(frames_.messages().back()->sequence, ++sequence);
+  EXPECT_TRUE(diagnosedAs(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
+                          " images left out in the last second", false));
   const std::string count = std::to_string(bad_images.size());
   EXPECT_TRUE(diagnosed("mono_vo", "dropped: image refused", count));
   EXPECT_TRUE(diagnosed("scale_recovery", "dropped: image refused", count));

@@ -23,6 +23,7 @@
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
 namespace ground_scale_vo {
@@ -39,6 +40,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   /// What the diagnostics tell, written by the working thread.
   struct State {
     std::uint64_t received = 0, processed = 0, overtaken = 0;
+    std::optional<Stopwatch> since_received;
+    std::string info_refused;  ///< why the last camera_info was; empty: it was accepted
     std::optional<VoStatus> status;
     std::uint32_t map_id = 0;
     std::size_t features = 0, points = 0;
@@ -75,7 +78,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::unique_ptr<CameraStream> stream_;
   std::mutex mutex_;  ///< guards state_
   State state_;
-  RateMeter rate_;  ///< of processed
+  RateMeter rate_;              ///< of processed
+  std::uint64_t left_out_ = 0;  ///< at the last diagnosis
 
   // Of the working thread alone.
   std::shared_ptr<const DescribedCamera> odometry_camera_;

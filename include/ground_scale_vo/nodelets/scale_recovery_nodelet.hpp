@@ -26,6 +26,7 @@
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
 
@@ -107,7 +108,10 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
   std::uint64_t processed_ = 0;
-  RateMeter rate_;                              ///< of processed_
+  RateMeter rate_;  ///< of processed_
+  std::optional<Stopwatch> since_received_;
+  // At the last diagnosis.
+  std::uint64_t diagnosed_ = 0, left_out_ = 0, diagnosed_with_image_ = 0;
   std::optional<std::uint32_t> last_received_;  ///< its sequence number
   std::uint64_t overtaken_ = 0;
   std::uint64_t with_image_ = 0, refined_ = 0;
@@ -115,6 +119,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   double frame_ms_ = 0;
   ScaleEstimate last_scale_;
   ros::Time last_stamp_, last_measured_;
+  ros::Time held_since_;  ///< zero while it is not held, or for want of motion
   double distance_m_ = 0;
 };
 

@@ -20,6 +20,8 @@ class FaultLog {
 
   /// By kind, since construction.
   std::map<std::string, std::uint64_t> counts() const;
+  /// Of the kinds that begin so, together.
+  std::uint64_t count(const std::string& beginning) const;
 
  private:
   struct Kind {

@@ -86,7 +86,14 @@ TEST_P(Hazard, IsMeasuredOrHeldAndNeedsItsRemedy) {
   if (!kSanitized) expectRemedy(hazard, drive, images);
 }
 
-INSTANTIATE_TEST_SUITE_P(Drives, Hazard, testing::ValuesIn(hazardDrives()),
+std::vector<HazardDrive> drivesToRun() {
+  const std::vector<HazardDrive> all = hazardDrives();
+  std::vector<HazardDrive> some;
+  for (std::size_t i = 0; i < all.size(); i += kEveryDrive) some.push_back(all[i]);
+  return some;
+}
+
+INSTANTIATE_TEST_SUITE_P(Drives, Hazard, testing::ValuesIn(drivesToRun()),
                          [](const auto& drive) { return drive.param.name; });
 
 }  // namespace

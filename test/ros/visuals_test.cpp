@@ -45,7 +45,7 @@ struct Pixel {
 Pixel pixelOf(const sensor_msgs::Image& picture, float u, float v) {
   const std::size_t i =
       static_cast<std::size_t>(v) * picture.step + 3 * static_cast<std::size_t>(u);
-  return {picture.data[i], picture.data[i + 1], picture.data[i + 2]};
+  return {picture.data.at(i), picture.data.at(i + 1), picture.data.at(i + 2)};
 }
 
 cv::Mat wall() { return {kHeight, kWidth, CV_8UC1, cv::Scalar(128)}; }
@@ -179,11 +179,14 @@ TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
     EXPECT_TRUE(onRoad(ahead, 3.6f).isGrey()) << ahead << " m, beside the grid";
   }
   EXPECT_TRUE(onRoad(5.5f, 0.5f).isGrey()) << "between the lines";
+  EXPECT_TRUE(onRoad(5.5f, 0.25f).isGrey()) << "between the lines";
   EXPECT_TRUE(onRoad(25.f, 0.5f).isGrey()) << "beyond the grid";
-  // A scale of twice as much makes the same road twice as large.
+  // A scale of twice as much makes the same road twice as large: the same place is 11 m ahead.
   output_.scale.scale *= 2;
   paint(ScaleStatus::kOk);
-  EXPECT_TRUE(onRoad(3.f, 0.25f).isGrey());
+  const Pixel line = onRoad(5.5f, 0.25f);
+  EXPECT_GT(line.green, line.red + 30);
+  EXPECT_TRUE(onRoad(15.f, 0.5f).isGrey()) << "30 m, beyond the grid";
 }
 
 TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownOneNoGrid) {

@@ -1,0 +1,24 @@
+#pragma once
+
+namespace ground_scale_vo {
+
+/// True in a build with the address or the thread sanitizer. There
+/// - no bound on memory is asserted: what is freed waits in quarantine, and every access has a
+/// shadow;
+/// - waiting may take kSlower times as long;
+/// - of the drives that measure accuracy, which take hours, a selection runs.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // gcc
+constexpr bool kSanitized = true;
+#elif defined(__has_feature)  // clang
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+constexpr bool kSanitized = true;
+#else
+constexpr bool kSanitized = false;
+#endif
+#else
+constexpr bool kSanitized = false;
+#endif
+
+constexpr double kSlower = kSanitized ? 10 : 1;
+
+}  // namespace ground_scale_vo

@@ -18,8 +18,12 @@ namespace {
 
 /// Where `rosrun nodelet nodelet` finds it; without the shell in between.
 std::string nodeletProgram() {
-  for (const std::string path : {"/usr/lib", "/opt/ros/noetic/lib"}) {
-    if (std::filesystem::exists(path + "/nodelet/nodelet")) return path + "/nodelet/nodelet";
+  const char* const workspaces = std::getenv("CMAKE_PREFIX_PATH");
+  std::istringstream prefixes(std::string(workspaces != nullptr ? workspaces : "") + ":/usr");
+  for (std::string prefix; std::getline(prefixes, prefix, ':');) {
+    if (std::filesystem::exists(prefix + "/lib/nodelet/nodelet")) {
+      return prefix + "/lib/nodelet/nodelet";
+    }
   }
   throw std::runtime_error("there is no program nodelet");
 }

@@ -2,11 +2,9 @@
 
 namespace ground_scale_vo {
 
-/// True in a build with the address or the thread sanitizer. There
-/// - no bound on memory is asserted: what is freed waits in quarantine, and every access has a
-/// shadow;
-/// - waiting may take kSlower times as long;
-/// - of the drives that measure accuracy, which take hours, a selection runs.
+/// True in a build with the address or the thread sanitizer. There no bound on memory is asserted,
+/// for what is freed waits in quarantine and every access has a shadow; and a test may wait kSlower
+/// times as long.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // gcc
 constexpr bool kSanitized = true;
 #elif defined(__has_feature)  // clang

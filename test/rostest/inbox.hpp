@@ -10,10 +10,12 @@
 #include <utility>
 #include <vector>
 
+#include "../sanitizer.hpp"
+
 namespace ground_scale_vo {
 
 /// Longest wait for anything in a rostest [s].
-constexpr double kPatience = 60.0;
+constexpr double kPatience = 60.0 * kSlower;
 
 /// All messages of a topic so far, and a way to wait for them. Needs a spinner on other threads.
 template <typename Message>

@@ -45,7 +45,7 @@ struct Pixel {
 Pixel pixelOf(const sensor_msgs::Image& picture, float u, float v) {
   const std::size_t i =
       static_cast<std::size_t>(v) * picture.step + 3 * static_cast<std::size_t>(u);
-  return {picture.data[i], picture.data[i + 1], picture.data[i + 2]};
+  return {picture.data.at(i), picture.data.at(i + 1), picture.data.at(i + 2)};
 }
 
 cv::Mat wall() { return {kHeight, kWidth, CV_8UC1, cv::Scalar(128)}; }
@@ -180,10 +180,12 @@ TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
   }
   EXPECT_TRUE(onRoad(5.5f, 0.5f).isGrey()) << "between the lines";
   EXPECT_TRUE(onRoad(25.f, 0.5f).isGrey()) << "beyond the grid";
+  EXPECT_TRUE(onRoad(7.5f, 0.25f).isGrey()) << "between the lines";
   // A scale of twice as much makes the same road twice as large.
   output_.scale.scale *= 2;
   paint(ScaleStatus::kOk);
-  EXPECT_TRUE(onRoad(3.f, 0.25f).isGrey());
+  EXPECT_FALSE(onRoad(7.5f, 0.25f).isGrey()) << "the line of 15 m";
+  EXPECT_TRUE(onRoad(15.f, 0.25f).isGrey()) << "beyond the grid";
 }
 
 TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownOneNoGrid) {

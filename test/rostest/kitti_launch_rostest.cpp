@@ -154,7 +154,8 @@ TEST_P(KittiLaunch, PlaysTheBagWithoutTwoParents) {
 
   const pid_t child = launch({"bag:=" + bag.string(), "image:=" + std::string(kImage),
                               "camera_info:=" + std::string(kInfo), "required:=true",
-                              "base_frame:=" + kind.base_frame, "record:=" + recorded.string()});
+                              "base_frame:=" + kind.base_frame, "record:=" + recorded.string(),
+                              "rate:=" + std::to_string(1 / kSlower)});
   ASSERT_GT(child, 0);
   waitForEnd(child);
 

@@ -179,13 +179,14 @@ TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
     EXPECT_TRUE(onRoad(ahead, 3.6f).isGrey()) << ahead << " m, beside the grid";
   }
   EXPECT_TRUE(onRoad(5.5f, 0.5f).isGrey()) << "between the lines";
+  EXPECT_TRUE(onRoad(5.5f, 0.25f).isGrey()) << "between the lines";
   EXPECT_TRUE(onRoad(25.f, 0.5f).isGrey()) << "beyond the grid";
-  EXPECT_TRUE(onRoad(7.5f, 0.25f).isGrey()) << "between the lines";
-  // A scale of twice as much makes the same road twice as large.
+  // A scale of twice as much makes the same road twice as large: the same place is 11 m ahead.
   output_.scale.scale *= 2;
   paint(ScaleStatus::kOk);
-  EXPECT_FALSE(onRoad(7.5f, 0.25f).isGrey()) << "the line of 15 m";
-  EXPECT_TRUE(onRoad(15.f, 0.25f).isGrey()) << "beyond the grid";
+  const Pixel line = onRoad(5.5f, 0.25f);
+  EXPECT_GT(line.green, line.red + 30);
+  EXPECT_TRUE(onRoad(15.f, 0.5f).isGrey()) << "30 m, beyond the grid";
 }
 
 TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownOneNoGrid) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+
 namespace ground_scale_vo {
 
 /// True in a build with the address or the thread sanitizer. There no bound on memory is asserted,
@@ -18,5 +20,13 @@ constexpr bool kSanitized = false;
 #endif
 
 constexpr double kSlower = kSanitized ? 10 : 1;
+
+/// Of the catalogues of drives that measure accuracy every so manieth runs: with the thread
+/// sanitizer a drive takes minutes, and all have the same threads.
+#if defined(__SANITIZE_THREAD__)
+constexpr std::size_t kEveryDrive = 5;
+#else
+constexpr std::size_t kEveryDrive = 1;
+#endif
 
 }  // namespace ground_scale_vo

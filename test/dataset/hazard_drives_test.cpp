@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "../sanitizer.hpp"
 #include "ground_scale_vo/error.hpp"
 
 // Images in, metres out, on drives that are hard for a camera and whose truth is exact.
@@ -84,7 +85,14 @@ TEST_P(Hazard, IsMeasuredOrHeldAndNeedsItsRemedy) {
   expectRemedy(hazard, drive, images);
 }
 
-INSTANTIATE_TEST_SUITE_P(Drives, Hazard, testing::ValuesIn(hazardDrives()),
+std::vector<HazardDrive> drivesToRun() {
+  const std::vector<HazardDrive> all = hazardDrives();
+  std::vector<HazardDrive> some;
+  for (std::size_t i = 0; i < all.size(); i += kEveryDrive) some.push_back(all[i]);
+  return some;
+}
+
+INSTANTIATE_TEST_SUITE_P(Drives, Hazard, testing::ValuesIn(drivesToRun()),
                          [](const auto& drive) { return drive.param.name; });
 
 }  // namespace

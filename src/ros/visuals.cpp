@@ -222,6 +222,8 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
   sensor_msgs::PointCloud2Modifier modifier(*cloud);
   modifier.setPointCloud2FieldsByString(1, "xyz");
   modifier.resize(points.size());
+  cloud->is_dense = true;
+  if (points.empty()) return cloud;  // an iterator would look at the first of no bytes
   sensor_msgs::PointCloud2Iterator<float> x(*cloud, "x"), y(*cloud, "y"), z(*cloud, "z");
   for (const Eigen::Vector3f& point : points) {
     *x = point.x();
@@ -229,7 +231,6 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
     *z = point.z();
     ++x, ++y, ++z;
   }
-  cloud->is_dense = true;
   return cloud;
 }
 

@@ -190,7 +190,7 @@ void spoil(sensor_msgs::CameraInfo* info, Input* input) {
 /// A message from bytes as a broken sender could put them on the wire.
 template <typename Message>
 bool deserialised(Message* message, Input* input) {
-  std::vector<std::uint8_t> bytes(input->below(400));
+  std::vector<std::uint8_t> bytes(1 + input->below(400));  // roscpp never hands over nullptr
   for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
   try {
     ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));

@@ -183,7 +183,7 @@ void spoil(VoFrameMsg* frame, Input* input) {
 
 /// A frame from bytes as a broken sender could put them on the wire.
 bool deserialised(VoFrameMsg* frame, Input* input) {
-  std::vector<std::uint8_t> bytes(input->below(600));
+  std::vector<std::uint8_t> bytes(1 + input->below(600));  // roscpp never hands over nullptr
   for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
   try {
     ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <tuple>
+#include <vector>
 
 namespace ground_scale_vo {
 namespace {
@@ -217,6 +218,22 @@ TEST_F(RoadPainting, APlaneThatTheCameraDoesNotSeeIsNoError) {
     paint(ScaleStatus::kOk);
     EXPECT_EQ(picture_->width, static_cast<unsigned>(kWidth));
   }
+}
+
+// Where containers check themselves (_GLIBCXX_ASSERTIONS) a look at the first of no bytes is the
+// end.
+TEST(PointClouds, OfNoPointsIsAWholeMessage) {
+  std_msgs::Header header;
+  header.frame_id = "camera";
+  const auto none = toPointCloud(std::vector<Eigen::Vector3f>(), header);
+  EXPECT_EQ(none->header.frame_id, "camera");
+  EXPECT_EQ(none->width, 0u);
+  EXPECT_TRUE(none->data.empty());
+  EXPECT_TRUE(none->is_dense);
+  const auto one = toPointCloud({Eigen::Vector3f(1, 2, 3)}, header);
+  EXPECT_EQ(one->width, 1u);
+  EXPECT_EQ(none->point_step, one->point_step);
+  EXPECT_EQ(none->fields, one->fields);
 }
 
 }  // namespace

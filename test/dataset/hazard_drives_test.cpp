@@ -82,8 +82,7 @@ TEST_P(Hazard, IsMeasuredOrHeldAndNeedsItsRemedy) {
               hazard.name.c_str(), figures.rle_percent, figures.scale_error_percent, figures.held,
               figures.within_2_sigma, figures.ok_while_hidden);
   EXPECT_EQ(brokenBar(figures, hazard.bars), "");
-  // A sanitizer has seen this code by now.
-  if (!kSanitized) expectRemedy(hazard, drive, images);
+  expectRemedy(hazard, drive, images);
 }
 
 std::vector<HazardDrive> drivesToRun() {

@@ -19,7 +19,7 @@ gsv_sanitizers() {
   # rostests keep until they end is not ours.
   export ASAN_OPTIONS=$log:detect_leaks=1:detect_stack_use_after_return=1:new_delete_type_mismatch=1
   export LSAN_OPTIONS=$log:suppressions=$suppressions/leaks.supp:print_suppressions=0
-  # How many times as long a rostest may take as its time-limit says.
+  # How many times as long a test may take as its time limit says.
   export GROUND_SCALE_VO_SLOWER=10
   export UBSAN_OPTIONS=$log:print_stacktrace=1
   export TSAN_OPTIONS=$log:suppressions=$suppressions/thread.supp:ignore_noninstrumented_modules=1:exitcode=0

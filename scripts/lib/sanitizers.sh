@@ -21,7 +21,9 @@ gsv_sanitizers() {
   export LSAN_OPTIONS=$log:suppressions=$suppressions/leaks.supp:print_suppressions=0
   # How many times as long a test may take as its time limit says.
   export GROUND_SCALE_VO_SLOWER=10
-  export UBSAN_OPTIONS=$log:print_stacktrace=1
+  # Beside gcc's address, undefined does not know log_path: its report goes to stderr, so the program
+  # must end with it.
+  export UBSAN_OPTIONS=$log:print_stacktrace=1:halt_on_error=1
   export TSAN_OPTIONS=$log:suppressions=$suppressions/thread.supp:ignore_noninstrumented_modules=1:exitcode=0
 
   local program

@@ -24,7 +24,7 @@ gsv_sanitizers() {
   # Beside gcc's address, undefined does not know log_path: its report goes to stderr, so the program
   # must end with it.
   export UBSAN_OPTIONS=$log:print_stacktrace=1:halt_on_error=1
-  export TSAN_OPTIONS=$log:suppressions=$suppressions/thread.supp:ignore_noninstrumented_modules=1:exitcode=0
+  export TSAN_OPTIONS=$log:suppressions=$suppressions/thread.supp:exitcode=0
 
   local program
   for program in /opt/ros/"${ROS_DISTRO:-noetic}"/lib/nodelet/nodelet /usr/lib/nodelet/nodelet; do

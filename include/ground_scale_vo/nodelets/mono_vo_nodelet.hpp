@@ -37,7 +37,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   ~MonoVoNodelet() override;
 
  private:
-  /// What the diagnostics tell, written by the working thread.
+  /// What the diagnostics tell, written by the callbacks and the working thread.
   struct State {
     std::uint64_t received = 0, processed = 0, overtaken = 0;
     std::optional<Stopwatch> since_received;

@@ -88,8 +88,9 @@ TEST(PlaneRefinement, ACrestAheadIsNoOtherHeight) {
   for (std::uint32_t i = 0; i < 6; ++i) {
     const double at_h = scene.step * i / scene.height;
     const auto bent = [at_h](double x, double z) {
-      double s = 1;
-      for (int k = 0; k < 8; ++k) s = 1 + 0.5 * kBend * std::pow((z - at_h) * s, 2);
+      const double drop = 0.5 * kBend * std::pow(z - at_h, 2);  // s = 1 + drop * s^2
+      if (4 * drop > 1) return 30.0;                            // over the crest: the sky
+      const double s = 2 / (1 + std::sqrt(1 - 4 * drop));
       return asphalt(x * s, at_h + (z - at_h) * s);
     };
     const cv::Mat image = roadImage(scene, scene.step * i, bent);

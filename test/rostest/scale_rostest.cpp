@@ -115,14 +115,16 @@ class Scale : public testing::Test {
         odometry_(handle_, "odometry") {}
 
   void SetUp() override {
+    ASSERT_TRUE(reset());
     ASSERT_TRUE(waitUntil([this] {
       return frames_.getNumSubscribers() > 0 && scales_.connected() && odometry_.connected();
     }));
-    ASSERT_TRUE(reset());
   }
-  bool reset() {
+  /// Is answered once the nodelet is loaded. Subscribers do not tell: they are counted by process.
+  static bool reset(const std::string& service = "reset") {
     std_srvs::Trigger trigger;
-    return ros::service::call("reset", trigger) && trigger.response.success;
+    return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kPatience)) &&
+           ros::service::call(service, trigger) && trigger.response.success;
   }
   void play(FlatRoad& road, int frames) {
     ros::Time stamp;
@@ -254,8 +256,7 @@ class Refined : public Scale {
       return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
              alone_.connected() && diagnostics_.connected();
     }));
-    std_srvs::Trigger trigger;
-    ASSERT_TRUE(ros::service::call("alone/reset", trigger));
+    ASSERT_TRUE(reset("alone/reset"));
     scales_.clear();
     alone_.clear();
   }

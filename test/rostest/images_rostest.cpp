@@ -303,11 +303,16 @@ TEST_F(Images, AnotherCalibrationStartsAnew) {
       images_.publish(good);
       return frames_.waitForStamp(good.header.stamp, 0.5) && frames_.messages().back()->fx == f;
     })) << camera.model;
-    EXPECT_EQ(frames_.messages().back()->sequence, 0u) << camera.model;
     EXPECT_EQ(frames_.messages().back()->width, good.width);
     good.header.stamp = ros::Time(stamp += 1);
     ASSERT_TRUE(comesOut(good));
-    EXPECT_EQ(frames_.messages().back()->sequence, 1u) << camera.model;
+    // The first one of this camera started anew; on a slow machine several have come since.
+    std::uint32_t of_this_camera = 0;
+    for (const auto& frame : frames_.messages()) {
+      if (frame->fx != f) continue;
+      EXPECT_EQ(frame->sequence, of_this_camera++) << camera.model;
+    }
+    EXPECT_GE(of_this_camera, 2u) << camera.model;
   }
 }
 

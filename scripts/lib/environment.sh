@@ -118,13 +118,14 @@ gsv_cmake_arguments=()
 
 # On a terminal in one line, in a log now and then, and only while something is made.
 gsv_show_progress() {
-  local line at=$((SECONDS + 10))
+  local line made at=$((SECONDS + 10))
   while IFS= read -r line; do
     [[ $line =~ ^\[\ *([0-9]+)%\]\ (Building|Linking|Built) ]] || continue
+    made=$((BASH_REMATCH[1] < 100 ? BASH_REMATCH[1] : 100)) # make counts twice what two targets share
     if [[ -t 2 ]]; then
-      printf '\rbuild: %s%% ' "${BASH_REMATCH[1]}" >&2
+      printf '\rbuild: %s%% ' "$made" >&2
     elif [[ ${BASH_REMATCH[2]} == Building ]] && ((SECONDS >= at)); then
-      printf 'build: %s%%\n' "${BASH_REMATCH[1]}" >&2
+      printf 'build: %s%%\n' "$made" >&2
       at=$((SECONDS + 30))
     fi
   done

@@ -37,7 +37,9 @@ TEST(ProcessUsage, KnowsMemoryAndItsPeak) {
   const ProcessUsage after = processUsage();
   EXPECT_GE(after.peak_rss_mb, before.rss_mb + 60);
   EXPECT_GE(after.peak_rss_mb, after.rss_mb);
-  if (!kSanitized) EXPECT_LT(after.rss_mb, before.rss_mb + 32);
+  if (!kSanitized) {
+    EXPECT_LT(after.rss_mb, before.rss_mb + 32);
+  }
 }
 
 TEST(ProcessUsage, OfAnotherProcess) {

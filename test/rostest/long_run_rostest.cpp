@@ -196,7 +196,9 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
   const double bytes_a_frame = (last.usage.rss_mb - warm.usage.rss_mb) * 1024 * 1024 /
                                static_cast<double>(last.frame - warm.frame);
   std::cout << bytes_a_frame << " bytes a frame left behind\n";
-  if (!kSanitized) EXPECT_LT(bytes_a_frame, whole ? kBytesPerFrameLong : kBytesPerFrameShort);
+  if (!kSanitized) {
+    EXPECT_LT(bytes_a_frame, whole ? kBytesPerFrameLong : kBytesPerFrameShort);
+  }
 }
 
 }  // namespace

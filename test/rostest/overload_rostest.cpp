@@ -143,7 +143,9 @@ TEST_F(Overload, ListenersChangeNothing) {
       watched.publish(k);
       ASSERT_TRUE(watched.scales.waitForStamp(watched.header(k).stamp)) << k;
     }
-    if (tracks) EXPECT_TRUE(tracks->waitForCount(1));
+    if (tracks) {
+      EXPECT_TRUE(tracks->waitForCount(1));
+    }
   }
   ASSERT_TRUE(watched.odometry.waitForStamp(watched.header(kFrames - 1).stamp));
   const auto before = alone.odometry.messages(), now = watched.odometry.messages();
@@ -151,7 +153,9 @@ TEST_F(Overload, ListenersChangeNothing) {
   for (std::size_t i = 0; i < now.size(); ++i) {
     EXPECT_EQ(now[i]->pose.pose, before[i]->pose.pose) << i;
   }
-  if (!kSanitized) EXPECT_LT(probe.usage().rss_mb - megabytes, 60);
+  if (!kSanitized) {
+    EXPECT_LT(probe.usage().rss_mb - megabytes, 60);
+  }
   EXPECT_NEAR(watched.lengthRatio(), 1, kTolerance);
   EXPECT_TRUE(watched.unload());
 }

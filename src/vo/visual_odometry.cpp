@@ -564,7 +564,7 @@ struct VisualOdometry::Impl {
       const Feature& feature = (*found)[i];
       while (old->id != feature.id) ++old;
       Landmark* landmark = map.find(feature.id);
-      bool keep = agrees[i];
+      bool keep;
       if (landmark && landmark->depth) {
         landmark->outlier_count = agrees[i] ? 0 : landmark->outlier_count + 1;
         keep = landmark->outlier_count <= options.max_outlier_frames;

@@ -127,7 +127,7 @@ void readRecorded(const Arguments& arguments, Recorded& recorded) {
       gsv::fromMsg(*scale);  // refuses what is none
       recorded.scales[scale->header.stamp] = scale;
     } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
-      const std::string topic = instance.getTopic();
+      const std::string& topic = instance.getTopic();
       const bool is_unscaled =
           topic.size() >= 11 && topic.substr(topic.size() - 11) == "vo/odometry";
       gsv::fromMsg(odometry->pose.pose);

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <vector>
 
+#include "ground_scale_vo/scale/direct_plane_estimator.hpp"
 #include "ground_scale_vo/scale/ground_point_extraction.hpp"
 #include "ground_scale_vo/scale/plane_fit.hpp"
-#include "ground_scale_vo/scale/plane_refinement.hpp"
-#include "road_image.hpp"
-#include "road_scene.hpp"
+#include "support/road_image.hpp"
+#include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -76,13 +76,13 @@ void planeRefinement(benchmark::State& state) {
   }
   const NormalPrior prior = priorOf(scene);
   const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
-  PlaneRefinement refinement({});
+  DirectPlaneEstimator refinement({});
   constexpr std::uint32_t kKept = 4, kMeasured = 4;
   std::vector<cv::Mat> images;
   for (std::uint32_t i = 0; i < kKept + kMeasured; ++i) {
     images.push_back(roadImage(scene, scene.step * i));
   }
-  PlaneRefinement::Result result;
+  DirectPlaneEstimator::Result result;
   std::uint32_t next = 0;
   for (auto _ : state) {
     if (next == 0 || next == images.size()) {

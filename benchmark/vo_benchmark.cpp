@@ -13,7 +13,7 @@
 #include "ground_scale_vo/vo/local_map.hpp"
 #include "ground_scale_vo/vo/patch_alignment.hpp"
 #include "ground_scale_vo/vo/pose_estimation.hpp"
-#include "scene.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

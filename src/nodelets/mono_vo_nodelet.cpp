@@ -8,7 +8,7 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/health.hpp"
@@ -93,7 +93,7 @@ void MonoVoNodelet::work() {
 
 void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   const Stopwatch watch;
-  const std::shared_ptr<const DescribedCamera> camera = stream_->camera();
+  const std::shared_ptr<const CalibratedCamera> camera = stream_->camera();
   cv::Mat rectified;
   try {
     rectified = camera->rectified(image, &grey_);
@@ -119,7 +119,7 @@ void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   state_.frame_ms = watch.ms();
 }
 
-void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const DescribedCamera>& camera,
+void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const CalibratedCamera>& camera,
                                     bool clock_jumped_back) {
   if (odometry_ && clock_jumped_back) NODELET_WARN("The clock jumped back: starting anew.");
   if (odometry_ && camera != odometry_camera_) NODELET_WARN("The camera changed: starting anew.");

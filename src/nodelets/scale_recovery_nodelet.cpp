@@ -10,11 +10,11 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/nodelets/image_subscription.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/health.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -154,7 +154,7 @@ void ScaleRecoveryNodelet::processReady(bool may_wait) {
 
 cv::Mat ScaleRecoveryNodelet::pictureOf(const VoFrame& frame,
                                         const sensor_msgs::ImageConstPtr& image) {
-  const std::shared_ptr<const DescribedCamera> camera = stream_->camera();
+  const std::shared_ptr<const CalibratedCamera> camera = stream_->camera();
   if (!image || !camera) return {};
   if (!camera->isCameraOf(frame.camera)) {
     report("other camera", "camera_info on topic " + camera_info_subscriber_.getTopic() +

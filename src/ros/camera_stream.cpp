@@ -11,10 +11,10 @@ constexpr double kSamePx = 0.01;
 
 }  // namespace
 
-DescribedCamera::DescribedCamera(Calibration calibration, const std::string& topic)
+CalibratedCamera::CalibratedCamera(Calibration calibration, const std::string& topic)
     : calibration_(std::move(calibration)), rectifier_(toRectifier(calibration_, topic)) {}
 
-cv::Mat DescribedCamera::rectified(const sensor_msgs::Image& image, GreyConverter* grey) const {
+cv::Mat CalibratedCamera::rectified(const sensor_msgs::Image& image, GreyConverter* grey) const {
   const PinholeCamera& raw = calibration_.raw;
   if (image.width != static_cast<std::uint32_t>(raw.width) ||
       image.height != static_cast<std::uint32_t>(raw.height)) {
@@ -25,7 +25,7 @@ cv::Mat DescribedCamera::rectified(const sensor_msgs::Image& image, GreyConverte
   return rectifier_.rectify(grey->convert(image));
 }
 
-bool DescribedCamera::isCameraOf(const PinholeCamera& other) const {
+bool CalibratedCamera::isCameraOf(const PinholeCamera& other) const {
   const PinholeCamera& own = camera();
   const auto same = [](double a, double b) { return std::abs(a - b) <= kSamePx; };
   return own.width == other.width && own.height == other.height && same(own.fx, other.fx) &&
@@ -38,12 +38,12 @@ void CameraStream::accept(const sensor_msgs::CameraInfo& info, const std::string
     const std::lock_guard<std::mutex> lock(mutex_);
     if (camera_ && camera_->calibration() == calibration) return;
   }
-  auto camera = std::make_shared<const DescribedCamera>(std::move(calibration), topic);
+  auto camera = std::make_shared<const CalibratedCamera>(std::move(calibration), topic);
   const std::lock_guard<std::mutex> lock(mutex_);
   camera_ = std::move(camera);
 }
 
-std::shared_ptr<const DescribedCamera> CameraStream::camera() const {
+std::shared_ptr<const CalibratedCamera> CameraStream::camera() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return camera_;
 }

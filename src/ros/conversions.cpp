@@ -9,8 +9,8 @@
 #include <opencv2/imgproc.hpp>
 #include <string_view>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {

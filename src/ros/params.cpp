@@ -1,6 +1,6 @@
 #include "ground_scale_vo/ros/params.hpp"
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -8,7 +8,7 @@ namespace {
 /// Reads what all stages describe.
 template <typename Options>
 void declareStages(ParamReader& reader, Options& options) {
-  describeAll(options, [&](const std::string& name, auto& field, auto... rest) {
+  visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
     reader.declare(name.c_str(), field, rest...);
   });
 }

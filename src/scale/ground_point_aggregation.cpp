@@ -2,12 +2,12 @@
 
 #include <unordered_set>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 
 void GroundPointAggregation::Options::validate() const {
-  describe(*this, RangeCheck("gpa/"));
+  visitParameters(*this, RangeCheck("gpa/"));
   requireInRange("gpa/min_frames", min_frames, 1, max_frames);
   fit.validate();
 }

@@ -7,8 +7,8 @@
 #include <opencv2/imgproc.hpp>
 #include <random>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -79,7 +79,7 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
 }  // namespace
 
 void GroundPointExtraction::Options::validate() const {
-  describe(*this, RangeCheck("gpe/"));
+  visitParameters(*this, RangeCheck("gpe/"));
   requireInRange("gpe/max_ahead_h", max_ahead_h, min_ahead_h, 10000);
   requireInRange("gpe/max_lateral_h", max_lateral_h, lane_h, 1000);
 }

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -18,7 +18,9 @@ double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 
 }  // namespace
 
-void MetricTrajectory::Options::validate() const { describe(*this, RangeCheck("trajectory/")); }
+void MetricTrajectory::Options::validate() const {
+  visitParameters(*this, RangeCheck("trajectory/"));
+}
 
 MetricTrajectory::MetricTrajectory(const Options& options) : options_(options) {
   options_.validate();

@@ -1,10 +1,10 @@
 #include "ground_scale_vo/scale/motion_history.hpp"
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 
-void MotionHistory::Options::validate() const { describe(*this, RangeCheck("motion/")); }
+void MotionHistory::Options::validate() const { visitParameters(*this, RangeCheck("motion/")); }
 
 MotionHistory::MotionHistory(const Options& options) : options_(options) { options_.validate(); }
 

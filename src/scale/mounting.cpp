@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -16,7 +16,7 @@ constexpr double kMinForward = 0.8;
 
 }  // namespace
 
-void Mounting::Options::validate() const { describe(*this, RangeCheck("mounting/")); }
+void Mounting::Options::validate() const { visitParameters(*this, RangeCheck("mounting/")); }
 
 Mounting::Mounting(const Options& options) : options_(options) {
   options_.validate();

@@ -14,9 +14,9 @@
 #include <numeric>
 #include <optional>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
-#include "ground_scale_vo/median.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/median.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -122,7 +122,7 @@ std::optional<Prediction> predict(const PlanePoint& point, const Eigen::Vector3d
 
 }  // namespace
 
-void PlaneFit::Options::validate() const { describe(*this, RangeCheck("fit/")); }
+void PlaneFit::Options::validate() const { visitParameters(*this, RangeCheck("fit/")); }
 
 PlaneFit::PlaneFit(const Options& options) : options_(options) { options_.validate(); }
 

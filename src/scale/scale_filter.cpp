@@ -5,9 +5,9 @@
 #include <numeric>
 #include <vector>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
-#include "ground_scale_vo/median.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/median.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -17,7 +17,7 @@ constexpr double kMinAgreement = 0.05, kMaxAgreement = 20;
 
 }  // namespace
 
-void ScaleFilter::Options::validate() const { describe(*this, RangeCheck("filter/")); }
+void ScaleFilter::Options::validate() const { visitParameters(*this, RangeCheck("filter/")); }
 
 ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.validate(); }
 

@@ -1,8 +1,8 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
 
 namespace ground_scale_vo {
 
@@ -30,7 +30,7 @@ ScaleRecovery::Options ScaleRecovery::Options::withPaperLiteral() const {
 
 void ScaleRecovery::Options::validate() const {
   requireInRange("camera_height", camera_height, 0.05, 100);
-  describe(*this, RangeCheck(""));
+  visitParameters(*this, RangeCheck(""));
   motion.validate();
   mounting.validate();
   gpe.validate();
@@ -79,7 +79,7 @@ struct ScaleRecovery::Impl {
   Mounting mounting;
   GroundPointExtraction gpe;
   GroundPointAggregation gpa;
-  PlaneRefinement refinement;
+  DirectPlaneEstimator refinement;
   ScaleFilter filter;
   MetricTrajectory trajectory;
 
@@ -138,7 +138,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   Stopwatch watch;
   bool has_pixels = false;
   if (options.refine && !image.empty()) {
-    const PlaneRefinement::Result pixels =
+    const DirectPlaneEstimator::Result pixels =
         refinement.align(frame, image, prior, chord, filter.height());
     has_pixels = pixels.status == ScaleReason::kNone;
     if (has_pixels) {

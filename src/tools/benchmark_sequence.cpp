@@ -18,17 +18,17 @@
 #include <utility>
 #include <vector>
 
-#include "ground_scale_vo/dataset/image_reader.hpp"
-#include "ground_scale_vo/dataset/kitti_sequence.hpp"
-#include "ground_scale_vo/dataset/offline_run.hpp"
-#include "ground_scale_vo/dataset/process_usage.hpp"
-#include "ground_scale_vo/dataset/run_report.hpp"
-#include "ground_scale_vo/dataset/set_option.hpp"
-#include "ground_scale_vo/dataset/text_file.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_report.hpp"
+#include "ground_scale_vo/evaluation/set_option.hpp"
+#include "ground_scale_vo/io/image_reader.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/io/process_usage.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
 #include "run_progress.hpp"
 #include "sequence_arguments.hpp"
 #include "tool_main.hpp"
@@ -170,8 +170,8 @@ class Drive {
 /// Fills and serialises what the nodelets would publish of the run's last frame. Returns the bytes.
 std::size_t publish(const gsv::OfflineRun& run, const gsv::OdometryFrames& frames) {
   using ros::serialization::serializeMessage;
-  const gsv::VoFrame& frame = run.lastVo().frame;
-  const gsv::ScaleRecovery::Output& scale = run.lastScale();
+  const gsv::VoFrame& frame = run.last().vo.frame;
+  const gsv::ScaleRecovery::Output& scale = run.last().scale;
   std_msgs::Header header;
   header.frame_id = frames.base_frame;
   std::size_t bytes = serializeMessage(*gsv::toMsg(frame, header)).num_bytes +
@@ -226,7 +226,7 @@ std::vector<Pixels> measurePipeline(const Drive& drive, const Arguments& argumen
     const gsv::Stopwatch watch;
     if (publish(run, frames) == 0) throw std::logic_error("messages without bytes");
     const double publish_ms = watch.ms();
-    const gsv::VisualOdometry::Output& vo = run.lastVo();
+    const gsv::VisualOdometry::Output& vo = run.last().vo;
     if (arguments.floor) pixels.push_back(trackedPixels(vo));
     const gsv::ProcessUsage now = gsv::processUsage();
     usage << i << ',' << vo.frame.features.size() + vo.rejected.size() << ',' << image.decode_cpu_ms

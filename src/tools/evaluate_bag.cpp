@@ -17,12 +17,12 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/dataset/offline_run.hpp"
-#include "ground_scale_vo/dataset/run_report.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/ground_truth.hpp"
+#include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;

@@ -7,9 +7,10 @@
 #include <vector>
 
 #include "for_all.hpp"
-#include "ground_scale_vo/dataset/fault_drives.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "progress_line.hpp"
 #include "tool_main.hpp"
 
@@ -92,7 +93,7 @@ void print(const gsv::FaultDrive& drive, const gsv::FaultRunFigures& figures) {
         f.hides ? ", hides" : "", f.said_after_s, f.ok_frames, f.tracking_after, f.metric_after,
         f.invented_m, f.missed_m, f.sigma_m);
   }
-  const std::string broken = gsv::brokenBar(figures);
+  const std::string broken = gsv::violatedThreshold(figures);
   if (!broken.empty()) std::printf("  BROKEN: %s\n", broken.c_str());
 }
 
@@ -111,7 +112,7 @@ void run(const Arguments& arguments) {
         [&](std::size_t, const cv::Mat&, const gsv::OfflineRun&) { progress.step("frames"); });
     progress.pause([&] {
       print(arguments.drives[i], figures);
-      broken_drives += !gsv::brokenBar(figures).empty();
+      broken_drives += !gsv::violatedThreshold(figures).empty();
     });
   });
   std::printf("%zu drives, %d with a broken bar\n", arguments.drives.size(), broken_drives);

@@ -16,11 +16,11 @@
 #include <sstream>
 #include <string>
 
-#include "ground_scale_vo/dataset/process_usage.hpp"
-#include "ground_scale_vo/dataset/text_file.hpp"
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/io/process_usage.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros/messages.hpp"
-#include "ground_scale_vo/ros/node_process.hpp"
+#include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "tool_main.hpp"
 
 namespace gsv = ground_scale_vo;

@@ -15,7 +15,7 @@
 
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/ground_truth.hpp"
+#include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 
 namespace gsv = ground_scale_vo;
 

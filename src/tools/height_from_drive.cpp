@@ -20,13 +20,14 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/dataset/height_calibration.hpp"
-#include "ground_scale_vo/dataset/image_reader.hpp"
-#include "ground_scale_vo/dataset/kitti_sequence.hpp"
-#include "ground_scale_vo/dataset/set_option.hpp"
-#include "ground_scale_vo/dataset/text_file.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/calibration/height_calibration.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/set_option.hpp"
+#include "ground_scale_vo/io/image_reader.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"

@@ -11,11 +11,11 @@
 #include <memory>
 #include <string>
 
-#include "ground_scale_vo/dataset/kitti_sequence.hpp"
-#include "ground_scale_vo/dataset/text_file.hpp"
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/ground_truth.hpp"
+#include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "progress_line.hpp"
 #include "tool_main.hpp"
 

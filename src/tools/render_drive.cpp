@@ -15,12 +15,12 @@
 #include <vector>
 
 #include "for_all.hpp"
-#include "ground_scale_vo/dataset/hazard_drives.hpp"
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
-#include "ground_scale_vo/dataset/text_file.hpp"
-#include "ground_scale_vo/dataset/trajectory_io.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
+#include "ground_scale_vo/io/trajectory_io.hpp"
+#include "ground_scale_vo/simulation/scenarios.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "progress_line.hpp"
 #include "tool_main.hpp"
 
@@ -93,8 +93,8 @@ std::vector<Option> optionTable(Settings& settings) {
   return {
       {"--list", nullptr, "prints the catalogue of drives that are hard for a camera",
        [&settings](const auto&, const auto&) { settings.list = true; }},
-      {"--hazard", "NAME", "a drive of the catalogue (--list); options after it change it",
-       [&drive](const auto&, const auto& given) { drive = gsv::hazardDrive(given).options; }},
+      {"--scenario", "NAME", "a drive of the catalogue (--list); options after it change it",
+       [&drive](const auto&, const auto& given) { drive = gsv::findScenario(given).options; }},
       whole("--frames", "frames", drive.frames),
       {"--size", "WxH",
        "of the image, at one field of view (" + std::to_string(camera.width) + "x" +
@@ -138,8 +138,8 @@ std::string usage() {
 }
 
 void printCatalogue() {
-  for (const gsv::HazardDrive& hazard : gsv::hazardDrives()) {
-    std::printf("%-18s %s\n", hazard.name.c_str(), hazard.what.c_str());
+  for (const gsv::Scenario& scenario : gsv::allScenarios()) {
+    std::printf("%-18s %s\n", scenario.name.c_str(), scenario.what.c_str());
   }
 }
 

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <string>
 
-#include "ground_scale_vo/dataset/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "progress_line.hpp"
 
 namespace ground_scale_vo {

@@ -7,14 +7,14 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "ground_scale_vo/dataset/image_reader.hpp"
-#include "ground_scale_vo/dataset/kitti_sequence.hpp"
-#include "ground_scale_vo/dataset/odometry_metrics.hpp"
-#include "ground_scale_vo/dataset/offline_run.hpp"
-#include "ground_scale_vo/dataset/run_report.hpp"
-#include "ground_scale_vo/dataset/text_file.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_report.hpp"
+#include "ground_scale_vo/io/image_reader.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
 #include "run_progress.hpp"
 #include "sequence_arguments.hpp"
 #include "tool_main.hpp"

@@ -3,10 +3,10 @@
 #include <functional>
 #include <string>
 
-#include "ground_scale_vo/dataset/offline_run.hpp"
-#include "ground_scale_vo/dataset/set_option.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/parse_number.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/set_option.hpp"
 
 namespace ground_scale_vo {
 

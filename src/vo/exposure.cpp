@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "ground_scale_vo/median.hpp"
+#include "ground_scale_vo/common/median.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -39,7 +39,7 @@ double exposureStep(const cv::Mat& before, const cv::Mat& now) {
   return kClear * *most < size ? step : 1;
 }
 
-cv::Mat exposed(const cv::Mat& image, double factor) {
+cv::Mat applyGain(const cv::Mat& image, double factor) {
   if (factor == 1) return image;
   cv::Mat result;
   image.convertTo(result, CV_8U, factor);

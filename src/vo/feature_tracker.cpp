@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/vo/corner_strength.hpp"
 
 namespace ground_scale_vo {
@@ -43,7 +43,7 @@ bool isInside(const cv::Mat& image, const cv::Point2f& u) {
 }  // namespace
 
 void FeatureTracker::Options::validate() const {
-  describe(*this, RangeCheck("tracker/"));
+  visitParameters(*this, RangeCheck("tracker/"));
   if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
 }
 

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -33,7 +33,7 @@ Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
 }
 
 /// An increment (w, v) of the pose in its own camera.
-Eigen::Isometry3d moved(const Eigen::Isometry3d& T_w_c, const Vector6d& increment) {
+Eigen::Isometry3d boxplus(const Eigen::Isometry3d& T_w_c, const Vector6d& increment) {
   Eigen::Isometry3d T = T_w_c;
   T.translation() += T_w_c.linear() * increment.tail<3>();
   const double angle = increment.head<3>().norm();
@@ -260,7 +260,7 @@ struct LocalBundleAdjustment::Problem {
     }
     candidate = state;
     for (std::size_t k = held; k < keyframes(); ++k) {
-      candidate.T_w_c[k] = moved(state.T_w_c[k], step.segment<6>(row(k)));
+      candidate.T_w_c[k] = boxplus(state.T_w_c[k], step.segment<6>(row(k)));
     }
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Point& point = points[i];
@@ -344,7 +344,7 @@ struct LocalBundleAdjustment::Problem {
 };
 
 void LocalBundleAdjustment::Options::validate() const {
-  describe(*this, RangeCheck("bundle_adjustment/"));
+  visitParameters(*this, RangeCheck("bundle_adjustment/"));
 }
 
 LocalBundleAdjustment::LocalBundleAdjustment(const Options& options)

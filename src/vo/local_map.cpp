@@ -5,7 +5,7 @@
 #include <iterator>
 #include <limits>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -45,7 +45,7 @@ class AnchoredObservations {
 
 }  // namespace
 
-void LocalMap::Options::validate() const { describe(*this, RangeCheck("map/")); }
+void LocalMap::Options::validate() const { visitParameters(*this, RangeCheck("map/")); }
 
 LocalMap::LocalMap(const Options& options) : options_(options) { options_.validate(); }
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstddef>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -187,7 +187,7 @@ std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eige
 }
 
 void PatchAlignment::Options::validate() const {
-  describe(*this, RangeCheck("alignment/"));
+  visitParameters(*this, RangeCheck("alignment/"));
   if (window_px % 2 == 0) throw OptionError("alignment/window_px must be odd");
 }
 

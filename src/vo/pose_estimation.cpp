@@ -3,8 +3,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -41,7 +41,7 @@ Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) 
 
 }  // namespace
 
-void PoseEstimation::Options::validate() const { describe(*this, RangeCheck("pose/")); }
+void PoseEstimation::Options::validate() const { visitParameters(*this, RangeCheck("pose/")); }
 
 PoseEstimation::PoseEstimation(const Options& options) : options_(options) { options_.validate(); }
 

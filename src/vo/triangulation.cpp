@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 
 namespace ground_scale_vo {
 namespace {

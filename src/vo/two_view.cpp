@@ -4,9 +4,9 @@
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/finite.hpp"
-#include "ground_scale_vo/median.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/median.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 
 namespace ground_scale_vo {
@@ -132,7 +132,7 @@ bool sameMotion(const Candidate& a, const Candidate& b) {
 
 }  // namespace
 
-void TwoView::Options::validate() const { describe(*this, RangeCheck("two_view/")); }
+void TwoView::Options::validate() const { visitParameters(*this, RangeCheck("two_view/")); }
 
 TwoView::TwoView(const Options& options) : options_(options) { options_.validate(); }
 

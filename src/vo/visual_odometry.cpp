@@ -7,9 +7,9 @@
 #include <optional>
 #include <unordered_map>
 
-#include "ground_scale_vo/error.hpp"
-#include "ground_scale_vo/median.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/vo/exposure.hpp"
 
 namespace ground_scale_vo {
@@ -77,7 +77,7 @@ class InverseDepthGuess {
 }  // namespace
 
 void VisualOdometry::Options::validate() const {
-  describe(*this, RangeCheck("odometry/"));
+  visitParameters(*this, RangeCheck("odometry/"));
   tracker.validate();
   two_view.validate();
   alignment.validate();
@@ -210,7 +210,7 @@ struct VisualOdometry::Impl {
     const FeatureTracker::Tracks tracks =
         step == 1
             ? tracker.track(from, to, points, predicted)
-            : tracker.track(tracker.pyramid(exposed(from.image, step)), to, points, predicted);
+            : tracker.track(tracker.pyramid(applyGain(from.image, step)), to, points, predicted);
     std::vector<Feature> found;
     for (std::size_t i = 0; i < features.size(); ++i) {
       if (!tracks.ok[i]) {
@@ -264,9 +264,9 @@ struct VisualOdometry::Impl {
       const auto known = std::find_if(references.begin(), references.end(), [&](const auto& r) {
         return r.original.data == keyframe.image.data && r.factor == factor;
       });
-      now.push_back(known != references.end()
-                        ? *known
-                        : ReferenceImage{keyframe.image, factor, exposed(keyframe.image, factor)});
+      now.push_back(known != references.end() ? *known
+                                              : ReferenceImage{keyframe.image, factor,
+                                                               applyGain(keyframe.image, factor)});
     }
     references = std::move(now);
   }

@@ -11,7 +11,7 @@
 #include <memory>
 
 #include "fuzz_target.hpp"
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
@@ -66,7 +66,7 @@ class MonoVo {
   CameraStream stream_;
   GreyConverter grey_;
   StampGuard guard_{1.0};
-  std::shared_ptr<const DescribedCamera> camera_;
+  std::shared_ptr<const CalibratedCamera> camera_;
   std::unique_ptr<VisualOdometry> odometry_;
   TrackPainter painter_;
 };

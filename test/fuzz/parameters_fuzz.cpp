@@ -3,7 +3,7 @@
 #include <XmlRpcValue.h>
 
 #include "fuzz_target.hpp"
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 
 namespace ground_scale_vo::fuzz {

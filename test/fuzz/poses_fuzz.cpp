@@ -1,7 +1,7 @@
 // poses.txt of a KITTI folder, and the same bytes as a TUM trajectory.
 
-#include "ground_scale_vo/dataset/odometry_metrics.hpp"
-#include "ground_scale_vo/dataset/trajectory_io.hpp"
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/io/trajectory_io.hpp"
 #include "sequence_files.hpp"
 
 namespace ground_scale_vo::fuzz {

@@ -5,7 +5,7 @@
 #include <ros/serialization.h>
 
 #include "fuzz_target.hpp"
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "fuzz_target.hpp"
-#include "ground_scale_vo/dataset/kitti_sequence.hpp"
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
 
 namespace ground_scale_vo::fuzz {
 

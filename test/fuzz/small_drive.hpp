@@ -3,7 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 
 namespace ground_scale_vo::fuzz {
 

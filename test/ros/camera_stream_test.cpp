@@ -48,7 +48,7 @@ TEST(CameraStream, KeepsItsCameraWhenOneIsRefused) {
   EXPECT_EQ(stream.camera(), first);
 }
 
-TEST(DescribedCamera, RectifiesImagesOfItsSizeOnly) {
+TEST(CalibratedCamera, RectifiesImagesOfItsSizeOnly) {
   CameraStream stream(false);
   stream.accept(info(), "t");
   const sensor_msgs::Image msg = image(8, 6);
@@ -64,7 +64,7 @@ TEST(DescribedCamera, RectifiesImagesOfItsSizeOnly) {
   }
 }
 
-TEST(DescribedCamera, TellsAnotherCameraFromItsOwn) {
+TEST(CalibratedCamera, TellsAnotherCameraFromItsOwn) {
   CameraStream stream(false);
   stream.accept(info(), "t");
   PinholeCamera camera = stream.camera()->camera();

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "ground_scale_vo/nearest_name.hpp"
+#include "ground_scale_vo/common/nearest_name.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 
 namespace ground_scale_vo {

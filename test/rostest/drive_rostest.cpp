@@ -16,9 +16,9 @@
 #include <memory>
 
 #include "diagnosed.hpp"
-#include "ground_scale_vo/dataset/offline_run.hpp"
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "inbox.hpp"
 
 namespace ground_scale_vo {

@@ -10,7 +10,7 @@
 #include <set>
 
 #include "drive_test.hpp"
-#include "ground_scale_vo/nodelets/own_queue.hpp"
+#include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "mounting.hpp"
 
 namespace ground_scale_vo {
@@ -56,7 +56,7 @@ TEST_F(Graph, OneCameraInfoIsEnough) {
 
 // A manager throws away what arrives while a nodelet is being loaded, like a queue that is
 // disabled.
-TEST(OwnQueue, KeepsWhatComesBeforeItsStart) {
+TEST(DedicatedSpinner, KeepsWhatComesBeforeItsStart) {
   ros::NodeHandle handle;
   ros::Publisher publisher = handle.advertise<std_msgs::Header>("latched", 1, true);
   publisher.publish(std_msgs::Header());
@@ -65,7 +65,7 @@ TEST(OwnQueue, KeepsWhatComesBeforeItsStart) {
   ros::NodeHandle of_nodelet;
   of_nodelet.setCallbackQueue(&of_manager);
   std::atomic<bool> heard{false};
-  OwnQueue queue;
+  DedicatedSpinner queue;
   const ros::Subscriber subscriber =
       queue.handle(of_nodelet)
           .subscribe<std_msgs::Header>("latched", 1,

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "../sanitizer.hpp"
+#include "support/sanitizer.hpp"
 
 namespace ground_scale_vo {
 

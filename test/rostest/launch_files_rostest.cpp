@@ -11,8 +11,8 @@
 
 #include <boost/make_shared.hpp>
 
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "inbox.hpp"
 

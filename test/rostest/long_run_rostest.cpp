@@ -21,10 +21,10 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/dataset/process_usage.hpp"
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "inbox.hpp"
 #include "node_probe.hpp"
 

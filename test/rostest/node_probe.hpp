@@ -11,8 +11,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "ground_scale_vo/dataset/process_usage.hpp"
-#include "ground_scale_vo/ros/node_process.hpp"
+#include "ground_scale_vo/io/process_usage.hpp"
+#include "ground_scale_vo/ros_tools/node_process.hpp"
 
 namespace ground_scale_vo {
 

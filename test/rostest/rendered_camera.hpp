@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "inbox.hpp"
 
 namespace ground_scale_vo {

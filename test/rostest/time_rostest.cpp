@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "diagnosed.hpp"
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "inbox.hpp"
 
 namespace ground_scale_vo {

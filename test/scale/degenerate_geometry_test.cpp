@@ -7,12 +7,12 @@
 #include <random>
 #include <string>
 
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/scale/plane_fit.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
-#include "recovery_options.hpp"
-#include "road_image.hpp"
+#include "support/recovery_options.hpp"
+#include "support/road_image.hpp"
 
 namespace ground_scale_vo {
 namespace {

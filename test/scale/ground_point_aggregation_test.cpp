@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "ground_scale_vo/error.hpp"
-#include "road_scene.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

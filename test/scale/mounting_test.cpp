@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "ground_scale_vo/error.hpp"
-#include "road_scene.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

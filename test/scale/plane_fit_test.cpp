@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {

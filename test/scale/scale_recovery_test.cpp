@@ -6,9 +6,9 @@
 #include <cstring>
 #include <limits>
 
-#include "ground_scale_vo/error.hpp"
-#include "recovery_options.hpp"
-#include "road_image.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "support/recovery_options.hpp"
+#include "support/road_image.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "ground_scale_vo/error.hpp"
-#include "scene.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

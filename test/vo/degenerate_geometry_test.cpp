@@ -5,7 +5,7 @@
 #include <limits>
 #include <string>
 
-#include "ground_scale_vo/finite.hpp"
+#include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "ground_scale_vo/vo/patch_alignment.hpp"
@@ -13,7 +13,7 @@
 #include "ground_scale_vo/vo/triangulation.hpp"
 #include "ground_scale_vo/vo/two_view.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
-#include "scene.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -18,10 +18,10 @@ cv::Mat scene(int moved = 0) {
 
 TEST(Exposure, AStepIsFoundWhileTheSceneMoves) {
   for (const double gain : {0.4, 0.7, 1.5, 2.4}) {
-    EXPECT_NEAR(exposureStep(scene(), exposed(scene(1), gain)), gain, 0.06 * gain) << gain;
+    EXPECT_NEAR(exposureStep(scene(), applyGain(scene(1), gain)), gain, 0.06 * gain) << gain;
   }
   // What saturates tells nothing: a third of this image.
-  cv::Mat bright = exposed(scene(), 2.4);
+  cv::Mat bright = applyGain(scene(), 2.4);
   bright.colRange(0, 27) = 255;
   EXPECT_NEAR(exposureStep(scene(), bright), 2.4, 0.1);
 }
@@ -29,8 +29,8 @@ TEST(Exposure, AStepIsFoundWhileTheSceneMoves) {
 TEST(Exposure, NothingElseIsAStep) {
   EXPECT_EQ(exposureStep(scene(), scene()), 1);
   EXPECT_EQ(exposureStep(scene(), scene(7)), 1) << "motion";
-  EXPECT_EQ(exposureStep(scene(), exposed(scene(), 1.15)), 1) << "too small";
-  EXPECT_EQ(exposureStep(scene(), exposed(scene(), 0)), 1) << "black";
+  EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 1.15)), 1) << "too small";
+  EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 0)), 1) << "black";
   EXPECT_EQ(exposureStep(scene(), cv::Mat(24, 80, CV_8UC1, cv::Scalar(255))), 1) << "white";
   cv::Mat half = scene();
   half.colRange(0, 45) *= 0.4;
@@ -42,10 +42,10 @@ TEST(Exposure, NothingElseIsAStep) {
 
 TEST(Exposure, ExposedScalesAndLeavesTheImageAlone) {
   const cv::Mat image = scene();
-  EXPECT_EQ(exposed(image, 1).data, image.data);
-  const cv::Mat brighter = exposed(image, 2);
+  EXPECT_EQ(applyGain(image, 1).data, image.data);
+  const cv::Mat brighter = applyGain(image, 2);
   EXPECT_EQ(brighter.at<unsigned char>(5, 5), 2 * image.at<unsigned char>(5, 5));
-  EXPECT_EQ(exposed(image, 100).at<unsigned char>(5, 5), 255);
+  EXPECT_EQ(applyGain(image, 100).at<unsigned char>(5, 5), 255);
 }
 
 }  // namespace

@@ -5,9 +5,9 @@
 #include <limits>
 #include <random>
 
-#include "ceres_adjustment.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "scene.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "support/ceres_adjustment.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

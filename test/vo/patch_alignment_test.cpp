@@ -4,8 +4,8 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "ground_scale_vo/error.hpp"
-#include "scene.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

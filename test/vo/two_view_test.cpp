@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
-#include "scene.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

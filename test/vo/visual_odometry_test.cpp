@@ -5,10 +5,10 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
-#include "ground_scale_vo/dataset/fault_drives.hpp"
-#include "ground_scale_vo/dataset/synthetic_drive.hpp"
-#include "ground_scale_vo/error.hpp"
-#include "scene.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/simulation/fault_drives.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

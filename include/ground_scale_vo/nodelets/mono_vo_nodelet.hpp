@@ -14,7 +14,8 @@
 #include <string>
 #include <thread>
 
-#include "ground_scale_vo/nodelets/own_queue.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -23,7 +24,6 @@
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
 namespace ground_scale_vo {
@@ -55,7 +55,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void work();
   void process(const sensor_msgs::Image& image);
   /// A new odometry when there is none or the camera or the clock demand it.
-  void prepareOdometry(const std::shared_ptr<const DescribedCamera>& camera,
+  void prepareOdometry(const std::shared_ptr<const CalibratedCamera>& camera,
                        bool clock_jumped_back);
   void publish(const cv::Mat& rectified, const VisualOdometry::Output& output,
                const std_msgs::Header& header);
@@ -63,7 +63,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void drop(const std::string& kind, const std::string& why);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
-  OwnQueue callbacks_;
+  DedicatedSpinner callbacks_;
   MonoVoParams params_;
   FaultLog faults_;
 
@@ -82,7 +82,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::uint64_t left_out_ = 0;  ///< at the last diagnosis
 
   // Of the working thread alone.
-  std::shared_ptr<const DescribedCamera> odometry_camera_;
+  std::shared_ptr<const CalibratedCamera> odometry_camera_;
   std::unique_ptr<VisualOdometry> odometry_;
   std::unique_ptr<StampGuard> guard_;
   GreyConverter grey_;

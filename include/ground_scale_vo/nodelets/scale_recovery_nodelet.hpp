@@ -16,7 +16,8 @@
 #include <optional>
 #include <string>
 
-#include "ground_scale_vo/nodelets/own_queue.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -26,7 +27,6 @@
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
-#include "ground_scale_vo/stopwatch.hpp"
 
 namespace ground_scale_vo {
 
@@ -72,7 +72,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::string imagesState() const;
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
-  OwnQueue callbacks_;
+  DedicatedSpinner callbacks_;
   ScaleRecoveryParams params_;
   FaultLog faults_;
   std::unique_ptr<ScaleRecovery> recovery_;

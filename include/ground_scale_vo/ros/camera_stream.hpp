@@ -14,10 +14,10 @@
 namespace ground_scale_vo {
 
 /// A camera as one camera_info described it. Never changes.
-class DescribedCamera {
+class CalibratedCamera {
  public:
   /// Throws MessageError, which names the topic of the calibration.
-  DescribedCamera(Calibration calibration, const std::string& topic);
+  CalibratedCamera(Calibration calibration, const std::string& topic);
 
   const Calibration& calibration() const { return calibration_; }
   /// Of the rectified images.
@@ -42,12 +42,12 @@ class CameraStream {
   void accept(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
   /// Null until one was accepted; another object if and only if the calibration changed.
-  std::shared_ptr<const DescribedCamera> camera() const;
+  std::shared_ptr<const CalibratedCamera> camera() const;
 
  private:
   const bool image_is_rectified_;
   mutable std::mutex mutex_;
-  std::shared_ptr<const DescribedCamera> camera_;
+  std::shared_ptr<const CalibratedCamera> camera_;
 };
 
 }  // namespace ground_scale_vo

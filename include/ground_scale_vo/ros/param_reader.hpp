@@ -6,7 +6,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "ground_scale_vo/error.hpp"
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 

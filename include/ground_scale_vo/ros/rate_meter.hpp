@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "ground_scale_vo/stopwatch.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
 
 namespace ground_scale_vo {
 

@@ -4,7 +4,7 @@
 #include <deque>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/ground_point_extraction.hpp"
 #include "ground_scale_vo/scale/plane_fit.hpp"
 
@@ -24,7 +24,7 @@ class GroundPointAggregation {
     bool feature_once = true;
     PlaneFit::Options fit;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("window_h", self.window_h, 0, 1e6,
             "[camera heights] length of the window along the way");
       visit("max_frames", self.max_frames, 1, 1e6, "[frames] in the window at most");

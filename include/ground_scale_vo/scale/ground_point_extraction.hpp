@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/scale/motion_history.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
@@ -51,7 +51,7 @@ class GroundPointExtraction {
 
     std::uint64_t random_seed = 1;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("min_ahead_h", self.min_ahead_h, 0, 1000,
             "[camera heights] where the region of the road begins");
       visit("max_ahead_h", self.max_ahead_h, 0, 10000, "[camera heights] where it ends");

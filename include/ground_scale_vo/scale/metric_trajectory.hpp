@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
@@ -41,7 +41,7 @@ class MetricTrajectory {
     double new_map_position_sigma_per_s = 5.0;  ///< unseen motion while lost [m/s]
     double new_map_rotation_sigma_per_s = 0.1;  ///< unseen rotation while lost [rad/s]
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("rotation_sigma_per_sqrt_m", self.rotation_sigma_per_sqrt_m, 0, 1,
             "[rad/sqrt(m)] random walk of rotation");
       visit("direction_sigma", self.direction_sigma, 0, 1,

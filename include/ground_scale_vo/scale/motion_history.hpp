@@ -4,7 +4,7 @@
 #include <deque>
 #include <optional>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 
 namespace ground_scale_vo {
 
@@ -16,7 +16,7 @@ class MotionHistory {
   struct Options {
     int max_frames = 60;  ///< poses kept
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("max_frames", self.max_frames, 2, 100000, "[frames] poses kept");
     }
     /// Throws OptionError.

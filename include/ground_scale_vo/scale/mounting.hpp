@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/scale/motion_history.hpp"
 
@@ -25,7 +25,7 @@ class Mounting {
     double memory_h = 200;  ///< distance over which the average forgets [camera heights]
     double max_tilt_rad = 0.26;  ///< limit of both estimates
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("start_pitch_sigma", self.start_pitch_sigma, 1e-4, 1,
             "[rad] of the start-up pitch zero");
       visit("start_roll_sigma", self.start_roll_sigma, 1e-4, 1, "[rad] of the start-up roll zero");

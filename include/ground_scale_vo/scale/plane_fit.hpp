@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
@@ -53,7 +53,7 @@ class PlaneFit {
     double max_sigma = 0.05;     ///< relative, of the height; more is kNoPlane
     double max_tilt_rad = 0.06;  ///< result against the prior's normal; more is kPlaneTilted
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("min_points", self.min_points, 3, 1e6, "[points] fewer are no plane");
       visit("sac_threshold_h", self.sac_threshold_h, 1e-6, 1,
             "[camera heights] inlier distance of SACSegmentation");

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <deque>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
 namespace ground_scale_vo {
@@ -45,7 +45,7 @@ class ScaleFilter {
     /// The paper's literal choice: moving average of the scale h*/h over so many frames. 0: off.
     int moving_average_frames = 0;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("correlation_h", self.correlation_h, 0, 1e6,
             "[camera heights] measurements of one source agree over this way");
       visit("drift_per_sqrt_h", self.drift_per_sqrt_h, 0, 1,

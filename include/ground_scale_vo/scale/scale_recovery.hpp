@@ -7,13 +7,13 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/scale/direct_plane_estimator.hpp"
 #include "ground_scale_vo/scale/ground_point_aggregation.hpp"
 #include "ground_scale_vo/scale/ground_point_extraction.hpp"
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
 #include "ground_scale_vo/scale/motion_history.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
-#include "ground_scale_vo/scale/plane_refinement.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
@@ -42,13 +42,13 @@ class ScaleRecovery {
     Mounting::Options mounting;
     GroundPointExtraction::Options gpe;
     GroundPointAggregation::Options gpa;
-    PlaneRefinement::Options refinement;
+    DirectPlaneEstimator::Options refinement;
     ScaleFilter::Options filter;
     MetricTrajectory::Options trajectory;
 
     /// Without camera_height, which has no default.
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("random_seed", self.random_seed, 0, 2147483647, "[] seed of all random draws");
       visit("min_step_h", self.min_step_h, 0, 1, "[camera heights] a shorter step is standstill");
       visit("refine", self.refine, "[] align the road's pixels; false: points alone");
@@ -56,7 +56,7 @@ class ScaleRecovery {
             "[] the paper's choices as printed, for comparison; overrides the stages' options");
     }
     template <typename Self, typename Visit>
-    static void describeStages(Self& self, Visit&& visit) {
+    static void visitStages(Self& self, Visit&& visit) {
       visit("", self);
       visit("motion/", self.motion);
       visit("mounting/", self.mounting);

@@ -11,6 +11,6 @@ namespace ground_scale_vo {
 double exposureStep(const cv::Mat& before, const cv::Mat& now);
 
 /// The image with its grey levels times factor; the image itself, not a copy, for 1.
-cv::Mat exposed(const cv::Mat& image, double factor);
+cv::Mat applyGain(const cv::Mat& image, double factor);
 
 }  // namespace ground_scale_vo

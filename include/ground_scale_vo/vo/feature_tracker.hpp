@@ -3,7 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 
 namespace ground_scale_vo {
 
@@ -27,7 +27,7 @@ class FeatureTracker {
     int pyramid_levels = 4;
     double forward_backward_px = 0.7;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("cell", self.cell, 0.004, 0.2,
             "[image width] side of the square that holds one corner");
       visit("min_corner_strength", self.min_corner_strength, 0, 1,

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
 
 namespace ground_scale_vo {
@@ -27,7 +27,7 @@ class LocalBundleAdjustment {
     int max_iterations = 8;
     double huber_sigma = 1.0;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("window", self.window, 1, 100,
             "[keyframes] newest ones that move; older ones are held");
       visit("max_iterations", self.max_iterations, 1, 1000, "[iterations] of Levenberg-Marquardt");

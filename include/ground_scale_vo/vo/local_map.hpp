@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 
 namespace ground_scale_vo {
@@ -54,7 +54,7 @@ class LocalMap {
     double max_relative_sigma = 0.35;
     double max_error = 0.004;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("keyframes", self.keyframes, 3, 1000, "[keyframes] kept at most");
       visit("max_relative_sigma", self.max_relative_sigma, 0.01, 10,
             "[] a new depth needs sigma(1/z) below this share of 1/z");

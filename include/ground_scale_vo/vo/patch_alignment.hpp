@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
@@ -33,7 +33,7 @@ class PatchAlignment {
     double max_shift_px = 1.5;
     double max_scale = 1.6;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("window_px", self.window_px, 5, 21, "[px] side of the aligned patch, odd");
       visit("max_iterations", self.max_iterations, 1, 100, "[] of the alignment");
       visit("min_correlation", self.min_correlation, 0, 1,

@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 
 namespace ground_scale_vo {
 
@@ -29,7 +29,7 @@ class PoseEstimation {
     double min_inlier_share = 0.4;
     int max_iterations = 15;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("inlier_sigma", self.inlier_sigma, 0.5, 100,
             "[sigma] Mahalanobis distance of an inlier");
       visit("min_inliers", self.min_inliers, 6, 100000, "[points] fewer are no pose");

@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
@@ -29,7 +29,7 @@ class TwoView {
     double min_inlier_share = 0.45;
     double max_second_share = 0.9;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("min_matches", self.min_matches, 8, 10000, "[matches] below this no start is tried");
       visit("inlier_error", self.inlier_error, 1e-5, 0.1,
             "[focal lengths] reprojection error of an inlier");

@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/options.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
@@ -53,7 +53,7 @@ class VisualOdometry {
     double start_min_share = 0.4;
     int lost_frames_before_new_map = 3;
     template <typename Self, typename Visit>
-    static void describe(Self& self, Visit&& visit) {
+    static void visitParameters(Self& self, Visit&& visit) {
       visit("noise", self.noise, 1e-6, 0.1,
             "[focal lengths] standard deviation of a corner that hardly moves");
       visit("noise_flow", self.noise_flow, 1e-4, 100,
@@ -78,7 +78,7 @@ class VisualOdometry {
             "[frames] with texture in a row without a pose");
     }
     template <typename Self, typename Visit>
-    static void describeStages(Self& self, Visit&& visit) {
+    static void visitStages(Self& self, Visit&& visit) {
       visit("tracker/", self.tracker);
       visit("two_view/", self.two_view);
       visit("alignment/", self.alignment);

@@ -1,0 +1,70 @@
+# The compiler's settings, and gsv_add_layer().
+
+set(CMAKE_CXX_STANDARD 17)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE RelWithDebInfo)
+endif()
+# Vectorise loops over pixels, also those with a square root. The results do not change: nothing here
+# reads errno or traps floating-point exceptions.
+add_compile_options($<$<NOT:$<CONFIG:Debug>>:-O3> -fno-math-errno -fno-trapping-math)
+
+# ccache, when it is installed and the user has chosen no other launcher.
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  # Precompiled headers need the sloppiness, see ccache(1).
+  set(CMAKE_CXX_COMPILER_LAUNCHER
+    ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
+endif()
+
+if(GROUND_SCALE_VO_SANITIZE)
+  set(sanitizers ${GROUND_SCALE_VO_SANITIZE})
+  if(sanitizers MATCHES undefined)
+    string(APPEND sanitizers ",float-cast-overflow")  # not part of `undefined`
+  endif()
+  # -O1, and without the checks of every memory access, which `address` makes as well and which take
+  # five times as long to compile.
+  add_compile_options(-O1 -g1 -fno-omit-frame-pointer -fsanitize=${sanitizers}
+    -fno-sanitize=null,object-size,alignment)
+  link_libraries(-fsanitize=${sanitizers})
+  # Otherwise Eigen uses an allocator of its own under `address`, and PCL, which is built without it,
+  # frees that memory.
+  add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
+endif()
+
+add_library(${PROJECT_NAME}_warnings INTERFACE)
+target_compile_options(${PROJECT_NAME}_warnings INTERFACE -Wall -Wextra -Wshadow -Wconversion)
+
+# gsv_add_layer(NAME SHARED|STATIC MODULE...): the library ${PROJECT_NAME}_NAME of all sources of the
+# modules: src/MODULE/*.cpp or src/MODULE.cpp.
+function(gsv_add_layer name type)
+  set(sources)
+  foreach(module ${ARGN})
+    file(GLOB module_sources CONFIGURE_DEPENDS
+      ${PROJECT_SOURCE_DIR}/src/${module}/*.cpp ${PROJECT_SOURCE_DIR}/src/${module}.cpp)
+    list(APPEND sources ${module_sources})
+  endforeach()
+  if(name STREQUAL simulation AND "${GROUND_SCALE_VO_SANITIZE}" STREQUAL thread)
+    # The renderer takes most of the tests' time, and its scene does not change once it is built.
+    set(renderer ${sources})
+    list(FILTER renderer INCLUDE REGEX "/synthetic_[a-z]+\\.cpp$")
+    set_source_files_properties(${renderer} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=thread;-O3")
+  endif()
+  set(target ${PROJECT_NAME}_${name})
+  add_library(${target} ${type} ${sources})
+  set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  target_include_directories(${target}
+    PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
+    PRIVATE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)
+  target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:${PROJECT_NAME}_warnings>)
+  target_precompile_headers(${target} PRIVATE
+    <Eigen/Dense> <algorithm> <cmath> <filesystem> <functional> <map> <memory> <opencv2/core.hpp>
+    <opencv2/imgproc.hpp> <optional> <string> <vector>)
+  if(name MATCHES "nodelets|ros_tools")
+    target_precompile_headers(${target} PRIVATE
+      <ros/ros.h> <nav_msgs/Odometry.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>
+      <sensor_msgs/PointCloud2.h>)
+  endif()
+endfunction()

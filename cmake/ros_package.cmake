@@ -1,0 +1,89 @@
+# The catkin package: messages, exports, and where things are installed.
+
+find_package(catkin REQUIRED COMPONENTS
+  cv_bridge
+  diagnostic_msgs
+  diagnostic_updater
+  geometry_msgs
+  image_transport
+  message_generation
+  nav_msgs
+  nodelet
+  pcl_conversions
+  pluginlib
+  rosbag
+  roscpp
+  sensor_msgs
+  std_msgs
+  std_srvs
+  tf2
+  tf2_eigen
+  tf2_msgs
+  tf2_ros
+  visualization_msgs
+)
+
+add_message_files(FILES ScaleEstimate.msg VoFrame.msg)
+generate_messages(DEPENDENCIES geometry_msgs std_msgs)
+
+catkin_package(
+  INCLUDE_DIRS include
+  LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_nodelets
+  CATKIN_DEPENDS
+    cv_bridge diagnostic_msgs diagnostic_updater geometry_msgs image_transport message_runtime
+    nav_msgs nodelet pcl_conversions pluginlib roscpp sensor_msgs std_msgs std_srvs tf2
+    tf2_eigen tf2_msgs tf2_ros visualization_msgs
+  DEPENDS EIGEN3 OpenCV
+)
+
+# gsv_install_layer(NAME): a library of the product, and the headers of its modules.
+function(gsv_install_layer name)
+  install(TARGETS ${PROJECT_NAME}_${name}
+    ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+    LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+    RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION})
+endfunction()
+
+# gsv_install_tools(TARGET...): builds them where rosrun looks, and installs them there.
+function(gsv_install_tools)
+  set_target_properties(${ARGN} PROPERTIES
+    RUNTIME_OUTPUT_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION})
+  install(TARGETS ${ARGN} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+endfunction()
+
+install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION}
+  PATTERN io EXCLUDE
+  PATTERN evaluation EXCLUDE
+  PATTERN calibration EXCLUDE
+  PATTERN simulation EXCLUDE
+  PATTERN ros_tools EXCLUDE)
+catkin_install_python(PROGRAMS nodes/feed_another_vo nodes/play_bag scripts/ablation_table.py
+  scripts/benchmark_report.py scripts/metrics_table.py scripts/plot_run.py
+  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+# The commands find their programs beside them there.
+install(PROGRAMS scripts/ablation scripts/benchmark scripts/calibrate_height scripts/demo
+  scripts/evaluate scripts/package scripts/screenshot
+  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(FILES scripts/lib/environment.sh scripts/lib/packages.txt scripts/lib/pause_at_frame.py
+  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib)
+install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+
+# The Debian package of scripts/package, which adds the dependencies beside the libraries.
+if(CMAKE_SOURCE_DIR STREQUAL PROJECT_SOURCE_DIR)
+  set(CPACK_GENERATOR DEB)
+  set(CPACK_PACKAGE_NAME ground-scale-vo)
+  set(CPACK_PACKAGE_VERSION ${${PROJECT_NAME}_VERSION})
+  set(CPACK_PACKAGE_CONTACT "${${PROJECT_NAME}_MAINTAINER}")
+  set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "metric monocular visual odometry for ROS")
+  set(CPACK_STRIP_FILES ON)
+  set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+  set(CPACK_DEBIAN_PACKAGE_SECTION science)
+  set(CPACK_DEBIAN_PACKAGE_RECOMMENDS rviz)
+  set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+  # Where dpkg-shlibdeps finds our own libraries, which no package has yet.
+  set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS
+    ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_LIB_DESTINATION})
+  include(CPack)
+  install(FILES LICENSE DESTINATION share/doc/${CPACK_PACKAGE_NAME} RENAME copyright)
+endif()

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <string>
+#include <type_traits>
+
+#include "ground_scale_vo/common/error.hpp"
+
+namespace ground_scale_vo {
+
+// Every Options struct lists its fields once:
+//
+//   template <typename Self, typename Visit>
+//   static void visitParameters(Self& self, Visit&& visit) {
+//     visit("name", self.field, min, max, "[unit] meaning");   // numbers
+//     visit("name", self.flag, "[] meaning");                  // bools
+//   }
+//
+// validate(), the parameters of the nodelets and their documentation all come from that list. A
+// parameter's full name is group/name; the group is the stage. Options that hold those of stages
+// list them, with their groups:
+//
+//   template <typename Self, typename Visit>
+//   static void visitStages(Self& self, Visit&& visit) {
+//     visit("group/", self.stage);
+//   }
+
+/// Every option of all stages under its full name: visit(name, field, min, max, meaning) or
+/// visit(name, flag, meaning).
+template <typename Options, typename Visit>
+void visitAllParameters(Options& options, Visit&& visit) {
+  Options::visitStages(options, [&visit](const std::string& group, auto& stage) {
+    stage.visitParameters(stage, [&](const char* name, auto& field, auto... rest) {
+      visit(group + name, field, rest...);
+    });
+  });
+}
+
+/// A visitor that throws OptionError at the first number outside its range.
+class RangeCheck {
+ public:
+  explicit RangeCheck(std::string group) : group_(std::move(group)) {}
+
+  template <typename Number>
+  void operator()(const char* name, const Number& value, double min, double max,
+                  const char* /*meaning*/) const {
+    static_assert(std::is_arithmetic_v<Number> && !std::is_same_v<Number, bool>);
+    requireInRange((group_ + name).c_str(), static_cast<double>(value), min, max);
+  }
+  void operator()(const char* /*name*/, bool /*value*/, const char* /*meaning*/) const {}
+
+ private:
+  std::string group_;  ///< "tracker/", or empty
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "ground_scale_vo/metric_odometry.hpp"
+
+namespace ground_scale_vo {
+
+/// MetricOdometry over a recorded drive, with a record of every frame.
+class OfflineRun {
+ public:
+  using Options = MetricOdometry::Options;
+
+  /// Throws OptionError.
+  OfflineRun(const PinholeCamera& camera, const Options& options) : odometry_(camera, options) {}
+
+  /// image and stamp as MetricOdometry::process; decode_ms: for the record alone. Throws
+  /// OptionError. Returns the frame's record as it is now; valid until the next call.
+  const RunFrame& process(const cv::Mat& image, std::int64_t stamp_ns, double decode_ms = 0) {
+    last_ = odometry_.process(image, stamp_ns);
+    record_.append(last_.vo, last_.scale, decode_ms);
+    return record_.frames().back();
+  }
+
+  const RunRecord& record() const { return record_; }
+  /// Of the last frame.
+  const MetricOdometry::Output& last() const { return last_; }
+
+ private:
+  MetricOdometry odometry_;
+  RunRecord record_;
+  MetricOdometry::Output last_;
+};
+
+}  // namespace ground_scale_vo

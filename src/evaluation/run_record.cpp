@@ -1,0 +1,97 @@
+#include "ground_scale_vo/evaluation/run_record.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace ground_scale_vo {
+namespace {
+
+using Poses = std::vector<Eigen::Isometry3d>;
+
+}  // namespace
+
+void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
+                       double decode_ms) {
+  if (vo.frame.sequence != frames_.size()) {
+    throw std::logic_error("the odometry's frames are not numbered as the images are");
+  }
+  RunFrame frame;
+  frame.stamp_ns = vo.frame.stamp_ns;
+  frame.vo_status = vo.frame.status;
+  frame.map_id = vo.frame.map_id;
+  frame.has_vo_pose = vo.frame.status == VoStatus::kTracking;
+  if (frame.has_vo_pose) frame.T_w_c = vo.frame.T_w_c;
+  if (!frames_.empty()) frame.T_o_c = frames_.back().T_o_c;
+  frame.scale = scale.scale;
+  frame.decode_ms = decode_ms;
+  frame.vo_times = vo.times;
+  frame.scale_times = scale.times;
+  frames_.push_back(frame);
+
+  for (const VisualOdometry::StartPose& start : vo.start) {
+    RunFrame& earlier = frames_.at(start.sequence);
+    if (earlier.has_vo_pose) continue;
+    earlier.has_vo_pose = true;
+    earlier.map_id = vo.frame.map_id;
+    earlier.T_w_c = start.T_w_c;
+  }
+
+  if (!scale.pose) return;
+  frames_.back().T_o_c = scale.pose->T_o_c;
+  frames_.back().has_metric_pose = true;
+  if (!has_metric_pose_) fillBackwards(scale.scale.scale);
+  has_metric_pose_ = true;
+}
+
+void RunRecord::fillBackwards(double scale) {
+  const std::uint32_t map_id = frames_.back().map_id;
+  Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
+  for (std::size_t i = 0; i + 1 < frames_.size(); ++i) {
+    RunFrame& frame = frames_[i];
+    if (frame.has_vo_pose && frame.map_id == map_id) {
+      last = frame.T_w_c;
+      last.translation() *= scale;
+    }
+    frame.T_o_c = last;
+    frame.backfilled = true;
+  }
+}
+
+std::size_t RunRecord::trackedFrames() const {
+  return static_cast<std::size_t>(std::count_if(
+      frames_.begin(), frames_.end(), [](const RunFrame& frame) { return frame.has_vo_pose; }));
+}
+
+std::size_t RunRecord::lostEvents() const {
+  std::size_t events = 0;
+  for (std::size_t i = 1; i < frames_.size(); ++i) {
+    events += frames_[i - 1].vo_status == VoStatus::kTracking &&
+              frames_[i].vo_status != VoStatus::kTracking;
+  }
+  return events;
+}
+
+Poses RunRecord::metricPoses() const {
+  Poses poses;
+  for (const RunFrame& frame : frames_) poses.push_back(frame.T_o_c);
+  return poses;
+}
+
+Poses RunRecord::unscaledPoses() const {
+  Poses poses;
+  const RunFrame* last_posed = nullptr;
+  Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d T_first_w = Eigen::Isometry3d::Identity();  // of the map in use
+  for (const RunFrame& frame : frames_) {
+    if (frame.has_vo_pose) {
+      const bool new_map = last_posed != nullptr && last_posed->map_id != frame.map_id;
+      if (new_map) T_first_w = last * frame.T_w_c.inverse();
+      last = T_first_w * frame.T_w_c;
+      last_posed = &frame;
+    }
+    poses.push_back(last);
+  }
+  return poses;
+}
+
+}  // namespace ground_scale_vo

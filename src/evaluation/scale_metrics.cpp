@@ -1,0 +1,90 @@
+#include "ground_scale_vo/evaluation/scale_metrics.hpp"
+
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr std::size_t kFarthest = 25;  // frames from a frame to the ends of its way
+
+/// Metres per VO unit around frame i; empty when the camera hardly moves or has no pose.
+std::optional<double> trueScale(const std::vector<RunFrame>& frames,
+                                const std::vector<Eigen::Isometry3d>& truth, double way_m,
+                                std::size_t i) {
+  const auto usable = [&](std::size_t k) {
+    return frames[k].has_vo_pose && frames[k].map_id == frames[i].map_id;
+  };
+  if (!usable(i)) return {};
+  std::size_t a = i, b = i;
+  for (std::size_t reach = 1; reach <= kFarthest; ++reach) {
+    if (i >= reach && usable(i - reach)) a = i - reach;
+    if (i + reach < frames.size() && usable(i + reach)) b = i + reach;
+    const double way = (truth[b].translation() - truth[a].translation()).norm();
+    const double estimate = (frames[b].T_w_c.translation() - frames[a].T_w_c.translation()).norm();
+    if (way >= way_m && estimate > 0) return way / estimate;
+  }
+  return {};
+}
+
+/// NaN of nothing.
+double share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? std::numeric_limits<double>::quiet_NaN()
+                    : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+double medianDistance(std::vector<double> values, double from) {
+  for (double& value : values) value = std::abs(value - from);
+  return quantile(values, 0.5);
+}
+
+}  // namespace
+
+ScaleMetrics computeScaleMetrics(const RunRecord& record,
+                                 const std::vector<Eigen::Isometry3d>& truth, double way_m,
+                                 const std::vector<double>& true_heights) {
+  const std::vector<RunFrame>& frames = record.frames();
+  if (truth.size() != frames.size() ||
+      (!true_heights.empty() && true_heights.size() != frames.size())) {
+    throw OptionError("the run has " + std::to_string(frames.size()) + " frames, the truth " +
+                      std::to_string(truth.size()) + " poses and " +
+                      std::to_string(true_heights.size()) + " heights");
+  }
+  if (!(way_m > 0)) throw OptionError("the way for a true scale must be longer than nothing");
+
+  std::size_t within = 0, held = 0, from_first = 0;
+  std::vector<double> errors, raw_errors, height_errors;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const ScaleEstimate& scale = frames[i].scale;
+    if (from_first > 0 || frames[i].has_metric_pose) {
+      ++from_first;
+      held += scale.status == ScaleStatus::kHeld;
+    }
+    if (scale.status == ScaleStatus::kUnknown) continue;
+    const std::optional<double> known = trueScale(frames, truth, way_m, i);
+    if (!known) continue;
+    errors.push_back(100 * (scale.scale / *known - 1));
+    within += std::abs(scale.scale - *known) <= 2 * scale.sigma;
+    if (scale.raw_scale > 0) raw_errors.push_back(100 * (scale.raw_scale / *known - 1));
+    if (!true_heights.empty()) {
+      height_errors.push_back(100 * (scale.height * *known / true_heights[i] - 1));
+    }
+  }
+  ScaleMetrics metrics;
+  metrics.within_2_sigma = share(within, errors.size());
+  metrics.error_median_percent = quantile(errors, 0.5);
+  metrics.error_abs_median_percent = medianDistance(errors, 0);
+  metrics.error_spread_percent =
+      kSigmaOfMad * medianDistance(raw_errors, quantile(raw_errors, 0.5));
+  metrics.held_share = share(held, from_first);
+  metrics.height_bias_percent = quantile(height_errors, 0.5);
+  return metrics;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,98 @@
+#include "ground_scale_vo/io/trajectory_io.hpp"
+
+#include <cmath>
+#include <iomanip>
+#include <limits>
+#include <locale>
+#include <sstream>
+
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
+
+namespace ground_scale_vo {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr double kRoundingTolerance = 0.01;
+constexpr const char* kTooFar = "its position is farther off than a camera can be";
+
+/// A stream whose numbers read back as the same doubles, in every locale.
+std::ostringstream exactStream() {
+  std::ostringstream stream;
+  stream.imbue(std::locale::classic());
+  stream << std::setprecision(std::numeric_limits<double>::max_digits10);
+  return stream;
+}
+
+}  // namespace
+
+Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) { return Eigen::Affine3d(m).rotation(); }
+
+std::optional<Eigen::Isometry3d> rigidTransform(const Eigen::Matrix3d& m,
+                                                const Eigen::Vector3d& t) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = nearestRotation(m);
+  T.translation() = t;
+  const bool is_rotation =
+      isFinite(T) && (T.linear() - m).cwiseAbs().maxCoeff() <= kRoundingTolerance;
+  return is_rotation ? std::make_optional(T) : std::nullopt;
+}
+
+std::vector<Eigen::Isometry3d> readKittiPoses(const fs::path& file) {
+  const TextFile text(file);
+  std::vector<Eigen::Isometry3d> poses;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const std::vector<double> numbers = text.numbers(i, 12);
+    const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> rows(numbers.data());
+    const auto pose = rigidTransform(rows.leftCols<3>(), rows.col(3));
+    if (!pose) text.fail(i, "its 3x3 is not a rotation");
+    if (!isPlace(pose->translation())) text.fail(i, kTooFar);
+    poses.push_back(*pose);
+  }
+  return poses;
+}
+
+void writeKittiPoses(const fs::path& file, const std::vector<Eigen::Isometry3d>& poses) {
+  std::ostringstream stream = exactStream();
+  for (const Eigen::Isometry3d& pose : poses) {
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 4; ++column) {
+        stream << pose(row, column) << (row == 2 && column == 3 ? '\n' : ' ');
+      }
+    }
+  }
+  writeFile(file, stream.str());
+}
+
+void writeTumTrajectory(const fs::path& file, const std::vector<StampedPose>& poses) {
+  std::ostringstream stream = exactStream();
+  for (const StampedPose& pose : poses) {
+    const Eigen::Vector3d t = pose.T_a_b.translation();
+    const Eigen::Quaterniond q(pose.T_a_b.linear());
+    stream << formatSeconds(pose.stamp_ns) << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' '
+           << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << q.w() << '\n';
+  }
+  writeFile(file, stream.str());
+}
+
+std::vector<StampedPose> readTumTrajectory(const fs::path& file) {
+  const TextFile text(file);
+  std::vector<StampedPose> poses;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text.line(i).front() == '#') continue;
+    const std::vector<double> v = text.numbers(i, 8);
+    const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
+    if (std::abs(q.norm() - 1.0) > kRoundingTolerance) {
+      text.fail(i, "its quaternion is not of unit length");
+    }
+    StampedPose pose;
+    pose.stamp_ns = text.nanoseconds(i);
+    pose.T_a_b.linear() = q.normalized().toRotationMatrix();
+    pose.T_a_b.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
+    if (!isPlace(pose.T_a_b.translation())) text.fail(i, kTooFar);
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+}  // namespace ground_scale_vo

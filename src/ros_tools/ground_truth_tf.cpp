@@ -1,0 +1,55 @@
+#include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
+
+#include "ground_scale_vo/ros/conversions.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// [s] more than any drive: nothing is forgotten.
+constexpr double kCacheTime = 1e6;
+constexpr int kLongestChain = 100;
+
+/// tf2 knows no leading slash; old bags have one.
+std::string stripped(const std::string& frame) {
+  return frame.empty() || frame.front() != '/' ? frame : frame.substr(1);
+}
+
+}  // namespace
+
+GroundTruthTf::GroundTruthTf() : buffer_(ros::Duration(kCacheTime)) {}
+
+void GroundTruthTf::add(const tf2_msgs::TFMessage& message, bool is_static) {
+  for (geometry_msgs::TransformStamped transform : message.transforms) {
+    transform.header.frame_id = stripped(transform.header.frame_id);
+    transform.child_frame_id = stripped(transform.child_frame_id);
+    if (!buffer_.setTransform(transform, "ground_truth", is_static)) continue;
+    parents_[transform.child_frame_id] = transform.header.frame_id;
+    moving_[transform.child_frame_id] = !is_static;
+  }
+}
+
+void GroundTruthTf::clear() {
+  buffer_.clear();
+  parents_.clear();
+  moving_.clear();
+}
+
+std::optional<Eigen::Isometry3d> GroundTruthTf::pose(const std::string& frame,
+                                                     const ros::Time& stamp) const {
+  const std::string twin = twinOf(stripped(frame));
+  const std::string target = parents_.count(twin) != 0 ? twin : stripped(frame);
+  std::string root = target;
+  bool moves = false;
+  for (int i = 0; i < kLongestChain && parents_.count(root) != 0; ++i) {
+    moves = moves || moving_.at(root);
+    root = parents_.at(root);
+  }
+  if (!moves) return std::nullopt;
+  try {
+    return fromMsg(buffer_.lookupTransform(root, target, stamp).transform);
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace ground_scale_vo

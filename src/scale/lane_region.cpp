@@ -1,0 +1,29 @@
+#include "ground_scale_vo/scale/lane_region.hpp"
+
+#include <cmath>
+
+namespace ground_scale_vo {
+
+LaneRegion::LaneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
+                       double height, double min_ahead, double max_ahead, double half_width)
+    : up_(prior.n_c), min_ahead_(min_ahead), max_ahead_(max_ahead), half_width_(half_width) {
+  const bool reverse = prior.forward_c.z() < 0;
+  ahead_ = reverse ? Eigen::Vector3d(-prior.forward_c) : prior.forward_c;
+  left_ = up_.cross(ahead_);
+  if (chord && height > 0) {
+    // In reverse the strip is the way already made, and bends to the other side.
+    lag_ = (reverse ? -1 : 1) * chord->length / height;
+    curvature_ = up_.dot(chord->turn_c) / lag_;
+  }
+}
+
+bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
+  const double down = -up_.dot(ray);
+  if (!(down > 0)) return false;
+  const double ahead = ahead_.dot(ray) / down;
+  if (ahead < min_ahead_ || ahead > max_ahead_) return false;
+  const double path = 0.5 * curvature_ * ahead * (ahead + lag_);
+  return std::abs(left_.dot(ray) / down - path) <= half_width_;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,151 @@
+#include "ground_scale_vo/simulation/image_faults.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "synthetic_paint.hpp"
+#include "synthetic_street.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using synthetic::Random;
+
+constexpr double kDarkGain = 0.4, kBrightGain = 2.5, kFlickerGain = 1.8;
+constexpr double kCoverGain = 0.12, kCoverBlur = 0.08;  // [1, image width]
+constexpr double kNoise = 1;                            // of the sensor [grey levels]
+constexpr double kFromAbove = 1.0 / 3;                  // of the height that mud below leaves clear
+constexpr int kStreaks = 160, kDrops = 14;
+
+/// The generator of image k.
+Random generator(std::uint64_t seed, std::size_t k) { return Random(seed * 0x9E3779B9u + k + 1); }
+
+void addNoise(cv::Mat* image, Random* random) {
+  cv::RNG rng(random->bits());
+  cv::Mat noise(image->size(), CV_16S);
+  rng.fill(noise, cv::RNG::NORMAL, 0, kNoise);
+  cv::add(*image, noise, *image, cv::noArray(), CV_8U);
+}
+
+cv::Mat gained(const cv::Mat& image, double gain) {
+  cv::Mat result;
+  image.convertTo(result, CV_8U, gain);
+  return result;
+}
+
+cv::Mat covered(const cv::Mat& image, Random random) {
+  cv::Mat result;
+  cv::blur(image, result, cv::Size(1, 1) * (2 * static_cast<int>(kCoverBlur * image.cols) + 1));
+  result = gained(result, kCoverGain);
+  addNoise(&result, &random);
+  return result;
+}
+
+/// share_clear(x, y): 1 where the lens is clean, 0 below the mud, with a soft edge.
+template <typename Clear>
+cv::Mat muddy(const cv::Mat& image, std::uint64_t seed, std::size_t k, const Clear& share_clear) {
+  const cv::Mat mud = synthetic::grey(
+      synthetic::noiseTile(image.size(), seed, {{0.01 * image.cols, 1}, {0.03 * image.cols, 1}}),
+      60, 9);
+  cv::Mat result = image.clone();
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      const double clear = std::clamp(share_clear(x, y), 0.0, 1.0);
+      const double dirt = mud.at<uchar>(y, x);
+      result.at<uchar>(y, x) =
+          cv::saturate_cast<uchar>(clear * image.at<uchar>(y, x) + (1 - clear) * dirt);
+    }
+  }
+  Random random = generator(seed, k);
+  addNoise(&result, &random);
+  return result;
+}
+
+cv::Mat rainy(const cv::Mat& image, std::uint64_t seed, std::size_t k) {
+  cv::Mat result = image.clone();
+  Random random = generator(seed, k);
+  const double length = 0.05 * image.cols;
+  for (int i = 0; i < kStreaks; ++i) {
+    const cv::Point2d top(random.uniform(0, image.cols), random.uniform(-length, image.rows));
+    const cv::Point2d way(random.uniform(0.05, 0.15) * length, random.uniform(0.3, 1) * length);
+    cv::line(result, top, top + way, cv::Scalar(random.uniform(170, 235)), 1, cv::LINE_AA);
+  }
+  // A drop shows what is behind it upside down and blurred; here: a blurred spot that creeps down.
+  cv::Mat blurred;
+  cv::blur(image, blurred, cv::Size(1, 1) * (2 * (image.cols / 40) + 1));
+  Random drops = generator(seed, 0x10000);
+  for (int i = 0; i < kDrops; ++i) {
+    const double radius = drops.uniform(0.01, 0.03) * image.cols;
+    const double x = drops.uniform(0, image.cols), y = drops.uniform(0, image.rows);
+    const double creeps = drops.uniform(0, 0.004) * image.cols * static_cast<double>(k);
+    cv::Mat drop = cv::Mat::zeros(image.size(), CV_8U);
+    cv::circle(drop, cv::Point2d(x, std::fmod(y + creeps, image.rows)), static_cast<int>(radius),
+               cv::Scalar(255), cv::FILLED);
+    blurred.copyTo(result, drop);
+  }
+  return result;
+}
+
+}  // namespace
+
+const char* toString(ImageFault fault) {
+  switch (fault) {
+    case ImageFault::kBlack:
+      return "black";
+    case ImageFault::kWhite:
+      return "white";
+    case ImageFault::kFrozen:
+      return "frozen";
+    case ImageFault::kCovered:
+      return "covered";
+    case ImageFault::kCoveredBelow:
+      return "covered below";
+    case ImageFault::kCoveredLeft:
+      return "covered left";
+    case ImageFault::kRain:
+      return "rain";
+    case ImageFault::kDarker:
+      return "darker";
+    case ImageFault::kBrighter:
+      return "brighter";
+    case ImageFault::kFlicker:
+      return "flicker";
+  }
+  return "invalid";
+}
+
+bool hidesTheGround(ImageFault fault) { return fault <= ImageFault::kCoveredBelow; }
+
+bool needsTheScene(ImageFault fault) { return fault > ImageFault::kFrozen; }
+
+cv::Mat withFault(ImageFault fault, const cv::Mat& image, const cv::Mat& before, std::size_t k,
+                  std::uint64_t seed) {
+  const double soft = 0.02 * before.cols;
+  switch (fault) {
+    case ImageFault::kBlack:
+      return cv::Mat::zeros(before.size(), CV_8U);
+    case ImageFault::kWhite:
+      return cv::Mat(before.size(), CV_8U, cv::Scalar(255));
+    case ImageFault::kFrozen:
+      return before.clone();
+    case ImageFault::kCovered:
+      return covered(image, generator(seed, k));
+    case ImageFault::kCoveredBelow:
+      return muddy(image, seed, k,
+                   [&](int, int y) { return (kFromAbove * image.rows - y) / soft; });
+    case ImageFault::kCoveredLeft:
+      return muddy(image, seed, k, [&](int x, int) { return (x - 0.5 * image.cols) / soft; });
+    case ImageFault::kRain:
+      return rainy(image, seed, k);
+    case ImageFault::kDarker:
+      return gained(image, kDarkGain);
+    case ImageFault::kBrighter:
+      return gained(image, kBrightGain);
+    case ImageFault::kFlicker:
+      return gained(image, std::pow(kFlickerGain, generator(seed, k).uniform(-1, 1)));
+  }
+  return image;
+}
+
+}  // namespace ground_scale_vo

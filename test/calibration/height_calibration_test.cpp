@@ -1,0 +1,346 @@
+#include "ground_scale_vo/calibration/height_calibration.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <random>
+
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/io/trajectory_io.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Status = HeightCalibration::Status;
+using Result = HeightCalibration::Result;
+
+constexpr double kHeight = 1.5;  // [m] the true one of the scripted drives
+constexpr double kPitch = 0.03, kRoll = -0.02;
+constexpr std::int64_t kPeriodNs = 100000000;
+
+/// What the pipeline says of a drive in bends, run with a height of 1 m; and the truth.
+struct ScriptedDrive {
+  RunRecord record;
+  std::vector<TruePosition> truth;
+  double length = 0;  // [m]
+};
+
+struct Script {
+  int frames = 400;
+  double speed = 8;  // [m/s]
+  int stand_from = 0, stand_to = 0;
+  int lost_from = 0, lost_to = 0;
+  int posed_from = 0;         // frames before it are not in the map
+  double scale_noise = 0;     // of one step, relative
+  double noise_memory = 20;   // frames
+  double standing_noise = 0;  // of the odometry while it stands [m]
+  double position_noise = 0;  // [m]
+  int position_every = 1;     // frames
+  unsigned seed = 1;
+};
+
+ScriptedDrive drive(const Script& script) {
+  std::mt19937 random(script.seed);
+  std::normal_distribution<double> normal;
+  ScriptedDrive result;
+  Eigen::Vector3d p = Eigen::Vector3d::Zero(), estimated = p;
+  double error = 0;
+  std::uint32_t map = 0;
+  for (int i = 0; i < script.frames; ++i) {
+    const bool stands = i >= script.stand_from && i < script.stand_to;
+    const double heading = 0.6 * std::sin(0.01 * i);
+    const Eigen::Vector3d step = (i == 0 || stands ? 0 : script.speed * 0.1) *
+                                 Eigen::Vector3d(std::sin(heading), 0, std::cos(heading));
+    const double kept = 1 - 1 / script.noise_memory;
+    error = kept * error + std::sqrt(1 - kept * kept) * script.scale_noise * normal(random);
+    p += step;
+    result.length += step.norm();
+
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(i);
+    vo.frame.stamp_ns = kPeriodNs * i;
+    ScaleRecovery::Output scale;
+    const bool lost = i >= script.lost_from && i < script.lost_to;
+    if (lost) {
+      map = 1;
+      vo.frame.status = VoStatus::kLost;
+    } else if (i < script.posed_from) {
+      vo.frame.status = VoStatus::kInitialising;
+    } else {
+      estimated += step / kHeight * (1 + error);
+      vo.frame.status = VoStatus::kTracking;
+      Eigen::Vector3d seen = estimated;
+      if (stands) seen.x() += script.standing_noise * normal(random) / kHeight;
+      vo.frame.T_w_c.translation() = seen;
+      scale.scale.status = stands ? ScaleStatus::kHeld : ScaleStatus::kOk;
+      scale.scale.reason = stands ? ScaleReason::kStandstill : ScaleReason::kNone;
+      scale.scale.scale = scale.scale.height = 1;
+      scale.scale.sigma = 0.01;
+      const double pitch = kPitch + 0.005 * normal(random);
+      const double roll = kRoll + 0.005 * normal(random);
+      scale.scale.n_c = {-std::sin(roll), -std::cos(roll) * std::cos(pitch),
+                         -std::cos(roll) * std::sin(pitch)};
+      scale.pose.emplace();
+      scale.pose->T_o_c.translation() = seen;
+    }
+    vo.frame.map_id = map;
+    result.record.append(vo, scale);
+    if (i % script.position_every != 0) continue;
+    const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
+    // Other axes, another origin.
+    result.truth.push_back({kPeriodNs * i, Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()) * p +
+                                               script.position_noise * noise +
+                                               Eigen::Vector3d(500, 0, 3)});
+  }
+  return result;
+}
+
+Result byLength(const ScriptedDrive& drive, double sigma = 0) {
+  return HeightCalibration({}).fromLength(drive.record, 1, drive.length, sigma);
+}
+Result byPositions(const ScriptedDrive& drive, double sigma = 0) {
+  return HeightCalibration({}).fromPositions(drive.record, 1, drive.truth, sigma);
+}
+
+TEST(HeightCalibration, TheHeightIsThatOfAFlawlessDrive) {
+  for (const Result& result : {byLength(drive({})), byPositions(drive({}))}) {
+    ASSERT_EQ(result.status, Status::kOk) << result.reason;
+    EXPECT_NEAR(result.height.value, kHeight, 0.001);
+    ASSERT_TRUE(result.pitch && result.roll);
+    EXPECT_NEAR(result.pitch->value, kPitch, 2 * result.pitch->sigma);
+    EXPECT_NEAR(result.roll->value, kRoll, 2 * result.roll->sigma);
+    EXPECT_LT(result.pitch->sigma, 0.001);
+  }
+}
+
+TEST(HeightCalibration, AFactorInTheLengthIsThatFactorInTheHeight) {
+  Script script;
+  script.scale_noise = 0.01;
+  ScriptedDrive drive_of = drive(script);
+  const Result length = byLength(drive_of, 1), positions = byPositions(drive_of);
+  drive_of.length *= 1.07;
+  for (TruePosition& position : drive_of.truth) position.p *= 1.07;
+  EXPECT_NEAR(byLength(drive_of, 1.07).height.value, 1.07 * length.height.value, 1e-9);
+  EXPECT_NEAR(byLength(drive_of, 1.07).height.sigma, 1.07 * length.height.sigma, 1e-9);
+  EXPECT_NEAR(byPositions(drive_of).height.value, 1.07 * positions.height.value, 1e-9);
+  EXPECT_NEAR(byPositions(drive_of).height.sigma, 1.07 * positions.height.sigma, 1e-9);
+  // And of the nominal height nothing remains.
+  EXPECT_NEAR(HeightCalibration({}).fromLength(drive_of.record, 2, 20, 0).height.value,
+              2 * HeightCalibration({}).fromLength(drive_of.record, 1, 20, 0).height.value, 1e-3);
+}
+
+/// Share of the seeds whose error holds the true height.
+double coverage(Script script, int seeds, double* widest) {
+  int within = 0;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    script.seed = static_cast<unsigned>(seed);
+    const Result result = byPositions(drive(script));
+    EXPECT_EQ(result.status, Status::kOk) << result.reason;
+    within += std::abs(result.height.value - kHeight) < result.height.error95();
+    *widest = std::max(*widest, result.height.error95() / kHeight);
+  }
+  return static_cast<double>(within) / seeds;
+}
+
+TEST(HeightCalibration, TheErrorHoldsTheTrueHeightAsOftenAsItSays) {
+  // Errors that last for three segments.
+  Script script;
+  script.frames = 1500;
+  script.scale_noise = 0.02;
+  script.noise_memory = 60;
+  double widest = 0;
+  EXPECT_GE(coverage(script, 100, &widest), 0.88);
+  EXPECT_LT(widest, 0.03);
+  // Six segments, each for itself.
+  script.frames = 140;
+  script.scale_noise = 0.07;
+  script.noise_memory = 1;
+  EXPECT_GE(coverage(script, 400, &widest), 0.95);
+  EXPECT_LT(widest, 0.05);
+}
+
+// A way summed from fix to fix would be half as long again here.
+TEST(HeightCalibration, NoiseOfFixesDoesNotShiftTheHeight) {
+  double sum = 0;
+  int within = 0;
+  constexpr int kSeeds = 20;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    Script script;
+    script.frames = 1500;
+    script.position_noise = 2;
+    script.position_every = 5;
+    script.seed = seed;
+    const Result result = byPositions(drive(script), 2);
+    ASSERT_EQ(result.status, Status::kOk) << result.reason;
+    EXPECT_GT(result.segments.front().way_h * kHeight, 75);
+    sum += result.height.value;
+    within += std::abs(result.height.value - kHeight) < result.height.error95();
+  }
+  EXPECT_NEAR(sum / kSeeds, kHeight, 0.003 * kHeight);
+  EXPECT_GE(within, kSeeds * 8 / 10);
+}
+
+TEST(HeightCalibration, AStopDoesNotCount) {
+  Script script;
+  script.stand_from = 150;
+  script.stand_to = 250;
+  script.standing_noise = 0.02;
+  EXPECT_NEAR(byLength(drive(script)).height.value, kHeight, 0.001);
+  EXPECT_NEAR(byPositions(drive(script)).height.value, kHeight, 0.001);
+}
+
+TEST(HeightCalibration, ALostDriveHasSegmentsButNoLength) {
+  Script script;
+  script.lost_from = 180;
+  script.lost_to = 200;
+  const Result length = byLength(drive(script));
+  EXPECT_EQ(length.status, Status::kBroken);
+  EXPECT_NE(length.reason.find("lost at frame 180"), std::string::npos) << length.reason;
+  const Result positions = byPositions(drive(script));
+  ASSERT_EQ(positions.status, Status::kOk) << positions.reason;
+  EXPECT_NEAR(positions.height.value, kHeight, 0.001);
+  for (const auto& segment : positions.segments) {
+    EXPECT_TRUE(segment.to_ns <= 180 * kPeriodNs || segment.from_ns >= 200 * kPeriodNs);
+  }
+  // Between two fixes, at frames 180 and 210.
+  script.lost_from = 185;
+  script.position_every = 30;
+  const Result seldom = byPositions(drive(script));
+  ASSERT_EQ(seldom.status, Status::kOk) << seldom.reason;
+  for (const auto& segment : seldom.segments) {
+    EXPECT_TRUE(segment.to_ns <= 180 * kPeriodNs || segment.from_ns >= 210 * kPeriodNs);
+  }
+}
+
+TEST(HeightCalibration, TheWayBeforeTheMapIsUnknown) {
+  Script script;
+  script.posed_from = 12;
+  const Result result = byLength(drive(script));
+  EXPECT_EQ(result.status, Status::kBroken);
+  EXPECT_NE(result.reason.find("before frame 12"), std::string::npos) << result.reason;
+}
+
+TEST(HeightCalibration, WrongStretchesAreLeftOut) {
+  ScriptedDrive drive_of = drive({});
+  for (std::size_t i = 200; i < drive_of.truth.size(); ++i) {
+    drive_of.truth[i].p += Eigen::Vector3d(5, 5, 5);  // the receiver jumps
+  }
+  const Result result = byPositions(drive_of);
+  ASSERT_EQ(result.status, Status::kOk) << result.reason;
+  EXPECT_NEAR(result.height.value, kHeight, 0.001);
+  int left_out = 0;
+  for (const auto& segment : result.segments) left_out += !segment.used;
+  EXPECT_EQ(left_out, 1);
+}
+
+TEST(HeightCalibration, NothingIsGuessed) {
+  Script script;
+  script.frames = 60;
+  EXPECT_EQ(byPositions(drive(script)).status, Status::kTooFew);
+  const Result uncertain = byLength(drive({}), 0.03 * drive({}).length);
+  EXPECT_EQ(uncertain.status, Status::kTooUncertain);
+  EXPECT_NE(uncertain.reason.find("1.50 m"), std::string::npos) << uncertain.reason;
+  ScriptedDrive elsewhere = drive({});
+  for (TruePosition& position : elsewhere.truth) position.stamp_ns += 3600000000000;
+  EXPECT_EQ(byPositions(elsewhere).status, Status::kTooFew);
+  script.posed_from = script.frames;
+  EXPECT_EQ(byPositions(drive(script)).status, Status::kNoScale);
+  EXPECT_EQ(byLength(drive(script)).status, Status::kNoScale);
+  EXPECT_THROW(HeightCalibration({}).fromLength(elsewhere.record, 1, 0, 0), OptionError);
+  const std::vector<TruePosition> backward(2);  // the same stamp twice
+  EXPECT_THROW(HeightCalibration({}).fromPositions(elsewhere.record, 1, backward, 0), OptionError);
+}
+
+TEST(EastNorthUp, AgreesWithTheEarth) {
+  // A minute of latitude at 45 deg north is 1852.2 m, one of longitude 1314.2 m (WGS84).
+  const auto p = eastNorthUp({{45, 8, 100}, {45 + 1.0 / 60, 8, 100}, {45, 8 + 1.0 / 60, 130}});
+  EXPECT_EQ(p[0], Eigen::Vector3d::Zero());
+  EXPECT_NEAR(p[1].y(), 1852.2, 0.2);
+  EXPECT_NEAR(p[1].x(), 0, 1e-6);
+  EXPECT_NEAR(p[2].x(), 1314.2, 0.2);
+  EXPECT_NEAR(p[2].z(), 30 - 0.135, 0.01);  // the Earth curves away
+}
+
+using TruePositions = TemporaryFolder;
+
+TEST_F(TruePositions, AreReadByTheirForm) {
+  const auto kitti = write("kitti", "1 0 0 1 0 1 0 2 0 0 1 3\n1 0 0 4 0 1 0 5 0 0 1 6\n");
+  const auto positions = readTruePositions(kitti, {10, 20});
+  ASSERT_EQ(positions.size(), 2u);
+  EXPECT_EQ(positions[1].stamp_ns, 20);
+  EXPECT_EQ(positions[1].p, Eigen::Vector3d(4, 5, 6));
+  EXPECT_NE(dataErrorOf([&] { readTruePositions(kitti, {10}); }, folder_).find("2 poses"),
+            std::string::npos);
+  const auto tum = write("tum", "# stamp\n1.5 1 2 3 0 0 0 1\n1.6 4 5 6 0 0 0 1\n");
+  EXPECT_EQ(readTruePositions(tum, {})[1].stamp_ns, 1600000000);
+  const auto back = write("back", "1.5 1 2 3 0 0 0 1\n1.4 4 5 6 0 0 0 1\n");
+  EXPECT_EQ(dataErrorOf([&] { readTruePositions(back, {}); }, folder_),
+            "/back: its stamps do not grow at 1.400000000");
+}
+
+/// A run with a nominal height of 1 m.
+template <typename Drive, typename Stamp>
+RunRecord run(const Drive& drive, const PinholeCamera& camera, const Stamp& stamp) {
+  OfflineRun::Options options;
+  options.scale.camera_height = 1;
+  OfflineRun offline(camera, options);
+  for (std::size_t i = 0; i < drive.size(); ++i) offline.process(drive.image(i), stamp(i));
+  return offline.record();
+}
+
+class RenderedHeight : public testing::TestWithParam<double> {};
+
+TEST_P(RenderedHeight, IsFoundWithinItsError) {
+  SyntheticDrive::Options options;
+  options.camera_height = GetParam();
+  options.pitch_rad = 0.05;
+  options.speed = 14;
+  options.stop_s = 0;
+  options.frames = static_cast<int>(50 * GetParam());
+  options.camera = {620, 188, 359.6, 359.6, 309.5, 93.5};
+  const SyntheticDrive drive(options);
+  const RunRecord record =
+      run(drive, drive.camera(), [&](auto i) { return drive.frame(i).stamp_ns; });
+  std::vector<TruePosition> truth;
+  std::vector<Eigen::Isometry3d> poses;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    poses.push_back(drive.frame(i).T_c0_c);
+    truth.push_back({drive.frame(i).stamp_ns, poses.back().translation()});
+  }
+  const HeightCalibration calibration({});
+  const Result positions = calibration.fromPositions(record, 1, truth, 0);
+  const Result length = calibration.fromLength(record, 1, pathLength(poses), 0);
+  for (const Result& result : {positions, length}) {
+    ASSERT_EQ(result.status, Status::kOk) << result.reason;
+    EXPECT_NEAR(result.height.value, GetParam(), 2 * result.height.sigma);
+    EXPECT_NEAR(result.height.value, GetParam(), 0.01 * GetParam());
+    ASSERT_TRUE(result.pitch && result.roll);
+    EXPECT_NEAR(result.pitch->value, 0.05, 0.006);
+    EXPECT_NEAR(result.roll->value, 0, 0.006);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Heights, RenderedHeight, testing::Values(1.2, 1.65));
+
+TEST(HeightCalibration, OfARealDrive) {
+  const auto folder = realData("kitti_raw_0926_0039");
+  if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no kitti_raw_0926_0039";
+  const KittiSequence sequence(folder);
+  const RunRecord record =
+      run(sequence, sequence.camera(), [&](auto i) { return sequence.stampNs(i); });
+  std::vector<std::int64_t> stamps;
+  for (std::size_t i = 0; i < sequence.size(); ++i) stamps.push_back(sequence.stampNs(i));
+  const Result result = HeightCalibration({}).fromPositions(
+      record, 1, readTruePositions(folder / "poses.txt", stamps), 0);
+  ASSERT_EQ(result.status, Status::kOk) << result.reason;
+  EXPECT_NEAR(result.height.value, 1.65, result.height.error95());
+  EXPECT_LT(result.height.error95(), 0.01 * 1.65);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

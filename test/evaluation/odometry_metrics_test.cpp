@@ -1,0 +1,286 @@
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "ground_scale_vo/io/trajectory_io.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Poses = std::vector<Eigen::Isometry3d>;
+
+/// n poses, each `step` metres ahead of the previous and turned by `yaw` after the step.
+Poses drive(std::size_t n, double step, double yaw = 0.0) {
+  Eigen::Isometry3d increment = Eigen::Isometry3d::Identity();
+  increment.translation().z() = step;
+  increment.rotate(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()));
+  Poses poses{Eigen::Isometry3d::Identity()};
+  while (poses.size() < n) poses.push_back(poses.back() * increment);
+  return poses;
+}
+
+Poses scaled(Poses poses, double scale) {
+  for (auto& pose : poses) pose.translation() *= scale;
+  return poses;
+}
+
+TEST(OdometryMetrics, NoErrorForTheTruthItself) {
+  const Poses truth = drive(400, 0.9, 0.01);
+  const OdometryMetrics m = computeOdometryMetrics(truth, truth);
+  EXPECT_NEAR(m.gt_length_m, 399 * 0.9, 1e-9);
+  EXPECT_DOUBLE_EQ(m.length_m, m.gt_length_m);
+  EXPECT_DOUBLE_EQ(m.rle_percent.value(), 0.0);
+  EXPECT_NEAR(m.t_err_percent.value(), 0.0, 1e-10);
+  EXPECT_NEAR(m.r_err_deg_per_m.value(), 0.0, 1e-10);
+  EXPECT_NEAR(m.t_err_short_percent.value(), 0.0, 1e-10);
+  EXPECT_NEAR(m.t_err_true_length_percent.value(), 0.0, 1e-10);
+  EXPECT_NEAR(m.t_err_sim3_percent.value(), 0.0, 1e-10);
+  EXPECT_NEAR(m.direction_median_deg.value(), 0.0, 1e-10);
+  EXPECT_NEAR(m.ate_rmse_m, 0.0, 1e-10);
+}
+
+// 2 % too long on a straight line of 1 m steps. A segment of length L ends at the first frame that
+// is farther than L, so it is L + 1 m long and its error is 0.02 (L + 1) / L.
+TEST(OdometryMetrics, ScaleErrorOnAStraightLine) {
+  const Poses truth = drive(252, 1.0);  // 251 m
+  const OdometryMetrics m = computeOdometryMetrics(truth, scaled(truth, 1.02));
+  EXPECT_NEAR(m.gt_length_m, 251.0, 1e-9);
+  EXPECT_NEAR(m.length_m, 256.02, 1e-9);
+  EXPECT_NEAR(m.rle_percent.value(), 2.0, 1e-9);
+
+  ASSERT_EQ(m.by_length.size(), 2u);
+  EXPECT_EQ(m.by_length[0].length_m, 100);
+  EXPECT_EQ(m.by_length[0].segments, 16);  // starts 0, 10 ... 150, which ends in frame 251
+  EXPECT_NEAR(m.by_length[0].t_err_percent, 2.0 * 101 / 100, 1e-9);
+  EXPECT_EQ(m.by_length[1].length_m, 200);
+  EXPECT_EQ(m.by_length[1].segments, 6);
+  EXPECT_NEAR(m.by_length[1].t_err_percent, 2.0 * 201 / 200, 1e-9);
+  EXPECT_NEAR(m.t_err_percent.value(), (16 * 2.02 + 6 * 2.01) / 22, 1e-9);
+  EXPECT_NEAR(m.r_err_deg_per_m.value(), 0.0, 1e-10);
+
+  double sum = 0, segments = 0;
+  for (int length = 10; length <= 80; length += 10) {
+    const int starts = (251 - length - 1) / 10 + 1;
+    sum += starts * 2.0 * (length + 1) / length;
+    segments += starts;
+  }
+  EXPECT_NEAR(m.t_err_short_percent.value(), sum / segments, 1e-9);
+
+  // Not the scale's fault: nothing.
+  EXPECT_NEAR(m.t_err_true_length_percent.value(), 0.0, 1e-9);
+  EXPECT_NEAR(m.t_err_sim3_percent.value(), 0.0, 1e-9);
+  EXPECT_NEAR(m.direction_median_deg.value(), 0.0, 1e-9);
+
+  // Residuals 0.02 (i - 125.5) of 252 evenly spaced points: standard deviation of 0 ... 251.
+  EXPECT_NEAR(m.ate_rmse_m, 0.02 * std::sqrt((252.0 * 252.0 - 1.0) / 12.0), 1e-9);
+}
+
+// A constant bias of yaw: after L + 1 steps of 1 m the rotation is off by (L + 1) biases.
+TEST(OdometryMetrics, YawRateBias) {
+  const double bias_deg = 0.01;
+  const Poses truth = drive(121, 1.0);
+  const OdometryMetrics m = computeOdometryMetrics(truth, drive(121, 1.0, bias_deg * M_PI / 180.0));
+  EXPECT_NEAR(m.r_err_deg_per_m.value(), bias_deg * 101 / 100, 1e-9);
+  // A chord of a circle of radius r = 1 m / bias against a straight line, 101 m along.
+  const double b = bias_deg * M_PI / 180.0;
+  Eigen::Vector2d end = Eigen::Vector2d::Zero();
+  for (int i = 0; i < 101; ++i) end += Eigen::Vector2d(std::sin(i * b), std::cos(i * b));
+  // The error is expressed in the estimate's end frame, but its norm is that of the difference.
+  EXPECT_NEAR(m.t_err_percent.value(), (end - Eigen::Vector2d(0, 101)).norm(), 1e-9);
+  EXPECT_NEAR(m.direction_median_deg.value(), 0.0, 1e-9);
+  EXPECT_NEAR(m.rle_percent.value(), 0.0, 1e-9);
+}
+
+TEST(OdometryMetrics, DirectionErrorOfAMisalignedCamera) {
+  const Poses truth = drive(300, 1.0, 0.004);
+  const Eigen::AngleAxisd twist(0.5 * M_PI / 180.0, Eigen::Vector3d::UnitX());
+  Poses estimate{Eigen::Isometry3d::Identity()};
+  for (std::size_t i = 1; i < truth.size(); ++i) {
+    Eigen::Isometry3d step = truth[i - 1].inverse() * truth[i];
+    step.translation() = twist * step.translation();
+    estimate.push_back(estimate.back() * step);
+  }
+  const OdometryMetrics m = computeOdometryMetrics(truth, scaled(estimate, 0.1));
+  EXPECT_NEAR(m.direction_median_deg.value(), 0.5, 1e-9);
+  EXPECT_NEAR(m.r_err_deg_per_m.value(), 0.0, 1e-9);
+  // With true lengths the end of every segment is off by a chord of half a degree, at most.
+  const double largest = 100.0 * 2.0 * std::sin(0.25 * M_PI / 180.0);
+  EXPECT_GT(m.t_err_true_length_percent.value(), 0.8 * largest);
+  EXPECT_LT(m.t_err_true_length_percent.value(), 1.02 * largest);
+}
+
+TEST(OdometryMetrics, NoDevkitErrorUnderAHundredMetres) {
+  const Poses truth = drive(101, 1.0);  // 100 m: no frame is farther than 100 m
+  const OdometryMetrics m = computeOdometryMetrics(truth, scaled(truth, 1.02));
+  EXPECT_FALSE(m.t_err_percent);
+  EXPECT_FALSE(m.r_err_deg_per_m);
+  EXPECT_FALSE(m.t_err_true_length_percent);
+  EXPECT_FALSE(m.t_err_sim3_percent);
+  EXPECT_TRUE(m.by_length.empty());
+  EXPECT_TRUE(m.t_err_short_percent);
+  EXPECT_NEAR(m.rle_percent.value(), 2.0, 1e-9);
+}
+
+TEST(OdometryMetrics, StandingEstimateOrTruthIsNoDivisionByZero) {
+  const Poses moving = drive(150, 1.0);
+  const Poses standing(150, Eigen::Isometry3d::Identity());
+  const OdometryMetrics held = computeOdometryMetrics(moving, standing);
+  EXPECT_NEAR(held.rle_percent.value(), 100.0, 1e-9);
+  EXPECT_NEAR(held.t_err_percent.value(), 101.0, 1e-9);
+  EXPECT_FALSE(held.t_err_sim3_percent);
+  EXPECT_FALSE(held.direction_median_deg);
+  EXPECT_TRUE(std::isfinite(held.ate_rmse_m));
+
+  const OdometryMetrics drift = computeOdometryMetrics(standing, moving);
+  EXPECT_FALSE(drift.rle_percent);
+  EXPECT_FALSE(drift.t_err_percent);
+}
+
+TEST(OdometryMetrics, UnnormalisedRotationsAreMadeOrthonormalFirst) {
+  const Poses truth = drive(150, 1.0);
+  Poses rounded = truth;
+  for (auto& pose : rounded) pose.linear() *= 1.0 + 1e-6;
+  EXPECT_NEAR(computeOdometryMetrics(truth, rounded).r_err_deg_per_m.value(), 0.0, 1e-12);
+}
+
+TEST(OdometryMetrics, RefusesWhatCannotBeCompared) {
+  const Poses ten = drive(10, 1.0);
+  EXPECT_THROW(computeOdometryMetrics(ten, drive(9, 1.0)), OptionError);
+  EXPECT_THROW(computeOdometryMetrics({}, {}), OptionError);
+  EXPECT_THROW(computeOdometryMetrics(drive(1, 1.0), drive(1, 1.0)), OptionError);
+  Poses broken = ten;
+  broken[4].translation().x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(computeOdometryMetrics(ten, broken), OptionError);
+  EXPECT_THROW(computeOdometryMetrics(broken, ten), OptionError);
+}
+
+// A bias of yaw adds up over the frames compared; a jolt counts once, whatever their number.
+TEST(RotationDifference, IsTheLargestOverTheFramesCompared) {
+  const double degree = M_PI / 180.0;
+  const Poses straight = drive(120, 1.0);
+  const Poses biased = drive(120, 0.5, 0.01 * degree);
+  EXPECT_NEAR(largestRotationDifferenceDeg(straight, biased, 50).value(), 0.5, 1e-9);
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, straight, 1).value(), 0.01, 1e-9);
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, biased, 50).value(), 0.0, 1e-9);
+
+  Poses jolted = biased;
+  for (std::size_t i = 0; i < jolted.size(); ++i) {
+    const double roll = i < 30 ? 0 : i < 40 ? 2 : -1;  // 2 deg at frame 30, -3 at frame 40
+    jolted[i].rotate(Eigen::AngleAxisd(roll * degree, Eigen::Vector3d::UnitZ()));
+  }
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, jolted, 5).value(), 3.0, 0.01);
+  EXPECT_NEAR(largestRotationDifferenceDeg(biased, jolted, 100).value(), 1.0, 0.01);
+}
+
+TEST(RotationDifference, DoesNotDependOnTheWorldsAxes) {
+  const Poses truth = drive(100, 1.0, 0.02);
+  const Eigen::Isometry3d elsewhere(Eigen::Translation3d(5, 6, 7) *
+                                    Eigen::AngleAxisd(1.0, Eigen::Vector3d(1, 2, 3).normalized()));
+  Poses moved = scaled(truth, 3);
+  for (auto& pose : moved) pose = elsewhere * pose;
+  EXPECT_NEAR(largestRotationDifferenceDeg(truth, moved, 50).value(), 0.0, 1e-5);
+}
+
+TEST(RotationDifference, NeedsMorePosesThanFramesAndAsManyOfBoth) {
+  const Poses ten = drive(10, 1.0);
+  EXPECT_TRUE(largestRotationDifferenceDeg(ten, ten, 9));
+  EXPECT_FALSE(largestRotationDifferenceDeg(ten, ten, 10));
+  EXPECT_FALSE(largestRotationDifferenceDeg({}, {}, 10));
+  EXPECT_THROW(largestRotationDifferenceDeg(ten, drive(9, 1.0), 5), OptionError);
+  EXPECT_THROW(largestRotationDifferenceDeg(ten, ten, 0), OptionError);
+}
+
+TEST(Quantile, IsLinearBetweenNeighbours) {
+  EXPECT_DOUBLE_EQ(quantile({3, 1, 2}, 0.5), 2.0);
+  EXPECT_DOUBLE_EQ(quantile({4, 1, 2, 3}, 0.5), 2.5);
+  EXPECT_DOUBLE_EQ(quantile({0, 10}, 0.95), 9.5);
+  EXPECT_DOUBLE_EQ(quantile({7}, 0.95), 7.0);
+  EXPECT_TRUE(std::isnan(quantile({}, 0.5)));
+}
+
+/// Public systems on public sequences. Expected are figures from other implementations of the same
+/// protocol; where there is none, nothing is.
+struct Peer {
+  const char* sequence;
+  const char* system;
+  std::optional<double> t_err_true_length_percent;
+  std::optional<double> t_err_sim3_percent;
+  std::optional<double> r_err_deg_per_m;
+};
+
+class PeerMetrics : public ::testing::TestWithParam<Peer> {};
+
+TEST_P(PeerMetrics, AgreeWithOtherImplementations) {
+  const Peer& peer = GetParam();
+  const std::string sequence = peer.sequence;
+  const auto truth = realData(sequence + "/poses.txt");
+  const auto estimate = realData("peers/" + sequence + "_" + peer.system + "_sim.txt");
+  if (truth.empty() || estimate.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
+  const OdometryMetrics m = computeOdometryMetrics(readKittiPoses(truth), readKittiPoses(estimate));
+  const auto expectNear = [](std::optional<double> value, std::optional<double> expected,
+                             double tolerance) {
+    if (expected) {
+      EXPECT_NEAR(value.value(), *expected, tolerance);
+    }
+  };
+  expectNear(m.t_err_true_length_percent, peer.t_err_true_length_percent, 0.005);
+  expectNear(m.t_err_sim3_percent, peer.t_err_sim3_percent, 0.005);
+  expectNear(m.r_err_deg_per_m, peer.r_err_deg_per_m, 0.00005);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    RealData, PeerMetrics,
+    ::testing::Values(Peer{"kitti_raw_0926_0039", "ov2slam", 0.62, 1.75, 0.0014},
+                      Peer{"kitti_raw_0926_0039", "dso", std::nullopt, 1.56, std::nullopt},
+                      Peer{"kitti_00_0000_0199", "ov2slam", 1.08, 3.38, 0.0173},
+                      Peer{"kitti_00_0000_0199", "dso", std::nullopt, 3.41, std::nullopt},
+                      Peer{"rendered_04", "ov2slam", 0.05, std::nullopt, std::nullopt}));
+
+class MetricPeer : public ::testing::TestWithParam<std::pair<const char*, double>> {};
+
+TEST_P(MetricPeer, HasTheKnownTranslationError) {
+  const std::string sequence = GetParam().first;
+  const auto truth = realData(sequence + "/poses.txt");
+  const auto estimate = realData("peers/" + sequence + "_viso2_metric.txt");
+  if (truth.empty() || estimate.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
+  const OdometryMetrics m = computeOdometryMetrics(readKittiPoses(truth), readKittiPoses(estimate));
+  EXPECT_NEAR(m.t_err_percent.value(), GetParam().second, 0.06);
+}
+
+INSTANTIATE_TEST_SUITE_P(RealData, MetricPeer,
+                         ::testing::Values(std::make_pair("kitti_raw_0926_0039", 3.0),
+                                           std::make_pair("kitti_00_0000_0199", 6.7)));
+
+TEST(OdometryMetrics, FewAndIdenticalPosesGiveFiniteNumbers) {
+  std::vector<Eigen::Isometry3d> still(2, Eigen::Isometry3d::Identity());
+  std::vector<Eigen::Isometry3d> moved = still;
+  moved[1].translation().z() = 1;
+  std::vector<Eigen::Isometry3d> line;
+  for (int i = 0; i < 300; ++i) {
+    line.push_back(still[0]);
+    line.back().translation().z() = i;
+  }
+  const std::vector<Eigen::Isometry3d> stands(300, still[0]);
+  for (const auto& [truth, estimate] :
+       {std::pair(still, still), std::pair(still, moved), std::pair(moved, still),
+        std::pair(moved, moved), std::pair(line, stands), std::pair(stands, line),
+        std::pair(line, line)}) {
+    const OdometryMetrics m = computeOdometryMetrics(truth, estimate);
+    EXPECT_TRUE(std::isfinite(m.length_m) && std::isfinite(m.gt_length_m));
+    EXPECT_TRUE(std::isfinite(m.ate_rmse_m));
+    for (const auto& value :
+         {m.rle_percent, m.t_err_percent, m.r_err_deg_per_m, m.t_err_short_percent,
+          m.t_err_true_length_percent, m.t_err_sim3_percent, m.direction_median_deg}) {
+      EXPECT_TRUE(!value || std::isfinite(*value));
+    }
+  }
+  moved[1].translation().z() = 1e300;
+  EXPECT_THROW(computeOdometryMetrics(still, moved), OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

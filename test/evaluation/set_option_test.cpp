@@ -1,0 +1,88 @@
+#include "ground_scale_vo/evaluation/set_option.hpp"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// What the refusal of an assignment says; empty: it was not refused.
+std::string refusal(const std::string& assignment) {
+  OfflineRun::Options options;
+  try {
+    setOption(options, assignment);
+  } catch (const OptionError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(SetOption, ReachesEveryKindOfFieldInBothHalves) {
+  OfflineRun::Options options;
+  setOption(options, "tracker/min_corner_ratio=0.25");
+  setOption(options, "odometry/max_outlier_frames=7");
+  setOption(options, "fit/reject_sigma=4e0");
+  setOption(options, "refinement/min_tiles=30");
+  setOption(options, "random_seed=5");
+  setOption(options, "refine=false");
+  setOption(options, "paper_literal=true");
+  EXPECT_EQ(options.vo.tracker.min_corner_ratio, 0.25);
+  EXPECT_EQ(options.vo.max_outlier_frames, 7);
+  EXPECT_EQ(options.scale.gpa.fit.reject_sigma, 4.0);
+  EXPECT_EQ(options.scale.refinement.min_tiles, 30);
+  EXPECT_EQ(options.scale.random_seed, 5u);
+  EXPECT_FALSE(options.scale.refine);
+  EXPECT_TRUE(options.scale.paper_literal);
+}
+
+TEST(SetOption, TheLatestCountsAndNothingElseChanges) {
+  OfflineRun::Options options;
+  setOption(options, "filter/gate_sigma=5");
+  setOption(options, "filter/gate_sigma=6");
+  EXPECT_EQ(options.scale.filter.gate_sigma, 6.0);
+  EXPECT_EQ(options.scale.filter.restart_h, ScaleFilter::Options().restart_h);
+}
+
+TEST(SetOption, RefusesWithTheOptionsName) {
+  EXPECT_EQ(refusal("refinement/tile"),
+            "'refinement/tile' sets no option, that would be GROUP/NAME=VALUE");
+  EXPECT_EQ(refusal("refinment/tile=0.1"),
+            "there is no option refinment/tile; did you mean refinement/tile?");
+  EXPECT_EQ(refusal("xyzzy=1"), "there is no option xyzzy");
+  EXPECT_EQ(refusal("refinement/tile=wide"), "refinement/tile is 'wide', which is not a number");
+  EXPECT_EQ(refusal("refinement/tile="), "refinement/tile is '', which is not a number");
+  EXPECT_EQ(refusal("refinement/min_tiles=30.5"),
+            "refinement/min_tiles is '30.5', which is not a whole number");
+  EXPECT_EQ(refusal("refinement/min_tiles=1e99"),
+            "refinement/min_tiles is 1e+99, it must lie in [3, 1e+06]");
+  EXPECT_EQ(refusal("refinement/tile=2"), "refinement/tile is 2, it must lie in [0.001, 1]");
+  EXPECT_EQ(refusal("refine=1"), "refine is '1', it must be true or false");
+}
+
+TEST(DescribeAll, NamesAreUnique) {
+  OfflineRun::Options options;
+  std::set<std::string> names;
+  visitAllParameters(options, [&](const std::string& name, auto&&...) {
+    EXPECT_TRUE(names.insert(name).second) << name;
+  });
+  EXPECT_GT(names.size(), 50u);
+}
+
+TEST(ParseNumber, IsTheWholeTextAndFinite) {
+  EXPECT_EQ(parseNumber<double>("-1.5e2"), -150.0);
+  for (const char* text : {"", " 1", "1,5", "1.5m", "nan", "inf", "1e999", "0x10"}) {
+    EXPECT_FALSE(parseNumber<double>(text)) << text;
+  }
+  EXPECT_EQ(parseWholeNumber("--threads", "8", 1, 8), 8);
+  EXPECT_THROW(parseWholeNumber("--threads", "9", 1, 8), OptionError);
+  EXPECT_THROW(parseWholeNumber("--threads", "1.5", 1, 8), OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,373 @@
+#include "ground_scale_vo/io/kitti_sequence.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <opencv2/imgcodecs.hpp>
+
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string kCalibration = "P0: 70 0 32 0 0 71 24 0 0 0 1 0\n";
+const std::string kIdentityRow = "1 0 0 0 0 1 0 0 0 0 1 0\n";
+
+/// Builds small folders of both layouts.
+class KittiSequenceTest : public TemporaryFolder {
+ protected:
+  std::string encoded(const std::string& extension, const cv::Size& size = {64, 48}) const {
+    cv::Mat image(size, CV_8UC1);
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) image.at<uchar>(y, x) = static_cast<uchar>(3 * x + y);
+    }
+    std::vector<uchar> bytes;
+    cv::imencode("." + extension, image, bytes);
+    return {bytes.begin(), bytes.end()};
+  }
+
+  static std::string number(int i, int digits) {
+    char text[16];
+    std::snprintf(text, sizeof text, "%0*d", digits, i);
+    return text;
+  }
+
+  /// Three images, three stamps, no ground truth.
+  fs::path makeOdometry(const std::string& name = "sequences/07",
+                        const std::string& extension = "png") const {
+    for (int i = 0; i < 3; ++i) {
+      write(name + "/image_0/" + number(i, 6) + "." + extension, encoded(extension));
+    }
+    write(name + "/calib.txt", kCalibration + "P1: 1 2 3\n");
+    write(name + "/times.txt", "0.000000e+00\n1.037360e-01\n0.2073386\n");
+    return folder_ / name;
+  }
+
+  fs::path makeRaw() const {
+    const std::string drive = "2011_09_26/drive_0001_sync";
+    for (int i = 0; i < 2; ++i) {
+      write(drive + "/image_00/data/" + number(i, 10) + ".png", encoded("png"));
+    }
+    write(drive + "/image_00/timestamps.txt",
+          "2011-09-26 13:02:25.964389445\n2011-09-26 13:02:26.06439\n");
+    write("2011_09_26/calib_cam_to_cam.txt",
+          "calib_time: 09-Jan-2012 13:57:47\nR_rect_00: 1 0 0 0 1 0 0 0 1\n"
+          "P_rect_00: 70 0 32 0 0 71 24 0 0 0 1 0\n");
+    return folder_ / drive;
+  }
+
+  /// Two GPS/IMU readings: heading east, 1e-5 degrees of longitude and 0.5 m of height further.
+  void addOxts() const {
+    const std::string drive = "2011_09_26/drive_0001_sync";
+    std::string rest;
+    for (int i = 0; i < 24; ++i) rest += " 0";
+    write(drive + "/oxts/data/0000000000.txt", "49.0 8.4 116.0 0 0 0" + rest + "\n");
+    write(drive + "/oxts/data/0000000001.txt", "49.0 8.40001 116.5 0 0 0.1" + rest + "\n");
+    // velo = imu shifted; camera x = -velo y, y = -velo z, z = velo x.
+    write("2011_09_26/calib_imu_to_velo.txt",
+          "calib_time: 25-May-2012\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n");
+    write("2011_09_26/calib_velo_to_cam.txt", "R: 0 -1 0 0 0 -1 1 0 0\nT: 0 -0.1 -0.3\n");
+  }
+
+  std::string errorOf(const fs::path& sequence) const {
+    return dataErrorOf([&] { KittiSequence{sequence}; }, folder_);
+  }
+};
+
+TEST_F(KittiSequenceTest, ReadsAnOdometryFolder) {
+  const KittiSequence sequence(makeOdometry());
+  EXPECT_EQ(sequence.name(), "07");
+  EXPECT_EQ(sequence.size(), 3u);
+  EXPECT_EQ(sequence.camera().width, 64);
+  EXPECT_EQ(sequence.camera().height, 48);
+  EXPECT_EQ(sequence.camera().fx, 70);
+  EXPECT_EQ(sequence.camera().fy, 71);
+  EXPECT_EQ(sequence.camera().cx, 32);
+  EXPECT_EQ(sequence.camera().cy, 24);
+  EXPECT_EQ(sequence.stampNs(0), 0);
+  EXPECT_EQ(sequence.stampNs(1), 103736000);
+  EXPECT_EQ(sequence.stampNs(2), 207338600);
+  EXPECT_TRUE(sequence.groundTruth().empty());
+  const cv::Mat image = sequence.image(2);
+  EXPECT_EQ(image.type(), CV_8UC1);
+  EXPECT_EQ(image.at<uchar>(5, 7), 26);
+  EXPECT_THROW(sequence.image(3), std::out_of_range);
+}
+
+TEST_F(KittiSequenceTest, ReadsJpegAndAFolderNamedWithATrailingSlash) {
+  const KittiSequence sequence(makeOdometry("drive", "jpg").string() + "/");
+  EXPECT_EQ(sequence.name(), "drive");
+  EXPECT_EQ(sequence.image(0).size(), cv::Size(64, 48));
+}
+
+TEST_F(KittiSequenceTest, FindsTheGroundTruthBesideAndInTheCollection) {
+  const fs::path folder = makeOdometry();
+  write("poses/07.txt", kIdentityRow + kIdentityRow + "1 0 0 7 0 1 0 8 0 0 1 9\n");
+  EXPECT_EQ(KittiSequence(folder).groundTruth().at(2).translation(), Eigen::Vector3d(7, 8, 9));
+  write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + kIdentityRow);
+  EXPECT_EQ(KittiSequence(folder).groundTruth().at(2).translation(), Eigen::Vector3d::Zero());
+}
+
+TEST_F(KittiSequenceTest, LeavesOutFurtherStampsButNotFewer) {
+  const fs::path folder = makeOdometry();
+  write("sequences/07/times.txt", "0\n0.1\n0.2\n0.3\r\n\r\n");
+  EXPECT_EQ(KittiSequence(folder).stampNs(2), 200000000);
+  write("sequences/07/times.txt", "0\n0.1\n");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: has 2 stamps for 3 images");
+}
+
+TEST_F(KittiSequenceTest, RefusesBadStamps) {
+  const fs::path folder = makeOdometry();
+  const auto errorOfTimes = [&](const std::string& content) {
+    write("sequences/07/times.txt", content);
+    return errorOf(folder);
+  };
+  EXPECT_EQ(errorOfTimes(""), "/sequences/07/times.txt: is empty");
+  EXPECT_EQ(errorOfTimes("0\n0.1\n0.1\n"),
+            "/sequences/07/times.txt, line 3: its stamp is not later than the last");
+  EXPECT_EQ(errorOfTimes("0\nnan\n1\n"),
+            "/sequences/07/times.txt, line 2: 'nan' is not a finite number");
+  EXPECT_EQ(errorOfTimes("0\n1e12\n1\n"),
+            "/sequences/07/times.txt, line 2: '1e12' is not a time in seconds");
+  EXPECT_EQ(errorOfTimes("0\n1 2\n3\n"),
+            "/sequences/07/times.txt, line 2: has 2 numbers instead of 1");
+}
+
+TEST_F(KittiSequenceTest, RefusesABadCalibration) {
+  const fs::path folder = makeOdometry();
+  const auto errorOfCalibration = [&](const std::string& content) {
+    write("sequences/07/calib.txt", content);
+    return errorOf(folder);
+  };
+  EXPECT_EQ(errorOfCalibration("P1: 1 2\n"),
+            "/sequences/07/calib.txt: has no line that begins with P0:");
+  EXPECT_EQ(errorOfCalibration("\nP0: 1 2\n"),
+            "/sequences/07/calib.txt, line 2: has 2 numbers instead of 12");
+  EXPECT_EQ(errorOfCalibration("P0: 70 0 32 0 0 x 24 0 0 0 1 0\n"),
+            "/sequences/07/calib.txt, line 1: 'x' is not a finite number");
+  EXPECT_EQ(errorOfCalibration("P0: 70 1 32 0 0 71 24 0 0 0 1 0\n"),
+            "/sequences/07/calib.txt, line 1: P0: is not the projection of a rectified pinhole "
+            "camera");
+  EXPECT_EQ(errorOfCalibration("P0: -70 0 32 0 0 71 24 0 0 0 1 0\n")
+                .find("/sequences/07/calib.txt, line 1: "),
+            0u);
+}
+
+TEST_F(KittiSequenceTest, RefusesAnotherNumberOfTruePoses) {
+  const fs::path folder = makeOdometry();
+  write("sequences/07/poses.txt", kIdentityRow + kIdentityRow);
+  EXPECT_EQ(errorOf(folder), "/sequences/07: has 2 true poses for 3 images");
+}
+
+TEST_F(KittiSequenceTest, ReadsTheHeightsOfARenderedDrive) {
+  const fs::path folder = makeOdometry();
+  EXPECT_TRUE(KittiSequence(folder).trueHeights().empty());
+  const auto errorOfGround = [&](const std::string& content) {
+    write("sequences/07/ground.txt", content);
+    return errorOf(folder);
+  };
+  write("sequences/07/ground.txt", "# height, normal\n1.6 0 -1 0\n1.7 0 -1 0\n1.65 0 -1 0\n");
+  EXPECT_EQ(KittiSequence(folder).trueHeights(), (std::vector<double>{1.6, 1.7, 1.65}));
+  EXPECT_EQ(errorOfGround("1.6 0 -1 0\n1.7 0 -1 0\n"),
+            "/sequences/07: has 2 true heights for 3 images");
+  EXPECT_EQ(errorOfGround("1.6 0 -1 0\n0 0 -1 0\n"),
+            "/sequences/07/ground.txt, line 2: its height is not positive");
+  EXPECT_EQ(errorOfGround("1.6 0 -1\n"),
+            "/sequences/07/ground.txt, line 1: has 3 numbers instead of 4");
+}
+
+TEST_F(KittiSequenceTest, RefusesGapsAndDoubles) {
+  const fs::path folder = makeOdometry();
+  write("sequences/07/image_0/000005.png", encoded("png"));
+  EXPECT_EQ(errorOf(folder),
+            "/sequences/07/image_0/000005.png: its number follows a gap, 3 is missing");
+  fs::remove(folder / "image_0/000005.png");
+  fs::remove(folder / "image_0/000000.png");
+  EXPECT_EQ(errorOf(folder),
+            "/sequences/07/image_0/000001.png: its number follows a gap, 0 is missing");
+  write("sequences/07/image_0/000000.png", encoded("png"));
+  write("sequences/07/image_0/000000.jpg", encoded("jpg"));
+  EXPECT_NE(errorOf(folder).find(": has the same number as 000000."), std::string::npos);
+}
+
+TEST_F(KittiSequenceTest, RefusesWhatIsNoSequence) {
+  EXPECT_EQ(errorOf(folder_ / "none"), "/none: no such folder");
+  EXPECT_EQ(errorOf(folder_),
+            ": has neither image_0 (KITTI odometry) nor image_00/data (KITTI raw)");
+  const fs::path folder = makeOdometry();
+  fs::remove(folder / "times.txt");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: no such file");
+  fs::remove_all(folder / "image_0");
+  fs::create_directory(folder / "image_0");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0: has no image NNN.png or NNN.jpg");
+}
+
+// OpenCV 4.6 decodes the beginning of a truncated JPEG and only prints a warning.
+TEST_F(KittiSequenceTest, RefusesTruncatedAndBrokenImages) {
+  for (const std::string extension : {"png", "jpg"}) {
+    const KittiSequence sequence(makeOdometry(extension, extension));
+    const std::string whole = encoded(extension);
+    const std::string name = extension + "/image_0/000001." + extension;
+    const auto errorOfImage = [&](const std::string& bytes) {
+      write(name, bytes);
+      return dataErrorOf([&] { sequence.image(1); }, folder_);
+    };
+    EXPECT_EQ(errorOfImage(whole), "no error");
+    const std::string truncated = "/" + name + ": is not a whole PNG or JPEG file";
+    EXPECT_EQ(errorOfImage(""), truncated);
+    EXPECT_EQ(errorOfImage("\x89PNG"), truncated);
+    EXPECT_EQ(errorOfImage(whole.substr(0, whole.size() - 1)), truncated);
+    EXPECT_EQ(errorOfImage(whole.substr(0, whole.size() - 12)), truncated);
+    EXPECT_EQ(errorOfImage(whole.substr(0, whole.size() / 2)), truncated);
+    EXPECT_EQ(errorOfImage("GIF89a and so on"), truncated);
+    EXPECT_EQ(errorOfImage(encoded(extension, {32, 48})),
+              "/" + name + ": is 32x48 instead of 64x48");
+  }
+  const std::string png = encoded("png");
+  const KittiSequence sequence(makeOdometry("headless"));
+  write("headless/image_0/000001.png", png.substr(0, 20) + png.substr(png.size() - 12));
+  EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
+            "/headless/image_0/000001.png: cannot be decoded as an image");
+}
+
+// A few bytes may claim any size, and a decoder takes the memory for it.
+TEST_F(KittiSequenceTest, RefusesAnImageThatClaimsTooMuch) {
+  const std::string side("\xea\x60", 2);  // 60000
+  std::string png = encoded("png"), jpg = encoded("jpg");
+  png.replace(16, 8, std::string(2, '\0') + side + std::string(2, '\0') + side);
+  const std::size_t frame = jpg.find("\xff\xc0");
+  ASSERT_NE(frame, std::string::npos);
+  jpg.replace(frame + 5, 4, side + side);
+  for (const auto& [extension, bytes] : {std::pair("png", png), std::pair("jpg", jpg)}) {
+    const fs::path folder = makeOdometry(extension, extension);
+    const KittiSequence sequence(folder);
+    const std::string name = std::string(extension) + "/image_0/000001." + extension;
+    write(name, bytes);
+    EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
+              "/" + name + ": claims 60000x60000 pixels, more than are plausible");
+  }
+}
+
+TEST_F(KittiSequenceTest, AnImageThatVanishesDuringTheRunIsNamed) {
+  const KittiSequence sequence(makeOdometry());
+  fs::remove(folder_ / "sequences/07/image_0/000001.png");
+  EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
+            "/sequences/07/image_0/000001.png: no such file");
+  fs::create_directory(folder_ / "sequences/07/image_0/000001.png");
+  EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
+            "/sequences/07/image_0/000001.png: not a file");
+}
+
+TEST_F(KittiSequenceTest, GroundTruthThatIsALinkToNothingIsNotPassedOver) {
+  const fs::path folder = makeOdometry();
+  fs::create_symlink(folder / "none", folder / "poses.txt");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt: is a link to nothing");
+}
+
+TEST_F(KittiSequenceTest, RefusesPlacesAndStampsBeyondReason) {
+  const fs::path folder = makeOdometry();
+  write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + "1 0 0 1e300 0 1 0 0 0 0 1 0\n");
+  EXPECT_EQ(errorOf(folder),
+            "/sequences/07/poses.txt, line 3: its position is farther off than a camera can be");
+  write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + "1 0 0 0 0 1e308 0 0 0 0 1 0\n");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt, line 3: its 3x3 is not a rotation");
+  write("sequences/07/times.txt", "-5\n0\n5e9\n");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt, line 3: '5e9' is not a time in seconds");
+}
+
+TEST_F(KittiSequenceTest, ReadsARawDrive) {
+  const fs::path drive = makeRaw();
+  for (const char* zone : {"UTC", "America/New_York"}) {
+    setenv("TZ", zone, 1);
+    const KittiSequence sequence(drive);
+    EXPECT_EQ(sequence.name(), "drive_0001_sync");
+    EXPECT_EQ(sequence.size(), 2u);
+    EXPECT_EQ(sequence.camera().fx, 70);
+    EXPECT_EQ(sequence.stampNs(0), 1317042145964389445);
+    EXPECT_EQ(sequence.stampNs(1), 1317042146064390000);
+    EXPECT_TRUE(sequence.groundTruth().empty());
+  }
+  unsetenv("TZ");
+}
+
+TEST_F(KittiSequenceTest, RefusesBadRawStamps) {
+  const fs::path drive = makeRaw();
+  for (const char* bad : {"2011-13-26 13:02:25.5", "2011-02-30 13:02:25.5", "2011-09-26 25:02:25.5",
+                          "2011-09-26", "9999-09-26 13:02:25.5", "yesterday"}) {
+    write("2011_09_26/drive_0001_sync/image_00/timestamps.txt", std::string(bad) + "\n" + bad);
+    EXPECT_EQ(errorOf(drive),
+              "/2011_09_26/drive_0001_sync/image_00/timestamps.txt, line 1: is not a time such as "
+              "2011-09-26 13:02:25.964389445")
+        << bad;
+  }
+}
+
+TEST_F(KittiSequenceTest, RawGroundTruthIsTheCamerasNotTheGpsUnits) {
+  const fs::path drive = makeRaw();
+  addOxts();
+  const KittiSequence sequence(drive);
+  ASSERT_EQ(sequence.groundTruth().size(), 2u);
+  EXPECT_TRUE(sequence.groundTruth()[0].isApprox(Eigen::Isometry3d::Identity(), 1e-9));
+  // The unit: 1e-5 degrees east at 49 degrees north, 0.5 m up, turned left by 0.1 rad. The camera
+  // sits at p in the unit's axes: velo = imu + (-0.8, 0.3, -0.8); cam = (-y, -z, x) + (0,-.1,-.3).
+  const double yaw = 0.1;
+  const double east = 6378137.0 * std::cos(49.0 * M_PI / 180.0) * 1e-5 * M_PI / 180.0;
+  const Eigen::Vector3d p(0.3 + 0.8, -0.3, -0.1 + 0.8);
+  const Eigen::Vector3d boxplus(std::cos(yaw) * p.x() - std::sin(yaw) * p.y() + east - p.x(),
+                                std::sin(yaw) * p.x() + std::cos(yaw) * p.y() - p.y(), 0.5);
+  const Eigen::Vector3d expected(-moved.y(), -moved.z(), moved.x());
+  EXPECT_LT((sequence.groundTruth()[1].translation() - expected).norm(), 1e-6);
+  // A left turn is a negative rotation about the camera's y, which points down.
+  const Eigen::Matrix3d R = Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  EXPECT_LT((sequence.groundTruth()[1].linear() - R).norm(), 1e-9);
+}
+
+TEST_F(KittiSequenceTest, RefusesBadRawGroundTruth) {
+  const fs::path drive = makeRaw();
+  addOxts();
+  const fs::path oxts = drive / "oxts" / "data" / "0000000001.txt";
+  write("2011_09_26/drive_0001_sync/oxts/data/0000000001.txt", "49 8 116 0 0 0 1\n");
+  EXPECT_EQ(errorOf(drive),
+            "/2011_09_26/drive_0001_sync/oxts/data/0000000001.txt, line 1: has 7 numbers instead "
+            "of 30");
+  fs::remove(oxts);
+  EXPECT_EQ(errorOf(drive), "/2011_09_26/drive_0001_sync: has 1 true poses for 2 images");
+  write("2011_09_26/calib_velo_to_cam.txt", "R: 0 0 0 0 0 0 0 0 0\nT: 0 0 0\n");
+  EXPECT_EQ(errorOf(drive), "/2011_09_26/calib_velo_to_cam.txt, line 1: R: is not a rotation");
+}
+
+struct RealSequence {
+  const char* name;
+  std::size_t frames;
+  double metres;
+};
+
+class RealSequences : public ::testing::TestWithParam<RealSequence> {};
+
+TEST_P(RealSequences, AreReadWhole) {
+  const fs::path folder = realData(GetParam().name);
+  if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no " << GetParam().name;
+  const KittiSequence sequence(folder);
+  EXPECT_EQ(sequence.name(), GetParam().name);
+  EXPECT_EQ(sequence.size(), GetParam().frames);
+  EXPECT_EQ(sequence.groundTruth().size(), GetParam().frames);
+  EXPECT_NEAR(pathLength(sequence.groundTruth()), GetParam().metres, 0.05);
+  for (const std::size_t i : {std::size_t{0}, sequence.size() - 1}) {
+    EXPECT_EQ(sequence.image(i).cols, sequence.camera().width);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(RealData, RealSequences,
+                         ::testing::Values(RealSequence{"kitti_00_0000_0199", 200, 144.9},
+                                           RealSequence{"kitti_raw_0926_0039", 376, 287.5},
+                                           RealSequence{"kitti_05_0100_0159", 60, 28.1},
+                                           RealSequence{"kitti_06_0000_0050", 51, 59.9},
+                                           RealSequence{"rendered_04", 271, 393.6},
+                                           RealSequence{"rendered_09_traffic", 220, 172.5}));
+
+}  // namespace
+}  // namespace ground_scale_vo

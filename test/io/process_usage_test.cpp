@@ -1,0 +1,60 @@
+#include "ground_scale_vo/io/process_usage.hpp"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <thread>
+#include <vector>
+
+#include "support/sanitizer.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Uses the processor until the calling thread has had so much of it.
+void work(double ms) {
+  const double end = threadCpuMs() + ms;
+  while (threadCpuMs() < end) {
+  }
+}
+
+TEST(ProcessUsage, CountsTheTimeOfAllThreadsAndOfThoseThatEnded) {
+  const double before = processUsage().cpu_s;
+  work(20);
+  std::thread([] { work(30); }).join();
+  EXPECT_GE(processUsage().cpu_s - before, 0.0499);
+}
+
+TEST(ProcessUsage, KnowsMemoryAndItsPeak) {
+  const ProcessUsage before = processUsage();
+  EXPECT_GT(before.rss_mb, 0);
+  {
+    const std::vector<char> memory(64 << 20, 1);
+    EXPECT_GT(processUsage().rss_mb, before.rss_mb + 60 + memory.back() - 1);
+  }
+  const ProcessUsage after = processUsage();
+  EXPECT_GE(after.peak_rss_mb, before.rss_mb + 60);
+  EXPECT_GE(after.peak_rss_mb, after.rss_mb);
+  if (!kSanitized) {
+    EXPECT_LT(after.rss_mb, before.rss_mb + 32);
+  }
+}
+
+TEST(ProcessUsage, OfAnotherProcess) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    pause();
+    _exit(0);
+  }
+  EXPECT_GT(processUsage(child).rss_mb, 0);
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  EXPECT_EQ(processUsage(child).cpu_s, 0) << "there is no such process any more";
+  EXPECT_EQ(processUsage(child).rss_mb, 0);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

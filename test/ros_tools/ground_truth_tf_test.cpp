@@ -1,0 +1,48 @@
+#include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
+
+#include <gtest/gtest.h>
+
+namespace ground_scale_vo {
+namespace {
+
+tf2_msgs::TFMessage transform(const std::string& parent, const std::string& child, double time,
+                              double x) {
+  tf2_msgs::TFMessage message;
+  message.transforms.resize(1);
+  message.transforms[0].header.frame_id = parent;
+  message.transforms[0].header.stamp = ros::Time(time);
+  message.transforms[0].child_frame_id = child;
+  message.transforms[0].transform.translation.x = x;
+  message.transforms[0].transform.rotation.w = 1;
+  return message;
+}
+
+TEST(GroundTruthTf, FindsTheTwinOfOurOwnBags) {
+  GroundTruthTf truth;
+  truth.add(transform("ground_truth", "ground_truth/camera", 1, 5), false);
+  const auto pose = truth.pose("camera", ros::Time(1));
+  ASSERT_TRUE(pose);
+  EXPECT_DOUBLE_EQ(pose->translation().x(), 5);
+}
+
+TEST(GroundTruthTf, FindsTheFrameItselfAsKitti2bagWritesIt) {
+  GroundTruthTf truth;
+  truth.add(transform("/camera_init", "/camera_gray_left", 1, 5), false);
+  truth.add(transform("/camera_init", "/camera_gray_left", 2, 6), false);
+  EXPECT_DOUBLE_EQ(truth.pose("camera_gray_left", ros::Time(1.5))->translation().x(), 5.5);
+  EXPECT_FALSE(truth.pose("camera_gray_left", ros::Time(3)));
+  EXPECT_FALSE(truth.pose("camera_color", ros::Time(1)));
+}
+
+TEST(GroundTruthTf, FollowsTheStaticChainOfARawBag) {
+  GroundTruthTf truth;
+  truth.add(transform("base_link", "imu_link", 1, 0.5), true);
+  truth.add(transform("imu_link", "camera_gray_left", 1, 0.25), true);
+  EXPECT_FALSE(truth.pose("camera_gray_left", ros::Time(1)));  // nothing moves yet
+  truth.add(transform("world", "base_link", 1, 5), false);
+  EXPECT_DOUBLE_EQ(truth.pose("camera_gray_left", ros::Time(1))->translation().x(), 5.75);
+  EXPECT_DOUBLE_EQ(truth.pose("base_link", ros::Time(1))->translation().x(), 5);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

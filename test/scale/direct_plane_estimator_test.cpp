@@ -1,0 +1,320 @@
+#include "ground_scale_vo/scale/direct_plane_estimator.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "support/road_image.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kPriorSigma = 0.012;  // [rad]
+
+using Change = std::function<void(std::uint32_t, cv::Mat*)>;
+
+RoadScene road() {
+  RoadScene scene;
+  scene.pitch = 0.03;
+  scene.addPatch(1500, -2.5, 2.5, 0, 15, 0, 1);
+  return scene;
+}
+
+/// The result at the last of `frames` frames, each with the same prediction (0: none).
+DirectPlaneEstimator::Result drive(DirectPlaneEstimator* refinement, const RoadScene& scene,
+                                   double predicted, std::uint32_t frames = 4,
+                                   const Change& change = nullptr,
+                                   const std::function<double(double, double)>& texture = asphalt) {
+  DirectPlaneEstimator::Result result;
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
+  for (std::uint32_t i = 0; i < frames; ++i) {
+    cv::Mat image = roadImage(scene, scene.step * i, texture);
+    if (change) change(i, &image);
+    result = refinement->align(scene.frame(i), image, prior, chord, predicted);
+  }
+  return result;
+}
+
+DirectPlaneEstimator::Result drive(const RoadScene& scene, double predicted,
+                                   std::uint32_t frames = 4, const Change& change = nullptr,
+                                   const std::function<double(double, double)>& texture = asphalt) {
+  DirectPlaneEstimator refinement({});
+  return drive(&refinement, scene, predicted, frames, change, texture);
+}
+
+TEST(DirectPlaneEstimator, FindsHeightAndNormal) {
+  for (const double unit : {0.01, 1.0, 300.0}) {
+    RoadScene scene = road();
+    scene.camera = {900, 320, 650, 650, 450, 130};
+    scene.height *= unit;
+    scene.step *= unit;
+    for (auto& point : scene.points) point *= unit;
+    const auto result = drive(scene, 1.06 * scene.height);
+    ASSERT_EQ(result.status, ScaleReason::kNone) << unit;
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.002) << unit;
+    EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
+    EXPECT_GT(result.correlation, 0.9);
+    EXPECT_LT(result.height_sigma / scene.height, 0.01);
+    EXPECT_FALSE(result.searched);
+  }
+}
+
+TEST(DirectPlaneEstimator, OtherCamerasAndMountings) {
+  for (const double focal : {180.0, 500.0}) {
+    for (const double pitch : {-0.03, 0.08}) {
+      RoadScene scene = road();
+      scene.camera = {640, 240, focal, focal, 320, 110};
+      scene.pitch = pitch;
+      scene.roll = 0.05;
+      const auto result = drive(scene, 0.95 * scene.height);
+      ASSERT_EQ(result.status, ScaleReason::kNone) << focal << ' ' << pitch;
+      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006) << focal << ' ' << pitch;
+    }
+  }
+}
+
+// The height is that over the road below, not over the road ahead.
+TEST(DirectPlaneEstimator, ACrestAheadIsNoOtherHeight) {
+  const RoadScene scene = road();
+  constexpr double kBend = 0.0015;  // a radius of 1100 m for a camera of 1.65 m
+  // Where the ray to a place of the flat road meets the bent one.
+  DirectPlaneEstimator refinement({});
+  DirectPlaneEstimator::Options flat_options;
+  flat_options.bend_sigma = 1e-9;
+  DirectPlaneEstimator flat(flat_options);
+  double error = 0, flat_error = 0;
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    const double at_h = scene.step * i / scene.height;
+    const auto bent = [at_h](double x, double z) {
+      const double drop = 0.5 * kBend * std::pow(z - at_h, 2);  // s = 1 + drop * s^2
+      if (4 * drop > 1) return 30.0;                            // over the crest: the sky
+      const double s = 2 / (1 + std::sqrt(1 - 4 * drop));
+      return asphalt(x * s, at_h + (z - at_h) * s);
+    };
+    const cv::Mat image = roadImage(scene, scene.step * i, bent);
+    const auto a =
+        refinement.align(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
+    const auto b =
+        flat.align(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
+    error = std::abs(a.plane.height / scene.height - 1);
+    flat_error = std::abs(b.plane.height / scene.height - 1);
+  }
+  EXPECT_GT(flat_error, 0.01);
+  EXPECT_LT(error, 0.8 * flat_error);
+}
+
+TEST(DirectPlaneEstimator, AWrongNormalIsCorrected) {
+  const RoadScene scene = road();
+  RoadScene expected = scene;
+  expected.pitch += 0.01;
+  DirectPlaneEstimator refinement({});
+  DirectPlaneEstimator::Result result;
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i),
+                              priorOf(expected, kPriorSigma), std::nullopt, scene.height);
+  }
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
+  EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
+}
+
+TEST(DirectPlaneEstimator, LightAndExposureDropOut) {
+  const RoadScene scene = road();
+  const auto result = drive(scene, scene.height, 4, [](std::uint32_t i, cv::Mat* image) {
+    image->convertTo(*image, -1, 1 - 0.15 * (i % 3), 20.0 * (i % 2));
+    cv::Mat ramp(image->size(), CV_8U);  // and a shade across the image that comes and goes
+    for (int u = 0; u < ramp.cols; ++u) ramp.col(u).setTo(u * (i % 2) * 40 / ramp.cols);
+    *image += ramp;
+  });
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
+}
+
+// Lines along the way look the same wherever one is on them.
+TEST(DirectPlaneEstimator, LinesAlongTheWaySayNothing) {
+  const RoadScene scene = road();
+  const auto lines = [](double x, double) { return asphalt(x, 0); };
+  EXPECT_EQ(drive(scene, 1.03 * scene.height, 4, nullptr, lines).status, ScaleReason::kNoPlane);
+  // A little of other texture is a height, less certain than with all of it.
+  const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
+  DirectPlaneEstimator::Options options;
+  options.bend_sigma = 1e-9;  // the road's bend is as uncertain with any texture
+  DirectPlaneEstimator of_some(options), of_full(options);
+  const auto some = drive(&of_some, scene, 1.03 * scene.height, 4, nullptr, weak);
+  const auto full = drive(&of_full, scene, 1.03 * scene.height);
+  ASSERT_EQ(some.status, ScaleReason::kNone);
+  ASSERT_EQ(full.status, ScaleReason::kNone);
+  EXPECT_GT(some.height_sigma, 1.3 * full.height_sigma);
+  EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.height_sigma);
+}
+
+TEST(DirectPlaneEstimator, NoTextureNoPlane) {
+  const RoadScene scene = road();
+  const auto bare = [](double, double) { return 110.0; };
+  EXPECT_EQ(drive(scene, scene.height, 4, nullptr, bare).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(drive(scene, 0, 4, nullptr, bare).status, ScaleReason::kNoPlane);
+}
+
+/// Something with texture of its own that stays where it is in the image.
+Change stays(const cv::Rect& place) {
+  return [place](std::uint32_t, cv::Mat* image) {
+    for (int v = place.y; v < place.br().y; ++v) {
+      for (int u = place.x; u < place.br().x; ++u) {
+        image->at<std::uint8_t>(v, u) =
+            static_cast<std::uint8_t>(90 + 60 * smoothNoise(u, v, 6, 7));
+      }
+    }
+  };
+}
+
+TEST(DirectPlaneEstimator, AVehicleInTheStripIsLeftOut) {
+  const RoadScene scene = road();
+  const auto result = drive(scene, scene.height, 4, stays({270, 60, 60, 60}));
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
+}
+
+TEST(DirectPlaneEstimator, FeaturesOffThePlaneMaskTheirTiles) {
+  const RoadScene scene = road();
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  int with = 0, without = 0;
+  for (const bool masked : {false, true}) {
+    DirectPlaneEstimator fresh({});
+    DirectPlaneEstimator::Result result;
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      VoFrame frame = scene.frame(i);
+      if (masked) {
+        for (TrackedFeature& feature : frame.features) {
+          if (feature.u.x() > 310) feature.p_c *= 0.7f;
+        }
+      }
+      result =
+          fresh.align(frame, roadImage(scene, scene.step * i), prior, std::nullopt, scene.height);
+    }
+    ASSERT_EQ(result.status, ScaleReason::kNone);
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
+    (masked ? with : without) = result.tiles;
+  }
+  EXPECT_LT(with, 0.75 * without);
+}
+
+TEST(DirectPlaneEstimator, TheHoodIsFoundAndMasked) {
+  RoadScene scene = road();
+  scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
+  const Change hood = stays({0, 170, 620, 70});
+  DirectPlaneEstimator refinement({});
+  const auto result = drive(&refinement, scene, scene.height, 25, hood);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
+  EXPECT_GT(result.correlation, 0.8);  // the hood's tiles are not among them
+}
+
+TEST(DirectPlaneEstimator, AWrongPredictionIsNeverConfirmed) {
+  const RoadScene scene = road();
+  for (const double factor : {0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 3.0}) {
+    const auto result = drive(scene, factor * scene.height);
+    if (result.status != ScaleReason::kNone) continue;
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01) << factor;
+  }
+}
+
+TEST(DirectPlaneEstimator, ALostValleyIsSoughtAnew) {
+  const RoadScene scene = road();
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  DirectPlaneEstimator refinement({});
+  int found = 0;
+  for (std::uint32_t i = 0; i < 25; ++i) {
+    const auto result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i), prior,
+                                         std::nullopt, 2.5 * scene.height);
+    if (result.status != ScaleReason::kNone) continue;
+    ++found;
+    EXPECT_TRUE(result.searched);
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
+  }
+  EXPECT_GE(found, 1);
+  EXPECT_LT(found, 10);  // it is dear: not in every frame
+}
+
+TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
+  for (const double unit : {0.001, 1.0, 5000.0}) {
+    for (const double off : {0.2, 1.0, 4.0}) {  // the features' heights against the road's
+      RoadScene scene = road();
+      scene.height *= unit;
+      scene.step *= unit;
+      for (auto& point : scene.points) point *= unit;
+      const NormalPrior prior = priorOf(scene, kPriorSigma);
+      DirectPlaneEstimator refinement({});
+      DirectPlaneEstimator::Result result;
+      for (std::uint32_t i = 0; i < 8 && result.status != ScaleReason::kNone; ++i) {
+        VoFrame frame = scene.frame(i);
+        for (TrackedFeature& feature : frame.features) feature.p_c *= static_cast<float>(off);
+        result = refinement.align(frame, roadImage(scene, scene.step * i), prior, std::nullopt, 0);
+      }
+      ASSERT_EQ(result.status, ScaleReason::kNone) << unit << ' ' << off;
+      EXPECT_TRUE(result.searched);
+      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015) << unit << ' ' << off;
+    }
+  }
+}
+
+TEST(DirectPlaneEstimator, TheSearchWaitsWhereThereIsNoRoad) {
+  const RoadScene scene = road();
+  // The back of a vehicle that fills the view, and nothing but noise.
+  const Change filled = stays({0, 0, 620, 188});
+  const Change noise = [](std::uint32_t i, cv::Mat* image) {
+    cv::theRNG().state = i + 1;
+    cv::randu(*image, 0, 255);
+    cv::GaussianBlur(*image, *image, {0, 0}, 2);
+  };
+  for (const Change& change : {filled, noise}) {
+    DirectPlaneEstimator refinement({});
+    for (std::uint32_t frames = 2; frames < 8; ++frames) {
+      EXPECT_NE(drive(&refinement, scene, 0, frames, change).status, ScaleReason::kNone);
+    }
+  }
+}
+
+TEST(DirectPlaneEstimator, WithoutMotionThereIsNothingToSee) {
+  RoadScene scene = road();
+  scene.step = 0;
+  EXPECT_EQ(drive(scene, scene.height).status, ScaleReason::kStandstill);
+}
+
+TEST(DirectPlaneEstimator, Reverse) {
+  RoadScene scene = road();
+  scene.step = -0.3;
+  DirectPlaneEstimator refinement({});
+  NormalPrior prior = priorOf(scene, kPriorSigma);
+  prior.forward_c = -prior.forward_c;
+  const MotionHistory::Chord chord{prior.forward_c, 0.9, Eigen::Vector3d::Zero()};
+  DirectPlaneEstimator::Result result;
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i), prior, chord,
+                              scene.height);
+  }
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015);
+}
+
+TEST(DirectPlaneEstimator, ResetForgetsThePictures) {
+  const RoadScene scene = road();
+  DirectPlaneEstimator refinement({});
+  drive(&refinement, scene, scene.height);
+  refinement.reset();
+  EXPECT_EQ(drive(&refinement, scene, scene.height, 1).status, ScaleReason::kStandstill);
+}
+
+TEST(DirectPlaneEstimator, BadOptionsAreNamed) {
+  DirectPlaneEstimator::Options options;
+  options.tile = 0;
+  EXPECT_THROW(DirectPlaneEstimator{options}, OptionError);
+  options = {};
+  options.max_ahead_h = 1;  // less than min_ahead_h
+  EXPECT_THROW(DirectPlaneEstimator{options}, OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,71 @@
+#include "ground_scale_vo/scale/lane_region.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <optional>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kHeight = 2;     // VO units
+constexpr double kRadius = 8;     // of the bend [camera heights]: 13 m from a car
+constexpr double kChord = 3;      // [camera heights]
+constexpr double kHalfWidth = 1;  // [camera heights]
+
+/// The ray of a place on the road [camera heights].
+Eigen::Vector3d rayTo(double left, double ahead) {
+  return Eigen::Vector3d(-left, 1, ahead) / ahead;
+}
+
+/// Of a camera that has turned by a bend to one side (1 left, -1 right, 0 none).
+LaneRegion strip(int side, double height) {
+  const NormalPrior prior;
+  MotionHistory::Chord chord;
+  chord.direction_c = prior.forward_c;
+  chord.length = kChord * kHeight;
+  chord.turn_c = side * kChord / kRadius * prior.n_c;
+  return LaneRegion(prior, chord, height, 1.5, 10, kHalfWidth);
+}
+
+/// How far left of the chord's direction the path lies, on the circle that the camera is driving.
+double pathAt(int side, double ahead) {
+  const double heading = kChord / (2 * kRadius);  // against the chord
+  const double angle = std::asin(std::sin(heading) + ahead / kRadius);
+  return side * kRadius * (std::cos(heading) - std::cos(angle));
+}
+
+TEST(LaneRegion, FollowsThePathThroughABend) {
+  for (const int side : {-1, 1}) {
+    const LaneRegion bent = strip(side, kHeight), straight = strip(0, kHeight);
+    for (const double ahead : {2.0, 3.0, 4.0}) {
+      const double path = pathAt(side, ahead);
+      EXPECT_TRUE(bent.contains(rayTo(path, ahead))) << side << " " << ahead;
+      EXPECT_FALSE(bent.contains(rayTo(path - side * 1.6 * kHalfWidth, ahead))) << ahead;
+    }
+    // The straight one has left the lane by then.
+    EXPECT_FALSE(straight.contains(rayTo(pathAt(side, 4), 4)));
+    EXPECT_TRUE(straight.contains(rayTo(0, 4)));
+    EXPECT_FALSE(bent.contains(rayTo(0, 4)));
+  }
+}
+
+TEST(LaneRegion, IsStraightWhileTheHeightIsNotKnown) {
+  EXPECT_TRUE(strip(1, 0).contains(rayTo(0, 8)));
+  EXPECT_TRUE(LaneRegion({}, std::nullopt, kHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
+}
+
+TEST(LaneRegion, EndsWhereItIsToldToAndAtTheHorizon) {
+  const LaneRegion lane = strip(0, kHeight);
+  EXPECT_FALSE(lane.contains(rayTo(0, 1.4)));
+  EXPECT_TRUE(lane.contains(rayTo(0, 1.6)));
+  EXPECT_TRUE(lane.contains(rayTo(0, 9.9)));
+  EXPECT_FALSE(lane.contains(rayTo(0, 10.1)));
+  EXPECT_TRUE(lane.contains(rayTo(0.9, 5)));
+  EXPECT_FALSE(lane.contains(rayTo(1.1, 5)));
+  EXPECT_FALSE(lane.contains({0, 0, 1}));
+  EXPECT_FALSE(lane.contains({0, -0.1, 1}));
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,77 @@
+#include "ground_scale_vo/simulation/image_faults.hpp"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr ImageFault kAll[] = {
+    ImageFault::kBlack,        ImageFault::kWhite,       ImageFault::kFrozen, ImageFault::kCovered,
+    ImageFault::kCoveredBelow, ImageFault::kCoveredLeft, ImageFault::kRain,   ImageFault::kDarker,
+    ImageFault::kBrighter,     ImageFault::kFlicker};
+
+cv::Mat picture(std::uint64_t seed) {
+  cv::Mat image(60, 200, CV_8UC1);
+  cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 40, 140);
+  return image;
+}
+
+bool same(const cv::Mat& a, const cv::Mat& b) {
+  return a.size() == b.size() && a.type() == b.type() && cv::countNonZero(a != b) == 0;
+}
+
+TEST(ImageFaults, KeepTheFormatAndAreTheSameForTheSameArguments) {
+  const cv::Mat image = picture(1), before = picture(2), copy = image.clone();
+  std::set<std::string> names;
+  for (const ImageFault fault : kAll) {
+    EXPECT_TRUE(names.insert(toString(fault)).second) << toString(fault);
+    const cv::Mat given = needsTheScene(fault) ? image : cv::Mat();
+    const cv::Mat spoiled = withFault(fault, given, before, 3, 7);
+    EXPECT_EQ(spoiled.size(), image.size()) << toString(fault);
+    EXPECT_EQ(spoiled.type(), CV_8UC1) << toString(fault);
+    EXPECT_FALSE(same(spoiled, image)) << toString(fault);
+    EXPECT_TRUE(same(spoiled, withFault(fault, given, before, 3, 7))) << toString(fault);
+    EXPECT_TRUE(same(image, copy)) << toString(fault) << " writes into its input";
+  }
+}
+
+TEST(ImageFaults, AreWhatTheySay) {
+  const cv::Mat image = picture(1), before = picture(2);
+  const auto mean = [](const cv::Mat& m) { return cv::mean(m)[0]; };
+  const auto contrast = [](const cv::Mat& m) {
+    cv::Scalar average, deviation;
+    cv::meanStdDev(m, average, deviation);
+    return deviation[0];
+  };
+  const auto spoiled = [&](ImageFault fault, std::size_t k = 0) {
+    return withFault(fault, image, before, k, 7);
+  };
+  EXPECT_EQ(mean(spoiled(ImageFault::kBlack)), 0);
+  EXPECT_EQ(mean(spoiled(ImageFault::kWhite)), 255);
+  EXPECT_TRUE(same(spoiled(ImageFault::kFrozen, 0), before));
+  EXPECT_TRUE(same(spoiled(ImageFault::kFrozen, 9), before));
+  EXPECT_LT(mean(spoiled(ImageFault::kCovered)), 0.2 * mean(image));
+  EXPECT_LT(contrast(spoiled(ImageFault::kCovered)), 3);
+  EXPECT_NEAR(mean(spoiled(ImageFault::kDarker)), 0.4 * mean(image), 1);
+  EXPECT_GT(mean(spoiled(ImageFault::kBrighter)), 2 * mean(image));
+  EXPECT_GT(
+      std::abs(mean(spoiled(ImageFault::kFlicker, 0)) - mean(spoiled(ImageFault::kFlicker, 1))), 3);
+  // Mud: what is clean is the scene, but for the sensor's noise.
+  const cv::Rect top(0, 0, 200, 10), bottom(0, 40, 200, 20), left(0, 0, 90, 60),
+      right(120, 0, 80, 60);
+  const cv::Mat below = spoiled(ImageFault::kCoveredBelow),
+                aside = spoiled(ImageFault::kCoveredLeft);
+  EXPECT_LT(cv::norm(below(top), image(top), cv::NORM_INF), 8);
+  EXPECT_LT(contrast(below(bottom)), 0.6 * contrast(image(bottom)));
+  EXPECT_LT(cv::norm(aside(right), image(right), cv::NORM_INF), 8);
+  EXPECT_LT(contrast(aside(left)), 0.6 * contrast(image(left)));
+  // Rain changes from image to image and leaves most of it.
+  EXPECT_FALSE(same(spoiled(ImageFault::kRain, 0), spoiled(ImageFault::kRain, 1)));
+  EXPECT_LT(cv::countNonZero(spoiled(ImageFault::kRain) != image), 0.6 * 60 * 200);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,371 @@
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <future>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <vector>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/simulation/scenarios.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Options = SyntheticDrive::Options;
+using Frame = SyntheticDrive::Frame;
+
+Options shortDrive(int frames) {
+  Options options;
+  options.frames = frames;
+  return options;
+}
+
+bool equal(const cv::Mat& a, const cv::Mat& b) { return cv::norm(a, b, cv::NORM_INF) == 0; }
+
+/// Where the road pixel u of frame a is seen in frame b.
+Eigen::Vector2d warp(const PinholeCamera& camera, const Frame& a, const Frame& b,
+                     const Eigen::Vector2d& u) {
+  const Eigen::Vector3d ray = camera.ray(u);
+  const Eigen::Vector3d p_a = -a.height / a.n_c.dot(ray) * ray;  // n.x + height = 0
+  return camera.project(b.T_c0_c.inverse() * a.T_c0_c * p_a);
+}
+
+double quantile(std::vector<double> values, double q) {
+  const auto k = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + k, values.end());
+  return values[static_cast<std::size_t>(k)];
+}
+
+/// The lane before the car, free of others: about 6 to 12 m ahead.
+cv::Rect laneAhead(const PinholeCamera& camera) {
+  return {camera.width * 2 / 5, camera.height * 31 / 40, camera.width / 5, camera.height / 5};
+}
+
+TEST(SyntheticDrive, RendersTheSameBytesTwice) {
+  const SyntheticDrive a(shortDrive(3)), b(shortDrive(3));
+  const cv::Mat first = a.image(2);
+  EXPECT_TRUE(equal(first, a.image(2)));
+  EXPECT_TRUE(equal(first, b.image(2)));
+  EXPECT_FALSE(equal(first, a.image(1)));
+  EXPECT_EQ(first.type(), CV_8UC1);
+  EXPECT_EQ(first.size(), cv::Size(a.camera().width, a.camera().height));
+
+  Options other = shortDrive(3);
+  other.random_seed = 2;
+  EXPECT_FALSE(equal(first, SyntheticDrive(other).image(2)));
+}
+
+TEST(SyntheticDrive, RendersTheSameBytesOnOtherThreads) {
+  const SyntheticDrive drive(shortDrive(4));
+  std::vector<std::future<cv::Mat>> images;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    images.push_back(std::async(std::launch::async, [&drive, i] { return drive.image(i); }));
+  }
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    EXPECT_TRUE(equal(images[i].get(), drive.image(i))) << i;
+  }
+}
+
+TEST(SyntheticDrive, RefusesOptionsOutOfRange) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::function<void(Options&)>> mistakes{
+      [](Options& o) { o.frames = 0; },
+      [](Options& o) { o.speed = -1; },
+      [](Options& o) { o.camera.width = 0; },
+      [](Options& o) { o.camera.fx = 0; },
+      [](Options& o) { o.camera_height = 0; },
+      [](Options& o) { o.frame_rate_hz = 0; },
+      [&](Options& o) { o.pitch_rad = nan; },
+      [](Options& o) { o.curvature = 1; },
+      [](Options& o) { o.slope = 1; },
+      [](Options& o) { o.stop_s = -1; },
+      [](Options& o) { o.stop_at_m = 5; },
+      [](Options& o) { o.suspension = -1; },
+      [](Options& o) { o.road_texture = -1; },
+      [](Options& o) { o.noise_sigma = -1; },
+      [](Options& o) { o.black_frames = -1; },
+      [](Options& o) { o.frames = 99999; },
+      [&](Options& o) { o.roll_rad = nan; },
+      [](Options& o) { o.lane_offset = -5; },
+      [](Options& o) { o.ramp_slope = 1; },
+      [](Options& o) { o.ramp_slope = 0.1; },
+      [](Options& o) { o.bump_height = 1; },
+      [](Options& o) { o.lead_gap = 0; },
+      [](Options& o) { o.lead_time = -1; },
+      [](Options& o) { o.cars_beside = -1; },
+      [](Options& o) { o.arrow_spacing = 1; },
+      [](Options& o) { o.puddles = 0.5; },
+      [&](Options& o) { o.sun.x() = nan; },
+      [](Options& o) { o.sun.z() = -1; },
+      [](Options& o) { o.daylight = 2; },
+      [](Options& o) { o.hood = 1; },
+      [](Options& o) { o.grain = 1; },
+      [](Options& o) { o.jpeg_quality = -1; },
+      [](Options& o) { o.bare_to_m = 1e9; },
+      [](Options& o) {
+        o.speeds = {{0, 99}};
+      },
+      [](Options& o) {
+        o.speeds = {{1, 5}, {1, 6}};
+      },
+  };
+  for (std::size_t i = 0; i < mistakes.size(); ++i) {
+    Options options;
+    EXPECT_NO_THROW(options.validate());
+    mistakes[i](options);
+    EXPECT_THROW(SyntheticDrive{options}, OptionError) << "mistake " << i;
+  }
+}
+
+TEST(SyntheticDrive, DefaultDriveIsLongEnoughAndSmooth) {
+  const SyntheticDrive drive{Options()};
+  double length = 0, left = 0, right = 0, up = 0;
+  for (std::size_t i = 1; i < drive.size(); ++i) {
+    const Eigen::Isometry3d motion = drive.frame(i - 1).T_c0_c.inverse() * drive.frame(i).T_c0_c;
+    const double step = motion.translation().norm();
+    EXPECT_LE(step, 0.92);
+    length += step;
+    const double yaw = std::atan2(motion.linear()(0, 2), motion.linear()(2, 2));
+    (yaw > 0 ? right : left) += std::abs(yaw);
+    up = std::max(up, -drive.frame(i).T_c0_c.translation().y());
+    EXPECT_GT(drive.frame(i).stamp_ns, drive.frame(i - 1).stamp_ns);
+  }
+  EXPECT_GT(length, 105);
+  EXPECT_GT(left, 0.5);
+  EXPECT_GT(right, 0.5);
+  EXPECT_GT(up, 0.5);
+}
+
+// The camera's own speed, normal and height must tell one story: the way along the normal is the
+// change of height, so a road plane taken from one frame is the next one's but for its curvature.
+TEST(SyntheticDrive, HeightAndNormalAgreeWithThePoses) {
+  const SyntheticDrive drive{Options()};
+  EXPECT_TRUE(drive.frame(0).T_c0_c.matrix().isIdentity(0));
+  for (std::size_t i = 0; i + 1 < drive.size(); ++i) {
+    const Frame &a = drive.frame(i), &b = drive.frame(i + 1);
+    EXPECT_NEAR(a.n_c.norm(), 1, 1e-12);
+    EXPECT_LT(a.n_c.y(), -0.99);  // up
+    EXPECT_NEAR(a.height, 1.65, 0.02);
+    const Eigen::Isometry3d T_a_b = a.T_c0_c.inverse() * b.T_c0_c;
+    const double height_of_b = a.height + a.n_c.dot(T_a_b.translation());
+    EXPECT_NEAR(height_of_b, b.height, 1e-3) << i;  // in 0.9 m, on a crest of 830 m radius
+    EXPECT_LT((T_a_b.linear() * b.n_c - a.n_c).norm(), 2e-3) << i;
+  }
+}
+
+TEST(SyntheticDrive, ARigidCarOnAFlatRoadKeepsItsPlane) {
+  Options options = shortDrive(150);
+  options.slope = options.suspension = 0;
+  const SyntheticDrive drive(options);
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    EXPECT_NEAR(drive.frame(i).height, options.camera_height, 1e-9);
+    EXPECT_LT((drive.frame(i).n_c - drive.frame(0).n_c).norm(), 1e-9);
+    const double height =
+        options.camera_height + drive.frame(0).n_c.dot(drive.frame(i).T_c0_c.translation());
+    EXPECT_NEAR(height, options.camera_height, 1e-9);
+  }
+  EXPECT_NEAR(drive.frame(0).n_c.y(), -std::cos(options.pitch_rad), 1e-12);
+  EXPECT_NEAR(drive.frame(0).n_c.z(), -std::sin(options.pitch_rad), 1e-12);
+}
+
+TEST(SyntheticDrive, StandsStillAtTheStop) {
+  Options options;
+  options.moving_cars = false;
+  options.noise_sigma = 0;
+  const SyntheticDrive drive(options);
+  std::vector<std::size_t> standing;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    if (drive.frame(i).speed == 0) standing.push_back(i);
+  }
+  ASSERT_GE(standing.size(), 24u);
+  ASSERT_LE(standing.size(), 26u);
+  const Frame &first = drive.frame(standing.front()), &last = drive.frame(standing.back());
+  EXPECT_TRUE(first.T_c0_c.isApprox(last.T_c0_c, 0));
+  EXPECT_EQ(first.height, last.height);
+  EXPECT_EQ(first.height, options.camera_height);
+  EXPECT_TRUE(equal(drive.image(standing.front()), drive.image(standing.back())));
+}
+
+TEST(SyntheticDrive, DrivesAsTheTableOfSpeedsSays) {
+  Options options = shortDrive(60);
+  options.curvature = options.slope = 0;
+  options.speeds = {{0, 6}, {2, 6}, {3, 0}, {4, -2}};
+  const SyntheticDrive drive(options);
+  const auto way = [&](std::size_t i) { return drive.frame(i).T_c0_c.translation().norm(); };
+  EXPECT_NEAR(way(20), 12, 0.05);
+  EXPECT_NEAR(way(30), 15, 0.05);  // a cosine ramp is half as long as the cruise
+  EXPECT_NEAR(way(40), 14, 0.05);
+  EXPECT_NEAR(way(50), 12, 0.05);
+  EXPECT_EQ(drive.frame(10).speed, 6);
+  EXPECT_NEAR(drive.frame(25).speed, 3, 1e-12);
+  EXPECT_EQ(drive.frame(50).speed, -2);
+}
+
+TEST(SyntheticDrive, StandsOnItsWheelsOnABump) {
+  Options options = shortDrive(60);
+  options.curvature = options.slope = options.suspension = 0;
+  options.bump_height = 0.1;
+  options.speed = 5;
+  options.stop_s = 0;
+  const SyntheticDrive drive(options);
+  const double h = options.camera_height;
+  const Eigen::Vector3d n = drive.frame(0).n_c;
+  double highest = 0, steepest = 0;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const Frame& frame = drive.frame(i);
+    EXPECT_NEAR(frame.height, h, 1e-9);
+    const double rise = n.dot(frame.T_c0_c.translation());
+    highest = std::max(highest, rise);
+    steepest =
+        std::max(steepest, std::acos(std::min(1.0, (frame.T_c0_c.linear() * frame.n_c).dot(n))));
+    EXPECT_GT(rise, -0.01);
+    // The front axle comes to it at 21 m - 1.4, the rear one leaves it at 24.6 m + 1.2.
+    const double station = 0.5 * static_cast<double>(i);
+    if (station < 19.6 || station > 25.8) {
+      EXPECT_NEAR(rise, 0, 1e-9) << i;
+    }
+  }
+  EXPECT_GT(highest, 0.05);
+  EXPECT_LT(highest, 0.1);
+  EXPECT_NEAR(steepest, 0.1 / 2.6, 0.012);
+}
+
+TEST(SyntheticDrive, BlackFramesAreBlack) {
+  Options options = shortDrive(6);
+  options.black_first = 2;
+  options.black_frames = 3;
+  const SyntheticDrive drive(options);
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    EXPECT_EQ(cv::countNonZero(drive.image(i)) == 0, i >= 2 && i < 5) << i;
+  }
+}
+
+TEST(SyntheticDrive, SwitchesChangeThePicture) {
+  const cv::Mat all = SyntheticDrive(shortDrive(1)).image(0);
+  for (const auto& change : std::vector<std::function<void(Options&)>>{
+           [](Options& o) { o.moving_cars = false; },
+           [](Options& o) { o.lane_markings = false; },
+           [](Options& o) { o.shadows = false; },
+           [](Options& o) { o.road_texture = 0; },
+           [](Options& o) { o.curvature = 0; },
+           [](Options& o) { o.noise_sigma = 0; },
+           [](Options& o) { o.roll_rad = 0.05; },
+           [](Options& o) { o.lane_offset = -1; },
+           [](Options& o) { o.lead_van = true; },
+           [](Options& o) { o.lead_gap = 5; },
+           [](Options& o) { o.cars_beside = 1; },
+           [](Options& o) { o.parked_cars = false; },
+           [](Options& o) { o.solid_lines = true; },
+           [](Options& o) { o.arrow_spacing = 10; },
+           [](Options& o) { o.bare_to_m = 20; },
+           [](Options& o) { o.cobbles = true; },
+           [](Options& o) { o.slope = 0, o.puddles = 0.3; },
+           [](Options& o) { o.sun.y() = -0.6; },
+           [](Options& o) { o.daylight = 0.5; },
+           [](Options& o) {
+             o.own_shadow = true, o.sun = {-0.9, 0.1, 0.2};
+           },
+           [](Options& o) { o.headlamps = true, o.daylight = 0.01; },
+           [](Options& o) { o.hood = 0.2; },
+           [](Options& o) { o.grain = 0.1; },
+           [](Options& o) { o.jpeg_quality = 40; }}) {
+    Options options = shortDrive(1);
+    change(options);
+    EXPECT_FALSE(equal(all, SyntheticDrive(options).image(0)));
+  }
+}
+
+/// A place on the drive, and how far the road there is from the plane below the camera.
+struct Place {
+  std::size_t frame;
+  double slope;
+  double median_px, bias_px;       ///< allowed
+  const char* scenario = nullptr;  ///< its drive; else the default one
+};
+
+/// Frame i's picture of the road, laid over frame i + 1 along the true plane.
+class SyntheticRoad : public testing::TestWithParam<Place> {
+ protected:
+  void SetUp() override {
+    Options options = GetParam().scenario ? findScenario(GetParam().scenario).options : Options();
+    options.slope = GetParam().slope;
+    options.moving_cars = false;
+    const SyntheticDrive drive(options);
+    const std::size_t i = GetParam().frame;
+    const cv::Mat before = drive.image(i);
+    after_ = drive.image(i + 1);
+    lane_ = laneAhead(drive.camera());
+    cv::Mat map(after_.size(), CV_32FC2, cv::Scalar(-9, -9));
+    for (int y = lane_.y - 20; y < after_.rows; ++y) {
+      for (int x = 0; x < after_.cols; ++x) {
+        const Eigen::Vector2d u = warp(drive.camera(), drive.frame(i + 1), drive.frame(i), {x, y});
+        map.at<cv::Vec2f>(y, x) = {static_cast<float>(u.x()), static_cast<float>(u.y())};
+      }
+    }
+    cv::remap(before, aligned_, map, cv::noArray(), cv::INTER_CUBIC);
+  }
+  cv::Mat after_, aligned_;
+  cv::Rect lane_;
+};
+
+TEST_P(SyntheticRoad, PixelsReprojectToTheSameTexture) {
+  cv::Mat difference, smooth, texture;
+  cv::absdiff(aligned_(lane_), after_(lane_), difference);
+  cv::GaussianBlur(after_(lane_), smooth, {}, 4);
+  cv::absdiff(after_(lane_), smooth, texture);
+  EXPECT_GT(cv::mean(texture)[0], 3);  // there is something to see
+  EXPECT_LT(cv::mean(difference)[0], 4);
+  EXPECT_LT(cv::mean(difference)[0], 0.7 * cv::mean(texture)[0]);
+}
+
+TEST_P(SyntheticRoad, CornersStickToTheRoad) {
+  cv::Mat mask = cv::Mat::zeros(after_.size(), CV_8U);
+  mask(lane_) = 255;
+  std::vector<cv::Point2f> corners;
+  cv::goodFeaturesToTrack(after_, corners, 150, 0.02, 5, mask);
+  ASSERT_GT(corners.size(), 40u);
+  std::vector<cv::Point2f> tracked = corners;
+  std::vector<uchar> found;
+  cv::calcOpticalFlowPyrLK(after_, aligned_, corners, tracked, found, cv::noArray(), {11, 11}, 0,
+                           {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.001},
+                           cv::OPTFLOW_USE_INITIAL_FLOW);
+  std::vector<double> errors, x, y;
+  for (std::size_t k = 0; k < corners.size(); ++k) {
+    if (!found[k]) continue;
+    const cv::Point2f off = tracked[k] - corners[k];
+    errors.push_back(std::hypot(off.x, off.y));
+    x.push_back(off.x);
+    y.push_back(off.y);
+  }
+  ASSERT_GT(errors.size(), 40u);
+  RecordProperty("median_px", std::to_string(quantile(errors, 0.5)));
+  RecordProperty("p95_px", std::to_string(quantile(errors, 0.95)));
+  EXPECT_LT(quantile(errors, 0.5), GetParam().median_px);
+  EXPECT_LT(quantile(errors, 0.95), 0.7);
+  EXPECT_LT(std::abs(quantile(x, 0.5)), 0.06);
+  EXPECT_LT(std::abs(quantile(y, 0.5)), GetParam().bias_px);
+}
+
+INSTANTIATE_TEST_SUITE_P(StraightAndCurves, SyntheticRoad,
+                         testing::Values(Place{0, 0, 0.2, 0.06}, Place{20, 0, 0.2, 0.06},
+                                         Place{35, 0, 0.2, 0.06}, Place{170, 0, 0.2, 0.06}));
+// Ten metres ahead the road is some centimetres off the plane below the camera.
+INSTANTIATE_TEST_SUITE_P(Slope, SyntheticRoad,
+                         testing::Values(Place{10, 0.025, 0.5, 0.4}, Place{150, 0.025, 0.5, 0.4}));
+// Where a mounting, a ramp or a bend is extreme, the plane below is still the one ahead.
+INSTANTIATE_TEST_SUITE_P(Scenarios, SyntheticRoad,
+                         testing::Values(Place{20, 0, 0.2, 0.06, "rolled"},
+                                         Place{20, 0, 0.2, 0.06, "pitched"},
+                                         Place{20, 0, 0.2, 0.06, "camera_high"},
+                                         Place{20, 0, 0.2, 0.06, "camera_low"},
+                                         Place{60, 0, 0.2, 0.06, "tight_bends"},
+                                         Place{33, 0, 0.2, 0.15, "slope_edges"}));
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "ground_scale_vo/common/error.hpp"
+
+namespace ground_scale_vo {
+
+/// A folder of its own for each test, removed afterwards.
+class TemporaryFolder : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "gsv_test_XXXXXX").string();
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  /// Writes folder_/name, and the folders above it.
+  std::filesystem::path write(const std::string& name, const std::string& content) const {
+    const std::filesystem::path file = folder_ / name;
+    std::filesystem::create_directories(file.parent_path());
+    std::ofstream(file, std::ios::binary) << content;
+    return file;
+  }
+
+  std::filesystem::path folder_;
+};
+
+/// While it lives no file of this process grows beyond so many bytes: to its writer a disk that is
+/// full, on every machine and without rights.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~FullDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+ private:
+  void (*const handler_)(int);
+  rlimit before_{};
+};
+
+/// The sentence of the DataError that `action` must throw, without the folder's own name.
+template <typename Action>
+std::string dataErrorOf(Action action, const std::filesystem::path& folder) {
+  try {
+    action();
+  } catch (const DataError& error) {
+    std::string sentence = error.what();
+    const std::string prefix = folder.string();
+    for (auto at = sentence.find(prefix); at != std::string::npos; at = sentence.find(prefix)) {
+      sentence.replace(at, prefix.size(), "");
+    }
+    return sentence;
+  }
+  return "no error";
+}
+
+/// GROUND_SCALE_VO_DATA/name, or nothing when the variable is unset or has no such folder.
+inline std::filesystem::path realData(const std::string& name) {
+  const char* root = std::getenv("GROUND_SCALE_VO_DATA");
+  const std::filesystem::path path = root ? std::filesystem::path(root) / name : "";
+  return std::filesystem::exists(path) ? path : "";
+}
+
+}  // namespace ground_scale_vo

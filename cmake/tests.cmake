@@ -38,8 +38,8 @@ endfunction()
 
 find_package(Ceres REQUIRED)  # an independent solver for the test of the bundle adjustment
 gsv_add_unit_tests(common ${PROJECT_NAME}_core)
-gsv_add_unit_tests(vo ${PROJECT_NAME}_core ${CERES_LIBRARIES})
-gsv_add_unit_tests(scale ${PROJECT_NAME}_core)
+gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation ${CERES_LIBRARIES})
+gsv_add_unit_tests(scale ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(io ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(evaluation ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(calibration ${PROJECT_NAME}_simulation)

@@ -317,8 +317,8 @@ TEST_F(KittiSequenceTest, RawGroundTruthIsTheCamerasNotTheGpsUnits) {
   const double yaw = 0.1;
   const double east = 6378137.0 * std::cos(49.0 * M_PI / 180.0) * 1e-5 * M_PI / 180.0;
   const Eigen::Vector3d p(0.3 + 0.8, -0.3, -0.1 + 0.8);
-  const Eigen::Vector3d boxplus(std::cos(yaw) * p.x() - std::sin(yaw) * p.y() + east - p.x(),
-                                std::sin(yaw) * p.x() + std::cos(yaw) * p.y() - p.y(), 0.5);
+  const Eigen::Vector3d moved(std::cos(yaw) * p.x() - std::sin(yaw) * p.y() + east - p.x(),
+                              std::sin(yaw) * p.x() + std::cos(yaw) * p.y() - p.y(), 0.5);
   const Eigen::Vector3d expected(-moved.y(), -moved.z(), moved.x());
   EXPECT_LT((sequence.groundTruth()[1].translation() - expected).norm(), 1e-6);
   // A left turn is a negative rotation about the camera's y, which points down.

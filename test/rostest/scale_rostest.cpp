@@ -274,7 +274,7 @@ class Refined : public Scale {
     ASSERT_EQ(scales_.messages().size(), static_cast<std::size_t>(kFrames));
     ASSERT_EQ(alone_.messages().size(), static_cast<std::size_t>(kFrames));
   }
-  void visitParameters(const PinholeCamera& camera) { infos_.publish(toCameraInfo(camera)); }
+  void publishCameraInfo(const PinholeCamera& camera) { infos_.publish(toCameraInfo(camera)); }
   void expectNoEffect() {
     for (std::size_t i = 0; i < kFrames; ++i) {
       EXPECT_EQ(scales_.messages()[i]->scale, alone_.messages()[i]->scale) << i;
@@ -298,7 +298,7 @@ TEST_F(Refined, NotWithoutACameraInfo) {
 
 TEST_F(Refined, ByTheImages) {
   FlatRoad road(8000);
-  visitParameters(road.camera());
+  publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image&) {});
   EXPECT_TRUE(diagnosed(diagnostics_, "images", "used"));
   EXPECT_TRUE(diagnosed(diagnostics_, "images", "not used"));
@@ -309,7 +309,7 @@ TEST_F(Refined, ByTheImages) {
 
 TEST_F(Refined, NotByImagesThatCannotBeUsed) {
   FlatRoad road(9000);
-  visitParameters(road.camera());
+  publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image& image) { image.encoding = "nonsense"; });
   expectNoEffect();
   EXPECT_TRUE(diagnosed(diagnostics_, "dropped: image refused"));
@@ -320,8 +320,8 @@ TEST_F(Refined, NotByImagesOfAnotherCamera) {
   FlatRoad road(10000);
   PinholeCamera other = road.camera();
   other.fx += 10;
-  visitParameters(other);
-  visitParameters(PinholeCamera());  // refused: the one before stays
+  publishCameraInfo(other);
+  publishCameraInfo(PinholeCamera());  // refused: the one before stays
   EXPECT_TRUE(diagnosed(diagnostics_, "dropped: camera_info refused", "1"));
   play(road, [](sensor_msgs::Image&) {});
   expectNoEffect();
@@ -331,7 +331,7 @@ TEST_F(Refined, NotByImagesOfAnotherCamera) {
 // A frame that waits for its image when the clock jumps belongs to the scale of the old clock.
 TEST_F(Refined, AFrameThatWaitsIsNotCarriedOverAJumpOfTheClock) {
   FlatRoad road(10500);
-  visitParameters(road.camera());
+  publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image&) {});
   frames_.publish(road.next());
   FlatRoad again(10500);
@@ -346,7 +346,7 @@ TEST_F(Refined, AFrameThatWaitsIsNotCarriedOverAJumpOfTheClock) {
 
 TEST_F(Refined, NotByImagesOfOtherTimes) {
   FlatRoad road(11000);
-  visitParameters(road.camera());
+  publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image& image) { image.header.stamp += ros::Duration(0.01); });
   expectNoEffect();
 }

@@ -1,4 +1,4 @@
-// docs/parameters.md and the code say the same.
+// docs/reference/parameters.md and the code say the same.
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ namespace ground_scale_vo {
 namespace {
 
 const std::filesystem::path kTable =
-    std::filesystem::path(__FILE__).parent_path() / "../../docs/parameters.md";
+    std::filesystem::path(__FILE__).parent_path() / "../../docs/reference/parameters.md";
 
 /// A bar would end the cell.
 std::string escaped(const std::string& text) {
@@ -58,10 +58,11 @@ void expectSame(const std::vector<std::string>& written, const std::vector<std::
   const std::set<std::string> in_table(written.begin(), written.end());
   const std::set<std::string> in_code(code.begin(), code.end());
   for (const std::string& line : code) {
-    EXPECT_EQ(in_table.count(line), 1u) << "docs/parameters.md lacks the row\n" << line;
+    EXPECT_EQ(in_table.count(line), 1u) << "docs/reference/parameters.md lacks the row\n" << line;
   }
   for (const std::string& line : written) {
-    EXPECT_EQ(in_code.count(line), 1u) << "docs/parameters.md has a row of its own\n" << line;
+    EXPECT_EQ(in_code.count(line), 1u) << "docs/reference/parameters.md has a row of its own\n"
+                                       << line;
   }
   EXPECT_EQ(written.size(), in_table.size()) << "a row stands twice";
 }

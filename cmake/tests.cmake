@@ -5,7 +5,7 @@
 function(gsv_add_test_headers name)
   add_library(${name} OBJECT ${PROJECT_SOURCE_DIR}/cmake/empty.cpp)
   gsv_as_test(${name})
-  target_link_libraries(${name} PRIVATE ${ARGN})
+  target_link_libraries(${name} PRIVATE ${ARGN} gtest)  # its definitions too
   target_precompile_headers(${name} PRIVATE
     <gtest/gtest.h> <Eigen/Dense> <algorithm> <cmath> <filesystem> <functional> <map> <memory>
     <opencv2/core.hpp> <opencv2/imgproc.hpp> <optional> <string> <vector>)

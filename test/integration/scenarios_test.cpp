@@ -38,7 +38,7 @@ TEST(Scenarios, AreACatalogue) {
   }
 }
 
-class Scenario : public testing::TestWithParam<Scenario> {};
+class ScenarioDrive : public testing::TestWithParam<Scenario> {};
 
 /// The way from one frame to the next along the first one's normal is the change of height.
 void expectOneStory(const Scenario& scenario, const SyntheticDrive& drive) {
@@ -72,7 +72,7 @@ void expectRemedy(const Scenario& scenario, const SyntheticDrive& drive,
   EXPECT_NE(broken(without), "") << "it does not need: " << remedy.what;
 }
 
-TEST_P(Scenario, IsMeasuredOrHeldAndNeedsItsRemedy) {
+TEST_P(ScenarioDrive, IsMeasuredOrHeldAndNeedsItsRemedy) {
   const Scenario& scenario = GetParam();
   const SyntheticDrive drive(scenario.options);
   expectOneStory(scenario, drive);
@@ -92,7 +92,7 @@ std::vector<Scenario> drivesToRun() {
   return some;
 }
 
-INSTANTIATE_TEST_SUITE_P(Drives, Scenario, testing::ValuesIn(drivesToRun()),
+INSTANTIATE_TEST_SUITE_P(Drives, ScenarioDrive, testing::ValuesIn(drivesToRun()),
                          [](const auto& drive) { return drive.param.name; });
 
 }  // namespace

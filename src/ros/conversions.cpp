@@ -11,6 +11,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -152,18 +153,12 @@ Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d&
   return T;
 }
 
-Eigen::Matrix3d cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 /// Carries (linear, angular) small motions over to other axes (rotated by R) and to another point
 /// of the same body, at `lever` from the old one in the old axes: v' = R (v + w x lever), w' = R w.
 Matrix6d carry(const Eigen::Matrix3d& R, const Eigen::Vector3d& lever) {
   Matrix6d J = Matrix6d::Zero();
   J.topLeftCorner<3, 3>() = R;
-  J.topRightCorner<3, 3>() = -R * cross(lever);
+  J.topRightCorner<3, 3>() = -R * skew(lever);
   J.bottomRightCorner<3, 3>() = R;
   return J;
 }
@@ -496,7 +491,7 @@ nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const OdometryFram
                 msg->pose.covariance);
 
   const Matrix6d J = carry(frames.T_c_b.linear().transpose(), base_in_c);
-  const Eigen::Matrix<double, 6, 1> twist_b = J * pose.twist_c;
+  const Vector6d twist_b = J * pose.twist_c;
   msg->twist.twist.linear.x = twist_b[0];
   msg->twist.twist.linear.y = twist_b[1];
   msg->twist.twist.linear.z = twist_b[2];

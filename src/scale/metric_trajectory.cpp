@@ -4,15 +4,10 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d S;
-  S << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return S;
-}
 
 double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 
@@ -43,7 +38,7 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
   if (new_map) {
     // The pose stays; what the vehicle did meanwhile is not known.
     const double unseen_s = seconds(frame.stamp_ns - moving_stamp_ns_);
-    Eigen::Matrix<double, 6, 1> unseen;
+    Vector6d unseen;
     unseen << Eigen::Vector3d::Constant(unseen_s * options_.new_map_position_sigma_per_s),
         Eigen::Vector3d::Constant(unseen_s * options_.new_map_rotation_sigma_per_s);
     covariance_.topLeftCorner<6, 6>().diagonal() += unseen.cwiseAbs2();

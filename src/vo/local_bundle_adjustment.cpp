@@ -11,6 +11,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -22,33 +23,6 @@ constexpr double kFirstDamping = 1e-4;   // added to the diagonal, as a share of
 constexpr double kMinDiagonal = 1e-6;    // the share is of at least this
 constexpr double kMinGain = 1e-3;        // decrease of the cost over the model's, of a good step
 constexpr double kCostTolerance = 1e-6;  // a smaller relative change is the last
-
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-
-Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
-/// An increment (w, v) of the pose in its own camera.
-Eigen::Isometry3d boxplus(const Eigen::Isometry3d& T_w_c, const Vector6d& increment) {
-  Eigen::Isometry3d T = T_w_c;
-  T.translation() += T_w_c.linear() * increment.tail<3>();
-  const double angle = increment.head<3>().norm();
-  if (angle > 0) T.rotate(Eigen::AngleAxisd(angle, increment.head<3>() / angle));
-  return T;
-}
-
-/// Increments of a's pose, seen as increments of o's: the residual of o moves as if o's pose had
-/// been incremented by minus this matrix times the increment of a's.
-Matrix6d adjoint(const Eigen::Isometry3d& T_o_a) {
-  Matrix6d m;
-  m << T_o_a.linear(), Eigen::Matrix3d::Zero(), skew(T_o_a.translation()) * T_o_a.linear(),
-      T_o_a.linear();
-  return m;
-}
 
 }  // namespace
 
@@ -219,6 +193,7 @@ struct LocalBundleAdjustment::Problem {
       gradient.segment<6>(o) += p.gradient;
       if (p.anchor < held) continue;
       const Eigen::Index a = row(p.anchor);
+      // A motion of the anchor changes the residual as its negative in the observer's axes does.
       const Matrix6d A = adjoint(p.T_o_a), HA = p.hessian * A;
       hessian.block<6, 6>(o, a) -= HA;
       hessian.block<6, 6>(a, a).noalias() += A.transpose() * HA;

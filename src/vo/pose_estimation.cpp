@@ -5,6 +5,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -16,7 +17,8 @@ constexpr double kSpreadOfFirstSteps = 4.0;  // the first steps forgive this muc
 struct Linearised {
   bool in_front = false;
   Eigen::Vector2d residual;
-  Eigen::Matrix<double, 2, 6> J;  // to (rotation, translation) of a left increment to T_c_w
+  Eigen::Matrix<double, 2, 6>
+      J;  // over the motion of the world in the axes of c: T_c_w = motionFrom(delta) * T_c_w
   Eigen::Matrix2d information;
 };
 
@@ -29,9 +31,7 @@ Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) 
   l.residual = p.head<2>() * iz - o.x;
   Eigen::Matrix<double, 2, 3> P;
   P << iz, 0, -p.x() * iz * iz, 0, iz, -p.y() * iz * iz;
-  Eigen::Matrix3d minus_skew;
-  minus_skew << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
-  l.J << P * minus_skew, P;
+  l.J << P * -skew(p), P;
   const Eigen::Vector2d g = P * (T_c_w.linear() * o.sigma_w);
   // (sigma^2 I + g g^T)^-1
   const double n2 = o.sigma * o.sigma;
@@ -50,8 +50,8 @@ PoseEstimation::Result PoseEstimation::refine(
   Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
     const double spread = std::max(1.0, kSpreadOfFirstSteps / (iteration + 1));
-    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
-    Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
+    Matrix6d H = Matrix6d::Zero();
+    Vector6d b = Vector6d::Zero();
     for (const PointObservation& o : observations) {
       const Linearised l = linearise(T_c_w, o);
       if (!l.in_front) continue;
@@ -62,14 +62,10 @@ PoseEstimation::Result PoseEstimation::refine(
       b.noalias() -= JtW * l.residual;
     }
     H.diagonal() *= 1 + 1e-9;
-    const Eigen::Matrix<double, 6, 1> step = H.ldlt().solve(b);
+    const Vector6d step = H.ldlt().solve(b);
     if (!isFinite(step)) break;
-    const double angle = step.head<3>().norm();
-    if (angle > 1) break;
-    Eigen::Isometry3d increment = Eigen::Isometry3d::Identity();
-    if (angle > 0) increment.linear() = Eigen::AngleAxisd(angle, step.head<3>() / angle).matrix();
-    increment.translation() = step.tail<3>();
-    T_c_w = increment * T_c_w;
+    if (step.head<3>().norm() > 1) break;
+    T_c_w = motionFrom(step) * T_c_w;
     if (spread == 1.0 && b.dot(step) < 1e-6) break;
   }
 

@@ -9,6 +9,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/vo/exposure.hpp"
 
@@ -135,9 +136,8 @@ struct VisualOdometry::Impl {
   LocalMap map;
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  // of the last tracked frame
   std::int64_t pose_stamp_ns = 0;
-  Eigen::Matrix<double, 6, 1> velocity =
-      Eigen::Matrix<double, 6, 1>::Zero();  // w, v in c, per second
-  double velocity_dt = 0;                   // [s] over which it was measured
+  Vector6d velocity = Vector6d::Zero();  // w, v in c, per second
+  double velocity_dt = 0;                // [s] over which it was measured
   int lost_frames = 0;
 
   std::vector<StartFrame> start_frames;  // the first is the reference
@@ -154,11 +154,7 @@ struct VisualOdometry::Impl {
   Eigen::Isometry3d predictPose(std::int64_t stamp_ns) const {
     const double dt = std::min(static_cast<double>(stamp_ns - pose_stamp_ns) * 1e-9,
                                kMaxPredictedSteps * velocity_dt);
-    Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
-    const Eigen::Vector3d w = velocity.head<3>() * dt;
-    if (w.norm() > 0) step.linear() = Eigen::AngleAxisd(w.norm(), w.normalized()).matrix();
-    step.translation() = velocity.tail<3>() * dt;
-    return T_w_c * step;
+    return boxplus(T_w_c, velocity * dt);
   }
 
   /// Where each feature should appear: its point under the predicted pose, or for a corner without

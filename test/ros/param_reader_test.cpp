@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "ground_scale_vo/common/nearest_name.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 
 namespace ground_scale_vo {
@@ -21,20 +20,6 @@ std::string refusal(XmlRpcValue tree) {
     return error.what();
   }
   return "";
-}
-
-TEST(NearestName, CountsSingleLetterEdits) {
-  EXPECT_EQ(editDistance("", ""), 0u);
-  EXPECT_EQ(editDistance("height", ""), 6u);
-  EXPECT_EQ(editDistance("camera_height", "camera_hight"), 1u);
-  EXPECT_EQ(editDistance("kitten", "sitting"), 3u);
-}
-
-TEST(NearestName, FindsTheNearestAndNothingAtAllForTheForeign) {
-  const std::vector<std::string> known = {"odom_frame", "base_frame", "camera_height"};
-  EXPECT_EQ(nearestName("odom_fram", known), "odom_frame");
-  EXPECT_EQ(nearestName("camera_hieght", known), "camera_height");
-  EXPECT_EQ(nearestName("xyz", known), "");
 }
 
 TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {

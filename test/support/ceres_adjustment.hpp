@@ -7,6 +7,7 @@
 #include <deque>
 #include <vector>
 
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 
 namespace ground_scale_vo::test {
@@ -16,12 +17,6 @@ constexpr double kMinDepthRatio = 1e-3;  // depth in the observer over depth in 
 /// Rotation vector, then translation, of T_r_c in the frame r of the newest keyframe: rotations
 /// stay far from the vector's singularity at a whole turn.
 using PoseParameters = std::array<double, 6>;
-
-inline Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 inline Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
   const double angle = w.norm();

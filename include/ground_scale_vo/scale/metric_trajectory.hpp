@@ -5,12 +5,11 @@
 #include <optional>
 
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
-
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 /// Camera pose in metres. `o` has the camera's axes (x right, y down, z forward) and lies at the
 /// first frame of the first map.
@@ -20,7 +19,7 @@ struct MetricPose {
   /// about o's axes [rad^2] (the order of geometry_msgs/PoseWithCovariance).
   Matrix6d covariance = Matrix6d::Zero();
   /// Since the previous metric pose, in camera axes c: v [m/s], w [rad/s]; zero in a map's first.
-  Eigen::Matrix<double, 6, 1> twist_c = Eigen::Matrix<double, 6, 1>::Zero();
+  Vector6d twist_c = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
   double distance = 0;  ///< travelled so far [m]
 };

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <Eigen/Geometry>
+
+namespace ground_scale_vo {
+
+// Small motions of a pose are 6-vectors (w, v): w [rad] is a rotation vector (axis times angle), v
+// a translation. Both are in the axes of the frame that moves, and translation is not coupled to
+// rotation: the retraction is that of SO(3) x R^3, not the exponential map of SE(3).
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+/// The matrix of the cross product: skew(a) * b = a x b.
+inline Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
+  Eigen::Matrix3d m;
+  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  return m;
+}
+
+/// The motion with rotation exp([w]x) and translation v.
+inline Eigen::Isometry3d motionFrom(const Vector6d& delta) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  const double angle = delta.head<3>().norm();
+  if (angle > 0) T.linear() = Eigen::AngleAxisd(angle, delta.head<3>() / angle).matrix();
+  T.translation() = delta.tail<3>();
+  return T;
+}
+
+/// Retraction: T_a_b after b has moved by delta in its own axes, (R exp([w]x), t + R v).
+inline Eigen::Isometry3d boxplus(const Eigen::Isometry3d& T_a_b, const Vector6d& delta) {
+  return T_a_b * motionFrom(delta);
+}
+
+/// Adjoint: turns a small motion (w, v) in the axes of b into the same motion in those of a.
+inline Matrix6d adjoint(const Eigen::Isometry3d& T_a_b) {
+  Matrix6d m;
+  m << T_a_b.linear(), Eigen::Matrix3d::Zero(), skew(T_a_b.translation()) * T_a_b.linear(),
+      T_a_b.linear();
+  return m;
+}
+
+}  // namespace ground_scale_vo

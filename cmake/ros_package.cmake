@@ -57,7 +57,7 @@ install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_
   PATTERN calibration EXCLUDE
   PATTERN simulation EXCLUDE
   PATTERN ros_tools EXCLUDE)
-catkin_install_python(PROGRAMS nodes/feed_another_vo nodes/play_bag scripts/ablation_table.py
+catkin_install_python(PROGRAMS nodes/feed_another_vo nodes/playback_monitor scripts/ablation_table.py
   scripts/benchmark_report.py scripts/metrics_table.py scripts/plot_run.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

@@ -384,7 +384,7 @@ def write_report(folder, stem, report, text):
 def report_benchmark(folder, load):
     name = folder.resolve().name
     one, two = read_run(folder / "one_core"), read_run(folder / "two_cores")
-    long_way = read_run(folder / "long_way")
+    long_drive = read_run(folder / "long_drive")
     floor = read_table(folder / "one_core" / "floor.csv")
     files = sorted(folder.glob("graph_*.csv"), key=lambda file: float(file.stem.split("_")[1]))
     graphs = [graph_figures(file, one["facts"]["frames"]) for file in files]
@@ -395,12 +395,12 @@ def report_benchmark(folder, load):
         "floor_ms": {**{column: stage_figures(floor[column]) for _, column, _ in FLOOR},
                      "points_median": float(np.median(floor["points"]))},
         "whole_over_floor": ratio_figures(one, floor),
-        "memory": memory_figures(long_way),
+        "memory": memory_figures(long_drive),
         "graph": [graph for graph, _ in graphs],
     }
     report["aims"] = bar_figures(report)
     draw_stages(folder, name, one, floor, report)
-    draw_memory(folder, name, long_way)
+    draw_memory(folder, name, long_drive)
     latencies = [(graph["rate"], times) for graph, times in graphs]
     if latencies:
         draw_latency(folder, name, latencies, report)

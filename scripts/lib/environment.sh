@@ -1,17 +1,22 @@
 # Set-up, build and environment for the commands in scripts/. Sourced, not run.
 #
-#   gsv_setup [section...]   installs what is missing of packages.txt: [run], [build], these sections
-#   gsv_build [target...]    configures and builds to $gsv_build_folder; no target: everything
-#   gsv_env                  makes ROS and this build usable in the calling shell
-#   gsv_show_launch NAME PID filters what kitti.launch says: progress, warnings, errors. Ends roslaunch,
-#                            whose process id stands in the file PID, when a node cannot be started
+#   gsv_setup [section...]   installs missing packages of packages.txt: [run], [build], these sections
+#   gsv_build [target...]    configures and builds in $gsv_build_folder; without a target: everything
+#   gsv_env                  sets the environment of ROS and of this build in the calling shell
+#   gsv_show_launch NAME FILE
+#                            reduces the output of kitti.launch (stdin) to progress, warnings and errors
+#                            (stderr); fails after an error. Stops roslaunch, whose process id is in
+#                            FILE, when it cannot start a node
+#   gsv_playback_finished LOG
+#                            true when the LOG of kitti.launch reports that the whole bag was processed
+#   gsv_free_port            prints a free TCP port
 #   gsv_find_folders OUT SEQ...
-#                            the folders of sequences whose results go to OUT/<name>, to gsv_folders
-#   $gsv_tools               the folder of the package's programs
+#                            checks the folders whose results go to OUT/<name>; sets gsv_folders
+#   $gsv_tools               the folder of the package's executables
 #   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
-# Each returns non-zero after one sentence on stderr when it fails. In an install space, where the
-# commands lie beside the programs, there is nothing to build.
+# Each function prints one sentence to stderr and returns non-zero when it fails. In an install space
+# the commands are installed beside the executables, and gsv_build does nothing.
 
 gsv_lib=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 gsv_root=$(cd "$gsv_lib/../.." && pwd)
@@ -22,16 +27,17 @@ gsv_use_build() {
   if gsv_installed; then gsv_space=$(dirname "$gsv_root"); fi
   gsv_tools=$gsv_space/lib/ground_scale_vo
 }
-gsv_use_build "$gsv_root/build"
+# scripts/test sets GROUND_SCALE_VO_BUILD for the commands under test: they use its build as it is.
+gsv_use_build "${GROUND_SCALE_VO_BUILD:-$gsv_root/build}"
 
-# A Python that stands before /usr/bin (pyenv, conda) breaks catkin, which needs the system's.
+# catkin needs the system's Python, not one of pyenv or conda.
 PATH=/usr/bin:/bin:$PATH
 
-# On Noetic everything lies under /opt/ros; on Debian there is no such folder and nothing to source.
+# Noetic is installed in /opt/ros; on Debian that folder does not exist and nothing is sourced.
 gsv_source_distribution() {
   local distribution=/opt/ros/${ROS_DISTRO:-noetic}
   [[ -z ${ROS_ROOT:-} && -f $distribution/setup.bash ]] || return 0
-  # These scripts are not made for `set -u` and `set -e`.
+  # The setup scripts fail under `set -u` and `set -e`.
   local options=$-
   set +eu
   source "$distribution/setup.bash"
@@ -50,12 +56,12 @@ gsv_packages() {
 gsv_setup() {
   if [[ -d /opt/ros/${ROS_DISTRO:-noetic} ]]; then
     gsv_source_distribution
-    return 0 # there rosdep installs: rosdep install --from-paths . --ignore-src
+    return 0 # rosdep installs the dependencies: rosdep install --from-paths . --ignore-src
   fi
   local sections=(run "$@") packages=() missing=() package
   gsv_installed || sections+=(build)
   mapfile -t packages < <(gsv_packages "${sections[@]}")
-  # One call for all of them; a name that dpkg does not know is missing too.
+  # One call for all packages; a package unknown to dpkg counts as missing.
   local installed
   installed=" $(dpkg-query -W -f '${db:Status-Status}=${Package} ' "${packages[@]}" 2>/dev/null || true) "
   for package in "${packages[@]}"; do
@@ -66,7 +72,7 @@ gsv_setup() {
   local as_root=()
   if ((EUID != 0)); then
     if ! command -v sudo >/dev/null; then
-      echo "set-up: ${#missing[@]} packages are missing and neither root nor sudo is there to install them: ${missing[*]}" >&2
+      echo "set-up: ${#missing[@]} packages are missing, and installing them needs root or sudo: ${missing[*]}" >&2
       return 1
     fi
     as_root=(sudo)
@@ -79,7 +85,7 @@ gsv_setup() {
   # The package lists are refreshed only when they are missing or out of date.
   if ! "${install[@]}" >"$log" 2>&1; then
     if ! { "${apt[@]}" update && "${install[@]}"; } >>"$log" 2>&1; then
-      echo "set-up: apt could not install ${missing[*]}; the reason stands in $log:" >&2
+      echo "set-up: apt could not install ${missing[*]}; see $log:" >&2
       grep -E '^E: ' "$log" | tail -n 3 >&2
       return 1
     fi
@@ -88,11 +94,12 @@ gsv_setup() {
 
 gsv_build() {
   gsv_installed && return 0
+  [[ ${GROUND_SCALE_VO_BUILD:-} != "$gsv_build_folder" ]] || return 0
   gsv_source_distribution
   local build=$gsv_build_folder log=$gsv_build_folder/build.log jobs
   jobs=${GSV_JOBS:-$(nproc)}
-  # catkin notes the environment of the tests when it configures, and leaves out what is not there yet:
-  # the folder of the messages' Python modules.
+  # At configuration, catkin puts into the tests' environment only folders that exist; the Python
+  # modules of the messages are generated later.
   mkdir -p "$build/devel/lib/python3/dist-packages"
   if ! cmake -S "$gsv_root" -B "$build" \
     -DPYTHON_EXECUTABLE=/usr/bin/python3 -DPython3_EXECUTABLE=/usr/bin/python3 \
@@ -103,7 +110,7 @@ gsv_build() {
   fi
   local targets=()
   (($# == 0)) || targets=(--target "$@")
-  # The compiler's lines go to the log; the terminal sees how far it is.
+  # The compiler's output goes to the log, the progress to the terminal.
   if ! (
     set -o pipefail
     cmake --build "$build" --parallel "$jobs" "${targets[@]}" 2>&1 | tee -a "$log" |
@@ -116,17 +123,17 @@ gsv_build() {
 }
 gsv_cmake_arguments=()
 
-# On a terminal in one line, in a log now and then, and only while something is made.
+# On a terminal one line that is overwritten, elsewhere a line every 30 s.
 gsv_show_progress() {
-  local line made at=$((SECONDS + 10))
+  local line percent next_progress=$((SECONDS + 10))
   while IFS= read -r line; do
     [[ $line =~ ^\[\ *([0-9]+)%\]\ (Building|Linking|Built) ]] || continue
-    made=$((BASH_REMATCH[1] < 100 ? BASH_REMATCH[1] : 100)) # make counts twice what two targets share
+    percent=$((BASH_REMATCH[1] < 100 ? BASH_REMATCH[1] : 100)) # make counts files shared by two targets twice
     if [[ -t 2 ]]; then
-      printf '\rbuild: %s%% ' "$made" >&2
-    elif [[ ${BASH_REMATCH[2]} == Building ]] && ((SECONDS >= at)); then
-      printf 'build: %s%%\n' "$made" >&2
-      at=$((SECONDS + 30))
+      printf '\rbuild: %s%% ' "$percent" >&2
+    elif [[ ${BASH_REMATCH[2]} == Building ]] && ((SECONDS >= next_progress)); then
+      printf 'build: %s%%\n' "$percent" >&2
+      next_progress=$((SECONDS + 30))
     fi
   done
   [[ ! -t 2 ]] || printf '\r\033[K' >&2
@@ -136,10 +143,10 @@ gsv_env() {
   gsv_source_distribution
   local setup=$gsv_space/setup.bash options=$-
   if [[ $gsv_space == /usr ]]; then
-    return 0 # of a Debian package: ROS lies there too, and needs no environment
+    return 0 # installed by the Debian package, beside Debian's ROS, which needs no environment
   fi
   if [[ ! -f $setup ]]; then
-    echo "environment: there is no $setup, nothing is built" >&2
+    echo "environment: there is no $setup; build first" >&2
     return 1
   fi
   set +eu
@@ -170,52 +177,54 @@ gsv_find_folders() {
   done
 }
 
-# Of all that roslaunch says the terminal sees the progress, under this name, warnings and errors; a
-# log sees the progress now and then.
+gsv_free_port() {
+  /usr/bin/python3 -c 'import socket; s = socket.socket(); s.bind(("", 0)); print(s.getsockname()[1])'
+}
+
+# After an error nothing more is shown: the errors that follow only result from the shutdown.
 gsv_show_launch() {
-  local name=$1 pid_file=$2 line at=0 over=no
+  local name=$1 pid_file=$2 line next_progress=0 failed=no
   shopt -s extglob
+  show() {
+    [[ ! -t 2 ]] || printf '\r\e[K' >&2 # overwrites the progress
+    printf '%s\n' "$1" >&2
+  }
   while IFS= read -r line; do
     line=${line//$'\e'\[*([0-9;])m/}
+    [[ $failed == no ]] || continue
     case $line in
-      'progress: '*)
+      *'progress: '*) # roslaunch may have written before it on the same line
+        line="$name: ${line#*progress: }"
         if [[ -t 2 ]]; then
-          printf '\r\e[K%s: %s' "$name" "${line#progress: }" >&2
-        elif ((SECONDS >= at)); then
-          printf '%s: %s\n' "$name" "${line#progress: }" >&2
-          at=$((SECONDS + 10))
+          printf '\r\e[K%s' "$line" >&2
+        elif ((SECONDS >= next_progress)); then
+          printf '%s\n' "$line" >&2
+          next_progress=$((SECONDS + 10))
         fi
         ;;
-      *'play_bag: '*) # roslaunch may have written before it on the same line
-        [[ ! -t 2 ]] || printf '\r\e[K' >&2
-        printf 'play_bag: %s\n' "${line##*play_bag: }" >&2
-        over=yes # what the others say while they are ended is no news
+      *'playback_monitor: '*)
+        show "playback_monitor: ${line##*playback_monitor: }"
+        failed=yes
         ;;
-      *'cannot launch node of type'*) # roslaunch goes on without it, even when it is required
-        [[ ! -t 2 ]] || printf '\r\e[K' >&2
-        printf '%s: roslaunch cannot start %s\n' "$name" "${line#*cannot launch node of type }" >&2
+      *'cannot launch node of type'*) # roslaunch continues without it, even when it is required
+        show "$name: roslaunch cannot start ${line#*cannot launch node of type }"
         kill -TERM "$(<"$pid_file")" 2>/dev/null || true
-        over=yes
+        failed=yes
         ;;
+      *'REQUIRED process [playback_monitor-'*) ;; # the regular end, or it has printed the error
       *'REQUIRED process ['*'] has died!'*)
-        # So ends play_bag when all is well; else it has said why.
-        [[ $over == no && $line != *'[play_bag-'* ]] || continue
-        [[ ! -t 2 ]] || printf '\r\e[K' >&2
         line=${line#*REQUIRED process [}
-        printf '%s: the node %s has ended before the bag\n' "$name" "${line%%-+([0-9])]*}" >&2
-        over=yes
+        show "$name: the node ${line%%-+([0-9])]*} has ended before the bag"
+        failed=yes
         ;;
       '[rviz-'*'process has died'*)
-        [[ ! -t 2 ]] || printf '\r\e[K' >&2
-        printf '%s: rviz could not open its window on the display "%s", or broke down; the run goes on without it\n' \
-          "$name" "${DISPLAY:-}" >&2
+        show "$name: rviz could not open its window on the display '${DISPLAY:-}', or crashed; the run continues without it"
         ;;
-      *'[ WARN]'* | *'[ERROR]'* | *'[FATAL]'*)
-        [[ $over == no ]] || continue
-        [[ ! -t 2 ]] || printf '\r\e[K' >&2
-        printf '%s\n' "$line" >&2
-        ;;
+      *'[ WARN]'* | *'[ERROR]'* | *'[FATAL]'*) show "$line" ;;
     esac
   done
   [[ ! -t 2 ]] || printf '\n' >&2
+  [[ $failed == no ]]
 }
+
+gsv_playback_finished() { grep -q 'Playback finished: ' "$1"; }

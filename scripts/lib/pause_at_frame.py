@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Stops the bag that play_bag plays when a frame has come out of both nodelets.
+"""Pauses the playback of kitti.launch when a frame has left both nodelets.
 
 usage: pause_at_frame.py FRAME
 """

@@ -1,5 +1,5 @@
-// Shows the ground truth of a bag beside the estimate: ground_truth/tf (the bag's own tf, moved
-// there by play_bag) -> ground_truth/odometry and ground_truth/path in the estimate's odom frame.
+// Shows the ground truth of a bag beside the estimate: ground_truth/tf (the tf of the bag, remapped
+// by kitti.launch) -> ground_truth/odometry and ground_truth/path in the estimate's odom frame.
 //
 // The truth has an origin of its own; the two are laid together at the first metric pose.
 

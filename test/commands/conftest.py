@@ -1,0 +1,151 @@
+"""Fixtures of the command tests: rendered sequences and bags, and ways to run a command.
+
+scripts/test runs these tests with the environment of its build (scripts/lib/environment.sh).
+"""
+
+import os
+import pathlib
+import pty
+import resource
+import select
+import signal
+import subprocess
+import time
+
+import bags
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SCRIPTS = ROOT / "scripts"
+BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
+TIMEOUT_S = 600
+
+
+def tool(name):
+    """An executable of the build."""
+    return BUILD / "devel/lib/ground_scale_vo" / name
+
+
+def run(command, *arguments, check=True, **options):
+    """Runs a command; its result has the texts `stdout` and `stderr`."""
+    done = subprocess.run([str(word) for word in (command, *arguments)], stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                          timeout=TIMEOUT_S, **options)
+    assert not check or done.returncode == 0, f"status {done.returncode}\n{done.stdout}{done.stderr}"
+    return done
+
+
+def on_full_disk(kib):
+    """Option of run(): the command can write no file larger than this."""
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (kib * 1024, kib * 1024))
+    return {"preexec_fn": limit, "restore_signals": False}
+
+
+def assert_refused(status, text, command, *arguments, **options):
+    """The command exits with this status and one sentence on stderr that contains the text."""
+    done = run(command, *arguments, check=False, **options)
+    message = done.stderr.rstrip("\n")
+    assert done.returncode == status, done.stdout + done.stderr
+    assert text in message and "\n" not in message, message
+
+
+def assert_plays(command, out, *arguments, **options):
+    """A demo of the sequence `short` processes every frame and writes its files."""
+    output = run(command, "--out", out, *arguments, **options).stdout
+    assert "40 frames out of both nodelets, 0 lost" in output, output
+    for name in ("metrics.json", "trajectory.png"):
+        assert (out / "short" / name).stat().st_size > 0
+
+
+def on_terminal(command, *arguments, environment=None):
+    """Runs a command with a terminal as its standard streams; its output."""
+    terminal, streams = pty.openpty()
+    process = subprocess.Popen([str(word) for word in (command, *arguments)], stdin=streams,
+                               stdout=streams, stderr=streams, env=environment,
+                               start_new_session=True)
+    os.close(streams)
+    output, deadline = b"", time.monotonic() + TIMEOUT_S
+    try:
+        while select.select([terminal], [], [], deadline - time.monotonic())[0]:
+            output += os.read(terminal, 65536)
+    except OSError:  # Linux: the last process has closed the terminal
+        pass
+    finally:
+        os.close(terminal)
+    text = output.decode(errors="replace")
+    assert process.wait(max(1, deadline - time.monotonic())) == 0, text
+    return text
+
+
+@pytest.fixture(scope="session")
+def data(tmp_path_factory):
+    return tmp_path_factory.mktemp("data")
+
+
+@pytest.fixture(scope="session")
+def short(data):
+    """A KITTI folder of 40 frames."""
+    run(tool("render_drive"), "--frames", 40, data / "short")
+    return data / "short"
+
+
+@pytest.fixture(scope="session")
+def shortest(data):
+    """A KITTI folder of 12 frames."""
+    run(tool("render_drive"), "--frames", 12, data / "shortest")
+    return data / "shortest"
+
+
+@pytest.fixture(scope="session")
+def bag(short):
+    """`short` as kitti2bag writes it."""
+    file = short.with_suffix(".bag")
+    run(tool("kitti_to_bag"), short, "--out", file, "--style", "kitti2bag")
+    return file
+
+
+@pytest.fixture(scope="session")
+def low(data):
+    """A KITTI folder with a camera 0.6 m above the road."""
+    run(tool("render_drive"), "--frames", 60, "--camera-height", 0.6, "--stop", 0, "--size", "480x148",
+        data / "low")
+    return data / "low"
+
+
+@pytest.fixture(scope="session")
+def low_bag(low):
+    """`low` as a bag, with GPS fixes on /fix."""
+    file = low.with_suffix(".bag")
+    run(tool("kitti_to_bag"), low, "--out", file)
+    bags.add_fixes(file, low / "poses.txt")
+    return file
+
+
+@pytest.fixture(scope="session", params=bags.DAMAGED)
+def damaged_bag(request, bag, data):
+    """A bag that is damaged or holds other messages than images."""
+    file = data / f"{request.param}.bag"
+    bags.DAMAGED[request.param](bag, file)
+    return file
+
+
+@pytest.fixture(scope="session", params=["calib.txt: no such file", "times.txt: is empty",
+                                         "000003.png: is not a whole PNG"])
+def damaged_folder(request, short, tmp_path_factory):
+    """A KITTI folder with a damaged file, and the reason with which it is refused."""
+    folder = tmp_path_factory.mktemp("damaged") / "short"
+    (folder / "image_0").mkdir(parents=True)
+    for file in short.rglob("*.*"):
+        if file.is_file():
+            (folder / file.relative_to(short)).symlink_to(file)
+    name = request.param.split(":")[0]
+    file = folder / name if name.endswith(".txt") else folder / "image_0" / name
+    contents = file.read_bytes()
+    file.unlink()
+    if name == "times.txt":
+        file.touch()
+    elif name.endswith(".png"):
+        file.write_bytes(contents[:3000])
+    return folder, request.param

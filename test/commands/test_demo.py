@@ -1,0 +1,96 @@
+"""scripts/demo: from a bag or a sequence to metrics and plots."""
+
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import time
+import xmlrpc.client
+
+import pytest
+from conftest import SCRIPTS, TIMEOUT_S, assert_plays, assert_refused, on_full_disk, on_terminal, run
+
+DEMO = SCRIPTS / "demo"
+
+
+@pytest.mark.serial
+def test_sequence_on_a_terminal(short, tmp_path):
+    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    output = on_terminal(DEMO, "--sequence", short, "--rviz", "--out", tmp_path,
+                         environment=environment)
+    assert re.search(r"there is no display.*set DISPLAY", output)
+    assert re.search(r"\rshort: frame 40/40, .* Hz, .* m, scale .* m/unit \(.*\)",
+                     output.replace("\x1b[K", "")), output
+    assert "\nprogress: " not in output
+
+
+@pytest.mark.serial
+def test_bag_of_kitti2bag(bag, tmp_path):
+    assert_plays(DEMO, tmp_path, "--bag", bag)
+
+
+def pid_of(node, log):
+    """The process id of a running node of the demo with this roslaunch.log."""
+    master = re.search(r"ROS_MASTER_URI=(http://[\w.:-]+)", log.read_text())[1]
+    _, _, uri = xmlrpc.client.ServerProxy(master).lookupNode("/test", node)
+    return xmlrpc.client.ServerProxy(uri).getPid("/test")[2]
+
+
+@pytest.mark.serial
+def test_fails_when_the_player_is_killed(bag, tmp_path):
+    log = tmp_path / "short/roslaunch.log"
+    demo = subprocess.Popen([str(DEMO), "--bag", str(bag), "--out", str(tmp_path)],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + TIMEOUT_S
+        while not (log.exists() and "progress: " in log.read_text(errors="replace")):
+            assert demo.poll() is None and time.monotonic() < deadline
+            time.sleep(0.05)
+        os.kill(pid_of("/bag_player", log), signal.SIGKILL)
+        stdout, stderr = demo.communicate(timeout=TIMEOUT_S)
+    finally:
+        demo.terminate()
+    assert demo.returncode == 1, stdout + stderr
+    assert re.search(r"rosbag play stopped before the end of the bag: \d+ of 40 frames", stderr)
+    assert not list(log.parent.glob("recorded*")) and not (log.parent / "metrics.json").exists()
+
+
+@pytest.mark.serial
+def test_full_disk(bag, tmp_path):
+    done = run(DEMO, "--bag", bag, "--out", tmp_path, check=False, **on_full_disk(40))
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert not list((tmp_path / "short").glob("recorded*"))
+    assert not (tmp_path / "short/metrics.json").exists()
+
+
+def test_damaged_bag(damaged_bag, tmp_path):
+    assert_refused(1, str(damaged_bag), DEMO, "--out", tmp_path, "--bag", damaged_bag)
+
+
+def test_truncated_bag(bag, tmp_path):
+    truncated = tmp_path / "truncated.bag"
+    truncated.write_bytes(bag.read_bytes()[:100000])
+    assert_refused(1, "cannot be read", DEMO, "--out", tmp_path, "--bag", truncated)
+
+
+def test_no_such_topic(bag, tmp_path):
+    assert_refused(1, "has no topic /none", DEMO, "--out", tmp_path, "--bag", bag, "--image", "/none")
+
+
+@pytest.mark.parametrize("status, text, arguments", [
+    (1, "there is no bag", ["--bag", "none.bag"]),
+    (1, "no folder", ["--sequence", "none"]),
+    (1, "empty", ["--sequence", "empty"]),
+    (2, "--camera-height", ["--camera-height", "0"]),
+    (2, "--camera-height", ["--camera-height", "-1.65"]),
+    (2, "--camera-height", ["--camera-height", "high"]),
+    (2, "--nonsense", ["--nonsense"]),
+])
+def test_wrong_arguments(tmp_path, status, text, arguments):
+    pathlib.Path(tmp_path, "empty").mkdir()
+    assert_refused(status, text, DEMO, *arguments, cwd=tmp_path)
+
+
+def test_results_over_the_data(short):
+    assert_refused(2, "own folder", DEMO, "--sequence", short, "--out", short.parent)

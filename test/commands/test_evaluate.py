@@ -1,0 +1,71 @@
+"""scripts/evaluate, scripts/ablation and the offline run behind them."""
+
+import pytest
+from conftest import SCRIPTS, assert_refused, on_full_disk, on_terminal, run, tool
+
+EVALUATE = SCRIPTS / "evaluate"
+RUN_SEQUENCE = tool("run_sequence")
+
+
+def test_progress_on_a_terminal(shortest, tmp_path):
+    output = on_terminal(RUN_SEQUENCE, shortest, "--camera-height", 1.65, "--out", tmp_path)
+    assert "\rshortest: 12/12 frames, " in output
+
+
+def test_set_reaches_the_run(short, tmp_path):
+    done = run(EVALUATE, short, "--out", tmp_path, "--set", "refine=false", "--set",
+               "gpe/min_points=1000000")
+    assert "no frame got a scale" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("text, arguments", [
+    ("no such folder", ["none"]),
+    ("--camera-height", ["SHORT", "--camera-height", "0"]),
+    ("--scenarios", ["SHORT", "--ablation"]),
+    ("is no scenario", ["--scenarios", "none"]),
+    ("is no fault", ["--faults", "gremlins"]),
+    ("--faults", ["SHORT", "--seed", "1"]),
+    ("tracker/cell is 7", ["--scenarios", "pitched", "--set", "tracker/cell=7"]),
+])
+def test_wrong_arguments(short, tmp_path, text, arguments):
+    arguments = [short if word == "SHORT" else word for word in arguments]
+    assert_refused(2, text, EVALUATE, *arguments, "--out", tmp_path)
+
+
+def test_misspelt_option(short, tmp_path):
+    assert_refused(2, "did you mean tracker/cell?", RUN_SEQUENCE, short, "--camera-height", 1.65,
+                   "--out", tmp_path, "--set", "tracker/cel=1")
+
+
+def test_results_over_the_data(short):
+    assert_refused(1, "over the sequence", RUN_SEQUENCE, short, "--camera-height", 1.65, "--out",
+                   short.parent)
+
+
+def test_damaged_folder(damaged_folder, tmp_path):
+    folder, reason = damaged_folder
+    assert_refused(1, reason, EVALUATE, folder, "--out", tmp_path)
+
+
+@pytest.mark.parametrize("command", ["evaluate", "benchmark", "ablation"])
+def test_two_sequences_of_one_name(short, tmp_path, command):
+    (tmp_path / "short").mkdir()
+    assert_refused(2, "have the same name", SCRIPTS / command, short, tmp_path / "short")
+
+
+@pytest.mark.parametrize("text, arguments", [("no such folder", ["none"]), ("SEQ is missing", [])])
+def test_ablation_wrong_arguments(text, arguments):
+    assert_refused(2, text, SCRIPTS / "ablation", *arguments)
+
+
+def test_full_disk(short, tmp_path):
+    assert_refused(1, "poses.txt: cannot be written, File too large", RUN_SEQUENCE, short,
+                   "--camera-height", 1.65, "--out", tmp_path, **on_full_disk(1))
+    assert list((tmp_path / "short").iterdir()) == []
+
+
+def test_plots_on_full_disk(shortest, tmp_path):
+    run(RUN_SEQUENCE, shortest, "--camera-height", 1.65, "--out", tmp_path)
+    results = tmp_path / "shortest"
+    assert_refused(1, "cannot be drawn", tool("plot_run.py"), results, **on_full_disk(10))
+    assert not [file for file in results.iterdir() if ".tmp" in file.name or "partial" in file.name]

@@ -1,0 +1,52 @@
+"""render_drive, kitti_to_bag, evaluate_bag: arguments, damaged data, full disks."""
+
+import pytest
+from bags import IMAGE
+from conftest import assert_refused, on_full_disk, tool
+
+RENDER_DRIVE, KITTI_TO_BAG, EVALUATE_BAG = map(tool, ("render_drive", "kitti_to_bag", "evaluate_bag"))
+
+
+def test_render_drive_no_such_scenario(tmp_path):
+    assert_refused(2, "is no scenario", RENDER_DRIVE, "--scenario", "none", tmp_path / "x")
+
+
+def test_render_drive_full_disk(tmp_path):
+    assert_refused(1, "cannot be written, File too large", RENDER_DRIVE, "--frames", 2,
+                   tmp_path / "drive", **on_full_disk(10))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_kitti_to_bag_no_such_folder(tmp_path):
+    assert_refused(1, f"{tmp_path}/none", KITTI_TO_BAG, tmp_path / "none", "--out", tmp_path / "x.bag")
+
+
+def test_kitti_to_bag_no_such_place(short, tmp_path):
+    assert_refused(1, "cannot be written", KITTI_TO_BAG, short, "--out", tmp_path / "none/x.bag")
+
+
+def test_kitti_to_bag_frames(short, tmp_path):
+    assert_refused(1, "has frames 0 to 39", KITTI_TO_BAG, short, "--out", tmp_path / "x.bag",
+                   "--start", 40)
+
+
+def test_kitti_to_bag_damaged_folder(damaged_folder, tmp_path):
+    folder, reason = damaged_folder
+    assert_refused(1, reason, KITTI_TO_BAG, folder, "--out", tmp_path / "x.bag")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_kitti_to_bag_full_disk(short, tmp_path):
+    assert_refused(1, "x.bag cannot be written", KITTI_TO_BAG, short, "--out", tmp_path / "x.bag",
+                   **on_full_disk(100))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_evaluate_bag_damaged(damaged_bag, bag, tmp_path):
+    assert_refused(1, str(damaged_bag), EVALUATE_BAG, "--played", damaged_bag, "--recorded", bag,
+                   "--out", tmp_path, "--camera-height", 1.65, "--image", IMAGE)
+
+
+def test_evaluate_bag_no_such_bag(bag, tmp_path):
+    assert_refused(1, "there is no bag", EVALUATE_BAG, "--played", tmp_path / "none.bag", "--recorded",
+                   bag, "--out", tmp_path, "--camera-height", 1.65)

@@ -5,11 +5,15 @@ set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
-  set(CMAKE_BUILD_TYPE RelWithDebInfo)
+  set(CMAKE_BUILD_TYPE Release)
 endif()
 # Vectorise loops over pixels, also those with a square root. The results do not change: nothing here
 # reads errno or traps floating-point exceptions.
 add_compile_options($<$<NOT:$<CONFIG:Debug>>:-O3> -fno-math-errno -fno-trapping-math)
+# Executables too, so that they share the libraries' precompiled headers.
+add_compile_options(-fPIC)
+# The imported targets name more libraries than our code uses (all of OpenCV, VTK).
+add_link_options(-Wl,--as-needed)
 
 # ccache, when it is installed and the user has chosen no other launcher.
 find_program(CCACHE_PROGRAM ccache)
@@ -37,6 +41,24 @@ endif()
 add_library(${PROJECT_NAME}_warnings INTERFACE)
 target_compile_options(${PROJECT_NAME}_warnings INTERFACE -Wall -Wextra -Wshadow -Wconversion)
 
+# gsv_add_headers(NAME LIBRARY...): precompiles headers for the targets that name it with
+# target_precompile_headers(... REUSE_FROM NAME) and have the same compile options. Lists those of
+# Eigen, OpenCV and the standard library that most files include.
+function(gsv_add_headers name)
+  add_library(${name} OBJECT ${PROJECT_SOURCE_DIR}/cmake/empty.cpp)
+  target_link_libraries(${name} PRIVATE ${ARGN})
+  target_precompile_headers(${name} PRIVATE
+    <Eigen/Dense> <algorithm> <cmath> <filesystem> <functional> <map> <memory> <opencv2/core.hpp>
+    <opencv2/imgproc.hpp> <optional> <string> <vector>)
+endfunction()
+# gsv_add_ros_headers(NAME LIBRARY...): the same, with the headers of ROS.
+function(gsv_add_ros_headers name)
+  gsv_add_headers(${name} ${ARGN})
+  target_include_directories(${name} SYSTEM PRIVATE ${catkin_INCLUDE_DIRS})
+  target_precompile_headers(${name} PRIVATE
+    <ros/ros.h> <nav_msgs/Odometry.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>)
+endfunction()
+
 # gsv_add_layer(NAME SHARED|STATIC MODULE...): the library ${PROJECT_NAME}_NAME of all sources of the
 # modules: src/MODULE/*.cpp or src/MODULE.cpp.
 function(gsv_add_layer name type)
@@ -54,17 +76,14 @@ function(gsv_add_layer name type)
   endif()
   set(target ${PROJECT_NAME}_${name})
   add_library(${target} ${type} ${sources})
-  set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  set_target_properties(${target} PROPERTIES DEFINE_SYMBOL "")  # the precompiled headers have none
   target_include_directories(${target}
     PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
     PRIVATE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)
   target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:${PROJECT_NAME}_warnings>)
-  target_precompile_headers(${target} PRIVATE
-    <Eigen/Dense> <algorithm> <cmath> <filesystem> <functional> <map> <memory> <opencv2/core.hpp>
-    <opencv2/imgproc.hpp> <optional> <string> <vector>)
   if(name MATCHES "nodelets|ros_tools")
-    target_precompile_headers(${target} PRIVATE
-      <ros/ros.h> <nav_msgs/Odometry.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>
-      <sensor_msgs/PointCloud2.h>)
+    target_precompile_headers(${target} REUSE_FROM ${PROJECT_NAME}_ros_headers)
+  else()
+    target_precompile_headers(${target} REUSE_FROM ${PROJECT_NAME}_headers)
   endif()
 endfunction()

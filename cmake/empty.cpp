@@ -1,1 +1,1 @@
-// Carries a precompiled header, see tests.cmake.
+// Carries a precompiled header, see gsv_add_headers() in compiler_settings.cmake.

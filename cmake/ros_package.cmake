@@ -36,7 +36,12 @@ catkin_package(
   DEPENDS EIGEN3 OpenCV
 )
 
-# gsv_install_layer(NAME): a library of the product, and the headers of its modules.
+set(GROUND_SCALE_VO_INSTALLED_HEADERS ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
+# The tools lie where rosrun looks.
+set(GROUND_SCALE_VO_BUILT_TOOLS ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION})
+set(GROUND_SCALE_VO_INSTALLED_TOOLS ${CATKIN_PACKAGE_BIN_DESTINATION})
+
+# gsv_install_layer(NAME): a library of the product.
 function(gsv_install_layer name)
   install(TARGETS ${PROJECT_NAME}_${name}
     ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
@@ -44,19 +49,14 @@ function(gsv_install_layer name)
     RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION})
 endfunction()
 
-# gsv_install_tools(TARGET...): builds them where rosrun looks, and installs them there.
-function(gsv_install_tools)
-  set_target_properties(${ARGN} PROPERTIES
-    RUNTIME_OUTPUT_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION})
-  install(TARGETS ${ARGN} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+set(GROUND_SCALE_VO_TESTS ${CATKIN_ENABLE_TESTING})
+
+# gsv_add_gtest(TARGET SOURCE...): a unit test, built by the target `tests` and run by ctest.
+function(gsv_add_gtest target)
+  catkin_add_gtest(${target} ${ARGN})
+  target_link_libraries(${target} gtest)
 endfunction()
 
-install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION}
-  PATTERN io EXCLUDE
-  PATTERN evaluation EXCLUDE
-  PATTERN calibration EXCLUDE
-  PATTERN simulation EXCLUDE
-  PATTERN ros_tools EXCLUDE)
 catkin_install_python(PROGRAMS nodes/feed_another_vo nodes/playback_monitor scripts/ablation_table.py
   scripts/benchmark_report.py scripts/metrics_table.py scripts/plot_run.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

@@ -1,0 +1,93 @@
+"""The library without ROS: built, installed, and used by examples/ as another project would."""
+
+import math
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
+FRAMES = 40
+CAMERA_HEIGHT = 1.65
+
+
+def run(*command):
+    """Returns stdout; fails the test with the command's output unless it exits with 0."""
+    result = subprocess.run(
+        [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert result.returncode == 0, f"{command[0]}: {result.stdout[-4000:]}"
+    return result.stdout
+
+
+@pytest.fixture(scope="module")
+def build():
+    """The folder of a build without ROS, kept between runs."""
+    folder = BUILD / "core_without_ros"
+    run("cmake", "-S", ROOT, "-B", folder, "-DGROUND_SCALE_VO_ROS=OFF",
+        "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON")
+    run("cmake", "--build", folder, "--parallel", os.cpu_count())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def installed(build, tmp_path_factory):
+    prefix = tmp_path_factory.mktemp("prefix")
+    run("cmake", "--install", build, "--prefix", prefix)
+    return prefix
+
+
+@pytest.fixture(scope="module")
+def drive(build, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drive") / "drive"
+    run(build / "tools/render_drive", "--frames", FRAMES, folder)
+    return folder
+
+
+def test_compiles_without_ros_headers(build):
+    commands = (build / "compile_commands.json").read_text()
+    for folder in ("/opt/ros", "/usr/include/ros", "catkin"):
+        assert folder not in commands
+    dependencies = "".join(file.read_text() for file in build.rglob("*.d"))
+    assert "Eigen" in dependencies and "/ros/" not in dependencies
+
+
+def test_installs_the_product_only(installed):
+    modules = {entry.name for entry in (installed / "include/ground_scale_vo").iterdir()}
+    assert modules == {"common", "vo", "scale", "metric_odometry.hpp"}
+
+
+def test_library_links_no_tooling(installed):
+    (library,) = installed.rglob("libground_scale_vo_core.so")
+    symbols = run("nm", "--dynamic", "--demangle", "--defined-only", library)
+    assert "ground_scale_vo::MetricOdometry::process" in symbols
+    for tooling in ("KittiSequence", "SyntheticDrive", "RunReport"):
+        assert f"ground_scale_vo::{tooling}" not in symbols
+    libraries = run("ldd", library)
+    assert "ros" not in libraries.lower().replace("across", "")
+
+
+def test_installed_tool_runs(installed, drive, tmp_path):
+    (tool,) = installed.rglob("run_sequence")
+    run(tool, drive, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
+    assert len((tmp_path / drive.name / "poses.txt").read_text().splitlines()) == FRAMES
+
+
+def test_example_gives_metric_poses(installed, drive, tmp_path):
+    run("cmake", "-S", ROOT / "examples", "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={installed}")
+    run("cmake", "--build", tmp_path)
+    lines = run(tmp_path / "metric_poses", drive, CAMERA_HEIGHT).splitlines()
+    estimate = [[float(word) for word in line.split()] for line in lines]
+    assert len(estimate) > FRAMES / 2
+
+    stamps = [float(line) for line in (drive / "times.txt").read_text().split()]
+    poses = [[float(word) for word in line.split()]
+             for line in (drive / "poses.txt").read_text().splitlines()]
+    position = {round(stamp, 3): pose[3::4] for stamp, pose in zip(stamps, poses)}
+    first, last = estimate[0], estimate[-1]
+    distance = math.dist(first[1:], last[1:])
+    true_distance = math.dist(position[round(first[0], 3)], position[round(last[0], 3)])
+    assert true_distance > 10  # [m]
+    assert distance == pytest.approx(true_distance, rel=0.03)

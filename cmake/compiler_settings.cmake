@@ -18,9 +18,13 @@ add_link_options(-Wl,--as-needed)
 # ccache, when it is installed and the user has chosen no other launcher.
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # Precompiled headers need the sloppiness, see ccache(1).
-  set(CMAKE_CXX_COMPILER_LAUNCHER
-    ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
+  # Precompiled headers need the sloppiness, see ccache(1). The base directory lets build folders and
+  # clones share the cache.
+  set(ccache_settings CCACHE_SLOPPINESS=pch_defines,time_macros)
+  if(NOT DEFINED ENV{CCACHE_BASEDIR})
+    list(APPEND ccache_settings CCACHE_BASEDIR=${PROJECT_SOURCE_DIR})
+  endif()
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env ${ccache_settings} ${CCACHE_PROGRAM})
 endif()
 
 if(GROUND_SCALE_VO_SANITIZE)
@@ -40,6 +44,17 @@ endif()
 
 add_library(${PROJECT_NAME}_warnings INTERFACE)
 target_compile_options(${PROJECT_NAME}_warnings INTERFACE -Wall -Wextra -Wshadow -Wconversion)
+
+# clang-tidy and clangd cannot read the precompiled headers of gcc: build/clang/compile_commands.json
+# holds the commands without them.
+file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/clang)
+add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/clang/compile_commands.json
+  COMMAND sed -E "s# -Winvalid-pch -include [^ ]*cmake_pch[.]hxx##"
+    ${CMAKE_BINARY_DIR}/compile_commands.json > ${CMAKE_BINARY_DIR}/clang/compile_commands.json
+  DEPENDS ${CMAKE_BINARY_DIR}/compile_commands.json
+  VERBATIM)
+add_custom_target(${PROJECT_NAME}_clang_commands ALL
+  DEPENDS ${CMAKE_BINARY_DIR}/clang/compile_commands.json)
 
 # gsv_add_headers(NAME LIBRARY...): precompiles headers for the targets that name it with
 # target_precompile_headers(... REUSE_FROM NAME) and have the same compile options. Lists those of

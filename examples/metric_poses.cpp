@@ -1,10 +1,12 @@
-// metric_poses FOLDER HEIGHT: prints the metric poses of the images in a KITTI odometry folder, taken
-// HEIGHT metres above the road. One line an image: stamp [s] and position [m], camera axes.
+// metric_poses FOLDER HEIGHT: metric odometry of a KITTI odometry folder. HEIGHT is that of the
+// camera above the road [m]. Prints the stamp [s] and the position [m] of each image.
 
 #include <fstream>
 #include <iostream>
 #include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "ground_scale_vo/metric_odometry.hpp"
 
@@ -12,12 +14,13 @@ int main(int argc, char** argv) try {
   if (argc != 3) throw std::invalid_argument("usage: metric_poses FOLDER HEIGHT");
   const std::string folder = argv[1];
   std::vector<std::string> files;
-  cv::glob(folder + "/image_0/*.png", files);
-  const cv::Size size = cv::imread(files.at(0), cv::IMREAD_GRAYSCALE).size();
+  cv::glob(folder + "/image_0/*.*", files);  // sorted by name
+  if (files.empty()) throw std::invalid_argument("no images in " + folder + "/image_0");
+  const cv::Size size = cv::imread(files[0], cv::IMREAD_GRAYSCALE).size();
 
   std::ifstream calib(folder + "/calib.txt"), times(folder + "/times.txt");
-  std::string name;  // "P0:", before the 12 numbers of the projection matrix
-  double fx, cx, fy, cy, zero;
+  std::string name;  // "P0:", then the projection matrix by rows
+  double fx, fy, cx, cy, zero;
   calib >> name >> fx >> zero >> cx >> zero >> zero >> fy >> cy;
 
   ground_scale_vo::MetricOdometry::Options options;

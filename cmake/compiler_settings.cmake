@@ -86,7 +86,7 @@ function(gsv_add_layer name type)
   if(name STREQUAL simulation AND "${GROUND_SCALE_VO_SANITIZE}" STREQUAL thread)
     # The renderer takes most of the tests' time, and its scene does not change once it is built.
     set(renderer ${sources})
-    list(FILTER renderer INCLUDE REGEX "/synthetic_[a-z]+\\.cpp$")
+    list(FILTER renderer INCLUDE REGEX "/(rendering|world)/[a-z_]+\\.cpp$|/synthetic_drive\\.cpp$")
     set_source_files_properties(${renderer} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=thread;-O3")
   endif()
   set(target ${PROJECT_NAME}_${name})

@@ -8,13 +8,13 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "synthetic_street.hpp"
+#include "simulation/rendering/random.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 using Options = SyntheticDrive::Options;
-using synthetic::Random;
+using simulation::Random;
 
 constexpr const char *kLorry = "lorry", *kWall = "wall";
 constexpr double kLorryS = 10, kLorryEdgeS = 1;  // it takes so long to cut in, and to leave [s]

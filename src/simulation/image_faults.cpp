@@ -4,13 +4,13 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "synthetic_paint.hpp"
-#include "synthetic_street.hpp"
+#include "simulation/rendering/procedural_texture.hpp"
+#include "simulation/rendering/random.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-using synthetic::Random;
+using simulation::Random;
 
 constexpr double kDarkGain = 0.4, kBrightGain = 2.5, kFlickerGain = 1.8;
 constexpr double kCoverGain = 0.12, kCoverBlur = 0.08;  // [1, image width]
@@ -45,8 +45,9 @@ cv::Mat covered(const cv::Mat& image, Random random) {
 /// share_clear(x, y): 1 where the lens is clean, 0 below the mud, with a soft edge.
 template <typename Clear>
 cv::Mat muddy(const cv::Mat& image, std::uint64_t seed, std::size_t k, const Clear& share_clear) {
-  const cv::Mat mud = synthetic::grey(
-      synthetic::noiseTile(image.size(), seed, {{0.01 * image.cols, 1}, {0.03 * image.cols, 1}}),
+  const cv::Mat mud = simulation::noiseToGrey(
+      simulation::tileableNoise(image.size(), seed,
+                                {{0.01 * image.cols, 1}, {0.03 * image.cols, 1}}),
       60, 9);
   cv::Mat result = image.clone();
   for (int y = 0; y < image.rows; ++y) {

@@ -1,0 +1,92 @@
+#include <algorithm>
+#include <cmath>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/drive_extent.hpp"
+#include "simulation/speed_profile.hpp"
+
+namespace ground_scale_vo {
+
+using simulation::kMaxDriveLength;
+using simulation::kRoadBehind;
+
+SyntheticDrive::Options::Options() {
+  camera.width = 800;
+  camera.height = 248;
+  camera.fx = camera.fy = 464;
+  camera.cx = 394;
+  camera.cy = 121;
+}
+
+void SyntheticDrive::Options::validate() const {
+  camera.validate();
+  requireInRange("camera.width", camera.width, 16, 8192);
+  requireInRange("camera.height", camera.height, 16, 8192);
+  requireInRange("camera_height", camera_height, 0.3, 4);
+  requireInRange("frame_rate_hz", frame_rate_hz, 0.1, 1000);
+  requireInRange("frames", frames, 1, 100000);
+  requireInRange("speed", speed, 0.1, 40);
+  requireInRange("pitch_rad", pitch_rad, -0.5, 0.5);
+  requireInRange("roll_rad", roll_rad, -0.5, 0.5);
+  requireInRange("lane_offset", lane_offset, -3.4, 4.6);
+  requireInRange("curvature", curvature, 0, 0.08);
+  requireInRange("slope", slope, -0.15, 0.15);
+  requireInRange("stop_s", stop_s, 0, 3600);
+  if (stop_s > 0 && speeds.empty()) {
+    const double braking_m = speed * simulation::SpeedProfile::brakingTime(*this) / 2;
+    requireInRange("stop_at_m (at least the braking distance)", stop_at_m, braking_m,
+                   kMaxDriveLength);
+  }
+  double time = -1e9, drive_m = speeds.empty() ? speed * frames / frame_rate_hz : 0;
+  for (const SpeedAt& at : speeds) {
+    requireInRange("speeds.speed", at.speed, -40, 40);
+    requireInRange("speeds.time_s (in order)", at.time_s, std::nextafter(time, 1e9), 1e6);
+    time = at.time_s;
+    drive_m = std::max(drive_m, std::abs(at.speed) * frames / frame_rate_hz);
+  }
+  requireInRange("suspension", suspension, 0, 5);
+  requireInRange("ramp_slope", ramp_slope, -0.2, 0.2);
+  if (ramp_slope != 0) {
+    requireInRange("ramp_from_m", ramp_from_m, 0, kMaxDriveLength);
+    requireInRange("ramp_to_m (at least 12 m on)", ramp_to_m, ramp_from_m + 12, kMaxDriveLength);
+  }
+  requireInRange("bump_height", bump_height, 0, 0.15);
+  requireInRange("lead_gap", lead_gap, 3, 150);
+  requireInRange("lead_time", lead_time, 0, 10);
+  requireInRange("cars_beside", cars_beside, 0, 10);
+  requireInRange("oncoming_spacing", oncoming_spacing, 6, 1000);
+  requireInRange("lorry_first", lorry_first, 0, 100000);
+  requireInRange("lorry_frames", lorry_frames, 0, 100000);
+  requireInRange("lorry_gap", lorry_gap, 2, 50);
+  requireInRange("lorry_width", lorry_width, 2, 6);
+  requireInRange("wall_at_m", wall_at_m, 0, kMaxDriveLength);
+  if (off_road) requireInRange("wall_at_m (off road)", wall_at_m, 0, 0);
+  requireInRange("bridge_from_m", bridge_from_m, -kRoadBehind, kMaxDriveLength);
+  requireInRange("bridge_to_m", bridge_to_m, -kRoadBehind, kMaxDriveLength);
+  requireInRange("underpass_from_m", underpass_from_m, -kRoadBehind, kMaxDriveLength);
+  requireInRange("underpass_to_m", underpass_to_m, -kRoadBehind, kMaxDriveLength);
+  requireInRange("arrow_spacing", arrow_spacing, 0, 1000);
+  if (arrow_spacing > 0) requireInRange("arrow_spacing (0: none)", arrow_spacing, 6, 1000);
+  requireInRange("road_texture", road_texture, 0, 3);
+  requireInRange("grain", grain, 0, 0.5);
+  requireInRange("bare_from_m", bare_from_m, -kRoadBehind, kMaxDriveLength);
+  requireInRange("bare_to_m", bare_to_m, -kRoadBehind, kMaxDriveLength);
+  requireInRange("puddles", puddles, 0, 1);
+  if (puddles > 0) {  // all water lies in one plane
+    requireInRange("slope (with puddles)", slope, 0, 0);
+    requireInRange("ramp_slope (with puddles)", ramp_slope, 0, 0);
+    requireInRange("bump_height (with puddles)", bump_height, 0, 0);
+  }
+  requireInRange("sun.norm()", sun.norm(), 1e-3, 1e3);
+  requireInRange("elevation of the sun [rad]", std::asin(sun.z() / sun.norm()), 0.1, M_PI / 2);
+  requireInRange("daylight", daylight, 0, 1);
+  requireInRange("hood", hood, 0, 0.5);
+  requireInRange("noise_sigma", noise_sigma, 0, 50);
+  requireInRange("jpeg_quality", jpeg_quality, 0, 100);
+  requireInRange("black_first", black_first, 0, 100000);
+  requireInRange("black_frames", black_frames, 0, 100000);
+  requireInRange("length of the drive [m]", drive_m, 0, kMaxDriveLength);
+}
+
+}  // namespace ground_scale_vo

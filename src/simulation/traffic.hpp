@@ -1,0 +1,40 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <optional>
+
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/rendering/scene.hpp"
+#include "simulation/speed_profile.hpp"
+#include "simulation/world/world.hpp"
+
+namespace ground_scale_vo::simulation {
+
+/// The other vehicles that move: one ahead, oncoming ones or ones beside, and a lorry.
+class Traffic {
+ public:
+  /// Keeps references to all arguments.
+  Traffic(const SyntheticDrive::Options& options, const SpeedProfile& profile,
+          const RoadGeometry& road, const World& world);
+  Traffic(const Traffic&) = delete;
+  Traffic& operator=(const Traffic&) = delete;
+
+  /// Adds the vehicles and their shadows in frame i of the drive, which has the stamp t [s].
+  void addTo(Scene& scene, std::size_t i, double t) const;
+
+ private:
+  void addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& size, double s, double u,
+                  bool oncoming) const;
+  void addCars(Scene& scene, double t) const;
+  void addLorry(Scene& scene, std::size_t i) const;
+
+  const SyntheticDrive::Options& options_;
+  const SpeedProfile& profile_;
+  const RoadGeometry& road_;
+  const World& world_;
+  std::optional<Texture> lorry_texture_;
+  Mesh lorry_;
+};
+
+}  // namespace ground_scale_vo::simulation

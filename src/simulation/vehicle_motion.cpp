@@ -1,0 +1,74 @@
+#include "simulation/vehicle_motion.hpp"
+
+#include <cmath>
+
+namespace ground_scale_vo::simulation {
+namespace {
+
+constexpr double kFrontAxle = 1.4, kRearAxle = 1.2;  // before and behind the camera [m]
+
+// Suspension: a quasi-static response to accelerations, and vibrations as sines of the distance
+// travelled.
+constexpr double kRollPerLateral = 0.0035;       // [rad/(m/s^2)]
+constexpr double kPitchPerLongitudinal = 0.004;  // [rad/(m/s^2)]
+
+constexpr double kVibrationRoll = 0.003;  // amplitude at the cruising speed [rad]
+
+/// Offsets at the cruising speed [rad, m].
+double vibrationPitch(double s) {
+  return 0.003 * std::sin(0.9 * s) + 0.0018 * std::sin(2.1 * s + 1);
+}
+double vibrationHeight(double s) {
+  return 0.012 * std::sin(1.1 * s + 0.5) + 0.006 * std::sin(2.3 * s);
+}
+
+/// World from road below the camera: x forward, y left, z up. Over ramps and bumps it is the plane
+/// through the contact points of both axles.
+Eigen::Isometry3d groundFrame(const RoadGeometry& road, double s,
+                              const SyntheticDrive::Options& options) {
+  Eigen::Isometry3d T_w_s = road.surfaceFrame(s, options.lane_offset);
+  if (options.ramp_slope == 0 && options.bump_height == 0) return T_w_s;
+  const double front = road.surfacePoint(s + kFrontAxle, 0).z();
+  const double rear = road.surfacePoint(s - kRearAxle, 0).z();
+  const double slope = (front - rear) / (kFrontAxle + kRearAxle);
+  const Eigen::Vector3d y = T_w_s.linear().col(1);
+  const Eigen::Vector3d x = Eigen::Vector3d(y.y(), -y.x(), slope).normalized();
+  T_w_s.linear() << x, y, x.cross(y);
+  T_w_s.translation().z() = rear + slope * kRearAxle;
+  return T_w_s;
+}
+
+/// pitch: positive looks down; roll: positive lowers the x axis of the camera.
+Eigen::Isometry3d rotated(Eigen::Isometry3d T_w_c, double pitch, double roll) {
+  T_w_c.rotate(Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()));
+  T_w_c.rotate(Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()));
+  return T_w_c;
+}
+
+}  // namespace
+
+VehiclePose vehiclePose(const RoadGeometry& road, const LongitudinalState& state,
+                        const SyntheticDrive::Options& options) {
+  const double v = state.v;
+  const double vibration = options.suspension * v / options.speed;  // none at standstill
+  const double lean = options.suspension * kRollPerLateral * v * v * road.curvature(state.s);
+  const double shake = vibration * vibrationPitch(state.s);
+  const double nod = options.suspension * kPitchPerLongitudinal * state.a;
+  const double roll = lean + vibration * kVibrationRoll * std::sin(0.7 * state.s + 2);
+  const double bounce = vibration * vibrationHeight(state.s);
+
+  const Eigen::Isometry3d T_w_s = groundFrame(road, state.s, options);
+  Eigen::Matrix3d R_s_c;
+  R_s_c << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  VehiclePose pose;
+  pose.n_w = T_w_s.linear().col(2);
+  pose.height = options.camera_height + bounce;
+  Eigen::Isometry3d T_w_level = T_w_s;  // the camera without any angles
+  T_w_level.translate(pose.height * Eigen::Vector3d::UnitZ());
+  T_w_level.rotate(R_s_c);
+  pose.T_w_body = rotated(T_w_level, shake - nod, roll);
+  pose.T_w_c = rotated(T_w_level, options.pitch_rad - nod + shake, options.roll_rad + roll);
+  return pose;
+}
+
+}  // namespace ground_scale_vo::simulation

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+
+#include "simulation/world/world_builder.hpp"
+
+namespace ground_scale_vo::simulation {
+
+/// The value of a surface pattern that leaves the albedo as it is.
+constexpr double kNeutral = 128;
+
+/// Patterns of the carriageway: factors on its albedo, 8-bit, kNeutral = 1, as large as the texture
+/// of the road.
+
+/// Patches, tarred joints, cracks, spots and manholes.
+void paintAsphalt(cv::Mat pattern, WorldBuilder& builder);
+/// Rows of stones across the road, each with its own grey level, with sand in the joints.
+void paintCobbles(cv::Mat pattern, WorldBuilder& builder);
+
+}  // namespace ground_scale_vo::simulation

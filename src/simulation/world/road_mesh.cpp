@@ -1,0 +1,135 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "simulation/rendering/procedural_texture.hpp"
+#include "simulation/world/cross_section.hpp"
+#include "simulation/world/world_builder.hpp"
+
+namespace ground_scale_vo::simulation {
+namespace {
+
+constexpr double kStep = 0.5;         // of the mesh along s [m]
+constexpr double kMeshLength = 10;    // of one mesh along s, so that it can be culled [m]
+constexpr double kVergeEnd = 25;      // |u| of the outer border of the verges [m]
+constexpr double kBelowBridge = 9;    // depth of the terrain beside a bridge [m]
+constexpr double kBelowVerges = 0.5;  // depth of the terrain beyond the verges [m]
+
+/// Width of the verge. Inside a tight curve it ends before the centre of the curve, where the mesh
+/// would fold.
+double vergeEnd(const WorldOptions& options) {
+  return std::min(kVergeEnd, 0.8 / std::max(options.largest_curvature, 1e-9));
+}
+
+/// Height of ruts, tufts and holes over the plane [m].
+double roughness(double s, double u) {
+  return 0.025 * std::sin(1.9 * s + 0.7 * u) + 0.02 * std::sin(3.1 * u - 1.3 * s + 1) +
+         0.02 * std::sin(4.3 * s + 2.7 * u + 2);
+}
+
+/// No road: rough terrain, gravel between the places of the kerbs, grass beside.
+void addGravelTrack(WorldBuilder& builder) {
+  constexpr double kWidth = 0.5;  // of the mesh along u [m]
+  const RoadGeometry& road = builder.road;
+  const Texture& gravel = builder.addTexture(
+      noiseToGrey(
+          tileableNoise({512, 512}, builder.random.bits(), {{0.8, 1}, {2, 1}, {8, 0.8}, {40, 0.8}}),
+          118, 20),
+      0.02);
+  const double verge = vergeEnd(builder.options);
+  const auto vertex = [&](double s, double u) {
+    const double z = roughness(s, u);
+    return Vertex{road.surfacePoint(s, u, z), {u, s - road.sBegin()}, 0.95 + 2 * z};
+  };
+  for (double first = road.sBegin(); first + kStep < road.sEnd(); first += kMeshLength) {
+    Mesh mesh;
+    for (double s = first; s < std::min(first + kMeshLength, road.sEnd()); s += kStep) {
+      for (double u = -verge; u < verge; u += kWidth) {
+        const bool is_track = u > kRightKerb && u < kLeftKerb;
+        mesh.addQuad(vertex(s, u), vertex(s, u + kWidth), vertex(s + kStep, u + kWidth),
+                     vertex(s + kStep, u), is_track ? gravel : *builder.grass);
+      }
+    }
+    builder.placeGround(std::move(mesh));
+  }
+}
+
+/// A flat part of the cross-section from (u, z) to (u_next, z_next).
+struct Strip {
+  double u, z, u_next, z_next;
+  bool verge;
+};
+
+/// Carriageway, kerbs, pavements and verges.
+void addStreet(WorldBuilder& builder) {
+  const RoadGeometry& road = builder.road;
+  const WorldOptions& options = builder.options;
+  const double verge = vergeEnd(options);
+  const double middle = std::min(14.0, (verge - kTextureRight) / 2);
+  const std::array<Strip, 8> strips{{
+      {-verge, kKerbHeight, -middle, kKerbHeight, true},
+      {-middle, kKerbHeight, kTextureRight, kKerbHeight, true},
+      {kTextureRight, kKerbHeight, kRightKerb, kKerbHeight, false},
+      {kRightKerb, kKerbHeight, kRightKerb, 0, false},
+      {kRightKerb, 0, kLeftKerb, 0, false},
+      {kLeftKerb, 0, kLeftKerb, kKerbHeight, false},
+      {kLeftKerb, kKerbHeight, kTextureLeft, kKerbHeight, false},
+      {kTextureLeft, kKerbHeight, verge, kKerbHeight, true},
+  }};
+  const auto vertex = [&](const Strip& strip, double s, double u, double z, double unrolled) {
+    const bool is_kerb_face = strip.z != strip.z_next;
+    const Eigen::Vector2d uv(strip.verge ? u : unrolled, s - road.sBegin());
+    return Vertex{road.surfacePoint(s, u, z), uv, is_kerb_face ? 0.6 : 0.97};
+  };
+  const int per_mesh = static_cast<int>(kMeshLength / kStep);
+  const int steps = static_cast<int>((road.sEnd() - road.sBegin()) / kStep);
+  for (int first = 0; first < steps; first += per_mesh) {
+    Mesh mesh;
+    for (int k = first; k < std::min(first + per_mesh, steps); ++k) {
+      const double s0 = road.sBegin() + kStep * k, s1 = s0 + kStep;
+      double unrolled = 0;  // length of the cross-section up to here, in the texture
+      for (const Strip& strip : strips) {
+        const double begin = unrolled;
+        if (!strip.verge) unrolled += std::hypot(strip.u_next - strip.u, strip.z_next - strip.z);
+        const bool on_bridge = isBetween(s0, options.bridge_from, options.bridge_to - kStep);
+        if (on_bridge && strip.verge) continue;
+        mesh.addQuad(vertex(strip, s0, strip.u, strip.z, begin),
+                     vertex(strip, s0, strip.u_next, strip.z_next, unrolled),
+                     vertex(strip, s1, strip.u_next, strip.z_next, unrolled),
+                     vertex(strip, s1, strip.u, strip.z, begin),
+                     strip.verge ? *builder.grass : *builder.assets.scene.road);
+      }
+    }
+    builder.placeGround(std::move(mesh));
+  }
+}
+
+/// The plain beyond the verges.
+void addTerrain(WorldBuilder& builder) {
+  constexpr double kSize = 500;  // beyond the road, to all sides [m]
+  const RoadGeometry& road = builder.road;
+  Mesh plain;
+  const double below = builder.options.hasBridge() ? kBelowBridge : kBelowVerges;
+  const double low = std::min(0.0, road.lowestElevation()) - road.surfacePoint(0, 0).z() - below;
+  const auto corner = [&](double x, double y) {
+    return Vertex{road.surfacePoint(0, 0, low) + Eigen::Vector3d(x, y, 0), {x, y}, 0.9};
+  };
+  const double far = road.sEnd() + kSize;
+  plain.addQuad(corner(-kSize, -far), corner(far, -far), corner(far, far), corner(-kSize, far),
+                *builder.grass);
+  builder.placeGround(std::move(plain));
+}
+
+}  // namespace
+
+void addRoadMesh(WorldBuilder& builder) {
+  if (builder.options.off_road) {
+    addGravelTrack(builder);
+  } else {
+    addStreet(builder);
+  }
+  addTerrain(builder);
+}
+
+}  // namespace ground_scale_vo::simulation

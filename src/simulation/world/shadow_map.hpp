@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "simulation/world/road_geometry.hpp"
+
+namespace ground_scale_vo::simulation {
+
+/// Shadows of static objects on the road, at an eighth of the resolution of the road texture.
+class ShadowMap {
+ public:
+  /// sun: unit vector towards the sun, in world axes. road_texels: size of the road texture.
+  ShadowMap(const RoadGeometry& road, const Eigen::Vector3d& sun, cv::Size road_texels);
+
+  // Objects stand at (s, u). Offsets from there are along the road and to its left [m].
+
+  /// A vertical prism over a polygon, or a vertical wall over two points. opacity: 1 halves the
+  /// light.
+  void castPrism(double s, double u, const std::vector<Eigen::Vector2d>& base, double height,
+                 double opacity);
+  /// A round spot of shadow from a small object at `offset` (along, left, up).
+  void castSpot(double s, double u, const Eigen::Vector3d& offset, double radius);
+  /// Sets the light on the whole width of the road between two places. light: 1 = full.
+  void darken(double s_begin, double s_end, double light);
+
+  /// Light on the road at the resolution of the road texture, 8-bit, 255 = full.
+  cv::Mat light() const;
+
+ private:
+  Eigen::Vector2d shadowUv(double s, double u, const Eigen::Vector3d& offset) const;
+  const RoadGeometry& road_;
+  const Eigen::Vector3d sun_;
+  const cv::Size road_texels_;
+  cv::Mat map_;
+};
+
+}  // namespace ground_scale_vo::simulation

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+#include "simulation/world/road_geometry.hpp"
+#include "simulation/world/world_builder.hpp"
+
+namespace ground_scale_vo::simulation {
+
+/// The static street, and the meshes of cars. Immutable once built. A seed gives the same world on
+/// every platform.
+class World {
+ public:
+  World(const RoadGeometry& road, const WorldOptions& options);
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+
+  /// Static instances, sky and road. Moving vehicles are added per frame.
+  const Scene& scene() const { return assets_.scene; }
+  const Mesh& car(std::size_t i) const { return assets_.car(i); }
+  const Mesh& van() const { return assets_.van; }
+  /// Texture coordinates of a place on the road [m].
+  Eigen::Vector2d roadUv(double s, double u) const;
+
+ private:
+  WorldAssets assets_;
+  double s_begin_;  // of the road texture
+};
+
+}  // namespace ground_scale_vo::simulation

@@ -27,6 +27,8 @@ share/ground_scale_vo/rviz/ground_scale_vo.rviz
 def install():
     """The install space. roslaunch searches the whole source tree, so it must not stay there."""
     folder = BUILD / "install"
+    # catkin installs its setup files to the prefix of the configuration, whatever --prefix says.
+    assert f"CMAKE_INSTALL_PREFIX:PATH={folder}\n" in (BUILD / "CMakeCache.txt").read_text()
     shutil.rmtree(folder, ignore_errors=True)
     run("cmake", "--install", BUILD)
     yield folder

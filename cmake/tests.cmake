@@ -49,6 +49,11 @@ if(GROUND_SCALE_VO_ROS)
   gsv_add_unit_tests(ros ${PROJECT_NAME}_nodelets ${PROJECT_NAME}_simulation)
   gsv_add_unit_tests(ros_tools ${PROJECT_NAME}_ros_tools)
 endif()
+# The longest test starts first, so that the others run beside it.
+set(integration_test _ctest_${PROJECT_NAME}_gtest_integration_test)
+if(TEST ${integration_test})
+  set_tests_properties(${integration_test} PROPERTIES COST 1000)
+endif()
 
 # The fuzz targets, one for each parser and each nodelet's messages. A driver in test/fuzz mutates
 # valid inputs from a fixed seed; with GROUND_SCALE_VO_FUZZ and clang++ libFuzzer drives them.
@@ -91,6 +96,11 @@ if(GROUND_SCALE_VO_ROS)
     add_rostest_gtest(${test} test/rostest/${test}.test ${source})
     gsv_as_test(${test} gsv_ros_test_headers)
     target_link_libraries(${test} ${PROJECT_NAME}_ros_tools ${PROJECT_NAME}_simulation gtest)
+  endforeach()
+  # These measure time or memory, or play a bag at its rate.
+  foreach(test kitti_launch long_run overload shutdown)
+    set_tests_properties(
+      _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES RUN_SERIAL ON)
   endforeach()
 endif()
 

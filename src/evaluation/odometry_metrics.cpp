@@ -19,7 +19,7 @@ using Lengths = std::array<double, 8>;
 constexpr Lengths kDevkitLengths{100, 200, 300, 400, 500, 600, 700, 800};
 constexpr Lengths kShortLengths{10, 20, 30, 40, 50, 60, 70, 80};
 constexpr std::size_t kFramesBetweenStarts = 10;
-constexpr double kMovingM = 0.3;
+constexpr double kMinMotion = 0.3;  // [m] between frames, for a direction of motion
 
 double toDegrees(double radians) { return radians * (180.0 / M_PI); }
 
@@ -28,14 +28,14 @@ Poses orthonormalised(const Poses& poses, const char* name) {
   for (std::size_t i = 0; i < result.size(); ++i) {
     if (!isFinite(result[i]) || !isPlace(result[i].translation())) {
       throw OptionError(std::string(name) + " pose " + std::to_string(i) +
-                        " is not finite or farther off than a camera can be");
+                        " is not finite or implausibly far away");
     }
     result[i].linear() = nearestRotation(result[i].linear());
   }
   return result;
 }
 
-/// Distance travelled until each pose.
+/// Distance travelled up to each pose.
 std::vector<double> distances(const Poses& poses) {
   std::vector<double> travelled(poses.size(), 0.0);
   for (std::size_t i = 1; i < poses.size(); ++i) {
@@ -103,7 +103,7 @@ std::optional<double> medianDirectionError(const Poses& truth, const Poses& esti
   for (std::size_t i = 1; i < truth.size(); ++i) {
     const Eigen::Vector3d t = (truth[i - 1].inverse() * truth[i]).translation();
     const Eigen::Vector3d e = (estimate[i - 1].inverse() * estimate[i]).translation();
-    if (t.norm() <= kMovingM || e.norm() == 0.0) continue;
+    if (t.norm() <= kMinMotion || e.norm() == 0.0) continue;
     angles.push_back(toDegrees(std::atan2(t.cross(e).norm(), t.dot(e))));
   }
   return angles.empty() ? std::nullopt : std::make_optional(quantile(angles, 0.5));
@@ -117,7 +117,7 @@ Eigen::Matrix3Xd positions(const Poses& poses) {
   return result;
 }
 
-/// The segments' errors know of an alignment only its scale: rotation and translation cancel.
+/// Of the similarity only the scale matters: rotation and translation cancel in relative poses.
 std::optional<double> translationErrorAfterSimilarity(const Poses& truth, const Poses& estimate) {
   if (pathLength(estimate) == 0.0) return std::nullopt;
   const Eigen::Matrix4d S = Eigen::umeyama(positions(estimate), positions(truth), true);
@@ -139,7 +139,7 @@ double absoluteError(const Poses& truth, const Poses& estimate) {
 OdometryMetrics computeOdometryMetrics(const Poses& ground_truth, const Poses& estimate) {
   if (ground_truth.size() != estimate.size() || ground_truth.size() < 2) {
     throw OptionError("metrics need two or more poses and the same number of both, not " +
-                      std::to_string(ground_truth.size()) + " true and " +
+                      std::to_string(ground_truth.size()) + " ground truth and " +
                       std::to_string(estimate.size()) + " estimated");
   }
   const Poses truth = orthonormalised(ground_truth, "true");

@@ -13,7 +13,7 @@ using Poses = std::vector<Eigen::Isometry3d>;
 void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
                        double decode_ms) {
   if (vo.frame.sequence != frames_.size()) {
-    throw std::logic_error("the odometry's frames are not numbered as the images are");
+    throw std::logic_error("the odometry's frame numbers do not follow the images");
   }
   RunFrame frame;
   frame.stamp_ns = vo.frame.stamp_ns;
@@ -81,7 +81,7 @@ Poses RunRecord::unscaledPoses() const {
   Poses poses;
   const RunFrame* last_posed = nullptr;
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
-  Eigen::Isometry3d T_first_w = Eigen::Isometry3d::Identity();  // of the map in use
+  Eigen::Isometry3d T_first_w = Eigen::Isometry3d::Identity();  // of the current map
   for (const RunFrame& frame : frames_) {
     if (frame.has_vo_pose) {
       const bool new_map = last_posed != nullptr && last_posed->map_id != frame.map_id;

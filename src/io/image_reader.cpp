@@ -16,7 +16,7 @@ ImageReader::ImageReader(std::size_t size, Read read, bool ahead)
 
 void ImageReader::start() {
   if (index_ >= size_) return;
-  under_way_ = std::async(policy_, [this, i = index_] {
+  pending_ = std::async(policy_, [this, i = index_] {
     const Stopwatch watch;
     const double cpu_begin = threadCpuMs();
     Image result;
@@ -28,7 +28,7 @@ void ImageReader::start() {
 }
 
 ImageReader::Image ImageReader::next() {
-  Image image = under_way_.get();
+  Image image = pending_.get();
   ++index_;
   start();
   return image;

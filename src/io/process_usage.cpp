@@ -16,7 +16,7 @@ ProcessUsage processUsage(pid_t pid) {
   if (clock_getcpuclockid(pid, &clock) == 0 && clock_gettime(clock, &cpu) == 0) {
     usage.cpu_s = static_cast<double>(cpu.tv_sec) + 1e-9 * static_cast<double>(cpu.tv_nsec);
   }
-  // getrusage would do for this process, but its peak is inherited from whoever started it.
+  // getrusage() would inherit the peak of the parent process.
   std::ifstream status("/proc/" + std::to_string(pid) + "/status");
   for (std::string line; std::getline(status, line);) {
     const auto read = [&](const std::string& key, double* mb) {

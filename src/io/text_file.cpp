@@ -15,15 +15,15 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-/// A word fit for an error message: short, and printable whatever the file holds.
+/// A word for an error message: at most 30 characters, all printable.
 std::string quote(const std::string& word) {
-  constexpr std::size_t kLongest = 30;
+  constexpr std::size_t kMaxLength = 30;
   std::string quoted = "'";
-  for (const char c : word.substr(0, kLongest)) quoted += c >= ' ' && c <= '~' ? c : '?';
-  return quoted + (word.size() > kLongest ? "...'" : "'");
+  for (const char c : word.substr(0, kMaxLength)) quoted += c >= ' ' && c <= '~' ? c : '?';
+  return quoted + (word.size() > kMaxLength ? "...'" : "'");
 }
 
-/// Calls take(word) for each blank-separated word, until that says false.
+/// Calls take(word) for each blank-separated word until it returns false.
 template <typename Take>
 void forEachWord(const std::string& line, const Take& take) {
   constexpr const char* kBlank = " \t\r\v\f";
@@ -71,7 +71,7 @@ void writeFile(const fs::path& file, const std::string& content) {
     if (std::fwrite(content.data(), 1, content.size(), stream) != content.size()) {
       error = systemError();
     }
-    // The last bytes leave with this call: it is where a full disk may show.
+    // Flushes the last bytes: a full disk may show only here.
     if (std::fclose(stream) != 0 && !error) error = systemError();
     if (!error) fs::rename(temporary, file, error);
     if (error) {
@@ -85,18 +85,18 @@ void writeFile(const fs::path& file, const std::string& content) {
 void makeFolder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw DataError(folder.string() + ": cannot be made, " + error.message());
+  if (error) throw DataError(folder.string() + ": cannot be created, " + error.message());
 }
 
 TextFile::TextFile(const fs::path& file) : file_(file) {
   std::istringstream stream(readFile(file, kMaxBytes));
-  std::size_t used = 0;
+  std::size_t last_used = 0;
   for (std::string line; std::getline(stream, line);) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
     lines_.push_back(line);
-    if (line.find_first_not_of(" \t") != std::string::npos) used = lines_.size();
+    if (line.find_first_not_of(" \t") != std::string::npos) last_used = lines_.size();
   }
-  lines_.resize(used);
+  lines_.resize(last_used);
   if (lines_.empty()) throw DataError(file.string() + ": is empty");
 }
 
@@ -113,7 +113,7 @@ std::vector<double> TextFile::numbers(std::size_t i, std::size_t count, std::siz
   std::vector<double> values;
   std::size_t words = 0;
   forEachWord(line(i), [&](const std::string& word) {
-    // A line may be millions of words: what is too much is only counted.
+    // A line may have millions of words: surplus words are counted, not parsed.
     if (words++ < first || values.size() == count) return true;
     const auto value = parseNumber<double>(word);
     if (!value) fail(i, quote(word) + " is not a finite number");

@@ -13,10 +13,11 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
+/// Of the entries of a rotation matrix, and of the norm of a quaternion.
 constexpr double kRoundingTolerance = 0.01;
-constexpr const char* kTooFar = "its position is farther off than a camera can be";
+constexpr const char* kTooFar = "its position is implausibly far away";
 
-/// A stream whose numbers read back as the same doubles, in every locale.
+/// A stream whose numbers parse to the same doubles, in every locale.
 std::ostringstream exactStream() {
   std::ostringstream stream;
   stream.imbue(std::locale::classic());

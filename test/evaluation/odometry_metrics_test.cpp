@@ -28,7 +28,7 @@ Poses scaled(Poses poses, double scale) {
   return poses;
 }
 
-TEST(OdometryMetrics, NoErrorForTheTruthItself) {
+TEST(OdometryMetrics, NoErrorForTheGroundTruthItself) {
   const Poses truth = drive(400, 0.9, 0.01);
   const OdometryMetrics m = computeOdometryMetrics(truth, truth);
   EXPECT_NEAR(m.gt_length_m, 399 * 0.9, 1e-9);
@@ -70,7 +70,7 @@ TEST(OdometryMetrics, ScaleErrorOnAStraightLine) {
   }
   EXPECT_NEAR(m.t_err_short_percent.value(), sum / segments, 1e-9);
 
-  // Not the scale's fault: nothing.
+  // Without the error of the scale nothing is left.
   EXPECT_NEAR(m.t_err_true_length_percent.value(), 0.0, 1e-9);
   EXPECT_NEAR(m.t_err_sim3_percent.value(), 0.0, 1e-9);
   EXPECT_NEAR(m.direction_median_deg.value(), 0.0, 1e-9);
@@ -125,7 +125,7 @@ TEST(OdometryMetrics, NoDevkitErrorUnderAHundredMetres) {
   EXPECT_NEAR(m.rle_percent.value(), 2.0, 1e-9);
 }
 
-TEST(OdometryMetrics, StandingEstimateOrTruthIsNoDivisionByZero) {
+TEST(OdometryMetrics, StandingEstimateOrGroundTruthGivesNoDivisionByZero) {
   const Poses moving = drive(150, 1.0);
   const Poses standing(150, Eigen::Isometry3d::Identity());
   const OdometryMetrics held = computeOdometryMetrics(moving, standing);
@@ -147,7 +147,7 @@ TEST(OdometryMetrics, UnnormalisedRotationsAreMadeOrthonormalFirst) {
   EXPECT_NEAR(computeOdometryMetrics(truth, rounded).r_err_deg_per_m.value(), 0.0, 1e-12);
 }
 
-TEST(OdometryMetrics, RefusesWhatCannotBeCompared) {
+TEST(OdometryMetrics, RejectsWhatCannotBeCompared) {
   const Poses ten = drive(10, 1.0);
   EXPECT_THROW(computeOdometryMetrics(ten, drive(9, 1.0)), OptionError);
   EXPECT_THROW(computeOdometryMetrics({}, {}), OptionError);
@@ -158,7 +158,7 @@ TEST(OdometryMetrics, RefusesWhatCannotBeCompared) {
   EXPECT_THROW(computeOdometryMetrics(broken, ten), OptionError);
 }
 
-// A bias of yaw adds up over the frames compared; a jolt counts once, whatever their number.
+// A bias of yaw accumulates over the compared frames; a single step does not.
 TEST(RotationDifference, IsTheLargestOverTheFramesCompared) {
   const double degree = M_PI / 180.0;
   const Poses straight = drive(120, 1.0);
@@ -176,7 +176,7 @@ TEST(RotationDifference, IsTheLargestOverTheFramesCompared) {
   EXPECT_NEAR(largestRotationDifferenceDeg(biased, jolted, 100).value(), 1.0, 0.01);
 }
 
-TEST(RotationDifference, DoesNotDependOnTheWorldsAxes) {
+TEST(RotationDifference, DoesNotDependOnTheWorldFrame) {
   const Poses truth = drive(100, 1.0, 0.02);
   const Eigen::Isometry3d elsewhere(Eigen::Translation3d(5, 6, 7) *
                                     Eigen::AngleAxisd(1.0, Eigen::Vector3d(1, 2, 3).normalized()));
@@ -202,8 +202,8 @@ TEST(Quantile, IsLinearBetweenNeighbours) {
   EXPECT_TRUE(std::isnan(quantile({}, 0.5)));
 }
 
-/// Public systems on public sequences. Expected are figures from other implementations of the same
-/// protocol; where there is none, nothing is.
+/// Results of public systems on public sequences, and their errors according to other
+/// implementations of the same metrics; empty where there is none.
 struct Peer {
   const char* sequence;
   const char* system;

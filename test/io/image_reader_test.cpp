@@ -12,7 +12,7 @@ namespace {
 
 cv::Mat numbered(std::size_t i) { return cv::Mat(1, 1, CV_8UC1, cv::Scalar(double(i))); }
 
-TEST(ImageReader, GivesAllImagesInOrderAheadOrNot) {
+TEST(ImageReader, ReturnsAllImagesInOrder) {
   for (const bool ahead : {false, true}) {
     ImageReader reader(20, numbered, ahead);
     for (int i = 0; i < 20; ++i) {
@@ -51,7 +51,7 @@ TEST(ImageReader, ReadsEachImageOnceAndNoneBeyondTheLast) {
   EXPECT_EQ(read, (std::multiset<std::size_t>{0, 1, 2}));
 }
 
-TEST(ImageReader, AnImageThatCannotBeReadThrowsWhenItIsItsTurn) {
+TEST(ImageReader, AnUnreadableImageThrowsAtItsTurn) {
   for (const bool ahead : {false, true}) {
     ImageReader reader(
         3,
@@ -65,7 +65,7 @@ TEST(ImageReader, AnImageThatCannotBeReadThrowsWhenItIsItsTurn) {
   }
 }
 
-TEST(ImageReader, MayBeGivenUpWhileItReads) {
+TEST(ImageReader, MayBeDestroyedWhileReading) {
   std::atomic<int> read{0};
   {
     ImageReader reader(100, [&](std::size_t i) {
@@ -78,7 +78,7 @@ TEST(ImageReader, MayBeGivenUpWhileItReads) {
   EXPECT_LE(until_its_end, 2);
 }
 
-TEST(ImageReader, NoImagesAreNoError) { ImageReader reader(0, numbered); }
+TEST(ImageReader, AcceptsZeroImages) { ImageReader reader(0, numbered); }
 
 }  // namespace
 }  // namespace ground_scale_vo

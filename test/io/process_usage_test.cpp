@@ -13,7 +13,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Uses the processor until the calling thread has had so much of it.
+/// Uses that much processor time in the calling thread.
 void work(double ms) {
   const double end = threadCpuMs() + ms;
   while (threadCpuMs() < end) {
@@ -27,7 +27,7 @@ TEST(ProcessUsage, CountsTheTimeOfAllThreadsAndOfThoseThatEnded) {
   EXPECT_GE(processUsage().cpu_s - before, 0.0499);
 }
 
-TEST(ProcessUsage, KnowsMemoryAndItsPeak) {
+TEST(ProcessUsage, ReportsMemoryAndItsPeak) {
   const ProcessUsage before = processUsage();
   EXPECT_GT(before.rss_mb, 0);
   {
@@ -52,7 +52,7 @@ TEST(ProcessUsage, OfAnotherProcess) {
   EXPECT_GT(processUsage(child).rss_mb, 0);
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
-  EXPECT_EQ(processUsage(child).cpu_s, 0) << "there is no such process any more";
+  EXPECT_EQ(processUsage(child).cpu_s, 0) << "the process has ended";
   EXPECT_EQ(processUsage(child).rss_mb, 0);
 }
 

@@ -27,9 +27,9 @@ class TextFiles : public TemporaryFolder {
   }
 };
 
-TEST_F(TextFiles, AFullDiskLeavesWhatWasThereAndNothingElse) {
-  write("poses.txt", "of an earlier run");
-  for (const std::size_t bytes : {100u, 5000u, 1000000u}) {  // less and more than a buffer holds
+TEST_F(TextFiles, FullDiskKeepsThePreviousFile) {
+  write("poses.txt", "of a previous run");
+  for (const std::size_t bytes : {100u, 5000u, 1000000u}) {  // below and above the size of a buffer
     std::string error;
     {
       const FullDisk disk(bytes / 2);
@@ -37,20 +37,20 @@ TEST_F(TextFiles, AFullDiskLeavesWhatWasThereAndNothingElse) {
     }
     EXPECT_EQ(error, "/poses.txt: cannot be written, File too large");
     EXPECT_EQ(names(), std::vector<std::string>{"poses.txt"});
-    EXPECT_EQ(readFile(folder_ / "poses.txt", 100), "of an earlier run");
+    EXPECT_EQ(readFile(folder_ / "poses.txt", 100), "of a previous run");
   }
   EXPECT_EQ(writeError("poses.txt", 100), "no error");
   EXPECT_EQ(readFile(folder_ / "poses.txt", 100), std::string(100, 'x'));
 }
 
-TEST_F(TextFiles, EveryFileOfARunIsWholeOrNotThere) {
+TEST_F(TextFiles, EveryFileOfARunIsCompleteOrMissing) {
   RunRecord record;
   for (std::uint32_t i = 0; i < 100; ++i) {
     VisualOdometry::Output vo;
     vo.frame.sequence = i;
     record.append(vo, {});
   }
-  writeRun(folder_ / "whole", record, 1.65, {});
+  writeRun(folder_ / "complete", record, 1.65, {});
   std::size_t failed = 0;
   for (rlim_t bytes = 0; bytes < 40000; bytes += 500) {
     const fs::path folder = folder_ / "partial";
@@ -61,10 +61,10 @@ TEST_F(TextFiles, EveryFileOfARunIsWholeOrNotThere) {
     }
     failed += error != "no error";
     for (const auto& entry : fs::directory_iterator(folder)) {
-      const fs::path whole = folder_ / "whole" / entry.path().filename();
-      ASSERT_TRUE(fs::exists(whole)) << entry.path();
-      if (whole.filename() == "metrics.json") continue;  // has the memory in use
-      EXPECT_EQ(fs::file_size(entry.path()), fs::file_size(whole)) << entry.path();
+      const fs::path complete = folder_ / "complete" / entry.path().filename();
+      ASSERT_TRUE(fs::exists(complete)) << entry.path();
+      if (complete.filename() == "metrics.json") continue;  // has the memory in use
+      EXPECT_EQ(fs::file_size(entry.path()), fs::file_size(complete)) << entry.path();
     }
     fs::remove_all(folder);
   }
@@ -72,7 +72,7 @@ TEST_F(TextFiles, EveryFileOfARunIsWholeOrNotThere) {
   EXPECT_LT(failed, 80u);
 }
 
-TEST_F(TextFiles, NoPlaceToWriteIsSaid) {
+TEST_F(TextFiles, UnwritablePathsAreErrors) {
   EXPECT_EQ(writeError("none/poses.txt", 10),
             "/none/poses.txt: cannot be written, No such file or directory");
   fs::create_directories(folder_ / "poses.txt" / "inside");
@@ -80,7 +80,7 @@ TEST_F(TextFiles, NoPlaceToWriteIsSaid) {
   EXPECT_EQ(names(), std::vector<std::string>{"poses.txt"});
 }
 
-TEST_F(TextFiles, WhatIsNoFileIsRefusedWithoutWaiting) {
+TEST_F(TextFiles, NonFilesAreRejectedWithoutBlocking) {
   EXPECT_EQ(readError(folder_), ": not a file");
   EXPECT_EQ(readError(folder_ / "none"), "/none: no such file");
   fs::create_symlink(folder_ / "none", folder_ / "link");
@@ -91,23 +91,23 @@ TEST_F(TextFiles, WhatIsNoFileIsRefusedWithoutWaiting) {
   EXPECT_EQ(readError(folder_ / "loop"), "/loop: is a link to nothing");
 }
 
-TEST_F(TextFiles, TooLargeAFileIsNotEvenRead) {
+TEST_F(TextFiles, TooLargeFilesAreNotRead) {
   const fs::path file = write("calib.txt", "P0: 1");
   fs::resize_file(file, 100u << 20);
   EXPECT_EQ(readError(file),
             "/calib.txt: has 104857600 bytes, more than the 67108864 that are plausible");
 }
 
-TEST_F(TextFiles, ALineOfMillionsOfNumbersIsRefused) {
+TEST_F(TextFiles, LinesOfMillionsOfNumbersAreRejected) {
   std::string line = "P0:";
   for (int i = 0; i < 5000000; ++i) line += " 1";
-  // Beyond the twelve it is only counted: what this word is nobody asks.
+  // Words beyond the twelfth are counted, not parsed.
   const TextFile text(write("calib.txt", line + " x"));
   EXPECT_EQ(dataErrorOf([&] { text.numbers(text.lineOf("P0:"), 12, 1); }, folder_),
             "/calib.txt, line 1: has 5000001 numbers instead of 12");
 }
 
-TEST_F(TextFiles, NumbersThatNoDoubleHoldsAreNone) {
+TEST_F(TextFiles, TextThatIsNoFiniteDoubleIsRejected) {
   for (const char* word : {"1e400", "-1e400", "inf", "nan", "1e", "0x10", "1,5", "--1", "1.2.3"}) {
     const TextFile text(write("p.txt", word));
     EXPECT_EQ(dataErrorOf([&] { text.numbers(0, 1); }, folder_),

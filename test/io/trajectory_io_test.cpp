@@ -44,7 +44,7 @@ TEST_F(TrajectoryIo, MakesRotationsOrthonormal) {
   EXPECT_NEAR(R(1, 2), 0.0001, 1e-6);
 }
 
-TEST_F(TrajectoryIo, RefusesWhatIsNotATrajectory) {
+TEST_F(TrajectoryIo, RejectsMalformedTrajectories) {
   const auto errorOf = [&](const std::string& content) {
     const auto file = write("p.txt", content);
     return dataErrorOf([&] { readKittiPoses(file); }, folder_);
@@ -67,7 +67,7 @@ TEST_F(TrajectoryIo, RefusesWhatIsNotATrajectory) {
   EXPECT_EQ(errorOf("1 0 0 0 0 1 0 0 0 0 -1 0"), "/p.txt, line 1: its 3x3 is not a rotation");
 }
 
-TEST_F(TrajectoryIo, RefusesWhatIsNotAFile) {
+TEST_F(TrajectoryIo, RejectsNonFiles) {
   EXPECT_EQ(dataErrorOf([&] { readKittiPoses(folder_ / "none.txt"); }, folder_),
             "/none.txt: no such file");
   EXPECT_EQ(dataErrorOf([&] { readKittiPoses(folder_); }, folder_), ": not a file");
@@ -96,7 +96,7 @@ TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {
   }
 }
 
-TEST_F(TrajectoryIo, TumSkipsCommentsAndRefusesABadQuaternion) {
+TEST_F(TrajectoryIo, TumSkipsCommentsAndRejectsABadQuaternion) {
   const auto good = write("good.txt", "# stamp tx ty tz qx qy qz qw\n1.5 1 2 3 0 0 0 1\n");
   EXPECT_EQ(readTumTrajectory(good).size(), 1u);
   const auto bad = write("bad.txt", "1.5 1 2 3 0 0 0 0\n");

@@ -16,8 +16,8 @@ class OfflineRun {
   /// Throws OptionError.
   OfflineRun(const PinholeCamera& camera, const Options& options) : odometry_(camera, options) {}
 
-  /// image and stamp as MetricOdometry::process; decode_ms: for the record alone. Throws
-  /// OptionError. Returns the frame's record as it is now; valid until the next call.
+  /// image and stamp as for MetricOdometry::process(); decode_ms: for the record only. Throws
+  /// OptionError. Returns the record of this frame; valid until the next call.
   const RunFrame& process(const cv::Mat& image, std::int64_t stamp_ns, double decode_ms = 0) {
     last_ = odometry_.process(image, stamp_ns);
     record_.append(last_.vo, last_.scale, decode_ms);
@@ -25,7 +25,7 @@ class OfflineRun {
   }
 
   const RunRecord& record() const { return record_; }
-  /// Of the last frame.
+  /// The output of the last frame.
   const MetricOdometry::Output& last() const { return last_; }
 
  private:

@@ -4,11 +4,11 @@
 
 namespace ground_scale_vo {
 
-/// What a process has used of the machine so far.
+/// Resources that a process has used so far.
 struct ProcessUsage {
-  double cpu_s = 0;        ///< user and system time of all its threads, ended ones included [s]
-  double rss_mb = 0;       ///< memory in use now [MiB]
-  double peak_rss_mb = 0;  ///< the most it ever was [MiB]
+  double cpu_s = 0;        ///< user and system time of all its threads, including ended ones [s]
+  double rss_mb = 0;       ///< resident memory now [MiB]
+  double peak_rss_mb = 0;  ///< its maximum so far [MiB]
 };
 
 /// pid 0: this process. All zero when there is no such process.

@@ -11,14 +11,14 @@ namespace ground_scale_vo {
 /// The rotation nearest to m (least squares). Precondition: det(m) > 0.
 Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m);
 
-/// The rigid transform with the rotation nearest to m; empty when m is farther from it than
-/// rounding explains (0.01 in an entry).
+/// The rigid transform with the rotation nearest to m; empty when an entry of m
+/// differs from it by more than rounding explains (0.01).
 std::optional<Eigen::Isometry3d> rigidTransform(const Eigen::Matrix3d& m, const Eigen::Vector3d& t);
 
-/// KITTI: a line of 12 numbers a pose, the upper 3x4 of T_c0_ci row by row. Rotations are made
-/// orthonormal on reading (nearest rotation). Throws DataError naming file and line.
+/// KITTI: a line of 12 numbers per pose, the upper 3x4 of T_c0_ci row by row. Rotations are made
+/// orthonormal on reading (nearest rotation). Throws DataError that names file and line.
 std::vector<Eigen::Isometry3d> readKittiPoses(const std::filesystem::path& file);
-/// 17 significant digits. Written to a temporary name beside it and renamed. Throws DataError.
+/// 17 significant digits. Written as by writeFile(). Throws DataError.
 void writeKittiPoses(const std::filesystem::path& file,
                      const std::vector<Eigen::Isometry3d>& poses);
 

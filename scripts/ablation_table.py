@@ -6,12 +6,12 @@ import json
 import pathlib
 import sys
 
-# Tables: a heading, and what stands in a cell of it: key in metrics.json, format.
+# Tables: heading, and the values of a cell: key in metrics.json, format.
 TABLES = [
     ("t_err % / RLE % / share of frames held",
      [("t_err_percent", "{:.2f}"), ("rle_percent", "{:.2f}"), ("scale_held_share", "{:.2f}")]),
-    ("floor: t_err % with true lengths / error of the scale in use, median % / scatter of one "
-     "frame % / share within 2 sigma",
+    ("t_err % with true lengths / median error of the filtered scale % / standard deviation of a "
+     "single frame % / share within 2 sigma",
      [("t_err_true_length_percent", "{:.2f}"), ("scale_error_median_percent", "{:+.2f}"),
       ("scale_error_spread_percent", "{:.1f}"), ("scale_within_2_sigma", "{:.2f}")]),
 ]
@@ -28,7 +28,7 @@ def read(folder, row, sequence):
     try:
         return json.loads(file.read_text())
     except FileNotFoundError:
-        return None  # the run failed, and has said so
+        return None  # the run failed and printed the reason
     except (OSError, ValueError) as error:
         sys.exit(f"ablation_table.py: {file}: cannot be read ({error})")
 

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Tables and pictures of what scripts/benchmark has measured in a folder."""
+"""Makes tables and plots of the measurements of scripts/benchmark in a folder."""
 
 import argparse
 import json
@@ -14,7 +14,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
-# group, column of timing.csv (publish: of usage.csv), how it is called
+# group, column of timing.csv (publish: of usage.csv), label
 STAGES = [
     ("image", "decode", "decode"),
     ("front end", "vo_pyramid", "pyramid"),
@@ -26,7 +26,7 @@ STAGES = [
     ("front end", "vo_triangulate", "triangulate"),
     ("front end", "vo_rest", "rest"),
     ("front end", "vo_total", "front end, whole"),
-    ("second thread", "vo_bundle_adjustment", "bundle adjustment"),
+    ("mapping thread", "vo_bundle_adjustment", "bundle adjustment"),
     ("scale stage", "scale_delaunay", "Delaunay"),
     ("scale stage", "scale_gpe", "GPE"),
     ("scale stage", "scale_gpa", "GPA"),
@@ -36,14 +36,14 @@ STAGES = [
     ("messages", "publish", "publish"),
     ("frame", "total", "frame, whole"),
 ]
-FLOOR = [("floor", name, f"OpenCV: {name}") for name in ("pyramid", "detect", "track", "total")]
+BASELINE = [("baseline", name, f"OpenCV: {name}") for name in ("pyramid", "detect", "track", "total")]
 COLOURS = {
-    "image": "0.6", "front end": "tab:blue", "second thread": "tab:purple",
-    "scale stage": "tab:green", "messages": "tab:brown", "frame": "black", "floor": "tab:orange",
+    "image": "0.6", "front end": "tab:blue", "mapping thread": "tab:purple",
+    "scale stage": "tab:green", "messages": "tab:brown", "frame": "black", "baseline": "tab:orange",
 }
 VERDICTS = {True: "holds", False: "missed", None: "not measured"}
-ENOUGH_FRAMES = 300  # for a slope
-# Stages of the front end that are timed by themselves.
+MIN_SLOPE_FRAMES = 300
+# Stages of the front end with a time of their own.
 FRONT_END = ["vo_pyramid", "vo_track", "vo_adjustment_wait", "vo_align", "vo_pose", "vo_detect",
              "vo_triangulate"]
 
@@ -89,7 +89,7 @@ def run_figures(run):
         "cpu_ms_per_frame": float(cpu),
         "frame_cpu_ms_median": float(np.median(usage["frame_cpu"])),
         "decode_cpu_ms_per_frame": float(decode),
-        # What is left: the second thread, and a little for messages and for measuring.
+        # The remainder: the mapping thread, and a little for messages and for the measurement.
         "adjustment_cpu_ms": float((cpu - decode - main_thread) / adjusted) if adjusted else None,
         "features_median": float(np.median(usage["features"])),
         "peak_rss_mb": float(usage["peak_rss_mb"][-1]),
@@ -98,11 +98,11 @@ def run_figures(run):
 
 
 def memory_figures(run):
-    """Memory along the way: at ten places, and its slope over the second half, which says something
-    only when that is some hundreds of frames."""
+    """Memory over the drive: at ten frames, and its slope over the second half, when that is long
+    enough."""
     rss = run["usage"]["rss_mb"]
     half = np.arange(len(rss) // 2, len(rss))
-    slope = 1000 * np.polyfit(half, rss[half], 1)[0] if len(half) >= ENOUGH_FRAMES else None
+    slope = 1000 * np.polyfit(half, rss[half], 1)[0] if len(half) >= MIN_SLOPE_FRAMES else None
     places = np.linspace(0, len(rss) - 1, 11)[1:].astype(int)
     return {
         "frames": len(rss),
@@ -112,18 +112,18 @@ def memory_figures(run):
     }
 
 
-def ratio_figures(run, floor):
-    """The pipeline, images decoded, over OpenCV's pieces alone: both in processor time, which other
-    work on the machine does not change much."""
+def ratio_figures(run, baseline):
+    """Pipeline without decoding over the OpenCV baseline: both in processor time, which other work on
+    the machine hardly changes."""
     usage = run["usage"]
     whole = 1e3 * usage["cpu_s"][-1] / len(usage["cpu_s"]) - np.mean(usage["decode_cpu"])
-    # The pipeline looks for corners only where it needs them.
+    # The pipeline detects corners only in keyframes.
     detected = run["time"]["vo_detect"][1:] > 0
-    same_detections = floor["cpu"] - np.where(detected, 0, floor["detect"] / floor["total"] *
-                                              floor["cpu"])
+    same_detections = baseline["cpu"] - np.where(detected, 0, baseline["detect"] / baseline["total"] *
+                                              baseline["cpu"])
     return {
-        "median": float(np.median(usage["frame_cpu"][1:]) / np.median(floor["cpu"])),
-        "mean_with_adjustment": float(whole / np.mean(floor["cpu"])),
+        "median": float(np.median(usage["frame_cpu"][1:]) / np.median(baseline["cpu"])),
+        "mean_with_adjustment": float(whole / np.mean(baseline["cpu"])),
         "mean_with_adjustment_and_its_detections": float(whole / np.mean(same_detections)),
     }
 
@@ -133,10 +133,10 @@ def graph_figures(file, images):
     table = read_table(file)
     frames = np.flatnonzero(np.isfinite(table["frame"]))
     if len(frames) == 0:
-        raise ValueError(f"{file}: no vo/frame was heard")
+        raise ValueError(f"{file}: no vo/frame was received")
 
-    # When each image was due: the player keeps a line, which the image that was heard earliest
-    # after its stamp touches. Images that were heard late do not make the latency look short.
+    # When each image was due: the player's clock is linear in the stamps, with the offset of the image
+    # that arrived earliest after its stamp. Images that arrived late do not shorten the latency.
     rate = float(file.stem.split("_")[1])
     due = table["stamp"] / rate
     due += np.nanmin(table["image"] - due)
@@ -145,7 +145,7 @@ def graph_figures(file, images):
         times = 1e3 * (table[what] - due)
         return times[np.isfinite(times)]
 
-    known = frames[table["cpu_s"][frames] > 0]  # the first frames may not know the process
+    known = frames[table["cpu_s"][frames] > 0]  # the process may be unknown in the first frames
     cpu = np.diff(table["cpu_s"][known[[0, -1]]])[0] / max(len(known) - 1, 1) if len(known) else None
     return {
         "rate": rate,
@@ -162,30 +162,30 @@ def graph_figures(file, images):
     }, latency("odometry")
 
 
-def bar_figures(report):
-    """What the package aims at, at 1241x376 on a machine with nothing else to do."""
+def threshold_figures(report):
+    """The performance targets, for images of 1241x376 on an idle machine."""
     one, two, memory = report["one_core"], report["two_cores"], report["memory"]
-    ratio = report["whole_over_floor"]
-    bars = [
+    ratio = report["whole_over_baseline"]
+    thresholds = [
         ("front end, median [ms]", one["stages_ms"]["vo_total"]["median"], "<=", 8),
         ("scale stage, median [ms]", one["stages_ms"]["scale_total"]["median"], "<=", 2.5),
         ("processor time [ms a frame]", one["cpu_ms_per_frame"], "<=", 16),
         ("two cores [frames/s]", two["frames_per_second"], ">=", 75),
-        ("whole over floor, median frame", ratio["median"], "<=", 2.5),
-        ("whole over floor, mean with adjustment", ratio["mean_with_adjustment"], "<=", 2.5),
+        ("whole over baseline, median frame", ratio["median"], "<=", 2.5),
+        ("whole over baseline, mean with adjustment", ratio["mean_with_adjustment"], "<=", 2.5),
         ("peak memory [MiB]", max(memory["peak_rss_mb"], two["peak_rss_mb"]), "<=", 300),
         ("growth of memory [MiB in 1000 frames]", memory["growth_mb_per_1000_frames"], "<=", 5),
     ]
     for graph in report["graph"]:
         if graph["rate"] == 1:
-            bars.append(("latency at the bag's rate, median [ms]", graph["latency_ms"]["median"],
+            thresholds.append(("latency at the bag's rate, median [ms]", graph["latency_ms"]["median"],
                          "<=", 20))
         if graph["rate"] == 3:
-            bars.append(("images dropped at 3 times the bag's rate", graph["dropped"], "<=", 0))
+            thresholds.append(("images dropped at 3 times the bag's rate", graph["dropped"], "<=", 0))
     return [
         {"what": what, "value": value, "sign": sign, "limit": limit,
          "holds": None if value is None else value <= limit if sign == "<=" else value >= limit}
-        for what, value, sign, limit in bars
+        for what, value, sign, limit in thresholds
     ]
 
 
@@ -199,7 +199,7 @@ def machine(load):
 
 
 def number(value, digits=3):
-    """That many digits that count; whole numbers whole."""
+    """With so many significant digits; integers without decimals."""
     if value is None:
         return "–"
     if isinstance(value, int) or abs(value) >= 10 ** (digits - 1):
@@ -211,7 +211,7 @@ def number(value, digits=3):
 
 
 def markdown(headings, rows):
-    """A table that is also legible as text: the first column left, the others right."""
+    """A table that is also aligned as plain text."""
     rows = [[cell if isinstance(cell, str) else number(cell) for cell in row] for row in rows]
     widths = [max(len(row[i]) for row in [headings, *rows]) for i in range(len(headings))]
 
@@ -225,19 +225,19 @@ def markdown(headings, rows):
 
 def introduction(report):
     host = report["machine"]
-    return (f"{host['processor']}, {host['cores']} cores, load {host['load_at_start']} when the "
-            "measuring began (0: nothing else ran).")
+    return (f"{host['processor']}, {host['cores']} cores, load {host['load_at_start']} at the start "
+            "(0: idle).")
 
 
 def benchmark_text(name, report):
     one, two, graph = report["one_core"], report["two_cores"], report["graph"]
-    ratio, floor, memory = report["whole_over_floor"], report["floor_ms"], report["memory"]
+    ratio, baseline, memory = report["whole_over_baseline"], report["baseline_ms"], report["memory"]
     parts = [f"# {name}: {one['width']}x{one['height']}, {one['frames']} frames",
              introduction(report),
              "## Stages, one core [ms]",
              "All threads on one core, so the bundle adjustment delays the frame after its keyframe. "
-             "A stage counts in the frames in which it ran. *frame, whole* is front end and scale "
-             "stage; decoding, messages and the second thread come to it."]
+             "Times of a stage are over the frames in which it ran. *frame, whole* is front end and "
+             "scale stage, without decoding, messages and the mapping thread."]
 
     def cells(stage):
         return [stage[key] for key in ("median", "p95", "p99", "max")]
@@ -245,18 +245,18 @@ def benchmark_text(name, report):
     rows = [[f"{group}: {label}" if group != label.split(",")[0] else label, *cells(stage),
              f"{100 * stage['share']:.0f} %"]
             for group, column, label in STAGES for stage in [one["stages_ms"][column]]]
-    rows += [[label, *cells(floor[column]), "100 %"] for _, column, label in FLOOR]
+    rows += [[label, *cells(baseline[column]), "100 %"] for _, column, label in BASELINE]
     parts.append(markdown(["stage", "median", "p95", "p99", "max", "ran in"], rows))
-    parts += ["## Whole pipeline over the floor",
-              f"The floor is OpenCV alone on the same images in the same run, with "
-              f"{number(floor['points_median'])} points a frame (median): pyramid, corners, "
+    parts += ["## Whole pipeline over the baseline",
+              f"The baseline is OpenCV alone on the same images in the same run, with "
+              f"{number(baseline['points_median'])} points a frame (median): pyramid, corners, "
               "Lucas-Kanade in every frame. The ratios are of processor time.",
-              markdown(["pipeline over floor", "ratio"],
-                       [["median frame over median frame, without the second thread",
+              markdown(["pipeline over baseline", "ratio"],
+                       [["median frame over median frame, without the mapping thread",
                          ratio["median"]],
                         ["mean over mean, with the bundle adjustment",
                          ratio["mean_with_adjustment"]],
-                        ["the same, the floor looking for corners only in frames in which the "
+                        ["the same, the baseline detecting corners only in frames in which the "
                          "pipeline does", ratio["mean_with_adjustment_and_its_detections"]]])]
     parts += ["## Throughput and memory",
               markdown(["run", "frames/s", "processor ms a frame", "of it decoding",
@@ -269,16 +269,16 @@ def benchmark_text(name, report):
                          run["stages_ms"]["scale_total"]["median"], run["peak_rss_mb"]]
                         for run in (one, two)]),
               "*Its main thread*: processor time of front end and scale stage. Peaks: the run on "
-              "one core also keeps the points for the floor.",
-              f"Memory along {memory['frames']} frames, the sequence forwards and backwards in "
+              "one core also keeps the points for the baseline.",
+              f"Memory over {memory['frames']} frames, the sequence forwards and backwards in "
               f"turn: {', '.join(number(place['rss_mb']) for place in memory['rss_mb'])} MiB after "
               f"each tenth, {number(memory['peak_rss_mb'])} MiB at most; over the second half it "
               f"grows by {number(memory['growth_mb_per_1000_frames'])} MiB in 1000 frames."]
     if graph:
         parts += ["## Nodelets",
-                  "Latency: wall time from an image's stamp, as the player of the bag keeps it, until "
-                  "its metric odometry is heard by another node. *image*: until the image itself is "
-                  "heard there, median; more than a millisecond means that the machine is busy. "
+                  "Latency: wall time from an image's stamp, on the clock of the bag player, until another "
+                  "node receives its metric odometry. *image*: until that node receives the image "
+                  "itself, median; more than a millisecond means that the machine is busy. "
                   "Dropped: images without a vo/frame. Processor time and memory are the nodelet "
                   "manager's.",
                   markdown(["rate", "images", "dropped", "odometry", "latency median ms", "p95",
@@ -287,10 +287,10 @@ def benchmark_text(name, report):
                              run["odometry_messages"], *cells(run["latency_ms"]),
                              run["latency_to_image_ms"]["median"],
                              run["cpu_ms_per_frame"], run["peak_rss_mb"]] for run in graph])]
-    parts += ["## Aims", "Of an idle machine with images of 1241x376.",
-              markdown(["", "measured", "aim", ""],
-                       [[bar["what"], bar["value"], f"{bar['sign']} {bar['limit']}",
-                         VERDICTS[bar["holds"]]] for bar in report["aims"]])]
+    parts += ["## Targets", "For images of 1241x376 on an idle machine.",
+              markdown(["", "measured", "target", ""],
+                       [[aim["what"], aim["value"], f"{aim['sign']} {aim['limit']}",
+                         VERDICTS[aim["holds"]]] for aim in report["aims"]])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -313,10 +313,10 @@ def save(figure, file):
         plt.close(figure)
 
 
-def draw_stages(folder, name, run, floor, report):
-    """As the paper's Fig. 5, all stages and the floor."""
+def draw_stages(folder, name, run, baseline, report):
+    """As the paper's Fig. 5, all stages and the baseline."""
     rows = [(group, label, run["time"][column]) for group, column, label in STAGES]
-    rows += [(group, label, floor[column]) for group, column, label in FLOOR]
+    rows += [(group, label, baseline[column]) for group, column, label in BASELINE]
     rows = [(group, label, times[times > 0]) for group, label, times in rows]
     rows = [row for row in rows if len(row[2])]
     figure, axes = plt.subplots(figsize=(11, 0.36 * len(rows) + 1.5))
@@ -327,7 +327,7 @@ def draw_stages(folder, name, run, floor, report):
         box.set(facecolor=COLOURS[group], edgecolor=COLOURS[group])
         flier.set(markeredgecolor=COLOURS[group], markerfacecolor=COLOURS[group])
     axes.set_xscale("log")
-    # Below a microsecond nothing is worth a look.
+    # Times below a microsecond are not shown.
     low = max(min(np.percentile(times, 5) for _, _, times in rows), 1e-3)
     axes.set_xlim(left=0.7 * low)
     axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
@@ -340,11 +340,11 @@ def draw_stages(folder, name, run, floor, report):
     groups = dict.fromkeys(group for group, _, _ in rows)
     axes.legend([plt.Rectangle((0, 0), 1, 1, color=COLOURS[group]) for group in groups],
                 list(groups), loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
-    ratio = report["whole_over_floor"]
+    ratio = report["whole_over_baseline"]
     axes.set(xlabel="time of a frame in which the stage ran [ms]: box quartiles, whiskers 5 and "
              "95 %; beside the name the median",
              title=f"{name}, {run['facts']['width']}x{run['facts']['height']}, one core: whole "
-             f"frame {ratio['median']:.2f} x the floor, {ratio['mean_with_adjustment']:.2f} x with the "
+             f"frame {ratio['median']:.2f} x the baseline, {ratio['mean_with_adjustment']:.2f} x with the "
              "bundle adjustment (processor time)")
     save(figure, folder / "stages.png")
 
@@ -371,7 +371,7 @@ def draw_memory(folder, name, run):
     axes.grid(True, linewidth=0.4)
     axes.legend(loc="lower right")
     axes.set(xlabel="frame", ylabel="memory of the process [MiB]",
-             title=f"{name}: memory along the way")
+             title=f"{name}: memory over the drive")
     save(figure, folder / "memory.png")
 
 
@@ -385,21 +385,21 @@ def report_benchmark(folder, load):
     name = folder.resolve().name
     one, two = read_run(folder / "one_core"), read_run(folder / "two_cores")
     long_drive = read_run(folder / "long_drive")
-    floor = read_table(folder / "one_core" / "floor.csv")
+    baseline = read_table(folder / "one_core" / "baseline.csv")
     files = sorted(folder.glob("graph_*.csv"), key=lambda file: float(file.stem.split("_")[1]))
     graphs = [graph_figures(file, one["facts"]["frames"]) for file in files]
     report = {
         "machine": machine(load),
         "one_core": run_figures(one),
         "two_cores": run_figures(two),
-        "floor_ms": {**{column: stage_figures(floor[column]) for _, column, _ in FLOOR},
-                     "points_median": float(np.median(floor["points"]))},
-        "whole_over_floor": ratio_figures(one, floor),
+        "baseline_ms": {**{column: stage_figures(baseline[column]) for _, column, _ in BASELINE},
+                     "points_median": float(np.median(baseline["points"]))},
+        "whole_over_baseline": ratio_figures(one, baseline),
         "memory": memory_figures(long_drive),
         "graph": [graph for graph, _ in graphs],
     }
-    report["aims"] = bar_figures(report)
-    draw_stages(folder, name, one, floor, report)
+    report["aims"] = threshold_figures(report)
+    draw_stages(folder, name, one, baseline, report)
     draw_memory(folder, name, long_drive)
     latencies = [(graph["rate"], times) for graph, times in graphs]
     if latencies:
@@ -407,7 +407,7 @@ def report_benchmark(folder, load):
     write_report(folder, "benchmark", report, benchmark_text(name, report))
 
 
-# What is changed, its column, what else there is to say.
+# title, the varied option, remark
 SERIES = {
     "features": ("Features", "tracker/cell", "The side of the square that holds one corner."),
     "image": ("Image size", "pixels", "The same images, resized."),
@@ -416,7 +416,7 @@ SERIES = {
 
 
 def of_series(series, run):
-    """What is special about one run of a series."""
+    """The varied value of one run of a series."""
     if series == "image":
         return f"{run['width']}x{run['height']}"
     return run["settings"].split()[0].split("=")[1]
@@ -433,7 +433,7 @@ def report_growth(folder, load):
     parts = [f"# {name}: growth", introduction(report),
              "One core; each series changes one thing. Stages: median of wall milliseconds over the "
              "frames in which one ran. Main thread (front end and scale stage, median), adjustment "
-             "(the second thread, mean of one) and a whole frame (mean, decoding included): "
+             "(the mapping thread, mean of one) and a whole frame (mean, decoding included): "
              "milliseconds of processor time, which other work on the machine changes little."]
     columns = ["vo_pyramid", "vo_track", "vo_align", "vo_pose", "vo_detect", "scale_delaunay",
                "scale_gpa", "scale_refine"]
@@ -452,21 +452,21 @@ def report_growth(folder, load):
 
 
 def report_micro(folder):
-    """A row for each piece, a column for each size; both as Google Benchmark names them. A table
-    for those of the same sizes."""
+    """A row for each benchmark, a column for each size, named as by Google Benchmark; a table for
+    benchmarks of equal sizes."""
     report = json.loads((folder / "micro.json").read_text())
     host = report["context"]
     pieces = {}
     for run in report["benchmarks"]:
         if run.get("run_type") != "aggregate":
             name, *sizes = run["name"].replace("/manual_time", "").split("/")
-            # Time that a piece reports itself is its own; else processor time, which other work on
-            # the machine changes less.
+            # Manual times are wall times; else processor time, which other work on the machine
+            # changes less.
             time = run["real_time" if "manual_time" in run["name"] else "cpu_time"]
             to_ms = {"ns": 1e-6, "us": 1e-3, "ms": 1.0, "s": 1e3}[run["time_unit"]]
             pieces.setdefault(name, []).append((", ".join(sizes), time * to_ms))
     text = [f"Processor milliseconds of one call. {host['num_cpus']} cores of "
-            f"{host['mhz_per_cpu']} MHz, load {host['load_avg'][0]:.2f} when the measuring began."]
+            f"{host['mhz_per_cpu']} MHz, load {host['load_avg'][0]:.2f} at the start."]
     tables = {}
     for name, runs in pieces.items():
         sizes = tuple(size for size, _ in runs)

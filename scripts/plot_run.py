@@ -15,8 +15,8 @@ import matplotlib.pyplot as plt  # noqa: E402
 import matplotlib.ticker  # noqa: E402
 import numpy as np  # noqa: E402
 
-TRUTH, ESTIMATE, RAW, TARGET = "0.35", "tab:blue", "tab:green", "tab:red"
-PICTURES = ("trajectory", "scale", "timing", "errors")
+GROUND_TRUTH, ESTIMATE, RAW, TARGET = "0.35", "tab:blue", "tab:green", "tab:red"
+PLOTS = ("trajectory", "scale", "timing", "errors")
 STATUS_COLOURS = {"ok": "tab:green", "held": "tab:orange", "unknown": "0.7", "lost": "tab:red"}
 
 
@@ -26,7 +26,7 @@ def read_positions(file):
 
 
 def read_table(file):
-    """Columns by name; numbers where every cell is one."""
+    """Columns by name; numeric where every cell is a number."""
     with open(file, newline="") as stream:
         rows = list(csv.DictReader(stream))
     table = {}
@@ -40,7 +40,7 @@ def read_table(file):
 
 
 def save(figure, file, pdf):
-    """A PNG, and as pdf the same with lines that stay lines; whole or not at all."""
+    """Writes a PNG, and with `pdf` the same as PDF; the file is complete or missing."""
     try:
         for suffix in (".png", ".pdf") if pdf else (".png",):
             target = file.with_suffix(suffix)
@@ -55,7 +55,7 @@ def save(figure, file, pdf):
 
 
 def legend_above(axes, columns, **arguments):
-    """Where it covers nothing."""
+    """A legend above the axes, where it covers no data."""
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.3, ncol=columns,
                 frameon=False, fontsize="small", handlelength=1.5, columnspacing=1.2, **arguments)
 
@@ -66,17 +66,20 @@ def grid_step(span):
     return max(factor * power for factor in (1, 2, 5) if factor * power <= span / 5)
 
 
-def draw_trajectory(file, estimate, truth, title, pdf):
-    """Top view, as the paper's Fig. 4: one length of the grid for both axes, and a sheet in the
-    proportions of the drive, but no narrower than 2 to 5."""
-    every = np.concatenate([estimate] if truth is None else [estimate, truth])[:, [0, 2]]
+def draw_trajectory(file, estimate, ground_truth, title, pdf):
+    """Top view, as the paper's Fig. 4: equal axes, and a figure in the proportions of the drive, but
+    no narrower than 2 to 5."""
+    every = [estimate] if ground_truth is None else [estimate, ground_truth]
+    every = np.concatenate(every)[:, [0, 2]]
     low, high = every.min(axis=0), every.max(axis=0)
     span = np.maximum(high - low, 1.0)
     span = 1.1 * np.maximum(span, 0.4 * span.max())
     figure, axes = plt.subplots(figsize=tuple(7 * span / span.max()))
-    if truth is not None:
-        axes.plot(truth[:, 0], truth[:, 2], color=TRUTH, linestyle="--", label="ground truth")
-        axes.plot(*truth[-1, [0, 2]], "s", color=TRUTH, markersize=5, label="true end")
+    if ground_truth is not None:
+        axes.plot(ground_truth[:, 0], ground_truth[:, 2], color=GROUND_TRUTH, linestyle="--",
+                  label="ground truth")
+        axes.plot(*ground_truth[-1, [0, 2]], "s", color=GROUND_TRUTH, markersize=5,
+                  label="ground truth end")
     axes.plot(estimate[:, 0], estimate[:, 2], color=ESTIMATE, label="estimate")
     axes.plot(*estimate[0, [0, 2]], "o", color="black", markersize=5, label="start")
     axes.plot(*estimate[-1, [0, 2]], "s", color=ESTIMATE, markersize=5, label="end")
@@ -94,7 +97,7 @@ def draw_trajectory(file, estimate, truth, title, pdf):
 
 
 def draw_status(axes, edges, scale):
-    """A strip at the bottom: what state each frame was in, over the way from it to the next."""
+    """A bar at the bottom with the status of each frame, from it to the next one."""
     state = np.where(scale["vo_status"] == "lost", "lost", scale["status"])
     for name, colour in STATUS_COLOURS.items():
         chosen = np.flatnonzero(state == name)
@@ -104,10 +107,10 @@ def draw_status(axes, edges, scale):
                              label=f"{name}: {len(chosen)} frames")
 
 
-def draw_scale(file, scale, way, camera_height, title, pdf):
-    """As the paper's Fig. 3, over the way driven [m]: each frame's own camera height in the
-    trajectory's metres, with the filter's band, and the heights' distribution; below, the scale
-    and its status."""
+def draw_scale(file, scale, distance, camera_height, title, pdf):
+    """As the paper's Fig. 3, over the distance travelled [m]: the camera height that each frame
+    measures in the units of the metric trajectory, with the band of the filter, and the distribution
+    of these heights; below, the scale and its status."""
     figure, grid = plt.subplots(2, 2, figsize=(10, 7), sharey="row", sharex="col",
                                 gridspec_kw={"width_ratios": [4, 1], "hspace": 0.22,
                                              "wspace": 0.05})
@@ -119,8 +122,8 @@ def draw_scale(file, scale, way, camera_height, title, pdf):
 
     axes = grid[0, 0]
     relative = 2 * sigma / np.where(known, scale["scale"], np.nan)
-    axes.plot(way[measured], heights, ".", color=RAW, markersize=3, label="of one frame")
-    axes.fill_between(way, camera_height * (1 - relative), camera_height * (1 + relative),
+    axes.plot(distance[measured], heights, ".", color=RAW, markersize=3, label="single frame")
+    axes.fill_between(distance, camera_height * (1 - relative), camera_height * (1 + relative),
                       color=ESTIMATE, alpha=0.25, linewidth=0, label=r"filtered, $\pm 2\sigma$")
     axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given: {camera_height:g} m")
     axes.set(ylabel="camera height [m]")
@@ -136,27 +139,27 @@ def draw_scale(file, scale, way, camera_height, title, pdf):
         axes.hist(heights, bins=np.linspace(*axes.get_ylim(), 40), orientation="horizontal",
                   color=RAW, alpha=0.7)
         median = np.median(heights)
-        spread = 1.4826 * np.median(np.abs(heights - median))  # a normal distribution's sigma
+        deviation = 1.4826 * np.median(np.abs(heights - median))  # robust standard deviation
         axes.axhline(median, color="black", linewidth=1,
-                     label=f"median {median:.3f} m\nspread {spread:.3f} m")
+                     label=f"median {median:.3f} m\nstd. dev. {deviation:.3f} m")
         legend_above(axes, 1)
     axes.axhline(camera_height, color=TARGET, linewidth=1)
     axes.set_xlabel("frames")
     axes.tick_params(labelbottom=True)
 
     axes = grid[1, 0]
-    axes.plot(way[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
-              label="of one frame")
-    axes.plot(way, filtered, color=ESTIMATE, label="filtered")
-    axes.fill_between(way, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
+    axes.plot(distance[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
+              label="single frame")
+    axes.plot(distance, filtered, color=ESTIMATE, label="filtered")
+    axes.fill_between(distance, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
                       alpha=0.25, linewidth=0, label=r"$\pm 2\sigma$")
     for number, change in enumerate(np.flatnonzero(np.diff(scale["map_id"]))):
-        axes.axvline(way[change], color="black", linewidth=0.8, linestyle=":",
+        axes.axvline(distance[change], color="black", linewidth=0.8, linestyle=":",
                      label="" if number else "new map")
-    draw_status(axes, np.append(way, way[-1]), scale)
-    axes.set(xlabel="way driven [m]", ylabel="scale [m per unit of the odometry]")
+    draw_status(axes, np.append(distance, distance[-1]), scale)
+    axes.set(xlabel="distance travelled [m]", ylabel="scale [m per unit of the odometry]")
     if np.any(known):
-        # The band, but for the few frames at a map's start in which it is still wide.
+        # Limits from percentiles: the band is wide in the first frames of a map.
         lower, upper = filtered - 2 * sigma, filtered + 2 * sigma
         low = np.percentile(np.append(lower[known], scale["raw_scale"][measured]), 4)
         high = np.percentile(np.append(upper[known], scale["raw_scale"][measured]), 96)
@@ -169,12 +172,12 @@ def draw_scale(file, scale, way, camera_height, title, pdf):
     grid[1, 1].axis("off")
     for axes in (grid[0, 0], grid[0, 1], grid[1, 0]):
         axes.grid(True, linewidth=0.4)
-    grid[1, 0].set_xlim(0, max(way[-1], 1.0))
+    grid[1, 0].set_xlim(0, max(distance[-1], 1.0))
     save(figure, file, pdf)
 
 
 def draw_timing(file, timing, title, pdf):
-    """As the paper's Fig. 5, a line for each stage. A stage counts in the frames in which it ran."""
+    """As the paper's Fig. 5, a row for each stage, over the frames in which it ran."""
     stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
               if name != "frame" and np.any(values > 0)]
     figure, axes = plt.subplots(figsize=(8, 0.9 + 0.29 * len(stages)))
@@ -200,7 +203,7 @@ def draw_timing(file, timing, title, pdf):
 
 
 def draw_errors(file, metrics, title, pdf):
-    """Error against segment length, the KITTI devkit's and the short ones."""
+    """Error over segment length: that of the KITTI devkit and of the short segments."""
     figure, panels = plt.subplots(1, 2, figsize=(10, 3.8), gridspec_kw={"wspace": 0.25})
     longest = 20
     for key, marker, label in (("by_short_length", ".", "10 to 80 m"),
@@ -232,22 +235,22 @@ def draw(folder, pdf):
     metrics = json.loads((folder / "metrics.json").read_text())
     name = folder.resolve().name
     estimate = read_positions(folder / "poses.txt")
-    has_truth = (folder / "ground_truth.txt").exists()
-    truth = read_positions(folder / "ground_truth.txt") if has_truth else None
-    for picture in PICTURES:  # of an earlier run
+    has_ground_truth = (folder / "ground_truth.txt").exists()
+    ground_truth = read_positions(folder / "ground_truth.txt") if has_ground_truth else None
+    for plot in PLOTS:  # of a previous run
         for suffix in (".png", ".pdf"):
-            (folder / (picture + suffix)).unlink(missing_ok=True)
+            (folder / (plot + suffix)).unlink(missing_ok=True)
     title = f"{name}: {metrics['length_m']:.1f} m"
     if metrics["t_err_percent"] is not None:
         title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
                   f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")
-    draw_trajectory(folder / "trajectory", estimate, truth, title, pdf)
+    draw_trajectory(folder / "trajectory", estimate, ground_truth, title, pdf)
     steps = np.linalg.norm(np.diff(estimate, axis=0), axis=1)
     draw_scale(folder / "scale", read_table(folder / "scale.csv"),
                np.concatenate([[0.0], np.cumsum(steps)]), metrics["camera_height_m"], name, pdf)
     if (folder / "timing.csv").exists():
         draw_timing(folder / "timing", read_table(folder / "timing.csv"), name, pdf)
-    if has_truth:
+    if has_ground_truth:
         draw_errors(folder / "errors", metrics, name, pdf)
 
 

@@ -45,20 +45,21 @@ std::vector<double> distances(const Poses& poses) {
 }
 
 /// The devkit's segments: relative pose errors over their length, averaged for each length.
-std::vector<OdometryMetrics::LengthError> segmentErrors(const Poses& truth, const Poses& estimate,
+std::vector<OdometryMetrics::LengthError> segmentErrors(const Poses& ground_truth,
+                                                        const Poses& estimate,
                                                         const Lengths& lengths) {
-  const std::vector<double> travelled = distances(truth);
+  const std::vector<double> travelled = distances(ground_truth);
   std::vector<OdometryMetrics::LengthError> errors;
   for (const double length : lengths) {
     OdometryMetrics::LengthError sum;
     sum.length_m = length;
-    for (std::size_t first = 0; first < truth.size(); first += kFramesBetweenStarts) {
+    for (std::size_t first = 0; first < ground_truth.size(); first += kFramesBetweenStarts) {
       const auto end = std::upper_bound(travelled.begin() + static_cast<std::ptrdiff_t>(first),
                                         travelled.end(), travelled[first] + length);
       if (end == travelled.end()) break;
       const auto last = static_cast<std::size_t>(end - travelled.begin());
       const Eigen::Isometry3d error = (estimate[first].inverse() * estimate[last]).inverse() *
-                                      (truth[first].inverse() * truth[last]);
+                                      (ground_truth[first].inverse() * ground_truth[last]);
       ++sum.segments;
       sum.t_err_percent += 100.0 * error.translation().norm() / length;
       sum.r_err_deg_per_m += toDegrees(Eigen::AngleAxisd(error.linear()).angle()) / length;
@@ -83,25 +84,26 @@ std::optional<double> meanOverSegments(const std::vector<OdometryMetrics::Length
   return segments > 0 ? std::make_optional(sum / segments) : std::nullopt;
 }
 
-std::optional<double> translationError(const Poses& truth, const Poses& estimate) {
-  return meanOverSegments(segmentErrors(truth, estimate, kDevkitLengths),
+std::optional<double> translationError(const Poses& ground_truth, const Poses& estimate) {
+  return meanOverSegments(segmentErrors(ground_truth, estimate, kDevkitLengths),
                           &OdometryMetrics::LengthError::t_err_percent);
 }
 
-Poses withTrueLengths(const Poses& truth, const Poses& estimate) {
+Poses withTrueLengths(const Poses& ground_truth, const Poses& estimate) {
   Poses result = estimate;
   for (std::size_t i = 1; i < estimate.size(); ++i) {
     const Eigen::Vector3d step = estimate[i].translation() - estimate[i - 1].translation();
-    const double length = (truth[i].translation() - truth[i - 1].translation()).norm();
+    const double length =
+        (ground_truth[i].translation() - ground_truth[i - 1].translation()).norm();
     result[i].translation() = result[i - 1].translation() + length * step.normalized();
   }
   return result;
 }
 
-std::optional<double> medianDirectionError(const Poses& truth, const Poses& estimate) {
+std::optional<double> medianDirectionError(const Poses& ground_truth, const Poses& estimate) {
   std::vector<double> angles;
-  for (std::size_t i = 1; i < truth.size(); ++i) {
-    const Eigen::Vector3d t = (truth[i - 1].inverse() * truth[i]).translation();
+  for (std::size_t i = 1; i < ground_truth.size(); ++i) {
+    const Eigen::Vector3d t = (ground_truth[i - 1].inverse() * ground_truth[i]).translation();
     const Eigen::Vector3d e = (estimate[i - 1].inverse() * estimate[i]).translation();
     if (t.norm() <= kMinMotion || e.norm() == 0.0) continue;
     angles.push_back(toDegrees(std::atan2(t.cross(e).norm(), t.dot(e))));
@@ -118,18 +120,19 @@ Eigen::Matrix3Xd positions(const Poses& poses) {
 }
 
 /// Of the similarity only the scale matters: rotation and translation cancel in relative poses.
-std::optional<double> translationErrorAfterSimilarity(const Poses& truth, const Poses& estimate) {
+std::optional<double> translationErrorAfterSimilarity(const Poses& ground_truth,
+                                                      const Poses& estimate) {
   if (pathLength(estimate) == 0.0) return std::nullopt;
-  const Eigen::Matrix4d S = Eigen::umeyama(positions(estimate), positions(truth), true);
+  const Eigen::Matrix4d S = Eigen::umeyama(positions(estimate), positions(ground_truth), true);
   const double scale = S.col(0).head<3>().norm();
   Poses scaled = estimate;
   for (Eigen::Isometry3d& pose : scaled) pose.translation() *= scale;
-  return translationError(truth, scaled);
+  return translationError(ground_truth, scaled);
 }
 
-double absoluteError(const Poses& truth, const Poses& estimate) {
+double absoluteError(const Poses& ground_truth, const Poses& estimate) {
   const Eigen::Matrix3Xd from = positions(estimate);
-  const Eigen::Matrix3Xd to = positions(truth);
+  const Eigen::Matrix3Xd to = positions(ground_truth);
   const Eigen::Isometry3d T(Eigen::umeyama(from, to, false));
   return std::sqrt((T * from.colwise().homogeneous() - to).colwise().squaredNorm().mean());
 }
@@ -142,26 +145,27 @@ OdometryMetrics computeOdometryMetrics(const Poses& ground_truth, const Poses& e
                       std::to_string(ground_truth.size()) + " ground truth and " +
                       std::to_string(estimate.size()) + " estimated");
   }
-  const Poses truth = orthonormalised(ground_truth, "true");
+  const Poses reference = orthonormalised(ground_truth, "ground truth");
   const Poses poses = orthonormalised(estimate, "estimated");
 
   OdometryMetrics metrics;
   metrics.length_m = pathLength(poses);
-  metrics.gt_length_m = pathLength(truth);
+  metrics.gt_length_m = pathLength(reference);
   if (metrics.gt_length_m > 0) {
     metrics.rle_percent =
         100.0 * std::abs(metrics.gt_length_m - metrics.length_m) / metrics.gt_length_m;
   }
   using Error = OdometryMetrics::LengthError;
-  metrics.by_length = segmentErrors(truth, poses, kDevkitLengths);
-  metrics.by_short_length = segmentErrors(truth, poses, kShortLengths);
+  metrics.by_length = segmentErrors(reference, poses, kDevkitLengths);
+  metrics.by_short_length = segmentErrors(reference, poses, kShortLengths);
   metrics.t_err_percent = meanOverSegments(metrics.by_length, &Error::t_err_percent);
   metrics.r_err_deg_per_m = meanOverSegments(metrics.by_length, &Error::r_err_deg_per_m);
   metrics.t_err_short_percent = meanOverSegments(metrics.by_short_length, &Error::t_err_percent);
-  metrics.t_err_true_length_percent = translationError(truth, withTrueLengths(truth, poses));
-  metrics.t_err_sim3_percent = translationErrorAfterSimilarity(truth, poses);
-  metrics.direction_median_deg = medianDirectionError(truth, poses);
-  metrics.ate_rmse_m = absoluteError(truth, poses);
+  metrics.t_err_true_length_percent =
+      translationError(reference, withTrueLengths(reference, poses));
+  metrics.t_err_sim3_percent = translationErrorAfterSimilarity(reference, poses);
+  metrics.direction_median_deg = medianDirectionError(reference, poses);
+  metrics.ate_rmse_m = absoluteError(reference, poses);
   return metrics;
 }
 

@@ -2,14 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <locale>
+#include <cstdio>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 #include <utility>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
+#include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
@@ -18,41 +19,32 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-std::ostringstream tableStream() {
-  std::ostringstream stream;
-  stream.imbue(std::locale::classic());
-  stream.precision(10);
-  return stream;
+using Poses = std::vector<Eigen::Isometry3d>;
+using Json = nlohmann::ordered_json;
+
+/// A number of 10 significant digits; null for what is missing or not finite.
+Json number(std::optional<double> value) {
+  if (!value || !std::isfinite(*value)) return nullptr;
+  char text[32];
+  std::snprintf(text, sizeof text, "%.10g", *value);
+  return Json::parse(text);
 }
 
-std::string json(std::optional<double> value) {
-  if (!value || !std::isfinite(*value)) return "null";
-  std::ostringstream stream = tableStream();
-  stream << *value;
-  return stream.str();
+/// A member of metrics; null without metrics.
+template <typename Metrics, typename Field>
+Json member(const std::optional<Metrics>& metrics, Field field) {
+  return metrics ? number((*metrics).*field) : Json(nullptr);
 }
 
-/// An object of one line, or of a line for each member when it is the outermost.
-std::string jsonObject(const std::vector<std::pair<std::string, std::string>>& members,
-                       const std::string& separator, const std::string& margin) {
-  std::string text;
-  for (const auto& [key, value] : members) {
-    text += (text.empty() ? "" : "," + separator) + "\"" + key + "\": " + value;
+Json lengthErrors(const std::vector<OdometryMetrics::LengthError>& errors) {
+  Json array = Json::array();
+  for (const OdometryMetrics::LengthError& error : errors) {
+    array.push_back({{"length_m", number(error.length_m)},
+                     {"segments", error.segments},
+                     {"t_err_percent", number(error.t_err_percent)},
+                     {"r_err_deg_per_m", number(error.r_err_deg_per_m)}});
   }
-  return "{" + margin + text + (margin.empty() ? "}" : "\n}\n");
-}
-
-std::string json(const std::vector<OdometryMetrics::LengthError>& errors) {
-  std::string text;
-  for (const auto& error : errors) {
-    text +=
-        (text.empty() ? "" : ", ") + jsonObject({{"length_m", json(error.length_m)},
-                                                 {"segments", json(error.segments)},
-                                                 {"t_err_percent", json(error.t_err_percent)},
-                                                 {"r_err_deg_per_m", json(error.r_err_deg_per_m)}},
-                                                " ", "");
-  }
-  return "[" + text + "]";
+  return array;
 }
 
 double voTime(const RunFrame& frame) { return frame.vo_times.total; }
@@ -65,70 +57,81 @@ std::vector<double> timesOf(const RunRecord& record, double (*time)(const RunFra
   return times;
 }
 
-}  // namespace
+void addFrameCounts(const RunRecord& record, Json* json) {
+  const std::vector<RunFrame>& frames = record.frames();
+  (*json)["frames"] = frames.size();
+  (*json)["tracked_frames"] = record.trackedFrames();
+  (*json)["lost_events"] = record.lostEvents();
+  (*json)["backfilled_frames"] = std::count_if(
+      frames.begin(), frames.end(), [](const RunFrame& frame) { return frame.backfilled; });
+}
 
-std::string metricsJson(const RunRecord& record, double camera_height,
-                        const std::vector<Eigen::Isometry3d>& ground_truth,
-                        const std::vector<double>& true_heights) {
-  const auto& frames = record.frames();
-  const auto metric_poses = record.metricPoses();
-  std::optional<OdometryMetrics> metrics, unscaled;
-  std::optional<ScaleMetrics> scale;
-  if (!ground_truth.empty() && frames.size() >= 2) {
-    metrics = computeOdometryMetrics(ground_truth, metric_poses);
-    unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
-    scale = computeScaleMetrics(record, ground_truth,
-                                true_heights.empty() ? kWayOfMeasuredTruth : kWayOfExactTruth,
-                                true_heights);
-  }
-  const auto ofTruth = [&](auto member) {
-    return metrics ? json((*metrics).*member) : std::string("null");
-  };
-  const auto ofScale = [&](auto member) {
-    return scale ? json((*scale).*member) : std::string("null");
-  };
+void addTrajectoryMetrics(const std::optional<OdometryMetrics>& metric,
+                          const std::optional<OdometryMetrics>& unscaled, Json* json) {
   using Metrics = OdometryMetrics;
-  const auto backfilled = std::count_if(frames.begin(), frames.end(),
-                                        [](const RunFrame& frame) { return frame.backfilled; });
-  std::vector<std::pair<std::string, std::string>> members{
-      {"frames", std::to_string(frames.size())},
-      {"tracked_frames", std::to_string(record.trackedFrames())},
-      {"lost_events", std::to_string(record.lostEvents())},
-      {"backfilled_frames", std::to_string(backfilled)},
-      {"camera_height_m", json(camera_height)},
-      {"length_m", json(pathLength(metric_poses))},
-      {"gt_length_m", ofTruth(&Metrics::gt_length_m)},
-      {"rle_percent", ofTruth(&Metrics::rle_percent)},
-      {"t_err_percent", ofTruth(&Metrics::t_err_percent)},
-      {"r_err_deg_per_m", ofTruth(&Metrics::r_err_deg_per_m)},
-      {"t_err_short_percent", ofTruth(&Metrics::t_err_short_percent)},
-      {"t_err_true_length_percent", ofTruth(&Metrics::t_err_true_length_percent)},
-      {"t_err_sim3_percent", unscaled ? json(unscaled->t_err_sim3_percent) : "null"},
-      {"direction_median_deg", ofTruth(&Metrics::direction_median_deg)},
-      {"ate_rmse_m", ofTruth(&Metrics::ate_rmse_m)},
-      {"scale_within_2_sigma", ofScale(&ScaleMetrics::within_2_sigma)},
-      {"scale_held_share", ofScale(&ScaleMetrics::held_share)},
-      {"scale_error_median_percent", ofScale(&ScaleMetrics::error_median_percent)},
-      {"scale_error_spread_percent", ofScale(&ScaleMetrics::error_spread_percent)},
-      {"height_bias_percent", ofScale(&ScaleMetrics::height_bias_percent)}};
+  Json& members = *json;
+  members["gt_length_m"] = member(metric, &Metrics::gt_length_m);
+  members["rle_percent"] = member(metric, &Metrics::rle_percent);
+  members["t_err_percent"] = member(metric, &Metrics::t_err_percent);
+  members["r_err_deg_per_m"] = member(metric, &Metrics::r_err_deg_per_m);
+  members["t_err_short_percent"] = member(metric, &Metrics::t_err_short_percent);
+  members["t_err_true_length_percent"] = member(metric, &Metrics::t_err_true_length_percent);
+  members["t_err_sim3_percent"] = member(unscaled, &Metrics::t_err_sim3_percent);
+  members["direction_median_deg"] = member(metric, &Metrics::direction_median_deg);
+  members["ate_rmse_m"] = member(metric, &Metrics::ate_rmse_m);
+}
+
+void addScaleMetrics(const std::optional<ScaleMetrics>& scale, Json* json) {
+  Json& members = *json;
+  members["scale_within_2_sigma"] = member(scale, &ScaleMetrics::within_2_sigma);
+  members["scale_held_share"] = member(scale, &ScaleMetrics::held_share);
+  members["scale_error_median_percent"] = member(scale, &ScaleMetrics::error_median_percent);
+  members["scale_error_spread_percent"] = member(scale, &ScaleMetrics::error_spread_percent);
+  members["height_bias_percent"] = member(scale, &ScaleMetrics::height_bias_percent);
+}
+
+void addResources(const RunRecord& record, Json* json) {
   const std::pair<const char*, double (*)(const RunFrame&)> stages[] = {
       {"ms_vo", voTime}, {"ms_scale", scaleTime}, {"ms_total", totalTime}};
   for (const auto& [name, time] : stages) {
     const std::vector<double> times = timesOf(record, time);
-    members.emplace_back(std::string(name) + "_median", json(quantile(times, 0.5)));
-    members.emplace_back(std::string(name) + "_p95", json(quantile(times, 0.95)));
+    (*json)[std::string(name) + "_median"] = number(quantile(times, 0.5));
+    (*json)[std::string(name) + "_p95"] = number(quantile(times, 0.95));
   }
-  members.emplace_back("peak_rss_mb", json(processUsage().peak_rss_mb));
-  members.emplace_back("by_length", metrics ? json(metrics->by_length) : "null");
-  members.emplace_back("by_short_length", metrics ? json(metrics->by_short_length) : "null");
-  return jsonObject(members, "\n  ", "\n  ");
+  (*json)["peak_rss_mb"] = number(processUsage().peak_rss_mb);
+}
+
+}  // namespace
+
+std::string metricsJson(const RunRecord& record, double camera_height, const Poses& ground_truth,
+                        const std::vector<double>& ground_truth_heights) {
+  const Poses metric_poses = record.metricPoses();
+  std::optional<OdometryMetrics> metric, unscaled;
+  std::optional<ScaleMetrics> scale;
+  if (!ground_truth.empty() && metric_poses.size() >= 2) {
+    metric = computeOdometryMetrics(ground_truth, metric_poses);
+    unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
+    scale = computeScaleMetrics(
+        record, ground_truth,
+        ground_truth_heights.empty() ? kMeasuredGroundTruthDistance : kExactGroundTruthDistance,
+        ground_truth_heights);
+  }
+  Json json;
+  addFrameCounts(record, &json);
+  json["camera_height_m"] = number(camera_height);
+  json["length_m"] = number(pathLength(metric_poses));
+  addTrajectoryMetrics(metric, unscaled, &json);
+  addScaleMetrics(scale, &json);
+  addResources(record, &json);
+  json["by_length"] = metric ? lengthErrors(metric->by_length) : Json(nullptr);
+  json["by_short_length"] = metric ? lengthErrors(metric->by_short_length) : Json(nullptr);
+  return json.dump(2) + "\n";
 }
 
 std::string scaleCsv(const RunRecord& record) {
-  std::ostringstream stream = tableStream();
-  stream << "frame,stamp,status,reason,raw_scale,scale,sigma,height,nx,ny,nz,triangles,"
-            "ground_triangles,ground_points,window_points,plane_inliers,backfilled,map_id,"
-            "vo_status\n";
+  std::ostringstream stream = csvStream(
+      "frame,stamp,status,reason,raw_scale,scale,sigma,height,nx,ny,nz,triangles,"
+      "ground_triangles,ground_points,window_points,plane_inliers,backfilled,map_id,vo_status");
   for (std::size_t i = 0; i < record.frames().size(); ++i) {
     const RunFrame& frame = record.frames()[i];
     const ScaleEstimate& s = frame.scale;
@@ -143,11 +146,10 @@ std::string scaleCsv(const RunRecord& record) {
 }
 
 std::string timingCsv(const RunRecord& record) {
-  std::ostringstream stream = tableStream();
-  stream << "frame,decode,vo_pyramid,vo_track,vo_adjustment_wait,vo_align,vo_pose,vo_detect,"
-            "vo_triangulate,vo_bundle_adjustment,vo_total,scale_delaunay,scale_gpe,scale_gpa,scale_"
-            "refine,scale_filter,scale_total,"
-            "total\n";
+  std::ostringstream stream = csvStream(
+      "frame,decode,vo_pyramid,vo_track,vo_adjustment_wait,vo_align,vo_pose,vo_detect,"
+      "vo_triangulate,vo_bundle_adjustment,vo_total,scale_delaunay,scale_gpe,scale_gpa,"
+      "scale_refine,scale_filter,scale_total,total");
   for (std::size_t i = 0; i < record.frames().size(); ++i) {
     const RunFrame& frame = record.frames()[i];
     const VisualOdometry::Times& vo = frame.vo_times;
@@ -163,7 +165,7 @@ std::string timingCsv(const RunRecord& record) {
 
 void writeRun(const fs::path& folder, const RunRecord& record, double camera_height,
               const std::vector<Eigen::Isometry3d>& ground_truth,
-              const std::vector<double>& true_heights) {
+              const std::vector<double>& ground_truth_heights) {
   makeFolder(folder);
   for (const char* name : {"timing.csv", "ground_truth.txt"}) {  // of an earlier run
     std::error_code ignored;
@@ -183,7 +185,7 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
     writeFile(folder / "timing.csv", timingCsv(record));
   }
   writeFile(folder / "metrics.json",
-            metricsJson(record, camera_height, ground_truth, true_heights));
+            metricsJson(record, camera_height, ground_truth, ground_truth_heights));
   if (!ground_truth.empty()) writeKittiPoses(folder / "ground_truth.txt", ground_truth);
 }
 

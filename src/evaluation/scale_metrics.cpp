@@ -12,28 +12,29 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::size_t kFarthest = 25;  // frames from a frame to the ends of its way
+/// Most frames from a frame to either end of the distance for its true scale.
+constexpr std::size_t kMaxReach = 25;
 
-/// Metres per VO unit around frame i; empty when the camera hardly moves or has no pose.
+/// True scale around frame i [m per VO unit]; empty when the camera hardly moves or has no pose.
 std::optional<double> trueScale(const std::vector<RunFrame>& frames,
-                                const std::vector<Eigen::Isometry3d>& truth, double way_m,
-                                std::size_t i) {
+                                const std::vector<Eigen::Isometry3d>& ground_truth,
+                                double distance_m, std::size_t i) {
   const auto usable = [&](std::size_t k) {
     return frames[k].has_vo_pose && frames[k].map_id == frames[i].map_id;
   };
   if (!usable(i)) return {};
   std::size_t a = i, b = i;
-  for (std::size_t reach = 1; reach <= kFarthest; ++reach) {
+  for (std::size_t reach = 1; reach <= kMaxReach; ++reach) {
     if (i >= reach && usable(i - reach)) a = i - reach;
     if (i + reach < frames.size() && usable(i + reach)) b = i + reach;
-    const double way = (truth[b].translation() - truth[a].translation()).norm();
+    const double distance = (ground_truth[b].translation() - ground_truth[a].translation()).norm();
     const double estimate = (frames[b].T_w_c.translation() - frames[a].T_w_c.translation()).norm();
-    if (way >= way_m && estimate > 0) return way / estimate;
+    if (distance >= distance_m && estimate > 0) return distance / estimate;
   }
   return {};
 }
 
-/// NaN of nothing.
+/// NaN for an empty whole.
 double share(std::size_t part, std::size_t whole) {
   return whole == 0 ? std::numeric_limits<double>::quiet_NaN()
                     : static_cast<double>(part) / static_cast<double>(whole);
@@ -47,16 +48,17 @@ double medianDistance(std::vector<double> values, double from) {
 }  // namespace
 
 ScaleMetrics computeScaleMetrics(const RunRecord& record,
-                                 const std::vector<Eigen::Isometry3d>& truth, double way_m,
-                                 const std::vector<double>& true_heights) {
+                                 const std::vector<Eigen::Isometry3d>& ground_truth,
+                                 double distance_m,
+                                 const std::vector<double>& ground_truth_heights) {
   const std::vector<RunFrame>& frames = record.frames();
-  if (truth.size() != frames.size() ||
-      (!true_heights.empty() && true_heights.size() != frames.size())) {
-    throw OptionError("the run has " + std::to_string(frames.size()) + " frames, the truth " +
-                      std::to_string(truth.size()) + " poses and " +
-                      std::to_string(true_heights.size()) + " heights");
+  if (ground_truth.size() != frames.size() ||
+      (!ground_truth_heights.empty() && ground_truth_heights.size() != frames.size())) {
+    throw OptionError("the run has " + std::to_string(frames.size()) +
+                      " frames, the ground truth " + std::to_string(ground_truth.size()) +
+                      " poses and " + std::to_string(ground_truth_heights.size()) + " heights");
   }
-  if (!(way_m > 0)) throw OptionError("the way for a true scale must be longer than nothing");
+  if (!(distance_m > 0)) throw OptionError("the distance for a true scale must be positive");
 
   std::size_t within = 0, held = 0, from_first = 0;
   std::vector<double> errors, raw_errors, height_errors;
@@ -67,13 +69,13 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
       held += scale.status == ScaleStatus::kHeld;
     }
     if (scale.status == ScaleStatus::kUnknown) continue;
-    const std::optional<double> known = trueScale(frames, truth, way_m, i);
+    const std::optional<double> known = trueScale(frames, ground_truth, distance_m, i);
     if (!known) continue;
     errors.push_back(100 * (scale.scale / *known - 1));
     within += std::abs(scale.scale - *known) <= 2 * scale.sigma;
     if (scale.raw_scale > 0) raw_errors.push_back(100 * (scale.raw_scale / *known - 1));
-    if (!true_heights.empty()) {
-      height_errors.push_back(100 * (scale.height * *known / true_heights[i] - 1));
+    if (!ground_truth_heights.empty()) {
+      height_errors.push_back(100 * (scale.height * *known / ground_truth_heights[i] - 1));
     }
   }
   ScaleMetrics metrics;

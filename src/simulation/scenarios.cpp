@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
-#include "ground_scale_vo/evaluation/set_option.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -342,7 +342,7 @@ DriveFigures driveFigures(const Scenario& scenario, const SyntheticDrive& drive,
     figures.rle_percent = metrics.rle_percent.value_or(kNone);
     figures.t_err_short_percent = metrics.t_err_short_percent.value_or(kNone);
   }
-  const ScaleMetrics scale = computeScaleMetrics(record, all_truth, kWayOfExactTruth);
+  const ScaleMetrics scale = computeScaleMetrics(record, all_truth, kExactGroundTruthDistance);
   figures.scale_error_percent = scale.error_abs_median_percent;
   figures.within_2_sigma = scale.within_2_sigma;
   figures.held = scale.held_share;

@@ -1,4 +1,4 @@
-// What the nodelets made of a bag: poses, scale and figures from the bag that kitti.launch
+// Evaluates the nodelets over a bag: poses, scale and metrics from the bag that kitti.launch
 // recorded.
 
 #include <nav_msgs/Odometry.h>
@@ -18,66 +18,20 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
-#include "tool_main.hpp"
+#include "support/command_line.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
 
-constexpr const char* kUsage =
-    R"(usage: evaluate_bag --played BAG --recorded BAG --out DIR --camera-height M [--image TOPIC]
-
-Compares what both nodelets made of a bag with the bag's own ground truth.
-
-  --played BAG       the bag that was played: its images say which frames there were, its tf is the
-                     ground truth
-  --recorded BAG     what kitti.launch record:=BAG wrote: scale, odometry, vo/odometry
-  --out DIR          gets the files of run_sequence: poses.txt, poses_unscaled.txt,
-                     trajectory_tum.txt, scale.csv, metrics.json, ground_truth.txt
-  --camera-height M  [m] as it was given to the launch file
-  --image TOPIC      of the played bag (default /kitti/camera_gray_left/image)
-
-The nodelets publish nothing metric before the first scale, so the files begin at the first frame
-with a metric pose; its number is printed. Poses are those of the published frame, in the axes of
-a camera (x right, y down, z forward).
-
-Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
-)";
-
 struct Arguments {
   std::string played, recorded, out, image = "/kitti/camera_gray_left/image";
   double camera_height = 0;
 };
-
-/// Throws OptionError.
-Arguments parseArguments(int argc, char** argv) {
-  Arguments arguments;
-  std::string height;
-  const std::map<std::string, std::string*> texts = {{"--played", &arguments.played},
-                                                     {"--recorded", &arguments.recorded},
-                                                     {"--out", &arguments.out},
-                                                     {"--image", &arguments.image},
-                                                     {"--camera-height", &height}};
-  for (int i = 1; i < argc; ++i) {
-    const auto option = texts.find(argv[i]);
-    if (option == texts.end()) {
-      throw gsv::OptionError(std::string(argv[i]) + " is not known, see --help");
-    }
-    if (++i == argc) throw gsv::OptionError(option->first + " needs a value");
-    *option->second = argv[i];
-  }
-  for (const auto& [name, value] : texts) {
-    if (value->empty()) throw gsv::OptionError(name + " is missing, see --help");
-  }
-  arguments.camera_height = gsv::parseNumber("--camera-height", height);
-  gsv::requireInRange("--camera-height", arguments.camera_height, 0.05, 100.0);
-  return arguments;
-}
 
 /// Calls read(message) for each message of a bag. Throws DataError.
 template <typename Read>
@@ -93,10 +47,10 @@ void forEachMessage(const std::string& file, const rosbag::TopicQuery* topics, c
   }
 }
 
-/// What was played.
+/// The frames and the ground truth of the played bag.
 struct Played {
   std::vector<std_msgs::Header> images;
-  gsv::GroundTruthTf truth;
+  gsv::GroundTruthTf ground_truth;
 };
 
 void readPlayed(const Arguments& arguments, Played& played) {
@@ -107,7 +61,7 @@ void readPlayed(const Arguments& arguments, Played& played) {
     } else if (const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>()) {
       played.images.push_back(compressed->header);
     } else if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
-      played.truth.add(*tf, instance.getTopic() == "/tf_static");
+      played.ground_truth.add(*tf, instance.getTopic() == "/tf_static");
     }
   });
   if (played.images.empty()) {
@@ -115,7 +69,7 @@ void readPlayed(const Arguments& arguments, Played& played) {
   }
 }
 
-/// What came out, by stamp.
+/// The output of the nodelets, by stamp.
 struct Recorded {
   std::map<ros::Time, gsv::ScaleEstimateMsg::ConstPtr> scales;
   std::map<ros::Time, nav_msgs::OdometryConstPtr> metric, unscaled;
@@ -124,7 +78,7 @@ struct Recorded {
 void readRecorded(const Arguments& arguments, Recorded& recorded) {
   forEachMessage(arguments.recorded, nullptr, [&](const rosbag::MessageInstance& instance) {
     if (const auto scale = instance.instantiate<gsv::ScaleEstimateMsg>()) {
-      gsv::fromMsg(*scale);  // refuses what is none
+      gsv::fromMsg(*scale);  // throws on invalid values
       recorded.scales[scale->header.stamp] = scale;
     } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
       const std::string& topic = instance.getTopic();
@@ -136,12 +90,49 @@ void readRecorded(const Arguments& arguments, Recorded& recorded) {
   });
 }
 
-/// A pose told in the axes of a camera: what is x forward, z up becomes z forward, y down.
+/// A pose in camera axes (z forward, y down); T_a_b is in body axes (x forward, z up) unless
+/// is_camera.
 Eigen::Isometry3d inCameraAxes(const Eigen::Isometry3d& T_a_b, bool is_camera) {
   if (is_camera) return T_a_b;
   Eigen::Isometry3d T_body_optical = Eigen::Isometry3d::Identity();
   T_body_optical.linear() = gsv::bodyFromOptical();
   return T_body_optical.inverse() * T_a_b * T_body_optical;
+}
+
+/// The outputs of both stages for the image with this stamp, as far as they were recorded.
+void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
+                    gsv::VisualOdometry::Output* vo, gsv::ScaleRecovery::Output* scale) {
+  // The nodelets publish no times.
+  vo->times.total = scale->times.total = std::numeric_limits<double>::quiet_NaN();
+  vo->frame.stamp_ns = gsv::toNanoseconds(stamp);
+  vo->frame.status = gsv::VoStatus::kLost;
+  const auto estimate = recorded.scales.find(stamp);
+  if (estimate != recorded.scales.end()) {
+    scale->scale = gsv::fromMsg(*estimate->second);
+    vo->frame.map_id = estimate->second->map_id;
+  }
+  const auto unscaled = recorded.unscaled.find(stamp);
+  if (unscaled != recorded.unscaled.end()) {
+    vo->frame.status = gsv::VoStatus::kTracking;
+    vo->frame.T_w_c = gsv::fromMsg(unscaled->second->pose.pose);
+  }
+}
+
+/// Prints how many frames were processed. Returns the first frame with a metric pose. Throws
+/// DataError when there is none.
+std::size_t firstMetricFrame(const Played& played, const Recorded& recorded) {
+  std::size_t first = 0, scales = 0;
+  for (const std_msgs::Header& image : played.images) scales += recorded.scales.count(image.stamp);
+  while (first < played.images.size() && recorded.metric.count(played.images[first].stamp) == 0) {
+    ++first;
+  }
+  const bool any = first < played.images.size();
+  std::printf(
+      "%zu images in, %zu frames out of both nodelets, %zu lost on the way; %s\n",
+      played.images.size(), scales, played.images.size() - scales,
+      any ? ("first metric pose at frame " + std::to_string(first)).c_str() : "no metric pose");
+  if (!any) throw gsv::DataError("no scale was found, so there is nothing to compare");
+  return first;
 }
 
 void evaluate(const Arguments& arguments) {
@@ -150,69 +141,72 @@ void evaluate(const Arguments& arguments) {
   Recorded recorded;
   readRecorded(arguments, recorded);
 
-  std::size_t first = 0, scales = 0;
-  const auto hasPose = [&](std::size_t i) {
-    return recorded.metric.count(played.images[i].stamp) != 0;
-  };
-  for (const std_msgs::Header& image : played.images) scales += recorded.scales.count(image.stamp);
-  while (first < played.images.size() && !hasPose(first)) ++first;
-  const bool any = first < played.images.size();
-  std::printf(
-      "%zu images in, %zu frames out of both nodelets, %zu lost on the way; %s\n",
-      played.images.size(), scales, played.images.size() - scales,
-      any ? ("first metric pose at frame " + std::to_string(first)).c_str() : "no metric pose");
-  if (!any) throw gsv::DataError("no scale was found, so there is nothing to compare");
-
+  const std::size_t first = firstMetricFrame(played, recorded);
   const auto& first_odometry = *recorded.metric.at(played.images[first].stamp);
   const bool is_camera = first_odometry.child_frame_id == played.images[first].frame_id;
   const Eigen::Isometry3d T_b0_odom = gsv::fromMsg(first_odometry.pose.pose).inverse();
 
   gsv::RunRecord record;
-  std::vector<Eigen::Isometry3d> truth;
+  std::vector<Eigen::Isometry3d> ground_truth;
   std::optional<Eigen::Isometry3d> T_b0_root;
   for (std::size_t i = first; i < played.images.size(); ++i) {
     const ros::Time& stamp = played.images[i].stamp;
     gsv::VisualOdometry::Output vo;
     gsv::ScaleRecovery::Output scale;
-    // The nodelets tell no times.
-    vo.times.total = scale.times.total = std::numeric_limits<double>::quiet_NaN();
-    vo.frame.stamp_ns = gsv::toNanoseconds(stamp);
     vo.frame.sequence = static_cast<std::uint32_t>(i - first);
-    vo.frame.status = gsv::VoStatus::kLost;
-    const auto said = recorded.scales.find(stamp);
-    if (said != recorded.scales.end()) {
-      scale.scale = gsv::fromMsg(*said->second);
-      vo.frame.map_id = said->second->map_id;
-    }
-    const auto unscaled = recorded.unscaled.find(stamp);
-    if (unscaled != recorded.unscaled.end()) {
-      vo.frame.status = gsv::VoStatus::kTracking;
-      vo.frame.T_w_c = gsv::fromMsg(unscaled->second->pose.pose);
-    }
-    if (hasPose(i)) {
+    restoreOutputs(recorded, stamp, &vo, &scale);
+    const auto metric = recorded.metric.find(stamp);
+    if (metric != recorded.metric.end()) {
       scale.pose.emplace();
       scale.pose->T_o_c =
-          inCameraAxes(T_b0_odom * gsv::fromMsg(recorded.metric.at(stamp)->pose.pose), is_camera);
+          inCameraAxes(T_b0_odom * gsv::fromMsg(metric->second->pose.pose), is_camera);
     }
     record.append(vo, scale);
 
-    const auto T_root_b = played.truth.pose(first_odometry.child_frame_id, stamp);
+    const auto T_root_b = played.ground_truth.pose(first_odometry.child_frame_id, stamp);
     if (!T_root_b) continue;
     if (!T_b0_root) T_b0_root = T_root_b->inverse();
-    truth.push_back(inCameraAxes(*T_b0_root * *T_root_b, is_camera));
+    ground_truth.push_back(inCameraAxes(*T_b0_root * *T_root_b, is_camera));
   }
-  if (truth.size() != record.frames().size()) {
-    if (!truth.empty()) {
-      std::printf("the ground truth reaches only %zu of %zu frames and is left out\n", truth.size(),
-                  record.frames().size());
+  if (ground_truth.size() != record.frames().size()) {
+    if (!ground_truth.empty()) {
+      std::printf("the ground truth covers only %zu of %zu frames and is ignored\n",
+                  ground_truth.size(), record.frames().size());
     }
-    truth.clear();
+    ground_truth.clear();
   }
-  gsv::writeRun(arguments.out, record, arguments.camera_height, truth);
+  gsv::writeRun(arguments.out, record, arguments.camera_height, ground_truth);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return gsv::toolMain("evaluate_bag", kUsage, argc, argv, parseArguments, evaluate);
+  Arguments arguments;
+  gsv::CommandLine command_line(
+      "evaluate_bag",
+      "Compares the output of both nodelets over a bag with the bag's own ground truth.",
+      "The nodelets publish no metric pose before the first scale, so the files begin at the "
+      "first\n"
+      "frame with a metric pose; its number is printed. Poses are those of the published frame, "
+      "in\n"
+      "camera axes (x right, y down, z forward).\n\n"
+      "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
+  command_line.options().add_options()  //
+      ("played", gsv::requiredValue(&arguments.played, "BAG"),
+       "the bag that was played: its images define the frames, its tf is the ground truth")  //
+      ("recorded", gsv::requiredValue(&arguments.recorded, "BAG"),
+       "the bag that kitti.launch record:=BAG wrote: scale, odometry, vo/odometry")  //
+      ("out", gsv::requiredValue(&arguments.out, "DIR"),
+       "gets the files of run_sequence: poses.txt, poses_unscaled.txt, trajectory_tum.txt, "
+       "scale.csv, metrics.json, ground_truth.txt")  //
+      ("camera-height", gsv::requiredValue(&arguments.camera_height, "M"),
+       "[m] as it was given to the launch file")  //
+      ("image", gsv::optionalValue(&arguments.image, "TOPIC"), "image topic of the played bag");
+  return command_line.run(
+      argc, argv,
+      [&] { gsv::requireInRange("--camera-height", arguments.camera_height, 0.05, 100.0); },
+      [&] {
+        evaluate(arguments);
+        return 0;
+      });
 }

@@ -1,77 +1,36 @@
-// Renders drives with faults injected at random, runs the pipeline over each and tables how it took
-// them.
+// Renders drives with faults at random places and evaluates the pipeline on each.
 
 #include <cstdio>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
-#include "for_all.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
-#include "progress_line.hpp"
-#include "tool_main.hpp"
+#include "support/command_line.hpp"
+#include "support/parallel_for.hpp"
+#include "support/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
 
-constexpr const char* kUsage =
-    R"(usage: evaluate_faults [NAME...] [options]
+constexpr const char* kDetails =
+    R"(Without a NAME: the ten drives with two faults each. A line for each fault and each segment without
+one. detected: seconds until HELD or LOST; ok: frames more than 3 s later with the scale reported as
+measured; tracking, metric: frames after the fault until there is a pose, and a scale, again; excess:
+metric distance beyond the true one; error and sigma: the error of the position after the fault, and
+the growth of its standard deviation. A segment begins 3 s and 20 m after a fault; error: of the
+relative pose over it, relative to its length.
 
-Renders drives into which faults of the camera and of the scene are put at random (seeded), runs the
-odometry over them and tables how it took them.
-
-  NAME          a fault, alone in a drive: lorry, wall, black, white, frozen, covered, rain ...
-                (a wrong name lists them all); default: the ten drives with two faults each
-  --seed N      of all that is drawn (default 20)
-  --threads N   drives at once (default 1)
-
-A line for each fault and each stretch without one. said: seconds until HELD or LOST; ok: frames
-more than 3 s later that are said to be measured; tracking, metric: frames after it until there is
-a pose, and a scale, again; invented: metric way beyond the true one; missed and sigma: what the
-position is wrong by after it, and what its standard deviation has grown by. A stretch begins 3 s
-and 20 m after a fault; error: of the relative pose over it, as a share of its length.
-
-Exit status: 0 every bar is kept, 1 one is broken, 2 the arguments cannot be used.
-)";
+Exit status: 0 all thresholds are met, 1 one is violated, 2 the arguments cannot be used.)";
 
 struct Arguments {
-  std::vector<gsv::FaultDrive> drives;
+  std::vector<std::string> names;
+  int seed = 20;
   int threads = 1;
 };
-
-Arguments parseArguments(int argc, char** argv) {
-  Arguments arguments;
-  std::vector<std::string> names;
-  std::uint64_t seed = 20;
-  for (int i = 1; i < argc; ++i) {
-    const std::string given = argv[i];
-    if (given == "--threads" || given == "--seed") {
-      if (++i == argc) throw gsv::OptionError(given + " needs a value");
-      const bool threads = given == "--threads";
-      const int number = gsv::parseWholeNumber(given, argv[i], threads, threads ? 256 : 1000000);
-      if (threads) {
-        arguments.threads = number;
-      } else {
-        seed = static_cast<std::uint64_t>(number);
-      }
-    } else if (given.size() > 1 && given.front() == '-') {
-      throw gsv::OptionError(given + " is not an option, see --help");
-    } else {
-      names.push_back(given);
-    }
-  }
-  for (const std::string& name : names) {
-    arguments.drives.push_back(gsv::faultDrive(name, seed));
-  }
-  for (std::size_t i = 0; names.empty() && i < gsv::kFaultDrives; ++i) {
-    arguments.drives.push_back(gsv::faultDrive(i, seed));
-  }
-  return arguments;
-}
 
 void print(const gsv::FaultDrive& drive, const gsv::FaultRunFigures& figures) {
   const gsv::SyntheticDrive::Options& o = drive.options;
@@ -87,40 +46,69 @@ void print(const gsv::FaultDrive& drive, const gsv::FaultRunFigures& figures) {
   for (std::size_t i = 0; i < figures.faults.size(); ++i) {
     const gsv::FaultFigures& f = figures.faults[i];
     std::printf(
-        "  frames %3zu to %3zu: %-13s %4.1f s%s: said %.1f s, ok %zu, tracking %d, metric "
-        "%d, invented %.2f m, missed %.1f m, sigma %.1f m\n",
+        "  frames %3zu to %3zu: %-13s %4.1f s%s: detected %.1f s, ok %zu, tracking %d, "
+        "metric %d, excess %.2f m, error %.1f m, sigma %.1f m\n",
         drive.faults[i].first, drive.faults[i].last, f.what.c_str(), f.duration_s,
         f.hides ? ", hides" : "", f.said_after_s, f.ok_frames, f.tracking_after, f.metric_after,
         f.invented_m, f.missed_m, f.sigma_m);
   }
-  const std::string broken = gsv::violatedThreshold(figures);
-  if (!broken.empty()) std::printf("  BROKEN: %s\n", broken.c_str());
+  const std::string violated = gsv::violatedThreshold(figures);
+  if (!violated.empty()) std::printf("  VIOLATED: %s\n", violated.c_str());
 }
 
-int broken_drives = 0;
+std::vector<gsv::FaultDrive> selectDrives(const Arguments& arguments) {
+  const auto seed = static_cast<std::uint64_t>(arguments.seed);
+  std::vector<gsv::FaultDrive> drives;
+  for (const std::string& name : arguments.names) drives.push_back(gsv::faultDrive(name, seed));
+  for (std::size_t i = 0; arguments.names.empty() && i < gsv::kFaultDrives; ++i) {
+    drives.push_back(gsv::faultDrive(i, seed));
+  }
+  return drives;
+}
 
-void run(const Arguments& arguments) {
+/// Returns the number of drives that violate a threshold.
+int run(const std::vector<gsv::FaultDrive>& drives, int threads) {
   cv::setNumThreads(1);
   std::size_t frames = 0;
-  for (const gsv::FaultDrive& drive : arguments.drives) {
+  for (const gsv::FaultDrive& drive : drives) {
     frames += static_cast<std::size_t>(drive.options.frames);
   }
+  int violations = 0;
   gsv::ProgressLine progress("evaluate_faults", frames);
-  gsv::forAll(arguments.drives.size(), arguments.threads, [&](std::size_t i) {
+  gsv::parallelFor(drives.size(), threads, [&](std::size_t i) {
     const gsv::FaultRunFigures figures = gsv::runFaultDrive(
-        arguments.drives[i],
+        drives[i],
         [&](std::size_t, const cv::Mat&, const gsv::OfflineRun&) { progress.step("frames"); });
     progress.pause([&] {
-      print(arguments.drives[i], figures);
-      broken_drives += !gsv::violatedThreshold(figures).empty();
+      print(drives[i], figures);
+      violations += !gsv::violatedThreshold(figures).empty();
     });
   });
-  std::printf("%zu drives, %d with a broken bar\n", arguments.drives.size(), broken_drives);
+  std::printf("%zu drives, %d with a violated threshold\n", drives.size(), violations);
+  return violations;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int status = gsv::toolMain("evaluate_faults", kUsage, argc, argv, parseArguments, run);
-  return status == 0 && broken_drives > 0 ? 1 : status;
+  Arguments arguments;
+  std::vector<gsv::FaultDrive> drives;
+  gsv::CommandLine command_line("evaluate_faults",
+                                "Renders drives with faults of the camera and of the scene at "
+                                "random (seeded) places, runs the\n"
+                                "odometry over them and prints how it reacts.",
+                                kDetails);
+  command_line.addPositionals(
+      "NAME",
+      "a fault, alone in a drive: lorry, wall, black, white, frozen, covered,\n"
+      "      rain ... (a wrong name lists them all)",
+      &arguments.names);
+  command_line.options().add_options()  //
+      ("seed", gsv::numberInRange("--seed", &arguments.seed, "N", 0, 1000000),
+       "of all random choices")  //
+      ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),
+       "drives rendered and run in parallel");
+  return command_line.run(
+      argc, argv, [&] { drives = selectDrives(arguments); },
+      [&] { return run(drives, arguments.threads) > 0 ? 1 : 0; });
 }

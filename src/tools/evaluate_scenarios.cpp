@@ -1,224 +1,88 @@
-// Renders the drives of the scenario catalogue, runs the pipeline over each and tables the figures.
+// Renders the drives of the scenario catalogue and evaluates the pipeline on each.
 
-#include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
-#include "for_all.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/evaluation/set_option.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/simulation/scenarios.hpp"
-#include "progress_line.hpp"
-#include "tool_main.hpp"
+#include "support/command_line.hpp"
+#include "support/parallel_for.hpp"
+#include "support/progress_line.hpp"
+#include "support/scenario_tables.hpp"
+#include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
 
-constexpr const char* kUsage =
-    R"(usage: evaluate_scenarios [--remedies] [NAME...] --out DIR [options]
+constexpr const char* kDetails =
+    R"(Without a NAME: all scenarios. Metrics are computed from the first metric pose on. RLE: relative
+error of the path length; t_err short: the devkit's error over 10, 20 ... 80 m; scale: median error of
+the scale against that of 2 m of ground truth; held: share of frames without a measurement of their
+own; 2 sigma: share of frames whose true scale lies within two reported sigma; ok hidden: share of
+frames reported as measured although no road texture is visible, which should be 0.
 
-Renders drives that are hard for a camera, each with exact truth, runs the odometry over them and
-tables how well it measured.
+--ablation runs each drive several times: with the defaults, with the paper's choices as printed, with
+feature-based measurements only, with direct measurements only, and without the part that handles this
+scenario. A cell of its table is RLE % / held / 2 sigma, bold where a threshold is violated, with the
+reason: lost, no start in the first half, RLE above 1.5 %, 2 sigma below 0.75, ok hidden.
 
-  NAME          of a drive (render_drive --list); default: all
-  --out DIR     DIR/scenarios.md and DIR/scenarios.json are written
-  --threads N   drives at once (default 1)
-  --set GROUP/NAME=VALUE
-                an option other than its default, by the name of its parameter
-                (docs/parameters.md); as often as needed
-
-Figures are of the way from the first metric pose on. RLE: error of its length; t_err short: the
-devkit's error over 10, 20 ... 80 m; scale: median error of the scale against that of 2 m of true
-way; held: share of frames without a measurement of their own; 2 sigma: share of frames whose true
-scale lies within two reported sigma; ok hidden: share of measured frames where the road shows
-nothing that could be measured, which should be 0.
-
---remedies runs over each drive again and again instead: with all, with the paper's choices as
-printed, with the road's points and with its pixels alone, and without the thing that makes this
-drive right. A cell of its table is RLE % / held / 2 sigma, bold where the drive is not measured,
-with the reason: lost on the way, no start in its first half, RLE above 1.5 %, 2 sigma below 0.75,
-ok hidden. It goes to DIR/remedies.md.
-
-Exit status: 0 done, 1 DIR cannot be written, 2 the arguments cannot be used.
-)";
+Exit status: 0 done, 1 DIR cannot be written, 2 the arguments cannot be used.)";
 
 struct Arguments {
+  std::vector<std::string> names;
   std::vector<gsv::Scenario> scenarios;
   std::string out;
   int threads = 1;
-  bool remedies = false;
-  std::vector<std::string> settings;  ///< as of setOption
+  bool ablation = false;
+  std::vector<std::string> settings;  ///< of setOption()
 };
-
-Arguments parseArguments(int argc, char** argv) {
-  Arguments arguments;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const auto value = [&] {
-      if (++i == argc) throw gsv::OptionError(argument + " needs a value");
-      return std::string(argv[i]);
-    };
-    if (argument == "--out") {
-      arguments.out = value();
-    } else if (argument == "--threads") {
-      arguments.threads = gsv::parseWholeNumber(argument, value(), 1, 256);
-    } else if (argument == "--set") {
-      arguments.settings.push_back(value());
-      gsv::OfflineRun::Options options;
-      gsv::setOption(options, arguments.settings.back());  // refused now rather than in the runs
-    } else if (argument == "--remedies") {
-      arguments.remedies = true;
-    } else if (argument.size() > 1 && argument.front() == '-') {
-      throw gsv::OptionError(argument + " is not an option, see --help");
-    } else {
-      arguments.scenarios.push_back(gsv::findScenario(argument));
-    }
-  }
-  if (arguments.out.empty()) throw gsv::OptionError("--out is missing, see --help");
-  if (arguments.scenarios.empty()) arguments.scenarios = gsv::allScenarios();
-  return arguments;
-}
-
-struct Row {
-  std::string name;
-  gsv::DriveFigures figures;
-};
-
-/// A column of both files: its heading, its key, and a decimal number or nothing.
-struct Column {
-  const char *heading, *key;
-  int decimals;
-  double (*value)(const gsv::DriveFigures&);
-};
-using Figures = gsv::DriveFigures;
-constexpr Column kColumns[] = {
-    {"frames", "frames", 0, [](const Figures& f) { return static_cast<double>(f.frames); }},
-    {"tracked", "tracked_frames", 0,
-     [](const Figures& f) { return static_cast<double>(f.tracked_frames); }},
-    {"lost", "lost_events", 0, [](const Figures& f) { return static_cast<double>(f.lost_events); }},
-    {"metric", "metric_frames", 0,
-     [](const Figures& f) { return static_cast<double>(f.metric_frames); }},
-    {"RLE %", "rle_percent", 2, [](const Figures& f) { return f.rle_percent; }},
-    {"t_err short %", "t_err_short_percent", 2,
-     [](const Figures& f) { return f.t_err_short_percent; }},
-    {"scale %", "scale_error_percent", 2, [](const Figures& f) { return f.scale_error_percent; }},
-    {"held", "held", 2, [](const Figures& f) { return f.held; }},
-    {"2 sigma", "within_2_sigma", 2, [](const Figures& f) { return f.within_2_sigma; }},
-    {"ok hidden", "ok_while_hidden", 2, [](const Figures& f) { return f.ok_while_hidden; }},
-};
-
-std::string number(const Column& column, const Figures& figures, const char* none) {
-  const double value = column.value(figures);
-  if (!std::isfinite(value)) return none;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.*f", column.decimals, value);
-  return text;
-}
-
-std::string markdown(const std::vector<Row>& rows) {
-  std::string text = "| drive |", rule = "|---|";
-  for (const Column& column : kColumns) {
-    text += std::string(" ") + column.heading + " |";
-    rule += "---|";
-  }
-  text += "\n" + rule + "\n";
-  for (const Row& row : rows) {
-    text += "| " + row.name + " |";
-    for (const Column& column : kColumns) text += " " + number(column, row.figures, "–") + " |";
-    text += "\n";
-  }
-  return text;
-}
-
-std::string json(const std::vector<Row>& rows) {
-  std::string text;
-  for (const Row& row : rows) {
-    text += (text.empty() ? "" : ",\n") + std::string("  {\"drive\": \"") + row.name + "\"";
-    for (const Column& column : kColumns) {
-      text += std::string(", \"") + column.key + "\": " + number(column, row.figures, "null");
-    }
-    text += "}";
-  }
-  return "[\n" + text + "\n]\n";
-}
-
-void printHeading() {
-  std::printf("%-18s", "drive");
-  for (const Column& column : kColumns) std::printf("  %s", column.heading);
-  std::printf("  seconds\n");
-}
-
-void print(const Row& row, double seconds) {
-  std::printf("%-18s", row.name.c_str());
-  for (const Column& column : kColumns) {
-    const auto width = static_cast<int>(std::string(column.heading).size()) + 2;
-    std::printf("%*s", width, number(column, row.figures, "-").c_str());
-  }
-  std::printf("%9.1f\n", seconds);
-}
 
 std::size_t frames(const gsv::Scenario& scenario) {
   return static_cast<std::size_t>(scenario.options.frames);
 }
 
 void tabulate(const Arguments& arguments) {
-  printHeading();
-  std::vector<Row> rows(arguments.scenarios.size());
+  std::fputs(gsv::terminalHeading().c_str(), stdout);
+  std::vector<gsv::ScenarioRow> rows(arguments.scenarios.size());
   std::size_t images = 0;  // rendered, and again for each run over them
   for (const gsv::Scenario& scenario : arguments.scenarios) images += 2 * frames(scenario);
   gsv::ProgressLine progress("evaluate_scenarios", images);
   const auto step = [&progress] { progress.step("images"); };
-  gsv::forAll(rows.size(), arguments.threads, [&](std::size_t i) {
+  gsv::parallelFor(rows.size(), arguments.threads, [&](std::size_t i) {
     const gsv::Scenario& scenario = arguments.scenarios[i];
     const gsv::Stopwatch watch;
     const gsv::SyntheticDrive drive(scenario.options);
     const gsv::RunRecord record =
         gsv::runDrive(drive, gsv::renderDrive(drive, step), arguments.settings, step);
     rows[i] = {scenario.name, gsv::driveFigures(scenario, drive, record)};
-    progress.pause([&] { print(rows[i], watch.seconds()); });
+    progress.pause([&] { std::fputs(gsv::terminalRow(rows[i], watch.seconds()).c_str(), stdout); });
   });
   const std::filesystem::path out(arguments.out);
-  gsv::writeFile(out / "scenarios.md", markdown(rows));
-  gsv::writeFile(out / "scenarios.json", json(rows));
-}
-
-/// RLE % / held / 2 sigma; bold, with the reason, when a bar is broken.
-std::string cell(const Figures& figures, const gsv::DriveThresholds& bars) {
-  const std::string broken = gsv::violatedThreshold(figures, bars);
-  if (figures.metric_frames == 0) return broken == "lost" ? "**lost**" : "**no start**";
-  char text[64];
-  std::snprintf(text, sizeof text, "%.2f / %.2f / %.2f", figures.rle_percent, figures.held,
-                figures.within_2_sigma);
-  if (broken.empty()) return text;
-  if (broken == "ok hidden") {
-    std::snprintf(text + std::strlen(text), sizeof text - std::strlen(text), " / %.2f",
-                  figures.ok_while_hidden);
-  }
-  return std::string("**") + text + "** " + broken;
+  gsv::writeFile(out / "scenarios.md", gsv::scenariosMarkdown(rows));
+  gsv::writeFile(out / "scenarios.json", gsv::scenariosJson(rows));
 }
 
 using Settings = std::vector<std::string>;
 
-/// A run over every drive.
+/// A configuration in which every drive is run.
 struct Variant {
   const char* heading;
   Settings settings;
 };
 
 std::vector<Variant> variants() {
-  return {{"as it is", {}},
+  return {{"default", {}},
           {"the paper as printed", {"paper_literal=true"}},
-          {"points alone", {gsv::kFeatureBasedOnly}},
-          {"pixels alone", {gsv::kDirectOnly}}};
+          {"feature-based only", {gsv::kFeatureBasedOnly}},
+          {"direct only", {gsv::kDirectOnly}}};
 }
 
 std::string code(const Settings& settings) {
@@ -229,13 +93,13 @@ std::string code(const Settings& settings) {
   return text;
 }
 
-void tabulateRemedies(const Arguments& arguments) {
-  std::string text = "| drive | what makes it right |", rule = "|---|---|";
+void tabulateAblation(const Arguments& arguments) {
+  std::string text = "| drive | handled by |", rule = "|---|---|";
   for (const Variant& variant : variants()) {
     text += std::string(" ") + variant.heading + " |";
     rule += "---|";
   }
-  text += " without it | which is |\n" + rule + "---|---|\n";
+  text += " without it | options |\n" + rule + "---|---|\n";
   std::fputs(text.c_str(), stdout);
   std::vector<std::string> lines(arguments.scenarios.size());
   std::size_t images = 0;  // rendered, and again for each run over them
@@ -245,35 +109,47 @@ void tabulateRemedies(const Arguments& arguments) {
   }
   gsv::ProgressLine progress("evaluate_scenarios", images);
   const auto step = [&progress] { progress.step("images"); };
-  gsv::forAll(lines.size(), arguments.threads, [&](std::size_t i) {
+  gsv::parallelFor(lines.size(), arguments.threads, [&](std::size_t i) {
     const gsv::Scenario& scenario = arguments.scenarios[i];
-    const gsv::ScenarioAblation& remedy = scenario.remedy;
+    const gsv::ScenarioAblation& ablation = scenario.remedy;
     const gsv::SyntheticDrive drive(scenario.options);
     const std::vector<cv::Mat> rendered = gsv::renderDrive(drive, step);
     const auto run = [&](const Settings& settings) {
       Settings all = arguments.settings;
       all.insert(all.end(), settings.begin(), settings.end());
-      return cell(gsv::driveFigures(scenario, drive, gsv::runDrive(drive, rendered, all, step)),
-                  scenario.bars);
+      return gsv::ablationCell(
+          gsv::driveFigures(scenario, drive, gsv::runDrive(drive, rendered, all, step)),
+          scenario.bars);
     };
     std::string& line = lines[i];
-    line = "| " + scenario.name + " | " + remedy.what + " |";
+    line = "| " + scenario.name + " | " + ablation.what + " |";
     for (const Variant& variant : variants()) line += " " + run(variant.settings) + " |";
-    Settings without = remedy.with;
-    without.insert(without.end(), remedy.without.begin(), remedy.without.end());
-    line += remedy.without.empty() ? " | |" : " " + run(without) + " | " + code(without) + " |";
+    Settings without = ablation.with;
+    without.insert(without.end(), ablation.without.begin(), ablation.without.end());
+    line += ablation.without.empty() ? " | |" : " " + run(without) + " | " + code(without) + " |";
     line += "\n";
     progress.pause([&] { std::fputs(line.c_str(), stdout); });
   });
   for (const std::string& line : lines) text += line;
-  gsv::writeFile(std::filesystem::path(arguments.out) / "remedies.md", text);
+  gsv::writeFile(std::filesystem::path(arguments.out) / "ablation.md", text);
+}
+
+void check(Arguments* arguments) {
+  for (const std::string& setting : arguments->settings) {
+    gsv::OfflineRun::Options options;
+    gsv::setOption(options, setting);  // rejects it before the runs
+  }
+  for (const std::string& name : arguments->names) {
+    arguments->scenarios.push_back(gsv::findScenario(name));
+  }
+  if (arguments->scenarios.empty()) arguments->scenarios = gsv::allScenarios();
 }
 
 void run(const Arguments& arguments) {
   cv::setNumThreads(1);
-  gsv::makeFolder(arguments.out);  // fails now rather than after the runs
-  if (arguments.remedies) {
-    tabulateRemedies(arguments);
+  gsv::makeFolder(arguments.out);  // fails before the runs, not after them
+  if (arguments.ablation) {
+    tabulateAblation(arguments);
   } else {
     tabulate(arguments);
   }
@@ -282,5 +158,25 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return gsv::toolMain("evaluate_scenarios", kUsage, argc, argv, parseArguments, run);
+  Arguments arguments;
+  gsv::CommandLine command_line("evaluate_scenarios",
+                                "Renders drives of the scenario catalogue with exact ground truth, "
+                                "runs the odometry over them\n"
+                                "and prints tables of its errors.",
+                                kDetails);
+  command_line.addPositionals("NAME", "scenario (render_drive --list)", &arguments.names);
+  command_line.options().add_options()  //
+      ("out", gsv::requiredValue(&arguments.out, "DIR"),
+       "gets scenarios.md and scenarios.json, or ablation.md")  //
+      ("ablation", gsv::po::bool_switch(&arguments.ablation),
+       "each scenario also with parts of the method switched off")  //
+      ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),
+       "drives rendered and run in parallel")  //
+      ("set", gsv::settingsValue(&arguments.settings), gsv::kSettingsHelp);
+  return command_line.run(
+      argc, argv, [&] { check(&arguments); },
+      [&] {
+        run(arguments);
+        return 0;
+      });
 }

@@ -1,4 +1,4 @@
-// Notes when images enter the nodelets' graph and when what they make of them comes out.
+// Records when images arrive at the nodelets and when their results are published.
 
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
@@ -9,59 +9,28 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <locale>
 #include <map>
 #include <memory>
 #include <optional>
 #include <sstream>
 #include <string>
 
-#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros/messages.hpp"
 #include "ground_scale_vo/ros_tools/node_process.hpp"
-#include "tool_main.hpp"
+#include "support/command_line.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
-
-constexpr const char* kUsage =
-    R"(usage: graph_observer --out FILE [--manager NODE] [ROS remappings]
-
-Listens to `image`, `vo/frame`, `scale` and `odometry` until it is interrupted (SIGINT), then writes
-FILE: a line for each image, by stamp, with the wall time [s] at which it and what the nodelets made
-of it were heard (nan: never). Waits for a ROS master, and says "listening" on stdout when it listens.
-
-  --out FILE      the table: stamp, image, frame, scale, odometry, cpu_s, rss_mb, peak_rss_mb
-  --manager NODE  the nodelet manager whose processor time and memory [MiB] are noted with each
-                  vo/frame (default ground_scale_vo_manager); it must run on this machine
-
-Exit status: 0 done, 1 FILE cannot be written, 2 wrong arguments.
-)";
 
 constexpr std::uint32_t kQueue = 1000;
 
 struct Arguments {
   std::string out, manager = "ground_scale_vo_manager";
 };
-
-/// Throws OptionError.
-Arguments parseArguments(int argc, char** argv) {
-  ros::init(argc, argv, "graph_observer");  // takes its remappings out
-  Arguments arguments;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument != "--out" && argument != "--manager") {
-      throw gsv::OptionError(argument + " is not an option, see --help");
-    }
-    if (++i == argc) throw gsv::OptionError(argument + " needs a value");
-    (argument == "--out" ? arguments.out : arguments.manager) = argv[i];
-  }
-  if (arguments.out.empty()) throw gsv::OptionError("--out is missing, see --help");
-  return arguments;
-}
 
 class Observer {
  public:
@@ -82,10 +51,8 @@ class Observer {
   }
 
   std::string csv() const {
-    std::ostringstream stream;
-    stream.imbue(std::locale::classic());
-    stream.precision(10);
-    stream << "stamp,image,frame,scale,odometry,cpu_s,rss_mb,peak_rss_mb\n";
+    std::ostringstream stream =
+        gsv::csvStream("stamp,image,frame,scale,odometry,cpu_s,rss_mb,peak_rss_mb");
     for (const auto& [stamp, line] : lines_) {
       stream << stamp.sec << '.' << std::to_string(1000000000u + stamp.nsec).substr(1) << ','
              << line.image << ',' << line.frame << ',' << line.scale << ',' << line.odometry << ','
@@ -122,7 +89,7 @@ class Observer {
 };
 
 void run(const Arguments& arguments) {
-  // Fails now rather than after the run, and leaves no empty table if that breaks off.
+  // Fails before the run when FILE cannot be written, and leaves no empty table behind.
   gsv::writeFile(arguments.out, "");
   std::filesystem::remove(arguments.out);
   const auto observer = std::make_unique<Observer>(arguments);
@@ -135,5 +102,28 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return gsv::toolMain("graph_observer", kUsage, argc, argv, parseArguments, run);
+  ros::init(argc, argv, "graph_observer");  // removes the remappings from the arguments
+  Arguments arguments;
+  gsv::CommandLine command_line(
+      "graph_observer",
+      "Subscribes to `image`, `vo/frame`, `scale` and `odometry` until it is interrupted (SIGINT), "
+      "then\n"
+      "writes FILE: a line per image, by stamp, with the wall time [s] at which it and the "
+      "messages\n"
+      "computed from it arrived (nan: never). Takes ROS remappings. Waits for a ROS master, and "
+      "prints\n"
+      "\"listening\" to stdout when it is subscribed.",
+      "Exit status: 0 done, 1 FILE cannot be written, 2 the arguments cannot be used.");
+  command_line.options().add_options()  //
+      ("out", gsv::requiredValue(&arguments.out, "FILE"),
+       "the table: stamp, image, frame, scale, odometry, cpu_s, rss_mb, peak_rss_mb")  //
+      ("manager", gsv::optionalValue(&arguments.manager, "NODE"),
+       "the nodelet manager whose processor time and memory [MiB] are recorded with each vo/frame; "
+       "it must run on this machine");
+  return command_line.run(
+      argc, argv, [] {},
+      [&] {
+        run(arguments);
+        return 0;
+      });
 }

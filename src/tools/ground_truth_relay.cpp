@@ -1,7 +1,6 @@
-// Shows the ground truth of a bag beside the estimate: ground_truth/tf (the tf of the bag, remapped
-// by kitti.launch) -> ground_truth/odometry and ground_truth/path in the estimate's odom frame.
-//
-// The truth has an origin of its own; the two are laid together at the first metric pose.
+// Publishes the ground truth of a bag in the estimate's odom frame: ground_truth/tf (the bag's tf,
+// remapped by kitti.launch) -> ground_truth/odometry and ground_truth/path. The two trajectories are
+// aligned at the first metric pose.
 
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
@@ -23,9 +22,9 @@ namespace {
 
 constexpr std::uint32_t kQueue = 1000;
 constexpr std::size_t kPathPoses = 5000;
-constexpr double kPathSpacing = 0.5;      // [m]
-constexpr std::size_t kLongestWait = 50;  // estimates without a truth
-constexpr double kClockJump = 1.0;        // [s]
+constexpr double kPathSpacing = 0.5;     // [m]
+constexpr std::size_t kMaxPending = 50;  // estimates that wait for their ground truth
+constexpr double kClockJump = 1.0;       // [s]
 
 class GroundTruthRelay {
  public:
@@ -44,33 +43,34 @@ class GroundTruthRelay {
 
  private:
   void onTf(const tf2_msgs::TFMessage& message, bool is_static) {
-    truth_.add(message, is_static);
-    work();
+    ground_truth_.add(message, is_static);
+    publishKnown();
   }
 
   void onOdometry(const nav_msgs::OdometryConstPtr& odometry) {
     const ros::Time& stamp = odometry->header.stamp;
-    if ((last_stamp_ - stamp).toSec() > kClockJump) {  // a looped bag: both start anew
+    if ((last_stamp_ - stamp).toSec() > kClockJump) {  // a looped bag
       T_odom_root_.reset();
-      waiting_.clear();
+      pending_.clear();
       path_.clear();
     }
     last_stamp_ = stamp;
-    waiting_.push_back(odometry);
-    if (waiting_.size() > kLongestWait) waiting_.pop_front();
-    work();
+    pending_.push_back(odometry);
+    if (pending_.size() > kMaxPending) pending_.pop_front();
+    publishKnown();
   }
 
-  /// Publishes the truth of the estimates that it reaches by now; the others wait.
-  void work() {
-    const auto reached = [this](const nav_msgs::OdometryConstPtr& estimate) {
-      const auto T_root_b = truth_.pose(estimate->child_frame_id, estimate->header.stamp);
+  /// Publishes the ground truth of all pending estimates for which it is known by now.
+  void publishKnown() {
+    const auto publishIfKnown = [this](const nav_msgs::OdometryConstPtr& estimate) {
+      const auto T_root_b = ground_truth_.pose(estimate->child_frame_id, estimate->header.stamp);
       if (!T_root_b) return false;
       if (!T_odom_root_) T_odom_root_ = gsv::fromMsg(estimate->pose.pose) * T_root_b->inverse();
       publish(*estimate, *T_odom_root_ * *T_root_b);
       return true;
     };
-    waiting_.erase(std::remove_if(waiting_.begin(), waiting_.end(), reached), waiting_.end());
+    pending_.erase(std::remove_if(pending_.begin(), pending_.end(), publishIfKnown),
+                   pending_.end());
   }
 
   void publish(const nav_msgs::Odometry& estimate, const Eigen::Isometry3d& T_odom_b) {
@@ -90,9 +90,9 @@ class GroundTruthRelay {
     path_publisher_.publish(path);
   }
 
-  gsv::GroundTruthTf truth_;
+  gsv::GroundTruthTf ground_truth_;
   gsv::BoundedPath path_;
-  std::deque<nav_msgs::OdometryConstPtr> waiting_;
+  std::deque<nav_msgs::OdometryConstPtr> pending_;
   std::optional<Eigen::Isometry3d> T_odom_root_;
   ros::Time last_stamp_;
   ros::Publisher odometry_publisher_, path_publisher_;

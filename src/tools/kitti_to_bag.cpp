@@ -1,13 +1,15 @@
-// A KITTI folder (odometry layout or raw synced drive) as a bag.
+// Writes a KITTI folder (odometry layout or raw synced drive) as a bag.
 
 #include <cv_bridge/cv_bridge.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 
@@ -16,31 +18,12 @@
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
-#include "progress_line.hpp"
-#include "tool_main.hpp"
+#include "support/command_line.hpp"
+#include "support/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
-
-constexpr const char* kUsage =
-    R"(usage: kitti_to_bag SEQ --out FILE [--start N] [--end N] [--style native|kitti2bag]
-
-Writes the grey images of a KITTI folder, their camera_info and, where there is one, the ground
-truth to a bag. Topics are those of kitti2bag: /kitti/camera_gray_left/image and /camera_info.
-
-  SEQ            KITTI odometry folder (image_0/, calib.txt, times.txt, and ground truth poses.txt
-                 or ../../poses/NN.txt) or KITTI raw synced drive (image_00/, and oxts/)
-  --out FILE     the bag; there is nothing under this name until it is complete
-  --start N      first frame (default 0)
-  --end N        last frame (default: the sequence's last)
-  --style S      native: K and P filled, ground truth on /tf as
-                 ground_truth -> ground_truth/camera_gray_left (default);
-                 kitti2bag: as kitti2bag writes an odometry sequence: K zero, P filled,
-                 ground truth on /tf as camera_init -> camera_gray_left
-
-Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
-)";
 
 constexpr const char* kImageTopic = "/kitti/camera_gray_left/image";
 constexpr const char* kCameraInfoTopic = "/kitti/camera_gray_left/camera_info";
@@ -49,60 +32,13 @@ constexpr const char* kTfTopic = "/tf";
 // KITTI's odometry stamps start at 0, which ROS takes for "no stamp": the bag starts later.
 constexpr std::int64_t kFirstStampNs = 1000000000;
 
-enum class Style { kNative, kKitti2bag };
-
 struct Arguments {
-  std::filesystem::path sequence, out;
-  std::size_t start = 0;
-  std::size_t end = static_cast<std::size_t>(-1);  ///< included
-  Style style = Style::kNative;
+  std::string sequence, out, style = "native";
+  int start = 0;
+  int end = std::numeric_limits<int>::max();  ///< included
 };
 
-/// Throws OptionError.
-std::size_t parseFrame(const std::string& option, const std::string& text) {
-  if (text.empty() || text.size() > 9 || text.find_first_not_of("0123456789") != text.npos) {
-    throw gsv::OptionError(option + " is '" + text + "', it must be a frame number");
-  }
-  return static_cast<std::size_t>(std::stoul(text));
-}
-
-/// Throws OptionError.
-Arguments parseArguments(int argc, char** argv) {
-  Arguments arguments;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const auto value = [&] {
-      if (++i == argc) throw gsv::OptionError(argument + " needs a value");
-      return std::string(argv[i]);
-    };
-    if (argument == "--out") {
-      arguments.out = value();
-    } else if (argument == "--start") {
-      arguments.start = parseFrame(argument, value());
-    } else if (argument == "--end") {
-      arguments.end = parseFrame(argument, value());
-    } else if (argument == "--style") {
-      const std::string style = value();
-      if (style != "native" && style != "kitti2bag") {
-        throw gsv::OptionError("--style is '" + style + "', it must be native or kitti2bag");
-      }
-      arguments.style = style == "native" ? Style::kNative : Style::kKitti2bag;
-    } else if (argument.size() > 1 && argument.front() == '-') {
-      throw gsv::OptionError(argument + " is not an option, see --help");
-    } else if (!arguments.sequence.empty()) {
-      throw gsv::OptionError("one sequence at a time, not " + arguments.sequence.string() +
-                             " and " + argument);
-    } else {
-      arguments.sequence = argument;
-    }
-  }
-  if (arguments.sequence.empty()) throw gsv::OptionError("SEQ is missing, see --help");
-  if (arguments.out.empty()) throw gsv::OptionError("--out is missing, see --help");
-  if (arguments.end < arguments.start) throw gsv::OptionError("--end lies before --start");
-  return arguments;
-}
-
-/// The bag under a temporary name beside the final one. Unless commit() is called nothing stays.
+/// Writes a bag under a temporary name beside the final one. Without commit() no file remains.
 class PendingBag {
  public:
   explicit PendingBag(std::filesystem::path final_name)
@@ -116,11 +52,11 @@ class PendingBag {
     try {
       bag_->close();
     } catch (const std::exception&) {
-      // On a full disk. Its destructor would try again, throw again and so end the process: the
-      // bag is left to the end of the process, and what it has written is removed all the same.
-      static rosbag::Bag* left = nullptr;
-      left = bag_.release();
-      static_cast<void>(left);
+      // On a full disk close() throws, and the bag's destructor would call it again and terminate
+      // the process: leak the bag, and remove its file below.
+      static rosbag::Bag* leaked = nullptr;
+      leaked = bag_.release();
+      static_cast<void>(leaked);
     }
     std::error_code ignored;
     std::filesystem::remove(temporary_, ignored);
@@ -143,46 +79,46 @@ class PendingBag {
 
 void convert(const Arguments& arguments) {
   const gsv::KittiSequence sequence(arguments.sequence);
-  const std::size_t last = std::min(arguments.end, sequence.size() - 1);
-  if (arguments.start > last) {
-    throw gsv::DataError(arguments.sequence.string() + " has frames 0 to " +
+  const auto first = static_cast<std::size_t>(arguments.start);
+  const std::size_t last = std::min(static_cast<std::size_t>(arguments.end), sequence.size() - 1);
+  if (first > last) {
+    throw gsv::DataError(arguments.sequence + " has frames 0 to " +
                          std::to_string(sequence.size() - 1) + ", --start is " +
                          std::to_string(arguments.start));
   }
-  const bool native = arguments.style == Style::kNative;
+  const bool native = arguments.style == "native";
   const std::string camera_frame = "camera_gray_left";
   const std::int64_t shift =
       sequence.stampNs(0) < kFirstStampNs ? kFirstStampNs - sequence.stampNs(0) : 0;
 
   if (static_cast<double>(sequence.stampNs(last) + shift) > gsv::kLatestStamp * 1e9) {
-    throw gsv::DataError(arguments.sequence.string() +
-                         ": its stamps reach beyond those that a bag knows");
+    throw gsv::DataError(arguments.sequence + ": its stamps exceed those that a bag can hold");
   }
 
   sensor_msgs::CameraInfo info = gsv::toCameraInfo(sequence.camera());
   if (!native) info.K.fill(0.0);
   if (!native) info.D.clear();
-  geometry_msgs::TransformStamped truth;
-  truth.header.frame_id = native ? "ground_truth" : "camera_init";
-  truth.child_frame_id = native ? gsv::GroundTruthTf::twinOf(camera_frame) : camera_frame;
+  geometry_msgs::TransformStamped ground_truth;
+  ground_truth.header.frame_id = native ? "ground_truth" : "camera_init";
+  ground_truth.child_frame_id = native ? gsv::GroundTruthTf::twinOf(camera_frame) : camera_frame;
 
   PendingBag pending(arguments.out);
-  gsv::ProgressLine progress(sequence.name(), last - arguments.start + 1);
-  for (std::size_t i = arguments.start; i <= last; ++i) {
+  gsv::ProgressLine progress(sequence.name(), last - first + 1);
+  for (std::size_t i = first; i <= last; ++i) {
     std_msgs::Header header;
     header.seq = static_cast<std::uint32_t>(i);
     header.stamp = gsv::fromNanoseconds(sequence.stampNs(i) + shift);
     header.frame_id = camera_frame;
 
     if (!sequence.groundTruth().empty()) {
-      truth.header.stamp = header.stamp;
+      ground_truth.header.stamp = header.stamp;
       const geometry_msgs::Pose pose = gsv::toMsg(sequence.groundTruth().at(i));
-      truth.transform.translation.x = pose.position.x;
-      truth.transform.translation.y = pose.position.y;
-      truth.transform.translation.z = pose.position.z;
-      truth.transform.rotation = pose.orientation;
+      ground_truth.transform.translation.x = pose.position.x;
+      ground_truth.transform.translation.y = pose.position.y;
+      ground_truth.transform.translation.z = pose.position.z;
+      ground_truth.transform.rotation = pose.orientation;
       tf2_msgs::TFMessage message;
-      message.transforms.push_back(truth);
+      message.transforms.push_back(ground_truth);
       pending.bag().write(kTfTopic, header.stamp, message);
     }
     info.header = header;
@@ -194,21 +130,56 @@ void convert(const Arguments& arguments) {
     progress.step("frames");
   }
   pending.commit();
-  std::printf("%s: %zu frames written to %s%s\n", sequence.name().c_str(),
-              last - arguments.start + 1, arguments.out.c_str(),
-              sequence.groundTruth().empty() ? ", no ground truth" : "");
+  std::printf("%s: %zu frames written to %s%s\n", sequence.name().c_str(), last - first + 1,
+              arguments.out.c_str(), sequence.groundTruth().empty() ? ", no ground truth" : "");
 }
 
-void convertOrSayWhere(const Arguments& arguments) {
+void run(const Arguments& arguments) {
   try {
     convert(arguments);
   } catch (const rosbag::BagException& error) {
-    throw gsv::DataError(arguments.out.string() + " cannot be written: " + error.what());
+    throw gsv::DataError(arguments.out + " cannot be written: " + error.what());
   }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return gsv::toolMain("kitti_to_bag", kUsage, argc, argv, parseArguments, convertOrSayWhere);
+  Arguments arguments;
+  gsv::CommandLine command_line(
+      "kitti_to_bag",
+      "Writes the grey images of a KITTI folder, their camera_info and, where there is one, the\n"
+      "ground truth to a bag. Topics are those of kitti2bag: /kitti/camera_gray_left/image and\n"
+      "/kitti/camera_gray_left/camera_info.",
+      "Styles:\n"
+      "  native     K and P filled, ground truth on /tf as\n"
+      "             ground_truth -> ground_truth/camera_gray_left\n"
+      "  kitti2bag  as kitti2bag writes an odometry sequence: K zero, P filled, ground truth on "
+      "/tf\n"
+      "             as camera_init -> camera_gray_left\n\n"
+      "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
+  command_line.addPositional("SEQ", "KITTI odometry folder or KITTI raw synced drive",
+                             &arguments.sequence);
+  constexpr double kMaxFrame = 999999999;
+  command_line.options().add_options()  //
+      ("out", gsv::requiredValue(&arguments.out, "FILE"),
+       "the bag; no file has this name until it is complete")  //
+      ("start", gsv::numberInRange("--start", &arguments.start, "N", 0, kMaxFrame),
+       "first frame")  //
+      ("end", gsv::po::value(&arguments.end)->value_name("N")->notifier([](int end) {
+        gsv::requireInRange("--end", end, 0, kMaxFrame);
+      }),
+       "last frame (default: the sequence's last)")  //
+      ("style", gsv::optionalValue(&arguments.style, "native|kitti2bag"), "see below");
+  const auto check = [&] {
+    if (arguments.style != "native" && arguments.style != "kitti2bag") {
+      throw gsv::OptionError("--style is '" + arguments.style +
+                             "', it must be native or kitti2bag");
+    }
+    if (arguments.end < arguments.start) throw gsv::OptionError("--end lies before --start");
+  };
+  return command_line.run(argc, argv, check, [&] {
+    run(arguments);
+    return 0;
+  });
 }

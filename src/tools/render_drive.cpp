@@ -1,4 +1,4 @@
-// A SyntheticDrive as a KITTI odometry folder with ground truth.
+// Renders a SyntheticDrive as a KITTI odometry folder with ground truth.
 
 #include <unistd.h>
 
@@ -14,49 +14,39 @@
 #include <thread>
 #include <vector>
 
-#include "for_all.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/simulation/scenarios.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
-#include "progress_line.hpp"
-#include "tool_main.hpp"
+#include "support/command_line.hpp"
+#include "support/parallel_for.hpp"
+#include "support/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;
+namespace po = boost::program_options;
 
 namespace {
 
-constexpr const char* kPurpose =
-    R"(usage: render_drive [options] FOLDER
-       render_drive --list
+constexpr int kMaxCount = 1000000;
 
-Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,
-times.txt, the exact poses.txt, and ground.txt with the exact height and road normal of
-every frame. FOLDER must not exist yet. kitti_to_bag makes a bag of it.
-
-)";
-
-/// What the command line sets.
 struct Settings {
-  fs::path folder;
+  std::string folder, scenario;
   gsv::SyntheticDrive::Options drive;
-  double threads = std::max(1u, std::thread::hardware_concurrency());
-  bool list = false;  ///< the catalogue instead of a drive
+  /// Of the options that are given, applied to the scenario or to the defaults.
+  std::vector<std::function<void()>> changes;
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  bool list = false;  ///< print the catalogue instead of rendering a drive
 };
 
-int wholeNumber(const std::string& option, const std::string& text) {
-  return gsv::parseWholeNumber(option, text, 0, 1000000);
-}
-
 /// WxH; the focal length and the centre follow in proportion to the width.
-void setSize(gsv::PinholeCamera& camera, const std::string& option, const std::string& text) {
+void setSize(gsv::PinholeCamera& camera, const std::string& text) {
   const std::size_t x = text.find('x');
-  if (x == std::string::npos) throw gsv::OptionError(option + " is '" + text + "', not WxH");
-  const int width = wholeNumber(option, text.substr(0, x));
-  const int height = wholeNumber(option, text.substr(x + 1));
+  if (x == std::string::npos) throw gsv::OptionError("--size is '" + text + "', not WxH");
+  const int width = gsv::parseWholeNumber("--size", text.substr(0, x), 0, kMaxCount);
+  const int height = gsv::parseWholeNumber("--size", text.substr(x + 1), 0, kMaxCount);
   const double scale = static_cast<double>(width) / camera.width;
   camera.fx *= scale;
   camera.fy *= scale;
@@ -66,75 +56,81 @@ void setSize(gsv::PinholeCamera& camera, const std::string& option, const std::s
   camera.height = height;
 }
 
-struct Option {
-  const char *name, *value;  ///< value: nullptr for a switch
-  std::string help;
-  std::function<void(const std::string& option, const std::string& value)> set;
+/// Adds the options that change a drive.
+class DriveOptions {
+ public:
+  DriveOptions(Settings* settings, po::options_description* options)
+      : settings_(*settings), options_(*options) {}
+
+  void add() {
+    gsv::SyntheticDrive::Options& drive = settings_.drive;
+    addCount("frames", "frames", &drive.frames);
+    const std::string size =
+        std::to_string(drive.camera.width) + "x" + std::to_string(drive.camera.height);
+    addOption<std::string>("size", "WxH", "image size at a constant field of view", size,
+                           [&drive](const std::string& text) { setSize(drive.camera, text); });
+    addReal("camera-height", "M", "height above the road [m]", &drive.camera_height);
+    addReal("pitch", "RAD", "of the mounted camera, positive looks down [rad]", &drive.pitch_rad);
+    addReal("speed", "MPS", "cruise speed [m/s]", &drive.speed);
+    addReal("rate", "HZ", "frame rate [Hz]", &drive.frame_rate_hz);
+    addOption<int>("seed", "N", "of street and noise", std::to_string(drive.random_seed),
+                   [&drive](int seed) {
+                     gsv::requireInRange("--seed", seed, 0, kMaxCount);
+                     drive.random_seed = static_cast<std::uint64_t>(seed);
+                   });
+    addReal("curvature", "PER_M", "largest, 0 for a straight road [1/m]", &drive.curvature);
+    addReal("slope", "RATIO", "largest, 0 for a flat road", &drive.slope);
+    addReal("stop", "S", "time at standstill, 0 for no stop [s]", &drive.stop_s);
+    addReal("stop-at", "M", "distance at which the camera stops [m]", &drive.stop_at_m);
+    addReal("suspension", "FACTOR", "on pitch, roll and bounce", &drive.suspension);
+    addReal("road-texture", "FACTOR", "on the contrast of the asphalt", &drive.road_texture);
+    addReal("noise", "SIGMA", "of the sensor [grey levels]", &drive.noise_sigma);
+    addCount("black-first", "first black frame", &drive.black_first);
+    addCount("black-frames", "number of black frames", &drive.black_frames);
+    addSwitchOff("no-moving-cars", "without traffic", &drive.moving_cars);
+    addSwitchOff("no-lane-markings", "without lane markings", &drive.lane_markings);
+    addSwitchOff("no-shadows", "without shadows on the road", &drive.shadows);
+  }
+
+ private:
+  template <typename T>
+  void addOption(const char* name, const char* unit, const std::string& help,
+                 const std::string& default_text, const std::function<void(const T&)>& set) {
+    const auto change = [changes = &settings_.changes, set](const T& value) {
+      changes->push_back([set, value] { set(value); });
+    };
+    options_.add_options()(name, po::value<T>()->value_name(unit)->notifier(change),
+                           (help + " (default " + default_text + ")").c_str());
+  }
+  void addReal(const char* name, const char* unit, const char* help, double* field) {
+    std::ostringstream text;
+    text << std::setprecision(3) << *field;
+    addOption<double>(name, unit, help, text.str(), [field](double value) { *field = value; });
+  }
+  void addCount(const char* name, const char* help, int* field) {
+    addOption<int>(name, "N", help, std::to_string(*field),
+                   [field, option = std::string("--") + name](int value) {
+                     gsv::requireInRange(option.c_str(), value, 0, kMaxCount);
+                     *field = value;
+                   });
+  }
+  void addSwitchOff(const char* name, const char* help, bool* field) {
+    const auto change = [changes = &settings_.changes, field](bool given) {
+      if (given) changes->push_back([field] { *field = false; });
+    };
+    options_.add_options()(name, po::bool_switch()->notifier(change), help);
+  }
+
+  Settings& settings_;
+  po::options_description& options_;
 };
 
-std::vector<Option> optionTable(Settings& settings) {
-  gsv::SyntheticDrive::Options& drive = settings.drive;
-  const auto real = [](const char* name, const char* value, const char* help, double& target) {
-    std::ostringstream text;
-    text << help << " (" << std::setprecision(3) << target << ")";
-    return Option{name, value, text.str(), [&target](const auto& option, const auto& given) {
-                    target = gsv::parseNumber(option, given);
-                  }};
-  };
-  const auto whole = [](const char* name, const char* help, int& target) {
-    return Option{
-        name, "N", help + (" (" + std::to_string(target)) + ")",
-        [&target](const auto& option, const auto& given) { target = wholeNumber(option, given); }};
-  };
-  const auto off = [](const char* name, const char* help, bool& target) {
-    return Option{name, nullptr, help, [&target](const auto&, const auto&) { target = false; }};
-  };
-  const gsv::PinholeCamera& camera = drive.camera;
-  return {
-      {"--list", nullptr, "prints the catalogue of drives that are hard for a camera",
-       [&settings](const auto&, const auto&) { settings.list = true; }},
-      {"--scenario", "NAME", "a drive of the catalogue (--list); options after it change it",
-       [&drive](const auto&, const auto& given) { drive = gsv::findScenario(given).options; }},
-      whole("--frames", "frames", drive.frames),
-      {"--size", "WxH",
-       "of the image, at one field of view (" + std::to_string(camera.width) + "x" +
-           std::to_string(camera.height) + ")",
-       [&drive](const auto& option, const auto& given) { setSize(drive.camera, option, given); }},
-      real("--camera-height", "M", "over the road [m]", drive.camera_height),
-      real("--pitch", "RAD", "of the mounted camera, positive looks down [rad]", drive.pitch_rad),
-      real("--speed", "MPS", "cruise [m/s]", drive.speed),
-      real("--rate", "HZ", "frame rate [Hz]", drive.frame_rate_hz),
-      {"--seed", "N", "of the street and of the noise (1)",
-       [&drive](const auto& option, const auto& given) {
-         drive.random_seed = static_cast<std::uint64_t>(wholeNumber(option, given));
-       }},
-      real("--curvature", "PER_M", "largest, 0 for a straight road [1/m]", drive.curvature),
-      real("--slope", "RATIO", "largest, 0 for a flat road", drive.slope),
-      real("--stop", "S", "time at standstill, 0 for no stop [s]", drive.stop_s),
-      real("--stop-at", "M", "along the road [m]", drive.stop_at_m),
-      real("--suspension", "FACTOR", "on pitch, roll and bounce", drive.suspension),
-      real("--road-texture", "FACTOR", "on the asphalt's contrast", drive.road_texture),
-      real("--noise", "SIGMA", "of the sensor [grey levels]", drive.noise_sigma),
-      whole("--black-first", "first black frame", drive.black_first),
-      whole("--black-frames", "number of black frames", drive.black_frames),
-      off("--no-moving-cars", "nobody else drives", drive.moving_cars),
-      off("--no-lane-markings", "bare asphalt", drive.lane_markings),
-      off("--no-shadows", "an overcast sky's road", drive.shadows),
-      real("--threads", "N", "that render", settings.threads),
-  };
-}
-
-std::string usage() {
-  Settings defaults;
-  std::ostringstream text;
-  text << kPurpose;
-  for (const Option& option : optionTable(defaults)) {
-    const std::string name =
-        option.name + (option.value ? " " + std::string(option.value) : std::string());
-    text << "  " << std::left << std::setw(22) << name << ' ' << option.help << '\n';
-  }
-  text << "\nExit status: 0 done, 1 FOLDER cannot be written, 2 wrong options.\n";
-  return text.str();
+void check(Settings* settings) {
+  if (settings->list) return;
+  if (settings->folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
+  if (!settings->scenario.empty()) settings->drive = gsv::findScenario(settings->scenario).options;
+  for (const auto& change : settings->changes) change();
+  settings->drive.validate();
 }
 
 void printCatalogue() {
@@ -143,38 +139,10 @@ void printCatalogue() {
   }
 }
 
-/// Throws OptionError.
-Settings parse(int argc, char** argv) {
-  Settings settings;
-  const std::vector<Option> options = optionTable(settings);
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument.empty() || argument.front() != '-') {
-      if (!settings.folder.empty()) {
-        throw gsv::OptionError("one FOLDER at a time, not also " + argument);
-      }
-      settings.folder = argument;
-      continue;
-    }
-    const auto known = std::find_if(options.begin(), options.end(),
-                                    [&](const Option& option) { return argument == option.name; });
-    if (known == options.end()) throw gsv::OptionError(argument + " is no option, see --help");
-    if (known->value && ++i == argc) {
-      throw gsv::OptionError(argument + " needs a value, see --help");
-    }
-    known->set(argument, known->value ? argv[i] : "");
-  }
-  if (settings.list) return settings;
-  if (settings.folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
-  gsv::requireInRange("--threads", settings.threads, 1, 256);
-  settings.drive.validate();
-  return settings;
-}
-
 void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int threads) {
   fs::create_directories(folder);
   gsv::ProgressLine progress("render_drive", drive.size());
-  gsv::forAll(drive.size(), threads, [&](std::size_t i) {
+  gsv::parallelFor(drive.size(), threads, [&](std::size_t i) {
     std::ostringstream name;
     name << std::setw(6) << std::setfill('0') << i << ".png";
     const std::string file = folder / name.str();
@@ -208,10 +176,10 @@ void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
   gsv::writeKittiPoses(folder / "poses.txt", poses);
 }
 
-/// Everything under a temporary name, so that a folder of that name is a whole one.
+/// Writes under a temporary name and renames, so that FOLDER is complete or missing.
 void render(const Settings& settings) {
-  cv::setNumThreads(1);  // the frames are rendered side by side
-  const fs::path& folder = settings.folder;
+  cv::setNumThreads(1);  // frames are rendered in parallel
+  const fs::path folder = settings.folder;
   if (fs::exists(folder)) throw gsv::DataError(folder.string() + " exists already");
   const gsv::SyntheticDrive drive(settings.drive);
   const fs::path clean = fs::absolute(folder).lexically_normal();
@@ -220,8 +188,8 @@ void render(const Settings& settings) {
   try {
     std::error_code error;
     fs::create_directories(partial, error);
-    if (error) throw gsv::DataError(folder.string() + " cannot be made: " + error.message());
-    writeImages(drive, partial / "image_0", static_cast<int>(settings.threads));
+    if (error) throw gsv::DataError(folder.string() + " cannot be created: " + error.message());
+    writeImages(drive, partial / "image_0", settings.threads);
     writeTables(drive, partial);
     fs::rename(partial, target);
   } catch (...) {
@@ -232,16 +200,30 @@ void render(const Settings& settings) {
   std::printf("%zu frames in %s\n", drive.size(), folder.c_str());
 }
 
-void run(const Settings& settings) {
-  if (settings.list) {
-    printCatalogue();
-  } else {
-    render(settings);
-  }
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
-  return gsv::toolMain("render_drive", usage().c_str(), argc, argv, parse, run);
+  Settings settings;
+  gsv::CommandLine command_line(
+      "render_drive",
+      "Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,\n"
+      "times.txt, the exact poses.txt, and ground.txt with the exact height and road normal of "
+      "every\n"
+      "frame. kitti_to_bag makes a bag of it.",
+      "Exit status: 0 done, 1 FOLDER cannot be written, 2 the arguments cannot be used.");
+  command_line.addPositional("FOLDER", "the result; it must not exist yet", &settings.folder,
+                             false);
+  command_line.options().add_options()                                                   //
+      ("list", po::bool_switch(&settings.list), "print the scenario catalogue instead")  //
+      ("scenario", po::value(&settings.scenario)->value_name("NAME"),
+       "a drive of the catalogue (--list), changed by the options below")  //
+      ("threads", gsv::numberInRange("--threads", &settings.threads, "N", 1, 256),
+       "threads that render");
+  DriveOptions(&settings, &command_line.options()).add();
+  return command_line.run(
+      argc, argv, [&] { check(&settings); },
+      [&] {
+        settings.list ? printCatalogue() : render(settings);
+        return 0;
+      });
 }

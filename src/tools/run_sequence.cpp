@@ -1,5 +1,4 @@
-// The offline pipeline over one KITTI folder: parses arguments, drives OfflineRun, writes its
-// files.
+// Runs the offline pipeline over one KITTI folder and writes its result files.
 
 #include <algorithm>
 #include <cstdio>
@@ -8,64 +7,32 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
-#include "run_progress.hpp"
-#include "sequence_arguments.hpp"
-#include "tool_main.hpp"
+#include "support/command_line.hpp"
+#include "support/run_progress.hpp"
+#include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
 
-constexpr const char* kUsage =
-    R"(usage: run_sequence SEQ --camera-height M --out DIR [options]
-
-Metric odometry of one KITTI folder without ROS: every frame, causal, deterministic.
-
-  SEQ                   KITTI odometry folder (image_0/, calib.txt, times.txt, and ground truth
-                        poses.txt or ../../poses/NN.txt, and ground.txt as of render_drive) or
-                        KITTI raw synced drive (image_00/data/, ../calib_cam_to_cam.txt, and ground
-                        truth from oxts/)
-  --camera-height M     height of the camera above the road [m]; required
-  --out DIR             results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt,
-                        trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt
-  --set GROUP/NAME=VALUE
-                        an option other than its default, by the name of its parameter
-                        (docs/parameters.md); as often as needed
-  --opencv-threads N    threads inside OpenCV (default 1: deterministic, and times are CPU times)
-
-Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.
-)";
-
 struct Arguments : gsv::SequenceArguments {
   int opencv_threads = 1;
 };
-
-/// Throws OptionError.
-Arguments parseArguments(int argc, char** argv) {
-  Arguments arguments;
-  arguments.parse(argc, argv, [&](const std::string& argument, const Arguments::Value& value) {
-    if (argument != "--opencv-threads") return false;
-    arguments.opencv_threads = gsv::parseWholeNumber(argument, value(), 1, 256);
-    return true;
-  });
-  return arguments;
-}
 
 void run(const Arguments& arguments) {
   cv::setNumThreads(arguments.opencv_threads);
   const gsv::KittiSequence sequence(arguments.sequence);
   const auto folder = std::filesystem::path(arguments.out) / sequence.name();
-  gsv::makeFolder(folder);  // fails now rather than after the run
+  gsv::makeFolder(folder);  // fails before the run, not after it
   if (std::filesystem::equivalent(folder, arguments.sequence)) {
     throw gsv::OptionError("--out " + arguments.out +
-                           " would put the results over the sequence, its poses.txt included");
+                           " would write the results over the sequence and its poses.txt");
   }
   gsv::OfflineRun run(sequence.camera(), arguments.options);
   gsv::RunProgress progress(sequence.name(), sequence.size());
@@ -75,11 +42,11 @@ void run(const Arguments& arguments) {
     progress.show(run.process(image.image, sequence.stampNs(i), image.decode_ms));
   }
   gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height, sequence.groundTruth(),
-                sequence.trueHeights());
+                sequence.groundTruthHeights());
   const auto& frames = run.record().frames();
   if (std::none_of(frames.begin(), frames.end(),
                    [](const gsv::RunFrame& frame) { return frame.has_metric_pose; })) {
-    std::fprintf(stderr, "%s: no frame got a scale, so the metric trajectory stands still\n",
+    std::fprintf(stderr, "%s: no frame got a scale, so the metric trajectory does not move\n",
                  sequence.name().c_str());
   }
   std::printf("%s: %zu frames, %zu tracked, %.1f m, written to %s\n", sequence.name().c_str(),
@@ -90,5 +57,22 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return gsv::toolMain("run_sequence", kUsage, argc, argv, parseArguments, run);
+  Arguments arguments;
+  gsv::CommandLine command_line(
+      "run_sequence",
+      "Metric odometry of one KITTI folder without ROS: every frame, causal, deterministic.",
+      "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
+  arguments.addTo(&command_line,
+                  "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
+                  "trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt");
+  command_line.options().add_options()(
+      "opencv-threads",
+      gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
+      "threads inside OpenCV; with 1 the result is deterministic and times are processor times");
+  return command_line.run(
+      argc, argv, [&] { arguments.check(); },
+      [&] {
+        run(arguments);
+        return 0;
+      });
 }

@@ -23,10 +23,10 @@ constexpr double kHeight = 1.5;  // [m] the true one of the scripted drives
 constexpr double kPitch = 0.03, kRoll = -0.02;
 constexpr std::int64_t kPeriodNs = 100000000;
 
-/// What the pipeline says of a drive in bends, run with a height of 1 m; and the truth.
+/// The record of a curved drive with a nominal height of 1 m, and its ground truth.
 struct ScriptedDrive {
   RunRecord record;
-  std::vector<TruePosition> truth;
+  std::vector<StampedPosition> truth;
   double length = 0;  // [m]
 };
 
@@ -92,7 +92,7 @@ ScriptedDrive drive(const Script& script) {
     result.record.append(vo, scale);
     if (i % script.position_every != 0) continue;
     const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
-    // Other axes, another origin.
+    // In another frame.
     result.truth.push_back({kPeriodNs * i, Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()) * p +
                                                script.position_noise * noise +
                                                Eigen::Vector3d(500, 0, 3)});
@@ -107,7 +107,7 @@ Result byPositions(const ScriptedDrive& drive, double sigma = 0) {
   return HeightCalibration({}).fromPositions(drive.record, 1, drive.truth, sigma);
 }
 
-TEST(HeightCalibration, TheHeightIsThatOfAFlawlessDrive) {
+TEST(HeightCalibration, IsExactWithoutNoise) {
   for (const Result& result : {byLength(drive({})), byPositions(drive({}))}) {
     ASSERT_EQ(result.status, Status::kOk) << result.reason;
     EXPECT_NEAR(result.height.value, kHeight, 0.001);
@@ -118,23 +118,23 @@ TEST(HeightCalibration, TheHeightIsThatOfAFlawlessDrive) {
   }
 }
 
-TEST(HeightCalibration, AFactorInTheLengthIsThatFactorInTheHeight) {
+TEST(HeightCalibration, HeightIsProportionalToTheLength) {
   Script script;
   script.scale_noise = 0.01;
   ScriptedDrive drive_of = drive(script);
   const Result length = byLength(drive_of, 1), positions = byPositions(drive_of);
   drive_of.length *= 1.07;
-  for (TruePosition& position : drive_of.truth) position.p *= 1.07;
+  for (StampedPosition& position : drive_of.truth) position.p *= 1.07;
   EXPECT_NEAR(byLength(drive_of, 1.07).height.value, 1.07 * length.height.value, 1e-9);
   EXPECT_NEAR(byLength(drive_of, 1.07).height.sigma, 1.07 * length.height.sigma, 1e-9);
   EXPECT_NEAR(byPositions(drive_of).height.value, 1.07 * positions.height.value, 1e-9);
   EXPECT_NEAR(byPositions(drive_of).height.sigma, 1.07 * positions.height.sigma, 1e-9);
-  // And of the nominal height nothing remains.
+  // The nominal height cancels.
   EXPECT_NEAR(HeightCalibration({}).fromLength(drive_of.record, 2, 20, 0).height.value,
               2 * HeightCalibration({}).fromLength(drive_of.record, 1, 20, 0).height.value, 1e-3);
 }
 
-/// Share of the seeds whose error holds the true height.
+/// Share of the seeds whose 95 % interval contains the true height.
 double coverage(Script script, int seeds, double* widest) {
   int within = 0;
   for (int seed = 1; seed <= seeds; ++seed) {
@@ -147,8 +147,8 @@ double coverage(Script script, int seeds, double* widest) {
   return static_cast<double>(within) / seeds;
 }
 
-TEST(HeightCalibration, TheErrorHoldsTheTrueHeightAsOftenAsItSays) {
-  // Errors that last for three segments.
+TEST(HeightCalibration, The95PercentIntervalCovers) {
+  // Errors correlated over three segments.
   Script script;
   script.frames = 1500;
   script.scale_noise = 0.02;
@@ -156,7 +156,7 @@ TEST(HeightCalibration, TheErrorHoldsTheTrueHeightAsOftenAsItSays) {
   double widest = 0;
   EXPECT_GE(coverage(script, 100, &widest), 0.88);
   EXPECT_LT(widest, 0.03);
-  // Six segments, each for itself.
+  // Six segments with independent errors.
   script.frames = 140;
   script.scale_noise = 0.07;
   script.noise_memory = 1;
@@ -164,8 +164,8 @@ TEST(HeightCalibration, TheErrorHoldsTheTrueHeightAsOftenAsItSays) {
   EXPECT_LT(widest, 0.05);
 }
 
-// A way summed from fix to fix would be half as long again here.
-TEST(HeightCalibration, NoiseOfFixesDoesNotShiftTheHeight) {
+// The sum of the distances between fixes would be 50 % too long here.
+TEST(HeightCalibration, NoiseOfFixesDoesNotBiasTheHeight) {
   double sum = 0;
   int within = 0;
   constexpr int kSeeds = 20;
@@ -177,7 +177,7 @@ TEST(HeightCalibration, NoiseOfFixesDoesNotShiftTheHeight) {
     script.seed = seed;
     const Result result = byPositions(drive(script), 2);
     ASSERT_EQ(result.status, Status::kOk) << result.reason;
-    EXPECT_GT(result.segments.front().way_h * kHeight, 75);
+    EXPECT_GT(result.segments.front().length_heights * kHeight, 75);
     sum += result.height.value;
     within += std::abs(result.height.value - kHeight) < result.height.error95();
   }
@@ -185,7 +185,7 @@ TEST(HeightCalibration, NoiseOfFixesDoesNotShiftTheHeight) {
   EXPECT_GE(within, kSeeds * 8 / 10);
 }
 
-TEST(HeightCalibration, AStopDoesNotCount) {
+TEST(HeightCalibration, StandstillIsIgnored) {
   Script script;
   script.stand_from = 150;
   script.stand_to = 250;
@@ -194,7 +194,7 @@ TEST(HeightCalibration, AStopDoesNotCount) {
   EXPECT_NEAR(byPositions(drive(script)).height.value, kHeight, 0.001);
 }
 
-TEST(HeightCalibration, ALostDriveHasSegmentsButNoLength) {
+TEST(HeightCalibration, TrackingLossLeavesSegmentsButNoLength) {
   Script script;
   script.lost_from = 180;
   script.lost_to = 200;
@@ -217,7 +217,7 @@ TEST(HeightCalibration, ALostDriveHasSegmentsButNoLength) {
   }
 }
 
-TEST(HeightCalibration, TheWayBeforeTheMapIsUnknown) {
+TEST(HeightCalibration, DistanceBeforeTheMapIsUnknown) {
   Script script;
   script.posed_from = 12;
   const Result result = byLength(drive(script));
@@ -225,7 +225,7 @@ TEST(HeightCalibration, TheWayBeforeTheMapIsUnknown) {
   EXPECT_NE(result.reason.find("before frame 12"), std::string::npos) << result.reason;
 }
 
-TEST(HeightCalibration, WrongStretchesAreLeftOut) {
+TEST(HeightCalibration, OutlierSegmentsAreRejected) {
   ScriptedDrive drive_of = drive({});
   for (std::size_t i = 200; i < drive_of.truth.size(); ++i) {
     drive_of.truth[i].p += Eigen::Vector3d(5, 5, 5);  // the receiver jumps
@@ -233,12 +233,12 @@ TEST(HeightCalibration, WrongStretchesAreLeftOut) {
   const Result result = byPositions(drive_of);
   ASSERT_EQ(result.status, Status::kOk) << result.reason;
   EXPECT_NEAR(result.height.value, kHeight, 0.001);
-  int left_out = 0;
-  for (const auto& segment : result.segments) left_out += !segment.used;
-  EXPECT_EQ(left_out, 1);
+  int rejected = 0;
+  for (const auto& segment : result.segments) rejected += !segment.used;
+  EXPECT_EQ(rejected, 1);
 }
 
-TEST(HeightCalibration, NothingIsGuessed) {
+TEST(HeightCalibration, FailuresHaveAStatusAndNoHeight) {
   Script script;
   script.frames = 60;
   EXPECT_EQ(byPositions(drive(script)).status, Status::kTooFew);
@@ -246,41 +246,14 @@ TEST(HeightCalibration, NothingIsGuessed) {
   EXPECT_EQ(uncertain.status, Status::kTooUncertain);
   EXPECT_NE(uncertain.reason.find("1.50 m"), std::string::npos) << uncertain.reason;
   ScriptedDrive elsewhere = drive({});
-  for (TruePosition& position : elsewhere.truth) position.stamp_ns += 3600000000000;
+  for (StampedPosition& position : elsewhere.truth) position.stamp_ns += 3600000000000;
   EXPECT_EQ(byPositions(elsewhere).status, Status::kTooFew);
   script.posed_from = script.frames;
   EXPECT_EQ(byPositions(drive(script)).status, Status::kNoScale);
   EXPECT_EQ(byLength(drive(script)).status, Status::kNoScale);
   EXPECT_THROW(HeightCalibration({}).fromLength(elsewhere.record, 1, 0, 0), OptionError);
-  const std::vector<TruePosition> backward(2);  // the same stamp twice
+  const std::vector<StampedPosition> backward(2);  // the same stamp twice
   EXPECT_THROW(HeightCalibration({}).fromPositions(elsewhere.record, 1, backward, 0), OptionError);
-}
-
-TEST(EastNorthUp, AgreesWithTheEarth) {
-  // A minute of latitude at 45 deg north is 1852.2 m, one of longitude 1314.2 m (WGS84).
-  const auto p = eastNorthUp({{45, 8, 100}, {45 + 1.0 / 60, 8, 100}, {45, 8 + 1.0 / 60, 130}});
-  EXPECT_EQ(p[0], Eigen::Vector3d::Zero());
-  EXPECT_NEAR(p[1].y(), 1852.2, 0.2);
-  EXPECT_NEAR(p[1].x(), 0, 1e-6);
-  EXPECT_NEAR(p[2].x(), 1314.2, 0.2);
-  EXPECT_NEAR(p[2].z(), 30 - 0.135, 0.01);  // the Earth curves away
-}
-
-using TruePositions = TemporaryFolder;
-
-TEST_F(TruePositions, AreReadByTheirForm) {
-  const auto kitti = write("kitti", "1 0 0 1 0 1 0 2 0 0 1 3\n1 0 0 4 0 1 0 5 0 0 1 6\n");
-  const auto positions = readTruePositions(kitti, {10, 20});
-  ASSERT_EQ(positions.size(), 2u);
-  EXPECT_EQ(positions[1].stamp_ns, 20);
-  EXPECT_EQ(positions[1].p, Eigen::Vector3d(4, 5, 6));
-  EXPECT_NE(dataErrorOf([&] { readTruePositions(kitti, {10}); }, folder_).find("2 poses"),
-            std::string::npos);
-  const auto tum = write("tum", "# stamp\n1.5 1 2 3 0 0 0 1\n1.6 4 5 6 0 0 0 1\n");
-  EXPECT_EQ(readTruePositions(tum, {})[1].stamp_ns, 1600000000);
-  const auto back = write("back", "1.5 1 2 3 0 0 0 1\n1.4 4 5 6 0 0 0 1\n");
-  EXPECT_EQ(dataErrorOf([&] { readTruePositions(back, {}); }, folder_),
-            "/back: its stamps do not grow at 1.400000000");
 }
 
 /// A run with a nominal height of 1 m.
@@ -295,7 +268,7 @@ RunRecord run(const Drive& drive, const PinholeCamera& camera, const Stamp& stam
 
 class RenderedHeight : public testing::TestWithParam<double> {};
 
-TEST_P(RenderedHeight, IsFoundWithinItsError) {
+TEST_P(RenderedHeight, IsWithinItsError) {
   SyntheticDrive::Options options;
   options.camera_height = GetParam();
   options.pitch_rad = 0.05;
@@ -306,7 +279,7 @@ TEST_P(RenderedHeight, IsFoundWithinItsError) {
   const SyntheticDrive drive(options);
   const RunRecord record =
       run(drive, drive.camera(), [&](auto i) { return drive.frame(i).stamp_ns; });
-  std::vector<TruePosition> truth;
+  std::vector<StampedPosition> truth;
   std::vector<Eigen::Isometry3d> poses;
   for (std::size_t i = 0; i < drive.size(); ++i) {
     poses.push_back(drive.frame(i).T_c0_c);
@@ -327,7 +300,7 @@ TEST_P(RenderedHeight, IsFoundWithinItsError) {
 
 INSTANTIATE_TEST_SUITE_P(Heights, RenderedHeight, testing::Values(1.2, 1.65));
 
-TEST(HeightCalibration, OfARealDrive) {
+TEST(HeightCalibration, OfARecordedDrive) {
   const auto folder = realData("kitti_raw_0926_0039");
   if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no kitti_raw_0926_0039";
   const KittiSequence sequence(folder);
@@ -336,7 +309,7 @@ TEST(HeightCalibration, OfARealDrive) {
   std::vector<std::int64_t> stamps;
   for (std::size_t i = 0; i < sequence.size(); ++i) stamps.push_back(sequence.stampNs(i));
   const Result result = HeightCalibration({}).fromPositions(
-      record, 1, readTruePositions(folder / "poses.txt", stamps), 0);
+      record, 1, readStampedPositions(folder / "poses.txt", stamps), 0);
   ASSERT_EQ(result.status, Status::kOk) << result.reason;
   EXPECT_NEAR(result.height.value, 1.65, result.height.error95());
   EXPECT_LT(result.height.error95(), 0.01 * 1.65);

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/evaluation/set_option.hpp"
+#include "ground_scale_vo/common/set_option.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,14 +7,14 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/parse_number.hpp"
-#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/metric_odometry.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-/// What the refusal of an assignment says; empty: it was not refused.
-std::string refusal(const std::string& assignment) {
-  OfflineRun::Options options;
+/// The error message for an assignment; empty without an error.
+std::string errorOf(const std::string& assignment) {
+  MetricOdometry::Options options;
   try {
     setOption(options, assignment);
   } catch (const OptionError& error) {
@@ -23,8 +23,8 @@ std::string refusal(const std::string& assignment) {
   return "";
 }
 
-TEST(SetOption, ReachesEveryKindOfFieldInBothHalves) {
-  OfflineRun::Options options;
+TEST(SetOption, SetsEveryTypeOfFieldInBothStages) {
+  MetricOdometry::Options options;
   setOption(options, "tracker/min_corner_ratio=0.25");
   setOption(options, "odometry/max_outlier_frames=7");
   setOption(options, "fit/reject_sigma=4e0");
@@ -41,32 +41,32 @@ TEST(SetOption, ReachesEveryKindOfFieldInBothHalves) {
   EXPECT_TRUE(options.scale.paper_literal);
 }
 
-TEST(SetOption, TheLatestCountsAndNothingElseChanges) {
-  OfflineRun::Options options;
+TEST(SetOption, LatestValueCountsAndNothingElseChanges) {
+  MetricOdometry::Options options;
   setOption(options, "filter/gate_sigma=5");
   setOption(options, "filter/gate_sigma=6");
   EXPECT_EQ(options.scale.filter.gate_sigma, 6.0);
   EXPECT_EQ(options.scale.filter.restart_h, ScaleFilter::Options().restart_h);
 }
 
-TEST(SetOption, RefusesWithTheOptionsName) {
-  EXPECT_EQ(refusal("refinement/tile"),
-            "'refinement/tile' sets no option, that would be GROUP/NAME=VALUE");
-  EXPECT_EQ(refusal("refinment/tile=0.1"),
+TEST(SetOption, ErrorsNameTheOption) {
+  EXPECT_EQ(errorOf("refinement/tile"),
+            "'refinement/tile' sets no option, it must be GROUP/NAME=VALUE");
+  EXPECT_EQ(errorOf("refinment/tile=0.1"),
             "there is no option refinment/tile; did you mean refinement/tile?");
-  EXPECT_EQ(refusal("xyzzy=1"), "there is no option xyzzy");
-  EXPECT_EQ(refusal("refinement/tile=wide"), "refinement/tile is 'wide', which is not a number");
-  EXPECT_EQ(refusal("refinement/tile="), "refinement/tile is '', which is not a number");
-  EXPECT_EQ(refusal("refinement/min_tiles=30.5"),
+  EXPECT_EQ(errorOf("xyzzy=1"), "there is no option xyzzy");
+  EXPECT_EQ(errorOf("refinement/tile=wide"), "refinement/tile is 'wide', which is not a number");
+  EXPECT_EQ(errorOf("refinement/tile="), "refinement/tile is '', which is not a number");
+  EXPECT_EQ(errorOf("refinement/min_tiles=30.5"),
             "refinement/min_tiles is '30.5', which is not a whole number");
-  EXPECT_EQ(refusal("refinement/min_tiles=1e99"),
+  EXPECT_EQ(errorOf("refinement/min_tiles=1e99"),
             "refinement/min_tiles is 1e+99, it must lie in [3, 1e+06]");
-  EXPECT_EQ(refusal("refinement/tile=2"), "refinement/tile is 2, it must lie in [0.001, 1]");
-  EXPECT_EQ(refusal("refine=1"), "refine is '1', it must be true or false");
+  EXPECT_EQ(errorOf("refinement/tile=2"), "refinement/tile is 2, it must lie in [0.001, 1]");
+  EXPECT_EQ(errorOf("refine=1"), "refine is '1', it must be true or false");
 }
 
 TEST(DescribeAll, NamesAreUnique) {
-  OfflineRun::Options options;
+  MetricOdometry::Options options;
   std::set<std::string> names;
   visitAllParameters(options, [&](const std::string& name, auto&&...) {
     EXPECT_TRUE(names.insert(name).second) << name;

@@ -29,8 +29,8 @@ Poses scaled(Poses poses, double scale) {
 }
 
 TEST(OdometryMetrics, NoErrorForTheGroundTruthItself) {
-  const Poses truth = drive(400, 0.9, 0.01);
-  const OdometryMetrics m = computeOdometryMetrics(truth, truth);
+  const Poses ground_truth = drive(400, 0.9, 0.01);
+  const OdometryMetrics m = computeOdometryMetrics(ground_truth, ground_truth);
   EXPECT_NEAR(m.gt_length_m, 399 * 0.9, 1e-9);
   EXPECT_DOUBLE_EQ(m.length_m, m.gt_length_m);
   EXPECT_DOUBLE_EQ(m.rle_percent.value(), 0.0);
@@ -46,8 +46,8 @@ TEST(OdometryMetrics, NoErrorForTheGroundTruthItself) {
 // 2 % too long on a straight line of 1 m steps. A segment of length L ends at the first frame that
 // is farther than L, so it is L + 1 m long and its error is 0.02 (L + 1) / L.
 TEST(OdometryMetrics, ScaleErrorOnAStraightLine) {
-  const Poses truth = drive(252, 1.0);  // 251 m
-  const OdometryMetrics m = computeOdometryMetrics(truth, scaled(truth, 1.02));
+  const Poses ground_truth = drive(252, 1.0);  // 251 m
+  const OdometryMetrics m = computeOdometryMetrics(ground_truth, scaled(ground_truth, 1.02));
   EXPECT_NEAR(m.gt_length_m, 251.0, 1e-9);
   EXPECT_NEAR(m.length_m, 256.02, 1e-9);
   EXPECT_NEAR(m.rle_percent.value(), 2.0, 1e-9);
@@ -82,8 +82,9 @@ TEST(OdometryMetrics, ScaleErrorOnAStraightLine) {
 // A constant bias of yaw: after L + 1 steps of 1 m the rotation is off by (L + 1) biases.
 TEST(OdometryMetrics, YawRateBias) {
   const double bias_deg = 0.01;
-  const Poses truth = drive(121, 1.0);
-  const OdometryMetrics m = computeOdometryMetrics(truth, drive(121, 1.0, bias_deg * M_PI / 180.0));
+  const Poses ground_truth = drive(121, 1.0);
+  const OdometryMetrics m =
+      computeOdometryMetrics(ground_truth, drive(121, 1.0, bias_deg * M_PI / 180.0));
   EXPECT_NEAR(m.r_err_deg_per_m.value(), bias_deg * 101 / 100, 1e-9);
   // A chord of a circle of radius r = 1 m / bias against a straight line, 101 m along.
   const double b = bias_deg * M_PI / 180.0;
@@ -96,15 +97,15 @@ TEST(OdometryMetrics, YawRateBias) {
 }
 
 TEST(OdometryMetrics, DirectionErrorOfAMisalignedCamera) {
-  const Poses truth = drive(300, 1.0, 0.004);
+  const Poses ground_truth = drive(300, 1.0, 0.004);
   const Eigen::AngleAxisd twist(0.5 * M_PI / 180.0, Eigen::Vector3d::UnitX());
   Poses estimate{Eigen::Isometry3d::Identity()};
-  for (std::size_t i = 1; i < truth.size(); ++i) {
-    Eigen::Isometry3d step = truth[i - 1].inverse() * truth[i];
+  for (std::size_t i = 1; i < ground_truth.size(); ++i) {
+    Eigen::Isometry3d step = ground_truth[i - 1].inverse() * ground_truth[i];
     step.translation() = twist * step.translation();
     estimate.push_back(estimate.back() * step);
   }
-  const OdometryMetrics m = computeOdometryMetrics(truth, scaled(estimate, 0.1));
+  const OdometryMetrics m = computeOdometryMetrics(ground_truth, scaled(estimate, 0.1));
   EXPECT_NEAR(m.direction_median_deg.value(), 0.5, 1e-9);
   EXPECT_NEAR(m.r_err_deg_per_m.value(), 0.0, 1e-9);
   // With true lengths the end of every segment is off by a chord of half a degree, at most.
@@ -114,8 +115,8 @@ TEST(OdometryMetrics, DirectionErrorOfAMisalignedCamera) {
 }
 
 TEST(OdometryMetrics, NoDevkitErrorUnderAHundredMetres) {
-  const Poses truth = drive(101, 1.0);  // 100 m: no frame is farther than 100 m
-  const OdometryMetrics m = computeOdometryMetrics(truth, scaled(truth, 1.02));
+  const Poses ground_truth = drive(101, 1.0);  // 100 m: no frame is farther than 100 m
+  const OdometryMetrics m = computeOdometryMetrics(ground_truth, scaled(ground_truth, 1.02));
   EXPECT_FALSE(m.t_err_percent);
   EXPECT_FALSE(m.r_err_deg_per_m);
   EXPECT_FALSE(m.t_err_true_length_percent);
@@ -141,10 +142,10 @@ TEST(OdometryMetrics, StandingEstimateOrGroundTruthGivesNoDivisionByZero) {
 }
 
 TEST(OdometryMetrics, UnnormalisedRotationsAreMadeOrthonormalFirst) {
-  const Poses truth = drive(150, 1.0);
-  Poses rounded = truth;
+  const Poses ground_truth = drive(150, 1.0);
+  Poses rounded = ground_truth;
   for (auto& pose : rounded) pose.linear() *= 1.0 + 1e-6;
-  EXPECT_NEAR(computeOdometryMetrics(truth, rounded).r_err_deg_per_m.value(), 0.0, 1e-12);
+  EXPECT_NEAR(computeOdometryMetrics(ground_truth, rounded).r_err_deg_per_m.value(), 0.0, 1e-12);
 }
 
 TEST(OdometryMetrics, RejectsWhatCannotBeCompared) {
@@ -177,12 +178,12 @@ TEST(RotationDifference, IsTheLargestOverTheFramesCompared) {
 }
 
 TEST(RotationDifference, DoesNotDependOnTheWorldFrame) {
-  const Poses truth = drive(100, 1.0, 0.02);
+  const Poses ground_truth = drive(100, 1.0, 0.02);
   const Eigen::Isometry3d elsewhere(Eigen::Translation3d(5, 6, 7) *
                                     Eigen::AngleAxisd(1.0, Eigen::Vector3d(1, 2, 3).normalized()));
-  Poses moved = scaled(truth, 3);
+  Poses moved = scaled(ground_truth, 3);
   for (auto& pose : moved) pose = elsewhere * pose;
-  EXPECT_NEAR(largestRotationDifferenceDeg(truth, moved, 50).value(), 0.0, 1e-5);
+  EXPECT_NEAR(largestRotationDifferenceDeg(ground_truth, moved, 50).value(), 0.0, 1e-5);
 }
 
 TEST(RotationDifference, NeedsMorePosesThanFramesAndAsManyOfBoth) {
@@ -217,10 +218,12 @@ class PeerMetrics : public ::testing::TestWithParam<Peer> {};
 TEST_P(PeerMetrics, AgreeWithOtherImplementations) {
   const Peer& peer = GetParam();
   const std::string sequence = peer.sequence;
-  const auto truth = realData(sequence + "/poses.txt");
+  const auto ground_truth = realData(sequence + "/poses.txt");
   const auto estimate = realData("peers/" + sequence + "_" + peer.system + "_sim.txt");
-  if (truth.empty() || estimate.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
-  const OdometryMetrics m = computeOdometryMetrics(readKittiPoses(truth), readKittiPoses(estimate));
+  if (ground_truth.empty() || estimate.empty())
+    GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
+  const OdometryMetrics m =
+      computeOdometryMetrics(readKittiPoses(ground_truth), readKittiPoses(estimate));
   const auto expectNear = [](std::optional<double> value, std::optional<double> expected,
                              double tolerance) {
     if (expected) {
@@ -244,10 +247,12 @@ class MetricPeer : public ::testing::TestWithParam<std::pair<const char*, double
 
 TEST_P(MetricPeer, HasTheKnownTranslationError) {
   const std::string sequence = GetParam().first;
-  const auto truth = realData(sequence + "/poses.txt");
+  const auto ground_truth = realData(sequence + "/poses.txt");
   const auto estimate = realData("peers/" + sequence + "_viso2_metric.txt");
-  if (truth.empty() || estimate.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
-  const OdometryMetrics m = computeOdometryMetrics(readKittiPoses(truth), readKittiPoses(estimate));
+  if (ground_truth.empty() || estimate.empty())
+    GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
+  const OdometryMetrics m =
+      computeOdometryMetrics(readKittiPoses(ground_truth), readKittiPoses(estimate));
   EXPECT_NEAR(m.t_err_percent.value(), GetParam().second, 0.06);
 }
 
@@ -265,11 +270,11 @@ TEST(OdometryMetrics, FewAndIdenticalPosesGiveFiniteNumbers) {
     line.back().translation().z() = i;
   }
   const std::vector<Eigen::Isometry3d> stands(300, still[0]);
-  for (const auto& [truth, estimate] :
+  for (const auto& [ground_truth, estimate] :
        {std::pair(still, still), std::pair(still, moved), std::pair(moved, still),
         std::pair(moved, moved), std::pair(line, stands), std::pair(stands, line),
         std::pair(line, line)}) {
-    const OdometryMetrics m = computeOdometryMetrics(truth, estimate);
+    const OdometryMetrics m = computeOdometryMetrics(ground_truth, estimate);
     EXPECT_TRUE(std::isfinite(m.length_m) && std::isfinite(m.gt_length_m));
     EXPECT_TRUE(std::isfinite(m.ate_rmse_m));
     for (const auto& value :

@@ -17,27 +17,27 @@ Eigen::Isometry3d ahead(double z) {
   return T;
 }
 
-/// What the scale stage says in one frame.
-struct Word {
+/// Output of the scale stage in one frame.
+struct Measurement {
   ScaleStatus status = ScaleStatus::kOk;
   double scale = 2, sigma = 0.1, raw = 0, height = 0;
 };
 
-/// Half a VO unit a frame; with the truths below that is 1 m, a scale of 2.
-RunRecord record(const std::vector<Word>& words) {
+/// Half a VO unit a frame; with the ground truth below that is 1 m, a scale of 2.
+RunRecord record(const std::vector<Measurement>& measurements) {
   RunRecord result;
-  for (std::size_t i = 0; i < words.size(); ++i) {
+  for (std::size_t i = 0; i < measurements.size(); ++i) {
     VisualOdometry::Output vo;
     vo.frame.sequence = static_cast<std::uint32_t>(i);
     vo.frame.status = VoStatus::kTracking;
     vo.frame.T_w_c = ahead(0.5 * static_cast<double>(i));
     ScaleRecovery::Output scale;
-    scale.scale.status = words[i].status;
-    if (words[i].status != ScaleStatus::kUnknown) {
-      scale.scale.scale = words[i].scale;
-      scale.scale.sigma = words[i].sigma;
-      scale.scale.raw_scale = words[i].raw;
-      scale.scale.height = words[i].height;
+    scale.scale.status = measurements[i].status;
+    if (measurements[i].status != ScaleStatus::kUnknown) {
+      scale.scale.scale = measurements[i].scale;
+      scale.scale.sigma = measurements[i].sigma;
+      scale.scale.raw_scale = measurements[i].raw;
+      scale.scale.height = measurements[i].height;
       scale.pose.emplace();
     }
     result.append(vo, scale);
@@ -54,7 +54,7 @@ Poses metreAFrame(std::size_t n) {
 constexpr ScaleStatus kUnknown = ScaleStatus::kUnknown, kOk = ScaleStatus::kOk,
                       kHeld = ScaleStatus::kHeld;
 
-TEST(ScaleMetrics, HoldsTheSigmaToAccount) {
+TEST(ScaleMetrics, CountsErrorsWithinSigma) {
   const RunRecord run = record({{kUnknown},
                                 {kOk, 2.00, 0.10},
                                 {kOk, 2.19, 0.10},
@@ -73,7 +73,7 @@ TEST(ScaleMetrics, HoldsTheSigmaToAccount) {
 TEST(ScaleMetrics, SpreadIsOfTheRawScaleAroundItsOwnMedian) {
   const RunRecord run = record({{kOk, 2.2, 0.1, 2.2},
                                 {kOk, 2.2, 0.1, 2.24},
-                                {kHeld, 2.2, 0.1, 0},  // nothing raw
+                                {kHeld, 2.2, 0.1, 0},  // not measured
                                 {kOk, 2.2, 0.1, 2.12},
                                 {kOk, 2.2, 0.1, 2.2},
                                 {kOk, 2.2, 0.1, 9}});
@@ -82,33 +82,34 @@ TEST(ScaleMetrics, SpreadIsOfTheRawScaleAroundItsOwnMedian) {
   EXPECT_NEAR(m.error_spread_percent, 1.4826 * 2, 1e-9);  // of 0, 2, 4, 0 and 340 from 10 %
 }
 
-TEST(ScaleMetrics, HeightIsJudgedWithTheTrueScale) {
+TEST(ScaleMetrics, HeightBiasUsesTheTrueScale) {
   const RunRecord run =
       record({{kOk, 9, 0.1, 0, 0.80}, {kOk, 9, 0.1, 0, 0.81}, {kOk, 9, 0.1, 0, 0.85}});
   const ScaleMetrics m = computeScaleMetrics(run, metreAFrame(3), 2, {1.6, 1.6, 1.6});
   EXPECT_NEAR(m.height_bias_percent, 1.25, 1e-9);
 }
 
-// The odometry's unit changes by half on the way: a longer way sees the change sooner.
-TEST(ScaleMetrics, TheTrueScaleIsThatOfTheWayAroundTheFrame) {
-  Poses truth = metreAFrame(12);
-  for (std::size_t i = 6; i < truth.size(); ++i) {
-    truth[i] = ahead(5 + 1.5 * static_cast<double>(i - 5));
+// The odometry's unit changes by half during the drive: a longer distance includes the change
+// sooner.
+TEST(ScaleMetrics, TrueScaleIsOfTheDistanceAroundTheFrame) {
+  Poses ground_truth = metreAFrame(12);
+  for (std::size_t i = 6; i < ground_truth.size(); ++i) {
+    ground_truth[i] = ahead(5 + 1.5 * static_cast<double>(i - 5));
   }
-  const RunRecord run = record(std::vector<Word>(12, {kOk, 2.0, 0.01}));
-  // Frames 0 to 4 see a scale of 2 and no other within 1 m on both sides, or 2 m ahead of the
-  // first.
-  EXPECT_DOUBLE_EQ(computeScaleMetrics(run, truth, 2).within_2_sigma, 5.0 / 12);
+  const RunRecord run = record(std::vector<Measurement>(12, {kOk, 2.0, 0.01}));
+  // Frames 0 to 4 have a true scale of 2: the change is not within 1 m on both sides, or 2 m ahead
+  // of the first.
+  EXPECT_DOUBLE_EQ(computeScaleMetrics(run, ground_truth, 2).within_2_sigma, 5.0 / 12);
   // Of 4 m: 2 and more on both sides; frame 0 goes 4 ahead, 1 goes 1 back and 3 ahead.
-  EXPECT_DOUBLE_EQ(computeScaleMetrics(run, truth, 4).within_2_sigma, 4.0 / 12);
+  EXPECT_DOUBLE_EQ(computeScaleMetrics(run, ground_truth, 4).within_2_sigma, 4.0 / 12);
 }
 
-TEST(ScaleMetrics, NothingIsSaidWhereNothingIsKnown) {
+TEST(ScaleMetrics, MissingValuesAreNan) {
   const RunRecord never = record({{kUnknown}, {kUnknown}, {kUnknown}});
   ScaleMetrics m = computeScaleMetrics(never, metreAFrame(3), 2);
   EXPECT_TRUE(std::isnan(m.within_2_sigma));
   EXPECT_TRUE(std::isnan(m.held_share));
-  // The camera stands, so no frame has a true scale.
+  // The camera does not move, so no frame has a true scale.
   m = computeScaleMetrics(record({{}, {}, {kHeld}}), Poses(3, ahead(0)), 2, {1.6, 1.6, 1.6});
   EXPECT_TRUE(std::isnan(m.within_2_sigma));
   EXPECT_TRUE(std::isnan(m.error_median_percent));
@@ -116,7 +117,7 @@ TEST(ScaleMetrics, NothingIsSaidWhereNothingIsKnown) {
   EXPECT_DOUBLE_EQ(m.held_share, 1.0 / 3);
 }
 
-TEST(ScaleMetrics, RefusesWhatCannotBeCompared) {
+TEST(ScaleMetrics, RejectsWhatCannotBeCompared) {
   const RunRecord run = record({{}, {}, {}});
   EXPECT_THROW(computeScaleMetrics(run, metreAFrame(2), 2), OptionError);
   EXPECT_THROW(computeScaleMetrics(run, metreAFrame(3), 2, {1.6}), OptionError);

@@ -3,8 +3,8 @@
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/evaluation/set_option.hpp"
 
 namespace ground_scale_vo::fuzz {
 

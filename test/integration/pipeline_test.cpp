@@ -186,10 +186,11 @@ TEST_P(RealPipeline, KeepsItsAccuracy) {
   expectAtMost(odometry.r_err_deg_per_m, bars.r_err, "rotation error");
   expectAtMost(odometry.t_err_true_length_percent, bars.true_length, "error of true lengths");
   expectAtMost(odometry.t_err_sim3_percent, bars.sim3, "error after a similarity");
-  const bool is_exact = !sequence.trueHeights().empty();
-  const ScaleMetrics scale = computeScaleMetrics(record, sequence.groundTruth(),
-                                                 is_exact ? kWayOfExactTruth : kWayOfMeasuredTruth,
-                                                 sequence.trueHeights());
+  const bool is_exact = !sequence.groundTruthHeights().empty();
+  const ScaleMetrics scale =
+      computeScaleMetrics(record, sequence.groundTruth(),
+                          is_exact ? kExactGroundTruthDistance : kMeasuredGroundTruthDistance,
+                          sequence.groundTruthHeights());
   EXPECT_GE(scale.within_2_sigma, bars.least_within);
   EXPECT_LE(scale.within_2_sigma, bars.most_within);
   if (bars.height_bias) {

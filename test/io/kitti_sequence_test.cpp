@@ -160,20 +160,20 @@ TEST_F(KittiSequenceTest, RefusesABadCalibration) {
 TEST_F(KittiSequenceTest, RefusesAnotherNumberOfTruePoses) {
   const fs::path folder = makeOdometry();
   write("sequences/07/poses.txt", kIdentityRow + kIdentityRow);
-  EXPECT_EQ(errorOf(folder), "/sequences/07: has 2 true poses for 3 images");
+  EXPECT_EQ(errorOf(folder), "/sequences/07: has 2 ground truth poses for 3 images");
 }
 
 TEST_F(KittiSequenceTest, ReadsTheHeightsOfARenderedDrive) {
   const fs::path folder = makeOdometry();
-  EXPECT_TRUE(KittiSequence(folder).trueHeights().empty());
+  EXPECT_TRUE(KittiSequence(folder).groundTruthHeights().empty());
   const auto errorOfGround = [&](const std::string& content) {
     write("sequences/07/ground.txt", content);
     return errorOf(folder);
   };
   write("sequences/07/ground.txt", "# height, normal\n1.6 0 -1 0\n1.7 0 -1 0\n1.65 0 -1 0\n");
-  EXPECT_EQ(KittiSequence(folder).trueHeights(), (std::vector<double>{1.6, 1.7, 1.65}));
+  EXPECT_EQ(KittiSequence(folder).groundTruthHeights(), (std::vector<double>{1.6, 1.7, 1.65}));
   EXPECT_EQ(errorOfGround("1.6 0 -1 0\n1.7 0 -1 0\n"),
-            "/sequences/07: has 2 true heights for 3 images");
+            "/sequences/07: has 2 ground truth heights for 3 images");
   EXPECT_EQ(errorOfGround("1.6 0 -1 0\n0 0 -1 0\n"),
             "/sequences/07/ground.txt, line 2: its height is not positive");
   EXPECT_EQ(errorOfGround("1.6 0 -1\n"),
@@ -203,7 +203,7 @@ TEST_F(KittiSequenceTest, RefusesWhatIsNoSequence) {
   EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: no such file");
   fs::remove_all(folder / "image_0");
   fs::create_directory(folder / "image_0");
-  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0: has no image NNN.png or NNN.jpg");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0: has no file NNN.png or NNN.jpg");
 }
 
 // OpenCV 4.6 decodes the beginning of a truncated JPEG and only prints a warning.
@@ -248,7 +248,7 @@ TEST_F(KittiSequenceTest, RefusesAnImageThatClaimsTooMuch) {
     const std::string name = std::string(extension) + "/image_0/000001." + extension;
     write(name, bytes);
     EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
-              "/" + name + ": claims 60000x60000 pixels, more than are plausible");
+              "/" + name + ": its header states 60000x60000 pixels, more than are plausible");
   }
 }
 
@@ -272,7 +272,7 @@ TEST_F(KittiSequenceTest, RefusesPlacesAndStampsBeyondReason) {
   const fs::path folder = makeOdometry();
   write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + "1 0 0 1e300 0 1 0 0 0 0 1 0\n");
   EXPECT_EQ(errorOf(folder),
-            "/sequences/07/poses.txt, line 3: its position is farther off than a camera can be");
+            "/sequences/07/poses.txt, line 3: its position is implausibly far away");
   write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + "1 0 0 0 0 1e308 0 0 0 0 1 0\n");
   EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt, line 3: its 3x3 is not a rotation");
   write("sequences/07/times.txt", "-5\n0\n5e9\n");
@@ -335,7 +335,7 @@ TEST_F(KittiSequenceTest, RefusesBadRawGroundTruth) {
             "/2011_09_26/drive_0001_sync/oxts/data/0000000001.txt, line 1: has 7 numbers instead "
             "of 30");
   fs::remove(oxts);
-  EXPECT_EQ(errorOf(drive), "/2011_09_26/drive_0001_sync: has 1 true poses for 2 images");
+  EXPECT_EQ(errorOf(drive), "/2011_09_26/drive_0001_sync: has 1 ground truth poses for 2 images");
   write("2011_09_26/calib_velo_to_cam.txt", "R: 0 0 0 0 0 0 0 0 0\nT: 0 0 0\n");
   EXPECT_EQ(errorOf(drive), "/2011_09_26/calib_velo_to_cam.txt, line 1: R: is not a rotation");
 }

@@ -11,22 +11,21 @@
 
 namespace ground_scale_vo {
 
-/// A folder of rectified grey images with calibration, stamps and, where there is one, ground
-/// truth. Two layouts are known:
+/// A folder of rectified grey images with calibration, stamps and, where it exists, ground truth.
+/// Two layouts are supported:
 ///  - KITTI odometry: `image_0/NNNNNN.png|jpg`, `calib.txt` (`P0:`), `times.txt` [s], ground truth
 ///    `poses.txt` beside them or `../../poses/NN.txt`, and `ground.txt` of a rendered one: a line
 ///    of height [m] and unit normal in camera axes for each image, after lines that begin with #;
 ///  - KITTI raw synced drive: `image_00/data/*.png`, `image_00/timestamps.txt`,
 ///    `../calib_cam_to_cam.txt` (`P_rect_00:`), ground truth from `oxts/data/*.txt` with
-///    `../calib_imu_to_velo.txt` and `../calib_velo_to_cam.txt` where all are there.
-/// Images are numbered 0, 1, 2 ... without a gap. Stamps may be more than images (the rest is left
-/// out), never fewer; stamps of raw drives are UTC since the epoch. Ground truth has a pose for
-/// each image.
+///    `../calib_imu_to_velo.txt` and `../calib_velo_to_cam.txt` where all of these exist.
+/// Images are numbered 0, 1, 2 ... without a gap. Surplus stamps are ignored. Stamps of raw drives
+/// are UTC since the epoch. Ground truth has a pose for each image.
 class KittiSequence {
  public:
-  /// Throws DataError: no such folder, nothing known in it, missing or malformed file (names file
-  /// and line), fewer stamps than images, stamps that do not grow, gaps in the numbering, another
-  /// number of true poses or heights than images.
+  /// Throws DataError: no such folder, neither layout, missing or malformed file (names file and
+  /// line), fewer stamps than images, stamps that do not increase, gaps in the numbering, or not
+  /// one ground truth pose or height per image.
   explicit KittiSequence(const std::filesystem::path& folder);
 
   const std::string& name() const { return name_; }  ///< the folder's own name
@@ -37,10 +36,11 @@ class KittiSequence {
   /// 8-bit grey. Throws DataError (unreadable, truncated, another size). Thread safe.
   cv::Mat image(std::size_t i) const;
 
-  /// T_c0_ci, [m]; empty when the folder has none. Read by metrics and bag writing alone.
+  /// T_c0_ci [m] of each image; empty when the folder has none. For metrics and bags only.
   const std::vector<Eigen::Isometry3d>& groundTruth() const { return ground_truth_; }
-  /// Of the camera over the road, exact [m]; empty when the folder has none. Read by metrics alone.
-  const std::vector<double>& trueHeights() const { return true_heights_; }
+  /// Exact height of the camera above the road [m] of each image; empty when the folder has none.
+  /// For metrics only.
+  const std::vector<double>& groundTruthHeights() const { return ground_truth_heights_; }
 
  private:
   std::string name_;
@@ -48,7 +48,7 @@ class KittiSequence {
   std::vector<std::filesystem::path> images_;
   std::vector<std::int64_t> stamps_ns_;
   std::vector<Eigen::Isometry3d> ground_truth_;
-  std::vector<double> true_heights_;
+  std::vector<double> ground_truth_heights_;
 };
 
 }  // namespace ground_scale_vo

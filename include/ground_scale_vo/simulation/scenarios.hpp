@@ -65,7 +65,8 @@ struct DriveFigures {
   double rle_percent = 0;
   double t_err_short_percent = 0;
 
-  // ScaleMetrics' error_abs_median_percent, within_2_sigma and held_share, of kWayOfExactTruth.
+  // ScaleMetrics' error_abs_median_percent, within_2_sigma and held_share, of
+  // kExactGroundTruthDistance.
   double scale_error_percent = 0;
   double within_2_sigma = 0;
   double held = 0;

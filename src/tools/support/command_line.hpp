@@ -1,32 +1,81 @@
 #pragma once
 
-#include <cstdio>
-#include <exception>
+#include <boost/program_options/options_description.hpp>
+#include <boost/program_options/value_semantic.hpp>
+#include <functional>
+#include <sstream>
 #include <string>
+#include <vector>
+
+#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 
-/// What main() is in every tool: --help prints the usage; wrong arguments end with status 2, data
-/// that cannot be used with 1, each after one sentence on stderr. parse(argc, argv) gives the
-/// arguments, run(arguments) does the work; both throw std::exception.
-template <typename Parse, typename Run>
-int toolMain(const char* name, const char* usage, int argc, char** argv, Parse parse, Run run) {
-  for (int i = 1; i < argc; ++i) {
-    if (argv[i] == std::string("--help") || argv[i] == std::string("-h")) {
-      std::fputs(usage, stdout);
-      return 0;
-    }
-  }
-  int status = 2;
-  try {
-    const auto arguments = parse(argc, argv);
-    status = 1;
-    run(arguments);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s: %s\n", name, error.what());
-    return status;
-  }
-  return 0;
+namespace po = boost::program_options;
+
+/// The command line of a tool: options of Boost.Program_options, named positional arguments,
+/// --help, and the exit statuses that all tools share.
+class CommandLine {
+ public:
+  /// summary: what the tool does, for --help. details: what --help says after the options.
+  CommandLine(std::string tool, std::string summary, std::string details);
+
+  /// One positional argument, or all further ones. The target must outlive run().
+  void addPositional(const std::string& name, const std::string& help, std::string* target,
+                     bool required = true);
+  void addPositionals(const std::string& name, const std::string& help,
+                      std::vector<std::string>* target);
+
+  /// The options: options().add_options()("name", value, "help"). Their notifiers may throw
+  /// OptionError.
+  po::options_description& options() { return options_; }
+
+  /// What main() does: parses the arguments into the targets, calls check(), which throws
+  /// OptionError when arguments do not fit together, and then run(). Returns the exit status: that
+  /// of run(), 0 after --help, 1 when run() throws std::exception, 2 when the arguments cannot be
+  /// used. A failure is one sentence on stderr.
+  int run(int argc, char** argv, const std::function<void()>& check,
+          const std::function<int()>& run);
+
+ private:
+  struct Positional {
+    std::string name, help;
+    bool required;
+    std::string* one;               ///< null for `all`
+    std::vector<std::string>* all;  ///< null for `one`
+  };
+
+  void parse(int argc, char** argv) const;
+  void assignPositionals(const std::vector<std::string>& values) const;
+  std::string help() const;
+
+  const std::string tool_, summary_, details_;
+  std::vector<Positional> positionals_;
+  po::options_description options_;
+};
+
+/// An optional value. --help shows what the target holds now as its default. `unit` is how --help
+/// names the value: "M", "N", "FILE".
+template <typename T>
+po::typed_value<T>* optionalValue(T* target, const char* unit) {
+  std::ostringstream text;
+  text << *target;
+  return po::value<T>(target)->default_value(*target, text.str())->value_name(unit);
+}
+
+/// A value without which the tool refuses to run.
+template <typename T>
+po::typed_value<T>* requiredValue(T* target, const char* unit) {
+  return po::value<T>(target)->required()->value_name(unit);
+}
+
+/// A number in [min, max].
+template <typename Number>
+po::typed_value<Number>* numberInRange(const std::string& option, Number* target, const char* unit,
+                                       double min, double max) {
+  return optionalValue(target, unit)->notifier([=](Number value) {
+    requireInRange(option.c_str(), static_cast<double>(value), min, max);
+  });
 }
 
 }  // namespace ground_scale_vo

@@ -7,10 +7,10 @@
 
 namespace ground_scale_vo {
 
-/// Calls work(i) for i = 0 ... count - 1 on so many threads. After an exception of work no more
-/// calls begin, and it, or the first of them, is thrown.
+/// Calls work(i) for i = 0 ... count - 1 on `threads` threads. After an exception of work no
+/// further call begins, and the first exception is rethrown.
 template <typename Work>
-void forAll(std::size_t count, int threads, const Work& work) {
+void parallelFor(std::size_t count, int threads, const Work& work) {
   std::atomic<std::size_t> next{0};
   std::vector<std::future<void>> workers;
   for (int k = 0; k < threads; ++k) {

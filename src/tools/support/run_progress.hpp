@@ -10,19 +10,19 @@
 
 namespace ground_scale_vo {
 
-/// The ProgressLine of an offline run: frames, rate, distance so far, scale and its status.
+/// The ProgressLine of an offline run: frames, rate, distance travelled, scale and its status.
 class RunProgress {
  public:
   RunProgress(const std::string& name, std::size_t frames) : line_(name, frames) {}
 
-  /// The next frame.
+  /// Counts the next frame.
   void show(const RunFrame& frame) {
-    metres_ += (frame.T_o_c.translation() - position_).norm();
+    distance_ += (frame.T_o_c.translation() - position_).norm();
     position_ = frame.T_o_c.translation();
     line_.step([&](double rate) {
       char text[128];
       const int length =
-          std::snprintf(text, sizeof text, " frames, %.1f/s, %.1f m, scale ", rate, metres_);
+          std::snprintf(text, sizeof text, " frames, %.1f/s, %.1f m, scale ", rate, distance_);
       return std::string(text, static_cast<std::size_t>(length)) + scaleText(frame.scale);
     });
   }
@@ -36,7 +36,7 @@ class RunProgress {
   }
 
   ProgressLine line_;
-  double metres_ = 0;
+  double distance_ = 0;  ///< [m]
   Eigen::Vector3d position_ = Eigen::Vector3d::Zero();
 };
 

@@ -1,0 +1,77 @@
+#include "ground_scale_vo/calibration/height_report.hpp"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <sstream>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kDeg = 180 / 3.14159265358979323846;
+
+template <typename... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[160];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+std::string inDegrees(const std::optional<HeightCalibration::Estimate>& angle) {
+  if (!angle) return "not known, the drive is too short";
+  return format("%.2f deg ± %.2f (95 %%)", kDeg * angle->value, kDeg * angle->error95());
+}
+
+/// Translation and quaternion of the camera in a base_link that stands on the road below it, with
+/// its x axis along the optical axis. Empty when the mounting is not known.
+std::string mounting(const HeightCalibration::Result& result) {
+  if (!result.pitch) return {};
+  // The columns of R_c_b are the base's axes in the camera: up is the road's normal, forward the
+  // optical axis without its part along up.
+  const double p = result.pitch->value, r = result.roll->value;
+  const Eigen::Vector3d up(-std::sin(r), -std::cos(r) * std::cos(p), -std::cos(r) * std::sin(p));
+  const Eigen::Vector3d forward =
+      (Eigen::Vector3d::UnitZ() - up.dot(Eigen::Vector3d::UnitZ()) * up).normalized();
+  Eigen::Matrix3d R_c_b;
+  R_c_b << forward, up.cross(forward), up;
+  Eigen::Quaterniond q(R_c_b.transpose());
+  if (q.w() < 0) q.coeffs() *= -1;  // q and -q are the same rotation
+  return format("0 0 %.3f %.5f %.5f %.5f %.5f", result.height.value, q.x(), q.y(), q.z(), q.w());
+}
+
+}  // namespace
+
+std::string heightYaml(const HeightCalibration::Result& result, const std::string& source) {
+  std::ostringstream text;
+  const HeightCalibration::Estimate& height = result.height;
+  text << "# " << source << '\n'
+       << format("camera_height: %.4f  # [m] ± %.4f (95 %%)", height.value, height.error95())
+       << format(", %.2f %%", 100 * height.error95() / height.value) << '\n'
+       << "# The mounting of the camera, for information: the odometry estimates it by itself.\n"
+       << "# pitch: " << inDegrees(result.pitch) << ", positive looks down\n"
+       << "# roll: " << inDegrees(result.roll) << ", positive: the right of the camera is lower\n";
+  if (const std::string transform = mounting(result); !transform.empty()) {
+    text << "# A base_link on the road below the camera that faces as the camera does:\n"
+         << "# rosrun tf2_ros static_transform_publisher " << transform
+         << " base_link CAMERA_FRAME\n";
+  }
+  return text.str();
+}
+
+std::string segmentTable(const HeightCalibration::Result& result) {
+  if (result.segments.empty()) return {};
+  std::string text = format("%8s %8s %10s %10s\n", "from s", "to s", "length m", "height m");
+  const std::int64_t start = result.segments.front().from_ns;
+  std::size_t used = 0;
+  for (const HeightCalibration::Segment& segment : result.segments) {
+    used += segment.used;
+    text += format(
+        "%8.1f %8.1f %10.1f %10.3f%s\n", 1e-9 * static_cast<double>(segment.from_ns - start),
+        1e-9 * static_cast<double>(segment.to_ns - start), segment.length_heights * segment.height,
+        segment.height, segment.used ? "" : "  rejected");
+  }
+  return text + format("%zu of %zu segments\n", used, result.segments.size());
+}
+
+}  // namespace ground_scale_vo

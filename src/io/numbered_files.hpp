@@ -1,0 +1,14 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace ground_scale_vo {
+
+/// The files N.EXTENSION of a folder in the order of their numbers N, which must be 0, 1, 2 ...
+/// extensions: joined by '|'. Throws DataError: none, two of one number, a gap in the numbers.
+std::vector<std::filesystem::path> numberedFiles(const std::filesystem::path& folder,
+                                                 const std::string& extensions);
+
+}  // namespace ground_scale_vo

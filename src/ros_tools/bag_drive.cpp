@@ -1,0 +1,184 @@
+#include "ground_scale_vo/ros_tools/bag_drive.hpp"
+
+#include <cv_bridge/cv_bridge.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/NavSatFix.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/ros/camera_stream.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/stamp_guard.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Of a fix relative to its neighbours, where the receiver does not report it [m].
+constexpr double kDefaultFixSigma = 2.5;
+
+class BagRunner {
+ public:
+  using OnFrame = std::function<void(const RunFrame&, std::size_t)>;
+
+  BagRunner(const BagDrive::Source& source, const OfflineRun::Options& options)
+      : source_(source), options_(options), stream_(source.rectified) {
+    bag_.open(source.bag, rosbag::bagmode::Read);
+  }
+
+  BagDrive run(const OnFrame& on_frame) {
+    const std::string image = imageTopic();
+    acceptCalibration();
+    if (!source_.gps.empty()) readFixes();
+    rosbag::View view(bag_, rosbag::TopicQuery(image));
+    for (const rosbag::MessageInstance& instance : view) {
+      if (const RunFrame* frame = process(instance)) on_frame(*frame, view.size());
+    }
+    if (!run_) {
+      throw DataError("no image on " + image + " could be used" +
+                      (drive_.rejected_images > 0 ? ": " + drive_.first_rejection : std::string()));
+    }
+    drive_.record = run_->record();
+    return std::move(drive_);
+  }
+
+ private:
+  std::string imageTopic() {
+    for (const std::string& topic : {source_.image, source_.image + "/compressed"}) {
+      if (rosbag::View(bag_, rosbag::TopicQuery(topic)).size() > 0) return topic;
+    }
+    throw DataError(missing(source_.image, "images"));
+  }
+
+  std::string missing(const std::string& topic, const std::string& what) {
+    std::string held;
+    for (const auto* connection : rosbag::View(bag_).getConnections()) {
+      if (held.find(connection->topic) == std::string::npos) {
+        held += (held.empty() ? "" : ", ") + connection->topic;
+      }
+    }
+    return "the bag " + source_.bag + " has no " + what + " on " + topic + "; it holds " +
+           (held.empty() ? "nothing" : held);
+  }
+
+  /// Takes the first calibration that can be used, as the nodelets do.
+  void acceptCalibration() {
+    std::string reason = missing(source_.camera_info, "camera_info");
+    for (const rosbag::MessageInstance& instance :
+         rosbag::View(bag_, rosbag::TopicQuery(source_.camera_info))) {
+      const auto info = instance.instantiate<sensor_msgs::CameraInfo>();
+      if (!info) continue;
+      try {
+        stream_.accept(*info, source_.camera_info);
+        return;
+      } catch (const MessageError& error) {
+        reason = error.what();
+      }
+    }
+    throw DataError(reason);
+  }
+
+  /// Returns null for an image that is not used.
+  const RunFrame* process(const rosbag::MessageInstance& instance) {
+    sensor_msgs::ImageConstPtr image = instance.instantiate<sensor_msgs::Image>();
+    const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>();
+    if (!image && !compressed) return nullptr;
+    const std_msgs::Header& header = image ? image->header : compressed->header;
+    // A trajectory without stamps has a line for every image, used or not.
+    drive_.stamps_ns.push_back(toNanoseconds(header.stamp));
+    if (first_.isZero()) first_ = header.stamp;
+    const double s =
+        1e-9 * static_cast<double>(toNanoseconds(header.stamp) - toNanoseconds(first_));
+    if (s < source_.from_s || s > source_.to_s) return nullptr;
+    try {
+      if (guard_.check(header.stamp) != StampGuard::Verdict::kNext) {
+        throw MessageError(guard_.reason().empty() ? "its stamp jumps back" : guard_.reason());
+      }
+      if (!image) image = cv_bridge::toCvCopy(compressed)->toImageMsg();
+      const auto camera = stream_.camera();
+      const cv::Mat rectified = camera->rectified(*image, &grey_);
+      if (!run_) run_ = std::make_unique<OfflineRun>(camera->camera(), options_);
+      return &run_->process(rectified, toNanoseconds(header.stamp));
+    } catch (const MessageError& error) {
+      reject(error.what());
+    } catch (const cv::Exception&) {
+      reject("its compressed data cannot be decoded");
+    } catch (const cv_bridge::Exception&) {
+      reject("its compressed data cannot be decoded");
+    }
+    return nullptr;
+  }
+  void reject(const std::string& reason) {
+    if (drive_.rejected_images++ == 0) drive_.first_rejection = reason;
+  }
+
+  void readFixes() {
+    std::vector<Eigen::Vector3d> fixes;
+    std::vector<double> sigmas;
+    std::size_t messages = 0;
+    for (const rosbag::MessageInstance& instance :
+         rosbag::View(bag_, rosbag::TopicQuery(source_.gps))) {
+      const auto fix = instance.instantiate<sensor_msgs::NavSatFix>();
+      if (!fix) continue;
+      ++messages;
+      const Eigen::Vector3d position(fix->latitude, fix->longitude,
+                                     std::isfinite(fix->altitude) ? fix->altitude : 0);
+      const std::int64_t stamp_ns = toNanoseconds(fix->header.stamp);
+      const bool is_later = drive_.fixes.empty() || stamp_ns > drive_.fixes.back().stamp_ns;
+      if (fix->status.status < sensor_msgs::NavSatStatus::STATUS_FIX || !position.allFinite() ||
+          !is_later) {
+        continue;
+      }
+      fixes.push_back(position);
+      drive_.fixes.push_back({stamp_ns, Eigen::Vector3d::Zero()});
+      const double variance = (fix->position_covariance[0] + fix->position_covariance[4]) / 2;
+      const bool is_known =
+          fix->position_covariance_type != sensor_msgs::NavSatFix::COVARIANCE_TYPE_UNKNOWN;
+      sigmas.push_back(is_known && variance > 0 ? std::sqrt(variance) : kDefaultFixSigma);
+    }
+    if (messages == 0) throw DataError(missing(source_.gps, "fixes"));
+    if (fixes.empty()) {
+      throw DataError("none of the " + std::to_string(messages) + " fixes on " + source_.gps +
+                      " has a position");
+    }
+    const std::vector<Eigen::Vector3d> positions = eastNorthUp(fixes);
+    for (std::size_t i = 0; i < positions.size(); ++i) drive_.fixes[i].p = positions[i];
+    std::nth_element(sigmas.begin(), sigmas.begin() + static_cast<long>(sigmas.size() / 2),
+                     sigmas.end());
+    drive_.fix_sigma = sigmas[sigmas.size() / 2];
+  }
+
+  const BagDrive::Source& source_;
+  const OfflineRun::Options& options_;
+  rosbag::Bag bag_;
+  CameraStream stream_;
+  GreyConverter grey_;
+  StampGuard guard_{1e18};
+  ros::Time first_;
+  std::unique_ptr<OfflineRun> run_;
+  BagDrive drive_;
+};
+
+}  // namespace
+
+BagDrive runBagDrive(
+    const BagDrive::Source& source, const OfflineRun::Options& options,
+    const std::function<void(const RunFrame& frame, std::size_t images)>& on_frame) {
+  if (!std::filesystem::is_regular_file(source.bag)) {
+    throw DataError("there is no bag " + source.bag);
+  }
+  try {
+    return BagRunner(source, options).run(on_frame);
+  } catch (const rosbag::BagException& error) {
+    throw DataError("the bag " + source.bag + " cannot be read: " + error.what());
+  }
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/simulation/scenarios.hpp"
+
+namespace ground_scale_vo {
+
+/// The metrics of one scenario, a row of the tables.
+struct ScenarioRow {
+  std::string name;
+  DriveFigures figures;
+};
+
+std::string scenariosMarkdown(const std::vector<ScenarioRow>& rows);
+
+/// An array with an object per scenario; null for missing values.
+std::string scenariosJson(const std::vector<ScenarioRow>& rows);
+
+/// Heading and rows of the table on the terminal. seconds: computing time.
+std::string terminalHeading();
+std::string terminalRow(const ScenarioRow& row, double seconds);
+
+/// RLE % / held / 2 sigma; bold, with the reason, when a threshold is violated.
+std::string ablationCell(const DriveFigures& figures, const DriveThresholds& thresholds);
+
+}  // namespace ground_scale_vo

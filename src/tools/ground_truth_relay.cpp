@@ -1,6 +1,6 @@
 // Publishes the ground truth of a bag in the estimate's odom frame: ground_truth/tf (the bag's tf,
-// remapped by kitti.launch) -> ground_truth/odometry and ground_truth/path. The two trajectories are
-// aligned at the first metric pose.
+// remapped by kitti.launch) -> ground_truth/odometry and ground_truth/path. The two trajectories
+// are aligned at the first metric pose.
 
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>

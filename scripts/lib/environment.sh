@@ -211,8 +211,8 @@ gsv_show_launch() {
         kill -TERM "$(<"$pid_file")" 2>/dev/null || true
         failed=yes
         ;;
-      *'REQUIRED process [playback_monitor-'*) ;; # the regular end, or it has printed the error
-      *'REQUIRED process ['*'] has died!'*)
+      *'=REQUIRED process [playback_monitor-'*) ;; # the regular end, or it has printed the error
+      *'=REQUIRED process ['*'] has died!'*)
         line=${line#*REQUIRED process [}
         show "$name: the node ${line%%-+([0-9])]*} has ended before the bag"
         failed=yes

@@ -58,8 +58,8 @@ def test_fails_when_the_player_is_killed(bag, tmp_path):
 
 @pytest.mark.serial
 def test_full_disk(bag, tmp_path):
-    done = run(DEMO, "--bag", bag, "--out", tmp_path, check=False, **on_full_disk(40))
-    assert done.returncode == 1, done.stdout + done.stderr
+    done = run(DEMO, "--bag", bag, "--out", tmp_path, check=False, **on_full_disk(64))
+    assert done.returncode == 1 and "bag_recorder has ended" in done.stderr, done.stdout + done.stderr
     assert not list((tmp_path / "short").glob("recorded*"))
     assert not (tmp_path / "short/metrics.json").exists()
 

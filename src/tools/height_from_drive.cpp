@@ -10,12 +10,12 @@
 
 #include "ground_scale_vo/calibration/height_calibration.hpp"
 #include "ground_scale_vo/calibration/height_report.hpp"
-#include "ground_scale_vo/calibration/stamped_position.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/io/stamped_position.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros_tools/bag_drive.hpp"
 #include "support/command_line.hpp"

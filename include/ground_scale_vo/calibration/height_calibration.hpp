@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/calibration/stamped_position.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
+#include "ground_scale_vo/io/stamped_position.hpp"
 
 namespace ground_scale_vo {
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/calibration/stamped_position.hpp"
+#include "ground_scale_vo/io/stamped_position.hpp"
 
 #include <Eigen/Geometry>
 #include <cmath>

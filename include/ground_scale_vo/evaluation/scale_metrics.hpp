@@ -28,8 +28,8 @@ struct ScaleMetrics {
 /// Least ground truth distance for the true scale of a frame [m]. It is as short as the accuracy of
 /// the ground truth allows, because the true scale drifts within it. Exact ground truth needs 2 m,
 /// for the noise of the odometry. KITTI's GPS/IMU poses differ from three odometries by 0.5 % over
-/// 8 m and 0.3 % over 16 m, while those agree to 0.2 % (docs/accuracy.md); the reported sigma is
-/// about 1 %.
+/// 8 m and 0.3 % over 16 m, while those agree to 0.2 % (docs/explanation/accuracy.md); the reported
+/// sigma is about 1 %.
 constexpr double kExactGroundTruthDistance = 2;
 constexpr double kMeasuredGroundTruthDistance = 16;
 

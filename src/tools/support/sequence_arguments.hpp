@@ -13,7 +13,7 @@ inline po::typed_value<std::vector<std::string>>* settingsValue(std::vector<std:
   return po::value(target)->composing()->value_name("GROUP/NAME=VALUE");
 }
 constexpr const char* kSettingsHelp =
-    "an option other than its default (docs/parameters.md); may be repeated";
+    "an option other than its default (docs/reference/parameters.md); may be repeated";
 
 /// The arguments of every tool that runs over one KITTI folder: SEQ, --camera-height, --out, --set.
 struct SequenceArguments {

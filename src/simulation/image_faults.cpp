@@ -12,13 +12,15 @@ namespace {
 
 using simulation::Random;
 
-constexpr double kDarkGain = 0.4, kBrightGain = 2.5, kFlickerGain = 1.8;
-constexpr double kCoverGain = 0.12, kCoverBlur = 0.08;  // [1, image width]
-constexpr double kNoise = 1;                            // of the sensor [grey levels]
-constexpr double kFromAbove = 1.0 / 3;                  // of the height that mud below leaves clear
+constexpr double kDarkGain = 0.4, kBrightGain = 2.5;
+constexpr double kFlickerGain = 1.8;                    // largest; the smallest is its inverse
+constexpr double kCoverGain = 0.12, kCoverBlur = 0.08;  // [1, share of the image width]
+constexpr double kNoise = 1;              // of the sensor, standard deviation [grey levels]
+constexpr double kClearHeight = 1.0 / 3;  // share of the image height above the mud
+constexpr double kMudEdge = 0.02;         // width of its soft edge [share of the image width]
 constexpr int kStreaks = 160, kDrops = 14;
 
-/// The generator of image k.
+/// The random numbers of image k.
 Random generator(std::uint64_t seed, std::size_t k) { return Random(seed * 0x9E3779B9u + k + 1); }
 
 void addNoise(cv::Mat* image, Random* random) {
@@ -28,7 +30,7 @@ void addNoise(cv::Mat* image, Random* random) {
   cv::add(*image, noise, *image, cv::noArray(), CV_8U);
 }
 
-cv::Mat gained(const cv::Mat& image, double gain) {
+cv::Mat withGain(const cv::Mat& image, double gain) {
   cv::Mat result;
   image.convertTo(result, CV_8U, gain);
   return result;
@@ -37,14 +39,15 @@ cv::Mat gained(const cv::Mat& image, double gain) {
 cv::Mat covered(const cv::Mat& image, Random random) {
   cv::Mat result;
   cv::blur(image, result, cv::Size(1, 1) * (2 * static_cast<int>(kCoverBlur * image.cols) + 1));
-  result = gained(result, kCoverGain);
+  result = withGain(result, kCoverGain);
   addNoise(&result, &random);
   return result;
 }
 
-/// share_clear(x, y): 1 where the lens is clean, 0 below the mud, with a soft edge.
-template <typename Clear>
-cv::Mat muddy(const cv::Mat& image, std::uint64_t seed, std::size_t k, const Clear& share_clear) {
+/// transparency(x, y): 1 where the lens is clean, 0 behind mud; clamped.
+template <typename Transparency>
+cv::Mat muddy(const cv::Mat& image, std::uint64_t seed, std::size_t k,
+              const Transparency& transparency) {
   const cv::Mat mud = simulation::noiseToGrey(
       simulation::tileableNoise(image.size(), seed,
                                 {{0.01 * image.cols, 1}, {0.03 * image.cols, 1}}),
@@ -52,7 +55,7 @@ cv::Mat muddy(const cv::Mat& image, std::uint64_t seed, std::size_t k, const Cle
   cv::Mat result = image.clone();
   for (int y = 0; y < image.rows; ++y) {
     for (int x = 0; x < image.cols; ++x) {
-      const double clear = std::clamp(share_clear(x, y), 0.0, 1.0);
+      const double clear = std::clamp(transparency(x, y), 0.0, 1.0);
       const double dirt = mud.at<uchar>(y, x);
       result.at<uchar>(y, x) =
           cv::saturate_cast<uchar>(clear * image.at<uchar>(y, x) + (1 - clear) * dirt);
@@ -68,11 +71,12 @@ cv::Mat rainy(const cv::Mat& image, std::uint64_t seed, std::size_t k) {
   Random random = generator(seed, k);
   const double length = 0.05 * image.cols;
   for (int i = 0; i < kStreaks; ++i) {
-    const cv::Point2d top(random.uniform(0, image.cols), random.uniform(-length, image.rows));
-    const cv::Point2d way(random.uniform(0.05, 0.15) * length, random.uniform(0.3, 1) * length);
-    cv::line(result, top, top + way, cv::Scalar(random.uniform(170, 235)), 1, cv::LINE_AA);
+    const double y = random.uniform(-length, image.rows), x = random.uniform(0, image.cols);
+    const double dy = random.uniform(0.3, 1) * length, dx = random.uniform(0.05, 0.15) * length;
+    const cv::Point2d top(x, y), streak(dx, dy);
+    cv::line(result, top, top + streak, cv::Scalar(random.uniform(170, 235)), 1, cv::LINE_AA);
   }
-  // A drop shows what is behind it upside down and blurred; here: a blurred spot that creeps down.
+  // A drop on the lens is modelled as a blurred disc that creeps down.
   cv::Mat blurred;
   cv::blur(image, blurred, cv::Size(1, 1) * (2 * (image.cols / 40) + 1));
   Random drops = generator(seed, 0x10000);
@@ -116,35 +120,35 @@ const char* toString(ImageFault fault) {
   return "invalid";
 }
 
-bool hidesTheGround(ImageFault fault) { return fault <= ImageFault::kCoveredBelow; }
+bool hidesGround(ImageFault fault) { return fault <= ImageFault::kCoveredBelow; }
 
-bool needsTheScene(ImageFault fault) { return fault > ImageFault::kFrozen; }
+bool needsScene(ImageFault fault) { return fault > ImageFault::kFrozen; }
 
-cv::Mat withFault(ImageFault fault, const cv::Mat& image, const cv::Mat& before, std::size_t k,
-                  std::uint64_t seed) {
-  const double soft = 0.02 * before.cols;
+cv::Mat injectFault(ImageFault fault, const cv::Mat& image, const cv::Mat& last_good, std::size_t k,
+                    std::uint64_t seed) {
+  const double edge = kMudEdge * last_good.cols;
   switch (fault) {
     case ImageFault::kBlack:
-      return cv::Mat::zeros(before.size(), CV_8U);
+      return cv::Mat::zeros(last_good.size(), CV_8U);
     case ImageFault::kWhite:
-      return cv::Mat(before.size(), CV_8U, cv::Scalar(255));
+      return cv::Mat(last_good.size(), CV_8U, cv::Scalar(255));
     case ImageFault::kFrozen:
-      return before.clone();
+      return last_good.clone();
     case ImageFault::kCovered:
       return covered(image, generator(seed, k));
     case ImageFault::kCoveredBelow:
       return muddy(image, seed, k,
-                   [&](int, int y) { return (kFromAbove * image.rows - y) / soft; });
+                   [&](int, int y) { return (kClearHeight * image.rows - y) / edge; });
     case ImageFault::kCoveredLeft:
-      return muddy(image, seed, k, [&](int x, int) { return (x - 0.5 * image.cols) / soft; });
+      return muddy(image, seed, k, [&](int x, int) { return (x - 0.5 * image.cols) / edge; });
     case ImageFault::kRain:
       return rainy(image, seed, k);
     case ImageFault::kDarker:
-      return gained(image, kDarkGain);
+      return withGain(image, kDarkGain);
     case ImageFault::kBrighter:
-      return gained(image, kBrightGain);
+      return withGain(image, kBrightGain);
     case ImageFault::kFlicker:
-      return gained(image, std::pow(kFlickerGain, generator(seed, k).uniform(-1, 1)));
+      return withGain(image, std::pow(kFlickerGain, generator(seed, k).uniform(-1, 1)));
   }
   return image;
 }

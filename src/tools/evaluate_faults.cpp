@@ -8,6 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
+#include "ground_scale_vo/simulation/fault_evaluation.hpp"
 #include "support/command_line.hpp"
 #include "support/parallel_for.hpp"
 #include "support/progress_line.hpp"
@@ -19,8 +20,8 @@ namespace {
 constexpr const char* kDetails =
     R"(Without a NAME: the ten drives with two faults each. A line for each fault and each segment without
 one. detected: seconds until HELD or LOST; ok: frames more than 3 s later with the scale reported as
-measured; tracking, metric: frames after the fault until there is a pose, and a scale, again; excess:
-metric distance beyond the true one; error and sigma: the error of the position after the fault, and
+measured; tracking, metric: frames after the fault until there is a pose, and a scale, again; false
+motion: estimated beyond the true distance; error and sigma: the error of the position after the fault, and
 the growth of its standard deviation. A segment begins 3 s and 20 m after a fault; error: of the
 relative pose over it, relative to its length.
 
@@ -32,27 +33,28 @@ struct Arguments {
   int threads = 1;
 };
 
-void print(const gsv::FaultDrive& drive, const gsv::FaultRunFigures& figures) {
+void print(const gsv::FaultDrive& drive, const gsv::FaultDriveMetrics& metrics) {
   const gsv::SyntheticDrive::Options& o = drive.options;
   std::printf(
       "%s: %zu frames at %.0f Hz, %dx%d, camera %.2f m high, %.1f m/s; %zu tracked, %zu not "
       "finite\n",
-      drive.name.c_str(), figures.frames, o.frame_rate_hz, o.camera.width, o.camera.height,
-      o.camera_height, o.speed, figures.tracked_frames, figures.non_finite_frames);
-  for (const gsv::StretchFigures& s : figures.stretches) {
-    std::printf("  frames %3zu to %3zu: %5.1f m, error %.2f %%\n", s.first, s.last, s.true_m,
+      drive.name.c_str(), metrics.frames, o.frame_rate_hz, o.camera.width, o.camera.height,
+      o.camera_height, o.speed, metrics.tracked_frames, metrics.non_finite_frames);
+  for (const gsv::FaultFreeSegment& s : metrics.segments) {
+    std::printf("  frames %3zu to %3zu: %5.1f m, error %.2f %%\n", s.first, s.last, s.length_m,
                 s.error_percent);
   }
-  for (std::size_t i = 0; i < figures.faults.size(); ++i) {
-    const gsv::FaultFigures& f = figures.faults[i];
+  for (std::size_t i = 0; i < metrics.faults.size(); ++i) {
+    const gsv::FaultMetrics& f = metrics.faults[i];
     std::printf(
         "  frames %3zu to %3zu: %-13s %4.1f s%s: detected %.1f s, ok %zu, tracking %d, "
-        "metric %d, excess %.2f m, error %.1f m, sigma %.1f m\n",
-        drive.faults[i].first, drive.faults[i].last, f.what.c_str(), f.duration_s,
-        f.hides ? ", hides" : "", f.said_after_s, f.ok_frames, f.tracking_after, f.metric_after,
-        f.invented_m, f.missed_m, f.sigma_m);
+        "metric %d, false motion %.2f m, error %.1f m, sigma %.1f m\n",
+        drive.faults[i].first, drive.faults[i].last, f.name.c_str(), f.duration_s,
+        f.hides_ground ? ", hides" : "", f.detection_delay_s, f.ok_frames,
+        f.tracking_recovery_frames, f.metric_recovery_frames, f.false_motion_m, f.position_error_m,
+        f.sigma_m);
   }
-  const std::string violated = gsv::violatedThreshold(figures);
+  const std::string violated = gsv::violatedThreshold(metrics);
   if (!violated.empty()) std::printf("  VIOLATED: %s\n", violated.c_str());
 }
 
@@ -60,7 +62,7 @@ std::vector<gsv::FaultDrive> selectDrives(const Arguments& arguments) {
   const auto seed = static_cast<std::uint64_t>(arguments.seed);
   std::vector<gsv::FaultDrive> drives;
   for (const std::string& name : arguments.names) drives.push_back(gsv::faultDrive(name, seed));
-  for (std::size_t i = 0; arguments.names.empty() && i < gsv::kFaultDrives; ++i) {
+  for (std::size_t i = 0; arguments.names.empty() && i < gsv::kFaultDriveCount; ++i) {
     drives.push_back(gsv::faultDrive(i, seed));
   }
   return drives;
@@ -76,12 +78,12 @@ int run(const std::vector<gsv::FaultDrive>& drives, int threads) {
   int violations = 0;
   gsv::ProgressLine progress("evaluate_faults", frames);
   gsv::parallelFor(drives.size(), threads, [&](std::size_t i) {
-    const gsv::FaultRunFigures figures = gsv::runFaultDrive(
+    const gsv::FaultDriveMetrics metrics = gsv::runFaultDrive(
         drives[i],
         [&](std::size_t, const cv::Mat&, const gsv::OfflineRun&) { progress.step("frames"); });
     progress.pause([&] {
-      print(drives[i], figures);
-      violations += !gsv::violatedThreshold(figures).empty();
+      print(drives[i], metrics);
+      violations += !gsv::violatedThreshold(metrics).empty();
     });
   });
   std::printf("%zu drives, %d with a violated threshold\n", drives.size(), violations);

@@ -11,6 +11,7 @@
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
+#include "ground_scale_vo/simulation/scenario_evaluation.hpp"
 #include "ground_scale_vo/simulation/scenarios.hpp"
 #include "support/command_line.hpp"
 #include "support/parallel_for.hpp"
@@ -62,7 +63,7 @@ void tabulate(const Arguments& arguments) {
     const gsv::SyntheticDrive drive(scenario.options);
     const gsv::RunRecord record =
         gsv::runDrive(drive, gsv::renderDrive(drive, step), arguments.settings, step);
-    rows[i] = {scenario.name, gsv::driveFigures(scenario, drive, record)};
+    rows[i] = {scenario.name, gsv::evaluateScenario(scenario, drive, record)};
     progress.pause([&] { std::fputs(gsv::terminalRow(rows[i], watch.seconds()).c_str(), stdout); });
   });
   const std::filesystem::path out(arguments.out);
@@ -104,29 +105,29 @@ void tabulateAblation(const Arguments& arguments) {
   std::vector<std::string> lines(arguments.scenarios.size());
   std::size_t images = 0;  // rendered, and again for each run over them
   for (const gsv::Scenario& scenario : arguments.scenarios) {
-    const std::size_t runs = variants().size() + !scenario.remedy.without.empty();
+    const std::size_t runs = variants().size() + !scenario.ablation.disable.empty();
     images += (1 + runs) * frames(scenario);
   }
   gsv::ProgressLine progress("evaluate_scenarios", images);
   const auto step = [&progress] { progress.step("images"); };
   gsv::parallelFor(lines.size(), arguments.threads, [&](std::size_t i) {
     const gsv::Scenario& scenario = arguments.scenarios[i];
-    const gsv::ScenarioAblation& ablation = scenario.remedy;
+    const gsv::ScenarioAblation& ablation = scenario.ablation;
     const gsv::SyntheticDrive drive(scenario.options);
     const std::vector<cv::Mat> rendered = gsv::renderDrive(drive, step);
     const auto run = [&](const Settings& settings) {
       Settings all = arguments.settings;
       all.insert(all.end(), settings.begin(), settings.end());
       return gsv::ablationCell(
-          gsv::driveFigures(scenario, drive, gsv::runDrive(drive, rendered, all, step)),
-          scenario.bars);
+          gsv::evaluateScenario(scenario, drive, gsv::runDrive(drive, rendered, all, step)),
+          scenario.thresholds);
     };
     std::string& line = lines[i];
-    line = "| " + scenario.name + " | " + ablation.what + " |";
+    line = "| " + scenario.name + " | " + ablation.component + " |";
     for (const Variant& variant : variants()) line += " " + run(variant.settings) + " |";
-    Settings without = ablation.with;
-    without.insert(without.end(), ablation.without.begin(), ablation.without.end());
-    line += ablation.without.empty() ? " | |" : " " + run(without) + " | " + code(without) + " |";
+    Settings without = ablation.base;
+    without.insert(without.end(), ablation.disable.begin(), ablation.disable.end());
+    line += ablation.disable.empty() ? " | |" : " " + run(without) + " | " + code(without) + " |";
     line += "\n";
     progress.pause([&] { std::fputs(line.c_str(), stdout); });
   });

@@ -135,7 +135,7 @@ void check(Settings* settings) {
 
 void printCatalogue() {
   for (const gsv::Scenario& scenario : gsv::allScenarios()) {
-    std::printf("%-18s %s\n", scenario.name.c_str(), scenario.what.c_str());
+    std::printf("%-18s %s\n", scenario.name.c_str(), scenario.description.c_str());
   }
 }
 

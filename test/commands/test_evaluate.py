@@ -22,8 +22,8 @@ def test_set_reaches_the_run(short, tmp_path):
     ("no such folder", ["none"]),
     ("--camera-height", ["SHORT", "--camera-height", "0"]),
     ("--scenarios", ["SHORT", "--ablation"]),
-    ("is no scenario", ["--scenarios", "none"]),
-    ("is no fault", ["--faults", "gremlins"]),
+    ("unknown scenario", ["--scenarios", "none"]),
+    ("unknown fault", ["--faults", "gremlins"]),
     ("--faults", ["SHORT", "--seed", "1"]),
     ("tracker/cell is 7", ["--scenarios", "pitched", "--set", "tracker/cell=7"]),
 ])

@@ -8,7 +8,7 @@ RENDER_DRIVE, KITTI_TO_BAG, EVALUATE_BAG = map(tool, ("render_drive", "kitti_to_
 
 
 def test_render_drive_no_such_scenario(tmp_path):
-    assert_refused(2, "is no scenario", RENDER_DRIVE, "--scenario", "none", tmp_path / "x")
+    assert_refused(2, "unknown scenario", RENDER_DRIVE, "--scenario", "none", tmp_path / "x")
 
 
 def test_render_drive_full_disk(tmp_path):

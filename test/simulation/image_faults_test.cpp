@@ -13,7 +13,7 @@ constexpr ImageFault kAll[] = {
     ImageFault::kCoveredBelow, ImageFault::kCoveredLeft, ImageFault::kRain,   ImageFault::kDarker,
     ImageFault::kBrighter,     ImageFault::kFlicker};
 
-cv::Mat picture(std::uint64_t seed) {
+cv::Mat randomImage(std::uint64_t seed) {
   cv::Mat image(60, 200, CV_8UC1);
   cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 40, 140);
   return image;
@@ -23,23 +23,23 @@ bool same(const cv::Mat& a, const cv::Mat& b) {
   return a.size() == b.size() && a.type() == b.type() && cv::countNonZero(a != b) == 0;
 }
 
-TEST(ImageFaults, KeepTheFormatAndAreTheSameForTheSameArguments) {
-  const cv::Mat image = picture(1), before = picture(2), copy = image.clone();
+TEST(ImageFaults, KeepSizeAndTypeAndAreDeterministic) {
+  const cv::Mat image = randomImage(1), before = randomImage(2), copy = image.clone();
   std::set<std::string> names;
   for (const ImageFault fault : kAll) {
     EXPECT_TRUE(names.insert(toString(fault)).second) << toString(fault);
-    const cv::Mat given = needsTheScene(fault) ? image : cv::Mat();
-    const cv::Mat spoiled = withFault(fault, given, before, 3, 7);
+    const cv::Mat given = needsScene(fault) ? image : cv::Mat();
+    const cv::Mat spoiled = injectFault(fault, given, before, 3, 7);
     EXPECT_EQ(spoiled.size(), image.size()) << toString(fault);
     EXPECT_EQ(spoiled.type(), CV_8UC1) << toString(fault);
     EXPECT_FALSE(same(spoiled, image)) << toString(fault);
-    EXPECT_TRUE(same(spoiled, withFault(fault, given, before, 3, 7))) << toString(fault);
+    EXPECT_TRUE(same(spoiled, injectFault(fault, given, before, 3, 7))) << toString(fault);
     EXPECT_TRUE(same(image, copy)) << toString(fault) << " writes into its input";
   }
 }
 
-TEST(ImageFaults, AreWhatTheySay) {
-  const cv::Mat image = picture(1), before = picture(2);
+TEST(ImageFaults, HaveTheirDocumentedEffect) {
+  const cv::Mat image = randomImage(1), before = randomImage(2);
   const auto mean = [](const cv::Mat& m) { return cv::mean(m)[0]; };
   const auto contrast = [](const cv::Mat& m) {
     cv::Scalar average, deviation;
@@ -47,7 +47,7 @@ TEST(ImageFaults, AreWhatTheySay) {
     return deviation[0];
   };
   const auto spoiled = [&](ImageFault fault, std::size_t k = 0) {
-    return withFault(fault, image, before, k, 7);
+    return injectFault(fault, image, before, k, 7);
   };
   EXPECT_EQ(mean(spoiled(ImageFault::kBlack)), 0);
   EXPECT_EQ(mean(spoiled(ImageFault::kWhite)), 255);
@@ -59,7 +59,7 @@ TEST(ImageFaults, AreWhatTheySay) {
   EXPECT_GT(mean(spoiled(ImageFault::kBrighter)), 2 * mean(image));
   EXPECT_GT(
       std::abs(mean(spoiled(ImageFault::kFlicker, 0)) - mean(spoiled(ImageFault::kFlicker, 1))), 3);
-  // Mud: what is clean is the scene, but for the sensor's noise.
+  // Mud: the clean part shows the scene plus sensor noise.
   const cv::Rect top(0, 0, 200, 10), bottom(0, 40, 200, 20), left(0, 0, 90, 60),
       right(120, 0, 80, 60);
   const cv::Mat below = spoiled(ImageFault::kCoveredBelow),
@@ -68,7 +68,7 @@ TEST(ImageFaults, AreWhatTheySay) {
   EXPECT_LT(contrast(below(bottom)), 0.6 * contrast(image(bottom)));
   EXPECT_LT(cv::norm(aside(right), image(right), cv::NORM_INF), 8);
   EXPECT_LT(contrast(aside(left)), 0.6 * contrast(image(left)));
-  // Rain changes from image to image and leaves most of it.
+  // Rain changes from image to image and leaves most of the image visible.
   EXPECT_FALSE(same(spoiled(ImageFault::kRain, 0), spoiled(ImageFault::kRain, 1)));
   EXPECT_LT(cv::countNonZero(spoiled(ImageFault::kRain) != image), 0.6 * 60 * 200);
 }

@@ -42,7 +42,7 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(k)];
 }
 
-/// The lane before the car, free of others: about 6 to 12 m ahead.
+/// The part of the image that shows the lane 6 to 12 m ahead, without other vehicles.
 cv::Rect laneAhead(const PinholeCamera& camera) {
   return {camera.width * 2 / 5, camera.height * 31 / 40, camera.width / 5, camera.height / 5};
 }
@@ -72,9 +72,9 @@ TEST(SyntheticDrive, RendersTheSameBytesOnOtherThreads) {
   }
 }
 
-TEST(SyntheticDrive, RefusesOptionsOutOfRange) {
+TEST(SyntheticDrive, RejectsOptionsOutOfRange) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const std::vector<std::function<void(Options&)>> mistakes{
+  const std::vector<std::function<void(Options&)>> invalid{
       [](Options& o) { o.frames = 0; },
       [](Options& o) { o.speed = -1; },
       [](Options& o) { o.camera.width = 0; },
@@ -115,11 +115,11 @@ TEST(SyntheticDrive, RefusesOptionsOutOfRange) {
         o.speeds = {{1, 5}, {1, 6}};
       },
   };
-  for (std::size_t i = 0; i < mistakes.size(); ++i) {
+  for (std::size_t i = 0; i < invalid.size(); ++i) {
     Options options;
     EXPECT_NO_THROW(options.validate());
-    mistakes[i](options);
-    EXPECT_THROW(SyntheticDrive{options}, OptionError) << "mistake " << i;
+    invalid[i](options);
+    EXPECT_THROW(SyntheticDrive{options}, OptionError) << "change " << i;
   }
 }
 
@@ -142,8 +142,8 @@ TEST(SyntheticDrive, DefaultDriveIsLongEnoughAndSmooth) {
   EXPECT_GT(up, 0.5);
 }
 
-// The camera's own speed, normal and height must tell one story: the way along the normal is the
-// change of height, so a road plane taken from one frame is the next one's but for its curvature.
+// Poses, normals and heights are consistent: the translation along the normal is the change of
+// height, so two consecutive road planes differ only by the curvature of the road.
 TEST(SyntheticDrive, HeightAndNormalAgreeWithThePoses) {
   const SyntheticDrive drive{Options()};
   EXPECT_TRUE(drive.frame(0).T_c0_c.matrix().isIdentity(0));
@@ -159,7 +159,7 @@ TEST(SyntheticDrive, HeightAndNormalAgreeWithThePoses) {
   }
 }
 
-TEST(SyntheticDrive, ARigidCarOnAFlatRoadKeepsItsPlane) {
+TEST(SyntheticDrive, RigidCarOnAFlatRoadHasAConstantPlane) {
   Options options = shortDrive(150);
   options.slope = options.suspension = 0;
   const SyntheticDrive drive(options);
@@ -174,7 +174,7 @@ TEST(SyntheticDrive, ARigidCarOnAFlatRoadKeepsItsPlane) {
   EXPECT_NEAR(drive.frame(0).n_c.z(), -std::sin(options.pitch_rad), 1e-12);
 }
 
-TEST(SyntheticDrive, StandsStillAtTheStop) {
+TEST(SyntheticDrive, IsStaticAtTheStop) {
   Options options;
   options.moving_cars = false;
   options.noise_sigma = 0;
@@ -192,16 +192,16 @@ TEST(SyntheticDrive, StandsStillAtTheStop) {
   EXPECT_TRUE(equal(drive.image(standing.front()), drive.image(standing.back())));
 }
 
-TEST(SyntheticDrive, DrivesAsTheTableOfSpeedsSays) {
+TEST(SyntheticDrive, FollowsTheTableOfSpeeds) {
   Options options = shortDrive(60);
   options.curvature = options.slope = 0;
   options.speeds = {{0, 6}, {2, 6}, {3, 0}, {4, -2}};
   const SyntheticDrive drive(options);
-  const auto way = [&](std::size_t i) { return drive.frame(i).T_c0_c.translation().norm(); };
-  EXPECT_NEAR(way(20), 12, 0.05);
-  EXPECT_NEAR(way(30), 15, 0.05);  // a cosine ramp is half as long as the cruise
-  EXPECT_NEAR(way(40), 14, 0.05);
-  EXPECT_NEAR(way(50), 12, 0.05);
+  const auto distance = [&](std::size_t i) { return drive.frame(i).T_c0_c.translation().norm(); };
+  EXPECT_NEAR(distance(20), 12, 0.05);
+  EXPECT_NEAR(distance(30), 15, 0.05);  // a cosine ramp is half as long as the cruise
+  EXPECT_NEAR(distance(40), 14, 0.05);
+  EXPECT_NEAR(distance(50), 12, 0.05);
   EXPECT_EQ(drive.frame(10).speed, 6);
   EXPECT_NEAR(drive.frame(25).speed, 3, 1e-12);
   EXPECT_EQ(drive.frame(50).speed, -2);
@@ -225,7 +225,7 @@ TEST(SyntheticDrive, StandsOnItsWheelsOnABump) {
     steepest =
         std::max(steepest, std::acos(std::min(1.0, (frame.T_c0_c.linear() * frame.n_c).dot(n))));
     EXPECT_GT(rise, -0.01);
-    // The front axle comes to it at 21 m - 1.4, the rear one leaves it at 24.6 m + 1.2.
+    // The front axle reaches the bump at 21 m - 1.4 m, the rear axle leaves it at 24.6 m + 1.2 m.
     const double station = 0.5 * static_cast<double>(i);
     if (station < 19.6 || station > 25.8) {
       EXPECT_NEAR(rise, 0, 1e-9) << i;
@@ -246,7 +246,7 @@ TEST(SyntheticDrive, BlackFramesAreBlack) {
   }
 }
 
-TEST(SyntheticDrive, SwitchesChangeThePicture) {
+TEST(SyntheticDrive, EveryOptionChangesTheImage) {
   const cv::Mat all = SyntheticDrive(shortDrive(1)).image(0);
   for (const auto& change : std::vector<std::function<void(Options&)>>{
            [](Options& o) { o.moving_cars = false; },
@@ -281,15 +281,15 @@ TEST(SyntheticDrive, SwitchesChangeThePicture) {
   }
 }
 
-/// A place on the drive, and how far the road there is from the plane below the camera.
+/// A frame of a drive, and the tolerances of its road against the plane below the camera.
 struct Place {
   std::size_t frame;
   double slope;
   double median_px, bias_px;       ///< allowed
-  const char* scenario = nullptr;  ///< its drive; else the default one
+  const char* scenario = nullptr;  ///< nullptr: the default drive
 };
 
-/// Frame i's picture of the road, laid over frame i + 1 along the true plane.
+/// Frame i, warped into frame i + 1 by the homography of the true road plane.
 class SyntheticRoad : public testing::TestWithParam<Place> {
  protected:
   void SetUp() override {
@@ -319,12 +319,12 @@ TEST_P(SyntheticRoad, PixelsReprojectToTheSameTexture) {
   cv::absdiff(aligned_(lane_), after_(lane_), difference);
   cv::GaussianBlur(after_(lane_), smooth, {}, 4);
   cv::absdiff(after_(lane_), smooth, texture);
-  EXPECT_GT(cv::mean(texture)[0], 3);  // there is something to see
+  EXPECT_GT(cv::mean(texture)[0], 3);  // the lane is textured
   EXPECT_LT(cv::mean(difference)[0], 4);
   EXPECT_LT(cv::mean(difference)[0], 0.7 * cv::mean(texture)[0]);
 }
 
-TEST_P(SyntheticRoad, CornersStickToTheRoad) {
+TEST_P(SyntheticRoad, CornersMoveWithTheRoadPlane) {
   cv::Mat mask = cv::Mat::zeros(after_.size(), CV_8U);
   mask(lane_) = 255;
   std::vector<cv::Point2f> corners;
@@ -355,10 +355,10 @@ TEST_P(SyntheticRoad, CornersStickToTheRoad) {
 INSTANTIATE_TEST_SUITE_P(StraightAndCurves, SyntheticRoad,
                          testing::Values(Place{0, 0, 0.2, 0.06}, Place{20, 0, 0.2, 0.06},
                                          Place{35, 0, 0.2, 0.06}, Place{170, 0, 0.2, 0.06}));
-// Ten metres ahead the road is some centimetres off the plane below the camera.
+// On slopes the road ten metres ahead is some centimetres off the plane below the camera.
 INSTANTIATE_TEST_SUITE_P(Slope, SyntheticRoad,
                          testing::Values(Place{10, 0.025, 0.5, 0.4}, Place{150, 0.025, 0.5, 0.4}));
-// Where a mounting, a ramp or a bend is extreme, the plane below is still the one ahead.
+// Extreme mountings, ramps and curves: the plane below still describes the lane ahead.
 INSTANTIATE_TEST_SUITE_P(Scenarios, SyntheticRoad,
                          testing::Values(Place{20, 0, 0.2, 0.06, "rolled"},
                                          Place{20, 0, 0.2, 0.06, "pitched"},

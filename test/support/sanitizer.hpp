@@ -4,9 +4,8 @@
 
 namespace ground_scale_vo {
 
-/// True in a build with the address or the thread sanitizer. There no bound on memory is asserted,
-/// for what is freed waits in quarantine and every access has a shadow; and a test may wait kSlower
-/// times as long.
+/// True in a build with the address or the thread sanitizer. Such a build needs more memory, so
+/// tests assert no limits on it, and more time: tests scale their timeouts by kSlower.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // gcc
 constexpr bool kSanitized = true;
 #elif defined(__has_feature)  // clang
@@ -21,8 +20,8 @@ constexpr bool kSanitized = false;
 
 constexpr double kSlower = kSanitized ? 10 : 1;
 
-/// Of the catalogues of drives that measure accuracy every so manieth runs: a drive takes minutes
-/// then, and all run the same code.
+/// Tests run every kEveryDrive-th drive of a catalogue: with a sanitizer a drive takes minutes, and
+/// all of them run the same code.
 constexpr std::size_t kEveryDrive = kSanitized ? 5 : 1;
 
 }  // namespace ground_scale_vo

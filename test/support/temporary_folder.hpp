@@ -14,7 +14,7 @@
 
 namespace ground_scale_vo {
 
-/// A folder of its own for each test, removed afterwards.
+/// Fixture with a temporary folder for each test.
 class TemporaryFolder : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -24,7 +24,7 @@ class TemporaryFolder : public ::testing::Test {
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
-  /// Writes folder_/name, and the folders above it.
+  /// Writes folder_/name and creates its parent folders.
   std::filesystem::path write(const std::string& name, const std::string& content) const {
     const std::filesystem::path file = folder_ / name;
     std::filesystem::create_directories(file.parent_path());
@@ -35,8 +35,8 @@ class TemporaryFolder : public ::testing::Test {
   std::filesystem::path folder_;
 };
 
-/// While it lives no file of this process grows beyond so many bytes: to its writer a disk that is
-/// full, on every machine and without rights.
+/// Simulates a full disk without privileges: limits the size of files that this process writes, for
+/// the lifetime of the object.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
@@ -57,7 +57,7 @@ class FullDisk {
   rlimit before_{};
 };
 
-/// The sentence of the DataError that `action` must throw, without the folder's own name.
+/// The message of the DataError that `action` must throw, without the path of the folder.
 template <typename Action>
 std::string dataErrorOf(Action action, const std::filesystem::path& folder) {
   try {
@@ -73,7 +73,7 @@ std::string dataErrorOf(Action action, const std::filesystem::path& folder) {
   return "no error";
 }
 
-/// GROUND_SCALE_VO_DATA/name, or nothing when the variable is unset or has no such folder.
+/// GROUND_SCALE_VO_DATA/name; empty when the variable is unset or there is no such path.
 inline std::filesystem::path realData(const std::string& name) {
   const char* root = std::getenv("GROUND_SCALE_VO_DATA");
   const std::filesystem::path path = root ? std::filesystem::path(root) / name : "";

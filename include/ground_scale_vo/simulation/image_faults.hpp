@@ -6,32 +6,32 @@
 
 namespace ground_scale_vo {
 
-/// What goes wrong between the scene and the image.
+/// Faults of lens, exposure and camera driver that can be injected into an image.
 enum class ImageFault : std::uint8_t {
-  kBlack,         ///< no signal: all zero
-  kWhite,         ///< blinded: all 255
-  kFrozen,        ///< the last image again and again, with new stamps
-  kCovered,       ///< something lies before the lens: dark, and nothing sharp
+  kBlack,         ///< no signal: all pixels 0
+  kWhite,         ///< saturated: all pixels 255
+  kFrozen,        ///< the last good image again and again, with new stamps
+  kCovered,       ///< the lens is covered: dark and blurred
   kCoveredBelow,  ///< mud on the lower two thirds of the lens
-  kCoveredLeft,   ///< mud on its left half
-  kRain,          ///< streaks in the air, and drops that creep over the lens
-  kDarker,        ///< the exposure steps to two fifths
-  kBrighter,      ///< the exposure steps to two and a half times: half of the image saturates
-  kFlicker        ///< the exposure swings from image to image
+  kCoveredLeft,   ///< mud on the left half of the lens
+  kRain,          ///< streaks in the air, and drops that creep down the lens
+  kDarker,        ///< the exposure drops to 40 %
+  kBrighter,      ///< the exposure rises to 250 %: half of the image saturates
+  kFlicker        ///< the exposure varies from image to image
 };
 
-const char* toString(ImageFault fault);  ///< "black", "white", ... in words
+const char* toString(ImageFault fault);  ///< "black", "white", "covered below", ...
 
-/// Nothing of the ground is to be seen in such an image.
-bool hidesTheGround(ImageFault fault);
+/// True when no part of the ground remains visible.
+bool hidesGround(ImageFault fault);
 
-/// Such an image shows nothing of its scene, so the scene need not be known.
-bool needsTheScene(ImageFault fault);
+/// False when the faulty image does not depend on the scene, so that it need not be rendered.
+bool needsScene(ImageFault fault);
 
-/// The image with the fault, of the same size and 8-bit grey. k counts the fault's images from 0;
-/// before: the image before the first of them. image may be empty when it is not needed. The same
-/// bytes for the same arguments.
-cv::Mat withFault(ImageFault fault, const cv::Mat& image, const cv::Mat& before, std::size_t k,
-                  std::uint64_t seed);
+/// The faulty image: same size, 8-bit, one channel. image: may be empty unless needsScene(fault).
+/// last_good: the image before the first faulty one. k: index of the image within the fault.
+/// Deterministic.
+cv::Mat injectFault(ImageFault fault, const cv::Mat& image, const cv::Mat& last_good, std::size_t k,
+                    std::uint64_t seed);
 
 }  // namespace ground_scale_vo

@@ -12,27 +12,29 @@ namespace {
 struct Column {
   const char *heading, *key;
   int decimals;
-  double (*value)(const DriveFigures&);
+  double (*value)(const ScenarioMetrics&);
 };
-using Figures = DriveFigures;
 constexpr Column kColumns[] = {
-    {"frames", "frames", 0, [](const Figures& f) { return static_cast<double>(f.frames); }},
+    {"frames", "frames", 0, [](const ScenarioMetrics& f) { return static_cast<double>(f.frames); }},
     {"tracked", "tracked_frames", 0,
-     [](const Figures& f) { return static_cast<double>(f.tracked_frames); }},
-    {"lost", "lost_events", 0, [](const Figures& f) { return static_cast<double>(f.lost_events); }},
+     [](const ScenarioMetrics& f) { return static_cast<double>(f.tracked_frames); }},
+    {"lost", "lost_events", 0,
+     [](const ScenarioMetrics& f) { return static_cast<double>(f.lost_events); }},
     {"metric", "metric_frames", 0,
-     [](const Figures& f) { return static_cast<double>(f.metric_frames); }},
-    {"RLE %", "rle_percent", 2, [](const Figures& f) { return f.rle_percent; }},
+     [](const ScenarioMetrics& f) { return static_cast<double>(f.metric_frames); }},
+    {"RLE %", "rle_percent", 2, [](const ScenarioMetrics& f) { return f.rle_percent; }},
     {"t_err short %", "t_err_short_percent", 2,
-     [](const Figures& f) { return f.t_err_short_percent; }},
-    {"scale %", "scale_error_percent", 2, [](const Figures& f) { return f.scale_error_percent; }},
-    {"held", "held", 2, [](const Figures& f) { return f.held; }},
-    {"2 sigma", "within_2_sigma", 2, [](const Figures& f) { return f.within_2_sigma; }},
-    {"ok hidden", "ok_while_hidden", 2, [](const Figures& f) { return f.ok_while_hidden; }},
+     [](const ScenarioMetrics& f) { return f.t_err_short_percent; }},
+    {"scale %", "scale_error_percent", 2,
+     [](const ScenarioMetrics& f) { return f.scale_error_percent; }},
+    {"held", "held", 2, [](const ScenarioMetrics& f) { return f.held; }},
+    {"2 sigma", "within_2_sigma", 2, [](const ScenarioMetrics& f) { return f.within_2_sigma; }},
+    {"ok hidden", "ok_while_hidden", 2,
+     [](const ScenarioMetrics& f) { return f.ok_while_unobservable; }},
 };
 
-std::string number(const Column& column, const Figures& figures, const char* none) {
-  const double value = column.value(figures);
+std::string number(const Column& column, const ScenarioMetrics& metrics, const char* none) {
+  const double value = column.value(metrics);
   if (!std::isfinite(value)) return none;
   char text[32];
   std::snprintf(text, sizeof text, "%.*f", column.decimals, value);
@@ -50,7 +52,7 @@ std::string scenariosMarkdown(const std::vector<ScenarioRow>& rows) {
   text += "\n" + rule + "\n";
   for (const ScenarioRow& row : rows) {
     text += "| " + row.name + " |";
-    for (const Column& column : kColumns) text += " " + number(column, row.figures, "–") + " |";
+    for (const Column& column : kColumns) text += " " + number(column, row.metrics, "–") + " |";
     text += "\n";
   }
   return text;
@@ -62,7 +64,7 @@ std::string scenariosJson(const std::vector<ScenarioRow>& rows) {
     nlohmann::ordered_json drive;
     drive["drive"] = row.name;
     for (const Column& column : kColumns) {
-      drive[column.key] = nlohmann::ordered_json::parse(number(column, row.figures, "null"));
+      drive[column.key] = nlohmann::ordered_json::parse(number(column, row.metrics, "null"));
     }
     drives.push_back(drive);
   }
@@ -83,23 +85,23 @@ std::string terminalRow(const ScenarioRow& row, double seconds) {
   std::string line = text;
   for (const Column& column : kColumns) {
     const auto width = static_cast<int>(std::strlen(column.heading)) + 2;
-    std::snprintf(text, sizeof text, "%*s", width, number(column, row.figures, "-").c_str());
+    std::snprintf(text, sizeof text, "%*s", width, number(column, row.metrics, "-").c_str());
     line += text;
   }
   std::snprintf(text, sizeof text, "%9.1f\n", seconds);
   return line + text;
 }
 
-std::string ablationCell(const DriveFigures& figures, const DriveThresholds& thresholds) {
-  const std::string violated = violatedThreshold(figures, thresholds);
-  if (figures.metric_frames == 0) return violated == "lost" ? "**lost**" : "**no start**";
+std::string ablationCell(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds) {
+  const std::string violated = violatedThreshold(metrics, thresholds);
+  if (metrics.metric_frames == 0) return violated == "lost" ? "**lost**" : "**no start**";
   char text[64];
-  std::snprintf(text, sizeof text, "%.2f / %.2f / %.2f", figures.rle_percent, figures.held,
-                figures.within_2_sigma);
+  std::snprintf(text, sizeof text, "%.2f / %.2f / %.2f", metrics.rle_percent, metrics.held,
+                metrics.within_2_sigma);
   if (violated.empty()) return text;
   if (violated == "ok hidden") {
     std::snprintf(text + std::strlen(text), sizeof text - std::strlen(text), " / %.2f",
-                  figures.ok_while_hidden);
+                  metrics.ok_while_unobservable);
   }
   return std::string("**") + text + "** " + violated;
 }

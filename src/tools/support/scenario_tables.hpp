@@ -3,14 +3,14 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/simulation/scenarios.hpp"
+#include "ground_scale_vo/simulation/scenario_evaluation.hpp"
 
 namespace ground_scale_vo {
 
 /// The metrics of one scenario, a row of the tables.
 struct ScenarioRow {
   std::string name;
-  DriveFigures figures;
+  ScenarioMetrics metrics;
 };
 
 std::string scenariosMarkdown(const std::vector<ScenarioRow>& rows);
@@ -23,6 +23,6 @@ std::string terminalHeading();
 std::string terminalRow(const ScenarioRow& row, double seconds);
 
 /// RLE % / held / 2 sigma; bold, with the reason, when a threshold is violated.
-std::string ablationCell(const DriveFigures& figures, const DriveThresholds& thresholds);
+std::string ablationCell(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
 }  // namespace ground_scale_vo

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "ground_scale_vo/simulation/scenarios.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+
+namespace ground_scale_vo {
+
+/// Accuracy of a run over a scenario, against exact ground truth.
+struct ScenarioMetrics {
+  std::size_t frames = 0;
+  std::size_t tracked_frames = 0;
+  std::size_t lost_events = 0;
+  std::size_t metric_frames = 0;  ///< from the first metric pose on
+
+  // Of the trajectory from the first metric pose on; NaN without one.
+  double rle_percent = 0;
+  double t_err_short_percent = 0;
+
+  // As in ScaleMetrics, for exact ground truth: error_abs_median_percent, within_2_sigma,
+  // held_share.
+  double scale_error_percent = 0;
+  double within_2_sigma = 0;
+  double held = 0;
+  /// Share of the unobservable frames whose scale is reported as measured (kOk); 0 without such
+  /// frames.
+  double ok_while_unobservable = 0;
+};
+
+/// Renders all images of the drive. each: called after every image, may be empty.
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive,
+                                 const std::function<void()>& each = {});
+
+/// Runs the pipeline over the images of the drive, with default options but for its camera height
+/// and the settings. each: called after every frame, may be empty. Throws OptionError.
+RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
+                   const std::vector<std::string>& settings = {},
+                   const std::function<void()>& each = {});
+
+/// record: of all images of the drive. Throws OptionError when it has another length.
+ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,
+                                 const RunRecord& record);
+
+/// The first violated threshold: "lost" (some frame is not tracked), "start" (too few metric
+/// frames), "RLE", "2 sigma" or "ok hidden" (measured although unobservable). Empty: none.
+std::string violatedThreshold(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,92 @@
+#include "ground_scale_vo/simulation/scenario_evaluation.hpp"
+
+#include <limits>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/set_option.hpp"
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/scale_metrics.hpp"
+
+namespace ground_scale_vo {
+
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive, const std::function<void()>& each) {
+  std::vector<cv::Mat> images;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    images.push_back(drive.image(i));
+    if (each) each();
+  }
+  return images;
+}
+
+RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
+                   const std::vector<std::string>& settings, const std::function<void()>& each) {
+  OfflineRun::Options options;
+  options.scale.camera_height = drive.cameraHeight();
+  for (const std::string& setting : settings) setOption(options, setting);
+  OfflineRun run(drive.camera(), options);
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    run.process(images[i], drive.frame(i).stamp_ns);
+    if (each) each();
+  }
+  return run.record();
+}
+
+std::string violatedThreshold(const ScenarioMetrics& metrics,
+                              const ScenarioThresholds& thresholds) {
+  if (metrics.tracked_frames != metrics.frames || metrics.lost_events > 0) return "lost";
+  const auto frames = static_cast<double>(metrics.frames);
+  if (!(static_cast<double>(metrics.metric_frames) > thresholds.min_metric_share * frames))
+    return "start";
+  if (!(metrics.rle_percent <= thresholds.max_rle_percent)) return "RLE";
+  if (!(metrics.within_2_sigma >= thresholds.min_within_2_sigma)) return "2 sigma";
+  return metrics.ok_while_unobservable <= thresholds.max_ok_while_unobservable ? "" : "ok hidden";
+}
+
+ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,
+                                 const RunRecord& record) {
+  const std::vector<RunFrame>& frames = record.frames();
+  if (frames.size() != drive.size()) {
+    throw OptionError("the run has " + std::to_string(frames.size()) + " frames, the drive " +
+                      std::to_string(drive.size()));
+  }
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  ScenarioMetrics metrics;
+  metrics.frames = frames.size();
+  metrics.tracked_frames = record.trackedFrames();
+  metrics.lost_events = record.lostEvents();
+  metrics.rle_percent = metrics.t_err_short_percent = kNone;
+
+  std::vector<Eigen::Isometry3d> full_ground_truth, ground_truth, estimate;
+  std::size_t ok_frames = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const RunFrame& frame = frames[i];
+    full_ground_truth.push_back(drive.frame(i).T_c0_c);
+    if (scenario.unobservable && i >= scenario.unobservable->first &&
+        i <= scenario.unobservable->last) {
+      ok_frames += frame.scale.status == ScaleStatus::kOk;
+    }
+    if (ground_truth.empty() && !frame.has_metric_pose) continue;
+    ground_truth.push_back(full_ground_truth.back());
+    estimate.push_back(frame.T_o_c);
+  }
+  metrics.metric_frames = ground_truth.size();
+  if (ground_truth.size() > 1) {
+    const OdometryMetrics odometry = computeOdometryMetrics(ground_truth, estimate);
+    metrics.rle_percent = odometry.rle_percent.value_or(kNone);
+    metrics.t_err_short_percent = odometry.t_err_short_percent.value_or(kNone);
+  }
+  const ScaleMetrics scale =
+      computeScaleMetrics(record, full_ground_truth, kExactGroundTruthDistance);
+  metrics.scale_error_percent = scale.error_abs_median_percent;
+  metrics.within_2_sigma = scale.within_2_sigma;
+  metrics.held = scale.held_share;
+  if (scenario.unobservable) {
+    const std::size_t unobservable = scenario.unobservable->last - scenario.unobservable->first + 1;
+    metrics.ok_while_unobservable =
+        static_cast<double>(ok_frames) / static_cast<double>(unobservable);
+  }
+  return metrics;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+
+namespace ground_scale_vo {
+
+/// Default options but for the camera height [m].
+inline OfflineRun::Options optionsFor(double camera_height) {
+  OfflineRun::Options options;
+  options.scale.camera_height = camera_height;
+  return options;
+}
+
+/// Runs the pipeline over all images of the drive.
+inline RunRecord runOffline(const SyntheticDrive& drive, const OfflineRun::Options& options) {
+  OfflineRun offline(drive.camera(), options);
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    offline.process(drive.image(i), drive.frame(i).stamp_ns);
+  }
+  return offline.record();
+}
+
+/// First camera from camera, at every frame [m].
+inline std::vector<Eigen::Isometry3d> groundTruth(const SyntheticDrive& drive) {
+  std::vector<Eigen::Isometry3d> poses;
+  for (std::size_t i = 0; i < drive.size(); ++i) poses.push_back(drive.frame(i).T_c0_c);
+  return poses;
+}
+
+/// Distance between the positions of two poses.
+inline double distanceBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return (b.translation() - a.translation()).norm();
+}
+
+}  // namespace ground_scale_vo

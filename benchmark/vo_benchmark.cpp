@@ -42,7 +42,7 @@ cv::Mat texture(int width, double dx = 0, double dy = 0) {
 /// That many corners of an image, far enough from its border.
 std::vector<cv::Point2f> cornersOf(const cv::Mat& image, std::size_t n) {
   FeatureTracker::Options options;
-  options.cell = 0.0065;
+  options.cell_size = 0.0065;
   std::vector<cv::Point2f> corners = FeatureTracker(options).detect(image, {});
   std::shuffle(corners.begin(), corners.end(), std::mt19937(1));
   corners.resize(std::min(n, corners.size()));

@@ -409,7 +409,7 @@ def report_benchmark(folder, load):
 
 # title, the varied option, remark
 SERIES = {
-    "features": ("Features", "tracker/cell", "The side of the square that holds one corner."),
+    "features": ("Features", "tracker/cell_size", "The side of the square that holds one corner."),
     "image": ("Image size", "pixels", "The same images, resized."),
     "window": ("Window", "bundle_adjustment/window", "Twice as many keyframes are kept."),
 }

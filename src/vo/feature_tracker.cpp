@@ -61,7 +61,7 @@ ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
 
 std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
                                                 const std::vector<cv::Point2f>& occupied) const {
-  const int cell = std::max(8, static_cast<int>(std::lround(options_.cell * image.cols)));
+  const int cell = std::max(8, static_cast<int>(std::lround(options_.cell_size * image.cols)));
   const int border = std::max(options_.window_px / 2, CornerStrength::kReach) + 1;
   const int columns = (image.cols - 2 * border) / cell;
   const int rows = (image.rows - 2 * border) / cell;

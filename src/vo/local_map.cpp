@@ -110,7 +110,7 @@ void LocalMap::triangulateNew() {
     if (!depth || depth->value <= 0) continue;
     if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
     const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
-      return reprojectionError(ray, depth->value, o) < options_.max_error;
+      return reprojectionError(ray, depth->value, o) < options_.max_reprojection_error;
     });
     if (fits) landmark.depth = depth;
   }
@@ -136,7 +136,7 @@ void LocalMap::updateSigmas() {
   }
 }
 
-void LocalMap::removeOutliers(double max_error) {
+void LocalMap::removeOutliers(double max_reprojection_error) {
   AnchoredObservations anchored(*this);
   for (auto it = landmarks_.begin(); it != landmarks_.end();) {
     Landmark& landmark = it->second;
@@ -152,7 +152,9 @@ void LocalMap::removeOutliers(double max_error) {
     const auto& observations = anchored.of(landmark);
     std::size_t kept = 1;
     for (std::size_t i = 0; i < observations.size(); ++i) {
-      if (reprojectionError(ray, landmark.depth->value, observations[i]) > max_error) continue;
+      if (reprojectionError(ray, landmark.depth->value, observations[i]) > max_reprojection_error) {
+        continue;
+      }
       landmark.observations[kept++] = landmark.observations[i + 1];
     }
     const std::size_t before = landmark.observations.size();

@@ -41,6 +41,19 @@ Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) 
 
 }  // namespace
 
+std::vector<PointObservation> pointObservations(const LocalMap& map,
+                                                const std::vector<LocalMap::Corner>& corners,
+                                                std::vector<std::size_t>* index) {
+  std::vector<PointObservation> observations;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const auto point = map.point(corners[i].id);
+    if (!point) continue;
+    observations.push_back({point->p_w, point->sigma_w, corners[i].x, corners[i].sigma});
+    if (index) index->push_back(i);
+  }
+  return observations;
+}
+
 void PoseEstimation::Options::validate() const { visitParameters(*this, RangeCheck("pose/")); }
 
 PoseEstimation::PoseEstimation(const Options& options) : options_(options) { options_.validate(); }

@@ -155,7 +155,7 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
     return result;
   }
 
-  const double threshold = options_.inlier_error;
+  const double threshold = options_.inlier_threshold;
   std::vector<Candidate> candidates = essentialCandidates(x1, x2, threshold);
   for (const Candidate& c : homographyCandidates(x1, x2, threshold)) candidates.push_back(c);
   if (candidates.empty()) return result;
@@ -186,7 +186,7 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
   } else {
     for (const Candidate& other : candidates) {
       if (sameMotion(best, other)) continue;
-      if (n - other.cost > options_.max_second_share * (n - best.cost)) {
+      if (n - other.cost > options_.max_second_best_ratio * (n - best.cost)) {
         result.status = TwoViewStatus::kAmbiguous;
       }
       break;

@@ -39,7 +39,7 @@ def test_wrong_arguments(short, text, arguments):
 
 @pytest.mark.parametrize("status, text, arguments", [
     (2, "none", ["--set", "none=1"]),
-    (2, "tracker/cell", ["--set", "tracker/cell=7"]),
+    (2, "tracker/cell_size", ["--set", "tracker/cell_size=7"]),
     (1, "may use", ["--cores", "1024"]),
 ])
 def test_benchmark_sequence_wrong_arguments(short, tmp_path, status, text, arguments):

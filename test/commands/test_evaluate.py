@@ -25,7 +25,7 @@ def test_set_reaches_the_run(short, tmp_path):
     ("unknown scenario", ["--scenarios", "none"]),
     ("unknown fault", ["--faults", "gremlins"]),
     ("--faults", ["SHORT", "--seed", "1"]),
-    ("tracker/cell is 7", ["--scenarios", "pitched", "--set", "tracker/cell=7"]),
+    ("tracker/cell_size is 7", ["--scenarios", "pitched", "--set", "tracker/cell_size=7"]),
 ])
 def test_wrong_arguments(short, tmp_path, text, arguments):
     arguments = [short if word == "SHORT" else word for word in arguments]
@@ -33,7 +33,7 @@ def test_wrong_arguments(short, tmp_path, text, arguments):
 
 
 def test_misspelt_option(short, tmp_path):
-    assert_refused(2, "did you mean tracker/cell?", RUN_SEQUENCE, short, "--camera-height", 1.65,
+    assert_refused(2, "did you mean tracker/cell_size?", RUN_SEQUENCE, short, "--camera-height", 1.65,
                    "--out", tmp_path, "--set", "tracker/cel=1")
 
 

@@ -10,7 +10,7 @@ namespace ground_scale_vo::fuzz {
 
 Plan plan() {
   return {20000,
-          {"tracker/cell=0.03", "refine=false", "random_seed=7", "gpe/min_points=12",
+          {"tracker/cell_size=0.03", "refine=false", "random_seed=7", "gpe/min_points=12",
            "refinement/tile = 1", "bundle_adjustment/window=5"}};
 }
 

@@ -57,7 +57,7 @@ TEST(FeatureTracker, copesWithAFreeCellThatItsNeighboursCover) {
   FeatureTracker::Options options;
   options.min_corner_strength = 0;
   options.window_px = 9;
-  options.cell = 10.0 / 800;
+  options.cell_size = 10.0 / 800;
   // Features all around the cell [205, 214] x [105, 114], none in it.
   std::vector<cv::Point2f> occupied;
   for (int i = 0; i < 12; ++i) {
@@ -164,7 +164,7 @@ TEST(FeatureTracker, refusesBadOptions) {
   options.window_px = 10;
   EXPECT_THROW(FeatureTracker{options}, OptionError);
   options = {};
-  options.cell = 0;
+  options.cell_size = 0;
   EXPECT_THROW(FeatureTracker{options}, OptionError);
   options = {};
   options.forward_backward_px = -1;

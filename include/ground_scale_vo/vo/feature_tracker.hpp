@@ -7,20 +7,20 @@
 
 namespace ground_scale_vo {
 
-/// An image with its Gaussian pyramid and gradients, made once and used for tracking from and to
-/// it.
+/// An image with its Gaussian pyramid and gradients, computed once for tracking to it and from it.
 struct ImagePyramid {
   cv::Mat image;                ///< 8-bit grey, level 0, own memory
   std::vector<cv::Mat> levels;  ///< as cv::buildOpticalFlowPyramid makes it
-  double exposure = 1;          ///< over that of another image: whose, is up to its user
+  double exposure = 1;          ///< relative to an image that the caller chooses
 };
 
-/// Corners spread over the image, and pyramidal Lucas-Kanade with a forward-backward check.
-/// Lengths are fractions of the image width, so nothing depends on one camera's resolution.
+/// Shi-Tomasi corners, one per grid cell, and pyramidal Lucas-Kanade with a forward-backward check.
+/// The cell size is a fraction of the image width, so the number of features does not depend on the
+/// camera's resolution.
 class FeatureTracker {
  public:
   struct Options {
-    double cell = 0.0129;
+    double cell_size = 0.0129;
     double min_corner_strength = 1e-4;
     double min_corner_ratio = 0.12;
     int window_px = 9;
@@ -28,17 +28,17 @@ class FeatureTracker {
     double forward_backward_px = 0.7;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("cell", self.cell, 0.004, 0.2,
-            "[image width] side of the square that holds one corner");
+      visit("cell_size", self.cell_size, 0.004, 0.2,
+            "[image width] side of the grid cells; each holds at most one new corner");
       visit("min_corner_strength", self.min_corner_strength, 0, 1,
-            "[] smaller eigenvalue of the gradient matrix, image in [0, 1]");
+            "[] smaller eigenvalue of the gradient matrix, grey levels in [0, 1]");
       visit("min_corner_ratio", self.min_corner_ratio, 0, 1,
-            "[] smaller over larger eigenvalue over the patch; below it the patch is an edge");
+            "[] smaller over larger eigenvalue; a corner with less lies on an edge");
       visit("window_px", self.window_px, 5, 51,
-            "[px] side of the tracked patch, odd; a small one suffers less from change of scale");
-      visit("pyramid_levels", self.pyramid_levels, 0, 8, "[levels] above the full image");
+            "[px] side of the tracked patch, odd; a small patch tolerates more change of size");
+      visit("pyramid_levels", self.pyramid_levels, 0, 8, "[levels] above the full resolution");
       visit("forward_backward_px", self.forward_backward_px, 0.05, 10,
-            "[px] largest distance after tracking there and back");
+            "[px] largest distance after tracking forward and backward");
     }
     /// Throws OptionError.
     void validate() const;
@@ -46,19 +46,21 @@ class FeatureTracker {
 
   explicit FeatureTracker(const Options& options);
 
+  /// image: 8-bit grey. Copied.
   ImagePyramid pyramid(const cv::Mat& image) const;
 
-  /// New corners in the cells that hold none of `occupied`, strongest of its cell each.
+  /// The strongest corner of each cell that holds none of `occupied` [px]; at most one per cell.
   std::vector<cv::Point2f> detect(const cv::Mat& image,
                                   const std::vector<cv::Point2f>& occupied) const;
 
   struct Tracks {
-    std::vector<cv::Point2f> points;  ///< same order as `from_points`; meaningful where ok
-    std::vector<unsigned char> ok;
+    std::vector<cv::Point2f> points;  ///< [px] in the order of `from_points`; valid where ok
+    std::vector<unsigned char> ok;    ///< found, inside the image, forward-backward check passed
   };
 
-  /// predicted: a first guess of each point in `to`, same length as from_points. A point that is
-  /// not found near its guess is searched once more from its place in `from`, over all levels.
+  /// predicted: initial guess of each point in `to` [px], same length as from_points. A point that
+  /// is not found near its guess is searched once more over all pyramid levels, starting from its
+  /// position in `from`.
   Tracks track(const ImagePyramid& from, const ImagePyramid& to,
                const std::vector<cv::Point2f>& from_points,
                const std::vector<cv::Point2f>& predicted) const;

@@ -29,9 +29,10 @@ class LocalBundleAdjustment {
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("window", self.window, 1, 100,
-            "[keyframes] newest ones that move; older ones are held");
+            "[keyframes] newest ones that are optimised; older ones are fixed");
       visit("max_iterations", self.max_iterations, 1, 1000, "[iterations] of Levenberg-Marquardt");
-      visit("huber_sigma", self.huber_sigma, 0.1, 1000, "[sigma] larger residuals count linearly");
+      visit("huber_sigma", self.huber_sigma, 0.1, 1000,
+            "[sigma] residual above which Huber's loss is linear");
     }
     /// Throws OptionError.
     void validate() const;

@@ -17,8 +17,8 @@ namespace ground_scale_vo {
 struct Keyframe {
   std::uint32_t id = 0;                                     ///< consecutive within a map, from 0
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
-  cv::Mat image;        ///< 8-bit grey, the reference of the corners first seen in it; may be empty
-  double exposure = 1;  ///< of the image, over that of the map's first
+  cv::Mat image;        ///< 8-bit grey, reference for patch alignment; may be empty
+  double exposure = 1;  ///< of the image, relative to the map's first
 };
 
 struct Observation {
@@ -27,39 +27,40 @@ struct Observation {
   double sigma = 0;                             ///< standard deviation of x, > 0
 };
 
-/// A corner seen in keyframes, with or without a depth yet. It lies on the ray of its first
-/// observation, which is its anchor.
+/// A corner observed in keyframes, with or without a depth yet. The keyframe of its first
+/// observation is its anchor: it is parametrised by its inverse depth on that ray, so the anchor's
+/// own observation has no residual.
 struct Landmark {
   std::vector<Observation> observations;  ///< by keyframe; never empty
   std::optional<InverseDepth> depth;      ///< in the anchor keyframe
-  int outlier_count = 0;                  ///< frames in a row that disagreed with it
+  int outlier_count = 0;                  ///< consecutive frames in which it was an outlier
 
   Eigen::Vector3d ray() const { return observations.front().x.homogeneous(); }
 };
 
-/// A landmark's place in the world, with its uncertainty along the anchor's ray.
+/// A landmark in world coordinates, VO units.
 struct WorldPoint {
   Eigen::Vector3d p_w = Eigen::Vector3d::Zero();
-  Eigen::Vector3d sigma_w =
-      Eigen::Vector3d::Zero();  ///< one standard deviation away from the anchor
+  /// One standard deviation of p_w, along the anchor's ray.
+  Eigen::Vector3d sigma_w = Eigen::Vector3d::Zero();
 };
 
-/// The last keyframes of the odometry and the landmarks that they see. Bounded: what only dropped
-/// keyframes saw is forgotten, and a landmark that outlives its anchor moves to its next
-/// observation.
+/// The last keyframes and the landmarks that they observe. When the oldest keyframe is dropped,
+/// landmarks without another observation are removed, and those anchored in it are anchored in the
+/// keyframe of their next observation.
 class LocalMap {
  public:
   struct Options {
     int keyframes = 14;
     double max_relative_sigma = 0.35;
-    double max_error = 0.004;
+    double max_reprojection_error = 0.004;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("keyframes", self.keyframes, 3, 1000, "[keyframes] kept at most");
+      visit("keyframes", self.keyframes, 3, 1000, "[keyframes] largest number");
       visit("max_relative_sigma", self.max_relative_sigma, 0.01, 10,
-            "[] a new depth needs sigma(1/z) below this share of 1/z");
-      visit("max_error", self.max_error, 1e-6, 0.1,
-            "[focal lengths] of any observation of a new depth");
+            "[] largest sigma of a new inverse depth, relative to the inverse depth");
+      visit("max_reprojection_error", self.max_reprojection_error, 1e-6, 0.1,
+            "[focal lengths] largest error of any observation of a new landmark depth");
     }
     /// Throws OptionError.
     void validate() const;
@@ -73,23 +74,26 @@ class LocalMap {
     double sigma = 0;                             ///< standard deviation of x, > 0
   };
   /// Adds the corners as observations of the new keyframe; unknown ids become landmarks. The image
-  /// is kept, not copied.
+  /// is shared, not copied. Drops the oldest keyframe when there are too many. Returns the new id.
   std::uint32_t addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners,
                             const cv::Mat& image = {});
 
-  /// Gives a depth to landmarks that lack one and have been seen with enough parallax by now.
+  /// Triangulates the landmarks without depth; those whose depth is accurate enough and fits all
+  /// observations get one.
   void triangulateNew();
 
   /// Recomputes every depth's sigma from its observations.
   void updateSigmas();
 
-  /// Removes observations whose error is over `max_error` (normalised); a landmark whose anchor is
-  /// left alone is removed.
-  void removeOutliers(double max_error);
+  /// Removes observations with a larger error, in normalised image coordinates. A landmark of which
+  /// only the anchor's observation remains is removed.
+  void removeOutliers(double max_reprojection_error);
 
   void clear();
 
+  /// Null when there is none.
   Landmark* find(std::uint64_t id);
+  /// Empty when there is no such landmark, or it has no positive depth.
   std::optional<WorldPoint> point(std::uint64_t id) const;
   std::optional<WorldPoint> point(const Landmark& landmark) const;
 

@@ -11,19 +11,23 @@
 
 namespace ground_scale_vo {
 
-/// What a patch is taken for, in the axes of the camera that took it.
-enum class PatchSurface : std::uint8_t { kFacing, kFloor, kWall };  ///< normal along z, y, x
+/// Model of the surface on which a patch lies: the direction of its normal in the reference camera.
+enum class PatchSurface : std::uint8_t {
+  kFacing,  ///< along z: faces the camera
+  kFloor,   ///< along y: road
+  kWall     ///< along x: house front, parked car
+};
 
-/// d(pixel of the current image) / d(pixel of the reference image) at a point of that surface.
-/// p_r: the point in the reference camera. Nothing where a camera sees the surface edge-on or from
-/// behind.
+/// Affine warp, d(pixel of the current image c) / d(pixel of the reference image r), at the point
+/// p_r (in camera r, VO units) of that surface. Empty when a camera sees the surface edge-on or
+/// from behind, or when the areas of the patch in the two images differ too much.
 std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eigen::Vector3d& p_r,
                                          const Eigen::Isometry3d& T_c_r, PatchSurface surface);
 
-/// Finds the patch of a reference image in the current one to a fraction of a pixel: direct
-/// alignment (inverse compositional Gauss-Newton) of the warped reference patch, both with their
-/// mean taken off. Tracking from frame to frame drifts; the patch where a corner was first seen
-/// does not.
+/// Locates the patch of a reference image in the current one with subpixel accuracy: direct
+/// alignment (inverse compositional Gauss-Newton, Baker & Matthews 2004) of the warped reference
+/// patch, both patches with zero mean. Alignment to a fixed reference does not drift, tracking from
+/// frame to frame does.
 class PatchAlignment {
  public:
   struct Options {
@@ -35,13 +39,13 @@ class PatchAlignment {
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("window_px", self.window_px, 5, 21, "[px] side of the aligned patch, odd");
-      visit("max_iterations", self.max_iterations, 1, 100, "[] of the alignment");
+      visit("max_iterations", self.max_iterations, 1, 100, "[iterations] of Gauss-Newton");
       visit("min_correlation", self.min_correlation, 0, 1,
-            "[] normalised, of the patch with what it was aligned to");
+            "[] least normalised correlation of an aligned patch");
       visit("max_shift_px", self.max_shift_px, 0.1, 20,
-            "[px] farthest from where the corner was tracked to");
+            "[px] largest shift from the tracked position");
       visit("max_scale", self.max_scale, 1, 10,
-            "[] a patch that is larger or smaller by more is no reference");
+            "[] largest ratio of the sizes of a patch in the current and the reference image");
     }
     /// Throws OptionError.
     void validate() const;
@@ -54,9 +58,10 @@ class PatchAlignment {
 
   explicit PatchAlignment(const Options& options);
 
-  /// reference, current: 8-bit grey. warp: as patchWarp gives it. start: where u_ref appears in the
-  /// current image, to about a pixel. Nothing when a patch leaves its image, has no corner in it,
-  /// or is not found within max_shift_px of the start with min_correlation.
+  /// reference, current: 8-bit grey. u_ref: [px] in the reference. warp: from patchWarp. start:
+  /// initial position in the current image [px], accurate to about a pixel. Empty when a patch
+  /// leaves its image, has too little texture in two directions, or is not found within
+  /// max_shift_px of the start with min_correlation.
   std::optional<Match> align(const cv::Mat& reference, const Eigen::Vector2d& u_ref,
                              const Eigen::Matrix2d& warp, const cv::Mat& current,
                              const Eigen::Vector2d& start) const;

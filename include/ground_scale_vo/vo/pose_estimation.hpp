@@ -4,23 +4,29 @@
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/vo/local_map.hpp"
 
 namespace ground_scale_vo {
 
 /// A map point and where this frame sees it.
 struct PointObservation {
   Eigen::Vector3d p_w = Eigen::Vector3d::Zero();
-  /// One standard deviation of p_w; its uncertainty is along this line alone (the anchor's ray), so
-  /// a point of unsure depth still tells where it is not: off its epipolar line.
+  /// One standard deviation of p_w, along the anchor's ray. p_w is exact across that ray, so a
+  /// point of uncertain depth still constrains the pose across its epipolar line.
   Eigen::Vector3d sigma_w = Eigen::Vector3d::Zero();
   Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
   double sigma = 0;                             ///< standard deviation of x, > 0
 };
 
+/// The corners that have a map point. index: filled with their places in `corners`, if not null.
+std::vector<PointObservation> pointObservations(const LocalMap& map,
+                                                const std::vector<LocalMap::Corner>& corners,
+                                                std::vector<std::size_t>* index = nullptr);
+
 enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
 
-/// A frame's pose from 2D-3D correspondences: robust Gauss-Newton from a prediction, and a
-/// RANSAC (P3P) start when the prediction is no good.
+/// A frame's pose from 2D-3D correspondences: robust Gauss-Newton (Geman-McClure) from the
+/// predicted pose; when that fails, from the pose that RANSAC with P3P finds.
 class PoseEstimation {
  public:
   struct Options {
@@ -31,9 +37,11 @@ class PoseEstimation {
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("inlier_sigma", self.inlier_sigma, 0.5, 100,
-            "[sigma] Mahalanobis distance of an inlier");
-      visit("min_inliers", self.min_inliers, 6, 100000, "[points] fewer are no pose");
-      visit("min_inlier_share", self.min_inlier_share, 0, 1, "[] of the tracked points");
+            "[sigma] largest Mahalanobis distance of an inlier");
+      visit("min_inliers", self.min_inliers, 6, 100000,
+            "[points] the pose fails with fewer inliers");
+      visit("min_inlier_share", self.min_inlier_share, 0, 1,
+            "[] inliers over tracked points; the pose fails with less");
       visit("max_iterations", self.max_iterations, 1, 1000, "[iterations] of Gauss-Newton");
     }
     /// Throws OptionError.
@@ -42,14 +50,14 @@ class PoseEstimation {
 
   struct Result {
     PoseStatus status = PoseStatus::kTooFewPoints;
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< meaningful when kOk
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< valid when kOk
     std::vector<bool> inlier;                                 ///< for each observation
     int inliers = 0;
   };
 
   explicit PoseEstimation(const Options& options);
 
-  /// Deterministic.
+  /// Fails, with a status, when there are too few observations or inliers. Deterministic.
   Result estimate(const Eigen::Isometry3d& predicted_T_w_c,
                   const std::vector<PointObservation>& observations) const;
 

@@ -18,18 +18,24 @@
 namespace ground_scale_vo {
 
 enum class RejectReason : std::uint8_t {
-  kNotFound,  ///< not seen in this image, or tracked back to another place than it came from
-  kOutlier    ///< seen where the pose allows neither its point nor its epipolar line to be
+  kNotFound,  ///< not found in this image, or failed the forward-backward check
+  kOutlier    ///< off the projection of its map point, or without a point off its epipolar line
 };
 
-/// A feature that a frame gives up.
+/// A feature that is no longer tracked from this frame on.
 struct RejectedFeature {
   std::uint64_t id = 0;
-  Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] where it was seen last; of an outlier: now
+  Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] last position; an outlier's in this frame
   RejectReason reason = RejectReason::kNotFound;
 };
 
 /// Monocular visual odometry up to scale (the paper's MVO thread): images in, VoFrame out.
+///
+/// The first frames start a map (two-view geometry between the first and the newest). Each further
+/// frame: features are tracked from the previous image and aligned to the patches of the keyframes,
+/// the pose follows from their map points, and when the parallax has grown enough the frame becomes
+/// a keyframe: new corners, triangulation, local bundle adjustment on a second thread.
+///
 /// Deterministic: the same images give the same bytes. Not thread safe.
 class VisualOdometry {
  public:
@@ -41,41 +47,41 @@ class VisualOdometry {
     LocalMap::Options map;
     LocalBundleAdjustment::Options bundle_adjustment;
 
-    double noise = 0.001;
-    double noise_flow = 0.028;
-    double noise_aligned = 0.00025;
+    double feature_sigma = 0.001;
+    double feature_sigma_flow = 0.028;
+    double feature_sigma_aligned = 0.00025;
     double keyframe_parallax = 0.035;
     double keyframe_min_tracked = 0.5;
     double standstill_flow = 0.0003;
-    double epipolar_error = 0.0028;
-    double outlier_error = 0.003;
+    double max_epipolar_error = 0.0028;
+    double max_reprojection_error = 0.003;
     int max_outlier_frames = 2;
-    double start_min_share = 0.4;
+    double initialisation_min_tracked = 0.4;
     int lost_frames_before_new_map = 3;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("noise", self.noise, 1e-6, 0.1,
-            "[focal lengths] standard deviation of a corner that hardly moves");
-      visit("noise_flow", self.noise_flow, 1e-4, 100,
-            "[focal lengths] motion between frames, without rotation, that doubles its variance");
-      visit("noise_aligned", self.noise_aligned, 1e-6, 0.1,
-            "[focal lengths] standard deviation of a corner aligned to its first patch");
+      visit("feature_sigma", self.feature_sigma, 1e-6, 0.1,
+            "[focal lengths] standard deviation of a tracked corner without flow");
+      visit("feature_sigma_flow", self.feature_sigma_flow, 1e-4, 100,
+            "[focal lengths] flow, without that of the rotation, that doubles its variance");
+      visit("feature_sigma_aligned", self.feature_sigma_aligned, 1e-6, 0.1,
+            "[focal lengths] standard deviation of a corner aligned to a keyframe's patch");
       visit("keyframe_parallax", self.keyframe_parallax, 1e-4, 1,
-            "[rad] median since the last keyframe that makes the next one");
+            "[rad] median parallax to the last keyframe above which a new one is made");
       visit("keyframe_min_tracked", self.keyframe_min_tracked, 0, 1,
-            "[] share of the last keyframe's features; with fewer a new one is made");
+            "[] share of the last keyframe's features below which a new one is made");
       visit("standstill_flow", self.standstill_flow, 0, 0.1,
-            "[image width] a median flow below this is none");
-      visit("epipolar_error", self.epipolar_error, 1e-5, 1,
-            "[focal lengths] of a feature without depth");
-      visit("outlier_error", self.outlier_error, 1e-5, 1,
-            "[focal lengths] of an observation after adjustment");
+            "[image width] median flow below which the camera stands still");
+      visit("max_epipolar_error", self.max_epipolar_error, 1e-5, 1,
+            "[focal lengths] largest epipolar distance of a feature without depth");
+      visit("max_reprojection_error", self.max_reprojection_error, 1e-5, 1,
+            "[focal lengths] of an observation after bundle adjustment; larger ones are removed");
       visit("max_outlier_frames", self.max_outlier_frames, 0, 1000,
-            "[frames] in a row that a feature may disagree");
-      visit("start_min_share", self.start_min_share, 0.01, 1,
-            "[] of the first frame's features; with fewer the start begins anew");
+            "[frames] consecutive outlier frames that a feature may have");
+      visit("initialisation_min_tracked", self.initialisation_min_tracked, 0.01, 1,
+            "[] share of the first frame's features below which initialisation restarts");
       visit("lost_frames_before_new_map", self.lost_frames_before_new_map, 1, 1000,
-            "[frames] with texture in a row without a pose");
+            "[frames] consecutive textured frames without a pose after which a new map starts");
     }
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
@@ -91,28 +97,29 @@ class VisualOdometry {
     void validate() const;
   };
 
-  /// The pose of an earlier frame of the current map, known only since the map was started.
+  /// The pose of a frame that was processed before the map was started.
   struct StartPose {
     std::uint32_t sequence = 0;
+    std::int64_t stamp_ns = 0;
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
   };
 
   /// [ms] wall time.
   struct Times {
     double pyramid = 0, track = 0, align = 0, detect = 0, pose = 0, triangulate = 0;
-    /// On the second thread, in the frame that takes the adjusted map over; not part of total.
+    /// On the second thread, reported in the frame that uses the adjusted map; not part of total.
     double bundle_adjustment = 0;
-    double adjustment_wait = 0;  ///< until that map was there and taken over
+    double adjustment_wait = 0;  ///< for the second thread, and to copy its result into the map
     double total = 0;
   };
 
   struct Output {
     VoFrame frame;
-    /// Not empty exactly in the frame that starts a map: the frames from the map's first frame
-    /// until now, in order.
+    /// Poses of all frames from the map's first to this one, in order; empty unless this frame
+    /// starts a map.
     std::vector<StartPose> start;
-    /// To be looked at; none is among the frame's features. While the camera stands or is lost, the
-    /// image that is tracked from stays, and what was given up may come back.
+    /// For visualisation; not among the frame's features. While the camera stands still or is lost,
+    /// the previous image is kept, and a rejected feature may be found again later.
     std::vector<RejectedFeature> rejected;
     Times times;
   };
@@ -121,7 +128,7 @@ class VisualOdometry {
   ~VisualOdometry();
 
   /// image: 8-bit, one channel, the camera's size, rectified (throws OptionError otherwise).
-  /// Precondition: stamps grow.
+  /// Precondition: stamps increase.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
  private:

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/vo/local_map.hpp"
+#include "ground_scale_vo/vo/patch_alignment.hpp"
+
+namespace ground_scale_vo {
+
+/// A corner that is tracked from image to image. Lists of features are ordered by id.
+struct Feature {
+  std::uint64_t id = 0;
+  std::uint32_t age = 0;                           ///< number of earlier frames that saw it
+  Eigen::Vector2d u = Eigen::Vector2d::Zero();     ///< [px]
+  Eigen::Vector2d flow = Eigen::Vector2d::Zero();  ///< of the last step [px/s]
+  double sigma = 0;                                ///< standard deviation of u [normalised, z = 1]
+  PatchSurface surface = PatchSurface::kFacing;    ///< the patch model that fitted best last time
+};
+
+inline cv::Point2f toCv(const Eigen::Vector2d& u) {
+  return {static_cast<float>(u.x()), static_cast<float>(u.y())};
+}
+
+/// The features as observations of a keyframe, in normalised image coordinates.
+inline std::vector<LocalMap::Corner> toCorners(const PinholeCamera& camera,
+                                               const std::vector<Feature>& features) {
+  std::vector<LocalMap::Corner> corners;
+  corners.reserve(features.size());
+  for (const Feature& feature : features) {
+    corners.push_back({feature.id, camera.ray(feature.u).head<2>(), feature.sigma});
+  }
+  return corners;
+}
+
+/// The entry of each feature in `list`, which is ordered by id and contains them all.
+template <typename Entry>
+std::vector<Entry> entriesOf(const std::vector<Feature>& features, const std::vector<Entry>& list) {
+  std::vector<Entry> result;
+  result.reserve(features.size());
+  auto entry = list.begin();
+  for (const Feature& feature : features) {
+    while (entry->id != feature.id) ++entry;
+    result.push_back(*entry);
+  }
+  return result;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,114 @@
+#include "vo/frame_to_frame_tracking.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/vo/exposure.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// [corners] an image with fewer is black, covered or blank: the image of a street has several
+/// hundred, and a pose needs some tens.
+constexpr std::size_t kMinTexture = 60;
+
+/// [percent] of the features that a standing camera keeps from one image to the next. With fewer,
+/// something passes in front of the camera, and the flow of the rest is no sign of a standstill.
+constexpr std::size_t kStandstillMinTrackedPercent = 90;
+
+/// The smallest image of a pyramid; every second level is a gradient.
+const cv::Mat& coarsestLevel(const ImagePyramid& pyramid) {
+  return pyramid.levels[(pyramid.levels.size() - 1) / 2 * 2];
+}
+
+}  // namespace
+
+FrameToFrameTracking::FrameToFrameTracking(const PinholeCamera& camera,
+                                           const VisualOdometry::Options& options)
+    : options_(options), camera_(camera), tracker_(options.tracker) {}
+
+ImagePyramid FrameToFrameTracking::pyramid(const cv::Mat& image) const {
+  ImagePyramid result = tracker_.pyramid(image);
+  if (hasImage()) {
+    result.exposure =
+        previous_.exposure * exposureStep(coarsestLevel(previous_), coarsestLevel(result));
+  }
+  return result;
+}
+
+std::vector<Feature> FrameToFrameTracking::track(const ImagePyramid& next, std::int64_t stamp_ns,
+                                                 const std::vector<cv::Point2f>& predicted,
+                                                 const Eigen::Matrix3d& R_next_previous,
+                                                 std::vector<RejectedFeature>* rejected) const {
+  const double dt = secondsUntil(stamp_ns);
+  std::vector<cv::Point2f> points;
+  for (const Feature& feature : features_) points.push_back(toCv(feature.u));
+  const double gain = next.exposure / previous_.exposure;
+  const FeatureTracker::Tracks tracks =
+      gain == 1 ? tracker_.track(previous_, next, points, predicted)
+                : tracker_.track(tracker_.pyramid(applyGain(previous_.image, gain)), next, points,
+                                 predicted);
+  std::vector<Feature> found;
+  for (std::size_t i = 0; i < features_.size(); ++i) {
+    const Feature& previous = features_[i];
+    if (!tracks.ok[i]) {
+      rejected->push_back({previous.id, previous.u.cast<float>(), RejectReason::kNotFound});
+      continue;
+    }
+    Feature feature = previous;
+    feature.age += 1;
+    feature.u = Eigen::Vector2d(tracks.points[i].x, tracks.points[i].y);
+    feature.flow =
+        dt > 0 ? Eigen::Vector2d((feature.u - previous.u) / dt) : Eigen::Vector2d::Zero();
+    const Eigen::Vector3d rotated = R_next_previous * camera_.ray(previous.u);
+    const double flow = (camera_.ray(feature.u).head<2>() - rotated.head<2>() / rotated.z()).norm();
+    feature.sigma = options_.feature_sigma * std::hypot(1.0, flow / options_.feature_sigma_flow);
+    found.push_back(feature);
+  }
+  return found;
+}
+
+/// [px] since the previous image.
+double FrameToFrameTracking::medianFlow(const std::vector<Feature>& found) const {
+  const std::vector<Feature> previous = entriesOf(found, features_);
+  std::vector<double> flow;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    flow.push_back((found[i].u - previous[i].u).norm());
+  }
+  return flow.empty() ? 0 : median(flow);
+}
+
+void FrameToFrameTracking::advanceUnlessStill(ImagePyramid next, std::int64_t stamp_ns,
+                                              std::vector<Feature> found) {
+  if (medianFlow(found) < options_.standstill_flow * camera_.width &&
+      100 * found.size() > kStandstillMinTrackedPercent * features_.size()) {
+    return;
+  }
+  advance(std::move(next), stamp_ns, std::move(found));
+}
+
+void FrameToFrameTracking::advance(ImagePyramid next, std::int64_t stamp_ns,
+                                   std::vector<Feature> found) {
+  previous_ = std::move(next);
+  previous_stamp_ns_ = stamp_ns;
+  features_ = std::move(found);
+}
+
+void FrameToFrameTracking::detectNew() {
+  std::vector<cv::Point2f> occupied;
+  for (const Feature& feature : features_) occupied.push_back(toCv(feature.u));
+  for (const cv::Point2f& corner : tracker_.detect(previous_.image, occupied)) {
+    Feature feature;
+    feature.id = next_feature_id_++;
+    feature.sigma = options_.feature_sigma;
+    feature.u = Eigen::Vector2d(corner.x, corner.y);
+    features_.push_back(feature);
+  }
+}
+
+bool FrameToFrameTracking::isTextureless(const ImagePyramid& image, std::size_t found) const {
+  return found < kMinTexture && tracker_.detect(image.image, {}).size() < kMinTexture;
+}
+
+}  // namespace ground_scale_vo

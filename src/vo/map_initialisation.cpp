@@ -1,0 +1,110 @@
+#include "vo/map_initialisation.hpp"
+
+#include <utility>
+
+#include "ground_scale_vo/common/median.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// [features] fewer are no basis for a map. Well above TwoView's min_matches (80).
+constexpr std::size_t kMinMatches = 100;
+
+/// [features] least number with a depth in a new map: half of the matches.
+constexpr std::size_t kMinPoints = kMinMatches / 2;
+
+/// [frames] bounds the memory while the camera stands before its first motion: five minutes at
+/// 10 Hz.
+constexpr std::size_t kMaxFrames = 3000;
+
+}  // namespace
+
+MapInitialisation::MapInitialisation(const PinholeCamera& camera,
+                                     const VisualOdometry::Options& options)
+    : min_tracked_(options.initialisation_min_tracked),
+      camera_(camera),
+      two_view_(options.two_view),
+      pose_estimation_(options.pose) {}
+
+void MapInitialisation::restart(std::uint32_t sequence, std::int64_t stamp_ns,
+                                const std::vector<Feature>& features, const cv::Mat& image) {
+  frames_.clear();
+  first_image_ = image;
+  addFrame(sequence, stamp_ns, features);
+}
+
+bool MapInitialisation::canContinueWith(std::size_t found) const {
+  if (frames_.empty() || frames_.size() > kMaxFrames || found < kMinMatches) return false;
+  const std::size_t first = frames_.front().corners.size();
+  return static_cast<double>(found) >= min_tracked_ * static_cast<double>(first);
+}
+
+void MapInitialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
+                                 const std::vector<Feature>& found) {
+  frames_.push_back({sequence, stamp_ns, toCorners(camera_, found)});
+}
+
+std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::tryStartMap(
+    const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping) {
+  std::vector<Eigen::Vector2d> u1, u2;
+  for (const LocalMap::Corner& corner : entriesOf(found, frames_.front().corners)) {
+    u1.push_back(camera_.project(corner.x.homogeneous()));
+  }
+  for (const Feature& feature : found) u2.push_back(feature.u);
+  const TwoView::Result motion = two_view_.estimate(camera_, u1, u2);
+  if (motion.status != TwoViewStatus::kOk) return std::nullopt;
+
+  if (makeMap(found, image, motion, mapping)) {
+    if (auto poses = localiseFrames(mapping->map())) {
+      frames_.clear();
+      return poses;
+    }
+  }
+  mapping->map().clear();
+  return std::nullopt;
+}
+
+/// Two keyframes, the points of the two-view geometry, bundle adjustment.
+bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
+                                const TwoView::Result& motion, Mapping* mapping) const {
+  std::vector<double> depths;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (motion.inlier[i]) depths.push_back(1 / motion.inverse_depth_1[i]);
+  }
+  if (depths.size() < kMinPoints) return false;
+  const double unit = median(depths);
+  Eigen::Isometry3d T_1_2 = motion.T_2_1.inverse();
+  T_1_2.translation() /= unit;
+
+  LocalMap& map = mapping->map();
+  map.clear();
+  map.addKeyframe(Eigen::Isometry3d::Identity(), entriesOf(found, frames_.front().corners),
+                  first_image_);
+  map.addKeyframe(T_1_2, frames_.back().corners, image.image);
+  map.keyframes().back().exposure = image.exposure;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!motion.inlier[i]) continue;
+    const double inverse_depth = motion.inverse_depth_1[i] * unit;
+    map.find(found[i].id)->depth = InverseDepth{inverse_depth, inverse_depth};
+  }
+  return mapping->adjustNow();
+}
+
+/// The poses of all frames in the new map. The first and the last are its keyframes.
+std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::localiseFrames(
+    const LocalMap& map) const {
+  std::vector<VisualOdometry::StartPose> poses;
+  Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
+  for (const Frame& frame : frames_) {
+    const auto estimate =
+        pose_estimation_.estimate(predicted, pointObservations(map, frame.corners));
+    if (estimate.status != PoseStatus::kOk) return std::nullopt;
+    predicted = estimate.T_w_c;
+    poses.push_back({frame.sequence, frame.stamp_ns, predicted});
+  }
+  poses.front().T_w_c = Eigen::Isometry3d::Identity();
+  poses.back().T_w_c = map.keyframes().back().T_w_c;
+  return poses;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "ground_scale_vo/vo/local_map.hpp"
+#include "ground_scale_vo/vo/pose_estimation.hpp"
+#include "ground_scale_vo/vo/two_view.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "vo/feature.hpp"
+#include "vo/mapping.hpp"
+
+namespace ground_scale_vo {
+
+/// Starts a map: collects frames until the motion between the first and the newest one can be
+/// estimated from their matches (two-view geometry), then makes a map of these two and localises
+/// the frames between them in it.
+class MapInitialisation {
+ public:
+  MapInitialisation(const PinholeCamera& camera, const VisualOdometry::Options& options);
+
+  /// Forgets all frames; this one becomes the first, which is the world frame of the map.
+  void restart(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& features,
+               const cv::Mat& image);
+
+  /// Whether so many of the first frame's features suffice to go on.
+  bool canContinueWith(std::size_t found) const;
+
+  /// The next frame. found: those of the first frame's features that are still tracked.
+  void addFrame(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& found);
+
+  /// Makes a map from the first frame and the newest, whose features and image these are. Returns
+  /// the poses of all frames, or nothing, with an empty map, when the motion cannot be estimated
+  /// yet. The unit of length is the median depth in the first frame.
+  std::optional<std::vector<VisualOdometry::StartPose>> tryStartMap(
+      const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping);
+
+ private:
+  struct Frame {
+    std::uint32_t sequence = 0;
+    std::int64_t stamp_ns = 0;
+    std::vector<LocalMap::Corner> corners;
+  };
+
+  bool makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
+               const TwoView::Result& motion, Mapping* mapping) const;
+  std::optional<std::vector<VisualOdometry::StartPose>> localiseFrames(const LocalMap& map) const;
+
+  const double min_tracked_;  ///< share of the first frame's features
+  const PinholeCamera camera_;
+  const TwoView two_view_;
+  const PoseEstimation pose_estimation_;
+
+  std::vector<Frame> frames_;
+  cv::Mat first_image_;
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,75 @@
+#include "vo/mapping.hpp"
+
+#include <cmath>
+
+#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
+
+namespace ground_scale_vo {
+
+Mapping::Mapping(const PinholeCamera& camera, const VisualOdometry::Options& options)
+    : options_(options),
+      camera_(camera),
+      map_(options.map),
+      bundle_adjustment_(options.bundle_adjustment) {}
+
+bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
+                            const std::vector<Feature>& found) const {
+  const Keyframe& last = map_.keyframes().back();
+  const Eigen::Matrix3d R_c_k = T_w_c.linear().transpose() * last.T_w_c.linear();
+  std::vector<double> parallax;
+  for (const Feature& feature : found) {
+    const auto it = map_.landmarks().find(feature.id);
+    if (it == map_.landmarks().end() || it->second.observations.back().keyframe != last.id) {
+      continue;
+    }
+    const Eigen::Vector3d rotated = R_c_k * it->second.observations.back().x.homogeneous();
+    const Eigen::Vector3d ray = camera_.ray(feature.u);
+    parallax.push_back(std::atan2(rotated.cross(ray).norm(), rotated.dot(ray)));
+  }
+  if (parallax.empty()) return true;
+  if (median(parallax) > options_.keyframe_parallax) return true;
+  return static_cast<double>(parallax.size()) <
+         options_.keyframe_min_tracked * static_cast<double>(keyframe_features_);
+}
+
+void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
+                          const ImagePyramid& image, VisualOdometry::Times* times) {
+  keyframe_features_ = features.size();
+  map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image);
+  map_.keyframes().back().exposure = image.exposure;
+  {
+    ScopedTimer timer(&times->triangulate);
+    map_.triangulateNew();
+  }
+  bundle_adjustment_.load(map_);
+  adjusting_ = std::async(std::launch::async, [this] {
+    const Stopwatch watch;
+    bundle_adjustment_.solve();
+    return watch.ms();
+  });
+}
+
+std::optional<Eigen::Isometry3d> Mapping::takeAdjustedMap(VisualOdometry::Times* times) {
+  if (!adjusting_.valid()) return std::nullopt;
+  ScopedTimer timer(&times->adjustment_wait);
+  times->bundle_adjustment = adjusting_.get();
+  const Eigen::Isometry3d before = map_.keyframes().back().T_w_c;
+  storeAdjusted();
+  return map_.keyframes().back().T_w_c * before.inverse();
+}
+
+bool Mapping::adjustNow() {
+  bundle_adjustment_.load(map_);
+  const bool usable = bundle_adjustment_.solve().usable;
+  storeAdjusted();
+  return usable;
+}
+
+void Mapping::storeAdjusted() {
+  bundle_adjustment_.store(&map_);
+  map_.removeOutliers(options_.max_reprojection_error);
+  map_.updateSigmas();
+}
+
+}  // namespace ground_scale_vo

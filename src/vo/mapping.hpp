@@ -1,0 +1,53 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <future>
+#include <optional>
+#include <vector>
+
+#include "ground_scale_vo/vo/feature_tracker.hpp"
+#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
+#include "ground_scale_vo/vo/local_map.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "vo/feature.hpp"
+
+namespace ground_scale_vo {
+
+/// The local map: keyframe selection, triangulation, and bundle adjustment on a second thread.
+class Mapping {
+ public:
+  Mapping(const PinholeCamera& camera, const VisualOdometry::Options& options);
+
+  LocalMap& map() { return map_; }
+  const LocalMap& map() const { return map_; }
+
+  /// By parallax to the last keyframe, or because few of its features are still tracked.
+  bool needsKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& found) const;
+
+  /// Adds a keyframe, triangulates, and starts the bundle adjustment on the second thread. That
+  /// thread works on a copy of the poses and depths, so the map stays usable.
+  void addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
+                   const ImagePyramid& image, VisualOdometry::Times* times);
+
+  /// Waits for the bundle adjustment that addKeyframe started, if any, and takes its result over.
+  /// Called at the same step of each frame, so the result does not depend on the machine's speed.
+  /// Returns the motion of the newest keyframe: a pose of the old map becomes correction * T_w_c.
+  std::optional<Eigen::Isometry3d> takeAdjustedMap(VisualOdometry::Times* times);
+
+  /// Bundle adjustment on this thread. Returns whether it was usable.
+  bool adjustNow();
+
+ private:
+  void storeAdjusted();
+
+  const VisualOdometry::Options options_;
+  const PinholeCamera camera_;
+
+  LocalMap map_;
+  LocalBundleAdjustment bundle_adjustment_;
+  std::size_t keyframe_features_ = 0;  ///< of the last keyframe, new ones included
+  std::future<double> adjusting_;      ///< [ms] that it took. Last: its destructor waits
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,44 @@
+#include "vo/motion_model.hpp"
+
+#include <algorithm>
+
+namespace ground_scale_vo {
+namespace {
+
+/// Limits the prediction to this many times the interval over which the velocity was measured.
+/// Two stamps that are closer together than their images give a wrong velocity; and after a long
+/// interruption, objects that move along and the distant scene could fit a wrong predicted pose.
+/// The value lies between an interruption after which tracking resumes in the tests (10 black
+/// images) and one that needs a new map (41 black images behind a car).
+constexpr double kMaxPredictedSteps = 12;
+
+constexpr double kSecondsPerNanosecond = 1e-9;
+
+}  // namespace
+
+Eigen::Isometry3d MotionModel::predict(std::int64_t stamp_ns) const {
+  const double dt = std::min(static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond,
+                             kMaxPredictedSteps * velocity_dt_);
+  return boxplus(T_w_c_, velocity_ * dt);
+}
+
+void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
+  const double dt = static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond;
+  if (dt > 0) {
+    const Eigen::Isometry3d step = T_w_c_.inverse() * T_w_c;
+    const Eigen::AngleAxisd rotation(step.linear());
+    velocity_ << rotation.angle() / dt * rotation.axis(), step.translation() / dt;
+    velocity_dt_ = dt;
+  }
+  T_w_c_ = T_w_c;
+  stamp_ns_ = stamp_ns;
+}
+
+void MotionModel::reset(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
+  T_w_c_ = T_w_c;
+  stamp_ns_ = stamp_ns;
+  velocity_.setZero();
+  velocity_dt_ = 0;
+}
+
+}  // namespace ground_scale_vo

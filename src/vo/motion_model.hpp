@@ -1,0 +1,32 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+
+#include "ground_scale_vo/common/se3.hpp"
+
+namespace ground_scale_vo {
+
+/// The pose of the last tracked frame and the constant-velocity prediction of the next one.
+class MotionModel {
+ public:
+  const Eigen::Isometry3d& T_w_c() const { return T_w_c_; }
+
+  Eigen::Isometry3d predict(std::int64_t stamp_ns) const;
+
+  /// A newly tracked pose. Measures the velocity since the last one.
+  void update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
+
+  /// Replaces the last pose after the map has been adjusted; the velocity stays.
+  void correct(const Eigen::Isometry3d& T_w_c) { T_w_c_ = T_w_c; }
+
+  void reset(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
+
+ private:
+  Eigen::Isometry3d T_w_c_ = Eigen::Isometry3d::Identity();
+  std::int64_t stamp_ns_ = 0;
+  Vector6d velocity_ = Vector6d::Zero();  ///< (w, v) in the axes of c [rad/s, VO units/s]
+  double velocity_dt_ = 0;                ///< interval over which it was measured [s]
+};
+
+}  // namespace ground_scale_vo

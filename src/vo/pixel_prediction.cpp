@@ -1,0 +1,91 @@
+#include "vo/pixel_prediction.hpp"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include "ground_scale_vo/common/median.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+// The grid over the image in which unknown depths are taken from their neighbours': a cell of a
+// KITTI image is 78 x 47 px, and 3 points suffice for a median that one outlier does not move.
+constexpr int kColumns = 16, kRows = 8;
+constexpr std::size_t kMinPointsPerCell = 3;
+
+/// [VO units] a point nearer to the camera's plane has no meaningful projection. The unit is the
+/// median depth at the start of the map.
+constexpr double kMinDepth = 1e-3;
+
+/// Median inverse depth of the map points around a pixel.
+class InverseDepthGuess {
+ public:
+  explicit InverseDepthGuess(const PinholeCamera& camera)
+      : width_(camera.width), height_(camera.height) {}
+
+  void add(const Eigen::Vector2d& u, double inverse_depth) {
+    known_[cell(u)].push_back(inverse_depth);
+    all_.push_back(inverse_depth);
+  }
+  void finish() {
+    for (std::size_t i = 0; i < known_.size(); ++i) {
+      if (known_[i].size() >= kMinPointsPerCell) guess_[i] = median(known_[i]);
+    }
+    if (!all_.empty()) overall_ = median(all_);
+  }
+  double at(const Eigen::Vector2d& u) const { return guess_[cell(u)].value_or(overall_); }
+
+ private:
+  std::size_t cell(const Eigen::Vector2d& u) const {
+    const int column = std::clamp(static_cast<int>(u.x() * kColumns / width_), 0, kColumns - 1);
+    const int row = std::clamp(static_cast<int>(u.y() * kRows / height_), 0, kRows - 1);
+    return static_cast<std::size_t>(row * kColumns + column);
+  }
+
+  int width_, height_;
+  std::array<std::vector<double>, kColumns * kRows> known_;
+  std::array<std::optional<double>, kColumns * kRows> guess_;
+  std::vector<double> all_;
+  double overall_ = 0;
+};
+
+}  // namespace
+
+std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalMap& map,
+                                       const std::vector<Feature>& features,
+                                       const Eigen::Isometry3d& T_w_previous,
+                                       const Eigen::Isometry3d& T_w_next) {
+  const Eigen::Isometry3d T_previous_w = T_w_previous.inverse();
+  const Eigen::Isometry3d T_next_w = T_w_next.inverse();
+  const Eigen::Isometry3d T_next_previous = T_next_w * T_w_previous;
+  std::vector<std::optional<Eigen::Vector3d>> points;  // p_w
+  InverseDepthGuess guess(camera);
+  for (const Feature& feature : features) {
+    const auto point = map.point(feature.id);
+    points.emplace_back();
+    if (!point) continue;
+    points.back() = point->p_w;
+    const double z = (T_previous_w * point->p_w).z();
+    if (z > 0) guess.add(feature.u, 1 / z);
+  }
+  guess.finish();
+  std::vector<cv::Point2f> predicted;
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const Eigen::Vector2d& u = features[i].u;
+    const Eigen::Vector3d p = points[i]
+                                  ? Eigen::Vector3d(T_next_w * *points[i])
+                                  : Eigen::Vector3d(T_next_previous.linear() * camera.ray(u) +
+                                                    guess.at(u) * T_next_previous.translation());
+    predicted.push_back(toCv(p.z() > kMinDepth ? camera.project(p) : u));
+  }
+  return predicted;
+}
+
+std::vector<cv::Point2f> predictPixelsByFlow(const std::vector<Feature>& features, double dt) {
+  std::vector<cv::Point2f> predicted;
+  for (const Feature& feature : features) predicted.push_back(toCv(feature.u + dt * feature.flow));
+  return predicted;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,95 @@
+#include "vo/reference_alignment.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "ground_scale_vo/vo/exposure.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Normalised correlation from which on the patch model that fitted last time is accepted without
+/// trying the others.
+constexpr double kGoodCorrelation = 0.95;
+
+}  // namespace
+
+ReferenceAlignment::ReferenceAlignment(const PinholeCamera& camera,
+                                       const PatchAlignment::Options& options, double aligned_sigma)
+    : camera_(camera), alignment_(options), aligned_sigma_(aligned_sigma) {}
+
+void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
+                               const Eigen::Isometry3d& predicted_T_w_c,
+                               std::vector<Feature>* features) {
+  const Eigen::Isometry3d T_c_w = predicted_T_w_c.inverse();
+  updateKeyframeImages(map, image.exposure);
+  for (Feature& feature : *features) {
+    const auto landmark = map.landmarks().find(feature.id);
+    if (landmark == map.landmarks().end()) continue;
+    const auto point = map.point(landmark->second);
+    if (!point) continue;
+    const double depth = (T_c_w * point->p_w).z();
+    if (!(depth > 0)) continue;
+    const auto reference = findReference(map, landmark->second, point->p_w, depth);
+    if (!reference) continue;
+
+    const Keyframe& keyframe = *reference->keyframe;
+    const auto aligned = alignFeature(
+        feature, *reference, keyframe_images_[keyframe.id - map.keyframes().front().id].image,
+        T_c_w * keyframe.T_w_c, image.image);
+    if (!aligned) continue;
+    feature.u = aligned->match.u;
+    feature.sigma = aligned_sigma_;
+    feature.surface = aligned->surface;
+  }
+}
+
+/// Computes only the images that have changed since the last call.
+void ReferenceAlignment::updateKeyframeImages(const LocalMap& map, double exposure) {
+  std::vector<KeyframeImage> images;
+  for (const Keyframe& keyframe : map.keyframes()) {
+    const double gain = exposure / keyframe.exposure;
+    const auto known = std::find_if(
+        keyframe_images_.begin(), keyframe_images_.end(),
+        [&](const auto& k) { return k.original.data == keyframe.image.data && k.gain == gain; });
+    images.push_back(known != keyframe_images_.end()
+                         ? *known
+                         : KeyframeImage{keyframe.image, gain, applyGain(keyframe.image, gain)});
+  }
+  keyframe_images_ = std::move(images);
+}
+
+/// The first keyframe that saw the landmark with at most max_scale of change in size.
+std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
+    const LocalMap& map, const Landmark& landmark, const Eigen::Vector3d& p_w, double depth) const {
+  for (const Observation& o : landmark.observations) {
+    const Keyframe& keyframe = map.keyframe(o.keyframe);
+    const Eigen::Vector3d p_r = keyframe.T_w_c.inverse() * p_w;
+    const double scale = p_r.z() / depth, max_scale = alignment_.options().max_scale;
+    if (keyframe.image.empty() || scale > max_scale || scale < 1 / max_scale) continue;
+    return Reference{&keyframe, camera_.project(o.x.homogeneous()), p_r};
+  }
+  return std::nullopt;
+}
+
+/// Tries the patch model that fitted last time, and the others when it does not fit well.
+std::optional<ReferenceAlignment::AlignedFeature> ReferenceAlignment::alignFeature(
+    const Feature& feature, const Reference& reference, const cv::Mat& reference_image,
+    const Eigen::Isometry3d& T_c_r, const cv::Mat& image) const {
+  std::optional<AlignedFeature> best;
+  const auto tryModel = [&](PatchSurface surface) {
+    const auto warp = patchWarp(camera_, reference.p_r, T_c_r, surface);
+    if (!warp) return;
+    const auto match = alignment_.align(reference_image, reference.u, *warp, image, feature.u);
+    if (!match || (best && best->match.correlation >= match->correlation)) return;
+    best = AlignedFeature{*match, surface};
+  };
+  tryModel(feature.surface);
+  if (best && best->match.correlation >= kGoodCorrelation) return best;
+  for (const auto surface : {PatchSurface::kFacing, PatchSurface::kFloor, PatchSurface::kWall}) {
+    if (surface != feature.surface) tryModel(surface);
+  }
+  return best;
+}
+
+}  // namespace ground_scale_vo

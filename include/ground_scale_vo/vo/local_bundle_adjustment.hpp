@@ -7,19 +7,17 @@
 
 namespace ground_scale_vo {
 
-/// Refines the newest keyframes' poses and all depths that they see, by reprojection error with
-/// Huber's loss. Older keyframes are held, which fixes the seven degrees of freedom that images
-/// leave open; while there are no two of them, the first keyframe and the length of the way to the
-/// newest are held.
+/// Optimises the poses of the newest keyframes and the inverse depths of the landmarks that they
+/// observe: reprojection error with Huber's loss, Levenberg-Marquardt. Older keyframes are fixed,
+/// which fixes the gauge (7 degrees of freedom). While fewer than two are older, the first keyframe
+/// and the distance between the first and the newest are fixed.
 ///
-/// Of a point with inverse depth rho on the ray of its anchor a, camera o sees
-///   q = R_o_a ray + rho t_o_a,   residual (q_xy / q_z - x) / sigma.
-/// Minimised by Levenberg-Marquardt over increments of each pose in its own camera,
-///   R_w_c exp(w), t_w_c + R_w_c v,
-/// and of rho. The depths, a scalar each, are eliminated (Schur complement); what is left, six
-/// numbers a keyframe, is solved by Cholesky.
+/// A landmark with inverse depth rho on the ray of its anchor a projects into observer o as
+///   q = R_o_a ray + rho t_o_a,   residual r = (q_xy / q_z - x) / sigma.
+/// Poses are updated by boxplus (common/se3.hpp). The inverse depths, a scalar each, are eliminated
+/// by the Schur complement; the remaining system, six rows per keyframe, is solved by Cholesky.
 ///
-/// The problem is held in flat arrays that are kept from one adjustment to the next.
+/// All arrays keep their memory from one adjustment to the next.
 class LocalBundleAdjustment {
  public:
   struct Options {
@@ -39,25 +37,25 @@ class LocalBundleAdjustment {
   };
 
   struct Result {
-    bool usable = false;  ///< false: too little to adjust, something is not a number, or no step
-                          ///< could be computed; the map is unchanged
+    /// False: too few landmarks, a result that is not finite, or no step could be computed; store()
+    /// then leaves the map unchanged.
+    bool usable = false;
     int residuals = 0;
-    double rms_sigma = 0;  ///< of the residuals afterwards, in standard deviations
+    double rms_sigma = 0;  ///< RMS of the residuals after optimisation, in standard deviations
   };
 
   explicit LocalBundleAdjustment(const Options& options);
   ~LocalBundleAdjustment();
 
+  /// load(), solve() and store().
   Result adjust(LocalMap* map);
 
-  // The same in three steps. Only solve() takes long, and it does not touch the map: it can run on
-  // another thread.
-
-  /// Takes poses, depths and observations out of the map.
+  /// Copies poses, inverse depths and observations from the map.
   void load(const LocalMap& map);
+  /// Does not access the map, so it can run on another thread. Takes nearly all of the time.
   Result solve();
-  /// Puts the poses and depths of the last solve() into the map; nothing if they are not usable.
-  /// Precondition: the map's keyframes and anchors are as in load().
+  /// Writes the poses and inverse depths of the last solve() to the map, if they are usable.
+  /// Precondition: the map has the keyframes and anchors that it had in load().
   void store(LocalMap* map) const;
 
  private:

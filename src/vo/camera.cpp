@@ -9,6 +9,7 @@
 namespace ground_scale_vo {
 namespace {
 
+/// [px] largest side of an image: far above any camera, so larger values are errors.
 constexpr double kMaxPixels = 1e5;
 
 }  // namespace

@@ -7,7 +7,7 @@
 namespace ground_scale_vo {
 namespace {
 
-// Of the smoothing across the gradient, of the square's side and of the grey levels.
+/// Normalisation of cv::cornerMinEigenVal: Sobel weights (4), side of the square (5), grey levels.
 constexpr float kGradientScale = 1.f / (4 * 5 * 255);
 
 }  // namespace
@@ -25,7 +25,7 @@ CornerStrength::CornerStrength(const cv::Mat& image, int first_row)
   for (int row = first_row - kSide / 2; row < first_row + kSide / 2; ++row) addRow(row);
 }
 
-/// The gradients of a row, which join the sums; those of the row kSide above leave them.
+/// Adds the gradients of a row to the running sums and removes those of the row kSide above.
 void CornerStrength::addRow(int row) {
   const unsigned char* const above = image_.ptr(row - 1);
   const unsigned char* const here = image_.ptr(row);

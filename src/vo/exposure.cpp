@@ -10,10 +10,16 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr int kDark = 8, kBright = 247;  // beyond them a grey level may be cut off
-constexpr double kLeastReadable = 0.2;   // share of the pixels that are not, in both images
-constexpr double kLeastStep = 1.25, kLargestStep = 5;
-constexpr double kClear = 3;  // a step over what three quarters of its parts differ from it
+/// Grey levels beyond these may be clipped.
+constexpr int kMinGrey = 8, kMaxGrey = 247;
+/// Least fraction of the pixels that are unclipped in both images.
+constexpr double kMinUnclipped = 0.2;
+/// [ratio of grey levels] a smaller step is within the noise of the image content; a larger one
+/// clips most pixels.
+constexpr double kMinStep = 1.25, kMaxStep = 5;
+/// The logarithm of the step must be this many times the third quartile of the pixels' deviations
+/// from it, so that image motion is not taken for a change of exposure.
+constexpr double kMinSignificance = 3;
 
 }  // namespace
 
@@ -23,20 +29,20 @@ double exposureStep(const cv::Mat& before, const cv::Mat& now) {
   for (int y = 0; y < before.rows; ++y) {
     const unsigned char *a = before.ptr(y), *b = now.ptr(y);
     for (int x = 0; x < before.cols; ++x) {
-      if (a[x] < kDark || b[x] < kDark || a[x] > kBright || b[x] > kBright) continue;
+      if (a[x] < kMinGrey || b[x] < kMinGrey || a[x] > kMaxGrey || b[x] > kMaxGrey) continue;
       ratios.push_back(static_cast<double>(b[x]) / a[x]);
     }
   }
   if (ratios.empty() ||
-      static_cast<double>(ratios.size()) < kLeastReadable * static_cast<double>(before.total())) {
+      static_cast<double>(ratios.size()) < kMinUnclipped * static_cast<double>(before.total())) {
     return 1;
   }
   const double step = median(&ratios), size = std::abs(std::log(step));
-  if (size < std::log(kLeastStep) || size > std::log(kLargestStep)) return 1;
+  if (size < std::log(kMinStep) || size > std::log(kMaxStep)) return 1;
   for (double& ratio : ratios) ratio = std::abs(std::log(ratio / step));
-  const auto most = ratios.begin() + static_cast<std::ptrdiff_t>(3 * ratios.size() / 4);
-  std::nth_element(ratios.begin(), most, ratios.end());
-  return kClear * *most < size ? step : 1;
+  const auto quartile = ratios.begin() + static_cast<std::ptrdiff_t>(3 * ratios.size() / 4);
+  std::nth_element(ratios.begin(), quartile, ratios.end());
+  return kMinSignificance * *quartile < size ? step : 1;
 }
 
 cv::Mat applyGain(const cv::Mat& image, double factor) {

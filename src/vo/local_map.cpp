@@ -10,15 +10,18 @@
 namespace ground_scale_vo {
 namespace {
 
+/// Depth in the observer relative to that in the anchor; with less the point is behind the camera.
+constexpr double kMinDepthRatio = 1e-6;
+
 /// Distance between the observation and the point's projection, infinite behind the camera.
 double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
                          const RayObservation& o) {
   const Eigen::Vector3d p = projectOnRay(ray, inverse_depth, o.T_c_anchor).p;
-  if (p.z() <= 1e-6) return std::numeric_limits<double>::infinity();
+  if (p.z() <= kMinDepthRatio) return std::numeric_limits<double>::infinity();
   return (p.head<2>() / p.z() - o.x).norm();
 }
 
-/// What the keyframes of a map, as they are now, see on the rays of landmarks' anchors.
+/// The observations of a map's landmarks relative to their anchors, with the present poses.
 class AnchoredObservations {
  public:
   explicit AnchoredObservations(const LocalMap& map) : map_(map) {
@@ -70,34 +73,29 @@ void LocalMap::dropOldestKeyframe() {
   const std::uint32_t newest = keyframes_.back().id;
   for (auto it = landmarks_.begin(); it != landmarks_.end();) {
     Landmark& landmark = it->second;
-    if (landmark.observations.front().keyframe == dropped) {
-      const auto world = point(landmark);
-      landmark.observations.erase(landmark.observations.begin());
-      const bool tracked =
-          !landmark.observations.empty() && landmark.observations.back().keyframe == newest;
-      if (landmark.observations.empty() || (!tracked && landmark.observations.size() < 2)) {
-        it = landmarks_.erase(it);
-        continue;
-      }
-      if (world) {
-        const Eigen::Isometry3d T_c_w =
-            keyframe(landmark.observations.front().keyframe).T_w_c.inverse();
-        const double z = (T_c_w * world->p_w).z();
-        if (z > 0) {
-          const double z_sigma = (T_c_w.linear() * world->sigma_w).norm();
-          landmark.depth = InverseDepth{1 / z, z_sigma / (z * z)};
-        } else {
-          landmark.depth.reset();
-        }
-      }
-    } else if (landmark.observations.back().keyframe != newest &&
-               landmark.observations.size() < 2) {
-      it = landmarks_.erase(it);  // no longer tracked, and never a constraint
+    const bool anchored = landmark.observations.front().keyframe == dropped;
+    const auto world = anchored ? point(landmark) : std::nullopt;
+    if (anchored) landmark.observations.erase(landmark.observations.begin());
+    const bool tracked =
+        !landmark.observations.empty() && landmark.observations.back().keyframe == newest;
+    if (!tracked && landmark.observations.size() < 2) {
+      it = landmarks_.erase(it);  // no longer tracked, and cannot constrain a pose
       continue;
     }
+    if (world) landmark.depth = depthInAnchor(landmark, *world);
     ++it;
   }
   keyframes_.pop_front();
+}
+
+/// Empty when the point is behind the anchor.
+std::optional<InverseDepth> LocalMap::depthInAnchor(const Landmark& landmark,
+                                                    const WorldPoint& world) const {
+  const Eigen::Isometry3d T_c_w = keyframe(landmark.observations.front().keyframe).T_w_c.inverse();
+  const double z = (T_c_w * world.p_w).z();
+  if (!(z > 0)) return std::nullopt;
+  const double z_sigma = (T_c_w.linear() * world.sigma_w).norm();
+  return InverseDepth{1 / z, z_sigma / (z * z)};
 }
 
 void LocalMap::triangulateNew() {
@@ -124,11 +122,12 @@ void LocalMap::updateSigmas() {
     double information = 0;
     for (const RayObservation& o : anchored.of(landmark)) {
       const auto [p, slope] = projectOnRay(ray, landmark.depth->value, o.T_c_anchor);
-      if (p.z() < 1e-6) continue;
+      if (p.z() < kMinDepthRatio) continue;
       information += (slope / (p.z() * o.sigma)).squaredNorm();
     }
-    // Without another observation left (they were dropped with their keyframes) the old one stays.
+    // No observation but the anchor's (the others were dropped with their keyframes): keep sigma.
     if (information > 0) {
+      // A single remaining observation has less information than those that were dropped.
       const double sigma = 1 / std::sqrt(information);
       landmark.depth->sigma =
           landmark.observations.size() < 3 ? std::min(sigma, landmark.depth->sigma) : sigma;

@@ -13,13 +13,26 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr int kMaxWindow = 21;
-constexpr double kProbe_px = 2;          // step of the numeric derivative of the warp
-constexpr float kConverged_px = 0.003f;  // last step
-constexpr float kMinCornerness = 1e-3f;  // determinant over squared trace of the gradient matrix
-constexpr double kMinAreaRatio = 0.1;    // of a patch in the two images, and its inverse
+/// [px] step of the numeric derivative of the warp: small against a patch, large against rounding.
+constexpr double kWarpStep_px = 2;
+/// [px] length of the last step: far below the noise of an aligned corner (0.2 px).
+constexpr float kConverged_px = 0.003f;
+/// While iterating, a patch may be this many times max_shift_px from its start.
+constexpr float kMaxIntermediateShift = 2;
+/// Least determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
+/// then at least about 1e-3. With less the patch is an edge.
+constexpr float kMinCornerness = 1e-3f;
+/// [grey levels^2] guards the division by the variance of a uniform patch in the current image.
+constexpr float kMinVariance = 1e-3f;
+/// Least ratio of the areas of a patch in the two images, and the inverse of the largest.
+constexpr double kMinAreaRatio = 0.1;
+/// Sine of the least angle between the line of sight and the surface (1.1 degrees); with less the
+/// surface is seen edge-on and the warp is undetermined.
+constexpr double kMinGrazingSine = 0.02;
 
-// A patch lies in a flat array, row after row, each with two columns more than the window: loops
-// run over it without regard to rows, four pixels at a time, and a mask takes out what is too much.
+// A patch is stored row by row in a flat array with a stride of the window plus two columns. The
+// loops run over the array without regard to rows, four pixels at a time, and a mask removes the
+// padding.
 constexpr std::size_t kLanes = 4;
 using Lanes = Eigen::Array<float, kLanes, 1>;
 constexpr std::size_t kMaxStride = kMaxWindow + 2;
@@ -27,20 +40,20 @@ using Patch = std::array<float, kMaxStride * kMaxStride + kLanes>;
 
 Lanes lanes(const float* at) { return Lanes::Map(at); }
 
-/// Everything of a patch with `margin` px around it lies where Bilinear can sample.
+/// Bilinear interpolation is defined on the whole square of half side `margin` [px] around u.
 bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
   return u.x() >= margin && u.y() >= margin &&
          u.x() + margin < static_cast<float>(image.cols - 1) &&
          u.y() + margin < static_cast<float>(image.rows - 1);
 }
 
-/// The pixels of an image at u_ref + step * (x, y) for the columns and rows -half ... half.
-/// Precondition: they and their right and lower neighbours are inside.
+/// Interpolates the image at u_ref + step * (x, y) for x, y in -half ... half. Precondition: these
+/// places and their right and lower neighbours are inside the image.
 void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& step,
             int half, Patch* values) {
   const int side = 2 * half + 1;
   const Eigen::Vector2f across = step.col(0);
-  std::array<float, kMaxStride> a, b;  // place between pixels
+  std::array<float, kMaxStride> a, b;  // fractions between pixels
   std::array<int, kMaxStride> u, v;
   std::array<int, kMaxStride> upper_left, upper_right, lower_left, lower_right;
   for (int y = 0; y < side; ++y) {
@@ -76,17 +89,17 @@ void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eigen::Mat
   }
 }
 
-/// The reference patch as the current image should show it, without its mean, and its gradients.
+/// The warped reference patch and its gradients, all with zero mean.
 struct Template {
   Patch grey, gx, gy;
-  float variance = 0;  // times the number of pixels
+  float variance = 0;  // sum of squares
   Eigen::Matrix2f inverse_hessian;
 
-  /// mask: 1 for the pixels of the window. False without a corner in it.
+  /// mask: 1 for the pixels of the window, 0 for padding. False without a corner in the patch.
   bool make(const cv::Mat& reference, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& warp,
             int window, const std::vector<float>& mask) {
     const Eigen::Matrix2f inverse = warp.inverse();
-    const int half = window / 2 + 1;  // with the neighbours that the gradient needs
+    const int half = window / 2 + 1;  // including the border that the gradients need
     const float reach =
         static_cast<float>(half) * inverse.cwiseAbs().rowwise().sum().maxCoeff() + 1;
     if (!isFinite(reach) || !contains(reference, u_ref, reach)) return false;
@@ -112,7 +125,7 @@ struct Template {
     }
     const float count = static_cast<float>(window * window);
     const float mean = sum.sum() / count;
-    const float mean_x = sum_x.sum() / count;  // the mean of the current patch moves with it
+    const float mean_x = sum_x.sum() / count;  // the mean of the current patch depends on the shift
     const float mean_y = sum_y.sum() / count;
     Lanes squares = Lanes::Zero(), xx = Lanes::Zero(), xy = Lanes::Zero(), yy = Lanes::Zero();
     for (std::size_t i = 0; i < mask.size(); i += kLanes) {
@@ -138,12 +151,12 @@ struct Template {
   }
 };
 
-/// The pixels of the current image around a patch, as numbers to calculate with.
+/// The pixels of the current image around a patch, as floats.
 class Window {
  public:
   Window(const cv::Mat& image, int window) : image_(image), size_(window) { pixels_.fill(0.f); }
 
-  /// From that pixel on. Precondition: inside the image, with a row and a column more.
+  /// column, row: upper left pixel. Precondition: inside the image with one more row and column.
   void moveTo(int column, int row) {
     if (column == column_ && row == row_) return;
     column_ = column;
@@ -171,15 +184,16 @@ std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eige
                                                                                          : 0);
   const Eigen::Vector3d p_c = T_c_r * p_r;
   const double distance = normal.dot(p_r);
-  if (p_r.z() <= 0 || p_c.z() <= 0 || std::abs(distance) < 0.02 * p_r.norm()) return std::nullopt;
+  if (p_r.z() <= 0 || p_c.z() <= 0 || std::abs(distance) < kMinGrazingSine * p_r.norm())
+    return std::nullopt;
   const Eigen::Vector2d u_r = camera.project(p_r), u_c = camera.project(p_c);
   Eigen::Matrix2d warp;
   for (int axis = 0; axis < 2; ++axis) {
-    const Eigen::Vector3d ray = camera.ray(u_r + kProbe_px * Eigen::Vector2d::Unit(axis));
+    const Eigen::Vector3d ray = camera.ray(u_r + kWarpStep_px * Eigen::Vector2d::Unit(axis));
     const double depth = distance / normal.dot(ray);
     const Eigen::Vector3d q = T_c_r * Eigen::Vector3d(depth * ray);
     if (!(depth > 0) || q.z() <= 0) return std::nullopt;
-    warp.col(axis) = (camera.project(q) - u_c) / kProbe_px;
+    warp.col(axis) = (camera.project(q) - u_c) / kWarpStep_px;
   }
   const double area = std::abs(warp.determinant());
   if (!(area > kMinAreaRatio && area < 1 / kMinAreaRatio)) return std::nullopt;
@@ -215,8 +229,8 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
   float correlation = -1;
   Window around(current, window);
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
-    // Some freedom on the way; the end has to be near.
-    if (!((u - first).norm() < 2 * max_shift) || !contains(current, u, static_cast<float>(half))) {
+    if (!((u - first).norm() < kMaxIntermediateShift * max_shift) ||
+        !contains(current, u, static_cast<float>(half))) {
       return std::nullopt;
     }
     const Eigen::Vector2f corner = u - Eigen::Vector2f::Constant(static_cast<float>(half));
@@ -241,7 +255,7 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
     }
     const float sum = sums.sum();
     const float variance = squared.sum() - sum * sum / static_cast<float>(window * window);
-    correlation = products.sum() / std::sqrt(std::max(1e-3f, variance) * patch.variance);
+    correlation = products.sum() / std::sqrt(std::max(kMinVariance, variance) * patch.variance);
     const Eigen::Vector2f step =
         patch.inverse_hessian * Eigen::Vector2f(along_x.sum(), along_y.sum());
     u -= step;

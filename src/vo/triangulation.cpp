@@ -7,7 +7,14 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kMinInformation = 1e-12;  // below it there is no baseline
+/// [VO units^2] information (1 / sigma^2) on the inverse depth; with less there is no baseline.
+constexpr double kMinInformation = 1e-12;
+/// Depth in the observer relative to that in the anchor; with less the point is behind the camera.
+constexpr double kMinDepthRatio = 1e-6;
+/// Gauss-Newton starts at the linear solution and converges in two or three iterations.
+constexpr int kMaxIterations = 8;
+/// [standard deviations of the inverse depth] last step.
+constexpr double kConverged = 1e-3;
 
 }  // namespace
 
@@ -22,8 +29,8 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
                                         const std::vector<RayObservation>& observations) {
   if (observations.empty()) return std::nullopt;
 
-  // In camera c the point is, up to scale, a + rho t with a = R ray. Start from the linear solution
-  // of x (a + rho t)_z = (a + rho t)_xy.
+  // In camera c the point is, up to scale, a + rho t with a = R ray. Initialise with the linear
+  // solution of x (a + rho t)_z = (a + rho t)_xy.
   double numerator = 0, denominator = 0;
   for (const RayObservation& o : observations) {
     const Eigen::Vector3d a = o.T_c_anchor.linear() * ray;
@@ -37,12 +44,12 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
   double rho = numerator / denominator;
 
   double information = 0;
-  for (int iteration = 0; iteration < 8; ++iteration) {
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     double gradient = 0;
     information = 0;
     for (const RayObservation& o : observations) {
       const auto [p, slope] = projectOnRay(ray, rho, o.T_c_anchor);
-      if (p.z() < 1e-6) return std::nullopt;
+      if (p.z() < kMinDepthRatio) return std::nullopt;
       const Eigen::Vector2d residual = p.head<2>() / p.z() - o.x;
       const Eigen::Vector2d J = slope / p.z();
       const double weight = 1 / (o.sigma * o.sigma);
@@ -53,7 +60,7 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
     const double step = gradient / information;
     rho -= step;
     if (!areFinite(rho, information)) return std::nullopt;
-    if (std::abs(step) < 1e-3 / std::sqrt(information)) {
+    if (std::abs(step) < kConverged / std::sqrt(information)) {
       return InverseDepth{rho, 1 / std::sqrt(information)};
     }
   }

@@ -5,7 +5,7 @@
 
 namespace ground_scale_vo {
 
-/// A file or folder that cannot be used. what() is one sentence that names it (and the line).
+/// A file or folder cannot be used. what() is one sentence that names it (and the line).
 class DataError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -17,7 +17,7 @@ class OptionError : public std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };
 
-/// Throws OptionError unless `min <= value <= max`; NaN is refused. For the validate() of an
+/// Throws OptionError unless `min <= value <= max`; NaN is out of range. For the validate() of an
 /// Options struct.
 void requireInRange(const char* option, double value, double min, double max);
 

@@ -7,8 +7,8 @@
 
 namespace ground_scale_vo {
 
-// The rule for numbers that cross the border of a class: isFinite() of a number, a matrix, a pose,
-// or a container of numbers.
+// isFinite() of a number, a matrix, a pose, or a container of numbers: the check of every input and
+// result of a class.
 
 inline bool isFinite(double value) { return std::isfinite(value); }
 template <typename Derived>
@@ -29,11 +29,11 @@ bool areFinite(const Values&... values) {
   return (isFinite(values) && ...);
 }
 
-/// Coordinates beyond this, in whatever unit, are no place that a camera can be at or see: from
-/// here on squares and sums of a float lose their meaning, and whole numbers do not hold them.
+/// [any unit] largest plausible coordinate. Larger ones overflow 32-bit integers, and their squares
+/// lose all precision in a float.
 constexpr double kLargestCoordinate = 1e9;
 
-/// Every coordinate is finite and plausible.
+/// Whether all coordinates are finite and plausible.
 template <typename Derived>
 bool isPlace(const Eigen::MatrixBase<Derived>& coordinates) {
   return (coordinates.array().abs() <= static_cast<typename Derived::Scalar>(kLargestCoordinate))

@@ -6,11 +6,13 @@
 
 namespace ground_scale_vo {
 
-/// Least number of single letters to insert, remove or replace to turn one name into the other.
+// For the error after a mistyped parameter or --set: "...; did you mean camera_height?"
+
+/// Levenshtein distance: least number of letters to insert, remove or replace.
 std::size_t editDistance(const std::string& a, const std::string& b);
 
-/// The candidate with the least edit distance (the first of equals); empty when there is none that
-/// shares at least half of the longer name's letters.
+/// The candidate with the least edit distance, the first of equals. Empty when every distance is
+/// more than half of the longer name's length.
 std::string nearestName(const std::string& name, const std::vector<std::string>& candidates);
 
 }  // namespace ground_scale_vo

@@ -15,9 +15,9 @@ namespace ground_scale_vo {
 //     visit("name", self.flag, "[] meaning");                  // bools
 //   }
 //
-// validate(), the parameters of the nodelets and their documentation all come from that list. A
-// parameter's full name is group/name; the group is the stage. Options that hold those of stages
-// list them, with their groups:
+// validate(), the parameters of the nodelets and their documentation are generated from that list.
+// A parameter's full name is group/name; the group is the stage. Options that contain the options
+// of stages list them with their groups:
 //
 //   template <typename Self, typename Visit>
 //   static void visitStages(Self& self, Visit&& visit) {
@@ -35,7 +35,7 @@ void visitAllParameters(Options& options, Visit&& visit) {
   });
 }
 
-/// A visitor that throws OptionError at the first number outside its range.
+/// A visitor that throws OptionError for the first number outside its range.
 class RangeCheck {
  public:
   explicit RangeCheck(std::string group) : group_(std::move(group)) {}

@@ -5,15 +5,15 @@
 
 namespace ground_scale_vo {
 
-/// The whole text as one number, the same in every locale; nothing when it is none. NaN and
-/// infinity are none.
+/// The text as a number, independent of the locale. Empty when the whole text is not one finite
+/// number.
 template <typename Number>
 std::optional<Number> parseNumber(const std::string& text);  // double, long double
 
-/// Likewise, the value of an option. Throws OptionError that names it.
+/// The same for the value of an option. Throws an OptionError that names the option.
 double parseNumber(const std::string& option, const std::string& text);
 
-/// Likewise, a whole number in [min, max].
+/// The same for a whole number in [min, max].
 int parseWholeNumber(const std::string& option, const std::string& text, int min, int max);
 
 }  // namespace ground_scale_vo

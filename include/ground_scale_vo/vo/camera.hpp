@@ -21,11 +21,11 @@ struct PinholeCamera {
   /// positive).
   void validate() const;
 
-  /// x = K^-1 u with z = 1. The paper's Alg. 1 line 7 is this ray; depth comes from the map.
+  /// x = K^-1 u with z = 1 (the ray of the paper's Alg. 1, line 7). u: [px].
   Eigen::Vector3d ray(const Eigen::Vector2d& u) const {
     return {(u.x() - cx) / fx, (u.y() - cy) / fy, 1.0};
   }
-  /// Precondition: p_c.z() > 0.
+  /// K p_c / z [px]. Precondition: p_c.z() > 0.
   Eigen::Vector2d project(const Eigen::Vector3d& p_c) const {
     return {fx * p_c.x() / p_c.z() + cx, fy * p_c.y() / p_c.z() + cy};
   }
@@ -36,7 +36,7 @@ void requireImage(const cv::Mat& image, const PinholeCamera& camera);
 
 enum class DistortionModel { kNone, kPlumbBob, kRationalPolynomial, kEquidistant };
 
-/// Turns raw images into images of a pinhole camera. Identity (no copy) for kNone.
+/// Removes the distortion of images. Identity, without a copy, for kNone.
 class Rectifier {
  public:
   /// raw: K of the raw image. coefficients: as in sensor_msgs/CameraInfo (k1 k2 p1 p2 k3 ...; 4 for

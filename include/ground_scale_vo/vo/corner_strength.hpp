@@ -7,19 +7,20 @@
 
 namespace ground_scale_vo {
 
-/// Smaller eigenvalue of the gradient matrix around each pixel, row by row: Sobel gradients summed
-/// over a square of 5 px, as cv::cornerMinEigenVal(image, ..., 5, 3) defines it. The sums are of
-/// integers and slide down the image, so they are exact and all they need stays in the cache.
+/// Shi-Tomasi corner strength, row by row: the smaller eigenvalue of the gradient matrix around
+/// each pixel, with Sobel gradients summed over a square of 5 px, as in
+/// cv::cornerMinEigenVal(image, ..., 5, 3). The running sums are integers, hence exact, and fit
+/// into the cache.
 class CornerStrength {
  public:
-  static constexpr int kReach = 3;  ///< [px] a pixel this near to the image's edge has no strength
+  static constexpr int kReach = 3;  ///< [px] pixels nearer to the image border have strength 0
 
-  /// image: 8-bit grey, kept, not copied. first_row: the one that the first call of next gives.
+  /// image: 8-bit grey, shared, not copied. first_row: the row of the first call of next().
   /// Precondition: kReach <= first_row, and at least 2 kReach columns.
   CornerStrength(const cv::Mat& image, int first_row);
 
-  /// Of the next row, for an image in [0, 1]; as many floats as the image has columns.
-  /// Precondition: the row is at least kReach away from the last.
+  /// Writes the strength of the next row, for grey levels in [0, 1]: one float per image column.
+  /// Precondition: the row is at least kReach above the last.
   void next(float* strength);
 
  private:
@@ -31,9 +32,9 @@ class CornerStrength {
 
   const cv::Mat image_;
   int row_;                                        ///< the next one
-  std::array<Gradients, kSide> gradients_;         ///< of the last rows; row y in y % kSide
+  std::array<Gradients, kSide> gradients_;         ///< of the last kSide rows; row y at y % kSide
   std::vector<std::int16_t> smooth_, difference_;  ///< of three rows
-  std::vector<std::int32_t> xx_, xy_, yy_;  ///< sums of the gradients' products down a column
+  std::vector<std::int32_t> xx_, xy_, yy_;  ///< products of the gradients, summed over kSide rows
 };
 
 }  // namespace ground_scale_vo

@@ -4,13 +4,13 @@
 
 namespace ground_scale_vo {
 
-/// By which factor all grey levels have changed between two images of nearly the same scene: a step
-/// of the camera's exposure. 1 when there is none: less than a quarter of change is none, and a
-/// change must stand out of what single places have changed by, so motion is none. Both 8-bit grey,
-/// of one size, small (a pyramid's top will do).
+/// Factor between the grey levels of two consecutive images after a step of the camera's exposure:
+/// the median ratio of the pixels. 1 when the change is smaller than a quarter, or not significant
+/// compared with the variation of the ratios over the image, which image motion causes. Both
+/// images: 8-bit grey, same size, small (the coarsest level of a pyramid).
 double exposureStep(const cv::Mat& before, const cv::Mat& now);
 
-/// The image with its grey levels times factor; the image itself, not a copy, for 1.
+/// The image with its grey levels multiplied by factor; for 1 the image itself, not a copy.
 cv::Mat applyGain(const cv::Mat& image, double factor);
 
 }  // namespace ground_scale_vo

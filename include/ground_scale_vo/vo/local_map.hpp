@@ -108,6 +108,8 @@ class LocalMap {
 
  private:
   void dropOldestKeyframe();
+  std::optional<InverseDepth> depthInAnchor(const Landmark& landmark,
+                                            const WorldPoint& world) const;
 
   Options options_;
   std::deque<Keyframe> keyframes_;

@@ -70,7 +70,7 @@ class PatchAlignment {
 
  private:
   Options options_;
-  std::vector<float> mask_;  ///< of a patch in memory: 1 for its pixels, 0 for what fills it up
+  std::vector<float> mask_;  ///< over a patch in memory: 1 for its pixels, 0 for padding
 };
 
 }  // namespace ground_scale_vo

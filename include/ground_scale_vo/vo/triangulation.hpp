@@ -12,23 +12,24 @@ struct InverseDepth {
   double sigma = 0;  ///< standard deviation of value
 };
 
+/// Observation of a point on the ray of an anchor camera by another camera c.
 struct RayObservation {
   Eigen::Isometry3d T_c_anchor = Eigen::Isometry3d::Identity();
   Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
   double sigma = 0;                             ///< standard deviation of x, > 0
 };
 
-/// What a camera sees of the point on the anchor's ray.
+/// Projection of a point on the anchor's ray into camera c: p = R_c_anchor ray + inverse_depth t.
 struct RayProjection {
-  Eigen::Vector3d p;      ///< in the camera, times the inverse depth
-  Eigen::Vector2d slope;  ///< of p.head<2>() / p.z() over the inverse depth, times p.z()
+  Eigen::Vector3d p;      ///< the point in camera c, times its inverse depth in the anchor
+  Eigen::Vector2d slope;  ///< derivative of p.head<2>() / p.z() over the inverse depth, times p.z()
 };
 RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_depth,
                            const Eigen::Isometry3d& T_c_anchor);
 
-/// Least squares over all observations (anchor's own excluded), Gauss-Newton on the reprojection
-/// error. Empty when there is no observation, the point falls behind a camera, or the iteration
-/// does not settle.
+/// Inverse depth with the least squared reprojection error in all observations (without the
+/// anchor's own), by Gauss-Newton. ray: in the anchor, z = 1. Empty when there is no observation or
+/// no baseline, the point is behind a camera, or the iteration does not converge.
 std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
                                         const std::vector<RayObservation>& observations);
 

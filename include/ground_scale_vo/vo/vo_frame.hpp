@@ -14,8 +14,8 @@ const char* toString(VoStatus status);  ///< "initialising", "tracking", "lost"
 
 /// One tracked corner of one frame.
 struct TrackedFeature {
-  std::uint64_t id = 0;   ///< the same corner has the same id in every frame; never used again
-  std::uint32_t age = 0;  ///< number of earlier frames that saw it
+  std::uint64_t id = 0;   ///< constant while the corner is tracked; never reused
+  std::uint32_t age = 0;  ///< number of earlier frames in which it was tracked
   Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] in the rectified image
   bool has_point = false;                       ///< p_c and depth_sigma are valid
   /// 3-D map point in the camera frame of this frame, VO units. z > 0.
@@ -23,16 +23,17 @@ struct TrackedFeature {
   float depth_sigma = 0.f;  ///< standard deviation of p_c.z from triangulation, VO units
 };
 
-/// has_point, and point and sigma are numbers to calculate with, the point ahead of the camera.
+/// Whether the feature has a point, which is finite and in front of the camera, and a finite sigma.
 bool hasUsablePoint(const TrackedFeature& feature);
 
-/// All that the scale stage knows of the odometry: one frame's pose and its tracked features with
-/// their 3-D points, up to scale. Any monocular odometry can fill it (msg/VoFrame.msg mirrors it).
+/// Output of the visual odometry and input of the scale stage: the pose of one frame and its
+/// tracked features with their 3-D points, up to scale. msg/VoFrame.msg has the same fields, so any
+/// monocular odometry can provide it.
 struct VoFrame {
   std::int64_t stamp_ns = 0;
-  std::uint32_t sequence = 0;  ///< counts the images that reached the odometry, from 0
+  std::uint32_t sequence = 0;  ///< number of the image, counted by the odometry from 0
   VoStatus status = VoStatus::kInitialising;
-  std::uint32_t map_id = 0;  ///< grows by one with each new map; VO units differ between maps
+  std::uint32_t map_id = 0;  ///< increases by one with each new map; VO units differ between maps
   bool keyframe = false;
   PinholeCamera camera;
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).

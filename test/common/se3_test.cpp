@@ -13,20 +13,20 @@ Vector6d vector6(double a, double b, double c, double d, double e, double f) {
 
 Eigen::Isometry3d examplePose() { return motionFrom(vector6(0.3, -0.5, 0.2, 1, -2, 3)); }
 
-TEST(Se3Test, SkewIsTheCrossProduct) {
+TEST(Se3, SkewIsTheCrossProduct) {
   const Eigen::Vector3d a(1, -2, 3), b(0.5, 4, -1);
   EXPECT_EQ(skew(a) * b, a.cross(b));
   EXPECT_EQ(skew(a), -skew(a).transpose());
 }
 
-TEST(Se3Test, MotionHasRotationFirstThenTranslation) {
+TEST(Se3, MotionHasRotationFirstThenTranslation) {
   const Eigen::Isometry3d T = motionFrom(vector6(0, 0, M_PI / 2, 1, 2, 3));
   EXPECT_TRUE((T.linear() * Eigen::Vector3d::UnitX()).isApprox(Eigen::Vector3d::UnitY(), 1e-15));
   EXPECT_EQ(T.translation(), Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(motionFrom(Vector6d::Zero()).matrix(), Eigen::Matrix4d::Identity());
 }
 
-TEST(Se3Test, RetractionMovesInTheAxesOfTheMovingFrame) {
+TEST(Se3, RetractionMovesInTheAxesOfTheMovingFrame) {
   const Eigen::Isometry3d T = examplePose();
   const Vector6d delta = vector6(0.1, 0.2, -0.3, 0.5, -0.4, 0.1);
   const Eigen::Isometry3d moved = boxplus(T, delta);
@@ -36,7 +36,7 @@ TEST(Se3Test, RetractionMovesInTheAxesOfTheMovingFrame) {
   EXPECT_EQ(boxplus(T, Vector6d::Zero()).matrix(), T.matrix());
 }
 
-TEST(Se3Test, AdjointCarriesASmallMotionToTheOtherFrame) {
+TEST(Se3, AdjointCarriesASmallMotionToTheOtherFrame) {
   const Eigen::Isometry3d T = examplePose();
   const Vector6d delta_b = 1e-5 * vector6(1, -2, 3, 0.5, 0.2, -0.7);
   // T exp(delta_b) = exp(adjoint(T) delta_b) T, to first order.

@@ -14,8 +14,8 @@ namespace ground_scale_vo::test {
 
 constexpr double kMinDepthRatio = 1e-3;  // depth in the observer over depth in the anchor
 
-/// Rotation vector, then translation, of T_r_c in the frame r of the newest keyframe: rotations
-/// stay far from the vector's singularity at a whole turn.
+/// Rotation vector, then translation, of T_r_c; r is the newest keyframe, so that the rotations
+/// stay far from the singularity at 2 pi.
 using PoseParameters = std::array<double, 6>;
 
 inline Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
@@ -95,7 +95,7 @@ inline Eigen::Isometry3d toPose(const PoseParameters& p) {
   return T;
 }
 
-/// What LocalBundleAdjustment does, by Ceres, with its general solvers and another parametrisation.
+/// The same problem as LocalBundleAdjustment, solved by Ceres with another parametrisation.
 inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment::Options& options,
                                                      LocalMap* map) {
   LocalBundleAdjustment::Result result;
@@ -140,7 +140,7 @@ inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment
     const std::size_t anchor = observations.front().keyframe - first_id;
     for (std::size_t i = 1; i < observations.size(); ++i) {
       const std::size_t observer = observations[i].keyframe - first_id;
-      // Ceres cannot start behind a camera; removeOutliers() sees to what stays there.
+      // As in LocalBundleAdjustment: leave out observations from behind the camera.
       const Eigen::Vector3d q =
           keyframes[observer].T_w_c.inverse() *
           (keyframes[anchor].T_w_c * Eigen::Vector3d(a.landmark->ray() / a.inverse_depth));

@@ -52,10 +52,10 @@ inline std::vector<Eigen::Vector3d> roadPoints(int n, unsigned seed) {
 
 inline Eigen::Vector2d normalised(const Eigen::Vector3d& p_c) { return p_c.head<2>() / p_c.z(); }
 
-/// Standard deviation of what is seen, normalised image coordinates.
+/// Standard deviation of an observation, normalised image coordinates.
 constexpr double kNoise = 0.0008;
 
-/// The pose of a keyframe of a gentle curve.
+/// Pose of a keyframe on a gentle curve.
 inline Eigen::Isometry3d drive(int keyframe) {
   return pose({0, 0.01 * keyframe, 0}, {0.1 * keyframe, 0, 0.8 * keyframe});
 }

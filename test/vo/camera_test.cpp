@@ -13,14 +13,14 @@ namespace {
 
 using test::testCamera;
 
-TEST(Camera, projectsWhatItsRayMeets) {
+TEST(Camera, projectInvertsRay) {
   const PinholeCamera camera = testCamera();
   const Eigen::Vector2d u(123.25, 45.5);
   EXPECT_LT((camera.project(7.5 * camera.ray(u)) - u).norm(), 1e-9);
   EXPECT_NEAR(camera.project({0, 1.65, 10}).y(), 119 + 464 * 0.165, 1e-9);
 }
 
-TEST(Camera, refusesImpossibleNumbers) {
+TEST(Camera, rejectsInvalidIntrinsics) {
   PinholeCamera camera = testCamera();
   EXPECT_NO_THROW(camera.validate());
   camera.fx = -464;
@@ -33,13 +33,13 @@ TEST(Camera, refusesImpossibleNumbers) {
   EXPECT_THROW(camera.validate(), OptionError);
 }
 
-TEST(Rectifier, withoutDistortionIsTheImageItself) {
+TEST(Rectifier, withoutDistortionReturnsTheSameImage) {
   const Rectifier rectifier(testCamera(), DistortionModel::kNone, {});
   const cv::Mat raw(248, 800, CV_8UC1, cv::Scalar(7));
   EXPECT_EQ(rectifier.rectify(raw).data, raw.data);
 }
 
-TEST(Rectifier, movesASpotFromItsDistortedToItsPinholePlace) {
+TEST(Rectifier, movesASpotFromItsDistortedToItsPinholePosition) {
   const PinholeCamera camera = testCamera();
   const double k1 = -0.3;
   const Eigen::Vector2d x(0.4, 0.1);  // the spot's true direction
@@ -69,7 +69,7 @@ TEST(Rectifier, fisheyeFollowsTheAngleFromTheAxis) {
   EXPECT_NEAR(brightest.x, camera.cx + camera.fx * 0.5, 1.5);
 }
 
-TEST(Rectifier, refusesWhatDoesNotFit) {
+TEST(Rectifier, rejectsWrongCoefficientsAndImages) {
   EXPECT_THROW(Rectifier(testCamera(), DistortionModel::kEquidistant, {0.1}), OptionError);
   EXPECT_THROW(Rectifier(testCamera(), DistortionModel::kPlumbBob, {0.1}), OptionError);
   EXPECT_THROW(Rectifier(testCamera(), DistortionModel::kPlumbBob, {0, 0, 0, NAN, 0}), OptionError);

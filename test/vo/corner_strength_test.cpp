@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kReach = CornerStrength::kReach;
 
-/// Noise, smooth on the left and as rough as can be on the right.
+/// Noise whose roughness increases from left to right.
 cv::Mat texture() {
   cv::Mat image(60, 131, CV_8UC1);
   cv::RNG generator(1);
@@ -19,7 +19,7 @@ cv::Mat texture() {
   return image;
 }
 
-TEST(CornerStrength, isOpenCvsSmallerEigenvalue) {
+TEST(CornerStrength, equalsOpenCvsMinimumEigenvalue) {
   const cv::Mat image = texture();
   cv::Mat expected;
   cv::cornerMinEigenVal(image, expected, 5, 3);
@@ -35,7 +35,7 @@ TEST(CornerStrength, isOpenCvsSmallerEigenvalue) {
   }
 }
 
-TEST(CornerStrength, beginsAnywhereWithTheSameBytes) {
+TEST(CornerStrength, doesNotDependOnTheFirstRow) {
   const cv::Mat image = texture();
   const auto size = static_cast<std::size_t>(image.cols);
   CornerStrength all(image, kReach), later(image, 20);
@@ -45,7 +45,7 @@ TEST(CornerStrength, beginsAnywhereWithTheSameBytes) {
   EXPECT_EQ(row, expected);
 }
 
-TEST(CornerStrength, nothingOnABlankImageAndTheMostOnACheckerboard) {
+TEST(CornerStrength, isZeroOnABlankImageAndLargestOnACheckerboard) {
   const cv::Mat blank(20, 20, CV_8UC1, cv::Scalar(90));
   std::vector<float> row(20);
   CornerStrength(blank, 10).next(row.data());

@@ -1,4 +1,4 @@
-// What has no answer gets a status, and no number that is none leaves.
+// Degenerate input gives a failure status or a finite result, never a NaN.
 
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ struct Scene {
   std::vector<Eigen::Vector3d> points;
 };
 
-/// Sets of 200 points that say less than points in space do, or nothing.
+/// Degenerate sets of 200 points.
 std::vector<Scene> degenerateScenes() {
   constexpr int kPoints = 200;
   std::vector<Scene> scenes{{"line", {}},   {"line ahead", {}}, {"wall", {}}, {"one point", {}},
@@ -70,7 +70,7 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
         u2.push_back(testCamera().project(T_2_1 * p));
       }
       const TwoView::Result result = TwoView({}).estimate(testCamera(), u1, u2);
-      // Standing still, and turning alone, are never a motion.
+      // Standstill and pure rotation never give a motion.
       EXPECT_TRUE(motion >= 2 || result.status != TwoViewStatus::kOk);
       if (result.status != TwoViewStatus::kOk) continue;
       EXPECT_TRUE(isFinite(result.T_2_1));
@@ -81,14 +81,14 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
   }
 }
 
-TEST(DegenerateGeometry, PixelsThatAreNoNumbersAreNoMotion) {
+TEST(DegenerateGeometry, PixelsThatAreNotFiniteGiveNoMotion) {
   for (const double bad : {kNan, kInf, -kInf, 1e300}) {
     const std::vector<Eigen::Vector2d> u(200, {bad, 5});
     EXPECT_NE(TwoView({}).estimate(testCamera(), u, u).status, TwoViewStatus::kOk) << bad;
   }
 }
 
-TEST(DegenerateGeometry, ARayIsTriangulatedOrNot) {
+TEST(DegenerateGeometry, TriangulationIsFiniteOrEmpty) {
   const Eigen::Vector3d ray(0.1, 0.05, 1);
   for (const double t : {0.0, 1e-200, 1e-9, 1.0, 1e9, 1e200, kNan, kInf}) {
     for (const double x : {0.1, -5.0, 1e9, 1e200, kNan, kInf}) {
@@ -103,7 +103,7 @@ TEST(DegenerateGeometry, ARayIsTriangulatedOrNot) {
   }
 }
 
-TEST(DegenerateGeometry, APoseIsFoundOrNot) {
+TEST(DegenerateGeometry, PoseIsFiniteOrHasAFailureStatus) {
   for (const Scene& scene : degenerateScenes()) {
     SCOPED_TRACE(scene.name);
     for (const double lie : {0.0, 1e6, kNan}) {
@@ -123,7 +123,7 @@ TEST(DegenerateGeometry, APoseIsFoundOrNot) {
             PoseStatus::kTooFewPoints);
 }
 
-TEST(DegenerateGeometry, AGuessThatIsNoNumberIsNoPose) {
+TEST(DegenerateGeometry, APredictionThatIsNotFiniteGivesNoPose) {
   std::vector<PointObservation> seen;
   for (const Eigen::Vector3d& p : randomPoints(100, 4)) {
     seen.push_back({p, Eigen::Vector3d::Zero(), normalised(p), 1e-3});
@@ -132,7 +132,7 @@ TEST(DegenerateGeometry, AGuessThatIsNoNumberIsNoPose) {
   EXPECT_TRUE(result.status != PoseStatus::kOk || isFinite(result.T_w_c));
 }
 
-TEST(DegenerateGeometry, AnAdjustmentIsFiniteOrNotUsed) {
+TEST(DegenerateGeometry, AdjustmentIsFiniteOrNotUsable) {
   for (const Scene& scene : degenerateScenes()) {
     for (const double depth : {1.0, 1e-300, 1e300}) {
       SCOPED_TRACE(scene.name);
@@ -159,7 +159,7 @@ TEST(DegenerateGeometry, AnAdjustmentIsFiniteOrNotUsed) {
   }
 }
 
-TEST(DegenerateGeometry, TracksAndPatchesOfNoPlaceAreNone) {
+TEST(DegenerateGeometry, TracksAndPatchesOutsideTheImageAreNotFound) {
   cv::Mat image(100, 200, CV_8UC1);
   cv::theRNG().state = 7;
   cv::randu(image, 0, 255);
@@ -189,7 +189,7 @@ TEST(DegenerateGeometry, TracksAndPatchesOfNoPlaceAreNone) {
   }
 }
 
-TEST(DegenerateGeometry, AFeatureWithoutAUsablePointIsKnown) {
+TEST(DegenerateGeometry, UnusablePointsAreDetected) {
   TrackedFeature feature;
   feature.has_point = true;
   feature.p_c = {1, 2, 3};

@@ -7,7 +7,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Blurred noise around a grey, moved by so many pixels.
+/// Blurred noise around a mean grey level, shifted.
 cv::Mat scene(int moved = 0) {
   cv::Mat noise(24, 80 + 20, CV_8UC1);
   cv::RNG(3).fill(noise, cv::RNG::UNIFORM, 0, 255);
@@ -16,17 +16,17 @@ cv::Mat scene(int moved = 0) {
   return noise(cv::Rect(moved, 0, 80, 24)).clone();
 }
 
-TEST(Exposure, AStepIsFoundWhileTheSceneMoves) {
+TEST(Exposure, FindsAStepWhileTheSceneMoves) {
   for (const double gain : {0.4, 0.7, 1.5, 2.4}) {
     EXPECT_NEAR(exposureStep(scene(), applyGain(scene(1), gain)), gain, 0.06 * gain) << gain;
   }
-  // What saturates tells nothing: a third of this image.
+  // Saturated pixels, a third of this image, are ignored.
   cv::Mat bright = applyGain(scene(), 2.4);
   bright.colRange(0, 27) = 255;
   EXPECT_NEAR(exposureStep(scene(), bright), 2.4, 0.1);
 }
 
-TEST(Exposure, NothingElseIsAStep) {
+TEST(Exposure, ReportsNoStepForOtherChanges) {
   EXPECT_EQ(exposureStep(scene(), scene()), 1);
   EXPECT_EQ(exposureStep(scene(), scene(7)), 1) << "motion";
   EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 1.15)), 1) << "too small";
@@ -34,13 +34,13 @@ TEST(Exposure, NothingElseIsAStep) {
   EXPECT_EQ(exposureStep(scene(), cv::Mat(24, 80, CV_8UC1, cv::Scalar(255))), 1) << "white";
   cv::Mat half = scene();
   half.colRange(0, 45) *= 0.4;
-  EXPECT_EQ(exposureStep(scene(), half), 1) << "something dark before half of the picture";
+  EXPECT_EQ(exposureStep(scene(), half), 1) << "a dark object before half of the image";
   cv::Mat other(24, 80, CV_8UC1);
   cv::RNG(8).fill(other, cv::RNG::UNIFORM, 10, 120);
   EXPECT_EQ(exposureStep(scene(), other), 1) << "another scene";
 }
 
-TEST(Exposure, ExposedScalesAndLeavesTheImageAlone) {
+TEST(Exposure, ApplyGainScalesACopy) {
   const cv::Mat image = scene();
   EXPECT_EQ(applyGain(image, 1).data, image.data);
   const cv::Mat brighter = applyGain(image, 2);

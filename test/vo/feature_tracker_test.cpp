@@ -27,7 +27,7 @@ cv::Mat shifted(const cv::Mat& image, double dx, double dy) {
   return result;
 }
 
-TEST(FeatureTracker, findsCornersAllOverATexturedImage) {
+TEST(FeatureTracker, findsCornersEverywhereInATexturedImage) {
   const FeatureTracker tracker({});
   const auto corners = tracker.detect(texture(1), {});
   ASSERT_GT(corners.size(), 400u);
@@ -42,7 +42,7 @@ TEST(FeatureTracker, findsNothingWithoutTexture) {
   EXPECT_TRUE(tracker.detect(cv::Mat(4, 4, CV_8UC1, cv::Scalar(90)), {}).empty());
 }
 
-TEST(FeatureTracker, keepsAwayFromOccupiedCells) {
+TEST(FeatureTracker, skipsOccupiedCells) {
   const FeatureTracker tracker({});
   const cv::Mat image = texture(2);
   const auto first = tracker.detect(image, {});
@@ -53,7 +53,7 @@ TEST(FeatureTracker, keepsAwayFromOccupiedCells) {
   EXPECT_LT(second.size(), first.size() / 3);
 }
 
-TEST(FeatureTracker, copesWithAFreeCellThatItsNeighboursCover) {
+TEST(FeatureTracker, skipsAFreeCellThatItsNeighboursMask) {
   FeatureTracker::Options options;
   options.min_corner_strength = 0;
   options.window_px = 9;
@@ -73,7 +73,7 @@ TEST(FeatureTracker, copesWithAFreeCellThatItsNeighboursCover) {
   }
 }
 
-TEST(FeatureTracker, takesNoEdgeForACorner) {
+TEST(FeatureTracker, rejectsEdges) {
   // Diagonal bars with a little noise, and a patch of corners.
   cv::Mat image(248, 800, CV_8UC1);
   cv::RNG generator(5);
@@ -114,7 +114,7 @@ TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
   EXPECT_LT(error[error.size() * 95 / 100], 0.3);
 }
 
-TEST(FeatureTracker, aFarGuessIsCorrectedOverAllLevels) {
+TEST(FeatureTracker, recoversFromAWrongPrediction) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(4), b = shifted(a, 4, 0);
   const auto corners = tracker.detect(a, {});
@@ -128,7 +128,7 @@ TEST(FeatureTracker, aFarGuessIsCorrectedOverAllLevels) {
   EXPECT_GT(right, corners.size() * 6 / 10);
 }
 
-TEST(FeatureTracker, whatLeftTheImageIsNotTracked) {
+TEST(FeatureTracker, rejectsPointsThatLeaveTheImage) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(5), b = shifted(a, 60, 0);
   const auto corners = tracker.detect(a, {});
@@ -153,13 +153,13 @@ TEST(FeatureTracker, aBlankImageGivesNoTracks) {
   EXPECT_EQ(std::count(tracks.ok.begin(), tracks.ok.end(), 1), 0);
 }
 
-TEST(FeatureTracker, nothingToTrackIsNoError) {
+TEST(FeatureTracker, acceptsAnEmptyList) {
   const FeatureTracker tracker({});
   const auto pyramid = tracker.pyramid(texture(7));
   EXPECT_TRUE(tracker.track(pyramid, pyramid, {}, {}).points.empty());
 }
 
-TEST(FeatureTracker, refusesBadOptions) {
+TEST(FeatureTracker, rejectsOptionsOutOfRange) {
   FeatureTracker::Options options;
   options.window_px = 10;
   EXPECT_THROW(FeatureTracker{options}, OptionError);

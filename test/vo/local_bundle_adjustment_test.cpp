@@ -23,8 +23,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<Eigen::Vector3d> farPoints() { return test::farPoints(300); }
 
-/// A map as the odometry's: points come and go, some were seen better than others, a few
-/// observations are wrong, and the newest poses are only roughly known.
+/// A realistic map: landmarks appear and disappear, their noise differs, a few observations are
+/// wrong, and the newest poses are inaccurate.
 LocalMap randomMap(int keyframes, unsigned seed) {
   std::mt19937 generator(seed);
   std::normal_distribution<double> error(0, 1);
@@ -69,7 +69,7 @@ LocalMap straightMap(int keyframes) {
   return map;
 }
 
-/// Largest difference of two places of a keyframe.
+/// Largest distance between the keyframes' positions in two maps.
 double distance(const LocalMap& a, const LocalMap& b) {
   double largest = 0;
   for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
@@ -88,7 +88,7 @@ double largestAngle(const LocalMap& a, const LocalMap& b) {
   return largest;
 }
 
-/// Largest difference of two depths of a point, in standard deviations.
+/// Largest difference of the landmarks' inverse depths in two maps, in standard deviations.
 double depthDifference(LocalMap a, const LocalMap& b) {
   a.updateSigmas();
   double largest = 0;
@@ -129,7 +129,7 @@ TEST(LocalBundleAdjustment, agreesWithCeres) {
         const auto expected = test::adjustWithCeres(options, &reference);
         ASSERT_TRUE(result.usable && expected.usable);
         EXPECT_EQ(result.residuals, expected.residuals);
-        // One step from far off depends a little on how rotations are written.
+        // A single large step depends slightly on the parametrisation of rotations.
         const double rms_tolerance = iterations == 1 ? 2e-3 : 1e-5;
         EXPECT_NEAR(result.rms_sigma, expected.rms_sigma, rms_tolerance * expected.rms_sigma);
         EXPECT_LT(distance(ours, reference), 0.02 * distance(map, reference));
@@ -140,7 +140,7 @@ TEST(LocalBundleAdjustment, agreesWithCeres) {
   }
 }
 
-TEST(LocalBundleAdjustment, forgetsTheProblemBefore) {
+TEST(LocalBundleAdjustment, doesNotDependOnThePreviousProblem) {
   LocalBundleAdjustment kept({});
   for (const int keyframes : {14, 5, 9, 2, 12}) {
     const LocalMap map = randomMap(keyframes, 7);
@@ -155,7 +155,7 @@ TEST(LocalBundleAdjustment, forgetsTheProblemBefore) {
   }
 }
 
-TEST(LocalBundleAdjustment, touchesTheMapOnlyInTheEnd) {
+TEST(LocalBundleAdjustment, solveDoesNotAccessTheMap) {
   const LocalMap before = randomMap(10, 3);
   LocalMap map = before, expected = before;
   LocalBundleAdjustment adjustment({});
@@ -171,7 +171,7 @@ TEST(LocalBundleAdjustment, touchesTheMapOnlyInTheEnd) {
   expectUnchanged(expected, map);
 }
 
-TEST(LocalBundleAdjustment, bringsDisturbedPosesAndDepthsBack) {
+TEST(LocalBundleAdjustment, recoversDisturbedPosesAndDepths) {
   const auto points = farPoints();
   LocalMap map({});
   for (int k = 0; k < 10; ++k) map.addKeyframe(drive(k), see(points, drive(k)));
@@ -200,7 +200,7 @@ TEST(LocalBundleAdjustment, bringsDisturbedPosesAndDepthsBack) {
   }
 }
 
-TEST(LocalBundleAdjustment, residualsAreOneSigmaWhenTheNoiseIs) {
+TEST(LocalBundleAdjustment, residualsMatchTheNoise) {
   const auto points = farPoints();
   LocalMap map({});
   LocalBundleAdjustment::Options options;
@@ -215,12 +215,12 @@ TEST(LocalBundleAdjustment, residualsAreOneSigmaWhenTheNoiseIs) {
   options.huber_sigma = 100;
   const auto result = LocalBundleAdjustment(options).adjust(&map);
   ASSERT_TRUE(result.usable);
-  // The anchor's observation counts as exact, so its noise reappears in the others.
+  // The anchor's observation has no residual, so its noise appears in the others.
   EXPECT_GT(result.rms_sigma, 0.8);
   EXPECT_LT(result.rms_sigma, 1.8);
 }
 
-TEST(LocalBundleAdjustment, holdsWhatFixesTheWorld) {
+TEST(LocalBundleAdjustment, keepsTheGaugeFixed) {
   LocalMap before = randomMap(14, 5), map = before;
   ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
   for (std::size_t k = 0; k < 7; ++k) {
@@ -246,7 +246,7 @@ TEST(LocalBundleAdjustment, staysAtAMinimum) {
   EXPECT_LT(distance(before, map), 1e-9);
 }
 
-TEST(LocalBundleAdjustment, aKeyframeThatSeesNothingStays) {
+TEST(LocalBundleAdjustment, aKeyframeWithoutObservationsStays) {
   LocalMap before = straightMap(9);
   before.addKeyframe(drive(9), {});
   LocalMap map = before;
@@ -254,7 +254,7 @@ TEST(LocalBundleAdjustment, aKeyframeThatSeesNothingStays) {
   EXPECT_EQ(map.keyframes().back().T_w_c.matrix(), drive(9).matrix());
 }
 
-/// Not usable, and the map as it was.
+/// The result is not usable, and the map is unchanged.
 void expectRefused(const LocalMap& before) {
   LocalMap map = before;
   const auto result = LocalBundleAdjustment({}).adjust(&map);
@@ -263,7 +263,7 @@ void expectRefused(const LocalMap& before) {
   expectUnchanged(before, map);
 }
 
-TEST(LocalBundleAdjustment, refusesWhatSaysNothing) {
+TEST(LocalBundleAdjustment, isNotUsableWithoutEnoughLandmarks) {
   LocalMap map({});
   expectRefused(map);
   map.addKeyframe(drive(0), see(farPoints(), drive(0)));
@@ -286,7 +286,7 @@ TEST(LocalBundleAdjustment, refusesWhatSaysNothing) {
   expectRefused(behind);
 }
 
-TEST(LocalBundleAdjustment, aPointBehindDoesNotCount) {
+TEST(LocalBundleAdjustment, ignoresALandmarkBehindTheCamera) {
   LocalMap map = straightMap(10);
   const int all = LocalBundleAdjustment({}).adjust(&map).residuals;
   map.find(7)->depth->value = 10;  // nearer than the second keyframe
@@ -296,7 +296,7 @@ TEST(LocalBundleAdjustment, aPointBehindDoesNotCount) {
   EXPECT_EQ(map.find(7)->depth->value, 10);
 }
 
-TEST(LocalBundleAdjustment, refusesWhatIsNotANumber) {
+TEST(LocalBundleAdjustment, isNotUsableWithInputThatIsNotFinite) {
   const LocalMap good = straightMap(10);
   LocalMap map = good;
   map.find(3)->observations.back().x.x() = kNaN;
@@ -321,7 +321,7 @@ TEST(LocalBundleAdjustment, refusesWhatIsNotANumber) {
   expectRefused(map);
 }
 
-TEST(LocalBundleAdjustment, optionsOutOfRangeAreRefused) {
+TEST(LocalBundleAdjustment, rejectsOptionsOutOfRange) {
   LocalBundleAdjustment::Options options;
   options.window = 0;
   EXPECT_THROW(LocalBundleAdjustment{options}, OptionError);

@@ -20,7 +20,7 @@ constexpr int kPoints = 300;
 
 std::vector<Eigen::Vector3d> farPoints() { return test::farPoints(kPoints); }
 
-TEST(Triangulation, slopeIsTheDerivativeOfWhereAPointIsSeen) {
+TEST(Triangulation, slopeIsTheDerivativeOfTheProjection) {
   const Eigen::Vector3d ray(0.2, -0.1, 1);
   const Eigen::Isometry3d T = pose({0.02, 0.1, -0.03}, {0.3, 0.1, 0.8});
   const double rho = 0.15, step = 1e-6;
@@ -30,24 +30,24 @@ TEST(Triangulation, slopeIsTheDerivativeOfWhereAPointIsSeen) {
   EXPECT_LT(((x(rho + step) - x(rho - step)) / (2 * step) - seen.slope / seen.p.z()).norm(), 1e-8);
 }
 
-TEST(LocalMap, triangulatesWhatWasSeenWithParallax) {
+TEST(LocalMap, triangulatesLandmarksWithParallax) {
   const auto points = farPoints();
   LocalMap map({});
   for (int k = 0; k < 6; ++k) {
     map.addKeyframe(drive(k), see(points, drive(k)));
     map.triangulateNew();
   }
-  int known = 0;
+  int with_depth = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (const auto point = map.point(i)) {
-      ++known;
+      ++with_depth;
       EXPECT_LT((point->p_w - points[i]).norm(), 1e-6 * points[i].norm());
     }
   }
-  EXPECT_GT(known, kPoints * 8 / 10);
+  EXPECT_GT(with_depth, kPoints * 8 / 10);
 }
 
-TEST(LocalMap, withoutMotionNoPointIsInvented) {
+TEST(LocalMap, triangulatesNothingWithoutMotion) {
   const auto points = farPoints();
   LocalMap map({});
   for (int k = 0; k < 5; ++k) map.addKeyframe(drive(0), see(points, drive(0)));
@@ -55,7 +55,7 @@ TEST(LocalMap, withoutMotionNoPointIsInvented) {
   for (std::size_t i = 0; i < points.size(); ++i) EXPECT_FALSE(map.point(i));
 }
 
-TEST(LocalMap, aPointSurvivesItsAnchorAndTheMapStaysBounded) {
+TEST(LocalMap, landmarksOutliveTheirAnchorAndTheMapStaysBounded) {
   const auto points = farPoints();
   LocalMap::Options options;
   options.keyframes = 4;
@@ -66,19 +66,19 @@ TEST(LocalMap, aPointSurvivesItsAnchorAndTheMapStaysBounded) {
   }
   EXPECT_EQ(map.keyframes().size(), 4u);
   EXPECT_EQ(map.keyframes().front().id, 8u);
-  int known = 0;
+  int with_depth = 0;
   for (const auto& [id, landmark] : map.landmarks()) {
     EXPECT_LE(landmark.observations.size(), 4u);
     EXPECT_GE(landmark.observations.front().keyframe, 8u);
     if (const auto point = map.point(landmark)) {
-      ++known;
+      ++with_depth;
       EXPECT_LT((point->p_w - points[id]).norm(), 1e-6 * points[id].norm());
     }
   }
-  EXPECT_GT(known, kPoints * 8 / 10);
+  EXPECT_GT(with_depth, kPoints * 8 / 10);
 }
 
-TEST(LocalMap, forgetsWhatIsSeenNoMore) {
+TEST(LocalMap, removesLandmarksThatAreNoLongerObserved) {
   const auto points = farPoints();
   LocalMap::Options options;
   options.keyframes = 4;
@@ -117,48 +117,48 @@ std::vector<PointObservation> observe(const Eigen::Isometry3d& T_w_c, double noi
 }
 
 TEST(PoseEstimation, isExactWithoutNoise) {
-  const Eigen::Isometry3d truth = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
-  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observe(truth, 0));
+  const Eigen::Isometry3d true_T_w_c = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
+  const auto result =
+      PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observe(true_T_w_c, 0));
   ASSERT_EQ(result.status, PoseStatus::kOk);
-  EXPECT_LT(angleBetween(result.T_w_c, truth), 1e-8);
-  EXPECT_LT((result.T_w_c.translation() - truth.translation()).norm(), 1e-7);
+  EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-8);
+  EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 1e-7);
   EXPECT_EQ(result.inliers, kPoints);
 }
 
-TEST(PoseEstimation, namesTheOutliersAndIgnoresThem) {
-  const Eigen::Isometry3d truth = pose({0, 0.03, 0}, {0.1, 0, 1});
-  auto observations = observe(truth, 0.0005);
+TEST(PoseEstimation, rejectsOutliers) {
+  const Eigen::Isometry3d true_T_w_c = pose({0, 0.03, 0}, {0.1, 0, 1});
+  auto observations = observe(true_T_w_c, 0.0005);
   for (std::size_t i = 0; i < observations.size(); i += 4) observations[i].x.x() += 0.05;
   const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
   ASSERT_EQ(result.status, PoseStatus::kOk);
-  EXPECT_LT(angleBetween(result.T_w_c, truth), 3e-4);
+  EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 3e-4);
   for (std::size_t i = 0; i < observations.size(); i += 4) EXPECT_FALSE(result.inlier[i]);
 }
 
-TEST(PoseEstimation, recoversFromAPredictionThatIsFarOff) {
-  const Eigen::Isometry3d truth = pose({0.05, -0.5, 0.1}, {3, 1, -4});
+TEST(PoseEstimation, recoversFromAWrongPredictionOfThePose) {
+  const Eigen::Isometry3d true_T_w_c = pose({0.05, -0.5, 0.1}, {3, 1, -4});
   const auto result =
-      PoseEstimation({}).estimate(pose({0, 0.6, 0}, {-5, 0, 8}), observe(truth, 0.0005));
+      PoseEstimation({}).estimate(pose({0, 0.6, 0}, {-5, 0, 8}), observe(true_T_w_c, 0.0005));
   ASSERT_EQ(result.status, PoseStatus::kOk);
-  EXPECT_LT(angleBetween(result.T_w_c, truth), 1e-3);
+  EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-3);
 }
 
-TEST(PoseEstimation, depthsThatAreUnsureCountAlongTheirLineOnly) {
-  const Eigen::Isometry3d truth = pose({0, 0.02, 0}, {0.1, 0, 1});
-  auto observations = observe(truth, 0);
-  // Half the points lie at a wrong depth on their ray from the origin, and say how wrong they may
-  // be.
+TEST(PoseEstimation, uncertainDepthsConstrainAcrossTheirEpipolarLineOnly) {
+  const Eigen::Isometry3d true_T_w_c = pose({0, 0.02, 0}, {0.1, 0, 1});
+  auto observations = observe(true_T_w_c, 0);
+  // Half of the points have a wrong depth on their ray from the origin, within their sigma.
   for (std::size_t i = 0; i < observations.size(); i += 2) {
     observations[i].sigma_w = 0.5 * observations[i].p_w;
     observations[i].p_w *= 1.4;
   }
   const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
   ASSERT_EQ(result.status, PoseStatus::kOk);
-  EXPECT_LT((result.T_w_c.translation() - truth.translation()).norm(), 0.03);
+  EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.03);
   EXPECT_EQ(result.inliers, kPoints);
 }
 
-TEST(PoseEstimation, saysWhenItHasNoPose) {
+TEST(PoseEstimation, reportsWhenThereIsNoPose) {
   EXPECT_EQ(PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), {}).status,
             PoseStatus::kTooFewPoints);
   auto observations = observe(Eigen::Isometry3d::Identity(), 0);
@@ -169,7 +169,7 @@ TEST(PoseEstimation, saysWhenItHasNoPose) {
             PoseStatus::kTooFewInliers);
 }
 
-TEST(VoOptions, outOfRangeIsRefused) {
+TEST(VoOptions, rejectsValuesOutOfRange) {
   LocalMap::Options map;
   map.keyframes = 1;
   EXPECT_THROW(LocalMap{map}, OptionError);

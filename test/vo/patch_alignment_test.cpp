@@ -13,7 +13,7 @@ namespace {
 const PinholeCamera kCamera = test::testCamera();
 constexpr double kHeight = 1.65;
 
-/// Grey of a surface at (a, b) on it: smooth, without a period that fits into a patch.
+/// Grey level of a surface at (a, b): smooth, without a period shorter than a patch.
 double grey(double a, double b) {
   return 120 + 35 * std::sin(9.1 * a + 1.3 * std::sin(5.3 * b)) + 35 * std::sin(8.3 * b + 1.7 * a) +
          20 * std::sin(3.1 * a - 4.7 * b);
@@ -59,19 +59,19 @@ Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c,
     const Eigen::Vector3d ray = kCamera.ray(u_ref);
     const Eigen::Vector3d p = ray * (wall ? 20 : kHeight / ray.y());
     if (!wall && p.z() < 8) continue;
-    const Eigen::Vector2d truth = kCamera.project(T_c_r * p);
+    const Eigen::Vector2d true_u = kCamera.project(T_c_r * p);
     if (!cv::Rect(10, 10, kCamera.width - 20, kCamera.height - 20)
-             .contains(cv::Point(static_cast<int>(truth.x()), static_cast<int>(truth.y())))) {
+             .contains(cv::Point(static_cast<int>(true_u.x()), static_cast<int>(true_u.y())))) {
       continue;
     }
     const auto warp = patchWarp(kCamera, p, T_c_r, surface);
     if (!warp) continue;
     ++errors.tried;
     const auto match =
-        alignment.align(reference, u_ref, *warp, current, truth + Eigen::Vector2d(0.4, -0.3));
+        alignment.align(reference, u_ref, *warp, current, true_u + Eigen::Vector2d(0.4, -0.3));
     if (!match) continue;
     ++errors.found;
-    errors.rms_px += (match->u - truth).squaredNorm();
+    errors.rms_px += (match->u - true_u).squaredNorm();
     errors.mean_correlation += match->correlation;
   }
   if (errors.found > 0) {
@@ -81,20 +81,20 @@ Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c,
   return errors;
 }
 
-TEST(PatchAlignment, findsTheFloorsPatchesAfterTheyHaveGrown) {
+TEST(PatchAlignment, alignsPatchesOfTheFloorAfterAChangeOfSize) {
   const auto T_w_c = test::pose({0.004, 0.02, 0}, {0.05, 0, 2.0});
   const Errors floor = alignAll(false, PatchSurface::kFloor, T_w_c);
   ASSERT_GT(floor.tried, 30);
   EXPECT_GT(floor.found, floor.tried * 8 / 10) << floor.tried;
   EXPECT_LT(floor.rms_px, 0.25);
   EXPECT_GT(floor.mean_correlation, 0.97);
-  // Taken for something that faces the camera, the same patches fit worse.
+  // With the model of a surface facing the camera the same patches fit worse.
   const Errors facing = alignAll(false, PatchSurface::kFacing, T_w_c);
   EXPECT_LT(facing.mean_correlation, floor.mean_correlation);
   EXPECT_GT(facing.rms_px, 1.5 * floor.rms_px);
 }
 
-TEST(PatchAlignment, findsTheWallAheadWhateverTheLight) {
+TEST(PatchAlignment, alignsPatchesOfAWallUnderOtherIllumination) {
   const auto T_w_c = test::pose({0.01, -0.02, 0.005}, {0.2, 0.05, 4.0});
   const Errors same = alignAll(true, PatchSurface::kFacing, T_w_c);
   ASSERT_GT(same.tried, 50);
@@ -105,7 +105,7 @@ TEST(PatchAlignment, findsTheWallAheadWhateverTheLight) {
   EXPECT_LT(brighter.rms_px, 0.05);
 }
 
-TEST(PatchAlignment, refusesWhatIsNotThere) {
+TEST(PatchAlignment, rejectsMissingAndTexturelessPatches) {
   const PatchAlignment alignment({});
   const auto identity = Eigen::Matrix2d::Identity();
   const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
@@ -138,7 +138,7 @@ TEST(PatchWarp, isTheDerivativeOfTheProjection) {
   EXPECT_LT((*warp * moved_r - moved_c).norm(), 0.05 * moved_c.norm());
 }
 
-TEST(PatchWarp, isNothingForWhatACameraCannotSee) {
+TEST(PatchWarp, isEmptyForSurfacesSeenEdgeOnOrFromBehind) {
   const Eigen::Isometry3d none = Eigen::Isometry3d::Identity();
   EXPECT_TRUE(patchWarp(kCamera, {1, 1.65, 10}, none, PatchSurface::kFloor));
   EXPECT_FALSE(patchWarp(kCamera, {1, 0, 10}, none, PatchSurface::kFloor)) << "edge-on";
@@ -148,7 +148,7 @@ TEST(PatchWarp, isNothingForWhatACameraCannotSee) {
       << "behind the current camera";
 }
 
-TEST(PatchAlignment, refusesOptionsOutOfRange) {
+TEST(PatchAlignment, rejectsOptionsOutOfRange) {
   PatchAlignment::Options options;
   options.window_px = 8;
   EXPECT_THROW(PatchAlignment{options}, OptionError);

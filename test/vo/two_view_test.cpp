@@ -66,7 +66,7 @@ TEST(TwoView, givesTheDepthsInUnitsOfTheMotion) {
   }
 }
 
-TEST(TwoView, aMostlyPlanarSceneIsNoSpecialCase) {
+TEST(TwoView, findsTheMotionInAMostlyPlanarScene) {
   const Eigen::Isometry3d T_2_1 = pose({0.005, 0.02, 0}, {0.05, 0, -1.5});
   auto points = roadPoints(400, 3);
   const auto others = randomPoints(80, 14);
@@ -76,14 +76,14 @@ TEST(TwoView, aMostlyPlanarSceneIsNoSpecialCase) {
   expectMotion(result, T_2_1, 0.01, 0.08);
 }
 
-// Two motions explain a plane alone (the second: straight down on a wall), so none is taken.
+// A plane alone has two solutions (the second: straight down on a wall): ambiguous.
 TEST(TwoView, aPlaneAloneIsAmbiguous) {
   const Views views = look(roadPoints(400, 3), pose({0.005, 0.02, 0}, {0.05, 0, -1.5}), 0.1);
   const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   EXPECT_EQ(result.status, TwoViewStatus::kAmbiguous);
 }
 
-TEST(TwoView, survivesWrongMatches) {
+TEST(TwoView, isRobustAgainstWrongMatches) {
   const Eigen::Isometry3d T_2_1 = pose({0, 0.03, 0}, {0.1, 0, -1.5});
   Views views = look(randomPoints(400, 4), T_2_1, 0.2);
   std::mt19937 generator(6);
@@ -93,7 +93,7 @@ TEST(TwoView, survivesWrongMatches) {
   expectMotion(result, T_2_1, 0.004, 0.04);
 }
 
-TEST(TwoView, inventsNoMotionWhenTurningOnTheSpotOrStanding) {
+TEST(TwoView, reportsTooLittleParallaxForPureRotationAndStandstill) {
   const Views turning = look(randomPoints(400, 7), pose({0.002, 0.06, 0}, {0, 0, 0}), 0.2);
   EXPECT_EQ(TwoView({}).estimate(testCamera(), turning.u1, turning.u2).status,
             TwoViewStatus::kTooLittleParallax);
@@ -102,7 +102,7 @@ TEST(TwoView, inventsNoMotionWhenTurningOnTheSpotOrStanding) {
             TwoViewStatus::kTooLittleParallax);
 }
 
-TEST(TwoView, saysWhenItCannotTell) {
+TEST(TwoView, rejectsFewOrRandomMatches) {
   const Views few = look(randomPoints(20, 9), pose({0, 0, 0}, {1, 0, 0}));
   EXPECT_EQ(TwoView({}).estimate(testCamera(), few.u1, few.u2).status,
             TwoViewStatus::kTooFewMatches);
@@ -120,7 +120,7 @@ TEST(TwoView, isDeterministic) {
   EXPECT_EQ(a.T_2_1.matrix(), b.T_2_1.matrix());
 }
 
-TEST(TwoView, refusesBadOptions) {
+TEST(TwoView, rejectsOptionsOutOfRange) {
   TwoView::Options options;
   options.min_matches = 3;
   EXPECT_THROW(TwoView{options}, OptionError);
@@ -142,7 +142,7 @@ TEST(Triangulation, isExactWithoutNoise) {
   EXPECT_GT(depth->sigma, 0);
 }
 
-TEST(Triangulation, sigmaIsThatOfRepeatedMeasurements) {
+TEST(Triangulation, sigmaMatchesRepeatedMeasurements) {
   const Eigen::Vector3d p(1, -0.5, 8);
   const Eigen::Isometry3d T = pose({0, 0.01, 0}, {0.7, 0, -1});
   std::mt19937 generator(13);
@@ -160,7 +160,7 @@ TEST(Triangulation, sigmaIsThatOfRepeatedMeasurements) {
   EXPECT_NEAR(std::sqrt(sum2 / n) / sigma, 1, 0.15);
 }
 
-TEST(Triangulation, withoutBaselineThereIsNoPoint) {
+TEST(Triangulation, isEmptyWithoutBaseline) {
   const Eigen::Vector3d ray(0.1, 0, 1);
   EXPECT_FALSE(triangulate(ray, {}));
   EXPECT_FALSE(triangulate(ray, {{Eigen::Isometry3d::Identity(), ray.head<2>(), 1e-3}}));

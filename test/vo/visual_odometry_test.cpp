@@ -50,12 +50,13 @@ SyntheticDrive::Options smallDrive(int frames) {
 }
 
 /// True metres per VO unit over the tracked frames [from, to).
-double scaleOver(const SyntheticDrive& truth, const DriveRun& run, std::size_t from,
+double scaleOver(const SyntheticDrive& ground_truth, const DriveRun& run, std::size_t from,
                  std::size_t to) {
   double metres = 0, units = 0;
   for (std::size_t i = from + 1; i < to; ++i) {
-    metres +=
-        (truth.frame(i).T_c0_c.translation() - truth.frame(i - 1).T_c0_c.translation()).norm();
+    metres += (ground_truth.frame(i).T_c0_c.translation() -
+               ground_truth.frame(i - 1).T_c0_c.translation())
+                  .norm();
     units += (run.frame(i).T_w_c.translation() - run.frame(i - 1).T_w_c.translation()).norm();
   }
   return metres / units;
@@ -63,19 +64,19 @@ double scaleOver(const SyntheticDrive& truth, const DriveRun& run, std::size_t f
 
 // Curves, a slope, a car ahead and oncoming ones, and a stop.
 TEST(VisualOdometry, followsTheSyntheticDrive) {
-  const SyntheticDrive truth(drive(120));
-  const DriveRun result = run(truth);
+  const SyntheticDrive ground_truth(drive(120));
+  const DriveRun result = run(ground_truth);
   std::size_t first = 0;
   while (result.frame(first).status != VoStatus::kTracking) ++first;
   ASSERT_LT(first, 10u);
   ASSERT_EQ(result.outputs[first].start.front().sequence, 0u);
   ASSERT_EQ(result.outputs[first].start.size(), first + 1);
-  const double scale = scaleOver(truth, result, first, truth.size());
-  for (std::size_t i = first; i < truth.size(); ++i) {
+  const double scale = scaleOver(ground_truth, result, first, ground_truth.size());
+  for (std::size_t i = first; i < ground_truth.size(); ++i) {
     const VoFrame& frame = result.frame(i);
     ASSERT_EQ(frame.status, VoStatus::kTracking) << i;
     EXPECT_EQ(frame.map_id, 0u);
-    const Eigen::Isometry3d& T = truth.frame(i).T_c0_c;
+    const Eigen::Isometry3d& T = ground_truth.frame(i).T_c0_c;
     EXPECT_LT(angleBetween(frame.T_w_c, T), 0.01) << i;
     const double distance = std::max(10.0, T.translation().norm());
     EXPECT_LT((scale * frame.T_w_c.translation() - T.translation()).norm(), 0.04 * distance) << i;
@@ -83,8 +84,8 @@ TEST(VisualOdometry, followsTheSyntheticDrive) {
 }
 
 TEST(VisualOdometry, featuresCarryTheirPointsAndAreOrderedById) {
-  const SyntheticDrive truth(drive(25));
-  const DriveRun result = run(truth);
+  const SyntheticDrive ground_truth(drive(25));
+  const DriveRun result = run(ground_truth);
   const VoFrame& frame = result.outputs.back().frame;
   ASSERT_EQ(frame.status, VoStatus::kTracking);
   std::vector<double> error;
@@ -104,11 +105,11 @@ TEST(VisualOdometry, featuresCarryTheirPointsAndAreOrderedById) {
   EXPECT_LT(error[error.size() / 2], 0.8);
 }
 
-// A poster hangs before the camera from frame 12 on and moves up, against everything else.
-TEST(VisualOdometry, whatIsGivenUpIsToldAndIsNoFeature) {
+// From frame 12 on a poster covers a part of the image and moves up, unlike the static scene.
+TEST(VisualOdometry, rejectedFeaturesAreReportedAndNotInTheFrame) {
   SyntheticDrive::Options options = drive(24);
   options.curvature = 0;
-  const SyntheticDrive truth(options);
+  const SyntheticDrive ground_truth(options);
   const auto poster = [](std::size_t i) {
     return cv::Rect(500, 170 - 6 * static_cast<int>(i), 120, 70);
   };
@@ -118,22 +119,22 @@ TEST(VisualOdometry, whatIsGivenUpIsToldAndIsNoFeature) {
   cv::normalize(paper, paper, 30, 220, cv::NORM_MINMAX);
 
   constexpr std::size_t kFirst = 12;
-  VisualOdometry odometry(truth.camera(), {});
+  VisualOdometry odometry(ground_truth.camera(), {});
   std::size_t covered = 0, outliers = 0;
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    cv::Mat image = truth.image(i);
+  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
+    cv::Mat image = ground_truth.image(i);
     if (i >= kFirst) paper.copyTo(image(poster(i)));
-    const VisualOdometry::Output output = odometry.process(image, truth.frame(i).stamp_ns);
-    std::set<std::uint64_t> given_up;
+    const VisualOdometry::Output output = odometry.process(image, ground_truth.frame(i).stamp_ns);
+    std::set<std::uint64_t> rejected_ids;
     for (const RejectedFeature& rejected : output.rejected) {
-      EXPECT_TRUE(given_up.insert(rejected.id).second) << "twice in frame " << i;
+      EXPECT_TRUE(rejected_ids.insert(rejected.id).second) << "twice in frame " << i;
       const bool on_poster = poster(i).contains(cv::Point2f(rejected.u.x(), rejected.u.y()));
       const bool outlier = rejected.reason == RejectReason::kOutlier;
       covered += i == kFirst && on_poster && !outlier;
       outliers += i > kFirst && on_poster && outlier;
     }
     for (const TrackedFeature& feature : output.frame.features) {
-      EXPECT_EQ(given_up.count(feature.id), 0u) << "given up, yet a feature of frame " << i;
+      EXPECT_EQ(rejected_ids.count(feature.id), 0u) << "rejected, yet a feature of frame " << i;
     }
     if (i >= kFirst) {
       EXPECT_EQ(output.frame.status, VoStatus::kTracking) << i;
@@ -143,22 +144,23 @@ TEST(VisualOdometry, whatIsGivenUpIsToldAndIsNoFeature) {
   EXPECT_GT(outliers, 30u);
 }
 
-TEST(VisualOdometry, standingStillNeitherMovesNorLosesTheMap) {
+TEST(VisualOdometry, standstillKeepsPoseAndMap) {
   SyntheticDrive::Options options = drive(130);
   options.stop_at_m = 25;
   options.stop_s = 5;
   options.moving_cars = true;
   options.slope = 0;
-  const SyntheticDrive truth(options);
-  const DriveRun result = run(truth);
+  const SyntheticDrive ground_truth(options);
+  const DriveRun result = run(ground_truth);
   std::size_t begin = 0;
-  while (begin < truth.size() && (begin < 10 || truth.frame(begin).speed > 0)) ++begin;
+  while (begin < ground_truth.size() && (begin < 10 || ground_truth.frame(begin).speed > 0))
+    ++begin;
   std::size_t end = begin;
-  while (end < truth.size() && truth.frame(end).speed == 0) ++end;
+  while (end < ground_truth.size() && ground_truth.frame(end).speed == 0) ++end;
   ASSERT_GE(end - begin, 50u);
-  ASSERT_LT(end + 20, truth.size());
-  const double scale = scaleOver(truth, result, 10, begin);
-  for (std::size_t i = begin; i < truth.size(); ++i) {
+  ASSERT_LT(end + 20, ground_truth.size());
+  const double scale = scaleOver(ground_truth, result, 10, begin);
+  for (std::size_t i = begin; i < ground_truth.size(); ++i) {
     ASSERT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
     EXPECT_EQ(result.frame(i).map_id, 0u);
     if (i >= end) continue;
@@ -166,14 +168,14 @@ TEST(VisualOdometry, standingStillNeitherMovesNorLosesTheMap) {
         result.frame(i).T_w_c.translation() - result.frame(begin).T_w_c.translation();
     EXPECT_LT(scale * moved.norm(), 0.05) << i;
   }
-  EXPECT_NEAR(scaleOver(truth, result, end, truth.size()) / scale, 1, 0.03);
+  EXPECT_NEAR(scaleOver(ground_truth, result, end, ground_truth.size()) / scale, 1, 0.03);
 }
 
-TEST(VisualOdometry, standingFromTheStartIsInitialisingAndThenStarts) {
+TEST(VisualOdometry, initialisesAfterAStandstillAtTheStart) {
   SyntheticDrive::Options options = drive(30);
-  const SyntheticDrive truth(options);
-  VisualOdometry odometry(truth.camera(), {});
-  const cv::Mat first = truth.image(0);
+  const SyntheticDrive ground_truth(options);
+  VisualOdometry odometry(ground_truth.camera(), {});
+  const cv::Mat first = ground_truth.image(0);
   std::int64_t stamp = 0;
   for (int i = 0; i < 10; ++i, stamp += 100'000'000) {
     EXPECT_EQ(odometry.process(first, stamp).frame.status, VoStatus::kInitialising);
@@ -181,9 +183,9 @@ TEST(VisualOdometry, standingFromTheStartIsInitialisingAndThenStarts) {
   VisualOdometry::Output output;
   std::size_t i = 1;
   do {
-    output = odometry.process(truth.image(i++), stamp);
+    output = odometry.process(ground_truth.image(i++), stamp);
     stamp += 100'000'000;
-  } while (output.frame.status == VoStatus::kInitialising && i < truth.size());
+  } while (output.frame.status == VoStatus::kInitialising && i < ground_truth.size());
   ASSERT_EQ(output.frame.status, VoStatus::kTracking);
   EXPECT_EQ(output.start.front().sequence, 0u);
   // The frames at rest have the pose of the first.
@@ -191,9 +193,9 @@ TEST(VisualOdometry, standingFromTheStartIsInitialisingAndThenStarts) {
             0.1 * output.start.back().T_w_c.translation().norm());
 }
 
-TEST(VisualOdometry, turningOnTheSpotStartsNoMap) {
-  const SyntheticDrive truth(drive(1));
-  const PinholeCamera camera = truth.camera();
+TEST(VisualOdometry, pureRotationStartsNoMap) {
+  const SyntheticDrive ground_truth(drive(1));
+  const PinholeCamera camera = ground_truth.camera();
   const cv::Matx33d K(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
   VisualOdometry odometry(camera, {});
   for (int i = 0; i < 25; ++i) {
@@ -201,78 +203,81 @@ TEST(VisualOdometry, turningOnTheSpotStartsNoMap) {
     const cv::Matx33d turn(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
                            R(2, 2));
     cv::Mat image;
-    cv::warpPerspective(truth.image(0), image, K * turn * K.inv(), truth.image(0).size(),
-                        cv::INTER_CUBIC);
+    cv::warpPerspective(ground_truth.image(0), image, K * turn * K.inv(),
+                        ground_truth.image(0).size(), cv::INTER_CUBIC);
     EXPECT_EQ(odometry.process(image, i * 100'000'000LL).frame.status, VoStatus::kInitialising)
         << i;
   }
 }
 
-TEST(VisualOdometry, blindFramesAreLostAndTrackingComesBack) {
+TEST(VisualOdometry, blackFramesAreLostAndTrackingResumes) {
   SyntheticDrive::Options options = drive(90);
   options.stop_s = 0;
   options.black_first = 40;
   options.black_frames = 10;
-  const SyntheticDrive truth(options);
-  const DriveRun result = run(truth);
+  const SyntheticDrive ground_truth(options);
+  const DriveRun result = run(ground_truth);
   ASSERT_EQ(result.frame(39).status, VoStatus::kTracking);
   for (std::size_t i = 40; i < 50; ++i) EXPECT_EQ(result.frame(i).status, VoStatus::kLost) << i;
   std::size_t back = 50;
-  while (back < truth.size() && result.frame(back).status != VoStatus::kTracking) ++back;
+  while (back < ground_truth.size() && result.frame(back).status != VoStatus::kTracking) ++back;
   EXPECT_LT(back, 60u);
-  for (std::size_t i = back; i < truth.size(); ++i) {
+  for (std::size_t i = back; i < ground_truth.size(); ++i) {
     EXPECT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
   }
-  const std::size_t last = truth.size() - 1;
+  const std::size_t last = ground_truth.size() - 1;
   const Eigen::Isometry3d moved = result.frame(back).T_w_c.inverse() * result.frame(last).T_w_c;
   const Eigen::Isometry3d true_moved =
-      truth.frame(back).T_c0_c.inverse() * truth.frame(last).T_c0_c;
+      ground_truth.frame(back).T_c0_c.inverse() * ground_truth.frame(last).T_c0_c;
   EXPECT_LT(angleBetween(moved, true_moved), 0.01);
   EXPECT_GT(moved.translation().normalized().dot(true_moved.translation().normalized()),
             std::cos(0.03));
 }
 
-TEST(VisualOdometry, aStepOfTheExposureLosesNothing) {
-  const SyntheticDrive truth(smallDrive(45));
-  VisualOdometry odometry(truth.camera(), {});
+TEST(VisualOdometry, tracksThroughStepsOfTheExposure) {
+  const SyntheticDrive ground_truth(smallDrive(45));
+  VisualOdometry odometry(ground_truth.camera(), {});
   DriveRun result;
-  for (std::size_t i = 0; i < truth.size(); ++i) {
+  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
     const double gain = i < 12 ? 1 : i < 19 ? 0.4 : i < 26 ? 1 : i < 33 ? 2.5 : i % 2 ? 0.6 : 1.5;
     cv::Mat image;
-    truth.image(i).convertTo(image, CV_8U, gain);
-    result.outputs.push_back(odometry.process(image, truth.frame(i).stamp_ns));
+    ground_truth.image(i).convertTo(image, CV_8U, gain);
+    result.outputs.push_back(odometry.process(image, ground_truth.frame(i).stamp_ns));
     if (i < 10) continue;
     EXPECT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
     EXPECT_EQ(result.frame(i).map_id, 0u) << i;
   }
-  EXPECT_NEAR(scaleOver(truth, result, 26, 45) / scaleOver(truth, result, 10, 26), 1, 0.03);
+  EXPECT_NEAR(scaleOver(ground_truth, result, 26, 45) / scaleOver(ground_truth, result, 10, 26), 1,
+              0.03);
 }
 
-// Blind for four seconds behind a car: it is at the same place in the picture before and after.
-TEST(VisualOdometry, whatMovesAlongDoesNotHideThatWayWasMissed) {
-  const SyntheticDrive truth(faultDrive(1, 21).options);
-  VisualOdometry odometry(truth.camera(), {});
+// Four seconds of black images behind a car, which is at the same place in the image before and
+// after: its features must not yield a pose in the old map.
+TEST(VisualOdometry, aCarAheadDoesNotHideAnInterruption) {
+  const SyntheticDrive ground_truth(faultDrive(1, 21).options);
+  VisualOdometry odometry(ground_truth.camera(), {});
   std::set<std::uint32_t> maps;
   for (std::size_t i = 95; i < 182; ++i) {
-    const bool blind = i >= 130 && i < 171;
+    const bool black = i >= 130 && i < 171;
     const cv::Mat image =
-        blind ? cv::Mat::zeros(truth.camera().height, truth.camera().width, CV_8U) : truth.image(i);
-    const VoFrame frame = odometry.process(image, truth.frame(i).stamp_ns).frame;
+        black ? cv::Mat::zeros(ground_truth.camera().height, ground_truth.camera().width, CV_8U)
+              : ground_truth.image(i);
+    const VoFrame frame = odometry.process(image, ground_truth.frame(i).stamp_ns).frame;
     if (i > 170 && frame.status == VoStatus::kTracking) maps.insert(frame.map_id);
   }
   EXPECT_EQ(maps, std::set<std::uint32_t>{1});
 }
 
 TEST(VisualOdometry, aCutToAnotherPlaceStartsANewMap) {
-  const SyntheticDrive truth(drive(20));
+  const SyntheticDrive ground_truth(drive(20));
   SyntheticDrive::Options other_options = drive(30);
   other_options.random_seed = 77;
   other_options.curvature = 0;
   const SyntheticDrive other(other_options);
-  VisualOdometry odometry(truth.camera(), {});
+  VisualOdometry odometry(ground_truth.camera(), {});
   std::int64_t stamp = 0;
-  for (std::size_t i = 0; i < truth.size(); ++i, stamp += 100'000'000) {
-    odometry.process(truth.image(i), stamp);
+  for (std::size_t i = 0; i < ground_truth.size(); ++i, stamp += 100'000'000) {
+    odometry.process(ground_truth.image(i), stamp);
   }
   std::vector<VoFrame> frames;
   for (std::size_t i = 0; i < other.size(); ++i, stamp += 100'000'000) {
@@ -284,9 +289,9 @@ TEST(VisualOdometry, aCutToAnotherPlaceStartsANewMap) {
 }
 
 TEST(VisualOdometry, sameImagesGiveTheSameBytes) {
-  const SyntheticDrive truth(drive(25));
-  const DriveRun a = run(truth), b = run(truth);
-  for (std::size_t i = 0; i < truth.size(); ++i) {
+  const SyntheticDrive ground_truth(drive(25));
+  const DriveRun a = run(ground_truth), b = run(ground_truth);
+  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
     EXPECT_EQ(a.frame(i).T_w_c.matrix(), b.frame(i).T_w_c.matrix());
     ASSERT_EQ(a.frame(i).features.size(), b.frame(i).features.size());
     for (std::size_t k = 0; k < a.frame(i).features.size(); ++k) {
@@ -295,7 +300,7 @@ TEST(VisualOdometry, sameImagesGiveTheSameBytes) {
   }
 }
 
-TEST(VisualOdometry, refusesWrongImagesAndOptions) {
+TEST(VisualOdometry, rejectsWrongImagesAndOptions) {
   const PinholeCamera camera = test::testCamera();
   VisualOdometry odometry(camera, {});
   EXPECT_THROW(odometry.process(cv::Mat(), 0), OptionError);
@@ -307,7 +312,7 @@ TEST(VisualOdometry, refusesWrongImagesAndOptions) {
   EXPECT_THROW(VisualOdometry({}, {}), OptionError);
 }
 
-TEST(VisualOdometry, imagesWithoutTextureAreNoError) {
+TEST(VisualOdometry, texturelessImagesKeepInitialising) {
   const PinholeCamera camera = test::testCamera();
   VisualOdometry odometry(camera, {});
   for (int i = 0; i < 5; ++i) {

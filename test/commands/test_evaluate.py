@@ -33,8 +33,8 @@ def test_wrong_arguments(short, tmp_path, text, arguments):
 
 
 def test_misspelt_option(short, tmp_path):
-    assert_refused(2, "did you mean tracker/cell_size?", RUN_SEQUENCE, short, "--camera-height", 1.65,
-                   "--out", tmp_path, "--set", "tracker/cel=1")
+    assert_refused(2, "did you mean tracker/cell_size?", RUN_SEQUENCE, short, "--camera-height",
+                   1.65, "--out", tmp_path, "--set", "tracker/cel_size=1")
 
 
 def test_results_over_the_data(short):

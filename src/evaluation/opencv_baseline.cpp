@@ -33,7 +33,7 @@ std::string measureOpencvBaseline(const std::vector<std::vector<cv::Point2f>>& p
 
     std::vector<cv::Point2f> corners;
     cv::goodFeaturesToTrack(current, corners, std::max(1, static_cast<int>(points[i].size())),
-                            kCornerQuality, options.cell * current.cols / 2);
+                            kCornerQuality, options.cell_size * current.cols / 2);
     const double detect_ms = watch.lapMs();
 
     std::vector<cv::Point2f> found;

@@ -66,7 +66,7 @@ void planeFit(benchmark::State& state) {
 BENCHMARK(planeFit)->Apply(features);
 
 /// A new frame against the kept ones, at the image's size.
-void planeRefinement(benchmark::State& state) {
+void directPlaneEstimation(benchmark::State& state) {
   RoadScene scene = road(400);
   const double scale = static_cast<double>(state.range(0)) / scene.camera.width;
   scene.camera.width = static_cast<int>(state.range(0));
@@ -76,7 +76,7 @@ void planeRefinement(benchmark::State& state) {
   }
   const NormalPrior prior = priorOf(scene);
   const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
-  DirectPlaneEstimator refinement({});
+  DirectPlaneEstimator estimator({});
   constexpr std::uint32_t kKept = 4, kMeasured = 4;
   std::vector<cv::Mat> images;
   for (std::uint32_t i = 0; i < kKept + kMeasured; ++i) {
@@ -87,18 +87,18 @@ void planeRefinement(benchmark::State& state) {
   for (auto _ : state) {
     if (next == 0 || next == images.size()) {
       state.PauseTiming();
-      refinement.reset();
+      estimator.reset();
       for (next = 0; next < kKept; ++next) {
-        refinement.align(scene.frame(next), images[next], prior, chord, scene.height);
+        estimator.estimate(scene.frame(next), images[next], prior, chord, scene.height);
       }
       state.ResumeTiming();
     }
-    result = refinement.align(scene.frame(next), images[next], prior, chord, scene.height);
+    result = estimator.estimate(scene.frame(next), images[next], prior, chord, scene.height);
     ++next;
   }
-  state.counters["tiles"] = result.tiles;
+  state.counters["patches"] = result.patches;
 }
-BENCHMARK(planeRefinement)
+BENCHMARK(directPlaneEstimation)
     ->ArgName("width")
     ->Arg(620)
     ->Arg(1241)

@@ -3,7 +3,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Validates before anything is built from them.
+/// Both stages' options are checked before the first stage is built.
 const MetricOdometry::Options& validated(const MetricOdometry::Options& options) {
   options.validate();
   return options;
@@ -16,6 +16,11 @@ void MetricOdometry::Options::validate() const {
   scale.validate();
 }
 
+MetricOdometry::Status MetricOdometry::Output::status() const {
+  if (scale.pose) return Status::kTracking;
+  return vo.frame.status == VoStatus::kLost ? Status::kLost : Status::kInitialising;
+}
+
 MetricOdometry::MetricOdometry(const PinholeCamera& camera, const Options& options)
     : vo_(camera, validated(options).vo), scale_(options.scale) {}
 
@@ -24,6 +29,18 @@ MetricOdometry::Output MetricOdometry::process(const cv::Mat& image, std::int64_
   output.vo = vo_.process(image, stamp_ns);
   output.scale = scale_.process(output.vo.frame, image);
   return output;
+}
+
+const char* toString(MetricOdometry::Status status) {
+  switch (status) {
+    case MetricOdometry::Status::kInitialising:
+      return "initialising";
+    case MetricOdometry::Status::kTracking:
+      return "tracking";
+    case MetricOdometry::Status::kLost:
+      return "lost";
+  }
+  return "invalid";
 }
 
 }  // namespace ground_scale_vo

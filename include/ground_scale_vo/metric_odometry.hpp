@@ -2,15 +2,25 @@
 
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <optional>
 
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
 namespace ground_scale_vo {
 
-/// The whole pipeline without ROS: rectified images in, metric poses out. The same two stages as
-/// the nodelets run, one after the other for every image. Causal and deterministic: the same
-/// images give the same bytes. Not thread safe.
+/// The whole pipeline without ROS: rectified images in, metric poses out. It runs the two stages of
+/// the nodelets one after the other for every image.
+///
+///     PinholeCamera camera{1241, 376, 718.9, 718.9, 607.2, 185.2};  // width height fx fy cx cy
+///     MetricOdometry::Options options;
+///     options.scale.camera_height = 1.65;  // [m] above the road
+///     MetricOdometry odometry(camera, options);
+///     const MetricOdometry::Output output = odometry.process(image, stamp_ns);
+///     if (output.pose()) use(output.pose()->T_o_c, output.pose()->covariance);
+///
+/// Causal (a pose never uses later images) and deterministic (the same images give the same bytes).
+/// Not thread safe; instances are independent.
 class MetricOdometry {
  public:
   struct Options {
@@ -25,22 +35,33 @@ class MetricOdometry {
     void validate() const;
   };
 
+  enum class Status : std::uint8_t {
+    kInitialising,  ///< no map or no scale yet: needs motion and a visible road
+    kTracking,      ///< pose() is valid
+    kLost           ///< no pose; a new map starts by itself and continues from the last pose
+  };
+
   struct Output {
-    VisualOdometry::Output vo;  ///< features and the pose up to scale
-    ScaleRecovery::Output
-        scale;  ///< scale, ground plane and, once the scale is known, the pose [m]
+    VisualOdometry::Output vo;    ///< features, and the pose up to scale
+    ScaleRecovery::Output scale;  ///< scale, ground plane and metric pose
+
+    Status status() const;
+    /// Metric pose with covariance, velocity and distance; empty unless status() is kTracking.
+    const std::optional<MetricPose>& pose() const { return scale.pose; }
   };
 
   /// camera: of the rectified images. Throws OptionError.
   MetricOdometry(const PinholeCamera& camera, const Options& options);
 
-  /// image: 8-bit, one channel, the camera's size, rectified (throws OptionError otherwise).
-  /// Precondition: stamps grow.
+  /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size, rectified
+  /// (throws OptionError otherwise). stamp_ns: [ns]; greater than that of the previous image.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
  private:
   VisualOdometry vo_;
   ScaleRecovery scale_;
 };
+
+const char* toString(MetricOdometry::Status status);  ///< "initialising", "tracking", "lost"
 
 }  // namespace ground_scale_vo

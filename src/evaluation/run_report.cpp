@@ -157,7 +157,7 @@ std::string timingCsv(const RunRecord& record) {
     stream << i << ',' << frame.decode_ms << ',' << vo.pyramid << ',' << vo.track << ','
            << vo.adjustment_wait << ',' << vo.align << ',' << vo.pose << ',' << vo.detect << ','
            << vo.triangulate << ',' << vo.bundle_adjustment << ',' << vo.total << ','
-           << scale.delaunay << ',' << scale.gpe << ',' << scale.gpa << ',' << scale.refine << ','
+           << scale.delaunay << ',' << scale.gpe << ',' << scale.gpa << ',' << scale.direct << ','
            << scale.filter << ',' << scale.total << ',' << totalTime(frame) << '\n';
   }
   return stream.str();

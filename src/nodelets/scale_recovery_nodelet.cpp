@@ -66,7 +66,7 @@ void ScaleRecoveryNodelet::onInit() {
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
 
   reset_server_ = handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
-  if (params_.scale.refine && !params_.scale.paper_literal) {
+  if (params_.scale.resolved().refine) {
     useImages(handle, private_handle);
   }
   // Last: who sees this subscription knows that no image is missed.
@@ -195,7 +195,7 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
   ++processed_;
   last_had_image_ = !picture.empty();
   if (last_had_image_) ++with_image_;
-  if (output.pixels.height > 0) ++refined_;
+  if (output.direct.height > 0) ++refined_;
   last_scale_ = output.scale;
   last_stamp_ = header.stamp;
   if (output.scale.status == ScaleStatus::kOk) last_measured_ = last_stamp_;

@@ -153,8 +153,8 @@ void drawScale(cv::Mat& picture, const ScaleRecovery::Output& output) {
     first += cv::format(": one VO unit is %.4g m +- %.1f %%", scale.scale,
                         100 * scale.sigma / scale.scale);
   }
-  std::string second =
-      "this frame: points " + percentOf(output.points) + ", pixels " + percentOf(output.pixels);
+  std::string second = "this frame: features " + percentOf(output.feature_based) + ", direct " +
+                       percentOf(output.direct);
   if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
   cv::rectangle(picture, cv::Rect(0, 0, 462, 34), kLegendGround, cv::FILLED);
   write(picture, first, {8, 14}, 0.38);

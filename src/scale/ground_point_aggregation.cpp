@@ -26,14 +26,14 @@ void GroundPointAggregation::add(const Eigen::Isometry3d& T_w_c, double travelle
 
 std::vector<PlanePoint> GroundPointAggregation::window(const Eigen::Isometry3d& T_w_c) const {
   std::vector<PlanePoint> points;
-  std::unordered_set<std::uint64_t> seen;  // asked for membership alone: its order does not matter
+  std::unordered_set<std::uint64_t> seen;  // only tested for membership: its order has no effect
   const Eigen::Isometry3d T_c_w = T_w_c.inverse();
   for (auto frame = queue_.rbegin(); frame != queue_.rend(); ++frame) {  // lines 10-13
     const Eigen::Isometry3d T_c_f = T_c_w * frame->T_w_c;
     for (const GroundPoint& point : frame->points) {
       if (points.size() >= static_cast<std::size_t>(options_.max_points)) return points;
-      if (options_.feature_once && !seen.insert(point.id).second) continue;
-      // Eq. 5, but into the axes of the newest camera: a world frame's origin means nothing here.
+      if (options_.unique_features && !seen.insert(point.id).second) continue;
+      // Eq. 5, but into the camera frame: the fit then does not depend on the world's origin.
       points.push_back({T_c_f * point.p_c, T_c_f.translation(), point.p_c.z(), point.depth_sigma});
     }
   }
@@ -45,7 +45,7 @@ GroundPointAggregation::Result GroundPointAggregation::estimate(const Eigen::Iso
                                                                 const NormalPrior& prior,
                                                                 double height_hint) {
   while (!queue_.empty() &&
-         travelled - queue_.front().travelled > options_.window_h * height_hint) {
+         travelled - queue_.front().travelled > options_.window_heights * height_hint) {
     queue_.pop_front();
   }
   Result result;

@@ -15,11 +15,15 @@ namespace {
 
 using Triangle = std::array<std::uint32_t, 3>;
 
-/// Triples flatter than this (sine of the angle at the first corner) have no normal to speak of.
+/// Odd constant (2^64 over the golden ratio) that separates the sequences of consecutive seeds.
+constexpr std::uint64_t kSeedMultiplier = 0x9E3779B97F4A7C15ull;
+
+/// Least sine of the angle at the first corner: the normal of a flatter triangle (about 1 degree)
+/// is dominated by the noise of its points.
 constexpr double kMinSine = 0.02;
 
-/// Eq. 1 and 2 for three points in camera axes; the normal is turned up (y is down), so Eq. 2 gives
-/// h > 0 exactly when the plane lies under the camera. Empty for a degenerate triple, or when not.
+/// Eq. 1 and 2 for three points in camera axes. The normal is oriented upwards (y is down), so h >
+/// 0 exactly when the plane lies below the camera; otherwise, and for degenerate triples, empty.
 std::optional<GroundPlane> planeThrough(const Eigen::Vector3d& x1, const Eigen::Vector3d& x2,
                                         const Eigen::Vector3d& x3) {
   const Eigen::Vector3d a = x1 - x2;
@@ -34,23 +38,23 @@ std::optional<GroundPlane> planeThrough(const Eigen::Vector3d& x1, const Eigen::
   return plane;
 }
 
-/// Angle by which the normal is turned from the prior's about its lateral axis (first) and about
-/// its forward axis (second) [rad].
+/// Absolute pitch (first) and roll (second) of a normal against the prior [rad].
 std::pair<double, double> tilt(const Eigen::Vector3d& n_c, const NormalPrior& prior) {
   const double up = n_c.dot(prior.n_c);
   return {std::abs(std::atan2(n_c.dot(prior.forward_c), up)),
           std::abs(std::atan2(n_c.dot(prior.lateral()), up))};
 }
 
-/// Alg. 1 line 1. Triangles as indices into `features`; each of `chosen` is used once, and of
-/// several at one pixel the first.
+/// Alg. 1 line 1: Delaunay triangles as indices into `features`, of those listed in `chosen`. Of
+/// several features at one pixel the first is used.
 std::vector<Triangle> delaunay(const PinholeCamera& camera,
                                const std::vector<TrackedFeature>& features,
                                const std::vector<std::uint32_t>& chosen) {
   std::vector<Triangle> triangles;
   if (chosen.size() < 3) return triangles;
   cv::Subdiv2D subdivision(cv::Rect(-1, -1, camera.width + 2, camera.height + 2));
-  std::vector<std::uint32_t> feature_of_vertex;  // by Subdiv2D's vertex id, the first few its own
+  // By Subdiv2D's vertex id; the first few vertices are its own outer triangle.
+  std::vector<std::uint32_t> feature_of_vertex;
   constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   for (const std::uint32_t i : chosen) {
     const int vertex = subdivision.insert(cv::Point2f(features[i].u.x(), features[i].u.y()));
@@ -80,19 +84,20 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
 
 void GroundPointExtraction::Options::validate() const {
   visitParameters(*this, RangeCheck("gpe/"));
-  requireInRange("gpe/max_ahead_h", max_ahead_h, min_ahead_h, 10000);
-  requireInRange("gpe/max_lateral_h", max_lateral_h, lane_h, 1000);
+  requireInRange("gpe/max_ahead_heights", max_ahead_heights, min_ahead_heights, 10000);
+  requireInRange("gpe/max_half_width_heights", max_half_width_heights, lane_half_width_heights,
+                 1000);
 }
 
 GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(options) {
   options_.validate();
 }
 
-/// Features that can lie on the road: with a point, inside the image, and with a ray that meets the
-/// expected plane inside the region. (On that plane a pixel's depth in camera heights is
-/// -1 / (n . r), without the height being known.) The narrow region when enough lie in it.
-std::vector<std::uint32_t> GroundPointExtraction::candidates(const VoFrame& frame,
-                                                             const NormalPrior& prior) const {
+/// Indices of the features with a point whose ray meets the expected plane in the region of
+/// interest: the narrow one if it contains enough of them. On that plane the depth of a ray r in
+/// camera heights is -1 / (n . r), so the height need not be known.
+std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& frame,
+                                                               const NormalPrior& prior) const {
   const Eigen::Vector3d lateral = prior.lateral();
   std::vector<std::uint32_t> wide, lane;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
@@ -104,16 +109,26 @@ std::vector<std::uint32_t> GroundPointExtraction::candidates(const VoFrame& fram
     }
     const Eigen::Vector3d ray = frame.camera.ray(feature.u.cast<double>());
     const double down = -prior.n_c.dot(ray);
-    const double ahead_h = prior.forward_c.dot(ray) / down;
-    const double lateral_h = std::abs(lateral.dot(ray)) / down;
-    if (!(down > 0 && std::abs(ahead_h) >= options_.min_ahead_h &&
-          std::abs(ahead_h) <= options_.max_ahead_h && lateral_h <= options_.max_lateral_h)) {
+    const double ahead = prior.forward_c.dot(ray) / down;
+    const double beside = std::abs(lateral.dot(ray)) / down;
+    if (!(down > 0 && std::abs(ahead) >= options_.min_ahead_heights &&
+          std::abs(ahead) <= options_.max_ahead_heights &&
+          beside <= options_.max_half_width_heights)) {
       continue;
     }
     wide.push_back(static_cast<std::uint32_t>(i));
-    if (lateral_h <= options_.lane_h) lane.push_back(static_cast<std::uint32_t>(i));
+    if (beside <= options_.lane_half_width_heights) lane.push_back(static_cast<std::uint32_t>(i));
   }
-  return lane.size() >= static_cast<std::size_t>(options_.lane_points) ? lane : wide;
+  return lane.size() >= static_cast<std::size_t>(options_.min_lane_features) ? lane : wide;
+}
+
+/// theta_1 of Alg. 1 line 10 for a triangle's own normal, relative to the mounting. The printed
+/// test of the frame's rotation replaces it with frame_pitch_test.
+bool GroundPointExtraction::isTilted(const GroundPlane& plane, const NormalPrior& prior,
+                                     double roll_tolerance) const {
+  if (options_.frame_pitch_test) return false;
+  const auto [pitch, roll] = tilt(plane.n_c, prior);
+  return pitch >= options_.pitch_tolerance_rad || roll >= roll_tolerance;
 }
 
 GroundPointExtraction::Result GroundPointExtraction::extract(
@@ -122,12 +137,12 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
   Result result;
   const Stopwatch watch;
   const std::vector<Triangle> triangles =
-      delaunay(frame.camera, frame.features, candidates(frame, prior));  // Alg. 1 line 1
+      delaunay(frame.camera, frame.features, selectRegion(frame, prior));  // Alg. 1 line 1
   result.delaunay_ms = watch.ms();
   result.triangles = static_cast<int>(triangles.size());
   if (triangles.empty()) return result;
 
-  // Eq. 3 as printed: one relative rotation for all triangles, so it selects frames.
+  // Eq. 3 as printed: the rotation between frames, so it selects frames and not triangles.
   const Eigen::Matrix3d R = last_motion.linear();
   const bool frame_is_level =
       !options_.frame_pitch_test ||
@@ -141,10 +156,7 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
         frame.features[triangle[1]].p_c.cast<double>(),
         frame.features[triangle[2]].p_c.cast<double>());  // lines 8-9; h > 0 of line 10
     if (!plane || !frame_is_level) continue;
-    if (!options_.frame_pitch_test) {  // theta_1 of line 10, for the triangle's own normal
-      const auto [pitch, roll] = tilt(plane->n_c, prior);
-      if (pitch >= options_.pitch_tolerance_rad || roll >= options_.roll_tolerance_rad) continue;
-    }
+    if (isTilted(*plane, prior, options_.roll_tolerance_rad)) continue;  // theta_1 of line 10
     // Line 11 (Eq. 3): |90 deg - angle(n, t)| < theta_2.
     if (chord && std::abs(std::asin(std::clamp(plane->n_c.dot(chord->direction_c), -1.0, 1.0))) >=
                      options_.motion_tolerance_rad) {
@@ -159,15 +171,15 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
     result.points.push_back(
         {feature.id, feature.p_c.cast<double>(), static_cast<double>(feature.depth_sigma)});
   }
-  // Every frame has its own random sequence, so a frame's result does not depend on earlier ones.
-  ransac(options_.random_seed * 0x9E3779B97F4A7C15ull + frame.sequence, prior, &result);
+  // A seed for each frame, so that its result does not depend on earlier frames.
+  ransac(options_.random_seed * kSeedMultiplier + frame.sequence, prior, &result);
   if (result.status != ScaleReason::kNone) result.points.clear();
   return result;
 }
 
-/// Alg. 1 lines 17-33: keeps those of result->points that lie on the best plane through three of
-/// them. Best is the least total distance, truncated at the threshold (Eq. 4; without the
-/// truncation one outlier decides), or the most inliers (line 28).
+/// Alg. 1 lines 17-33: keeps the points of *result that lie on the best plane through three of
+/// them: that with the least total distance, truncated at the threshold (Eq. 4; untruncated, one
+/// outlier would decide), or with the most inliers (line 28).
 void GroundPointExtraction::ransac(std::uint64_t seed, const NormalPrior& prior,
                                    Result* result) const {
   std::vector<GroundPoint>& points = result->points;
@@ -175,12 +187,12 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const NormalPrior& prior,
   result->status = ScaleReason::kTooFewGroundPoints;
   if (n < static_cast<std::size_t>(options_.min_points)) return;  // line 18
 
-  // A point's depth error as a share of its depth is, for a point near the plane, the error of its
-  // distance as a share of the height.
+  // For a point near the plane, the relative error of its depth is that of its distance from the
+  // plane over the height.
   std::vector<double> threshold(n);
   for (std::size_t i = 0; i < n; ++i) {
     threshold[i] =
-        std::hypot(options_.plane_threshold_h,
+        std::hypot(options_.plane_threshold_heights,
                    options_.plane_threshold_sigma * points[i].depth_sigma / points[i].p_c.z());
   }
   std::mt19937_64 random(seed);
@@ -192,10 +204,7 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const NormalPrior& prior,
     const std::optional<GroundPlane> plane =
         planeThrough(points[i1].p_c, points[i2].p_c, points[i3].p_c);  // line 21
     if (!plane) continue;
-    if (!options_.frame_pitch_test) {
-      const auto [pitch, roll] = tilt(plane->n_c, prior);
-      if (pitch >= options_.pitch_tolerance_rad || roll >= options_.pitch_tolerance_rad) continue;
-    }
+    if (isTilted(*plane, prior, options_.pitch_tolerance_rad)) continue;
     double cost = 0;
     for (std::size_t g = 0; g < n; ++g) {  // lines 22-27
       const double distance = std::abs(plane->n_c.dot(points[g].p_c) + plane->height) /

@@ -11,9 +11,9 @@ LaneRegion::LaneRegion(const NormalPrior& prior, const std::optional<MotionHisto
   ahead_ = reverse ? Eigen::Vector3d(-prior.forward_c) : prior.forward_c;
   left_ = up_.cross(ahead_);
   if (chord && height > 0) {
-    // In reverse the strip is the way already made, and bends to the other side.
-    lag_ = (reverse ? -1 : 1) * chord->length / height;
-    curvature_ = up_.dot(chord->turn_c) / lag_;
+    // In reverse the region is the path already driven, and curves the other way.
+    chord_length_ = (reverse ? -1 : 1) * chord->length / height;
+    curvature_ = up_.dot(chord->turn_c) / chord_length_;
   }
 }
 
@@ -22,7 +22,7 @@ bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
   if (!(down > 0)) return false;
   const double ahead = ahead_.dot(ray) / down;
   if (ahead < min_ahead_ || ahead > max_ahead_) return false;
-  const double path = 0.5 * curvature_ * ahead * (ahead + lag_);
+  const double path = 0.5 * curvature_ * ahead * (ahead + chord_length_);
   return std::abs(left_.dot(ray) / down - path) <= half_width_;
 }
 

@@ -30,11 +30,11 @@ std::optional<MotionHistory::Chord> MotionHistory::chord(double min_length) cons
   auto start = poses_.rbegin() + 1;
   while (start + 1 != poses_.rend() && travelled_ - start->travelled < min_length) ++start;
   const Eigen::Isometry3d& T_w_c = poses_.back().T_w_c;
-  const Eigen::Vector3d way_w = T_w_c.translation() - start->T_w_c.translation();
-  const double length = way_w.norm();
+  const Eigen::Vector3d chord_w = T_w_c.translation() - start->T_w_c.translation();
+  const double length = chord_w.norm();
   if (!(length > 0)) return std::nullopt;
   const Eigen::AngleAxisd turn(start->T_w_c.linear().transpose() * T_w_c.linear());
-  return Chord{T_w_c.linear().transpose() * way_w / length, length, turn.angle() * turn.axis()};
+  return Chord{T_w_c.linear().transpose() * chord_w / length, length, turn.angle() * turn.axis()};
 }
 
 void MotionHistory::reset() {

@@ -21,18 +21,21 @@
 namespace ground_scale_vo {
 namespace {
 
-/// The residuals' spread is taken as no less than this share of what their sigmas say, so that
-/// exact points keep a finite weight.
-constexpr double kMinSpread = 0.05;
+/// Lower bound of the residuals' robust scale relative to their expected standard deviations, so
+/// that exact points keep finite weights.
+constexpr double kMinRobustScale = 0.05;
 
-/// Points whose scatter across their main direction is below this share of that along it lie on a
-/// line, and no three of them make a plane.
-constexpr double kMinScatterRatio = 1e-3;
+/// From then on the robust scale is fixed, otherwise the set of inliers may oscillate.
+constexpr int kRobustScaleIterations = 5;
 
-/// Then the spread stays as it is, or the set of reserved points may never settle.
-constexpr int kSpreadIterations = 5;
+/// Relative step of m at which the fit has converged, far below any error of the measurements.
+constexpr double kConvergedStep = 1e-9;
 
-/// The value at which half of the weight lies below.
+/// Points whose standard deviation across their main direction is below this share of that along
+/// it lie on a line and define no plane.
+constexpr double kMinAspectRatio = 1e-3;
+
+/// Precondition: not empty.
 double weightedMedian(std::vector<std::pair<double, double>> value_and_weight) {
   std::sort(value_and_weight.begin(), value_and_weight.end());
   const double half =
@@ -55,10 +58,10 @@ bool isCollinear(const std::vector<PlanePoint>& points) {
   }
   const Eigen::Vector3d eigenvalues =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter, Eigen::EigenvaluesOnly).eigenvalues();
-  return !(eigenvalues(1) > kMinScatterRatio * kMinScatterRatio * eigenvalues(2));
+  return !(eigenvalues(1) > kMinAspectRatio * kMinAspectRatio * eigenvalues(2));
 }
 
-/// PCL prints a line for every degenerate triple it draws; not into our users' terminals.
+/// Silences PCL, which prints a line for every degenerate sample, while it exists.
 class QuietPcl {
  public:
   QuietPcl() { pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS); }
@@ -70,9 +73,8 @@ class QuietPcl {
   const pcl::console::VERBOSITY_LEVEL before_ = pcl::console::getVerbosityLevel();
 };
 
-/// RANSAC for the start, with PCL. Deterministic: PCL seeds its generator with a constant unless
-/// told otherwise (random = false), and one thread is used. Points are handed over in camera
-/// heights.
+/// RANSAC plane from PCL, the start of the least-squares fit. Deterministic: one thread, and PCL's
+/// default seed (random = false). Points are scaled to camera heights.
 std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
                                         const NormalPrior& prior, double height_hint,
                                         const PlaneFit::Options& options) {
@@ -88,7 +90,7 @@ std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
   segmentation.setMethodType(pcl::SAC_RANSAC);
   segmentation.setAxis(prior.n_c.cast<float>());
   segmentation.setEpsAngle(options.sac_tilt_rad);
-  segmentation.setDistanceThreshold(options.sac_threshold_h);
+  segmentation.setDistanceThreshold(options.sac_threshold_heights);
   segmentation.setMaxIterations(options.sac_iterations);
   segmentation.setOptimizeCoefficients(false);
   segmentation.setInputCloud(cloud);
@@ -105,19 +107,117 @@ std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
   return GroundPlane{(sign * plane.head<3>()).normalized(), height};
 }
 
-/// What a plane m = n / h predicts for a point seen from o along r: inverse depth and its
-/// derivative.
+/// Inverse depth of a point on the plane m = n / h, and its derivative by m.
 struct Prediction {
   double inverse_depth = 0;
   Eigen::Vector3d jacobian;
 };
-/// Empty when the plane lies behind that ray, or above that camera.
+
+/// Empty when the plane does not intersect the point's ray ahead of the camera, or lies above that
+/// camera.
 std::optional<Prediction> predict(const PlanePoint& point, const Eigen::Vector3d& m) {
   const Eigen::Vector3d r = (point.p_c - point.origin_c) / point.depth;
-  const double height_ratio = 1 + m.dot(point.origin_c);  // that camera's height over this one's
+  const double height_ratio = 1 + m.dot(point.origin_c);  // observing camera's height over h
   const double inverse_depth = -m.dot(r) / height_ratio;
   if (!(height_ratio > 0) || !(inverse_depth > 0)) return std::nullopt;
   return Prediction{inverse_depth, -(r + inverse_depth * point.origin_c) / height_ratio};
+}
+
+/// Measured minus predicted inverse depth of one point [1 / VO unit].
+struct Residual {
+  double value = std::numeric_limits<double>::infinity();  ///< infinite: the plane is not visible
+  double sigma = 0;                                        ///< expected standard deviation (Eq. 8)
+  Eigen::Vector3d jacobian = Eigen::Vector3d::Zero();      ///< of the prediction by m
+};
+
+std::vector<Residual> computeResiduals(const std::vector<PlanePoint>& points,
+                                       const Eigen::Vector3d& m, double roughness_heights) {
+  std::vector<Residual> residuals(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const std::optional<Prediction> prediction = predict(points[i], m);
+    if (!prediction) continue;
+    // Eq. 8 for each point: the errors of its depth and of the road surface.
+    residuals[i].sigma = std::hypot(points[i].depth_sigma / (points[i].depth * points[i].depth),
+                                    roughness_heights * prediction->inverse_depth);
+    residuals[i].value = 1 / points[i].depth - prediction->inverse_depth;
+    residuals[i].jacobian = prediction->jacobian;
+  }
+  return residuals;
+}
+
+/// Absolute residuals in units of their sigma, of the points that have one.
+std::vector<double> normalisedResiduals(const std::vector<Residual>& residuals) {
+  std::vector<double> normalised;
+  normalised.reserve(residuals.size());
+  for (const Residual& residual : residuals) {
+    if (residual.value == std::numeric_limits<double>::infinity()) continue;
+    normalised.push_back(std::abs(residual.value) / residual.sigma);
+  }
+  return normalised;
+}
+
+/// Indices of the residuals within `limit` sigma (Alg. 2 lines 19-24).
+std::vector<std::uint32_t> selectInliers(const std::vector<Residual>& residuals, double limit) {
+  std::vector<std::uint32_t> inliers;
+  for (std::uint32_t i = 0; i < residuals.size(); ++i) {
+    if (std::abs(residuals[i].value) <= limit * residuals[i].sigma) inliers.push_back(i);
+  }
+  return inliers;
+}
+
+/// H x = b for a correction x of m.
+struct NormalEquations {
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+};
+
+/// Eq. 7: of the inliers, and of the prior on the normal's pitch and roll.
+NormalEquations normalEquations(const std::vector<Residual>& residuals,
+                                const std::vector<std::uint32_t>& inliers, double robust_scale,
+                                const NormalPrior& prior, const Eigen::Vector3d& m) {
+  NormalEquations equations;
+  for (const std::uint32_t i : inliers) {
+    const Residual& residual = residuals[i];
+    const double weight = 1 / (robust_scale * robust_scale * residual.sigma * residual.sigma);
+    equations.H += weight * residual.jacobian * residual.jacobian.transpose();
+    equations.b += weight * residual.jacobian * residual.value;
+  }
+  const double height = 1 / m.norm();
+  for (const auto& [axis, axis_sigma] : {std::pair(prior.forward_c, prior.pitch_sigma),
+                                         std::pair(prior.lateral(), prior.roll_sigma)}) {
+    const Eigen::Vector3d jacobian = height * axis / axis_sigma;
+    equations.H += jacobian * jacobian.transpose();
+    equations.b -= jacobian * jacobian.dot(m);
+  }
+  return equations;
+}
+
+/// Eq. 9 (Alg. 2 lines 31-34): median over the heights from single inliers, h_j = -n . p_j. Each is
+/// weighted by the inverse of its relative error at the predicted depth; the measured depth would
+/// favour near points.
+double medianHeight(const std::vector<PlanePoint>& points, const std::vector<Residual>& residuals,
+                    const std::vector<std::uint32_t>& inliers, const Eigen::Vector3d& n_c) {
+  std::vector<std::pair<double, double>> heights;
+  heights.reserve(inliers.size());
+  for (const std::uint32_t i : inliers) {
+    heights.emplace_back(-n_c.dot(points[i].p_c),
+                         (1 / points[i].depth - residuals[i].value) / residuals[i].sigma);
+  }
+  return weightedMedian(std::move(heights));
+}
+
+/// Error of the height from the cross slope of the ground: camber_sigma times the mean lateral
+/// position of the inliers, weighted by their information on the height [VO units].
+double camberSigma(const std::vector<PlanePoint>& points, const std::vector<Residual>& residuals,
+                   const std::vector<std::uint32_t>& inliers, const Eigen::Vector3d& lateral,
+                   double camber_sigma) {
+  double weights = 0, sum = 0;
+  for (const std::uint32_t i : inliers) {
+    const double weight = std::pow(residuals[i].sigma * points[i].depth, -2);
+    weights += weight;
+    sum += weight * lateral.dot(points[i].p_c);
+  }
+  return camber_sigma * sum / weights;
 }
 
 }  // namespace
@@ -133,8 +233,8 @@ PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const Norm
     result.status = ScaleReason::kTooFewGroundPoints;
     return result;
   }
-  return options_.method == Method::kLiteral ? fitLiteral(points, height_hint)
-                                             : fitInverseDepth(points, prior, height_hint);
+  return options_.method == Method::kHomogeneous ? fitHomogeneous(points, height_hint)
+                                                 : fitInverseDepth(points, prior, height_hint);
 }
 
 PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points,
@@ -143,110 +243,65 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   const std::optional<GroundPlane> start = segmentPlane(points, prior, height_hint, options_);
   if (!start) return result;
 
-  const Eigen::Vector3d forward = prior.forward_c, lateral = prior.lateral();
+  const auto min_points = static_cast<std::size_t>(options_.min_points);
   Eigen::Vector3d m = start->n_c / start->height;
-  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-  std::vector<double> residual(points.size()), sigma(points.size());  // inverse depth
-  std::vector<std::uint32_t> kept, last_kept;
-  double spread = 1;  // of the residuals, in units of their own sigma
+  NormalEquations equations;
+  std::vector<Residual> residuals;
+  std::vector<std::uint32_t> inliers, last_inliers;
+  double robust_scale = 1;
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
-    // Rejection (Alg. 2 lines 19-24), around the present plane.
-    std::vector<double> deviations;
-    deviations.reserve(points.size());
-    kept.clear();
-    for (std::uint32_t i = 0; i < points.size(); ++i) {
-      const std::optional<Prediction> prediction = predict(points[i], m);
-      residual[i] = std::numeric_limits<double>::infinity();
-      if (!prediction) continue;
-      // Eq. 8, for each point: what its own depth and the road's roughness let expect.
-      sigma[i] = std::hypot(points[i].depth_sigma / (points[i].depth * points[i].depth),
-                            options_.roughness_h * prediction->inverse_depth);
-      residual[i] = 1 / points[i].depth - prediction->inverse_depth;
-      deviations.push_back(std::abs(residual[i]) / sigma[i]);
+    residuals = computeResiduals(points, m, options_.roughness_heights);
+    std::vector<double> normalised = normalisedResiduals(residuals);
+    if (normalised.size() < min_points) return result;
+    if (iteration < kRobustScaleIterations) {
+      robust_scale = std::max(kMinRobustScale, kSigmaOfMad * median(std::move(normalised)));
     }
-    if (deviations.size() < static_cast<std::size_t>(options_.min_points)) return result;
-    if (iteration < kSpreadIterations) {
-      spread = std::max(kMinSpread, kSigmaOfMad * median(std::move(deviations)));
-    }
-    for (std::uint32_t i = 0; i < points.size(); ++i) {
-      if (std::abs(residual[i]) <= options_.reject_sigma * spread * sigma[i]) kept.push_back(i);
-    }
-    if (kept.size() < static_cast<std::size_t>(options_.min_points)) return result;
+    inliers = selectInliers(residuals, options_.reject_sigma * robust_scale);
+    if (inliers.size() < min_points) return result;
 
-    // Eq. 7: normal equations of the reserved points and of the prior; two steps, as it is nearly
-    // linear.
-    H.setZero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
-    for (const std::uint32_t i : kept) {
-      const std::optional<Prediction> prediction = predict(points[i], m);
-      const double weight = 1 / (spread * spread * sigma[i] * sigma[i]);
-      H += weight * prediction->jacobian * prediction->jacobian.transpose();
-      b += weight * prediction->jacobian * residual[i];
-    }
-    const double h = 1 / m.norm();
-    for (const auto& [axis, axis_sigma] :
-         {std::pair(forward, prior.pitch_sigma), std::pair(lateral, prior.roll_sigma)}) {
-      const Eigen::Vector3d jacobian = h * axis / axis_sigma;
-      H += jacobian * jacobian.transpose();
-      b -= jacobian * jacobian.dot(m);
-    }
-    const Eigen::Vector3d step = H.ldlt().solve(b);
+    equations = normalEquations(residuals, inliers, robust_scale, prior, m);
+    const Eigen::Vector3d step = equations.H.ldlt().solve(equations.b);
     if (!isFinite(step)) return result;
     m += step;
     if (!(m.dot(prior.n_c) > 0)) return result;
-    if (kept == last_kept && step.norm() < 1e-9 * m.norm()) break;
-    last_kept = kept;
+    if (inliers == last_inliers && step.norm() < kConvergedStep * m.norm()) break;
+    last_inliers = inliers;
   }
 
-  result.plane.height = 1 / m.norm();
-  result.plane.n_c = m * result.plane.height;
-  const double tilt = std::acos(std::clamp(result.plane.n_c.dot(prior.n_c), -1.0, 1.0));
+  GroundPlane& plane = result.plane;
+  plane.height = 1 / m.norm();
+  plane.n_c = m * plane.height;
+  const double tilt = std::acos(std::clamp(plane.n_c.dot(prior.n_c), -1.0, 1.0));
   if (tilt > options_.max_tilt_rad) {
     result.status = ScaleReason::kPlaneTilted;
     return result;
   }
-
-  // Eq. 9 (Alg. 2 lines 31-34): the height from each reserved point alone, h_j = -n . p_j. The
-  // median weighs by its relative error, with the predicted depth: the measured one would favour
-  // near ones.
-  std::vector<std::pair<double, double>> heights;
-  heights.reserve(kept.size());
-  for (const std::uint32_t i : kept) {
-    heights.emplace_back(-result.plane.n_c.dot(points[i].p_c),
-                         (1 / points[i].depth - residual[i]) / sigma[i]);
-  }
-  result.median_height = weightedMedian(std::move(heights));
-  const Eigen::Matrix3d covariance = H.inverse();
-  const double sigma_of_fit =
-      result.plane.height * result.plane.height *
-      std::sqrt(std::max(0.0, result.plane.n_c.dot(covariance * result.plane.n_c)));
-  // Where the points lie beside the camera on average, each by its weight in the height.
-  double weights = 0, beside = 0;
-  for (const std::uint32_t i : kept) {
-    const double weight = std::pow(sigma[i] * points[i].depth, -2);
-    weights += weight;
-    beside += weight * lateral.dot(points[i].p_c);
-  }
-  result.height_sigma = std::hypot(sigma_of_fit, options_.camber_sigma_rad * beside / weights);
-  const bool known = result.height_sigma <= options_.max_sigma * result.plane.height;
-  if (!known || !areFinite(result.plane.n_c, result.plane.height, result.median_height)) {
+  result.median_height = medianHeight(points, residuals, inliers, plane.n_c);
+  const Eigen::Matrix3d covariance = equations.H.inverse();
+  const double fit_sigma =
+      plane.height * plane.height * std::sqrt(std::max(0.0, plane.n_c.dot(covariance * plane.n_c)));
+  const double camber_sigma =
+      camberSigma(points, residuals, inliers, prior.lateral(), options_.camber_sigma_rad);
+  result.height_sigma = std::hypot(fit_sigma, camber_sigma);
+  const bool is_certain = result.height_sigma <= options_.max_sigma * plane.height;
+  if (!is_certain || !areFinite(plane.n_c, plane.height, result.median_height)) {
     result.status = ScaleReason::kNoPlane;
     return result;
   }
-  result.inliers = std::move(kept);
+  result.inliers = std::move(inliers);
   result.status = ScaleReason::kNone;
   return result;
 }
 
-PlaneFit::Result PlaneFit::fitLiteral(const std::vector<PlanePoint>& points,
-                                      double height_hint) const {
+PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
+                                          double height_hint) const {
   Result result;
   std::vector<std::uint32_t> kept(points.size());
   std::iota(kept.begin(), kept.end(), 0u);
   GroundPlane plane;
   double squares = 0;
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
-    // Eq. 7; the scalar weight of Eq. 8 changes nothing.
+    // Eq. 7: the eigenvector of the smallest eigenvalue. The scalar weight of Eq. 8 has no effect.
     Eigen::Matrix4d Q = Eigen::Matrix4d::Zero();
     for (const std::uint32_t i : kept) {
       const Eigen::Vector4d p = points[i].p_c.homogeneous();
@@ -264,7 +319,7 @@ PlaneFit::Result PlaneFit::fitLiteral(const std::vector<PlanePoint>& points,
     squares = 0;
     for (const std::uint32_t i : kept) {
       const double distance = std::abs(plane.n_c.dot(points[i].p_c) + plane.height);
-      if (distance > options_.reject_h * height_hint) continue;
+      if (distance > options_.reject_distance_heights * height_hint) continue;
       next.push_back(i);
       squares += distance * distance;
     }

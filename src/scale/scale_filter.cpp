@@ -12,8 +12,11 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Limits of the factor on the variance.
-constexpr double kMinAgreement = 0.05, kMaxAgreement = 20;
+/// Bounds of the factor on the variance: sigma changes by at most a factor of 4.5 either way, so
+/// that neither a run of equal measurements nor of outliers makes it useless.
+constexpr double kMinNisScale = 0.05, kMaxNisScale = 20;
+
+std::size_t indexOf(ScaleFilter::Source source) { return static_cast<std::size_t>(source); }
 
 }  // namespace
 
@@ -21,119 +24,134 @@ void ScaleFilter::Options::validate() const { visitParameters(*this, RangeCheck(
 
 ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.validate(); }
 
+void ScaleFilter::reset() { *this = ScaleFilter(options_); }
+
 double ScaleFilter::height() const { return known_ ? std::exp(log_height_) : 0; }
 
 double ScaleFilter::sigma() const {
-  return known_ ? height() * std::sqrt(agreement_ * variance_) : 0;
+  return known_ ? height() * std::sqrt(nis_scale_ * variance_) : 0;
 }
 
-void ScaleFilter::move(double distance, double angle) {
-  way_ += distance;
+void ScaleFilter::predict(double distance, double angle) {
+  distance_ += distance;
   if (known_) {
-    variance_ += options_.drift_per_sqrt_h * options_.drift_per_sqrt_h * distance / height() +
-                 options_.drift_per_sqrt_rad * options_.drift_per_sqrt_rad * angle;
+    variance_ +=
+        options_.drift_per_sqrt_height * options_.drift_per_sqrt_height * distance / height() +
+        options_.drift_per_sqrt_rad * options_.drift_per_sqrt_rad * angle;
   }
 }
 
 bool ScaleFilter::update(double height, double sigma, Source source) {
   if (!(height > 0 && sigma >= 0) || !areFinite(height, sigma)) return false;
-  const double relative = std::hypot(sigma / height, options_.measurement_floor);
-  const Measurement measurement{std::log(height), relative * relative};
-  if (options_.moving_average_frames > 0) {
-    inverse_heights_.push_back(1 / height);
-    if (inverse_heights_.size() > static_cast<std::size_t>(options_.moving_average_frames)) {
-      inverse_heights_.pop_front();
-    }
-    log_height_ = -std::log(std::accumulate(inverse_heights_.begin(), inverse_heights_.end(), 0.0) /
-                            static_cast<double>(inverse_heights_.size()));
-    variance_ = measurement.variance;
-    known_ = true;
-    return true;
-  }
-  if (!known_) return start(measurement, Source::kPoints);
+  const double relative_sigma = std::hypot(sigma / height, options_.min_measurement_sigma);
+  const Measurement measurement{std::log(height), relative_sigma * relative_sigma};
+  if (options_.moving_average_frames > 0) return updateMovingAverage(height, measurement.variance);
+  if (!known_) return collect(measurement, Source::kFeatureBased);
 
   const double innovation = measurement.log_height - log_height_;
-  const double expected = variance_ + measurement.variance;
+  const double innovation_variance = variance_ + measurement.variance;
   const double gate = options_.gate_sigma * options_.gate_sigma;
-  const double squared = innovation * innovation / expected;
-  learnAgreement(source, std::min(squared, gate));
-  if (squared > gate) return start(measurement, source);
-  settle(source);
-  // A measurement whose predecessor lies closer than the correlation length brings only its share.
-  double& last = last_update_at_[static_cast<std::size_t>(source)];
-  const double share = std::min(1.0, (way_ - last) / (options_.correlation_h * this->height()));
-  last = way_;
+  const double nis = innovation * innovation / innovation_variance;
+  updateNisScale(source, std::min(nis, gate));
+  if (nis > gate) return collect(measurement, source);
+  clearPending(source);
+  // Correlated with the previous measurement of this source when that is closer than the
+  // correlation length: only this share of its information is new.
+  double& accepted_at = accepted_at_[indexOf(source)];
+  const double share =
+      std::min(1.0, (distance_ - accepted_at) / (options_.correlation_heights * this->height()));
+  accepted_at = distance_;
   if (share > 0) {
     const double gain = variance_ / (variance_ + measurement.variance / share);
     log_height_ += gain * innovation;
-    variance_ = std::max((1 - gain) * variance_, sharedVariance());
+    variance_ = std::max((1 - gain) * variance_, startBiasVariance());
   }
   return true;
 }
 
-/// What all measurements of a young map have in common cannot be seen in them.
-double ScaleFilter::sharedVariance() const {
-  const double shared =
-      options_.start_sigma * std::exp(-way_ / (options_.start_memory_h * height()));
-  return shared * shared;
+/// The state becomes the mean of the latest scales 1/h.
+bool ScaleFilter::updateMovingAverage(double height, double variance) {
+  inverse_heights_.push_back(1 / height);
+  if (inverse_heights_.size() > static_cast<std::size_t>(options_.moving_average_frames)) {
+    inverse_heights_.pop_front();
+  }
+  log_height_ = -std::log(std::accumulate(inverse_heights_.begin(), inverse_heights_.end(), 0.0) /
+                          static_cast<double>(inverse_heights_.size()));
+  variance_ = variance;
+  known_ = true;
+  return true;
 }
 
-/// squared: an innovation's square over its expected one.
-void ScaleFilter::learnAgreement(Source source, double squared) {
-  double& last = last_seen_at_[static_cast<std::size_t>(source)];
-  const double rate = std::min(1.0, (way_ - last) / (options_.agreement_memory_h * this->height()));
-  last = way_;
-  agreement_ = std::clamp(agreement_ + rate * (squared - agreement_), kMinAgreement, kMaxAgreement);
+/// Lower bound of the state's variance in a young map (Options::start_bias_sigma).
+double ScaleFilter::startBiasVariance() const {
+  const double sigma = options_.start_bias_sigma *
+                       std::exp(-distance_ / (options_.start_bias_decay_heights * height()));
+  return sigma * sigma;
 }
 
-/// A measurement of that source agrees with the state: what spoke against the state is forgotten.
-/// But pixels are sought around the state and would agree with a wrong one too, so they do not
-/// silence points that lie far off.
-void ScaleFilter::settle(Source source) {
-  challengers_[static_cast<std::size_t>(Source::kPixels)].clear();
-  std::deque<Measurement>& points = challengers_[static_cast<std::size_t>(Source::kPoints)];
-  const bool far_off =
-      !points.empty() && std::abs(points.back().log_height - log_height_) > options_.start_spread;
-  if (source == Source::kPoints || !far_off) points.clear();
+/// Moving average of the NIS over the distance.
+void ScaleFilter::updateNisScale(Source source, double nis) {
+  double& measured_at = measured_at_[indexOf(source)];
+  const double rate =
+      std::min(1.0, (distance_ - measured_at) / (options_.nis_memory_heights * this->height()));
+  measured_at = distance_;
+  nis_scale_ = std::clamp(nis_scale_ + rate * (nis - nis_scale_), kMinNisScale, kMaxNisScale);
 }
 
-/// Collects measurements without, or against, the present state; the latest few become the state
-/// when they agree and enough way has been made. True when they did.
-bool ScaleFilter::start(const Measurement& measurement, Source source) {
-  std::deque<Measurement>& challengers = challengers_[static_cast<std::size_t>(source)];
-  double& challenged_at = challenged_at_[static_cast<std::size_t>(source)];
-  if (challengers.empty()) challenged_at = way_;
-  challengers.push_back(measurement);
-  const auto enough = static_cast<std::size_t>(options_.start_measurements);
-  if (challengers.size() > enough) challengers.pop_front();
-  const double way = way_ - (known_ ? challenged_at : 0);
-  const double needed_h = known_ ? options_.restart_h : options_.start_way_h;
-  if (challengers.size() < enough || way < needed_h * std::exp(measurement.log_height)) {
+/// After an accepted measurement of a source: the pending ones do not lead to a restart. Direct
+/// measurements start from the filter's own height and would confirm a wrong one, so they do not
+/// clear feature-based ones that deviate strongly.
+void ScaleFilter::clearPending(Source source) {
+  pending_[indexOf(Source::kDirect)].clear();
+  std::deque<Measurement>& feature_based = pending_[indexOf(Source::kFeatureBased)];
+  const bool deviates =
+      !feature_based.empty() &&
+      std::abs(feature_based.back().log_height - log_height_) > options_.start_max_deviation;
+  if (source == Source::kFeatureBased || !deviates) feature_based.clear();
+}
+
+/// Adds a measurement that the state does not explain, or that comes before the start. When the
+/// latest few agree and the distance is sufficient, (re)starts the filter from their median.
+/// True when it did.
+bool ScaleFilter::collect(const Measurement& measurement, Source source) {
+  std::deque<Measurement>& pending = pending_[indexOf(source)];
+  double& pending_since = pending_since_[indexOf(source)];
+  if (pending.empty()) pending_since = distance_;
+  pending.push_back(measurement);
+  const auto required = static_cast<std::size_t>(options_.start_measurements);
+  if (pending.size() > required) pending.pop_front();
+  const double distance = distance_ - (known_ ? pending_since : 0);
+  const double required_heights =
+      known_ ? options_.restart_distance_heights : options_.start_distance_heights;
+  if (pending.size() < required || distance < required_heights * std::exp(measurement.log_height)) {
     return false;
   }
-  std::vector<double> values;
-  double variance = 0;
-  for (const Measurement& m : challengers) {
-    values.push_back(m.log_height);
-    variance += m.variance / static_cast<double>(enough);
+  std::vector<double> log_heights;
+  double mean_variance = 0;
+  for (const Measurement& m : pending) {
+    log_heights.push_back(m.log_height);
+    mean_variance += m.variance / static_cast<double>(required);
   }
-  const double middle = median(values);
-  for (const double value : values) {
-    if (std::abs(value - middle) > options_.start_spread) return false;
+  const double middle = median(log_heights);
+  for (const double log_height : log_heights) {
+    if (std::abs(log_height - middle) > options_.start_max_deviation) return false;
   }
-  log_height_ = middle;
-  // A restart says that something was wrong, whatever the map's age.
-  const bool restarts = known_;
-  known_ = true;
-  variance_ =
-      variance + (restarts ? options_.start_sigma * options_.start_sigma : sharedVariance());
-  last_update_at_.fill(way_);
-  last_seen_at_.fill(way_);
-  agreement_ = 1;
-  for (std::deque<Measurement>& each : challengers_) each.clear();
+  start(middle, mean_variance);
   return true;
 }
 
-void ScaleFilter::reset() { *this = ScaleFilter(options_); }
+/// Sets the state. The variance includes the bias of a young map; after a restart all of it,
+/// whatever the age of the map, because the cause of the contradiction is not known.
+void ScaleFilter::start(double log_height, double mean_variance) {
+  const bool is_restart = known_;
+  log_height_ = log_height;
+  known_ = true;
+  variance_ = mean_variance + (is_restart ? options_.start_bias_sigma * options_.start_bias_sigma
+                                          : startBiasVariance());
+  accepted_at_.fill(distance_);
+  measured_at_.fill(distance_);
+  nis_scale_ = 1;
+  for (std::deque<Measurement>& each : pending_) each.clear();
+}
 
 }  // namespace ground_scale_vo

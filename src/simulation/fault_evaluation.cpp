@@ -115,7 +115,7 @@ bool isFinite(const ScaleRecovery::Output& output) {
   bool all = areFinite(s.raw_scale, s.scale, s.sigma, s.height, s.n_c, output.plane.n_c,
                        output.plane.height, output.correlation, output.mounting_pitch,
                        output.mounting_roll);
-  for (const auto& m : {output.points, output.pixels}) {
+  for (const auto& m : {output.feature_based, output.direct}) {
     all = all && areFinite(m.height, m.sigma);
   }
   for (const Eigen::Vector3f& point : output.ground_points_c) all = all && isFinite(point);

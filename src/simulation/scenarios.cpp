@@ -74,7 +74,7 @@ std::vector<Scenario> trafficAndShadows() {
       Entry("cars_beside", "two cars at the same speed in the next lane, one car ahead", 60,
             [](Options& o) { o.cars_beside = 2, o.lead_time = 0.6; })
           .dependsOn("a lane region no wider than the lane", {kDirectOnly},
-                     {"refinement/half_width_h=4"}),
+                     {"direct/lane_half_width_heights=4"}),
       Entry("crawl_start", "starts at walking pace, close behind and beside other cars", 110,
             [](Options& o) {
               o.speeds = {{0, 1.4}, {4, 1.4}, {7.5, 8}};
@@ -104,7 +104,7 @@ std::vector<Scenario> trafficAndShadows() {
               o.moving_cars = false;
             })
           .dependsOn("mask of what is static in the image", {kDirectOnly},
-                     {"refinement/static_memory_h=1000000"}),
+                     {"direct/static_memory_heights=1000000"}),
       Entry("tree_shadows", "shadows of trees, houses and parked cars across the lane", 60,
             [](Options& o) {
               o.sun = {0.2, -0.78, 0.6};
@@ -137,7 +137,7 @@ std::vector<Scenario> roadSurfaces() {
               o.shadows = o.moving_cars = false;
             })
           .dependsOn("feature-based measurement, and the correlation test of patches", {},
-                     {kDirectOnly, "refinement/min_correlation=0"}),
+                     {kDirectOnly, "direct/min_correlation=0"}),
       Entry("cobbles", "cobbles, with strong vibrations of the car", 60,
             [](Options& o) { o.cobbles = true, o.suspension = 2, o.lane_markings = false; }),
       Entry("weak_texture", "asphalt at a seventh of the contrast, without markings, overcast", 60,
@@ -163,11 +163,11 @@ std::vector<Scenario> roadShapes() {
       Entry("speed_bumps", "speed bumps of 12 cm at 15 km/h", 100,
             [](Options& o) { o.bump_height = 0.12, o.speed = 4.2, o.slope = 0; })
           .dependsOn("a ground model with longitudinal curvature", {kDirectOnly},
-                     {"refinement/bend_sigma=1e-9"}),
+                     {"direct/curvature_sigma=1e-9"}),
       Entry("kerb_side", "the camera drives 1 m beside the kerb", 60,
             [](Options& o) { o.lane_offset = -3.3, o.parked_cars = o.moving_cars = false; })
           .dependsOn("lane region of both measurements", {},
-                     {"gpe/lane_h=4", "refinement/half_width_h=3"})
+                     {"gpe/lane_half_width_heights=4", "direct/lane_half_width_heights=3"})
           // Known limitation: the lane region includes some of the pavement, so the height is 1 %
           // too low, which sigma does not cover.
           .threshold(&ScenarioThresholds::min_within_2_sigma, 0.65),
@@ -194,11 +194,11 @@ std::vector<Scenario> roadShapes() {
               o.ramp_to_m = 46;
             })
           .dependsOn("a window of a few metres of ground points", {kFeatureBasedOnly},
-                     {"gpa/window_h=30"}),
+                     {"gpa/window_heights=30"}),
       Entry("hill", "up a hill of 10 % and over its crest of 200 m radius", 85,
             [](Options& o) { o.slope = 0.1, o.curvature = 0.01; })
           .dependsOn("a ground model with longitudinal curvature", {kDirectOnly},
-                     {"refinement/bend_sigma=1e-9"}),
+                     {"direct/curvature_sigma=1e-9"}),
       Entry("bridge", "over a bridge: parapets, and the terrain beside the road 9 m lower", 90,
             [](Options& o) {
               setSmallCamera(o);
@@ -221,7 +221,7 @@ std::vector<Scenario> motions() {
       Entry("small_steps", "0.2 m between images", 110,
             [](Options& o) { o.speed = 4, o.frame_rate_hz = 20; })
           .dependsOn("direct measurement over a fixed baseline instead of consecutive images",
-                     {kDirectOnly}, {"refinement/baseline_h=0.06"}),
+                     {kDirectOnly}, {"direct/baseline_heights=0.06"}),
       Entry("large_steps", "3.1 m between images", 45,
             [](Options& o) {
               o.speed = 25;
@@ -236,7 +236,8 @@ std::vector<Scenario> motions() {
               o.speeds = {{0, 7}, {2, 7}, {4, 0}, {5, 0}, {7, 7}};
               o.speed = 7;
             })
-          .dependsOn("detection of standstill", {}, {"min_step_h=0", "odometry/standstill_flow=0"})
+          .dependsOn("detection of standstill", {},
+                     {"standstill_distance_heights=0", "odometry/standstill_flow=0"})
           .unobservableFrames(42, 50),
       Entry("reversing", "forwards, a stop, and 6 m backwards", 85,
             [](Options& o) {
@@ -244,7 +245,8 @@ std::vector<Scenario> motions() {
               o.speed = 6;
               o.moving_cars = false;
             })
-          .dependsOn("detection of standstill", {}, {"min_step_h=0", "odometry/standstill_flow=0"})
+          .dependsOn("detection of standstill", {},
+                     {"standstill_distance_heights=0", "odometry/standstill_flow=0"})
           .unobservableFrames(47, 49),
   };
 }
@@ -268,7 +270,7 @@ std::vector<Scenario> camerasAndLight() {
       Entry("pitched", "mounted with a pitch of 6 degrees down", 60,
             [](Options& o) { o.pitch_rad = 6 * kDegree; })
           .dependsOn("estimation of the mounting pitch", {kDirectOnly},
-                     {"mounting/start_pitch_sigma=1e-4"}),
+                     {"mounting/initial_pitch_sigma=1e-4"}),
       Entry("rolled", "mounted with a roll of 3 degrees", 60,
             [](Options& o) { o.roll_rad = 3 * kDegree; }),
       Entry("hood", "the hood of the ego vehicle covers the lower edge", 60,
@@ -280,7 +282,7 @@ std::vector<Scenario> camerasAndLight() {
       Entry("tele", "a field of view of 38 degrees: the nearest visible road is 16 m ahead", 60,
             [](Options& o) { setCamera(o, 800, 248, 1160); })
           .dependsOn("ground points as far ahead as the road is visible", {},
-                     {"gpe/max_ahead_h=10"}),
+                     {"gpe/max_ahead_heights=10"}),
       Entry("large_image", "960x540, half of a 1920x1080 camera of 69 degrees", 45,
             [](Options& o) { setCamera(o, 960, 540, 700), o.grain = 0.12; }),
   };

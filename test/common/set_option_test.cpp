@@ -28,14 +28,14 @@ TEST(SetOption, SetsEveryTypeOfFieldInBothStages) {
   setOption(options, "tracker/min_corner_ratio=0.25");
   setOption(options, "odometry/max_outlier_frames=7");
   setOption(options, "fit/reject_sigma=4e0");
-  setOption(options, "refinement/min_tiles=30");
+  setOption(options, "direct/min_patches=30");
   setOption(options, "random_seed=5");
   setOption(options, "refine=false");
   setOption(options, "paper_literal=true");
   EXPECT_EQ(options.vo.tracker.min_corner_ratio, 0.25);
   EXPECT_EQ(options.vo.max_outlier_frames, 7);
   EXPECT_EQ(options.scale.gpa.fit.reject_sigma, 4.0);
-  EXPECT_EQ(options.scale.refinement.min_tiles, 30);
+  EXPECT_EQ(options.scale.direct.min_patches, 30);
   EXPECT_EQ(options.scale.random_seed, 5u);
   EXPECT_FALSE(options.scale.refine);
   EXPECT_TRUE(options.scale.paper_literal);
@@ -46,22 +46,24 @@ TEST(SetOption, LatestValueCountsAndNothingElseChanges) {
   setOption(options, "filter/gate_sigma=5");
   setOption(options, "filter/gate_sigma=6");
   EXPECT_EQ(options.scale.filter.gate_sigma, 6.0);
-  EXPECT_EQ(options.scale.filter.restart_h, ScaleFilter::Options().restart_h);
+  EXPECT_EQ(options.scale.filter.restart_distance_heights,
+            ScaleFilter::Options().restart_distance_heights);
 }
 
 TEST(SetOption, ErrorsNameTheOption) {
-  EXPECT_EQ(errorOf("refinement/tile"),
-            "'refinement/tile' sets no option, it must be GROUP/NAME=VALUE");
-  EXPECT_EQ(errorOf("refinment/tile=0.1"),
-            "there is no option refinment/tile; did you mean refinement/tile?");
+  EXPECT_EQ(errorOf("direct/patch_size"),
+            "'direct/patch_size' sets no option, it must be GROUP/NAME=VALUE");
+  EXPECT_EQ(errorOf("dirct/patch_size=0.1"),
+            "there is no option dirct/patch_size; did you mean direct/patch_size?");
   EXPECT_EQ(errorOf("xyzzy=1"), "there is no option xyzzy");
-  EXPECT_EQ(errorOf("refinement/tile=wide"), "refinement/tile is 'wide', which is not a number");
-  EXPECT_EQ(errorOf("refinement/tile="), "refinement/tile is '', which is not a number");
-  EXPECT_EQ(errorOf("refinement/min_tiles=30.5"),
-            "refinement/min_tiles is '30.5', which is not a whole number");
-  EXPECT_EQ(errorOf("refinement/min_tiles=1e99"),
-            "refinement/min_tiles is 1e+99, it must lie in [3, 1e+06]");
-  EXPECT_EQ(errorOf("refinement/tile=2"), "refinement/tile is 2, it must lie in [0.001, 1]");
+  EXPECT_EQ(errorOf("direct/patch_size=wide"),
+            "direct/patch_size is 'wide', which is not a number");
+  EXPECT_EQ(errorOf("direct/patch_size="), "direct/patch_size is '', which is not a number");
+  EXPECT_EQ(errorOf("direct/min_patches=30.5"),
+            "direct/min_patches is '30.5', which is not a whole number");
+  EXPECT_EQ(errorOf("direct/min_patches=1e99"),
+            "direct/min_patches is 1e+99, it must lie in [3, 1e+06]");
+  EXPECT_EQ(errorOf("direct/patch_size=2"), "direct/patch_size is 2, it must lie in [0.001, 1]");
   EXPECT_EQ(errorOf("refine=1"), "refine is '1', it must be true or false");
 }
 

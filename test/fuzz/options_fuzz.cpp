@@ -11,7 +11,7 @@ namespace ground_scale_vo::fuzz {
 Plan plan() {
   return {20000,
           {"tracker/cell_size=0.03", "refine=false", "random_seed=7", "gpe/min_points=12",
-           "refinement/tile = 1", "bundle_adjustment/window=5"}};
+           "direct/patch_size = 1", "bundle_adjustment/window=5"}};
 }
 
 }  // namespace ground_scale_vo::fuzz

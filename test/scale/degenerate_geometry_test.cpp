@@ -152,7 +152,7 @@ TEST(DegeneratePlane, EveryFitIsFiniteOrNone) {
       point.depth_sigma = i % 7 == 0 ? 0 : sigma;
       points.push_back(point);
     }
-    for (const auto method : {PlaneFit::Method::kInverseDepth, PlaneFit::Method::kLiteral}) {
+    for (const auto method : {PlaneFit::Method::kInverseDepth, PlaneFit::Method::kHomogeneous}) {
       PlaneFit::Options fit_options;
       fit_options.method = method;
       NormalPrior prior;
@@ -171,7 +171,7 @@ TEST(DegeneratePlane, EveryFitIsFiniteOrNone) {
 TEST(DegeneratePlane, TheFilterTakesNoMeasurementThatIsNone) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
-    filter.move(1, 0);
+    filter.predict(1, 0);
     filter.update(0.7, 0.02);
   }
   ASSERT_TRUE(filter.known());

@@ -23,7 +23,7 @@ RoadScene road() {
 }
 
 /// The result at the last of `frames` frames, each with the same prediction (0: none).
-DirectPlaneEstimator::Result drive(DirectPlaneEstimator* refinement, const RoadScene& scene,
+DirectPlaneEstimator::Result drive(DirectPlaneEstimator* estimator, const RoadScene& scene,
                                    double predicted, std::uint32_t frames = 4,
                                    const Change& change = nullptr,
                                    const std::function<double(double, double)>& texture = asphalt) {
@@ -33,7 +33,7 @@ DirectPlaneEstimator::Result drive(DirectPlaneEstimator* refinement, const RoadS
   for (std::uint32_t i = 0; i < frames; ++i) {
     cv::Mat image = roadImage(scene, scene.step * i, texture);
     if (change) change(i, &image);
-    result = refinement->align(scene.frame(i), image, prior, chord, predicted);
+    result = estimator->estimate(scene.frame(i), image, prior, chord, predicted);
   }
   return result;
 }
@@ -41,8 +41,8 @@ DirectPlaneEstimator::Result drive(DirectPlaneEstimator* refinement, const RoadS
 DirectPlaneEstimator::Result drive(const RoadScene& scene, double predicted,
                                    std::uint32_t frames = 4, const Change& change = nullptr,
                                    const std::function<double(double, double)>& texture = asphalt) {
-  DirectPlaneEstimator refinement({});
-  return drive(&refinement, scene, predicted, frames, change, texture);
+  DirectPlaneEstimator estimator({});
+  return drive(&estimator, scene, predicted, frames, change, texture);
 }
 
 TEST(DirectPlaneEstimator, FindsHeightAndNormal) {
@@ -81,9 +81,9 @@ TEST(DirectPlaneEstimator, ACrestAheadIsNoOtherHeight) {
   const RoadScene scene = road();
   constexpr double kBend = 0.0015;  // a radius of 1100 m for a camera of 1.65 m
   // Where the ray to a place of the flat road meets the bent one.
-  DirectPlaneEstimator refinement({});
+  DirectPlaneEstimator estimator({});
   DirectPlaneEstimator::Options flat_options;
-  flat_options.bend_sigma = 1e-9;
+  flat_options.curvature_sigma = 1e-9;
   DirectPlaneEstimator flat(flat_options);
   double error = 0, flat_error = 0;
   for (std::uint32_t i = 0; i < 6; ++i) {
@@ -96,9 +96,9 @@ TEST(DirectPlaneEstimator, ACrestAheadIsNoOtherHeight) {
     };
     const cv::Mat image = roadImage(scene, scene.step * i, bent);
     const auto a =
-        refinement.align(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
+        estimator.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
     const auto b =
-        flat.align(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
+        flat.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
     error = std::abs(a.plane.height / scene.height - 1);
     flat_error = std::abs(b.plane.height / scene.height - 1);
   }
@@ -110,11 +110,11 @@ TEST(DirectPlaneEstimator, AWrongNormalIsCorrected) {
   const RoadScene scene = road();
   RoadScene expected = scene;
   expected.pitch += 0.01;
-  DirectPlaneEstimator refinement({});
+  DirectPlaneEstimator estimator({});
   DirectPlaneEstimator::Result result;
   for (std::uint32_t i = 0; i < 4; ++i) {
-    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i),
-                              priorOf(expected, kPriorSigma), std::nullopt, scene.height);
+    result = estimator.estimate(scene.frame(i), roadImage(scene, scene.step * i),
+                                priorOf(expected, kPriorSigma), std::nullopt, scene.height);
   }
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
@@ -141,7 +141,7 @@ TEST(DirectPlaneEstimator, LinesAlongTheWaySayNothing) {
   // A little of other texture is a height, less certain than with all of it.
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
   DirectPlaneEstimator::Options options;
-  options.bend_sigma = 1e-9;  // the road's bend is as uncertain with any texture
+  options.curvature_sigma = 1e-9;  // the road's bend is as uncertain with any texture
   DirectPlaneEstimator of_some(options), of_full(options);
   const auto some = drive(&of_some, scene, 1.03 * scene.height, 4, nullptr, weak);
   const auto full = drive(&of_full, scene, 1.03 * scene.height);
@@ -191,12 +191,12 @@ TEST(DirectPlaneEstimator, FeaturesOffThePlaneMaskTheirTiles) {
           if (feature.u.x() > 310) feature.p_c *= 0.7f;
         }
       }
-      result =
-          fresh.align(frame, roadImage(scene, scene.step * i), prior, std::nullopt, scene.height);
+      result = fresh.estimate(frame, roadImage(scene, scene.step * i), prior, std::nullopt,
+                              scene.height);
     }
     ASSERT_EQ(result.status, ScaleReason::kNone);
     EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
-    (masked ? with : without) = result.tiles;
+    (masked ? with : without) = result.patches;
   }
   EXPECT_LT(with, 0.75 * without);
 }
@@ -205,8 +205,8 @@ TEST(DirectPlaneEstimator, TheHoodIsFoundAndMasked) {
   RoadScene scene = road();
   scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
   const Change hood = stays({0, 170, 620, 70});
-  DirectPlaneEstimator refinement({});
-  const auto result = drive(&refinement, scene, scene.height, 25, hood);
+  DirectPlaneEstimator estimator({});
+  const auto result = drive(&estimator, scene, scene.height, 25, hood);
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
   EXPECT_GT(result.correlation, 0.8);  // the hood's tiles are not among them
@@ -224,11 +224,11 @@ TEST(DirectPlaneEstimator, AWrongPredictionIsNeverConfirmed) {
 TEST(DirectPlaneEstimator, ALostValleyIsSoughtAnew) {
   const RoadScene scene = road();
   const NormalPrior prior = priorOf(scene, kPriorSigma);
-  DirectPlaneEstimator refinement({});
+  DirectPlaneEstimator estimator({});
   int found = 0;
   for (std::uint32_t i = 0; i < 25; ++i) {
-    const auto result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i), prior,
-                                         std::nullopt, 2.5 * scene.height);
+    const auto result = estimator.estimate(scene.frame(i), roadImage(scene, scene.step * i), prior,
+                                           std::nullopt, 2.5 * scene.height);
     if (result.status != ScaleReason::kNone) continue;
     ++found;
     EXPECT_TRUE(result.searched);
@@ -246,12 +246,13 @@ TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
       scene.step *= unit;
       for (auto& point : scene.points) point *= unit;
       const NormalPrior prior = priorOf(scene, kPriorSigma);
-      DirectPlaneEstimator refinement({});
+      DirectPlaneEstimator estimator({});
       DirectPlaneEstimator::Result result;
       for (std::uint32_t i = 0; i < 8 && result.status != ScaleReason::kNone; ++i) {
         VoFrame frame = scene.frame(i);
         for (TrackedFeature& feature : frame.features) feature.p_c *= static_cast<float>(off);
-        result = refinement.align(frame, roadImage(scene, scene.step * i), prior, std::nullopt, 0);
+        result =
+            estimator.estimate(frame, roadImage(scene, scene.step * i), prior, std::nullopt, 0);
       }
       ASSERT_EQ(result.status, ScaleReason::kNone) << unit << ' ' << off;
       EXPECT_TRUE(result.searched);
@@ -270,9 +271,9 @@ TEST(DirectPlaneEstimator, TheSearchWaitsWhereThereIsNoRoad) {
     cv::GaussianBlur(*image, *image, {0, 0}, 2);
   };
   for (const Change& change : {filled, noise}) {
-    DirectPlaneEstimator refinement({});
+    DirectPlaneEstimator estimator({});
     for (std::uint32_t frames = 2; frames < 8; ++frames) {
-      EXPECT_NE(drive(&refinement, scene, 0, frames, change).status, ScaleReason::kNone);
+      EXPECT_NE(drive(&estimator, scene, 0, frames, change).status, ScaleReason::kNone);
     }
   }
 }
@@ -286,14 +287,14 @@ TEST(DirectPlaneEstimator, WithoutMotionThereIsNothingToSee) {
 TEST(DirectPlaneEstimator, Reverse) {
   RoadScene scene = road();
   scene.step = -0.3;
-  DirectPlaneEstimator refinement({});
+  DirectPlaneEstimator estimator({});
   NormalPrior prior = priorOf(scene, kPriorSigma);
   prior.forward_c = -prior.forward_c;
   const MotionHistory::Chord chord{prior.forward_c, 0.9, Eigen::Vector3d::Zero()};
   DirectPlaneEstimator::Result result;
   for (std::uint32_t i = 0; i < 5; ++i) {
-    result = refinement.align(scene.frame(i), roadImage(scene, scene.step * i), prior, chord,
-                              scene.height);
+    result = estimator.estimate(scene.frame(i), roadImage(scene, scene.step * i), prior, chord,
+                                scene.height);
   }
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015);
@@ -301,18 +302,18 @@ TEST(DirectPlaneEstimator, Reverse) {
 
 TEST(DirectPlaneEstimator, ResetForgetsThePictures) {
   const RoadScene scene = road();
-  DirectPlaneEstimator refinement({});
-  drive(&refinement, scene, scene.height);
-  refinement.reset();
-  EXPECT_EQ(drive(&refinement, scene, scene.height, 1).status, ScaleReason::kStandstill);
+  DirectPlaneEstimator estimator({});
+  drive(&estimator, scene, scene.height);
+  estimator.reset();
+  EXPECT_EQ(drive(&estimator, scene, scene.height, 1).status, ScaleReason::kStandstill);
 }
 
 TEST(DirectPlaneEstimator, BadOptionsAreNamed) {
   DirectPlaneEstimator::Options options;
-  options.tile = 0;
+  options.patch_size = 0;
   EXPECT_THROW(DirectPlaneEstimator{options}, OptionError);
   options = {};
-  options.max_ahead_h = 1;  // less than min_ahead_h
+  options.max_ahead_heights = 1;  // less than min_ahead_heights
   EXPECT_THROW(DirectPlaneEstimator{options}, OptionError);
 }
 

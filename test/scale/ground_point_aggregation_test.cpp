@@ -51,7 +51,7 @@ TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
 
 TEST(GroundPointAggregation, WindowIsMeasuredInTravelledHeights) {
   GroundPointAggregation::Options options;
-  options.window_h = 2;  // 1.6 units
+  options.window_heights = 2;  // 1.6 units
   GroundPointAggregation gpa(options);
   for (int i = 0; i < 10; ++i) {
     gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)), 0);
@@ -86,7 +86,7 @@ TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
   EXPECT_EQ(result.window[0].origin_c.norm(), 0);
 
   GroundPointAggregation::Options options;
-  options.feature_once = false;
+  options.unique_features = false;
   GroundPointAggregation copies(options);
   copies.add(poseAt(0), 0, older, 0);
   copies.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0);
@@ -95,7 +95,7 @@ TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
 
 TEST(GroundPointAggregation, StandingStillReplacesTheNewestFrame) {
   GroundPointAggregation::Options options;
-  options.feature_once = false;
+  options.unique_features = false;
   GroundPointAggregation gpa(options);
   gpa.add(poseAt(0), 0, pointsAhead(20, 1), 0.02);
   for (int i = 0; i < 30; ++i) gpa.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0.02);

@@ -87,7 +87,7 @@ TEST(GroundPointExtraction, LaneIsPreferredWhileItHasEnoughPoints) {
   };
   EXPECT_EQ(count_outside(extract(scene, scene.frame(0))), 0);
   GroundPointExtraction::Options options;
-  options.lane_points = 100000;
+  options.min_lane_features = 100000;
   EXPECT_GT(count_outside(extract(scene, scene.frame(0), options)), 50);
 }
 
@@ -188,10 +188,10 @@ TEST(GroundPointExtraction, BadOptionsAreNamed) {
     EXPECT_NE(std::string(error.what()).find("min_points"), std::string::npos);
   }
   options = {};
-  options.plane_threshold_h = std::numeric_limits<double>::quiet_NaN();
+  options.plane_threshold_heights = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(options.validate(), OptionError);
   options = {};
-  options.max_lateral_h = 0.5 * options.lane_h;
+  options.max_half_width_heights = 0.5 * options.lane_half_width_heights;
   EXPECT_THROW(options.validate(), OptionError);
 }
 

@@ -75,7 +75,7 @@ TEST(Mounting, SidewaysAndNoMotionTeachNothing) {
   mounting.update(MotionHistory::Chord{Eigen::Vector3d(1, 0, 0), 1}, nullptr, 1);
   EXPECT_EQ(mounting.pitch(), 0);
   Mounting::Options options;
-  options.chord_h = 0;
+  options.chord_length_heights = 0;
   EXPECT_THROW(Mounting{options}, OptionError);
 }
 

@@ -190,7 +190,7 @@ TEST(PlaneFit, SameInputSameBytes) {
 
 TEST(PlaneFit, LiteralFitIsExactOnExactPoints) {
   PlaneFit::Options options;
-  options.method = PlaneFit::Method::kLiteral;
+  options.method = PlaneFit::Method::kHomogeneous;
   const auto result = PlaneFit(options).fit(pointsOn(kPlane, 60, 0, 3, 1), loosePrior(), 0.8);
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height, 0.8, 1e-6);

@@ -13,7 +13,7 @@ namespace {
 int drive(ScaleFilter* filter, int frames, double height, double sigma) {
   int used = 0;
   for (int i = 0; i < frames; ++i) {
-    filter->move(0.5, 0);
+    filter->predict(0.5, 0);
     used += filter->update(height, sigma);
   }
   return used;
@@ -23,7 +23,7 @@ TEST(ScaleFilter, StartsWithTheMedianOfTheLatestWhenTheyAgree) {
   ScaleFilter filter({});
   EXPECT_FALSE(filter.known());
   EXPECT_EQ(filter.height(), 0);
-  filter.move(10, 0);
+  filter.predict(10, 0);
   EXPECT_FALSE(filter.update(2.00, 0.02));
   EXPECT_FALSE(filter.update(0.80, 0.02));
   EXPECT_FALSE(filter.update(0.82, 0.02));
@@ -38,7 +38,7 @@ TEST(ScaleFilter, WhatAYoungMapSaysIsNotBelievedForLong) {
   ScaleFilter filter({});
   const double step = 0.2;
   for (double way = 0; way < 16; way += step) {
-    filter.move(step, 0);
+    filter.predict(step, 0);
     filter.update(way < 4 ? 1.07 : 1, 0.01);
     if (!filter.known()) continue;
     EXPECT_LT(std::abs(filter.height() - 1), 2 * filter.sigma()) << way;
@@ -49,7 +49,7 @@ TEST(ScaleFilter, WhatAYoungMapSaysIsNotBelievedForLong) {
   ScaleFilter grown({});
   drive(&grown, 40, 1, 0.01);
   for (double way = 0; way < 4; way += step) {
-    grown.move(step, 0);
+    grown.predict(step, 0);
     grown.update(1.04, 0.01);
   }
   EXPECT_LT(grown.height(), 1.03);  // a grown map's state does not follow so fast
@@ -64,7 +64,7 @@ TEST(ScaleFilter, WaitsForSomeWayBeforeItStarts) {
 TEST(ScaleFilter, ScatteredMeasurementsDoNotStartIt) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
-    filter.move(0.5, 0);
+    filter.predict(0.5, 0);
     EXPECT_FALSE(filter.update(i % 2 == 0 ? 0.5 : 1.5, 0.02));
   }
   EXPECT_FALSE(filter.known());
@@ -77,7 +77,7 @@ TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
   drive(&filter, 8, 0.8, 0.04);
   const double at_start = filter.sigma();
   for (int i = 0; i < 400; ++i) {
-    filter.move(0.5, 0);
+    filter.predict(0.5, 0);
     filter.update(0.8 * (i % 2 == 0 ? 1.04 : 1 / 1.04), 0.04);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.005);
@@ -89,10 +89,10 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   drive(&slow, 8, 0.8, 0.03);
   drive(&fast, 8, 0.8, 0.03);
   for (int i = 0; i < 10; ++i) {
-    slow.move(0.5, 0);
+    slow.predict(0.5, 0);
     slow.update(0.84, 0.03);
     for (int k = 0; k < 10; ++k) {
-      fast.move(0.05, 0);
+      fast.predict(0.05, 0);
       fast.update(0.84, 0.03);
     }
   }
@@ -101,31 +101,31 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
 }
 
 /// Without the scale of sigma that is learnt: the variance is the options' alone.
-ScaleFilter::Options withoutAgreement() {
+ScaleFilter::Options withoutNisScaling() {
   ScaleFilter::Options options;
-  options.agreement_memory_h = 1e6;
+  options.nis_memory_heights = 1e6;
   return options;
 }
 
 TEST(ScaleFilter, HeldStateKeepsItsHeightAndLosesCertaintyWithDistance) {
-  ScaleFilter filter(withoutAgreement());
+  ScaleFilter filter(withoutNisScaling());
   drive(&filter, 50, 0.8, 0.03);
   const double height = filter.height(), sigma = filter.sigma();
-  filter.move(0, 0);
+  filter.predict(0, 0);
   EXPECT_EQ(filter.sigma(), sigma);  // standing still costs nothing
-  filter.move(40, 0);
+  filter.predict(40, 0);
   EXPECT_EQ(filter.height(), height);
-  const double drift = ScaleFilter::Options().drift_per_sqrt_h;
+  const double drift = ScaleFilter::Options().drift_per_sqrt_height;
   EXPECT_NEAR(std::pow(filter.sigma() / height, 2),
               std::pow(sigma / height, 2) + drift * drift * 40 / height, 1e-6);
 }
 
 TEST(ScaleFilter, ATurnLetsTheScaleChangeFaster) {
-  ScaleFilter straight(withoutAgreement()), turning(withoutAgreement());
+  ScaleFilter straight(withoutNisScaling()), turning(withoutAgreement());
   drive(&straight, 50, 0.8, 0.02);
   drive(&turning, 50, 0.8, 0.02);
   const double sigma = turning.sigma();
-  turning.move(0, 1.5);
+  turning.predict(0, 1.5);
   const double drift = ScaleFilter::Options().drift_per_sqrt_rad;
   EXPECT_NEAR(std::pow(turning.sigma(), 2) - sigma * sigma, 0.64 * drift * drift * 1.5, 1e-6);
   drive(&straight, 5, 0.84, 0.02);
@@ -136,7 +136,7 @@ TEST(ScaleFilter, ATurnLetsTheScaleChangeFaster) {
 TEST(ScaleFilter, SingleJumpsAreRejectedAndALastingOneTakesOver) {
   ScaleFilter filter({});
   drive(&filter, 100, 0.8, 0.02);
-  filter.move(0.5, 0);
+  filter.predict(0.5, 0);
   EXPECT_FALSE(filter.update(1.2, 0.02));
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_EQ(drive(&filter, 5, 0.8, 0.02), 5);
@@ -183,7 +183,7 @@ TEST(ScaleFilter, SigmaFollowsHowWellMeasurementsAgree) {
     ScaleFilter filter({});
     drive(&filter, 10, 0.8, 0.01);
     for (int i = 0; i < 300; ++i) {
-      filter.move(0.5, 0);
+      filter.predict(0.5, 0);
       filter.update(0.8 * (1 + (i % 4 < 2 ? error : -error)), 0.01);
     }
     return filter.sigma() / filter.height();
@@ -194,13 +194,13 @@ TEST(ScaleFilter, SigmaFollowsHowWellMeasurementsAgree) {
 }
 
 TEST(ScaleFilter, TwoSourcesKnowMoreThanOne) {
-  ScaleFilter one(withoutAgreement()), two(withoutAgreement());
+  ScaleFilter one(withoutNisScaling()), two(withoutAgreement());
   for (int i = 0; i < 100; ++i) {
     for (ScaleFilter* filter : {&one, &two}) {
-      filter->move(0.5, 0);
+      filter->predict(0.5, 0);
       filter->update(0.80, 0.01);
     }
-    two.update(0.82, 0.01, ScaleFilter::Source::kPixels);
+    two.update(0.82, 0.01, ScaleFilter::Source::kDirect);
   }
   EXPECT_LT(two.sigma(), 0.9 * one.sigma());
   EXPECT_NEAR(one.height(), 0.80, 1e-6);
@@ -211,16 +211,16 @@ TEST(ScaleFilter, TwoSourcesKnowMoreThanOne) {
 TEST(ScaleFilter, PixelsInAWrongValleyDoNotSilenceThePoints) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
-    filter.move(0.5, 0);
-    filter.update(1.6, 0.01, ScaleFilter::Source::kPixels);
+    filter.predict(0.5, 0);
+    filter.update(1.6, 0.01, ScaleFilter::Source::kDirect);
   }
   ASSERT_NEAR(filter.height(), 1.6, 0.01);
   double way = 0;
   while (filter.height() > 1 && way < 100) {  // the pixels are sought around the state
-    filter.move(0.5, 0);
+    filter.predict(0.5, 0);
     way += 0.5;
-    filter.update(0.8, 0.01, ScaleFilter::Source::kPoints);
-    filter.update(filter.height(), 0.01, ScaleFilter::Source::kPixels);
+    filter.update(0.8, 0.01, ScaleFilter::Source::kFeatureBased);
+    filter.update(filter.height(), 0.01, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
   EXPECT_LT(way, 20);
@@ -229,9 +229,9 @@ TEST(ScaleFilter, PixelsInAWrongValleyDoNotSilenceThePoints) {
 TEST(ScaleFilter, PointsOnAPavementDoNotTakeOver) {
   ScaleFilter filter({});
   for (int i = 0; i < 200; ++i) {
-    filter.move(0.5, 0);
-    filter.update(i < 50 ? 0.8 : 0.72, 0.001, ScaleFilter::Source::kPoints);
-    filter.update(0.8, 0.001, ScaleFilter::Source::kPixels);
+    filter.predict(0.5, 0);
+    filter.update(i < 50 ? 0.8 : 0.72, 0.001, ScaleFilter::Source::kFeatureBased);
+    filter.update(0.8, 0.001, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
@@ -240,8 +240,8 @@ TEST(ScaleFilter, OneSourceGoesOnWhereTheOtherIsSilent) {
   ScaleFilter filter({});
   drive(&filter, 20, 0.8, 0.01);
   for (int i = 0; i < 200; ++i) {
-    filter.move(0.5, 0);
-    EXPECT_TRUE(filter.update(0.8 + 0.0003 * i, 0.01, ScaleFilter::Source::kPixels));
+    filter.predict(0.5, 0);
+    EXPECT_TRUE(filter.update(0.8 + 0.0003 * i, 0.01, ScaleFilter::Source::kDirect));
   }
   EXPECT_NEAR(filter.height(), 0.86, 0.02);
 }

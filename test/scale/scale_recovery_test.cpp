@@ -190,7 +190,7 @@ TEST(ScaleRecovery, PixelsMeasureWhereThereAreNoPoints) {
     VoFrame frame = scene.frame(i);
     frame.features.resize(5);  // too few for triangles that are ground
     output = recovery.process(frame, roadImage(scene, scene.step * i));
-    EXPECT_EQ(output.points.height, 0);
+    EXPECT_EQ(output.feature_based.height, 0);
     if (first_known < 0 && output.scale.status == ScaleStatus::kOk)
       first_known = static_cast<int>(i);
   }
@@ -198,9 +198,9 @@ TEST(ScaleRecovery, PixelsMeasureWhereThereAreNoPoints) {
   EXPECT_LT(first_known, 12);
   EXPECT_EQ(output.scale.reason, ScaleReason::kNone);
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.006);
-  EXPECT_NEAR(output.pixels.height / 0.7, 1, 0.01);
+  EXPECT_NEAR(output.direct.height / 0.7, 1, 0.01);
   EXPECT_GT(output.correlation, 0.8);
-  EXPECT_GT(output.times.refine, 0);
+  EXPECT_GT(output.times.direct, 0);
   // From here on the image is missing: held.
   VoFrame frame = scene.frame(25);
   frame.features.clear();
@@ -239,7 +239,7 @@ TEST(ScaleRecovery, WithoutImagesOrRefinePointsWorkAlone) {
     const auto b = refused.process(scene.frame(i), roadImage(scene, scene.step * i));
     EXPECT_EQ(std::memcmp(&a.scale.scale, &b.scale.scale, sizeof(double)), 0);
     EXPECT_EQ(std::memcmp(&a.scale.sigma, &b.scale.sigma, sizeof(double)), 0);
-    EXPECT_EQ(b.pixels.height, 0);
+    EXPECT_EQ(b.direct.height, 0);
   }
 }
 
@@ -293,7 +293,7 @@ TEST(ScaleRecovery, BadOptionsAreNamed) {
   }
   EXPECT_THROW(ScaleRecovery::Options().validate(), OptionError);  // required: no default
   ScaleRecovery::Options o = options();
-  o.gpa.fit.roughness_h = 0;
+  o.gpa.fit.roughness_heights = 0;
   EXPECT_THROW(ScaleRecovery{o}, OptionError);
 }
 

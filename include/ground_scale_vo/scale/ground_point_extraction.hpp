@@ -16,92 +16,95 @@ namespace ground_scale_vo {
 /// A feature of one frame that lies on the road.
 struct GroundPoint {
   std::uint64_t id = 0;                           ///< of the feature
-  Eigen::Vector3d p_c = Eigen::Vector3d::Zero();  ///< camera axes of its frame, VO units, z > 0
-  double depth_sigma = 0;                         ///< of p_c.z, VO units
+  Eigen::Vector3d p_c = Eigen::Vector3d::Zero();  ///< in its frame's camera [VO units], z > 0
+  double depth_sigma = 0;                         ///< standard deviation of p_c.z [VO units]
 };
 
-/// Ground Point Extraction (GPE, the paper's section III.A and Alg. 1): which of a frame's features
-/// lie on the road.
+/// Ground Point Extraction (GPE, the paper's section III.A and Alg. 1): selects the features of one
+/// frame that lie on the road.
+///  1. Delaunay triangles of the features in the region of interest (line 1).
+///  2. Triangles whose plane lies below the camera, is orthogonal to the motion and has the road's
+///     pitch and roll (lines 6-15, Eq. 1-3); their corners are candidates.
+///  3. RANSAC plane through three candidates (lines 17-33, Eq. 4); its inliers are the result.
 class GroundPointExtraction {
  public:
+  /// Lengths ending in _heights are in camera heights.
   struct Options {
-    /// The region of the road that is looked at, in camera heights on the expected plane. It is cut
-    /// by the pixel's ray alone, never by a point's own depth, so it cannot bias the depth.
-    double min_ahead_h = 1.0;
-    double max_ahead_h = 25.0;
-    double lane_h = 1.2;         ///< half width of the region while it holds lane_points features
-    double max_lateral_h = 4.0;  ///< half width otherwise
-    int lane_points = 15;
+    // Region of interest on the expected plane. It depends on the pixel's ray alone and never on
+    // the depth of a point, so it does not bias the depth.
+    double min_ahead_heights = 1.0;
+    double max_ahead_heights = 25.0;
+    double lane_half_width_heights = 1.2;
+    double max_half_width_heights = 4.0;
+    int min_lane_features = 15;
 
-    double motion_tolerance_rad = 0.12;  ///< theta_2 of Alg. 1: |90 deg - angle(n, t)| (Eq. 3)
-    double pitch_tolerance_rad = 0.12;   ///< theta_1: pitch of the triangle against the road's
-    double roll_tolerance_rad = 0.26;    ///< roll likewise: Eq. 3 lets walls along the way pass
-    int min_points = 6;                  ///< Alg. 1 line 18: more than five
-    int ransac_iterations = 100;         ///< Z of Alg. 1
-    /// d_thresh of Alg. 1: distance to the plane over the camera height; the paper's 0.01 m / 1.65
-    /// m.
-    double plane_threshold_h = 0.006;
-    /// ... plus this many standard deviations of the point's own depth. 0: as printed.
+    double motion_tolerance_rad = 0.12;
+    double pitch_tolerance_rad = 0.12;
+    double roll_tolerance_rad = 0.26;  ///< not in the paper: Eq. 3 accepts walls along the road
+    int min_points = 6;
+    int ransac_iterations = 100;
+    double plane_threshold_heights = 0.006;  ///< the paper's 0.01 m over 1.65 m
     double plane_threshold_sigma = 2.0;
-
-    // The paper's literal choices.
-    bool frame_pitch_test =
-        false;                  ///< theta_1 on the relative rotation's pitch, not the triangle's
-    bool most_inliers = false;  ///< Alg. 1 line 28; otherwise the least truncated distance (Eq. 4)
+    bool frame_pitch_test = false;  ///< theta_1 on the pitch of T_{t,t-1}, as printed (line 10)
+    bool most_inliers = false;
 
     std::uint64_t random_seed = 1;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("min_ahead_h", self.min_ahead_h, 0, 1000,
-            "[camera heights] where the region of the road begins");
-      visit("max_ahead_h", self.max_ahead_h, 0, 10000, "[camera heights] where it ends");
-      visit("lane_h", self.lane_h, 0.01, 1000,
-            "[camera heights] half width of the region while it holds lane_points");
-      visit("max_lateral_h", self.max_lateral_h, 0.01, 1000,
-            "[camera heights] half width otherwise");
-      visit("lane_points", self.lane_points, 0, 1e6,
-            "[features] that are enough for the narrow region");
+      visit("min_ahead_heights", self.min_ahead_heights, 0, 1000,
+            "[camera heights] near end of the region of interest");
+      visit("max_ahead_heights", self.max_ahead_heights, 0, 10000,
+            "[camera heights] far end of the region of interest");
+      visit("lane_half_width_heights", self.lane_half_width_heights, 0.01, 1000,
+            "[camera heights] half width of the region while it contains min_lane_features");
+      visit("max_half_width_heights", self.max_half_width_heights, 0.01, 1000,
+            "[camera heights] half width of the region otherwise");
+      visit("min_lane_features", self.min_lane_features, 0, 1e6,
+            "[features] number that is enough for the narrow region");
       visit("motion_tolerance_rad", self.motion_tolerance_rad, 1e-4, 1.6,
-            "[rad] theta_2 of Alg. 1: |90 deg - angle(n, t)|");
+            "[rad] theta_2 of Alg. 1: largest |90 deg - angle(n, t)| of a triangle");
       visit("pitch_tolerance_rad", self.pitch_tolerance_rad, 1e-4, 1.6,
-            "[rad] theta_1 of Alg. 1: pitch of a triangle against the road");
+            "[rad] theta_1 of Alg. 1: largest pitch of a triangle against the road");
       visit("roll_tolerance_rad", self.roll_tolerance_rad, 1e-4, 1.6,
-            "[rad] roll of a triangle against the road");
-      visit("min_points", self.min_points, 3, 1e6, "[points] fewer are no ground");
+            "[rad] largest roll of a triangle against the road");
+      visit("min_points", self.min_points, 3, 1e6,
+            "[points] least number of ground points (Alg. 1 line 18)");
       visit("ransac_iterations", self.ransac_iterations, 1, 1e6, "[iterations] Z of Alg. 1");
-      visit("plane_threshold_h", self.plane_threshold_h, 1e-6, 1,
-            "[camera heights] d_thresh of Alg. 1");
+      visit("plane_threshold_heights", self.plane_threshold_heights, 1e-6, 1,
+            "[camera heights] d_thresh of Alg. 1: inlier distance from the plane");
       visit("plane_threshold_sigma", self.plane_threshold_sigma, 0, 100,
-            "[sigma] of a point's own depth, added to it");
+            "[sigma] share of a point's own depth error added to it");
       visit("most_inliers", self.most_inliers,
-            "[] RANSAC by most inliers (Alg. 1), not by least distance (Eq. 4)");
+            "[] RANSAC by the number of inliers (Alg. 1), not by the distance (Eq. 4)");
     }
     /// Throws OptionError.
     void validate() const;
   };
 
   struct Result {
-    /// kNone: `points` and `plane` are valid. Otherwise kTooFewTriangles (not one triangle of
-    /// features with points), kTooFewGroundPoints or kNoPlane, and both are empty.
+    /// kNone: `points` and `plane` are valid. Otherwise kTooFewTriangles (no triangle of features
+    /// with map points), kTooFewGroundPoints or kNoPlane, and `points` is empty.
     ScaleReason status = ScaleReason::kTooFewTriangles;
-    std::vector<GroundPoint> points;  ///< by id
-    GroundPlane plane;                ///< best hypothesis, through three points
-    int triangles = 0;
-    int ground_triangles = 0;
-    double delaunay_ms = 0;  ///< wall time
+    std::vector<GroundPoint> points;  ///< ordered by id
+    GroundPlane plane;                ///< best RANSAC hypothesis, through three points
+    int triangles = 0;                ///< of the triangulation
+    int ground_triangles = 0;         ///< of these, accepted as ground
+    double delaunay_ms = 0;           ///< wall time
   };
 
+  /// Throws OptionError.
   explicit GroundPointExtraction(const Options& options);
 
   /// frame: tracking. prior: the road's normal in this frame's camera. chord: averaged direction of
-  /// motion; without one (no motion) its test is left out. last_motion: T_{t,t-1}, used by
-  /// frame_pitch_test alone. The result depends on the arguments only, not on earlier calls.
+  /// motion for Eq. 3; without it (no motion) that test is skipped. last_motion: T_{t,t-1}, used by
+  /// frame_pitch_test alone. The result depends on the arguments alone, not on earlier calls.
   Result extract(const VoFrame& frame, const NormalPrior& prior,
                  const std::optional<MotionHistory::Chord>& chord,
                  const Eigen::Isometry3d& last_motion) const;
 
  private:
-  std::vector<std::uint32_t> candidates(const VoFrame& frame, const NormalPrior& prior) const;
+  std::vector<std::uint32_t> selectRegion(const VoFrame& frame, const NormalPrior& prior) const;
+  bool isTilted(const GroundPlane& plane, const NormalPrior& prior, double roll_tolerance) const;
   void ransac(std::uint64_t seed, const NormalPrior& prior, Result* result) const;
 
   Options options_;

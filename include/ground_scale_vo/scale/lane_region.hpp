@@ -8,23 +8,27 @@
 
 namespace ground_scale_vo {
 
-/// The piece of road before the camera that the path covers: from min_ahead to max_ahead, with a
-/// half width, bent as the way behind is. Lengths in camera heights on the expected plane, so it is
-/// known before the height is. It lies where the camera looks, also in reverse.
+/// Region of the road ahead that the vehicle is expected to drive over: a band of constant width on
+/// the expected plane, with the curvature of the path driven so far. Lengths are in camera heights,
+/// so the region is defined before the height is known. It lies in the viewing direction, also in
+/// reverse.
 class LaneRegion {
  public:
-  /// height: of the camera [VO units]; 0: not known, the strip is straight.
+  /// prior: the expected plane's normal. chord: averaged motion; without it the region is straight,
+  /// likewise when height [VO units] is 0 (not known). min_ahead, max_ahead, half_width: [camera
+  /// heights].
   LaneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
              double height, double min_ahead, double max_ahead, double half_width);
 
-  /// Whether the ray (z = 1, camera axes) meets the strip.
+  /// Whether a viewing ray (camera axes, z = 1) meets the plane in the region.
   bool contains(const Eigen::Vector3d& ray) const;
 
  private:
   Eigen::Vector3d up_, ahead_, left_;
   double min_ahead_, max_ahead_, half_width_;
   double curvature_ = 0;  ///< to the left [1 / camera height]
-  double lag_ = 0;        ///< the chord's direction is that of the path half of this behind
+  /// Signed chord length [camera heights]: the chord is parallel to the path at its middle.
+  double chord_length_ = 0;
 };
 
 }  // namespace ground_scale_vo

@@ -8,21 +8,22 @@
 
 namespace ground_scale_vo {
 
-/// The way of the camera within one map. Gives the direction of motion averaged over a distance,
-/// for Eq. 3: one frame's own t_{t,t-1} wobbles by half a degree, a chord over several frames does
-/// not.
+/// The camera's poses within one map. Provides the direction of motion averaged over a distance,
+/// for Eq. 3: the direction t_{t,t-1} of single frames varies by half a degree with the vehicle's
+/// vibration, that of a chord over several frames does not.
 class MotionHistory {
  public:
   struct Options {
     int max_frames = 60;  ///< poses kept
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("max_frames", self.max_frames, 2, 100000, "[frames] poses kept");
+      visit("max_frames", self.max_frames, 2, 100000, "[frames] poses that are kept");
     }
     /// Throws OptionError.
     void validate() const;
   };
 
+  /// Straight line between two camera positions of the path.
   struct Chord {
     Eigen::Vector3d direction_c = Eigen::Vector3d::Zero();  ///< unit, along the motion, camera axes
     double length = 0;                                      ///< VO units, > 0
@@ -38,16 +39,16 @@ class MotionHistory {
   double travelled() const { return travelled_; }
   /// From the last pose but one to the last [VO units]; 0 with fewer than two poses.
   double lastStep() const { return last_step_; }
-  /// Of a pose that is not added yet, from the last one [VO units]; 0 when there is none.
+  /// Of a pose that is not added yet from the last one [VO units]; 0 when there is none.
   double distanceFromLast(const Eigen::Isometry3d& T_w_c) const;
   bool empty() const { return poses_.empty(); }
   /// Relative pose of the last frame as the paper's T_{t,t-1}: x_t = T x_{t-1}. Identity with
   /// fewer than two poses.
   Eigen::Isometry3d lastMotion() const;
 
-  /// From the newest kept pose that lies at least min_length back along the way (or the oldest one)
-  /// to the last, in the last camera's axes. Signed: in reverse it still points where the camera
-  /// goes. Empty when there is no motion.
+  /// From the newest kept pose that lies at least min_length back along the path (or the oldest
+  /// one) to the newest, in the newest camera's axes. In reverse it points backwards. Empty when
+  /// there is no motion.
   std::optional<Chord> chord(double min_length) const;
 
   void reset();

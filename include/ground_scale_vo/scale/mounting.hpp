@@ -8,68 +8,71 @@
 
 namespace ground_scale_vo {
 
-/// How the camera is mounted on the vehicle, estimated slowly: pitch from the direction of motion
-/// (which on average lies in the road) and roll from the planes found. The paper assumes a pitch of
-/// zero; 1 degree is 11 % of the height for a point 10 m ahead.
+/// Pitch and roll of the camera against the vehicle, as slow averages: pitch from the direction of
+/// motion, which on average is parallel to the road (Eq. 3), and roll from the estimated planes.
+/// The paper assumes a pitch of zero; an error of 1 degree is 11 % of the height for a point 10 m
+/// ahead.
 class Mounting {
  public:
+  /// Lengths ending in _heights are in camera heights; sigmas are standard deviations in rad.
   struct Options {
-    double start_pitch_sigma = 0.07;    ///< of the start-up value zero [rad]
-    double start_roll_sigma = 0.05;     ///< of the start-up value zero [rad]
-    double pitch_motion_sigma = 0.012;  ///< nodding and slope edges: road against mounting [rad]
-    double roll_motion_sigma = 0.012;   ///< leaning and camber: road against mounting [rad]
-    /// Bounce of the camera against the road between a chord's ends [camera heights]: a chord of
-    /// length L constrains the pitch to bounce / L.
-    double bounce_h = 0.02;
-    double chord_h = 3;     ///< length of the chord for the direction of motion [camera heights]
-    double memory_h = 200;  ///< distance over which the average forgets [camera heights]
-    double max_tilt_rad = 0.26;  ///< limit of both estimates
+    double initial_pitch_sigma = 0.07;
+    double initial_roll_sigma = 0.05;
+    double pitch_motion_sigma = 0.012;
+    double roll_motion_sigma = 0.012;
+    double heave_sigma_heights = 0.02;
+    double chord_length_heights = 3;
+    double forgetting_distance_heights = 200;
+    double max_tilt_rad = 0.26;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("start_pitch_sigma", self.start_pitch_sigma, 1e-4, 1,
-            "[rad] of the start-up pitch zero");
-      visit("start_roll_sigma", self.start_roll_sigma, 1e-4, 1, "[rad] of the start-up roll zero");
+      visit("initial_pitch_sigma", self.initial_pitch_sigma, 1e-4, 1,
+            "[rad] standard deviation of the initial pitch zero");
+      visit("initial_roll_sigma", self.initial_roll_sigma, 1e-4, 1,
+            "[rad] standard deviation of the initial roll zero");
       visit("pitch_motion_sigma", self.pitch_motion_sigma, 1e-4, 1,
-            "[rad] nodding and slope edges: road against mounting");
+            "[rad] standard deviation of the vehicle's pitch against the road (braking, crests)");
       visit("roll_motion_sigma", self.roll_motion_sigma, 1e-4, 1,
-            "[rad] leaning and camber: road against mounting");
-      visit("bounce_h", self.bounce_h, 1e-5, 1,
-            "[camera heights] bounce against the road between the ends of a chord");
-      visit("chord_h", self.chord_h, 0.01, 1000,
-            "[camera heights] length of the chord for the direction of motion");
-      visit("memory_h", self.memory_h, 1, 1e6,
-            "[camera heights] way over which the averages forget");
-      visit("max_tilt_rad", self.max_tilt_rad, 0.001, 0.8, "[rad] limit of pitch and roll");
+            "[rad] standard deviation of the vehicle's roll against the road (curves, camber)");
+      visit("heave_sigma_heights", self.heave_sigma_heights, 1e-5, 1,
+            "[camera heights] vertical motion against the road between the ends of a chord");
+      visit("chord_length_heights", self.chord_length_heights, 0.01, 1000,
+            "[camera heights] length of the chord that defines the direction of motion");
+      visit("forgetting_distance_heights", self.forgetting_distance_heights, 1, 1e6,
+            "[camera heights] averaging length of pitch and roll");
+      visit("max_tilt_rad", self.max_tilt_rad, 0.001, 0.8, "[rad] bound of pitch and roll");
     }
     /// Throws OptionError.
     void validate() const;
   };
 
+  /// Throws OptionError.
   explicit Mounting(const Options& options);
 
-  double pitch() const { return pitch_.mean; }  ///< [rad], positive looks down
-  double roll() const { return roll_.mean; }    ///< [rad], positive: the camera's x axis dips
-  /// Unit, up: the road's normal in camera axes when the vehicle stands level on it.
+  double pitch() const { return pitch_.mean; }  ///< [rad], positive: the camera looks down
+  double roll() const { return roll_.mean; }  ///< [rad], positive: the camera's x axis points down
+  /// The road's normal in camera axes when the vehicle is level on it; unit, up.
   Eigen::Vector3d normal() const;
 
-  /// The road's normal in the camera of the last pose in `history`: the mounting's, turned so that
-  /// it is orthogonal to the direction of motion as far as both are trusted (Eq. 3). height: of the
-  /// camera [VO units], 0 when not known.
+  /// Prior on the road's normal in the camera of the newest pose of `history`: the mounting's
+  /// normal, corrected towards orthogonality to the direction of motion (Eq. 3) by the ratio of
+  /// their variances. height: of the camera [VO units]; 0 when it is not known.
   NormalPrior prior(const MotionHistory& history, double height) const;
 
-  /// Learns from one frame: the chord behind it and, when one was accepted, its plane.
-  /// step_h: way since the last call [camera heights].
+  /// Updates pitch and roll with one frame. chord: direction of motion up to this frame. plane: the
+  /// accepted plane of this frame, or null. step_heights: distance since the last update [camera
+  /// heights].
   void update(const std::optional<MotionHistory::Chord>& chord, const GroundPlane* plane,
-              double step_h);
+              double step_heights);
 
   void reset();
 
  private:
   struct Average {
-    double mean = 0;
-    double sigma = 0;  ///< of the mean
+    double mean = 0;   ///< [rad]
+    double sigma = 0;  ///< standard deviation of the mean [rad]
   };
-  void learn(Average* average, double value, double motion_sigma, double step_h) const;
+  void addSample(Average* average, double value, double sample_sigma, double step_heights) const;
 
   Options options_;
   Average pitch_, roll_;

@@ -6,21 +6,21 @@
 namespace ground_scale_vo {
 
 enum class ScaleStatus : std::uint8_t {
-  kUnknown = 0,  ///< no scale yet: nothing metric exists
+  kUnknown = 0,  ///< not known yet: there is no metric pose
   kOk = 1,       ///< measured in this frame
-  kHeld = 2      ///< the last scale is kept; sigma grows with distance
+  kHeld = 2      ///< not measured in this frame: the last value; sigma grows with the distance
 };
 
-/// Why a frame gave no measurement of its own.
+/// Why a frame has no measurement of its own.
 enum class ScaleReason : std::uint8_t {
-  kNone = 0,  ///< it gave one
+  kNone = 0,  ///< it has one
   kVoNotTracking = 1,
-  kStandstill = 2,  ///< no motion since the last measurement
+  kStandstill = 2,  ///< no motion since the previous frame
   kTooFewTriangles = 3,
   kTooFewGroundPoints = 4,
-  kNoPlane = 5,          ///< no plane explains the ground points, or not well enough
-  kPlaneTilted = 6,      ///< a plane, but too far from the mounting's normal
-  kRejectedByFilter = 7  ///< contradicts the filter
+  kNoPlane = 5,          ///< no plane fits, or its height is too uncertain
+  kPlaneTilted = 6,      ///< the plane's normal is too far from the prior
+  kRejectedByFilter = 7  ///< outside the filter's gate
 };
 
 /// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out

@@ -9,111 +9,122 @@
 
 namespace ground_scale_vo {
 
-/// Smooths the camera height h in VO units along the way (the paper's section III.C). With a local
-/// map neighbouring frames share one scale, so the height is what varies slowly; the scale follows
-/// as h*/h. A bias or a slow drift costs accuracy, jitter hardly does: the filter is slow.
+/// One-dimensional Kalman filter of the camera height h in VO units (the paper's section III.C;
+/// the scale is h*/h). The height is filtered and not the scale of single frames, because with a
+/// local map neighbouring frames share one unit of length.
 ///
-/// State: ln h with its variance, a random walk in distance. Each source gives at most one
-/// measurement a frame, but those of neighbouring frames see the same road: their information is
-/// taken per distance, so the frame rate does not matter.
+/// State: ln h with its variance. Process: a random walk in the distance travelled and the
+/// rotation. Measurements: ln of a measured height, from one or two sources per frame, with a gate
+/// on the normalised innovation squared (NIS). Neighbouring measurements of a source see the same
+/// road and are correlated, so their information is weighted by the distance between them; the
+/// result does not depend on the frame rate.
 ///
-/// The gain follows from the options. How large the errors are in this street with this camera does
-/// not: sigma() is scaled by how well the measurements of late, rejected ones too, agreed with the
-/// state.
+/// The gain follows from the options alone. sigma() is scaled by the mean NIS of the latest
+/// measurements, accepted or not, which adapts it to the camera and the road (NIS scaling).
 class ScaleFilter {
  public:
   enum class Source : std::uint8_t {
-    kPoints = 0,  ///< the plane through the ground points
-    kPixels = 1   ///< the plane that aligns the road's pixels
+    kFeatureBased = 0,  ///< plane fitted to the ground points
+    kDirect = 1         ///< plane estimated from image intensities
   };
+  /// Lengths ending in _heights are in camera heights; sigmas are relative errors of the height.
   struct Options {
-    double correlation_h = 3;  ///< measurements of one source agree over this way [camera heights]
-    double drift_per_sqrt_h = 0.01;  ///< random walk of ln h over one camera height of way
-    /// ... and over one radian of rotation: a turn replaces the map that carries the scale.
-    double drift_per_sqrt_rad = 0.05;
-    double measurement_floor = 0.015;  ///< least relative sigma of one measurement
-    double gate_sigma = 3;             ///< measurements farther off are rejected
-    double agreement_memory_h = 20;    ///< way over which the scale of sigma forgets
-    int start_measurements = 4;        ///< the latest few that must agree to start or restart it
-    double start_spread = 0.15;        ///< agree: at most this far from their median, relative
-    double start_way_h = 5;            ///< and not before this way [camera heights]
-    /// Relative error that all measurements of a young map share: they see one piece of road, and
-    /// points whose depths one short way has told. It fades as the map grows.
-    double start_sigma = 0.1;
-    double start_memory_h = 6;  ///< ... over this way from the map's first frame [camera heights]
-    double restart_h = 12;      ///< contradiction over this way restarts it [camera heights]
-    /// The paper's literal choice: moving average of the scale h*/h over so many frames. 0: off.
-    int moving_average_frames = 0;
+    double correlation_heights = 3;
+    double drift_per_sqrt_height = 0.01;
+    double drift_per_sqrt_rad =
+        0.05;  ///< a turn replaces the part of the map that carries the scale
+    double min_measurement_sigma = 0.015;
+    double gate_sigma = 3;
+    double nis_memory_heights = 20;
+
+    int start_measurements = 4;
+    double start_max_deviation = 0.15;
+    double start_distance_heights = 5;
+    /// The first measurements of a map see one piece of road and points with a short baseline: they
+    /// share an unobservable bias. It is a lower bound of sigma that decays with the distance.
+    double start_bias_sigma = 0.1;
+    double start_bias_decay_heights = 6;
+    double restart_distance_heights = 12;
+
+    int moving_average_frames = 0;  ///< replaces the Kalman filter by a moving average of the scale
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("correlation_h", self.correlation_h, 0, 1e6,
-            "[camera heights] measurements of one source agree over this way");
-      visit("drift_per_sqrt_h", self.drift_per_sqrt_h, 0, 1,
-            "[] random walk of ln h over one camera height of way");
+      visit("correlation_heights", self.correlation_heights, 0, 1e6,
+            "[camera heights] correlation length of the errors of one source");
+      visit("drift_per_sqrt_height", self.drift_per_sqrt_height, 0, 1,
+            "[] random walk of ln h over one camera height of distance");
       visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
             "[] random walk of ln h over one radian of rotation");
-      visit("measurement_floor", self.measurement_floor, 1e-4, 1,
-            "[] least relative sigma of one measurement");
+      visit("min_measurement_sigma", self.min_measurement_sigma, 1e-4, 1,
+            "[] lower bound of a measurement's relative standard deviation");
       visit("gate_sigma", self.gate_sigma, 0.1, 1000,
-            "[sigma] measurements farther off are rejected");
-      visit("agreement_memory_h", self.agreement_memory_h, 0.1, 1e6,
-            "[camera heights] way over which sigma learns how well measurements agree");
+            "[sigma] measurements with a larger normalised innovation are rejected");
+      visit("nis_memory_heights", self.nis_memory_heights, 0.1, 1e6,
+            "[camera heights] averaging length of the NIS that scales sigma");
       visit("start_measurements", self.start_measurements, 1, 1000,
-            "[frames] that must agree to start or restart");
-      visit("start_way_h", self.start_way_h, 0, 1e6, "[camera heights] no start before this way");
-      visit("start_spread", self.start_spread, 1e-4, 10,
-            "[] they agree: at most this far from their median, relative");
-      visit("start_sigma", self.start_sigma, 0, 10,
-            "[] relative error that the measurements of a young map share");
-      visit("start_memory_h", self.start_memory_h, 0.01, 1e6,
-            "[camera heights] way over which that error fades");
-      visit("restart_h", self.restart_h, 0, 1e6,
-            "[camera heights] contradiction over this way restarts it");
+            "[frames] consecutive measurements that must agree to start or restart the filter");
+      visit("start_distance_heights", self.start_distance_heights, 0, 1e6,
+            "[camera heights] least distance before the start");
+      visit("start_max_deviation", self.start_max_deviation, 1e-4, 10,
+            "[] largest deviation of these measurements from their median, relative");
+      visit("start_bias_sigma", self.start_bias_sigma, 0, 10,
+            "[] relative bias shared by the first measurements of a map");
+      visit("start_bias_decay_heights", self.start_bias_decay_heights, 0.01, 1e6,
+            "[camera heights] distance over which that bias decays to 1/e");
+      visit("restart_distance_heights", self.restart_distance_heights, 0, 1e6,
+            "[camera heights] distance of rejected but mutually consistent measurements before a "
+            "restart");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
-            "[frames] moving average of the scale instead; 0: off");
+            "[frames] moving average of the scale instead of the Kalman filter; 0: off");
     }
     /// Throws OptionError.
     void validate() const;
   };
 
+  /// Throws OptionError.
   explicit ScaleFilter(const Options& options);
 
-  /// The camera moved by `distance` [VO units, >= 0] and turned by `angle` [rad, >= 0] since the
-  /// last call: the variance grows.
-  void move(double distance, double angle);
+  /// Prediction step. distance: travelled since the last call [VO units], >= 0; angle: rotated
+  /// since then [rad], >= 0.
+  void predict(double distance, double angle);
 
-  /// One frame's measurement [VO units]. True when it was used; one that is not finite, or a height
-  /// that is not positive, never is.
-  bool update(double height, double sigma, Source source = Source::kPoints);
+  /// Update step with a measured height and its standard deviation [VO units], at most one per
+  /// source and frame. True when it was used. Values that are not finite and heights that are not
+  /// positive are ignored.
+  bool update(double height, double sigma, Source source = Source::kFeatureBased);
 
-  bool known() const { return known_; }
-  double height() const;  ///< [VO units]; 0 while not known
-  double sigma() const;   ///< standard deviation of height() [VO units]; 0 while not known
+  bool known() const { return known_; }  ///< the filter has started
+  double height() const;                 ///< [VO units]; 0 while not known
+  double sigma() const;  ///< standard deviation of height() [VO units]; 0 while not known
 
-  void reset();  ///< a new map: another unit of length
+  void reset();  ///< for a new map, which has another unit of length
 
  private:
+  static constexpr std::size_t kSources = 2;
   struct Measurement {
     double log_height;
     double variance;
   };
-  bool start(const Measurement& measurement, Source source);
-  void settle(Source source);
-  double sharedVariance() const;
-  void learnAgreement(Source source, double squared);
+  bool updateMovingAverage(double height, double variance);
+  bool collect(const Measurement& measurement, Source source);
+  void start(double log_height, double mean_variance);
+  void clearPending(Source source);
+  void updateNisScale(Source source, double nis);
+  double startBiasVariance() const;
 
   Options options_;
   bool known_ = false;
-  double log_height_ = 0;
-  double variance_ = 0;
-  double way_ = 0;  ///< since reset()
-  /// Way at the last measurement used, and at the last one seen, of each source.
-  std::array<double, 2> last_update_at_{}, last_seen_at_{};
-  double agreement_ = 1;  ///< mean square of innovations over what was expected
-  /// The latest of each source since one was used; all are with the points until there is a state.
-  std::array<std::deque<Measurement>, 2> challengers_;
-  std::array<double, 2> challenged_at_{};  ///< way at the first of those
-  std::deque<double> inverse_heights_;     ///< of the moving average
+  double log_height_ = 0;  ///< state
+  double variance_ = 0;    ///< of the state
+  double distance_ = 0;    ///< travelled since reset() [VO units]
+  double nis_scale_ = 1;   ///< mean normalised innovation squared
+  /// distance_ at the latest accepted measurement, and at the latest one, by source.
+  std::array<double, kSources> accepted_at_{}, measured_at_{};
+  /// Measurements since the last accepted one, by source: candidates for a start or restart. Before
+  /// the start all are in the feature-based entry.
+  std::array<std::deque<Measurement>, kSources> pending_;
+  std::array<double, kSources> pending_since_{};  ///< distance_ at the first of them
+  std::deque<double> inverse_heights_;            ///< of the moving average
 };
 
 }  // namespace ground_scale_vo

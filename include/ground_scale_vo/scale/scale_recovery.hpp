@@ -20,40 +20,42 @@
 
 namespace ground_scale_vo {
 
-/// The paper's GPE-GPA thread, and beyond it the road's pixels: VoFrame and its image in, scale and
-/// metric pose out.
+/// The paper's GPE-GPA thread, extended by direct measurements: takes the VO's frames and images,
+/// returns the scale s = h*/h and the metric pose.
 ///
-/// Points and pixels measure the height each by itself; one filter takes both. Points work in the
-/// first frames and where the road has no texture, pixels where it has no corners.
+/// Two independent measurements of the camera height h enter one filter: feature-based (GPE and
+/// GPA: a plane through tracked points) and direct (a plane that aligns the image intensities of
+/// the road). Features measure from the first frames on and on roads without texture; direct
+/// measurements need no corners.
+///
+/// Deterministic: the same frames give the same bytes. Not thread safe.
 class ScaleRecovery {
  public:
   struct Options {
-    double camera_height = 0;       ///< h* [m] above the road; required, there is no default
-    std::uint64_t random_seed = 1;  ///< of everything random (goes before gpe.random_seed)
-    /// The paper's choices as printed, where they can run at all: overrides the stages' options
-    /// with those of withPaperLiteral(). For comparison only.
-    bool paper_literal = false;
-    /// The images are used; without them, or with false, points work alone.
-    bool refine = true;
-    /// A step below this is standstill: no measurement, and the window stays [camera heights].
-    double min_step_h = 0.02;
+    double camera_height = 0;       ///< h* above the road [m]; required, there is no default
+    std::uint64_t random_seed = 1;  ///< replaces gpe.random_seed
+    bool paper_literal = false;     ///< applies paperPreset() to the stages, for comparison
+    bool refine = true;             ///< false: no direct measurements
+    double standstill_distance_heights = 0.02;
 
     MotionHistory::Options motion;
     Mounting::Options mounting;
     GroundPointExtraction::Options gpe;
     GroundPointAggregation::Options gpa;
-    DirectPlaneEstimator::Options refinement;
+    DirectPlaneEstimator::Options direct;
     ScaleFilter::Options filter;
     MetricTrajectory::Options trajectory;
 
-    /// Without camera_height, which has no default.
+    /// All of this struct but camera_height, which has no default.
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("random_seed", self.random_seed, 0, 2147483647, "[] seed of all random draws");
-      visit("min_step_h", self.min_step_h, 0, 1, "[camera heights] a shorter step is standstill");
-      visit("refine", self.refine, "[] align the road's pixels; false: points alone");
+      visit("random_seed", self.random_seed, 0, 2147483647, "[] seed of all random numbers");
+      visit("standstill_distance_heights", self.standstill_distance_heights, 0, 1,
+            "[camera heights] a shorter motion between frames is standstill");
+      visit("refine", self.refine,
+            "[] use direct measurements from the images; false: feature-based only");
       visit("paper_literal", self.paper_literal,
-            "[] the paper's choices as printed, for comparison; overrides the stages' options");
+            "[] the paper's choices as printed, for comparison; overrides options of the stages");
     }
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
@@ -63,54 +65,55 @@ class ScaleRecovery {
       visit("gpe/", self.gpe);
       visit("gpa/", self.gpa);
       visit("fit/", self.gpa.fit);
-      visit("refinement/", self.refinement);
+      visit("direct/", self.direct);
       visit("filter/", self.filter);
       visit("trajectory/", self.trajectory);
     }
-    /// A copy in which the stages' options are the paper's: t of one frame, theta_1 on the frame's
-    /// rotation, 5 degrees, most inliers within 0.01 m (over the height), a window of four frames
-    /// with all copies, unweighted homogeneous least squares, a moving average of the scale,
-    /// standstill not noticed, images not used. Precondition: camera_height > 0.
-    Options withPaperLiteral() const;
+    /// The options that ScaleRecovery works with: with paper_literal those of paperPreset(), and
+    /// random_seed passed on to the stages. Precondition: validate() does not throw.
+    Options resolved() const;
     /// Throws OptionError.
     void validate() const;
   };
 
+  /// [ms] wall time of the stages.
   struct Times {
-    double delaunay = 0, gpe = 0, gpa = 0, refine = 0, filter = 0, total = 0;  ///< [ms] wall time
+    double delaunay = 0, gpe = 0, gpa = 0, direct = 0, filter = 0, total = 0;
   };
 
-  /// What one source says of the height in one frame [VO units].
+  /// The camera height that one source measured in one frame.
   struct Measurement {
-    double height = 0;  ///< 0: nothing
-    double sigma = 0;
+    double height = 0;  ///< [VO units]; 0: no measurement
+    double sigma = 0;   ///< standard deviation [VO units]
   };
 
   struct Output {
     ScaleEstimate scale;
     /// Metric pose; empty before the first scale is known and while the odometry has no pose.
     std::optional<MetricPose> pose;
-    /// Ground points of the window in the camera frame of this frame, VO units.
+    /// Ground points of the GPA window in this frame's camera [VO units].
     std::vector<Eigen::Vector3f> ground_points_c;
-    /// Ids of this frame's features that were extracted as ground points.
+    /// Ids of this frame's features that GPE classified as ground.
     std::vector<std::uint64_t> ground_feature_ids;
     Times times;
-    Measurement points, pixels;
-    double correlation = 0;     ///< of the pixels' alignment, 0 when there was none
+    Measurement feature_based, direct;
+    double correlation = 0;     ///< of the direct measurement's patches; 0 without a measurement
     GroundPlane plane;          ///< of this frame alone; height 0 when there is none
-    double mounting_pitch = 0;  ///< [rad], positive looks down
-    double mounting_roll = 0;   ///< [rad], positive: the camera's x axis dips
+    double mounting_pitch = 0;  ///< [rad], positive: the camera looks down
+    double mounting_roll = 0;   ///< [rad], positive: the camera's x axis points down
   };
 
+  /// Throws OptionError.
   explicit ScaleRecovery(const Options& options);
   ~ScaleRecovery();
 
-  /// image: the picture of this frame, rectified, 8-bit grey, of the size of frame.camera (throws
-  /// OptionError otherwise), or empty. A frame whose pose is not finite counts as not tracking, a
-  /// point that is not as none; a scale that is not finite or beyond reason is unknown.
+  /// frame: in temporal order. image: the frame's rectified image, 8-bit grey, of the size of
+  /// frame.camera (throws OptionError otherwise), or empty: no direct measurement. A frame whose
+  /// pose is not finite counts as not tracking; points that are not finite are ignored. On failure
+  /// output.scale.status and reason say what is missing; values are never NaN or infinite.
   Output process(const VoFrame& frame, const cv::Mat& image = {});
 
-  /// As newly constructed.
+  /// Back to the state after construction.
   void reset();
 
  private:

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "ground_scale_vo/scale/lane_region.hpp"
+#include "ground_scale_vo/vo/camera.hpp"
+#include "scale/direct/image_buffer.hpp"
+
+namespace ground_scale_vo::direct {
+
+constexpr int kPatchSide = 8;  ///< [samples] along a side; 64 samples fill whole SIMD registers
+constexpr int kPatchSamples = kPatchSide * kPatchSide;
+
+using Samples = Eigen::Array<float, kPatchSamples, 1>;
+
+/// Regular grid of square cells over the image; each cell is one patch.
+struct PatchGrid {
+  PatchGrid() = default;
+  /// patch_size: [focal lengths].
+  PatchGrid(const PinholeCamera& camera, double patch_size);
+
+  std::size_t index(int row, int column) const {
+    return static_cast<std::size_t>(row * columns + column);
+  }
+  std::size_t size() const {
+    return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+  }
+  cv::Rect cell(int row, int column) const {
+    return {column * patch_px, row * patch_px, patch_px, patch_px};
+  }
+
+  int patch_px = 0;  ///< side of a cell
+  int columns = 0, rows = 0;
+};
+
+/// A patch of the current image.
+struct Patch {
+  std::size_t cell = 0;    ///< index in the PatchGrid
+  bool masked = false;     ///< excluded from the estimate
+  cv::Point corner;        ///< upper left [px]
+  float texture = 0;       ///< share of the variance that is not image noise, 0 to 1
+  Samples ray_x, ray_y;    ///< viewing rays of the samples, z = 1
+  Samples value;           ///< intensities, zero mean and unit variance
+  Samples grad_x, grad_y;  ///< of value [1/px]
+};
+
+/// Normalises values to zero mean and unit variance (noise included in the variance). Sets texture
+/// to the share of the variance that is not noise. Returns the standard deviation [grey levels].
+float normalise(float noise, Samples* values, float* texture);
+
+/// Zero-mean normalised cross-correlation of a patch with values (which are normalised in place),
+/// corrected for the image noise. noise: [grey levels].
+float correlate(const Patch& patch, float noise, Samples* values);
+
+/// Smooths the current image and samples its patches in the lane region.
+class PatchExtractor {
+ public:
+  /// blur: [focal lengths]; image_noise: [grey levels].
+  PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double blur,
+                 double image_noise);
+
+  /// image: 8-bit grey, of the camera's size. Writes the smoothed lane region to *current and the
+  /// patches in it (none masked) to *patches. Without patches current->roi is empty.
+  void extract(const cv::Mat& image, const LaneRegion& lane, RoadImage* current,
+               std::vector<Patch>* patches);
+
+ private:
+  void selectCells(const LaneRegion& lane, RoadImage* current, std::vector<Patch>* patches) const;
+  void sample(const cv::Mat& smoothed, const cv::Rect& roi, Patch* patch) const;
+
+  PinholeCamera camera_;
+  PatchGrid grid_;
+  cv::Mat kernel_;  ///< Gaussian, one column
+  cv::Mat twice_smoothed_;
+  float image_noise_;
+};
+
+}  // namespace ground_scale_vo::direct

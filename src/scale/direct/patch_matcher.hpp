@@ -1,0 +1,59 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "ground_scale_vo/vo/camera.hpp"
+#include "scale/direct/image_buffer.hpp"
+#include "scale/direct/patch.hpp"
+
+namespace ground_scale_vo::direct {
+
+using Vector5f = Eigen::Matrix<float, 5, 1>;
+
+/// A patch of the current image matched with one reference image. The plane m = n / h gives the
+/// viewing ray r the inverse depth -q with q = m . r; an error of m shifts the patch along its
+/// epipolar line, which is an error of q.
+struct Match {
+  bool valid = false;     ///< the patch projects into the reference image and observes q
+  float correlation = 0;  ///< zero-mean normalised, -1 to 1
+  float shift = 0;        ///< correction of q that aligns the patch [1 / VO unit]
+  float variance = 0;     ///< of shift, from the residual intensities
+  Eigen::Vector3f ray;    ///< z = 1; mean of the samples' rays by their information on q
+
+  // From the linearisation, which all iterations share.
+  Samples jacobian;         ///< of the reference's intensities by q, zero mean
+  Vector5f motion;          ///< d shift / d motion error: rotation [rad], direction of t [rad]
+  bool observable = false;  ///< false: the texture runs along the epipolar line (aperture problem)
+  float per_pixel = 0;      ///< d q / d image position [1 / focal length]
+};
+
+/// Warps patches into reference images by the homography R - t m^T of a plane, and measures their
+/// remaining shift along the epipolar line.
+class PatchMatcher {
+ public:
+  /// image_noise: [grey levels]; location_sigma: of a patch in the image [focal lengths].
+  PatchMatcher(const PinholeCamera& camera, double image_noise, double location_sigma);
+
+  /// Intensities of the patch in the reference image under the plane m, bilinearly interpolated.
+  /// False when a sample lies outside the image or behind its camera.
+  bool sample(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
+              Samples* values) const;
+
+  /// Derivatives of the patch's intensities in the reference image by q and by the motion. They use
+  /// the gradient of the current image, transformed by the homography (inverse compositional).
+  void linearise(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
+                 Match* match) const;
+
+  /// One Gauss-Newton step along q with Cauchy weights. Precondition: *match is linearised.
+  void measure(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
+               Match* match) const;
+
+  float imageNoise() const { return image_noise_; }  ///< [grey levels]
+
+ private:
+  PinholeCamera camera_;
+  float image_noise_;
+  float location_sigma_;
+};
+
+}  // namespace ground_scale_vo::direct

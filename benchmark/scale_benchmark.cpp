@@ -1,4 +1,4 @@
-// The hot pieces of the scale stage at growing sizes.
+// Time of the expensive steps of the scale stage over the size of the input.
 
 #include <benchmark/benchmark.h>
 
@@ -14,7 +14,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// A road with about n features in the picture, as noisy as real ones.
+/// A road with about n features in the image, with realistic noise.
 RoadScene road(int n) {
   RoadScene scene;
   scene.depth_noise = 0.02;
@@ -27,7 +27,7 @@ void features(benchmark::internal::Benchmark* of) {
   of->Unit(benchmark::kMicrosecond);
 }
 
-/// Ground point extraction; the first only its triangulation.
+/// Ground point extraction, or its triangulation alone.
 void extraction(benchmark::State& state, bool delaunay_alone) {
   const RoadScene scene = road(static_cast<int>(state.range(0)));
   const VoFrame frame = scene.frame(0);
@@ -65,7 +65,7 @@ void planeFit(benchmark::State& state) {
 }
 BENCHMARK(planeFit)->Apply(features);
 
-/// A new frame against the kept ones, at the image's size.
+/// One frame against its reference images, over the image width.
 void directPlaneEstimation(benchmark::State& state) {
   RoadScene scene = road(400);
   const double scale = static_cast<double>(state.range(0)) / scene.camera.width;

@@ -1,4 +1,4 @@
-// What has no answer gets a status, and no number that is none leaves.
+// Degenerate input: failures are reported by a status, and no output is NaN or infinite.
 
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ void expectFinite(const ScaleRecovery::Output& output) {
                         output.pose->twist_covariance, output.pose->distance));
 }
 
-/// Drives over the road, disturbs one frame in the middle, and drives on.
+/// Drives over the road with one disturbed frame in the middle.
 void expectSurvives(const std::function<void(VoFrame&)>& disturb) {
   const RoadScene scene = road();
   ScaleRecovery recovery(options());
@@ -53,7 +53,7 @@ void expectSurvives(const std::function<void(VoFrame&)>& disturb) {
   EXPECT_NEAR(output.scale.scale * scene.height, 1.65, 0.05);
 }
 
-TEST(DegenerateRoad, AFrameOfAForeignOdometryDoesNotPoisonTheNextOnes) {
+TEST(DegenerateRoad, OneInvalidFrameDoesNotAffectTheNextOnes) {
   for (const double number : {kNan, kInf, -kInf, 1e300, 1e30, -1e30, 1e10}) {
     SCOPED_TRACE(number);
     const auto bad = static_cast<float>(number);
@@ -75,7 +75,7 @@ TEST(DegenerateRoad, AFrameOfAForeignOdometryDoesNotPoisonTheNextOnes) {
   }
 }
 
-TEST(DegenerateRoad, ASceneThatIsNoRoadHasNoScale) {
+TEST(DegenerateRoad, ASceneWithoutRoadHasNoScale) {
   const auto run = [](const char* name,
                       const std::function<void(std::size_t, TrackedFeature&)>& change) {
     SCOPED_TRACE(name);
@@ -118,7 +118,7 @@ TEST(DegenerateRoad, AnOdometryInAnyUnitGivesFiniteNumbers) {
   }
 }
 
-TEST(DegenerateRoad, StandingAndTurningOnTheSpotMoveNothing) {
+TEST(DegenerateRoad, StandstillAndRotationOnTheSpotAddNoDistance) {
   const RoadScene scene = road();
   ScaleRecovery recovery(options());
   ScaleRecovery::Output output;
@@ -136,7 +136,7 @@ TEST(DegenerateRoad, StandingAndTurningOnTheSpotMoveNothing) {
   }
 }
 
-TEST(DegeneratePlane, EveryFitIsFiniteOrNone) {
+TEST(DegeneratePlane, EveryAcceptedFitIsFinite) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> exponent(-12, 12), unit(-1, 1);
   for (int round = 0; round < 400; ++round) {
@@ -168,7 +168,7 @@ TEST(DegeneratePlane, EveryFitIsFiniteOrNone) {
   }
 }
 
-TEST(DegeneratePlane, TheFilterTakesNoMeasurementThatIsNone) {
+TEST(DegeneratePlane, TheFilterIgnoresInvalidMeasurements) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
     filter.predict(1, 0);
@@ -184,7 +184,7 @@ TEST(DegeneratePlane, TheFilterTakesNoMeasurementThatIsNone) {
   EXPECT_TRUE(filter.update(0.7, 0.02));
 }
 
-TEST(DegeneratePlane, AnIncrementWithoutAFiniteEndIsLeftOut) {
+TEST(DegeneratePlane, AnIncrementThatIsNotFiniteIsSkipped) {
   MetricTrajectory trajectory({});
   ScaleEstimate scale;
   scale.status = ScaleStatus::kOk;

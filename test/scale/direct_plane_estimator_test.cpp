@@ -22,7 +22,7 @@ RoadScene road() {
   return scene;
 }
 
-/// The result at the last of `frames` frames, each with the same prediction (0: none).
+/// Result of the last of `frames` frames, each with the same predicted height (0: none).
 DirectPlaneEstimator::Result drive(DirectPlaneEstimator* estimator, const RoadScene& scene,
                                    double predicted, std::uint32_t frames = 4,
                                    const Change& change = nullptr,
@@ -76,23 +76,23 @@ TEST(DirectPlaneEstimator, OtherCamerasAndMountings) {
   }
 }
 
-// The height is that over the road below, not over the road ahead.
-TEST(DirectPlaneEstimator, ACrestAheadIsNoOtherHeight) {
+// The height is that above the road below the vehicle, not above the road ahead.
+TEST(DirectPlaneEstimator, ACrestAheadDoesNotBiasTheHeight) {
   const RoadScene scene = road();
-  constexpr double kBend = 0.0015;  // a radius of 1100 m for a camera of 1.65 m
-  // Where the ray to a place of the flat road meets the bent one.
+  constexpr double kCurvature = 0.0015;  // [1 / camera height]; a radius of 1100 m at 1.65 m
   DirectPlaneEstimator estimator({});
   DirectPlaneEstimator::Options flat_options;
   flat_options.curvature_sigma = 1e-9;
   DirectPlaneEstimator flat(flat_options);
   double error = 0, flat_error = 0;
   for (std::uint32_t i = 0; i < 6; ++i) {
-    const double at_h = scene.step * i / scene.height;
-    const auto bent = [at_h](double x, double z) {
-      const double drop = 0.5 * kBend * std::pow(z - at_h, 2);  // s = 1 + drop * s^2
-      if (4 * drop > 1) return 30.0;                            // over the crest: the sky
+    const double travelled = scene.step * i / scene.height;
+    // Texture of the curved road where the ray to (x, z) of the flat road meets it.
+    const auto bent = [travelled](double x, double z) {
+      const double drop = 0.5 * kCurvature * std::pow(z - travelled, 2);  // s = 1 + drop * s^2
+      if (4 * drop > 1) return 30.0;                                      // beyond the crest: sky
       const double s = 2 / (1 + std::sqrt(1 - 4 * drop));
-      return asphalt(x * s, at_h + (z - at_h) * s);
+      return asphalt(x * s, travelled + (z - travelled) * s);
     };
     const cv::Mat image = roadImage(scene, scene.step * i, bent);
     const auto a =
@@ -121,11 +121,11 @@ TEST(DirectPlaneEstimator, AWrongNormalIsCorrected) {
   EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
 }
 
-TEST(DirectPlaneEstimator, LightAndExposureDropOut) {
+TEST(DirectPlaneEstimator, IsInvariantToIlluminationAndExposure) {
   const RoadScene scene = road();
   const auto result = drive(scene, scene.height, 4, [](std::uint32_t i, cv::Mat* image) {
     image->convertTo(*image, -1, 1 - 0.15 * (i % 3), 20.0 * (i % 2));
-    cv::Mat ramp(image->size(), CV_8U);  // and a shade across the image that comes and goes
+    cv::Mat ramp(image->size(), CV_8U);  // and a brightness ramp in every second image
     for (int u = 0; u < ramp.cols; ++u) ramp.col(u).setTo(u * (i % 2) * 40 / ramp.cols);
     *image += ramp;
   });
@@ -133,15 +133,15 @@ TEST(DirectPlaneEstimator, LightAndExposureDropOut) {
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
 }
 
-// Lines along the way look the same wherever one is on them.
-TEST(DirectPlaneEstimator, LinesAlongTheWaySayNothing) {
+// Lines along the path look the same at every distance.
+TEST(DirectPlaneEstimator, LinesAlongThePathDoNotObserveTheHeight) {
   const RoadScene scene = road();
   const auto lines = [](double x, double) { return asphalt(x, 0); };
   EXPECT_EQ(drive(scene, 1.03 * scene.height, 4, nullptr, lines).status, ScaleReason::kNoPlane);
-  // A little of other texture is a height, less certain than with all of it.
+  // A little other texture suffices for a height, with a larger standard deviation.
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
   DirectPlaneEstimator::Options options;
-  options.curvature_sigma = 1e-9;  // the road's bend is as uncertain with any texture
+  options.curvature_sigma = 1e-9;  // without its uncertainty, which does not depend on the texture
   DirectPlaneEstimator of_some(options), of_full(options);
   const auto some = drive(&of_some, scene, 1.03 * scene.height, 4, nullptr, weak);
   const auto full = drive(&of_full, scene, 1.03 * scene.height);
@@ -151,15 +151,15 @@ TEST(DirectPlaneEstimator, LinesAlongTheWaySayNothing) {
   EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.height_sigma);
 }
 
-TEST(DirectPlaneEstimator, NoTextureNoPlane) {
+TEST(DirectPlaneEstimator, WithoutTextureThereIsNoPlane) {
   const RoadScene scene = road();
   const auto bare = [](double, double) { return 110.0; };
   EXPECT_EQ(drive(scene, scene.height, 4, nullptr, bare).status, ScaleReason::kNoPlane);
   EXPECT_EQ(drive(scene, 0, 4, nullptr, bare).status, ScaleReason::kNoPlane);
 }
 
-/// Something with texture of its own that stays where it is in the image.
-Change stays(const cv::Rect& place) {
+/// Textured region that is static in the image.
+Change staticRegion(const cv::Rect& place) {
   return [place](std::uint32_t, cv::Mat* image) {
     for (int v = place.y; v < place.br().y; ++v) {
       for (int u = place.x; u < place.br().x; ++u) {
@@ -170,14 +170,14 @@ Change stays(const cv::Rect& place) {
   };
 }
 
-TEST(DirectPlaneEstimator, AVehicleInTheStripIsLeftOut) {
+TEST(DirectPlaneEstimator, AVehicleInTheLaneRegionIsRejected) {
   const RoadScene scene = road();
-  const auto result = drive(scene, scene.height, 4, stays({270, 60, 60, 60}));
+  const auto result = drive(scene, scene.height, 4, staticRegion({270, 60, 60, 60}));
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
 }
 
-TEST(DirectPlaneEstimator, FeaturesOffThePlaneMaskTheirTiles) {
+TEST(DirectPlaneEstimator, FeaturesOffThePlaneMaskTheirPatches) {
   const RoadScene scene = road();
   const NormalPrior prior = priorOf(scene, kPriorSigma);
   int with = 0, without = 0;
@@ -201,18 +201,18 @@ TEST(DirectPlaneEstimator, FeaturesOffThePlaneMaskTheirTiles) {
   EXPECT_LT(with, 0.75 * without);
 }
 
-TEST(DirectPlaneEstimator, TheHoodIsFoundAndMasked) {
+TEST(DirectPlaneEstimator, TheHoodIsDetectedAndMasked) {
   RoadScene scene = road();
   scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
-  const Change hood = stays({0, 170, 620, 70});
+  const Change hood = staticRegion({0, 170, 620, 70});
   DirectPlaneEstimator estimator({});
   const auto result = drive(&estimator, scene, scene.height, 25, hood);
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
-  EXPECT_GT(result.correlation, 0.8);  // the hood's tiles are not among them
+  EXPECT_GT(result.correlation, 0.8);  // without the patches on the hood
 }
 
-TEST(DirectPlaneEstimator, AWrongPredictionIsNeverConfirmed) {
+TEST(DirectPlaneEstimator, AWrongPredictionIsCorrectedOrRejected) {
   const RoadScene scene = road();
   for (const double factor : {0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 3.0}) {
     const auto result = drive(scene, factor * scene.height);
@@ -221,7 +221,7 @@ TEST(DirectPlaneEstimator, AWrongPredictionIsNeverConfirmed) {
   }
 }
 
-TEST(DirectPlaneEstimator, ALostValleyIsSoughtAnew) {
+TEST(DirectPlaneEstimator, AWrongPredictionLeadsToASearch) {
   const RoadScene scene = road();
   const NormalPrior prior = priorOf(scene, kPriorSigma);
   DirectPlaneEstimator estimator({});
@@ -235,12 +235,12 @@ TEST(DirectPlaneEstimator, ALostValleyIsSoughtAnew) {
     EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
   }
   EXPECT_GE(found, 1);
-  EXPECT_LT(found, 10);  // it is dear: not in every frame
+  EXPECT_LT(found, 10);  // a search is expensive: not in every frame
 }
 
 TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
   for (const double unit : {0.001, 1.0, 5000.0}) {
-    for (const double off : {0.2, 1.0, 4.0}) {  // the features' heights against the road's
+    for (const double off : {0.2, 1.0, 4.0}) {  // ratio of the features' heights to the road's
       RoadScene scene = road();
       scene.height *= unit;
       scene.step *= unit;
@@ -261,10 +261,10 @@ TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
   }
 }
 
-TEST(DirectPlaneEstimator, TheSearchWaitsWhereThereIsNoRoad) {
+TEST(DirectPlaneEstimator, TheSearchFindsNothingWithoutRoad) {
   const RoadScene scene = road();
-  // The back of a vehicle that fills the view, and nothing but noise.
-  const Change filled = stays({0, 0, 620, 188});
+  // A vehicle that fills the view, and noise without any road.
+  const Change filled = staticRegion({0, 0, 620, 188});
   const Change noise = [](std::uint32_t i, cv::Mat* image) {
     cv::theRNG().state = i + 1;
     cv::randu(*image, 0, 255);
@@ -278,7 +278,7 @@ TEST(DirectPlaneEstimator, TheSearchWaitsWhereThereIsNoRoad) {
   }
 }
 
-TEST(DirectPlaneEstimator, WithoutMotionThereIsNothingToSee) {
+TEST(DirectPlaneEstimator, WithoutMotionTheStatusIsStandstill) {
   RoadScene scene = road();
   scene.step = 0;
   EXPECT_EQ(drive(scene, scene.height).status, ScaleReason::kStandstill);
@@ -300,7 +300,7 @@ TEST(DirectPlaneEstimator, Reverse) {
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015);
 }
 
-TEST(DirectPlaneEstimator, ResetForgetsThePictures) {
+TEST(DirectPlaneEstimator, ResetDropsTheReferenceImages) {
   const RoadScene scene = road();
   DirectPlaneEstimator estimator({});
   drive(&estimator, scene, scene.height);

@@ -22,7 +22,8 @@ std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
 
 Eigen::Isometry3d poseAt(double z) {
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-  T_w_c.rotate(Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()));  // the world looks elsewhere
+  T_w_c.rotate(
+      Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()));  // world axes differ from the camera's
   T_w_c.translation() = T_w_c.linear() * Eigen::Vector3d(0, 0, z);
   return T_w_c;
 }
@@ -43,7 +44,7 @@ TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
   EXPECT_EQ(result.window.size(), 60u);
   EXPECT_NEAR(result.fit.plane.height, kHeight, 1e-5);
   for (const PlanePoint& point : result.window) EXPECT_NEAR(point.p_c.y(), kHeight, 1e-9);
-  // The oldest frame's come last, 1.5 back.
+  // Those of the oldest frame, 1.5 behind, come last.
   EXPECT_NEAR((result.window.back().origin_c - Eigen::Vector3d(0, 0, -1.5)).norm(), 0, 1e-9);
   EXPECT_NEAR(result.window[45].p_c.z(), 2 - 1.5, 1e-9);
   EXPECT_NEAR(result.window[45].depth, 2, 1e-9);
@@ -102,7 +103,7 @@ TEST(GroundPointAggregation, StandingStillReplacesTheNewestFrame) {
   EXPECT_EQ(gpa.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 40u);
 }
 
-TEST(GroundPointAggregation, EmptyAndResetWindowsSaySo) {
+TEST(GroundPointAggregation, EmptyAndResetWindowsAreReported) {
   GroundPointAggregation gpa({});
   EXPECT_EQ(gpa.estimate(poseAt(0), 0, prior(), kHeight).fit.status,
             ScaleReason::kTooFewGroundPoints);

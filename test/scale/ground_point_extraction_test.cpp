@@ -39,7 +39,7 @@ TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
   EXPECT_GT(result.points.size(), 100u);
 }
 
-TEST(GroundPointExtraction, TrianglesAreThoseOfEuler) {
+TEST(GroundPointExtraction, NumberOfTrianglesFollowsEulersFormula) {
   // A square with a point inside: four triangles, five unique corners.
   RoadScene scene;
   scene.points = {{-0.5, 0, 3}, {0.5, 0, 3}, {-0.5, 0, 5}, {0.5, 0, 5}, {0.1, 0, 3.8}, {0, 0, 4.3}};
@@ -48,7 +48,7 @@ TEST(GroundPointExtraction, TrianglesAreThoseOfEuler) {
   EXPECT_EQ(result.points.size(), 6u);
 }
 
-TEST(GroundPointExtraction, WallAcrossAndAlongTheWayIsNotGround) {
+TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
   RoadScene scene = road();
   const std::size_t on_road = scene.points.size();
   scene.addWall(150, -0.7, 0.7, 0.6, 5.0, 2);  // back of a car
@@ -57,16 +57,16 @@ TEST(GroundPointExtraction, WallAcrossAndAlongTheWayIsNotGround) {
   const auto result = extract(scene, scene.frame(0));
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height, 0.7, 0.01);
-  std::size_t foreign = 0;
+  std::size_t on_wall = 0;
   for (const GroundPoint& point : result.points) {
     if (point.id <= on_road) continue;
-    ++foreign;
-    EXPECT_LT(-scene.points[point.id - 1].y(), 0.07);  // only the wall's foot
+    ++on_wall;
+    EXPECT_LT(-scene.points[point.id - 1].y(), 0.07);  // only the base of the wall
   }
-  EXPECT_LT(foreign, result.points.size() / 10);
+  EXPECT_LT(on_wall, result.points.size() / 10);
 }
 
-TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByTheRansac) {
+TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
   RoadScene scene = road();
   scene.depth_sigma = 0.005;
   scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the height up
@@ -119,7 +119,7 @@ TEST(GroundPointExtraction, DegenerateInputIsRefusedByStatus) {
   EXPECT_EQ(extract(road(), same).status, ScaleReason::kTooFewTriangles);
 }
 
-TEST(GroundPointExtraction, FeaturesWithoutAUsablePointAreLeftOut) {
+TEST(GroundPointExtraction, FeaturesWithoutAUsablePointAreIgnored) {
   const RoadScene scene = road();
   VoFrame frame = scene.frame(0);
   const float nan = std::numeric_limits<float>::quiet_NaN();
@@ -165,7 +165,7 @@ TEST(GroundPointExtraction, MotionTestSelectsNormalsAcrossTheMotion) {
   EXPECT_EQ(without.status, ScaleReason::kNone);
 }
 
-TEST(GroundPointExtraction, LiteralPitchTestSelectsFrames) {
+TEST(GroundPointExtraction, FramePitchTestSelectsFrames) {
   const RoadScene scene = road();
   GroundPointExtraction::Options options;
   options.frame_pitch_test = true;

@@ -13,7 +13,7 @@ constexpr double kRadius = 8;     // of the bend [camera heights]: 13 m from a c
 constexpr double kChord = 3;      // [camera heights]
 constexpr double kHalfWidth = 1;  // [camera heights]
 
-/// The ray of a place on the road [camera heights].
+/// Viewing ray of a point on the road [camera heights].
 Eigen::Vector3d rayTo(double left, double ahead) {
   return Eigen::Vector3d(-left, 1, ahead) / ahead;
 }
@@ -28,7 +28,7 @@ LaneRegion strip(int side, double height) {
   return LaneRegion(prior, chord, height, 1.5, 10, kHalfWidth);
 }
 
-/// How far left of the chord's direction the path lies, on the circle that the camera is driving.
+/// Lateral offset of the circular path from the chord's direction, to the left.
 double pathAt(int side, double ahead) {
   const double heading = kChord / (2 * kRadius);  // against the chord
   const double angle = std::asin(std::sin(heading) + ahead / kRadius);
@@ -55,7 +55,7 @@ TEST(LaneRegion, IsStraightWhileTheHeightIsNotKnown) {
   EXPECT_TRUE(LaneRegion({}, std::nullopt, kHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
 }
 
-TEST(LaneRegion, EndsWhereItIsToldToAndAtTheHorizon) {
+TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
   const LaneRegion lane = strip(0, kHeight);
   EXPECT_FALSE(lane.contains(rayTo(0, 1.4)));
   EXPECT_TRUE(lane.contains(rayTo(0, 1.6)));

@@ -63,7 +63,7 @@ TEST(MetricTrajectory, Eq10ScalesIncrementsAndNeverThePast) {
                    5);
 }
 
-TEST(MetricTrajectory, FirstMetricFrameBringsTheWayFromTheMapsFirstFrame) {
+TEST(MetricTrajectory, FirstMetricFrameIncludesTheMotionSinceTheMapsFirstFrame) {
   MetricTrajectory trajectory({});
   ScaleEstimate unknown;
   EXPECT_FALSE(trajectory.append(frameAt(0, straight(0)), unknown).has_value());
@@ -74,7 +74,7 @@ TEST(MetricTrajectory, FirstMetricFrameBringsTheWayFromTheMapsFirstFrame) {
   EXPECT_EQ(pose->twist_c.norm(), 0);
 }
 
-TEST(MetricTrajectory, NothingWithoutAPose) {
+TEST(MetricTrajectory, AppendsNothingWithoutAPose) {
   MetricTrajectory trajectory({});
   trajectory.append(frameAt(0, straight(0)), scaleOf(2));
   VoFrame lost = frameAt(1, straight(99));
@@ -107,9 +107,10 @@ TEST(MetricTrajectory, CovarianceOfCorrelatedScaleGrowsWithTheDistanceThenItsRoo
     sigma.push_back(std::sqrt(pose->covariance(2, 2)));
     EXPECT_GE(pose->covariance.diagonal().minCoeff(), 0);
   }
-  // 5 m: nearly fully correlated, 3 % of the way.
+  // 5 m: nearly fully correlated, 3 % of the distance.
   EXPECT_NEAR(sigma[10], 0.03 * 5, 0.03 * 5 * 0.05);
-  // Far: an Ornstein-Uhlenbeck integral, variance 2 s^2 l (d - l (1 - exp(-d / l))).
+  // Far: integral of a Gauss-Markov (Ornstein-Uhlenbeck) process, variance 2 s^2 l (d - l (1 -
+  // exp(-d / l))).
   const double d = 10000, l = 50;
   EXPECT_NEAR(sigma[20000], 0.03 * std::sqrt(2 * l * (d - l)), 0.02 * sigma[20000]);
   // White noise of the same size would be far smaller.
@@ -130,7 +131,7 @@ TEST(MetricTrajectory, RotationErrorLeversThePosition) {
   EXPECT_NEAR(pose->covariance(4, 4), 1e-6 * 200, 1e-9);
 }
 
-TEST(MetricTrajectory, StandingStillAddsNothing) {
+TEST(MetricTrajectory, StandstillAddsNothing) {
   MetricTrajectory trajectory({});
   const auto before = trajectory.append(frameAt(0, straight(1)), scaleOf(2, 0.05));
   const auto after = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.05));
@@ -138,7 +139,7 @@ TEST(MetricTrajectory, StandingStillAddsNothing) {
   EXPECT_EQ(after->twist_c.norm(), 0);
 }
 
-TEST(MetricTrajectory, NewMapGoesOnFromTheLastPoseWithMoreUncertainty) {
+TEST(MetricTrajectory, NewMapContinuesFromTheLastPoseWithMoreUncertainty) {
   MetricTrajectory trajectory({});
   trajectory.append(frameAt(0, onCircle(0)), scaleOf(2, 0.02));
   const auto last = trajectory.append(frameAt(1, onCircle(50)), scaleOf(2, 0.02));
@@ -153,18 +154,18 @@ TEST(MetricTrajectory, NewMapGoesOnFromTheLastPoseWithMoreUncertainty) {
   EXPECT_NEAR((next->T_o_c.translation() - first->T_o_c.translation()).norm(), 0.9, 1e-9);
 }
 
-// A camera that repeats one image looks like a standstill, until the picture jumps on.
-TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsMissed) {
+// A camera that repeats one image looks like a standstill until the next new image.
+TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsUnobserved) {
   MetricTrajectory trajectory({});
   trajectory.append(frameAt(0, straight(0)), scaleOf(2, 0.02));
   const auto last = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.02));
-  ScaleEstimate stands = scaleOf(2, 0.02);
-  stands.status = ScaleStatus::kHeld;
-  stands.reason = ScaleReason::kStandstill;
-  for (int i = 2; i <= 21; ++i) trajectory.append(frameAt(i, straight(1)), stands);
+  ScaleEstimate standstill = scaleOf(2, 0.02);
+  standstill.status = ScaleStatus::kHeld;
+  standstill.reason = ScaleReason::kStandstill;
+  for (int i = 2; i <= 21; ++i) trajectory.append(frameAt(i, straight(1)), standstill);
   const auto first = trajectory.append(frameAt(31, straight(0.7), 1), scaleOf(9, 0.02));
   EXPECT_NEAR(first->covariance(0, 0) - last->covariance(0, 0), 225, 1e-9);  // 5 m/s for 3 s
-  // Once it has moved, only what was lost counts.
+  // After motion, only the time of the loss counts.
   trajectory.append(frameAt(32, straight(0.8), 1), scaleOf(9, 0.02));
   const auto before = trajectory.append(frameAt(33, straight(0.9), 1), scaleOf(9, 0.02));
   const auto third = trajectory.append(frameAt(34, straight(0), 2), scaleOf(1, 0.02));

@@ -25,7 +25,7 @@ TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
   EXPECT_NEAR((mounting.normal() - scene.normal()).norm(), 0, 2e-3);
 }
 
-TEST(Mounting, ReverseTeachesTheSamePitch) {
+TEST(Mounting, ReverseGivesTheSamePitch) {
   RoadScene scene;
   scene.pitch = 0.04;
   Mounting mounting({});
@@ -39,7 +39,7 @@ TEST(Mounting, ReverseTeachesTheSamePitch) {
 
 TEST(Mounting, PriorIsOrthogonalToALongChordAndUnit) {
   RoadScene scene;
-  scene.pitch = 0.06;  // not learnt yet
+  scene.pitch = 0.06;  // not estimated yet
   Mounting mounting({});
   MotionHistory history({});
   const NormalPrior blind = mounting.prior(history, 0.7);
@@ -69,7 +69,7 @@ TEST(Mounting, StaysWithinItsLimitAndResets) {
   EXPECT_EQ(mounting.pitch(), 0);
 }
 
-TEST(Mounting, SidewaysAndNoMotionTeachNothing) {
+TEST(Mounting, SidewaysAndNoMotionDoNotUpdate) {
   Mounting mounting({});
   mounting.update(std::nullopt, nullptr, 1);
   mounting.update(MotionHistory::Chord{Eigen::Vector3d(1, 0, 0), 1}, nullptr, 1);

@@ -93,7 +93,7 @@ std::vector<PlanePoint> pointsBetween(double from, double to) {
   return points;
 }
 
-TEST(PlaneFit, GroundOnOneSideAloneTellsLittle) {
+TEST(PlaneFit, GroundOnOneSideAloneIsUncertain) {
   NormalPrior prior;
   prior.n_c = kPlane.n_c;
   prior.pitch_sigma = prior.roll_sigma = 0.01;
@@ -116,7 +116,7 @@ TEST(PlaneFit, GroundOnOneSideAloneTellsLittle) {
 TEST(PlaneFit, OutliersAreRejected) {
   auto points = pointsOn(kPlane, 150, 0.02, 3, 3);
   Noise random;
-  for (int i = 0; i < 60; ++i) {  // anything nearer than the road
+  for (int i = 0; i < 60; ++i) {  // objects nearer than the road
     PlanePoint point = points[static_cast<std::size_t>(i)];
     const double shorter = random.uniform(0.3, 0.8);
     point.p_c = point.origin_c + shorter * (point.p_c - point.origin_c);
@@ -130,8 +130,8 @@ TEST(PlaneFit, OutliersAreRejected) {
   EXPECT_LT(result.inliers.back(), 150u);
 }
 
-TEST(PlaneFit, PriorHoldsWhatThePointsLeaveOpen) {
-  // A narrow strip, 6 heights ahead and noisy: by itself it leaves the pitch open.
+TEST(PlaneFit, PriorDeterminesWhatThePointsDoNotObserve) {
+  // A narrow band of noisy points 6 heights ahead: it does not observe the pitch.
   Noise random;
   std::vector<PlanePoint> points;
   for (int i = 0; i < 60; ++i) {
@@ -152,7 +152,7 @@ TEST(PlaneFit, PriorHoldsWhatThePointsLeaveOpen) {
   }
 }
 
-TEST(PlaneFit, RefusesByStatus) {
+TEST(PlaneFit, FailuresAreReportedByStatus) {
   const PlaneFit fit{PlaneFit::Options{}};
   EXPECT_EQ(fit.fit({}, loosePrior(), 1.0).status, ScaleReason::kTooFewGroundPoints);
   EXPECT_EQ(fit.fit(pointsOn(kPlane, 5, 0, 0, 1), loosePrior(), 1.0).status,
@@ -188,7 +188,7 @@ TEST(PlaneFit, SameInputSameBytes) {
   EXPECT_EQ(a.inliers, b.inliers);
 }
 
-TEST(PlaneFit, LiteralFitIsExactOnExactPoints) {
+TEST(PlaneFit, HomogeneousFitIsExactOnExactPoints) {
   PlaneFit::Options options;
   options.method = PlaneFit::Method::kHomogeneous;
   const auto result = PlaneFit(options).fit(pointsOn(kPlane, 60, 0, 3, 1), loosePrior(), 0.8);

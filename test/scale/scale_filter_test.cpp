@@ -33,29 +33,29 @@ TEST(ScaleFilter, StartsWithTheMedianOfTheLatestWhenTheyAgree) {
   EXPECT_NEAR(filter.height(), 0.81, 1e-9);
 }
 
-TEST(ScaleFilter, WhatAYoungMapSaysIsNotBelievedForLong) {
-  // 7 % too high over the first 4 heights, and right from then on; each measurement claims 1 %.
+TEST(ScaleFilter, ABiasOfTheFirstMeasurementsDecays) {
+  // Biased by 7 % over the first 4 camera heights, then unbiased; the reported sigma is 1 %.
   ScaleFilter filter({});
   const double step = 0.2;
-  for (double way = 0; way < 16; way += step) {
+  for (double distance = 0; distance < 16; distance += step) {
     filter.predict(step, 0);
-    filter.update(way < 4 ? 1.07 : 1, 0.01);
+    filter.update(distance < 4 ? 1.07 : 1, 0.01);
     if (!filter.known()) continue;
-    EXPECT_LT(std::abs(filter.height() - 1), 2 * filter.sigma()) << way;
+    EXPECT_LT(std::abs(filter.height() - 1), 2 * filter.sigma()) << distance;
   }
   EXPECT_NEAR(filter.height(), 1, 0.01);
   EXPECT_LT(filter.sigma(), 0.03);
 
   ScaleFilter grown({});
   drive(&grown, 40, 1, 0.01);
-  for (double way = 0; way < 4; way += step) {
+  for (double distance = 0; distance < 4; distance += step) {
     grown.predict(step, 0);
     grown.update(1.04, 0.01);
   }
-  EXPECT_LT(grown.height(), 1.03);  // a grown map's state does not follow so fast
+  EXPECT_LT(grown.height(), 1.03);  // in an older map the state follows more slowly
 }
 
-TEST(ScaleFilter, WaitsForSomeWayBeforeItStarts) {
+TEST(ScaleFilter, StartsAfterAMinimumDistance) {
   ScaleFilter filter({});
   EXPECT_EQ(drive(&filter, 7, 0.8, 0.02), 0);  // 3.5 units are 4.4 heights
   EXPECT_EQ(drive(&filter, 1, 0.8, 0.02), 1);
@@ -100,19 +100,19 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   EXPECT_NEAR(slow.sigma(), fast.sigma(), 0.001);
 }
 
-/// Without the scale of sigma that is learnt: the variance is the options' alone.
+/// Without NIS scaling: the variance follows from the options alone.
 ScaleFilter::Options withoutNisScaling() {
   ScaleFilter::Options options;
   options.nis_memory_heights = 1e6;
   return options;
 }
 
-TEST(ScaleFilter, HeldStateKeepsItsHeightAndLosesCertaintyWithDistance) {
+TEST(ScaleFilter, WithoutMeasurementsSigmaGrowsWithTheDistance) {
   ScaleFilter filter(withoutNisScaling());
   drive(&filter, 50, 0.8, 0.03);
   const double height = filter.height(), sigma = filter.sigma();
   filter.predict(0, 0);
-  EXPECT_EQ(filter.sigma(), sigma);  // standing still costs nothing
+  EXPECT_EQ(filter.sigma(), sigma);  // no process noise at standstill
   filter.predict(40, 0);
   EXPECT_EQ(filter.height(), height);
   const double drift = ScaleFilter::Options().drift_per_sqrt_height;
@@ -120,8 +120,8 @@ TEST(ScaleFilter, HeldStateKeepsItsHeightAndLosesCertaintyWithDistance) {
               std::pow(sigma / height, 2) + drift * drift * 40 / height, 1e-6);
 }
 
-TEST(ScaleFilter, ATurnLetsTheScaleChangeFaster) {
-  ScaleFilter straight(withoutNisScaling()), turning(withoutAgreement());
+TEST(ScaleFilter, ATurnIncreasesTheProcessNoise) {
+  ScaleFilter straight(withoutNisScaling()), turning(withoutNisScaling());
   drive(&straight, 50, 0.8, 0.02);
   drive(&turning, 50, 0.8, 0.02);
   const double sigma = turning.sigma();
@@ -133,7 +133,7 @@ TEST(ScaleFilter, ATurnLetsTheScaleChangeFaster) {
   EXPECT_GT(turning.height(), straight.height() + 0.005);
 }
 
-TEST(ScaleFilter, SingleJumpsAreRejectedAndALastingOneTakesOver) {
+TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
   ScaleFilter filter({});
   drive(&filter, 100, 0.8, 0.02);
   filter.predict(0.5, 0);
@@ -155,7 +155,7 @@ TEST(ScaleFilter, ResetForgets) {
   EXPECT_NEAR(filter.height(), 3.0, 1e-6);
 }
 
-TEST(ScaleFilter, LiteralMovingAverageIsOfTheScale) {
+TEST(ScaleFilter, MovingAverageIsOfTheScale) {
   ScaleFilter::Options options;
   options.moving_average_frames = 2;
   ScaleFilter filter(options);
@@ -176,9 +176,8 @@ TEST(ScaleFilter, BadOptionsAreRefused) {
   EXPECT_THROW(ScaleFilter{options}, OptionError);
 }
 
-TEST(ScaleFilter, SigmaFollowsHowWellMeasurementsAgree) {
-  // The errors of a turn of the road, by one source or two, are larger or smaller than the options
-  // say; the state is the same, only its sigma follows.
+TEST(ScaleFilter, SigmaIsScaledByTheNis) {
+  // Measurement errors larger or smaller than modelled change sigma, not the state.
   const auto sigmaAfter = [](double error) {
     ScaleFilter filter({});
     drive(&filter, 10, 0.8, 0.01);
@@ -193,8 +192,8 @@ TEST(ScaleFilter, SigmaFollowsHowWellMeasurementsAgree) {
   EXPECT_GT(sigmaAfter(0), 0);
 }
 
-TEST(ScaleFilter, TwoSourcesKnowMoreThanOne) {
-  ScaleFilter one(withoutNisScaling()), two(withoutAgreement());
+TEST(ScaleFilter, TwoSourcesReduceSigma) {
+  ScaleFilter one(withoutNisScaling()), two(withoutNisScaling());
   for (int i = 0; i < 100; ++i) {
     for (ScaleFilter* filter : {&one, &two}) {
       filter->predict(0.5, 0);
@@ -208,25 +207,25 @@ TEST(ScaleFilter, TwoSourcesKnowMoreThanOne) {
   EXPECT_LT(two.height(), 0.815);
 }
 
-TEST(ScaleFilter, PixelsInAWrongValleyDoNotSilenceThePoints) {
+TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
     filter.predict(0.5, 0);
     filter.update(1.6, 0.01, ScaleFilter::Source::kDirect);
   }
   ASSERT_NEAR(filter.height(), 1.6, 0.01);
-  double way = 0;
-  while (filter.height() > 1 && way < 100) {  // the pixels are sought around the state
+  double distance = 0;
+  while (filter.height() > 1 && distance < 100) {  // direct measurements start from the state
     filter.predict(0.5, 0);
-    way += 0.5;
+    distance += 0.5;
     filter.update(0.8, 0.01, ScaleFilter::Source::kFeatureBased);
     filter.update(filter.height(), 0.01, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
-  EXPECT_LT(way, 20);
+  EXPECT_LT(distance, 20);
 }
 
-TEST(ScaleFilter, PointsOnAPavementDoNotTakeOver) {
+TEST(ScaleFilter, PointsOnAPavementDoNotRestart) {
   ScaleFilter filter({});
   for (int i = 0; i < 200; ++i) {
     filter.predict(0.5, 0);
@@ -236,7 +235,7 @@ TEST(ScaleFilter, PointsOnAPavementDoNotTakeOver) {
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
 
-TEST(ScaleFilter, OneSourceGoesOnWhereTheOtherIsSilent) {
+TEST(ScaleFilter, OneSourceIsEnough) {
   ScaleFilter filter({});
   drive(&filter, 20, 0.8, 0.01);
   for (int i = 0; i < 200; ++i) {

@@ -78,7 +78,7 @@ TEST(ScaleRecovery, VehicleAheadDoesNotPullTheScale) {
   ScaleRecovery recovery(options());
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 80; ++i) {
-    RoadScene scene = empty;  // a car that keeps its distance: it moves with the camera
+    RoadScene scene = empty;  // a vehicle at constant distance
     VoFrame frame = scene.frame(i);
     RoadScene car;
     car.pitch = scene.pitch;
@@ -108,7 +108,7 @@ TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
     EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
   }
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
-  EXPECT_NEAR(output.scale.scale / known.scale, 1, 0.01);  // the window gave some more at first
+  EXPECT_NEAR(output.scale.scale / known.scale, 1, 0.01);  // the window is still in use at first
   EXPECT_GT(output.scale.sigma, 1.5 * known.sigma);
   EXPECT_EQ(output.scale.raw_scale, 0);
   EXPECT_TRUE(output.pose.has_value());
@@ -147,9 +147,9 @@ TEST(ScaleRecovery, StandstillHoldsTheScaleAndItsSigma) {
   }
 }
 
-TEST(ScaleRecovery, NewMapStartsAnewAndTheOdometryGoesOn) {
+TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   const RoadScene scene = road();
-  RoadScene other = road();  // the same road in another unit
+  RoadScene other = road();  // the same road in another VO unit
   for (auto& point : other.points) point *= 3;
   other.height *= 3;
   other.step *= 3;
@@ -181,14 +181,14 @@ TEST(ScaleRecovery, NewMapStartsAnewAndTheOdometryGoesOn) {
   EXPECT_NEAR(output.scale.scale / (kTrueScale / 3), 1, 0.01);
 }
 
-TEST(ScaleRecovery, PixelsMeasureWhereThereAreNoPoints) {
+TEST(ScaleRecovery, DirectMeasurementsReplaceMissingPoints) {
   RoadScene scene = road();
   ScaleRecovery recovery(options());
   ScaleRecovery::Output output;
   int first_known = -1;
   for (std::uint32_t i = 0; i < 25; ++i) {
     VoFrame frame = scene.frame(i);
-    frame.features.resize(5);  // too few for triangles that are ground
+    frame.features.resize(5);  // too few for ground triangles
     output = recovery.process(frame, roadImage(scene, scene.step * i));
     EXPECT_EQ(output.feature_based.height, 0);
     if (first_known < 0 && output.scale.status == ScaleStatus::kOk)
@@ -201,7 +201,7 @@ TEST(ScaleRecovery, PixelsMeasureWhereThereAreNoPoints) {
   EXPECT_NEAR(output.direct.height / 0.7, 1, 0.01);
   EXPECT_GT(output.correlation, 0.8);
   EXPECT_GT(output.times.direct, 0);
-  // From here on the image is missing: held.
+  // Without an image the scale is held.
   VoFrame frame = scene.frame(25);
   frame.features.clear();
   output = recovery.process(frame);
@@ -209,8 +209,8 @@ TEST(ScaleRecovery, PixelsMeasureWhereThereAreNoPoints) {
   EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
 }
 
-TEST(ScaleRecovery, PixelsCorrectPointsThatAreWrong) {
-  // Kerb and pavement hold the corners: all points lie a little high.
+TEST(ScaleRecovery, DirectMeasurementsCorrectBiasedPoints) {
+  // Features on kerbs and pavements: all points lie above the road.
   RoadScene scene = road();
   scene.depth_noise = 0.01;
   for (auto& point : scene.points) point.y() = -0.05 * scene.height;
@@ -229,14 +229,14 @@ TEST(ScaleRecovery, PixelsCorrectPointsThatAreWrong) {
   EXPECT_LT(with, 0.7 * without);
 }
 
-TEST(ScaleRecovery, WithoutImagesOrRefinePointsWorkAlone) {
+TEST(ScaleRecovery, WithoutImagesOrRefineItIsFeatureBased) {
   const RoadScene scene = road();
   ScaleRecovery::Options o = options();
   o.refine = false;
-  ScaleRecovery without(options()), refused(o);
+  ScaleRecovery without(options()), disabled(o);
   for (std::uint32_t i = 0; i < 12; ++i) {
     const auto a = without.process(scene.frame(i));
-    const auto b = refused.process(scene.frame(i), roadImage(scene, scene.step * i));
+    const auto b = disabled.process(scene.frame(i), roadImage(scene, scene.step * i));
     EXPECT_EQ(std::memcmp(&a.scale.scale, &b.scale.scale, sizeof(double)), 0);
     EXPECT_EQ(std::memcmp(&a.scale.sigma, &b.scale.sigma, sizeof(double)), 0);
     EXPECT_EQ(b.direct.height, 0);
@@ -250,7 +250,7 @@ TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {
   EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(188, 620, CV_8UC3)), OptionError);
 }
 
-TEST(ScaleRecovery, DeterministicAndResetIsAsNew) {
+TEST(ScaleRecovery, IsDeterministicAndResetRestoresTheInitialState) {
   const RoadScene scene = road();
   ScaleRecovery a(options()), b(options());
   for (std::uint32_t i = 0; i < 30; ++i) b.process(scene.frame(i + 100));

@@ -4,7 +4,7 @@
 
 namespace ground_scale_vo {
 
-/// The defaults with the height that has none.
+/// Default options with the required camera height.
 inline ScaleRecovery::Options options() {
   ScaleRecovery::Options o;
   o.camera_height = 1.65;

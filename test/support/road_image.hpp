@@ -10,7 +10,7 @@
 
 namespace ground_scale_vo {
 
-/// A random but fixed value in [-1, 1], smooth over `size` on the plane.
+/// Value noise in [-1, 1] with a correlation length of `size`; deterministic in x, z and seed.
 inline double smoothNoise(double x, double z, double size, std::uint64_t seed) {
   const auto corner = [seed](double i, double j) {
     std::uint64_t state =
@@ -27,16 +27,16 @@ inline double smoothNoise(double x, double z, double size, std::uint64_t seed) {
          b * ((1 - a) * corner(i, j + 1) + a * corner(i + 1, j + 1));
 }
 
-/// Texture of a road [grey levels] at a place in camera heights.
+/// Texture of a road [grey levels] at (x, z) [camera heights].
 inline double asphalt(double x, double z) {
   return 110 + 30 * smoothNoise(x, z, 0.5, 1) + 30 * smoothNoise(x, z, 0.15, 2);
 }
 
-/// What the camera of a RoadScene sees of its road at distance `at` along the way. Above the
-/// horizon it is dark. texture: of the place on the road in camera heights.
+/// Image of the RoadScene's camera at distance `at` along the road [VO units], dark above the
+/// horizon. texture: grey level at (x, z) on the road [camera heights].
 inline cv::Mat roadImage(const RoadScene& scene, double at,
                          const std::function<double(double, double)>& texture = asphalt) {
-  constexpr int kOver = 2;  // rays along a pixel's side
+  constexpr int kOver = 2;  // supersampling along a pixel's side
   cv::Mat image(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(30));
   const Eigen::Matrix3d R_r_c = scene.rotation();
   for (int v = 0; v < image.rows; ++v) {

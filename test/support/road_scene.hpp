@@ -11,19 +11,19 @@
 
 namespace ground_scale_vo {
 
-/// A flat road with points on it, and a camera that drives over it: exact VoFrames in any unit.
-/// Road axes: x right, y down, z ahead, the origin under the first camera.
+/// A flat road with map points and a camera that drives over it: exact VoFrames in any VO unit.
+/// Road axes: x right, y down, z ahead, origin below the first camera.
 struct RoadScene {
   PinholeCamera camera{620, 188, 359.0, 359.0, 310.0, 92.0};
-  double height = 0.7;     ///< of the camera [VO units]
-  double pitch = 0.02;     ///< positive looks down
-  double roll = 0;         ///< positive: the camera's x axis dips
-  double step = 0.4;       ///< per frame [VO units]
-  double depth_noise = 0;  ///< relative, on the inverse depth, the same for all frames of a point
-  double depth_sigma = 0.02;            ///< reported, relative
+  double height = 0.7;        ///< of the camera [VO units]
+  double pitch = 0.02;        ///< positive looks down
+  double roll = 0;            ///< positive: the camera's x axis points down
+  double step = 0.4;          ///< per frame [VO units]
+  double depth_noise = 0;     ///< relative, of the inverse depth; the same in all frames of a point
+  double depth_sigma = 0.02;  ///< reported, relative
   std::vector<Eigen::Vector3d> points;  ///< road axes; id = index + 1
 
-  /// n points on the plane y = y within the given rectangle.
+  /// n random points at height y within the rectangle.
   void addPatch(int n, double x_min, double x_max, double z_min, double z_max, double y,
                 unsigned seed) {
     std::mt19937 random(seed);
@@ -33,13 +33,13 @@ struct RoadScene {
     for (int i = 0; i < n; ++i)
       points.emplace_back(uniform(x_min, x_max), y, uniform(z_min, z_max));
   }
-  /// A wall of points across the way (the back of a vehicle), y from -top to 0.
+  /// n random points on a wall across the road (the back of a vehicle), y from -top to 0.
   void addWall(int n, double x_min, double x_max, double top, double z, unsigned seed) {
     addPatch(n, x_min, x_max, -top, 0, 0, seed);
     for (auto p = points.end() - n; p != points.end(); ++p) *p = {p->x(), p->z(), z};
   }
 
-  /// Of point i: about normal, mean 0, deviation 1, the same in every frame (a hash of i).
+  /// Approximately standard normal error of point i, from a hash of i.
   static double errorOf(std::size_t i) {
     std::uint64_t state = i + 1;
     double sum = -6;
@@ -57,7 +57,7 @@ struct RoadScene {
   }
   Eigen::Vector3d normal() const { return rotation().transpose() * Eigen::Vector3d(0, -1, 0); }
 
-  /// The frame at distance `at` along the way.
+  /// Frame of the camera at distance `at` along the road [VO units].
   VoFrame frameAt(std::uint32_t sequence, double at) const {
     VoFrame frame;
     frame.sequence = sequence;
@@ -87,7 +87,7 @@ struct RoadScene {
   VoFrame frame(std::uint32_t sequence) const { return frameAt(sequence, step * sequence); }
 };
 
-/// The scene's normal and direction of motion, each known to `sigma` [rad].
+/// Prior with the scene's normal and direction of motion. sigma: of pitch and roll [rad].
 inline NormalPrior priorOf(const RoadScene& scene, double sigma = 0.01) {
   NormalPrior prior;
   prior.n_c = scene.normal();

@@ -1,0 +1,61 @@
+#include "scale/direct/image_buffer.hpp"
+
+#include <gtest/gtest.h>
+
+namespace ground_scale_vo::direct {
+namespace {
+
+constexpr double kHeight = 2;    // [VO units]
+constexpr double kBaseline = 1;  // [camera heights]
+
+/// A buffer with images every `step` [VO units] along z, the newest of which is the current one.
+ImageBuffer drive(int frames, double step) {
+  ImageBuffer buffer({64, 48}, kBaseline);
+  for (int i = 0; i < frames; ++i) {
+    if (i > 0) buffer.keepCurrent(kHeight);
+    buffer.current().roi = {0, 0, 8, 8};
+    buffer.current().T_w_c.translation() = Eigen::Vector3d(0, 0, step * i);
+  }
+  return buffer;
+}
+
+double distanceOf(const Reference& reference) { return reference.t.norm(); }
+
+TEST(ImageBuffer, SelectsReferencesAtOneAndTwoBaselines) {
+  const ImageBuffer buffer = drive(10, 0.5);
+  const std::vector<Reference> references = buffer.selectReferences(kHeight);
+  ASSERT_EQ(references.size(), 2u);
+  EXPECT_NEAR(distanceOf(references[0]), 2, 1e-6);
+  EXPECT_NEAR(distanceOf(references[1]), 4, 1e-6);
+  for (const Reference& reference : references) {
+    EXPECT_NEAR(reference.perpendicular[0].dot(reference.t), 0, 1e-5);
+    EXPECT_NEAR(reference.perpendicular[1].dot(reference.t), 0, 1e-5);
+    EXPECT_NEAR(reference.perpendicular[1].norm(), reference.t.norm(), 1e-5);
+  }
+}
+
+TEST(ImageBuffer, HasNoReferenceWithoutMotion) {
+  EXPECT_TRUE(drive(1, 0.5).selectReferences(kHeight).empty());
+  EXPECT_TRUE(drive(10, 0).selectReferences(kHeight).empty());
+}
+
+TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {
+  // Steps of 0.02 over twelve images cover 0.24; the minimum spacing of 0.4 covers the baselines.
+  const ImageBuffer buffer = drive(400, 0.02);
+  const std::vector<Reference> references = buffer.selectReferences(kHeight);
+  ASSERT_EQ(references.size(), 2u);
+  EXPECT_NEAR(distanceOf(references[0]), 2, 0.25);
+  EXPECT_NEAR(distanceOf(references[1]), 4, 0.25);
+}
+
+TEST(ImageBuffer, ClearDropsTheKeptImages) {
+  ImageBuffer buffer = drive(10, 0.5);
+  EXPECT_FALSE(buffer.empty());
+  EXPECT_NEAR(buffer.stepLength(), 0.5, 1e-12);
+  buffer.clear();
+  EXPECT_TRUE(buffer.empty());
+  EXPECT_TRUE(buffer.selectReferences(kHeight).empty());
+}
+
+}  // namespace
+}  // namespace ground_scale_vo::direct

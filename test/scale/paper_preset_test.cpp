@@ -1,0 +1,31 @@
+#include "ground_scale_vo/scale/paper_preset.hpp"
+
+#include <gtest/gtest.h>
+
+#include "support/recovery_options.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+TEST(PaperPreset, UsesThePapersNumbersForTheCameraHeight) {
+  const ScaleRecovery::Options paper = paperPreset(options());
+  EXPECT_FALSE(paper.refine);
+  EXPECT_EQ(paper.gpa.max_frames, 4);
+  EXPECT_NEAR(paper.gpe.plane_threshold_heights * paper.camera_height, 0.01, 1e-12);
+  EXPECT_NEAR(paper.gpa.fit.reject_distance_heights * paper.camera_height, 0.01, 1e-12);
+  EXPECT_NEAR(paper.gpe.motion_tolerance_rad * 180 / M_PI, 5, 0.01);
+  EXPECT_NO_THROW(paper.validate());
+}
+
+TEST(PaperPreset, IsAppliedByPaperLiteralAlone) {
+  ScaleRecovery::Options o = options();
+  o.random_seed = 7;
+  EXPECT_TRUE(o.resolved().refine);
+  EXPECT_EQ(o.resolved().gpe.random_seed, 7u);
+  o.paper_literal = true;
+  EXPECT_FALSE(o.resolved().refine);
+  EXPECT_EQ(o.resolved().gpe.random_seed, 7u);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -19,7 +19,7 @@ Eigen::Vector3d rayTo(double left, double ahead) {
 }
 
 /// Of a camera that has turned by a bend to one side (1 left, -1 right, 0 none).
-LaneRegion strip(int side, double height) {
+LaneRegion laneRegion(int side, double height) {
   const NormalPrior prior;
   MotionHistory::Chord chord;
   chord.direction_c = prior.forward_c;
@@ -37,7 +37,7 @@ double pathAt(int side, double ahead) {
 
 TEST(LaneRegion, FollowsThePathThroughABend) {
   for (const int side : {-1, 1}) {
-    const LaneRegion bent = strip(side, kHeight), straight = strip(0, kHeight);
+    const LaneRegion bent = laneRegion(side, kHeight), straight = laneRegion(0, kHeight);
     for (const double ahead : {2.0, 3.0, 4.0}) {
       const double path = pathAt(side, ahead);
       EXPECT_TRUE(bent.contains(rayTo(path, ahead))) << side << " " << ahead;
@@ -51,12 +51,12 @@ TEST(LaneRegion, FollowsThePathThroughABend) {
 }
 
 TEST(LaneRegion, IsStraightWhileTheHeightIsNotKnown) {
-  EXPECT_TRUE(strip(1, 0).contains(rayTo(0, 8)));
+  EXPECT_TRUE(laneRegion(1, 0).contains(rayTo(0, 8)));
   EXPECT_TRUE(LaneRegion({}, std::nullopt, kHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
 }
 
 TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
-  const LaneRegion lane = strip(0, kHeight);
+  const LaneRegion lane = laneRegion(0, kHeight);
   EXPECT_FALSE(lane.contains(rayTo(0, 1.4)));
   EXPECT_TRUE(lane.contains(rayTo(0, 1.6)));
   EXPECT_TRUE(lane.contains(rayTo(0, 9.9)));

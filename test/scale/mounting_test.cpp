@@ -42,15 +42,15 @@ TEST(Mounting, PriorIsOrthogonalToALongChordAndUnit) {
   scene.pitch = 0.06;  // not estimated yet
   Mounting mounting({});
   MotionHistory history({});
-  const NormalPrior blind = mounting.prior(history, 0.7);
-  EXPECT_EQ(blind.n_c, Eigen::Vector3d(0, -1, 0));
+  const NormalPrior without_motion = mounting.prior(history, 0.7);
+  EXPECT_EQ(without_motion.n_c, Eigen::Vector3d(0, -1, 0));
   for (std::uint32_t i = 0; i < 15; ++i) history.add(scene.frame(i).T_w_c);
   const NormalPrior prior = mounting.prior(history, 0.7);
   EXPECT_NEAR(prior.n_c.norm(), 1, 1e-12);
   EXPECT_NEAR(prior.forward_c.dot(prior.n_c), 0, 1e-12);
   EXPECT_NEAR((prior.n_c - scene.normal()).norm(), 0, 1e-3);
-  EXPECT_LT(prior.pitch_sigma, 0.1 * blind.pitch_sigma);
-  EXPECT_EQ(prior.roll_sigma, blind.roll_sigma);
+  EXPECT_LT(prior.pitch_sigma, 0.1 * without_motion.pitch_sigma);
+  EXPECT_EQ(prior.roll_sigma, without_motion.roll_sigma);
 }
 
 TEST(Mounting, StaysWithinItsLimitAndResets) {

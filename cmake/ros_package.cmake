@@ -4,11 +4,11 @@ find_package(catkin REQUIRED COMPONENTS
   cv_bridge
   diagnostic_updater
   geometry_msgs
+  image_geometry
   image_transport
   message_generation
   nav_msgs
   nodelet
-  pcl_conversions
   pluginlib
   rosbag
   roscpp
@@ -29,8 +29,8 @@ catkin_package(
   INCLUDE_DIRS include
   LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_nodelets
   CATKIN_DEPENDS
-    cv_bridge diagnostic_updater geometry_msgs image_transport message_runtime
-    nav_msgs nodelet pcl_conversions pluginlib roscpp sensor_msgs std_msgs std_srvs tf2
+    cv_bridge diagnostic_updater geometry_msgs image_geometry image_transport
+    message_runtime nav_msgs nodelet pluginlib roscpp sensor_msgs std_msgs std_srvs tf2
     tf2_eigen tf2_msgs tf2_ros visualization_msgs
   DEPENDS EIGEN3 OpenCV
 )

@@ -10,13 +10,13 @@ double distance(const geometry_msgs::Point& a, const geometry_msgs::Point& b) {
   return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z);
 }
 
-/// [m] the spacing after the first thinning when there was none.
-constexpr double kLeastDoubledSpacing = 0.1;
+/// [m] spacing after the first thinning if the initial spacing is zero.
+constexpr double kMinDoubledSpacing = 0.1;
 
 }  // namespace
 
 BoundedPath::BoundedPath(std::size_t max_poses, double spacing_m)
-    : max_poses_(max_poses), first_spacing_m_(spacing_m), spacing_m_(spacing_m) {}
+    : max_poses_(max_poses), initial_spacing_m_(spacing_m), spacing_m_(spacing_m) {}
 
 bool BoundedPath::add(const geometry_msgs::PoseStamped& pose) {
   if (!poses_.empty() && distance(poses_.back().pose.position, pose.pose.position) < spacing_m_) {
@@ -26,7 +26,7 @@ bool BoundedPath::add(const geometry_msgs::PoseStamped& pose) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < poses_.size(); i += 2) poses_[kept++] = poses_[i];
     poses_.resize(kept);
-    spacing_m_ = std::max(2.0 * spacing_m_, kLeastDoubledSpacing);
+    spacing_m_ = std::max(2.0 * spacing_m_, kMinDoubledSpacing);
   }
   poses_.push_back(pose);
   return true;
@@ -34,7 +34,7 @@ bool BoundedPath::add(const geometry_msgs::PoseStamped& pose) {
 
 void BoundedPath::clear() {
   poses_.clear();
-  spacing_m_ = first_spacing_m_;
+  spacing_m_ = initial_spacing_m_;
 }
 
 }  // namespace ground_scale_vo

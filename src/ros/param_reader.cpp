@@ -29,7 +29,7 @@ const char* typeName(const XmlRpcValue& value) {
     case XmlRpcValue::TypeDouble:
       return "a number";
     case XmlRpcValue::TypeString:
-      return "a text";
+      return "a string";
     case XmlRpcValue::TypeArray:
       return "a list";
     case XmlRpcValue::TypeStruct:
@@ -105,7 +105,7 @@ void ParamReader::declare(const char* name, std::string& field, const char* mean
   if (given != nullptr) {
     if (given->getType() != XmlRpcValue::TypeString) {
       throw OptionError("parameter " + fullName(name) + " is " + typeName(*given) +
-                        ", it must be a text");
+                        ", it must be a string");
     }
     field = static_cast<std::string>(*given);
   }
@@ -121,7 +121,11 @@ void ParamReader::require(const char* name, double& field, double min, double ma
   declare(name, field, min, max, meaning);
 }
 
-std::vector<std::string> ParamReader::unknown() const {
+void ParamReader::reject(const std::string& name, const std::string& reason) {
+  if (find(name) != nullptr) throw OptionError("parameter " + fullName(name) + " " + reason);
+}
+
+std::vector<std::string> ParamReader::warnings() const {
   std::vector<std::string> known = allowed_;
   for (const Entry& entry : entries_) known.push_back(entry.name);
 
@@ -132,9 +136,15 @@ std::vector<std::string> ParamReader::unknown() const {
   std::vector<std::string> sentences;
   for (const std::string& leaf : leaves) {
     if (std::find(known.begin(), known.end(), leaf) != known.end()) continue;
-    const std::string nearest = nearestName(leaf, known);
-    sentences.push_back("parameter " + fullName(leaf) + " is not known and has no effect" +
-                        (nearest.empty() ? "" : "; did you mean " + fullName(nearest) + "?"));
+    std::string note;
+    if (const auto noted = notes_.find(leaf); noted != notes_.end()) {
+      note = noted->second;
+    } else {
+      const std::string nearest = nearestName(leaf, known);
+      note = "is unknown and has no effect" +
+             (nearest.empty() ? "" : "; did you mean " + fullName(nearest) + "?");
+    }
+    sentences.push_back("parameter " + fullName(leaf) + " " + note);
   }
   return sentences;
 }

@@ -7,7 +7,7 @@
 namespace ground_scale_vo {
 namespace {
 
-// Not by ros::Duration, which throws beyond 2^31 s.
+// ros::Duration would throw beyond 2^31 s.
 double seconds(std::int64_t from_ns, std::int64_t to_ns) {
   return 1e-9 * static_cast<double>(to_ns - from_ns);
 }
@@ -30,19 +30,19 @@ StampGuard::Verdict StampGuard::check(const ros::Time& stamp) {
   if (last_ns_ == 0 || follows(last_ns_, stamp_ns) ||
       (ahead_ns != 0 && follows(ahead_ns, stamp_ns))) {
     last_ns_ = stamp_ns;
-    return Verdict::kNext;
+    return Verdict::kAccept;
   }
   std::ostringstream sentence;
   sentence << "the stamp " << stamp;
   if (seconds(last_ns_, stamp_ns) > kMaxAhead) {
     ahead_ns_ = stamp_ns;
-    sentence << " lies " << seconds(last_ns_, stamp_ns)
-             << " s after the last one, and no other yet";
+    sentence << " is " << seconds(last_ns_, stamp_ns)
+             << " s after the last one and not confirmed by a second one";
   } else if (seconds(stamp_ns, last_ns_) > clock_jump_s_) {
     last_ns_ = stamp_ns;
     return Verdict::kJumpedBack;
   } else {
-    sentence << " does not lie " << kMinStep << " s or more after the last one, "
+    sentence << " is not at least " << kMinStep << " s later than the last one, "
              << fromNanoseconds(last_ns_);
   }
   reason_ = sentence.str();

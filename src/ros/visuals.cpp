@@ -17,25 +17,25 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [m] how far the quad's centre lies before the camera, its length and width.
+/// [m] distance of the quad's centre ahead of the camera, its length and width.
 constexpr double kQuadAhead = 5.0;
 constexpr double kQuadLength = 16.0;
 constexpr double kQuadWidth = 8.0;
 constexpr double kArrowWidth = 0.25;
 
-/// [m] the grid on the road: ahead, to either side; and how near the camera it may come.
+/// [m] extent of the grid ahead and to either side, and its least depth in the camera frame.
 constexpr int kGridFrom = 2, kGridTo = 20, kGridSide = 3;
-constexpr double kGridNearest = 0.5;
+constexpr double kGridMinDepth = 0.5;
 
-constexpr double kBrightness = 0.7;  // of the image below the tracks
-constexpr double kOldest = 100;      // [frames] what is older has the same colour
-constexpr double kYoungest = 0.28;   // place in the colour map; its beginning is too dark to see
+constexpr double kBrightness = 0.7;  // of the background image
+constexpr double kOldest = 100;      // [frames] older features have the same colour
+constexpr double kYoungest = 0.28;   // position in the colour map, whose start is too dark
 const cv::Scalar kOutlierColour(30, 30, 255), kNotFoundColour(200, 130, 255);
 const cv::Scalar kMeasuredColour(60, 230, 60), kHeldColour(40, 170, 255),
     kOtherColour(170, 170, 170);
-const cv::Scalar kLegendText(230, 230, 230), kLegendGround(25, 25, 25);
+const cv::Scalar kLegendText(230, 230, 230), kLegendBackground(25, 25, 25);
 
-/// Age in frames; logarithmic, and of growing brightness.
+/// Colour of an age [frames], logarithmic; older is brighter.
 cv::Scalar ageColour(double age) {
   static const cv::Mat colours = [] {
     cv::Mat ramp(1, 256, CV_8UC1), result;
@@ -43,66 +43,65 @@ cv::Scalar ageColour(double age) {
     cv::applyColorMap(ramp, result, cv::COLORMAP_VIRIDIS);
     return result;
   }();
-  const double place = std::min(1.0, std::log1p(age) / std::log1p(kOldest));
-  const int index = cvRound(255 * (kYoungest + (1 - kYoungest) * place));
+  const double position = std::min(1.0, std::log1p(age) / std::log1p(kOldest));
+  const int index = cvRound(255 * (kYoungest + (1 - kYoungest) * position));
   return colours.at<cv::Vec3b>(index);
 }
 
 cv::Mat darkened(const cv::Mat& grey) {
-  cv::Mat picture;
-  grey.convertTo(picture, CV_8U, kBrightness);
-  cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
-  return picture;
+  cv::Mat image;
+  grey.convertTo(image, CV_8U, kBrightness);
+  cv::cvtColor(image, image, cv::COLOR_GRAY2BGR);
+  return image;
 }
 
-void write(cv::Mat& picture, const std::string& text, const cv::Point& at, double size) {
-  cv::putText(picture, text, at, cv::FONT_HERSHEY_SIMPLEX, size, kLegendText, 1, cv::LINE_AA);
+void write(cv::Mat& image, const std::string& text, const cv::Point& at, double size) {
+  cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, size, kLegendText, 1, cv::LINE_AA);
 }
 
-void drawDot(cv::Mat& picture, const cv::Point& at, const cv::Scalar& colour, bool filled) {
-  cv::circle(picture, at, 3, colour, filled ? cv::FILLED : 1, cv::LINE_AA);
+void drawDot(cv::Mat& image, const cv::Point& at, const cv::Scalar& colour, bool filled) {
+  cv::circle(image, at, 3, colour, filled ? cv::FILLED : 1, cv::LINE_AA);
 }
 
-void drawCross(cv::Mat& picture, const cv::Point& at, RejectReason reason) {
+void drawCross(cv::Mat& image, const cv::Point& at, RejectReason reason) {
   const bool outlier = reason == RejectReason::kOutlier;
-  cv::drawMarker(picture, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
+  cv::drawMarker(image, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
                  outlier ? 7 : 5, 1);
 }
 
-/// In the upper left corner: the colours of ages, and what the marks mean.
-void drawLegend(cv::Mat& picture) {
+/// Legend in the upper left corner: colours of ages, and marks.
+void drawLegend(cv::Mat& image) {
   constexpr int kBar = 120, kLeft = 8;
-  cv::rectangle(picture, cv::Rect(0, 0, 462, 34), kLegendGround, cv::FILLED);
+  cv::rectangle(image, cv::Rect(0, 0, 462, 34), kLegendBackground, cv::FILLED);
   for (int x = 0; x <= kBar; ++x) {
     const double age = std::expm1(std::log1p(kOldest) * x / kBar);
-    cv::line(picture, {kLeft + x, 4}, {kLeft + x, 14}, ageColour(age), 1);
+    cv::line(image, {kLeft + x, 4}, {kLeft + x, 14}, ageColour(age), 1);
   }
   for (const int age : {0, 1, 3, 10, 30, 100}) {
     const int x = kLeft + cvRound(kBar * std::log1p(age) / std::log1p(kOldest));
-    cv::line(picture, {x, 12}, {x, 16}, kLegendText, 1);
+    cv::line(image, {x, 12}, {x, 16}, kLegendText, 1);
     const std::string text = std::to_string(age);
-    write(picture, text, {x - 3 * static_cast<int>(text.size()), 29}, 0.35);
+    write(image, text, {x - 3 * static_cast<int>(text.size()), 29}, 0.35);
   }
   int x = kLeft + kBar + 16;
-  write(picture, "age [frames]", {x - 4, 14}, 0.35);
+  write(image, "age [frames]", {x - 4, 14}, 0.35);
   x += 90;
   const auto entry = [&](const char* text, int row, auto draw) {
     const cv::Point at(x, 10 + 15 * row);
     draw(at);
-    write(picture, text, {x + 8, at.y + 4}, 0.35);
+    write(image, text, {x + 8, at.y + 4}, 0.35);
   };
   const cv::Scalar colour = ageColour(10);
-  entry("has a point", 0, [&](cv::Point at) { drawDot(picture, at, colour, true); });
-  entry("none yet", 1, [&](cv::Point at) { drawDot(picture, at, colour, false); });
+  entry("has a point", 0, [&](cv::Point at) { drawDot(image, at, colour, true); });
+  entry("no point yet", 1, [&](cv::Point at) { drawDot(image, at, colour, false); });
   x += 100;
-  entry("outlier, dropped", 0,
-        [&](cv::Point at) { drawCross(picture, at, RejectReason::kOutlier); });
-  entry("not found", 1, [&](cv::Point at) { drawCross(picture, at, RejectReason::kNotFound); });
+  entry("outlier, dropped", 0, [&](cv::Point at) { drawCross(image, at, RejectReason::kOutlier); });
+  entry("not found", 1, [&](cv::Point at) { drawCross(image, at, RejectReason::kNotFound); });
 }
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
 
-/// Axes of the ground below the camera: x where the camera looks, y left, z up.
+/// Frame on the ground below the camera: x in viewing direction, y left, z up.
 Eigen::Isometry3d groundAxes(const ScaleEstimate& scale) {
   const Eigen::Vector3d up = scale.n_c;
   const Eigen::Vector3d forward = (Eigen::Vector3d::UnitZ() - up.z() * up).normalized();
@@ -112,19 +111,19 @@ Eigen::Isometry3d groundAxes(const ScaleEstimate& scale) {
   return T_c_ground;
 }
 
-/// A grid of metres on the ground plane, with figures every five.
-void drawGroundGrid(cv::Mat& picture, const PinholeCamera& camera, const ScaleEstimate& scale) {
+/// A grid of 1 m on the ground plane, labelled every 5 m.
+void drawGroundGrid(cv::Mat& image, const PinholeCamera& camera, const ScaleEstimate& scale) {
   const Eigen::Isometry3d T_c_ground = groundAxes(scale);
   const auto pixel = [&](double ahead, double left) {
     const Eigen::Vector2d u = camera.project(T_c_ground * Eigen::Vector3d(ahead, left, 0));
-    // Far outside means the same as outside, and an int holds it.
+    // Clamp so that an int holds pixels far outside the image.
     return cv::Point(cvRound(std::clamp(u.x(), -1e4, 1e4)), cvRound(std::clamp(u.y(), -1e4, 1e4)));
   };
-  // What lies behind the picture's plane has no pixel: the camera may look up or down.
+  // Start where the plane is in front of the camera, which may look up or down.
   int from = kGridFrom;
-  while (from < kGridTo && (T_c_ground * Eigen::Vector3d(from, 0, 0)).z() < kGridNearest) ++from;
+  while (from < kGridTo && (T_c_ground * Eigen::Vector3d(from, 0, 0)).z() < kGridMinDepth) ++from;
   const cv::Scalar colour = scale.status == ScaleStatus::kOk ? kMeasuredColour : kHeldColour;
-  cv::Mat grid = picture.clone();
+  cv::Mat grid = image.clone();
   for (int left = -kGridSide; left <= kGridSide; ++left) {
     cv::line(grid, pixel(from, left), pixel(kGridTo, left), colour, 1, cv::LINE_AA);
   }
@@ -132,10 +131,10 @@ void drawGroundGrid(cv::Mat& picture, const PinholeCamera& camera, const ScaleEs
     cv::line(grid, pixel(ahead, -kGridSide), pixel(ahead, kGridSide), colour, ahead % 5 ? 1 : 2,
              cv::LINE_AA);
   }
-  cv::addWeighted(picture, 0.5, grid, 0.5, 0, picture);
+  cv::addWeighted(image, 0.5, grid, 0.5, 0, image);
   for (int ahead = from; ahead <= kGridTo; ++ahead) {
     if (ahead % 5 != 0) continue;
-    write(picture, std::to_string(ahead) + " m", pixel(ahead, -kGridSide) + cv::Point(4, 4), 0.4);
+    write(image, std::to_string(ahead) + " m", pixel(ahead, -kGridSide) + cv::Point(4, 4), 0.4);
   }
 }
 
@@ -144,21 +143,21 @@ std::string percentOf(const ScaleRecovery::Measurement& measured) {
                              : std::string("none");
 }
 
-/// In the upper left corner: the scale, and how well each source measured it in this frame.
-void drawScale(cv::Mat& picture, const ScaleRecovery::Output& output) {
+/// Upper left corner: the scale, and the standard deviation of each measurement of this frame.
+void drawScale(cv::Mat& image, const ScaleRecovery::Output& output) {
   const ScaleEstimate& scale = output.scale;
   std::string first = toString(scale.status);
   if (scale.reason != ScaleReason::kNone) first += std::string(", ") + toString(scale.reason);
   if (scale.status != ScaleStatus::kUnknown) {
-    first += cv::format(": one VO unit is %.4g m +- %.1f %%", scale.scale,
-                        100 * scale.sigma / scale.scale);
+    first +=
+        cv::format(": %.4g m per VO unit +- %.1f %%", scale.scale, 100 * scale.sigma / scale.scale);
   }
   std::string second = "this frame: features " + percentOf(output.feature_based) + ", direct " +
                        percentOf(output.direct);
   if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
-  cv::rectangle(picture, cv::Rect(0, 0, 462, 34), kLegendGround, cv::FILLED);
-  write(picture, first, {8, 14}, 0.38);
-  write(picture, second, {8, 29}, 0.38);
+  cv::rectangle(image, cv::Rect(0, 0, 462, 34), kLegendBackground, cv::FILLED);
+  write(image, first, {8, 14}, 0.38);
+  write(image, second, {8, 29}, 0.38);
 }
 
 visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, int type) {
@@ -176,43 +175,43 @@ visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, i
 sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
                                             const std::vector<RejectedFeature>& rejected,
                                             const std_msgs::Header& header) {
-  cv::Mat picture = darkened(grey);
+  cv::Mat image = darkened(grey);
   if (frame.sequence != last_sequence_ + 1) last_.clear();
   std::map<std::uint64_t, Eigen::Vector2f> now;
   for (const TrackedFeature& feature : frame.features) {
     const cv::Scalar colour = ageColour(feature.age);
     const auto before = last_.find(feature.id);
     if (before != last_.end()) {
-      cv::line(picture, toPixel(before->second), toPixel(feature.u), colour, 1, cv::LINE_AA);
+      cv::line(image, toPixel(before->second), toPixel(feature.u), colour, 1, cv::LINE_AA);
     }
-    drawDot(picture, toPixel(feature.u), colour, feature.has_point);
+    drawDot(image, toPixel(feature.u), colour, feature.has_point);
     now.emplace_hint(now.end(), feature.id, feature.u);
   }
   last_.swap(now);
   last_sequence_ = frame.sequence;
   for (const RejectedFeature& feature : rejected) {
-    drawCross(picture, toPixel(feature.u), feature.reason);
+    drawCross(image, toPixel(feature.u), feature.reason);
   }
-  drawLegend(picture);
-  return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, picture).toImageMsg();
+  drawLegend(image);
+  return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, image).toImageMsg();
 }
 
 sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
                                   const std_msgs::Header& header) {
-  cv::Mat picture = darkened(grey);
+  cv::Mat image = darkened(grey);
   if (output.scale.status != ScaleStatus::kUnknown) {
-    drawGroundGrid(picture, frame.camera, output.scale);
+    drawGroundGrid(image, frame.camera, output.scale);
   }
   const std::unordered_set<std::uint64_t> ground(output.ground_feature_ids.begin(),
                                                  output.ground_feature_ids.end());
   for (const TrackedFeature& feature : frame.features) {
     if (!feature.has_point) continue;
     const bool on_ground = ground.count(feature.id) > 0;
-    drawDot(picture, toPixel(feature.u), on_ground ? kMeasuredColour : kOtherColour, on_ground);
+    drawDot(image, toPixel(feature.u), on_ground ? kMeasuredColour : kOtherColour, on_ground);
   }
-  drawScale(picture, output);
-  return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, picture).toImageMsg();
+  drawScale(image, output);
+  return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, image).toImageMsg();
 }
 
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,
@@ -223,7 +222,7 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
   modifier.setPointCloud2FieldsByString(1, "xyz");
   modifier.resize(points.size());
   cloud->is_dense = true;
-  if (points.empty()) return cloud;  // an iterator would look at the first of no bytes
+  if (points.empty()) return cloud;  // an iterator would refer to the first byte of no data
   sensor_msgs::PointCloud2Iterator<float> x(*cloud, "x"), y(*cloud, "y"), z(*cloud, "z");
   for (const Eigen::Vector3f& point : points) {
     *x = point.x();
@@ -259,7 +258,7 @@ std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate&
   quad->color.b = 1.0f;
   quad->color.a = scale.status == ScaleStatus::kOk ? 0.5f : 0.25f;
 
-  Eigen::Isometry3d T_c_arrow = T_c_ground;  // which points along its x
+  Eigen::Isometry3d T_c_arrow = T_c_ground;  // arrow markers point along x
   T_c_arrow.linear() << T_c_ground.linear().col(2), T_c_ground.linear().col(0),
       T_c_ground.linear().col(1);
 

@@ -14,8 +14,8 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 
 namespace ground_scale_vo {
@@ -29,7 +29,7 @@ class BagRunner {
   using OnFrame = std::function<void(const RunFrame&, std::size_t)>;
 
   BagRunner(const BagDrive::Source& source, const OfflineRun::Options& options)
-      : source_(source), options_(options), stream_(source.rectified) {
+      : source_(source), options_(options), rectifier_(source.rectified) {
     bag_.open(source.bag, rosbag::bagmode::Read);
   }
 
@@ -76,7 +76,7 @@ class BagRunner {
       const auto info = instance.instantiate<sensor_msgs::CameraInfo>();
       if (!info) continue;
       try {
-        stream_.accept(*info, source_.camera_info);
+        rectifier_.setCameraInfo(*info, source_.camera_info);
         return;
       } catch (const MessageError& error) {
         reason = error.what();
@@ -98,13 +98,12 @@ class BagRunner {
         1e-9 * static_cast<double>(toNanoseconds(header.stamp) - toNanoseconds(first_));
     if (s < source_.from_s || s > source_.to_s) return nullptr;
     try {
-      if (guard_.check(header.stamp) != StampGuard::Verdict::kNext) {
+      if (guard_.check(header.stamp) != StampGuard::Verdict::kAccept) {
         throw MessageError(guard_.reason().empty() ? "its stamp jumps back" : guard_.reason());
       }
       if (!image) image = cv_bridge::toCvCopy(compressed)->toImageMsg();
-      const auto camera = stream_.camera();
-      const cv::Mat rectified = camera->rectified(*image, &grey_);
-      if (!run_) run_ = std::make_unique<OfflineRun>(camera->camera(), options_);
+      const cv::Mat rectified = rectifier_.rectify(*image);
+      if (!run_) run_ = std::make_unique<OfflineRun>(rectifier_.camera()->camera(), options_);
       return &run_->process(rectified, toNanoseconds(header.stamp));
     } catch (const MessageError& error) {
       reject(error.what());
@@ -158,8 +157,7 @@ class BagRunner {
   const BagDrive::Source& source_;
   const OfflineRun::Options& options_;
   rosbag::Bag bag_;
-  CameraStream stream_;
-  GreyConverter grey_;
+  ImageRectifier rectifier_;
   StampGuard guard_{1e18};
   ros::Time first_;
   std::unique_ptr<OfflineRun> run_;

@@ -5,11 +5,11 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [s] more than any drive: nothing is forgotten.
+/// [s] longer than any drive, so that nothing expires.
 constexpr double kCacheTime = 1e6;
 constexpr int kLongestChain = 100;
 
-/// tf2 knows no leading slash; old bags have one.
+/// Without the leading slash of old bags, which tf2 rejects.
 std::string stripped(const std::string& frame) {
   return frame.empty() || frame.front() != '/' ? frame : frame.substr(1);
 }
@@ -36,8 +36,9 @@ void GroundTruthTf::clear() {
 
 std::optional<Eigen::Isometry3d> GroundTruthTf::pose(const std::string& frame,
                                                      const ros::Time& stamp) const {
-  const std::string twin = twinOf(stripped(frame));
-  const std::string target = parents_.count(twin) != 0 ? twin : stripped(frame);
+  const std::string ground_truth_frame = groundTruthFrame(stripped(frame));
+  const std::string target =
+      parents_.count(ground_truth_frame) != 0 ? ground_truth_frame : stripped(frame);
   std::string root = target;
   bool moves = false;
   for (int i = 0; i < kLongestChain && parents_.count(root) != 0; ++i) {

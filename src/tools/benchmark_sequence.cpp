@@ -24,6 +24,7 @@
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "support/command_line.hpp"
 #include "support/run_progress.hpp"
 #include "support/sequence_arguments.hpp"

@@ -21,6 +21,7 @@
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "support/command_line.hpp"
 

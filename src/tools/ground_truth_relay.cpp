@@ -76,7 +76,7 @@ class GroundTruthRelay {
   void publish(const nav_msgs::Odometry& estimate, const Eigen::Isometry3d& T_odom_b) {
     auto odometry = boost::make_shared<nav_msgs::Odometry>();
     odometry->header = estimate.header;
-    odometry->child_frame_id = gsv::GroundTruthTf::twinOf(estimate.child_frame_id);
+    odometry->child_frame_id = gsv::GroundTruthTf::groundTruthFrame(estimate.child_frame_id);
     odometry->pose.pose = gsv::toMsg(T_odom_b);
     odometry_publisher_.publish(odometry);
 

@@ -16,6 +16,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "support/command_line.hpp"
@@ -100,7 +101,8 @@ void convert(const Arguments& arguments) {
   if (!native) info.D.clear();
   geometry_msgs::TransformStamped ground_truth;
   ground_truth.header.frame_id = native ? "ground_truth" : "camera_init";
-  ground_truth.child_frame_id = native ? gsv::GroundTruthTf::twinOf(camera_frame) : camera_frame;
+  ground_truth.child_frame_id =
+      native ? gsv::GroundTruthTf::groundTruthFrame(camera_frame) : camera_frame;
 
   PendingBag pending(arguments.out);
   gsv::ProgressLine progress(sequence.name(), last - first + 1);

@@ -1,10 +1,10 @@
-// Drives a target without libFuzzer: mutations of its corpus, the same for the same seed.
+// Runs a target without libFuzzer on mutations of its corpus, reproducibly for a seed.
 //
-//   X_fuzz [--iterations N] [--seed S]   as many mutated inputs (default: the target's own number,
-//   1) X_fuzz --write-corpus DIR            the corpus as files, for libFuzzer X_fuzz FILE... these
-//   inputs alone
+//   X_fuzz [--iterations N] [--seed S]  N mutated inputs (default: the number of the target, seed
+//   1) X_fuzz --write-corpus DIR           writes the corpus as files, for libFuzzer X_fuzz FILE...
+//   runs these inputs only
 //
-// An input that ends the process is left in the file X_fuzz.input.
+// An input that crashes the process is kept in the file X_fuzz.input.
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ int iterations = -1;
 std::uint64_t seed = 1;
 std::vector<std::string> files;
 
-std::string input_file;  // of the input that ends the process
+std::string input_file;  // keeps the input that crashes the process
 const std::string* under_test = nullptr;
 
 extern "C" void keepInput(int signal) {
@@ -45,14 +45,14 @@ extern "C" void keepInput(int signal) {
 }
 
 void run(const std::string& input) {
-  // A copy of its own size, so that a sanitizer sees a step beyond its end.
+  // An exact copy, so that a sanitizer detects reads beyond its end.
   const std::vector<std::uint8_t> bytes(input.begin(), input.end());
   under_test = &input;
   LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
   under_test = nullptr;
 }
 
-/// Changes that a parser or a reader of numbers may not expect.
+/// Mutations for parsers and readers of numbers.
 class Mutator {
  public:
   Mutator(std::vector<std::string> corpus, std::uint64_t random_seed)

@@ -7,27 +7,27 @@
 #include <type_traits>
 #include <vector>
 
-/// What libFuzzer calls, and fuzz_driver.cpp in the ordinary build: one input, which must end
-/// without a crash, an exception or a failed require().
+/// Called by libFuzzer, or by fuzz_driver.cpp in the normal build. One input; it must not cause a
+/// crash, an exception or a failed require().
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 namespace ground_scale_vo::fuzz {
 
-/// What the driver knows of a target.
+/// How the driver runs a target.
 struct Plan {
   int iterations = 0;               ///< of a plain test run
-  std::vector<std::string> corpus;  ///< valid inputs, which are mutated
+  std::vector<std::string> corpus;  ///< valid inputs to mutate
 };
-Plan plan();  ///< each target has its own
+Plan plan();  ///< defined by each target
 
-/// Ends the process after a sentence when the condition does not hold.
+/// Aborts with a message if the condition does not hold.
 void require(bool holds, const char* what);
 
-/// A folder of this process, in memory where there is such a place; removed at its end.
+/// Temporary folder of this process, in memory if possible; removed at exit.
 const std::string& scratchFolder();
 void writeScratch(const std::string& name, const std::uint8_t* data, std::size_t size);
 
-/// Bytes that are taken from the front; zeros when there are no more.
+/// Reads an input from its front; zeros after its end.
 class Input {
  public:
   Input(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
@@ -44,7 +44,7 @@ class Input {
   }
   /// In [0, count). Precondition: count > 0.
   std::size_t below(std::size_t count) { return take<std::uint16_t>() % count; }
-  /// Numbers that break things: extreme, not finite, or any pattern of bits.
+  /// Edge-case numbers: extreme, not finite, or any bit pattern.
   double number();
   std::string text(std::size_t longest);
 

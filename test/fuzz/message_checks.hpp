@@ -10,7 +10,7 @@
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/ros/messages.hpp"
 
-/// What every published message must be, whatever came in.
+/// Checks of published messages that hold for any input.
 namespace ground_scale_vo::fuzz {
 
 template <typename Range>
@@ -27,24 +27,24 @@ inline bool isPose(const geometry_msgs::Pose& pose) {
 }
 
 inline void check(const nav_msgs::Odometry& odometry) {
-  require(isPose(odometry.pose.pose), "the odometry's pose is one");
-  require(allFinite(odometry.pose.covariance), "its covariance is finite");
+  require(isPose(odometry.pose.pose), "the pose of the odometry is valid");
+  require(allFinite(odometry.pose.covariance), "the pose covariance is finite");
   const auto& v = odometry.twist.twist.linear;
   const auto& w = odometry.twist.twist.angular;
   for (const double value : {v.x, v.y, v.z, w.x, w.y, w.z}) {
-    require(std::isfinite(value), "its twist is finite");
+    require(std::isfinite(value), "the twist is finite");
   }
-  require(allFinite(odometry.twist.covariance), "its twist's covariance is finite");
+  require(allFinite(odometry.twist.covariance), "the twist covariance is finite");
 }
 
 inline void check(const VoFrameMsg& frame) {
-  require(isPose(frame.pose), "the frame's pose is one");
-  require(allFinite(frame.u) && allFinite(frame.v), "its pixels are finite");
+  require(isPose(frame.pose), "the pose of the frame is valid");
+  require(allFinite(frame.u) && allFinite(frame.v), "the pixels are finite");
   for (std::size_t i = 0; i < frame.id.size(); ++i) {
     const float values[] = {frame.x[i], frame.y[i], frame.z[i], frame.depth_sigma[i]};
     const auto finite = std::count_if(std::begin(values), std::end(values),
                                       [](float value) { return std::isfinite(value); });
-    require(finite == 0 || finite == 4, "a point is whole or none");
+    require(finite == 0 || finite == 4, "a point is complete or absent");
     require(finite == 0 || (frame.z[i] > 0 && frame.depth_sigma[i] >= 0), "a point lies ahead");
   }
 }
@@ -55,7 +55,7 @@ inline void check(const ScaleEstimateMsg& scale) {
     require(std::isfinite(value), "the scale is finite");
   }
   require((scale.status == ScaleEstimateMsg::UNKNOWN) == (scale.scale == 0),
-          "a scale is there when it is known");
+          "the scale is set if and only if it is known");
   require(scale.scale >= 0 && scale.sigma >= 0, "scale and sigma are not negative");
 }
 

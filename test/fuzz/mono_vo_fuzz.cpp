@@ -1,6 +1,6 @@
-// The way of a message through MonoVo: camera_info and image to vo/frame and what else it
-// publishes. An input is a list of messages: an even byte is the next image of a drive as it is, an
-// odd one a message with something wrong.
+// The processing of MonoVo: camera_info and image in, vo/frame and its other topics out. An input
+// is a list of messages: an even byte is the next image of a drive, unchanged, an odd one an
+// invalid message.
 
 #include <ros/serialization.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -12,8 +12,9 @@
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/image_rectifier.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
@@ -23,28 +24,28 @@
 namespace ground_scale_vo::fuzz {
 namespace {
 
-/// Larger ones need memory that a test has not.
-constexpr std::uint32_t kLargestSide = 1000;
+/// Larger images need too much memory for a test.
+constexpr std::uint32_t kMaxSide = 1000;
 
-/// What the nodelet does with its messages.
+/// Processes messages as the nodelet does.
 class MonoVo {
  public:
-  explicit MonoVo(bool image_is_rectified) : stream_(image_is_rectified) {}
+  explicit MonoVo(bool image_is_rectified) : rectifier_(image_is_rectified) {}
 
   void onCameraInfo(const sensor_msgs::CameraInfo& info) {
-    if (info.width > kLargestSide || info.height > kLargestSide) return;
+    if (info.width > kMaxSide || info.height > kMaxSide) return;
     try {
-      stream_.accept(info, "camera_info");
+      rectifier_.setCameraInfo(info, "camera_info");
     } catch (const MessageError&) {
     }
   }
 
   void onImage(const sensor_msgs::Image& image) {
-    const auto camera = stream_.camera();
+    const auto camera = rectifier_.camera();
     if (!camera) return;
     cv::Mat rectified;
     try {
-      rectified = camera->rectified(image, &grey_);
+      rectified = rectifier_.rectify(image);
     } catch (const MessageError&) {
       return;
     }
@@ -63,8 +64,7 @@ class MonoVo {
   }
 
  private:
-  CameraStream stream_;
-  GreyConverter grey_;
+  ImageRectifier rectifier_;
   StampGuard guard_{1.0};
   std::shared_ptr<const CalibratedCamera> camera_;
   std::unique_ptr<VisualOdometry> odometry_;
@@ -234,13 +234,13 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace ground_scale_vo;
   using namespace ground_scale_vo::fuzz;
   constexpr std::int64_t kLatest = 4294967295ll * 1000000000;
-  constexpr int kMostMessages = 40;
+  constexpr int kMaxMessages = 40;
   Input input(data, size);
   MonoVo mono_vo(input.below(4) == 1);
   mono_vo.onCameraInfo(toCameraInfo(smallDrive().camera));
   std::int64_t stamp_ns = smallDrive().stamps_ns.front();
   std::size_t next = 0;
-  for (int k = 0; k < kMostMessages && !input.empty(); ++k) {
+  for (int k = 0; k < kMaxMessages && !input.empty(); ++k) {
     const auto kind = input.take<std::uint8_t>();
     stamp_ns += kind % 2 == 0 || kind % 16 < 12 ? 100000000 : step(&input);
     stamp_ns = std::clamp<std::int64_t>(stamp_ns, 0, kLatest);

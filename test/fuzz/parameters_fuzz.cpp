@@ -1,4 +1,4 @@
-// The trees of parameters that a nodelet may find under its name.
+// Parameter trees that a nodelet may read.
 
 #include <XmlRpcValue.h>
 
@@ -11,7 +11,7 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
-/// The names of a nodelet's parameters.
+/// The parameter names of a nodelet.
 template <typename Params>
 std::vector<std::string> namesOf() {
   XmlRpcValue tree;
@@ -86,11 +86,11 @@ void read(const std::uint8_t* data, std::size_t size) {
     for (const ParamReader::Entry& entry : reader.entries()) {
       require(entry.value.find("nan") == std::string::npos &&
                   entry.value.find("inf") == std::string::npos,
-              "what is accepted is a number");
+              "accepted values are finite");
     }
   } catch (const OptionError&) {
   }
-  reader.unknown();
+  reader.warnings();
 }
 
 }  // namespace

@@ -1,12 +1,13 @@
-// The way of a message through ScaleRecovery: vo/frame, of any odometry, and the image beside it,
-// to all that it publishes. An input is a list of frames: an even byte is the next frame of a drive
-// as it is, an odd one a frame with something wrong.
+// The processing of ScaleRecovery: vo/frame of any odometry and the image in, its topics out. An
+// input is a list of frames: an even byte is the next frame of a drive, unchanged, an odd one an
+// invalid frame.
 
 #include <ros/serialization.h>
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
@@ -17,7 +18,7 @@
 namespace ground_scale_vo::fuzz {
 namespace {
 
-/// What MonoVo publishes of the drive.
+/// The frames of MonoVo for the drive.
 const std::vector<VoFrameMsg>& frames() {
   static const std::vector<VoFrameMsg> kFrames = [] {
     const SmallDrive& drive = smallDrive();
@@ -32,13 +33,13 @@ const std::vector<VoFrameMsg>& frames() {
       messages.push_back(*toMsg(frame, header));
       tracked += frame.status == VoStatus::kTracking;
     }
-    require(tracked >= drive.images.size() / 2, "the drive is one that can be tracked");
+    require(tracked >= drive.images.size() / 2, "the drive can be tracked");
     return messages;
   }();
   return kFrames;
 }
 
-/// What the nodelet does with its messages.
+/// Processes messages as the nodelet does.
 class Scale {
  public:
   explicit Scale(bool paper_literal) : recovery_(options(paper_literal)) {}
@@ -66,9 +67,9 @@ class Scale {
     if (output.pose) {
       Eigen::Isometry3d T_b_c = Eigen::Isometry3d::Identity();
       T_b_c.translation() << 1, 0.2, 1.5;
-      for (const auto& way : {OdometryFrames::ofCamera("odom", "camera"),
-                              OdometryFrames::ofBase("odom", "base_link", T_b_c)}) {
-        check(*toOdometryMsg(*output.pose, way, message.header.stamp));
+      for (const auto& frames : {OdometryFrames::ofCamera("odom", "camera"),
+                                 OdometryFrames::ofBase("odom", "base_link", T_b_c)}) {
+        check(*toOdometryMsg(*output.pose, frames, message.header.stamp));
       }
       require(std::isfinite(output.pose->distance), "the distance is finite");
     }
@@ -210,13 +211,13 @@ Plan plan() {
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace ground_scale_vo;
   using namespace ground_scale_vo::fuzz;
-  constexpr int kMostMessages = 40;
+  constexpr int kMaxMessages = 40;
   Input input(data, size);
   const auto flags = input.take<std::uint8_t>();
   Scale scale(flags % 8 == 1);
   const bool with_images = flags % 2 == 0;
   std::size_t next = 0;
-  for (int k = 0; k < kMostMessages && !input.empty(); ++k) {
+  for (int k = 0; k < kMaxMessages && !input.empty(); ++k) {
     const auto kind = input.take<std::uint8_t>();
     const std::size_t i = next++ % frames().size();
     VoFrameMsg frame = frames()[i];

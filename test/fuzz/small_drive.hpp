@@ -7,7 +7,7 @@
 
 namespace ground_scale_vo::fuzz {
 
-/// The beginning of a rendered drive with small images.
+/// The first frames of a rendered drive with small images.
 struct SmallDrive {
   PinholeCamera camera;
   std::vector<cv::Mat> images;

@@ -5,10 +5,12 @@
 #include <limits>
 #include <random>
 
+#include "ground_scale_vo/ros/odometry_message.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
-TEST(Nanoseconds, HoldTheWholeRangeOfStamps) {
+TEST(Nanoseconds, HoldAllStamps) {
   constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
   for (const ros::Time& stamp :
        {ros::Time(0, 0), ros::Time(0, 1), ros::Time(2147483648u, 5), ros::Time(kMost, 999999999)}) {
@@ -88,7 +90,7 @@ TEST(VoFrameMsg, RoundTripIsExact) {
   }
 }
 
-TEST(VoFrameMsg, RefusesWhatAnotherOdometryMayFillWrongly) {
+TEST(VoFrameMsg, RefusesInvalidMessagesOfOtherOdometries) {
   const VoFrame frame = someFrame();
   const VoFrameMsg good = *toMsg(frame, headerOf(frame));
   EXPECT_NO_THROW(fromMsg(good));
@@ -104,7 +106,7 @@ TEST(VoFrameMsg, RefusesWhatAnotherOdometryMayFillWrongly) {
   msg = good;
   msg.u[2] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THROW(fromMsg(msg), MessageError);
-  msg.u[2] = 1e30f;  // no whole number holds it
+  msg.u[2] = 1e30f;  // beyond the range of int
   EXPECT_THROW(fromMsg(msg), MessageError);
   msg = good;
   msg.fx = 0;
@@ -120,11 +122,11 @@ TEST(VoFrameMsg, RefusesWhatAnotherOdometryMayFillWrongly) {
   EXPECT_THROW(fromMsg(msg), MessageError);
   msg.pose.position.x = 1e300;
   EXPECT_THROW(fromMsg(msg), MessageError);
-  msg.status = VoFrameMsg::LOST;  // then the pose does not count
+  msg.status = VoFrameMsg::LOST;  // the pose is not used then
   EXPECT_NO_THROW(fromMsg(msg));
 }
 
-TEST(VoFrameMsg, APointBehindTheCameraIsNone) {
+TEST(VoFrameMsg, APointBehindTheCameraIsDropped) {
   const VoFrame frame = someFrame();
   VoFrameMsg msg = *toMsg(frame, headerOf(frame));
   msg.z[1] = -2.f;
@@ -214,13 +216,13 @@ TEST(Odometry, ABaseStartsAtTheOriginOfOdom) {
   EXPECT_NEAR(toOdometryMsg(pose, frames, ros::Time(1))->pose.pose.position.x, 7, 1e-12);
 }
 
-// A disturbed core pose, told through the frames, must differ as the told covariance's J says.
-TEST(Odometry, CovarianceIsCarriedAsSmallDisturbancesAre) {
+// The covariance must agree with finite differences of the published pose.
+TEST(Odometry, CovarianceAgreesWithFiniteDifferences) {
   const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
   const OdometryFrames frames = OdometryFrames::ofBase("odom", "base_link", T_b_c);
   MetricPose pose;
   pose.T_o_c = isometry({-0.2, 0.7, 0.1}, {3, -1, 20});
-  const Eigen::Isometry3d told = fromMsg(toOdometryMsg(pose, frames, ros::Time(1))->pose.pose);
+  const Eigen::Isometry3d published = fromMsg(toOdometryMsg(pose, frames, ros::Time(1))->pose.pose);
   constexpr double kStep = 1e-6;
   for (int k = 0; k < 6; ++k) {
     MetricPose disturbed = pose;
@@ -233,8 +235,8 @@ TEST(Odometry, CovarianceIsCarriedAsSmallDisturbancesAre) {
     const Eigen::Isometry3d moved =
         fromMsg(toOdometryMsg(disturbed, frames, ros::Time(1))->pose.pose);
     Eigen::Matrix<double, 6, 1> column;
-    column.head<3>() = (moved.translation() - told.translation()) / kStep;
-    const Eigen::AngleAxisd rotation(moved.linear() * told.linear().transpose());
+    column.head<3>() = (moved.translation() - published.translation()) / kStep;
+    const Eigen::AngleAxisd rotation(moved.linear() * published.linear().transpose());
     column.tail<3>() = rotation.angle() / kStep * rotation.axis();
 
     MetricPose certain = pose;
@@ -246,7 +248,7 @@ TEST(Odometry, CovarianceIsCarriedAsSmallDisturbancesAre) {
   }
 }
 
-// The twist of the base: what its own small motion over a small time is.
+// The twist of the base must agree with its motion over a short time.
 TEST(Odometry, TwistIsThatOfTheBase) {
   const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
   MetricPose pose;

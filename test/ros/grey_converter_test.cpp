@@ -1,5 +1,7 @@
-// Images of every encoding: the same scene gives the same grey, what is broken is refused with one
+// Images of every encoding: the same scene gives the same grey; invalid images are refused with one
 // sentence.
+
+#include "ground_scale_vo/ros/grey_converter.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/message_error.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -99,7 +101,7 @@ sensor_msgs::Image imageOf(const Layout& layout, double unit, std::uint32_t padd
   return image;
 }
 
-/// The largest difference from the scene's grey, without the border, which Bayer makes up.
+/// Largest difference from the grey of the scene, without the border, which Bayer extrapolates.
 double difference(const cv::Mat& grey) {
   if (grey.type() != CV_8UC1 || grey.size() != cv::Size(kWidth, kHeight)) return 1e9;
   double largest = 0;
@@ -126,7 +128,7 @@ TEST(GreyConverter, EveryEncodingOfASceneGivesTheSameGrey) {
   }
 }
 
-TEST(GreyConverter, SixteenBitsKeepTheContrastOfTheBitsInUse) {
+TEST(GreyConverter, SixteenBitsAreScaledByTheBitsInUse) {
   for (const Layout& layout : layouts()) {
     if (layout.bytes == 1) continue;
     for (const int bits : {8, 10, 12, 14, 16}) {
@@ -143,12 +145,12 @@ std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number) {
   return converter->convert(image).at<std::uint8_t>(0, 0);
 }
 
-TEST(GreyConverter, TheScaleOfSixteenBitsIsWidenedAndNeverNarrowed) {
+TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAndNeverShrinks) {
   GreyConverter converter;
   EXPECT_EQ(greyOf(&converter, 0), 0);
   EXPECT_EQ(greyOf(&converter, 200), 200);
   EXPECT_EQ(greyOf(&converter, 4095), 255);
-  EXPECT_EQ(greyOf(&converter, 200), 12);  // dark now, and not brightened up again
+  EXPECT_EQ(greyOf(&converter, 200), 12);  // the range stays wide
   EXPECT_EQ(greyOf(&converter, 4095), 255);
   EXPECT_EQ(greyOf(&converter, 4096), 64);  // 14 bits
   EXPECT_EQ(greyOf(&converter, 65535), 255);
@@ -176,8 +178,8 @@ TEST(GreyConverter, RefusesEncodingsWithoutGrey) {
     sensor_msgs::Image image = imageOf({"mono8", "y"}, 1);
     image.encoding = encoding;
     EXPECT_EQ(refusal(image), "the encoding \"" + std::string(encoding) +
-                                  "\" cannot be turned into grey; mono, colour and Bayer of 8 or "
-                                  "16 bits and yuv422 can");
+                                  "\" cannot be converted to grey; supported are mono, colour and "
+                                  "Bayer of 8 or 16 bits, yuv422 and yuv422_yuy2");
   }
 }
 
@@ -204,9 +206,8 @@ TEST(GreyConverter, RefusesSizesThatDoNotFit) {
       {"mono16", 4, 2, 9, 18, "the step of 9 bytes does not fit 4 pixels of mono16"},
       {"yuv422", 4, 2, 7, 14, "the step of 7 bytes does not fit 4 pixels of yuv422"},
       {"mono8", kMost, kMost, kMost, 1,
-       "the image is 4294967295 x 4294967295, which is no "
-       "camera's size"},
-      {"mono8", kMost, 1, kMost, 1, "the image is 4294967295 x 1, which is no camera's size"},
+       "the image size 4294967295 x 4294967295 is not plausible for a camera"},
+      {"mono8", kMost, 1, kMost, 1, "the image size 4294967295 x 1 is not plausible for a camera"},
       // step * height is 2^32: nothing is left of it in 32 bits.
       {"mono8", 65536, 65536, 65536, 0, "the image holds 0 bytes instead of 4294967296"},
       {"bgr8", 4, 2, kMost, 24, "the image holds 24 bytes instead of 8589934590"},

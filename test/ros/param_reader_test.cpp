@@ -43,7 +43,7 @@ TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {
   EXPECT_EQ(ratio, 1.0);
   EXPECT_EQ(name, "abc");
   EXPECT_TRUE(flag);
-  EXPECT_TRUE(reader.unknown().empty());
+  EXPECT_TRUE(reader.warnings().empty());
   ASSERT_EQ(reader.entries().size(), 5u);
   EXPECT_EQ(ParamReader::echo(reader.entries()[0]), "group/count = 7  [] how many, [1, 10]");
   EXPECT_FALSE(reader.entries()[1].given);
@@ -57,7 +57,8 @@ TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   tree["camera_height"] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_NE(refusal(tree).find("camera_height is nan"), std::string::npos);
   tree["camera_height"] = "1.65";
-  EXPECT_NE(refusal(tree).find("camera_height is a text, it must be a number"), std::string::npos);
+  EXPECT_NE(refusal(tree).find("camera_height is a string, it must be a number"),
+            std::string::npos);
   tree["camera_height"] = 1.65;
   tree["random_seed"] = 1.5;
   EXPECT_NE(refusal(tree).find("random_seed is 1.5, it must be a whole number"), std::string::npos);
@@ -81,21 +82,21 @@ TEST(ParamReader, FramesMustDiffer) {
   EXPECT_NE(refusal(tree).find("must differ"), std::string::npos);
 }
 
-TEST(ParamReader, UnknownKeysAreToldWithTheNearestName) {
+TEST(ParamReader, WarnsOfUnknownNamesWithTheMostSimilarOne) {
   XmlRpcValue tree;
   tree["camera_height"] = 1.65;
   tree["odom_fram"] = "map";
   tree["tracker"]["nonsense_nobody_wrote"] = 1;
-  tree["diagnostic_period"] = 0.5;  // another library's
+  tree["diagnostic_period"] = 0.5;  // of another library
   ParamReader reader("/scale_recovery", tree);
   ScaleRecoveryParams::read(reader);
-  const std::vector<std::string> unknown = reader.unknown();
-  ASSERT_EQ(unknown.size(), 2u);
-  EXPECT_EQ(unknown[0],
-            "parameter /scale_recovery/odom_fram is not known and has no effect; did you mean "
+  const std::vector<std::string> warnings = reader.warnings();
+  ASSERT_EQ(warnings.size(), 2u);
+  EXPECT_EQ(warnings[0],
+            "parameter /scale_recovery/odom_fram is unknown and has no effect; did you mean "
             "/scale_recovery/odom_frame?");
-  EXPECT_EQ(unknown[1],
-            "parameter /scale_recovery/tracker/nonsense_nobody_wrote is not known and has no "
+  EXPECT_EQ(warnings[1],
+            "parameter /scale_recovery/tracker/nonsense_nobody_wrote is unknown and has no "
             "effect");
 }
 

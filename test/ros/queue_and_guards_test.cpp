@@ -1,21 +1,18 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <future>
 #include <limits>
-#include <thread>
 
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
-#include "ground_scale_vo/ros/fault_log.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
+#include "ground_scale_vo/ros/warning_log.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-TEST(BoundedQueue, KeepsOrderAndLetsTheOldestGo) {
+TEST(BoundedQueue, KeepsOrderAndDropsTheOldest) {
   BoundedQueue<int> queue(3);
-  queue.release();
   EXPECT_TRUE(queue.push(1));
   EXPECT_TRUE(queue.push(2));
   EXPECT_TRUE(queue.push(3));
@@ -25,67 +22,55 @@ TEST(BoundedQueue, KeepsOrderAndLetsTheOldestGo) {
   EXPECT_EQ(queue.pop(), 4);
 }
 
-TEST(BoundedQueue, HoldsItemsUntilReleased) {
-  BoundedQueue<int> queue(3);
+TEST(BoundedQueue, EmptyGivesNothing) {
+  BoundedQueue<int> queue(1);
+  EXPECT_TRUE(queue.empty());
+  EXPECT_FALSE(queue.pop());
   queue.push(1);
-  auto got = std::async(std::launch::async, [&] { return queue.pop(); });
-  // However long one waits.
-  EXPECT_EQ(got.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
-  queue.push(2);
-  queue.release();
-  EXPECT_EQ(got.get(), 1);
-}
-
-TEST(BoundedQueue, CloseEndsAWaitingPop) {
-  BoundedQueue<int> queue(3);
-  std::optional<int> got = 5;
-  std::thread reader([&] { got = queue.pop(); });
-  queue.close();
-  reader.join();
-  EXPECT_FALSE(got);
-  queue.push(1);
-  queue.release();
+  EXPECT_FALSE(queue.empty());
+  EXPECT_EQ(queue.pop(), 1);
   EXPECT_FALSE(queue.pop());
 }
 
-TEST(StampGuard, DropsWhatRepeatsAndStartsAnewAfterAJump) {
+TEST(StampGuard, DropsRepeatedStampsAndDetectsAClockJump) {
   using Verdict = StampGuard::Verdict;
   StampGuard guard(1.0);
   EXPECT_EQ(guard.check(ros::Time()), Verdict::kDrop);
   EXPECT_EQ(guard.reason(), "the stamp is zero");
-  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kDrop);
   EXPECT_EQ(guard.reason(),
-            "the stamp 10.000000000 does not lie 0.001 s or more after the last one, 10.000000000");
+            "the stamp 10.000000000 is not at least 0.001 s later than the last one, 10.000000000");
   EXPECT_EQ(guard.check(ros::Time(10, 999999)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(9.5)), Verdict::kDrop);
-  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
-  EXPECT_EQ(guard.check(ros::Time(60.0)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kAccept);
+  EXPECT_EQ(guard.check(ros::Time(60.0)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kJumpedBack);
-  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kAccept);
 }
 
-TEST(StampGuard, BelievesAStampFarAheadWhenAnotherFollows) {
+TEST(StampGuard, AcceptsAStampFarAheadWhenASecondOneConfirmsIt) {
   using Verdict = StampGuard::Verdict;
   StampGuard guard(1.0);
-  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kAccept);
   // Alone it is a fault.
   EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
-  EXPECT_EQ(guard.reason(),
-            "the stamp 7210.000000000 lies 7200 s after the last one, and no other yet");
-  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kNext);
+  EXPECT_EQ(
+      guard.reason(),
+      "the stamp 7210.000000000 is 7200 s after the last one and not confirmed by a second one");
+  EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kAccept);
   // Faults that do not agree with each other are faults all the same.
   EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(19000.0)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(18999.0)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(18999.0)), Verdict::kDrop);
-  EXPECT_EQ(guard.check(ros::Time(10.2)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(10.2)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time()), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(7210.1)), Verdict::kDrop);
   // A pause.
-  EXPECT_EQ(guard.check(ros::Time(7210.2)), Verdict::kNext);
-  EXPECT_EQ(guard.check(ros::Time(7210.3)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(7210.2)), Verdict::kAccept);
+  EXPECT_EQ(guard.check(ros::Time(7210.3)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(10.3)), Verdict::kJumpedBack);
 }
 
@@ -94,24 +79,24 @@ TEST(StampGuard, HoldsOverTheWholeRangeOfStamps) {
   using Verdict = StampGuard::Verdict;
   constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
   StampGuard guard(1.0);
-  EXPECT_EQ(guard.check(ros::Time(1, 0)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(1, 0)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(kMost, 0)), Verdict::kDrop);
-  EXPECT_EQ(guard.check(ros::Time(kMost, 998999999)), Verdict::kNext);
-  EXPECT_EQ(guard.check(ros::Time(kMost, 999999999)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(kMost, 998999999)), Verdict::kAccept);
+  EXPECT_EQ(guard.check(ros::Time(kMost, 999999999)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(kMost, 999999999)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(0, 1)), Verdict::kJumpedBack);
-  EXPECT_EQ(guard.check(ros::Time(0, 1000001)), Verdict::kNext);
+  EXPECT_EQ(guard.check(ros::Time(0, 1000001)), Verdict::kAccept);
 }
 
-TEST(FaultLog, CountsAllAndPrintsTheFirst) {
-  FaultLog log(std::chrono::hours(1));
-  EXPECT_EQ(log.report("size", "too small"), "too small (size: 1 so far)");
-  EXPECT_EQ(log.report("size", "too small"), "");
-  EXPECT_NE(log.report("stamp", "late"), "");
+TEST(WarningLog, CountsAllAndPrintsTheFirst) {
+  WarningLog log(std::chrono::hours(1));
+  EXPECT_EQ(log.count("size", "too small"), "too small (size: 1 so far)");
+  EXPECT_EQ(log.count("size", "too small"), "");
+  EXPECT_NE(log.count("stamp", "late"), "");
   EXPECT_EQ(log.counts().at("size"), 2u);
-  FaultLog chatty(std::chrono::milliseconds(0));
-  chatty.report("size", "a");
-  EXPECT_EQ(chatty.report("size", "b"), "b (size: 2 so far)");
+  WarningLog chatty(std::chrono::milliseconds(0));
+  chatty.count("size", "a");
+  EXPECT_EQ(chatty.count("size", "b"), "b (size: 2 so far)");
 }
 
 geometry_msgs::PoseStamped poseAt(double x) {

@@ -43,10 +43,10 @@ struct Pixel {
   bool isGrey() const { return blue == green && green == red; }
 };
 
-Pixel pixelOf(const sensor_msgs::Image& picture, float u, float v) {
+Pixel pixelOf(const sensor_msgs::Image& message, float u, float v) {
   const std::size_t i =
-      static_cast<std::size_t>(v) * picture.step + 3 * static_cast<std::size_t>(u);
-  return {picture.data.at(i), picture.data.at(i + 1), picture.data.at(i + 2)};
+      static_cast<std::size_t>(v) * message.step + 3 * static_cast<std::size_t>(u);
+  return {message.data.at(i), message.data.at(i + 1), message.data.at(i + 2)};
 }
 
 cv::Mat wall() { return {kHeight, kWidth, CV_8UC1, cv::Scalar(128)}; }
@@ -58,24 +58,24 @@ class TrackPainting : public testing::Test {
     frame_.features = std::move(features);
     std_msgs::Header header;
     header.frame_id = "camera";
-    picture_ = painter_.paint(wall(), frame_, given_up, header);
+    message_ = painter_.paint(wall(), frame_, given_up, header);
     ++frame_.sequence;
   }
   void skipAFrame() { ++frame_.sequence; }
 
-  Pixel at(float u, float v = kRow) const { return pixelOf(*picture_, u, v); }
+  Pixel at(float u, float v = kRow) const { return pixelOf(*message_, u, v); }
 
   VoFrame frame_;
   TrackPainter painter_;
-  sensor_msgs::Image::Ptr picture_;
+  sensor_msgs::Image::Ptr message_;
 };
 
-TEST_F(TrackPainting, GivesAColourPictureOfTheImagesSize) {
+TEST_F(TrackPainting, GivesAColourImageOfTheSameSize) {
   paint({});
-  EXPECT_EQ(picture_->encoding, sensor_msgs::image_encodings::BGR8);
-  EXPECT_EQ(picture_->width, static_cast<unsigned>(kWidth));
-  EXPECT_EQ(picture_->height, static_cast<unsigned>(kHeight));
-  EXPECT_EQ(picture_->header.frame_id, "camera");
+  EXPECT_EQ(message_->encoding, sensor_msgs::image_encodings::BGR8);
+  EXPECT_EQ(message_->width, static_cast<unsigned>(kWidth));
+  EXPECT_EQ(message_->height, static_cast<unsigned>(kHeight));
+  EXPECT_EQ(message_->header.frame_id, "camera");
   EXPECT_TRUE(at(300).isGrey());
 }
 
@@ -102,7 +102,7 @@ TEST_F(TrackPainting, TracksWithoutAPointAreHollow) {
   EXPECT_TRUE(at(203).isLike(at(100))) << "the ring has the colour of the age";
 }
 
-TEST_F(TrackPainting, WhatIsRejectedIsCrossed) {
+TEST_F(TrackPainting, RejectedFeaturesAreCrossed) {
   paint({feature(1, 100, 1), feature(2, 200, 100)},
         {rejected(300, RejectReason::kOutlier), rejected(400, RejectReason::kNotFound)});
   const Pixel outlier = at(300), not_found = at(400);
@@ -113,14 +113,14 @@ TEST_F(TrackPainting, WhatIsRejectedIsCrossed) {
     EXPECT_TRUE(at(400 + side).isGrey());
   }
   for (const Pixel& cross : {outlier, not_found}) {
-    // No age looks like that.
+    // Unlike the colour of any age.
     EXPECT_GT(cross.red, cross.green + 80);
     EXPECT_GT(cross.red, cross.blue + 40);
   }
   EXPECT_FALSE(outlier == not_found);
 }
 
-TEST_F(TrackPainting, TailsReachBackToTheImageBefore) {
+TEST_F(TrackPainting, LinesLeadToThePreviousImage) {
   paint({feature(1, 100, 1)});
   paint({feature(1, 120, 2), feature(2, 300, 0)});
   EXPECT_TRUE(at(110).isLike(at(120)));
@@ -130,7 +130,7 @@ TEST_F(TrackPainting, TailsReachBackToTheImageBefore) {
   EXPECT_TRUE(at(140).isGrey()) << "the image before was not drawn";
 }
 
-TEST_F(TrackPainting, TheLegendTellsTheColours) {
+TEST_F(TrackPainting, TheLegendShowsTheColours) {
   paint({feature(1, 100, 3)});
   const Pixel colour = at(100);
   bool found = false;
@@ -138,7 +138,7 @@ TEST_F(TrackPainting, TheLegendTellsTheColours) {
   EXPECT_TRUE(found);
 }
 
-TEST_F(TrackPainting, MarksAtTheEdgeAreNoError) {
+TEST_F(TrackPainting, MarksAtTheEdgeAreValid) {
   paint({feature(1, 0, 3), feature(2, kWidth - 1, 3, false)},
         {rejected(0, RejectReason::kOutlier), rejected(kWidth - 1, RejectReason::kNotFound)});
   EXPECT_FALSE(at(0).isGrey());
@@ -160,16 +160,16 @@ class RoadPainting : public testing::Test {
   }
   void paint(ScaleStatus status) {
     output_.scale.status = status;
-    picture_ = paintRoad(wall(), frame_, output_, {});
+    message_ = paintRoad(wall(), frame_, output_, {});
   }
   /// Where the camera sees the road so far ahead, and to the left [m].
   Pixel onRoad(float ahead, float left) const {
-    return pixelOf(*picture_, 320 - 400 * left / ahead, std::round(40 + 400 * 1.65f / ahead));
+    return pixelOf(*message_, 320 - 400 * left / ahead, std::round(40 + 400 * 1.65f / ahead));
   }
 
   VoFrame frame_;
   ScaleRecovery::Output output_;
-  sensor_msgs::Image::Ptr picture_;
+  sensor_msgs::Image::Ptr message_;
 };
 
 TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
@@ -190,7 +190,7 @@ TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
   EXPECT_TRUE(onRoad(15.f, 0.5f).isGrey()) << "30 m, beyond the grid";
 }
 
-TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownOneNoGrid) {
+TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownScaleNoGrid) {
   paint(ScaleStatus::kHeld);
   const Pixel held = onRoad(10, 0.5f);
   EXPECT_GT(held.red, held.blue + 50);
@@ -204,25 +204,24 @@ TEST_F(RoadPainting, GroundPointsAreFilled) {
   for (TrackedFeature& f : frame_.features) f.u.y() = 60;
   output_.ground_feature_ids = {1};
   paint(ScaleStatus::kUnknown);
-  const Pixel ground = pixelOf(*picture_, 100, 60), other = pixelOf(*picture_, 200, 60);
+  const Pixel ground = pixelOf(*message_, 100, 60), other = pixelOf(*message_, 200, 60);
   EXPECT_GT(ground.green, ground.red + 50);
-  EXPECT_EQ(other, pixelOf(*picture_, 300, 60)) << "hollow";
-  EXPECT_FALSE(pixelOf(*picture_, 203, 60) == other) << "its ring";
-  EXPECT_EQ(pixelOf(*picture_, 303, 60), other) << "without a point there is nothing";
+  EXPECT_EQ(other, pixelOf(*message_, 300, 60)) << "hollow";
+  EXPECT_FALSE(pixelOf(*message_, 203, 60) == other) << "its ring";
+  EXPECT_EQ(pixelOf(*message_, 303, 60), other) << "without a point there is nothing";
 }
 
-TEST_F(RoadPainting, APlaneThatTheCameraDoesNotSeeIsNoError) {
+TEST_F(RoadPainting, APlaneOutsideTheViewIsValid) {
   for (const Eigen::Vector3d& up :
        {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(1, 0, 0)}) {
     output_.scale.n_c = up;
     paint(ScaleStatus::kOk);
-    EXPECT_EQ(picture_->width, static_cast<unsigned>(kWidth));
+    EXPECT_EQ(message_->width, static_cast<unsigned>(kWidth));
   }
 }
 
-// Where containers check themselves (_GLIBCXX_ASSERTIONS) a look at the first of no bytes is the
-// end.
-TEST(PointClouds, OfNoPointsIsAWholeMessage) {
+// With _GLIBCXX_ASSERTIONS, an access to the first byte of no data aborts.
+TEST(PointClouds, WithoutPointsIsAValidMessage) {
   std_msgs::Header header;
   header.frame_id = "camera";
   const auto none = toPointCloud(std::vector<Eigen::Vector3f>(), header);

@@ -17,7 +17,7 @@ tf2_msgs::TFMessage transform(const std::string& parent, const std::string& chil
   return message;
 }
 
-TEST(GroundTruthTf, FindsTheTwinOfOurOwnBags) {
+TEST(GroundTruthTf, FindsTheGroundTruthFrameOfKittiToBag) {
   GroundTruthTf truth;
   truth.add(transform("ground_truth", "ground_truth/camera", 1, 5), false);
   const auto pose = truth.pose("camera", ros::Time(1));

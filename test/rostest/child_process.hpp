@@ -13,11 +13,11 @@
 #include <string>
 #include <vector>
 
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 
-/// A program that the test starts, and ends at the latest with itself. What it prints is kept.
+/// A program started by the test; killed in the destructor. Records its output.
 class ChildProcess {
  public:
   explicit ChildProcess(std::vector<std::string> words) {
@@ -59,12 +59,12 @@ class ChildProcess {
     }
     return !status_;
   }
-  /// As a shell tells it: 0 is clean, 128 + n ended by signal n; empty when it did not end in time.
-  std::optional<int> waitForEnd(double patience = kPatience) {
-    if (!waitUntil([this] { return !running(); }, patience)) return std::nullopt;
+  /// Exit status as in a shell: 128 + n if ended by signal n; empty if it did not end in time.
+  std::optional<int> waitForEnd(double timeout = kTimeout) {
+    if (!waitUntil([this] { return !running(); }, timeout)) return std::nullopt;
     return WIFSIGNALED(*status_) ? 128 + WTERMSIG(*status_) : WEXITSTATUS(*status_);
   }
-  /// All that it has printed so far.
+  /// Its output so far.
   std::string output() const {
     std::ostringstream text;
     text << std::ifstream(log_).rdbuf();

@@ -1,5 +1,5 @@
-// A rendered drive through both nodelets in a real manager, image by image: the metric odometry
-// against the truth, and against the offline run, which must give the same poses.
+// A rendered drive through both nodelets in a nodelet manager, image by image: the metric odometry
+// against ground truth, and against the offline run, which must give the same poses.
 
 #include <cv_bridge/cv_bridge.h>
 #include <gtest/gtest.h>
@@ -15,11 +15,13 @@
 #include <boost/make_shared.hpp>
 #include <memory>
 
-#include "diagnosed.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
+#include "wait_for_diagnostics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -34,7 +36,7 @@ SyntheticDrive::Options driveOptions() {
   return options;
 }
 
-/// The drive, played through the nodelets and run offline.
+/// The drive through the nodelets and through the offline run.
 struct PlayedDrive {
   explicit PlayedDrive(ros::NodeHandle& handle)
       : drive(driveOptions()),
@@ -66,14 +68,14 @@ struct PlayedDrive {
              tf.connected();
     })) << "the nodelets did not come up";
     for (std::size_t i = 0; i < drive.size(); ++i) {
-      const cv::Mat picture = drive.image(i);
+      const cv::Mat grey = drive.image(i);
       const auto image =
-          cv_bridge::CvImage(header(i), sensor_msgs::image_encodings::MONO8, picture).toImageMsg();
+          cv_bridge::CvImage(header(i), sensor_msgs::image_encodings::MONO8, grey).toImageMsg();
       auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(drive.camera()));
       info->header = image->header;
       infos.publish(info);
       images.publish(image);
-      offline.process(picture, toNanoseconds(image->header.stamp));
+      offline.process(grey, toNanoseconds(image->header.stamp));
       // The next image only when this one has come out: no frame is dropped.
       ASSERT_TRUE(scales.waitForStamp(image->header.stamp)) << "frame " << i;
     }
@@ -100,15 +102,15 @@ struct PlayedDrive {
 
   SyntheticDrive drive;
   OfflineRun offline;
-  Inbox<VoFrameMsg> frames;
-  Inbox<ScaleEstimateMsg> scales;
-  Inbox<nav_msgs::Odometry> odometry;
-  Inbox<nav_msgs::Path> path;
-  Inbox<sensor_msgs::Image> tracks, road;
-  Inbox<sensor_msgs::PointCloud2> points;
-  Inbox<visualization_msgs::Marker> plane;
-  Inbox<tf2_msgs::TFMessage> tf;
-  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics;
+  TopicRecorder<VoFrameMsg> frames;
+  TopicRecorder<ScaleEstimateMsg> scales;
+  TopicRecorder<nav_msgs::Odometry> odometry;
+  TopicRecorder<nav_msgs::Path> path;
+  TopicRecorder<sensor_msgs::Image> tracks, road;
+  TopicRecorder<sensor_msgs::PointCloud2> points;
+  TopicRecorder<visualization_msgs::Marker> plane;
+  TopicRecorder<tf2_msgs::TFMessage> tf;
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics;
   ros::Publisher images, infos;
 };
 
@@ -163,7 +165,7 @@ TEST_F(Drive, TheOfflineRunGivesTheSame) {
   }
 }
 
-TEST_F(Drive, TheImagesAreUsed) { EXPECT_TRUE(diagnosed(run.diagnostics, "images", "used")); }
+TEST_F(Drive, TheImagesAreUsed) { EXPECT_TRUE(waitForValue(run.diagnostics, "images", "used")); }
 
 TEST_F(Drive, NothingMetricBeforeTheFirstScale) {
   const auto scale_messages = run.scales.messages();
@@ -257,9 +259,9 @@ TEST_F(Drive, WhatIsOnlyLookedAtComesWhenSomeoneLooks) {
   ASSERT_TRUE(run.path.waitForCount(1));
   EXPECT_GT(run.path.messages().back()->poses.size(), 10u);
   ASSERT_TRUE(run.tracks.waitForCount(run.drive.size() / 2));
-  const auto picture = run.tracks.messages().back();
-  EXPECT_EQ(picture->encoding, "bgr8");
-  EXPECT_EQ(static_cast<int>(picture->width), run.drive.camera().width);
+  const auto image = run.tracks.messages().back();
+  EXPECT_EQ(image->encoding, "bgr8");
+  EXPECT_EQ(static_cast<int>(image->width), run.drive.camera().width);
   ASSERT_TRUE(run.road.waitForCount(run.drive.size() / 2));
   const auto road = run.road.messages().back();
   EXPECT_EQ(road->encoding, "bgr8");

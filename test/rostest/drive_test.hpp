@@ -4,15 +4,14 @@
 
 #include <memory>
 
-#include "diagnosed.hpp"
 #include "nodelet_pair.hpp"
+#include "wait_for_diagnostics.hpp"
 
 namespace ground_scale_vo {
 
-constexpr double kTolerance = 0.05;  // of the metric way
+constexpr double kTolerance = 0.05;  // relative, of the distance travelled
 
-/// A manager, into which tests load their pairs and out of which they take them again, and a small
-/// drive of so many frames.
+/// A nodelet manager, into which tests load their nodelets, and a small drive of kFrames frames.
 template <std::size_t kFrames>
 class DriveTest : public testing::Test {
  protected:
@@ -20,12 +19,12 @@ class DriveTest : public testing::Test {
     drive_ = std::make_unique<RenderedDrive>(smallDrive(static_cast<int>(kFrames)));
   }
   static void TearDownTestSuite() { drive_.reset(); }
-  void SetUp() override { ASSERT_TRUE(manager_.waitForIt()); }
+  void SetUp() override { ASSERT_TRUE(manager_.waitForServices()); }
   void TearDown() override { EXPECT_EQ(manager_.loaded(), 0u); }
 
   ManagerClient manager_{"/manager"};
   ros::NodeHandle handle_;
-  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_{handle_, "/diagnostics"};
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics_{handle_, "/diagnostics"};
   static inline std::unique_ptr<RenderedDrive> drive_;
 };
 

@@ -1,5 +1,5 @@
-// What comes late, never, or in another order: both nodelets in a real manager, on a rendered drive
-// whose metres are known.
+// Late or missing messages and other orders of loading: both nodelets in a nodelet manager, on a
+// rendered drive with ground truth.
 
 #include <gtest/gtest.h>
 #include <rosgraph_msgs/Log.h>
@@ -18,25 +18,25 @@ namespace {
 
 class Graph : public DriveTest<50> {
  protected:
-  bool says(const std::string& nodelet, std::int8_t level, const std::string& text) {
-    return diagnosedAs(diagnostics_, nodelet, level, text);
+  bool waitForSummaryOf(const std::string& nodelet, std::int8_t level, const std::string& text) {
+    return waitForSummary(diagnostics_, nodelet, level, text);
   }
 };
 
-TEST_F(Graph, CameraInfoThatNeverComesIsAnErrorThatNamesItsTopic) {
+TEST_F(Graph, AMissingCameraInfoIsAnErrorThatNamesItsTopic) {
   NodeletPair pair(manager_, *drive_, "/never");
   ASSERT_TRUE(pair.load());
-  EXPECT_TRUE(says("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
-                   "no image yet on /never/image"));
-  EXPECT_TRUE(says("never/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
-                   "no frame yet on /never/vo/frame"));
+  EXPECT_TRUE(waitForSummaryOf("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                               "no image received yet on /never/image"));
+  EXPECT_TRUE(waitForSummaryOf("never/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
+                               "no vo/frame received yet on /never/vo/frame"));
   for (std::size_t i = 0; i < drive_->size(); ++i) pair.publishImage(i);
-  EXPECT_TRUE(diagnosed(diagnostics_, "images received", std::to_string(drive_->size())));
-  EXPECT_TRUE(says("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
-                   "no camera_info yet on /never/camera_info"));
-  // All but the five that the queue holds have gone.
-  EXPECT_TRUE(diagnosed(diagnostics_, "images overtaken by newer ones",
-                        std::to_string(drive_->size() - 5)));
+  EXPECT_TRUE(waitForValue(diagnostics_, "images received", std::to_string(drive_->size())));
+  EXPECT_TRUE(waitForSummaryOf("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                               "no camera_info received yet on /never/camera_info"));
+  // All but the five in the queue have been dropped.
+  EXPECT_TRUE(
+      waitForValue(diagnostics_, "images dropped, queue full", std::to_string(drive_->size() - 5)));
   EXPECT_TRUE(pair.frames.messages().empty());
   EXPECT_TRUE(pair.unload());
 }
@@ -49,14 +49,13 @@ TEST_F(Graph, OneCameraInfoIsEnough) {
     pair.publishImage(i);
     ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
   }
-  EXPECT_TRUE(diagnosed(diagnostics_, "images", "used"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "images", "used"));
   EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
   EXPECT_TRUE(pair.unload());
 }
 
-// A manager throws away what arrives while a nodelet is being loaded, like a queue that is
-// disabled.
-TEST(DedicatedSpinner, KeepsWhatComesBeforeItsStart) {
+// A manager drops messages that arrive while a nodelet is being loaded, like a disabled queue.
+TEST(DedicatedSpinner, KeepsMessagesFromBeforeItsStart) {
   ros::NodeHandle handle;
   ros::Publisher publisher = handle.advertise<std_msgs::Header>("latched", 1, true);
   publisher.publish(std_msgs::Header());
@@ -64,19 +63,37 @@ TEST(DedicatedSpinner, KeepsWhatComesBeforeItsStart) {
   of_manager.disable();
   ros::NodeHandle of_nodelet;
   of_nodelet.setCallbackQueue(&of_manager);
-  std::atomic<bool> heard{false};
+  std::atomic<bool> received{false};
   DedicatedSpinner queue;
   const ros::Subscriber subscriber =
       queue.handle(of_nodelet)
           .subscribe<std_msgs::Header>("latched", 1,
-                                       [&](const std_msgs::HeaderConstPtr&) { heard = true; });
+                                       [&](const std_msgs::HeaderConstPtr&) { received = true; });
   ASSERT_TRUE(waitUntil([&] { return publisher.getNumSubscribers() == 1; }));
   queue.start();
-  EXPECT_TRUE(waitUntil([&] { return heard.load(); }));
+  EXPECT_TRUE(waitUntil([&] { return received.load(); }));
   queue.stop();
 }
 
-// What arrives while the nodelets are still being loaded.
+TEST(DedicatedSpinner, RunsAPostedTaskAfterThoseThatWait) {
+  DedicatedSpinner spinner;
+  std::string order;
+  std::atomic<bool> done{false};
+  spinner.post([&] {
+    order += 'a';
+    spinner.post([&] {
+      order += 'c';
+      done = true;
+    });
+  });
+  spinner.post([&] { order += 'b'; });
+  spinner.start();
+  EXPECT_TRUE(waitUntil([&] { return done.load(); }));
+  spinner.stop();
+  EXPECT_EQ(order, "abc");
+}
+
+// It arrives while the nodelets are being loaded.
 TEST_F(Graph, ALatchedCameraInfoIsEnough) {
   for (int round = 0; round < 5; ++round) {
     NodeletPair pair(manager_, *drive_, "/latched_" + std::to_string(round));
@@ -88,31 +105,32 @@ TEST_F(Graph, ALatchedCameraInfoIsEnough) {
   }
 }
 
-TEST_F(Graph, CameraInfoForMonoVoAloneLeavesThePoints) {
+TEST_F(Graph, CameraInfoForMonoVoOnlyGivesAScaleFromFeatures) {
   NodeletPair pair(manager_, *drive_, "/points");
   ASSERT_TRUE(pair.loadMonoVo());
   ASSERT_TRUE(manager_.load("ScaleRecovery", "/points/scale_recovery",
                             {{"/points/camera_info", "/points/no_camera_info"}}));
   ASSERT_TRUE(pair.waitUntilConnected());
   ASSERT_TRUE(pair.playAll());
-  EXPECT_TRUE(diagnosed(diagnostics_, "images",
-                        "no image: no usable camera_info yet on /points/no_camera_info"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "images",
+                           "no valid camera_info received yet on /points/no_camera_info"));
   EXPECT_NEAR(pair.lengthRatio(), 1, 2 * kTolerance);
   // The images have ended.
-  EXPECT_TRUE(says("points/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR, "no image for "));
-  EXPECT_TRUE(
-      says("points/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR, "no frame for "));
+  EXPECT_TRUE(waitForSummaryOf("points/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                               "no image for "));
+  EXPECT_TRUE(waitForSummaryOf("points/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
+                               "no vo/frame for "));
   EXPECT_TRUE(pair.unload());
 }
 
 TEST_F(Graph, ATransportThatIsNotInstalledIsRefused) {
   NodeletPair pair(manager_, *drive_, "/transport");
-  Inbox<rosgraph_msgs::Log> log(handle_, "/rosout");
+  TopicRecorder<rosgraph_msgs::Log> log(handle_, "/rosout");
   ASSERT_TRUE(waitUntil([&] { return log.connected(); }));
   for (const std::string nodelet : {"mono_vo", "scale_recovery"}) {
     pair.setParam(nodelet, "image_transport", std::string("pigeon"));
   }
-  const auto said = [&](const std::string& nodelet) {
+  const auto logged = [&](const std::string& nodelet) {
     return log.wait(
         [&](const auto& lines) {
           return std::any_of(lines.begin(), lines.end(), [&](const auto& line) {
@@ -122,25 +140,25 @@ TEST_F(Graph, ATransportThatIsNotInstalledIsRefused) {
         },
         0.5);
   };
-  // Again until the manager's log is heard.
-  EXPECT_TRUE(waitUntil([&] { return pair.loadMonoVo() || said("mono_vo"); }));
-  EXPECT_TRUE(waitUntil([&] { return pair.loadScaleRecovery() || said("scale_recovery"); }));
+  // Repeat until this test is connected to the log of the manager.
+  EXPECT_TRUE(waitUntil([&] { return pair.loadMonoVo() || logged("mono_vo"); }));
+  EXPECT_TRUE(waitUntil([&] { return pair.loadScaleRecovery() || logged("scale_recovery"); }));
   ASSERT_EQ(manager_.loaded(), 0u) << "or it is gone";
 }
 
-TEST_F(Graph, EitherOrderWhileImagesComeGivesMetres) {
+TEST_F(Graph, EitherLoadingOrderGivesMetricOdometry) {
   for (const bool mono_vo_first : {true, false}) {
     NodeletPair pair(manager_, *drive_, mono_vo_first ? "/mono_first" : "/scale_first");
     // The drive goes on while the nodelets are being loaded.
     std::size_t next = 0;
     for (; next < 3; ++next) pair.publish(next);
     ASSERT_TRUE(mono_vo_first ? pair.loadMonoVo() : pair.loadScaleRecovery());
-    ASSERT_TRUE(pair.waitUntilTheCameraIsHeard());
+    ASSERT_TRUE(pair.waitForImageSubscribers());
     if (mono_vo_first) {
       ASSERT_TRUE(waitUntil([&] { return pair.frames.connected(); }));
     }
     for (; next < 6; ++next) pair.publish(next);
-    if (mono_vo_first) {  // frames that the other never hears of
+    if (mono_vo_first) {  // frames that the other nodelet does not receive
       ASSERT_TRUE(pair.frames.waitForStamp(pair.header(next - 1).stamp));
     }
     ASSERT_TRUE(mono_vo_first ? pair.loadScaleRecovery() : pair.loadMonoVo());
@@ -151,9 +169,9 @@ TEST_F(Graph, EitherOrderWhileImagesComeGivesMetres) {
   }
 }
 
-TEST_F(Graph, TheMountingComesLate) {
+TEST_F(Graph, ALateMountingTransform) {
   NodeletPair pair(manager_, *drive_, "/mounted");
-  Inbox<rosgraph_msgs::Log> log(handle_, "/rosout");
+  TopicRecorder<rosgraph_msgs::Log> log(handle_, "/rosout");
   pair.setParam("scale_recovery", "base_frame", std::string("mounted_base"));
   ASSERT_TRUE(pair.load());
   ASSERT_TRUE(waitUntil([&] { return log.connected(); }));
@@ -164,12 +182,12 @@ TEST_F(Graph, TheMountingComesLate) {
   }
   ASSERT_NE(pair.scales.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
   EXPECT_TRUE(pair.odometry.messages().empty());
-  EXPECT_TRUE(says("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
-                   "base_frame \"mounted_base\" to the camera \"camera\""));
+  EXPECT_TRUE(waitForSummaryOf("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
+                               "base_frame \"mounted_base\" to the camera frame \"camera\""));
   EXPECT_TRUE(log.wait([](const auto& lines) {
     return std::any_of(lines.begin(), lines.end(), [](const auto& line) {
       return line->level == rosgraph_msgs::Log::ERROR &&
-             line->msg.find("base_frame \"mounted_base\" to the camera \"camera\"") !=
+             line->msg.find("base_frame \"mounted_base\" to the camera frame \"camera\"") !=
                  std::string::npos;
     });
   }));
@@ -180,7 +198,7 @@ TEST_F(Graph, TheMountingComesLate) {
   while (next < drive_->size() && pair.odometry.messages().empty()) {
     pair.publish(next);
     ASSERT_TRUE(pair.scales.waitForStamp(pair.header(next).stamp));
-    // tf has no event here: the next image asks again.
+    // tf gives no event: each image repeats the lookup.
     pair.odometry.waitForCount(1, 0.3);
     ++next;
   }
@@ -190,11 +208,12 @@ TEST_F(Graph, TheMountingComesLate) {
   EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
   // In the base's axes: x is forward.
   EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.x, 5);
-  EXPECT_TRUE(says("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK, ""));
+  EXPECT_TRUE(
+      waitForSummaryOf("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK, ""));
   EXPECT_TRUE(pair.unload());
 }
 
-TEST_F(Graph, TwoPairsMeasureTheirOwnRoads) {
+TEST_F(Graph, TwoPairsInOneManagerAreIndependent) {
   SyntheticDrive::Options options = smallDrive(50, 2.4);
   options.random_seed = 7;
   options.speed = 12;
@@ -203,10 +222,10 @@ TEST_F(Graph, TwoPairsMeasureTheirOwnRoads) {
   NodeletPair front(manager_, *drive_, "/front"), rear(manager_, high, "/rear");
   front.setParam("scale_recovery", "odom_frame", std::string("front_odom"));
   rear.setParam("scale_recovery", "odom_frame", std::string("rear_odom"));
-  Inbox<tf2_msgs::TFMessage> tf(handle_, "/tf");
+  TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
   ASSERT_TRUE(front.load());
   ASSERT_TRUE(rear.load());
-  // At once: the second image goes out before the first has come back.
+  // Concurrently: both images are published before waiting for the results.
   const std::size_t half = drive_->size() - 10;
   for (std::size_t i = 0; i < half; ++i) {
     front.publish(i);

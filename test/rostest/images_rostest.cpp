@@ -1,5 +1,5 @@
-// Both nodelets and what a camera can do wrong: each bad image or camera_info is left out and
-// counted in the diagnostics, and the next good one is used.
+// Both nodelets with invalid input of a camera: each invalid image or camera_info is dropped and
+// counted in the diagnostics, and the next valid one is used.
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -11,9 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "diagnosed.hpp"
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
+#include "wait_for_diagnostics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -25,20 +26,20 @@ class Images : public testing::Test {
   Images()
       : images_(handle_.advertise<sensor_msgs::Image>("image", 100)),
         infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera_info", 100)),
-        foreign_frames_(handle_.advertise<VoFrameMsg>("vo/frame", 100)),
+        external_frames_(handle_.advertise<VoFrameMsg>("vo/frame", 100)),
         frames_(handle_, "vo/frame"),
         scales_(handle_, "scale"),
         diagnostics_(handle_, "/diagnostics") {}
 
   void SetUp() override {
-    // Subscribers are counted by process, so it is the diagnostics that tell that both are there.
+    // roscpp counts subscribers by process; the diagnostics show that both nodelets are loaded.
     ASSERT_TRUE(waitUntil([this] {
       return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
-             foreign_frames_.getNumSubscribers() > 1 && scales_.connected() &&
+             external_frames_.getNumSubscribers() > 1 && scales_.connected() &&
              diagnostics_.connected();
     }));
-    ASSERT_TRUE(diagnosed("mono_vo", "images received", ""));
-    ASSERT_TRUE(diagnosed("scale_recovery", "images", ""));
+    ASSERT_TRUE(waitForValue("mono_vo", "images received", ""));
+    ASSERT_TRUE(waitForValue("scale_recovery", "images", ""));
   }
 
   static sensor_msgs::Image image(double stamp, const std::string& encoding = "mono8",
@@ -63,10 +64,10 @@ class Images : public testing::Test {
     return toCameraInfo(camera);
   }
 
-  bool diagnosed(const std::string& nodelet, const std::string& key, const std::string& value) {
-    return ground_scale_vo::diagnosed(diagnostics_, key, value, nodelet);
+  bool waitForValue(const std::string& nodelet, const std::string& key, const std::string& value) {
+    return ground_scale_vo::waitForValue(diagnostics_, key, value, nodelet);
   }
-  /// What a nodelet counts, as the next diagnostics tell it; 0 when they do not.
+  /// A count of a nodelet in its next diagnostics; 0 if they lack it.
   int counted(const std::string& nodelet, const std::string& key) {
     int count = 0;
     EXPECT_TRUE(waitForStatus(diagnostics_, [&](const auto& status) {
@@ -75,8 +76,8 @@ class Images : public testing::Test {
     }));
     return count;
   }
-  /// Publishes and waits until both nodelets are through with it.
-  bool comesOut(const sensor_msgs::Image& good) {
+  /// Publishes an image and waits until both nodelets have processed it.
+  bool publishAndWait(const sensor_msgs::Image& good) {
     images_.publish(good);
     return frames_.waitForStamp(good.header.stamp) && scales_.waitForStamp(good.header.stamp);
   }
@@ -84,28 +85,28 @@ class Images : public testing::Test {
   /// image is its own matter.
   bool pairsWith(const sensor_msgs::Image& bad) {
     VoFrame frame;
-    frame.camera = toCalibration(info(), "t", false).raw;
-    foreign_frames_.publish(toMsg(frame, bad.header));
+    frame.camera = CalibratedCamera(info(), "t", false).camera();
+    external_frames_.publish(toMsg(frame, bad.header));
     return scales_.waitForStamp(bad.header.stamp);
   }
 
   ros::NodeHandle handle_;
-  ros::Publisher images_, infos_, foreign_frames_;
-  Inbox<VoFrameMsg> frames_;
-  Inbox<ScaleEstimateMsg> scales_;
-  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
+  ros::Publisher images_, infos_, external_frames_;
+  TopicRecorder<VoFrameMsg> frames_;
+  TopicRecorder<ScaleEstimateMsg> scales_;
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics_;
 };
 
 // Runs first: no camera_info has come yet.
 TEST_F(Images, WaitForAUsableCameraInfo) {
   for (int i = 0; i < 10; ++i) images_.publish(image(10 + i));
   infos_.publish(sensor_msgs::CameraInfo());
-  EXPECT_TRUE(diagnosed("mono_vo", "dropped: camera_info refused", "1"));
-  EXPECT_TRUE(diagnosedAs(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
-                          "camera_info on topic /camera_info is all zeros"));
-  EXPECT_TRUE(diagnosed("mono_vo", "images received", "10"));
-  EXPECT_TRUE(diagnosed("mono_vo", "images overtaken by newer ones", "7"));  // queue_size is 3
-  EXPECT_TRUE(diagnosed("scale_recovery", "dropped: camera_info refused", "1"));
+  EXPECT_TRUE(waitForValue("mono_vo", "dropped: camera_info refused", "1"));
+  EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                             "camera_info on topic /camera_info is all zeros"));
+  EXPECT_TRUE(waitForValue("mono_vo", "images received", "10"));
+  EXPECT_TRUE(waitForValue("mono_vo", "images dropped, queue full", "7"));  // queue_size is 3
+  EXPECT_TRUE(waitForValue("scale_recovery", "dropped: camera_info refused", "1"));
   EXPECT_TRUE(frames_.messages().empty());
   infos_.publish(info());
   ASSERT_TRUE(frames_.waitForStamp(ros::Time(19)));
@@ -117,7 +118,7 @@ struct BadImage {
   std::function<void(sensor_msgs::Image*)> spoil;
 };
 
-TEST_F(Images, BadOnesAreLeftOutAndCounted) {
+TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
   constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
   const std::vector<BadImage> bad_images = {
       {"data too short", [](auto* i) { i->data.resize(100); }},
@@ -147,7 +148,7 @@ TEST_F(Images, BadOnesAreLeftOutAndCounted) {
          i->width = i->step = kHeight;
          i->height = kWidth;
        }},
-      {"larger than camera_info says",
+      {"larger than in camera_info",
        [](auto* i) {
          i->width = i->step = 2 * kWidth;
          i->height = 2 * kHeight;
@@ -165,7 +166,7 @@ TEST_F(Images, BadOnesAreLeftOutAndCounted) {
   };
   infos_.publish(info());
   double stamp = 100;
-  ASSERT_TRUE(comesOut(image(stamp)));
+  ASSERT_TRUE(publishAndWait(image(stamp)));
   std::uint32_t sequence = frames_.messages().back()->sequence;
   const int without_image = counted("scale_recovery", "frames without an image");
   for (const BadImage& bad_image : bad_images) {
@@ -175,38 +176,39 @@ TEST_F(Images, BadOnesAreLeftOutAndCounted) {
     images_.publish(good);
     images_.publish(bad);
     ASSERT_TRUE(frames_.waitForStamp(good.header.stamp)) << "before " << bad_image.name;
-    // The odometry goes on as if the bad ones had not come.
+    // Invalid images do not affect the odometry.
     EXPECT_EQ(frames_.messages().back()->sequence, ++sequence) << "before " << bad_image.name;
     ASSERT_TRUE(scales_.waitForStamp(good.header.stamp)) << "before " << bad_image.name;
     ASSERT_TRUE(pairsWith(bad)) << bad_image.name;
   }
-  ASSERT_TRUE(comesOut(image(++stamp)));
+  ASSERT_TRUE(publishAndWait(image(++stamp)));
   EXPECT_EQ(frames_.messages().back()->sequence, ++sequence);
-  EXPECT_TRUE(diagnosedAs(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
-                          " images left out in the last second", false));
+  EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
+                             " images dropped in the last second", false));
   const std::string count = std::to_string(bad_images.size());
-  EXPECT_TRUE(diagnosed("mono_vo", "dropped: image refused", count));
-  EXPECT_TRUE(diagnosed("scale_recovery", "dropped: image refused", count));
+  EXPECT_TRUE(waitForValue("mono_vo", "dropped: image refused", count));
+  EXPECT_TRUE(waitForValue("scale_recovery", "dropped: image refused", count));
   EXPECT_EQ(counted("scale_recovery", "frames without an image"),
             without_image + static_cast<int>(bad_images.size()));
   EXPECT_EQ(counted("mono_vo", "dropped: image failed"), 0);
 }
 
-TEST_F(Images, EveryEncodingComesOut) {
+TEST_F(Images, EveryEncodingIsProcessed) {
   infos_.publish(info());
   double stamp = 200;
-  ASSERT_TRUE(comesOut(image(stamp)));
+  ASSERT_TRUE(publishAndWait(image(stamp)));
   const int refused = counted("mono_vo", "dropped: image refused");
   const int without_image = counted("scale_recovery", "frames without an image");
   const auto passes = [&](sensor_msgs::Image good) {
-    EXPECT_TRUE(comesOut(good)) << good.encoding << ", big endian: " << int(good.is_bigendian);
+    EXPECT_TRUE(publishAndWait(good))
+        << good.encoding << ", big endian: " << int(good.is_bigendian);
     good.header.stamp = ros::Time(++stamp);
     good.is_bigendian = 1;
-    EXPECT_TRUE(comesOut(good)) << good.encoding << " big endian";
+    EXPECT_TRUE(publishAndWait(good)) << good.encoding << " big endian";
     good.header.stamp = ros::Time(++stamp);
     good.step += 6;  // padding
     good.data.resize(good.step * kHeight);
-    EXPECT_TRUE(comesOut(good)) << good.encoding << " with a padding";
+    EXPECT_TRUE(publishAndWait(good)) << good.encoding << " with a padding";
   };
   for (const std::uint32_t bytes : {1u, 2u}) {
     const std::string bits = bytes == 1 ? "8" : "16";
@@ -227,7 +229,7 @@ TEST_F(Images, EveryEncodingComesOut) {
   EXPECT_EQ(counted("scale_recovery", "frames without an image"), without_image);
 }
 
-TEST_F(Images, ABadCameraInfoLeavesTheOneBeforeInUse) {
+TEST_F(Images, AnInvalidCameraInfoKeepsThePreviousOne) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   using Info = sensor_msgs::CameraInfo;
   const std::vector<std::function<void(Info*)>> spoils = {
@@ -253,7 +255,7 @@ TEST_F(Images, ABadCameraInfoLeavesTheOneBeforeInUse) {
       [](Info* i) { i->binning_x = 1000; },
   };
   infos_.publish(info());
-  ASSERT_TRUE(comesOut(image(300)));
+  ASSERT_TRUE(publishAndWait(image(300)));
   const std::uint32_t sequence = frames_.messages().back()->sequence;
   const int refused = counted("mono_vo", "dropped: camera_info refused");
   for (const auto& spoil : spoils) {
@@ -262,14 +264,14 @@ TEST_F(Images, ABadCameraInfoLeavesTheOneBeforeInUse) {
     infos_.publish(bad);
   }
   const std::string count = std::to_string(refused + static_cast<int>(spoils.size()));
-  EXPECT_TRUE(diagnosed("mono_vo", "dropped: camera_info refused", count));
-  EXPECT_TRUE(diagnosed("scale_recovery", "dropped: camera_info refused", count));
-  ASSERT_TRUE(comesOut(image(301)));
+  EXPECT_TRUE(waitForValue("mono_vo", "dropped: camera_info refused", count));
+  EXPECT_TRUE(waitForValue("scale_recovery", "dropped: camera_info refused", count));
+  ASSERT_TRUE(publishAndWait(image(301)));
   EXPECT_EQ(frames_.messages().back()->sequence, sequence + 1);
   EXPECT_EQ(frames_.messages().back()->fx, 100);
 }
 
-TEST_F(Images, AnotherCalibrationStartsAnew) {
+TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
   struct Camera {
     const char* model;
     std::vector<double> D;
@@ -305,8 +307,9 @@ TEST_F(Images, AnotherCalibrationStartsAnew) {
     })) << camera.model;
     EXPECT_EQ(frames_.messages().back()->width, good.width);
     good.header.stamp = ros::Time(stamp += 1);
-    ASSERT_TRUE(comesOut(good));
-    // The first one of this camera started anew; on a slow machine several have come since.
+    ASSERT_TRUE(publishAndWait(good));
+    // The first image of this camera reset the odometry; a slow machine may have processed more
+    // since.
     std::uint32_t of_this_camera = 0;
     for (const auto& frame : frames_.messages()) {
       if (frame->fx != f) continue;
@@ -320,8 +323,9 @@ TEST_F(Images, AnotherCalibrationStartsAnew) {
 TEST_F(Images, AnotherSizeAloneIsRefused) {
   infos_.publish(info());
   double stamp = 500;
-  ASSERT_TRUE(waitUntil(
-      [&] { return comesOut(image(stamp += 1)) && frames_.messages().back()->fx == info().K[0]; }));
+  ASSERT_TRUE(waitUntil([&] {
+    return publishAndWait(image(stamp += 1)) && frames_.messages().back()->fx == info().K[0];
+  }));
   const std::uint32_t sequence = frames_.messages().back()->sequence;
   const int refused = counted("mono_vo", "dropped: image refused");
   for (int i = 0; i < 3; ++i) {
@@ -330,8 +334,8 @@ TEST_F(Images, AnotherSizeAloneIsRefused) {
     small.data.resize(100 * kHeight);
     images_.publish(small);
   }
-  EXPECT_TRUE(diagnosed("mono_vo", "dropped: image refused", std::to_string(refused + 3)));
-  ASSERT_TRUE(comesOut(image(stamp += 1)));
+  EXPECT_TRUE(waitForValue("mono_vo", "dropped: image refused", std::to_string(refused + 3)));
+  ASSERT_TRUE(publishAndWait(image(stamp += 1)));
   EXPECT_EQ(frames_.messages().back()->sequence, sequence + 1);
 }
 

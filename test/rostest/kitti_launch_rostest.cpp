@@ -1,5 +1,5 @@
 // kitti.launch with a bag of each kind: it plays the bag to its end, gives no frame two parents,
-// shows the truth beside the estimate, and ends.
+// publishes the ground truth beside the estimate, and ends.
 
 #include <cv_bridge/cv_bridge.h>
 #include <gtest/gtest.h>
@@ -19,9 +19,11 @@
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -146,11 +148,11 @@ TEST_P(KittiLaunch, PlaysTheBagWithoutTwoParents) {
   const fs::path recorded = folder_ / "recorded.bag";
 
   ros::NodeHandle handle;
-  Inbox<ScaleEstimateMsg> scales(handle, "scale");
-  Inbox<nav_msgs::Odometry> odometry(handle, "odometry");
-  Inbox<nav_msgs::Odometry> truth(handle, "ground_truth/odometry");
-  Inbox<nav_msgs::Path> truth_path(handle, "ground_truth/path");
-  Inbox<tf2_msgs::TFMessage> tf(handle, "/tf"), tf_static(handle, "/tf_static");
+  TopicRecorder<ScaleEstimateMsg> scales(handle, "scale");
+  TopicRecorder<nav_msgs::Odometry> odometry(handle, "odometry");
+  TopicRecorder<nav_msgs::Odometry> ground_truth(handle, "ground_truth/odometry");
+  TopicRecorder<nav_msgs::Path> ground_truth_path(handle, "ground_truth/path");
+  TopicRecorder<tf2_msgs::TFMessage> tf(handle, "/tf"), tf_static(handle, "/tf_static");
 
   const pid_t child = launch({"bag:=" + bag.string(), "image:=" + std::string(kImage),
                               "camera_info:=" + std::string(kInfo), "required:=true",
@@ -173,17 +175,17 @@ TEST_P(KittiLaunch, PlaysTheBagWithoutTwoParents) {
   EXPECT_EQ(parents[kind.published], std::set<std::string>{"odom"});
 
   const auto estimates = odometry.messages();
-  const auto truths = truth.messages();
+  const auto ground_truth_messages = ground_truth.messages();
   ASSERT_GT(estimates.size(), kFrames / 2);
-  ASSERT_GT(truths.size(), kFrames / 2);
+  ASSERT_GT(ground_truth_messages.size(), kFrames / 2);
   EXPECT_EQ(estimates.back()->child_frame_id, kind.published);
-  EXPECT_EQ(truths.back()->header.frame_id, "odom");
-  EXPECT_EQ(truths.back()->child_frame_id, "ground_truth/" + kind.published);
+  EXPECT_EQ(ground_truth_messages.back()->header.frame_id, "odom");
+  EXPECT_EQ(ground_truth_messages.back()->child_frame_id, "ground_truth/" + kind.published);
   const auto& estimate = estimates.back()->pose.pose.position;
-  const auto& true_place = truths.back()->pose.pose.position;
-  EXPECT_GT(true_place.x, 15.0);
-  EXPECT_NEAR(estimate.x, true_place.x, 0.08 * true_place.x);
-  EXPECT_NEAR(estimate.y, true_place.y, 0.08 * true_place.x);
+  const auto& true_position = ground_truth_messages.back()->pose.pose.position;
+  EXPECT_GT(true_position.x, 15.0);
+  EXPECT_NEAR(estimate.x, true_position.x, 0.08 * true_position.x);
+  EXPECT_NEAR(estimate.y, true_position.y, 0.08 * true_position.x);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,
@@ -197,7 +199,7 @@ TEST_F(KittiBag, ThatIsMissingOrLacksTheTopicEndsTheLaunch) {
   waitForEnd(launch({"bag:=/there/is/none.bag", "required:=true"}));
   const fs::path bag = writeBag("native");
   waitForEnd(launch({"bag:=" + bag.string(), "image:=/no/such/topic", "required:=true"}));
-  EXPECT_LT((ros::WallTime::now() - start).toSec(), kPatience);
+  EXPECT_LT((ros::WallTime::now() - start).toSec(), kTimeout);
 }
 
 }  // namespace

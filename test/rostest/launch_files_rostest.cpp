@@ -1,6 +1,6 @@
-// two_vehicles.launch: both pairs of nodelets answer, each in its own namespace.
-// live_camera.launch: the same with a height_file. another_vo.launch: an odometry that tells a pose
-// and map points gets metres; ours, run beside it, is the other one.
+// two_vehicles.launch: both pairs of nodelets run, each in its own namespace. live_camera.launch:
+// the nodelets run with a height_file. another_vo.launch: another odometry with pose and map points
+// gets metric poses; MonoVo, under other names, stands in for it.
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
@@ -11,10 +11,12 @@
 
 #include <boost/make_shared.hpp>
 
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -41,7 +43,7 @@ class Vehicle {
     image.width = image.step = 620;
     image.height = 188;
     image.data.assign(620 * 188, 100);
-    for (int s = 1; s <= kPatience; ++s) {
+    for (int s = 1; s <= kTimeout; ++s) {
       image.header.stamp = ros::Time(s);
       images_.publish(image);
       if (scales_.waitForCount(1, 1.0)) return true;
@@ -58,15 +60,15 @@ class Vehicle {
     return handle_.serviceClient<std_srvs::Trigger>("reset").call(trigger) &&
            trigger.response.success;
   }
-  Inbox<VoFrameMsg>& frames() { return frames_; }
-  Inbox<ScaleEstimateMsg>& scales() { return scales_; }
+  TopicRecorder<VoFrameMsg>& frames() { return frames_; }
+  TopicRecorder<ScaleEstimateMsg>& scales() { return scales_; }
 
  private:
   std::string name_;
   ros::NodeHandle handle_;
   ros::Publisher images_, camera_infos_;
-  Inbox<VoFrameMsg> frames_;
-  Inbox<ScaleEstimateMsg> scales_;
+  TopicRecorder<VoFrameMsg> frames_;
+  TopicRecorder<ScaleEstimateMsg> scales_;
 };
 
 TEST(TwoVehicles, BothAnswerEachForItself) {
@@ -125,9 +127,9 @@ TEST(AnotherVo, GetsMetres) {
   const ros::Publisher infos =
       handle.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 1, true);
   infos.publish(toCameraInfo(smallCamera()));
-  Inbox<VoFrameMsg> frames(handle, "vo/frame");
-  Inbox<ScaleEstimateMsg> scales(handle, "scale");
-  Inbox<nav_msgs::Odometry> metric(handle, "odometry");
+  TopicRecorder<VoFrameMsg> frames(handle, "vo/frame");
+  TopicRecorder<ScaleEstimateMsg> scales(handle, "scale");
+  TopicRecorder<nav_msgs::Odometry> metric(handle, "odometry");
   ASSERT_TRUE(waitUntil([&] {
     return odometries.getNumSubscribers() == 1 && clouds.getNumSubscribers() == 1 &&
            infos.getNumSubscribers() >= 1 && frames.connected() && scales.connected() &&
@@ -140,22 +142,22 @@ TEST(AnotherVo, GetsMetres) {
   options.stop_s = 0;
   const SyntheticDrive drive(options);
   VisualOdometry odometry(drive.camera(), {});
-  std::map<ros::Time, Eigen::Vector3d> truth;
-  bool is_heard = false;
+  std::map<ros::Time, Eigen::Vector3d> ground_truth;
+  bool is_connected = false;
   for (std::size_t i = 0; i < drive.size(); ++i) {
     const VoFrame frame = odometry.process(drive.image(i), drive.frame(i).stamp_ns).frame;
     if (frame.status != VoStatus::kTracking) continue;
     std_msgs::Header header;
     header.stamp = fromNanoseconds(frame.stamp_ns + 1000000000);
     header.frame_id = "camera";
-    truth[header.stamp] = drive.frame(i).T_c0_c.translation();
-    // The example has its camera once anything comes out; before that an image may be left out.
+    ground_truth[header.stamp] = drive.frame(i).T_c0_c.translation();
+    // The example is connected once it publishes a frame; earlier images may be lost.
     const std::size_t before = frames.messages().size();
     clouds.publish(mapPoints(frame, header));
     odometries.publish(toOdometryMsg(frame, header, "map"));
-    is_heard = frames.waitForCount(before + 1, is_heard ? kPatience : 1.0) || is_heard;
+    is_connected = frames.waitForCount(before + 1, is_connected ? kTimeout : 1.0) || is_connected;
   }
-  const ros::Time last = truth.rbegin()->first;
+  const ros::Time last = ground_truth.rbegin()->first;
   ASSERT_TRUE(scales.waitForStamp(last));
   ASSERT_TRUE(metric.waitForStamp(last));
   EXPECT_EQ(frames.messages().back()->header.frame_id, "camera");
@@ -170,7 +172,7 @@ TEST(AnotherVo, GetsMetres) {
     const auto& a = *poses[i - 1];
     const auto& b = *poses[i];
     length += (fromMsg(b.pose.pose).translation() - fromMsg(a.pose.pose).translation()).norm();
-    true_length += (truth.at(b.header.stamp) - truth.at(a.header.stamp)).norm();
+    true_length += (ground_truth.at(b.header.stamp) - ground_truth.at(a.header.stamp)).norm();
   }
   EXPECT_NEAR(length / true_length, 1, 0.025);
 }

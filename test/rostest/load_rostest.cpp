@@ -9,17 +9,18 @@
 #include <boost/make_shared.hpp>
 #include <thread>
 
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "inbox.hpp"
 #include "manager_client.hpp"
 #include "node_probe.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 class Load : public testing::Test {
  protected:
-  void SetUp() override { ASSERT_TRUE(manager_.waitForIt()); }
+  void SetUp() override { ASSERT_TRUE(manager_.waitForServices()); }
 
   bool load(const std::string& type, const std::string& name) { return manager_.load(type, name); }
   bool unload(const std::string& name) { return manager_.unload(name); }
@@ -52,7 +53,7 @@ TEST_F(Load, TwoPairsLiveInOneManager) {
   }
   EXPECT_EQ(loaded(), 4u);
   ros::NodeHandle handle;
-  Inbox<VoFrameMsg> front(handle, "/front/vo/frame"), rear(handle, "/rear/vo/frame");
+  TopicRecorder<VoFrameMsg> front(handle, "/front/vo/frame"), rear(handle, "/rear/vo/frame");
   EXPECT_TRUE(waitUntil([&] { return front.connected() && rear.connected(); }));
   for (const std::string car : {"/front", "/rear"}) {
     EXPECT_TRUE(unload(car + "/mono_vo"));
@@ -95,7 +96,7 @@ TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
     }
   });
   ros::param::set("/scale_recovery/camera_height", 1.65);
-  Inbox<VoFrameMsg> frames(handle, "vo/frame");
+  TopicRecorder<VoFrameMsg> frames(handle, "vo/frame");
   const NodeProbe manager("/manager");
   const std::set<std::string> registered = manager.registrations();
   std::size_t threads = 0;

@@ -1,8 +1,8 @@
-// Hours of driving through both nodelets, with every output listened to: the manager's memory stays
-// as it is, the path stays short, every number is finite and the metres stay true.
+// Hours of driving through both nodelets with all outputs subscribed: the memory of the manager
+// does not grow, the path stays bounded, all values are finite and the scale stays correct.
 //
-// Two minutes by default, an hour with GROUND_SCALE_VO_LONG (scripts/test --long). What it measured
-// stands in the log of its rostest.
+// Two minutes by default, an hour with GROUND_SCALE_VO_LONG (scripts/test --long). The
+// measurements are in the log of the rostest.
 
 #include <cv_bridge/cv_bridge.h>
 #include <gtest/gtest.h>
@@ -23,10 +23,11 @@
 
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
-#include "inbox.hpp"
 #include "node_probe.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -37,7 +38,7 @@ constexpr std::int64_t kPeriodNs = 100000000;  // 10 Hz
 constexpr std::size_t kHour = 36000;           // frames
 constexpr std::size_t kShort = 1200;
 /// Ways there and back without a cut; then the car stands where it started in the next image.
-constexpr std::size_t kWaysBetweenCuts = 9;
+constexpr std::size_t kPassesBetweenCuts = 9;
 /// Frames until everything has been as large as it gets (the path: 2.5 km), and how often memory is
 /// looked at.
 constexpr std::size_t kWarmUpLong = 6000, kWarmUpShort = 500, kLookEvery = 100;
@@ -57,8 +58,8 @@ SyntheticDrive::Options driveOptions() {
 
 /// Which image of the drive is the n-th that the nodelets get.
 std::size_t imageAt(std::size_t n, std::size_t images) {
-  const std::size_t way = n / images % kWaysBetweenCuts, i = n % images;
-  return way % 2 == 0 ? i : images - 1 - i;
+  const std::size_t pass = n / images % kPassesBetweenCuts, i = n % images;
+  return pass % 2 == 0 ? i : images - 1 - i;
 }
 
 /// Listens, as rviz would, and keeps only the last message.
@@ -84,7 +85,7 @@ class Listener {
   ros::Subscriber subscriber_;
 };
 
-/// The metric odometry against the truth, step by step.
+/// Compares the metric odometry with ground truth, step by step.
 class Metres {
  public:
   explicit Metres(const SyntheticDrive& drive) : drive_(drive) {}
@@ -99,24 +100,24 @@ class Metres {
     const std::size_t passed = image > last_image_ ? image - last_image_ : last_image_ - image;
     if (poses_++ > 0 && n == last_n_ + 1 && passed <= 1) {
       way_ += (T_o_b.translation() - last_.translation()).norm();
-      true_way_ += (drive_.frame(image).T_c0_c.translation() -
-                    drive_.frame(last_image_).T_c0_c.translation())
-                       .norm();
+      true_distance_ += (drive_.frame(image).T_c0_c.translation() -
+                         drive_.frame(last_image_).T_c0_c.translation())
+                            .norm();
     }
     last_ = T_o_b;
     last_n_ = n;
     last_image_ = image;
   }
   bool finite() const { return finite_; }
-  double ratio() const { return way_ / true_way_; }
-  double trueWay() const { return true_way_; }
+  double ratio() const { return way_ / true_distance_; }
+  double trueWay() const { return true_distance_; }
   std::size_t poses() const { return poses_; }
 
  private:
   const SyntheticDrive& drive_;
   Eigen::Isometry3d last_ = Eigen::Isometry3d::Identity();
   std::size_t last_n_ = 0, last_image_ = 0, poses_ = 0;
-  double way_ = 0, true_way_ = 0;
+  double way_ = 0, true_distance_ = 0;
   bool finite_ = true;
 };
 
@@ -142,17 +143,17 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
   const bool whole = std::getenv("GROUND_SCALE_VO_LONG") != nullptr;
   const std::size_t frames = whole ? kHour : kShort;
   const SyntheticDrive drive(driveOptions());
-  std::vector<sensor_msgs::ImagePtr> pictures;
+  std::vector<sensor_msgs::ImagePtr> messages;
   for (std::size_t i = 0; i < drive.size(); ++i) {
-    pictures.push_back(
+    messages.push_back(
         cv_bridge::CvImage({}, sensor_msgs::image_encodings::MONO8, drive.image(i)).toImageMsg());
   }
 
   ros::NodeHandle handle;
   ros::Publisher images = handle.advertise<sensor_msgs::Image>("image", 10);
   ros::Publisher infos = handle.advertise<sensor_msgs::CameraInfo>("camera_info", 10);
-  Inbox<ScaleEstimateMsg> scales(handle, "scale");
-  Inbox<nav_msgs::Odometry> odometry(handle, "odometry");
+  TopicRecorder<ScaleEstimateMsg> scales(handle, "scale");
+  TopicRecorder<nav_msgs::Odometry> odometry(handle, "odometry");
   Listener<VoFrameMsg> vo_frames(handle, "vo/frame");
   Listener<nav_msgs::Path> path(handle, "path");
   Listener<sensor_msgs::Image> tracks(handle, "vo/image_tracks");
@@ -168,7 +169,7 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
   Metres metres(drive);
   std::vector<Look> looks;
   for (std::size_t n = 0; n < frames; ++n) {
-    const auto image = boost::make_shared<sensor_msgs::Image>(*pictures[imageAt(n, drive.size())]);
+    const auto image = boost::make_shared<sensor_msgs::Image>(*messages[imageAt(n, drive.size())]);
     image->header.stamp = fromNanoseconds(kStartNs + static_cast<std::int64_t>(n) * kPeriodNs);
     image->header.frame_id = "camera";
     const auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(drive.camera()));
@@ -184,7 +185,7 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
   }
   print(looks);
   std::cout << "metric poses " << metres.poses() << " of " << frames << ", " << metres.trueWay()
-            << " m, odometry over truth " << metres.ratio() << "\n";
+            << " m, odometry over ground truth " << metres.ratio() << "\n";
 
   EXPECT_TRUE(metres.finite());
   EXPECT_GT(metres.poses(), frames * 8 / 10);

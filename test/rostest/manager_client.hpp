@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 
@@ -18,9 +18,9 @@ class ManagerClient {
   explicit ManagerClient(std::string name) : name_(std::move(name)) {}
 
   const std::string& name() const { return name_; }
-  bool waitForIt() const {
+  bool waitForServices() const {
     return ros::service::waitForService(name_ + "/load_nodelet",
-                                        static_cast<std::int32_t>(1000 * kPatience));
+                                        static_cast<std::int32_t>(1000 * kTimeout));
   }
   /// type: without the package. remaps: from global name to global name.
   bool load(const std::string& type, const std::string& nodelet,
@@ -39,7 +39,7 @@ class ManagerClient {
     service.request.name = nodelet;
     return ros::service::call(name_ + "/unload_nodelet", service) && service.response.success;
   }
-  /// How many nodelets it holds; empty when it does not answer.
+  /// Number of loaded nodelets; empty if the manager does not answer.
   std::optional<std::size_t> loaded() const {
     nodelet::NodeletList service;
     if (!ros::service::call(name_ + "/list", service)) return std::nullopt;

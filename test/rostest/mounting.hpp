@@ -5,14 +5,15 @@
 #include <string>
 
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 
 namespace ground_scale_vo {
 
-/// Where the frame "camera" is on a base: there, looking ahead.
+/// Transform from a base frame to the frame "camera" at this position, looking ahead.
 inline geometry_msgs::TransformStamped mounting(const std::string& base_frame,
-                                                const Eigen::Vector3d& place) {
+                                                const Eigen::Vector3d& position) {
   Eigen::Isometry3d T_b_c(bodyFromOptical());
-  T_b_c.translation() = place;
+  T_b_c.translation() = position;
   nav_msgs::Odometry mounting;
   mounting.header.frame_id = base_frame;
   mounting.child_frame_id = "camera";

@@ -16,7 +16,7 @@
 
 namespace ground_scale_vo {
 
-/// A node as the master and the kernel see it.
+/// Registrations of a node at the master, and its process.
 class NodeProbe {
  public:
   /// Throws std::runtime_error when it does not answer.
@@ -31,15 +31,15 @@ class NodeProbe {
     const std::filesystem::directory_iterator tasks("/proc/" + std::to_string(pid_) + "/task");
     return static_cast<std::size_t>(std::distance(begin(tasks), end(tasks)));
   }
-  /// What the master has of it: "publishes /a", "listens to /b", "serves /c".
+  /// At the master: "publishes /a", "subscribes to /b", "serves /c".
   std::set<std::string> registrations() const {
     XmlRpc::XmlRpcValue request, response, state;
     request[0] = ros::this_node::getName();
     if (!ros::master::execute("getSystemState", request, response, state, false)) {
-      throw std::runtime_error("the master is silent");
+      throw std::runtime_error("the master does not answer");
     }
     std::set<std::string> all;
-    const char* const kinds[] = {"publishes ", "listens to ", "serves "};
+    const char* const kinds[] = {"publishes ", "subscribes to ", "serves "};
     for (int kind = 0; kind < 3; ++kind) {
       for (int i = 0; i < state[kind].size(); ++i) {
         XmlRpc::XmlRpcValue& nodes = state[kind][i][1];

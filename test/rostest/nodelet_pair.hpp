@@ -11,7 +11,7 @@
 
 namespace ground_scale_vo {
 
-/// A camera on a rendered drive with both nodelets behind it, in a namespace of their own.
+/// A camera on a rendered drive and both nodelets, in one namespace.
 class NodeletPair {
  public:
   /// ns: "/front", or "" for the root.
@@ -40,14 +40,14 @@ class NodeletPair {
   bool unload() {
     return manager_.unload(ns_ + "/mono_vo") && manager_.unload(ns_ + "/scale_recovery");
   }
-  /// By one of them: subscribers are counted by process.
-  bool waitUntilTheCameraIsHeard() {
+  /// At least one nodelet is subscribed: roscpp counts subscribers by process.
+  bool waitForImageSubscribers() {
     return waitUntil(
         [this] { return images_.getNumSubscribers() >= 1 && infos_.getNumSubscribers() >= 1; });
   }
-  /// Both hear the camera, and this program hears both.
+  /// Both nodelets are subscribed to the camera, and this program to both nodelets.
   bool waitUntilConnected() {
-    return waitUntilTheCameraIsHeard() && waitUntil([this] {
+    return waitForImageSubscribers() && waitUntil([this] {
              return frames.connected() && scales.connected() && odometry.connected();
            });
   }
@@ -59,7 +59,7 @@ class NodeletPair {
     publishInfo(i);
     publishImage(i);
   }
-  /// Frames from first up to last, each when the one before has come out: none is overtaken.
+  /// Publishes the frames one by one, each after the result of the previous one: none is dropped.
   bool play(std::size_t first, std::size_t last) {
     for (std::size_t i = first; i <= last; ++i) {
       publish(i);
@@ -75,8 +75,8 @@ class NodeletPair {
     }
     throw std::logic_error("no frame has this stamp");
   }
-  /// A metric odometry over the true way between its first and its last message, each as the
-  /// distance of its two ends. 0: hardly any way.
+  /// Distance between the first and the last position of an odometry, relative to the ground truth.
+  /// 0 if the camera hardly moved.
   double lengthRatio(const std::vector<nav_msgs::Odometry::ConstPtr>& messages) const {
     if (messages.size() < 2) return 0;
     const auto place = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
@@ -84,9 +84,9 @@ class NodeletPair {
     };
     const auto& from = drive_.drive().frame(frameAt(messages.front()->header.stamp));
     const auto& to = drive_.drive().frame(frameAt(messages.back()->header.stamp));
-    const double true_way = (to.T_c0_c.translation() - from.T_c0_c.translation()).norm();
-    if (true_way < 5) return 0;
-    return (place(*messages.back()) - place(*messages.front())).norm() / true_way;
+    const double true_distance = (to.T_c0_c.translation() - from.T_c0_c.translation()).norm();
+    if (true_distance < 5) return 0;
+    return (place(*messages.back()) - place(*messages.front())).norm() / true_distance;
   }
   /// Of the odometry so far.
   double lengthRatio() { return lengthRatio(odometry.messages()); }
@@ -100,9 +100,9 @@ class NodeletPair {
   ros::Publisher images_, infos_;
 
  public:
-  Inbox<VoFrameMsg> frames;
-  Inbox<ScaleEstimateMsg> scales;
-  Inbox<nav_msgs::Odometry> odometry;
+  TopicRecorder<VoFrameMsg> frames;
+  TopicRecorder<ScaleEstimateMsg> scales;
+  TopicRecorder<nav_msgs::Odometry> odometry;
 };
 
 }  // namespace ground_scale_vo

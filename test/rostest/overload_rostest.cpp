@@ -1,5 +1,5 @@
-// More than the machine can do, and listeners that do not listen: the newest images win, what goes
-// is counted, the metres stay right, and who only looks on changes nothing.
+// Overload and stalled subscribers: the newest images are processed, dropped ones are counted, the
+// scale stays correct, and subscribers do not affect the results.
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Path.h>
@@ -17,39 +17,39 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::size_t kFrames = 60;
-/// With this argument and a namespace the program is the listener: it says so once it hears, and
-/// waits for its end.
-const char* const kDeaf = "--deaf";
+/// With this argument and a namespace the program is the stalled subscriber: it prints the argument
+/// once it is connected, and waits for its end.
+const char* const kStalledListener = "--stalled";
 
 using Overload = DriveTest<kFrames>;
 
-// A burst is published while MonoVo cannot take any image: it waits for its camera_info, as it
-// waits for the machine when that is too slow. What comes out is then no matter of speed.
-TEST_F(Overload, TheNewestImagesWinAndTheOthersAreCounted) {
+// A burst arrives while MonoVo waits for its camera_info, so that the result does not depend on the
+// speed of the machine.
+TEST_F(Overload, TheNewestImagesAreProcessedAndTheOthersCounted) {
   NodeletPair pair(manager_, *drive_, "/burst");
   pair.setParam("mono_vo", "queue_size", 4);
   ASSERT_TRUE(pair.load());
   for (std::size_t i = 0; i < kFrames; ++i) pair.publishImage(i);
-  ASSERT_TRUE(diagnosed(diagnostics_, "images received", std::to_string(kFrames)));
+  ASSERT_TRUE(waitForValue(diagnostics_, "images received", std::to_string(kFrames)));
   pair.publishInfo(0);
   ASSERT_TRUE(pair.scales.waitForStamp(pair.header(kFrames - 1).stamp));
   const auto frames = pair.frames.messages();
   ASSERT_EQ(frames.size(), 4u);
   EXPECT_EQ(frames.front()->header.stamp, pair.header(kFrames - 4).stamp);
   EXPECT_TRUE(
-      diagnosed(diagnostics_, "images overtaken by newer ones", std::to_string(kFrames - 4)));
+      waitForValue(diagnostics_, "images dropped, queue full", std::to_string(kFrames - 4)));
   EXPECT_TRUE(pair.unload());
 }
 
-// The camera is three times too fast: of each three images two are gone.
-TEST_F(Overload, TheMetresStayRightOverTheGaps) {
+// The camera is three times too fast: two of three images are dropped.
+TEST_F(Overload, TheScaleStaysCorrectOverTheGaps) {
   SyntheticDrive::Options fast = smallDrive(3 * static_cast<int>(kFrames));
   fast.frame_rate_hz = 30;
   const RenderedDrive drive(fast);
   NodeletPair pair(manager_, drive, "/gaps");
   pair.setParam("mono_vo", "queue_size", 1);
   ASSERT_TRUE(pair.load());
-  // Bursts of three; the next when the newest one has come out.
+  // Bursts of three; the next one after the result of the newest image.
   for (std::size_t i = 0; i < drive.size(); i += 3) {
     for (std::size_t k = i; k < i + 3; ++k) pair.publish(k);
     ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i + 2).stamp)) << i;
@@ -60,8 +60,8 @@ TEST_F(Overload, TheMetresStayRightOverTheGaps) {
   EXPECT_TRUE(pair.unload());
 }
 
-// ScaleRecovery, too, comes to the newest frames only.
-TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
+// ScaleRecovery, too, processes the newest frames only.
+TEST_F(Overload, ScaleRecoveryDropsTheOldestFramesAndCountsThem) {
   // The same drive once more, its frames recorded.
   NodeletPair recorder(manager_, *drive_, "/recorded");
   ASSERT_TRUE(recorder.load());
@@ -71,8 +71,8 @@ TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
   EXPECT_TRUE(recorder.unload());
 
   ros::Publisher publisher = handle_.advertise<VoFrameMsg>("/late/vo/frame", 1000);
-  Inbox<ScaleEstimateMsg> scales(handle_, "/late/scale");
-  Inbox<nav_msgs::Odometry> odometry(handle_, "/late/odometry");
+  TopicRecorder<ScaleEstimateMsg> scales(handle_, "/late/scale");
+  TopicRecorder<nav_msgs::Odometry> odometry(handle_, "/late/odometry");
   ros::param::set("/late/scale_recovery/camera_height", 1.65);
   ros::param::set("/late/scale_recovery/refine", false);
   ros::param::set("/late/scale_recovery/queue_size", 2);
@@ -81,18 +81,18 @@ TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
     return publisher.getNumSubscribers() == 1 && scales.connected() && odometry.connected();
   }));
   for (std::size_t i = 0; i < kFrames; ++i) {
-    // Two of three never reach it.
+    // Two of three are not published.
     if (i % 3 == 2) {
       publisher.publish(frames[i]);
       ASSERT_TRUE(scales.waitForStamp(frames[i]->header.stamp)) << i;
     }
   }
-  EXPECT_TRUE(diagnosed(diagnostics_, "frames overtaken by newer ones",
-                        std::to_string(2 * (kFrames / 3 - 1))));
+  EXPECT_TRUE(waitForValue(diagnostics_, "frames dropped, queue full",
+                           std::to_string(2 * (kFrames / 3 - 1))));
   ASSERT_TRUE(odometry.waitForStamp(frames.back()->header.stamp));
   EXPECT_NEAR(recorder.lengthRatio(odometry.messages()), 1, 2 * kTolerance);
 
-  // A burst: the last one comes out whatever goes before it, and all are accounted for.
+  // A burst: the last frame is processed, and each is either processed or counted as dropped.
   constexpr std::uint32_t burst = 400;
   VoFrameMsg::Ptr last;
   for (std::uint32_t i = 1; i <= burst; ++i) {
@@ -102,17 +102,17 @@ TEST_F(Overload, ScaleRecoveryLeavesOutWhatIsTooOldAndCountsIt) {
     publisher.publish(last);
   }
   ASSERT_TRUE(scales.waitForStamp(last->header.stamp));
-  // From the third frame on, each was either processed or counted as overtaken.
+  // From the third frame on, each was either processed or counted as dropped.
   EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
-    const int overtaken = countIn(status, "frames overtaken by newer ones");
-    return overtaken > int{2 * (kFrames / 3 - 1)} &&
-           overtaken + countIn(status, "frames processed") == int{kFrames - 2 + burst};
+    const int dropped = countIn(status, "frames dropped, queue full");
+    return dropped > int{2 * (kFrames / 3 - 1)} &&
+           dropped + countIn(status, "frames processed") == int{kFrames - 2 + burst};
   }));
   EXPECT_TRUE(manager_.unload("/late/scale_recovery"));
 }
 
-// A listener that stands still and never reads its sockets, and some that come and go.
-TEST_F(Overload, ListenersChangeNothing) {
+// One subscriber is stopped and never reads its sockets; others connect and disconnect.
+TEST_F(Overload, SubscribersDoNotAffectTheResults) {
   NodeletPair alone(manager_, *drive_, "/alone");
   ASSERT_TRUE(alone.load());
   ASSERT_TRUE(alone.playAll());
@@ -120,20 +120,25 @@ TEST_F(Overload, ListenersChangeNothing) {
 
   NodeletPair watched(manager_, *drive_, "/watched");
   ASSERT_TRUE(watched.load());
-  ChildProcess deaf({std::filesystem::read_symlink("/proc/self/exe").string(), kDeaf, "/watched"});
-  ASSERT_TRUE(waitUntil([&] { return deaf.output().find(kDeaf) != std::string::npos; }));
-  deaf.send(SIGSTOP);
+  ChildProcess stalled(
+      {std::filesystem::read_symlink("/proc/self/exe").string(), kStalledListener, "/watched"});
+  ASSERT_TRUE(
+      waitUntil([&] { return stalled.output().find(kStalledListener) != std::string::npos; }));
+  stalled.send(SIGSTOP);
   const NodeProbe probe("/manager");
   const double megabytes = probe.usage().rss_mb;
   for (std::size_t i = 0; i < kFrames; i += 10) {
-    std::unique_ptr<Inbox<sensor_msgs::Image>> tracks;
-    std::unique_ptr<Inbox<sensor_msgs::PointCloud2>> points, ground;
-    std::unique_ptr<Inbox<nav_msgs::Path>> path;
+    std::unique_ptr<TopicRecorder<sensor_msgs::Image>> tracks;
+    std::unique_ptr<TopicRecorder<sensor_msgs::PointCloud2>> points, ground;
+    std::unique_ptr<TopicRecorder<nav_msgs::Path>> path;
     if (i % 20 == 0) {
-      tracks = std::make_unique<Inbox<sensor_msgs::Image>>(handle_, "/watched/vo/image_tracks");
-      points = std::make_unique<Inbox<sensor_msgs::PointCloud2>>(handle_, "/watched/vo/points");
-      ground = std::make_unique<Inbox<sensor_msgs::PointCloud2>>(handle_, "/watched/ground_points");
-      path = std::make_unique<Inbox<nav_msgs::Path>>(handle_, "/watched/path");
+      tracks =
+          std::make_unique<TopicRecorder<sensor_msgs::Image>>(handle_, "/watched/vo/image_tracks");
+      points =
+          std::make_unique<TopicRecorder<sensor_msgs::PointCloud2>>(handle_, "/watched/vo/points");
+      ground = std::make_unique<TopicRecorder<sensor_msgs::PointCloud2>>(handle_,
+                                                                         "/watched/ground_points");
+      path = std::make_unique<TopicRecorder<nav_msgs::Path>>(handle_, "/watched/path");
       ASSERT_TRUE(waitUntil([&] {
         return tracks->connected() && points->connected() && ground->connected() &&
                path->connected();
@@ -162,14 +167,14 @@ TEST_F(Overload, ListenersChangeNothing) {
 
 int listen(const std::string& ns) {
   ros::NodeHandle handle;
-  Inbox<VoFrameMsg> frames(handle, ns + "/vo/frame");
-  Inbox<sensor_msgs::Image> tracks(handle, ns + "/vo/image_tracks");
-  Inbox<nav_msgs::Odometry> odometry(handle, ns + "/odometry");
+  TopicRecorder<VoFrameMsg> frames(handle, ns + "/vo/frame");
+  TopicRecorder<sensor_msgs::Image> tracks(handle, ns + "/vo/image_tracks");
+  TopicRecorder<nav_msgs::Odometry> odometry(handle, ns + "/odometry");
   if (!waitUntil(
           [&] { return frames.connected() && tracks.connected() && odometry.connected(); })) {
     return 1;
   }
-  std::cout << kDeaf << std::endl;
+  std::cout << kStalledListener << std::endl;
   ros::waitForShutdown();
   return 0;
 }
@@ -178,8 +183,8 @@ int listen(const std::string& ns) {
 }  // namespace ground_scale_vo
 
 int main(int argc, char** argv) {
-  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kDeaf) {
-    ros::init(argc, argv, "deaf", ros::init_options::AnonymousName);
+  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kStalledListener) {
+    ros::init(argc, argv, "stalled", ros::init_options::AnonymousName);
     return ground_scale_vo::listen(argv[2]);
   }
   testing::InitGoogleTest(&argc, argv);

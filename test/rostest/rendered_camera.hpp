@@ -9,13 +9,14 @@
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 
-/// A rendered drive as the messages of a camera, each image rendered once.
+/// The camera messages of a rendered drive; each image is rendered once.
 class RenderedDrive {
  public:
   explicit RenderedDrive(const SyntheticDrive::Options& options,
@@ -49,7 +50,7 @@ class RenderedDrive {
   std::vector<cv::Mat> images_;
 };
 
-/// The drive of tests that need many: 400 x 124, so an image costs a quarter of the default's.
+/// A drive with images of 400 x 124, which take a quarter of the time of the default size.
 inline SyntheticDrive::Options smallDrive(int frames, double camera_height = 1.65) {
   SyntheticDrive::Options options;
   options.frames = frames;

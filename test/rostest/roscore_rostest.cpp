@@ -1,5 +1,5 @@
-// The master goes and comes back under a running pair. The test has a master of its own, on
-// another port than the one that rostest has started.
+// The master is restarted while a pair of nodelets runs. The test has its own master, on another
+// port than that of rostest.
 
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ TEST(Roscore, GoneAndBack) {
   const RenderedDrive drive(smallDrive(60));
   ChildProcess manager({"rosrun", "nodelet", "nodelet", "manager", "__name:=manager"});
   const ManagerClient client("/manager");
-  ASSERT_TRUE(client.waitForIt());
+  ASSERT_TRUE(client.waitForServices());
   auto pair = std::make_unique<NodeletPair>(client, drive, "/car");
   ASSERT_TRUE(pair->load());
   ASSERT_TRUE(pair->play(0, 19));
@@ -41,7 +41,7 @@ TEST(Roscore, GoneAndBack) {
   ASSERT_FALSE(ros::master::check());
   ASSERT_TRUE(pair->play(20, 39));
 
-  // Back, and empty: nobody has registered anew.
+  // Restarted and empty: no node has registered again.
   master = startMaster();
   EXPECT_THROW(NodeProbe("/manager"), std::runtime_error);
   ASSERT_TRUE(pair->play(40, 59));
@@ -52,10 +52,10 @@ TEST(Roscore, GoneAndBack) {
   EXPECT_EQ(manager.waitForEnd(), 0) << manager.output();
   EXPECT_EQ(manager.output().find("terminate called"), std::string::npos) << manager.output();
 
-  // A pair that is started now works; so does this camera, once it is advertised anew.
+  // A pair that is started now works; so does this camera, once it is advertised again.
   pair.reset();
   ChildProcess again({"rosrun", "nodelet", "nodelet", "manager", "__name:=manager"});
-  ASSERT_TRUE(client.waitForIt());
+  ASSERT_TRUE(client.waitForServices());
   NodeletPair second(client, drive, "/car");
   ASSERT_TRUE(second.load());
   ASSERT_TRUE(second.playAll());
@@ -69,7 +69,7 @@ TEST(Roscore, GoneAndBack) {
 
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
-  // rostest's ports are free when nobody else has them; the next one is as good.
+  // Another program may use the port: try the next one.
   ground_scale_vo::port = std::to_string(20000 + getpid() % 10000);
   setenv("ROS_MASTER_URI", ("http://localhost:" + ground_scale_vo::port).c_str(), 1);
   ros::init(argc, argv, "roscore_rostest");

@@ -11,11 +11,12 @@
 
 #include <boost/make_shared.hpp>
 
-#include "diagnosed.hpp"
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "inbox.hpp"
 #include "mounting.hpp"
 #include "support/road_image.hpp"
+#include "topic_recorder.hpp"
+#include "wait_for_diagnostics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -23,10 +24,10 @@ namespace {
 constexpr double kCameraHeight = 1.65;  // [m] for 1 VO unit
 constexpr double kStep = 0.5;           // [VO units] a frame
 constexpr double kPeriod = 0.1;         // [s]
-/// [VO units] of the camera above the road in the images: a little more than the points say.
-constexpr double kPictureHeight = 1.02;
+/// [VO units] height of the camera above the road in the images, slightly more than in the points.
+constexpr double kImageHeight = 1.02;
 
-/// The other odometry.
+/// The simulated odometry.
 class FlatRoad {
  public:
   explicit FlatRoad(double start_s) : start_s_(start_s) {
@@ -43,15 +44,15 @@ class FlatRoad {
   sensor_msgs::Image::Ptr nextImage() const {
     RoadScene scene;
     scene.camera = camera_;
-    scene.height = kPictureHeight;
+    scene.height = kImageHeight;
     scene.pitch = 0;
-    const cv::Mat picture = roadImage(scene, kStep * sequence_);
+    const cv::Mat grey = roadImage(scene, kStep * sequence_);
     auto image = boost::make_shared<sensor_msgs::Image>();
     image->header = header();
     image->encoding = "mono8";
-    image->width = image->step = static_cast<std::uint32_t>(picture.cols);
-    image->height = static_cast<std::uint32_t>(picture.rows);
-    image->data.assign(picture.datastart, picture.dataend);
+    image->width = image->step = static_cast<std::uint32_t>(grey.cols);
+    image->height = static_cast<std::uint32_t>(grey.rows);
+    image->data.assign(grey.datastart, grey.dataend);
     return image;
   }
 
@@ -120,10 +121,10 @@ class Scale : public testing::Test {
       return frames_.getNumSubscribers() > 0 && scales_.connected() && odometry_.connected();
     }));
   }
-  /// Is answered once the nodelet is loaded. Subscribers do not tell: they are counted by process.
+  /// Answers once the nodelet is loaded. The subscriber count does not show that: it is by process.
   static bool reset(const std::string& service = "reset") {
     std_srvs::Trigger trigger;
-    return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kPatience)) &&
+    return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kTimeout)) &&
            ros::service::call(service, trigger) && trigger.response.success;
   }
   void play(FlatRoad& road, int frames) {
@@ -149,11 +150,11 @@ class Scale : public testing::Test {
 
   ros::NodeHandle handle_;
   ros::Publisher frames_;
-  Inbox<ScaleEstimateMsg> scales_;
-  Inbox<nav_msgs::Odometry> odometry_;
+  TopicRecorder<ScaleEstimateMsg> scales_;
+  TopicRecorder<nav_msgs::Odometry> odometry_;
 };
 
-// The first test: nobody has told the mounting yet.
+// The first test: no mounting transform has been published yet.
 TEST_F(Scale, WithoutTheMountingNothingMetricIsPublished) {
   FlatRoad road(1000);
   play(road, kFrames);
@@ -261,7 +262,7 @@ class Refined : public Scale {
     alone_.clear();
   }
 
-  /// Plays with what spoil makes of the images.
+  /// Publishes the images as modified by spoil.
   void play(FlatRoad& road, const std::function<void(sensor_msgs::Image&)>& spoil) {
     for (int i = 0; i < kFrames; ++i) {
       const sensor_msgs::Image::Ptr image = road.nextImage();
@@ -283,53 +284,53 @@ class Refined : public Scale {
   }
 
   ros::Publisher images_, infos_;
-  Inbox<ScaleEstimateMsg> alone_;
-  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
+  TopicRecorder<ScaleEstimateMsg> alone_;
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics_;
 };
 
-// The first of these: there was no camera_info yet.
-TEST_F(Refined, NotWithoutACameraInfo) {
+// The first of these tests: no camera_info has been published yet.
+TEST_F(Refined, HasNoEffectWithoutACameraInfo) {
   FlatRoad road(7000);
   play(road, [](sensor_msgs::Image&) {});
   expectNoEffect();
   EXPECT_TRUE(
-      diagnosed(diagnostics_, "images", "no image: no usable camera_info yet on /camera_info"));
+      waitForValue(diagnostics_, "images", "no valid camera_info received yet on /camera_info"));
 }
 
-TEST_F(Refined, ByTheImages) {
+TEST_F(Refined, UsesTheImages) {
   FlatRoad road(8000);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image&) {});
-  EXPECT_TRUE(diagnosed(diagnostics_, "images", "used"));
-  EXPECT_TRUE(diagnosed(diagnostics_, "images", "not used"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "images", "used"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "images", "not used"));
   EXPECT_NEAR(alone_.messages().back()->scale, kCameraHeight, 0.002 * kCameraHeight);
   EXPECT_LT(scales_.messages().back()->scale, 0.995 * alone_.messages().back()->scale);
-  EXPECT_GT(scales_.messages().back()->scale, 0.995 * kCameraHeight / kPictureHeight);
+  EXPECT_GT(scales_.messages().back()->scale, 0.995 * kCameraHeight / kImageHeight);
 }
 
-TEST_F(Refined, NotByImagesThatCannotBeUsed) {
+TEST_F(Refined, HasNoEffectWithInvalidImages) {
   FlatRoad road(9000);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image& image) { image.encoding = "nonsense"; });
   expectNoEffect();
-  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: image refused"));
-  EXPECT_TRUE(diagnosed(diagnostics_, "images", "no image of the last frame"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "dropped: image refused"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "images", "no image of the last frame"));
 }
 
-TEST_F(Refined, NotByImagesOfAnotherCamera) {
+TEST_F(Refined, HasNoEffectWithImagesOfAnotherCamera) {
   FlatRoad road(10000);
   PinholeCamera other = road.camera();
   other.fx += 10;
   publishCameraInfo(other);
   publishCameraInfo(PinholeCamera());  // refused: the one before stays
-  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: camera_info refused", "1"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "dropped: camera_info refused", "1"));
   play(road, [](sensor_msgs::Image&) {});
   expectNoEffect();
-  EXPECT_TRUE(diagnosed(diagnostics_, "dropped: other camera"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "dropped: other camera"));
 }
 
-// A frame that waits for its image when the clock jumps belongs to the scale of the old clock.
-TEST_F(Refined, AFrameThatWaitsIsNotCarriedOverAJumpOfTheClock) {
+// A frame that waits for its image when the clock jumps belongs to the scale before the jump.
+TEST_F(Refined, AWaitingFrameIsProcessedBeforeAClockJump) {
   FlatRoad road(10500);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image&) {});
@@ -344,7 +345,7 @@ TEST_F(Refined, AFrameThatWaitsIsNotCarriedOverAJumpOfTheClock) {
   EXPECT_NE(scales[kFrames]->status, ScaleEstimateMsg::UNKNOWN);
 }
 
-TEST_F(Refined, NotByImagesOfOtherTimes) {
+TEST_F(Refined, HasNoEffectWithImagesOfOtherStamps) {
   FlatRoad road(11000);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image& image) { image.header.stamp += ros::Duration(0.01); });

@@ -1,5 +1,5 @@
-// The manager is told to end (SIGINT) at any moment: it ends by itself, in time and with status 0,
-// and prints nothing that a crash prints.
+// The manager receives SIGINT at any moment: it ends by itself, in time, with status 0 and
+// without messages of a crash.
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Where `rosrun nodelet nodelet` finds it; without the shell in between.
+/// The program of `rosrun nodelet nodelet`, to start it without a shell.
 std::string nodeletProgram() {
   const char* const workspaces = std::getenv("CMAKE_PREFIX_PATH");
   std::istringstream prefixes(std::string(workspaces != nullptr ? workspaces : "") + ":/usr");
@@ -102,12 +102,12 @@ TEST_F(Shutdown, OfTheManagerAtAnyMoment) {
     const std::string what = std::string(kNames[round % kMoments]) + " + " + std::to_string(delay);
     const std::string name = "/manager_" + std::to_string(round);
     ros::param::set("/scale_recovery/camera_height", 1.65);
-    Inbox<VoFrameMsg> frames(handle_, "vo/frame");
+    TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
     std::unique_ptr<Camera> camera;
     if (moment != Moment::kIdle) camera = std::make_unique<Camera>(*drive_);
     ChildProcess manager({kNodelet, "manager", "__name:=" + name.substr(1)});
     const ManagerClient client(name);
-    ASSERT_TRUE(client.waitForIt());
+    ASSERT_TRUE(client.waitForServices());
     if (moment == Moment::kBeforeLoad) {
       ros::WallDuration(delay).sleep();
       manager.send(SIGINT);
@@ -144,8 +144,8 @@ TEST_F(Shutdown, OfStandaloneNodes) {
   for (int round = 0; round < rounds() / 4; ++round) {
     const double delay = 1e-3 * static_cast<double>(random() % 300);
     const std::string what = "round " + std::to_string(round) + " + " + std::to_string(delay);
-    Inbox<VoFrameMsg> frames(handle_, "vo/frame");
-    Inbox<ScaleEstimateMsg> scales(handle_, "scale");
+    TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
+    TopicRecorder<ScaleEstimateMsg> scales(handle_, "scale");
     ChildProcess mono_vo({kNodelet, "standalone", "ground_scale_vo/MonoVo", "__name:=mono_vo"});
     ChildProcess scale_recovery(
         {kNodelet, "standalone", "ground_scale_vo/ScaleRecovery", "__name:=scale_recovery"});
@@ -169,7 +169,7 @@ TEST_F(Shutdown, OfTheWholeLaunch) {
   for (int round = 0; round < rounds() / 4; ++round) {
     const double delay = 1e-3 * static_cast<double>(random() % 300);
     const std::string what = "round " + std::to_string(round) + " + " + std::to_string(delay);
-    Inbox<VoFrameMsg> frames(handle_, "vo/frame");
+    TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
     ChildProcess launch({"roslaunch", "ground_scale_vo", "ground_scale_vo.launch",
                          "camera_height:=1.65", "image:=image", "camera_info:=camera_info"});
     ASSERT_TRUE(frames.waitForCount(1)) << launch.output();

@@ -4,28 +4,49 @@
 #include <ros/node_handle.h>
 #include <ros/spinner.h>
 
+#include <boost/make_shared.hpp>
+#include <functional>
+#include <utility>
+
 namespace ground_scale_vo {
 
-/// The callbacks of one nodelet, one after the other on a thread of its own.
+/// Runs the callbacks of one nodelet, one after the other, on a thread of its own.
 ///
-/// Not the manager's queue: that throws away what arrives during onInit (a latched camera_info, or
-/// an image whose place in the queue is then missing for ever), is gone when the subscriptions of
-/// an onInit that threw are, and shares its threads with the other nodelets.
+/// The nodelet manager's queue is not used for three reasons: it drops what arrives during onInit
+/// (such as a latched camera_info), it destroys the queue of an onInit that threw before the
+/// subscriptions are gone, and it shares its threads with the other nodelets.
 ///
-/// To be a nodelet's first member, so that it outlives all that was made with its handles.
+/// Declare it as the first member of a nodelet, so that it outlives all that uses its handles.
 class DedicatedSpinner {
  public:
-  /// The same handle, with its callbacks here.
+  /// The same handle, with its callbacks in this queue.
   ros::NodeHandle handle(ros::NodeHandle of_nodelet) {
     of_nodelet.setCallbackQueue(&queue_);
     return of_nodelet;
   }
-  /// From now on callbacks run.
+  /// Callbacks run from now on.
   void start() { spinner_.start(); }
-  /// After this none runs any more.
+  /// Waits for the callback in progress; no callback runs afterwards.
   void stop() { spinner_.stop(); }
 
+  /// Runs the task on the same thread, after all callbacks that wait now.
+  void post(std::function<void()> task) {
+    queue_.addCallback(boost::make_shared<Task>(std::move(task)));
+  }
+
  private:
+  class Task : public ros::CallbackInterface {
+   public:
+    explicit Task(std::function<void()> task) : task_(std::move(task)) {}
+    CallResult call() override {
+      task_();
+      return Success;
+    }
+
+   private:
+    const std::function<void()> task_;
+  };
+
   ros::CallbackQueue queue_;
   ros::AsyncSpinner spinner_{1, &queue_};
 };

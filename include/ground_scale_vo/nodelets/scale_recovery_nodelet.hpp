@@ -4,7 +4,6 @@
 #include <image_transport/image_transport.h>
 #include <nodelet/nodelet.h>
 #include <ros/ros.h>
-#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
@@ -19,107 +18,108 @@
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_path.hpp"
-#include "ground_scale_vo/ros/camera_stream.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/fault_log.hpp"
-#include "ground_scale_vo/ros/frame_image_pairing.hpp"
+#include "ground_scale_vo/ros/frame_image_synchronizer.hpp"
+#include "ground_scale_vo/ros/image_receiver.hpp"
+#include "ground_scale_vo/ros/map_numbering.hpp"
+#include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
+#include "ground_scale_vo/ros/warning_log.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
 namespace ground_scale_vo {
 
-/// vo/frame, and image + camera_info where there are any -> scale, odometry, path, tf, and to look
-/// at image_road, points, ground_points, ground_plane; service reset.
+/// vo/frame, and image + camera_info if used -> scale, odometry, path, tf; for visualisation
+/// image_road, points, ground_points, ground_plane. Service reset.
 ///
-/// Everything runs on one thread, in callbacks. A frame is processed with the image of its stamp
-/// (FrameImagePairing), or on its points alone.
+/// Everything runs in callbacks on the thread of the DedicatedSpinner. A frame is processed with
+/// the image of the same stamp (FrameImageSynchronizer), or without one on its points.
 class ScaleRecoveryNodelet : public nodelet::Nodelet {
  public:
   ~ScaleRecoveryNodelet() override;
 
  private:
-  /// A frame as it came, with what its message says beyond the core's type.
-  struct Arrived {
+  struct ReceivedFrame {
     VoFrame frame;
     std_msgs::Header header;
   };
-  using Pairing = FrameImagePairing<Arrived, sensor_msgs::ImageConstPtr>;
+  using Synchronizer = FrameImageSynchronizer<ReceivedFrame, sensor_msgs::ImageConstPtr>;
 
   void onInit() override;
-  void useImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle);
-  void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  void start();
+  void advertise(ros::NodeHandle& handle, ros::NodeHandle& private_handle);
+  void subscribeToImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFrame(const VoFrameMsg::ConstPtr& msg);
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
-  /// Every frame that need not wait for its image; all of them unless they may_wait.
+  /// Processes the frames that do not wait for their image; all of them unless they may_wait.
   void processReady(bool may_wait = true);
   void process(VoFrame frame, const std_msgs::Header& header,
                const sensor_msgs::ImageConstPtr& image);
-  /// The picture of the frame; empty when there is none or it cannot be used.
-  cv::Mat pictureOf(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
+  /// The rectified image of the frame; empty if there is none or it cannot be used.
+  cv::Mat rectifiedImage(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
   void reset();
-  /// An odometry that was restarted counts its maps from 0 again; they are new ones all the same.
-  void renumberMap(VoFrame& frame);
-  /// How to tell the motion of this camera; empty while tf does not know where it is mounted.
-  const OdometryFrames* framesFor(const std::string& camera_frame);
+  /// The frames to publish the motion of this camera in; null while tf lacks its mounting.
+  const OdometryFrames* odometryFrames(const std::string& camera_frame);
+  void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
+               const std_msgs::Header& header);
   void publishPose(const MetricPose& pose, const std_msgs::Header& header);
   void publishGround(const ScaleRecovery::Output& output, const std_msgs::Header& header);
 
-  void report(const std::string& kind, const std::string& why);
-  std::string imagesState() const;
+  /// Counts a dropped message and warns about it.
+  void drop(const std::string& kind, const std::string& reason);
+  /// Keeps what the diagnostics report about the frame.
+  void record(const ScaleRecovery::Output& output, const ros::Time& stamp, bool has_image);
+  std::string imageState() const;
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void addValues(diagnostic_updater::DiagnosticStatusWrapper& status);
 
-  DedicatedSpinner callbacks_;
+  DedicatedSpinner callbacks_;  // first: see there
   ScaleRecoveryParams params_;
-  FaultLog faults_;
-  std::unique_ptr<ScaleRecovery> recovery_;
-  std::unique_ptr<StampGuard> guard_;
-  std::unique_ptr<BoundedPath> path_;
-  std::unique_ptr<CameraStream> stream_;
-  GreyConverter grey_;
-  std::unique_ptr<Pairing> pairing_;
 
-  /// Since the last frame of the odometry before: what its maps are renumbered with.
-  std::optional<std::uint32_t> last_sequence_;
-  std::uint32_t last_map_id_ = 0;
-  std::uint32_t map_offset_ = 0;
-
-  std::optional<OdometryFrames> frames_;
-  std::string frames_camera_;
-  std::string no_frames_;  ///< why there were none when they were last asked for in vain
-
-  std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
-  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
-  std::unique_ptr<tf2_ros::TransformBroadcaster> tf_broadcaster_;
-  /// These only when images are used.
-  std::unique_ptr<image_transport::ImageTransport> transport_;
-  image_transport::Subscriber image_subscriber_;
-  image_transport::Publisher road_publisher_;
-  ros::Subscriber camera_info_subscriber_;
+  // Input.
+  std::unique_ptr<ImageReceiver> receiver_;  ///< null: images are not used
+  std::unique_ptr<Synchronizer> synchronizer_;
   ros::WallTimer waiting_timer_;
   ros::Subscriber frame_subscriber_;
   ros::ServiceServer reset_server_;
+  std::unique_ptr<StampGuard> stamp_guard_;
+  MapNumbering map_numbering_;
+
+  // Scale recovery.
+  std::unique_ptr<ScaleRecovery> recovery_;
+
+  // Output.
+  std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
+  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
+  std::unique_ptr<tf2_ros::TransformBroadcaster> tf_broadcaster_;
+  std::optional<OdometryFrames> odometry_frames_;
+  std::string odometry_frames_camera_;  ///< the camera frame they belong to
+  std::string odometry_frames_error_;   ///< why the last request failed
+  std::unique_ptr<BoundedPath> path_;
   ros::Publisher odometry_publisher_, path_publisher_, scale_publisher_;
   ros::Publisher points_publisher_, ground_points_publisher_, ground_plane_publisher_;
+  image_transport::Publisher road_publisher_;
 
+  // Diagnostics.
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
-  std::uint64_t processed_ = 0;
+  WarningLog warnings_;
   RateMeter rate_;  ///< of processed_
-  std::optional<Stopwatch> since_received_;
-  // At the last diagnosis.
-  std::uint64_t diagnosed_ = 0, left_out_ = 0, diagnosed_with_image_ = 0;
-  std::optional<std::uint32_t> last_received_;  ///< its sequence number
-  std::uint64_t overtaken_ = 0;
-  std::uint64_t with_image_ = 0, refined_ = 0;
-  bool last_had_image_ = false;
+  std::optional<Stopwatch> since_frame_;
+  std::optional<std::uint32_t> last_received_sequence_;
+  std::uint64_t processed_ = 0, processed_with_image_ = 0, refined_ = 0;
+  std::uint64_t missing_frames_ = 0;  ///< gaps in the sequence numbers: dropped by a full queue
+  std::uint64_t processed_at_last_diagnosis_ = 0, with_image_at_last_diagnosis_ = 0;
+  std::uint64_t dropped_at_last_diagnosis_ = 0;
+  bool last_frame_had_image_ = false;
   double frame_ms_ = 0;
   ScaleEstimate last_scale_;
-  ros::Time last_stamp_, last_measured_;
-  ros::Time held_since_;  ///< zero while it is not held, or for want of motion
+  ros::Time last_stamp_, last_measurement_;
+  ros::Time held_since_;  ///< zero while the scale is measured or the camera stands still
   double distance_m_ = 0;
 };
 

@@ -2,6 +2,7 @@
 
 #include <xmlrpcpp/XmlRpcValue.h>
 
+#include <map>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -10,11 +11,11 @@
 
 namespace ground_scale_vo {
 
-/// Reads the parameters under one namespace into the fields that they belong to.
+/// Reads the ROS parameters under one namespace into fields.
 ///
-/// Every parameter is declared once, with the field (its value before is the default), its range
-/// and a text "[unit] meaning". What is declared is also what is known: unknown() and entries()
-/// follow from it. Needs no master: the tree is handed in.
+/// Each parameter is declared once, with its field (whose value is the default), its range and a
+/// text "[unit] meaning". The list of known names, the log and the documentation follow from these
+/// declarations. Works on a parameter tree, without a ROS master.
 class ParamReader {
  public:
   struct Entry {
@@ -22,13 +23,14 @@ class ParamReader {
     std::string value;    ///< in effect
     std::string range;    ///< "[min, max]", "true or false", "text"
     std::string meaning;  ///< "[unit] meaning"
-    bool given = false;   ///< the tree holds it
+    bool given = false;   ///< set in the tree
   };
 
-  /// parameter_namespace: only for messages. tree: all below it; not a struct means empty.
+  /// parameter_namespace: for messages. tree: all parameters below it; any other type than a struct
+  /// means none.
   ParamReader(std::string parameter_namespace, const XmlRpc::XmlRpcValue& tree);
 
-  /// A number. Throws OptionError that names the parameter when it is no number or outside
+  /// A number. Throws OptionError that names the parameter if its value is not a number or outside
   /// [min, max]; NaN is always outside.
   template <typename Number>
   void declare(const char* name, Number& field, double min, double max, const char* meaning) {
@@ -39,16 +41,23 @@ class ParamReader {
   void declare(const char* name, bool& field, const char* meaning);
   void declare(const char* name, std::string& field, const char* meaning);
 
-  /// A number that has no default: throws OptionError when it is not given.
+  /// A number without a default: throws OptionError if it is not set.
   void require(const char* name, double& field, double min, double max, const char* meaning);
 
-  /// A name that another library reads under the same namespace (diagnostic_period, ...).
+  /// A parameter of another library under the same namespace (diagnostic_period, ...).
   void allow(const char* name) { allowed_.emplace_back(name); }
 
-  /// One sentence for each given key that nobody declared, with the nearest known name.
-  std::vector<std::string> unknown() const;
+  /// A name that is not a parameter. If it is set, warnings() contains "parameter NAME <note>".
+  void note(const std::string& name, const std::string& note) { notes_[name] = note; }
 
-  /// All that was declared, in that order.
+  /// Throws OptionError "parameter NAME <reason>" if it is set.
+  void reject(const std::string& name, const std::string& reason);
+
+  /// One sentence for each parameter that is set but not declared: its note, or else the most
+  /// similar known name.
+  std::vector<std::string> warnings() const;
+
+  /// All declared parameters, in order.
   const std::vector<Entry>& entries() const { return entries_; }
   /// "name = value  [unit] meaning, range" of an entry, for the log.
   static std::string echo(const Entry& entry);
@@ -63,6 +72,7 @@ class ParamReader {
   XmlRpc::XmlRpcValue tree_;
   std::vector<Entry> entries_;
   std::vector<std::string> allowed_;
+  std::map<std::string, std::string> notes_;
 };
 
 }  // namespace ground_scale_vo

@@ -6,10 +6,10 @@
 
 namespace ground_scale_vo {
 
-/// How often a second something happens, between two looks at its count.
+/// Rate at which a counter increases.
 class RateMeter {
  public:
-  /// count: so far. Returns the rate since the last call or the construction [Hz].
+  /// Mean rate since the last call, or since construction [Hz].
   double rate(std::uint64_t count) {
     const double seconds = 1e-3 * watch_.lapMs();
     const auto more = static_cast<double>(count - count_);

@@ -7,34 +7,34 @@
 
 namespace ground_scale_vo {
 
-/// The rule for the stamps of a stream of images, the same in both nodelets.
+/// Checks the stamps of a stream of images. Both nodelets apply it.
 ///
-/// A stamp far ahead is believed when the next one follows it: a pause. Alone it is a fault, which
-/// would make all that come after it lie in the past, for tf's listeners too.
+/// A stamp far ahead is accepted only if the next one continues from it, as after a pause. A single
+/// one is a fault: accepting it would put all later images in the past, for tf listeners too.
 class StampGuard {
  public:
   enum class Verdict {
-    kNext,       ///< later than all before: use it
-    kDrop,       ///< zero, repeated (or nearly), a little backward or alone far ahead: leave it out
-    kJumpedBack  ///< the clock jumped back (a looped bag): start anew with it
+    kAccept,     ///< later than all before
+    kDrop,       ///< zero, (nearly) repeated, slightly backward, or a single one far ahead
+    kJumpedBack  ///< the clock jumped back, as in a looped bag: reset and process the image
   };
 
-  /// clock_jump_s: a stamp that lies farther back than this [s] is a jump of the clock.
+  /// clock_jump_s: a stamp that is earlier by more than this [s] is a jump of the clock.
   explicit StampGuard(double clock_jump_s) : clock_jump_s_(clock_jump_s) {}
 
-  /// Shortest step between two images [s]; over a shorter one no velocity has a meaning.
+  /// Shortest interval between two images [s]; a shorter one gives no meaningful velocity.
   static constexpr double kMinStep = 0.001;
-  /// Longest step forward that is believed at once [s].
+  /// Longest step forward that is accepted at once [s].
   static constexpr double kMaxAhead = 3600.0;
 
   Verdict check(const ros::Time& stamp);
-  /// Why the last check() said kDrop; one sentence.
+  /// One sentence: why the last check() returned kDrop.
   const std::string& reason() const { return reason_; }
 
  private:
   const double clock_jump_s_;
-  std::int64_t last_ns_ = 0;   ///< of the last image in use; 0: none
-  std::int64_t ahead_ns_ = 0;  ///< far ahead, to be believed when the next one follows it; 0: none
+  std::int64_t last_ns_ = 0;   ///< of the last accepted image; 0: none
+  std::int64_t ahead_ns_ = 0;  ///< pending stamp far ahead; 0: none
   std::string reason_;
 };
 

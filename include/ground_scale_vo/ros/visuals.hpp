@@ -14,29 +14,27 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
-/// Messages that are only looked at.
+// Messages for visualisation only.
 namespace ground_scale_vo {
 
-/// Draws the tracks of a frame, dots coloured by age (a legend tells it), and what the frame gave
-/// up.
+/// Draws the feature tracks of a frame, coloured by age, and its rejected features, with a legend.
 class TrackPainter {
  public:
-  /// grey: the rectified image of the frame; it is darkened. A filled dot has a map point, a hollow
-  /// one none yet; its tail is its way since the image before, if that was drawn. Crosses:
-  /// rejected, red an outlier, pink not found.
+  /// grey: the rectified image of the frame, drawn darker. Filled dots have a map point, hollow
+  /// ones do not yet. A line leads to the position in the previous image, if that was drawn. Red
+  /// crosses are outliers, pink ones features that were not found.
   sensor_msgs::Image::Ptr paint(const cv::Mat& grey, const VoFrame& frame,
                                 const std::vector<RejectedFeature>& rejected,
                                 const std_msgs::Header& header);
 
  private:
   std::uint32_t last_sequence_ = 0;
-  std::map<std::uint64_t, Eigen::Vector2f> last_;  ///< pixels of the frame drawn last
+  std::map<std::uint64_t, Eigen::Vector2f> last_;  ///< pixels of the last drawn frame
 };
 
-/// The road as it was measured, over the rectified image of the frame: a grid of metres on the
-/// ground plane (green measured, amber held, none while the scale is not known), which lies on the
-/// road when the plane is right; green dots are ground points, hollow grey ones other points; and
-/// the scale with its status in words.
+/// Draws the estimated ground plane over the rectified image of the frame: a grid of 1 m (green:
+/// scale measured, amber: held, none while unknown), ground points (green), other points (hollow
+/// grey), and the scale with its status. A correct plane puts the grid on the road.
 sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
                                   const std_msgs::Header& header);
@@ -45,13 +43,14 @@ sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,
                                            const std_msgs::Header& header);
 
-/// The map points that a frame sees, in its camera frame, in metres with the scale; 1: VO units.
+/// The map points of a frame in its camera frame, times the scale [m per VO unit]; 1 keeps VO
+/// units.
 sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header,
                                            double scale = 1);
 
-/// The ground plane below and before the camera as a translucent quad (id 0) with its normal as an
-/// arrow from the camera's foot up to the camera (id 1), in metres in the camera's frame.
-/// Precondition: scale.status is not kUnknown.
+/// The ground plane ahead of the camera as a translucent quad (id 0), and its normal as an arrow
+/// from the plane to the camera (id 1). In metres, in the camera frame. Precondition: scale.status
+/// is not kUnknown.
 std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate& scale,
                                                             const std_msgs::Header& header);
 

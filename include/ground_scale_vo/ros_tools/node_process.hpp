@@ -7,8 +7,8 @@
 
 namespace ground_scale_vo {
 
-/// The process of a ROS node, as the node itself says; empty when the master does not know it or it
-/// does not answer. Of use on the machine that it runs on.
+/// Process id of a ROS node, as reported by the node; empty if it is not registered or does not
+/// answer. Meaningful on the machine of the node only.
 std::optional<pid_t> processOf(const std::string& node);
 
 }  // namespace ground_scale_vo

@@ -2,8 +2,6 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
-#include <string>
-#include <vector>
 
 namespace ground_scale_vo {
 
@@ -33,26 +31,5 @@ struct PinholeCamera {
 
 /// Throws OptionError unless image is 8-bit with one channel and of the camera's size.
 void requireImage(const cv::Mat& image, const PinholeCamera& camera);
-
-enum class DistortionModel { kNone, kPlumbBob, kRationalPolynomial, kEquidistant };
-
-/// Removes the distortion of images. Identity, without a copy, for kNone.
-class Rectifier {
- public:
-  /// raw: K of the raw image. coefficients: as in sensor_msgs/CameraInfo (k1 k2 p1 p2 k3 ...; 4 for
-  /// equidistant). Throws OptionError.
-  Rectifier(const PinholeCamera& raw, DistortionModel model,
-            const std::vector<double>& coefficients);
-
-  /// Of the rectified image; the same size as the raw one.
-  const PinholeCamera& camera() const { return camera_; }
-
-  /// raw: 8-bit, one channel, the camera's size (throws OptionError otherwise). May share memory.
-  cv::Mat rectify(const cv::Mat& raw) const;
-
- private:
-  PinholeCamera camera_;
-  cv::Mat map1_, map2_;  ///< empty for kNone
-};
 
 }  // namespace ground_scale_vo

@@ -9,57 +9,60 @@
 
 namespace ground_scale_vo {
 
-/// Gives each frame of an odometry the image of the same stamp. No frame is lost, all leave in the
-/// order in which they came; one whose image does not come leaves without.
+/// Matches each odometry frame with the image of the same stamp. Unlike message_filters, it drops
+/// no frame and keeps their order: a frame without an image is returned alone.
 ///
-/// A frame waits for its image only while images flow: from the first image on, until a frame has
-/// waited in vain for Limits::wait. Image: a pointer, null means none. The images' order is that of
-/// their arrival, as the frames' is: their stamps may jump.
+/// A frame waits for its image only while images arrive: from the first image until a frame has
+/// waited for Limits::wait in vain. Image: a pointer, null means none. Images are ordered by
+/// arrival, as frames are, because stamps may jump back.
 template <typename Frame, typename Image>
-class FrameImagePairing {
+class FrameImageSynchronizer {
  public:
-  using Clock = std::chrono::steady_clock;  // a bag's clock may stand still
+  using Clock = std::chrono::steady_clock;  // the clock of a bag may stop
 
   struct Limits {
-    std::size_t images = 30;  ///< kept; when it is full the oldest goes
+    std::size_t images = 30;  ///< stored; a full buffer drops its oldest image
     std::size_t frames = 10;  ///< that may wait
     Clock::duration wait = std::chrono::milliseconds(500);
   };
-  struct Pair {
+  struct Match {
     Frame frame;
     Image image;
   };
 
   /// Precondition: limits.images > 0.
-  explicit FrameImagePairing(const Limits& limits) : limits_(limits) {}
+  explicit FrameImageSynchronizer(const Limits& limits) : limits_(limits) {}
 
   void addImage(std::int64_t stamp_ns, Image image) {
     if (images_.size() == limits_.images) images_.pop_front();
     images_.push_back({stamp_ns, std::move(image)});
-    flowing_ = true;
+    images_arrive_ = true;
   }
   void addFrame(std::int64_t stamp_ns, Frame frame, Clock::time_point now) {
     frames_.push_back({stamp_ns, std::move(frame), now});
   }
 
-  /// The oldest frame, unless it has to wait; to be called until it gives none. Images that are
-  /// older than the frame go with it. may_wait: false, none waits any longer.
-  std::optional<Pair> next(Clock::time_point now, bool may_wait = true) {
+  /// The oldest frame, with its image if there is one; empty if it still waits or there is none.
+  /// Call it until it returns empty. Drops the images up to the frame. may_wait: false returns
+  /// frames whose image is missing at once.
+  std::optional<Match> next(Clock::time_point now, bool may_wait = true) {
     if (frames_.empty()) return std::nullopt;
     WaitingFrame& oldest = frames_.front();
     Image image = take(oldest.stamp_ns);
     if (!image) {
-      if (now - oldest.since >= limits_.wait) flowing_ = false;
-      const bool lost = !images_.empty();  // take() has left only later ones
-      if (may_wait && flowing_ && !lost && frames_.size() <= limits_.frames) return std::nullopt;
+      if (now - oldest.since >= limits_.wait) images_arrive_ = false;
+      const bool image_lost = !images_.empty();  // take() has left only later images
+      if (may_wait && images_arrive_ && !image_lost && frames_.size() <= limits_.frames) {
+        return std::nullopt;
+      }
     }
-    Pair pair{std::move(oldest.frame), std::move(image)};
+    Match match{std::move(oldest.frame), std::move(image)};
     frames_.pop_front();
-    return pair;
+    return match;
   }
 
-  /// The frames' clock jumped back to this stamp: the images of the old clock go. To be called when
-  /// no frame waits.
+  /// The stamps jumped back to this one: drops the images from before the jump. Precondition: no
+  /// frame waits.
   void jumpBack(std::int64_t stamp_ns) {
     std::size_t kept = images_.size();
     while (kept > 0 && images_[kept - 1].stamp_ns != stamp_ns) --kept;
@@ -78,8 +81,8 @@ class FrameImagePairing {
     Clock::time_point since;
   };
 
-  /// The image of this stamp, which goes with all that came before it. Without one the images up to
-  /// this stamp go.
+  /// The image of this stamp; removes it and all before it. If there is none, removes the images
+  /// with earlier stamps from the front.
   Image take(std::int64_t stamp_ns) {
     for (std::size_t i = 0; i < images_.size(); ++i) {
       if (images_[i].stamp_ns != stamp_ns) continue;
@@ -94,7 +97,7 @@ class FrameImagePairing {
   const Limits limits_;
   std::deque<StoredImage> images_;
   std::deque<WaitingFrame> frames_;
-  bool flowing_ = false;
+  bool images_arrive_ = false;
 };
 
 }  // namespace ground_scale_vo

@@ -14,47 +14,47 @@
 
 namespace ground_scale_vo {
 
-/// Longest wait for anything in a rostest [s].
-constexpr double kPatience = 60.0 * kSlower;
+/// Longest wait for any event in a rostest [s].
+constexpr double kTimeout = 60.0 * kSlower;
 
-/// All messages of a topic so far, and a way to wait for them. Needs a spinner on other threads.
+/// Records all messages of a topic and waits for messages. Needs a spinner on another thread.
 template <typename Message>
-class Inbox {
+class TopicRecorder {
  public:
   using ConstPtr = typename Message::ConstPtr;
 
-  Inbox(ros::NodeHandle& handle, const std::string& topic)
+  TopicRecorder(ros::NodeHandle& handle, const std::string& topic)
       : subscriber_(handle.subscribe<Message>(topic, 10000, [this](const ConstPtr& message) {
           const std::lock_guard<std::mutex> lock(mutex_);
           messages_.push_back(message);
           changed_.notify_all();
         })) {}
-  ~Inbox() { subscriber_.shutdown(); }
+  ~TopicRecorder() { subscriber_.shutdown(); }
 
-  /// True when the predicate over all messages came true in time.
+  /// True if the predicate over all messages becomes true in time.
   bool wait(const std::function<bool(const std::vector<ConstPtr>&)>& predicate,
-            double patience = kPatience) {
+            double timeout = kTimeout) {
     std::unique_lock<std::mutex> lock(mutex_);
-    return changed_.wait_for(lock, std::chrono::duration<double>(patience),
+    return changed_.wait_for(lock, std::chrono::duration<double>(timeout),
                              [&] { return predicate(messages_); });
   }
-  bool waitForCount(std::size_t count, double patience = kPatience) {
-    return wait([count](const auto& messages) { return messages.size() >= count; }, patience);
+  bool waitForCount(std::size_t count, double timeout = kTimeout) {
+    return wait([count](const auto& messages) { return messages.size() >= count; }, timeout);
   }
-  /// True when a message with this stamp came in time.
-  bool waitForStamp(const ros::Time& stamp, double patience = kPatience) {
+  /// True if a message with this stamp arrives in time.
+  bool waitForStamp(const ros::Time& stamp, double timeout = kTimeout) {
     return wait(
         [&stamp](const auto& messages) {
           return !messages.empty() && messages.back()->header.stamp == stamp;
         },
-        patience);
+        timeout);
   }
 
   std::vector<ConstPtr> messages() {
     const std::lock_guard<std::mutex> lock(mutex_);
     return messages_;
   }
-  /// The same, and forgets them.
+  /// The same, and clears the record.
   std::vector<ConstPtr> take() {
     const std::lock_guard<std::mutex> lock(mutex_);
     return std::exchange(messages_, {});
@@ -69,9 +69,9 @@ class Inbox {
   ros::Subscriber subscriber_;
 };
 
-/// Polls what has no event of its own (connections, tf). True when it came true in time.
-inline bool waitUntil(const std::function<bool()>& condition, double patience = kPatience) {
-  const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(patience);
+/// Polls a condition without an event (connections, tf). True if it becomes true in time.
+inline bool waitUntil(const std::function<bool()>& condition, double timeout = kTimeout) {
+  const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(timeout);
   while (!condition()) {
     if (!ros::ok() || ros::WallTime::now() > deadline) return false;
     ros::WallDuration(0.01).sleep();

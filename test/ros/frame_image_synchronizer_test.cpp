@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/frame_image_pairing.hpp"
+#include "ground_scale_vo/ros/frame_image_synchronizer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,51 +9,51 @@
 namespace ground_scale_vo {
 namespace {
 
-using Pairing = FrameImagePairing<int, std::shared_ptr<int>>;
+using Synchronizer = FrameImageSynchronizer<int, std::shared_ptr<int>>;
 
-/// Frames and images are named by their stamps.
-class Pairs : public testing::Test {
+/// Frames and images are identified by their stamps.
+class FrameImageSynchronization : public testing::Test {
  protected:
-  static Pairing::Limits limits() {
-    Pairing::Limits limits;
+  static Synchronizer::Limits limits() {
+    Synchronizer::Limits limits;
     limits.images = 5;
     limits.frames = 3;
     return limits;
   }
   void images(const std::vector<int>& stamps) {
-    for (const int stamp : stamps) pairing_.addImage(stamp, std::make_shared<int>(stamp));
+    for (const int stamp : stamps) synchronizer_.addImage(stamp, std::make_shared<int>(stamp));
   }
   void frames(const std::vector<int>& stamps) {
-    for (const int stamp : stamps) pairing_.addFrame(stamp, stamp, now_);
+    for (const int stamp : stamps) synchronizer_.addFrame(stamp, stamp, now_);
   }
-  /// What leaves now: "7" with its image, "7-" without.
+  /// The frames returned now: "7" with its image, "7-" without.
   std::string out(bool may_wait = true) {
     std::string text;
-    while (const auto pair = pairing_.next(now_, may_wait)) {
-      if (pair->image) {
-        EXPECT_EQ(*pair->image, pair->frame);
+    while (const auto match = synchronizer_.next(now_, may_wait)) {
+      if (match->image) {
+        EXPECT_EQ(*match->image, match->frame);
       }
-      text += std::to_string(pair->frame) + (pair->image ? " " : "- ");
+      text += std::to_string(match->frame) + (match->image ? " " : "- ");
     }
     return text;
   }
 
-  Pairing pairing_{limits()};
-  Pairing::Clock::time_point now_;
+  Synchronizer synchronizer_{limits()};
+  Synchronizer::Clock::time_point now_;
 };
 
-TEST_F(Pairs, LeaveAtOnceWhenTheImageIsThere) {
+TEST_F(FrameImageSynchronization, ReturnsAFrameAtOnceIfItsImageArrived) {
   images({1, 2, 3});
   frames({1, 3});
   EXPECT_EQ(out(), "1 3 ");
 }
 
-TEST_F(Pairs, LeaveAtOnceWhenNoImageHasEverCome) {
+TEST_F(FrameImageSynchronization, ReturnsAFrameAtOnceIfNoImageEverArrived) {
   frames({1, 2});
   EXPECT_EQ(out(), "1- 2- ");
 }
 
-TEST_F(Pairs, WaitInOrderForTheImageThatComesLater) {
+TEST_F(FrameImageSynchronization, FramesWaitInOrderForLaterImages) {
   images({1});
   frames({1, 2, 3});
   EXPECT_EQ(out(), "1 ");
@@ -63,7 +63,7 @@ TEST_F(Pairs, WaitInOrderForTheImageThatComesLater) {
   EXPECT_EQ(out(), "3 ");
 }
 
-TEST_F(Pairs, LeaveWithoutTheImageOnceALaterOneCame) {
+TEST_F(FrameImageSynchronization, ReturnsAFrameAloneOnceALaterImageArrived) {
   images({1});
   frames({1, 2, 3});
   EXPECT_EQ(out(), "1 ");
@@ -71,7 +71,7 @@ TEST_F(Pairs, LeaveWithoutTheImageOnceALaterOneCame) {
   EXPECT_EQ(out(), "2- 3 ");
 }
 
-TEST_F(Pairs, LeaveWithoutTheImageWhenTooManyWait) {
+TEST_F(FrameImageSynchronization, ReturnsAFrameAloneWhenTooManyWait) {
   images({1});
   frames({1, 2, 3, 4, 5});
   EXPECT_EQ(out(), "1 2- ");
@@ -79,7 +79,7 @@ TEST_F(Pairs, LeaveWithoutTheImageWhenTooManyWait) {
   EXPECT_EQ(out(), "3 4 5 ");
 }
 
-TEST_F(Pairs, LeaveInTimeAndWaitAgainOnlyWhenImagesComeAgain) {
+TEST_F(FrameImageSynchronization, StopsWaitingAfterATimeoutUntilImagesArriveAgain) {
   images({1});
   frames({1, 2});
   EXPECT_EQ(out(), "1 ");
@@ -95,18 +95,18 @@ TEST_F(Pairs, LeaveInTimeAndWaitAgainOnlyWhenImagesComeAgain) {
   EXPECT_EQ(out(), "5 ");
 }
 
-TEST_F(Pairs, KeepABoundedNumberOfImages) {
+TEST_F(FrameImageSynchronization, StoresABoundedNumberOfImages) {
   images({1, 2, 3, 4, 5, 6});
   frames({1, 2, 6});
   EXPECT_EQ(out(), "1- 2 6 ");
 }
 
-TEST_F(Pairs, LetImagesGoWithTheFrameThatIsAsLate) {
+TEST_F(FrameImageSynchronization, ReleasesImagesUpToTheFrame) {
   std::vector<std::weak_ptr<int>> kept;
   for (int stamp = 1; stamp <= 4; ++stamp) {
     const auto image = std::make_shared<int>(stamp);
     kept.push_back(image);
-    pairing_.addImage(stamp, image);
+    synchronizer_.addImage(stamp, image);
   }
   frames({3});
   EXPECT_EQ(out(), "3 ");
@@ -114,23 +114,23 @@ TEST_F(Pairs, LetImagesGoWithTheFrameThatIsAsLate) {
   EXPECT_FALSE(kept[3].expired());
 }
 
-TEST_F(Pairs, FindTheImagesOfBothClocksAroundAJump) {
-  images({98, 99, 1, 2});  // of a looped bag: the frames come a little later
+TEST_F(FrameImageSynchronization, MatchesOnBothSidesOfAClockJump) {
+  images({98, 99, 1, 2});  // a looped bag, whose frames arrive a little later
   frames({98, 99});
   EXPECT_EQ(out(), "98 99 ");
-  pairing_.jumpBack(1);
+  synchronizer_.jumpBack(1);
   frames({1, 2});
   EXPECT_EQ(out(), "1 2 ");
 }
 
-TEST_F(Pairs, AJumpThrowsTheOldClockAway) {
+TEST_F(FrameImageSynchronization, AClockJumpDropsTheImagesBeforeIt) {
   images({98, 99});
   frames({97, 98, 100});
   EXPECT_EQ(out(), "97- 98 ");
   EXPECT_EQ(out(false), "100- ");
   images({101});
-  pairing_.jumpBack(1);
-  frames({1});  // no later image of the old clock says that its own is lost
+  synchronizer_.jumpBack(1);
+  frames({1});  // an image from before the jump must not count as a later one
   EXPECT_EQ(out(), "");
   images({1});
   EXPECT_EQ(out(), "1 ");

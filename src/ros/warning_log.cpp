@@ -1,9 +1,8 @@
-#include "ground_scale_vo/ros/fault_log.hpp"
+#include "ground_scale_vo/ros/warning_log.hpp"
 
 namespace ground_scale_vo {
 
-std::string FaultLog::report(const std::string& kind, const std::string& sentence) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+std::string WarningLog::count(const std::string& kind, const std::string& sentence) {
   Kind& entry = kinds_[kind];
   ++entry.count;
   const auto now = std::chrono::steady_clock::now();
@@ -12,17 +11,16 @@ std::string FaultLog::report(const std::string& kind, const std::string& sentenc
   return sentence + " (" + kind + ": " + std::to_string(entry.count) + " so far)";
 }
 
-std::map<std::string, std::uint64_t> FaultLog::counts() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+std::map<std::string, std::uint64_t> WarningLog::counts() const {
   std::map<std::string, std::uint64_t> counts;
   for (const auto& [kind, entry] : kinds_) counts[kind] = entry.count;
   return counts;
 }
 
-std::uint64_t FaultLog::count(const std::string& beginning) const {
+std::uint64_t WarningLog::total(const std::string& prefix) const {
   std::uint64_t sum = 0;
-  for (const auto& [kind, count] : counts()) {
-    if (kind.compare(0, beginning.size(), beginning) == 0) sum += count;
+  for (const auto& [kind, entry] : kinds_) {
+    if (kind.compare(0, prefix.size(), prefix) == 0) sum += entry.count;
   }
   return sum;
 }

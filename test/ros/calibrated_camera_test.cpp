@@ -1,14 +1,20 @@
-// camera_info: what is taken from it, how pixels are undistorted by it, what is refused.
+// camera_info: the intrinsics taken from it, the rectification by it, and what is refused.
+
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/ros/message_error.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -28,7 +34,7 @@ Info goodInfo() {
 
 std::string refusal(const Info& info, bool rectified = false) {
   try {
-    toRectifier(toCalibration(info, "/cam/info", rectified), "/cam/info");
+    CalibratedCamera(info, "/cam/info", rectified);
   } catch (const MessageError& error) {
     EXPECT_EQ(std::string(error.what()).find("camera_info on topic /cam/info "), 0u)
         << error.what();
@@ -37,46 +43,46 @@ std::string refusal(const Info& info, bool rectified = false) {
   return "";
 }
 
-TEST(ToCalibration, UsesKWhenItIsThere) {
+TEST(CalibratedCamera, UsesKWhenItIsThere) {
   Info info = goodInfo();
   info.P[0] = 999;
-  const Calibration calibration = toCalibration(info, "/cam/info", false);
-  EXPECT_EQ(calibration.raw.fx, 400);
-  EXPECT_EQ(calibration.raw.fy, 410);
-  EXPECT_EQ(calibration.raw.cx, 320);
-  EXPECT_EQ(calibration.raw.cy, 100);
-  EXPECT_EQ(calibration.raw.width, 640);
-  EXPECT_EQ(calibration.raw.height, 200);
-  EXPECT_EQ(calibration.model, DistortionModel::kNone);
-  EXPECT_TRUE(calibration == toCalibration(info, "/cam/info", false));
+  const CalibratedCamera calibrated(info, "/cam/info", false);
+  EXPECT_EQ(calibrated.camera().fx, 400);
+  EXPECT_EQ(calibrated.camera().fy, 410);
+  EXPECT_EQ(calibrated.camera().cx, 320);
+  EXPECT_EQ(calibrated.camera().cy, 100);
+  EXPECT_EQ(calibrated.camera().width, 640);
+  EXPECT_EQ(calibrated.camera().height, 200);
+  EXPECT_FALSE(calibrated.isDistorted());
+  EXPECT_TRUE(calibrated == CalibratedCamera(info, "/cam/info", false));
 }
 
-TEST(ToCalibration, UsesPOfARectifiedCamera) {
+TEST(CalibratedCamera, UsesPOfARectifiedCamera) {
   Info info = goodInfo();
   info.P[0] = 500;
   info.K.fill(0);
-  EXPECT_EQ(toCalibration(info, "/cam/info", false).raw.fx, 500);
+  EXPECT_EQ(CalibratedCamera(info, "/cam/info", false).camera().fx, 500);
   // KITTI's raw drives: K and D of the raw camera beside rectified images.
   info = goodInfo();
   info.P[0] = 500;
   info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
-  const Calibration calibration = toCalibration(info, "/cam/info", true);
-  EXPECT_EQ(calibration.raw.fx, 500);
-  EXPECT_EQ(calibration.model, DistortionModel::kNone);
+  const CalibratedCamera calibrated(info, "/cam/info", true);
+  EXPECT_EQ(calibrated.camera().fx, 500);
+  EXPECT_FALSE(calibrated.isDistorted());
 }
 
-// The right camera of a pair has its distance in P, a stereo calibration has an R; neither changes
-// where the pixels of this camera look.
-TEST(ToCalibration, LeavesOutWhatTellsOfAnotherCamera) {
-  const Calibration alone = toCalibration(goodInfo(), "/t", true);
+// The right camera of a stereo pair has its baseline in P, a stereo calibration has an R; neither
+// changes the rays of the pixels of this camera.
+TEST(CalibratedCamera, IgnoresTheStereoCalibration) {
+  const CalibratedCamera alone(goodInfo(), "/t", true);
   Info info = goodInfo();
   info.P[3] = -386.1;
   info.P[7] = 2;
-  EXPECT_TRUE(toCalibration(info, "/t", true) == alone);
+  EXPECT_TRUE(CalibratedCamera(info, "/t", true) == alone);
   for (const double r : {0.0, 7.0}) {
     info.R.fill(r);
-    EXPECT_TRUE(toCalibration(info, "/t", true) == alone);
-    EXPECT_TRUE(toCalibration(info, "/t", false) == toCalibration(goodInfo(), "/t", false));
+    EXPECT_TRUE(CalibratedCamera(info, "/t", true) == alone);
+    EXPECT_TRUE(CalibratedCamera(info, "/t", false) == CalibratedCamera(goodInfo(), "/t", false));
   }
 }
 
@@ -117,11 +123,11 @@ cv::Point2d distorted(const Info& info, double x, double y) {
   return pixels[0];
 }
 
-/// Rectifies ramps along x and y, whose grey tells the raw pixel that a rectified one shows, and
-/// compares that with the projection. scale, origin: raw pixel of the full resolution =
+/// Rectifies ramps along x and y, whose grey value is the raw pixel that a rectified one shows, and
+/// compares it with the projection. scale, origin: raw pixel of the full resolution =
 /// scale * pixel + origin.
 void expectRectified(const Info& info, int scale, cv::Point origin, const std::string& name) {
-  const Rectifier rectifier = toRectifier(toCalibration(info, "/t", false), "/t");
+  const CalibratedCamera rectifier(info, "/t", false);
   const PinholeCamera& camera = rectifier.camera();
   ASSERT_LE(camera.width, 256);
   cv::Mat along_x(camera.height, camera.width, CV_8U), along_y = along_x.clone();
@@ -160,7 +166,7 @@ Info smallInfo(const Distortion& distortion) {
   return info;
 }
 
-TEST(ToRectifier, UndistortsByEveryModel) {
+TEST(Rectification, FollowsEveryDistortionModel) {
   for (const Distortion& distortion : distortions()) {
     expectRectified(
         smallInfo(distortion), 1, {0, 0},
@@ -168,7 +174,7 @@ TEST(ToRectifier, UndistortsByEveryModel) {
   }
 }
 
-TEST(ToRectifier, KnowsThePartOfTheSensorAndItsBinning) {
+TEST(Rectification, AppliesRoiAndBinning) {
   for (const Distortion& distortion : distortions()) {
     Info info = smallInfo(distortion);
     info.width = 500;
@@ -180,20 +186,20 @@ TEST(ToRectifier, KnowsThePartOfTheSensorAndItsBinning) {
     info.roi.y_offset = 40;
     info.roi.width = 301;
     info.roi.height = 160;
-    EXPECT_EQ(toCalibration(info, "/t", false).raw.width, 150);
-    EXPECT_EQ(toCalibration(info, "/t", false).raw.height, 80);
+    EXPECT_EQ(CalibratedCamera(info, "/t", false).camera().width, 150);
+    EXPECT_EQ(CalibratedCamera(info, "/t", false).camera().height, 80);
     expectRectified(info, 2, {100, 40}, "binned part");
     info.roi.width = 200;
     info.binning_x = info.binning_y = 1;
     expectRectified(info, 1, {100, 40}, "part");
   }
-  // P in the same way; and a roi that is the whole image is none.
+  // The same with P; an ROI of the whole image has no effect.
   Info info = goodInfo();
   info.roi.x_offset = 100;
   info.roi.width = 540;
   info.roi.height = 200;
   info.binning_x = 2;
-  const PinholeCamera part = toCalibration(info, "/t", true).raw;
+  const PinholeCamera part = CalibratedCamera(info, "/t", true).camera();
   EXPECT_EQ(part.width, 270);
   EXPECT_EQ(part.height, 200);
   EXPECT_EQ(part.fx, 200);
@@ -204,7 +210,64 @@ TEST(ToRectifier, KnowsThePartOfTheSensorAndItsBinning) {
   info.roi.width = 640;
   info.roi.height = 200;
   info.roi.do_rectify = true;
-  EXPECT_TRUE(toCalibration(info, "/t", false) == toCalibration(goodInfo(), "/t", false));
+  EXPECT_TRUE(CalibratedCamera(info, "/t", false) == CalibratedCamera(goodInfo(), "/t", false));
+}
+
+/// The camera of the tests below, with a distortion.
+Info wideInfo(const std::string& model, const std::vector<double>& coefficients) {
+  PinholeCamera camera;
+  camera.width = 800;
+  camera.height = 248;
+  camera.fx = camera.fy = 464;
+  camera.cx = 400;
+  camera.cy = 119;
+  Info info = toCameraInfo(camera);
+  info.distortion_model = model;
+  info.D = coefficients;
+  return info;
+}
+
+TEST(Rectification, WithoutDistortionIsTheImageItself) {
+  const CalibratedCamera calibrated(wideInfo("plumb_bob", {0, 0, 0, 0, 0}), "/t", false);
+  const cv::Mat raw(248, 800, CV_8UC1, cv::Scalar(7));
+  EXPECT_EQ(calibrated.rectify(raw).data, raw.data);
+}
+
+TEST(Rectification, MovesASpotFromItsDistortedToItsPinholePixel) {
+  const double k1 = -0.3;
+  const CalibratedCamera calibrated(wideInfo("plumb_bob", {k1, 0, 0, 0, 0}), "/t", false);
+  const PinholeCamera& camera = calibrated.camera();
+  const Eigen::Vector2d x(0.4, 0.1);  // the direction of the spot
+  const Eigen::Vector2d raw_x = x * (1 + k1 * x.squaredNorm());
+  cv::Mat raw(camera.height, camera.width, CV_8UC1, cv::Scalar(0));
+  const Eigen::Vector2d at = camera.project(raw_x.homogeneous());
+  raw.at<std::uint8_t>(static_cast<int>(std::lround(at.y())),
+                       static_cast<int>(std::lround(at.x()))) = 255;
+  cv::Point brightest;
+  cv::minMaxLoc(calibrated.rectify(raw), nullptr, nullptr, nullptr, &brightest);
+  const Eigen::Vector2d expected = camera.project(x.homogeneous());
+  EXPECT_NEAR(brightest.x, expected.x(), 1.5);
+  EXPECT_NEAR(brightest.y, expected.y(), 1.5);
+}
+
+TEST(Rectification, OfAFisheyeFollowsTheAngleFromTheAxis) {
+  const CalibratedCamera calibrated(wideInfo("equidistant", {0, 0, 0, 0}), "/t", false);
+  const PinholeCamera& camera = calibrated.camera();
+  const double theta = std::atan(0.5);
+  cv::Mat raw(camera.height, camera.width, CV_8UC1, cv::Scalar(0));
+  raw.at<std::uint8_t>(119, static_cast<int>(std::lround(camera.cx + camera.fx * theta))) = 255;
+  cv::Point brightest;
+  cv::minMaxLoc(calibrated.rectify(raw), nullptr, nullptr, nullptr, &brightest);
+  EXPECT_NEAR(brightest.x, camera.cx + camera.fx * 0.5, 1.5);
+}
+
+TEST(Rectification, RefusesImagesThatDoNotFit) {
+  for (const double k1 : {0.0, -0.3}) {
+    const CalibratedCamera calibrated(wideInfo("plumb_bob", {k1, 0, 0, 0, 0}), "/t", false);
+    EXPECT_THROW(calibrated.rectify(cv::Mat(10, 10, CV_8UC1)), OptionError);
+    EXPECT_THROW(calibrated.rectify(cv::Mat(248, 800, CV_8UC3)), OptionError);
+    EXPECT_THROW(calibrated.rectify(cv::Mat()), OptionError);
+  }
 }
 
 struct Refused {
@@ -213,7 +276,7 @@ struct Refused {
   const char* sentence;  ///< a part of it
 };
 
-TEST(ToCalibration, RefusesWhatIsNoCalibrationAndNamesTheTopic) {
+TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
   constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
@@ -255,7 +318,7 @@ TEST(ToCalibration, RefusesWhatIsNoCalibrationAndNamesTheTopic) {
        },
        "width * height [px] is 1e+10"},
       {"unknown model", [](Info* i) { i->distortion_model = "thin_prism"; },
-       "the distortion model is \"thin_prism\"; known are plumb_bob, rational_polynomial and "
+       "the distortion model is \"thin_prism\"; supported are plumb_bob, rational_polynomial and "
        "equidistant"},
       {"no model but D", [](Info* i) { i->distortion_model.clear(), i->D[0] = 0.1; },
        "the distortion model is \"\""},
@@ -270,7 +333,7 @@ TEST(ToCalibration, RefusesWhatIsNoCalibrationAndNamesTheTopic) {
          i->roi.x_offset = 641;
          i->roi.width = i->roi.height = 10;
        },
-       "the roi of 10 x 10 at (641, 0) with a binning of 1 x 1 is no part of an image of 640 x "
+       "the ROI of 10 x 10 at (641, 0) with a binning of 1 x 1 is not inside the image of 640 x "
        "200"},
       {"roi over the edge",
        [](Info* i) {
@@ -278,15 +341,15 @@ TEST(ToCalibration, RefusesWhatIsNoCalibrationAndNamesTheTopic) {
          i->roi.width = 640;
          i->roi.height = 100;
        },
-       "the roi of 640 x 100 at (0, 101)"},
-      {"roi around the world",
+       "the ROI of 640 x 100 at (0, 101)"},
+      {"roi size near 2^32",
        [](Info* i) {
          i->roi.x_offset = 100;
          i->roi.width = kMost - 50;
          i->roi.height = 200;
        },
-       "the roi of 4294967245 x 200"},
-      {"roi without a size", [](Info* i) { i->roi.x_offset = 4; }, "the roi of 0 x 0 at (4, 0)"},
+       "the ROI of 4294967245 x 200"},
+      {"roi without a size", [](Info* i) { i->roi.x_offset = 4; }, "the ROI of 0 x 0 at (4, 0)"},
       {"binning beyond the image", [](Info* i) { i->binning_y = 201; },
        "with a binning of 1 x 201"},
   };
@@ -300,7 +363,7 @@ TEST(ToCalibration, RefusesWhatIsNoCalibrationAndNamesTheTopic) {
   }
   Info info = goodInfo();
   info.P.fill(0);
-  EXPECT_NE(refusal(info, true).find("has no P, which image_is_rectified needs"),
+  EXPECT_NE(refusal(info, true).find("has no P, which image_is_rectified requires"),
             std::string::npos);
 }
 

@@ -7,14 +7,13 @@
 #include <functional>
 #include <string>
 
-#include "inbox.hpp"
+#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 
-/// True when from now on a status comes in the diagnostics of which the predicate is true. Unless
-/// from_now, one that has come since the inbox was last cleared counts too.
+/// True if a status arrives for which the predicate holds. from_now: ignore those already recorded.
 inline bool waitForStatus(
-    Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics,
+    TopicRecorder<diagnostic_msgs::DiagnosticArray>& diagnostics,
     const std::function<bool(const diagnostic_msgs::DiagnosticStatus&)>& predicate,
     bool from_now = true) {
   if (from_now) diagnostics.clear();
@@ -25,7 +24,7 @@ inline bool waitForStatus(
   });
 }
 
-/// 0 when the status does not tell.
+/// The value of a key as a number; 0 if the status lacks the key.
 inline int countIn(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
   for (const auto& entry : status.values) {
     if (entry.key == key) return std::stoi(entry.value);
@@ -33,10 +32,11 @@ inline int countIn(const diagnostic_msgs::DiagnosticStatus& status, const std::s
   return 0;
 }
 
-/// True when the diagnostics come to tell this value, from now on; empty: any. of: part of the
-/// name of the nodelet that shall tell it.
-inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& key,
-                      const std::string& value = "", const std::string& of = "") {
+/// True if from now on a status with this value of the key arrives; empty: any value. of: part of
+/// the name of the nodelet.
+inline bool waitForValue(TopicRecorder<diagnostic_msgs::DiagnosticArray>& diagnostics,
+                         const std::string& key, const std::string& value = "",
+                         const std::string& of = "") {
   return waitForStatus(diagnostics, [&](const auto& status) {
     return status.name.find(of) != std::string::npos &&
            std::any_of(status.values.begin(), status.values.end(), [&](const auto& entry) {
@@ -45,9 +45,10 @@ inline bool diagnosed(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, cons
   });
 }
 
-/// The same of the one line that is shown: with this level, the text is a part of it.
-inline bool diagnosedAs(Inbox<diagnostic_msgs::DiagnosticArray>& diagnostics, const std::string& of,
-                        std::int8_t level, const std::string& text, bool from_now = true) {
+/// True if a status of the nodelet arrives with this level and a message that contains the text.
+inline bool waitForSummary(TopicRecorder<diagnostic_msgs::DiagnosticArray>& diagnostics,
+                           const std::string& of, std::int8_t level, const std::string& text,
+                           bool from_now = true) {
   return waitForStatus(
       diagnostics,
       [&](const auto& status) {

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <image_geometry/pinhole_camera_model.h>
+#include <sensor_msgs/CameraInfo.h>
+
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "ground_scale_vo/vo/camera.hpp"
+
+namespace ground_scale_vo {
+
+/// The camera that a CameraInfo describes: intrinsics of its images and their rectification, by
+/// image_geometry. Immutable.
+///
+/// Uses K and D; P if K is all zero, as for a rectified camera, or if image_is_rectified states
+/// that the images are rectified although K and D describe the raw camera. ROI and binning are
+/// applied. R and the last column of P are not used: the pose is that of the camera as mounted.
+class CalibratedCamera {
+ public:
+  /// topic: for the error. Throws MessageError that names it: not calibrated (K and P all zero), a
+  /// number that is not finite, implausible intrinsics, an unknown distortion model or a wrong
+  /// number of coefficients, an ROI outside the image.
+  CalibratedCamera(const sensor_msgs::CameraInfo& info, const std::string& topic,
+                   bool image_is_rectified);
+
+  /// Intrinsics of the rectified images, which have the size of the raw ones.
+  const PinholeCamera& camera() const { return camera_; }
+  bool isDistorted() const { return is_distorted_; }
+  /// raw: 8-bit, one channel, the camera's size (throws OptionError otherwise). Without distortion
+  /// the result is raw itself.
+  cv::Mat rectify(const cv::Mat& raw) const;
+
+  /// Same calibration, which rectifies every image alike.
+  bool operator==(const CalibratedCamera& other) const;
+  /// Same image size and, within 0.01 px, same intrinsics: a camera of a message in single
+  /// precision still matches.
+  bool matches(const PinholeCamera& other) const;
+
+ private:
+  image_geometry::PinholeCameraModel model_;
+  PinholeCamera camera_;
+  bool is_distorted_ = false;
+};
+
+/// camera_info of a rectified camera: K and P filled, D zero. For writing bags.
+sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera);
+
+}  // namespace ground_scale_vo

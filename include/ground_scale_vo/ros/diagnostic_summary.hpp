@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
+
+namespace ground_scale_vo {
+
+/// Level and message of a nodelet's diagnostics: ERROR if there is no output, WARN if the output is
+/// degraded, OK otherwise.
+struct DiagnosticSummary {
+  enum class Level : std::uint8_t { kOk = 0, kWarn = 1, kError = 2 };  // as in DiagnosticStatus
+  Level level = Level::kOk;
+  std::string message;
+};
+
+/// The input of either nodelet.
+struct InputState {
+  std::string topic;
+  std::optional<double> silent_s;  ///< wall time since the last message; empty before the first
+  std::uint64_t dropped = 0;       ///< in the last second: queue full, refused, invalid stamp
+};
+
+struct MonoVoState {
+  InputState images;
+  std::string camera_info_topic;
+  bool camera_known = false;
+  std::string camera_info_error;  ///< why the last camera_info was refused; empty: accepted
+  std::optional<VoStatus> status;
+};
+
+struct ScaleRecoveryState {
+  InputState frames;
+  ScaleStatus status = ScaleStatus::kUnknown;
+  ScaleReason reason = ScaleReason::kNone;
+  double held_s = 0;               ///< time since the last measurement, without standstill [s]
+  std::string odom_frame_error;    ///< why no metric pose can be published; empty: it can
+  std::string missing_image_note;  ///< why no image was used in the last second; empty: one was
+};
+
+DiagnosticSummary summarize(const MonoVoState& state);
+DiagnosticSummary summarize(const ScaleRecoveryState& state);
+
+}  // namespace ground_scale_vo

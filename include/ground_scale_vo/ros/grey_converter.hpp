@@ -1,0 +1,28 @@
+#pragma once
+
+#include <sensor_msgs/Image.h>
+
+#include <opencv2/core.hpp>
+
+namespace ground_scale_vo {
+
+/// Converts images to 8-bit grey. Encodings: mono, colour and Bayer of 8 or 16 bits, yuv422 and
+/// yuv422_yuy2; 8UC1 and 16UC1 count as mono, 8UC3 as bgr8, 8UC4 as bgra8, and so on.
+///
+/// Most 16-bit cameras use fewer bits. The conversion to 8 bits divides by the range in use (8, 10,
+/// 12, 14 or 16 bits): that of the first image, wider when a brighter image arrives, never
+/// narrower. So the brightness does not flicker, and a result does not depend on later images.
+class GreyConverter {
+ public:
+  /// An 8-bit mono image is not copied: the result refers to the message's data, which must outlive
+  /// it. Throws MessageError: no pixels, an encoding without a grey value, a step that does not fit
+  /// the width, data shorter or longer than step * height.
+  cv::Mat convert(const sensor_msgs::Image& image);
+
+ private:
+  cv::Mat scaleToEightBits(const cv::Mat& grey);
+
+  int bits_in_use_ = 8;
+};
+
+}  // namespace ground_scale_vo

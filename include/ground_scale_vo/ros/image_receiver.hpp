@@ -1,0 +1,78 @@
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <ros/node_handle.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/ros/image_rectifier.hpp"
+#include "ground_scale_vo/ros/warning_log.hpp"
+
+namespace ground_scale_vo {
+
+/// Subscribes to `image` (image_transport) and `camera_info`, and rectifies the images. Both
+/// nodelets receive their images by it. All of it runs in the callback queue of the node handle.
+class ImageReceiver {
+ public:
+  struct Options {
+    bool image_is_rectified = false;
+    std::uint32_t image_queue_size = 100;  ///< images that may wait for their callback
+  };
+  struct Handlers {
+    /// Each image as it arrives, before any check.
+    std::function<void(const sensor_msgs::ImageConstPtr&)> on_image;
+    /// After each valid camera_info.
+    std::function<void()> on_camera = [] {};
+    /// Each message that is dropped: kind of the warning, reason.
+    std::function<void(const std::string&, const std::string&)> on_drop;
+  };
+
+  /// private_handle: its parameter image_transport names the transport. Throws OptionError when
+  /// that is not installed.
+  ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
+                const Options& options, Handlers handlers);
+  ImageReceiver(const ImageReceiver&) = delete;
+  ImageReceiver& operator=(const ImageReceiver&) = delete;
+
+  /// Null before the first valid camera_info. A new object if and only if the calibration changed.
+  const std::shared_ptr<const CalibratedCamera>& camera() const { return rectifier_.camera(); }
+
+  /// Rectified 8-bit grey; empty, after on_drop("image refused", …), for an image that cannot be
+  /// used. It may refer to the data of the message. Precondition: camera() is not null.
+  cv::Mat rectify(const sensor_msgs::Image& image);
+
+  /// For images derived from the received ones.
+  image_transport::ImageTransport& transport() { return transport_; }
+
+  // For the diagnostics.
+  std::uint64_t imagesReceived() const { return images_received_; }
+  /// Wall time since the last image [s]; empty before the first.
+  std::optional<double> secondsSinceImage() const;
+  std::string imageTopic() const { return image_subscriber_.getTopic(); }
+  std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
+  bool hasImagePublisher() const { return image_subscriber_.getNumPublishers() > 0; }
+  /// Why the last camera_info was refused; empty if it was accepted.
+  const std::string& cameraInfoError() const { return camera_info_error_; }
+
+ private:
+  void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  void onImage(const sensor_msgs::ImageConstPtr& image);
+
+  const Handlers handlers_;
+  ImageRectifier rectifier_;
+  std::uint64_t images_received_ = 0;
+  std::optional<Stopwatch> since_image_;
+  std::string camera_info_error_;
+
+  image_transport::ImageTransport transport_;
+  ros::Subscriber camera_info_subscriber_;
+  image_transport::Subscriber image_subscriber_;
+};
+
+}  // namespace ground_scale_vo

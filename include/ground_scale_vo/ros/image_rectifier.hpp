@@ -1,0 +1,39 @@
+#pragma once
+
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
+#include "ground_scale_vo/ros/grey_converter.hpp"
+#include "ground_scale_vo/ros/message_error.hpp"
+
+namespace ground_scale_vo {
+
+/// Converts the images of one camera to rectified 8-bit grey, by the latest valid camera_info.
+class ImageRectifier {
+ public:
+  /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
+  explicit ImageRectifier(bool image_is_rectified) : image_is_rectified_(image_is_rectified) {}
+
+  /// Throws MessageError that names the topic; the previous calibration stays in use then.
+  void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
+
+  /// Null before the first valid camera_info. A new object if and only if the calibration changed.
+  const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
+
+  /// 8-bit grey, rectified. Refers to the message's data if nothing has to be converted. Throws
+  /// MessageError: GreyConverter's reasons, or not the size of the calibration. Precondition:
+  /// camera() is not null.
+  cv::Mat rectify(const sensor_msgs::Image& image);
+
+ private:
+  const bool image_is_rectified_;
+  std::shared_ptr<const CalibratedCamera> camera_;
+  GreyConverter grey_converter_;
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "ground_scale_vo/vo/vo_frame.hpp"
+
+namespace ground_scale_vo {
+
+/// Keeps map ids ascending when the odometry is restarted and counts its maps from 0 again, so that
+/// its first map is taken for a new one.
+class MapNumbering {
+ public:
+  /// Renumbers the map of the next frame. A sequence number that does not grow means a restart.
+  void apply(VoFrame& frame) {
+    if (last_sequence_ && frame.sequence <= *last_sequence_) offset_ = last_map_id_ + 1;
+    last_sequence_ = frame.sequence;
+    frame.map_id += offset_;
+    last_map_id_ = frame.map_id;
+  }
+
+ private:
+  std::optional<std::uint32_t> last_sequence_;
+  std::uint32_t last_map_id_ = 0;
+  std::uint32_t offset_ = 0;
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,189 @@
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
+
+#include <sensor_msgs/distortion_models.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/ros/image_limits.hpp"
+#include "ground_scale_vo/ros/message_error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+namespace models = sensor_msgs::distortion_models;
+
+/// [px] by which the intrinsics of matching cameras may differ.
+constexpr double kMatchTolerancePx = 0.01;
+
+/// image_geometry takes coefficients that are all zero for "no distortion" and would return the raw
+/// image. An equidistant (fisheye) image is distorted even then; this coefficient, which moves no
+/// pixel, makes it apply the model.
+constexpr double kNegligibleCoefficient = 1e-12;
+
+template <typename Range>
+bool allZero(const Range& values) {
+  return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
+}
+
+/// Intrinsics at full resolution from K or P, which has 3 or 4 columns; the last column of P is the
+/// baseline of a stereo pair and not used. Throws OptionError for implausible numbers.
+PinholeCamera fullResolutionCamera(const sensor_msgs::CameraInfo& info, const double* matrix,
+                                   int columns) {
+  const auto at = [&](int row, int column) { return matrix[row * columns + column]; };
+  PinholeCamera camera;
+  camera.width = static_cast<int>(std::min(info.width, kMaxImageSide + 1));
+  camera.height = static_cast<int>(std::min(info.height, kMaxImageSide + 1));
+  camera.fx = at(0, 0);
+  camera.fy = at(1, 1);
+  camera.cx = at(0, 2);
+  camera.cy = at(1, 2);
+  camera.validate();
+  const char* const name = columns == 4 ? "P" : "K";
+  if (at(0, 1) != 0 || at(1, 0) != 0 || at(2, 0) != 0 || at(2, 1) != 0 || at(2, 2) != 1) {
+    throw OptionError(std::string(name) + " is not of the form fx 0 cx, 0 fy cy, 0 0 1");
+  }
+  requireInRange("width * height [px]", 1.0 * camera.width * camera.height, 1, kMaxImagePixels);
+  requireInRange("fx [image widths]", camera.fx / camera.width, 0.02, 500);
+  requireInRange("fy / fx", camera.fy / camera.fx, 0.1, 10);
+  requireInRange("cx [image widths]", camera.cx / camera.width, -10, 10);
+  requireInRange("cy [image heights]", camera.cy / camera.height, -10, 10);
+  return camera;
+}
+
+/// Throws OptionError unless the ROI, after binning, is a part of the image. image_geometry does
+/// not check it.
+void requireRoiInsideImage(const sensor_msgs::CameraInfo& info) {
+  sensor_msgs::RegionOfInterest roi = info.roi;
+  if (roi.x_offset == 0 && roi.y_offset == 0 && roi.width == 0 && roi.height == 0) {
+    roi.width = info.width;
+    roi.height = info.height;
+  }
+  const std::uint32_t bin_x = std::max(info.binning_x, 1u);
+  const std::uint32_t bin_y = std::max(info.binning_y, 1u);
+  if (roi.width >= bin_x && roi.x_offset <= info.width && roi.width <= info.width - roi.x_offset &&
+      roi.height >= bin_y && roi.y_offset <= info.height &&
+      roi.height <= info.height - roi.y_offset) {
+    return;
+  }
+  throw OptionError("the ROI of " + std::to_string(roi.width) + " x " + std::to_string(roi.height) +
+                    " at (" + std::to_string(roi.x_offset) + ", " + std::to_string(roi.y_offset) +
+                    ") with a binning of " + std::to_string(bin_x) + " x " + std::to_string(bin_y) +
+                    " is not inside the image of " + std::to_string(info.width) + " x " +
+                    std::to_string(info.height));
+}
+
+/// The name by which image_geometry knows the model. Throws OptionError.
+std::string distortionModel(const std::string& name) {
+  if (name == models::PLUMB_BOB || name == models::RATIONAL_POLYNOMIAL) return name;
+  if (name == models::EQUIDISTANT || name == "fisheye") return models::EQUIDISTANT;
+  throw OptionError("the distortion model is \"" + name +
+                    "\"; supported are plumb_bob, rational_polynomial and equidistant");
+}
+
+/// Throws OptionError unless OpenCV takes so many coefficients of this size.
+void requireCoefficients(const std::string& model, const std::vector<double>& coefficients) {
+  const std::size_t n = coefficients.size();
+  if (model == models::EQUIDISTANT) {
+    if (n != 4) {
+      throw OptionError("equidistant distortion has 4 coefficients, not " + std::to_string(n));
+    }
+  } else if (n != 4 && n != 5 && n != 8 && n != 12 && n != 14) {
+    throw OptionError(
+        "plumb_bob or rational_polynomial distortion has 4, 5, 8, 12 or 14 coefficients, not " +
+        std::to_string(n));
+  }
+  for (const double k : coefficients) requireInRange("distortion coefficient", k, -1e3, 1e3);
+}
+
+/// The same camera with R = I and P = [K | 0], so that rectified images keep K. use_P: the images
+/// are rectified and P describes them.
+/// Throws OptionError.
+sensor_msgs::CameraInfo monocularInfo(const sensor_msgs::CameraInfo& info, bool use_P) {
+  const PinholeCamera camera = use_P ? fullResolutionCamera(info, info.P.data(), 4)
+                                     : fullResolutionCamera(info, info.K.data(), 3);
+  requireRoiInsideImage(info);
+  sensor_msgs::CameraInfo result = toCameraInfo(camera);
+  result.binning_x = info.binning_x;
+  result.binning_y = info.binning_y;
+  result.roi = info.roi;
+  result.roi.do_rectify = false;
+  const bool is_unnamed = info.distortion_model.empty() && allZero(info.D);
+  if (use_P || is_unnamed) return result;
+  result.distortion_model = distortionModel(info.distortion_model);
+  const bool is_fisheye = result.distortion_model == models::EQUIDISTANT;
+  if (allZero(info.D) && !is_fisheye) return result;
+  requireCoefficients(result.distortion_model, info.D);
+  result.D = info.D;
+  if (allZero(info.D)) result.D[0] = kNegligibleCoefficient;
+  return result;
+}
+
+}  // namespace
+
+CalibratedCamera::CalibratedCamera(const sensor_msgs::CameraInfo& info, const std::string& topic,
+                                   bool image_is_rectified) {
+  const std::string subject = "camera_info on topic " + topic;
+  if (!areFinite(info.K, info.P, info.D, info.R)) {
+    throw MessageError(subject + " has numbers that are not finite");
+  }
+  const bool has_K = !allZero(info.K);
+  const bool has_P = !allZero(info.P);
+  if (!has_K && !has_P) {
+    throw MessageError(subject + " is all zeros: the camera is not calibrated");
+  }
+  if (image_is_rectified && !has_P) {
+    throw MessageError(subject + " has no P, which image_is_rectified requires");
+  }
+  try {
+    const sensor_msgs::CameraInfo monocular = monocularInfo(info, image_is_rectified || !has_K);
+    is_distorted_ = !allZero(monocular.D);
+    model_.fromCameraInfo(monocular);
+    const cv::Size size = model_.reducedResolution();
+    camera_ = {size.width, size.height, model_.fx(), model_.fy(), model_.cx(), model_.cy()};
+    camera_.validate();
+  } catch (const OptionError& error) {
+    throw MessageError(subject + " cannot be used: " + error.what());
+  }
+}
+
+cv::Mat CalibratedCamera::rectify(const cv::Mat& raw) const {
+  requireImage(raw, camera_);
+  if (!is_distorted_) return raw;
+  cv::Mat rectified;
+  model_.rectifyImage(raw, rectified);
+  return rectified;
+}
+
+bool CalibratedCamera::operator==(const CalibratedCamera& other) const {
+  const sensor_msgs::CameraInfo &a = model_.cameraInfo(), &b = other.model_.cameraInfo();
+  return camera_.width == other.camera_.width && camera_.height == other.camera_.height &&
+         model_.projectionMatrix() == other.model_.projectionMatrix() &&
+         is_distorted_ == other.is_distorted_ && a.distortion_model == b.distortion_model &&
+         a.D == b.D;
+}
+
+bool CalibratedCamera::matches(const PinholeCamera& other) const {
+  const auto same = [](double a, double b) { return std::abs(a - b) <= kMatchTolerancePx; };
+  return camera_.width == other.width && camera_.height == other.height &&
+         same(camera_.fx, other.fx) && same(camera_.fy, other.fy) && same(camera_.cx, other.cx) &&
+         same(camera_.cy, other.cy);
+}
+
+sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera) {
+  sensor_msgs::CameraInfo info;
+  info.width = static_cast<std::uint32_t>(camera.width);
+  info.height = static_cast<std::uint32_t>(camera.height);
+  info.distortion_model = models::PLUMB_BOB;
+  info.D.assign(5, 0.0);
+  info.K = {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1};
+  info.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  info.P = {camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0};
+  return info;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,99 @@
+#include "ground_scale_vo/ros/diagnostic_summary.hpp"
+
+#include <cstdio>
+#include <utility>
+
+namespace ground_scale_vo {
+namespace {
+
+using Level = DiagnosticSummary::Level;
+
+constexpr double kSilenceS = 5.0;  // as rqt_runtime_monitor before it marks a node stale
+constexpr double kHeldS = 3.0;     // shorter gaps between measurements occur in every drive
+
+std::string seconds(double value, int decimals) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.*f s", decimals, value);
+  return text;
+}
+
+/// An error while the input is missing. what: its name.
+std::optional<DiagnosticSummary> missingInput(const InputState& input, const std::string& what) {
+  if (!input.silent_s) {
+    return DiagnosticSummary{Level::kError, "no " + what + " received yet on " + input.topic};
+  }
+  if (*input.silent_s < kSilenceS) return std::nullopt;
+  return DiagnosticSummary{
+      Level::kError, "no " + what + " for " + seconds(*input.silent_s, 0) + " on " + input.topic};
+}
+
+/// The summary with a further warning.
+DiagnosticSummary withWarning(DiagnosticSummary summary, const std::string& text) {
+  if (summary.level == Level::kOk) summary.level = Level::kWarn;
+  summary.message += "; " + text;
+  return summary;
+}
+
+DiagnosticSummary withDropped(DiagnosticSummary summary, const InputState& input,
+                              const std::string& what) {
+  if (input.dropped == 0) return summary;
+  return withWarning(std::move(summary),
+                     std::to_string(input.dropped) + " " + what + " dropped in the last second");
+}
+
+DiagnosticSummary summarize(VoStatus status) {
+  switch (status) {
+    case VoStatus::kTracking:
+      return {Level::kOk, toString(status)};
+    case VoStatus::kInitialising:
+      return {Level::kWarn, toString(status)};
+    case VoStatus::kLost:
+      break;
+  }
+  return {Level::kError, toString(status)};
+}
+
+DiagnosticSummary summarizeScale(const ScaleRecoveryState& state) {
+  const std::string reason = toString(state.reason);
+  switch (state.status) {
+    case ScaleStatus::kUnknown:
+      return {Level::kWarn,
+              "scale not known yet" + (state.reason == ScaleReason::kNone ? "" : ": " + reason)};
+    case ScaleStatus::kOk:
+      if (!state.missing_image_note.empty()) {
+        return {Level::kWarn, "scale measured from features only, " + state.missing_image_note};
+      }
+      return {Level::kOk, "scale measured"};
+    case ScaleStatus::kHeld:
+      break;
+  }
+  if (state.reason == ScaleReason::kStandstill) return {Level::kOk, "scale held: " + reason};
+  const bool normal = state.reason != ScaleReason::kVoNotTracking && state.held_s < kHeldS;
+  return {normal ? Level::kOk : Level::kWarn,
+          "scale held for " + seconds(state.held_s, 1) + ": " + reason};
+}
+
+}  // namespace
+
+DiagnosticSummary summarize(const MonoVoState& state) {
+  if (!state.camera_known && !state.camera_info_error.empty()) {
+    return {Level::kError, state.camera_info_error};
+  }
+  if (const auto missing = missingInput(state.images, "image")) return *missing;
+  if (!state.camera_known) {
+    return {Level::kError, "no camera_info received yet on " + state.camera_info_topic};
+  }
+  DiagnosticSummary summary = summarize(state.status.value_or(VoStatus::kInitialising));
+  if (!state.status && state.images.dropped > 0) summary = {Level::kError, "no usable image"};
+  summary = withDropped(std::move(summary), state.images, "images");
+  return state.camera_info_error.empty() ? summary
+                                         : withWarning(std::move(summary), state.camera_info_error);
+}
+
+DiagnosticSummary summarize(const ScaleRecoveryState& state) {
+  if (const auto missing = missingInput(state.frames, "vo/frame")) return *missing;
+  if (!state.odom_frame_error.empty()) return {Level::kError, state.odom_frame_error};
+  return withDropped(summarizeScale(state), state.frames, "frames");
+}
+
+}  // namespace ground_scale_vo

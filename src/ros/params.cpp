@@ -1,27 +1,63 @@
 #include "ground_scale_vo/ros/params.hpp"
 
+#include <algorithm>
+#include <cstddef>
+#include <stdexcept>
+#include <vector>
+
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/ros/retired_parameters.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-/// Reads what all stages describe.
+/// The options of the core that are ROS parameters, by full name.
+const std::vector<std::string> kMonoVoOptions = {
+    "tracker/cell_size",            // fewer features for a slow machine
+    "tracker/min_corner_strength",  // a low-contrast camera
+    "bundle_adjustment/window",     // a slow machine
+};
+const std::vector<std::string> kScaleRecoveryOptions = {
+    "random_seed",
+    "refine",
+    "mounting/initial_pitch_sigma",          // a camera mounted with unknown pitch
+    "mounting/max_tilt_rad",                 // a camera that looks steeply down
+    "direct/lane_half_width_heights",        // a narrow lane or corridor
+    "direct/max_ahead_heights",              // a short view ahead
+    "trajectory/rotation_sigma_per_sqrt_m",  // covariance for fusion with other sensors
+    "trajectory/direction_sigma",            // covariance for fusion with other sensors
+};
+
+/// Declares these options of all stages; a note tells users of the others how to set them. Throws
+/// std::logic_error if the core has no option of a listed name.
 template <typename Options>
-void declareStages(ParamReader& reader, Options& options) {
+void declareOptions(ParamReader& reader, Options& options, const std::vector<std::string>& names) {
+  std::size_t declared = 0;
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      reader.note(name,
+                  "is not a ROS parameter and has no effect; the offline tools set it: --set " +
+                      name + "=VALUE");
+      return;
+    }
     reader.declare(name.c_str(), field, rest...);
+    ++declared;
   });
+  if (declared != names.size()) {
+    throw std::logic_error("the list of ROS parameters names an option that does not exist");
+  }
 }
 
-/// What both nodelets have, and what libraries read beside us.
+/// Parameters of both nodelets, and those of libraries in the same namespace.
 void declareCommon(ParamReader& reader, bool& image_is_rectified, double& clock_jump_s) {
   reader.declare("image_is_rectified", image_is_rectified,
                  "[] the images have no distortion and P of camera_info belongs to them");
-  reader.declare(
-      "clock_jump_s", clock_jump_s, 0.0, 3600.0,
-      "[s] a stamp that lies farther back than this starts anew; a nearer one is dropped");
+  reader.declare("clock_jump_s", clock_jump_s, 0.0, 3600.0,
+                 "[s] a stamp earlier by more than this resets the nodelet; one earlier by less is "
+                 "dropped");
   reader.allow("diagnostic_period");
   reader.allow("image_transport");
+  noteRetiredParameters(reader);
 }
 
 }  // namespace
@@ -29,10 +65,10 @@ void declareCommon(ParamReader& reader, bool& image_is_rectified, double& clock_
 MonoVoParams MonoVoParams::read(ParamReader& reader) {
   MonoVoParams params;
   reader.declare("queue_size", params.queue_size, 1, 1000,
-                 "[images] that may wait; when it is full the oldest is dropped");
+                 "[images] that may wait; a full queue drops the oldest");
   reader.declare("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
   declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
-  declareStages(reader, params.vo);
+  declareOptions(reader, params.vo, kMonoVoOptions);
   params.vo.validate();
   return params;
 }
@@ -41,20 +77,18 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   ScaleRecoveryParams params;
   reader.require("camera_height", params.scale.camera_height, 0.05, 100.0,
                  "[m] height of the camera above the road");
-  declareStages(reader, params.scale);
-  reader.declare("odom_frame", params.odom_frame, "[] the metric odometry's fixed frame");
+  reader.declare("odom_frame", params.odom_frame, "[] fixed frame of the metric odometry");
   reader.declare("base_frame", params.base_frame,
-                 "[] the frame whose pose is published; empty: the image's frame");
-  reader.declare("publish_tf", params.publish_tf, "[] broadcast odom_frame -> base_frame");
+                 "[] frame whose pose is published; empty: the frame of the images");
+  reader.declare("publish_tf", params.publish_tf, "[] broadcast odom_frame -> base_frame on tf");
   reader.declare("path_max_poses", params.path_max_poses, 2, 1000000,
-                 "[poses] in path; when it is full every second one goes");
+                 "[poses] in path; a full path drops every second one");
   reader.declare("path_spacing_m", params.path_spacing_m, 0.0, 1000.0,
                  "[m] least distance between two poses of path");
   reader.declare("queue_size", params.queue_size, 1, 1000,
-                 "[frames] of vo/frame that may wait; when it is full the oldest is dropped");
-  reader.declare("image_buffer", params.image_buffer, 1, 10000,
-                 "[images] kept until their vo/frame comes; when it is full the oldest goes");
+                 "[frames] of vo/frame that may wait; a full queue drops the oldest");
   declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
+  declareOptions(reader, params.scale, kScaleRecoveryOptions);
   if (params.odom_frame.empty()) throw OptionError("parameter odom_frame is empty");
   if (params.odom_frame == params.base_frame) {
     throw OptionError("parameters odom_frame and base_frame are both \"" + params.odom_frame +

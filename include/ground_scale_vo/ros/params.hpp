@@ -6,9 +6,11 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
+// The ROS parameters of the nodelets, each under its private namespace. Most options of the core
+// are not among them; the offline tools set those (--set NAME=VALUE). docs/reference/parameters.md
+// lists both.
 namespace ground_scale_vo {
 
-/// All parameters of the MonoVo nodelet, under its private namespace.
 struct MonoVoParams {
   int queue_size = 5;
   bool image_is_rectified = false;
@@ -20,7 +22,6 @@ struct MonoVoParams {
   static MonoVoParams read(ParamReader& reader);
 };
 
-/// All parameters of the ScaleRecovery nodelet, under its private namespace.
 struct ScaleRecoveryParams {
   std::string odom_frame = "odom";
   std::string base_frame;
@@ -29,7 +30,6 @@ struct ScaleRecoveryParams {
   double path_spacing_m = 0.5;
   int queue_size = 10;
   bool image_is_rectified = false;
-  int image_buffer = 30;
   double clock_jump_s = 1.0;
   ScaleRecovery::Options scale;
 

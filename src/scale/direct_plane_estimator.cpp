@@ -8,7 +8,6 @@
 #include "ground_scale_vo/scale/lane_region.hpp"
 #include "scale/direct/height_search.hpp"
 #include "scale/direct/image_buffer.hpp"
-#include "scale/direct/off_plane_mask.hpp"
 #include "scale/direct/patch.hpp"
 #include "scale/direct/patch_matcher.hpp"
 #include "scale/direct/plane_solver.hpp"
@@ -40,18 +39,16 @@ double nearestVisibleRoad(const PinholeCamera& camera, const NormalPrior& prior)
 struct Stages {
   Stages(const DirectPlaneEstimator::Options& options, const PinholeCamera& camera)
       : grid(camera, options.patch_size),
-        extractor(camera, grid, options.blur, options.image_noise),
+        extractor(camera, grid, options.image_noise),
         images(cv::Size(camera.width, camera.height), options.baseline_heights),
-        off_plane(grid, options.off_plane_threshold_heights),
         static_mask(camera, grid),
-        matcher(camera, options.image_noise, options.patch_location_sigma),
+        matcher(camera, options.image_noise),
         search(options),
         solver(options) {}
 
   direct::PatchGrid grid;
   direct::PatchExtractor extractor;
   direct::ImageBuffer images;
-  direct::OffPlaneMask off_plane;
   direct::StaticMask static_mask;
   direct::PatchMatcher matcher;
   direct::HeightSearch search;
@@ -71,7 +68,7 @@ struct DirectPlaneEstimator::Impl {
   void setCamera(const PinholeCamera& new_camera);
   LaneRegion laneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
                         double height) const;
-  void applyMasks(bool use_off_plane_mask);
+  void applyStaticMask();
   Result measure(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior,
                  double height);
   void searchAndSolve(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior,
@@ -103,11 +100,8 @@ LaneRegion DirectPlaneEstimator::Impl::laneRegion(const NormalPrior& prior,
                     options.lane_half_width_heights);
 }
 
-void DirectPlaneEstimator::Impl::applyMasks(bool use_off_plane_mask) {
-  for (direct::Patch& patch : patches) {
-    patch.masked = stages->static_mask.contains(patch.cell) ||
-                   (use_off_plane_mask && stages->off_plane.contains(patch.cell));
-  }
+void DirectPlaneEstimator::Impl::applyStaticMask() {
+  for (direct::Patch& patch : patches) patch.masked = stages->static_mask.contains(patch.cell);
 }
 
 /// While the height is not known in every frame, otherwise once per search_interval_heights without
@@ -118,11 +112,9 @@ bool DirectPlaneEstimator::Impl::isSearchDue(double height) const {
          (position_w - *last_attempt_w).norm() > options.search_interval_heights * height;
 }
 
-/// Solves from the best height of a search over all heights. Without the off-plane mask, which
-/// depends on the predicted height.
+/// Solves from the best height of a search over all heights.
 void DirectPlaneEstimator::Impl::searchAndSolve(const VoFrame& frame, const LaneRegion& lane,
                                                 const NormalPrior& prior, Result* result) {
-  applyMasks(false);
   const double centre = direct::medianFeatureHeight(frame, lane, prior);
   references = stages->images.selectReferences(centre);
   const double found =
@@ -179,8 +171,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(
   current.T_w_c = frame.T_w_c;
   const LaneRegion lane = s.laneRegion(prior, chord, height);
   stages.extractor.extract(image, lane, &current, &s.patches);
-  stages.off_plane.update(frame, prior, height);
-  s.applyMasks(true);
+  s.applyStaticMask();
 
   Result result;
   result.status = ScaleReason::kStandstill;

@@ -5,6 +5,12 @@
 #include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
+namespace {
+
+/// Bounds the time of a fit; the newest frames come first.
+constexpr std::size_t kMaxPoints = 3000;
+
+}  // namespace
 
 void GroundPointAggregation::Options::validate() const {
   visitParameters(*this, RangeCheck("gpa/"));
@@ -31,7 +37,7 @@ std::vector<PlanePoint> GroundPointAggregation::window(const Eigen::Isometry3d& 
   for (auto frame = queue_.rbegin(); frame != queue_.rend(); ++frame) {  // lines 10-13
     const Eigen::Isometry3d T_c_f = T_c_w * frame->T_w_c;
     for (const GroundPoint& point : frame->points) {
-      if (points.size() >= static_cast<std::size_t>(options_.max_points)) return points;
+      if (points.size() >= kMaxPoints) return points;
       if (options_.unique_features && !seen.insert(point.id).second) continue;
       // Eq. 5, but into the camera frame: the fit then does not depend on the world's origin.
       points.push_back({T_c_f * point.p_c, T_c_f.translation(), point.p_c.z(), point.depth_sigma});

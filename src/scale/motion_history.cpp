@@ -1,19 +1,13 @@
 #include "ground_scale_vo/scale/motion_history.hpp"
 
-#include "ground_scale_vo/common/error.hpp"
-
 namespace ground_scale_vo {
-
-void MotionHistory::Options::validate() const { visitParameters(*this, RangeCheck("motion/")); }
-
-MotionHistory::MotionHistory(const Options& options) : options_(options) { options_.validate(); }
 
 void MotionHistory::add(const Eigen::Isometry3d& T_w_c) {
   last_step_ =
       poses_.empty() ? 0 : (T_w_c.translation() - poses_.back().T_w_c.translation()).norm();
   travelled_ += last_step_;
   poses_.push_back({T_w_c, travelled_});
-  if (poses_.size() > static_cast<std::size_t>(options_.max_frames)) poses_.pop_front();
+  if (poses_.size() > kMaxPoses) poses_.pop_front();
 }
 
 double MotionHistory::distanceFromLast(const Eigen::Isometry3d& T_w_c) const {

@@ -16,7 +16,6 @@ ScaleRecovery::Options ScaleRecovery::Options::resolved() const {
 void ScaleRecovery::Options::validate() const {
   requireInRange("camera_height", camera_height, 0.05, 100);
   visitParameters(*this, RangeCheck(""));
-  motion.validate();
   mounting.validate();
   gpe.validate();
   gpa.validate();
@@ -28,7 +27,6 @@ void ScaleRecovery::Options::validate() const {
 struct ScaleRecovery::Impl {
   explicit Impl(const Options& o)
       : options(resolve(o)),
-        motion(options.motion),
         mounting(options.mounting),
         gpe(options.gpe),
         gpa(options.gpa),

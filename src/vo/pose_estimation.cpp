@@ -17,8 +17,9 @@ constexpr double kMinDepth = 1e-6;
 constexpr double kGemanMcClure = 4;    // c: the weight is one half at 1.3 sigma
 constexpr double kInitialScale = 4.0;  // of m, divided by the number of the iteration down to 1
 constexpr double kDiagonalFactor = 1 + 1e-9;  // keeps H invertible without points in some direction
-constexpr double kMaxRotation = 1;            // [rad] of a step; a larger one has diverged
-constexpr double kConverged = 1e-6;           // decrease of the cost by the last step
+constexpr int kMaxIterations = 15;
+constexpr double kMaxRotation = 1;   // [rad] of a step; a larger one has diverged
+constexpr double kConverged = 1e-6;  // decrease of the cost by the last step
 
 // RANSAC with P3P, when the prediction fails. With half of the points outliers, 72 iterations of 4
 // points find the pose with 99 %; 200 suffice for 40 % inliers, which is min_inlier_share.
@@ -73,7 +74,7 @@ PoseEstimation::PoseEstimation(const Options& options) : options_(options) { opt
 PoseEstimation::Result PoseEstimation::refine(
     const Eigen::Isometry3d& start_T_w_c, const std::vector<PointObservation>& observations) const {
   Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
-  for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const double scale = std::max(1.0, kInitialScale / (iteration + 1));
     Matrix6d H = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();

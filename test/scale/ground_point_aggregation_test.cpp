@@ -69,11 +69,10 @@ TEST(GroundPointAggregation, FramesAndPointsAreBounded) {
     gpa.add(poseAt(0), 0.001 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)), 0);
   }
   EXPECT_EQ(gpa.estimate(poseAt(0), 0.009, prior(), kHeight).window.size(), 60u);
-  options.max_points = 25;
-  GroundPointAggregation few(options);
-  few.add(poseAt(0), 0, pointsAhead(20, 1), 0);
-  few.add(poseAt(0.5), 0.5, pointsAhead(20, 101), 0);
-  EXPECT_EQ(few.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 25u);
+  GroundPointAggregation many({});
+  many.add(poseAt(0), 0, pointsAhead(2000, 1), 0);
+  many.add(poseAt(0.5), 0.5, pointsAhead(2000, 10001), 0);
+  EXPECT_EQ(many.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 3000u);
 }
 
 TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
@@ -118,7 +117,7 @@ TEST(GroundPointAggregation, BadOptionsAreRefused) {
   options.max_frames = 0;
   EXPECT_THROW(GroundPointAggregation{options}, OptionError);
   options = {};
-  options.fit.max_iterations = 0;
+  options.fit.min_points = 0;
   EXPECT_THROW(GroundPointAggregation{options}, OptionError);
 }
 

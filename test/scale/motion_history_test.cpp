@@ -10,7 +10,7 @@ namespace ground_scale_vo {
 namespace {
 
 TEST(MotionHistory, ChordAveragesTheDirection) {
-  MotionHistory history({});
+  MotionHistory history;
   EXPECT_FALSE(history.chord(1).has_value());
   for (int i = 0; i < 30; ++i) {  // lateral vibration of a quarter of the step
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
@@ -30,7 +30,7 @@ TEST(MotionHistory, ChordAveragesTheDirection) {
 }
 
 TEST(MotionHistory, ChordIsInTheLastCamerasAxesAndSigned) {
-  MotionHistory history({});
+  MotionHistory history;
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
   history.add(T_w_c);
   EXPECT_EQ(history.distanceFromLast(T_w_c), 0);
@@ -42,19 +42,15 @@ TEST(MotionHistory, ChordIsInTheLastCamerasAxesAndSigned) {
   EXPECT_NEAR((history.chord(1)->direction_c - expected).norm(), 0, 1e-12);
 }
 
-TEST(MotionHistory, KeepsNoMoreThanItsFrames) {
-  MotionHistory::Options options;
-  options.max_frames = 5;
-  MotionHistory history(options);
+TEST(MotionHistory, KeepsTheNewestPoses) {
+  MotionHistory history;
   for (int i = 0; i < 100; ++i) {
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
     T_w_c.translation().z() = i;
     history.add(T_w_c);
   }
-  EXPECT_NEAR(history.chord(1e9)->length, 4, 1e-12);
+  EXPECT_NEAR(history.chord(1e9)->length, MotionHistory::kMaxPoses - 1, 1e-12);
   EXPECT_NEAR(history.travelled(), 99, 1e-9);
-  options.max_frames = 1;
-  EXPECT_THROW(MotionHistory{options}, OptionError);
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
   scene.roll = -0.03;
   Mounting mounting({});
   EXPECT_EQ(mounting.normal(), Eigen::Vector3d(0, -1, 0));
-  MotionHistory history({});
+  MotionHistory history;
   const GroundPlane plane{scene.normal(), scene.height};
   for (int i = 0; i < 400; ++i) {
     history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
@@ -29,7 +29,7 @@ TEST(Mounting, ReverseGivesTheSamePitch) {
   RoadScene scene;
   scene.pitch = 0.04;
   Mounting mounting({});
-  MotionHistory history({});
+  MotionHistory history;
   for (int i = 0; i < 200; ++i) {
     history.add(scene.frameAt(0, -0.4 * i).T_w_c);
     mounting.update(history.chord(3), nullptr, 0.6);
@@ -41,7 +41,7 @@ TEST(Mounting, PriorIsOrthogonalToALongChordAndUnit) {
   RoadScene scene;
   scene.pitch = 0.06;  // not estimated yet
   Mounting mounting({});
-  MotionHistory history({});
+  MotionHistory history;
   const NormalPrior without_motion = mounting.prior(history, 0.7);
   EXPECT_EQ(without_motion.n_c, Eigen::Vector3d(0, -1, 0));
   for (std::uint32_t i = 0; i < 15; ++i) history.add(scene.frame(i).T_w_c);
@@ -59,7 +59,7 @@ TEST(Mounting, StaysWithinItsLimitAndResets) {
   Mounting mounting(options);
   RoadScene scene;
   scene.pitch = 0.3;
-  MotionHistory history({});
+  MotionHistory history;
   for (int i = 0; i < 400; ++i) {
     history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
     mounting.update(history.chord(3), nullptr, 0.6);

@@ -18,8 +18,8 @@ namespace ground_scale_vo {
 ///
 /// Between two frames with relative pose (R, t) a point of the plane m = n / h with viewing ray r
 /// moves to R r - t (m . r). For each frame:
-///  1. The lane ahead is divided into patches; masks exclude the patches that belong to the own
-///     vehicle or to objects off the plane.
+///  1. The lane ahead is divided into patches; a mask excludes the patches that show the own
+///     vehicle or its shadow.
 ///  2. Two reference images are chosen, about one and two baselines away.
 ///  3. Each patch is warped into each reference image by the plane's homography, normalised to zero
 ///     mean and unit variance. Its remaining shift along the epipolar line is a measurement of
@@ -39,19 +39,16 @@ class DirectPlaneEstimator {
     double max_ahead_heights = 10;
     double lane_half_width_heights = 1.0;  ///< the own lane; kerbs and pavements lie higher
     double patch_size = 0.03;              ///< [focal lengths]
-    double blur = 0.0010;                  ///< [focal lengths]
     double baseline_heights = 0.7;
 
     // Noise model.
-    double image_noise = 2;              ///< [grey levels]
-    double patch_location_sigma = 1e-4;  ///< [focal lengths]
+    double image_noise = 2;  ///< [grey levels]
     double roughness_heights = 0.005;
     double curvature_sigma = 1e-3;  ///< [1 / camera height]
     double rotation_sigma_rad = 7e-5;
     double direction_sigma_rad = 1e-3;
 
-    // Iteration and acceptance.
-    int max_iterations = 12;
+    // Acceptance.
     double max_height_change = 1.4;
     double min_correlation = 0.8;
     double max_sigma = 0.05;
@@ -64,8 +61,7 @@ class DirectPlaneEstimator {
     double search_max_disagreement = 0.09;
     double search_interval_heights = 3;
 
-    // Masks.
-    double off_plane_threshold_heights = 0.1;
+    // Static mask.
     double static_memory_heights = 10;
 
     template <typename Self, typename Visit>
@@ -78,14 +74,10 @@ class DirectPlaneEstimator {
       visit("lane_half_width_heights", self.lane_half_width_heights, 0.01, 1000,
             "[camera heights] half width of the lane region");
       visit("patch_size", self.patch_size, 1e-3, 1, "[focal lengths] side of a patch");
-      visit("blur", self.blur, 0, 0.1,
-            "[focal lengths] standard deviation of the Gaussian that smooths the images");
       visit("baseline_heights", self.baseline_heights, 0.01, 100,
             "[camera heights] distance to the first reference image; the second is twice as far");
       visit("image_noise", self.image_noise, 0.01, 255,
             "[grey levels] standard deviation; patches with less contrast have little weight");
-      visit("patch_location_sigma", self.patch_location_sigma, 0, 1,
-            "[focal lengths] lower bound of the standard deviation of a patch's location");
       visit(
           "roughness_heights", self.roughness_heights, 1e-6, 1,
           "[camera heights] standard deviation of the road surface; limits the weight of a patch");
@@ -95,8 +87,6 @@ class DirectPlaneEstimator {
             "[rad] standard deviation of the odometry's rotation between two images");
       visit("direction_sigma_rad", self.direction_sigma_rad, 1e-9, 1,
             "[rad] standard deviation of the odometry's direction of motion between two images");
-      visit("max_iterations", self.max_iterations, 1, 1000,
-            "[iterations] at most, of the Gauss-Newton estimate");
       visit("max_height_change", self.max_height_change, 1, 100,
             "[] largest accepted ratio of estimated and predicted height");
       visit("min_correlation", self.min_correlation, 0, 1,
@@ -115,8 +105,6 @@ class DirectPlaneEstimator {
             "[] largest relative difference of the heights found with the two reference images");
       visit("search_interval_heights", self.search_interval_heights, 0, 1e6,
             "[camera heights] distance between searches while the estimate fails");
-      visit("off_plane_threshold_heights", self.off_plane_threshold_heights, 1e-3, 100,
-            "[camera heights] features farther from the plane mask their patch");
       visit("static_memory_heights", self.static_memory_heights, 0.1, 1e6,
             "[camera heights] distance over which parts that are static in the image are learned");
     }

@@ -18,7 +18,6 @@ class GroundPointAggregation {
     double window_heights = 3.0;
     int max_frames = 60;
     int min_frames = 1;
-    int max_points = 3000;
     /// A map point has one error however often it is seen; its copies are not independent.
     bool unique_features = true;
     PlaneFit::Options fit;
@@ -29,8 +28,6 @@ class GroundPointAggregation {
       visit("max_frames", self.max_frames, 1, 1e6,
             "[frames] in the window at most (Alg. 2 line 8)");
       visit("min_frames", self.min_frames, 1, 1e6, "[frames] that the window needs to be used");
-      visit("max_points", self.max_points, 3, 1e7,
-            "[points] in the window at most, the newest frames first");
       visit("unique_features", self.unique_features,
             "[] a feature seen in several frames counts once, with its newest point");
     }

@@ -1,10 +1,9 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <deque>
 #include <optional>
-
-#include "ground_scale_vo/common/options.hpp"
 
 namespace ground_scale_vo {
 
@@ -13,15 +12,7 @@ namespace ground_scale_vo {
 /// vibration, that of a chord over several frames does not.
 class MotionHistory {
  public:
-  struct Options {
-    int max_frames = 60;  ///< poses kept
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("max_frames", self.max_frames, 2, 100000, "[frames] poses that are kept");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
+  static constexpr std::size_t kMaxPoses = 60;  ///< kept, the newest; six seconds at 10 Hz
 
   /// Straight line between two camera positions of the path.
   struct Chord {
@@ -29,8 +20,6 @@ class MotionHistory {
     double length = 0;                                      ///< VO units, > 0
     Eigen::Vector3d turn_c = Eigen::Vector3d::Zero();  ///< rotation from its start to its end [rad]
   };
-
-  explicit MotionHistory(const Options& options);
 
   /// Precondition: the same map as the poses before (reset() otherwise).
   void add(const Eigen::Isometry3d& T_w_c);
@@ -58,7 +47,6 @@ class MotionHistory {
     Eigen::Isometry3d T_w_c;
     double travelled;
   };
-  Options options_;
   std::deque<Pose> poses_;
   double travelled_ = 0;
   double last_step_ = 0;

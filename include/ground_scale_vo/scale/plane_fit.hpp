@@ -50,7 +50,6 @@ class PlaneFit {
     double camber_sigma_rad = 0.03;
     double reject_sigma = 2.5;               ///< of kInverseDepth
     double reject_distance_heights = 0.006;  ///< of kHomogeneous; the paper's 0.01 m over 1.65 m
-    int max_iterations = 15;
     double max_sigma = 0.05;
     double max_tilt_rad = 0.06;
     template <typename Self, typename Visit>
@@ -70,7 +69,6 @@ class PlaneFit {
             "[sigma] points with a larger residual are rejected");
       visit("reject_distance_heights", self.reject_distance_heights, 1e-6, 1,
             "[camera heights] the same with paper_literal");
-      visit("max_iterations", self.max_iterations, 1, 1e6, "[iterations] Z of Alg. 2");
       visit("max_sigma", self.max_sigma, 1e-4, 10,
             "[] largest accepted relative standard deviation of the height");
       visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,

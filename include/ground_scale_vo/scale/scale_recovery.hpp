@@ -38,7 +38,6 @@ class ScaleRecovery {
     bool refine = true;             ///< false: no direct measurements
     double standstill_distance_heights = 0.02;
 
-    MotionHistory::Options motion;
     Mounting::Options mounting;
     GroundPointExtraction::Options gpe;
     GroundPointAggregation::Options gpa;
@@ -60,7 +59,6 @@ class ScaleRecovery {
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
       visit("", self);
-      visit("motion/", self.motion);
       visit("mounting/", self.mounting);
       visit("gpe/", self.gpe);
       visit("gpa/", self.gpa);

@@ -32,14 +32,12 @@ class PatchAlignment {
  public:
   struct Options {
     int window_px = 9;
-    int max_iterations = 10;
     double min_correlation = 0.8;
     double max_shift_px = 1.5;
     double max_scale = 1.6;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("window_px", self.window_px, 5, 21, "[px] side of the aligned patch, odd");
-      visit("max_iterations", self.max_iterations, 1, 100, "[iterations] of Gauss-Newton");
       visit("min_correlation", self.min_correlation, 0, 1,
             "[] least normalised correlation of an aligned patch");
       visit("max_shift_px", self.max_shift_px, 0.1, 20,

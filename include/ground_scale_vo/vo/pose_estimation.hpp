@@ -33,7 +33,6 @@ class PoseEstimation {
     double inlier_sigma = 3.5;
     int min_inliers = 25;
     double min_inlier_share = 0.4;
-    int max_iterations = 15;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("inlier_sigma", self.inlier_sigma, 0.5, 100,
@@ -42,7 +41,6 @@ class PoseEstimation {
             "[points] the pose fails with fewer inliers");
       visit("min_inlier_share", self.min_inlier_share, 0, 1,
             "[] inliers over tracked points; the pose fails with less");
-      visit("max_iterations", self.max_iterations, 1, 1000, "[iterations] of Gauss-Newton");
     }
     /// Throws OptionError.
     void validate() const;

@@ -8,6 +8,8 @@ namespace ground_scale_vo::direct {
 namespace {
 
 constexpr int kMinPatchPx = kPatchSide;  ///< [px] at least one pixel per sample
+/// [focal lengths] Standard deviation of the Gaussian that smooths the images: 0.7 px for KITTI.
+constexpr double kBlur = 0.0010;
 /// [px] A weaker blur leaves visible errors of the bilinear interpolation between pixels.
 constexpr double kMinBlurPx = 0.6;
 constexpr double kKernelRadius = 2.5;  ///< [sigma] of the blur; 98.8 % of the Gaussian
@@ -42,10 +44,10 @@ float correlate(const Patch& patch, float noise, Samples* values) {
   return product / std::sqrt(std::max(patch.texture * texture, kMinTexture));
 }
 
-PatchExtractor::PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double blur,
+PatchExtractor::PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid,
                                double image_noise)
     : camera_(camera), grid_(grid), image_noise_(static_cast<float>(image_noise)) {
-  const double blur_px = std::max(kMinBlurPx, blur * camera.fx);
+  const double blur_px = std::max(kMinBlurPx, kBlur * camera.fx);
   const int radius = static_cast<int>(std::ceil(kKernelRadius * blur_px));
   kernel_ = cv::getGaussianKernel(2 * radius + 1, blur_px, CV_32F);
   twice_smoothed_.create(camera.height, camera.width, CV_32F);

@@ -58,9 +58,8 @@ float correlate(const Patch& patch, float noise, Samples* values);
 /// Smooths the current image and samples its patches in the lane region.
 class PatchExtractor {
  public:
-  /// blur: [focal lengths]; image_noise: [grey levels].
-  PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double blur,
-                 double image_noise);
+  /// image_noise: [grey levels].
+  PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double image_noise);
 
   /// image: 8-bit grey, of the camera's size. Writes the smoothed lane region to *current and the
   /// patches in it (none masked) to *patches. Without patches current->roi is empty.

@@ -21,17 +21,14 @@ struct Moments {
   float mean = 0, squares = 0;  ///< of the Jacobian by q
   Vector5f motion_mean = Vector5f::Zero(), motion = Vector5f::Zero();
   Eigen::Vector2f gradient_mean{0, 0};  ///< of the intensity by the position in the image
-  Eigen::Vector2f gradient{0, 0};       ///< gradient times the Jacobian by q
   float gradient_squares = 0;
   float flow_squares = 0;  ///< of the position by q: the epipolar flow
 };
 
 }  // namespace
 
-PatchMatcher::PatchMatcher(const PinholeCamera& camera, double image_noise, double location_sigma)
-    : camera_(camera),
-      image_noise_(static_cast<float>(image_noise)),
-      location_sigma_(static_cast<float>(location_sigma)) {}
+PatchMatcher::PatchMatcher(const PinholeCamera& camera, double image_noise)
+    : camera_(camera), image_noise_(static_cast<float>(image_noise)) {}
 
 bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
                           Samples* values) const {
@@ -86,7 +83,6 @@ void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
         -q * by_y.dot(reference.perpendicular[0]), -q * by_y.dot(reference.perpendicular[1]);
     match->jacobian[i] = j;
     sum.gradient_mean += Eigen::Vector2f(hx, hy) * z / kPatchSamples;
-    sum.gradient += j * z * Eigen::Vector2f(hx, hy);
     sum.gradient_squares += (hx * hx + hy * hy) * z * z;
     sum.flow_squares +=
         (Eigen::Vector2f(xn, yn) * reference.t.z() - reference.t.head<2>()).squaredNorm() /
@@ -103,8 +99,6 @@ void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
       information > kMinGradientAlongLine * kMinGradientAlongLine * sum.flow_squares *
                         (sum.gradient_squares - kPatchSamples * sum.gradient_mean.squaredNorm());
   match->motion = (sum.motion - kPatchSamples * sum.mean * sum.motion_mean) / information;
-  match->per_pixel =
-      (sum.gradient - kPatchSamples * sum.mean * sum.gradient_mean).norm() / information;
 }
 
 void PatchMatcher::measure(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
@@ -123,9 +117,7 @@ void PatchMatcher::measure(const Reference& reference, const Patch& patch, const
   const float information = wjj.sum();
   match->valid = match->observable && information > 0;
   match->shift = (wj * residual).sum() / information;
-  const float location = match->per_pixel * location_sigma_;
-  match->variance = ((weight * squares).sum() / weight.sum() + kMinResidualVariance) / information +
-                    location * location;
+  match->variance = ((weight * squares).sum() / weight.sum() + kMinResidualVariance) / information;
   match->ray = Eigen::Vector3f((wjj * patch.ray_x).sum() / information,
                                (wjj * patch.ray_y).sum() / information, 1.f);
 }

@@ -24,15 +24,14 @@ struct Match {
   Samples jacobian;         ///< of the reference's intensities by q, zero mean
   Vector5f motion;          ///< d shift / d motion error: rotation [rad], direction of t [rad]
   bool observable = false;  ///< false: the texture runs along the epipolar line (aperture problem)
-  float per_pixel = 0;      ///< d q / d image position [1 / focal length]
 };
 
 /// Warps patches into reference images by the homography R - t m^T of a plane, and measures their
 /// remaining shift along the epipolar line.
 class PatchMatcher {
  public:
-  /// image_noise: [grey levels]; location_sigma: of a patch in the image [focal lengths].
-  PatchMatcher(const PinholeCamera& camera, double image_noise, double location_sigma);
+  /// image_noise: [grey levels].
+  PatchMatcher(const PinholeCamera& camera, double image_noise);
 
   /// Intensities of the patch in the reference image under the plane m, bilinearly interpolated.
   /// False when a sample lies outside the image or behind its camera.
@@ -53,7 +52,6 @@ class PatchMatcher {
  private:
   PinholeCamera camera_;
   float image_noise_;
-  float location_sigma_;
 };
 
 }  // namespace ground_scale_vo::direct

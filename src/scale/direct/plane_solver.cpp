@@ -11,6 +11,8 @@
 namespace ground_scale_vo::direct {
 namespace {
 
+/// Limits the time spent on an estimate that does not converge.
+constexpr int kMaxIterations = 12;
 /// Relative step of m at which the iteration has converged: far below the 0.5 % that the height is
 /// known to in the best case.
 constexpr double kConvergedStep = 2e-4;
@@ -34,7 +36,7 @@ DirectPlaneEstimator::Result PlaneSolver::solve(const std::vector<Patch>& patche
   PlaneEquations equations;
   double robust_scale = 1;
   bool converged = false;
-  for (int iteration = 0; iteration < options_.max_iterations && !converged; ++iteration) {
+  for (int iteration = 0; iteration < kMaxIterations && !converged; ++iteration) {
     const bool linearise = iteration == 0;
     if (!matchPatches(patches, references, matcher, m.cast<float>(), linearise, &result)) {
       return result;

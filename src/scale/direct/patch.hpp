@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "ground_scale_vo/scale/lane_region.hpp"
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/direct/image_buffer.hpp"
 
 namespace ground_scale_vo::direct {

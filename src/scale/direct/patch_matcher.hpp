@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/direct/image_buffer.hpp"
 #include "scale/direct/patch.hpp"
 

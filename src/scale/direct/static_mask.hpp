@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/direct/image_buffer.hpp"
 #include "scale/direct/patch.hpp"
 #include "scale/direct/patch_matcher.hpp"

@@ -15,7 +15,8 @@ namespace ground_scale_vo {
 //     visit("name", self.flag, "[] meaning");                  // bools
 //   }
 //
-// validate(), the parameters of the nodelets and their documentation are generated from that list.
+// validate(), the offline tools' --set and the reference of the options are derived from that list.
+// The nodelets read a selection of the options as ROS parameters (ros/params.hpp).
 // A parameter's full name is group/name; the group is the stage. Options that contain the options
 // of stages list them with their groups:
 //

@@ -7,7 +7,8 @@
 
 namespace ground_scale_vo {
 
-/// Checks the stamps of a stream of images. Both nodelets apply it.
+/// Checks the stamps of a stream of messages: of the images in MonoVo, of vo/frame in
+/// ScaleRecovery.
 ///
 /// A stamp far ahead is accepted only if the next one continues from it, as after a pause. A single
 /// one is a fault: accepting it would put all later images in the past, for tf listeners too.

@@ -20,17 +20,17 @@ struct TrackedFeature {
   bool has_point = false;                       ///< p_c and depth_sigma are valid
   /// 3-D map point in the camera frame of this frame, VO units. z > 0.
   Eigen::Vector3f p_c = Eigen::Vector3f::Zero();
-  float depth_sigma = 0.f;  ///< standard deviation of p_c.z from triangulation, VO units
+  float depth_sigma = 0.f;  ///< standard deviation of p_c.z given the poses, VO units
 };
 
 /// Whether the feature has a point, which is finite and in front of the camera, and a finite sigma.
 bool hasUsablePoint(const TrackedFeature& feature);
 
 /// Output of the visual odometry and input of the scale stage: the pose of one frame and its
-/// tracked features with their 3-D points, up to scale. msg/VoFrame.msg has the same fields, so any
-/// monocular odometry can provide it.
+/// tracked features with their 3-D points, up to scale. msg/VoFrame.msg is the same as a ROS
+/// message, so any monocular odometry can provide it.
 struct VoFrame {
-  std::int64_t stamp_ns = 0;
+  std::int64_t stamp_ns = 0;   ///< [ns] of the image
   std::uint32_t sequence = 0;  ///< number of the image, counted by the odometry from 0
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;  ///< increases by one with each new map; VO units differ between maps

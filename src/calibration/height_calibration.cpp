@@ -221,7 +221,7 @@ void HeightCalibration::averageSegments(Result* result) const {
   if (!heights.empty()) {
     const double center = median(heights);
     for (const double height : heights) deviations.push_back(std::abs(height - center));
-    const double sigma = std::max(kSigmaOfMad * median(deviations), options_.method_sigma * center);
+    const double sigma = std::max(kMadToSigma * median(deviations), options_.method_sigma * center);
     for (Segment& segment : result->segments) {
       segment.used = std::abs(segment.height - center) <= options_.outlier_sigma * sigma;
       if (!segment.used) continue;

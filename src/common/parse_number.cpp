@@ -29,7 +29,7 @@ double parseNumber(const std::string& option, const std::string& text) {
   return *value;
 }
 
-int parseWholeNumber(const std::string& option, const std::string& text, int min, int max) {
+int parseInteger(const std::string& option, const std::string& text, int min, int max) {
   const double value = parseNumber(option, text);
   requireInRange(option.c_str(), value, min, max);
   if (value != std::floor(value)) {

@@ -26,7 +26,7 @@ double toDegrees(double radians) { return radians * (180.0 / M_PI); }
 Poses orthonormalised(const Poses& poses, const char* name) {
   Poses result = poses;
   for (std::size_t i = 0; i < result.size(); ++i) {
-    if (!isFinite(result[i]) || !isPlace(result[i].translation())) {
+    if (!isFinite(result[i]) || !isPlausiblePosition(result[i].translation())) {
       throw OptionError(std::string(name) + " pose " + std::to_string(i) +
                         " is not finite or implausibly far away");
     }

@@ -83,7 +83,7 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
   metrics.error_median_percent = quantile(errors, 0.5);
   metrics.error_abs_median_percent = medianDistance(errors, 0);
   metrics.error_spread_percent =
-      kSigmaOfMad * medianDistance(raw_errors, quantile(raw_errors, 0.5));
+      kMadToSigma * medianDistance(raw_errors, quantile(raw_errors, 0.5));
   metrics.held_share = share(held, from_first);
   metrics.height_bias_percent = quantile(height_errors, 0.5);
   return metrics;

@@ -17,18 +17,18 @@ std::vector<fs::path> numberedFiles(const fs::path& folder, const std::string& e
     if (!std::regex_match(file_name, match, pattern)) continue;
     const auto [other, is_new] = files.emplace(std::stoull(match[1]), entry.path());
     if (!is_new) {
-      throw DataError(entry.path().string() + ": has the same number as " +
+      throw DataError(entry.path().string() + " has the same number as " +
                       other->second.filename().string());
     }
   }
   if (files.empty()) {
-    throw DataError(folder.string() + ": has no file NNN." +
+    throw DataError(folder.string() + " has no file NNN." +
                     std::regex_replace(extensions, std::regex("\\|"), " or NNN."));
   }
   std::vector<fs::path> ordered;
   for (const auto& [number, file] : files) {
     if (number != ordered.size()) {
-      throw DataError(file.string() + ": its number follows a gap, " +
+      throw DataError(file.string() + ": the numbering is not consecutive: " +
                       std::to_string(ordered.size()) + " is missing");
     }
     ordered.push_back(file);

@@ -7,7 +7,8 @@
 namespace ground_scale_vo {
 
 /// The files N.EXTENSION of a folder in the order of their numbers N, which must be 0, 1, 2 ...
-/// extensions: joined by '|'. Throws DataError: none, two of one number, a gap in the numbers.
+/// extensions: joined by '|'. Throws DataError when there is none, when two have the same
+/// number, or when the numbering is not consecutive.
 std::vector<std::filesystem::path> numberedFiles(const std::filesystem::path& folder,
                                                  const std::string& extensions);
 

@@ -47,7 +47,7 @@ std::vector<Eigen::Isometry3d> readKittiPoses(const fs::path& file) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> rows(numbers.data());
     const auto pose = rigidTransform(rows.leftCols<3>(), rows.col(3));
     if (!pose) text.fail(i, "its 3x3 is not a rotation");
-    if (!isPlace(pose->translation())) text.fail(i, kTooFar);
+    if (!isPlausiblePosition(pose->translation())) text.fail(i, kTooFar);
     poses.push_back(*pose);
   }
   return poses;
@@ -90,7 +90,7 @@ std::vector<StampedPose> readTumTrajectory(const fs::path& file) {
     pose.stamp_ns = text.nanoseconds(i);
     pose.T_a_b.linear() = q.normalized().toRotationMatrix();
     pose.T_a_b.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
-    if (!isPlace(pose.T_a_b.translation())) text.fail(i, kTooFar);
+    if (!isPlausiblePosition(pose.T_a_b.translation())) text.fail(i, kTooFar);
     poses.push_back(pose);
   }
   return poses;

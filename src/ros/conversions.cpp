@@ -19,7 +19,7 @@ constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
 constexpr double kUnitTolerance = 0.01;
 
 Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) {
-  if (!isFinite(q.coeffs()) || !isPlace(t)) {
+  if (!isFinite(q.coeffs()) || !isPlausiblePosition(t)) {
     throw MessageError("the pose is not finite or implausibly far away");
   }
   if (std::abs(q.norm() - 1.0) > kUnitTolerance) {
@@ -116,7 +116,7 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
     feature.u = {msg.u[i], msg.v[i]};
     if (i > 0 && feature.id <= msg.id[i - 1])
       throw MessageError("the ids are not in ascending order");
-    if (!isPlace(feature.u))
+    if (!isPlausiblePosition(feature.u))
       throw MessageError("the pixel of a feature is not finite or implausibly far outside");
     TrackedFeature with_point = feature;
     with_point.has_point = true;

@@ -255,7 +255,7 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
     std::vector<double> normalised = normalisedResiduals(residuals);
     if (normalised.size() < min_points) return result;
     if (iteration < kRobustScaleIterations) {
-      robust_scale = std::max(kMinRobustScale, kSigmaOfMad * median(std::move(normalised)));
+      robust_scale = std::max(kMinRobustScale, kMadToSigma * median(std::move(normalised)));
     }
     inliers = selectInliers(residuals, options_.reject_sigma * robust_scale);
     if (inliers.size() < min_points) return result;

@@ -199,7 +199,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;
   const bool has_pose = frame.status == VoStatus::kTracking && isFinite(frame.T_w_c) &&
-                        isPlace(frame.T_w_c.translation());
+                        isPlausiblePosition(frame.T_w_c.translation());
   if (has_pose) {
     if (impl_->map_id != frame.map_id) {
       impl_->startMap();
@@ -208,8 +208,8 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
     scale.reason = impl_->measure(frame, image, &output);
   }
   impl_->fillEstimate(&scale);
-  if (!isFinite(scale.n_c) ||
-      !isPlace(Eigen::Vector4d(scale.raw_scale, scale.scale, scale.sigma, scale.height))) {
+  if (!isFinite(scale.n_c) || !isPlausiblePosition(Eigen::Vector4d(scale.raw_scale, scale.scale,
+                                                                   scale.sigma, scale.height))) {
     // The numbers are useless: publish none of them and start again.
     impl_->startMap();
     scale = ScaleEstimate();

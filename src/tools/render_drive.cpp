@@ -45,8 +45,8 @@ struct Settings {
 void setSize(gsv::PinholeCamera& camera, const std::string& text) {
   const std::size_t x = text.find('x');
   if (x == std::string::npos) throw gsv::OptionError("--size is '" + text + "', not WxH");
-  const int width = gsv::parseWholeNumber("--size", text.substr(0, x), 0, kMaxCount);
-  const int height = gsv::parseWholeNumber("--size", text.substr(x + 1), 0, kMaxCount);
+  const int width = gsv::parseInteger("--size", text.substr(0, x), 0, kMaxCount);
+  const int height = gsv::parseInteger("--size", text.substr(x + 1), 0, kMaxCount);
   const double scale = static_cast<double>(width) / camera.width;
   camera.fx *= scale;
   camera.fy *= scale;

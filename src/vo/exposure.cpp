@@ -23,18 +23,18 @@ constexpr double kMinSignificance = 3;
 
 }  // namespace
 
-double exposureStep(const cv::Mat& before, const cv::Mat& now) {
+double exposureStep(const cv::Mat& previous, const cv::Mat& current) {
   std::vector<double> ratios;
-  ratios.reserve(before.total());
-  for (int y = 0; y < before.rows; ++y) {
-    const unsigned char *a = before.ptr(y), *b = now.ptr(y);
-    for (int x = 0; x < before.cols; ++x) {
+  ratios.reserve(previous.total());
+  for (int y = 0; y < previous.rows; ++y) {
+    const unsigned char *a = previous.ptr(y), *b = current.ptr(y);
+    for (int x = 0; x < previous.cols; ++x) {
       if (a[x] < kMinGrey || b[x] < kMinGrey || a[x] > kMaxGrey || b[x] > kMaxGrey) continue;
       ratios.push_back(static_cast<double>(b[x]) / a[x]);
     }
   }
   if (ratios.empty() ||
-      static_cast<double>(ratios.size()) < kMinUnclipped * static_cast<double>(before.total())) {
+      static_cast<double>(ratios.size()) < kMinUnclipped * static_cast<double>(previous.total())) {
     return 1;
   }
   const double step = median(&ratios), size = std::abs(std::log(step));

@@ -18,7 +18,7 @@ struct Feature {
   Eigen::Vector2d u = Eigen::Vector2d::Zero();     ///< [px]
   Eigen::Vector2d flow = Eigen::Vector2d::Zero();  ///< of the last step [px/s]
   double sigma = 0;                                ///< standard deviation of u [normalised, z = 1]
-  PatchSurface surface = PatchSurface::kFacing;    ///< the patch model that fitted best last time
+  PatchSurface surface = PatchSurface::kFrontoParallel;  ///< last successful surface hypothesis
 };
 
 inline cv::Point2f toCv(const Eigen::Vector2d& u) {

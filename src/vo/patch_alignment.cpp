@@ -96,7 +96,8 @@ struct Template {
   float variance = 0;  // sum of squares
   Eigen::Matrix2f inverse_hessian;
 
-  /// mask: 1 for the pixels of the window, 0 for padding. False without a corner in the patch.
+  /// mask: 1 for the pixels of the window, 0 for padding. False when the patch lacks gradient in
+  /// two independent directions.
   bool make(const cv::Mat& reference, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& warp,
             int window, const std::vector<float>& mask) {
     const Eigen::Matrix2f inverse = warp.inverse();
@@ -180,8 +181,8 @@ class Window {
 
 std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eigen::Vector3d& p_r,
                                          const Eigen::Isometry3d& T_c_r, PatchSurface surface) {
-  const Eigen::Vector3d normal = Eigen::Vector3d::Unit(surface == PatchSurface::kFacing  ? 2
-                                                       : surface == PatchSurface::kFloor ? 1
+  const Eigen::Vector3d normal = Eigen::Vector3d::Unit(surface == PatchSurface::kFrontoParallel ? 2
+                                                       : surface == PatchSurface::kFloor        ? 1
                                                                                          : 0);
   const Eigen::Vector3d p_c = T_c_r * p_r;
   const double distance = normal.dot(p_r);

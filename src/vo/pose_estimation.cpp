@@ -10,33 +10,42 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [VO units] a point nearer to the camera's plane is not in front of it.
+/// [VO units] minimum depth (z) of a point in front of the camera.
 constexpr double kMinDepth = 1e-6;
 
 // Gauss-Newton with Geman-McClure weights 1 / (1 + m^2 / c)^2 of the Mahalanobis distance m.
-constexpr double kGemanMcClure = 4;    // c: the weight is one half at 1.3 sigma
-constexpr double kInitialScale = 4.0;  // of m, divided by the number of the iteration down to 1
-constexpr double kDiagonalFactor = 1 + 1e-9;  // keeps H invertible without points in some direction
-constexpr int kMaxIterations = 15;
-constexpr double kMaxRotation = 1;   // [rad] of a step; a larger one has diverged
-constexpr double kConverged = 1e-6;  // decrease of the cost by the last step
 
-// RANSAC with P3P, when the prediction fails. With half of the points outliers, 72 iterations of 4
-// points find the pose with 99 %; 200 suffice for 40 % inliers, which is min_inlier_share.
+/// c: the weight is one half at 1.3 sigma.
+constexpr double kGemanMcClure = 4;
+/// Scale of the kernel in iteration i = 1, 2 ...: max(1, kInitialScale / i) (graduated
+/// non-convexity).
+constexpr double kInitialScale = 4.0;
+/// Relative damping: keeps H positive definite when a direction is barely constrained.
+constexpr double kDiagonalFactor = 1 + 1e-9;
+constexpr int kMaxIterations = 15;
+/// [rad] a larger rotation step means divergence.
+constexpr double kMaxRotation = 1;
+/// Gauss-Newton decrement b.delta below which the iteration stops.
+constexpr double kConverged = 1e-6;
+
+// RANSAC with P3P, when the prediction fails. With 50 % outliers, 72 draws of 4 points contain an
+// all-inlier sample with 99 % probability; 200 suffice at 40 % inliers, the default of
+// min_inlier_share.
 constexpr int kRansacIterations = 200;
 constexpr double kRansacConfidence = 0.99;
-constexpr double kRansacError = 0.006;  // normalised coordinates; 4 px at a focal length of 718
+/// [normalised coordinates] largest reprojection error of an inlier: 4 px at a focal length of 718.
+constexpr double kRansacThreshold = 0.006;
 
-struct Linearised {
+struct LinearisedObservation {
   bool in_front = false;
   Eigen::Vector2d residual;
-  Eigen::Matrix<double, 2, 6>
-      J;  // over the motion of the world in the axes of c: T_c_w = motionFrom(delta) * T_c_w
+  /// With respect to a left perturbation of T_c_w (SO(3) x R^3): motionFrom(delta) * T_c_w.
+  Eigen::Matrix<double, 2, 6> J;
   Eigen::Matrix2d information;
 };
 
-Linearised linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) {
-  Linearised l;
+LinearisedObservation linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) {
+  LinearisedObservation l;
   const Eigen::Vector3d p = T_c_w * o.p_w;
   if (p.z() < kMinDepth) return l;
   l.in_front = true;
@@ -79,7 +88,7 @@ PoseEstimation::Result PoseEstimation::refine(
     Matrix6d H = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();
     for (const PointObservation& o : observations) {
-      const Linearised l = linearise(T_c_w, o);
+      const LinearisedObservation l = linearise(T_c_w, o);
       if (!l.in_front) continue;
       const double m2 = l.residual.dot(l.information * l.residual) / (scale * scale);
       const double weight = 1 / ((1 + m2 / kGemanMcClure) * (1 + m2 / kGemanMcClure));
@@ -101,14 +110,15 @@ PoseEstimation::Result PoseEstimation::refine(
   result.inlier.reserve(observations.size());
   const double limit2 = options_.inlier_sigma * options_.inlier_sigma;
   for (const PointObservation& o : observations) {
-    const Linearised l = linearise(T_c_w, o);
+    const LinearisedObservation l = linearise(T_c_w, o);
     const bool inlier = l.in_front && l.residual.dot(l.information * l.residual) < limit2;
     result.inlier.push_back(inlier);
     result.inliers += inlier;
   }
   const double share = options_.min_inlier_share * static_cast<double>(observations.size());
+  // An implausible position counts as kTooFewInliers, too.
   result.status = result.inliers >= options_.min_inliers && result.inliers >= share &&
-                          isPlace(result.T_w_c.translation())
+                          isPlausiblePosition(result.T_w_c.translation())
                       ? PoseStatus::kOk
                       : PoseStatus::kTooFewInliers;
   return result;
@@ -122,15 +132,15 @@ PoseEstimation::Result PoseEstimation::estimate(
   if (result.status == PoseStatus::kOk) return result;
 
   std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> pixels;
+  std::vector<cv::Point2d> image_points;
   for (const PointObservation& o : observations) {
     points.emplace_back(o.p_w.x(), o.p_w.y(), o.p_w.z());
-    pixels.emplace_back(o.x.x(), o.x.y());
+    image_points.emplace_back(o.x.x(), o.x.y());
   }
   cv::Mat rotation_vector, translation, R;
-  if (!cv::solvePnPRansac(points, pixels, cv::Mat::eye(3, 3, CV_64F), cv::noArray(),
+  if (!cv::solvePnPRansac(points, image_points, cv::Mat::eye(3, 3, CV_64F), cv::noArray(),
                           rotation_vector, translation, false, kRansacIterations,
-                          static_cast<float>(kRansacError), kRansacConfidence, cv::noArray(),
+                          static_cast<float>(kRansacThreshold), kRansacConfidence, cv::noArray(),
                           cv::SOLVEPNP_AP3P)) {
     return result;
   }
@@ -141,8 +151,8 @@ PoseEstimation::Result PoseEstimation::estimate(
   T_c_w.linear() = R_c_w;
   T_c_w.translation() = Eigen::Vector3d(translation.at<double>(0), translation.at<double>(1),
                                         translation.at<double>(2));
-  Result searched = refine(T_c_w.inverse(), observations);
-  return searched.inliers > result.inliers ? searched : result;
+  Result from_ransac = refine(T_c_w.inverse(), observations);
+  return from_ransac.inliers > result.inliers ? from_ransac : result;
 }
 
 }  // namespace ground_scale_vo

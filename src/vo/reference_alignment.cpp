@@ -8,8 +8,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Normalised correlation from which on the patch model that fitted last time is accepted without
-/// trying the others.
+/// If the last successful surface hypothesis reaches this normalised cross-correlation, the others
+/// are not tried.
 constexpr double kGoodCorrelation = 0.95;
 
 }  // namespace
@@ -44,22 +44,23 @@ void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
   }
 }
 
-/// Computes only the images that have changed since the last call.
+/// Applies the gain only for new keyframes or a changed gain.
 void ReferenceAlignment::updateKeyframeImages(const LocalMap& map, double exposure) {
   std::vector<KeyframeImage> images;
   for (const Keyframe& keyframe : map.keyframes()) {
     const double gain = exposure / keyframe.exposure;
-    const auto known = std::find_if(
+    const auto cached = std::find_if(
         keyframe_images_.begin(), keyframe_images_.end(),
         [&](const auto& k) { return k.original.data == keyframe.image.data && k.gain == gain; });
-    images.push_back(known != keyframe_images_.end()
-                         ? *known
+    images.push_back(cached != keyframe_images_.end()
+                         ? *cached
                          : KeyframeImage{keyframe.image, gain, applyGain(keyframe.image, gain)});
   }
   keyframe_images_ = std::move(images);
 }
 
-/// The first keyframe that saw the landmark with at most max_scale of change in size.
+/// The earliest keyframe observing the landmark whose scale change to the current image is at most
+/// max_scale.
 std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
     const LocalMap& map, const Landmark& landmark, const Eigen::Vector3d& p_w, double depth) const {
   for (const Observation& o : landmark.observations) {
@@ -72,22 +73,23 @@ std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
   return std::nullopt;
 }
 
-/// Tries the patch model that fitted last time, and the others when it does not fit well.
+/// Tries the last successful surface hypothesis, and the others when it does not fit well.
 std::optional<ReferenceAlignment::AlignedFeature> ReferenceAlignment::alignFeature(
     const Feature& feature, const Reference& reference, const cv::Mat& reference_image,
     const Eigen::Isometry3d& T_c_r, const cv::Mat& image) const {
   std::optional<AlignedFeature> best;
-  const auto tryModel = [&](PatchSurface surface) {
+  const auto trySurface = [&](PatchSurface surface) {
     const auto warp = patchWarp(camera_, reference.p_r, T_c_r, surface);
     if (!warp) return;
     const auto match = alignment_.align(reference_image, reference.u, *warp, image, feature.u);
     if (!match || (best && best->match.correlation >= match->correlation)) return;
     best = AlignedFeature{*match, surface};
   };
-  tryModel(feature.surface);
+  trySurface(feature.surface);
   if (best && best->match.correlation >= kGoodCorrelation) return best;
-  for (const auto surface : {PatchSurface::kFacing, PatchSurface::kFloor, PatchSurface::kWall}) {
-    if (surface != feature.surface) tryModel(surface);
+  for (const auto surface :
+       {PatchSurface::kFrontoParallel, PatchSurface::kFloor, PatchSurface::kWall}) {
+    if (surface != feature.surface) trySurface(surface);
   }
   return best;
 }

@@ -17,7 +17,7 @@ const char* toString(VoStatus status) {
 }
 
 bool hasUsablePoint(const TrackedFeature& feature) {
-  return feature.has_point && isPlace(feature.p_c) && feature.p_c.z() > 0 &&
+  return feature.has_point && isPlausiblePosition(feature.p_c) && feature.p_c.z() > 0 &&
          feature.depth_sigma >= 0 && feature.depth_sigma <= kLargestCoordinate;
 }
 

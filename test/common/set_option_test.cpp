@@ -81,9 +81,9 @@ TEST(ParseNumber, IsTheWholeTextAndFinite) {
   for (const char* text : {"", " 1", "1,5", "1.5m", "nan", "inf", "1e999", "0x10"}) {
     EXPECT_FALSE(parseNumber<double>(text)) << text;
   }
-  EXPECT_EQ(parseWholeNumber("--threads", "8", 1, 8), 8);
-  EXPECT_THROW(parseWholeNumber("--threads", "9", 1, 8), OptionError);
-  EXPECT_THROW(parseWholeNumber("--threads", "1.5", 1, 8), OptionError);
+  EXPECT_EQ(parseInteger("--threads", "8", 1, 8), 8);
+  EXPECT_THROW(parseInteger("--threads", "9", 1, 8), OptionError);
+  EXPECT_THROW(parseInteger("--threads", "1.5", 1, 8), OptionError);
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ TEST(FaultDrives, MeetTheirThresholds) {
   std::atomic<std::size_t> next{0};
   std::mutex printing;
   const auto work = [&] {
-    for (std::size_t i = 0; (i = kEveryDrive * next++) < kFaultDriveCount;) {
+    for (std::size_t i = 0; (i = kDriveStride * next++) < kFaultDriveCount;) {
       const FaultDrive drive = faultDrive(i);
       const FaultDriveMetrics metrics = runFaultDrive(drive);
       double worst = 0;

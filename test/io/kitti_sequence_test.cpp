@@ -184,14 +184,14 @@ TEST_F(KittiSequenceTest, RefusesGapsAndDoubles) {
   const fs::path folder = makeOdometry();
   write("sequences/07/image_0/000005.png", encoded("png"));
   EXPECT_EQ(errorOf(folder),
-            "/sequences/07/image_0/000005.png: its number follows a gap, 3 is missing");
+            "/sequences/07/image_0/000005.png: the numbering is not consecutive: 3 is missing");
   fs::remove(folder / "image_0/000005.png");
   fs::remove(folder / "image_0/000000.png");
   EXPECT_EQ(errorOf(folder),
-            "/sequences/07/image_0/000001.png: its number follows a gap, 0 is missing");
+            "/sequences/07/image_0/000001.png: the numbering is not consecutive: 0 is missing");
   write("sequences/07/image_0/000000.png", encoded("png"));
   write("sequences/07/image_0/000000.jpg", encoded("jpg"));
-  EXPECT_NE(errorOf(folder).find(": has the same number as 000000."), std::string::npos);
+  EXPECT_NE(errorOf(folder).find(" has the same number as 000000."), std::string::npos);
 }
 
 TEST_F(KittiSequenceTest, RefusesWhatIsNoSequence) {
@@ -203,7 +203,7 @@ TEST_F(KittiSequenceTest, RefusesWhatIsNoSequence) {
   EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: no such file");
   fs::remove_all(folder / "image_0");
   fs::create_directory(folder / "image_0");
-  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0: has no file NNN.png or NNN.jpg");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0 has no file NNN.png or NNN.jpg");
 }
 
 // OpenCV 4.6 decodes the beginning of a truncated JPEG and only prints a warning.

@@ -157,7 +157,7 @@ TEST_P(KittiLaunch, PlaysTheBagWithoutTwoParents) {
   const pid_t child = launch({"bag:=" + bag.string(), "image:=" + std::string(kImage),
                               "camera_info:=" + std::string(kInfo), "required:=true",
                               "base_frame:=" + kind.base_frame, "record:=" + recorded.string(),
-                              "rate:=" + std::to_string(1 / kSlower)});
+                              "rate:=" + std::to_string(1 / kTimeoutFactor)});
   ASSERT_GT(child, 0);
   waitForEnd(child);
 

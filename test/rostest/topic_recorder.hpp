@@ -15,7 +15,7 @@
 namespace ground_scale_vo {
 
 /// Longest wait for any event in a rostest [s].
-constexpr double kTimeout = 60.0 * kSlower;
+constexpr double kTimeout = 60.0 * kTimeoutFactor;
 
 /// Records all messages of a topic and waits for messages. Needs a spinner on another thread.
 template <typename Message>

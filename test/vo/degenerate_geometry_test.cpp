@@ -31,7 +31,7 @@ struct Scene {
   std::vector<Eigen::Vector3d> points;
 };
 
-/// Degenerate sets of 200 points.
+/// Degenerate or extreme sets of 200 points.
 std::vector<Scene> degenerateScenes() {
   constexpr int kPoints = 200;
   std::vector<Scene> scenes{{"line", {}},   {"line ahead", {}}, {"wall", {}}, {"one point", {}},
@@ -81,7 +81,7 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
   }
 }
 
-TEST(DegenerateGeometry, PixelsThatAreNotFiniteGiveNoMotion) {
+TEST(DegenerateGeometry, InvalidPixelsGiveNoMotion) {
   for (const double bad : {kNan, kInf, -kInf, 1e300}) {
     const std::vector<Eigen::Vector2d> u(200, {bad, 5});
     EXPECT_NE(TwoView({}).estimate(testCamera(), u, u).status, TwoViewStatus::kOk) << bad;
@@ -106,14 +106,14 @@ TEST(DegenerateGeometry, TriangulationIsFiniteOrEmpty) {
 TEST(DegenerateGeometry, PoseIsFiniteOrHasAFailureStatus) {
   for (const Scene& scene : degenerateScenes()) {
     SCOPED_TRACE(scene.name);
-    for (const double lie : {0.0, 1e6, kNan}) {
-      std::vector<PointObservation> seen;
+    for (const double outlier_offset : {0.0, 1e6, kNan}) {
+      std::vector<PointObservation> observations;
       for (const Eigen::Vector3d& p : scene.points) {
-        seen.push_back({p, 0.01 * p, normalised(p), 1e-3});
+        observations.push_back({p, 0.01 * p, normalised(p), 1e-3});
       }
-      seen.front().p_w.x() += lie;
+      observations.front().p_w.x() += outlier_offset;
       for (const Eigen::Isometry3d& guess : motions()) {
-        const auto result = PoseEstimation({}).estimate(guess, seen);
+        const auto result = PoseEstimation({}).estimate(guess, observations);
         EXPECT_TRUE(scene.name != "behind" || result.status != PoseStatus::kOk);
         EXPECT_TRUE(result.status != PoseStatus::kOk || isFinite(result.T_w_c));
       }
@@ -123,22 +123,22 @@ TEST(DegenerateGeometry, PoseIsFiniteOrHasAFailureStatus) {
             PoseStatus::kTooFewPoints);
 }
 
-TEST(DegenerateGeometry, APredictionThatIsNotFiniteGivesNoPose) {
-  std::vector<PointObservation> seen;
+TEST(DegenerateGeometry, NonFinitePredictionGivesFinitePoseOrFailure) {
+  std::vector<PointObservation> observations;
   for (const Eigen::Vector3d& p : randomPoints(100, 4)) {
-    seen.push_back({p, Eigen::Vector3d::Zero(), normalised(p), 1e-3});
+    observations.push_back({p, Eigen::Vector3d::Zero(), normalised(p), 1e-3});
   }
-  const auto result = PoseEstimation({}).estimate(pose({0, 0, 0}, {kNan, 0, 0}), seen);
+  const auto result = PoseEstimation({}).estimate(pose({0, 0, 0}, {kNan, 0, 0}), observations);
   EXPECT_TRUE(result.status != PoseStatus::kOk || isFinite(result.T_w_c));
 }
 
-TEST(DegenerateGeometry, AdjustmentIsFiniteOrNotUsable) {
+TEST(DegenerateGeometry, BundleAdjustmentIsFiniteOrUnusable) {
   for (const Scene& scene : degenerateScenes()) {
     for (const double depth : {1.0, 1e-300, 1e300}) {
       SCOPED_TRACE(scene.name);
       LocalMap map({});
       for (int k = 0; k < 4; ++k) {
-        const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, 0, 1e-9 * k});  // hardly a baseline
+        const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, 0, 1e-9 * k});  // almost no baseline
         std::vector<LocalMap::Corner> corners;
         for (std::size_t i = 0; i < scene.points.size(); ++i) {
           corners.push_back({i, normalised(T_w_c.inverse() * scene.points[i]), 1e-3});
@@ -159,7 +159,7 @@ TEST(DegenerateGeometry, AdjustmentIsFiniteOrNotUsable) {
   }
 }
 
-TEST(DegenerateGeometry, TracksAndPatchesOutsideTheImageAreNotFound) {
+TEST(DegenerateGeometry, InvalidPredictionsAndWarpsGiveFiniteResultsOrNone) {
   cv::Mat image(100, 200, CV_8UC1);
   cv::theRNG().state = 7;
   cv::randu(image, 0, 255);
@@ -181,10 +181,11 @@ TEST(DegenerateGeometry, TracksAndPatchesOutsideTheImageAreNotFound) {
         alignment.align(image, {50, 50}, Eigen::Matrix2d::Identity(), image, {number, 50}));
     EXPECT_FALSE(
         alignment.align(image, {50, number}, Eigen::Matrix2d::Identity(), image, {50, 50}));
-    for (const auto surface : {PatchSurface::kFacing, PatchSurface::kFloor, PatchSurface::kWall}) {
-      const auto carried =
+    for (const auto surface :
+         {PatchSurface::kFrontoParallel, PatchSurface::kFloor, PatchSurface::kWall}) {
+      const auto warp_c_r =
           patchWarp(testCamera(), {1, 1, 9}, pose({0, 0, 0}, {0, 0, number}), surface);
-      EXPECT_TRUE(!carried || isFinite(*carried)) << number;
+      EXPECT_TRUE(!warp_c_r || isFinite(*warp_c_r)) << number;
     }
   }
 }
@@ -195,19 +196,19 @@ TEST(DegenerateGeometry, UnusablePointsAreDetected) {
   feature.p_c = {1, 2, 3};
   feature.depth_sigma = 0.1f;
   EXPECT_TRUE(hasUsablePoint(feature));
-  const auto with = [&](auto change) {
+  const auto usableAfter = [&](auto change) {
     TrackedFeature changed = feature;
     change(changed);
     return hasUsablePoint(changed);
   };
   for (const double number : {kNan, kInf, -kInf, 1e10, -1e30}) {
     const auto bad = static_cast<float>(number);
-    EXPECT_FALSE(with([&](auto& f) { f.p_c.x() = bad; })) << number;
-    EXPECT_FALSE(with([&](auto& f) { f.p_c.z() = bad; })) << number;
-    EXPECT_FALSE(with([&](auto& f) { f.depth_sigma = bad; })) << number;
+    EXPECT_FALSE(usableAfter([&](auto& f) { f.p_c.x() = bad; })) << number;
+    EXPECT_FALSE(usableAfter([&](auto& f) { f.p_c.z() = bad; })) << number;
+    EXPECT_FALSE(usableAfter([&](auto& f) { f.depth_sigma = bad; })) << number;
   }
-  EXPECT_FALSE(with([](auto& f) { f.p_c.z() = 0; }));
-  EXPECT_FALSE(with([](auto& f) { f.has_point = false; }));
+  EXPECT_FALSE(usableAfter([](auto& f) { f.p_c.z() = 0; }));
+  EXPECT_FALSE(usableAfter([](auto& f) { f.has_point = false; }));
 }
 
 }  // namespace

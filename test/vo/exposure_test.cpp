@@ -7,13 +7,13 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Blurred noise around a mean grey level, shifted.
-cv::Mat scene(int moved = 0) {
+/// Blurred noise (grey 50-100), shifted left by shift_px.
+cv::Mat scene(int shift_px = 0) {
   cv::Mat noise(24, 80 + 20, CV_8UC1);
   cv::RNG(3).fill(noise, cv::RNG::UNIFORM, 0, 255);
   cv::GaussianBlur(noise, noise, {}, 1.5);
   cv::normalize(noise, noise, 50, 100, cv::NORM_MINMAX);
-  return noise(cv::Rect(moved, 0, 80, 24)).clone();
+  return noise(cv::Rect(shift_px, 0, 80, 24)).clone();
 }
 
 TEST(Exposure, FindsAStepWhileTheSceneMoves) {
@@ -34,13 +34,13 @@ TEST(Exposure, ReportsNoStepForOtherChanges) {
   EXPECT_EQ(exposureStep(scene(), cv::Mat(24, 80, CV_8UC1, cv::Scalar(255))), 1) << "white";
   cv::Mat half = scene();
   half.colRange(0, 45) *= 0.4;
-  EXPECT_EQ(exposureStep(scene(), half), 1) << "a dark object before half of the image";
+  EXPECT_EQ(exposureStep(scene(), half), 1) << "a dark object in front of half of the image";
   cv::Mat other(24, 80, CV_8UC1);
   cv::RNG(8).fill(other, cv::RNG::UNIFORM, 10, 120);
   EXPECT_EQ(exposureStep(scene(), other), 1) << "another scene";
 }
 
-TEST(Exposure, ApplyGainScalesACopy) {
+TEST(Exposure, ApplyGainMultipliesAndSaturates) {
   const cv::Mat image = scene();
   EXPECT_EQ(applyGain(image, 1).data, image.data);
   const cv::Mat brighter = applyGain(image, 2);

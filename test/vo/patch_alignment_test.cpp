@@ -89,18 +89,18 @@ TEST(PatchAlignment, alignsPatchesOfTheFloorAfterAChangeOfSize) {
   EXPECT_LT(floor.rms_px, 0.25);
   EXPECT_GT(floor.mean_correlation, 0.97);
   // With the model of a surface facing the camera the same patches fit worse.
-  const Errors facing = alignAll(false, PatchSurface::kFacing, T_w_c);
+  const Errors facing = alignAll(false, PatchSurface::kFrontoParallel, T_w_c);
   EXPECT_LT(facing.mean_correlation, floor.mean_correlation);
   EXPECT_GT(facing.rms_px, 1.5 * floor.rms_px);
 }
 
 TEST(PatchAlignment, alignsPatchesOfAWallUnderOtherIllumination) {
   const auto T_w_c = test::pose({0.01, -0.02, 0.005}, {0.2, 0.05, 4.0});
-  const Errors same = alignAll(true, PatchSurface::kFacing, T_w_c);
+  const Errors same = alignAll(true, PatchSurface::kFrontoParallel, T_w_c);
   ASSERT_GT(same.tried, 50);
   EXPECT_GT(same.found, same.tried * 9 / 10);
   EXPECT_LT(same.rms_px, 0.05);
-  const Errors brighter = alignAll(true, PatchSurface::kFacing, T_w_c, 1, 25);
+  const Errors brighter = alignAll(true, PatchSurface::kFrontoParallel, T_w_c, 1, 25);
   EXPECT_GT(brighter.found, brighter.tried * 9 / 10);
   EXPECT_LT(brighter.rms_px, 0.05);
 }
@@ -142,9 +142,9 @@ TEST(PatchWarp, isEmptyForSurfacesSeenEdgeOnOrFromBehind) {
   const Eigen::Isometry3d none = Eigen::Isometry3d::Identity();
   EXPECT_TRUE(patchWarp(kCamera, {1, 1.65, 10}, none, PatchSurface::kFloor));
   EXPECT_FALSE(patchWarp(kCamera, {1, 0, 10}, none, PatchSurface::kFloor)) << "edge-on";
-  EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, -10}, none, PatchSurface::kFacing)) << "behind";
-  EXPECT_FALSE(
-      patchWarp(kCamera, {1, 1.65, 10}, test::pose({0, 0, 0}, {0, 0, -11}), PatchSurface::kFacing))
+  EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, -10}, none, PatchSurface::kFrontoParallel)) << "behind";
+  EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, 10}, test::pose({0, 0, 0}, {0, 0, -11}),
+                         PatchSurface::kFrontoParallel))
       << "behind the current camera";
 }
 

@@ -29,13 +29,13 @@ bool areFinite(const Values&... values) {
   return (isFinite(values) && ...);
 }
 
-/// [any unit] largest plausible coordinate. Larger ones overflow 32-bit integers, and their squares
-/// lose all precision in a float.
+/// Largest magnitude of a plausible coordinate, in any unit: fits a 32-bit integer, and a float
+/// still resolves it to 64 units.
 constexpr double kLargestCoordinate = 1e9;
 
-/// Whether all coordinates are finite and plausible.
+/// Whether all coordinates are finite and at most kLargestCoordinate.
 template <typename Derived>
-bool isPlace(const Eigen::MatrixBase<Derived>& coordinates) {
+bool isPlausiblePosition(const Eigen::MatrixBase<Derived>& coordinates) {
   return (coordinates.array().abs() <= static_cast<typename Derived::Scalar>(kLargestCoordinate))
       .all();
 }

@@ -13,7 +13,7 @@ std::optional<Number> parseNumber(const std::string& text);  // double, long dou
 /// The same for the value of an option. Throws an OptionError that names the option.
 double parseNumber(const std::string& option, const std::string& text);
 
-/// The same for a whole number in [min, max].
-int parseWholeNumber(const std::string& option, const std::string& text, int min, int max);
+/// The same for an integer in [min, max].
+int parseInteger(const std::string& option, const std::string& text, int min, int max);
 
 }  // namespace ground_scale_vo

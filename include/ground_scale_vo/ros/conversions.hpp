@@ -36,8 +36,8 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
 ScaleEstimate fromMsg(const ScaleEstimateMsg& msg);
 
 geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b);
-/// Throws MessageError for a position that is not plausible (isPlace) or a quaternion that is not
-/// of unit length.
+/// Throws MessageError for a position that is not plausible (isPlausiblePosition) or a quaternion
+/// that is not of unit length.
 Eigen::Isometry3d fromMsg(const geometry_msgs::Pose& pose);
 Eigen::Isometry3d fromMsg(const geometry_msgs::Transform& transform);
 

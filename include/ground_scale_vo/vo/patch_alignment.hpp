@@ -13,21 +13,21 @@ namespace ground_scale_vo {
 
 /// Model of the surface on which a patch lies: the direction of its normal in the reference camera.
 enum class PatchSurface : std::uint8_t {
-  kFacing,  ///< along z: faces the camera
-  kFloor,   ///< along y: road
-  kWall     ///< along x: house front, parked car
+  kFrontoParallel,  ///< along z: parallel to the image plane
+  kFloor,           ///< along y: road
+  kWall             ///< along x: house front, parked car
 };
 
 /// Affine warp, d(pixel of the current image c) / d(pixel of the reference image r), at the point
-/// p_r (in camera r, VO units) of that surface. Empty when a camera sees the surface edge-on or
-/// from behind, or when the areas of the patch in the two images differ too much.
+/// p_r (in camera r, VO units) of that surface. Empty when the surface is at grazing incidence in
+/// the reference, when a point lies behind a camera, or when the areas of the patch in the two
+/// images differ too much.
 std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eigen::Vector3d& p_r,
                                          const Eigen::Isometry3d& T_c_r, PatchSurface surface);
 
-/// Locates the patch of a reference image in the current one with subpixel accuracy: direct
-/// alignment (inverse compositional Gauss-Newton, Baker & Matthews 2004) of the warped reference
-/// patch, both patches with zero mean. Alignment to a fixed reference does not drift, tracking from
-/// frame to frame does.
+/// Locates the patch of a reference image in the current one with subpixel accuracy: translational
+/// inverse-compositional alignment (Baker & Matthews 2004) of the warped reference patch, zero-mean
+/// SSD. Alignment to a fixed reference does not drift, tracking from frame to frame does.
 class PatchAlignment {
  public:
   struct Options {
@@ -58,8 +58,8 @@ class PatchAlignment {
 
   /// reference, current: 8-bit grey. u_ref: [px] in the reference. warp: from patchWarp. start:
   /// initial position in the current image [px], accurate to about a pixel. Empty when a patch
-  /// leaves its image, has too little texture in two directions, or is not found within
-  /// max_shift_px of the start with min_correlation.
+  /// leaves its image, lacks gradient in two independent directions (edge or uniform), or is not
+  /// found within max_shift_px of the start with min_correlation.
   std::optional<Match> align(const cv::Mat& reference, const Eigen::Vector2d& u_ref,
                              const Eigen::Matrix2d& warp, const cv::Mat& current,
                              const Eigen::Vector2d& start) const;
@@ -68,7 +68,8 @@ class PatchAlignment {
 
  private:
   Options options_;
-  std::vector<float> mask_;  ///< over a patch in memory: 1 for its pixels, 0 for padding
+  /// One entry per stored element of the patch rows: 1 pixel, 0 padding.
+  std::vector<float> mask_;
 };
 
 }  // namespace ground_scale_vo

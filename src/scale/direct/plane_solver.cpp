@@ -42,7 +42,7 @@ DirectPlaneEstimator::Result PlaneSolver::solve(const std::vector<Patch>& patche
       return result;
     }
     if (iteration < kRobustScaleIterations) {
-      robust_scale = std::max(1.0, kSigmaOfMad * median(&normalised_shifts_));
+      robust_scale = std::max(1.0, kMadToSigma * median(&normalised_shifts_));
     }
     accumulate(patches, references.size(), prior, m, initial_height, robust_scale);
     equations = marginaliseMotion(references.size());

@@ -24,18 +24,20 @@ namespace gsv = ground_scale_vo;
 namespace {
 
 constexpr const char* kDetails =
-    R"(Without a NAME: all scenarios. Metrics are computed from the first metric pose on. RLE: relative
-error of the path length; t_err short: the devkit's error over 10, 20 ... 80 m; scale: median error of
-the scale against that of 2 m of ground truth; held: share of frames without a measurement of their
-own; 2 sigma: share of frames whose true scale lies within two reported sigma; ok hidden: share of
-frames reported as measured although no road texture is visible, which should be 0.
+    R"(Without a NAME: all scenarios. The trajectory errors are computed from the first metric pose on.
+RLE: relative error of the path length; t_err short: the devkit's error over 10, 20 ... 80 m; scale:
+median absolute scale error; the true scale is computed over >= 2 m of ground-truth motion; held:
+share of frames without a measurement of their own; 2 sigma: share of frames whose true scale lies
+within two reported sigma; ok hidden: share of the unobservable frames (no road texture, or standstill)
+reported as OK, which should be 0.
 
---ablation runs each drive several times: with the defaults, with the paper's choices as printed, with
-feature-based measurements only, with direct measurements only, and without the part that handles this
-scenario. A cell of its table is RLE % / held / 2 sigma, bold where a threshold is violated, with the
-reason: lost, no start in the first half, RLE above 1.5 %, 2 sigma below 0.75, ok hidden.
+--ablation runs each scenario several times: with the defaults, with the paper's equations and
+thresholds unmodified, with feature-based measurements only, with direct measurements only, and with
+the component that this scenario depends on disabled. A cell of its table is RLE % / held / 2 sigma,
+bold where a threshold is violated, with the reason: lost, no start in the first half, RLE above 1.5 %,
+2 sigma below 0.75, ok hidden.
 
-Exit status: 0 done, 1 DIR cannot be written, 2 the arguments cannot be used.)";
+Exit status: 0 success, 1 runtime error, 2 invalid arguments.)";
 
 struct Arguments {
   std::vector<std::string> names;
@@ -43,7 +45,7 @@ struct Arguments {
   std::string out;
   int threads = 1;
   bool ablation = false;
-  std::vector<std::string> settings;  ///< of setOption()
+  std::vector<std::string> settings;  ///< assignments for setOption()
 };
 
 std::size_t frames(const gsv::Scenario& scenario) {
@@ -53,10 +55,10 @@ std::size_t frames(const gsv::Scenario& scenario) {
 void tabulate(const Arguments& arguments) {
   std::fputs(gsv::terminalHeading().c_str(), stdout);
   std::vector<gsv::ScenarioRow> rows(arguments.scenarios.size());
-  std::size_t images = 0;  // rendered, and again for each run over them
-  for (const gsv::Scenario& scenario : arguments.scenarios) images += 2 * frames(scenario);
-  gsv::ProgressLine progress("evaluate_scenarios", images);
-  const auto step = [&progress] { progress.step("images"); };
+  std::size_t steps = 0;  // each image counts once when rendered and once in each run
+  for (const gsv::Scenario& scenario : arguments.scenarios) steps += 2 * frames(scenario);
+  gsv::ProgressLine progress("evaluate_scenarios", steps);
+  const auto step = [&progress] { progress.step("steps"); };
   gsv::parallelFor(rows.size(), arguments.threads, [&](std::size_t i) {
     const gsv::Scenario& scenario = arguments.scenarios[i];
     const gsv::Stopwatch watch;
@@ -73,7 +75,7 @@ void tabulate(const Arguments& arguments) {
 
 using Settings = std::vector<std::string>;
 
-/// A configuration in which every drive is run.
+/// A configuration in which every scenario is run.
 struct Variant {
   const char* heading;
   Settings settings;
@@ -86,7 +88,7 @@ std::vector<Variant> variants() {
           {"direct only", {gsv::kDirectOnly}}};
 }
 
-std::string code(const Settings& settings) {
+std::string asMarkdownCode(const Settings& settings) {
   std::string text;
   for (const std::string& setting : settings) {
     text += (text.empty() ? "`" : ", `") + setting + "`";
@@ -95,21 +97,21 @@ std::string code(const Settings& settings) {
 }
 
 void tabulateAblation(const Arguments& arguments) {
-  std::string text = "| drive | handled by |", rule = "|---|---|";
+  std::string text = "| drive | component |", separator = "|---|---|";
   for (const Variant& variant : variants()) {
     text += std::string(" ") + variant.heading + " |";
-    rule += "---|";
+    separator += "---|";
   }
-  text += " without it | options |\n" + rule + "---|---|\n";
+  text += " component disabled | options |\n" + separator + "---|---|\n";
   std::fputs(text.c_str(), stdout);
   std::vector<std::string> lines(arguments.scenarios.size());
-  std::size_t images = 0;  // rendered, and again for each run over them
+  std::size_t steps = 0;  // each image counts once when rendered and once in each run
   for (const gsv::Scenario& scenario : arguments.scenarios) {
     const std::size_t runs = variants().size() + !scenario.ablation.disable.empty();
-    images += (1 + runs) * frames(scenario);
+    steps += (1 + runs) * frames(scenario);
   }
-  gsv::ProgressLine progress("evaluate_scenarios", images);
-  const auto step = [&progress] { progress.step("images"); };
+  gsv::ProgressLine progress("evaluate_scenarios", steps);
+  const auto step = [&progress] { progress.step("steps"); };
   gsv::parallelFor(lines.size(), arguments.threads, [&](std::size_t i) {
     const gsv::Scenario& scenario = arguments.scenarios[i];
     const gsv::ScenarioAblation& ablation = scenario.ablation;
@@ -127,7 +129,8 @@ void tabulateAblation(const Arguments& arguments) {
     for (const Variant& variant : variants()) line += " " + run(variant.settings) + " |";
     Settings without = ablation.base;
     without.insert(without.end(), ablation.disable.begin(), ablation.disable.end());
-    line += ablation.disable.empty() ? " | |" : " " + run(without) + " | " + code(without) + " |";
+    line += ablation.disable.empty() ? " | |"
+                                     : " " + run(without) + " | " + asMarkdownCode(without) + " |";
     line += "\n";
     progress.pause([&] { std::fputs(line.c_str(), stdout); });
   });
@@ -138,7 +141,7 @@ void tabulateAblation(const Arguments& arguments) {
 void check(Arguments* arguments) {
   for (const std::string& setting : arguments->settings) {
     gsv::OfflineRun::Options options;
-    gsv::setOption(options, setting);  // rejects it before the runs
+    gsv::setOption(options, setting);  // an invalid assignment fails before the runs
   }
   for (const std::string& name : arguments->names) {
     arguments->scenarios.push_back(gsv::findScenario(name));
@@ -168,9 +171,9 @@ int main(int argc, char** argv) {
   command_line.addPositionals("NAME", "scenario (render_drive --list)", &arguments.names);
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
-       "gets scenarios.md and scenarios.json, or ablation.md")  //
+       "output folder for scenarios.md and scenarios.json, or ablation.md")  //
       ("ablation", gsv::po::bool_switch(&arguments.ablation),
-       "each scenario also with parts of the method switched off")  //
+       "run each scenario also with components disabled")  //
       ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),
        "drives rendered and run in parallel")  //
       ("set", gsv::settingsValue(&arguments.settings), gsv::kSettingsHelp);

@@ -30,23 +30,23 @@ namespace po = boost::program_options;
 
 namespace {
 
-constexpr int kMaxCount = 1000000;
+constexpr int kMaxInteger = 1000000;
 
 struct Settings {
   std::string folder, scenario;
   gsv::SyntheticDrive::Options drive;
-  /// Of the options that are given, applied to the scenario or to the defaults.
+  /// Changes requested by the given options; applied to the scenario or to the defaults.
   std::vector<std::function<void()>> changes;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   bool list = false;  ///< print the catalogue instead of rendering a drive
 };
 
-/// WxH; the focal length and the centre follow in proportion to the width.
+/// text: WxH. The focal lengths and cx scale with the width, cy scales with the height.
 void setSize(gsv::PinholeCamera& camera, const std::string& text) {
   const std::size_t x = text.find('x');
   if (x == std::string::npos) throw gsv::OptionError("--size is '" + text + "', not WxH");
-  const int width = gsv::parseInteger("--size", text.substr(0, x), 0, kMaxCount);
-  const int height = gsv::parseInteger("--size", text.substr(x + 1), 0, kMaxCount);
+  const int width = gsv::parseInteger("--size", text.substr(0, x), 0, kMaxInteger);
+  const int height = gsv::parseInteger("--size", text.substr(x + 1), 0, kMaxInteger);
   const double scale = static_cast<double>(width) / camera.width;
   camera.fx *= scale;
   camera.fy *= scale;
@@ -64,53 +64,56 @@ class DriveOptions {
 
   void add() {
     gsv::SyntheticDrive::Options& drive = settings_.drive;
-    addCount("frames", "frames", &drive.frames);
+    addCount("frames", "number of frames", &drive.frames);
     const std::string size =
         std::to_string(drive.camera.width) + "x" + std::to_string(drive.camera.height);
-    addOption<std::string>("size", "WxH", "image size at a constant field of view", size,
+    addOption<std::string>("size", "WxH", "image size at a constant horizontal field of view", size,
                            [&drive](const std::string& text) { setSize(drive.camera, text); });
-    addReal("camera-height", "M", "height above the road [m]", &drive.camera_height);
-    addReal("pitch", "RAD", "of the mounted camera, positive looks down [rad]", &drive.pitch_rad);
+    addReal("camera-height", "M", "camera height above the road [m]", &drive.camera_height);
+    addReal("pitch", "RAD", "pitch of the camera mounting [rad], positive: looks down",
+            &drive.pitch_rad);
     addReal("speed", "MPS", "cruise speed [m/s]", &drive.speed);
     addReal("rate", "HZ", "frame rate [Hz]", &drive.frame_rate_hz);
-    addOption<int>("seed", "N", "of street and noise", std::to_string(drive.random_seed),
-                   [&drive](int seed) {
-                     gsv::requireInRange("--seed", seed, 0, kMaxCount);
+    addOption<int>("seed", "N", "random seed of street and noise",
+                   std::to_string(drive.random_seed), [&drive](int seed) {
+                     gsv::requireInRange("--seed", seed, 0, kMaxInteger);
                      drive.random_seed = static_cast<std::uint64_t>(seed);
                    });
-    addReal("curvature", "PER_M", "largest, 0 for a straight road [1/m]", &drive.curvature);
-    addReal("slope", "RATIO", "largest, 0 for a flat road", &drive.slope);
-    addReal("stop", "S", "time at standstill, 0 for no stop [s]", &drive.stop_s);
-    addReal("stop-at", "M", "distance at which the camera stops [m]", &drive.stop_at_m);
-    addReal("suspension", "FACTOR", "on pitch, roll and bounce", &drive.suspension);
-    addReal("road-texture", "FACTOR", "on the contrast of the asphalt", &drive.road_texture);
-    addReal("noise", "SIGMA", "of the sensor [grey levels]", &drive.noise_sigma);
-    addCount("black-first", "first black frame", &drive.black_first);
+    addReal("curvature", "PER_M", "maximum curvature [1/m], 0: straight road", &drive.curvature);
+    addReal("slope", "RATIO", "maximum slope [m/m], 0: flat road", &drive.slope);
+    addReal("stop", "S", "duration of the standstill [s], 0: no stop", &drive.stop_s);
+    addReal("stop-at", "M", "distance at which the vehicle stops [m]", &drive.stop_at_m);
+    addReal("suspension", "FACTOR", "factor on suspension pitch, roll and heave",
+            &drive.suspension);
+    addReal("road-texture", "FACTOR", "factor on the asphalt contrast", &drive.road_texture);
+    addReal("noise", "SIGMA", "sensor noise sigma [grey levels]", &drive.noise_sigma);
+    addCount("black-first", "index of the first black frame", &drive.black_first);
     addCount("black-frames", "number of black frames", &drive.black_frames);
-    addSwitchOff("no-moving-cars", "without traffic", &drive.moving_cars);
+    addSwitchOff("no-moving-cars", "without moving vehicles", &drive.moving_cars);
     addSwitchOff("no-lane-markings", "without lane markings", &drive.lane_markings);
     addSwitchOff("no-shadows", "without shadows on the road", &drive.shadows);
   }
 
  private:
   template <typename T>
-  void addOption(const char* name, const char* unit, const std::string& help,
+  void addOption(const char* name, const char* value_name, const std::string& help,
                  const std::string& default_text, const std::function<void(const T&)>& set) {
     const auto change = [changes = &settings_.changes, set](const T& value) {
       changes->push_back([set, value] { set(value); });
     };
-    options_.add_options()(name, po::value<T>()->value_name(unit)->notifier(change),
-                           (help + " (default " + default_text + ")").c_str());
+    options_.add_options()(name, po::value<T>()->value_name(value_name)->notifier(change),
+                           (help + " (default without --scenario: " + default_text + ")").c_str());
   }
-  void addReal(const char* name, const char* unit, const char* help, double* field) {
+  void addReal(const char* name, const char* value_name, const char* help, double* field) {
     std::ostringstream text;
     text << std::setprecision(3) << *field;
-    addOption<double>(name, unit, help, text.str(), [field](double value) { *field = value; });
+    addOption<double>(name, value_name, help, text.str(),
+                      [field](double value) { *field = value; });
   }
   void addCount(const char* name, const char* help, int* field) {
     addOption<int>(name, "N", help, std::to_string(*field),
                    [field, option = std::string("--") + name](int value) {
-                     gsv::requireInRange(option.c_str(), value, 0, kMaxCount);
+                     gsv::requireInRange(option.c_str(), value, 0, kMaxInteger);
                      *field = value;
                    });
   }
@@ -180,10 +183,10 @@ void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
 void render(const Settings& settings) {
   cv::setNumThreads(1);  // frames are rendered in parallel
   const fs::path folder = settings.folder;
-  if (fs::exists(folder)) throw gsv::DataError(folder.string() + " exists already");
+  if (fs::exists(folder)) throw gsv::DataError(folder.string() + " already exists");
   const gsv::SyntheticDrive drive(settings.drive);
-  const fs::path clean = fs::absolute(folder).lexically_normal();
-  const fs::path target = clean.has_filename() ? clean : clean.parent_path();
+  const fs::path normalised = fs::absolute(folder).lexically_normal();
+  const fs::path target = normalised.has_filename() ? normalised : normalised.parent_path();
   const fs::path partial = target.string() + ".partial." + std::to_string(getpid());
   try {
     std::error_code error;
@@ -207,18 +210,17 @@ int main(int argc, char** argv) {
   gsv::CommandLine command_line(
       "render_drive",
       "Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,\n"
-      "times.txt, the exact poses.txt, and ground.txt with the exact height and road normal of "
-      "every\n"
-      "frame. kitti_to_bag makes a bag of it.",
-      "Exit status: 0 done, 1 FOLDER cannot be written, 2 the arguments cannot be used.");
-  command_line.addPositional("FOLDER", "the result; it must not exist yet", &settings.folder,
-                             false);
+      "times.txt, exact poses (poses.txt), and the exact camera height and road normal of every "
+      "frame\n"
+      "(ground.txt). kitti_to_bag converts it to a bag.",
+      "Exit status: 0 success, 1 runtime error, 2 invalid arguments.");
+  command_line.addPositional("FOLDER", "output folder; must not exist", &settings.folder, false);
   command_line.options().add_options()                                                   //
       ("list", po::bool_switch(&settings.list), "print the scenario catalogue instead")  //
       ("scenario", po::value(&settings.scenario)->value_name("NAME"),
        "a drive of the catalogue (--list), changed by the options below")  //
       ("threads", gsv::numberInRange("--threads", &settings.threads, "N", 1, 256),
-       "threads that render");
+       "number of rendering threads");
   DriveOptions(&settings, &command_line.options()).add();
   return command_line.run(
       argc, argv, [&] { check(&settings); },

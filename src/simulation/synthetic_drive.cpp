@@ -27,7 +27,7 @@ constexpr double kLampsAhead = 1.9, kLampsHeight = 0.65;  // of the camera, over
 
 simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   simulation::WorldOptions world;
-  world.seed = o.random_seed;
+  world.random_seed = o.random_seed;
   world.road_texture = o.road_texture;
   world.lane_markings = o.lane_markings;
   world.shadows = o.shadows;
@@ -35,18 +35,18 @@ simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   world.arrow_spacing = o.arrow_spacing;
   world.grain = o.grain;
   world.cobbles = o.cobbles;
-  world.bare_from = o.bare_from_m;
-  world.bare_to = o.bare_to_m;
+  world.bare_from_m = o.bare_from_m;
+  world.bare_to_m = o.bare_to_m;
   world.puddles = o.puddles;
   world.bumps = o.bump_height > 0;
   world.parked_cars = o.parked_cars;
-  world.wall_at = o.wall_at_m;
+  world.wall_at_m = o.wall_at_m;
   world.off_road = o.off_road;
-  world.bridge_from = o.bridge_from_m;
-  world.bridge_to = o.bridge_to_m;
-  world.underpass_from = o.underpass_from_m;
-  world.underpass_to = o.underpass_to_m;
-  world.largest_curvature = o.curvature;
+  world.bridge_from_m = o.bridge_from_m;
+  world.bridge_to_m = o.bridge_to_m;
+  world.underpass_from_m = o.underpass_from_m;
+  world.underpass_to_m = o.underpass_to_m;
+  world.curvature = o.curvature;
   world.sun = o.sun.normalized();
   return world;
 }

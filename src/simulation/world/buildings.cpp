@@ -14,8 +14,8 @@ namespace {
 constexpr double kFacadeTexel = 0.025;  // [m]
 constexpr double kFoundation = 0.5;     // of a house below its ground [m]
 
-/// The axes of a building beside the road: x along the road, its front (y = 0) faces the road. The
-/// origin is on the pavement's level at (s, u).
+/// The axes m of a building beside the road: x along the road, its front (y = 0) faces the road.
+/// The origin is at (s, u), `height` above the carriageway.
 Eigen::Isometry3d besideRoad(const RoadGeometry& road, double s, double u, double height) {
   Eigen::Isometry3d T_w_m = Eigen::Isometry3d::Identity();
   T_w_m.translation() = road.surfacePoint(s, u, height);
@@ -39,16 +39,17 @@ void BuildingGenerator::addHouses() {
       const double u = side > 0 ? random.uniform(11.5, 14.5) : -random.uniform(10.5, 13.5);
       const int floors = random.chance(0.3) ? 3 : 2;
       const double height = 3.0 * floors, depth = random.uniform(8, 11);
-      const double wall = side > 0 ? random.uniform(130, 245) : random.uniform(130, 225);
+      const double wall_grey = side > 0 ? random.uniform(130, 245) : random.uniform(130, 225);
       const double middle = std::min(s + length / 2, road.sEnd());
       Eigen::Isometry3d T_w_m = besideRoad(road, middle, u, kKerbHeight);
       T_w_m.translate(Eigen::Vector3d(-length / 2 + s + length / 2 - middle, 0, -kFoundation));
       const Texture& front =
-          builder_.addTexture(facadeImage(length, height + kFoundation, floors, wall), kFacadeTexel,
-                              Texture::Wrap::kClamp);
+          builder_.addTexture(facadeImage(length, height + kFoundation, floors, wall_grey),
+                              kFacadeTexel, Texture::Wrap::kClamp);
       Mesh mesh = houseMesh(length, depth, height + kFoundation, random.uniform(2, 3.5),
                             T_w_m.linear(), front, plaster);
-      const bool is_free = builder_.isFreeBeside(s) && builder_.isFreeBeside(s + length);
+      const bool is_free = builder_.isClearOfBridgeAndUnderpass(s) &&
+                           builder_.isClearOfBridgeAndUnderpass(s + length);
       if (is_free && isClearOfRoad(T_w_m, length, depth)) {
         builder_.place(builder_.addMesh(std::move(mesh)), T_w_m);
       }
@@ -80,20 +81,20 @@ void BuildingGenerator::addHedge(double s, double u, double length) {
   }
 }
 
-void BuildingGenerator::addHouseAcrossRoad() {
-  constexpr double kLength = 26, kDepth = 6, kHeight = 6.5, kRoof = 2.5, kWall = 150;
-  const Texture& front = builder_.addTexture(facadeImage(kLength, kHeight, 2, kWall), kFacadeTexel,
-                                             Texture::Wrap::kClamp);
-  Eigen::Isometry3d T_w_m = builder_.road.surfaceFrame(builder_.options.wall_at, kLength / 2);
+void BuildingGenerator::addWallAcrossRoad() {
+  constexpr double kLength = 26, kDepth = 6, kHeight = 6.5, kRoofHeight = 2.5, kWallGrey = 150;
+  const Texture& front = builder_.addTexture(facadeImage(kLength, kHeight, 2, kWallGrey),
+                                             kFacadeTexel, Texture::Wrap::kClamp);
+  Eigen::Isometry3d T_w_m = builder_.road.surfaceFrame(builder_.options.wall_at_m, kLength / 2);
   T_w_m.rotate(Eigen::AngleAxisd(-M_PI / 2, Eigen::Vector3d::UnitZ()));
-  builder_.place(
-      builder_.addMesh(houseMesh(kLength, kDepth, kHeight, kRoof, T_w_m.linear(), front, front)),
-      T_w_m);
+  builder_.place(builder_.addMesh(houseMesh(kLength, kDepth, kHeight, kRoofHeight, T_w_m.linear(),
+                                            front, front)),
+                 T_w_m);
 }
 
 /// The box [0, length] x [0, depth] x [0, height]: front (y = 0), both ends, and a gable roof with
-/// its ridge along x. roof: height of the ridge above the walls; 0: no roof.
-Mesh BuildingGenerator::houseMesh(double length, double depth, double height, double roof,
+/// its ridge along x. roof_height: of the ridge above the walls; 0: no roof.
+Mesh BuildingGenerator::houseMesh(double length, double depth, double height, double roof_height,
                                   const Eigen::Matrix3d& R_w_m, const Texture& front,
                                   const Texture& sides) const {
   Mesh mesh;
@@ -112,20 +113,20 @@ Mesh BuildingGenerator::houseMesh(double length, double depth, double height, do
   addWall(a, b, front, {0, -1, 0});
   addWall(b, c, sides, {1, 0, 0});
   addWall(d, a, sides, {-1, 0, 0});
-  if (roof <= 0) return mesh;
+  if (roof_height <= 0) return mesh;
 
-  const Eigen::Vector3d eaves(0, 0, height), ridge(0, depth / 2, height + roof);
+  const Eigen::Vector3d eaves(0, 0, height), ridge(0, depth / 2, height + roof_height);
   for (const double x : {0., length}) {  // gables
     const double light = lightOn({x > 0 ? 1. : -1., 0, 0});
     const Eigen::Vector3d along(x, 0, 0);
     mesh.addTriangle({along + eaves, {0, 3}, light}, {along + eaves + d, {depth, 3}, light},
-                     {along + ridge, {depth / 2, 3 - roof}, light}, sides);
+                     {along + ridge, {depth / 2, 3 - roof_height}, light}, sides);
   }
   // The roof overhangs by 0.3 m at the ends and by 0.4 m at the eaves.
-  const Eigen::Vector3d out(0.3, 0, 0), over(0, 0.4, 0.8 * roof / depth);
-  const double slope = std::hypot(depth / 2, roof);
+  const Eigen::Vector3d out(0.3, 0, 0), over(0, 0.4, 0.8 * roof_height / depth);
+  const double slope = std::hypot(depth / 2, roof_height);
   for (const double side : {0., 1.}) {
-    const double light = lightOn({0, side > 0 ? roof : -roof, depth / 2});
+    const double light = lightOn({0, side > 0 ? roof_height : -roof_height, depth / 2});
     const Eigen::Vector3d low =
         side > 0 ? Eigen::Vector3d(eaves + d + Eigen::Vector3d(0, 0.4, -over.z()))
                  : Eigen::Vector3d(eaves - over);
@@ -136,24 +137,25 @@ Mesh BuildingGenerator::houseMesh(double length, double depth, double height, do
   return mesh;
 }
 
-/// Plaster with rows of windows, a door, a plinth and a down pipe. wall: grey level of the plaster.
-cv::Mat BuildingGenerator::facadeImage(double length, double height, int floors, double wall) {
+/// Plaster with rows of windows, a door, a plinth and a down pipe. wall_grey: grey level of the
+/// plaster.
+cv::Mat BuildingGenerator::facadeImage(double length, double height, int floors, double wall_grey) {
   Random& random = builder_.random;
   const int columns = static_cast<int>(length / kFacadeTexel / 16 + 1) * 16;
   const int rows = static_cast<int>(height / kFacadeTexel / 16 + 1) * 16;
   cv::Mat image;
-  cv::repeat(noiseToGrey(plaster_, wall, 3.5), rows / 256 + 1, columns / 256 + 1, image);
+  cv::repeat(noiseToGrey(plaster_, wall_grey, 3.5), rows / 256 + 1, columns / 256 + 1, image);
   image = image(cv::Rect(0, 0, columns, rows)).clone();
   TexturePainter painter(image, kFacadeTexel);
-  painter.box(0, height - 0.6, length, 0.6, wall * 0.6);               // plinth
-  painter.box(random.uniform(0.2, 0.5), 0, 0.1, height, wall * 0.55);  // down pipe
+  painter.box(0, height - 0.6, length, 0.6, wall_grey * 0.6);               // plinth
+  painter.box(random.uniform(0.2, 0.5), 0, 0.1, height, wall_grey * 0.55);  // down pipe
   const double pitch = length / std::floor(length / random.uniform(2.2, 3.2));
   const double storey = height / floors;
   const double w = random.uniform(0.9, 1.3), h = random.uniform(1.2, 1.5);  // of a window
   const double frame = random.chance(0.5) ? 245 : 70;
   const int door = static_cast<int>(random.uniform(0, length / pitch));
   for (int floor = 0; floor < floors; ++floor) {
-    if (floor > 0) painter.box(0, floor * storey - 0.08, length, 0.1, wall * 0.85);
+    if (floor > 0) painter.box(0, floor * storey - 0.08, length, 0.1, wall_grey * 0.85);
     for (int k = 0; (k + 0.5) * pitch < length; ++k) {
       const double u = (k + 0.5) * pitch - w / 2, v = floor * storey + 0.65;
       if (floor == floors - 1 && k == door) {
@@ -162,7 +164,7 @@ cv::Mat BuildingGenerator::facadeImage(double length, double height, int floors,
         painter.box(u + 0.2, height - 2.0, w - 0.4, 0.6, 40);
         continue;
       }
-      painter.box(u - 0.12, v - 0.12, w + 0.24, h + 0.24, 0.78 * wall);
+      painter.box(u - 0.12, v - 0.12, w + 0.24, h + 0.24, 0.78 * wall_grey);
       painter.box(u - 0.04, v - 0.04, w + 0.08, h + 0.08, frame);
       painter.box(u + 0.05, v + 0.05, w - 0.1, h - 0.1, random.uniform(28, 60));
       if (random.chance(0.5)) {  // curtains or a blind
@@ -170,7 +172,7 @@ cv::Mat BuildingGenerator::facadeImage(double length, double height, int floors,
         painter.box(u + 0.05, v + 0.05, w - 0.1, drop, grey);
       }
       painter.box(u + w / 2 - 0.03, v, 0.06, h, frame);
-      painter.box(u - 0.15, v + h + 0.08, w + 0.3, 0.07, 0.5 * wall);
+      painter.box(u - 0.15, v + h + 0.08, w + 0.3, 0.07, 0.5 * wall_grey);
     }
   }
   return image;
@@ -180,7 +182,7 @@ cv::Mat BuildingGenerator::facadeImage(double length, double height, int floors,
 bool BuildingGenerator::isClearOfRoad(const Eigen::Isometry3d& T_w_m, double length,
                                       double depth) const {
   constexpr double kTightCurvature = 0.035, kClearance = 8.5;  // [1/m, m]
-  if (builder_.options.largest_curvature <= kTightCurvature) return true;
+  if (builder_.options.curvature <= kTightCurvature) return true;
   for (const double x : {0., 0.25, 0.5, 0.75, 1.}) {
     for (const double y : {0., 1.}) {
       const Eigen::Vector3d p = T_w_m * Eigen::Vector3d(x * length, y * depth, 0);

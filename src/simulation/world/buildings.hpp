@@ -7,23 +7,25 @@
 
 namespace ground_scale_vo::simulation {
 
-/// Houses beside the road, their hedges, and a house across the road.
+/// Houses beside the road, their hedges or low walls, and a house that blocks the road.
+/// Coordinates: s along the road, u to its left [m].
 class BuildingGenerator {
  public:
   explicit BuildingGenerator(WorldBuilder& builder);
   void addHouses();
-  /// The front of a house across road and pavements at options.wall_at.
-  void addHouseAcrossRoad();
+  /// A house across road and pavements at options.wall_at_m.
+  void addWallAcrossRoad();
 
  private:
   void addHedge(double s, double u, double length);
-  Mesh houseMesh(double length, double depth, double height, double roof,
+  /// R_w_m: m: mesh axes. roof_height: of the ridge above the walls; 0: no roof [m].
+  Mesh houseMesh(double length, double depth, double height, double roof_height,
                  const Eigen::Matrix3d& R_w_m, const Texture& front, const Texture& sides) const;
-  cv::Mat facadeImage(double length, double height, int floors, double wall);
+  cv::Mat facadeImage(double length, double height, int floors, double wall_grey);
   bool isClearOfRoad(const Eigen::Isometry3d& T_w_m, double length, double depth) const;
 
   WorldBuilder& builder_;
-  cv::Mat plaster_;  // noise
+  cv::Mat plaster_;  ///< noise texture of the plaster
 };
 
 }  // namespace ground_scale_vo::simulation

@@ -19,7 +19,7 @@ constexpr double kBelowVerges = 0.5;  // depth of the terrain beyond the verges 
 /// Width of the verge. Inside a tight curve it ends before the centre of the curve, where the mesh
 /// would fold.
 double vergeEnd(const WorldOptions& options) {
-  return std::min(kVergeEnd, 0.8 / std::max(options.largest_curvature, 1e-9));
+  return std::min(kVergeEnd, 0.8 / std::max(options.curvature, 1e-9));
 }
 
 /// Height of ruts, tufts and holes over the plane [m].
@@ -92,7 +92,7 @@ void addStreet(WorldBuilder& builder) {
       for (const Strip& strip : strips) {
         const double begin = unrolled;
         if (!strip.verge) unrolled += std::hypot(strip.u_next - strip.u, strip.z_next - strip.z);
-        const bool on_bridge = isBetween(s0, options.bridge_from, options.bridge_to - kStep);
+        const bool on_bridge = isBetween(s0, options.bridge_from_m, options.bridge_to_m - kStep);
         if (on_bridge && strip.verge) continue;
         mesh.addQuad(vertex(strip, s0, strip.u, strip.z, begin),
                      vertex(strip, s0, strip.u_next, strip.z_next, unrolled),

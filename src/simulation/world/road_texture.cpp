@@ -139,10 +139,10 @@ class RoadTexturePainter {
     }
   }
 
-  /// The product of all layers. The grit repeats after 20 m. Between bare_from and bare_to the
+  /// The product of all layers. The grit repeats after 20 m. Between bare_from_m and bare_to_m the
   /// carriageway has neither pattern nor grit.
   cv::Mat compose() {
-    const int bare_first = row(options_.bare_from), bare_end = row(options_.bare_to);
+    const int bare_first = row(options_.bare_from_m), bare_end = row(options_.bare_to_m);
     const int road_first = roadTextureColumn(kRightKerb), road_end = roadTextureColumn(kLeftKerb);
     if (bare_first < bare_end) {
       pattern_(cv::Range(bare_first, bare_end), cv::Range(road_first, road_end)) = kNeutral;

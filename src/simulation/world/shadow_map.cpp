@@ -9,11 +9,11 @@
 namespace ground_scale_vo::simulation {
 namespace {
 
-constexpr int kShadowTexels = 8;  // side of a shadow texel in texels of the road
-constexpr double kShadowTexel = kShadowTexels * kRoadTexel;  // [m]
-constexpr double kPrismDepth = 0.5;  // share of the light lost in the shadow of an opaque prism
-constexpr double kSpotLight = 0.52;  // light in a spot
-constexpr double kPenumbra = 0.8;    // blur of all shadows, standard deviation [shadow texels]
+constexpr int kRoadTexelsPerShadowTexel = 8;  // in each direction
+constexpr double kShadowTexel_m = kRoadTexelsPerShadowTexel * kRoadTexel;
+constexpr double kOpaqueShadowLoss = 0.5;  // share of the light that an opaque prism blocks
+constexpr double kSpotTransmittance = 0.52;
+constexpr double kPenumbraSigma = 0.8;  // [shadow texels] blur of all shadows
 
 }  // namespace
 
@@ -21,8 +21,8 @@ ShadowMap::ShadowMap(const RoadGeometry& road, const Eigen::Vector3d& sun, cv::S
     : road_(road),
       sun_(sun),
       road_texels_(road_texels),
-      map_(road_texels.height / kShadowTexels, road_texels.width / kShadowTexels, CV_8U,
-           cv::Scalar(255)) {}
+      map_(road_texels.height / kRoadTexelsPerShadowTexel,
+           road_texels.width / kRoadTexelsPerShadowTexel, CV_8U, cv::Scalar(255)) {}
 
 Eigen::Vector2d ShadowMap::shadowUv(double s, double u, const Eigen::Vector3d& offset) const {
   const Eigen::Vector3d sun = Eigen::AngleAxisd(-road_.heading(s), Eigen::Vector3d::UnitZ()) * sun_;
@@ -44,23 +44,23 @@ void ShadowMap::castPrism(double s, double u, const std::vector<Eigen::Vector2d>
   std::vector<Eigen::Vector2d> corners;
   corners.reserve(hull.size());
   for (const cv::Point2f& p : hull) corners.emplace_back(p.x, p.y);
-  TexturePainter(map_, kShadowTexel).polygon(corners, 255 * (1 - kPrismDepth * opacity));
+  TexturePainter(map_, kShadowTexel_m).polygon(corners, 255 * (1 - kOpaqueShadowLoss * opacity));
 }
 
 void ShadowMap::castSpot(double s, double u, const Eigen::Vector3d& offset, double radius) {
-  TexturePainter(map_, kShadowTexel)
-      .ellipse(shadowUv(s, u, offset), {radius, radius}, 255 * kSpotLight);
+  TexturePainter(map_, kShadowTexel_m)
+      .ellipse(shadowUv(s, u, offset), {radius, radius}, 255 * kSpotTransmittance);
 }
 
-void ShadowMap::darken(double s_begin, double s_end, double light) {
+void ShadowMap::setLight(double s_begin, double s_end, double light) {
   const Eigen::Vector2d uv = roadTextureUv(road_.sBegin(), s_begin, kTextureRight);
-  TexturePainter(map_, kShadowTexel)
+  TexturePainter(map_, kShadowTexel_m)
       .box(uv.x(), uv.y(), kRoadColumns * kRoadTexel, s_end - s_begin, 255 * light);
 }
 
 cv::Mat ShadowMap::light() const {
   cv::Mat light;
-  cv::GaussianBlur(map_, light, {}, kPenumbra);
+  cv::GaussianBlur(map_, light, {}, kPenumbraSigma);
   cv::resize(light, light, road_texels_, 0, 0, cv::INTER_LINEAR);
   return light;
 }

@@ -22,8 +22,8 @@ class ShadowMap {
                  double opacity);
   /// A round spot of shadow from a small object at `offset` (along, left, up).
   void castSpot(double s, double u, const Eigen::Vector3d& offset, double radius);
-  /// Sets the light on the whole width of the road between two places. light: 1 = full.
-  void darken(double s_begin, double s_end, double light);
+  /// Sets the light on the full width of the road between two positions. light: 1 = full.
+  void setLight(double s_begin, double s_end, double light);
 
   /// Light on the road at the resolution of the road texture, 8-bit, 255 = full.
   cv::Mat light() const;

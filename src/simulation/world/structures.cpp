@@ -30,7 +30,7 @@ void placeStrip(WorldBuilder& builder, double s_begin, double s_end, const Eigen
 /// Parapets. The mesh of the road leaves out the verges of a bridge.
 void addBridge(WorldBuilder& builder) {
   constexpr double kTop = kKerbHeight + 1.0, kThickness = 0.25, kBottom = -2;  // [m]
-  const double begin = builder.options.bridge_from, end = builder.options.bridge_to;
+  const double begin = builder.options.bridge_from_m, end = builder.options.bridge_to_m;
   for (const auto& [u, out] :
        {std::pair(kRightPavement, -kThickness), {kLeftPavement, kThickness}}) {
     placeStrip(builder, begin, end, {u, kKerbHeight}, {u, kTop}, 0.7);
@@ -43,7 +43,7 @@ void addBridge(WorldBuilder& builder) {
 void addUnderpass(WorldBuilder& builder) {
   constexpr double kClearance = 4.6, kThickness = 1.2, kPortalWidth = 8;  // [m]
   constexpr double kLight = 0.2;
-  const double begin = builder.options.underpass_from, end = builder.options.underpass_to;
+  const double begin = builder.options.underpass_from_m, end = builder.options.underpass_to_m;
   const double right = kRightPavement - 0.5, left = kLeftPavement + 0.5;
   for (const double u : {right, left}) {
     placeStrip(builder, begin, end, {u, kKerbHeight}, {u, kClearance}, kLight);
@@ -64,7 +64,7 @@ void addUnderpass(WorldBuilder& builder) {
     }
     builder.place(builder.addMesh(std::move(portal)), Eigen::Isometry3d::Identity());
   }
-  builder.shadows.darken(begin, end, kLight);
+  builder.shadows.setLight(begin, end, kLight);
 }
 
 }  // namespace ground_scale_vo::simulation

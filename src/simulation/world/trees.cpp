@@ -103,7 +103,7 @@ void addTreesAndLampPosts(WorldBuilder& builder) {
       T_w_m.translation() = road.surfacePoint(s, u, kKerbHeight);
       T_w_m.rotate(Eigen::AngleAxisd(builder.uniform(0, 2 * M_PI), Eigen::Vector3d::UnitZ()));
       const bool is_lamp_post = builder.random.chance(0.25);
-      if (!builder.isFreeBeside(s)) continue;
+      if (!builder.isClearOfBridgeAndUnderpass(s)) continue;
       if (is_lamp_post) {
         builder.place(lamp_post, T_w_m);
         builder.shadows.castPrism(s, u, {{0, 0.06}, {0, -0.06}}, kLampPostHeight, 0.4);

@@ -17,8 +17,9 @@ void addVehicleMeshes(WorldBuilder& builder) {
     builder.assets.cars.push_back(carMesh(texture, builder.options.sun));
     builder.assets.cars.back().updateBoundingSphere();
   }
-  const Texture& texture = builder.addTexture(vanTextureImage(kVanBody, builder.options.seed + 77),
-                                              kVehicleTexel, Texture::Wrap::kClamp);
+  const Texture& texture =
+      builder.addTexture(vanTextureImage(kVanBody, builder.options.random_seed + 77), kVehicleTexel,
+                         Texture::Wrap::kClamp);
   builder.assets.van = vanMesh(texture, builder.options.sun);
   builder.assets.van.updateBoundingSphere();
 }
@@ -57,7 +58,7 @@ World::World(const RoadGeometry& road, const WorldOptions& options) : s_begin_(r
   std::optional<BuildingGenerator> buildings;
   if (!options.off_road) buildings.emplace(builder).addHouses();
   if (options.parked_cars) addParkedCars(builder);
-  if (options.wall_at > 0 && buildings) buildings->addHouseAcrossRoad();
+  if (options.wall_at_m > 0 && buildings) buildings->addWallAcrossRoad();
   if (options.hasBridge()) addBridge(builder);
   if (options.hasUnderpass()) addUnderpass(builder);
   addRoadTexture(builder);

@@ -29,14 +29,14 @@ cv::Mat roofTileImage(std::uint64_t seed) {
 
 }  // namespace
 
-WorldBuilder::WorldBuilder(const RoadGeometry& geometry, const WorldOptions& settings,
-                           WorldAssets* target)
-    : road(geometry),
-      options(settings),
-      assets(*target),
-      random(settings.seed),
-      road_texels(roadTexels(geometry)),
-      shadows(geometry, settings.sun, road_texels) {
+WorldBuilder::WorldBuilder(const RoadGeometry& road_geometry, const WorldOptions& world_options,
+                           WorldAssets* world_assets)
+    : road(road_geometry),
+      options(world_options),
+      assets(*world_assets),
+      random(world_options.random_seed),
+      road_texels(roadTexels(road_geometry)),
+      shadows(road_geometry, world_options.sun, road_texels) {
   leaves = &addTexture(leafImage(random.bits()), 0.02);
   grass = &addTexture(
       noiseToGrey(tileableNoise({512, 512}, random.bits(), {{1, 1}, {4, 1}, {20, 1.2}}), 92, 17),
@@ -69,13 +69,13 @@ Eigen::Vector2d WorldBuilder::roadUv(double s, double u) const {
   return roadTextureUv(road.sBegin(), s, u);
 }
 
-bool WorldBuilder::isFreeBeside(double s) const {
+bool WorldBuilder::isClearOfBridgeAndUnderpass(double s) const {
   constexpr double kClearance = 3;  // [m]
   const auto isNear = [&](double begin, double end) {
     return begin < end && isBetween(s, begin - kClearance, end + kClearance);
   };
-  return !isNear(options.bridge_from, options.bridge_to) &&
-         !isNear(options.underpass_from, options.underpass_to);
+  return !isNear(options.bridge_from_m, options.bridge_to_m) &&
+         !isNear(options.underpass_from_m, options.underpass_to_m);
 }
 
 }  // namespace ground_scale_vo::simulation

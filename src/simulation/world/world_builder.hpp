@@ -15,9 +15,10 @@
 
 namespace ground_scale_vo::simulation {
 
-/// The subset of SyntheticDrive::Options that shapes the static world; documented there.
+/// The subset of SyntheticDrive::Options that shapes the static world; documented there under the
+/// same names.
 struct WorldOptions {
-  std::uint64_t seed = 1;
+  std::uint64_t random_seed = 1;
   double road_texture = 1;
   bool lane_markings = true;
   bool shadows = true;
@@ -25,22 +26,22 @@ struct WorldOptions {
   double arrow_spacing = 0;
   double grain = 0;
   bool cobbles = false;
-  double bare_from = 0, bare_to = 0;
+  double bare_from_m = 0, bare_to_m = 0;
   double puddles = 0;
-  bool bumps = false;
+  bool bumps = false;  ///< speed bumps: bump_height > 0
   bool parked_cars = true;
-  double wall_at = 0;
+  double wall_at_m = 0;
   bool off_road = false;
-  double bridge_from = 0, bridge_to = 0;
-  double underpass_from = 0, underpass_to = 0;
-  double largest_curvature = 0;
-  Eigen::Vector3d sun = Eigen::Vector3d::UnitZ();  ///< unit vector towards it
+  double bridge_from_m = 0, bridge_to_m = 0;
+  double underpass_from_m = 0, underpass_to_m = 0;
+  double curvature = 0;
+  Eigen::Vector3d sun = Eigen::Vector3d::UnitZ();  ///< unit vector towards the sun
 
-  bool hasBridge() const { return bridge_from < bridge_to; }
-  bool hasUnderpass() const { return underpass_from < underpass_to; }
+  bool hasBridge() const { return bridge_from_m < bridge_to_m; }
+  bool hasUnderpass() const { return underpass_from_m < underpass_to_m; }
 };
 
-/// What the builder makes. Deques keep the addresses of textures and meshes valid.
+/// Output of WorldBuilder. std::deque, so that references stay valid on append.
 struct WorldAssets {
   Scene scene;
   std::deque<Texture> textures;
@@ -55,7 +56,8 @@ struct WorldAssets {
 /// assets and cast shadows on the road. They draw from one random sequence, so their order matters.
 class WorldBuilder {
  public:
-  WorldBuilder(const RoadGeometry& geometry, const WorldOptions& settings, WorldAssets* target);
+  WorldBuilder(const RoadGeometry& road_geometry, const WorldOptions& world_options,
+               WorldAssets* world_assets);
 
   const RoadGeometry& road;
   const WorldOptions& options;
@@ -71,15 +73,16 @@ class WorldBuilder {
   const Texture& addTexture(const cv::Mat& image, double texel_m,
                             Texture::Wrap wrap = Texture::Wrap::kRepeat);
   const Mesh& addMesh(Mesh mesh);
-  /// Adds an instance that puddles reflect.
+  /// Adds an instance that is also rendered in puddle reflections.
   void place(const Mesh& mesh, const Eigen::Isometry3d& T_w_m);
-  /// Adds a mesh in world coordinates that puddles do not reflect.
+  /// Adds a mesh in world coordinates that is not rendered in puddle reflections.
   void placeGround(Mesh mesh);
 
-  /// Texture coordinates of a place on the road [m].
+  /// Texture coordinates of the road point (s, u) [m].
   Eigen::Vector2d roadUv(double s, double u) const;
-  /// False beside a bridge or an underpass, where no houses and trees stand.
-  bool isFreeBeside(double s) const;
+  /// Whether houses and trees may be placed beside the road at s: not near a bridge or an
+  /// underpass.
+  bool isClearOfBridgeAndUnderpass(double s) const;
 };
 
 /// s lies in [begin, end].

@@ -67,8 +67,8 @@ def grid_step(span):
 
 
 def draw_trajectory(file, estimate, ground_truth, title, pdf):
-    """Top view, as the paper's Fig. 4: equal axes, and a figure in the proportions of the drive, but
-    no narrower than 2 to 5."""
+    """Top view, as the paper's Fig. 4: equal axes, and a figure in the proportions of the drive,
+    with an aspect ratio of at most 5:2."""
     every = [estimate] if ground_truth is None else [estimate, ground_truth]
     every = np.concatenate(every)[:, [0, 2]]
     low, high = every.min(axis=0), every.max(axis=0)
@@ -108,9 +108,10 @@ def draw_status(axes, edges, scale):
 
 
 def draw_scale(file, scale, distance, camera_height, title, pdf):
-    """As the paper's Fig. 3, over the distance travelled [m]: the camera height that each frame
-    measures in the units of the metric trajectory, with the band of the filter, and the distribution
-    of these heights; below, the scale and its status."""
+    """As the paper's Fig. 3, over the distance travelled [m]: the unfiltered camera height,
+    converted to metres with the filtered scale (camera_height * scale / raw_scale), the +-2 sigma
+    band of the filter around the given height, and the distribution of the unfiltered heights;
+    below, the scale and its status."""
     figure, grid = plt.subplots(2, 2, figsize=(10, 7), sharey="row", sharex="col",
                                 gridspec_kw={"width_ratios": [4, 1], "hspace": 0.22,
                                              "wspace": 0.05})
@@ -122,7 +123,7 @@ def draw_scale(file, scale, distance, camera_height, title, pdf):
 
     axes = grid[0, 0]
     relative = 2 * sigma / np.where(known, scale["scale"], np.nan)
-    axes.plot(distance[measured], heights, ".", color=RAW, markersize=3, label="single frame")
+    axes.plot(distance[measured], heights, ".", color=RAW, markersize=3, label="unfiltered")
     axes.fill_between(distance, camera_height * (1 - relative), camera_height * (1 + relative),
                       color=ESTIMATE, alpha=0.25, linewidth=0, label=r"filtered, $\pm 2\sigma$")
     axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given: {camera_height:g} m")
@@ -149,7 +150,7 @@ def draw_scale(file, scale, distance, camera_height, title, pdf):
 
     axes = grid[1, 0]
     axes.plot(distance[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
-              label="single frame")
+              label="unfiltered")
     axes.plot(distance, filtered, color=ESTIMATE, label="filtered")
     axes.fill_between(distance, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
                       alpha=0.25, linewidth=0, label=r"$\pm 2\sigma$")
@@ -190,12 +191,12 @@ def draw_timing(file, timing, title, pdf):
     axes.invert_yaxis()
     axes.grid(True, axis="x", linewidth=0.4)
     axes.set_xlabel("time [ms]: box quartiles, line median, whiskers 5 and 95 %", fontsize="small")
-    figures = axes.twinx()
-    figures.set_ylim(axes.get_ylim())
-    figures.set_yticks(axes.get_yticks())
-    figures.set_yticklabels([f"{np.median(ran):8.3f} {100 * len(ran) / frames:5.0f} %"
-                             for _, ran, frames in stages], fontsize="small", family="monospace")
-    figures.tick_params(length=0)
+    right_axis = axes.twinx()
+    right_axis.set_ylim(axes.get_ylim())
+    right_axis.set_yticks(axes.get_yticks())
+    right_axis.set_yticklabels([f"{np.median(ran):8.3f} {100 * len(ran) / frames:5.0f} %"
+                                for _, ran, frames in stages], fontsize="small", family="monospace")
+    right_axis.tick_params(length=0)
     axes.set_title(title, loc="left", fontsize="medium")
     axes.text(1.01, 1.01, f"{'median':>8} {'frames':>7}", transform=axes.transAxes,
               fontsize="small", family="monospace")
@@ -240,7 +241,7 @@ def draw(folder, pdf):
     for plot in PLOTS:  # of a previous run
         for suffix in (".png", ".pdf"):
             (folder / (plot + suffix)).unlink(missing_ok=True)
-    title = f"{name}: {metrics['length_m']:.1f} m"
+    title = f"{name}: estimated length {metrics['length_m']:.1f} m"
     if metrics["t_err_percent"] is not None:
         title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
                   f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")

@@ -10,8 +10,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Least cosine of a chord to the optical axis. A camera that moves sideways, or not yet along its
-/// path, does not observe its pitch.
+/// Minimum absolute cosine of the angle between chord and optical axis. With sideways motion, or
+/// with a chord too short to give the direction of travel, the pitch is not observable.
 constexpr double kMinForward = 0.8;
 
 }  // namespace
@@ -42,8 +42,9 @@ NormalPrior Mounting::prior(const MotionHistory& history, double height) const {
   const std::optional<MotionHistory::Chord> chord =
       history.chord(options_.chord_length_heights * height);
   if (chord) {
-    // Kalman update of the pitch with Eq. 3, n orthogonal to the averaged t. The heave of the
-    // vehicle between the ends of the chord is the measurement noise.
+    // Kalman update of the pitch with Eq. 3 of Tian et al.: the road normal n is orthogonal to the
+    // direction of motion t, here that of the chord. The measurement noise is the heave of the
+    // vehicle between the ends of the chord; without a known height pitch_motion_sigma.
     const double chord_sigma = height > 0 ? options_.heave_sigma_heights * height / chord->length
                                           : options_.pitch_motion_sigma;
     const double prior_variance = prior.pitch_sigma * prior.pitch_sigma;
@@ -63,12 +64,15 @@ void Mounting::addSample(Average* average, double value, double sample_sigma,
   const double information =
       step_heights / (options_.chord_length_heights * sample_sigma * sample_sigma);
   if (!(information > 0) || !areFinite(information, value)) return;
-  const double kept = std::min(1 / (average->sigma * average->sigma),
-                               options_.forgetting_distance_heights /
-                                   (options_.chord_length_heights * sample_sigma * sample_sigma));
-  const double mean = average->mean + (value - average->mean) * information / (kept + information);
+  // Capped: the mean forgets samples older than the forgetting distance.
+  const double prior_information =
+      std::min(1 / (average->sigma * average->sigma),
+               options_.forgetting_distance_heights /
+                   (options_.chord_length_heights * sample_sigma * sample_sigma));
+  const double mean =
+      average->mean + (value - average->mean) * information / (prior_information + information);
   average->mean = std::clamp(mean, -options_.max_tilt_rad, options_.max_tilt_rad);
-  average->sigma = 1 / std::sqrt(kept + information);
+  average->sigma = 1 / std::sqrt(prior_information + information);
 }
 
 void Mounting::update(const std::optional<MotionHistory::Chord>& chord, const GroundPlane* plane,

@@ -7,37 +7,45 @@ namespace ground_scale_vo {
 
 enum class ScaleStatus : std::uint8_t {
   kUnknown = 0,  ///< not known yet: there is no metric pose
-  kOk = 1,       ///< measured in this frame
-  kHeld = 2      ///< not measured in this frame: the last value; sigma grows with the distance
+  kOk = 1,       ///< a measurement of this frame was accepted
+  kHeld = 2      ///< none was accepted: the last value; sigma grows with the distance travelled
 };
 
-/// Why a frame has no measurement of its own.
+/// Why no measurement of a frame was used.
 enum class ScaleReason : std::uint8_t {
-  kNone = 0,  ///< it has one
+  kNone = 0,  ///< one was used; while kUnknown it is collected for the start of the filter
   kVoNotTracking = 1,
-  kStandstill = 2,  ///< no motion since the previous frame
+  /// Moved less than standstill_distance_heights since the last tracked frame without this reason.
+  kStandstill = 2,
   kTooFewTriangles = 3,
   kTooFewGroundPoints = 4,
-  kNoPlane = 5,          ///< no plane fits, or its height is too uncertain
-  kPlaneTilted = 6,      ///< the plane's normal is too far from the prior
-  kRejectedByFilter = 7  ///< outside the filter's gate
+  kNoPlane = 5,      ///< no plane fits, or its height is too uncertain
+  kPlaneTilted = 6,  ///< its normal deviates too much from that predicted from mounting and motion
+  kRejectedByFilter = 7  ///< measured, but outside the filter's gate
 };
 
 /// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out
 /// of the road, towards the camera), so d = h, the camera's height, positive.
+/// h*: known camera height [m]; h: estimated height [VO units]. Equations and algorithms are those
+/// of Tian et al., ICRA 2021 (docs/explanation/how_it_works.md).
 struct ScaleEstimate {
   ScaleStatus status = ScaleStatus::kUnknown;
   ScaleReason reason = ScaleReason::kNone;
-  double raw_scale = 0;  ///< h*/h of this frame alone [m per VO unit]; 0 when there is none
-  double scale = 0;      ///< filtered, the one in use [m per VO unit]; 0 while kUnknown
-  double sigma = 0;      ///< standard deviation of `scale` [m per VO unit]
-  double height = 0;     ///< filtered height h of the camera over the plane [VO units]
-  Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< unit, up; zero when there is no plane yet
-  int triangles = 0;                              ///< Delaunay triangles with three map points
-  int ground_triangles = 0;                       ///< of these, those that passed Eq. 1-3
-  int ground_points = 0;                          ///< of this frame, after RANSAC (Alg. 1)
-  int window_points = 0;                          ///< in the window (Alg. 2)
-  int plane_inliers = 0;                          ///< of these, reserved at convergence
+  /// Unfiltered h*/h measured at this frame [m per VO unit], from the aggregation window or from
+  /// the alignment with earlier images, so consecutive values are correlated; 0 without one.
+  double raw_scale = 0;
+  double scale = 0;   ///< filtered, the one in use [m per VO unit]; 0 while kUnknown
+  double sigma = 0;   ///< standard deviation of `scale` [m per VO unit]; 0 while kUnknown
+  double height = 0;  ///< filtered height h of the camera [VO units]; 0 while kUnknown
+  /// Unit, up, unfiltered: of the measured plane, without a measurement predicted from mounting and
+  /// motion, in kStandstill and without a pose that of the previous frame. Zero before the first
+  /// plane of a map.
+  Eigen::Vector3d n_c = Eigen::Vector3d::Zero();
+  int triangles = 0;         ///< Delaunay, of features with 3-D points in the region of interest
+  int ground_triangles = 0;  ///< of these, ground by normal and direction of motion (Eq. 1-3)
+  int ground_points = 0;     ///< of this frame, after RANSAC (Alg. 1)
+  int window_points = 0;     ///< in the aggregation window (Alg. 2)
+  int plane_inliers = 0;     ///< of these, inliers of the final plane fit
 };
 
 const char* toString(ScaleStatus status);  ///< "unknown", "ok", "held"

@@ -96,7 +96,7 @@ class ScaleRecovery {
     Times times;
     Measurement feature_based, direct;
     double correlation = 0;     ///< of the direct measurement's patches; 0 without a measurement
-    GroundPlane plane;          ///< of this frame alone; height 0 when there is none
+    GroundPlane plane;          ///< measured at this frame, unfiltered; height 0 when there is none
     double mounting_pitch = 0;  ///< [rad], positive: the camera looks down
     double mounting_roll = 0;   ///< [rad], positive: the camera's x axis points down
   };

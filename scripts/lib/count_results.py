@@ -1,5 +1,8 @@
 #!/usr/bin/python3
-"""Prints "passed failed skipped" over the JUnit result files below a folder."""
+"""Prints three numbers: the passed, failed and skipped test cases in the JUnit files below a folder.
+
+An unreadable file counts as one failed case.
+"""
 
 import pathlib
 import sys

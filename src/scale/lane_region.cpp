@@ -11,7 +11,8 @@ LaneRegion::LaneRegion(const NormalPrior& prior, const std::optional<MotionHisto
   ahead_ = reverse ? Eigen::Vector3d(-prior.forward_c) : prior.forward_c;
   left_ = up_.cross(ahead_);
   if (chord && height > 0) {
-    // In reverse the region is the path already driven, and curves the other way.
+    // In reverse the driven path lies ahead of the camera: the chord starts at ahead = +length
+    // instead of -length, hence the negative sign.
     chord_length_ = (reverse ? -1 : 1) * chord->length / height;
     curvature_ = up_.dot(chord->turn_c) / chord_length_;
   }
@@ -22,6 +23,8 @@ bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
   if (!(down > 0)) return false;
   const double ahead = ahead_.dot(ray) / down;
   if (ahead < min_ahead_ || ahead > max_ahead_) return false;
+  // Parabola of the given curvature through both ends of the chord (ahead = 0 and -chord_length_).
+  // The offset is relative to the chord, not to the tangent at the camera.
   const double path = 0.5 * curvature_ * ahead * (ahead + chord_length_);
   return std::abs(left_.dot(ray) / down - path) <= half_width_;
 }

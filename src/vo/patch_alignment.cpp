@@ -23,8 +23,9 @@ constexpr float kMaxIntermediateShift = 2;
 /// Least determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
 /// then at least about 1e-3. With less the patch is an edge.
 constexpr float kMinCornerness = 1e-3f;
-/// [grey levels^2] guards the division by the variance of a uniform patch in the current image.
-constexpr float kMinVariance = 1e-3f;
+/// [grey levels^2] guards the division by the sum of squared deviations from the mean of a uniform
+/// patch in the current image.
+constexpr float kMinSumOfSquares = 1e-3f;
 /// Least ratio of the areas of a patch in the two images, and the inverse of the largest.
 constexpr double kMinAreaRatio = 0.1;
 /// Sine of the least angle between the line of sight and the surface (1.1 degrees); with less the
@@ -41,7 +42,8 @@ using Patch = std::array<float, kMaxStride * kMaxStride + kLanes>;
 
 Lanes lanes(const float* at) { return Lanes::Map(at); }
 
-/// Bilinear interpolation is defined on the whole square of half side `margin` [px] around u.
+/// Whether the square of half side `margin` [px] around u lies inside the image, with the
+/// neighbours that bilinear interpolation needs.
 bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
   return u.x() >= margin && u.y() >= margin &&
          u.x() + margin < static_cast<float>(image.cols - 1) &&
@@ -93,11 +95,11 @@ void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eigen::Mat
 /// The warped reference patch and its gradients, all with zero mean.
 struct Template {
   Patch grey, gx, gy;
-  float variance = 0;  // sum of squares
+  float sum_of_squares = 0;  // of grey
   Eigen::Matrix2f inverse_hessian;
 
-  /// mask: 1 for the pixels of the window, 0 for padding. False when the patch lacks gradient in
-  /// two independent directions.
+  /// mask: 1 for the pixels of the window, 0 for padding. False when the warped patch leaves
+  /// the reference image or lacks texture in two directions.
   bool make(const cv::Mat& reference, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& warp,
             int window, const std::vector<float>& mask) {
     const Eigen::Matrix2f inverse = warp.inverse();
@@ -127,7 +129,8 @@ struct Template {
     }
     const float count = static_cast<float>(window * window);
     const float mean = sum.sum() / count;
-    const float mean_x = sum_x.sum() / count;  // the mean of the current patch depends on the shift
+    // The residual is zero-mean, so its derivative is the gradient minus the mean gradient.
+    const float mean_x = sum_x.sum() / count;
     const float mean_y = sum_y.sum() / count;
     Lanes squares = Lanes::Zero(), xx = Lanes::Zero(), xy = Lanes::Zero(), yy = Lanes::Zero();
     for (std::size_t i = 0; i < mask.size(); i += kLanes) {
@@ -143,11 +146,12 @@ struct Template {
       xy += x * y;
       yy += y * y;
     }
-    variance = squares.sum();
+    sum_of_squares = squares.sum();
     Eigen::Matrix2f hessian;
     hessian << xx.sum(), xy.sum(), xy.sum(), yy.sum();
     const float trace = hessian.trace();
-    if (variance < count || hessian.determinant() < kMinCornerness * trace * trace) return false;
+    if (sum_of_squares < count) return false;  // variance below 1 grey level^2
+    if (hessian.determinant() < kMinCornerness * trace * trace) return false;
     inverse_hessian = hessian.inverse();
     return true;
   }
@@ -256,8 +260,9 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
       along_y += lanes(&patch.gy[i]) * (grey - expected);
     }
     const float sum = sums.sum();
-    const float variance = squared.sum() - sum * sum / static_cast<float>(window * window);
-    correlation = products.sum() / std::sqrt(std::max(kMinVariance, variance) * patch.variance);
+    const float sum_of_squares = squared.sum() - sum * sum / static_cast<float>(window * window);
+    correlation = products.sum() /
+                  std::sqrt(std::max(kMinSumOfSquares, sum_of_squares) * patch.sum_of_squares);
     const Eigen::Vector2f step =
         patch.inverse_hessian * Eigen::Vector2f(along_x.sum(), along_y.sum());
     u -= step;

@@ -53,12 +53,14 @@ TEST(FeatureTracker, skipsOccupiedCells) {
   EXPECT_LT(second.size(), first.size() / 3);
 }
 
+// Existing features exclude a disc of half a cell around them; here the discs cover a free cell.
 TEST(FeatureTracker, skipsAFreeCellThatItsNeighboursMask) {
   FeatureTracker::Options options;
   options.min_corner_strength = 0;
   options.window_px = 9;
   options.cell_size = 10.0 / 800;
-  // Features all around the cell [205, 214] x [105, 114], none in it.
+  // Features all around the cell [205, 214] x [105, 114] (the grid starts at a border of 5 px),
+  // none in it.
   std::vector<cv::Point2f> occupied;
   for (int i = 0; i < 12; ++i) {
     const auto along = static_cast<float>(i);
@@ -95,7 +97,8 @@ TEST(FeatureTracker, rejectsEdges) {
   EXPECT_GT(corners.size() - static_cast<std::size_t>(outside(corners)), 30u);
   EXPECT_LT(outside(corners), 10);
   options.min_corner_ratio = 0;
-  EXPECT_GT(outside(FeatureTracker(options).detect(image, {})), 200) << "the bars are not enough";
+  EXPECT_GT(outside(FeatureTracker(options).detect(image, {})), 200)
+      << "the test image has too few edge pixels that pass without the ratio test";
 }
 
 TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {

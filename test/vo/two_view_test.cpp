@@ -36,11 +36,11 @@ Views look(const std::vector<Eigen::Vector3d>& points, const Eigen::Isometry3d& 
 }
 
 void expectMotion(const TwoView::Result& result, const Eigen::Isometry3d& T_2_1,
-                  double rotation_rad, double direction_rad) {
+                  double max_rotation_error_rad, double max_direction_error_rad) {
   ASSERT_EQ(result.status, TwoViewStatus::kOk);
-  EXPECT_LT(angleBetween(result.T_2_1, T_2_1), rotation_rad);
+  EXPECT_LT(angleBetween(result.T_2_1, T_2_1), max_rotation_error_rad);
   EXPECT_GT(result.T_2_1.translation().dot(T_2_1.translation().normalized()),
-            std::cos(direction_rad));
+            std::cos(max_direction_error_rad));
   EXPECT_NEAR(result.T_2_1.translation().norm(), 1, 1e-9);
 }
 
@@ -52,7 +52,7 @@ TEST(TwoView, findsTheMotionAmongScatteredPoints) {
   EXPECT_FALSE(result.planar);
 }
 
-TEST(TwoView, givesTheDepthsInUnitsOfTheMotion) {
+TEST(TwoView, givesTheDepthsInUnitsOfTheBaseline) {
   const Eigen::Isometry3d T_2_1 = pose({0, 0.02, 0}, {1, 0, 0});
   const auto points = randomPoints(300, 2);
   const Views views = look(points, T_2_1);
@@ -76,7 +76,8 @@ TEST(TwoView, findsTheMotionInAMostlyPlanarScene) {
   expectMotion(result, T_2_1, 0.01, 0.08);
 }
 
-// A plane alone has two solutions (the second: straight down on a wall): ambiguous.
+// The homography of a plane has two physically valid decompositions. The second one here is a
+// camera that moves downwards in front of a frontal wall (translation and normal exchanged).
 TEST(TwoView, aPlaneAloneIsAmbiguous) {
   const Views views = look(roadPoints(400, 3), pose({0.005, 0.02, 0}, {0.05, 0, -1.5}), 0.1);
   const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);

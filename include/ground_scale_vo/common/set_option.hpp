@@ -38,8 +38,8 @@ class OptionSetter {
 
 /// Sets one option of any Options struct with visitStages() (common/options.hpp) by its full name:
 /// "group/name=value", a bool as true or false. Throws OptionError that names the option when the
-/// name is unknown, or the value is not a number, not whole where an integer is needed, or out of
-/// range.
+/// name is unknown, or the value is not a number (for a bool: not true or false), not whole where
+/// an integer is needed, or out of range.
 template <typename Options>
 void setOption(Options& options, const std::string& assignment) {
   OptionSetter setter(assignment);

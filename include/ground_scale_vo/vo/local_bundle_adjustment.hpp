@@ -9,11 +9,13 @@ namespace ground_scale_vo {
 
 /// Optimises the poses of the newest keyframes and the inverse depths of the landmarks that they
 /// observe: reprojection error with Huber's loss, Levenberg-Marquardt. Older keyframes are fixed,
-/// which fixes the gauge (7 degrees of freedom). While fewer than two are older, the first keyframe
-/// and the distance between the first and the newest are fixed.
+/// which fixes the gauge (7 degrees of freedom). While fewer than two keyframes
+/// are older than the window, the first keyframe of the map and its distance to the newest one are
+/// fixed instead.
 ///
 /// A landmark with inverse depth rho on the ray of its anchor a projects into observer o as
-///   q = R_o_a ray + rho t_o_a,   residual r = (q_xy / q_z - x) / sigma.
+///   q = R_o_a ray + rho t_o_a,   residual r = (q_xy / q_z - x) / sigma,
+/// x: observed position in normalised image coordinates, sigma: its standard deviation.
 /// Poses are updated by boxplus (common/se3.hpp). The inverse depths, a scalar each, are eliminated
 /// by the Schur complement; the remaining system, six rows per keyframe, is solved by Cholesky.
 ///
@@ -40,8 +42,10 @@ class LocalBundleAdjustment {
     /// False: too few landmarks, a result that is not finite, or no step could be computed; store()
     /// then leaves the map unchanged.
     bool usable = false;
-    int residuals = 0;
-    double rms_sigma = 0;  ///< RMS of the residuals after optimisation, in standard deviations
+    int residuals = 0;  ///< scalar residuals: two per observation other than the anchor's
+    /// Square root of the mean Huber loss (twice the final cost over `residuals`), in standard
+    /// deviations. The RMS of the residuals where none exceeds huber_sigma.
+    double rms_sigma = 0;
   };
 
   explicit LocalBundleAdjustment(const Options& options);

@@ -5,13 +5,16 @@
 namespace ground_scale_vo::direct {
 namespace {
 
-/// [focal lengths] Least image motion of road at the patch; with less, road looks static too.
+/// [focal lengths] Minimum image motion of road at the first (upper left) sample of the patch; with
+/// less, road looks static too.
 constexpr float kMinFlow = 0.004f;
-/// Least correlation with the same pixels of the reference image.
+/// Minimum correlation with the same pixels of the reference image (hypothesis: static).
 constexpr float kMinCorrelation = 0.8f;
-/// Least margin of that correlation over the correlation as road.
+/// Minimum excess of that correlation over the correlation at the position that the plane predicts
+/// (hypothesis: road).
 constexpr float kMinMargin = 0.1f;
-/// Least texture of a patch; uniform patches correlate with anything.
+/// Minimum share of the patch's grey-level variance that is not image noise; uniform patches
+/// correlate with anything.
 constexpr float kMinTexture = 0.5f;
 /// Cells above this probability are masked.
 constexpr float kMaskedProbability = 0.5f;

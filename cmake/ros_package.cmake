@@ -1,4 +1,4 @@
-# The catkin package: messages, exports, and where things are installed.
+# The catkin package: messages, exports, and install rules.
 
 find_package(catkin REQUIRED COMPONENTS
   cv_bridge
@@ -36,11 +36,11 @@ catkin_package(
 )
 
 set(GROUND_SCALE_VO_INSTALLED_HEADERS ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
-# The tools lie where rosrun looks.
+# Install the tools where rosrun searches for executables.
 set(GROUND_SCALE_VO_BUILT_TOOLS ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION})
 set(GROUND_SCALE_VO_INSTALLED_TOOLS ${CATKIN_PACKAGE_BIN_DESTINATION})
 
-# gsv_install_layer(NAME): a library of the product.
+# gsv_install_layer(NAME): installs the library of module group NAME (core or nodelets).
 function(gsv_install_layer name)
   install(TARGETS ${PROJECT_NAME}_${name}
     ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
@@ -50,7 +50,7 @@ endfunction()
 
 set(GROUND_SCALE_VO_TESTS ${CATKIN_ENABLE_TESTING})
 
-# gsv_add_gtest(TARGET SOURCE...): a unit test, built by the target `tests` and run by ctest.
+# gsv_add_gtest(TARGET SOURCE...): adds a unit test; built by target `tests`, run by ctest.
 function(gsv_add_gtest target)
   catkin_add_gtest(${target} ${ARGN})
   target_link_libraries(${target} gtest)
@@ -60,7 +60,7 @@ catkin_install_python(PROGRAMS nodes/feed_another_vo nodes/playback_monitor scri
   scripts/benchmark_report.py scripts/metrics_table.py scripts/plot_run.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-# The commands find their programs beside them there.
+# The scripts expect the executables in the same directory after installation.
 install(PROGRAMS scripts/ablation scripts/benchmark scripts/calibrate_height scripts/demo
   scripts/evaluate scripts/package scripts/screenshot
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
@@ -68,7 +68,8 @@ install(FILES scripts/lib/environment.sh scripts/lib/packages.txt scripts/lib/pa
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib)
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 
-# The Debian package of scripts/package, which adds the dependencies beside the libraries.
+# CPack settings used by scripts/package; the script adds the dependencies that are not shared
+# libraries.
 if(CMAKE_SOURCE_DIR STREQUAL PROJECT_SOURCE_DIR)
   set(CPACK_GENERATOR DEB)
   set(CPACK_PACKAGE_NAME ground-scale-vo)
@@ -80,7 +81,7 @@ if(CMAKE_SOURCE_DIR STREQUAL PROJECT_SOURCE_DIR)
   set(CPACK_DEBIAN_PACKAGE_SECTION science)
   set(CPACK_DEBIAN_PACKAGE_RECOMMENDS rviz)
   set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-  # Where dpkg-shlibdeps finds our own libraries, which no package has yet.
+  # Lets dpkg-shlibdeps find this project's libraries, which no installed package provides.
   set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS
     ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_LIB_DESTINATION})
   include(CPack)

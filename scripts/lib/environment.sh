@@ -214,7 +214,7 @@ gsv_show_launch() {
       *'=REQUIRED process [playback_monitor-'*) ;; # the regular end, or it has printed the error
       *'=REQUIRED process ['*'] has died!'*)
         line=${line#*REQUIRED process [}
-        show "$name: the node ${line%%-+([0-9])]*} has ended before the bag"
+        show "$name: the node ${line%%-+([0-9])]*} exited before playback finished"
         failed=yes
         ;;
       '[rviz-'*'process has died'*)

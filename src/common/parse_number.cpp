@@ -25,7 +25,7 @@ template std::optional<long double> parseNumber(const std::string& text);
 
 double parseNumber(const std::string& option, const std::string& text) {
   const auto value = parseNumber<double>(text);
-  if (!value) throw OptionError(option + " is '" + text + "', which is not a number");
+  if (!value) throw OptionError(option + ": '" + text + "' is not a number");
   return *value;
 }
 
@@ -33,7 +33,7 @@ int parseInteger(const std::string& option, const std::string& text, int min, in
   const double value = parseNumber(option, text);
   requireInRange(option.c_str(), value, min, max);
   if (value != std::floor(value)) {
-    throw OptionError(option + " is '" + text + "', which is not a whole number");
+    throw OptionError(option + ": '" + text + "' is not an integer");
   }
   return static_cast<int>(value);
 }

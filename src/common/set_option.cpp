@@ -11,7 +11,7 @@ namespace ground_scale_vo {
 OptionSetter::OptionSetter(const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos) {
-    throw OptionError("'" + assignment + "' sets no option, it must be GROUP/NAME=VALUE");
+    throw OptionError("'" + assignment + "' is not an assignment; expected [GROUP/]NAME=VALUE");
   }
   name_ = assignment.substr(0, equals);
   value_ = assignment.substr(equals + 1);
@@ -27,7 +27,7 @@ double OptionSetter::number(double min, double max, bool whole) const {
   const double number = parseNumber(name_, value_);
   requireInRange(name_.c_str(), number, min, max);
   if (whole && number != std::floor(number)) {
-    throw OptionError(name_ + " is '" + value_ + "', which is not a whole number");
+    throw OptionError(name_ + ": '" + value_ + "' is not an integer");
   }
   return number;
 }

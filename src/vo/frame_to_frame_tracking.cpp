@@ -79,8 +79,8 @@ double FrameToFrameTracking::medianFlow(const std::vector<Feature>& found) const
   return flow.empty() ? 0 : median(flow);
 }
 
-void FrameToFrameTracking::advanceUnlessStill(ImagePyramid next, std::int64_t stamp_ns,
-                                              std::vector<Feature> found) {
+void FrameToFrameTracking::advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
+                                                   std::vector<Feature> found) {
   if (medianFlow(found) < options_.standstill_flow * camera_.width &&
       100 * found.size() > kStandstillMinTrackedPercent * features_.size()) {
     return;

@@ -11,34 +11,37 @@
 
 namespace ground_scale_vo {
 
-/// The previous image with its features, and how they are found in the next image. The previous
-/// image is the last tracked one, or an earlier one while the camera stands still.
+/// Stores the previous image and its features, and tracks them into the next image. The previous
+/// image is the last tracked one; at standstill an older image is kept.
 class FrameToFrameTracking {
  public:
   FrameToFrameTracking(const PinholeCamera& camera, const VisualOdometry::Options& options);
 
-  /// Pyramid of the next image, with its exposure relative to the map's first image.
+  /// Pyramid of an image, with its exposure relative to the map's first image (1 if there is no
+  /// previous image).
   ImagePyramid pyramid(const cv::Mat& image) const;
 
-  /// The features that are found in the next image, at their new pixels; the others are appended to
-  /// `rejected`. predicted: where each feature is expected [px]. R_next_previous: predicted
-  /// rotation. A feature's sigma grows with its motion beyond that rotation, because its patch then
-  /// changes in size.
+  /// Tracks the features into the next image and returns those found, with their new positions; the
+  /// others are appended to `rejected`. predicted: predicted position of each feature [px].
+  /// R_next_previous: predicted rotation from the previous to the next camera frame. A feature's
+  /// sigma grows with the part of its motion that the rotation does not explain, because its patch
+  /// then changes in size.
   std::vector<Feature> track(const ImagePyramid& next, std::int64_t stamp_ns,
                              const std::vector<cv::Point2f>& predicted,
                              const Eigen::Matrix3d& R_next_previous,
                              std::vector<RejectedFeature>* rejected) const;
 
-  /// The next image becomes the previous one, unless the camera stands still: tracking from the
-  /// same image through a standstill accumulates no drift.
-  void advanceUnlessStill(ImagePyramid next, std::int64_t stamp_ns, std::vector<Feature> found);
+  /// The next image becomes the previous one, unless the camera is stationary: tracking from
+  /// the same image throughout a standstill accumulates no drift.
+  void advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
+                               std::vector<Feature> found);
   void advance(ImagePyramid next, std::int64_t stamp_ns, std::vector<Feature> found);
 
   /// Adds new corners where the previous image has no features.
   void detectNew();
 
-  /// Fewer corners than an image of a textured scene has: dark, covered or blank. found: number of
-  /// features that were tracked into it.
+  /// True if the image has too few corners to track (dark, covered or blank). found: number of
+  /// features tracked into this image.
   bool isTextureless(const ImagePyramid& image, std::size_t found) const;
 
   bool hasImage() const { return !previous_.levels.empty(); }
@@ -58,7 +61,7 @@ class FrameToFrameTracking {
 
   ImagePyramid previous_;
   std::int64_t previous_stamp_ns_ = 0;
-  std::vector<Feature> features_;  ///< in the previous image, by id
+  std::vector<Feature> features_;  ///< in the previous image, ordered by id
   std::uint64_t next_feature_id_ = 0;
 };
 

@@ -10,7 +10,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Depth in the observer relative to that in the anchor; with less the point is behind the camera.
+/// Minimum depth in the observer relative to the depth in the anchor; a point with a smaller ratio
+/// is treated as behind the camera.
 constexpr double kMinDepthRatio = 1e-6;
 
 /// Distance between the observation and the point's projection, infinite behind the camera.
@@ -21,14 +22,14 @@ double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
   return (p.head<2>() / p.z() - o.x).norm();
 }
 
-/// The observations of a map's landmarks relative to their anchors, with the present poses.
+/// The observations of a map's landmarks relative to their anchors, with the current poses.
 class AnchoredObservations {
  public:
   explicit AnchoredObservations(const LocalMap& map) : map_(map) {
     for (const Keyframe& keyframe : map.keyframes()) T_c_w_.push_back(keyframe.T_w_c.inverse());
   }
 
-  /// The anchor's own excluded. Valid until the next call.
+  /// Excludes the observation in the anchor keyframe. Valid until the next call.
   const std::vector<RayObservation>& of(const Landmark& landmark) {
     const auto& seen = landmark.observations;
     const std::uint32_t first_id = map_.keyframes().front().id;
@@ -88,7 +89,7 @@ void LocalMap::dropOldestKeyframe() {
   keyframes_.pop_front();
 }
 
-/// Empty when the point is behind the anchor.
+/// Empty when the point is behind the anchor keyframe's camera.
 std::optional<InverseDepth> LocalMap::depthInAnchor(const Landmark& landmark,
                                                     const WorldPoint& world) const {
   const Eigen::Isometry3d T_c_w = keyframe(landmark.observations.front().keyframe).T_w_c.inverse();
@@ -121,9 +122,9 @@ void LocalMap::updateSigmas() {
     const Eigen::Vector3d ray = landmark.ray();
     double information = 0;
     for (const RayObservation& o : anchored.of(landmark)) {
-      const auto [p, slope] = projectOnRay(ray, landmark.depth->value, o.T_c_anchor);
+      const auto [p, scaled_derivative] = projectOnRay(ray, landmark.depth->value, o.T_c_anchor);
       if (p.z() < kMinDepthRatio) continue;
-      information += (slope / (p.z() * o.sigma)).squaredNorm();
+      information += (scaled_derivative / (p.z() * o.sigma)).squaredNorm();
     }
     // No observation but the anchor's (the others were dropped with their keyframes): keep sigma.
     if (information > 0) {

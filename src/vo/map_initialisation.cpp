@@ -7,13 +7,13 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [features] fewer are no basis for a map. Well above TwoView's min_matches (80).
+/// [features] minimum number of matches for initialisation; above TwoView's min_matches (80).
 constexpr std::size_t kMinMatches = 100;
 
-/// [features] least number with a depth in a new map: half of the matches.
+/// Minimum number of landmarks with depth in a new map.
 constexpr std::size_t kMinPoints = kMinMatches / 2;
 
-/// [frames] bounds the memory while the camera stands before its first motion: five minutes at
+/// [frames] limits the memory while the camera is stationary before initialisation: five minutes at
 /// 10 Hz.
 constexpr std::size_t kMaxFrames = 3000;
 
@@ -64,7 +64,8 @@ std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::tryStar
   return std::nullopt;
 }
 
-/// Two keyframes, the points of the two-view geometry, bundle adjustment.
+/// Creates a map of two keyframes and the triangulated inliers, then runs bundle adjustment.
+/// Returns false when it fails.
 bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
                                 const TwoView::Result& motion, Mapping* mapping) const {
   std::vector<double> depths;
@@ -85,12 +86,14 @@ bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePy
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (!motion.inlier[i]) continue;
     const double inverse_depth = motion.inverse_depth_1[i] * unit;
-    map.find(found[i].id)->depth = InverseDepth{inverse_depth, inverse_depth};
+    map.find(found[i].id)->depth =
+        InverseDepth{inverse_depth, inverse_depth};  // initial sigma: 100 %
   }
   return mapping->adjustNow();
 }
 
-/// The poses of all frames in the new map. The first and the last are its keyframes.
+/// The poses of all frames in the new map. The first and the last are its keyframes. Empty when one
+/// of them cannot be localised.
 std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::localiseFrames(
     const LocalMap& map) const {
   std::vector<VisualOdometry::StartPose> poses;

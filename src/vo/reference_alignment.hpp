@@ -14,7 +14,7 @@
 namespace ground_scale_vo {
 
 /// Removes the drift of frame-to-frame tracking: aligns each feature that has a map point to the
-/// patch of the first keyframe that saw it at about its present size.
+/// patch of the first keyframe that observed it at about its current size.
 class ReferenceAlignment {
  public:
   /// aligned_sigma: standard deviation of an aligned feature, normalised image coordinates.

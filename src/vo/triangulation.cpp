@@ -35,10 +35,10 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
   for (const RayObservation& o : observations) {
     const Eigen::Vector3d a = o.T_c_anchor.linear() * ray;
     const Eigen::Vector3d& t = o.T_c_anchor.translation();
-    const Eigen::Vector2d slope = o.x * t.z() - t.head<2>();
+    const Eigen::Vector2d coefficient = o.x * t.z() - t.head<2>();
     const double weight = 1 / (o.sigma * o.sigma);
-    numerator += weight * slope.dot(a.head<2>() - o.x * a.z());
-    denominator += weight * slope.squaredNorm();
+    numerator += weight * coefficient.dot(a.head<2>() - o.x * a.z());
+    denominator += weight * coefficient.squaredNorm();
   }
   if (denominator < kMinInformation) return std::nullopt;
   double rho = numerator / denominator;
@@ -48,10 +48,10 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
     double gradient = 0;
     information = 0;
     for (const RayObservation& o : observations) {
-      const auto [p, slope] = projectOnRay(ray, rho, o.T_c_anchor);
+      const auto [p, scaled_derivative] = projectOnRay(ray, rho, o.T_c_anchor);
       if (p.z() < kMinDepthRatio) return std::nullopt;
       const Eigen::Vector2d residual = p.head<2>() / p.z() - o.x;
-      const Eigen::Vector2d J = slope / p.z();
+      const Eigen::Vector2d J = scaled_derivative / p.z();
       const double weight = 1 / (o.sigma * o.sigma);
       gradient += weight * J.dot(residual);
       information += weight * J.squaredNorm();

@@ -106,7 +106,7 @@ struct VisualOdometry::Impl {
     ScopedTimer timer(&out->times.pose);
     auto poses = initialisation.tryStartMap(found, image, &mapping);
     if (!poses) {
-      tracking.advanceUnlessStill(std::move(image), stamp_ns, found);
+      tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
       return found;
     }
     status = VoStatus::kTracking;
@@ -142,7 +142,7 @@ struct VisualOdometry::Impl {
     lost_frames = 0;
     out->frame.keyframe = mapping.needsKeyframe(motion.T_w_c(), found);
     if (!out->frame.keyframe) {
-      tracking.advanceUnlessStill(std::move(image), stamp_ns, found);
+      tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
       return found;
     }
     tracking.advance(std::move(image), stamp_ns, found);

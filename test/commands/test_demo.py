@@ -26,12 +26,12 @@ def test_sequence_on_a_terminal(short, tmp_path):
 
 
 @pytest.mark.serial
-def test_bag_of_kitti2bag(bag, tmp_path):
+def test_bag_in_kitti2bag_style(bag, tmp_path):
     assert_plays(DEMO, tmp_path, "--bag", bag)
 
 
 def pid_of(node, log):
-    """The process id of a running node of the demo with this roslaunch.log."""
+    """Process id of a node, found through the ROS master URI in roslaunch.log."""
     master = re.search(r"ROS_MASTER_URI=(http://[\w.:-]+)", log.read_text())[1]
     _, _, uri = xmlrpc.client.ServerProxy(master).lookupNode("/test", node)
     return xmlrpc.client.ServerProxy(uri).getPid("/test")[2]
@@ -58,8 +58,9 @@ def test_fails_when_the_player_is_killed(bag, tmp_path):
 
 @pytest.mark.serial
 def test_full_disk(bag, tmp_path):
+    """Simulated by RLIMIT_FSIZE."""
     done = run(DEMO, "--bag", bag, "--out", tmp_path, check=False, **on_full_disk(64))
-    assert done.returncode == 1 and "bag_recorder has ended" in done.stderr, done.stdout + done.stderr
+    assert done.returncode == 1 and "bag_recorder exited" in done.stderr, done.stdout + done.stderr
     assert not list((tmp_path / "short").glob("recorded*"))
     assert not (tmp_path / "short/metrics.json").exists()
 
@@ -92,5 +93,5 @@ def test_wrong_arguments(tmp_path, status, text, arguments):
     assert_refused(status, text, DEMO, *arguments, cwd=tmp_path)
 
 
-def test_results_over_the_data(short):
+def test_refuses_to_overwrite_the_sequence(short):
     assert_refused(2, "own folder", DEMO, "--sequence", short, "--out", short.parent)

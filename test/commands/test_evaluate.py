@@ -37,7 +37,7 @@ def test_misspelt_option(short, tmp_path):
                    1.65, "--out", tmp_path, "--set", "tracker/cel_size=1")
 
 
-def test_results_over_the_data(short):
+def test_refuses_to_overwrite_the_sequence(short):
     assert_refused(1, "over the sequence", RUN_SEQUENCE, short, "--camera-height", 1.65, "--out",
                    short.parent)
 

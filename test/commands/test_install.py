@@ -54,7 +54,7 @@ def test_demo(install, short, tmp_path):
 @pytest.mark.parametrize("node, program, text", [
     ("playback_monitor", None, "roslaunch cannot start [ground_scale_vo/playback_monitor]"),
     ("ground_truth_relay", "#!/bin/sh\nexit 3\n",
-     "the node ground_truth_relay has ended before the bag"),
+     "the node ground_truth_relay exited before playback finished"),
 ], ids=["missing", "dies"])
 def test_demo_ends_when_a_node_is(install, bag, tmp_path, node, program, text):
     demo, options = free_of_build(install)

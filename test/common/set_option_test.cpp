@@ -23,7 +23,7 @@ std::string errorOf(const std::string& assignment) {
   return "";
 }
 
-TEST(SetOption, SetsEveryTypeOfFieldInBothStages) {
+TEST(SetOption, SetsEveryFieldTypeInOdometryAndScale) {
   MetricOdometry::Options options;
   setOption(options, "tracker/min_corner_ratio=0.25");
   setOption(options, "odometry/max_outlier_frames=7");
@@ -41,7 +41,7 @@ TEST(SetOption, SetsEveryTypeOfFieldInBothStages) {
   EXPECT_TRUE(options.scale.paper_literal);
 }
 
-TEST(SetOption, LatestValueCountsAndNothingElseChanges) {
+TEST(SetOption, LastValueWinsAndNothingElseChanges) {
   MetricOdometry::Options options;
   setOption(options, "filter/gate_sigma=5");
   setOption(options, "filter/gate_sigma=6");
@@ -52,22 +52,20 @@ TEST(SetOption, LatestValueCountsAndNothingElseChanges) {
 
 TEST(SetOption, ErrorsNameTheOption) {
   EXPECT_EQ(errorOf("direct/patch_size"),
-            "'direct/patch_size' sets no option, it must be GROUP/NAME=VALUE");
+            "'direct/patch_size' is not an assignment; expected [GROUP/]NAME=VALUE");
   EXPECT_EQ(errorOf("dirct/patch_size=0.1"),
             "there is no option dirct/patch_size; did you mean direct/patch_size?");
   EXPECT_EQ(errorOf("xyzzy=1"), "there is no option xyzzy");
-  EXPECT_EQ(errorOf("direct/patch_size=wide"),
-            "direct/patch_size is 'wide', which is not a number");
-  EXPECT_EQ(errorOf("direct/patch_size="), "direct/patch_size is '', which is not a number");
-  EXPECT_EQ(errorOf("direct/min_patches=30.5"),
-            "direct/min_patches is '30.5', which is not a whole number");
+  EXPECT_EQ(errorOf("direct/patch_size=wide"), "direct/patch_size: 'wide' is not a number");
+  EXPECT_EQ(errorOf("direct/patch_size="), "direct/patch_size: '' is not a number");
+  EXPECT_EQ(errorOf("direct/min_patches=30.5"), "direct/min_patches: '30.5' is not an integer");
   EXPECT_EQ(errorOf("direct/min_patches=1e99"),
             "direct/min_patches is 1e+99, it must lie in [3, 1e+06]");
   EXPECT_EQ(errorOf("direct/patch_size=2"), "direct/patch_size is 2, it must lie in [0.001, 1]");
   EXPECT_EQ(errorOf("refine=1"), "refine is '1', it must be true or false");
 }
 
-TEST(DescribeAll, NamesAreUnique) {
+TEST(VisitAllParameters, NamesAreUnique) {
   MetricOdometry::Options options;
   std::set<std::string> names;
   visitAllParameters(options, [&](const std::string& name, auto&&...) {
@@ -76,7 +74,7 @@ TEST(DescribeAll, NamesAreUnique) {
   EXPECT_GT(names.size(), 50u);
 }
 
-TEST(ParseNumber, IsTheWholeTextAndFinite) {
+TEST(ParseNumber, AcceptsOnlyCompleteFiniteNumbers) {
   EXPECT_EQ(parseNumber<double>("-1.5e2"), -150.0);
   for (const char* text : {"", " 1", "1,5", "1.5m", "nan", "inf", "1e999", "0x10"}) {
     EXPECT_FALSE(parseNumber<double>(text)) << text;

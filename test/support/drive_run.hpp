@@ -8,7 +8,7 @@
 
 namespace ground_scale_vo {
 
-/// Default options but for the camera height [m].
+/// Default options except for the camera height [m].
 inline OfflineRun::Options optionsFor(double camera_height) {
   OfflineRun::Options options;
   options.scale.camera_height = camera_height;
@@ -24,7 +24,7 @@ inline RunRecord runOffline(const SyntheticDrive& drive, const OfflineRun::Optio
   return offline.record();
 }
 
-/// First camera from camera, at every frame [m].
+/// Ground truth T_c0_c of every frame [m].
 inline std::vector<Eigen::Isometry3d> groundTruth(const SyntheticDrive& drive) {
   std::vector<Eigen::Isometry3d> poses;
   for (std::size_t i = 0; i < drive.size(); ++i) poses.push_back(drive.frame(i).T_c0_c);

@@ -24,7 +24,7 @@ inline double angleBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3d& 
   return Eigen::Quaterniond(a.linear()).angularDistance(Eigen::Quaterniond(b.linear()));
 }
 
-/// Points before a camera at the origin that looks along z, 5 to 40 away.
+/// Random points in front of a camera at the origin (optical axis z), depth 5 to 40 units.
 inline std::vector<Eigen::Vector3d> randomPoints(int n, unsigned seed) {
   std::mt19937 generator(seed);
   std::uniform_real_distribution<double> x(-0.7, 0.7), y(-0.22, 0.22), z(5, 40);
@@ -37,7 +37,7 @@ inline std::vector<Eigen::Vector3d> randomPoints(int n, unsigned seed) {
   return points;
 }
 
-/// Points of a plane before the same camera: a road seen from 1.65 above it.
+/// Points on a road plane 1.65 units below the same camera.
 inline std::vector<Eigen::Vector3d> roadPoints(int n, unsigned seed) {
   std::mt19937 generator(seed);
   std::uniform_real_distribution<double> x(-5, 5), z(7, 30);
@@ -53,26 +53,26 @@ inline std::vector<Eigen::Vector3d> roadPoints(int n, unsigned seed) {
 inline Eigen::Vector2d normalised(const Eigen::Vector3d& p_c) { return p_c.head<2>() / p_c.z(); }
 
 /// Standard deviation of an observation, normalised image coordinates.
-constexpr double kNoise = 0.0008;
+constexpr double kObservationSigma = 0.0008;
 
-/// Pose of a keyframe on a gentle curve.
-inline Eigen::Isometry3d drive(int keyframe) {
-  return pose({0, 0.01 * keyframe, 0}, {0.1 * keyframe, 0, 0.8 * keyframe});
+/// Pose of keyframe k on a gentle curve.
+inline Eigen::Isometry3d keyframePose(int k) {
+  return pose({0, 0.01 * k, 0}, {0.1 * k, 0, 0.8 * k});
 }
 
-/// Points that stay in front for the first 14 keyframes of that drive.
+/// Points in front of the camera at keyframes 0 to 13 of that trajectory.
 inline std::vector<Eigen::Vector3d> farPoints(int n) {
   auto points = randomPoints(n, 21);
   for (auto& p : points) p.z() += 12;
   return points;
 }
 
-/// The points as a keyframe's corners, without noise; ids are indices.
-inline std::vector<LocalMap::Corner> see(const std::vector<Eigen::Vector3d>& points,
-                                         const Eigen::Isometry3d& T_w_c) {
+/// Noise-free observations of the points in a keyframe; the id is the point's index.
+inline std::vector<LocalMap::Corner> observe(const std::vector<Eigen::Vector3d>& points,
+                                             const Eigen::Isometry3d& T_w_c) {
   std::vector<LocalMap::Corner> corners;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    corners.push_back({i, normalised(T_w_c.inverse() * points[i]), kNoise});
+    corners.push_back({i, normalised(T_w_c.inverse() * points[i]), kObservationSigma});
   }
   return corners;
 }

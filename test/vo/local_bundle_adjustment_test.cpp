@@ -13,11 +13,11 @@ namespace ground_scale_vo {
 namespace {
 
 using test::angleBetween;
-using test::drive;
-using test::kNoise;
+using test::keyframePose;
+using test::kObservationSigma;
 using test::normalised;
+using test::observe;
 using test::pose;
-using test::see;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -42,8 +42,8 @@ LocalMap randomMap(int keyframes, unsigned seed) {
   for (const Eigen::Vector3d& p : test::randomPoints(600, seed)) {
     const int first = static_cast<int>(share(generator) * keyframes) - 3;
     const int last = first + 1 + static_cast<int>(share(generator) * 10);
-    const double sigma = share(generator) < 0.6 ? 0.3 * kNoise : kNoise;
-    world.push_back({drive(last) * p, first, last, sigma});
+    const double sigma = share(generator) < 0.6 ? 0.3 * kObservationSigma : kObservationSigma;
+    world.push_back({keyframePose(last) * p, first, last, sigma});
   }
   LocalMap map({});
   for (int k = 0; k < keyframes; ++k) {
@@ -53,9 +53,9 @@ LocalMap randomMap(int keyframes, unsigned seed) {
       if (k < seen.first || k > seen.last) continue;
       const double wrong = share(generator) < 0.03 ? 5 : 1;
       const Eigen::Vector2d noise = wrong * seen.sigma * random(1).head<2>();
-      corners.push_back({i, normalised(drive(k).inverse() * seen.p_w) + noise, seen.sigma});
+      corners.push_back({i, normalised(keyframePose(k).inverse() * seen.p_w) + noise, seen.sigma});
     }
-    map.addKeyframe(drive(k) * pose(random(3e-4), random(3e-3)), corners);
+    map.addKeyframe(keyframePose(k) * pose(random(3e-4), random(3e-3)), corners);
     map.triangulateNew();
   }
   return map;
@@ -64,7 +64,8 @@ LocalMap randomMap(int keyframes, unsigned seed) {
 LocalMap straightMap(int keyframes) {
   const auto points = farPoints();
   LocalMap map({});
-  for (int k = 0; k < keyframes; ++k) map.addKeyframe(drive(k), see(points, drive(k)));
+  for (int k = 0; k < keyframes; ++k)
+    map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
   map.triangulateNew();
   return map;
 }
@@ -133,7 +134,7 @@ TEST(LocalBundleAdjustment, agreesWithCeres) {
         const double rms_tolerance = iterations == 1 ? 2e-3 : 1e-5;
         EXPECT_NEAR(result.rms_sigma, expected.rms_sigma, rms_tolerance * expected.rms_sigma);
         EXPECT_LT(distance(ours, reference), 0.02 * distance(map, reference));
-        EXPECT_LT(largestAngle(ours, reference), 0.05 * kNoise);
+        EXPECT_LT(largestAngle(ours, reference), 0.05 * kObservationSigma);
         EXPECT_LT(depthDifference(ours, reference), 0.2);
       }
     }
@@ -174,7 +175,7 @@ TEST(LocalBundleAdjustment, solveDoesNotAccessTheMap) {
 TEST(LocalBundleAdjustment, recoversDisturbedPosesAndDepths) {
   const auto points = farPoints();
   LocalMap map({});
-  for (int k = 0; k < 10; ++k) map.addKeyframe(drive(k), see(points, drive(k)));
+  for (int k = 0; k < 10; ++k) map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
   map.triangulateNew();
   std::mt19937 generator(41);
   std::normal_distribution<double> error(0, 1);
@@ -195,8 +196,8 @@ TEST(LocalBundleAdjustment, recoversDisturbedPosesAndDepths) {
   EXPECT_LT(result.rms_sigma, 1e-2);
   for (int k = 0; k < 10; ++k) {
     const Eigen::Isometry3d& T = map.keyframe(static_cast<std::uint32_t>(k)).T_w_c;
-    EXPECT_LT(angleBetween(T, drive(k)), 1e-5);
-    EXPECT_LT((T.translation() - drive(k).translation()).norm(), 1e-4);
+    EXPECT_LT(angleBetween(T, keyframePose(k)), 1e-5);
+    EXPECT_LT((T.translation() - keyframePose(k).translation()).norm(), 1e-4);
   }
 }
 
@@ -206,10 +207,10 @@ TEST(LocalBundleAdjustment, residualsMatchTheNoise) {
   LocalBundleAdjustment::Options options;
   std::mt19937 seeds(1);
   for (int k = 0; k < 8; ++k) {
-    auto corners = see(points, drive(k));
-    std::normal_distribution<double> noise(0, kNoise);
+    auto corners = observe(points, keyframePose(k));
+    std::normal_distribution<double> noise(0, kObservationSigma);
     for (auto& corner : corners) corner.x += Eigen::Vector2d(noise(seeds), noise(seeds));
-    map.addKeyframe(drive(k), corners);
+    map.addKeyframe(keyframePose(k), corners);
   }
   map.triangulateNew();
   options.huber_sigma = 100;
@@ -248,10 +249,10 @@ TEST(LocalBundleAdjustment, staysAtAMinimum) {
 
 TEST(LocalBundleAdjustment, aKeyframeWithoutObservationsStays) {
   LocalMap before = straightMap(9);
-  before.addKeyframe(drive(9), {});
+  before.addKeyframe(keyframePose(9), {});
   LocalMap map = before;
   EXPECT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
-  EXPECT_EQ(map.keyframes().back().T_w_c.matrix(), drive(9).matrix());
+  EXPECT_EQ(map.keyframes().back().T_w_c.matrix(), keyframePose(9).matrix());
 }
 
 /// The result is not usable, and the map is unchanged.
@@ -266,16 +267,16 @@ void expectRefused(const LocalMap& before) {
 TEST(LocalBundleAdjustment, isNotUsableWithoutEnoughLandmarks) {
   LocalMap map({});
   expectRefused(map);
-  map.addKeyframe(drive(0), see(farPoints(), drive(0)));
+  map.addKeyframe(keyframePose(0), observe(farPoints(), keyframePose(0)));
   expectRefused(map);  // one keyframe
-  map.addKeyframe(drive(1), {});
+  map.addKeyframe(keyframePose(1), {});
   for (auto& [id, landmark] : map.landmarks()) landmark.depth = InverseDepth{0.05, 0.01};
   expectRefused(map);  // every point was seen once
 
   LocalMap few({});
   auto points = farPoints();
   points.resize(9);
-  for (int k = 0; k < 5; ++k) few.addKeyframe(drive(k), see(points, drive(k)));
+  for (int k = 0; k < 5; ++k) few.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
   few.triangulateNew();
   expectRefused(few);
 

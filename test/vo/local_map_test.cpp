@@ -10,31 +10,33 @@ namespace ground_scale_vo {
 namespace {
 
 using test::angleBetween;
-using test::drive;
-using test::kNoise;
+using test::keyframePose;
+using test::kObservationSigma;
 using test::normalised;
+using test::observe;
 using test::pose;
-using test::see;
 
 constexpr int kPoints = 300;
 
 std::vector<Eigen::Vector3d> farPoints() { return test::farPoints(kPoints); }
 
-TEST(Triangulation, slopeIsTheDerivativeOfTheProjection) {
+TEST(Triangulation, scaledDerivativeMatchesNumericDerivative) {
   const Eigen::Vector3d ray(0.2, -0.1, 1);
   const Eigen::Isometry3d T = pose({0.02, 0.1, -0.03}, {0.3, 0.1, 0.8});
   const double rho = 0.15, step = 1e-6;
   const auto x = [&](double at) { return normalised(projectOnRay(ray, at, T).p); };
   const RayProjection seen = projectOnRay(ray, rho, T);
   EXPECT_LT((normalised(T * (ray / rho)) - normalised(seen.p)).norm(), 1e-12);
-  EXPECT_LT(((x(rho + step) - x(rho - step)) / (2 * step) - seen.slope / seen.p.z()).norm(), 1e-8);
+  EXPECT_LT(
+      ((x(rho + step) - x(rho - step)) / (2 * step) - seen.scaled_derivative / seen.p.z()).norm(),
+      1e-8);
 }
 
 TEST(LocalMap, triangulatesLandmarksWithParallax) {
   const auto points = farPoints();
   LocalMap map({});
   for (int k = 0; k < 6; ++k) {
-    map.addKeyframe(drive(k), see(points, drive(k)));
+    map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
     map.triangulateNew();
   }
   int with_depth = 0;
@@ -50,7 +52,7 @@ TEST(LocalMap, triangulatesLandmarksWithParallax) {
 TEST(LocalMap, triangulatesNothingWithoutMotion) {
   const auto points = farPoints();
   LocalMap map({});
-  for (int k = 0; k < 5; ++k) map.addKeyframe(drive(0), see(points, drive(0)));
+  for (int k = 0; k < 5; ++k) map.addKeyframe(keyframePose(0), observe(points, keyframePose(0)));
   map.triangulateNew();
   for (std::size_t i = 0; i < points.size(); ++i) EXPECT_FALSE(map.point(i));
 }
@@ -61,7 +63,7 @@ TEST(LocalMap, landmarksOutliveTheirAnchorAndTheMapStaysBounded) {
   options.keyframes = 4;
   LocalMap map(options);
   for (int k = 0; k < 12; ++k) {
-    map.addKeyframe(drive(k), see(points, drive(k)));
+    map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
     map.triangulateNew();
   }
   EXPECT_EQ(map.keyframes().size(), 4u);
@@ -83,9 +85,9 @@ TEST(LocalMap, removesLandmarksThatAreNoLongerObserved) {
   LocalMap::Options options;
   options.keyframes = 4;
   LocalMap map(options);
-  map.addKeyframe(drive(0), see(points, drive(0)));
-  map.addKeyframe(drive(1), see(points, drive(1)));
-  for (int k = 2; k < 8; ++k) map.addKeyframe(drive(k), {});
+  map.addKeyframe(keyframePose(0), observe(points, keyframePose(0)));
+  map.addKeyframe(keyframePose(1), observe(points, keyframePose(1)));
+  for (int k = 2; k < 8; ++k) map.addKeyframe(keyframePose(k), {});
   EXPECT_TRUE(map.landmarks().empty());
 }
 
@@ -93,9 +95,9 @@ TEST(LocalMap, removesWrongObservations) {
   const auto points = farPoints();
   LocalMap map({});
   for (int k = 0; k < 5; ++k) {
-    auto corners = see(points, drive(k));
+    auto corners = observe(points, keyframePose(k));
     if (k == 3) corners[7].x.x() += 0.05;
-    map.addKeyframe(drive(k), corners);
+    map.addKeyframe(keyframePose(k), corners);
     if (k == 2) map.triangulateNew();
   }
   ASSERT_TRUE(map.find(7)->depth);
@@ -111,7 +113,7 @@ std::vector<PointObservation> observe(const Eigen::Isometry3d& T_w_c, double noi
   for (const Eigen::Vector3d& p : farPoints()) {
     Eigen::Vector2d x = normalised(T_w_c.inverse() * p);
     if (noise > 0) x += Eigen::Vector2d(error(generator), error(generator));
-    result.push_back({p, Eigen::Vector3d::Zero(), x, kNoise});
+    result.push_back({p, Eigen::Vector3d::Zero(), x, kObservationSigma});
   }
   return result;
 }

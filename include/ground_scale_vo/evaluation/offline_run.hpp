@@ -8,7 +8,7 @@
 
 namespace ground_scale_vo {
 
-/// MetricOdometry over a recorded drive, with a record of every frame.
+/// Runs MetricOdometry on a sequence and stores the result of every frame.
 class OfflineRun {
  public:
   using Options = MetricOdometry::Options;
@@ -16,8 +16,9 @@ class OfflineRun {
   /// Throws OptionError.
   OfflineRun(const PinholeCamera& camera, const Options& options) : odometry_(camera, options) {}
 
-  /// image and stamp as for MetricOdometry::process(); decode_ms: for the record only. Throws
-  /// OptionError. Returns the record of this frame; valid until the next call.
+  /// image and stamp as for MetricOdometry::process(); decode_ms: image decoding time, stored
+  /// in the record. Throws OptionError. Returns the record of this frame; valid until the next
+  /// call.
   const RunFrame& process(const cv::Mat& image, std::int64_t stamp_ns, double decode_ms = 0) {
     last_ = odometry_.process(image, stamp_ns);
     record_.append(last_.vo, last_.scale, decode_ms);

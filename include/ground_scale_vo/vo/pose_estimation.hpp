@@ -8,17 +8,18 @@
 
 namespace ground_scale_vo {
 
-/// A map point and where this frame sees it.
+/// A map point and its observation in a frame.
 struct PointObservation {
   Eigen::Vector3d p_w = Eigen::Vector3d::Zero();
-  /// One standard deviation of p_w, along the anchor's ray. p_w is exact across that ray, so a
-  /// point of uncertain depth still constrains the pose across its epipolar line.
+  /// One standard deviation of p_w, along the anchor's ray. Error perpendicular to the ray is
+  /// neglected. A point of uncertain depth still constrains the pose perpendicular to its epipolar
+  /// line.
   Eigen::Vector3d sigma_w = Eigen::Vector3d::Zero();
   Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
   double sigma = 0;                             ///< standard deviation of x, > 0
 };
 
-/// The corners that have a map point. index: filled with their places in `corners`, if not null.
+/// The corners that have a map point. index: filled with their indices in `corners`, if not null.
 std::vector<PointObservation> pointObservations(const LocalMap& map,
                                                 const std::vector<LocalMap::Corner>& corners,
                                                 std::vector<std::size_t>* index = nullptr);
@@ -38,9 +39,9 @@ class PoseEstimation {
       visit("inlier_sigma", self.inlier_sigma, 0.5, 100,
             "[sigma] largest Mahalanobis distance of an inlier");
       visit("min_inliers", self.min_inliers, 6, 100000,
-            "[points] the pose fails with fewer inliers");
+            "[points] pose estimation fails below this number of inliers");
       visit("min_inlier_share", self.min_inlier_share, 0, 1,
-            "[] inliers over tracked points; the pose fails with less");
+            "[] inliers over tracked points; pose estimation fails below this ratio");
     }
     /// Throws OptionError.
     void validate() const;
@@ -49,13 +50,14 @@ class PoseEstimation {
   struct Result {
     PoseStatus status = PoseStatus::kTooFewPoints;
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< valid when kOk
-    std::vector<bool> inlier;                                 ///< for each observation
+    std::vector<bool> inlier;  ///< one per observation; empty when kTooFewPoints
     int inliers = 0;
   };
 
   explicit PoseEstimation(const Options& options);
 
-  /// Fails, with a status, when there are too few observations or inliers. Deterministic.
+  /// Deterministic. Fails with kTooFewPoints if there are too few observations, and with
+  /// kTooFewInliers if there are too few inliers or the position is implausibly far away.
   Result estimate(const Eigen::Isometry3d& predicted_T_w_c,
                   const std::vector<PointObservation>& observations) const;
 

@@ -21,8 +21,9 @@ struct RayObservation {
 
 /// Projection of a point on the anchor's ray into camera c: p = R_c_anchor ray + inverse_depth t.
 struct RayProjection {
-  Eigen::Vector3d p;      ///< the point in camera c, times its inverse depth in the anchor
-  Eigen::Vector2d slope;  ///< derivative of p.head<2>() / p.z() over the inverse depth, times p.z()
+  Eigen::Vector3d p;  ///< the point in camera c, times its inverse depth in the anchor
+  /// p.z() times the derivative of p.head<2>() / p.z() with respect to the inverse depth.
+  Eigen::Vector2d scaled_derivative;
 };
 RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_depth,
                            const Eigen::Isometry3d& T_c_anchor);

@@ -10,7 +10,7 @@ namespace ground_scale_vo::simulation {
 struct Vertex {
   Eigen::Vector3d p;   ///< in the frame of the mesh [m]
   Eigen::Vector2d uv;  ///< texture coordinates [m]
-  double light = 1;    ///< irradiance, 1 = full daylight
+  double light = 1;    ///< relative irradiance; 1 = full daylight
 };
 
 struct Mesh {
@@ -23,7 +23,7 @@ struct Mesh {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the bounding sphere
   double radius = 0;                                 ///< of the bounding sphere
 
-  /// The corners in cyclic order. Both faces are visible.
+  /// Corners in cyclic order. No back-face culling.
   void addQuad(const Vertex& a, const Vertex& b, const Vertex& c, const Vertex& d,
                const Texture& texture);
   void addTriangle(const Vertex& a, const Vertex& b, const Vertex& c, const Texture& texture);
@@ -31,8 +31,8 @@ struct Mesh {
   void updateBoundingSphere();
 };
 
-/// Irradiance of a Lambertian surface under skylight and sun, 1 = full daylight. Unit vectors; sun
-/// points towards the sun.
+/// Relative irradiance of a Lambertian surface under skylight and sun; 1 = full daylight. normal,
+/// sun: unit vectors; sun: direction from the surface to the sun.
 double diffuseLight(const Eigen::Vector3d& normal, const Eigen::Vector3d& sun);
 
 }  // namespace ground_scale_vo::simulation

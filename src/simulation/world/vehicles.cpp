@@ -9,26 +9,33 @@ namespace ground_scale_vo::simulation {
 
 namespace {
 
-/// outside: the centre of the outer face of the wheel; hub: its texture coordinates.
-void addWheel(Mesh& mesh, const Eigen::Vector3d& outside, const Eigen::Vector2d& hub, double light,
-              const Texture& texture) {
+constexpr double kWheelRadius = 0.31, kWheelWidth = 0.2;  // [m]
+constexpr double kTyreLight = 0.5;                        // relative irradiance of the tread
+
+// Texture coordinates of the wheel hubs [m].
+const Eigen::Vector2d kCarHubUv(4.7, 0.33), kVanHubUv(8, 3);
+
+/// outer_centre: centre of the outer face of the wheel; hub_uv: its texture coordinates.
+void addWheel(Mesh& mesh, const Eigen::Vector3d& outer_centre, const Eigen::Vector2d& hub_uv,
+              double light, const Texture& texture) {
   const auto rim = [&](int k, double inset) {
-    const double angle = M_PI * k / 8, x = 0.31 * std::cos(angle), z = 0.31 * std::sin(angle);
-    const double in = outside.y() > 0 ? -inset : inset;
-    return Vertex{outside + Eigen::Vector3d(x, in, z), hub + Eigen::Vector2d(x, z),
-                  inset > 0 ? 0.5 : light};
+    const double angle = M_PI * k / 8;
+    const double x = kWheelRadius * std::cos(angle), z = kWheelRadius * std::sin(angle);
+    const double in = outer_centre.y() > 0 ? -inset : inset;
+    return Vertex{outer_centre + Eigen::Vector3d(x, in, z), hub_uv + Eigen::Vector2d(x, z),
+                  inset > 0 ? kTyreLight : light};
   };
   for (int k = 0; k < 16; ++k) {
     if (k > 0 && k < 15) mesh.addTriangle(rim(0, 0), rim(k, 0), rim(k + 1, 0), texture);
-    mesh.addQuad(rim(k, 0), rim(k + 1, 0), rim(k + 1, 0.2), rim(k, 0.2), texture);
+    mesh.addQuad(rim(k, 0), rim(k + 1, 0), rim(k + 1, kWheelWidth), rim(k, kWheelWidth), texture);
   }
 }
 
-void paintWheel(TexturePainter& painter, const Eigen::Vector2d& hub) {
-  painter.ellipse(hub, {0.4, 0.4}, 22);
-  painter.ellipse(hub, {0.2, 0.2}, 150);
+void paintWheel(TexturePainter& painter, const Eigen::Vector2d& hub_uv) {
+  painter.ellipse(hub_uv, {0.4, 0.4}, 22);
+  painter.ellipse(hub_uv, {0.2, 0.2}, 150);
   for (const double spoke : {0.3, 1.6, 2.8, 4.1, 5.3}) {
-    painter.ellipse({hub.x() + 0.12 * std::cos(spoke), hub.y() + 0.12 * std::sin(spoke)},
+    painter.ellipse({hub_uv.x() + 0.12 * std::cos(spoke), hub_uv.y() + 0.12 * std::sin(spoke)},
                     {0.04, 0.04}, 40);
   }
 }
@@ -39,7 +46,7 @@ cv::Mat carTextureImage(double body, std::uint64_t seed) {
   cv::Mat image = noiseToGrey(tileableNoise({512, 256}, seed, {{20, 1}}), body, 4);
   TexturePainter painter(image, kVehicleTexel);
   const double dark = body * 0.55, glass = 38;
-  painter.box(0, 0.95, 4.3, 0.3, body * 0.8);  // lower side
+  painter.box(0, 0.95, 4.3, 0.3, body * 0.8);  // sill
   painter.box(0, 1.13, 4.3, 0.1, dark * 0.6);
   for (const double seam : {1.15, 2.05, 3.05}) painter.box(seam, 0.1, 0.025, 0.98, dark);
   for (const double handle : {1.35, 2.25}) painter.box(handle, 0.72, 0.16, 0.035, 255 - body);
@@ -47,7 +54,8 @@ cv::Mat carTextureImage(double body, std::uint64_t seed) {
   painter.polygon({{1.52, 0.56}, {1.52, 0.14}, {2.2, 0.14}, {2.72, 0.56}}, glass + 15);
   painter.box(0, 0.68, 0.16, 0.14, 70);      // rear light
   painter.box(3.96, 0.72, 0.24, 0.12, 235);  // headlamp
-  painter.box(0.1, 1.45, 0.32, 0.17, 80);    // rear: lights, number plate, seam, bumper
+  // Rear, also used for the front: lights, number plate, seam, bumper.
+  painter.box(0.1, 1.45, 0.32, 0.17, 80);
   painter.box(1.28, 1.45, 0.32, 0.17, 80);
   painter.box(0.58, 1.5, 0.54, 0.12, 240);
   painter.box(0.66, 1.53, 0.38, 0.06, 60);
@@ -55,7 +63,7 @@ cv::Mat carTextureImage(double body, std::uint64_t seed) {
   painter.box(0, 1.72, 1.7, 0.16, body * 0.75);
   painter.box(3.2, 1.25, 1.1, 1.1, glass);
   painter.polygon({{3.3, 2.2}, {3.9, 1.3}, {4.1, 1.3}, {3.5, 2.2}}, glass + 14);
-  paintWheel(painter, {4.7, 0.33});
+  paintWheel(painter, kCarHubUv);
   return image;
 }
 
@@ -87,20 +95,27 @@ Mesh carMesh(const Texture& texture, const Eigen::Vector3d& sun) {
     mesh.addTriangle(corner(2), corner(5), corner(6), texture);
     mesh.addQuad(corner(2), corner(3), corner(4), corner(5), texture);
     for (const double axle : {rear + 0.8, front - 0.85}) {
-      addWheel(mesh, {axle, side * (half + 0.02), 0.31}, {4.7, 0.33}, light, texture);
+      addWheel(mesh, {axle, side * (half + 0.02), kWheelRadius}, kCarHubUv, light, texture);
     }
   }
-  for (std::size_t k = 0; k + 1 < outline.size(); ++k) {  // the outline, drawn out over the width
+  // Extrude the side outline across the width. Windows and paint use a fixed patch of the texture.
+  const Eigen::Vector2d glass_uv(3.25, 1.3), paint_uv(2.05, 1.35);  // upper left corners [m]
+  constexpr double kGlassPatchWidth = 0.9, kPaintPatchWidth = 0.7, kPatchHeight = 0.8;  // [m]
+  constexpr double kRearGroundV = 2.16;  // v of the road (z = 0) below the rear's texture [m]
+  for (std::size_t k = 0; k + 1 < outline.size(); ++k) {
     const Point &a = outline[k], &b = outline[k + 1];
     const double light = diffuseLight(Eigen::Vector3d(a.z - b.z, 0, b.x - a.x).normalized(), sun);
-    const bool end = k == 0 || k == 7 || k == 6, glass = k == 2 || k == 4;
-    const Eigen::Vector2d from(end ? 0 : (glass ? 3.25 : 2.05), glass ? 1.3 : 1.35);
-    const double width = end ? kCarWidth : (glass ? 0.9 : 0.7);
-    const double va = end ? 2.16 - a.z : from.y(), vb = end ? 2.16 - b.z : from.y() + 0.8;
-    mesh.addQuad({{a.x, a.half_width, a.z}, {from.x(), va}, light},
-                 {{a.x, -a.half_width, a.z}, {from.x() + width, va}, light},
-                 {{b.x, -b.half_width, b.z}, {from.x() + width, vb}, light},
-                 {{b.x, b.half_width, b.z}, {from.x(), vb}, light}, texture);
+    const bool is_rear_or_front = k == 0 || k == 7 || k == 6, is_glass = k == 2 || k == 4;
+    const Eigen::Vector2d& patch = is_glass ? glass_uv : paint_uv;
+    const double ua = is_rear_or_front ? 0 : patch.x();
+    const double width =
+        is_rear_or_front ? kCarWidth : (is_glass ? kGlassPatchWidth : kPaintPatchWidth);
+    const double va = is_rear_or_front ? kRearGroundV - a.z : patch.y();
+    const double vb = is_rear_or_front ? kRearGroundV - b.z : patch.y() + kPatchHeight;
+    mesh.addQuad({{a.x, a.half_width, a.z}, {ua, va}, light},
+                 {{a.x, -a.half_width, a.z}, {ua + width, va}, light},
+                 {{b.x, -b.half_width, b.z}, {ua + width, vb}, light},
+                 {{b.x, b.half_width, b.z}, {ua, vb}, light}, texture);
   }
   return mesh;
 }
@@ -140,29 +155,29 @@ cv::Mat vanTextureImage(double body, std::uint64_t seed) {
   painter.box(x, 1.92, 2.1, 0.28, 55);
   painter.box(3, 3, 2.2, 1.4, glass);
   painter.polygon({{3.2, 4.2}, {4.2, 3.1}, {4.5, 3.1}, {3.5, 4.2}}, glass + 16);
-  paintWheel(painter, {8, 3});
+  paintWheel(painter, kVanHubUv);
   return image;
 }
 
 Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun) {
   Mesh mesh;
   const double half = kVanWidth / 2, rear = -kVanLength / 2, front = kVanLength / 2;
-  const double low = 0.35, high = kVanHeight, brow = front - 1.4, nose = 1.15;
+  const double low = 0.35, high = kVanHeight, windscreen_top_x = front - 1.4, bonnet_z = 1.15;
   for (const double side : {-1., 1.}) {
     const double y = side * half, light = diffuseLight({0, side, 0}, sun);
     const auto corner = [&](double x, double z) {
       return Vertex{{x, y, z}, {x - rear, high - z}, light};
     };
-    mesh.addQuad(corner(rear, low), corner(rear, high), corner(brow, high), corner(brow, low),
-                 texture);
-    mesh.addQuad(corner(brow, low), corner(brow, high), corner(front, nose), corner(front, low),
-                 texture);
+    mesh.addQuad(corner(rear, low), corner(rear, high), corner(windscreen_top_x, high),
+                 corner(windscreen_top_x, low), texture);
+    mesh.addQuad(corner(windscreen_top_x, low), corner(windscreen_top_x, high),
+                 corner(front, bonnet_z), corner(front, low), texture);
     for (const double axle : {rear + 1.1, front - 0.95}) {
-      addWheel(mesh, {axle, side * (half + 0.02), 0.31}, {8, 3}, light, texture);
+      addWheel(mesh, {axle, side * (half + 0.02), kWheelRadius}, kVanHubUv, light, texture);
     }
   }
-  const auto across = [&](double xa, double za, double xb, double zb, const Eigen::Vector2d& uv,
-                          const Eigen::Vector3d& normal) {
+  const auto addPanelAcrossWidth = [&](double xa, double za, double xb, double zb,
+                                       const Eigen::Vector2d& uv, const Eigen::Vector3d& normal) {
     const double light = diffuseLight(normal.normalized(), sun),
                  length = std::hypot(xb - xa, zb - za);
     mesh.addQuad({{xa, half, za}, uv, light},
@@ -170,33 +185,35 @@ Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun) {
                  {{xb, -half, zb}, {uv.x() + kVanWidth, uv.y() + length}, light},
                  {{xb, half, zb}, {uv.x(), uv.y() + length}, light}, texture);
   };
-  across(rear, high, rear, low, {6, 0}, {-1, 0, 0});
-  across(rear, high, brow, high, {0, 3}, {0, 0, 1});
-  across(brow, high, front, nose, {3, 3}, {1.35, 0, 1.4});
-  across(front, nose, front, low, {0, 3}, {1, 0, 0});
+  addPanelAcrossWidth(rear, high, rear, low, {6, 0}, {-1, 0, 0});
+  addPanelAcrossWidth(rear, high, windscreen_top_x, high, {0, 3}, {0, 0, 1});
+  addPanelAcrossWidth(windscreen_top_x, high, front, bonnet_z, {3, 3}, {1.35, 0, 1.4});
+  addPanelAcrossWidth(front, bonnet_z, front, low, {0, 3}, {1, 0, 0});
   return mesh;
 }
 
 cv::Mat hoodTextureImage(std::uint64_t seed) {
+  // seed + 99: independent of the shared random sequence.
   cv::Mat image = noiseToGrey(tileableNoise({256, 256}, seed + 99, {{30, 1}}), 48, 4);
   TexturePainter painter(image, kVehicleTexel);
   for (const double x : {0.55, 1.95}) {  // creases
     painter.line({x, 0}, {x + 0.2 * (x - 1.25), 2.56}, 0.03, 120);
     painter.line({x + 0.03, 0}, {x + 0.03 + 0.2 * (x - 1.25), 2.56}, 0.03, 28);
   }
-  for (const double x : {0.85, 1.65}) painter.ellipse({x, 1.6}, {0.05, 0.03}, 25);  // nozzles
+  for (const double x : {0.85, 1.65})
+    painter.ellipse({x, 1.6}, {0.05, 0.03}, 25);  // washer nozzles
   return image;
 }
 
-Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double share) {
+Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double image_height_fraction) {
   constexpr int kStrips = 16;
-  constexpr double kFar = 1.8, kNearby = 0.8;  // [m]
+  constexpr double kFarEdgeDepth = 1.8, kNearEdgeDepth = 0.8;  // [m]
   Mesh mesh;
   const auto vertex = [&](int k, bool far) {
-    const double a = 2.0 * k / kStrips - 1, edge = share * (1 - 0.4 * a * a);
+    const double a = 2.0 * k / kStrips - 1, edge = image_height_fraction * (1 - 0.4 * a * a);
     const double u = (0.5 + 0.6 * a) * camera.width;
     const double v = far ? (1 - edge) * camera.height : 1.6 * camera.height;
-    const double z = far ? kFar : kNearby;
+    const double z = far ? kFarEdgeDepth : kNearEdgeDepth;
     return Vertex{z * camera.ray({u, v}), {1.28 + 1.2 * a, far ? 0 : 2.5}, 1 - 0.25 * a * a};
   };
   for (int k = 0; k < kStrips; ++k) {

@@ -29,7 +29,8 @@ Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun);
 
 /// The hood of the ego vehicle, 2.56 x 2.56 m, the windscreen at the lower edge.
 cv::Mat hoodTextureImage(std::uint64_t seed);
-/// In camera axes. It covers `share` of the image height in the middle, less at both sides.
-Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double share);
+/// In camera axes. image_height_fraction: covered fraction of the image height in the middle; less
+/// at both sides.
+Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double image_height_fraction);
 
 }  // namespace ground_scale_vo::simulation

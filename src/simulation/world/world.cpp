@@ -10,21 +10,22 @@ namespace ground_scale_vo::simulation {
 namespace {
 
 void addVehicleMeshes(WorldBuilder& builder) {
-  constexpr double kVanBody = 205;
+  constexpr double kVanGrey = 205;
   for (const double body : {185., 45., 120., 225., 75.}) {
     const Texture& texture = builder.addTexture(carTextureImage(body, builder.random.bits()),
                                                 kVehicleTexel, Texture::Wrap::kClamp);
     builder.assets.cars.push_back(carMesh(texture, builder.options.sun));
     builder.assets.cars.back().updateBoundingSphere();
   }
+  // seed + 77: independent of the shared random sequence.
   const Texture& texture =
-      builder.addTexture(vanTextureImage(kVanBody, builder.options.random_seed + 77), kVehicleTexel,
+      builder.addTexture(vanTextureImage(kVanGrey, builder.options.random_seed + 77), kVehicleTexel,
                          Texture::Wrap::kClamp);
   builder.assets.van = vanMesh(texture, builder.options.sun);
   builder.assets.van.updateBoundingSphere();
 }
 
-/// height: of the parking place over the carriageway [m].
+/// height: [m] of the parking surface above the carriageway.
 void parkCar(WorldBuilder& builder, double s, double u, double height) {
   Eigen::Isometry3d T_w_m = builder.road.surfaceFrame(s, u);
   T_w_m.translate(Eigen::Vector3d(0, 0, height));
@@ -50,7 +51,8 @@ void addParkedCars(WorldBuilder& builder) {
 }  // namespace
 
 World::World(const RoadGeometry& road, const WorldOptions& options) : s_begin_(road.sBegin()) {
-  // The order determines the random sequence, and the road is last because it shows all shadows.
+  // All generators draw from one random sequence, so their order must not change. The road texture
+  // comes last because it needs the complete shadow map.
   WorldBuilder builder(road, options, &assets_);
   addSky(builder);
   addVehicleMeshes(builder);

@@ -9,12 +9,12 @@ namespace ground_scale_vo::simulation {
 namespace {
 
 cv::Size roadTexels(const RoadGeometry& road) {
-  constexpr int kMultiple = 64;  // for the mip levels
+  constexpr int kMultiple = 64;  // image height is a multiple of this, for the mip levels
   const double length = road.sEnd() - road.sBegin();
   return {kRoadColumns, static_cast<int>(length / kRoadTexel / kMultiple + 1) * kMultiple};
 }
 
-/// Clumps of light leaves in front of dark gaps.
+/// Foliage texture: bright leaf clusters on a dark background.
 cv::Mat leafImage(std::uint64_t seed) {
   cv::Mat leaves = tileableNoise({256, 256}, seed, {{1, 1}, {2, 1}, {6, 0.7}});
   cv::max(cv::min(leaves, 1.3), -1.3, leaves);

@@ -1,4 +1,4 @@
-# The compiler's settings, and gsv_add_layer().
+# Compiler settings, and gsv_add_layer().
 
 set(CMAKE_CXX_STANDARD 17)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
@@ -12,10 +12,10 @@ endif()
 add_compile_options($<$<NOT:$<CONFIG:Debug>>:-O3> -fno-math-errno -fno-trapping-math)
 # Executables too, so that they share the libraries' precompiled headers.
 add_compile_options(-fPIC)
-# The imported targets name more libraries than our code uses (all of OpenCV, VTK).
+# The imported targets link more libraries than the code uses (all of OpenCV, VTK).
 add_link_options(-Wl,--as-needed)
 
-# ccache, when it is installed and the user has chosen no other launcher.
+# Use ccache if it is installed and the user has chosen no other launcher.
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   # Precompiled headers need the sloppiness, see ccache(1). The base directory lets build folders and
@@ -32,8 +32,8 @@ if(GROUND_SCALE_VO_SANITIZE)
   if(sanitizers MATCHES undefined)
     string(APPEND sanitizers ",float-cast-overflow")  # not part of `undefined`
   endif()
-  # -O1, and without the checks of every memory access, which `address` makes as well and which take
-  # five times as long to compile.
+  # Compile with -O1, and without the checks of every memory access: `address` makes them as well, and
+  # they take five times as long to compile.
   add_compile_options(-O1 -g1 -fno-omit-frame-pointer -fsanitize=${sanitizers}
     -fno-sanitize=null,object-size,alignment)
   link_libraries(-fsanitize=${sanitizers})
@@ -66,7 +66,7 @@ function(gsv_add_headers name)
     <Eigen/Dense> <algorithm> <cmath> <filesystem> <functional> <map> <memory> <opencv2/core.hpp>
     <opencv2/imgproc.hpp> <optional> <string> <vector>)
 endfunction()
-# gsv_add_ros_headers(NAME LIBRARY...): the same, with the headers of ROS.
+# gsv_add_ros_headers(NAME LIBRARY...): like gsv_add_headers(), with the headers of ROS.
 function(gsv_add_ros_headers name)
   gsv_add_headers(${name} ${ARGN})
   target_include_directories(${name} SYSTEM PRIVATE ${catkin_INCLUDE_DIRS})
@@ -74,8 +74,8 @@ function(gsv_add_ros_headers name)
     <ros/ros.h> <nav_msgs/Odometry.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>)
 endfunction()
 
-# gsv_add_layer(NAME SHARED|STATIC MODULE...): the library ${PROJECT_NAME}_NAME of all sources of the
-# modules: src/MODULE/*.cpp or src/MODULE.cpp.
+# gsv_add_layer(NAME SHARED|STATIC MODULE...): adds the library ${PROJECT_NAME}_NAME with all sources
+# of the modules: src/MODULE/*.cpp or src/MODULE.cpp.
 function(gsv_add_layer name type)
   set(sources)
   foreach(module ${ARGN})

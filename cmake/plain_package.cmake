@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 
 set(GROUND_SCALE_VO_INSTALLED_HEADERS ${CMAKE_INSTALL_INCLUDEDIR}/${PROJECT_NAME})
-# The tools lie in a folder of their own beside the libraries, as in a catkin package.
+# Install the tools in a separate folder beside the libraries, as in a catkin package.
 set(GROUND_SCALE_VO_BUILT_TOOLS ${PROJECT_BINARY_DIR}/tools)
 set(GROUND_SCALE_VO_INSTALLED_TOOLS ${CMAKE_INSTALL_LIBDIR}/${PROJECT_NAME})
 set(GROUND_SCALE_VO_TOOLS_RPATH "$ORIGIN/..")
@@ -18,7 +18,8 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/${PROJECT_NAME}-config-ve
 install(FILES ${PROJECT_BINARY_DIR}/${PROJECT_NAME}-config.cmake
   ${PROJECT_BINARY_DIR}/${PROJECT_NAME}-config-version.cmake DESTINATION ${package_folder})
 
-# gsv_install_layer(NAME): a library of the product, exported as ${PROJECT_NAME}::NAME.
+# gsv_install_layer(NAME): installs the library of module group NAME, exported as
+# ${PROJECT_NAME}::NAME.
 function(gsv_install_layer name)
   set(target ${PROJECT_NAME}_${name})
   add_library(${PROJECT_NAME}::${name} ALIAS ${target})
@@ -31,7 +32,7 @@ function(gsv_install_layer name)
     DESTINATION ${package_folder})
 endfunction()
 
-# gsv_add_gtest(TARGET SOURCE...): a unit test, built with the rest and run by ctest.
+# gsv_add_gtest(TARGET SOURCE...): adds a unit test; built by target `all`, run by ctest.
 function(gsv_add_gtest target)
   add_executable(${target} ${ARGN})
   target_link_libraries(${target} GTest::gtest)

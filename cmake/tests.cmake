@@ -1,6 +1,6 @@
 # Unit, fuzz and node tests; micro-benchmarks.
 
-# The tests are compiled at -O1: their time goes into the libraries.
+# The tests are compiled at -O1: most of their run time is spent in the libraries.
 function(gsv_as_test target headers)
   target_include_directories(${target} PRIVATE
     ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src)
@@ -21,7 +21,7 @@ if(GROUND_SCALE_VO_ROS)
   target_compile_options(gsv_ros_test_headers PRIVATE $<$<NOT:$<CONFIG:Debug>>:-O1>)
 endif()
 
-# gsv_add_unit_tests(MODULE LIBRARY...): test/MODULE/*_test.cpp.
+# gsv_add_unit_tests(MODULE LIBRARY...): adds a test of test/MODULE/*_test.cpp.
 function(gsv_add_unit_tests module)
   file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/${module}/*_test.cpp)
   if(NOT sources)
@@ -50,13 +50,13 @@ if(GROUND_SCALE_VO_ROS)
   gsv_add_unit_tests(ros ${PROJECT_NAME}_nodelets ${PROJECT_NAME}_simulation)
   gsv_add_unit_tests(ros_tools ${PROJECT_NAME}_ros_tools)
 endif()
-# The longest test starts first, so that the others run beside it.
+# The longest test starts first, in parallel with the others.
 set(integration_test _ctest_${PROJECT_NAME}_gtest_integration_test)
 if(TEST ${integration_test})
   set_tests_properties(${integration_test} PROPERTIES COST 1000)
 endif()
 
-# The fuzz targets, one for each parser and each nodelet's messages. A driver in test/fuzz mutates
+# Fuzz targets, one for each parser and each nodelet's messages. A driver in test/fuzz mutates
 # valid inputs from a fixed seed; with GROUND_SCALE_VO_FUZZ and clang++ libFuzzer drives them.
 set(FUZZ_TARGETS calib_fuzz options_fuzz poses_fuzz times_fuzz)
 set(ROS_FUZZ_TARGETS)

@@ -45,7 +45,7 @@ gsv_source_distribution() {
   [[ $options != *u* ]] || set -u
 }
 
-# The packages of packages.txt in the sections named.
+# Prints the packages in these sections of packages.txt.
 gsv_packages() {
   awk -v wanted=" $* " '
     /^\[/ { section = substr($0, 2, length($0) - 2); next }
@@ -123,7 +123,7 @@ gsv_build() {
 }
 gsv_cmake_arguments=()
 
-# On a terminal one line that is overwritten, elsewhere a line every 30 s.
+# Prints the progress: on a terminal one line that is overwritten, elsewhere a line every 30 s.
 gsv_show_progress() {
   local line percent next_progress=$((SECONDS + 10))
   while IFS= read -r line; do
@@ -181,7 +181,7 @@ gsv_free_port() {
   /usr/bin/python3 -c 'import socket; s = socket.socket(); s.bind(("", 0)); print(s.getsockname()[1])'
 }
 
-# After an error nothing more is shown: the errors that follow only result from the shutdown.
+# Prints nothing after the first error: the errors that follow only result from the shutdown.
 gsv_show_launch() {
   local name=$1 pid_file=$2 line next_progress=0 failed=no
   shopt -s extglob

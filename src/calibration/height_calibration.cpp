@@ -18,7 +18,7 @@ constexpr double kScaleCorrelation = 6;
 /// Spacing of the polyline along which the path is measured [camera heights]: shorter steps would
 /// add the noise of the positions.
 constexpr double kPolylineStep = 0.5;
-/// The mounting is not estimated from fewer sections.
+/// Minimum number of sections for an estimate of the mounting.
 constexpr std::size_t kMinMountingSections = 3;
 
 double distance(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {

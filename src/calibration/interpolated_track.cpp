@@ -5,7 +5,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Least share of a segment's moving frames that must have measured the scale.
+/// Minimum share of a segment's moving frames with a measured scale.
 constexpr double kMinMeasured = 0.5;
 
 }  // namespace

@@ -19,7 +19,7 @@ using Lengths = std::array<double, 8>;
 constexpr Lengths kDevkitLengths{100, 200, 300, 400, 500, 600, 700, 800};
 constexpr Lengths kShortLengths{10, 20, 30, 40, 50, 60, 70, 80};
 constexpr std::size_t kFramesBetweenStarts = 10;
-constexpr double kMinMotion = 0.3;  // [m] between frames, for a direction of motion
+constexpr double kMinMotion = 0.3;  // [m] minimum motion between frames that has a direction
 
 double toDegrees(double radians) { return radians * (180.0 / M_PI); }
 
@@ -119,7 +119,7 @@ Eigen::Matrix3Xd positions(const Poses& poses) {
   return result;
 }
 
-/// Of the similarity only the scale matters: rotation and translation cancel in relative poses.
+/// Only the scale of the similarity matters: rotation and translation cancel in relative poses.
 std::optional<double> translationErrorAfterSimilarity(const Poses& ground_truth,
                                                       const Poses& estimate) {
   if (pathLength(estimate) == 0.0) return std::nullopt;

@@ -22,7 +22,7 @@ namespace {
 using Poses = std::vector<Eigen::Isometry3d>;
 using Json = nlohmann::ordered_json;
 
-/// A number of 10 significant digits; null for what is missing or not finite.
+/// A number with 10 significant digits; null if it is missing or not finite.
 Json number(std::optional<double> value) {
   if (!value || !std::isfinite(*value)) return nullptr;
   char text[32];

@@ -12,7 +12,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Most frames from a frame to either end of the distance for its true scale.
+/// Maximum number of frames from a frame to either end of the segment that gives its true scale.
 constexpr std::size_t kMaxReach = 25;
 
 /// True scale around frame i [m per VO unit]; empty when the camera hardly moves or has no pose.
@@ -34,7 +34,7 @@ std::optional<double> trueScale(const std::vector<RunFrame>& frames,
   return {};
 }
 
-/// NaN for an empty whole.
+/// part / whole; NaN if whole is 0.
 double share(std::size_t part, std::size_t whole) {
   return whole == 0 ? std::numeric_limits<double>::quiet_NaN()
                     : static_cast<double>(part) / static_cast<double>(whole);

@@ -14,8 +14,8 @@ namespace {
 constexpr std::size_t kMaxImageBytes = 256u << 20;
 constexpr std::int64_t kMaxPixels = 1 << 27;
 
-/// The file has the end mark of its format. OpenCV fills the missing rows of a truncated JPEG with
-/// grey and reports that on stderr only.
+/// True if the file has the end mark of its format. OpenCV fills the missing rows of a truncated
+/// JPEG with grey and reports that on stderr only.
 bool isComplete(const std::string& bytes) {
   const auto begins = [&](const std::string& s) { return bytes.compare(0, s.size(), s) == 0; };
   const auto ends = [&](const std::string& s) {

@@ -42,8 +42,8 @@ std::int64_t readSeconds(const TextFile& text, std::size_t i) {
   return text.nanoseconds(i);
 }
 
-/// The stamp of image i is in line i. Further lines, of a folder with the first images of a
-/// sequence only, are checked and ignored.
+/// The stamp of image i is in line i. A folder may hold only the first images of a
+/// sequence; further lines are checked and ignored.
 std::vector<std::int64_t> readStamps(const fs::path& file, std::size_t images,
                                      std::int64_t (*read)(const TextFile&, std::size_t)) {
   const TextFile text(file);

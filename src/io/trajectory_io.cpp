@@ -13,7 +13,7 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-/// Of the entries of a rotation matrix, and of the norm of a quaternion.
+/// Tolerance of the entries of a rotation matrix and of the norm of a quaternion.
 constexpr double kRoundingTolerance = 0.01;
 constexpr const char* kTooFar = "its position is implausibly far away";
 

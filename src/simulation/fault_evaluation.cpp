@@ -12,7 +12,7 @@ namespace {
 
 using Poses = std::vector<Eigen::Isometry3d>;
 
-/// What a run leaves for its evaluation, one entry per frame.
+/// Data of a run for its evaluation, one entry per frame.
 struct FaultDriveRun {
   Poses ground_truth, estimate;           // first camera from camera [m]
   std::vector<double> true_path, path;    // path length up to the frame [m]

@@ -23,7 +23,7 @@ using simulation::RoadGeometry;
 using simulation::Scene;
 using simulation::SpeedProfile;
 
-constexpr double kLampsAhead = 1.9, kLampsHeight = 0.65;  // of the camera, over the road [m]
+constexpr double kLampsAhead = 1.9, kLampsHeight = 0.65;  // [m] ahead of the camera, above the road
 
 simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   simulation::WorldOptions world;
@@ -51,7 +51,7 @@ simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   return world;
 }
 
-/// From behind the first place of the drive to as far as the camera sees from the last one.
+/// The road from kRoadBehind behind the first camera position to kRoadAhead ahead of the last one.
 RoadGeometry roadFor(const SyntheticDrive::Options& o, const SpeedProfile& profile) {
   double from = 0, to = 0;
   for (int i = 0; i < o.frames; ++i) {

@@ -11,7 +11,8 @@
 
 namespace ground_scale_vo::simulation {
 
-/// The other vehicles that move: one ahead, oncoming ones or ones beside, and a lorry.
+/// Moving vehicles other than the ego vehicle: one ahead, oncoming ones or ones in the left lane,
+/// and a lorry.
 class Traffic {
  public:
   /// Keeps references to all arguments.

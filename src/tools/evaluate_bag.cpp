@@ -43,7 +43,7 @@ void forEachMessage(const std::string& file, const rosbag::TopicQuery* topics, c
     rosbag::View view;
     topics != nullptr ? view.addQuery(bag, *topics) : view.addQuery(bag);
     for (const rosbag::MessageInstance& instance : view) read(instance);
-  } catch (const std::exception& error) {  // of rosbag, or of a message that is cut short
+  } catch (const std::exception& error) {  // from rosbag, or for a truncated message
     throw gsv::DataError("the bag " + file + " cannot be read: " + error.what());
   }
 }

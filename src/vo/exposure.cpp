@@ -12,7 +12,7 @@ namespace {
 
 /// Grey levels beyond these may be clipped.
 constexpr int kMinGrey = 8, kMaxGrey = 247;
-/// Least fraction of the pixels that are unclipped in both images.
+/// Minimum fraction of the pixels that are unclipped in both images.
 constexpr double kMinUnclipped = 0.2;
 /// [ratio of grey levels] a smaller step is within the noise of the image content; a larger one
 /// clips most pixels.

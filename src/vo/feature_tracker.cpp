@@ -90,19 +90,20 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
 
   const double ratio = options_.min_corner_ratio;
   CornerStrength strength(image, border - 1);
-  cv::Mat band(cell + 2, image.cols, CV_32FC1);  // of a row of cells, and a pixel around it
+  cv::Mat band(cell + 2, image.cols, CV_32FC1);  // a row of cells with a border of 1 px
   int filled = 0;
   std::vector<cv::Point2f> corners;
   for (int row = 0; row < rows; ++row) {
     for (; filled < band.rows; ++filled) strength.next(band.ptr<float>(filled));
-    const cv::Point origin(0, border + row * cell - 1);  // of the band
+    const cv::Point origin(0, border + row * cell - 1);  // upper left pixel of the band
     for (int column = 0; column < columns; ++column) {
       if (taken[static_cast<std::size_t>(row * columns + column)]) continue;
       const cv::Rect area(border + column * cell, 1, cell, cell);
       double best = 0;
       cv::Point at;
       cv::minMaxLoc(band(area), nullptr, &best, nullptr, &at, free(area + origin));
-      if (at.x < 0 || best < options_.min_corner_strength) continue;  // at.x < 0: all is masked
+      if (at.x < 0 || best < options_.min_corner_strength)
+        continue;  // at.x < 0: the whole cell is masked
       at += area.tl();
       // A maximum on the cell's border may belong to a stronger corner in the next cell.
       double around = 0;
@@ -132,7 +133,7 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   std::vector<unsigned char> found;
   cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, found, cv::noArray(),
                            window, levels, kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
-  std::vector<std::size_t> index;  // of what was found
+  std::vector<std::size_t> index;  // indices of the points found
   std::vector<cv::Point2f> there, back;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
     if (!found[i] || !isInside(to.image, tracks.points[i])) continue;

@@ -9,12 +9,13 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [corners] an image with fewer is black, covered or blank: the image of a street has several
-/// hundred, and a pose needs some tens.
+/// [corners] minimum number in an image that is not black, covered or blank. The image of a street
+/// has several hundred, and a pose needs some tens.
 constexpr std::size_t kMinTexture = 60;
 
-/// [percent] of the features that a standing camera keeps from one image to the next. With fewer,
-/// something passes in front of the camera, and the flow of the rest is no sign of a standstill.
+/// [percent] minimum share of the features that a stationary camera tracks from one image to the
+/// next. With a smaller share, an object passes in front of the camera, and the flow of the other
+/// features does not imply a standstill.
 constexpr std::size_t kStandstillMinTrackedPercent = 90;
 
 /// The smallest image of a pyramid; every second level is a gradient.

@@ -16,13 +16,12 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Least depth of a landmark in its observer, relative to that in its anchor. An observation from
-/// nearer by is behind or beside the camera.
+/// Minimum depth of a landmark in its observer, relative to its depth in the anchor. A landmark
+/// with a smaller ratio is behind or beside the observer.
 constexpr double kMinDepthRatio = 1e-3;
-/// A step may bring a landmark this much nearer than it may be at the start; the cost is infinite
-/// beyond.
+/// Minimum of the same ratio after a step; below it the cost is infinite.
 constexpr double kMinDepthRatioOfStep = 0.1 * kMinDepthRatio;
-/// [landmarks] fewer do not constrain the poses.
+/// [landmarks] minimum number that constrains the poses.
 constexpr std::size_t kMinLandmarks = 10;
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
@@ -36,8 +35,8 @@ constexpr double kCostTolerance = 1e-6;        // relative change of the cost at
 
 }  // namespace
 
-/// The optimisation problem in flat arrays. A keyframe is numbered by its place in the map; those
-/// before `first_free` are fixed, and the others have six rows each.
+/// The optimisation problem in flat arrays. A keyframe is numbered by its position in the map.
+/// Keyframes before `first_free` are fixed; the others have six rows each.
 struct LocalBundleAdjustment::Problem {
   /// The first observation of a landmark is that of its anchor, which has no residual.
   struct Observation {
@@ -57,8 +56,8 @@ struct LocalBundleAdjustment::Problem {
     std::vector<Eigen::Isometry3d> T_w_c;
     std::vector<double> inverse_depth;
   };
-  /// Of an observer o to an anchor a. All landmarks of that anchor which the observer sees share
-  /// it.
+  /// Relative pose of an observer o and an anchor a, shared by all landmarks of the anchor that the
+  /// observer observes.
   struct RelativePose {
     std::size_t observer, anchor;
     Eigen::Isometry3d T_o_a;
@@ -237,7 +236,7 @@ struct LocalBundleAdjustment::Problem {
 
   // --- Levenberg-Marquardt ---------------------------------------------------------------------
 
-  /// What the damping adds to a diagonal element of the Hessian.
+  /// Damping term of a diagonal element of the Hessian.
   static double addedDiagonal(double diagonal, double damping) {
     return damping * std::max(diagonal, kMinDiagonal);
   }
@@ -268,7 +267,7 @@ struct LocalBundleAdjustment::Problem {
     for (std::size_t i = 0; i < landmarks.size(); ++i) {
       const Landmark& landmark = landmarks[i];
       const double d = addedDiagonal(landmark.H_ll, damping);
-      const double s = -slopeAfterPoseStep(landmark) / (landmark.H_ll + d);
+      const double s = -gradientAfterPoseStep(landmark) / (landmark.H_ll + d);
       decrease += 0.5 * s * (d * s - landmark.gradient);
       candidate.inverse_depth[i] += s;
     }
@@ -291,18 +290,18 @@ struct LocalBundleAdjustment::Problem {
     }
   }
 
-  /// Back substitution: the gradient over the inverse depth once the poses have made their step.
-  double slopeAfterPoseStep(const Landmark& landmark) const {
-    double slope = landmark.gradient;
+  /// Back substitution: gradient with respect to the inverse depth after the step of the poses.
+  double gradientAfterPoseStep(const Landmark& landmark) const {
+    double reduced = landmark.gradient;
     for (std::size_t k = landmark.begin; k < landmark.end; ++k) {
       const Observation& o = observations[k];
       if (isFixed(o.keyframe)) continue;
-      slope += o.H_pl.dot(step.segment<6>(row(o.keyframe)));
+      reduced += o.H_pl.dot(step.segment<6>(row(o.keyframe)));
     }
-    return slope;
+    return reduced;
   }
 
-  /// Reduces the cost of `state`, which is `now`. Returns the reduced cost.
+  /// Minimises the cost, starting at `state` with cost `now`. Returns the final cost.
   double minimise(int max_iterations, double huber, double now) {
     linearise(huber);
     double damping = kInitialDamping, growth = kInitialDampingGrowth;

@@ -23,19 +23,19 @@ class MapInitialisation {
  public:
   MapInitialisation(const PinholeCamera& camera, const VisualOdometry::Options& options);
 
-  /// Forgets all frames; this one becomes the first, which is the world frame of the map.
+  /// Removes all frames. This frame becomes the first one and defines the world frame of the map.
   void restart(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& features,
                const cv::Mat& image);
 
-  /// Whether so many of the first frame's features suffice to go on.
+  /// True if `found` of the first frame's features suffice to continue.
   bool canContinueWith(std::size_t found) const;
 
-  /// The next frame. found: those of the first frame's features that are still tracked.
+  /// Adds the next frame. found: the features of the first frame that are still tracked.
   void addFrame(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& found);
 
-  /// Makes a map from the first frame and the newest, whose features and image these are. Returns
-  /// the poses of all frames, or nothing, with an empty map, when the motion cannot be estimated
-  /// yet. The unit of length is the median depth in the first frame.
+  /// Creates a map from the first and the newest frame. found, image: features and image of the
+  /// newest frame. Returns the poses of all frames; empty, with an empty map, if the motion cannot
+  /// be estimated yet. The unit of length is the median depth in the first frame.
   std::optional<std::vector<VisualOdometry::StartPose>> tryStartMap(
       const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping);
 
@@ -50,7 +50,7 @@ class MapInitialisation {
                const TwoView::Result& motion, Mapping* mapping) const;
   std::optional<std::vector<VisualOdometry::StartPose>> localiseFrames(const LocalMap& map) const;
 
-  const double min_tracked_;  ///< share of the first frame's features
+  const double min_tracked_;  ///< minimum fraction of the first frame's features
   const PinholeCamera camera_;
   const TwoView two_view_;
   const PoseEstimation pose_estimation_;

@@ -22,7 +22,7 @@ class Mapping {
   LocalMap& map() { return map_; }
   const LocalMap& map() const { return map_; }
 
-  /// By parallax to the last keyframe, or because few of its features are still tracked.
+  /// True if the parallax to the last keyframe is large, or few of its features are still tracked.
   bool needsKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& found) const;
 
   /// Adds a keyframe, triangulates, and starts the bundle adjustment on the second thread. That
@@ -30,12 +30,12 @@ class Mapping {
   void addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
                    const ImagePyramid& image, VisualOdometry::Times* times);
 
-  /// Waits for the bundle adjustment that addKeyframe started, if any, and takes its result over.
+  /// Waits for the bundle adjustment that addKeyframe started, if any, and applies its result.
   /// Called at the same step of each frame, so the result does not depend on the machine's speed.
   /// Returns the motion of the newest keyframe: a pose of the old map becomes correction * T_w_c.
   std::optional<Eigen::Isometry3d> takeAdjustedMap(VisualOdometry::Times* times);
 
-  /// Bundle adjustment on this thread. Returns whether it was usable.
+  /// Runs bundle adjustment on the calling thread. Returns false if its result is not usable.
   bool adjustNow();
 
  private:
@@ -46,8 +46,8 @@ class Mapping {
 
   LocalMap map_;
   LocalBundleAdjustment bundle_adjustment_;
-  std::size_t keyframe_features_ = 0;  ///< of the last keyframe, new ones included
-  std::future<double> adjusting_;      ///< [ms] that it took. Last: its destructor waits
+  std::size_t keyframe_features_ = 0;  ///< in the last keyframe, including new ones
+  std::future<double> adjusting_;      ///< its duration [ms]. Last: the destructor waits
 };
 
 }  // namespace ground_scale_vo

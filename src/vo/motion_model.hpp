@@ -14,10 +14,10 @@ class MotionModel {
 
   Eigen::Isometry3d predict(std::int64_t stamp_ns) const;
 
-  /// A newly tracked pose. Measures the velocity since the last one.
+  /// Sets the pose of a newly tracked frame and measures the velocity since the last one.
   void update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
 
-  /// Replaces the last pose after the map has been adjusted; the velocity stays.
+  /// Replaces the last pose after bundle adjustment; the velocity is unchanged.
   void correct(const Eigen::Isometry3d& T_w_c) { T_w_c_ = T_w_c; }
 
   void reset(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);

@@ -16,20 +16,20 @@ constexpr int kMaxWindow = 21;
 constexpr int kMaxIterations = 10;  // of Gauss-Newton
 /// [px] step of the numeric derivative of the warp: small against a patch, large against rounding.
 constexpr double kWarpStep_px = 2;
-/// [px] length of the last step: far below the noise of an aligned corner (0.2 px).
+/// [px] step length at convergence: far below the noise of an aligned corner (0.2 px).
 constexpr float kConverged_px = 0.003f;
 /// While iterating, a patch may be this many times max_shift_px from its start.
 constexpr float kMaxIntermediateShift = 2;
-/// Least determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
-/// then at least about 1e-3. With less the patch is an edge.
+/// Minimum determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
+/// then at least about 1e-3. Below this value the patch is an edge.
 constexpr float kMinCornerness = 1e-3f;
 /// [grey levels^2] guards the division by the sum of squared deviations from the mean of a uniform
 /// patch in the current image.
 constexpr float kMinSumOfSquares = 1e-3f;
 /// Least ratio of the areas of a patch in the two images, and the inverse of the largest.
 constexpr double kMinAreaRatio = 0.1;
-/// Sine of the least angle between the line of sight and the surface (1.1 degrees); with less the
-/// surface is seen edge-on and the warp is undetermined.
+/// Sine of the minimum angle between the line of sight and the surface (1.1 degrees). Below it the
+/// surface is edge-on and the warp is undetermined.
 constexpr double kMinGrazingSine = 0.02;
 
 // A patch is stored row by row in a flat array with a stride of the window plus two columns. The

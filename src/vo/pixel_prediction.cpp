@@ -14,8 +14,8 @@ namespace {
 constexpr int kColumns = 16, kRows = 8;
 constexpr std::size_t kMinPointsPerCell = 3;
 
-/// [VO units] a point nearer to the camera's plane has no meaningful projection. The unit is the
-/// median depth at the start of the map.
+/// [VO units] minimum depth of a point that is projected. The unit is the median depth at the start
+/// of the map.
 constexpr double kMinDepth = 1e-3;
 
 /// Median inverse depth of the map points around a pixel.

@@ -10,15 +10,15 @@
 
 namespace ground_scale_vo {
 
-/// Where each feature of a camera at T_w_previous should appear to one at T_w_next [px]: its map
-/// point projected, or for a feature without a point one at the median inverse depth of the points
-/// around it.
+/// Predicts the pixel of each feature of a camera at T_w_previous in a camera at T_w_next [px]: the
+/// projection of its map point or, without a map point, of a point at the median inverse depth of
+/// the map points around it.
 std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalMap& map,
                                        const std::vector<Feature>& features,
                                        const Eigen::Isometry3d& T_w_previous,
                                        const Eigen::Isometry3d& T_w_next);
 
-/// The same without a map: each feature moves on with its flow. dt: [s].
+/// Prediction without a map: each feature continues with its flow. dt: [s].
 std::vector<cv::Point2f> predictPixelsByFlow(const std::vector<Feature>& features, double dt);
 
 }  // namespace ground_scale_vo

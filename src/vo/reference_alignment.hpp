@@ -21,8 +21,8 @@ class ReferenceAlignment {
   ReferenceAlignment(const PinholeCamera& camera, const PatchAlignment::Options& options,
                      double aligned_sigma);
 
-  /// predicted_T_w_c: of the image. Sets u, sigma and surface of the features that are aligned; the
-  /// others keep what tracking gave them.
+  /// predicted_T_w_c: predicted pose of the image. Updates u, sigma and surface of the aligned
+  /// features; the others keep their tracked values.
   void align(const LocalMap& map, const ImagePyramid& image,
              const Eigen::Isometry3d& predicted_T_w_c, std::vector<Feature>* features);
 

@@ -7,13 +7,15 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [VO units^2] information (1 / sigma^2) on the inverse depth; with less there is no baseline.
+/// [VO units^2] minimum information (1 / sigma^2) on the inverse depth; below it there is no
+/// baseline.
 constexpr double kMinInformation = 1e-12;
-/// Depth in the observer relative to that in the anchor; with less the point is behind the camera.
+/// Minimum depth in the observer relative to the depth in the anchor; a point with a smaller ratio
+/// is treated as behind the camera.
 constexpr double kMinDepthRatio = 1e-6;
 /// Gauss-Newton starts at the linear solution and converges in two or three iterations.
 constexpr int kMaxIterations = 8;
-/// [standard deviations of the inverse depth] last step.
+/// [standard deviations of the inverse depth] step length at convergence.
 constexpr double kConverged = 1e-3;
 
 }  // namespace

@@ -149,7 +149,7 @@ bool sameMotion(const Candidate& a, const Candidate& b) {
          a.T_2_1.translation().dot(b.T_2_1.translation()) > std::cos(kSameDirection);
 }
 
-/// Median angle between the inliers' rays after removing the rotation; 0 without inliers.
+/// Median angle between the inliers' rays after removing the rotation; 0 if there are no inliers.
 double medianParallax(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& x2,
                       const Candidate& c) {
   std::vector<double> parallax;
@@ -162,7 +162,7 @@ double medianParallax(const std::vector<cv::Point2d>& x1, const std::vector<cv::
   return parallax.empty() ? 0 : median(parallax);
 }
 
-/// All motions that an essential matrix or a homography proposes, the one of least cost first.
+/// Motion hypotheses from the essential matrix and the homography; the first has the lowest cost.
 std::vector<Candidate> rankedCandidates(const std::vector<cv::Point2d>& x1,
                                         const std::vector<cv::Point2d>& x2, double threshold) {
   std::vector<Candidate> candidates = essentialCandidates(x1, x2, threshold);
@@ -173,8 +173,8 @@ std::vector<Candidate> rankedCandidates(const std::vector<cv::Point2d>& x1,
   return candidates;
 }
 
-/// Whether the best motion that differs from candidates.front() has nearly as much support, which
-/// is n minus the cost.
+/// True if the best motion that differs from candidates.front() has nearly as much support
+/// (n minus the cost).
 bool isAmbiguous(const std::vector<Candidate>& candidates, double n, double max_ratio) {
   const Candidate& best = candidates.front();
   for (const Candidate& other : candidates) {

@@ -16,8 +16,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// A shorter epipolar line normal has no direction: the camera has not moved, or the ray is that to
-/// the epipole. [normalised image coordinates times VO units]
+/// Minimum norm of the normal of an epipolar line [normalised image coordinates times VO units]. A
+/// shorter normal has no direction: the camera has not moved, or the ray points to the epipole.
 constexpr double kMinEpipolarLine = 1e-12;
 
 /// Distance of ray_2 from the epipolar line of ray_1, in normalised image coordinates.
@@ -86,7 +86,7 @@ struct VisualOdometry::Impl {
     return out;
   }
 
-  /// A frame before there is a map. Returns the features that it sees.
+  /// Processes a frame while there is no map. Returns the features tracked in it.
   std::vector<Feature> initialise(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
     std::vector<Feature> found;
     if (!tracking.features().empty()) {
@@ -121,7 +121,7 @@ struct VisualOdometry::Impl {
     return found;
   }
 
-  /// Starts the initialisation anew with this image as the first one.
+  /// Restarts the initialisation with this image as the first one.
   void restart(ImagePyramid image, std::int64_t stamp_ns, std::uint32_t sequence) {
     status = VoStatus::kInitialising;
     mapping.map().clear();
@@ -131,7 +131,7 @@ struct VisualOdometry::Impl {
     initialisation.restart(sequence, stamp_ns, tracking.features(), tracking.image().image);
   }
 
-  /// A frame with a map. Returns the features that it sees, none when it is lost.
+  /// Processes a frame when there is a map. Returns the features tracked in it; empty when lost.
   std::vector<Feature> track(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
     std::vector<Feature> found = findFeatures(image, stamp_ns, out);
     if (!estimatePose(stamp_ns, &found, out)) {
@@ -174,10 +174,11 @@ struct VisualOdometry::Impl {
     return found;
   }
 
-  /// Estimates the pose and removes the outliers from `found`. False: no pose; nothing changes.
+  /// Estimates the pose and removes the outliers from `found`. Returns false, and changes nothing,
+  /// when there is no pose.
   bool estimatePose(std::int64_t stamp_ns, std::vector<Feature>* found, Output* out) {
     ScopedTimer timer(&out->times.pose);
-    std::vector<std::size_t> index;  // of the observed features in `found`
+    std::vector<std::size_t> index;  // indices of the observed features in `found`
     const auto observations = pointObservations(mapping.map(), toCorners(camera, *found), &index);
     const PoseEstimation::Result pose =
         pose_estimation.estimate(motion.predict(stamp_ns), observations);
@@ -217,7 +218,7 @@ struct VisualOdometry::Impl {
     *found = std::move(kept);
   }
 
-  /// A frame without a pose. After several of them with texture a new map is started.
+  /// Handles a frame without a pose. Starts a new map after several such frames with texture.
   void lose(ImagePyramid image, std::int64_t stamp_ns, std::size_t found, std::uint32_t sequence) {
     status = VoStatus::kLost;
     if (!tracking.isTextureless(image, found)) ++lost_frames;

@@ -1,4 +1,4 @@
-"""The install space and the Debian package hold what is needed to run."""
+"""The install space and the Debian package contain everything that a run needs."""
 
 import os
 import re
@@ -41,7 +41,7 @@ def test_installed(install, file):
 
 
 def free_of_build(install):
-    """The options of a run that sees nothing of the source tree's environment."""
+    """The options of a run without the environment of the source tree."""
     environment = {"HOME": os.environ["HOME"], "PATH": "/usr/bin:/bin"}
     return install / "lib/ground_scale_vo/demo", {"env": environment}
 

@@ -12,7 +12,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// The error message for an assignment; empty without an error.
+/// The error message for an assignment; empty if there is no error.
 std::string errorOf(const std::string& assignment) {
   MetricOdometry::Options options;
   try {

@@ -79,7 +79,7 @@ TEST(Pipeline, MetricOdometryContinuesAfterBlackImages) {
   const SyntheticDrive drive(drive_options);
   const RunRecord record = runOffline(drive, optionsFor(1.65));
   const auto& frames = record.frames();
-  std::size_t posed = 0;  // the latest frame with its own metric pose
+  std::size_t posed = 0;  // the latest frame with a metric pose of its own
   while (posed < 40 && !frames[posed].has_metric_pose) ++posed;
   ASSERT_LT(posed, 40u);
   for (std::size_t i = posed + 1; i < frames.size(); ++i) {

@@ -21,7 +21,8 @@ namespace {
 
 class ScenarioDrive : public testing::TestWithParam<Scenario> {};
 
-/// The ground truth is consistent: the translation along the normal is the change of height.
+/// Checks that the ground truth is consistent: the translation along the normal is the change of
+/// height.
 void expectConsistentGroundTruth(const Scenario& scenario, const SyntheticDrive& drive) {
   // On ramps and bumps the axles climb one after the other, so the car leaves its own plane.
   const bool edges = scenario.options.ramp_slope != 0 || scenario.options.bump_height != 0;
@@ -36,7 +37,7 @@ void expectConsistentGroundTruth(const Scenario& scenario, const SyntheticDrive&
   }
 }
 
-/// The scenario depends on its component: a threshold is violated only without it.
+/// Checks that the scenario depends on its component: a threshold is violated only without it.
 void expectDependence(const Scenario& scenario, const SyntheticDrive& drive,
                       const std::vector<cv::Mat>& images) {
   const ScenarioAblation& ablation = scenario.ablation;

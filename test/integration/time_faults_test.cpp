@@ -112,8 +112,9 @@ TEST_F(TimeFaults, ShortGapsAreBridgedInTheSameMap) {
   }
 }
 
-// Nothing of the previous view is left: the status reports it, and the covariance of the next pose
-// includes the unobserved motion. The steps before and after are accurate.
+// After the gap no feature of the previous view is visible. The status reports this, and the
+// covariance of the next pose includes the unobserved motion. The steps before and after are
+// accurate.
 TEST_F(TimeFaults, LongGapsAreReportedWithoutFalseMotion) {
   for (const std::size_t missing : {10u, 25u, 50u}) {
     const auto frames = run([&](std::size_t i) { return i < kGap || i >= kGap + missing; });

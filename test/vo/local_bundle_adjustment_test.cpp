@@ -271,7 +271,7 @@ TEST(LocalBundleAdjustment, isNotUsableWithoutEnoughLandmarks) {
   expectRefused(map);  // one keyframe
   map.addKeyframe(keyframePose(1), {});
   for (auto& [id, landmark] : map.landmarks()) landmark.depth = InverseDepth{0.05, 0.01};
-  expectRefused(map);  // every point was seen once
+  expectRefused(map);  // one observation of every point
 
   LocalMap few({});
   auto points = farPoints();

@@ -146,7 +146,7 @@ TEST(PoseEstimation, recoversFromAWrongPredictionOfThePose) {
   EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-3);
 }
 
-TEST(PoseEstimation, uncertainDepthsConstrainAcrossTheirEpipolarLineOnly) {
+TEST(PoseEstimation, uncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine) {
   const Eigen::Isometry3d true_T_w_c = pose({0, 0.02, 0}, {0.1, 0, 1});
   auto observations = observe(true_T_w_c, 0);
   // Half of the points have a wrong depth on their ray from the origin, within their sigma.

@@ -21,7 +21,7 @@ class HeightCalibration {
     double outlier_sigma = 4;  ///< segments farther from the median are rejected [1.4826 MAD]
     int min_segments = 4;
     double max_error = 0.05;  ///< maximum relative half width of the 95 % interval
-    /// Relative standard deviation of what all segments have in common: a bias of the plane's
+    /// Relative standard deviation of the error common to all segments: a bias of the plane's
     /// height.
     double method_sigma = 0.003;
     /// Throws OptionError.

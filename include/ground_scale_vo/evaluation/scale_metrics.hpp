@@ -9,7 +9,7 @@ namespace ground_scale_vo {
 
 /// Errors of the estimated scale against the true scale. The true scale of a frame is the distance
 /// between two ground truth positions around it over the distance between the same positions of the
-/// odometry [m per VO unit]. NaN where no frame has what a metric needs.
+/// odometry [m per VO unit]. NaN if no frame has the data of a metric.
 struct ScaleMetrics {
   // Of the filtered scale, over the frames that have one and a true scale.
   double within_2_sigma = 0;            ///< share whose true scale is within two reported sigma
@@ -25,11 +25,11 @@ struct ScaleMetrics {
   double height_bias_percent = 0;
 };
 
-/// Least ground truth distance for the true scale of a frame [m]. It is as short as the accuracy of
-/// the ground truth allows, because the true scale drifts within it. Exact ground truth needs 2 m,
-/// for the noise of the odometry. KITTI's GPS/IMU poses differ from three odometries by 0.5 % over
-/// 8 m and 0.3 % over 16 m, while those agree to 0.2 % (docs/explanation/accuracy.md); the reported
-/// sigma is about 1 %.
+/// Minimum ground truth distance for the true scale of a frame [m]. It is as short as the accuracy
+/// of the ground truth allows, because the true scale drifts within it. Exact ground truth needs 2
+/// m, for the noise of the odometry. KITTI's GPS/IMU poses differ from three odometries by 0.5 %
+/// over 8 m and 0.3 % over 16 m, while those agree to 0.2 % (docs/explanation/accuracy.md); the
+/// reported sigma is about 1 %.
 constexpr double kExactGroundTruthDistance = 2;
 constexpr double kMeasuredGroundTruthDistance = 16;
 

@@ -11,7 +11,7 @@ namespace ground_scale_vo {
 /// The latest stamp that ROS can represent, in the year 2106 [s].
 constexpr double kLatestStamp = 4294967295;
 
-/// The path exists, possibly as a dangling link.
+/// True if the path exists, possibly as a dangling link.
 bool isThere(const std::filesystem::path& path);
 
 /// Returns the bytes of a file. Throws DataError: no such file, not a file, not readable, more than

@@ -61,8 +61,8 @@ constexpr double kPositionTolerance = 1;
 /// Share of the position error by which the path may be too long without counting as false motion.
 constexpr double kPathLengthTolerance = 0.05;
 
-/// Renders the drive, injects the faults and runs the pipeline with default options but for the
-/// camera height. each: called with every frame's image and outputs, may be empty.
+/// Renders the drive, injects the faults and runs the pipeline with default options except for
+/// the camera height. each: called with every frame's image and outputs, may be empty.
 FaultDriveMetrics runFaultDrive(
     const FaultDrive& drive,
     const std::function<void(std::size_t, const cv::Mat&, const OfflineRun&)>& each = {});

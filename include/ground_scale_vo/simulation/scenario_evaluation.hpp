@@ -37,8 +37,8 @@ struct ScenarioMetrics {
 std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive,
                                  const std::function<void()>& each = {});
 
-/// Runs the pipeline over the images of the drive, with default options but for its camera height
-/// and the settings. each: called after every frame, may be empty. Throws OptionError.
+/// Runs the pipeline over the images of the drive, with default options except for its camera
+/// height and the settings. each: called after every frame, may be empty. Throws OptionError.
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
                    const std::vector<std::string>& settings = {},
                    const std::function<void()>& each = {});

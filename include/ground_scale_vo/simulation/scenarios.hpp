@@ -13,7 +13,7 @@ namespace ground_scale_vo {
 
 /// Restricts the scale to one of its two sources.
 constexpr const char* kFeatureBasedOnly = "refine=false";
-constexpr const char* kDirectOnly = "gpe/min_points=1000000";  ///< more than there are
+constexpr const char* kDirectOnly = "gpe/min_points=1000000";  ///< more than a frame has
 
 /// The component that a scenario depends on, and settings that demonstrate it.
 struct ScenarioAblation {
@@ -22,7 +22,7 @@ struct ScenarioAblation {
   std::vector<std::string> disable;  ///< with these in addition one is violated; empty: unknown
 };
 
-/// What a run over a scenario must reach.
+/// Thresholds of a run over a scenario.
 struct ScenarioThresholds {
   double max_rle_percent = 1.5;
   /// Below 0.95, because the errors of neighbouring frames are correlated.

@@ -12,7 +12,7 @@ namespace ground_scale_vo {
 
 /// A rendered drive along a textured street with kerbs, facades, trees, parked and moving cars,
 /// curves, a slope, a stop and a suspension. Camera poses and ground planes are exact. The options
-/// beyond the default drive add what is difficult for a camera, see scenarios.hpp.
+/// beyond the default drive add conditions that are difficult for a camera, see scenarios.hpp.
 ///
 /// The road repeats every 130 m: a curve to the left at 15-55 m, one to the right at 65-105 m; up
 /// to 65 m, down again to 130 m (crests of 830 m radius). The camera drives in the right lane.
@@ -58,7 +58,7 @@ class SyntheticDrive {
     bool moving_cars = true;  ///< one ahead in the lane, others oncoming
     bool lead_van = false;    ///< the one ahead is a van, 2.1 m wide and 2.5 m high
     double lead_gap = 6.9;    ///< from the camera to the rear of the one ahead at standstill [m]
-    double lead_time = 1.2;   ///< the one ahead is so far ahead in the speed profile [s]
+    double lead_time = 1.2;   ///< lead of the one ahead in the speed profile [s]
     int cars_beside = 0;      ///< number of cars in the left lane at the same speed; they replace
                               ///< the oncoming ones
     double oncoming_spacing = 150;  ///< between oncoming cars, which drive at 8 m/s [m]
@@ -83,8 +83,8 @@ class SyntheticDrive {
     double arrow_spacing = 0;  ///< of arrows painted in the lane [m]; 0: none
     double road_texture = 1;   ///< contrast factor of asphalt, repairs and cracks; 0: uniform grey
     double grain = 0;          ///< contrast of stones below 2 cm, visible to a camera near the road
-    double bare_from_m = 0;    ///< from here to bare_to_m the asphalt has no texture but the
-    double bare_to_m = 0;      ///< markings; bare_to_m <= bare_from_m: nowhere [m]
+    double bare_from_m = 0;    ///< from here to bare_to_m the asphalt has only the
+    double bare_to_m = 0;      ///< markings as texture; bare_to_m <= bare_from_m: nowhere [m]
     bool cobbles = false;      ///< instead of asphalt
     double puddles = 0;        ///< share of the carriageway under water; requires a flat road
 
@@ -93,7 +93,7 @@ class SyntheticDrive {
     bool own_shadow = false;  ///< of the ego vehicle, which is as high as the camera
     /// Direction towards the sun: x along the road at the start, y left, z up.
     Eigen::Vector3d sun{0.25, 0.62, 0.75};
-    double daylight = 1;     ///< 1: day; 0: no light but that of the headlamps
+    double daylight = 1;     ///< 1: day; 0: only the headlamps give light
     bool headlamps = false;  ///< of the ego vehicle; visible at night
 
     // --- Image ---

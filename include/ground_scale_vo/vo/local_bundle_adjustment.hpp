@@ -39,8 +39,8 @@ class LocalBundleAdjustment {
   };
 
   struct Result {
-    /// False: too few landmarks, a result that is not finite, or no step could be computed; store()
-    /// then leaves the map unchanged.
+    /// False if there are too few landmarks, the result is not finite, or no step can be computed;
+    /// store() then leaves the map unchanged.
     bool usable = false;
     int residuals = 0;  ///< scalar residuals: two per observation other than the anchor's
     /// Square root of the mean Huber loss (twice the final cost over `residuals`), in standard

@@ -78,15 +78,15 @@ class LocalMap {
   std::uint32_t addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners,
                             const cv::Mat& image = {});
 
-  /// Triangulates the landmarks without depth; those whose depth is accurate enough and fits all
-  /// observations get one.
+  /// Triangulates the landmarks without depth. A landmark receives a depth if it is accurate enough
+  /// and consistent with all observations.
   void triangulateNew();
 
   /// Recomputes every depth's sigma from its observations.
   void updateSigmas();
 
-  /// Removes observations with a larger error, in normalised image coordinates. A landmark of which
-  /// only the anchor's observation remains is removed.
+  /// Removes observations with a larger error, in normalised image coordinates. Removes a landmark
+  /// of which only the observation in the anchor remains.
   void removeOutliers(double max_reprojection_error);
 
   void clear();

@@ -12,7 +12,7 @@ enum class TwoViewStatus {
   kOk,
   kTooFewMatches,
   kTooLittleParallax,  ///< a rotation explains the matches: standstill or pure rotation
-  kNoModel,            ///< too few inliers of every essential matrix and homography
+  kNoModel,            ///< no essential matrix or homography has enough inliers
   kAmbiguous           ///< several motions have about the same support
 };
 

@@ -25,7 +25,7 @@ constexpr double kCutOffAngle = 0.012;    // of the cut-off below the horizon [r
 constexpr double kCutOffSoftness = 0.02;  // transition at the cut-off [rad]
 constexpr double kStrayLight = 0.015;     // above the cut-off, as a share of the beam
 constexpr double kNightGamma = 0.45;      // exponent from illumination to grey level
-constexpr double kMaxNightGain = 1.3;     // the brightest lit place, by day = 1
+constexpr double kMaxNightGain = 1.3;     // limit at the brightest lit point; by day = 1
 
 // Shadows of moving vehicles (box) and of the ego vehicle: penumbra [m], share of the light lost.
 constexpr double kBoxShadowEdge = 0.6, kBoxShadowDepth = 0.65;
@@ -45,7 +45,7 @@ double smoothStep(double x) {
 
 class Rasteriser {
  public:
-  /// Rasterises all instances. reflection: the image that puddles reflect; nullptr: a dry road.
+  /// Rasterises all instances. reflection: the image reflected by puddles; nullptr for a dry road.
   Rasteriser(const Scene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_w_c,
              const Rasteriser* reflection)
       : scene_(scene),

@@ -27,7 +27,7 @@ struct PolygonShadow {
   std::vector<Eigen::Vector3d> edges;
 };
 
-/// What one frame shows. World axes: z up.
+/// Content of one frame. World axes: z up.
 struct Scene {
   std::vector<Instance> instances;
   const Texture* sky = nullptr;   ///< panorama: u = azimuth, v = kSkyTop - elevation [rad]

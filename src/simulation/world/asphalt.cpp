@@ -10,7 +10,7 @@
 namespace ground_scale_vo::simulation {
 namespace {
 
-/// One kind of damage or fixture after the other.
+/// Draws damage and fixtures, one kind after the other.
 class AsphaltPainter {
  public:
   AsphaltPainter(cv::Mat pattern, WorldBuilder& builder)

@@ -6,7 +6,7 @@
 
 namespace ground_scale_vo::simulation {
 
-/// The value of a surface pattern that leaves the albedo as it is.
+/// The value of a surface pattern that does not change the albedo.
 constexpr double kNeutral = 128;
 
 /// Patterns of the carriageway: factors on its albedo, 8-bit, kNeutral = 1, as large as the texture

@@ -9,7 +9,7 @@ namespace {
 constexpr double kNodeSpacing = 0.5;   // [m]
 constexpr double kRampTransition = 6;  // over which the slope of the ramp changes [m]
 
-// The road repeats after kPeriod; places in the period [m].
+// The road repeats after kPeriod; positions in the period [m].
 constexpr double kPeriod = 130;
 constexpr double kLeftCurveBegin = 15, kLeftCurveEnd = 55;
 constexpr double kRightCurveBegin = 65, kRightCurveEnd = 105;
@@ -37,7 +37,7 @@ double rampStepIntegral(double s, double a) {
          std::max(0.0, s - a - kRampTransition);
 }
 
-/// Place on the nearest bump: 0 at its begin, 1 at its end, outside [0, 1] beside it.
+/// Position on the nearest bump: 0 at its begin, 1 at its end, outside [0, 1] off the bump.
 double bumpCoordinate(double s) {
   const double k = std::max(0.0, std::round((s - kFirstBump - kBumpLength / 2) / kBumpSpacing));
   return (s - kFirstBump - k * kBumpSpacing) / kBumpLength;

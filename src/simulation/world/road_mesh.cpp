@@ -28,7 +28,7 @@ double roughness(double s, double u) {
          0.02 * std::sin(4.3 * s + 2.7 * u + 2);
 }
 
-/// No road: rough terrain, gravel between the places of the kerbs, grass beside.
+/// Adds rough terrain instead of a road: gravel between the kerb positions, grass beyond them.
 void addGravelTrack(WorldBuilder& builder) {
   constexpr double kWidth = 0.5;  // of the mesh along u [m]
   const RoadGeometry& road = builder.road;

@@ -20,7 +20,7 @@ class World {
   const Scene& scene() const { return assets_.scene; }
   const Mesh& car(std::size_t i) const { return assets_.car(i); }
   const Mesh& van() const { return assets_.van; }
-  /// Texture coordinates of a place on the road [m].
+  /// Texture coordinates of the road point (s, u) [m].
   Eigen::Vector2d roadUv(double s, double u) const;
 
  private:

@@ -52,8 +52,9 @@ struct WorldAssets {
   const Mesh& car(std::size_t i) const { return cars[i % cars.size()]; }
 };
 
-/// What the generators of the static world share: they append textures, meshes and instances to the
-/// assets and cast shadows on the road. They draw from one random sequence, so their order matters.
+/// State shared by the generators of the static world. The generators append textures, meshes and
+/// instances to the assets and cast shadows on the road. They draw from one random sequence, so
+/// their order matters.
 class WorldBuilder {
  public:
   WorldBuilder(const RoadGeometry& road_geometry, const WorldOptions& world_options,
@@ -88,7 +89,7 @@ class WorldBuilder {
 /// s lies in [begin, end].
 inline bool isBetween(double s, double begin, double end) { return s >= begin && s <= end; }
 
-// The generators; that of buildings is in buildings.hpp.
+// Generators; the generator of buildings is in buildings.hpp.
 void addSky(WorldBuilder& builder);
 void addTreesAndLampPosts(WorldBuilder& builder);
 void addBridge(WorldBuilder& builder);

@@ -17,7 +17,7 @@ namespace po = boost::program_options;
 /// --help, and the exit statuses that all tools share.
 class CommandLine {
  public:
-  /// summary: what the tool does, for --help. details: what --help says after the options.
+  /// summary: what the tool does, for --help. details: text after the options in --help.
   CommandLine(std::string tool, std::string summary, std::string details);
 
   /// One positional argument, or all further ones. The target must outlive run().

@@ -14,7 +14,7 @@ using Poses = std::vector<Eigen::Isometry3d>;
 
 /// Data of a run for its evaluation, one entry per frame.
 struct FaultDriveRun {
-  Poses ground_truth, estimate;           // first camera from camera [m]
+  Poses ground_truth, estimate;           // T_c0_c: camera in the first camera's frame [m]
   std::vector<double> true_path, path;    // path length up to the frame [m]
   std::vector<double> position_variance;  // trace, as last reported [m^2]
   std::vector<RunFrame> frames;
@@ -72,7 +72,7 @@ FaultMetrics evaluateFault(const FaultDriveRun& run, const PlacedFault& fault, s
   }
   const std::size_t before = fault.first - 1;
   const double true_length = run.true_path[after] - run.true_path[before];
-  m.false_motion_m = std::max(0.0, run.path[after] - run.path[before] - true_length);
+  m.excess_path_m = std::max(0.0, run.path[after] - run.path[before] - true_length);
   m.position_error_m = run.relativePositionError(before, after);
   m.sigma_m =
       std::sqrt(std::max(0.0, run.position_variance[after] - run.position_variance[before]));
@@ -180,7 +180,9 @@ std::string violatedThreshold(const FaultDriveMetrics& metrics) {
   if (metrics.segments.empty()) return "no fault-free segment is long enough";
   for (const FaultFreeSegment& s : metrics.segments) {
     if (s.error_percent <= kMaxSegmentErrorPercent) continue;  // false for NaN
-    return format("frames %zu to %zu: error of %.1f %%", s.first, s.last, s.error_percent);
+    return format(
+        "fault-free frames %zu to %zu: position error %.1f %% of the path length, limit %.0f %%",
+        s.first, s.last, s.error_percent, kMaxSegmentErrorPercent);
   }
   for (const FaultMetrics& f : metrics.faults) {
     const char* name = f.name.c_str();
@@ -188,12 +190,16 @@ std::string violatedThreshold(const FaultDriveMetrics& metrics) {
       return format("%s: neither HELD nor LOST within %.0f s", name, kMaxDetectionDelay);
     }
     if (f.hides_ground && f.ok_frames > 0) {
-      return format("%s: scale reported as measured in %zu frames without visible ground", name,
-                    f.ok_frames);
+      return format(
+          "%s: scale reported as measured in %zu frames more than %.0f s after the ground was "
+          "hidden",
+          name, f.ok_frames, kMaxDetectionDelay);
     }
-    if (f.metric_recovery_frames < 0) return format("%s: no metric pose afterwards", name);
-    if (f.false_motion_m > kPositionTolerance + kPathLengthTolerance * f.position_error_m) {
-      return format("%s: %.1f m of false motion", name, f.false_motion_m);
+    if (f.metric_recovery_frames < 0) {
+      return format("%s: no metric pose with a measured scale (OK) afterwards", name);
+    }
+    if (f.excess_path_m > kPositionTolerance + kPathLengthTolerance * f.position_error_m) {
+      return format("%s: path %.1f m longer than the ground truth", name, f.excess_path_m);
     }
     if (f.position_error_m > kPositionTolerance + kMaxErrorSigmas * f.sigma_m) {
       return format("%s: position error of %.1f m, sigma is %.1f m", name, f.position_error_m,

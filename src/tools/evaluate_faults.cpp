@@ -20,8 +20,8 @@ namespace {
 constexpr const char* kDetails =
     R"(Without a NAME: the ten drives with two faults each. A line for each fault and each segment without
 one. detected: seconds until HELD or LOST; ok: frames more than 3 s later with the scale reported as
-measured; tracking, metric: frames after the fault until there is a pose, and a scale, again; false
-motion: estimated beyond the true distance; error and sigma: the error of the position after the fault, and
+measured; tracking, metric: frames after the fault until there is a pose, and a scale, again; excess
+path: estimated minus true path length; error and sigma: the error of the position after the fault, and
 the growth of its standard deviation. A segment begins 3 s and 20 m after a fault; error: of the
 relative pose over it, relative to its length.
 
@@ -48,10 +48,10 @@ void print(const gsv::FaultDrive& drive, const gsv::FaultDriveMetrics& metrics) 
     const gsv::FaultMetrics& f = metrics.faults[i];
     std::printf(
         "  frames %3zu to %3zu: %-13s %4.1f s%s: detected %.1f s, ok %zu, tracking %d, "
-        "metric %d, false motion %.2f m, error %.1f m, sigma %.1f m\n",
+        "metric %d, excess path %.2f m, error %.1f m, sigma %.1f m\n",
         drive.faults[i].first, drive.faults[i].last, f.name.c_str(), f.duration_s,
         f.hides_ground ? ", hides" : "", f.detection_delay_s, f.ok_frames,
-        f.tracking_recovery_frames, f.metric_recovery_frames, f.false_motion_m, f.position_error_m,
+        f.tracking_recovery_frames, f.metric_recovery_frames, f.excess_path_m, f.position_error_m,
         f.sigma_m);
   }
   const std::string violated = gsv::violatedThreshold(metrics);

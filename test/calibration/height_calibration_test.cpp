@@ -301,7 +301,7 @@ TEST_P(RenderedHeight, IsWithinItsError) {
 INSTANTIATE_TEST_SUITE_P(Heights, RenderedHeight, testing::Values(1.2, 1.65));
 
 TEST(HeightCalibration, OfARecordedDrive) {
-  const auto folder = realData("kitti_raw_0926_0039");
+  const auto folder = dataPath("kitti_raw_0926_0039");
   if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no kitti_raw_0926_0039";
   const KittiSequence sequence(folder);
   const RunRecord record =

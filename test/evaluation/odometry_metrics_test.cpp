@@ -218,8 +218,8 @@ class PeerMetrics : public ::testing::TestWithParam<Peer> {};
 TEST_P(PeerMetrics, AgreeWithOtherImplementations) {
   const Peer& peer = GetParam();
   const std::string sequence = peer.sequence;
-  const auto ground_truth = realData(sequence + "/poses.txt");
-  const auto estimate = realData("peers/" + sequence + "_" + peer.system + "_sim.txt");
+  const auto ground_truth = dataPath(sequence + "/poses.txt");
+  const auto estimate = dataPath("peers/" + sequence + "_" + peer.system + "_sim.txt");
   if (ground_truth.empty() || estimate.empty())
     GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
   const OdometryMetrics m =
@@ -247,8 +247,8 @@ class MetricPeer : public ::testing::TestWithParam<std::pair<const char*, double
 
 TEST_P(MetricPeer, HasTheKnownTranslationError) {
   const std::string sequence = GetParam().first;
-  const auto ground_truth = realData(sequence + "/poses.txt");
-  const auto estimate = realData("peers/" + sequence + "_viso2_metric.txt");
+  const auto ground_truth = dataPath(sequence + "/poses.txt");
+  const auto estimate = dataPath("peers/" + sequence + "_viso2_metric.txt");
   if (ground_truth.empty() || estimate.empty())
     GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
   const OdometryMetrics m =

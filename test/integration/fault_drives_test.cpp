@@ -1,4 +1,4 @@
-// The pipeline on rendered drives with injected faults: finite outputs, detection, no false motion.
+// The pipeline on rendered drives with injected faults: finite outputs, detection, no excess path.
 
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 

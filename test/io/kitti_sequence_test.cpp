@@ -340,16 +340,16 @@ TEST_F(KittiSequenceTest, RefusesBadRawGroundTruth) {
   EXPECT_EQ(errorOf(drive), "/2011_09_26/calib_velo_to_cam.txt, line 1: R: is not a rotation");
 }
 
-struct RealSequence {
+struct DataSequence {
   const char* name;
   std::size_t frames;
   double metres;
 };
 
-class RealSequences : public ::testing::TestWithParam<RealSequence> {};
+class DataSequences : public ::testing::TestWithParam<DataSequence> {};
 
-TEST_P(RealSequences, AreReadWhole) {
-  const fs::path folder = realData(GetParam().name);
+TEST_P(DataSequences, AreReadWhole) {
+  const fs::path folder = dataPath(GetParam().name);
   if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no " << GetParam().name;
   const KittiSequence sequence(folder);
   EXPECT_EQ(sequence.name(), GetParam().name);
@@ -361,13 +361,13 @@ TEST_P(RealSequences, AreReadWhole) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(RealData, RealSequences,
-                         ::testing::Values(RealSequence{"kitti_00_0000_0199", 200, 144.9},
-                                           RealSequence{"kitti_raw_0926_0039", 376, 287.5},
-                                           RealSequence{"kitti_05_0100_0159", 60, 28.1},
-                                           RealSequence{"kitti_06_0000_0050", 51, 59.9},
-                                           RealSequence{"rendered_04", 271, 393.6},
-                                           RealSequence{"rendered_09_traffic", 220, 172.5}));
+INSTANTIATE_TEST_SUITE_P(Data, DataSequences,
+                         ::testing::Values(DataSequence{"kitti_00_0000_0199", 200, 144.9},
+                                           DataSequence{"kitti_raw_0926_0039", 376, 287.5},
+                                           DataSequence{"kitti_05_0100_0159", 60, 28.1},
+                                           DataSequence{"kitti_06_0000_0050", 51, 59.9},
+                                           DataSequence{"rendered_04", 271, 393.6},
+                                           DataSequence{"rendered_09_traffic", 220, 172.5}));
 
 }  // namespace
 }  // namespace ground_scale_vo

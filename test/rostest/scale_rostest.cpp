@@ -1,6 +1,7 @@
 // ScaleRecovery fed by another odometry: a camera 1 VO unit above a flat road, with exact points.
-// The mounting comes from tf, late; the clock jumps; the odometry restarts; messages are broken.
-// Beside it, in the namespace `alone`, one with `refine: false`: what images do is the difference.
+// The mounting comes from tf, late; the clock jumps; the odometry restarts; messages are malformed.
+// A second ScaleRecovery in the namespace `alone` gets the same frames with `refine: false` (no
+// images). The difference of the two outputs is the effect of the images.
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
@@ -66,7 +67,8 @@ class FlatRoad {
     std::uint64_t id = 0;
     for (int row = 0; row < 200; ++row) {
       for (int column = -6; column <= 6; ++column, ++id) {
-        // Uneven spacing, so that triangles are no squares; every fifth point is a facade's.
+        // Irregular spacing: on a regular grid the Delaunay triangulation is ambiguous. The two
+        // outer columns are a facade, at five heights.
         const double x = 0.7 * column + 0.2 * std::sin(7.0 * static_cast<double>(id));
         const double z = 0.8 * row + 0.3 * std::sin(3.0 * static_cast<double>(id));
         const bool facade = std::abs(column) == 6;
@@ -121,7 +123,8 @@ class Scale : public testing::Test {
       return frames_.getNumSubscribers() > 0 && scales_.connected() && odometry_.connected();
     }));
   }
-  /// Answers once the nodelet is loaded. The subscriber count does not show that: it is by process.
+  /// Returns once the nodelet is loaded. The number of subscribers does not show that: roscpp has
+  /// one connection per topic and process, and the other nodelet may hold it.
   static bool reset(const std::string& service = "reset") {
     std_srvs::Trigger trigger;
     return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kTimeout)) &&
@@ -140,7 +143,8 @@ class Scale : public testing::Test {
     static tf2_ros::StaticTransformBroadcaster broadcaster;
     broadcaster.sendTransform(mounting("base_link", {1.5, 0, 1.4}));
   }
-  /// Plays on until an odometry comes out: tf is known.
+  /// Publishes frames until the first `odometry`, i.e. until the nodelet has received the mounting
+  /// transform.
   void playUntilOdometry(FlatRoad& road) {
     ASSERT_TRUE(waitUntil([&] {
       frames_.publish(road.next());
@@ -203,13 +207,13 @@ TEST_F(Scale, AClockThatJumpsBackStartsAnew) {
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
   play(again, kFrames);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
-  // From the origin, and not on from where it was.
+  // The trajectory starts again at the origin.
   ASSERT_TRUE(odometry_.waitForStamp(scales_.messages().back()->header.stamp));
   const double metres = kCameraHeight * kStep * kFrames;
   EXPECT_NEAR(odometry_.messages().back()->pose.pose.position.x, metres, 0.02 * metres);
 }
 
-TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetresGoOn) {
+TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetricPoseContinues) {
   publishMounting();
   FlatRoad road(5000);
   playUntilOdometry(road);
@@ -225,15 +229,15 @@ TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetresGoOn) {
   EXPECT_GT(odometry_.messages().back()->pose.pose.position.x, before);
 }
 
-TEST_F(Scale, BrokenMessagesAreLeftOut) {
+TEST_F(Scale, MalformedMessagesAreDropped) {
   FlatRoad road(6000);
   play(road, kFrames);
-  VoFrameMsg::Ptr broken = road.next();
-  broken->z.pop_back();
-  frames_.publish(broken);
-  broken = road.next();
-  broken->pose.position.x = std::numeric_limits<double>::quiet_NaN();
-  frames_.publish(broken);
+  VoFrameMsg::Ptr malformed = road.next();
+  malformed->z.pop_back();
+  frames_.publish(malformed);
+  malformed = road.next();
+  malformed->pose.position.x = std::numeric_limits<double>::quiet_NaN();
+  frames_.publish(malformed);
   const VoFrameMsg::Ptr repeated = road.next();
   frames_.publish(repeated);
   frames_.publish(repeated);
@@ -242,10 +246,10 @@ TEST_F(Scale, BrokenMessagesAreLeftOut) {
   EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
 }
 
-/// The same frames to both nodelets.
-class Refined : public Scale {
+/// Publishes images too; the same frames go to both nodelets.
+class WithImages : public Scale {
  protected:
-  Refined()
+  WithImages()
       : images_(handle_.advertise<sensor_msgs::Image>("image", 100)),
         infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera_info", 100)),
         alone_(handle_, "alone/scale"),
@@ -289,7 +293,7 @@ class Refined : public Scale {
 };
 
 // The first of these tests: no camera_info has been published yet.
-TEST_F(Refined, HasNoEffectWithoutACameraInfo) {
+TEST_F(WithImages, HasNoEffectWithoutACameraInfo) {
   FlatRoad road(7000);
   play(road, [](sensor_msgs::Image&) {});
   expectNoEffect();
@@ -297,10 +301,11 @@ TEST_F(Refined, HasNoEffectWithoutACameraInfo) {
       waitForValue(diagnostics_, "images", "no valid camera_info received yet on /camera_info"));
 }
 
-TEST_F(Refined, UsesTheImages) {
+TEST_F(WithImages, UsesTheImages) {
   FlatRoad road(8000);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image&) {});
+  // `scale_recovery` uses them, `alone` does not.
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "used"));
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "not used"));
   EXPECT_NEAR(alone_.messages().back()->scale, kCameraHeight, 0.002 * kCameraHeight);
@@ -308,7 +313,7 @@ TEST_F(Refined, UsesTheImages) {
   EXPECT_GT(scales_.messages().back()->scale, 0.995 * kCameraHeight / kImageHeight);
 }
 
-TEST_F(Refined, HasNoEffectWithInvalidImages) {
+TEST_F(WithImages, HasNoEffectWithInvalidImages) {
   FlatRoad road(9000);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image& image) { image.encoding = "nonsense"; });
@@ -317,7 +322,7 @@ TEST_F(Refined, HasNoEffectWithInvalidImages) {
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "no image of the last frame"));
 }
 
-TEST_F(Refined, HasNoEffectWithImagesOfAnotherCamera) {
+TEST_F(WithImages, HasNoEffectWithImagesOfAnotherCamera) {
   FlatRoad road(10000);
   PinholeCamera other = road.camera();
   other.fx += 10;
@@ -329,8 +334,9 @@ TEST_F(Refined, HasNoEffectWithImagesOfAnotherCamera) {
   EXPECT_TRUE(waitForValue(diagnostics_, "dropped: other camera"));
 }
 
-// A frame that waits for its image when the clock jumps belongs to the scale before the jump.
-TEST_F(Refined, AWaitingFrameIsProcessedBeforeAClockJump) {
+// A frame still waiting for its image when the clock jumps back is processed with the state from
+// before the jump.
+TEST_F(WithImages, AWaitingFrameIsProcessedBeforeAClockJump) {
   FlatRoad road(10500);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image&) {});
@@ -345,7 +351,7 @@ TEST_F(Refined, AWaitingFrameIsProcessedBeforeAClockJump) {
   EXPECT_NE(scales[kFrames]->status, ScaleEstimateMsg::UNKNOWN);
 }
 
-TEST_F(Refined, HasNoEffectWithImagesOfOtherStamps) {
+TEST_F(WithImages, HasNoEffectWithImagesOfOtherStamps) {
   FlatRoad road(11000);
   publishCameraInfo(road.camera());
   play(road, [](sensor_msgs::Image& image) { image.header.stamp += ros::Duration(0.01); });

@@ -40,7 +40,7 @@ TEST(FaultEvaluation, DetectsEveryViolatedThreshold) {
   EXPECT_NE(violation([](Metrics& f) { f.faults[0].detection_delay_s = NAN; }), "");
   EXPECT_NE(violation([](Metrics& f) { f.faults[0].ok_frames = 1; }), "");
   EXPECT_NE(violation([](Metrics& f) { f.faults[0].metric_recovery_frames = -1; }), "");
-  EXPECT_NE(violation([](Metrics& f) { f.faults[0].false_motion_m = 3; }), "");
+  EXPECT_NE(violation([](Metrics& f) { f.faults[0].excess_path_m = 3; }), "");
   EXPECT_NE(violation([](Metrics& f) { f.faults[0].sigma_m = 1; }), "");
 }
 

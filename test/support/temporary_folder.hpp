@@ -74,7 +74,7 @@ std::string dataErrorOf(Action action, const std::filesystem::path& folder) {
 }
 
 /// GROUND_SCALE_VO_DATA/name; empty when the variable is unset or there is no such path.
-inline std::filesystem::path realData(const std::string& name) {
+inline std::filesystem::path dataPath(const std::string& name) {
   const char* root = std::getenv("GROUND_SCALE_VO_DATA");
   const std::filesystem::path path = root ? std::filesystem::path(root) / name : "";
   return std::filesystem::exists(path) ? path : "";

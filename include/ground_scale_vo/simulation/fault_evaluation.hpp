@@ -31,7 +31,7 @@ struct FaultMetrics {
   /// Frames after the fault until a metric pose with a measured scale; -1: never.
   int metric_recovery_frames = 0;
   /// Estimated minus true path length from before to after, if positive [m].
-  double false_motion_m = 0;
+  double excess_path_m = 0;
   double position_error_m = 0;  ///< of the relative position from before to after
   double sigma_m = 0;  ///< growth of the position covariance over it, as a standard deviation
 };
@@ -58,7 +58,8 @@ constexpr double kMaxSegmentErrorPercent = 5;  ///< of FaultFreeSegment::error_p
 constexpr double kMaxErrorSigmas = 3;          ///< position error after a fault
 /// Position error that is not attributed to the fault [m].
 constexpr double kPositionTolerance = 1;
-/// Share of the position error by which the path may be too long without counting as false motion.
+/// Share of the position error by which the estimated path may be longer than the true one, beyond
+/// kPositionTolerance.
 constexpr double kPathLengthTolerance = 0.05;
 
 /// Renders the drive, injects the faults and runs the pipeline with default options except for
@@ -68,8 +69,8 @@ FaultDriveMetrics runFaultDrive(
     const std::function<void(std::size_t, const cv::Mat&, const OfflineRun&)>& each = {});
 
 /// The first violated threshold as a sentence; empty: none. All outputs must be finite, every
-/// segment accurate, hidden ground detected and then not measured, no false motion, and the
-/// position error after a fault consistent with the covariance.
+/// segment accurate, hidden ground detected and then not measured, no excess path length, and
+/// the position error after a fault consistent with the covariance.
 std::string violatedThreshold(const FaultDriveMetrics& metrics);
 
 }  // namespace ground_scale_vo

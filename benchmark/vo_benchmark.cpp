@@ -18,8 +18,8 @@
 namespace ground_scale_vo {
 namespace {
 
-using test::drive;
-using test::kNoise;
+using test::keyframePose;
+using test::kObservationSigma;
 using test::normalised;
 using test::pose;
 using test::randomPoints;
@@ -113,15 +113,16 @@ BENCHMARK(patchAlignment)->Apply(points)->Unit(benchmark::kMillisecond);
 
 void poseEstimation(benchmark::State& state) {
   std::mt19937 generator(2);
-  std::normal_distribution<double> error(0, kNoise);
+  std::normal_distribution<double> error(0, kObservationSigma);
   const Eigen::Isometry3d T_w_c = pose({0.01, 0.02, 0}, {0.05, 0, 0.8});
   std::vector<PointObservation> observations;
   for (const Eigen::Vector3d& p : randomPoints(static_cast<int>(state.range(0)), 3)) {
     const Eigen::Vector2d e(error(generator), error(generator));
     // One in ten is an outlier.
     const double wrong = observations.size() % 10 == 0 ? 0.02 : 0;
-    observations.push_back(
-        {p, 0.02 * p, normalised(T_w_c.inverse() * p) + e + Eigen::Vector2d(wrong, 0), kNoise});
+    observations.push_back({p, 0.02 * p,
+                            normalised(T_w_c.inverse() * p) + e + Eigen::Vector2d(wrong, 0),
+                            kObservationSigma});
   }
   const PoseEstimation estimation({});
   const Eigen::Isometry3d predicted = T_w_c * pose({0.002, 0.002, 0}, {0.01, 0.01, 0.05});
@@ -136,18 +137,18 @@ BENCHMARK(poseEstimation)->Apply(points)->Unit(benchmark::kMillisecond);
 void bundleAdjustment(benchmark::State& state) {
   const int window = static_cast<int>(state.range(0)), n = static_cast<int>(state.range(1));
   std::mt19937 generator(4);
-  std::normal_distribution<double> error(0, kNoise);
+  std::normal_distribution<double> error(0, kObservationSigma);
   auto world = randomPoints(n, 5);
   for (Eigen::Vector3d& p : world) p.z() += 2.0 * window;  // in front all the way
   LocalMap::Options map_options;
   map_options.keyframes = 2 * window;
   LocalMap map(map_options);
   for (int k = 0; k < 2 * window; ++k) {
-    const Eigen::Isometry3d T_w_c = drive(k);
+    const Eigen::Isometry3d T_w_c = keyframePose(k);
     std::vector<LocalMap::Corner> corners;
     for (std::size_t i = 0; i < world.size(); ++i) {
       const Eigen::Vector2d e(error(generator), error(generator));
-      corners.push_back({i, normalised(T_w_c.inverse() * world[i]) + e, kNoise});
+      corners.push_back({i, normalised(T_w_c.inverse() * world[i]) + e, kObservationSigma});
     }
     const bool moves = k >= window;
     map.addKeyframe(moves ? T_w_c * pose({0.001, 0.001, 0}, {0.01, 0, 0.02}) : T_w_c, corners);

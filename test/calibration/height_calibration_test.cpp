@@ -92,7 +92,7 @@ ScriptedDrive drive(const Script& script) {
     result.record.append(vo, scale);
     if (i % script.position_every != 0) continue;
     const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
-    // In another frame.
+    // In another, rotated and translated frame, on which the result does not depend.
     result.truth.push_back({kPeriodNs * i, Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()) * p +
                                                script.position_noise * noise +
                                                Eigen::Vector3d(500, 0, 3)});
@@ -129,7 +129,7 @@ TEST(HeightCalibration, HeightIsProportionalToTheLength) {
   EXPECT_NEAR(byLength(drive_of, 1.07).height.sigma, 1.07 * length.height.sigma, 1e-9);
   EXPECT_NEAR(byPositions(drive_of).height.value, 1.07 * positions.height.value, 1e-9);
   EXPECT_NEAR(byPositions(drive_of).height.sigma, 1.07 * positions.height.sigma, 1e-9);
-  // The nominal height cancels.
+  // For the same record the height is proportional to the nominal height.
   EXPECT_NEAR(HeightCalibration({}).fromLength(drive_of.record, 2, 20, 0).height.value,
               2 * HeightCalibration({}).fromLength(drive_of.record, 1, 20, 0).height.value, 1e-3);
 }

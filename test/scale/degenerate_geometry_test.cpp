@@ -98,7 +98,7 @@ TEST(DegenerateRoad, ASceneWithoutRoadHasNoScale) {
   run("no points", [](std::size_t, auto& f) { f.has_point = false; });
   run("above", [](std::size_t, auto& f) { f.p_c.y() = -f.p_c.y(); });
   run("a single one", [](std::size_t k, auto& f) { f.has_point = k == 0; });
-  run("sure of nothing", [](std::size_t, auto& f) { f.depth_sigma = 1e9f; });
+  run("depth sigma 1e9", [](std::size_t, auto& f) { f.depth_sigma = 1e9f; });
 }
 
 TEST(DegenerateRoad, AnOdometryInAnyUnitGivesFiniteNumbers) {

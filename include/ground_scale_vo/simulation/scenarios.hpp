@@ -9,26 +9,28 @@
 
 namespace ground_scale_vo {
 
-// Settings are assignments of options, as in setOption().
+// A setting is a string "option=value", see setOption().
 
-/// Restricts the scale to one of its two sources.
+/// The scale from the feature-based plane only, or from the direct plane only: the feature-based
+/// estimate fails when more ground points are required than a frame has.
 constexpr const char* kFeatureBasedOnly = "refine=false";
-constexpr const char* kDirectOnly = "gpe/min_points=1000000";  ///< more than a frame has
+constexpr const char* kDirectOnly = "gpe/min_points=1000000";
 
 /// The component that a scenario depends on, and settings that demonstrate it.
 struct ScenarioAblation {
-  std::string component;             ///< one line; empty: no single one
+  std::string component;             ///< one line; empty: none is decisive alone
   std::vector<std::string> base;     ///< with these settings the thresholds are met
-  std::vector<std::string> disable;  ///< with these in addition one is violated; empty: unknown
+  std::vector<std::string> disable;  ///< with `base` and these, one is violated; empty: not known
 };
 
 /// Thresholds of a run over a scenario.
 struct ScenarioThresholds {
   double max_rle_percent = 1.5;
-  /// Below 0.95, because the errors of neighbouring frames are correlated.
+  /// Below 0.95: the errors of neighbouring frames are correlated, so the share varies widely over
+  /// a short drive.
   double min_within_2_sigma = 0.75;
   double max_ok_while_unobservable = 0;
-  double min_metric_share = 0.5;  ///< of the frames; exclusive
+  double min_metric_share = 0.5;  ///< the share of frames with a metric pose must exceed this
 };
 
 /// A short rendered drive with one property that makes the scale difficult to measure.
@@ -51,7 +53,7 @@ struct Scenario {
 /// The catalogue. Names are unique.
 std::vector<Scenario> allScenarios();
 
-/// Throws OptionError with a list of the names.
+/// Throws OptionError, which lists the names, if there is no such scenario.
 Scenario findScenario(const std::string& name);
 
 }  // namespace ground_scale_vo

@@ -11,8 +11,8 @@
 
 namespace ground_scale_vo::simulation {
 
-/// Moving vehicles other than the ego vehicle: one ahead, oncoming ones or ones in the left lane,
-/// and a lorry.
+/// Moving vehicles other than the ego vehicle, as the options say: a lead vehicle with either
+/// oncoming cars or cars beside it in the left lane, and a lorry that cuts in.
 class Traffic {
  public:
   /// Keeps references to all arguments.
@@ -21,7 +21,8 @@ class Traffic {
   Traffic(const Traffic&) = delete;
   Traffic& operator=(const Traffic&) = delete;
 
-  /// Adds the vehicles and their shadows in frame i of the drive, which has the stamp t [s].
+  /// Adds the vehicles and their shadows in frame i. t: time of that frame since the start of the
+  /// drive [s].
   void addTo(Scene& scene, std::size_t i, double t) const;
 
  private:

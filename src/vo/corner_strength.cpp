@@ -7,7 +7,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Normalisation of cv::cornerMinEigenVal: Sobel weights (4), side of the square (5), grey levels.
+/// Scale of one gradient as in cv::cornerMinEigenVal: sum of the Sobel weights (4), side of the
+/// summation window (5), grey levels (255). The gradient matrix has its square.
 constexpr float kGradientScale = 1.f / (4 * 5 * 255);
 
 }  // namespace

@@ -45,7 +45,8 @@ class NodeletPair {
     return waitUntil(
         [this] { return images_.getNumSubscribers() >= 1 && infos_.getNumSubscribers() >= 1; });
   }
-  /// Both nodelets are subscribed to the camera, and this program to both nodelets.
+  /// This program receives the topics of both nodelets, and at least one nodelet is subscribed to
+  /// the camera.
   bool waitUntilConnected() {
     return waitForImageSubscribers() && waitUntil([this] {
              return frames.connected() && scales.connected() && odometry.connected();

@@ -18,14 +18,16 @@ class World {
 
   /// Static instances, sky and road. Moving vehicles are added per frame.
   const Scene& scene() const { return assets_.scene; }
+  /// Car model i, modulo the number of models.
   const Mesh& car(std::size_t i) const { return assets_.car(i); }
   const Mesh& van() const { return assets_.van; }
-  /// Texture coordinates of the road point (s, u) [m].
+  /// Texture coordinates of the road surface at (s, u) [m]: s along the lane, u to its left, as in
+  /// RoadGeometry.
   Eigen::Vector2d roadUv(double s, double u) const;
 
  private:
   WorldAssets assets_;
-  double s_begin_;  // of the road texture
+  double s_begin_;  // [m] s at which the road texture begins
 };
 
 }  // namespace ground_scale_vo::simulation

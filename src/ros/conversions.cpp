@@ -18,17 +18,37 @@ constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
 /// Of the norm of a unit quaternion in a message.
 constexpr double kUnitTolerance = 0.01;
 
+/// name: of the quaternion, for the message of the error.
+Eigen::Matrix3d toRotation(const Eigen::Quaterniond& q, const std::string& name) {
+  if (!isFinite(q.coeffs()) || std::abs(q.norm() - 1.0) > kUnitTolerance) {
+    throw MessageError("the quaternion of " + name + " is not of unit length");
+  }
+  return q.normalized().toRotationMatrix();
+}
+
 Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) {
-  if (!isFinite(q.coeffs()) || !isPlausiblePosition(t)) {
+  if (!isPlausiblePosition(t)) {
     throw MessageError("the pose is not finite or implausibly far away");
   }
-  if (std::abs(q.norm() - 1.0) > kUnitTolerance) {
-    throw MessageError("the quaternion of the pose is not of unit length");
-  }
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = q.normalized().toRotationMatrix();
+  T.linear() = toRotation(q, "the pose");
   T.translation() = t;
   return T;
+}
+
+MapStart mapStartOf(const VoFrameMsg& msg) {
+  MapStart start;
+  if (msg.map_start.isZero()) return start;
+  if (msg.map_start > msg.header.stamp) {
+    throw MessageError("map_start is later than the stamp of the frame");
+  }
+  start.stamp_ns = toNanoseconds(msg.map_start);
+  if (!isFinite(msg.map_start_rotation_sigma) || msg.map_start_rotation_sigma < 0) return start;
+  Eigen::Quaterniond q;
+  tf2::fromMsg(msg.map_start_rotation, q);
+  start.R_previous_w = toRotation(q, "map_start_rotation");
+  start.rotation_sigma = msg.map_start_rotation_sigma;
+  return start;
 }
 
 }  // namespace
@@ -57,6 +77,9 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->cx = frame.camera.cx;
   msg->cy = frame.camera.cy;
   msg->pose = tf2::toMsg(frame.T_w_c);
+  msg->map_start = fromNanoseconds(frame.map_start.stamp_ns);
+  msg->map_start_rotation = tf2::toMsg(Eigen::Quaterniond(frame.map_start.R_previous_w));
+  msg->map_start_rotation_sigma = frame.map_start.rotation_sigma;
 
   const std::size_t size = frame.features.size();
   for (auto* array : {&msg->u, &msg->v, &msg->x, &msg->y, &msg->z, &msg->depth_sigma}) {
@@ -107,6 +130,7 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
     throw MessageError(std::string("the camera cannot be used: ") + error.what());
   }
   if (frame.status == VoStatus::kTracking) frame.T_w_c = fromMsg(msg.pose);
+  frame.map_start = mapStartOf(msg);
 
   frame.features.resize(size);
   for (std::size_t i = 0; i < size; ++i) {

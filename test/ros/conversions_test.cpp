@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <random>
 
@@ -39,6 +40,9 @@ VoFrame someFrame() {
           .normalized()
           .toRotationMatrix();
   frame.T_w_c.translation() << normal(random), normal(random), normal(random);
+  frame.map_start.stamp_ns = 1317617734123456789;
+  frame.map_start.R_previous_w = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).matrix();
+  frame.map_start.rotation_sigma = 0.002;
   for (std::uint64_t id = 0; id < 50; ++id) {
     TrackedFeature feature;
     feature.id = (id << 33) + 5;
@@ -78,6 +82,9 @@ TEST(VoFrameMsg, RoundTripIsExact) {
   EXPECT_EQ(back.camera.cy, frame.camera.cy);
   EXPECT_EQ(back.T_w_c.translation(), frame.T_w_c.translation());
   EXPECT_LT((back.T_w_c.linear() - frame.T_w_c.linear()).norm(), 1e-15);
+  EXPECT_EQ(back.map_start.stamp_ns, frame.map_start.stamp_ns);
+  EXPECT_LT((back.map_start.R_previous_w - frame.map_start.R_previous_w).norm(), 1e-15);
+  EXPECT_EQ(back.map_start.rotation_sigma, frame.map_start.rotation_sigma);
   ASSERT_EQ(back.features.size(), frame.features.size());
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const TrackedFeature &a = frame.features[i], &b = back.features[i];
@@ -124,6 +131,35 @@ TEST(VoFrameMsg, RefusesInvalidMessagesOfOtherOdometries) {
   EXPECT_THROW(fromMsg(msg), MessageError);
   msg.status = VoFrameMsg::LOST;  // the pose is not used then
   EXPECT_NO_THROW(fromMsg(msg));
+}
+
+TEST(VoFrameMsg, MapStartMayBeUnknown) {
+  const VoFrame frame = someFrame();
+  const VoFrameMsg good = *toMsg(frame, headerOf(frame));
+  VoFrameMsg msg = good;  // an odometry that does not fill the fields
+  msg.map_start = ros::Time();
+  msg.map_start_rotation = geometry_msgs::Quaternion();
+  msg.map_start_rotation_sigma = 0;
+  EXPECT_EQ(fromMsg(msg).map_start.stamp_ns, 0);
+  EXPECT_FALSE(std::isfinite(fromMsg(msg).map_start.rotation_sigma));
+  for (const double unknown :
+       {-1.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    msg = good;
+    msg.map_start_rotation = geometry_msgs::Quaternion();
+    msg.map_start_rotation_sigma = unknown;
+    EXPECT_EQ(fromMsg(msg).map_start.stamp_ns, frame.map_start.stamp_ns);
+    EXPECT_EQ(fromMsg(msg).map_start.R_previous_w, Eigen::Matrix3d::Identity());
+    EXPECT_FALSE(std::isfinite(fromMsg(msg).map_start.rotation_sigma));
+  }
+  VoFrame unknown = frame;
+  unknown.map_start = {};
+  EXPECT_EQ(fromMsg(*toMsg(unknown, headerOf(frame))).map_start.stamp_ns, 0);
+  msg = good;
+  msg.map_start_rotation.w = 3;
+  EXPECT_THROW(fromMsg(msg), MessageError);
+  msg = good;
+  msg.map_start = msg.header.stamp + ros::Duration(1);
+  EXPECT_THROW(fromMsg(msg), MessageError);
 }
 
 TEST(VoFrameMsg, APointBehindTheCameraIsDropped) {

@@ -26,7 +26,7 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header);
 
 /// Any odometry may publish VoFrame, so the message is checked. Throws MessageError: arrays of
 /// different lengths, ids not in ascending order, pixels that are not finite, an invalid camera or
-/// status, or an invalid pose although status is TRACKING. A point that is not finite or not in
+/// status, an invalid pose although status is TRACKING, or an invalid map_start. A point that is not finite or not in
 /// front of the camera is dropped; its feature stays.
 VoFrame fromMsg(const VoFrameMsg& msg);
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "ground_scale_vo/vo/camera.hpp"
@@ -26,6 +27,18 @@ struct TrackedFeature {
 /// Whether the feature has a point, which is finite and in front of the camera, and a finite sigma.
 bool hasUsablePoint(const TrackedFeature& feature);
 
+/// Relation of a map to the motion before it, for the metric trajectory. The default value means
+/// unknown, for example with another odometry.
+struct MapStart {
+  std::int64_t stamp_ns = 0;  ///< [ns] of the map's first frame; 0: unknown, as is the rotation
+  /// Rotation of the map's world frame w, which is the camera at the map's first frame, against the
+  /// camera at the last frame with a pose before it; in the first map against the first image of
+  /// the drive. x_previous = R_previous_w x_w.
+  Eigen::Matrix3d R_previous_w = Eigen::Matrix3d::Identity();
+  /// Standard deviation per axis [rad]; infinite: the rotation is unknown.
+  double rotation_sigma = std::numeric_limits<double>::infinity();
+};
+
 /// Output of the visual odometry and input of the scale stage: the pose of one frame and its
 /// tracked features with their 3-D points, up to scale. msg/VoFrame.msg is the same as a ROS
 /// message, so any monocular odometry can provide it.
@@ -39,6 +52,7 @@ struct VoFrame {
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
   /// VO units. Valid only while status is kTracking.
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  MapStart map_start;                    ///< the same in all frames of a map
   std::vector<TrackedFeature> features;  ///< ordered by id
 };
 

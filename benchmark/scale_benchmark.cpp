@@ -14,7 +14,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// A road with about n features in the image, with realistic noise.
+/// A road of n points 1.9 to 9 VO units (2.7 to 13 camera heights) ahead; those within the image
+/// become features. The depth noise is 2 %.
 RoadScene road(int n) {
   RoadScene scene;
   scene.depth_noise = 0.02;
@@ -22,9 +23,9 @@ RoadScene road(int n) {
   return scene;
 }
 
-void features(benchmark::internal::Benchmark* of) {
-  of->ArgName("features")->ArgsProduct({{125, 250, 500, 1000, 2000}})->Complexity();
-  of->Unit(benchmark::kMicrosecond);
+void overFeatureCounts(benchmark::internal::Benchmark* benchmark) {
+  benchmark->ArgName("features")->ArgsProduct({{125, 250, 500, 1000, 2000}})->Complexity();
+  benchmark->Unit(benchmark::kMicrosecond);
 }
 
 /// Ground point extraction, or its triangulation alone.
@@ -45,10 +46,11 @@ void extraction(benchmark::State& state, bool delaunay_alone) {
 }
 void delaunay(benchmark::State& state) { extraction(state, true); }
 void groundPointExtraction(benchmark::State& state) { extraction(state, false); }
-BENCHMARK(delaunay)->Apply(features)->UseManualTime();
-BENCHMARK(groundPointExtraction)->Apply(features);
+BENCHMARK(delaunay)->Apply(overFeatureCounts)->UseManualTime();
+BENCHMARK(groundPointExtraction)->Apply(overFeatureCounts);
 
 void planeFit(benchmark::State& state) {
+  // Four times as many points as needed, because the image does not show all of them.
   const RoadScene scene = road(4 * static_cast<int>(state.range(0)));
   std::vector<PlanePoint> points;
   for (const TrackedFeature& feature : scene.frame(0).features) {
@@ -63,7 +65,7 @@ void planeFit(benchmark::State& state) {
   state.counters["inliers"] = static_cast<double>(inliers);
   state.SetComplexityN(state.range(0));
 }
-BENCHMARK(planeFit)->Apply(features);
+BENCHMARK(planeFit)->Apply(overFeatureCounts);
 
 /// One frame against its reference images, over the image width.
 void directPlaneEstimation(benchmark::State& state) {
@@ -77,9 +79,10 @@ void directPlaneEstimation(benchmark::State& state) {
   const NormalPrior prior = priorOf(scene);
   const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
   DirectPlaneEstimator estimator({});
-  constexpr std::uint32_t kKept = 4, kMeasured = 4;
+  // The first frames are not timed: they have too few reference images.
+  constexpr std::uint32_t kUntimed = 4, kTimed = 4;
   std::vector<cv::Mat> images;
-  for (std::uint32_t i = 0; i < kKept + kMeasured; ++i) {
+  for (std::uint32_t i = 0; i < kUntimed + kTimed; ++i) {
     images.push_back(roadImage(scene, scene.step * i));
   }
   DirectPlaneEstimator::Result result;
@@ -88,7 +91,7 @@ void directPlaneEstimation(benchmark::State& state) {
     if (next == 0 || next == images.size()) {
       state.PauseTiming();
       estimator.reset();
-      for (next = 0; next < kKept; ++next) {
+      for (next = 0; next < kUntimed; ++next) {
         estimator.estimate(scene.frame(next), images[next], prior, chord, scene.height);
       }
       state.ResumeTiming();

@@ -1,4 +1,4 @@
-// The hot pieces of the front end at growing sizes.
+// Time of the expensive steps of the visual odometry over the size of the input.
 
 #include <benchmark/benchmark.h>
 
@@ -27,7 +27,7 @@ using test::randomPoints;
 constexpr int kWidth = 1241;  // KITTI's images
 constexpr double kAspect = 376.0 / 1241.0;
 
-/// Corners everywhere. dx, dy: shifted by so many pixels.
+/// Blurred noise: corners everywhere. dx, dy: shift of the image content [px].
 cv::Mat texture(int width, double dx = 0, double dy = 0) {
   cv::Mat noise(static_cast<int>(width * kAspect), width, CV_8UC1), image;
   cv::RNG generator(1);
@@ -39,21 +39,21 @@ cv::Mat texture(int width, double dx = 0, double dy = 0) {
   return image;
 }
 
-/// That many corners of an image, far enough from its border.
+/// n corners of an image in random order, or all of them if there are fewer.
 std::vector<cv::Point2f> cornersOf(const cv::Mat& image, std::size_t n) {
   FeatureTracker::Options options;
-  options.cell_size = 0.0065;
+  options.cell_size = 0.0065;  // half of the default: enough cells for 2000 corners
   std::vector<cv::Point2f> corners = FeatureTracker(options).detect(image, {});
   std::shuffle(corners.begin(), corners.end(), std::mt19937(1));
   corners.resize(std::min(n, corners.size()));
   return corners;
 }
 
-void widths(benchmark::internal::Benchmark* of) {
-  of->ArgName("width")->Arg(620)->Arg(1241)->Arg(1920)->Arg(2482);
+void overWidths(benchmark::internal::Benchmark* benchmark) {
+  benchmark->ArgName("width")->Arg(620)->Arg(1241)->Arg(1920)->Arg(2482);
 }
-void points(benchmark::internal::Benchmark* of) {
-  of->ArgName("points")->ArgsProduct({{125, 250, 500, 1000, 2000}})->Complexity();
+void overPointCounts(benchmark::internal::Benchmark* benchmark) {
+  benchmark->ArgName("points")->ArgsProduct({{125, 250, 500, 1000, 2000}})->Complexity();
 }
 
 void pyramid(benchmark::State& state) {
@@ -61,18 +61,19 @@ void pyramid(benchmark::State& state) {
   const FeatureTracker tracker({});
   for (auto _ : state) benchmark::DoNotOptimize(tracker.pyramid(image));
 }
-BENCHMARK(pyramid)->Apply(widths)->Unit(benchmark::kMillisecond);
+BENCHMARK(pyramid)->Apply(overWidths)->Unit(benchmark::kMillisecond);
 
 void detector(benchmark::State& state) {
   const cv::Mat image = texture(static_cast<int>(state.range(0)));
   const FeatureTracker tracker({});
   std::vector<cv::Point2f> occupied = tracker.detect(image, {});
-  occupied.resize(occupied.size() / 2);  // as in a keyframe: half of the features are left
+  // As in a new keyframe: half of the features are still tracked.
+  occupied.resize(occupied.size() / 2);
   std::size_t found = 0;
   for (auto _ : state) found = tracker.detect(image, occupied).size();
   state.counters["corners"] = static_cast<double>(found);
 }
-BENCHMARK(detector)->Apply(widths)->Unit(benchmark::kMillisecond);
+BENCHMARK(detector)->Apply(overWidths)->Unit(benchmark::kMillisecond);
 
 void tracker(benchmark::State& state) {
   const cv::Mat image = texture(kWidth);
@@ -80,7 +81,8 @@ void tracker(benchmark::State& state) {
   const ImagePyramid from = tracker.pyramid(image), to = tracker.pyramid(texture(kWidth, 6, 2));
   const auto corners = cornersOf(image, static_cast<std::size_t>(state.range(0)));
   auto predicted = corners;
-  for (cv::Point2f& u : predicted) u += cv::Point2f(5, 1.5);  // a prediction is good to a pixel
+  // The prediction is off by (1, 0.5) px.
+  for (cv::Point2f& u : predicted) u += cv::Point2f(5, 1.5);
   std::size_t found = 0;
   for (auto _ : state) {
     const auto tracks = tracker.track(from, to, corners, predicted);
@@ -89,7 +91,7 @@ void tracker(benchmark::State& state) {
   state.counters["found"] = static_cast<double>(found);
   state.SetComplexityN(static_cast<std::int64_t>(corners.size()));
 }
-BENCHMARK(tracker)->Apply(points)->Unit(benchmark::kMillisecond);
+BENCHMARK(tracker)->Apply(overPointCounts)->Unit(benchmark::kMillisecond);
 
 void patchAlignment(benchmark::State& state) {
   const cv::Mat reference = texture(kWidth), current = texture(kWidth, 6, 2);
@@ -109,7 +111,7 @@ void patchAlignment(benchmark::State& state) {
   state.counters["found"] = static_cast<double>(found);
   state.SetComplexityN(static_cast<std::int64_t>(corners.size()));
 }
-BENCHMARK(patchAlignment)->Apply(points)->Unit(benchmark::kMillisecond);
+BENCHMARK(patchAlignment)->Apply(overPointCounts)->Unit(benchmark::kMillisecond);
 
 void poseEstimation(benchmark::State& state) {
   std::mt19937 generator(2);
@@ -131,15 +133,16 @@ void poseEstimation(benchmark::State& state) {
   state.counters["inliers"] = inliers;
   state.SetComplexityN(state.range(0));
 }
-BENCHMARK(poseEstimation)->Apply(points)->Unit(benchmark::kMillisecond);
+BENCHMARK(poseEstimation)->Apply(overPointCounts)->Unit(benchmark::kMillisecond);
 
-/// Twice as many keyframes as the window moves, each of which sees all points.
+/// A map of twice as many keyframes as the window: the older half is fixed. Each keyframe observes
+/// all points.
 void bundleAdjustment(benchmark::State& state) {
   const int window = static_cast<int>(state.range(0)), n = static_cast<int>(state.range(1));
   std::mt19937 generator(4);
   std::normal_distribution<double> error(0, kObservationSigma);
   auto world = randomPoints(n, 5);
-  for (Eigen::Vector3d& p : world) p.z() += 2.0 * window;  // in front all the way
+  for (Eigen::Vector3d& p : world) p.z() += 2.0 * window;  // in front of every keyframe
   LocalMap::Options map_options;
   map_options.keyframes = 2 * window;
   LocalMap map(map_options);
@@ -150,8 +153,9 @@ void bundleAdjustment(benchmark::State& state) {
       const Eigen::Vector2d e(error(generator), error(generator));
       corners.push_back({i, normalised(T_w_c.inverse() * world[i]) + e, kObservationSigma});
     }
-    const bool moves = k >= window;
-    map.addKeyframe(moves ? T_w_c * pose({0.001, 0.001, 0}, {0.01, 0, 0.02}) : T_w_c, corners);
+    const bool is_adjusted = k >= window;
+    map.addKeyframe(is_adjusted ? T_w_c * pose({0.001, 0.001, 0}, {0.01, 0, 0.02}) : T_w_c,
+                    corners);
   }
   map.triangulateNew();
   LocalBundleAdjustment::Options options;

@@ -6,8 +6,10 @@
 namespace ground_scale_vo::simulation {
 namespace {
 
-constexpr double kWidth = 1.8, kFront = 2, kRear = 2.4;  // the car around the camera [m]
+// The ego vehicle: its width, and its extent before and behind the camera [m].
+constexpr double kWidth = 1.8, kFront = 2, kRear = 2.4;
 
+/// hull: corners of a convex polygon in cyclic order, texture coordinates of the road [m].
 PolygonShadow polygon(const std::vector<cv::Point2f>& hull) {
   PolygonShadow shadow;
   Eigen::Vector2d middle(0, 0);

@@ -6,7 +6,8 @@
 
 namespace ground_scale_vo::simulation {
 
-/// The shadow of the car around the camera at s, as high as the camera.
+/// The shadow on the road of the ego vehicle, whose roof is as high as the camera. s: position of
+/// the camera along the lane [m].
 PolygonShadow egoShadow(const SyntheticDrive::Options& options, const RoadGeometry& road,
                         const World& world, double s);
 

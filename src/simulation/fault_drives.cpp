@@ -15,12 +15,12 @@ using simulation::Random;
 
 constexpr const char *kLorry = "lorry", *kWall = "wall";
 constexpr double kStartTime = 4.5;     // before the first fault [s]
-constexpr double kSegmentTime = 3;     // fault-free, after settling [s]
-constexpr double kLorryTime = 10;      // in which the lorry leads [s]
+constexpr double kSegmentTime = 3;     // of a fault-free segment, after settling [s]
+constexpr double kLorryTime = 10;      // for which the lorry drives ahead in the lane [s]
 constexpr double kLaneChangeTime = 1;  // of the lorry, at both ends [s]
 constexpr double kWallFillsImage =
     7;  // distance to the wall below which hardly any road is visible [m]
-constexpr double kStopToWall = 1.8;  // distance at the stop [m]
+constexpr double kStopToWall = 1.8;  // distance to the wall at the stop [m]
 
 const std::vector<ImageFault>& imageFaults() {
   static const std::vector<ImageFault> all{ImageFault::kBlack,        ImageFault::kWhite,
@@ -104,12 +104,14 @@ class FaultDriveBuilder {
     o.wall_at_m = v * brake + v * kBraking / 2 + kStopToWall;
     // The fault begins where the wall fills the image.
     double from = stand, to = stand + kStanding;
-    const auto toStop = [&](double t) {  // distance on the cosine ramp [m]
+    // Distance left to the stop [m]; the speed falls along a cosine.
+    const auto toStop = [&](double t) {
       const double x = (stand - t) / kBraking;
       return v * kBraking / 2 * (x - std::sin(M_PI * x) / M_PI);
     };
     while (from > brake && toStop(from) < kWallFillsImage - kStopToWall) from -= 0.05;
-    // It ends where the lower edge of the image shows road again.
+    // It ends where the wall is at 0.9 of the distance at which the lower edge of the image would
+    // show road again.
     const double down = (o.camera.height - 1 - o.camera.cy) / o.camera.fy + o.pitch_rad;
     to += kStarting / 2 + (0.9 * o.camera_height / down - kStopToWall) / kReverse;
     PlacedFault fault{kWall, {}, 0, 0, true, 0};

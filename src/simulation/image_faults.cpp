@@ -12,13 +12,14 @@ namespace {
 
 using simulation::Random;
 
-constexpr double kDarkGain = 0.4, kBrightGain = 2.5;
-constexpr double kFlickerGain = 1.8;                    // largest; the smallest is its inverse
-constexpr double kCoverGain = 0.12, kCoverBlur = 0.08;  // [1, share of the image width]
-constexpr double kNoise = 1;              // of the sensor, standard deviation [grey levels]
-constexpr double kClearHeight = 1.0 / 3;  // share of the image height above the mud
-constexpr double kMudEdge = 0.02;         // width of its soft edge [share of the image width]
-constexpr int kStreaks = 160, kDrops = 14;
+constexpr double kDarkGain = 0.4, kBrightGain = 2.5;  // factors on the grey level
+constexpr double kFlickerGain = 1.8;                  // largest; the smallest is its inverse
+constexpr double kCoverGain = 0.12;                   // factor on the grey level
+constexpr double kCoverBlur = 0.08;  // half the side of the box filter [share of the image width]
+constexpr double kNoise = 1;         // of the sensor, standard deviation [grey levels]
+constexpr double kClearHeight = 1.0 / 3;    // share of the image height above the mud
+constexpr double kMudEdge = 0.02;           // width of its soft edge [share of the image width]
+constexpr int kStreaks = 160, kDrops = 14;  // in every image
 
 /// The random numbers of image k.
 Random generator(std::uint64_t seed, std::size_t k) { return Random(seed * 0x9E3779B9u + k + 1); }
@@ -79,7 +80,7 @@ cv::Mat rainy(const cv::Mat& image, std::uint64_t seed, std::size_t k) {
   // A drop on the lens is modelled as a blurred disc that creeps down.
   cv::Mat blurred;
   cv::blur(image, blurred, cv::Size(1, 1) * (2 * (image.cols / 40) + 1));
-  Random drops = generator(seed, 0x10000);
+  Random drops = generator(seed, 0x10000);  // the same drops in every image
   for (int i = 0; i < kDrops; ++i) {
     const double radius = drops.uniform(0.01, 0.03) * image.cols;
     const double x = drops.uniform(0, image.cols), y = drops.uniform(0, image.rows);

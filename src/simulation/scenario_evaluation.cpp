@@ -37,10 +37,12 @@ std::string violatedThreshold(const ScenarioMetrics& metrics,
   if (metrics.tracked_frames != metrics.frames || metrics.lost_events > 0) return "lost";
   const auto frames = static_cast<double>(metrics.frames);
   if (!(static_cast<double>(metrics.metric_frames) > thresholds.min_metric_share * frames))
-    return "start";
+    return "late scale";
   if (!(metrics.rle_percent <= thresholds.max_rle_percent)) return "RLE";
   if (!(metrics.within_2_sigma >= thresholds.min_within_2_sigma)) return "2 sigma";
-  return metrics.ok_while_unobservable <= thresholds.max_ok_while_unobservable ? "" : "ok hidden";
+  return metrics.ok_while_unobservable <= thresholds.max_ok_while_unobservable
+             ? ""
+             : "ok while unobservable";
 }
 
 ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,
@@ -80,7 +82,7 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
       computeScaleMetrics(record, full_ground_truth, kExactGroundTruthDistance);
   metrics.scale_error_percent = scale.error_abs_median_percent;
   metrics.within_2_sigma = scale.within_2_sigma;
-  metrics.held = scale.held_share;
+  metrics.held_share = scale.held_share;
   if (scenario.unobservable) {
     const std::size_t unobservable = scenario.unobservable->last - scenario.unobservable->first + 1;
     metrics.ok_while_unobservable =

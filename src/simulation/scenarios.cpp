@@ -24,7 +24,7 @@ class Entry {
     scenario_.options.stop_s = 0;
     configure(scenario_.options);
   }
-  /// Settings: `disable` switches the component off, in addition to `base`.
+  /// See ScenarioAblation.
   Entry& dependsOn(const char* component, std::vector<std::string> base,
                    std::vector<std::string> disable) {
     scenario_.ablation = {component, std::move(base), std::move(disable)};
@@ -53,10 +53,14 @@ void setCamera(Options& o, int width, int height, double focal) {
   o.camera.cy = (height - 1) / 2.0;
 }
 
-/// KITTI's field of view at 480x150: a third of the time.
+/// KITTI's field of view at 480x150: a third of the pixels of the default camera.
 void setSmallCamera(Options& o) { setCamera(o, 480, 150, 278); }
 
-void setNight(Options& o) {
+/// Night with headlamps. daylight: the remaining ambient light, 1 = day. noise_sigma: of the sensor
+/// [grey levels].
+void setNight(Options& o, double daylight, double noise_sigma) {
+  o.daylight = daylight;
+  o.noise_sigma = noise_sigma;
   o.headlamps = true;
   o.shadows = o.moving_cars = false;
 }
@@ -254,9 +258,9 @@ std::vector<Scenario> motions() {
 std::vector<Scenario> camerasAndLight() {
   return {
       Entry("night", "headlamps light the road near the car, hardly anything else is visible", 60,
-            [](Options& o) { o.daylight = 0.01, o.noise_sigma = 2, setNight(o); }),
+            [](Options& o) { setNight(o, 0.01, 2); }),
       Entry("night_noisy", "as night, but darker and with more sensor noise", 30,
-            [](Options& o) { o.daylight = 0.004, o.noise_sigma = 3, setNight(o); })
+            [](Options& o) { setNight(o, 0.004, 3); })
           .dependsOn("initialisation from fewer than 60 % inliers", {},
                      {"two_view/min_inlier_share=0.6"}),
       Entry("jpeg", "JPEG compression at quality 15", 60, [](Options& o) { o.jpeg_quality = 15; })

@@ -28,7 +28,7 @@ LongitudinalState SpeedProfile::cruise(double t) const {
   if (stop_s_ <= 0 || t <= brake_at_s_) return {v * t, v, 0};
   const double stop = brake_at_s_ + braking_s_, start = stop + stop_s_;
   if (t >= stop && t <= start) return {stop_at_m_, 0, 0};
-  // Time to or from the standstill: the two ramps differ only in sign.
+  // Time until the standstill begins or since it ended: the two ramps differ only in sign.
   const double since = t < stop ? stop - t : t - start, sign = t < stop ? -1 : 1;
   if (since >= braking_s_) return {stop_at_m_ + v * (since - braking_s_ / 2), v, 0};
   const double phase = M_PI * since / braking_s_;

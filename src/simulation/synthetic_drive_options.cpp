@@ -41,7 +41,7 @@ void SyntheticDrive::Options::validate() const {
   double time = -1e9, drive_m = speeds.empty() ? speed * frames / frame_rate_hz : 0;
   for (const SpeedAt& at : speeds) {
     requireInRange("speeds.speed", at.speed, -40, 40);
-    requireInRange("speeds.time_s (in order)", at.time_s, std::nextafter(time, 1e9), 1e6);
+    requireInRange("speeds.time_s (increasing)", at.time_s, std::nextafter(time, 1e9), 1e6);
     time = at.time_s;
     drive_m = std::max(drive_m, std::abs(at.speed) * frames / frame_rate_hz);
   }
@@ -49,7 +49,8 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("ramp_slope", ramp_slope, -0.2, 0.2);
   if (ramp_slope != 0) {
     requireInRange("ramp_from_m", ramp_from_m, 0, kMaxDriveLength);
-    requireInRange("ramp_to_m (at least 12 m on)", ramp_to_m, ramp_from_m + 12, kMaxDriveLength);
+    requireInRange("ramp_to_m (at least ramp_from_m + 12)", ramp_to_m, ramp_from_m + 12,
+                   kMaxDriveLength);
   }
   requireInRange("bump_height", bump_height, 0, 0.15);
   requireInRange("lead_gap", lead_gap, 3, 150);

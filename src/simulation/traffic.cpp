@@ -10,14 +10,16 @@
 namespace ground_scale_vo::simulation {
 namespace {
 
-constexpr double kLeftLane = 3.55;                           // u of its middle [m]
-constexpr double kOncomingSpeed = 8, kOncomingStart = 112;   // [m/s], s at the start [m]
-constexpr double kBesideStart = 4.5, kBesideSpacing = 6.5;   // ahead of the camera [m]
-constexpr double kBesideDelay = 0.3;                         // by which each one drives earlier [s]
-constexpr double kLorryHeight = 3.6;                         // [m]
-constexpr double kLorryCutsIn = 1.0;                         // duration of its lane change [s]
+constexpr double kLeftLane = 3.55;        // u of the middle of the left lane [m]
+constexpr double kOncomingSpeed = 8;      // [m/s]
+constexpr double kOncomingStart = 112;    // s of the first oncoming car at the start [m]
+constexpr double kBesideStart = 4.5;      // of the first car beside, ahead of the camera [m]
+constexpr double kBesideSpacing = 6.5;    // from each car beside to the next one ahead [m]
+constexpr double kBesideLead = 0.3;       // of each in the speed profile over the one behind it [s]
+constexpr double kLorryHeight = 3.6;      // [m]
+constexpr double kLorryLaneChange = 1.0;  // duration of its lane change [s]
 constexpr double kLorrySway = 0.06, kLorryGapChange = 0.15;  // amplitudes while it leads [m]
-constexpr double kRoadMargin = 5;  // no vehicles so close to the ends of the road [m]
+constexpr double kRoadMargin = 5;  // vehicles keep this distance from the ends of the road [m]
 
 // Width and length [m].
 Eigen::Vector2d carSize() { return {kCarWidth, kCarLength}; }
@@ -29,6 +31,7 @@ Traffic::Traffic(const SyntheticDrive::Options& options, const SpeedProfile& pro
                  const RoadGeometry& road, const World& world)
     : options_(options), profile_(profile), road_(road), world_(world) {
   if (options.lorry_frames == 0) return;
+  // The lorry is the van with another texture, stretched in width and height.
   lorry_texture_.emplace(
       noiseToGrey(tileableNoise({512, 512}, options.random_seed + 55, {{1.5, 1}, {5, 1}, {20, 1}}),
                   105, 18),
@@ -47,7 +50,7 @@ void Traffic::addTo(Scene& scene, std::size_t i, double t) const {
   if (options_.lorry_frames > 0) addLorry(scene, i);
 }
 
-/// size: width and length [m].
+/// Adds a vehicle at (s, u) and its shadow, if it is on the road. size: width and length [m].
 void Traffic::addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& size, double s,
                          double u, bool oncoming) const {
   if (s < road_.sBegin() + kRoadMargin || s > road_.sEnd() - kRoadMargin) return;
@@ -64,7 +67,7 @@ void Traffic::addCars(Scene& scene, double t) const {
              profile_.at(t + options_.lead_time).s + (options_.lead_gap + lead_size.y() / 2), 0,
              false);
   for (int k = 0; k < options_.cars_beside; ++k) {
-    const double s = profile_.at(t + kBesideDelay * k).s + kBesideStart + k * kBesideSpacing;
+    const double s = profile_.at(t + kBesideLead * k).s + kBesideStart + k * kBesideSpacing;
     addVehicle(scene, world_.car(static_cast<std::size_t>(k) + 3), carSize(), s, kLeftLane, false);
   }
   if (options_.cars_beside > 0) return;
@@ -82,7 +85,7 @@ void Traffic::addLorry(Scene& scene, std::size_t i) const {
   const double t = at / options_.frame_rate_hz;
   const LongitudinalState ego = profile_.at(t);
   const double lane_change =
-      std::min(at - first, last - at) / options_.frame_rate_hz / kLorryCutsIn;
+      std::min(at - first, last - at) / options_.frame_rate_hz / kLorryLaneChange;
   const double aside =
       lane_change < 1 ? (1 + std::cos(M_PI * lane_change)) / 2 * (kLeftLane + options_.lorry_width)
                       : 0;

@@ -11,11 +11,12 @@
 
 namespace ground_scale_vo::simulation {
 
-/// Moving vehicles other than the ego vehicle, as the options say: a lead vehicle with either
-/// oncoming cars or cars beside it in the left lane, and a lorry that cuts in.
+/// Moving vehicles other than the ego vehicle, as far as the options enable them: one ahead in the
+/// lane with either oncoming cars or cars at the same speed in the left lane, and a lorry that cuts
+/// in. Positions (s, u) as in RoadGeometry: s along the lane, u to its left [m].
 class Traffic {
  public:
-  /// Keeps references to all arguments.
+  /// Keeps references to all arguments: they must outlive the object.
   Traffic(const SyntheticDrive::Options& options, const SpeedProfile& profile,
           const RoadGeometry& road, const World& world);
   Traffic(const Traffic&) = delete;

@@ -22,8 +22,8 @@ double vibrationHeight(double s) {
   return 0.012 * std::sin(1.1 * s + 0.5) + 0.006 * std::sin(2.3 * s);
 }
 
-/// World from road below the camera: x forward, y left, z up. Over ramps and bumps it is the plane
-/// through the contact points of both axles.
+/// World from road below the camera: x forward, y left, z up. On a road with a ramp or bumps its
+/// x-y plane passes through the contact points of both axles.
 Eigen::Isometry3d groundFrame(const RoadGeometry& road, double s,
                               const SyntheticDrive::Options& options) {
   Eigen::Isometry3d T_w_s = road.surfaceFrame(s, options.lane_offset);
@@ -63,7 +63,7 @@ VehiclePose vehiclePose(const RoadGeometry& road, const LongitudinalState& state
   VehiclePose pose;
   pose.n_w = T_w_s.linear().col(2);
   pose.height = options.camera_height + bounce;
-  Eigen::Isometry3d T_w_level = T_w_s;  // the camera without any angles
+  Eigen::Isometry3d T_w_level = T_w_s;  // the camera without mounting and suspension angles
   T_w_level.translate(pose.height * Eigen::Vector3d::UnitZ());
   T_w_level.rotate(R_s_c);
   pose.T_w_body = rotated(T_w_level, shake - nod, roll);

@@ -25,17 +25,19 @@ namespace {
 
 constexpr const char* kDetails =
     R"(Without a NAME: all scenarios. The trajectory errors are computed from the first metric pose on.
-RLE: relative error of the path length; t_err short: the devkit's error over 10, 20 ... 80 m; scale:
-median absolute scale error; the true scale is computed over >= 2 m of ground-truth motion; held:
-share of frames without a measurement of their own; 2 sigma: share of frames whose true scale lies
-within two reported sigma; ok hidden: share of the unobservable frames (no road texture, or standstill)
-reported as OK, which should be 0.
+metric: frames from the first metric pose on; RLE: relative error of the path length; t_err short:
+the devkit's translation error, over 10, 20 ... 80 m; scale: median absolute scale error, the true
+scale being computed over at least 2 m of ground truth; held: share of frames without a scale
+measurement of their own (HELD), from the first metric pose on; 2 sigma: share of frames whose true
+scale lies within two reported sigma; ok unobservable: share of the frames with unobservable scale
+(no road texture, or standstill) that are reported as OK, which should be 0.
 
 --ablation runs each scenario several times: with the defaults, with the paper's equations and
 thresholds unmodified, with feature-based measurements only, with direct measurements only, and with
 the component that this scenario depends on disabled. A cell of its table is RLE % / held / 2 sigma,
-bold where a threshold is violated, with the reason: lost, no start in the first half, RLE above 1.5 %,
-2 sigma below 0.75, ok hidden.
+bold where a threshold is violated, followed by its name: lost, late scale (no metric pose in the
+first half), RLE (above 1.5 %), 2 sigma (below 0.75), ok while unobservable. Some scenarios have
+other thresholds. no scale: no metric pose at all.
 
 Exit status: 0 success, 1 runtime error, 2 invalid arguments.)";
 
@@ -45,7 +47,7 @@ struct Arguments {
   std::string out;
   int threads = 1;
   bool ablation = false;
-  std::vector<std::string> settings;  ///< assignments for setOption()
+  std::vector<std::string> settings;  ///< of --set
 };
 
 std::size_t frames(const gsv::Scenario& scenario) {
@@ -75,7 +77,7 @@ void tabulate(const Arguments& arguments) {
 
 using Settings = std::vector<std::string>;
 
-/// A configuration in which every scenario is run.
+/// Settings with which every scenario is run, a column of the table.
 struct Variant {
   const char* heading;
   Settings settings;

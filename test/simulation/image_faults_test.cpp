@@ -29,11 +29,11 @@ TEST(ImageFaults, KeepSizeAndTypeAndAreDeterministic) {
   for (const ImageFault fault : kAll) {
     EXPECT_TRUE(names.insert(toString(fault)).second) << toString(fault);
     const cv::Mat given = needsScene(fault) ? image : cv::Mat();
-    const cv::Mat spoiled = injectFault(fault, given, before, 3, 7);
-    EXPECT_EQ(spoiled.size(), image.size()) << toString(fault);
-    EXPECT_EQ(spoiled.type(), CV_8UC1) << toString(fault);
-    EXPECT_FALSE(same(spoiled, image)) << toString(fault);
-    EXPECT_TRUE(same(spoiled, injectFault(fault, given, before, 3, 7))) << toString(fault);
+    const cv::Mat faulty = injectFault(fault, given, before, 3, 7);
+    EXPECT_EQ(faulty.size(), image.size()) << toString(fault);
+    EXPECT_EQ(faulty.type(), CV_8UC1) << toString(fault);
+    EXPECT_FALSE(same(faulty, image)) << toString(fault);
+    EXPECT_TRUE(same(faulty, injectFault(fault, given, before, 3, 7))) << toString(fault);
     EXPECT_TRUE(same(image, copy)) << toString(fault) << " writes into its input";
   }
 }
@@ -46,31 +46,30 @@ TEST(ImageFaults, HaveTheirDocumentedEffect) {
     cv::meanStdDev(m, average, deviation);
     return deviation[0];
   };
-  const auto spoiled = [&](ImageFault fault, std::size_t k = 0) {
+  const auto faulty = [&](ImageFault fault, std::size_t k = 0) {
     return injectFault(fault, image, before, k, 7);
   };
-  EXPECT_EQ(mean(spoiled(ImageFault::kBlack)), 0);
-  EXPECT_EQ(mean(spoiled(ImageFault::kWhite)), 255);
-  EXPECT_TRUE(same(spoiled(ImageFault::kFrozen, 0), before));
-  EXPECT_TRUE(same(spoiled(ImageFault::kFrozen, 9), before));
-  EXPECT_LT(mean(spoiled(ImageFault::kCovered)), 0.2 * mean(image));
-  EXPECT_LT(contrast(spoiled(ImageFault::kCovered)), 3);
-  EXPECT_NEAR(mean(spoiled(ImageFault::kDarker)), 0.4 * mean(image), 1);
-  EXPECT_GT(mean(spoiled(ImageFault::kBrighter)), 2 * mean(image));
-  EXPECT_GT(
-      std::abs(mean(spoiled(ImageFault::kFlicker, 0)) - mean(spoiled(ImageFault::kFlicker, 1))), 3);
+  EXPECT_EQ(mean(faulty(ImageFault::kBlack)), 0);
+  EXPECT_EQ(mean(faulty(ImageFault::kWhite)), 255);
+  EXPECT_TRUE(same(faulty(ImageFault::kFrozen, 0), before));
+  EXPECT_TRUE(same(faulty(ImageFault::kFrozen, 9), before));
+  EXPECT_LT(mean(faulty(ImageFault::kCovered)), 0.2 * mean(image));
+  EXPECT_LT(contrast(faulty(ImageFault::kCovered)), 3);
+  EXPECT_NEAR(mean(faulty(ImageFault::kDarker)), 0.4 * mean(image), 1);
+  EXPECT_GT(mean(faulty(ImageFault::kBrighter)), 2 * mean(image));
+  EXPECT_GT(std::abs(mean(faulty(ImageFault::kFlicker, 0)) - mean(faulty(ImageFault::kFlicker, 1))),
+            3);
   // Mud: the clean part shows the scene plus sensor noise.
   const cv::Rect top(0, 0, 200, 10), bottom(0, 40, 200, 20), left(0, 0, 90, 60),
       right(120, 0, 80, 60);
-  const cv::Mat below = spoiled(ImageFault::kCoveredBelow),
-                aside = spoiled(ImageFault::kCoveredLeft);
+  const cv::Mat below = faulty(ImageFault::kCoveredBelow), aside = faulty(ImageFault::kCoveredLeft);
   EXPECT_LT(cv::norm(below(top), image(top), cv::NORM_INF), 8);
   EXPECT_LT(contrast(below(bottom)), 0.6 * contrast(image(bottom)));
   EXPECT_LT(cv::norm(aside(right), image(right), cv::NORM_INF), 8);
   EXPECT_LT(contrast(aside(left)), 0.6 * contrast(image(left)));
   // Rain changes from image to image and leaves most of the image visible.
-  EXPECT_FALSE(same(spoiled(ImageFault::kRain, 0), spoiled(ImageFault::kRain, 1)));
-  EXPECT_LT(cv::countNonZero(spoiled(ImageFault::kRain) != image), 0.6 * 60 * 200);
+  EXPECT_FALSE(same(faulty(ImageFault::kRain, 0), faulty(ImageFault::kRain, 1)));
+  EXPECT_LT(cv::countNonZero(faulty(ImageFault::kRain) != image), 0.6 * 60 * 200);
 }
 
 }  // namespace

@@ -154,7 +154,7 @@ TEST(SyntheticDrive, HeightAndNormalAgreeWithThePoses) {
     EXPECT_NEAR(a.height, 1.65, 0.02);
     const Eigen::Isometry3d T_a_b = a.T_c0_c.inverse() * b.T_c0_c;
     const double height_of_b = a.height + a.n_c.dot(T_a_b.translation());
-    EXPECT_NEAR(height_of_b, b.height, 1e-3) << i;  // in 0.9 m, on a crest of 830 m radius
+    EXPECT_NEAR(height_of_b, b.height, 1e-3) << i;  // steps of 0.9 m on a crest of 830 m radius
     EXPECT_LT((T_a_b.linear() * b.n_c - a.n_c).norm(), 2e-3) << i;
   }
 }
@@ -199,7 +199,7 @@ TEST(SyntheticDrive, FollowsTheTableOfSpeeds) {
   const SyntheticDrive drive(options);
   const auto distance = [&](std::size_t i) { return drive.frame(i).T_c0_c.translation().norm(); };
   EXPECT_NEAR(distance(20), 12, 0.05);
-  EXPECT_NEAR(distance(30), 15, 0.05);  // a cosine ramp is half as long as the cruise
+  EXPECT_NEAR(distance(30), 15, 0.05);  // 1 s on a cosine ramp from 6 m/s to 0: 3 m
   EXPECT_NEAR(distance(40), 14, 0.05);
   EXPECT_NEAR(distance(50), 12, 0.05);
   EXPECT_EQ(drive.frame(10).speed, 6);
@@ -246,7 +246,7 @@ TEST(SyntheticDrive, BlackFramesAreBlack) {
   }
 }
 
-TEST(SyntheticDrive, EveryOptionChangesTheImage) {
+TEST(SyntheticDrive, OptionsChangeTheImage) {
   const cv::Mat all = SyntheticDrive(shortDrive(1)).image(0);
   for (const auto& change : std::vector<std::function<void(Options&)>>{
            [](Options& o) { o.moving_cars = false; },
@@ -281,11 +281,13 @@ TEST(SyntheticDrive, EveryOptionChangesTheImage) {
   }
 }
 
-/// A frame of a drive, and the tolerances of its road against the plane below the camera.
+/// A frame of a drive, and the largest allowed distance between corners of its road and their
+/// prediction from the plane below the camera.
 struct Place {
   std::size_t frame;
-  double slope;
-  double median_px, bias_px;       ///< allowed
+  double slope;                    ///< Options::slope
+  double median_px;                ///< median distance
+  double bias_px;                  ///< median offset in y
   const char* scenario = nullptr;  ///< nullptr: the default drive
 };
 
@@ -319,7 +321,7 @@ TEST_P(SyntheticRoad, PixelsReprojectToTheSameTexture) {
   cv::absdiff(aligned_(lane_), after_(lane_), difference);
   cv::GaussianBlur(after_(lane_), smooth, {}, 4);
   cv::absdiff(after_(lane_), smooth, texture);
-  EXPECT_GT(cv::mean(texture)[0], 3);  // the lane is textured
+  EXPECT_GT(cv::mean(texture)[0], 3);  // the lane is textured [grey levels]
   EXPECT_LT(cv::mean(difference)[0], 4);
   EXPECT_LT(cv::mean(difference)[0], 0.7 * cv::mean(texture)[0]);
 }

@@ -39,8 +39,8 @@ FaultDrive faultDrive(std::size_t i, std::uint64_t seed = 20);
 FaultDrive faultDrive(const std::string& name, std::uint64_t seed = 20);
 std::vector<std::string> faultNames();
 
-/// After a fault, and at the start, a fault-free segment begins when the odometry has settled: a
-/// new map needs some images, and its scale some distance [s, m].
+/// A fault-free segment begins when this time [s] and this distance [m] have passed since a fault
+/// or since the start: a new map needs some images, and its scale some distance.
 constexpr double kSettlingTime = 3, kSettlingDistance = 20;
 
 }  // namespace ground_scale_vo

@@ -6,7 +6,8 @@
 
 namespace ground_scale_vo {
 
-/// Faults of lens, exposure and camera driver that can be injected into an image.
+/// Faults of lens, exposure and camera driver that can be injected into an image. hidesGround() and
+/// needsScene() depend on their order.
 enum class ImageFault : std::uint8_t {
   kBlack,         ///< no signal: all pixels 0
   kWhite,         ///< saturated: all pixels 255

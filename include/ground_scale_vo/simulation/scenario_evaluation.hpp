@@ -23,11 +23,9 @@ struct ScenarioMetrics {
   double rle_percent = 0;
   double t_err_short_percent = 0;
 
-  // As in ScaleMetrics, for exact ground truth: error_abs_median_percent, within_2_sigma,
-  // held_share.
-  double scale_error_percent = 0;
-  double within_2_sigma = 0;
-  double held = 0;
+  double scale_error_percent = 0;  ///< ScaleMetrics::error_abs_median_percent
+  double within_2_sigma = 0;       ///< ScaleMetrics::within_2_sigma
+  double held_share = 0;           ///< ScaleMetrics::held_share
   /// Share of the unobservable frames whose scale is reported as measured (kOk); 0 without such
   /// frames.
   double ok_while_unobservable = 0;
@@ -47,8 +45,8 @@ RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& imag
 ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,
                                  const RunRecord& record);
 
-/// The first violated threshold: "lost" (some frame is not tracked), "start" (too few metric
-/// frames), "RLE", "2 sigma" or "ok hidden" (measured although unobservable). Empty: none.
+/// The first violated threshold: "lost" (some frame is not tracked), "late scale" (too few metric
+/// frames), "RLE", "2 sigma" or "ok while unobservable". Empty: none.
 std::string violatedThreshold(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
 }  // namespace ground_scale_vo

@@ -30,7 +30,8 @@ struct ScenarioThresholds {
   /// a short drive.
   double min_within_2_sigma = 0.75;
   double max_ok_while_unobservable = 0;
-  double min_metric_share = 0.5;  ///< the share of frames with a metric pose must exceed this
+  /// The share of frames from the first metric pose on must exceed this.
+  double min_metric_share = 0.5;
 };
 
 /// A short rendered drive with one property that makes the scale difficult to measure.

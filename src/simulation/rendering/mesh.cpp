@@ -26,7 +26,7 @@ void Mesh::updateBoundingSphere() {
 }
 
 double diffuseLight(const Eigen::Vector3d& normal, const Eigen::Vector3d& sun) {
-  constexpr double kSky = 0.5, kSun = 0.62;
+  constexpr double kSky = 0.5, kSun = 0.62;  // skylight; sun at perpendicular incidence
   return kSky + kSun * std::max(0.0, normal.dot(sun));
 }
 

@@ -25,11 +25,17 @@ constexpr double kCutOffAngle = 0.012;    // of the cut-off below the horizon [r
 constexpr double kCutOffSoftness = 0.02;  // transition at the cut-off [rad]
 constexpr double kStrayLight = 0.015;     // above the cut-off, as a share of the beam
 constexpr double kNightGamma = 0.45;      // exponent from illumination to grey level
-constexpr double kMaxNightGain = 1.3;     // limit at the brightest lit point; by day = 1
+constexpr double kMaxNightGain = 1.3;     // limit of the factor on the daylight grey level
 
-// Shadows of moving vehicles (box) and of the ego vehicle: penumbra [m], share of the light lost.
+// Shadows of moving vehicles (box) and of the ego vehicle. Edge: width of the penumbra [m]; depth:
+// share of the light lost.
 constexpr double kBoxShadowEdge = 0.6, kBoxShadowDepth = 0.65;
 constexpr double kEgoShadowEdge = 0.1, kEgoShadowDepth = 0.5;
+
+constexpr double kSkyRotation = 4;   // of the panorama about the vertical [rad]
+constexpr double kSkyHeight = 0.78;  // extent of the panorama in elevation [rad]
+
+/// Id of samples that show no surface.
 constexpr std::uint32_t kSky = std::numeric_limits<std::uint32_t>::max();
 
 /// A projected triangle. Rows: u/z, v/z, light/z and 1/z, each affine in the pixel (x, y, 1).
@@ -72,7 +78,8 @@ class Rasteriser {
   }
 
  private:
-  static double position(int sample) { return (sample + 0.5) / kSamplesPerSide - 0.5; }  // [px]
+  /// Pixel coordinate of a sample's column or row; the centre of the first pixel is 0 [px].
+  static double position(int sample) { return (sample + 0.5) / kSamplesPerSide - 0.5; }
 
   bool isVisible(const Eigen::Vector3d& p_c, double radius) const {
     if (p_c.z() < kNearPlane - radius || p_c.z() > kFarPlane + radius) return false;
@@ -156,9 +163,10 @@ class Rasteriser {
       const int x1 = std::min(width_ - 1, last(to + 1e-7, camera_.width));
       for (int i = x0; i <= x1; ++i) {
         const auto at = static_cast<std::size_t>(j * width_ + i);
-        const auto near = static_cast<float>(over_z(0) * position(i) + over_z(1) * y + over_z(2));
-        if (near > inverse_depth_[at]) {
-          inverse_depth_[at] = near;
+        const auto inverse_z =
+            static_cast<float>(over_z(0) * position(i) + over_z(1) * y + over_z(2));
+        if (inverse_z > inverse_depth_[at]) {
+          inverse_depth_[at] = inverse_z;
           id_[at] = id;
         }
       }
@@ -199,8 +207,9 @@ class Rasteriser {
     const Eigen::Vector3d ray = R_w_c_ * camera_.ray(u);
     const double azimuth = std::atan2(ray.y(), ray.x());
     const double elevation = std::atan2(ray.z(), std::hypot(ray.x(), ray.y()));
-    const float day = scene_.sky->sample({azimuth + 4, std::clamp(kSkyTop - elevation, 0.0, 0.78)},
-                                         Eigen::Matrix2d::Identity() / camera_.fx);
+    const float day = scene_.sky->sample(
+        {azimuth + kSkyRotation, std::clamp(kSkyTop - elevation, 0.0, kSkyHeight)},
+        Eigen::Matrix2d::Identity() / camera_.fx);
     return scene_.daylight < 1 ? day * static_cast<float>(ambient_) : day;
   }
 

@@ -30,7 +30,7 @@ struct PolygonShadow {
 /// Content of one frame. World axes: z up.
 struct Scene {
   std::vector<Instance> instances;
-  const Texture* sky = nullptr;   ///< panorama: u = azimuth, v = kSkyTop - elevation [rad]
+  const Texture* sky = nullptr;   ///< u = azimuth up to a constant, v = kSkyTop - elevation [rad]
   const Texture* road = nullptr;  ///< the only texture on which dynamic shadows fall
   std::vector<BoxShadow> box_shadows;
   PolygonShadow ego_shadow;

@@ -49,6 +49,8 @@ float Texture::sample(const Eigen::Vector2d& uv, const Eigen::Matrix2d& J) const
       std::clamp(static_cast<int>(std::ceil(major / std::max(minor, 1.0))), 1, kMaxAnisotropy);
   Eigen::Vector2d axis = difference > 0 ? Eigen::Vector2d(difference + root, A(0, 1))
                                         : Eigen::Vector2d(A(0, 1), root - difference);
+  // The samples extend over 1.25 times the footprint, because their weights fall off towards its
+  // ends.
   axis *= axis.squaredNorm() > 0 ? 1.25 * major / axis.norm() : 0;
 
   const double level = std::clamp(std::log2(std::max({minor, major / count, 1.0})), 0.0,

@@ -10,7 +10,7 @@
 namespace ground_scale_vo::simulation {
 namespace {
 
-/// Draws damage and fixtures, one kind after the other.
+/// Draws damage and fixtures, one kind after the other. Lengths are in metres.
 class AsphaltPainter {
  public:
   AsphaltPainter(cv::Mat pattern, WorldBuilder& builder)
@@ -73,7 +73,7 @@ class AsphaltPainter {
  private:
   double uniform(double from, double to) { return builder_.uniform(from, to); }
   double anyOffset() { return uniform(kRightKerb + 0.3, kLeftKerb - 0.3); }
-  /// Contrast to the asphalt around, at full texture.
+  /// Pattern value for a contrast to the surrounding asphalt [%], scaled by options.road_texture.
   double tone(double percent) const {
     return std::clamp(kNeutral * (1 + builder_.options.road_texture * percent / 100), 0.0, 255.0);
   }

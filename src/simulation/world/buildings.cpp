@@ -14,8 +14,8 @@ namespace {
 constexpr double kFacadeTexel = 0.025;  // [m]
 constexpr double kFoundation = 0.5;     // of a house below its ground [m]
 
-/// The axes m of a building beside the road: x along the road, its front (y = 0) faces the road.
-/// The origin is at (s, u), `height` above the carriageway.
+/// World from mesh m of a building beside the road: x along the road, its front (y = 0) faces the
+/// road. The origin is at (s, u), `height` above the carriageway [m].
 Eigen::Isometry3d besideRoad(const RoadGeometry& road, double s, double u, double height) {
   Eigen::Isometry3d T_w_m = Eigen::Isometry3d::Identity();
   T_w_m.translation() = road.surfacePoint(s, u, height);
@@ -93,7 +93,7 @@ void BuildingGenerator::addWallAcrossRoad() {
 }
 
 /// The box [0, length] x [0, depth] x [0, height]: front (y = 0), both ends, and a gable roof with
-/// its ridge along x. roof_height: of the ridge above the walls; 0: no roof.
+/// its ridge along x, in mesh axes m. roof_height: of the ridge above the walls [m]; 0: no roof.
 Mesh BuildingGenerator::houseMesh(double length, double depth, double height, double roof_height,
                                   const Eigen::Matrix3d& R_w_m, const Texture& front,
                                   const Texture& sides) const {

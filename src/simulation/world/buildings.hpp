@@ -8,7 +8,7 @@
 namespace ground_scale_vo::simulation {
 
 /// Houses beside the road, their hedges or low walls, and a house that blocks the road.
-/// Coordinates: s along the road, u to its left [m].
+/// Coordinates (s, u) as in RoadGeometry: s along the lane, u to its left [m].
 class BuildingGenerator {
  public:
   explicit BuildingGenerator(WorldBuilder& builder);
@@ -18,7 +18,6 @@ class BuildingGenerator {
 
  private:
   void addHedge(double s, double u, double length);
-  /// R_w_m: m: mesh axes. roof_height: of the ridge above the walls; 0: no roof [m].
   Mesh houseMesh(double length, double depth, double height, double roof_height,
                  const Eigen::Matrix3d& R_w_m, const Texture& front, const Texture& sides) const;
   cv::Mat facadeImage(double length, double height, int floors, double wall_grey);

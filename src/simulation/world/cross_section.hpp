@@ -32,6 +32,8 @@ inline Eigen::Vector2d roadTextureUv(double s_begin, double s, double u) {
   return {u - kTextureRight + kerbs, s - s_begin};
 }
 
+/// Column of the road texture at lateral offset u [m]; at a kerb the first one after its vertical
+/// face.
 inline int roadTextureColumn(double u) {
   const double right = u >= kRightKerb ? kKerbHeight : 0, left = u >= kLeftKerb ? kKerbHeight : 0;
   return static_cast<int>(std::lround((u - kTextureRight + right + left) / kRoadTexel));

@@ -37,7 +37,8 @@ double rampStepIntegral(double s, double a) {
          std::max(0.0, s - a - kRampTransition);
 }
 
-/// Position on the nearest bump: 0 at its begin, 1 at its end, outside [0, 1] off the bump.
+/// Position relative to the nearest bump: 0 at its begin, 1 at its end, outside [0, 1] off the
+/// bump.
 double bumpCoordinate(double s) {
   const double k = std::max(0.0, std::round((s - kFirstBump - kBumpLength / 2) / kBumpSpacing));
   return (s - kFirstBump - k * kBumpSpacing) / kBumpLength;

@@ -12,17 +12,17 @@ namespace {
 
 constexpr double kStep = 0.5;         // of the mesh along s [m]
 constexpr double kMeshLength = 10;    // of one mesh along s, so that it can be culled [m]
-constexpr double kVergeEnd = 25;      // |u| of the outer border of the verges [m]
+constexpr double kVergeEnd = 25;      // |u| of the outer border of the verges, at most [m]
 constexpr double kBelowBridge = 9;    // depth of the terrain beside a bridge [m]
 constexpr double kBelowVerges = 0.5;  // depth of the terrain beyond the verges [m]
 
-/// Width of the verge. Inside a tight curve it ends before the centre of the curve, where the mesh
-/// would fold.
+/// |u| of the outer border of the verges [m]: before the centre of the tightest curve, beyond which
+/// the mesh would fold.
 double vergeEnd(const WorldOptions& options) {
   return std::min(kVergeEnd, 0.8 / std::max(options.curvature, 1e-9));
 }
 
-/// Height of ruts, tufts and holes over the plane [m].
+/// Height of ruts, tufts and holes over the smooth surface [m].
 double roughness(double s, double u) {
   return 0.025 * std::sin(1.9 * s + 0.7 * u) + 0.02 * std::sin(3.1 * u - 1.3 * s + 1) +
          0.02 * std::sin(4.3 * s + 2.7 * u + 2);
@@ -55,7 +55,7 @@ void addGravelTrack(WorldBuilder& builder) {
   }
 }
 
-/// A flat part of the cross-section from (u, z) to (u_next, z_next).
+/// A flat part of the cross-section from (u, z) to (u_next, z_next) [m].
 struct Strip {
   double u, z, u_next, z_next;
   bool verge;
@@ -105,7 +105,7 @@ void addStreet(WorldBuilder& builder) {
   }
 }
 
-/// The plain beyond the verges.
+/// A horizontal plain of grass below the lowest point of the road.
 void addTerrain(WorldBuilder& builder) {
   constexpr double kSize = 500;  // beyond the road, to all sides [m]
   const RoadGeometry& road = builder.road;

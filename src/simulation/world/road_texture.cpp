@@ -23,6 +23,7 @@ class RoadTexturePainter {
         grit_contrast_(kRoadColumns) {}
 
   void paint() {
+    // Cobbles cover the asphalt; it is painted all the same, to draw the same random numbers.
     paintAsphalt(pattern_, builder_);
     if (options_.cobbles) paintCobbles(pattern_, builder_);
     if (options_.puddles > 0) addPuddles();
@@ -38,7 +39,7 @@ class RoadTexturePainter {
   }
 
  private:
-  /// Irregular pools of some metres with narrow shores, repeated after 41 m.
+  /// Irregular pools of some metres with narrow shores; the pattern repeats after 41 m.
   void addPuddles() {
     constexpr double kShore = 0.12, kTexel = 0.08;  // [standard deviations of the noise, m]
     cv::Mat depth =
@@ -163,8 +164,8 @@ class RoadTexturePainter {
       uchar* out = texture.ptr(y);
       for (int x = 0; x < texture.cols; ++x) {
         const float tone = static_cast<float>(pattern_row[x] * light_row[x]) / (128.f * 255.f);
-        const float grain = 1 + contrast[static_cast<std::size_t>(x)] * grit_row[x];
-        out[x] = cv::saturate_cast<uchar>(static_cast<float>(out[x]) * tone * grain);
+        const float grit_factor = 1 + contrast[static_cast<std::size_t>(x)] * grit_row[x];
+        out[x] = cv::saturate_cast<uchar>(static_cast<float>(out[x]) * tone * grit_factor);
       }
     }
     return texture;
@@ -181,7 +182,7 @@ class RoadTexturePainter {
   const WorldOptions& options_;
   cv::Mat pattern_;                   // of the carriageway: factor on the albedo, kNeutral = 1
   cv::Mat albedo_;                    // [grey levels]
-  std::vector<float> grit_contrast_;  // of each column
+  std::vector<float> grit_contrast_;  // standard deviation of each column, relative to the albedo
 };
 
 }  // namespace

@@ -11,9 +11,9 @@ namespace {
 
 constexpr int kRoadTexelsPerShadowTexel = 8;  // in each direction
 constexpr double kShadowTexel_m = kRoadTexelsPerShadowTexel * kRoadTexel;
-constexpr double kOpaqueShadowLoss = 0.5;  // share of the light that an opaque prism blocks
-constexpr double kSpotTransmittance = 0.52;
-constexpr double kPenumbraSigma = 0.8;  // [shadow texels] blur of all shadows
+constexpr double kOpaqueShadowLoss = 0.5;    // share of the light that an opaque prism blocks
+constexpr double kSpotTransmittance = 0.52;  // share of the light that remains in a spot
+constexpr double kPenumbraSigma = 0.8;       // [shadow texels] blur of all shadows
 
 }  // namespace
 

@@ -16,11 +16,11 @@ class ShadowMap {
 
   // Objects stand at (s, u). Offsets from there are along the road and to its left [m].
 
-  /// A vertical prism over a polygon, or a vertical wall over two points. opacity: 1 halves the
-  /// light.
+  /// Shadow of a vertical prism over a polygon, or of a vertical wall over two points. opacity: of
+  /// the object, 1 halves the light.
   void castPrism(double s, double u, const std::vector<Eigen::Vector2d>& base, double height,
                  double opacity);
-  /// A round spot of shadow from a small object at `offset` (along, left, up).
+  /// Round shadow of a small object at `offset` (along, left, up). radius [m].
   void castSpot(double s, double u, const Eigen::Vector3d& offset, double radius);
   /// Sets the light on the full width of the road between two positions. light: 1 = full.
   void setLight(double s_begin, double s_end, double light);

@@ -17,13 +17,16 @@ constexpr double kVehicleTexel = 0.01;                                 // [m]
 // Vehicle meshes: x forward, y left, z up, the origin on the road below the middle. body: grey
 // level of the paint; sun: unit vector towards the sun.
 
+// The layout of a texture is given by (u, v) [m] of the upper left corner of each part, and of the
+// hub for the wheel.
+
 /// 5.12 x 2.56 m: side at (0, 0), rear at (0, 1.3), paint at (2, 1.3), glass at (3.2, 1.3), wheel
-/// at (4.35, 0).
+/// hub at (4.7, 0.33).
 cv::Mat carTextureImage(double body, std::uint64_t seed);
 Mesh carMesh(const Texture& texture, const Eigen::Vector3d& sun);
 
-/// 10.24 x 5.12 m: side at (0, 0), rear at (6, 0), paint at (0, 3), glass at (3, 3), wheel at (8,
-/// 3).
+/// 10.24 x 5.12 m: side at (0, 0), rear at (6, 0), paint at (0, 3), glass at (3, 3), wheel hub at
+/// (8, 3).
 cv::Mat vanTextureImage(double body, std::uint64_t seed);
 Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun);
 

@@ -25,7 +25,7 @@ void addVehicleMeshes(WorldBuilder& builder) {
   builder.assets.van.updateBoundingSphere();
 }
 
-/// height: [m] of the parking surface above the carriageway.
+/// Parks a random car model at (s, u). height: of the parking surface above the carriageway [m].
 void parkCar(WorldBuilder& builder, double s, double u, double height) {
   Eigen::Isometry3d T_w_m = builder.road.surfaceFrame(s, u);
   T_w_m.translate(Eigen::Vector3d(0, 0, height));

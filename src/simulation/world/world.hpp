@@ -18,11 +18,11 @@ class World {
 
   /// Static instances, sky and road. Moving vehicles are added per frame.
   const Scene& scene() const { return assets_.scene; }
-  /// Car model i, modulo the number of models.
+  /// The mesh of car model i modulo the number of models, so that every i is valid.
   const Mesh& car(std::size_t i) const { return assets_.car(i); }
   const Mesh& van() const { return assets_.van; }
-  /// Texture coordinates of the road surface at (s, u) [m]: s along the lane, u to its left, as in
-  /// RoadGeometry.
+  /// Texture coordinates of the road surface at (s, u), as in RoadGeometry: s is the length along
+  /// the middle of the right lane, in which the camera drives, u the offset to its left [m].
   Eigen::Vector2d roadUv(double s, double u) const;
 
  private:

@@ -9,7 +9,8 @@ namespace ground_scale_vo::simulation {
 namespace {
 
 cv::Size roadTexels(const RoadGeometry& road) {
-  constexpr int kMultiple = 64;  // image height is a multiple of this, for the mip levels
+  // The number of rows is a multiple of this, so that it can be halved for the mip levels.
+  constexpr int kMultiple = 64;
   const double length = road.sEnd() - road.sBegin();
   return {kRoadColumns, static_cast<int>(length / kRoadTexel / kMultiple + 1) * kMultiple};
 }

@@ -49,7 +49,7 @@ struct WorldAssets {
   std::vector<Mesh> cars;
   Mesh van;
 
-  const Mesh& car(std::size_t i) const { return cars[i % cars.size()]; }
+  const Mesh& car(std::size_t i) const { return cars[i % cars.size()]; }  ///< see World::car()
 };
 
 /// State shared by the generators of the static world. The generators append textures, meshes and
@@ -79,7 +79,7 @@ class WorldBuilder {
   /// Adds a mesh in world coordinates that is not rendered in puddle reflections.
   void placeGround(Mesh mesh);
 
-  /// Texture coordinates of the road point (s, u) [m].
+  /// See World::roadUv().
   Eigen::Vector2d roadUv(double s, double u) const;
   /// Whether houses and trees may be placed beside the road at s: not near a bridge or an
   /// underpass.

@@ -8,31 +8,32 @@
 namespace ground_scale_vo {
 namespace {
 
-/// A column of the tables: heading, key in the JSON file, number of decimals.
+/// A metric: column heading in the tables, key in the JSON file, number of decimals in both.
 struct Column {
   const char *heading, *key;
   int decimals;
   double (*value)(const ScenarioMetrics&);
 };
 constexpr Column kColumns[] = {
-    {"frames", "frames", 0, [](const ScenarioMetrics& f) { return static_cast<double>(f.frames); }},
+    {"frames", "frames", 0, [](const ScenarioMetrics& m) { return static_cast<double>(m.frames); }},
     {"tracked", "tracked_frames", 0,
-     [](const ScenarioMetrics& f) { return static_cast<double>(f.tracked_frames); }},
+     [](const ScenarioMetrics& m) { return static_cast<double>(m.tracked_frames); }},
     {"lost", "lost_events", 0,
-     [](const ScenarioMetrics& f) { return static_cast<double>(f.lost_events); }},
+     [](const ScenarioMetrics& m) { return static_cast<double>(m.lost_events); }},
     {"metric", "metric_frames", 0,
-     [](const ScenarioMetrics& f) { return static_cast<double>(f.metric_frames); }},
-    {"RLE %", "rle_percent", 2, [](const ScenarioMetrics& f) { return f.rle_percent; }},
+     [](const ScenarioMetrics& m) { return static_cast<double>(m.metric_frames); }},
+    {"RLE %", "rle_percent", 2, [](const ScenarioMetrics& m) { return m.rle_percent; }},
     {"t_err short %", "t_err_short_percent", 2,
-     [](const ScenarioMetrics& f) { return f.t_err_short_percent; }},
+     [](const ScenarioMetrics& m) { return m.t_err_short_percent; }},
     {"scale %", "scale_error_percent", 2,
-     [](const ScenarioMetrics& f) { return f.scale_error_percent; }},
-    {"held", "held", 2, [](const ScenarioMetrics& f) { return f.held; }},
-    {"2 sigma", "within_2_sigma", 2, [](const ScenarioMetrics& f) { return f.within_2_sigma; }},
-    {"ok hidden", "ok_while_hidden", 2,
-     [](const ScenarioMetrics& f) { return f.ok_while_unobservable; }},
+     [](const ScenarioMetrics& m) { return m.scale_error_percent; }},
+    {"held", "held", 2, [](const ScenarioMetrics& m) { return m.held_share; }},
+    {"2 sigma", "within_2_sigma", 2, [](const ScenarioMetrics& m) { return m.within_2_sigma; }},
+    {"ok unobservable", "ok_while_unobservable", 2,
+     [](const ScenarioMetrics& m) { return m.ok_while_unobservable; }},
 };
 
+/// The metric as text; `none` if it is not finite.
 std::string number(const Column& column, const ScenarioMetrics& metrics, const char* none) {
   const double value = column.value(metrics);
   if (!std::isfinite(value)) return none;
@@ -94,12 +95,12 @@ std::string terminalRow(const ScenarioRow& row, double seconds) {
 
 std::string ablationCell(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds) {
   const std::string violated = violatedThreshold(metrics, thresholds);
-  if (metrics.metric_frames == 0) return violated == "lost" ? "**lost**" : "**no start**";
+  if (metrics.metric_frames == 0) return violated == "lost" ? "**lost**" : "**no scale**";
   char text[64];
-  std::snprintf(text, sizeof text, "%.2f / %.2f / %.2f", metrics.rle_percent, metrics.held,
+  std::snprintf(text, sizeof text, "%.2f / %.2f / %.2f", metrics.rle_percent, metrics.held_share,
                 metrics.within_2_sigma);
   if (violated.empty()) return text;
-  if (violated == "ok hidden") {
+  if (violated == "ok while unobservable") {
     std::snprintf(text + std::strlen(text), sizeof text - std::strlen(text), " / %.2f",
                   metrics.ok_while_unobservable);
   }

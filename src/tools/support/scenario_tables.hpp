@@ -13,16 +13,18 @@ struct ScenarioRow {
   ScenarioMetrics metrics;
 };
 
+/// A table with a row per scenario.
 std::string scenariosMarkdown(const std::vector<ScenarioRow>& rows);
 
-/// An array with an object per scenario; null for missing values.
+/// A JSON array with an object per scenario; null for missing values.
 std::string scenariosJson(const std::vector<ScenarioRow>& rows);
 
 /// Heading and rows of the table on the terminal. seconds: computing time.
 std::string terminalHeading();
 std::string terminalRow(const ScenarioRow& row, double seconds);
 
-/// RLE % / held / 2 sigma; bold, with the reason, when a threshold is violated.
+/// "RLE % / held share / share within 2 sigma"; when a threshold is violated, in bold and followed
+/// by its name. Only "lost" or "no scale" if no frame has a metric pose.
 std::string ablationCell(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
 }  // namespace ground_scale_vo

@@ -38,11 +38,11 @@ constexpr const char* kDetails =
     R"(Files in DIR:
   run.json      frames, width, height [px], cores, and the settings of --set as one text
   timing.csv    as of run_sequence: milliseconds of every stage and frame
-  usage.csv     a line per frame: features tracked from the previous image; in milliseconds
-                decode_cpu, frame_cpu: processor time of decoding, and of front end and scale stage
-                without the mapping thread; publish: wall time of filling and serialising the
-                messages that the nodelets would publish; since the first frame began: wall_s, cpu_s
-                (processor time of all threads); rss_mb, peak_rss_mb [MiB]
+  usage.csv     a line per frame: features: number tracked from the previous image; decode_cpu,
+                frame_cpu: processor time of decoding, and of odometry and scale stage without the
+                mapping thread [ms]; publish: wall time of filling and serialising the messages that
+                the nodelets would publish [ms]; wall_s, cpu_s: wall time and processor time of all
+                threads since the start of the run [s]; rss_mb, peak_rss_mb: memory [MiB]
   baseline.csv  with --baseline, a line per frame from the second on: wall time of each step and of
                 all, and cpu, processor time of all, in milliseconds
 
@@ -54,8 +54,8 @@ struct Arguments : gsv::SequenceArguments {
   double image_scale = 1;
 };
 
-/// Restricts this process and its future threads to that many of the cores it may use. Throws
-/// OptionError when it may use fewer.
+/// Restricts this process and its future threads to the first `cores` of the cores that it may use.
+/// Throws OptionError when these are fewer.
 void useCores(int cores) {
   cpu_set_t allowed, wanted;
   CPU_ZERO(&wanted);
@@ -73,8 +73,9 @@ void useCores(int cores) {
   }
 }
 
-/// Fills and serialises what the nodelets would publish of the run's last frame. Returns the bytes.
-std::size_t publish(const gsv::OfflineRun& run, const gsv::OdometryFrames& frames) {
+/// Fills and serialises the messages that the nodelets would publish for the last frame of the run.
+/// Returns their size [bytes].
+std::size_t serialiseMessages(const gsv::OfflineRun& run, const gsv::OdometryFrames& frames) {
   using ros::serialization::serializeMessage;
   const gsv::VoFrame& frame = run.last().vo.frame;
   const gsv::ScaleRecovery::Output& scale = run.last().scale;
@@ -94,7 +95,8 @@ std::size_t publish(const gsv::OfflineRun& run, const gsv::OdometryFrames& frame
   return bytes;
 }
 
-/// The pixels of one frame that the pipeline tracked.
+/// Positions of the features of one frame that were tracked from the previous image, outliers
+/// included [px].
 using Pixels = std::vector<cv::Point2f>;
 
 Pixels trackedPixels(const gsv::VisualOdometry::Output& vo) {
@@ -104,17 +106,18 @@ Pixels trackedPixels(const gsv::VisualOdometry::Output& vo) {
   return pixels;
 }
 
-std::string runFacts(const gsv::RepeatedDrive& drive, const Arguments& arguments) {
+/// Content of run.json.
+std::string runJson(const gsv::RepeatedDrive& drive, const Arguments& arguments) {
   std::string settings;
   for (const std::string& setting : arguments.settings) {
     settings += (settings.empty() ? "" : " ") + setting;
   }
-  const nlohmann::ordered_json facts{{"frames", drive.size()},
-                                     {"width", drive.camera().width},
-                                     {"height", drive.camera().height},
-                                     {"cores", arguments.cores},
-                                     {"settings", settings}};
-  return facts.dump() + "\n";
+  const nlohmann::ordered_json json{{"frames", drive.size()},
+                                    {"width", drive.camera().width},
+                                    {"height", drive.camera().height},
+                                    {"cores", arguments.cores},
+                                    {"settings", settings}};
+  return json.dump() + "\n";
 }
 
 /// Runs the pipeline over the drive and writes run.json, timing.csv and usage.csv. Returns each
@@ -136,7 +139,7 @@ std::vector<Pixels> measurePipeline(const gsv::RepeatedDrive& drive, const Argum
     const gsv::RunFrame& frame = run.process(image.image, drive.stampNs(i), image.decode_ms);
     const double frame_cpu_ms = gsv::threadCpuMs() - frame_cpu_begin;
     const gsv::Stopwatch watch;
-    if (publish(run, frames) == 0) throw std::logic_error("messages without bytes");
+    if (serialiseMessages(run, frames) == 0) throw std::logic_error("messages without bytes");
     const double publish_ms = watch.ms();
     const gsv::VisualOdometry::Output& vo = run.last().vo;
     if (arguments.baseline) pixels.push_back(trackedPixels(vo));
@@ -147,7 +150,7 @@ std::vector<Pixels> measurePipeline(const gsv::RepeatedDrive& drive, const Argum
     progress.show(frame);
   }
   const fs::path out = arguments.out;
-  gsv::writeFile(out / "run.json", runFacts(drive, arguments));
+  gsv::writeFile(out / "run.json", runJson(drive, arguments));
   gsv::writeFile(out / "timing.csv", gsv::timingCsv(run.record()));
   gsv::writeFile(out / "usage.csv", usage.str());
   return pixels;

@@ -34,7 +34,8 @@ struct Arguments {
   double camera_height = 0;
 };
 
-/// Calls read(message) for each message of a bag. Throws DataError.
+/// Calls read(rosbag::MessageInstance) for each message of a bag on these topics; nullptr: on all.
+/// Throws DataError.
 template <typename Read>
 void forEachMessage(const std::string& file, const rosbag::TopicQuery* topics, const Read& read) {
   if (!std::filesystem::is_regular_file(file)) throw gsv::DataError("there is no bag " + file);
@@ -119,9 +120,10 @@ void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
   }
 }
 
-/// Prints how many frames were processed. Returns the first frame with a metric pose. Throws
-/// DataError when there is none.
-std::size_t firstMetricFrame(const Played& played, const Recorded& recorded) {
+/// Prints how many images gave a result. Returns the index of the first image with a metric pose.
+/// Throws DataError when there is none.
+std::size_t firstMetricFrame(const Arguments& arguments, const Played& played,
+                             const Recorded& recorded) {
   std::size_t first = 0, scales = 0;
   for (const std_msgs::Header& image : played.images) scales += recorded.scales.count(image.stamp);
   while (first < played.images.size() && recorded.metric.count(played.images[first].stamp) == 0) {
@@ -132,7 +134,10 @@ std::size_t firstMetricFrame(const Played& played, const Recorded& recorded) {
       "%zu images in, %zu frames out of both nodelets, %zu lost on the way; %s\n",
       played.images.size(), scales, played.images.size() - scales,
       any ? ("first metric pose at frame " + std::to_string(first)).c_str() : "no metric pose");
-  if (!any) throw gsv::DataError("no scale was found, so there is nothing to compare");
+  if (!any) {
+    throw gsv::DataError("no image of " + arguments.played + " has a metric pose in " +
+                         arguments.recorded);
+  }
   return first;
 }
 
@@ -142,7 +147,7 @@ void evaluate(const Arguments& arguments) {
   Recorded recorded;
   readRecorded(arguments, recorded);
 
-  const std::size_t first = firstMetricFrame(played, recorded);
+  const std::size_t first = firstMetricFrame(arguments, played, recorded);
   const auto& first_odometry = *recorded.metric.at(played.images[first].stamp);
   const bool is_camera = first_odometry.child_frame_id == played.images[first].frame_id;
   const Eigen::Isometry3d T_b0_odom = gsv::fromMsg(first_odometry.pose.pose).inverse();

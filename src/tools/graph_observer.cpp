@@ -26,7 +26,7 @@ namespace gsv = ground_scale_vo;
 
 namespace {
 
-constexpr std::uint32_t kQueue = 1000;
+constexpr std::uint32_t kQueue = 1000;  // [messages]
 
 struct Arguments {
   std::string out, manager = "ground_scale_vo_manager";
@@ -37,17 +37,20 @@ class Observer {
   explicit Observer(const Arguments& arguments) : manager_(arguments.manager) {
     const auto hints = ros::TransportHints().tcpNoDelay();
     image_ = handle_.subscribe<sensor_msgs::Image>(
-        "image", kQueue, [this](const auto& message) { note(message->header.stamp, &Line::image); },
-        {}, hints);
+        "image", kQueue,
+        [this](const auto& message) { recordArrival(message->header.stamp, &Line::image); }, {},
+        hints);
     frame_ = handle_.subscribe<gsv::VoFrameMsg>(
         "vo/frame", kQueue, [this](const auto& message) { onFrame(message->header.stamp); }, {},
         hints);
     scale_ = handle_.subscribe<gsv::ScaleEstimateMsg>(
-        "scale", kQueue, [this](const auto& message) { note(message->header.stamp, &Line::scale); },
-        {}, hints);
+        "scale", kQueue,
+        [this](const auto& message) { recordArrival(message->header.stamp, &Line::scale); }, {},
+        hints);
     odometry_ = handle_.subscribe<nav_msgs::Odometry>(
         "odometry", kQueue,
-        [this](const auto& message) { note(message->header.stamp, &Line::odometry); }, {}, hints);
+        [this](const auto& message) { recordArrival(message->header.stamp, &Line::odometry); }, {},
+        hints);
   }
 
   std::string csv() const {
@@ -64,18 +67,19 @@ class Observer {
 
  private:
   struct Line {
-    double image = NAN, frame = NAN, scale = NAN, odometry = NAN;  // [s] since the start
-    gsv::ProcessUsage usage;
+    // Arrival times since the start of this program [s]; NaN: not arrived.
+    double image = NAN, frame = NAN, scale = NAN, odometry = NAN;
+    gsv::ProcessUsage usage;  // of the manager when vo/frame arrived
   };
 
-  Line& note(const ros::Time& stamp, double Line::*what) {
+  Line& recordArrival(const ros::Time& stamp, double Line::*time) {
     Line& line = lines_[stamp];
-    line.*what = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+    line.*time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
     return line;
   }
 
   void onFrame(const ros::Time& stamp) {
-    Line& line = note(stamp, &Line::frame);
+    Line& line = recordArrival(stamp, &Line::frame);
     if (!process_) process_ = gsv::processOf(manager_);
     if (process_) line.usage = gsv::processUsage(*process_);
   }
@@ -83,7 +87,7 @@ class Observer {
   const std::string manager_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   ros::NodeHandle handle_;
-  std::optional<pid_t> process_;
+  std::optional<pid_t> process_;  // of the manager
   std::map<ros::Time, Line> lines_;
   ros::Subscriber image_, frame_, scale_, odometry_;
 };
@@ -108,11 +112,12 @@ int main(int argc, char** argv) {
       "graph_observer",
       "Subscribes to `image`, `vo/frame`, `scale` and `odometry` until it is interrupted (SIGINT), "
       "then\n"
-      "writes FILE: a line per image, by stamp, with the wall time [s] at which it and the "
-      "messages\n"
-      "computed from it arrived (nan: never). Takes ROS remappings. Waits for a ROS master, and "
-      "prints\n"
-      "\"listening\" to stdout when it is subscribed.",
+      "writes FILE: a line per image, by stamp, with the wall time [s] since the start of this "
+      "program at\n"
+      "which it and the messages computed from it arrived (nan: never). Takes ROS remappings. "
+      "Waits for a ROS "
+      "master,\n"
+      "and prints \"listening\" to stdout when it has subscribed.",
       "Exit status: 0 done, 1 FILE cannot be written, 2 the arguments cannot be used.");
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&arguments.out, "FILE"),

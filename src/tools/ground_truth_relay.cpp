@@ -20,11 +20,12 @@ namespace gsv = ground_scale_vo;
 
 namespace {
 
-constexpr std::uint32_t kQueue = 1000;
+constexpr std::uint32_t kQueue = 1000;  // [messages]
+// The defaults of ScaleRecovery's path_max_poses and path_spacing_m.
 constexpr std::size_t kPathPoses = 5000;
 constexpr double kPathSpacing = 0.5;     // [m]
 constexpr std::size_t kMaxPending = 50;  // estimates that wait for their ground truth
-constexpr double kClockJump = 1.0;       // [s]
+constexpr double kClockJump = 1.0;       // stamps that go back by more belong to a looped bag [s]
 
 class GroundTruthRelay {
  public:
@@ -49,7 +50,7 @@ class GroundTruthRelay {
 
   void onOdometry(const nav_msgs::OdometryConstPtr& odometry) {
     const ros::Time& stamp = odometry->header.stamp;
-    if ((last_stamp_ - stamp).toSec() > kClockJump) {  // a looped bag
+    if ((last_stamp_ - stamp).toSec() > kClockJump) {
       T_odom_root_.reset();
       pending_.clear();
       path_.clear();

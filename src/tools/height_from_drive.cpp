@@ -28,7 +28,8 @@ namespace po = boost::program_options;
 
 namespace {
 
-/// The camera height of the run. Its value does not matter: the scale is linear in it.
+/// The camera height [m] with which the odometry runs. Its value does not matter: the scale is
+/// proportional to it.
 constexpr double kNominalHeight = 1;
 
 constexpr double kMaxLength = 1e7;  // [m]
@@ -43,9 +44,10 @@ struct Arguments {
   std::vector<std::string> settings;
 };
 
+/// Runs the pipeline over the chosen part of a KITTI folder; the result has no fixes.
 gsv::BagDrive runSequence(const Arguments& arguments) {
   const gsv::KittiSequence sequence(arguments.sequence);
-  std::vector<std::size_t> chosen;
+  std::vector<std::size_t> chosen;  // images between --from and --to
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     const double s = 1e-9 * static_cast<double>(sequence.stampNs(i) - sequence.stampNs(0));
     if (s >= arguments.bag.from_s && s <= arguments.bag.to_s) chosen.push_back(i);
@@ -141,7 +143,7 @@ void check(Arguments* arguments) {
   if (!bag.gps.empty() && bag.bag.empty()) {
     throw gsv::OptionError("--gps needs --bag: a KITTI folder has no fixes");
   }
-  if (bag.to_s <= bag.from_s) throw gsv::OptionError("--to lies before --from");
+  if (bag.to_s <= bag.from_s) throw gsv::OptionError("--to must be greater than --from");
   if (bag.camera_info.empty()) {
     bag.camera_info = bag.image.substr(0, bag.image.rfind('/') + 1) + "camera_info";
   }
@@ -152,7 +154,7 @@ void check(Arguments* arguments) {
   arguments->options.validate();
 }
 
-/// A number in [min, max] without a default.
+/// A number in [min, max]; without the option *target stays empty.
 po::typed_value<double>* numberOrNone(const char* option, std::optional<double>* target, double min,
                                       double max) {
   return po::value<double>()->value_name("M")->notifier([=](double value) {

@@ -33,7 +33,7 @@ namespace {
 constexpr int kMaxInteger = 1000000;
 
 struct Settings {
-  std::string folder, scenario;
+  std::string folder, scenario;  ///< scenario: empty for the default drive
   gsv::SyntheticDrive::Options drive;
   /// Changes requested by the given options; applied to the scenario or to the defaults.
   std::vector<std::function<void()>> changes;

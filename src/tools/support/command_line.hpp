@@ -63,7 +63,7 @@ po::typed_value<T>* optionalValue(T* target, const char* unit) {
   return po::value<T>(target)->default_value(*target, text.str())->value_name(unit);
 }
 
-/// A value without which the tool refuses to run.
+/// A value without which the command line is refused.
 template <typename T>
 po::typed_value<T>* requiredValue(T* target, const char* unit) {
   return po::value<T>(target)->required()->value_name(unit);

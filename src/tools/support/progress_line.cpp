@@ -8,6 +8,7 @@
 namespace ground_scale_vo {
 namespace {
 
+// Shortest time between two updates, on a terminal and in a log.
 constexpr std::chrono::milliseconds kTerminalPeriod(200);
 constexpr std::chrono::seconds kLogPeriod(10);
 
@@ -49,8 +50,8 @@ void ProgressLine::pause(const std::function<void()>& print) {
   std::fflush(stdout);
 }
 
-void ProgressLine::end(const char* how) {
-  if (is_terminal_ && is_open_) std::fputs(how, stderr);
+void ProgressLine::end(const char* terminator) {
+  if (is_terminal_ && is_open_) std::fputs(terminator, stderr);
   is_open_ = false;
 }
 

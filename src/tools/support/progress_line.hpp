@@ -30,7 +30,8 @@ class ProgressLine {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void end(const char* how);
+  /// Leaves the progress line, if the cursor is on it, by writing the terminator.
+  void end(const char* terminator);
 
   const std::string name_;
   const std::size_t total_;

@@ -1,8 +1,11 @@
-// Runs a target without libFuzzer on mutations of its corpus, reproducibly for a seed.
+// Runs a fuzz target without libFuzzer on mutations of its corpus, reproducibly for a seed.
 //
-//   X_fuzz [--iterations N] [--seed S]  N mutated inputs (default: the number of the target, seed
-//   1) X_fuzz --write-corpus DIR           writes the corpus as files, for libFuzzer X_fuzz FILE...
-//   runs these inputs only
+//   X_fuzz [--iterations N] [--seed S]
+//       runs the corpus and N mutated inputs (defaults: Plan::iterations, seed 1)
+//   X_fuzz FILE...
+//       runs these inputs only
+//   X_fuzz --write-corpus DIR
+//       writes the corpus as files, for libFuzzer
 //
 // An input that crashes the process is kept in the file X_fuzz.input.
 
@@ -22,13 +25,15 @@
 namespace ground_scale_vo::fuzz {
 namespace {
 
-int iterations = -1;
+int iterations = -1;  // negative: Plan::iterations
 std::uint64_t seed = 1;
 std::vector<std::string> files;
 
-std::string input_file;  // keeps the input that crashes the process
-const std::string* under_test = nullptr;
+std::string input_file;                   // keeps the input that crashes the process
+const std::string* under_test = nullptr;  // the input that is being run
 
+/// Signal handler: writes the input under test to input_file, then ends the process as the signal
+/// does by default.
 extern "C" void keepInput(int signal) {
   std::signal(signal, SIG_DFL);
   const int file = open(input_file.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0644);
@@ -52,7 +57,8 @@ void run(const std::string& input) {
   under_test = nullptr;
 }
 
-/// Mutations for parsers and readers of numbers.
+/// Mutates inputs of a corpus, with tokens that are edge cases for parsers of numbers and of KITTI
+/// files.
 class Mutator {
  public:
   Mutator(std::vector<std::string> corpus, std::uint64_t random_seed)
@@ -61,13 +67,14 @@ class Mutator {
   std::string next() {
     std::string input = corpus_[below(corpus_.size())];
     for (std::size_t k = below(6) + 1; k > 0; --k) mutate(&input);
-    if (input.size() > kLongest) input.resize(kLongest);
+    if (input.size() > kMaxSize) input.resize(kMaxSize);
     return input;
   }
 
  private:
-  static constexpr std::size_t kLongest = 1u << 16;
+  static constexpr std::size_t kMaxSize = 1u << 16;  // [bytes]
 
+  /// Random number in [0, count); 0 if count is 0.
   std::size_t below(std::size_t count) { return count == 0 ? 0 : random_() % count; }
 
   void mutate(std::string* input) {
@@ -105,7 +112,7 @@ class Mutator {
         break;
       }
       case 6:
-      case 7: {  // a word of a text
+      case 7: {  // replaces a word of a text
         const char* const blank = " \t\r\n=";
         const std::size_t begin = std::min(input->find_first_not_of(blank, at), input->size());
         const std::size_t end = std::min(input->find_first_of(blank, begin), input->size());
@@ -124,7 +131,7 @@ class Mutator {
   std::mt19937_64 random_;
 };
 
-TEST(Fuzz, EndsWellWhateverTheInput) {
+TEST(Fuzz, HandlesEveryInput) {
   for (const std::string& file : files) {
     std::ifstream stream(file, std::ios::binary);
     ASSERT_TRUE(stream) << file;

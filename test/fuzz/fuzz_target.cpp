@@ -19,7 +19,7 @@ class Scratch {
     const fs::path memory = "/dev/shm";
     const fs::path parent = fs::is_directory(memory) ? memory : fs::temp_directory_path();
     std::string pattern = (parent / "gsv_fuzz_XXXXXX").string();
-    require(mkdtemp(pattern.data()) != nullptr, "a scratch folder can be made");
+    require(mkdtemp(pattern.data()) != nullptr, "the scratch folder can be created");
     folder_ = pattern;
   }
   ~Scratch() {
@@ -38,7 +38,7 @@ class Scratch {
 
 void require(bool holds, const char* what) {
   if (holds) return;
-  std::fprintf(stderr, "does not hold: %s\n", what);
+  std::fprintf(stderr, "check failed: %s\n", what);
   std::abort();
 }
 
@@ -83,9 +83,9 @@ double Input::number() {
   return choice < kCount ? kNumbers[choice] : take<double>();
 }
 
-std::string Input::text(std::size_t longest) {
+std::string Input::text(std::size_t max_size) {
   std::string text;
-  for (std::size_t length = below(longest + 1); length > 0; --length) text += take<char>();
+  for (std::size_t length = below(max_size + 1); length > 0; --length) text += take<char>();
   return text;
 }
 

@@ -20,19 +20,21 @@ struct Plan {
 };
 Plan plan();  ///< defined by each target
 
-/// Aborts with a message if the condition does not hold.
+/// Aborts with a message if the condition does not hold. what: the condition in words.
 void require(bool holds, const char* what);
 
 /// Temporary folder of this process, in memory if possible; removed at exit.
 const std::string& scratchFolder();
+/// Writes a file in the scratch folder.
 void writeScratch(const std::string& name, const std::uint8_t* data, std::size_t size);
 
-/// Reads an input from its front; zeros after its end.
+/// Decodes an input from front to end; after its end all values are zero.
 class Input {
  public:
   Input(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
 
   bool empty() const { return size_ == 0; }
+  /// The next bytes as a number.
   template <typename Number>
   Number take() {
     static_assert(std::is_arithmetic_v<Number>);
@@ -46,7 +48,7 @@ class Input {
   std::size_t below(std::size_t count) { return take<std::uint16_t>() % count; }
   /// Edge-case numbers: extreme, not finite, or any bit pattern.
   double number();
-  std::string text(std::size_t longest);
+  std::string text(std::size_t max_size);
 
  private:
   void skip(std::size_t bytes) {

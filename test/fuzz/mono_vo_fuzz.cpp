@@ -1,6 +1,6 @@
 // The processing of MonoVo: camera_info and image in, vo/frame and its other topics out. An input
-// is a list of messages: an even byte is the next image of a drive, unchanged, an odd one an
-// invalid message.
+// is a list of messages: an even byte is the next image of a drive, unchanged, an odd one an image
+// or camera_info with random changes.
 
 #include <ros/serialization.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -84,6 +84,7 @@ sensor_msgs::Image imageMessage(std::size_t i, std::int64_t stamp_ns) {
   return image;
 }
 
+/// Changes one property of the message.
 void spoil(sensor_msgs::Image* image, Input* input) {
   namespace enc = sensor_msgs::image_encodings;
   static const std::string kEncodings[] = {enc::MONO8,
@@ -113,7 +114,7 @@ void spoil(sensor_msgs::Image* image, Input* input) {
     case 0:
       image->encoding = kEncodings[input->below(std::size(kEncodings))];
       break;
-    case 1: {  // a whole one of another encoding
+    case 1: {  // another encoding, with data as long as step and height say
       image->encoding = kEncodings[input->below(std::size(kEncodings))];
       image->step = image->width * (1 + static_cast<std::uint32_t>(input->below(8)));
       image->data.resize(image->step * image->height, input->take<std::uint8_t>());
@@ -136,7 +137,7 @@ void spoil(sensor_msgs::Image* image, Input* input) {
     case 6:
       image->data.resize(input->below(100000));
       break;
-    case 7: {  // something covers part of the image
+    case 7: {  // a part of the pixels gets one value
       const std::size_t begin = input->below(image->data.size() + 1);
       const std::size_t end = begin + input->below(image->data.size() - begin + 1);
       const auto value = input->take<std::uint8_t>();
@@ -149,6 +150,7 @@ void spoil(sensor_msgs::Image* image, Input* input) {
   }
 }
 
+/// Changes one property of the message.
 void spoil(sensor_msgs::CameraInfo* info, Input* input) {
   namespace models = sensor_msgs::distortion_models;
   static const std::string kModels[] = {
@@ -187,9 +189,9 @@ void spoil(sensor_msgs::CameraInfo* info, Input* input) {
   }
 }
 
-/// A message from bytes as a broken sender could put them on the wire.
+/// Deserialises random bytes, as a faulty publisher could send them. False if that fails.
 template <typename Message>
-bool deserialised(Message* message, Input* input) {
+bool deserialise(Message* message, Input* input) {
   std::vector<std::uint8_t> bytes(1 + input->below(400));  // roscpp never hands over nullptr
   for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
   try {
@@ -201,7 +203,8 @@ bool deserialised(Message* message, Input* input) {
   return true;
 }
 
-std::int64_t step(Input* input) {
+/// Time to the stamp of the next message [ns].
+std::int64_t stampStep(Input* input) {
   constexpr std::int64_t kMs = 1000000;
   constexpr std::int64_t kSteps[] = {0,
                                      1,
@@ -233,7 +236,7 @@ Plan plan() {
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace ground_scale_vo;
   using namespace ground_scale_vo::fuzz;
-  constexpr std::int64_t kLatest = 4294967295ll * 1000000000;
+  constexpr std::int64_t kLatest = 4294967295ll * 1000000000;  // of ros::Time [ns]
   constexpr int kMaxMessages = 40;
   Input input(data, size);
   MonoVo mono_vo(input.below(4) == 1);
@@ -242,14 +245,14 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   std::size_t next = 0;
   for (int k = 0; k < kMaxMessages && !input.empty(); ++k) {
     const auto kind = input.take<std::uint8_t>();
-    stamp_ns += kind % 2 == 0 || kind % 16 < 12 ? 100000000 : step(&input);
+    stamp_ns += kind % 2 == 0 || kind % 16 < 12 ? 100000000 : stampStep(&input);
     stamp_ns = std::clamp<std::int64_t>(stamp_ns, 0, kLatest);
     if (kind % 2 == 0) {
       mono_vo.onImage(imageMessage(next++, stamp_ns));
     } else if (kind % 8 == 3) {
       sensor_msgs::CameraInfo info = toCameraInfo(smallDrive().camera);
       if (kind >= 240) {
-        if (!deserialised(&info, &input)) continue;
+        if (!deserialise(&info, &input)) continue;
       } else {
         for (std::size_t n = input.below(3); n > 0; --n) spoil(&info, &input);
       }
@@ -257,7 +260,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     } else {
       sensor_msgs::Image image = imageMessage(next++, stamp_ns);
       if (kind >= 240) {
-        if (!deserialised(&image, &input)) continue;
+        if (!deserialise(&image, &input)) continue;
       } else {
         for (std::size_t n = input.below(3) + 1; n > 0; --n) spoil(&image, &input);
       }

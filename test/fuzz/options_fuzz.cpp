@@ -1,8 +1,7 @@
-// --set GROUP/NAME=VALUE, and the numbers of the command line.
+// The option --set GROUP/NAME=VALUE of the tools.
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 
@@ -25,7 +24,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   } catch (const OptionError&) {
     return 0;
   }
-  // One option inside its range may still not fit to another one.
+  // An option within its range may still contradict another one.
   try {
     options.validate();
   } catch (const OptionError&) {

@@ -1,4 +1,4 @@
-// Parameter trees that a nodelet may read.
+// Parameter trees as the nodelets read them.
 
 #include <XmlRpcValue.h>
 
@@ -23,6 +23,7 @@ std::vector<std::string> namesOf() {
   return names;
 }
 
+/// A random value. depth: largest number of nested lists and groups.
 XmlRpcValue value(Input* input, int depth) {
   switch (input->below(depth > 0 ? 8 : 6)) {
     case 0:
@@ -53,7 +54,7 @@ XmlRpcValue value(Input* input, int depth) {
   }
 }
 
-/// A tree with some of the names, most values valid types.
+/// A tree with random values for some of the names, and for a few unknown ones.
 XmlRpcValue tree(Input* input, const std::vector<std::string>& names) {
   XmlRpcValue root;
   root["camera_height"] = 1.65;

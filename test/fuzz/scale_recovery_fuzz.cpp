@@ -1,6 +1,6 @@
 // The processing of ScaleRecovery: vo/frame of any odometry and the image in, its topics out. An
-// input is a list of frames: an even byte is the next frame of a drive, unchanged, an odd one an
-// invalid frame.
+// input is a list of frames: an even byte is the next frame of a drive, unchanged, an odd one a
+// frame with random changes.
 
 #include <ros/serialization.h>
 
@@ -54,8 +54,9 @@ class Scale {
     const auto verdict = guard_.check(message.header.stamp);
     if (verdict == StampGuard::Verdict::kDrop) return;
     if (verdict == StampGuard::Verdict::kJumpedBack) recovery_.reset();
-    const bool is_of_frame = image.cols == frame.camera.width && image.rows == frame.camera.height;
-    const auto output = recovery_.process(frame, is_of_frame ? image : cv::Mat());
+    const bool has_same_size =
+        image.cols == frame.camera.width && image.rows == frame.camera.height;
+    const auto output = recovery_.process(frame, has_same_size ? image : cv::Mat());
     check(*toMsg(output.scale, frame.map_id, message.header));
     for (const Eigen::Vector3f& point : output.ground_points_c) {
       require(point.allFinite(), "ground points are finite");
@@ -77,7 +78,7 @@ class Scale {
     for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
     check(*toPointCloud(metric, message.header));
     for (const auto& marker : toPlaneMarkers(output.scale, message.header)) {
-      require(isPose(marker->pose), "the marker's pose is one");
+      require(isPose(marker->pose), "the pose of the marker is valid");
       for (const auto& point : marker->points) {
         require(std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z),
                 "the marker is finite");
@@ -96,12 +97,14 @@ class Scale {
   StampGuard guard_{1.0};
 };
 
+/// One of the six arrays of numbers, in the order of the message: u, v, x, y, z, depth_sigma.
 std::vector<float>* arrayOf(VoFrameMsg* frame, std::size_t i) {
   std::vector<float>* const arrays[] = {&frame->u, &frame->v, &frame->x,
                                         &frame->y, &frame->z, &frame->depth_sigma};
   return arrays[i % std::size(arrays)];
 }
 
+/// Changes one property of the message.
 void spoil(VoFrameMsg* frame, Input* input) {
   double* const numbers[] = {&frame->fx,
                              &frame->fy,
@@ -127,12 +130,12 @@ void spoil(VoFrameMsg* frame, Input* input) {
         (*array)[input->below(array->size())] = static_cast<float>(input->number());
       }
       break;
-    case 4: {  // all the same: one point, a line, a plane, behind the camera
+    case 4: {  // one value for all features, e.g. points in a plane or behind the camera
       const auto value = static_cast<float>(input->number());
       std::fill(array->begin(), array->end(), value);
       break;
     }
-    case 5: {  // another unit of length, or a mirror
+    case 5: {  // one coordinate of all features scaled or mirrored
       const auto factor = static_cast<float>(input->number());
       for (float& value : *array) value *= factor;
       break;
@@ -140,7 +143,7 @@ void spoil(VoFrameMsg* frame, Input* input) {
     case 6:
       for (std::size_t i = 0; i < 6; ++i) arrayOf(frame, i)->resize(input->below(40));
       break;
-    case 7: {  // few
+    case 7: {  // few features
       const std::size_t count = std::min(frame->id.size(), input->below(12));
       frame->id.resize(count);
       frame->age.resize(count);
@@ -164,7 +167,7 @@ void spoil(VoFrameMsg* frame, Input* input) {
         frame->id[input->below(frame->id.size())] = input->take<std::uint64_t>();
       }
       break;
-    case 12: {  // everything in another unit of length
+    case 12: {  // all lengths in another unit
       const auto factor = input->number();
       for (std::size_t i = 2; i < 6; ++i) {
         for (float& value : *arrayOf(frame, i)) {
@@ -182,8 +185,8 @@ void spoil(VoFrameMsg* frame, Input* input) {
   }
 }
 
-/// A frame from bytes as a broken sender could put them on the wire.
-bool deserialised(VoFrameMsg* frame, Input* input) {
+/// Deserialises random bytes, as a faulty publisher could send them. False if that fails.
+bool deserialise(VoFrameMsg* frame, Input* input) {
   std::vector<std::uint8_t> bytes(1 + input->below(600));  // roscpp never hands over nullptr
   for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
   try {
@@ -214,7 +217,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   constexpr int kMaxMessages = 40;
   Input input(data, size);
   const auto flags = input.take<std::uint8_t>();
-  Scale scale(flags % 8 == 1);
+  Scale scale(flags % 8 == 1);  // paper_literal
   const bool with_images = flags % 2 == 0;
   std::size_t next = 0;
   for (int k = 0; k < kMaxMessages && !input.empty(); ++k) {
@@ -223,7 +226,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     VoFrameMsg frame = frames()[i];
     if (kind % 2 == 1) {
       if (kind >= 240) {
-        if (!deserialised(&frame, &input)) continue;
+        if (!deserialise(&frame, &input)) continue;
       } else {
         for (std::size_t n = input.below(3) + 1; n > 0; --n) spoil(&frame, &input);
       }

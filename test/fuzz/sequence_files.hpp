@@ -29,22 +29,23 @@ inline void makeSequence() {
   static_cast<void>(kMade);
 }
 
-/// Writes one file of the sequence and reads the whole. What is read is what the headers promise.
+/// Replaces one file of the sequence and reads the sequence: either its data are valid, or one
+/// sentence says what is wrong.
 inline void readSequenceWith(const char* file, const std::uint8_t* data, std::size_t size) {
   makeSequence();
   writeScratch(file, data, size);
   try {
     const KittiSequence sequence(scratchFolder());
     sequence.camera().validate();
-    require(sequence.stampNs(0) < sequence.stampNs(1), "stamps grow");
+    require(sequence.stampNs(0) < sequence.stampNs(1), "stamps increase");
     for (const Eigen::Isometry3d& pose : sequence.groundTruth()) {
-      require(pose.matrix().allFinite(), "true poses are finite");
+      require(pose.matrix().allFinite(), "ground truth poses are finite");
     }
   } catch (const DataError& error) {
-    const std::string sentence = error.what();
-    require(sentence.find(file) != std::string::npos || sentence.find("has ") != std::string::npos,
-            "the refusal names the file");
-    require(sentence.find('\n') == std::string::npos, "the refusal is one sentence");
+    const std::string text = error.what();
+    require(text.find(file) != std::string::npos || text.find("has ") != std::string::npos,
+            "the error names the file");
+    require(text.find('\n') == std::string::npos, "the error is one line");
   }
 }
 

@@ -14,6 +14,7 @@ struct SmallDrive {
   std::vector<std::int64_t> stamps_ns;
 };
 
+/// Rendered at the first call.
 inline const SmallDrive& smallDrive() {
   static const SmallDrive kDrive = [] {
     SyntheticDrive::Options options;
@@ -24,6 +25,7 @@ inline const SmallDrive& smallDrive() {
     small.camera = drive.camera();
     for (std::size_t i = 0; i < drive.size(); ++i) {
       small.images.push_back(drive.image(i));
+      // Starts at 1 s: a stamp of 0 means "no stamp" in ROS.
       small.stamps_ns.push_back(drive.frame(i).stamp_ns + 1000000000);
     }
     return small;

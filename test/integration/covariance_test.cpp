@@ -49,7 +49,8 @@ Options shortDrive(std::size_t i) {
   return options;
 }
 
-/// End-point error and its sigma, projected on the start-end direction.
+/// Error of the last position and its sigma, both along the line from the first to the last
+/// position of the ground truth.
 struct EndPoint {
   double distance = 0, error = 0, sigma = 0;  ///< [m]
   double normalisedError() const { return error / sigma; }
@@ -68,6 +69,7 @@ struct EndPoints {
   EndPoint since_scale;  ///< from the first metric pose, without the motion before it
 };
 
+/// Empty without a metric pose at the end, or when the odometry had to start a second map.
 std::optional<EndPoints> runDrive(const Options& drive_options) {
   const SyntheticDrive drive(drive_options);
   ScaleRecovery::Options options;
@@ -108,7 +110,7 @@ double rms(const std::vector<double>& values) {
   return std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-TEST(Covariance, IsNotOverconfidentAlongTheChord) {
+TEST(Covariance, IsNotOverconfidentAboutTheLastPosition) {
   std::vector<double> whole, since_scale;
   std::printf("%-20s error, sigma [m], normalised: %-21s since the first scale\n", "",
               "as published");
@@ -126,7 +128,7 @@ TEST(Covariance, IsNotOverconfidentAlongTheChord) {
   }
   std::printf("RMS normalised error: %.2f, since the first scale %.2f\n", rms(whole),
               rms(since_scale));
-  // For a consistent covariance the RMS normalised error is 1; with eight samples it scatters by up
+  // For a consistent covariance the RMS normalised error is 1; with eight samples it varies by up
   // to a factor of two. Known limitation: the target is 0.3 to 2, the values are 0.24 and 0.18. On
   // easy drives sigma is conservative, because the scale of a new map is uncertain by some per cent
   // on difficult ones.

@@ -17,16 +17,18 @@
 
 namespace ground_scale_vo {
 
-/// A program started by the test; killed in the destructor. Records its output.
+/// A program started by the test in its own process group, which the destructor kills. Records its
+/// stdout and stderr.
 class ChildProcess {
  public:
-  explicit ChildProcess(std::vector<std::string> words) {
+  /// command_line: program and arguments.
+  explicit ChildProcess(std::vector<std::string> command_line) {
     std::string name = std::filesystem::temp_directory_path() / "ground_scale_vo_child_XXXXXX";
     const int file = mkstemp(name.data());
     if (file < 0) throw std::runtime_error("no temporary file");
     log_ = name;
     std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
+    for (std::string& word : command_line) argv.push_back(word.data());
     argv.push_back(nullptr);
     pid_ = fork();
     if (pid_ == 0) {
@@ -49,6 +51,7 @@ class ChildProcess {
   ChildProcess& operator=(const ChildProcess&) = delete;
 
   pid_t pid() const { return pid_; }
+  /// Sends a signal to the program only, not to its process group.
   void send(int signal) const {
     if (!status_) kill(pid_, signal);
   }

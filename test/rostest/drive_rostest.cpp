@@ -27,7 +27,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kCameraHeight = 1.65;
-constexpr std::int64_t kStartNs = 1000000000000;
+constexpr std::int64_t kStartNs = 1000000000000;  // stamp of the first image
 
 SyntheticDrive::Options driveOptions() {
   SyntheticDrive::Options options;
@@ -36,7 +36,7 @@ SyntheticDrive::Options driveOptions() {
   return options;
 }
 
-/// The drive through the nodelets and through the offline run.
+/// Sends the drive through the nodelets and through the offline run, and records the results.
 struct PlayedDrive {
   explicit PlayedDrive(ros::NodeHandle& handle)
       : drive(driveOptions()),
@@ -76,7 +76,7 @@ struct PlayedDrive {
       infos.publish(info);
       images.publish(image);
       offline.process(grey, toNanoseconds(image->header.stamp));
-      // The next image only when this one has come out: no frame is dropped.
+      // Wait for the result before the next image, so that no frame is dropped.
       ASSERT_TRUE(scales.waitForStamp(image->header.stamp)) << "frame " << i;
     }
     const ros::Time last = header(drive.size() - 1).stamp;
@@ -114,7 +114,7 @@ struct PlayedDrive {
   ros::Publisher images, infos;
 };
 
-/// Played once; every test looks at the same run.
+/// The drive is played once; all tests check the same run.
 class Drive : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -130,7 +130,7 @@ class Drive : public testing::Test {
 
 std::unique_ptr<PlayedDrive> Drive::run_;
 
-TEST_F(Drive, EveryImageComesOutOnceInOrder) {
+TEST_F(Drive, EveryImageGivesOneFrameAndOneScaleInOrder) {
   const auto frame_messages = run.frames.messages();
   const auto scale_messages = run.scales.messages();
   ASSERT_EQ(frame_messages.size(), run.drive.size());
@@ -143,7 +143,7 @@ TEST_F(Drive, EveryImageComesOutOnceInOrder) {
   }
 }
 
-TEST_F(Drive, TheOfflineRunGivesTheSame) {
+TEST_F(Drive, ResultsEqualThoseOfTheOfflineRun) {
   const auto& records = run.offline.record().frames();
   const auto scale_messages = run.scales.messages();
   ASSERT_EQ(records.size(), scale_messages.size());
@@ -165,7 +165,9 @@ TEST_F(Drive, TheOfflineRunGivesTheSame) {
   }
 }
 
-TEST_F(Drive, TheImagesAreUsed) { EXPECT_TRUE(waitForValue(run.diagnostics, "images", "used")); }
+TEST_F(Drive, ScaleRecoveryUsesTheImages) {
+  EXPECT_TRUE(waitForValue(run.diagnostics, "images", "used"));
+}
 
 TEST_F(Drive, NothingMetricBeforeTheFirstScale) {
   const auto scale_messages = run.scales.messages();
@@ -183,7 +185,7 @@ TEST_F(Drive, NothingMetricBeforeTheFirstScale) {
   EXPECT_GE(run.tf.messages().front()->transforms.at(0).header.stamp, first_scale);
 }
 
-TEST_F(Drive, TheMetresAreTrue) {
+TEST_F(Drive, PathLengthAgreesWithTheGroundTruth) {
   const auto messages = run.odometry.messages();
   ASSERT_GT(messages.size(), run.drive.size() / 2);
   double length = 0, true_length = 0;
@@ -240,7 +242,7 @@ TEST_F(Drive, CovarianceIsFilledAndGrows) {
   EXPECT_GT(twist.trace(), 0);
 }
 
-TEST_F(Drive, TfSaysWhatTheOdometrySays) {
+TEST_F(Drive, TfEqualsTheOdometry) {
   const auto messages = run.odometry.messages();
   const auto tf_messages = run.tf.messages();
   ASSERT_EQ(tf_messages.size(), messages.size());
@@ -255,7 +257,7 @@ TEST_F(Drive, TfSaysWhatTheOdometrySays) {
   }
 }
 
-TEST_F(Drive, WhatIsOnlyLookedAtComesWhenSomeoneLooks) {
+TEST_F(Drive, VisualisationTopicsArePublishedToSubscribers) {
   ASSERT_TRUE(run.path.waitForCount(1));
   EXPECT_GT(run.path.messages().back()->poses.size(), 10u);
   ASSERT_TRUE(run.tracks.waitForCount(run.drive.size() / 2));
@@ -276,7 +278,7 @@ TEST_F(Drive, WhatIsOnlyLookedAtComesWhenSomeoneLooks) {
   }
 }
 
-TEST_F(Drive, ThePointsAreInMetres) {
+TEST_F(Drive, PointsAreInMetres) {
   const ros::Time last = run.header(run.drive.size() - 1).stamp;
   ASSERT_TRUE(run.points.waitForStamp(last));
   const auto cloud = run.points.messages().back();

@@ -9,9 +9,11 @@
 
 namespace ground_scale_vo {
 
-constexpr double kTolerance = 0.05;  // relative, of the distance travelled
+/// Allowed deviation of NodeletPair::lengthRatio() from 1.
+constexpr double kTolerance = 0.05;
 
-/// A nodelet manager, into which tests load their nodelets, and a small drive of kFrames frames.
+/// The nodelet manager of the .test file, into which tests load their nodelets, and a drive of
+/// kFrames small images. No nodelet may be left after a test.
 template <std::size_t kFrames>
 class DriveTest : public testing::Test {
  protected:

@@ -34,7 +34,7 @@ TEST_F(Graph, AMissingCameraInfoIsAnErrorThatNamesItsTopic) {
   EXPECT_TRUE(waitForValue(diagnostics_, "images received", std::to_string(drive_->size())));
   EXPECT_TRUE(waitForSummaryOf("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
                                "no camera_info received yet on /never/camera_info"));
-  // All but the five in the queue have been dropped.
+  // The queue holds the newest five (default of queue_size); the others have been dropped.
   EXPECT_TRUE(
       waitForValue(diagnostics_, "images dropped, queue full", std::to_string(drive_->size() - 5)));
   EXPECT_TRUE(pair.frames.messages().empty());
@@ -54,7 +54,8 @@ TEST_F(Graph, OneCameraInfoIsEnough) {
   EXPECT_TRUE(pair.unload());
 }
 
-// A manager drops messages that arrive while a nodelet is being loaded, like a disabled queue.
+// A nodelet manager disables the callback queue of a nodelet while it is being loaded, so messages
+// that arrive meanwhile are lost there.
 TEST(DedicatedSpinner, KeepsMessagesFromBeforeItsStart) {
   ros::NodeHandle handle;
   ros::Publisher publisher = handle.advertise<std_msgs::Header>("latched", 1, true);
@@ -75,7 +76,7 @@ TEST(DedicatedSpinner, KeepsMessagesFromBeforeItsStart) {
   queue.stop();
 }
 
-TEST(DedicatedSpinner, RunsAPostedTaskAfterThoseThatWait) {
+TEST(DedicatedSpinner, RunsAPostedTaskAfterThoseAlreadyQueued) {
   DedicatedSpinner spinner;
   std::string order;
   std::atomic<bool> done{false};
@@ -93,7 +94,7 @@ TEST(DedicatedSpinner, RunsAPostedTaskAfterThoseThatWait) {
   EXPECT_EQ(order, "abc");
 }
 
-// It arrives while the nodelets are being loaded.
+// The latched message arrives while the nodelets are being loaded.
 TEST_F(Graph, ALatchedCameraInfoIsEnough) {
   for (int round = 0; round < 5; ++round) {
     NodeletPair pair(manager_, *drive_, "/latched_" + std::to_string(round));
@@ -115,7 +116,7 @@ TEST_F(Graph, CameraInfoForMonoVoOnlyGivesAScaleFromFeatures) {
   EXPECT_TRUE(waitForValue(diagnostics_, "images",
                            "no valid camera_info received yet on /points/no_camera_info"));
   EXPECT_NEAR(pair.lengthRatio(), 1, 2 * kTolerance);
-  // The images have ended.
+  // No more images are published.
   EXPECT_TRUE(waitForSummaryOf("points/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
                                "no image for "));
   EXPECT_TRUE(waitForSummaryOf("points/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
@@ -143,13 +144,13 @@ TEST_F(Graph, ATransportThatIsNotInstalledIsRefused) {
   // Repeat until this test is connected to the log of the manager.
   EXPECT_TRUE(waitUntil([&] { return pair.loadMonoVo() || logged("mono_vo"); }));
   EXPECT_TRUE(waitUntil([&] { return pair.loadScaleRecovery() || logged("scale_recovery"); }));
-  ASSERT_EQ(manager_.loaded(), 0u) << "or it is gone";
+  ASSERT_EQ(manager_.loaded(), 0u) << "or the manager has ended";
 }
 
 TEST_F(Graph, EitherLoadingOrderGivesMetricOdometry) {
   for (const bool mono_vo_first : {true, false}) {
     NodeletPair pair(manager_, *drive_, mono_vo_first ? "/mono_first" : "/scale_first");
-    // The drive goes on while the nodelets are being loaded.
+    // Images are published while the nodelets are being loaded.
     std::size_t next = 0;
     for (; next < 3; ++next) pair.publish(next);
     ASSERT_TRUE(mono_vo_first ? pair.loadMonoVo() : pair.loadScaleRecovery());
@@ -169,7 +170,7 @@ TEST_F(Graph, EitherLoadingOrderGivesMetricOdometry) {
   }
 }
 
-TEST_F(Graph, ALateMountingTransform) {
+TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   NodeletPair pair(manager_, *drive_, "/mounted");
   TopicRecorder<rosgraph_msgs::Log> log(handle_, "/rosout");
   pair.setParam("scale_recovery", "base_frame", std::string("mounted_base"));
@@ -198,7 +199,7 @@ TEST_F(Graph, ALateMountingTransform) {
   while (next < drive_->size() && pair.odometry.messages().empty()) {
     pair.publish(next);
     ASSERT_TRUE(pair.scales.waitForStamp(pair.header(next).stamp));
-    // tf gives no event: each image repeats the lookup.
+    // The nodelet repeats the lookup at every image.
     pair.odometry.waitForCount(1, 0.3);
     ++next;
   }
@@ -206,7 +207,7 @@ TEST_F(Graph, ALateMountingTransform) {
   ASSERT_TRUE(pair.play(next, drive_->size() - 1));
   EXPECT_EQ(pair.odometry.messages().back()->child_frame_id, "mounted_base");
   EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
-  // In the base's axes: x is forward.
+  // The twist is in the axes of the base: x is forward.
   EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.x, 5);
   EXPECT_TRUE(
       waitForSummaryOf("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK, ""));

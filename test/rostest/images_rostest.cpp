@@ -67,7 +67,7 @@ class Images : public testing::Test {
   bool waitForValue(const std::string& nodelet, const std::string& key, const std::string& value) {
     return ground_scale_vo::waitForValue(diagnostics_, key, value, nodelet);
   }
-  /// A count of a nodelet in its next diagnostics; 0 if they lack it.
+  /// Value of a counter in the nodelet's next diagnostics; 0 if they lack it.
   int counted(const std::string& nodelet, const std::string& key) {
     int count = 0;
     EXPECT_TRUE(waitForStatus(diagnostics_, [&](const auto& status) {
@@ -76,14 +76,14 @@ class Images : public testing::Test {
     }));
     return count;
   }
-  /// Publishes an image and waits until both nodelets have processed it.
+  /// Publishes a valid image and waits until both nodelets have processed it.
   bool publishAndWait(const sensor_msgs::Image& good) {
     images_.publish(good);
     return frames_.waitForStamp(good.header.stamp) && scales_.waitForStamp(good.header.stamp);
   }
-  /// The frame that another odometry might have made of an image: what ScaleRecovery does with that
-  /// image is its own matter.
-  bool pairsWith(const sensor_msgs::Image& bad) {
+  /// Publishes a vo/frame with the stamp of an invalid image and waits for its scale. MonoVo
+  /// publishes none, so this tests what ScaleRecovery does with that image.
+  bool publishFrameOf(const sensor_msgs::Image& bad) {
     VoFrame frame;
     frame.camera = CalibratedCamera(info(), "t", false).camera();
     external_frames_.publish(toMsg(frame, bad.header));
@@ -110,16 +110,17 @@ TEST_F(Images, WaitForAUsableCameraInfo) {
   EXPECT_TRUE(frames_.messages().empty());
   infos_.publish(info());
   ASSERT_TRUE(frames_.waitForStamp(ros::Time(19)));
-  EXPECT_EQ(frames_.messages().size(), 3u);  // newest wins
+  EXPECT_EQ(frames_.messages().size(), 3u);  // the newest
 }
 
+/// A valid image with one invalid property.
 struct BadImage {
   const char* name;
   std::function<void(sensor_msgs::Image*)> spoil;
 };
 
 TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
-  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  constexpr auto kMax = std::numeric_limits<std::uint32_t>::max();
   const std::vector<BadImage> bad_images = {
       {"data too short", [](auto* i) { i->data.resize(100); }},
       {"data too long", [](auto* i) { i->data.resize(i->data.size() + 1); }},
@@ -127,7 +128,7 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
       {"step too small", [](auto* i) { i->step = kWidth - 1; }},
       {"step zero", [](auto* i) { i->step = 0; }},
       {"step larger than data", [](auto* i) { i->step = kWidth + 1; }},
-      {"greatest step", [](auto* i) { i->step = kMost; }},
+      {"largest step", [](auto* i) { i->step = kMax; }},
       {"odd step of 16 bits",
        [](auto* i) {
          i->encoding = "mono16";
@@ -136,8 +137,8 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
        }},
       {"no width", [](auto* i) { i->width = 0; }},
       {"no height", [](auto* i) { i->height = 0; }},
-      {"nothing at all", [](auto* i) { i->width = i->height = i->step = 0, i->data.clear(); }},
-      {"greatest size", [](auto* i) { i->width = i->height = i->step = kMost; }},
+      {"no size and no data", [](auto* i) { i->width = i->height = i->step = 0, i->data.clear(); }},
+      {"largest size", [](auto* i) { i->width = i->height = i->step = kMax; }},
       {"another size",
        [](auto* i) {
          i->width = i->step = 80;
@@ -162,7 +163,7 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
          i->step = 4 * kWidth;
          i->data.resize(i->step * kHeight);
        }},
-      {"colour of a mono image's length", [](auto* i) { i->encoding = "bgr8"; }},
+      {"colour with data for mono only", [](auto* i) { i->encoding = "bgr8"; }},
   };
   infos_.publish(info());
   double stamp = 100;
@@ -179,7 +180,7 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
     // Invalid images do not affect the odometry.
     EXPECT_EQ(frames_.messages().back()->sequence, ++sequence) << "before " << bad_image.name;
     ASSERT_TRUE(scales_.waitForStamp(good.header.stamp)) << "before " << bad_image.name;
-    ASSERT_TRUE(pairsWith(bad)) << bad_image.name;
+    ASSERT_TRUE(publishFrameOf(bad)) << bad_image.name;
   }
   ASSERT_TRUE(publishAndWait(image(++stamp)));
   EXPECT_EQ(frames_.messages().back()->sequence, ++sequence);
@@ -199,7 +200,7 @@ TEST_F(Images, EveryEncodingIsProcessed) {
   ASSERT_TRUE(publishAndWait(image(stamp)));
   const int refused = counted("mono_vo", "dropped: image refused");
   const int without_image = counted("scale_recovery", "frames without an image");
-  const auto passes = [&](sensor_msgs::Image good) {
+  const auto expectProcessed = [&](sensor_msgs::Image good) {
     EXPECT_TRUE(publishAndWait(good))
         << good.encoding << ", big endian: " << int(good.is_bigendian);
     good.header.stamp = ros::Time(++stamp);
@@ -208,23 +209,23 @@ TEST_F(Images, EveryEncodingIsProcessed) {
     good.header.stamp = ros::Time(++stamp);
     good.step += 6;  // padding
     good.data.resize(good.step * kHeight);
-    EXPECT_TRUE(publishAndWait(good)) << good.encoding << " with a padding";
+    EXPECT_TRUE(publishAndWait(good)) << good.encoding << " with padding";
   };
   for (const std::uint32_t bytes : {1u, 2u}) {
     const std::string bits = bytes == 1 ? "8" : "16";
     for (const char* name : {"mono", "bayer_rggb", "bayer_bggr", "bayer_gbrg", "bayer_grbg"}) {
-      passes(image(++stamp, name + bits, bytes));
+      expectProcessed(image(++stamp, name + bits, bytes));
     }
     for (const char* name : {"bgr", "rgb"}) {
-      passes(image(++stamp, name + bits, 3 * bytes));
-      passes(image(++stamp, std::string(name) + "a" + bits, 4 * bytes));
+      expectProcessed(image(++stamp, name + bits, 3 * bytes));
+      expectProcessed(image(++stamp, std::string(name) + "a" + bits, 4 * bytes));
     }
     for (const std::uint32_t channels : {1u, 3u, 4u}) {
-      passes(image(++stamp, bits + "UC" + std::to_string(channels), channels * bytes));
+      expectProcessed(image(++stamp, bits + "UC" + std::to_string(channels), channels * bytes));
     }
   }
-  passes(image(++stamp, "yuv422", 2));
-  passes(image(++stamp, "yuv422_yuy2", 2));
+  expectProcessed(image(++stamp, "yuv422", 2));
+  expectProcessed(image(++stamp, "yuv422_yuy2", 2));
   EXPECT_EQ(counted("mono_vo", "dropped: image refused"), refused);
   EXPECT_EQ(counted("scale_recovery", "frames without an image"), without_image);
 }
@@ -249,7 +250,7 @@ TEST_F(Images, AnInvalidCameraInfoKeepsThePreviousOne) {
       },
       [](Info* i) { i->distortion_model = "equidistant"; },
       [](Info* i) { i->width = 0; },
-      // 10^10 pixels: the maps of its distortion would need 60 GB.
+      // 10^10 pixels: the undistortion maps would need 60 GB.
       [](Info* i) { i->width = i->height = 100000, i->K[0] = i->K[4] = 5e4, i->D[0] = 0.1; },
       [](Info* i) { i->roi.x_offset = 1000, i->roi.width = i->roi.height = 10; },
       [](Info* i) { i->binning_x = 1000; },
@@ -278,7 +279,7 @@ TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
     std::uint32_t width;  ///< of the full resolution
     std::uint32_t binning;
   };
-  double stamp = 400, f = 110;
+  double stamp = 400, f = 110;  // [s], [px]
   for (const Camera& camera :
        {Camera{"plumb_bob", {0, 0, 0, 0, 0}, kWidth, 1},
         Camera{"plumb_bob", {-0.3, 0.1, 0, 0}, kWidth, 0},
@@ -298,8 +299,8 @@ TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
     sensor_msgs::Image good = image(stamp);
     good.width = good.step = camera.width / std::max(camera.binning, 1u);
     good.data.resize(good.step * kHeight);
-    // camera_info and image come by different ways: send images until the new one is in use. Those
-    // of another size are refused until then.
+    // camera_info and image come over different connections: send images until the new camera_info
+    // is in use. Images of another size are refused until then.
     ASSERT_TRUE(waitUntil([&] {
       good.header.stamp = ros::Time(stamp += 1);
       images_.publish(good);

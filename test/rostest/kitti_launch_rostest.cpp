@@ -30,13 +30,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// A kind of bag, and arguments of the launch file for it.
 struct Kind {
-  std::string name;
+  std::string name;        ///< as in writeBag()
   std::string base_frame;  ///< argument of the launch file
-  std::string published;   ///< child of odom
+  std::string published;   ///< frame whose parent is odom
 };
 
-/// Of the camera, mounted on a base: 1.5 m before it and 1.65 m above it.
+/// Base from camera: 1.5 m before the base and 1.65 m above it.
 Eigen::Isometry3d mounting() {
   Eigen::Isometry3d T_b_c = Eigen::Isometry3d::Identity();
   T_b_c.linear() = bodyFromOptical();
@@ -75,6 +76,8 @@ class KittiBag : public testing::Test {
   }
   ~KittiBag() override { fs::remove_all(folder_); }
 
+  /// kind: "native" or "kitti2bag_odometry": ground truth as by the styles of kitti_to_bag;
+  /// "kitti2bag_raw": pose of a base on /tf, mounting of the camera on /tf_static.
   fs::path writeBag(const std::string& kind) const {
     const fs::path file = folder_ / (kind + ".bag");
     rosbag::Bag bag(file.string(), rosbag::bagmode::Write);
@@ -108,7 +111,7 @@ class KittiBag : public testing::Test {
     return file;
   }
 
-  /// roslaunch's process id.
+  /// Starts kitti.launch. Returns the process id of roslaunch.
   static pid_t launch(const std::vector<std::string>& arguments) {
     std::vector<std::string> words = {"roslaunch", "ground_scale_vo", "kitti.launch"};
     words.insert(words.end(), arguments.begin(), arguments.end());
@@ -122,14 +125,12 @@ class KittiBag : public testing::Test {
     }
     return child;
   }
-  /// The status of the process when it ended in time; it is stopped otherwise.
-  static int waitForEnd(pid_t child) {
-    int status = -1;
-    if (waitUntil([&] { return waitpid(child, &status, WNOHANG) == child; })) return status;
+  /// Waits for the end of the process; stops it, and fails, if it does not end in time.
+  static void waitForEnd(pid_t child) {
+    if (waitUntil([&] { return waitpid(child, nullptr, WNOHANG) == child; })) return;
     kill(child, SIGTERM);
-    waitpid(child, &status, 0);
+    waitpid(child, nullptr, 0);
     ADD_FAILURE() << "roslaunch did not end";
-    return -1;
   }
 
   fs::path folder_;
@@ -142,7 +143,7 @@ std::vector<cv::Mat> KittiBag::images_;
 
 class KittiLaunch : public KittiBag, public testing::WithParamInterface<Kind> {};
 
-TEST_P(KittiLaunch, PlaysTheBagWithoutTwoParents) {
+TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
   const Kind& kind = GetParam();
   const fs::path bag = writeBag(kind.name);
   const fs::path recorded = folder_ / "recorded.bag";
@@ -154,24 +155,24 @@ TEST_P(KittiLaunch, PlaysTheBagWithoutTwoParents) {
   TopicRecorder<nav_msgs::Path> ground_truth_path(handle, "ground_truth/path");
   TopicRecorder<tf2_msgs::TFMessage> tf(handle, "/tf"), tf_static(handle, "/tf_static");
 
-  const pid_t child = launch({"bag:=" + bag.string(), "image:=" + std::string(kImage),
-                              "camera_info:=" + std::string(kInfo), "required:=true",
-                              "base_frame:=" + kind.base_frame, "record:=" + recorded.string(),
-                              "rate:=" + std::to_string(1 / kTimeoutFactor)});
-  ASSERT_GT(child, 0);
-  waitForEnd(child);
+  const pid_t roslaunch = launch({"bag:=" + bag.string(), "image:=" + std::string(kImage),
+                                  "camera_info:=" + std::string(kInfo), "required:=true",
+                                  "base_frame:=" + kind.base_frame, "record:=" + recorded.string(),
+                                  "rate:=" + std::to_string(1 / kTimeoutFactor)});
+  ASSERT_GT(roslaunch, 0);
+  waitForEnd(roslaunch);
 
   EXPECT_TRUE(fs::exists(recorded));
   EXPECT_EQ(scales.messages().size(), kFrames) << "a frame was lost";
   std::map<std::string, std::set<std::string>> parents;
-  for (auto* inbox : {&tf, &tf_static}) {
-    for (const auto& message : inbox->messages()) {
+  for (auto* recorder : {&tf, &tf_static}) {
+    for (const auto& message : recorder->messages()) {
       for (const auto& transform : message->transforms) {
         parents[transform.child_frame_id].insert(transform.header.frame_id);
       }
     }
   }
-  for (const auto& [name, of_one] : parents) EXPECT_EQ(of_one.size(), 1u) << name;
+  for (const auto& [child, its_parents] : parents) EXPECT_EQ(its_parents.size(), 1u) << child;
   EXPECT_EQ(parents[kind.published], std::set<std::string>{"odom"});
 
   const auto estimates = odometry.messages();
@@ -194,7 +195,7 @@ INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,
                                          Kind{"kitti2bag_raw", "base_link", "base_link"},
                                          Kind{"kitti2bag_raw", "", "camera_gray_left"}));
 
-TEST_F(KittiBag, ThatIsMissingOrLacksTheTopicEndsTheLaunch) {
+TEST_F(KittiBag, MissingBagOrMissingTopicEndsTheLaunch) {
   const ros::WallTime start = ros::WallTime::now();
   waitForEnd(launch({"bag:=/there/is/none.bag", "required:=true"}));
   const fs::path bag = writeBag("native");

@@ -23,6 +23,7 @@ namespace {
 
 PinholeCamera smallCamera() { return {620, 188, 359.6, 359.6, 309.5, 93.5}; }
 
+/// The camera of a vehicle, and the results of its pair of nodelets, in a namespace.
 class Vehicle {
  public:
   explicit Vehicle(const std::string& name)
@@ -33,9 +34,10 @@ class Vehicle {
         frames_(handle_, "vo/frame"),
         scales_(handle_, "scale") {}
 
-  /// Grey images until both nodelets have answered to one. A publisher cannot see which of two
-  /// nodelets in one manager listens, so the first images may not reach them.
-  bool answers() {
+  /// Publishes grey images until a scale arrives: then both nodelets have processed an image. A
+  /// publisher cannot see which nodelet of a manager is subscribed, so the first images may be
+  /// lost.
+  bool waitForScale() {
     camera_infos_.publish(toCameraInfo(smallCamera()));
     sensor_msgs::Image image;
     image.header.frame_id = name_ + "/camera";
@@ -50,6 +52,7 @@ class Vehicle {
     }
     return false;
   }
+  /// The parameter camera_height [m]; 0 without it.
   double height() {
     double height = 0;
     handle_.getParam("scale_recovery/camera_height", height);
@@ -71,14 +74,14 @@ class Vehicle {
   TopicRecorder<ScaleEstimateMsg> scales_;
 };
 
-TEST(TwoVehicles, BothAnswerEachForItself) {
+TEST(TwoVehicles, BothPairsRunIndependently) {
   Vehicle first("first"), second("second");
-  ASSERT_TRUE(first.answers());
+  ASSERT_TRUE(first.waitForScale());
   EXPECT_TRUE(second.frames().messages().empty());
-  ASSERT_TRUE(second.answers());
+  ASSERT_TRUE(second.waitForScale());
   EXPECT_EQ(first.height(), 1.2);
   EXPECT_EQ(second.height(), 1.65);
-  // What one vehicle sees does not come to the other.
+  // No message of one vehicle reaches the other.
   for (const auto& [vehicle, frame] :
        {std::pair(&first, "first/camera"), {&second, "second/camera"}}) {
     for (const auto& message : vehicle->frames().messages()) {
@@ -94,10 +97,12 @@ TEST(TwoVehicles, BothAnswerEachForItself) {
 
 TEST(LiveCamera, TakesTheHeightFile) {
   Vehicle live("live");
-  EXPECT_TRUE(live.answers());
+  EXPECT_TRUE(live.waitForScale());
   EXPECT_EQ(live.height(), 1.6539);
 }
 
+/// The map points of a frame in the world of the odometry, and their pixels, as another odometry
+/// publishes them.
 sensor_msgs::PointCloud mapPoints(const VoFrame& frame, const std_msgs::Header& header) {
   sensor_msgs::PointCloud tracks;
   tracks.header = header;
@@ -120,7 +125,7 @@ sensor_msgs::PointCloud mapPoints(const VoFrame& frame, const std_msgs::Header& 
   return tracks;
 }
 
-TEST(AnotherVo, GetsMetres) {
+TEST(AnotherVo, GetsMetricPoses) {
   ros::NodeHandle handle("other");
   const ros::Publisher odometries = handle.advertise<nav_msgs::Odometry>("another_vo/odometry", 10);
   const ros::Publisher clouds = handle.advertise<sensor_msgs::PointCloud>("another_vo/tracks", 10);
@@ -151,7 +156,7 @@ TEST(AnotherVo, GetsMetres) {
     header.stamp = fromNanoseconds(frame.stamp_ns + 1000000000);
     header.frame_id = "camera";
     ground_truth[header.stamp] = drive.frame(i).T_c0_c.translation();
-    // The example is connected once it publishes a frame; earlier images may be lost.
+    // The converter is connected once it publishes a frame; earlier messages may be lost.
     const std::size_t before = frames.messages().size();
     clouds.publish(mapPoints(frame, header));
     odometries.publish(toOdometryMsg(frame, header, "map"));

@@ -45,7 +45,7 @@ TEST_F(Load, WrongParametersAreRefused) {
   EXPECT_EQ(loaded(), 0u);
 }
 
-TEST_F(Load, TwoPairsLiveInOneManager) {
+TEST_F(Load, TwoPairsInOneManager) {
   for (const std::string car : {"/front", "/rear"}) {
     ros::param::set(car + "/scale_recovery/camera_height", 1.65);
     EXPECT_TRUE(load("ScaleRecovery", car + "/scale_recovery"));  // in either order
@@ -63,10 +63,12 @@ TEST_F(Load, TwoPairsLiveInOneManager) {
 }
 
 constexpr int kReloads = 100;
-constexpr int kWarm = 20;
-constexpr double kGrowthMegabytes = 4;  // 50 kB a reload; 0.04 MB measured
+constexpr int kWarmUpReloads = 20;
+/// Largest growth of the memory after the warm-up [MiB]: 50 KiB per reload. Measured in total:
+/// 0.04.
+constexpr double kMaxGrowth = 4;
 
-TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
+TEST_F(Load, UnloadingIsCleanWhileImagesArrive) {
   ros::NodeHandle handle;
   ros::Publisher images = handle.advertise<sensor_msgs::Image>("image", 10);
   ros::Publisher infos = handle.advertise<sensor_msgs::CameraInfo>("camera_info", 10);
@@ -85,7 +87,7 @@ TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
       image->encoding = "mono8";
       image->width = image->step = 320;
       image->height = 120;
-      for (std::uint32_t k = 0; k < 320 * 120; ++k) {
+      for (std::uint32_t k = 0; k < 320 * 120; ++k) {  // pseudo-random texture, always the same
         image->data.push_back(static_cast<std::uint8_t>((k * 2654435761u) >> 24));
       }
       auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(pinhole));
@@ -100,11 +102,11 @@ TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
   const NodeProbe manager("/manager");
   const std::set<std::string> registered = manager.registrations();
   std::size_t threads = 0;
-  double megabytes = 0;
+  double rss_mb = 0;
   for (int i = 0; i < kReloads; ++i) {
-    if (i == kWarm) {
+    if (i == kWarmUpReloads) {
       threads = manager.threads();
-      megabytes = manager.usage().rss_mb;
+      rss_mb = manager.usage().rss_mb;
     }
     ASSERT_TRUE(load("MonoVo", "/mono_vo"));
     ASSERT_TRUE(load("ScaleRecovery", "/scale_recovery"));
@@ -119,10 +121,9 @@ TEST_F(Load, UnloadingIsCleanWhileImagesCome) {
   EXPECT_EQ(manager.registrations(), registered);
   EXPECT_LE(manager.threads(), threads);
   if (!kSanitized) {
-    EXPECT_LT(manager.usage().rss_mb - megabytes, kGrowthMegabytes)
-        << "from " << megabytes << " MB";
+    EXPECT_LT(manager.usage().rss_mb - rss_mb, kMaxGrowth) << "from " << rss_mb << " MiB";
   }
-  RecordProperty("growth_kB", static_cast<int>(1000 * (manager.usage().rss_mb - megabytes)));
+  RecordProperty("growth_kiB", static_cast<int>(1024 * (manager.usage().rss_mb - rss_mb)));
 }
 
 }  // namespace

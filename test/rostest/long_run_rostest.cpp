@@ -34,17 +34,17 @@ namespace {
 
 constexpr double kCameraHeight = 1.65;
 constexpr std::int64_t kStartNs = 1000000000000;
-constexpr std::int64_t kPeriodNs = 100000000;  // 10 Hz
-constexpr std::size_t kHour = 36000;           // frames
-constexpr std::size_t kShort = 1200;
-/// Ways there and back without a cut; then the car stands where it started in the next image.
+constexpr std::int64_t kPeriodNs = 100000000;              // 10 Hz
+constexpr std::size_t kLongRun = 36000, kShortRun = 1200;  // [frames]: an hour, two minutes
+/// The drive is played forwards and backwards in turn so many times; then the images jump from its
+/// end to its start.
 constexpr std::size_t kPassesBetweenCuts = 9;
-/// Frames until everything has been as large as it gets (the path: 2.5 km), and how often memory is
-/// looked at.
-constexpr std::size_t kWarmUpLong = 6000, kWarmUpShort = 500, kLookEvery = 100;
-/// What one frame may leave behind [bytes]: far less than the smallest thing that it has (a pose, a
-/// keyframe, a feature). The short run measures the same with the allocator's noise on top.
-constexpr double kBytesPerFrameLong = 100, kBytesPerFrameShort = 4000;
+/// Frames before the first memory measurement that counts: in the long run all buffers are full by
+/// then (the path after 2.5 km). Frames between two measurements.
+constexpr std::size_t kWarmUpLong = 6000, kWarmUpShort = 500, kMeasureEvery = 100;
+/// Largest growth of the memory per frame [bytes]: in the long run far less than a frame holds
+/// (pose, features), in the short run with the fluctuations of the allocator on top.
+constexpr double kMaxGrowthLong = 100, kMaxGrowthShort = 4000;
 
 /// From a standstill to a standstill, so that it can be driven there and back.
 SyntheticDrive::Options driveOptions() {
@@ -56,13 +56,14 @@ SyntheticDrive::Options driveOptions() {
   return options;
 }
 
-/// Which image of the drive is the n-th that the nodelets get.
+/// Index in the drive of the n-th image that the nodelets get. images: number of images of the
+/// drive.
 std::size_t imageAt(std::size_t n, std::size_t images) {
   const std::size_t pass = n / images % kPassesBetweenCuts, i = n % images;
   return pass % 2 == 0 ? i : images - 1 - i;
 }
 
-/// Listens, as rviz would, and keeps only the last message.
+/// Subscribes, as rviz would, and keeps only the last message.
 template <typename Message>
 class Listener {
  public:
@@ -85,10 +86,11 @@ class Listener {
   ros::Subscriber subscriber_;
 };
 
-/// Compares the metric odometry with ground truth, step by step.
-class Metres {
+/// Adds up the steps of the metric odometry and those of the ground truth, without the jumps from
+/// the end of the drive to its start.
+class PathComparison {
  public:
-  explicit Metres(const SyntheticDrive& drive) : drive_(drive) {}
+  explicit PathComparison(const SyntheticDrive& drive) : drive_(drive) {}
 
   void add(const nav_msgs::Odometry& odometry) {
     const auto n =
@@ -97,9 +99,9 @@ class Metres {
     const Eigen::Isometry3d T_o_b = fromMsg(odometry.pose.pose);
     finite_ = finite_ && areFinite(T_o_b, odometry.pose.covariance, odometry.twist.covariance,
                                    odometry.twist.twist.linear.z);
-    const std::size_t passed = image > last_image_ ? image - last_image_ : last_image_ - image;
-    if (poses_++ > 0 && n == last_n_ + 1 && passed <= 1) {
-      way_ += (T_o_b.translation() - last_.translation()).norm();
+    const std::size_t advance = image > last_image_ ? image - last_image_ : last_image_ - image;
+    if (poses_++ > 0 && n == last_n_ + 1 && advance <= 1) {
+      path_length_ += (T_o_b.translation() - last_.translation()).norm();
       true_distance_ += (drive_.frame(image).T_c0_c.translation() -
                          drive_.frame(last_image_).T_c0_c.translation())
                             .norm();
@@ -109,29 +111,29 @@ class Metres {
     last_image_ = image;
   }
   bool finite() const { return finite_; }
-  double ratio() const { return way_ / true_distance_; }
-  double trueWay() const { return true_distance_; }
+  double ratio() const { return path_length_ / true_distance_; }
+  double trueDistance() const { return true_distance_; }
   std::size_t poses() const { return poses_; }
 
  private:
   const SyntheticDrive& drive_;
   Eigen::Isometry3d last_ = Eigen::Isometry3d::Identity();
   std::size_t last_n_ = 0, last_image_ = 0, poses_ = 0;
-  double way_ = 0, true_distance_ = 0;
+  double path_length_ = 0, true_distance_ = 0;
   bool finite_ = true;
 };
 
-/// What the manager had used after a frame.
-struct Look {
+/// Memory and processor time of the manager after a frame.
+struct Measurement {
   std::size_t frame;
   ProcessUsage usage;
 };
 
-void print(const std::vector<Look>& looks) {
-  std::cout << "frames, memory [MiB], processor time a frame since the last line [ms]\n";
-  const std::size_t step = std::max<std::size_t>(1, looks.size() / 12);
-  for (std::size_t k = step; k < looks.size(); k += step) {
-    const Look &from = looks[k - step], &to = looks[k];
+void print(const std::vector<Measurement>& measurements) {
+  std::cout << "frames, memory [MiB], processor time per frame since the last line [ms]\n";
+  const std::size_t step = std::max<std::size_t>(1, measurements.size() / 12);
+  for (std::size_t k = step; k < measurements.size(); k += step) {
+    const Measurement &from = measurements[k - step], &to = measurements[k];
     std::cout << to.frame << ", " << to.usage.rss_mb << ", "
               << 1e3 * (to.usage.cpu_s - from.usage.cpu_s) /
                      static_cast<double>(to.frame - from.frame)
@@ -139,9 +141,9 @@ void print(const std::vector<Look>& looks) {
   }
 }
 
-TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
-  const bool whole = std::getenv("GROUND_SCALE_VO_LONG") != nullptr;
-  const std::size_t frames = whole ? kHour : kShort;
+TEST(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
+  const bool is_long = std::getenv("GROUND_SCALE_VO_LONG") != nullptr;
+  const std::size_t frames = is_long ? kLongRun : kShortRun;
   const SyntheticDrive drive(driveOptions());
   std::vector<sensor_msgs::ImagePtr> messages;
   for (std::size_t i = 0; i < drive.size(); ++i) {
@@ -166,8 +168,8 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
   })) << "the nodelets did not come up";
   const NodeProbe manager("/manager");
 
-  Metres metres(drive);
-  std::vector<Look> looks;
+  PathComparison comparison(drive);
+  std::vector<Measurement> measurements;
   for (std::size_t n = 0; n < frames; ++n) {
     const auto image = boost::make_shared<sensor_msgs::Image>(*messages[imageAt(n, drive.size())]);
     image->header.stamp = fromNanoseconds(kStartNs + static_cast<std::int64_t>(n) * kPeriodNs);
@@ -180,25 +182,27 @@ TEST(LongRun, MemoryIsFlatAndTheMetresAreTrue) {
     for (const auto& scale : scales.take()) {
       ASSERT_TRUE(std::isfinite(scale->scale) && std::isfinite(scale->sigma)) << "frame " << n;
     }
-    for (const auto& pose : odometry.take()) metres.add(*pose);
-    if ((n + 1) % kLookEvery == 0) looks.push_back({n + 1, manager.usage()});
+    for (const auto& pose : odometry.take()) comparison.add(*pose);
+    if ((n + 1) % kMeasureEvery == 0) measurements.push_back({n + 1, manager.usage()});
   }
-  print(looks);
-  std::cout << "metric poses " << metres.poses() << " of " << frames << ", " << metres.trueWay()
-            << " m, odometry over ground truth " << metres.ratio() << "\n";
+  print(measurements);
+  std::cout << "metric poses " << comparison.poses() << " of " << frames << ", "
+            << comparison.trueDistance() << " m, odometry over ground truth " << comparison.ratio()
+            << "\n";
 
-  EXPECT_TRUE(metres.finite());
-  EXPECT_GT(metres.poses(), frames * 8 / 10);
-  EXPECT_NEAR(metres.ratio(), 1, 0.03);
+  EXPECT_TRUE(comparison.finite());
+  EXPECT_GT(comparison.poses(), frames * 8 / 10);
+  EXPECT_NEAR(comparison.ratio(), 1, 0.03);
   ASSERT_TRUE(path.last());
   EXPECT_LE(path.last()->poses.size(), 5000u);  // path_max_poses
-  const Look &warm = looks[(whole ? kWarmUpLong : kWarmUpShort) / kLookEvery - 1],
-             &last = looks.back();
-  const double bytes_a_frame = (last.usage.rss_mb - warm.usage.rss_mb) * 1024 * 1024 /
-                               static_cast<double>(last.frame - warm.frame);
-  std::cout << bytes_a_frame << " bytes a frame left behind\n";
+  const Measurement &warm =
+                        measurements[(is_long ? kWarmUpLong : kWarmUpShort) / kMeasureEvery - 1],
+                    &last = measurements.back();
+  const double bytes_per_frame = (last.usage.rss_mb - warm.usage.rss_mb) * 1024 * 1024 /
+                                 static_cast<double>(last.frame - warm.frame);
+  std::cout << bytes_per_frame << " bytes of growth per frame\n";
   if (!kSanitized) {
-    EXPECT_LT(bytes_a_frame, whole ? kBytesPerFrameLong : kBytesPerFrameShort);
+    EXPECT_LT(bytes_per_frame, is_long ? kMaxGrowthLong : kMaxGrowthShort);
   }
 }
 

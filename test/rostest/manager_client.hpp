@@ -12,7 +12,7 @@
 
 namespace ground_scale_vo {
 
-/// The services of a nodelet manager.
+/// Calls the services of a nodelet manager.
 class ManagerClient {
  public:
   explicit ManagerClient(std::string name) : name_(std::move(name)) {}

@@ -19,7 +19,7 @@ namespace ground_scale_vo {
 /// Registrations of a node at the master, and its process.
 class NodeProbe {
  public:
-  /// Throws std::runtime_error when it does not answer.
+  /// Throws std::runtime_error when the node is not registered or does not answer.
   explicit NodeProbe(const std::string& name) : name_(name) {
     const std::optional<pid_t> pid = processOf(name);
     if (!pid) throw std::runtime_error(name + " does not answer");

@@ -14,7 +14,7 @@ namespace ground_scale_vo {
 /// A camera on a rendered drive and both nodelets, in one namespace.
 class NodeletPair {
  public:
-  /// ns: "/front", or "" for the root.
+  /// ns: e.g. "/front", or "" for the root. start_s: stamp of the first image [s].
   NodeletPair(const ManagerClient& manager, const RenderedDrive& drive, const std::string& ns,
               double start_s = 1000)
       : manager_(manager),
@@ -70,6 +70,7 @@ class NodeletPair {
   }
   bool playAll() { return play(0, drive_.size() - 1); }
 
+  /// Index of the frame with this stamp.
   std::size_t frameAt(const ros::Time& stamp) const {
     for (std::size_t i = 0; i < drive_.size(); ++i) {
       if (header(i).stamp == stamp) return i;
@@ -77,17 +78,17 @@ class NodeletPair {
     throw std::logic_error("no frame has this stamp");
   }
   /// Distance between the first and the last position of an odometry, relative to the ground truth.
-  /// 0 if the camera hardly moved.
+  /// 0 if the camera moved less than 5 m.
   double lengthRatio(const std::vector<nav_msgs::Odometry::ConstPtr>& messages) const {
     if (messages.size() < 2) return 0;
-    const auto place = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
+    const auto position = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
       return fromMsg(message.pose.pose).translation();
     };
     const auto& from = drive_.drive().frame(frameAt(messages.front()->header.stamp));
     const auto& to = drive_.drive().frame(frameAt(messages.back()->header.stamp));
     const double true_distance = (to.T_c0_c.translation() - from.T_c0_c.translation()).norm();
     if (true_distance < 5) return 0;
-    return (place(*messages.back()) - place(*messages.front())).norm() / true_distance;
+    return (position(*messages.back()) - position(*messages.front())).norm() / true_distance;
   }
   /// Of the odometry so far.
   double lengthRatio() { return lengthRatio(odometry.messages()); }

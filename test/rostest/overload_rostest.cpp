@@ -17,9 +17,9 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::size_t kFrames = 60;
-/// With this argument and a namespace the program is the stalled subscriber: it prints the argument
-/// once it is connected, and waits for its end.
-const char* const kStalledListener = "--stalled";
+/// With this argument and a namespace this program is the subscriber that the test stalls: it
+/// subscribes, prints the argument once it is connected, and runs until it is stopped.
+const char* const kSubscribe = "--subscribe";
 
 using Overload = DriveTest<kFrames>;
 
@@ -60,9 +60,9 @@ TEST_F(Overload, TheScaleStaysCorrectOverTheGaps) {
   EXPECT_TRUE(pair.unload());
 }
 
-// ScaleRecovery, too, processes the newest frames only.
+// The same for ScaleRecovery: frames in a full queue are dropped, oldest first, and counted.
 TEST_F(Overload, ScaleRecoveryDropsTheOldestFramesAndCountsThem) {
-  // The same drive once more, its frames recorded.
+  // Records the frames of MonoVo for the drive.
   NodeletPair recorder(manager_, *drive_, "/recorded");
   ASSERT_TRUE(recorder.load());
   ASSERT_TRUE(recorder.playAll());
@@ -92,7 +92,7 @@ TEST_F(Overload, ScaleRecoveryDropsTheOldestFramesAndCountsThem) {
   ASSERT_TRUE(odometry.waitForStamp(frames.back()->header.stamp));
   EXPECT_NEAR(recorder.lengthRatio(odometry.messages()), 1, 2 * kTolerance);
 
-  // A burst: the last frame is processed, and each is either processed or counted as dropped.
+  // A burst: the last frame is processed, and each other one is processed or counted as dropped.
   constexpr std::uint32_t burst = 400;
   VoFrameMsg::Ptr last;
   for (std::uint32_t i = 1; i <= burst; ++i) {
@@ -102,7 +102,7 @@ TEST_F(Overload, ScaleRecoveryDropsTheOldestFramesAndCountsThem) {
     publisher.publish(last);
   }
   ASSERT_TRUE(scales.waitForStamp(last->header.stamp));
-  // From the third frame on, each was either processed or counted as dropped.
+  // The count of dropped frames starts with the first one received, the third of the drive.
   EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
     const int dropped = countIn(status, "frames dropped, queue full");
     return dropped > int{2 * (kFrames / 3 - 1)} &&
@@ -121,12 +121,11 @@ TEST_F(Overload, SubscribersDoNotAffectTheResults) {
   NodeletPair watched(manager_, *drive_, "/watched");
   ASSERT_TRUE(watched.load());
   ChildProcess stalled(
-      {std::filesystem::read_symlink("/proc/self/exe").string(), kStalledListener, "/watched"});
-  ASSERT_TRUE(
-      waitUntil([&] { return stalled.output().find(kStalledListener) != std::string::npos; }));
+      {std::filesystem::read_symlink("/proc/self/exe").string(), kSubscribe, "/watched"});
+  ASSERT_TRUE(waitUntil([&] { return stalled.output().find(kSubscribe) != std::string::npos; }));
   stalled.send(SIGSTOP);
   const NodeProbe probe("/manager");
-  const double megabytes = probe.usage().rss_mb;
+  const double rss_mb = probe.usage().rss_mb;
   for (std::size_t i = 0; i < kFrames; i += 10) {
     std::unique_ptr<TopicRecorder<sensor_msgs::Image>> tracks;
     std::unique_ptr<TopicRecorder<sensor_msgs::PointCloud2>> points, ground;
@@ -159,13 +158,13 @@ TEST_F(Overload, SubscribersDoNotAffectTheResults) {
     EXPECT_EQ(now[i]->pose.pose, before[i]->pose.pose) << i;
   }
   if (!kSanitized) {
-    EXPECT_LT(probe.usage().rss_mb - megabytes, 60);
+    EXPECT_LT(probe.usage().rss_mb - rss_mb, 60);  // [MiB]
   }
   EXPECT_NEAR(watched.lengthRatio(), 1, kTolerance);
   EXPECT_TRUE(watched.unload());
 }
 
-int listen(const std::string& ns) {
+int subscribe(const std::string& ns) {
   ros::NodeHandle handle;
   TopicRecorder<VoFrameMsg> frames(handle, ns + "/vo/frame");
   TopicRecorder<sensor_msgs::Image> tracks(handle, ns + "/vo/image_tracks");
@@ -174,7 +173,7 @@ int listen(const std::string& ns) {
           [&] { return frames.connected() && tracks.connected() && odometry.connected(); })) {
     return 1;
   }
-  std::cout << kStalledListener << std::endl;
+  std::cout << kSubscribe << std::endl;
   ros::waitForShutdown();
   return 0;
 }
@@ -183,9 +182,9 @@ int listen(const std::string& ns) {
 }  // namespace ground_scale_vo
 
 int main(int argc, char** argv) {
-  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kStalledListener) {
+  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kSubscribe) {
     ros::init(argc, argv, "stalled", ros::init_options::AnonymousName);
-    return ground_scale_vo::listen(argv[2]);
+    return ground_scale_vo::subscribe(argv[2]);
   }
   testing::InitGoogleTest(&argc, argv);
   ros::init(argc, argv, "overload_rostest");

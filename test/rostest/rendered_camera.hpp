@@ -16,7 +16,8 @@
 
 namespace ground_scale_vo {
 
-/// The camera messages of a rendered drive; each image is rendered once.
+/// The camera messages of a rendered drive; each image is rendered once. start_s: stamp of the
+/// first image [s].
 class RenderedDrive {
  public:
   explicit RenderedDrive(const SyntheticDrive::Options& options,

@@ -22,7 +22,7 @@ std::unique_ptr<ChildProcess> startMaster() {
   return master;
 }
 
-TEST(Roscore, GoneAndBack) {
+TEST(Roscore, NodeletsSurviveItsRestart) {
   std::unique_ptr<ChildProcess> master = startMaster();
   ros::NodeHandle handle;
   ros::AsyncSpinner spinner(2);
@@ -35,7 +35,7 @@ TEST(Roscore, GoneAndBack) {
   ASSERT_TRUE(pair->load());
   ASSERT_TRUE(pair->play(0, 19));
 
-  // Gone: those who know each other go on.
+  // Without a master existing connections stay.
   master->send(SIGKILL);
   ASSERT_TRUE(master->waitForEnd());
   ASSERT_FALSE(ros::master::check());
@@ -52,7 +52,8 @@ TEST(Roscore, GoneAndBack) {
   EXPECT_EQ(manager.waitForEnd(), 0) << manager.output();
   EXPECT_EQ(manager.output().find("terminate called"), std::string::npos) << manager.output();
 
-  // A pair that is started now works; so does this camera, once it is advertised again.
+  // A manager that is started now works, and so does the camera of this test, which is advertised
+  // again.
   pair.reset();
   ChildProcess again({"rosrun", "nodelet", "nodelet", "manager", "__name:=manager"});
   ASSERT_TRUE(client.waitForServices());
@@ -69,7 +70,7 @@ TEST(Roscore, GoneAndBack) {
 
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
-  // Another program may use the port: try the next one.
+  // The port depends on the process id, so that tests in parallel use different ones.
   ground_scale_vo::port = std::to_string(20000 + getpid() % 10000);
   setenv("ROS_MASTER_URI", ("http://localhost:" + ground_scale_vo::port).c_str(), 1);
   ros::init(argc, argv, "roscore_rostest");

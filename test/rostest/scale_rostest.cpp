@@ -23,9 +23,10 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kCameraHeight = 1.65;  // [m] for 1 VO unit
-constexpr double kStep = 0.5;           // [VO units] a frame
+constexpr double kStep = 0.5;           // [VO units] per frame
 constexpr double kPeriod = 0.1;         // [s]
-/// [VO units] height of the camera above the road in the images, slightly more than in the points.
+/// [VO units] height of the camera above the road in the images. In the points it is 1, so the
+/// scale shows whether the images are used.
 constexpr double kImageHeight = 1.02;
 
 /// The simulated odometry.
@@ -41,7 +42,7 @@ class FlatRoad {
 
   const PinholeCamera& camera() const { return camera_; }
 
-  /// Of the frame that comes next.
+  /// The image of the frame that next() will return.
   sensor_msgs::Image::Ptr nextImage() const {
     RoadScene scene;
     scene.camera = camera_;
@@ -57,6 +58,7 @@ class FlatRoad {
     return image;
   }
 
+  /// The next frame of the odometry.
   VoFrameMsg::Ptr next() {
     VoFrame frame;
     frame.sequence = sequence_;
@@ -123,8 +125,9 @@ class Scale : public testing::Test {
       return frames_.getNumSubscribers() > 0 && scales_.connected() && odometry_.connected();
     }));
   }
-  /// Returns once the nodelet is loaded. The number of subscribers does not show that: roscpp has
-  /// one connection per topic and process, and the other nodelet may hold it.
+  /// Waits for the reset service, i.e. until the nodelet is loaded, and calls it. The number of
+  /// subscribers does not show that: roscpp has one connection per topic and process, and the other
+  /// nodelet may hold it.
   static bool reset(const std::string& service = "reset") {
     std_srvs::Trigger trigger;
     return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kTimeout)) &&
@@ -159,7 +162,7 @@ class Scale : public testing::Test {
 };
 
 // The first test: no mounting transform has been published yet.
-TEST_F(Scale, WithoutTheMountingNothingMetricIsPublished) {
+TEST_F(Scale, NoOdometryIsPublishedWithoutTheMounting) {
   FlatRoad road(1000);
   play(road, kFrames);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
@@ -246,7 +249,7 @@ TEST_F(Scale, MalformedMessagesAreDropped) {
   EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
 }
 
-/// Publishes images too; the same frames go to both nodelets.
+/// Publishes images too. Both instances of ScaleRecovery get the same frames.
 class WithImages : public Scale {
  protected:
   WithImages()
@@ -266,7 +269,7 @@ class WithImages : public Scale {
     alone_.clear();
   }
 
-  /// Publishes the images as modified by spoil.
+  /// Plays kFrames frames, each after its image, which `spoil` may change.
   void play(FlatRoad& road, const std::function<void(sensor_msgs::Image&)>& spoil) {
     for (int i = 0; i < kFrames; ++i) {
       const sensor_msgs::Image::Ptr image = road.nextImage();

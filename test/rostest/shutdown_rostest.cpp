@@ -1,5 +1,5 @@
-// The manager receives SIGINT at any moment: it ends by itself, in time, with status 0 and
-// without messages of a crash.
+// The manager, standalone nodes or a whole launch receive SIGINT at any moment: they end in time,
+// with status 0 and without messages of a crash.
 
 #include <gtest/gtest.h>
 
@@ -28,12 +28,13 @@ std::string nodeletProgram() {
   throw std::runtime_error("there is no program nodelet");
 }
 
+/// What happens in the manager when it receives the signal; kIdle: nodelets without images.
 enum class Moment { kBeforeLoad, kWhileLoading, kInitialising, kTracking, kIdle };
 constexpr int kMoments = 5;
 const std::string kNodelet = nodeletProgram();
 const char* const kNames[] = {"before load", "while loading", "initialising", "tracking", "idle"};
 
-/// Publishes the drive over and over, at some 100 images a second.
+/// Publishes the drive again and again, at about 100 images per second.
 class Camera {
  public:
   explicit Camera(const RenderedDrive& drive)
@@ -65,11 +66,11 @@ class Shutdown : public testing::Test {
  protected:
   static void SetUpTestSuite() { drive_ = std::make_unique<RenderedDrive>(smallDrive(20)); }
 
-  /// How often each test stops something.
+  /// Rounds of the test of the manager; the others have a quarter of them.
   static int rounds() { return std::getenv("GROUND_SCALE_VO_LONG") != nullptr ? 100 : 15; }
 
-  /// Without the echo of the parameters.
-  static std::string tail(const std::string& output) {
+  /// The output without the parameters that the nodelets print at their start.
+  static std::string withoutParameters(const std::string& output) {
     std::istringstream lines(output);
     std::string kept;
     for (std::string line; std::getline(lines, line);) {
@@ -79,7 +80,7 @@ class Shutdown : public testing::Test {
   }
   static void expectClean(ChildProcess& process, const std::string& what) {
     const std::optional<int> status = process.waitForEnd();
-    const std::string output = tail(process.output());
+    const std::string output = withoutParameters(process.output());
     EXPECT_TRUE(status.has_value()) << what << ": did not end\n" << output;
     EXPECT_EQ(status.value_or(-1), 0) << what << "\n" << output;
     for (const char* bad :
@@ -162,7 +163,7 @@ TEST_F(Shutdown, OfStandaloneNodes) {
   }
 }
 
-// roslaunch stops all nodes at once: those that loaded the nodelets, too.
+// roslaunch stops all nodes at once: the manager and the nodes that loaded the nodelets.
 TEST_F(Shutdown, OfTheWholeLaunch) {
   std::mt19937 random(2);
   Camera camera(*drive_);

@@ -27,8 +27,8 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::size_t kFrames = 50;
-constexpr std::int64_t kSecond = 1000000000;
-constexpr std::int64_t kStart = 1000 * kSecond;
+constexpr std::int64_t kSecond = 1000000000;     // [ns]
+constexpr std::int64_t kStart = 1000 * kSecond;  // stamp of the first image [ns]
 
 class Time : public testing::Test {
  protected:
@@ -134,8 +134,8 @@ PinholeCamera Time::camera_;
 std::vector<cv::Mat> Time::grey_images_;
 std::vector<std::int64_t> Time::stamps_ns_;
 
-// Runs first. The first pass has no clock at all; for the second, which a looped bag plays, it
-// starts, and the third is another loop with the clock jumping back.
+// Runs first. Three passes over the same stamps, as of a looped bag: the first without a clock, the
+// second with a clock that starts then, the third after the clock has jumped back.
 TEST_F(Time, ALateClockAndEachLoopOfABagGiveTheSameResults) {
   ASSERT_TRUE(ros::Time::now().isZero());
   std::vector<nav_msgs::Odometry::ConstPtr> first;
@@ -184,7 +184,8 @@ TEST_F(Time, ALateClockAndEachLoopOfABagGiveTheSameResults) {
   }
 }
 
-// Both nodelets drop and count it; nothing is reset.
+// Both nodelets drop and count such a message, and one with a repeated, an earlier or no stamp;
+// nothing is reset.
 TEST_F(Time, ASingleStampFarAheadIsDropped) {
   constexpr std::uint32_t kMost = std::numeric_limits<std::uint32_t>::max();
   ASSERT_TRUE(publishAndWait(0, kStart));
@@ -202,7 +203,7 @@ TEST_F(Time, ASingleStampFarAheadIsDropped) {
   EXPECT_EQ(scales_.messages().back()->map_id, map_id);
   EXPECT_TRUE(waitForValue(diagnostics_, "dropped: image stamp", "4", "mono_vo"));
 
-  // MonoVo publishes no such frames, so they come from another publisher.
+  // MonoVo publishes no frames with such stamps, so this test does.
   VoFrameMsg frame = *frames_.messages().back();
   for (const std::int64_t stamp_ns : {kMost * kSecond, std::int64_t{0}, kStart}) {
     frame.header = header(stamp_ns);

@@ -14,7 +14,7 @@
 
 namespace ground_scale_vo {
 
-/// Longest wait for any event in a rostest [s].
+/// Longest wait for an event in a rostest [s].
 constexpr double kTimeout = 60.0 * kTimeoutFactor;
 
 /// Records all messages of a topic and waits for messages. Needs a spinner on another thread.
@@ -41,7 +41,7 @@ class TopicRecorder {
   bool waitForCount(std::size_t count, double timeout = kTimeout) {
     return wait([count](const auto& messages) { return messages.size() >= count; }, timeout);
   }
-  /// True if a message with this stamp arrives in time.
+  /// True if in time the newest message is one with this stamp.
   bool waitForStamp(const ros::Time& stamp, double timeout = kTimeout) {
     return wait(
         [&stamp](const auto& messages) {

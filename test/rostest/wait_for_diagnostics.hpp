@@ -33,7 +33,7 @@ inline int countIn(const diagnostic_msgs::DiagnosticStatus& status, const std::s
 }
 
 /// True if from now on a status with this value of the key arrives; empty: any value. of: part of
-/// the name of the nodelet.
+/// the status name, which contains the nodelet's; empty: of any nodelet.
 inline bool waitForValue(TopicRecorder<diagnostic_msgs::DiagnosticArray>& diagnostics,
                          const std::string& key, const std::string& value = "",
                          const std::string& of = "") {
@@ -45,7 +45,8 @@ inline bool waitForValue(TopicRecorder<diagnostic_msgs::DiagnosticArray>& diagno
   });
 }
 
-/// True if a status of the nodelet arrives with this level and a message that contains the text.
+/// True if a status of nodelet `of` (part of its name) arrives with this level and a message that
+/// contains the text.
 inline bool waitForSummary(TopicRecorder<diagnostic_msgs::DiagnosticArray>& diagnostics,
                            const std::string& of, std::int8_t level, const std::string& text,
                            bool from_now = true) {

@@ -115,9 +115,9 @@ int main(int argc, char** argv) {
       "writes FILE: a line per image, by stamp, with the wall time [s] since the start of this "
       "program at\n"
       "which it and the messages computed from it arrived (nan: never). Takes ROS remappings. "
-      "Waits for a ROS "
-      "master,\n"
-      "and prints \"listening\" to stdout when it has subscribed.",
+      "Waits "
+      "for\n"
+      "a ROS master, and prints \"listening\" to stdout when it has subscribed.",
       "Exit status: 0 done, 1 FILE cannot be written, 2 the arguments cannot be used.");
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&arguments.out, "FILE"),

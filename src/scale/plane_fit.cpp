@@ -57,8 +57,9 @@ bool isCollinear(const std::vector<PlanePoint>& points) {
   for (const PlanePoint& point : points) {
     scatter += (point.p_c - mean) * (point.p_c - mean).transpose();
   }
-  const Eigen::Vector3d eigenvalues =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter, Eigen::EigenvaluesOnly).eigenvalues();
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(scatter, Eigen::EigenvaluesOnly);  // ascending
+  const Eigen::Vector3d& eigenvalues = solver.eigenvalues();
   return !(eigenvalues(1) > kMinAspectRatio * kMinAspectRatio * eigenvalues(2));
 }
 
@@ -308,8 +309,9 @@ PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
       const Eigen::Vector4d p = points[i].p_c.homogeneous();
       Q += p * p.transpose();
     }
+    // Q is symmetric, so its singular vectors are its eigenvectors, the smallest last.
     const Eigen::Vector4d mu =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>(Q).eigenvectors().col(0);
+        Eigen::JacobiSVD<Eigen::Matrix4d>(Q, Eigen::ComputeFullV).matrixV().col(3);
     const double norm = mu.head<3>().norm();
     if (!(norm > 0)) return result;
     const double sign = mu.y() < 0 ? 1 : -1;

@@ -6,6 +6,9 @@
 #include <boost/make_shared.hpp>
 #include <cmath>
 #include <limits>
+#include <sstream>
+#include <string>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
@@ -15,20 +18,43 @@ namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
 
-/// Of the norm of a unit quaternion in a message.
+/// Largest deviation of the norm of a unit quaternion from 1: senders may round it.
 constexpr double kUnitTolerance = 0.01;
+
+template <typename... Parts>
+[[noreturn]] void refuse(const Parts&... parts) {
+  std::ostringstream sentence;
+  (sentence << ... << parts);
+  throw MessageError(sentence.str());
+}
+
+/// "(1, 2, 3)"
+template <typename Vector>
+std::string text(const Vector& vector) {
+  std::ostringstream stream;
+  stream << vector.format(
+      {Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", ", ", "", "", "(", ")"});
+  return stream.str();
+}
+
+/// Checks an enumerator of a message. Throws MessageError.
+void requireAtMost(const char* field, unsigned value, unsigned max) {
+  if (value > max) refuse(field, " is ", value, ", it must lie in [0, ", max, "]");
+}
 
 /// name: of the quaternion, for the message of the error.
 Eigen::Matrix3d toRotation(const Eigen::Quaterniond& q, const std::string& name) {
-  if (!isFinite(q.coeffs()) || std::abs(q.norm() - 1.0) > kUnitTolerance) {
-    throw MessageError("the quaternion of " + name + " is not of unit length");
+  if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) {
+    refuse("the quaternion ", text(q.coeffs()), " of ", name,
+           " is not of unit length: its norm is ", q.norm(), ", it must lie in [",
+           1 - kUnitTolerance, ", ", 1 + kUnitTolerance, "]");
   }
   return q.normalized().toRotationMatrix();
 }
 
 Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) {
   if (!isPlausiblePosition(t)) {
-    throw MessageError("the pose is not finite or implausibly far away");
+    refuse("the position ", text(t), " of the pose is not finite or beyond ", kLargestCoordinate);
   }
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = toRotation(q, "the pose");
@@ -40,7 +66,8 @@ MapStart mapStartOf(const VoFrameMsg& msg) {
   MapStart start;
   if (msg.map_start.isZero()) return start;
   if (msg.map_start > msg.header.stamp) {
-    throw MessageError("map_start is later than the stamp of the frame");
+    refuse("map_start is ", msg.map_start, " s, later than the stamp of the frame, ",
+           msg.header.stamp, " s");
   }
   start.stamp_ns = toNanoseconds(msg.map_start);
   if (!isFinite(msg.map_start_rotation_sigma) || msg.map_start_rotation_sigma < 0) return start;
@@ -103,13 +130,17 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
 
 VoFrame fromMsg(const VoFrameMsg& msg) {
   const std::size_t size = msg.id.size();
-  if (msg.age.size() != size) throw MessageError("the arrays id and age differ in length");
-  for (const auto* array : {&msg.u, &msg.v, &msg.x, &msg.y, &msg.z, &msg.depth_sigma}) {
-    if (array->size() != size) throw MessageError("the arrays of the features differ in length");
+  const std::pair<const char*, std::size_t> sizes[] = {{"age", msg.age.size()},
+                                                       {"u", msg.u.size()},
+                                                       {"v", msg.v.size()},
+                                                       {"x", msg.x.size()},
+                                                       {"y", msg.y.size()},
+                                                       {"z", msg.z.size()},
+                                                       {"depth_sigma", msg.depth_sigma.size()}};
+  for (const auto& [name, elements] : sizes) {
+    if (elements != size) refuse(name, " has ", elements, " elements, but id has ", size);
   }
-  if (msg.status > VoFrameMsg::LOST) {
-    throw MessageError("the status " + std::to_string(msg.status) + " is unknown");
-  }
+  requireAtMost("status", msg.status, VoFrameMsg::LOST);
 
   VoFrame frame;
   frame.stamp_ns = toNanoseconds(msg.header.stamp);
@@ -127,7 +158,7 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
   try {
     frame.camera.validate();
   } catch (const OptionError& error) {
-    throw MessageError(std::string("the camera cannot be used: ") + error.what());
+    refuse("camera intrinsics or image size of the frame are invalid: ", error.what());
   }
   if (frame.status == VoStatus::kTracking) frame.T_w_c = fromMsg(msg.pose);
   frame.map_start = mapStartOf(msg);
@@ -138,10 +169,14 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
     feature.id = msg.id[i];
     feature.age = msg.age[i];
     feature.u = {msg.u[i], msg.v[i]};
-    if (i > 0 && feature.id <= msg.id[i - 1])
-      throw MessageError("the ids are not in ascending order");
-    if (!isPlausiblePosition(feature.u))
-      throw MessageError("the pixel of a feature is not finite or implausibly far outside");
+    if (i > 0 && feature.id <= msg.id[i - 1]) {
+      refuse("the ids are not in ascending order: id[", i, "] is ", feature.id, " after ",
+             msg.id[i - 1]);
+    }
+    if (!isPlausiblePosition(feature.u)) {
+      refuse("feature ", feature.id, " has the pixel ", text(feature.u),
+             ", which is not finite or beyond ", kLargestCoordinate);
+    }
     TrackedFeature with_point = feature;
     with_point.has_point = true;
     with_point.p_c = {msg.x[i], msg.y[i], msg.z[i]};
@@ -174,10 +209,8 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
 }
 
 ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
-  if (msg.status > ScaleEstimateMsg::HELD || msg.reason > ScaleEstimateMsg::REJECTED_BY_FILTER) {
-    throw MessageError("the status " + std::to_string(msg.status) + " or the reason " +
-                       std::to_string(msg.reason) + " of the scale is unknown");
-  }
+  requireAtMost("status", msg.status, ScaleEstimateMsg::HELD);
+  requireAtMost("reason", msg.reason, ScaleEstimateMsg::REJECTED_BY_FILTER);
   ScaleEstimate scale;
   scale.status = static_cast<ScaleStatus>(msg.status);
   scale.reason = static_cast<ScaleReason>(msg.reason);

@@ -162,6 +162,55 @@ TEST(VoFrameMsg, MapStartMayBeUnknown) {
   EXPECT_THROW(fromMsg(msg), MessageError);
 }
 
+/// The sentence with which a message is refused.
+template <typename Message>
+std::string reasonOf(const Message& msg) {
+  try {
+    fromMsg(msg);
+  } catch (const MessageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(VoFrameMsg, TheReasonNamesFieldValueAndLimit) {
+  const VoFrame frame = someFrame();
+  const VoFrameMsg good = *toMsg(frame, headerOf(frame));
+  VoFrameMsg msg = good;
+  msg.depth_sigma.pop_back();
+  EXPECT_EQ(reasonOf(msg), "depth_sigma has 49 elements, but id has 50");
+  msg = good;
+  msg.age.pop_back();
+  EXPECT_EQ(reasonOf(msg), "age has 49 elements, but id has 50");
+  msg = good;
+  msg.id[4] = 7;
+  EXPECT_EQ(reasonOf(msg), "the ids are not in ascending order: id[4] is 7 after 25769803781");
+  msg = good;
+  msg.v[2] = 2e9f;
+  msg.u[2] = 1;
+  EXPECT_EQ(reasonOf(msg),
+            "feature 17179869189 has the pixel (1, 2e+09), which is not finite or beyond 1e+09");
+  msg = good;
+  msg.fx = 0;
+  EXPECT_EQ(reasonOf(msg),
+            "camera intrinsics or image size of the frame are invalid: camera fx [px] is 0, it "
+            "must lie in [1, 1e+06]");
+  msg = good;
+  msg.status = 9;
+  EXPECT_EQ(reasonOf(msg), "status is 9, it must lie in [0, 2]");
+  msg = good;
+  msg.pose.position.x = -2e9;
+  msg.pose.position.y = 1;
+  msg.pose.position.z = 0.5;
+  EXPECT_EQ(reasonOf(msg),
+            "the position (-2e+09, 1, 0.5) of the pose is not finite or beyond 1e+09");
+  msg = good;
+  msg.pose.orientation = geometry_msgs::Quaternion();
+  EXPECT_EQ(reasonOf(msg),
+            "the quaternion (0, 0, 0, 0) of the pose is not of unit length: its norm is 0, it "
+            "must lie in [0.99, 1.01]");
+}
+
 TEST(VoFrameMsg, APointBehindTheCameraIsDropped) {
   const VoFrame frame = someFrame();
   VoFrameMsg msg = *toMsg(frame, headerOf(frame));
@@ -200,6 +249,15 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   EXPECT_EQ(back.height, scale.height);
   EXPECT_EQ(back.n_c, scale.n_c);
   EXPECT_EQ(back.plane_inliers, scale.plane_inliers);
+}
+
+TEST(ScaleEstimateMsg, TheReasonNamesFieldValueAndLimit) {
+  ScaleEstimateMsg msg;
+  msg.status = 3;
+  EXPECT_EQ(reasonOf(msg), "status is 3, it must lie in [0, 2]");
+  msg.status = 0;
+  msg.reason = 8;
+  EXPECT_EQ(reasonOf(msg), "reason is 8, it must lie in [0, 7]");
 }
 
 Eigen::Isometry3d isometry(const Eigen::Vector3d& axis_angle, const Eigen::Vector3d& t) {

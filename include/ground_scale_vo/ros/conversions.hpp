@@ -26,8 +26,8 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header);
 
 /// Any odometry may publish VoFrame, so the message is checked. Throws MessageError: arrays of
 /// different lengths, ids not in ascending order, pixels that are not finite, an invalid camera or
-/// status, an invalid pose although status is TRACKING, or an invalid map_start. A point that is not finite or not in
-/// front of the camera is dropped; its feature stays.
+/// status, an invalid pose although status is TRACKING, or an invalid map_start. A point that is
+/// not finite or not in front of the camera is dropped; its feature stays.
 VoFrame fromMsg(const VoFrameMsg& msg);
 
 ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,

@@ -14,38 +14,39 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
-# group, column of timing.csv (publish: of usage.csv), label
+# group, column of timing.csv (publish: of usage.csv; vo_rest: vo_total without the other stages of the
+# odometry), label
 STAGES = [
     ("image", "decode", "decode"),
-    ("front end", "vo_pyramid", "pyramid"),
-    ("front end", "vo_track", "track"),
-    ("front end", "vo_adjustment_wait", "wait for adjustment"),
-    ("front end", "vo_align", "align"),
-    ("front end", "vo_pose", "pose"),
-    ("front end", "vo_detect", "detect"),
-    ("front end", "vo_triangulate", "triangulate"),
-    ("front end", "vo_rest", "rest"),
-    ("front end", "vo_total", "front end, whole"),
+    ("odometry", "vo_pyramid", "pyramid"),
+    ("odometry", "vo_track", "track"),
+    ("odometry", "vo_adjustment_wait", "wait for bundle adjustment"),
+    ("odometry", "vo_align", "align patches"),
+    ("odometry", "vo_pose", "pose"),
+    ("odometry", "vo_detect", "detect"),
+    ("odometry", "vo_triangulate", "triangulate"),
+    ("odometry", "vo_rest", "rest"),
+    ("odometry", "vo_total", "odometry, total"),
     ("mapping thread", "vo_bundle_adjustment", "bundle adjustment"),
     ("scale stage", "scale_delaunay", "Delaunay"),
     ("scale stage", "scale_gpe", "GPE"),
     ("scale stage", "scale_gpa", "GPA"),
     ("scale stage", "scale_refine", "refinement"),
     ("scale stage", "scale_filter", "filter"),
-    ("scale stage", "scale_total", "scale stage, whole"),
+    ("scale stage", "scale_total", "scale stage, total"),
     ("messages", "publish", "publish"),
-    ("frame", "total", "frame, whole"),
+    ("frame", "total", "frame, total"),
 ]
 BASELINE = [("baseline", name, f"OpenCV: {name}") for name in ("pyramid", "detect", "track", "total")]
 COLOURS = {
-    "image": "0.6", "front end": "tab:blue", "mapping thread": "tab:purple",
+    "image": "0.6", "odometry": "tab:blue", "mapping thread": "tab:purple",
     "scale stage": "tab:green", "messages": "tab:brown", "frame": "black", "baseline": "tab:orange",
 }
-VERDICTS = {True: "holds", False: "missed", None: "not measured"}
-MIN_SLOPE_FRAMES = 300
-# Stages of the front end with a time of their own.
-FRONT_END = ["vo_pyramid", "vo_track", "vo_adjustment_wait", "vo_align", "vo_pose", "vo_detect",
-             "vo_triangulate"]
+VERDICTS = {True: "met", False: "missed", None: "not measured"}
+MIN_SLOPE_FRAMES = 300  # fewer do not show the growth of memory
+# Stages of the odometry whose times are measured; they run one after the other.
+ODOMETRY_STAGES = ["vo_pyramid", "vo_track", "vo_adjustment_wait", "vo_align", "vo_pose", "vo_detect",
+                   "vo_triangulate"]
 
 
 def read_table(file):
@@ -55,17 +56,18 @@ def read_table(file):
 
 
 def read_run(folder):
-    """One run of benchmark_sequence: its facts, and the columns of both of its tables."""
+    """One run of benchmark_sequence: run.json, and the columns of timing.csv and usage.csv."""
     run = {"facts": json.loads((folder / "run.json").read_text())}
     run["time"] = read_table(folder / "timing.csv")
     run["usage"] = read_table(folder / "usage.csv")
-    run["time"]["vo_rest"] = run["time"]["vo_total"] - sum(run["time"][name] for name in FRONT_END)
+    run["time"]["vo_rest"] = run["time"]["vo_total"] - sum(
+        run["time"][name] for name in ODOMETRY_STAGES)
     run["time"]["publish"] = run["usage"]["publish"]
     return run
 
 
 def figures(values):
-    """Median and tail of times [ms], or null where there are none."""
+    """Median and upper quantiles of times [ms]; None if there are none."""
     if len(values) == 0:
         return {"median": None, "p95": None, "p99": None, "max": None}
     quantiles = np.percentile(values, [50, 95, 99, 100])
@@ -73,7 +75,7 @@ def figures(values):
 
 
 def stage_figures(times):
-    """Of the frames in which a stage ran, with their share."""
+    """Quantiles over the frames in which the stage ran, their share, and the mean over all frames."""
     ran = times[times > 0]
     return {**figures(ran), "share": len(ran) / len(times), "mean": float(np.mean(times))}
 
@@ -113,30 +115,30 @@ def memory_figures(run):
 
 
 def ratio_figures(run, baseline):
-    """Pipeline without decoding over the OpenCV baseline: both in processor time, which other work on
-    the machine hardly changes."""
+    """Processor time of the pipeline without decoding, divided by that of the OpenCV baseline.
+    Processor time, unlike wall time, hardly depends on other load of the machine."""
     usage = run["usage"]
-    whole = 1e3 * usage["cpu_s"][-1] / len(usage["cpu_s"]) - np.mean(usage["decode_cpu"])
+    per_frame = 1e3 * usage["cpu_s"][-1] / len(usage["cpu_s"]) - np.mean(usage["decode_cpu"])
     # The pipeline detects corners only in keyframes.
     detected = run["time"]["vo_detect"][1:] > 0
     same_detections = baseline["cpu"] - np.where(detected, 0, baseline["detect"] / baseline["total"] *
                                               baseline["cpu"])
     return {
         "median": float(np.median(usage["frame_cpu"][1:]) / np.median(baseline["cpu"])),
-        "mean_with_adjustment": float(whole / np.mean(baseline["cpu"])),
-        "mean_with_adjustment_and_its_detections": float(whole / np.mean(same_detections)),
+        "mean_with_adjustment": float(per_frame / np.mean(baseline["cpu"])),
+        "mean_with_adjustment_and_its_detections": float(per_frame / np.mean(same_detections)),
     }
 
 
 def graph_figures(file, images):
-    """One run of the nodelets."""
+    """Figures of one run of the nodelets, and its latencies [ms] from image to odometry."""
     table = read_table(file)
     frames = np.flatnonzero(np.isfinite(table["frame"]))
     if len(frames) == 0:
         raise ValueError(f"{file}: no vo/frame was received")
 
-    # When each image was due: the player's clock is linear in the stamps, with the offset of the image
-    # that arrived earliest after its stamp. Images that arrived late do not shorten the latency.
+    # Instant at which the player is due to publish each image: linear in the stamp, with the offset of
+    # the image that arrived with the least delay. So a late arrival counts as latency.
     rate = float(file.stem.split("_")[1])
     due = table["stamp"] / rate
     due += np.nanmin(table["image"] - due)
@@ -163,16 +165,17 @@ def graph_figures(file, images):
 
 
 def threshold_figures(report):
-    """The performance targets, for images of 1241x376 on an idle machine."""
+    """Compares the figures with the performance targets for images of 1241x376 on an idle machine."""
     one, two, memory = report["one_core"], report["two_cores"], report["memory"]
-    ratio = report["whole_over_baseline"]
+    ratio = report["pipeline_over_baseline"]
     thresholds = [
-        ("front end, median [ms]", one["stages_ms"]["vo_total"]["median"], "<=", 8),
+        ("odometry, median [ms]", one["stages_ms"]["vo_total"]["median"], "<=", 8),
         ("scale stage, median [ms]", one["stages_ms"]["scale_total"]["median"], "<=", 2.5),
         ("processor time [ms a frame]", one["cpu_ms_per_frame"], "<=", 16),
         ("two cores [frames/s]", two["frames_per_second"], ">=", 75),
-        ("whole over baseline, median frame", ratio["median"], "<=", 2.5),
-        ("whole over baseline, mean with adjustment", ratio["mean_with_adjustment"], "<=", 2.5),
+        ("pipeline over OpenCV baseline, median frame", ratio["median"], "<=", 2.5),
+        ("pipeline over OpenCV baseline, mean with bundle adjustment", ratio["mean_with_adjustment"],
+         "<=", 2.5),
         ("peak memory [MiB]", max(memory["peak_rss_mb"], two["peak_rss_mb"]), "<=", 300),
         ("growth of memory [MiB in 1000 frames]", memory["growth_mb_per_1000_frames"], "<=", 5),
     ]
@@ -184,7 +187,7 @@ def threshold_figures(report):
             thresholds.append(("images dropped at 3 times the bag's rate", graph["dropped"], "<=", 0))
     return [
         {"what": what, "value": value, "sign": sign, "limit": limit,
-         "holds": None if value is None else value <= limit if sign == "<=" else value >= limit}
+         "met": None if value is None else value <= limit if sign == "<=" else value >= limit}
         for what, value, sign, limit in thresholds
     ]
 
@@ -231,12 +234,12 @@ def introduction(report):
 
 def benchmark_text(name, report):
     one, two, graph = report["one_core"], report["two_cores"], report["graph"]
-    ratio, baseline, memory = report["whole_over_baseline"], report["baseline_ms"], report["memory"]
+    ratio, baseline, memory = report["pipeline_over_baseline"], report["baseline_ms"], report["memory"]
     parts = [f"# {name}: {one['width']}x{one['height']}, {one['frames']} frames",
              introduction(report),
              "## Stages, one core [ms]",
              "All threads on one core, so the bundle adjustment delays the frame after its keyframe. "
-             "Times of a stage are over the frames in which it ran. *frame, whole* is front end and "
+             "Times of a stage are over the frames in which it ran. *frame, total* is odometry and "
              "scale stage, without decoding, messages and the mapping thread."]
 
     def cells(stage):
@@ -247,7 +250,7 @@ def benchmark_text(name, report):
             for group, column, label in STAGES for stage in [one["stages_ms"][column]]]
     rows += [[label, *cells(baseline[column]), "100 %"] for _, column, label in BASELINE]
     parts.append(markdown(["stage", "median", "p95", "p99", "max", "ran in"], rows))
-    parts += ["## Whole pipeline over the baseline",
+    parts += ["## Pipeline over the OpenCV baseline",
               f"The baseline is OpenCV alone on the same images in the same run, with "
               f"{number(baseline['points_median'])} points a frame (median): pyramid, corners, "
               "Lucas-Kanade in every frame. The ratios are of processor time.",
@@ -260,7 +263,7 @@ def benchmark_text(name, report):
                          "pipeline does", ratio["mean_with_adjustment_and_its_detections"]]])]
     parts += ["## Throughput and memory",
               markdown(["run", "frames/s", "processor ms a frame", "of it decoding",
-                        "its main thread, median", "front end median ms", "scale stage median ms",
+                        "its main thread, median", "odometry median ms", "scale stage median ms",
                          "peak MiB"],
                        [[f"{run['cores']} core{'s' if run['cores'] > 1 else ''}",
                          run["frames_per_second"], run["cpu_ms_per_frame"],
@@ -268,7 +271,7 @@ def benchmark_text(name, report):
                          run["stages_ms"]["vo_total"]["median"],
                          run["stages_ms"]["scale_total"]["median"], run["peak_rss_mb"]]
                         for run in (one, two)]),
-              "*Its main thread*: processor time of front end and scale stage. Peaks: the run on "
+              "*Its main thread*: processor time of odometry and scale stage. Peaks: the run on "
               "one core also keeps the points for the baseline.",
               f"Memory over {memory['frames']} frames, the sequence forwards and backwards in "
               f"turn: {', '.join(number(place['rss_mb']) for place in memory['rss_mb'])} MiB after "
@@ -289,8 +292,8 @@ def benchmark_text(name, report):
                              run["cpu_ms_per_frame"], run["peak_rss_mb"]] for run in graph])]
     parts += ["## Targets", "For images of 1241x376 on an idle machine.",
               markdown(["", "measured", "target", ""],
-                       [[aim["what"], aim["value"], f"{aim['sign']} {aim['limit']}",
-                         VERDICTS[aim["holds"]]] for aim in report["aims"]])]
+                       [[target["what"], target["value"], f"{target['sign']} {target['limit']}",
+                         VERDICTS[target["met"]]] for target in report["targets"]])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -340,10 +343,10 @@ def draw_stages(folder, name, run, baseline, report):
     groups = dict.fromkeys(group for group, _, _ in rows)
     axes.legend([plt.Rectangle((0, 0), 1, 1, color=COLOURS[group]) for group in groups],
                 list(groups), loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
-    ratio = report["whole_over_baseline"]
+    ratio = report["pipeline_over_baseline"]
     axes.set(xlabel="time of a frame in which the stage ran [ms]: box quartiles, whiskers 5 and "
              "95 %; beside the name the median",
-             title=f"{name}, {run['facts']['width']}x{run['facts']['height']}, one core: whole "
+             title=f"{name}, {run['facts']['width']}x{run['facts']['height']}, one core: "
              f"frame {ratio['median']:.2f} x the baseline, {ratio['mean_with_adjustment']:.2f} x with the "
              "bundle adjustment (processor time)")
     save(figure, folder / "stages.png")
@@ -394,11 +397,11 @@ def report_benchmark(folder, load):
         "two_cores": run_figures(two),
         "baseline_ms": {**{column: stage_figures(baseline[column]) for _, column, _ in BASELINE},
                      "points_median": float(np.median(baseline["points"]))},
-        "whole_over_baseline": ratio_figures(one, baseline),
+        "pipeline_over_baseline": ratio_figures(one, baseline),
         "memory": memory_figures(long_drive),
         "graph": [graph for graph, _ in graphs],
     }
-    report["aims"] = threshold_figures(report)
+    report["targets"] = threshold_figures(report)
     draw_stages(folder, name, one, baseline, report)
     draw_memory(folder, name, long_drive)
     latencies = [(graph["rate"], times) for graph, times in graphs]
@@ -407,7 +410,7 @@ def report_benchmark(folder, load):
     write_report(folder, "benchmark", report, benchmark_text(name, report))
 
 
-# title, the varied option, remark
+# series: title, the varied option or property, remark
 SERIES = {
     "features": ("Features", "tracker/cell_size", "The side of the square that holds one corner."),
     "image": ("Image size", "pixels", "The same images, resized."),
@@ -415,8 +418,8 @@ SERIES = {
 }
 
 
-def of_series(series, run):
-    """The varied value of one run of a series."""
+def varied_value(series, run):
+    """The value of the varied option or property in one run of a series."""
     if series == "image":
         return f"{run['width']}x{run['height']}"
     return run["settings"].split()[0].split("=")[1]
@@ -431,17 +434,18 @@ def report_growth(folder, load):
             runs.append(run_figures(read_run(place)))
         report["series"][series] = runs
     parts = [f"# {name}: growth", introduction(report),
-             "One core; each series changes one thing. Stages: median of wall milliseconds over the "
-             "frames in which one ran. Main thread (front end and scale stage, median), adjustment "
-             "(the mapping thread, mean of one) and a whole frame (mean, decoding included): "
-             "milliseconds of processor time, which other work on the machine changes little."]
+             "One core; each series varies one setting. Stages: median wall time in milliseconds over "
+             "the frames in which the stage ran. Main thread (odometry and scale stage, median), "
+             "adjustment (mapping thread, mean per bundle adjustment) and frame (total, mean, "
+             "decoding included): processor time in milliseconds, which hardly depends on other load "
+             "of the machine."]
     columns = ["vo_pyramid", "vo_track", "vo_align", "vo_pose", "vo_detect", "scale_delaunay",
                "scale_gpa", "scale_refine"]
     labels = {column: label for _, column, label in STAGES}
     for series, (title, what, how) in SERIES.items():
         rows = []
         for run in report["series"][series]:
-            rows.append([of_series(series, run), run["features_median"],
+            rows.append([varied_value(series, run), run["features_median"],
                          *(run["stages_ms"][column]["median"] for column in columns),
                          run["frame_cpu_ms_median"], run["adjustment_cpu_ms"],
                          run["cpu_ms_per_frame"], run["peak_rss_mb"]])
@@ -452,23 +456,23 @@ def report_growth(folder, load):
 
 
 def report_micro(folder):
-    """A row for each benchmark, a column for each size, named as by Google Benchmark; a table for
-    benchmarks of equal sizes."""
+    """One row per benchmark and one column per size, named as by Google Benchmark; one table for all
+    benchmarks of the same sizes."""
     report = json.loads((folder / "micro.json").read_text())
     host = report["context"]
-    pieces = {}
+    runs_of = {}
     for run in report["benchmarks"]:
         if run.get("run_type") != "aggregate":
             name, *sizes = run["name"].replace("/manual_time", "").split("/")
-            # Manual times are wall times; else processor time, which other work on the machine
-            # changes less.
+            # Manual times are wall times; otherwise use processor time, which depends less on other
+            # load of the machine.
             time = run["real_time" if "manual_time" in run["name"] else "cpu_time"]
             to_ms = {"ns": 1e-6, "us": 1e-3, "ms": 1.0, "s": 1e3}[run["time_unit"]]
-            pieces.setdefault(name, []).append((", ".join(sizes), time * to_ms))
+            runs_of.setdefault(name, []).append((", ".join(sizes), time * to_ms))
     text = [f"Processor milliseconds of one call. {host['num_cpus']} cores of "
             f"{host['mhz_per_cpu']} MHz, load {host['load_avg'][0]:.2f} at the start."]
     tables = {}
-    for name, runs in pieces.items():
+    for name, runs in runs_of.items():
         sizes = tuple(size for size, _ in runs)
         tables.setdefault(sizes, []).append([name, *(time for _, time in runs)])
     text += [markdown(["", *sizes], rows) for sizes, rows in tables.items()]
@@ -479,7 +483,7 @@ def report_micro(folder):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=pathlib.Path, metavar="DIR",
-                        help="of one sequence, as scripts/benchmark leaves it")
+                        help="results of scripts/benchmark for one sequence")
     parser.add_argument("--growth", action="store_true", help="report the runs in DIR/growth")
     parser.add_argument("--micro", action="store_true", help="report DIR/micro.json")
     parser.add_argument("--load", type=float, default=0.0,

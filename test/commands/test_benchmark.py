@@ -1,6 +1,6 @@
 """scripts/benchmark: its reports are complete and consistent, its arguments are checked."""
 
-import benchmark_report
+import check_benchmark
 import pytest
 from conftest import SCRIPTS, assert_refused, run, tool
 
@@ -10,7 +10,7 @@ BENCHMARK = SCRIPTS / "benchmark"
 @pytest.mark.serial
 def test_report(short, tmp_path):
     run(BENCHMARK, short, "--out", tmp_path, "--rates", "1,2", "--repeat", 2)
-    benchmark_report.check(tmp_path / "short", frames=40, rates=[1, 2])
+    check_benchmark.check(tmp_path / "short", frames=40, rates=[1, 2])
 
 
 def test_micro(tmp_path):

@@ -3,10 +3,10 @@
 #   gsv_setup [section...]   installs missing packages of packages.txt: [run], [build], these sections
 #   gsv_build [target...]    configures and builds in $gsv_build_folder; without a target: everything
 #   gsv_env                  sets the environment of ROS and of this build in the calling shell
-#   gsv_show_launch NAME FILE
+#   gsv_show_launch NAME FILE [RECORDED]
 #                            reduces the output of kitti.launch (stdin) to progress, warnings and errors
 #                            (stderr); fails after an error. Stops roslaunch, whose process id is in
-#                            FILE, when it cannot start a node
+#                            FILE, when it cannot start a node. RECORDED: the bag that it records
 #   gsv_playback_finished LOG
 #                            true when the LOG of kitti.launch reports that the whole bag was processed
 #   gsv_free_port            prints a free TCP port
@@ -183,7 +183,7 @@ gsv_free_port() {
 
 # Prints nothing after the first error: the errors that follow only result from the shutdown.
 gsv_show_launch() {
-  local name=$1 pid_file=$2 line next_progress=0 failed=no
+  local name=$1 pid_file=$2 recorded=${3:-} line next_progress=0 failed=no
   shopt -s extglob
   show() {
     [[ ! -t 2 ]] || printf '\r\e[K' >&2 # overwrites the progress
@@ -212,6 +212,10 @@ gsv_show_launch() {
         failed=yes
         ;;
       *'=REQUIRED process [playback_monitor-'*) ;; # the regular end, or it has printed the error
+      *'=REQUIRED process [bag_recorder-'*'] has died!'*)
+        show "$name: $recorded cannot be written: its recorder stopped; is the disk full?"
+        failed=yes
+        ;;
       *'=REQUIRED process ['*'] has died!'*)
         line=${line#*REQUIRED process [}
         show "$name: the node ${line%%-+([0-9])]*} exited before playback finished"

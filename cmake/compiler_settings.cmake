@@ -32,8 +32,8 @@ if(GROUND_SCALE_VO_SANITIZE)
   if(sanitizers MATCHES undefined)
     string(APPEND sanitizers ",float-cast-overflow")  # not part of `undefined`
   endif()
-  # Compile with -O1, and without the checks of every memory access: `address` makes them as well, and
-  # they take five times as long to compile.
+  # Without the checks null, object-size and alignment of every memory access: with them compilation
+  # takes five times as long, and `address` checks memory accesses as well.
   add_compile_options(-O1 -g1 -fno-omit-frame-pointer -fsanitize=${sanitizers}
     -fno-sanitize=null,object-size,alignment)
   link_libraries(-fsanitize=${sanitizers})
@@ -84,7 +84,8 @@ function(gsv_add_layer name type)
     list(APPEND sources ${module_sources})
   endforeach()
   if(name STREQUAL simulation AND "${GROUND_SCALE_VO_SANITIZE}" STREQUAL thread)
-    # The renderer takes most of the tests' time, and its scene does not change once it is built.
+    # Do not instrument the renderer: it takes most of the tests' time, and its threads only read the
+    # scene, which is constant after construction.
     set(renderer ${sources})
     list(FILTER renderer INCLUDE REGEX "/(rendering|world)/[a-z_]+\\.cpp$|/synthetic_drive\\.cpp$")
     set_source_files_properties(${renderer} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=thread;-O3")

@@ -1,6 +1,8 @@
 # Unit, fuzz and node tests; micro-benchmarks.
 
-# The tests are compiled at -O1: most of their run time is spent in the libraries.
+# gsv_as_test(TARGET HEADERS): include folders, libraries and compile options of a test. HEADERS: the
+# target that precompiles its headers. The tests are compiled at -O1: most of their run time is spent
+# in the libraries.
 function(gsv_as_test target headers)
   target_include_directories(${target} PRIVATE
     ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src)
@@ -88,7 +90,7 @@ foreach(target ${ROS_FUZZ_TARGETS})
   gsv_as_test(${target} gsv_ros_test_headers)
 endforeach()
 
-# The rostests: one executable that a .test file starts beside a nodelet manager.
+# The rostests: each NAME_rostest.test starts the executable NAME_rostest and the nodes under test.
 if(GROUND_SCALE_VO_ROS)
   find_package(rostest REQUIRED)
   file(GLOB ROSTESTS CONFIGURE_DEPENDS test/rostest/*_rostest.cpp)
@@ -98,7 +100,7 @@ if(GROUND_SCALE_VO_ROS)
     gsv_as_test(${test} gsv_ros_test_headers)
     target_link_libraries(${test} ${PROJECT_NAME}_ros_tools ${PROJECT_NAME}_simulation gtest)
   endforeach()
-  # These measure time or memory, or play a bag at its rate.
+  # Run these alone: they measure time or memory, or play a bag in real time.
   foreach(test kitti_launch long_run overload shutdown)
     set_tests_properties(
       _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES RUN_SERIAL ON)
@@ -111,10 +113,10 @@ if(benchmark_FOUND)
   #catkin_lint: skip
   file(GLOB BENCHMARK_SOURCES CONFIGURE_DEPENDS benchmark/*_benchmark.cpp)
   add_executable(benchmarks EXCLUDE_FROM_ALL ${BENCHMARK_SOURCES})
-  target_include_directories(benchmarks PRIVATE ${PROJECT_SOURCE_DIR}/test)  # their scenes
+  target_include_directories(benchmarks PRIVATE ${PROJECT_SOURCE_DIR}/test)  # for test/support
   set_target_properties(benchmarks PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR})
   target_link_libraries(benchmarks PRIVATE
     ${PROJECT_NAME}_core ${PROJECT_NAME}_warnings ${OpenCV_LIBS} benchmark::benchmark_main)
 else()
-  message(STATUS "Google Benchmark (libbenchmark-dev) is not there: no target benchmarks")
+  message(STATUS "Google Benchmark (libbenchmark-dev) was not found: there is no target `benchmarks`")
 endif()

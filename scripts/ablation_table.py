@@ -6,7 +6,7 @@ import json
 import pathlib
 import sys
 
-# Tables: heading, and the values of a cell: key in metrics.json, format.
+# Tables: heading, and for each value of a cell its key in metrics.json and its format.
 TABLES = [
     ("t_err % / RLE % / share of frames held",
      [("t_err_percent", "{:.2f}"), ("rle_percent", "{:.2f}"), ("scale_held_share", "{:.2f}")]),
@@ -64,9 +64,11 @@ def tables(labels, sequences, metrics):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=pathlib.Path, help="holds NUMBER/SEQ/metrics.json")
-    parser.add_argument("--rows", nargs="+", required=True, metavar="LABEL", help="by number")
-    parser.add_argument("--sequences", nargs="+", required=True, metavar="SEQ")
+    parser.add_argument("folder", type=pathlib.Path, help="holds ROW/SEQ/metrics.json, with the number of the row")
+    parser.add_argument("--rows", nargs="+", required=True, metavar="LABEL",
+                        help="labels of the rows 0, 1, 2 ...")
+    parser.add_argument("--sequences", nargs="+", required=True, metavar="SEQ",
+                        help="names of the sequences, in the order of the columns")
     arguments = parser.parse_args()
     metrics = [[read(arguments.folder, row, name) for name in arguments.sequences]
                for row in range(len(arguments.rows))]

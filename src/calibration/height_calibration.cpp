@@ -13,7 +13,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Correlation length of the scale's error [camera heights].
+/// Correlation length of the scale's error [camera heights]: errors are taken as equal over this
+/// distance and as independent beyond.
 constexpr double kScaleCorrelation = 6;
 /// Spacing of the polyline along which the path is measured [camera heights]: shorter steps would
 /// add the noise of the positions.
@@ -64,8 +65,7 @@ std::string gapInPath(const std::vector<RunFrame>& frames) {
 }
 
 /// Length of the metric path [camera heights], and its standard deviation from the reported sigma
-/// of the scale: fully correlated over kScaleCorrelation, independent beyond. Precondition: as of
-/// gapInPath(), which returns empty.
+/// of the scale (see kScaleCorrelation). Precondition: gapInPath() returns an empty string.
 struct PathLength {
   double length = 0, sigma = 0;
 };

@@ -17,7 +17,7 @@ class InterpolatedTrack {
   explicit InterpolatedTrack(const std::vector<RunFrame>& frames);
 
   struct Position {
-    std::size_t frame = 0;                        ///< the last one not after the stamp
+    std::size_t frame = 0;                        ///< index of the last frame up to the stamp
     Eigen::Vector3d p = Eigen::Vector3d::Zero();  ///< [m]
   };
 

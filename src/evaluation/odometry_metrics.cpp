@@ -19,7 +19,7 @@ using Lengths = std::array<double, 8>;
 constexpr Lengths kDevkitLengths{100, 200, 300, 400, 500, 600, 700, 800};
 constexpr Lengths kShortLengths{10, 20, 30, 40, 50, 60, 70, 80};
 constexpr std::size_t kFramesBetweenStarts = 10;
-constexpr double kMinMotion = 0.3;  // [m] minimum motion between frames that has a direction
+constexpr double kMinMotion = 0.3;  // [m] the direction of a shorter motion is mostly noise
 
 double toDegrees(double radians) { return radians * (180.0 / M_PI); }
 

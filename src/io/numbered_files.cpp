@@ -9,6 +9,7 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 
 std::vector<fs::path> numberedFiles(const fs::path& folder, const std::string& extensions) {
+  // A number of 18 digits fits into the key type.
   const std::regex pattern("([0-9]{1,18})\\.(" + extensions + ")");
   std::map<unsigned long long, fs::path> files;
   for (const auto& entry : fs::directory_iterator(folder)) {
@@ -22,8 +23,9 @@ std::vector<fs::path> numberedFiles(const fs::path& folder, const std::string& e
     }
   }
   if (files.empty()) {
-    throw DataError(folder.string() + " has no file NNN." +
-                    std::regex_replace(extensions, std::regex("\\|"), " or NNN."));
+    const std::string names =
+        "NNN." + std::regex_replace(extensions, std::regex("\\|"), " or NNN.");
+    throw DataError(folder.string() + " has no file " + names);
   }
   std::vector<fs::path> ordered;
   for (const auto& [number, file] : files) {

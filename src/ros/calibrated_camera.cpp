@@ -30,8 +30,8 @@ bool allZero(const Range& values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
 }
 
-/// Intrinsics at full resolution from K or P, which has 3 or 4 columns; the last column of P is the
-/// baseline of a stereo pair and not used. Throws OptionError for implausible numbers.
+/// Intrinsics at full resolution from K or P, which has 3 or 4 columns; the last column of P, the
+/// offset of a stereo camera, is not used. Throws OptionError for implausible numbers.
 PinholeCamera fullResolutionCamera(const sensor_msgs::CameraInfo& info, const double* matrix,
                                    int columns) {
   const auto at = [&](int row, int column) { return matrix[row * columns + column]; };
@@ -85,7 +85,7 @@ std::string distortionModel(const std::string& name) {
                     "\"; supported are plumb_bob, rational_polynomial and equidistant");
 }
 
-/// Throws OptionError unless OpenCV takes so many coefficients of this size.
+/// Throws OptionError unless OpenCV accepts this number of coefficients and each is plausible.
 void requireCoefficients(const std::string& model, const std::vector<double>& coefficients) {
   const std::size_t n = coefficients.size();
   if (model == models::EQUIDISTANT) {
@@ -101,8 +101,7 @@ void requireCoefficients(const std::string& model, const std::vector<double>& co
 }
 
 /// The same camera with R = I and P = [K | 0], so that rectified images keep K. use_P: the images
-/// are rectified and P describes them.
-/// Throws OptionError.
+/// are rectified and P describes them. Throws OptionError.
 sensor_msgs::CameraInfo monocularInfo(const sensor_msgs::CameraInfo& info, bool use_P) {
   const PinholeCamera camera = use_P ? fullResolutionCamera(info, info.P.data(), 4)
                                      : fullResolutionCamera(info, info.K.data(), 3);

@@ -23,7 +23,7 @@ constexpr double kQuadLength = 16.0;
 constexpr double kQuadWidth = 8.0;
 constexpr double kArrowWidth = 0.25;
 
-/// [m] extent of the grid ahead and to either side, and its least depth in the camera frame.
+/// [m] extent of the ground grid ahead and to either side, and its least depth in the camera frame.
 constexpr int kGridFrom = 2, kGridTo = 20, kGridSide = 3;
 constexpr double kGridMinDepth = 0.5;
 

@@ -21,7 +21,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Of a fix relative to its neighbours, where the receiver does not report it [m].
+/// Assumed standard deviation of a fix relative to its neighbours where the receiver reports none
+/// [m].
 constexpr double kDefaultFixSigma = 2.5;
 
 class BagRunner {
@@ -94,12 +95,12 @@ class BagRunner {
     // A trajectory without stamps has a line for every image, used or not.
     drive_.stamps_ns.push_back(toNanoseconds(header.stamp));
     if (first_.isZero()) first_ = header.stamp;
-    const double s =
+    const double since_first_s =
         1e-9 * static_cast<double>(toNanoseconds(header.stamp) - toNanoseconds(first_));
-    if (s < source_.from_s || s > source_.to_s) return nullptr;
+    if (since_first_s < source_.from_s || since_first_s > source_.to_s) return nullptr;
     try {
-      if (guard_.check(header.stamp) != StampGuard::Verdict::kAccept) {
-        throw MessageError(guard_.reason().empty() ? "its stamp jumps back" : guard_.reason());
+      if (guard_.check(header.stamp) == StampGuard::Verdict::kDrop) {
+        throw MessageError(guard_.reason());
       }
       if (!image) image = cv_bridge::toCvCopy(compressed)->toImageMsg();
       const cv::Mat rectified = rectifier_.rectify(*image);
@@ -158,7 +159,7 @@ class BagRunner {
   const OfflineRun::Options& options_;
   rosbag::Bag bag_;
   ImageRectifier rectifier_;
-  StampGuard guard_{1e18};
+  StampGuard guard_{1e18};  ///< drops every backward stamp: none is a jump of the clock
   ros::Time first_;
   std::unique_ptr<OfflineRun> run_;
   BagDrive drive_;

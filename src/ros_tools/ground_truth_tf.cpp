@@ -7,6 +7,7 @@ namespace {
 
 /// [s] longer than any drive, so that nothing expires.
 constexpr double kCacheTime = 1e6;
+/// [frames] from a frame to its root; ends the search in a cyclic tree.
 constexpr int kLongestChain = 100;
 
 /// Without the leading slash of old bags, which tf2 rejects.

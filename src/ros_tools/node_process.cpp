@@ -16,7 +16,8 @@ std::optional<pid_t> processOf(const std::string& node) {
   request[1] = ros::names::resolve(node);
   std::string host;
   std::uint32_t port = 0;
-  if (!ros::master::execute("lookupNode", request, response, uri, false) ||
+  constexpr bool kWaitForMaster = false;
+  if (!ros::master::execute("lookupNode", request, response, uri, kWaitForMaster) ||
       !ros::network::splitURI(uri, host, port)) {
     return std::nullopt;
   }

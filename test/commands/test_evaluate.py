@@ -23,7 +23,7 @@ def test_set_reaches_the_run(short, tmp_path):
     ("--camera-height", ["SHORT", "--camera-height", "0"]),
     ("--scenarios", ["SHORT", "--ablation"]),
     ("unknown scenario", ["--scenarios", "none"]),
-    ("unknown fault", ["--faults", "gremlins"]),
+    ("unknown fault", ["--faults", "none"]),
     ("--faults", ["SHORT", "--seed", "1"]),
     ("tracker/cell_size is 7", ["--scenarios", "pitched", "--set", "tracker/cell_size=7"]),
 ])

@@ -40,14 +40,14 @@ def test_installed(install, file):
     assert (install / file).is_file()
 
 
-def free_of_build(install):
-    """The options of a run without the environment of the source tree."""
+def installed_demo(install):
+    """The installed demo, and the options of run() for an environment without the source tree."""
     environment = {"HOME": os.environ["HOME"], "PATH": "/usr/bin:/bin"}
     return install / "lib/ground_scale_vo/demo", {"env": environment}
 
 
 def test_demo(install, short, tmp_path):
-    demo, options = free_of_build(install)
+    demo, options = installed_demo(install)
     assert_plays(demo, tmp_path, "--sequence", short, **options)
 
 
@@ -57,7 +57,7 @@ def test_demo(install, short, tmp_path):
      "the node ground_truth_relay exited before playback finished"),
 ], ids=["missing", "dies"])
 def test_demo_ends_when_a_node_is(install, bag, tmp_path, node, program, text):
-    demo, options = free_of_build(install)
+    demo, options = installed_demo(install)
     file, original = install / "lib/ground_scale_vo" / node, tmp_path / node
     shutil.move(file, original)
     try:

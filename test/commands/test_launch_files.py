@@ -1,4 +1,4 @@
-"""Each launch file resolves to nodes for these arguments."""
+"""Each launch file resolves to nodes for the arguments in CALLS."""
 
 import pytest
 from conftest import ROOT, run

@@ -1,4 +1,4 @@
-"""The lint scripts find what they are made for."""
+"""The lint scripts report violations and accept the source tree."""
 
 import shutil
 

@@ -16,13 +16,15 @@ namespace ground_scale_vo {
 class HeightCalibration {
  public:
   struct Options {
-    double segment_length_heights = 12;   ///< minimum length of a segment [camera heights] and
+    // Minimum length of a segment: the larger of the two.
+    double segment_length_heights = 12;   ///< [camera heights]
     double segment_position_sigmas = 40;  ///< [standard deviations of a position]
-    double outlier_sigma = 4;  ///< segments farther from the median are rejected [1.4826 MAD]
+    /// Segments whose height is farther from the median are outliers [1.4826 MAD].
+    double outlier_sigma = 4;
     int min_segments = 4;
     double max_error = 0.05;  ///< maximum relative half width of the 95 % interval
-    /// Relative standard deviation of the error common to all segments: a bias of the plane's
-    /// height.
+    /// Relative standard deviation of the error common to all segments: the bias of the estimated
+    /// plane's height.
     double method_sigma = 0.003;
     /// Throws OptionError.
     void validate() const;
@@ -36,11 +38,12 @@ class HeightCalibration {
     kTooUncertain  ///< above max_error
   };
 
-  /// A value with its standard error, and the factor from that to the 95 % interval.
+  /// A value with its standard error sigma; value ± factor95 * sigma is the 95 % interval.
   struct Estimate {
     double value = 0;
     double sigma = 0;
     double factor95 = 2;
+    /// Half width of the 95 % interval.
     double error95() const { return factor95 * sigma; }
   };
 

@@ -8,7 +8,7 @@ namespace ground_scale_vo {
 
 // For the error after a mistyped parameter or --set: "...; did you mean camera_height?"
 
-/// Levenshtein distance: least number of letters to insert, remove or replace.
+/// Levenshtein distance: least number of characters to insert, remove or replace.
 std::size_t editDistance(const std::string& a, const std::string& b);
 
 /// The candidate with the least edit distance, the first of equals. Empty when every distance is

@@ -17,8 +17,9 @@ namespace ground_scale_vo {
 //
 // validate(), the offline tools' --set and the reference of the options are derived from that list.
 // The nodelets read a selection of the options as ROS parameters (ros/params.hpp).
-// A parameter's full name is group/name; the group is the stage. Options that contain the options
-// of stages list them with their groups:
+//
+// An option's full name is group/name; each stage is a group. Options that contain the options of
+// stages list them with their groups (an empty group: no prefix):
 //
 //   template <typename Self, typename Visit>
 //   static void visitStages(Self& self, Visit&& visit) {

@@ -18,7 +18,8 @@ inline Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
   return m;
 }
 
-/// The motion with rotation exp([w]x) and translation v.
+/// The motion with rotation exp([w]x) and translation v itself: not the exponential map of SE(3),
+/// whose translation also depends on w.
 inline Eigen::Isometry3d motionFrom(const Vector6d& delta) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   const double angle = delta.head<3>().norm();

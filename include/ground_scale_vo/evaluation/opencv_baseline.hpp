@@ -9,10 +9,11 @@
 
 namespace ground_scale_vo {
 
-/// The cost of OpenCV alone on a drive: pyramid, corner detection and Lucas-Kanade in every frame,
-/// as the least that a feature tracker computes. points[i]: the pixels to track into image i;
-/// points[0] is ignored. Returns a CSV table with a line for every frame from the second on: wall
-/// time of each step and of their sum, and processor time of the sum (cpu), in milliseconds.
+/// Measures OpenCV alone on a drive: image pyramid, corner detection and Lucas-Kanade tracking in
+/// every frame, the minimum that a feature tracker computes. points[i]: the pixels to track into
+/// image i; points[0] is ignored. Returns a CSV table with a line for every frame from the second
+/// on: wall time of each step and of their sum, and processor time of the sum (cpu), in
+/// milliseconds.
 std::string measureOpencvBaseline(const std::vector<std::vector<cv::Point2f>>& points,
                                   const std::function<cv::Mat(std::size_t)>& image,
                                   const FeatureTracker::Options& options);

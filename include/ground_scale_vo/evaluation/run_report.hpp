@@ -11,12 +11,15 @@ namespace ground_scale_vo {
 
 /// The metrics of a run as one JSON object, null for missing values:
 ///   frames, tracked_frames, lost_events, backfilled_frames, camera_height_m [m];
-///   length_m, and the members of OdometryMetrics under their names, of the metric trajectory (of
-///   the unscaled one: t_err_sim3_percent); null without ground truth; scale_within_2_sigma,
-///   scale_held_share, scale_error_median_percent, scale_error_spread_percent, height_bias_percent:
-///   ScaleMetrics; null without ground truth, the last without ground_truth_heights; ms_vo_,
-///   ms_scale_, ms_total_ with median and p95 [ms] over all frames, without image reading;
-///   peak_rss_mb of this process [MiB];
+///   length_m [m] of the metric trajectory;
+///   the other members of OdometryMetrics under their names, of the metric trajectory (but
+///   t_err_sim3_percent of the unscaled one); null without ground truth;
+///   scale_within_2_sigma, scale_held_share, scale_error_median_percent,
+///   scale_error_spread_percent, height_bias_percent: of ScaleMetrics; null without ground truth,
+///   height_bias_percent also without ground_truth_heights;
+///   ms_vo_median, ms_vo_p95 and the same for ms_scale_ and ms_total_: time per frame [ms], without
+///   image reading;
+///   peak_rss_mb: peak memory of this process [MiB];
 ///   by_length, by_short_length: arrays of OdometryMetrics::LengthError.
 /// ground_truth: T_c0_ci [m] of each frame, or empty. ground_truth_heights: of the camera above the
 /// road [m] of each frame, or empty; where they are given, the ground truth counts as exact. Throws

@@ -16,10 +16,11 @@ namespace ground_scale_vo {
 /// (such as a latched camera_info), it destroys the queue of an onInit that threw before the
 /// subscriptions are gone, and it shares its threads with the other nodelets.
 ///
-/// Declare it as the first member of a nodelet, so that it outlives all that uses its handles.
+/// Declare it as the first member of a nodelet, so that it is destroyed after all members that use
+/// its handles.
 class DedicatedSpinner {
  public:
-  /// The same handle, with its callbacks in this queue.
+  /// A copy of the handle whose callbacks go to this queue.
   ros::NodeHandle handle(ros::NodeHandle of_nodelet) {
     of_nodelet.setCallbackQueue(&queue_);
     return of_nodelet;

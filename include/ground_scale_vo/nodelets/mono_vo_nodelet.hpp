@@ -52,7 +52,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void drop(const std::string& kind, const std::string& reason);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
-  DedicatedSpinner callbacks_;  // first: see there
+  DedicatedSpinner callbacks_;  // the first member, see DedicatedSpinner
   MonoVoParams params_;
 
   // Input.

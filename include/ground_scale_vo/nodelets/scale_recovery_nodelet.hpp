@@ -35,7 +35,8 @@ namespace ground_scale_vo {
 /// image_road, points, ground_points, ground_plane. Service reset.
 ///
 /// Everything runs in callbacks on the thread of the DedicatedSpinner. A frame is processed with
-/// the image of the same stamp (FrameImageSynchronizer), or without one on its points.
+/// the image of the same stamp (FrameImageSynchronizer); without an image only feature-based
+/// measurements are made.
 class ScaleRecoveryNodelet : public nodelet::Nodelet {
  public:
   ~ScaleRecoveryNodelet() override;
@@ -77,7 +78,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
   void addValues(diagnostic_updater::DiagnosticStatusWrapper& status);
 
-  DedicatedSpinner callbacks_;  // first: see there
+  DedicatedSpinner callbacks_;  // the first member, see DedicatedSpinner
   ScaleRecoveryParams params_;
 
   // Input.

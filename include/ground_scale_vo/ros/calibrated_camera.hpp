@@ -31,10 +31,10 @@ class CalibratedCamera {
   /// the result is raw itself.
   cv::Mat rectify(const cv::Mat& raw) const;
 
-  /// Same calibration, which rectifies every image alike.
+  /// Same calibration: both rectify every image identically.
   bool operator==(const CalibratedCamera& other) const;
-  /// Same image size and, within 0.01 px, same intrinsics: a camera of a message in single
-  /// precision still matches.
+  /// Same image size and, within 0.01 px, same intrinsics: intrinsics that another odometry has
+  /// rounded to single precision still match.
   bool matches(const PinholeCamera& other) const;
 
  private:

@@ -43,8 +43,8 @@ class FrameImageSynchronizer {
   }
 
   /// The oldest frame, with its image if there is one; empty if it still waits or there is none.
-  /// Call it until it returns empty. Drops the images up to the frame. may_wait: false returns
-  /// frames whose image is missing at once.
+  /// Call it until it returns empty. Drops the images up to the frame. may_wait = false: a frame
+  /// whose image is missing is returned at once, without it.
   std::optional<Match> next(Clock::time_point now, bool may_wait = true) {
     if (frames_.empty()) return std::nullopt;
     WaitingFrame& oldest = frames_.front();
@@ -61,8 +61,8 @@ class FrameImageSynchronizer {
     return match;
   }
 
-  /// The stamps jumped back to this one: drops the images from before the jump. Precondition: no
-  /// frame waits.
+  /// The stamps jumped back to this one: drops the images before the last one with this stamp, all
+  /// if there is none. Precondition: no frame waits.
   void jumpBack(std::int64_t stamp_ns) {
     std::size_t kept = images_.size();
     while (kept > 0 && images_[kept - 1].stamp_ns != stamp_ns) --kept;
@@ -97,7 +97,7 @@ class FrameImageSynchronizer {
   const Limits limits_;
   std::deque<StoredImage> images_;
   std::deque<WaitingFrame> frames_;
-  bool images_arrive_ = false;
+  bool images_arrive_ = false;  ///< false: frames do not wait for images
 };
 
 }  // namespace ground_scale_vo

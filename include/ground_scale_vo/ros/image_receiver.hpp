@@ -17,7 +17,7 @@
 namespace ground_scale_vo {
 
 /// Subscribes to `image` (image_transport) and `camera_info`, and rectifies the images. Both
-/// nodelets receive their images by it. All of it runs in the callback queue of the node handle.
+/// nodelets receive their images with it. It runs in the callback queue of the node handle.
 class ImageReceiver {
  public:
   struct Options {
@@ -29,8 +29,8 @@ class ImageReceiver {
     std::function<void(const sensor_msgs::ImageConstPtr&)> on_image;
     /// After each valid camera_info.
     std::function<void()> on_camera = [] {};
-    /// Each message that is dropped: kind of the warning, reason.
-    std::function<void(const std::string&, const std::string&)> on_drop;
+    /// Each message that is dropped, with the kind of the warning (WarningLog) and the reason.
+    std::function<void(const std::string& kind, const std::string& reason)> on_drop;
   };
 
   /// private_handle: its parameter image_transport names the transport. Throws OptionError when

@@ -7,8 +7,8 @@
 
 namespace ground_scale_vo {
 
-/// Keeps map ids ascending when the odometry is restarted and counts its maps from 0 again, so that
-/// its first map is taken for a new one.
+/// Keeps map ids ascending when the odometry restarts and counts its maps from 0 again: its first
+/// map then gets a new id.
 class MapNumbering {
  public:
   /// Renumbers the map of the next frame. A sequence number that does not grow means a restart.

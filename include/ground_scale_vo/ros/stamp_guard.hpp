@@ -17,13 +17,13 @@ class StampGuard {
   enum class Verdict {
     kAccept,     ///< later than all before
     kDrop,       ///< zero, (nearly) repeated, slightly backward, or a single one far ahead
-    kJumpedBack  ///< the clock jumped back, as in a looped bag: reset and process the image
+    kJumpedBack  ///< the clock jumped back, as in a looped bag: reset and process the message
   };
 
   /// clock_jump_s: a stamp that is earlier by more than this [s] is a jump of the clock.
   explicit StampGuard(double clock_jump_s) : clock_jump_s_(clock_jump_s) {}
 
-  /// Shortest interval between two images [s]; a shorter one gives no meaningful velocity.
+  /// Shortest interval between two stamps [s]; a shorter one gives no meaningful velocity.
   static constexpr double kMinStep = 0.001;
   /// Longest step forward that is accepted at once [s].
   static constexpr double kMaxAhead = 3600.0;
@@ -34,7 +34,7 @@ class StampGuard {
 
  private:
   const double clock_jump_s_;
-  std::int64_t last_ns_ = 0;   ///< of the last accepted image; 0: none
+  std::int64_t last_ns_ = 0;   ///< last accepted stamp; 0: none
   std::int64_t ahead_ns_ = 0;  ///< pending stamp far ahead; 0: none
   std::string reason_;
 };

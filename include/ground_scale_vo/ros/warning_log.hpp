@@ -14,13 +14,15 @@ class WarningLog {
   explicit WarningLog(std::chrono::milliseconds interval = std::chrono::seconds(5))
       : interval_(interval) {}
 
-  /// Counts one warning. Returns the sentence with the count so far if it is due for printing, else
-  /// an empty string.
+  /// Counts one warning. kind: a short name such as "image refused", which begins with what is
+  /// affected. Returns the sentence with the count so far if it is due for printing, else an empty
+  /// string.
   std::string count(const std::string& kind, const std::string& sentence);
 
   /// By kind, since construction.
   std::map<std::string, std::uint64_t> counts() const;
-  /// Sum over the kinds with this prefix.
+  /// Sum over the kinds whose name begins with this text: "image " covers "image refused" and
+  /// "image stamp".
   std::uint64_t total(const std::string& prefix) const;
 
  private:

@@ -30,9 +30,9 @@ struct BagDrive {
   std::string first_rejection;  ///< reason for the first rejected image
 };
 
-/// Runs the bag's images through the pipeline. on_frame(frame, images) is called after each frame,
-/// `images`: in the bag. Throws DataError when the bag, its calibration, its fixes or all of its
-/// images cannot be used.
+/// Runs the bag's images through the pipeline. on_frame(frame, images) is called after each frame;
+/// `images` is the number of images in the bag. Throws DataError when the bag, its calibration, its
+/// fixes or all of its images cannot be used.
 BagDrive runBagDrive(
     const BagDrive::Source& source, const OfflineRun::Options& options,
     const std::function<void(const RunFrame& frame, std::size_t images)>& on_frame);

@@ -29,6 +29,7 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("speed", speed, 0.1, 40);
   requireInRange("pitch_rad", pitch_rad, -0.5, 0.5);
   requireInRange("roll_rad", roll_rad, -0.5, 0.5);
+  requireInRange("yaw_rad", yaw_rad, -M_PI, M_PI);
   requireInRange("lane_offset", lane_offset, -3.4, 4.6);
   requireInRange("curvature", curvature, 0, 0.08);
   requireInRange("slope", slope, -0.15, 0.15);

@@ -67,7 +67,12 @@ VehiclePose vehiclePose(const RoadGeometry& road, const LongitudinalState& state
   T_w_level.translate(pose.height * Eigen::Vector3d::UnitZ());
   T_w_level.rotate(R_s_c);
   pose.T_w_body = rotated(T_w_level, shake - nod, roll);
-  pose.T_w_c = rotated(T_w_level, options.pitch_rad - nod + shake, options.roll_rad + roll);
+  // Pitch and roll of the vehicle, about the axes of the camera turned by the yaw.
+  const double cosine = std::cos(options.yaw_rad), sine = std::sin(options.yaw_rad);
+  const double pitch_c = cosine * (shake - nod) - sine * roll;
+  const double roll_c = cosine * roll + sine * (shake - nod);
+  T_w_level.rotate(Eigen::AngleAxisd(-options.yaw_rad, Eigen::Vector3d::UnitY()));
+  pose.T_w_c = rotated(T_w_level, options.pitch_rad + pitch_c, options.roll_rad + roll_c);
   return pose;
 }
 

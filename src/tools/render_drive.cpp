@@ -72,6 +72,11 @@ class DriveOptions {
     addReal("camera-height", "M", "camera height above the road [m]", &drive.camera_height);
     addReal("pitch", "RAD", "pitch of the camera mounting [rad], positive: looks down",
             &drive.pitch_rad);
+    addReal("roll", "RAD",
+            "roll of the camera mounting [rad], positive: the camera's x axis points down",
+            &drive.roll_rad);
+    addReal("yaw", "RAD", "yaw of the camera mounting [rad], positive: looks to the left",
+            &drive.yaw_rad);
     addReal("speed", "MPS", "cruise speed [m/s]", &drive.speed);
     addReal("rate", "HZ", "frame rate [Hz]", &drive.frame_rate_hz);
     addOption<int>("seed", "N", "random seed of street and noise",

@@ -92,6 +92,8 @@ TEST(SyntheticDrive, RejectsOptionsOutOfRange) {
       [](Options& o) { o.black_frames = -1; },
       [](Options& o) { o.frames = 99999; },
       [&](Options& o) { o.roll_rad = nan; },
+      [](Options& o) { o.yaw_rad = 4; },
+      [&](Options& o) { o.yaw_rad = nan; },
       [](Options& o) { o.lane_offset = -5; },
       [](Options& o) { o.ramp_slope = 1; },
       [](Options& o) { o.ramp_slope = 0.1; },
@@ -172,6 +174,24 @@ TEST(SyntheticDrive, RigidCarOnAFlatRoadHasAConstantPlane) {
   }
   EXPECT_NEAR(drive.frame(0).n_c.y(), -std::cos(options.pitch_rad), 1e-12);
   EXPECT_NEAR(drive.frame(0).n_c.z(), -std::sin(options.pitch_rad), 1e-12);
+}
+
+TEST(SyntheticDrive, YawTurnsTheCameraOnTheSameVehicle) {
+  Options options = shortDrive(40);
+  options.pitch_rad = 0;
+  const SyntheticDrive forward(options);
+  options.yaw_rad = 0.5 * M_PI;
+  const SyntheticDrive left(options);
+  Eigen::Matrix3d R_forward_left;  // looks to the left: x ahead, z to the left
+  R_forward_left << 0, 0, -1, 0, 1, 0, 1, 0, 0;
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    EXPECT_LT((R_forward_left * left.frame(i).n_c - forward.frame(i).n_c).norm(), 1e-4);
+    EXPECT_LT((R_forward_left * left.frame(i).T_c0_c.translation() -
+               forward.frame(i).T_c0_c.translation())
+                  .norm(),
+              2e-3 * (1 + forward.frame(i).T_c0_c.translation().norm()));
+  }
+  EXPECT_GT(left.frame(39).T_c0_c.translation().x(), 10);
 }
 
 TEST(SyntheticDrive, IsStaticAtTheStop) {

@@ -30,6 +30,7 @@ class SyntheticDrive {
     double camera_height = 1.65;  ///< mean height over the road [m]
     double pitch_rad = 0.02;      ///< of the mounting, positive looks down
     double roll_rad = 0;          ///< of the mounting, positive: the camera's x axis points down
+    double yaw_rad = 0;           ///< of the mounting, positive looks to the left; pi: rear-facing
     double frame_rate_hz = 10.0;
     int frames = 200;
     std::uint64_t random_seed = 1;

@@ -270,7 +270,7 @@ TEST_F(Drive, VisualisationTopicsArePublishedToSubscribers) {
   EXPECT_EQ(static_cast<int>(road->width), run.drive.camera().width);
   const auto markers = run.plane.messages();
   ASSERT_FALSE(markers.empty());
-  // The quad lies below the camera (y down) and is level.
+  // The quad lies below the camera (y down).
   for (const auto& marker : markers) {
     if (marker->id != 0) continue;
     EXPECT_GT(marker->pose.position.y, 0.8);

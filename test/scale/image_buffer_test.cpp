@@ -40,7 +40,8 @@ TEST(ImageBuffer, HasNoReferenceWithoutMotion) {
 }
 
 TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {
-  // Steps of 0.02 over twelve images cover 0.24; the minimum spacing of 0.4 covers the baselines.
+  // Twelve images 0.02 apart would cover only 0.24; at the buffer's minimum spacing of 0.4 they
+  // cover 4.8, more than both baselines.
   const ImageBuffer buffer = drive(400, 0.02);
   const std::vector<Reference> references = buffer.selectReferences(kHeight);
   ASSERT_EQ(references.size(), 2u);

@@ -33,7 +33,7 @@ class HeightCalibration {
   enum class Status {
     kOk,
     kNoScale,      ///< no frame got a scale
-    kBroken,       ///< the odometry did not track from the first image to the last
+    kBroken,       ///< the odometry did not move, or not track from the first image to the last
     kTooFew,       ///< fewer than min_segments segments
     kTooUncertain  ///< above max_error
   };

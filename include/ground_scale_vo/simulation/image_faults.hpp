@@ -23,7 +23,8 @@ enum class ImageFault : std::uint8_t {
 
 const char* toString(ImageFault fault);  ///< "black", "white", "covered below", ...
 
-/// True when no part of the ground remains visible.
+/// True when the image shows no part of the ground at its time; a frozen image shows an earlier
+/// part.
 bool hidesGround(ImageFault fault);
 
 /// False when the faulty image does not depend on the scene, so that it need not be rendered.

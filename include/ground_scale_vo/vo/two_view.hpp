@@ -36,7 +36,7 @@ class TwoView {
       visit("min_parallax", self.min_parallax, 1e-4, 1,
             "[rad] median angle between the rays after removing the rotation");
       visit("min_inlier_share", self.min_inlier_share, 0, 1,
-            "[] inliers over matches; fewer are no motion");
+            "[] inliers over matches; no estimate with fewer");
       visit("max_second_best_ratio", self.max_second_best_ratio, 0, 1,
             "[] support of the second best motion over that of the best; more is ambiguous");
     }

@@ -9,7 +9,7 @@ namespace {
 constexpr double kNodeSpacing = 0.5;   // [m]
 constexpr double kRampTransition = 6;  // over which the slope of the ramp changes [m]
 
-// The road repeats after kPeriod; positions in the period [m].
+// Curves and long waves of the road repeat after kPeriod; positions in the period [m].
 constexpr double kPeriod = 130;
 constexpr double kLeftCurveBegin = 15, kLeftCurveEnd = 55;
 constexpr double kRightCurveBegin = 65, kRightCurveEnd = 105;

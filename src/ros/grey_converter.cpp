@@ -19,6 +19,9 @@ namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
 
+/// Share of the pixels that may be brighter than the range: defective ones, and reflections.
+constexpr double kMaxShareOutOfRange = 0.001;
+
 /// Unknown to cv_bridge and, in ROS 1, to sensor_msgs.
 const std::string kYuy2 = "yuv422_yuy2";
 
@@ -105,9 +108,17 @@ cv::Mat GreyConverter::convert(const sensor_msgs::Image& image) {
 }
 
 cv::Mat GreyConverter::scaleToEightBits(const cv::Mat& grey) {
-  double brightest = 0;
-  cv::minMaxLoc(grey, nullptr, &brightest);
-  while (brightest >= std::ldexp(1.0, bits_in_use_)) bits_in_use_ += 2;
+  const double allowed = kMaxShareOutOfRange * static_cast<double>(grey.total());
+  const auto fitsIn = [&](int bits) {
+    return cv::countNonZero(grey >= std::ldexp(1.0, bits)) <= allowed;
+  };
+  while (bits_in_use_ < 16 && !fitsIn(bits_in_use_)) bits_in_use_ += 2;
+  // One bit less than the narrower range, so that a change of the light does not widen it again.
+  dark_images_ = bits_in_use_ > 8 && fitsIn(bits_in_use_ - 3) ? dark_images_ + 1 : 0;
+  if (dark_images_ == kImagesUntilNarrower) {
+    bits_in_use_ -= 2;
+    dark_images_ = 0;
+  }
   cv::Mat eight_bits;
   grey.convertTo(eight_bits, CV_8U, 255 / (std::ldexp(1.0, bits_in_use_) - 1));
   return eight_bits;

@@ -139,13 +139,50 @@ TEST(GreyConverter, SixteenBitsAreScaledByTheBitsInUse) {
   }
 }
 
-std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number) {
-  sensor_msgs::Image image = plainImage("mono16", 1, 1, 2, 2);
-  image.data = {static_cast<std::uint8_t>(number % 256), static_cast<std::uint8_t>(number / 256)};
-  return converter->convert(image).at<std::uint8_t>(0, 0);
+/// The grey of an image of one number, except for the first `bright` pixels, which are 4095.
+std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number, std::size_t bright = 0) {
+  constexpr std::uint32_t kSide = 100;
+  sensor_msgs::Image image = plainImage("mono16", kSide, kSide, 2 * kSide, 2 * kSide * kSide);
+  for (std::size_t k = 0; k < kSide * kSide; ++k) {
+    const std::uint16_t n = k < bright ? 4095 : number;
+    image.data[2 * k] = static_cast<std::uint8_t>(n % 256);
+    image.data[2 * k + 1] = static_cast<std::uint8_t>(n / 256);
+  }
+  return converter->convert(image).at<std::uint8_t>(kSide - 1, kSide - 1);
 }
 
-TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAndNeverShrinks) {
+TEST(GreyConverter, AFewBrightPixelsDoNotChangeTheRange) {
+  GreyConverter converter;
+  EXPECT_EQ(greyOf(&converter, 200), 200);
+  EXPECT_EQ(greyOf(&converter, 200, 1), 200);
+  EXPECT_EQ(greyOf(&converter, 200, 10), 200);
+  EXPECT_EQ(greyOf(&converter, 200, 100), 12);
+}
+
+TEST(GreyConverter, TheRangeOfSixteenBitsShrinksAfterManyDarkImages) {
+  GreyConverter converter;
+  EXPECT_EQ(greyOf(&converter, 4095), 255);
+  for (int i = 1; i < GreyConverter::kImagesUntilNarrower; ++i) {
+    ASSERT_EQ(greyOf(&converter, 200), 12) << i;
+  }
+  EXPECT_EQ(greyOf(&converter, 200), 50);  // 10 bits
+  for (int i = 1; i < GreyConverter::kImagesUntilNarrower; ++i) greyOf(&converter, 100);
+  EXPECT_EQ(greyOf(&converter, 100), 100);  // 8 bits
+  EXPECT_EQ(greyOf(&converter, 4095), 255);
+}
+
+TEST(GreyConverter, TheRangeOfSixteenBitsDoesNotFlicker) {
+  GreyConverter converter;
+  EXPECT_EQ(greyOf(&converter, 4095), 255);
+  for (int i = 0; i < 3 * GreyConverter::kImagesUntilNarrower; ++i) {
+    ASSERT_EQ(greyOf(&converter, 900), 56) << i;  // fits in 10 bits, but hardly
+  }
+  for (int i = 0; i < 3 * GreyConverter::kImagesUntilNarrower; ++i) {
+    ASSERT_EQ(greyOf(&converter, 200, i % 50 == 0 ? 5000 : 0), 12) << i;
+  }
+}
+
+TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAtOnce) {
   GreyConverter converter;
   EXPECT_EQ(greyOf(&converter, 0), 0);
   EXPECT_EQ(greyOf(&converter, 200), 200);

@@ -57,7 +57,7 @@ function(gsv_add_gtest target)
 endfunction()
 
 catkin_install_python(PROGRAMS nodes/feed_another_vo nodes/playback_monitor scripts/ablation_table.py
-  scripts/benchmark_report.py scripts/metrics_table.py scripts/plot_run.py
+  scripts/benchmark_report.py scripts/covariance_table.py scripts/metrics_table.py scripts/plot_run.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The scripts expect the executables in the same directory after installation.

@@ -38,6 +38,7 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
 
   if (!scale.pose) return;
   frames_.back().T_o_c = scale.pose->T_o_c;
+  frames_.back().covariance = scale.pose->covariance;
   frames_.back().has_metric_pose = true;
   if (!has_metric_pose_) fillBackwards(scale.scale.scale);
   has_metric_pose_ = true;

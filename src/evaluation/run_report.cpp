@@ -8,6 +8,7 @@
 #include <sstream>
 #include <utility>
 
+#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
 #include "ground_scale_vo/io/csv_stream.hpp"
@@ -84,10 +85,26 @@ void addTrajectoryMetrics(const std::optional<OdometryMetrics>& metric,
 void addScaleMetrics(const std::optional<ScaleMetrics>& scale, Json* json) {
   Json& members = *json;
   members["scale_within_2_sigma"] = member(scale, &ScaleMetrics::within_2_sigma);
+  members["first_scale_error_sigmas"] = member(scale, &ScaleMetrics::first_error_sigmas);
   members["scale_held_share"] = member(scale, &ScaleMetrics::held_share);
   members["scale_error_median_percent"] = member(scale, &ScaleMetrics::error_median_percent);
   members["scale_error_spread_percent"] = member(scale, &ScaleMetrics::error_spread_percent);
   members["height_bias_percent"] = member(scale, &ScaleMetrics::height_bias_percent);
+}
+
+void addCovarianceMetrics(const std::optional<CovarianceMetrics>& covariance, Json* json) {
+  (*json)["first_metric_pose_m"] =
+      covariance ? number(covariance->first_metric_pose_m) : Json(nullptr);
+  (*json)["covariance_by_length"] = nullptr;
+  if (!covariance) return;
+  Json array = Json::array();
+  for (const CovarianceMetrics::Length& length : covariance->by_length) {
+    array.push_back({{"length_m", number(length.length_m)},
+                     {"segments", length.segments},
+                     {"nees_per_dof", number(length.nees_per_dof)},
+                     {"within_2_sigma", number(length.within_2_sigma)}});
+  }
+  (*json)["covariance_by_length"] = array;
 }
 
 void addResources(const RunRecord& record, Json* json) {
@@ -108,9 +125,11 @@ std::string metricsJson(const RunRecord& record, double camera_height, const Pos
   const Poses metric_poses = record.metricPoses();
   std::optional<OdometryMetrics> metric, unscaled;
   std::optional<ScaleMetrics> scale;
+  std::optional<CovarianceMetrics> covariance;
   if (!ground_truth.empty() && metric_poses.size() >= 2) {
     metric = computeOdometryMetrics(ground_truth, metric_poses);
     unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
+    covariance = computeCovarianceMetrics(record, ground_truth);
     scale = computeScaleMetrics(
         record, ground_truth,
         ground_truth_heights.empty() ? kMeasuredGroundTruthDistance : kExactGroundTruthDistance,
@@ -122,6 +141,7 @@ std::string metricsJson(const RunRecord& record, double camera_height, const Pos
   json["length_m"] = number(pathLength(metric_poses));
   addTrajectoryMetrics(metric, unscaled, &json);
   addScaleMetrics(scale, &json);
+  addCovarianceMetrics(covariance, &json);
   addResources(record, &json);
   json["by_length"] = metric ? lengthErrors(metric->by_length) : Json(nullptr);
   json["by_short_length"] = metric ? lengthErrors(metric->by_short_length) : Json(nullptr);

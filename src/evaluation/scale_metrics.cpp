@@ -60,6 +60,8 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
   }
   if (!(distance_m > 0)) throw OptionError("the distance for a true scale must be positive");
 
+  ScaleMetrics metrics;
+  metrics.first_error_sigmas = std::numeric_limits<double>::quiet_NaN();
   std::size_t within = 0, held = 0, from_first = 0;
   std::vector<double> errors, raw_errors, height_errors;
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -71,6 +73,7 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
     if (scale.status == ScaleStatus::kUnknown) continue;
     const std::optional<double> known = trueScale(frames, ground_truth, distance_m, i);
     if (!known) continue;
+    if (errors.empty()) metrics.first_error_sigmas = (scale.scale - *known) / scale.sigma;
     errors.push_back(100 * (scale.scale / *known - 1));
     within += std::abs(scale.scale - *known) <= 2 * scale.sigma;
     if (scale.raw_scale > 0) raw_errors.push_back(100 * (scale.raw_scale / *known - 1));
@@ -78,7 +81,6 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
       height_errors.push_back(100 * (scale.height * *known / ground_truth_heights[i] - 1));
     }
   }
-  ScaleMetrics metrics;
   metrics.within_2_sigma = share(within, errors.size());
   metrics.error_median_percent = quantile(errors, 0.5);
   metrics.error_abs_median_percent = medianDistance(errors, 0);

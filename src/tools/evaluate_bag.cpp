@@ -101,6 +101,15 @@ Eigen::Isometry3d inCameraAxes(const Eigen::Isometry3d& T_a_b, bool is_camera) {
   return T_body_optical.inverse() * T_a_b * T_body_optical;
 }
 
+/// The covariance of position and rotation, of a message, in other axes.
+gsv::Matrix6d rotatedCovariance(const Eigen::Matrix3d& R,
+                                const boost::array<double, 36>& row_major) {
+  gsv::Matrix6d J = gsv::Matrix6d::Zero();
+  J.topLeftCorner<3, 3>() = J.bottomRightCorner<3, 3>() = R;
+  return J * Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(row_major.data()) *
+         J.transpose();
+}
+
 /// The outputs of both stages for the image with this stamp, as far as they were recorded.
 void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
                     gsv::VisualOdometry::Output* vo, gsv::ScaleRecovery::Output* scale) {
@@ -152,6 +161,8 @@ void evaluate(const Arguments& arguments) {
   const bool is_camera = first_odometry.child_frame_id == played.images[first].frame_id;
   const Eigen::Isometry3d T_b0_odom = gsv::fromMsg(first_odometry.pose.pose).inverse();
 
+  Eigen::Matrix3d R_o_odom = T_b0_odom.linear();
+  if (!is_camera) R_o_odom = gsv::bodyFromOptical().transpose() * R_o_odom;
   gsv::RunRecord record;
   std::vector<Eigen::Isometry3d> ground_truth;
   std::optional<Eigen::Isometry3d> T_b0_root;
@@ -166,6 +177,7 @@ void evaluate(const Arguments& arguments) {
       scale.pose.emplace();
       scale.pose->T_o_c =
           inCameraAxes(T_b0_odom * gsv::fromMsg(metric->second->pose.pose), is_camera);
+      scale.pose->covariance = rotatedCovariance(R_o_odom, metric->second->pose.covariance);
     }
     record.append(vo, scale);
 

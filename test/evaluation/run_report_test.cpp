@@ -54,7 +54,8 @@ TEST_F(RunReport, MetricsAreNullWithoutGroundTruth) {
        {"gt_length_m", "rle_percent", "t_err_percent", "r_err_deg_per_m", "t_err_short_percent",
         "t_err_true_length_percent", "t_err_sim3_percent", "direction_median_deg", "ate_rmse_m",
         "scale_within_2_sigma", "scale_held_share", "scale_error_median_percent",
-        "scale_error_spread_percent", "height_bias_percent", "by_length", "by_short_length"}) {
+        "scale_error_spread_percent", "height_bias_percent", "first_scale_error_sigmas",
+        "first_metric_pose_m", "covariance_by_length", "by_length", "by_short_length"}) {
     expected[member] = nullptr;
   }
   EXPECT_EQ(json, expected);

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
@@ -19,6 +20,7 @@ struct RunFrame {
   bool has_vo_pose = false;  ///< tracked, or posed later when its map was initialised
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units, with has_vo_pose
   Eigen::Isometry3d T_o_c = Eigen::Isometry3d::Identity();  ///< [m]
+  Matrix6d covariance = Matrix6d::Zero();  ///< of T_o_c, MetricPose; with has_metric_pose
   bool has_metric_pose = false;  ///< T_o_c was computed at this frame; else held or backfilled
   bool backfilled = false;       ///< T_o_c was computed later, with the first scale
   ScaleEstimate scale;           ///< as reported at this frame

@@ -15,6 +15,7 @@ struct ScaleMetrics {
   double within_2_sigma = 0;            ///< share whose true scale is within two reported sigma
   double error_median_percent = 0;      ///< of scale / true - 1, signed
   double error_abs_median_percent = 0;  ///< of |scale / true - 1|
+  double first_error_sigmas = 0;        ///< (scale - true) / sigma of the first of these frames
 
   /// 1.4826 MAD of raw_scale / true - 1 [%], over the frames that have both: the standard deviation
   /// of single-frame measurements, robust against outliers.

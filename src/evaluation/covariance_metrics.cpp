@@ -1,0 +1,105 @@
+#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <string>
+
+#include "ground_scale_vo/common/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kLengths[] = {10, 50, 100};  // [m]
+constexpr double kStartSpacing = 1;           // between the starts of segments [m]
+
+Eigen::Vector3d rotationVector(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd rotation(R);
+  return rotation.angle() * rotation.axis();
+}
+
+/// Scaled to a unit diagonal, so that the test does not depend on the units.
+bool isPositiveDefinite(const Matrix6d& P) {
+  if (!(P.diagonal().minCoeff() > 0)) return false;
+  const Vector6d scale = P.diagonal().cwiseSqrt().cwiseInverse();
+  const Matrix6d correlation = scale.asDiagonal() * P * scale.asDiagonal();
+  return Eigen::LLT<Matrix6d>(correlation - 1e-9 * Matrix6d::Identity()).info() == Eigen::Success;
+}
+
+/// Normalised estimation error squared.
+double nees(const RelativePoseError& relative) {
+  const Vector6d scale = relative.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Matrix6d correlation = scale.asDiagonal() * relative.covariance * scale.asDiagonal();
+  const Vector6d normalised = scale.cwiseProduct(relative.error);
+  return normalised.dot(Eigen::LDLT<Matrix6d>(correlation).solve(normalised));
+}
+
+/// Path length from the first frame to each frame.
+std::vector<double> distances(const std::vector<Eigen::Isometry3d>& poses) {
+  std::vector<double> all{0};
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    all.push_back(all.back() + (poses[i].translation() - poses[i - 1].translation()).norm());
+  }
+  return all;
+}
+
+}  // namespace
+
+RelativePoseError relativePoseError(const RunRecord& record,
+                                    const std::vector<Eigen::Isometry3d>& ground_truth,
+                                    std::size_t i, std::size_t j) {
+  const RunFrame &from = record.frames().at(i), &to = record.frames().at(j);
+  const Eigen::Vector3d step = to.T_o_c.translation() - from.T_o_c.translation();
+  const Eigen::Isometry3d truth = ground_truth.at(i).inverse() * ground_truth.at(j);
+  const Eigen::Matrix3d R_o_i = from.T_o_c.linear();
+  RelativePoseError relative;
+  relative.error << R_o_i * truth.translation() - step,
+      rotationVector(R_o_i * truth.linear() * to.T_o_c.linear().transpose());
+  Matrix6d F = Matrix6d::Identity();
+  F.topRightCorner<3, 3>() = -skew(step);
+  const Matrix6d moved = F * from.covariance * F.transpose();
+  relative.covariance = to.covariance - moved;
+  if (!isPositiveDefinite(relative.covariance)) relative.covariance = to.covariance + moved;
+  return relative;
+}
+
+CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
+                                           const std::vector<Eigen::Isometry3d>& ground_truth) {
+  const std::vector<RunFrame>& frames = record.frames();
+  if (ground_truth.size() != frames.size()) {
+    throw OptionError("the run has " + std::to_string(frames.size()) +
+                      " frames, the ground truth " + std::to_string(ground_truth.size()) +
+                      " poses");
+  }
+  const std::vector<double> distance = distances(ground_truth);
+  std::vector<std::size_t> metric;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (frames[i].has_metric_pose) metric.push_back(i);
+  }
+  CovarianceMetrics metrics;
+  if (!metric.empty()) metrics.first_metric_pose_m = distance[metric.front()];
+  for (const double length : kLengths) {
+    CovarianceMetrics::Length sums;
+    sums.length_m = length;
+    double next_start = 0;
+    std::size_t end = 0;
+    for (const std::size_t i : metric) {
+      if (distance[i] < next_start) continue;
+      next_start = distance[i] + kStartSpacing;
+      while (end < metric.size() && distance[metric[end]] <= distance[i] + length) ++end;
+      if (end == metric.size()) break;
+      const RelativePoseError relative = relativePoseError(record, ground_truth, i, metric[end]);
+      const Vector6d sigma = relative.covariance.diagonal().cwiseSqrt();
+      ++sums.segments;
+      sums.nees_per_dof += nees(relative) / 6;
+      sums.within_2_sigma +=
+          static_cast<double>((relative.error.array().abs() <= 2 * sigma.array()).count()) / 6;
+    }
+    if (sums.segments == 0) continue;
+    sums.nees_per_dof /= sums.segments;
+    sums.within_2_sigma /= sums.segments;
+    metrics.by_length.push_back(sums);
+  }
+  return metrics;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,139 @@
+#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "ground_scale_vo/common/error.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Poses = std::vector<Eigen::Isometry3d>;
+
+Eigen::Isometry3d rotated(Eigen::Isometry3d T, const Eigen::Vector3d& w) {
+  T.linear() = Eigen::AngleAxisd(w.norm(), w.normalized()) * T.linear();
+  return T;
+}
+
+/// A drive along z with curves, and a simulated odometry whose errors have the published
+/// covariance.
+class SimulatedRun {
+ public:
+  /// A metre per frame. excess: factor of the errors over the published standard deviations.
+  explicit SimulatedRun(unsigned seed, int frames, double excess = 1) : random_(seed) {
+    constexpr double kPosition = 0.02, kRotation = 0.002;
+    Eigen::Isometry3d truth = Eigen::Isometry3d::Identity(), estimate = truth;
+    Matrix6d P = Matrix6d::Zero();
+    for (int i = 0; i < frames; ++i) {
+      if (i > 0) {
+        Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
+        step.translation().z() = 1;
+        step.linear() =
+            Eigen::AngleAxisd(0.05 * std::sin(0.1 * i), Eigen::Vector3d::UnitY()).matrix();
+        truth = truth * step;
+        const Eigen::Vector3d step_o = estimate.linear() * step.translation();
+        estimate = estimate * step;
+        estimate.translation() += normal(kPosition * excess);
+        estimate = rotated(estimate, normal(kRotation * excess));
+        Matrix6d F = Matrix6d::Identity();
+        F.topRightCorner<3, 3>() = -skew(step_o);
+        P = F * P * F.transpose();
+        P.diagonal().head<3>().array() += kPosition * kPosition;
+        P.diagonal().tail<3>().array() += kRotation * kRotation;
+      }
+      append(estimate, P);
+      truth_.push_back(truth);
+    }
+  }
+
+  const RunRecord& record() const { return record_; }
+  const Poses& truth() const { return truth_; }
+
+ private:
+  Eigen::Vector3d normal(double sigma) {
+    std::normal_distribution<double> distribution(0, sigma);
+    return {distribution(random_), distribution(random_), distribution(random_)};
+  }
+  void append(const Eigen::Isometry3d& T_o_c, const Matrix6d& covariance) {
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(record_.frames().size());
+    vo.frame.status = VoStatus::kTracking;
+    ScaleRecovery::Output scale;
+    scale.pose.emplace();
+    scale.pose->T_o_c = T_o_c;
+    scale.pose->covariance = covariance;
+    record_.append(vo, scale);
+  }
+
+  std::mt19937 random_;
+  RunRecord record_;
+  Poses truth_;
+};
+
+/// Means over many runs.
+CovarianceMetrics::Length mean(std::size_t length, double excess) {
+  constexpr int kRuns = 40;
+  CovarianceMetrics::Length sum;
+  for (unsigned seed = 0; seed < kRuns; ++seed) {
+    const SimulatedRun run(seed, 130, excess);
+    const CovarianceMetrics metrics = computeCovarianceMetrics(run.record(), run.truth());
+    EXPECT_EQ(metrics.by_length.size(), 3u);
+    if (metrics.by_length.size() != 3) return sum;
+    sum.length_m = metrics.by_length[length].length_m;
+    sum.segments = metrics.by_length[length].segments;
+    sum.nees_per_dof += metrics.by_length[length].nees_per_dof / kRuns;
+    sum.within_2_sigma += metrics.by_length[length].within_2_sigma / kRuns;
+  }
+  return sum;
+}
+
+TEST(CovarianceMetrics, AConsistentCovarianceHasANeesOfOne) {
+  for (const std::size_t length : {0u, 1u, 2u}) {
+    const CovarianceMetrics::Length result = mean(length, 1);
+    EXPECT_NEAR(result.nees_per_dof, 1, 0.1) << result.length_m;
+    EXPECT_NEAR(result.within_2_sigma, 0.954, 0.02) << result.length_m;
+  }
+}
+
+TEST(CovarianceMetrics, AnOverconfidentCovarianceHasALargerNees) {
+  EXPECT_NEAR(mean(0, 2).nees_per_dof, 4, 0.4);
+  EXPECT_LT(mean(0, 2).within_2_sigma, 0.8);
+}
+
+TEST(CovarianceMetrics, HasTheLengthsThatTheDriveCovers) {
+  const SimulatedRun run(1, 60);
+  const CovarianceMetrics metrics = computeCovarianceMetrics(run.record(), run.truth());
+  ASSERT_EQ(metrics.by_length.size(), 2u);
+  EXPECT_EQ(metrics.by_length[0].length_m, 10);
+  EXPECT_EQ(metrics.by_length[0].segments, 49);  // frames 0 to 48: the end is farther than 10 m
+  EXPECT_EQ(metrics.by_length[1].length_m, 50);
+  EXPECT_EQ(metrics.by_length[1].segments, 9);
+  EXPECT_EQ(metrics.first_metric_pose_m, 0.0);
+}
+
+TEST(CovarianceMetrics, WithoutAMetricPoseThereIsNone) {
+  RunRecord record;
+  record.append({}, {});
+  const CovarianceMetrics metrics =
+      computeCovarianceMetrics(record, {Eigen::Isometry3d::Identity()});
+  EXPECT_TRUE(metrics.by_length.empty());
+  EXPECT_FALSE(metrics.first_metric_pose_m);
+  EXPECT_THROW(computeCovarianceMetrics(record, {}), OptionError);
+}
+
+TEST(RelativePoseError, AnEarlierErrorOfTheHeadingIsNoErrorOfTheMotion) {
+  const SimulatedRun run(1, 3);
+  Poses truth;
+  for (const RunFrame& frame : run.record().frames()) {
+    truth.push_back(rotated(frame.T_o_c, {0.1, 0.2, 0.3}));
+    truth.back().translation() = Eigen::AngleAxisd(Eigen::Vector3d(0.1, 0.2, 0.3).norm(),
+                                                   Eigen::Vector3d(0.1, 0.2, 0.3).normalized()) *
+                                 frame.T_o_c.translation();
+  }
+  EXPECT_LT(relativePoseError(run.record(), truth, 1, 2).error.norm(), 1e-12);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -5,12 +5,13 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kLengths[] = {10, 50, 100};  // [m]
-constexpr double kStartSpacing = 1;           // between the starts of segments [m]
+constexpr double kSegmentLengths[] = {10, 50, 100};  // [m]
+constexpr double kStartSpacing = 1;                  // between the starts of segments [m]
 
 Eigen::Vector3d rotationVector(const Eigen::Matrix3d& R) {
   const Eigen::AngleAxisd rotation(R);
@@ -31,15 +32,6 @@ double nees(const RelativePoseError& relative) {
   const Matrix6d correlation = scale.asDiagonal() * relative.covariance * scale.asDiagonal();
   const Vector6d normalised = scale.cwiseProduct(relative.error);
   return normalised.dot(Eigen::LDLT<Matrix6d>(correlation).solve(normalised));
-}
-
-/// Path length from the first frame to each frame.
-std::vector<double> distances(const std::vector<Eigen::Isometry3d>& poses) {
-  std::vector<double> all{0};
-  for (std::size_t i = 1; i < poses.size(); ++i) {
-    all.push_back(all.back() + (poses[i].translation() - poses[i - 1].translation()).norm());
-  }
-  return all;
 }
 
 }  // namespace
@@ -70,14 +62,14 @@ CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
                       " frames, the ground truth " + std::to_string(ground_truth.size()) +
                       " poses");
   }
-  const std::vector<double> distance = distances(ground_truth);
+  const std::vector<double> distance = distancesTravelled(ground_truth);
   std::vector<std::size_t> metric;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (frames[i].has_metric_pose) metric.push_back(i);
   }
   CovarianceMetrics metrics;
   if (!metric.empty()) metrics.first_metric_pose_m = distance[metric.front()];
-  for (const double length : kLengths) {
+  for (const double length : kSegmentLengths) {
     CovarianceMetrics::Length sums;
     sums.length_m = length;
     double next_start = 0;

@@ -35,20 +35,11 @@ Poses orthonormalised(const Poses& poses, const char* name) {
   return result;
 }
 
-/// Distance travelled up to each pose.
-std::vector<double> distances(const Poses& poses) {
-  std::vector<double> travelled(poses.size(), 0.0);
-  for (std::size_t i = 1; i < poses.size(); ++i) {
-    travelled[i] = travelled[i - 1] + (poses[i].translation() - poses[i - 1].translation()).norm();
-  }
-  return travelled;
-}
-
 /// The devkit's segments: relative pose errors over their length, averaged for each length.
 std::vector<OdometryMetrics::LengthError> segmentErrors(const Poses& ground_truth,
                                                         const Poses& estimate,
                                                         const Lengths& lengths) {
-  const std::vector<double> travelled = distances(ground_truth);
+  const std::vector<double> travelled = distancesTravelled(ground_truth);
   std::vector<OdometryMetrics::LengthError> errors;
   for (const double length : lengths) {
     OdometryMetrics::LengthError sum;
@@ -188,7 +179,17 @@ std::optional<double> largestRotationDifferenceDeg(const Poses& first, const Pos
   return largest;
 }
 
-double pathLength(const Poses& poses) { return poses.empty() ? 0.0 : distances(poses).back(); }
+std::vector<double> distancesTravelled(const Poses& poses) {
+  std::vector<double> travelled(poses.size(), 0.0);
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    travelled[i] = travelled[i - 1] + (poses[i].translation() - poses[i - 1].translation()).norm();
+  }
+  return travelled;
+}
+
+double pathLength(const Poses& poses) {
+  return poses.empty() ? 0.0 : distancesTravelled(poses).back();
+}
 
 double quantile(std::vector<double> values, double q) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();

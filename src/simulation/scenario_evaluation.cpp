@@ -1,14 +1,46 @@
 #include "ground_scale_vo/simulation/scenario_evaluation.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
+#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
 
 namespace ground_scale_vo {
+namespace {
+
+/// Angle of the error of the rotation from the first to the last frame [deg].
+double headingError(const SyntheticDrive& drive, const std::vector<RunFrame>& frames) {
+  const auto last = frames.size() - 1;
+  const Eigen::Matrix3d estimate =
+      frames.front().T_o_c.linear().transpose() * frames.back().T_o_c.linear();
+  return Eigen::AngleAxisd(drive.frame(last).T_c0_c.linear().transpose() * estimate).angle() * 180 /
+         M_PI;
+}
+
+/// Of the displacement from the first metric pose to the last frame.
+double displacementSigmas(const RunRecord& record,
+                          const std::vector<Eigen::Isometry3d>& ground_truth) {
+  const std::vector<RunFrame>& frames = record.frames();
+  const auto first = std::find_if(frames.begin(), frames.end(),
+                                  [](const RunFrame& frame) { return frame.has_metric_pose; });
+  if (first == frames.end() || !frames.back().has_metric_pose || first + 1 == frames.end()) {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  const RelativePoseError relative = relativePoseError(
+      record, ground_truth, static_cast<std::size_t>(first - frames.begin()), frames.size() - 1);
+  const Eigen::Vector3d along =
+      (frames.back().T_o_c.translation() - first->T_o_c.translation()).normalized();
+  return std::abs(along.dot(relative.error.head<3>())) /
+         std::sqrt(along.dot(relative.covariance.topLeftCorner<3, 3>() * along));
+}
+
+}  // namespace
 
 std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive, const std::function<void()>& each) {
   std::vector<cv::Mat> images;
@@ -34,11 +66,18 @@ RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& imag
 
 std::string violatedThreshold(const ScenarioMetrics& metrics,
                               const ScenarioThresholds& thresholds) {
-  if (metrics.tracked_frames != metrics.frames || metrics.lost_events > 0) return "lost";
+  if (metrics.tracked_frames + thresholds.max_untracked_frames < metrics.frames ||
+      (metrics.lost_events > 0 && thresholds.max_untracked_frames == 0)) {
+    return "lost";
+  }
   const auto frames = static_cast<double>(metrics.frames);
   if (!(static_cast<double>(metrics.metric_frames) > thresholds.min_metric_share * frames))
     return "late scale";
-  if (!(metrics.rle_percent <= thresholds.max_rle_percent)) return "RLE";
+  if (!(metrics.heading_error_deg <= thresholds.max_heading_error_deg)) return "heading";
+  if (!(metrics.rle_percent <= thresholds.max_rle_percent) &&
+      !(metrics.displacement_sigmas <= thresholds.max_displacement_sigmas)) {
+    return "RLE";
+  }
   if (!(metrics.within_2_sigma >= thresholds.min_within_2_sigma)) return "2 sigma";
   return metrics.ok_while_unobservable <= thresholds.max_ok_while_unobservable
              ? ""
@@ -72,6 +111,8 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
     ground_truth.push_back(full_ground_truth.back());
     estimate.push_back(frame.T_o_c);
   }
+  metrics.heading_error_deg = headingError(drive, frames);
+  metrics.displacement_sigmas = displacementSigmas(record, full_ground_truth);
   metrics.metric_frames = ground_truth.size();
   if (ground_truth.size() > 1) {
     const OdometryMetrics odometry = computeOdometryMetrics(ground_truth, estimate);

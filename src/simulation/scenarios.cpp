@@ -39,6 +39,14 @@ class Entry {
     scenario_.thresholds.*which = value;
     return *this;
   }
+  /// Black images: the odometry may lose track. Until a new map starts, three more frames may have
+  /// no pose.
+  Entry& blackFrames(int first, int count) {
+    scenario_.options.black_first = first;
+    scenario_.options.black_frames = count;
+    scenario_.thresholds.max_untracked_frames = static_cast<std::size_t>(count) + 3;
+    return threshold(&ScenarioThresholds::max_displacement_sigmas, 2);
+  }
   operator Scenario() const { return scenario_; }
 
  private:
@@ -55,6 +63,24 @@ void setCamera(Options& o, int width, int height, double focal) {
 
 /// KITTI's field of view at 480x150: a third of the pixels of the default camera.
 void setSmallCamera(Options& o) { setCamera(o, 480, 150, 278); }
+
+/// On a flat road, 15 % slower from the third to the seventh second.
+void setSlowingDown(Options& o, double speed) {
+  setSmallCamera(o);
+  o.speeds = {{0, speed}, {3, speed}, {7, 0.85 * speed}};
+  o.speed = speed;
+  o.slope = 0;
+}
+
+/// A camera that looks down on the width of the road to its left.
+void setSideCamera(Options& o) {
+  setCamera(o, 400, 300, 230);
+  o.pitch_rad = 12 * kDegree;
+  o.speed = 6;
+  o.lane_offset = -2.5;
+  o.grain = 0.12;
+  o.parked_cars = o.moving_cars = false;
+}
 
 /// Night with headlamps. daylight: the remaining ambient light, 1 = day. noise_sigma: of the sensor
 /// [grey levels].
@@ -292,13 +318,51 @@ std::vector<Scenario> camerasAndLight() {
   };
 }
 
+std::vector<Scenario> startsAndLosses() {
+  return {
+      Entry("turn_start", "starts at walking pace in a turn of 90 degrees, behind and beside cars",
+            120,
+            [](Options& o) {
+              setSmallCamera(o);
+              o.curvature = 0.08;
+              o.road_shift_m = 20;
+              o.slope = 0;
+              o.speeds = {{0, 1}, {3, 1.5}, {8, 4}};
+              o.speed = 4;
+              o.cars_beside = 3;
+              o.lead_gap = 5;
+              o.lead_time = 0.3;
+            })
+          .threshold(&ScenarioThresholds::max_displacement_sigmas, 2),
+      Entry("black_5s", "five seconds of black images at 10 m/s", 135,
+            [](Options& o) { setSlowingDown(o, 10), o.curvature = 0; })
+          .blackFrames(42, 50),
+  };
+}
+
+std::vector<Scenario> mountingsAndPlainRoads() {
+  return {
+      Entry("pitched_20", "mounted with a pitch of 20 degrees down", 60,
+            [](Options& o) {
+              setCamera(o, 400, 250, 232);
+              o.pitch_rad = 20 * kDegree;
+            }),
+      Entry("camera_45", "the camera looks 45 degrees to the left of the direction of travel", 70,
+            [](Options& o) {
+              setSideCamera(o);
+              o.yaw_rad = 45 * kDegree;
+            })
+          .threshold(&ScenarioThresholds::max_rle_percent, 1),
+  };
+}
+
 }  // namespace
 
 // To add a scenario, add an Entry to one of the groups above; tests and tools run all of them.
 std::vector<Scenario> allScenarios() {
   std::vector<Scenario> all;
-  for (const auto& group :
-       {trafficAndShadows(), roadSurfaces(), roadShapes(), motions(), camerasAndLight()}) {
+  for (const auto& group : {trafficAndShadows(), roadSurfaces(), roadShapes(), motions(),
+                            camerasAndLight(), startsAndLosses(), mountingsAndPlainRoads()}) {
     all.insert(all.end(), group.begin(), group.end());
   }
   return all;

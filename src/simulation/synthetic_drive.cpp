@@ -40,6 +40,8 @@ simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   world.puddles = o.puddles;
   world.bumps = o.bump_height > 0;
   world.parked_cars = o.parked_cars;
+  world.built_up = o.built_up;
+  world.kerb_height = o.kerb_height;
   world.wall_at_m = o.wall_at_m;
   world.off_road = o.off_road;
   world.bridge_from_m = o.bridge_from_m;
@@ -51,7 +53,8 @@ simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   return world;
 }
 
-/// The road from kRoadBehind behind the first camera position to kRoadAhead ahead of the last one.
+/// The road from kRoadBehind behind the first camera position to kRoadAhead ahead of the last one;
+/// as far behind as ahead when the camera looks sideways or back.
 RoadGeometry roadFor(const SyntheticDrive::Options& o, const SpeedProfile& profile) {
   double from = 0, to = 0;
   for (int i = 0; i < o.frames; ++i) {
@@ -59,9 +62,11 @@ RoadGeometry roadFor(const SyntheticDrive::Options& o, const SpeedProfile& profi
     from = std::min(from, s);
     to = std::max(to, s);
   }
-  const simulation::RoadShape shape{o.curvature,   o.slope,     o.ramp_slope,
-                                    o.ramp_from_m, o.ramp_to_m, o.bump_height};
-  return {shape, from - simulation::kRoadBehind, to + simulation::kRoadAhead};
+  const simulation::RoadShape shape{o.curvature, o.slope,       o.ramp_slope,  o.ramp_from_m,
+                                    o.ramp_to_m, o.bump_height, o.road_shift_m};
+  const bool looks_ahead = std::abs(o.yaw_rad) < M_PI / 3;
+  return {shape, from - (looks_ahead ? simulation::kRoadBehind : simulation::kRoadAhead),
+          to + simulation::kRoadAhead};
 }
 
 /// Sensor: noise, quantisation and compression. index: of the image, seeds the noise.

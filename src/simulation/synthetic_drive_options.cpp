@@ -54,6 +54,8 @@ void SyntheticDrive::Options::validate() const {
                    kMaxDriveLength);
   }
   requireInRange("bump_height", bump_height, 0, 0.15);
+  requireInRange("road_shift_m", road_shift_m, 0, kMaxDriveLength);
+  requireInRange("kerb_height", kerb_height, 0, 0.2);
   requireInRange("lead_gap", lead_gap, 3, 150);
   requireInRange("lead_time", lead_time, 0, 10);
   requireInRange("cars_beside", cars_beside, 0, 10);

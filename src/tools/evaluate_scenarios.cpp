@@ -10,6 +10,7 @@
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/simulation/scenario_evaluation.hpp"
 #include "ground_scale_vo/simulation/scenarios.hpp"
@@ -30,14 +31,16 @@ the devkit's translation error, over 10, 20 ... 80 m; scale: median absolute sca
 scale being computed over at least 2 m of ground truth; held: share of frames without a scale
 measurement of their own (HELD), from the first metric pose on; 2 sigma: share of frames whose true
 scale lies within two reported sigma; ok unobservable: share of the frames with unobservable scale
-(no road texture, or standstill) that are reported as OK, which should be 0.
+(no road texture, or standstill) that are reported as OK, which should be 0. heading: error of the
+rotation from the first to the last image; displacement sigma: error of the displacement from the first
+metric pose to the last frame, along it, over its published standard deviation.
 
 --ablation runs each scenario several times: with the defaults, with the paper's equations and
 thresholds unmodified, with feature-based measurements only, with direct measurements only, and with
 the component that this scenario depends on disabled. A cell of its table is RLE % / held / 2 sigma,
 bold where a threshold is violated, followed by its name: lost, late scale (no metric pose in the
-first half), RLE (above 1.5 %), 2 sigma (below 0.75), ok while unobservable. Some scenarios have
-other thresholds. no scale: no metric pose at all.
+first half), heading (error above 2 degrees), RLE (above 1.5 %), 2 sigma (below 0.75), ok while
+unobservable. Some scenarios have other thresholds. no scale: no metric pose at all.
 
 Exit status: 0 success, 1 runtime error, 2 invalid arguments.)";
 
@@ -54,6 +57,17 @@ std::size_t frames(const gsv::Scenario& scenario) {
   return static_cast<std::size_t>(scenario.options.frames);
 }
 
+void writeRun(const std::filesystem::path& folder, const gsv::SyntheticDrive& drive,
+              const gsv::RunRecord& record) {
+  std::vector<Eigen::Isometry3d> ground_truth;
+  std::vector<double> heights;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    ground_truth.push_back(drive.frame(i).T_c0_c);
+    heights.push_back(drive.frame(i).height);
+  }
+  gsv::writeRun(folder, record, drive.cameraHeight(), ground_truth, heights);
+}
+
 void tabulate(const Arguments& arguments) {
   std::fputs(gsv::terminalHeading().c_str(), stdout);
   std::vector<gsv::ScenarioRow> rows(arguments.scenarios.size());
@@ -68,6 +82,7 @@ void tabulate(const Arguments& arguments) {
     const gsv::RunRecord record =
         gsv::runDrive(drive, gsv::renderDrive(drive, step), arguments.settings, step);
     rows[i] = {scenario.name, gsv::evaluateScenario(scenario, drive, record)};
+    writeRun(std::filesystem::path(arguments.out) / scenario.name, drive, record);
     progress.pause([&] { std::fputs(gsv::terminalRow(rows[i], watch.seconds()).c_str(), stdout); });
   });
   const std::filesystem::path out(arguments.out);
@@ -173,7 +188,9 @@ int main(int argc, char** argv) {
   command_line.addPositionals("NAME", "scenario (render_drive --list)", &arguments.names);
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
-       "output folder for scenarios.md and scenarios.json, or ablation.md")  //
+       "output folder for scenarios.md, scenarios.json and DIR/NAME/ with the files of "
+       "run_sequence; or "
+       "for ablation.md")  //
       ("ablation", gsv::po::bool_switch(&arguments.ablation),
        "run each scenario also with components disabled")  //
       ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),

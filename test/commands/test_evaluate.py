@@ -58,6 +58,16 @@ def test_ablation_wrong_arguments(text, arguments):
     assert_refused(2, text, SCRIPTS / "ablation", *arguments)
 
 
+def test_covariance_table(shortest, tmp_path):
+    run(RUN_SEQUENCE, shortest, "--camera-height", 1.65, "--out", tmp_path)
+    table = run(tool("covariance_table.py"), tmp_path / "shortest").stdout
+    assert "NEES 10 m" in table and "\nshortest " in table and "of 1 drives" in table
+
+
+def test_covariance_table_without_metrics(tmp_path):
+    assert_refused(1, "metrics.json: cannot be read", tool("covariance_table.py"), tmp_path)
+
+
 def test_full_disk(short, tmp_path):
     assert_refused(1, "poses.txt: cannot be written, File too large", RUN_SEQUENCE, short,
                    "--camera-height", 1.65, "--out", tmp_path, **on_full_disk(1))

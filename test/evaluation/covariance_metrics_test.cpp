@@ -33,9 +33,10 @@ class SimulatedRun {
         step.linear() =
             Eigen::AngleAxisd(0.05 * std::sin(0.1 * i), Eigen::Vector3d::UnitY()).matrix();
         truth = truth * step;
-        const Eigen::Vector3d step_o = estimate.linear() * step.translation();
+        const Eigen::Vector3d before = estimate.translation();
         estimate = estimate * step;
         estimate.translation() += normal(kPosition * excess);
+        const Eigen::Vector3d step_o = estimate.translation() - before;
         estimate = rotated(estimate, normal(kRotation * excess));
         Matrix6d F = Matrix6d::Identity();
         F.topRightCorner<3, 3>() = -skew(step_o);

@@ -256,6 +256,21 @@ TEST(SyntheticDrive, StandsOnItsWheelsOnABump) {
   EXPECT_NEAR(steepest, 0.1 / 2.6, 0.012);
 }
 
+TEST(SyntheticDrive, StartsInACurveOfAShiftedRoad) {
+  Options options = shortDrive(45);
+  options.road_shift_m = 20;
+  options.curvature = 0.08;
+  options.stop_s = options.suspension = options.slope = 0;
+  const SyntheticDrive drive(options);
+  const auto headingAt = [&](std::size_t i) {
+    const Eigen::Vector3d ahead = drive.frame(i).T_c0_c.linear().col(2);
+    return std::atan2(-ahead.x(), ahead.z());
+  };
+  // Of the curve's 40 m, 35 m remain: all but 1/8 - sin(45 deg) / (2 pi) of its 1.6 rad.
+  EXPECT_NEAR(headingAt(44), 1.6 * (1 - 0.125 + std::sin(M_PI / 4) / (2 * M_PI)), 1e-3);
+  EXPECT_NEAR(headingAt(1), 0.9 * 0.08 * std::pow(std::sin(M_PI / 8), 2), 0.01);
+}
+
 TEST(SyntheticDrive, BlackFramesAreBlack) {
   Options options = shortDrive(6);
   options.black_first = 2;
@@ -274,6 +289,9 @@ TEST(SyntheticDrive, OptionsChangeTheImage) {
            [](Options& o) { o.shadows = false; },
            [](Options& o) { o.road_texture = 0; },
            [](Options& o) { o.curvature = 0; },
+           [](Options& o) { o.road_shift_m = 20; },
+           [](Options& o) { o.kerb_height = 0.05; },
+           [](Options& o) { o.built_up = false; },
            [](Options& o) { o.noise_sigma = 0; },
            [](Options& o) { o.roll_rad = 0.05; },
            [](Options& o) { o.lane_offset = -1; },

@@ -55,6 +55,9 @@ std::optional<double> largestRotationDifferenceDeg(const std::vector<Eigen::Isom
                                                    const std::vector<Eigen::Isometry3d>& second,
                                                    std::size_t frames);
 
+/// Path length up to each pose.
+std::vector<double> distancesTravelled(const std::vector<Eigen::Isometry3d>& poses);
+
 /// Sum of the distances between consecutive positions.
 double pathLength(const std::vector<Eigen::Isometry3d>& poses);
 

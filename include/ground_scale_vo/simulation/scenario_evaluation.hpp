@@ -22,6 +22,13 @@ struct ScenarioMetrics {
   // Of the trajectory from the first metric pose on; NaN without one.
   double rle_percent = 0;
   double t_err_short_percent = 0;
+  /// Error of the displacement from the first metric pose to the last frame, along the
+  /// displacement, over its published standard deviation (relativePoseError()); NaN when the last
+  /// frame has no metric pose.
+  double displacement_sigmas = 0;
+
+  /// Angle of the error of the rotation from the first to the last image [deg].
+  double heading_error_deg = 0;
 
   double scale_error_percent = 0;  ///< ScaleMetrics::error_abs_median_percent
   double within_2_sigma = 0;       ///< ScaleMetrics::within_2_sigma
@@ -45,8 +52,8 @@ RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& imag
 ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,
                                  const RunRecord& record);
 
-/// The first violated threshold: "lost" (some frame is not tracked), "late scale" (too few metric
-/// frames), "RLE", "2 sigma" or "ok while unobservable". Empty: none.
+/// The first violated threshold: "lost" (too many frames are not tracked), "late scale" (too few
+/// metric frames), "heading", "RLE", "2 sigma" or "ok while unobservable". Empty: none.
 std::string violatedThreshold(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
 }  // namespace ground_scale_vo

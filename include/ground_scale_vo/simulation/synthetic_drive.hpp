@@ -52,7 +52,9 @@ class SyntheticDrive {
     double ramp_slope = 0;        ///< of one straight ramp with transitions of 6 m [m/m]; 0: none
     double ramp_from_m = 0;       ///< begin of its first transition [m]
     double ramp_to_m = 0;         ///< end of its last transition [m]
-    double bump_height = 0;  ///< of speed bumps, 3.6 m long, at 21 m and every 17 m [m]; 0: none
+    double bump_height = 0;     ///< of speed bumps, 3.6 m long, at 21 m and every 17 m [m]; 0: none
+    double road_shift_m = 0;    ///< by which curves and slopes lie nearer to the start [m]
+    double kerb_height = 0.12;  ///< of both kerbs and pavements above the carriageway [m]
 
     // --- Other vehicles ---
     bool parked_cars = true;
@@ -70,6 +72,7 @@ class SyntheticDrive {
     double lorry_width = 2.55;  ///< with its load [m]
 
     // --- Surroundings ---
+    bool built_up = true;      ///< houses, hedges, paved footways, and marked parking bays
     bool off_road = false;     ///< rough gravel and grass without road, kerbs and houses
     double wall_at_m = 0;      ///< position of a house across the road [m]; 0: none
     double bridge_from_m = 0;  ///< on the bridge the terrain beside the road is 9 m lower;

@@ -41,7 +41,7 @@ void BuildingGenerator::addHouses() {
       const double height = 3.0 * floors, depth = random.uniform(8, 11);
       const double wall_grey = side > 0 ? random.uniform(130, 245) : random.uniform(130, 225);
       const double middle = std::min(s + length / 2, road.sEnd());
-      Eigen::Isometry3d T_w_m = besideRoad(road, middle, u, kKerbHeight);
+      Eigen::Isometry3d T_w_m = besideRoad(road, middle, u, builder_.options.kerb_height);
       T_w_m.translate(Eigen::Vector3d(-length / 2 + s + length / 2 - middle, 0, -kFoundation));
       const Texture& front =
           builder_.addTexture(facadeImage(length, height + kFoundation, floors, wall_grey),
@@ -68,7 +68,7 @@ void BuildingGenerator::addHouses() {
 
 /// A hedge or a low stone wall.
 void BuildingGenerator::addHedge(double s, double u, double length) {
-  Eigen::Isometry3d T_w_m = besideRoad(builder_.road, s, u, kKerbHeight - 0.1);
+  Eigen::Isometry3d T_w_m = besideRoad(builder_.road, s, u, builder_.options.kerb_height - 0.1);
   T_w_m.translate(Eigen::Vector3d(-length / 2, 0, 0));
   const Texture& texture = builder_.random.chance(0.65) ? *builder_.leaves : *builder_.stone;
   const double height = builder_.uniform(0.8, 1.5), depth = 0.4;

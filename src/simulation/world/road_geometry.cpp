@@ -60,17 +60,18 @@ RoadGeometry::RoadGeometry(const RoadShape& shape, double s_begin, double s_end)
 }
 
 double RoadGeometry::curvature(double s) const {
-  const double at = withinPeriod(s);
+  const double at = withinPeriod(s + shape_.shift);
   return shape_.curvature *
          (hump(at, kLeftCurveBegin, kLeftCurveEnd) - hump(at, kRightCurveBegin, kRightCurveEnd));
 }
-double RoadGeometry::heading(double s) const {
-  const double at = withinPeriod(s);
+double RoadGeometry::heading(double s) const { return turned(s) - turned(0); }
+double RoadGeometry::turned(double s) const {
+  const double at = withinPeriod(s + shape_.shift);
   return shape_.curvature * (humpIntegral(at, kLeftCurveBegin, kLeftCurveEnd) -
                              humpIntegral(at, kRightCurveBegin, kRightCurveEnd));
 }
 double RoadGeometry::slope(double s) const {
-  const double at = withinPeriod(s);
+  const double at = withinPeriod(s + shape_.shift);
   double slope = shape_.slope * (hump(at, 0, kUphillEnd) - hump(at, kUphillEnd, kPeriod));
   if (shape_.ramp_slope != 0) {
     slope += shape_.ramp_slope *
@@ -83,7 +84,7 @@ double RoadGeometry::slope(double s) const {
   return slope;
 }
 double RoadGeometry::elevation(double s) const {
-  const double at = withinPeriod(s);
+  const double at = withinPeriod(s + shape_.shift);
   double height =
       shape_.slope * (humpIntegral(at, 0, kUphillEnd) - humpIntegral(at, kUphillEnd, kPeriod));
   if (shape_.ramp_slope != 0) {

@@ -17,6 +17,7 @@ struct RoadShape {
   double ramp_begin = 0;   ///< of its first transition
   double ramp_end = 0;     ///< of its last transition
   double bump_height = 0;  ///< of the speed bumps [m]; 0: none
+  double shift = 0;        ///< by which curves and waves lie nearer to the start
 };
 
 /// The surface of the road. s is the length along the lane of the camera in the plan [m], u the
@@ -43,6 +44,7 @@ class RoadGeometry {
  private:
   double elevation(double s) const;  // [m]
   double slope(double s) const;      // d(elevation)/ds
+  double turned(double s) const;     // heading against that of the unshifted road at s = 0 [rad]
   const RoadShape shape_;
   double s_begin_, s_end_;
   std::vector<Eigen::Vector2d> nodes_;  // of the lane in the plan, every kNodeSpacing

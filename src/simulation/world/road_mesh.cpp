@@ -59,6 +59,7 @@ void addGravelTrack(WorldBuilder& builder) {
 struct Strip {
   double u, z, u_next, z_next;
   bool verge;
+  bool isKerbFace() const { return u == u_next; }
 };
 
 /// Carriageway, kerbs, pavements and verges.
@@ -67,20 +68,20 @@ void addStreet(WorldBuilder& builder) {
   const WorldOptions& options = builder.options;
   const double verge = vergeEnd(options);
   const double middle = std::min(14.0, (verge - kTextureRight) / 2);
+  const double kerb = options.kerb_height;
   const std::array<Strip, 8> strips{{
-      {-verge, kKerbHeight, -middle, kKerbHeight, true},
-      {-middle, kKerbHeight, kTextureRight, kKerbHeight, true},
-      {kTextureRight, kKerbHeight, kRightKerb, kKerbHeight, false},
-      {kRightKerb, kKerbHeight, kRightKerb, 0, false},
+      {-verge, kerb, -middle, kerb, true},
+      {-middle, kerb, kTextureRight, kerb, true},
+      {kTextureRight, kerb, kRightKerb, kerb, false},
+      {kRightKerb, kerb, kRightKerb, 0, false},
       {kRightKerb, 0, kLeftKerb, 0, false},
-      {kLeftKerb, 0, kLeftKerb, kKerbHeight, false},
-      {kLeftKerb, kKerbHeight, kTextureLeft, kKerbHeight, false},
-      {kTextureLeft, kKerbHeight, verge, kKerbHeight, true},
+      {kLeftKerb, 0, kLeftKerb, kerb, false},
+      {kLeftKerb, kerb, kTextureLeft, kerb, false},
+      {kTextureLeft, kerb, verge, kerb, true},
   }};
   const auto vertex = [&](const Strip& strip, double s, double u, double z, double unrolled) {
-    const bool is_kerb_face = strip.z != strip.z_next;
     const Eigen::Vector2d uv(strip.verge ? u : unrolled, s - road.sBegin());
-    return Vertex{road.surfacePoint(s, u, z), uv, is_kerb_face ? 0.6 : 0.97};
+    return Vertex{road.surfacePoint(s, u, z), uv, strip.isKerbFace() ? 0.6 : 0.97};
   };
   const int per_mesh = static_cast<int>(kMeshLength / kStep);
   const int steps = static_cast<int>((road.sEnd() - road.sBegin()) / kStep);
@@ -91,7 +92,7 @@ void addStreet(WorldBuilder& builder) {
       double unrolled = 0;  // length of the cross-section up to here, in the texture
       for (const Strip& strip : strips) {
         const double begin = unrolled;
-        if (!strip.verge) unrolled += std::hypot(strip.u_next - strip.u, strip.z_next - strip.z);
+        if (!strip.verge) unrolled += strip.isKerbFace() ? kKerbFace : strip.u_next - strip.u;
         const bool on_bridge = isBetween(s0, options.bridge_from_m, options.bridge_to_m - kStep);
         if (on_bridge && strip.verge) continue;
         mesh.addQuad(vertex(strip, s0, strip.u, strip.z, begin),

@@ -30,7 +30,9 @@ class RoadTexturePainter {
     if (options_.grain > 0) addDetail();
     paintZones();
     TexturePainter painter(albedo_, kRoadTexel);
-    for (double s = road_.sBegin(); s < road_.sEnd(); s += 1) paintPavement(painter, s);
+    if (options_.built_up) {
+      for (double s = road_.sBegin(); s < road_.sEnd(); s += 1) paintPavement(painter, s);
+    }
     if (options_.lane_markings) paintLines(painter);
     if (options_.arrow_spacing > 0) paintArrows(painter);
     if (options_.bumps) paintBumps(painter);
@@ -53,7 +55,7 @@ class RoadTexturePainter {
     Scene& scene = builder_.assets.scene;
     scene.puddles = &builder_.addTexture(depth, kTexel);
     scene.puddles_from = builder_.roadUv(0, kRightKerb).x();
-    scene.puddles_to = builder_.roadUv(0, kLeftKerb).x() - kKerbHeight;
+    scene.puddles_to = builder_.roadUv(0, kLeftKerb).x() - kKerbFace;
   }
 
   /// Stones of some millimetres, below the resolution of the texture of the road.
@@ -95,8 +97,7 @@ class RoadTexturePainter {
     }
     for (const double u : {kRightKerb - kKerbStoneWidth, kLeftKerb}) {
       const Eigen::Vector2d at = builder_.roadUv(s, u);
-      painter.box(at.x() - (u > 0 ? kKerbHeight : 0), at.y(), kKerbStoneWidth + kKerbHeight, 0.03,
-                  90);
+      painter.box(at.x() - (u > 0 ? kKerbFace : 0), at.y(), kKerbStoneWidth + kKerbFace, 0.03, 90);
     }
   }
 
@@ -106,7 +107,7 @@ class RoadTexturePainter {
     for (double s = road_.sBegin(); s < road_.sEnd(); s += kSpacing) {
       const Eigen::Vector2d at = builder_.roadUv(s, kCentreLine - kWidth / 2);
       painter.box(at.x(), at.y(), kWidth, dash, 215);
-      if (options_.solid_lines) continue;
+      if (options_.solid_lines || !options_.built_up) continue;
       const Eigen::Vector2d bay = builder_.roadUv(s, kRightKerb);
       painter.box(bay.x(), bay.y(), kRightLine - kRightKerb, 0.1, 195);
     }

@@ -29,13 +29,14 @@ void placeStrip(WorldBuilder& builder, double s_begin, double s_end, const Eigen
 
 /// Parapets. The mesh of the road leaves out the verges of a bridge.
 void addBridge(WorldBuilder& builder) {
-  constexpr double kTop = kKerbHeight + 1.0, kThickness = 0.25, kBottom = -2;  // [m]
+  const double kerb = builder.options.kerb_height, top = kerb + 1.0;  // [m]
+  constexpr double kThickness = 0.25, kBottom = -2;                   // [m]
   const double begin = builder.options.bridge_from_m, end = builder.options.bridge_to_m;
   for (const auto& [u, out] :
        {std::pair(kRightPavement, -kThickness), {kLeftPavement, kThickness}}) {
-    placeStrip(builder, begin, end, {u, kKerbHeight}, {u, kTop}, 0.7);
-    placeStrip(builder, begin, end, {u, kTop}, {u + out, kTop}, 1);
-    placeStrip(builder, begin, end, {u + out, kTop}, {u + out, kBottom}, 0.6);
+    placeStrip(builder, begin, end, {u, kerb}, {u, top}, 0.7);
+    placeStrip(builder, begin, end, {u, top}, {u + out, top}, 1);
+    placeStrip(builder, begin, end, {u + out, top}, {u + out, kBottom}, 0.6);
   }
 }
 
@@ -44,9 +45,10 @@ void addUnderpass(WorldBuilder& builder) {
   constexpr double kClearance = 4.6, kThickness = 1.2, kPortalWidth = 8;  // [m]
   constexpr double kLight = 0.2;
   const double begin = builder.options.underpass_from_m, end = builder.options.underpass_to_m;
+  const double kerb = builder.options.kerb_height;
   const double right = kRightPavement - 0.5, left = kLeftPavement + 0.5;
   for (const double u : {right, left}) {
-    placeStrip(builder, begin, end, {u, kKerbHeight}, {u, kClearance}, kLight);
+    placeStrip(builder, begin, end, {u, kerb}, {u, kClearance}, kLight);
   }
   placeStrip(builder, begin, end, {right, kClearance}, {left, kClearance}, kLight);
   for (const double s : {begin, end}) {
@@ -59,8 +61,8 @@ void addUnderpass(WorldBuilder& builder) {
                    corner(outer_left, kClearance + kThickness),
                    corner(outer_right, kClearance + kThickness), *builder.stone);
     for (const auto& [a, b] : {std::pair(outer_right, right), {left, outer_left}}) {
-      portal.addQuad(corner(a, kKerbHeight), corner(b, kKerbHeight), corner(b, kClearance),
-                     corner(a, kClearance), *builder.stone);
+      portal.addQuad(corner(a, kerb), corner(b, kerb), corner(b, kClearance), corner(a, kClearance),
+                     *builder.stone);
     }
     builder.place(builder.addMesh(std::move(portal)), Eigen::Isometry3d::Identity());
   }

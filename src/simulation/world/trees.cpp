@@ -100,7 +100,7 @@ void addTreesAndLampPosts(WorldBuilder& builder) {
     for (double s = road.sBegin() + builder.uniform(0, 8); s < road.sEnd() - 3;
          s += builder.uniform(7, 15)) {
       Eigen::Isometry3d T_w_m = Eigen::Isometry3d::Identity();
-      T_w_m.translation() = road.surfacePoint(s, u, kKerbHeight);
+      T_w_m.translation() = road.surfacePoint(s, u, builder.options.kerb_height);
       T_w_m.rotate(Eigen::AngleAxisd(builder.uniform(0, 2 * M_PI), Eigen::Vector3d::UnitZ()));
       const bool is_lamp_post = builder.random.chance(0.25);
       if (!builder.isClearOfBridgeAndUnderpass(s)) continue;

@@ -42,9 +42,10 @@ void parkCar(WorldBuilder& builder, double s, double u, double height) {
 /// In the bays beside the right lane, and some on the left pavement.
 void addParkedCars(WorldBuilder& builder) {
   const RoadGeometry& road = builder.road;
+  const double pavement = builder.options.kerb_height;
   for (double s = road.sBegin() + 4; s < road.sEnd() - 4; s += builder.uniform(5.2, 6.5)) {
     if (builder.random.chance(0.45)) parkCar(builder, s, builder.uniform(-3.35, -3.1), 0);
-    if (builder.random.chance(0.15)) parkCar(builder, s, builder.uniform(6.7, 6.9), kKerbHeight);
+    if (builder.random.chance(0.15)) parkCar(builder, s, builder.uniform(6.7, 6.9), pavement);
   }
 }
 
@@ -58,7 +59,7 @@ World::World(const RoadGeometry& road, const WorldOptions& options) : s_begin_(r
   addVehicleMeshes(builder);
   addTreesAndLampPosts(builder);
   std::optional<BuildingGenerator> buildings;
-  if (!options.off_road) buildings.emplace(builder).addHouses();
+  if (options.built_up && !options.off_road) buildings.emplace(builder).addHouses();
   if (options.parked_cars) addParkedCars(builder);
   if (options.wall_at_m > 0 && buildings) buildings->addWallAcrossRoad();
   if (options.hasBridge()) addBridge(builder);

@@ -30,6 +30,8 @@ struct WorldOptions {
   double puddles = 0;
   bool bumps = false;  ///< speed bumps: bump_height > 0
   bool parked_cars = true;
+  bool built_up = true;
+  double kerb_height = 0.12;
   double wall_at_m = 0;
   bool off_road = false;
   double bridge_from_m = 0, bridge_to_m = 0;

@@ -60,7 +60,8 @@ int main(int argc, char** argv) {
   Arguments arguments;
   gsv::CommandLine command_line(
       "run_sequence",
-      "Metric odometry of one KITTI folder without ROS: every frame, causal, deterministic.",
+      "Metric odometry of one KITTI folder without ROS: every frame, deterministic, causal but for "
+      "the start.",
       "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
   arguments.addTo(&command_line,
                   "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
@@ -68,7 +69,7 @@ int main(int argc, char** argv) {
   command_line.options().add_options()(
       "opencv-threads",
       gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
-      "threads inside OpenCV; with 1 the result is deterministic and times are processor times");
+      "threads inside OpenCV; the published figures are those with 1");
   return command_line.run(
       argc, argv, [&] { arguments.check(); },
       [&] {

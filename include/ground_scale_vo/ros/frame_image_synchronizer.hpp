@@ -12,9 +12,9 @@ namespace ground_scale_vo {
 /// Matches each odometry frame with the image of the same stamp. Unlike message_filters, it drops
 /// no frame and keeps their order: a frame without an image is returned alone.
 ///
-/// A frame waits for its image only while images arrive: from the first image until a frame has
-/// waited for Limits::wait in vain. Image: a pointer, null means none. Images are ordered by
-/// arrival, as frames are, because stamps may jump back.
+/// A frame waits for its image only while images arrive: from an image until a frame has waited for
+/// Limits::wait in vain, and again from the next image on. Image: a pointer, null means none.
+/// Images are ordered by arrival, as frames are, because stamps may jump back.
 template <typename Frame, typename Image>
 class FrameImageSynchronizer {
  public:

@@ -21,8 +21,9 @@ class World {
   /// The mesh of car model i modulo the number of models, so that every i is valid.
   const Mesh& car(std::size_t i) const { return assets_.car(i); }
   const Mesh& van() const { return assets_.van; }
-  /// Texture coordinates of the road surface at (s, u), as in RoadGeometry: s is the length along
-  /// the middle of the right lane, in which the camera drives, u the offset to its left [m].
+  /// Texture coordinates (across, along) [m] of the road surface at (s, u), as in RoadGeometry: s
+  /// is the length along the middle of the right lane, in which the camera drives, u the offset to
+  /// its left [m].
   Eigen::Vector2d roadUv(double s, double u) const;
 
  private:

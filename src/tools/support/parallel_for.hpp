@@ -8,7 +8,7 @@
 namespace ground_scale_vo {
 
 /// Calls work(i) for i = 0 ... count - 1 on `threads` threads. After an exception of work no
-/// further call begins, and the first exception is rethrown.
+/// further call begins, and one of the exceptions is rethrown.
 template <typename Work>
 void parallelFor(std::size_t count, int threads, const Work& work) {
   std::atomic<std::size_t> next{0};

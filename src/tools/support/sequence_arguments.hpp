@@ -13,9 +13,10 @@ inline po::typed_value<std::vector<std::string>>* settingsValue(std::vector<std:
   return po::value(target)->composing()->value_name("GROUP/NAME=VALUE");
 }
 constexpr const char* kSettingsHelp =
-    "an option other than its default (docs/reference/parameters.md); may be repeated";
+    "sets an option to a value other than its default (docs/reference/parameters.md); may be "
+    "repeated";
 
-/// The arguments of every tool that runs over one KITTI folder: SEQ, --camera-height, --out, --set.
+/// The common arguments of run_sequence and benchmark_sequence: SEQ, --camera-height, --out, --set.
 struct SequenceArguments {
   std::string sequence, out;
   OfflineRun::Options options;

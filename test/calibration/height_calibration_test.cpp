@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <random>
 
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
@@ -19,28 +18,29 @@ namespace {
 using Status = HeightCalibration::Status;
 using Result = HeightCalibration::Result;
 
-constexpr double kHeight = 1.5;  // [m] the true one of the scripted drives
-constexpr double kPitch = 0.03, kRoll = -0.02;
-constexpr std::int64_t kPeriodNs = 100000000;
+constexpr double kHeight = 1.5;                 // true camera height of the scripted drives [m]
+constexpr double kPitch = 0.03, kRoll = -0.02;  // true mounting of the scripted drives [rad]
+constexpr std::int64_t kPeriodNs = 100000000;   // 10 Hz
 
 /// The record of a curved drive with a nominal height of 1 m, and its ground truth.
 struct ScriptedDrive {
   RunRecord record;
-  std::vector<StampedPosition> truth;
-  double length = 0;  // [m]
+  std::vector<StampedPosition> positions;  // ground truth
+  double length = 0;                       // ground truth [m]
 };
 
+/// Ranges of frames exclude their end (`_to`). Noises are standard deviations.
 struct Script {
   int frames = 400;
   double speed = 8;  // [m/s]
   int stand_from = 0, stand_to = 0;
   int lost_from = 0, lost_to = 0;
-  int posed_from = 0;         // frames before it are not in the map
-  double scale_noise = 0;     // of one step, relative
-  double noise_memory = 20;   // frames
-  double standing_noise = 0;  // of the odometry while it stands [m]
-  double position_noise = 0;  // [m]
-  int position_every = 1;     // frames
+  int initialised_at = 0;         // frames before it have no pose
+  double scale_noise = 0;         // of the length of one step, relative
+  double noise_correlation = 20;  // of the scale noise [frames]
+  double standing_noise = 0;      // of the odometry's position at standstill, along x [m]
+  double position_noise = 0;      // of a ground truth position, per axis [m]
+  int position_every = 1;         // interval of the ground truth positions [frames]
   unsigned seed = 1;
 };
 
@@ -49,15 +49,16 @@ ScriptedDrive drive(const Script& script) {
   std::normal_distribution<double> normal;
   ScriptedDrive result;
   Eigen::Vector3d p = Eigen::Vector3d::Zero(), estimated = p;
-  double error = 0;
+  double scale_error = 0;  // relative, a first-order Gauss-Markov process
   std::uint32_t map = 0;
   for (int i = 0; i < script.frames; ++i) {
     const bool stands = i >= script.stand_from && i < script.stand_to;
     const double heading = 0.6 * std::sin(0.01 * i);
     const Eigen::Vector3d step = (i == 0 || stands ? 0 : script.speed * 0.1) *
                                  Eigen::Vector3d(std::sin(heading), 0, std::cos(heading));
-    const double kept = 1 - 1 / script.noise_memory;
-    error = kept * error + std::sqrt(1 - kept * kept) * script.scale_noise * normal(random);
+    const double correlation = 1 - 1 / script.noise_correlation;  // from one frame to the next
+    scale_error = correlation * scale_error +
+                  std::sqrt(1 - correlation * correlation) * script.scale_noise * normal(random);
     p += step;
     result.length += step.norm();
 
@@ -69,14 +70,14 @@ ScriptedDrive drive(const Script& script) {
     if (lost) {
       map = 1;
       vo.frame.status = VoStatus::kLost;
-    } else if (i < script.posed_from) {
+    } else if (i < script.initialised_at) {
       vo.frame.status = VoStatus::kInitialising;
     } else {
-      estimated += step / kHeight * (1 + error);
+      estimated += step / kHeight * (1 + scale_error);
       vo.frame.status = VoStatus::kTracking;
-      Eigen::Vector3d seen = estimated;
-      if (stands) seen.x() += script.standing_noise * normal(random) / kHeight;
-      vo.frame.T_w_c.translation() = seen;
+      Eigen::Vector3d measured = estimated;
+      if (stands) measured.x() += script.standing_noise * normal(random) / kHeight;
+      vo.frame.T_w_c.translation() = measured;
       scale.scale.status = stands ? ScaleStatus::kHeld : ScaleStatus::kOk;
       scale.scale.reason = stands ? ScaleReason::kStandstill : ScaleReason::kNone;
       scale.scale.scale = scale.scale.height = 1;
@@ -86,16 +87,16 @@ ScriptedDrive drive(const Script& script) {
       scale.scale.n_c = {-std::sin(roll), -std::cos(roll) * std::cos(pitch),
                          -std::cos(roll) * std::sin(pitch)};
       scale.pose.emplace();
-      scale.pose->T_o_c.translation() = seen;
+      scale.pose->T_o_c.translation() = measured;
     }
     vo.frame.map_id = map;
     result.record.append(vo, scale);
     if (i % script.position_every != 0) continue;
     const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
-    // In another, rotated and translated frame, on which the result does not depend.
-    result.truth.push_back({kPeriodNs * i, Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()) * p +
-                                               script.position_noise * noise +
-                                               Eigen::Vector3d(500, 0, 3)});
+    // The positions are in another, rotated and translated frame: the result must not depend on it.
+    result.positions.push_back({kPeriodNs * i, Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()) * p +
+                                                   script.position_noise * noise +
+                                                   Eigen::Vector3d(500, 0, 3)});
   }
   return result;
 }
@@ -104,7 +105,7 @@ Result byLength(const ScriptedDrive& drive, double sigma = 0) {
   return HeightCalibration({}).fromLength(drive.record, 1, drive.length, sigma);
 }
 Result byPositions(const ScriptedDrive& drive, double sigma = 0) {
-  return HeightCalibration({}).fromPositions(drive.record, 1, drive.truth, sigma);
+  return HeightCalibration({}).fromPositions(drive.record, 1, drive.positions, sigma);
 }
 
 TEST(HeightCalibration, IsExactWithoutNoise) {
@@ -121,20 +122,21 @@ TEST(HeightCalibration, IsExactWithoutNoise) {
 TEST(HeightCalibration, HeightIsProportionalToTheLength) {
   Script script;
   script.scale_noise = 0.01;
-  ScriptedDrive drive_of = drive(script);
-  const Result length = byLength(drive_of, 1), positions = byPositions(drive_of);
-  drive_of.length *= 1.07;
-  for (StampedPosition& position : drive_of.truth) position.p *= 1.07;
-  EXPECT_NEAR(byLength(drive_of, 1.07).height.value, 1.07 * length.height.value, 1e-9);
-  EXPECT_NEAR(byLength(drive_of, 1.07).height.sigma, 1.07 * length.height.sigma, 1e-9);
-  EXPECT_NEAR(byPositions(drive_of).height.value, 1.07 * positions.height.value, 1e-9);
-  EXPECT_NEAR(byPositions(drive_of).height.sigma, 1.07 * positions.height.sigma, 1e-9);
+  ScriptedDrive scripted = drive(script);
+  const Result length = byLength(scripted, 1), positions = byPositions(scripted);
+  scripted.length *= 1.07;
+  for (StampedPosition& position : scripted.positions) position.p *= 1.07;
+  EXPECT_NEAR(byLength(scripted, 1.07).height.value, 1.07 * length.height.value, 1e-9);
+  EXPECT_NEAR(byLength(scripted, 1.07).height.sigma, 1.07 * length.height.sigma, 1e-9);
+  EXPECT_NEAR(byPositions(scripted).height.value, 1.07 * positions.height.value, 1e-9);
+  EXPECT_NEAR(byPositions(scripted).height.sigma, 1.07 * positions.height.sigma, 1e-9);
   // For the same record the height is proportional to the nominal height.
-  EXPECT_NEAR(HeightCalibration({}).fromLength(drive_of.record, 2, 20, 0).height.value,
-              2 * HeightCalibration({}).fromLength(drive_of.record, 1, 20, 0).height.value, 1e-3);
+  EXPECT_NEAR(HeightCalibration({}).fromLength(scripted.record, 2, 20, 0).height.value,
+              2 * HeightCalibration({}).fromLength(scripted.record, 1, 20, 0).height.value, 1e-3);
 }
 
-/// Share of the seeds whose 95 % interval contains the true height.
+/// Share of the seeds whose 95 % interval contains the true height. Raises *widest to the largest
+/// half width of an interval, relative to the height.
 double coverage(Script script, int seeds, double* widest) {
   int within = 0;
   for (int seed = 1; seed <= seeds; ++seed) {
@@ -147,25 +149,25 @@ double coverage(Script script, int seeds, double* widest) {
   return static_cast<double>(within) / seeds;
 }
 
-TEST(HeightCalibration, The95PercentIntervalCovers) {
-  // Errors correlated over three segments.
+TEST(HeightCalibration, The95PercentIntervalContainsTheTrueHeight) {
+  // Errors correlated over three segments (of 12 camera heights, 22 frames, each).
   Script script;
   script.frames = 1500;
   script.scale_noise = 0.02;
-  script.noise_memory = 60;
+  script.noise_correlation = 60;
   double widest = 0;
   EXPECT_GE(coverage(script, 100, &widest), 0.88);
   EXPECT_LT(widest, 0.03);
   // Six segments with independent errors.
   script.frames = 140;
   script.scale_noise = 0.07;
-  script.noise_memory = 1;
+  script.noise_correlation = 1;
   EXPECT_GE(coverage(script, 400, &widest), 0.95);
   EXPECT_LT(widest, 0.05);
 }
 
-// The sum of the distances between fixes would be 50 % too long here.
-TEST(HeightCalibration, NoiseOfFixesDoesNotBiasTheHeight) {
+// The sum of the distances between positions would be 50 % too long here.
+TEST(HeightCalibration, NoiseOfThePositionsDoesNotBiasTheHeight) {
   double sum = 0;
   int within = 0;
   constexpr int kSeeds = 20;
@@ -177,6 +179,7 @@ TEST(HeightCalibration, NoiseOfFixesDoesNotBiasTheHeight) {
     script.seed = seed;
     const Result result = byPositions(drive(script), 2);
     ASSERT_EQ(result.status, Status::kOk) << result.reason;
+    // segment_position_sigmas, 40, times 2 m
     EXPECT_GT(result.segments.front().length_heights * kHeight, 75);
     sum += result.height.value;
     within += std::abs(result.height.value - kHeight) < result.height.error95();
@@ -194,7 +197,7 @@ TEST(HeightCalibration, StandstillIsIgnored) {
   EXPECT_NEAR(byPositions(drive(script)).height.value, kHeight, 0.001);
 }
 
-TEST(HeightCalibration, TrackingLossLeavesSegmentsButNoLength) {
+TEST(HeightCalibration, AfterATrackingLossOnlyPositionsGiveAHeight) {
   Script script;
   script.lost_from = 180;
   script.lost_to = 200;
@@ -207,30 +210,30 @@ TEST(HeightCalibration, TrackingLossLeavesSegmentsButNoLength) {
   for (const auto& segment : positions.segments) {
     EXPECT_TRUE(segment.to_ns <= 180 * kPeriodNs || segment.from_ns >= 200 * kPeriodNs);
   }
-  // Between two fixes, at frames 180 and 210.
+  // A loss between two positions, those of frames 180 and 210.
   script.lost_from = 185;
   script.position_every = 30;
-  const Result seldom = byPositions(drive(script));
-  ASSERT_EQ(seldom.status, Status::kOk) << seldom.reason;
-  for (const auto& segment : seldom.segments) {
+  const Result sparse = byPositions(drive(script));
+  ASSERT_EQ(sparse.status, Status::kOk) << sparse.reason;
+  for (const auto& segment : sparse.segments) {
     EXPECT_TRUE(segment.to_ns <= 180 * kPeriodNs || segment.from_ns >= 210 * kPeriodNs);
   }
 }
 
-TEST(HeightCalibration, DistanceBeforeTheMapIsUnknown) {
+TEST(HeightCalibration, DistanceBeforeTheInitialisationIsUnknown) {
   Script script;
-  script.posed_from = 12;
+  script.initialised_at = 12;
   const Result result = byLength(drive(script));
   EXPECT_EQ(result.status, Status::kBroken);
   EXPECT_NE(result.reason.find("before frame 12"), std::string::npos) << result.reason;
 }
 
 TEST(HeightCalibration, OutlierSegmentsAreRejected) {
-  ScriptedDrive drive_of = drive({});
-  for (std::size_t i = 200; i < drive_of.truth.size(); ++i) {
-    drive_of.truth[i].p += Eigen::Vector3d(5, 5, 5);  // the receiver jumps
+  ScriptedDrive scripted = drive({});
+  for (std::size_t i = 200; i < scripted.positions.size(); ++i) {
+    scripted.positions[i].p += Eigen::Vector3d(5, 5, 5);  // a jump of the GNSS receiver
   }
-  const Result result = byPositions(drive_of);
+  const Result result = byPositions(scripted);
   ASSERT_EQ(result.status, Status::kOk) << result.reason;
   EXPECT_NEAR(result.height.value, kHeight, 0.001);
   int rejected = 0;
@@ -238,25 +241,27 @@ TEST(HeightCalibration, OutlierSegmentsAreRejected) {
   EXPECT_EQ(rejected, 1);
 }
 
-TEST(HeightCalibration, FailuresHaveAStatusAndNoHeight) {
+TEST(HeightCalibration, FailuresHaveAStatus) {
   Script script;
   script.frames = 60;
   EXPECT_EQ(byPositions(drive(script)).status, Status::kTooFew);
   const Result uncertain = byLength(drive({}), 0.03 * drive({}).length);
   EXPECT_EQ(uncertain.status, Status::kTooUncertain);
   EXPECT_NE(uncertain.reason.find("1.50 m"), std::string::npos) << uncertain.reason;
-  ScriptedDrive elsewhere = drive({});
-  for (StampedPosition& position : elsewhere.truth) position.stamp_ns += 3600000000000;
-  EXPECT_EQ(byPositions(elsewhere).status, Status::kTooFew);
-  script.posed_from = script.frames;
+  ScriptedDrive an_hour_later = drive({});
+  for (StampedPosition& position : an_hour_later.positions) position.stamp_ns += 3600000000000;
+  EXPECT_EQ(byPositions(an_hour_later).status, Status::kTooFew);
+  script.initialised_at = script.frames;
   EXPECT_EQ(byPositions(drive(script)).status, Status::kNoScale);
   EXPECT_EQ(byLength(drive(script)).status, Status::kNoScale);
-  EXPECT_THROW(HeightCalibration({}).fromLength(elsewhere.record, 1, 0, 0), OptionError);
-  const std::vector<StampedPosition> backward(2);  // the same stamp twice
-  EXPECT_THROW(HeightCalibration({}).fromPositions(elsewhere.record, 1, backward, 0), OptionError);
+  EXPECT_THROW(HeightCalibration({}).fromLength(an_hour_later.record, 1, 0, 0), OptionError);
+  const std::vector<StampedPosition> repeated_stamp(2);
+  EXPECT_THROW(HeightCalibration({}).fromPositions(an_hour_later.record, 1, repeated_stamp, 0),
+               OptionError);
 }
 
-/// A run with a nominal height of 1 m.
+/// Record of a run over all images of the drive, with a nominal height of 1 m. stamp(i): of image i
+/// [ns].
 template <typename Drive, typename Stamp>
 RunRecord run(const Drive& drive, const PinholeCamera& camera, const Stamp& stamp) {
   OfflineRun::Options options;
@@ -268,25 +273,25 @@ RunRecord run(const Drive& drive, const PinholeCamera& camera, const Stamp& stam
 
 class RenderedHeight : public testing::TestWithParam<double> {};
 
-TEST_P(RenderedHeight, IsWithinItsError) {
+TEST_P(RenderedHeight, IsWithinItsErrorBounds) {
   SyntheticDrive::Options options;
   options.camera_height = GetParam();
   options.pitch_rad = 0.05;
   options.speed = 14;
   options.stop_s = 0;
-  options.frames = static_cast<int>(50 * GetParam());
+  options.frames = static_cast<int>(50 * GetParam());  // about the same number of segments
   options.camera = {620, 188, 359.6, 359.6, 309.5, 93.5};
   const SyntheticDrive drive(options);
   const RunRecord record =
       run(drive, drive.camera(), [&](auto i) { return drive.frame(i).stamp_ns; });
-  std::vector<StampedPosition> truth;
+  std::vector<StampedPosition> ground_truth;
   std::vector<Eigen::Isometry3d> poses;
   for (std::size_t i = 0; i < drive.size(); ++i) {
     poses.push_back(drive.frame(i).T_c0_c);
-    truth.push_back({drive.frame(i).stamp_ns, poses.back().translation()});
+    ground_truth.push_back({drive.frame(i).stamp_ns, poses.back().translation()});
   }
   const HeightCalibration calibration({});
-  const Result positions = calibration.fromPositions(record, 1, truth, 0);
+  const Result positions = calibration.fromPositions(record, 1, ground_truth, 0);
   const Result length = calibration.fromLength(record, 1, pathLength(poses), 0);
   for (const Result& result : {positions, length}) {
     ASSERT_EQ(result.status, Status::kOk) << result.reason;
@@ -300,7 +305,7 @@ TEST_P(RenderedHeight, IsWithinItsError) {
 
 INSTANTIATE_TEST_SUITE_P(Heights, RenderedHeight, testing::Values(1.2, 1.65));
 
-TEST(HeightCalibration, OfARecordedDrive) {
+TEST(HeightCalibration, AgreesWithKittisCameraHeight) {
   const auto folder = dataPath("kitti_raw_0926_0039");
   if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no kitti_raw_0926_0039";
   const KittiSequence sequence(folder);

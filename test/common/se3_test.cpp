@@ -26,7 +26,7 @@ TEST(Se3, MotionHasRotationFirstThenTranslation) {
   EXPECT_EQ(motionFrom(Vector6d::Zero()).matrix(), Eigen::Matrix4d::Identity());
 }
 
-TEST(Se3, RetractionMovesInTheAxesOfTheMovingFrame) {
+TEST(Se3, BoxplusAppliesTheIncrementInTheBodyFrame) {
   const Eigen::Isometry3d T = examplePose();
   const Vector6d delta = vector6(0.1, 0.2, -0.3, 0.5, -0.4, 0.1);
   const Eigen::Isometry3d moved = boxplus(T, delta);
@@ -36,7 +36,7 @@ TEST(Se3, RetractionMovesInTheAxesOfTheMovingFrame) {
   EXPECT_EQ(boxplus(T, Vector6d::Zero()).matrix(), T.matrix());
 }
 
-TEST(Se3, AdjointCarriesASmallMotionToTheOtherFrame) {
+TEST(Se3, AdjointTransformsATwistToTheOtherFrame) {
   const Eigen::Isometry3d T = examplePose();
   const Vector6d delta_b = 1e-5 * vector6(1, -2, 3, 0.5, 0.2, -0.7);
   // T exp(delta_b) = exp(adjoint(T) delta_b) T, to first order.

@@ -79,18 +79,21 @@ TEST(OdometryMetrics, ScaleErrorOnAStraightLine) {
   EXPECT_NEAR(m.ate_rmse_m, 0.02 * std::sqrt((252.0 * 252.0 - 1.0) / 12.0), 1e-9);
 }
 
-// A constant bias of yaw: after L + 1 steps of 1 m the rotation is off by (L + 1) biases.
+// A constant yaw bias in every step of 1 m: after L + 1 steps the rotation is off by L + 1 times
+// it.
 TEST(OdometryMetrics, YawRateBias) {
   const double bias_deg = 0.01;
   const Poses ground_truth = drive(121, 1.0);
   const OdometryMetrics m =
       computeOdometryMetrics(ground_truth, drive(121, 1.0, bias_deg * M_PI / 180.0));
   EXPECT_NEAR(m.r_err_deg_per_m.value(), bias_deg * 101 / 100, 1e-9);
-  // A chord of a circle of radius r = 1 m / bias against a straight line, 101 m along.
+  // The estimate is a regular polygon with sides of 1 m. Its end point after 101 sides is compared
+  // with that of a straight line.
   const double b = bias_deg * M_PI / 180.0;
   Eigen::Vector2d end = Eigen::Vector2d::Zero();
   for (int i = 0; i < 101; ++i) end += Eigen::Vector2d(std::sin(i * b), std::cos(i * b));
-  // The error is expressed in the estimate's end frame, but its norm is that of the difference.
+  // The error is expressed in the estimate's end frame, but its norm is that of the difference. In
+  // metres over 100 m, it is a percentage.
   EXPECT_NEAR(m.t_err_percent.value(), (end - Eigen::Vector2d(0, 101)).norm(), 1e-9);
   EXPECT_NEAR(m.direction_median_deg.value(), 0.0, 1e-9);
   EXPECT_NEAR(m.rle_percent.value(), 0.0, 1e-9);
@@ -98,20 +101,22 @@ TEST(OdometryMetrics, YawRateBias) {
 
 TEST(OdometryMetrics, DirectionErrorOfAMisalignedCamera) {
   const Poses ground_truth = drive(300, 1.0, 0.004);
-  const Eigen::AngleAxisd twist(0.5 * M_PI / 180.0, Eigen::Vector3d::UnitX());
+  const Eigen::AngleAxisd misalignment(0.5 * M_PI / 180.0, Eigen::Vector3d::UnitX());
   Poses estimate{Eigen::Isometry3d::Identity()};
   for (std::size_t i = 1; i < ground_truth.size(); ++i) {
     Eigen::Isometry3d step = ground_truth[i - 1].inverse() * ground_truth[i];
-    step.translation() = twist * step.translation();
+    step.translation() = misalignment * step.translation();
     estimate.push_back(estimate.back() * step);
   }
   const OdometryMetrics m = computeOdometryMetrics(ground_truth, scaled(estimate, 0.1));
   EXPECT_NEAR(m.direction_median_deg.value(), 0.5, 1e-9);
   EXPECT_NEAR(m.r_err_deg_per_m.value(), 0.0, 1e-9);
-  // With true lengths the end of every segment is off by a chord of half a degree, at most.
-  const double largest = 100.0 * 2.0 * std::sin(0.25 * M_PI / 180.0);
-  EXPECT_GT(m.t_err_true_length_percent.value(), 0.8 * largest);
-  EXPECT_LT(m.t_err_true_length_percent.value(), 1.02 * largest);
+  // With true lengths, a step ends off by the chord of half a degree, 2 sin(0.25 deg) times its
+  // length. Over a straight segment these errors add up, in a bend they cancel in part. A segment
+  // is up to 1 % longer than its nominal length.
+  const double straight_percent = 100.0 * 2.0 * std::sin(0.25 * M_PI / 180.0);
+  EXPECT_GT(m.t_err_true_length_percent.value(), 0.8 * straight_percent);
+  EXPECT_LT(m.t_err_true_length_percent.value(), 1.02 * straight_percent);
 }
 
 TEST(OdometryMetrics, NoDevkitErrorUnderAHundredMetres) {
@@ -129,16 +134,16 @@ TEST(OdometryMetrics, NoDevkitErrorUnderAHundredMetres) {
 TEST(OdometryMetrics, StandingEstimateOrGroundTruthGivesNoDivisionByZero) {
   const Poses moving = drive(150, 1.0);
   const Poses standing(150, Eigen::Isometry3d::Identity());
-  const OdometryMetrics held = computeOdometryMetrics(moving, standing);
-  EXPECT_NEAR(held.rle_percent.value(), 100.0, 1e-9);
-  EXPECT_NEAR(held.t_err_percent.value(), 101.0, 1e-9);
-  EXPECT_FALSE(held.t_err_sim3_percent);
-  EXPECT_FALSE(held.direction_median_deg);
-  EXPECT_TRUE(std::isfinite(held.ate_rmse_m));
+  const OdometryMetrics standing_estimate = computeOdometryMetrics(moving, standing);
+  EXPECT_NEAR(standing_estimate.rle_percent.value(), 100.0, 1e-9);
+  EXPECT_NEAR(standing_estimate.t_err_percent.value(), 101.0, 1e-9);
+  EXPECT_FALSE(standing_estimate.t_err_sim3_percent);
+  EXPECT_FALSE(standing_estimate.direction_median_deg);
+  EXPECT_TRUE(std::isfinite(standing_estimate.ate_rmse_m));
 
-  const OdometryMetrics drift = computeOdometryMetrics(standing, moving);
-  EXPECT_FALSE(drift.rle_percent);
-  EXPECT_FALSE(drift.t_err_percent);
+  const OdometryMetrics standing_truth = computeOdometryMetrics(standing, moving);
+  EXPECT_FALSE(standing_truth.rle_percent);
+  EXPECT_FALSE(standing_truth.t_err_percent);
 }
 
 TEST(OdometryMetrics, UnnormalisedRotationsAreMadeOrthonormalFirst) {
@@ -159,7 +164,7 @@ TEST(OdometryMetrics, RejectsWhatCannotBeCompared) {
   EXPECT_THROW(computeOdometryMetrics(broken, ten), OptionError);
 }
 
-// A bias of yaw accumulates over the compared frames; a single step does not.
+// A constant yaw bias accumulates over the frames compared; a sudden error counts once.
 TEST(RotationDifference, IsTheLargestOverTheFramesCompared) {
   const double degree = M_PI / 180.0;
   const Poses straight = drive(120, 1.0);
@@ -170,7 +175,7 @@ TEST(RotationDifference, IsTheLargestOverTheFramesCompared) {
 
   Poses jolted = biased;
   for (std::size_t i = 0; i < jolted.size(); ++i) {
-    const double roll = i < 30 ? 0 : i < 40 ? 2 : -1;  // 2 deg at frame 30, -3 at frame 40
+    const double roll = i < 30 ? 0 : i < 40 ? 2 : -1;  // steps by 2 deg, then -3 deg
     jolted[i].rotate(Eigen::AngleAxisd(roll * degree, Eigen::Vector3d::UnitZ()));
   }
   EXPECT_NEAR(largestRotationDifferenceDeg(biased, jolted, 5).value(), 3.0, 0.01);
@@ -203,9 +208,10 @@ TEST(Quantile, IsLinearBetweenNeighbours) {
   EXPECT_TRUE(std::isnan(quantile({}, 0.5)));
 }
 
-/// Results of public systems on public sequences, and their errors according to other
-/// implementations of the same metrics; empty where there is none.
-struct Peer {
+/// Result of a public monocular odometry, up to scale, on a public sequence: file
+/// peers/<sequence>_<system>_sim.txt, where `sim` is short for similarity. The expected errors are
+/// those of a separate NumPy implementation of the same metrics; empty: not compared.
+struct Baseline {
   const char* sequence;
   const char* system;
   std::optional<double> t_err_true_length_percent;
@@ -213,13 +219,13 @@ struct Peer {
   std::optional<double> r_err_deg_per_m;
 };
 
-class PeerMetrics : public ::testing::TestWithParam<Peer> {};
+class UnscaledBaseline : public ::testing::TestWithParam<Baseline> {};
 
-TEST_P(PeerMetrics, AgreeWithOtherImplementations) {
-  const Peer& peer = GetParam();
-  const std::string sequence = peer.sequence;
+TEST_P(UnscaledBaseline, HasTheErrorsOfASeparateImplementation) {
+  const Baseline& baseline = GetParam();
+  const std::string sequence = baseline.sequence;
   const auto ground_truth = dataPath(sequence + "/poses.txt");
-  const auto estimate = dataPath("peers/" + sequence + "_" + peer.system + "_sim.txt");
+  const auto estimate = dataPath("peers/" + sequence + "_" + baseline.system + "_sim.txt");
   if (ground_truth.empty() || estimate.empty())
     GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
   const OdometryMetrics m =
@@ -230,22 +236,24 @@ TEST_P(PeerMetrics, AgreeWithOtherImplementations) {
       EXPECT_NEAR(value.value(), *expected, tolerance);
     }
   };
-  expectNear(m.t_err_true_length_percent, peer.t_err_true_length_percent, 0.005);
-  expectNear(m.t_err_sim3_percent, peer.t_err_sim3_percent, 0.005);
-  expectNear(m.r_err_deg_per_m, peer.r_err_deg_per_m, 0.00005);
+  expectNear(m.t_err_true_length_percent, baseline.t_err_true_length_percent, 0.005);
+  expectNear(m.t_err_sim3_percent, baseline.t_err_sim3_percent, 0.005);
+  expectNear(m.r_err_deg_per_m, baseline.r_err_deg_per_m, 0.00005);
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    RealData, PeerMetrics,
-    ::testing::Values(Peer{"kitti_raw_0926_0039", "ov2slam", 0.62, 1.75, 0.0014},
-                      Peer{"kitti_raw_0926_0039", "dso", std::nullopt, 1.56, std::nullopt},
-                      Peer{"kitti_00_0000_0199", "ov2slam", 1.08, 3.38, 0.0173},
-                      Peer{"kitti_00_0000_0199", "dso", std::nullopt, 3.41, std::nullopt},
-                      Peer{"rendered_04", "ov2slam", 0.05, std::nullopt, std::nullopt}));
+    RealData, UnscaledBaseline,
+    ::testing::Values(Baseline{"kitti_raw_0926_0039", "ov2slam", 0.62, 1.75, 0.0014},
+                      Baseline{"kitti_raw_0926_0039", "dso", std::nullopt, 1.56, std::nullopt},
+                      Baseline{"kitti_00_0000_0199", "ov2slam", 1.08, 3.38, 0.0173},
+                      Baseline{"kitti_00_0000_0199", "dso", std::nullopt, 3.41, std::nullopt},
+                      Baseline{"rendered_04", "ov2slam", 0.05, std::nullopt, std::nullopt}));
 
-class MetricPeer : public ::testing::TestWithParam<std::pair<const char*, double>> {};
+/// Result of libviso2 (monocular, metric) on a sequence, and its t_err_percent according to the
+/// same separate implementation, rounded to 0.1.
+class MetricBaseline : public ::testing::TestWithParam<std::pair<const char*, double>> {};
 
-TEST_P(MetricPeer, HasTheKnownTranslationError) {
+TEST_P(MetricBaseline, HasTheTranslationErrorOfASeparateImplementation) {
   const std::string sequence = GetParam().first;
   const auto ground_truth = dataPath(sequence + "/poses.txt");
   const auto estimate = dataPath("peers/" + sequence + "_viso2_metric.txt");
@@ -256,7 +264,7 @@ TEST_P(MetricPeer, HasTheKnownTranslationError) {
   EXPECT_NEAR(m.t_err_percent.value(), GetParam().second, 0.06);
 }
 
-INSTANTIATE_TEST_SUITE_P(RealData, MetricPeer,
+INSTANTIATE_TEST_SUITE_P(RealData, MetricBaseline,
                          ::testing::Values(std::make_pair("kitti_raw_0926_0039", 3.0),
                                            std::make_pair("kitti_00_0000_0199", 6.7)));
 
@@ -264,15 +272,15 @@ TEST(OdometryMetrics, FewAndIdenticalPosesGiveFiniteNumbers) {
   std::vector<Eigen::Isometry3d> still(2, Eigen::Isometry3d::Identity());
   std::vector<Eigen::Isometry3d> moved = still;
   moved[1].translation().z() = 1;
-  std::vector<Eigen::Isometry3d> line;
+  std::vector<Eigen::Isometry3d> line;  // 299 m
   for (int i = 0; i < 300; ++i) {
     line.push_back(still[0]);
     line.back().translation().z() = i;
   }
-  const std::vector<Eigen::Isometry3d> stands(300, still[0]);
+  const std::vector<Eigen::Isometry3d> standing(300, still[0]);
   for (const auto& [ground_truth, estimate] :
        {std::pair(still, still), std::pair(still, moved), std::pair(moved, still),
-        std::pair(moved, moved), std::pair(line, stands), std::pair(stands, line),
+        std::pair(moved, moved), std::pair(line, standing), std::pair(standing, line),
         std::pair(line, line)}) {
     const OdometryMetrics m = computeOdometryMetrics(ground_truth, estimate);
     EXPECT_TRUE(std::isfinite(m.length_m) && std::isfinite(m.gt_length_m));

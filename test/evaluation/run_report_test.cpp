@@ -9,7 +9,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
-#include "run_script.hpp"
+#include "scripted_run.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -18,8 +18,8 @@ namespace {
 using RunReport = TemporaryFolder;
 
 TEST_F(RunReport, HasALineForEveryFrame) {
-  const Script script = started();
-  for (const std::string& table : {scaleCsv(script.record()), timingCsv(script.record())}) {
+  const ScriptedRun run = runWithInitialisation();
+  for (const std::string& table : {scaleCsv(run.record()), timingCsv(run.record())}) {
     EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + 7);
     std::istringstream lines(table);
     std::string line;
@@ -29,13 +29,13 @@ TEST_F(RunReport, HasALineForEveryFrame) {
       EXPECT_EQ(std::count(line.begin(), line.end(), ','), columns);
     }
   }
-  EXPECT_NE(scaleCsv(script.record()).find("\n3,0.300000000,"), std::string::npos);
+  EXPECT_NE(scaleCsv(run.record()).find("\n3,0.300000000,"), std::string::npos);
 }
 
 using Json = nlohmann::json;
 
 TEST_F(RunReport, MetricsAreNullWithoutGroundTruth) {
-  const Json json = Json::parse(metricsJson(started().record(), 1.65, {}));
+  const Json json = Json::parse(metricsJson(runWithInitialisation().record(), 1.65, {}));
   EXPECT_GT(json.at("peak_rss_mb"), 0);
   Json expected = {{"frames", 7},
                    {"tracked_frames", 6},
@@ -61,8 +61,8 @@ TEST_F(RunReport, MetricsAreNullWithoutGroundTruth) {
   EXPECT_EQ(json, expected);
 }
 
-TEST_F(RunReport, MetricsAreALinePerMemberInAFixedOrder) {
-  const std::string text = metricsJson(started().record(), 1.65, {});
+TEST_F(RunReport, MetricsHaveOneLinePerMemberInAFixedOrder) {
+  const std::string text = metricsJson(runWithInitialisation().record(), 1.65, {});
   EXPECT_EQ(text.find("{\n  \"frames\": 7,\n  \"tracked_frames\": 6,\n"), 0u) << text;
   EXPECT_NE(text.find("\n  \"rle_percent\": null,\n  \"t_err_percent\": null,\n"),
             std::string::npos);
@@ -71,7 +71,7 @@ TEST_F(RunReport, MetricsAreALinePerMemberInAFixedOrder) {
 TEST_F(RunReport, MetricsWithGroundTruth) {
   std::vector<Eigen::Isometry3d> ground_truth;
   for (const double z : {0, 0, 3, 6, 8, 10, 15}) ground_truth.push_back(ahead(z));
-  const Json json = Json::parse(metricsJson(started().record(), 1.65, ground_truth));
+  const Json json = Json::parse(metricsJson(runWithInitialisation().record(), 1.65, ground_truth));
   EXPECT_EQ(json.at("gt_length_m"), 15);
   EXPECT_EQ(json.at("rle_percent"), 20);
   EXPECT_TRUE(json.at("t_err_percent").is_null());
@@ -81,28 +81,28 @@ TEST_F(RunReport, MetricsWithGroundTruth) {
   ASSERT_EQ(json.at("by_short_length").size(), 1u);
   EXPECT_EQ(json.at("by_short_length")[0].at("length_m"), 10);
   EXPECT_EQ(json.at("by_short_length")[0].at("segments"), 1);
-  // No two frames are 16 m apart, which a true scale needs.
+  // A true scale needs 16 m, kMeasuredGroundTruthDistance; no two frames are so far apart.
   EXPECT_TRUE(json.at("scale_error_median_percent").is_null());
   EXPECT_TRUE(json.at("height_bias_percent").is_null());
   ground_truth.pop_back();
-  EXPECT_THROW(metricsJson(started().record(), 1.65, ground_truth), OptionError);
+  EXPECT_THROW(metricsJson(runWithInitialisation().record(), 1.65, ground_truth), OptionError);
 }
 
-TEST_F(RunReport, ErrorOfTheScale) {
+TEST_F(RunReport, ScaleErrorIsRelativeToTheTrueScale) {
   std::vector<Eigen::Isometry3d> ground_truth;
   for (const double z : {0, 0, 6, 12, 16, 20, 30}) ground_truth.push_back(ahead(z));
-  const Json json = Json::parse(metricsJson(started().record(), 1.65, ground_truth));
+  const Json json = Json::parse(metricsJson(runWithInitialisation().record(), 1.65, ground_truth));
   // Around frames 5 and 6: 18 m over 3 units, so 6 m per unit instead of 2.
   EXPECT_EQ(json.at("scale_error_median_percent"), -66.66666667);
 }
 
-// With heights the ground truth is exact, so 2 m are enough: 7 m over 2 units around frame 5, 5 m
-// over 1 unit before frame 6.
+// With heights the ground truth counts as exact, so 2 m suffice for a true scale: 7 m over 2 units
+// around frame 5, 5 m over 1 unit before frame 6. The estimate is 2 m per unit.
 TEST_F(RunReport, MetricsWithGroundTruthHeights) {
   std::vector<Eigen::Isometry3d> ground_truth;
   for (const double z : {0, 0, 3, 6, 8, 10, 15}) ground_truth.push_back(ahead(z));
-  const Json json = Json::parse(
-      metricsJson(started().record(), 1.65, ground_truth, std::vector<double>(7, 1.65)));
+  const Json json = Json::parse(metricsJson(runWithInitialisation().record(), 1.65, ground_truth,
+                                            std::vector<double>(7, 1.65)));
   EXPECT_EQ(json.at("scale_within_2_sigma"), 0);
   EXPECT_EQ(json.at("scale_held_share"), 0);
   EXPECT_EQ(json.at("scale_error_median_percent"), -51.42857143);
@@ -111,9 +111,9 @@ TEST_F(RunReport, MetricsWithGroundTruthHeights) {
 }
 
 TEST_F(RunReport, WritesTheFilesOfARun) {
-  const Script script = started();
+  const ScriptedRun run = runWithInitialisation();
   const auto folder = folder_ / "results" / "07";
-  writeRun(folder, script.record(), 1.65, script.record().metricPoses());
+  writeRun(folder, run.record(), 1.65, run.record().metricPoses());
   for (const char* name : {"poses.txt", "poses_unscaled.txt", "ground_truth.txt"}) {
     EXPECT_EQ(readKittiPoses(folder / name).size(), 7u) << name;
   }
@@ -124,7 +124,7 @@ TEST_F(RunReport, WritesTheFilesOfARun) {
   for (const char* name : {"scale.csv", "timing.csv", "metrics.json"}) {
     EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
   }
-  writeRun(folder, script.record(), 1.65, {});
+  writeRun(folder, run.record(), 1.65, {});
   EXPECT_FALSE(std::filesystem::exists(folder / "ground_truth.txt"));
 
   RunRecord without_times;
@@ -136,7 +136,7 @@ TEST_F(RunReport, WritesTheFilesOfARun) {
       << "a file of the previous run is left";
 
   const auto file = write("file", "");
-  EXPECT_NE(dataErrorOf([&] { writeRun(file / "07", script.record(), 1.65, {}); }, folder_),
+  EXPECT_NE(dataErrorOf([&] { writeRun(file / "07", run.record(), 1.65, {}); }, folder_),
             "no error");
 }
 

@@ -17,13 +17,14 @@ Eigen::Isometry3d ahead(double z) {
   return T;
 }
 
-/// Output of the scale stage in one frame.
+/// Output of the scale stage in one frame. raw: scale of the single frame; 0: not measured.
 struct Measurement {
   ScaleStatus status = ScaleStatus::kOk;
   double scale = 2, sigma = 0.1, raw = 0, height = 0;
 };
 
-/// Half a VO unit a frame; with the ground truth below that is 1 m, a scale of 2.
+/// Record of a camera that moves 0.5 VO units a frame. With metreAFrame() as ground truth, its true
+/// scale is 2 m per unit.
 RunRecord record(const std::vector<Measurement>& measurements) {
   RunRecord result;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
@@ -64,7 +65,7 @@ TEST(ScaleMetrics, CountsErrorsWithinSigma) {
   const ScaleMetrics m = computeScaleMetrics(run, metreAFrame(6), 2);
   EXPECT_DOUBLE_EQ(m.within_2_sigma, 3.0 / 5);
   EXPECT_DOUBLE_EQ(m.held_share, 2.0 / 5);       // from the first metric pose on
-  EXPECT_NEAR(m.error_median_percent, 0, 1e-9);  // of 0, 9.5, 10.5, -9, -11
+  EXPECT_NEAR(m.error_median_percent, 0, 1e-9);  // [%] 0, 9.5, 10.5, -9, -11
   EXPECT_NEAR(m.error_abs_median_percent, 9.5, 1e-9);
   EXPECT_TRUE(std::isnan(m.error_spread_percent));
   EXPECT_TRUE(std::isnan(m.height_bias_percent));
@@ -79,7 +80,8 @@ TEST(ScaleMetrics, SpreadIsOfTheRawScaleAroundItsOwnMedian) {
                                 {kOk, 2.2, 0.1, 9}});
   const ScaleMetrics m = computeScaleMetrics(run, metreAFrame(6), 2);
   EXPECT_NEAR(m.error_median_percent, 10, 1e-9);
-  EXPECT_NEAR(m.error_spread_percent, 1.4826 * 2, 1e-9);  // of 0, 2, 4, 0 and 340 from 10 %
+  // 1.4826 times the median of |error - 10 %|: 0, 2, 4, 0, 340.
+  EXPECT_NEAR(m.error_spread_percent, 1.4826 * 2, 1e-9);
 }
 
 TEST(ScaleMetrics, HeightBiasUsesTheTrueScale) {
@@ -89,24 +91,25 @@ TEST(ScaleMetrics, HeightBiasUsesTheTrueScale) {
   EXPECT_NEAR(m.height_bias_percent, 1.25, 1e-9);
 }
 
-// The odometry's unit changes by half during the drive: a longer distance includes the change
-// sooner.
-TEST(ScaleMetrics, TrueScaleIsOfTheDistanceAroundTheFrame) {
+// The true scale changes from 2 to 3 m per unit at frame 5: a longer distance around a frame
+// includes the change sooner.
+TEST(ScaleMetrics, TrueScaleIsThatOfTheDistanceAroundTheFrame) {
   Poses ground_truth = metreAFrame(12);
   for (std::size_t i = 6; i < ground_truth.size(); ++i) {
     ground_truth[i] = ahead(5 + 1.5 * static_cast<double>(i - 5));
   }
   const RunRecord run = record(std::vector<Measurement>(12, {kOk, 2.0, 0.01}));
-  // Frames 0 to 4 have a true scale of 2: the change is not within 1 m on both sides, or 2 m ahead
-  // of the first.
+  // Over 2 m, frames 0 to 4 have a true scale of 2. They use 1 m on each side; frame 0 uses 2 m
+  // ahead.
   EXPECT_DOUBLE_EQ(computeScaleMetrics(run, ground_truth, 2).within_2_sigma, 5.0 / 12);
-  // Of 4 m: 2 and more on both sides; frame 0 goes 4 ahead, 1 goes 1 back and 3 ahead.
+  // Over 4 m, frames 0 to 3: 2 m on each side; frame 1 uses 1 m back and 3 m ahead, frame 0 4 m
+  // ahead.
   EXPECT_DOUBLE_EQ(computeScaleMetrics(run, ground_truth, 4).within_2_sigma, 4.0 / 12);
 }
 
 TEST(ScaleMetrics, MissingValuesAreNan) {
-  const RunRecord never = record({{kUnknown}, {kUnknown}, {kUnknown}});
-  ScaleMetrics m = computeScaleMetrics(never, metreAFrame(3), 2);
+  const RunRecord without_scale = record({{kUnknown}, {kUnknown}, {kUnknown}});
+  ScaleMetrics m = computeScaleMetrics(without_scale, metreAFrame(3), 2);
   EXPECT_TRUE(std::isnan(m.within_2_sigma));
   EXPECT_TRUE(std::isnan(m.held_share));
   // The camera does not move, so no frame has a true scale.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <limits>
 #include <vector>
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
@@ -9,21 +10,23 @@ namespace ground_scale_vo {
 
 /// Errors of the estimated scale against the true scale. The true scale of a frame is the distance
 /// between two ground truth positions around it over the distance between the same positions of the
-/// odometry [m per VO unit]. computeScaleMetrics() sets a metric to NaN if no frame has its data.
+/// odometry [m per VO unit]. A metric is NaN if no frame has its data.
 struct ScaleMetrics {
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
   // Of the filtered scale, over the frames that have one and a true scale.
-  double within_2_sigma = 0;            ///< share whose true scale is within two reported sigma
-  double error_median_percent = 0;      ///< of scale / true - 1, signed
-  double error_abs_median_percent = 0;  ///< of |scale / true - 1|
-  double first_error_sigmas = 0;        ///< (scale - true) / sigma of the first of these frames
+  double within_2_sigma = kNone;            ///< share whose true scale is within two reported sigma
+  double error_median_percent = kNone;      ///< of scale / true - 1, signed
+  double error_abs_median_percent = kNone;  ///< of |scale / true - 1|
+  double first_error_sigmas = kNone;        ///< (scale - true) / sigma of the first of these frames
 
   /// 1.4826 MAD of raw_scale / true - 1 [%], over the frames that have both: the standard deviation
   /// of single-frame measurements, robust against outliers.
-  double error_spread_percent = 0;
-  double held_share = 0;  ///< share of frames with kHeld, from the first metric pose on
+  double error_spread_percent = kNone;
+  double held_share = kNone;  ///< share of frames with kHeld, from the first metric pose on
   /// Median of (estimated height times true scale) / true height - 1 [%]: the bias of the plane's
   /// height alone.
-  double height_bias_percent = 0;
+  double height_bias_percent = kNone;
 };
 
 /// Minimum ground truth distance for the true scale of a frame [m]. As short as possible,

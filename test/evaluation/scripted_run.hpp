@@ -8,29 +8,35 @@
 
 namespace ground_scale_vo {
 
+/// Pose at distance z along the optical axis.
 inline Eigen::Isometry3d ahead(double z) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.translation().z() = z;
   return T;
 }
 
-/// Builds a RunRecord from scripted outputs of both stages, frame by frame.
-class Script {
+/// Builds a RunRecord from scripted outputs of both stages, frame by frame at 10 Hz. The VO takes
+/// 10 ms for the first frame and 10 ms more for each further one.
+///
+/// z: of the camera in its map [VO units]. start: sequence numbers and z of the frames that get
+/// their poses when this frame initialises the map (VisualOdometry::Output::start).
+class ScriptedRun {
  public:
-  /// Odometry without a pose.
-  Script& no(VoStatus status, std::uint32_t map_id = 0) {
+  /// A frame without a VO pose.
+  ScriptedRun& withoutPose(VoStatus status, std::uint32_t map_id = 0) {
     vo(status, map_id, 0.0);
     return append({});
   }
-  /// Odometry with a pose z VO units ahead of its map's origin, no metric pose.
-  Script& tracks(double z, std::uint32_t map_id = 0,
-                 const std::vector<std::pair<std::uint32_t, double>>& start = {}) {
+  /// A frame with a VO pose and without a metric one.
+  ScriptedRun& tracked(double z, std::uint32_t map_id = 0,
+                       const std::vector<std::pair<std::uint32_t, double>>& start = {}) {
     vo(VoStatus::kTracking, map_id, z, start);
     return append({});
   }
-  /// The same with a metric pose z_m metres ahead.
-  Script& metric(double z, double scale, double z_m, std::uint32_t map_id = 0,
-                 const std::vector<std::pair<std::uint32_t, double>>& start = {}) {
+  /// A frame with a VO pose and a metric pose z_m [m] ahead of the first frame; scale [m per VO
+  /// unit].
+  ScriptedRun& metric(double z, double scale, double z_m, std::uint32_t map_id = 0,
+                      const std::vector<std::pair<std::uint32_t, double>>& start = {}) {
     vo(VoStatus::kTracking, map_id, z, start);
     ScaleRecovery::Output output;
     output.scale.status = ScaleStatus::kOk;
@@ -60,7 +66,7 @@ class Script {
     }
     vo_.times.total = 10.0 * next_;
   }
-  Script& append(const ScaleRecovery::Output& output) {
+  ScriptedRun& append(const ScaleRecovery::Output& output) {
     record_.append(vo_, output);
     return *this;
   }
@@ -73,12 +79,13 @@ class Script {
 constexpr VoStatus kInitialising = VoStatus::kInitialising;
 constexpr VoStatus kLost = VoStatus::kLost;
 
-/// Map from frame 1 on, found in frame 3; scale 2 m per unit from frame 5 on.
-inline Script started() {
-  Script script;
-  script.no(kInitialising).no(kInitialising).no(kInitialising);
-  script.tracks(3, 0, {{1, 0}, {2, 1.5}, {3, 3}}).tracks(4).metric(5, 2, 10).metric(6, 2, 12);
-  return script;
+/// Seven frames: frame 3 initialises a map that begins at frame 1; from frame 5 on the scale is
+/// known, 2 m per VO unit.
+inline ScriptedRun runWithInitialisation() {
+  ScriptedRun run;
+  run.withoutPose(kInitialising).withoutPose(kInitialising).withoutPose(kInitialising);
+  run.tracked(3, 0, {{1, 0}, {2, 1.5}, {3, 3}}).tracked(4).metric(5, 2, 10).metric(6, 2, 12);
+  return run;
 }
 
 }  // namespace ground_scale_vo

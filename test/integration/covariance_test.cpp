@@ -129,7 +129,7 @@ TEST(Covariance, IsNotOverconfidentAboutTheLastPosition) {
   std::printf("RMS normalised error: %.2f, since the first scale %.2f\n", rms(whole),
               rms(since_scale));
   // For a consistent covariance the RMS normalised error is 1; with eight samples it varies by up
-  // to a factor of two. Known limitation: the target is 0.3 to 2, the values are 0.24 and 0.18. On
+  // to a factor of two. Known limitation: the target is 0.3 to 2, the values are 0.18 and 0.19. On
   // easy drives sigma is conservative, because the scale of a new map is uncertain by some per cent
   // on difficult ones.
   constexpr double kMaxNormalisedError = 2;

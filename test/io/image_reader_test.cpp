@@ -10,6 +10,7 @@
 namespace ground_scale_vo {
 namespace {
 
+/// A 1 x 1 image whose grey value is its index.
 cv::Mat numbered(std::size_t i) { return cv::Mat(1, 1, CV_8UC1, cv::Scalar(double(i))); }
 
 TEST(ImageReader, ReturnsAllImagesInOrder) {
@@ -74,8 +75,8 @@ TEST(ImageReader, MayBeDestroyedWhileReading) {
     });
     reader.next();
   }
-  const int until_its_end = read;
-  EXPECT_LE(until_its_end, 2);
+  const int images_read = read;  // the one returned and at most one ahead
+  EXPECT_LE(images_read, 2);
 }
 
 TEST(ImageReader, AcceptsZeroImages) { ImageReader reader(0, numbered); }

@@ -17,9 +17,10 @@ namespace fs = std::filesystem;
 const std::string kCalibration = "P0: 70 0 32 0 0 71 24 0 0 0 1 0\n";
 const std::string kIdentityRow = "1 0 0 0 0 1 0 0 0 0 1 0\n";
 
-/// Builds small folders of both layouts.
+/// Builds small folders of both KITTI layouts, odometry and raw.
 class KittiSequenceTest : public TemporaryFolder {
  protected:
+  /// An image file with grey values 3 * x + y; extension: "png" or "jpg".
   std::string encoded(const std::string& extension, const cv::Size& size = {64, 48}) const {
     cv::Mat image(size, CV_8UC1);
     for (int y = 0; y < image.rows; ++y) {
@@ -30,6 +31,7 @@ class KittiSequenceTest : public TemporaryFolder {
     return {bytes.begin(), bytes.end()};
   }
 
+  /// i with leading zeros.
   static std::string number(int i, int digits) {
     char text[16];
     std::snprintf(text, sizeof text, "%0*d", digits, i);
@@ -47,6 +49,7 @@ class KittiSequenceTest : public TemporaryFolder {
     return folder_ / name;
   }
 
+  /// Two images and stamps, no GPS/IMU data.
   fs::path makeRaw() const {
     const std::string drive = "2011_09_26/drive_0001_sync";
     for (int i = 0; i < 2; ++i) {
@@ -60,7 +63,8 @@ class KittiSequenceTest : public TemporaryFolder {
     return folder_ / drive;
   }
 
-  /// Two GPS/IMU readings: heading east, 1e-5 degrees of longitude and 0.5 m of height further.
+  /// Two GPS/IMU readings. The second one is 1e-5 degrees of longitude further east, 0.5 m higher
+  /// and turned left by 0.1 rad.
   void addOxts() const {
     const std::string drive = "2011_09_26/drive_0001_sync";
     std::string rest;
@@ -104,7 +108,7 @@ TEST_F(KittiSequenceTest, ReadsJpegAndAFolderNamedWithATrailingSlash) {
   EXPECT_EQ(sequence.image(0).size(), cv::Size(64, 48));
 }
 
-TEST_F(KittiSequenceTest, FindsTheGroundTruthBesideAndInTheCollection) {
+TEST_F(KittiSequenceTest, PrefersGroundTruthInTheFolderToThatOfTheCollection) {
   const fs::path folder = makeOdometry();
   write("poses/07.txt", kIdentityRow + kIdentityRow + "1 0 0 7 0 1 0 8 0 0 1 9\n");
   EXPECT_EQ(KittiSequence(folder).groundTruth().at(2).translation(), Eigen::Vector3d(7, 8, 9));
@@ -112,7 +116,7 @@ TEST_F(KittiSequenceTest, FindsTheGroundTruthBesideAndInTheCollection) {
   EXPECT_EQ(KittiSequence(folder).groundTruth().at(2).translation(), Eigen::Vector3d::Zero());
 }
 
-TEST_F(KittiSequenceTest, LeavesOutFurtherStampsButNotFewer) {
+TEST_F(KittiSequenceTest, IgnoresFurtherStampsButRefusesTooFew) {
   const fs::path folder = makeOdometry();
   write("sequences/07/times.txt", "0\n0.1\n0.2\n0.3\r\n\r\n");
   EXPECT_EQ(KittiSequence(folder).stampNs(2), 200000000);
@@ -157,7 +161,7 @@ TEST_F(KittiSequenceTest, RefusesABadCalibration) {
             0u);
 }
 
-TEST_F(KittiSequenceTest, RefusesAnotherNumberOfTruePoses) {
+TEST_F(KittiSequenceTest, RefusesAnotherNumberOfGroundTruthPoses) {
   const fs::path folder = makeOdometry();
   write("sequences/07/poses.txt", kIdentityRow + kIdentityRow);
   EXPECT_EQ(errorOf(folder), "/sequences/07: has 2 ground truth poses for 3 images");
@@ -180,7 +184,7 @@ TEST_F(KittiSequenceTest, ReadsTheHeightsOfARenderedDrive) {
             "/sequences/07/ground.txt, line 1: has 3 numbers instead of 4");
 }
 
-TEST_F(KittiSequenceTest, RefusesGapsAndDoubles) {
+TEST_F(KittiSequenceTest, RefusesGapsAndDuplicates) {
   const fs::path folder = makeOdometry();
   write("sequences/07/image_0/000005.png", encoded("png"));
   EXPECT_EQ(errorOf(folder),
@@ -228,20 +232,22 @@ TEST_F(KittiSequenceTest, RefusesTruncatedAndBrokenImages) {
               "/" + name + ": is 32x48 instead of 64x48");
   }
   const std::string png = encoded("png");
-  const KittiSequence sequence(makeOdometry("headless"));
-  write("headless/image_0/000001.png", png.substr(0, 20) + png.substr(png.size() - 12));
+  // A PNG without image data, but with its signature and its end.
+  const KittiSequence sequence(makeOdometry("no_data"));
+  write("no_data/image_0/000001.png", png.substr(0, 20) + png.substr(png.size() - 12));
   EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
-            "/headless/image_0/000001.png: cannot be decoded as an image");
+            "/no_data/image_0/000001.png: cannot be decoded as an image");
 }
 
-// A few bytes may claim any size, and a decoder takes the memory for it.
-TEST_F(KittiSequenceTest, RefusesAnImageThatClaimsTooMuch) {
+// A header of a few bytes can state any size, and a decoder allocates the memory for it.
+TEST_F(KittiSequenceTest, RefusesAnImageWhoseHeaderStatesAHugeSize) {
   const std::string side("\xea\x60", 2);  // 60000
   std::string png = encoded("png"), jpg = encoded("jpg");
+  // Width and height: in the PNG's IHDR chunk, and in the JPEG's start-of-frame segment.
   png.replace(16, 8, std::string(2, '\0') + side + std::string(2, '\0') + side);
-  const std::size_t frame = jpg.find("\xff\xc0");
-  ASSERT_NE(frame, std::string::npos);
-  jpg.replace(frame + 5, 4, side + side);
+  const std::size_t start_of_frame = jpg.find("\xff\xc0");
+  ASSERT_NE(start_of_frame, std::string::npos);
+  jpg.replace(start_of_frame + 5, 4, side + side);
   for (const auto& [extension, bytes] : {std::pair("png", png), std::pair("jpg", jpg)}) {
     const fs::path folder = makeOdometry(extension, extension);
     const KittiSequence sequence(folder);
@@ -262,13 +268,13 @@ TEST_F(KittiSequenceTest, AnImageThatVanishesDuringTheRunIsNamed) {
             "/sequences/07/image_0/000001.png: not a file");
 }
 
-TEST_F(KittiSequenceTest, GroundTruthThatIsALinkToNothingIsNotPassedOver) {
+TEST_F(KittiSequenceTest, GroundTruthThatIsABrokenLinkIsRefused) {
   const fs::path folder = makeOdometry();
   fs::create_symlink(folder / "none", folder / "poses.txt");
   EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt: is a link to nothing");
 }
 
-TEST_F(KittiSequenceTest, RefusesPlacesAndStampsBeyondReason) {
+TEST_F(KittiSequenceTest, RefusesImplausiblePositionsAndStamps) {
   const fs::path folder = makeOdometry();
   write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + "1 0 0 1e300 0 1 0 0 0 0 1 0\n");
   EXPECT_EQ(errorOf(folder),
@@ -306,14 +312,15 @@ TEST_F(KittiSequenceTest, RefusesBadRawStamps) {
   }
 }
 
-TEST_F(KittiSequenceTest, RawGroundTruthIsTheCamerasNotTheGpsUnits) {
+TEST_F(KittiSequenceTest, RawGroundTruthIsThatOfTheCameraNotOfTheImu) {
   const fs::path drive = makeRaw();
   addOxts();
   const KittiSequence sequence(drive);
   ASSERT_EQ(sequence.groundTruth().size(), 2u);
   EXPECT_TRUE(sequence.groundTruth()[0].isApprox(Eigen::Isometry3d::Identity(), 1e-9));
-  // The unit: 1e-5 degrees east at 49 degrees north, 0.5 m up, turned left by 0.1 rad. The camera
-  // sits at p in the unit's axes: velo = imu + (-0.8, 0.3, -0.8); cam = (-y, -z, x) + (0,-.1,-.3).
+  // The IMU moves 1e-5 degrees east at 49 degrees north and 0.5 m up, and turns left by 0.1 rad. p
+  // is the camera's centre in IMU axes, from velo = imu + (-0.8, 0.3, -0.8) and, in velo's x, y and
+  // z, cam = (-y, -z, x) + (0, -0.1, -0.3).
   const double yaw = 0.1;
   const double east = 6378137.0 * std::cos(49.0 * M_PI / 180.0) * 1e-5 * M_PI / 180.0;
   const Eigen::Vector3d p(0.3 + 0.8, -0.3, -0.1 + 0.8);
@@ -348,7 +355,7 @@ struct DataSequence {
 
 class DataSequences : public ::testing::TestWithParam<DataSequence> {};
 
-TEST_P(DataSequences, AreReadWhole) {
+TEST_P(DataSequences, AreReadCompletely) {
   const fs::path folder = dataPath(GetParam().name);
   if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no " << GetParam().name;
   const KittiSequence sequence(folder);

@@ -13,18 +13,18 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Uses that much processor time in the calling thread.
+/// Uses `ms` milliseconds of processor time in the calling thread.
 void work(double ms) {
   const double end = threadCpuMs() + ms;
   while (threadCpuMs() < end) {
   }
 }
 
-TEST(ProcessUsage, CountsTheTimeOfAllThreadsAndOfThoseThatEnded) {
+TEST(ProcessUsage, CountsTheTimeOfAllThreadsIncludingEndedOnes) {
   const double before = processUsage().cpu_s;
   work(20);
   std::thread([] { work(30); }).join();
-  EXPECT_GE(processUsage().cpu_s - before, 0.0499);
+  EXPECT_GE(processUsage().cpu_s - before, 0.0499);  // 20 + 30 ms, less rounding
 }
 
 TEST(ProcessUsage, ReportsMemoryAndItsPeak) {
@@ -32,6 +32,7 @@ TEST(ProcessUsage, ReportsMemoryAndItsPeak) {
   EXPECT_GT(before.rss_mb, 0);
   {
     const std::vector<char> memory(64 << 20, 1);
+    // back() is 1; its use keeps the compiler from removing the vector.
     EXPECT_GT(processUsage().rss_mb, before.rss_mb + 60 + memory.back() - 1);
   }
   const ProcessUsage after = processUsage();

@@ -16,9 +16,11 @@ class TextFiles : public TemporaryFolder {
   std::string readError(const fs::path& file) const {
     return dataErrorOf([&] { TextFile{file}; }, folder_);
   }
+  /// The error when a file of so many bytes is written.
   std::string writeError(const std::string& name, std::size_t bytes) const {
     return dataErrorOf([&] { writeFile(folder_ / name, std::string(bytes, 'x')); }, folder_);
   }
+  /// Of the entries of the temporary folder.
   std::vector<std::string> names() const {
     std::vector<std::string> names;
     for (const auto& entry : fs::directory_iterator(folder_))
@@ -63,11 +65,12 @@ TEST_F(TextFiles, EveryFileOfARunIsCompleteOrMissing) {
     for (const auto& entry : fs::directory_iterator(folder)) {
       const fs::path complete = folder_ / "complete" / entry.path().filename();
       ASSERT_TRUE(fs::exists(complete)) << entry.path();
-      if (complete.filename() == "metrics.json") continue;  // has the memory in use
+      if (complete.filename() == "metrics.json") continue;  // its peak_rss_mb varies
       EXPECT_EQ(fs::file_size(entry.path()), fs::file_size(complete)) << entry.path();
     }
     fs::remove_all(folder);
   }
+  // Of 80 size limits, the lowest are too small for some file, the highest for none.
   EXPECT_GT(failed, 10u);
   EXPECT_LT(failed, 80u);
 }

@@ -50,7 +50,7 @@ TEST_F(Graph, OneCameraInfoIsEnough) {
     ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
   }
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "used"));
-  EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
   EXPECT_TRUE(pair.unload());
 }
 
@@ -115,7 +115,7 @@ TEST_F(Graph, CameraInfoForMonoVoOnlyGivesAScaleFromFeatures) {
   ASSERT_TRUE(pair.playAll());
   EXPECT_TRUE(waitForValue(diagnostics_, "images",
                            "no valid camera_info received yet on /points/no_camera_info"));
-  EXPECT_NEAR(pair.lengthRatio(), 1, 2 * kTolerance);
+  EXPECT_NEAR(pair.displacementRatio(), 1, 2 * kTolerance);
   // No more images are published.
   EXPECT_TRUE(waitForSummaryOf("points/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
                                "no image for "));
@@ -165,7 +165,7 @@ TEST_F(Graph, EitherLoadingOrderGivesMetricOdometry) {
     ASSERT_TRUE(mono_vo_first ? pair.loadScaleRecovery() : pair.loadMonoVo());
     ASSERT_TRUE(pair.waitUntilConnected());
     ASSERT_TRUE(pair.play(next, drive_->size() - 1));
-    EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+    EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
     EXPECT_TRUE(pair.unload());
   }
 }
@@ -206,7 +206,7 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   ASSERT_LT(next, drive_->size() - 10);
   ASSERT_TRUE(pair.play(next, drive_->size() - 1));
   EXPECT_EQ(pair.odometry.messages().back()->child_frame_id, "mounted_base");
-  EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
   // The twist is in the axes of the base: x is forward.
   EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.x, 5);
   EXPECT_TRUE(
@@ -236,8 +236,8 @@ TEST_F(Graph, TwoPairsInOneManagerAreIndependent) {
   }
   ASSERT_TRUE(front.odometry.waitForStamp(front.header(half - 1).stamp));
   ASSERT_TRUE(rear.odometry.waitForStamp(rear.header(half - 1).stamp));
-  EXPECT_NEAR(front.lengthRatio(), 1, kTolerance);
-  EXPECT_NEAR(rear.lengthRatio(), 1, kTolerance);
+  EXPECT_NEAR(front.displacementRatio(), 1, kTolerance);
+  EXPECT_NEAR(rear.displacementRatio(), 1, kTolerance);
   EXPECT_EQ(front.odometry.messages().back()->header.frame_id, "front_odom");
   EXPECT_EQ(rear.odometry.messages().back()->header.frame_id, "rear_odom");
   std::map<std::string, std::set<std::string>> parents;
@@ -251,7 +251,7 @@ TEST_F(Graph, TwoPairsInOneManagerAreIndependent) {
 
   EXPECT_TRUE(front.unload());
   ASSERT_TRUE(rear.play(half, high.size() - 1));
-  EXPECT_NEAR(rear.lengthRatio(), 1, kTolerance);
+  EXPECT_NEAR(rear.displacementRatio(), 1, kTolerance);
   EXPECT_TRUE(rear.unload());
 }
 

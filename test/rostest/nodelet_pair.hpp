@@ -40,13 +40,13 @@ class NodeletPair {
   bool unload() {
     return manager_.unload(ns_ + "/mono_vo") && manager_.unload(ns_ + "/scale_recovery");
   }
-  /// At least one nodelet is subscribed: roscpp counts subscribers by process.
+  /// At least one nodelet is subscribed to the images and one to camera_info. The manager process
+  /// is counted once for both nodelets, so the second one may still be missing.
   bool waitForImageSubscribers() {
     return waitUntil(
         [this] { return images_.getNumSubscribers() >= 1 && infos_.getNumSubscribers() >= 1; });
   }
-  /// This program receives the topics of both nodelets, and at least one nodelet is subscribed to
-  /// the camera.
+  /// This program is connected to the topics of both nodelets, and waitForImageSubscribers().
   bool waitUntilConnected() {
     return waitForImageSubscribers() && waitUntil([this] {
              return frames.connected() && scales.connected() && odometry.connected();
@@ -77,9 +77,9 @@ class NodeletPair {
     }
     throw std::logic_error("no frame has this stamp");
   }
-  /// Distance between the first and the last position of an odometry, relative to the ground truth.
-  /// 0 if the camera moved less than 5 m.
-  double lengthRatio(const std::vector<nav_msgs::Odometry::ConstPtr>& messages) const {
+  /// Distance between the first and the last position of an odometry, over the true one. 0 if that
+  /// is less than 5 m.
+  double displacementRatio(const std::vector<nav_msgs::Odometry::ConstPtr>& messages) const {
     if (messages.size() < 2) return 0;
     const auto position = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
       return fromMsg(message.pose.pose).translation();
@@ -90,8 +90,8 @@ class NodeletPair {
     if (true_distance < 5) return 0;
     return (position(*messages.back()) - position(*messages.front())).norm() / true_distance;
   }
-  /// Of the odometry so far.
-  double lengthRatio() { return lengthRatio(odometry.messages()); }
+  /// Of the odometry received so far.
+  double displacementRatio() { return displacementRatio(odometry.messages()); }
 
  private:
   ros::NodeHandle handle_;

@@ -56,7 +56,7 @@ TEST_F(Overload, TheScaleStaysCorrectOverTheGaps) {
   }
   ASSERT_TRUE(pair.odometry.waitForStamp(pair.header(drive.size() - 1).stamp));
   EXPECT_LT(pair.frames.messages().size(), drive.size());
-  EXPECT_NEAR(pair.lengthRatio(), 1, kTolerance);
+  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
   EXPECT_TRUE(pair.unload());
 }
 
@@ -90,7 +90,7 @@ TEST_F(Overload, ScaleRecoveryDropsTheOldestFramesAndCountsThem) {
   EXPECT_TRUE(waitForValue(diagnostics_, "frames dropped, queue full",
                            std::to_string(2 * (kFrames / 3 - 1))));
   ASSERT_TRUE(odometry.waitForStamp(frames.back()->header.stamp));
-  EXPECT_NEAR(recorder.lengthRatio(odometry.messages()), 1, 2 * kTolerance);
+  EXPECT_NEAR(recorder.displacementRatio(odometry.messages()), 1, 2 * kTolerance);
 
   // A burst: the last frame is processed, and each other one is processed or counted as dropped.
   constexpr std::uint32_t burst = 400;
@@ -160,7 +160,7 @@ TEST_F(Overload, SubscribersDoNotAffectTheResults) {
   if (!kSanitized) {
     EXPECT_LT(probe.usage().rss_mb - rss_mb, 60);  // [MiB]
   }
-  EXPECT_NEAR(watched.lengthRatio(), 1, kTolerance);
+  EXPECT_NEAR(watched.displacementRatio(), 1, kTolerance);
   EXPECT_TRUE(watched.unload());
 }
 

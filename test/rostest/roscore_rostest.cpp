@@ -45,7 +45,7 @@ TEST(Roscore, NodeletsSurviveItsRestart) {
   master = startMaster();
   EXPECT_THROW(NodeProbe("/manager"), std::runtime_error);
   ASSERT_TRUE(pair->play(40, 59));
-  EXPECT_NEAR(pair->lengthRatio(), 1, 0.05);
+  EXPECT_NEAR(pair->displacementRatio(), 1, 0.05);
   EXPECT_TRUE(manager.running()) << manager.output();
 
   manager.send(SIGINT);
@@ -60,7 +60,7 @@ TEST(Roscore, NodeletsSurviveItsRestart) {
   NodeletPair second(client, drive, "/car");
   ASSERT_TRUE(second.load());
   ASSERT_TRUE(second.playAll());
-  EXPECT_NEAR(second.lengthRatio(), 1, 0.05);
+  EXPECT_NEAR(second.displacementRatio(), 1, 0.05);
   again.send(SIGINT);
   EXPECT_EQ(again.waitForEnd(), 0) << again.output();
 }

@@ -36,7 +36,7 @@ class TemporaryFolder : public ::testing::Test {
 };
 
 /// Simulates a full disk without privileges: limits the size of files that this process writes, for
-/// the lifetime of the object.
+/// the lifetime of the object, to `bytes`.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
@@ -57,18 +57,19 @@ class FullDisk {
   rlimit before_{};
 };
 
-/// The message of the DataError that `action` must throw, without the path of the folder.
+/// The message of the DataError that `action` throws, with the path of the folder removed;
+/// "no error" if it throws none.
 template <typename Action>
 std::string dataErrorOf(Action action, const std::filesystem::path& folder) {
   try {
     action();
   } catch (const DataError& error) {
-    std::string sentence = error.what();
+    std::string message = error.what();
     const std::string prefix = folder.string();
-    for (auto at = sentence.find(prefix); at != std::string::npos; at = sentence.find(prefix)) {
-      sentence.replace(at, prefix.size(), "");
+    for (auto at = message.find(prefix); at != std::string::npos; at = message.find(prefix)) {
+      message.replace(at, prefix.size(), "");
     }
-    return sentence;
+    return message;
   }
   return "no error";
 }

@@ -22,7 +22,7 @@ struct Outcome {
 Outcome runTool(std::vector<std::string> arguments, int returned = 0) {
   Outcome outcome;
   bool fail = false;
-  CommandLine command_line("tool", "Does things.", "Exit status: as ever.");
+  CommandLine command_line("tool", "Does things.", "Exit status: 0, 1 or 2.");
   command_line.addPositional("SEQ", "a folder", &outcome.sequence);
   command_line.options().add_options()                                                 //
       ("out", requiredValue(&outcome.folder, "DIR"), "results")                        //
@@ -49,7 +49,7 @@ Outcome runTool(std::vector<std::string> arguments, int returned = 0) {
   return outcome;
 }
 
-TEST(CommandLine, AssignsArgumentsInAnyOrder) {
+TEST(CommandLine, AcceptsArgumentsInAnyOrder) {
   const Outcome outcome =
       runTool({"--set", "a=1", "--out=x", "seq", "--set", "b=2", "--height", "-0.5"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
@@ -66,13 +66,13 @@ TEST(CommandLine, HelpHasArgumentsAndDefaults) {
     EXPECT_EQ(outcome.status, 0);
     EXPECT_EQ(outcome.err, "");
     for (const char* text : {"usage: tool SEQ --out DIR [options]\n", "Does things.", "a folder",
-                             "--threads N (=2)", "Exit status: as ever."}) {
+                             "--threads N (=2)", "Exit status: 0, 1 or 2."}) {
       EXPECT_NE(outcome.out.find(text), std::string::npos) << text << " in\n" << outcome.out;
     }
   }
 }
 
-TEST(CommandLine, WrongArgumentsGiveStatus2AndOneSentenceThatNamesThem) {
+TEST(CommandLine, WrongArgumentsGiveStatus2AndAOneLineMessageThatNamesThem) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{"--out", "x"}, "SEQ is missing"},
       {{"seq"}, "--out is missing"},

@@ -21,6 +21,7 @@ namespace {
 
 using Info = sensor_msgs::CameraInfo;
 
+/// 640 x 200, undistorted, the same intrinsics in K and P.
 Info goodInfo() {
   PinholeCamera camera;
   camera.width = 640;
@@ -32,9 +33,10 @@ Info goodInfo() {
   return toCameraInfo(camera);
 }
 
-std::string refusal(const Info& info, bool rectified = false) {
+/// The error message; empty if the info is accepted.
+std::string refusal(const Info& info, bool image_is_rectified = false) {
   try {
-    CalibratedCamera(info, "/cam/info", rectified);
+    CalibratedCamera(info, "/cam/info", image_is_rectified);
   } catch (const MessageError& error) {
     EXPECT_EQ(std::string(error.what()).find("camera_info on topic /cam/info "), 0u)
         << error.what();
@@ -43,7 +45,7 @@ std::string refusal(const Info& info, bool rectified = false) {
   return "";
 }
 
-TEST(CalibratedCamera, UsesKWhenItIsThere) {
+TEST(CalibratedCamera, UsesKUnlessItIsZero) {
   Info info = goodInfo();
   info.P[0] = 999;
   const CalibratedCamera calibrated(info, "/cam/info", false);
@@ -123,9 +125,9 @@ cv::Point2d distorted(const Info& info, double x, double y) {
   return pixels[0];
 }
 
-/// Rectifies ramps along x and y, whose grey value is the raw pixel that a rectified one shows, and
-/// compares it with the projection. scale, origin: raw pixel of the full resolution =
-/// scale * pixel + origin.
+/// Rectifies two images whose grey value is the column and the row: a rectified pixel then holds
+/// the coordinates of the raw pixel that it shows, which must be those of distorted(). scale,
+/// origin: pixel of the full resolution = scale * pixel + origin (binning and ROI).
 void expectRectified(const Info& info, int scale, cv::Point origin, const std::string& name) {
   const CalibratedCamera rectifier(info, "/t", false);
   const PinholeCamera& camera = rectifier.camera();
@@ -138,7 +140,7 @@ void expectRectified(const Info& info, int scale, cv::Point origin, const std::s
     }
   }
   const cv::Mat x = rectifier.rectify(along_x), y = rectifier.rectify(along_y);
-  int seen = 0;
+  int compared = 0;
   for (int v = 0; v < camera.height; v += 3) {
     for (int u = 0; u < camera.width; u += 3) {
       const cv::Point2d raw = distorted(info, (scale * u + origin.x - info.K[2]) / info.K[0],
@@ -147,15 +149,16 @@ void expectRectified(const Info& info, int scale, cv::Point origin, const std::s
       if (pixel.x < 0 || pixel.y < 0 || pixel.x > camera.width - 1 || pixel.y > camera.height - 1) {
         continue;
       }
-      ++seen;
+      ++compared;
       // Half a grey level, and the 1/32 of a pixel by which OpenCV's maps are rounded.
       ASSERT_NEAR(x.at<std::uint8_t>(v, u), pixel.x, 0.55) << name << " at " << u << ", " << v;
       ASSERT_NEAR(y.at<std::uint8_t>(v, u), pixel.y, 0.55) << name << " at " << u << ", " << v;
     }
   }
-  EXPECT_GT(seen, camera.width * camera.height / 9 / 2) << name;
+  EXPECT_GT(compared, camera.width * camera.height / 9 / 2) << name;
 }
 
+/// An image of less than 256 x 256 pixels, whose coordinates fit a grey value.
 Info smallInfo(const Distortion& distortion) {
   Info info = goodInfo();
   info.width = 250;
@@ -213,7 +216,7 @@ TEST(Rectification, AppliesRoiAndBinning) {
   EXPECT_TRUE(CalibratedCamera(info, "/t", false) == CalibratedCamera(goodInfo(), "/t", false));
 }
 
-/// The camera of the tests below, with a distortion.
+/// 800 x 248 with this distortion.
 Info wideInfo(const std::string& model, const std::vector<double>& coefficients) {
   PinholeCamera camera;
   camera.width = 800;
@@ -237,7 +240,7 @@ TEST(Rectification, MovesASpotFromItsDistortedToItsPinholePixel) {
   const double k1 = -0.3;
   const CalibratedCamera calibrated(wideInfo("plumb_bob", {k1, 0, 0, 0, 0}), "/t", false);
   const PinholeCamera& camera = calibrated.camera();
-  const Eigen::Vector2d x(0.4, 0.1);  // the direction of the spot
+  const Eigen::Vector2d x(0.4, 0.1);  // the spot in normalised, undistorted coordinates
   const Eigen::Vector2d raw_x = x * (1 + k1 * x.squaredNorm());
   cv::Mat raw(camera.height, camera.width, CV_8UC1, cv::Scalar(0));
   const Eigen::Vector2d at = camera.project(raw_x.homogeneous());
@@ -261,7 +264,7 @@ TEST(Rectification, OfAFisheyeFollowsTheAngleFromTheAxis) {
   EXPECT_NEAR(brightest.x, camera.cx + camera.fx * 0.5, 1.5);
 }
 
-TEST(Rectification, RefusesImagesThatDoNotFit) {
+TEST(Rectification, RefusesImagesOfAnotherSizeOrType) {
   for (const double k1 : {0.0, -0.3}) {
     const CalibratedCamera calibrated(wideInfo("plumb_bob", {k1, 0, 0, 0, 0}), "/t", false);
     EXPECT_THROW(calibrated.rectify(cv::Mat(10, 10, CV_8UC1)), OptionError);
@@ -272,14 +275,14 @@ TEST(Rectification, RefusesImagesThatDoNotFit) {
 
 struct Refused {
   const char* name;
-  std::function<void(Info*)> spoil;
-  const char* sentence;  ///< a part of it
+  std::function<void(Info*)> change;  ///< makes goodInfo() invalid
+  const char* message_part;
 };
 
 TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  constexpr auto kMaxUint32 = std::numeric_limits<std::uint32_t>::max();
   const Refused cases[] = {
       {"NaN in K", [](Info* i) { i->K[0] = kNan; }, "has numbers that are not finite"},
       {"inf in K", [](Info* i) { i->K[5] = kInf; }, "has numbers that are not finite"},
@@ -291,14 +294,14 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
       {"inf in R", [](Info* i) { i->R[8] = kInf; }, "has numbers that are not finite"},
       {"no K, no P", [](Info* i) { i->K.fill(0), i->P.fill(0); },
        "is all zeros: the camera is not calibrated"},
-      {"nothing", [](Info* i) { *i = Info(); }, "is all zeros: the camera is not calibrated"},
+      {"empty message", [](Info* i) { *i = Info(); }, "is all zeros: the camera is not calibrated"},
       {"negative fx", [](Info* i) { i->K[0] = -400; }, "camera fx [px] is -400"},
       {"negative fy", [](Info* i) { i->K[4] = -410; }, "camera fy [px] is -410"},
       {"zero fx", [](Info* i) { i->K[0] = 0; }, "camera fx [px] is 0"},
       {"zero fy of P", [](Info* i) { i->K.fill(0), i->P[5] = 0; }, "camera fy [px] is 0"},
       {"tiny f", [](Info* i) { i->K[0] = i->K[4] = 2; }, "fx [image widths] is 0.003125"},
       {"huge f", [](Info* i) { i->K[0] = i->K[4] = 5e5; }, "fx [image widths] is 781.25"},
-      {"greatest f", [](Info* i) { i->K[0] = 1e300; }, "camera fx [px] is 1e+300"},
+      {"fx of 1e300", [](Info* i) { i->K[0] = 1e300; }, "camera fx [px] is 1e+300"},
       {"fx unlike fy", [](Info* i) { i->K[4] = 4001; }, "fy / fx is 10.0025"},
       {"cx far out", [](Info* i) { i->K[2] = 6500; }, "cx [image widths] is 10.1562"},
       {"cy far out", [](Info* i) { i->K[5] = -2100; }, "cy [image heights] is -10.5"},
@@ -309,7 +312,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
       {"no 1 in P", [](Info* i) { i->K.fill(0), i->P[10] = 0; }, "P is not of the form"},
       {"no width", [](Info* i) { i->width = 0; }, "camera width [px] is 0"},
       {"no height", [](Info* i) { i->height = 0; }, "camera height [px] is 0"},
-      {"greatest width", [](Info* i) { i->width = kMost; }, "camera width [px] is 100001"},
+      {"width of 2^32 - 1", [](Info* i) { i->width = kMaxUint32; }, "camera width [px] is 100001"},
       {"more pixels than memory",
        [](Info* i) {
          i->width = i->height = 100000;
@@ -325,7 +328,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
       {"1 coefficient", [](Info* i) { i->D = {0.1}; }, "coefficients, not 1"},
       {"6 coefficients", [](Info* i) { i->D = {0.1, 0, 0, 0, 0, 0}; }, "coefficients, not 6"},
       {"100 coefficients", [](Info* i) { i->D.assign(100, 0.1); }, "coefficients, not 100"},
-      {"5 of a fisheye", [](Info* i) { i->distortion_model = "equidistant"; },
+      {"5 coefficients of a fisheye", [](Info* i) { i->distortion_model = "equidistant"; },
        "equidistant distortion has 4 coefficients, not 5"},
       {"huge coefficient", [](Info* i) { i->D[0] = 1e9; }, "distortion coefficient is 1e+09"},
       {"roi beside the image",
@@ -345,7 +348,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
       {"roi size near 2^32",
        [](Info* i) {
          i->roi.x_offset = 100;
-         i->roi.width = kMost - 50;
+         i->roi.width = kMaxUint32 - 50;
          i->roi.height = 200;
        },
        "the ROI of 4294967245 x 200"},
@@ -355,11 +358,11 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
   };
   for (const Refused& refused : cases) {
     Info info = goodInfo();
-    refused.spoil(&info);
-    const std::string sentence = refusal(info);
-    EXPECT_NE(sentence.find(refused.sentence), std::string::npos)
-        << refused.name << ": " << sentence;
-    EXPECT_EQ(sentence.find('\n'), std::string::npos) << refused.name;
+    refused.change(&info);
+    const std::string message = refusal(info);
+    EXPECT_NE(message.find(refused.message_part), std::string::npos)
+        << refused.name << ": " << message;
+    EXPECT_EQ(message.find('\n'), std::string::npos) << refused.name;
   }
   Info info = goodInfo();
   info.P.fill(0);

@@ -11,15 +11,17 @@
 namespace ground_scale_vo {
 namespace {
 
-TEST(Nanoseconds, HoldAllStamps) {
-  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
-  for (const ros::Time& stamp :
-       {ros::Time(0, 0), ros::Time(0, 1), ros::Time(2147483648u, 5), ros::Time(kMost, 999999999)}) {
+TEST(Nanoseconds, HoldAllStampsExactly) {
+  constexpr auto kMaxSeconds = std::numeric_limits<std::uint32_t>::max();
+  for (const ros::Time& stamp : {ros::Time(0, 0), ros::Time(0, 1), ros::Time(2147483648u, 5),
+                                 ros::Time(kMaxSeconds, 999999999)}) {
     EXPECT_EQ(fromNanoseconds(toNanoseconds(stamp)), stamp);
   }
-  EXPECT_EQ(toNanoseconds(ros::Time(kMost, 999999999)), 4294967295999999999);
+  EXPECT_EQ(toNanoseconds(ros::Time(kMaxSeconds, 999999999)), 4294967295999999999);
+  EXPECT_EQ(toNanoseconds(fromNanoseconds(1317617735123456789)), 1317617735123456789);
 }
 
+/// A frame with random values that need the full precision of their types.
 VoFrame someFrame() {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
@@ -97,7 +99,7 @@ TEST(VoFrameMsg, RoundTripIsExact) {
   }
 }
 
-TEST(VoFrameMsg, RefusesInvalidMessagesOfOtherOdometries) {
+TEST(VoFrameMsg, RefusesInvalidMessages) {
   const VoFrame frame = someFrame();
   const VoFrameMsg good = *toMsg(frame, headerOf(frame));
   EXPECT_NO_THROW(fromMsg(good));
@@ -108,7 +110,7 @@ TEST(VoFrameMsg, RefusesInvalidMessagesOfOtherOdometries) {
   msg.age.pop_back();
   EXPECT_THROW(fromMsg(msg), MessageError);
   msg = good;
-  std::swap(msg.id[3], msg.id[4]);
+  std::swap(msg.id[3], msg.id[4]);  // ids must increase
   EXPECT_THROW(fromMsg(msg), MessageError);
   msg = good;
   msg.u[2] = std::numeric_limits<float>::quiet_NaN();
@@ -211,12 +213,12 @@ TEST(VoFrameMsg, TheReasonNamesFieldValueAndLimit) {
             "must lie in [0.99, 1.01]");
 }
 
-TEST(VoFrameMsg, APointBehindTheCameraIsDropped) {
+TEST(VoFrameMsg, UnusablePointsAreDropped) {
   const VoFrame frame = someFrame();
   VoFrameMsg msg = *toMsg(frame, headerOf(frame));
-  msg.z[1] = -2.f;
+  msg.z[1] = -2.f;  // behind the camera
   msg.depth_sigma[2] = std::numeric_limits<float>::infinity();
-  msg.x[3] = 1e30f;
+  msg.x[3] = 1e30f;  // implausibly far away
   const VoFrame back = fromMsg(msg);
   EXPECT_FALSE(back.features[1].has_point);
   EXPECT_FALSE(back.features[2].has_point);
@@ -260,6 +262,7 @@ TEST(ScaleEstimateMsg, TheReasonNamesFieldValueAndLimit) {
   EXPECT_EQ(reasonOf(msg), "reason is 8, it must lie in [0, 7]");
 }
 
+/// axis_angle: rotation vector [rad].
 Eigen::Isometry3d isometry(const Eigen::Vector3d& axis_angle, const Eigen::Vector3d& t) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   if (axis_angle.norm() > 0) {
@@ -285,12 +288,13 @@ TEST(Odometry, ACameraThatDrivesForwardMovesAlongX) {
   EXPECT_NEAR(odometry->pose.pose.position.x, 10, 1e-12);
   EXPECT_NEAR(odometry->pose.pose.position.y, -1, 1e-12);
   EXPECT_NEAR(odometry->pose.pose.position.z, 2, 1e-12);
-  // The child is the camera: its orientation is that of an optical frame, its twist in its axes.
+  // The child frame is the camera: the orientation is that of an optical frame, and the twist is in
+  // camera axes.
   const Eigen::Isometry3d T = fromMsg(odometry->pose.pose);
   EXPECT_TRUE(T.linear().isApprox(bodyFromOptical(), 1e-12));
   EXPECT_NEAR(odometry->twist.twist.linear.z, 5, 1e-12);
   EXPECT_NEAR(odometry->twist.twist.angular.y, 0.3, 1e-12);
-  // Covariance in odom axes: x is the camera's z, y its x, z its y.
+  // Covariance in odom axes, which are the camera's z, -x and -y.
   const Covariance covariance(odometry->pose.covariance.data());
   EXPECT_NEAR(covariance(0, 0), 3, 1e-12);
   EXPECT_NEAR(covariance(1, 1), 1, 1e-12);
@@ -310,7 +314,6 @@ TEST(Odometry, ABaseStartsAtTheOriginOfOdom) {
   EXPECT_NEAR(toOdometryMsg(pose, frames, ros::Time(1))->pose.pose.position.x, 7, 1e-12);
 }
 
-// The covariance must agree with finite differences of the published pose.
 TEST(Odometry, CovarianceAgreesWithFiniteDifferences) {
   const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
   const OdometryFrames frames = OdometryFrames::ofBase("odom", "base_link", T_b_c);
@@ -342,7 +345,7 @@ TEST(Odometry, CovarianceAgreesWithFiniteDifferences) {
   }
 }
 
-// The twist of the base must agree with its motion over a short time.
+// The twist of the base must agree with the displacement of the base over a short time.
 TEST(Odometry, TwistIsThatOfTheBase) {
   const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
   MetricPose pose;
@@ -363,11 +366,6 @@ TEST(Odometry, TwistIsThatOfTheBase) {
   EXPECT_NEAR(odometry->twist.twist.angular.x, w.x(), 1e-4);
   EXPECT_NEAR(odometry->twist.twist.angular.y, w.y(), 1e-4);
   EXPECT_NEAR(odometry->twist.twist.angular.z, w.z(), 1e-4);
-}
-
-TEST(Stamps, AreExactToTheNanosecond) {
-  const std::int64_t ns = 1317617735123456789;
-  EXPECT_EQ(toNanoseconds(fromNanoseconds(ns)), ns);
 }
 
 }  // namespace

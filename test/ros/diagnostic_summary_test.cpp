@@ -13,8 +13,8 @@ constexpr auto kOk = DiagnosticSummary::Level::kOk;
 constexpr auto kWarn = DiagnosticSummary::Level::kWarn;
 constexpr auto kError = DiagnosticSummary::Level::kError;
 
-void expect(const DiagnosticSummary& summary, DiagnosticSummary::Level level,
-            const std::string& message) {
+void expectSummary(const DiagnosticSummary& summary, DiagnosticSummary::Level level,
+                   const std::string& message) {
   EXPECT_EQ(summary.level, level) << summary.message;
   EXPECT_EQ(summary.message, message);
 }
@@ -22,7 +22,7 @@ void expect(const DiagnosticSummary& summary, DiagnosticSummary::Level level,
 class MonoVoSummary : public testing::Test {
  protected:
   MonoVoSummary() {
-    state.images = {"/image", 0.1, 0};
+    state.images = {"/image", 0.1, 0};  // received 0.1 s ago, none dropped
     state.camera_info_topic = "/info";
     state.camera_known = true;
     state.status = VoStatus::kTracking;
@@ -30,85 +30,86 @@ class MonoVoSummary : public testing::Test {
   MonoVoState state;
 };
 
-TEST_F(MonoVoSummary, TellsTheStatus) {
-  expect(summarize(state), kOk, "tracking");
+TEST_F(MonoVoSummary, ReportsTheStatus) {
+  expectSummary(summarize(state), kOk, "tracking");
   state.status = VoStatus::kInitialising;
-  expect(summarize(state), kWarn, "initialising");
+  expectSummary(summarize(state), kWarn, "initialising");
   state.status = VoStatus::kLost;
-  expect(summarize(state), kError, "lost");
+  expectSummary(summarize(state), kError, "lost");
   state.status.reset();  // the first image is being processed
-  expect(summarize(state), kWarn, "initialising");
+  expectSummary(summarize(state), kWarn, "initialising");
 }
 
 TEST_F(MonoVoSummary, NamesTheMissingInput) {
   state.images.silent_s = 7.4;
-  expect(summarize(state), kError, "no image for 7 s on /image");
+  expectSummary(summarize(state), kError, "no image for 7 s on /image");
   state.images.silent_s.reset();
-  expect(summarize(state), kError, "no image received yet on /image");
+  expectSummary(summarize(state), kError, "no image received yet on /image");
   state.images.silent_s = 0.1;
   state.camera_known = false;
-  expect(summarize(state), kError, "no camera_info received yet on /info");
+  expectSummary(summarize(state), kError, "no camera_info received yet on /info");
   state.camera_info_error = "camera_info on topic /info is all zeros";
-  expect(summarize(state), kError, "camera_info on topic /info is all zeros");
+  expectSummary(summarize(state), kError, "camera_info on topic /info is all zeros");
 }
 
 TEST_F(MonoVoSummary, WarnsOfDroppedImages) {
   state.images.dropped = 3;
-  expect(summarize(state), kWarn, "tracking; 3 images dropped in the last second");
+  expectSummary(summarize(state), kWarn, "tracking; 3 images dropped in the last second");
   state.status = VoStatus::kLost;
-  expect(summarize(state), kError, "lost; 3 images dropped in the last second");
+  expectSummary(summarize(state), kError, "lost; 3 images dropped in the last second");
   state.status.reset();
-  expect(summarize(state), kError, "no usable image; 3 images dropped in the last second");
+  expectSummary(summarize(state), kError, "no usable image; 3 images dropped in the last second");
 }
 
 TEST_F(MonoVoSummary, WarnsOfAnInvalidCameraInfoAfterAValidOne) {
   state.camera_info_error = "camera_info on topic /info is all zeros";
-  expect(summarize(state), kWarn, "tracking; camera_info on topic /info is all zeros");
+  expectSummary(summarize(state), kWarn, "tracking; camera_info on topic /info is all zeros");
 }
 
 class ScaleRecoverySummary : public testing::Test {
  protected:
   ScaleRecoverySummary() {
-    state.frames = {"/vo/frame", 0.1, 0};
+    state.frames = {"/vo/frame", 0.1, 0};  // received 0.1 s ago, none dropped
     state.status = ScaleStatus::kOk;
   }
   ScaleRecoveryState state;
 };
 
 TEST_F(ScaleRecoverySummary, HoldingBrieflyOrAtStandstillIsOk) {
-  expect(summarize(state), kOk, "scale measured");
+  expectSummary(summarize(state), kOk, "scale measured");
   state.status = ScaleStatus::kHeld;
   state.reason = ScaleReason::kNoPlane;
   state.held_s = 0.84;
-  expect(summarize(state), kOk, "scale held for 0.8 s: no_plane");
+  expectSummary(summarize(state), kOk, "scale held for 0.8 s: no_plane");
   state.held_s = 3.1;
-  expect(summarize(state), kWarn, "scale held for 3.1 s: no_plane");
+  expectSummary(summarize(state), kWarn, "scale held for 3.1 s: no_plane");
   state.reason = ScaleReason::kStandstill;
-  expect(summarize(state), kOk, "scale held: standstill");
+  expectSummary(summarize(state), kOk, "scale held: standstill");
   state.reason = ScaleReason::kVoNotTracking;
   state.held_s = 0;
-  expect(summarize(state), kWarn, "scale held for 0.0 s: vo_not_tracking");
+  expectSummary(summarize(state), kWarn, "scale held for 0.0 s: vo_not_tracking");
 }
 
 TEST_F(ScaleRecoverySummary, WarnsUntilTheScaleIsKnown) {
   state.status = ScaleStatus::kUnknown;
-  expect(summarize(state), kWarn, "scale not known yet");
+  expectSummary(summarize(state), kWarn, "scale not known yet");
   state.reason = ScaleReason::kTooFewTriangles;
-  expect(summarize(state), kWarn, "scale not known yet: too_few_triangles");
+  expectSummary(summarize(state), kWarn, "scale not known yet: too_few_triangles");
 }
 
 TEST_F(ScaleRecoverySummary, NamesTheMissingInput) {
   state.missing_image_note = "no publisher on /image";
-  expect(summarize(state), kWarn, "scale measured from features only, no publisher on /image");
+  expectSummary(summarize(state), kWarn,
+                "scale measured from features only, no publisher on /image");
   state.frames.dropped = 2;
   state.missing_image_note.clear();
-  expect(summarize(state), kWarn, "scale measured; 2 frames dropped in the last second");
+  expectSummary(summarize(state), kWarn, "scale measured; 2 frames dropped in the last second");
   state.odom_frame_error = "no tf transform";
-  expect(summarize(state), kError, "no tf transform");
+  expectSummary(summarize(state), kError, "no tf transform");
   state.frames.silent_s = 5.0;
-  expect(summarize(state), kError, "no vo/frame for 5 s on /vo/frame");
+  expectSummary(summarize(state), kError, "no vo/frame for 5 s on /vo/frame");
   state.frames.silent_s.reset();
-  expect(summarize(state), kError, "no vo/frame received yet on /vo/frame");
+  expectSummary(summarize(state), kError, "no vo/frame received yet on /vo/frame");
 }
 
 }  // namespace

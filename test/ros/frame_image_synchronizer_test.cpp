@@ -26,8 +26,8 @@ class FrameImageSynchronization : public testing::Test {
   void frames(const std::vector<int>& stamps) {
     for (const int stamp : stamps) synchronizer_.addFrame(stamp, stamp, now_);
   }
-  /// The frames returned now: "7" with its image, "7-" without.
-  std::string out(bool may_wait = true) {
+  /// All frames returned now: "7 " for a frame with its image, "7- " for one without.
+  std::string matches(bool may_wait = true) {
     std::string text;
     while (const auto match = synchronizer_.next(now_, may_wait)) {
       if (match->image) {
@@ -45,60 +45,60 @@ class FrameImageSynchronization : public testing::Test {
 TEST_F(FrameImageSynchronization, ReturnsAFrameAtOnceIfItsImageArrived) {
   images({1, 2, 3});
   frames({1, 3});
-  EXPECT_EQ(out(), "1 3 ");
+  EXPECT_EQ(matches(), "1 3 ");
 }
 
 TEST_F(FrameImageSynchronization, ReturnsAFrameAtOnceIfNoImageEverArrived) {
   frames({1, 2});
-  EXPECT_EQ(out(), "1- 2- ");
+  EXPECT_EQ(matches(), "1- 2- ");
 }
 
 TEST_F(FrameImageSynchronization, FramesWaitInOrderForLaterImages) {
   images({1});
   frames({1, 2, 3});
-  EXPECT_EQ(out(), "1 ");
+  EXPECT_EQ(matches(), "1 ");
   images({2});
-  EXPECT_EQ(out(), "2 ");
+  EXPECT_EQ(matches(), "2 ");
   images({3});
-  EXPECT_EQ(out(), "3 ");
+  EXPECT_EQ(matches(), "3 ");
 }
 
 TEST_F(FrameImageSynchronization, ReturnsAFrameAloneOnceALaterImageArrived) {
   images({1});
   frames({1, 2, 3});
-  EXPECT_EQ(out(), "1 ");
+  EXPECT_EQ(matches(), "1 ");
   images({3});
-  EXPECT_EQ(out(), "2- 3 ");
+  EXPECT_EQ(matches(), "2- 3 ");
 }
 
 TEST_F(FrameImageSynchronization, ReturnsAFrameAloneWhenTooManyWait) {
   images({1});
   frames({1, 2, 3, 4, 5});
-  EXPECT_EQ(out(), "1 2- ");
+  EXPECT_EQ(matches(), "1 2- ");
   images({3, 4, 5});
-  EXPECT_EQ(out(), "3 4 5 ");
+  EXPECT_EQ(matches(), "3 4 5 ");
 }
 
 TEST_F(FrameImageSynchronization, StopsWaitingAfterATimeoutUntilImagesArriveAgain) {
   images({1});
   frames({1, 2});
-  EXPECT_EQ(out(), "1 ");
+  EXPECT_EQ(matches(), "1 ");
   now_ += limits().wait;
   frames({3});
-  EXPECT_EQ(out(), "2- 3- ");
+  EXPECT_EQ(matches(), "2- 3- ");
   frames({4});
-  EXPECT_EQ(out(), "4- ");
+  EXPECT_EQ(matches(), "4- ");
   images({4});  // late
   frames({5});
-  EXPECT_EQ(out(), "");
+  EXPECT_EQ(matches(), "");
   images({5});
-  EXPECT_EQ(out(), "5 ");
+  EXPECT_EQ(matches(), "5 ");
 }
 
 TEST_F(FrameImageSynchronization, StoresABoundedNumberOfImages) {
   images({1, 2, 3, 4, 5, 6});
   frames({1, 2, 6});
-  EXPECT_EQ(out(), "1- 2 6 ");
+  EXPECT_EQ(matches(), "1- 2 6 ");
 }
 
 TEST_F(FrameImageSynchronization, ReleasesImagesUpToTheFrame) {
@@ -109,31 +109,32 @@ TEST_F(FrameImageSynchronization, ReleasesImagesUpToTheFrame) {
     synchronizer_.addImage(stamp, image);
   }
   frames({3});
-  EXPECT_EQ(out(), "3 ");
+  EXPECT_EQ(matches(), "3 ");
   for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(kept[i].expired()) << i;
   EXPECT_FALSE(kept[3].expired());
 }
 
 TEST_F(FrameImageSynchronization, MatchesOnBothSidesOfAClockJump) {
-  images({98, 99, 1, 2});  // a looped bag, whose frames arrive a little later
+  // A looped bag, whose images overtake its frames.
+  images({98, 99, 1, 2});
   frames({98, 99});
-  EXPECT_EQ(out(), "98 99 ");
+  EXPECT_EQ(matches(), "98 99 ");
   synchronizer_.jumpBack(1);
   frames({1, 2});
-  EXPECT_EQ(out(), "1 2 ");
+  EXPECT_EQ(matches(), "1 2 ");
 }
 
 TEST_F(FrameImageSynchronization, AClockJumpDropsTheImagesBeforeIt) {
   images({98, 99});
   frames({97, 98, 100});
-  EXPECT_EQ(out(), "97- 98 ");
-  EXPECT_EQ(out(false), "100- ");
+  EXPECT_EQ(matches(), "97- 98 ");
+  EXPECT_EQ(matches(false), "100- ");
   images({101});
   synchronizer_.jumpBack(1);
-  frames({1});  // an image from before the jump must not count as a later one
-  EXPECT_EQ(out(), "");
+  frames({1});  // waits: image 101, from before the jump, must not count as a later one
+  EXPECT_EQ(matches(), "");
   images({1});
-  EXPECT_EQ(out(), "1 ");
+  EXPECT_EQ(matches(), "1 ");
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kWidth = 50, kHeight = 40;
 
-/// Every byte is the same.
+/// An image whose bytes all are 100.
 sensor_msgs::Image plainImage(const std::string& encoding, std::uint32_t width,
                               std::uint32_t height, std::uint32_t step, std::size_t bytes) {
   sensor_msgs::Image image;
@@ -30,14 +30,15 @@ sensor_msgs::Image plainImage(const std::string& encoding, std::uint32_t width,
   return image;
 }
 
-/// How an encoding lays out its numbers: per pixel, "bgr" in their order, "x" any, "y" brightness;
-/// Bayer: the 2 x 2 pattern row by row.
+/// How an encoding stores a pixel.
 struct Layout {
   std::string encoding;
+  /// Numbers of a pixel in their order: b, g, r; y: brightness; x: not used. For Bayer, the 2 x 2
+  /// pattern row by row, of which a pixel has one number.
   std::string channels;
   bool bayer = false;
-  int bytes = 1;
-  int tolerance = 1;
+  int bytes = 1;      ///< of a number
+  int tolerance = 1;  ///< of the converted image [grey levels]
 };
 
 const std::vector<Layout>& layouts() {
@@ -61,7 +62,7 @@ const std::vector<Layout>& layouts() {
   return all;
 }
 
-/// A scene of smooth colours [0, 255]; Bayer's gaps are filled exactly in it.
+/// Scene [0, 255]: linear in u and v, so that the interpolation of a Bayer pattern is exact.
 double colour(char channel, int u, int v) {
   if (channel == 'b') return 20 + 3.0 * u + 1.0 * v;
   if (channel == 'g') return 40 + 1.0 * u + 3.0 * v;
@@ -74,7 +75,7 @@ std::size_t pixelBytes(const Layout& layout) {
   return (layout.bayer ? 1 : layout.channels.size()) * static_cast<std::size_t>(layout.bytes);
 }
 
-/// unit: the number of 1 of 255 grey levels.
+/// Image of the scene. unit: the stored number of one grey level. padding: bytes after each row.
 sensor_msgs::Image imageOf(const Layout& layout, double unit, std::uint32_t padding = 0,
                            bool big_endian = false) {
   const std::size_t numbers = layout.bayer ? 1 : layout.channels.size();
@@ -101,7 +102,7 @@ sensor_msgs::Image imageOf(const Layout& layout, double unit, std::uint32_t padd
   return image;
 }
 
-/// Largest difference from the grey of the scene, without the border, which Bayer extrapolates.
+/// Largest difference from the scene [grey levels], without the border, which Bayer extrapolates.
 double difference(const cv::Mat& grey) {
   if (grey.type() != CV_8UC1 || grey.size() != cv::Size(kWidth, kHeight)) return 1e9;
   double largest = 0;
@@ -116,7 +117,7 @@ double difference(const cv::Mat& grey) {
 TEST(GreyConverter, EveryEncodingOfASceneGivesTheSameGrey) {
   for (const Layout& layout : layouts()) {
     for (const std::uint32_t padding : {0u, 6u}) {
-      const double unit = layout.bytes == 2 ? 257 : 1;
+      const double unit = layout.bytes == 2 ? 65535.0 / 255 : 1;
       EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit, padding))),
                 layout.tolerance)
           << layout.encoding << " with a padding of " << padding;
@@ -199,6 +200,7 @@ TEST(GreyConverter, MonoPixelsAreNotCopied) {
   EXPECT_EQ(GreyConverter().convert(image).data, image.data.data());
 }
 
+/// The error message; empty if the image is accepted.
 std::string refusal(const sensor_msgs::Image& image) {
   try {
     GreyConverter().convert(image);
@@ -208,7 +210,7 @@ std::string refusal(const sensor_msgs::Image& image) {
   return "";
 }
 
-TEST(GreyConverter, RefusesEncodingsWithoutGrey) {
+TEST(GreyConverter, RefusesUnsupportedEncodings) {
   for (const char* encoding :
        {"", "jpeg", "MONO8", "mono8 ", "8UC", "8UC2", "8UC5", "8UC-4", "8UC1000000000", "8SC1",
         "16SC1", "16UC2", "32SC1", "32FC1", "32FC3", "64FC1", "bayer_rggb", "yuv420", "nv12"}) {
@@ -221,12 +223,12 @@ TEST(GreyConverter, RefusesEncodingsWithoutGrey) {
 }
 
 TEST(GreyConverter, RefusesSizesThatDoNotFit) {
-  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  constexpr auto kMaxUint32 = std::numeric_limits<std::uint32_t>::max();
   struct Case {
     const char* encoding;
     std::uint32_t width, height, step;
     std::size_t bytes;
-    const char* sentence;
+    const char* message;
   };
   const Case cases[] = {
       {"mono8", 0, 2, 4, 8, "the image has no pixels"},
@@ -242,19 +244,20 @@ TEST(GreyConverter, RefusesSizesThatDoNotFit) {
       {"rgba16", 4, 2, 31, 62, "the step of 31 bytes does not fit 4 pixels of rgba16"},
       {"mono16", 4, 2, 9, 18, "the step of 9 bytes does not fit 4 pixels of mono16"},
       {"yuv422", 4, 2, 7, 14, "the step of 7 bytes does not fit 4 pixels of yuv422"},
-      {"mono8", kMost, kMost, kMost, 1,
+      {"mono8", kMaxUint32, kMaxUint32, kMaxUint32, 1,
        "the image size 4294967295 x 4294967295 is not plausible for a camera"},
-      {"mono8", kMost, 1, kMost, 1, "the image size 4294967295 x 1 is not plausible for a camera"},
-      // step * height is 2^32: nothing is left of it in 32 bits.
+      {"mono8", kMaxUint32, 1, kMaxUint32, 1,
+       "the image size 4294967295 x 1 is not plausible for a camera"},
+      // step * height is 2^32, which is 0 in 32 bits.
       {"mono8", 65536, 65536, 65536, 0, "the image holds 0 bytes instead of 4294967296"},
-      {"bgr8", 4, 2, kMost, 24, "the image holds 24 bytes instead of 8589934590"},
+      {"bgr8", 4, 2, kMaxUint32, 24, "the image holds 24 bytes instead of 8589934590"},
   };
   for (const Case& c : cases) {
-    EXPECT_EQ(refusal(plainImage(c.encoding, c.width, c.height, c.step, c.bytes)), c.sentence);
+    EXPECT_EQ(refusal(plainImage(c.encoding, c.width, c.height, c.step, c.bytes)), c.message);
   }
 }
 
-TEST(GreyConverter, TakesTheSmallestImages) {
+TEST(GreyConverter, AcceptsImagesOfOnePixel) {
   for (const Layout& layout : layouts()) {
     const std::size_t bytes = pixelBytes(layout);
     const sensor_msgs::Image image =

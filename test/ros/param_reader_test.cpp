@@ -12,6 +12,7 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
+/// The error message for these parameters of ScaleRecovery; empty if they are accepted.
 std::string refusal(XmlRpcValue tree) {
   try {
     ParamReader reader("/car/scale_recovery", tree);
@@ -87,7 +88,7 @@ TEST(ParamReader, WarnsOfUnknownNamesWithTheMostSimilarOne) {
   tree["camera_height"] = 1.65;
   tree["odom_fram"] = "map";
   tree["tracker"]["nonsense_nobody_wrote"] = 1;
-  tree["diagnostic_period"] = 0.5;  // of another library
+  tree["diagnostic_period"] = 0.5;  // read by diagnostic_updater
   ParamReader reader("/scale_recovery", tree);
   ScaleRecoveryParams::read(reader);
   const std::vector<std::string> warnings = reader.warnings();

@@ -20,7 +20,7 @@ namespace {
 const std::filesystem::path kPage =
     std::filesystem::path(__FILE__).parent_path() / "../../docs/reference/parameters.md";
 
-/// A bar would end the cell.
+/// For a cell of a Markdown table, which a bar would end.
 std::string escaped(const std::string& text) {
   std::string result;
   for (const char c : text) result += c == '|' ? std::string("\\|") : std::string(1, c);
@@ -32,6 +32,7 @@ std::string row(const ParamReader::Entry& entry) {
   const std::size_t end = entry.meaning.find("] ");
   const std::string unit = entry.meaning.substr(1, end - 1);
   const std::string meaning = entry.meaning.substr(end + 2);
+  // The tests below give only the required parameters.
   const std::string value = entry.given ? "**required**" : "`" + entry.value + "`";
   return "| `" + entry.name + "` | " + unit + " | " + value + " | " + entry.range + " | " +
          escaped(meaning) + " |";
@@ -50,7 +51,7 @@ std::vector<std::string> parameterRows(const XmlRpc::XmlRpcValue& tree) {
   return rows(reader);
 }
 
-/// Of all options of the core.
+/// Rows of all options of MetricOdometry.
 std::vector<std::string> optionRows() {
   MetricOdometry::Options options;
   ParamReader reader("/n", XmlRpc::XmlRpcValue());
@@ -63,7 +64,8 @@ std::vector<std::string> optionRows() {
 bool isHeading(const std::string& line) { return line.rfind("##", 0) == 0; }
 bool isRow(const std::string& line) { return line.rfind("| `", 0) == 0; }
 
-/// The rows below a heading. If replacement is not null, writes those into the page instead.
+/// The page's rows below a heading. If replacement is not null, writes it into the page in their
+/// place.
 std::vector<std::string> pageRows(const std::string& heading,
                                   const std::vector<std::string>* replacement = nullptr) {
   std::ifstream stream(kPage);

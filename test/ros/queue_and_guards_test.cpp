@@ -53,13 +53,13 @@ TEST(StampGuard, AcceptsAStampFarAheadWhenASecondOneConfirmsIt) {
   using Verdict = StampGuard::Verdict;
   StampGuard guard(1.0);
   EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kAccept);
-  // Alone it is a fault.
+  // A single stamp far ahead is a fault.
   EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
   EXPECT_EQ(
       guard.reason(),
       "the stamp 7210.000000000 is 7200 s after the last one and not confirmed by a second one");
   EXPECT_EQ(guard.check(ros::Time(10.1)), Verdict::kAccept);
-  // Faults that do not agree with each other are faults all the same.
+  // Stamps far ahead from which the next one does not continue.
   EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(19000.0)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(18999.0)), Verdict::kDrop);
@@ -68,22 +68,22 @@ TEST(StampGuard, AcceptsAStampFarAheadWhenASecondOneConfirmsIt) {
   EXPECT_EQ(guard.check(ros::Time(7210.0)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time()), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(7210.1)), Verdict::kDrop);
-  // A pause.
+  // The next one continues: the camera paused.
   EXPECT_EQ(guard.check(ros::Time(7210.2)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(7210.3)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(10.3)), Verdict::kJumpedBack);
 }
 
-// ros::Duration ends at 2^31 s and throws beyond.
-TEST(StampGuard, HoldsOverTheWholeRangeOfStamps) {
+// ros::Duration ends at 2^31 s and throws beyond, so the guard must not use it.
+TEST(StampGuard, WorksOverTheWholeRangeOfStamps) {
   using Verdict = StampGuard::Verdict;
-  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  constexpr auto kMaxSeconds = std::numeric_limits<std::uint32_t>::max();
   StampGuard guard(1.0);
   EXPECT_EQ(guard.check(ros::Time(1, 0)), Verdict::kAccept);
-  EXPECT_EQ(guard.check(ros::Time(kMost, 0)), Verdict::kDrop);
-  EXPECT_EQ(guard.check(ros::Time(kMost, 998999999)), Verdict::kAccept);
-  EXPECT_EQ(guard.check(ros::Time(kMost, 999999999)), Verdict::kAccept);
-  EXPECT_EQ(guard.check(ros::Time(kMost, 999999999)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(kMaxSeconds, 0)), Verdict::kDrop);
+  EXPECT_EQ(guard.check(ros::Time(kMaxSeconds, 998999999)), Verdict::kAccept);
+  EXPECT_EQ(guard.check(ros::Time(kMaxSeconds, 999999999)), Verdict::kAccept);
+  EXPECT_EQ(guard.check(ros::Time(kMaxSeconds, 999999999)), Verdict::kDrop);
   EXPECT_EQ(guard.check(ros::Time(0, 1)), Verdict::kJumpedBack);
   EXPECT_EQ(guard.check(ros::Time(0, 1000001)), Verdict::kAccept);
 }
@@ -94,9 +94,9 @@ TEST(WarningLog, CountsAllAndPrintsTheFirst) {
   EXPECT_EQ(log.count("size", "too small"), "");
   EXPECT_NE(log.count("stamp", "late"), "");
   EXPECT_EQ(log.counts().at("size"), 2u);
-  WarningLog chatty(std::chrono::milliseconds(0));
-  chatty.count("size", "a");
-  EXPECT_EQ(chatty.count("size", "b"), "b (size: 2 so far)");
+  WarningLog without_throttle(std::chrono::milliseconds(0));
+  without_throttle.count("size", "a");
+  EXPECT_EQ(without_throttle.count("size", "b"), "b (size: 2 so far)");
 }
 
 geometry_msgs::PoseStamped poseAt(double x) {
@@ -105,7 +105,7 @@ geometry_msgs::PoseStamped poseAt(double x) {
   return pose;
 }
 
-TEST(BoundedPath, StaysBoundedAndReachesFromStartToEnd) {
+TEST(BoundedPath, StaysBoundedAndCoversTheWholeDrive) {
   BoundedPath path(100, 0.5);
   for (int i = 0; i < 100000; ++i) path.add(poseAt(0.1 * i));
   EXPECT_LE(path.poses().size(), 100u);
@@ -118,7 +118,7 @@ TEST(BoundedPath, StaysBoundedAndReachesFromStartToEnd) {
   EXPECT_TRUE(path.add(poseAt(0.6)));
 }
 
-TEST(BoundedPath, EvenWithoutASpacing) {
+TEST(BoundedPath, StaysBoundedWithoutASpacing) {
   BoundedPath path(2, 0);
   for (int i = 0; i < 1000; ++i) path.add(poseAt(0));
   EXPECT_LE(path.poses().size(), 2u);

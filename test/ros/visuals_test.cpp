@@ -12,7 +12,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr int kWidth = 640, kHeight = 200;
-constexpr float kRow = 120;  // below the legend
+constexpr float kRow = 120;  // of all features; below the legend
 
 TrackedFeature feature(std::uint64_t id, float u, std::uint32_t age, bool has_point = true) {
   TrackedFeature result;
@@ -35,7 +35,7 @@ struct Pixel {
   bool operator==(const Pixel& o) const {
     return std::tie(blue, green, red) == std::tie(o.blue, o.green, o.red);
   }
-  /// As far as the soft edge of a line leaves it.
+  /// Equal but for the anti-aliasing of a line.
   bool isLike(const Pixel& o) const {
     return std::abs(blue - o.blue) + std::abs(green - o.green) + std::abs(red - o.red) < 40;
   }
@@ -49,16 +49,17 @@ Pixel pixelOf(const sensor_msgs::Image& message, float u, float v) {
   return {message.data.at(i), message.data.at(i + 1), message.data.at(i + 2)};
 }
 
-cv::Mat wall() { return {kHeight, kWidth, CV_8UC1, cv::Scalar(128)}; }
+cv::Mat uniformImage() { return {kHeight, kWidth, CV_8UC1, cv::Scalar(128)}; }
 
-/// Frames of a grey wall, numbered one after the other.
+/// Paints consecutive frames on a uniform image.
 class TrackPainting : public testing::Test {
  protected:
-  void paint(std::vector<TrackedFeature> features, std::vector<RejectedFeature> given_up = {}) {
+  void paint(std::vector<TrackedFeature> features,
+             std::vector<RejectedFeature> rejected_features = {}) {
     frame_.features = std::move(features);
     std_msgs::Header header;
     header.frame_id = "camera";
-    message_ = painter_.paint(wall(), frame_, given_up, header);
+    message_ = painter_.paint(uniformImage(), frame_, rejected_features, header);
     ++frame_.sequence;
   }
   void skipAFrame() { ++frame_.sequence; }
@@ -92,7 +93,7 @@ TEST_F(TrackPainting, OlderTracksAreBrighterLogarithmically) {
     EXPECT_GT(at(features[k].u.x()).brightness(), at(features[k - 1].u.x()).brightness() + 8) << k;
   }
   EXPECT_EQ(at(400), at(features[3].u.x())) << "one age, one colour";
-  EXPECT_EQ(at(440), at(features[5].u.x())) << "older than the legend";
+  EXPECT_EQ(at(440), at(features[5].u.x())) << "older than the oldest colour";
 }
 
 TEST_F(TrackPainting, TracksWithoutAPointAreHollow) {
@@ -144,7 +145,7 @@ TEST_F(TrackPainting, MarksAtTheEdgeAreValid) {
   EXPECT_FALSE(at(0).isGrey());
 }
 
-/// A level camera, half a VO unit over the road, which is 1.65 m.
+/// A level camera 0.5 VO units above the road; the scale, 3.3, makes that 1.65 m.
 class RoadPainting : public testing::Test {
  protected:
   RoadPainting() {
@@ -160,9 +161,9 @@ class RoadPainting : public testing::Test {
   }
   void paint(ScaleStatus status) {
     output_.scale.status = status;
-    message_ = paintRoad(wall(), frame_, output_, {});
+    message_ = paintRoad(uniformImage(), frame_, output_, {});
   }
-  /// Where the camera sees the road so far ahead, and to the left [m].
+  /// Pixel that shows the road point `ahead` and `left` of the camera [m].
   Pixel onRoad(float ahead, float left) const {
     return pixelOf(*message_, 320 - 400 * left / ahead, std::round(40 + 400 * 1.65f / ahead));
   }
@@ -182,12 +183,12 @@ TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
   EXPECT_TRUE(onRoad(5.5f, 0.5f).isGrey()) << "between the lines";
   EXPECT_TRUE(onRoad(5.5f, 0.25f).isGrey()) << "between the lines";
   EXPECT_TRUE(onRoad(25.f, 0.5f).isGrey()) << "beyond the grid";
-  // A scale of twice as much makes the same road twice as large: the same place is 11 m ahead.
+  // Twice the scale makes the road twice as large: the same pixel is then 11 m ahead.
   output_.scale.scale *= 2;
   paint(ScaleStatus::kOk);
   const Pixel line = onRoad(5.5f, 0.25f);
   EXPECT_GT(line.green, line.red + 30);
-  EXPECT_TRUE(onRoad(15.f, 0.5f).isGrey()) << "30 m, beyond the grid";
+  EXPECT_TRUE(onRoad(15.f, 0.5f).isGrey()) << "now 30 m ahead, beyond the grid";
 }
 
 TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownScaleNoGrid) {
@@ -220,7 +221,7 @@ TEST_F(RoadPainting, APlaneOutsideTheViewIsValid) {
   }
 }
 
-// With _GLIBCXX_ASSERTIONS, an access to the first byte of no data aborts.
+// In a build with _GLIBCXX_ASSERTIONS, access to the first byte of an empty vector aborts.
 TEST(PointClouds, WithoutPointsIsAValidMessage) {
   std_msgs::Header header;
   header.frame_id = "camera";

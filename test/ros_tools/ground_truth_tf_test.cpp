@@ -5,6 +5,7 @@
 namespace ground_scale_vo {
 namespace {
 
+/// A transform along x at a time [s].
 tf2_msgs::TFMessage transform(const std::string& parent, const std::string& child, double time,
                               double x) {
   tf2_msgs::TFMessage message;
@@ -18,30 +19,30 @@ tf2_msgs::TFMessage transform(const std::string& parent, const std::string& chil
 }
 
 TEST(GroundTruthTf, FindsTheGroundTruthFrameOfKittiToBag) {
-  GroundTruthTf truth;
-  truth.add(transform("ground_truth", "ground_truth/camera", 1, 5), false);
-  const auto pose = truth.pose("camera", ros::Time(1));
+  GroundTruthTf ground_truth;
+  ground_truth.add(transform("ground_truth", "ground_truth/camera", 1, 5), false);
+  const auto pose = ground_truth.pose("camera", ros::Time(1));
   ASSERT_TRUE(pose);
   EXPECT_DOUBLE_EQ(pose->translation().x(), 5);
 }
 
 TEST(GroundTruthTf, FindsTheFrameItselfAsKitti2bagWritesIt) {
-  GroundTruthTf truth;
-  truth.add(transform("/camera_init", "/camera_gray_left", 1, 5), false);
-  truth.add(transform("/camera_init", "/camera_gray_left", 2, 6), false);
-  EXPECT_DOUBLE_EQ(truth.pose("camera_gray_left", ros::Time(1.5))->translation().x(), 5.5);
-  EXPECT_FALSE(truth.pose("camera_gray_left", ros::Time(3)));
-  EXPECT_FALSE(truth.pose("camera_color", ros::Time(1)));
+  GroundTruthTf ground_truth;
+  ground_truth.add(transform("/camera_init", "/camera_gray_left", 1, 5), false);
+  ground_truth.add(transform("/camera_init", "/camera_gray_left", 2, 6), false);
+  EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(1.5))->translation().x(), 5.5);
+  EXPECT_FALSE(ground_truth.pose("camera_gray_left", ros::Time(3)));
+  EXPECT_FALSE(ground_truth.pose("camera_color", ros::Time(1)));
 }
 
 TEST(GroundTruthTf, FollowsTheStaticChainOfARawBag) {
-  GroundTruthTf truth;
-  truth.add(transform("base_link", "imu_link", 1, 0.5), true);
-  truth.add(transform("imu_link", "camera_gray_left", 1, 0.25), true);
-  EXPECT_FALSE(truth.pose("camera_gray_left", ros::Time(1)));  // nothing moves yet
-  truth.add(transform("world", "base_link", 1, 5), false);
-  EXPECT_DOUBLE_EQ(truth.pose("camera_gray_left", ros::Time(1))->translation().x(), 5.75);
-  EXPECT_DOUBLE_EQ(truth.pose("base_link", ros::Time(1))->translation().x(), 5);
+  GroundTruthTf ground_truth;
+  ground_truth.add(transform("base_link", "imu_link", 1, 0.5), true);
+  ground_truth.add(transform("imu_link", "camera_gray_left", 1, 0.25), true);
+  EXPECT_FALSE(ground_truth.pose("camera_gray_left", ros::Time(1)));  // no moving transform yet
+  ground_truth.add(transform("world", "base_link", 1, 5), false);
+  EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(1))->translation().x(), 5.75);
+  EXPECT_DOUBLE_EQ(ground_truth.pose("base_link", ros::Time(1))->translation().x(), 5);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 
 namespace ground_scale_vo {
 
-/// Allowed deviation of NodeletPair::lengthRatio() from 1.
+/// Allowed deviation of NodeletPair::displacementRatio() from 1.
 constexpr double kTolerance = 0.05;
 
 /// The nodelet manager of the .test file, into which tests load their nodelets, and a drive of

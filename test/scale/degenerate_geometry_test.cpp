@@ -36,10 +36,11 @@ void expectFinite(const ScaleRecovery::Output& output) {
                         output.pose->twist_covariance, output.pose->distance));
 }
 
-/// Drives over the road with one disturbed frame in the middle.
+/// Drives over the road with one disturbed frame in the middle: outputs stay finite, and the scale
+/// is correct at the end. Every second frame has an image, without texture.
 void expectSurvives(const std::function<void(VoFrame&)>& disturb) {
   const RoadScene scene = road();
-  ScaleRecovery recovery(options());
+  ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 60; ++i) {
     VoFrame frame = scene.frame(i);
@@ -80,7 +81,7 @@ TEST(DegenerateRoad, ASceneWithoutRoadHasNoScale) {
                       const std::function<void(std::size_t, TrackedFeature&)>& change) {
     SCOPED_TRACE(name);
     const RoadScene scene = road();
-    ScaleRecovery recovery(options());
+    ScaleRecovery recovery(recoveryOptions());
     for (std::uint32_t i = 0; i < 40; ++i) {
       VoFrame frame = scene.frame(i);
       for (std::size_t k = 0; k < frame.features.size(); ++k) change(k, frame.features[k]);
@@ -90,22 +91,22 @@ TEST(DegenerateRoad, ASceneWithoutRoadHasNoScale) {
       EXPECT_FALSE(output.pose);
     }
   };
-  run("one point", [](std::size_t, auto& f) { f.p_c = {0.1f, 0.7f, 5.f}; });
-  run("a line", [](std::size_t k, auto& f) {
+  run("all points coincide", [](std::size_t, auto& f) { f.p_c = {0.1f, 0.7f, 5.f}; });
+  run("collinear points", [](std::size_t k, auto& f) {
     f.p_c = {0.f, 0.7f, 3.f + 0.01f * static_cast<float>(k)};
   });
-  run("behind", [](std::size_t, auto& f) { f.p_c = -f.p_c; });
+  run("points behind the camera", [](std::size_t, auto& f) { f.p_c = -f.p_c; });
   run("no points", [](std::size_t, auto& f) { f.has_point = false; });
-  run("above", [](std::size_t, auto& f) { f.p_c.y() = -f.p_c.y(); });
-  run("a single one", [](std::size_t k, auto& f) { f.has_point = k == 0; });
-  run("depth sigma 1e9", [](std::size_t, auto& f) { f.depth_sigma = 1e9f; });
+  run("points above the camera", [](std::size_t, auto& f) { f.p_c.y() = -f.p_c.y(); });
+  run("only one feature has a point", [](std::size_t k, auto& f) { f.has_point = k == 0; });
+  run("depth sigma of 1e9", [](std::size_t, auto& f) { f.depth_sigma = 1e9f; });
 }
 
 TEST(DegenerateRoad, AnOdometryInAnyUnitGivesFiniteNumbers) {
   for (const double unit : {1e-30, 1e-12, 1e-6, 1e6, 1e12, 1e30}) {
     SCOPED_TRACE(unit);
     const RoadScene scene = road();
-    ScaleRecovery recovery(options());
+    ScaleRecovery recovery(recoveryOptions());
     for (std::uint32_t i = 0; i < 40; ++i) {
       VoFrame frame = scene.frame(i);
       frame.T_w_c.translation() *= unit;
@@ -120,7 +121,7 @@ TEST(DegenerateRoad, AnOdometryInAnyUnitGivesFiniteNumbers) {
 
 TEST(DegenerateRoad, StandstillAndRotationOnTheSpotAddNoDistance) {
   const RoadScene scene = road();
-  ScaleRecovery recovery(options());
+  ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 30; ++i) output = recovery.process(scene.frame(i));
   ASSERT_TRUE(output.pose);
@@ -146,9 +147,9 @@ TEST(DegeneratePlane, EveryAcceptedFitIsFinite) {
       PlanePoint point;
       point.depth = size * (2 + unit(random));
       point.p_c = point.depth * Eigen::Vector3d(0.3 * unit(random), 0.2 + 0.1 * unit(random), 1);
-      if (round % 4 == 0) point.p_c.y() = 0.2 * size;                          // one plane
-      if (round % 4 == 1) point.p_c = point.depth * Eigen::Vector3d::UnitZ();  // one line
-      if (round % 4 == 2) point.p_c = size * Eigen::Vector3d(0, 0.2, 1);       // one point
+      if (round % 4 == 0) point.p_c.y() = 0.2 * size;                          // on a plane
+      if (round % 4 == 1) point.p_c = point.depth * Eigen::Vector3d::UnitZ();  // on a line
+      if (round % 4 == 2) point.p_c = size * Eigen::Vector3d(0, 0.2, 1);       // coincident
       point.depth_sigma = i % 7 == 0 ? 0 : sigma;
       points.push_back(point);
     }
@@ -168,7 +169,7 @@ TEST(DegeneratePlane, EveryAcceptedFitIsFinite) {
   }
 }
 
-TEST(DegeneratePlane, TheFilterIgnoresInvalidMeasurements) {
+TEST(DegenerateFilter, IgnoresInvalidMeasurements) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
     filter.predict(1, 0);
@@ -184,7 +185,7 @@ TEST(DegeneratePlane, TheFilterIgnoresInvalidMeasurements) {
   EXPECT_TRUE(filter.update(0.7, 0.02));
 }
 
-TEST(DegeneratePlane, AnIncrementThatIsNotFiniteIsSkipped) {
+TEST(DegenerateTrajectory, SkipsIncrementsThatAreNotFinite) {
   MetricTrajectory trajectory({});
   ScaleEstimate scale;
   scale.status = ScaleStatus::kOk;
@@ -199,11 +200,11 @@ TEST(DegeneratePlane, AnIncrementThatIsNotFiniteIsSkipped) {
     bad.stamp_ns = 50000000;
     bad.T_w_c.translation().x() = number;
     EXPECT_FALSE(trajectory.append(bad, scale)) << number;
-    ScaleEstimate wrong = scale;
-    wrong.sigma = number;
+    ScaleEstimate bad_scale = scale;
+    bad_scale.sigma = number;
     bad.T_w_c = frame.T_w_c;
     bad.T_w_c.translation().z() = 1.5;
-    EXPECT_FALSE(trajectory.append(bad, wrong)) << number;
+    EXPECT_FALSE(trajectory.append(bad, bad_scale)) << number;
   }
   frame.T_w_c.translation().z() = 2;
   frame.stamp_ns = 100000000;

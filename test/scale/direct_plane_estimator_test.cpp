@@ -11,8 +11,9 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kPriorSigma = 0.012;  // [rad]
+constexpr double kPriorSigma = 0.012;  // of pitch and roll [rad]
 
+/// Changes the image of a frame.
 using Change = std::function<void(std::uint32_t, cv::Mat*)>;
 
 RoadScene road() {
@@ -22,7 +23,8 @@ RoadScene road() {
   return scene;
 }
 
-/// Result of the last of `frames` frames, each with the same predicted height (0: none).
+/// Result of the last of `frames` frames, each with the same predicted height [VO units] (0: none).
+/// texture: as in roadImage().
 DirectPlaneEstimator::Result drive(DirectPlaneEstimator* estimator, const RoadScene& scene,
                                    double predicted, std::uint32_t frames = 4,
                                    const Change& change = nullptr,
@@ -45,7 +47,7 @@ DirectPlaneEstimator::Result drive(const RoadScene& scene, double predicted,
   return drive(&estimator, scene, predicted, frames, change, texture);
 }
 
-TEST(DirectPlaneEstimator, FindsHeightAndNormal) {
+TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnit) {
   for (const double unit : {0.01, 1.0, 300.0}) {
     RoadScene scene = road();
     scene.camera = {900, 320, 650, 650, 450, 130};
@@ -62,7 +64,7 @@ TEST(DirectPlaneEstimator, FindsHeightAndNormal) {
   }
 }
 
-TEST(DirectPlaneEstimator, OtherCamerasAndMountings) {
+TEST(DirectPlaneEstimator, WorksWithOtherCamerasAndMountings) {
   for (const double focal : {180.0, 500.0}) {
     for (const double pitch : {-0.03, 0.08}) {
       RoadScene scene = road();
@@ -81,29 +83,29 @@ TEST(DirectPlaneEstimator, ACrestAheadDoesNotBiasTheHeight) {
   const RoadScene scene = road();
   constexpr double kCurvature = 0.0015;  // [1 / camera height]; a radius of 1100 m at 1.65 m
   DirectPlaneEstimator estimator({});
-  DirectPlaneEstimator::Options flat_options;
-  flat_options.curvature_sigma = 1e-9;
-  DirectPlaneEstimator flat(flat_options);
-  double error = 0, flat_error = 0;
+  DirectPlaneEstimator::Options flat_road_options;
+  flat_road_options.curvature_sigma = 1e-9;
+  DirectPlaneEstimator flat_road_estimator(flat_road_options);
+  double error = 0, flat_road_error = 0;  // relative
   for (std::uint32_t i = 0; i < 6; ++i) {
     const double travelled = scene.step * i / scene.height;
     // Texture of the curved road where the ray to (x, z) of the flat road meets it.
-    const auto bent = [travelled](double x, double z) {
+    const auto curved = [travelled](double x, double z) {
       const double drop = 0.5 * kCurvature * std::pow(z - travelled, 2);  // s = 1 + drop * s^2
       if (4 * drop > 1) return 30.0;                                      // beyond the crest: sky
       const double s = 2 / (1 + std::sqrt(1 - 4 * drop));
       return asphalt(x * s, travelled + (z - travelled) * s);
     };
-    const cv::Mat image = roadImage(scene, scene.step * i, bent);
+    const cv::Mat image = roadImage(scene, scene.step * i, curved);
     const auto a =
         estimator.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
-    const auto b =
-        flat.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
+    const auto b = flat_road_estimator.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma),
+                                                std::nullopt, 0.7);
     error = std::abs(a.plane.height / scene.height - 1);
-    flat_error = std::abs(b.plane.height / scene.height - 1);
+    flat_road_error = std::abs(b.plane.height / scene.height - 1);
   }
-  EXPECT_GT(flat_error, 0.01);
-  EXPECT_LT(error, 0.8 * flat_error);
+  EXPECT_GT(flat_road_error, 0.01);
+  EXPECT_LT(error, 0.8 * flat_road_error);
 }
 
 TEST(DirectPlaneEstimator, AWrongNormalIsCorrected) {
@@ -141,10 +143,10 @@ TEST(DirectPlaneEstimator, LinesAlongThePathDoNotObserveTheHeight) {
   // A little other texture suffices for a height, with a larger standard deviation.
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
   DirectPlaneEstimator::Options options;
-  options.curvature_sigma = 1e-9;  // without its uncertainty, which does not depend on the texture
-  DirectPlaneEstimator of_some(options), of_full(options);
-  const auto some = drive(&of_some, scene, 1.03 * scene.height, 4, nullptr, weak);
-  const auto full = drive(&of_full, scene, 1.03 * scene.height);
+  options.curvature_sigma = 1e-9;  // its share of the uncertainty does not depend on the texture
+  DirectPlaneEstimator weak_estimator(options), full_estimator(options);
+  const auto some = drive(&weak_estimator, scene, 1.03 * scene.height, 4, nullptr, weak);
+  const auto full = drive(&full_estimator, scene, 1.03 * scene.height);
   ASSERT_EQ(some.status, ScaleReason::kNone);
   ASSERT_EQ(full.status, ScaleReason::kNone);
   EXPECT_GT(some.height_sigma, 1.3 * full.height_sigma);
@@ -180,7 +182,7 @@ TEST(DirectPlaneEstimator, AVehicleInTheLaneRegionIsRejected) {
 TEST(DirectPlaneEstimator, FeaturesHaveNoEffectWhenTheHeightIsPredicted) {
   const RoadScene scene = road();
   const NormalPrior prior = priorOf(scene, kPriorSigma);
-  int with = 0, without = 0;
+  int with_displaced = 0, without_displaced = 0;  // patches
   for (const bool displaced : {false, true}) {
     DirectPlaneEstimator fresh({});
     DirectPlaneEstimator::Result result;
@@ -196,15 +198,15 @@ TEST(DirectPlaneEstimator, FeaturesHaveNoEffectWhenTheHeightIsPredicted) {
     }
     ASSERT_EQ(result.status, ScaleReason::kNone);
     EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
-    (displaced ? with : without) = result.patches;
+    (displaced ? with_displaced : without_displaced) = result.patches;
   }
-  EXPECT_EQ(with, without);
+  EXPECT_EQ(with_displaced, without_displaced);
 }
 
-TEST(DirectPlaneEstimator, TheHoodIsDetectedAndMasked) {
+TEST(DirectPlaneEstimator, TheEngineHoodIsDetectedAndMasked) {
   RoadScene scene = road();
   scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
-  const Change hood = staticRegion({0, 170, 620, 70});
+  const Change hood = staticRegion({0, 170, 620, 70});  // the lowest 70 rows
   DirectPlaneEstimator estimator({});
   const auto result = drive(&estimator, scene, scene.height, 25, hood);
   ASSERT_EQ(result.status, ScaleReason::kNone);
@@ -240,7 +242,7 @@ TEST(DirectPlaneEstimator, AWrongPredictionLeadsToASearch) {
 
 TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
   for (const double unit : {0.001, 1.0, 5000.0}) {
-    for (const double off : {0.2, 1.0, 4.0}) {  // ratio of the features' heights to the road's
+    for (const double ratio : {0.2, 1.0, 4.0}) {  // of the features' heights to the road's
       RoadScene scene = road();
       scene.height *= unit;
       scene.step *= unit;
@@ -250,13 +252,13 @@ TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
       DirectPlaneEstimator::Result result;
       for (std::uint32_t i = 0; i < 8 && result.status != ScaleReason::kNone; ++i) {
         VoFrame frame = scene.frame(i);
-        for (TrackedFeature& feature : frame.features) feature.p_c *= static_cast<float>(off);
+        for (TrackedFeature& feature : frame.features) feature.p_c *= static_cast<float>(ratio);
         result =
             estimator.estimate(frame, roadImage(scene, scene.step * i), prior, std::nullopt, 0);
       }
-      ASSERT_EQ(result.status, ScaleReason::kNone) << unit << ' ' << off;
+      ASSERT_EQ(result.status, ScaleReason::kNone) << unit << ' ' << ratio;
       EXPECT_TRUE(result.searched);
-      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015) << unit << ' ' << off;
+      EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015) << unit << ' ' << ratio;
     }
   }
 }
@@ -284,7 +286,7 @@ TEST(DirectPlaneEstimator, WithoutMotionTheStatusIsStandstill) {
   EXPECT_EQ(drive(scene, scene.height).status, ScaleReason::kStandstill);
 }
 
-TEST(DirectPlaneEstimator, Reverse) {
+TEST(DirectPlaneEstimator, FindsTheHeightInReverse) {
   RoadScene scene = road();
   scene.step = -0.3;
   DirectPlaneEstimator estimator({});

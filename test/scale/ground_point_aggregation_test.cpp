@@ -7,7 +7,7 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kHeight = 0.8;
+constexpr double kHeight = 0.8;  // [VO units]
 
 /// Ground points ahead of a level camera: ids first .. first + n - 1.
 std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
@@ -20,6 +20,7 @@ std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
   return points;
 }
 
+/// Pose after a distance of z along the optical axis [VO units].
 Eigen::Isometry3d poseAt(double z) {
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
   T_w_c.rotate(
@@ -44,15 +45,15 @@ TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
   EXPECT_EQ(result.window.size(), 60u);
   EXPECT_NEAR(result.fit.plane.height, kHeight, 1e-5);
   for (const PlanePoint& point : result.window) EXPECT_NEAR(point.p_c.y(), kHeight, 1e-9);
-  // Those of the oldest frame, 1.5 behind, come last.
+  // The points of the oldest frame, 1.5 VO units behind, come last.
   EXPECT_NEAR((result.window.back().origin_c - Eigen::Vector3d(0, 0, -1.5)).norm(), 0, 1e-9);
   EXPECT_NEAR(result.window[45].p_c.z(), 2 - 1.5, 1e-9);
   EXPECT_NEAR(result.window[45].depth, 2, 1e-9);
 }
 
-TEST(GroundPointAggregation, WindowIsMeasuredInTravelledHeights) {
+TEST(GroundPointAggregation, WindowLengthIsInCameraHeights) {
   GroundPointAggregation::Options options;
-  options.window_heights = 2;  // 1.6 units
+  options.window_heights = 2;  // 1.6 VO units: four frames
   GroundPointAggregation gpa(options);
   for (int i = 0; i < 10; ++i) {
     gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)), 0);
@@ -61,7 +62,7 @@ TEST(GroundPointAggregation, WindowIsMeasuredInTravelledHeights) {
   EXPECT_EQ(gpa.estimate(poseAt(4.5), 4.5, prior(), kHeight).window.size(), 80u);
 }
 
-TEST(GroundPointAggregation, FramesAndPointsAreBounded) {
+TEST(GroundPointAggregation, NumbersOfFramesAndPointsAreBounded) {
   GroundPointAggregation::Options options;
   options.max_frames = 3;
   GroundPointAggregation gpa(options);

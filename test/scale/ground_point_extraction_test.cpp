@@ -21,6 +21,7 @@ GroundPointExtraction::Result extract(const RoadScene& scene, const VoFrame& fra
                                                 Eigen::Isometry3d::Identity());
 }
 
+/// 400 points, ids 1 to 400.
 RoadScene road() {
   RoadScene scene;
   scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, 0, 1);
@@ -40,11 +41,11 @@ TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
 }
 
 TEST(GroundPointExtraction, NumberOfTrianglesFollowsEulersFormula) {
-  // A square with a point inside: four triangles, five unique corners.
+  // A rectangle with two points inside.
   RoadScene scene;
   scene.points = {{-0.5, 0, 3}, {0.5, 0, 3}, {-0.5, 0, 5}, {0.5, 0, 5}, {0.1, 0, 3.8}, {0, 0, 4.3}};
   const auto result = extract(scene, scene.frame(0));
-  EXPECT_EQ(result.triangles, 6);  // 2n - 2 - corners on the hull
+  EXPECT_EQ(result.triangles, 6);  // 2 n - 2 - points on the hull
   EXPECT_EQ(result.points.size(), 6u);
 }
 
@@ -69,7 +70,7 @@ TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
 TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
   RoadScene scene = road();
   scene.depth_sigma = 0.005;
-  scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the height up
+  scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the camera height up
   const auto result = extract(scene, scene.frame(0));
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height, 0.7, 0.005);
@@ -78,7 +79,7 @@ TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
   EXPECT_EQ(on_kerb, 0);
 }
 
-TEST(GroundPointExtraction, LaneIsPreferredWhileItHasEnoughPoints) {
+TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
   RoadScene scene = road();
   scene.addPatch(400, 1.2, 2.5, 1.0, 9.0, 0, 4);
   const auto count_outside = [&](const GroundPointExtraction::Result& result) {
@@ -136,7 +137,7 @@ TEST(GroundPointExtraction, FeaturesWithoutAUsablePointAreIgnored) {
   EXPECT_LE(result.points.size(), frame.features.size() / 5 + 1);
 }
 
-TEST(GroundPointExtraction, SameInputSameResultAndSeedMatters) {
+TEST(GroundPointExtraction, IsDeterministicForAGivenSeed) {
   RoadScene scene = road();
   scene.depth_noise = 0.03;
   const VoFrame frame = scene.frame(3);
@@ -151,7 +152,7 @@ TEST(GroundPointExtraction, SameInputSameResultAndSeedMatters) {
   EXPECT_NE(a.plane.height, extract(scene, frame, options).plane.height);
 }
 
-TEST(GroundPointExtraction, MotionTestSelectsNormalsAcrossTheMotion) {
+TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
   const RoadScene scene = road();
   GroundPointExtraction::Options options;
   MotionHistory::Chord climbing = chordOf(scene);
@@ -165,17 +166,18 @@ TEST(GroundPointExtraction, MotionTestSelectsNormalsAcrossTheMotion) {
   EXPECT_EQ(without.status, ScaleReason::kNone);
 }
 
-TEST(GroundPointExtraction, FramePitchTestSelectsFrames) {
+TEST(GroundPointExtraction, FramePitchTestRejectsFramesThatPitch) {
   const RoadScene scene = road();
   GroundPointExtraction::Options options;
   options.frame_pitch_test = true;
   options.most_inliers = true;
   const GroundPointExtraction gpe(options);
-  Eigen::Isometry3d nod = Eigen::Isometry3d::Identity();
-  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), nod).status,
+  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), motion).status,
             ScaleReason::kNone);
-  nod.rotate(Eigen::AngleAxisd(0.12, Eigen::Vector3d::UnitX()));
-  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), nod).ground_triangles, 0);
+  motion.rotate(Eigen::AngleAxisd(0.12, Eigen::Vector3d::UnitX()));
+  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), motion).ground_triangles,
+            0);
 }
 
 TEST(GroundPointExtraction, BadOptionsAreNamed) {

@@ -8,7 +8,7 @@ namespace {
 constexpr double kHeight = 2;    // [VO units]
 constexpr double kBaseline = 1;  // [camera heights]
 
-/// A buffer with images every `step` [VO units] along z, the newest of which is the current one.
+/// A buffer after images every `step` [VO units] along z, the last of which is the current one.
 ImageBuffer drive(int frames, double step) {
   ImageBuffer buffer({64, 48}, kBaseline);
   for (int i = 0; i < frames; ++i) {
@@ -40,8 +40,8 @@ TEST(ImageBuffer, HasNoReferenceWithoutMotion) {
 }
 
 TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {
-  // Twelve images 0.02 apart would cover only 0.24; at the buffer's minimum spacing of 0.4 they
-  // cover 4.8, more than both baselines.
+  // Twelve images in steps of 0.02 would cover only 0.24 VO units. At the minimum spacing, 0.2
+  // first baselines or 0.4 VO units, they cover both baselines.
   const ImageBuffer buffer = drive(400, 0.02);
   const std::vector<Reference> references = buffer.selectReferences(kHeight);
   ASSERT_EQ(references.size(), 2u);

@@ -8,17 +8,17 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kHeight = 2;     // VO units
-constexpr double kRadius = 8;     // of the bend [camera heights]: 13 m from a car
+constexpr double kHeight = 2;     // [VO units]
+constexpr double kRadius = 8;     // of the bend [camera heights]: 13 m at 1.65 m
 constexpr double kChord = 3;      // [camera heights]
 constexpr double kHalfWidth = 1;  // [camera heights]
 
-/// Viewing ray of a point on the road [camera heights].
+/// Viewing ray of a level camera to a point on the road [camera heights].
 Eigen::Vector3d rayTo(double left, double ahead) {
   return Eigen::Vector3d(-left, 1, ahead) / ahead;
 }
 
-/// Of a camera that has turned by a bend to one side (1 left, -1 right, 0 none).
+/// Of a camera that drives through a bend to one side (1 left, -1 right, 0: straight).
 LaneRegion laneRegion(int side, double height) {
   const NormalPrior prior;
   MotionHistory::Chord chord;
@@ -28,9 +28,9 @@ LaneRegion laneRegion(int side, double height) {
   return LaneRegion(prior, chord, height, 1.5, 10, kHalfWidth);
 }
 
-/// Lateral offset of the circular path from the chord's direction, to the left.
+/// Offset of the circular path from the chord's direction, to the left [camera heights].
 double pathAt(int side, double ahead) {
-  const double heading = kChord / (2 * kRadius);  // against the chord
+  const double heading = kChord / (2 * kRadius);  // relative to the chord
   const double angle = std::asin(std::sin(heading) + ahead / kRadius);
   return side * kRadius * (std::cos(heading) - std::cos(angle));
 }
@@ -43,7 +43,7 @@ TEST(LaneRegion, FollowsThePathThroughABend) {
       EXPECT_TRUE(bent.contains(rayTo(path, ahead))) << side << " " << ahead;
       EXPECT_FALSE(bent.contains(rayTo(path - side * 1.6 * kHalfWidth, ahead))) << ahead;
     }
-    // The straight one has left the lane by then.
+    // At four camera heights, the straight region and that of the bend no longer overlap.
     EXPECT_FALSE(straight.contains(rayTo(pathAt(side, 4), 4)));
     EXPECT_TRUE(straight.contains(rayTo(0, 4)));
     EXPECT_FALSE(bent.contains(rayTo(0, 4)));

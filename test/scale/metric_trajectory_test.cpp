@@ -9,6 +9,7 @@
 namespace ground_scale_vo {
 namespace {
 
+/// Frame i of a camera at 10 Hz.
 VoFrame frameAt(int i, const Eigen::Isometry3d& T_w_c, std::uint32_t map_id = 0) {
   VoFrame frame;
   frame.stamp_ns = 100000000ll * i;
@@ -33,7 +34,7 @@ Eigen::Isometry3d straight(double z) {
   return T;
 }
 
-/// Yaw of 0.02 rad and 0.5 ahead a frame.
+/// Pose of frame i: in each frame 0.5 VO units ahead and a yaw of 0.02 rad.
 Eigen::Isometry3d onCircle(int i) {
   Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
   step.rotate(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY()));
@@ -54,7 +55,7 @@ TEST(MetricTrajectory, ConstantScaleGivesTheScaledTrajectory) {
   }
 }
 
-TEST(MetricTrajectory, Eq10ScalesIncrementsAndNeverThePast) {
+TEST(MetricTrajectory, ScaleAppliesToIncrementsAndNeverToPastPoses) {
   MetricTrajectory trajectory({});
   trajectory.append(frameAt(0, straight(0)), scaleOf(2));
   EXPECT_DOUBLE_EQ(trajectory.append(frameAt(1, straight(1)), scaleOf(2))->T_o_c.translation().z(),
@@ -88,7 +89,7 @@ TEST(MetricTrajectory, TwistIsInCameraAxesPerSecond) {
   MetricTrajectory trajectory({});
   trajectory.append(frameAt(0, onCircle(0)), scaleOf(2));
   const auto pose = trajectory.append(frameAt(1, onCircle(1)), scaleOf(2, 0.05));
-  // 1 m in 0.1 s along the old z axis, seen from a camera that turned by 0.02.
+  // 1 m in 0.1 s along the previous z axis, in the axes of a camera that turned by 0.02 rad.
   EXPECT_NEAR(pose->twist_c(0), -10 * std::sin(0.02), 1e-9);
   EXPECT_NEAR(pose->twist_c(2), 10 * std::cos(0.02), 1e-9);
   EXPECT_NEAR(pose->twist_c(4), 0.2, 1e-9);
@@ -109,7 +110,7 @@ TEST(MetricTrajectory, CovarianceOfCorrelatedScaleGrowsWithTheDistanceThenItsRoo
   }
   // 5 m: nearly fully correlated, 3 % of the distance.
   EXPECT_NEAR(sigma[10], 0.03 * 5, 0.03 * 5 * 0.05);
-  // Far: integral of a Gauss-Markov (Ornstein-Uhlenbeck) process, variance 2 s^2 l (d - l (1 -
+  // At 10 km: integral of a Gauss-Markov (Ornstein-Uhlenbeck) process, variance 2 s^2 l (d - l (1 -
   // exp(-d / l))).
   const double d = 10000, l = 50;
   EXPECT_NEAR(sigma[20000], 0.03 * std::sqrt(2 * l * (d - l)), 0.02 * sigma[20000]);
@@ -117,7 +118,7 @@ TEST(MetricTrajectory, CovarianceOfCorrelatedScaleGrowsWithTheDistanceThenItsRoo
   EXPECT_GT(sigma[20000], 5 * 0.03 * 0.5 * std::sqrt(20000.0));
 }
 
-TEST(MetricTrajectory, RotationErrorLeversThePosition) {
+TEST(MetricTrajectory, RotationErrorIncreasesThePositionError) {
   MetricTrajectory::Options options;
   options.direction_sigma = 0;
   options.rotation_sigma_per_sqrt_m = 0.001;

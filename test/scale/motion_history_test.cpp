@@ -12,7 +12,7 @@ namespace {
 TEST(MotionHistory, ChordAveragesTheDirection) {
   MotionHistory history;
   EXPECT_FALSE(history.chord(1).has_value());
-  for (int i = 0; i < 30; ++i) {  // lateral vibration of a quarter of the step
+  for (int i = 0; i < 30; ++i) {  // with a lateral vibration of a quarter of the step
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
     T_w_c.translation() = Eigen::Vector3d(i % 2 == 0 ? 0.0 : 0.1, 0, 0.4 * i);
     history.add(T_w_c);

@@ -8,6 +8,8 @@
 namespace ground_scale_vo {
 namespace {
 
+constexpr double kStepHeights = 0.6;  // RoadScene::step in camera heights
+
 TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
   RoadScene scene;
   scene.pitch = 0.05;
@@ -18,7 +20,7 @@ TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
   const GroundPlane plane{scene.normal(), scene.height};
   for (int i = 0; i < 400; ++i) {
     history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
-    mounting.update(history.chord(3), &plane, 0.6);
+    mounting.update(history.chord(3), &plane, kStepHeights);
   }
   EXPECT_NEAR(mounting.pitch(), 0.05, 1e-3);
   EXPECT_NEAR(mounting.roll(), -0.03, 1e-3);
@@ -32,14 +34,14 @@ TEST(Mounting, ReverseGivesTheSamePitch) {
   MotionHistory history;
   for (int i = 0; i < 200; ++i) {
     history.add(scene.frameAt(0, -0.4 * i).T_w_c);
-    mounting.update(history.chord(3), nullptr, 0.6);
+    mounting.update(history.chord(3), nullptr, kStepHeights);
   }
   EXPECT_NEAR(mounting.pitch(), 0.04, 1e-3);
 }
 
-TEST(Mounting, PriorIsOrthogonalToALongChordAndUnit) {
+TEST(Mounting, PriorIsAUnitVectorOrthogonalToALongChord) {
   RoadScene scene;
-  scene.pitch = 0.06;  // not estimated yet
+  scene.pitch = 0.06;  // without update(), the mounting's is 0
   Mounting mounting({});
   MotionHistory history;
   const NormalPrior without_motion = mounting.prior(history, 0.7);
@@ -62,7 +64,7 @@ TEST(Mounting, StaysWithinItsLimitAndResets) {
   MotionHistory history;
   for (int i = 0; i < 400; ++i) {
     history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
-    mounting.update(history.chord(3), nullptr, 0.6);
+    mounting.update(history.chord(3), nullptr, kStepHeights);
   }
   EXPECT_EQ(mounting.pitch(), 0.1);
   mounting.reset();
@@ -74,6 +76,9 @@ TEST(Mounting, SidewaysAndNoMotionDoNotUpdate) {
   mounting.update(std::nullopt, nullptr, 1);
   mounting.update(MotionHistory::Chord{Eigen::Vector3d(1, 0, 0), 1}, nullptr, 1);
   EXPECT_EQ(mounting.pitch(), 0);
+}
+
+TEST(Mounting, BadOptionsAreRefused) {
   Mounting::Options options;
   options.chord_length_heights = 0;
   EXPECT_THROW(Mounting{options}, OptionError);

@@ -8,7 +8,7 @@ namespace ground_scale_vo {
 namespace {
 
 TEST(PaperPreset, UsesThePapersNumbersForTheCameraHeight) {
-  const ScaleRecovery::Options paper = paperPreset(options());
+  const ScaleRecovery::Options paper = paperPreset(recoveryOptions());
   EXPECT_FALSE(paper.refine);
   EXPECT_EQ(paper.gpa.max_frames, 4);
   EXPECT_NEAR(paper.gpe.plane_threshold_heights * paper.camera_height, 0.01, 1e-12);
@@ -17,8 +17,8 @@ TEST(PaperPreset, UsesThePapersNumbersForTheCameraHeight) {
   EXPECT_NO_THROW(paper.validate());
 }
 
-TEST(PaperPreset, IsAppliedByPaperLiteralAlone) {
-  ScaleRecovery::Options o = options();
+TEST(PaperPreset, IsAppliedOnlyWithPaperLiteral) {
+  ScaleRecovery::Options o = recoveryOptions();
   o.random_seed = 7;
   EXPECT_TRUE(o.resolved().refine);
   EXPECT_EQ(o.resolved().gpe.random_seed, 7u);

@@ -10,6 +10,7 @@
 namespace ground_scale_vo {
 namespace {
 
+/// Portable random numbers; gauss() is approximately standard normal.
 struct Noise {
   std::mt19937 random{5};
   double uniform(double a, double b) {
@@ -22,8 +23,8 @@ struct Noise {
   }
 };
 
-/// Points of the plane n . x + h = 0, seen from cameras up to `back` behind; the inverse depth has
-/// a relative error of `noise`.
+/// Points of the plane n . x + h = 0, seen from cameras up to `back` [VO units] behind; the inverse
+/// depth has a relative standard deviation of `noise`.
 std::vector<PlanePoint> pointsOn(const GroundPlane& plane, int n, double noise, double back,
                                  unsigned seed) {
   Noise random;
@@ -102,7 +103,8 @@ TEST(PlaneFit, GroundOnOneSideAloneIsUncertain) {
   ASSERT_EQ(both.status, ScaleReason::kNone);
   ASSERT_EQ(right.status, ScaleReason::kNone);
   EXPECT_LT(both.height_sigma, 0.01 * 0.8);
-  // About 0.8 m to the right on ground tilted by 0.03 rad: 0.03 of the height.
+  // The points lie about one camera height to the right. There the standard deviation of the cross
+  // slope, camber_sigma_rad = 0.03, is 0.03 of the height.
   EXPECT_GT(right.height_sigma, 0.02 * 0.8);
   EXPECT_LT(right.height_sigma, 0.045 * 0.8);
 
@@ -131,7 +133,7 @@ TEST(PlaneFit, OutliersAreRejected) {
 }
 
 TEST(PlaneFit, PriorDeterminesWhatThePointsDoNotObserve) {
-  // A narrow band of noisy points 6 heights ahead: it does not observe the pitch.
+  // A narrow band of noisy points 6 camera heights ahead does not observe the pitch.
   Noise random;
   std::vector<PlanePoint> points;
   for (int i = 0; i < 60; ++i) {
@@ -159,7 +161,7 @@ TEST(PlaneFit, FailuresAreReportedByStatus) {
             ScaleReason::kTooFewGroundPoints);
   const GroundPlane above{{0, 1, 0}, 0.8};
   EXPECT_EQ(fit.fit(pointsOn(above, 50, 0, 0, 1), loosePrior(), 1.0).status, ScaleReason::kNoPlane);
-  // All points in one, and all on a line.
+  // Collinear points, and points that coincide.
   std::vector<PlanePoint> line;
   for (int i = 0; i < 40; ++i) {
     const double z = 3 + 0.1 * i;
@@ -179,7 +181,7 @@ TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
             ScaleReason::kPlaneTilted);
 }
 
-TEST(PlaneFit, SameInputSameBytes) {
+TEST(PlaneFit, IsDeterministic) {
   const auto points = pointsOn(kPlane, 200, 0.05, 3, 4);
   const auto a = PlaneFit({}).fit(points, loosePrior(), 1.0);
   const auto b = PlaneFit({}).fit(points, loosePrior(), 1.0);

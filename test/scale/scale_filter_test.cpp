@@ -9,7 +9,8 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Drives `frames` steps of 0.5 with the same measured height.
+/// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
+/// measurements the filter used.
 int drive(ScaleFilter* filter, int frames, double height, double sigma) {
   int used = 0;
   for (int i = 0; i < frames; ++i) {
@@ -46,18 +47,18 @@ TEST(ScaleFilter, ABiasOfTheFirstMeasurementsDecays) {
   EXPECT_NEAR(filter.height(), 1, 0.01);
   EXPECT_LT(filter.sigma(), 0.03);
 
-  ScaleFilter grown({});
-  drive(&grown, 40, 1, 0.01);
+  ScaleFilter mature({});
+  drive(&mature, 40, 1, 0.01);
   for (double distance = 0; distance < 4; distance += step) {
-    grown.predict(step, 0);
-    grown.update(1.04, 0.01);
+    mature.predict(step, 0);
+    mature.update(1.04, 0.01);
   }
-  EXPECT_LT(grown.height(), 1.03);  // in an older map the state follows more slowly
+  EXPECT_LT(mature.height(), 1.03);  // after a longer distance the state follows more slowly
 }
 
 TEST(ScaleFilter, StartsAfterAMinimumDistance) {
   ScaleFilter filter({});
-  EXPECT_EQ(drive(&filter, 7, 0.8, 0.02), 0);  // 3.5 units are 4.4 heights
+  EXPECT_EQ(drive(&filter, 7, 0.8, 0.02), 0);  // 3.5 VO units are 4.4 camera heights
   EXPECT_EQ(drive(&filter, 1, 0.8, 0.02), 1);
 }
 
@@ -112,7 +113,7 @@ TEST(ScaleFilter, WithoutMeasurementsSigmaGrowsWithTheDistance) {
   drive(&filter, 50, 0.8, 0.03);
   const double height = filter.height(), sigma = filter.sigma();
   filter.predict(0, 0);
-  EXPECT_EQ(filter.sigma(), sigma);  // no process noise at standstill
+  EXPECT_EQ(filter.sigma(), sigma);  // no process noise without motion
   filter.predict(40, 0);
   EXPECT_EQ(filter.height(), height);
   const double drift = ScaleFilter::Options().drift_per_sqrt_height;
@@ -140,13 +141,14 @@ TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
   EXPECT_FALSE(filter.update(1.2, 0.02));
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_EQ(drive(&filter, 5, 0.8, 0.02), 5);
-  EXPECT_EQ(drive(&filter, 10, 1.2, 0.02), 0);  // 5 units are 6 heights: not yet
+  // Five VO units are about 6 camera heights; a restart needs 12.
+  EXPECT_EQ(drive(&filter, 10, 1.2, 0.02), 0);
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_GT(drive(&filter, 40, 1.2, 0.02), 0);
   EXPECT_NEAR(filter.height(), 1.2, 0.01);
 }
 
-TEST(ScaleFilter, ResetForgets) {
+TEST(ScaleFilter, ResetRestoresTheInitialState) {
   ScaleFilter filter({});
   drive(&filter, 10, 0.8, 0.02);
   filter.reset();
@@ -155,7 +157,7 @@ TEST(ScaleFilter, ResetForgets) {
   EXPECT_NEAR(filter.height(), 3.0, 1e-6);
 }
 
-TEST(ScaleFilter, MovingAverageIsOfTheScale) {
+TEST(ScaleFilter, MovingAverageIsThatOfTheScaleNotTheHeight) {
   ScaleFilter::Options options;
   options.moving_average_frames = 2;
   ScaleFilter filter(options);
@@ -215,7 +217,7 @@ TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
   }
   ASSERT_NEAR(filter.height(), 1.6, 0.01);
   double distance = 0;
-  while (filter.height() > 1 && distance < 100) {  // direct measurements start from the state
+  while (filter.height() > 1 && distance < 100) {  // the direct measurement repeats the state
     filter.predict(0.5, 0);
     distance += 0.5;
     filter.update(0.8, 0.01, ScaleFilter::Source::kFeatureBased);
@@ -225,7 +227,7 @@ TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
   EXPECT_LT(distance, 20);
 }
 
-TEST(ScaleFilter, PointsOnAPavementDoNotRestart) {
+TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
   ScaleFilter filter({});
   for (int i = 0; i < 200; ++i) {
     filter.predict(0.5, 0);
@@ -235,7 +237,7 @@ TEST(ScaleFilter, PointsOnAPavementDoNotRestart) {
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
 
-TEST(ScaleFilter, OneSourceIsEnough) {
+TEST(ScaleFilter, DirectMeasurementsAloneSuffice) {
   ScaleFilter filter({});
   drive(&filter, 20, 0.8, 0.01);
   for (int i = 0; i < 200; ++i) {

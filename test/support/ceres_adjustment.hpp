@@ -12,19 +12,23 @@
 
 namespace ground_scale_vo::test {
 
-constexpr double kMinDepthRatio = 1e-3;  // depth in the observer over depth in the anchor
+// As in LocalBundleAdjustment: least ratio of the depth in the observer to that in the anchor, and
+// least number of landmarks.
+constexpr double kMinDepthRatio = 1e-3;
+constexpr std::size_t kMinLandmarks = 10;
 
 /// Rotation vector, then translation, of T_r_c; r is the newest keyframe, so that the rotations
 /// stay far from the singularity at 2 pi.
 using PoseParameters = std::array<double, 6>;
 
+/// exp(w), w a rotation vector.
 inline Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
   const double angle = w.norm();
   if (angle < 1e-12) return Eigen::Matrix3d::Identity() + skew(w);
   return Eigen::AngleAxisd(angle, w / angle).toRotationMatrix();
 }
 
-/// exp(w + d) = exp(w) exp(Jr(w) d) for small d.
+/// Jr of SO(3): exp(w + d) = exp(w) exp(Jr(w) d) for small d.
 inline Eigen::Matrix3d rightJacobian(const Eigen::Vector3d& w) {
   const double angle2 = w.squaredNorm(), angle = std::sqrt(angle2);
   const Eigen::Matrix3d W = skew(w);
@@ -33,8 +37,9 @@ inline Eigen::Matrix3d rightJacobian(const Eigen::Vector3d& w) {
          (angle - std::sin(angle)) / (angle2 * angle) * W * W;
 }
 
-/// Residual of one observation. With y = R_a ray + rho (t_a - t_o), the point seen from camera o is
-/// q = R_o^T y up to scale, and the residual is (q_xy / q_z - x) / sigma.
+/// Residual of one observation; a: anchor, o: observer, rho: inverse depth. The point seen from
+/// camera o is, up to scale, q = R_o^T y with y = R_a ray + rho (t_a - t_o). The residual is
+/// (q_xy / q_z - x) / sigma.
 class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 6, 1> {
  public:
   ReprojectionCost(const Eigen::Vector3d& ray, const Observation& observation)
@@ -49,6 +54,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 6, 1> {
     const Eigen::Matrix3d R_o_T = rotation(w_o).transpose();
     const Eigen::Vector3d y = R_a * ray_ + rho * (t_a - t_o);
     const Eigen::Vector3d q = R_o_T * y;
+    // A step may go a little beyond the limit for observations.
     if (q.z() < 0.1 * kMinDepthRatio) return false;
 
     Eigen::Map<Eigen::Vector2d> r(residuals);
@@ -121,7 +127,7 @@ inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment
     if (landmark.observations.back().keyframe - first_id < first_free) continue;
     adjusted.push_back({&landmark, landmark.depth->value});
   }
-  if (adjusted.size() < 10) return result;
+  if (adjusted.size() < kMinLandmarks) return result;
 
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;

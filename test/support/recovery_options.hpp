@@ -4,8 +4,8 @@
 
 namespace ground_scale_vo {
 
-/// Default options with the required camera height.
-inline ScaleRecovery::Options options() {
+/// Default options and the camera height, which is required: that of KITTI.
+inline ScaleRecovery::Options recoveryOptions() {
   ScaleRecovery::Options o;
   o.camera_height = 1.65;
   return o;

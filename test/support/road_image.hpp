@@ -10,7 +10,7 @@
 
 namespace ground_scale_vo {
 
-/// Value noise in [-1, 1] with a correlation length of `size`; deterministic in x, z and seed.
+/// Value noise in [-1, 1] whose lattice has a spacing of `size`; deterministic in x, z and seed.
 inline double smoothNoise(double x, double z, double size, std::uint64_t seed) {
   const auto corner = [seed](double i, double j) {
     std::uint64_t state =
@@ -36,15 +36,15 @@ inline double asphalt(double x, double z) {
 /// horizon. texture: grey level at (x, z) on the road [camera heights].
 inline cv::Mat roadImage(const RoadScene& scene, double at,
                          const std::function<double(double, double)>& texture = asphalt) {
-  constexpr int kOver = 2;  // supersampling along a pixel's side
+  constexpr int kSamples = 2;  // along a pixel's side
   cv::Mat image(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(30));
   const Eigen::Matrix3d R_r_c = scene.rotation();
   for (int v = 0; v < image.rows; ++v) {
     for (int u = 0; u < image.cols; ++u) {
       double sum = 0;
-      for (int k = 0; k < kOver * kOver; ++k) {
-        const Eigen::Vector2d pixel(u + (k % kOver + 0.5) / kOver - 0.5,
-                                    v + (k / kOver + 0.5) / kOver - 0.5);
+      for (int k = 0; k < kSamples * kSamples; ++k) {
+        const Eigen::Vector2d pixel(u + (k % kSamples + 0.5) / kSamples - 0.5,
+                                    v + (k / kSamples + 0.5) / kSamples - 0.5);
         const Eigen::Vector3d ray = R_r_c * scene.camera.ray(pixel);
         if (ray.y() < 0.01) {
           sum += 30;
@@ -53,7 +53,7 @@ inline cv::Mat roadImage(const RoadScene& scene, double at,
         sum += texture(ray.x() / ray.y(), ray.z() / ray.y() + at / scene.height);
       }
       image.at<std::uint8_t>(v, u) =
-          static_cast<std::uint8_t>(std::clamp(sum / (kOver * kOver) + 0.5, 0.0, 255.0));
+          static_cast<std::uint8_t>(std::clamp(sum / (kSamples * kSamples) + 0.5, 0.0, 255.0));
     }
   }
   return image;

@@ -11,19 +11,20 @@
 
 namespace ground_scale_vo {
 
-/// A flat road with map points and a camera that drives over it: exact VoFrames in any VO unit.
+/// A flat road with map points and a camera that drives straight over it: exact VoFrames in any VO
+/// unit.
 /// Road axes: x right, y down, z ahead, origin below the first camera.
 struct RoadScene {
   PinholeCamera camera{620, 188, 359.0, 359.0, 310.0, 92.0};
-  double height = 0.7;        ///< of the camera [VO units]
-  double pitch = 0.02;        ///< positive looks down
-  double roll = 0;            ///< positive: the camera's x axis points down
-  double step = 0.4;          ///< per frame [VO units]
-  double depth_noise = 0;     ///< relative, of the inverse depth; the same in all frames of a point
-  double depth_sigma = 0.02;  ///< reported, relative
-  std::vector<Eigen::Vector3d> points;  ///< road axes; id = index + 1
+  double height = 0.7;                  ///< of the camera [VO units]
+  double pitch = 0.02;                  ///< [rad] positive looks down
+  double roll = 0;                      ///< [rad] positive: the camera's x axis points down
+  double step = 0.4;                    ///< per frame [VO units]
+  double depth_noise = 0;               ///< relative, of the inverse depth; constant for each point
+  double depth_sigma = 0.02;            ///< reported standard deviation of the depth, relative
+  std::vector<Eigen::Vector3d> points;  ///< road axes [VO units]; id = index + 1
 
-  /// n random points at height y within the rectangle.
+  /// n random points in a rectangle parallel to the road; y: road 0, above it negative [VO units].
   void addPatch(int n, double x_min, double x_max, double z_min, double z_max, double y,
                 unsigned seed) {
     std::mt19937 random(seed);
@@ -33,14 +34,15 @@ struct RoadScene {
     for (int i = 0; i < n; ++i)
       points.emplace_back(uniform(x_min, x_max), y, uniform(z_min, z_max));
   }
-  /// n random points on a wall across the road (the back of a vehicle), y from -top to 0.
+  /// n random points on a wall across the road at z (the back of a vehicle), from the road to the
+  /// height top [VO units].
   void addWall(int n, double x_min, double x_max, double top, double z, unsigned seed) {
     addPatch(n, x_min, x_max, -top, 0, 0, seed);
     for (auto p = points.end() - n; p != points.end(); ++p) *p = {p->x(), p->z(), z};
   }
 
   /// Approximately standard normal error of point i, from a hash of i.
-  static double errorOf(std::size_t i) {
+  static double normalErrorOf(std::size_t i) {
     std::uint64_t state = i + 1;
     double sum = -6;
     for (int k = 0; k < 12; ++k) {
@@ -50,11 +52,13 @@ struct RoadScene {
     return sum;
   }
 
+  /// R_road_c.
   Eigen::Matrix3d rotation() const {
     return (Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
             Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()))
         .toRotationMatrix();
   }
+  /// Of the road in camera axes, pointing up.
   Eigen::Vector3d normal() const { return rotation().transpose() * Eigen::Vector3d(0, -1, 0); }
 
   /// Frame of the camera at distance `at` along the road [VO units].
@@ -72,7 +76,7 @@ struct RoadScene {
       if (!(p.z() > 0.1 * height)) continue;
       const Eigen::Vector2d u = camera.project(p);
       if (u.x() < 0 || u.y() < 0 || u.x() > camera.width - 1 || u.y() > camera.height - 1) continue;
-      p /= 1 + depth_noise * errorOf(i);
+      p /= 1 + depth_noise * normalErrorOf(i);
       TrackedFeature feature;
       feature.id = i + 1;
       feature.age = 5;
@@ -84,6 +88,7 @@ struct RoadScene {
     }
     return frame;
   }
+  /// Frame of a camera that has moved by `step` in every frame.
   VoFrame frame(std::uint32_t sequence) const { return frameAt(sequence, step * sequence); }
 };
 

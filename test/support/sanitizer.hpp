@@ -20,7 +20,7 @@ constexpr bool kSanitized = false;
 
 constexpr double kTimeoutFactor = kSanitized ? 10 : 1;
 
-/// Tests run every kDriveStride-th drive of a catalogue: with a sanitizer a drive takes minutes,
+/// Tests over a list of drives run every kDriveStride-th: with a sanitizer a drive takes minutes,
 /// and all of them run the same code.
 constexpr std::size_t kDriveStride = kSanitized ? 5 : 1;
 

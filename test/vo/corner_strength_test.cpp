@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kReach = CornerStrength::kReach;
 
-/// Noise whose roughness increases from left to right.
+/// Noise, blurred in the left half.
 cv::Mat texture() {
   cv::Mat image(60, 131, CV_8UC1);
   cv::RNG generator(1);
@@ -28,8 +28,8 @@ TEST(CornerStrength, equalsOpenCvsMinimumEigenvalue) {
   for (int y = kReach; y < image.rows - kReach; ++y) {
     strength.next(row.data());
     for (int x = 0; x < image.cols; ++x) {
-      const float there = x < kReach || x >= image.cols - kReach ? 0.f : expected.at<float>(y, x);
-      ASSERT_NEAR(row[static_cast<std::size_t>(x)], there, 1e-6f + 1e-5f * there)
+      const float value = x < kReach || x >= image.cols - kReach ? 0.f : expected.at<float>(y, x);
+      ASSERT_NEAR(row[static_cast<std::size_t>(x)], value, 1e-6f + 1e-5f * value)
           << "row " << y << ", column " << x;
     }
   }

@@ -34,8 +34,10 @@ struct Scene {
 /// Degenerate or extreme sets of 200 points.
 std::vector<Scene> degenerateScenes() {
   constexpr int kPoints = 200;
-  std::vector<Scene> scenes{{"line", {}},   {"line ahead", {}}, {"wall", {}}, {"one point", {}},
-                            {"behind", {}}, {"far", {}},        {"near", {}}};
+  std::vector<Scene> scenes{{"line across", {}}, {"line along the optical axis", {}},
+                            {"wall", {}},        {"all points coincide", {}},
+                            {"behind", {}},      {"far", {}},
+                            {"near", {}}};
   for (int i = 0; i < kPoints; ++i) {
     const double s = 0.01 * i - 1;
     scenes[0].points.emplace_back(s, 0.2 * s, 10);
@@ -51,6 +53,7 @@ std::vector<Scene> degenerateScenes() {
   return scenes;
 }
 
+/// Standstill, pure rotation, a normal motion, a tiny and a huge one.
 const std::vector<Eigen::Isometry3d>& motions() {
   static const std::vector<Eigen::Isometry3d> kMotions{
       pose({0, 0, 0}, {0, 0, 0}), pose({0, 0.05, 0}, {0, 0, 0}),
@@ -60,7 +63,7 @@ const std::vector<Eigen::Isometry3d>& motions() {
 }
 
 TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
-  int motion = 0;
+  int motion = 0;  // index in motions()
   for (const Eigen::Isometry3d& T_2_1 : motions()) {
     for (const Scene& scene : degenerateScenes()) {
       SCOPED_TRACE(scene.name + ", motion " + std::to_string(motion));

@@ -11,6 +11,7 @@
 namespace ground_scale_vo {
 namespace {
 
+/// Blurred noise over the full range of grey values.
 cv::Mat texture(int seed) {
   cv::Mat noise(248, 800, CV_8UC1), image;
   cv::RNG generator(static_cast<std::uint64_t>(seed));
@@ -138,14 +139,14 @@ TEST(FeatureTracker, rejectsPointsThatLeaveTheImage) {
   auto predicted = corners;
   for (auto& u : predicted) u.x += 60;
   const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, predicted);
-  int left = 0, wrong = 0;
+  int leaving = 0, tracked_outside = 0;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     if (corners[i].x < 750) continue;
-    ++left;
-    wrong += tracks.ok[i] && tracks.points[i].x > 799;
+    ++leaving;
+    tracked_outside += tracks.ok[i] && tracks.points[i].x > 799;
   }
-  EXPECT_GT(left, 20);
-  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(leaving, 20);
+  EXPECT_EQ(tracked_outside, 0);
 }
 
 TEST(FeatureTracker, aBlankImageGivesNoTracks) {

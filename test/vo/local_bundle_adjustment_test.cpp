@@ -21,6 +21,7 @@ using test::pose;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
+/// 300 landmarks that all keyframes observe.
 std::vector<Eigen::Vector3d> farPoints() { return test::farPoints(300); }
 
 /// A realistic map: landmarks appear and disappear, their noise differs, a few observations are
@@ -33,12 +34,12 @@ LocalMap randomMap(int keyframes, unsigned seed) {
     return Eigen::Vector3d(scale * error(generator), scale * error(generator),
                            scale * error(generator));
   };
-  struct Seen {
+  struct ObservedPoint {
     Eigen::Vector3d p_w;
-    int first, last;
-    double sigma;
+    int first, last;  // keyframes that observe it
+    double sigma;     // of an observation
   };
-  std::vector<Seen> world;
+  std::vector<ObservedPoint> world;
   for (const Eigen::Vector3d& p : test::randomPoints(600, seed)) {
     const int first = static_cast<int>(share(generator) * keyframes) - 3;
     const int last = first + 1 + static_cast<int>(share(generator) * 10);
@@ -49,11 +50,12 @@ LocalMap randomMap(int keyframes, unsigned seed) {
   for (int k = 0; k < keyframes; ++k) {
     std::vector<LocalMap::Corner> corners;
     for (std::size_t i = 0; i < world.size(); ++i) {
-      const Seen& seen = world[i];
-      if (k < seen.first || k > seen.last) continue;
-      const double wrong = share(generator) < 0.03 ? 5 : 1;
-      const Eigen::Vector2d noise = wrong * seen.sigma * random(1).head<2>();
-      corners.push_back({i, normalised(keyframePose(k).inverse() * seen.p_w) + noise, seen.sigma});
+      const ObservedPoint& point = world[i];
+      if (k < point.first || k > point.last) continue;
+      const double outlier_factor = share(generator) < 0.03 ? 5 : 1;
+      const Eigen::Vector2d noise = outlier_factor * point.sigma * random(1).head<2>();
+      corners.push_back(
+          {i, normalised(keyframePose(k).inverse() * point.p_w) + noise, point.sigma});
     }
     map.addKeyframe(keyframePose(k) * pose(random(3e-4), random(3e-3)), corners);
     map.triangulateNew();
@@ -61,7 +63,8 @@ LocalMap randomMap(int keyframes, unsigned seed) {
   return map;
 }
 
-LocalMap straightMap(int keyframes) {
+/// Exact poses, and noise-free observations of all points in all keyframes.
+LocalMap exactMap(int keyframes) {
   const auto points = farPoints();
   LocalMap map({});
   for (int k = 0; k < keyframes; ++k)
@@ -71,7 +74,7 @@ LocalMap straightMap(int keyframes) {
 }
 
 /// Largest distance between the keyframes' positions in two maps.
-double distance(const LocalMap& a, const LocalMap& b) {
+double largestDistance(const LocalMap& a, const LocalMap& b) {
   double largest = 0;
   for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
     const auto difference =
@@ -81,6 +84,7 @@ double distance(const LocalMap& a, const LocalMap& b) {
   return largest;
 }
 
+/// Largest angle between the keyframes' rotations in two maps [rad].
 double largestAngle(const LocalMap& a, const LocalMap& b) {
   double largest = 0;
   for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
@@ -101,7 +105,8 @@ double depthDifference(LocalMap a, const LocalMap& b) {
   return largest;
 }
 
-void expectUnchanged(const LocalMap& before, const LocalMap& after) {
+/// Exactly the same poses and inverse depths; NaN equals NaN.
+void expectEqual(const LocalMap& before, const LocalMap& after) {
   for (std::size_t k = 0; k < before.keyframes().size(); ++k) {
     const Eigen::Matrix4d a = before.keyframes()[k].T_w_c.matrix();
     const Eigen::Matrix4d b = after.keyframes()[k].T_w_c.matrix();
@@ -116,7 +121,7 @@ void expectUnchanged(const LocalMap& before, const LocalMap& after) {
 }
 
 TEST(LocalBundleAdjustment, agreesWithCeres) {
-  for (const int keyframes : {2, 3, 6, 9, 14, 20}) {  // up to 7 leave the scale free
+  for (const int keyframes : {2, 3, 6, 9, 14, 20}) {  // up to 8 leave the scale free
     for (const int iterations : {1, 2, 4, 50}) {
       for (const double huber : {0.5, 1.0, 100.0}) {
         SCOPED_TRACE(testing::Message() << keyframes << " keyframes, " << iterations
@@ -133,7 +138,7 @@ TEST(LocalBundleAdjustment, agreesWithCeres) {
         // A single large step depends slightly on the parametrisation of rotations.
         const double rms_tolerance = iterations == 1 ? 2e-3 : 1e-5;
         EXPECT_NEAR(result.rms_sigma, expected.rms_sigma, rms_tolerance * expected.rms_sigma);
-        EXPECT_LT(distance(ours, reference), 0.02 * distance(map, reference));
+        EXPECT_LT(largestDistance(ours, reference), 0.02 * largestDistance(map, reference));
         EXPECT_LT(largestAngle(ours, reference), 0.05 * kObservationSigma);
         EXPECT_LT(depthDifference(ours, reference), 0.2);
       }
@@ -142,17 +147,17 @@ TEST(LocalBundleAdjustment, agreesWithCeres) {
 }
 
 TEST(LocalBundleAdjustment, doesNotDependOnThePreviousProblem) {
-  LocalBundleAdjustment kept({});
+  LocalBundleAdjustment reused({});
   for (const int keyframes : {14, 5, 9, 2, 12}) {
     const LocalMap map = randomMap(keyframes, 7);
-    LocalMap first = map, again = map;
-    const auto a = LocalBundleAdjustment({}).adjust(&first);
-    const auto b = kept.adjust(&again);
+    LocalMap map_a = map, map_b = map;
+    const auto a = LocalBundleAdjustment({}).adjust(&map_a);
+    const auto b = reused.adjust(&map_b);
     ASSERT_TRUE(a.usable && b.usable);
     EXPECT_EQ(a.rms_sigma, b.rms_sigma);
-    expectUnchanged(first, again);
+    expectEqual(map_a, map_b);
     LocalMap empty({});
-    EXPECT_FALSE(kept.adjust(&empty).usable);
+    EXPECT_FALSE(reused.adjust(&empty).usable);
   }
 }
 
@@ -161,15 +166,15 @@ TEST(LocalBundleAdjustment, solveDoesNotAccessTheMap) {
   LocalMap map = before, expected = before;
   LocalBundleAdjustment adjustment({});
   adjustment.store(&map);
-  expectUnchanged(before, map);
+  expectEqual(before, map);
   adjustment.load(map);
   adjustment.store(&map);
-  expectUnchanged(before, map);
+  expectEqual(before, map);
   ASSERT_TRUE(adjustment.solve().usable);
-  expectUnchanged(before, map);
+  expectEqual(before, map);
   adjustment.store(&map);
   LocalBundleAdjustment({}).adjust(&expected);
-  expectUnchanged(expected, map);
+  expectEqual(expected, map);
 }
 
 TEST(LocalBundleAdjustment, recoversDisturbedPosesAndDepths) {
@@ -221,6 +226,7 @@ TEST(LocalBundleAdjustment, residualsMatchTheNoise) {
   EXPECT_LT(result.rms_sigma, 1.8);
 }
 
+// 14 keyframes, of which the window of 7 leaves 7 fixed; then 4, which are all in the window.
 TEST(LocalBundleAdjustment, keepsTheGaugeFixed) {
   LocalMap before = randomMap(14, 5), map = before;
   ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
@@ -234,21 +240,21 @@ TEST(LocalBundleAdjustment, keepsTheGaugeFixed) {
     const auto& k = m.keyframes();
     return (k.back().T_w_c.translation() - k.front().T_w_c.translation()).norm();
   };
-  EXPECT_GT(distance(before, map), 1e-4);
+  EXPECT_GT(largestDistance(before, map), 1e-4);
   EXPECT_NEAR(length(map), length(before), 1e-12);
 }
 
 TEST(LocalBundleAdjustment, staysAtAMinimum) {
-  const LocalMap before = straightMap(10);
+  const LocalMap before = exactMap(10);
   LocalMap map = before;
   const auto result = LocalBundleAdjustment({}).adjust(&map);
   EXPECT_TRUE(result.usable);
   EXPECT_LT(result.rms_sigma, 1e-6);
-  EXPECT_LT(distance(before, map), 1e-9);
+  EXPECT_LT(largestDistance(before, map), 1e-9);
 }
 
 TEST(LocalBundleAdjustment, aKeyframeWithoutObservationsStays) {
-  LocalMap before = straightMap(9);
+  LocalMap before = exactMap(9);
   before.addKeyframe(keyframePose(9), {});
   LocalMap map = before;
   EXPECT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
@@ -261,7 +267,7 @@ void expectRefused(const LocalMap& before) {
   const auto result = LocalBundleAdjustment({}).adjust(&map);
   EXPECT_FALSE(result.usable);
   EXPECT_EQ(result.residuals, 0);
-  expectUnchanged(before, map);
+  expectEqual(before, map);
 }
 
 TEST(LocalBundleAdjustment, isNotUsableWithoutEnoughLandmarks) {
@@ -271,7 +277,7 @@ TEST(LocalBundleAdjustment, isNotUsableWithoutEnoughLandmarks) {
   expectRefused(map);  // one keyframe
   map.addKeyframe(keyframePose(1), {});
   for (auto& [id, landmark] : map.landmarks()) landmark.depth = InverseDepth{0.05, 0.01};
-  expectRefused(map);  // one observation of every point
+  expectRefused(map);  // every landmark has one observation
 
   LocalMap few({});
   auto points = farPoints();
@@ -280,7 +286,7 @@ TEST(LocalBundleAdjustment, isNotUsableWithoutEnoughLandmarks) {
   few.triangulateNew();
   expectRefused(few);
 
-  LocalMap behind = straightMap(10);
+  LocalMap behind = exactMap(10);
   for (Keyframe& keyframe : behind.keyframes()) {
     if (keyframe.id > 0) keyframe.T_w_c.translation().z() += 1000;
   }
@@ -288,17 +294,17 @@ TEST(LocalBundleAdjustment, isNotUsableWithoutEnoughLandmarks) {
 }
 
 TEST(LocalBundleAdjustment, ignoresALandmarkBehindTheCamera) {
-  LocalMap map = straightMap(10);
+  LocalMap map = exactMap(10);
   const int all = LocalBundleAdjustment({}).adjust(&map).residuals;
-  map.find(7)->depth->value = 10;  // nearer than the second keyframe
+  map.find(7)->depth->value = 10;  // 0.1 units ahead of the first keyframe, behind all others
   const auto result = LocalBundleAdjustment({}).adjust(&map);
   EXPECT_TRUE(result.usable);
-  EXPECT_EQ(result.residuals, all - 2 * 9);
+  EXPECT_EQ(result.residuals, all - 2 * 9);  // x and y in nine keyframes
   EXPECT_EQ(map.find(7)->depth->value, 10);
 }
 
 TEST(LocalBundleAdjustment, isNotUsableWithInputThatIsNotFinite) {
-  const LocalMap good = straightMap(10);
+  const LocalMap good = exactMap(10);
   LocalMap map = good;
   map.find(3)->observations.back().x.x() = kNaN;
   expectRefused(map);

@@ -25,11 +25,12 @@ TEST(Triangulation, scaledDerivativeMatchesNumericDerivative) {
   const Eigen::Isometry3d T = pose({0.02, 0.1, -0.03}, {0.3, 0.1, 0.8});
   const double rho = 0.15, step = 1e-6;
   const auto x = [&](double at) { return normalised(projectOnRay(ray, at, T).p); };
-  const RayProjection seen = projectOnRay(ray, rho, T);
-  EXPECT_LT((normalised(T * (ray / rho)) - normalised(seen.p)).norm(), 1e-12);
-  EXPECT_LT(
-      ((x(rho + step) - x(rho - step)) / (2 * step) - seen.scaled_derivative / seen.p.z()).norm(),
-      1e-8);
+  const RayProjection projection = projectOnRay(ray, rho, T);
+  EXPECT_LT((normalised(T * (ray / rho)) - normalised(projection.p)).norm(), 1e-12);
+  EXPECT_LT(((x(rho + step) - x(rho - step)) / (2 * step) -
+             projection.scaled_derivative / projection.p.z())
+                .norm(),
+            1e-8);
 }
 
 TEST(LocalMap, triangulatesLandmarksWithParallax) {
@@ -106,7 +107,9 @@ TEST(LocalMap, removesWrongObservations) {
   EXPECT_EQ(map.find(8)->observations.size(), 5u);
 }
 
-std::vector<PointObservation> observe(const Eigen::Isometry3d& T_w_c, double noise) {
+/// Observations of the points for PoseEstimation. noise: standard deviation in normalised image
+/// coordinates.
+std::vector<PointObservation> pointObservations(const Eigen::Isometry3d& T_w_c, double noise) {
   std::mt19937 generator(51);
   std::normal_distribution<double> error(0, noise > 0 ? noise : 1);
   std::vector<PointObservation> result;
@@ -121,7 +124,7 @@ std::vector<PointObservation> observe(const Eigen::Isometry3d& T_w_c, double noi
 TEST(PoseEstimation, isExactWithoutNoise) {
   const Eigen::Isometry3d true_T_w_c = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
   const auto result =
-      PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observe(true_T_w_c, 0));
+      PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), pointObservations(true_T_w_c, 0));
   ASSERT_EQ(result.status, PoseStatus::kOk);
   EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-8);
   EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 1e-7);
@@ -130,7 +133,7 @@ TEST(PoseEstimation, isExactWithoutNoise) {
 
 TEST(PoseEstimation, rejectsOutliers) {
   const Eigen::Isometry3d true_T_w_c = pose({0, 0.03, 0}, {0.1, 0, 1});
-  auto observations = observe(true_T_w_c, 0.0005);
+  auto observations = pointObservations(true_T_w_c, 0.0005);
   for (std::size_t i = 0; i < observations.size(); i += 4) observations[i].x.x() += 0.05;
   const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
   ASSERT_EQ(result.status, PoseStatus::kOk);
@@ -140,15 +143,15 @@ TEST(PoseEstimation, rejectsOutliers) {
 
 TEST(PoseEstimation, recoversFromAWrongPredictionOfThePose) {
   const Eigen::Isometry3d true_T_w_c = pose({0.05, -0.5, 0.1}, {3, 1, -4});
-  const auto result =
-      PoseEstimation({}).estimate(pose({0, 0.6, 0}, {-5, 0, 8}), observe(true_T_w_c, 0.0005));
+  const auto result = PoseEstimation({}).estimate(pose({0, 0.6, 0}, {-5, 0, 8}),
+                                                  pointObservations(true_T_w_c, 0.0005));
   ASSERT_EQ(result.status, PoseStatus::kOk);
   EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-3);
 }
 
 TEST(PoseEstimation, uncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine) {
   const Eigen::Isometry3d true_T_w_c = pose({0, 0.02, 0}, {0.1, 0, 1});
-  auto observations = observe(true_T_w_c, 0);
+  auto observations = pointObservations(true_T_w_c, 0);
   // Half of the points have a wrong depth on their ray from the origin, within their sigma.
   for (std::size_t i = 0; i < observations.size(); i += 2) {
     observations[i].sigma_w = 0.5 * observations[i].p_w;
@@ -163,7 +166,7 @@ TEST(PoseEstimation, uncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine)
 TEST(PoseEstimation, reportsWhenThereIsNoPose) {
   EXPECT_EQ(PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), {}).status,
             PoseStatus::kTooFewPoints);
-  auto observations = observe(Eigen::Isometry3d::Identity(), 0);
+  auto observations = pointObservations(Eigen::Isometry3d::Identity(), 0);
   std::mt19937 generator(61);
   std::uniform_real_distribution<double> anywhere(-0.5, 0.5);
   for (auto& o : observations) o.x = {anywhere(generator), anywhere(generator)};

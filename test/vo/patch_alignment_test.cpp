@@ -11,7 +11,8 @@ namespace ground_scale_vo {
 namespace {
 
 const PinholeCamera kCamera = test::testCamera();
-constexpr double kHeight = 1.65;
+constexpr double kHeight = 1.65;      // of the camera above the floor
+constexpr double kWallDistance = 20;  // ahead of the first camera
 
 /// Grey level of a surface at (a, b): smooth, without a period shorter than a patch.
 double grey(double a, double b) {
@@ -19,10 +20,11 @@ double grey(double a, double b) {
          20 * std::sin(3.1 * a - 4.7 * b);
 }
 
-/// The floor kHeight below the first camera, or with `wall` a wall 20 ahead, seen from T_w_c.
+/// Image of the floor below the first camera, or with `wall` of a wall ahead of it, seen from
+/// T_w_c.
 cv::Mat render(const Eigen::Isometry3d& T_w_c, bool wall, double gain = 1, double offset = 0) {
   const Eigen::Vector3d n = wall ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitY();
-  const double d = wall ? 20 : kHeight;
+  const double d = wall ? kWallDistance : kHeight;
   cv::Mat image(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0));
   for (int v = 0; v < image.rows; ++v) {
     for (int u = 0; u < image.cols; ++u) {
@@ -42,7 +44,7 @@ struct Errors {
   double rms_px = 0, mean_correlation = 0;
 };
 
-/// Points of the surface aligned after a motion, from starts that are half a pixel off.
+/// Aligns corners of the surface after a motion, from predictions that are half a pixel off.
 Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c, double gain = 1,
                 double offset = 0) {
   const cv::Mat reference = render(Eigen::Isometry3d::Identity(), wall);
@@ -51,13 +53,14 @@ Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c,
   const Eigen::Isometry3d T_c_r = T_w_c.inverse();
   Errors errors;
   std::vector<cv::Point2f> corners;
-  cv::Mat sharp(reference.size(), CV_8UC1, cv::Scalar(255));  // no floor so far that it shimmers
-  if (!wall) sharp.rowRange(0, 170) = 0;
-  cv::goodFeaturesToTrack(reference, corners, 100, 0.05, 8, sharp);
+  // Without the distant floor, which is aliased in the image.
+  cv::Mat mask(reference.size(), CV_8UC1, cv::Scalar(255));
+  if (!wall) mask.rowRange(0, 170) = 0;
+  cv::goodFeaturesToTrack(reference, corners, 100, 0.05, 8, mask);
   for (const cv::Point2f& corner : corners) {
     const Eigen::Vector2d u_ref(corner.x, corner.y);
     const Eigen::Vector3d ray = kCamera.ray(u_ref);
-    const Eigen::Vector3d p = ray * (wall ? 20 : kHeight / ray.y());
+    const Eigen::Vector3d p = ray * (wall ? kWallDistance : kHeight / ray.y());
     if (!wall && p.z() < 8) continue;
     const Eigen::Vector2d true_u = kCamera.project(T_c_r * p);
     if (!cv::Rect(10, 10, kCamera.width - 20, kCamera.height - 20)
@@ -81,17 +84,17 @@ Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c,
   return errors;
 }
 
-TEST(PatchAlignment, alignsPatchesOfTheFloorAfterAChangeOfSize) {
+TEST(PatchAlignment, alignsPatchesOfTheFloorAfterForwardMotion) {
   const auto T_w_c = test::pose({0.004, 0.02, 0}, {0.05, 0, 2.0});
   const Errors floor = alignAll(false, PatchSurface::kFloor, T_w_c);
   ASSERT_GT(floor.tried, 30);
   EXPECT_GT(floor.found, floor.tried * 8 / 10) << floor.tried;
   EXPECT_LT(floor.rms_px, 0.25);
   EXPECT_GT(floor.mean_correlation, 0.97);
-  // With the model of a surface facing the camera the same patches fit worse.
-  const Errors facing = alignAll(false, PatchSurface::kFrontoParallel, T_w_c);
-  EXPECT_LT(facing.mean_correlation, floor.mean_correlation);
-  EXPECT_GT(facing.rms_px, 1.5 * floor.rms_px);
+  // With the model of a fronto-parallel surface the same patches fit worse.
+  const Errors fronto_parallel = alignAll(false, PatchSurface::kFrontoParallel, T_w_c);
+  EXPECT_LT(fronto_parallel.mean_correlation, floor.mean_correlation);
+  EXPECT_GT(fronto_parallel.rms_px, 1.5 * floor.rms_px);
 }
 
 TEST(PatchAlignment, alignsPatchesOfAWallUnderOtherIllumination) {
@@ -113,8 +116,8 @@ TEST(PatchAlignment, rejectsMissingAndTexturelessPatches) {
   const cv::Mat blank(wall.size(), CV_8UC1, cv::Scalar(90));
   const Eigen::Vector2d u(400, 120);
   EXPECT_TRUE(alignment.align(wall, u, identity, wall, u));
-  EXPECT_FALSE(alignment.align(blank, u, identity, wall, u)) << "no corner";
-  EXPECT_FALSE(alignment.align(wall, u, identity, blank, u)) << "nothing that is like it";
+  EXPECT_FALSE(alignment.align(blank, u, identity, wall, u)) << "no texture";
+  EXPECT_FALSE(alignment.align(wall, u, identity, blank, u)) << "no matching patch";
   int wrong = 0;
   for (int x = 100; x < 700; x += 10) {
     const Eigen::Vector2d at(x, 120);
@@ -139,10 +142,11 @@ TEST(PatchWarp, isTheDerivativeOfTheProjection) {
 }
 
 TEST(PatchWarp, isEmptyForSurfacesSeenEdgeOnOrFromBehind) {
-  const Eigen::Isometry3d none = Eigen::Isometry3d::Identity();
-  EXPECT_TRUE(patchWarp(kCamera, {1, 1.65, 10}, none, PatchSurface::kFloor));
-  EXPECT_FALSE(patchWarp(kCamera, {1, 0, 10}, none, PatchSurface::kFloor)) << "edge-on";
-  EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, -10}, none, PatchSurface::kFrontoParallel)) << "behind";
+  const Eigen::Isometry3d identity = Eigen::Isometry3d::Identity();
+  EXPECT_TRUE(patchWarp(kCamera, {1, 1.65, 10}, identity, PatchSurface::kFloor));
+  EXPECT_FALSE(patchWarp(kCamera, {1, 0, 10}, identity, PatchSurface::kFloor)) << "edge-on";
+  EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, -10}, identity, PatchSurface::kFrontoParallel))
+      << "behind";
   EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, 10}, test::pose({0, 0, 0}, {0, 0, -11}),
                          PatchSurface::kFrontoParallel))
       << "behind the current camera";

@@ -16,12 +16,14 @@ using test::randomPoints;
 using test::roadPoints;
 using test::testCamera;
 
+/// Matched pixels of two images.
 struct Views {
   std::vector<Eigen::Vector2d> u1, u2;
 };
 
-Views look(const std::vector<Eigen::Vector3d>& points, const Eigen::Isometry3d& T_2_1,
-           double noise_px = 0) {
+/// Projects the points into both images; noise_px: standard deviation in the second one.
+Views project(const std::vector<Eigen::Vector3d>& points, const Eigen::Isometry3d& T_2_1,
+              double noise_px = 0) {
   std::mt19937 generator(5);
   std::normal_distribution<double> noise(0, noise_px > 0 ? noise_px : 1);
   Views views;
@@ -46,7 +48,7 @@ void expectMotion(const TwoView::Result& result, const Eigen::Isometry3d& T_2_1,
 
 TEST(TwoView, findsTheMotionAmongScatteredPoints) {
   const Eigen::Isometry3d T_2_1 = pose({0.01, 0.04, -0.005}, {0.1, 0.02, -1.5});
-  const Views views = look(randomPoints(400, 1), T_2_1, 0.3);
+  const Views views = project(randomPoints(400, 1), T_2_1, 0.3);
   const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   expectMotion(result, T_2_1, 0.003, 0.03);
   EXPECT_FALSE(result.planar);
@@ -55,7 +57,7 @@ TEST(TwoView, findsTheMotionAmongScatteredPoints) {
 TEST(TwoView, givesTheDepthsInUnitsOfTheBaseline) {
   const Eigen::Isometry3d T_2_1 = pose({0, 0.02, 0}, {1, 0, 0});
   const auto points = randomPoints(300, 2);
-  const Views views = look(points, T_2_1);
+  const Views views = project(points, T_2_1);
   const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   ASSERT_EQ(result.status, TwoViewStatus::kOk);
   ASSERT_EQ(result.inlier.size(), points.size());
@@ -71,7 +73,7 @@ TEST(TwoView, findsTheMotionInAMostlyPlanarScene) {
   auto points = roadPoints(400, 3);
   const auto others = randomPoints(80, 14);
   points.insert(points.end(), others.begin(), others.end());
-  const Views views = look(points, T_2_1, 0.1);
+  const Views views = project(points, T_2_1, 0.1);
   const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   expectMotion(result, T_2_1, 0.01, 0.08);
 }
@@ -79,14 +81,14 @@ TEST(TwoView, findsTheMotionInAMostlyPlanarScene) {
 // The homography of a plane has two physically valid decompositions. The second one here is a
 // camera that moves downwards in front of a frontal wall (translation and normal exchanged).
 TEST(TwoView, aPlaneAloneIsAmbiguous) {
-  const Views views = look(roadPoints(400, 3), pose({0.005, 0.02, 0}, {0.05, 0, -1.5}), 0.1);
+  const Views views = project(roadPoints(400, 3), pose({0.005, 0.02, 0}, {0.05, 0, -1.5}), 0.1);
   const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   EXPECT_EQ(result.status, TwoViewStatus::kAmbiguous);
 }
 
 TEST(TwoView, isRobustAgainstWrongMatches) {
   const Eigen::Isometry3d T_2_1 = pose({0, 0.03, 0}, {0.1, 0, -1.5});
-  Views views = look(randomPoints(400, 4), T_2_1, 0.2);
+  Views views = project(randomPoints(400, 4), T_2_1, 0.2);
   std::mt19937 generator(6);
   std::uniform_real_distribution<double> x(0, 799), y(0, 247);
   for (std::size_t i = 0; i < views.u2.size(); i += 4) views.u2[i] = {x(generator), y(generator)};
@@ -95,19 +97,19 @@ TEST(TwoView, isRobustAgainstWrongMatches) {
 }
 
 TEST(TwoView, reportsTooLittleParallaxForPureRotationAndStandstill) {
-  const Views turning = look(randomPoints(400, 7), pose({0.002, 0.06, 0}, {0, 0, 0}), 0.2);
+  const Views turning = project(randomPoints(400, 7), pose({0.002, 0.06, 0}, {0, 0, 0}), 0.2);
   EXPECT_EQ(TwoView({}).estimate(testCamera(), turning.u1, turning.u2).status,
             TwoViewStatus::kTooLittleParallax);
-  const Views standing = look(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
+  const Views standing = project(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
   EXPECT_EQ(TwoView({}).estimate(testCamera(), standing.u1, standing.u2).status,
             TwoViewStatus::kTooLittleParallax);
 }
 
 TEST(TwoView, rejectsFewOrRandomMatches) {
-  const Views few = look(randomPoints(20, 9), pose({0, 0, 0}, {1, 0, 0}));
+  const Views few = project(randomPoints(20, 9), pose({0, 0, 0}, {1, 0, 0}));
   EXPECT_EQ(TwoView({}).estimate(testCamera(), few.u1, few.u2).status,
             TwoViewStatus::kTooFewMatches);
-  Views nonsense = look(randomPoints(300, 10), pose({0, 0, 0}, {1, 0, 0}));
+  Views nonsense = project(randomPoints(300, 10), pose({0, 0, 0}, {1, 0, 0}));
   std::mt19937 generator(11);
   std::shuffle(nonsense.u2.begin(), nonsense.u2.end(), generator);
   EXPECT_NE(TwoView({}).estimate(testCamera(), nonsense.u1, nonsense.u2).status,
@@ -115,7 +117,7 @@ TEST(TwoView, rejectsFewOrRandomMatches) {
 }
 
 TEST(TwoView, isDeterministic) {
-  const Views views = look(randomPoints(300, 12), pose({0, 0.03, 0}, {0.1, 0, -1.5}), 0.3);
+  const Views views = project(randomPoints(300, 12), pose({0, 0.03, 0}, {0.1, 0, -1.5}), 0.3);
   const auto a = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   const auto b = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   EXPECT_EQ(a.T_2_1.matrix(), b.T_2_1.matrix());

@@ -16,16 +16,17 @@ namespace {
 using test::angleBetween;
 using test::pose;
 
+/// Outputs of all frames of a drive.
 struct DriveRun {
   std::vector<VisualOdometry::Output> outputs;
 
   const VoFrame& frame(std::size_t i) const { return outputs[i].frame; }
 };
 
-DriveRun run(const SyntheticDrive& drive, std::size_t first = 0) {
+DriveRun run(const SyntheticDrive& drive) {
   VisualOdometry odometry(drive.camera(), {});
   DriveRun result;
-  for (std::size_t i = first; i < drive.size(); ++i) {
+  for (std::size_t i = 0; i < drive.size(); ++i) {
     result.outputs.push_back(odometry.process(drive.image(i), drive.frame(i).stamp_ns));
   }
   return result;
@@ -37,7 +38,7 @@ SyntheticDrive::Options drive(int frames) {
   return options;
 }
 
-/// The same field of view in a third of the time; without a stop.
+/// The same field of view in smaller images, which take a third of the time; without a stop.
 SyntheticDrive::Options smallDrive(int frames) {
   SyntheticDrive::Options options = drive(frames);
   options.camera.width = 480;
@@ -83,7 +84,7 @@ TEST(VisualOdometry, followsTheSyntheticDrive) {
   }
 }
 
-TEST(VisualOdometry, featuresCarryTheirPointsAndAreOrderedById) {
+TEST(VisualOdometry, featuresHaveTheirPointsAndAreOrderedById) {
   const SyntheticDrive ground_truth(drive(25));
   const DriveRun result = run(ground_truth);
   const VoFrame& frame = result.outputs.back().frame;
@@ -105,33 +106,35 @@ TEST(VisualOdometry, featuresCarryTheirPointsAndAreOrderedById) {
   EXPECT_LT(error[error.size() / 2], 0.8);
 }
 
-// From frame 12 on a poster covers a part of the image and moves up, unlike the static scene.
+// From frame 12 on, an inserted texture covers a part of the image and moves up, unlike the static
+// scene.
 TEST(VisualOdometry, rejectedFeaturesAreReportedAndNotInTheFrame) {
   SyntheticDrive::Options options = drive(24);
   options.curvature = 0;
   const SyntheticDrive ground_truth(options);
-  const auto poster = [](std::size_t i) {
+  const auto moving_region = [](std::size_t i) {
     return cv::Rect(500, 170 - 6 * static_cast<int>(i), 120, 70);
   };
-  cv::Mat paper(70, 120, CV_8UC1);
-  cv::RNG(5).fill(paper, cv::RNG::UNIFORM, 30, 220);
-  cv::GaussianBlur(paper, paper, {}, 2);
-  cv::normalize(paper, paper, 30, 220, cv::NORM_MINMAX);
+  cv::Mat region_texture(70, 120, CV_8UC1);
+  cv::RNG(5).fill(region_texture, cv::RNG::UNIFORM, 30, 220);
+  cv::GaussianBlur(region_texture, region_texture, {}, 2);
+  cv::normalize(region_texture, region_texture, 30, 220, cv::NORM_MINMAX);
 
   constexpr std::size_t kFirst = 12;
   VisualOdometry odometry(ground_truth.camera(), {});
+  // Features on the texture that are not found when it appears, and outliers while it moves.
   std::size_t covered = 0, outliers = 0;
   for (std::size_t i = 0; i < ground_truth.size(); ++i) {
     cv::Mat image = ground_truth.image(i);
-    if (i >= kFirst) paper.copyTo(image(poster(i)));
+    if (i >= kFirst) region_texture.copyTo(image(moving_region(i)));
     const VisualOdometry::Output output = odometry.process(image, ground_truth.frame(i).stamp_ns);
     std::set<std::uint64_t> rejected_ids;
     for (const RejectedFeature& rejected : output.rejected) {
       EXPECT_TRUE(rejected_ids.insert(rejected.id).second) << "twice in frame " << i;
-      const bool on_poster = poster(i).contains(cv::Point2f(rejected.u.x(), rejected.u.y()));
+      const bool in_region = moving_region(i).contains(cv::Point2f(rejected.u.x(), rejected.u.y()));
       const bool outlier = rejected.reason == RejectReason::kOutlier;
-      covered += i == kFirst && on_poster && !outlier;
-      outliers += i > kFirst && on_poster && outlier;
+      covered += i == kFirst && in_region && !outlier;
+      outliers += i > kFirst && in_region && outlier;
     }
     for (const TrackedFeature& feature : output.frame.features) {
       EXPECT_EQ(rejected_ids.count(feature.id), 0u) << "rejected, yet a feature of frame " << i;
@@ -152,7 +155,7 @@ TEST(VisualOdometry, standstillKeepsPoseAndMap) {
   options.slope = 0;
   const SyntheticDrive ground_truth(options);
   const DriveRun result = run(ground_truth);
-  std::size_t begin = 0;
+  std::size_t begin = 0;  // of the standstill, after the start
   while (begin < ground_truth.size() && (begin < 10 || ground_truth.frame(begin).speed > 0))
     ++begin;
   std::size_t end = begin;
@@ -219,7 +222,7 @@ TEST(VisualOdometry, blackFramesAreLostAndTrackingResumes) {
   const DriveRun result = run(ground_truth);
   ASSERT_EQ(result.frame(39).status, VoStatus::kTracking);
   for (std::size_t i = 40; i < 50; ++i) EXPECT_EQ(result.frame(i).status, VoStatus::kLost) << i;
-  std::size_t back = 50;
+  std::size_t back = 50;  // first tracked frame after the black ones
   while (back < ground_truth.size() && result.frame(back).status != VoStatus::kTracking) ++back;
   EXPECT_LT(back, 60u);
   for (std::size_t i = back; i < ground_truth.size(); ++i) {
@@ -239,6 +242,7 @@ TEST(VisualOdometry, tracksThroughStepsOfTheExposure) {
   VisualOdometry odometry(ground_truth.camera(), {});
   DriveRun result;
   for (std::size_t i = 0; i < ground_truth.size(); ++i) {
+    // Single steps, then one in every frame.
     const double gain = i < 12 ? 1 : i < 19 ? 0.4 : i < 26 ? 1 : i < 33 ? 2.5 : i % 2 ? 0.6 : 1.5;
     cv::Mat image;
     ground_truth.image(i).convertTo(image, CV_8U, gain);
@@ -253,7 +257,7 @@ TEST(VisualOdometry, tracksThroughStepsOfTheExposure) {
 
 // Four seconds of black images behind a car, which is at the same place in the image before and
 // after: its features must not yield a pose in the old map.
-TEST(VisualOdometry, aCarAheadDoesNotHideAnInterruption) {
+TEST(VisualOdometry, aCarAheadDoesNotConcealAnInterruption) {
   const SyntheticDrive ground_truth(faultDrive(1, 21).options);
   VisualOdometry odometry(ground_truth.camera(), {});
   std::set<std::uint32_t> maps;
@@ -268,7 +272,7 @@ TEST(VisualOdometry, aCarAheadDoesNotHideAnInterruption) {
   EXPECT_EQ(maps, std::set<std::uint32_t>{1});
 }
 
-TEST(VisualOdometry, aCutToAnotherPlaceStartsANewMap) {
+TEST(VisualOdometry, aJumpToAnotherPlaceStartsANewMap) {
   const SyntheticDrive ground_truth(drive(20));
   SyntheticDrive::Options other_options = drive(30);
   other_options.random_seed = 77;
@@ -288,7 +292,7 @@ TEST(VisualOdometry, aCutToAnotherPlaceStartsANewMap) {
   EXPECT_EQ(frames.back().map_id, 1u);
 }
 
-TEST(VisualOdometry, sameImagesGiveTheSameBytes) {
+TEST(VisualOdometry, isDeterministic) {
   const SyntheticDrive ground_truth(drive(25));
   const DriveRun a = run(ground_truth), b = run(ground_truth);
   for (std::size_t i = 0; i < ground_truth.size(); ++i) {

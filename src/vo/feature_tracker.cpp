@@ -154,6 +154,9 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
 FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const ImagePyramid& to,
                                              const std::vector<cv::Point2f>& from_points,
                                              const std::vector<cv::Point2f>& predicted) const {
+  if (predicted.empty()) {
+    return trackOnce(from, to, from_points, from_points, options_.pyramid_levels);
+  }
   Tracks tracks = trackOnce(from, to, from_points, predicted,
                             std::min(kLevelsNearPrediction, options_.pyramid_levels));
   std::vector<std::size_t> missed;

@@ -43,8 +43,7 @@ std::vector<Feature> FrameToFrameTracking::track(const ImagePyramid& next, std::
                                                  const Eigen::Matrix3d& R_next_previous,
                                                  std::vector<RejectedFeature>* rejected) const {
   const double dt = secondsUntil(stamp_ns);
-  std::vector<cv::Point2f> points;
-  for (const Feature& feature : features_) points.push_back(toCv(feature.u));
+  const std::vector<cv::Point2f> points = pixels();
   const double gain = next.exposure / previous_.exposure;
   const FeatureTracker::Tracks tracks =
       gain == 1 ? tracker_.track(previous_, next, points, predicted)
@@ -97,15 +96,25 @@ void FrameToFrameTracking::advance(ImagePyramid next, std::int64_t stamp_ns,
 }
 
 void FrameToFrameTracking::detectNew() {
-  std::vector<cv::Point2f> occupied;
-  for (const Feature& feature : features_) occupied.push_back(toCv(feature.u));
-  for (const cv::Point2f& corner : tracker_.detect(previous_.image, occupied)) {
+  for (const cv::Point2f& corner : tracker_.detect(previous_.image, pixels())) {
     Feature feature;
     feature.id = next_feature_id_++;
     feature.sigma = options_.feature_sigma;
     feature.u = Eigen::Vector2d(corner.x, corner.y);
     features_.push_back(feature);
   }
+}
+
+Descriptors FrameToFrameTracking::describeFeatures() const { return {previous_.image, pixels()}; }
+
+Descriptors FrameToFrameTracking::describeCorners(const ImagePyramid& image) const {
+  return {image.image, tracker_.detect(image.image, {})};
+}
+
+std::vector<cv::Point2f> FrameToFrameTracking::pixels() const {
+  std::vector<cv::Point2f> points;
+  for (const Feature& feature : features_) points.push_back(toCv(feature.u));
+  return points;
 }
 
 bool FrameToFrameTracking::isTextureless(const ImagePyramid& image, std::size_t found) const {

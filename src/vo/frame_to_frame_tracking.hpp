@@ -7,6 +7,7 @@
 
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
 
 namespace ground_scale_vo {
@@ -22,10 +23,10 @@ class FrameToFrameTracking {
   ImagePyramid pyramid(const cv::Mat& image) const;
 
   /// Tracks the features into the next image and returns those found, with their new positions; the
-  /// others are appended to `rejected`. predicted: predicted position of each feature [px].
-  /// R_next_previous: predicted rotation from the previous to the next camera frame. A feature's
-  /// sigma grows with the part of its motion that the rotation does not explain, because its patch
-  /// then changes in size.
+  /// others are appended to `rejected`. predicted: predicted position of each feature [px]; empty:
+  /// unknown. R_next_previous: predicted rotation from the previous to the next camera frame. A
+  /// feature's sigma grows with the part of its motion that the rotation does not explain, because
+  /// its patch then changes in size.
   std::vector<Feature> track(const ImagePyramid& next, std::int64_t stamp_ns,
                              const std::vector<cv::Point2f>& predicted,
                              const Eigen::Matrix3d& R_next_previous,
@@ -39,6 +40,11 @@ class FrameToFrameTracking {
 
   /// Adds new corners where the previous image has no features.
   void detectNew();
+
+  /// Descriptors of the features in the previous image, in their order.
+  Descriptors describeFeatures() const;
+  /// Descriptors of the corners of an image.
+  Descriptors describeCorners(const ImagePyramid& image) const;
 
   /// True if the image has too few corners to track (dark, covered or blank). found: number of
   /// features tracked into this image.
@@ -54,6 +60,7 @@ class FrameToFrameTracking {
 
  private:
   double medianFlow(const std::vector<Feature>& found) const;
+  std::vector<cv::Point2f> pixels() const;  ///< of the features
 
   const VisualOdometry::Options options_;
   const PinholeCamera camera_;

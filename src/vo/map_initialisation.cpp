@@ -17,6 +17,12 @@ constexpr std::size_t kMinPoints = kMinMatches / 2;
 /// 10 Hz.
 constexpr std::size_t kMaxFrames = 3000;
 
+std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const Feature& feature : features) pixels.push_back(feature.u);
+  return pixels;
+}
+
 }  // namespace
 
 MapInitialisation::MapInitialisation(const PinholeCamera& camera,
@@ -39,6 +45,20 @@ bool MapInitialisation::canContinueWith(std::size_t found) const {
   return static_cast<double>(found) >= min_tracked_ * static_cast<double>(first);
 }
 
+std::vector<Eigen::Vector2d> MapInitialisation::pixelsInFirst(
+    const std::vector<Feature>& found) const {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const LocalMap::Corner& corner : entriesOf(found, frames_.front().corners)) {
+    pixels.push_back(camera_.project(corner.x.homogeneous()));
+  }
+  return pixels;
+}
+
+std::optional<RelativeRotation> MapInitialisation::rotationSinceFirst(
+    const std::vector<Feature>& found) const {
+  return two_view_.estimateRotation(camera_, pixelsInFirst(found), pixelsOf(found));
+}
+
 void MapInitialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
                                  const std::vector<Feature>& found) {
   frames_.push_back({sequence, stamp_ns, toCorners(camera_, found)});
@@ -46,12 +66,7 @@ void MapInitialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
 
 std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::tryStartMap(
     const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping) {
-  std::vector<Eigen::Vector2d> u1, u2;
-  for (const LocalMap::Corner& corner : entriesOf(found, frames_.front().corners)) {
-    u1.push_back(camera_.project(corner.x.homogeneous()));
-  }
-  for (const Feature& feature : found) u2.push_back(feature.u);
-  const TwoView::Result motion = two_view_.estimate(camera_, u1, u2);
+  const TwoView::Result motion = two_view_.estimate(camera_, pixelsInFirst(found), pixelsOf(found));
   if (motion.status != TwoViewStatus::kOk) return std::nullopt;
 
   if (makeMap(found, image, motion, mapping)) {

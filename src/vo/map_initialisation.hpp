@@ -30,6 +30,10 @@ class MapInitialisation {
   /// True if `found` of the first frame's features suffice to continue.
   bool canContinueWith(std::size_t found) const;
 
+  /// Rotation from the first frame to the one in which `found` of its features were tracked. Empty
+  /// when there are too few.
+  std::optional<RelativeRotation> rotationSinceFirst(const std::vector<Feature>& found) const;
+
   /// Adds the next frame. found: the features of the first frame that are still tracked.
   void addFrame(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& found);
 
@@ -46,6 +50,7 @@ class MapInitialisation {
     std::vector<LocalMap::Corner> corners;
   };
 
+  std::vector<Eigen::Vector2d> pixelsInFirst(const std::vector<Feature>& found) const;
   bool makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
                const TwoView::Result& motion, Mapping* mapping) const;
   std::optional<std::vector<VisualOdometry::StartPose>> localiseFrames(const LocalMap& map) const;

@@ -30,12 +30,11 @@ bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
   if (parallax.empty()) return true;
   if (median(parallax) > options_.keyframe_parallax) return true;
   return static_cast<double>(parallax.size()) <
-         options_.keyframe_min_tracked * static_cast<double>(keyframe_features_);
+         options_.keyframe_min_tracked * static_cast<double>(last.corners);
 }
 
 void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
                           const ImagePyramid& image, VisualOdometry::Times* times) {
-  keyframe_features_ = features.size();
   map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image);
   map_.keyframes().back().exposure = image.exposure;
   {

@@ -46,8 +46,7 @@ class Mapping {
 
   LocalMap map_;
   LocalBundleAdjustment bundle_adjustment_;
-  std::size_t keyframe_features_ = 0;  ///< in the last keyframe, including new ones
-  std::future<double> adjusting_;      ///< its duration [ms]. Last: the destructor waits
+  std::future<double> adjusting_;  ///< its duration [ms]. Last: the destructor waits
 };
 
 }  // namespace ground_scale_vo

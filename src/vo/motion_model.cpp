@@ -17,8 +17,12 @@ constexpr double kSecondsPerNanosecond = 1e-9;
 }  // namespace
 
 Eigen::Isometry3d MotionModel::predict(std::int64_t stamp_ns) const {
-  const double dt = std::min(static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond,
-                             kMaxPredictedSteps * velocity_dt_);
+  const double dt = static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond;
+  return boxplus(T_w_c_, velocity_ * std::min(dt, kMaxPredictedSteps * velocity_dt_));
+}
+
+Eigen::Isometry3d MotionModel::extrapolate(std::int64_t stamp_ns) const {
+  const double dt = static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond;
   return boxplus(T_w_c_, velocity_ * dt);
 }
 

@@ -12,7 +12,11 @@ class MotionModel {
  public:
   const Eigen::Isometry3d& T_w_c() const { return T_w_c_; }
 
+  /// Pose at constant velocity; after a long interruption the prediction stops.
   Eigen::Isometry3d predict(std::int64_t stamp_ns) const;
+
+  /// Pose at constant velocity, however long ago it was measured.
+  Eigen::Isometry3d extrapolate(std::int64_t stamp_ns) const;
 
   /// Sets the pose of a newly tracked frame and measures the velocity since the last one.
   void update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);

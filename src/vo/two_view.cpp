@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 
 namespace ground_scale_vo {
@@ -20,8 +22,17 @@ constexpr int kMaxIterations = 1000;
 /// rotation that is fitted alone also absorbs part of a translation's flow.
 constexpr double kMinParallaxFraction = 0.5;
 
+/// Candidates with the lowest cost that are refined, and steps of the refinement.
+constexpr std::size_t kRefinedCandidates = 3;
+constexpr int kRefinementSteps = 10;
+/// Minimum sum of the squared normal components of the two epipolar lines of a match.
+constexpr double kMinEpipolarNormal = 1e-18;
+
 /// Refits of the rotation to the matches below the median angle. Five converge.
 constexpr int kRotationIterations = 5;
+
+/// [matches] minimum number for a rotation: half of them may be outliers of its three unknowns.
+constexpr std::size_t kMinRotationMatches = 40;
 
 /// [plane distances] a shorter translation of a homography is a pure rotation.
 constexpr double kMinTranslation = 1e-9;
@@ -36,7 +47,6 @@ constexpr double kSameDirection = 0.15;  // [rad] of the translations
 
 struct Candidate {
   Eigen::Isometry3d T_2_1 = Eigen::Isometry3d::Identity();
-  bool planar = false;
   std::vector<bool> inlier;
   std::vector<double> inverse_depth_1;
   int inliers = 0;
@@ -50,11 +60,10 @@ Eigen::Matrix3d toEigen(const cv::Mat& m) {
   return result;
 }
 
-Candidate candidate(const Eigen::Matrix3d& R, const Eigen::Vector3d& t, bool planar) {
+Candidate candidate(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
   Candidate result;
   result.T_2_1.linear() = R;
   result.T_2_1.translation() = t.normalized();
-  result.planar = planar;
   return result;
 }
 
@@ -67,8 +76,8 @@ std::vector<Candidate> essentialCandidates(const std::vector<cv::Point2d>& x1,
   cv::Mat Ra, Rb, t;
   cv::decomposeEssentialMat(E, Ra, Rb, t);
   const Eigen::Vector3d t_eigen(t.at<double>(0), t.at<double>(1), t.at<double>(2));
-  return {candidate(toEigen(Ra), t_eigen, false), candidate(toEigen(Ra), -t_eigen, false),
-          candidate(toEigen(Rb), t_eigen, false), candidate(toEigen(Rb), -t_eigen, false)};
+  return {candidate(toEigen(Ra), t_eigen), candidate(toEigen(Ra), -t_eigen),
+          candidate(toEigen(Rb), t_eigen), candidate(toEigen(Rb), -t_eigen)};
 }
 
 std::vector<Candidate> homographyCandidates(const std::vector<cv::Point2d>& x1,
@@ -83,8 +92,8 @@ std::vector<Candidate> homographyCandidates(const std::vector<cv::Point2d>& x1,
     const cv::Mat& t = translations[i];
     const Eigen::Vector3d t_eigen(t.at<double>(0), t.at<double>(1), t.at<double>(2));
     if (t_eigen.norm() < kMinTranslation) continue;
-    result.push_back(candidate(toEigen(rotations[i]), t_eigen, true));
-    result.push_back(candidate(toEigen(rotations[i]), -t_eigen, true));
+    result.push_back(candidate(toEigen(rotations[i]), t_eigen));
+    result.push_back(candidate(toEigen(rotations[i]), -t_eigen));
   }
   return result;
 }
@@ -112,34 +121,77 @@ void evaluate(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>
   }
 }
 
-/// Median angle between the rays after removing the best rotation (Kabsch's algorithm, repeated on
-/// the better half).
-double parallaxAfterRotation(const std::vector<cv::Point2d>& x1,
-                             const std::vector<cv::Point2d>& x2) {
+/// Refines the motion of a minimal sample with all matches: Gauss-Newton on the Sampson distance to
+/// the epipolar line (Hartley & Zisserman, 11.4.3), with Geman-McClure weights.
+void refine(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& x2,
+            double threshold, Eigen::Isometry3d* T_2_1) {
+  for (int step = 0; step < kRefinementSteps; ++step) {
+    const Eigen::Matrix3d R = T_2_1->linear();
+    const Eigen::Vector3d t = T_2_1->translation();
+    Eigen::Matrix<double, 3, 2> tangent;  // the unit translation has two degrees of freedom
+    tangent.col(0) = t.unitOrthogonal();
+    tangent.col(1) = t.cross(tangent.col(0));
+    const Eigen::Matrix3d E = skew(t) * R;
+    Eigen::Matrix<double, 5, 5> H = Eigen::Matrix<double, 5, 5>::Zero();
+    Eigen::Matrix<double, 5, 1> b = Eigen::Matrix<double, 5, 1>::Zero();
+    for (std::size_t i = 0; i < x1.size(); ++i) {
+      const Eigen::Vector3d a(x1[i].x, x1[i].y, 1), c(x2[i].x, x2[i].y, 1);
+      const double normal2 =
+          (E * a).head<2>().squaredNorm() + (E.transpose() * c).head<2>().squaredNorm();
+      if (normal2 < kMinEpipolarNormal) continue;
+      const double norm = std::sqrt(normal2);
+      const double residual = c.dot(E * a) / norm;
+      const Eigen::Vector3d rotated = R * a;
+      Eigen::Matrix<double, 5, 1> J;
+      J << rotated.cross(c.cross(t)), tangent.transpose() * rotated.cross(c);
+      J /= norm;
+      const double m = residual / threshold, weight = 1 / ((1 + m * m) * (1 + m * m));
+      H += weight * J * J.transpose();
+      b -= weight * residual * J;
+    }
+    const Eigen::Matrix<double, 5, 1> delta = H.ldlt().solve(b);
+    if (!isFinite(delta) || delta.norm() > 1) return;
+    Vector6d rotation = Vector6d::Zero();
+    rotation.head<3>() = delta.head<3>();
+    T_2_1->linear() =
+        Eigen::Quaterniond(motionFrom(rotation).linear() * R).normalized().toRotationMatrix();
+    T_2_1->translation() = (t + tangent * delta.tail<2>()).normalized();
+  }
+}
+
+struct RotationFit {
+  Eigen::Matrix3d R_2_1 = Eigen::Matrix3d::Identity();
+  double median_angle = 0;  ///< that remains between the rays [rad]
+};
+
+/// The best rotation between the rays (Kabsch's algorithm, repeated on the better half).
+RotationFit fitRotation(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& x2) {
   std::vector<Eigen::Vector3d> rays1, rays2;
   for (std::size_t i = 0; i < x1.size(); ++i) {
     rays1.push_back(Eigen::Vector3d(x1[i].x, x1[i].y, 1).normalized());
     rays2.push_back(Eigen::Vector3d(x2[i].x, x2[i].y, 1).normalized());
   }
   std::vector<double> angles(x1.size(), 0.0);
-  double limit = 1;
+  RotationFit fit;
+  fit.median_angle = 1;
   for (int iteration = 0; iteration < kRotationIterations; ++iteration) {
     Eigen::Matrix3d C = Eigen::Matrix3d::Zero();
     for (std::size_t i = 0; i < rays1.size(); ++i) {
-      if (angles[i] <= limit) C += rays2[i] * rays1[i].transpose();
+      if (angles[i] <= fit.median_angle) C += rays2[i] * rays1[i].transpose();
     }
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(C, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
-    if (R.determinant() < 0) {
-      R = svd.matrixU() * Eigen::Vector3d(1, 1, -1).asDiagonal() * svd.matrixV().transpose();
+    fit.R_2_1 = svd.matrixU() * svd.matrixV().transpose();
+    if (fit.R_2_1.determinant() < 0) {
+      fit.R_2_1 =
+          svd.matrixU() * Eigen::Vector3d(1, 1, -1).asDiagonal() * svd.matrixV().transpose();
     }
     for (std::size_t i = 0; i < rays1.size(); ++i) {
-      const Eigen::Vector3d rotated = R * rays1[i];
+      const Eigen::Vector3d rotated = fit.R_2_1 * rays1[i];
       angles[i] = std::atan2(rotated.cross(rays2[i]).norm(), rotated.dot(rays2[i]));
     }
-    limit = median(angles);
+    fit.median_angle = median(angles);
   }
-  return limit;
+  return fit;
 }
 
 bool sameMotion(const Candidate& a, const Candidate& b) {
@@ -168,20 +220,41 @@ std::vector<Candidate> rankedCandidates(const std::vector<cv::Point2d>& x1,
   std::vector<Candidate> candidates = essentialCandidates(x1, x2, threshold);
   for (const Candidate& c : homographyCandidates(x1, x2, threshold)) candidates.push_back(c);
   for (Candidate& c : candidates) evaluate(x1, x2, threshold, &c);
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
+  const auto sort = [&candidates] {
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
+  };
+  sort();
+  for (std::size_t i = 0; i < std::min(kRefinedCandidates, candidates.size()); ++i) {
+    Candidate refined = candidates[i];
+    refine(x1, x2, threshold, &refined.T_2_1);
+    evaluate(x1, x2, threshold, &refined);
+    if (refined.cost < candidates[i].cost) candidates[i] = std::move(refined);
+  }
+  sort();
   return candidates;
 }
 
-/// True if the best motion that differs from candidates.front() has nearly as much support
-/// (n minus the cost).
-bool isAmbiguous(const std::vector<Candidate>& candidates, double n, double max_ratio) {
+/// The best motion that differs from candidates.front(), if it has nearly as much support (n minus
+/// the cost); else null.
+const Candidate* ambiguousCandidate(const std::vector<Candidate>& candidates, double n,
+                                    double max_ratio) {
   const Candidate& best = candidates.front();
   for (const Candidate& other : candidates) {
     if (sameMotion(best, other)) continue;
-    return n - other.cost > max_ratio * (n - best.cost);
+    return n - other.cost > max_ratio * (n - best.cost) ? &other : nullptr;
   }
-  return false;
+  return nullptr;
+}
+
+std::vector<cv::Point2d> normalisedCoordinates(const PinholeCamera& camera,
+                                               const std::vector<Eigen::Vector2d>& u) {
+  std::vector<cv::Point2d> x;
+  for (const Eigen::Vector2d& pixel : u) {
+    const Eigen::Vector3d ray = camera.ray(pixel);
+    x.emplace_back(ray.x(), ray.y());
+  }
+  return x;
 }
 
 }  // namespace
@@ -198,13 +271,8 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
     result.status = TwoViewStatus::kTooFewMatches;
     return result;
   }
-  std::vector<cv::Point2d> x1, x2;  // normalised image coordinates
-  for (std::size_t i = 0; i < u1.size(); ++i) {
-    const Eigen::Vector3d a = camera.ray(u1[i]), b = camera.ray(u2[i]);
-    x1.emplace_back(a.x(), a.y());
-    x2.emplace_back(b.x(), b.y());
-  }
-  if (parallaxAfterRotation(x1, x2) < kMinParallaxFraction * options_.min_parallax) {
+  const auto x1 = normalisedCoordinates(camera, u1), x2 = normalisedCoordinates(camera, u2);
+  if (fitRotation(x1, x2).median_angle < kMinParallaxFraction * options_.min_parallax) {
     result.status = TwoViewStatus::kTooLittleParallax;
     return result;
   }
@@ -220,12 +288,35 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
   result.T_2_1 = best.T_2_1;
   result.inlier = best.inlier;
   result.inverse_depth_1 = best.inverse_depth_1;
-  result.planar = best.planar;
   result.median_parallax = medianParallax(x1, x2, best);
   result.status = result.median_parallax < options_.min_parallax ? TwoViewStatus::kTooLittleParallax
-                  : isAmbiguous(candidates, n, options_.max_second_best_ratio)
+                  : ambiguousCandidate(candidates, n, options_.max_second_best_ratio)
                       ? TwoViewStatus::kAmbiguous
                       : TwoViewStatus::kOk;
+  return result;
+}
+
+std::optional<RelativeRotation> TwoView::estimateRotation(
+    const PinholeCamera& camera, const std::vector<Eigen::Vector2d>& u1,
+    const std::vector<Eigen::Vector2d>& u2) const {
+  if (u1.size() != u2.size() || u1.size() < kMinRotationMatches) return std::nullopt;
+  const auto x1 = normalisedCoordinates(camera, u1), x2 = normalisedCoordinates(camera, u2);
+  const RotationFit rotation = fitRotation(x1, x2);
+  if (rotation.median_angle < kMinParallaxFraction * options_.min_parallax) {
+    // Its error is at most the parallax that it leaves unexplained.
+    return RelativeRotation{rotation.R_2_1,
+                            std::max(rotation.median_angle, options_.inlier_threshold)};
+  }
+  const auto candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
+  if (candidates.empty()) return std::nullopt;
+  const Candidate& best = candidates.front();
+  const double n = static_cast<double>(x1.size());
+  if (best.inliers < options_.min_inlier_share * n || !isFinite(best.T_2_1)) return std::nullopt;
+  RelativeRotation result{best.T_2_1.linear(), options_.inlier_threshold};
+  if (const Candidate* other = ambiguousCandidate(candidates, n, options_.max_second_best_ratio)) {
+    result.sigma +=
+        Eigen::AngleAxisd(best.T_2_1.linear().transpose() * other->T_2_1.linear()).angle();
+  }
   return result;
 }
 

@@ -1,10 +1,13 @@
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <utility>
 
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
 #include "vo/frame_to_frame_tracking.hpp"
 #include "vo/map_initialisation.hpp"
@@ -12,6 +15,8 @@
 #include "vo/motion_model.hpp"
 #include "vo/pixel_prediction.hpp"
 #include "vo/reference_alignment.hpp"
+#include "vo/relocalisation.hpp"
+#include "vo/rotation_chain.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -19,6 +24,9 @@ namespace {
 /// Minimum norm of the normal of an epipolar line [normalised image coordinates times VO units]. A
 /// shorter normal has no direction: the camera has not moved, or the ray points to the epipole.
 constexpr double kMinEpipolarLine = 1e-12;
+
+/// [matches] minimum number from which the positions of the other features are predicted.
+constexpr std::size_t kMinMatches = 25;
 
 /// Distance of ray_2 from the epipolar line of ray_1, in normalised image coordinates.
 double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_1,
@@ -48,6 +56,8 @@ struct VisualOdometry::Impl {
   MapInitialisation initialisation;
   ReferenceAlignment reference_alignment;
   const PoseEstimation pose_estimation;
+  const TwoView two_view;
+  const Relocalisation relocalisation;
   Mapping mapping;
   MotionModel motion;
 
@@ -55,6 +65,12 @@ struct VisualOdometry::Impl {
   std::uint32_t map_id = 0;
   std::uint32_t next_sequence = 0;
   int lost_frames = 0;
+  MapStart map_start;
+  /// From the last frame with a pose, or from the first image, to the first frame of the next map.
+  RotationChain rotation_to_start;
+  /// The last image without a pose in which there is texture, and the rotation to it.
+  std::optional<Descriptors> lost_image;
+  RotationChain rotation_to_lost;
 
   Impl(const PinholeCamera& camera_in, const Options& options_in)
       : options((options_in.validate(), options_in)),
@@ -63,6 +79,8 @@ struct VisualOdometry::Impl {
         initialisation(camera, options),
         reference_alignment(camera, options.alignment, options.feature_sigma_aligned),
         pose_estimation(options.pose),
+        two_view(options.two_view),
+        relocalisation(camera, options.pose),
         mapping(camera, options) {}
 
   Output process(const cv::Mat& image, std::int64_t stamp_ns) {
@@ -91,13 +109,22 @@ struct VisualOdometry::Impl {
     std::vector<Feature> found;
     if (!tracking.features().empty()) {
       ScopedTimer timer(&out->times.track);
+      const bool has_flow = tracking.features().front().age > 0;
       const auto predicted =
-          predictPixelsByFlow(tracking.features(), tracking.secondsUntil(stamp_ns));
+          has_flow ? predictPixelsByFlow(tracking.features(), tracking.secondsUntil(stamp_ns))
+                   : std::vector<cv::Point2f>();
       found =
           tracking.track(image, stamp_ns, predicted, Eigen::Matrix3d::Identity(), &out->rejected);
     }
+    if (!tracking.features().empty() && tracking.isTextureless(image, found.size())) return {};
+    if (!initialisation.canContinueWith(found.size())) {
+      trackByMatching(image, stamp_ns, &found, &out->rejected);
+    }
     if (!initialisation.canContinueWith(found.size())) {
       ScopedTimer timer(&out->times.detect);
+      if (!tracking.features().empty()) {
+        rotation_to_start.append(initialisation.rotationSinceFirst(found));
+      }
       restart(std::move(image), stamp_ns, out->frame.sequence);
       return tracking.features();
     }
@@ -114,11 +141,30 @@ struct VisualOdometry::Impl {
     const StartPose& before = poses->end()[-2];
     motion.reset(before.T_w_c, before.stamp_ns);
     motion.update(poses->back().T_w_c, stamp_ns);
+    map_start = {poses->front().stamp_ns, rotation_to_start.R_first_last(),
+                 rotation_to_start.sigma()};
     out->start = std::move(*poses);
     out->frame.keyframe = true;
     tracking.advance(std::move(image), stamp_ns, found);
     tracking.detectNew();
     return found;
+  }
+
+  /// Tracks the features again from positions predicted by descriptor matches. Changes nothing when
+  /// that finds fewer.
+  void trackByMatching(const ImagePyramid& image, std::int64_t stamp_ns,
+                       std::vector<Feature>* found, std::vector<RejectedFeature>* rejected) const {
+    const Descriptors previous = tracking.describeFeatures();
+    const Descriptors next = tracking.describeCorners(image);
+    const auto matches = matchDescriptors(previous, next);
+    if (matches.size() < kMinMatches) return;
+    std::vector<RejectedFeature> rejected_again;
+    std::vector<Feature> again =
+        tracking.track(image, stamp_ns, predictPixels(previous.points(), next.points(), matches),
+                       Eigen::Matrix3d::Identity(), &rejected_again);
+    if (again.size() <= found->size()) return;
+    *found = std::move(again);
+    *rejected = std::move(rejected_again);
   }
 
   /// Restarts the initialisation with this image as the first one.
@@ -133,13 +179,18 @@ struct VisualOdometry::Impl {
 
   /// Processes a frame when there is a map. Returns the features tracked in it; empty when lost.
   std::vector<Feature> track(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
-    std::vector<Feature> found = findFeatures(image, stamp_ns, out);
-    if (!estimatePose(stamp_ns, &found, out)) {
-      lose(std::move(image), stamp_ns, found.size(), out->frame.sequence);
+    std::vector<Feature> found = findFeatures(image, stamp_ns, std::nullopt, out);
+    if (!estimatePose(stamp_ns, std::nullopt, &found, out) &&
+        !relocalise(image, stamp_ns, &found, out)) {
+      status = VoStatus::kLost;
+      if (!tracking.isTextureless(image, found.size())) {
+        lose(std::move(image), stamp_ns, out->frame.sequence);
+      }
       return {};
     }
     status = VoStatus::kTracking;
     lost_frames = 0;
+    lost_image.reset();
     out->frame.keyframe = mapping.needsKeyframe(motion.T_w_c(), found);
     if (!out->frame.keyframe) {
       tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
@@ -154,34 +205,55 @@ struct VisualOdometry::Impl {
     return found;
   }
 
+  /// Finds the pose of the image by descriptor matches and tracks the features again from there.
+  bool relocalise(const ImagePyramid& image, std::int64_t stamp_ns, std::vector<Feature>* found,
+                  Output* out) {
+    const auto result = relocalisation.locate(mapping.map(), motion, tracking.features(),
+                                              tracking.describeFeatures(),
+                                              tracking.describeCorners(image), stamp_ns);
+    if (!result) return false;
+    out->rejected.clear();
+    *found = findFeatures(image, stamp_ns, result, out);
+    return estimatePose(stamp_ns, result->T_w_c, found, out);
+  }
+
   /// Tracks the features of the previous image, and aligns them to the patches of the keyframes.
-  std::vector<Feature> findFeatures(const ImagePyramid& image, std::int64_t stamp_ns, Output* out) {
+  /// relocalised: predicts the pose of the image instead of the motion model, and supplies
+  /// features that cannot be tracked.
+  std::vector<Feature> findFeatures(const ImagePyramid& image, std::int64_t stamp_ns,
+                                    const std::optional<Relocalisation::Result>& relocalised,
+                                    Output* out) {
+    const auto predict = [&] {
+      return relocalised ? relocalised->T_w_c : motion.predict(stamp_ns);
+    };
     std::vector<Feature> found;
     {
       ScopedTimer timer(&out->times.track);
       const Eigen::Isometry3d T_w_previous = motion.T_w_c();
-      const Eigen::Isometry3d predicted = motion.predict(stamp_ns);
+      const Eigen::Isometry3d predicted = predict();
       found = tracking.track(
           image, stamp_ns,
           predictPixels(camera, mapping.map(), tracking.features(), T_w_previous, predicted),
           predicted.linear().transpose() * T_w_previous.linear(), &out->rejected);
     }
+    if (relocalised) addFeatures(relocalised->features, &found, &out->rejected);
     if (const auto correction = mapping.takeAdjustedMap(&out->times)) {
       motion.correct(*correction * motion.T_w_c());
     }
     ScopedTimer timer(&out->times.align);
-    reference_alignment.align(mapping.map(), image, motion.predict(stamp_ns), &found);
+    reference_alignment.align(mapping.map(), image, predict(), &found);
     return found;
   }
 
   /// Estimates the pose and removes the outliers from `found`. Returns false, and changes nothing,
   /// when there is no pose.
-  bool estimatePose(std::int64_t stamp_ns, std::vector<Feature>* found, Output* out) {
+  bool estimatePose(std::int64_t stamp_ns, const std::optional<Eigen::Isometry3d>& predicted,
+                    std::vector<Feature>* found, Output* out) {
     ScopedTimer timer(&out->times.pose);
     std::vector<std::size_t> index;  // indices of the observed features in `found`
     const auto observations = pointObservations(mapping.map(), toCorners(camera, *found), &index);
     const PoseEstimation::Result pose =
-        pose_estimation.estimate(motion.predict(stamp_ns), observations);
+        pose_estimation.estimate(predicted.value_or(motion.predict(stamp_ns)), observations);
     if (pose.status != PoseStatus::kOk) return false;
 
     const Eigen::Isometry3d T_w_previous = motion.T_w_c();
@@ -218,19 +290,52 @@ struct VisualOdometry::Impl {
     *found = std::move(kept);
   }
 
-  /// Handles a frame without a pose. Starts a new map after several such frames with texture.
-  void lose(ImagePyramid image, std::int64_t stamp_ns, std::size_t found, std::uint32_t sequence) {
-    status = VoStatus::kLost;
-    if (!tracking.isTextureless(image, found)) ++lost_frames;
-    if (lost_frames < options.lost_frames_before_new_map) return;
+  /// Handles an image with texture but without a pose. Starts a new map after several of them.
+  void lose(ImagePyramid image, std::int64_t stamp_ns, std::uint32_t sequence) {
+    Descriptors corners = tracking.describeCorners(image);
+    RotationChain direct;
+    direct.append(rotationBetween(tracking.describeFeatures(), corners));
+    if (lost_image) rotation_to_lost.append(rotationBetween(*lost_image, corners));
+    if (!lost_image || direct.sigma() < rotation_to_lost.sigma()) rotation_to_lost = direct;
+    lost_image = std::move(corners);
+    if (++lost_frames < options.lost_frames_before_new_map) return;
     lost_frames = 0;
+    lost_image.reset();
+    rotation_to_start = rotation_to_lost;
     ++map_id;
     restart(std::move(image), stamp_ns, sequence);
+  }
+
+  /// Adds the features that `found` does not contain.
+  static void addFeatures(const std::vector<Feature>& features, std::vector<Feature>* found,
+                          std::vector<RejectedFeature>* rejected) {
+    const auto by_id = [](const Feature& a, const Feature& b) { return a.id < b.id; };
+    std::vector<Feature> all;
+    std::set_union(found->begin(), found->end(), features.begin(), features.end(),
+                   std::back_inserter(all), by_id);
+    *found = std::move(all);
+    const auto is_found = [&](const RejectedFeature& feature) {
+      return std::any_of(features.begin(), features.end(),
+                         [&](const Feature& f) { return f.id == feature.id; });
+    };
+    rejected->erase(std::remove_if(rejected->begin(), rejected->end(), is_found), rejected->end());
+  }
+
+  std::optional<RelativeRotation> rotationBetween(const Descriptors& a,
+                                                  const Descriptors& b) const {
+    std::vector<Eigen::Vector2d> u1, u2;
+    for (const DescriptorMatch& match : matchDescriptors(a, b)) {
+      const cv::Point2f &p1 = a.points()[match.from], &p2 = b.points()[match.to];
+      u1.emplace_back(p1.x, p1.y);
+      u2.emplace_back(p2.x, p2.y);
+    }
+    return two_view.estimateRotation(camera, u1, u2);
   }
 
   void fill(const std::vector<Feature>& visible, VoFrame* frame) const {
     frame->status = status;
     frame->map_id = map_id;
+    if (status != VoStatus::kInitialising) frame->map_start = map_start;
     if (status == VoStatus::kTracking) frame->T_w_c = motion.T_w_c();
     const Eigen::Isometry3d T_c_w = motion.T_w_c().inverse();
     for (const Feature& feature : visible) {

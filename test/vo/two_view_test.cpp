@@ -51,7 +51,6 @@ TEST(TwoView, findsTheMotionAmongScatteredPoints) {
   const Views views = project(randomPoints(400, 1), T_2_1, 0.3);
   const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
   expectMotion(result, T_2_1, 0.003, 0.03);
-  EXPECT_FALSE(result.planar);
 }
 
 TEST(TwoView, givesTheDepthsInUnitsOfTheBaseline) {
@@ -103,6 +102,31 @@ TEST(TwoView, reportsTooLittleParallaxForPureRotationAndStandstill) {
   const Views standing = project(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
   EXPECT_EQ(TwoView({}).estimate(testCamera(), standing.u1, standing.u2).status,
             TwoViewStatus::kTooLittleParallax);
+}
+
+TEST(TwoView, usesAllMatchesDespiteNoise) {
+  const Eigen::Isometry3d T_2_1 = pose({0.01, 0.06, -0.005}, {0.1, 0.02, -1.5});
+  const Views views = project(randomPoints(400, 1), T_2_1, 0.7);
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  expectMotion(result, T_2_1, 0.001, 0.01);
+}
+
+TEST(TwoView, estimatesTheRotationWithAndWithoutParallax) {
+  for (const double baseline : {0.0, 0.05, 0.5, 3.0}) {
+    const Eigen::Isometry3d T_2_1 = pose({0.01, 0.3, -0.005}, {0, 0, -baseline});
+    Views views = project(randomPoints(400, 1), T_2_1, 0.3);
+    std::mt19937 generator(3);
+    std::uniform_real_distribution<double> anywhere(0, 248);
+    for (std::size_t i = 0; i < views.u2.size(); i += 5) {
+      views.u2[i] = {3 * anywhere(generator), anywhere(generator)};
+    }
+    const auto rotation = TwoView({}).estimateRotation(testCamera(), views.u1, views.u2);
+    ASSERT_TRUE(rotation) << baseline;
+    const Eigen::Isometry3d estimated(Eigen::Quaterniond(rotation->R_2_1));
+    EXPECT_LT(angleBetween(estimated, T_2_1), 2 * rotation->sigma) << baseline;
+    EXPECT_LT(rotation->sigma, 0.01) << baseline;
+  }
+  EXPECT_FALSE(TwoView({}).estimateRotation(testCamera(), {}, {}));
 }
 
 TEST(TwoView, rejectsFewOrRandomMatches) {

@@ -196,20 +196,80 @@ TEST(VisualOdometry, initialisesAfterAStandstillAtTheStart) {
             0.1 * output.start.back().T_w_c.translation().norm());
 }
 
+/// The image that the camera would take after a turn by `yaw` [rad] to the right; black where the
+/// scene is unknown.
+cv::Mat turned(const cv::Mat& image, const PinholeCamera& camera, double yaw) {
+  const cv::Matx33d K(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+  const Eigen::Matrix3d R = pose({0, -yaw, 0}, {0, 0, 0}).linear();
+  const cv::Matx33d turn(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
+                         R(2, 2));
+  cv::Mat result;
+  cv::warpPerspective(image, result, K * turn * K.inv(), image.size(), cv::INTER_CUBIC);
+  return result;
+}
+
 TEST(VisualOdometry, pureRotationStartsNoMap) {
   const SyntheticDrive ground_truth(drive(1));
-  const PinholeCamera camera = ground_truth.camera();
-  const cv::Matx33d K(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-  VisualOdometry odometry(camera, {});
+  VisualOdometry odometry(ground_truth.camera(), {});
   for (int i = 0; i < 25; ++i) {
-    const Eigen::Matrix3d R = pose({0, 0.01 * i, 0}, {0, 0, 0}).linear();
-    const cv::Matx33d turn(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
-                           R(2, 2));
-    cv::Mat image;
-    cv::warpPerspective(ground_truth.image(0), image, K * turn * K.inv(),
-                        ground_truth.image(0).size(), cv::INTER_CUBIC);
+    const cv::Mat image = turned(ground_truth.image(0), ground_truth.camera(), 0.01 * i);
     EXPECT_EQ(odometry.process(image, i * 100'000'000LL).frame.status, VoStatus::kInitialising)
         << i;
+  }
+}
+
+// The camera turns on the spot by 55 degrees, so that most of the first image leaves the view,
+// and then drives on.
+TEST(VisualOdometry, aTurnBeforeTheFirstMapIsKnown) {
+  SyntheticDrive::Options options = drive(10);
+  options.moving_cars = false;
+  const SyntheticDrive ground_truth(options);
+  VisualOdometry odometry(ground_truth.camera(), {});
+  constexpr int kTurning = 25;
+  constexpr double kYawPerFrame = 0.04;
+  const auto yaw = [](int i) { return kYawPerFrame * std::min(i - kTurning / 2, kTurning / 2); };
+  VoFrame frame;
+  Eigen::Isometry3d T_w_c_at_start = Eigen::Isometry3d::Identity();
+  int start = 0;
+  for (int i = 0; i < kTurning + 9 && frame.status != VoStatus::kTracking; ++i) {
+    const auto n = static_cast<std::size_t>(std::max(0, i - kTurning + 1));
+    const auto output = odometry.process(
+        turned(ground_truth.image(n), ground_truth.camera(), yaw(i)), i * 100'000'000LL);
+    frame = output.frame;
+    start = i;
+    if (!output.start.empty()) T_w_c_at_start = output.start.back().T_w_c;
+  }
+  ASSERT_EQ(frame.status, VoStatus::kTracking);
+  EXPECT_GE(start, kTurning);
+  const Eigen::Matrix3d true_rotation =
+      pose({0, yaw(0), 0}, {0, 0, 0}).linear().transpose() *
+      ground_truth.frame(static_cast<std::size_t>(start - kTurning + 1)).T_c0_c.linear() *
+      pose({0, yaw(start), 0}, {0, 0, 0}).linear();
+  const Eigen::Matrix3d rotation = frame.map_start.R_previous_w * T_w_c_at_start.linear();
+  const double error = Eigen::AngleAxisd(rotation.transpose() * true_rotation).angle();
+  EXPECT_LT(frame.map_start.rotation_sigma, 0.02);
+  EXPECT_LT(error, 0.015);
+}
+
+// Between two images the camera turns by 15 degrees, as at 3 Hz in a junction.
+TEST(VisualOdometry, aLargeRotationKeepsTheMap) {
+  const SyntheticDrive ground_truth(drive(20));
+  VisualOdometry odometry(ground_truth.camera(), {});
+  constexpr double kYaw = 0.26;
+  VoFrame before, after;
+  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
+    const cv::Mat image = ground_truth.image(i);
+    before = after;
+    after = odometry
+                .process(i < 15 ? image : turned(image, ground_truth.camera(), kYaw),
+                         ground_truth.frame(i).stamp_ns)
+                .frame;
+    if (i < 10) continue;
+    ASSERT_EQ(after.status, VoStatus::kTracking) << i;
+    EXPECT_EQ(after.map_id, 0u) << i;
+    if (i == 15) {
+      EXPECT_NEAR(angleBetween(before.T_w_c, after.T_w_c), kYaw, 0.03);
+    }
   }
 }
 
@@ -235,6 +295,29 @@ TEST(VisualOdometry, blackFramesAreLostAndTrackingResumes) {
   EXPECT_LT(angleBetween(moved, true_moved), 0.01);
   EXPECT_GT(moved.translation().normalized().dot(true_moved.translation().normalized()),
             std::cos(0.03));
+}
+
+TEST(VisualOdometry, aBlackoutKeepsMapAndScale) {
+  SyntheticDrive::Options options = drive(70);
+  options.stop_s = 0;
+  options.moving_cars = false;
+  options.black_first = 30;
+  options.black_frames = 15;
+  const SyntheticDrive ground_truth(options);
+  const DriveRun result = run(ground_truth);
+  std::size_t back = 45;
+  while (back < ground_truth.size() && result.frame(back).status != VoStatus::kTracking) ++back;
+  ASSERT_LT(back, 50u);
+  EXPECT_EQ(result.frame(69).map_id, 0u);
+  const double scale = scaleOver(ground_truth, result, 12, 30);
+  EXPECT_NEAR(scaleOver(ground_truth, result, back, 70) / scale, 1, 0.03);
+  const double gap =
+      scale *
+      (result.frame(back).T_w_c.translation() - result.frame(29).T_w_c.translation()).norm();
+  const double true_gap =
+      (ground_truth.frame(back).T_c0_c.translation() - ground_truth.frame(29).T_c0_c.translation())
+          .norm();
+  EXPECT_NEAR(gap / true_gap, 1, 0.03);
 }
 
 TEST(VisualOdometry, tracksThroughStepsOfTheExposure) {
@@ -290,6 +373,27 @@ TEST(VisualOdometry, aJumpToAnotherPlaceStartsANewMap) {
   EXPECT_STREQ(toString(frames.front().status), "lost");
   EXPECT_EQ(frames.back().status, VoStatus::kTracking);
   EXPECT_EQ(frames.back().map_id, 1u);
+}
+
+// Right after the start of the map most of the image is covered.
+TEST(VisualOdometry, tooFewTrackedFeaturesOfTheFirstKeyframesMakeAKeyframe) {
+  SyntheticDrive::Options options = smallDrive(12);
+  options.speed = 3;
+  const SyntheticDrive ground_truth(options);
+  VisualOdometry odometry(ground_truth.camera(), {});
+  bool started = false;
+  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
+    cv::Mat image = ground_truth.image(i);
+    if (started) image(cv::Rect(0, 0, image.cols * 6 / 10, image.rows)).setTo(100);
+    const auto output = odometry.process(image, ground_truth.frame(i).stamp_ns);
+    if (started) {
+      EXPECT_EQ(output.frame.status, VoStatus::kTracking);
+      EXPECT_TRUE(output.frame.keyframe);
+      return;
+    }
+    started = !output.start.empty();
+  }
+  FAIL() << "no map";
 }
 
 TEST(VisualOdometry, isDeterministic) {

@@ -17,8 +17,9 @@ namespace ground_scale_vo {
 struct Keyframe {
   std::uint32_t id = 0;                                     ///< consecutive within a map, from 0
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
-  cv::Mat image;        ///< 8-bit grey, reference for patch alignment; may be empty
-  double exposure = 1;  ///< of the image, relative to the map's first
+  cv::Mat image;            ///< 8-bit grey, reference for patch alignment; may be empty
+  double exposure = 1;      ///< of the image, relative to the map's first
+  std::size_t corners = 0;  ///< number observed when it was added
 };
 
 struct Observation {

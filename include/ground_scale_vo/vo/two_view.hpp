@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <optional>
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
@@ -14,6 +15,12 @@ enum class TwoViewStatus {
   kTooLittleParallax,  ///< a rotation explains the matches: standstill or pure rotation
   kNoModel,            ///< no essential matrix or homography has enough inliers
   kAmbiguous           ///< several motions have about the same support
+};
+
+/// The rotation between two images: x_2 ~ R_2_1 x_1 + t.
+struct RelativeRotation {
+  Eigen::Matrix3d R_2_1 = Eigen::Matrix3d::Identity();
+  double sigma = 0;  ///< standard deviation per axis [rad]
 };
 
 /// The motion between two images of a static scene, up to scale, from matched pixels (Hartley &
@@ -50,7 +57,6 @@ class TwoView {
     std::vector<bool> inlier;             ///< for each match: triangulated with depth > 0
     std::vector<double> inverse_depth_1;  ///< 1 / z in the first camera; valid where inlier
     double median_parallax = 0;           ///< [rad]
-    bool planar = false;                  ///< T_2_1 comes from the homography
   };
 
   explicit TwoView(const Options& options);
@@ -58,6 +64,12 @@ class TwoView {
   /// u1, u2: [px], same length. Deterministic.
   Result estimate(const PinholeCamera& camera, const std::vector<Eigen::Vector2d>& u1,
                   const std::vector<Eigen::Vector2d>& u2) const;
+
+  /// The rotation alone, which needs neither parallax nor a unique translation. Empty when too few
+  /// matches agree with one motion. Deterministic.
+  std::optional<RelativeRotation> estimateRotation(const PinholeCamera& camera,
+                                                   const std::vector<Eigen::Vector2d>& u1,
+                                                   const std::vector<Eigen::Vector2d>& u2) const;
 
  private:
   Options options_;

@@ -27,12 +27,12 @@ bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
          a.cx == b.cx && a.cy == b.cy;
 }
 
-/// Distance ahead at which the lower image border meets the road [camera heights]; 0 when it does
-/// not.
+/// Distance at which the middle of the lower image border meets the road [camera heights]; 0 when
+/// it does not.
 double nearestVisibleRoad(const PinholeCamera& camera, const NormalPrior& prior) {
   const Eigen::Vector3d ray(0, (camera.height - 1 - camera.cy) / camera.fy, 1);
   const double slope = -prior.n_c.dot(ray);
-  return slope > kMinRaySlope ? std::abs(prior.forward_c.dot(ray)) / slope : 0;
+  return slope > kMinRaySlope ? (ray + slope * prior.n_c).norm() / slope : 0;
 }
 
 /// The steps of the method, for images of one camera.
@@ -117,11 +117,10 @@ void DirectPlaneEstimator::Impl::searchAndSolve(const VoFrame& frame, const Lane
                                                 const NormalPrior& prior, Result* result) {
   const double centre = direct::medianFeatureHeight(frame, lane, prior);
   references = stages->images.selectReferences(centre);
-  const double found =
-      centre > 0 ? stages->search.find(patches, references, stages->matcher, prior, centre) : 0;
-  if (found > 0) {
-    *result = stages->solver.solve(patches, references, stages->matcher, prior, found);
-  }
+  const std::optional<GroundPlane> found =
+      centre > 0 ? stages->search.find(patches, references, stages->matcher, prior, centre)
+                 : std::nullopt;
+  if (found) *result = stages->solver.solve(patches, references, stages->matcher, prior, *found);
   result->searched = true;
 }
 
@@ -133,7 +132,8 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::measure(const VoFrame& 
                                                                  double height) {
   Result result;
   if (height > 0) {
-    result = stages->solver.solve(patches, references, stages->matcher, prior, height);
+    const GroundPlane predicted{prior.n_c, height};
+    result = stages->solver.solve(patches, references, stages->matcher, prior, predicted);
   }
   const bool failed = result.status != ScaleReason::kNone;
   if (failed && isSearchDue(height)) searchAndSolve(frame, lane, prior, &result);

@@ -9,6 +9,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/scale/lane_region.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -94,11 +95,15 @@ GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(
 }
 
 /// Indices of the features with a point whose ray meets the expected plane in the region of
-/// interest: the narrow one if it contains enough of them. On that plane the depth of a ray r in
-/// camera heights is -1 / (n . r), so the height need not be known.
+/// interest: the narrow one if it contains enough of them.
 std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& frame,
                                                                const NormalPrior& prior) const {
-  const Eigen::Vector3d lateral = prior.lateral();
+  const auto region = [&](double half_width) {
+    return LaneRegion(prior, std::nullopt, 0, options_.min_ahead_heights,
+                      options_.max_ahead_heights, half_width);
+  };
+  const LaneRegion lane_region = region(options_.lane_half_width_heights);
+  const LaneRegion wide_region = region(options_.max_half_width_heights);
   std::vector<std::uint32_t> wide, lane;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const TrackedFeature& feature = frame.features[i];
@@ -108,16 +113,9 @@ std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& fr
       continue;
     }
     const Eigen::Vector3d ray = frame.camera.ray(feature.u.cast<double>());
-    const double down = -prior.n_c.dot(ray);
-    const double ahead = prior.forward_c.dot(ray) / down;
-    const double beside = std::abs(lateral.dot(ray)) / down;
-    if (!(down > 0 && std::abs(ahead) >= options_.min_ahead_heights &&
-          std::abs(ahead) <= options_.max_ahead_heights &&
-          beside <= options_.max_half_width_heights)) {
-      continue;
-    }
+    if (!wide_region.contains(ray)) continue;
     wide.push_back(static_cast<std::uint32_t>(i));
-    if (beside <= options_.lane_half_width_heights) lane.push_back(static_cast<std::uint32_t>(i));
+    if (lane_region.contains(ray)) lane.push_back(static_cast<std::uint32_t>(i));
   }
   return lane.size() >= static_cast<std::size_t>(options_.min_lane_features) ? lane : wide;
 }
@@ -128,7 +126,8 @@ bool GroundPointExtraction::isTilted(const GroundPlane& plane, const NormalPrior
                                      double roll_tolerance) const {
   if (options_.frame_pitch_test) return false;
   const auto [pitch, roll] = tilt(plane.n_c, prior);
-  return pitch >= options_.pitch_tolerance_rad || roll >= roll_tolerance;
+  return pitch >= prior.pitchTolerance(options_.pitch_tolerance_rad) ||
+         roll >= prior.rollTolerance(roll_tolerance);
 }
 
 GroundPointExtraction::Result GroundPointExtraction::extract(
@@ -204,6 +203,7 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const NormalPrior& prior,
     const std::optional<GroundPlane> plane =
         planeThrough(points[i1].p_c, points[i2].p_c, points[i3].p_c);  // line 21
     if (!plane) continue;
+    // A plane through distant points has a smaller roll error than a triangle of neighbours.
     if (isTilted(*plane, prior, options_.pitch_tolerance_rad)) continue;
     double cost = 0;
     for (std::size_t g = 0; g < n; ++g) {  // lines 22-27

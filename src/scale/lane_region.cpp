@@ -1,19 +1,52 @@
 #include "ground_scale_vo/scale/lane_region.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace ground_scale_vo {
+namespace {
+
+// Search for the visible band of the road.
+constexpr double kBandHalfWidth = 1;                // [camera heights] about that of a lane
+constexpr double kMinDistance = 1, kMaxAhead = 25;  // [camera heights]
+constexpr double kOffsetStep = 0.25;                // [camera heights]
+constexpr int kOffsetSteps = 40;                    // to either side
+constexpr int kGridSize = 64;         // [rays] in a row and column of the image at most
+constexpr double kRaySpacing = 0.03;  // [focal lengths] at least
+/// A band is visible when it fills at least this share of the image that the best one fills: a band
+/// in the corner of the image shows too little road for a plane.
+constexpr double kVisibleShare = 0.25;
+constexpr double kWellVisibleShare = 0.8;
+
+/// Number of rays of a regular grid over the image that meet the road in each band.
+using Histogram = std::array<int, 2 * kOffsetSteps + 1>;
+
+void addRay(const NormalPrior& prior, const Eigen::Vector3d& lateral, const Eigen::Vector3d& ray,
+            Histogram* visible) {
+  const double down = -prior.n_c.dot(ray);
+  if (!(down > 0)) return;
+  const double ahead = prior.forward_c.dot(ray) / down, left = lateral.dot(ray) / down;
+  if (std::abs(ahead) > kMaxAhead || std::hypot(ahead, left) < kMinDistance) return;
+  const double limit = kOffsetSteps;
+  const double first = std::max(std::ceil((left - kBandHalfWidth) / kOffsetStep), -limit);
+  const double last = std::min(std::floor((left + kBandHalfWidth) / kOffsetStep), limit);
+  for (double k = first; k <= last; ++k) ++(*visible)[static_cast<std::size_t>(k + limit)];
+}
+
+}  // namespace
 
 LaneRegion::LaneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
-                       double height, double min_ahead, double max_ahead, double half_width)
-    : up_(prior.n_c), min_ahead_(min_ahead), max_ahead_(max_ahead), half_width_(half_width) {
-  const bool reverse = prior.forward_c.z() < 0;
-  ahead_ = reverse ? Eigen::Vector3d(-prior.forward_c) : prior.forward_c;
-  left_ = up_.cross(ahead_);
+                       double height, double min_distance, double max_ahead, double half_width)
+    : up_(prior.n_c),
+      ahead_(prior.forward_c),
+      left_(prior.lateral()),
+      offset_(prior.region_offset),
+      min_distance_(min_distance),
+      max_ahead_(max_ahead),
+      half_width_(half_width) {
   if (chord && height > 0) {
-    // In reverse the driven path lies ahead of the camera: the chord starts at ahead = +length
-    // instead of -length, hence the negative sign.
-    chord_length_ = (reverse ? -1 : 1) * chord->length / height;
+    chord_length_ = chord->length / height;
     curvature_ = up_.dot(chord->turn_c) / chord_length_;
   }
 }
@@ -21,12 +54,33 @@ LaneRegion::LaneRegion(const NormalPrior& prior, const std::optional<MotionHisto
 bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
   const double down = -up_.dot(ray);
   if (!(down > 0)) return false;
-  const double ahead = ahead_.dot(ray) / down;
-  if (ahead < min_ahead_ || ahead > max_ahead_) return false;
+  const double ahead = ahead_.dot(ray) / down, left = left_.dot(ray) / down;
+  if (std::abs(ahead) > max_ahead_ || std::hypot(ahead, left) < min_distance_) return false;
   // Parabola of the given curvature through both ends of the chord (ahead = 0 and -chord_length_).
   // The offset is relative to the chord, not to the tangent at the camera.
   const double path = 0.5 * curvature_ * ahead * (ahead + chord_length_);
-  return std::abs(left_.dot(ray) / down - path) <= half_width_;
+  return std::abs(left - path - offset_) <= half_width_;
+}
+
+double visibleRegionOffset(const PinholeCamera& camera, const NormalPrior& prior) {
+  Histogram visible{};
+  const Eigen::Vector3d lateral = prior.lateral();
+  const double step_x = std::max(kRaySpacing * camera.fx, 1.0 * camera.width / kGridSize);
+  const double step_y = std::max(kRaySpacing * camera.fy, 1.0 * camera.height / kGridSize);
+  for (double y = 0.5 * step_y; y < camera.height; y += step_y) {
+    for (double x = 0.5 * step_x; x < camera.width; x += step_x) {
+      addRay(prior, lateral, camera.ray({x, y}), &visible);
+    }
+  }
+  const int best = *std::max_element(visible.begin(), visible.end());
+  if (visible[kOffsetSteps] >= kVisibleShare * best) return 0;
+  for (int k = 1; k <= kOffsetSteps; ++k) {
+    for (const int side : {1, -1}) {
+      const int count = visible[static_cast<std::size_t>(kOffsetSteps + side * k)];
+      if (count >= kWellVisibleShare * best) return side * k * kOffsetStep;
+    }
+  }
+  return 0;
 }
 
 }  // namespace ground_scale_vo

@@ -10,9 +10,28 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Minimum absolute cosine of the angle between chord and optical axis. With sideways motion, or
-/// with a chord too short to give the direction of travel, the pitch is not observable.
-constexpr double kMinForward = 0.8;
+/// Largest absolute sine of the angle between a chord and the road. A steeper one is too short to
+/// give the direction of travel.
+constexpr double kMaxSlope = 0.8;
+
+/// The two horizontal directions in which the normal can tilt; unit, orthogonal to it.
+struct TiltAxes {
+  Eigen::Vector3d along;   ///< the direction of travel
+  Eigen::Vector3d across;  ///< to its left
+};
+
+TiltAxes tiltAxes(const Eigen::Vector3d& n_c, const Eigen::Vector3d& direction_c) {
+  const Eigen::Vector3d along = (direction_c - n_c.dot(direction_c) * n_c).normalized();
+  return {along, n_c.cross(along)};
+}
+
+bool givesDirection(const std::optional<MotionHistory::Chord>& chord, const Eigen::Vector3d& n_c) {
+  return chord && std::abs(n_c.dot(chord->direction_c)) < kMaxSlope;
+}
+
+Eigen::Vector3d normalOf(double pitch, double roll) {
+  return {-std::sin(roll), -std::cos(roll) * std::cos(pitch), -std::cos(roll) * std::sin(pitch)};
+}
 
 }  // namespace
 
@@ -24,70 +43,93 @@ Mounting::Mounting(const Options& options) : options_(options) {
 }
 
 void Mounting::reset() {
-  pitch_ = {0, options_.initial_pitch_sigma};
-  roll_ = {0, options_.initial_roll_sigma};
+  mean_ = Normal();
+  mean_.covariance.diagonal() << std::pow(options_.initial_roll_sigma, 2), 0,
+      std::pow(options_.initial_pitch_sigma, 2);
 }
 
-Eigen::Vector3d Mounting::normal() const {
-  return {-std::sin(roll_.mean), -std::cos(roll_.mean) * std::cos(pitch_.mean),
-          -std::cos(roll_.mean) * std::sin(pitch_.mean)};
+double Mounting::pitch() const { return std::atan2(-mean_.n_c.z(), -mean_.n_c.y()); }
+
+double Mounting::roll() const { return -std::asin(std::clamp(mean_.n_c.x(), -1.0, 1.0)); }
+
+/// Keeps the covariance in the tangent plane of the new normal.
+void Mounting::Normal::set(const Eigen::Vector3d& n) {
+  n_c = n.normalized();
+  const Eigen::Matrix3d tangent = Eigen::Matrix3d::Identity() - n_c * n_c.transpose();
+  covariance = tangent * covariance * tangent;
+}
+
+void Mounting::Normal::update(const Eigen::Vector3d& axis, double tangent,
+                              double measurement_variance) {
+  const Eigen::Vector3d gain = covariance * axis / (variance(axis) + measurement_variance);
+  covariance -= gain * (axis.transpose() * covariance).eval();
+  set(n_c + gain * tangent);
 }
 
 NormalPrior Mounting::prior(const MotionHistory& history, double height) const {
-  NormalPrior prior;
-  prior.n_c = normal();
-  prior.pitch_sigma = std::hypot(pitch_.sigma, options_.pitch_motion_sigma);
-  prior.roll_sigma = std::hypot(roll_.sigma, options_.roll_motion_sigma);
-
   const std::optional<MotionHistory::Chord> chord =
       history.chord(options_.chord_length_heights * height);
-  if (chord) {
-    // Kalman update of the pitch with Eq. 3 of Tian et al.: the road normal n is orthogonal to the
-    // direction of motion t, here that of the chord. The measurement noise is the heave of the
-    // vehicle between the ends of the chord; without a known height pitch_motion_sigma.
+  const bool has_direction = givesDirection(chord, mean_.n_c);
+  const Eigen::Vector3d ahead = has_direction ? chord->direction_c : Eigen::Vector3d::UnitZ();
+
+  Normal normal = mean_;
+  TiltAxes axes = tiltAxes(normal.n_c, ahead);
+  normal.covariance +=
+      std::pow(options_.pitch_motion_sigma, 2) * axes.along * axes.along.transpose();
+  normal.covariance +=
+      std::pow(options_.roll_motion_sigma, 2) * axes.across * axes.across.transpose();
+  if (has_direction) {
+    // Eq. 3 of Tian et al.: the road normal n is orthogonal to the direction of motion t, here that
+    // of the chord. The measurement noise is the heave of the vehicle between the ends of the
+    // chord; without a known height pitch_motion_sigma.
     const double chord_sigma = height > 0 ? options_.heave_sigma_heights * height / chord->length
                                           : options_.pitch_motion_sigma;
-    const double prior_variance = prior.pitch_sigma * prior.pitch_sigma;
-    const double gain = prior_variance / (prior_variance + chord_sigma * chord_sigma);
-    const Eigen::Vector3d& t = chord->direction_c;
-    prior.n_c = (prior.n_c - gain * prior.n_c.dot(t) * t).normalized();
-    prior.pitch_sigma *= std::sqrt(1 - gain);
+    normal.update(axes.along, -normal.n_c.dot(ahead) / axes.along.dot(ahead),
+                  chord_sigma * chord_sigma);
+    axes = tiltAxes(normal.n_c, ahead);
   }
-  const Eigen::Vector3d ahead = chord ? chord->direction_c : Eigen::Vector3d::UnitZ();
-  prior.forward_c = (ahead - prior.n_c.dot(ahead) * prior.n_c).normalized();
+  NormalPrior prior;
+  prior.n_c = normal.n_c;
+  prior.forward_c = axes.along;
+  prior.pitch_sigma = std::sqrt(normal.variance(axes.along));
+  prior.roll_sigma = std::sqrt(normal.variance(axes.across));
   return prior;
 }
 
-void Mounting::addSample(Average* average, double value, double sample_sigma,
-                         double step_heights) const {
+void Mounting::addSample(const Eigen::Vector3d& axis, double tangent, double sample_sigma,
+                         double step_heights) {
   // Samples within one chord length are correlated; together they count as one.
-  const double information =
-      step_heights / (options_.chord_length_heights * sample_sigma * sample_sigma);
-  if (!(information > 0) || !areFinite(information, value)) return;
-  // Capped: the mean forgets samples older than the forgetting distance.
-  const double prior_information =
-      std::min(1 / (average->sigma * average->sigma),
-               options_.forgetting_distance_heights /
-                   (options_.chord_length_heights * sample_sigma * sample_sigma));
-  const double mean =
-      average->mean + (value - average->mean) * information / (prior_information + information);
-  average->mean = std::clamp(mean, -options_.max_tilt_rad, options_.max_tilt_rad);
-  average->sigma = 1 / std::sqrt(prior_information + information);
+  const double variance_heights =
+      options_.chord_length_heights * sample_sigma * sample_sigma;  // for one camera height
+  if (!(step_heights > 0) || !areFinite(step_heights, tangent)) return;
+  // Lower bound of the variance: the mean forgets samples older than the forgetting distance.
+  const double shortfall =
+      variance_heights / options_.forgetting_distance_heights - mean_.variance(axis);
+  if (shortfall > 0) mean_.covariance += shortfall * axis * axis.transpose();
+  mean_.update(axis, tangent, variance_heights / step_heights);
+  limitTilt();
+}
+
+void Mounting::limitTilt() {
+  const double limit = options_.max_tilt_rad;
+  if (std::abs(pitch()) <= limit && std::abs(roll()) <= limit) return;
+  mean_.set(normalOf(std::clamp(pitch(), -limit, limit), std::clamp(roll(), -limit, limit)));
 }
 
 void Mounting::update(const std::optional<MotionHistory::Chord>& chord, const GroundPlane* plane,
-                      double step_heights) {
+                      double step, double height) {
+  const bool has_direction = givesDirection(chord, mean_.n_c);
+  const Eigen::Vector3d ahead = has_direction ? chord->direction_c : Eigen::Vector3d::UnitZ();
   if (plane != nullptr) {
-    addSample(&roll_, -std::asin(std::clamp(plane->n_c.x(), -1.0, 1.0)), options_.roll_motion_sigma,
-              step_heights);
+    const TiltAxes axes = tiltAxes(mean_.n_c, ahead);
+    addSample(axes.across, plane->n_c.dot(axes.across) / plane->n_c.dot(mean_.n_c),
+              options_.roll_motion_sigma, step / height);
   }
-  if (chord && std::abs(chord->direction_c.z()) > kMinForward) {
-    // The pitch at which normal() is orthogonal to the direction of motion.
-    const Eigen::Vector3d t =
-        chord->direction_c.z() > 0 ? chord->direction_c : Eigen::Vector3d(-chord->direction_c);
-    const double ratio = -std::tan(roll_.mean) * t.x() / std::hypot(t.y(), t.z());
-    addSample(&pitch_, std::asin(std::clamp(ratio, -1.0, 1.0)) - std::atan2(t.y(), t.z()),
-              options_.pitch_motion_sigma, step_heights);
+  if (has_direction) {
+    const TiltAxes axes = tiltAxes(mean_.n_c, ahead);
+    const double chord_sigma = options_.heave_sigma_heights * height / chord->length;
+    addSample(axes.along, -mean_.n_c.dot(ahead) / axes.along.dot(ahead),
+              std::hypot(options_.pitch_motion_sigma, chord_sigma), step / height);
   }
 }
 

@@ -91,7 +91,8 @@ std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
   segmentation.setModelType(pcl::SACMODEL_PERPENDICULAR_PLANE);
   segmentation.setMethodType(pcl::SAC_RANSAC);
   segmentation.setAxis(prior.n_c.cast<float>());
-  segmentation.setEpsAngle(options.sac_tilt_rad);
+  segmentation.setEpsAngle(std::max(prior.pitchTolerance(options.sac_tilt_rad),
+                                    prior.rollTolerance(options.sac_tilt_rad)));
   segmentation.setDistanceThreshold(options.sac_threshold_heights);
   segmentation.setMaxIterations(options.sac_iterations);
   segmentation.setOptimizeCoefficients(false);
@@ -208,18 +209,16 @@ double medianHeight(const std::vector<PlanePoint>& points, const std::vector<Res
   return weightedMedian(std::move(heights));
 }
 
-/// Error of the height from the cross slope of the ground: camber_sigma times the mean lateral
-/// position of the inliers, weighted by their information on the height [VO units].
-double camberSigma(const std::vector<PlanePoint>& points, const std::vector<Residual>& residuals,
-                   const std::vector<std::uint32_t>& inliers, const Eigen::Vector3d& lateral,
-                   double camber_sigma) {
+/// Mean lateral position of the inliers, weighted by their information on the height [VO units].
+double meanLateral(const std::vector<PlanePoint>& points, const std::vector<Residual>& residuals,
+                   const std::vector<std::uint32_t>& inliers, const Eigen::Vector3d& lateral) {
   double weights = 0, sum = 0;
   for (const std::uint32_t i : inliers) {
     const double weight = std::pow(residuals[i].sigma * points[i].depth, -2);
     weights += weight;
     sum += weight * lateral.dot(points[i].p_c);
   }
-  return camber_sigma * sum / weights;
+  return sum / weights;
 }
 
 }  // namespace
@@ -273,8 +272,10 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   GroundPlane& plane = result.plane;
   plane.height = 1 / m.norm();
   plane.n_c = m * plane.height;
-  const double tilt = std::acos(std::clamp(plane.n_c.dot(prior.n_c), -1.0, 1.0));
-  if (tilt > options_.max_tilt_rad) {
+  const double tilt =
+      std::hypot(plane.n_c.dot(prior.forward_c) / prior.pitchTolerance(options_.max_tilt_rad),
+                 plane.n_c.dot(prior.lateral()) / prior.rollTolerance(options_.max_tilt_rad));
+  if (tilt > 1) {
     result.status = ScaleReason::kPlaneTilted;
     return result;
   }
@@ -282,10 +283,13 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   const Eigen::Matrix3d covariance = equations.H.inverse();
   const double fit_sigma =
       plane.height * plane.height * std::sqrt(std::max(0.0, plane.n_c.dot(covariance * plane.n_c)));
-  const double camber_sigma =
-      camberSigma(points, residuals, inliers, prior.lateral(), options_.camber_sigma_rad);
-  result.height_sigma = std::hypot(fit_sigma, camber_sigma);
-  const bool is_certain = result.height_sigma <= options_.max_sigma * plane.height;
+  // Error of the height from the cross slope of the ground beside the vehicle. For the decision
+  // whether the points suffice, it counts from the middle of the region that they were taken from.
+  const double left = meanLateral(points, residuals, inliers, prior.lateral());
+  const double left_in_region = left - prior.region_offset * plane.height;
+  result.height_sigma = std::hypot(fit_sigma, options_.camber_sigma_rad * left);
+  const bool is_certain = std::hypot(fit_sigma, options_.camber_sigma_rad * left_in_region) <=
+                          options_.max_sigma * plane.height;
   if (!is_certain || !areFinite(plane.n_c, plane.height, result.median_height)) {
     result.status = ScaleReason::kNoPlane;
     return result;

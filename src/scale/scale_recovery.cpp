@@ -3,6 +3,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/scale/lane_region.hpp"
 #include "ground_scale_vo/scale/paper_preset.hpp"
 
 namespace ground_scale_vo {
@@ -85,7 +86,8 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   }
   motion.add(frame.T_w_c);
   filter.predict(step, Eigen::AngleAxisd(motion.lastMotion().linear()).angle());
-  const NormalPrior prior = mounting.prior(motion, rough_height);
+  NormalPrior prior = mounting.prior(motion, rough_height);
+  prior.region_offset = visibleRegionOffset(frame.camera, prior);
   const auto chord = motion.chord(options.mounting.chord_length_heights * rough_height);
 
   const ScaleReason feature_based = measureFeatureBased(frame, prior, chord, output);
@@ -116,7 +118,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   }
   // Skip the mounting update when the frame shows no ground.
   if (has_measurement || output->scale.ground_points > 0) {
-    mounting.update(chord, accepted ? &output->plane : nullptr, step / rough_height);
+    mounting.update(chord, accepted ? &output->plane : nullptr, step, rough_height);
   }
   output->times.filter = watch.ms();
   if (!has_measurement) return feature_based;

@@ -40,6 +40,24 @@ TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
   EXPECT_GT(result.points.size(), 100u);
 }
 
+TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
+  RoadScene scene = road();
+  scene.pitch = 0;
+  const NormalPrior level = priorOf(scene, 0.13);
+  scene.roll = 0.26;
+  const auto extractWith = [&](double roll_sigma) {
+    NormalPrior prior = level;
+    prior.roll_sigma = roll_sigma;
+    return GroundPointExtraction({}).extract(scene.frame(0), prior, chordOf(scene),
+                                             Eigen::Isometry3d::Identity());
+  };
+  const auto uncertain = extractWith(0.13);
+  ASSERT_EQ(uncertain.status, ScaleReason::kNone);
+  EXPECT_NEAR(uncertain.plane.height, 0.7, 1e-3);
+  EXPECT_NEAR((uncertain.plane.n_c - scene.normal()).norm(), 0, 1e-3);
+  EXPECT_NE(extractWith(0.01).status, ScaleReason::kNone);
+}
+
 TEST(GroundPointExtraction, NumberOfTrianglesFollowsEulersFormula) {
   // A rectangle with two points inside.
   RoadScene scene;

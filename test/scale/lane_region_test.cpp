@@ -67,5 +67,57 @@ TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
   EXPECT_FALSE(lane.contains({0, -0.1, 1}));
 }
 
+TEST(LaneRegion, IsTheSameBehindTheVehicle) {
+  NormalPrior forward, backward;
+  backward.forward_c = -forward.forward_c;
+  MotionHistory::Chord chord;
+  chord.length = kChord * kHeight;
+  chord.turn_c = kChord / kRadius * forward.n_c;
+  const LaneRegion behind(backward, chord, kHeight, 1.5, 10, kHalfWidth);
+  EXPECT_TRUE(behind.contains(rayTo(0, 2)));
+  // The chord ends at the camera, so the driven path starts at a distance of kChord in the image.
+  EXPECT_TRUE(behind.contains(rayTo(0, kChord)));
+  EXPECT_FALSE(behind.contains(rayTo(0, 9)));
+}
+
+/// Prior of a level camera that looks to the left of the direction of motion.
+NormalPrior levelPrior(double yaw) {
+  NormalPrior prior;
+  prior.forward_c = {std::sin(yaw), 0, std::cos(yaw)};
+  return prior;
+}
+
+TEST(LaneRegion, OffsetIsZeroWhileThePathIsVisible) {
+  const PinholeCamera kitti{1241, 376, 718.9, 718.9, 607.2, 185.2};
+  for (const double yaw : {0.0, 0.2, -0.3, M_PI}) {
+    EXPECT_EQ(visibleRegionOffset(kitti, levelPrior(yaw)), 0) << yaw;
+  }
+  PinholeCamera tele = kitti;
+  tele.fx = tele.fy = 4000;
+  EXPECT_EQ(visibleRegionOffset(tele, levelPrior(0)), 0);
+  PinholeCamera sky = kitti;
+  sky.cy = 500;
+  EXPECT_EQ(visibleRegionOffset(sky, levelPrior(0)), 0);
+}
+
+TEST(LaneRegion, OffsetIsThatOfTheNearestVisibleBandBesideThePath) {
+  const PinholeCamera camera{640, 480, 500, 500, 320, 240};  // sees the road from 2.1 heights on
+  const double left = visibleRegionOffset(camera, levelPrior(0.5 * M_PI));
+  EXPECT_GT(left, 2);
+  EXPECT_LT(left, 3.2);
+  EXPECT_EQ(visibleRegionOffset(camera, levelPrior(-0.5 * M_PI)), -left);
+  const double oblique = visibleRegionOffset(camera, levelPrior(0.25 * M_PI));
+  EXPECT_GT(oblique, 0.5);
+  EXPECT_LT(oblique, left);
+
+  NormalPrior prior = levelPrior(0.5 * M_PI);
+  prior.region_offset = left;
+  const LaneRegion region(prior, std::nullopt, kHeight, 1.5, 10, kHalfWidth);
+  EXPECT_TRUE(region.contains(rayTo(1, left)));
+  EXPECT_TRUE(region.contains(rayTo(-1, left)));
+  EXPECT_FALSE(region.contains(rayTo(0, left + 1.1)));
+  EXPECT_FALSE(region.contains(rayTo(0, left - 1.1)));
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

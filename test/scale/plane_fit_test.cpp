@@ -177,8 +177,11 @@ TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
   options.sac_tilt_rad = 0.5;
   options.max_tilt_rad = 0.05;
   const GroundPlane slope{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
-  EXPECT_EQ(PlaneFit(options).fit(pointsOn(slope, 80, 0.001, 0, 1), loosePrior(), 1.0).status,
-            ScaleReason::kPlaneTilted);
+  const auto points = pointsOn(slope, 80, 0.001, 0, 1);
+  NormalPrior prior = loosePrior();
+  EXPECT_EQ(PlaneFit(options).fit(points, prior, 1.0).status, ScaleReason::kNone);
+  prior.pitch_sigma = 0.01;
+  EXPECT_EQ(PlaneFit(options).fit(points, prior, 1.0).status, ScaleReason::kPlaneTilted);
 }
 
 TEST(PlaneFit, IsDeterministic) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <tuple>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "support/recovery_options.hpp"
@@ -72,6 +73,56 @@ TEST(ScaleRecovery, WorksInAnyUnitAndMountingWithinTheLimits) {
     }
   }
 }
+
+/// Pitch, roll and yaw of the mounting [rad].
+class ScaleRecoveryMounting : public testing::TestWithParam<std::tuple<double, double, double>> {
+ protected:
+  RoadScene mounted() const {
+    RoadScene scene;
+    std::tie(scene.pitch, scene.roll, scene.yaw) = GetParam();
+    scene.camera = {640, 360, 360, 360, 320, 180};
+    return scene;
+  }
+};
+
+TEST_P(ScaleRecoveryMounting, FeaturesGiveTheScale) {
+  RoadScene scene = mounted();
+  scene.addPatch(8000, -6, 6, -6, 40, 0, 1);
+  scene.depth_noise = 0.02;
+  ScaleRecovery recovery(recoveryOptions());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 80; ++i) output = recovery.process(scene.frame(i));
+  ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
+  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.015);
+  EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.02);
+}
+
+class ScaleRecoveryDirectMounting : public ScaleRecoveryMounting {};
+
+TEST_P(ScaleRecoveryDirectMounting, DirectMeasurementsGiveTheScale) {
+  RoadScene scene = mounted();
+  scene.addPatch(600, -6, 6, -6, 40, 0, 1);
+  ScaleRecovery::Options direct_only = recoveryOptions();
+  direct_only.gpe.min_points = 1000000;
+  ScaleRecovery recovery(direct_only);
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 24; ++i) {
+    output = recovery.process(scene.frame(i), roadImage(scene, scene.step * i));
+  }
+  ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
+  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.015);
+  EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.02);
+}
+
+const auto kMountings =
+    testing::Values(std::tuple(0.03, 0.26, 0.0), std::tuple(0.03, -0.26, 0.0),
+                    std::tuple(0.35, 0.0, 0.0), std::tuple(0.0, 0.0, 0.25 * M_PI),
+                    std::tuple(0.0, 0.0, 0.5 * M_PI), std::tuple(0.1, 0.1, -0.5 * M_PI));
+
+INSTANTIATE_TEST_SUITE_P(Mountings, ScaleRecoveryMounting, kMountings);
+INSTANTIATE_TEST_SUITE_P(RearFacing, ScaleRecoveryMounting,
+                         testing::Values(std::tuple(0.05, 0.14, M_PI)));
+INSTANTIATE_TEST_SUITE_P(Mountings, ScaleRecoveryDirectMounting, kMountings);
 
 TEST(ScaleRecovery, AVehicleAheadDoesNotBiasTheScale) {
   const RoadScene scene = road();

@@ -19,6 +19,7 @@ struct RoadScene {
   double height = 0.7;                  ///< of the camera [VO units]
   double pitch = 0.02;                  ///< [rad] positive looks down
   double roll = 0;                      ///< [rad] positive: the camera's x axis points down
+  double yaw = 0;                       ///< [rad] positive: the camera looks to the left
   double step = 0.4;                    ///< per frame [VO units]
   double depth_noise = 0;               ///< relative, of the inverse depth; constant for each point
   double depth_sigma = 0.02;            ///< reported standard deviation of the depth, relative
@@ -54,7 +55,8 @@ struct RoadScene {
 
   /// R_road_c.
   Eigen::Matrix3d rotation() const {
-    return (Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
+    return (Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitY()) *
+            Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
             Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()))
         .toRotationMatrix();
   }

@@ -63,8 +63,10 @@ class GroundPointExtraction {
             "[features] number that is enough for the narrow region");
       visit("motion_tolerance_rad", self.motion_tolerance_rad, 1e-4, 1.6,
             "[rad] theta_2 of Alg. 1: largest |90 deg - angle(n, t)| of a triangle");
-      visit("pitch_tolerance_rad", self.pitch_tolerance_rad, 1e-4, 1.6,
-            "[rad] theta_1 of Alg. 1: largest pitch of a triangle against the road");
+      visit(
+          "pitch_tolerance_rad", self.pitch_tolerance_rad, 1e-4, 1.6,
+          "[rad] theta_1 of Alg. 1: largest pitch of a triangle, and pitch and roll of the plane, "
+          "against the road; the tolerances include three standard deviations of the prior");
       visit("roll_tolerance_rad", self.roll_tolerance_rad, 1e-4, 1.6,
             "[rad] largest roll of a triangle against the road");
       visit("min_points", self.min_points, 3, 1e6,

@@ -8,22 +8,24 @@
 
 namespace ground_scale_vo {
 
-/// Pitch and roll of the camera against the vehicle, as slow averages: pitch from the direction of
-/// motion, which on average is parallel to the road (Eq. 3), and roll from the estimated planes.
+/// The road's normal in camera axes when the vehicle is level on it, as a slow average: its tilt
+/// along the path from the direction of motion, which on average is parallel to the road (Eq. 3),
+/// and its tilt across the path from the estimated planes. The camera may look in any horizontal
+/// direction. For a forward-facing camera the two tilts are pitch and roll of the mounting.
 /// The paper assumes a pitch of zero; an error of 1 degree is 11 % of the height for a point 10 m
 /// ahead.
 class Mounting {
  public:
   /// Lengths ending in _heights are in camera heights; sigmas are standard deviations in rad.
   struct Options {
-    double initial_pitch_sigma = 0.07;
-    double initial_roll_sigma = 0.05;
+    double initial_pitch_sigma = 0.1;
+    double initial_roll_sigma = 0.1;
     double pitch_motion_sigma = 0.012;
     double roll_motion_sigma = 0.012;
     double heave_sigma_heights = 0.02;
     double chord_length_heights = 3;
     double forgetting_distance_heights = 200;
-    double max_tilt_rad = 0.26;
+    double max_tilt_rad = 0.5;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("initial_pitch_sigma", self.initial_pitch_sigma, 1e-4, 1,
@@ -49,33 +51,43 @@ class Mounting {
   /// Throws OptionError.
   explicit Mounting(const Options& options);
 
-  double pitch() const { return pitch_.mean; }  ///< [rad], positive: the camera looks down
-  double roll() const { return roll_.mean; }  ///< [rad], positive: the camera's x axis points down
+  double pitch() const;  ///< [rad], positive: the camera looks down
+  double roll() const;   ///< [rad], positive: the camera's x axis points down
   /// The road's normal in camera axes when the vehicle is level on it; unit, up.
-  Eigen::Vector3d normal() const;
+  const Eigen::Vector3d& normal() const { return mean_.n_c; }
 
   /// Prior on the road's normal in the camera of the newest pose of `history`: the mounting's
   /// normal, corrected towards orthogonality to the direction of motion (Eq. 3) by the ratio of
   /// their variances. height: of the camera [VO units]; 0 when it is not known.
   NormalPrior prior(const MotionHistory& history, double height) const;
 
-  /// Updates pitch and roll with one frame. chord: direction of motion up to this frame. plane: the
-  /// accepted plane of this frame, or null. step_heights: distance since the last update [camera
-  /// heights].
+  /// Updates the average with one frame. chord: direction of motion up to this frame. plane: the
+  /// accepted plane of this frame, or null. step: distance since the last update; height: of the
+  /// camera [VO units], > 0.
   void update(const std::optional<MotionHistory::Chord>& chord, const GroundPlane* plane,
-              double step_heights);
+              double step, double height);
 
   void reset();
 
  private:
-  struct Average {
-    double mean = 0;   ///< [rad]
-    double sigma = 0;  ///< standard deviation of the mean [rad]
+  /// Gaussian on the unit sphere.
+  struct Normal {
+    Eigen::Vector3d n_c = Eigen::Vector3d(0, -1, 0);  ///< unit
+    /// Of rotations of n_c, in its tangent plane: rank 2, covariance * n_c = 0 [rad^2].
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+
+    double variance(const Eigen::Vector3d& axis) const { return axis.dot(covariance * axis); }
+    /// Kalman update with a measured tilt towards axis (unit, orthogonal to n_c), given as its
+    /// tangent.
+    void update(const Eigen::Vector3d& axis, double tangent, double measurement_variance);
+    void set(const Eigen::Vector3d& n_c);
   };
-  void addSample(Average* average, double value, double sample_sigma, double step_heights) const;
+  void addSample(const Eigen::Vector3d& axis, double tangent, double sample_sigma,
+                 double step_heights);
+  void limitTilt();
 
   Options options_;
-  Average pitch_, roll_;
+  Normal mean_;
 };
 
 }  // namespace ground_scale_vo

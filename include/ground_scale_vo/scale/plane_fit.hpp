@@ -58,7 +58,8 @@ class PlaneFit {
       visit("sac_threshold_heights", self.sac_threshold_heights, 1e-6, 1,
             "[camera heights] inlier distance of SACSegmentation");
       visit("sac_tilt_rad", self.sac_tilt_rad, 1e-4, 1.5,
-            "[rad] largest angle of its plane's normal from the prior");
+            "[rad] largest angle of its plane's normal from the prior, besides three standard "
+            "deviations of the prior");
       visit("sac_iterations", self.sac_iterations, 1, 1e6, "[iterations] of SACSegmentation");
       visit("roughness_heights", self.roughness_heights, 1e-6, 1,
             "[camera heights] standard deviation of the road surface; limits the weight of near "
@@ -72,7 +73,8 @@ class PlaneFit {
       visit("max_sigma", self.max_sigma, 1e-4, 10,
             "[] largest accepted relative standard deviation of the height");
       visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,
-            "[rad] largest accepted angle of the normal from the prior");
+            "[rad] largest accepted angle of the normal from the prior, besides three standard "
+            "deviations of the prior");
     }
     /// Throws OptionError.
     void validate() const;

@@ -1,5 +1,6 @@
 #include "scale/direct/height_search.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +11,9 @@ namespace ground_scale_vo::direct {
 namespace {
 
 constexpr double kStep = 0.05;  ///< of ln h between samples, half the width of a typical peak
+/// [rad] Step and range (in standard deviations of the prior) of the roll between hypotheses: half
+/// a step changes the height at the border of the lane by 3 %.
+constexpr double kRollStep = 0.06, kRollRange = 3;
 /// [ln h] Half width of a correlation peak: samples this close to the maximum belong to it.
 constexpr double kPeakHalfWidth = 0.26;
 /// Required correlation over the longer baseline as a share of that over the shorter one: farther
@@ -52,21 +56,53 @@ double HeightSearch::meanCorrelation(const std::vector<Patch>& patches, const Re
   return enough ? sum / weights : -1;
 }
 
-double HeightSearch::find(const std::vector<Patch>& patches,
-                          const std::vector<Reference>& references, const PatchMatcher& matcher,
-                          const NormalPrior& prior, double centre) const {
-  if (references.size() < kReferences) return 0;
-  const int half = static_cast<int>(std::ceil(std::log(options_.search_range) / kStep));
-  std::array<double, kReferences> found{};
+/// Correlation over the height; sample i belongs to centre * exp(kStep * (i - half)).
+std::vector<double> HeightSearch::scores(const std::vector<Patch>& patches,
+                                         const Reference& reference, const PatchMatcher& matcher,
+                                         const Eigen::Vector3d& n_c, double centre) const {
+  const int half = halfRange();
   std::vector<double> score;
   score.reserve(static_cast<std::size_t>(2 * half + 1));
-  for (std::size_t k = 0; k < kReferences; ++k) {
-    score.clear();
-    for (int i = -half; i <= half; ++i) {
-      const double height = centre * std::exp(kStep * i);
-      score.push_back(
-          meanCorrelation(patches, references[k], matcher, (prior.n_c / height).cast<float>()));
+  for (int i = -half; i <= half; ++i) {
+    const double height = centre * std::exp(kStep * i);
+    score.push_back(meanCorrelation(patches, reference, matcher, (n_c / height).cast<float>()));
+  }
+  return score;
+}
+
+int HeightSearch::halfRange() const {
+  return static_cast<int>(std::ceil(std::log(options_.search_range) / kStep));
+}
+
+/// The normal within the roll range of the prior whose best plane correlates best.
+Eigen::Vector3d HeightSearch::bestNormal(const std::vector<Patch>& patches,
+                                         const Reference& reference, const PatchMatcher& matcher,
+                                         const NormalPrior& prior, double centre) const {
+  const int steps = static_cast<int>(kRollRange * prior.roll_sigma / kRollStep);
+  if (steps == 0) return prior.n_c;
+  Eigen::Vector3d best = prior.n_c;
+  double best_score = -1;
+  for (int k = -steps; k <= steps; ++k) {
+    const Eigen::Vector3d n_c = Eigen::AngleAxisd(kRollStep * k, prior.forward_c) * prior.n_c;
+    const std::vector<double> score = scores(patches, reference, matcher, n_c, centre);
+    const double peak = *std::max_element(score.begin(), score.end());
+    if (peak > best_score) {
+      best_score = peak;
+      best = n_c;
     }
+  }
+  return best;
+}
+
+std::optional<GroundPlane> HeightSearch::find(const std::vector<Patch>& patches,
+                                              const std::vector<Reference>& references,
+                                              const PatchMatcher& matcher, const NormalPrior& prior,
+                                              double centre) const {
+  if (references.size() < kReferences) return std::nullopt;
+  const Eigen::Vector3d n_c = bestNormal(patches, references.front(), matcher, prior, centre);
+  std::array<double, kReferences> found{};
+  for (std::size_t k = 0; k < kReferences; ++k) {
+    const std::vector<double> score = scores(patches, references[k], matcher, n_c, centre);
     const auto peak = std::max_element(score.begin(), score.end());
     double second_peak = -1;
     for (auto other = score.begin(); other != score.end(); ++other) {
@@ -76,11 +112,14 @@ double HeightSearch::find(const std::vector<Patch>& patches,
     }
     const double min_correlation = k == 0 ? options_.search_min_correlation
                                           : kLongBaselineShare * options_.search_min_correlation;
-    if (*peak < min_correlation || *peak - second_peak < options_.search_min_peak_margin) return 0;
-    found[k] = centre * std::exp(kStep * static_cast<double>(peak - score.begin() - half));
+    if (*peak < min_correlation || *peak - second_peak < options_.search_min_peak_margin) {
+      return std::nullopt;
+    }
+    found[k] = centre * std::exp(kStep * static_cast<double>(peak - score.begin() - halfRange()));
   }
   const bool agree = std::abs(std::log(found[0] / found[1])) < options_.search_max_disagreement;
-  return agree ? found[1] : 0;
+  if (!agree) return std::nullopt;
+  return GroundPlane{n_c, found[1]};
 }
 
 }  // namespace ground_scale_vo::direct

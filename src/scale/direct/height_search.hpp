@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "ground_scale_vo/scale/direct_plane_estimator.hpp"
@@ -16,19 +17,29 @@ namespace ground_scale_vo::direct {
 /// order of magnitude of the height. 0 when there are none.
 double medianFeatureHeight(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior);
 
-/// Exhaustive one-dimensional search for the camera height: maximises the correlation of the
-/// patches with each reference image over the height, with the normal of the prior.
+/// Exhaustive search for the camera height: maximises the correlation of the patches with each
+/// reference image over the height, and over the roll while the prior leaves it open. The pitch is
+/// that of the prior, which knows it from the direction of motion.
 class HeightSearch {
  public:
   explicit HeightSearch(const DirectPlaneEstimator::Options& options) : options_(options) {}
 
-  /// The height at which both reference images have the same distinct correlation peak
-  /// [VO units]. centre: of the searched range [VO units]. 0: no such peak, or fewer than
-  /// kReferences references.
-  double find(const std::vector<Patch>& patches, const std::vector<Reference>& references,
-              const PatchMatcher& matcher, const NormalPrior& prior, double centre) const;
+  /// The plane at whose height both reference images have the same distinct correlation peak
+  /// [VO units]. centre: of the searched range of heights [VO units]. Empty: no such peak, or fewer
+  /// than kReferences references.
+  std::optional<GroundPlane> find(const std::vector<Patch>& patches,
+                                  const std::vector<Reference>& references,
+                                  const PatchMatcher& matcher, const NormalPrior& prior,
+                                  double centre) const;
 
  private:
+  int halfRange() const;
+  std::vector<double> scores(const std::vector<Patch>& patches, const Reference& reference,
+                             const PatchMatcher& matcher, const Eigen::Vector3d& n_c,
+                             double centre) const;
+  Eigen::Vector3d bestNormal(const std::vector<Patch>& patches, const Reference& reference,
+                             const PatchMatcher& matcher, const NormalPrior& prior,
+                             double centre) const;
   double meanCorrelation(const std::vector<Patch>& patches, const Reference& reference,
                          const PatchMatcher& matcher, const Eigen::Vector3f& m) const;
 

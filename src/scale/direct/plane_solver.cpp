@@ -29,9 +29,11 @@ constexpr double kRoadCorrelation = 0.92;
 DirectPlaneEstimator::Result PlaneSolver::solve(const std::vector<Patch>& patches,
                                                 const std::vector<Reference>& references,
                                                 const PatchMatcher& matcher,
-                                                const NormalPrior& prior, double initial_height) {
+                                                const NormalPrior& prior,
+                                                const GroundPlane& initial) {
   Result result;
-  Eigen::Vector3d m = prior.n_c / initial_height;
+  const double initial_height = initial.height;
+  Eigen::Vector3d m = initial.n_c / initial_height;
   matches_.resize(patches.size() * kReferences);
   PlaneEquations equations;
   double robust_scale = 1;

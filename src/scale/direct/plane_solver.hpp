@@ -22,12 +22,11 @@ class PlaneSolver {
  public:
   explicit PlaneSolver(const DirectPlaneEstimator::Options& options) : options_(options) {}
 
-  /// Starts at the prior's normal and initial_height [VO units], > 0. The result has the status
-  /// kNone or kNoPlane.
+  /// Starts at the plane `initial`. The result has the status kNone or kNoPlane.
   DirectPlaneEstimator::Result solve(const std::vector<Patch>& patches,
                                      const std::vector<Reference>& references,
                                      const PatchMatcher& matcher, const NormalPrior& prior,
-                                     double initial_height);
+                                     const GroundPlane& initial);
 
  private:
   using Result = DirectPlaneEstimator::Result;

@@ -42,6 +42,9 @@ find_package(Ceres REQUIRED)  # an independent solver for the test of the bundle
 gsv_add_unit_tests(common ${PROJECT_NAME}_core)
 gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation ${CERES_LIBRARIES})
 gsv_add_unit_tests(scale ${PROJECT_NAME}_simulation)
+# plane_fit_test observes PCL's verbosity.
+target_include_directories(scale_test SYSTEM PRIVATE ${PCL_INCLUDE_DIRS})
+target_link_libraries(scale_test ${PCL_LIBRARIES})
 gsv_add_unit_tests(io ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(evaluation ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(calibration ${PROJECT_NAME}_simulation)

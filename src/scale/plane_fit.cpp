@@ -1,12 +1,5 @@
 #include "ground_scale_vo/scale/plane_fit.hpp"
 
-#include <pcl/ModelCoefficients.h>
-#include <pcl/PointIndices.h>
-#include <pcl/console/print.h>
-#include <pcl/point_cloud.h>
-#include <pcl/point_types.h>
-#include <pcl/segmentation/sac_segmentation.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -17,6 +10,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/median.hpp"
+#include "scale/plane_segmentation.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -63,51 +57,24 @@ bool isCollinear(const std::vector<PlanePoint>& points) {
   return !(eigenvalues(1) > kMinAspectRatio * kMinAspectRatio * eigenvalues(2));
 }
 
-/// Silences PCL, which prints a line for every degenerate sample, while it exists.
-class QuietPcl {
- public:
-  QuietPcl() { pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS); }
-  ~QuietPcl() { pcl::console::setVerbosityLevel(before_); }
-  QuietPcl(const QuietPcl&) = delete;
-  QuietPcl& operator=(const QuietPcl&) = delete;
-
- private:
-  const pcl::console::VERBOSITY_LEVEL before_ = pcl::console::getVerbosityLevel();
-};
-
-/// RANSAC plane from PCL, the start of the least-squares fit. Deterministic: one thread, and PCL's
-/// default seed (random = false). Points are scaled to camera heights.
+/// Start of the least-squares fit.
 std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
                                         const NormalPrior& prior, double height_hint,
                                         const PlaneFit::Options& options) {
   if (isCollinear(points)) return std::nullopt;
-  const auto cloud = pcl::make_shared<pcl::PointCloud<pcl::PointXYZ>>();
-  cloud->reserve(points.size());
-  for (const PlanePoint& point : points) {
-    const Eigen::Vector3f p = (point.p_c / height_hint).cast<float>();
-    cloud->push_back({p.x(), p.y(), p.z()});
-  }
-  pcl::SACSegmentation<pcl::PointXYZ> segmentation(false);
-  segmentation.setModelType(pcl::SACMODEL_PERPENDICULAR_PLANE);
-  segmentation.setMethodType(pcl::SAC_RANSAC);
-  segmentation.setAxis(prior.n_c.cast<float>());
-  segmentation.setEpsAngle(std::max(prior.pitchTolerance(options.sac_tilt_rad),
-                                    prior.rollTolerance(options.sac_tilt_rad)));
-  segmentation.setDistanceThreshold(options.sac_threshold_heights);
-  segmentation.setMaxIterations(options.sac_iterations);
-  segmentation.setOptimizeCoefficients(false);
-  segmentation.setInputCloud(cloud);
-  const QuietPcl quiet;
-  pcl::PointIndices inliers;
-  pcl::ModelCoefficients coefficients;
-  segmentation.segment(inliers, coefficients);
-  if (inliers.indices.empty() || coefficients.values.size() != 4) return std::nullopt;
-  const Eigen::Vector4d plane =
-      Eigen::Map<const Eigen::Vector4f>(coefficients.values.data()).cast<double>();
-  const double sign = plane.head<3>().dot(prior.n_c) < 0 ? -1 : 1;
-  const double height = sign * plane(3) * height_hint;
+  std::vector<Eigen::Vector3f> scaled;
+  scaled.reserve(points.size());
+  for (const PlanePoint& point : points) scaled.push_back((point.p_c / height_hint).cast<float>());
+  const auto plane = segmentPerpendicularPlane(scaled, prior.n_c.cast<float>(),
+                                               std::max(prior.pitchTolerance(options.sac_tilt_rad),
+                                                        prior.rollTolerance(options.sac_tilt_rad)),
+                                               options);
+  if (!plane) return std::nullopt;
+  const Eigen::Vector3d normal = plane->head<3>().cast<double>();
+  const double sign = normal.dot(prior.n_c) < 0 ? -1 : 1;
+  const double height = sign * static_cast<double>((*plane)(3)) * height_hint;
   if (!(height > 0)) return std::nullopt;
-  return GroundPlane{(sign * plane.head<3>()).normalized(), height};
+  return GroundPlane{(sign * normal).normalized(), height};
 }
 
 /// Inverse depth of a point on the plane m = n / h, and its derivative by m.

@@ -1,9 +1,12 @@
 #include "ground_scale_vo/scale/plane_fit.hpp"
 
 #include <gtest/gtest.h>
+#include <pcl/console/print.h>
 
+#include <atomic>
 #include <cmath>
 #include <random>
+#include <thread>
 
 #include "ground_scale_vo/common/error.hpp"
 
@@ -170,6 +173,36 @@ TEST(PlaneFit, FailuresAreReportedByStatus) {
   EXPECT_EQ(fit.fit(line, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
   const std::vector<PlanePoint> same(50, pointsOn(kPlane, 1, 0, 0, 1)[0]);
   EXPECT_EQ(fit.fit(same, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+}
+
+// PCL's verbosity is global to the process, and other nodelets of the manager may print with it.
+TEST(PlaneFit, PclIsSilentAndItsVerbosityIsNotChanged) {
+  const PlaneFit fit{PlaneFit::Options{}};
+  auto points = pointsOn(kPlane, 60, 0.01, 3, 1);
+  const GroundPlane slope{Eigen::Vector3d(0, -1, 0.5).normalized(), 0.8};  // beyond sac_tilt_rad
+  const auto tilted = pointsOn(slope, 60, 0, 0, 1);
+  // Half of the points in two places: most samples of three are degenerate.
+  const auto two = pointsOn(kPlane, 2, 0, 0, 7);
+  for (int i = 0; i < 60; ++i) points.push_back(two[static_cast<std::size_t>(i % 2)]);
+
+  const auto before = pcl::console::getVerbosityLevel();
+  std::atomic<bool> done{false}, changed{false};
+  std::thread observer([&] {
+    while (!done) {
+      if (pcl::console::getVerbosityLevel() != before) changed = true;
+    }
+  });
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  for (int i = 0; i < 200; ++i) {
+    EXPECT_EQ(fit.fit(points, loosePrior(), 1.0).status, ScaleReason::kNone);
+    EXPECT_EQ(fit.fit(tilted, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  }
+  done = true;
+  observer.join();
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_FALSE(changed);
 }
 
 TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {

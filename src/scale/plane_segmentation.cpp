@@ -1,0 +1,88 @@
+#include "scale/plane_segmentation.hpp"
+
+#include <pcl/ModelCoefficients.h>
+#include <pcl/PointIndices.h>
+#include <pcl/point_cloud.h>
+#include <pcl/point_types.h>
+#include <pcl/sample_consensus/sac_model_perpendicular_plane.h>
+#include <pcl/segmentation/sac_segmentation.h>
+
+#include <algorithm>
+#include <cstddef>
+
+namespace ground_scale_vo {
+namespace {
+
+using Cloud = pcl::PointCloud<pcl::PointXYZ>;
+using PclModel = pcl::SampleConsensusModelPerpendicularPlane<pcl::PointXYZ>;
+
+/// [camera heights^2] Least area of a sample's parallelogram; PCL's own limit is the same.
+constexpr float kMinSampleArea = 1e-5f;
+
+/// PCL's model without its error messages. PCL prints one for every degenerate sample and one when
+/// no model has inliers. Here a degenerate sample has the invalid plane 0, which has no inliers,
+/// and the count of inliers is at least one, so that RANSAC always ends with a model. A model of an
+/// invalid plane is recognised by its empty inliers.
+class PlaneModel : public PclModel {
+ public:
+  explicit PlaneModel(const Cloud::ConstPtr& cloud) : PclModel(cloud) {}
+
+  bool computeModelCoefficients(const std::vector<int>& samples,
+                                Eigen::VectorXf& coefficients) const override {
+    const auto at = [&](std::size_t i) -> Eigen::Vector3f {
+      return (*input_)[static_cast<std::size_t>(samples[i])].getVector3fMap();
+    };
+    const Eigen::Vector3f cross = (at(1) - at(0)).cross(at(2) - at(0));
+    if (cross.stableNorm() >= kMinSampleArea) {
+      return PclModel::computeModelCoefficients(samples, coefficients);
+    }
+    coefficients = Eigen::Vector4f::Zero();
+    return true;
+  }
+
+  std::size_t countWithinDistance(const Eigen::VectorXf& coefficients,
+                                  double threshold) const override {
+    return std::max<std::size_t>(1, PclModel::countWithinDistance(coefficients, threshold));
+  }
+
+ protected:
+  bool isSampleGood(const std::vector<int>&) const override { return true; }
+};
+
+/// PCL's segmentation with PlaneModel.
+class PlaneSegmentation : public pcl::SACSegmentation<pcl::PointXYZ> {
+ protected:
+  bool initSACModel(int) override {
+    const auto model = pcl::make_shared<PlaneModel>(input_);
+    model->setAxis(axis_);
+    model->setEpsAngle(eps_angle_);
+    model_ = model;
+    return true;
+  }
+};
+
+}  // namespace
+
+std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen::Vector3f>& points,
+                                                         const Eigen::Vector3f& axis,
+                                                         double max_angle,
+                                                         const PlaneFit::Options& options) {
+  const auto cloud = pcl::make_shared<Cloud>();
+  cloud->reserve(points.size());
+  for (const Eigen::Vector3f& p : points) cloud->push_back({p.x(), p.y(), p.z()});
+  PlaneSegmentation segmentation;
+  segmentation.setMethodType(pcl::SAC_RANSAC);
+  segmentation.setAxis(axis);
+  segmentation.setEpsAngle(max_angle);
+  segmentation.setDistanceThreshold(options.sac_threshold_heights);
+  segmentation.setMaxIterations(options.sac_iterations);
+  segmentation.setOptimizeCoefficients(false);
+  segmentation.setInputCloud(cloud);
+  pcl::PointIndices inliers;
+  pcl::ModelCoefficients coefficients;
+  segmentation.segment(inliers, coefficients);
+  if (inliers.indices.empty() || coefficients.values.size() != 4) return std::nullopt;
+  return Eigen::Vector4f(coefficients.values.data());
+}
+
+}  // namespace ground_scale_vo

@@ -22,6 +22,10 @@ constexpr double kMinLaneLength = 6;
 /// Least slope of a viewing ray towards the road at which patches still resolve its texture.
 constexpr double kMinRaySlope = 0.02;
 
+/// Cosine between optical axis and backward direction from which on a camera faces backwards. Of
+/// one that looks sideways no image is nearer to the road than the others.
+constexpr double kMinBackwards = 0.5;
+
 bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
   return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
          a.cx == b.cx && a.cy == b.cy;
@@ -69,6 +73,8 @@ struct DirectPlaneEstimator::Impl {
   LaneRegion laneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
                         double height) const;
   void applyStaticMask();
+  void setOrigin(const Eigen::Isometry3d& T_w_c, const NormalPrior& prior, double height,
+                 const CameraPath& path);
   Result measure(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior,
                  double height);
   void searchAndSolve(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior,
@@ -81,6 +87,8 @@ struct DirectPlaneEstimator::Impl {
   std::optional<Stages> stages;  ///< for `camera`; empty before the first image
   std::vector<direct::Patch> patches;
   std::vector<direct::Reference> references;
+  /// Of the camera whose height is measured, in this frame's camera axes [VO units].
+  Eigen::Vector3d origin_c = Eigen::Vector3d::Zero();
   /// Camera position at the last success or search.
   std::optional<Eigen::Vector3d> last_attempt_w;
 };
@@ -104,6 +112,19 @@ void DirectPlaneEstimator::Impl::applyStaticMask() {
   for (direct::Patch& patch : patches) patch.masked = stages->static_mask.contains(patch.cell);
 }
 
+/// The camera of the path above the centre of the patches, see CameraPath.
+void DirectPlaneEstimator::Impl::setOrigin(const Eigen::Isometry3d& T_w_c, const NormalPrior& prior,
+                                           double height, const CameraPath& path) {
+  origin_c.setZero();
+  if (path.empty() || patches.empty()) return;
+  Eigen::Vector3d centre_c = Eigen::Vector3d::Zero();
+  for (const direct::Patch& patch : patches) {
+    const Eigen::Vector3d ray(patch.ray_x.mean(), patch.ray_y.mean(), 1);
+    centre_c -= height / (prior.n_c.dot(ray) * static_cast<double>(patches.size())) * ray;
+  }
+  origin_c = T_w_c.inverse() * path.nearest(T_w_c * centre_c).T_w_c.translation();
+}
+
 /// While the height is not known in every frame, otherwise once per search_interval_heights without
 /// a measurement: the search is by far the most expensive step.
 bool DirectPlaneEstimator::Impl::isSearchDue(double height) const {
@@ -120,7 +141,8 @@ void DirectPlaneEstimator::Impl::searchAndSolve(const VoFrame& frame, const Lane
   const std::optional<GroundPlane> found =
       centre > 0 ? stages->search.find(patches, references, stages->matcher, prior, centre)
                  : std::nullopt;
-  if (found) *result = stages->solver.solve(patches, references, stages->matcher, prior, *found);
+  if (found)
+    *result = stages->solver.solve(patches, references, stages->matcher, prior, *found, origin_c);
   result->searched = true;
 }
 
@@ -133,7 +155,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::measure(const VoFrame& 
   Result result;
   if (height > 0) {
     const GroundPlane predicted{prior.n_c, height};
-    result = stages->solver.solve(patches, references, stages->matcher, prior, predicted);
+    result = stages->solver.solve(patches, references, stages->matcher, prior, predicted, origin_c);
   }
   const bool failed = result.status != ScaleReason::kNone;
   if (failed && isSearchDue(height)) searchAndSolve(frame, lane, prior, &result);
@@ -163,20 +185,22 @@ void DirectPlaneEstimator::reset() {
 
 DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(
     const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
-    const std::optional<MotionHistory::Chord>& chord, double height) {
+    const std::optional<MotionHistory::Chord>& chord, double height, const CameraPath& path) {
   Impl& s = *impl_;
   s.setCamera(frame.camera);
   Stages& stages = *s.stages;
   direct::RoadImage& current = stages.images.current();
   current.T_w_c = frame.T_w_c;
   const LaneRegion lane = s.laneRegion(prior, chord, height);
-  stages.extractor.extract(image, lane, &current, &s.patches);
+  const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
+  stages.extractor.extract(image, lane, faces_backwards, &current, &s.patches);
   s.applyStaticMask();
 
   Result result;
   result.status = ScaleReason::kStandstill;
   const double rough_height = height > 0 ? height : direct::medianFeatureHeight(frame, lane, prior);
   if (!(rough_height > 0)) return result;
+  s.setOrigin(frame.T_w_c, prior, rough_height, path);
   s.references = stages.images.selectReferences(rough_height);
   if (!s.references.empty()) {
     result = s.measure(frame, lane, prior, height);

@@ -3,6 +3,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/scale/camera_path.hpp"
 #include "ground_scale_vo/scale/lane_region.hpp"
 #include "ground_scale_vo/scale/paper_preset.hpp"
 
@@ -39,13 +40,18 @@ struct ScaleRecovery::Impl {
   void startMap();
   ScaleReason measure(const VoFrame& frame, const cv::Mat& image, Output* output);
   ScaleReason measureFeatureBased(const VoFrame& frame, const NormalPrior& prior,
-                                  const std::optional<MotionHistory::Chord>& chord, Output* output);
+                                  const std::optional<MotionHistory::Chord>& chord, Output* output,
+                                  GroundPlane* plane);
   bool measureDirect(const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
-                     const std::optional<MotionHistory::Chord>& chord, Output* output);
+                     const std::optional<MotionHistory::Chord>& chord, Output* output,
+                     GroundPlane* plane);
+  bool updateFilter(const GroundPlane& feature_based_plane, const GroundPlane& direct_plane,
+                    Output* output);
   void fillEstimate(ScaleEstimate* scale) const;
 
   const Options options;
   MotionHistory motion;
+  CameraPath path;
   Mounting mounting;
   GroundPointExtraction gpe;
   GroundPointAggregation gpa;
@@ -69,6 +75,7 @@ ScaleRecovery::Options ScaleRecovery::Impl::resolve(const Options& options) {
 /// A new map has another unit of length: only the mounting and the metric trajectory are kept.
 void ScaleRecovery::Impl::startMap() {
   motion.reset();
+  path.clear();
   gpa.reset();
   direct.reset();
   filter.reset();
@@ -89,22 +96,17 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   NormalPrior prior = mounting.prior(motion, rough_height);
   prior.region_offset = visibleRegionOffset(frame.camera, prior);
   const auto chord = motion.chord(options.mounting.chord_length_heights * rough_height);
+  path.add(frame.T_w_c, prior, step, options.gpe.max_ahead_heights * rough_height);
 
-  const ScaleReason feature_based = measureFeatureBased(frame, prior, chord, output);
+  GroundPlane feature_based_plane, direct_plane;
+  const ScaleReason feature_based =
+      measureFeatureBased(frame, prior, chord, output, &feature_based_plane);
   const bool has_feature_based = feature_based == ScaleReason::kNone;
-  const bool has_direct = measureDirect(frame, image, prior, chord, output);
+  const bool has_direct = measureDirect(frame, image, prior, chord, output, &direct_plane);
   const bool has_measurement = has_feature_based || has_direct;
 
   const Stopwatch watch;
-  bool accepted = false;
-  if (has_feature_based) {
-    accepted = filter.update(output->feature_based.height, output->feature_based.sigma,
-                             ScaleFilter::Source::kFeatureBased);
-  }
-  if (has_direct) {
-    accepted |=
-        filter.update(output->direct.height, output->direct.sigma, ScaleFilter::Source::kDirect);
-  }
+  const bool accepted = updateFilter(feature_based_plane, direct_plane, output);
   if (filter.known()) {
     rough_height = filter.height();
   } else if (has_measurement) {
@@ -126,10 +128,25 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   return accepted || !filter.known() ? ScaleReason::kNone : ScaleReason::kRejectedByFilter;
 }
 
-/// GPE and GPA (Alg. 1 and 2). On kNone output->feature_based and output->plane are set.
+/// Of two measured planes (height 0: not measured) output->plane is the direct one, unless the
+/// filter accepts the feature-based one alone. Returns whether it accepts any.
+bool ScaleRecovery::Impl::updateFilter(const GroundPlane& feature_based_plane,
+                                       const GroundPlane& direct_plane, Output* output) {
+  const auto accepts = [&](const Measurement& measurement, ScaleFilter::Source source) {
+    return measurement.height > 0 && filter.update(measurement.height, measurement.sigma, source);
+  };
+  const bool feature_based_accepted =
+      accepts(output->feature_based, ScaleFilter::Source::kFeatureBased);
+  const bool direct_accepted = accepts(output->direct, ScaleFilter::Source::kDirect);
+  const bool use_direct = direct_plane.height > 0 && (direct_accepted || !feature_based_accepted);
+  output->plane = use_direct ? direct_plane : feature_based_plane;
+  return feature_based_accepted || direct_accepted;
+}
+
+/// GPE and GPA (Alg. 1 and 2). On kNone output->feature_based and *plane are set.
 ScaleReason ScaleRecovery::Impl::measureFeatureBased(
     const VoFrame& frame, const NormalPrior& prior,
-    const std::optional<MotionHistory::Chord>& chord, Output* output) {
+    const std::optional<MotionHistory::Chord>& chord, Output* output, GroundPlane* plane) {
   Stopwatch watch;
   ScaleEstimate& scale = output->scale;
   const GroundPointExtraction::Result ground =
@@ -146,33 +163,40 @@ ScaleReason ScaleRecovery::Impl::measureFeatureBased(
   if (rough_height == 0) rough_height = ground.plane.height;
   gpa.add(frame.T_w_c, motion.travelled(), ground.points,
           options.standstill_distance_heights * rough_height);
+  // The plane in the camera above the ground points, see CameraPath.
+  Eigen::Vector3d centre_c = Eigen::Vector3d::Zero();
+  for (const GroundPoint& point : ground.points) {
+    centre_c += point.p_c / static_cast<double>(ground.points.size());
+  }
+  const CameraPath::Camera& camera = path.nearest(frame.T_w_c * centre_c);
   const GroundPointAggregation::Result window =
-      gpa.estimate(frame.T_w_c, motion.travelled(), prior, rough_height);
+      gpa.estimate(camera.T_w_c, motion.travelled(), camera.prior, rough_height);
+  const Eigen::Isometry3d T_c_camera = frame.T_w_c.inverse() * camera.T_w_c;
   scale.window_points = static_cast<int>(window.window.size());
   for (const PlanePoint& point : window.window) {
-    output->ground_points_c.push_back(point.p_c.cast<float>());
+    output->ground_points_c.push_back((T_c_camera * point.p_c).cast<float>());
   }
   if (window.fit.status == ScaleReason::kNone) {
     scale.plane_inliers = static_cast<int>(window.fit.inliers.size());
     output->feature_based = {window.fit.median_height, window.fit.height_sigma};
-    output->plane = {window.fit.plane.n_c, window.fit.median_height};
+    *plane = {T_c_camera.linear() * window.fit.plane.n_c, window.fit.median_height};
   }
   output->times.gpa = watch.lapMs();
   return window.fit.status;
 }
 
-/// On success sets output->direct, output->correlation and output->plane.
+/// On success sets output->direct, output->correlation and *plane.
 bool ScaleRecovery::Impl::measureDirect(const VoFrame& frame, const cv::Mat& image,
                                         const NormalPrior& prior,
                                         const std::optional<MotionHistory::Chord>& chord,
-                                        Output* output) {
+                                        Output* output, GroundPlane* plane) {
   if (!options.refine || image.empty()) return false;
   const Stopwatch watch;
   const DirectPlaneEstimator::Result result =
-      direct.estimate(frame, image, prior, chord, filter.height());
+      direct.estimate(frame, image, prior, chord, filter.height(), path);
   output->times.direct = watch.ms();
   if (result.status != ScaleReason::kNone) return false;
-  output->plane = result.plane;
+  *plane = result.plane;
   output->direct = {result.plane.height, result.height_sigma};
   output->correlation = result.correlation;
   return true;

@@ -153,6 +153,17 @@ TEST(DirectPlaneEstimator, LinesAlongThePathDoNotObserveTheHeight) {
   EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.height_sigma);
 }
 
+// With so little texture across the lines the iteration does not converge from a wrong prediction.
+TEST(DirectPlaneEstimator, AnEstimateThatDoesNotConvergeIsRejected) {
+  const RoadScene scene = road();
+  const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.1 * (asphalt(x, z) - 110); };
+  for (const double factor : {0.75, 1.25}) {
+    const auto result = drive(scene, factor * scene.height, 5, nullptr, weak);
+    if (result.status != ScaleReason::kNone) continue;
+    EXPECT_LT(std::abs(result.plane.height - scene.height), 4 * result.height_sigma) << factor;
+  }
+}
+
 TEST(DirectPlaneEstimator, WithoutTextureThereIsNoPlane) {
   const RoadScene scene = road();
   const auto bare = [](double, double) { return 110.0; };
@@ -299,7 +310,41 @@ TEST(DirectPlaneEstimator, FindsTheHeightInReverse) {
                                 scene.height);
   }
   ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.008);
+}
+
+// A hill behind a camera that faces backwards: the tangent to the visible road does not pass below
+// the newest camera.
+TEST(DirectPlaneEstimator, ARearFacingCameraMeasuresWhereItWas) {
+  constexpr double kCurvature = 0.003;  // [1 / camera height]; a radius of 550 m at 1.65 m
+  RoadScene scene = road();
+  scene.step = -0.3;
+  NormalPrior prior = priorOf(scene, kPriorSigma);
+  prior.forward_c = -prior.forward_c;
+  CameraPath path;
+  DirectPlaneEstimator estimator({});
+  DirectPlaneEstimator::Result result;
+  for (std::uint32_t i = 0; i < 40; ++i) {
+    // In the camera's axes the hill is the same everywhere, because the curvature is constant.
+    const double travelled = scene.step * i / scene.height;
+    const auto bent = [travelled](double x, double z) {
+      const double rise = -0.5 * kCurvature * std::pow(z - travelled, 2);  // s = 1 + rise * s^2
+      const double s = 2 / (1 + std::sqrt(1 - 4 * rise));
+      return asphalt(x * s, travelled + (z - travelled) * s);
+    };
+    VoFrame frame = scene.frame(i);
+    const double z = travelled * scene.height;
+    Eigen::Isometry3d T_r_c = Eigen::Isometry3d::Identity();  // on the hill; y points down
+    T_r_c.translate(Eigen::Vector3d(0, -0.5 * kCurvature / scene.height * z * z, z));
+    T_r_c.rotate(Eigen::AngleAxisd(kCurvature / scene.height * z, Eigen::Vector3d::UnitX()));
+    T_r_c.rotate(scene.rotation());
+    frame.T_w_c = T_r_c;
+    path.add(frame.T_w_c, prior, 0.3, 20 * scene.height);
+    result = estimator.estimate(frame, roadImage(scene, scene.step * i, bent), prior, std::nullopt,
+                                scene.height, path);
+  }
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
 }
 
 TEST(DirectPlaneEstimator, ResetDropsTheReferenceImages) {

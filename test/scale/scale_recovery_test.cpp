@@ -230,6 +230,31 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   EXPECT_NEAR(output.scale.scale / (kTrueScale / 3), 1, 0.01);
 }
 
+// A camera that faces backwards on a hill: no road near the newest camera is visible, and the
+// tangent to the visible road does not pass below it.
+TEST(ScaleRecovery, ARearFacingCameraMeasuresWhereItWas) {
+  constexpr double kCurvature = 0.004;  // [1 / camera height]; a radius of 410 m at 1.65 m
+  RoadScene flat;
+  flat.pitch = 0;
+  flat.addPatch(9000, -1.5, 1.5, -70, 40, 0, 1);
+  const auto elevation = [&](double z) { return 0.5 * kCurvature / flat.height * z * z; };
+  ScaleRecovery recovery(recoveryOptions());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 80; ++i) {
+    const double z = -flat.step * i;
+    // In the camera's axes the hill is the same everywhere, because the curvature is constant.
+    RoadScene scene = flat;
+    for (Eigen::Vector3d& point : scene.points) point.y() = elevation(point.z() - z);
+    VoFrame frame = scene.frameAt(i, z);
+    const double slope = kCurvature / flat.height * z;  // y points down
+    frame.T_w_c.translation().y() = elevation(z);
+    frame.T_w_c.linear() = Eigen::AngleAxisd(-slope, Eigen::Vector3d::UnitX()).toRotationMatrix();
+    output = recovery.process(frame);
+  }
+  ASSERT_EQ(output.scale.status, ScaleStatus::kOk);
+  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.01);
+}
+
 TEST(ScaleRecovery, DirectMeasurementsReplaceMissingPoints) {
   RoadScene scene = road();
   ScaleRecovery recovery(recoveryOptions());
@@ -276,6 +301,38 @@ TEST(ScaleRecovery, DirectMeasurementsCorrectBiasedPoints) {
   }
   EXPECT_GT(without, 0.04);
   EXPECT_LT(with, 0.7 * without);
+}
+
+// Of two contradicting measurements the filter accepts the one that agrees with its state. The
+// other one must not determine the reported plane.
+TEST(ScaleRecovery, TheReportedPlaneIsTheAcceptedOne) {
+  const RoadScene scene = road();
+  RoadScene higher = scene;
+  higher.height *= 1.2;
+  for (const bool direct_is_wrong : {true, false}) {
+    ScaleRecovery recovery(recoveryOptions());
+    ScaleRecovery::Output output;
+    for (std::uint32_t i = 0; i < 40; ++i) {
+      output = recovery.process(scene.frame(i), roadImage(scene, scene.step * i));
+    }
+    ASSERT_EQ(output.scale.status, ScaleStatus::kOk);
+    const RoadScene& imaged = direct_is_wrong ? higher : scene;
+    const RoadScene& tracked = direct_is_wrong ? scene : higher;
+    int contradictions = 0;
+    for (std::uint32_t i = 40; i < 50; ++i) {
+      VoFrame frame = tracked.frame(i);
+      for (TrackedFeature& feature : frame.features) feature.id += direct_is_wrong ? 0 : 100000;
+      output = recovery.process(frame, roadImage(imaged, scene.step * i));
+      const double rejected = direct_is_wrong ? output.direct.height : output.feature_based.height;
+      const double accepted = direct_is_wrong ? output.feature_based.height : output.direct.height;
+      if (!(rejected > 1.15 * scene.height) || accepted == 0) continue;
+      ++contradictions;
+      EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
+      EXPECT_NEAR(output.plane.height / scene.height, 1, 0.02);
+      EXPECT_NEAR(output.scale.raw_scale / kTrueScale, 1, 0.02);
+    }
+    EXPECT_GT(contradictions, 2);
+  }
 }
 
 TEST(ScaleRecovery, WithoutImagesOrRefineItIsFeatureBased) {

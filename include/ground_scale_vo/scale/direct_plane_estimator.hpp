@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/scale/camera_path.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "ground_scale_vo/scale/motion_history.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
@@ -116,7 +117,9 @@ class DirectPlaneEstimator {
     /// kNone: plane, height_sigma and correlation are valid. Otherwise kStandstill (no reference
     /// image at a sufficient distance) or kNoPlane.
     ScaleReason status = ScaleReason::kNoPlane;
-    GroundPlane plane;        ///< in the camera frame of this frame, VO units
+    /// In the axes of this frame's camera. Its height is that of the camera of the path that is
+    /// nearest to the lane region, VO units.
+    GroundPlane plane;
     double height_sigma = 0;  ///< standard deviation of plane.height [VO units]
     double correlation = 0;   ///< mean over the matched patches, weighted by texture; -1 to 1
     int patches = 0;          ///< matched patches, counted once for each reference image
@@ -131,9 +134,10 @@ class DirectPlaneEstimator {
   /// frame: tracking, of the same map since reset(). image: rectified, 8-bit grey, of the camera's
   /// size. prior: of the normal in this frame's camera. chord: averaged motion, from which the lane
   /// region gets its curvature; without it the region is straight. height: predicted [VO units];
-  /// 0: not known, it is searched for.
+  /// 0: not known, it is searched for. path: up to this frame; empty: this frame alone.
   Result estimate(const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
-                  const std::optional<MotionHistory::Chord>& chord, double height);
+                  const std::optional<MotionHistory::Chord>& chord, double height,
+                  const CameraPath& path = {});
 
   /// Starts a new map: drops the reference images, keeps the static mask.
   void reset();

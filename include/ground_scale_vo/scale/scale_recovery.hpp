@@ -95,8 +95,10 @@ class ScaleRecovery {
     std::vector<std::uint64_t> ground_feature_ids;
     Times times;
     Measurement feature_based, direct;
-    double correlation = 0;     ///< of the direct measurement's patches; 0 without a measurement
-    GroundPlane plane;          ///< measured at this frame, unfiltered; height 0 when there is none
+    double correlation = 0;  ///< of the direct measurement's patches; 0 without a measurement
+    /// Measured at this frame, unfiltered; height 0 when there is none. Of two measurements, the
+    /// direct one, unless the filter accepts only the feature-based one.
+    GroundPlane plane;
     double mounting_pitch = 0;  ///< [rad], positive: the camera looks down
     double mounting_roll = 0;   ///< [rad], positive: the camera's x axis points down
   };

@@ -53,8 +53,8 @@ PatchExtractor::PatchExtractor(const PinholeCamera& camera, const PatchGrid& gri
   twice_smoothed_.create(camera.height, camera.width, CV_32F);
 }
 
-void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, RoadImage* current,
-                             std::vector<Patch>* patches) {
+void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
+                             RoadImage* current, std::vector<Patch>* patches) {
   selectCells(lane, current, patches);
   if (patches->empty()) return;
   const cv::Rect& roi = current->roi;
@@ -62,11 +62,12 @@ void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, RoadI
   cv::sepFilter2D(image(roi), smoothed, CV_32F, kernel_, kernel_);
   // The reference images show this piece of road from farther away, at a lower resolution. The
   // patches compared with them are smoothed a second time: a difference in sharpness would bias
-  // their shifts.
+  // their shifts. With a camera that faces backwards the reference images are the nearer ones.
   cv::Mat twice_smoothed = twice_smoothed_(cv::Rect({0, 0}, roi.size()));
   cv::sepFilter2D(smoothed, twice_smoothed, CV_32F, kernel_, kernel_, {-1, -1}, 0,
                   cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
-  for (Patch& patch : *patches) sample(twice_smoothed, roi, &patch);
+  for (Patch& patch : *patches) sample(faces_backwards ? smoothed : twice_smoothed, roi, &patch);
+  if (faces_backwards) twice_smoothed.copyTo(smoothed);
 }
 
 /// Creates the patches whose centre lies in the lane, and sets the image's region of interest.

@@ -62,9 +62,10 @@ class PatchExtractor {
   PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double image_noise);
 
   /// image: 8-bit grey, of the camera's size. Writes the smoothed lane region to *current and the
-  /// patches in it (none masked) to *patches. Without patches current->roi is empty.
-  void extract(const cv::Mat& image, const LaneRegion& lane, RoadImage* current,
-               std::vector<Patch>* patches);
+  /// patches in it (none masked) to *patches. faces_backwards: against the direction of motion.
+  /// Without patches current->roi is empty.
+  void extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
+               RoadImage* current, std::vector<Patch>* patches);
 
  private:
   void selectCells(const LaneRegion& lane, RoadImage* current, std::vector<Patch>* patches) const;

@@ -30,15 +30,14 @@ DirectPlaneEstimator::Result PlaneSolver::solve(const std::vector<Patch>& patche
                                                 const std::vector<Reference>& references,
                                                 const PatchMatcher& matcher,
                                                 const NormalPrior& prior,
-                                                const GroundPlane& initial) {
+                                                const GroundPlane& initial,
+                                                const Eigen::Vector3d& origin_c) {
   Result result;
   const double initial_height = initial.height;
   Eigen::Vector3d m = initial.n_c / initial_height;
   matches_.resize(patches.size() * kReferences);
-  PlaneEquations equations;
   double robust_scale = 1;
-  bool converged = false;
-  for (int iteration = 0; iteration < kMaxIterations && !converged; ++iteration) {
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const bool linearise = iteration == 0;
     if (!matchPatches(patches, references, matcher, m.cast<float>(), linearise, &result)) {
       return result;
@@ -46,17 +45,20 @@ DirectPlaneEstimator::Result PlaneSolver::solve(const std::vector<Patch>& patche
     if (iteration < kRobustScaleIterations) {
       robust_scale = std::max(1.0, kMadToSigma * median(&normalised_shifts_));
     }
-    accumulate(patches, references.size(), prior, m, initial_height, robust_scale);
-    equations = marginaliseMotion(references.size());
+    accumulate(patches, references.size(), prior, m, initial_height, origin_c, robust_scale);
+    PlaneEquations equations = marginaliseMotion(references.size());
     addPriors(prior, m, initial_height, &equations);
     const Eigen::Vector3d step = equations.H.ldlt().solve(equations.b).head<3>();
     if (!isFinite(step)) return result;
+    if (step.norm() < kConvergedStep * m.norm()) {
+      // Without this last step, so that the correlation and H are those of the accepted plane.
+      accept(m, equations.H, initial_height, origin_c, &result);
+      return result;
+    }
     m += step;
     if (!(m.dot(prior.n_c) > 0)) return result;
-    converged = step.norm() < kConvergedStep * m.norm();
   }
-  accept(m, equations.H, initial_height, &result);
-  return result;
+  return result;  // not converged
 }
 
 /// Matches all patches under the plane m. False when too few are valid.
@@ -95,7 +97,8 @@ double PlaneSolver::shiftVariance(const Match& match, const Eigen::Vector3f& m) 
 /// Normal equations of all shifts with Cauchy weights, one system for each reference image.
 void PlaneSolver::accumulate(const std::vector<Patch>& patches, std::size_t reference_count,
                              const NormalPrior& prior, const Eigen::Vector3d& m,
-                             double initial_height, double robust_scale) {
+                             double initial_height, const Eigen::Vector3d& origin_c,
+                             double robust_scale) {
   const Eigen::Vector3f m_float = m.cast<float>();
   for (JointEquations& joint : joint_) {
     joint.H.setZero();
@@ -108,7 +111,8 @@ void PlaneSolver::accumulate(const std::vector<Patch>& patches, std::size_t refe
       if (!match.valid) continue;
       const Eigen::Vector3d ray = match.ray.cast<double>();
       const double q = m.dot(ray);
-      const double ahead = prior.forward_c.dot(ray) / (-q * initial_height);  // [camera heights]
+      // [camera heights] from the origin
+      const double ahead = prior.forward_c.dot(-ray / q - origin_c) / initial_height;
       Vector9d jacobian;
       jacobian << ray, -0.5 * q * ahead * ahead, match.motion.cast<double>();
       const double expected = shiftVariance(match, m_float) * robust_scale * robust_scale;
@@ -149,12 +153,14 @@ void PlaneSolver::addPriors(const NormalPrior& prior, const Eigen::Vector3d& m,
 
 /// Fills in the plane and its standard deviation, and decides whether it is accepted.
 void PlaneSolver::accept(const Eigen::Vector3d& m, const Eigen::Matrix4d& H, double initial_height,
-                         Result* result) const {
-  result->plane = {m.normalized(), 1 / m.norm()};
-  const double height = result->plane.height;
-  const Eigen::Vector3d n_c = result->plane.n_c;
+                         const Eigen::Vector3d& origin_c, Result* result) const {
+  const double height = (1 + m.dot(origin_c)) / m.norm();
+  if (!(height > 0)) return;
+  result->plane = {m.normalized(), height};
+  // Of ln height by m.
+  const Eigen::Vector3d gradient = origin_c / (1 + m.dot(origin_c)) - m / m.squaredNorm();
   const double relative_sigma =
-      height * std::sqrt(n_c.dot(H.inverse().topLeftCorner<3, 3>() * n_c));
+      std::sqrt(gradient.dot(H.inverse().topLeftCorner<3, 3>() * gradient));
   const double inflation = std::max(1.0, (1 - result->correlation) / (1 - kRoadCorrelation));
   result->height_sigma = inflation * relative_sigma * height;
   const double change = std::abs(std::log(height / initial_height));

@@ -22,11 +22,12 @@ class PlaneSolver {
  public:
   explicit PlaneSolver(const DirectPlaneEstimator::Options& options) : options_(options) {}
 
-  /// Starts at the plane `initial`. The result has the status kNone or kNoPlane.
+  /// Starts at the plane `initial`. The result is the height of a camera at origin_c, in this
+  /// frame's camera axes [VO units]. Its status is kNone or kNoPlane.
   DirectPlaneEstimator::Result solve(const std::vector<Patch>& patches,
                                      const std::vector<Reference>& references,
                                      const PatchMatcher& matcher, const NormalPrior& prior,
-                                     const GroundPlane& initial);
+                                     const GroundPlane& initial, const Eigen::Vector3d& origin_c);
 
  private:
   using Result = DirectPlaneEstimator::Result;
@@ -49,12 +50,12 @@ class PlaneSolver {
   double shiftVariance(const Match& match, const Eigen::Vector3f& m) const;
   void accumulate(const std::vector<Patch>& patches, std::size_t reference_count,
                   const NormalPrior& prior, const Eigen::Vector3d& m, double initial_height,
-                  double robust_scale);
+                  const Eigen::Vector3d& origin_c, double robust_scale);
   PlaneEquations marginaliseMotion(std::size_t reference_count);
   void addPriors(const NormalPrior& prior, const Eigen::Vector3d& m, double initial_height,
                  PlaneEquations* equations) const;
   void accept(const Eigen::Vector3d& m, const Eigen::Matrix4d& H, double initial_height,
-              Result* result) const;
+              const Eigen::Vector3d& origin_c, Result* result) const;
 
   DirectPlaneEstimator::Options options_;
   std::vector<Match> matches_;  ///< of patch i in reference k: i * kReferences + k

@@ -40,18 +40,23 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   frames_.back().T_o_c = scale.pose->T_o_c;
   frames_.back().covariance = scale.pose->covariance;
   frames_.back().has_metric_pose = true;
-  if (!has_metric_pose_) fillBackwards(scale.scale.scale);
+  if (!has_metric_pose_) fillBackwards(scale.scale.scale, scale.pose->T_o_c);
   has_metric_pose_ = true;
 }
 
-void RunRecord::fillBackwards(double scale) {
+/// T_o_c: of the newest frame.
+void RunRecord::fillBackwards(double scale, const Eigen::Isometry3d& T_o_c) {
   const std::uint32_t map_id = frames_.back().map_id;
+  const auto metric = [scale](Eigen::Isometry3d T_w_c) {
+    T_w_c.translation() *= scale;
+    return T_w_c;
+  };
+  const Eigen::Isometry3d T_o_w = T_o_c * metric(frames_.back().T_w_c).inverse();
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
   for (std::size_t i = 0; i + 1 < frames_.size(); ++i) {
     RunFrame& frame = frames_[i];
     if (frame.has_vo_pose && frame.map_id == map_id) {
-      last = frame.T_w_c;
-      last.translation() *= scale;
+      last = T_o_w * metric(frame.T_w_c);
     }
     frame.T_o_c = last;
     frame.backfilled = true;

@@ -210,7 +210,7 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
 
 ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
   requireAtMost("status", msg.status, ScaleEstimateMsg::HELD);
-  requireAtMost("reason", msg.reason, ScaleEstimateMsg::REJECTED_BY_FILTER);
+  requireAtMost("reason", msg.reason, ScaleEstimateMsg::IMPLAUSIBLE_MOTION);
   ScaleEstimate scale;
   scale.status = static_cast<ScaleStatus>(msg.status);
   scale.reason = static_cast<ScaleReason>(msg.reason);

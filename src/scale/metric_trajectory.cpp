@@ -1,5 +1,6 @@
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -8,7 +9,35 @@
 namespace ground_scale_vo {
 namespace {
 
-double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
+/// Steps of the numerical integration over a gap between two maps.
+constexpr int kBridgeSteps = 16;
+
+double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
+  return static_cast<double>(to_ns - from_ns) * 1e-9;
+}
+
+Eigen::Vector3d rotationVector(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd rotation(R);
+  return rotation.angle() * rotation.axis();
+}
+
+Eigen::Matrix3d normalised(const Eigen::Matrix3d& R) {
+  return Eigen::Quaterniond(R).normalized().toRotationMatrix();
+}
+
+/// Displacement in start axes over dt, at a constant rotation rate from the start to the end, with
+/// a velocity in body axes that changes linearly.
+Eigen::Vector3d arc(const Eigen::Matrix3d& R_start_end, const Eigen::Vector3d& velocity_start,
+                    const Eigen::Vector3d& velocity_end, double dt) {
+  const Eigen::AngleAxisd rotation(R_start_end);
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (int i = 0; i < kBridgeSteps; ++i) {
+    const double share = (i + 0.5) / kBridgeSteps;
+    sum += Eigen::AngleAxisd(share * rotation.angle(), rotation.axis()) *
+           ((1 - share) * velocity_start + share * velocity_end);
+  }
+  return sum * dt / kBridgeSteps;
+}
 
 }  // namespace
 
@@ -24,111 +53,254 @@ void MetricTrajectory::reset() { *this = MetricTrajectory(options_); }
 
 std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
                                                    const ScaleEstimate& scale) {
-  if (frame.status != VoStatus::kTracking || scale.status == ScaleStatus::kUnknown ||
-      !(scale.scale > 0)) {
+  if (!first_seen_ns_) first_seen_ns_ = frame.stamp_ns;
+  if (frame.status == VoStatus::kInitialising) initialising_map_id_ = frame.map_id;
+  if (frame.status != VoStatus::kTracking || !isFinite(frame.T_w_c) ||
+      scale.reason == ScaleReason::kVoNotTracking ||
+      scale.reason == ScaleReason::kImplausibleMotion) {
     return std::nullopt;
   }
   const MetricTrajectory before = *this;
-  const double relative_sigma = scale.sigma / scale.scale;
-  last_.twist_c.setZero();
-  last_.twist_covariance.setZero();
-  if (has_pose_ && frame.map_id != last_map_id_) {
-    bridgeMaps(frame.stamp_ns, relative_sigma);
-  } else {
-    if (!has_pose_) covariance_(6, 6) = relative_sigma * relative_sigma;
-    const double dt = has_pose_ ? seconds(frame.stamp_ns - last_stamp_ns_) : 0;
-    integrate(last_T_w_c_.inverse() * frame.T_w_c, scale.scale, relative_sigma, dt);
-  }
-  if (!has_pose_ || scale.reason != ScaleReason::kStandstill) {
-    last_motion_stamp_ns_ = frame.stamp_ns;
-  }
-  has_pose_ = true;
-  last_map_id_ = frame.map_id;
-  last_stamp_ns_ = frame.stamp_ns;
-  last_T_w_c_ = frame.T_w_c;
-  last_.covariance = covariance_.topLeftCorner<6, 6>();
-  if (areFinite(last_.T_o_c, last_.distance, covariance_, last_.twist_c, last_.twist_covariance)) {
-    return last_;
+  const std::optional<MetricPose> pose = appendTracked(frame, scale);
+  if (areFinite(last_.T_o_c, last_.distance, last_.covariance, covariance_, last_.twist_c,
+                last_.twist_covariance)) {
+    return pose;
   }
   *this = before;
   return std::nullopt;
 }
 
-/// First frame of a later map: keeps the pose, adds the uncertainty of the unobserved motion. The
-/// scale error of the new map is independent of that of the old one.
-void MetricTrajectory::bridgeMaps(std::int64_t stamp_ns, double relative_sigma) {
-  const double unobserved_s = seconds(stamp_ns - last_motion_stamp_ns_);
-  Vector6d sigma;
-  sigma << Eigen::Vector3d::Constant(unobserved_s * options_.new_map_position_sigma_per_s),
-      Eigen::Vector3d::Constant(unobserved_s * options_.new_map_rotation_sigma_per_s);
-  covariance_.topLeftCorner<6, 6>().diagonal() += sigma.cwiseAbs2();
-  covariance_.row(6).setZero();
-  covariance_.col(6).setZero();
-  covariance_(6, 6) = relative_sigma * relative_sigma;
+std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
+                                                          const ScaleEstimate& scale) {
+  std::optional<TrackedPose> previous;
+  if (!map_ || map_->id != frame.map_id || has_left_map_) {
+    map_ = newMap(frame);
+    has_left_map_ = false;
+    if (map_->ref_stamp_ns < frame.stamp_ns) previous = {map_->ref_stamp_ns, map_->T_w_ref};
+    map_->travelled = (map_->T_w_ref.inverse() * frame.T_w_c).translation().norm();
+  } else {
+    previous = last_tracked_;
+    map_->travelled += (frame.T_w_c.translation() - last_tracked_.T_w_c.translation()).norm();
+  }
+  last_tracked_ = {frame.stamp_ns, frame.T_w_c};
+  if (scale.status == ScaleStatus::kUnknown || !(scale.scale > 0)) return std::nullopt;
+
+  const Eigen::Isometry3d T_ref_c = map_->T_w_ref.inverse() * frame.T_w_c;
+  if (!map_->metric) {
+    anchorMap(T_ref_c, scale, secondsBetween(map_->ref_stamp_ns, frame.stamp_ns));
+  } else if (map_->young) {
+    const Eigen::Vector3d step_w = frame.T_w_c.translation() - previous->T_w_c.translation();
+    rescaleYoungMap(
+        T_ref_c, scale,
+        map_->T_o_ref.linear() * (map_->T_w_ref.linear().transpose() * step_w) * scale.scale);
+  } else {
+    const Eigen::Isometry3d T_last_now = previous->T_w_c.inverse() * frame.T_w_c;
+    integrate(T_last_now, scale.scale * T_last_now.translation(), scale.sigma / scale.scale);
+  }
+  if (!has_pose_ || scale.reason != ScaleReason::kStandstill) {
+    last_motion_stamp_ns_ = frame.stamp_ns;
+  }
+  has_pose_ = true;
+  last_stamp_ns_ = frame.stamp_ns;
+  if (previous) {
+    setTwist(previous->T_w_c.inverse() * frame.T_w_c, scale,
+             secondsBetween(previous->stamp_ns, frame.stamp_ns));
+  } else {
+    setTwist(Eigen::Isometry3d::Identity(), scale, 0);
+  }
+  return last_;
 }
 
-/// Appends one increment. dt: [s]; 0: no twist, because the increment spans more than one frame.
-void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_now, double scale,
-                                 double relative_sigma, double dt) {
-  const Eigen::Vector3d step_last = scale * T_last_now.translation();  // Eq. 10 [m]
-  const Eigen::Vector3d step_o = last_.T_o_c.linear() * step_last;
+bool MetricTrajectory::countsFromStart(const VoFrame& frame) const {
+  const std::int64_t start_ns = frame.map_start.stamp_ns;
+  if (start_ns != 0) {
+    return start_ns <= frame.stamp_ns && first_seen_ns_.value_or(frame.stamp_ns) <= start_ns;
+  }
+  return !map_ && initialising_map_id_ == frame.map_id;
+}
+
+/// The map that starts with this frame. The rotation since the last metric pose is the product of
+/// those of all maps in between, which had no scale.
+MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
+  const MapStart& start = frame.map_start;
+  const bool is_first = !map_.has_value();
+  const bool from_start = !has_left_map_ && countsFromStart(frame);
+  const bool has_start = from_start && start.stamp_ns != 0;
+  Map map;
+  map.id = frame.map_id;
+  if (!from_start) map.T_w_ref = frame.T_w_c;
+  map.ref_stamp_ns = has_start ? start.stamp_ns : frame.stamp_ns;
+  if (!is_first && !map_->metric) {
+    map.R_last_ref =
+        map_->R_last_ref * map_->T_w_ref.linear().transpose() * last_tracked_.T_w_c.linear();
+    map.rotation_variance = map_->rotation_variance;
+  }
+  if (has_start && std::isfinite(start.rotation_sigma)) {
+    map.R_last_ref = normalised(map.R_last_ref * start.R_previous_w);
+    map.rotation_variance += start.rotation_sigma * start.rotation_sigma;
+  } else if (!is_first) {
+    const std::int64_t since_ns = map_->metric ? last_motion_stamp_ns_ : last_tracked_.stamp_ns;
+    const double dt = std::max(0.0, secondsBetween(since_ns, map.ref_stamp_ns));
+    map.rotation_variance += std::pow(dt * options_.new_map_rotation_sigma_per_s, 2);
+  }
+  return map;
+}
+
+/// First metric frame of a map: determines the pose of its reference frame and appends the motion
+/// since then. dt: [s] since the reference frame.
+void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
+                                 double dt) {
+  map_->metric = true;
+  if (has_pose_) {
+    const Eigen::Vector3d motion = scale.scale * T_ref_c.translation();
+    if (dt > 0) {
+      bridgeGap(motion / dt, motion.norm() / dt * scale.sigma / scale.scale);
+    } else {
+      bridgeGap(std::nullopt, 0);
+    }
+  } else {
+    last_.T_o_c.linear() = map_->R_last_ref;
+    covariance_.block<3, 3>(3, 3).diagonal().setConstant(map_->rotation_variance);
+  }
+  map_->T_o_ref = last_.T_o_c;
+  map_->distance_at_ref = last_.distance;
+  rescaleYoungMap(T_ref_c, scale, map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale);
+}
+
+/// Moves last_ and covariance_ to the reference frame of a later map. velocity_ref: mean velocity
+/// after it [m/s], reference axes, if known. velocity_sigma: standard deviation of its length.
+void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref,
+                                 double velocity_sigma) {
+  const bool stood_still = last_motion_stamp_ns_ < last_stamp_ns_;
+  const double dt = std::max(0.0, secondsBetween(last_stamp_ns_, map_->ref_stamp_ns));
+  const bool two_ended = velocity_ref.has_value();
+  const Eigen::Vector3d velocity_last = last_.twist_c.head<3>();
+  Eigen::Vector3d gap = Eigen::Vector3d::Zero();
+  Matrix6d P = last_.covariance;
+  if (stood_still) {
+    const double unobserved_s = secondsBetween(last_motion_stamp_ns_, map_->ref_stamp_ns);
+    P.diagonal().head<3>().array() +=
+        std::pow(unobserved_s * options_.new_map_position_sigma_per_s, 2);
+  } else {
+    gap = arc(map_->R_last_ref, velocity_last, velocity_ref.value_or(velocity_last), dt);
+    // Displacement error of an unknown acceleration; half of it if both ends are known.
+    const double acceleration_sigma =
+        options_.bridge_acceleration_sigma * dt * dt / (two_ended ? 4 : 2);
+    const double speed_variance =
+        two_ended ? 0.25 * (last_.twist_covariance.topLeftCorner<3, 3>().trace() +
+                            velocity_sigma * velocity_sigma)
+                  : last_.twist_covariance.topLeftCorner<3, 3>().trace();
+    P.diagonal().head<3>().array() +=
+        acceleration_sigma * acceleration_sigma + speed_variance * dt * dt;
+  }
+  const Eigen::Vector3d gap_o = last_.T_o_c.linear() * gap;
+  Matrix6d F = Matrix6d::Identity();
+  F.topRightCorner<3, 3>() = -skew(gap_o);
+  P = F * P * F.transpose();
+  // A rotation error that grows linearly over the gap turns the gap by half of it.
+  Eigen::Matrix<double, 6, 3> G;
+  G << -0.5 * skew(gap_o), Eigen::Matrix3d::Identity();
+  P += map_->rotation_variance * G * G.transpose();
+  covariance_.setZero();
+  covariance_.topLeftCorner<6, 6>() = P;
+  last_.T_o_c.translation() += gap_o;
+  last_.T_o_c.linear() = normalised(last_.T_o_c.linear() * map_->R_last_ref);
+  last_.distance += gap.norm();
+}
+
+/// Pose of a young map's frame: the whole motion since the reference frame times the newest scale.
+/// covariance_ does not contain the scale error yet, which is proportional to that motion. step_o:
+/// metric motion since the frame before, in o axes.
+void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
+                                       const Eigen::Vector3d& step_o) {
+  propagateMotion(step_o, 1);
+  const Eigen::Vector3d motion_o = map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale;
+  last_.T_o_c.translation() = map_->T_o_ref.translation() + motion_o;
+  last_.T_o_c.linear() = normalised(map_->T_o_ref.linear() * T_ref_c.linear());
+  last_.distance = map_->distance_at_ref + scale.scale * map_->travelled;
+  const double variance = std::pow(scale.sigma / scale.scale, 2);
+  Matrix7d with_scale = covariance_;
+  with_scale.topLeftCorner<3, 3>() += variance * motion_o * motion_o.transpose();
+  with_scale.block<3, 1>(0, 6) = variance * motion_o;
+  with_scale.block<1, 3>(6, 0) = variance * motion_o.transpose();
+  with_scale(6, 6) = variance;
+  last_.covariance = with_scale.topLeftCorner<6, 6>();
+  if (map_->travelled < options_.young_map_heights * scale.height) return;
+  map_->young = false;
+  covariance_ = with_scale;
+}
+
+/// Appends one increment, in metres and in the axes of the last camera.
+void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_now,
+                                 const Eigen::Vector3d& step_last, double relative_sigma) {
+  const Eigen::Vector3d step_o = last_.T_o_c.linear() * step_last;  // Eq. 10 [m]
   const double length = step_last.norm();
-  propagateCovariance(step_o, length, relative_sigma);
-  last_.T_o_c.translation() += step_o;
-  last_.T_o_c.linear() = Eigen::Quaterniond(last_.T_o_c.linear() * T_last_now.linear())
-                             .normalized()
-                             .toRotationMatrix();
-  last_.distance += length;
-  if (dt > 0) setTwist(T_last_now, step_last, relative_sigma, dt);
-}
-
-/// P <- F P F^T + Q for the state (position, rotation, relative scale error). step_o: metric
-/// increment in o axes, of the given length.
-void MetricTrajectory::propagateCovariance(const Eigen::Vector3d& step_o, double length,
-                                           double relative_sigma) {
-  const double scale_variance = relative_sigma * relative_sigma;
   // Gauss-Markov process of the scale error: this share of it remains after the increment.
   const double correlation = std::exp(-length / options_.scale_correlation_m);
+  const double variance = relative_sigma * relative_sigma;
+  propagateMotion(step_o, correlation);
+  covariance_(6, 6) += (1 - correlation * correlation) * variance;
+  setScaleVariance(variance);
+  last_.T_o_c.translation() += step_o;
+  last_.T_o_c.linear() = normalised(last_.T_o_c.linear() * T_last_now.linear());
+  last_.distance += length;
+  last_.covariance = covariance_.topLeftCorner<6, 6>();
+}
+
+/// P <- F P F^T + Q for the state (position, rotation, relative scale error), without the noise of
+/// the scale error. step_o: metric increment in o axes.
+void MetricTrajectory::propagateMotion(const Eigen::Vector3d& step_o, double scale_correlation) {
   Matrix7d F = Matrix7d::Identity();
   F.block<3, 3>(0, 3) = -skew(step_o);
   F.block<3, 1>(0, 6) = step_o;
-  F(6, 6) = correlation;
+  F(6, 6) = scale_correlation;
   covariance_ = F * covariance_ * F.transpose();
-  covariance_.block<3, 3>(0, 0) += directionCovariance(step_o, length);
-  covariance_.block<3, 3>(3, 3) += rotationVariance(length) * Eigen::Matrix3d::Identity();
-  covariance_(6, 6) += (1 - correlation * correlation) * scale_variance;
-  // The scale filter provides the variance of the scale error; only the correlations are propagated
-  // here, so the row and column are rescaled to it.
+  covariance_.block<3, 3>(0, 0) += directionCovariance(step_o);
+  covariance_.block<3, 3>(3, 3) += rotationVariance(step_o.norm()) * Eigen::Matrix3d::Identity();
+}
+
+/// The scale filter provides the variance of the scale error; only the correlations are propagated
+/// here, so the row and column are rescaled to it.
+void MetricTrajectory::setScaleVariance(double variance) {
   if (covariance_(6, 6) > 0) {
-    const double ratio = relative_sigma / std::sqrt(covariance_(6, 6));
+    const double ratio = std::sqrt(variance / covariance_(6, 6));
     covariance_.row(6) *= ratio;
     covariance_.col(6) *= ratio;
   } else {
-    covariance_(6, 6) = scale_variance;
+    covariance_(6, 6) = variance;
   }
 }
 
-/// Mean velocity over the increment, in the axes of the camera now.
-void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now,
-                                const Eigen::Vector3d& step_last, double relative_sigma,
+/// Mean velocity over the increment in VO units, in the axes of the camera now. dt: [s]; 0: not
+/// known. The white noise of both poses is part of the covariance, so that it never vanishes.
+void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const ScaleEstimate& scale,
                                 double dt) {
-  const double length = step_last.norm();
-  const Eigen::AngleAxisd rotation(T_last_now.linear());
-  const Eigen::Vector3d step_c = T_last_now.linear().transpose() * step_last;
-  last_.twist_c << step_c / dt, rotation.angle() * rotation.axis() / dt;
-  last_.twist_covariance.topLeftCorner<3, 3>() =
-      (directionCovariance(step_c, length) +
-       relative_sigma * relative_sigma * step_c * step_c.transpose()) /
-      (dt * dt);
-  last_.twist_covariance.bottomRightCorner<3, 3>() =
-      rotationVariance(length) / (dt * dt) * Eigen::Matrix3d::Identity();
+  Matrix6d& covariance = last_.twist_covariance;
+  if (!(dt > 0)) {
+    last_.twist_c.setZero();
+    covariance = std::pow(options_.unknown_speed_sigma, 2) * Matrix6d::Identity();
+    return;
+  }
+  const Eigen::Vector3d step_c =
+      scale.scale * (T_last_now.linear().transpose() * T_last_now.translation());
+  last_.twist_c << step_c / dt, rotationVector(T_last_now.linear()) / dt;
+  const double position_variance =
+      2 * std::pow(options_.position_noise_heights * scale.height * scale.scale, 2);
+  const double rotation_variance = 2 * std::pow(options_.rotation_noise, 2);
+  covariance.setZero();
+  covariance.topLeftCorner<3, 3>() =
+      directionCovariance(step_c) +
+      std::pow(scale.sigma / scale.scale, 2) * step_c * step_c.transpose() +
+      position_variance * Eigen::Matrix3d::Identity();
+  covariance.bottomRightCorner<3, 3>() =
+      (rotationVariance(step_c.norm()) + rotation_variance) * Eigen::Matrix3d::Identity();
+  covariance /= dt * dt;
 }
 
 /// Of a step whose direction has an error: variance only orthogonal to the step [m^2].
-Eigen::Matrix3d MetricTrajectory::directionCovariance(const Eigen::Vector3d& step,
-                                                      double length) const {
+Eigen::Matrix3d MetricTrajectory::directionCovariance(const Eigen::Vector3d& step) const {
   return std::pow(options_.direction_sigma, 2) *
-         (length * length * Eigen::Matrix3d::Identity() - step * step.transpose());
+         (step.squaredNorm() * Eigen::Matrix3d::Identity() - step * step.transpose());
 }
 
 /// Of the rotation's random walk over a distance [rad^2].

@@ -32,6 +32,8 @@ const char* toString(ScaleReason reason) {
       return "plane_tilted";
     case ScaleReason::kRejectedByFilter:
       return "rejected_by_filter";
+    case ScaleReason::kImplausibleMotion:
+      return "implausible_motion";
   }
   return "invalid";
 }

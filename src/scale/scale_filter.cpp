@@ -46,7 +46,7 @@ bool ScaleFilter::update(double height, double sigma, Source source) {
   const double relative_sigma = std::hypot(sigma / height, options_.min_measurement_sigma);
   const Measurement measurement{std::log(height), relative_sigma * relative_sigma};
   if (options_.moving_average_frames > 0) return updateMovingAverage(height, measurement.variance);
-  if (!known_) return collect(measurement, Source::kFeatureBased);
+  if (!known_) return collectForStart(measurement);
 
   const double innovation = measurement.log_height - log_height_;
   const double innovation_variance = variance_ + measurement.variance;
@@ -64,7 +64,7 @@ bool ScaleFilter::update(double height, double sigma, Source source) {
   if (share > 0) {
     const double gain = variance_ / (variance_ + measurement.variance / share);
     log_height_ += gain * innovation;
-    variance_ = std::max((1 - gain) * variance_, startBiasVariance());
+    variance_ = std::max((1 - gain) * variance_, startBiasVariance(this->height()));
   }
   return true;
 }
@@ -83,9 +83,9 @@ bool ScaleFilter::updateMovingAverage(double height, double variance) {
 }
 
 /// Lower bound of the state's variance in a young map (Options::start_bias_sigma).
-double ScaleFilter::startBiasVariance() const {
+double ScaleFilter::startBiasVariance(double height) const {
   const double sigma = options_.start_bias_sigma *
-                       std::exp(-distance_ / (options_.start_bias_decay_heights * height()));
+                       std::exp(-distance_ / (options_.start_bias_decay_heights * height));
   return sigma * sigma;
 }
 
@@ -106,26 +106,40 @@ void ScaleFilter::clearPending(Source source) {
   std::deque<Measurement>& feature_based = pending_[indexOf(Source::kFeatureBased)];
   const bool deviates =
       !feature_based.empty() &&
-      std::abs(feature_based.back().log_height - log_height_) > options_.start_max_deviation;
+      std::abs(feature_based.back().log_height - log_height_) > options_.restart_max_deviation;
   if (source == Source::kFeatureBased || !deviates) feature_based.clear();
 }
 
-/// Adds a measurement that the state does not explain, or that comes before the start. When the
-/// latest few agree and the distance is sufficient, (re)starts the filter from their median.
-/// True when it did.
+/// Adds a measurement before the start, of either source. Starts the filter from the second of two
+/// consecutive ones that agree: a single plane may be that of a vehicle; true when it did.
+bool ScaleFilter::collectForStart(const Measurement& measurement) {
+  const double height = std::exp(measurement.log_height);
+  if (distance_ < options_.start_distance_heights * height) return false;
+  std::deque<Measurement>& pending = pending_[indexOf(Source::kFeatureBased)];
+  pending.push_back(measurement);
+  if (pending.size() < 2) return false;
+  const double difference = measurement.log_height - pending.front().log_height;
+  pending.pop_front();
+  if (std::abs(difference) > options_.restart_max_deviation) return false;
+  start(measurement.log_height, measurement.variance + startBiasVariance(height));
+  return true;
+}
+
+/// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
+/// distance, restarts the filter from their median; true when it did. A young state is replaced
+/// after the distance over which measurements supported it. The variance then includes all of the
+/// start bias, whatever the age of the map, because the cause of the contradiction is not known.
 bool ScaleFilter::collect(const Measurement& measurement, Source source) {
   std::deque<Measurement>& pending = pending_[indexOf(source)];
   double& pending_since = pending_since_[indexOf(source)];
   if (pending.empty()) pending_since = distance_;
   pending.push_back(measurement);
-  const auto required = static_cast<std::size_t>(options_.start_measurements);
+  const auto required = static_cast<std::size_t>(options_.restart_measurements);
   if (pending.size() > required) pending.pop_front();
-  const double distance = distance_ - (known_ ? pending_since : 0);
-  const double required_heights =
-      known_ ? options_.restart_distance_heights : options_.start_distance_heights;
-  if (pending.size() < required || distance < required_heights * std::exp(measurement.log_height)) {
-    return false;
-  }
+  const double required_distance =
+      std::min(pending_since - started_at_,
+               options_.restart_distance_heights * std::exp(measurement.log_height));
+  if (pending.size() < required || distance_ - pending_since < required_distance) return false;
   std::vector<double> log_heights;
   double mean_variance = 0;
   for (const Measurement& m : pending) {
@@ -134,20 +148,17 @@ bool ScaleFilter::collect(const Measurement& measurement, Source source) {
   }
   const double middle = median(log_heights);
   for (const double log_height : log_heights) {
-    if (std::abs(log_height - middle) > options_.start_max_deviation) return false;
+    if (std::abs(log_height - middle) > options_.restart_max_deviation) return false;
   }
-  start(middle, mean_variance);
+  start(middle, mean_variance + options_.start_bias_sigma * options_.start_bias_sigma);
   return true;
 }
 
-/// Sets the state. The variance includes the bias of a young map; after a restart all of it,
-/// whatever the age of the map, because the cause of the contradiction is not known.
-void ScaleFilter::start(double log_height, double mean_variance) {
-  const bool is_restart = known_;
+void ScaleFilter::start(double log_height, double variance) {
   log_height_ = log_height;
+  variance_ = variance;
   known_ = true;
-  variance_ = mean_variance + (is_restart ? options_.start_bias_sigma * options_.start_bias_sigma
-                                          : startBiasVariance());
+  started_at_ = distance_;
   accepted_at_.fill(distance_);
   measured_at_.fill(distance_);
   nis_scale_ = 1;

@@ -1,5 +1,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
+#include <algorithm>
+
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
@@ -8,6 +10,15 @@
 #include "ground_scale_vo/scale/paper_preset.hpp"
 
 namespace ground_scale_vo {
+namespace {
+
+/// Consecutive implausible poses after which the odometry is taken to have started a new map.
+constexpr int kMaxRefusedPoses = 3;
+
+/// [s] minimum interval of a speed: images that arrive in pairs may have nearly equal stamps.
+constexpr double kMinSpeedInterval = 0.2;
+
+}  // namespace
 
 ScaleRecovery::Options ScaleRecovery::Options::resolved() const {
   Options result = paper_literal ? paperPreset(*this) : *this;
@@ -38,6 +49,8 @@ struct ScaleRecovery::Impl {
 
   static Options resolve(const Options& options);
   void startMap();
+  bool hasPlausibleSpeed(const VoFrame& frame) const;
+  bool acceptPose(const VoFrame& frame);
   ScaleReason measure(const VoFrame& frame, const cv::Mat& image, Output* output);
   ScaleReason measureFeatureBased(const VoFrame& frame, const NormalPrior& prior,
                                   const std::optional<MotionHistory::Chord>& chord, Output* output,
@@ -60,6 +73,9 @@ struct ScaleRecovery::Impl {
   MetricTrajectory trajectory;
 
   std::optional<std::uint32_t> map_id;
+  std::int64_t last_stamp_ns = 0;                             ///< of the last accepted pose
+  Eigen::Vector3d last_position_w = Eigen::Vector3d::Zero();  ///< of that pose
+  int refused_poses = 0;                                      ///< since then
   /// Latest estimate of the height [VO units], also before the filter has started; 0: none yet.
   double rough_height = 0;
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< of the latest plane; zero: none yet
@@ -81,6 +97,33 @@ void ScaleRecovery::Impl::startMap() {
   filter.reset();
   rough_height = 0;
   n_c.setZero();
+}
+
+bool ScaleRecovery::Impl::hasPlausibleSpeed(const VoFrame& frame) const {
+  if (!filter.known()) return true;
+  const double dt =
+      std::max(kMinSpeedInterval, static_cast<double>(frame.stamp_ns - last_stamp_ns) * 1e-9);
+  const double step = (frame.T_w_c.translation() - last_position_w).norm();
+  return step / filter.height() * options.camera_height <= options.max_speed * dt;
+}
+
+/// Whether the pose of a tracking frame is used; starts a new map when necessary. A pose that jumps
+/// is refused. When the following poses stay where it jumped to, they are treated as a new map.
+bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {
+  if (map_id != frame.map_id) {
+    startMap();
+    map_id = frame.map_id;
+    // The motion since the map's first frame counts as travelled.
+    if (trajectory.countsFromStart(frame)) motion.add(Eigen::Isometry3d::Identity());
+  } else if (!hasPlausibleSpeed(frame)) {
+    if (++refused_poses <= kMaxRefusedPoses) return false;
+    startMap();
+    trajectory.leaveMap();
+  }
+  refused_poses = 0;
+  last_stamp_ns = frame.stamp_ns;
+  last_position_w = frame.T_w_c.translation();
+  return true;
 }
 
 /// All stages for one tracking frame. Returns kNone when a measurement of this frame was used,
@@ -224,14 +267,10 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   Output output;
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;
-  const bool has_pose = frame.status == VoStatus::kTracking && isFinite(frame.T_w_c) &&
-                        isPlausiblePosition(frame.T_w_c.translation());
-  if (has_pose) {
-    if (impl_->map_id != frame.map_id) {
-      impl_->startMap();
-      impl_->map_id = frame.map_id;
-    }
-    scale.reason = impl_->measure(frame, image, &output);
+  if (frame.status == VoStatus::kTracking && isFinite(frame.T_w_c) &&
+      isPlausiblePosition(frame.T_w_c.translation())) {
+    scale.reason = impl_->acceptPose(frame) ? impl_->measure(frame, image, &output)
+                                            : ScaleReason::kImplausibleMotion;
   }
   impl_->fillEstimate(&scale);
   if (!isFinite(scale.n_c) || !isPlausiblePosition(Eigen::Vector4d(scale.raw_scale, scale.scale,
@@ -243,7 +282,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
     output.feature_based = output.direct = {};
     output.plane = {};
   }
-  if (has_pose) output.pose = impl_->trajectory.append(frame, scale);
+  output.pose = impl_->trajectory.append(frame, scale);
   output.mounting_pitch = impl_->mounting.pitch();
   output.mounting_roll = impl_->mounting.roll();
   output.times.total = watch.ms();

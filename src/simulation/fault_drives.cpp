@@ -84,8 +84,8 @@ class FaultDriveBuilder {
     o.lorry_first = frames(end_s_);
     end_s_ += kLaneChangeTime;
     place({kLorry, {}, 0, 0, true, 0}, kLorryTime);
+    // Hides the ground until it starts to leave the lane.
     drive_.faults.back().first -= static_cast<std::size_t>(frames(kLaneChangeTime));
-    drive_.faults.back().last += static_cast<std::size_t>(frames(kLaneChangeTime));
     end_s_ += kLaneChangeTime;
   }
   /// Drives up to a wall, stops and reverses. It must be the last fault.

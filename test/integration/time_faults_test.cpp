@@ -123,7 +123,7 @@ TEST_F(TimeFaults, TenMissingImagesAreBridgedInTheSameMap) {
 }
 
 // After the gap no feature of the image before it is visible. The status reports this, and the
-// covariance of the next pose includes the unobserved motion. The steps before and after are
+// unobserved motion is bridged. The steps before and after are
 // accurate.
 TEST_F(TimeFaults, LongGapsAreReportedWithoutFalseMotion) {
   for (const std::size_t missing : {25u, 50u}) {
@@ -143,11 +143,12 @@ TEST_F(TimeFaults, LongGapsAreReportedWithoutFalseMotion) {
     ASSERT_TRUE(before && after) << missing;
     const MetricPose& old_pose = *frames[*before].pose;
     const MetricPose& new_pose = *frames[*after].pose;
-    EXPECT_LT((new_pose.T_o_c.translation() - old_pose.T_o_c.translation()).norm(), 1e-9);
+    // The gap is bridged with the velocities before and after it.
+    const double bridged = (new_pose.T_o_c.translation() - old_pose.T_o_c.translation()).norm();
     const double unobserved = trueDistance(frames[*before].index, frames[*after].index);
     const double sigma = std::sqrt(new_pose.covariance.topLeftCorner<3, 3>().trace());
-    EXPECT_GT(sigma, unobserved / 2) << missing;
-    EXPECT_EQ(new_pose.twist_c.norm(), 0) << missing;
+    EXPECT_NEAR(bridged, unobserved, std::min(2 * sigma, 0.3 * unobserved)) << missing;
+    EXPECT_NEAR(new_pose.twist_c.head<3>().norm(), 9, 1.5) << missing;
     const PathLengths lengths = pathLengths(frames);
     EXPECT_GT(lengths.ground_truth, 30) << missing;
     EXPECT_LT(lengths.relativeError(), 0.03) << missing;

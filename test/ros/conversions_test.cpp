@@ -258,8 +258,8 @@ TEST(ScaleEstimateMsg, TheReasonNamesFieldValueAndLimit) {
   msg.status = 3;
   EXPECT_EQ(reasonOf(msg), "status is 3, it must lie in [0, 2]");
   msg.status = 0;
-  msg.reason = 8;
-  EXPECT_EQ(reasonOf(msg), "reason is 8, it must lie in [0, 7]");
+  msg.reason = 9;
+  EXPECT_EQ(reasonOf(msg), "reason is 9, it must lie in [0, 8]");
 }
 
 /// axis_angle: rotation vector [rad].

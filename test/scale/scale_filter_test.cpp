@@ -20,18 +20,34 @@ int drive(ScaleFilter* filter, int frames, double height, double sigma) {
   return used;
 }
 
-TEST(ScaleFilter, StartsWithTheMedianOfTheLatestWhenTheyAgree) {
+TEST(ScaleFilter, StartsWithTwoMeasurementsThatAgreeAndTheSigmaOfAYoungMap) {
   ScaleFilter filter({});
   EXPECT_FALSE(filter.known());
   EXPECT_EQ(filter.height(), 0);
-  filter.predict(10, 0);
-  EXPECT_FALSE(filter.update(2.00, 0.02));
-  EXPECT_FALSE(filter.update(0.80, 0.02));
-  EXPECT_FALSE(filter.update(0.82, 0.02));
-  EXPECT_FALSE(filter.update(0.81, 0.02));
-  EXPECT_TRUE(filter.update(0.81, 0.02));
+  filter.predict(1, 0);
+  EXPECT_FALSE(filter.update(1.6, 0.02));
+  EXPECT_FALSE(filter.update(0.8, 0.02));
+  EXPECT_FALSE(filter.known());
+  EXPECT_TRUE(filter.update(0.8, 0.02, ScaleFilter::Source::kDirect));
   EXPECT_TRUE(filter.known());
-  EXPECT_NEAR(filter.height(), 0.81, 1e-9);
+  EXPECT_NEAR(filter.height(), 0.8, 1e-9);
+  EXPECT_GT(filter.sigma(), 0.05 * 0.8);
+
+  ScaleFilter old_map({});
+  old_map.predict(40, 0);
+  old_map.update(0.8, 0.02);
+  EXPECT_TRUE(old_map.update(0.8, 0.02));
+  EXPECT_LT(old_map.sigma(), 0.04 * 0.8);
+}
+
+TEST(ScaleFilter, AWrongStartIsReplacedSoon) {
+  ScaleFilter filter({});
+  filter.predict(1, 0);
+  filter.update(2, 0.02);
+  EXPECT_TRUE(filter.update(2, 0.02));
+  EXPECT_GT(drive(&filter, 4, 0.8, 0.02), 0);
+  EXPECT_NEAR(filter.height(), 0.8, 1e-9);
+  EXPECT_GT(filter.sigma(), 0.05 * 0.8);
 }
 
 TEST(ScaleFilter, ABiasOfTheFirstMeasurementsDecays) {
@@ -58,19 +74,12 @@ TEST(ScaleFilter, ABiasOfTheFirstMeasurementsDecays) {
 
 TEST(ScaleFilter, StartsAfterAMinimumDistance) {
   ScaleFilter filter({});
-  EXPECT_EQ(drive(&filter, 7, 0.8, 0.02), 0);  // 3.5 VO units are 4.4 camera heights
-  EXPECT_EQ(drive(&filter, 1, 0.8, 0.02), 1);
-}
-
-TEST(ScaleFilter, ScatteredMeasurementsDoNotStartIt) {
-  ScaleFilter filter({});
-  for (int i = 0; i < 20; ++i) {
-    filter.predict(0.5, 0);
-    EXPECT_FALSE(filter.update(i % 2 == 0 ? 0.5 : 1.5, 0.02));
-  }
-  EXPECT_FALSE(filter.known());
-  EXPECT_GT(drive(&filter, 6, 0.8, 0.02), 0);
-  EXPECT_NEAR(filter.height(), 0.8, 0.01);
+  filter.predict(0.3, 0);
+  EXPECT_FALSE(filter.update(0.8, 0.02));  // 0.4 camera heights
+  EXPECT_FALSE(filter.update(0.8, 0.02));
+  filter.predict(0.2, 0);
+  EXPECT_FALSE(filter.update(0.8, 0.02));
+  EXPECT_TRUE(filter.update(0.8, 0.02));
 }
 
 TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
@@ -174,7 +183,7 @@ TEST(ScaleFilter, BadOptionsAreRefused) {
   options.gate_sigma = 0;
   EXPECT_THROW(ScaleFilter{options}, OptionError);
   options = {};
-  options.start_measurements = 0;
+  options.restart_measurements = 0;
   EXPECT_THROW(ScaleFilter{options}, OptionError);
 }
 

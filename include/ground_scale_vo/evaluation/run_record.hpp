@@ -52,7 +52,7 @@ class RunRecord {
   std::vector<Eigen::Isometry3d> unscaledPoses() const;
 
  private:
-  void fillBackwards(double scale);
+  void fillBackwards(double scale, const Eigen::Isometry3d& T_o_c);
 
   std::vector<RunFrame> frames_;
   bool has_metric_pose_ = false;

@@ -12,38 +12,51 @@
 namespace ground_scale_vo {
 
 /// Camera pose in metres. The odometry frame o has the axes of the camera (x right, y down, z
-/// forward) and coincides with the first frame of the first map.
+/// forward). Its origin is the first frame of the first map with a scale. Its axes are those of the
+/// camera at the first image if the odometry knows the rotation from there to its maps (MapStart),
+/// otherwise those at the origin.
 struct MetricPose {
   Eigen::Isometry3d T_o_c = Eigen::Isometry3d::Identity();
   /// Accumulated covariance of T_o_c in o axes, in the order of geometry_msgs/PoseWithCovariance:
   /// position [m^2], then rotation as a left perturbation exp(w) R [rad^2].
   Matrix6d covariance = Matrix6d::Zero();
-  /// Mean velocity since the previous metric pose, in camera axes c: linear [m/s], then angular
-  /// [rad/s]. Zero in the first frame of a map.
+  /// Mean velocity since the previous tracked frame of the map (in its first tracked frame since
+  /// the map's first frame), in camera axes c: linear [m/s], then angular [rad/s]. Zero with a
+  /// covariance of Options::unknown_speed_sigma when no such frame is known.
   Vector6d twist_c = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
   double distance = 0;  ///< travelled so far [m]
 };
 
 /// Accumulates metric increments: each rotation unchanged, each translation times the scale of its
-/// frame. This is Eq. 10 for increments, so past poses never change.
+/// frame (Eq. 10 for increments).
 ///
-/// The first metric frame of the first map appends the motion since the map's first frame with its
-/// own scale. A later map continues from the last metric pose; the uncertainty of the unobserved
-/// motion is added. A standstill that ends in a new map counts as unobserved, because a camera that
-/// repeats one image looks the same. Without a VO pose nothing is appended.
+/// In a young map the scale is still uncertain, so all motion since the map's first frame is
+/// multiplied by the newest scale; errors of the first scales do not remain in the trajectory. Once
+/// the map has the length young_map_heights, past poses no longer change.
+///
+/// The first metric frame of a map appends all motion since the map's first frame. A later map
+/// continues from the last metric pose: the gap is bridged with the rotation of MapStart and with
+/// the velocities before and after it. A standstill that ends in a new map counts as unobserved,
+/// because a camera that repeats one image looks the same.
 ///
 /// Covariance: first-order propagation of (position, rotation, relative scale error). The scale
-/// error is a first-order Gauss-Markov process in the distance, so the position error grows
-/// linearly within its correlation length and with the square root beyond it.
+/// error is common to a young map. Afterwards it is a first-order Gauss-Markov process in the
+/// distance, so the position error grows linearly within its correlation length and with the square
+/// root beyond it.
 class MetricTrajectory {
  public:
   struct Options {
     double rotation_sigma_per_sqrt_m = 0.0005;
     double direction_sigma = 0.005;
     double scale_correlation_m = 10.0;
+    double young_map_heights = 6;
+    double bridge_acceleration_sigma = 2.0;
     double new_map_position_sigma_per_s = 5.0;
     double new_map_rotation_sigma_per_s = 0.1;
+    double position_noise_heights = 0.002;
+    double rotation_noise = 0.0002;
+    double unknown_speed_sigma = 50;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("rotation_sigma_per_sqrt_m", self.rotation_sigma_per_sqrt_m, 0, 1,
@@ -52,10 +65,22 @@ class MetricTrajectory {
             "[rad] standard deviation of the direction of motion between two frames");
       visit("scale_correlation_m", self.scale_correlation_m, 1e-3, 1e6,
             "[m] correlation length of the scale error");
+      visit("young_map_heights", self.young_map_heights, 0, 1e6,
+            "[camera heights] length of a new map up to which its motion is rescaled with the "
+            "newest scale");
+      visit("bridge_acceleration_sigma", self.bridge_acceleration_sigma, 0, 100,
+            "[m/s^2] standard deviation of the acceleration between two maps");
       visit("new_map_position_sigma_per_s", self.new_map_position_sigma_per_s, 0, 1e3,
-            "[m/s] standard deviation of the unobserved velocity before a new map");
+            "[m/s] standard deviation of the velocity when a standstill ends in a new map");
       visit("new_map_rotation_sigma_per_s", self.new_map_rotation_sigma_per_s, 0, 1e3,
-            "[rad/s] standard deviation of the unobserved rotation rate before a new map");
+            "[rad/s] standard deviation of the rotation rate between two maps, where the odometry "
+            "does not know the rotation");
+      visit("position_noise_heights", self.position_noise_heights, 0, 1,
+            "[camera heights] white noise of a position, for the covariance of the twist");
+      visit("rotation_noise", self.rotation_noise, 0, 1,
+            "[rad] white noise of a rotation, for the covariance of the twist");
+      visit("unknown_speed_sigma", self.unknown_speed_sigma, 0, 1e3,
+            "[m/s, rad/s] standard deviation of a twist that is not known");
     }
     /// Throws OptionError.
     void validate() const;
@@ -64,31 +89,68 @@ class MetricTrajectory {
   /// Throws OptionError.
   explicit MetricTrajectory(const Options& options);
 
-  /// Appends one frame. Empty while scale.status is kUnknown or the frame is not tracking, and for
-  /// an increment without a finite result, which is skipped.
+  /// Appends one frame. Call it for every frame, also without a pose or a scale. Empty while
+  /// scale.status is kUnknown or the frame is not tracking, and for an increment without a finite
+  /// result, which is skipped.
   std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale);
 
+  /// Whether the motion since the first frame of the map that starts with this frame is part of the
+  /// trajectory: all frames since then were seen, and the map's world frame is that frame.
+  bool countsFromStart(const VoFrame& frame) const;
+
+  /// The next tracked frame starts a new map although its map_id is the same.
+  void leaveMap() { has_left_map_ = true; }
+
+  /// Back to the state after construction: the next frame is the origin, also in mid-map.
   void reset();
 
  private:
   using Matrix7d = Eigen::Matrix<double, 7, 7>;
-  void bridgeMaps(std::int64_t stamp_ns, double relative_sigma);
-  void integrate(const Eigen::Isometry3d& T_last_now, double scale, double relative_sigma,
-                 double dt);
-  void propagateCovariance(const Eigen::Vector3d& step_o, double length, double relative_sigma);
-  void setTwist(const Eigen::Isometry3d& T_last_now, const Eigen::Vector3d& step_last,
-                double relative_sigma, double dt);
-  Eigen::Matrix3d directionCovariance(const Eigen::Vector3d& step, double length) const;
+  /// The map of the newest tracked frame. Its motion is counted from the reference frame: the map's
+  /// first frame, or the first one seen.
+  struct Map {
+    std::uint32_t id = 0;
+    Eigen::Isometry3d T_w_ref = Eigen::Isometry3d::Identity();
+    std::int64_t ref_stamp_ns = 0;
+    /// Rotation of the reference frame in the camera of the last metric pose, or in o before it.
+    Eigen::Matrix3d R_last_ref = Eigen::Matrix3d::Identity();
+    double rotation_variance = 0;  ///< of R_last_ref [rad^2]
+    double travelled = 0;          ///< since the reference frame [VO units]
+    bool metric = false;           ///< has a metric pose; the following fields are valid
+    bool young = true;
+    Eigen::Isometry3d T_o_ref = Eigen::Isometry3d::Identity();
+    double distance_at_ref = 0;  ///< [m]
+  };
+  struct TrackedPose {
+    std::int64_t stamp_ns = 0;
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  };
+
+  std::optional<MetricPose> appendTracked(const VoFrame& frame, const ScaleEstimate& scale);
+  Map newMap(const VoFrame& frame) const;
+  void anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale, double dt);
+  void bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref, double velocity_sigma);
+  void rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
+                       const Eigen::Vector3d& step_o);
+  void integrate(const Eigen::Isometry3d& T_last_now, const Eigen::Vector3d& step_last,
+                 double relative_sigma);
+  void propagateMotion(const Eigen::Vector3d& step_o, double scale_correlation);
+  void setScaleVariance(double variance);
+  void setTwist(const Eigen::Isometry3d& T_last_now, const ScaleEstimate& scale, double dt);
+  Eigen::Matrix3d directionCovariance(const Eigen::Vector3d& step) const;
   double rotationVariance(double length) const;
 
   Options options_;
+  std::optional<std::int64_t> first_seen_ns_;         ///< stamp of the first frame
+  std::optional<std::uint32_t> initialising_map_id_;  ///< of the last frame without a map
+  std::optional<Map> map_;
+  bool has_left_map_ = false;
+  TrackedPose last_tracked_;  ///< of map_
   bool has_pose_ = false;
   MetricPose last_;
   Matrix7d covariance_ = Matrix7d::Zero();  ///< of position, rotation and relative scale error
-  std::uint32_t last_map_id_ = 0;
-  std::int64_t last_stamp_ns_ = 0;
-  std::int64_t last_motion_stamp_ns_ = 0;  ///< of the last frame that was not at standstill
-  Eigen::Isometry3d last_T_w_c_ = Eigen::Isometry3d::Identity();
+  std::int64_t last_stamp_ns_ = 0;          ///< of last_
+  std::int64_t last_motion_stamp_ns_ = 0;   ///< of the last frame that was not at standstill
 };
 
 }  // namespace ground_scale_vo

@@ -21,7 +21,8 @@ enum class ScaleReason : std::uint8_t {
   kTooFewGroundPoints = 4,
   kNoPlane = 5,      ///< no plane fits, or its height is too uncertain
   kPlaneTilted = 6,  ///< its normal deviates too much from that predicted from mounting and motion
-  kRejectedByFilter = 7  ///< measured, but outside the filter's gate
+  kRejectedByFilter = 7,  ///< measured, but outside the filter's gate
+  kImplausibleMotion = 8  ///< the pose implies a speed above max_speed: it is not used
 };
 
 /// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out

@@ -37,13 +37,13 @@ class ScaleFilter {
     double gate_sigma = 3;
     double nis_memory_heights = 20;
 
-    int start_measurements = 4;
-    double start_max_deviation = 0.15;
-    double start_distance_heights = 5;
+    double start_distance_heights = 0.5;
     /// The first measurements of a map see one piece of road and points with a short baseline: they
     /// share an unobservable bias. It is a lower bound of sigma that decays with the distance.
-    double start_bias_sigma = 0.1;
+    double start_bias_sigma = 0.08;
     double start_bias_decay_heights = 6;
+    int restart_measurements = 4;
+    double restart_max_deviation = 0.15;
     double restart_distance_heights = 12;
 
     int moving_average_frames = 0;  ///< replaces the Kalman filter by a moving average of the scale
@@ -61,19 +61,20 @@ class ScaleFilter {
             "[sigma] measurements with a larger normalised innovation are rejected");
       visit("nis_memory_heights", self.nis_memory_heights, 0.1, 1e6,
             "[camera heights] averaging length of the NIS that scales sigma");
-      visit("start_measurements", self.start_measurements, 1, 1000,
-            "[frames] consecutive measurements that must agree to start or restart the filter");
       visit("start_distance_heights", self.start_distance_heights, 0, 1e6,
-            "[camera heights] least distance before the start");
-      visit("start_max_deviation", self.start_max_deviation, 1e-4, 10,
-            "[] largest deviation of these measurements from their median, relative");
+            "[camera heights] least distance before the first measurement is used");
       visit("start_bias_sigma", self.start_bias_sigma, 0, 10,
             "[] relative bias shared by the first measurements of a map");
       visit("start_bias_decay_heights", self.start_bias_decay_heights, 0.01, 1e6,
             "[camera heights] distance over which that bias decays to 1/e");
+      visit("restart_measurements", self.restart_measurements, 1, 1000,
+            "[frames] consecutive rejected measurements that must agree to restart the filter");
+      visit("restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
+            "[] largest deviation of these measurements from their median, and between the two "
+            "measurements of a start, relative");
       visit("restart_distance_heights", self.restart_distance_heights, 0, 1e6,
-            "[camera heights] distance of rejected but mutually consistent measurements before a "
-            "restart");
+            "[camera heights] distance of these measurements before a restart; less in a map "
+            "whose scale has been known for less");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
             "[frames] moving average of the scale instead of the Kalman filter; 0: off");
     }
@@ -106,22 +107,24 @@ class ScaleFilter {
     double variance;
   };
   bool updateMovingAverage(double height, double variance);
+  bool collectForStart(const Measurement& measurement);
   bool collect(const Measurement& measurement, Source source);
-  void start(double log_height, double mean_variance);
+  void start(double log_height, double variance);
   void clearPending(Source source);
   void updateNisScale(Source source, double nis);
-  double startBiasVariance() const;
+  double startBiasVariance(double height) const;
 
   Options options_;
   bool known_ = false;
   double log_height_ = 0;  ///< state
   double variance_ = 0;    ///< of the state
   double distance_ = 0;    ///< travelled since reset() [VO units]
+  double started_at_ = 0;  ///< distance_ at the latest (re)start
   double nis_scale_ = 1;   ///< mean normalised innovation squared
   /// distance_ at the latest accepted measurement, and at the latest one, by source.
   std::array<double, kSources> accepted_at_{}, measured_at_{};
-  /// Measurements since the last accepted one, by source: candidates for a start or restart. Before
-  /// the start all are in the feature-based entry.
+  /// Measurements since the last accepted one, by source: candidates for a restart. Before
+  /// the start those of both sources are in the feature-based entry.
   std::array<std::deque<Measurement>, kSources> pending_;
   std::array<double, kSources> pending_since_{};  ///< distance_ at the first of them
   std::deque<double> inverse_heights_;            ///< of the moving average

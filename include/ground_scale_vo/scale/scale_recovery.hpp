@@ -37,6 +37,7 @@ class ScaleRecovery {
     bool paper_literal = false;     ///< applies paperPreset() to the stages, for comparison
     bool refine = true;             ///< false: no direct measurements
     double standstill_distance_heights = 0.02;
+    double max_speed = 100;
 
     Mounting::Options mounting;
     GroundPointExtraction::Options gpe;
@@ -51,6 +52,8 @@ class ScaleRecovery {
       visit("random_seed", self.random_seed, 0, 2147483647, "[] seed of all random numbers");
       visit("standstill_distance_heights", self.standstill_distance_heights, 0, 1,
             "[camera heights] a shorter motion between frames is standstill");
+      visit("max_speed", self.max_speed, 1, 1e4,
+            "[m/s] a pose that implies a higher speed is refused");
       visit("refine", self.refine,
             "[] use direct measurements from the images; false: feature-based only");
       visit("paper_literal", self.paper_literal,
@@ -109,7 +112,8 @@ class ScaleRecovery {
 
   /// frame: in temporal order. image: the frame's rectified image, 8-bit grey, of the size of
   /// frame.camera (throws OptionError otherwise), or empty: no direct measurement. A frame whose
-  /// pose is not finite counts as not tracking; points that are not finite are ignored. On failure
+  /// pose is not finite counts as not tracking; a pose that implies an implausible speed is not
+  /// used; points that are not finite are ignored. On failure
   /// output.scale.status and reason say what is missing; values are never NaN or infinite.
   Output process(const VoFrame& frame, const cv::Mat& image = {});
 

@@ -103,34 +103,16 @@ void LocalMap::triangulateNew() {
   AnchoredObservations anchored(*this);
   for (auto& [id, landmark] : landmarks_) {
     if (landmark.depth || landmark.observations.size() < 2) continue;
-    triangulate(anchored.of(landmark), options_.max_relative_sigma, &landmark);
+    const auto& observations = anchored.of(landmark);
+    const Eigen::Vector3d ray = landmark.ray();
+    const auto depth = triangulate(ray, observations);
+    if (!depth || depth->value <= 0) continue;
+    if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
+    const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
+      return reprojectionError(ray, depth->value, o) < options_.max_reprojection_error;
+    });
+    if (fits) landmark.depth = depth;
   }
-}
-
-void LocalMap::triangulateNew(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners) {
-  AnchoredObservations anchored(*this);
-  const Eigen::Isometry3d T_c_w = T_w_c.inverse();
-  for (const Corner& corner : corners) {
-    Landmark* const landmark = find(corner.id);
-    if (!landmark || landmark->depth) continue;
-    std::vector<RayObservation> observations = anchored.of(*landmark);
-    const Eigen::Isometry3d& T_w_a = keyframe(landmark->observations.front().keyframe).T_w_c;
-    observations.push_back({T_c_w * T_w_a, corner.x, corner.sigma});
-    triangulate(observations, options_.max_relative_sigma_between_keyframes, landmark);
-  }
-}
-
-/// Sets the depth if it is accurate enough and fits all observations.
-void LocalMap::triangulate(const std::vector<RayObservation>& observations,
-                           double max_relative_sigma, Landmark* landmark) const {
-  const Eigen::Vector3d ray = landmark->ray();
-  const auto depth = ground_scale_vo::triangulate(ray, observations);
-  if (!depth || depth->value <= 0) return;
-  if (depth->sigma > max_relative_sigma * depth->value) return;
-  const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
-    return reprojectionError(ray, depth->value, o) < options_.max_reprojection_error;
-  });
-  if (fits) landmark->depth = depth;
 }
 
 void LocalMap::updateSigmas() {

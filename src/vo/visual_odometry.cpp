@@ -193,10 +193,6 @@ struct VisualOdometry::Impl {
     lost_image.reset();
     out->frame.keyframe = mapping.needsKeyframe(motion.T_w_c(), found);
     if (!out->frame.keyframe) {
-      {
-        ScopedTimer timer(&out->times.triangulate);
-        mapping.map().triangulateNew(motion.T_w_c(), toCorners(camera, found));
-      }
       tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
       return found;
     }

@@ -50,24 +50,6 @@ TEST(LocalMap, triangulatesLandmarksWithParallax) {
   EXPECT_GT(with_depth, kPoints * 8 / 10);
 }
 
-TEST(LocalMap, triangulatesWithAFrameThatIsNoKeyframe) {
-  const auto points = farPoints();
-  LocalMap map({});
-  map.addKeyframe(keyframePose(0), observe(points, keyframePose(0)));
-  map.triangulateNew(keyframePose(0), observe(points, keyframePose(0)));
-  for (std::size_t i = 0; i < points.size(); ++i) EXPECT_FALSE(map.point(i));  // no motion
-  map.triangulateNew(keyframePose(5), observe(points, keyframePose(5)));
-  int with_depth = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (const auto point = map.point(i)) {
-      ++with_depth;
-      EXPECT_LT((point->p_w - points[i]).norm(), 1e-6 * points[i].norm());
-      EXPECT_EQ(map.find(i)->observations.size(), 1u);  // that of the frame is not kept
-    }
-  }
-  EXPECT_GT(with_depth, kPoints / 2);
-}
-
 TEST(LocalMap, triangulatesNothingWithoutMotion) {
   const auto points = farPoints();
   LocalMap map({});

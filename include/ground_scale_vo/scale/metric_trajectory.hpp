@@ -50,7 +50,7 @@ class MetricTrajectory {
     double rotation_sigma_per_sqrt_m = 0.0005;
     double direction_sigma = 0.005;
     double scale_correlation_m = 10.0;
-    double young_map_heights = 6;
+    double young_map_heights = 10;
     double bridge_acceleration_sigma = 2.0;
     double new_map_position_sigma_per_s = 5.0;
     double new_map_rotation_sigma_per_s = 0.1;

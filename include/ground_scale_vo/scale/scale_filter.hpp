@@ -41,7 +41,7 @@ class ScaleFilter {
     /// The first measurements of a map see one piece of road and points with a short baseline: they
     /// share an unobservable bias. It is a lower bound of sigma that decays with the distance.
     double start_bias_sigma = 0.08;
-    double start_bias_decay_heights = 6;
+    double start_bias_decay_heights = 9;
     int restart_measurements = 4;
     double restart_max_deviation = 0.15;
     double restart_distance_heights = 12;

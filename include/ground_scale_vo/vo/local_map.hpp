@@ -54,16 +54,12 @@ class LocalMap {
   struct Options {
     int keyframes = 14;
     double max_relative_sigma = 0.35;
-    /// The baseline still grows until the next keyframe, so only accurate depths are accepted.
-    double max_relative_sigma_between_keyframes = 0.1;
     double max_reprojection_error = 0.004;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("keyframes", self.keyframes, 3, 1000, "[keyframes] largest number");
       visit("max_relative_sigma", self.max_relative_sigma, 0.01, 10,
             "[] largest sigma of a new inverse depth, relative to the inverse depth");
-      visit("max_relative_sigma_between_keyframes", self.max_relative_sigma_between_keyframes, 1e-3,
-            10, "[] the same for a depth from keyframes and one other frame");
       visit("max_reprojection_error", self.max_reprojection_error, 1e-6, 0.1,
             "[focal lengths] largest error of any observation of a new landmark depth");
     }
@@ -86,10 +82,6 @@ class LocalMap {
   /// Triangulates the landmarks without depth. A landmark receives a depth if it is accurate enough
   /// and consistent with all observations.
   void triangulateNew();
-
-  /// The same for the landmarks of `corners`, which are observed in a frame that is no keyframe:
-  /// this observation contributes to the depth, but is not kept.
-  void triangulateNew(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners);
 
   /// Recomputes every depth's sigma from its observations.
   void updateSigmas();
@@ -117,8 +109,6 @@ class LocalMap {
 
  private:
   void dropOldestKeyframe();
-  void triangulate(const std::vector<RayObservation>& observations, double max_relative_sigma,
-                   Landmark* landmark) const;
   std::optional<InverseDepth> depthInAnchor(const Landmark& landmark,
                                             const WorldPoint& world) const;
 

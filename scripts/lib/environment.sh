@@ -16,7 +16,8 @@
 #   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
 # Each function prints one sentence to stderr and returns non-zero when it fails. In an install space
-# the commands are installed beside the executables, and gsv_build does nothing.
+# the commands are installed beside the executables, in <prefix>/lib/ground_scale_vo, so gsv_root is
+# <prefix>/lib, and gsv_build does nothing.
 
 gsv_lib=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 gsv_root=$(cd "$gsv_lib/../.." && pwd)
@@ -56,7 +57,7 @@ gsv_packages() {
 gsv_setup() {
   if [[ -d /opt/ros/${ROS_DISTRO:-noetic} ]]; then
     gsv_source_distribution
-    return 0 # rosdep installs the dependencies: rosdep install --from-paths . --ignore-src
+    return 0 # the user installs the dependencies: rosdep install --from-paths . --ignore-src
   fi
   local sections=(run "$@") packages=() missing=() package
   gsv_installed || sections+=(build)

@@ -31,7 +31,7 @@ constexpr double kMinEpipolarNormal = 1e-18;
 /// Refits of the rotation to the matches below the median angle. Five converge.
 constexpr int kRotationIterations = 5;
 
-/// [matches] minimum number for a rotation: half of them may be outliers of its three unknowns.
+/// [matches] minimum number for a rotation, which has three unknowns: half of them may be outliers.
 constexpr std::size_t kMinRotationMatches = 40;
 
 /// [plane distances] a shorter translation of a homography is a pure rotation.
@@ -47,9 +47,9 @@ constexpr double kSameDirection = 0.15;  // [rad] of the translations
 
 struct Candidate {
   Eigen::Isometry3d T_2_1 = Eigen::Isometry3d::Identity();
-  std::vector<bool> inlier;
+  std::vector<bool> inlier;  // fits, with a positive inverse depth
   std::vector<double> inverse_depth_1;
-  int inliers = 0;
+  int inliers = 0;  // matches that fit, also those whose inverse depth is not positive from noise
   double cost = 0;  // sum of squared errors, truncated at 1, in units of the inlier threshold
 };
 

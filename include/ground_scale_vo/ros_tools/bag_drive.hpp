@@ -24,7 +24,7 @@ struct BagDrive {
 
   RunRecord record;
   std::vector<std::int64_t> stamps_ns;  ///< of every image of the bag, used or not
-  std::vector<StampedPosition> fixes;   ///< east, north, up of the first fix
+  std::vector<StampedPosition> fixes;   ///< [m] east, north, up from the first fix
   double fix_sigma = 0;                 ///< [m] median standard deviation of a fix
   std::size_t rejected_images = 0;
   std::string first_rejection;  ///< reason for the first rejected image

@@ -10,11 +10,11 @@
 namespace ground_scale_vo::direct {
 namespace {
 
-constexpr double kStep = 0.05;  ///< of ln h between samples, half the width of a typical peak
+constexpr double kStep = 0.05;  ///< of ln h between samples
 /// [rad] Step and range (in standard deviations of the prior) of the roll between hypotheses: half
 /// a step changes the height at the border of the lane by 3 %.
 constexpr double kRollStep = 0.06, kRollRange = 3;
-/// [ln h] Half width of a correlation peak: samples this close to the maximum belong to it.
+/// [ln h] Samples this close to the maximum belong to its peak and are no second one.
 constexpr double kPeakHalfWidth = 0.26;
 /// Required correlation over the longer baseline as a share of that over the shorter one: farther
 /// apart, patches differ more in resolution and occlusion.

@@ -233,8 +233,13 @@ TEST_F(Drive, CovarianceIsFilledAndGrows) {
     EXPECT_EQ(covariance, covariance.transpose());
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(covariance);
     EXPECT_GE(solver.eigenvalues().minCoeff(), -1e-12);
+    // In a young map the scale becomes more certain, and with it the whole motion since its start.
+    const bool is_young = message->pose.pose.position.x <
+                          MetricTrajectory::Options().young_map_heights * kCameraHeight;
     const double trace = covariance.trace();
-    EXPECT_GE(trace, before * (1 - 1e-9));
+    if (!is_young) {
+      EXPECT_GE(trace, before * (1 - 1e-9));
+    }
     before = trace;
   }
   EXPECT_GT(before, 0);

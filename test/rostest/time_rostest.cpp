@@ -205,6 +205,7 @@ TEST_F(Time, ASingleStampFarAheadIsDropped) {
 
   // MonoVo publishes no frames with such stamps, so this test does.
   VoFrameMsg frame = *frames_.messages().back();
+  frame.map_start = ros::Time();  // unknown; a map cannot start after its frame
   for (const std::int64_t stamp_ns : {kMost * kSecond, std::int64_t{0}, kStart}) {
     frame.header = header(stamp_ns);
     ++frame.sequence;

@@ -60,8 +60,9 @@ std::string gapInPath(const std::vector<RunFrame>& frames) {
     return !f.has_metric_pose || f.map_id != frames.front().map_id;
   });
   if (gap == frames.end()) return {};
-  return "the odometry was lost at or before frame " + std::to_string(gap - frames.begin()) + " of " +
-         std::to_string(frames.size()) + ", so the length of the whole drive cannot be compared";
+  return "the odometry was lost at or before frame " + std::to_string(gap - frames.begin()) +
+         " of " + std::to_string(frames.size()) +
+         ", so the length of the whole drive cannot be compared";
 }
 
 /// Length of the metric path [camera heights], and its standard deviation from the reported sigma

@@ -13,8 +13,8 @@ namespace ground_scale_vo {
 /// Runs the callbacks of one nodelet, one after the other, on a thread of its own.
 ///
 /// The nodelet manager's queue is not used for three reasons: it drops what arrives during onInit
-/// (such as a latched camera_info), it is destroyed before the subscriptions when onInit throws, and
-/// it shares its threads with the other nodelets.
+/// (such as a latched camera_info), it is destroyed before the subscriptions when onInit throws,
+/// and it shares its threads with the other nodelets.
 ///
 /// Declare it as the first member of a nodelet, so that it is destroyed after all members that use
 /// its handles.

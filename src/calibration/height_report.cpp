@@ -6,6 +6,8 @@
 #include <optional>
 #include <sstream>
 
+#include "ground_scale_vo/common/seconds.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -66,10 +68,9 @@ std::string segmentTable(const HeightCalibration::Result& result) {
   std::size_t used = 0;
   for (const HeightCalibration::Segment& segment : result.segments) {
     used += segment.used;
-    text += format(
-        "%8.1f %8.1f %10.1f %10.3f%s\n", 1e-9 * static_cast<double>(segment.from_ns - start),
-        1e-9 * static_cast<double>(segment.to_ns - start), segment.length_heights * segment.height,
-        segment.height, segment.used ? "" : "  rejected");
+    text += format("%8.1f %8.1f %10.1f %10.3f%s\n", secondsBetween(start, segment.from_ns),
+                   secondsBetween(start, segment.to_ns), segment.length_heights * segment.height,
+                   segment.height, segment.used ? "" : "  rejected");
   }
   return text + format("%zu of %zu segments\n", used, result.segments.size());
 }

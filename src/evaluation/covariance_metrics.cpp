@@ -13,11 +13,6 @@ namespace {
 constexpr double kSegmentLengths[] = {10, 50, 100};  // [m]
 constexpr double kStartSpacing = 1;                  // between the starts of segments [m]
 
-Eigen::Vector3d rotationVector(const Eigen::Matrix3d& R) {
-  const Eigen::AngleAxisd rotation(R);
-  return rotation.angle() * rotation.axis();
-}
-
 /// Scaled to a unit diagonal, so that the test does not depend on the units.
 bool isPositiveDefinite(const Matrix6d& P) {
   if (!(P.diagonal().minCoeff() > 0)) return false;

@@ -10,6 +10,7 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
@@ -24,7 +25,7 @@ constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 constexpr double kWaitingPeriod = 0.1;      // [s] wall time, between checks of waiting frames
 
 double secondsBetween(const ros::Time& from, const ros::Time& to) {
-  return 1e-9 * static_cast<double>(toNanoseconds(to) - toNanoseconds(from));
+  return ground_scale_vo::secondsBetween(toNanoseconds(from), toNanoseconds(to));
 }
 
 }  // namespace

@@ -2,19 +2,16 @@
 
 #include <sstream>
 
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-// ros::Duration would throw beyond 2^31 s.
-double seconds(std::int64_t from_ns, std::int64_t to_ns) {
-  return 1e-9 * static_cast<double>(to_ns - from_ns);
-}
-
+// Not with ros::Duration, which throws beyond 2^31 s.
 bool follows(std::int64_t last_ns, std::int64_t stamp_ns) {
-  return seconds(last_ns, stamp_ns) >= StampGuard::kMinStep &&
-         seconds(last_ns, stamp_ns) <= StampGuard::kMaxAhead;
+  return secondsBetween(last_ns, stamp_ns) >= StampGuard::kMinStep &&
+         secondsBetween(last_ns, stamp_ns) <= StampGuard::kMaxAhead;
 }
 
 }  // namespace
@@ -34,11 +31,11 @@ StampGuard::Verdict StampGuard::check(const ros::Time& stamp) {
   }
   std::ostringstream sentence;
   sentence << "the stamp " << stamp;
-  if (seconds(last_ns_, stamp_ns) > kMaxAhead) {
+  if (secondsBetween(last_ns_, stamp_ns) > kMaxAhead) {
     ahead_ns_ = stamp_ns;
-    sentence << " is " << seconds(last_ns_, stamp_ns)
+    sentence << " is " << secondsBetween(last_ns_, stamp_ns)
              << " s after the last one and not confirmed by a second one";
-  } else if (seconds(stamp_ns, last_ns_) > clock_jump_s_) {
+  } else if (secondsBetween(stamp_ns, last_ns_) > clock_jump_s_) {
     last_ns_ = stamp_ns;
     return Verdict::kJumpedBack;
   } else {

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
@@ -95,8 +96,7 @@ class BagRunner {
     // A trajectory without stamps has a line for every image, used or not.
     drive_.stamps_ns.push_back(toNanoseconds(header.stamp));
     if (first_.isZero()) first_ = header.stamp;
-    const double since_first_s =
-        1e-9 * static_cast<double>(toNanoseconds(header.stamp) - toNanoseconds(first_));
+    const double since_first_s = secondsBetween(toNanoseconds(first_), toNanoseconds(header.stamp));
     if (since_first_s < source_.from_s || since_first_s > source_.to_s) return nullptr;
     try {
       if (guard_.check(header.stamp) == StampGuard::Verdict::kDrop) {

@@ -5,25 +5,13 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/seconds.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 /// Steps of the numerical integration over a gap between two maps.
 constexpr int kBridgeSteps = 16;
-
-double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
-  return static_cast<double>(to_ns - from_ns) * 1e-9;
-}
-
-Eigen::Vector3d rotationVector(const Eigen::Matrix3d& R) {
-  const Eigen::AngleAxisd rotation(R);
-  return rotation.angle() * rotation.axis();
-}
-
-Eigen::Matrix3d normalised(const Eigen::Matrix3d& R) {
-  return Eigen::Quaterniond(R).normalized().toRotationMatrix();
-}
 
 /// Displacement in start axes over dt, at a constant rotation rate from the start to the end, with
 /// a velocity in body axes that changes linearly.
@@ -136,7 +124,7 @@ MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
     map.rotation_variance = map_->rotation_variance;
   }
   if (has_start && std::isfinite(start.rotation_sigma)) {
-    map.R_last_ref = normalised(map.R_last_ref * start.R_previous_w);
+    map.R_last_ref = renormalised(map.R_last_ref * start.R_previous_w);
     map.rotation_variance += start.rotation_sigma * start.rotation_sigma;
   } else if (!is_first) {
     const std::int64_t since_ns = map_->metric ? last_motion_stamp_ns_ : last_tracked_.stamp_ns;
@@ -204,7 +192,7 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
   covariance_.setZero();
   covariance_.topLeftCorner<6, 6>() = P;
   last_.T_o_c.translation() += gap_o;
-  last_.T_o_c.linear() = normalised(last_.T_o_c.linear() * map_->R_last_ref);
+  last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * map_->R_last_ref);
   last_.distance += gap.norm();
 }
 
@@ -216,7 +204,7 @@ void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const S
   propagateMotion(step_o, 1);
   const Eigen::Vector3d motion_o = map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale;
   last_.T_o_c.translation() = map_->T_o_ref.translation() + motion_o;
-  last_.T_o_c.linear() = normalised(map_->T_o_ref.linear() * T_ref_c.linear());
+  last_.T_o_c.linear() = renormalised(map_->T_o_ref.linear() * T_ref_c.linear());
   last_.distance = map_->distance_at_ref + scale.scale * map_->travelled;
   const double variance = std::pow(scale.sigma / scale.scale, 2);
   Matrix7d with_scale = covariance_;
@@ -242,7 +230,7 @@ void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_now,
   covariance_(6, 6) += (1 - correlation * correlation) * variance;
   setScaleVariance(variance);
   last_.T_o_c.translation() += step_o;
-  last_.T_o_c.linear() = normalised(last_.T_o_c.linear() * T_last_now.linear());
+  last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * T_last_now.linear());
   last_.distance += length;
   last_.covariance = covariance_.topLeftCorner<6, 6>();
 }

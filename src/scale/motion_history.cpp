@@ -1,5 +1,7 @@
 #include "ground_scale_vo/scale/motion_history.hpp"
 
+#include "ground_scale_vo/common/se3.hpp"
+
 namespace ground_scale_vo {
 
 void MotionHistory::add(const Eigen::Isometry3d& T_w_c) {
@@ -27,8 +29,8 @@ std::optional<MotionHistory::Chord> MotionHistory::chord(double min_length) cons
   const Eigen::Vector3d chord_w = T_w_c.translation() - start->T_w_c.translation();
   const double length = chord_w.norm();
   if (!(length > 0)) return std::nullopt;
-  const Eigen::AngleAxisd turn(start->T_w_c.linear().transpose() * T_w_c.linear());
-  return Chord{T_w_c.linear().transpose() * chord_w / length, length, turn.angle() * turn.axis()};
+  return Chord{T_w_c.linear().transpose() * chord_w / length, length,
+               rotationVector(start->T_w_c.linear().transpose() * T_w_c.linear())};
 }
 
 void MotionHistory::reset() {

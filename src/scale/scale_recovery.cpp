@@ -4,6 +4,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/scale/camera_path.hpp"
 #include "ground_scale_vo/scale/lane_region.hpp"
@@ -101,8 +102,7 @@ void ScaleRecovery::Impl::startMap() {
 
 bool ScaleRecovery::Impl::hasPlausibleSpeed(const VoFrame& frame) const {
   if (!filter.known()) return true;
-  const double dt =
-      std::max(kMinSpeedInterval, static_cast<double>(frame.stamp_ns - last_stamp_ns) * 1e-9);
+  const double dt = std::max(kMinSpeedInterval, secondsBetween(last_stamp_ns, frame.stamp_ns));
   const double step = (frame.T_w_c.translation() - last_position_w).norm();
   return step / filter.height() * options.camera_height <= options.max_speed * dt;
 }

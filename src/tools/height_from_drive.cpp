@@ -11,6 +11,7 @@
 #include "ground_scale_vo/calibration/height_calibration.hpp"
 #include "ground_scale_vo/calibration/height_report.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
@@ -49,7 +50,7 @@ gsv::BagDrive runSequence(const Arguments& arguments) {
   const gsv::KittiSequence sequence(arguments.sequence);
   std::vector<std::size_t> chosen;  // images between --from and --to
   for (std::size_t i = 0; i < sequence.size(); ++i) {
-    const double s = 1e-9 * static_cast<double>(sequence.stampNs(i) - sequence.stampNs(0));
+    const double s = gsv::secondsBetween(sequence.stampNs(0), sequence.stampNs(i));
     if (s >= arguments.bag.from_s && s <= arguments.bag.to_s) chosen.push_back(i);
   }
   if (chosen.empty()) {

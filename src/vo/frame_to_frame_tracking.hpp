@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "vo/descriptor_matching.hpp"
@@ -55,7 +56,7 @@ class FrameToFrameTracking {
   const std::vector<Feature>& features() const { return features_; }
   /// [s] from the previous image to a stamp.
   double secondsUntil(std::int64_t stamp_ns) const {
-    return static_cast<double>(stamp_ns - previous_stamp_ns_) * 1e-9;
+    return secondsBetween(previous_stamp_ns_, stamp_ns);
   }
 
  private:

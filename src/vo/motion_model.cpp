@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "ground_scale_vo/common/seconds.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -12,22 +14,20 @@ namespace {
 /// images) and one that needs a new map (41 black images behind a car).
 constexpr double kMaxPredictedSteps = 12;
 
-constexpr double kSecondsPerNanosecond = 1e-9;
-
 }  // namespace
 
 Eigen::Isometry3d MotionModel::predict(std::int64_t stamp_ns) const {
-  const double dt = static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond;
+  const double dt = secondsBetween(stamp_ns_, stamp_ns);
   return boxplus(T_w_c_, velocity_ * std::min(dt, kMaxPredictedSteps * velocity_dt_));
 }
 
 Eigen::Isometry3d MotionModel::extrapolate(std::int64_t stamp_ns) const {
-  const double dt = static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond;
+  const double dt = secondsBetween(stamp_ns_, stamp_ns);
   return boxplus(T_w_c_, velocity_ * dt);
 }
 
 void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
-  const double dt = static_cast<double>(stamp_ns - stamp_ns_) * kSecondsPerNanosecond;
+  const double dt = secondsBetween(stamp_ns_, stamp_ns);
   if (dt > 0) {
     const Eigen::Isometry3d step = T_w_c_.inverse() * T_w_c;
     const Eigen::AngleAxisd rotation(step.linear());

@@ -106,7 +106,7 @@ PoseEstimation::Result PoseEstimation::refine(
 
   Result result;
   result.T_w_c = T_c_w.inverse();
-  result.T_w_c.linear() = Eigen::Quaterniond(result.T_w_c.linear()).normalized().matrix();
+  result.T_w_c.linear() = renormalised(result.T_w_c.linear());
   result.inlier.reserve(observations.size());
   const double limit2 = options_.inlier_sigma * options_.inlier_sigma;
   for (const PointObservation& o : observations) {

@@ -153,8 +153,7 @@ void refine(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& 
     if (!isFinite(delta) || delta.norm() > 1) return;
     Vector6d rotation = Vector6d::Zero();
     rotation.head<3>() = delta.head<3>();
-    T_2_1->linear() =
-        Eigen::Quaterniond(motionFrom(rotation).linear() * R).normalized().toRotationMatrix();
+    T_2_1->linear() = renormalised(motionFrom(rotation).linear() * R);
     T_2_1->translation() = (t + tangent * delta.tail<2>()).normalized();
   }
 }

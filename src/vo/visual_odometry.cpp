@@ -180,13 +180,16 @@ struct VisualOdometry::Impl {
   /// Processes a frame when there is a map. Returns the features tracked in it; empty when lost.
   std::vector<Feature> track(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
     std::vector<Feature> found = findFeatures(image, stamp_ns, std::nullopt, out);
-    if (!estimatePose(stamp_ns, std::nullopt, &found, out) &&
-        !relocalise(image, stamp_ns, &found, out)) {
-      status = VoStatus::kLost;
-      if (!tracking.isTextureless(image, found.size())) {
-        lose(std::move(image), stamp_ns, out->frame.sequence);
+    if (!estimatePose(stamp_ns, std::nullopt, &found, out)) {
+      const Descriptors previous = tracking.describeFeatures();
+      Descriptors corners = tracking.describeCorners(image);
+      if (!relocalise(image, stamp_ns, previous, corners, &found, out)) {
+        status = VoStatus::kLost;
+        if (!tracking.isTextureless(image, found.size())) {
+          lose(std::move(image), stamp_ns, previous, std::move(corners), out->frame.sequence);
+        }
+        return {};
       }
-      return {};
     }
     status = VoStatus::kTracking;
     lost_frames = 0;
@@ -205,12 +208,12 @@ struct VisualOdometry::Impl {
     return found;
   }
 
-  /// Finds the pose of the image by descriptor matches and tracks the features again from there.
-  bool relocalise(const ImagePyramid& image, std::int64_t stamp_ns, std::vector<Feature>* found,
-                  Output* out) {
-    const auto result = relocalisation.locate(mapping.map(), motion, tracking.features(),
-                                              tracking.describeFeatures(),
-                                              tracking.describeCorners(image), stamp_ns);
+  /// Finds the pose of the image by matching the previous image's features with its corners, and
+  /// tracks the features again from there.
+  bool relocalise(const ImagePyramid& image, std::int64_t stamp_ns, const Descriptors& previous,
+                  const Descriptors& corners, std::vector<Feature>* found, Output* out) {
+    const auto result = relocalisation.locate(mapping.map(), motion, tracking.features(), previous,
+                                              corners, stamp_ns);
     if (!result) return false;
     out->rejected.clear();
     *found = findFeatures(image, stamp_ns, result, out);
@@ -291,10 +294,10 @@ struct VisualOdometry::Impl {
   }
 
   /// Handles an image with texture but without a pose. Starts a new map after several of them.
-  void lose(ImagePyramid image, std::int64_t stamp_ns, std::uint32_t sequence) {
-    Descriptors corners = tracking.describeCorners(image);
+  void lose(ImagePyramid image, std::int64_t stamp_ns, const Descriptors& previous,
+            Descriptors corners, std::uint32_t sequence) {
     RotationChain direct;
-    direct.append(rotationBetween(tracking.describeFeatures(), corners));
+    direct.append(rotationBetween(previous, corners));
     if (lost_image) rotation_to_lost.append(rotationBetween(*lost_image, corners));
     if (!lost_image || direct.sigma() < rotation_to_lost.sigma()) rotation_to_lost = direct;
     lost_image = std::move(corners);

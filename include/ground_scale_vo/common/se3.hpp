@@ -18,6 +18,17 @@ inline Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
   return m;
 }
 
+/// Axis times angle, [rad]: the inverse of exp([w]x).
+inline Eigen::Vector3d rotationVector(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd rotation(R);
+  return rotation.angle() * rotation.axis();
+}
+
+/// A rotation matrix without the rounding errors that products of rotations accumulate.
+inline Eigen::Matrix3d renormalised(const Eigen::Matrix3d& R) {
+  return Eigen::Quaterniond(R).normalized().toRotationMatrix();
+}
+
 /// The motion with rotation exp([w]x) and translation v itself: not the exponential map of SE(3),
 /// whose translation also depends on w.
 inline Eigen::Isometry3d motionFrom(const Vector6d& delta) {

@@ -326,9 +326,21 @@ std::vector<Scenario> startsAndLosses() {
               o.lead_time = 0.3;
             })
           .threshold(&ScenarioThresholds::max_displacement_sigmas, 2),
+      Entry("black_1s", "a second of black images at 10 m/s", 80,
+            [](Options& o) { setSlowingDown(o, 10), o.curvature = 0; })
+          .blackFrames(42, 10),
+      Entry("black_2s", "two seconds of black images at 10 m/s", 90,
+            [](Options& o) { setSlowingDown(o, 10), o.curvature = 0; })
+          .blackFrames(42, 20),
       Entry("black_5s", "five seconds of black images at 10 m/s", 135,
             [](Options& o) { setSlowingDown(o, 10), o.curvature = 0; })
           .blackFrames(42, 50),
+      Entry("black_fast", "a second of black images at 25 m/s", 70,
+            [](Options& o) { setSlowingDown(o, 25), o.curvature = 0.003; })
+          .blackFrames(35, 10),
+      Entry("black_turn", "a second of black images in a turn", 80,
+            [](Options& o) { setSlowingDown(o, 6), o.curvature = 0.06; })
+          .blackFrames(45, 10),
   };
 }
 
@@ -345,6 +357,19 @@ std::vector<Scenario> mountingsAndPlainRoads() {
               o.yaw_rad = 45 * kDegree;
             })
           .threshold(&ScenarioThresholds::max_rle_percent, 1),
+      Entry("camera_side", "the camera looks to the left", 70,
+            [](Options& o) {
+              setSideCamera(o);
+              o.yaw_rad = 90 * kDegree;
+            })
+          .threshold(&ScenarioThresholds::max_rle_percent, 1),
+      Entry("camera_rear", "the camera looks backwards", 60,
+            [](Options& o) { setSmallCamera(o), o.yaw_rad = M_PI; }),
+      Entry("rolled_15", "mounted with a roll of 15 degrees", 60,
+            [](Options& o) {
+              setCamera(o, 400, 250, 232);
+              o.roll_rad = 15 * kDegree;
+            }),
   };
 }
 

@@ -25,8 +25,9 @@ std::string inDegrees(const std::optional<HeightCalibration::Estimate>& angle) {
   return format("%.2f deg ± %.2f (95 %%)", kDeg * angle->value, kDeg * angle->error95());
 }
 
-/// Translation and quaternion of the camera in a base_link that stands on the road below it, with
-/// its x axis along the optical axis. Empty when the mounting is not known.
+/// Translation and quaternion of the camera in a base_link that stands on the road below it. Its z
+/// axis is the road's normal, its x axis the optical axis projected onto the road. Empty when the
+/// mounting is not known.
 std::string mounting(const HeightCalibration::Result& result) {
   if (!result.pitch) return {};
   // The columns of R_c_b are the base's axes in the camera: up is the road's normal, forward the

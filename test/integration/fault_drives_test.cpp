@@ -1,4 +1,5 @@
-// The pipeline on rendered drives with injected faults: finite outputs, detection, no excess path.
+// The pipeline on rendered drives with injected faults meets the thresholds of
+// fault_evaluation.hpp.
 
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 

@@ -100,6 +100,7 @@ TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
 TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
   RoadScene scene = road();
   scene.addPatch(400, 1.2, 2.5, 1.0, 9.0, 0, 4);
+  // Clearly outside the lane, whose half width is 1.2 camera heights; the camera height is 0.7.
   const auto count_outside = [&](const GroundPointExtraction::Result& result) {
     return std::count_if(result.points.begin(), result.points.end(),
                          [](const GroundPoint& p) { return p.p_c.x() > 1.4 * 0.7; });

@@ -11,14 +11,15 @@ class DataError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// An option outside its range. what() is one sentence that names the option, its value and range.
+/// An unknown option, an option outside its range, or an argument that cannot be used. what() is
+/// one sentence that names the option or argument and the reason.
 class OptionError : public std::invalid_argument {
  public:
   using std::invalid_argument::invalid_argument;
 };
 
-/// Throws OptionError unless `min <= value <= max`; NaN is out of range. For the validate() of an
-/// Options struct.
+/// Throws OptionError, with the option, its value and range, unless `min <= value <= max`; NaN is
+/// out of range. For the validate() of an Options struct.
 void requireInRange(const char* option, double value, double min, double max);
 
 }  // namespace ground_scale_vo

@@ -108,7 +108,7 @@ struct SyntheticDrive::Impl {
     const double t = static_cast<double>(i) / options.frame_rate_hz;
     const simulation::LongitudinalState state = profile.at(t);
     vehicle.push_back(simulation::vehiclePose(road, state, options));
-    stations.push_back(state.s);
+    distances.push_back(state.s);
     const simulation::VehiclePose& pose = vehicle.back();
     Frame frame;
     frame.stamp_ns = std::llround(t * 1e9);
@@ -123,9 +123,10 @@ struct SyntheticDrive::Impl {
     Scene scene = world.scene();
     traffic.addTo(scene, i, static_cast<double>(frames[i].stamp_ns) * 1e-9);
     if (options.own_shadow) {
-      scene.ego_shadow = simulation::egoShadow(options, road, world, stations[i]);
+      scene.ego_shadow = simulation::egoShadow(options, road, world, distances[i]);
     }
-    if (options.hood > 0) scene.instances.push_back({&hood, vehicle[i].T_w_c, false});
+    constexpr bool kReflected = false;
+    if (options.hood > 0) scene.instances.push_back({&hood, vehicle[i].T_w_c, kReflected});
     scene.hood = hood_texture ? &*hood_texture : nullptr;
     scene.hood_share = options.hood;
     scene.daylight = options.daylight;
@@ -151,7 +152,7 @@ struct SyntheticDrive::Impl {
   std::optional<simulation::Texture> hood_texture;
   simulation::Mesh hood;
   std::vector<simulation::VehiclePose> vehicle;  // of each frame
-  std::vector<double> stations;                  // s of each frame [m]
+  std::vector<double> distances;                 // along the lane, of each frame [m]
   std::vector<Frame> frames;
 };
 

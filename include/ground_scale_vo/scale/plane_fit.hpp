@@ -34,7 +34,9 @@ class PlaneFit {
  public:
   enum class Method {
     kInverseDepth,  ///< as above, with the prior on the normal
-    kHomogeneous    ///< Eq. 6-8 as printed: eigenvector of Q, unweighted, without prior or PCL
+    /// Eq. 6 and 7 as printed, without prior or PCL: the eigenvector of the smallest eigenvalue of
+    /// Q, the sum of p p^T over the homogeneous points. The common weight of Eq. 8 has no effect.
+    kHomogeneous
   };
   /// Lengths ending in _heights are in camera heights.
   struct Options {
@@ -57,9 +59,10 @@ class PlaneFit {
       visit("min_points", self.min_points, 3, 1e6, "[points] least number for a plane");
       visit("sac_threshold_heights", self.sac_threshold_heights, 1e-6, 1,
             "[camera heights] inlier distance of SACSegmentation");
-      visit("sac_tilt_rad", self.sac_tilt_rad, 1e-4, 1.5,
-            "[rad] largest angle of its plane's normal from the prior, besides three standard "
-            "deviations of the prior");
+      visit(
+          "sac_tilt_rad", self.sac_tilt_rad, 1e-4, 1.5,
+          "[rad] largest angle of its plane's normal from the prior; three standard deviations of "
+          "the prior are added in quadrature");
       visit("sac_iterations", self.sac_iterations, 1, 1e6, "[iterations] of SACSegmentation");
       visit("roughness_heights", self.roughness_heights, 1e-6, 1,
             "[camera heights] standard deviation of the road surface; limits the weight of near "
@@ -73,8 +76,8 @@ class PlaneFit {
       visit("max_sigma", self.max_sigma, 1e-4, 10,
             "[] largest accepted relative standard deviation of the height");
       visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,
-            "[rad] largest accepted angle of the normal from the prior, besides three standard "
-            "deviations of the prior");
+            "[rad] largest accepted angle of the normal from the prior; three standard deviations "
+            "of the prior are added in quadrature");
     }
     /// Throws OptionError.
     void validate() const;

@@ -37,8 +37,8 @@ if(GROUND_SCALE_VO_SANITIZE)
   add_compile_options(-O1 -g1 -fno-omit-frame-pointer -fsanitize=${sanitizers}
     -fno-sanitize=null,object-size,alignment)
   link_libraries(-fsanitize=${sanitizers})
-  # Otherwise Eigen uses an allocator of its own under `address`, and PCL, which is built without it,
-  # frees that memory.
+  # Otherwise Eigen allocates with its own function under `address`, and PCL, which is built without
+  # the sanitizer, frees that memory with free().
   add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
 endif()
 
@@ -57,8 +57,8 @@ add_custom_target(${PROJECT_NAME}_clang_commands ALL
   DEPENDS ${CMAKE_BINARY_DIR}/clang/compile_commands.json)
 
 # gsv_add_headers(NAME LIBRARY...): precompiles headers for the targets that name it with
-# target_precompile_headers(... REUSE_FROM NAME) and have the same compile options. Lists those of
-# Eigen, OpenCV and the standard library that most files include.
+# target_precompile_headers(... REUSE_FROM NAME) and have the same compile options. The headers are
+# those of Eigen, OpenCV and the standard library that most files include.
 function(gsv_add_headers name)
   add_library(${name} OBJECT ${PROJECT_SOURCE_DIR}/cmake/empty.cpp)
   target_link_libraries(${name} PRIVATE ${ARGN})
@@ -93,10 +93,12 @@ function(gsv_add_layer name type)
   set(target ${PROJECT_NAME}_${name})
   add_library(${target} ${type} ${sources})
   if(name MATCHES "evaluation|simulation" AND NOT DEFINED CMAKE_UNITY_BUILD)
-    # Several files at once compile in half the time; -DCMAKE_UNITY_BUILD=OFF to work on these layers.
+    # Seven files compiled as one take half the time. A change of one file recompiles all seven, so
+    # set -DCMAKE_UNITY_BUILD=OFF when you edit these libraries.
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 7)
   endif()
-  set_target_properties(${target} PROPERTIES DEFINE_SYMBOL "")  # the precompiled headers have none
+  # No macro NAME_EXPORTS: the precompiled headers are compiled without it.
+  set_target_properties(${target} PROPERTIES DEFINE_SYMBOL "")
   target_include_directories(${target}
     PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
     PRIVATE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)

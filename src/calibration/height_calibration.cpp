@@ -46,8 +46,9 @@ std::string percent(double share) {
 
 bool hasMetricPose(const RunFrame& frame) { return frame.has_metric_pose; }
 
-/// Why the path from the first frame to the last is not known completely; empty when one map holds
-/// every frame. Precondition: a frame has a metric pose.
+/// Why the path from the first frame to the last is not known completely. Empty when the first
+/// frame has an odometry pose, and all frames from the first metric pose on have metric poses in
+/// the first frame's map. Precondition: a frame has a metric pose.
 std::string gapInPath(const std::vector<RunFrame>& frames) {
   if (!frames.front().has_vo_pose) {
     const auto first =

@@ -70,7 +70,7 @@ class BagRunner {
            (held.empty() ? "nothing" : held);
   }
 
-  /// Takes the first calibration that can be used, as the nodelets do.
+  /// Uses the first valid calibration for the whole bag.
   void acceptCalibration() {
     std::string reason = missing(source_.camera_info, "camera_info");
     for (const rosbag::MessageInstance& instance :
@@ -93,7 +93,7 @@ class BagRunner {
     const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>();
     if (!image && !compressed) return nullptr;
     const std_msgs::Header& header = image ? image->header : compressed->header;
-    // A trajectory without stamps has a line for every image, used or not.
+    // Before any check: a trajectory file without stamps has a line for every image of the bag.
     drive_.stamps_ns.push_back(toNanoseconds(header.stamp));
     if (first_.isZero()) first_ = header.stamp;
     const double since_first_s = secondsBetween(toNanoseconds(first_), toNanoseconds(header.stamp));

@@ -35,7 +35,7 @@ TEST(GroundTruthTf, FindsTheFrameItselfAsKitti2bagWritesIt) {
   EXPECT_FALSE(ground_truth.pose("camera_color", ros::Time(1)));
 }
 
-TEST(GroundTruthTf, FollowsTheStaticChainOfARawBag) {
+TEST(GroundTruthTf, FollowsTheStaticChainThatKitti2bagWritesForKittiRaw) {
   GroundTruthTf ground_truth;
   ground_truth.add(transform("base_link", "imu_link", 1, 0.5), true);
   ground_truth.add(transform("imu_link", "camera_gray_left", 1, 0.25), true);

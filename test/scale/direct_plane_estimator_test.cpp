@@ -153,7 +153,7 @@ TEST(DirectPlaneEstimator, LinesAlongThePathDoNotObserveTheHeight) {
   EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.height_sigma);
 }
 
-// With so little texture across the lines the iteration does not converge from a wrong prediction.
+// With so little texture besides the lines the iteration does not converge from a wrong prediction.
 TEST(DirectPlaneEstimator, AnEstimateThatDoesNotConvergeIsRejected) {
   const RoadScene scene = road();
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.1 * (asphalt(x, z) - 110); };
@@ -313,9 +313,10 @@ TEST(DirectPlaneEstimator, FindsTheHeightInReverse) {
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.008);
 }
 
-// A hill behind a camera that faces backwards: the tangent to the visible road does not pass below
-// the newest camera.
-TEST(DirectPlaneEstimator, ARearFacingCameraMeasuresWhereItWas) {
+// The vehicle drives over a hill, and its rear-facing camera sees the part that it has passed. The
+// plane tangent to that part does not pass below the newest camera, so the result is the height of
+// an earlier camera of the path, the one nearest to the lane region.
+TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
   constexpr double kCurvature = 0.003;  // [1 / camera height]; a radius of 550 m at 1.65 m
   RoadScene scene = road();
   scene.step = -0.3;
@@ -334,7 +335,8 @@ TEST(DirectPlaneEstimator, ARearFacingCameraMeasuresWhereItWas) {
     };
     VoFrame frame = scene.frame(i);
     const double z = travelled * scene.height;
-    Eigen::Isometry3d T_r_c = Eigen::Isometry3d::Identity();  // on the hill; y points down
+    // Pose of the camera on the hill in the road axes r of RoadScene.
+    Eigen::Isometry3d T_r_c = Eigen::Isometry3d::Identity();
     T_r_c.translate(Eigen::Vector3d(0, -0.5 * kCurvature / scene.height * z * z, z));
     T_r_c.rotate(Eigen::AngleAxisd(kCurvature / scene.height * z, Eigen::Vector3d::UnitX()));
     T_r_c.rotate(scene.rotation());
@@ -355,7 +357,7 @@ TEST(DirectPlaneEstimator, ResetDropsTheReferenceImages) {
   EXPECT_EQ(drive(&estimator, scene, scene.height, 1).status, ScaleReason::kStandstill);
 }
 
-TEST(DirectPlaneEstimator, BadOptionsAreNamed) {
+TEST(DirectPlaneEstimator, BadOptionsAreRefused) {
   DirectPlaneEstimator::Options options;
   options.patch_size = 0;
   EXPECT_THROW(DirectPlaneEstimator{options}, OptionError);

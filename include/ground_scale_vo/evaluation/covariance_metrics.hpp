@@ -15,9 +15,9 @@ namespace ground_scale_vo {
 ///
 /// The covariance P of the relative pose follows from the published accumulated covariances P_i and
 /// P_j. The error of the pose i moves the pose j rigidly, by F e_i with F = [I, -skew(p_j - p_i);
-/// 0, I], and the motion from i to j adds an error of its own: P = P_j - F P_i F^T when that one is
-/// independent of e_i. (The error of the scale is correlated over some metres across i, so that P
-/// is too large along the direction of motion, over 10 m up to 2.7 times.) Where the scale, and
+/// 0, I], and the motion from i to j adds its own error. If this error is independent of e_i,
+/// P = P_j - F P_i F^T. (The errors of the scale shortly before and after i are correlated, so P is
+/// too large along the direction of motion: over 10 m up to 2.7 times.) Where the scale, and
 /// with it the position, is known better at j than at i, the difference may not be positive
 /// definite; then e_i and e_j count as independent: P = P_j + F P_i F^T.
 struct RelativePoseError {

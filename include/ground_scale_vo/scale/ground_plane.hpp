@@ -25,8 +25,8 @@ struct NormalPrior {
   double region_offset = 0;
 
   Eigen::Vector3d lateral() const { return n_c.cross(forward_c); }  ///< unit, to the left
-  /// Largest plausible pitch and roll of a plane against n_c [rad]. tolerance: without the error of
-  /// the prior [rad].
+  /// Largest plausible pitch and roll of a plane against n_c [rad]: the tolerance [rad], and three
+  /// standard deviations of the prior added in quadrature.
   double pitchTolerance(double tolerance) const { return std::hypot(tolerance, 3 * pitch_sigma); }
   double rollTolerance(double tolerance) const { return std::hypot(tolerance, 3 * roll_sigma); }
 };

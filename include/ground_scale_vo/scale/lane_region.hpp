@@ -10,15 +10,15 @@
 namespace ground_scale_vo {
 
 /// Lane-shaped region of the visible road: a band of constant width on the expected plane, with the
-/// curvature of the driven path, before or behind the vehicle. Lengths are in camera heights, so
-/// the region is defined before the height is known.
+/// curvature of the driven path, ahead of the vehicle and behind it. Lengths are in camera heights,
+/// so the region is defined before the height is known.
 class LaneRegion {
  public:
   /// prior: normal of the expected plane, direction of motion, and offset of the region from the
   /// path. chord: gives the curvature of the driven path. height: of the camera [VO units],
   /// converts the chord's length. Without a chord, or with height 0 (not known), the region is
-  /// straight. min_distance: from the point on the road below the camera; max_ahead: along the
-  /// path, ahead and behind; half_width: [camera heights].
+  /// straight. In camera heights: min_distance from the point on the road below the camera,
+  /// max_ahead along the path in both directions, and half_width of the band.
   LaneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
              double height, double min_distance, double max_ahead, double half_width);
 

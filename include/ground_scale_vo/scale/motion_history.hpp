@@ -26,9 +26,9 @@ class MotionHistory {
 
   /// Length of the polyline through all poses since reset() [VO units].
   double travelled() const { return travelled_; }
-  /// From the last pose but one to the last [VO units]; 0 with fewer than two poses.
+  /// Distance from the last pose but one to the last [VO units]; 0 with fewer than two poses.
   double lastStep() const { return last_step_; }
-  /// Of a pose that is not added yet from the last one [VO units]; 0 when there is none.
+  /// Distance from the last pose to one that is not added yet [VO units]; 0 without a last pose.
   double distanceFromLast(const Eigen::Isometry3d& T_w_c) const;
   bool empty() const { return poses_.empty(); }
   /// Relative pose of the last frame as the paper's T_{t,t-1}: x_t = T x_{t-1}. Identity with

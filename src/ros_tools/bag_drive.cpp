@@ -11,6 +11,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -60,12 +61,12 @@ class BagRunner {
   }
 
   std::string missing(const std::string& topic, const std::string& what) {
-    std::string held;
+    std::set<std::string> topics;  // each one has a connection for every publisher
     for (const auto* connection : rosbag::View(bag_).getConnections()) {
-      if (held.find(connection->topic) == std::string::npos) {
-        held += (held.empty() ? "" : ", ") + connection->topic;
-      }
+      topics.insert(connection->topic);
     }
+    std::string held;
+    for (const std::string& name : topics) held += (held.empty() ? "" : ", ") + name;
     return "the bag " + source_.bag + " has no " + what + " on " + topic + "; it holds " +
            (held.empty() ? "nothing" : held);
   }

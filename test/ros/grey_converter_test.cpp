@@ -140,7 +140,7 @@ TEST(GreyConverter, SixteenBitsAreScaledByTheBitsInUse) {
   }
 }
 
-/// The grey of an image of one number, except for the first `bright` pixels, which are 4095.
+/// The grey level of a mono16 image whose pixels are `number`, except the first `bright`, 4095.
 std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number, std::size_t bright = 0) {
   constexpr std::uint32_t kSide = 100;
   sensor_msgs::Image image = plainImage("mono16", kSide, kSide, 2 * kSide, 2 * kSide * kSide);
@@ -176,7 +176,7 @@ TEST(GreyConverter, TheRangeOfSixteenBitsDoesNotFlicker) {
   GreyConverter converter;
   EXPECT_EQ(greyOf(&converter, 4095), 255);
   for (int i = 0; i < 3 * GreyConverter::kImagesUntilNarrower; ++i) {
-    ASSERT_EQ(greyOf(&converter, 900), 56) << i;  // fits in 10 bits, but hardly
+    ASSERT_EQ(greyOf(&converter, 900), 56) << i;  // more than half of 10 bits
   }
   for (int i = 0; i < 3 * GreyConverter::kImagesUntilNarrower; ++i) {
     ASSERT_EQ(greyOf(&converter, 200, i % 50 == 0 ? 5000 : 0), 12) << i;

@@ -1,5 +1,5 @@
-// Late or missing messages and other orders of loading: both nodelets in a nodelet manager, on a
-// rendered drive with ground truth.
+// Late or missing messages, and the nodelets loaded in either order: both nodelets in a nodelet
+// manager, on a rendered drive with ground truth.
 
 #include <gtest/gtest.h>
 #include <rosgraph_msgs/Log.h>

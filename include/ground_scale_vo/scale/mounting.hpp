@@ -16,7 +16,7 @@ namespace ground_scale_vo {
 /// ahead.
 class Mounting {
  public:
-  /// Lengths ending in _heights are in camera heights; sigmas are standard deviations in rad.
+  /// Names ending in _heights: camera heights; other sigmas: standard deviations in rad.
   struct Options {
     double initial_pitch_sigma = 0.1;
     double initial_roll_sigma = 0.1;

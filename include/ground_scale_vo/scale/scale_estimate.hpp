@@ -38,9 +38,9 @@ struct ScaleEstimate {
   double scale = 0;   ///< filtered, the one in use [m per VO unit]; 0 while kUnknown
   double sigma = 0;   ///< standard deviation of `scale` [m per VO unit]; 0 while kUnknown
   double height = 0;  ///< filtered height h of the camera [VO units]; 0 while kUnknown
-  /// Unit, up, unfiltered: of the measured plane, without a measurement predicted from mounting and
-  /// motion, in kStandstill and without a pose that of the previous frame. Zero before the first
-  /// plane of a map.
+  /// Unit, up, unfiltered. Measured; or, if there is no measurement, predicted from mounting and
+  /// motion. In kStandstill, kVoNotTracking and kImplausibleMotion: that of the previous frame.
+  /// Zero before the first plane of a map.
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();
   int triangles = 0;         ///< Delaunay, of features with 3-D points in the region of interest
   int ground_triangles = 0;  ///< of these, ground by normal and direction of motion (Eq. 1-3)

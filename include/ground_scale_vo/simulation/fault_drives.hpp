@@ -29,9 +29,9 @@ struct FaultDrive {
 
 constexpr std::size_t kFaultDriveCount = 10;
 
-/// Drive i of kFaultDriveCount, with two faults. Camera, speed, street, faults and their times are
-/// drawn from the seed. The drives of one seed contain every ImageFault, a lorry close ahead for
-/// 10 s and a wall in front of the camera. Throws OptionError.
+/// Drive i of kFaultDriveCount, with two faults. Camera, speed, street, faults and their durations
+/// are drawn from the seed. The drives of one seed contain every ImageFault, a lorry close ahead
+/// for 10 s and a wall in front of the camera. Throws OptionError.
 FaultDrive faultDrive(std::size_t i, std::uint64_t seed = 20);
 
 /// A drive of the same kind with a single fault: "lorry", "wall" or toString(ImageFault). Throws

@@ -9,6 +9,7 @@ namespace ground_scale_vo::simulation {
 
 /// Houses beside the road, their hedges or low walls, and a house that blocks the road.
 /// Coordinates (s, u) as in RoadGeometry: s along the lane, u to its left [m].
+/// Mesh axes m of a building: x along its front, y = 0 at the front and positive inwards, z up.
 class BuildingGenerator {
  public:
   explicit BuildingGenerator(WorldBuilder& builder);

@@ -193,7 +193,7 @@ Mesh vanMesh(const Texture& texture, const Eigen::Vector3d& sun) {
 }
 
 cv::Mat hoodTextureImage(std::uint64_t seed) {
-  // seed + 99: independent of the shared random sequence.
+  // seed + 99: noise that differs from that of the other textures.
   cv::Mat image = noiseToGrey(tileableNoise({256, 256}, seed + 99, {{30, 1}}), 48, 4);
   TexturePainter painter(image, kVehicleTexel);
   for (const double x : {0.55, 1.95}) {  // creases

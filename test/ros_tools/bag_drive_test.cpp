@@ -38,8 +38,7 @@ TEST_F(BagDrives, NameEachTopicOfABagWithoutImagesOnce) {
 }
 
 TEST_F(BagDrives, SayWhenABagIsEmpty) {
-  EXPECT_EQ(errorWithoutImages({}),
-            "the bag /drive.bag has no images on /none; it holds nothing");
+  EXPECT_EQ(errorWithoutImages({}), "the bag /drive.bag has no images on /none; it holds nothing");
 }
 
 }  // namespace

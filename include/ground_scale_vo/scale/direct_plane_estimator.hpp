@@ -89,23 +89,26 @@ class DirectPlaneEstimator {
       visit("direction_sigma_rad", self.direction_sigma_rad, 1e-9, 1,
             "[rad] standard deviation of the odometry's direction of motion between two images");
       visit("max_height_change", self.max_height_change, 1, 100,
-            "[] largest accepted ratio of estimated and predicted height");
+            "[] largest accepted ratio, in either direction, of the height to the predicted one or "
+            "to that found by the search");
       visit("min_correlation", self.min_correlation, 0, 1,
             "[] least accepted mean correlation of the patches");
       visit("max_sigma", self.max_sigma, 1e-4, 10,
             "[] largest accepted relative standard deviation of the height");
       visit("min_patches", self.min_patches, 3, 1e6,
-            "[patches] least number of matched patches, counted in each reference image");
+            "[patches] least number of matched patches, summed over the reference images");
       visit("search_range", self.search_range, 1, 1000,
             "[] factor searched around the median height of the features");
       visit("search_min_correlation", self.search_min_correlation, 0, 1,
-            "[] least correlation of the peak of a search");
+            "[] least correlation of the peak of a search with the first reference image; 0.75 of "
+            "it with the second");
       visit("search_min_peak_margin", self.search_min_peak_margin, 0, 2,
-            "[] least margin of that peak over the second highest");
+            "[] least margin of either peak over the second highest");
       visit("search_max_disagreement", self.search_max_disagreement, 1e-3, 1,
             "[] largest relative difference of the heights found with the two reference images");
       visit("search_interval_heights", self.search_interval_heights, 0, 1e6,
-            "[camera heights] distance between searches while the estimate fails");
+            "[camera heights] distance between searches while the estimate fails; without a known "
+            "height every frame is searched");
       visit("static_memory_heights", self.static_memory_heights, 0.1, 1e6,
             "[camera heights] distance over which parts that are static in the image are learned");
     }
@@ -115,7 +118,7 @@ class DirectPlaneEstimator {
 
   struct Result {
     /// kNone: plane, height_sigma and correlation are valid. Otherwise kStandstill (no reference
-    /// image at a sufficient distance) or kNoPlane.
+    /// image at a sufficient distance, or neither a height nor a feature in the lane) or kNoPlane.
     ScaleReason status = ScaleReason::kNoPlane;
     /// In the axes of this frame's camera. Its height is that of the camera of the path that is
     /// nearest to the lane region, VO units.

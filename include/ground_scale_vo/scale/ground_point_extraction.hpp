@@ -66,16 +66,18 @@ class GroundPointExtraction {
       visit(
           "pitch_tolerance_rad", self.pitch_tolerance_rad, 1e-4, 1.6,
           "[rad] theta_1 of Alg. 1: largest pitch of a triangle, and pitch and roll of the plane, "
-          "against the road; the tolerances include three standard deviations of the prior");
+          "against the road; three standard deviations of the prior are added in quadrature");
       visit("roll_tolerance_rad", self.roll_tolerance_rad, 1e-4, 1.6,
-            "[rad] largest roll of a triangle against the road");
+            "[rad] largest roll of a triangle against the road; three standard deviations of the "
+            "prior are added in quadrature");
       visit("min_points", self.min_points, 3, 1e6,
             "[points] least number of ground points (Alg. 1 line 18)");
       visit("ransac_iterations", self.ransac_iterations, 1, 1e6, "[iterations] Z of Alg. 1");
       visit("plane_threshold_heights", self.plane_threshold_heights, 1e-6, 1,
             "[camera heights] d_thresh of Alg. 1: inlier distance from the plane");
       visit("plane_threshold_sigma", self.plane_threshold_sigma, 0, 100,
-            "[sigma] share of a point's own depth error added to it");
+            "[sigma] multiple of the relative depth error of a point that is added to "
+            "plane_threshold_heights in quadrature");
       visit("most_inliers", self.most_inliers,
             "[] RANSAC by the number of inliers (Alg. 1), not by the distance (Eq. 4)");
     }

@@ -29,9 +29,9 @@ class Mounting {
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("initial_pitch_sigma", self.initial_pitch_sigma, 1e-4, 1,
-            "[rad] standard deviation of the initial pitch zero");
+            "[rad] standard deviation of the initial pitch, which is zero");
       visit("initial_roll_sigma", self.initial_roll_sigma, 1e-4, 1,
-            "[rad] standard deviation of the initial roll zero");
+            "[rad] standard deviation of the initial roll, which is zero");
       visit("pitch_motion_sigma", self.pitch_motion_sigma, 1e-4, 1,
             "[rad] standard deviation of the vehicle's pitch against the road (braking, crests)");
       visit("roll_motion_sigma", self.roll_motion_sigma, 1e-4, 1,

@@ -49,9 +49,11 @@ class ScaleRecovery {
     /// All of this struct but camera_height, which has no default.
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("random_seed", self.random_seed, 0, 2147483647, "[] seed of all random numbers");
+      visit("random_seed", self.random_seed, 0, 2147483647,
+            "[] seed of the RANSAC over ground points");
       visit("standstill_distance_heights", self.standstill_distance_heights, 0, 1,
-            "[camera heights] a shorter motion between frames is standstill");
+            "[camera heights] a shorter motion since the last frame without standstill is "
+            "standstill");
       visit("max_speed", self.max_speed, 1, 1e4,
             "[m/s] a pose that implies a higher speed is refused");
       visit("refine", self.refine,

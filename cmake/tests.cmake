@@ -61,8 +61,9 @@ if(TEST ${integration_test})
   set_tests_properties(${integration_test} PROPERTIES COST 1000)
 endif()
 
-# Fuzz targets, one for each parser and each nodelet's messages. A driver in test/fuzz mutates
-# valid inputs from a fixed seed; with GROUND_SCALE_VO_FUZZ and clang++ libFuzzer drives them.
+# Fuzz targets: the files of a KITTI odometry folder, options, ROS parameters, and the messages of
+# each nodelet. A driver in test/fuzz mutates valid inputs from a fixed seed; with
+# GROUND_SCALE_VO_FUZZ and clang++ libFuzzer drives them.
 set(FUZZ_TARGETS calib_fuzz options_fuzz poses_fuzz times_fuzz)
 set(ROS_FUZZ_TARGETS)
 if(GROUND_SCALE_VO_ROS)
@@ -93,7 +94,8 @@ foreach(target ${ROS_FUZZ_TARGETS})
   gsv_as_test(${target} gsv_ros_test_headers)
 endforeach()
 
-# The rostests: each NAME_rostest.test starts the executable NAME_rostest and the nodes under test.
+# The rostests: each NAME_rostest.test starts the executable NAME_rostest. One of the two starts the
+# nodes under test.
 if(GROUND_SCALE_VO_ROS)
   find_package(rostest REQUIRED)
   file(GLOB ROSTESTS CONFIGURE_DEPENDS test/rostest/*_rostest.cpp)

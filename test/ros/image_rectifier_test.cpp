@@ -63,7 +63,7 @@ TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
   }
 }
 
-TEST(CalibratedCamera, MatchesOnlyTheSameIntrinsics) {
+TEST(CalibratedCamera, MatchesTheSameIntrinsicsUpToRounding) {
   ImageRectifier rectifier(false);
   rectifier.setCameraInfo(info(), "t");
   PinholeCamera camera = rectifier.camera()->camera();

@@ -10,13 +10,14 @@ namespace ground_scale_vo {
 /// Checks the stamps of a stream of messages: of the images in MonoVo, of vo/frame in
 /// ScaleRecovery.
 ///
-/// A stamp far ahead is accepted only if the next one continues from it, as after a pause. A single
-/// one is a fault: accepting it would put all later images in the past, for tf listeners too.
+/// A stamp far ahead is dropped. The next one is accepted if it continues from there, as after a
+/// pause. A single one is a fault: accepting it would put all later images in the past, for tf
+/// listeners too.
 class StampGuard {
  public:
   enum class Verdict {
-    kAccept,     ///< later than all before
-    kDrop,       ///< zero, (nearly) repeated, slightly backward, or a single one far ahead
+    kAccept,     ///< later than the last accepted one
+    kDrop,       ///< zero, (nearly) repeated, slightly backward, or far ahead
     kJumpedBack  ///< the clock jumped back, as in a looped bag: reset and process the message
   };
 

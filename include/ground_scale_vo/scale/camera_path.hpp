@@ -11,9 +11,9 @@ namespace ground_scale_vo {
 /// The cameras of the last part of the path, to find the one above a piece of road.
 ///
 /// The height of a camera above a plane is accurate where the points of the plane are: the error of
-/// the plane's normal, and of the assumption that the road is plane, grow with the distance. A
-/// forward-facing camera is nearest to the road that it sees in the newest frame, one that faces
-/// backwards when it was above it.
+/// the plane's normal, and of the assumption that the road is plane, grow with the distance. Of
+/// all cameras of the path, the newest is nearest to the road ahead of it. A camera that faces
+/// backwards sees road that it has passed, so an earlier one is nearer.
 class CameraPath {
  public:
   struct Camera {

@@ -25,14 +25,13 @@ Eigen::Matrix3d bodyFromOptical();
 struct OdometryFrames {
   std::string odom_frame;
   std::string base_frame;
-  /// o is the core's metric frame: the camera's optical axes at the first frame.
+  /// o is the core's metric frame, see MetricPose.
   Eigen::Isometry3d T_odom_o = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_c_b = Eigen::Isometry3d::Identity();
 
-  /// base_frame is the camera: odom has its origin at the first camera position, x forward and z
-  /// up.
+  /// base_frame is the camera: odom has the origin of o, x forward, y left and z up.
   static OdometryFrames ofCamera(const std::string& odom_frame, const std::string& camera_frame);
-  /// odom is the base frame at the first image.
+  /// odom is the frame of the base whose camera coincides with o.
   static OdometryFrames ofBase(const std::string& odom_frame, const std::string& base_frame,
                                const Eigen::Isometry3d& T_b_c);
 };

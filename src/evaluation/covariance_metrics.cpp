@@ -1,6 +1,7 @@
 #include "ground_scale_vo/evaluation/covariance_metrics.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <string>
 
@@ -13,12 +14,17 @@ namespace {
 constexpr double kSegmentLengths[] = {10, 50, 100};  // [m]
 constexpr double kStartSpacing = 1;                  // between the starts of segments [m]
 
-/// Scaled to a unit diagonal, so that the test does not depend on the units.
-bool isPositiveDefinite(const Matrix6d& P) {
+/// Smallest eigenvalue of a correlation matrix that is not considered singular.
+constexpr double kMinEigenvalue = 0.01;
+
+/// Of P scaled to a unit diagonal, so that the test does not depend on the units.
+bool isWellConditioned(const Matrix6d& P) {
   if (!(P.diagonal().minCoeff() > 0)) return false;
   const Vector6d scale = P.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix6d correlation = scale.asDiagonal() * P * scale.asDiagonal();
-  return Eigen::LLT<Matrix6d>(correlation - 1e-9 * Matrix6d::Identity()).info() == Eigen::Success;
+  return Eigen::SelfAdjointEigenSolver<Matrix6d>(correlation, Eigen::EigenvaluesOnly)
+             .eigenvalues()
+             .minCoeff() > kMinEigenvalue;
 }
 
 /// Normalised estimation error squared.
@@ -29,11 +35,34 @@ double nees(const RelativePoseError& relative) {
   return normalised.dot(Eigen::LDLT<Matrix6d>(correlation).solve(normalised));
 }
 
+/// Covariance of the ground truth T_i_j of a relative pose, in o axes. R_o_i: orientation of i.
+Matrix6d groundTruthCovariance(const Eigen::Isometry3d& T_i_j, const Eigen::Matrix3d& R_o_i,
+                               const GroundTruthAccuracy& accuracy) {
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity(), zero = Eigen::Matrix3d::Zero();
+  const Eigen::Matrix3d lever = skew(T_i_j.translation());
+  Eigen::Matrix<double, 6, 3> position, rotation_i, rotation_j, alignment;
+  position << I, zero;
+  rotation_i << lever, -I;
+  rotation_j << zero, I;
+  alignment << -lever, I - T_i_j.linear();
+  const auto variance = [](double sigma, const Eigen::Matrix<double, 6, 3>& J) -> Matrix6d {
+    return sigma * sigma * J * J.transpose();
+  };
+  const Matrix6d P_i = 2 * variance(accuracy.position_sigma, position) +
+                       variance(accuracy.rotation_sigma, rotation_i) +
+                       variance(accuracy.rotation_sigma, rotation_j) +
+                       variance(accuracy.alignment_sigma, alignment);
+  Matrix6d R = Matrix6d::Zero();
+  R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = R_o_i;
+  return R * P_i * R.transpose();
+}
+
 }  // namespace
 
 RelativePoseError relativePoseError(const RunRecord& record,
                                     const std::vector<Eigen::Isometry3d>& ground_truth,
-                                    std::size_t i, std::size_t j) {
+                                    std::size_t i, std::size_t j,
+                                    const GroundTruthAccuracy& accuracy) {
   const RunFrame &from = record.frames().at(i), &to = record.frames().at(j);
   const Eigen::Vector3d step = to.T_o_c.translation() - from.T_o_c.translation();
   const Eigen::Isometry3d truth = ground_truth.at(i).inverse() * ground_truth.at(j);
@@ -45,12 +74,14 @@ RelativePoseError relativePoseError(const RunRecord& record,
   F.topRightCorner<3, 3>() = -skew(step);
   const Matrix6d moved = F * from.covariance * F.transpose();
   relative.covariance = to.covariance - moved;
-  if (!isPositiveDefinite(relative.covariance)) relative.covariance = to.covariance + moved;
+  if (!isWellConditioned(relative.covariance)) relative.covariance = to.covariance + moved;
+  relative.covariance += groundTruthCovariance(truth, R_o_i, accuracy);
   return relative;
 }
 
 CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
-                                           const std::vector<Eigen::Isometry3d>& ground_truth) {
+                                           const std::vector<Eigen::Isometry3d>& ground_truth,
+                                           const GroundTruthAccuracy& accuracy) {
   const std::vector<RunFrame>& frames = record.frames();
   if (ground_truth.size() != frames.size()) {
     throw OptionError("the run has " + std::to_string(frames.size()) +
@@ -74,15 +105,19 @@ CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
       next_start = distance[i] + kStartSpacing;
       while (end < metric.size() && distance[metric[end]] <= distance[i] + length) ++end;
       if (end == metric.size()) break;
-      const RelativePoseError relative = relativePoseError(record, ground_truth, i, metric[end]);
+      const RelativePoseError relative =
+          relativePoseError(record, ground_truth, i, metric[end], accuracy);
       const Vector6d sigma = relative.covariance.diagonal().cwiseSqrt();
       ++sums.segments;
       sums.nees_per_dof += nees(relative) / 6;
+      sums.nees_per_dof_exact_ground_truth +=
+          nees(relativePoseError(record, ground_truth, i, metric[end])) / 6;
       sums.within_2_sigma +=
           static_cast<double>((relative.error.array().abs() <= 2 * sigma.array()).count()) / 6;
     }
     if (sums.segments == 0) continue;
     sums.nees_per_dof /= sums.segments;
+    sums.nees_per_dof_exact_ground_truth /= sums.segments;
     sums.within_2_sigma /= sums.segments;
     metrics.by_length.push_back(sums);
   }

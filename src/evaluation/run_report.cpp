@@ -99,10 +99,12 @@ void addCovarianceMetrics(const std::optional<CovarianceMetrics>& covariance, Js
   if (!covariance) return;
   Json array = Json::array();
   for (const CovarianceMetrics::Length& length : covariance->by_length) {
-    array.push_back({{"length_m", number(length.length_m)},
-                     {"segments", length.segments},
-                     {"nees_per_dof", number(length.nees_per_dof)},
-                     {"within_2_sigma", number(length.within_2_sigma)}});
+    array.push_back(
+        {{"length_m", number(length.length_m)},
+         {"segments", length.segments},
+         {"nees_per_dof", number(length.nees_per_dof)},
+         {"nees_per_dof_exact_ground_truth", number(length.nees_per_dof_exact_ground_truth)},
+         {"within_2_sigma", number(length.within_2_sigma)}});
   }
   (*json)["covariance_by_length"] = array;
 }
@@ -129,11 +131,12 @@ std::string metricsJson(const RunRecord& record, double camera_height, const Pos
   if (!ground_truth.empty() && metric_poses.size() >= 2) {
     metric = computeOdometryMetrics(ground_truth, metric_poses);
     unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
-    covariance = computeCovarianceMetrics(record, ground_truth);
-    scale = computeScaleMetrics(
-        record, ground_truth,
-        ground_truth_heights.empty() ? kMeasuredGroundTruthDistance : kExactGroundTruthDistance,
-        ground_truth_heights);
+    const bool is_exact = !ground_truth_heights.empty();
+    covariance = computeCovarianceMetrics(record, ground_truth,
+                                          is_exact ? GroundTruthAccuracy{} : kGpsImuAccuracy);
+    scale = computeScaleMetrics(record, ground_truth,
+                                is_exact ? kExactGroundTruthDistance : kMeasuredGroundTruthDistance,
+                                ground_truth_heights);
   }
   Json json;
   addFrameCounts(record, &json);

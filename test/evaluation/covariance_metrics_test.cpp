@@ -136,5 +136,51 @@ TEST(RelativePoseError, AnEarlierErrorOfTheHeadingIsNoErrorOfTheMotion) {
   EXPECT_LT(relativePoseError(run.record(), truth, 1, 2).error.norm(), 1e-12);
 }
 
+/// A run without errors over a curve, and ground truth with the errors of `accuracy`.
+double meanNeesOfNoisyGroundTruth(const GroundTruthAccuracy& accuracy,
+                                  const GroundTruthAccuracy& assumed) {
+  constexpr int kRuns = 400;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal(0, 1);
+  const auto vector = [&](double sigma) -> Eigen::Vector3d {
+    return sigma * Eigen::Vector3d(normal(random), normal(random), normal(random));
+  };
+  const SimulatedRun run(1, 40, 0);
+  double sum = 0;
+  for (int k = 0; k < kRuns; ++k) {
+    Eigen::Isometry3d alignment = Eigen::Isometry3d::Identity();
+    alignment = rotated(alignment, vector(accuracy.alignment_sigma));
+    Poses truth;
+    for (Eigen::Isometry3d T : run.truth()) {
+      T = rotated(alignment * T * alignment.inverse(), vector(accuracy.rotation_sigma));
+      T.translation() += vector(accuracy.position_sigma);
+      truth.push_back(T);
+    }
+    const RelativePoseError relative = relativePoseError(run.record(), truth, 2, 39, assumed);
+    const Matrix6d own = relativePoseError(run.record(), truth, 2, 39).covariance;
+    const Matrix6d P = relative.covariance - own;  // without the odometry, which has no error
+    sum += relative.error.dot(P.ldlt().solve(relative.error)) / 6 / kRuns;
+  }
+  return sum;
+}
+
+TEST(RelativePoseError, ContainsTheCovarianceOfTheGroundTruth) {
+  const GroundTruthAccuracy accuracy{0.05, 0.002, 0.004};
+  EXPECT_NEAR(meanNeesOfNoisyGroundTruth(accuracy, accuracy), 1, 0.1);
+  EXPECT_GT(meanNeesOfNoisyGroundTruth(accuracy, {0.05, 0.002, 0}), 1.2);
+  EXPECT_GT(meanNeesOfNoisyGroundTruth(accuracy, {0.05, 0.001, 0.004}), 1.2);
+  EXPECT_GT(meanNeesOfNoisyGroundTruth(accuracy, {0.025, 0.002, 0.004}), 1.2);
+}
+
+TEST(CovarianceMetrics, AlsoTellsTheNeesOfAnExactGroundTruth) {
+  const SimulatedRun run(1, 130, 2);
+  const auto exact = computeCovarianceMetrics(run.record(), run.truth()).by_length.front();
+  const auto measured =
+      computeCovarianceMetrics(run.record(), run.truth(), kGpsImuAccuracy).by_length.front();
+  EXPECT_EQ(exact.nees_per_dof, exact.nees_per_dof_exact_ground_truth);
+  EXPECT_EQ(measured.nees_per_dof_exact_ground_truth, exact.nees_per_dof);
+  EXPECT_LT(measured.nees_per_dof, exact.nees_per_dof);
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

@@ -6,6 +6,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/scale/pose_covariance.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -25,6 +26,13 @@ Eigen::Vector3d arc(const Eigen::Matrix3d& R_start_end, const Eigen::Vector3d& v
            ((1 - share) * velocity_start + share * velocity_end);
   }
   return sum * dt / kBridgeSteps;
+}
+
+/// P in axes a for P in axes b.
+Matrix6d rotated(const Eigen::Matrix3d& R_a_b, const Matrix6d& P) {
+  Matrix6d R = Matrix6d::Zero();
+  R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = R_a_b;
+  return R * P * R.transpose();
 }
 
 }  // namespace
@@ -73,14 +81,17 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
   last_tracked_ = {frame.stamp_ns, frame.T_w_c};
   if (scale.status == ScaleStatus::kUnknown || !(scale.scale > 0)) return std::nullopt;
 
+  pose_covariance_c_ = poseCovariance(frame, scale.scale);
   const Eigen::Isometry3d T_ref_c = map_->T_w_ref.inverse() * frame.T_w_c;
   if (!map_->metric) {
     anchorMap(T_ref_c, scale, secondsBetween(map_->ref_stamp_ns, frame.stamp_ns));
   } else if (map_->young) {
+    const Eigen::Matrix3d R_o_w = map_->T_o_ref.linear() * map_->T_w_ref.linear().transpose();
     const Eigen::Vector3d step_w = frame.T_w_c.translation() - previous->T_w_c.translation();
-    rescaleYoungMap(
-        T_ref_c, scale,
-        map_->T_o_ref.linear() * (map_->T_w_ref.linear().transpose() * step_w) * scale.scale);
+    const Eigen::Matrix3d rotation_w = frame.T_w_c.linear() * previous->T_w_c.linear().transpose();
+    rescaleYoungMap(T_ref_c, scale,
+                    {R_o_w * step_w * scale.scale, R_o_w * rotationVector(rotation_w),
+                     R_o_w * frame.T_w_c.linear()});
   } else {
     const Eigen::Isometry3d T_last_now = previous->T_w_c.inverse() * frame.T_w_c;
     integrate(T_last_now, scale.scale * T_last_now.translation(), scale.sigma / scale.scale);
@@ -152,7 +163,10 @@ void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEs
   }
   map_->T_o_ref = last_.T_o_c;
   map_->distance_at_ref = last_.distance;
-  rescaleYoungMap(T_ref_c, scale, map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale);
+  rescaleYoungMap(T_ref_c, scale,
+                  {map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale,
+                   map_->T_o_ref.linear() * rotationVector(T_ref_c.linear()),
+                   map_->T_o_ref.linear() * T_ref_c.linear()});
 }
 
 /// Moves last_ and covariance_ to the reference frame of a later map. velocity_ref: mean velocity
@@ -197,17 +211,17 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
 }
 
 /// Pose of a young map's frame: the whole motion since the reference frame times the newest scale.
-/// covariance_ does not contain the scale error yet, which is proportional to that motion. step_o:
-/// metric motion since the frame before, in o axes.
+/// covariance_ does not contain the scale error yet, which is proportional to that motion.
+/// increment: motion since the frame before.
 void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
-                                       const Eigen::Vector3d& step_o) {
-  propagateMotion(step_o, 1);
+                                       const Increment& increment) {
+  propagateMotion(increment, 1);
   const Eigen::Vector3d motion_o = map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale;
   last_.T_o_c.translation() = map_->T_o_ref.translation() + motion_o;
   last_.T_o_c.linear() = renormalised(map_->T_o_ref.linear() * T_ref_c.linear());
   last_.distance = map_->distance_at_ref + scale.scale * map_->travelled;
   const double variance = std::pow(scale.sigma / scale.scale, 2);
-  Matrix7d with_scale = covariance_;
+  StateCovariance with_scale = covariance_;
   with_scale.topLeftCorner<3, 3>() += variance * motion_o * motion_o.transpose();
   with_scale.block<3, 1>(0, 6) = variance * motion_o;
   with_scale.block<1, 3>(6, 0) = variance * motion_o.transpose();
@@ -226,7 +240,9 @@ void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_now,
   // Gauss-Markov process of the scale error: this share of it remains after the increment.
   const double correlation = std::exp(-length / options_.scale_correlation_m);
   const double variance = relative_sigma * relative_sigma;
-  propagateMotion(step_o, correlation);
+  propagateMotion({step_o, last_.T_o_c.linear() * rotationVector(T_last_now.linear()),
+                   last_.T_o_c.linear() * T_last_now.linear()},
+                  correlation);
   covariance_(6, 6) += (1 - correlation * correlation) * variance;
   setScaleVariance(variance);
   last_.T_o_c.translation() += step_o;
@@ -235,16 +251,24 @@ void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_now,
   last_.covariance = covariance_.topLeftCorner<6, 6>();
 }
 
-/// P <- F P F^T + Q for the state (position, rotation, relative scale error), without the noise of
-/// the scale error. step_o: metric increment in o axes.
-void MetricTrajectory::propagateMotion(const Eigen::Vector3d& step_o, double scale_correlation) {
-  Matrix7d F = Matrix7d::Identity();
-  F.block<3, 3>(0, 3) = -skew(step_o);
-  F.block<3, 1>(0, 6) = step_o;
+/// P <- F P F^T + Q, without the noise of the scale error.
+void MetricTrajectory::propagateMotion(const Increment& increment, double scale_correlation) {
+  const double length = increment.step_o.norm();
+  const double angle_correlation = std::exp(-length / options_.scale_correlation_m);
+  const double angle_variance = std::pow(options_.rotation_scale_sigma, 2);
+  covariance_(7, 7) = angle_variance;  // stationary; zero before the first increment
+  StateCovariance F = StateCovariance::Identity();
+  F.block<3, 3>(0, 3) = -skew(increment.step_o);
+  F.block<3, 1>(0, 6) = increment.step_o;
+  F.block<3, 1>(3, 7) = increment.rotation_o;
   F(6, 6) = scale_correlation;
+  F(7, 7) = angle_correlation;
   covariance_ = F * covariance_ * F.transpose();
-  covariance_.block<3, 3>(0, 0) += directionCovariance(step_o);
-  covariance_.block<3, 3>(3, 3) += rotationVariance(step_o.norm()) * Eigen::Matrix3d::Identity();
+  covariance_(7, 7) = angle_variance;
+  covariance_.block<3, 3>(0, 0) += directionCovariance(increment.step_o);
+  covariance_.block<3, 3>(3, 3) += rotationVariance(length) * Eigen::Matrix3d::Identity();
+  covariance_.topLeftCorner<6, 6>() +=
+      length / options_.pose_correlation_m * rotated(increment.R_o_c, pose_covariance_c_);
 }
 
 /// The scale filter provides the variance of the scale error; only the correlations are propagated
@@ -260,7 +284,8 @@ void MetricTrajectory::setScaleVariance(double variance) {
 }
 
 /// Mean velocity over the increment in VO units, in the axes of the camera now. dt: [s]; 0: not
-/// known. The white noise of both poses is part of the covariance, so that it never vanishes.
+/// known. The errors of both poses are part of the covariance: those of the map points'
+/// reprojections and a white noise, so that it never vanishes.
 void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const ScaleEstimate& scale,
                                 double dt) {
   Matrix6d& covariance = last_.twist_covariance;
@@ -271,17 +296,19 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const Scale
   }
   const Eigen::Vector3d step_c =
       scale.scale * (T_last_now.linear().transpose() * T_last_now.translation());
-  last_.twist_c << step_c / dt, rotationVector(T_last_now.linear()) / dt;
+  const Eigen::Vector3d rotation_c = rotationVector(T_last_now.linear());
+  last_.twist_c << step_c / dt, rotation_c / dt;
   const double position_variance =
       2 * std::pow(options_.position_noise_heights * scale.height * scale.scale, 2);
   const double rotation_variance = 2 * std::pow(options_.rotation_noise, 2);
-  covariance.setZero();
-  covariance.topLeftCorner<3, 3>() =
+  covariance = 2 * pose_covariance_c_;
+  covariance.topLeftCorner<3, 3>() +=
       directionCovariance(step_c) +
       std::pow(scale.sigma / scale.scale, 2) * step_c * step_c.transpose() +
       position_variance * Eigen::Matrix3d::Identity();
-  covariance.bottomRightCorner<3, 3>() =
-      (rotationVariance(step_c.norm()) + rotation_variance) * Eigen::Matrix3d::Identity();
+  covariance.bottomRightCorner<3, 3>() +=
+      (rotationVariance(step_c.norm()) + rotation_variance) * Eigen::Matrix3d::Identity() +
+      std::pow(options_.rotation_scale_sigma, 2) * rotation_c * rotation_c.transpose();
   covariance /= dt * dt;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/scale/pose_covariance.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -226,6 +227,65 @@ TEST(MetricTrajectory, RotationErrorIncreasesThePositionError) {
   EXPECT_NEAR(std::sqrt(pose->covariance(0, 0)), 0.001 * std::sqrt(200.0 * 200 * 200 / 3), 0.01);
   EXPECT_NEAR(pose->covariance(2, 2), 0, 1e-12);
   EXPECT_NEAR(pose->covariance(4, 4), 1e-6 * 200, 1e-9);
+}
+
+/// Yaw sigma after turns of 1 rad each, over `distance` [m] each. sign: of the second turn.
+double yawSigmaAfterTwoTurns(double sign, double distance) {
+  MetricTrajectory::Options options;
+  options.rotation_sigma_per_sqrt_m = options.direction_sigma = 0;
+  options.rotation_scale_sigma = 0.01;
+  MetricTrajectory trajectory(options);
+  constexpr int kSteps = 100;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  std::optional<MetricPose> pose;
+  for (int i = 0; i <= 2 * kSteps; ++i) {
+    pose = trajectory.append(frameAt(i, T), scaleOf(1));
+    T.translation() += T.linear() * Eigen::Vector3d(0, 0, distance / kSteps);
+    T.rotate(Eigen::AngleAxisd((i < kSteps ? 1 : sign) / kSteps, Eigen::Vector3d::UnitY()));
+  }
+  return std::sqrt(pose->covariance(4, 4));
+}
+
+TEST(MetricTrajectory, AnErrorOfTheCalibrationGrowsWithTheAngleOfATurn) {
+  EXPECT_NEAR(yawSigmaAfterTwoTurns(1, 1e-4), 0.02, 1e-4);
+  EXPECT_NEAR(yawSigmaAfterTwoTurns(-1, 1e-4), 0, 1e-4);
+  // Over 100 m each, ten times the correlation length, the turns are nearly independent.
+  const double single = 0.01 * std::sqrt(2 * 0.1 * (1 - 0.1));
+  EXPECT_NEAR(yawSigmaAfterTwoTurns(1, 100), std::sqrt(2) * single, 0.1 * single);
+  EXPECT_NEAR(yawSigmaAfterTwoTurns(-1, 100), std::sqrt(2) * single, 0.1 * single);
+}
+
+/// Frame i with points whose reprojection errors are 1 px.
+VoFrame withPoints(VoFrame frame) {
+  frame.camera = {640, 480, 500, 500, 320, 240};
+  for (int k = 0; k < 200; ++k) {
+    TrackedFeature feature;
+    feature.has_point = true;
+    feature.p_c =
+        Eigen::Vector3f(static_cast<float>(k % 20) - 9.5f, static_cast<float>(k / 20) - 4.5f,
+                        10 + static_cast<float>(k % 7));
+    const Eigen::Vector2d error = Eigen::Rotation2Dd(k) * Eigen::Vector2d::UnitX();
+    feature.u = (frame.camera.project(feature.p_c.cast<double>()) + error).cast<float>();
+    frame.features.push_back(feature);
+  }
+  return frame;
+}
+
+TEST(MetricTrajectory, ErrorsOfThePosesAreARandomWalkAndPartOfTheTwist) {
+  MetricTrajectory::Options options;
+  options.rotation_sigma_per_sqrt_m = options.direction_sigma = options.rotation_scale_sigma = 0;
+  options.position_noise_heights = options.rotation_noise = 0;
+  MetricTrajectory trajectory(options);
+  std::optional<MetricPose> pose;
+  for (int i = 0; i <= 20; ++i) {
+    pose = trajectory.append(withPoints(frameAt(i, straight(0.5 * i))), scaleOf(2));
+  }
+  const Matrix6d P = poseCovariance(withPoints(frameAt(0, straight(0))), 2);
+  EXPECT_GT(std::sqrt(P(4, 4)), 1e-4);
+  // 20 m
+  EXPECT_NEAR(pose->covariance(4, 4), 20 / options.pose_correlation_m * P(4, 4), 1e-3 * P(4, 4));
+  EXPECT_GT(pose->covariance(0, 0), P(0, 0));
+  EXPECT_NEAR(pose->twist_covariance(4, 4), 2 * P(4, 4) / 0.01, 1e-6 * P(4, 4) / 0.01);
 }
 
 TEST(MetricTrajectory, StandstillAddsNothing) {

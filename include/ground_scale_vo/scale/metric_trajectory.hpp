@@ -40,15 +40,19 @@ struct MetricPose {
 /// the velocities before and after it. A standstill that ends in a new map counts as unobserved,
 /// because a camera that repeats one image looks the same.
 ///
-/// Covariance: first-order propagation of (position, rotation, relative scale error). The scale
-/// error is common to a young map. Afterwards it is a first-order Gauss-Markov process in the
-/// distance, so the position error grows linearly within its correlation length and with the square
-/// root beyond it.
+/// Covariance: first-order propagation of (position, rotation, relative scale error, relative error
+/// of the angle of rotation). The scale error is common to a young map. Afterwards it is a
+/// first-order Gauss-Markov process in the distance, so the position error grows linearly within
+/// its correlation length and with the square root beyond it. The error of the angle of rotation is
+/// the same process. The poses add a random walk: after each pose_correlation_m most map points are
+/// new, and the error of the pose relative to them (poseCovariance()) is independent.
 class MetricTrajectory {
  public:
   struct Options {
-    double rotation_sigma_per_sqrt_m = 0.0005;
-    double direction_sigma = 0.005;
+    double pose_correlation_m = 2;
+    double rotation_sigma_per_sqrt_m = 0.00003;
+    double rotation_scale_sigma = 0.01;
+    double direction_sigma = 0.001;
     double scale_correlation_m = 10.0;
     double young_map_heights = 10;
     double bridge_acceleration_sigma = 2.0;
@@ -59,12 +63,20 @@ class MetricTrajectory {
     double unknown_speed_sigma = 50;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
+      visit("pose_correlation_m", self.pose_correlation_m, 1e-3, 1e6,
+            "[m] distance after which the errors of two poses, which share map points, count as "
+            "independent");
       visit("rotation_sigma_per_sqrt_m", self.rotation_sigma_per_sqrt_m, 0, 1,
-            "[rad/sqrt(m)] random walk of the rotation");
-      visit("direction_sigma", self.direction_sigma, 0, 1,
-            "[rad] standard deviation of the direction of motion between two frames");
+            "[rad/sqrt(m)] random walk of the rotation, in addition to the errors of the poses");
+      visit("rotation_scale_sigma", self.rotation_scale_sigma, 0, 1,
+            "[] relative standard deviation of the angle of a rotation, from errors of the camera "
+            "calibration");
+      visit(
+          "direction_sigma", self.direction_sigma, 0, 1,
+          "[rad] standard deviation of the direction of motion between two frames, in addition to "
+          "the errors of the poses");
       visit("scale_correlation_m", self.scale_correlation_m, 1e-3, 1e6,
-            "[m] correlation length of the scale error");
+            "[m] correlation length of the errors of the scale and of the angle of rotation");
       visit("young_map_heights", self.young_map_heights, 0, 1e6,
             "[camera heights] length of a new map up to which its motion is rescaled with the "
             "newest scale");
@@ -105,7 +117,13 @@ class MetricTrajectory {
   void reset();
 
  private:
-  using Matrix7d = Eigen::Matrix<double, 7, 7>;
+  /// Of position, rotation, relative scale error, relative error of the angle of rotation.
+  using StateCovariance = Eigen::Matrix<double, 8, 8>;
+  struct Increment {
+    Eigen::Vector3d step_o = Eigen::Vector3d::Zero();      ///< [m]
+    Eigen::Vector3d rotation_o = Eigen::Vector3d::Zero();  ///< rotation vector [rad]
+    Eigen::Matrix3d R_o_c = Eigen::Matrix3d::Identity();   ///< after the increment
+  };
   /// The map of the newest tracked frame. Its motion is counted from the reference frame: the map's
   /// first frame, or the first one seen.
   struct Map {
@@ -131,10 +149,10 @@ class MetricTrajectory {
   void anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale, double dt);
   void bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref, double velocity_sigma);
   void rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
-                       const Eigen::Vector3d& step_o);
+                       const Increment& increment);
   void integrate(const Eigen::Isometry3d& T_last_now, const Eigen::Vector3d& step_last,
                  double relative_sigma);
-  void propagateMotion(const Eigen::Vector3d& step_o, double scale_correlation);
+  void propagateMotion(const Increment& increment, double scale_correlation);
   void setScaleVariance(double variance);
   void setTwist(const Eigen::Isometry3d& T_last_now, const ScaleEstimate& scale, double dt);
   Eigen::Matrix3d directionCovariance(const Eigen::Vector3d& step) const;
@@ -148,9 +166,10 @@ class MetricTrajectory {
   TrackedPose last_tracked_;  ///< of map_
   bool has_pose_ = false;
   MetricPose last_;
-  Matrix7d covariance_ = Matrix7d::Zero();  ///< of position, rotation and relative scale error
-  std::int64_t last_stamp_ns_ = 0;          ///< of last_
-  std::int64_t last_motion_stamp_ns_ = 0;   ///< of the last frame that was not at standstill
+  StateCovariance covariance_ = StateCovariance::Zero();
+  Matrix6d pose_covariance_c_ = Matrix6d::Zero();  ///< poseCovariance() of the newest frame
+  std::int64_t last_stamp_ns_ = 0;                 ///< of last_
+  std::int64_t last_motion_stamp_ns_ = 0;          ///< of the last frame that was not at standstill
 };
 
 }  // namespace ground_scale_vo

@@ -326,11 +326,11 @@ std::vector<Scenario> startsAndLosses() {
               o.lead_time = 0.3;
             })
           .threshold(&ScenarioThresholds::max_displacement_sigmas, 2),
-      Entry("black_1s", "a second of black images at 10 m/s", 80,
-            [](Options& o) { setSlowingDown(o, 10), o.curvature = 0; })
+      Entry("black_1s", "a second of black images at 10 m/s in a curve", 80,
+            [](Options& o) { setSlowingDown(o, 10); })
           .blackFrames(42, 10),
-      Entry("black_2s", "two seconds of black images at 10 m/s", 90,
-            [](Options& o) { setSlowingDown(o, 10), o.curvature = 0; })
+      Entry("black_2s", "two seconds of black images at 10 m/s in a curve", 90,
+            [](Options& o) { setSlowingDown(o, 10); })
           .blackFrames(42, 20),
       Entry("black_5s", "five seconds of black images at 10 m/s", 135,
             [](Options& o) { setSlowingDown(o, 10), o.curvature = 0; })

@@ -82,6 +82,7 @@ PoseEstimation::PoseEstimation(const Options& options) : options_(options) { opt
 
 PoseEstimation::Result PoseEstimation::refine(
     const Eigen::Isometry3d& start_T_w_c, const std::vector<PointObservation>& observations) const {
+  Result result;
   Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const double scale = std::max(1.0, kInitialScale / (iteration + 1));
@@ -96,6 +97,7 @@ PoseEstimation::Result PoseEstimation::refine(
       H.noalias() += JtW * l.J;
       b.noalias() -= JtW * l.residual;
     }
+    result.information = H;
     H.diagonal() *= kDiagonalFactor;
     const Vector6d step = H.ldlt().solve(b);
     if (!isFinite(step)) break;
@@ -104,7 +106,6 @@ PoseEstimation::Result PoseEstimation::refine(
     if (scale == 1.0 && b.dot(step) < kConverged) break;
   }
 
-  Result result;
   result.T_w_c = T_c_w.inverse();
   result.T_w_c.linear() = renormalised(result.T_w_c.linear());
   result.inlier.reserve(observations.size());

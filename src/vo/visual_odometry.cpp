@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -14,6 +15,7 @@
 #include "vo/mapping.hpp"
 #include "vo/motion_model.hpp"
 #include "vo/pixel_prediction.hpp"
+#include "vo/pose_search.hpp"
 #include "vo/reference_alignment.hpp"
 #include "vo/relocalisation.hpp"
 #include "vo/rotation_chain.hpp"
@@ -25,6 +27,10 @@ namespace {
 /// shorter normal has no direction: the camera has not moved, or the ray points to the epipole.
 constexpr double kMinEpipolarLine = 1e-12;
 
+/// Reprojection error of a wrong feature after an interruption over that of an outlier of the
+/// bundle adjustment, which has adjusted poses and points to their observations.
+constexpr double kMaxInconsistency = 2;
+
 /// [matches] minimum number from which the positions of the other features are predicted.
 constexpr std::size_t kMinMatches = 25;
 
@@ -34,6 +40,12 @@ double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_
   const Eigen::Vector3d line = T_2_1.translation().cross(T_2_1.linear() * ray_1);
   const double norm = line.head<2>().norm();
   return norm > kMinEpipolarLine ? std::abs(line.dot(ray_2)) / norm : 0;
+}
+
+/// In normalised image coordinates; infinite behind the camera.
+double reprojectionError(const Eigen::Vector3d& p_c, const Eigen::Vector3d& ray) {
+  return p_c.z() > 0 ? (p_c.head<2>() / p_c.z() - ray.head<2>()).norm()
+                     : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
@@ -58,6 +70,7 @@ struct VisualOdometry::Impl {
   const PoseEstimation pose_estimation;
   const TwoView two_view;
   const Relocalisation relocalisation;
+  const PoseSearch pose_search;
   Mapping mapping;
   MotionModel motion;
 
@@ -81,6 +94,7 @@ struct VisualOdometry::Impl {
         pose_estimation(options.pose),
         two_view(options.two_view),
         relocalisation(camera, options.pose),
+        pose_search(camera, options.pose),
         mapping(camera, options) {}
 
   Output process(const cv::Mat& image, std::int64_t stamp_ns) {
@@ -179,18 +193,26 @@ struct VisualOdometry::Impl {
 
   /// Processes a frame when there is a map. Returns the features tracked in it; empty when lost.
   std::vector<Feature> track(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
+    const bool was_lost = status == VoStatus::kLost;
     std::vector<Feature> found = findFeatures(image, stamp_ns, std::nullopt, out);
     if (!estimatePose(stamp_ns, std::nullopt, &found, out)) {
       const Descriptors previous = tracking.describeFeatures();
       Descriptors corners = tracking.describeCorners(image);
       if (!relocalise(image, stamp_ns, previous, corners, &found, out)) {
         status = VoStatus::kLost;
-        if (!tracking.isTextureless(image, found.size())) {
-          lose(std::move(image), stamp_ns, previous, std::move(corners), out->frame.sequence);
+        if (tracking.isTextureless(image, found.size())) return {};
+        const auto searched = pose_search.locate(mapping.map(), motion, tracking.features(),
+                                                 tracking.image().image, image.image, stamp_ns);
+        if (!searched || !trackFrom(*searched, image, stamp_ns, &found, out)) {
+          const std::optional<RelativeRotation> rotation =
+              searched ? rotationTo(*searched) : rotationBetween(previous, corners);
+          lose(std::move(image), stamp_ns, rotation, std::move(corners), out->frame.sequence);
+          return {};
         }
-        return {};
       }
     }
+    // After an interruption many features are wrong: they would become observations of a keyframe.
+    if (was_lost) removeInconsistent(motion.T_w_c(), &found, &out->rejected);
     status = VoStatus::kTracking;
     lost_frames = 0;
     lost_image.reset();
@@ -218,6 +240,38 @@ struct VisualOdometry::Impl {
     out->rejected.clear();
     *found = findFeatures(image, stamp_ns, result, out);
     return estimatePose(stamp_ns, result->T_w_c, found, out);
+  }
+
+  /// Tracks the features again from the pose found. Most of those that are tracked over a long
+  /// interruption are wrong, so the pose is estimated from those that are consistent with it.
+  bool trackFrom(const PoseSearch::Result& searched, const ImagePyramid& image,
+                 std::int64_t stamp_ns, std::vector<Feature>* found, Output* out) {
+    out->rejected.clear();
+    *found = findFeatures(image, stamp_ns,
+                          Relocalisation::Result{searched.T_w_c, searched.features}, out);
+    removeInconsistent(searched.T_w_c, found, &out->rejected);
+    return estimatePose(stamp_ns, searched.T_w_c, found, out);
+  }
+
+  /// Removes the features that are not at the projections of their map points.
+  void removeInconsistent(const Eigen::Isometry3d& T_w_c, std::vector<Feature>* found,
+                          std::vector<RejectedFeature>* rejected) const {
+    const Eigen::Isometry3d T_c_w = T_w_c.inverse();
+    std::vector<Feature> kept;
+    for (const Feature& feature : *found) {
+      const auto point = mapping.map().point(feature.id);
+      if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.u)) <
+                        kMaxInconsistency * options.max_reprojection_error) {
+        kept.push_back(feature);
+      } else {
+        rejected->push_back({feature.id, feature.u.cast<float>(), RejectReason::kOutlier});
+      }
+    }
+    *found = std::move(kept);
+  }
+
+  RelativeRotation rotationTo(const PoseSearch::Result& searched) const {
+    return {searched.T_w_c.linear().transpose() * motion.T_w_c().linear(), searched.rotation_sigma};
   }
 
   /// Tracks the features of the previous image, and aligns them to the patches of the keyframes.
@@ -293,11 +347,13 @@ struct VisualOdometry::Impl {
     *found = std::move(kept);
   }
 
-  /// Handles an image with texture but without a pose. Starts a new map after several of them.
-  void lose(ImagePyramid image, std::int64_t stamp_ns, const Descriptors& previous,
-            Descriptors corners, std::uint32_t sequence) {
+  /// Handles an image with texture but without a pose. rotation: to it from the previous image.
+  /// Starts a new map after several of them.
+  void lose(ImagePyramid image, std::int64_t stamp_ns,
+            const std::optional<RelativeRotation>& rotation, Descriptors corners,
+            std::uint32_t sequence) {
     RotationChain direct;
-    direct.append(rotationBetween(previous, corners));
+    direct.append(rotation);
     if (lost_image) rotation_to_lost.append(rotationBetween(*lost_image, corners));
     if (!lost_image || direct.sigma() < rotation_to_lost.sigma()) rotation_to_lost = direct;
     lost_image = std::move(corners);

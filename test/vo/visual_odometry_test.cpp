@@ -320,6 +320,31 @@ TEST(VisualOdometry, aBlackoutKeepsMapAndScale) {
   EXPECT_NEAR(gap / true_gap, 1, 0.03);
 }
 
+// The camera turns by 20 degrees without being seen.
+TEST(VisualOdometry, aBlackoutInATurnKeepsMapAndHeading) {
+  SyntheticDrive::Options options = smallDrive(56);
+  options.random_seed = 2;
+  options.speed = 6;
+  options.curvature = 0.06;
+  options.slope = 0;
+  options.black_first = 45;
+  options.black_frames = 10;
+  const SyntheticDrive ground_truth(options);
+  const DriveRun result = run(ground_truth);
+  constexpr std::size_t kBefore = 44, kBack = 55;
+  for (const std::size_t i : {kBefore, kBack}) {
+    ASSERT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
+    ASSERT_EQ(result.frame(i).map_id, 0u) << i;
+  }
+  const Eigen::Isometry3d gap = result.frame(kBefore).T_w_c.inverse() * result.frame(kBack).T_w_c;
+  const Eigen::Isometry3d true_gap =
+      ground_truth.frame(kBefore).T_c0_c.inverse() * ground_truth.frame(kBack).T_c0_c;
+  EXPECT_LT(angleBetween(gap, true_gap), 0.01);
+  const double scale = scaleOver(ground_truth, result, 12, kBefore + 1);
+  EXPECT_LT((scale * gap.translation() - true_gap.translation()).norm(),
+            0.03 * true_gap.translation().norm());
+}
+
 TEST(VisualOdometry, tracksThroughStepsOfTheExposure) {
   const SyntheticDrive ground_truth(smallDrive(45));
   VisualOdometry odometry(ground_truth.camera(), {});

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
 
 namespace ground_scale_vo {
@@ -52,6 +53,9 @@ class PoseEstimation {
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< valid when kOk
     std::vector<bool> inlier;  ///< one per observation; empty when kTooFewPoints
     int inliers = 0;
+    /// Inverse covariance of the pose as a small motion (w, v) in camera axes [rad, VO units]; not
+    /// meaningful when kTooFewPoints.
+    Matrix6d information = Matrix6d::Zero();
   };
 
   explicit PoseEstimation(const Options& options);

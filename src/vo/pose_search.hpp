@@ -1,0 +1,43 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/vo/local_map.hpp"
+#include "ground_scale_vo/vo/pose_estimation.hpp"
+#include "vo/feature.hpp"
+#include "vo/motion_model.hpp"
+
+namespace ground_scale_vo {
+
+/// Finds the pose of an image in the map after an interruption in which the camera has moved and
+/// turned too far for descriptors of corners. Poses on a grid around the predicted one are rated by
+/// the normalised cross-correlation of all patches at the projections of their map points; the best
+/// one is refined with the positions at which the single patches correlate best, coarse to fine.
+class PoseSearch {
+ public:
+  struct Result {
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+    double rotation_sigma = 0;      ///< standard deviation of the least certain axis [rad]
+    std::vector<Feature> features;  ///< those whose patches agree with the pose, in the image
+  };
+
+  PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options);
+
+  /// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
+  /// differ. Takes some tenths of a second. Empty when no pose stands out, when too few patches
+  /// agree with it, or when the distance deviates too much from that at the last velocity.
+  std::optional<Result> locate(const LocalMap& map, const MotionModel& motion,
+                               const std::vector<Feature>& features, const cv::Mat& previous,
+                               const cv::Mat& image, std::int64_t stamp_ns) const;
+
+ private:
+  const PinholeCamera camera_;
+  const PoseEstimation pose_estimation_;
+};
+
+}  // namespace ground_scale_vo

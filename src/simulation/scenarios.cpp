@@ -346,6 +346,23 @@ std::vector<Scenario> startsAndLosses() {
 
 std::vector<Scenario> mountingsAndPlainRoads() {
   return {
+      Entry("smooth_lane", "asphalt with hardly any texture between kerbs of 5 cm", 90,
+            [](Options& o) {
+              o.kerb_height = 0.05;
+              o.road_texture = 0.15;
+              o.lane_markings = o.shadows = false;
+              o.parked_cars = o.moving_cars = false;
+            }),
+      Entry("motorway", "a smooth road without buildings at 28 m/s", 70,
+            [](Options& o) {
+              o.speed = 28;
+              o.curvature = 0.002;
+              o.slope = 0.01;
+              o.road_texture = 0.4;
+              o.kerb_height = 0.02;
+              o.built_up = o.parked_cars = o.shadows = false;
+              o.lead_time = 1;
+            }),
       Entry("pitched_20", "mounted with a pitch of 20 degrees down", 60,
             [](Options& o) {
               setCamera(o, 400, 250, 232);

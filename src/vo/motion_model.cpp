@@ -26,6 +26,10 @@ Eigen::Isometry3d MotionModel::extrapolate(std::int64_t stamp_ns) const {
   return boxplus(T_w_c_, velocity_ * dt);
 }
 
+double MotionModel::stepsSince(std::int64_t stamp_ns) const {
+  return velocity_dt_ > 0 ? secondsBetween(stamp_ns_, stamp_ns) / velocity_dt_ : 0;
+}
+
 void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
   const double dt = secondsBetween(stamp_ns_, stamp_ns);
   if (dt > 0) {

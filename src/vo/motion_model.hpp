@@ -18,6 +18,9 @@ class MotionModel {
   /// Pose at constant velocity, however long ago it was measured.
   Eigen::Isometry3d extrapolate(std::int64_t stamp_ns) const;
 
+  /// Time since the last pose over the interval in which the velocity was measured.
+  double stepsSince(std::int64_t stamp_ns) const;
+
   /// Sets the pose of a newly tracked frame and measures the velocity since the last one.
   void update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
 

@@ -201,8 +201,13 @@ struct VisualOdometry::Impl {
       if (!relocalise(image, stamp_ns, previous, corners, &found, out)) {
         status = VoStatus::kLost;
         if (tracking.isTextureless(image, found.size())) return {};
-        const auto searched = pose_search.locate(mapping.map(), motion, tracking.features(),
-                                                 tracking.image().image, image.image, stamp_ns);
+        std::optional<PoseSearch::Result> searched;
+        // While images follow each other, features that disagree with a pose are evidence against
+        // it: behind a car that moves along, no motion would be found.
+        if (motion.stepsSince(stamp_ns) > options.lost_frames_before_new_map + 1) {
+          searched = pose_search.locate(mapping.map(), motion, tracking.features(),
+                                        tracking.image().image, image.image, stamp_ns);
+        }
         if (!searched || !trackFrom(*searched, image, stamp_ns, &found, out)) {
           const std::optional<RelativeRotation> rotation =
               searched ? rotationTo(*searched) : rotationBetween(previous, corners);

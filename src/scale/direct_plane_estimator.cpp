@@ -72,6 +72,7 @@ struct DirectPlaneEstimator::Impl {
   void setCamera(const PinholeCamera& new_camera);
   LaneRegion laneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
                         double height) const;
+  Eigen::Vector3d roadCentre(const Eigen::Vector3d& n_c, double height) const;
   void applyStaticMask();
   void setOrigin(const Eigen::Isometry3d& T_w_c, const NormalPrior& prior, double height,
                  const CameraPath& path);
@@ -108,6 +109,17 @@ LaneRegion DirectPlaneEstimator::Impl::laneRegion(const NormalPrior& prior,
                     options.lane_half_width_heights);
 }
 
+/// Centre of the patches on a plane, in this frame's camera axes [VO units].
+Eigen::Vector3d DirectPlaneEstimator::Impl::roadCentre(const Eigen::Vector3d& n_c,
+                                                       double height) const {
+  Eigen::Vector3d centre_c = Eigen::Vector3d::Zero();
+  for (const direct::Patch& patch : patches) {
+    const Eigen::Vector3d ray(patch.ray_x.mean(), patch.ray_y.mean(), 1);
+    centre_c -= height / (n_c.dot(ray) * static_cast<double>(patches.size())) * ray;
+  }
+  return centre_c;
+}
+
 void DirectPlaneEstimator::Impl::applyStaticMask() {
   for (direct::Patch& patch : patches) patch.masked = stages->static_mask.contains(patch.cell);
 }
@@ -117,11 +129,7 @@ void DirectPlaneEstimator::Impl::setOrigin(const Eigen::Isometry3d& T_w_c, const
                                            double height, const CameraPath& path) {
   origin_c.setZero();
   if (path.empty() || patches.empty()) return;
-  Eigen::Vector3d centre_c = Eigen::Vector3d::Zero();
-  for (const direct::Patch& patch : patches) {
-    const Eigen::Vector3d ray(patch.ray_x.mean(), patch.ray_y.mean(), 1);
-    centre_c -= height / (prior.n_c.dot(ray) * static_cast<double>(patches.size())) * ray;
-  }
+  const Eigen::Vector3d centre_c = roadCentre(prior.n_c, height);
   origin_c = T_w_c.inverse() * path.nearest(T_w_c * centre_c).T_w_c.translation();
 }
 
@@ -205,6 +213,10 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(
   if (!s.references.empty()) {
     result = s.measure(frame, lane, prior, height);
     const bool is_aligned = result.status == ScaleReason::kNone;
+    if (is_aligned) {
+      result.road_distance =
+          (s.roadCentre(result.plane.n_c, result.plane.height) - s.origin_c).norm();
+    }
     s.updateStaticMask(prior, is_aligned ? result.plane.height : rough_height, is_aligned);
   }
   stages.images.keepCurrent(rough_height);

@@ -26,30 +26,34 @@ ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.
 
 void ScaleFilter::reset() { *this = ScaleFilter(options_); }
 
-double ScaleFilter::height() const { return known_ ? std::exp(log_height_) : 0; }
+double ScaleFilter::height() const { return known_ ? std::exp(state_[0]) : 0; }
 
 double ScaleFilter::sigma() const {
-  return known_ ? height() * std::sqrt(nis_scale_ * variance_) : 0;
+  return known_ ? height() * std::sqrt(nis_scale_ * covariance_(0, 0)) : 0;
 }
 
 void ScaleFilter::predict(double distance, double angle) {
   distance_ += distance;
   if (known_) {
-    variance_ +=
+    covariance_(0, 0) +=
         options_.drift_per_sqrt_height * options_.drift_per_sqrt_height * distance / height() +
         options_.drift_per_sqrt_rad * options_.drift_per_sqrt_rad * angle;
   }
 }
 
-bool ScaleFilter::update(double height, double sigma, Source source) {
-  if (!(height > 0 && sigma >= 0) || !areFinite(height, sigma)) return false;
+bool ScaleFilter::update(double height, double sigma, double road_distance, Source source) {
+  if (!(height > 0 && sigma >= 0 && road_distance >= 0)) return false;
+  if (!areFinite(height, sigma, road_distance)) return false;
   const double relative_sigma = std::hypot(sigma / height, options_.min_measurement_sigma);
-  const Measurement measurement{std::log(height), relative_sigma * relative_sigma};
+  const Measurement measurement{std::log(height), relative_sigma * relative_sigma,
+                                road_distance / height};
   if (options_.moving_average_frames > 0) return updateMovingAverage(height, measurement.variance);
   if (!known_) return collectForStart(measurement);
 
-  const double innovation = measurement.log_height - log_height_;
-  const double innovation_variance = variance_ + measurement.variance;
+  const Eigen::Vector2d H(1, tiltLever(measurement));
+  const double innovation = measurement.log_height - H.dot(state_);
+  const double predicted_variance = H.dot(covariance_ * H);
+  const double innovation_variance = predicted_variance + measurement.variance;
   const double gate = options_.gate_sigma * options_.gate_sigma;
   const double nis = innovation * innovation / innovation_variance;
   updateNisScale(source, std::min(nis, gate));
@@ -62,9 +66,10 @@ bool ScaleFilter::update(double height, double sigma, Source source) {
       std::min(1.0, (distance_ - accepted_at) / (options_.correlation_heights * this->height()));
   accepted_at = distance_;
   if (share > 0) {
-    const double gain = variance_ / (variance_ + measurement.variance / share);
-    log_height_ += gain * innovation;
-    variance_ = std::max((1 - gain) * variance_, startBiasVariance(this->height()));
+    const Eigen::Vector2d gain =
+        covariance_ * H / (predicted_variance + measurement.variance / share);
+    state_ += gain * innovation;
+    covariance_ -= gain * (covariance_ * H).transpose();
   }
   return true;
 }
@@ -75,18 +80,20 @@ bool ScaleFilter::updateMovingAverage(double height, double variance) {
   if (inverse_heights_.size() > static_cast<std::size_t>(options_.moving_average_frames)) {
     inverse_heights_.pop_front();
   }
-  log_height_ = -std::log(std::accumulate(inverse_heights_.begin(), inverse_heights_.end(), 0.0) /
-                          static_cast<double>(inverse_heights_.size()));
-  variance_ = variance;
+  state_[0] = -std::log(std::accumulate(inverse_heights_.begin(), inverse_heights_.end(), 0.0) /
+                        static_cast<double>(inverse_heights_.size()));
+  covariance_(0, 0) = variance;
   known_ = true;
   return true;
 }
 
-/// Lower bound of the state's variance in a young map (Options::start_bias_sigma).
-double ScaleFilter::startBiasVariance(double height) const {
-  const double sigma = options_.start_bias_sigma *
-                       std::exp(-distance_ / (options_.start_bias_decay_heights * height));
-  return sigma * sigma;
+/// Change of the measured ln h by the tilt [1/rad]: the distance of the road, in camera heights,
+/// and the decay of the tilt.
+double ScaleFilter::tiltLever(const Measurement& measurement) const {
+  const double decay_distance =
+      options_.start_tilt_decay * measurement.road_distance * std::exp(measurement.log_height);
+  if (!(decay_distance > 0)) return 0;  // the road below the camera
+  return measurement.road_distance * std::exp((tilted_since_ - distance_) / decay_distance);
 }
 
 /// Moving average of the NIS over the distance.
@@ -106,7 +113,7 @@ void ScaleFilter::clearPending(Source source) {
   std::deque<Measurement>& feature_based = pending_[indexOf(Source::kFeatureBased)];
   const bool deviates =
       !feature_based.empty() &&
-      std::abs(feature_based.back().log_height - log_height_) > options_.restart_max_deviation;
+      std::abs(feature_based.back().log_height - state_[0]) > options_.restart_max_deviation;
   if (source == Source::kFeatureBased || !deviates) feature_based.clear();
 }
 
@@ -121,14 +128,14 @@ bool ScaleFilter::collectForStart(const Measurement& measurement) {
   const double difference = measurement.log_height - pending.front().log_height;
   pending.pop_front();
   if (std::abs(difference) > options_.restart_max_deviation) return false;
-  start(measurement.log_height, measurement.variance + startBiasVariance(height));
+  start(measurement.log_height, measurement.variance, tiltLever(measurement));
   return true;
 }
 
 /// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
 /// distance, restarts the filter from their median; true when it did. A young state is replaced
-/// after the distance over which measurements supported it. The variance then includes all of the
-/// start bias, whatever the age of the map, because the cause of the contradiction is not known.
+/// after the distance over which measurements supported it. The tilt is then that of a new map,
+/// because the cause of the contradiction is not known.
 bool ScaleFilter::collect(const Measurement& measurement, Source source) {
   std::deque<Measurement>& pending = pending_[indexOf(source)];
   double& pending_since = pending_since_[indexOf(source)];
@@ -150,13 +157,16 @@ bool ScaleFilter::collect(const Measurement& measurement, Source source) {
   for (const double log_height : log_heights) {
     if (std::abs(log_height - middle) > options_.restart_max_deviation) return false;
   }
-  start(middle, mean_variance + options_.start_bias_sigma * options_.start_bias_sigma);
+  tilted_since_ = distance_;
+  start(middle, mean_variance, tiltLever(measurement));
   return true;
 }
 
-void ScaleFilter::start(double log_height, double variance) {
-  log_height_ = log_height;
-  variance_ = variance;
+void ScaleFilter::start(double log_height, double variance, double tilt_lever) {
+  const double tilt_variance = options_.start_tilt_sigma_rad * options_.start_tilt_sigma_rad;
+  state_ << log_height, 0;
+  covariance_ << variance + tilt_lever * tilt_lever * tilt_variance, -tilt_lever * tilt_variance,
+      -tilt_lever * tilt_variance, tilt_variance;
   known_ = true;
   started_at_ = distance_;
   accepted_at_.fill(distance_);

@@ -176,7 +176,8 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
 bool ScaleRecovery::Impl::updateFilter(const GroundPlane& feature_based_plane,
                                        const GroundPlane& direct_plane, Output* output) {
   const auto accepts = [&](const Measurement& measurement, ScaleFilter::Source source) {
-    return measurement.height > 0 && filter.update(measurement.height, measurement.sigma, source);
+    return measurement.height > 0 &&
+           filter.update(measurement.height, measurement.sigma, measurement.road_distance, source);
   };
   const bool feature_based_accepted =
       accepts(output->feature_based, ScaleFilter::Source::kFeatureBased);
@@ -221,7 +222,8 @@ ScaleReason ScaleRecovery::Impl::measureFeatureBased(
   }
   if (window.fit.status == ScaleReason::kNone) {
     scale.plane_inliers = static_cast<int>(window.fit.inliers.size());
-    output->feature_based = {window.fit.median_height, window.fit.height_sigma};
+    output->feature_based = {window.fit.median_height, window.fit.height_sigma,
+                             (centre_c - T_c_camera.translation()).norm()};
     *plane = {T_c_camera.linear() * window.fit.plane.n_c, window.fit.median_height};
   }
   output->times.gpa = watch.lapMs();
@@ -240,7 +242,7 @@ bool ScaleRecovery::Impl::measureDirect(const VoFrame& frame, const cv::Mat& ima
   output->times.direct = watch.ms();
   if (result.status != ScaleReason::kNone) return false;
   *plane = result.plane;
-  output->direct = {result.plane.height, result.height_sigma};
+  output->direct = {result.plane.height, result.height_sigma, result.road_distance};
   output->correlation = result.correlation;
   return true;
 }

@@ -173,16 +173,19 @@ TEST(DegenerateFilter, IgnoresInvalidMeasurements) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
     filter.predict(1, 0);
-    filter.update(0.7, 0.02);
+    filter.update(0.7, 0.02, 4);
   }
   ASSERT_TRUE(filter.known());
   for (const double height : {kNan, kInf, -kInf, 0.0, -1.0}) {
-    EXPECT_FALSE(filter.update(height, 0.02)) << height;
+    EXPECT_FALSE(filter.update(height, 0.02, 4)) << height;
   }
-  for (const double sigma : {kNan, kInf, -1.0}) EXPECT_FALSE(filter.update(0.7, sigma)) << sigma;
+  for (const double bad : {kNan, kInf, -1.0}) {
+    EXPECT_FALSE(filter.update(0.7, bad, 4)) << bad;
+    EXPECT_FALSE(filter.update(0.7, 0.02, bad)) << bad;
+  }
   EXPECT_NEAR(filter.height(), 0.7, 1e-9);
   EXPECT_TRUE(isFinite(filter.sigma()));
-  EXPECT_TRUE(filter.update(0.7, 0.02));
+  EXPECT_TRUE(filter.update(0.7, 0.02, 4));
 }
 
 TEST(DegenerateTrajectory, SkipsIncrementsThatAreNotFinite) {

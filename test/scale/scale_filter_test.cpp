@@ -9,13 +9,15 @@
 namespace ground_scale_vo {
 namespace {
 
+constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
+
 /// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
 /// measurements the filter used.
 int drive(ScaleFilter* filter, int frames, double height, double sigma) {
   int used = 0;
   for (int i = 0; i < frames; ++i) {
     filter->predict(0.5, 0);
-    used += filter->update(height, sigma);
+    used += filter->update(height, sigma, kRoadDistance);
   }
   return used;
 }
@@ -25,61 +27,83 @@ TEST(ScaleFilter, StartsWithTwoMeasurementsThatAgreeAndTheSigmaOfAYoungMap) {
   EXPECT_FALSE(filter.known());
   EXPECT_EQ(filter.height(), 0);
   filter.predict(1, 0);
-  EXPECT_FALSE(filter.update(1.6, 0.02));
-  EXPECT_FALSE(filter.update(0.8, 0.02));
+  EXPECT_FALSE(filter.update(1.6, 0.02, kRoadDistance));
+  EXPECT_FALSE(filter.update(0.8, 0.02, kRoadDistance));
   EXPECT_FALSE(filter.known());
-  EXPECT_TRUE(filter.update(0.8, 0.02, ScaleFilter::Source::kDirect));
+  EXPECT_TRUE(filter.update(0.8, 0.02, kRoadDistance, ScaleFilter::Source::kDirect));
   EXPECT_TRUE(filter.known());
   EXPECT_NEAR(filter.height(), 0.8, 1e-9);
-  EXPECT_GT(filter.sigma(), 0.05 * 0.8);
+  EXPECT_GT(filter.sigma(), 0.04 * 0.8);
 
   ScaleFilter old_map({});
   old_map.predict(40, 0);
-  old_map.update(0.8, 0.02);
-  EXPECT_TRUE(old_map.update(0.8, 0.02));
+  old_map.update(0.8, 0.02, kRoadDistance);
+  EXPECT_TRUE(old_map.update(0.8, 0.02, kRoadDistance));
   EXPECT_LT(old_map.sigma(), 0.04 * 0.8);
 }
 
 TEST(ScaleFilter, AWrongStartIsReplacedSoon) {
   ScaleFilter filter({});
   filter.predict(1, 0);
-  filter.update(2, 0.02);
-  EXPECT_TRUE(filter.update(2, 0.02));
+  filter.update(2, 0.02, kRoadDistance);
+  EXPECT_TRUE(filter.update(2, 0.02, kRoadDistance));
   EXPECT_GT(drive(&filter, 4, 0.8, 0.02), 0);
   EXPECT_NEAR(filter.height(), 0.8, 1e-9);
   EXPECT_GT(filter.sigma(), 0.05 * 0.8);
 }
 
-TEST(ScaleFilter, ABiasOfTheFirstMeasurementsDecays) {
-  // Biased by 7 % over the first 4 camera heights, then unbiased; the reported sigma is 1 %.
-  ScaleFilter filter({});
-  const double step = 0.2;
-  for (double distance = 0; distance < 16; distance += step) {
-    filter.predict(step, 0);
-    filter.update(distance < 4 ? 1.07 : 1, 0.01);
-    if (!filter.known()) continue;
-    EXPECT_LT(std::abs(filter.height() - 1), 2 * filter.sigma()) << distance;
-  }
-  EXPECT_NEAR(filter.height(), 1, 0.01);
-  EXPECT_LT(filter.sigma(), 0.03);
+/// Measured height of 1 in a map with a tilt [rad] that decays with the distance travelled.
+double tiltedHeight(double tilt, double road_distance, double travelled) {
+  const double decay = ScaleFilter::Options().start_tilt_decay * road_distance;
+  return std::exp(tilt * road_distance * std::exp(-travelled / decay));
+}
 
+TEST(ScaleFilter, ATiltOfTheYoungMapDecays) {
+  for (const double road_distance : {3.0, 6.0, 10.0}) {
+    for (const double tilt : {-0.01, 0.01}) {
+      ScaleFilter filter({});
+      for (double travelled = 0.5; travelled < 20; travelled += 0.5) {
+        filter.predict(0.5, 0);
+        filter.update(tiltedHeight(tilt, road_distance, travelled), 0.01, road_distance);
+        if (!filter.known()) continue;
+        EXPECT_LT(std::abs(filter.height() - 1), 2 * filter.sigma()) << travelled;
+      }
+      EXPECT_NEAR(filter.height(), 1, 0.01);
+      EXPECT_LT(filter.sigma(), 0.025);
+    }
+  }
+}
+
+TEST(ScaleFilter, SigmaOfAYoungMapGrowsWithTheDistanceOfTheRoad) {
+  const auto firstSigma = [](double road_distance) {
+    ScaleFilter filter({});
+    filter.predict(1, 0);
+    filter.update(1, 0.01, road_distance);
+    filter.update(1, 0.01, road_distance);
+    return filter.sigma();
+  };
+  EXPECT_LT(firstSigma(0), 0.02);  // the road below the camera
+  EXPECT_GT(firstSigma(12), 1.8 * firstSigma(6));
+}
+
+TEST(ScaleFilter, AfterALongerDistanceTheStateFollowsMoreSlowly) {
   ScaleFilter mature({});
   drive(&mature, 40, 1, 0.01);
-  for (double distance = 0; distance < 4; distance += step) {
-    mature.predict(step, 0);
-    mature.update(1.04, 0.01);
+  for (int i = 0; i < 20; ++i) {
+    mature.predict(0.2, 0);
+    mature.update(1.04, 0.01, kRoadDistance);
   }
-  EXPECT_LT(mature.height(), 1.03);  // after a longer distance the state follows more slowly
+  EXPECT_LT(mature.height(), 1.03);
 }
 
 TEST(ScaleFilter, StartsAfterAMinimumDistance) {
   ScaleFilter filter({});
   filter.predict(0.3, 0);
-  EXPECT_FALSE(filter.update(0.8, 0.02));  // 0.4 camera heights
-  EXPECT_FALSE(filter.update(0.8, 0.02));
+  EXPECT_FALSE(filter.update(0.8, 0.02, kRoadDistance));  // 0.4 camera heights
+  EXPECT_FALSE(filter.update(0.8, 0.02, kRoadDistance));
   filter.predict(0.2, 0);
-  EXPECT_FALSE(filter.update(0.8, 0.02));
-  EXPECT_TRUE(filter.update(0.8, 0.02));
+  EXPECT_FALSE(filter.update(0.8, 0.02, kRoadDistance));
+  EXPECT_TRUE(filter.update(0.8, 0.02, kRoadDistance));
 }
 
 TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
@@ -88,7 +112,7 @@ TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {
   const double at_start = filter.sigma();
   for (int i = 0; i < 400; ++i) {
     filter.predict(0.5, 0);
-    filter.update(0.8 * (i % 2 == 0 ? 1.04 : 1 / 1.04), 0.04);
+    filter.update(0.8 * (i % 2 == 0 ? 1.04 : 1 / 1.04), 0.04, kRoadDistance);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.005);
   EXPECT_LT(filter.sigma(), at_start);
@@ -100,10 +124,10 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   drive(&fast, 8, 0.8, 0.03);
   for (int i = 0; i < 10; ++i) {
     slow.predict(0.5, 0);
-    slow.update(0.84, 0.03);
+    slow.update(0.84, 0.03, kRoadDistance);
     for (int k = 0; k < 10; ++k) {
       fast.predict(0.05, 0);
-      fast.update(0.84, 0.03);
+      fast.update(0.84, 0.03, kRoadDistance);
     }
   }
   EXPECT_NEAR(slow.height(), fast.height(), 0.002);
@@ -147,7 +171,7 @@ TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
   ScaleFilter filter({});
   drive(&filter, 100, 0.8, 0.02);
   filter.predict(0.5, 0);
-  EXPECT_FALSE(filter.update(1.2, 0.02));
+  EXPECT_FALSE(filter.update(1.2, 0.02, kRoadDistance));
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_EQ(drive(&filter, 5, 0.8, 0.02), 5);
   // Five VO units are about 6 camera heights; a restart needs 12.
@@ -170,11 +194,11 @@ TEST(ScaleFilter, MovingAverageIsThatOfTheScaleNotTheHeight) {
   ScaleFilter::Options options;
   options.moving_average_frames = 2;
   ScaleFilter filter(options);
-  filter.update(1.0, 0.1);
+  filter.update(1.0, 0.1, kRoadDistance);
   EXPECT_DOUBLE_EQ(filter.height(), 1.0);
-  filter.update(0.5, 0.1);
+  filter.update(0.5, 0.1, kRoadDistance);
   EXPECT_NEAR(1 / filter.height(), 1.5, 1e-12);
-  filter.update(0.5, 0.1);
+  filter.update(0.5, 0.1, kRoadDistance);
   EXPECT_NEAR(1 / filter.height(), 2.0, 1e-12);
 }
 
@@ -194,7 +218,7 @@ TEST(ScaleFilter, SigmaIsScaledByTheNis) {
     drive(&filter, 10, 0.8, 0.01);
     for (int i = 0; i < 300; ++i) {
       filter.predict(0.5, 0);
-      filter.update(0.8 * (1 + (i % 4 < 2 ? error : -error)), 0.01);
+      filter.update(0.8 * (1 + (i % 4 < 2 ? error : -error)), 0.01, kRoadDistance);
     }
     return filter.sigma() / filter.height();
   };
@@ -208,9 +232,9 @@ TEST(ScaleFilter, TwoSourcesReduceSigma) {
   for (int i = 0; i < 100; ++i) {
     for (ScaleFilter* filter : {&one, &two}) {
       filter->predict(0.5, 0);
-      filter->update(0.80, 0.01);
+      filter->update(0.80, 0.01, kRoadDistance);
     }
-    two.update(0.82, 0.01, ScaleFilter::Source::kDirect);
+    two.update(0.82, 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
   }
   EXPECT_LT(two.sigma(), 0.9 * one.sigma());
   EXPECT_NEAR(one.height(), 0.80, 1e-6);
@@ -222,15 +246,15 @@ TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
   ScaleFilter filter({});
   for (int i = 0; i < 20; ++i) {
     filter.predict(0.5, 0);
-    filter.update(1.6, 0.01, ScaleFilter::Source::kDirect);
+    filter.update(1.6, 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
   }
   ASSERT_NEAR(filter.height(), 1.6, 0.01);
   double distance = 0;
   while (filter.height() > 1 && distance < 100) {  // the direct measurement repeats the state
     filter.predict(0.5, 0);
     distance += 0.5;
-    filter.update(0.8, 0.01, ScaleFilter::Source::kFeatureBased);
-    filter.update(filter.height(), 0.01, ScaleFilter::Source::kDirect);
+    filter.update(0.8, 0.01, kRoadDistance, ScaleFilter::Source::kFeatureBased);
+    filter.update(filter.height(), 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
   EXPECT_LT(distance, 20);
@@ -240,8 +264,8 @@ TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
   ScaleFilter filter({});
   for (int i = 0; i < 200; ++i) {
     filter.predict(0.5, 0);
-    filter.update(i < 50 ? 0.8 : 0.72, 0.001, ScaleFilter::Source::kFeatureBased);
-    filter.update(0.8, 0.001, ScaleFilter::Source::kDirect);
+    filter.update(i < 50 ? 0.8 : 0.72, 0.001, kRoadDistance, ScaleFilter::Source::kFeatureBased);
+    filter.update(0.8, 0.001, kRoadDistance, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
@@ -251,7 +275,7 @@ TEST(ScaleFilter, DirectMeasurementsAloneSuffice) {
   drive(&filter, 20, 0.8, 0.01);
   for (int i = 0; i < 200; ++i) {
     filter.predict(0.5, 0);
-    EXPECT_TRUE(filter.update(0.8 + 0.0003 * i, 0.01, ScaleFilter::Source::kDirect));
+    EXPECT_TRUE(filter.update(0.8 + 0.0003 * i, 0.01, kRoadDistance, ScaleFilter::Source::kDirect));
   }
   EXPECT_NEAR(filter.height(), 0.86, 0.02);
 }

@@ -123,10 +123,11 @@ class DirectPlaneEstimator {
     /// In the axes of this frame's camera. Its height is that of the camera of the path that is
     /// nearest to the lane region, VO units.
     GroundPlane plane;
-    double height_sigma = 0;  ///< standard deviation of plane.height [VO units]
-    double correlation = 0;   ///< mean over the matched patches, weighted by texture; -1 to 1
-    int patches = 0;          ///< matched patches, counted once for each reference image
-    bool searched = false;    ///< a search was made in this frame
+    double height_sigma = 0;   ///< standard deviation of plane.height [VO units]
+    double road_distance = 0;  ///< of the patches' centre from that camera [VO units]
+    double correlation = 0;    ///< mean over the matched patches, weighted by texture; -1 to 1
+    int patches = 0;           ///< matched patches, counted once for each reference image
+    bool searched = false;     ///< a search was made in this frame
   };
 
   /// Throws OptionError.

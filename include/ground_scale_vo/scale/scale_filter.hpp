@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -13,11 +14,13 @@ namespace ground_scale_vo {
 /// the scale is h*/h). The height is filtered and not the scale of single frames, because with a
 /// local map neighbouring frames share one unit of length.
 ///
-/// State: ln h with its variance. Process: a random walk in the distance travelled and the
-/// rotation. Measurements: ln of a measured height, from one or two sources per frame, with a gate
-/// on the normalised innovation squared (NIS). Neighbouring measurements of a source see the same
-/// road and are correlated, so their information is weighted by the distance between them; the
-/// result does not depend on the frame rate.
+/// State: ln h, and the tilt of the young map: its first views have a short baseline, so all its
+/// points are turned about the camera by the same small angle, which raises or lowers the road in
+/// proportion to its distance. The tilt vanishes as the map grows. Process: a random walk of ln h
+/// in the distance travelled and the rotation. Measurements: ln of a measured height, from one or
+/// two sources per frame, with a gate on the normalised innovation squared (NIS). Neighbouring
+/// measurements of a source see the same road and are correlated, so their information is weighted
+/// by the distance between them; the result does not depend on the frame rate.
 ///
 /// The gain follows from the options alone. sigma() is scaled by the mean NIS of the latest
 /// measurements, accepted or not, which adapts it to the camera and the road (NIS scaling).
@@ -38,10 +41,8 @@ class ScaleFilter {
     double nis_memory_heights = 20;
 
     double start_distance_heights = 0.5;
-    /// The first measurements of a map see one piece of road and points with a short baseline: they
-    /// share an unobservable bias. It is a lower bound of sigma that decays with the distance.
-    double start_bias_sigma = 0.08;
-    double start_bias_decay_heights = 9;
+    double start_tilt_sigma_rad = 0.007;
+    double start_tilt_decay = 0.8;
     int restart_measurements = 4;
     double restart_max_deviation = 0.15;
     double restart_distance_heights = 12;
@@ -63,10 +64,10 @@ class ScaleFilter {
             "[camera heights] averaging length of the NIS that scales sigma");
       visit("start_distance_heights", self.start_distance_heights, 0, 1e6,
             "[camera heights] least distance before the first measurement is used");
-      visit("start_bias_sigma", self.start_bias_sigma, 0, 10,
-            "[] relative bias shared by the first measurements of a map");
-      visit("start_bias_decay_heights", self.start_bias_decay_heights, 0.01, 1e6,
-            "[camera heights] distance over which that bias decays to 1/e");
+      visit("start_tilt_sigma_rad", self.start_tilt_sigma_rad, 0, 1,
+            "[rad] standard deviation of the tilt of a young map");
+      visit("start_tilt_decay", self.start_tilt_decay, 0.01, 1e6,
+            "[distances to the measured road] distance over which the tilt decays to 1/e");
       visit("restart_measurements", self.restart_measurements, 1, 1000,
             "[frames] consecutive rejected measurements that must agree to restart the filter");
       visit("restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
@@ -89,10 +90,11 @@ class ScaleFilter {
   /// since then [rad], >= 0.
   void predict(double distance, double angle);
 
-  /// Update step with a measured height and its standard deviation [VO units], at most one per
-  /// source and frame. True when it was used. Values that are not finite and heights that are not
-  /// positive are ignored.
-  bool update(double height, double sigma, Source source = Source::kFeatureBased);
+  /// Update step with a measured height, its standard deviation, and the distance of the measured
+  /// road from the camera [VO units], at most one per source and frame. True when it was used.
+  /// Values that are not finite or negative, and a height of zero, are ignored.
+  bool update(double height, double sigma, double road_distance,
+              Source source = Source::kFeatureBased);
 
   bool known() const { return known_; }  ///< the filter has started
   double height() const;                 ///< [VO units]; 0 while not known
@@ -105,22 +107,24 @@ class ScaleFilter {
   struct Measurement {
     double log_height;
     double variance;
+    double road_distance;  ///< [camera heights]
   };
   bool updateMovingAverage(double height, double variance);
   bool collectForStart(const Measurement& measurement);
   bool collect(const Measurement& measurement, Source source);
-  void start(double log_height, double variance);
+  void start(double log_height, double variance, double tilt_lever);
   void clearPending(Source source);
   void updateNisScale(Source source, double nis);
-  double startBiasVariance(double height) const;
+  double tiltLever(const Measurement& measurement) const;
 
   Options options_;
   bool known_ = false;
-  double log_height_ = 0;  ///< state
-  double variance_ = 0;    ///< of the state
-  double distance_ = 0;    ///< travelled since reset() [VO units]
-  double started_at_ = 0;  ///< distance_ at the latest (re)start
-  double nis_scale_ = 1;   ///< mean normalised innovation squared
+  Eigen::Vector2d state_ = Eigen::Vector2d::Zero();       ///< ln h, tilt [rad]
+  Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Zero();  ///< of the state
+  double distance_ = 0;                                   ///< travelled since reset() [VO units]
+  double started_at_ = 0;                                 ///< distance_ at the latest (re)start
+  double tilted_since_ = 0;  ///< distance_ from which on the tilt decays
+  double nis_scale_ = 1;     ///< mean normalised innovation squared
   /// distance_ at the latest accepted measurement, and at the latest one, by source.
   std::array<double, kSources> accepted_at_{}, measured_at_{};
   /// Measurements since the last accepted one, by source: candidates for a restart. Before

@@ -86,8 +86,9 @@ class ScaleRecovery {
 
   /// The camera height that one source measured in one frame.
   struct Measurement {
-    double height = 0;  ///< [VO units]; 0: no measurement
-    double sigma = 0;   ///< standard deviation [VO units]
+    double height = 0;         ///< [VO units]; 0: no measurement
+    double sigma = 0;          ///< standard deviation [VO units]
+    double road_distance = 0;  ///< of the centre of the measured road from the camera [VO units]
   };
 
   struct Output {

@@ -50,9 +50,10 @@ class MetricTrajectory {
  public:
   struct Options {
     double pose_correlation_m = 2;
-    double rotation_sigma_per_sqrt_m = 0.00003;
+    // Errors of the calibration and rectification of real cameras; rendered ones have none.
+    double rotation_sigma_per_sqrt_m = 0.0005;
     double rotation_scale_sigma = 0.01;
-    double direction_sigma = 0.001;
+    double direction_sigma = 0.005;
     double scale_correlation_m = 10.0;
     double young_map_heights = 10;
     double bridge_acceleration_sigma = 2.0;

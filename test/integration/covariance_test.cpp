@@ -129,12 +129,11 @@ TEST(Covariance, IsNotOverconfidentAboutTheLastPosition) {
   std::printf("RMS normalised error: %.2f, since the first scale %.2f\n", rms(whole),
               rms(since_scale));
   // For a consistent covariance the RMS normalised error is 1; with eight samples it varies by up
-  // to a factor of two. Known limitation: the target is 0.3 to 2, the values are 0.18 and 0.19. On
-  // easy drives sigma is conservative, because the scale of a new map is uncertain by some per cent
-  // on difficult ones.
+  // to a factor of two. It is 0.42 and 0.35: rendered cameras have no calibration error, of which
+  // the covariance takes account.
   constexpr double kMaxNormalisedError = 2;
   // Two thirds of the smaller value: fails when sigma becomes considerably more conservative.
-  constexpr double kMinNormalisedError = 0.12;
+  constexpr double kMinNormalisedError = 0.23;
   for (const double normalised_error : {rms(whole), rms(since_scale)}) {
     EXPECT_GT(normalised_error, kMinNormalisedError);
     EXPECT_LT(normalised_error, kMaxNormalisedError);

@@ -212,7 +212,7 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
 
 /// Pose of a young map's frame: the whole motion since the reference frame times the newest scale.
 /// covariance_ does not contain the scale error yet, which is proportional to that motion.
-/// increment: motion since the frame before.
+/// increment: motion since the last metric frame, or since the reference frame.
 void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
                                        const Increment& increment) {
   propagateMotion(increment, 1);
@@ -232,7 +232,8 @@ void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const S
   covariance_ = with_scale;
 }
 
-/// Appends one increment, in metres and in the axes of the last camera.
+/// Appends one increment: the rotation of T_last_now, and step_last [m] in the axes of the last
+/// camera.
 void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_now,
                                  const Eigen::Vector3d& step_last, double relative_sigma) {
   const Eigen::Vector3d step_o = last_.T_o_c.linear() * step_last;  // Eq. 10 [m]
@@ -283,9 +284,9 @@ void MetricTrajectory::setScaleVariance(double variance) {
   }
 }
 
-/// Mean velocity over the increment in VO units, in the axes of the camera now. dt: [s]; 0: not
-/// known. The errors of both poses are part of the covariance: those of the map points'
-/// reprojections and a white noise, so that it never vanishes.
+/// Sets the twist: mean velocity over the increment T_last_now [VO units], in the axes of the
+/// camera now. dt: [s]; 0: not known. The errors of both poses are part of the covariance: those of
+/// the map points' reprojections and a white noise, so that it never vanishes.
 void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const ScaleEstimate& scale,
                                 double dt) {
   Matrix6d& covariance = last_.twist_covariance;

@@ -64,7 +64,7 @@ void setCamera(Options& o, int width, int height, double focal) {
 /// KITTI's field of view at 480x150: a third of the pixels of the default camera.
 void setSmallCamera(Options& o) { setCamera(o, 480, 150, 278); }
 
-/// On a flat road, 15 % slower from the third to the seventh second.
+/// On a flat road; slows down by 15 % between the third and the seventh second.
 void setSlowingDown(Options& o, double speed) {
   setSmallCamera(o);
   o.speeds = {{0, speed}, {3, speed}, {7, 0.85 * speed}};
@@ -72,7 +72,7 @@ void setSlowingDown(Options& o, double speed) {
   o.slope = 0;
 }
 
-/// A camera that looks down on the width of the road to its left.
+/// A camera near the right edge of the road, to be turned to the left and pitched down towards it.
 void setSideCamera(Options& o) {
   setCamera(o, 400, 300, 230);
   o.pitch_rad = 12 * kDegree;
@@ -264,7 +264,7 @@ std::vector<Scenario> motions() {
           .dependsOn("detection of standstill", {},
                      {"standstill_distance_heights=0", "odometry/standstill_flow=0"})
           .unobservableFrames(42, 50),
-      Entry("reversing", "forwards, a stop, and 6 m backwards", 85,
+      Entry("reversing", "forwards, a stop, and 8 m backwards", 85,
             [](Options& o) {
               o.speeds = {{0, 6}, {3, 6}, {4.5, 0}, {5, 0}, {6.5, -3}};
               o.speed = 6;
@@ -300,7 +300,7 @@ std::vector<Scenario> camerasAndLight() {
                      {kDirectOnly}),
       Entry("wide_angle", "640x480 with a field of view of 90 degrees", 50,
             [](Options& o) { setCamera(o, 640, 480, 320), o.grain = 0.12; }),
-      Entry("tele", "a field of view of 38 degrees: the nearest visible road is 16 m ahead", 60,
+      Entry("tele", "a field of view of 38 degrees: the nearest visible road is 13 m ahead", 60,
             [](Options& o) { setCamera(o, 800, 248, 1160); }),
       Entry("large_image", "960x540, half of a 1920x1080 camera of 69 degrees", 45,
             [](Options& o) { setCamera(o, 960, 540, 700), o.grain = 0.12; }),

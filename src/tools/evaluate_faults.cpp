@@ -1,4 +1,5 @@
-// Renders drives with faults at random places and evaluates the pipeline on each.
+// Renders drives with faults in random order and of random duration and evaluates the pipeline on
+// each.
 
 #include <cstdio>
 #include <opencv2/core.hpp>
@@ -96,8 +97,8 @@ int main(int argc, char** argv) {
   Arguments arguments;
   std::vector<gsv::FaultDrive> drives;
   gsv::CommandLine command_line("evaluate_faults",
-                                "Renders drives with faults of the camera and of the scene at "
-                                "random (seeded) places, runs the\n"
+                                "Renders drives with faults of the camera and of the scene in "
+                                "random (seeded) order, runs the\n"
                                 "odometry over them and prints how it reacts.",
                                 kDetails);
   command_line.addPositionals(

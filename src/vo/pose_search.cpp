@@ -22,7 +22,7 @@ constexpr std::size_t kMinRatedPoints = 25;
 /// [px] by which a patch may be displaced at a rated pose, and the steps between the rotations:
 /// together they leave no gaps.
 constexpr int kTolerance_px = 2, kStep_px = 3;
-/// [px] largest rotation about the horizontal axis: 3.5 degrees at a field of view of 80 degrees.
+/// [px] largest rotation about the horizontal axis: 4.5 degrees at a field of view of 80 degrees.
 /// About the vertical axis it is half of the image width.
 constexpr int kMaxVertical_px = 15;
 /// [px] by which the row of a point may change with the rotation about the vertical axis.
@@ -33,7 +33,7 @@ constexpr double kDistances[] = {0.55, 0.7, 0.85, 1, 1.15, 1.3, 1.45};
 /// [sigma] least sum of the correlations. The best of all wrong poses reaches about 4.
 constexpr double kMinScore = 5;
 
-/// Largest size of a patch (ScaledPatches), in both directions: a factor of 3.4.
+/// Largest |k| of a patch size k (ScaledPatches): a factor of 3.4, larger or smaller.
 constexpr int kMaxSize = 7;
 
 /// Refinement: width of the reduced image, and distance from the projection that is searched [px].

@@ -15,9 +15,11 @@
 namespace ground_scale_vo {
 
 /// Finds the pose of an image in the map after an interruption in which the camera has moved and
-/// turned too far for descriptors of corners. Poses on a grid around the predicted one are rated by
-/// the normalised cross-correlation of all patches at the projections of their map points; the best
-/// one is refined with the positions at which the single patches correlate best, coarse to fine.
+/// turned too far for descriptors of corners. Poses on a grid are rated: rotations about the
+/// vertical and the horizontal axis since the last pose, and distances around the one predicted
+/// with the last velocity. The score is the sum of the normalised cross-correlations of all patches
+/// at the projections of their map points. The best pose is refined with the positions at which the
+/// single patches correlate best, coarse to fine.
 class PoseSearch {
  public:
   struct Result {

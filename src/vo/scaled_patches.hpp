@@ -13,7 +13,7 @@ namespace ground_scale_vo {
 class ScaledPatches {
  public:
   static constexpr int kHalf_px = 4;  ///< a patch has 2 * kHalf_px + 1 resized pixels a side
-  /// Size k enlarges the patch by kSizeStep^k before it is compared.
+  /// Size k: the image `from` is scaled by factor() * kSizeStep^k before the patch is cut out.
   static constexpr double kSizeStep = 1.19;
 
   /// from, to: 8-bit grey, of the camera's size. width: [px] to which `to` is reduced; not

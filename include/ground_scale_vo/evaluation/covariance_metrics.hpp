@@ -48,8 +48,9 @@ RelativePoseError relativePoseError(const RunRecord& record,
 /// Consistency of the published covariances with the errors.
 struct CovarianceMetrics {
   /// Of the relative poses over one length: from every frame with a metric pose at least 1 m of
-  /// ground truth path after the previous one, to the first frame with a metric pose farther along
-  /// the ground truth path than the length. Losses between the two are included.
+  /// ground truth path after the start of the previous segment, to the first frame with a metric
+  /// pose farther along the ground truth path than the length. The frames in between may be without
+  /// a pose.
   struct Length {
     double length_m = 0;
     int segments = 0;

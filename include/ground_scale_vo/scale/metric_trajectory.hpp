@@ -33,7 +33,7 @@ struct MetricPose {
 ///
 /// In a young map the scale is still uncertain, so all motion since the map's first frame is
 /// multiplied by the newest scale; errors of the first scales do not remain in the trajectory. Once
-/// the map has the length young_map_heights, past poses no longer change.
+/// the map has the length young_map_heights, new motion is only appended.
 ///
 /// The first metric frame of a map appends all motion since the map's first frame. A later map
 /// continues from the last metric pose: the gap is bridged with the rotation of MapStart and with
@@ -44,8 +44,9 @@ struct MetricPose {
 /// of the angle of rotation). The scale error is common to a young map. Afterwards it is a
 /// first-order Gauss-Markov process in the distance, so the position error grows linearly within
 /// its correlation length and with the square root beyond it. The error of the angle of rotation is
-/// the same process. The poses add a random walk: after each pose_correlation_m most map points are
-/// new, and the error of the pose relative to them (poseCovariance()) is independent.
+/// an independent process of the same kind. The poses add a random walk: after each
+/// pose_correlation_m most map points are new, and the error of the pose relative to them
+/// (poseCovariance()) is independent.
 class MetricTrajectory {
  public:
   struct Options {
@@ -107,8 +108,9 @@ class MetricTrajectory {
   /// result, which is skipped.
   std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale);
 
-  /// Whether the motion since the first frame of the map that starts with this frame is part of the
-  /// trajectory: all frames since then were seen, and the map's world frame is that frame.
+  /// frame: the first tracked frame of a map. Whether the motion since the map's own first frame
+  /// (MapStart) is part of the trajectory: all frames since then were seen, and the map's world
+  /// frame is the camera at that frame.
   bool countsFromStart(const VoFrame& frame) const;
 
   /// The next tracked frame starts a new map although its map_id is the same.

@@ -10,7 +10,7 @@
 
 namespace ground_scale_vo {
 
-/// One-dimensional Kalman filter of the camera height h in VO units (the paper's section III.C;
+/// Kalman filter of the camera height h in VO units (the paper's section III.C;
 /// the scale is h*/h). The height is filtered and not the scale of single frames, because with a
 /// local map neighbouring frames share one unit of length.
 ///
@@ -22,8 +22,8 @@ namespace ground_scale_vo {
 /// measurements of a source see the same road and are correlated, so their information is weighted
 /// by the distance between them; the result does not depend on the frame rate.
 ///
-/// The gain follows from the options alone. sigma() is scaled by the mean NIS of the latest
-/// measurements, accepted or not, which adapts it to the camera and the road (NIS scaling).
+/// The square of sigma() is multiplied by the mean NIS of the latest measurements, accepted or not,
+/// which adapts it to the camera and the road (NIS scaling). The NIS does not influence the gain.
 class ScaleFilter {
  public:
   enum class Source : std::uint8_t {
@@ -73,9 +73,10 @@ class ScaleFilter {
       visit("restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
             "[] largest deviation of these measurements from their median, and between the two "
             "measurements of a start, relative");
-      visit("restart_distance_heights", self.restart_distance_heights, 0, 1e6,
-            "[camera heights] distance of these measurements before a restart; less in a map "
-            "whose scale has been known for less");
+      visit(
+          "restart_distance_heights", self.restart_distance_heights, 0, 1e6,
+          "[camera heights] distance of these measurements before a restart; or the distance from "
+          "the start of the filter to the first of them, if that is shorter");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
             "[frames] moving average of the scale instead of the Kalman filter; 0: off");
     }

@@ -37,8 +37,23 @@ def pid_of(node, log):
     return xmlrpc.client.ServerProxy(uri).getPid("/test")[2]
 
 
+def kill_player(log):
+    os.kill(pid_of("/bag_player", log), signal.SIGKILL)
+
+
+def kill_roslaunch(log):
+    """Its nodes and the master remain, as when a required node dies while roslaunch starts."""
+    master = re.search(r"ROS_MASTER_URI=(http://[\w.:-]+)", log.read_text())[1]
+    port = master.rsplit(":", 1)[1]
+    subprocess.run(["pkill", "-KILL", "-f", f"roslaunch -p {port} "], check=True)
+
+
 @pytest.mark.serial
-def test_fails_when_the_player_is_killed(bag, tmp_path):
+@pytest.mark.parametrize("kill, text", [
+    (kill_player, r"rosbag play stopped before the end of the bag: \d+ of 40 frames"),
+    (kill_roslaunch, "the run ended before the bag"),
+], ids=["player", "roslaunch"])
+def test_fails_when_killed(bag, tmp_path, kill, text):
     log = tmp_path / "short/roslaunch.log"
     demo = subprocess.Popen([str(DEMO), "--bag", str(bag), "--out", str(tmp_path)],
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -47,12 +62,12 @@ def test_fails_when_the_player_is_killed(bag, tmp_path):
         while not (log.exists() and "progress: " in log.read_text(errors="replace")):
             assert demo.poll() is None and time.monotonic() < deadline
             time.sleep(0.05)
-        os.kill(pid_of("/bag_player", log), signal.SIGKILL)
+        kill(log)
         stdout, stderr = demo.communicate(timeout=TIMEOUT_S)
     finally:
         demo.terminate()
     assert demo.returncode == 1, stdout + stderr
-    assert re.search(r"rosbag play stopped before the end of the bag: \d+ of 40 frames", stderr)
+    assert re.search(text, stderr), stderr
     assert not list(log.parent.glob("recorded*")) and not (log.parent / "metrics.json").exists()
 
 

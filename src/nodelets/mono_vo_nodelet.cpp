@@ -31,7 +31,8 @@ void MonoVoNodelet::start() {
   ros::NodeHandle handle = callbacks_.handle(getNodeHandle());
   ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
   params_ = loadParams<MonoVoParams>(getName(), private_handle);
-  stamp_guard_ = std::make_unique<StampGuard>(params_.clock_jump_s);
+  stamp_filter_ = std::make_unique<StampFilter<RectifiedImage>>(
+      params_.clock_jump_s, [this](const std::string& reason) { drop("image stamp", reason); });
   images_ = std::make_unique<BoundedQueue<sensor_msgs::ImageConstPtr>>(
       static_cast<std::size_t>(params_.queue_size));
 
@@ -73,7 +74,7 @@ void MonoVoNodelet::scheduleProcessing() {
   callbacks_.post([this] {
     processing_scheduled_ = false;
     try {
-      process(**images_->pop());
+      rectify(*images_->pop());
     } catch (const std::exception& error) {
       drop("image failed", error.what());
     }
@@ -81,17 +82,22 @@ void MonoVoNodelet::scheduleProcessing() {
   });
 }
 
-void MonoVoNodelet::process(const sensor_msgs::Image& image) {
+void MonoVoNodelet::rectify(const sensor_msgs::ImageConstPtr& image) {
   const Stopwatch watch;
-  const cv::Mat rectified = receiver_->rectify(image);
-  if (rectified.empty()) return;
-  const StampGuard::Verdict verdict = stamp_guard_->check(image.header.stamp);
-  if (verdict == StampGuard::Verdict::kDrop) return drop("image stamp", stamp_guard_->reason());
+  const cv::Mat grey = receiver_->rectify(*image);
+  if (grey.empty()) return;
+  const RectifiedImage rectified{image, grey, receiver_->camera()};
+  for (const auto& accepted : stamp_filter_->filter(image->header.stamp, rectified)) {
+    process(accepted.message, accepted.clock_jumped_back);
+    frame_ms_ = watch.ms();
+  }
+}
 
-  prepareOdometry(verdict == StampGuard::Verdict::kJumpedBack);
-  const VisualOdometry::Output output =
-      odometry_->process(rectified, toNanoseconds(image.header.stamp));
-  publish(rectified, output, image.header);
+void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back) {
+  const std_msgs::Header& header = image.message->header;
+  prepareOdometry(image.camera, clock_jumped_back);
+  const VisualOdometry::Output output = odometry_->process(image.grey, toNanoseconds(header.stamp));
+  publish(image.grey, output, header);
 
   ++processed_;
   status_ = output.frame.status;
@@ -100,11 +106,10 @@ void MonoVoNodelet::process(const sensor_msgs::Image& image) {
   points_ = static_cast<std::size_t>(
       std::count_if(output.frame.features.begin(), output.frame.features.end(),
                     [](const TrackedFeature& feature) { return feature.has_point; }));
-  frame_ms_ = watch.ms();
 }
 
-void MonoVoNodelet::prepareOdometry(bool clock_jumped_back) {
-  const std::shared_ptr<const CalibratedCamera>& camera = receiver_->camera();
+void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const CalibratedCamera>& camera,
+                                    bool clock_jumped_back) {
   if (odometry_) {
     if (clock_jumped_back) NODELET_WARN("The clock jumped back: the odometry is reset.");
     if (camera != odometry_camera_) NODELET_WARN("The camera changed: the odometry is reset.");

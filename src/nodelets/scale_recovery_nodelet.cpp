@@ -42,7 +42,8 @@ void ScaleRecoveryNodelet::start() {
   params_ = loadParams<ScaleRecoveryParams>(getName(), private_handle);
 
   recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
-  stamp_guard_ = std::make_unique<StampGuard>(params_.clock_jump_s);
+  stamp_filter_ = std::make_unique<StampFilter<ReceivedFrame>>(
+      params_.clock_jump_s, [this](const std::string& reason) { drop("frame stamp", reason); });
   path_ = std::make_unique<BoundedPath>(static_cast<std::size_t>(params_.path_max_poses),
                                         params_.path_spacing_m);
   Synchronizer::Limits limits;
@@ -123,26 +124,22 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
   }
   last_received_sequence_ = msg->sequence;
   since_frame_.emplace();
-  VoFrame frame;
+  ReceivedFrame received{{}, msg->header};
   try {
-    frame = fromMsg(*msg);
+    received.frame = fromMsg(*msg);
   } catch (const MessageError& error) {
     return drop("frame refused", error.what());
   }
-  switch (stamp_guard_->check(msg->header.stamp)) {
-    case StampGuard::Verdict::kDrop:
-      return drop("frame stamp", stamp_guard_->reason());
-    case StampGuard::Verdict::kJumpedBack:
+  for (auto& accepted : stamp_filter_->filter(msg->header.stamp, std::move(received))) {
+    const std::int64_t stamp_ns = accepted.message.frame.stamp_ns;
+    if (accepted.clock_jumped_back) {
       NODELET_WARN("The clock jumped back: scale and odometry are reset.");
       processReady(false);
-      synchronizer_->jumpBack(frame.stamp_ns);
+      synchronizer_->jumpBack(stamp_ns);
       reset();
-      break;
-    case StampGuard::Verdict::kAccept:
-      break;
+    }
+    synchronizer_->addFrame(stamp_ns, std::move(accepted.message), Synchronizer::Clock::now());
   }
-  const std::int64_t stamp_ns = frame.stamp_ns;
-  synchronizer_->addFrame(stamp_ns, {std::move(frame), msg->header}, Synchronizer::Clock::now());
   processReady();
 }
 

@@ -53,8 +53,8 @@ void declareCommon(ParamReader& reader, bool& image_is_rectified, double& clock_
   reader.declare("image_is_rectified", image_is_rectified,
                  "[] the images have no distortion and P of camera_info belongs to them");
   reader.declare("clock_jump_s", clock_jump_s, 0.0, 3600.0,
-                 "[s] a stamp earlier by more than this resets the nodelet; one earlier by less is "
-                 "dropped");
+                 "[s] a stamp that is later or earlier than the last one by more than this is used "
+                 "only if the next one confirms it; one earlier by less is dropped");
   reader.allow("diagnostic_period");
   reader.allow("image_transport");
   noteRetiredParameters(reader);

@@ -1,6 +1,9 @@
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <sstream>
+#include <utility>
 
 #include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -9,41 +12,52 @@ namespace ground_scale_vo {
 namespace {
 
 // Not with ros::Duration, which throws beyond 2^31 s.
-bool follows(std::int64_t last_ns, std::int64_t stamp_ns) {
-  return secondsBetween(last_ns, stamp_ns) >= StampGuard::kMinStep &&
-         secondsBetween(last_ns, stamp_ns) <= StampGuard::kMaxAhead;
+bool follows(std::int64_t from_ns, std::int64_t stamp_ns, double max_s) {
+  const double step_s = secondsBetween(from_ns, stamp_ns);
+  return step_s >= StampGuard::kMinStep && step_s <= max_s;
 }
 
 }  // namespace
 
 StampGuard::Verdict StampGuard::check(const ros::Time& stamp) {
   const std::int64_t stamp_ns = toNanoseconds(stamp);
-  const std::int64_t ahead_ns = ahead_ns_;
-  ahead_ns_ = 0;
+  const std::int64_t held_ns = std::exchange(held_ns_, 0);
   if (stamp_ns == 0) {
     reason_ = "the stamp is zero";
     return Verdict::kDrop;
   }
-  if (last_ns_ == 0 || follows(last_ns_, stamp_ns) ||
-      (ahead_ns != 0 && follows(ahead_ns, stamp_ns))) {
-    last_ns_ = stamp_ns;
-    return Verdict::kAccept;
+  const double max_step_s = std::max(clock_jump_s_, kMaxIntervalRatio * interval_s_);
+  if (last_ns_ == 0 || follows(last_ns_, stamp_ns, max_step_s)) {
+    return accept(stamp_ns, last_ns_, Verdict::kAccept);
   }
+  if (held_ns != 0) {
+    // An interval as long as the jump confirms it too: the camera may have become slower.
+    const double jump_s = secondsBetween(last_ns_, held_ns);
+    if (follows(held_ns, stamp_ns, std::max(max_step_s, std::abs(jump_s)))) {
+      return accept(stamp_ns, held_ns, jump_s > 0 ? Verdict::kJumpedAhead : Verdict::kJumpedBack);
+    }
+  }
+  const double step_s = secondsBetween(last_ns_, stamp_ns);
   std::ostringstream sentence;
   sentence << "the stamp " << stamp;
-  if (secondsBetween(last_ns_, stamp_ns) > kMaxAhead) {
-    ahead_ns_ = stamp_ns;
-    sentence << " is " << secondsBetween(last_ns_, stamp_ns)
-             << " s after the last one and not confirmed by a second one";
-  } else if (secondsBetween(stamp_ns, last_ns_) > clock_jump_s_) {
-    last_ns_ = stamp_ns;
-    return Verdict::kJumpedBack;
-  } else {
-    sentence << " is not at least " << kMinStep << " s later than the last one, "
-             << fromNanoseconds(last_ns_);
+  if (step_s > max_step_s || (step_s < -clock_jump_s_ && jumps_back_)) {
+    held_ns_ = stamp_ns;
+    sentence << " is " << std::abs(step_s) << " s " << (step_s > 0 ? "after" : "before")
+             << " the last one and not confirmed by the next one";
+    reason_ = sentence.str();
+    return Verdict::kHold;
   }
+  sentence << " is not at least " << kMinStep << " s later than the last one, "
+           << fromNanoseconds(last_ns_);
   reason_ = sentence.str();
   return Verdict::kDrop;
+}
+
+StampGuard::Verdict StampGuard::accept(std::int64_t stamp_ns, std::int64_t previous_ns,
+                                       Verdict verdict) {
+  if (previous_ns != 0) interval_s_ = secondsBetween(previous_ns, stamp_ns);
+  last_ns_ = stamp_ns;
+  return verdict;
 }
 
 }  // namespace ground_scale_vo

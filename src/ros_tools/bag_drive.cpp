@@ -27,6 +27,9 @@ namespace {
 /// [m].
 constexpr double kDefaultFixSigma = 2.5;
 
+/// [s] A longer step of the stamps is accepted when a second image confirms it.
+constexpr double kMaxPause = 10;
+
 class BagRunner {
  public:
   using OnFrame = std::function<void(const RunFrame&, std::size_t)>;
@@ -100,7 +103,9 @@ class BagRunner {
     const double since_first_s = secondsBetween(toNanoseconds(first_), toNanoseconds(header.stamp));
     if (since_first_s < source_.from_s || since_first_s > source_.to_s) return nullptr;
     try {
-      if (guard_.check(header.stamp) == StampGuard::Verdict::kDrop) {
+      using Verdict = StampGuard::Verdict;
+      const Verdict verdict = guard_.check(header.stamp);
+      if (verdict == Verdict::kDrop || verdict == Verdict::kHold) {
         throw MessageError(guard_.reason());
       }
       if (!image) image = cv_bridge::toCvCopy(compressed)->toImageMsg();
@@ -160,7 +165,7 @@ class BagRunner {
   const OfflineRun::Options& options_;
   rosbag::Bag bag_;
   ImageRectifier rectifier_;
-  StampGuard guard_{1e18};  ///< drops every backward stamp: none is a jump of the clock
+  StampGuard guard_{kMaxPause, false};  ///< drops every backward stamp
   ros::Time first_;
   std::unique_ptr<OfflineRun> run_;
   BagDrive drive_;

@@ -49,23 +49,34 @@ class MonoVo {
     } catch (const MessageError&) {
       return;
     }
-    const auto verdict = guard_.check(image.header.stamp);
-    if (verdict == StampGuard::Verdict::kDrop) return;
-    if (!odometry_ || camera_ != camera || verdict == StampGuard::Verdict::kJumpedBack) {
-      odometry_ = std::make_unique<VisualOdometry>(camera->camera(), VisualOdometry::Options());
-      camera_ = camera;
-      painter_ = TrackPainter();
+    const Rectified received{image.header, rectified.clone(), camera};  // outlives the message
+    for (const auto& accepted : filter_.filter(image.header.stamp, received)) {
+      process(accepted.message, accepted.clock_jumped_back);
     }
-    const auto output = odometry_->process(rectified, toNanoseconds(image.header.stamp));
-    check(*toMsg(output.frame, image.header));
-    check(*toOdometryMsg(output.frame, image.header, "vo_world"));
-    check(*toPointCloud(output.frame, image.header));
-    painter_.paint(rectified, output.frame, output.rejected, image.header);
   }
 
  private:
+  struct Rectified {
+    std_msgs::Header header;
+    cv::Mat grey;
+    std::shared_ptr<const CalibratedCamera> camera;
+  };
+
+  void process(const Rectified& image, bool clock_jumped_back) {
+    if (!odometry_ || camera_ != image.camera || clock_jumped_back) {
+      camera_ = image.camera;
+      odometry_ = std::make_unique<VisualOdometry>(camera_->camera(), VisualOdometry::Options());
+      painter_ = TrackPainter();
+    }
+    const auto output = odometry_->process(image.grey, toNanoseconds(image.header.stamp));
+    check(*toMsg(output.frame, image.header));
+    check(*toOdometryMsg(output.frame, image.header, "vo_world"));
+    check(*toPointCloud(output.frame, image.header));
+    painter_.paint(image.grey, output.frame, output.rejected, image.header);
+  }
+
   ImageRectifier rectifier_;
-  StampGuard guard_{1.0};
+  StampFilter<Rectified> filter_{1.0, [](const std::string&) {}};
   std::shared_ptr<const CalibratedCamera> camera_;
   std::unique_ptr<VisualOdometry> odometry_;
   TrackPainter painter_;

@@ -51,13 +51,26 @@ class Scale {
     } catch (const MessageError&) {
       return;
     }
-    const auto verdict = guard_.check(message.header.stamp);
-    if (verdict == StampGuard::Verdict::kDrop) return;
-    if (verdict == StampGuard::Verdict::kJumpedBack) recovery_.reset();
+    for (const auto& accepted :
+         filter_.filter(message.header.stamp, {frame, message.header, image})) {
+      if (accepted.clock_jumped_back) recovery_.reset();
+      process(accepted.message);
+    }
+  }
+
+ private:
+  struct Received {
+    VoFrame frame;
+    std_msgs::Header header;
+    cv::Mat image;
+  };
+
+  void process(const Received& received) {
+    const auto& [frame, header, image] = received;
     const bool has_same_size =
         image.cols == frame.camera.width && image.rows == frame.camera.height;
     const auto output = recovery_.process(frame, has_same_size ? image : cv::Mat());
-    check(*toMsg(output.scale, frame.map_id, message.header));
+    check(*toMsg(output.scale, frame.map_id, header));
     for (const Eigen::Vector3f& point : output.ground_points_c) {
       require(point.allFinite(), "ground points are finite");
     }
@@ -70,14 +83,14 @@ class Scale {
       T_b_c.translation() << 1, 0.2, 1.5;
       for (const auto& frames : {OdometryFrames::ofCamera("odom", "camera"),
                                  OdometryFrames::ofBase("odom", "base_link", T_b_c)}) {
-        check(*toOdometryMsg(*output.pose, frames, message.header.stamp));
+        check(*toOdometryMsg(*output.pose, frames, header.stamp));
       }
       require(std::isfinite(output.pose->distance), "the distance is finite");
     }
     std::vector<Eigen::Vector3f> metric = output.ground_points_c;
     for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
-    check(*toPointCloud(metric, message.header));
-    for (const auto& marker : toPlaneMarkers(output.scale, message.header)) {
+    check(*toPointCloud(metric, header));
+    for (const auto& marker : toPlaneMarkers(output.scale, header)) {
       require(isPose(marker->pose), "the pose of the marker is valid");
       for (const auto& point : marker->points) {
         require(std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z),
@@ -86,7 +99,6 @@ class Scale {
     }
   }
 
- private:
   static ScaleRecovery::Options options(bool paper_literal) {
     ScaleRecovery::Options options;
     options.camera_height = 1.65;
@@ -94,7 +106,7 @@ class Scale {
     return options;
   }
   ScaleRecovery recovery_;
-  StampGuard guard_{1.0};
+  StampFilter<Received> filter_{1.0, [](const std::string&) {}};
 };
 
 /// One of the six arrays of numbers, in the order of the message: u, v, x, y, z, depth_sigma.

@@ -20,6 +20,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::uint32_t kWidth = 160, kHeight = 80;
+constexpr double kPeriod = 0.1;  // of the images [s]
 
 class Images : public testing::Test {
  protected:
@@ -81,6 +82,12 @@ class Images : public testing::Test {
     images_.publish(good);
     return frames_.waitForStamp(good.header.stamp) && scales_.waitForStamp(good.header.stamp);
   }
+  /// The same for images with stamps far from the last ones: the first image is held until the
+  /// second one, with this stamp, confirms the jump of the clock.
+  bool startAt(double stamp) {
+    images_.publish(image(stamp - kPeriod));
+    return publishAndWait(image(stamp));
+  }
   /// Publishes a vo/frame with the stamp of an invalid image and waits for its scale. MonoVo
   /// publishes none, so this tests what ScaleRecovery does with that image.
   bool publishFrameOf(const sensor_msgs::Image& bad) {
@@ -99,7 +106,7 @@ class Images : public testing::Test {
 
 // Runs first: no camera_info has come yet.
 TEST_F(Images, WaitForAUsableCameraInfo) {
-  for (int i = 0; i < 10; ++i) images_.publish(image(10 + i));
+  for (int i = 0; i < 10; ++i) images_.publish(image(10 + kPeriod * i));
   infos_.publish(sensor_msgs::CameraInfo());
   EXPECT_TRUE(waitForValue("mono_vo", "dropped: camera_info refused", "1"));
   EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
@@ -109,7 +116,7 @@ TEST_F(Images, WaitForAUsableCameraInfo) {
   EXPECT_TRUE(waitForValue("scale_recovery", "dropped: camera_info refused", "1"));
   EXPECT_TRUE(frames_.messages().empty());
   infos_.publish(info());
-  ASSERT_TRUE(frames_.waitForStamp(ros::Time(19)));
+  ASSERT_TRUE(frames_.waitForStamp(image(10 + 9 * kPeriod).header.stamp));
   EXPECT_EQ(frames_.messages().size(), 3u);  // the newest
 }
 
@@ -167,12 +174,12 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
   };
   infos_.publish(info());
   double stamp = 100;
-  ASSERT_TRUE(publishAndWait(image(stamp)));
+  ASSERT_TRUE(startAt(stamp));
   std::uint32_t sequence = frames_.messages().back()->sequence;
   const int without_image = counted("scale_recovery", "frames without an image");
   for (const BadImage& bad_image : bad_images) {
-    const sensor_msgs::Image good = image(++stamp);
-    sensor_msgs::Image bad = image(++stamp);
+    const sensor_msgs::Image good = image(stamp += kPeriod);
+    sensor_msgs::Image bad = image(stamp += kPeriod);
     bad_image.spoil(&bad);
     images_.publish(good);
     images_.publish(bad);
@@ -182,7 +189,7 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
     ASSERT_TRUE(scales_.waitForStamp(good.header.stamp)) << "before " << bad_image.name;
     ASSERT_TRUE(publishFrameOf(bad)) << bad_image.name;
   }
-  ASSERT_TRUE(publishAndWait(image(++stamp)));
+  ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
   EXPECT_EQ(frames_.messages().back()->sequence, ++sequence);
   EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
                              " images dropped in the last second", false));
@@ -197,16 +204,16 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
 TEST_F(Images, EveryEncodingIsProcessed) {
   infos_.publish(info());
   double stamp = 200;
-  ASSERT_TRUE(publishAndWait(image(stamp)));
+  ASSERT_TRUE(startAt(stamp));
   const int refused = counted("mono_vo", "dropped: image refused");
   const int without_image = counted("scale_recovery", "frames without an image");
   const auto expectProcessed = [&](sensor_msgs::Image good) {
     EXPECT_TRUE(publishAndWait(good))
         << good.encoding << ", big endian: " << int(good.is_bigendian);
-    good.header.stamp = ros::Time(++stamp);
+    good.header.stamp = ros::Time(stamp += kPeriod);
     good.is_bigendian = 1;
     EXPECT_TRUE(publishAndWait(good)) << good.encoding << " big endian";
-    good.header.stamp = ros::Time(++stamp);
+    good.header.stamp = ros::Time(stamp += kPeriod);
     good.step += 6;  // padding
     good.data.resize(good.step * kHeight);
     EXPECT_TRUE(publishAndWait(good)) << good.encoding << " with padding";
@@ -214,18 +221,19 @@ TEST_F(Images, EveryEncodingIsProcessed) {
   for (const std::uint32_t bytes : {1u, 2u}) {
     const std::string bits = bytes == 1 ? "8" : "16";
     for (const char* name : {"mono", "bayer_rggb", "bayer_bggr", "bayer_gbrg", "bayer_grbg"}) {
-      expectProcessed(image(++stamp, name + bits, bytes));
+      expectProcessed(image(stamp += kPeriod, name + bits, bytes));
     }
     for (const char* name : {"bgr", "rgb"}) {
-      expectProcessed(image(++stamp, name + bits, 3 * bytes));
-      expectProcessed(image(++stamp, std::string(name) + "a" + bits, 4 * bytes));
+      expectProcessed(image(stamp += kPeriod, name + bits, 3 * bytes));
+      expectProcessed(image(stamp += kPeriod, std::string(name) + "a" + bits, 4 * bytes));
     }
     for (const std::uint32_t channels : {1u, 3u, 4u}) {
-      expectProcessed(image(++stamp, bits + "UC" + std::to_string(channels), channels * bytes));
+      expectProcessed(
+          image(stamp += kPeriod, bits + "UC" + std::to_string(channels), channels * bytes));
     }
   }
-  expectProcessed(image(++stamp, "yuv422", 2));
-  expectProcessed(image(++stamp, "yuv422_yuy2", 2));
+  expectProcessed(image(stamp += kPeriod, "yuv422", 2));
+  expectProcessed(image(stamp += kPeriod, "yuv422_yuy2", 2));
   EXPECT_EQ(counted("mono_vo", "dropped: image refused"), refused);
   EXPECT_EQ(counted("scale_recovery", "frames without an image"), without_image);
 }
@@ -256,7 +264,7 @@ TEST_F(Images, AnInvalidCameraInfoKeepsThePreviousOne) {
       [](Info* i) { i->binning_x = 1000; },
   };
   infos_.publish(info());
-  ASSERT_TRUE(publishAndWait(image(300)));
+  ASSERT_TRUE(startAt(300));
   const std::uint32_t sequence = frames_.messages().back()->sequence;
   const int refused = counted("mono_vo", "dropped: camera_info refused");
   for (const auto& spoil : spoils) {
@@ -267,7 +275,7 @@ TEST_F(Images, AnInvalidCameraInfoKeepsThePreviousOne) {
   const std::string count = std::to_string(refused + static_cast<int>(spoils.size()));
   EXPECT_TRUE(waitForValue("mono_vo", "dropped: camera_info refused", count));
   EXPECT_TRUE(waitForValue("scale_recovery", "dropped: camera_info refused", count));
-  ASSERT_TRUE(publishAndWait(image(301)));
+  ASSERT_TRUE(publishAndWait(image(300 + kPeriod)));
   EXPECT_EQ(frames_.messages().back()->sequence, sequence + 1);
   EXPECT_EQ(frames_.messages().back()->fx, 100);
 }
@@ -302,12 +310,12 @@ TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
     // camera_info and image come over different connections: send images until the new camera_info
     // is in use. Images of another size are refused until then.
     ASSERT_TRUE(waitUntil([&] {
-      good.header.stamp = ros::Time(stamp += 1);
+      good.header.stamp = ros::Time(stamp += kPeriod);
       images_.publish(good);
       return frames_.waitForStamp(good.header.stamp, 0.5) && frames_.messages().back()->fx == f;
     })) << camera.model;
     EXPECT_EQ(frames_.messages().back()->width, good.width);
-    good.header.stamp = ros::Time(stamp += 1);
+    good.header.stamp = ros::Time(stamp += kPeriod);
     ASSERT_TRUE(publishAndWait(good));
     // The first image of this camera reset the odometry; a slow machine may have processed more
     // since.
@@ -325,18 +333,21 @@ TEST_F(Images, AnotherSizeAloneIsRefused) {
   infos_.publish(info());
   double stamp = 500;
   ASSERT_TRUE(waitUntil([&] {
-    return publishAndWait(image(stamp += 1)) && frames_.messages().back()->fx == info().K[0];
+    const sensor_msgs::Image good = image(stamp += kPeriod);
+    images_.publish(good);
+    return frames_.waitForStamp(good.header.stamp, 0.5) &&
+           frames_.messages().back()->fx == info().K[0];
   }));
   const std::uint32_t sequence = frames_.messages().back()->sequence;
   const int refused = counted("mono_vo", "dropped: image refused");
   for (int i = 0; i < 3; ++i) {
-    sensor_msgs::Image small = image(stamp += 1);
+    sensor_msgs::Image small = image(stamp += kPeriod);
     small.width = small.step = 100;
     small.data.resize(100 * kHeight);
     images_.publish(small);
   }
   EXPECT_TRUE(waitForValue("mono_vo", "dropped: image refused", std::to_string(refused + 3)));
-  ASSERT_TRUE(publishAndWait(image(stamp += 1)));
+  ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
   EXPECT_EQ(frames_.messages().back()->sequence, sequence + 1);
 }
 

@@ -34,6 +34,12 @@ class MonoVoNodelet : public nodelet::Nodelet {
   ~MonoVoNodelet() override;
 
  private:
+  struct RectifiedImage {
+    sensor_msgs::ImageConstPtr message;  ///< `grey` may refer to its data
+    cv::Mat grey;
+    std::shared_ptr<const CalibratedCamera> camera;
+  };
+
   void onInit() override;
   void start();
   void advertise(ros::NodeHandle& handle, ros::NodeHandle& private_handle);
@@ -41,10 +47,13 @@ class MonoVoNodelet : public nodelet::Nodelet {
 
   /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
   void scheduleProcessing();
-  void process(const sensor_msgs::Image& image);
+  /// Rectifies the image and processes those that the stamp filter accepts.
+  void rectify(const sensor_msgs::ImageConstPtr& image);
+  void process(const RectifiedImage& image, bool clock_jumped_back);
   /// Constructs the odometry if there is none, and again if the camera changed or the clock jumped
   /// back.
-  void prepareOdometry(bool clock_jumped_back);
+  void prepareOdometry(const std::shared_ptr<const CalibratedCamera>& camera,
+                       bool clock_jumped_back);
   void publish(const cv::Mat& rectified, const VisualOdometry::Output& output,
                const std_msgs::Header& header);
 
@@ -59,7 +68,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::unique_ptr<ImageReceiver> receiver_;
   std::unique_ptr<BoundedQueue<sensor_msgs::ImageConstPtr>> images_;
   bool processing_scheduled_ = false;
-  std::unique_ptr<StampGuard> stamp_guard_;
+  std::unique_ptr<StampFilter<RectifiedImage>> stamp_filter_;
 
   // Odometry.
   std::unique_ptr<VisualOdometry> odometry_;

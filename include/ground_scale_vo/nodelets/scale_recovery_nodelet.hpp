@@ -87,7 +87,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   ros::WallTimer waiting_timer_;
   ros::Subscriber frame_subscriber_;
   ros::ServiceServer reset_server_;
-  std::unique_ptr<StampGuard> stamp_guard_;
+  std::unique_ptr<StampFilter<ReceivedFrame>> stamp_filter_;
   MapNumbering map_numbering_;
 
   // Scale recovery.

@@ -15,6 +15,12 @@ std::string stripped(const std::string& frame) {
   return frame.empty() || frame.front() != '/' ? frame : frame.substr(1);
 }
 
+/// Name that kitti2bag gives to a camera in the ground truth of an odometry sequence; empty for
+/// other frames.
+std::string kitti2bagName(const std::string& frame) {
+  return frame == "camera_gray_left" ? "camera_left" : "";
+}
+
 }  // namespace
 
 GroundTruthTf::GroundTruthTf() : buffer_(ros::Duration(kCacheTime)) {}
@@ -37,9 +43,12 @@ void GroundTruthTf::clear() {
 
 std::optional<Eigen::Isometry3d> GroundTruthTf::pose(const std::string& frame,
                                                      const ros::Time& stamp) const {
-  const std::string ground_truth_frame = groundTruthFrame(stripped(frame));
-  const std::string target =
-      parents_.count(ground_truth_frame) != 0 ? ground_truth_frame : stripped(frame);
+  std::string target = stripped(frame);
+  for (const std::string& other_name : {groundTruthFrame(target), kitti2bagName(target)}) {
+    if (parents_.count(other_name) == 0) continue;
+    target = other_name;
+    break;
+  }
   std::string root = target;
   bool moves = false;
   for (int i = 0; i < kLongestChain && parents_.count(root) != 0; ++i) {

@@ -23,14 +23,18 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
+#include "ground_scale_vo/ros_tools/kitti_topics.hpp"
 #include "support/command_line.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
 
+/// Longest part of the images after the end of the ground truth that is left out.
+const ros::Duration kMaxMissingEnd(0.5);
+
 struct Arguments {
-  std::string played, recorded, out, image = "/kitti/camera_gray_left/image";
+  std::string played, recorded, out, image;
   double camera_height = 0;
 };
 
@@ -56,18 +60,31 @@ struct Played {
 };
 
 void readPlayed(const Arguments& arguments, Played& played) {
-  const rosbag::TopicQuery topics({arguments.image, "/tf", "/tf_static"});
-  forEachMessage(arguments.played, &topics, [&](const rosbag::MessageInstance& instance) {
+  std::vector<std::string> topics = gsv::kKittiImageTopics;
+  if (!arguments.image.empty()) topics = {arguments.image};
+  std::string wanted, found;
+  for (const std::string& topic : topics) wanted += (wanted.empty() ? "" : " or ") + topic;
+  topics.insert(topics.end(), {"/tf", "/tf_static"});
+  const rosbag::TopicQuery query(topics);
+  forEachMessage(arguments.played, &query, [&](const rosbag::MessageInstance& instance) {
+    if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
+      return played.ground_truth.add(*tf, instance.getTopic() == "/tf_static");
+    }
     if (const auto image = instance.instantiate<sensor_msgs::Image>()) {
       played.images.push_back(image->header);
     } else if (const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>()) {
       played.images.push_back(compressed->header);
-    } else if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
-      played.ground_truth.add(*tf, instance.getTopic() == "/tf_static");
+    } else {
+      return;
+    }
+    if (found.empty()) found = instance.getTopic();
+    if (found != instance.getTopic()) {
+      throw gsv::DataError("images on " + found + " and " + instance.getTopic() +
+                           ": choose one with --image");
     }
   });
   if (played.images.empty()) {
-    throw gsv::DataError("the bag " + arguments.played + " has no image on " + arguments.image);
+    throw gsv::DataError("the bag " + arguments.played + " has no image on " + wanted);
   }
 }
 
@@ -150,6 +167,19 @@ std::size_t firstMetricFrame(const Arguments& arguments, const Played& played,
   return first;
 }
 
+/// One past the last image to evaluate: the ground truth of a recording may end a little earlier
+/// than its images.
+std::size_t endOfEvaluation(const Played& played, const std::string& frame) {
+  const std::size_t images = played.images.size();
+  std::size_t end = images;
+  while (end > 0 && !played.ground_truth.pose(frame, played.images[end - 1].stamp)) --end;
+  if (end == images || end == 0) return images;
+  if (played.images.back().stamp - played.images[end - 1].stamp > kMaxMissingEnd) return images;
+  std::printf("the ground truth ends before the last %zu images, which are not evaluated\n",
+              images - end);
+  return end;
+}
+
 void evaluate(const Arguments& arguments) {
   Played played;
   readPlayed(arguments, played);
@@ -166,7 +196,8 @@ void evaluate(const Arguments& arguments) {
   gsv::RunRecord record;
   std::vector<Eigen::Isometry3d> ground_truth;
   std::optional<Eigen::Isometry3d> T_b0_root;
-  for (std::size_t i = first; i < played.images.size(); ++i) {
+  const std::size_t end = endOfEvaluation(played, first_odometry.child_frame_id);
+  for (std::size_t i = first; i < end; ++i) {
     const ros::Time& stamp = played.images[i].stamp;
     gsv::VisualOdometry::Output vo;
     gsv::ScaleRecovery::Output scale;
@@ -219,7 +250,9 @@ int main(int argc, char** argv) {
        "scale.csv, metrics.json, ground_truth.txt")  //
       ("camera-height", gsv::requiredValue(&arguments.camera_height, "M"),
        "[m] as it was given to the launch file")  //
-      ("image", gsv::optionalValue(&arguments.image, "TOPIC"), "image topic of the played bag");
+      ("image", gsv::optionalValue(&arguments.image, "TOPIC"),
+       "image topic of the played bag (default: image_rect, image_raw or image of "
+       "/kitti/camera_gray_left)");
   return command_line.run(
       argc, argv,
       [&] { gsv::requireInRange("--camera-height", arguments.camera_height, 0.05, 100.0); },

@@ -19,6 +19,7 @@
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
+#include "ground_scale_vo/ros_tools/kitti_topics.hpp"
 #include "support/command_line.hpp"
 #include "support/progress_line.hpp"
 
@@ -26,8 +27,6 @@ namespace gsv = ground_scale_vo;
 
 namespace {
 
-constexpr const char* kImageTopic = "/kitti/camera_gray_left/image";
-constexpr const char* kCameraInfoTopic = "/kitti/camera_gray_left/camera_info";
 constexpr const char* kTfTopic = "/tf";
 
 // KITTI's odometry stamps start at 0, which ROS takes for "no stamp": the bag starts later.
@@ -100,9 +99,9 @@ void convert(const Arguments& arguments) {
   if (!native) info.K.fill(0.0);
   if (!native) info.D.clear();
   geometry_msgs::TransformStamped ground_truth;
-  ground_truth.header.frame_id = native ? "ground_truth" : "camera_init";
+  ground_truth.header.frame_id = native ? "ground_truth" : "world";
   ground_truth.child_frame_id =
-      native ? gsv::GroundTruthTf::groundTruthFrame(camera_frame) : camera_frame;
+      native ? gsv::GroundTruthTf::groundTruthFrame(camera_frame) : "camera_left";
 
   PendingBag pending(arguments.out);
   gsv::ProgressLine progress(sequence.name(), last - first + 1);
@@ -124,11 +123,11 @@ void convert(const Arguments& arguments) {
       pending.bag().write(kTfTopic, header.stamp, message);
     }
     info.header = header;
-    pending.bag().write(kCameraInfoTopic, header.stamp, info);
+    pending.bag().write(gsv::kKittiCameraInfoTopic, header.stamp, info);
     sensor_msgs::Image image;
     cv_bridge::CvImage(header, sensor_msgs::image_encodings::MONO8, sequence.image(i))
         .toImageMsg(image);
-    pending.bag().write(kImageTopic, header.stamp, image);
+    pending.bag().write(gsv::kKittiImageTopics.front(), header.stamp, image);
     progress.step("frames");
   }
   pending.commit();
@@ -151,14 +150,15 @@ int main(int argc, char** argv) {
   gsv::CommandLine command_line(
       "kitti_to_bag",
       "Writes the grey images of a KITTI folder, their camera_info and, where there is one, the\n"
-      "ground truth to a bag. Topics are those of kitti2bag: /kitti/camera_gray_left/image and\n"
+      "ground truth to a bag. Topics are those of kitti2bag: /kitti/camera_gray_left/image_rect "
+      "and\n"
       "/kitti/camera_gray_left/camera_info.",
       "Styles:\n"
       "  native     K and P filled, ground truth on /tf as\n"
       "             ground_truth -> ground_truth/camera_gray_left\n"
       "  kitti2bag  as kitti2bag writes an odometry sequence: K zero, P filled, ground truth on "
       "/tf\n"
-      "             as camera_init -> camera_gray_left\n\n"
+      "             as world -> camera_left\n\n"
       "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
   command_line.addPositional("SEQ", "KITTI odometry folder or KITTI raw synced drive",
                              &arguments.sequence);

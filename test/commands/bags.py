@@ -5,10 +5,12 @@ import random
 
 import rosbag
 import rospy
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
-IMAGE = "/kitti/camera_gray_left/image"
+IMAGE = "/kitti/camera_gray_left/image_rect"
 INFO = "/kitti/camera_gray_left/camera_info"
 
 LATITUDE_DEG, LONGITUDE_DEG = 49.0, 8.0
@@ -58,6 +60,74 @@ DAMAGED = {
     "no_messages": _no_messages,
     "text_topic": _text_topic,
 }
+
+
+def copy(source, file, change):
+    """Copies a bag: change(topic, message) returns the topic and message to write, or None."""
+    with rosbag.Bag(str(source)) as bag, rosbag.Bag(str(file), "w") as changed:
+        for topic, message, stamp in bag.read_messages():
+            written = change(topic, message)
+            if written:
+                changed.write(*written, stamp)
+
+
+def with_one_camera_info(source, file):
+    """The bag with only its first camera_info."""
+    infos = []
+
+    def change(topic, message):
+        if topic != INFO:
+            return topic, message
+        infos.append(message)
+        return (topic, message) if len(infos) == 1 else None
+
+    copy(source, file, change)
+
+
+def _odometry_layout(image, parent, child):
+    def change(topic, message):
+        if topic == IMAGE:
+            return image, message
+        if topic == "/tf":
+            message.transforms[0].header.frame_id = parent
+            message.transforms[0].child_frame_id = child
+        return topic, message
+
+    return change
+
+
+def _raw_layout(topic, message):
+    if topic == IMAGE:
+        return "/kitti/camera_gray_left/image_raw", message
+    if topic == INFO:  # of the raw camera; P is that of the images
+        message.K = [1.4 * value for value in message.P[:3] + message.P[4:7] + message.P[8:11]]
+        message.D = [-0.37, 0.2, 0.001, 0.001, -0.07]
+        message.distortion_model = "plumb_bob"
+    elif topic == "/tf":
+        transform = message.transforms[0]
+        transform.header.frame_id, transform.child_frame_id = "world", "imu_link"
+        # GPS/IMU and camera take turns: the last image has no ground truth.
+        transform.header.stamp -= rospy.Duration(0.01)
+    return topic, message
+
+
+# Layout of kitti2bag -> function(topic, message) that changes a message of kitti_to_bag to it.
+LAYOUTS = {
+    "odometry": _odometry_layout("/kitti/camera_gray_left/image_rect", "world", "camera_left"),
+    "raw": _raw_layout,
+    "older": _odometry_layout("/kitti/camera_gray_left/image", "camera_init", "camera_gray_left"),
+}
+
+
+def kitti2bag(layout, source, file):
+    copy(source, file, LAYOUTS[layout])
+    if layout != "raw":
+        return
+    with rosbag.Bag(str(file), "a") as bag:
+        mounting = TransformStamped()
+        mounting.header.frame_id, mounting.child_frame_id = "imu_link", "camera_gray_left"
+        mounting.transform.rotation.w = 1
+        bag.write("/tf_static", TFMessage([mounting]), rospy.Time.from_sec(bag.get_start_time()))
 
 
 def add_fixes(bag_file, poses_file):

@@ -3,14 +3,17 @@
 scripts/test runs these tests with the environment of its build (scripts/lib/environment.sh).
 """
 
+import contextlib
 import os
 import pathlib
 import pty
 import resource
 import select
 import signal
+import socket
 import subprocess
 import time
+import xmlrpc.client
 
 import bags
 import pytest
@@ -59,6 +62,48 @@ def assert_plays(command, out, *arguments, **options):
         assert (out / "short" / name).stat().st_size > 0
 
 
+def wait_until(condition, while_runs=None):
+    """Waits for the condition; fails when the process ends first."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert while_runs is None or while_runs.poll() is None, while_runs.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def pid_of(node, master):
+    """Process id of a node, from the URI of its master."""
+    _, _, uri = xmlrpc.client.ServerProxy(master).lookupNode("/test", node)
+    return xmlrpc.client.ServerProxy(uri).getPid("/test")[2]
+
+
+def is_running(pid):
+    """Whether the process runs; a zombie does not."""
+    try:
+        return pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def roslaunch(log, *arguments):
+    """A running roslaunch with a master of its own, and the URI of that."""
+    with socket.socket() as free:
+        free.bind(("", 0))
+        port = free.getsockname()[1]
+    master = f"http://localhost:{port}"
+    environment = {**os.environ, "ROS_MASTER_URI": master, "ROS_HOSTNAME": "localhost"}
+    with open(log, "w", encoding="utf-8") as output:
+        process = subprocess.Popen(
+            ["roslaunch", "-p", str(port), "ground_scale_vo", *map(str, arguments)],
+            stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=environment)
+    try:
+        yield process, master
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(TIMEOUT_S)
+
+
 def on_terminal(command, *arguments, environment=None):
     """Runs a command with a terminal as its standard streams; its output."""
     terminal, streams = pty.openpty()
@@ -100,7 +145,7 @@ def shortest(data):
 
 @pytest.fixture(scope="session")
 def bag(short):
-    """`short` as kitti2bag writes it."""
+    """`short` as kitti2bag writes an odometry sequence."""
     file = short.with_suffix(".bag")
     run(tool("kitti_to_bag"), short, "--out", file, "--style", "kitti2bag")
     return file

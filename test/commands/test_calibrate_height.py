@@ -3,10 +3,11 @@
 import re
 
 import pytest
+from bags import IMAGE
 from conftest import SCRIPTS, assert_refused, run, tool
 
 HEIGHT_FROM_DRIVE = tool("height_from_drive")
-GPS = ["--image", "/kitti/camera_gray_left/image", "--gps"]
+GPS = ["--image", IMAGE, "--gps"]
 
 
 @pytest.fixture

@@ -1,15 +1,16 @@
 """scripts/demo: from a bag or a sequence to metrics and plots."""
 
+import json
 import os
 import pathlib
 import re
 import signal
 import subprocess
-import time
-import xmlrpc.client
 
+import bags
 import pytest
-from conftest import SCRIPTS, TIMEOUT_S, assert_plays, assert_refused, on_full_disk, on_terminal, run
+from conftest import (SCRIPTS, TIMEOUT_S, assert_plays, assert_refused, on_full_disk, on_terminal,
+                      pid_of, run, wait_until)
 
 DEMO = SCRIPTS / "demo"
 
@@ -26,43 +27,52 @@ def test_sequence_on_a_terminal(short, tmp_path):
 
 
 @pytest.mark.serial
-def test_bag_in_kitti2bag_style(bag, tmp_path):
-    assert_plays(DEMO, tmp_path, "--bag", bag)
+@pytest.mark.parametrize("layout", bags.LAYOUTS)
+def test_bag_of_kitti2bag(bag, tmp_path, layout):
+    played = tmp_path / "short.bag"
+    bags.kitti2bag(layout, bag, played)
+    assert_plays(DEMO, tmp_path, "--bag", played)
+    metrics = json.loads((tmp_path / "short/metrics.json").read_text())
+    assert metrics["gt_length_m"] and abs(metrics["rle_percent"]) < 5
 
 
-def pid_of(node, log):
-    """Process id of a node, found through the ROS master URI in roslaunch.log."""
-    master = re.search(r"ROS_MASTER_URI=(http://[\w.:-]+)", log.read_text())[1]
-    _, _, uri = xmlrpc.client.ServerProxy(master).lookupNode("/test", node)
-    return xmlrpc.client.ServerProxy(uri).getPid("/test")[2]
+def kill(node, number=signal.SIGKILL):
+    def send(master):
+        os.kill(pid_of(node, master), number)
+    return send
 
 
-def kill_player(log):
-    os.kill(pid_of("/bag_player", log), signal.SIGKILL)
-
-
-def kill_roslaunch(log):
+def kill_roslaunch(master):
     """Its nodes and the master remain, as when a required node dies while roslaunch starts."""
-    master = re.search(r"ROS_MASTER_URI=(http://[\w.:-]+)", log.read_text())[1]
-    port = master.rsplit(":", 1)[1]
+    port = master.rsplit(":", 1)[1].rstrip("/")
     subprocess.run(["pkill", "-KILL", "-f", f"roslaunch -p {port} "], check=True)
 
 
+PLAYER_STOPPED = r"rosbag play stopped before the end of the bag: \d+ of 40 frames"
+
+
 @pytest.mark.serial
-@pytest.mark.parametrize("kill, text", [
-    (kill_player, r"rosbag play stopped before the end of the bag: \d+ of 40 frames"),
-    (kill_roslaunch, "the run ended before the bag"),
-], ids=["player", "roslaunch"])
-def test_fails_when_killed(bag, tmp_path, kill, text):
+@pytest.mark.parametrize("fail, infos, text", [
+    (kill("/bag_player"), "all", PLAYER_STOPPED),
+    (kill("/bag_player"), "one", PLAYER_STOPPED),
+    (kill("/playback_monitor"), "all", "the run ended before the bag"),
+    (kill("/ground_scale_vo_manager", signal.SIGSTOP), "all",
+     r"the nodelets processed only \d+ of 40 frames"),
+    (kill_roslaunch, "all", "the run ended before the bag"),
+], ids=["player", "player_one_camera_info", "monitor", "nodelets_stopped", "roslaunch"])
+def test_fails_when_aborted(bag, tmp_path, fail, infos, text):
+    played = tmp_path / "short.bag"
+    if infos == "one":
+        bags.with_one_camera_info(bag, played)
+    else:
+        played.symlink_to(bag)
     log = tmp_path / "short/roslaunch.log"
-    demo = subprocess.Popen([str(DEMO), "--bag", str(bag), "--out", str(tmp_path)],
+    demo = subprocess.Popen([str(DEMO), "--bag", str(played), "--out", str(tmp_path)],
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        deadline = time.monotonic() + TIMEOUT_S
-        while not (log.exists() and "progress: " in log.read_text(errors="replace")):
-            assert demo.poll() is None and time.monotonic() < deadline
-            time.sleep(0.05)
-        kill(log)
+        wait_until(lambda: log.exists() and "progress: " in log.read_text(errors="replace"),
+                   while_runs=demo)
+        fail(re.search(r"ROS_MASTER_URI=(http://[\w.:-]+)", log.read_text())[1])
         stdout, stderr = demo.communicate(timeout=TIMEOUT_S)
     finally:
         demo.terminate()

@@ -35,6 +35,14 @@ TEST(GroundTruthTf, FindsTheFrameItselfAsKitti2bagWritesIt) {
   EXPECT_FALSE(ground_truth.pose("camera_color", ros::Time(1)));
 }
 
+TEST(GroundTruthTf, FindsTheOtherNameThatKitti2bagGivesToTheCamera) {
+  GroundTruthTf ground_truth;
+  ground_truth.add(transform("world", "camera_left", 1, 5), false);
+  ASSERT_TRUE(ground_truth.pose("camera_gray_left", ros::Time(1)));
+  EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(1))->translation().x(), 5);
+  EXPECT_FALSE(ground_truth.pose("camera_color_left", ros::Time(1)));
+}
+
 TEST(GroundTruthTf, FollowsTheStaticChainThatKitti2bagWritesForKittiRaw) {
   GroundTruthTf ground_truth;
   ground_truth.add(transform("base_link", "imu_link", 1, 0.5), true);

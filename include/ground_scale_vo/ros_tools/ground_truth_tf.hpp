@@ -12,8 +12,9 @@
 namespace ground_scale_vo {
 
 /// Ground-truth poses from the tf messages of a bag: of kitti_to_bag (ground_truth ->
-/// ground_truth/<camera>), of kitti2bag (camera_init -> camera_gray_left, or world -> base_link and
-/// the static chain to the cameras), or of any other tree.
+/// ground_truth/<camera>), of kitti2bag (world -> camera_left, the camera camera_gray_left; world
+/// -> base_link and the static chain to the cameras; in an older branch camera_init ->
+/// camera_gray_left), or of any other tree.
 class GroundTruthTf {
  public:
   /// Name of the ground-truth frame of a frame: a separate one, since a tf frame has one parent
@@ -25,8 +26,9 @@ class GroundTruthTf {
   void add(const tf2_msgs::TFMessage& message, bool is_static);
   void clear();
 
-  /// T_root_frame [m] at the stamp; root is the root of its tree. Uses the ground-truth frame if
-  /// there is one. Empty if the frame is unknown, static, or has no transform at the stamp.
+  /// T_root_frame [m] at the stamp; root is the root of its tree. Uses the ground-truth frame, or
+  /// kitti2bag's name of the frame, if there is one. Empty if the frame is unknown, static, or has
+  /// no transform at the stamp.
   std::optional<Eigen::Isometry3d> pose(const std::string& frame, const ros::Time& stamp) const;
 
  private:

@@ -146,6 +146,19 @@ void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
   }
 }
 
+/// Why no image has a metric pose. With a scale, only the transform of the mounting can be missing.
+std::string reasonForNoPose(const Arguments& arguments, const Recorded& recorded) {
+  const gsv::ScaleEstimateMsg* known = nullptr;
+  for (const auto& [stamp, scale] : recorded.scales) {
+    if (scale->status != gsv::ScaleEstimateMsg::UNKNOWN) known = scale.get();
+  }
+  const std::string no_pose =
+      "no image of " + arguments.played + " has a metric pose in " + arguments.recorded;
+  if (known == nullptr) return no_pose + ": the scale was never known";
+  return no_pose + ", although the scale is known: tf had no transform from the base frame to " +
+         known->header.frame_id;
+}
+
 /// Prints how many images gave a result. Returns the index of the first image with a metric pose.
 /// Throws DataError when there is none.
 std::size_t firstMetricFrame(const Arguments& arguments, const Played& played,
@@ -160,10 +173,7 @@ std::size_t firstMetricFrame(const Arguments& arguments, const Played& played,
       "%zu images in, %zu frames out of both nodelets, %zu lost on the way; %s\n",
       played.images.size(), scales, played.images.size() - scales,
       any ? ("first metric pose at frame " + std::to_string(first)).c_str() : "no metric pose");
-  if (!any) {
-    throw gsv::DataError("no image of " + arguments.played + " has a metric pose in " +
-                         arguments.recorded);
-  }
+  if (!any) throw gsv::DataError(reasonForNoPose(arguments, recorded));
   return first;
 }
 

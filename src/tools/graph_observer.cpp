@@ -30,6 +30,7 @@ constexpr std::uint32_t kQueue = 1000;  // [messages]
 
 struct Arguments {
   std::string out, manager = "ground_scale_vo_manager";
+  bool force = false;
 };
 
 class Observer {
@@ -93,6 +94,7 @@ class Observer {
 };
 
 void run(const Arguments& arguments) {
+  gsv::requireNewFile(arguments.out, arguments.force);
   // Fails before the run when FILE cannot be written, and leaves no empty table behind.
   gsv::writeFile(arguments.out, "");
   std::filesystem::remove(arguments.out);
@@ -121,7 +123,8 @@ int main(int argc, char** argv) {
       "Exit status: 0 done, 1 FILE cannot be written, 2 the arguments cannot be used.");
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&arguments.out, "FILE"),
-       "the table: stamp, image, frame, scale, odometry, cpu_s, rss_mb, peak_rss_mb")  //
+       "the table: stamp, image, frame, scale, odometry, cpu_s, rss_mb, peak_rss_mb")   //
+      ("force", gsv::po::bool_switch(&arguments.force), "replace FILE when it exists")  //
       ("manager", gsv::optionalValue(&arguments.manager, "NODE"),
        "the nodelet manager whose processor time and memory [MiB] are recorded with each vo/frame; "
        "it must run on this machine");

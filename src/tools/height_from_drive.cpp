@@ -86,9 +86,7 @@ gsv::BagDrive runBag(const Arguments& arguments) {
 }
 
 void checkFiles(const Arguments& arguments) {
-  if (fs::exists(arguments.out) && !arguments.force) {
-    throw gsv::DataError(arguments.out + " exists already; --force writes over it");
-  }
+  gsv::requireNewFile(arguments.out, arguments.force);
   const fs::path folder = fs::path(arguments.out).parent_path();
   if (!folder.empty() && !fs::is_directory(folder)) {
     throw gsv::DataError(folder.string() + " is no folder");
@@ -189,8 +187,8 @@ void addOptions(Arguments* arguments, po::options_description* options) {
        "positions of a point fixed to the vehicle, in any frame: TUM (stamp x y z qx qy qz qw), or "
        "KITTI poses, a line for each image")  //
       ("out", gsv::requiredValue(&arguments->out, "FILE"),
-       "YAML, for height_file:= of the launch files")                                  //
-      ("force", po::bool_switch(&arguments->force), "write over FILE when it exists")  //
+       "YAML, for height_file:= of the launch files")                               //
+      ("force", po::bool_switch(&arguments->force), "replace FILE when it exists")  //
       ("set", gsv::settingsValue(&arguments->settings), gsv::kSettingsHelp);
 }
 

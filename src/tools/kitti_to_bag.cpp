@@ -36,6 +36,7 @@ struct Arguments {
   std::string sequence, out, style = "native";
   int start = 0;
   int end = std::numeric_limits<int>::max();  ///< included
+  bool force = false;
 };
 
 /// Writes a bag under a temporary name beside the final one. Without commit() no file remains.
@@ -136,6 +137,7 @@ void convert(const Arguments& arguments) {
 }
 
 void run(const Arguments& arguments) {
+  gsv::requireNewFile(arguments.out, arguments.force);
   try {
     convert(arguments);
   } catch (const rosbag::BagException& error) {
@@ -165,7 +167,8 @@ int main(int argc, char** argv) {
   constexpr double kMaxFrame = 999999999;
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&arguments.out, "FILE"),
-       "the bag; no file has this name until it is complete")  //
+       "the bag; no file has this name until it is complete")                           //
+      ("force", gsv::po::bool_switch(&arguments.force), "replace FILE when it exists")  //
       ("start", gsv::numberInRange("--start", &arguments.start, "N", 0, kMaxFrame),
        "first frame")  //
       ("end", gsv::po::value(&arguments.end)->value_name("N")->notifier([](int end) {

@@ -39,11 +39,10 @@ def run(command, *arguments, check=True, **options):
 
 
 def on_full_disk(kib):
-    """Option of run(): the command can write no file larger than this."""
+    """Option of run(): the command can write no file larger than this, as after `ulimit -f`."""
     def limit():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (kib * 1024, kib * 1024))
-    return {"preexec_fn": limit, "restore_signals": False}
+    return {"preexec_fn": limit}
 
 
 def assert_refused(status, text, command, *arguments, **options):

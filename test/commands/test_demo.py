@@ -105,6 +105,15 @@ def test_no_such_topic(bag, tmp_path):
     assert_refused(1, "has no topic /none", DEMO, "--out", tmp_path, "--bag", bag, "--image", "/none")
 
 
+@pytest.mark.serial
+def test_missing_tf(bag, tmp_path):
+    done = run(DEMO, "--bag", bag, "--out", tmp_path, "--base-frame", "base_link", check=False)
+    assert done.returncode == 1
+    assert 'no tf transform from base_frame "base_link" to the camera frame' in done.stderr
+    last_line = done.stderr.rstrip().splitlines()[-1]
+    assert "tf had no transform from the base frame to camera_gray_left" in last_line, done.stderr
+
+
 @pytest.mark.parametrize("status, text, arguments", [
     (1, "there is no bag", ["--bag", "none.bag"]),
     (1, "no folder", ["--sequence", "none"]),

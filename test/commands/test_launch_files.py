@@ -1,5 +1,8 @@
 """Each launch file resolves to nodes for the arguments in CALLS."""
 
+import os
+import re
+
 import pytest
 from conftest import ROOT, run
 
@@ -25,12 +28,31 @@ def height_file(tmp_path):
     return file
 
 
+@pytest.fixture
+def usb_cam(tmp_path, monkeypatch):
+    """A package of this name, which need not be installed."""
+    package = tmp_path / "usb_cam"
+    package.mkdir()
+    (package / "package.xml").write_text("<package><name>usb_cam</name></package>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{package}:{os.environ['ROS_PACKAGE_PATH']}")
+
+
 @pytest.mark.parametrize("call", CALLS)
-def test_resolves_to_nodes(call, height_file, tmp_path):
+def test_resolves_to_nodes(call, height_file, usb_cam, tmp_path):
     driver = tmp_path / "driver.launch"
     driver.write_text('<launch><node pkg="p" type="t" name="n"/></launch>')
     file, *arguments = call.replace("HEIGHT", str(height_file)).replace("DRIVER", str(driver)).split()
     assert run("roslaunch", "--nodes", LAUNCH / file, *arguments).stdout.strip()
+
+
+@pytest.mark.parametrize("argument, text", [
+    ("driver:=usb_cam", r"not found[^\n]*usb_cam"),
+    ("driver:=realsense", "driver:=realsense: it must be none or usb_cam"),
+])
+def test_missing_camera_driver(argument, text):
+    done = run("roslaunch", "--nodes", LAUNCH / "live_camera.launch", "camera_height:=1.2", argument,
+               check=False)
+    assert done.returncode == 1 and re.search(text, done.stderr), done.stdout + done.stderr
 
 
 def test_all_files_are_covered():

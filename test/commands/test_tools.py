@@ -1,8 +1,10 @@
 """render_drive, kitti_to_bag, evaluate_bag: arguments, damaged data, full disks."""
 
+import os
+
 import pytest
 from bags import IMAGE
-from conftest import assert_refused, on_full_disk, tool
+from conftest import SCRIPTS, assert_refused, on_full_disk, run, tool
 
 RENDER_DRIVE, KITTI_TO_BAG, EVALUATE_BAG = map(tool, ("render_drive", "kitti_to_bag", "evaluate_bag"))
 
@@ -34,6 +36,36 @@ def test_kitti_to_bag_damaged_folder(damaged_folder, tmp_path):
     folder, reason = damaged_folder
     assert_refused(1, reason, KITTI_TO_BAG, folder, "--out", tmp_path / "x.bag")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_kitti_to_bag_keeps_an_existing_file(shortest, tmp_path):
+    file = tmp_path / "x.bag"
+    file.write_text("other data")
+    assert_refused(1, f"{file} exists already; --force", KITTI_TO_BAG, shortest, "--out", file)
+    assert file.read_text() == "other data"
+    run(KITTI_TO_BAG, shortest, "--out", file, "--force")
+    assert file.read_bytes().startswith(b"#ROSBAG")
+
+
+def test_kitti_to_bag_never_replaces_a_device(shortest, tmp_path):
+    device = tmp_path / "pipe"  # any file that is not a regular one
+    os.mkfifo(device)
+    assert_refused(1, f"{device} is not a regular file", KITTI_TO_BAG, shortest, "--out", device,
+                   "--force")
+    assert device.is_fifo()
+
+
+def test_graph_observer_keeps_an_existing_file(tmp_path):
+    file = tmp_path / "x.csv"
+    file.write_text("other data")
+    assert_refused(1, f"{file} exists already; --force", tool("graph_observer"), "--out", file)
+    assert file.read_text() == "other data"
+
+
+def test_screenshot_keeps_an_existing_file(tmp_path):
+    file = tmp_path / "x.png"
+    file.write_text("other data")
+    assert_refused(1, f"{file} exists already; --force", SCRIPTS / "screenshot", "--out", file)
 
 
 def test_kitti_to_bag_full_disk(short, tmp_path):

@@ -4,8 +4,10 @@
 #include <boost/program_options/parsers.hpp>
 #include <boost/program_options/positional_options.hpp>
 #include <boost/program_options/variables_map.hpp>
+#include <csignal>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <utility>
 
 namespace ground_scale_vo {
@@ -115,9 +117,21 @@ std::string CommandLine::help() const {
   return text.str();
 }
 
+void requireNewFile(const std::string& file, bool force) {
+  const auto type = std::filesystem::status(file).type();
+  if (type == std::filesystem::file_type::not_found) return;
+  if (type != std::filesystem::file_type::regular) {
+    throw DataError(file + " is not a regular file");
+  }
+  if (!force) throw DataError(file + " exists already; --force replaces it");
+}
+
 int CommandLine::run(int argc, char** argv, const std::function<void()>& check,
                      const std::function<int()>& run) {
   int status = 2;
+  // Under `ulimit -f`, writing fails with an error, instead of ending the process before it can
+  // remove an incomplete file.
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     parse(argc, argv);
     check();

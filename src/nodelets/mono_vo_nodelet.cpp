@@ -112,7 +112,11 @@ void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const CalibratedCamera
                                     bool clock_jumped_back) {
   if (odometry_) {
     if (clock_jumped_back) NODELET_WARN("The clock jumped back: the odometry is reset.");
-    if (camera != odometry_camera_) NODELET_WARN("The camera changed: the odometry is reset.");
+    if (camera != odometry_camera_) {
+      NODELET_WARN_STREAM("The odometry is reset: camera_info on topic "
+                          << receiver_->cameraInfoTopic() << " changed from "
+                          << odometry_camera_->describe() << " to " << camera->describe());
+    }
     if (!clock_jumped_back && camera == odometry_camera_) return;
   }
   odometry_ = std::make_unique<VisualOdometry>(camera->camera(), params_.vo);
@@ -149,6 +153,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   state.camera_info_topic = receiver_->cameraInfoTopic();
   state.camera_known = receiver_->camera() != nullptr;
   state.camera_info_error = receiver_->cameraInfoError();
+  state.source_error = receiver_->sourceError();
   state.status = status_;
   dropped_at_last_diagnosis_ = dropped;
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <sstream>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -17,8 +18,8 @@ namespace {
 
 namespace models = sensor_msgs::distortion_models;
 
-/// [px] by which the intrinsics of matching cameras may differ.
-constexpr double kMatchTolerancePx = 0.01;
+/// Points per side of the grid on which two rectifications are compared.
+constexpr int kComparedPoints = 5;
 
 /// image_geometry takes coefficients that are all zero for "no distortion" and would return the raw
 /// image. An equidistant (fisheye) image is distorted even then; this coefficient, which moves no
@@ -158,19 +159,41 @@ cv::Mat CalibratedCamera::rectify(const cv::Mat& raw) const {
   return rectified;
 }
 
-bool CalibratedCamera::operator==(const CalibratedCamera& other) const {
-  const sensor_msgs::CameraInfo &a = model_.cameraInfo(), &b = other.model_.cameraInfo();
-  return camera_.width == other.camera_.width && camera_.height == other.camera_.height &&
-         model_.projectionMatrix() == other.model_.projectionMatrix() &&
-         is_distorted_ == other.is_distorted_ && a.distortion_model == b.distortion_model &&
-         a.D == b.D;
+bool CalibratedCamera::isSameAs(const CalibratedCamera& other) const {
+  if (!matches(other.camera_)) return false;
+  if (!is_distorted_ && !other.is_distorted_) return true;
+  const double last = kComparedPoints - 1;
+  for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {
+    const cv::Point2d rectified((camera_.width - 1) * (i % kComparedPoints / last),
+                                (camera_.height - 1) * (i / kComparedPoints / last));
+    const cv::Point2d offset =
+        model_.unrectifyPoint(rectified) - other.model_.unrectifyPoint(rectified);
+    if (!(std::hypot(offset.x, offset.y) <= kTolerancePx)) return false;
+  }
+  return true;
 }
 
 bool CalibratedCamera::matches(const PinholeCamera& other) const {
-  const auto same = [](double a, double b) { return std::abs(a - b) <= kMatchTolerancePx; };
+  const auto same = [](double a, double b) { return std::abs(a - b) <= kTolerancePx; };
   return camera_.width == other.width && camera_.height == other.height &&
          same(camera_.fx, other.fx) && same(camera_.fy, other.fy) && same(camera_.cx, other.cx) &&
          same(camera_.cy, other.cy);
+}
+
+std::string CalibratedCamera::describe() const {
+  std::ostringstream text;
+  text.precision(10);
+  text << camera_.width << " x " << camera_.height << ", fx " << camera_.fx << ", fy " << camera_.fy
+       << ", cx " << camera_.cx << ", cy " << camera_.cy << ", ";
+  if (!is_distorted_) {
+    text << "no distortion";
+    return text.str();
+  }
+  const sensor_msgs::CameraInfo& info = model_.cameraInfo();
+  text << info.distortion_model << ", D (";
+  for (std::size_t i = 0; i < info.D.size(); ++i) text << (i > 0 ? ", " : "") << info.D[i];
+  text << ")";
+  return text.str();
 }
 
 sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera) {

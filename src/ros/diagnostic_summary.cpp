@@ -83,6 +83,7 @@ DiagnosticSummary summarize(const MonoVoState& state) {
   if (!state.camera_known) {
     return {Level::kError, "no camera_info received yet on " + state.camera_info_topic};
   }
+  if (!state.source_error.empty()) return {Level::kError, state.source_error};
   DiagnosticSummary summary = summarize(state.status.value_or(VoStatus::kInitialising));
   if (!state.status && state.images.dropped > 0) summary = {Level::kError, "no usable image"};
   summary = withDropped(std::move(summary), state.images, "images");

@@ -47,12 +47,27 @@ void ImageReceiver::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 cv::Mat ImageReceiver::rectify(const sensor_msgs::Image& image) {
+  using Verdict = SourceGuard<std::string>::Verdict;
+  const std::string source = "frame_id \"" + image.header.frame_id + "\", " +
+                             std::to_string(image.width) + " x " + std::to_string(image.height);
+  const bool is_of_other_camera = sources_.check(source) == Verdict::kOther;
   try {
-    return rectifier_.rectify(image);
+    cv::Mat rectified = rectifier_.rectify(image);
+    if (!is_of_other_camera) return rectified;
+    handlers_.on_drop("image of another camera", sourceError());
   } catch (const std::exception& error) {
     handlers_.on_drop("image refused", error.what());
-    return {};
   }
+  return {};
+}
+
+std::string ImageReceiver::sourceError() const {
+  if (sources_.alternates()) {
+    return "two cameras publish on " + imageTopic() + ": the images alternate between " +
+           sources_.current() + ", which are used, and " + sources_.other().value_or("");
+  }
+  if (!rectifier_.calibrationAlternates()) return {};
+  return "two cameras publish on " + cameraInfoTopic() + ": camera_info alternates";
 }
 
 std::optional<double> ImageReceiver::secondsSinceImage() const {

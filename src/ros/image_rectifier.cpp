@@ -7,8 +7,17 @@ namespace ground_scale_vo {
 
 void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic) {
   auto camera = std::make_shared<const CalibratedCamera>(info, topic, image_is_rectified_);
-  if (camera_ && *camera_ == *camera) return;
-  camera_ = std::move(camera);
+  switch (calibrations_.check(camera)) {
+    case decltype(calibrations_)::Verdict::kSame:
+      return;
+    case decltype(calibrations_)::Verdict::kChanged:
+      camera_ = std::move(camera);
+      return;
+    case decltype(calibrations_)::Verdict::kOther:
+      break;
+  }
+  throw MessageError("two cameras publish on " + topic + ": camera_info alternates between " +
+                     camera_->describe() + ", which is used, and " + camera->describe());
 }
 
 cv::Mat ImageRectifier::rectify(const sensor_msgs::Image& image) {

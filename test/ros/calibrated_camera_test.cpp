@@ -56,7 +56,7 @@ TEST(CalibratedCamera, UsesKUnlessItIsZero) {
   EXPECT_EQ(calibrated.camera().width, 640);
   EXPECT_EQ(calibrated.camera().height, 200);
   EXPECT_FALSE(calibrated.isDistorted());
-  EXPECT_TRUE(calibrated == CalibratedCamera(info, "/cam/info", false));
+  EXPECT_TRUE(calibrated.isSameAs(CalibratedCamera(info, "/cam/info", false)));
 }
 
 TEST(CalibratedCamera, UsesPOfARectifiedCamera) {
@@ -80,11 +80,12 @@ TEST(CalibratedCamera, IgnoresTheStereoCalibration) {
   Info info = goodInfo();
   info.P[3] = -386.1;
   info.P[7] = 2;
-  EXPECT_TRUE(CalibratedCamera(info, "/t", true) == alone);
+  EXPECT_TRUE(CalibratedCamera(info, "/t", true).isSameAs(alone));
   for (const double r : {0.0, 7.0}) {
     info.R.fill(r);
-    EXPECT_TRUE(CalibratedCamera(info, "/t", true) == alone);
-    EXPECT_TRUE(CalibratedCamera(info, "/t", false) == CalibratedCamera(goodInfo(), "/t", false));
+    EXPECT_TRUE(CalibratedCamera(info, "/t", true).isSameAs(alone));
+    EXPECT_TRUE(
+        CalibratedCamera(info, "/t", false).isSameAs(CalibratedCamera(goodInfo(), "/t", false)));
   }
 }
 
@@ -213,7 +214,8 @@ TEST(Rectification, AppliesRoiAndBinning) {
   info.roi.width = 640;
   info.roi.height = 200;
   info.roi.do_rectify = true;
-  EXPECT_TRUE(CalibratedCamera(info, "/t", false) == CalibratedCamera(goodInfo(), "/t", false));
+  EXPECT_TRUE(
+      CalibratedCamera(info, "/t", false).isSameAs(CalibratedCamera(goodInfo(), "/t", false)));
 }
 
 /// 800 x 248 with this distortion.

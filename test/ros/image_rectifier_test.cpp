@@ -40,6 +40,57 @@ TEST(ImageRectifier, ReplacesItsCameraOnlyWhenTheCalibrationChanges) {
   EXPECT_EQ(rectifier.camera()->camera().fx, 11);
 }
 
+TEST(ImageRectifier, KeepsItsCameraWhileItVariesByLessThanATenthOfAPixel) {
+  for (const double k1 : {0.0, -0.2}) {
+    sensor_msgs::CameraInfo original = info();
+    original.D[0] = k1;
+    ImageRectifier rectifier(false);
+    rectifier.setCameraInfo(original, "t");
+    const auto first = rectifier.camera();
+    for (const double difference : {1e-9, 0.05}) {
+      for (const std::size_t i : {0, 2, 4, 5}) {
+        sensor_msgs::CameraInfo nearly = original;
+        nearly.K[i] += difference;
+        rectifier.setCameraInfo(nearly, "t");
+        EXPECT_EQ(rectifier.camera(), first);
+      }
+    }
+    sensor_msgs::CameraInfo nearly = original;
+    nearly.D[0] += 1e-3;
+    rectifier.setCameraInfo(nearly, "t");
+    EXPECT_EQ(rectifier.camera(), first);
+    nearly.D[0] += 0.2;
+    rectifier.setCameraInfo(nearly, "t");
+    EXPECT_NE(rectifier.camera(), first);
+  }
+}
+
+TEST(ImageRectifier, KeepsTheFirstOfTwoCalibrationsThatAlternate) {
+  ImageRectifier rectifier(false);
+  sensor_msgs::CameraInfo other = info();
+  other.K[0] = 11;
+  rectifier.setCameraInfo(info(), "t");
+  rectifier.setCameraInfo(other, "t");
+  rectifier.setCameraInfo(info(), "t");
+  const auto first = rectifier.camera();
+  EXPECT_EQ(first->camera().fx, 10);
+  for (int i = 0; i < 3; ++i) {
+    try {
+      rectifier.setCameraInfo(other, "t");
+      FAIL() << "accepted";
+    } catch (const MessageError& error) {
+      EXPECT_STREQ(
+          error.what(),
+          "two cameras publish on t: camera_info alternates between 8 x 6, fx 10, fy 10, cx 4, "
+          "cy 3, no distortion, which is used, and 8 x 6, fx 11, fy 10, cx 4, cy 3, no "
+          "distortion");
+    }
+    EXPECT_TRUE(rectifier.calibrationAlternates());
+    rectifier.setCameraInfo(info(), "t");
+    EXPECT_EQ(rectifier.camera(), first);
+  }
+}
+
 TEST(ImageRectifier, KeepsItsCameraWhenACameraInfoIsRefused) {
   ImageRectifier rectifier(false);
   rectifier.setCameraInfo(info(), "t");
@@ -69,7 +120,7 @@ TEST(CalibratedCamera, MatchesTheSameIntrinsicsUpToRounding) {
   PinholeCamera camera = rectifier.camera()->camera();
   camera.cx += 1e-6;  // as after a conversion to float
   EXPECT_TRUE(rectifier.camera()->matches(camera));
-  camera.fx += 0.1;
+  camera.fx += 0.2;
   EXPECT_FALSE(rectifier.camera()->matches(camera));
   camera = rectifier.camera()->camera();
   camera.width = 9;

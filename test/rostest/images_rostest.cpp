@@ -328,6 +328,79 @@ TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
   }
 }
 
+// Two publishers of camera_info that differ in the last digits.
+TEST_F(Images, ACameraInfoThatVariesByLessThanATenthOfAPixelIsTheSameCamera) {
+  infos_.publish(info());
+  double stamp = 600;
+  ASSERT_TRUE(startAt(stamp));
+  ASSERT_TRUE(waitUntil([&] {
+    return publishAndWait(image(stamp += kPeriod)) && frames_.messages().back()->fx == info().K[0];
+  }));
+  const std::uint32_t sequence = frames_.messages().back()->sequence;
+  for (std::uint32_t i = 1; i <= 20; ++i) {
+    sensor_msgs::CameraInfo nearly = info();
+    nearly.K[0] += i % 2 == 0 ? 0.05 : 1e-9;
+    nearly.D[0] += i % 2 == 0 ? 1e-6 : 0;
+    infos_.publish(nearly);
+    ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
+    EXPECT_EQ(frames_.messages().back()->sequence, sequence + i);
+    EXPECT_EQ(frames_.messages().back()->fx, info().K[0]);
+  }
+}
+
+// The images of the first one are used.
+TEST_F(Images, TwoCamerasOnOneTopicAreAnError) {
+  infos_.publish(info());
+  double stamp = 700;
+  ASSERT_TRUE(startAt(stamp));
+  for (const std::uint32_t width : {kWidth, kWidth / 2}) {
+    frames_.clear();
+    for (int i = 0; i < 10; ++i) {
+      sensor_msgs::Image other = image(stamp += kPeriod);
+      if (width == kWidth) other.header.frame_id = "other_camera";
+      other.width = other.step = width;
+      other.data.resize(width * kHeight);
+      images_.publish(other);
+      ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
+    }
+    const auto frames = frames_.messages();
+    EXPECT_LE(frames.size(), 11u);  // one of the other camera, until the first one returns
+    EXPECT_EQ(frames.back()->header.frame_id, "camera");
+    EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                               "two cameras publish on /image", false));
+    EXPECT_TRUE(waitForValue("mono_vo", "dropped: image of another camera", ""));
+    // Images of one camera alone end the error.
+    for (int i = 0; i < 100; ++i) ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
+    EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
+      return status.name.find("mono_vo") != std::string::npos &&
+             status.message.find("two cameras") == std::string::npos;
+    }));
+  }
+}
+
+TEST_F(Images, TwoCalibrationsOnOneTopicAreAnError) {
+  infos_.publish(info());
+  double stamp = 800;
+  ASSERT_TRUE(startAt(stamp));
+  ASSERT_TRUE(waitUntil([&] {
+    return publishAndWait(image(stamp += kPeriod)) && frames_.messages().back()->fx == info().K[0];
+  }));
+  for (int i = 0; i < 5; ++i) {
+    sensor_msgs::CameraInfo other = info();
+    other.K[0] += 5;
+    infos_.publish(other);
+    infos_.publish(info());
+    ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
+  }
+  EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                             "two cameras publish on /camera_info"));
+  for (int i = 0; i < 100; ++i) infos_.publish(info());
+  EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
+    return status.name.find("mono_vo") != std::string::npos &&
+           status.message.find("two cameras") == std::string::npos;
+  }));
+}
+
 // Without a new camera_info, images of another size are refused until the old size is back.
 TEST_F(Images, AnotherSizeAloneIsRefused) {
   infos_.publish(info());

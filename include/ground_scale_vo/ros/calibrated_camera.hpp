@@ -31,11 +31,17 @@ class CalibratedCamera {
   /// the result is raw itself.
   cv::Mat rectify(const cv::Mat& raw) const;
 
-  /// Same calibration: both rectify every image identically.
-  bool operator==(const CalibratedCamera& other) const;
-  /// Same image size and, within 0.01 px, same intrinsics: intrinsics that another odometry has
-  /// rounded to single precision still match.
+  /// Same calibration: same image size, and both rectify an image to the same intrinsics and from
+  /// the same raw pixels, within kTolerancePx.
+  bool isSameAs(const CalibratedCamera& other) const;
+  /// Same image size and, within kTolerancePx, same intrinsics.
   bool matches(const PinholeCamera& other) const;
+  /// "640 x 480, fx 500, fy 500, cx 320, cy 240, plumb_bob, D (-0.3, 0.1, 0, 0)".
+  std::string describe() const;
+
+  /// [px] Publishers that round differently, or another odometry, describe the same camera with
+  /// differences below this. They are far below the error of a calibration.
+  static constexpr double kTolerancePx = 0.1;
 
  private:
   image_geometry::PinholeCameraModel model_;

@@ -29,6 +29,7 @@ struct MonoVoState {
   std::string camera_info_topic;
   bool camera_known = false;
   std::string camera_info_error;  ///< why the last camera_info was refused; empty: accepted
+  std::string source_error;       ///< two cameras publish on one topic; empty: one
   std::optional<VoStatus> status;
 };
 

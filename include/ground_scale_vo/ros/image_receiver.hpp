@@ -12,6 +12,7 @@
 
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
+#include "ground_scale_vo/ros/source_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 
 namespace ground_scale_vo {
@@ -43,8 +44,9 @@ class ImageReceiver {
   /// Null before the first valid camera_info. A new object if and only if the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return rectifier_.camera(); }
 
-  /// Rectified 8-bit grey; empty, after on_drop("image refused", …), for an image that cannot be
-  /// used. It may refer to the data of the message. Precondition: camera() is not null.
+  /// Rectified 8-bit grey; empty, after on_drop("image refused", …) or on_drop("image of another
+  /// camera", …), for an image that cannot be used. It may refer to the data of the message.
+  /// Precondition: camera() is not null.
   cv::Mat rectify(const sensor_msgs::Image& image);
 
   /// For images derived from the received ones.
@@ -59,6 +61,8 @@ class ImageReceiver {
   bool hasImagePublisher() const { return image_subscriber_.getNumPublishers() > 0; }
   /// Why the last camera_info was refused; empty if it was accepted.
   const std::string& cameraInfoError() const { return camera_info_error_; }
+  /// One sentence while two cameras publish on one topic, else empty.
+  std::string sourceError() const;
 
  private:
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
@@ -66,6 +70,7 @@ class ImageReceiver {
 
   const Handlers handlers_;
   ImageRectifier rectifier_;
+  SourceGuard<std::string> sources_;  ///< of the images: frame_id and size
   std::uint64_t images_received_ = 0;
   std::optional<Stopwatch> since_image_;
   std::string camera_info_error_;

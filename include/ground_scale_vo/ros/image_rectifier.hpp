@@ -10,20 +10,25 @@
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/grey_converter.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
+#include "ground_scale_vo/ros/source_guard.hpp"
 
 namespace ground_scale_vo {
 
-/// Converts the images of one camera to rectified 8-bit grey, by the latest valid camera_info.
+/// Converts the images of one camera to rectified 8-bit grey, by the latest valid camera_info. Of
+/// two calibrations that alternate, the first one is used.
 class ImageRectifier {
  public:
   /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
   explicit ImageRectifier(bool image_is_rectified) : image_is_rectified_(image_is_rectified) {}
 
-  /// Throws MessageError that names the topic; the previous calibration stays in use then.
+  /// Throws MessageError that names the topic, also for the second of two calibrations that
+  /// alternate; the previous calibration stays in use then.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
   /// Null before the first valid camera_info. A new object if and only if the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
+  /// Two calibrations alternate on the topic.
+  bool calibrationAlternates() const { return calibrations_.alternates(); }
 
   /// 8-bit grey, rectified. Refers to the message's data if nothing has to be converted. Throws
   /// MessageError: GreyConverter's reasons, or not the size of the calibration. Precondition:
@@ -33,6 +38,8 @@ class ImageRectifier {
  private:
   const bool image_is_rectified_;
   std::shared_ptr<const CalibratedCamera> camera_;
+  SourceGuard<std::shared_ptr<const CalibratedCamera>> calibrations_{
+      [](const auto& a, const auto& b) { return a->isSameAs(*b); }};
   GreyConverter grey_converter_;
 };
 

@@ -1,0 +1,69 @@
+#include "ground_scale_vo/ros/source_guard.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace ground_scale_vo {
+namespace {
+
+using Guard = SourceGuard<std::string>;
+using Verdict = Guard::Verdict;
+
+TEST(SourceGuard, AChangeOfTheSourceIsAccepted) {
+  Guard guard;
+  EXPECT_EQ(guard.check("a"), Verdict::kChanged);
+  EXPECT_EQ(guard.check("a"), Verdict::kSame);
+  EXPECT_EQ(guard.check("b"), Verdict::kChanged);
+  EXPECT_EQ(guard.current(), "b");
+  EXPECT_EQ(guard.other(), "a");
+  EXPECT_EQ(guard.check("c"), Verdict::kChanged);
+  EXPECT_EQ(guard.check("c"), Verdict::kSame);
+  EXPECT_FALSE(guard.alternates());
+}
+
+TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUse) {
+  Guard guard;
+  guard.check("a");
+  guard.check("b");
+  EXPECT_EQ(guard.check("a"), Verdict::kChanged);
+  EXPECT_FALSE(guard.alternates());
+  for (int i = 0; i < 1000; ++i) {
+    EXPECT_EQ(guard.check(i % 2 == 0 ? "b" : "c"), Verdict::kOther);
+    EXPECT_TRUE(guard.alternates());
+    EXPECT_EQ(guard.check("a"), Verdict::kSame);
+  }
+}
+
+TEST(SourceGuard, TheEndOfOneSourceEndsTheAlternation) {
+  for (const std::string left : {"a", "b"}) {
+    Guard guard;
+    for (const char* source : {"a", "b", "a", "b"}) guard.check(source);
+    EXPECT_TRUE(guard.alternates());
+    for (int i = 0; i <= Guard::kMemory; ++i) guard.check(left);
+    EXPECT_FALSE(guard.alternates());
+    EXPECT_EQ(guard.current(), left);
+  }
+}
+
+TEST(SourceGuard, MessagesThatAllDifferAreNotASecondSource) {
+  Guard guard;
+  guard.check("a");
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_EQ(guard.check(std::to_string(i)), Verdict::kChanged);
+    EXPECT_EQ(guard.check("a"), Verdict::kChanged);
+    EXPECT_FALSE(guard.alternates());
+  }
+}
+
+// The other one has been forgotten: a change that is undone later is not an alternation.
+TEST(SourceGuard, AnEarlierChangeIsForgotten) {
+  Guard guard;
+  guard.check("a");
+  for (int i = 0; i <= Guard::kMemory; ++i) guard.check("b");
+  EXPECT_EQ(guard.check("a"), Verdict::kChanged);
+  EXPECT_FALSE(guard.alternates());
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -54,6 +54,7 @@ void MonoVoNodelet::advertise(ros::NodeHandle& handle, ros::NodeHandle& private_
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("vo/odometry", kPublishQueue);
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("vo/points", 1);
   tracks_publisher_ = receiver_->transport().advertise("vo/image_tracks", 1);
+  reset_server_ = private_handle.advertiseService("reset", &MonoVoNodelet::onReset, this);
 
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
   updater_->setHardwareID("none");
@@ -61,6 +62,15 @@ void MonoVoNodelet::advertise(ros::NodeHandle& handle, ros::NodeHandle& private_
   diagnostics_timer_ =
       handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
+}
+
+bool MonoVoNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
+                            std_srvs::Trigger::Response& response) {
+  odometry_.reset();
+  status_.reset();
+  response.success = true;
+  response.message = "reset: the next image starts a new map";
+  return true;
 }
 
 void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {

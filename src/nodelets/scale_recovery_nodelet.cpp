@@ -22,7 +22,10 @@ constexpr std::uint32_t kPublishQueue = 100;
 /// [images] that wait for their frame: one second of a 30 Hz camera, longer than MonoVo takes.
 constexpr std::uint32_t kImageBuffer = 30;
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
-constexpr double kWaitingPeriod = 0.1;      // [s] wall time, between checks of waiting frames
+/// [ms] wall time to wait for tf with moving_mount, which may come later than the image.
+constexpr double kMountingWaitMs = 200;
+constexpr double kMountingPollMs = 2;
+constexpr double kWaitingPeriod = 0.1;  // [s] wall time, between checks of waiting frames
 
 double secondsBetween(const ros::Time& from, const ros::Time& to) {
   return ground_scale_vo::secondsBetween(toNanoseconds(from), toNanoseconds(to));
@@ -70,7 +73,7 @@ void ScaleRecoveryNodelet::advertise(ros::NodeHandle& handle, ros::NodeHandle& p
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("points", 1);
   ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
   ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 2);
-  reset_server_ = handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
+  reset_server_ = private_handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
 
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
   updater_->setHardwareID("none");
@@ -100,13 +103,16 @@ bool ScaleRecoveryNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
                                    std_srvs::Trigger::Response& response) {
   processReady(false);
   reset();
+  pose_origin_.moveToNextPose();
   response.success = true;
-  response.message = "reset: scale unknown, odometry at its origin";
+  response.message = "reset: scale unknown, the next metric pose is zero";
   return true;
 }
 
 void ScaleRecoveryNodelet::reset() {
   recovery_->reset();
+  pose_origin_.clear();
+  odometry_frames_.reset();  // the mounting is looked up again
   path_->clear();
   last_scale_ = ScaleEstimate();
   last_measurement_ = held_since_ = ros::Time();
@@ -124,7 +130,8 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
   }
   last_received_sequence_ = msg->sequence;
   since_frame_.emplace();
-  ReceivedFrame received{{}, msg->header};
+  ReceivedFrame received;
+  received.header = msg->header;
   try {
     received.frame = fromMsg(*msg);
   } catch (const MessageError& error) {
@@ -174,9 +181,23 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
   frame_ms_ = watch.ms();
 }
 
-const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std::string& camera_frame) {
-  if (odometry_frames_ && odometry_frames_camera_ == camera_frame) return &*odometry_frames_;
-  odometry_frames_.reset();
+Eigen::Isometry3d ScaleRecoveryNodelet::lookUpMounting(const std_msgs::Header& header) {
+  const ros::Time stamp = params_.moving_mount ? header.stamp : ros::Time(0);
+  // In wall time: the timeout of tf2 never ends while the clock of a bag is stopped.
+  const Stopwatch watch;
+  while (params_.moving_mount && watch.ms() < kMountingWaitMs &&
+         !tf_buffer_->canTransform(params_.base_frame, header.frame_id, stamp)) {
+    ros::WallDuration(1e-3 * kMountingPollMs).sleep();
+  }
+  return fromMsg(tf_buffer_->lookupTransform(params_.base_frame, header.frame_id, stamp).transform);
+}
+
+const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Header& header) {
+  const std::string& camera_frame = header.frame_id;
+  const bool is_same_camera = odometry_frames_ && odometry_frames_camera_ == camera_frame;
+  if (is_same_camera && (!params_.moving_mount || mounting_stamp_ == header.stamp)) {
+    return &*odometry_frames_;
+  }
   if (camera_frame.empty()) {
     odometry_frames_error_ = "the frame_id of the images is empty: no metric pose is published";
     drop("no frame_id", odometry_frames_error_);
@@ -186,10 +207,12 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std::string& ca
     odometry_frames_ = OdometryFrames::ofCamera(params_.odom_frame, camera_frame);
   } else {
     try {
-      const geometry_msgs::TransformStamped mounting =
-          tf_buffer_->lookupTransform(params_.base_frame, camera_frame, ros::Time(0));
-      odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame,
-                                                fromMsg(mounting.transform));
+      const Eigen::Isometry3d T_b_c = lookUpMounting(header);
+      if (is_same_camera) {
+        odometry_frames_->moveMounting(T_b_c, secondsBetween(mounting_stamp_, header.stamp));
+      } else {
+        odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
+      }
     } catch (const std::exception& error) {
       odometry_frames_error_ = "no tf transform from base_frame \"" + params_.base_frame +
                                "\" to the camera frame \"" + camera_frame +
@@ -200,15 +223,19 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std::string& ca
       return nullptr;
     }
   }
+  odometry_frames_error_.clear();
   odometry_frames_camera_ = camera_frame;
+  mounting_stamp_ = header.stamp;
   return &*odometry_frames_;
 }
 
 void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const VoFrame& frame,
                                    const cv::Mat& rectified, const std_msgs::Header& header) {
   scale_publisher_.publish(toMsg(output.scale, frame.map_id, header));
+  // From the first image on: odom is the base at the origin.
+  if (params_.moving_mount) odometryFrames(header);
   if (output.scale.status != ScaleStatus::kUnknown) {
-    if (output.pose) publishPose(*output.pose, header);
+    if (output.pose) publishPose(pose_origin_.relative(*output.pose), header);
     publishGround(output, header);
     if (points_publisher_.getNumSubscribers() > 0) {
       points_publisher_.publish(toPointCloud(frame, header, output.scale.scale));
@@ -220,7 +247,7 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
 }
 
 void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const std_msgs::Header& header) {
-  const OdometryFrames* const frames = odometryFrames(header.frame_id);
+  const OdometryFrames* const frames = odometryFrames(header);
   if (frames == nullptr) return;
 
   const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(pose, *frames, header.stamp);
@@ -293,7 +320,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   state.status = last_scale_.status;
   state.reason = last_scale_.reason;
   if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);
-  if (!odometry_frames_) state.odom_frame_error = odometry_frames_error_;
+  state.odom_frame_error = odometry_frames_error_;
   if (receiver_ && processed_ > processed_at_last_diagnosis_ &&
       processed_with_image_ == with_image_at_last_diagnosis_) {
     state.missing_image_note = imageState();

@@ -3,6 +3,7 @@
 #include <tf2_eigen/tf2_eigen.h>
 
 #include <boost/make_shared.hpp>
+#include <utility>
 
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -66,6 +67,27 @@ OdometryFrames OdometryFrames::ofBase(const std::string& odom_frame, const std::
   return frames;
 }
 
+void OdometryFrames::moveMounting(const Eigen::Isometry3d& T_b_c, double dt) {
+  const Eigen::Isometry3d T_last_now = T_c_b * T_b_c;
+  mounting_twist_c.setZero();
+  if (dt > 0) {
+    mounting_twist_c << T_last_now.linear().transpose() * T_last_now.translation() / dt,
+        rotationVector(T_last_now.linear()) / dt;
+  }
+  T_c_b = T_b_c.inverse();
+}
+
+MetricPose PoseOrigin::relative(MetricPose pose) {
+  const bool is_origin = std::exchange(waits_for_pose_, false);
+  if (is_origin) T_o_origin_ = pose.T_o_c;
+  if (!T_o_origin_) return pose;
+  const Eigen::Isometry3d T_origin_o = T_o_origin_->inverse();
+  pose.T_o_c = is_origin ? Eigen::Isometry3d::Identity() : T_origin_o * pose.T_o_c;
+  const Matrix6d J = twistTransform(T_origin_o.linear(), Eigen::Vector3d::Zero());
+  setCovariance(J, Matrix6d(pose.covariance), pose.covariance);
+  return pose;
+}
+
 nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const OdometryFrames& frames,
                                       const ros::Time& stamp) {
   const Eigen::Vector3d base_in_c = frames.T_c_b.translation();
@@ -79,7 +101,7 @@ nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const OdometryFram
                 pose.covariance, msg->pose.covariance);
 
   const Matrix6d J = twistTransform(frames.T_c_b.linear().transpose(), base_in_c);
-  const Vector6d twist_b = J * pose.twist_c;
+  const Vector6d twist_b = J * (pose.twist_c - frames.mounting_twist_c);
   msg->twist.twist = tf2::toMsg(twist_b);
   setCovariance(J, pose.twist_covariance, msg->twist.covariance);
   return msg;

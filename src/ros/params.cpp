@@ -80,6 +80,9 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   reader.declare("odom_frame", params.odom_frame, "[] fixed frame of the metric odometry");
   reader.declare("base_frame", params.base_frame,
                  "[] frame whose pose is published; empty: the frame of the images");
+  reader.declare("moving_mount", params.moving_mount,
+                 "[] look base_frame -> camera up on tf at the stamp of every image; false: once, "
+                 "and again after a reset");
   reader.declare("publish_tf", params.publish_tf, "[] broadcast odom_frame -> base_frame on tf");
   reader.declare("path_max_poses", params.path_max_poses, 2, 1000000,
                  "[poses] in path; a full path drops every second one");

@@ -3,10 +3,14 @@
 
 #include <gtest/gtest.h>
 #include <rosgraph_msgs/Log.h>
+#include <std_srvs/Trigger.h>
 #include <tf2_msgs/TFMessage.h>
+#include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
+#include <tf2_ros/transform_listener.h>
 
 #include <atomic>
+#include <cmath>
 #include <set>
 
 #include "drive_test.hpp"
@@ -211,6 +215,116 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.x, 5);
   EXPECT_TRUE(
       waitForSummaryOf("mounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK, ""));
+  EXPECT_TRUE(pair.unload());
+}
+
+bool callReset(const std::string& nodelet) {
+  std_srvs::Trigger trigger;
+  return ros::service::call(nodelet + "/reset", trigger) && trigger.response.success;
+}
+
+TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
+  NodeletPair pair(manager_, *drive_, "/reset");
+  ASSERT_TRUE(pair.load());
+  const std::size_t half = drive_->size() / 2;
+  ASSERT_TRUE(pair.play(0, half - 1));
+  EXPECT_FALSE(ros::service::exists("/reset/reset", false));  // two pairs may share a namespace
+  ASSERT_TRUE(callReset("/reset/mono_vo"));
+  ASSERT_TRUE(callReset("/reset/scale_recovery"));
+  pair.frames.clear();
+  pair.scales.clear();
+  pair.odometry.clear();
+  ASSERT_TRUE(pair.play(half, drive_->size() - 1));
+  EXPECT_EQ(pair.frames.messages().front()->sequence, 0u);
+  EXPECT_EQ(pair.scales.messages().front()->status, ScaleEstimateMsg::UNKNOWN);
+  const geometry_msgs::Point& origin = pair.odometry.messages().front()->pose.pose.position;
+  EXPECT_EQ(origin.x, 0);
+  EXPECT_EQ(origin.y, 0);
+  EXPECT_EQ(origin.z, 0);
+  const Eigen::Isometry3d T_odom_c = fromMsg(pair.odometry.messages().front()->pose.pose);
+  EXPECT_TRUE(T_odom_c.linear().isApprox(bodyFromOptical(), 1e-12));
+  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
+  EXPECT_TRUE(pair.unload());
+}
+
+// A reset of MonoVo alone is a new map, from which the metric pose continues.
+TEST_F(Graph, AResetOfMonoVoKeepsTheMetricPose) {
+  NodeletPair pair(manager_, *drive_, "/vo_reset");
+  ASSERT_TRUE(pair.load());
+  const std::size_t half = drive_->size() / 2;
+  ASSERT_TRUE(pair.play(0, half - 1));
+  const std::uint32_t map_id = pair.scales.messages().back()->map_id;
+  const double before = pair.odometry.messages().back()->pose.pose.position.x;
+  ASSERT_TRUE(callReset("/vo_reset/mono_vo"));
+  ASSERT_TRUE(pair.play(half, drive_->size() - 1));
+  EXPECT_GT(pair.scales.messages().back()->map_id, map_id);
+  EXPECT_GT(pair.odometry.messages().back()->pose.pose.position.x, before);
+  EXPECT_TRUE(pair.unload());
+}
+
+/// The camera on "turning_base" or "moving_base", yawed to the left.
+geometry_msgs::TransformStamped yawedMounting(const std::string& base_frame, double yaw) {
+  nav_msgs::Odometry yawed;
+  yawed.header.frame_id = base_frame;
+  yawed.child_frame_id = "camera";
+  yawed.pose.pose = toMsg(Eigen::Isometry3d(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) *
+                                            Eigen::Isometry3d(bodyFromOptical())));
+  return toTransformMsg(yawed);
+}
+
+TEST_F(Graph, AResetLooksTheMountingUpAgain) {
+  NodeletPair pair(manager_, *drive_, "/remounted");
+  tf2_ros::StaticTransformBroadcaster broadcaster;
+  broadcaster.sendTransform(yawedMounting("turning_base", 0));
+  pair.setParam("scale_recovery", "base_frame", std::string("turning_base"));
+  ASSERT_TRUE(pair.load());
+  const std::size_t half = drive_->size() / 2;
+  ASSERT_TRUE(pair.play(0, half - 1));
+  EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.x, 5);
+  tf2_ros::Buffer buffer;
+  const tf2_ros::TransformListener listener(buffer, handle_);
+  broadcaster.sendTransform(yawedMounting("turning_base", M_PI_2));
+  ASSERT_TRUE(waitUntil([&] {
+    return buffer.canTransform("turning_base", "camera", ros::Time(0)) &&
+           buffer.lookupTransform("turning_base", "camera", ros::Time(0)).transform ==
+               yawedMounting("turning_base", M_PI_2).transform;
+  }));
+  ASSERT_TRUE(callReset("/remounted/scale_recovery"));
+  ASSERT_TRUE(pair.play(half, drive_->size() - 1));
+  EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.y, 5);
+  EXPECT_NEAR(pair.odometry.messages().back()->twist.twist.linear.x, 0, 0.5);
+  EXPECT_TRUE(pair.unload());
+}
+
+// The camera slides forward on its base by 0.1 m per image.
+TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
+  NodeletPair pair(manager_, *drive_, "/moving");
+  pair.setParam("scale_recovery", "base_frame", std::string("moving_base"));
+  pair.setParam("scale_recovery", "moving_mount", true);
+  ASSERT_TRUE(pair.load());
+  const ros::Publisher tf = handle_.advertise<tf2_msgs::TFMessage>("/tf", 100);
+  ASSERT_TRUE(waitUntil([&] { return tf.getNumSubscribers() > 0; }));
+  for (std::size_t i = 0; i < drive_->size(); ++i) {
+    geometry_msgs::TransformStamped mount =
+        mounting("moving_base", {0.1 * static_cast<double>(i), 0, 1.65});
+    mount.header.stamp = pair.header(i).stamp;
+    tf2_msgs::TFMessage message;
+    message.transforms.push_back(mount);
+    tf.publish(message);
+    pair.publish(i);
+    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
+  }
+  ASSERT_TRUE(pair.odometry.waitForStamp(pair.header(drive_->size() - 1).stamp));
+  const auto messages = pair.odometry.messages();
+  const auto &first = *messages.front(), &last = *messages.back();
+  const double images = (last.header.stamp - first.header.stamp).toSec() / 0.1;
+  const Eigen::Vector3d base =
+      fromMsg(last.pose.pose).translation() - fromMsg(first.pose.pose).translation();
+  const auto& from = drive_->drive().frame(pair.frameAt(first.header.stamp)).T_c0_c;
+  const auto& to = drive_->drive().frame(pair.frameAt(last.header.stamp)).T_c0_c;
+  const double camera = (to.translation() - from.translation()).norm();
+  EXPECT_NEAR(base.x(), camera - 0.1 * images, kTolerance * camera);
+  EXPECT_NEAR(last.twist.twist.linear.x, 9 - 1, 0.5);
   EXPECT_TRUE(pair.unload());
 }
 

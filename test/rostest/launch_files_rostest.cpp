@@ -60,7 +60,7 @@ class Vehicle {
   }
   bool reset() {
     std_srvs::Trigger trigger;
-    return handle_.serviceClient<std_srvs::Trigger>("reset").call(trigger) &&
+    return handle_.serviceClient<std_srvs::Trigger>("scale_recovery/reset").call(trigger) &&
            trigger.response.success;
   }
   TopicRecorder<VoFrameMsg>& frames() { return frames_; }

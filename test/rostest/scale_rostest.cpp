@@ -11,6 +11,7 @@
 #include <tf2_ros/static_transform_broadcaster.h>
 
 #include <boost/make_shared.hpp>
+#include <cmath>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -128,7 +129,7 @@ class Scale : public testing::Test {
   /// Waits for the reset service, i.e. until the nodelet is loaded, and calls it. The number of
   /// subscribers does not show that: roscpp has one connection per topic and process, and the other
   /// nodelet may hold it.
-  static bool reset(const std::string& service = "reset") {
+  static bool reset(const std::string& service = "scale_recovery/reset") {
     std_srvs::Trigger trigger;
     return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kTimeout)) &&
            ros::service::call(service, trigger) && trigger.response.success;
@@ -182,7 +183,11 @@ TEST_F(Scale, TheBaseDrivesAlongXFromTheOrigin) {
   const ros::Time last = scales_.messages().back()->header.stamp;
   ASSERT_TRUE(odometry_.waitForStamp(last));
   const nav_msgs::Odometry odometry = *odometry_.messages().back();
-  const double metres = kCameraHeight * kStep * (last.toSec() - 2000) / kPeriod;
+  // SetUp has called the service: the first pose is zero.
+  const geometry_msgs::Point& origin = odometry_.messages().front()->pose.pose.position;
+  EXPECT_NEAR(std::hypot(origin.x, origin.y, origin.z), 0, 1e-12);
+  const ros::Duration driven = last - odometry_.messages().front()->header.stamp;
+  const double metres = kCameraHeight * kStep * driven.toSec() / kPeriod;
   EXPECT_NEAR(odometry.pose.pose.position.x, metres, 0.02 * metres);
   EXPECT_NEAR(odometry.pose.pose.position.y, 0, 0.02 * metres);
   EXPECT_NEAR(odometry.pose.pose.position.z, 0, 0.02 * metres);
@@ -264,7 +269,7 @@ class WithImages : public Scale {
       return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
              alone_.connected() && diagnostics_.connected();
     }));
-    ASSERT_TRUE(reset("alone/reset"));
+    ASSERT_TRUE(reset("alone/scale_recovery/reset"));
     scales_.clear();
     alone_.clear();
   }

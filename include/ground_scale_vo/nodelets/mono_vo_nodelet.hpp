@@ -5,6 +5,7 @@
 #include <nodelet/nodelet.h>
 #include <ros/ros.h>
 #include <sensor_msgs/Image.h>
+#include <std_srvs/Trigger.h>
 
 #include <cstdint>
 #include <memory>
@@ -24,6 +25,7 @@
 namespace ground_scale_vo {
 
 /// image + camera_info -> vo/frame, vo/odometry; for visualisation vo/image_tracks, vo/points.
+/// Service ~reset.
 ///
 /// Everything runs on the thread of the DedicatedSpinner. The image callback only stores the image;
 /// a posted task processes one stored image after all callbacks that wait. So the newest
@@ -43,6 +45,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void onInit() override;
   void start();
   void advertise(ros::NodeHandle& handle, ros::NodeHandle& private_handle);
+  bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void onImage(const sensor_msgs::ImageConstPtr& image);
 
   /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
@@ -65,6 +68,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   MonoVoParams params_;
 
   // Input.
+  ros::ServiceServer reset_server_;
   std::unique_ptr<ImageReceiver> receiver_;
   std::unique_ptr<BoundedQueue<sensor_msgs::ImageConstPtr>> images_;
   bool processing_scheduled_ = false;

@@ -32,7 +32,7 @@
 namespace ground_scale_vo {
 
 /// vo/frame, and image + camera_info if used -> scale, odometry, path, tf; for visualisation
-/// image_road, points, ground_points, ground_plane. Service reset.
+/// image_road, points, ground_points, ground_plane. Service ~reset.
 ///
 /// Everything runs in callbacks on the thread of the DedicatedSpinner. A frame is processed with
 /// the image of the same stamp (FrameImageSynchronizer); without an image only feature-based
@@ -64,7 +64,10 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   cv::Mat rectifiedImage(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
   void reset();
   /// The frames to publish the motion of this camera in; null while tf lacks its mounting.
-  const OdometryFrames* odometryFrames(const std::string& camera_frame);
+  const OdometryFrames* odometryFrames(const std_msgs::Header& header);
+  /// Pose of the camera in base_frame, from tf: at the stamp with moving_mount, else the latest
+  /// one. Throws tf2::TransformException.
+  Eigen::Isometry3d lookUpMounting(const std_msgs::Header& header);
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
                const std_msgs::Header& header);
   void publishPose(const MetricPose& pose, const std_msgs::Header& header);
@@ -99,7 +102,9 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<tf2_ros::TransformBroadcaster> tf_broadcaster_;
   std::optional<OdometryFrames> odometry_frames_;
   std::string odometry_frames_camera_;  ///< the camera frame they belong to
+  ros::Time mounting_stamp_;            ///< of the image for which tf was asked last
   std::string odometry_frames_error_;   ///< why the last request failed
+  PoseOrigin pose_origin_;
   std::unique_ptr<BoundedPath> path_;
   ros::Publisher odometry_publisher_, path_publisher_, scale_publisher_;
   ros::Publisher points_publisher_, ground_points_publisher_, ground_plane_publisher_;

@@ -6,6 +6,7 @@
 #include <std_msgs/Header.h>
 
 #include <Eigen/Geometry>
+#include <optional>
 #include <string>
 
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
@@ -28,12 +29,39 @@ struct OdometryFrames {
   /// o is the core's metric frame, see MetricPose.
   Eigen::Isometry3d T_odom_o = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_c_b = Eigen::Isometry3d::Identity();
+  /// Of the camera relative to the base, in camera axes: linear [m/s], then angular [rad/s].
+  Vector6d mounting_twist_c = Vector6d::Zero();
 
   /// base_frame is the camera: odom has the origin of o, x forward, y left and z up.
   static OdometryFrames ofCamera(const std::string& odom_frame, const std::string& camera_frame);
   /// odom is the frame of the base whose camera coincides with o.
   static OdometryFrames ofBase(const std::string& odom_frame, const std::string& base_frame,
                                const Eigen::Isometry3d& T_b_c);
+  /// The camera has moved on the base to T_b_c, in dt [s]. odom stays where it is.
+  void moveMounting(const Eigen::Isometry3d& T_b_c, double dt);
+};
+
+/// Moves the origin of the metric poses to the first one after a reset, which is then exactly the
+/// identity.
+class PoseOrigin {
+ public:
+  /// The next pose is the origin.
+  void moveToNextPose() {
+    T_o_origin_.reset();
+    waits_for_pose_ = true;
+  }
+  /// The origin is that of o again.
+  void clear() {
+    T_o_origin_.reset();
+    waits_for_pose_ = false;
+  }
+  /// The pose relative to the origin. The covariance of the position keeps what has accumulated
+  /// since the first frame after the reset.
+  MetricPose relative(MetricPose pose);
+
+ private:
+  bool waits_for_pose_ = false;
+  std::optional<Eigen::Isometry3d> T_o_origin_;  ///< empty: the origin is that of o
 };
 
 /// Pose of the base in odom with its covariance; twist of the base at its origin and in its axes

@@ -25,6 +25,7 @@ struct MonoVoParams {
 struct ScaleRecoveryParams {
   std::string odom_frame = "odom";
   std::string base_frame;
+  bool moving_mount = false;
   bool publish_tf = true;
   int path_max_poses = 5000;
   double path_spacing_m = 0.5;

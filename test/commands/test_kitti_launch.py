@@ -1,10 +1,14 @@
 """kitti.launch, started with roslaunch: it ends when it cannot play the bag."""
 
 import os
+import pathlib
+import re
 import signal
+import subprocess
 
+import bags
 import pytest
-from conftest import TIMEOUT_S, is_running, pid_of, roslaunch, wait_until
+from conftest import ROOT, TIMEOUT_S, is_running, pid_of, roslaunch, wait_until
 
 
 pytestmark = pytest.mark.serial
@@ -26,6 +30,24 @@ def test_continues_after_the_bag(bag, tmp_path):
     with roslaunch(log, "kitti.launch", f"bag:={bag}") as (process, master):
         wait_until(lambda: "Playback finished: 40 of 40 frames" in log.read_text(), while_runs=process)
         assert is_running(pid_of("/ground_scale_vo_manager", master))
+
+
+def test_view_follows_a_camera_of_any_name(bag, tmp_path, monkeypatch):
+    def rename(topic, message):
+        if topic.startswith("/kitti"):
+            message.header.frame_id = "front_camera"
+        return topic, message
+
+    monkeypatch.delenv("DISPLAY", raising=False)  # without it rviz ends, and the launch continues
+    log, renamed = tmp_path / "log", tmp_path / "renamed.bag"
+    bags.copy(bag, renamed, rename)
+    config = (ROOT / "rviz/ground_scale_vo.rviz").read_text()
+    target = re.search(r"Target Frame: (\S+)", config)[1]
+    with roslaunch(log, "kitti.launch", f"bag:={renamed}", "rviz:=true") as (_, master):
+        done = subprocess.run(["/usr/bin/python3", pathlib.Path(__file__).with_name("wait_for_frame.py"),
+                               target], env={**os.environ, "ROS_MASTER_URI": master}, text=True,
+                              stdout=subprocess.PIPE, timeout=TIMEOUT_S, check=True)
+    assert done.stdout.splitlines()[-1] == "odom"
 
 
 @pytest.mark.parametrize("argument, text", [

@@ -15,6 +15,9 @@
 #   $gsv_tools               the folder of the package's executables
 #   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
 #
+# In a catkin workspace whose devel space is sourced, that is used and gsv_build does nothing, unless
+# gsv_use_build was called.
+#
 # Each function prints one sentence to stderr and returns non-zero when it fails. In an install space
 # the commands are installed beside the executables, in <prefix>/lib/ground_scale_vo, so gsv_root is
 # <prefix>/lib, and gsv_build does nothing.
@@ -24,12 +27,31 @@ gsv_root=$(cd "$gsv_lib/../.." && pwd)
 gsv_installed() { [[ ! -f $gsv_root/CMakeLists.txt ]]; }
 gsv_use_build() {
   gsv_build_folder=$1
-  gsv_space=$gsv_build_folder/devel
+  gsv_space=${2:-$gsv_build_folder/devel}
   if gsv_installed; then gsv_space=$(dirname "$gsv_root"); fi
   gsv_tools=$gsv_space/lib/ground_scale_vo
 }
+# Prints the sourced devel space of the catkin workspace that contains this source tree, if any. Not
+# one in the source tree: such a build may be out of date.
+gsv_workspace() {
+  local prefix prefixes source sources
+  IFS=: read -r -a prefixes <<<"${CMAKE_PREFIX_PATH:-}"
+  for prefix in "${prefixes[@]}"; do
+    [[ -f $prefix/.catkin && -x $prefix/lib/ground_scale_vo/evaluate_bag ]] || continue
+    [[ $prefix != "$gsv_root"/* ]] || continue
+    IFS=';' read -r -a sources <"$prefix/.catkin" || true # catkin writes no newline
+    for source in "${sources[@]}"; do
+      [[ $gsv_root/ != "$source"/* ]] || { echo "$prefix" && return; }
+    done
+  done
+}
 # scripts/test sets GROUND_SCALE_VO_BUILD for the commands under test: they use its build as it is.
-gsv_use_build "${GROUND_SCALE_VO_BUILD:-$gsv_root/build}"
+if [[ ${GROUND_SCALE_VO_BUILD:-} ]]; then
+  gsv_use_build "$GROUND_SCALE_VO_BUILD"
+else
+  gsv_use_build "$gsv_root/build" "$(gsv_workspace)"
+fi
+gsv_builds_here() { [[ $gsv_space == "$gsv_build_folder/devel" ]]; }
 
 # catkin needs the system's Python, not one of pyenv or conda.
 PATH=/usr/bin:/bin:$PATH
@@ -94,7 +116,7 @@ gsv_setup() {
 }
 
 gsv_build() {
-  gsv_installed && return 0
+  gsv_builds_here || return 0
   [[ ${GROUND_SCALE_VO_BUILD:-} != "$gsv_build_folder" ]] || return 0
   gsv_source_distribution
   local build=$gsv_build_folder log=$gsv_build_folder/build.log jobs
@@ -154,7 +176,7 @@ gsv_env() {
   source "$setup"
   [[ $options != *e* ]] || set -e
   [[ $options != *u* ]] || set -u
-  gsv_installed && return 0
+  gsv_builds_here || return 0
   export ROS_HOME=$gsv_build_folder/ros ROS_LOG_DIR=$gsv_build_folder/ros/log
   mkdir -p "$ROS_LOG_DIR"
 }

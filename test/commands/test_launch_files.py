@@ -4,6 +4,8 @@ import os
 import re
 
 import pytest
+import roslaunch.config
+import roslaunch.xmlloader
 from conftest import ROOT, run
 
 LAUNCH = ROOT / "launch"
@@ -43,6 +45,18 @@ def test_resolves_to_nodes(call, height_file, usb_cam, tmp_path):
     driver.write_text('<launch><node pkg="p" type="t" name="n"/></launch>')
     file, *arguments = call.replace("HEIGHT", str(height_file)).replace("DRIVER", str(driver)).split()
     assert run("roslaunch", "--nodes", LAUNCH / file, *arguments).stdout.strip()
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_parameters_of_an_earlier_launch_are_cleared(call, height_file, usb_cam, tmp_path):
+    """A camera_height that an earlier launch has left on the master must not hide a misspelt argument."""
+    driver = tmp_path / "driver.launch"
+    driver.write_text("<launch/>")
+    file, *arguments = call.replace("HEIGHT", str(height_file)).replace("DRIVER", str(driver)).split()
+    config = roslaunch.config.ROSLaunchConfig()
+    roslaunch.xmlloader.XmlLoader().load(str(LAUNCH / file), config, argv=arguments, verbose=False)
+    nodelets = [f"{node.namespace}{node.name}/" for node in config.nodes if "ground_scale_vo/" in node.args]
+    assert nodelets and set(nodelets) <= {f"{name.rstrip('/')}/" for name in config.clear_params}
 
 
 @pytest.mark.parametrize("argument, text", [

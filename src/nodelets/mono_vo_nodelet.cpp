@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <exception>
 #include <pluginlib/class_list_macros.hpp>
+#include <utility>
 
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
+#include "ground_scale_vo/ros/frame_name.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 
 namespace ground_scale_vo {
@@ -104,7 +106,13 @@ void MonoVoNodelet::rectify(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back) {
-  const std_msgs::Header& header = image.message->header;
+  std_msgs::Header header = image.message->header;
+  header.frame_id =
+      frameName(header.frame_id, "frame_id of the images", [this](const std::string& sentence) {
+        if (!std::exchange(has_warned_of_slash_, true)) {
+          NODELET_WARN_STREAM(getName() << ": " << sentence);
+        }
+      });
   prepareOdometry(image.camera, clock_jumped_back);
   const VisualOdometry::Output output = odometry_->process(image.grey, toNanoseconds(header.stamp));
   publish(image.grey, output, header);

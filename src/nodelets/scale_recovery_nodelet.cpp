@@ -13,12 +13,14 @@
 #include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
+#include "ground_scale_vo/ros/frame_name.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 constexpr std::uint32_t kPublishQueue = 100;
+constexpr std::uint32_t kTfQueue = 100;
 /// [images] that wait for their frame: one second of a 30 Hz camera, longer than MonoVo takes.
 constexpr std::uint32_t kImageBuffer = 30;
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
@@ -56,7 +58,17 @@ void ScaleRecoveryNodelet::start() {
     tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
     tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_buffer_, handle);
   }
-  if (params_.publish_tf) tf_broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
+  if (params_.publish_tf) {
+    tf_broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
+    // The topics of tf2_ros.
+    for (const bool is_static : {false, true}) {
+      tf_subscribers_.push_back(handle.subscribe<tf2_msgs::TFMessage>(
+          is_static ? "/tf_static" : "/tf", kTfQueue,
+          [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
+            frame_parents_.add(*message, is_static, FrameParents::Clock::now());
+          }));
+    }
+  }
 
   advertise(handle, private_handle);
   if (params_.scale.refine) subscribeToImages(handle, private_handle);
@@ -125,13 +137,14 @@ void ScaleRecoveryNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
-  if (last_received_sequence_ && msg->sequence > *last_received_sequence_ + 1) {
-    missing_frames_ += msg->sequence - *last_received_sequence_ - 1;
-  }
-  last_received_sequence_ = msg->sequence;
+  sequence_check_.add(msg->sequence);
+  if (!sequence_check_.error().empty()) warn("sequence", sequence_check_.error());
   since_frame_.emplace();
   ReceivedFrame received;
   received.header = msg->header;
+  received.header.frame_id =
+      frameName(msg->header.frame_id, "frame_id of vo/frame",
+                [this](const std::string& sentence) { warn("frame_id", sentence); });
   try {
     received.frame = fromMsg(*msg);
   } catch (const MessageError& error) {
@@ -252,7 +265,12 @@ void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const std_msgs::H
 
   const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(pose, *frames, header.stamp);
   odometry_publisher_.publish(odometry);
-  if (tf_broadcaster_) tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
+  if (const std::string error = otherParentError(); !error.empty()) {
+    const std::string sentence = other_warnings_.count("tf", error);
+    if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
+  } else if (tf_broadcaster_) {
+    tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
+  }
 
   geometry_msgs::PoseStamped stamped;
   stamped.header = odometry->header;
@@ -277,6 +295,24 @@ void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output,
       ground_plane_publisher_.publish(marker);
     }
   }
+}
+
+std::string ScaleRecoveryNodelet::otherParentError() const {
+  if (!tf_broadcaster_ || !odometry_frames_) return {};
+  const std::string& child = odometry_frames_->base_frame;
+  const std::string parent =
+      frame_parents_.otherParent(child, params_.odom_frame, FrameParents::Clock::now());
+  if (parent.empty()) return {};
+  const std::string root = frame_parents_.staticRoot(child);
+  return "frame \"" + child + "\" has the parent \"" + parent + "\" on tf, so " +
+         params_.odom_frame + " -> " + child + " is not broadcast; set " +
+         (root == child ? "publish_tf to false, or stop the other publisher"
+                        : "base_frame to \"" + root + "\"");
+}
+
+void ScaleRecoveryNodelet::warn(const std::string& kind, const std::string& text) {
+  const std::string sentence = other_warnings_.count(kind, text);
+  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
 }
 
 void ScaleRecoveryNodelet::drop(const std::string& kind, const std::string& reason) {
@@ -312,7 +348,7 @@ std::string ScaleRecoveryNodelet::imageState() const {
 }
 
 void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const std::uint64_t dropped = missing_frames_ + warnings_.total("frame ");
+  const std::uint64_t dropped = sequence_check_.missing() + warnings_.total("frame ");
   ScaleRecoveryState state;
   state.frames.topic = frame_subscriber_.getTopic();
   if (since_frame_) state.frames.silent_s = since_frame_->seconds();
@@ -321,6 +357,8 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   state.reason = last_scale_.reason;
   if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);
   state.odom_frame_error = odometry_frames_error_;
+  state.tf_error = otherParentError();
+  state.sequence_error = sequence_check_.error();
   if (receiver_ && processed_ > processed_at_last_diagnosis_ &&
       processed_with_image_ == with_image_at_last_diagnosis_) {
     state.missing_image_note = imageState();
@@ -338,7 +376,7 @@ void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper
   status.add("rate [Hz]", rate_.rate(processed_));
   status.add("time of the last frame [ms]", frame_ms_);
   status.add("frames processed", processed_);
-  status.add("frames dropped, queue full", missing_frames_);
+  status.add("frames dropped, queue full", sequence_check_.missing());
   status.add("images", imageState());
   status.add("frames without an image", processed_ - processed_with_image_);
   status.add("frames with a direct measurement", refined_);

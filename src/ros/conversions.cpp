@@ -130,6 +130,9 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
 
 VoFrame fromMsg(const VoFrameMsg& msg) {
   const std::size_t size = msg.id.size();
+  if (size > kMaxFeatures) {
+    refuse("the frame has ", size, " features; at most ", kMaxFeatures, " are accepted");
+  }
   const std::pair<const char*, std::size_t> sizes[] = {{"age", msg.age.size()},
                                                        {"u", msg.u.size()},
                                                        {"v", msg.v.size()},

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/nearest_name.hpp"
+#include "ground_scale_vo/ros/frame_name.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -112,6 +113,13 @@ void ParamReader::declare(const char* name, std::string& field, const char* mean
   entries_.push_back({name, "\"" + field + "\"", "text", meaning, given != nullptr});
 }
 
+void ParamReader::declareFrame(const char* name, std::string& field, const char* meaning) {
+  declare(name, field, meaning);
+  field = frameName(field, "parameter " + fullName(name),
+                    [this](const std::string& sentence) { frame_warnings_.push_back(sentence); });
+  entries_.back().value = "\"" + field + "\"";
+}
+
 void ParamReader::require(const char* name, double& field, double min, double max,
                           const char* meaning) {
   if (find(name) == nullptr) {
@@ -133,7 +141,7 @@ std::vector<std::string> ParamReader::warnings() const {
   XmlRpcValue tree = tree_;
   if (tree.getType() == XmlRpcValue::TypeStruct) collectLeaves(tree, "", leaves);
 
-  std::vector<std::string> sentences;
+  std::vector<std::string> sentences = frame_warnings_;
   for (const std::string& leaf : leaves) {
     if (std::find(known.begin(), known.end(), leaf) != known.end()) continue;
     std::string note;

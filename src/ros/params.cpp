@@ -66,7 +66,7 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
   MonoVoParams params;
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[images] that may wait; a full queue drops the oldest");
-  reader.declare("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
+  reader.declareFrame("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
   declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
   declareOptions(reader, params.vo, kMonoVoOptions);
   params.vo.validate();
@@ -77,9 +77,9 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   ScaleRecoveryParams params;
   reader.require("camera_height", params.scale.camera_height, 0.05, 100.0,
                  "[m] height of the camera above the road");
-  reader.declare("odom_frame", params.odom_frame, "[] fixed frame of the metric odometry");
-  reader.declare("base_frame", params.base_frame,
-                 "[] frame whose pose is published; empty: the frame of the images");
+  reader.declareFrame("odom_frame", params.odom_frame, "[] fixed frame of the metric odometry");
+  reader.declareFrame("base_frame", params.base_frame,
+                      "[] frame whose pose is published; empty: the frame of the images");
   reader.declare("moving_mount", params.moving_mount,
                  "[] look base_frame -> camera up on tf at the stamp of every image; false: once, "
                  "and again after a reset");

@@ -59,6 +59,15 @@ def test_parameters_of_an_earlier_launch_are_cleared(call, height_file, usb_cam,
     assert nodelets and set(nodelets) <= {f"{name.rstrip('/')}/" for name in config.clear_params}
 
 
+@pytest.mark.parametrize("file", ["ground_scale_vo.launch", "live_camera.launch", "another_vo.launch"])
+@pytest.mark.parametrize("mounting", ["", "0,0,1,0,0,0,1"])
+def test_base_frame_has_the_same_default_everywhere(file, mounting):
+    arguments = [f"mounting:={mounting}"] if file == "live_camera.launch" else []
+    parameters = run("roslaunch", "--dump-params", LAUNCH / file, "camera_height:=1.2", *arguments).stdout
+    default = "base_link" if mounting and arguments else "''"
+    assert f"/scale_recovery/base_frame: {default}" in parameters.splitlines()
+
+
 @pytest.mark.parametrize("argument, text", [
     ("driver:=usb_cam", r"not found[^\n]*usb_cam"),
     ("driver:=realsense", "driver:=realsense: it must be none or usb_cam"),

@@ -83,6 +83,23 @@ TEST(ParamReader, FramesMustDiffer) {
   EXPECT_NE(refusal(tree).find("must differ"), std::string::npos);
 }
 
+TEST(ParamReader, RemovesTheLeadingSlashOfAFrameName) {
+  XmlRpcValue tree;
+  tree["camera_height"] = 1.65;
+  tree["odom_frame"] = "/odom";
+  tree["base_frame"] = "/base_link";
+  ParamReader reader("/scale_recovery", tree);
+  const ScaleRecoveryParams params = ScaleRecoveryParams::read(reader);
+  EXPECT_EQ(params.odom_frame, "odom");
+  EXPECT_EQ(params.base_frame, "base_link");
+  ASSERT_EQ(reader.warnings().size(), 2u);
+  EXPECT_EQ(reader.warnings()[0],
+            "parameter /scale_recovery/odom_frame is \"/odom\"; tf2 has no leading slash, \"odom\" "
+            "is used");
+  tree["base_frame"] = "odom";
+  EXPECT_NE(refusal(tree), "");  // the same frame
+}
+
 TEST(ParamReader, WarnsOfUnknownNamesWithTheMostSimilarOne) {
   XmlRpcValue tree;
   tree["camera_height"] = 1.65;

@@ -8,6 +8,7 @@
 
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
+#include "ground_scale_vo/ros/sequence_check.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 
@@ -142,6 +143,24 @@ TEST(StampFilter, PassesOnAHeldMessageWithTheOneThatConfirmsIt) {
   EXPECT_EQ(filtered(10.0, 7), Accepted());
   EXPECT_EQ(filtered(10.1, 8), (Accepted{{7, true}, {8, false}}));
   EXPECT_EQ(dropped.size(), 2u);
+}
+
+TEST(SequenceCheck, CountsMissingFramesAndReportsNumbersThatCountNothing) {
+  SequenceCheck check;
+  for (const std::uint32_t sequence : {3u, 4u, 7u}) check.add(sequence);
+  EXPECT_EQ(check.missing(), 2u);
+  check.add(0);  // a restart
+  EXPECT_EQ(check.missing(), 2u);
+  EXPECT_EQ(check.error(), "");
+  check.add(0);
+  EXPECT_NE(check.error().find("sequence is 0 in every vo/frame"), std::string::npos);
+  constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+  check.add(kMost);
+  EXPECT_EQ(check.error(),
+            "sequence of vo/frame jumps from 0 to 4294967295: it must count the images");
+  for (int i = 0; i < 3; ++i) check.add(kMost);
+  EXPECT_NE(check.error().find("sequence is 4294967295 in every"), std::string::npos);
+  EXPECT_EQ(check.missing(), 2u);
 }
 
 TEST(WarningLog, CountsAllAndPrintsTheFirst) {

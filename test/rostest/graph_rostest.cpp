@@ -328,6 +328,70 @@ TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
   EXPECT_TRUE(pair.unload());
 }
 
+// tf2 rejects it.
+TEST_F(Graph, ALeadingSlashOfAFrameNameIsRemoved) {
+  const RenderedDrive slashed(smallDrive(30), "/slashed_camera");
+  NodeletPair pair(manager_, slashed, "/slashes");
+  TopicRecorder<rosgraph_msgs::Log> log(handle_, "/rosout");
+  ASSERT_TRUE(waitUntil([&] { return log.connected(); }));
+  pair.setParam("mono_vo", "world_frame", std::string("/slashed_world"));
+  pair.setParam("scale_recovery", "odom_frame", std::string("/slashed_odom"));
+  pair.setParam("scale_recovery", "base_frame", std::string("/slashed_base"));
+  tf2_ros::StaticTransformBroadcaster broadcaster;
+  geometry_msgs::TransformStamped mount = mounting("slashed_base", {0, 0, 1.65});
+  mount.child_frame_id = "slashed_camera";
+  broadcaster.sendTransform(mount);
+  TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
+  TopicRecorder<nav_msgs::Odometry> vo_odometry(handle_, "/slashes/vo/odometry");
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(waitUntil([&] { return vo_odometry.connected() && tf.connected(); }));
+  ASSERT_TRUE(pair.playAll());
+  ASSERT_TRUE(tf.waitForCount(1));
+  ASSERT_TRUE(vo_odometry.waitForCount(1));
+  const auto& odometry = *pair.odometry.messages().back();
+  EXPECT_EQ(odometry.header.frame_id, "slashed_odom");
+  EXPECT_EQ(odometry.child_frame_id, "slashed_base");
+  EXPECT_EQ(tf.messages().back()->transforms.at(0).header.frame_id, "slashed_odom");
+  EXPECT_EQ(tf.messages().back()->transforms.at(0).child_frame_id, "slashed_base");
+  EXPECT_EQ(pair.frames.messages().back()->header.frame_id, "slashed_camera");
+  EXPECT_EQ(pair.scales.messages().back()->header.frame_id, "slashed_camera");
+  EXPECT_EQ(vo_odometry.messages().back()->header.frame_id, "slashed_world");
+  EXPECT_EQ(vo_odometry.messages().back()->child_frame_id, "slashed_camera");
+  EXPECT_TRUE(log.wait([](const auto& lines) {
+    return std::any_of(lines.begin(), lines.end(), [](const auto& line) {
+      return line->msg.find(
+                 "frame_id of the images is \"/slashed_camera\"; tf2 has no leading "
+                 "slash, \"slashed_camera\" is used") != std::string::npos;
+    });
+  }));
+  EXPECT_TRUE(pair.unload());
+}
+
+// An empty base_frame although the camera is mounted on a vehicle, on tf: odom must not become a
+// second parent of the camera.
+TEST_F(Graph, ASecondParentOfTheCameraIsDetected) {
+  tf2_ros::StaticTransformBroadcaster broadcaster;
+  geometry_msgs::TransformStamped to_mast = mounting("vehicle", {1, 0, 1});
+  to_mast.child_frame_id = "mast";
+  broadcaster.sendTransform({to_mast, mounting("mast", {0, 0, 0.65})});
+  NodeletPair pair(manager_, *drive_, "/parents");
+  TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(waitUntil([&] { return tf.connected(); }));
+  ASSERT_TRUE(pair.playAll());
+  EXPECT_TRUE(
+      waitForSummaryOf("parents/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
+                       "frame \"camera\" has the parent \"mast\" on tf, so odom -> camera is "
+                       "not broadcast; set base_frame to \"vehicle\""));
+  for (const auto& message : tf.messages()) {
+    for (const auto& transform : message->transforms) {
+      EXPECT_NE(transform.child_frame_id, "camera") << transform.header.frame_id;
+    }
+  }
+  EXPECT_FALSE(pair.odometry.messages().empty());
+  EXPECT_TRUE(pair.unload());
+}
+
 TEST_F(Graph, TwoPairsInOneManagerAreIndependent) {
   SyntheticDrive::Options options = smallDrive(50, 2.4);
   options.random_seed = 7;

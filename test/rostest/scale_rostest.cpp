@@ -12,6 +12,8 @@
 
 #include <boost/make_shared.hpp>
 #include <cmath>
+#include <limits>
+#include <numeric>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -59,6 +61,8 @@ class FlatRoad {
     return image;
   }
 
+  /// Of the frame that next() returned last.
+  ros::Time lastStamp() const { return ros::Time(start_s_ + kPeriod * (sequence_ - 1.0)); }
   /// The next frame of the odometry.
   VoFrameMsg::Ptr next() {
     VoFrame frame;
@@ -135,13 +139,8 @@ class Scale : public testing::Test {
            ros::service::call(service, trigger) && trigger.response.success;
   }
   void play(FlatRoad& road, int frames) {
-    ros::Time stamp;
-    for (int i = 0; i < frames; ++i) {
-      const VoFrameMsg::Ptr msg = road.next();
-      stamp = msg->header.stamp;
-      frames_.publish(msg);
-    }
-    ASSERT_TRUE(scales_.waitForStamp(stamp));
+    for (int i = 0; i < frames; ++i) frames_.publish(road.next());
+    ASSERT_TRUE(scales_.waitForStamp(road.lastStamp()));
   }
   static void publishMounting() {
     static tf2_ros::StaticTransformBroadcaster broadcaster;
@@ -251,6 +250,45 @@ TEST_F(Scale, MalformedMessagesAreDropped) {
   frames_.publish(repeated);
   play(road, 1);
   EXPECT_EQ(scales_.messages().size(), static_cast<std::size_t>(kFrames) + 2);
+  EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+// The field is left at its default by an odometry that does not count its images, or is constant.
+TEST_F(Scale, ASequenceThatDoesNotIncreaseIsReported) {
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
+  double start = 6100;
+  for (const std::uint32_t sequence : {0u, std::numeric_limits<std::uint32_t>::max()}) {
+    ASSERT_TRUE(reset());
+    FlatRoad road(start += 100);
+    for (int i = 0; i < kFrames; ++i) {
+      const VoFrameMsg::Ptr msg = road.next();
+      msg->sequence = sequence;
+      frames_.publish(msg);
+    }
+    play(road, 0);
+    EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK) << sequence;
+    const std::string text = "sequence is " + std::to_string(sequence) + " in every vo/frame";
+    EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery",
+                               diagnostic_msgs::DiagnosticStatus::WARN, text))
+        << sequence;
+    EXPECT_TRUE(waitForValue(diagnostics, "frames dropped, queue full", "0", "/scale_recovery"));
+  }
+}
+
+TEST_F(Scale, AFrameWithTooManyFeaturesIsRefused) {
+  FlatRoad road(6400);
+  play(road, kFrames);
+  const VoFrameMsg::Ptr large = road.next();
+  constexpr std::size_t kFeatures = 1000000;
+  large->id.resize(kFeatures);
+  std::iota(large->id.begin(), large->id.end(), std::uint64_t{0});
+  large->age.resize(kFeatures);
+  for (auto* array : {&large->u, &large->v, &large->x, &large->y, &large->z, &large->depth_sigma}) {
+    array->resize(kFeatures, 1);
+  }
+  frames_.publish(large);
+  play(road, 1);
+  EXPECT_EQ(scales_.messages().size(), static_cast<std::size_t>(kFrames) + 1);
   EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
 }
 

@@ -87,7 +87,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
   WarningLog warnings_;
-  RateMeter rate_;  ///< of processed_
+  bool has_warned_of_slash_ = false;  ///< in a frame name
+  RateMeter rate_;                    ///< of processed_
   std::uint64_t processed_ = 0;
   std::uint64_t dropped_from_queue_ = 0;
   std::uint64_t dropped_at_last_diagnosis_ = 0;

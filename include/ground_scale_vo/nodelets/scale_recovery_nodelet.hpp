@@ -14,17 +14,20 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/frame_image_synchronizer.hpp"
+#include "ground_scale_vo/ros/frame_parents.hpp"
 #include "ground_scale_vo/ros/image_receiver.hpp"
 #include "ground_scale_vo/ros/map_numbering.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
+#include "ground_scale_vo/ros/sequence_check.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
@@ -73,6 +76,10 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   void publishPose(const MetricPose& pose, const std_msgs::Header& header);
   void publishGround(const ScaleRecovery::Output& output, const std_msgs::Header& header);
 
+  /// Why the pose is not broadcast on tf, to which another parent of the frame belongs; empty: it
+  /// is.
+  std::string otherParentError() const;
+  void warn(const std::string& kind, const std::string& text);
   /// Counts a dropped message and warns about it.
   void drop(const std::string& kind, const std::string& reason);
   /// Keeps what the diagnostics report about the frame.
@@ -92,6 +99,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   ros::ServiceServer reset_server_;
   std::unique_ptr<StampFilter<ReceivedFrame>> stamp_filter_;
   MapNumbering map_numbering_;
+  SequenceCheck sequence_check_;
 
   // Scale recovery.
   std::unique_ptr<ScaleRecovery> recovery_;
@@ -100,6 +108,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
   std::unique_ptr<tf2_ros::TransformBroadcaster> tf_broadcaster_;
+  std::vector<ros::Subscriber> tf_subscribers_;
+  FrameParents frame_parents_;
   std::optional<OdometryFrames> odometry_frames_;
   std::string odometry_frames_camera_;  ///< the camera frame they belong to
   ros::Time mounting_stamp_;            ///< of the image for which tf was asked last
@@ -113,12 +123,11 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   // Diagnostics.
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
-  WarningLog warnings_;
-  RateMeter rate_;  ///< of processed_
+  WarningLog warnings_;        ///< of dropped messages
+  WarningLog other_warnings_;  ///< of messages that are used
+  RateMeter rate_;             ///< of processed_
   std::optional<Stopwatch> since_frame_;
-  std::optional<std::uint32_t> last_received_sequence_;
   std::uint64_t processed_ = 0, processed_with_image_ = 0, refined_ = 0;
-  std::uint64_t missing_frames_ = 0;  ///< gaps in the sequence numbers: dropped by a full queue
   std::uint64_t processed_at_last_diagnosis_ = 0, with_image_at_last_diagnosis_ = 0;
   std::uint64_t dropped_at_last_diagnosis_ = 0;
   bool last_frame_had_image_ = false;

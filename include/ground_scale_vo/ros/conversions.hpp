@@ -6,6 +6,7 @@
 #include <std_msgs/Header.h>
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <cstdint>
 
 #include "ground_scale_vo/ros/message_error.hpp"
@@ -24,7 +25,11 @@ ros::Time fromNanoseconds(std::int64_t stamp_ns);
 /// from x by about 1e-16.
 VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header);
 
-/// Any odometry may publish VoFrame, so the message is checked. Throws MessageError: arrays of
+/// Most features of a frame: the time of a frame grows with their number, about 0.2 s for this one.
+constexpr std::size_t kMaxFeatures = 20000;
+
+/// Any odometry may publish VoFrame, so the message is checked. Throws MessageError: more than
+/// kMaxFeatures features, arrays of
 /// different lengths, ids not in ascending order, pixels that are not finite, an invalid camera or
 /// status, an invalid pose although status is TRACKING, or an invalid map_start. A point that is
 /// not finite or not in front of the camera is dropped; its feature stays.

@@ -39,6 +39,8 @@ struct ScaleRecoveryState {
   ScaleReason reason = ScaleReason::kNone;
   double held_s = 0;               ///< time since the last measurement, without standstill [s]
   std::string odom_frame_error;    ///< why no metric pose can be published; empty: it can
+  std::string tf_error;            ///< why the pose is not broadcast on tf; empty: it is
+  std::string sequence_error;      ///< what is wrong with `sequence` of vo/frame; empty: nothing
   std::string missing_image_note;  ///< why no image was used in the last second; empty: one was
 };
 

@@ -11,9 +11,10 @@ namespace ground_scale_vo {
 /// map then gets a new id.
 class MapNumbering {
  public:
-  /// Renumbers the map of the next frame. A sequence number that does not grow means a restart.
+  /// Renumbers the map of the next frame. A smaller sequence number means a restart; the same one
+  /// is of an odometry that does not count its frames (SequenceCheck).
   void apply(VoFrame& frame) {
-    if (last_sequence_ && frame.sequence <= *last_sequence_) offset_ = last_map_id_ + 1;
+    if (last_sequence_ && frame.sequence < *last_sequence_) offset_ = last_map_id_ + 1;
     last_sequence_ = frame.sequence;
     frame.map_id += offset_;
     last_map_id_ = frame.map_id;

@@ -41,6 +41,9 @@ class ParamReader {
   void declare(const char* name, bool& field, const char* meaning);
   void declare(const char* name, std::string& field, const char* meaning);
 
+  /// The name of a tf frame, without leading slashes (frameName()); warnings() reports one.
+  void declareFrame(const char* name, std::string& field, const char* meaning);
+
   /// A number without a default: throws OptionError if it is not set.
   void require(const char* name, double& field, double min, double max, const char* meaning);
 
@@ -53,8 +56,8 @@ class ParamReader {
   /// Throws OptionError "parameter NAME <reason>" if it is set.
   void reject(const std::string& name, const std::string& reason);
 
-  /// One sentence for each parameter that is set but not declared: its note, or else the most
-  /// similar known name.
+  /// One sentence for each frame name with a slash, and for each parameter that is set but not
+  /// declared: its note, or else the most similar known name.
   std::vector<std::string> warnings() const;
 
   /// All declared parameters, in order.
@@ -73,6 +76,7 @@ class ParamReader {
   std::vector<Entry> entries_;
   std::vector<std::string> allowed_;
   std::map<std::string, std::string> notes_;
+  std::vector<std::string> frame_warnings_;
 };
 
 }  // namespace ground_scale_vo

@@ -89,6 +89,16 @@ void LocalMap::dropOldestKeyframe() {
   keyframes_.pop_front();
 }
 
+void LocalMap::removeNewestKeyframe() {
+  const std::uint32_t removed = keyframes_.back().id;
+  for (auto it = landmarks_.begin(); it != landmarks_.end();) {
+    std::vector<Observation>& observations = it->second.observations;
+    if (observations.back().keyframe == removed) observations.pop_back();
+    it = observations.empty() ? landmarks_.erase(it) : std::next(it);
+  }
+  keyframes_.pop_back();
+}
+
 /// Empty when the point is behind the anchor keyframe's camera.
 std::optional<InverseDepth> LocalMap::depthInAnchor(const Landmark& landmark,
                                                     const WorldPoint& world) const {

@@ -6,6 +6,13 @@
 #include "ground_scale_vo/common/stopwatch.hpp"
 
 namespace ground_scale_vo {
+namespace {
+
+/// Median parallax between two keyframes, as a share of that which calls for the next keyframe,
+/// below which both were taken at the same place: about the noise of a feature's position.
+constexpr double kMinParallaxShare = 0.05;
+
+}  // namespace
 
 Mapping::Mapping(const PinholeCamera& camera, const VisualOdometry::Options& options)
     : options_(options),
@@ -13,8 +20,8 @@ Mapping::Mapping(const PinholeCamera& camera, const VisualOdometry::Options& opt
       map_(options.map),
       bundle_adjustment_(options.bundle_adjustment) {}
 
-bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
-                            const std::vector<Feature>& found) const {
+std::vector<double> Mapping::parallaxToLast(const Eigen::Isometry3d& T_w_c,
+                                            const std::vector<Feature>& found) const {
   const Keyframe& last = map_.keyframes().back();
   const Eigen::Matrix3d R_c_k = T_w_c.linear().transpose() * last.T_w_c.linear();
   std::vector<double> parallax;
@@ -27,16 +34,26 @@ bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
     const Eigen::Vector3d ray = camera_.ray(feature.u);
     parallax.push_back(std::atan2(rotated.cross(ray).norm(), rotated.dot(ray)));
   }
+  return parallax;
+}
+
+bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
+                            const std::vector<Feature>& found) const {
+  const std::vector<double> parallax = parallaxToLast(T_w_c, found);
   if (parallax.empty()) return true;
   if (median(parallax) > options_.keyframe_parallax) return true;
   return static_cast<double>(parallax.size()) <
-         options_.keyframe_min_tracked * static_cast<double>(last.corners);
+         options_.keyframe_min_tracked * static_cast<double>(map_.keyframes().back().corners);
 }
 
 void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
                           const ImagePyramid& image, VisualOdometry::Times* times) {
+  if (!map_.keyframes().back().has_parallax) map_.removeNewestKeyframe();
+  const std::vector<double> parallax = parallaxToLast(T_w_c, features);
   map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image);
   map_.keyframes().back().exposure = image.exposure;
+  map_.keyframes().back().has_parallax =
+      parallax.empty() || median(parallax) > kMinParallaxShare * options_.keyframe_parallax;
   {
     ScopedTimer timer(&times->triangulate);
     map_.triangulateNew();

@@ -92,6 +92,29 @@ TEST(LocalMap, removesLandmarksThatAreNoLongerObserved) {
   EXPECT_TRUE(map.landmarks().empty());
 }
 
+TEST(LocalMap, removesItsNewestKeyframe) {
+  const auto points = farPoints();
+  LocalMap map({});
+  for (int k = 0; k < 3; ++k) {
+    map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
+    map.triangulateNew();
+  }
+  const auto before = map.landmarks();
+  auto corners = observe(points, keyframePose(3));
+  const LocalMap::Corner only_here{1'000'000, Eigen::Vector2d::Zero(), kObservationSigma};
+  corners.push_back(only_here);
+  map.addKeyframe(keyframePose(3), corners);
+  map.removeNewestKeyframe();
+  EXPECT_EQ(map.keyframes().size(), 3u);
+  EXPECT_EQ(map.find(only_here.id), nullptr);
+  ASSERT_EQ(map.landmarks().size(), before.size());
+  for (const auto& [id, landmark] : map.landmarks()) {
+    EXPECT_EQ(landmark.observations.size(), before.at(id).observations.size());
+    EXPECT_EQ(landmark.depth.has_value(), before.at(id).depth.has_value());
+  }
+  EXPECT_EQ(map.addKeyframe(keyframePose(3), corners), 3u);
+}
+
 TEST(LocalMap, removesWrongObservations) {
   const auto points = farPoints();
   LocalMap map({});

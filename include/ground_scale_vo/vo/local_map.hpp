@@ -17,9 +17,10 @@ namespace ground_scale_vo {
 struct Keyframe {
   std::uint32_t id = 0;                                     ///< consecutive within a map, from 0
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
-  cv::Mat image;            ///< 8-bit grey, reference for patch alignment; may be empty
-  double exposure = 1;      ///< of the image, relative to the map's first
-  std::size_t corners = 0;  ///< number observed when it was added
+  cv::Mat image;             ///< 8-bit grey, reference for patch alignment; may be empty
+  double exposure = 1;       ///< of the image, relative to the map's first
+  std::size_t corners = 0;   ///< number observed when it was added
+  bool has_parallax = true;  ///< to the keyframe before it
 };
 
 struct Observation {
@@ -78,6 +79,10 @@ class LocalMap {
   /// is shared, not copied. Drops the oldest keyframe when there are too many. Returns the new id.
   std::uint32_t addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Corner>& corners,
                             const cv::Mat& image = {});
+
+  /// Removes the newest keyframe, its observations, and the landmarks that no other keyframe
+  /// observes. Precondition: there is another keyframe.
+  void removeNewestKeyframe();
 
   /// Triangulates the landmarks without depth. A landmark receives a depth if it is accurate enough
   /// and consistent with all observations.

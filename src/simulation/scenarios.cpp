@@ -323,6 +323,17 @@ std::vector<Scenario> startsAndLosses() {
               o.lead_time = 0.3;
             })
           .threshold(&ScenarioThresholds::max_displacement_sigmas, 2),
+      Entry("stop_after_8_m", "pulls up after 8 m at walking pace behind and beside cars", 78,
+            [](Options& o) {
+              setSmallCamera(o);
+              o.speeds = {{0, 0.5}, {3, 1.8}, {5, 1.8}, {6.5, 0}};
+              o.speed = 1.8;
+              o.cars_beside = 3;
+              o.lead_gap = 5;
+              o.lead_time = 0.3;
+            })
+          .threshold(&ScenarioThresholds::max_displacement_sigmas, 2)
+          .unobservableFrames(68, 77),
       Entry("black_1s", "a second of black images at 10 m/s in a curve", 80,
             [](Options& o) { setSlowingDown(o, 10); })
           .blackFrames(42, 10),

@@ -41,7 +41,7 @@ class PlaneFit {
   /// Lengths ending in _heights are in camera heights.
   struct Options {
     Method method = Method::kInverseDepth;
-    int min_points = 12;
+    int min_points = 14;
     double sac_threshold_heights = 0.04;
     double sac_tilt_rad = 0.087;
     int sac_iterations = 100;

@@ -51,7 +51,7 @@ class VisualOdometry {
     double feature_sigma_flow = 0.028;
     double feature_sigma_aligned = 0.00025;
     double keyframe_parallax = 0.035;
-    double keyframe_min_tracked = 0.5;
+    double keyframe_min_tracked = 0.6;
     double standstill_flow = 0.0003;
     double max_epipolar_error = 0.0028;
     double max_reprojection_error = 0.003;

@@ -81,7 +81,10 @@ void ScaleRecoveryNodelet::start() {
 void ScaleRecoveryNodelet::advertise(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kPublishQueue);
   scale_publisher_ = handle.advertise<ScaleEstimateMsg>("scale", kPublishQueue);
-  path_publisher_ = handle.advertise<nav_msgs::Path>("path", 1);
+  // Latched. It is published while it has subscribers, so a new one gets the current path.
+  path_publisher_ = handle.advertise<nav_msgs::Path>(
+      "path", 1, [this](const ros::SingleSubscriberPublisher&) { publishPath(); },
+      ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("points", 1);
   ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
   ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 2);
@@ -126,6 +129,7 @@ void ScaleRecoveryNodelet::reset() {
   pose_origin_.clear();
   odometry_frames_.reset();  // the mounting is looked up again
   path_->clear();
+  publishPath();
   last_scale_ = ScaleEstimate();
   last_measurement_ = held_since_ = ros::Time();
   distance_m_ = 0;
@@ -275,12 +279,15 @@ void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const std_msgs::H
   geometry_msgs::PoseStamped stamped;
   stamped.header = odometry->header;
   stamped.pose = odometry->pose.pose;
-  if (path_->add(stamped) && path_publisher_.getNumSubscribers() > 0) {
-    auto path = boost::make_shared<nav_msgs::Path>();
-    path->header = odometry->header;
-    path->poses = path_->poses();
-    path_publisher_.publish(path);
-  }
+  if (path_->add(stamped) && path_publisher_.getNumSubscribers() > 0) publishPath();
+}
+
+void ScaleRecoveryNodelet::publishPath() {
+  auto path = boost::make_shared<nav_msgs::Path>();
+  path->header.frame_id = params_.odom_frame;
+  path->poses = path_->poses();
+  path->header.stamp = path->poses.empty() ? last_stamp_ : path->poses.back().header.stamp;
+  path_publisher_.publish(path);
 }
 
 void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output,

@@ -7,9 +7,14 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/scale/pose_covariance.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+/// First element of a covariance without an estimate, as sensor_msgs/Imu defines it; nav_msgs and
+/// geometry_msgs define none.
+constexpr double kUnknown = -1;
 
 /// Transforms a twist or small motion (linear, angular) of a rigid body to other axes, rotated by
 /// R, and to another point of the body, at `lever` from the old one in the old axes: v' = R (v + w
@@ -39,6 +44,14 @@ nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Head
   msg->header.frame_id = world_frame;
   msg->child_frame_id = image_header.frame_id;
   msg->pose.pose = tf2::toMsg(frame.T_w_c);
+  const Matrix6d covariance_c = poseCovariance(frame, 1);
+  if (covariance_c.isZero(0)) {
+    msg->pose.covariance[0] = kUnknown;
+  } else {
+    setCovariance(twistTransform(frame.T_w_c.linear(), Eigen::Vector3d::Zero()), covariance_c,
+                  msg->pose.covariance);
+  }
+  msg->twist.covariance[0] = kUnknown;
   return msg;
 }
 

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/scale/pose_covariance.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -300,6 +301,38 @@ TEST(Odometry, ACameraThatDrivesForwardMovesAlongX) {
   EXPECT_NEAR(covariance(1, 1), 1, 1e-12);
   EXPECT_NEAR(covariance(2, 2), 2, 1e-12);
   EXPECT_NEAR(covariance(3, 3), 6, 1e-12);
+}
+
+TEST(Odometry, UpToScaleHasTheCovarianceOfThePoseAndNoTwist) {
+  VoFrame frame;
+  frame.camera.width = 640;
+  frame.camera.height = 480;
+  frame.camera.fx = frame.camera.fy = 500;
+  frame.camera.cx = 320;
+  frame.camera.cy = 240;
+  frame.status = VoStatus::kTracking;
+  frame.T_w_c = isometry({0, 0.5, 0}, {1, 2, 3});
+  std_msgs::Header header;
+  header.frame_id = "camera";
+  // Unknown: too few points.
+  EXPECT_EQ(toOdometryMsg(frame, header, "vo_world")->pose.covariance[0], -1);
+  for (int i = 0; i < 100; ++i) {
+    TrackedFeature feature;
+    feature.id = static_cast<std::uint64_t>(i);
+    const Eigen::Vector3d p(i % 10 - 4.5, i / 10 - 4.5, 10 + i % 7);
+    feature.u = (frame.camera.project(p) + Eigen::Vector2d(i % 3 - 1, i % 2)).cast<float>();
+    feature.has_point = true;
+    feature.p_c = p.cast<float>();
+    feature.depth_sigma = 0.1F;
+    frame.features.push_back(feature);
+  }
+  const auto odometry = toOdometryMsg(frame, header, "vo_world");
+  const Covariance covariance(odometry->pose.covariance.data());
+  Matrix6d R = Matrix6d::Zero();
+  R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = frame.T_w_c.linear();
+  EXPECT_TRUE(covariance.isApprox(R * poseCovariance(frame, 1) * R.transpose(), 1e-9));
+  EXPECT_GT(covariance(0, 0), 0);
+  EXPECT_EQ(odometry->twist.covariance[0], -1);
 }
 
 TEST(Odometry, ABaseStartsAtTheOriginOfOdom) {

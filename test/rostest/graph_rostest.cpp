@@ -2,6 +2,7 @@
 // manager, on a rendered drive with ground truth.
 
 #include <gtest/gtest.h>
+#include <nav_msgs/Path.h>
 #include <rosgraph_msgs/Log.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_msgs/TFMessage.h>
@@ -389,6 +390,24 @@ TEST_F(Graph, ASecondParentOfTheCameraIsDetected) {
     }
   }
   EXPECT_FALSE(pair.odometry.messages().empty());
+  EXPECT_TRUE(pair.unload());
+}
+
+TEST_F(Graph, ALateSubscriberGetsTheWholePath) {
+  NodeletPair pair(manager_, *drive_, "/late");
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(pair.playAll());
+  for (int subscriber = 0; subscriber < 2; ++subscriber) {
+    TopicRecorder<nav_msgs::Path> path(handle_, "/late/path");
+    ASSERT_TRUE(path.wait([&](const auto& paths) {
+      return !paths.empty() && paths.back()->poses.size() > 10;
+    })) << subscriber;
+    EXPECT_EQ(path.messages().back()->header.frame_id, "odom");
+  }
+  TopicRecorder<nav_msgs::Path> path(handle_, "/late/path");
+  ASSERT_TRUE(callReset("/late/scale_recovery"));
+  EXPECT_TRUE(
+      path.wait([](const auto& paths) { return !paths.empty() && paths.back()->poses.empty(); }));
   EXPECT_TRUE(pair.unload());
 }
 

@@ -95,6 +95,11 @@ TEST(TwoVehicles, BothPairsRunIndependently) {
   EXPECT_TRUE(second.reset());
 }
 
+TEST(Standalone, BothNodeletsRunWithoutAManager) {
+  Vehicle alone("alone");
+  EXPECT_TRUE(alone.waitForScale());
+}
+
 TEST(LiveCamera, TakesTheHeightFile) {
   Vehicle live("live");
   EXPECT_TRUE(live.waitForScale());

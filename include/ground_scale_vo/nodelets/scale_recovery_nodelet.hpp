@@ -74,6 +74,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
                const std_msgs::Header& header);
   void publishPose(const MetricPose& pose, const std_msgs::Header& header);
+  void publishPath();
   void publishGround(const ScaleRecovery::Output& output, const std_msgs::Header& header);
 
   /// Why the pose is not broadcast on tf, to which another parent of the frame belongs; empty: it

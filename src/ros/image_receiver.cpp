@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/ros/compressed_image.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -20,6 +21,12 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
           handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this)) {
   const image_transport::TransportHints hints("raw", ros::TransportHints().tcpNoDelay(),
                                               private_handle);
+  if (hints.getTransport() == "compressed") {
+    compressed_subscriber_ =
+        handle.subscribe(handle.resolveName("image") + "/compressed", options.image_queue_size,
+                         &ImageReceiver::onCompressedImage, this, hints.getRosHints());
+    return;
+  }
   try {
     image_subscriber_ = transport_.subscribe("image", options.image_queue_size,
                                              &ImageReceiver::onImage, this, hints);
@@ -38,6 +45,16 @@ void ImageReceiver::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
     return handlers_.on_drop("camera_info refused", camera_info_error_);
   }
   handlers_.on_camera();
+}
+
+void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
+  sensor_msgs::ImageConstPtr image;
+  try {
+    image = decode(*compressed);
+  } catch (const MessageError& error) {
+    return handlers_.on_drop("image refused", error.what());
+  }
+  onImage(image);
 }
 
 void ImageReceiver::onImage(const sensor_msgs::ImageConstPtr& image) {

@@ -1,6 +1,5 @@
 #include "ground_scale_vo/ros_tools/bag_drive.hpp"
 
-#include <cv_bridge/cv_bridge.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
 #include <sensor_msgs/CompressedImage.h>
@@ -16,6 +15,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/ros/compressed_image.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
@@ -108,16 +108,12 @@ class BagRunner {
       if (verdict == Verdict::kDrop || verdict == Verdict::kHold) {
         throw MessageError(guard_.reason());
       }
-      if (!image) image = cv_bridge::toCvCopy(compressed)->toImageMsg();
+      if (!image) image = decode(*compressed);
       const cv::Mat rectified = rectifier_.rectify(*image);
       if (!run_) run_ = std::make_unique<OfflineRun>(rectifier_.camera()->camera(), options_);
       return &run_->process(rectified, toNanoseconds(header.stamp));
     } catch (const MessageError& error) {
       reject(error.what());
-    } catch (const cv::Exception&) {
-      reject("its compressed data cannot be decoded");
-    } catch (const cv_bridge::Exception&) {
-      reject("its compressed data cannot be decoded");
     }
     return nullptr;
   }

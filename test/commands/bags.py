@@ -1,17 +1,21 @@
 """Writes bags for the command tests: damaged ones, and one with GPS fixes."""
 
+import io
 import math
 import random
 
+import PIL.Image
 import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped
-from sensor_msgs.msg import NavSatFix
+from sensor_msgs.msg import CompressedImage, NavSatFix
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 IMAGE = "/kitti/camera_gray_left/image_rect"
 INFO = "/kitti/camera_gray_left/camera_info"
+
+COMPRESSED = "/camera/image_raw/compressed"
 
 LATITUDE_DEG, LONGITUDE_DEG = 49.0, 8.0
 NORTH_M, EAST_M = 111200.5, 73172.0  # of one degree there (WGS84)
@@ -128,6 +132,21 @@ def kitti2bag(layout, source, file):
         mounting.header.frame_id, mounting.child_frame_id = "imu_link", "camera_gray_left"
         mounting.transform.rotation.w = 1
         bag.write("/tf_static", TFMessage([mounting]), rospy.Time.from_sec(bag.get_start_time()))
+
+
+def compress(source, file):
+    """The bag with colour JPEG images on COMPRESSED only."""
+    def change(topic, message):
+        if topic != IMAGE:
+            return topic, message
+        compressed = CompressedImage(header=message.header, format="rgb8; jpeg compressed bgr8")
+        grey = PIL.Image.frombytes("L", (message.width, message.height), message.data)
+        buffer = io.BytesIO()
+        grey.convert("RGB").save(buffer, "JPEG", quality=95)
+        compressed.data = buffer.getvalue()
+        return COMPRESSED, compressed
+
+    copy(source, file, change)
 
 
 def add_fixes(bag_file, poses_file):

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+import bags
 from bags import IMAGE
 from conftest import SCRIPTS, assert_refused, run, tool
 
@@ -31,6 +32,15 @@ def test_bag_with_fixes_replaces_a_file(low_bag, height_file):
     height_file.write_text("camera_height: 1\n")
     done = run(HEIGHT_FROM_DRIVE, "--bag", low_bag, *GPS, "/fix", "--out", height_file, "--force")
     assert "From the fixes on /fix" in done.stdout + done.stderr
+    assert_height(height_file)
+
+
+@pytest.mark.parametrize("topic", [bags.COMPRESSED, bags.COMPRESSED.replace("/compressed", "")])
+def test_compressed_images(low_bag, height_file, topic):
+    compressed = height_file.with_suffix(".bag")
+    bags.compress(low_bag, compressed)
+    run(HEIGHT_FROM_DRIVE, "--bag", compressed, "--image", topic, "--camera-info", bags.INFO, "--gps",
+        "/fix", "--out", height_file)
     assert_height(height_file)
 
 

@@ -106,6 +106,15 @@ def test_no_such_topic(bag, tmp_path):
 
 
 @pytest.mark.serial
+def test_compressed_images(bag, tmp_path):
+    played = tmp_path / "short.bag"
+    bags.compress(bag, played)
+    assert_plays(DEMO, tmp_path, "--bag", played, "--image", bags.COMPRESSED)
+    metrics = json.loads((tmp_path / "short/metrics.json").read_text())
+    assert abs(metrics["rle_percent"]) < 5
+
+
+@pytest.mark.serial
 def test_missing_tf(bag, tmp_path):
     done = run(DEMO, "--bag", bag, "--out", tmp_path, "--base-frame", "base_link", check=False)
     assert done.returncode == 1

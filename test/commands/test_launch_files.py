@@ -19,6 +19,7 @@ live_camera.launch camera_height:=1.2 driver:=usb_cam calibration:=file:///x mou
 two_vehicles.launch first_height:=1.2 second_height:=1.65
 two_vehicles.launch first_height:=1.2 second_height:=1.65 use_base_link:=true
 another_vo.launch camera_height:=1.2 image:=camera/image_rect
+another_vo.launch camera_height:=1.2 image:=camera/image_rect/compressed
 another_vo.launch height_file:=HEIGHT image:=
 """.strip().splitlines()
 

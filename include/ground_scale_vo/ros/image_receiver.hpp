@@ -3,6 +3,7 @@
 #include <image_transport/image_transport.h>
 #include <ros/node_handle.h>
 #include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 
 #include <cstdint>
@@ -34,8 +35,8 @@ class ImageReceiver {
     std::function<void(const std::string& kind, const std::string& reason)> on_drop;
   };
 
-  /// private_handle: its parameter image_transport names the transport. Throws OptionError when
-  /// that is not installed.
+  /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
+  /// here; any other one but `raw` needs its plugin. Throws OptionError when that is missing.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);
   ImageReceiver(const ImageReceiver&) = delete;
@@ -56,9 +57,14 @@ class ImageReceiver {
   std::uint64_t imagesReceived() const { return images_received_; }
   /// Wall time since the last image [s]; empty before the first.
   std::optional<double> secondsSinceImage() const;
-  std::string imageTopic() const { return image_subscriber_.getTopic(); }
+  std::string imageTopic() const {
+    return compressed_subscriber_ ? compressed_subscriber_.getTopic()
+                                  : image_subscriber_.getTopic();
+  }
   std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
-  bool hasImagePublisher() const { return image_subscriber_.getNumPublishers() > 0; }
+  bool hasImagePublisher() const {
+    return image_subscriber_.getNumPublishers() + compressed_subscriber_.getNumPublishers() > 0;
+  }
   /// Why the last camera_info was refused; empty if it was accepted.
   const std::string& cameraInfoError() const { return camera_info_error_; }
   /// One sentence while two cameras publish on one topic, else empty.
@@ -66,6 +72,7 @@ class ImageReceiver {
 
  private:
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
 
   const Handlers handlers_;
@@ -78,6 +85,7 @@ class ImageReceiver {
   image_transport::ImageTransport transport_;
   ros::Subscriber camera_info_subscriber_;
   image_transport::Subscriber image_subscriber_;
+  ros::Subscriber compressed_subscriber_;  ///< used instead with the transport `compressed`
 };
 
 }  // namespace ground_scale_vo

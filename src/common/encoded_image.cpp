@@ -1,0 +1,51 @@
+#include "ground_scale_vo/common/encoded_image.hpp"
+
+#include <cstddef>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr std::string_view kPngBegin = "\x89PNG", kJpegBegin = "\xff\xd8", kJpegEnd = "\xff\xd9";
+constexpr std::string_view kPngEnd("\0\0\0\0IEND\xae\x42\x60\x82", 12);
+
+bool begins(std::string_view bytes, std::string_view mark) {
+  return bytes.substr(0, mark.size()) == mark;
+}
+bool ends(std::string_view bytes, std::string_view mark) {
+  return bytes.size() >= mark.size() && bytes.substr(bytes.size() - mark.size()) == mark;
+}
+
+}  // namespace
+
+bool isCompleteImage(std::string_view bytes) {
+  while (!bytes.empty() && bytes.back() == '\0') bytes.remove_suffix(1);
+  return (begins(bytes, kPngBegin) && ends(bytes, kPngEnd)) ||
+         (begins(bytes, kJpegBegin) && ends(bytes, kJpegEnd));
+}
+
+ImageSize encodedSize(std::string_view bytes) {
+  const auto number = [&](std::size_t at, std::size_t length) {
+    std::int64_t value = 0;
+    for (std::size_t k = at; k < at + length; ++k) {
+      value = value << 8 | static_cast<unsigned char>(bytes[k]);
+    }
+    return value;
+  };
+  constexpr std::size_t kPngSize = 16;
+  if (begins(bytes, kPngBegin)) {
+    if (bytes.size() < kPngSize + 8) return {};
+    return {number(kPngSize, 4), number(kPngSize + 4, 4)};
+  }
+  // JPEG: segments of a marker, a length and that many bytes; the size is in the frame header
+  // (SOF).
+  for (std::size_t at = 2; at + 9 <= bytes.size() && bytes[at] == '\xff';) {
+    const std::int64_t marker = number(at + 1, 1);
+    const bool is_frame =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (is_frame) return {number(at + 7, 2), number(at + 5, 2)};
+    at += marker == 0xff ? 1 : 2 + static_cast<std::size_t>(number(at + 2, 2));
+  }
+  return {};
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,39 @@
+#include "ground_scale_vo/common/encoded_image.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace ground_scale_vo {
+namespace {
+
+using namespace std::string_literals;
+
+// Only marks and headers; nothing decodes the pixels.
+const std::string kPng =
+    "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x01\x02\0\0\0\x03"s + "\0\0\0\0IEND\xae\x42\x60\x82"s;
+const std::string kJpeg = "\xff\xd8\xff\xe0\0\x04JF\xff\xc0\0\x0b\x08\0\x03\x01\x02\x01\xff\xd9"s;
+
+TEST(EncodedImage, IsCompleteWithItsEndMark) {
+  for (const std::string& image : {kPng, kJpeg}) {
+    EXPECT_TRUE(isCompleteImage(image));
+    EXPECT_TRUE(isCompleteImage(image + "\0\0\0"s)) << "padded, as by MJPEG cameras";
+    EXPECT_FALSE(isCompleteImage(image.substr(0, image.size() - 1)));
+    EXPECT_FALSE(isCompleteImage(image.substr(1)));
+  }
+  EXPECT_FALSE(isCompleteImage(""));
+  EXPECT_FALSE(isCompleteImage("\0\0"s));
+}
+
+TEST(EncodedImage, HasTheSizeOfItsHeader) {
+  for (const std::string& image : {kPng, kJpeg}) {
+    EXPECT_EQ(encodedSize(image).width, 258);
+    EXPECT_EQ(encodedSize(image).height, 3);
+    for (std::size_t length = 0; length < image.size(); ++length)
+      encodedSize(image.substr(0, length));
+  }
+  EXPECT_EQ(encodedSize("\xff\xd8\xff").width, 0);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

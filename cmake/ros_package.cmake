@@ -2,6 +2,7 @@
 
 find_package(catkin REQUIRED COMPONENTS
   cv_bridge
+  diagnostic_msgs
   diagnostic_updater
   geometry_msgs
   image_geometry
@@ -29,7 +30,7 @@ catkin_package(
   INCLUDE_DIRS include
   LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_nodelets
   CATKIN_DEPENDS
-    cv_bridge diagnostic_updater geometry_msgs image_geometry image_transport
+    cv_bridge diagnostic_msgs diagnostic_updater geometry_msgs image_geometry image_transport
     message_runtime nav_msgs nodelet pluginlib roscpp sensor_msgs std_msgs std_srvs tf2
     tf2_eigen tf2_msgs tf2_ros visualization_msgs
   DEPENDS EIGEN3 OpenCV

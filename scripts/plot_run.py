@@ -107,14 +107,15 @@ def draw_status(axes, edges, scale):
                              label=f"{name}: {len(chosen)} frames")
 
 
-def draw_scale(file, scale, distance, camera_height, title, pdf):
-    """As the paper's Fig. 3, over the distance travelled [m]: the unfiltered camera height,
+def draw_scale(file, scale, camera_height, title, pdf):
+    """As the paper's Fig. 3, over time: the unfiltered camera height,
     converted to metres with the filtered scale (camera_height * scale / raw_scale), the +-2 sigma
     band of the filter around the given height, and the distribution of the unfiltered heights;
     below, the scale and its status."""
     figure, grid = plt.subplots(2, 2, figsize=(10, 7), sharey="row", sharex="col",
                                 gridspec_kw={"width_ratios": [4, 1], "hspace": 0.22,
                                              "wspace": 0.05})
+    time = scale["stamp"] - scale["stamp"][0]
     known = scale["status"] != "unknown"
     measured = known & (scale["raw_scale"] > 0)
     filtered = np.where(known, scale["scale"], np.nan)
@@ -123,8 +124,8 @@ def draw_scale(file, scale, distance, camera_height, title, pdf):
 
     axes = grid[0, 0]
     relative = 2 * sigma / np.where(known, scale["scale"], np.nan)
-    axes.plot(distance[measured], heights, ".", color=RAW, markersize=3, label="unfiltered")
-    axes.fill_between(distance, camera_height * (1 - relative), camera_height * (1 + relative),
+    axes.plot(time[measured], heights, ".", color=RAW, markersize=3, label="unfiltered")
+    axes.fill_between(time, camera_height * (1 - relative), camera_height * (1 + relative),
                       color=ESTIMATE, alpha=0.25, linewidth=0, label=r"filtered, $\pm 2\sigma$")
     axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given: {camera_height:g} m")
     axes.set(ylabel="camera height [m]")
@@ -149,16 +150,16 @@ def draw_scale(file, scale, distance, camera_height, title, pdf):
     axes.tick_params(labelbottom=True)
 
     axes = grid[1, 0]
-    axes.plot(distance[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
+    axes.plot(time[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
               label="unfiltered")
-    axes.plot(distance, filtered, color=ESTIMATE, label="filtered")
-    axes.fill_between(distance, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
+    axes.plot(time, filtered, color=ESTIMATE, label="filtered")
+    axes.fill_between(time, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
                       alpha=0.25, linewidth=0, label=r"$\pm 2\sigma$")
     for number, change in enumerate(np.flatnonzero(np.diff(scale["map_id"]))):
-        axes.axvline(distance[change], color="black", linewidth=0.8, linestyle=":",
+        axes.axvline(time[change], color="black", linewidth=0.8, linestyle=":",
                      label="" if number else "new map")
-    draw_status(axes, np.append(distance, distance[-1]), scale)
-    axes.set(xlabel="distance travelled [m]", ylabel="scale [m per unit of the odometry]")
+    draw_status(axes, np.append(time, time[-1]), scale)
+    axes.set(xlabel="time [s]", ylabel="scale [m per unit of the odometry]")
     if np.any(known):
         # Limits from percentiles: the band is wide in the first frames of a map.
         lower, upper = filtered - 2 * sigma, filtered + 2 * sigma
@@ -173,7 +174,7 @@ def draw_scale(file, scale, distance, camera_height, title, pdf):
     grid[1, 1].axis("off")
     for axes in (grid[0, 0], grid[0, 1], grid[1, 0]):
         axes.grid(True, linewidth=0.4)
-    grid[1, 0].set_xlim(0, max(distance[-1], 1.0))
+    grid[1, 0].set_xlim(0, max(time[-1], 1.0))
     save(figure, file, pdf)
 
 
@@ -186,6 +187,7 @@ def draw_timing(file, timing, title, pdf):
                  widths=0.6, medianprops={"color": TARGET})
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(matplotlib.ticker.LogFormatter())
     axes.set_yticks(range(1, len(stages) + 1))
     axes.set_yticklabels([name.replace("_", " ") for name, _, _ in stages], fontsize="small")
     axes.invert_yaxis()
@@ -194,11 +196,11 @@ def draw_timing(file, timing, title, pdf):
     right_axis = axes.twinx()
     right_axis.set_ylim(axes.get_ylim())
     right_axis.set_yticks(axes.get_yticks())
-    right_axis.set_yticklabels([f"{np.median(ran):8.3f} {100 * len(ran) / frames:5.0f} %"
+    right_axis.set_yticklabels([f"{np.median(ran):11.3f} {100 * len(ran) / frames:5.0f} %"
                                 for _, ran, frames in stages], fontsize="small", family="monospace")
     right_axis.tick_params(length=0)
     axes.set_title(title, loc="left", fontsize="medium")
-    axes.text(1.01, 1.01, f"{'median':>8} {'frames':>7}", transform=axes.transAxes,
+    axes.text(1.01, 1.01, f"{'median [ms]':>11} {'frames':>7}", transform=axes.transAxes,
               fontsize="small", family="monospace")
     save(figure, file, pdf)
 
@@ -246,9 +248,8 @@ def draw(folder, pdf):
         title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
                   f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")
     draw_trajectory(folder / "trajectory", estimate, ground_truth, title, pdf)
-    steps = np.linalg.norm(np.diff(estimate, axis=0), axis=1)
-    draw_scale(folder / "scale", read_table(folder / "scale.csv"),
-               np.concatenate([[0.0], np.cumsum(steps)]), metrics["camera_height_m"], name, pdf)
+    draw_scale(folder / "scale", read_table(folder / "scale.csv"), metrics["camera_height_m"], name,
+               pdf)
     if (folder / "timing.csv").exists():
         draw_timing(folder / "timing", read_table(folder / "timing.csv"), name, pdf)
     if has_ground_truth:

@@ -52,9 +52,12 @@ double voTime(const RunFrame& frame) { return frame.vo_times.total; }
 double scaleTime(const RunFrame& frame) { return frame.scale_times.total; }
 double totalTime(const RunFrame& frame) { return voTime(frame) + scaleTime(frame); }
 
+/// Times of the frames for which they are known [ms].
 std::vector<double> timesOf(const RunRecord& record, double (*time)(const RunFrame&)) {
   std::vector<double> times;
-  for (const RunFrame& frame : record.frames()) times.push_back(time(frame));
+  for (const RunFrame& frame : record.frames()) {
+    if (std::isfinite(time(frame))) times.push_back(time(frame));
+  }
   return times;
 }
 
@@ -203,8 +206,7 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
   writeKittiPoses(folder / "poses_unscaled.txt", record.unscaledPoses());
   writeTumTrajectory(folder / "trajectory_tum.txt", stamped);
   writeFile(folder / "scale.csv", scaleCsv(record));
-  const std::vector<double> times = timesOf(record, totalTime);
-  if (std::any_of(times.begin(), times.end(), [](double ms) { return std::isfinite(ms); })) {
+  if (!timesOf(record, voTime).empty()) {
     writeFile(folder / "timing.csv", timingCsv(record));
   }
   writeFile(folder / "metrics.json",

@@ -26,6 +26,7 @@ constexpr double kArrowWidth = 0.25;
 /// [m] extent of the ground grid ahead and to either side, and its least depth in the camera frame.
 constexpr int kGridFrom = 2, kGridTo = 20, kGridSide = 3;
 constexpr double kGridMinDepth = 0.5;
+const cv::Size kLabelSize(32, 11);  ///< [px] of a distance
 
 constexpr double kBrightness = 0.7;  // of the background image
 constexpr double kOldest = 100;      // [frames] older features have the same colour
@@ -33,6 +34,7 @@ constexpr double kYoungest = 0.28;   // position in the colour map, whose start 
 const cv::Scalar kOutlierColour(30, 30, 255), kNotFoundColour(200, 130, 255);
 const cv::Scalar kMeasuredColour(60, 230, 60), kHeldColour(40, 170, 255),
     kOtherColour(170, 170, 170);
+constexpr int kBoxWidth = 462, kBoxHeight = 34;  // [px] of the texts in the upper left corner
 const cv::Scalar kLegendText(230, 230, 230), kLegendBackground(25, 25, 25);
 
 /// Colour of an age [frames], logarithmic; older is brighter.
@@ -69,10 +71,12 @@ void drawCross(cv::Mat& image, const cv::Point& at, RejectReason reason) {
                  outlier ? 7 : 5, 1);
 }
 
-/// Legend in the upper left corner: colours of ages, and marks.
+/// Legend in the upper left corner: colours of ages, and marks, which a narrow image has below.
 void drawLegend(cv::Mat& image) {
   constexpr int kBar = 120, kLeft = 8;
-  cv::rectangle(image, cv::Rect(0, 0, 462, 34), kLegendBackground, cv::FILLED);
+  const bool is_narrow = image.cols < kBoxWidth;
+  cv::rectangle(image, cv::Rect(0, 0, kBoxWidth, is_narrow ? 2 * kBoxHeight - 6 : kBoxHeight),
+                kLegendBackground, cv::FILLED);
   for (int x = 0; x <= kBar; ++x) {
     const double age = std::expm1(std::log1p(kOldest) * x / kBar);
     cv::line(image, {kLeft + x, 4}, {kLeft + x, 14}, ageColour(age), 1);
@@ -85,9 +89,10 @@ void drawLegend(cv::Mat& image) {
   }
   int x = kLeft + kBar + 16;
   write(image, "age [frames]", {x - 4, 14}, 0.35);
-  x += 90;
+  x = is_narrow ? kLeft + 4 : x + 90;
+  const int top = is_narrow ? 28 : 0;
   const auto entry = [&](const char* text, int row, auto draw) {
-    const cv::Point at(x, 10 + 15 * row);
+    const cv::Point at(x, top + 10 + 15 * row);
     draw(at);
     write(image, text, {x + 8, at.y + 4}, 0.35);
   };
@@ -132,15 +137,30 @@ void drawGroundGrid(cv::Mat& image, const PinholeCamera& camera, const ScaleEsti
              cv::LINE_AA);
   }
   cv::addWeighted(image, 0.5, grid, 0.5, 0, image);
+  // The nearest first; in a small image there is no room for the others.
+  cv::Rect last_label;
   for (int ahead = from; ahead <= kGridTo; ++ahead) {
     if (ahead % 5 != 0) continue;
-    write(image, std::to_string(ahead) + " m", pixel(ahead, -kGridSide) + cv::Point(4, 4), 0.4);
+    const cv::Point at = pixel(ahead, -kGridSide) + cv::Point(4, 4);
+    const cv::Rect label(at.x, at.y - kLabelSize.height, kLabelSize.width, kLabelSize.height);
+    if (!(label & last_label).empty()) continue;
+    write(image, std::to_string(ahead) + " m", at, 0.4);
+    last_label = label;
   }
 }
 
 std::string percentOf(const ScaleRecovery::Measurement& measured) {
   return measured.height > 0 ? cv::format("%.1f %%", 100 * measured.sigma / measured.height)
                              : std::string("none");
+}
+
+/// Writes a line in the box in the upper left corner, smaller in a narrow image.
+void writeLine(cv::Mat& image, const std::string& text, int row) {
+  constexpr double kSize = 0.38;
+  constexpr int kMargin = 8;  // [px]
+  const int width = cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, kSize, 1, nullptr).width;
+  const double fit = static_cast<double>(image.cols - 2 * kMargin) / width;
+  write(image, text, {kMargin, 14 + 15 * row}, kSize * std::min(fit, 1.0));
 }
 
 /// Upper left corner: the scale, and the standard deviation of each measurement of this frame.
@@ -155,9 +175,9 @@ void drawScale(cv::Mat& image, const ScaleRecovery::Output& output) {
   std::string second = "this frame: features " + percentOf(output.feature_based) + ", direct " +
                        percentOf(output.direct);
   if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
-  cv::rectangle(image, cv::Rect(0, 0, 462, 34), kLegendBackground, cv::FILLED);
-  write(image, first, {8, 14}, 0.38);
-  write(image, second, {8, 29}, 0.38);
+  cv::rectangle(image, cv::Rect(0, 0, kBoxWidth, kBoxHeight), kLegendBackground, cv::FILLED);
+  writeLine(image, first, 0);
+  writeLine(image, second, 1);
 }
 
 visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, int type) {

@@ -1,6 +1,7 @@
 // Evaluates the nodelets over a bag: poses, scale and metrics from the bag that kitti.launch
 // recorded.
 
+#include <diagnostic_msgs/DiagnosticArray.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -90,15 +92,40 @@ void readPlayed(const Arguments& arguments, Played& played) {
 
 /// The output of the nodelets, by stamp.
 struct Recorded {
+  /// Times of a frame [ms] in the nodelets; diagnostics report that of about one frame per second.
+  struct Times {
+    double vo = std::numeric_limits<double>::quiet_NaN(), scale = vo;
+  };
   std::map<ros::Time, gsv::ScaleEstimateMsg::ConstPtr> scales;
   std::map<ros::Time, nav_msgs::OdometryConstPtr> metric, unscaled;
+  std::map<ros::Time, Times> times;
 };
+
+void readTimes(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Times* times) {
+  const auto endsWith = [](const std::string& text, const std::string& end) {
+    return text.size() >= end.size() &&
+           text.compare(text.size() - end.size(), end.size(), end) == 0;
+  };
+  for (const diagnostic_msgs::DiagnosticStatus& status : diagnostics.status) {
+    for (const diagnostic_msgs::KeyValue& value : status.values) {
+      if (value.key != "time of the last frame [ms]") continue;
+      const auto ms = gsv::parseNumber<double>(value.value);
+      if (!ms) continue;
+      if (endsWith(status.name, ": odometry")) times->vo = *ms;
+      if (endsWith(status.name, ": scale")) times->scale = *ms;
+    }
+  }
+}
 
 void readRecorded(const Arguments& arguments, Recorded& recorded) {
   forEachMessage(arguments.recorded, nullptr, [&](const rosbag::MessageInstance& instance) {
     if (const auto scale = instance.instantiate<gsv::ScaleEstimateMsg>()) {
       gsv::fromMsg(*scale);  // throws on invalid values
       recorded.scales[scale->header.stamp] = scale;
+    } else if (const auto diagnostics = instance.instantiate<diagnostic_msgs::DiagnosticArray>()) {
+      if (!recorded.scales.empty()) {
+        readTimes(*diagnostics, &recorded.times[recorded.scales.rbegin()->first]);
+      }
     } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
       const std::string& topic = instance.getTopic();
       const bool is_unscaled =
@@ -130,8 +157,11 @@ gsv::Matrix6d rotatedCovariance(const Eigen::Matrix3d& R,
 /// The outputs of both stages for the image with this stamp, as far as they were recorded.
 void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
                     gsv::VisualOdometry::Output* vo, gsv::ScaleRecovery::Output* scale) {
-  // The nodelets publish no times.
-  vo->times.total = scale->times.total = std::numeric_limits<double>::quiet_NaN();
+  const auto times = recorded.times.find(stamp);
+  const Recorded::Times measured =
+      times != recorded.times.end() ? times->second : Recorded::Times();
+  vo->times.total = measured.vo;
+  scale->times.total = measured.scale;
   vo->frame.stamp_ns = gsv::toNanoseconds(stamp);
   vo->frame.status = gsv::VoStatus::kLost;
   const auto estimate = recorded.scales.find(stamp);
@@ -257,7 +287,7 @@ int main(int argc, char** argv) {
        "the bag that kitti.launch record:=BAG wrote: scale, odometry, vo/odometry")  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "gets the files of run_sequence: poses.txt, poses_unscaled.txt, trajectory_tum.txt, "
-       "scale.csv, metrics.json, ground_truth.txt")  //
+       "scale.csv, timing.csv, metrics.json, ground_truth.txt")  //
       ("camera-height", gsv::requiredValue(&arguments.camera_height, "M"),
        "[m] as it was given to the launch file")  //
       ("image", gsv::optionalValue(&arguments.image, "TOPIC"),

@@ -57,7 +57,7 @@ def assert_plays(command, out, *arguments, **options):
     """A demo of the sequence `short` processes every frame and writes its files."""
     output = run(command, "--out", out, *arguments, **options).stdout
     assert "40 frames out of both nodelets, 0 lost" in output, output
-    for name in ("metrics.json", "trajectory.png"):
+    for name in ("metrics.json", "trajectory.png", "timing.png"):
         assert (out / "short" / name).stat().st_size > 0
 
 

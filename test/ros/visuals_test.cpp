@@ -139,6 +139,17 @@ TEST_F(TrackPainting, TheLegendShowsTheColours) {
   EXPECT_TRUE(found);
 }
 
+TEST_F(TrackPainting, TheLegendFitsIntoASmallImage) {
+  const auto message = painter_.paint(cv::Mat(120, 320, CV_8UC1, cv::Scalar(128)), frame_, {}, {});
+  paint({}, {rejected(300, RejectReason::kNotFound)});
+  const Pixel not_found = at(300);
+  bool found = false;
+  for (float v = 0; v < 70; ++v) {
+    for (float u = 0; u < 320; ++u) found = found || pixelOf(*message, u, v) == not_found;
+  }
+  EXPECT_TRUE(found) << "the last entry of the legend";
+}
+
 TEST_F(TrackPainting, MarksAtTheEdgeAreValid) {
   paint({feature(1, 0, 3), feature(2, kWidth - 1, 3, false)},
         {rejected(0, RejectReason::kOutlier), rejected(kWidth - 1, RejectReason::kNotFound)});
@@ -189,6 +200,37 @@ TEST_F(RoadPainting, TheGridLiesOnTheRoadInMetres) {
   const Pixel line = onRoad(5.5f, 0.25f);
   EXPECT_GT(line.green, line.red + 30);
   EXPECT_TRUE(onRoad(15.f, 0.5f).isGrey()) << "now 30 m ahead, beyond the grid";
+}
+
+TEST_F(RoadPainting, TextFitsIntoASmallImage) {
+  const auto isText = [this](float u, float v) {
+    return pixelOf(*message_, u, v).brightness() > 180;
+  };
+  frame_.camera.width = 320;
+  frame_.camera.height = 100;
+  frame_.camera.fx = frame_.camera.fy = 200;
+  frame_.camera.cx = 160;
+  frame_.camera.cy = 30;
+  output_.scale.status = ScaleStatus::kOk;
+  output_.feature_based = output_.direct = {0.5, 0.01};
+  output_.correlation = 0.9;
+  message_ = paintRoad(cv::Mat(100, 320, CV_8UC1, cv::Scalar(128)), frame_, output_, {});
+  int text = 0, cut = 0;
+  for (float v = 0; v < 34; ++v) {
+    for (float u = 0; u < 320; ++u) (u < 314 ? text : cut) += isText(u, v);
+  }
+  EXPECT_GT(text, 50);
+  EXPECT_EQ(cut, 0) << "text up to the right edge";
+  // The labels of 15 m (at row 56) and 20 m (at row 50) would overlap.
+  int far_label = 0, near_label = 0;
+  for (float u = 194; u < 204; ++u) {
+    for (float v = 40; v < 52; ++v) far_label += isText(u, v);
+  }
+  for (float u = 204; u < 225; ++u) {
+    for (float v = 44; v < 58; ++v) near_label += isText(u, v);
+  }
+  EXPECT_EQ(far_label, 0);
+  EXPECT_GT(near_label, 0);
 }
 
 TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownScaleNoGrid) {

@@ -46,6 +46,9 @@ void MonoVoNodelet::start() {
   handlers.on_drop = [this](const std::string& kind, const std::string& reason) {
     drop(kind, reason);
   };
+  handlers.on_warning = [this](const std::string& sentence) {
+    NODELET_WARN_STREAM(getName() << ": " << sentence);
+  };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
   advertise(handle, private_handle);
   callbacks_.start();
@@ -172,6 +175,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   state.camera_known = receiver_->camera() != nullptr;
   state.camera_info_error = receiver_->cameraInfoError();
   state.source_error = receiver_->sourceError();
+  state.rectification_warning = receiver_->rectificationWarning();
   state.status = status_;
   dropped_at_last_diagnosis_ = dropped;
 

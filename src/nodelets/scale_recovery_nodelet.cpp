@@ -108,6 +108,7 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
   handlers.on_drop = [this](const std::string& kind, const std::string& reason) {
     drop(kind, reason);
   };
+  handlers.on_warning = [this](const std::string& sentence) { warn("rectification", sentence); };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
   road_publisher_ = receiver_->transport().advertise("image_road", 1);
   waiting_timer_ = handle.createWallTimer(ros::WallDuration(kWaitingPeriod),

@@ -87,8 +87,10 @@ DiagnosticSummary summarize(const MonoVoState& state) {
   DiagnosticSummary summary = summarize(state.status.value_or(VoStatus::kInitialising));
   if (!state.status && state.images.dropped > 0) summary = {Level::kError, "no usable image"};
   summary = withDropped(std::move(summary), state.images, "images");
-  return state.camera_info_error.empty() ? summary
-                                         : withWarning(std::move(summary), state.camera_info_error);
+  for (const std::string& warning : {state.camera_info_error, state.rectification_warning}) {
+    if (!warning.empty()) summary = withWarning(std::move(summary), warning);
+  }
+  return summary;
 }
 
 DiagnosticSummary summarize(const ScaleRecoveryState& state) {

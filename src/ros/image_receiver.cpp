@@ -4,6 +4,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/compressed_image.hpp"
+#include "ground_scale_vo/ros/rectification_check.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -15,6 +16,7 @@ constexpr std::uint32_t kCameraInfoQueue = 100;
 ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                              const Options& options, Handlers handlers)
     : handlers_(std::move(handlers)),
+      image_is_rectified_(options.image_is_rectified),
       rectifier_(options.image_is_rectified),
       transport_(handle),
       camera_info_subscriber_(
@@ -44,6 +46,7 @@ void ImageReceiver::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
     camera_info_error_ = error.what();
     return handlers_.on_drop("camera_info refused", camera_info_error_);
   }
+  checkRectification(*info);
   handlers_.on_camera();
 }
 
@@ -55,6 +58,12 @@ void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr
     return handlers_.on_drop("image refused", error.what());
   }
   onImage(image);
+}
+
+void ImageReceiver::checkRectification(const sensor_msgs::CameraInfo& info) {
+  std::string warning = rectificationContradiction(info, image_is_rectified_, imageTopic());
+  if (!warning.empty() && warning != rectification_warning_) handlers_.on_warning(warning);
+  rectification_warning_ = std::move(warning);
 }
 
 void ImageReceiver::onImage(const sensor_msgs::ImageConstPtr& image) {

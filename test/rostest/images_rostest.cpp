@@ -401,6 +401,27 @@ TEST_F(Images, TwoCalibrationsOnOneTopicAreAnError) {
   }));
 }
 
+// As in a raw bag of kitti2bag: K describes the raw camera, P the rectified images.
+TEST_F(Images, AContradictionOfTheRectificationFlagIsReported) {
+  sensor_msgs::CameraInfo rectified = info();
+  rectified.P[0] = rectified.P[5] = 60;
+  infos_.publish(rectified);
+  EXPECT_EQ(info().K, rectified.K);  // the calibration in use is the same
+  double stamp = 900;
+  ASSERT_TRUE(startAt(stamp));
+  EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
+    return status.name.find("mono_vo") != std::string::npos &&
+           status.level == diagnostic_msgs::DiagnosticStatus::WARN &&
+           status.message.find("image_is_rectified is false, but P of camera_info (fx 60)") !=
+               std::string::npos;
+  }));
+  infos_.publish(info());
+  EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
+    return status.name.find("mono_vo") != std::string::npos &&
+           status.message.find("image_is_rectified") == std::string::npos;
+  }));
+}
+
 // Without a new camera_info, images of another size are refused until the old size is back.
 TEST_F(Images, AnotherSizeAloneIsRefused) {
   infos_.publish(info());

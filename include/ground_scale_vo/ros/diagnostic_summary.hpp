@@ -28,8 +28,9 @@ struct MonoVoState {
   InputState images;
   std::string camera_info_topic;
   bool camera_known = false;
-  std::string camera_info_error;  ///< why the last camera_info was refused; empty: accepted
-  std::string source_error;       ///< two cameras publish on one topic; empty: one
+  std::string camera_info_error;      ///< why the last camera_info was refused; empty: accepted
+  std::string source_error;           ///< two cameras publish on one topic; empty: one
+  std::string rectification_warning;  ///< rectificationContradiction()
   std::optional<VoStatus> status;
 };
 

@@ -33,6 +33,8 @@ class ImageReceiver {
     std::function<void()> on_camera = [] {};
     /// Each message that is dropped, with the kind of the warning (WarningLog) and the reason.
     std::function<void(const std::string& kind, const std::string& reason)> on_drop;
+    /// A sentence about input that is used although something is wrong with it, when it changes.
+    std::function<void(const std::string& sentence)> on_warning;
   };
 
   /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
@@ -67,20 +69,25 @@ class ImageReceiver {
   }
   /// Why the last camera_info was refused; empty if it was accepted.
   const std::string& cameraInfoError() const { return camera_info_error_; }
+  /// rectificationContradiction() of the last valid camera_info.
+  const std::string& rectificationWarning() const { return rectification_warning_; }
   /// One sentence while two cameras publish on one topic, else empty.
   std::string sourceError() const;
 
  private:
+  void checkRectification(const sensor_msgs::CameraInfo& info);
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
 
   const Handlers handlers_;
+  const bool image_is_rectified_;
   ImageRectifier rectifier_;
   SourceGuard<std::string> sources_;  ///< of the images: frame_id and size
   std::uint64_t images_received_ = 0;
   std::optional<Stopwatch> since_image_;
   std::string camera_info_error_;
+  std::string rectification_warning_;
 
   image_transport::ImageTransport transport_;
   ros::Subscriber camera_info_subscriber_;

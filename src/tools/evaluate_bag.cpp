@@ -22,6 +22,7 @@
 #include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
+#include "ground_scale_vo/evaluation/scale_metrics.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
@@ -220,6 +221,18 @@ std::size_t endOfEvaluation(const Played& played, const std::string& frame) {
   return end;
 }
 
+void reportInconsistentScale(const gsv::RunRecord& record,
+                             const std::vector<Eigen::Isometry3d>& ground_truth) {
+  const gsv::ScaleMetrics metrics =
+      gsv::computeScaleMetrics(record, ground_truth, gsv::kMeasuredGroundTruthDistance);
+  if (metrics.within_2_sigma != 0) return;  // also NaN: the drive is too short
+  std::fprintf(
+      stderr,
+      "in no frame is the scale within two standard deviations of the ground truth, median "
+      "error %+.1f %%: check camera_height, camera_info and image_is_rectified\n",
+      metrics.error_median_percent);
+}
+
 void evaluate(const Arguments& arguments) {
   Played played;
   readPlayed(arguments, played);
@@ -265,6 +278,7 @@ void evaluate(const Arguments& arguments) {
     ground_truth.clear();
   }
   gsv::writeRun(arguments.out, record, arguments.camera_height, ground_truth);
+  if (!ground_truth.empty()) reportInconsistentScale(record, ground_truth);
 }
 
 }  // namespace

@@ -8,7 +8,9 @@ import PIL.Image
 import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped
-from sensor_msgs.msg import CompressedImage, NavSatFix
+from ground_scale_vo.msg import ScaleEstimate
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CompressedImage, Image, NavSatFix
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
@@ -53,6 +55,35 @@ def _text_topic(_, file):
     with rosbag.Bag(str(file), "w") as bag:
         for topic in (IMAGE, INFO):
             bag.write(topic, String("no image"), rospy.Time(1))
+
+
+def _pose(message, forward_m):
+    """Forward along z of the camera, without rotation."""
+    message.pose.pose.position.z = forward_m
+    message.pose.pose.orientation.w = 1
+    return message
+
+
+def write_drive(played, recorded, factor):
+    """A drive of 100 m at 1 m per image, and the nodelets' output of it with a scale that is wrong by
+    this factor."""
+    with rosbag.Bag(str(played), "w") as images, rosbag.Bag(str(recorded), "w") as outputs:
+        for i in range(100):
+            stamp = rospy.Time(1000 + 0.1 * i)
+            image = Image(encoding="mono8", width=1, height=1, step=1, data=b"0")
+            image.header.stamp, image.header.frame_id = stamp, "camera"
+            truth = TransformStamped(child_frame_id="ground_truth/camera")
+            truth.header.stamp, truth.header.frame_id = stamp, "ground_truth"
+            truth.transform.translation.z, truth.transform.rotation.w = i, 1
+            images.write("/tf", TFMessage([truth]), stamp)
+            images.write(IMAGE, image, stamp)
+            scale = ScaleEstimate(status=ScaleEstimate.OK, scale=factor, sigma=0.01 * factor, height=1.65)
+            scale.normal.y, scale.header = -1, image.header
+            outputs.write("/scale", scale, stamp)
+            for topic, forward_m in (("/odometry", factor * i), ("/vo/odometry", i)):
+                odometry = _pose(Odometry(child_frame_id="camera"), forward_m)
+                odometry.header.stamp, odometry.header.frame_id = stamp, "odom"
+                outputs.write(topic, odometry, stamp)
 
 
 # name -> function(a good bag, the file to write)

@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from bags import IMAGE
+from bags import IMAGE, write_drive
 from conftest import SCRIPTS, assert_refused, on_full_disk, run, tool
 
 RENDER_DRIVE, KITTI_TO_BAG, EVALUATE_BAG = map(tool, ("render_drive", "kitti_to_bag", "evaluate_bag"))
@@ -77,6 +77,17 @@ def test_kitti_to_bag_full_disk(short, tmp_path):
 def test_evaluate_bag_damaged(damaged_bag, bag, tmp_path):
     assert_refused(1, str(damaged_bag), EVALUATE_BAG, "--played", damaged_bag, "--recorded", bag,
                    "--out", tmp_path, "--camera-height", 1.65, "--image", IMAGE)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.42])
+def test_evaluate_bag_reports_a_scale_that_is_never_within_2_sigma(factor, tmp_path):
+    played, recorded = tmp_path / "played.bag", tmp_path / "recorded.bag"
+    write_drive(played, recorded, factor)
+    done = run(EVALUATE_BAG, "--played", played, "--recorded", recorded, "--out", tmp_path / "out",
+               "--camera-height", 1.65)
+    text = "in no frame is the scale within two standard deviations of the ground truth"
+    assert (text in done.stderr) == (factor != 1), done.stderr
+    assert factor == 1 or "median error +42.0 %" in done.stderr
 
 
 def test_evaluate_bag_no_such_bag(bag, tmp_path):

@@ -5,7 +5,7 @@ import re
 import shutil
 
 import pytest
-from conftest import BUILD, ROOT, SCRIPTS, assert_plays, assert_refused, run
+from conftest import BUILD, SCRIPTS, assert_plays, assert_refused, run
 
 pytestmark = pytest.mark.serial
 
@@ -69,39 +69,6 @@ def test_demo_ends_when_a_node_is(install, bag, tmp_path, node, program, text):
     finally:
         shutil.move(original, file)
     assert done.returncode == 1 and text in done.stdout + done.stderr, done.stdout + done.stderr
-
-
-def test_workspace_is_not_built_again(short, tmp_path):
-    """rosrun starts the scripts in the source space of a workspace, whose devel space is used."""
-    source, devel = tmp_path / "src/ground_scale_vo", tmp_path / "devel"
-    shutil.copytree(SCRIPTS, source / "scripts")
-    shutil.copy(ROOT / "CMakeLists.txt", source)
-    (devel / "lib").mkdir(parents=True)
-    (devel / "lib/ground_scale_vo").symlink_to(BUILD / "devel/lib/ground_scale_vo")
-    (devel / ".catkin").write_text(str(tmp_path / "src"))
-    (devel / "setup.bash").write_text(f"source {BUILD}/devel/setup.bash\n")
-    environment = {**os.environ, "CMAKE_PREFIX_PATH": f"{devel}:{os.environ['CMAKE_PREFIX_PATH']}"}
-    del environment["GROUND_SCALE_VO_BUILD"]
-    assert_plays(source / "scripts/demo", tmp_path, "--sequence", short, env=environment)
-    assert not (source / "build").exists()
-
-
-def documented_commands():
-    pages = [ROOT / "README.md", *ROOT.glob("docs/**/*.md")]
-    text = "\n".join(page.read_text() for page in pages)
-    return sorted(set(re.findall(r"(?m)(?:`|^)(ros(?:bag|core|launch|node|param|run|service|topic)|rviz)\b", text)))
-
-
-@pytest.mark.skipif(os.path.isdir("/opt/ros"), reason="ROS is not installed from Debian")
-@pytest.mark.parametrize("command", documented_commands())
-def test_documented_command_is_installed(command):
-    """scripts/test has installed the packages of scripts/demo."""
-    assert shutil.which(command)
-
-
-@pytest.mark.parametrize("module", ["diagnostic_msgs", "visualization_msgs"])
-def test_rostopic_can_print(module):
-    run("/usr/bin/python3", "-c", f"import {module}.msg")
 
 
 @pytest.mark.skipif("GROUND_SCALE_VO_LONG" not in os.environ, reason="only with --long")

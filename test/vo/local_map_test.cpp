@@ -172,6 +172,22 @@ TEST(PoseEstimation, recoversFromAWrongPredictionOfThePose) {
   EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-3);
 }
 
+// The points of vehicles at the same speed fit a pose without motion.
+TEST(PoseEstimation, keepsThePredictionWhenVehiclesThatMoveAlongHaveMorePoints) {
+  const Eigen::Isometry3d true_T_w_c = pose({0, 0, 0}, {0, 0, 3});
+  auto observations = pointObservations(true_T_w_c, 0.0005);
+  std::size_t moving_along = 0;
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    if (i % 20 < 9) continue;
+    observations[i].x = normalised(observations[i].p_w);
+    ++moving_along;
+  }
+  ASSERT_GT(2 * moving_along, observations.size());
+  const auto result = PoseEstimation({}).estimate(true_T_w_c, observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.05);
+}
+
 TEST(PoseEstimation, uncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine) {
   const Eigen::Isometry3d true_T_w_c = pose({0, 0.02, 0}, {0.1, 0, 1});
   auto observations = pointObservations(true_T_w_c, 0);

@@ -28,7 +28,7 @@ std::vector<PointObservation> pointObservations(const LocalMap& map,
 enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
 
 /// A frame's pose from 2D-3D correspondences: robust Gauss-Newton (Geman-McClure) from the
-/// predicted pose; when that fails, from the pose that RANSAC with P3P finds.
+/// predicted pose; when that fails or has few inliers, from the pose that RANSAC with P3P finds.
 class PoseEstimation {
  public:
   struct Options {

@@ -36,9 +36,11 @@ class MetricOdometry {
   };
 
   enum class Status : std::uint8_t {
-    kInitialising,  ///< no map or no scale yet: needs motion and a visible road
-    kTracking,      ///< pose() is valid
-    kLost           ///< no pose; a new map starts by itself and continues from the last pose
+    /// No map or no scale yet: needs motion and a visible road. Also when the pose of a frame is
+    /// refused (ScaleReason::kImplausibleMotion).
+    kInitialising,
+    kTracking,  ///< pose() is valid
+    kLost       ///< no pose; tracking resumes by itself, in the same map or in a new one
   };
 
   struct Output {

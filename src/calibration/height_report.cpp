@@ -21,7 +21,7 @@ std::string format(const char* pattern, Values... values) {
 }
 
 std::string inDegrees(const std::optional<HeightCalibration::Estimate>& angle) {
-  if (!angle) return "not known, the drive is too short";
+  if (!angle) return "not known, the drive is too short or the plane was measured too rarely";
   return format("%.2f deg ± %.2f (95 %%)", kDeg * angle->value, kDeg * angle->error95());
 }
 
@@ -64,7 +64,8 @@ std::string heightYaml(const HeightCalibration::Result& result, const std::strin
 
 std::string segmentTable(const HeightCalibration::Result& result) {
   if (result.segments.empty()) return {};
-  std::string text = format("%8s %8s %10s %10s\n", "from s", "to s", "length m", "height m");
+  std::string text = "Times since the start of the first segment.\n" +
+                     format("%8s %8s %10s %10s\n", "from s", "to s", "length m", "height m");
   const std::int64_t start = result.segments.front().from_ns;
   std::size_t used = 0;
   for (const HeightCalibration::Segment& segment : result.segments) {

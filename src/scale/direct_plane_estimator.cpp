@@ -133,8 +133,8 @@ void DirectPlaneEstimator::Impl::setOrigin(const Eigen::Isometry3d& T_w_c, const
   origin_c = T_w_c.inverse() * path.nearest(T_w_c * centre_c).T_w_c.translation();
 }
 
-/// While the height is not known in every frame, otherwise once per search_interval_heights without
-/// a measurement: the search is by far the most expensive step.
+/// In every frame while the height is not known; otherwise once per search_interval_heights without
+/// a measurement, because the search is by far the most expensive step.
 bool DirectPlaneEstimator::Impl::isSearchDue(double height) const {
   const Eigen::Vector3d& position_w = stages->images.current().T_w_c.translation();
   return !last_attempt_w || !(height > 0) ||

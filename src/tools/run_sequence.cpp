@@ -60,8 +60,8 @@ int main(int argc, char** argv) {
   Arguments arguments;
   gsv::CommandLine command_line(
       "run_sequence",
-      "Metric odometry of one KITTI folder without ROS: every frame, deterministic, causal but for "
-      "the start.",
+      "Metric odometry of one KITTI folder without ROS: every frame, deterministic. A pose never "
+      "uses later images, except that the frames before the first scale get that scale.",
       "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
   arguments.addTo(&command_line,
                   "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "

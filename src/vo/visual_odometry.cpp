@@ -27,8 +27,9 @@ namespace {
 /// shorter normal has no direction: the camera has not moved, or the ray points to the epipole.
 constexpr double kMinEpipolarLine = 1e-12;
 
-/// Reprojection error of a wrong feature after an interruption over that of an outlier of the
-/// bundle adjustment, which has adjusted poses and points to their observations.
+/// After an interruption, features with a reprojection error above this multiple of
+/// max_reprojection_error are wrong. It exceeds 1 because max_reprojection_error applies after
+/// bundle adjustment, which has fitted poses and points to the observations.
 constexpr double kMaxInconsistency = 2;
 
 /// [matches] minimum number from which the positions of the other features are predicted.
@@ -81,7 +82,8 @@ struct VisualOdometry::Impl {
   MapStart map_start;
   /// From the last frame with a pose, or from the first image, to the first frame of the next map.
   RotationChain rotation_to_start;
-  /// The last image without a pose in which there is texture, and the rotation to it.
+  /// Descriptors of the last image with texture but without a pose, and the rotation to it from the
+  /// last frame with a pose.
   std::optional<Descriptors> lost_image;
   RotationChain rotation_to_lost;
 
@@ -203,7 +205,8 @@ struct VisualOdometry::Impl {
         if (tracking.isTextureless(image, found.size())) return {};
         std::optional<PoseSearch::Result> searched;
         // While images follow each other, features that disagree with a pose are evidence against
-        // it: behind a car that moves along, no motion would be found.
+        // it. The search ignores them: behind a car that moves along, it would find a pose without
+        // motion.
         if (motion.stepsSince(stamp_ns) > options.lost_frames_before_new_map + 1) {
           searched = pose_search.locate(mapping.map(), motion, tracking.features(),
                                         tracking.image().image, image.image, stamp_ns);

@@ -25,6 +25,7 @@ def test_set_reaches_the_run(short, tmp_path):
     ("unknown scenario", ["--scenarios", "none"]),
     ("unknown fault", ["--faults", "none"]),
     ("--faults", ["SHORT", "--seed", "1"]),
+    ("--faults", ["--faults", "--set", "refine=false"]),
     ("tracker/cell_size is 7", ["--scenarios", "pitched", "--set", "tracker/cell_size=7"]),
 ])
 def test_wrong_arguments(short, tmp_path, text, arguments):

@@ -129,11 +129,11 @@ TEST(Covariance, IsNotOverconfidentAboutTheLastPosition) {
   std::printf("RMS normalised error: %.2f, since the first scale %.2f\n", rms(whole),
               rms(since_scale));
   // For a consistent covariance the RMS normalised error is 1; with eight samples it varies by up
-  // to a factor of two. It is 0.42 and 0.35: rendered cameras have no calibration error, of which
+  // to a factor of two. It is 0.54 and 0.45: rendered cameras have no calibration error, of which
   // the covariance takes account.
   constexpr double kMaxNormalisedError = 2;
   // Two thirds of the smaller value: fails when sigma becomes considerably more conservative.
-  constexpr double kMinNormalisedError = 0.23;
+  constexpr double kMinNormalisedError = 0.30;
   for (const double normalised_error : {rms(whole), rms(since_scale)}) {
     EXPECT_GT(normalised_error, kMinNormalisedError);
     EXPECT_LT(normalised_error, kMaxNormalisedError);

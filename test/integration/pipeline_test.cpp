@@ -129,7 +129,7 @@ struct DataSequence {
   Threshold height_bias;  // [%], absolute
 };
 
-// Within 2 sigma: the target is 0.85 to 0.99. kitti_05 and kitti_06 have only 30 and 45 frames with
+// Within 2 sigma: the target is 0.85 to 0.99. kitti_05 and kitti_06 have only 30 and 49 frames with
 // a ground-truth scale, about six independent samples, so 1.00 is not significant. In kitti_00 the
 // ground truth of the first 14 of 200 frames is extrapolated.
 // clang-format off

@@ -174,7 +174,7 @@ TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
   EXPECT_FALSE(filter.update(1.2, 0.02, kRoadDistance));
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_EQ(drive(&filter, 5, 0.8, 0.02), 5);
-  // Five VO units are about 6 camera heights; a restart needs 12.
+  // Five VO units are about 4 camera heights of 1.2; a restart needs 12.
   EXPECT_EQ(drive(&filter, 10, 1.2, 0.02), 0);
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_GT(drive(&filter, 40, 1.2, 0.02), 0);

@@ -19,7 +19,8 @@ class HeightCalibration {
     // Minimum length of a segment: the larger of the two.
     double segment_length_heights = 12;   ///< [camera heights]
     double segment_position_sigmas = 40;  ///< [standard deviations of a position]
-    /// Segments whose height is farther from the median are outliers [1.4826 MAD].
+    /// Segments whose height is farther from the median are outliers [the larger of 1.4826 MAD and
+    /// method_sigma times the median].
     double outlier_sigma = 4;
     int min_segments = 4;
     double max_error = 0.05;  ///< maximum relative half width of the 95 % interval
@@ -58,7 +59,8 @@ class HeightCalibration {
     Status status = Status::kNoScale;
     std::string reason;  ///< one sentence unless kOk
     Estimate height;     ///< [m]
-    /// Mean road normal in the camera frame; empty when too few frames measured the plane.
+    /// Mean road normal in the camera frame; empty with fewer than three sections, each as long as
+    /// the shortest segment, in which the plane was measured.
     std::optional<Estimate> pitch;  ///< [rad] positive looks down
     std::optional<Estimate> roll;   ///< [rad] positive: the camera's x axis points down
     double length_heights = 0;      ///< of the drive, or of its used segments [camera heights]

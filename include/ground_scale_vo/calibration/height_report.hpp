@@ -10,7 +10,8 @@ namespace ground_scale_vo {
 /// comments. source: one sentence on the data. Precondition: result.status is kOk.
 std::string heightYaml(const HeightCalibration::Result& result, const std::string& source);
 
-/// A line for each segment of the drive, for the terminal; empty without segments.
+/// A line for each segment of the drive, for the terminal, with times since the start of the first
+/// one; empty without segments.
 std::string segmentTable(const HeightCalibration::Result& result);
 
 }  // namespace ground_scale_vo

@@ -104,7 +104,8 @@ class MetricTrajectory {
   explicit MetricTrajectory(const Options& options);
 
   /// Appends one frame. Call it for every frame, also without a pose or a scale. Empty while
-  /// scale.status is kUnknown or the frame is not tracking, and for an increment without a finite
+  /// scale.status is kUnknown or the frame is not tracking, when scale.reason tells that its pose
+  /// is not used (kVoNotTracking, kImplausibleMotion), and for an increment without a finite
   /// result, which is skipped.
   std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale);
 

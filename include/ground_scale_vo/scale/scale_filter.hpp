@@ -30,7 +30,8 @@ class ScaleFilter {
     kFeatureBased = 0,  ///< plane fitted to the ground points
     kDirect = 1         ///< plane estimated from image intensities
   };
-  /// Lengths ending in _heights are in camera heights; sigmas are relative errors of the height.
+  /// Lengths ending in _heights are in camera heights; min_measurement_sigma and the drifts are
+  /// relative errors of the height.
   struct Options {
     double correlation_heights = 3;
     double drift_per_sqrt_height = 0.01;

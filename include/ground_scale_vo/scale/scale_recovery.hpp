@@ -25,8 +25,8 @@ namespace ground_scale_vo {
 ///
 /// Two independent measurements of the camera height h enter one filter: feature-based (GPE and
 /// GPA: a plane through tracked points) and direct (a plane that aligns the image intensities of
-/// the road). Features measure from the first frames on and on roads without texture; direct
-/// measurements need no corners.
+/// the road). Feature-based measurements start with the first frames and need only some corners,
+/// such as those of road markings; direct ones need texture but no corners.
 ///
 /// Deterministic: the same frames give the same bytes. Not thread safe.
 class ScaleRecovery {
@@ -93,7 +93,8 @@ class ScaleRecovery {
 
   struct Output {
     ScaleEstimate scale;
-    /// Metric pose; empty before the first scale is known and while the odometry has no pose.
+    /// Metric pose; empty while the scale of the map is not known, while the odometry has no pose,
+    /// and when its pose is not used (kImplausibleMotion).
     std::optional<MetricPose> pose;
     /// Ground points of the GPA window in this frame's camera [VO units].
     std::vector<Eigen::Vector3f> ground_points_c;

@@ -14,8 +14,9 @@ namespace ground_scale_vo {
 /// curves, a slope, a stop and a suspension. Camera poses and ground planes are exact. The options
 /// beyond the default drive add conditions that are difficult for a camera, see scenarios.hpp.
 ///
-/// The road repeats every 130 m: a curve to the left at 15-55 m, one to the right at 65-105 m; up
-/// to 65 m, down again to 130 m (crests of 830 m radius). The camera drives in the right lane.
+/// The road repeats every 130 m: a curve to the left at 15-55 m, one to the right at 65-105 m;
+/// uphill from 0 to 65 m, downhill from 65 to 130 m (crests of 830 m radius). The camera drives in
+/// the right lane.
 class SyntheticDrive {
  public:
   struct SpeedAt {

@@ -48,8 +48,9 @@ struct WorldPoint {
 };
 
 /// The last keyframes and the landmarks that they observe. When the oldest keyframe is dropped,
-/// landmarks without another observation are removed, and those anchored in it are anchored in the
-/// keyframe of their next observation.
+/// landmarks that the newest keyframe does not observe and that have fewer than two observations
+/// left are removed. The others that were anchored in it are anchored in the keyframe of their next
+/// observation.
 class LocalMap {
  public:
   struct Options {
@@ -91,8 +92,9 @@ class LocalMap {
   /// Recomputes every depth's sigma from its observations.
   void updateSigmas();
 
-  /// Removes observations with a larger error, in normalised image coordinates. Removes a landmark
-  /// of which only the observation in the anchor remains.
+  /// Of the landmarks with a depth: removes observations with a larger error, in normalised image
+  /// coordinates. Removes a landmark that thereby keeps only the observation in the anchor, and one
+  /// whose inverse depth is not positive.
   void removeOutliers(double max_reprojection_error);
 
   void clear();

@@ -22,7 +22,7 @@ enum class RejectReason : std::uint8_t {
   kOutlier    ///< off the projection of its map point, or without a point off its epipolar line
 };
 
-/// A feature that is no longer tracked from this frame on.
+/// A feature that was not found in this frame, or was removed from it as an outlier.
 struct RejectedFeature {
   std::uint64_t id = 0;
   Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] last position; an outlier's in this frame
@@ -33,8 +33,9 @@ struct RejectedFeature {
 ///
 /// The first frames start a map (two-view geometry between the first and the newest). Each further
 /// frame: features are tracked from the previous image and aligned to the patches of the keyframes,
-/// the pose follows from their map points, and when the parallax has grown enough the frame becomes
-/// a keyframe: new corners, triangulation, local bundle adjustment on a second thread.
+/// the pose follows from their map points, and when the parallax has grown enough, or few features
+/// of the last keyframe are left, the frame becomes a keyframe: new corners, triangulation, local
+/// bundle adjustment on a second thread.
 ///
 /// Deterministic: the same images give the same bytes. Not thread safe.
 class VisualOdometry {
@@ -97,7 +98,7 @@ class VisualOdometry {
     void validate() const;
   };
 
-  /// The pose of a frame that was processed before the map was started.
+  /// The pose of one of the frames from which a map was started.
   struct StartPose {
     std::uint32_t sequence = 0;
     std::int64_t stamp_ns = 0;

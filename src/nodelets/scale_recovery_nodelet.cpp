@@ -218,7 +218,7 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
   }
   if (camera_frame.empty()) {
     odometry_frames_error_ = "the frame_id of the images is empty: no metric pose is published";
-    drop("no frame_id", odometry_frames_error_);
+    warn("no frame_id", odometry_frames_error_);
     return nullptr;
   }
   if (params_.base_frame.empty() || params_.base_frame == camera_frame) {
@@ -236,7 +236,7 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
                                "\" to the camera frame \"" + camera_frame +
                                "\": no metric pose is published";
       const std::string sentence =
-          warnings_.count("no tf", odometry_frames_error_ + ": " + error.what());
+          other_warnings_.count("no tf", odometry_frames_error_ + ": " + error.what());
       if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
       return nullptr;
     }
@@ -250,10 +250,13 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
 void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const VoFrame& frame,
                                    const cv::Mat& rectified, const std_msgs::Header& header) {
   scale_publisher_.publish(toMsg(output.scale, frame.map_id, header));
-  // From the first image on: odom is the base at the origin.
-  if (params_.moving_mount) odometryFrames(header);
+  // With a moving mount from the first image on: odom is the base at the origin.
+  const OdometryFrames* const frames =
+      params_.moving_mount || output.pose ? odometryFrames(header) : nullptr;
   if (output.scale.status != ScaleStatus::kUnknown) {
-    if (output.pose) publishPose(pose_origin_.relative(*output.pose), header);
+    if (output.pose && frames != nullptr) {
+      publishPose(pose_origin_.relative(*output.pose), *frames, header.stamp);
+    }
     publishGround(output, header);
     if (points_publisher_.getNumSubscribers() > 0) {
       points_publisher_.publish(toPointCloud(frame, header, output.scale.scale));
@@ -264,11 +267,9 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
   }
 }
 
-void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const std_msgs::Header& header) {
-  const OdometryFrames* const frames = odometryFrames(header);
-  if (frames == nullptr) return;
-
-  const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(pose, *frames, header.stamp);
+void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const OdometryFrames& frames,
+                                       const ros::Time& stamp) {
+  const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(pose, frames, stamp);
   odometry_publisher_.publish(odometry);
   if (const std::string error = otherParentError(); !error.empty()) {
     const std::string sentence = other_warnings_.count("tf", error);

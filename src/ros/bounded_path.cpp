@@ -10,7 +10,7 @@ double distance(const geometry_msgs::Point& a, const geometry_msgs::Point& b) {
   return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z);
 }
 
-/// [m] spacing after the first thinning if the initial spacing is zero.
+/// [m] least spacing after a thinning: an initial spacing may be zero.
 constexpr double kMinDoubledSpacing = 0.1;
 
 }  // namespace

@@ -25,7 +25,7 @@ std::string rangeText(double min, double max) { return "[" + text(min) + ", " + 
 const char* typeName(const XmlRpcValue& value) {
   switch (value.getType()) {
     case XmlRpcValue::TypeBoolean:
-      return "true or false";
+      return "a boolean";
     case XmlRpcValue::TypeInt:
     case XmlRpcValue::TypeDouble:
       return "a number";

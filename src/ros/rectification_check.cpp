@@ -103,7 +103,7 @@ bool isRectificationOf(const sensor_msgs::CameraInfo& info) {
   }
 }
 
-/// Whether the name of the images, without that of the transport, contains the part.
+/// Whether the last part of the topic, without a trailing /compressed, contains the text.
 bool hasPart(std::string topic, const std::string& part) {
   const std::string transport = "/compressed";
   if (topic.size() > transport.size() &&

@@ -177,7 +177,8 @@ void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
   }
 }
 
-/// Why no image has a metric pose. With a scale, only the transform of the mounting can be missing.
+/// Why no image has a metric pose. With a scale, the frame_id of the images is empty or the
+/// transform of the mounting is missing.
 std::string reasonForNoPose(const Arguments& arguments, const Recorded& recorded) {
   const gsv::ScaleEstimateMsg* known = nullptr;
   for (const auto& [stamp, scale] : recorded.scales) {
@@ -186,6 +187,9 @@ std::string reasonForNoPose(const Arguments& arguments, const Recorded& recorded
   const std::string no_pose =
       "no image of " + arguments.played + " has a metric pose in " + arguments.recorded;
   if (known == nullptr) return no_pose + ": the scale was never known";
+  if (known->header.frame_id.empty()) {
+    return no_pose + ", although the scale is known: the frame_id of the images is empty";
+  }
   return no_pose + ", although the scale is known: tf had no transform from the base frame to " +
          known->header.frame_id;
 }
@@ -298,7 +302,7 @@ int main(int argc, char** argv) {
       ("played", gsv::requiredValue(&arguments.played, "BAG"),
        "the bag that was played: its images define the frames, its tf is the ground truth")  //
       ("recorded", gsv::requiredValue(&arguments.recorded, "BAG"),
-       "the bag that kitti.launch record:=BAG wrote: scale, odometry, vo/odometry")  //
+       "the bag that kitti.launch record:=BAG wrote: scale, odometry, vo/odometry, /diagnostics")  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "gets the files of run_sequence: poses.txt, poses_unscaled.txt, trajectory_tum.txt, "
        "scale.csv, timing.csv, metrics.json, ground_truth.txt")  //

@@ -1,4 +1,4 @@
-// Records when images arrive at the nodelets and when their results are published.
+// Records when images, and the results that the nodelets publish for them, arrive at this program.
 
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>

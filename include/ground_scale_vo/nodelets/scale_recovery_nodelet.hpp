@@ -37,9 +37,9 @@ namespace ground_scale_vo {
 /// vo/frame, and image + camera_info if used -> scale, odometry, path, tf; for visualisation
 /// image_road, points, ground_points, ground_plane. Service ~reset.
 ///
-/// Everything runs in callbacks on the thread of the DedicatedSpinner. A frame is processed with
-/// the image of the same stamp (FrameImageSynchronizer); without an image only feature-based
-/// measurements are made.
+/// All callbacks but those of tf2_ros::TransformListener, which has its own thread, run on the
+/// thread of the DedicatedSpinner. A frame is processed with the image of the same stamp
+/// (FrameImageSynchronizer); without an image only feature-based measurements are made.
 class ScaleRecoveryNodelet : public nodelet::Nodelet {
  public:
   ~ScaleRecoveryNodelet() override;
@@ -66,19 +66,20 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   /// The rectified image of the frame; empty if there is none or it cannot be used.
   cv::Mat rectifiedImage(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
   void reset();
-  /// The frames to publish the motion of this camera in; null while tf lacks its mounting.
+  /// The frames to publish the motion of this camera in; null while tf lacks its mounting or its
+  /// frame_id is empty.
   const OdometryFrames* odometryFrames(const std_msgs::Header& header);
   /// Pose of the camera in base_frame, from tf: at the stamp with moving_mount, else the latest
-  /// one. Throws tf2::TransformException.
+  /// one. Throws tf2::TransformException or MessageError.
   Eigen::Isometry3d lookUpMounting(const std_msgs::Header& header);
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
                const std_msgs::Header& header);
-  void publishPose(const MetricPose& pose, const std_msgs::Header& header);
+  void publishPose(const MetricPose& pose, const OdometryFrames& frames, const ros::Time& stamp);
   void publishPath();
   void publishGround(const ScaleRecovery::Output& output, const std_msgs::Header& header);
 
-  /// Why the pose is not broadcast on tf, to which another parent of the frame belongs; empty: it
-  /// is.
+  /// Why the pose is not broadcast on tf: the frame has another parent there. Empty: it has none,
+  /// or publish_tf is false.
   std::string otherParentError() const;
   void warn(const std::string& kind, const std::string& text);
   /// Counts a dropped message and warns about it.
@@ -113,7 +114,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   FrameParents frame_parents_;
   std::optional<OdometryFrames> odometry_frames_;
   std::string odometry_frames_camera_;  ///< the camera frame they belong to
-  ros::Time mounting_stamp_;            ///< of the image for which tf was asked last
+  ros::Time mounting_stamp_;            ///< of the last image for which odometry_frames_ was known
   std::string odometry_frames_error_;   ///< why the last request failed
   PoseOrigin pose_origin_;
   std::unique_ptr<BoundedPath> path_;

@@ -15,7 +15,8 @@ namespace ground_scale_vo {
 ///
 /// Uses K and D; P if K is all zero, as for a rectified camera, or if image_is_rectified states
 /// that the images are rectified although K and D describe the raw camera. ROI and binning are
-/// applied. R and the last column of P are not used: the pose is that of the camera as mounted.
+/// applied. R and the last column of P are not used: the axes are those of the given images (for
+/// images that are already rectified with R, the rotated ones).
 class CalibratedCamera {
  public:
   /// topic: for the error. Throws MessageError that names it: not calibrated (K and P all zero), a

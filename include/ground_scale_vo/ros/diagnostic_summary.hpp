@@ -9,7 +9,8 @@
 
 namespace ground_scale_vo {
 
-/// Level and message of a nodelet's diagnostics: ERROR if there is no output, WARN if the output is
+/// Level and message of a nodelet's diagnostics: ERROR if the input or the pose is missing or the
+/// set-up is wrong (two cameras, two parents on tf), WARN while starting and if the output is
 /// degraded, OK otherwise.
 struct DiagnosticSummary {
   enum class Level : std::uint8_t { kOk = 0, kWarn = 1, kError = 2 };  // as in DiagnosticStatus
@@ -38,9 +39,9 @@ struct ScaleRecoveryState {
   InputState frames;
   ScaleStatus status = ScaleStatus::kUnknown;
   ScaleReason reason = ScaleReason::kNone;
-  double held_s = 0;               ///< time since the last measurement, without standstill [s]
+  double held_s = 0;  ///< since the first HELD frame after a measurement or standstill [s]
   std::string odom_frame_error;    ///< why no metric pose can be published; empty: it can
-  std::string tf_error;            ///< why the pose is not broadcast on tf; empty: it is
+  std::string tf_error;            ///< another parent of the frame on tf; empty: none
   std::string sequence_error;      ///< what is wrong with `sequence` of vo/frame; empty: nothing
   std::string missing_image_note;  ///< why no image was used in the last second; empty: one was
 };

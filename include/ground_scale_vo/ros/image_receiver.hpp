@@ -27,7 +27,7 @@ class ImageReceiver {
     std::uint32_t image_queue_size = 100;  ///< images that may wait for their callback
   };
   struct Handlers {
-    /// Each image as it arrives, before any check.
+    /// Each image as it arrives, before any check; a compressed one after decoding.
     std::function<void(const sensor_msgs::ImageConstPtr&)> on_image;
     /// After each valid camera_info.
     std::function<void()> on_camera = [] {};

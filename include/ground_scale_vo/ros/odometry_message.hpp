@@ -23,7 +23,7 @@ nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Head
 /// Rotation from optical axes (x right, y down, z forward) to body axes (x forward, y left, z up).
 Eigen::Matrix3d bodyFromOptical();
 
-/// The frames between which the metric odometry is published: b from odom.
+/// The frames of the metric odometry: the pose of base_frame (b) in odom_frame.
 struct OdometryFrames {
   std::string odom_frame;
   std::string base_frame;
@@ -56,8 +56,8 @@ class PoseOrigin {
     T_o_origin_.reset();
     waits_for_pose_ = false;
   }
-  /// The pose relative to the origin. The covariance of the position keeps what has accumulated
-  /// since the first frame after the reset.
+  /// The pose relative to the origin. The covariance keeps what has accumulated since the first
+  /// frame after the reset, so it is not zero at the origin.
   MetricPose relative(MetricPose pose);
 
  private:

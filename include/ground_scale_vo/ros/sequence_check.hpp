@@ -17,8 +17,8 @@ class SequenceCheck {
     error_.clear();
     if (last_ && sequence == *last_) {
       error_ = "sequence is " + std::to_string(sequence) +
-               " in every vo/frame: the odometry must increase it with every image, otherwise its "
-               "restarts and lost frames are not detected";
+               " in two vo/frame in a row: the odometry must increase it with every image, "
+               "otherwise its restarts and lost frames are not detected";
     } else if (last_ && sequence > *last_) {
       const std::uint32_t gap = sequence - *last_ - 1;
       if (gap <= kMaxGap) {

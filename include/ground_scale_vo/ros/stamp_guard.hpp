@@ -11,8 +11,8 @@
 
 namespace ground_scale_vo {
 
-/// Checks the stamps of a stream of messages: of the images in MonoVo, of vo/frame in
-/// ScaleRecovery.
+/// Checks the stamps of a stream of messages: of the images in MonoVo and BagDrive (which
+/// drops every backward stamp), of vo/frame in ScaleRecovery.
 ///
 /// A stamp far from the last one, in either direction, is accepted only when the next stamp
 /// continues from it: then the clock has jumped, or the camera has paused. A single one is a fault:

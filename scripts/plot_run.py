@@ -179,7 +179,8 @@ def draw_scale(file, scale, camera_height, title, pdf):
 
 
 def draw_timing(file, timing, title, pdf):
-    """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of evaluate_bag about one per second)."""
+    """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of
+    evaluate_bag about one per second)."""
     stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
               if name != "frame" and np.any(values > 0)]
     figure, axes = plt.subplots(figsize=(8, 0.9 + 0.29 * len(stages)))

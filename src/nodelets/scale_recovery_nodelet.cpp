@@ -81,7 +81,8 @@ void ScaleRecoveryNodelet::start() {
 void ScaleRecoveryNodelet::advertise(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kPublishQueue);
   scale_publisher_ = handle.advertise<ScaleEstimateMsg>("scale", kPublishQueue);
-  // Latched. It is published while it has subscribers, so a new one gets the current path.
+  // Latched. It is published only while it has subscribers, so the latched message may be old: each
+  // new subscriber causes a new one.
   path_publisher_ = handle.advertise<nav_msgs::Path>(
       "path", 1, [this](const ros::SingleSubscriberPublisher&) { publishPath(); },
       ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);

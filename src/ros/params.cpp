@@ -52,9 +52,11 @@ void declareOptions(ParamReader& reader, Options& options, const std::vector<std
 void declareCommon(ParamReader& reader, bool& image_is_rectified, double& clock_jump_s) {
   reader.declare("image_is_rectified", image_is_rectified,
                  "[] the images have no distortion and P of camera_info belongs to them");
-  reader.declare("clock_jump_s", clock_jump_s, 0.0, 3600.0,
-                 "[s] a stamp that is later or earlier than the last one by more than this is used "
-                 "only if the next one confirms it; one earlier by less is dropped");
+  reader.declare(
+      "clock_jump_s", clock_jump_s, 0.0, 3600.0,
+      "[s] a stamp that is earlier than the last one by more than this, or later by more "
+      "than this and 1.5 times the last interval, is used only if the next one confirms "
+      "it; one earlier by less is dropped");
   reader.allow("diagnostic_period");
   reader.allow("image_transport");
   noteRetiredParameters(reader);

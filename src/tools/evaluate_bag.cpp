@@ -155,7 +155,8 @@ gsv::Matrix6d rotatedCovariance(const Eigen::Matrix3d& R,
          J.transpose();
 }
 
-/// The outputs of both stages for the image with this stamp, as far as they were recorded.
+/// The outputs of both stages for the image with this stamp, as far as they were recorded. An image
+/// without vo/odometry counts as LOST, also when the odometry was INITIALISING.
 void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
                     gsv::VisualOdometry::Output* vo, gsv::ScaleRecovery::Output* scale) {
   const auto times = recorded.times.find(stamp);

@@ -136,7 +136,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   double frame_ms_ = 0;
   ScaleEstimate last_scale_;
   ros::Time last_stamp_, last_measurement_;
-  ros::Time held_since_;  ///< zero while the scale is measured or the camera stands still
+  /// First of the latest HELD frames in a row without standstill; zero: the last frame is none.
+  ros::Time held_since_;
   double distance_m_ = 0;
 };
 

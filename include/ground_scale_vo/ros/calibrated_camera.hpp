@@ -21,7 +21,7 @@ class CalibratedCamera {
  public:
   /// topic: for the error. Throws MessageError that names it: not calibrated (K and P all zero), a
   /// number that is not finite, implausible intrinsics, an unknown distortion model or a wrong
-  /// number of coefficients, an ROI outside the image.
+  /// number of coefficients (where K and D are used), an ROI outside the image.
   CalibratedCamera(const sensor_msgs::CameraInfo& info, const std::string& topic,
                    bool image_is_rectified);
 

@@ -55,7 +55,7 @@ class ImageReceiver {
   /// For images derived from the received ones.
   image_transport::ImageTransport& transport() { return transport_; }
 
-  // For the diagnostics.
+  // For the diagnostics, both without compressed images that could not be decoded.
   std::uint64_t imagesReceived() const { return images_received_; }
   /// Wall time since the last image [s]; empty before the first.
   std::optional<double> secondsSinceImage() const;

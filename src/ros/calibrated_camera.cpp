@@ -12,6 +12,7 @@
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/ros/image_limits.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
+#include "ros/camera_info_values.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -25,11 +26,6 @@ constexpr int kComparedPoints = 5;
 /// image. An equidistant (fisheye) image is distorted even then; this coefficient, which moves no
 /// pixel, makes it apply the model.
 constexpr double kNegligibleCoefficient = 1e-12;
-
-template <typename Range>
-bool allZero(const Range& values) {
-  return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
-}
 
 /// Intrinsics at full resolution from K or P, which has 3 or 4 columns; the last column of P, the
 /// offset of a stereo camera, is not used. Throws OptionError for implausible numbers.
@@ -81,7 +77,7 @@ void requireRoiInsideImage(const sensor_msgs::CameraInfo& info) {
 /// The name by which image_geometry knows the model. Throws OptionError.
 std::string distortionModel(const std::string& name) {
   if (name == models::PLUMB_BOB || name == models::RATIONAL_POLYNOMIAL) return name;
-  if (name == models::EQUIDISTANT || name == "fisheye") return models::EQUIDISTANT;
+  if (isFisheye(name)) return models::EQUIDISTANT;
   throw OptionError("the distortion model is \"" + name +
                     "\"; supported are plumb_bob, rational_polynomial and equidistant");
 }

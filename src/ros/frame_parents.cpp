@@ -8,11 +8,9 @@
 namespace ground_scale_vo {
 
 void FrameParents::add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now) {
-  const auto name = [](const std::string& frame) {
-    return frameName(frame, "", [](const std::string&) {});
-  };
   for (const geometry_msgs::TransformStamped& transform : message.transforms) {
-    Parent& parent = parents_[name(transform.child_frame_id)][name(transform.header.frame_id)];
+    Parent& parent = parents_[withoutLeadingSlashes(transform.child_frame_id)]
+                             [withoutLeadingSlashes(transform.header.frame_id)];
     parent = {is_static, now};
   }
 }

@@ -1,11 +1,11 @@
 #include "ground_scale_vo/ros/rectification_check.hpp"
 
-#include <sensor_msgs/distortion_models.h>
-
 #include <algorithm>
 #include <opencv2/calib3d.hpp>
 #include <sstream>
 #include <vector>
+
+#include "ros/camera_info_values.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -21,17 +21,11 @@ constexpr double kMinFilled = 0.7;
 /// crop the raw image.
 constexpr double kMinShown = 0.5;
 
-template <typename Range>
-bool allZero(const Range& values) {
-  return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
-}
-
 /// Maps pixels between the raw image and the rectified one that R and P describe.
 class Rectification {
  public:
   explicit Rectification(const sensor_msgs::CameraInfo& info)
-      : is_fisheye_(info.distortion_model == sensor_msgs::distortion_models::EQUIDISTANT ||
-                    info.distortion_model == "fisheye"),
+      : is_fisheye_(isFisheye(info.distortion_model)),
         K_(info.K.data()),
         R_(info.R.data()),
         P_(info.P[0], info.P[1], info.P[2], info.P[4], info.P[5], info.P[6], info.P[8], info.P[9],

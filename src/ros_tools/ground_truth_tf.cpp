@@ -1,6 +1,7 @@
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/frame_name.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -9,11 +10,6 @@ namespace {
 constexpr double kCacheTime = 1e6;
 /// [frames] from a frame to its root; ends the search in a cyclic tree.
 constexpr int kLongestChain = 100;
-
-/// Without the leading slash of old bags, which tf2 rejects.
-std::string stripped(const std::string& frame) {
-  return frame.empty() || frame.front() != '/' ? frame : frame.substr(1);
-}
 
 /// Name that kitti2bag gives to a camera in the ground truth of an odometry sequence; empty for
 /// other frames.
@@ -27,8 +23,8 @@ GroundTruthTf::GroundTruthTf() : buffer_(ros::Duration(kCacheTime)) {}
 
 void GroundTruthTf::add(const tf2_msgs::TFMessage& message, bool is_static) {
   for (geometry_msgs::TransformStamped transform : message.transforms) {
-    transform.header.frame_id = stripped(transform.header.frame_id);
-    transform.child_frame_id = stripped(transform.child_frame_id);
+    transform.header.frame_id = withoutLeadingSlashes(transform.header.frame_id);
+    transform.child_frame_id = withoutLeadingSlashes(transform.child_frame_id);
     if (!buffer_.setTransform(transform, "ground_truth", is_static)) continue;
     parents_[transform.child_frame_id] = transform.header.frame_id;
     moving_[transform.child_frame_id] = !is_static;
@@ -43,7 +39,7 @@ void GroundTruthTf::clear() {
 
 std::optional<Eigen::Isometry3d> GroundTruthTf::pose(const std::string& frame,
                                                      const ros::Time& stamp) const {
-  std::string target = stripped(frame);
+  std::string target = withoutLeadingSlashes(frame);
   for (const std::string& other_name : {groundTruthFrame(target), kitti2bagName(target)}) {
     if (parents_.count(other_name) == 0) continue;
     target = other_name;

@@ -68,6 +68,13 @@ class Images : public testing::Test {
   bool waitForValue(const std::string& nodelet, const std::string& key, const std::string& value) {
     return ground_scale_vo::waitForValue(diagnostics_, key, value, nodelet);
   }
+  /// Waits until the summary of mono_vo does not contain the text.
+  bool waitForSummaryWithout(const std::string& text) {
+    return waitForStatus(diagnostics_, [&](const auto& status) {
+      return status.name.find("mono_vo") != std::string::npos &&
+             status.message.find(text) == std::string::npos;
+    });
+  }
   /// Value of a counter in the nodelet's next diagnostics; 0 if they lack it.
   int counted(const std::string& nodelet, const std::string& key) {
     int count = 0;
@@ -371,10 +378,7 @@ TEST_F(Images, TwoCamerasOnOneTopicAreAnError) {
     EXPECT_TRUE(waitForValue("mono_vo", "dropped: image of another camera", ""));
     // Images of one camera alone end the error.
     for (int i = 0; i < 100; ++i) ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
-    EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
-      return status.name.find("mono_vo") != std::string::npos &&
-             status.message.find("two cameras") == std::string::npos;
-    }));
+    EXPECT_TRUE(waitForSummaryWithout("two cameras"));
   }
 }
 
@@ -395,10 +399,7 @@ TEST_F(Images, TwoCalibrationsOnOneTopicAreAnError) {
   EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
                              "two cameras publish on /camera_info"));
   for (int i = 0; i < 100; ++i) infos_.publish(info());
-  EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
-    return status.name.find("mono_vo") != std::string::npos &&
-           status.message.find("two cameras") == std::string::npos;
-  }));
+  EXPECT_TRUE(waitForSummaryWithout("two cameras"));
 }
 
 // As in a raw bag of kitti2bag: K describes the raw camera, P the rectified images.
@@ -416,10 +417,7 @@ TEST_F(Images, AContradictionOfTheRectificationFlagIsReported) {
                std::string::npos;
   }));
   infos_.publish(info());
-  EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
-    return status.name.find("mono_vo") != std::string::npos &&
-           status.message.find("image_is_rectified") == std::string::npos;
-  }));
+  EXPECT_TRUE(waitForSummaryWithout("image_is_rectified"));
 }
 
 // Without a new camera_info, images of another size are refused until the old size is back.

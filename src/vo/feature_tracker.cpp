@@ -39,6 +39,34 @@ double eigenvalueRatio(const cv::Mat& image, const cv::Point& at, int half) {
   return mean > 0 ? (mean - radius) / (mean + radius) : 0;
 }
 
+/// The strongest pixel of an area among those that are free (non-zero); the first of several.
+/// Without a free pixel its position is negative.
+struct Peak {
+  cv::Point at{-1, -1};
+  float strength = -1;
+};
+Peak strongest(const cv::Mat& strength, const cv::Mat& free) {
+  Peak peak;
+  for (int y = 0; y < strength.rows; ++y) {
+    const float* const values = strength.ptr<float>(y);
+    const unsigned char* const is_free = free.ptr(y);
+    for (int x = 0; x < strength.cols; ++x) {
+      if (values[x] > peak.strength && is_free[x]) peak = {{x, y}, values[x]};
+    }
+  }
+  return peak;
+}
+
+/// Whether none of the eight neighbours is stronger.
+bool isLocalMaximum(const cv::Mat& strength, const cv::Point& at) {
+  const float here = strength.at<float>(at);
+  for (int y = at.y - 1; y <= at.y + 1; ++y) {
+    const float* const values = strength.ptr<float>(y);
+    if (std::max({values[at.x - 1], values[at.x], values[at.x + 1]}) > here) return false;
+  }
+  return true;
+}
+
 /// With the margin that the interpolation between pixels needs.
 bool isInside(const cv::Mat& image, const cv::Point2f& u) {
   return cv::Rect2f(1.f, 1.f, static_cast<float>(image.cols) - 3.f,
@@ -99,17 +127,13 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
     for (int column = 0; column < columns; ++column) {
       if (taken[static_cast<std::size_t>(row * columns + column)]) continue;
       const cv::Rect area(border + column * cell, 1, cell, cell);
-      double best = 0;
-      cv::Point at;
-      cv::minMaxLoc(band(area), nullptr, &best, nullptr, &at, free(area + origin));
-      if (at.x < 0 || best < options_.min_corner_strength)
-        continue;  // at.x < 0: the whole cell is masked
-      at += area.tl();
+      const Peak peak = strongest(band(area), free(area + origin));
+      if (peak.at.x < 0 || peak.strength < options_.min_corner_strength) continue;
+      cv::Point at = peak.at + area.tl();
       // A maximum on the cell's border may belong to a stronger corner in the next cell.
-      double around = 0;
-      cv::minMaxLoc(band(cv::Rect(at.x - 1, at.y - 1, 3, 3)), nullptr, &around);
+      if (!isLocalMaximum(band, at)) continue;
       at += origin;
-      if (around > best || eigenvalueRatio(image, at, options_.window_px / 2) < ratio) continue;
+      if (eigenvalueRatio(image, at, options_.window_px / 2) < ratio) continue;
       corners.emplace_back(at);
       cv::circle(free, at, cell / 2, 0, cv::FILLED);
     }

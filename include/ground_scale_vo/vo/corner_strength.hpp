@@ -24,7 +24,8 @@ class CornerStrength {
   void next(float* strength);
 
  private:
-  static constexpr int kSide = 5;  ///< [px]
+  static constexpr int kSide = 5;                ///< [px]
+  static constexpr int kStoredRows = kSide + 1;  ///< the window and the row that it leaves
   struct Gradients {
     std::vector<std::int16_t> x, y;
   };
@@ -32,7 +33,7 @@ class CornerStrength {
 
   const cv::Mat image_;
   int row_;                                        ///< the next one
-  std::array<Gradients, kSide> gradients_;         ///< of the last kSide rows; row y at y % kSide
+  std::array<Gradients, kStoredRows> gradients_;   ///< row y at y % kStoredRows
   std::vector<std::int16_t> smooth_, difference_;  ///< of three rows
   std::vector<std::int32_t> xx_, xy_, yy_;  ///< products of the gradients, summed over kSide rows
 };

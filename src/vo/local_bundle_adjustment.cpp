@@ -203,13 +203,14 @@ struct LocalBundleAdjustment::Problem {
       landmark->H_ll += j.squaredNorm();
       landmark->gradient += j.dot(r);
       if (isFixed(o.keyframe)) continue;
-      Eigen::Matrix<double, 2, 6> J;  // over the observer's pose: P [skew(q), -rho I]
-      J.leftCols<3>() << m * u.x() * u.y(), -m * (1 + u.x() * u.x()), m * u.y(),
-          m * (1 + u.y() * u.y()), -m * u.x() * u.y(), -m * u.x();
-      J.rightCols<3>() = -rho * P;
-      relative.H_oo.noalias() += J.transpose() * J;
-      relative.gradient.noalias() += J.transpose() * r;
-      o.H_pl.noalias() = J.transpose() * j;
+      // Over the observer's pose: P [skew(q), -rho I]. Its transpose, so that Eigen vectorises.
+      Eigen::Matrix<double, 6, 2> Jt;
+      Jt.col(0).head<3>() << m * u.x() * u.y(), -m * (1 + u.x() * u.x()), m * u.y();
+      Jt.col(1).head<3>() << m * (1 + u.y() * u.y()), -m * u.x() * u.y(), -m * u.x();
+      Jt.bottomRows<3>() = -rho * P.transpose();
+      relative.H_oo.noalias() += Jt * Jt.transpose();
+      relative.gradient.noalias() += Jt * r;
+      o.H_pl.noalias() = Jt * j;
       anchor_sum.noalias() += relative.T_o_a.linear().transpose() * (P.transpose() * j);
     }
     observations[landmark->begin].H_pl << landmark->ray.cross(anchor_sum), rho * anchor_sum;

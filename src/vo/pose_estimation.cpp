@@ -48,8 +48,9 @@ constexpr double kRansacThreshold = 0.006;
 struct LinearisedObservation {
   bool in_front = false;
   Eigen::Vector2d residual;
-  /// With respect to a left perturbation of T_c_w (SO(3) x R^3): motionFrom(delta) * T_c_w.
-  Eigen::Matrix<double, 2, 6> J;
+  /// Transposed Jacobian with respect to a left perturbation of T_c_w (SO(3) x R^3):
+  /// motionFrom(delta) * T_c_w.
+  Eigen::Matrix<double, 6, 2> Jt;
   Eigen::Matrix2d information;
 };
 
@@ -60,10 +61,12 @@ LinearisedObservation linearise(const Eigen::Isometry3d& T_c_w, const PointObser
   l.in_front = true;
   const double iz = 1 / p.z();
   l.residual = p.head<2>() * iz - o.x;
-  Eigen::Matrix<double, 2, 3> P;
-  P << iz, 0, -p.x() * iz * iz, 0, iz, -p.y() * iz * iz;
-  l.J << P * -skew(p), P;
-  const Eigen::Vector2d g = P * (T_c_w.linear() * o.sigma_w);
+  // Derivative of the residual by p: [iz I, d]; by the motion: [iz I, d] [-skew(p), I].
+  const Eigen::Vector2d d = -p.head<2>() * iz * iz;
+  l.Jt.col(0) << d.x() * p.y(), iz * p.z() - d.x() * p.x(), -iz * p.y(), iz, 0, d.x();
+  l.Jt.col(1) << d.y() * p.y() - iz * p.z(), -d.y() * p.x(), iz * p.x(), 0, iz, d.y();
+  const Eigen::Vector3d sigma_c = T_c_w.linear() * o.sigma_w;
+  const Eigen::Vector2d g = iz * sigma_c.head<2>() + d * sigma_c.z();
   // (sigma^2 I + g g^T)^-1
   const double n2 = o.sigma * o.sigma;
   l.information = (Eigen::Matrix2d::Identity() - g * g.transpose() / (n2 + g.squaredNorm())) / n2;
@@ -102,8 +105,8 @@ PoseEstimation::Result PoseEstimation::refine(
       if (!l.in_front) continue;
       const double m2 = l.residual.dot(l.information * l.residual) / (scale * scale);
       const double weight = 1 / ((1 + m2 / kGemanMcClure) * (1 + m2 / kGemanMcClure));
-      const Eigen::Matrix<double, 6, 2> JtW = weight * l.J.transpose() * l.information;
-      H.noalias() += JtW * l.J;
+      const Eigen::Matrix<double, 6, 2> JtW = weight * l.Jt * l.information;
+      H.noalias() += JtW * l.Jt.transpose();
       b.noalias() -= JtW * l.residual;
     }
     result.information = H;

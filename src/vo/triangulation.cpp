@@ -20,13 +20,6 @@ constexpr double kConverged = 1e-3;
 
 }  // namespace
 
-RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_depth,
-                           const Eigen::Isometry3d& T_c_anchor) {
-  const Eigen::Vector3d& t = T_c_anchor.translation();
-  const Eigen::Vector3d p = T_c_anchor.linear() * ray + inverse_depth * t;
-  return {p, t.head<2>() - p.head<2>() / p.z() * t.z()};
-}
-
 std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
                                         const std::vector<RayObservation>& observations) {
   if (observations.empty()) return std::nullopt;

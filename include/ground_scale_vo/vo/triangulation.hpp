@@ -25,8 +25,12 @@ struct RayProjection {
   /// p.z() times the derivative of p.head<2>() / p.z() with respect to the inverse depth.
   Eigen::Vector2d scaled_derivative;
 };
-RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_depth,
-                           const Eigen::Isometry3d& T_c_anchor);
+inline RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_depth,
+                                  const Eigen::Isometry3d& T_c_anchor) {
+  const Eigen::Vector3d& t = T_c_anchor.translation();
+  const Eigen::Vector3d p = T_c_anchor.linear() * ray + inverse_depth * t;
+  return {p, t.head<2>() - p.head<2>() / p.z() * t.z()};
+}
 
 /// Inverse depth with the least squared reprojection error in all observations (without the
 /// anchor's own), by Gauss-Newton. ray: in the anchor, z = 1. Empty when there is no observation or

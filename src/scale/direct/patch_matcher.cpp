@@ -42,10 +42,14 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
   const float* const data = image.storage.ptr<float>();
   const auto stride = static_cast<std::ptrdiff_t>(image.storage.step1());
   const Samples z = A(2, 0) * patch.ray_x + A(2, 1) * patch.ray_y + A(2, 2);
-  if (!(z > 0).all()) return false;  // also when not finite
   const Samples u = fx * (A(0, 0) * patch.ray_x + A(0, 1) * patch.ray_y + A(0, 2)) / z + cx;
   const Samples v = fy * (A(1, 0) * patch.ray_x + A(1, 1) * patch.ray_y + A(1, 2)) / z + cy;
-  if (!(u >= 0 && v >= 0 && u < right && v < bottom).all()) return false;
+  // Without branches, so that gcc vectorises the loop. Values that are not finite are outside.
+  int inside = 0;
+  for (int i = 0; i < kPatchSamples; ++i) {
+    inside += (z[i] > 0) & (u[i] >= 0) & (v[i] >= 0) & (u[i] < right) & (v[i] < bottom);
+  }
+  if (inside < kPatchSamples) return false;
   for (int i = 0; i < kPatchSamples; ++i) {
     const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
     const float a = u[i] - static_cast<float>(left), b = v[i] - static_cast<float>(above);
@@ -61,36 +65,48 @@ void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
                              const Eigen::Vector3f& m, Match* match) const {
   const Eigen::Matrix3f A = reference.R - reference.t * m.transpose();
   const auto fx = static_cast<float>(camera_.fx), fy = static_cast<float>(camera_.fy);
+  const Samples& ray_x = patch.ray_x;
+  const Samples& ray_y = patch.ray_y;
+  // y = A r of the rays r, and its projection.
+  const Samples y_x = A(0, 0) * ray_x + (A(0, 1) * ray_y + A(0, 2));
+  const Samples y_y = A(1, 0) * ray_x + (A(1, 1) * ray_y + A(1, 2));
+  const Samples z = A(2, 0) * ray_x + (A(2, 1) * ray_y + A(2, 2));
+  const Samples xn = y_x / z, yn = y_y / z;
+  // Jacobian of the homography on the image plane, and its inverse transpose on the gradient.
+  const Samples a = (A(0, 0) - xn * A(2, 0)) / z, b = (A(0, 1) - xn * A(2, 1)) / z;
+  const Samples c = (A(1, 0) - yn * A(2, 0)) / z, d = (A(1, 1) - yn * A(2, 1)) / z;
+  const Samples determinant = a * d - b * c;
+  const Samples gx = patch.grad_x * fx, gy = patch.grad_y * fy;
+  const Samples hx = (d * gx - c * gy) / (determinant * z);
+  const Samples hy = (a * gy - b * gx) / (determinant * z);
+  // Derivative of the intensity by y = R r - t q, then by q, the rotation and the direction of t.
+  const Samples hz = -hx * xn - hy * yn;
+  const auto along = [&](const Eigen::Vector3f& direction) -> Samples {
+    return hx * direction.x() + (hy * direction.y() + hz * direction.z());
+  };
+  const Samples q = m.x() * ray_x + (m.y() * ray_y + m.z());
+  match->jacobian = -along(reference.t);
+  const Samples by_motion[] = {y_y * hz - z * hy, z * hx - y_x * hz, y_x * hy - y_y * hx,
+                               -q * along(reference.perpendicular[0]),
+                               -q * along(reference.perpendicular[1])};
+  const Samples gradient_x = hx * z / kPatchSamples, gradient_y = hy * z / kPatchSamples;
+  const Samples gradient_squares = (hx * hx + hy * hy) * z * z;
+  const Samples flow_squares = ((xn * reference.t.z() - reference.t.x()).square() +
+                                (yn * reference.t.z() - reference.t.y()).square()) /
+                               (z * z * kPatchSamples);
+
   Moments sum;
   for (int i = 0; i < kPatchSamples; ++i) {
-    const Eigen::Vector3f ray(patch.ray_x[i], patch.ray_y[i], 1.f);
-    const Eigen::Vector3f y = A * ray;
-    const float z = y.z(), xn = y.x() / z, yn = y.y() / z;
-    // Jacobian of the homography on the image plane, and its inverse transpose on the gradient.
-    const float a = (A(0, 0) - xn * A(2, 0)) / z, b = (A(0, 1) - xn * A(2, 1)) / z;
-    const float c = (A(1, 0) - yn * A(2, 0)) / z, d = (A(1, 1) - yn * A(2, 1)) / z;
-    const float determinant = a * d - b * c;
-    const float gx = patch.grad_x[i] * fx, gy = patch.grad_y[i] * fy;
-    const float hx = (d * gx - c * gy) / (determinant * z);
-    const float hy = (a * gy - b * gx) / (determinant * z);
-    // Derivative of the intensity by y = R r - t q, then by q, the rotation and the direction of t.
-    const Eigen::Vector3f by_y(hx, hy, -hx * xn - hy * yn);
-    const float j = -by_y.dot(reference.t);
-    const float q = m.dot(ray);
-    Vector5f by_motion;
-    const Eigen::Vector3f by_rotation = y.cross(by_y);
-    by_motion << by_rotation.x(), by_rotation.y(), by_rotation.z(),
-        -q * by_y.dot(reference.perpendicular[0]), -q * by_y.dot(reference.perpendicular[1]);
-    match->jacobian[i] = j;
-    sum.gradient_mean += Eigen::Vector2f(hx, hy) * z / kPatchSamples;
-    sum.gradient_squares += (hx * hx + hy * hy) * z * z;
-    sum.flow_squares +=
-        (Eigen::Vector2f(xn, yn) * reference.t.z() - reference.t.head<2>()).squaredNorm() /
-        (z * z * kPatchSamples);
+    const float j = match->jacobian[i];
+    sum.gradient_mean += Eigen::Vector2f(gradient_x[i], gradient_y[i]);
+    sum.gradient_squares += gradient_squares[i];
+    sum.flow_squares += flow_squares[i];
     sum.mean += j / kPatchSamples;
     sum.squares += j * j;
-    sum.motion_mean += by_motion / kPatchSamples;
-    sum.motion += j * by_motion;
+    for (int k = 0; k < 5; ++k) {
+      sum.motion_mean[k] += by_motion[k][i] / kPatchSamples;
+      sum.motion[k] += j * by_motion[k][i];
+    }
   }
   match->jacobian -= sum.mean;
   const float information = std::max(sum.squares - kPatchSamples * sum.mean * sum.mean,

@@ -40,7 +40,7 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
   const auto right = static_cast<float>(image.roi.width - 1);
   const auto bottom = static_cast<float>(image.roi.height - 1);
   const float* const data = image.storage.ptr<float>();
-  const auto stride = static_cast<std::ptrdiff_t>(image.storage.step1());
+  const auto stride = static_cast<int>(image.storage.step1());
   const Samples z = A(2, 0) * patch.ray_x + A(2, 1) * patch.ray_y + A(2, 2);
   const Samples u = fx * (A(0, 0) * patch.ray_x + A(0, 1) * patch.ray_y + A(0, 2)) / z + cx;
   const Samples v = fy * (A(1, 0) * patch.ray_x + A(1, 1) * patch.ray_y + A(1, 2)) / z + cy;
@@ -50,13 +50,20 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
     inside += (z[i] > 0) & (u[i] >= 0) & (v[i] >= 0) & (u[i] < right) & (v[i] < bottom);
   }
   if (inside < kPatchSamples) return false;
+  Samples a, b;  // fractions between pixels
+  Eigen::Array<int, kPatchSamples, 1> offset;
   for (int i = 0; i < kPatchSamples; ++i) {
     const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
-    const float a = u[i] - static_cast<float>(left), b = v[i] - static_cast<float>(above);
-    const float* p = data + above * stride + left;
-    const float upper = p[0] + a * (p[1] - p[0]);
-    const float lower = p[stride] + a * (p[stride + 1] - p[stride]);
-    (*values)[i] = upper + b * (lower - upper);
+    a[i] = u[i] - static_cast<float>(left);
+    b[i] = v[i] - static_cast<float>(above);
+    offset[i] = above * stride + left;
+  }
+  for (int i = 0; i < kPatchSamples; ++i) {
+    const float* const upper = data + offset[i];
+    const float* const lower = upper + stride;
+    const float in_upper = upper[0] + a[i] * (upper[1] - upper[0]);
+    const float in_lower = lower[0] + a[i] * (lower[1] - lower[0]);
+    (*values)[i] = in_upper + b[i] * (in_lower - in_upper);
   }
   return true;
 }

@@ -21,13 +21,14 @@ MetricOdometry::Status MetricOdometry::Output::status() const {
   return vo.frame.status == VoStatus::kLost ? Status::kLost : Status::kInitialising;
 }
 
-MetricOdometry::MetricOdometry(const PinholeCamera& camera, const Options& options)
-    : vo_(camera, validated(options).vo), scale_(options.scale) {}
+MetricOdometry::MetricOdometry(const PinholeCamera& camera, const Options& options,
+                               const cv::Mat& mask)
+    : vo_(camera, validated(options).vo, mask), scale_(options.scale), mask_(mask) {}
 
 MetricOdometry::Output MetricOdometry::process(const cv::Mat& image, std::int64_t stamp_ns) {
   Output output;
   output.vo = vo_.process(image, stamp_ns);
-  output.scale = scale_.process(output.vo.frame, image);
+  output.scale = scale_.process(output.vo.frame, image, mask_);
   return output;
 }
 

@@ -52,8 +52,9 @@ class MetricOdometry {
     const std::optional<MetricPose>& pose() const { return scale.pose; }
   };
 
-  /// camera: of the rectified images. Throws OptionError.
-  MetricOdometry(const PinholeCamera& camera, const Options& options);
+  /// camera: of the rectified images. mask: of their size, 0 where they never show the scene (own
+  /// vehicle, watermark), which is not used; empty: no such region. Throws OptionError.
+  MetricOdometry(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {});
 
   /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size, rectified
   /// (throws OptionError otherwise). stamp_ns: [ns]; greater than that of the previous image.
@@ -62,6 +63,7 @@ class MetricOdometry {
  private:
   VisualOdometry vo_;
   ScaleRecovery scale_;
+  const cv::Mat mask_;
 };
 
 const char* toString(MetricOdometry::Status status);  ///< "initialising", "tracking", "lost"

@@ -39,14 +39,15 @@ double nearestVisibleRoad(const PinholeCamera& camera, const NormalPrior& prior)
   return slope > kMinRaySlope ? (ray + slope * prior.n_c).norm() / slope : 0;
 }
 
-/// The steps of the method, for images of one camera.
+/// The steps of the method, for images of one camera with one mask.
 struct Stages {
-  Stages(const DirectPlaneEstimator::Options& options, const PinholeCamera& camera)
+  Stages(const DirectPlaneEstimator::Options& options, const PinholeCamera& camera,
+         const cv::Mat& mask)
       : grid(camera, options.patch_size),
-        extractor(camera, grid, options.image_noise),
+        extractor(camera, grid, options.image_noise, mask),
         images(cv::Size(camera.width, camera.height), options.baseline_heights),
         static_mask(camera, grid),
-        matcher(camera, options.image_noise),
+        matcher(camera, options.image_noise, extractor.allowed()),
         search(options),
         solver(options) {}
 
@@ -69,7 +70,7 @@ void DirectPlaneEstimator::Options::validate() const {
 struct DirectPlaneEstimator::Impl {
   explicit Impl(const Options& o) : options(o) { options.validate(); }
 
-  void setCamera(const PinholeCamera& new_camera);
+  void setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask);
   LaneRegion laneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
                         double height) const;
   Eigen::Vector3d roadCentre(const Eigen::Vector3d& n_c, double height) const;
@@ -85,7 +86,8 @@ struct DirectPlaneEstimator::Impl {
 
   const Options options;
   PinholeCamera camera;
-  std::optional<Stages> stages;  ///< for `camera`; empty before the first image
+  cv::Mat mask;
+  std::optional<Stages> stages;  ///< for camera and mask; empty before the first image
   std::vector<direct::Patch> patches;
   std::vector<direct::Reference> references;
   /// Of the camera whose height is measured, in this frame's camera axes [VO units].
@@ -94,10 +96,12 @@ struct DirectPlaneEstimator::Impl {
   std::optional<Eigen::Vector3d> last_attempt_w;
 };
 
-void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera) {
-  if (stages && isSameCamera(camera, new_camera)) return;
+void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera,
+                                           const cv::Mat& new_mask) {
+  if (stages && isSameCamera(camera, new_camera) && mask.data == new_mask.data) return;
   camera = new_camera;
-  stages.emplace(options, camera);
+  mask = new_mask;
+  stages.emplace(options, camera, mask);
 }
 
 LaneRegion DirectPlaneEstimator::Impl::laneRegion(const NormalPrior& prior,
@@ -193,9 +197,10 @@ void DirectPlaneEstimator::reset() {
 
 DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(
     const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
-    const std::optional<MotionHistory::Chord>& chord, double height, const CameraPath& path) {
+    const std::optional<MotionHistory::Chord>& chord, double height, const CameraPath& path,
+    const cv::Mat& mask) {
   Impl& s = *impl_;
-  s.setCamera(frame.camera);
+  s.setCamera(frame.camera, mask);
   Stages& stages = *s.stages;
   direct::RoadImage& current = stages.images.current();
   current.T_w_c = frame.T_w_c;

@@ -52,13 +52,14 @@ struct ScaleRecovery::Impl {
   void startMap();
   bool hasPlausibleSpeed(const VoFrame& frame) const;
   bool acceptPose(const VoFrame& frame);
-  ScaleReason measure(const VoFrame& frame, const cv::Mat& image, Output* output);
+  ScaleReason measure(const VoFrame& frame, const cv::Mat& image, const cv::Mat& mask,
+                      Output* output);
   ScaleReason measureFeatureBased(const VoFrame& frame, const NormalPrior& prior,
                                   const std::optional<MotionHistory::Chord>& chord, Output* output,
                                   GroundPlane* plane);
-  bool measureDirect(const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
-                     const std::optional<MotionHistory::Chord>& chord, Output* output,
-                     GroundPlane* plane);
+  bool measureDirect(const VoFrame& frame, const cv::Mat& image, const cv::Mat& mask,
+                     const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
+                     Output* output, GroundPlane* plane);
   bool updateFilter(const GroundPlane& feature_based_plane, const GroundPlane& direct_plane,
                     Output* output);
   void fillEstimate(ScaleEstimate* scale) const;
@@ -129,7 +130,7 @@ bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {
 /// All stages for one tracking frame. Returns kNone when a measurement of this frame was used,
 /// otherwise the reason why not.
 ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& image,
-                                         Output* output) {
+                                         const cv::Mat& mask, Output* output) {
   const double step = motion.distanceFromLast(frame.T_w_c);
   if (!motion.empty() && step < options.standstill_distance_heights * rough_height) {
     return ScaleReason::kStandstill;
@@ -145,7 +146,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   const ScaleReason feature_based =
       measureFeatureBased(frame, prior, chord, output, &feature_based_plane);
   const bool has_feature_based = feature_based == ScaleReason::kNone;
-  const bool has_direct = measureDirect(frame, image, prior, chord, output, &direct_plane);
+  const bool has_direct = measureDirect(frame, image, mask, prior, chord, output, &direct_plane);
   const bool has_measurement = has_feature_based || has_direct;
 
   const Stopwatch watch;
@@ -232,13 +233,13 @@ ScaleReason ScaleRecovery::Impl::measureFeatureBased(
 
 /// On success sets output->direct, output->correlation and *plane.
 bool ScaleRecovery::Impl::measureDirect(const VoFrame& frame, const cv::Mat& image,
-                                        const NormalPrior& prior,
+                                        const cv::Mat& mask, const NormalPrior& prior,
                                         const std::optional<MotionHistory::Chord>& chord,
                                         Output* output, GroundPlane* plane) {
   if (!options.refine || image.empty()) return false;
   const Stopwatch watch;
   const DirectPlaneEstimator::Result result =
-      direct.estimate(frame, image, prior, chord, filter.height(), path);
+      direct.estimate(frame, image, prior, chord, filter.height(), path, mask);
   output->times.direct = watch.ms();
   if (result.status != ScaleReason::kNone) return false;
   *plane = result.plane;
@@ -263,15 +264,17 @@ ScaleRecovery::~ScaleRecovery() = default;
 
 void ScaleRecovery::reset() { impl_ = std::make_unique<Impl>(impl_->options); }
 
-ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat& image) {
+ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat& image,
+                                             const cv::Mat& mask) {
   const Stopwatch watch;
   if (!image.empty()) requireImage(image, frame.camera);
+  requireMask(mask, frame.camera);
   Output output;
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;
   if (frame.status == VoStatus::kTracking && isFinite(frame.T_w_c) &&
       isPlausiblePosition(frame.T_w_c.translation())) {
-    scale.reason = impl_->acceptPose(frame) ? impl_->measure(frame, image, &output)
+    scale.reason = impl_->acceptPose(frame) ? impl_->measure(frame, image, mask, &output)
                                             : ScaleReason::kImplausibleMotion;
   }
   impl_->fillEstimate(&scale);

@@ -52,11 +52,12 @@ std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive, const std::functio
 }
 
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
-                   const std::vector<std::string>& settings, const std::function<void()>& each) {
+                   const std::vector<std::string>& settings, const std::function<void()>& each,
+                   const cv::Mat& mask) {
   OfflineRun::Options options;
   options.scale.camera_height = drive.cameraHeight();
   for (const std::string& setting : settings) setOption(options, setting);
-  OfflineRun run(drive.camera(), options);
+  OfflineRun run(drive.camera(), options, mask);
   for (std::size_t i = 0; i < images.size(); ++i) {
     run.process(images[i], drive.frame(i).stamp_ns);
     if (each) each();

@@ -10,6 +10,7 @@
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
+#include "ground_scale_vo/io/image_file.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
@@ -23,7 +24,16 @@ namespace {
 
 struct Arguments : gsv::SequenceArguments {
   int opencv_threads = 1;
+  std::string mask;
 };
+
+/// The mask of --mask FILE; empty without it. Throws DataError or OptionError.
+cv::Mat readMask(const std::string& file, const gsv::PinholeCamera& camera) {
+  if (file.empty()) return {};
+  const cv::Mat mask = gsv::readGreyImage(file);
+  gsv::requireMask(mask, camera, "--mask " + file);
+  return mask;
+}
 
 void run(const Arguments& arguments) {
   cv::setNumThreads(arguments.opencv_threads);
@@ -34,7 +44,8 @@ void run(const Arguments& arguments) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
-  gsv::OfflineRun run(sequence.camera(), arguments.options);
+  gsv::OfflineRun run(sequence.camera(), arguments.options,
+                      readMask(arguments.mask, sequence.camera()));
   gsv::RunProgress progress(sequence.name(), sequence.size());
   gsv::ImageReader reader(sequence.size(), [&](std::size_t i) { return sequence.image(i); });
   for (std::size_t i = 0; i < sequence.size(); ++i) {
@@ -66,10 +77,13 @@ int main(int argc, char** argv) {
   arguments.addTo(&command_line,
                   "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
                   "trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt");
-  command_line.options().add_options()(
-      "opencv-threads",
-      gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
-      "threads inside OpenCV; the published figures are those with 1");
+  command_line.options().add_options()  //
+      ("mask", gsv::optionalValue(&arguments.mask, "FILE"),
+       "image of the size of those in SEQ, black where they never show the scene (own vehicle, "
+       "watermark); these regions are not used")  //
+      ("opencv-threads",
+       gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
+       "threads inside OpenCV; the published figures are those with 1");
   return command_line.run(
       argc, argv, [&] { arguments.check(); },
       [&] {

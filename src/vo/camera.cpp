@@ -10,6 +10,14 @@ namespace {
 /// [px] largest side of an image: far above any camera, so larger values are errors.
 constexpr double kMaxPixels = 1e5;
 
+void require(const cv::Mat& image, const PinholeCamera& camera, const std::string& name) {
+  if (image.type() != CV_8UC1) throw OptionError(name + " is not 8-bit with one channel");
+  if (image.cols == camera.width && image.rows == camera.height) return;
+  throw OptionError(name + " is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) +
+                    ", the camera " + std::to_string(camera.width) + "x" +
+                    std::to_string(camera.height));
+}
+
 }  // namespace
 
 void PinholeCamera::validate() const {
@@ -22,11 +30,11 @@ void PinholeCamera::validate() const {
 }
 
 void requireImage(const cv::Mat& image, const PinholeCamera& camera) {
-  if (image.type() != CV_8UC1) throw OptionError("image is not 8-bit with one channel");
-  if (image.cols == camera.width && image.rows == camera.height) return;
-  throw OptionError("image is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) +
-                    ", the camera " + std::to_string(camera.width) + "x" +
-                    std::to_string(camera.height));
+  require(image, camera, "image");
+}
+
+void requireMask(const cv::Mat& mask, const PinholeCamera& camera, const std::string& name) {
+  if (!mask.empty()) require(mask, camera, name);
 }
 
 }  // namespace ground_scale_vo

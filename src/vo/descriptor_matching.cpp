@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/median.hpp"
+#include "vo/masked_patch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -35,7 +36,7 @@ bool isInRegion(const SearchRegion& region, std::size_t i, const cv::Point2f& u)
 
 }  // namespace
 
-Descriptors::Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points)
+Descriptors::Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points, const cv::Mat& mask)
     : points_(std::move(points)) {
   for (auto& descriptors : at_scale_) descriptors.assign(points_.size(), nullptr);
   if (points_.empty()) return;
@@ -43,6 +44,8 @@ Descriptors::Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points)
   for (int scale = 0; scale < kScales; ++scale) {
     for (std::size_t i = 0; i < points_.size(); ++i) {
       constexpr float kAngle = 0, kResponse = 0;
+      const int reach = cvRound(kBorder_px * std::pow(kScaleFactor, scale));
+      if (touchesMask(mask, points_[i], reach)) continue;
       keypoints.emplace_back(points_[i], static_cast<float>(kPatchSize_px), kAngle, kResponse,
                              scale, static_cast<int>(i));
     }

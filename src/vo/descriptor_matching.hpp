@@ -18,7 +18,8 @@ class Descriptors {
  public:
   static constexpr int kScales = 3;
 
-  Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points);
+  /// mask: of the image's size, 0 where it never shows the scene; empty: none.
+  Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points, const cv::Mat& mask = {});
 
   const std::vector<cv::Point2f>& points() const { return points_; }
   /// Number of differing bits at the pair of scales that fits best.
@@ -27,7 +28,7 @@ class Descriptors {
  private:
   std::vector<cv::Point2f> points_;
   cv::Mat rows_;
-  /// Of each point at each scale; null near the image border.
+  /// Of each point at each scale; null near the image border and near the mask.
   std::array<std::vector<const unsigned char*>, kScales> at_scale_;
 };
 

@@ -81,7 +81,22 @@ void FeatureTracker::Options::validate() const {
   if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
 }
 
-FeatureTracker::FeatureTracker(const Options& options) : options_(options) { options_.validate(); }
+FeatureTracker::FeatureTracker(const Options& options, const cv::Mat& mask) : options_(options) {
+  options_.validate();
+  if (mask.empty()) return;
+  cv::erode(mask, allowed_, cv::Mat::ones(2 * reach() + 1, 2 * reach() + 1, CV_8U));
+}
+
+/// [px] from a corner to the last pixel on which its strength or its patch, with gradients,
+/// depends.
+int FeatureTracker::reach() const {
+  return std::max(options_.window_px / 2, CornerStrength::kReach) + 1;
+}
+
+/// Precondition: isInside() of an image.
+bool FeatureTracker::isMasked(const cv::Point2f& u) const {
+  return !allowed_.empty() && allowed_.at<unsigned char>(cvRound(u.y), cvRound(u.x)) == 0;
+}
 
 ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
   ImagePyramid result;
@@ -97,7 +112,7 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
                                                 const std::vector<cv::Point2f>& occupied) const {
   const int cell =
       std::max(kMinCell_px, static_cast<int>(std::lround(options_.cell_size * image.cols)));
-  const int border = std::max(options_.window_px / 2, CornerStrength::kReach) + 1;
+  const int border = reach();
   const int columns = (image.cols - 2 * border) / cell;
   const int rows = (image.rows - 2 * border) / cell;
   if (columns < 1 || rows < 1) return {};
@@ -109,7 +124,8 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
     return column >= 0 && column < columns && row >= 0 && row < rows ? row * columns + column : -1;
   };
   std::vector<unsigned char> taken(static_cast<std::size_t>(columns * rows), 0);
-  cv::Mat free(image.size(), CV_8UC1, cv::Scalar(255));
+  cv::Mat free =
+      allowed_.empty() ? cv::Mat(image.size(), CV_8UC1, cv::Scalar(255)) : allowed_.clone();
   for (const cv::Point2f& u : occupied) {
     const int index = cellOf(u);
     if (index >= 0) taken[static_cast<std::size_t>(index)] = 1;
@@ -160,7 +176,7 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   std::vector<std::size_t> index;  // indices of the points found
   std::vector<cv::Point2f> there, back;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
-    if (!found[i] || !isInside(to.image, tracks.points[i])) continue;
+    if (!found[i] || !isInside(to.image, tracks.points[i]) || isMasked(tracks.points[i])) continue;
     index.push_back(i);
     there.push_back(tracks.points[i]);
     back.push_back(from_points[i]);

@@ -26,8 +26,9 @@ const cv::Mat& coarsestLevel(const ImagePyramid& pyramid) {
 }  // namespace
 
 FrameToFrameTracking::FrameToFrameTracking(const PinholeCamera& camera,
-                                           const VisualOdometry::Options& options)
-    : options_(options), camera_(camera), tracker_(options.tracker) {}
+                                           const VisualOdometry::Options& options,
+                                           const cv::Mat& mask)
+    : options_(options), camera_(camera), mask_(mask), tracker_(options.tracker, mask) {}
 
 ImagePyramid FrameToFrameTracking::pyramid(const cv::Mat& image) const {
   ImagePyramid result = tracker_.pyramid(image);
@@ -105,10 +106,12 @@ void FrameToFrameTracking::detectNew() {
   }
 }
 
-Descriptors FrameToFrameTracking::describeFeatures() const { return {previous_.image, pixels()}; }
+Descriptors FrameToFrameTracking::describeFeatures() const {
+  return {previous_.image, pixels(), mask_};
+}
 
 Descriptors FrameToFrameTracking::describeCorners(const ImagePyramid& image) const {
-  return {image.image, tracker_.detect(image.image, {})};
+  return {image.image, tracker_.detect(image.image, {}), mask_};
 }
 
 std::vector<cv::Point2f> FrameToFrameTracking::pixels() const {

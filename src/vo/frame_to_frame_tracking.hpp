@@ -17,7 +17,9 @@ namespace ground_scale_vo {
 /// image is the last tracked one; at standstill an older image is kept.
 class FrameToFrameTracking {
  public:
-  FrameToFrameTracking(const PinholeCamera& camera, const VisualOdometry::Options& options);
+  /// mask: as for VisualOdometry.
+  FrameToFrameTracking(const PinholeCamera& camera, const VisualOdometry::Options& options,
+                       const cv::Mat& mask);
 
   /// Pyramid of an image, with its exposure relative to the map's first image (1 if there is no
   /// previous image).
@@ -65,6 +67,7 @@ class FrameToFrameTracking {
 
   const VisualOdometry::Options options_;
   const PinholeCamera camera_;
+  const cv::Mat mask_;
   const FeatureTracker tracker_;
 
   ImagePyramid previous_;

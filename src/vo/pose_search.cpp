@@ -103,8 +103,8 @@ std::optional<int> sizeOf(const Point& point, const Eigen::Isometry3d& T_next_pr
 class PoseRating {
  public:
   PoseRating(const PinholeCamera& camera, const std::vector<Point>& points, const cv::Mat& previous,
-             const cv::Mat& image)
-      : camera_(camera), patches_(camera, previous, image, kCoarseWidth_px) {
+             const cv::Mat& image, const cv::Mat& mask)
+      : camera_(camera), patches_(camera, previous, image, mask, kCoarseWidth_px) {
     const std::size_t count = std::min(kMaxRatedPoints, points.size());
     for (std::size_t i = 0; i < count; ++i) points_.push_back(points[i * points.size() / count]);
   }
@@ -163,7 +163,7 @@ class PoseRating {
     if (correlation.empty()) return response;
     cv::dilate(correlation, response.correlation, cv::Mat::ones(kSide, kSide, CV_8U));
     cv::Scalar mean, deviation;
-    cv::meanStdDev(response.correlation, mean, deviation);
+    cv::meanStdDev(response.correlation, mean, deviation, patches_.allowed(region));
     response.origin = region.tl();
     response.mean = mean[0];
     response.variance = deviation[0] * deviation[0];
@@ -180,8 +180,9 @@ class PoseRating {
       if (!(p.z() > 0)) continue;
       const cv::Point2f u = patches_.resized(camera_.project(p));
       const cv::Mat& correlation = selected_[i]->correlation;
-      const cv::Point at = cv::Point(cvRound(u.x), cvRound(u.y)) - selected_[i]->origin;
-      if (!cv::Rect({0, 0}, correlation.size()).contains(at)) continue;
+      const cv::Point pixel(cvRound(u.x), cvRound(u.y));
+      const cv::Point at = pixel - selected_[i]->origin;
+      if (!cv::Rect({0, 0}, correlation.size()).contains(at) || patches_.isMasked(pixel)) continue;
       sum += correlation.at<float>(at) - selected_[i]->mean;
       variance += selected_[i]->variance;
       ++count;
@@ -225,8 +226,9 @@ std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<
 
 }  // namespace
 
-PoseSearch::PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options)
-    : camera_(camera), pose_estimation_(withThresholds(options)) {}
+PoseSearch::PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
+                       const cv::Mat& mask)
+    : camera_(camera), mask_(mask), pose_estimation_(withThresholds(options)) {}
 
 std::optional<PoseSearch::Result> PoseSearch::locate(const LocalMap& map, const MotionModel& motion,
                                                      const std::vector<Feature>& features,
@@ -238,13 +240,13 @@ std::optional<PoseSearch::Result> PoseSearch::locate(const LocalMap& map, const 
   const Eigen::Vector3d path =
       T_w_previous.linear().transpose() *
       (motion.extrapolate(stamp_ns).translation() - T_w_previous.translation());
-  const auto coarse = PoseRating(camera_, points, previous, image).best(path);
+  const auto coarse = PoseRating(camera_, points, previous, image, mask_).best(path);
   if (!coarse) return std::nullopt;
 
   Result result;
   result.T_w_c = T_w_previous * *coarse;
   for (const auto& [width, reach] : kLevels) {
-    ScaledPatches patches(camera_, previous, image, width);
+    ScaledPatches patches(camera_, previous, image, mask_, width);
     const std::vector<Feature> matches =
         matchesNear(camera_, points, result.T_w_c.inverse() * T_w_previous, reach, &patches);
     std::vector<std::size_t> index;  // indices of the observed features in `matches`

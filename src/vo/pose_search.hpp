@@ -28,7 +28,9 @@ class PoseSearch {
     std::vector<Feature> features;  ///< those whose patches agree with the pose, in the image
   };
 
-  PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options);
+  /// mask: as for VisualOdometry.
+  PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
+             const cv::Mat& mask);
 
   /// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
   /// differ. Takes some tenths of a second. Empty when no pose stands out, when too few patches
@@ -39,6 +41,7 @@ class PoseSearch {
 
  private:
   const PinholeCamera camera_;
+  const cv::Mat mask_;
   const PoseEstimation pose_estimation_;
 };
 

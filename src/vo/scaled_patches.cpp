@@ -4,6 +4,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "vo/masked_patch.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -20,9 +22,20 @@ cv::Point2f scaled(const Eigen::Vector2d& u, double scale) {
 }  // namespace
 
 ScaledPatches::ScaledPatches(const PinholeCamera& camera, const cv::Mat& from, const cv::Mat& to,
-                             double width)
-    : from_(from), factor_(std::min(1.0, width / camera.width)) {
+                             const cv::Mat& mask, double width)
+    : from_(from), factor_(std::min(1.0, width / camera.width)), mask_(mask) {
   cv::resize(to, to_, {}, factor_, factor_, cv::INTER_AREA);
+  if (mask.empty()) return;
+  cv::resize(mask != 0, allowed_, to_.size(), 0, 0, cv::INTER_AREA);
+  cv::erode(allowed_ == 255, allowed_, cv::Mat::ones(kSide_px, kSide_px, CV_8U));
+}
+
+bool ScaledPatches::isMasked(const cv::Point& u) const {
+  return !allowed_.empty() && allowed_.at<unsigned char>(u) == 0;
+}
+
+cv::Mat ScaledPatches::allowed(const cv::Rect& region) const {
+  return allowed_.empty() ? cv::Mat() : allowed_(region);
 }
 
 cv::Point2f ScaledPatches::resized(const Eigen::Vector2d& u) const { return scaled(u, factor_); }
@@ -33,12 +46,18 @@ Eigen::Vector2d ScaledPatches::original(const cv::Point2f& u) const {
 
 cv::Mat ScaledPatches::correlate(const Eigen::Vector2d& u_from, int size, cv::Rect* region) {
   const cv::Mat& source = fromAt(size);
-  const cv::Point2f centre = scaled(u_from, factor_ * std::pow(kSizeStep, size));
+  const double scale = factor_ * std::pow(kSizeStep, size);
+  const cv::Point2f centre = scaled(u_from, scale);
   const bool inside = centre.x >= kHalf_px && centre.y >= kHalf_px &&
                       centre.x < static_cast<float>(source.cols - kHalf_px - 1) &&
                       centre.y < static_cast<float>(source.rows - kHalf_px - 1);
   *region &= cv::Rect(kHalf_px, kHalf_px, to_.cols - kSide_px + 1, to_.rows - kSide_px + 1);
   if (!inside || region->empty()) return {};
+  const cv::Point2f pixel(static_cast<float>(u_from.x()), static_cast<float>(u_from.y()));
+  // With half a pixel of the resized image, and one for the interpolation.
+  if (touchesMask(mask_, pixel, static_cast<int>(std::ceil((kHalf_px + 1.5) / scale)) + 1)) {
+    return {};
+  }
   cv::Mat patch, correlation;
   cv::getRectSubPix(source, {kSide_px, kSide_px}, centre, patch);
   cv::Scalar mean, deviation;
@@ -47,6 +66,7 @@ cv::Mat ScaledPatches::correlate(const Eigen::Vector2d& u_from, int size, cv::Re
   const cv::Rect pixels(region->x - kHalf_px, region->y - kHalf_px, region->width + kSide_px - 1,
                         region->height + kSide_px - 1);
   cv::matchTemplate(to_(pixels), patch, correlation, cv::TM_CCOEFF_NORMED);
+  if (!mask_.empty()) correlation.setTo(-1, allowed(*region) == 0);
   return correlation;
 }
 

@@ -87,16 +87,16 @@ struct VisualOdometry::Impl {
   std::optional<Descriptors> lost_image;
   RotationChain rotation_to_lost;
 
-  Impl(const PinholeCamera& camera_in, const Options& options_in)
+  Impl(const PinholeCamera& camera_in, const Options& options_in, const cv::Mat& mask)
       : options((options_in.validate(), options_in)),
-        camera((camera_in.validate(), camera_in)),
-        tracking(camera, options),
+        camera((camera_in.validate(), requireMask(mask, camera_in), camera_in)),
+        tracking(camera, options, mask),
         initialisation(camera, options),
         reference_alignment(camera, options.alignment, options.feature_sigma_aligned),
         pose_estimation(options.pose),
         two_view(options.two_view),
         relocalisation(camera, options.pose),
-        pose_search(camera, options.pose),
+        pose_search(camera, options.pose, mask),
         mapping(camera, options) {}
 
   Output process(const cv::Mat& image, std::int64_t stamp_ns) {
@@ -423,8 +423,9 @@ struct VisualOdometry::Impl {
   }
 };
 
-VisualOdometry::VisualOdometry(const PinholeCamera& camera, const Options& options)
-    : impl_(std::make_unique<Impl>(camera, options)) {}
+VisualOdometry::VisualOdometry(const PinholeCamera& camera, const Options& options,
+                               const cv::Mat& mask)
+    : impl_(std::make_unique<Impl>(camera, options, mask)) {}
 
 VisualOdometry::~VisualOdometry() = default;
 

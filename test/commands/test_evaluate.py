@@ -1,5 +1,7 @@
 """scripts/evaluate, scripts/ablation and the offline run behind them."""
 
+import matplotlib.image
+import numpy
 import pytest
 from conftest import SCRIPTS, assert_refused, on_full_disk, on_terminal, run, tool
 
@@ -25,12 +27,30 @@ def test_set_reaches_the_run(short, tmp_path):
     ("unknown scenario", ["--scenarios", "none"]),
     ("unknown fault", ["--faults", "none"]),
     ("--faults", ["SHORT", "--seed", "1"]),
+    ("--mask", ["--scenarios", "--mask", "mask.png"]),
     ("--faults", ["--faults", "--set", "refine=false"]),
     ("tracker/cell_size is 7", ["--scenarios", "pitched", "--set", "tracker/cell_size=7"]),
 ])
 def test_wrong_arguments(short, tmp_path, text, arguments):
     arguments = [short if word == "SHORT" else word for word in arguments]
     assert_refused(2, text, EVALUATE, *arguments, "--out", tmp_path)
+
+
+def test_mask(short, tmp_path):
+    """One that hides everything: no corner is found."""
+    mask = tmp_path / "mask.png"
+
+    def write(value, width=800):
+        matplotlib.image.imsave(mask, numpy.full((248, width), value), cmap="gray", vmin=0, vmax=1)
+
+    for value, found in ((0, False), (1, True)):
+        write(value)
+        done = run(EVALUATE, short, "--out", tmp_path, "--mask", mask)
+        assert ("no frame got a scale" not in done.stdout + done.stderr) == found
+    write(1, width=799)
+    assert_refused(1, f"--mask {mask} is 799x248, the camera 800x248", EVALUATE, short, "--out",
+                   tmp_path, "--mask", mask)
+    assert_refused(1, "none.png", EVALUATE, short, "--out", tmp_path, "--mask", "none.png")
 
 
 def test_misspelt_option(short, tmp_path):

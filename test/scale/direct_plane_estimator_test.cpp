@@ -225,6 +225,62 @@ TEST(DirectPlaneEstimator, TheEngineHoodIsDetectedAndMasked) {
   EXPECT_GT(result.correlation, 0.8);  // without the patches on the hood
 }
 
+// In neither image: patches of the newest one below the region project into it in the reference
+// image.
+TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
+  const RoadScene scene = road();
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  const cv::Rect region(200, 130, 120, 30);
+  cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(255));
+  mask(region).setTo(0);
+  const auto run = [&](const Change& change, const cv::Mat& given_mask, double predicted) {
+    DirectPlaneEstimator estimator({});
+    DirectPlaneEstimator::Result result;
+    for (std::uint32_t i = 0; i < 8; ++i) {
+      cv::Mat image = roadImage(scene, scene.step * i);
+      change(i, &image);
+      result =
+          estimator.estimate(scene.frame(i), image, prior, std::nullopt, predicted, {}, given_mask);
+    }
+    return result;
+  };
+  const Change none = [](std::uint32_t, cv::Mat*) {};
+  const Change noise = [&](std::uint32_t i, cv::Mat* image) {
+    cv::Mat part = (*image)(region);
+    cv::RNG(i + 1).fill(part, cv::RNG::UNIFORM, 0, 256);
+    cv::GaussianBlur(part, part, {0, 0}, 2, 0, cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
+  };
+  for (const double predicted : {1.03 * scene.height, 0.0}) {  // 0: with a search
+    const auto all = run(none, {}, predicted);
+    EXPECT_NE(run(noise, {}, predicted).plane.height, all.plane.height);
+    const auto masked = run(none, mask, predicted);
+    const auto with_noise = run(noise, mask, predicted);
+    ASSERT_EQ(masked.status, ScaleReason::kNone);
+    EXPECT_NEAR(masked.plane.height / scene.height, 1, 0.005);
+    EXPECT_LT(masked.patches, all.patches - 10);
+    EXPECT_EQ(with_noise.status, masked.status);
+    EXPECT_EQ(with_noise.plane.height, masked.plane.height);
+    EXPECT_EQ(with_noise.plane.n_c, masked.plane.n_c);
+    EXPECT_EQ(with_noise.height_sigma, masked.height_sigma);
+    EXPECT_EQ(with_noise.correlation, masked.correlation);
+    EXPECT_EQ(with_noise.patches, masked.patches);
+  }
+}
+
+TEST(DirectPlaneEstimator, AMaskOfTheWholeLaneLeavesNoPlane) {
+  const RoadScene scene = road();
+  const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));
+  DirectPlaneEstimator estimator({});
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    for (const double predicted : {scene.height, 0.0}) {
+      const auto result =
+          estimator.estimate(scene.frame(i), roadImage(scene, scene.step * i),
+                             priorOf(scene, kPriorSigma), std::nullopt, predicted, {}, mask);
+      EXPECT_NE(result.status, ScaleReason::kNone);
+    }
+  }
+}
+
 TEST(DirectPlaneEstimator, AWrongPredictionIsCorrectedOrRejected) {
   const RoadScene scene = road();
   for (const double factor : {0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 3.0}) {

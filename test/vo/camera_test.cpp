@@ -20,6 +20,21 @@ TEST(Camera, projectInvertsRay) {
   EXPECT_NEAR(camera.project({0, 1.65, 10}).y(), 119 + 464 * 0.165, 1e-9);
 }
 
+TEST(Camera, requiresAMaskOfItsSize) {
+  PinholeCamera camera = testCamera();
+  camera.width = 80;
+  camera.height = 60;
+  EXPECT_NO_THROW(requireMask({}, camera));
+  EXPECT_NO_THROW(requireMask(cv::Mat(60, 80, CV_8UC1), camera));
+  EXPECT_THROW(requireMask(cv::Mat(60, 80, CV_8UC3), camera), OptionError);
+  try {
+    requireMask(cv::Mat(80, 60, CV_8UC1), camera, "--mask hood.png");
+    FAIL() << "accepted";
+  } catch (const OptionError& error) {
+    EXPECT_STREQ(error.what(), "--mask hood.png is 60x80, the camera 80x60");
+  }
+}
+
 TEST(Camera, rejectsInvalidIntrinsics) {
   PinholeCamera camera = testCamera();
   EXPECT_NO_THROW(camera.validate());

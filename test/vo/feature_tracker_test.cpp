@@ -149,6 +149,61 @@ TEST(FeatureTracker, rejectsPointsThatLeaveTheImage) {
   EXPECT_EQ(tracked_outside, 0);
 }
 
+/// Distance of a pixel from the nearest one of a rectangle, along the farther axis; 0 inside.
+double distanceFrom(const cv::Rect& rectangle, const cv::Point2d& u) {
+  const cv::Point2d first = rectangle.tl(), last = rectangle.br() - cv::Point(1, 1);
+  return std::max({0.0, first.x - u.x, u.x - last.x, first.y - u.y, u.y - last.y});
+}
+
+// With a margin: the patch around a corner, here of 9 px, shows no masked pixel.
+TEST(FeatureTracker, findsNoCornersWhosePatchTouchesTheMask) {
+  const cv::Rect region(300, 80, 200, 100);
+  const cv::Mat image = texture(1);
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
+  mask(region).setTo(0);
+  const auto near = [&](const std::vector<cv::Point2f>& corners) {
+    return std::count_if(corners.begin(), corners.end(),
+                         [&](const cv::Point2f& u) { return distanceFrom(region, u) <= 4; });
+  };
+  const auto all = FeatureTracker({}).detect(image, {});
+  const auto allowed = FeatureTracker({}, mask).detect(image, {});
+  EXPECT_GT(near(all), 80);
+  EXPECT_EQ(near(allowed), 0);
+  EXPECT_GT(allowed.size(), all.size() - static_cast<std::size_t>(near(all)) - 30);
+  // One masked pixel is enough, and any value but 0 is scene.
+  mask.setTo(1);
+  mask.at<unsigned char>(90, 400) = 0;
+  const auto almost_all = FeatureTracker({}, mask).detect(image, {});
+  for (const cv::Point2f& u : almost_all) EXPECT_GT(distanceFrom({400, 90, 1, 1}, u), 4);
+  EXPECT_GT(almost_all.size(), all.size() - 5);
+}
+
+TEST(FeatureTracker, dropsFeaturesThatMoveIntoTheMask) {
+  const cv::Mat a = texture(5), b = shifted(a, 30, 0);
+  cv::Mat mask(a.size(), CV_8UC1, cv::Scalar(255));
+  const cv::Rect region(400, 0, 100, a.rows);
+  mask(region).setTo(0);
+  const FeatureTracker tracker({}), masked({}, mask);
+  const auto corners = masked.detect(a, {});
+  auto predicted = corners;
+  for (auto& u : predicted) u.x += 30;
+  const auto all = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, predicted);
+  const auto tracks = masked.track(masked.pyramid(a), masked.pyramid(b), corners, predicted);
+  int entered = 0, remained = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (!all.ok[i]) continue;
+    const bool touches = distanceFrom(region, all.points[i]) < 5;
+    (touches ? entered : remained) += 1;
+    if (touches) {
+      EXPECT_FALSE(tracks.ok[i]) << tracks.points[i];
+    } else if (distanceFrom(region, all.points[i]) > 6) {
+      EXPECT_TRUE(tracks.ok[i]) << tracks.points[i];
+    }
+  }
+  EXPECT_GT(entered, 20);
+  EXPECT_GT(remained, 200);
+}
+
 TEST(FeatureTracker, aBlankImageGivesNoTracks) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(5), b(a.size(), CV_8UC1, cv::Scalar(0));

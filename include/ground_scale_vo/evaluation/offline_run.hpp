@@ -13,8 +13,9 @@ class OfflineRun {
  public:
   using Options = MetricOdometry::Options;
 
-  /// Throws OptionError.
-  OfflineRun(const PinholeCamera& camera, const Options& options) : odometry_(camera, options) {}
+  /// The arguments of MetricOdometry. Throws OptionError.
+  OfflineRun(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {})
+      : odometry_(camera, options, mask) {}
 
   /// image and stamp as for MetricOdometry::process(); decode_ms: image decoding time, stored
   /// in the record. Throws OptionError. Returns the record of this frame; valid until the next

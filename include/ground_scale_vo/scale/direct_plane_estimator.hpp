@@ -30,6 +30,8 @@ namespace ground_scale_vo {
 ///  5. Without a predicted height, or when it fails, an exhaustive search over the height provides
 ///     the start.
 ///
+/// Regions of a given mask are used in neither image.
+///
 /// Not thread safe.
 class DirectPlaneEstimator {
  public:
@@ -138,10 +140,11 @@ class DirectPlaneEstimator {
   /// frame: tracking, of the same map since reset(). image: rectified, 8-bit grey, of the camera's
   /// size. prior: of the normal in this frame's camera. chord: averaged motion, from which the lane
   /// region gets its curvature; without it the region is straight. height: predicted [VO units];
-  /// 0: not known, it is searched for. path: up to this frame; empty: this frame alone.
+  /// 0: not known, it is searched for. path: up to this frame; empty: this frame alone. mask: as
+  /// for ScaleRecovery::process().
   Result estimate(const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
                   const std::optional<MotionHistory::Chord>& chord, double height,
-                  const CameraPath& path = {});
+                  const CameraPath& path = {}, const cv::Mat& mask = {});
 
   /// Starts a new map: drops the reference images, keeps the static mask.
   void reset();

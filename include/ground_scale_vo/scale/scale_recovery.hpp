@@ -119,7 +119,11 @@ class ScaleRecovery {
   /// pose is not finite counts as not tracking; a pose that implies an implausible speed is not
   /// used; points that are not finite are ignored. On failure
   /// output.scale.status and reason say what is missing; values are never NaN or infinite.
-  Output process(const VoFrame& frame, const cv::Mat& image = {});
+  ///
+  /// mask: 8-bit, one channel, the image's size; 0 where the camera's images never show the scene,
+  /// which is not used (throws OptionError). Empty: no such region. Pass the same cv::Mat for all
+  /// frames: with another one the direct measurement starts anew, as with another camera.
+  Output process(const VoFrame& frame, const cv::Mat& image = {}, const cv::Mat& mask = {});
 
   /// Back to the state after construction.
   void reset();

@@ -43,10 +43,11 @@ std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive,
                                  const std::function<void()>& each = {});
 
 /// Runs the pipeline over the images of the drive, with default options except for its camera
-/// height and the settings. each: called after every frame, may be empty. Throws OptionError.
+/// height and the settings. each: called after every frame, may be empty. mask: of MetricOdometry.
+/// Throws OptionError.
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
                    const std::vector<std::string>& settings = {},
-                   const std::function<void()>& each = {});
+                   const std::function<void()>& each = {}, const cv::Mat& mask = {});
 
 /// record: of all images of the drive. Throws OptionError when it has another length.
 ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <string>
 
 namespace ground_scale_vo {
 
@@ -31,5 +32,10 @@ struct PinholeCamera {
 
 /// Throws OptionError unless image is 8-bit with one channel and of the camera's size.
 void requireImage(const cv::Mat& image, const PinholeCamera& camera);
+
+/// The same for a mask of image regions that never show the scene (0; other values: scene), which
+/// may be empty (no such region). name: of the mask, for the error.
+void requireMask(const cv::Mat& mask, const PinholeCamera& camera,
+                 const std::string& name = "the mask");
 
 }  // namespace ground_scale_vo

@@ -44,7 +44,9 @@ class FeatureTracker {
     void validate() const;
   };
 
-  explicit FeatureTracker(const Options& options);
+  /// mask: of the images' size, 0 where they never show the scene; empty: none. No corner is
+  /// detected, and none tracked to a place, where its patch would contain such a pixel.
+  explicit FeatureTracker(const Options& options, const cv::Mat& mask = {});
 
   /// image: 8-bit grey. Copied.
   ImagePyramid pyramid(const cv::Mat& image) const;
@@ -69,8 +71,11 @@ class FeatureTracker {
   Tracks trackOnce(const ImagePyramid& from, const ImagePyramid& to,
                    const std::vector<cv::Point2f>& from_points,
                    const std::vector<cv::Point2f>& predicted, int levels) const;
+  int reach() const;
+  bool isMasked(const cv::Point2f& u) const;
 
   Options options_;
+  cv::Mat allowed_;  ///< 0 at the pixels whose patch touches the mask; empty: no mask
 };
 
 }  // namespace ground_scale_vo

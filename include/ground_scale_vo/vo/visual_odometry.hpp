@@ -125,7 +125,10 @@ class VisualOdometry {
     Times times;
   };
 
-  VisualOdometry(const PinholeCamera& camera, const Options& options);
+  /// mask: 8-bit, one channel, the camera's size; 0 where the images never show the scene (own
+  /// vehicle, watermark), which is not used; other values: scene. Empty: no such region. Throws
+  /// OptionError.
+  VisualOdometry(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {});
   ~VisualOdometry();
 
   /// image: 8-bit, one channel, the camera's size, rectified (throws OptionError otherwise).

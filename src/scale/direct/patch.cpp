@@ -45,12 +45,15 @@ float correlate(const Patch& patch, float noise, Samples* values) {
 }
 
 PatchExtractor::PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid,
-                               double image_noise)
+                               double image_noise, const cv::Mat& mask)
     : camera_(camera), grid_(grid), image_noise_(static_cast<float>(image_noise)) {
   const double blur_px = std::max(kMinBlurPx, kBlur * camera.fx);
   const int radius = static_cast<int>(std::ceil(kKernelRadius * blur_px));
   kernel_ = cv::getGaussianKernel(2 * radius + 1, blur_px, CV_32F);
   twice_smoothed_.create(camera.height, camera.width, CV_32F);
+  if (mask.empty()) return;
+  const int reach = 2 * radius + 1;  // smoothed twice, with a gradient or an interpolation
+  cv::erode(mask, allowed_, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
 }
 
 void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
@@ -70,6 +73,10 @@ void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool 
   if (faces_backwards) twice_smoothed.copyTo(smoothed);
 }
 
+bool PatchExtractor::touchesMask(const cv::Rect& cell) const {
+  return !allowed_.empty() && cv::countNonZero(allowed_(cell)) < cell.area();
+}
+
 /// Creates the patches whose centre lies in the lane, and sets the image's region of interest.
 void PatchExtractor::selectCells(const LaneRegion& lane, RoadImage* current,
                                  std::vector<Patch>* patches) const {
@@ -81,7 +88,7 @@ void PatchExtractor::selectCells(const LaneRegion& lane, RoadImage* current,
       const cv::Rect cell = grid_.cell(row, column);
       if (cell.br().x >= camera_.width || cell.br().y >= camera_.height) continue;
       const cv::Point centre = (cell.tl() + cell.br()) / 2;
-      if (!lane.contains(camera_.ray({centre.x, centre.y}))) continue;
+      if (!lane.contains(camera_.ray({centre.x, centre.y})) || touchesMask(cell)) continue;
       Patch& patch = patches->emplace_back();
       patch.cell = grid_.index(row, column);
       patch.corner = cell.tl();

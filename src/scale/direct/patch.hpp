@@ -58,21 +58,29 @@ float correlate(const Patch& patch, float noise, Samples* values);
 /// Smooths the current image and samples its patches in the lane region.
 class PatchExtractor {
  public:
-  /// image_noise: [grey levels].
-  PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double image_noise);
+  /// image_noise: [grey levels]. mask: of the camera's size, 0 where its images never show the
+  /// scene; empty: none. It is not copied.
+  PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double image_noise,
+                 const cv::Mat& mask);
+
+  /// 0 at the pixels whose smoothed intensity or its gradient depends on a masked pixel; empty: no
+  /// mask.
+  const cv::Mat& allowed() const { return allowed_; }
 
   /// image: 8-bit grey, of the camera's size. Writes the smoothed lane region to *current and the
-  /// patches in it (none masked) to *patches. faces_backwards: against the direction of motion.
-  /// Without patches current->roi is empty.
+  /// patches in it (`masked` is false; none touches the mask) to *patches. faces_backwards: against
+  /// the direction of motion. Without patches current->roi is empty.
   void extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
                RoadImage* current, std::vector<Patch>* patches);
 
  private:
+  bool touchesMask(const cv::Rect& cell) const;
   void selectCells(const LaneRegion& lane, RoadImage* current, std::vector<Patch>* patches) const;
   void sample(const cv::Mat& smoothed, const cv::Rect& roi, Patch* patch) const;
 
   PinholeCamera camera_;
   PatchGrid grid_;
+  cv::Mat allowed_;
   cv::Mat kernel_;  ///< Gaussian, one column
   cv::Mat twice_smoothed_;
   float image_noise_;

@@ -27,8 +27,20 @@ struct Moments {
 
 }  // namespace
 
-PatchMatcher::PatchMatcher(const PinholeCamera& camera, double image_noise)
-    : camera_(camera), image_noise_(static_cast<float>(image_noise)) {}
+PatchMatcher::PatchMatcher(const PinholeCamera& camera, double image_noise, const cv::Mat& allowed)
+    : camera_(camera), image_noise_(static_cast<float>(image_noise)), allowed_(allowed) {}
+
+/// u, v: of the samples [px of the roi].
+bool PatchMatcher::isAllowed(const RoadImage& image, const Samples& u, const Samples& v) const {
+  if (allowed_.empty()) return true;
+  const cv::Mat allowed = allowed_(image.roi);
+  for (int i = 0; i < kPatchSamples; ++i) {
+    if (allowed.at<unsigned char>(static_cast<int>(v[i]), static_cast<int>(u[i])) == 0) {
+      return false;
+    }
+  }
+  return true;
+}
 
 bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
                           Samples* values) const {
@@ -49,7 +61,7 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
   for (int i = 0; i < kPatchSamples; ++i) {
     inside += (z[i] > 0) & (u[i] >= 0) & (v[i] >= 0) & (u[i] < right) & (v[i] < bottom);
   }
-  if (inside < kPatchSamples) return false;
+  if (inside < kPatchSamples || !isAllowed(image, u, v)) return false;
   Samples a, b;  // fractions between pixels
   Eigen::Array<int, kPatchSamples, 1> offset;
   for (int i = 0; i < kPatchSamples; ++i) {

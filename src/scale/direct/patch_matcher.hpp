@@ -30,11 +30,11 @@ struct Match {
 /// remaining shift along the epipolar line.
 class PatchMatcher {
  public:
-  /// image_noise: [grey levels].
-  PatchMatcher(const PinholeCamera& camera, double image_noise);
+  /// image_noise: [grey levels]. allowed: PatchExtractor::allowed().
+  PatchMatcher(const PinholeCamera& camera, double image_noise, const cv::Mat& allowed);
 
   /// Intensities of the patch in the reference image under the plane m, bilinearly interpolated.
-  /// False when a sample lies outside the image or behind its camera.
+  /// False when a sample lies outside the image, behind its camera or at the mask.
   bool sample(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
               Samples* values) const;
 
@@ -50,8 +50,11 @@ class PatchMatcher {
   float imageNoise() const { return image_noise_; }  ///< [grey levels]
 
  private:
+  bool isAllowed(const RoadImage& image, const Samples& u, const Samples& v) const;
+
   PinholeCamera camera_;
   float image_noise_;
+  cv::Mat allowed_;
 };
 
 }  // namespace ground_scale_vo::direct

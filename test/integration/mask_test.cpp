@@ -1,0 +1,56 @@
+// The pipeline with a mask of image regions that never show the scene.
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <vector>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/simulation/scenario_evaluation.hpp"
+#include "support/drive_run.hpp"
+#include "support/textured_hood.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+struct HoodDrive {
+  double share;  ///< of the image height that the hood covers
+  std::uint64_t seed;
+};
+
+class Mask : public testing::TestWithParam<HoodDrive> {};
+
+TEST_P(Mask, MakesATexturedHoodHarmless) {
+  Scenario scenario;
+  scenario.options.frames = 90;
+  scenario.options.random_seed = GetParam().seed;
+  const SyntheticDrive drive(scenario.options);
+  const TexturedHood hood({drive.camera().width, drive.camera().height}, GetParam().share);
+  std::vector<cv::Mat> images;
+  for (const cv::Mat& image : renderDrive(drive)) images.push_back(hood.cover(image));
+
+  const auto evaluate = [&](const char* name, const cv::Mat& mask) {
+    const ScenarioMetrics metrics =
+        evaluateScenario(scenario, drive, runDrive(drive, images, {}, {}, mask));
+    std::printf("%s: %zu of %zu frames tracked, RLE %.2f %%, within 2 sigma %.2f\n", name,
+                metrics.tracked_frames, metrics.frames, metrics.rle_percent,
+                metrics.within_2_sigma);
+    return violatedThreshold(metrics, scenario.thresholds);
+  };
+  EXPECT_EQ(evaluate("with mask", hood.mask()), "");
+  EXPECT_EQ(evaluate("without mask", {}), "lost");
+}
+
+INSTANTIATE_TEST_SUITE_P(Hoods, Mask, testing::Values(HoodDrive{0.2, 3}, HoodDrive{0.28, 2}));
+
+TEST(Mask, MustHaveTheSizeOfTheImages) {
+  const SyntheticDrive drive{SyntheticDrive::Options()};
+  const cv::Mat mask(drive.camera().height, drive.camera().width + 1, CV_8U, cv::Scalar(255));
+  EXPECT_THROW(MetricOdometry(drive.camera(), optionsFor(1.65), mask), OptionError);
+  VoFrame frame;
+  frame.camera = drive.camera();
+  EXPECT_THROW(ScaleRecovery(optionsFor(1.65).scale).process(frame, {}, mask), OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -40,6 +40,7 @@ void MonoVoNodelet::start() {
 
   ImageReceiver::Options options;
   options.image_is_rectified = params_.image_is_rectified;
+  options.mask_file = params_.mask;
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
   handlers.on_camera = [this] { scheduleProcessing(); };
@@ -101,7 +102,7 @@ void MonoVoNodelet::rectify(const sensor_msgs::ImageConstPtr& image) {
   const Stopwatch watch;
   const cv::Mat grey = receiver_->rectify(*image);
   if (grey.empty()) return;
-  const RectifiedImage rectified{image, grey, receiver_->camera()};
+  const RectifiedImage rectified{image, grey, receiver_->camera(), receiver_->mask()};
   for (const auto& accepted : stamp_filter_->filter(image->header.stamp, rectified)) {
     process(accepted.message, accepted.clock_jumped_back);
     frame_ms_ = watch.ms();
@@ -116,9 +117,9 @@ void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back)
           NODELET_WARN_STREAM(getName() << ": " << sentence);
         }
       });
-  prepareOdometry(image.camera, clock_jumped_back);
+  prepareOdometry(image, clock_jumped_back);
   const VisualOdometry::Output output = odometry_->process(image.grey, toNanoseconds(header.stamp));
-  publish(image.grey, output, header);
+  publish(image, output, header);
 
   ++processed_;
   status_ = output.frame.status;
@@ -129,8 +130,8 @@ void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back)
                     [](const TrackedFeature& feature) { return feature.has_point; }));
 }
 
-void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const CalibratedCamera>& camera,
-                                    bool clock_jumped_back) {
+void MonoVoNodelet::prepareOdometry(const RectifiedImage& image, bool clock_jumped_back) {
+  const std::shared_ptr<const CalibratedCamera>& camera = image.camera;
   if (odometry_) {
     if (clock_jumped_back) NODELET_WARN("The clock jumped back: the odometry is reset.");
     if (camera != odometry_camera_) {
@@ -140,12 +141,12 @@ void MonoVoNodelet::prepareOdometry(const std::shared_ptr<const CalibratedCamera
     }
     if (!clock_jumped_back && camera == odometry_camera_) return;
   }
-  odometry_ = std::make_unique<VisualOdometry>(camera->camera(), params_.vo);
+  odometry_ = std::make_unique<VisualOdometry>(camera->camera(), params_.vo, image.mask);
   odometry_camera_ = camera;
   painter_ = TrackPainter();
 }
 
-void MonoVoNodelet::publish(const cv::Mat& rectified, const VisualOdometry::Output& output,
+void MonoVoNodelet::publish(const RectifiedImage& image, const VisualOdometry::Output& output,
                             const std_msgs::Header& header) {
   const VoFrame& frame = output.frame;
   frame_publisher_.publish(toMsg(frame, header));
@@ -156,7 +157,8 @@ void MonoVoNodelet::publish(const cv::Mat& rectified, const VisualOdometry::Outp
     points_publisher_.publish(toPointCloud(frame, header));
   }
   if (tracks_publisher_.getNumSubscribers() > 0) {
-    tracks_publisher_.publish(painter_.paint(rectified, frame, output.rejected, header));
+    tracks_publisher_.publish(
+        painter_.paint(image.grey, frame, output.rejected, header, image.mask));
   }
 }
 

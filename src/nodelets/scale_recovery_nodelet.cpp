@@ -103,6 +103,7 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
                                              ros::NodeHandle& private_handle) {
   ImageReceiver::Options options;
   options.image_is_rectified = params_.image_is_rectified;
+  options.mask_file = params_.mask;
   options.image_queue_size = kImageBuffer;
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
@@ -189,13 +190,14 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
   const Stopwatch watch;
   map_numbering_.apply(frame);
   const cv::Mat rectified = rectifiedImage(frame, image);
+  const cv::Mat mask = rectified.empty() ? cv::Mat() : receiver_->mask();
   ScaleRecovery::Output output;
   try {
-    output = recovery_->process(frame, rectified);
+    output = recovery_->process(frame, rectified, mask);
   } catch (const std::exception& error) {
     return drop("frame failed", error.what());
   }
-  publish(output, frame, rectified, header);
+  publish(output, frame, rectified, mask, header);
   record(output, header.stamp, !rectified.empty());
   frame_ms_ = watch.ms();
 }
@@ -249,7 +251,8 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
 }
 
 void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const VoFrame& frame,
-                                   const cv::Mat& rectified, const std_msgs::Header& header) {
+                                   const cv::Mat& rectified, const cv::Mat& mask,
+                                   const std_msgs::Header& header) {
   scale_publisher_.publish(toMsg(output.scale, frame.map_id, header));
   // With a moving mount from the first image on: odom is the base at the origin.
   const OdometryFrames* const frames =
@@ -264,7 +267,7 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
     }
   }
   if (road_publisher_.getNumSubscribers() > 0 && !rectified.empty()) {
-    road_publisher_.publish(paintRoad(rectified, frame, output, header));
+    road_publisher_.publish(paintRoad(rectified, frame, output, header, mask));
   }
 }
 

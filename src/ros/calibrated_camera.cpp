@@ -155,6 +155,12 @@ cv::Mat CalibratedCamera::rectify(const cv::Mat& raw) const {
   return rectified;
 }
 
+cv::Mat CalibratedCamera::rectifyMask(const cv::Mat& mask) const {
+  requireMask(mask, camera_);
+  if (!is_distorted_ || mask.empty()) return mask;
+  return rectify(mask != 0) == 255;
+}
+
 bool CalibratedCamera::isSameAs(const CalibratedCamera& other) const {
   if (!matches(other.camera_)) return false;
   if (!is_distorted_ && !other.is_distorted_) return true;

@@ -17,7 +17,7 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
                              const Options& options, Handlers handlers)
     : handlers_(std::move(handlers)),
       image_is_rectified_(options.image_is_rectified),
-      rectifier_(options.image_is_rectified),
+      rectifier_(options.image_is_rectified, options.mask_file),
       transport_(handle),
       camera_info_subscriber_(
           handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this)) {

@@ -49,11 +49,15 @@ void declareOptions(ParamReader& reader, Options& options, const std::vector<std
 }
 
 /// Parameters of both nodelets, and those of libraries in the same namespace.
-void declareCommon(ParamReader& reader, bool& image_is_rectified, double& clock_jump_s) {
-  reader.declare("image_is_rectified", image_is_rectified,
+template <typename Params>
+void declareCommon(ParamReader& reader, Params& params) {
+  reader.declare("image_is_rectified", params.image_is_rectified,
                  "[] the images have no distortion and P of camera_info belongs to them");
+  reader.declare("mask", params.mask,
+                 "[] image file of the size of the images before rectification: black (0) where "
+                 "they never show the scene; empty: none");
   reader.declare(
-      "clock_jump_s", clock_jump_s, 0.0, 3600.0,
+      "clock_jump_s", params.clock_jump_s, 0.0, 3600.0,
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
       "than this and 1.5 times the last interval, is used only if the next one confirms "
       "it; one earlier by less is dropped");
@@ -69,7 +73,7 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[images] that may wait; a full queue drops the oldest");
   reader.declareFrame("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
-  declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
+  declareCommon(reader, params);
   declareOptions(reader, params.vo, kMonoVoOptions);
   params.vo.validate();
   return params;
@@ -92,7 +96,7 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
                  "[m] least distance between two poses of path");
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[frames] of vo/frame that may wait; a full queue drops the oldest");
-  declareCommon(reader, params.image_is_rectified, params.clock_jump_s);
+  declareCommon(reader, params);
   declareOptions(reader, params.scale, kScaleRecoveryOptions);
   if (params.odom_frame.empty()) throw OptionError("parameter odom_frame is empty");
   if (params.odom_frame == params.base_frame) {

@@ -32,6 +32,7 @@ constexpr double kBrightness = 0.7;  // of the background image
 constexpr double kOldest = 100;      // [frames] older features have the same colour
 constexpr double kYoungest = 0.28;   // position in the colour map, whose start is too dark
 const cv::Scalar kOutlierColour(30, 30, 255), kNotFoundColour(200, 130, 255);
+const cv::Scalar kMaskColour(150, 40, 110);
 const cv::Scalar kMeasuredColour(60, 230, 60), kHeldColour(40, 170, 255),
     kOtherColour(170, 170, 170);
 constexpr int kBoxWidth = 462, kBoxHeight = 34;  // [px] of the texts in the upper left corner
@@ -50,10 +51,15 @@ cv::Scalar ageColour(double age) {
   return colours.at<cv::Vec3b>(index);
 }
 
-cv::Mat darkened(const cv::Mat& grey) {
+/// The background: the image darker, its masked pixels tinted.
+cv::Mat background(const cv::Mat& grey, const cv::Mat& mask) {
   cv::Mat image;
   grey.convertTo(image, CV_8U, kBrightness);
   cv::cvtColor(image, image, cv::COLOR_GRAY2BGR);
+  if (mask.empty()) return image;
+  cv::Mat tinted;
+  cv::addWeighted(image, 0.5, cv::Mat(image.size(), image.type(), kMaskColour), 0.5, 0, tinted);
+  tinted.copyTo(image, mask == 0);
   return image;
 }
 
@@ -194,8 +200,8 @@ visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, i
 
 sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
                                             const std::vector<RejectedFeature>& rejected,
-                                            const std_msgs::Header& header) {
-  cv::Mat image = darkened(grey);
+                                            const std_msgs::Header& header, const cv::Mat& mask) {
+  cv::Mat image = background(grey, mask);
   if (frame.sequence != last_sequence_ + 1) last_.clear();
   std::map<std::uint64_t, Eigen::Vector2f> now;
   for (const TrackedFeature& feature : frame.features) {
@@ -218,8 +224,8 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& 
 
 sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
-                                  const std_msgs::Header& header) {
-  cv::Mat image = darkened(grey);
+                                  const std_msgs::Header& header, const cv::Mat& mask) {
+  cv::Mat image = background(grey, mask);
   if (output.scale.status != ScaleStatus::kUnknown) {
     drawGroundGrid(image, frame.camera, output.scale);
   }

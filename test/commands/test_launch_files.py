@@ -69,6 +69,17 @@ def test_base_frame_has_the_same_default_everywhere(file, mounting):
     assert f"/scale_recovery/base_frame: {default}" in parameters.splitlines()
 
 
+@pytest.mark.parametrize("file", ["ground_scale_vo.launch", "live_camera.launch", "kitti.launch"])
+def test_mask_reaches_both_nodelets(file):
+    def parameters(*arguments):
+        bag = ["bag:=x.bag"] if file == "kitti.launch" else []
+        return run("roslaunch", "--dump-params", LAUNCH / file, "camera_height:=1.2", *bag,
+                   *arguments).stdout.splitlines()
+    for nodelet in ("mono_vo", "scale_recovery"):
+        assert f"/{nodelet}/mask: /data/hood.png" in parameters("mask:=/data/hood.png")
+        assert f"/{nodelet}/mask: ''" in parameters()
+
+
 @pytest.mark.parametrize("argument, text", [
     ("driver:=usb_cam", r"not found[^\n]*usb_cam"),
     ("driver:=realsense", "driver:=realsense: it must be none or usb_cam"),

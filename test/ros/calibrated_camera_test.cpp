@@ -266,6 +266,46 @@ TEST(Rectification, OfAFisheyeFollowsTheAngleFromTheAxis) {
   EXPECT_NEAR(brightest.x, camera.cx + camera.fx * 0.5, 1.5);
 }
 
+TEST(Rectification, OfAMaskWithoutDistortionIsTheMaskItself) {
+  const CalibratedCamera calibrated(wideInfo("plumb_bob", {0, 0, 0, 0, 0}), "/t", false);
+  const cv::Mat mask(248, 800, CV_8UC1, cv::Scalar(1));
+  EXPECT_EQ(calibrated.rectifyMask(mask).data, mask.data);
+  EXPECT_TRUE(calibrated.rectifyMask({}).empty());
+}
+
+// Wherever the image's content comes, even in part, from a masked pixel or from outside the image.
+TEST(Rectification, OfAMaskCoversAllThatDependsOnIt) {
+  for (const double k1 : {-0.3, 0.1}) {
+    const CalibratedCamera calibrated(wideInfo("plumb_bob", {k1, 0, 0, 0, 0}), "/t", false);
+    const cv::Rect region(550, 120, 100, 60);
+    cv::Mat mask(248, 800, CV_8UC1, cv::Scalar(1)), image(248, 800, CV_8UC1, cv::Scalar(200));
+    mask(region).setTo(0);
+    const cv::Mat without = calibrated.rectify(image);
+    image(region).setTo(0);
+    const cv::Mat with = calibrated.rectify(image);
+    const cv::Mat rectified = calibrated.rectifyMask(mask);
+    ASSERT_EQ(rectified.size(), mask.size());
+    int depending = 0, masked = 0;
+    for (int v = 0; v < image.rows; ++v) {
+      for (int u = 0; u < image.cols; ++u) {
+        const bool depends = with.at<std::uint8_t>(v, u) != without.at<std::uint8_t>(v, u) ||
+                             without.at<std::uint8_t>(v, u) != 200;
+        depending += depends;
+        masked += rectified.at<std::uint8_t>(v, u) == 0;
+        ASSERT_TRUE(!depends || rectified.at<std::uint8_t>(v, u) == 0) << u << ", " << v;
+      }
+    }
+    EXPECT_GT(depending, 3000);
+    EXPECT_LT(masked, depending + 100);  // 1/255 of a masked pixel masks, 1/200 changes the image
+    EXPECT_FALSE(calibrated.rectifyMask(mask.clone()).empty());
+  }
+}
+
+TEST(Rectification, RefusesMasksOfAnotherSize) {
+  const CalibratedCamera calibrated(wideInfo("plumb_bob", {-0.3, 0, 0, 0, 0}), "/t", false);
+  EXPECT_THROW(calibrated.rectifyMask(cv::Mat(10, 10, CV_8UC1)), OptionError);
+}
+
 TEST(Rectification, RefusesImagesOfAnotherSizeOrType) {
   for (const double k1 : {0.0, -0.3}) {
     const CalibratedCamera calibrated(wideInfo("plumb_bob", {k1, 0, 0, 0, 0}), "/t", false);

@@ -2,6 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "support/temporary_folder.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -111,6 +117,83 @@ TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
     FAIL() << "accepted";
   } catch (const MessageError& error) {
     EXPECT_STREQ(error.what(), "the image is 6 x 8, but camera_info describes 8 x 6");
+  }
+}
+
+class MaskFile : public TemporaryFolder {
+ protected:
+  std::string writeMask(int width, int height, const std::string& name = "mask.png") const {
+    cv::Mat mask(height, width, CV_8UC1, cv::Scalar(255));
+    mask.row(0).setTo(0);
+    const std::string file = folder_ / name;
+    EXPECT_TRUE(cv::imwrite(file, mask));
+    return file;
+  }
+};
+
+TEST_F(MaskFile, IsRectifiedWithTheImages) {
+  ImageRectifier rectifier(false, writeMask(8, 6));
+  EXPECT_TRUE(rectifier.mask().empty());  // no camera yet
+  rectifier.setCameraInfo(info(), "t");
+  const cv::Mat mask = rectifier.mask();
+  ASSERT_EQ(mask.size(), cv::Size(8, 6));
+  EXPECT_EQ(cv::countNonZero(mask), 8 * 5);
+  EXPECT_EQ(cv::countNonZero(mask.row(0)), 0);
+  sensor_msgs::CameraInfo distorted = info();
+  distorted.D[0] = 0.4;
+  rectifier.setCameraInfo(distorted, "t");
+  EXPECT_LT(cv::countNonZero(rectifier.mask()), 8 * 5);
+  rectifier.setCameraInfo(distorted, "t");
+  EXPECT_FALSE(ImageRectifier(false).mask().data);
+}
+
+TEST_F(MaskFile, OfAnotherSizeThanTheImagesIsRefusedWithEachCameraInfo) {
+  const std::string file = writeMask(6, 8);
+  ImageRectifier rectifier(false, file);
+  for (int i = 0; i < 2; ++i) {
+    try {
+      rectifier.setCameraInfo(info(), "/cam/info");
+      FAIL() << "accepted";
+    } catch (const MessageError& error) {
+      EXPECT_EQ(error.what(), "parameter mask: " + file +
+                                  " is 6x8, the camera 8x6 of camera_info on topic /cam/info");
+    }
+    EXPECT_EQ(rectifier.camera(), nullptr);
+  }
+}
+
+// With binning and a region of interest the images that are published count.
+TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
+  sensor_msgs::CameraInfo cropped = info();
+  cropped.roi.x_offset = 2;
+  cropped.roi.width = 6;
+  cropped.roi.height = 4;
+  cropped.binning_x = cropped.binning_y = 2;
+  ImageRectifier rectifier(false, writeMask(3, 2));
+  EXPECT_NO_THROW(rectifier.setCameraInfo(cropped, "t"));
+  EXPECT_EQ(rectifier.mask().size(), cv::Size(3, 2));
+}
+
+TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
+  const auto refusal = [](const std::string& file) -> std::string {
+    try {
+      ImageRectifier(false, file);
+    } catch (const OptionError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const std::string missing = folder_ / "missing.png";
+  EXPECT_EQ(refusal(missing), "parameter mask: " + missing + " cannot be read");
+  const std::string folder = folder_;
+  EXPECT_EQ(refusal(folder), "parameter mask: " + folder + " cannot be read");
+  const std::string text = write("text.png", "no image");
+  EXPECT_EQ(refusal(text), "parameter mask: " + text + " is not a whole PNG or JPEG image");
+  for (const char* name : {"truncated.png", "truncated.jpg"}) {
+    const std::string file = writeMask(80, 60, name);
+    EXPECT_EQ(refusal(file), "");
+    std::filesystem::resize_file(file, std::filesystem::file_size(file) - 40);
+    EXPECT_EQ(refusal(file), "parameter mask: " + file + " is not a whole PNG or JPEG image");
   }
 }
 

@@ -71,6 +71,20 @@ class TrackPainting : public testing::Test {
   sensor_msgs::Image::Ptr message_;
 };
 
+TEST_F(TrackPainting, TintsTheMaskedPixels) {
+  cv::Mat mask(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
+  mask.colRange(300, kWidth).setTo(0);
+  paint({});
+  const Pixel unmasked = at(310);
+  message_ = painter_.paint(uniformImage(), frame_, {}, {}, mask);
+  EXPECT_TRUE(at(299).isGrey());
+  EXPECT_FALSE(at(300).isGrey());
+  EXPECT_GT(std::abs(at(310).green - unmasked.green), 20);
+  message_ = paintRoad(uniformImage(), frame_, {}, {}, mask);
+  EXPECT_TRUE(at(299).isGrey());
+  EXPECT_FALSE(at(300).isGrey());
+}
+
 TEST_F(TrackPainting, GivesAColourImageOfTheSameSize) {
   paint({});
   EXPECT_EQ(message_->encoding, sensor_msgs::image_encodings::BGR8);

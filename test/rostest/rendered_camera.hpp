@@ -6,6 +6,7 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <boost/make_shared.hpp>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,13 +18,16 @@
 namespace ground_scale_vo {
 
 /// The camera messages of a rendered drive; each image is rendered once. start_s: stamp of the
-/// first image [s].
+/// first image [s]. change: applied to each image, may be empty.
 class RenderedDrive {
  public:
   explicit RenderedDrive(const SyntheticDrive::Options& options,
-                         const std::string& frame_id = "camera")
+                         const std::string& frame_id = "camera",
+                         const std::function<cv::Mat(const cv::Mat&)>& change = {})
       : drive_(options), frame_id_(frame_id) {
-    for (std::size_t i = 0; i < drive_.size(); ++i) images_.push_back(drive_.image(i));
+    for (std::size_t i = 0; i < drive_.size(); ++i) {
+      images_.push_back(change ? change(drive_.image(i)) : drive_.image(i));
+    }
   }
 
   std::size_t size() const { return drive_.size(); }

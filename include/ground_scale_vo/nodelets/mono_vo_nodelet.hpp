@@ -40,6 +40,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
     sensor_msgs::ImageConstPtr message;  ///< `grey` may refer to its data
     cv::Mat grey;
     std::shared_ptr<const CalibratedCamera> camera;
+    cv::Mat mask;  ///< of ImageReceiver
   };
 
   void onInit() override;
@@ -55,9 +56,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   void process(const RectifiedImage& image, bool clock_jumped_back);
   /// Constructs the odometry if there is none, and again if the camera changed or the clock jumped
   /// back.
-  void prepareOdometry(const std::shared_ptr<const CalibratedCamera>& camera,
-                       bool clock_jumped_back);
-  void publish(const cv::Mat& rectified, const VisualOdometry::Output& output,
+  void prepareOdometry(const RectifiedImage& image, bool clock_jumped_back);
+  void publish(const RectifiedImage& image, const VisualOdometry::Output& output,
                const std_msgs::Header& header);
 
   /// Counts a dropped message and warns about it.

@@ -73,7 +73,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   /// one. Throws tf2::TransformException or MessageError.
   Eigen::Isometry3d lookUpMounting(const std_msgs::Header& header);
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
-               const std_msgs::Header& header);
+               const cv::Mat& mask, const std_msgs::Header& header);
   void publishPose(const MetricPose& pose, const OdometryFrames& frames, const ros::Time& stamp);
   void publishPath();
   void publishGround(const ScaleRecovery::Output& output, const std_msgs::Header& header);

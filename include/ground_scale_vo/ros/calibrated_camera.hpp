@@ -32,6 +32,11 @@ class CalibratedCamera {
   /// the result is raw itself.
   cv::Mat rectify(const cv::Mat& raw) const;
 
+  /// Mask of the rectified images from that of the raw ones (as requireMask(); 0: masked): masked
+  /// are the pixels that depend on a masked raw pixel or lie outside the raw image. Without
+  /// distortion the result is the mask itself; empty stays empty.
+  cv::Mat rectifyMask(const cv::Mat& mask) const;
+
   /// Same calibration: same image size, and both rectify an image to the same intrinsics and from
   /// the same raw pixels, within kTolerancePx.
   bool isSameAs(const CalibratedCamera& other) const;

@@ -24,6 +24,7 @@ class ImageReceiver {
  public:
   struct Options {
     bool image_is_rectified = false;
+    std::string mask_file;                 ///< of ImageRectifier
     std::uint32_t image_queue_size = 100;  ///< images that may wait for their callback
   };
   struct Handlers {
@@ -38,7 +39,8 @@ class ImageReceiver {
   };
 
   /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
-  /// here; any other one but `raw` needs its plugin. Throws OptionError when that is missing.
+  /// here; any other one but `raw` needs its plugin. Throws OptionError when that is missing, and
+  /// for a mask file that cannot be read.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);
   ImageReceiver(const ImageReceiver&) = delete;
@@ -46,6 +48,9 @@ class ImageReceiver {
 
   /// Null before the first valid camera_info. A new object if and only if the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return rectifier_.camera(); }
+
+  /// Of the images that rectify() returns with camera(); see ImageRectifier.
+  const cv::Mat& mask() const { return rectifier_.mask(); }
 
   /// Rectified 8-bit grey; empty, after on_drop("image refused", …) or on_drop("image of another
   /// camera", …), for an image that cannot be used. It may refer to the data of the message.

@@ -19,14 +19,20 @@ namespace ground_scale_vo {
 class ImageRectifier {
  public:
   /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
-  explicit ImageRectifier(bool image_is_rectified) : image_is_rectified_(image_is_rectified) {}
+  /// mask_file: image file of their size before rectification, black where they never show the
+  /// scene; empty: no such region. Throws OptionError that names the parameter mask and the file.
+  explicit ImageRectifier(bool image_is_rectified, const std::string& mask_file = {});
 
   /// Throws MessageError that names the topic, also for the second of two calibrations that
-  /// alternate; the previous calibration stays in use then.
+  /// alternate and for one whose image size is not that of the mask; the previous calibration stays
+  /// in use then.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
   /// Null before the first valid camera_info. A new object if and only if the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
+  /// Mask of the rectified images (CalibratedCamera::rectifyMask()); the same cv::Mat while
+  /// camera() is the same. Empty without a mask file.
+  const cv::Mat& mask() const { return mask_; }
   /// Two calibrations alternate on the topic.
   bool calibrationAlternates() const { return calibrations_.alternates(); }
 
@@ -37,6 +43,9 @@ class ImageRectifier {
 
  private:
   const bool image_is_rectified_;
+  const std::string mask_name_;  ///< of raw_mask_, for errors
+  const cv::Mat raw_mask_;
+  cv::Mat mask_;
   std::shared_ptr<const CalibratedCamera> camera_;
   SourceGuard<std::shared_ptr<const CalibratedCamera>> calibrations_{
       [](const auto& a, const auto& b) { return a->isSameAs(*b); }};

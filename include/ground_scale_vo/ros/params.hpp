@@ -14,6 +14,7 @@ namespace ground_scale_vo {
 struct MonoVoParams {
   int queue_size = 5;
   bool image_is_rectified = false;
+  std::string mask;
   double clock_jump_s = 1.0;
   std::string world_frame = "vo_world";
   VisualOdometry::Options vo;
@@ -31,6 +32,7 @@ struct ScaleRecoveryParams {
   double path_spacing_m = 0.5;
   int queue_size = 10;
   bool image_is_rectified = false;
+  std::string mask;
   double clock_jump_s = 1.0;
   ScaleRecovery::Options scale;
 

@@ -20,12 +20,13 @@ namespace ground_scale_vo {
 /// Draws the feature tracks of a frame, coloured by age, and its rejected features, with a legend.
 class TrackPainter {
  public:
-  /// grey: the rectified image of the frame, drawn darker. Filled dots have a map point, hollow
+  /// grey: the rectified image of the frame, drawn darker. mask: of its size, 0 at the pixels that
+  /// are not used, which are tinted; empty: none. Filled dots have a map point, hollow
   /// ones do not yet. A line leads to the position in the previous image, if that was drawn. Red
   /// crosses are outliers, pink ones features that were not found.
   sensor_msgs::Image::Ptr paint(const cv::Mat& grey, const VoFrame& frame,
                                 const std::vector<RejectedFeature>& rejected,
-                                const std_msgs::Header& header);
+                                const std_msgs::Header& header, const cv::Mat& mask = {});
 
  private:
   std::uint32_t last_sequence_ = 0;
@@ -34,10 +35,11 @@ class TrackPainter {
 
 /// Draws the estimated ground plane over the rectified image of the frame: a grid of 1 m (green:
 /// scale measured, amber: held, none while unknown), ground points (green), other points (hollow
-/// grey), and the scale with its status. A correct plane puts the grid on the road.
+/// grey), and the scale with its status. A correct plane puts the grid on the road. mask: as for
+/// TrackPainter.
 sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
-                                  const std_msgs::Header& header);
+                                  const std_msgs::Header& header, const cv::Mat& mask = {});
 
 /// x, y, z [float32] in the header's frame.
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,

@@ -48,7 +48,11 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   const Measurement measurement{std::log(height), relative_sigma * relative_sigma,
                                 road_distance / height};
   if (options_.moving_average_frames > 0) return updateMovingAverage(height, measurement.variance);
-  if (!known_) return collectForStart(measurement);
+  if (!known_) {
+    if (distance_ < options_.start_distance_heights * height) return false;
+    start(measurement);
+    return true;
+  }
 
   const Eigen::Vector2d H(1, tiltLever(measurement));
   const double innovation = measurement.log_height - H.dot(state_);
@@ -117,21 +121,6 @@ void ScaleFilter::clearPending(Source source) {
   if (source == Source::kFeatureBased || !deviates) feature_based.clear();
 }
 
-/// Adds a measurement before the start, of either source. Starts the filter from the second of two
-/// consecutive ones that agree: a single plane may be that of a vehicle; true when it did.
-bool ScaleFilter::collectForStart(const Measurement& measurement) {
-  const double height = std::exp(measurement.log_height);
-  if (distance_ < options_.start_distance_heights * height) return false;
-  std::deque<Measurement>& pending = pending_[indexOf(Source::kFeatureBased)];
-  pending.push_back(measurement);
-  if (pending.size() < 2) return false;
-  const double difference = measurement.log_height - pending.front().log_height;
-  pending.pop_front();
-  if (std::abs(difference) > options_.restart_max_deviation) return false;
-  start(measurement.log_height, measurement.variance, tiltLever(measurement));
-  return true;
-}
-
 /// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
 /// distance, restarts the filter from their median; true when it did. A young state is replaced
 /// after the distance over which measurements supported it. The tilt is then that of a new map,
@@ -158,15 +147,16 @@ bool ScaleFilter::collect(const Measurement& measurement, Source source) {
     if (std::abs(log_height - middle) > options_.restart_max_deviation) return false;
   }
   tilted_since_ = distance_;
-  start(middle, mean_variance, tiltLever(measurement));
+  start({middle, mean_variance, measurement.road_distance});
   return true;
 }
 
-void ScaleFilter::start(double log_height, double variance, double tilt_lever) {
+void ScaleFilter::start(const Measurement& measurement) {
+  const double tilt_lever = tiltLever(measurement);
   const double tilt_variance = options_.start_tilt_sigma_rad * options_.start_tilt_sigma_rad;
-  state_ << log_height, 0;
-  covariance_ << variance + tilt_lever * tilt_lever * tilt_variance, -tilt_lever * tilt_variance,
-      -tilt_lever * tilt_variance, tilt_variance;
+  state_ << measurement.log_height, 0;
+  covariance_ << measurement.variance + tilt_lever * tilt_lever * tilt_variance,
+      -tilt_lever * tilt_variance, -tilt_lever * tilt_variance, tilt_variance;
   known_ = true;
   started_at_ = distance_;
   accepted_at_.fill(distance_);

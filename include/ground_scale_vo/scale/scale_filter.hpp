@@ -72,8 +72,7 @@ class ScaleFilter {
       visit("restart_measurements", self.restart_measurements, 1, 1000,
             "[frames] consecutive rejected measurements that must agree to restart the filter");
       visit("restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
-            "[] largest deviation of these measurements from their median, and between the two "
-            "measurements of a start, relative");
+            "[] largest deviation of these measurements from their median, relative");
       visit(
           "restart_distance_heights", self.restart_distance_heights, 0, 1e6,
           "[camera heights] distance of these measurements before a restart; or the distance from "
@@ -112,9 +111,8 @@ class ScaleFilter {
     double road_distance;  ///< [camera heights]
   };
   bool updateMovingAverage(double height, double variance);
-  bool collectForStart(const Measurement& measurement);
   bool collect(const Measurement& measurement, Source source);
-  void start(double log_height, double variance, double tilt_lever);
+  void start(const Measurement& measurement);
   void clearPending(Source source);
   void updateNisScale(Source source, double nis);
   double tiltLever(const Measurement& measurement) const;
@@ -129,8 +127,7 @@ class ScaleFilter {
   double nis_scale_ = 1;     ///< mean normalised innovation squared
   /// distance_ at the latest accepted measurement, and at the latest one, by source.
   std::array<double, kSources> accepted_at_{}, measured_at_{};
-  /// Measurements since the last accepted one, by source: candidates for a restart. Before
-  /// the start those of both sources are in the feature-based entry.
+  /// Measurements since the last accepted one, by source: candidates for a restart.
   std::array<std::deque<Measurement>, kSources> pending_;
   std::array<double, kSources> pending_since_{};  ///< distance_ at the first of them
   std::deque<double> inverse_heights_;            ///< of the moving average

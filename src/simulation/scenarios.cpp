@@ -104,7 +104,7 @@ std::vector<Scenario> trafficAndShadows() {
       Entry("cars_beside", "two cars at the same speed in the next lane, one car ahead", 60,
             [](Options& o) { o.cars_beside = 2, o.lead_time = 0.6; })
           .dependsOn("a lane region no wider than the lane", {kDirectOnly},
-                     {"direct/lane_half_width_heights=4"}),
+                     {"direct/lane_half_width_heights=5"}),
       Entry("crawl_start", "starts at walking pace, close behind and beside other cars", 110,
             [](Options& o) {
               o.speeds = {{0, 1.4}, {4, 1.4}, {7.5, 8}};

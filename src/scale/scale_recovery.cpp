@@ -80,7 +80,7 @@ struct ScaleRecovery::Impl {
   int refused_poses = 0;                                      ///< since then
   /// Latest estimate of the height [VO units], also before the filter has started; 0: none yet.
   double rough_height = 0;
-  double road_distance = 0;  ///< see ScaleEstimate
+  double road_distance = 0;                       ///< see ScaleEstimate
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< of the latest plane; zero: none yet
 };
 

@@ -111,8 +111,8 @@ TEST(MetricTrajectory, AMapIsYoungForLongerWhenTheRoadIsSeenFarAway) {
   MetricTrajectory trajectory(incremental());
   trajectory.append(frameAt(0, straight(0)), first);
   trajectory.append(frameAt(1, straight(5)), first);
-  EXPECT_DOUBLE_EQ(
-      trajectory.append(frameAt(2, straight(5.5)), second)->T_o_c.translation().z(), 16.5);
+  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(2, straight(5.5)), second)->T_o_c.translation().z(),
+                   16.5);
   EXPECT_DOUBLE_EQ(trajectory.append(frameAt(3, straight(7)), second)->T_o_c.translation().z(), 21);
   EXPECT_DOUBLE_EQ(trajectory.append(frameAt(4, straight(8)), first)->T_o_c.translation().z(), 23);
 }

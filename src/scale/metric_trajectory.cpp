@@ -227,10 +227,7 @@ void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const S
   with_scale.block<1, 3>(6, 0) = variance * motion_o.transpose();
   with_scale(6, 6) = variance;
   last_.covariance = with_scale.topLeftCorner<6, 6>();
-  if (map_->travelled < std::max(options_.young_map_heights * scale.height,
-                                 options_.young_map_road_distances * scale.road_distance)) {
-    return;
-  }
+  if (map_->travelled < options_.young_map_heights * scale.height) return;
   map_->young = false;
   covariance_ = with_scale;
 }

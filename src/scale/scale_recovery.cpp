@@ -80,7 +80,6 @@ struct ScaleRecovery::Impl {
   int refused_poses = 0;                                      ///< since then
   /// Latest estimate of the height [VO units], also before the filter has started; 0: none yet.
   double rough_height = 0;
-  double road_distance = 0;                       ///< see ScaleEstimate
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< of the latest plane; zero: none yet
 };
 
@@ -98,7 +97,7 @@ void ScaleRecovery::Impl::startMap() {
   gpa.reset();
   direct.reset();
   filter.reset();
-  rough_height = road_distance = 0;
+  rough_height = 0;
   n_c.setZero();
 }
 
@@ -159,7 +158,6 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   }
   if (has_measurement) {
     output->scale.raw_scale = options.camera_height / output->plane.height;
-    road_distance = (has_direct ? output->direct : output->feature_based).road_distance;
     n_c = output->plane.n_c;
   } else if (rough_height > 0) {
     n_c = prior.n_c;
@@ -253,7 +251,6 @@ bool ScaleRecovery::Impl::measureDirect(const VoFrame& frame, const cv::Mat& ima
 /// Status and filtered values. scale->reason is set already.
 void ScaleRecovery::Impl::fillEstimate(ScaleEstimate* scale) const {
   scale->n_c = n_c;
-  scale->road_distance = road_distance;
   if (!filter.known()) return;
   scale->status = scale->reason == ScaleReason::kNone ? ScaleStatus::kOk : ScaleStatus::kHeld;
   scale->height = filter.height();

@@ -105,18 +105,6 @@ TEST(MetricTrajectory, ANewScaleAppliesToAllMotionOfAYoungMap) {
   EXPECT_GT(std::sqrt(grown->covariance(2, 2)), 12 * 0.05);
 }
 
-TEST(MetricTrajectory, AMapIsYoungForLongerWhenTheRoadIsSeenFarAway) {
-  ScaleEstimate first = scaleOf(2), second = scaleOf(3);
-  first.road_distance = second.road_distance = 4;  // the map is young up to a length of 6
-  MetricTrajectory trajectory(incremental());
-  trajectory.append(frameAt(0, straight(0)), first);
-  trajectory.append(frameAt(1, straight(5)), first);
-  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(2, straight(5.5)), second)->T_o_c.translation().z(),
-                   16.5);
-  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(3, straight(7)), second)->T_o_c.translation().z(), 21);
-  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(4, straight(8)), first)->T_o_c.translation().z(), 23);
-}
-
 TEST(MetricTrajectory, AMapCountsFromItsFirstFrameWhenThatWasSeen) {
   VoFrame initialising = frameAt(0, straight(0));
   initialising.status = VoStatus::kInitialising;

@@ -33,9 +33,7 @@ struct MetricPose {
 ///
 /// In a young map the scale is still uncertain, so all motion since the map's first frame is
 /// multiplied by the newest scale; errors of the first scales do not remain in the trajectory. Once
-/// the map has the length young_map_heights, and young_map_road_distances times the distance of the
-/// measured road, new motion is only appended: the error of the first scales decays over that
-/// distance (ScaleFilter).
+/// the map has the length young_map_heights, new motion is only appended.
 ///
 /// The first metric frame of a map appends all motion since the map's first frame. A later map
 /// continues from the last metric pose: the gap is bridged with the rotation of MapStart and with
@@ -59,7 +57,6 @@ class MetricTrajectory {
     double direction_sigma = 0.005;
     double scale_correlation_m = 10.0;
     double young_map_heights = 10;
-    double young_map_road_distances = 1.5;
     double bridge_acceleration_sigma = 2.0;
     double new_map_position_sigma_per_s = 5.0;
     double new_map_rotation_sigma_per_s = 0.1;
@@ -83,10 +80,8 @@ class MetricTrajectory {
       visit("scale_correlation_m", self.scale_correlation_m, 1e-3, 1e6,
             "[m] correlation length of the errors of the scale and of the angle of rotation");
       visit("young_map_heights", self.young_map_heights, 0, 1e6,
-            "[camera heights] least length of a new map up to which its motion is rescaled with "
-            "the newest scale");
-      visit("young_map_road_distances", self.young_map_road_distances, 0, 1e6,
-            "[distances to the measured road] the same; the longer of the two counts");
+            "[camera heights] length of a new map up to which its motion is rescaled with the "
+            "newest scale");
       visit("bridge_acceleration_sigma", self.bridge_acceleration_sigma, 0, 100,
             "[m/s^2] standard deviation of the acceleration between two maps");
       visit("new_map_position_sigma_per_s", self.new_map_position_sigma_per_s, 0, 1e3,

@@ -38,8 +38,6 @@ struct ScaleEstimate {
   double scale = 0;   ///< filtered, the one in use [m per VO unit]; 0 while kUnknown
   double sigma = 0;   ///< standard deviation of `scale` [m per VO unit]; 0 while kUnknown
   double height = 0;  ///< filtered height h of the camera [VO units]; 0 while kUnknown
-  /// Of the road from the camera, where it was measured last in this map [VO units]; 0: never.
-  double road_distance = 0;
   /// Unit, up, unfiltered. Measured; or, if there is no measurement, predicted from mounting and
   /// motion. In kStandstill, kVoNotTracking and kImplausibleMotion: that of the previous frame.
   /// Zero before the first plane of a map.

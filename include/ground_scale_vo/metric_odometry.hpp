@@ -52,8 +52,9 @@ class MetricOdometry {
     const std::optional<MetricPose>& pose() const { return scale.pose; }
   };
 
-  /// camera: of the rectified images. mask: of their size, 0 where they never show the scene (own
-  /// vehicle, watermark), which is not used; empty: no such region. Throws OptionError.
+  /// camera: of the rectified images. mask: 8-bit, one channel, of their size, shared, not copied;
+  /// 0 where they never show the scene (own vehicle, watermark); empty: no such region. Throws
+  /// OptionError.
   MetricOdometry(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {});
 
   /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size, rectified

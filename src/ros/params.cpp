@@ -61,7 +61,7 @@ void declareCommon(ParamReader& reader, Params& params) {
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
       "than this and 1.5 times the last interval, is used only if the next one confirms "
       "it; one earlier by less is dropped");
-  reader.allow("diagnostic_period");
+  reader.note("diagnostic_period", "has no effect: diagnostics are published once per second");
   reader.allow("image_transport");
   noteRetiredParameters(reader);
 }

@@ -109,7 +109,7 @@ bool ScaleRecovery::Impl::hasPlausibleSpeed(const VoFrame& frame) const {
 }
 
 /// Whether the pose of a tracking frame is used; starts a new map when necessary. A pose that jumps
-/// is refused. When the following poses stay where it jumped to, they are treated as a new map.
+/// is refused; the fourth consecutive one starts a new map.
 bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {
   if (map_id != frame.map_id) {
     startMap();
@@ -127,8 +127,8 @@ bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {
   return true;
 }
 
-/// All stages for one tracking frame. Returns kNone when a measurement of this frame was used,
-/// otherwise the reason why not.
+/// All stages for one tracking frame. Returns kNone when a measurement of this frame was used
+/// or came before the filter may start, otherwise the reason why none was used.
 ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& image,
                                          const cv::Mat& mask, Output* output) {
   const double step = motion.distanceFromLast(frame.T_w_c);
@@ -168,7 +168,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   }
   output->times.filter = watch.ms();
   if (!has_measurement) return feature_based;
-  // Before the filter has started no measurement is rejected; the status is kUnknown then.
+  // Not accepted before the start means too early, not rejected; the status is kUnknown then.
   return accepted || !filter.known() ? ScaleReason::kNone : ScaleReason::kRejectedByFilter;
 }
 

@@ -87,8 +87,8 @@ FeatureTracker::FeatureTracker(const Options& options, const cv::Mat& mask) : op
   cv::erode(mask, allowed_, cv::Mat::ones(2 * reach() + 1, 2 * reach() + 1, CV_8U));
 }
 
-/// [px] from a corner to the last pixel on which its strength or its patch, with gradients,
-/// depends.
+/// [px] from a corner at a whole pixel to the last pixel on which its strength or its patch, with
+/// gradients, depends.
 int FeatureTracker::reach() const {
   return std::max(options_.window_px / 2, CornerStrength::kReach) + 1;
 }

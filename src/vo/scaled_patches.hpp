@@ -26,15 +26,15 @@ class ScaledPatches {
   cv::Point2f resized(const Eigen::Vector2d& u) const;
   Eigen::Vector2d original(const cv::Point2f& u) const;
 
-  /// Correlation in [-1, 1] of the patch around a pixel with those around the pixels of a region;
-  /// float, one element per pixel. region: [resized px], reduced to the pixels where the patch
-  /// fits; -1 at those of isMasked(). Empty when there are none, when the patch leaves its image,
-  /// touches the mask or has no texture.
   /// Whether a patch around this resized pixel touches the mask.
   bool isMasked(const cv::Point& u) const;
   /// 0 at the pixels of a region for which isMasked(); empty without a mask.
   cv::Mat allowed(const cv::Rect& region) const;
 
+  /// Correlation in [-1, 1] of the patch around a pixel with those around the pixels of a region;
+  /// float, one element per pixel. region: [resized px], reduced to the pixels where the patch
+  /// fits; -1 at those of isMasked(). Empty when there are none, when the patch leaves its image,
+  /// touches the mask or has no texture.
   cv::Mat correlate(const Eigen::Vector2d& u_from, int size, cv::Rect* region);
 
  private:

@@ -189,6 +189,14 @@ TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
   EXPECT_EQ(refusal(folder), "parameter mask: " + folder + " cannot be read");
   const std::string text = write("text.png", "no image");
   EXPECT_EQ(refusal(text), "parameter mask: " + text + " is not a whole PNG or JPEG image");
+  // Signature, header of 60000 x 60000 px, end mark.
+  const std::string header(
+      "\x89PNG\r\n\x1a\n"
+      "\0\0\0\rIHDR\0\0\xea\x60\0\0\xea\x60\x08\0\0\0\0\0\0\0\0"
+      "\0\0\0\0IEND\xae\x42\x60\x82",
+      45);
+  const std::string huge = write("huge.png", header);
+  EXPECT_EQ(refusal(huge), "parameter mask: " + huge + " has more pixels than any image");
   for (const char* name : {"truncated.png", "truncated.jpg"}) {
     const std::string file = writeMask(80, 60, name);
     EXPECT_EQ(refusal(file), "");

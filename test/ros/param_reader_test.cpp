@@ -105,7 +105,7 @@ TEST(ParamReader, WarnsOfUnknownNamesWithTheMostSimilarOne) {
   tree["camera_height"] = 1.65;
   tree["odom_fram"] = "map";
   tree["tracker"]["nonsense_nobody_wrote"] = 1;
-  tree["diagnostic_period"] = 0.5;  // read by diagnostic_updater
+  tree["image_transport"] = "raw";  // read by the image subscriber
   ParamReader reader("/scale_recovery", tree);
   ScaleRecoveryParams::read(reader);
   const std::vector<std::string> warnings = reader.warnings();

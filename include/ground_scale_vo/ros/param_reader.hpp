@@ -47,7 +47,7 @@ class ParamReader {
   /// A number without a default: throws OptionError if it is not set.
   void require(const char* name, double& field, double min, double max, const char* meaning);
 
-  /// A parameter of another library under the same namespace (diagnostic_period, ...).
+  /// A parameter of another library under the same namespace (image_transport).
   void allow(const char* name) { allowed_.emplace_back(name); }
 
   /// A name that is not a parameter. If it is set, warnings() contains "parameter NAME <note>".

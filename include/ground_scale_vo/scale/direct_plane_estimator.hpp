@@ -14,13 +14,14 @@
 
 namespace ground_scale_vo {
 
-/// Direct (photometric) estimate of the ground plane from the intensities of the road ahead. Not
+/// Direct (photometric) estimate of the ground plane from the intensities of the road. Not
 /// part of the paper. It needs image texture but no corners and no map points.
 ///
 /// Between two frames with relative pose (R, t) a point of the plane m = n / h with viewing ray r
 /// moves to R r - t (m . r). For each frame:
-///  1. The lane ahead is divided into patches; a mask excludes the patches that show the own
-///     vehicle or its shadow.
+///  1. The lane, ahead or behind, is divided into patches. Those that were static in the image
+///  while
+///     the camera moved (own vehicle, its shadow) are excluded.
 ///  2. Two reference images are chosen, about one and two baselines away.
 ///  3. Each patch is warped into each reference image by the plane's homography, normalised to zero
 ///     mean and unit variance. Its remaining shift along the epipolar line is a measurement of
@@ -72,8 +73,8 @@ class DirectPlaneEstimator {
       visit("min_ahead_heights", self.min_ahead_heights, 0, 1000,
             "[camera heights] near end of the lane region");
       visit("max_ahead_heights", self.max_ahead_heights, 0.1, 1000,
-            "[camera heights] far end of the lane region; at least 6 beyond the nearest visible "
-            "road");
+            "[camera heights] far end of the lane region; at least 6 beyond the road at the lower "
+            "image border");
       visit("lane_half_width_heights", self.lane_half_width_heights, 0.01, 1000,
             "[camera heights] half width of the lane region");
       visit("patch_size", self.patch_size, 1e-3, 1, "[focal lengths] side of a patch");
@@ -119,8 +120,9 @@ class DirectPlaneEstimator {
   };
 
   struct Result {
-    /// kNone: plane, height_sigma and correlation are valid. Otherwise kStandstill (no reference
-    /// image at a sufficient distance, or neither a height nor a feature in the lane) or kNoPlane.
+    /// kNone: plane, height_sigma, road_distance and correlation are valid. Otherwise kStandstill
+    /// (no reference image at a sufficient distance, or neither a height nor a feature in the lane)
+    /// or kNoPlane.
     ScaleReason status = ScaleReason::kNoPlane;
     /// In the axes of this frame's camera. Its height is that of the camera of the path that is
     /// nearest to the lane region, VO units.

@@ -13,7 +13,7 @@ enum class ScaleStatus : std::uint8_t {
 
 /// Why no measurement of a frame was used.
 enum class ScaleReason : std::uint8_t {
-  kNone = 0,  ///< one was used; while kUnknown it is collected for the start of the filter
+  kNone = 0,  ///< one was used; while kUnknown: measured, before the filter may start
   kVoNotTracking = 1,
   /// Moved less than standstill_distance_heights since the last tracked frame without this reason.
   kStandstill = 2,

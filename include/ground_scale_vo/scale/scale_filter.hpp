@@ -71,12 +71,14 @@ class ScaleFilter {
             "[distances to the measured road] distance over which the tilt decays to 1/e");
       visit("restart_measurements", self.restart_measurements, 1, 1000,
             "[frames] consecutive rejected measurements that must agree to restart the filter");
-      visit("restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
-            "[] largest deviation of these measurements from their median, relative");
+      visit(
+          "restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
+          "[] of ln h: largest deviation of these measurements from their median; a feature-based "
+          "one that deviates by more from the state is not cancelled by a direct one");
       visit(
           "restart_distance_heights", self.restart_distance_heights, 0, 1e6,
-          "[camera heights] distance of these measurements before a restart; or the distance from "
-          "the start of the filter to the first of them, if that is shorter");
+          "[camera heights] distance since the first rejected measurement before a restart; or the "
+          "distance from the start of the filter to that one, if shorter");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
             "[frames] moving average of the scale instead of the Kalman filter; 0: off");
     }
@@ -92,8 +94,9 @@ class ScaleFilter {
   void predict(double distance, double angle);
 
   /// Update step with a measured height, its standard deviation, and the distance of the measured
-  /// road from the camera [VO units], at most one per source and frame. True when it was used.
-  /// Values that are not finite or negative, and a height of zero, are ignored.
+  /// road from the camera [VO units], at most one per source and frame. True when it passed
+  /// the gate or started the filter. Ignored, with false: a value that is negative or not finite, a
+  /// height of zero, and a measurement before start_distance_heights.
   bool update(double height, double sigma, double road_distance,
               Source source = Source::kFeatureBased);
 
@@ -127,9 +130,10 @@ class ScaleFilter {
   double nis_scale_ = 1;     ///< mean normalised innovation squared
   /// distance_ at the latest accepted measurement, and at the latest one, by source.
   std::array<double, kSources> accepted_at_{}, measured_at_{};
-  /// Measurements since the last accepted one, by source: candidates for a restart.
+  /// The latest rejected measurements, by source, at most restart_measurements: candidates for a
+  /// restart.
   std::array<std::deque<Measurement>, kSources> pending_;
-  std::array<double, kSources> pending_since_{};  ///< distance_ at the first of them
+  std::array<double, kSources> pending_since_{};  ///< distance_ at the first
   std::deque<double> inverse_heights_;            ///< of the moving average
 };
 

@@ -23,7 +23,7 @@ namespace ground_scale_vo {
 /// The paper's GPE-GPA thread, extended by direct measurements: takes the VO's frames and images,
 /// returns the scale s = h*/h and the metric pose.
 ///
-/// Two independent measurements of the camera height h enter one filter: feature-based (GPE and
+/// Two measurements of the camera height h enter one filter: feature-based (GPE and
 /// GPA: a plane through tracked points) and direct (a plane that aligns the image intensities of
 /// the road). Feature-based measurements start with the first frames and need only some corners,
 /// such as those of road markings; direct ones need texture but no corners.
@@ -88,7 +88,7 @@ class ScaleRecovery {
   struct Measurement {
     double height = 0;         ///< [VO units]; 0: no measurement
     double sigma = 0;          ///< standard deviation [VO units]
-    double road_distance = 0;  ///< of the centre of the measured road from the camera [VO units]
+    double road_distance = 0;  ///< of the measured road's centre from the path [VO units]
   };
 
   struct Output {
@@ -120,9 +120,10 @@ class ScaleRecovery {
   /// used; points that are not finite are ignored. On failure
   /// output.scale.status and reason say what is missing; values are never NaN or infinite.
   ///
-  /// mask: 8-bit, one channel, the image's size; 0 where the camera's images never show the scene,
-  /// which is not used (throws OptionError). Empty: no such region. Pass the same cv::Mat for all
-  /// frames: with another one the direct measurement starts anew, as with another camera.
+  /// mask: 8-bit, one channel, the image's size (throws OptionError otherwise); 0 where the
+  /// camera's images never show the scene. The direct measurement does not use these regions; the
+  /// features of `frame` are used wherever they are. Empty: no such region. Pass the same cv::Mat
+  /// for all frames: with another one the direct measurement starts anew, as with another camera.
   Output process(const VoFrame& frame, const cv::Mat& image = {}, const cv::Mat& mask = {});
 
   /// Back to the state after construction.

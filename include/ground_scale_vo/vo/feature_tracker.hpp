@@ -16,7 +16,7 @@ struct ImagePyramid {
 
 /// Shi-Tomasi corners, one per grid cell, and pyramidal Lucas-Kanade with a forward-backward check.
 /// The cell size is a fraction of the image width, so the number of features does not depend on the
-/// camera's resolution.
+/// camera's resolution, unless a cell would be smaller than 8 px.
 class FeatureTracker {
  public:
   struct Options {
@@ -28,8 +28,9 @@ class FeatureTracker {
     double forward_backward_px = 0.7;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("cell_size", self.cell_size, 0.004, 0.2,
-            "[image width] side of the grid cells; each holds at most one new corner");
+      visit(
+          "cell_size", self.cell_size, 0.004, 0.2,
+          "[image width] side of the grid cells, at least 8 px; each holds at most one new corner");
       visit("min_corner_strength", self.min_corner_strength, 0, 1,
             "[] smaller eigenvalue of the gradient matrix, grey levels in [0, 1]");
       visit("min_corner_ratio", self.min_corner_ratio, 0, 1,
@@ -44,8 +45,9 @@ class FeatureTracker {
     void validate() const;
   };
 
-  /// mask: of the images' size, 0 where they never show the scene; empty: none. No corner is
-  /// detected, and none tracked to a place, where its patch would contain such a pixel.
+  /// mask: 8-bit, one channel, of the images' size, 0 where they never show the scene; empty: none.
+  /// No corner is detected, and none tracked to a place, where its patch at full resolution would
+  /// contain such a pixel.
   explicit FeatureTracker(const Options& options, const cv::Mat& mask = {});
 
   /// image: 8-bit grey. Copied.
@@ -57,7 +59,7 @@ class FeatureTracker {
 
   struct Tracks {
     std::vector<cv::Point2f> points;  ///< [px] in the order of `from_points`; valid where ok
-    std::vector<unsigned char> ok;    ///< found, inside the image, forward-backward check passed
+    std::vector<unsigned char> ok;    ///< found, in the image, not at the mask, check passed
   };
 
   /// predicted: initial guess of each point in `to` [px], same length as from_points; empty: none.

@@ -18,7 +18,7 @@
 namespace ground_scale_vo {
 
 enum class RejectReason : std::uint8_t {
-  kNotFound,  ///< not found in this image, or failed the forward-backward check
+  kNotFound,  ///< not found in this image, at the mask, or failed the forward-backward check
   kOutlier    ///< off the projection of its map point, or without a point off its epipolar line
 };
 
@@ -126,7 +126,8 @@ class VisualOdometry {
   };
 
   /// mask: 8-bit, one channel, the camera's size; 0 where the images never show the scene (own
-  /// vehicle, watermark), which is not used; other values: scene. Empty: no such region. Throws
+  /// vehicle, watermark): no feature is detected or tracked there. Its pixels still influence the
+  /// coarser levels of tracking and the detection of exposure steps. Empty: no such region. Throws
   /// OptionError.
   VisualOdometry(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {});
   ~VisualOdometry();

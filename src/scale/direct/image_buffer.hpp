@@ -50,8 +50,8 @@ class ImageBuffer {
   /// Between the current and the newest kept image [VO units]. Precondition: !empty().
   double stepLength() const;
 
-  /// Moves the current image to the kept ones. It replaces the newest one when that one is close to
-  /// its predecessor.
+  /// Moves the current image to the kept ones, unless it shows no road. It replaces the newest one
+  /// when that one is close to its predecessor. height: of the camera [VO units].
   void keepCurrent(double height);
 
  private:

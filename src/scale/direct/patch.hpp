@@ -59,7 +59,7 @@ float correlate(const Patch& patch, float noise, Samples* values);
 class PatchExtractor {
  public:
   /// image_noise: [grey levels]. mask: of the camera's size, 0 where its images never show the
-  /// scene; empty: none. It is not copied.
+  /// scene; empty: none.
   PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double image_noise,
                  const cv::Mat& mask);
 

@@ -34,7 +34,8 @@ class PatchMatcher {
   PatchMatcher(const PinholeCamera& camera, double image_noise, const cv::Mat& allowed);
 
   /// Intensities of the patch in the reference image under the plane m, bilinearly interpolated.
-  /// False when a sample lies outside the image, behind its camera or at the mask.
+  /// False when a sample lies outside the stored part of the image, behind its camera or at the
+  /// mask.
   bool sample(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
               Samples* values) const;
 

@@ -220,8 +220,8 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
     return &*odometry_frames_;
   }
   if (camera_frame.empty()) {
-    odometry_frames_error_ = "the frame_id of the images is empty: no metric pose is published";
-    warn("no frame_id", odometry_frames_error_);
+    mounting_error_ = "the frame_id of the images is empty: no metric pose is published";
+    warn("no frame_id", mounting_error_);
     return nullptr;
   }
   if (params_.base_frame.empty() || params_.base_frame == camera_frame) {
@@ -235,16 +235,16 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
         odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
       }
     } catch (const std::exception& error) {
-      odometry_frames_error_ = "no tf transform from base_frame \"" + params_.base_frame +
-                               "\" to the camera frame \"" + camera_frame +
-                               "\": no metric pose is published";
+      mounting_error_ = "no tf transform from base_frame \"" + params_.base_frame +
+                        "\" to the camera frame \"" + camera_frame +
+                        "\": no metric pose is published";
       const std::string sentence =
-          other_warnings_.count("no tf", odometry_frames_error_ + ": " + error.what());
+          other_warnings_.count("no tf", mounting_error_ + ": " + error.what());
       if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
       return nullptr;
     }
   }
-  odometry_frames_error_.clear();
+  mounting_error_.clear();
   odometry_frames_camera_ = camera_frame;
   mounting_stamp_ = header.stamp;
   return &*odometry_frames_;
@@ -369,7 +369,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   state.status = last_scale_.status;
   state.reason = last_scale_.reason;
   if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);
-  state.odom_frame_error = odometry_frames_error_;
+  state.mounting_error = mounting_error_;
   state.tf_error = otherParentError();
   state.sequence_error = sequence_check_.error();
   if (receiver_ && processed_ > processed_at_last_diagnosis_ &&

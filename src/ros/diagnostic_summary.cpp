@@ -95,7 +95,7 @@ DiagnosticSummary summarize(const MonoVoState& state) {
 
 DiagnosticSummary summarize(const ScaleRecoveryState& state) {
   if (const auto missing = missingInput(state.frames, "vo/frame")) return *missing;
-  if (!state.odom_frame_error.empty()) return {Level::kError, state.odom_frame_error};
+  if (!state.mounting_error.empty()) return {Level::kError, state.mounting_error};
   if (!state.tf_error.empty()) return {Level::kError, state.tf_error};
   DiagnosticSummary summary = withDropped(summarizeScale(state), state.frames, "frames");
   if (state.sequence_error.empty()) return summary;

@@ -104,7 +104,7 @@ TEST_F(ScaleRecoverySummary, NamesTheMissingInput) {
   state.frames.dropped = 2;
   state.missing_image_note.clear();
   expectSummary(summarize(state), kWarn, "scale measured; 2 frames dropped in the last second");
-  state.odom_frame_error = "no tf transform";
+  state.mounting_error = "no tf transform";
   expectSummary(summarize(state), kError, "no tf transform");
   state.frames.silent_s = 5.0;
   expectSummary(summarize(state), kError, "no vo/frame for 5 s on /vo/frame");

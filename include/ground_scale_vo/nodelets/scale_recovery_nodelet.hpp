@@ -115,7 +115,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::optional<OdometryFrames> odometry_frames_;
   std::string odometry_frames_camera_;  ///< the camera frame they belong to
   ros::Time mounting_stamp_;            ///< of the last image for which odometry_frames_ was known
-  std::string odometry_frames_error_;   ///< why the last request failed
+  std::string mounting_error_;          ///< why odometry_frames_ is unknown; empty: it is known
   PoseOrigin pose_origin_;
   std::unique_ptr<BoundedPath> path_;
   ros::Publisher odometry_publisher_, path_publisher_, scale_publisher_;

@@ -39,10 +39,10 @@ struct ScaleRecoveryState {
   InputState frames;
   ScaleStatus status = ScaleStatus::kUnknown;
   ScaleReason reason = ScaleReason::kNone;
-  double held_s = 0;  ///< since the first HELD frame after a measurement or standstill [s]
-  std::string odom_frame_error;    ///< why no metric pose can be published; empty: it can
-  std::string tf_error;            ///< another parent of the frame on tf; empty: none
-  std::string sequence_error;      ///< what is wrong with `sequence` of vo/frame; empty: nothing
+  double held_s = 0;           ///< since the first HELD frame after a measurement or standstill [s]
+  std::string mounting_error;  ///< why the pose of the camera on the base is unknown; empty: known
+  std::string tf_error;        ///< another parent of the frame on tf; empty: none
+  std::string sequence_error;  ///< what is wrong with `sequence` of vo/frame; empty: nothing
   std::string missing_image_note;  ///< why no image was used in the last second; empty: one was
 };
 

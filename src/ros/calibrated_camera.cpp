@@ -52,26 +52,31 @@ PinholeCamera fullResolutionCamera(const sensor_msgs::CameraInfo& info, const do
   return camera;
 }
 
-/// Throws OptionError unless the ROI, after binning, is a part of the image. image_geometry does
-/// not check it.
-void requireRoiInsideImage(const sensor_msgs::CameraInfo& info) {
+std::string sizeText(std::uint32_t width, std::uint32_t height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+/// Throws OptionError unless the ROI is a part of the image and at least one pixel of it is left
+/// after binning. image_geometry checks neither.
+void requireValidRoi(const sensor_msgs::CameraInfo& info) {
   sensor_msgs::RegionOfInterest roi = info.roi;
+  std::string subject = "the ROI of " + sizeText(roi.width, roi.height) + " at (" +
+                        std::to_string(roi.x_offset) + ", " + std::to_string(roi.y_offset) + ")";
+  const std::string image = "the image of " + sizeText(info.width, info.height);
   if (roi.x_offset == 0 && roi.y_offset == 0 && roi.width == 0 && roi.height == 0) {
     roi.width = info.width;
     roi.height = info.height;
+    subject = image;
+  }
+  if (roi.x_offset > info.width || roi.width > info.width - roi.x_offset ||
+      roi.y_offset > info.height || roi.height > info.height - roi.y_offset) {
+    throw OptionError(subject + " is not inside " + image);
   }
   const std::uint32_t bin_x = std::max(info.binning_x, 1u);
   const std::uint32_t bin_y = std::max(info.binning_y, 1u);
-  if (roi.width >= bin_x && roi.x_offset <= info.width && roi.width <= info.width - roi.x_offset &&
-      roi.height >= bin_y && roi.y_offset <= info.height &&
-      roi.height <= info.height - roi.y_offset) {
-    return;
+  if (roi.width < bin_x || roi.height < bin_y) {
+    throw OptionError("a binning of " + sizeText(bin_x, bin_y) + " leaves no pixel of " + subject);
   }
-  throw OptionError("the ROI of " + std::to_string(roi.width) + " x " + std::to_string(roi.height) +
-                    " at (" + std::to_string(roi.x_offset) + ", " + std::to_string(roi.y_offset) +
-                    ") with a binning of " + std::to_string(bin_x) + " x " + std::to_string(bin_y) +
-                    " is not inside the image of " + std::to_string(info.width) + " x " +
-                    std::to_string(info.height));
 }
 
 /// The name by which image_geometry knows the model. Throws OptionError.
@@ -102,7 +107,7 @@ void requireCoefficients(const std::string& model, const std::vector<double>& co
 sensor_msgs::CameraInfo monocularInfo(const sensor_msgs::CameraInfo& info, bool use_P) {
   const PinholeCamera camera = use_P ? fullResolutionCamera(info, info.P.data(), 4)
                                      : fullResolutionCamera(info, info.K.data(), 3);
-  requireRoiInsideImage(info);
+  requireValidRoi(info);
   sensor_msgs::CameraInfo result = toCameraInfo(camera);
   result.binning_x = info.binning_x;
   result.binning_y = info.binning_y;

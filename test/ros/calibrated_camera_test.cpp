@@ -378,8 +378,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
          i->roi.x_offset = 641;
          i->roi.width = i->roi.height = 10;
        },
-       "the ROI of 10 x 10 at (641, 0) with a binning of 1 x 1 is not inside the image of 640 x "
-       "200"},
+       "the ROI of 10 x 10 at (641, 0) is not inside the image of 640 x 200"},
       {"roi over the edge",
        [](Info* i) {
          i->roi.y_offset = 101;
@@ -394,9 +393,16 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
          i->roi.height = 200;
        },
        "the ROI of 4294967245 x 200"},
-      {"roi without a size", [](Info* i) { i->roi.x_offset = 4; }, "the ROI of 0 x 0 at (4, 0)"},
+      {"roi without a size", [](Info* i) { i->roi.x_offset = 4; },
+       "a binning of 1 x 1 leaves no pixel of the ROI of 0 x 0 at (4, 0)"},
       {"binning beyond the image", [](Info* i) { i->binning_y = 201; },
-       "with a binning of 1 x 201"},
+       "a binning of 1 x 201 leaves no pixel of the image of 640 x 200"},
+      {"binning beyond the ROI",
+       [](Info* i) {
+         i->roi.width = i->roi.height = 10;
+         i->binning_x = 11;
+       },
+       "a binning of 11 x 1 leaves no pixel of the ROI of 10 x 10 at (0, 0)"},
   };
   for (const Refused& refused : cases) {
     Info info = goodInfo();

@@ -309,7 +309,7 @@ int main(int argc, char** argv) {
        "scale.csv, timing.csv, metrics.json, ground_truth.txt")  //
       ("camera-height", gsv::requiredValue(&arguments.camera_height, "M"),
        "[m] as it was given to the launch file")  //
-      ("image", gsv::optionalValue(&arguments.image, "TOPIC"),
+      ("image", gsv::topicValue(&arguments.image),
        "image topic of the played bag (default: image_rect, image_raw or image of "
        "/kitti/camera_gray_left)");
   return command_line.run(

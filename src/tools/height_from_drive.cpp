@@ -167,9 +167,9 @@ void addOptions(Arguments* arguments, po::options_description* options) {
   bag.image = "/camera/image_raw";
   options->add_options()                                                                     //
       ("bag", po::value(&bag.bag)->value_name("FILE"), "the drive is a bag instead of SEQ")  //
-      ("image", gsv::optionalValue(&bag.image, "TOPIC"),
+      ("image", gsv::topicValue(&bag.image)->default_value(bag.image),
        "images of the bag; TOPIC/compressed where it has only that")  //
-      ("camera-info", po::value(&bag.camera_info)->value_name("TOPIC"),
+      ("camera-info", gsv::topicValue(&bag.camera_info),
        "their calibration (default: camera_info beside the images)")  //
       ("rectified", po::bool_switch(&bag.rectified),
        "the images have no distortion, and P of camera_info belongs to them")  //
@@ -181,7 +181,7 @@ void addOptions(Arguments* arguments, po::options_description* options) {
        "odometer reading between the first image and the last [m], and")  //
       ("length-sigma", numberOrNone("--length-sigma", &arguments->length_sigma, 0, kMaxLength),
        "its standard deviation [m]")  //
-      ("gps", po::value(&bag.gps)->value_name("TOPIC"),
+      ("gps", gsv::topicValue(&bag.gps),
        "fixes in the bag (sensor_msgs/NavSatFix)")  //
       ("trajectory", po::value(&arguments->trajectory)->value_name("FILE"),
        "positions of a point fixed to the vehicle, in any frame: TUM (stamp x y z qx qy qz qw), or "

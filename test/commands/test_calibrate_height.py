@@ -35,7 +35,8 @@ def test_bag_with_fixes_replaces_a_file(low_bag, height_file):
     assert_height(height_file)
 
 
-@pytest.mark.parametrize("topic", [bags.COMPRESSED, bags.COMPRESSED.replace("/compressed", "")])
+@pytest.mark.parametrize("topic", [bags.COMPRESSED, bags.COMPRESSED.replace("/compressed", ""),
+                                   bags.COMPRESSED.lstrip("/")])
 def test_compressed_images(low_bag, height_file, topic):
     compressed = height_file.with_suffix(".bag")
     bags.compress(low_bag, compressed)

@@ -106,10 +106,12 @@ def test_no_such_topic(bag, tmp_path):
 
 
 @pytest.mark.serial
-def test_compressed_images(bag, tmp_path):
+@pytest.mark.parametrize("slash", ["/", ""])
+def test_compressed_images(bag, tmp_path, slash):
     played = tmp_path / "short.bag"
     bags.compress(bag, played)
-    assert_plays(DEMO, tmp_path, "--bag", played, "--image", bags.COMPRESSED)
+    assert_plays(DEMO, tmp_path, "--bag", played, "--image", slash + bags.COMPRESSED.lstrip("/"),
+                 "--camera-info", slash + bags.INFO.lstrip("/"))
     metrics = json.loads((tmp_path / "short/metrics.json").read_text())
     assert abs(metrics["rle_percent"]) < 5
 

@@ -67,6 +67,13 @@ po::typed_value<T>* optionalValue(T* target, const char* unit) {
   return po::value<T>(target)->default_value(*target, text.str())->value_name(unit);
 }
 
+/// A topic of a bag. Its name gets the leading slash of a recorded topic when it has none.
+inline po::typed_value<std::string>* topicValue(std::string* target) {
+  return po::value(target)->value_name("TOPIC")->notifier([=](const std::string& topic) {
+    *target = topic.empty() || topic.front() == '/' ? topic : "/" + topic;
+  });
+}
+
 /// A value without which the command line is refused.
 template <typename T>
 po::typed_value<T>* requiredValue(T* target, const char* unit) {

@@ -57,8 +57,8 @@ function(gsv_add_gtest target)
   target_link_libraries(${target} gtest)
 endfunction()
 
-catkin_install_python(PROGRAMS nodes/feed_another_vo nodes/playback_monitor nodes/view_frame scripts/ablation_table.py
-  scripts/benchmark_report.py scripts/covariance_table.py scripts/metrics_table.py scripts/plot_run.py
+catkin_install_python(PROGRAMS nodes/bag_recorder nodes/feed_another_vo nodes/playback_monitor nodes/view_frame
+  scripts/ablation_table.py scripts/benchmark_report.py scripts/covariance_table.py scripts/metrics_table.py scripts/plot_run.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The scripts expect the executables in the same directory after installation.

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.serial
 
 FILES = """
 lib/ground_scale_vo/evaluate lib/ground_scale_vo/kitti_to_bag lib/ground_scale_vo/playback_monitor
-lib/ground_scale_vo/view_frame
+lib/ground_scale_vo/view_frame lib/ground_scale_vo/bag_recorder
 lib/ground_scale_vo/benchmark_sequence lib/ground_scale_vo/evaluate_bag
 lib/ground_scale_vo/evaluate_faults lib/ground_scale_vo/evaluate_scenarios
 lib/ground_scale_vo/graph_observer lib/ground_scale_vo/ground_truth_relay

@@ -50,6 +50,17 @@ def test_view_follows_a_camera_of_any_name(bag, tmp_path, monkeypatch):
     assert done.stdout.splitlines()[-1] == "odom"
 
 
+@pytest.mark.parametrize("name", ["old.bag", "old"])  # rosbag adds the extension
+def test_record_keeps_an_existing_file(bag, tmp_path, name):
+    log, old = tmp_path / "log", tmp_path / "old.bag"
+    old.write_text("old")
+    with roslaunch(log, "kitti.launch", f"bag:={bag}", f"record:={tmp_path / name}",
+                   "required:=true") as (process, _):
+        process.wait(TIMEOUT_S)
+    assert f"{old} exists already" in log.read_text()
+    assert old.read_text() == "old" and sorted(tmp_path.iterdir()) == [log, old]
+
+
 @pytest.mark.parametrize("argument, text", [
     ("bag:=/there/is/none.bag", "there is no bag /there/is/none.bag"),
     ("image:=/none", "has no topic /none; its topics with images are "
@@ -64,3 +75,10 @@ def test_ends_when_it_cannot_play(bag, tmp_path, argument, text):
     with roslaunch(log, "kitti.launch", f"bag:={bag}", argument) as (process, _):
         process.wait(TIMEOUT_S)
     assert text in log.read_text() and "Traceback" not in log.read_text()
+
+
+def test_ends_without_a_bag(tmp_path):
+    log = tmp_path / "log"
+    with roslaunch(log, "kitti.launch") as (process, _):
+        process.wait(TIMEOUT_S)
+    assert "playback_monitor: bag:=FILE is missing" in log.read_text()

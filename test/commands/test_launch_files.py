@@ -2,6 +2,7 @@
 
 import os
 import re
+from xml.etree import ElementTree
 
 import pytest
 import roslaunch.config
@@ -80,6 +81,17 @@ def test_mask_reaches_both_nodelets(file):
         assert f"/{nodelet}/mask: ''" in parameters()
 
 
+@pytest.mark.parametrize("call", ["ground_scale_vo.launch camera_height:=1.2", "kitti.launch bag:=x.bag",
+                                  "live_camera.launch camera_height:=1.2"])
+def test_rviz_shows_the_odom_frame(call):
+    file, *arguments = call.split()
+    config = roslaunch.config.ROSLaunchConfig()
+    roslaunch.xmlloader.XmlLoader().load(str(LAUNCH / file), config, verbose=False,
+                                         argv=[*arguments, "rviz:=true", "odom_frame:=map"])
+    rviz, = (node for node in config.nodes if node.package == "rviz")
+    assert " -f map" in rviz.args
+
+
 @pytest.mark.parametrize("argument, text", [
     ("driver:=usb_cam", r"not found[^\n]*usb_cam"),
     ("driver:=realsense", "driver:=realsense: it must be none or usb_cam"),
@@ -88,6 +100,13 @@ def test_missing_camera_driver(argument, text):
     done = run("roslaunch", "--nodes", LAUNCH / "live_camera.launch", "camera_height:=1.2", argument,
                check=False)
     assert done.returncode == 1 and re.search(text, done.stderr), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("file", sorted(LAUNCH.glob("*.launch")), ids=lambda file: file.name)
+def test_lists_its_arguments(file):
+    listed = run("roslaunch", "--ros-args", file).stdout
+    names = [arg.get("name") for arg in ElementTree.parse(file).iter("arg") if arg.get("doc")]
+    assert names and all(re.search(rf"^  {name}[: ]", listed, re.M) for name in names), listed
 
 
 def test_all_files_are_covered():

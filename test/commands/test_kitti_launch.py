@@ -25,6 +25,26 @@ def test_player_ends_with_the_monitor(bag, tmp_path):
         assert not is_running(player)
 
 
+def test_waits_for_both_nodelets(bag, tmp_path):
+    """MonoVo starts last, and does not lose the first image."""
+    released, wait = tmp_path / "released", tmp_path / "wait"
+    wait.write_text(f'#!/bin/sh\nuntil [ -e {released} ]; do sleep 0.1; done\nexec "$@"\n')
+    wait.chmod(0o755)
+    nodelets = (ROOT / "launch/ground_scale_vo.launch").read_text()
+    (tmp_path / "nodelets.launch").write_text(
+        nodelets.replace('name="mono_vo"', f'name="mono_vo" launch-prefix="{wait}"'))
+    delayed = tmp_path / "delayed.launch"
+    delayed.write_text((ROOT / "launch/kitti.launch").read_text().replace(
+        "$(find ground_scale_vo)/launch/ground_scale_vo.launch", str(tmp_path / "nodelets.launch")))
+
+    log = tmp_path / "log"
+    with roslaunch(log, delayed, f"bag:={bag}") as (process, _):
+        wait_until(lambda: "waits: no node publishes /vo/frame" in log.read_text(),
+                   while_runs=process)
+        released.touch()
+        wait_until(lambda: "Playback finished: 40 of 40 frames" in log.read_text(), while_runs=process)
+
+
 def test_continues_after_the_bag(bag, tmp_path):
     log = tmp_path / "log"
     with roslaunch(log, "kitti.launch", f"bag:={bag}") as (process, master):
@@ -57,12 +77,14 @@ def test_record_keeps_an_existing_file(bag, tmp_path, name):
     with roslaunch(log, "kitti.launch", f"bag:={bag}", f"record:={tmp_path / name}",
                    "required:=true") as (process, _):
         process.wait(TIMEOUT_S)
-    assert f"{old} exists already" in log.read_text()
+    assert f"{old} exists already" in log.read_text() and "Traceback" not in log.read_text()
     assert old.read_text() == "old" and sorted(tmp_path.iterdir()) == [log, old]
 
 
 @pytest.mark.parametrize("argument, text", [
     ("bag:=/there/is/none.bag", "there is no bag /there/is/none.bag"),
+    ("bag:=my.bag", "bag:=my.bag must be an absolute path: bag:=$PWD/my.bag"),
+    ("bag:=./a/../my.bag", "bag:=./a/../my.bag must be an absolute path: bag:=$PWD/my.bag"),
     ("image:=/none", "has no topic /none; its topics with images are "
                      "/kitti/camera_gray_left/image"),
     ("camera_info:=/none", "has no topic /none; its topics with camera_info are "

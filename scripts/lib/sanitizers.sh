@@ -16,13 +16,15 @@ gsv_sanitizers() {
   [[ $1 != undefined ]] || library=libubsan.so
   # scripts/test switches leak detection off for the rostests, in which Python and the nodelet
   # manager hold memory until they exit.
+  # abort_on_error: a fuzz target keeps the input under test when it gets the signal.
   export ASAN_OPTIONS=$log:detect_leaks=1:detect_stack_use_after_return=1:new_delete_type_mismatch=1
+  ASAN_OPTIONS+=:abort_on_error=1
   export LSAN_OPTIONS=$log:suppressions=$suppressions/leaks.supp:print_suppressions=0
   # Factor on the time limits of the tests, which run several times slower with sanitizers.
   export GROUND_SCALE_VO_SLOWER=10
   # Combined with gcc's address sanitizer, the undefined behaviour sanitizer ignores log_path and
   # reports to stderr. halt_on_error makes the program fail, otherwise nobody would see the report.
-  export UBSAN_OPTIONS=$log:print_stacktrace=1:halt_on_error=1
+  export UBSAN_OPTIONS=$log:print_stacktrace=1:halt_on_error=1:abort_on_error=1
   export TSAN_OPTIONS=$log:suppressions=$suppressions/thread.supp:exitcode=0
 
   local program

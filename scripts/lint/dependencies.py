@@ -8,7 +8,7 @@ import pathlib
 import re
 import sys
 
-# Module: what it may include besides itself, a module or one header. Product first, then tooling.
+# Module: what it may include besides itself, a module or one header. Runtime modules first, then tooling.
 ALLOWED = {
     "common": [],
     "vo": ["common"],
@@ -25,7 +25,7 @@ ALLOWED = {
               "simulation", "ros_tools"],
 }
 USES_ROS = {"ros", "nodelets", "ros_tools", "tools"}
-TESTS_WITHOUT_ROS = (set(ALLOWED) - USES_ROS) | {"integration", "support"}
+TESTS_WITHOUT_ROS = (set(ALLOWED) - USES_ROS) | {"integration", "support", "tools"}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+[<"]([^>"]+)[>"]', re.MULTILINE)
 OWN = re.compile(rf"(?:ground_scale_vo/|(?:\.\./)+(?:src/)?|)((?:{'|'.join(ALLOWED)})(?:/.*|\.hpp))$")
@@ -67,6 +67,7 @@ def violations(root):
         module = module_of(file.relative_to(root / "test"))
         for header in INCLUDE.findall(file.read_text()):
             own = OWN.match(header)
+            # Not tools: the tests of tools include tools/support, which is built without ROS.
             uses_ros = ROS.match(header) or (own and module_of(own[1]) in USES_ROS - {"tools"})
             if module in TESTS_WITHOUT_ROS and uses_ros:
                 yield f"{file.relative_to(root)}: tests of {module} must not include ROS ({header})"

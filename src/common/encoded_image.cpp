@@ -1,6 +1,10 @@
 #include "ground_scale_vo/common/encoded_image.hpp"
 
 #include <cstddef>
+#include <string>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/image_limits.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -46,6 +50,15 @@ ImageSize encodedSize(std::string_view bytes) {
     at += marker == 0xff ? 1 : 2 + static_cast<std::size_t>(number(at + 2, 2));
   }
   return {};
+}
+
+void requireDecodable(std::string_view bytes) {
+  if (!isCompleteImage(bytes)) throw DataError("is not a whole PNG or JPEG image");
+  const ImageSize size = encodedSize(bytes);
+  if (static_cast<double>(size.width) * static_cast<double>(size.height) > kMaxImagePixels) {
+    throw DataError("states " + std::to_string(size.width) + " x " + std::to_string(size.height) +
+                    " pixels, more than are plausible");
+  }
 }
 
 }  // namespace ground_scale_vo

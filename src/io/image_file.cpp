@@ -1,6 +1,5 @@
 #include "ground_scale_vo/io/image_file.hpp"
 
-#include <cstdint>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
@@ -13,18 +12,15 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::size_t kMaxImageBytes = 256u << 20;
-constexpr std::int64_t kMaxPixels = 1 << 27;
-constexpr std::int64_t kMaxSide = kMaxPixels;  // keeps the product within its type
 
 }  // namespace
 
 cv::Mat readGreyImage(const fs::path& file) {
   const std::string bytes = readFile(file, kMaxImageBytes);
-  if (!isCompleteImage(bytes)) throw DataError(file.string() + ": is not a whole PNG or JPEG file");
-  const ImageSize size = encodedSize(bytes);
-  if (size.width > kMaxSide || size.height > kMaxSide || size.width * size.height > kMaxPixels) {
-    throw DataError(file.string() + ": its header states " + std::to_string(size.width) + "x" +
-                    std::to_string(size.height) + " pixels, more than are plausible");
+  try {
+    requireDecodable(bytes);
+  } catch (const DataError& error) {
+    throw DataError(file.string() + ": " + error.what());
   }
   cv::Mat image;
   try {

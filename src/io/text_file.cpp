@@ -60,7 +60,15 @@ std::string readFile(const fs::path& file, std::size_t max_bytes) {
   return content;
 }
 
+void requireFolderOf(const fs::path& file) {
+  const fs::path folder = file.parent_path();
+  std::error_code error;
+  if (folder.empty() || fs::is_directory(folder, error)) return;
+  throw DataError(file.string() + ": cannot be written, there is no folder " + folder.string());
+}
+
 void writeFile(const fs::path& file, const std::string& content) {
+  requireFolderOf(file);
   fs::path temporary = file;
   temporary += ".tmp";
   const auto systemError = [] { return std::error_code(errno, std::generic_category()); };

@@ -10,18 +10,13 @@
 
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
+#include "ground_scale_vo/nodelets/topic_rates.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 
 namespace ground_scale_vo {
-namespace {
-
-constexpr std::uint32_t kPublishQueue = 100;
-constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
-
-}  // namespace
 
 MonoVoNodelet::~MonoVoNodelet() { callbacks_.stop(); }
 
@@ -167,6 +162,11 @@ void MonoVoNodelet::drop(const std::string& kind, const std::string& reason) {
   if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
 }
 
+void MonoVoNodelet::warnOfMissingInput(const MonoVoState& state) {
+  const std::string sentence = missing_input_log_.due(missingInput(state), ros::Time::now());
+  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
+}
+
 void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::uint64_t dropped = dropped_from_queue_ + warnings_.total("image ");
   MonoVoState state;
@@ -181,6 +181,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   state.status = status_;
   dropped_at_last_diagnosis_ = dropped;
 
+  warnOfMissingInput(state);
   const DiagnosticSummary summary = summarize(state);
   status.summary(static_cast<std::uint8_t>(summary.level), summary.message);
   status.add("rate [Hz]", rate_.rate(processed_));

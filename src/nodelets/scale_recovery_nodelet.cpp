@@ -12,18 +12,18 @@
 
 #include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
+#include "ground_scale_vo/nodelets/topic_rates.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
+#include "ground_scale_vo/ros/mounting_check.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::uint32_t kPublishQueue = 100;
 constexpr std::uint32_t kTfQueue = 100;
 /// [images] that wait for their frame: one second of a 30 Hz camera, longer than MonoVo takes.
 constexpr std::uint32_t kImageBuffer = 30;
-constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 /// [ms] wall time to wait for tf with moving_mount, which may come later than the image.
 constexpr double kMountingWaitMs = 200;
 constexpr double kMountingPollMs = 2;
@@ -131,6 +131,7 @@ void ScaleRecoveryNodelet::reset() {
   recovery_->reset();
   pose_origin_.clear();
   odometry_frames_.reset();  // the mounting is looked up again
+  mounting_warning_.clear();
   path_->clear();
   publishPath();
   last_scale_ = ScaleEstimate();
@@ -214,6 +215,7 @@ Eigen::Isometry3d ScaleRecoveryNodelet::lookUpMounting(const std_msgs::Header& h
 }
 
 const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Header& header) {
+  mounting_error_.clear();
   const std::string& camera_frame = header.frame_id;
   const bool is_same_camera = odometry_frames_ && odometry_frames_camera_ == camera_frame;
   if (is_same_camera && (!params_.moving_mount || mounting_stamp_ == header.stamp)) {
@@ -233,6 +235,7 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
         odometry_frames_->moveMounting(T_b_c, secondsBetween(mounting_stamp_, header.stamp));
       } else {
         odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
+        has_warned_of_mounting_ = false;
       }
     } catch (const std::exception& error) {
       mounting_error_ = "no tf transform from base_frame \"" + params_.base_frame +
@@ -244,10 +247,20 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
       return nullptr;
     }
   }
-  mounting_error_.clear();
   odometry_frames_camera_ = camera_frame;
   mounting_stamp_ = header.stamp;
   return &*odometry_frames_;
+}
+
+void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output) {
+  mounting_warning_.clear();
+  const bool is_base = odometry_frames_->base_frame != odometry_frames_camera_;
+  if (!is_base || params_.moving_mount) return;
+  mounting_warning_ =
+      mountingContradiction(odometry_frames_->base_frame, odometry_frames_camera_,
+                            odometry_frames_->T_c_b.linear() * Eigen::Vector3d::UnitZ(), output);
+  if (mounting_warning_.empty() || std::exchange(has_warned_of_mounting_, true)) return;
+  NODELET_WARN_STREAM(getName() << ": " << mounting_warning_);
 }
 
 void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const VoFrame& frame,
@@ -260,6 +273,7 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
   if (output.scale.status != ScaleStatus::kUnknown) {
     if (output.pose && frames != nullptr) {
       publishPose(pose_origin_.relative(*output.pose), *frames, header.stamp);
+      checkMounting(output);
     }
     publishGround(output, header);
     if (points_publisher_.getNumSubscribers() > 0) {
@@ -338,7 +352,7 @@ void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, const ros
   ++processed_;
   last_frame_had_image_ = has_image;
   if (has_image) ++processed_with_image_;
-  if (output.direct.height > 0) ++refined_;
+  if (output.direct.height > 0) ++with_direct_;
   last_scale_ = output.scale;
   last_stamp_ = stamp;
   if (output.scale.status == ScaleStatus::kOk) last_measurement_ = stamp;
@@ -360,6 +374,11 @@ std::string ScaleRecoveryNodelet::imageState() const {
   return last_frame_had_image_ ? "used" : "no image of the last frame";
 }
 
+void ScaleRecoveryNodelet::warnOfMissingInput(const ScaleRecoveryState& state) {
+  const std::string sentence = missing_input_log_.due(missingInput(state), ros::Time::now());
+  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
+}
+
 void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::uint64_t dropped = sequence_check_.missing() + warnings_.total("frame ");
   ScaleRecoveryState state;
@@ -370,6 +389,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   state.reason = last_scale_.reason;
   if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);
   state.mounting_error = mounting_error_;
+  state.mounting_warning = mounting_warning_;
   state.tf_error = otherParentError();
   state.sequence_error = sequence_check_.error();
   if (receiver_ && processed_ > processed_at_last_diagnosis_ &&
@@ -380,6 +400,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   processed_at_last_diagnosis_ = processed_;
   with_image_at_last_diagnosis_ = processed_with_image_;
 
+  warnOfMissingInput(state);
   const DiagnosticSummary summary = summarize(state);
   status.summary(static_cast<std::uint8_t>(summary.level), summary.message);
   addValues(status);
@@ -392,7 +413,7 @@ void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper
   status.add("frames dropped, queue full", sequence_check_.missing());
   status.add("images", imageState());
   status.add("frames without an image", processed_ - processed_with_image_);
-  status.add("frames with a direct measurement", refined_);
+  status.add("frames with a direct measurement", with_direct_);
   for (const auto& [kind, count] : warnings_.counts()) status.add("dropped: " + kind, count);
   status.add("scale status", toString(last_scale_.status));
   status.add("reason", toString(last_scale_.reason));

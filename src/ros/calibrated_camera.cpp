@@ -10,7 +10,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/ros/image_limits.hpp"
+#include "ground_scale_vo/common/image_limits.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
 #include "ros/camera_info_values.hpp"
 
@@ -33,6 +33,7 @@ PinholeCamera fullResolutionCamera(const sensor_msgs::CameraInfo& info, const do
                                    int columns) {
   const auto at = [&](int row, int column) { return matrix[row * columns + column]; };
   PinholeCamera camera;
+  // The cast must not overflow; validate() refuses kMaxImageSide + 1.
   camera.width = static_cast<int>(std::min(info.width, kMaxImageSide + 1));
   camera.height = static_cast<int>(std::min(info.height, kMaxImageSide + 1));
   camera.fx = at(0, 0);

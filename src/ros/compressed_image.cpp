@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "ground_scale_vo/common/encoded_image.hpp"
-#include "ground_scale_vo/ros/image_limits.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
 
 namespace ground_scale_vo {
@@ -32,14 +32,12 @@ std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
 
 sensor_msgs::ImagePtr decode(const sensor_msgs::CompressedImage& image) {
   const std::string_view bytes(reinterpret_cast<const char*>(image.data.data()), image.data.size());
-  if (!isCompleteImage(bytes)) {
-    throw MessageError("the compressed image (format \"" + image.format + "\", " +
-                       std::to_string(bytes.size()) + " bytes) is not a whole PNG or JPEG image");
-  }
-  const ImageSize size = encodedSize(bytes);
-  if (static_cast<double>(size.width) * static_cast<double>(size.height) > kMaxImagePixels) {
-    throw MessageError("the compressed image states " + std::to_string(size.width) + " x " +
-                       std::to_string(size.height) + " pixels, more than are plausible");
+  const std::string name = "the compressed image (format \"" + image.format + "\", " +
+                           std::to_string(bytes.size()) + " bytes) ";
+  try {
+    requireDecodable(bytes);
+  } catch (const DataError& error) {
+    throw MessageError(name + error.what());
   }
   cv::Mat pixels;
   try {
@@ -49,7 +47,7 @@ sensor_msgs::ImagePtr decode(const sensor_msgs::CompressedImage& image) {
   }
   const bool has_integers = pixels.depth() == CV_8U || pixels.depth() == CV_16U;
   if (pixels.empty() || !has_integers || pixels.channels() == 2) {
-    throw MessageError("the compressed image (format \"" + image.format + "\") cannot be decoded");
+    throw MessageError(name + "cannot be decoded");
   }
   return cv_bridge::CvImage(image.header, encodingOf(pixels, image.format), pixels).toImageMsg();
 }

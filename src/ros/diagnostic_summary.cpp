@@ -17,14 +17,16 @@ std::string seconds(double value, int decimals) {
   return text;
 }
 
-/// An error while the input is missing. what: its name.
-std::optional<DiagnosticSummary> missingInput(const InputState& input, const std::string& what) {
-  if (!input.silent_s) {
-    return DiagnosticSummary{Level::kError, "no " + what + " received yet on " + input.topic};
-  }
+/// what: name of the input.
+MissingInput neverReceived(const std::string& what, const std::string& topic) {
+  return {what, "no " + what + " received yet on " + topic, false};
+}
+
+std::optional<MissingInput> missingInput(const InputState& input, const std::string& what) {
+  if (!input.silent_s) return neverReceived(what, input.topic);
   if (*input.silent_s < kSilenceS) return std::nullopt;
-  return DiagnosticSummary{
-      Level::kError, "no " + what + " for " + seconds(*input.silent_s, 0) + " on " + input.topic};
+  return MissingInput{
+      what, "no " + what + " for " + seconds(*input.silent_s, 0) + " on " + input.topic, true};
 }
 
 /// The summary with a further warning.
@@ -75,14 +77,22 @@ DiagnosticSummary summarizeScale(const ScaleRecoveryState& state) {
 
 }  // namespace
 
+std::optional<MissingInput> missingInput(const MonoVoState& state) {
+  if (!state.camera_known && !state.camera_info_error.empty()) return std::nullopt;
+  if (auto missing = missingInput(state.images, "image")) return missing;
+  if (!state.camera_known) return neverReceived("camera_info", state.camera_info_topic);
+  return std::nullopt;
+}
+
+std::optional<MissingInput> missingInput(const ScaleRecoveryState& state) {
+  return missingInput(state.frames, "vo/frame");
+}
+
 DiagnosticSummary summarize(const MonoVoState& state) {
   if (!state.camera_known && !state.camera_info_error.empty()) {
     return {Level::kError, state.camera_info_error};
   }
-  if (const auto missing = missingInput(state.images, "image")) return *missing;
-  if (!state.camera_known) {
-    return {Level::kError, "no camera_info received yet on " + state.camera_info_topic};
-  }
+  if (const auto missing = missingInput(state)) return {Level::kError, missing->sentence};
   if (!state.source_error.empty()) return {Level::kError, state.source_error};
   DiagnosticSummary summary = summarize(state.status.value_or(VoStatus::kInitialising));
   if (!state.status && state.images.dropped > 0) summary = {Level::kError, "no usable image"};
@@ -94,12 +104,14 @@ DiagnosticSummary summarize(const MonoVoState& state) {
 }
 
 DiagnosticSummary summarize(const ScaleRecoveryState& state) {
-  if (const auto missing = missingInput(state.frames, "vo/frame")) return *missing;
+  if (const auto missing = missingInput(state)) return {Level::kError, missing->sentence};
   if (!state.mounting_error.empty()) return {Level::kError, state.mounting_error};
   if (!state.tf_error.empty()) return {Level::kError, state.tf_error};
   DiagnosticSummary summary = withDropped(summarizeScale(state), state.frames, "frames");
-  if (state.sequence_error.empty()) return summary;
-  return withWarning(std::move(summary), state.sequence_error);
+  for (const std::string& warning : {state.mounting_warning, state.sequence_error}) {
+    if (!warning.empty()) summary = withWarning(std::move(summary), warning);
+  }
+  return summary;
 }
 
 }  // namespace ground_scale_vo

@@ -11,7 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "ground_scale_vo/ros/image_limits.hpp"
+#include "ground_scale_vo/common/image_limits.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
 
 namespace ground_scale_vo {

@@ -61,7 +61,13 @@ void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr
 }
 
 void ImageReceiver::checkRectification(const sensor_msgs::CameraInfo& info) {
-  std::string warning = rectificationContradiction(info, image_is_rectified_, imageTopic());
+  std::string warning = rectificationContradiction(info, image_is_rectified_, imageTopic()).reason;
+  if (!warning.empty()) {
+    warning = image_is_rectified_ ? "image_is_rectified is true, but " + warning +
+                                        ": if the images are raw, set it to false"
+                                  : "image_is_rectified is false, but " + warning +
+                                        ": if the images are rectified, set it to true";
+  }
   if (!warning.empty() && warning != rectification_warning_) handlers_.on_warning(warning);
   rectification_warning_ = std::move(warning);
 }

@@ -5,14 +5,12 @@
 #include <fstream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "ground_scale_vo/common/encoded_image.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/ros/image_limits.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -20,27 +18,25 @@ namespace {
 /// name: for the OptionError.
 cv::Mat readMask(const std::string& file, const std::string& name) {
   if (file.empty()) return {};
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) {  // opening a FIFO would block
+  std::error_code unused;
+  if (!std::filesystem::is_regular_file(file, unused)) {  // opening a FIFO would block
     throw OptionError(name + " cannot be read");
   }
   std::ifstream stream(file, std::ios::binary);
   if (!stream) throw OptionError(name + " cannot be read");
   const std::vector<char> bytes((std::istreambuf_iterator<char>(stream)), {});
-  const std::string_view view(bytes.data(), bytes.size());
-  const ImageSize size = encodedSize(view);
-  if (static_cast<double>(size.width) * static_cast<double>(size.height) > kMaxImagePixels) {
-    throw OptionError(name + " has more pixels than any image");
+  try {
+    requireDecodable({bytes.data(), bytes.size()});
+  } catch (const DataError& error) {
+    throw OptionError(name + " " + error.what());
   }
   cv::Mat mask;
-  if (isCompleteImage(view)) {
-    try {
-      mask = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
-    } catch (const cv::Exception&) {
-      mask.release();
-    }
+  try {
+    mask = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception&) {
+    mask.release();
   }
-  if (mask.empty()) throw OptionError(name + " is not a whole PNG or JPEG image");
+  if (mask.empty()) throw OptionError(name + " cannot be decoded");
   return mask;
 }
 

@@ -81,7 +81,7 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
 
 ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   ScaleRecoveryParams params;
-  reader.require("camera_height", params.scale.camera_height, 0.05, 100.0,
+  reader.require("camera_height", params.scale.camera_height, kMinCameraHeight, kMaxCameraHeight,
                  "[m] height of the camera above the road");
   reader.declareFrame("odom_frame", params.odom_frame, "[] fixed frame of the metric odometry");
   reader.declareFrame("base_frame", params.base_frame,

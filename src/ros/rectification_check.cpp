@@ -109,32 +109,30 @@ bool hasPart(std::string topic, const std::string& part) {
 
 }  // namespace
 
-std::string rectificationContradiction(const sensor_msgs::CameraInfo& info, bool image_is_rectified,
-                                       const std::string& image_topic) {
+RectificationContradiction rectificationContradiction(const sensor_msgs::CameraInfo& info,
+                                                      bool image_is_rectified,
+                                                      const std::string& image_topic) {
   if (allZero(info.K) || allZero(info.P)) return {};
   const bool is_distorted = !allZero(info.D);
-  std::ostringstream sentence;
-  sentence << "image_is_rectified is " << (image_is_rectified ? "true" : "false") << ", but ";
-  if (!image_is_rectified && is_distorted && hasPart(image_topic, "rect")) {
-    sentence
-        << "topic " << image_topic
-        << " is named like rectified images, from which D of camera_info would be removed again";
-  } else if (!image_is_rectified && !isRectificationOf(info)) {
-    sentence << "P of camera_info (fx " << info.P[0] << ") cannot describe images of " << info.width
-             << " x " << info.height << " that are rectified with K (fx " << info.K[0]
-             << ") and D: if the images are rectified, set it to true";
+  bool is_certain = false;
+  std::ostringstream reason;
+  if (!image_is_rectified && !isRectificationOf(info)) {
+    is_certain = !isFisheye(info.distortion_model);
+    reason << "P of camera_info (fx " << info.P[0] << ") cannot describe images of " << info.width
+           << " x " << info.height << " that are rectified with K (fx " << info.K[0] << ") and D";
+  } else if (!image_is_rectified && is_distorted && hasPart(image_topic, "rect")) {
+    reason << "topic " << image_topic
+           << " is named like rectified images, from which D of camera_info would be removed again";
   } else if (image_is_rectified && is_distorted && info.P[0] == info.K[0] &&
              info.P[2] == info.K[2] && info.P[6] == info.K[5]) {
-    sentence << "P of camera_info equals K (fx " << info.K[0]
-             << ") although D is not zero, as for raw images";
+    reason << "P of camera_info equals K (fx " << info.K[0]
+           << ") although D is not zero, as for raw images";
   } else if (image_is_rectified && is_distorted && hasPart(image_topic, "raw") &&
              isRectificationOf(info)) {
-    sentence << "topic " << image_topic
-             << " is named like raw images, and D of camera_info is not zero";
-  } else {
-    return {};
+    reason << "topic " << image_topic
+           << " is named like raw images, and D of camera_info is not zero";
   }
-  return sentence.str();
+  return {reason.str(), is_certain};
 }
 
 }  // namespace ground_scale_vo

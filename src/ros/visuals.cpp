@@ -28,6 +28,10 @@ constexpr int kGridFrom = 2, kGridTo = 20, kGridSide = 3;
 constexpr double kGridMinDepth = 0.5;
 const cv::Size kLabelSize(32, 11);  ///< [px] of a distance
 
+/// [px] Image width up to which text and marks have the sizes given in this file. In a wider image,
+/// which viewers show reduced, they grow with the width.
+constexpr double kUnscaledWidth = 800;
+
 constexpr double kBrightness = 0.7;  // of the background image
 constexpr double kOldest = 100;      // [frames] older features have the same colour
 constexpr double kYoungest = 0.28;   // position in the colour map, whose start is too dark
@@ -63,44 +67,61 @@ cv::Mat background(const cv::Mat& grey, const cv::Mat& mask) {
   return image;
 }
 
+double magnification(const cv::Mat& image) { return std::max(1.0, image.cols / kUnscaledWidth); }
+
+/// Length in this image [px] of what has `length` px in an image of at most kUnscaledWidth.
+int scaled(const cv::Mat& image, double length) { return cvRound(magnification(image) * length); }
+
+/// Draws the text with its lower left corner at this pixel. size: before magnification.
 void write(cv::Mat& image, const std::string& text, const cv::Point& at, double size) {
-  cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, size, kLegendText, 1, cv::LINE_AA);
+  cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, magnification(image) * size, kLegendText,
+              scaled(image, 1), cv::LINE_AA);
 }
 
 void drawDot(cv::Mat& image, const cv::Point& at, const cv::Scalar& colour, bool filled) {
-  cv::circle(image, at, 3, colour, filled ? cv::FILLED : 1, cv::LINE_AA);
+  cv::circle(image, at, scaled(image, 3), colour, filled ? cv::FILLED : scaled(image, 1),
+             cv::LINE_AA);
 }
 
 void drawCross(cv::Mat& image, const cv::Point& at, RejectReason reason) {
   const bool outlier = reason == RejectReason::kOutlier;
   cv::drawMarker(image, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
-                 outlier ? 7 : 5, 1);
+                 scaled(image, outlier ? 7 : 5), scaled(image, 1));
+}
+
+/// The background of the texts in the upper left corner.
+void drawBox(cv::Mat& image, int height) {
+  cv::rectangle(image, cv::Rect(0, 0, scaled(image, kBoxWidth), scaled(image, height)),
+                kLegendBackground, cv::FILLED);
 }
 
 /// Legend in the upper left corner: colours of ages, and marks, which a narrow image has below.
 void drawLegend(cv::Mat& image) {
   constexpr int kBar = 120, kLeft = 8;
+  const auto pixel = [&](double x, double y) {
+    return cv::Point(scaled(image, x), scaled(image, y));
+  };
   const bool is_narrow = image.cols < kBoxWidth;
-  cv::rectangle(image, cv::Rect(0, 0, kBoxWidth, is_narrow ? 2 * kBoxHeight - 6 : kBoxHeight),
-                kLegendBackground, cv::FILLED);
-  for (int x = 0; x <= kBar; ++x) {
-    const double age = std::expm1(std::log1p(kOldest) * x / kBar);
-    cv::line(image, {kLeft + x, 4}, {kLeft + x, 14}, ageColour(age), 1);
+  drawBox(image, is_narrow ? 2 * kBoxHeight - 6 : kBoxHeight);
+  const cv::Point from = pixel(kLeft, 4), to = pixel(kLeft + kBar, 14);
+  for (int x = from.x; x <= to.x; ++x) {
+    const double age = std::expm1(std::log1p(kOldest) * (x - from.x) / (to.x - from.x));
+    cv::line(image, {x, from.y}, {x, to.y}, ageColour(age), 1);
   }
   for (const int age : {0, 1, 3, 10, 30, 100}) {
-    const int x = kLeft + cvRound(kBar * std::log1p(age) / std::log1p(kOldest));
-    cv::line(image, {x, 12}, {x, 16}, kLegendText, 1);
+    const double x = kLeft + kBar * std::log1p(age) / std::log1p(kOldest);
+    cv::line(image, pixel(x, 12), pixel(x, 16), kLegendText, scaled(image, 1));
     const std::string text = std::to_string(age);
-    write(image, text, {x - 3 * static_cast<int>(text.size()), 29}, 0.35);
+    write(image, text, pixel(x - 3.0 * static_cast<double>(text.size()), 29), 0.35);
   }
   int x = kLeft + kBar + 16;
-  write(image, "age [frames]", {x - 4, 14}, 0.35);
+  write(image, "age [frames]", pixel(x - 4, 14), 0.35);
   x = is_narrow ? kLeft + 4 : x + 90;
   const int top = is_narrow ? 28 : 0;
   const auto entry = [&](const char* text, int row, auto draw) {
-    const cv::Point at(x, top + 10 + 15 * row);
-    draw(at);
-    write(image, text, {x + 8, at.y + 4}, 0.35);
+    const int y = top + 10 + 15 * row;
+    draw(pixel(x, y));
+    write(image, text, pixel(x + 8, y + 4), 0.35);
   };
   const cv::Scalar colour = ageColour(10);
   entry("has a point", 0, [&](cv::Point at) { drawDot(image, at, colour, true); });
@@ -134,21 +155,23 @@ void drawGroundGrid(cv::Mat& image, const PinholeCamera& camera, const ScaleEsti
   int from = kGridFrom;
   while (from < kGridTo && (T_c_ground * Eigen::Vector3d(from, 0, 0)).z() < kGridMinDepth) ++from;
   const cv::Scalar colour = scale.status == ScaleStatus::kOk ? kMeasuredColour : kHeldColour;
+  const int thin = scaled(image, 1), thick = scaled(image, 2);
   cv::Mat grid = image.clone();
   for (int left = -kGridSide; left <= kGridSide; ++left) {
-    cv::line(grid, pixel(from, left), pixel(kGridTo, left), colour, 1, cv::LINE_AA);
+    cv::line(grid, pixel(from, left), pixel(kGridTo, left), colour, thin, cv::LINE_AA);
   }
   for (int ahead = from; ahead <= kGridTo; ++ahead) {
-    cv::line(grid, pixel(ahead, -kGridSide), pixel(ahead, kGridSide), colour, ahead % 5 ? 1 : 2,
-             cv::LINE_AA);
+    cv::line(grid, pixel(ahead, -kGridSide), pixel(ahead, kGridSide), colour,
+             ahead % 5 ? thin : thick, cv::LINE_AA);
   }
   cv::addWeighted(image, 0.5, grid, 0.5, 0, image);
   // The nearest first; in a small image there is no room for the others.
+  const cv::Size size(scaled(image, kLabelSize.width), scaled(image, kLabelSize.height));
   cv::Rect last_label;
   for (int ahead = from; ahead <= kGridTo; ++ahead) {
     if (ahead % 5 != 0) continue;
-    const cv::Point at = pixel(ahead, -kGridSide) + cv::Point(4, 4);
-    const cv::Rect label(at.x, at.y - kLabelSize.height, kLabelSize.width, kLabelSize.height);
+    const cv::Point at = pixel(ahead, -kGridSide) + cv::Point(scaled(image, 4), scaled(image, 4));
+    const cv::Rect label({at.x, at.y - size.height}, size);
     if (!(label & last_label).empty()) continue;
     write(image, std::to_string(ahead) + " m", at, 0.4);
     last_label = label;
@@ -166,7 +189,8 @@ void writeLine(cv::Mat& image, const std::string& text, int row) {
   constexpr int kMargin = 8;  // [px]
   const int width = cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, kSize, 1, nullptr).width;
   const double fit = static_cast<double>(image.cols - 2 * kMargin) / width;
-  write(image, text, {kMargin, 14 + 15 * row}, kSize * std::min(fit, 1.0));
+  write(image, text, {scaled(image, kMargin), scaled(image, 14 + 15 * row)},
+        kSize * std::min(fit, 1.0));
 }
 
 /// Upper left corner: the scale, and the standard deviation of each measurement of this frame.
@@ -181,7 +205,7 @@ void drawScale(cv::Mat& image, const ScaleRecovery::Output& output) {
   std::string second = "this frame: features " + percentOf(output.feature_based) + ", direct " +
                        percentOf(output.direct);
   if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
-  cv::rectangle(image, cv::Rect(0, 0, kBoxWidth, kBoxHeight), kLegendBackground, cv::FILLED);
+  drawBox(image, kBoxHeight);
   writeLine(image, first, 0);
   writeLine(image, second, 1);
 }
@@ -208,7 +232,8 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& 
     const cv::Scalar colour = ageColour(feature.age);
     const auto before = last_.find(feature.id);
     if (before != last_.end()) {
-      cv::line(image, toPixel(before->second), toPixel(feature.u), colour, 1, cv::LINE_AA);
+      cv::line(image, toPixel(before->second), toPixel(feature.u), colour, scaled(image, 1),
+               cv::LINE_AA);
     }
     drawDot(image, toPixel(feature.u), colour, feature.has_point);
     now.emplace_hint(now.end(), feature.id, feature.u);

@@ -1,5 +1,6 @@
 #include "ground_scale_vo/scale/mounting.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -29,11 +30,15 @@ bool givesDirection(const std::optional<MotionHistory::Chord>& chord, const Eige
   return chord && std::abs(n_c.dot(chord->direction_c)) < kMaxSlope;
 }
 
-Eigen::Vector3d normalOf(double pitch, double roll) {
+}  // namespace
+
+Eigen::Vector3d roadNormal(double pitch, double roll) {
   return {-std::sin(roll), -std::cos(roll) * std::cos(pitch), -std::cos(roll) * std::sin(pitch)};
 }
 
-}  // namespace
+double pitchOf(const Eigen::Vector3d& n_c) { return std::atan2(-n_c.z(), -n_c.y()); }
+
+double rollOf(const Eigen::Vector3d& n_c) { return -std::asin(std::clamp(n_c.x(), -1.0, 1.0)); }
 
 void Mounting::Options::validate() const { visitParameters(*this, RangeCheck("mounting/")); }
 
@@ -48,9 +53,11 @@ void Mounting::reset() {
       std::pow(options_.initial_pitch_sigma, 2);
 }
 
-double Mounting::pitch() const { return std::atan2(-mean_.n_c.z(), -mean_.n_c.y()); }
-
-double Mounting::roll() const { return -std::asin(std::clamp(mean_.n_c.x(), -1.0, 1.0)); }
+double Mounting::sigma() const {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(mean_.covariance,
+                                                              Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
 
 /// Keeps the covariance in the tangent plane of the new normal.
 void Mounting::Normal::set(const Eigen::Vector3d& n) {
@@ -113,7 +120,7 @@ void Mounting::addSample(const Eigen::Vector3d& axis, double tangent, double sam
 void Mounting::limitTilt() {
   const double limit = options_.max_tilt_rad;
   if (std::abs(pitch()) <= limit && std::abs(roll()) <= limit) return;
-  mean_.set(normalOf(std::clamp(pitch(), -limit, limit), std::clamp(roll(), -limit, limit)));
+  mean_.set(roadNormal(std::clamp(pitch(), -limit, limit), std::clamp(roll(), -limit, limit)));
 }
 
 void Mounting::update(const std::optional<MotionHistory::Chord>& chord, const GroundPlane* plane,

@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "ground_scale_vo/common/error.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -33,6 +35,24 @@ TEST(EncodedImage, HasTheSizeOfItsHeader) {
       encodedSize(image.substr(0, length));
   }
   EXPECT_EQ(encodedSize("\xff\xd8\xff").width, 0);
+}
+
+TEST(EncodedImage, IsDecodedOnlyIfItIsWholeAndOfAPlausibleSize) {
+  const auto refusal = [](const std::string& image) -> std::string {
+    try {
+      requireDecodable(image);
+    } catch (const DataError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  for (const std::string& image : {kPng, kJpeg}) {
+    EXPECT_EQ(refusal(image), "");
+    EXPECT_EQ(refusal(image.substr(1)), "is not a whole PNG or JPEG image");
+  }
+  std::string huge = kPng;
+  huge[16] = huge[20] = '\x7f';  // the most significant bytes of width and height
+  EXPECT_EQ(refusal(huge), "states 2130706690 x 2130706435 pixels, more than are plausible");
 }
 
 }  // namespace

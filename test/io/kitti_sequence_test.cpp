@@ -221,7 +221,7 @@ TEST_F(KittiSequenceTest, RefusesTruncatedAndBrokenImages) {
       return dataErrorOf([&] { sequence.image(1); }, folder_);
     };
     EXPECT_EQ(errorOfImage(whole), "no error");
-    const std::string truncated = "/" + name + ": is not a whole PNG or JPEG file";
+    const std::string truncated = "/" + name + ": is not a whole PNG or JPEG image";
     EXPECT_EQ(errorOfImage(""), truncated);
     EXPECT_EQ(errorOfImage("\x89PNG"), truncated);
     EXPECT_EQ(errorOfImage(whole.substr(0, whole.size() - 1)), truncated);
@@ -254,7 +254,7 @@ TEST_F(KittiSequenceTest, RefusesAnImageWhoseHeaderStatesAHugeSize) {
     const std::string name = std::string(extension) + "/image_0/000001." + extension;
     write(name, bytes);
     EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
-              "/" + name + ": its header states 60000x60000 pixels, more than are plausible");
+              "/" + name + ": states 60000 x 60000 pixels, more than are plausible");
   }
 }
 

@@ -77,7 +77,7 @@ TEST_F(TextFiles, EveryFileOfARunIsCompleteOrMissing) {
 
 TEST_F(TextFiles, UnwritablePathsAreErrors) {
   EXPECT_EQ(writeError("none/poses.txt", 10),
-            "/none/poses.txt: cannot be written, No such file or directory");
+            "/none/poses.txt: cannot be written, there is no folder /none");
   fs::create_directories(folder_ / "poses.txt" / "inside");
   EXPECT_EQ(writeError("poses.txt", 10), "/poses.txt: cannot be written, Is a directory");
   EXPECT_EQ(names(), std::vector<std::string>{"poses.txt"});

@@ -76,7 +76,7 @@ TEST_F(TrajectoryIo, RejectsNonFiles) {
   EXPECT_EQ(dataErrorOf([&] { readKittiPoses(huge); }, folder_),
             "/huge.txt: has 67108865 bytes, more than the 67108864 that are plausible");
   EXPECT_EQ(dataErrorOf([&] { writeKittiPoses(folder_ / "none" / "p.txt", {}); }, folder_),
-            "/none/p.txt: cannot be written, No such file or directory");
+            "/none/p.txt: cannot be written, there is no folder /none");
 }
 
 TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {

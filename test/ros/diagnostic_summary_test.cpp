@@ -97,6 +97,11 @@ TEST_F(ScaleRecoverySummary, WarnsUntilTheScaleIsKnown) {
   expectSummary(summarize(state), kWarn, "scale not known yet: too_few_triangles");
 }
 
+TEST_F(ScaleRecoverySummary, WarnsOfAMountingThatTheRoadContradicts) {
+  state.mounting_warning = "tf mounts the camera";
+  expectSummary(summarize(state), kWarn, "scale measured; tf mounts the camera");
+}
+
 TEST_F(ScaleRecoverySummary, NamesTheMissingInput) {
   state.missing_image_note = "no publisher on /image";
   expectSummary(summarize(state), kWarn,

@@ -1,5 +1,5 @@
 // docs/reference/parameters.md lists what the code declares. With GROUND_SCALE_VO_WRITE_TABLES set
-// in the environment, the tests write its rows instead of comparing them.
+// in the environment, the tests first rewrite its rows.
 
 #include <gtest/gtest.h>
 

@@ -9,6 +9,11 @@
 namespace ground_scale_vo {
 namespace {
 
+std::string contradiction(const sensor_msgs::CameraInfo& info, bool image_is_rectified,
+                          const std::string& image_topic) {
+  return rectificationContradiction(info, image_is_rectified, image_topic).reason;
+}
+
 /// A raw camera as camera_calibration describes it. alpha: 0 crops the rectified image, 1 keeps all
 /// raw pixels.
 sensor_msgs::CameraInfo rawCamera(const std::vector<double>& D, double alpha) {
@@ -48,60 +53,79 @@ const std::vector<double> kBarrel{-0.3, 0.1, 0, 0, 0};
 
 TEST(RectificationCheck, AcceptsRawImagesOfCalibratedCameras) {
   for (const double alpha : {0.0, 0.5, 1.0}) {
-    EXPECT_EQ(rectificationContradiction(rawCamera(kBarrel, alpha), false, "/cam/image_raw"), "");
-    EXPECT_EQ(rectificationContradiction(rawCamera({0.1, 0, 0, 0, 0}, alpha), false, "/image"), "");
-    EXPECT_EQ(rectificationContradiction(rawCamera({0, 0, 0, 0, 0}, alpha), false, "/image"), "");
+    EXPECT_EQ(contradiction(rawCamera(kBarrel, alpha), false, "/cam/image_raw"), "");
+    EXPECT_EQ(contradiction(rawCamera({0.1, 0, 0, 0, 0}, alpha), false, "/image"), "");
+    EXPECT_EQ(contradiction(rawCamera({0, 0, 0, 0, 0}, alpha), false, "/image"), "");
   }
   sensor_msgs::CameraInfo fisheye = rawCamera({0, 0, 0, 0, 0}, 0);
   fisheye.distortion_model = "equidistant";
   fisheye.D = {0.01, 0, 0, 0};
-  EXPECT_EQ(rectificationContradiction(fisheye, false, "/image_raw"), "");
+  EXPECT_EQ(contradiction(fisheye, false, "/image_raw"), "");
 }
 
 TEST(RectificationCheck, AcceptsRectifiedImages) {
   for (const bool flag : {false, true}) {
-    EXPECT_EQ(rectificationContradiction(rawCamera({0, 0, 0, 0, 0}, 0), flag, "/cam/image_rect"),
-              "");
+    EXPECT_EQ(contradiction(rawCamera({0, 0, 0, 0, 0}, 0), flag, "/cam/image_rect"), "");
   }
-  EXPECT_EQ(rectificationContradiction(rawCamera(kBarrel, 0), true, "/cam/image_rect"), "");
-  EXPECT_EQ(rectificationContradiction(kittiRaw(), true, "/kitti/camera_gray_left/image_raw"), "");
+  EXPECT_EQ(contradiction(rawCamera(kBarrel, 0), true, "/cam/image_rect"), "");
+  EXPECT_EQ(contradiction(kittiRaw(), true, "/kitti/camera_gray_left/image_raw"), "");
   sensor_msgs::CameraInfo only_P = kittiRaw();
   only_P.K.fill(0);
-  EXPECT_EQ(rectificationContradiction(only_P, false, "/kitti/camera_gray_left/image_rect"), "");
+  EXPECT_EQ(contradiction(only_P, false, "/kitti/camera_gray_left/image_rect"), "");
 }
 
 TEST(RectificationCheck, FindsRectifiedImagesThatAreTakenForRaw) {
-  EXPECT_EQ(rectificationContradiction(kittiRaw(), false, "/kitti/camera_gray_left/image_raw"),
-            "image_is_rectified is false, but P of camera_info (fx 721.538) cannot describe images "
-            "of 1242 x 375 that are rectified with K (fx 984.244) and D: if the images are "
-            "rectified, set it to true");
-  EXPECT_NE(rectificationContradiction(rawCamera(kBarrel, 0), false, "/cam/image_rect_color"), "");
+  EXPECT_EQ(contradiction(kittiRaw(), false, "/kitti/camera_gray_left/image_raw"),
+            "P of camera_info (fx 721.538) cannot describe images of 1242 x 375 that are rectified "
+            "with K (fx 984.244) and D");
+  EXPECT_NE(contradiction(rawCamera(kBarrel, 0), false, "/cam/image_rect_color"), "");
   sensor_msgs::CameraInfo other_P = rawCamera({0, 0, 0, 0, 0}, 0);
   other_P.P[0] = other_P.P[5] = 300;
-  EXPECT_NE(rectificationContradiction(other_P, false, "/image"), "");
+  EXPECT_NE(contradiction(other_P, false, "/image"), "");
   other_P.P[0] = other_P.P[5] = 600;
-  EXPECT_NE(rectificationContradiction(other_P, false, "/image"), "");
+  EXPECT_NE(contradiction(other_P, false, "/image"), "");
 }
 
 TEST(RectificationCheck, FindsRawImagesThatAreTakenForRectified) {
   for (const std::string topic : {"/cam/image_raw", "/cam/image_raw/compressed"}) {
-    EXPECT_NE(rectificationContradiction(rawCamera(kBarrel, 0), true, topic), "");
+    EXPECT_NE(contradiction(rawCamera(kBarrel, 0), true, topic), "");
   }
   sensor_msgs::CameraInfo same_P = rawCamera({0, 0, 0, 0, 0}, 0);
   same_P.P = toCameraInfo(CalibratedCamera(same_P, "t", false).camera()).P;
   same_P.D = kBarrel;
-  EXPECT_NE(rectificationContradiction(same_P, true, "/image"), "");
+  EXPECT_NE(contradiction(same_P, true, "/image"), "");
+}
+
+TEST(RectificationCheck, OnlyAnImpossiblePIsCertain) {
+  const auto is_certain = [](const sensor_msgs::CameraInfo& info, bool image_is_rectified,
+                             const std::string& topic) {
+    return rectificationContradiction(info, image_is_rectified, topic).is_certain;
+  };
+  EXPECT_TRUE(is_certain(kittiRaw(), false, "/kitti/camera_gray_left/image_raw"));
+  EXPECT_TRUE(is_certain(kittiRaw(), false, "/kitti/camera_gray_left/image_rect"));
+  EXPECT_FALSE(is_certain(rawCamera(kBarrel, 0), false, "/cam/image_rect"));
+  EXPECT_FALSE(is_certain(rawCamera(kBarrel, 0), true, "/cam/image_raw"));
+  sensor_msgs::CameraInfo same_P = rawCamera({0, 0, 0, 0, 0}, 0);
+  same_P.P = toCameraInfo(CalibratedCamera(same_P, "t", false).camera()).P;
+  same_P.D = kBarrel;
+  EXPECT_FALSE(is_certain(same_P, true, "/image"));
+  sensor_msgs::CameraInfo centre = rawCamera({0, 0, 0, 0, 0}, 0);
+  centre.distortion_model = "equidistant";
+  centre.D = {0.01, 0, 0, 0};
+  centre.P[0] = centre.P[5] = 3 * centre.K[0];
+  EXPECT_NE(contradiction(centre, false, "/image_raw"), "");
+  EXPECT_FALSE(is_certain(centre, false, "/image_raw")) << "the centre of a fisheye image";
 }
 
 // They are dropped by CalibratedCamera, or compared as well as possible.
 TEST(RectificationCheck, InvalidMatricesAreNoContradiction) {
   sensor_msgs::CameraInfo info = rawCamera(kBarrel, 0);
   info.P[0] = -1;
-  EXPECT_EQ(rectificationContradiction(info, false, "/image"), "");
+  EXPECT_EQ(contradiction(info, false, "/image"), "");
   info = rawCamera(kBarrel, 0);
   info.R.fill(7);
-  EXPECT_EQ(rectificationContradiction(info, false, "/image"), "");
-  EXPECT_EQ(rectificationContradiction(sensor_msgs::CameraInfo(), true, "/image"), "");
+  EXPECT_EQ(contradiction(info, false, "/image"), "");
+  EXPECT_EQ(contradiction(sensor_msgs::CameraInfo(), true, "/image"), "");
 }
 
 }  // namespace

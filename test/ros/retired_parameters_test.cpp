@@ -20,7 +20,7 @@ namespace {
 using XmlRpc::XmlRpcValue;
 using Now = RetiredParameter::Now;
 
-/// The parameters of version 0.1.0, of both nodelets.
+/// The parameters of both nodelets before most of them became options of the offline tools.
 const std::vector<std::string> kOldNames = {"alignment/max_iterations",
                                             "alignment/max_scale",
                                             "alignment/max_shift_px",

@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 namespace ground_scale_vo {
@@ -164,6 +166,30 @@ TEST_F(TrackPainting, TheLegendFitsIntoASmallImage) {
   EXPECT_TRUE(found) << "the last entry of the legend";
 }
 
+TEST_F(TrackPainting, AnImageOfTwiceTheWidthHasTwiceTheLegendAndMarks) {
+  frame_.features = {feature(1, 100, 10), feature(2, 200, 10, false)};
+  const std::vector<RejectedFeature> crosses = {rejected(300, RejectReason::kOutlier),
+                                                rejected(400, RejectReason::kNotFound)};
+  const auto paintWide = [&](int width) {
+    TrackPainter painter;
+    const cv::Mat grey(width / 4, width, CV_8UC1, cv::Scalar(128));
+    return painter.paint(grey, frame_, crosses, {});
+  };
+  const auto narrow = paintWide(800), wide = paintWide(1600);
+  for (float v = 0; v < 40; v += 1) {
+    EXPECT_EQ(pixelOf(*wide, 2 * 461.f, 2 * v).brightness() < 50,
+              pixelOf(*narrow, 461, v).brightness() < 50)
+        << v;
+  }
+  for (float u = 8; u <= 128; u += 20) {
+    EXPECT_TRUE(pixelOf(*wide, 2 * u, 2 * 8).isLike(pixelOf(*narrow, u, 8))) << u;
+  }
+  EXPECT_TRUE(pixelOf(*wide, 105, kRow).isLike(pixelOf(*narrow, 102, kRow))) << "dot";
+  EXPECT_TRUE(pixelOf(*wide, 206, kRow).isLike(pixelOf(*narrow, 203, kRow))) << "ring";
+  EXPECT_EQ(pixelOf(*wide, 306, kRow + 6), pixelOf(*narrow, 303, kRow + 3)) << "outlier";
+  EXPECT_EQ(pixelOf(*wide, 404, kRow + 4), pixelOf(*narrow, 402, kRow + 2)) << "not found";
+}
+
 TEST_F(TrackPainting, MarksAtTheEdgeAreValid) {
   paint({feature(1, 0, 3), feature(2, kWidth - 1, 3, false)},
         {rejected(0, RejectReason::kOutlier), rejected(kWidth - 1, RejectReason::kNotFound)});
@@ -245,6 +271,28 @@ TEST_F(RoadPainting, TextFitsIntoASmallImage) {
   }
   EXPECT_EQ(far_label, 0);
   EXPECT_GT(near_label, 0);
+}
+
+TEST_F(RoadPainting, AnImageOfTwiceTheWidthHasTwiceTheText) {
+  output_.scale.status = ScaleStatus::kUnknown;
+  const auto lowestText = [this](int width) {
+    const cv::Mat grey(width / 4, width, CV_8UC1, cv::Scalar(128));
+    message_ = paintRoad(grey, frame_, output_, {});
+    int lowest = 0, right = 0;
+    for (int v = 0; v < width / 8; ++v) {
+      for (int u = 0; u < width; ++u) {
+        if (pixelOf(*message_, static_cast<float>(u), static_cast<float>(v)).brightness() < 150) {
+          continue;
+        }
+        lowest = v;
+        right = std::max(right, u);
+      }
+    }
+    return std::pair(lowest, right);
+  };
+  const auto narrow = lowestText(800), wide = lowestText(1600);
+  EXPECT_NEAR(wide.first, 2 * narrow.first, 3);
+  EXPECT_NEAR(wide.second, 2 * narrow.second, 8);
 }
 
 TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownScaleNoGrid) {

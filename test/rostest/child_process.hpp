@@ -17,8 +17,8 @@
 
 namespace ground_scale_vo {
 
-/// A program started by the test in its own process group, which the destructor kills. Records its
-/// stdout and stderr.
+/// A program started by the test in its own process group, which the destructor kills unless the
+/// program is known to have ended. Records its stdout and stderr.
 class ChildProcess {
  public:
   /// command_line: program and arguments.
@@ -62,7 +62,8 @@ class ChildProcess {
     }
     return !status_;
   }
-  /// Exit status as in a shell: 128 + n if ended by signal n; empty if it did not end in time.
+  /// Exit status as in a shell: 128 + n if ended by signal n; empty if it did not end within
+  /// `timeout` [s].
   std::optional<int> waitForEnd(double timeout = kTimeout) {
     if (!waitUntil([this] { return !running(); }, timeout)) return std::nullopt;
     return WIFSIGNALED(*status_) ? 128 + WTERMSIG(*status_) : WEXITSTATUS(*status_);

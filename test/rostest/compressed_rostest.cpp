@@ -50,7 +50,7 @@ class Compressed : public testing::Test {
     image.header.stamp = ros::Time(stamp_ += 0.1);
     images_.publish(image);
   }
-  bool isProcessed(const sensor_msgs::CompressedImage& image) {
+  bool publishAndWait(const sensor_msgs::CompressedImage& image) {
     publish(image);
     return scales_.waitForStamp(ros::Time(stamp_));
   }
@@ -67,10 +67,10 @@ class Compressed : public testing::Test {
 TEST_F(Compressed, ImagesAreProcessedAndInvalidOnesDropped) {
   const sensor_msgs::CompressedImage good =
       compressed("mono8; jpeg compressed mono8", ".jpg", CV_8UC1);
-  ASSERT_TRUE(isProcessed(good));
-  EXPECT_TRUE(isProcessed(compressed("rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3)));
-  EXPECT_TRUE(isProcessed(compressed("bayer_rggb8; jpeg compressed", ".jpg", CV_8UC1)));
-  EXPECT_TRUE(isProcessed(compressed("mono16; png compressed", ".png", CV_16UC1)));
+  ASSERT_TRUE(publishAndWait(good));
+  EXPECT_TRUE(publishAndWait(compressed("rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3)));
+  EXPECT_TRUE(publishAndWait(compressed("bayer_rggb8; jpeg compressed", ".jpg", CV_8UC1)));
+  EXPECT_TRUE(publishAndWait(compressed("mono16; png compressed", ".png", CV_16UC1)));
   std::uint32_t processed = frames_.messages().back()->sequence;
 
   sensor_msgs::CompressedImage empty = good, truncated = good, noise = good;
@@ -78,7 +78,7 @@ TEST_F(Compressed, ImagesAreProcessedAndInvalidOnesDropped) {
   truncated.data.resize(truncated.data.size() / 2);
   noise.data.assign(100, 7);
   for (const auto& bad : {empty, truncated, noise}) publish(bad);
-  ASSERT_TRUE(isProcessed(good));
+  ASSERT_TRUE(publishAndWait(good));
   EXPECT_EQ(frames_.messages().back()->sequence, processed + 1);
   EXPECT_TRUE(waitForValue(diagnostics_, "dropped: image refused", "3", "mono_vo"));
   EXPECT_TRUE(waitForValue(diagnostics_, "dropped: image refused", "3", "scale_recovery"));

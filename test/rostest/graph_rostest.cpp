@@ -10,6 +10,7 @@
 #include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <set>
@@ -30,11 +31,23 @@ class Graph : public DriveTest<50> {
 
 TEST_F(Graph, AMissingCameraInfoIsAnErrorThatNamesItsTopic) {
   NodeletPair pair(manager_, *drive_, "/never");
+  TopicRecorder<rosgraph_msgs::Log> log(handle_, "/rosout");
   ASSERT_TRUE(pair.load());
+  const auto isLogged = [&](const std::string& sentence, double timeout = kTimeout) {
+    return log.wait(
+        [&](const auto& lines) {
+          return std::any_of(lines.begin(), lines.end(), [&](const auto& line) {
+            return line->level == rosgraph_msgs::Log::WARN && line->msg == sentence;
+          });
+        },
+        timeout);
+  };
   EXPECT_TRUE(waitForSummaryOf("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
                                "no image received yet on /never/image"));
   EXPECT_TRUE(waitForSummaryOf("never/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
                                "no vo/frame received yet on /never/vo/frame"));
+  EXPECT_TRUE(isLogged("/never/mono_vo: no image received yet on /never/image"));
+  EXPECT_TRUE(isLogged("/never/scale_recovery: no vo/frame received yet on /never/vo/frame"));
   for (std::size_t i = 0; i < drive_->size(); ++i) pair.publishImage(i);
   EXPECT_TRUE(waitForValue(diagnostics_, "images received", std::to_string(drive_->size())));
   EXPECT_TRUE(waitForSummaryOf("never/mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
@@ -42,6 +55,10 @@ TEST_F(Graph, AMissingCameraInfoIsAnErrorThatNamesItsTopic) {
   // The queue holds the newest five (default of queue_size); the others have been dropped.
   EXPECT_TRUE(
       waitForValue(diagnostics_, "images dropped, queue full", std::to_string(drive_->size() - 5)));
+  EXPECT_TRUE(waitUntil([&] {
+    pair.publishImage(0);  // so that the images are not missing, too
+    return isLogged("/never/mono_vo: no camera_info received yet on /never/camera_info", 0.5);
+  }));
   EXPECT_TRUE(pair.frames.messages().empty());
   EXPECT_TRUE(pair.unload());
 }
@@ -282,6 +299,8 @@ TEST_F(Graph, AResetLooksTheMountingUpAgain) {
   const std::size_t half = drive_->size() / 2;
   ASSERT_TRUE(pair.play(0, half - 1));
   EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.x, 5);
+  EXPECT_TRUE(waitForSummaryOf("remounted/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK,
+                               "scale measured"));
   tf2_ros::Buffer buffer;
   const tf2_ros::TransformListener listener(buffer, handle_);
   broadcaster.sendTransform(yawedMounting("turning_base", M_PI_2));
@@ -294,6 +313,51 @@ TEST_F(Graph, AResetLooksTheMountingUpAgain) {
   ASSERT_TRUE(pair.play(half, drive_->size() - 1));
   EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.y, 5);
   EXPECT_NEAR(pair.odometry.messages().back()->twist.twist.linear.x, 0, 0.5);
+  EXPECT_TRUE(pair.unload());
+}
+
+/// How many lines of the log are warnings of scale_recovery in this namespace with this text.
+std::size_t warnings(const std::vector<rosgraph_msgs::Log::ConstPtr>& lines, const std::string& ns,
+                     const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(lines.begin(), lines.end(), [&](const auto& line) {
+    return line->level == rosgraph_msgs::Log::WARN &&
+           line->msg.find(ns + "/scale_recovery: ") == 0 &&
+           line->msg.find(text) != std::string::npos;
+  }));
+}
+
+// The rendered camera is pitched down by 1.1 degrees, that of tf by 8.
+TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedOnce) {
+  NodeletPair pair(manager_, *drive_, "/tilted");
+  TopicRecorder<rosgraph_msgs::Log> log(handle_, "/rosout");
+  tf2_ros::StaticTransformBroadcaster broadcaster;
+  broadcaster.sendTransform(mounting("tilted_base", {0, 0, 1.65}, 8 * M_PI / 180));
+  pair.setParam("scale_recovery", "base_frame", std::string("tilted_base"));
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(waitUntil([&] { return log.connected(); }));
+  const std::size_t half = drive_->size() / 2;
+  for (const std::size_t mountings : {1u, 2u}) {
+    ASSERT_TRUE(pair.play(half * (mountings - 1), half * mountings - 1));
+    EXPECT_TRUE(waitForSummaryOf("tilted/scale_recovery", diagnostic_msgs::DiagnosticStatus::WARN,
+                                 "with pitch 8.0 deg and roll 0.0 deg"));
+    EXPECT_TRUE(log.wait([&](const auto& lines) {
+      return warnings(lines, "/tilted", "with pitch 8.0 deg") == mountings;
+    }));
+    ASSERT_TRUE(callReset("/tilted/scale_recovery"));  // looks the mounting up again
+  }
+  EXPECT_TRUE(pair.unload());
+}
+
+TEST_F(Graph, AMovingMountIsNotComparedWithTheRoad) {
+  NodeletPair pair(manager_, *drive_, "/tilting");
+  tf2_ros::StaticTransformBroadcaster broadcaster;
+  broadcaster.sendTransform(mounting("tilting_base", {0, 0, 1.65}, 8 * M_PI / 180));
+  pair.setParam("scale_recovery", "base_frame", std::string("tilting_base"));
+  pair.setParam("scale_recovery", "moving_mount", true);
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(pair.playAll());
+  EXPECT_TRUE(waitForSummaryOf("tilting/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK,
+                               "scale measured"));
   EXPECT_TRUE(pair.unload());
 }
 

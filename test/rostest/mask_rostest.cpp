@@ -93,7 +93,7 @@ bool isGrey(const sensor_msgs::Image& image, int row) {
   return true;
 }
 
-TEST_F(Mask, RegionIsNotUsedAndShown) {
+TEST_F(Mask, RegionIsNotUsedButTinted) {
   NodeletPair pair(manager_, *drive_, "/masked");
   setMask(pair, writeMask("mask.png", hood_->mask()));
   ASSERT_TRUE(pair.load());

@@ -9,10 +9,11 @@
 
 namespace ground_scale_vo {
 
-/// Transform from a base frame to the frame "camera" at this position, looking ahead.
+/// Transform from a base frame to the frame "camera" at this position, looking ahead; pitch [rad],
+/// positive: it looks down.
 inline geometry_msgs::TransformStamped mounting(const std::string& base_frame,
-                                                const Eigen::Vector3d& position) {
-  Eigen::Isometry3d T_b_c(bodyFromOptical());
+                                                const Eigen::Vector3d& position, double pitch = 0) {
+  Eigen::Isometry3d T_b_c(bodyFromOptical() * Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()));
   T_b_c.translation() = position;
   nav_msgs::Odometry mounting;
   mounting.header.frame_id = base_frame;

@@ -195,6 +195,24 @@ TEST_F(Scale, TheBaseDrivesAlongXFromTheOrigin) {
   EXPECT_GT(odometry.pose.covariance[0], 0);
 }
 
+TEST_F(Scale, AnEmptyFrameIdIsAnErrorOfItsFrameOnly) {
+  publishMounting();
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
+  FlatRoad road(2500);
+  playUntilOdometry(road);
+  const VoFrameMsg::Ptr unnamed = road.next();
+  unnamed->header.frame_id.clear();
+  frames_.publish(unnamed);
+  EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery",
+                             diagnostic_msgs::DiagnosticStatus::ERROR,
+                             "frame_id of the images is empty"));
+  play(road, 2);
+  EXPECT_TRUE(waitForStatus(diagnostics, [](const auto& status) {
+    return status.name.find("scale_recovery") != std::string::npos &&
+           status.level < diagnostic_msgs::DiagnosticStatus::ERROR;
+  }));
+}
+
 TEST_F(Scale, ResetMakesTheScaleUnknown) {
   FlatRoad road(3000);
   play(road, kFrames);

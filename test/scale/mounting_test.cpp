@@ -16,6 +16,7 @@ TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
   scene.roll = -0.03;
   Mounting mounting({});
   EXPECT_EQ(mounting.normal(), Eigen::Vector3d(0, -1, 0));
+  EXPECT_DOUBLE_EQ(mounting.sigma(), Mounting::Options().initial_pitch_sigma);
   MotionHistory history;
   const GroundPlane plane{scene.normal(), scene.height};
   for (int i = 0; i < 400; ++i) {
@@ -25,6 +26,20 @@ TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
   EXPECT_NEAR(mounting.pitch(), 0.05, 1e-3);
   EXPECT_NEAR(mounting.roll(), -0.03, 1e-3);
   EXPECT_NEAR((mounting.normal() - scene.normal()).norm(), 0, 2e-3);
+  EXPECT_NEAR(mounting.sigma(), 2e-3, 1e-3);
+  EXPECT_NEAR(pitchOf(scene.normal()), 0.05, 1e-12);
+  EXPECT_NEAR(rollOf(scene.normal()), -0.03, 1e-12);
+}
+
+TEST(Mounting, SigmaIsThatOfTheRollUntilAPlaneIsMeasured) {
+  RoadScene scene;
+  Mounting mounting({});
+  MotionHistory history;
+  for (int i = 0; i < 400; ++i) {
+    history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
+    mounting.update(history.chord(3), nullptr, scene.step, scene.height);
+  }
+  EXPECT_NEAR(mounting.sigma(), Mounting::Options().initial_roll_sigma, 1e-6);
 }
 
 TEST(Mounting, ReverseGivesTheSamePitch) {

@@ -5,7 +5,9 @@
 
 namespace ground_scale_vo {
 
-/// A file or folder cannot be used. what() is one sentence that names it (and the line).
+/// Input data or an output file cannot be used. what() is the reason; for a file or folder it
+/// begins with its name (and the line). Of encoded bytes (encoded_image.hpp) the caller adds the
+/// name.
 class DataError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -18,6 +18,9 @@ bool isThere(const std::filesystem::path& path);
 /// max_bytes.
 std::string readFile(const std::filesystem::path& file, std::size_t max_bytes);
 
+/// Throws DataError unless the folder of the file, which is to be written, exists.
+void requireFolderOf(const std::filesystem::path& file);
+
 /// Writes under a temporary name beside the file and renames, so that the file is complete or
 /// missing. Throws DataError.
 void writeFile(const std::filesystem::path& file, const std::string& content);

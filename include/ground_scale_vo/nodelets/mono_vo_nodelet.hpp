@@ -15,6 +15,7 @@
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/image_receiver.hpp"
+#include "ground_scale_vo/ros/missing_input_log.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
@@ -63,6 +64,8 @@ class MonoVoNodelet : public nodelet::Nodelet {
   /// Counts a dropped message and warns about it.
   void drop(const std::string& kind, const std::string& reason);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+  /// Warns in the log, too, when the input is missing.
+  void warnOfMissingInput(const MonoVoState& state);
 
   DedicatedSpinner callbacks_;  // the first member, see DedicatedSpinner
   MonoVoParams params_;
@@ -87,6 +90,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
   WarningLog warnings_;
+  MissingInputLog missing_input_log_;
   bool has_warned_of_slash_ = false;  ///< in a frame name
   RateMeter rate_;                    ///< of processed_
   std::uint64_t processed_ = 0;

@@ -24,6 +24,7 @@
 #include "ground_scale_vo/ros/frame_parents.hpp"
 #include "ground_scale_vo/ros/image_receiver.hpp"
 #include "ground_scale_vo/ros/map_numbering.hpp"
+#include "ground_scale_vo/ros/missing_input_log.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
@@ -72,6 +73,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   /// Pose of the camera in base_frame, from tf: at the stamp with moving_mount, else the latest
   /// one. Throws tf2::TransformException or MessageError.
   Eigen::Isometry3d lookUpMounting(const std_msgs::Header& header);
+  /// Compares the mounting from tf with the road; warns once per mounting.
+  void checkMounting(const ScaleRecovery::Output& output);
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
                const cv::Mat& mask, const std_msgs::Header& header);
   void publishPose(const MetricPose& pose, const OdometryFrames& frames, const ros::Time& stamp);
@@ -88,6 +91,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   void record(const ScaleRecovery::Output& output, const ros::Time& stamp, bool has_image);
   std::string imageState() const;
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+  /// Warns in the log, too, when the input is missing.
+  void warnOfMissingInput(const ScaleRecoveryState& state);
   void addValues(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   DedicatedSpinner callbacks_;  // the first member, see DedicatedSpinner
@@ -114,8 +119,10 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   FrameParents frame_parents_;
   std::optional<OdometryFrames> odometry_frames_;
   std::string odometry_frames_camera_;  ///< the camera frame they belong to
-  ros::Time mounting_stamp_;            ///< of the last image for which odometry_frames_ was known
-  std::string mounting_error_;          ///< why odometry_frames_ is unknown; empty: it is known
+  ros::Time mounting_stamp_;            ///< of the image that odometry_frames_ is from
+  std::string mounting_error_;    ///< why odometryFrames() was null for the last frame; else empty
+  std::string mounting_warning_;  ///< mountingContradiction() of the last frame with a pose
+  bool has_warned_of_mounting_ = false;
   PoseOrigin pose_origin_;
   std::unique_ptr<BoundedPath> path_;
   ros::Publisher odometry_publisher_, path_publisher_, scale_publisher_;
@@ -127,9 +134,10 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   ros::WallTimer diagnostics_timer_;
   WarningLog warnings_;        ///< of dropped messages
   WarningLog other_warnings_;  ///< of messages that are used
-  RateMeter rate_;             ///< of processed_
+  MissingInputLog missing_input_log_;
+  RateMeter rate_;  ///< of processed_
   std::optional<Stopwatch> since_frame_;
-  std::uint64_t processed_ = 0, processed_with_image_ = 0, refined_ = 0;
+  std::uint64_t processed_ = 0, processed_with_image_ = 0, with_direct_ = 0;
   std::uint64_t processed_at_last_diagnosis_ = 0, with_image_at_last_diagnosis_ = 0;
   std::uint64_t dropped_at_last_diagnosis_ = 0;
   bool last_frame_had_image_ = false;

@@ -31,7 +31,7 @@ struct MonoVoState {
   bool camera_known = false;
   std::string camera_info_error;      ///< why the last camera_info was refused; empty: accepted
   std::string source_error;           ///< two cameras publish on one topic; empty: one
-  std::string rectification_warning;  ///< rectificationContradiction()
+  std::string rectification_warning;  ///< ImageReceiver::rectificationWarning()
   std::optional<VoStatus> status;
 };
 
@@ -40,11 +40,23 @@ struct ScaleRecoveryState {
   ScaleStatus status = ScaleStatus::kUnknown;
   ScaleReason reason = ScaleReason::kNone;
   double held_s = 0;           ///< since the first HELD frame after a measurement or standstill [s]
-  std::string mounting_error;  ///< why the pose of the camera on the base is unknown; empty: known
-  std::string tf_error;        ///< another parent of the frame on tf; empty: none
-  std::string sequence_error;  ///< what is wrong with `sequence` of vo/frame; empty: nothing
+  std::string mounting_error;  ///< why no metric pose can be published; empty: it can
+  std::string mounting_warning;    ///< mountingContradiction()
+  std::string tf_error;            ///< another parent of the frame on tf; empty: none
+  std::string sequence_error;      ///< what is wrong with `sequence` of vo/frame; empty: nothing
   std::string missing_image_note;  ///< why no image was used in the last second; empty: one was
 };
+
+/// An input without messages.
+struct MissingInput {
+  std::string input;          ///< "image", "camera_info" or "vo/frame"
+  std::string sentence;       ///< for the log and the diagnostics
+  bool was_received = false;  ///< before
+};
+
+/// Empty: all messages arrive, or those that arrive are refused.
+std::optional<MissingInput> missingInput(const MonoVoState& state);
+std::optional<MissingInput> missingInput(const ScaleRecoveryState& state);
 
 DiagnosticSummary summarize(const MonoVoState& state);
 DiagnosticSummary summarize(const ScaleRecoveryState& state);

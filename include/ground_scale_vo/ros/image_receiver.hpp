@@ -74,7 +74,7 @@ class ImageReceiver {
   }
   /// Why the last camera_info was refused; empty if it was accepted.
   const std::string& cameraInfoError() const { return camera_info_error_; }
-  /// rectificationContradiction() of the last valid camera_info.
+  /// How image_is_rectified contradicts the last valid camera_info, in one sentence, or empty.
   const std::string& rectificationWarning() const { return rectification_warning_; }
   /// One sentence while two cameras publish on one topic, else empty.
   std::string sourceError() const;

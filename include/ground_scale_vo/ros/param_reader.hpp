@@ -62,7 +62,8 @@ class ParamReader {
 
   /// All declared parameters, in order.
   const std::vector<Entry>& entries() const { return entries_; }
-  /// "name = value  [unit] meaning, range" of an entry, for the log.
+  /// "name = value  [unit] meaning, range" of an entry, and " (default)" if it is not set, for the
+  /// log.
   static std::string echo(const Entry& entry);
 
  private:

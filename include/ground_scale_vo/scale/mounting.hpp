@@ -8,6 +8,12 @@
 
 namespace ground_scale_vo {
 
+/// The road's normal in camera axes for a mounting with this pitch and roll [rad]; unit, up.
+Eigen::Vector3d roadNormal(double pitch, double roll);
+/// The inverse [rad]: of a unit normal in camera axes.
+double pitchOf(const Eigen::Vector3d& n_c);
+double rollOf(const Eigen::Vector3d& n_c);
+
 /// The road's normal in camera axes when the vehicle is level on it, as a slow average: its tilt
 /// along the path from the direction of motion, which on average is parallel to the road (Eq. 3),
 /// and its tilt across the path from the estimated planes. The camera may look in any horizontal
@@ -36,8 +42,10 @@ class Mounting {
             "[rad] standard deviation of the vehicle's pitch against the road (braking, crests)");
       visit("roll_motion_sigma", self.roll_motion_sigma, 1e-4, 1,
             "[rad] standard deviation of the vehicle's roll against the road (curves, camber)");
-      visit("heave_sigma_heights", self.heave_sigma_heights, 1e-5, 1,
-            "[camera heights] vertical motion against the road between the ends of a chord");
+      visit(
+          "heave_sigma_heights", self.heave_sigma_heights, 1e-5, 1,
+          "[camera heights] standard deviation of the vertical motion against the road between the "
+          "ends of a chord");
       visit("chord_length_heights", self.chord_length_heights, 0.01, 1000,
             "[camera heights] length of the chord that defines the direction of motion");
       visit("forgetting_distance_heights", self.forgetting_distance_heights, 1, 1e6,
@@ -51,8 +59,11 @@ class Mounting {
   /// Throws OptionError.
   explicit Mounting(const Options& options);
 
-  double pitch() const;  ///< [rad], positive: the camera looks down
-  double roll() const;   ///< [rad], positive: the camera's x axis points down
+  double pitch() const { return pitchOf(mean_.n_c); }  ///< [rad], positive: the camera looks down
+  /// [rad], positive: the camera's x axis points down
+  double roll() const { return rollOf(mean_.n_c); }
+  /// Standard deviation of the normal in the direction in which it is known least [rad].
+  double sigma() const;
   /// The road's normal in camera axes when the vehicle is level on it; unit, up.
   const Eigen::Vector3d& normal() const { return mean_.n_c; }
 

@@ -10,8 +10,8 @@ import sys
 TABLES = [
     ("t_err % / RLE % / share of frames held",
      [("t_err_percent", "{:.2f}"), ("rle_percent", "{:.2f}"), ("scale_held_share", "{:.2f}")]),
-    ("t_err % with true lengths / median error of the filtered scale % / standard deviation of a "
-     "single frame % / share within 2 sigma",
+    ("t_err % with true lengths / median error of the filtered scale % / robust standard "
+     "deviation of a single frame % / share within 2 sigma",
      [("t_err_true_length_percent", "{:.2f}"), ("scale_error_median_percent", "{:+.2f}"),
       ("scale_error_spread_percent", "{:.1f}"), ("scale_within_2_sigma", "{:.2f}")]),
 ]

@@ -31,7 +31,7 @@ STAGES = [
     ("scale stage", "scale_delaunay", "Delaunay"),
     ("scale stage", "scale_gpe", "GPE"),
     ("scale stage", "scale_gpa", "GPA"),
-    ("scale stage", "scale_refine", "refinement"),
+    ("scale stage", "scale_direct", "direct plane estimation"),
     ("scale stage", "scale_filter", "filter"),
     ("scale stage", "scale_total", "scale stage, total"),
     ("messages", "publish", "publish"),
@@ -440,7 +440,7 @@ def report_growth(folder, load):
              "decoding included): processor time in milliseconds, which hardly depends on other load "
              "of the machine."]
     columns = ["vo_pyramid", "vo_track", "vo_align", "vo_pose", "vo_detect", "scale_delaunay",
-               "scale_gpa", "scale_refine"]
+               "scale_gpa", "scale_direct"]
     labels = {column: label for _, column, label in STAGES}
     for series, (title, what, how) in SERIES.items():
         rows = []

@@ -147,6 +147,8 @@ def draw_scale(file, scale, camera_height, title, pdf):
         legend_above(axes, 1)
     axes.axhline(camera_height, color=TARGET, linewidth=1)
     axes.set_xlabel("frames")
+    axes.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator("auto", steps=[1, 2, 5, 10],
+                                                            integer=True))
     axes.tick_params(labelbottom=True)
 
     axes = grid[1, 0]

@@ -11,14 +11,20 @@
 #                            true when the LOG of kitti.launch reports that the whole bag was processed
 #   gsv_free_port            prints a free TCP port
 #   gsv_find_folders OUT SEQ...
-#                            checks the folders whose results go to OUT/<name>; sets gsv_folders
+#                            checks the folders whose results go to OUT/<name>; sets gsv_folders.
+#                            Returns 1 for a missing folder, 2 for two of the same name
+#   gsv_use_build FOLDER     builds in FOLDER from now on, also in a catkin workspace
+#   gsv_installed            true in an install space
+#   gsv_packages SECTION...  prints the packages in these sections of packages.txt
+#   $gsv_cmake_arguments     array of further arguments of cmake for gsv_build
 #   $gsv_tools               the folder of the package's executables
-#   $gsv_build_folder        <root>/build unless gsv_use_build FOLDER chose another one
+#   $gsv_build_folder        <root>/build unless GROUND_SCALE_VO_BUILD or gsv_use_build names another one
 #
 # In a catkin workspace whose devel space is sourced, that is used and gsv_build does nothing, unless
 # gsv_use_build was called.
 #
-# Each function prints one sentence to stderr and returns non-zero when it fails. In an install space
+# A function that fails returns non-zero. gsv_setup, gsv_build, gsv_env and gsv_find_folders also print a
+# sentence to stderr, the first two with an excerpt of their log. In an install space
 # the commands are installed beside the executables, in <prefix>/lib/ground_scale_vo, so gsv_root is
 # <prefix>/lib, and gsv_build does nothing.
 
@@ -120,7 +126,7 @@ gsv_build() {
   [[ ${GROUND_SCALE_VO_BUILD:-} != "$gsv_build_folder" ]] || return 0
   gsv_source_distribution
   local build=$gsv_build_folder log=$gsv_build_folder/build.log jobs
-  jobs=${GSV_JOBS:-$(nproc)}
+  jobs=$(nproc)
   # At configuration, catkin puts into the tests' environment only folders that exist; the Python
   # modules of the messages are generated later.
   mkdir -p "$build/devel/lib/python3/dist-packages"
@@ -193,7 +199,7 @@ gsv_find_folders() {
     name=$(basename "$folder")
     [[ -z ${folder_of[$name]:-} ]] || {
       echo "${0##*/}: ${folder_of[$name]} and $folder have the same name and would share $out/$name" >&2
-      return 1
+      return 2
     }
     folder_of[$name]=$folder
     gsv_folders+=("$folder")

@@ -7,11 +7,12 @@
 #include <sstream>
 
 #include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kDeg = 180 / 3.14159265358979323846;
+constexpr double kDegreesPerRadian = 180 / 3.14159265358979323846;
 
 template <typename... Values>
 std::string format(const char* pattern, Values... values) {
@@ -22,7 +23,8 @@ std::string format(const char* pattern, Values... values) {
 
 std::string inDegrees(const std::optional<HeightCalibration::Estimate>& angle) {
   if (!angle) return "not known, the drive is too short or the plane was measured too rarely";
-  return format("%.2f deg ± %.2f (95 %%)", kDeg * angle->value, kDeg * angle->error95());
+  return format("%.2f deg ± %.2f (95 %%)", kDegreesPerRadian * angle->value,
+                kDegreesPerRadian * angle->error95());
 }
 
 /// Translation and quaternion of the camera in a base_link that stands on the road below it. Its z
@@ -32,8 +34,7 @@ std::string mounting(const HeightCalibration::Result& result) {
   if (!result.pitch) return {};
   // The columns of R_c_b are the base's axes in the camera: up is the road's normal, forward the
   // optical axis without its part along up.
-  const double p = result.pitch->value, r = result.roll->value;
-  const Eigen::Vector3d up(-std::sin(r), -std::cos(r) * std::cos(p), -std::cos(r) * std::sin(p));
+  const Eigen::Vector3d up = roadNormal(result.pitch->value, result.roll->value);
   const Eigen::Vector3d forward =
       (Eigen::Vector3d::UnitZ() - up.dot(Eigen::Vector3d::UnitZ()) * up).normalized();
   Eigen::Matrix3d R_c_b;
@@ -51,7 +52,7 @@ std::string heightYaml(const HeightCalibration::Result& result, const std::strin
   text << "# " << source << '\n'
        << format("camera_height: %.4f  # [m] ± %.4f (95 %%)", height.value, height.error95())
        << format(", %.2f %%", 100 * height.error95() / height.value) << '\n'
-       << "# The mounting of the camera, for information: the odometry estimates it by itself.\n"
+       << "# The mounting of the camera, for tf; the scale does not need it.\n"
        << "# pitch: " << inDegrees(result.pitch) << ", positive looks down\n"
        << "# roll: " << inDegrees(result.roll) << ", positive: the right of the camera is lower\n";
   if (const std::string transform = mounting(result); !transform.empty()) {

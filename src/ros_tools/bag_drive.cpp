@@ -18,6 +18,7 @@
 #include "ground_scale_vo/ros/compressed_image.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
+#include "ground_scale_vo/ros/rectification_check.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 
 namespace ground_scale_vo {
@@ -41,7 +42,7 @@ class BagRunner {
 
   BagDrive run(const OnFrame& on_frame) {
     const std::string image = imageTopic();
-    acceptCalibration();
+    acceptCalibration(image);
     if (!source_.gps.empty()) readFixes();
     rosbag::View view(bag_, rosbag::TopicQuery(image));
     for (const rosbag::MessageInstance& instance : view) {
@@ -75,7 +76,7 @@ class BagRunner {
   }
 
   /// Uses the first valid calibration for the whole bag.
-  void acceptCalibration() {
+  void acceptCalibration(const std::string& image_topic) {
     std::string reason = missing(source_.camera_info, "camera_info");
     for (const rosbag::MessageInstance& instance :
          rosbag::View(bag_, rosbag::TopicQuery(source_.camera_info))) {
@@ -83,12 +84,26 @@ class BagRunner {
       if (!info) continue;
       try {
         rectifier_.setCameraInfo(*info, source_.camera_info);
-        return;
       } catch (const MessageError& error) {
         reason = error.what();
+        continue;
       }
+      return checkRectification(*info, image_topic);
     }
     throw DataError(reason);
+  }
+
+  void checkRectification(const sensor_msgs::CameraInfo& info, const std::string& image_topic) {
+    const auto [reason, is_certain] =
+        rectificationContradiction(info, source_.rectified, image_topic);
+    if (reason.empty()) return;
+    const std::string sentence = source_.rectified
+                                     ? image_topic + " is used with --rectified, but " + reason +
+                                           ": omit --rectified if the images are raw"
+                                     : image_topic + " is used without --rectified, but " + reason +
+                                           ": add --rectified if the images are rectified";
+    if (is_certain) throw DataError(sentence);
+    drive_.rectification_warning = sentence;
   }
 
   /// Returns null for an image that is not used.

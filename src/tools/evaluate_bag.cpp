@@ -51,7 +51,9 @@ void forEachMessage(const std::string& file, const rosbag::TopicQuery* topics, c
     rosbag::View view;
     topics != nullptr ? view.addQuery(bag, *topics) : view.addQuery(bag);
     for (const rosbag::MessageInstance& instance : view) read(instance);
-  } catch (const std::exception& error) {  // from rosbag, or for a truncated message
+  } catch (const gsv::DataError&) {  // from read()
+    throw;
+  } catch (const std::exception& error) {  // from rosbag, or for an invalid or truncated message
     throw gsv::DataError("the bag " + file + " cannot be read: " + error.what());
   }
 }
@@ -82,8 +84,8 @@ void readPlayed(const Arguments& arguments, Played& played) {
     }
     if (found.empty()) found = instance.getTopic();
     if (found != instance.getTopic()) {
-      throw gsv::DataError("images on " + found + " and " + instance.getTopic() +
-                           ": choose one with --image");
+      throw gsv::DataError("the bag " + arguments.played + " has images on " + found + " and " +
+                           instance.getTopic() + ": choose one with --image");
     }
   });
   if (played.images.empty()) {
@@ -192,7 +194,8 @@ std::string reasonForNoPose(const Arguments& arguments, const Recorded& recorded
     return no_pose + ", although the scale is known: the frame_id of the images is empty";
   }
   return no_pose + ", although the scale is known: tf had no transform from the base frame to " +
-         known->header.frame_id;
+         known->header.frame_id +
+         " (/tf of a bag is used as ground truth only: the mounting must be on /tf_static)";
 }
 
 /// Prints how many images gave a result. Returns the index of the first image with a metric pose.
@@ -314,7 +317,10 @@ int main(int argc, char** argv) {
        "/kitti/camera_gray_left)");
   return command_line.run(
       argc, argv,
-      [&] { gsv::requireInRange("--camera-height", arguments.camera_height, 0.05, 100.0); },
+      [&] {
+        gsv::requireInRange("--camera-height", arguments.camera_height, gsv::kMinCameraHeight,
+                            gsv::kMaxCameraHeight);
+      },
       [&] {
         evaluate(arguments);
         return 0;

@@ -20,11 +20,13 @@ namespace {
 
 constexpr const char* kDetails =
     R"(Without a NAME: the ten drives with two faults each. A line for each fault and each segment without
-one. detected: seconds until HELD or LOST; ok: frames more than 3 s later with the scale reported as
-measured; tracking, metric: frames after the fault until there is a pose, and a scale, again; excess
-path: estimated minus true path length; error and sigma: the error of the position after the fault, and
-the growth of its standard deviation. A segment begins 3 s and 20 m after a fault; error: of the
-relative pose over it, relative to its length.
+one. hides: the ground is not visible. detected: seconds from the first faulty frame until HELD or
+LOST, nan: never; ok: faulty frames 3 s or more after the first one with the scale reported as
+measured; tracking, metric: frames after the fault until there is a pose, and a metric pose with a
+measured scale, again, -1: never. From the last frame before the fault to the beginning of the next
+segment: excess path: estimated minus true path length, if positive; error and sigma: the error of the
+position, and the growth of its standard deviation. A segment begins 3 s and 20 m after a fault; error:
+of the relative position over it, relative to its length.
 
 Exit status: 0 all thresholds are met, 1 one is violated, 2 the arguments cannot be used.)";
 

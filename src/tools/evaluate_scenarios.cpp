@@ -31,7 +31,7 @@ the devkit's translation error, over 10, 20 ... 80 m; scale: median absolute sca
 scale being computed over at least 2 m of ground truth; held: share of frames without a scale
 measurement of their own (HELD), from the first metric pose on; 2 sigma: share of frames whose true
 scale lies within two reported sigma; ok unobservable: share of the frames with unobservable scale
-(no road texture, or standstill) that are reported as OK, which should be 0. heading: error of the
+(no road texture, or standstill) that are reported as OK, which should be 0. rotation: error of the
 rotation from the first to the last image; displacement sigma: error of the displacement from the first
 metric pose to the last frame, along it, over its published standard deviation.
 
@@ -39,7 +39,7 @@ metric pose to the last frame, along it, over its published standard deviation.
 thresholds unmodified, with feature-based measurements only, with direct measurements only, and with
 the component that this scenario depends on disabled. A cell of its table is RLE % / held / 2 sigma,
 bold where a threshold is violated, followed by its name: lost, late scale (no metric pose in the
-first half), heading (error above 2 degrees), RLE (above 1.5 %), 2 sigma (below 0.75), ok while
+first half), rotation (error above 2 degrees), RLE (above 1.5 %), 2 sigma (below 0.75), ok while
 unobservable. Some scenarios have other thresholds. no scale: no metric pose at all.
 
 Exit status: 0 success, 1 runtime error, 2 invalid arguments.)";

@@ -3,7 +3,6 @@
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 #include <sensor_msgs/Image.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <cmath>
@@ -114,7 +113,7 @@ int main(int argc, char** argv) {
       "graph_observer",
       "Subscribes to `image`, `vo/frame`, `scale` and `odometry` until it is interrupted (SIGINT), "
       "then\n"
-      "writes FILE: a line per image, by stamp, with the wall time [s] since the start of this "
+      "writes FILE: a line per stamp, with the wall time [s] since the start of this "
       "program at\n"
       "which it and the messages computed from it arrived (nan: never). Takes ROS remappings. "
       "Waits "

@@ -78,6 +78,9 @@ gsv::BagDrive runBag(const Arguments& arguments) {
                                            progress->show(frame);
                                          });
   progress.reset();
+  if (!drive.rectification_warning.empty()) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), drive.rectification_warning.c_str());
+  }
   if (drive.rejected_images > 0) {
     std::fprintf(stderr, "%s: %zu images were rejected, the first one because %s\n", name.c_str(),
                  drive.rejected_images, drive.first_rejection.c_str());
@@ -87,10 +90,6 @@ gsv::BagDrive runBag(const Arguments& arguments) {
 
 void checkFiles(const Arguments& arguments) {
   gsv::requireNewFile(arguments.out, arguments.force);
-  const fs::path folder = fs::path(arguments.out).parent_path();
-  if (!folder.empty() && !fs::is_directory(folder)) {
-    throw gsv::DataError(folder.string() + " is no folder");
-  }
   if (!arguments.trajectory.empty() && !fs::is_regular_file(arguments.trajectory)) {
     throw gsv::DataError(arguments.trajectory + ": no such file");
   }

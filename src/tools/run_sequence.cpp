@@ -24,6 +24,7 @@ namespace {
 
 struct Arguments : gsv::SequenceArguments {
   int opencv_threads = 1;
+  bool only_check = false;
   std::string mask;
 };
 
@@ -83,11 +84,13 @@ int main(int argc, char** argv) {
        "watermark); these regions are not used")  //
       ("opencv-threads",
        gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
-       "threads inside OpenCV; the published figures are those with 1");
+       "threads inside OpenCV; the published figures are those with 1")  //
+      ("check", gsv::po::bool_switch(&arguments.only_check),
+       "only checks the arguments; reads and writes nothing");
   return command_line.run(
       argc, argv, [&] { arguments.check(); },
       [&] {
-        run(arguments);
+        if (!arguments.only_check) run(arguments);
         return 0;
       });
 }

@@ -135,7 +135,7 @@ def _raw_layout(topic, message):
     if topic == IMAGE:
         return "/kitti/camera_gray_left/image_raw", message
     if topic == INFO:  # of the raw camera; P is that of the images
-        message.K = [1.4 * value for value in message.P[:3] + message.P[4:7] + message.P[8:11]]
+        message.K = [1.4 * value for value in message.P[:3] + message.P[4:7]] + [0, 0, 1]
         message.D = [-0.37, 0.2, 0.001, 0.001, -0.07]
         message.distortion_model = "plumb_bob"
     elif topic == "/tf":

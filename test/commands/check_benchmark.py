@@ -9,7 +9,7 @@ import sys
 # In the order of the report: STAGES[1:9] are the parts of vo_total, STAGES[11:16] those of scale_total.
 STAGES = ["decode", "vo_pyramid", "vo_track", "vo_adjustment_wait", "vo_align", "vo_pose",
           "vo_detect", "vo_triangulate", "vo_rest", "vo_total", "vo_bundle_adjustment",
-          "scale_delaunay", "scale_gpe", "scale_gpa", "scale_refine", "scale_filter",
+          "scale_delaunay", "scale_gpe", "scale_gpa", "scale_direct", "scale_filter",
           "scale_total", "publish", "total"]
 BASELINE = ["pyramid", "detect", "track", "total"]
 

@@ -85,8 +85,9 @@ def is_running(pid):
 
 
 @contextlib.contextmanager
-def roslaunch(log, *arguments):
-    """A running roslaunch with a master of its own, and the URI of that."""
+def roslaunch(log, file, *arguments):
+    """A running roslaunch with a master of its own, and the URI of that. file: of the package, or a
+    path."""
     with socket.socket() as free:
         free.bind(("", 0))
         port = free.getsockname()[1]
@@ -94,7 +95,8 @@ def roslaunch(log, *arguments):
     environment = {**os.environ, "ROS_MASTER_URI": master, "ROS_HOSTNAME": "localhost"}
     with open(log, "w", encoding="utf-8") as output:
         process = subprocess.Popen(
-            ["roslaunch", "-p", str(port), "ground_scale_vo", *map(str, arguments)],
+            ["roslaunch", "-p", str(port), *([] if os.path.isabs(file) else ["ground_scale_vo"]),
+             str(file), *map(str, arguments)],
             stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=environment)
     try:
         yield process, master

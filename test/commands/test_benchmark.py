@@ -24,7 +24,6 @@ def test_growth(shortest, tmp_path):
 
 
 @pytest.mark.parametrize("text, arguments", [
-    ("no such folder", ["none"]),
     ("SEQ is missing", []),
     ("--camera-height", ["SHORT", "--camera-height", "0"]),
     ("'fast' is not a positive number", ["SHORT", "--rates", "1,fast"]),

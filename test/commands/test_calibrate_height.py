@@ -52,10 +52,42 @@ def test_existing_file_is_kept(low, height_file):
     assert height_file.read_text() == "camera_height: 1\n"
 
 
+def test_no_such_place(low, height_file):
+    file = height_file.parent / "none/height.yaml"
+    assert_refused(1, f"there is no folder {file.parent}", HEIGHT_FROM_DRIVE, low, "--length", 50,
+                   "--length-sigma", 0.1, "--out", file)
+
+
 def test_uncertain_height_is_not_written(low, height_file):
     assert_refused(1, "uncertain by", HEIGHT_FROM_DRIVE, low, "--length", 50, "--length-sigma", 5,
                    "--out", height_file)
     assert not height_file.exists()
+
+
+def test_rectified_images_without_the_option(low_bag, height_file):
+    """The camera_info of a raw drive describes the raw camera in K and D, the images in P."""
+    raw = height_file.with_suffix(".bag")
+    bags.kitti2bag("raw", low_bag, raw)
+    topic = "/kitti/camera_gray_left/image_raw"
+    drive = ["--bag", raw, "--image", topic, "--length", 50, "--length-sigma", 0.1, "--out",
+             height_file]
+    assert_refused(1, f"{topic} is used without --rectified, but P of camera_info", HEIGHT_FROM_DRIVE,
+                   *drive)
+    assert not height_file.exists()
+
+
+def test_hint_of_raw_images(low_bag, height_file):
+    """P equals K: the images may be rectified nevertheless."""
+    def distort(topic, message):
+        if topic == bags.INFO:
+            message.D = [-0.3, 0.1, 0, 0, 0]
+        return topic, message
+
+    hint = height_file.with_suffix(".bag")
+    bags.copy(low_bag, hint, distort)
+    done = run(HEIGHT_FROM_DRIVE, "--bag", hint, *GPS, "/fix", "--rectified", "--out", height_file)
+    assert f"{IMAGE} is used with --rectified, but P of camera_info equals K" in done.stderr
+    assert_height(height_file)
 
 
 def test_no_such_fixes(low_bag, height_file):

@@ -75,10 +75,31 @@ def test_installed_tool_runs(installed, drive, tmp_path):
     assert len((tmp_path / drive.name / "poses.txt").read_text().splitlines()) == FRAMES
 
 
-def test_example_gives_metric_poses(installed, drive, tmp_path):
-    run("cmake", "-S", ROOT / "examples", "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={installed}")
-    run("cmake", "--build", tmp_path)
-    lines = run(tmp_path / "metric_poses", drive, CAMERA_HEIGHT).splitlines()
+@pytest.fixture(scope="module")
+def example(installed, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("example")
+    run("cmake", "-S", ROOT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={installed}")
+    run("cmake", "--build", folder)
+    return folder / "metric_poses"
+
+
+@pytest.mark.parametrize("folder, height, text", [
+    ("DRIVE", "high", "HEIGHT is 'high', it must be a number [m]"),
+    ("none", "1.65", "none/image_0: no such folder"),
+    ("EMPTY", "1.65", "image_0: no images"),
+    ("UNCALIBRATED", "1.65", "calib.txt: no projection matrix"),
+])
+def test_example_refuses(example, drive, tmp_path, folder, height, text):
+    for name in ("empty", "uncalibrated"):
+        (tmp_path / name / "image_0").mkdir(parents=True)
+    (tmp_path / "uncalibrated/image_0/000000.png").symlink_to(drive / "image_0/000000.png")
+    folder = drive if folder == "DRIVE" else tmp_path / folder.lower()
+    done = subprocess.run([example, folder, height], stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1 and text in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_example_gives_metric_poses(example, drive):
+    lines = run(example, drive, CAMERA_HEIGHT).splitlines()
     estimate = [[float(word) for word in line.split()] for line in lines]
     assert len(estimate) > FRAMES / 2
 

@@ -21,7 +21,8 @@ def test_set_reaches_the_run(short, tmp_path):
 
 
 @pytest.mark.parametrize("text, arguments", [
-    ("no such folder", ["none"]),
+    ("there is no option foo", ["SHORT", "--set", "foo=1"]),
+    ("gpe/min_points", ["SHORT", "SHORTEST", "--set", "gpe/min_points=abc"]),
     ("--camera-height", ["SHORT", "--camera-height", "0"]),
     ("--scenarios", ["SHORT", "--ablation"]),
     ("unknown scenario", ["--scenarios", "none"]),
@@ -31,9 +32,15 @@ def test_set_reaches_the_run(short, tmp_path):
     ("--faults", ["--faults", "--set", "refine=false"]),
     ("tracker/cell_size is 7", ["--scenarios", "pitched", "--set", "tracker/cell_size=7"]),
 ])
-def test_wrong_arguments(short, tmp_path, text, arguments):
-    arguments = [short if word == "SHORT" else word for word in arguments]
+def test_wrong_arguments(short, shortest, tmp_path, text, arguments):
+    sequences = {"SHORT": short, "SHORTEST": shortest}
+    arguments = [sequences.get(word, word) for word in arguments]
     assert_refused(2, text, EVALUATE, *arguments, "--out", tmp_path)
+
+
+@pytest.mark.parametrize("command", ["evaluate", "benchmark", "ablation"])
+def test_no_such_folder(command):
+    assert_refused(1, "none: no such folder", SCRIPTS / command, "none")
 
 
 def test_mask(short, tmp_path):
@@ -74,9 +81,8 @@ def test_two_sequences_of_one_name(short, tmp_path, command):
     assert_refused(2, "have the same name", SCRIPTS / command, short, tmp_path / "short")
 
 
-@pytest.mark.parametrize("text, arguments", [("no such folder", ["none"]), ("SEQ is missing", [])])
-def test_ablation_wrong_arguments(text, arguments):
-    assert_refused(2, text, SCRIPTS / "ablation", *arguments)
+def test_ablation_wrong_arguments():
+    assert_refused(2, "SEQ is missing", SCRIPTS / "ablation")
 
 
 def test_covariance_table(shortest, tmp_path):

@@ -4,10 +4,11 @@ import os
 import re
 from xml.etree import ElementTree
 
+import conftest
 import pytest
 import roslaunch.config
 import roslaunch.xmlloader
-from conftest import ROOT, run
+from conftest import ROOT, TIMEOUT_S, run
 
 LAUNCH = ROOT / "launch"
 CALLS = """
@@ -61,6 +62,24 @@ def test_parameters_of_an_earlier_launch_are_cleared(call, height_file, usb_cam,
     assert nodelets and set(nodelets) <= {f"{name.rstrip('/')}/" for name in config.clear_params}
 
 
+@pytest.mark.parametrize("file", ["ground_scale_vo.launch", "kitti.launch", "live_camera.launch",
+                                  "another_vo.launch"])
+def test_height_file_in_the_home_folder(file, height_file, monkeypatch):
+    """bash does not expand ~ behind :=."""
+    monkeypatch.setenv("HOME", str(height_file.parent))
+    monkeypatch.setenv("ROS_LOG_DIR", str(height_file.parent / "log"))
+    parameters = run("roslaunch", "--dump-params", LAUNCH / file, f"height_file:=~/{height_file.name}").stdout
+    assert "/scale_recovery/camera_height: 1.2345" in parameters.splitlines()
+
+
+@pytest.mark.serial
+def test_a_mounting_that_cannot_be_published_ends_the_launch(tmp_path):
+    log = tmp_path / "log"
+    with conftest.roslaunch(log, "live_camera.launch", "camera_height:=1.2", "mounting:=1 2 3") as (process, _):
+        process.wait(TIMEOUT_S)
+    assert "not having the right number of arguments" in log.read_text()
+
+
 @pytest.mark.parametrize("file", ["ground_scale_vo.launch", "live_camera.launch", "another_vo.launch"])
 @pytest.mark.parametrize("mounting", ["", "0,0,1,0,0,0,1"])
 def test_base_frame_has_the_same_default_everywhere(file, mounting):
@@ -94,7 +113,7 @@ def test_rviz_shows_the_odom_frame(call):
 
 @pytest.mark.parametrize("argument, text", [
     ("driver:=usb_cam", r"not found[^\n]*usb_cam"),
-    ("driver:=realsense", "driver:=realsense: it must be none or usb_cam"),
+    ("driver:=realsense", "Invalid <arg> tag: 'driver:=realsense: it must be none or usb_cam'"),
 ])
 def test_missing_camera_driver(argument, text):
     done = run("roslaunch", "--nodes", LAUNCH / "live_camera.launch", "camera_height:=1.2", argument,
@@ -107,6 +126,7 @@ def test_lists_its_arguments(file):
     listed = run("roslaunch", "--ros-args", file).stdout
     names = [arg.get("name") for arg in ElementTree.parse(file).iter("arg") if arg.get("doc")]
     assert names and all(re.search(rf"^  {name}[: ]", listed, re.M) for name in names), listed
+    assert "undocumented" not in listed
 
 
 def test_all_files_are_covered():

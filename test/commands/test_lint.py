@@ -1,9 +1,10 @@
-"""The lint scripts report violations and accept the source tree."""
+"""The lint scripts report violations and accept the source tree; clang finds a command for each file."""
 
+import json
 import shutil
 
 import pytest
-from conftest import ROOT, SCRIPTS, run
+from conftest import BUILD, ROOT, SCRIPTS, run
 
 DEPENDENCIES = SCRIPTS / "lint/dependencies.py"
 
@@ -34,6 +35,7 @@ def test_dependencies_hold(tree):
     ("src/scale/x.cpp", '"ground_scale_vo/VoFrame.h"'),
     ("src/simulation/x.cpp", "<rosbag/bag.h>"),
     ("test/scale/x_test.cpp", "<tf2/buffer_core.h>"),
+    ("test/tools/x_test.cpp", "<ros/time.h>"),
     ("src/new_module/x.cpp", "<vector>"),
 ])
 def test_violated_dependency(tree, file, include):
@@ -52,3 +54,10 @@ def test_broken_link(tmp_path):
     page.write_text("[a](#none)\n[b](none.md)\n")
     done = run("/usr/bin/python3", SCRIPTS / "lint/links.py", page, check=False)
     assert done.returncode == 1 and done.stdout.splitlines() == [f"{page}: #none", f"{page}: none.md"]
+
+
+def test_clang_has_a_command_for_each_source():
+    commands = json.loads((BUILD / "clang/compile_commands.json").read_text())
+    files = {entry["file"] for entry in commands}
+    assert {str(path) for path in (ROOT / "src").rglob("*.cpp")} <= files
+    assert not any("cmake_pch" in entry["command"] for entry in commands if "/src/" in entry["file"])

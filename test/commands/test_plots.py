@@ -34,6 +34,18 @@ def test_standstill_has_width_in_the_scale_plot(figures, tmp_path):
     assert axes.get_xlabel() == "time [s]"
 
 
+@pytest.mark.parametrize("frames", [5, 12, FRAMES])
+def test_counts_of_the_scale_plot_are_integers(figures, tmp_path, frames):
+    table = {"stamp": 0.1 * np.arange(frames), "status": np.full(frames, "ok"), "map_id": np.zeros(frames),
+             "raw_scale": 15.5 + 0.1 * np.sin(np.arange(frames)), "scale": np.full(frames, 15.6),
+             "sigma": np.full(frames, 0.1), "vo_status": np.full(frames, "tracking")}
+    plot_run.draw_scale(tmp_path / "scale", table, 1.65, "", False)
+    histogram = figures[0].axes[1]
+    assert histogram.get_xlabel() == "frames"
+    ticks = histogram.get_xticks()
+    assert len(ticks) > 1 and np.all(ticks == np.round(ticks)), ticks
+
+
 def test_medians_of_the_timing_plot_have_a_unit(figures, tmp_path):
     plot_run.draw_timing(tmp_path / "timing", {"vo_total": np.array([5.0, 6.0, 7.0])}, "", False)
     assert any("median [ms]" in text.get_text() for text in figures[0].axes[0].texts)

@@ -1,9 +1,10 @@
-"""render_drive, kitti_to_bag, evaluate_bag: arguments, damaged data, full disks."""
+"""render_drive, kitti_to_bag, evaluate_bag, graph_observer, screenshot: arguments, damaged data, existing
+files, full disks."""
 
 import os
 
 import pytest
-from bags import IMAGE, write_drive
+from bags import IMAGE, copy, write_drive
 from conftest import SCRIPTS, assert_refused, on_full_disk, run, tool
 
 RENDER_DRIVE, KITTI_TO_BAG, EVALUATE_BAG = map(tool, ("render_drive", "kitti_to_bag", "evaluate_bag"))
@@ -24,7 +25,9 @@ def test_kitti_to_bag_no_such_folder(tmp_path):
 
 
 def test_kitti_to_bag_no_such_place(short, tmp_path):
-    assert_refused(1, "cannot be written", KITTI_TO_BAG, short, "--out", tmp_path / "none/x.bag")
+    file = tmp_path / "none/x.bag"
+    assert_refused(1, f"{file}: cannot be written, there is no folder {file.parent}", KITTI_TO_BAG, short,
+                   "--out", file)
 
 
 def test_kitti_to_bag_frames(short, tmp_path):
@@ -77,6 +80,19 @@ def test_kitti_to_bag_full_disk(short, tmp_path):
 def test_evaluate_bag_damaged(damaged_bag, bag, tmp_path):
     assert_refused(1, str(damaged_bag), EVALUATE_BAG, "--played", damaged_bag, "--recorded", bag,
                    "--out", tmp_path, "--camera-height", 1.65, "--image", IMAGE)
+
+
+def test_evaluate_bag_with_two_image_topics(bag, tmp_path):
+    images = iter(range(1000))
+
+    def spread(topic, message):
+        return (IMAGE.replace("_rect", "_raw") if topic == IMAGE and next(images) % 2 else topic), message
+
+    played = tmp_path / "two.bag"
+    copy(bag, played, spread)
+    assert_refused(1, f"the bag {played} has images on {IMAGE} and {IMAGE.replace('_rect', '_raw')}: "
+                   "choose one with --image", EVALUATE_BAG, "--played", played, "--recorded", bag,
+                   "--out", tmp_path, "--camera-height", 1.65)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.42])

@@ -28,11 +28,13 @@ struct BagDrive {
   double fix_sigma = 0;                 ///< [m] median standard deviation of a fix
   std::size_t rejected_images = 0;
   std::string first_rejection;  ///< reason for the first rejected image
+  /// A hint that Source::rectified is wrong (rectificationContradiction()), or empty.
+  std::string rectification_warning;
 };
 
 /// Runs the bag's images through the pipeline. on_frame(frame, images) is called after each frame;
 /// `images` is the number of images in the bag. Throws DataError when the bag, its calibration, its
-/// fixes or all of its images cannot be used.
+/// fixes or all of its images cannot be used, or when the calibration excludes Source::rectified.
 BagDrive runBagDrive(
     const BagDrive::Source& source, const OfflineRun::Options& options,
     const std::function<void(const RunFrame& frame, std::size_t images)>& on_frame);

@@ -10,6 +10,8 @@
 #include <filesystem>
 #include <utility>
 
+#include "ground_scale_vo/io/text_file.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -119,7 +121,7 @@ std::string CommandLine::help() const {
 
 void requireNewFile(const std::string& file, bool force) {
   const auto type = std::filesystem::status(file).type();
-  if (type == std::filesystem::file_type::not_found) return;
+  if (type == std::filesystem::file_type::not_found) return requireFolderOf(file);
   if (type != std::filesystem::file_type::regular) {
     throw DataError(file + " is not a regular file");
   }

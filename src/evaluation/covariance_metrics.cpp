@@ -1,7 +1,6 @@
 #include "ground_scale_vo/evaluation/covariance_metrics.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <string>
 
@@ -22,9 +21,8 @@ bool isWellConditioned(const Matrix6d& P) {
   if (!(P.diagonal().minCoeff() > 0)) return false;
   const Vector6d scale = P.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix6d correlation = scale.asDiagonal() * P * scale.asDiagonal();
-  return Eigen::SelfAdjointEigenSolver<Matrix6d>(correlation, Eigen::EigenvaluesOnly)
-             .eigenvalues()
-             .minCoeff() > kMinEigenvalue;
+  const Matrix6d excess = correlation - kMinEigenvalue * Matrix6d::Identity();
+  return Eigen::LDLT<Matrix6d>(excess).vectorD().minCoeff() > 0;  // positive definite
 }
 
 /// Normalised estimation error squared.

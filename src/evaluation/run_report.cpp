@@ -175,7 +175,7 @@ std::string timingCsv(const RunRecord& record) {
   std::ostringstream stream = csvStream(
       "frame,decode,vo_pyramid,vo_track,vo_adjustment_wait,vo_align,vo_pose,vo_detect,"
       "vo_triangulate,vo_bundle_adjustment,vo_total,scale_delaunay,scale_gpe,scale_gpa,"
-      "scale_refine,scale_filter,scale_total,total");
+      "scale_direct,scale_filter,scale_total,total");
   for (std::size_t i = 0; i < record.frames().size(); ++i) {
     const RunFrame& frame = record.frames()[i];
     const VisualOdometry::Times& vo = frame.vo_times;

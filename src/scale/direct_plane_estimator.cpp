@@ -16,14 +16,15 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [camera heights] Least length of the lane region. A tele lens sees no road near the vehicle, so
-/// its region extends this far beyond the nearest visible road.
+/// [camera heights] Least length of the visible part of the lane region. A tele lens sees no road
+/// near the vehicle, so its region extends this far beyond the nearest visible road.
 constexpr double kMinLaneLength = 6;
 /// Least slope of a viewing ray towards the road at which patches still resolve its texture.
 constexpr double kMinRaySlope = 0.02;
 
-/// Cosine between optical axis and backward direction from which on a camera faces backwards. Of
-/// one that looks sideways no image is nearer to the road than the others.
+/// Cosine between optical axis and backward direction from which on a camera faces backwards: its
+/// reference images show the road from nearer than the current one, so PatchExtractor smooths them
+/// instead. To one that looks sideways the road is equally near in all images.
 constexpr double kMinBackwards = 0.5;
 
 bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
@@ -32,33 +33,12 @@ bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
 }
 
 /// Distance at which the middle of the lower image border meets the road [camera heights]; 0 when
-/// it does not.
+/// it does not, or at a slope below kMinRaySlope.
 double nearestVisibleRoad(const PinholeCamera& camera, const NormalPrior& prior) {
   const Eigen::Vector3d ray(0, (camera.height - 1 - camera.cy) / camera.fy, 1);
   const double slope = -prior.n_c.dot(ray);
   return slope > kMinRaySlope ? (ray + slope * prior.n_c).norm() / slope : 0;
 }
-
-/// The steps of the method, for images of one camera with one mask.
-struct Stages {
-  Stages(const DirectPlaneEstimator::Options& options, const PinholeCamera& camera,
-         const cv::Mat& mask)
-      : grid(camera, options.patch_size),
-        extractor(camera, grid, options.image_noise, mask),
-        images(cv::Size(camera.width, camera.height), options.baseline_heights),
-        static_mask(camera, grid),
-        matcher(camera, options.image_noise, extractor.allowed()),
-        search(options),
-        solver(options) {}
-
-  direct::PatchGrid grid;
-  direct::PatchExtractor extractor;
-  direct::ImageBuffer images;
-  direct::StaticMask static_mask;
-  direct::PatchMatcher matcher;
-  direct::HeightSearch search;
-  direct::PlaneSolver solver;
-};
 
 }  // namespace
 
@@ -68,6 +48,26 @@ void DirectPlaneEstimator::Options::validate() const {
 }
 
 struct DirectPlaneEstimator::Impl {
+  /// The steps of the method, for images of one camera with one mask.
+  struct Stages {
+    Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask)
+        : grid(camera, options.patch_size),
+          extractor(camera, grid, options.image_noise, mask),
+          images(cv::Size(camera.width, camera.height), options.baseline_heights),
+          static_mask(camera, grid),
+          matcher(camera, options.image_noise, extractor.allowed()),
+          search(options),
+          solver(options) {}
+
+    direct::PatchGrid grid;
+    direct::PatchExtractor extractor;
+    direct::ImageBuffer images;
+    direct::StaticMask static_mask;
+    direct::PatchMatcher matcher;
+    direct::HeightSearch search;
+    direct::PlaneSolver solver;
+  };
+
   explicit Impl(const Options& o) : options(o) { options.validate(); }
 
   void setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask);
@@ -201,7 +201,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(
     const cv::Mat& mask) {
   Impl& s = *impl_;
   s.setCamera(frame.camera, mask);
-  Stages& stages = *s.stages;
+  Impl::Stages& stages = *s.stages;
   direct::RoadImage& current = stages.images.current();
   current.T_w_c = frame.T_w_c;
   const LaneRegion lane = s.laneRegion(prior, chord, height);

@@ -24,8 +24,7 @@ GroundPointAggregation::GroundPointAggregation(const Options& options)
 }
 
 void GroundPointAggregation::add(const Eigen::Isometry3d& T_w_c, double travelled,
-                                 const std::vector<GroundPoint>& points, double min_step) {
-  if (!queue_.empty() && travelled - queue_.back().travelled < min_step) queue_.pop_back();
+                                 const std::vector<GroundPoint>& points) {
   queue_.push_back({T_w_c, travelled, points});  // Alg. 2 line 7
   if (queue_.size() > static_cast<std::size_t>(options_.max_frames)) queue_.pop_front();  // line 8
 }

@@ -14,8 +14,9 @@ constexpr double kOffsetStep = 0.25;                // [camera heights]
 constexpr int kOffsetSteps = 40;                    // to either side
 constexpr int kGridSize = 64;         // [rays] in a row and column of the image at most
 constexpr double kRaySpacing = 0.03;  // [focal lengths] at least
-/// A band is visible when it fills at least this share of the image that the best one fills: a band
-/// in the corner of the image shows too little road for a plane.
+/// Number of rays of a band, relative to the band with the most. The band on the path is used from
+/// kVisibleShare on: with fewer, in a corner of the image, it shows too little road for a plane.
+/// Otherwise the nearest band from kWellVisibleShare on is used.
 constexpr double kVisibleShare = 0.25;
 constexpr double kWellVisibleShare = 0.8;
 

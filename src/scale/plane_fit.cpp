@@ -24,7 +24,7 @@ constexpr int kRobustScaleIterations = 5;
 
 /// Relative step of m at which the fit has converged, far below any error of the measurements.
 constexpr double kConvergedStep = 1e-9;
-constexpr int kMaxIterations = 15;  ///< Z of Alg. 2
+constexpr int kMaxFitIterations = 15;  ///< Z of Alg. 2
 
 /// Points whose standard deviation across their main direction is below this share of that along
 /// it lie on a line and define no plane.
@@ -217,7 +217,7 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   std::vector<Residual> residuals;
   std::vector<std::uint32_t> inliers, last_inliers;
   double robust_scale = 1;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxFitIterations; ++iteration) {
     residuals = computeResiduals(points, m, options_.roughness_heights);
     std::vector<double> normalised = normalisedResiduals(residuals);
     if (normalised.size() < min_points) return result;
@@ -273,7 +273,7 @@ PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
   std::iota(kept.begin(), kept.end(), 0u);
   GroundPlane plane;
   double squares = 0;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxFitIterations; ++iteration) {
     // Eq. 7: the eigenvector of the smallest eigenvalue. The scalar weight of Eq. 8 has no effect.
     Eigen::Matrix4d Q = Eigen::Matrix4d::Zero();
     for (const std::uint32_t i : kept) {

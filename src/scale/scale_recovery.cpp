@@ -28,7 +28,7 @@ ScaleRecovery::Options ScaleRecovery::Options::resolved() const {
 }
 
 void ScaleRecovery::Options::validate() const {
-  requireInRange("camera_height", camera_height, 0.05, 100);
+  requireInRange("camera_height", camera_height, kMinCameraHeight, kMaxCameraHeight);
   visitParameters(*this, RangeCheck(""));
   mounting.validate();
   gpe.validate();
@@ -206,8 +206,7 @@ ScaleReason ScaleRecovery::Impl::measureFeatureBased(
   if (ground.status != ScaleReason::kNone) return ground.status;
 
   if (rough_height == 0) rough_height = ground.plane.height;
-  gpa.add(frame.T_w_c, motion.travelled(), ground.points,
-          options.standstill_distance_heights * rough_height);
+  gpa.add(frame.T_w_c, motion.travelled(), ground.points);
   // The plane in the camera above the ground points, see CameraPath.
   Eigen::Vector3d centre_c = Eigen::Vector3d::Zero();
   for (const GroundPoint& point : ground.points) {
@@ -290,6 +289,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   output.pose = impl_->trajectory.append(frame, scale);
   output.mounting_pitch = impl_->mounting.pitch();
   output.mounting_roll = impl_->mounting.roll();
+  output.mounting_sigma = impl_->mounting.sigma();
   output.times.total = watch.ms();
   return output;
 }

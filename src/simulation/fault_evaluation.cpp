@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -40,15 +41,6 @@ struct FaultDriveRun {
     return (T_true.translation() - T_estimated.translation()).norm();
   }
 };
-
-/// Path length up to each pose [m].
-std::vector<double> pathLengths(const Poses& poses) {
-  std::vector<double> result(poses.size(), 0);
-  for (std::size_t i = 1; i < poses.size(); ++i) {
-    result[i] = result[i - 1] + (poses[i].translation() - poses[i - 1].translation()).norm();
-  }
-  return result;
-}
 
 /// Response from the first faulty frame on. `after`: first frame of the next segment.
 FaultMetrics evaluateFault(const FaultDriveRun& run, const PlacedFault& fault, std::size_t after) {
@@ -114,7 +106,7 @@ bool isFinite(const ScaleRecovery::Output& output) {
   const ScaleEstimate& s = output.scale;
   bool all = areFinite(s.raw_scale, s.scale, s.sigma, s.height, s.n_c, output.plane.n_c,
                        output.plane.height, output.correlation, output.mounting_pitch,
-                       output.mounting_roll);
+                       output.mounting_roll, output.mounting_sigma);
   for (const auto& m : {output.feature_based, output.direct}) {
     all = all && areFinite(m.height, m.sigma);
   }
@@ -162,8 +154,8 @@ FaultDriveMetrics runFaultDrive(
   metrics.tracked_frames = offline.record().trackedFrames();
   run.frames = offline.record().frames();
   run.estimate = offline.record().metricPoses();
-  run.true_path = pathLengths(run.ground_truth);
-  run.path = pathLengths(run.estimate);
+  run.true_path = distancesTravelled(run.ground_truth);
+  run.path = distancesTravelled(run.estimate);
   evaluate(run, fault_drive.faults, &metrics);
   return metrics;
 }

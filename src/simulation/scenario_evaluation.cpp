@@ -15,7 +15,7 @@ namespace ground_scale_vo {
 namespace {
 
 /// Angle of the error of the rotation from the first to the last frame [deg].
-double headingError(const SyntheticDrive& drive, const std::vector<RunFrame>& frames) {
+double rotationError(const SyntheticDrive& drive, const std::vector<RunFrame>& frames) {
   const auto last = frames.size() - 1;
   const Eigen::Matrix3d estimate =
       frames.front().T_o_c.linear().transpose() * frames.back().T_o_c.linear();
@@ -74,7 +74,7 @@ std::string violatedThreshold(const ScenarioMetrics& metrics,
   const auto frames = static_cast<double>(metrics.frames);
   if (!(static_cast<double>(metrics.metric_frames) > thresholds.min_metric_share * frames))
     return "late scale";
-  if (!(metrics.heading_error_deg <= thresholds.max_heading_error_deg)) return "heading";
+  if (!(metrics.rotation_error_deg <= thresholds.max_rotation_error_deg)) return "rotation";
   if (!(metrics.rle_percent <= thresholds.max_rle_percent) &&
       !(metrics.displacement_sigmas <= thresholds.max_displacement_sigmas)) {
     return "RLE";
@@ -112,7 +112,7 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
     ground_truth.push_back(full_ground_truth.back());
     estimate.push_back(frame.T_o_c);
   }
-  metrics.heading_error_deg = headingError(drive, frames);
+  metrics.rotation_error_deg = rotationError(drive, frames);
   metrics.displacement_sigmas = displacementSigmas(record, full_ground_truth);
   metrics.metric_frames = ground_truth.size();
   if (ground_truth.size() > 1) {

@@ -47,7 +47,7 @@ Traffic::Traffic(const SyntheticDrive::Options& options, const SpeedProfile& pro
 
 void Traffic::addTo(Scene& scene, std::size_t i, double t) const {
   if (options_.moving_cars) addCars(scene, t);
-  if (options_.lorry_frames > 0) addLorry(scene, i);
+  if (options_.lorry_frames > 0) addLorry(scene, i, t);
 }
 
 /// Adds a vehicle at (s, u) and its shadow, if it is on the road. size: width and length [m].
@@ -78,11 +78,10 @@ void Traffic::addCars(Scene& scene, double t) const {
 }
 
 /// It follows the speed of the ego vehicle, with a small oscillation sideways and in the gap.
-void Traffic::addLorry(Scene& scene, std::size_t i) const {
+void Traffic::addLorry(Scene& scene, std::size_t i, double t) const {
   const double first = options_.lorry_first, last = first + options_.lorry_frames - 1;
   const auto at = static_cast<double>(i);
   if (at < first || at > last) return;
-  const double t = at / options_.frame_rate_hz;
   const LongitudinalState ego = profile_.at(t);
   const double lane_change =
       std::min(at - first, last - at) / options_.frame_rate_hz / kLorryLaneChange;

@@ -30,7 +30,7 @@ class Traffic {
   void addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& size, double s, double u,
                   bool oncoming) const;
   void addCars(Scene& scene, double t) const;
-  void addLorry(Scene& scene, std::size_t i) const;
+  void addLorry(Scene& scene, std::size_t i, double t) const;
 
   const SyntheticDrive::Options& options_;
   const SpeedProfile& profile_;

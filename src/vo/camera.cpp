@@ -3,12 +3,12 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/image_limits.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-/// [px] largest side of an image: far above any camera, so larger values are errors.
-constexpr double kMaxPixels = 1e5;
+constexpr double kMaxSide = kMaxImageSide;  // [px]
 
 void require(const cv::Mat& image, const PinholeCamera& camera, const std::string& name) {
   if (image.type() != CV_8UC1) throw OptionError(name + " is not 8-bit with one channel");
@@ -21,12 +21,12 @@ void require(const cv::Mat& image, const PinholeCamera& camera, const std::strin
 }  // namespace
 
 void PinholeCamera::validate() const {
-  requireInRange("camera width [px]", width, 1, kMaxPixels);
-  requireInRange("camera height [px]", height, 1, kMaxPixels);
-  requireInRange("camera fx [px]", fx, 1, 10 * kMaxPixels);
-  requireInRange("camera fy [px]", fy, 1, 10 * kMaxPixels);
-  requireInRange("camera cx [px]", cx, -kMaxPixels, kMaxPixels);
-  requireInRange("camera cy [px]", cy, -kMaxPixels, kMaxPixels);
+  requireInRange("camera width [px]", width, 1, kMaxSide);
+  requireInRange("camera height [px]", height, 1, kMaxSide);
+  requireInRange("camera fx [px]", fx, 1, 10 * kMaxSide);
+  requireInRange("camera fy [px]", fy, 1, 10 * kMaxSide);
+  requireInRange("camera cx [px]", cx, -kMaxSide, kMaxSide);
+  requireInRange("camera cy [px]", cy, -kMaxSide, kMaxSide);
 }
 
 void requireImage(const cv::Mat& image, const PinholeCamera& camera) {

@@ -14,7 +14,8 @@ namespace ground_scale_vo {
 /// A corner that is tracked from image to image. Lists of features are ordered by id.
 struct Feature {
   std::uint64_t id = 0;
-  std::uint32_t age = 0;  ///< number of earlier frames in which it was tracked
+  /// Number of earlier frames in which it was tracked; a standstill counts as one.
+  std::uint32_t age = 0;
   Eigen::Vector2d u = Eigen::Vector2d::Zero();     ///< [px]
   Eigen::Vector2d flow = Eigen::Vector2d::Zero();  ///< since the previous image [px/s]
   double sigma = 0;                                ///< standard deviation of u [normalised, z = 1]

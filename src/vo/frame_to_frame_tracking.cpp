@@ -11,7 +11,7 @@ namespace {
 
 /// [corners] minimum number in an image that is not black, covered or blank. The image of a street
 /// has several hundred, and a pose needs some tens.
-constexpr std::size_t kMinTexture = 60;
+constexpr std::size_t kMinCorners = 60;
 
 /// [percent] minimum share of the features that a stationary camera tracks from one image to the
 /// next. With a smaller share, an object passes in front of the camera, and the flow of the other
@@ -121,7 +121,7 @@ std::vector<cv::Point2f> FrameToFrameTracking::pixels() const {
 }
 
 bool FrameToFrameTracking::isTextureless(const ImagePyramid& image, std::size_t found) const {
-  return found < kMinTexture && tracker_.detect(image.image, {}).size() < kMinTexture;
+  return found < kMinCorners && tracker_.detect(image.image, {}).size() < kMinCorners;
 }
 
 }  // namespace ground_scale_vo

@@ -18,9 +18,9 @@ namespace {
 
 /// Minimum depth of a landmark in its observer, relative to its depth in the anchor. A landmark
 /// with a smaller ratio is behind or beside the observer.
-constexpr double kMinDepthRatio = 1e-3;
+constexpr double kMinAdjustedDepthRatio = 1e-3;
 /// Minimum of the same ratio after a step; below it the cost is infinite.
-constexpr double kMinDepthRatioOfStep = 0.1 * kMinDepthRatio;
+constexpr double kMinStepDepthRatio = 0.1 * kMinAdjustedDepthRatio;
 /// [landmarks] minimum number that constrains the poses.
 constexpr std::size_t kMinLandmarks = 10;
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
@@ -124,7 +124,7 @@ struct LocalBundleAdjustment::Problem {
         // No descent leads from behind a camera to its front: leave such an observation out.
         const RayProjection projection =
             projectOnRay(ray, landmark.depth->value, relative_poses[relative_pose].T_o_a);
-        if (projection.p.z() < kMinDepthRatio) continue;
+        if (projection.p.z() < kMinAdjustedDepthRatio) continue;
       }
       observations.push_back({keyframe, relative_pose, o.x, 1 / o.sigma, Vector6d::Zero()});
     }
@@ -163,7 +163,7 @@ struct LocalBundleAdjustment::Problem {
         const Eigen::Isometry3d& T_o_a = relative_poses[o.relative_pose].T_o_a;
         const Eigen::Vector3d q =
             T_o_a.linear() * landmark.ray + of.inverse_depth[i] * T_o_a.translation();
-        if (q.z() < kMinDepthRatioOfStep) return std::numeric_limits<double>::infinity();
+        if (q.z() < kMinStepDepthRatio) return std::numeric_limits<double>::infinity();
         const double r = o.weight * (q.head<2>() / q.z() - o.x).norm();
         sum += r > huber ? huber * (2 * r - huber) : r * r;
       }

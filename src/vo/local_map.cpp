@@ -10,10 +10,6 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Minimum depth in the observer relative to the depth in the anchor; a point with a smaller ratio
-/// is treated as behind the camera.
-constexpr double kMinDepthRatio = 1e-6;
-
 /// Distance between the observation and the point's projection, infinite behind the camera.
 double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
                          const RayObservation& o) {

@@ -35,7 +35,8 @@ class Mapping {
 
   /// Waits for the bundle adjustment that addKeyframe started, if any, and applies its result.
   /// Called at the same step of each frame, so the result does not depend on the machine's speed.
-  /// Returns the motion of the newest keyframe: a pose of the old map becomes correction * T_w_c.
+  /// Returns the correction C = T_new T_old^-1 of the newest keyframe's pose: a pose T_w_c in the
+  /// old map becomes C * T_w_c. Empty if no adjustment was started.
   std::optional<Eigen::Isometry3d> takeAdjustedMap(VisualOdometry::Times* times);
 
   /// Runs bundle adjustment on the calling thread. Returns false if its result is not usable.

@@ -13,7 +13,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr int kMaxWindow = 21;
-constexpr int kMaxIterations = 10;  // of Gauss-Newton
+constexpr int kMaxAlignmentIterations = 10;  // of Gauss-Newton
 /// [px] step of the numeric derivative of the warp: small against a patch, large against rounding.
 constexpr double kWarpStep_px = 2;
 /// [px] step length at convergence: far below the noise of an aligned corner (0.2 px).
@@ -234,7 +234,7 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
   Eigen::Vector2f u = first;
   float correlation = -1;
   Window around(current, window);
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxAlignmentIterations; ++iteration) {
     if (!((u - first).norm() < kMaxIntermediateShift * max_shift) ||
         !contains(current, u, static_cast<float>(half))) {
       return std::nullopt;

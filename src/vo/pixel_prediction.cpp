@@ -14,8 +14,9 @@ namespace {
 constexpr int kColumns = 16, kRows = 8;
 constexpr std::size_t kMinPointsPerCell = 3;
 
-/// [VO units] minimum depth of a point that is projected. The unit is the median depth at the start
-/// of the map.
+/// Minimum z of a predicted point; one with less keeps its pixel. Of a map point in VO units (the
+/// unit is the median depth at the start of the map), of any other relative to its guessed depth in
+/// the previous camera.
 constexpr double kMinDepth = 1e-3;
 
 /// Median inverse depth of the map points around a pixel.

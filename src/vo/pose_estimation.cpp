@@ -11,7 +11,7 @@ namespace ground_scale_vo {
 namespace {
 
 /// [VO units] minimum depth (z) of a point in front of the camera.
-constexpr double kMinDepth = 1e-6;
+constexpr double kMinObservedDepth = 1e-6;
 
 // Gauss-Newton with Geman-McClure weights 1 / (1 + m^2 / c)^2 of the Mahalanobis distance m.
 
@@ -22,7 +22,7 @@ constexpr double kGemanMcClure = 4;
 constexpr double kInitialScale = 4.0;
 /// Relative damping: keeps H positive definite when a direction is barely constrained.
 constexpr double kDiagonalFactor = 1 + 1e-9;
-constexpr int kMaxIterations = 15;
+constexpr int kMaxPoseIterations = 15;
 /// [rad] a larger rotation step means divergence.
 constexpr double kMaxRotation = 1;
 /// Gauss-Newton decrement b.delta below which the iteration stops.
@@ -57,7 +57,7 @@ struct LinearisedObservation {
 LinearisedObservation linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) {
   LinearisedObservation l;
   const Eigen::Vector3d p = T_c_w * o.p_w;
-  if (p.z() < kMinDepth) return l;
+  if (p.z() < kMinObservedDepth) return l;
   l.in_front = true;
   const double iz = 1 / p.z();
   l.residual = p.head<2>() * iz - o.x;
@@ -96,7 +96,7 @@ PoseEstimation::Result PoseEstimation::refine(
     const Eigen::Isometry3d& start_T_w_c, const std::vector<PointObservation>& observations) const {
   Result result;
   Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxPoseIterations; ++iteration) {
     const double scale = std::max(1.0, kInitialScale / (iteration + 1));
     Matrix6d H = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();

@@ -30,7 +30,8 @@ constexpr int kRowChange_px = 8;
 /// Distance travelled over that at the last velocity. A car that brakes or accelerates with
 /// 3 m/s^2 from 10 m/s deviates by 0.3 after 2 s.
 constexpr double kDistances[] = {0.55, 0.7, 0.85, 1, 1.15, 1.3, 1.45};
-/// [sigma] least sum of the correlations. The best of all wrong poses reaches about 4.
+/// [standard deviations] least score, see PoseRating::scoreOf(). The best of all wrong poses
+/// reaches about 4.
 constexpr double kMinScore = 5;
 
 /// Largest |k| of a patch size k (ScaledPatches): a factor of 3.4, larger or smaller.

@@ -17,9 +17,10 @@ namespace ground_scale_vo {
 /// Finds the pose of an image in the map after an interruption in which the camera has moved and
 /// turned too far for descriptors of corners. Poses on a grid are rated: rotations about the
 /// vertical and the horizontal axis since the last pose, and distances around the one predicted
-/// with the last velocity. The score is the sum of the normalised cross-correlations of all patches
-/// at the projections of their map points. The best pose is refined with the positions at which the
-/// single patches correlate best, coarse to fine.
+/// with the last velocity. The score is the sum of the normalised cross-correlations of up to 200
+/// patches at the projections of their map points, in standard deviations of that sum at unrelated
+/// places. The best pose is refined with the positions at which the single patches correlate best,
+/// coarse to fine.
 class PoseSearch {
  public:
   struct Result {
@@ -28,7 +29,8 @@ class PoseSearch {
     std::vector<Feature> features;  ///< those whose patches agree with the pose, in the image
   };
 
-  /// mask: as for VisualOdometry.
+  /// options: of the refinement; own limits replace min_inliers and min_inlier_share. mask: as for
+  /// VisualOdometry.
   PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
              const cv::Mat& mask);
 

@@ -10,11 +10,8 @@ namespace {
 /// [VO units^2] minimum information (1 / sigma^2) on the inverse depth; below it there is no
 /// baseline.
 constexpr double kMinInformation = 1e-12;
-/// Minimum depth in the observer relative to the depth in the anchor; a point with a smaller ratio
-/// is treated as behind the camera.
-constexpr double kMinDepthRatio = 1e-6;
 /// Gauss-Newton starts at the linear solution and converges in two or three iterations.
-constexpr int kMaxIterations = 8;
+constexpr int kMaxTriangulationIterations = 8;
 /// [standard deviations of the inverse depth] step length at convergence.
 constexpr double kConverged = 1e-3;
 
@@ -39,7 +36,7 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
   double rho = numerator / denominator;
 
   double information = 0;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxTriangulationIterations; ++iteration) {
     double gradient = 0;
     information = 0;
     for (const RayObservation& o : observations) {

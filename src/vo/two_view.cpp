@@ -16,7 +16,7 @@ namespace {
 
 // RANSAC of both models. 1000 iterations are the default of cv::findEssentialMat.
 constexpr double kConfidence = 0.9999;
-constexpr int kMaxIterations = 1000;
+constexpr int kMaxRansacIterations = 1000;
 
 /// Fraction of min_parallax that must remain after removing the best rotation to try a model: the
 /// rotation that is fitted alone also absorbs part of a translation's flow.
@@ -69,7 +69,8 @@ Candidate candidate(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
 
 std::vector<Candidate> essentialCandidates(const std::vector<cv::Point2d>& x1,
                                            const std::vector<cv::Point2d>& x2, double threshold) {
-  // OpenCV 4.5.1 and older have no argument for the iterations; their default is kMaxIterations.
+  // OpenCV 4.5.2 and older have no argument for the iterations; their default is
+  // kMaxRansacIterations.
   const cv::Mat E =
       cv::findEssentialMat(x1, x2, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, kConfidence, threshold);
   if (E.rows != 3 || E.cols != 3) return {};
@@ -82,8 +83,8 @@ std::vector<Candidate> essentialCandidates(const std::vector<cv::Point2d>& x1,
 
 std::vector<Candidate> homographyCandidates(const std::vector<cv::Point2d>& x1,
                                             const std::vector<cv::Point2d>& x2, double threshold) {
-  const cv::Mat H =
-      cv::findHomography(x1, x2, cv::RANSAC, threshold, cv::noArray(), kMaxIterations, kConfidence);
+  const cv::Mat H = cv::findHomography(x1, x2, cv::RANSAC, threshold, cv::noArray(),
+                                       kMaxRansacIterations, kConfidence);
   if (H.empty()) return {};
   std::vector<cv::Mat> rotations, translations, normals;
   cv::decomposeHomographyMat(H, cv::Mat::eye(3, 3, CV_64F), rotations, translations, normals);

@@ -206,7 +206,8 @@ struct VisualOdometry::Impl {
         std::optional<PoseSearch::Result> searched;
         // While images follow each other, features that disagree with a pose are evidence against
         // it. The search ignores them: behind a car that moves along, it would find a pose without
-        // motion.
+        // motion. Images that follow each other start a new map before this number of intervals;
+        // one more, because stamps are irregular.
         if (motion.stepsSince(stamp_ns) > options.lost_frames_before_new_map + 1) {
           searched = pose_search.locate(mapping.map(), motion, tracking.features(),
                                         tracking.image().image, image.image, stamp_ns);
@@ -282,9 +283,9 @@ struct VisualOdometry::Impl {
     return {searched.T_w_c.linear().transpose() * motion.T_w_c().linear(), searched.rotation_sigma};
   }
 
-  /// Tracks the features of the previous image, and aligns them to the patches of the keyframes.
-  /// relocalised: predicts the pose of the image instead of the motion model, and supplies
-  /// features that cannot be tracked.
+  /// Tracks the features of the previous image (FrameToFrameTracking), and aligns them to the
+  /// patches of the keyframes. relocalised: predicts the pose of the image instead of the motion
+  /// model, and supplies features that cannot be tracked.
   std::vector<Feature> findFeatures(const ImagePyramid& image, std::int64_t stamp_ns,
                                     const std::optional<Relocalisation::Result>& relocalised,
                                     Output* out) {
@@ -355,8 +356,8 @@ struct VisualOdometry::Impl {
     *found = std::move(kept);
   }
 
-  /// Handles an image with texture but without a pose. rotation: to it from the previous image.
-  /// Starts a new map after several of them.
+  /// Handles an image with texture but without a pose. rotation: to it from the last image with a
+  /// pose, if known. Starts a new map after several of them.
   void lose(ImagePyramid image, std::int64_t stamp_ns,
             const std::optional<RelativeRotation>& rotation, Descriptors corners,
             std::uint32_t sequence) {

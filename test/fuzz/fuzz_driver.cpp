@@ -161,6 +161,7 @@ int writeCorpus(const std::filesystem::path& folder) {
 int main(int argc, char** argv) {
   using namespace ground_scale_vo::fuzz;
   testing::InitGoogleTest(&argc, argv);
+  testing::GTEST_FLAG(catch_exceptions) = false;  // an exception ends in SIGABRT: its input is kept
   input_file = std::filesystem::absolute(argv[0]).string() + ".input";
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];

@@ -1,6 +1,7 @@
 // The processing of MonoVo: camera_info and image in, vo/frame and its other topics out. An input
-// is a list of messages: an even byte is the next image of a drive, unchanged, an odd one an image
-// or camera_info with random changes.
+// is two bytes for image_is_rectified, then messages, each with a first byte `kind`: even, the next
+// image of a drive, unchanged; odd, an image or (kind % 8 == 3) a camera_info, with random changes
+// or (from 240 on) of random bytes, and with kind % 16 >= 12 at an irregular stamp.
 
 #include <ros/serialization.h>
 #include <sensor_msgs/CameraInfo.h>

@@ -86,7 +86,7 @@ TEST(Pipeline, MetricOdometryContinuesAfterBlackImages) {
   ASSERT_LT(posed, 40u);
   for (std::size_t i = posed + 1; i < frames.size(); ++i) {
     const bool black = i >= 40 && i < 50;
-    // 50 to 59: a new map starts, frames with and without metric pose are allowed.
+    // 50 to 59: tracking resumes in the same map, frames with and without metric pose are allowed.
     if (black || i >= 60) {
       EXPECT_EQ(frames[i].has_metric_pose, !black) << i;
     }

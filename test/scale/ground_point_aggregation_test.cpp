@@ -38,7 +38,7 @@ NormalPrior prior() {
 TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
   GroundPointAggregation gpa({});
   for (int i = 0; i < 4; ++i) {
-    gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(15, 1 + 100u * static_cast<unsigned>(i)), 0);
+    gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(15, 1 + 100u * static_cast<unsigned>(i)));
   }
   const auto result = gpa.estimate(poseAt(1.5), 1.5, prior(), kHeight);
   ASSERT_EQ(result.fit.status, ScaleReason::kNone);
@@ -56,7 +56,7 @@ TEST(GroundPointAggregation, WindowLengthIsInCameraHeights) {
   options.window_heights = 2;  // 1.6 VO units: four frames
   GroundPointAggregation gpa(options);
   for (int i = 0; i < 10; ++i) {
-    gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)), 0);
+    gpa.add(poseAt(0.5 * i), 0.5 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)));
     gpa.estimate(poseAt(0.5 * i), 0.5 * i, prior(), kHeight);
   }
   EXPECT_EQ(gpa.estimate(poseAt(4.5), 4.5, prior(), kHeight).window.size(), 80u);
@@ -67,12 +67,12 @@ TEST(GroundPointAggregation, NumbersOfFramesAndPointsAreBounded) {
   options.max_frames = 3;
   GroundPointAggregation gpa(options);
   for (int i = 0; i < 10; ++i) {
-    gpa.add(poseAt(0), 0.001 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)), 0);
+    gpa.add(poseAt(0), 0.001 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)));
   }
   EXPECT_EQ(gpa.estimate(poseAt(0), 0.009, prior(), kHeight).window.size(), 60u);
   GroundPointAggregation many({});
-  many.add(poseAt(0), 0, pointsAhead(2000, 1), 0);
-  many.add(poseAt(0.5), 0.5, pointsAhead(2000, 10001), 0);
+  many.add(poseAt(0), 0, pointsAhead(2000, 1));
+  many.add(poseAt(0.5), 0.5, pointsAhead(2000, 10001));
   EXPECT_EQ(many.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 3000u);
 }
 
@@ -80,8 +80,8 @@ TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
   auto older = pointsAhead(20, 1);
   for (GroundPoint& point : older) point.p_c.z() += 0.5;
   GroundPointAggregation once({});
-  once.add(poseAt(0), 0, older, 0);
-  once.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0);
+  once.add(poseAt(0), 0, older);
+  once.add(poseAt(0.5), 0.5, pointsAhead(20, 1));
   const auto result = once.estimate(poseAt(0.5), 0.5, prior(), kHeight);
   EXPECT_EQ(result.window.size(), 20u);
   EXPECT_EQ(result.window[0].origin_c.norm(), 0);
@@ -89,25 +89,16 @@ TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
   GroundPointAggregation::Options options;
   options.unique_features = false;
   GroundPointAggregation copies(options);
-  copies.add(poseAt(0), 0, older, 0);
-  copies.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0);
+  copies.add(poseAt(0), 0, older);
+  copies.add(poseAt(0.5), 0.5, pointsAhead(20, 1));
   EXPECT_EQ(copies.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 40u);
-}
-
-TEST(GroundPointAggregation, StandingStillReplacesTheNewestFrame) {
-  GroundPointAggregation::Options options;
-  options.unique_features = false;
-  GroundPointAggregation gpa(options);
-  gpa.add(poseAt(0), 0, pointsAhead(20, 1), 0.02);
-  for (int i = 0; i < 30; ++i) gpa.add(poseAt(0.5), 0.5, pointsAhead(20, 1), 0.02);
-  EXPECT_EQ(gpa.estimate(poseAt(0.5), 0.5, prior(), kHeight).window.size(), 40u);
 }
 
 TEST(GroundPointAggregation, EmptyAndResetWindowsAreReported) {
   GroundPointAggregation gpa({});
   EXPECT_EQ(gpa.estimate(poseAt(0), 0, prior(), kHeight).fit.status,
             ScaleReason::kTooFewGroundPoints);
-  gpa.add(poseAt(0), 0, pointsAhead(30, 1), 0);
+  gpa.add(poseAt(0), 0, pointsAhead(30, 1));
   EXPECT_EQ(gpa.estimate(poseAt(0), 0, prior(), kHeight).fit.status, ScaleReason::kNone);
   gpa.reset();
   EXPECT_TRUE(gpa.estimate(poseAt(0), 0, prior(), kHeight).window.empty());

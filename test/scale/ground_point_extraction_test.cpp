@@ -189,7 +189,6 @@ TEST(GroundPointExtraction, FramePitchTestRejectsFramesThatPitch) {
   const RoadScene scene = road();
   GroundPointExtraction::Options options;
   options.frame_pitch_test = true;
-  options.most_inliers = true;
   const GroundPointExtraction gpe(options);
   Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
   EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), motion).status,

@@ -18,7 +18,7 @@ std::string violation(const Change& change) {
   metrics.metric_frames = 90;
   metrics.rle_percent = 0.5;
   metrics.displacement_sigmas = 1;
-  metrics.heading_error_deg = 0.3;
+  metrics.rotation_error_deg = 0.3;
   metrics.within_2_sigma = 0.9;
   Thresholds thresholds;
   change(metrics, thresholds);
@@ -30,7 +30,7 @@ TEST(ScenarioEvaluation, NamesTheViolatedThreshold) {
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.tracked_frames = 99; }), "lost");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.lost_events = 1; }), "lost");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.metric_frames = 50; }), "late scale");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.heading_error_deg = 2.1; }), "heading");
+  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rotation_error_deg = 2.1; }), "rotation");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rle_percent = 1.6; }), "RLE");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rle_percent = NAN; }), "RLE");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.within_2_sigma = 0.7; }), "2 sigma");

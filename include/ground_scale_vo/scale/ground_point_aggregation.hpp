@@ -43,11 +43,11 @@ class GroundPointAggregation {
   /// Throws OptionError.
   explicit GroundPointAggregation(const Options& options);
 
-  /// Appends the newest frame. It replaces the previous one when it moved less than min_step, so
-  /// that standstill does not fill the window with copies (0: never).
-  /// travelled: distance since the start of the map, not decreasing; min_step likewise [VO units].
-  void add(const Eigen::Isometry3d& T_w_c, double travelled, const std::vector<GroundPoint>& points,
-           double min_step);
+  /// Appends the newest frame. Precondition: the camera has moved since the last one, otherwise the
+  /// window fills with copies. travelled: distance since the start of the map, not decreasing [VO
+  /// units].
+  void add(const Eigen::Isometry3d& T_w_c, double travelled,
+           const std::vector<GroundPoint>& points);
 
   /// Plane of the window in the camera T_w_c, which need not be the newest frame's.
   /// height_hint: approximate camera height [VO units], > 0; converts the window's length.

@@ -23,8 +23,8 @@ struct GroundPoint {
 /// Ground Point Extraction (GPE, the paper's section III.A and Alg. 1): selects the features of one
 /// frame that lie on the road.
 ///  1. Delaunay triangles of the features in the region of interest (line 1).
-///  2. Triangles whose plane lies below the camera, is orthogonal to the motion and has the road's
-///     pitch and roll (lines 6-15, Eq. 1-3); their corners are candidates.
+///  2. Triangles whose plane lies below the camera, whose normal is orthogonal to the motion and
+///     has the road's pitch and roll (lines 6-15, Eq. 1-3); their corners are candidates.
 ///  3. RANSAC plane through three candidates (lines 17-33, Eq. 4); its inliers are the result.
 class GroundPointExtraction {
  public:

@@ -51,7 +51,7 @@ class PlaneFit {
     /// the fit, points on both sides constrain each other.
     double camber_sigma_rad = 0.03;
     double reject_sigma = 2.5;               ///< of kInverseDepth
-    double reject_distance_heights = 0.006;  ///< of kHomogeneous; the paper's 0.01 m over 1.65 m
+    double reject_distance_heights = 0.006;  ///< of kHomogeneous, set by paperPreset()
     double max_sigma = 0.05;
     double max_tilt_rad = 0.06;
     template <typename Self, typename Visit>
@@ -59,11 +59,11 @@ class PlaneFit {
       visit("min_points", self.min_points, 3, 1e6, "[points] least number for a plane");
       visit("sac_threshold_heights", self.sac_threshold_heights, 1e-6, 1,
             "[camera heights] inlier distance of SACSegmentation");
-      visit(
-          "sac_tilt_rad", self.sac_tilt_rad, 1e-4, 1.5,
-          "[rad] largest angle of its plane's normal from the prior; three standard deviations of "
-          "the prior are added in quadrature");
-      visit("sac_iterations", self.sac_iterations, 1, 1e6, "[iterations] of SACSegmentation");
+      visit("sac_tilt_rad", self.sac_tilt_rad, 1e-4, 1.5,
+            "[rad] largest angle of the normal of SACSegmentation's plane from the prior; three "
+            "standard deviations of the prior are added in quadrature");
+      visit("sac_iterations", self.sac_iterations, 1, 1e6,
+            "[iterations] largest number of SACSegmentation");
       visit("roughness_heights", self.roughness_heights, 1e-6, 1,
             "[camera heights] standard deviation of the road surface; limits the weight of near "
             "points");
@@ -71,8 +71,6 @@ class PlaneFit {
             "[rad] standard deviation of the cross slope beside the vehicle against that below it");
       visit("reject_sigma", self.reject_sigma, 0.1, 100,
             "[sigma] points with a larger residual are rejected");
-      visit("reject_distance_heights", self.reject_distance_heights, 1e-6, 1,
-            "[camera heights] the same with paper_literal");
       visit("max_sigma", self.max_sigma, 1e-4, 10,
             "[] largest accepted relative standard deviation of the height");
       visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,

@@ -20,6 +20,9 @@
 
 namespace ground_scale_vo {
 
+/// [m] range of the camera height above the road.
+constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
+
 /// The paper's GPE-GPA thread, extended by direct measurements: takes the VO's frames and images,
 /// returns the scale s = h*/h and the metric pose.
 ///
@@ -108,6 +111,7 @@ class ScaleRecovery {
     GroundPlane plane;
     double mounting_pitch = 0;  ///< [rad], positive: the camera looks down
     double mounting_roll = 0;   ///< [rad], positive: the camera's x axis points down
+    double mounting_sigma = 0;  ///< Mounting::sigma() [rad]
   };
 
   /// Throws OptionError.

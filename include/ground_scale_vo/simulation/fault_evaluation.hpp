@@ -69,8 +69,9 @@ FaultDriveMetrics runFaultDrive(
     const std::function<void(std::size_t, const cv::Mat&, const OfflineRun&)>& each = {});
 
 /// The first violated threshold as a sentence; empty: none. All outputs must be finite, every
-/// segment accurate, hidden ground detected and then not measured, no excess path length, and
-/// the position error after a fault consistent with the covariance.
+/// segment accurate, hidden ground detected and then not measured, metric poses again after every
+/// fault, no excess path length, and the position error after a fault consistent with the
+/// covariance.
 std::string violatedThreshold(const FaultDriveMetrics& metrics);
 
 }  // namespace ground_scale_vo

@@ -28,7 +28,7 @@ struct ScenarioMetrics {
   double displacement_sigmas = 0;
 
   /// Angle of the error of the rotation from the first to the last image [deg].
-  double heading_error_deg = 0;
+  double rotation_error_deg = 0;
 
   double scale_error_percent = 0;  ///< ScaleMetrics::error_abs_median_percent
   double within_2_sigma = 0;       ///< ScaleMetrics::within_2_sigma
@@ -54,7 +54,7 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
                                  const RunRecord& record);
 
 /// The first violated threshold: "lost" (too many frames are not tracked), "late scale" (too few
-/// metric frames), "heading", "RLE", "2 sigma" or "ok while unobservable". Empty: none.
+/// metric frames), "rotation", "RLE", "2 sigma" or "ok while unobservable". Empty: none.
 std::string violatedThreshold(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
 }  // namespace ground_scale_vo

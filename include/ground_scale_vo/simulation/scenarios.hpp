@@ -26,16 +26,17 @@ struct ScenarioAblation {
 /// Thresholds of a run over a scenario.
 struct ScenarioThresholds {
   double max_rle_percent = 1.5;
-  /// An alternative to max_rle_percent, for drives whose images do not show the whole motion: the
-  /// displacement error in published sigmas. 0: no alternative.
+  /// An alternative to max_rle_percent, for drives of which a part cannot be measured accurately
+  /// (black images, hardly any visible road, asphalt without texture): the displacement error in
+  /// published sigmas. 0: no alternative.
   double max_displacement_sigmas = 0;
-  double max_heading_error_deg = 2;
+  double max_rotation_error_deg = 2;
   /// Frames without a pose of the odometry. Above 0, the odometry may also lose track.
   std::size_t max_untracked_frames = 0;
   /// Below 0.95: the errors of neighbouring frames are correlated, so the share varies widely over
   /// a short drive.
   double min_within_2_sigma = 0.75;
-  double max_ok_while_unobservable = 0;
+  double max_ok_while_unobservable = 0;  ///< share of the frames in which it is unobservable
   /// The share of frames from the first metric pose on must exceed this.
   double min_metric_share = 0.5;
 };

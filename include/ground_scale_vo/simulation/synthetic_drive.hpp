@@ -59,7 +59,7 @@ class SyntheticDrive {
 
     // --- Other vehicles ---
     bool parked_cars = true;
-    bool moving_cars = true;  ///< one ahead in the lane, others oncoming
+    bool moving_cars = true;  ///< one ahead in the lane, others oncoming or beside; not the lorry
     bool lead_van = false;    ///< the one ahead is a van, 2.1 m wide and 2.5 m high
     double lead_gap = 6.9;    ///< from the camera to the rear of the one ahead at standstill [m]
     double lead_time = 1.2;   ///< lead of the one ahead in the speed profile [s]
@@ -73,9 +73,9 @@ class SyntheticDrive {
     double lorry_width = 2.55;  ///< with its load [m]
 
     // --- Surroundings ---
-    bool built_up = true;      ///< houses, hedges, paved footways, and marked parking bays
-    bool off_road = false;     ///< rough gravel and grass without road, kerbs and houses
-    double wall_at_m = 0;      ///< position of a house across the road [m]; 0: none
+    bool built_up = true;   ///< houses, hedges, paved footways, and marked parking bays
+    bool off_road = false;  ///< rough gravel and grass without road, kerbs and houses
+    double wall_at_m = 0;  ///< position of a house across the road [m], only with built_up; 0: none
     double bridge_from_m = 0;  ///< on the bridge the terrain beside the road is 9 m lower;
     double bridge_to_m = 0;    ///< bridge_to_m <= bridge_from_m: none [m]
     double underpass_from_m =

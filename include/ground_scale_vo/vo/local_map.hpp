@@ -89,7 +89,8 @@ class LocalMap {
   /// and consistent with all observations.
   void triangulateNew();
 
-  /// Recomputes every depth's sigma from its observations.
+  /// Recomputes the sigma of the depths from their observations. It is kept where only the anchor's
+  /// observation is left, and does not increase where only one other is left.
   void updateSigmas();
 
   /// Of the landmarks with a depth: removes observations with a larger error, in normalised image

@@ -32,9 +32,14 @@ inline RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_dep
   return {p, t.head<2>() - p.head<2>() / p.z() * t.z()};
 }
 
+/// Minimum depth in the observer relative to the depth in the anchor; a point with a smaller ratio
+/// is treated as behind the camera.
+constexpr double kMinDepthRatio = 1e-6;
+
 /// Inverse depth with the least squared reprojection error in all observations (without the
 /// anchor's own), by Gauss-Newton. ray: in the anchor, z = 1. Empty when there is no observation or
-/// no baseline, the point is behind a camera, or the iteration does not converge.
+/// no baseline, the point is behind an observing camera, or the iteration does not converge. The
+/// value may be zero or negative: a point at infinity, or behind the anchor.
 std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
                                         const std::vector<RayObservation>& observations);
 

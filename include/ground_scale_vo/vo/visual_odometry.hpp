@@ -19,7 +19,7 @@ namespace ground_scale_vo {
 
 enum class RejectReason : std::uint8_t {
   kNotFound,  ///< not found in this image, at the mask, or failed the forward-backward check
-  kOutlier    ///< off the projection of its map point, or without a point off its epipolar line
+  kOutlier    ///< off the projection of its map point; without a map point: off its epipolar line
 };
 
 /// A feature that was not found in this frame, or was removed from it as an outlier.
@@ -64,7 +64,8 @@ class VisualOdometry {
       visit("feature_sigma", self.feature_sigma, 1e-6, 0.1,
             "[focal lengths] standard deviation of a tracked corner without flow");
       visit("feature_sigma_flow", self.feature_sigma_flow, 1e-4, 100,
-            "[focal lengths] flow, without that of the rotation, that doubles its variance");
+            "[focal lengths] flow, without that of the rotation, that doubles the variance "
+            "feature_sigma^2 of a tracked corner");
       visit("feature_sigma_aligned", self.feature_sigma_aligned, 1e-6, 0.1,
             "[focal lengths] standard deviation of a corner aligned to a keyframe's patch");
       visit("keyframe_parallax", self.keyframe_parallax, 1e-4, 1,
@@ -82,7 +83,8 @@ class VisualOdometry {
       visit("initialisation_min_tracked", self.initialisation_min_tracked, 0.01, 1,
             "[] share of the first frame's features below which initialisation restarts");
       visit("lost_frames_before_new_map", self.lost_frames_before_new_map, 1, 1000,
-            "[frames] consecutive textured frames without a pose after which a new map starts");
+            "[frames] consecutive textured frames without a pose after which a new map starts; the "
+            "pose search begins after a gap of more than this number + 1 image intervals");
     }
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
@@ -116,8 +118,8 @@ class VisualOdometry {
 
   struct Output {
     VoFrame frame;
-    /// Poses of all frames from the map's first to this one, in order; empty unless this frame
-    /// starts a map.
+    /// Poses of the frames from the map's first to this one, in order, without those that had too
+    /// little texture (see sequence); empty unless this frame starts a map.
     std::vector<StartPose> start;
     /// For visualisation; not among the frame's features. While the camera stands still or is lost,
     /// the previous image is kept, and a rejected feature may be found again later.

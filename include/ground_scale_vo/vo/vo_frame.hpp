@@ -15,8 +15,9 @@ const char* toString(VoStatus status);  ///< "initialising", "tracking", "lost"
 
 /// One tracked corner of one frame.
 struct TrackedFeature {
-  std::uint64_t id = 0;   ///< constant while the corner is tracked; never reused
-  std::uint32_t age = 0;  ///< number of earlier frames in which it was tracked
+  std::uint64_t id = 0;  ///< constant while the corner is tracked; never reused
+  /// Number of earlier frames in which it was tracked; a standstill counts as one.
+  std::uint32_t age = 0;
   Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] in the rectified image
   bool has_point = false;                       ///< p_c and depth_sigma are valid
   /// 3-D map point in the camera frame of this frame, VO units. z > 0.

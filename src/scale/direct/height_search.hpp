@@ -18,8 +18,9 @@ namespace ground_scale_vo::direct {
 double medianFeatureHeight(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior);
 
 /// Exhaustive search for the camera height: maximises the correlation of the patches with each
-/// reference image over the height, and over the roll while the prior leaves it open. The pitch is
-/// that of the prior, which knows it from the direction of motion.
+/// reference image over the height. While the prior leaves the roll open, the one that correlates
+/// best with the first reference image is used for both. The pitch is that of the prior, which
+/// knows it from the direction of motion.
 class HeightSearch {
  public:
   explicit HeightSearch(const DirectPlaneEstimator::Options& options) : options_(options) {}

@@ -19,7 +19,7 @@ constexpr double kSideMargin = 0.12;
 constexpr double kTopMargin = 0.04;
 /// Lower bound of the product of two texture shares, keeps the correlation of uniform patches
 /// finite.
-constexpr float kMinTexture = 1e-3f;
+constexpr float kMinTextureProduct = 1e-3f;
 
 }  // namespace
 
@@ -41,7 +41,7 @@ float correlate(const Patch& patch, float noise, Samples* values) {
   float texture = 0;
   normalise(noise, values, &texture);
   const float product = (patch.value * *values).mean();
-  return product / std::sqrt(std::max(patch.texture * texture, kMinTexture));
+  return product / std::sqrt(std::max(patch.texture * texture, kMinTextureProduct));
 }
 
 PatchExtractor::PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid,

@@ -14,7 +14,7 @@ constexpr float kMinGradientAlongLine = 0.2f;
 constexpr float kMinResidualVariance = 0.01f;
 /// [standard deviations] Tuning constant of the Cauchy weights; 2.385 has 95 % efficiency for
 /// normal errors, less rejects more.
-constexpr float kCauchyConstant = 2;
+constexpr float kSampleCauchyConstant = 2;
 
 /// Sums over the samples of a patch from which Match's derivatives follow.
 struct Moments {
@@ -144,7 +144,7 @@ void PatchMatcher::measure(const Reference& reference, const Patch& patch, const
   match->correlation = correlate(patch, image_noise_, &values);
   const Samples residual = patch.value - values;
   const Samples squares = residual.square();
-  const float scale = kPatchSamples / (kCauchyConstant * kCauchyConstant *
+  const float scale = kPatchSamples / (kSampleCauchyConstant * kSampleCauchyConstant *
                                        std::max(squares.sum(), kMinResidualVariance));
   const Samples weight = 1 / (1 + squares * scale);
   const Samples wj = weight * match->jacobian;

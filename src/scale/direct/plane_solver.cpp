@@ -12,14 +12,14 @@ namespace ground_scale_vo::direct {
 namespace {
 
 /// Limits the time spent on an estimate that does not converge.
-constexpr int kMaxIterations = 12;
+constexpr int kMaxSolverIterations = 12;
 /// Relative step of m at which the iteration has converged: far below the 0.5 % that the height is
 /// known to in the best case.
 constexpr double kConvergedStep = 2e-4;
 /// From then on the robust scale is fixed, otherwise the weights and the scale may oscillate.
 constexpr int kRobustScaleIterations = 5;
 /// [standard deviations] Tuning constant of the Cauchy weights of whole patches.
-constexpr double kCauchyConstant = 2;
+constexpr double kPatchCauchyConstant = 2;
 /// Typical mean correlation of patches that show nothing but road. A lower one means that part of
 /// the patches show something else, and inflates the height's standard deviation.
 constexpr double kRoadCorrelation = 0.92;
@@ -37,7 +37,7 @@ DirectPlaneEstimator::Result PlaneSolver::solve(const std::vector<Patch>& patche
   Eigen::Vector3d m = initial.n_c / initial_height;
   matches_.resize(patches.size() * kReferences);
   double robust_scale = 1;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxSolverIterations; ++iteration) {
     const bool linearise = iteration == 0;
     if (!matchPatches(patches, references, matcher, m.cast<float>(), linearise, &result)) {
       return result;
@@ -117,7 +117,8 @@ void PlaneSolver::accumulate(const std::vector<Patch>& patches, std::size_t refe
       jacobian << ray, -0.5 * q * ahead * ahead, match.motion.cast<double>();
       const double expected = shiftVariance(match, m_float) * robust_scale * robust_scale;
       const double shift = match.shift;
-      const double weight = 1 / (expected + shift * shift / (kCauchyConstant * kCauchyConstant));
+      const double weight =
+          1 / (expected + shift * shift / (kPatchCauchyConstant * kPatchCauchyConstant));
       joint_[k].H.noalias() += weight * jacobian * jacobian.transpose();
       joint_[k].b += weight * shift * jacobian;
     }

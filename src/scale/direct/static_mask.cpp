@@ -15,7 +15,7 @@ constexpr float kMinCorrelation = 0.8f;
 constexpr float kMinMargin = 0.1f;
 /// Minimum share of the patch's grey-level variance that is not image noise; uniform patches
 /// correlate with anything.
-constexpr float kMinTexture = 0.5f;
+constexpr float kMinTextureShare = 0.5f;
 /// Cells above this probability are masked.
 constexpr float kMaskedProbability = 0.5f;
 
@@ -58,7 +58,7 @@ bool StaticMask::isStatic(const Patch& patch, const Reference& reference,
   const float as_road = is_aligned && matcher.sample(reference, patch, m, &values)
                             ? correlate(patch, noise, &values)
                             : 0.f;
-  return patch.texture > kMinTexture && as_static > kMinCorrelation &&
+  return patch.texture > kMinTextureShare && as_static > kMinCorrelation &&
          as_static > as_road + kMinMargin;
 }
 

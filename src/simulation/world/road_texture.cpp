@@ -164,7 +164,9 @@ class RoadTexturePainter {
       const std::vector<float>& contrast = is_bare ? bare_contrast : grit_contrast_;
       uchar* out = texture.ptr(y);
       for (int x = 0; x < texture.cols; ++x) {
-        const float tone = static_cast<float>(pattern_row[x] * light_row[x]) / (128.f * 255.f);
+        // Pattern and light are 1 at kNeutral and 255.
+        const float tone = static_cast<float>(pattern_row[x] * light_row[x]) /
+                           (static_cast<float>(kNeutral) * 255.f);
         const float grit_factor = 1 + contrast[static_cast<std::size_t>(x)] * grit_row[x];
         out[x] = cv::saturate_cast<uchar>(static_cast<float>(out[x]) * tone * grit_factor);
       }

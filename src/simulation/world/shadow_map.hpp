@@ -14,7 +14,8 @@ class ShadowMap {
   /// sun: unit vector towards the sun, in world axes. road_texels: size of the road texture.
   ShadowMap(const RoadGeometry& road, const Eigen::Vector3d& sun, cv::Size road_texels);
 
-  // Objects stand at (s, u). Offsets from there are along the road and to its left [m].
+  // Objects stand at (s, u) of the RoadGeometry. Offsets from there are along the road and to its
+  // left, heights above the road [m].
 
   /// Shadow of a vertical prism over a polygon, or of a vertical wall over two points. opacity: of
   /// the object, 1 halves the light.

@@ -4,6 +4,7 @@ import fcntl
 import os
 import re
 import signal
+import socket
 import subprocess
 
 import pytest
@@ -30,3 +31,23 @@ def test_interrupt_during_the_imports_ends_silently(node):
             output = stderr.read().decode()
         assert process.wait(TIMEOUT_S) == -signal.SIGINT
     assert "Traceback" not in output, output
+
+
+@pytest.mark.parametrize("node", ["playback_monitor", "view_frame", "feed_another_vo"])
+def test_interrupt_during_the_registration_ends_silently(node, tmp_path):
+    with socket.create_server(("localhost", 0)) as master:
+        environment = {**os.environ, "ROS_LOG_DIR": str(tmp_path),
+                       "ROS_MASTER_URI": f"http://localhost:{master.getsockname()[1]}"}
+        process = subprocess.Popen(["/usr/bin/python3", ROOT / "nodes" / node], env=environment,
+                                   stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                   stderr=subprocess.STDOUT, text=True)
+        try:
+            master.settimeout(TIMEOUT_S)
+            connection, _ = master.accept()  # by rospy.init_node, which waits for the answer
+            process.send_signal(signal.SIGINT)
+            connection.close()
+            master.close()
+            output, _ = process.communicate(timeout=TIMEOUT_S)
+        finally:
+            process.kill()
+    assert process.returncode == -signal.SIGINT and not output, output

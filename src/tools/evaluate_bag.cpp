@@ -24,6 +24,7 @@
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/frame_name.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "ground_scale_vo/ros_tools/kitti_topics.hpp"
@@ -249,7 +250,8 @@ void evaluate(const Arguments& arguments) {
 
   const std::size_t first = firstMetricFrame(arguments, played, recorded);
   const auto& first_odometry = *recorded.metric.at(played.images[first].stamp);
-  const bool is_camera = first_odometry.child_frame_id == played.images[first].frame_id;
+  const bool is_camera =
+      first_odometry.child_frame_id == gsv::withoutLeadingSlashes(played.images[first].frame_id);
   const Eigen::Isometry3d T_b0_odom = gsv::fromMsg(first_odometry.pose.pose).inverse();
 
   Eigen::Matrix3d R_o_odom = T_b0_odom.linear();

@@ -106,6 +106,22 @@ def test_evaluate_bag_reports_a_scale_that_is_never_within_2_sigma(factor, tmp_p
     assert factor == 1 or "median error +42.0 %" in done.stderr
 
 
+def test_evaluate_bag_with_a_slash_before_the_frame_of_the_images(tmp_path):
+    """The nodelets omit it; the poses remain those of the camera, forward along z."""
+    def slash(topic, message):
+        if topic == IMAGE:
+            message.header.frame_id = "/camera"
+        return topic, message
+
+    drive, played, recorded = (tmp_path / f"{name}.bag" for name in ("drive", "played", "recorded"))
+    write_drive(drive, recorded, 1)
+    copy(drive, played, slash)
+    run(EVALUATE_BAG, "--played", played, "--recorded", recorded, "--out", tmp_path / "out",
+        "--camera-height", 1.65)
+    last = (tmp_path / "out/poses.txt").read_text().splitlines()[-1].split()
+    assert [round(float(last[k])) for k in (3, 7, 11)] == [0, 0, 99]
+
+
 def test_evaluate_bag_no_such_bag(bag, tmp_path):
     assert_refused(1, "there is no bag", EVALUATE_BAG, "--played", tmp_path / "none.bag", "--recorded",
                    bag, "--out", tmp_path, "--camera-height", 1.65)

@@ -6,13 +6,12 @@
 #include <optional>
 #include <sstream>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-constexpr double kDegreesPerRadian = 180 / 3.14159265358979323846;
 
 template <typename... Values>
 std::string format(const char* pattern, Values... values) {

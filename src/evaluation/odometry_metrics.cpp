@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
@@ -20,8 +21,6 @@ constexpr Lengths kDevkitLengths{100, 200, 300, 400, 500, 600, 700, 800};
 constexpr Lengths kShortLengths{10, 20, 30, 40, 50, 60, 70, 80};
 constexpr std::size_t kFramesBetweenStarts = 10;
 constexpr double kMinMotion = 0.3;  // [m] the direction of a shorter motion is mostly noise
-
-double toDegrees(double radians) { return radians * (180.0 / M_PI); }
 
 Poses orthonormalised(const Poses& poses, const char* name) {
   Poses result = poses;
@@ -53,7 +52,7 @@ std::vector<OdometryMetrics::LengthError> segmentErrors(const Poses& ground_trut
                                       (ground_truth[first].inverse() * ground_truth[last]);
       ++sum.segments;
       sum.t_err_percent += 100.0 * error.translation().norm() / length;
-      sum.r_err_deg_per_m += toDegrees(Eigen::AngleAxisd(error.linear()).angle()) / length;
+      sum.r_err_deg_per_m += kDegreesPerRadian * Eigen::AngleAxisd(error.linear()).angle() / length;
     }
     if (sum.segments == 0) continue;
     sum.t_err_percent /= sum.segments;
@@ -97,7 +96,7 @@ std::optional<double> medianDirectionError(const Poses& ground_truth, const Pose
     const Eigen::Vector3d t = (ground_truth[i - 1].inverse() * ground_truth[i]).translation();
     const Eigen::Vector3d e = (estimate[i - 1].inverse() * estimate[i]).translation();
     if (t.norm() <= kMinMotion || e.norm() == 0.0) continue;
-    angles.push_back(toDegrees(std::atan2(t.cross(e).norm(), t.dot(e))));
+    angles.push_back(kDegreesPerRadian * std::atan2(t.cross(e).norm(), t.dot(e)));
   }
   return angles.empty() ? std::nullopt : std::make_optional(quantile(angles, 0.5));
 }
@@ -174,7 +173,7 @@ std::optional<double> largestRotationDifferenceDeg(const Poses& first, const Pos
     const Eigen::Matrix3d turn_a = a[i].linear().transpose() * a[i + frames].linear();
     const Eigen::Matrix3d turn_b = b[i].linear().transpose() * b[i + frames].linear();
     const Eigen::AngleAxisd between(turn_a.transpose() * turn_b);
-    largest = std::max(largest.value_or(0), toDegrees(between.angle()));
+    largest = std::max(largest.value_or(0), kDegreesPerRadian * between.angle());
   }
   return largest;
 }

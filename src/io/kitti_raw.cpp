@@ -8,6 +8,7 @@
 #include <regex>
 #include <string>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "numbered_files.hpp"
@@ -60,7 +61,6 @@ Eigen::Isometry3d readTransform(const fs::path& file, const std::string& rotatio
 /// T_w_imu [m] of the GPS/IMU: a Mercator projection that is true to scale at the first latitude.
 std::vector<Eigen::Isometry3d> readOxts(const fs::path& folder) {
   constexpr double kEarthRadius = 6378137.0;  // [m], WGS 84 equator
-  constexpr double kRadians = M_PI / 180.0;
   std::vector<Eigen::Isometry3d> poses;
   double scale = 0;
   for (const fs::path& file : numberedFiles(folder, "txt")) {
@@ -68,10 +68,11 @@ std::vector<Eigen::Isometry3d> readOxts(const fs::path& folder) {
     const std::vector<double> v = text.numbers(0, 30);
     const double latitude = v[0], longitude = v[1], altitude = v[2];
     if (std::abs(latitude) >= 90.0) text.fail(0, "its latitude is not between -90 and 90 degrees");
-    if (poses.empty()) scale = std::cos(latitude * kRadians);
+    if (poses.empty()) scale = std::cos(latitude * kRadiansPerDegree);
     Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-    T.translation() << scale * kEarthRadius * longitude * kRadians,
-        scale * kEarthRadius * std::log(std::tan((90.0 + latitude) * kRadians / 2.0)), altitude;
+    T.translation() << scale * kEarthRadius * longitude * kRadiansPerDegree,
+        scale * kEarthRadius * std::log(std::tan((90.0 + latitude) * kRadiansPerDegree / 2.0)),
+        altitude;
     T.linear() = (Eigen::AngleAxisd(v[5], Eigen::Vector3d::UnitZ()) *
                   Eigen::AngleAxisd(v[4], Eigen::Vector3d::UnitY()) *
                   Eigen::AngleAxisd(v[3], Eigen::Vector3d::UnitX()))

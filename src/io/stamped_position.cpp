@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
@@ -14,11 +15,10 @@ namespace {
 // WGS 84 ellipsoid.
 constexpr double kSemiMajorAxis = 6378137.0;  // [m]
 constexpr double kEccentricity2 = 6.69437999014e-3;
-constexpr double kRad = 3.14159265358979323846 / 180;
 
 /// Earth-centred, Earth-fixed coordinates [m] of latitude [deg], longitude [deg], altitude [m].
 Eigen::Vector3d earthCentred(const Eigen::Vector3d& fix) {
-  const double lat = kRad * fix.x(), lon = kRad * fix.y();
+  const double lat = kRadiansPerDegree * fix.x(), lon = kRadiansPerDegree * fix.y();
   const double n = kSemiMajorAxis / std::sqrt(1 - kEccentricity2 * std::sin(lat) * std::sin(lat));
   return {(n + fix.z()) * std::cos(lat) * std::cos(lon),
           (n + fix.z()) * std::cos(lat) * std::sin(lon),
@@ -57,7 +57,8 @@ std::vector<StampedPosition> readStampedPositions(const std::filesystem::path& f
 std::vector<Eigen::Vector3d> eastNorthUp(const std::vector<Eigen::Vector3d>& fixes) {
   std::vector<Eigen::Vector3d> positions;
   if (fixes.empty()) return positions;
-  const double lat = kRad * fixes.front().x(), lon = kRad * fixes.front().y();
+  const double lat = kRadiansPerDegree * fixes.front().x(),
+               lon = kRadiansPerDegree * fixes.front().y();
   Eigen::Matrix3d axes;
   axes << -std::sin(lon), std::cos(lon), 0,  //
       -std::sin(lat) * std::cos(lon), -std::sin(lat) * std::sin(lon), std::cos(lat),

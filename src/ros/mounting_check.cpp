@@ -4,12 +4,11 @@
 #include <cmath>
 #include <cstdio>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-constexpr double kDegrees = 180 / 3.14159265358979323846;
 
 /// [deg] Deviation that is still accepted. A correct transform deviates, too: load and springs tilt
 /// a vehicle by 1 to 2 degrees, steadily, and the road is estimated from this vehicle. Over all
@@ -28,18 +27,20 @@ double rounded(double degrees) { return std::round(10 * degrees) / 10 + 0.0; }
 std::string mountingContradiction(const std::string& base_frame, const std::string& camera_frame,
                                   const Eigen::Vector3d& up_c,
                                   const ScaleRecovery::Output& output) {
-  const double sigma_deg = kDegrees * output.mounting_sigma;
+  const double sigma_deg = kDegreesPerRadian * output.mounting_sigma;
   if (sigma_deg > kMaxSigmaDeg) return {};
   const Eigen::Vector3d n_c = roadNormal(output.mounting_pitch, output.mounting_roll);
-  const double deviation_deg = kDegrees * std::atan2(up_c.cross(n_c).norm(), up_c.dot(n_c));
+  const double deviation_deg =
+      kDegreesPerRadian * std::atan2(up_c.cross(n_c).norm(), up_c.dot(n_c));
   if (!(deviation_deg > kLimitDeg + kSigmas * sigma_deg)) return {};
   char angles[160];
   std::snprintf(angles, sizeof angles,
                 "with pitch %.1f deg and roll %.1f deg, but on the road it has pitch %.1f deg and "
                 "roll %.1f deg",
-                rounded(kDegrees * pitchOf(up_c)), rounded(kDegrees * rollOf(up_c)),
-                rounded(kDegrees * output.mounting_pitch),
-                rounded(kDegrees * output.mounting_roll));
+                rounded(kDegreesPerRadian * pitchOf(up_c)),
+                rounded(kDegreesPerRadian * rollOf(up_c)),
+                rounded(kDegreesPerRadian * output.mounting_pitch),
+                rounded(kDegreesPerRadian * output.mounting_roll));
   char consequence[80];
   std::snprintf(consequence, sizeof consequence, "the path climbs or sinks by up to %.1f deg",
                 deviation_deg);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/covariance_metrics.hpp"
@@ -19,8 +20,8 @@ double rotationError(const SyntheticDrive& drive, const std::vector<RunFrame>& f
   const auto last = frames.size() - 1;
   const Eigen::Matrix3d estimate =
       frames.front().T_o_c.linear().transpose() * frames.back().T_o_c.linear();
-  return Eigen::AngleAxisd(drive.frame(last).T_c0_c.linear().transpose() * estimate).angle() * 180 /
-         M_PI;
+  return Eigen::AngleAxisd(drive.frame(last).T_c0_c.linear().transpose() * estimate).angle() *
+         kDegreesPerRadian;
 }
 
 /// Of the displacement from the first metric pose to the last frame.

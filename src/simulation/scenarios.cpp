@@ -4,14 +4,13 @@
 #include <functional>
 #include <utility>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 using Options = SyntheticDrive::Options;
-
-constexpr double kDegree = M_PI / 180;
 
 /// An entry of the catalogue: a drive without a stop, with the options that `configure` changes.
 class Entry {
@@ -75,7 +74,7 @@ void setSlowingDown(Options& o, double speed) {
 /// A camera near the right edge of the road, to be turned to the left and pitched down towards it.
 void setSideCamera(Options& o) {
   setCamera(o, 400, 300, 230);
-  o.pitch_rad = 12 * kDegree;
+  o.pitch_rad = 12 * kRadiansPerDegree;
   o.speed = 6;
   o.lane_offset = -2.5;
   o.grain = 0.12;
@@ -291,9 +290,9 @@ std::vector<Scenario> camerasAndLight() {
       Entry("camera_high", "the camera of a lorry, 2.5 m high", 60,
             [](Options& o) { o.camera_height = 2.5; }),
       Entry("pitched", "mounted with a pitch of 6 degrees down", 60,
-            [](Options& o) { o.pitch_rad = 6 * kDegree; }),
+            [](Options& o) { o.pitch_rad = 6 * kRadiansPerDegree; }),
       Entry("rolled", "mounted with a roll of 3 degrees", 60,
-            [](Options& o) { o.roll_rad = 3 * kDegree; }),
+            [](Options& o) { o.roll_rad = 3 * kRadiansPerDegree; }),
       Entry("hood", "the hood of the ego vehicle covers the lower edge", 60,
             [](Options& o) { o.hood = 0.2; })
           .dependsOn("feature-based measurement: hardly any road is left for the direct one", {},
@@ -374,18 +373,18 @@ std::vector<Scenario> mountingsAndPlainRoads() {
       Entry("pitched_20", "mounted with a pitch of 20 degrees down", 60,
             [](Options& o) {
               setCamera(o, 400, 250, 232);
-              o.pitch_rad = 20 * kDegree;
+              o.pitch_rad = 20 * kRadiansPerDegree;
             }),
       Entry("camera_45", "the camera looks 45 degrees to the left of the direction of travel", 70,
             [](Options& o) {
               setSideCamera(o);
-              o.yaw_rad = 45 * kDegree;
+              o.yaw_rad = 45 * kRadiansPerDegree;
             })
           .threshold(&ScenarioThresholds::max_rle_percent, 1),
       Entry("camera_side", "the camera looks to the left", 70,
             [](Options& o) {
               setSideCamera(o);
-              o.yaw_rad = 90 * kDegree;
+              o.yaw_rad = 90 * kRadiansPerDegree;
             })
           .threshold(&ScenarioThresholds::max_rle_percent, 1),
       Entry("camera_rear", "the camera looks backwards", 60,
@@ -393,7 +392,7 @@ std::vector<Scenario> mountingsAndPlainRoads() {
       Entry("rolled_15", "mounted with a roll of 15 degrees", 60,
             [](Options& o) {
               setCamera(o, 400, 250, 232);
-              o.roll_rad = 15 * kDegree;
+              o.roll_rad = 15 * kRadiansPerDegree;
             }),
   };
 }

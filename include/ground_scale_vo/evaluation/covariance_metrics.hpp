@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
@@ -21,7 +22,7 @@ struct GroundTruthAccuracy {
 /// (Geiger, Lenz, Urtasun, CVPR 2012). Orientation: 0.1 deg (Geiger, Lenz, Stiller, Urtasun, IJRR
 /// 2013). The accuracy of the calibration of the camera to the GPS/IMU is not published; the value
 /// is measured (docs/explanation/accuracy.md).
-constexpr GroundTruthAccuracy kGpsImuAccuracy{0.05, 0.1 * M_PI / 180, 0.004};
+constexpr GroundTruthAccuracy kGpsImuAccuracy{0.05, 0.1 * kRadiansPerDegree, 0.004};
 
 /// The error of the pose of frame j relative to frame i, and its covariance, both in o axes:
 /// position [m], then rotation [rad], as in MetricPose. error: true minus estimated.

@@ -92,7 +92,7 @@ void evaluate(const FaultDriveRun& run, const std::vector<PlacedFault>& faults,
 }  // namespace
 
 bool isFinite(const VisualOdometry::Output& vo) {
-  bool all = isFinite(vo.frame.T_w_c);
+  bool all = areFinite(vo.frame.T_w_c, vo.frame.map_start.R_previous_w);
   for (const TrackedFeature& feature : vo.frame.features) {
     all = all && isFinite(feature.u);
     if (feature.has_point) all = all && areFinite(feature.p_c, feature.depth_sigma);
@@ -108,7 +108,7 @@ bool isFinite(const ScaleRecovery::Output& output) {
                        output.plane.height, output.correlation, output.mounting_pitch,
                        output.mounting_roll, output.mounting_sigma);
   for (const auto& m : {output.feature_based, output.direct}) {
-    all = all && areFinite(m.height, m.sigma);
+    all = all && areFinite(m.height, m.sigma, m.road_distance);
   }
   for (const Eigen::Vector3f& point : output.ground_points_c) all = all && isFinite(point);
   if (!output.pose) return all;
@@ -116,7 +116,8 @@ bool isFinite(const ScaleRecovery::Output& output) {
   return all &&
          areFinite(pose.T_o_c, pose.covariance, pose.twist_c, pose.twist_covariance,
                    pose.distance) &&
-         pose.covariance.diagonal().minCoeff() >= 0;
+         pose.covariance.diagonal().minCoeff() >= 0 &&
+         pose.twist_covariance.diagonal().minCoeff() >= 0;
 }
 
 FaultDriveMetrics runFaultDrive(

@@ -11,7 +11,8 @@
 
 namespace ground_scale_vo {
 
-/// No number in the output is NaN or infinite, and no variance is negative.
+/// No number in the output is NaN or infinite, and no variance is negative. Excepted is
+/// MapStart::rotation_sigma, infinite when the rotation is not known.
 bool isFinite(const VisualOdometry::Output& vo);
 bool isFinite(const ScaleRecovery::Output& scale);
 

@@ -281,6 +281,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
                                                                    scale.sigma, scale.height))) {
     // The numbers are useless: publish none of them and start again.
     impl_->startMap();
+    impl_->trajectory.leaveMap();
     scale = ScaleEstimate();
     scale.reason = ScaleReason::kNoPlane;
     output.feature_based = output.direct = {};

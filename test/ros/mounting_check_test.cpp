@@ -33,7 +33,7 @@ TEST(MountingCheck, NamesBothPitchesAndRollsAndTheConsequence) {
 
 TEST(MountingCheck, ABaseThatIsUpsideDownOrOpticalIsReported) {
   ScaleRecovery::Output output;
-  for (const Eigen::Vector3d up_c : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
+  for (const Eigen::Vector3d& up_c : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
     EXPECT_NE(mountingContradiction("base_link", "camera", up_c, output), "") << up_c.transpose();
   }
 }

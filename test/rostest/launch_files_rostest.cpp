@@ -1,7 +1,8 @@
 // two_vehicles.launch: both pairs of nodelets run, each in its own namespace. live_camera.launch:
 // the nodelets run with a height_file. another_vo.launch: another odometry with pose and map points
-// gets metric poses; MonoVo, under other names, stands in for it. Without a launch file: both
-// nodelets run standalone, without a manager (group `alone` of launch_files_rostest.test).
+// gets metric poses; VisualOdometry, run and published by this test, stands in for it. Without a
+// launch file: both nodelets run standalone, without a manager (group `alone` of
+// launch_files_rostest.test).
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>

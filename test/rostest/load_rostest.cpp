@@ -26,6 +26,16 @@ class Load : public testing::Test {
   bool unload(const std::string& name) { return manager_.unload(name); }
   std::optional<std::size_t> loaded() { return manager_.loaded(); }
 
+  /// Both nodelets, unloaded in either order while they process images.
+  void loadAndUnload(int round, TopicRecorder<VoFrameMsg>* frames) {
+    ASSERT_TRUE(load("MonoVo", "/mono_vo"));
+    ASSERT_TRUE(load("ScaleRecovery", "/scale_recovery"));
+    frames->clear();
+    EXPECT_TRUE(frames->waitForCount(static_cast<std::size_t>(1 + round % 3))) << "load " << round;
+    ASSERT_TRUE(unload(round % 2 == 0 ? "/mono_vo" : "/scale_recovery"));
+    ASSERT_TRUE(unload(round % 2 == 0 ? "/scale_recovery" : "/mono_vo"));
+  }
+
   const ManagerClient manager_{"/manager"};
 };
 
@@ -48,7 +58,8 @@ TEST_F(Load, WrongParametersAreRefused) {
 TEST_F(Load, TwoPairsInOneManager) {
   for (const std::string car : {"/front", "/rear"}) {
     ros::param::set(car + "/scale_recovery/camera_height", 1.65);
-    EXPECT_TRUE(load("ScaleRecovery", car + "/scale_recovery"));  // in either order
+    EXPECT_TRUE(load("ScaleRecovery",
+                     car + "/scale_recovery"));  // before MonoVo: the order does not matter
     EXPECT_TRUE(load("MonoVo", car + "/mono_vo"));
   }
   EXPECT_EQ(loaded(), 4u);
@@ -103,17 +114,12 @@ TEST_F(Load, UnloadingIsCleanWhileImagesArrive) {
   const std::set<std::string> registered = manager.registrations();
   std::size_t threads = 0;
   double rss_mb = 0;
-  for (int i = 0; i < kReloads; ++i) {
+  for (int i = 0; i < kReloads && !HasFatalFailure(); ++i) {
     if (i == kWarmUpReloads) {
       threads = manager.threads();
       rss_mb = manager.usage().rss_mb;
     }
-    ASSERT_TRUE(load("MonoVo", "/mono_vo"));
-    ASSERT_TRUE(load("ScaleRecovery", "/scale_recovery"));
-    frames.clear();
-    EXPECT_TRUE(frames.waitForCount(static_cast<std::size_t>(1 + i % 3))) << "load " << i;
-    ASSERT_TRUE(unload(i % 2 == 0 ? "/mono_vo" : "/scale_recovery"));
-    ASSERT_TRUE(unload(i % 2 == 0 ? "/scale_recovery" : "/mono_vo"));
+    loadAndUnload(i, &frames);
   }
   stop = true;
   camera.join();

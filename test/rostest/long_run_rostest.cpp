@@ -1,4 +1,4 @@
-// Hours of driving through both nodelets with all outputs subscribed: the memory of the manager
+// A long drive through both nodelets with all outputs subscribed: the memory of the manager
 // does not grow, the path stays bounded, all values are finite and the scale stays correct.
 //
 // Two minutes by default, an hour with GROUND_SCALE_VO_LONG (scripts/test --long). The
@@ -40,8 +40,8 @@ constexpr std::size_t kLongRun = 36000, kShortRun = 1200;  // [frames]: an hour,
 /// end to its start.
 constexpr std::size_t kPassesBetweenCuts = 9;
 /// Frames before the first memory measurement that counts: in the long run all buffers are full by
-/// then (the path after 2.5 km). Frames between two measurements.
-constexpr std::size_t kWarmUpLong = 6000, kWarmUpShort = 500, kMeasureEvery = 100;
+/// then (the path, of 5000 poses, after about 7100 frames). Frames between two measurements.
+constexpr std::size_t kWarmUpLong = 8000, kWarmUpShort = 500, kMeasureEvery = 100;
 /// Largest growth of the memory per frame [bytes]: in the long run far less than a frame holds
 /// (pose, features), in the short run with the fluctuations of the allocator on top.
 constexpr double kMaxGrowthLong = 100, kMaxGrowthShort = 4000;

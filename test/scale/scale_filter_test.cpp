@@ -205,7 +205,8 @@ TEST(ScaleFilter, BadOptionsAreRefused) {
 }
 
 TEST(ScaleFilter, SigmaIsScaledByTheNis) {
-  // Measurement errors larger or smaller than modelled change sigma, not the state.
+  // Measurement errors larger or smaller than modelled change sigma; the gain does not depend on
+  // them.
   const auto sigmaAfter = [](double error) {
     ScaleFilter filter({});
     drive(&filter, 10, 0.8, 0.01);

@@ -14,7 +14,8 @@ const PinholeCamera kCamera = test::testCamera();
 constexpr double kHeight = 1.65;      // of the camera above the floor
 constexpr double kWallDistance = 20;  // ahead of the first camera
 
-/// Grey level of a surface at (a, b): smooth, without a period shorter than a patch.
+/// Grey level of a surface at (a, b): smooth; on the wall and the near floor without a period
+/// shorter than a patch.
 double grey(double a, double b) {
   return 120 + 35 * std::sin(9.1 * a + 1.3 * std::sin(5.3 * b)) + 35 * std::sin(8.3 * b + 1.7 * a) +
          20 * std::sin(3.1 * a - 4.7 * b);

@@ -45,7 +45,7 @@ class RunRecord {
   const std::vector<RunFrame>& frames() const { return frames_; }
 
   std::size_t trackedFrames() const;  ///< those with has_vo_pose
-  std::size_t lostEvents() const;     ///< untracked frames after a tracked one
+  std::size_t lostEvents() const;     ///< changes of vo_status from kTracking to another
   std::vector<Eigen::Isometry3d> metricPoses() const;
   /// In the VO units of each map, which differ: a later map continues from the last pose of the
   /// previous one without a jump. The last pose is held where there is none.

@@ -9,9 +9,10 @@
 
 namespace ground_scale_vo {
 
-/// Level and message of a nodelet's diagnostics: ERROR if the input or the pose is missing or the
-/// set-up is wrong (two cameras, two parents on tf), WARN while starting and if the output is
-/// degraded, OK otherwise.
+/// Level and message of a nodelet's diagnostics: ERROR if the input is missing, the odometry is
+/// lost (of MonoVo; ScaleRecovery then holds the scale), the mounting of the camera is not known,
+/// or the set-up is wrong (two cameras, two parents on tf); WARN while starting and if the output
+/// is degraded, OK otherwise.
 struct DiagnosticSummary {
   enum class Level : std::uint8_t { kOk = 0, kWarn = 1, kError = 2 };  // as in DiagnosticStatus
   Level level = Level::kOk;
@@ -41,10 +42,12 @@ struct ScaleRecoveryState {
   ScaleReason reason = ScaleReason::kNone;
   double held_s = 0;           ///< since the first HELD frame after a measurement or standstill [s]
   std::string mounting_error;  ///< why no metric pose can be published; empty: it can
-  std::string mounting_warning;    ///< mountingContradiction()
-  std::string tf_error;            ///< another parent of the frame on tf; empty: none
-  std::string sequence_error;      ///< what is wrong with `sequence` of vo/frame; empty: nothing
-  std::string missing_image_note;  ///< why no image was used in the last second; empty: one was
+  std::string mounting_warning;  ///< mountingContradiction()
+  std::string tf_error;          ///< another parent of the frame on tf; empty: none
+  std::string sequence_error;    ///< what is wrong with `sequence` of vo/frame; empty: nothing
+  /// Why no image was used in the last second; empty: one was, no frame was processed, or images
+  /// are not used (refine: false).
+  std::string missing_image_note;
 };
 
 /// An input without messages.

@@ -17,6 +17,8 @@ class ShadowMap {
   // Objects stand at (s, u) of the RoadGeometry. Offsets from there are along the road and to its
   // left, heights above the road [m].
 
+  // A later shadow replaces an earlier one where they overlap, also a darker one.
+
   /// Shadow of a vertical prism over a polygon, or of a vertical wall over two points. opacity: of
   /// the object, 1 halves the light.
   void castPrism(double s, double u, const std::vector<Eigen::Vector2d>& base, double height,

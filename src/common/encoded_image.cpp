@@ -40,14 +40,17 @@ ImageSize encodedSize(std::string_view bytes) {
     if (bytes.size() < kPngSize + 8) return {};
     return {number(kPngSize, 4), number(kPngSize + 4, 4)};
   }
-  // JPEG: segments of a marker, a length and that many bytes; the size is in the frame header
-  // (SOF).
-  for (std::size_t at = 2; at + 9 <= bytes.size() && bytes[at] == '\xff';) {
-    const std::int64_t marker = number(at + 1, 1);
+  // JPEG: segments of a marker (2 bytes), a length (2 bytes, which it counts itself) and data; the
+  // size is in the frame header (SOF), before the first scan (SOS). Decoders skip other bytes
+  // between segments.
+  for (std::size_t at = 2; at + 9 <= bytes.size();) {
+    const std::int64_t marker = bytes[at] == '\xff' ? number(at + 1, 1) : 0xff;
     const bool is_frame =
         marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    const bool has_length = marker > 0x01 && marker < 0xff && (marker < 0xd0 || marker > 0xd8);
     if (is_frame) return {number(at + 7, 2), number(at + 5, 2)};
-    at += marker == 0xff ? 1 : 2 + static_cast<std::size_t>(number(at + 2, 2));
+    if (marker == 0xda) break;
+    at += marker == 0xff ? 1 : has_length ? 2 + static_cast<std::size_t>(number(at + 2, 2)) : 2;
   }
   return {};
 }
@@ -55,6 +58,7 @@ ImageSize encodedSize(std::string_view bytes) {
 void requireDecodable(std::string_view bytes) {
   if (!isCompleteImage(bytes)) throw DataError("is not a whole PNG or JPEG image");
   const ImageSize size = encodedSize(bytes);
+  if (size.width <= 0 || size.height <= 0) throw DataError("states no image size");
   if (static_cast<double>(size.width) * static_cast<double>(size.height) > kMaxImagePixels) {
     throw DataError("states " + std::to_string(size.width) + " x " + std::to_string(size.height) +
                     " pixels, more than are plausible");

@@ -50,6 +50,14 @@ TEST(EncodedImage, IsDecodedOnlyIfItIsWholeAndOfAPlausibleSize) {
     EXPECT_EQ(refusal(image), "");
     EXPECT_EQ(refusal(image.substr(1)), "is not a whole PNG or JPEG image");
   }
+  // Bytes that decoders skip: a marker without a length, and one that is not part of a segment.
+  for (const std::string& skipped : {"\xff\x01"s, "\0"s}) {
+    std::string jpeg = kJpeg;
+    jpeg[13] = jpeg[15] = '\x7f';  // height and width
+    jpeg.insert(2, skipped);
+    EXPECT_EQ(refusal(jpeg), "states 32514 x 32515 pixels, more than are plausible");
+  }
+  EXPECT_EQ(refusal("\xff\xd8\xff\xd9"s), "states no image size");
   std::string huge = kPng;
   huge[16] = huge[20] = '\x7f';  // the most significant bytes of width and height
   EXPECT_EQ(refusal(huge), "states 2130706690 x 2130706435 pixels, more than are plausible");

@@ -19,7 +19,7 @@ struct ImageSize {
 ImageSize encodedSize(std::string_view bytes);
 
 /// To be called before an image is decoded. Throws DataError ("is not a whole PNG or JPEG image",
-/// "states W x H pixels, ..."; the caller adds the name of the image) unless the bytes are a
+/// "states no image size", "states W x H pixels, ..."; the caller adds the name of the image) unless the bytes are a
 /// complete image within the limits of image_limits.hpp.
 void requireDecodable(std::string_view bytes);
 

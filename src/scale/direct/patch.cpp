@@ -96,8 +96,9 @@ void PatchExtractor::selectCells(const LaneRegion& lane, RoadImage* current,
     }
   }
   if (patches->empty()) return;
-  const int side = static_cast<int>(kSideMargin * camera_.fx);
-  const int top = static_cast<int>(kTopMargin * camera_.fy);
+  // At least one pixel, for the gradients of the outermost samples.
+  const int side = std::max(1, static_cast<int>(kSideMargin * camera_.fx));
+  const int top = std::max(1, static_cast<int>(kTopMargin * camera_.fy));
   current->roi -= cv::Point(side, top);
   current->roi += cv::Size(2 * side, top + grid_.patch_px);
   current->roi &= cv::Rect(0, 0, camera_.width, camera_.height);

@@ -4,7 +4,8 @@
 NEES: mean normalised estimation error squared of the relative pose over 10, 50 and 100 m, per degree
 of freedom: 1 is consistent, more is overconfident. 2 sigma: share of the errors of its six components
 within two standard deviations: 0.95 is consistent. first pose m: distance travelled until the first
-metric pose; first scale: error of its scale over the published standard deviation.
+metric pose; first scale: error of the scale over the published standard deviation in the first frame
+that has a scale and a known true scale.
 """
 
 import argparse
@@ -62,7 +63,7 @@ def main():
         rest = (cell.rjust(width) for cell, width in zip(cells[1:], widths[1:]))
         print("  ".join([cells[0].ljust(widths[0]), *rest]).rstrip())
     print(f"first metric pose within 3 m: {share(columns[-2], lambda m: m <= 3):.2f} of "
-          f"{len(drives)} drives; true scale within 2 sigma there: "
+          f"{len(drives)} drives; first scale with a known true scale within 2 sigma: "
           f"{share(columns[-1], lambda z: math.fabs(z) <= 2):.2f}")
 
 

@@ -57,8 +57,8 @@ bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
   if (!(down > 0)) return false;
   const double ahead = ahead_.dot(ray) / down, left = left_.dot(ray) / down;
   if (std::abs(ahead) > max_ahead_ || std::hypot(ahead, left) < min_distance_) return false;
-  // Parabola of the given curvature through both ends of the chord (ahead = 0 and -chord_length_).
-  // The offset is relative to the chord, not to the tangent at the camera.
+  // Lateral position of the path relative to the chord, not to the tangent at the camera: the
+  // parabola of the given curvature through both ends of the chord (ahead = 0 and -chord_length_).
   const double path = 0.5 * curvature_ * ahead * (ahead + chord_length_);
   return std::abs(left - path - offset_) <= half_width_;
 }

@@ -286,6 +286,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
     scale.reason = ScaleReason::kNoPlane;
     output.feature_based = output.direct = {};
     output.plane = {};
+    output.correlation = 0;
   }
   output.pose = impl_->trajectory.append(frame, scale);
   output.mounting_pitch = impl_->mounting.pitch();

@@ -1,4 +1,5 @@
-"""Writes bags for the command tests: damaged ones, and one with GPS fixes."""
+"""Writes bags for the command tests: damaged ones, a short drive with the nodelets' output of it, and
+copies of a good one (one camera_info, layouts of kitti2bag, compressed images, GPS fixes)."""
 
 import io
 import math
@@ -20,7 +21,7 @@ INFO = "/kitti/camera_gray_left/camera_info"
 COMPRESSED = "/camera/image_raw/compressed"
 
 LATITUDE_DEG, LONGITUDE_DEG = 49.0, 8.0
-NORTH_M, EAST_M = 111200.5, 73172.0  # of one degree there (WGS84)
+NORTH_M, EAST_M = 111211.7, 73173.1  # of one degree there, 110 m above the ellipsoid (WGS 84)
 
 
 def _empty_file(_, file):
@@ -65,7 +66,7 @@ def _pose(message, forward_m):
 
 
 def write_drive(played, recorded, factor):
-    """A drive of 100 m at 1 m per image, and the nodelets' output of it with a scale that is wrong by
+    """A drive of 99 m at 1 m per image, and the nodelets' output of it with a scale that is wrong by
     this factor."""
     with rosbag.Bag(str(played), "w") as images, rosbag.Bag(str(recorded), "w") as outputs:
         for i in range(100):

@@ -85,9 +85,9 @@ void read(const std::uint8_t* data, std::size_t size) {
   try {
     Params::read(reader);
     for (const ParamReader::Entry& entry : reader.entries()) {
-      require(entry.value.find("nan") == std::string::npos &&
-                  entry.value.find("inf") == std::string::npos,
-              "accepted values are finite");
+      require(entry.range == "text" || (entry.value.find("nan") == std::string::npos &&
+                                        entry.value.find("inf") == std::string::npos),
+              "accepted numbers are finite");
     }
   } catch (const OptionError&) {
   }

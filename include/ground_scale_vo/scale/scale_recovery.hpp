@@ -121,8 +121,8 @@ class ScaleRecovery {
   /// frame: in temporal order. image: the frame's rectified image, 8-bit grey, of the size of
   /// frame.camera (throws OptionError otherwise), or empty: no direct measurement. A frame whose
   /// pose is not finite counts as not tracking; a pose that implies an implausible speed is not
-  /// used; points that are not finite are ignored. On failure
-  /// output.scale.status and reason say what is missing; values are never NaN or infinite.
+  /// used, but the fourth in a row starts a new map; points that are not finite are ignored. On
+  /// failure output.scale.status and reason say what is missing; values are never NaN or infinite.
   ///
   /// mask: 8-bit, one channel, the image's size (throws OptionError otherwise); 0 where the
   /// camera's images never show the scene. The direct measurement does not use these regions; the

@@ -53,7 +53,8 @@ struct VoFrame {
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
   /// VO units. Valid only while status is kTracking.
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-  MapStart map_start;                    ///< the same in all frames of a map
+  /// The same in all frames of a map from its start on; unknown while kInitialising.
+  MapStart map_start;
   std::vector<TrackedFeature> features;  ///< ordered by id
 };
 

@@ -7,8 +7,8 @@ namespace {
 
 /// [first baselines] between kept images.
 constexpr double kMinSpacing = 0.2;
-/// Kept images. Two baselines at the minimum spacing are ten images; two more cover frames that are
-/// farther apart than this spacing.
+/// Kept images. Two baselines at the minimum spacing are ten intervals between eleven images; one
+/// more, because the newest one may be closer to its predecessor.
 constexpr int kCapacity = 12;
 /// [first baselines] A shorter one leaves a parallax of the order of the pose error.
 constexpr double kMinBaseline = 0.2;

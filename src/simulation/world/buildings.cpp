@@ -40,6 +40,8 @@ void BuildingGenerator::addHouses() {
       const int floors = random.chance(0.3) ? 3 : 2;
       const double height = 3.0 * floors, depth = random.uniform(8, 11);
       const double wall_grey = side > 0 ? random.uniform(130, 245) : random.uniform(130, 225);
+      // A house beyond the road's end continues the street on the left and moves back on the right,
+      // 150 m ahead of the last camera.
       const double middle = std::min(s + length / 2, road.sEnd());
       Eigen::Isometry3d T_w_m = besideRoad(road, middle, u, builder_.options.kerb_height);
       T_w_m.translate(Eigen::Vector3d(-length / 2 + s + length / 2 - middle, 0, -kFoundation));
@@ -53,6 +55,7 @@ void BuildingGenerator::addHouses() {
       if (is_free && isClearOfRoad(T_w_m, length, depth)) {
         builder_.place(builder_.addMesh(std::move(mesh)), T_w_m);
       }
+      // Also of a house that is left out in a tight curve.
       if (is_free && side * builder_.options.sun.y() > 0) {
         builder_.shadows.castPrism(middle, u, {{length / 2, 0}, {-length / 2, 0}}, height, 1);
       }

@@ -4,6 +4,7 @@ scripts/test runs these tests with the environment of its build (scripts/lib/env
 """
 
 import contextlib
+import fcntl
 import os
 import pathlib
 import pty
@@ -29,11 +30,11 @@ def tool(name):
     return BUILD / "devel/lib/ground_scale_vo" / name
 
 
-def run(command, *arguments, check=True, **options):
+def run(command, *arguments, check=True, timeout=TIMEOUT_S, **options):
     """Runs a command; its result has the texts `stdout` and `stderr`."""
     done = subprocess.run([str(word) for word in (command, *arguments)], stdin=subprocess.DEVNULL,
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                          timeout=TIMEOUT_S, **options)
+                          timeout=timeout, **options)
     assert not check or done.returncode == 0, f"status {done.returncode}\n{done.stdout}{done.stderr}"
     return done
 
@@ -123,6 +124,21 @@ def on_terminal(command, *arguments, environment=None):
     text = output.decode(errors="replace")
     assert process.wait(max(1, deadline - time.monotonic())) == 0, text
     return text
+
+
+@contextlib.contextmanager
+def build_without_ros():
+    """The folder of a build without ROS, with the Python module, kept between runs. The other worker
+    of pytest waits until the block ends."""
+    folder = BUILD / "core_without_ros"
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w", encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        run("cmake", "-S", ROOT, "-B", folder, "-DGROUND_SCALE_VO_ROS=OFF",
+            "-DGROUND_SCALE_VO_PYTHON=ON", "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON",
+            "-DPYTHON_EXECUTABLE=/usr/bin/python3", "-DPython3_EXECUTABLE=/usr/bin/python3")
+        run("cmake", "--build", folder, "--parallel", os.cpu_count(), timeout=None)
+        yield folder
 
 
 @pytest.fixture(scope="session")

@@ -1,35 +1,19 @@
 """The library without ROS: built, installed, and used by examples/ as another project would."""
 
 import math
-import os
-import pathlib
 import subprocess
 
 import pytest
+from conftest import ROOT, build_without_ros, run
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
 FRAMES = 40
 CAMERA_HEIGHT = 1.65
 
 
-def run(*command):
-    """Returns stdout; fails the test with the command's output unless it exits with 0."""
-    result = subprocess.run(
-        [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    assert result.returncode == 0, f"{command[0]}: {result.stdout[-4000:]}"
-    return result.stdout
-
-
 @pytest.fixture(scope="module")
 def build():
-    """The folder of a build without ROS, kept between runs."""
-    folder = BUILD / "core_without_ros"
-    run("cmake", "-S", ROOT, "-B", folder, "-DGROUND_SCALE_VO_ROS=OFF",
-        "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON")
-    run("cmake", "--build", folder, "--parallel", os.cpu_count())
-    return folder
+    with build_without_ros() as folder:
+        return folder
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +45,11 @@ def test_installs_only_the_headers_of_the_core(installed):
 
 def test_library_links_no_tooling(installed):
     (library,) = installed.rglob("libground_scale_vo_core.so")
-    symbols = run("nm", "--dynamic", "--demangle", "--defined-only", library)
+    symbols = run("nm", "--dynamic", "--demangle", "--defined-only", library).stdout
     assert "ground_scale_vo::MetricOdometry::process" in symbols
     for tooling in ("KittiSequence", "SyntheticDrive", "RunReport"):
         assert f"ground_scale_vo::{tooling}" not in symbols
-    libraries = run("ldd", library)
+    libraries = run("ldd", library).stdout
     assert "ros" not in libraries.lower()
 
 
@@ -99,7 +83,7 @@ def test_example_refuses(example, drive, tmp_path, folder, height, text):
 
 
 def test_example_gives_metric_poses(example, drive):
-    lines = run(example, drive, CAMERA_HEIGHT).splitlines()
+    lines = run(example, drive, CAMERA_HEIGHT).stdout.splitlines()
     estimate = [[float(word) for word in line.split()] for line in lines]
     assert len(estimate) > FRAMES / 2
 

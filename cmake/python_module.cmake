@@ -1,0 +1,10 @@
+# The Python extension module, built and installed by setup.py: ground_scale_vo._core.
+
+find_package(pybind11 REQUIRED)
+pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS python/module.cpp)
+target_link_libraries(${PROJECT_NAME}_python PRIVATE
+  ${PROJECT_NAME}_evaluation $<BUILD_INTERFACE:${PROJECT_NAME}_warnings>)
+# The Python package contains the module and, beside it, the library of the core.
+set_target_properties(${PROJECT_NAME}_python PROPERTIES OUTPUT_NAME _core INSTALL_RPATH "$ORIGIN")
+install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_python LIBRARY DESTINATION .
+  COMPONENT python EXCLUDE_FROM_ALL)

@@ -1,0 +1,215 @@
+"""The Python package, installed with pip into a virtual environment without network."""
+
+import ast
+import importlib
+import json
+import math
+import os
+import re
+import sys
+import threading
+
+import numpy as np
+import pytest
+from conftest import ROOT, build_without_ros, run, tool
+
+CAMERA_HEIGHT = 1.65
+
+
+@pytest.fixture(scope="module")
+def venv(tmp_path_factory):
+    """The environment's folder."""
+    folder = tmp_path_factory.mktemp("python") / "venv"
+    run("/usr/bin/python3", "-m", "venv", "--system-site-packages", "--without-pip", folder)
+    with build_without_ros() as build:
+        run(folder / "bin/python", "-m", "pip", "install", "--no-index", "--no-build-isolation", ROOT,
+            env={**os.environ, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def gsv(venv):
+    """The package. The ROS messages, which other tests import, are in a package of the same name."""
+    messages = {name: sys.modules.pop(name) for name in [*sys.modules]
+                if name.split(".")[0] == "ground_scale_vo"}
+    (folder,) = venv.glob("lib/*/site-packages")
+    sys.path.insert(0, str(folder))
+    yield importlib.import_module("ground_scale_vo")
+    sys.path.remove(str(folder))
+    sys.modules.update(messages)
+
+
+@pytest.fixture(scope="module")
+def evaluated(short, tmp_path_factory):
+    """The result folder of run_sequence."""
+    out = tmp_path_factory.mktemp("evaluated")
+    run(tool("run_sequence"), short, "--camera-height", CAMERA_HEIGHT, "--out", out)
+    return out / short.name
+
+
+@pytest.fixture(scope="module")
+def results(gsv, short):
+    drive = gsv.read_kitti(short)
+    odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT)
+    return [odometry.process(image, stamp) for image, stamp in drive]
+
+
+def read_poses(file):
+    return np.loadtxt(file).reshape(-1, 3, 4)
+
+
+def without_resources(metrics):
+    return {name: value for name, value in metrics.items() if not re.match("ms_|peak_", name)}
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/how-to/python.md"])
+def test_documented_example_gives_the_poses_of_run_sequence(gsv, short, evaluated, page):
+    code = re.search(r"```python\n(import ground_scale_vo.*?)```", (ROOT / page).read_text(), re.DOTALL)[1]
+    printed = []
+    exec(code.replace("/path/to/sequence", str(short)), {"print": printed.append})
+    expected = read_poses(evaluated / "poses.txt")
+    assert len(printed) == len(expected)
+    metric = [i for i, pose in enumerate(printed) if pose is not None]
+    assert len(metric) > 30
+    assert all(np.array_equal(printed[i][:3], expected[i]) for i in metric)
+
+
+def test_files_and_metrics_are_those_of_run_sequence(gsv, short, evaluated, tmp_path):
+    drive = gsv.read_kitti(str(short))
+    odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT, record=True)
+    for image, stamp in drive:
+        odometry.process(image, stamp)
+    odometry.write(tmp_path, drive.ground_truth, drive.ground_truth_heights)
+    for name in ("poses.txt", "trajectory_tum.txt", "scale.csv"):
+        assert (tmp_path / name).read_text() == (evaluated / name).read_text()
+    metrics = odometry.metrics(drive.ground_truth, drive.ground_truth_heights)
+    assert without_resources(metrics) == without_resources(
+        json.loads((evaluated / "metrics.json").read_text()))
+    assert np.array_equal(odometry.poses()[:, :3], read_poses(evaluated / "poses.txt"))
+
+
+def test_result(results):
+    first, last = results[0], results[-1]
+    assert (first.status, first.scale_status, first.reason) == ("initialising", "unknown", "vo_not_tracking")
+    assert first.pose is first.covariance is first.scale is first.sigma is first.plane is None
+    assert np.isnan(first.points).all()
+    assert (last.status, last.stamp) == ("tracking", 3900000000)
+    assert last.pose.shape == (4, 4) and last.pose[2, 3] > 5
+    assert last.covariance.shape == (6, 6) and (np.linalg.eigvalsh(last.covariance) > 0).all()
+    assert last.scale > 0 and 0 < last.sigma < last.scale
+    assert np.linalg.norm(last.plane[:3]) == pytest.approx(1) and last.plane[1] < -0.9
+    assert last.plane[3] == pytest.approx(CAMERA_HEIGHT)
+    tracks = len(last.tracks)
+    assert last.tracks.shape == (tracks, 2) and last.points.shape == (tracks, 3)
+    assert last.track_ids.shape == (tracks,) and (np.diff(last.track_ids.astype(int)) > 0).all()
+    # The points on the road satisfy the plane's equation.
+    distance = last.points @ last.plane[:3] + last.plane[3]
+    assert (np.abs(distance) < 0.05).sum() > 10
+
+
+def test_array_may_be_reused_and_need_not_be_contiguous(gsv, short, results):
+    drive = gsv.read_kitti(short)
+    odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT)
+    buffer = np.zeros((drive.camera.height, 2 * drive.camera.width), np.uint8)
+    image = buffer[:, ::2]
+    for (decoded, stamp), expected in zip(drive, results):
+        image[:] = decoded
+        result = odometry.process(image, np.int64(stamp))
+        image[:] = 0
+    assert np.array_equal(result.pose, expected.pose)
+
+
+def test_other_threads_run_during_processing(gsv):
+    odometry = gsv.MetricOdometry(gsv.Camera(1000, 1000, 500, 500, 500, 500), 1.5)
+    # Blank: numpy would release the GIL, too, when it copies a pose.
+    image, done = np.zeros((1000, 1000), np.uint8), []
+    odometry.process(image, 0)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1000)  # [s] a thread runs until it releases the GIL
+    try:
+        worker = threading.Thread(
+            target=lambda: [done.append(odometry.process(image, i)) for i in range(1, 101)])
+        worker.start()
+        assert len(done) < 100
+        worker.join()
+    finally:
+        sys.setswitchinterval(interval)
+
+
+@pytest.mark.parametrize("error, text, call", [
+    (TypeError, "missing 1 required positional argument: 'camera_height'", "Odometry(camera)"),
+    (ValueError, "camera_height is nan, it must lie in", "Odometry(camera, nan)"),
+    (ValueError, "camera_height is 0, it must lie in", "Odometry(camera, 0)"),
+    (TypeError, "camera_height is of type str, it must be a number", "Odometry(camera, '1')"),
+    (TypeError, "camera is of type tuple, it must be a Camera", "Odometry((96, 64), 1.5)"),
+    (ValueError, "there is no option refin; did you mean refine?", "Odometry(camera, 1.5, refin=True)"),
+    (ValueError, "there is no option tracker/cell; did you mean tracker/cell_size?",
+     "Odometry(camera, 1.5, **{'tracker/cell': 1})"),
+    (ValueError, "refine is '1.0', it must be true or false", "Odometry(camera, 1.5, refine=1)"),
+    (TypeError, "max_speed is of type list", "Odometry(camera, 1.5, max_speed=[1])"),
+    (ValueError, "max_speed: 'nan' is not a number", "Odometry(camera, 1.5, max_speed=nan)"),
+    (ValueError, "mask has the shape (2, 2), it must be (64, 96)",
+     "Odometry(camera, 1.5, mask=np.zeros((2, 2), np.uint8))"),
+    (ValueError, "camera fx [px] is nan", "Odometry(camera._replace(fx=nan), 1.5)"),
+    (TypeError, "camera.width is of type float, it must be an integer",
+     "Odometry(camera._replace(width=96.0), 1.5)"),
+    (ValueError, "camera.height is out of range", "Odometry(camera._replace(height=-1), 1.5)"),
+    (TypeError, "image is of type list, it must be a numpy array", "process([[0]], 1)"),
+    (TypeError, "image has the dtype float64, it must be uint8", "process(np.zeros((64, 96)), 1)"),
+    (ValueError, "image has the shape (64, 96, 3), it must be (64, 96)",
+     "process(np.zeros((64, 96, 3), np.uint8), 1)"),
+    (TypeError, "stamp is of type float, it must be an integer [ns]", "process(image, 0.1)"),
+    (ValueError, "stamp is out of range", "process(image, -1)"),
+    (ValueError, "stamp is 5, it must be greater than that of the previous image, 5",
+     "process(image, 5), process(image, 5)"),
+    (ValueError, "record is False", "odometry.poses()"),
+    (ValueError, "ground_truth has the shape (4, 4), it must be (N, 4, 4)", "recorded.metrics(np.eye(4))"),
+    (ValueError, "ground_truth[0] is not a finite rigid transform",
+     "recorded.metrics(np.full((1, 4, 4), nan))"),
+    (ValueError, "ground_truth_heights[0] is nan", "recorded.metrics(None, np.array([nan]))"),
+    (TypeError, "ground_truth has the dtype complex128", "recorded.metrics(1j * np.zeros((1, 4, 4)))"),
+    (TypeError, "folder is of type int", "gsv.read_kitti(3)"),
+    (TypeError, "folder is of type NoneType", "recorded.write(None)"),
+    (ValueError, "/none: no such folder", "gsv.read_kitti('/none')"),
+])
+def test_refuses(gsv, error, text, call):
+    camera = gsv.Camera(96, 64, 60, 60, 48, 32)
+    odometry, image = gsv.MetricOdometry(camera, 1.5), np.zeros((64, 96), np.uint8)
+    names = {"gsv": gsv, "np": np, "nan": math.nan, "camera": camera, "image": image,
+             "Odometry": gsv.MetricOdometry, "odometry": odometry, "process": odometry.process,
+             "recorded": gsv.MetricOdometry(camera, 1.5, record=True)}
+    with pytest.raises(error, match=re.escape(text)):
+        eval(call, names)
+
+
+def test_damaged_image_ends_the_iteration(gsv, short, tmp_path):
+    (tmp_path / "image_0").mkdir()
+    for name in ("calib.txt", "times.txt"):
+        (tmp_path / name).write_text((short / name).read_text())
+    for i in range(3):
+        contents = (short / f"image_0/{i:06}.png").read_bytes()
+        (tmp_path / f"image_0/{i:06}.png").write_bytes(contents[:3000] if i == 1 else contents)
+    images = iter(gsv.read_kitti(tmp_path))
+    next(images)
+    with pytest.raises(gsv.DataError, match="000001.png: is not a whole PNG"):
+        next(images)
+    assert next(images, None) is None
+
+
+def test_random_calls(venv, tmp_path):
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = run(venv / "bin/python", ROOT / "test/commands/random_python_calls.py", 4000,
+               env=environment, cwd=tmp_path).stdout
+    counts = [int(word) for word in re.findall(r"\d+", done)]
+    assert sum(counts) == 4000 and min(counts) > 500, done
+
+
+def test_stubs_list_the_contents_of_the_extension(gsv):
+    stubs = ast.parse((ROOT / "python/ground_scale_vo/_core.pyi").read_text()).body
+    module = importlib.import_module("ground_scale_vo._core")
+    for node in stubs:
+        if isinstance(node, ast.ClassDef) and node.name != "DataError":
+            members = {member.name for member in node.body}
+            assert members == {name for name in vars(getattr(module, node.name))
+                               if not name.startswith("__") or name in ("__init__", "__iter__")}
+    assert set(re.findall(r"^    (\w+): ", gsv.Result.__doc__, re.MULTILINE)) == set(gsv.Result._fields)

@@ -45,5 +45,7 @@ setup(
     cmdclass={"build_ext": CMakeBuild},
     python_requires=">=3.8",
     install_requires=["numpy"],
+    extras_require={"run": ["opencv-python", "pyyaml", "matplotlib"]},
+    entry_points={"console_scripts": ["ground_scale_vo = ground_scale_vo.command_line:main"]},
     zip_safe=False,
 )

@@ -8,3 +8,4 @@ target_link_libraries(${PROJECT_NAME}_python PRIVATE
 set_target_properties(${PROJECT_NAME}_python PROPERTIES OUTPUT_NAME _core INSTALL_RPATH "$ORIGIN")
 install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_python LIBRARY DESTINATION .
   COMPONENT python EXCLUDE_FROM_ALL)
+install(FILES scripts/plot_run.py DESTINATION . COMPONENT python EXCLUDE_FROM_ALL)

@@ -23,6 +23,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "scripts"
 BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
 TIMEOUT_S = 600
+CAMERA_HEIGHT = 1.65
+# For Python outside ROS: the ROS messages are in a package that has the name of the Python module.
+WITHOUT_MESSAGES = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
 
 def tool(name):
@@ -211,3 +214,20 @@ def damaged_folder(request, short, tmp_path_factory):
     elif name.endswith(".png"):
         file.write_bytes(contents[:3000])
     return folder, request.param
+
+
+@pytest.fixture(scope="session")
+def evaluated(short, data):
+    """The result folder of run_sequence."""
+    run(tool("run_sequence"), short, "--camera-height", CAMERA_HEIGHT, "--out", data / "evaluated")
+    return data / "evaluated" / short.name
+
+
+@pytest.fixture(scope="session")
+def venv(data):
+    """A virtual environment with the Python package, installed with pip without network."""
+    run("/usr/bin/python3", "-m", "venv", "--system-site-packages", "--without-pip", data / "venv")
+    with build_without_ros() as build:
+        run(data / "venv/bin/python", "-m", "pip", "install", "--no-index", "--no-build-isolation", ROOT,
+            env={**WITHOUT_MESSAGES, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
+    return data / "venv"

@@ -1,30 +1,16 @@
-"""The Python package, installed with pip into a virtual environment without network."""
+"""The Python module."""
 
 import ast
 import importlib
 import json
 import math
-import os
 import re
 import sys
 import threading
 
 import numpy as np
 import pytest
-from conftest import ROOT, build_without_ros, run, tool
-
-CAMERA_HEIGHT = 1.65
-
-
-@pytest.fixture(scope="module")
-def venv(tmp_path_factory):
-    """The environment's folder."""
-    folder = tmp_path_factory.mktemp("python") / "venv"
-    run("/usr/bin/python3", "-m", "venv", "--system-site-packages", "--without-pip", folder)
-    with build_without_ros() as build:
-        run(folder / "bin/python", "-m", "pip", "install", "--no-index", "--no-build-isolation", ROOT,
-            env={**os.environ, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
-    return folder
+from conftest import CAMERA_HEIGHT, ROOT, WITHOUT_MESSAGES, run
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +23,6 @@ def gsv(venv):
     yield importlib.import_module("ground_scale_vo")
     sys.path.remove(str(folder))
     sys.modules.update(messages)
-
-
-@pytest.fixture(scope="module")
-def evaluated(short, tmp_path_factory):
-    """The result folder of run_sequence."""
-    out = tmp_path_factory.mktemp("evaluated")
-    run(tool("run_sequence"), short, "--camera-height", CAMERA_HEIGHT, "--out", out)
-    return out / short.name
 
 
 @pytest.fixture(scope="module")
@@ -197,9 +175,8 @@ def test_damaged_image_ends_the_iteration(gsv, short, tmp_path):
 
 
 def test_random_calls(venv, tmp_path):
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = run(venv / "bin/python", ROOT / "test/commands/random_python_calls.py", 4000,
-               env=environment, cwd=tmp_path).stdout
+               env=WITHOUT_MESSAGES, cwd=tmp_path).stdout
     counts = [int(word) for word in re.findall(r"\d+", done)]
     assert sum(counts) == 4000 and min(counts) > 500, done
 

@@ -1,0 +1,99 @@
+"""Calibration files of cameras, and the rectification of their images."""
+
+import pathlib
+import re
+from typing import NamedTuple, Optional, Tuple
+
+import cv2
+import numpy as np
+
+from . import Camera, DataError
+
+# Distortion models of ROS and Kalibr: whether OpenCV has them in cv2.fisheye.
+_IS_FISHEYE = {"plumb_bob": False, "rational_polynomial": False, "radtan": False, "none": False,
+               "equidistant": True, "fisheye": True}
+
+
+class Calibration(NamedTuple):
+    """size: (width, height) [px], None if the file does not contain it. K: (3, 3) [px]. D: distortion
+    coefficients of OpenCV, all zero without distortion."""
+
+    size: Optional[Tuple[int, int]]
+    K: np.ndarray
+    is_fisheye: bool
+    D: np.ndarray
+
+    @classmethod
+    def of(cls, camera: Camera) -> "Calibration":
+        K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+        return cls((camera.width, camera.height), K, False, np.zeros(4))
+
+
+def read_calibration(file: pathlib.Path) -> Calibration:
+    """Reads the YAML of ROS' camera_calibration, a Kalibr camchain (cam0), or a KITTI calib.txt (P0 of
+    rectified images). Raises DataError, which names the file."""
+    try:
+        calibration = _parse(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{file}: {error.strerror}") from None
+    except KeyError as error:
+        raise DataError(f"{file}: has no {error}, which camera_calibration and Kalibr write") from None
+    except (TypeError, ValueError, ImportError) as error:
+        raise DataError(f"{file}: cannot be used as a calibration ({error})") from None
+    if not (np.isfinite(calibration.K).all() and np.isfinite(calibration.D).all()):
+        raise DataError(f"{file}: has numbers that are not finite")
+    return calibration
+
+
+def _parse(text):
+    rectified = re.search(r"^(?:P0|P_rect_00):(.*)", text, re.MULTILINE)
+    if rectified:
+        return Calibration(None, np.array(rectified[1].split(), float).reshape(3, 4)[:, :3], False, np.zeros(4))
+    import yaml
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError:
+        data = None
+    if not isinstance(data, dict):
+        raise ValueError("it is neither YAML of a camera nor a KITTI calib.txt")
+    if "cam0" not in data:  # ROS
+        return Calibration((data["image_width"], data["image_height"]),
+                           np.array(data["camera_matrix"]["data"], float).reshape(3, 3),
+                           _is_fisheye(data["distortion_model"]),
+                           np.array(data["distortion_coefficients"]["data"], float))
+    data = data["cam0"]
+    if data["camera_model"] != "pinhole":
+        raise ValueError(f"the camera model is {data['camera_model']}, supported is pinhole")
+    fx, fy, cx, cy = data["intrinsics"]
+    return Calibration(tuple(data["resolution"]), np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float),
+                       _is_fisheye(data["distortion_model"]), np.array(data["distortion_coeffs"], float))
+
+
+def _is_fisheye(model):
+    if model not in _IS_FISHEYE:
+        raise ValueError(f"the distortion model is {model}, supported are {', '.join(_IS_FISHEYE)}")
+    return _IS_FISHEYE[model]
+
+
+class Rectification:
+    """Rectifies grey images of this size; camera: of the rectified ones, which keep K."""
+
+    def __init__(self, calibration: Calibration, size: Tuple[int, int]) -> None:
+        if calibration.size not in (None, size):
+            turned = calibration.size == size[::-1]
+            raise DataError("the images are {}x{}, the calibration is of {}x{}{}".format(
+                *size, *calibration.size, ": calibrate with images that are turned alike" * turned))
+        K, D = calibration.K, calibration.D
+        self.camera = Camera(*size, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
+        self._maps = None
+        if calibration.is_fisheye:
+            self._maps = cv2.fisheye.initUndistortRectifyMap(K, D, np.eye(3), K, size, cv2.CV_16SC2)
+        elif D.any():
+            self._maps = cv2.initUndistortRectifyMap(K, D, None, K, size, cv2.CV_16SC2)
+
+    def image(self, grey: np.ndarray) -> np.ndarray:
+        return grey if self._maps is None else cv2.remap(grey, *self._maps, cv2.INTER_LINEAR)
+
+    def mask(self, grey: np.ndarray) -> np.ndarray:
+        """Masked (0) is what depends on a masked pixel or lies outside the raw image."""
+        return 255 * (self.image(255 * (grey > 0).astype(np.uint8)) == 255).astype(np.uint8)

@@ -1,0 +1,129 @@
+"""The command ground_scale_vo: see --help."""
+
+import argparse
+import pathlib
+import sys
+import time
+
+from . import DataError, MetricOdometry, read_kitti
+from .calibration import Calibration, Rectification, read_calibration
+from .images import Images, open_images, read_grey
+
+
+class Progress:
+    """A line on the terminal that is overwritten; nothing elsewhere."""
+
+    def __init__(self, name, count):
+        self.name, self.count, self.done = name, max(count, 1), 0
+        self.start = self.shown = time.monotonic()
+
+    def step(self):
+        self.done += 1
+        now = time.monotonic()
+        if sys.stderr.isatty() and (now - self.shown > 0.2 or self.done == self.count):
+            self.shown = now
+            bar = "#" * min(30, 30 * self.done // self.count)
+            print(f"\r{self.name}: [{bar:30}] {self.done}/{self.count}, "
+                  f"{self.done / (now - self.start):.1f}/s\033[K", end="", file=sys.stderr, flush=True)
+
+    def end(self):
+        if sys.stderr.isatty():
+            print(file=sys.stderr)
+
+
+def parse(arguments):
+    parser = argparse.ArgumentParser(
+        prog="ground_scale_vo", description="Metric monocular visual odometry without ROS.",
+        epilog="Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.")
+    command = parser.add_subparsers(dest="command", required=True).add_parser(
+        "run", help="processes a drive and writes its trajectory and plots")
+    command.add_argument("input", type=pathlib.Path, metavar="FOLDER|VIDEO|BAG",
+                         help="KITTI folder; folder of images with times.txt, a line [s] for each; video; "
+                         "bag (needs the Python module rosbag)")
+    command.add_argument("--camera", type=pathlib.Path, metavar="FILE",
+                         help="calibration: YAML of ROS' camera_calibration, Kalibr camchain, or KITTI "
+                         "calib.txt; required except for a KITTI folder")
+    command.add_argument("--camera-height", type=float, required=True, metavar="M",
+                         help="of the camera above the road [m]")
+    command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results"), metavar="DIR",
+                         help="results go to DIR/<name of the input>/ (default: results)")
+    command.add_argument("--image", metavar="TOPIC", help="image topic of a bag with several")
+    command.add_argument("--mask", type=pathlib.Path, metavar="FILE",
+                         help="image, black where the camera's images never show the scene")
+    command.add_argument("--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
+                         help="option of the odometry (docs/reference/parameters.md); repeatable")
+    return parser.parse_args(arguments)
+
+
+def setting(text):
+    name, _, value = text.partition("=")
+    return name, value == "true" if value in ("true", "false") else float(value)
+
+
+def open_drive(arguments):
+    """The images, their calibration, and for metrics the ground truth of a KITTI folder, where known."""
+    calibration = arguments.camera and read_calibration(arguments.camera)
+    if (arguments.input / "image_0").is_dir() or (arguments.input / "image_00").is_dir():
+        drive = read_kitti(arguments.input)
+        calibration = calibration or Calibration.of(drive.camera)
+        return Images(len(drive), iter(drive)), calibration, (drive.ground_truth, drive.ground_truth_heights)
+    if calibration is None:
+        raise ValueError("--camera is missing; only a KITTI folder contains its calibration")
+    return open_images(arguments.input, arguments.image), calibration, ()
+
+
+def process(drive, calibration, arguments):
+    """The odometry after the last image."""
+    odometry, last_stamp, skipped = None, -1, 0
+    progress = Progress(arguments.input.name, drive.count)
+    for image, stamp in drive.images:
+        if odometry is None:
+            rectification = Rectification(calibration, image.shape[::-1])
+            mask = arguments.mask and rectification.mask(read_grey(arguments.mask))
+            odometry = MetricOdometry(rectification.camera, arguments.camera_height, mask=mask,
+                                      record=True, **dict(arguments.set))
+        if stamp > last_stamp:
+            odometry.process(rectification.image(image), stamp)
+        else:
+            skipped += 1
+        last_stamp = max(stamp, last_stamp)
+        progress.step()
+    progress.end()
+    if odometry is None:
+        raise DataError(f"{arguments.input}: has no image that can be decoded")
+    if skipped:
+        print(f"{skipped} images are skipped: their stamps do not increase", file=sys.stderr)
+    return odometry
+
+
+def draw(folder):
+    try:
+        from . import plot_run  # installed beside this file
+    except ImportError as error:
+        print(f"no plots: {error}", file=sys.stderr)
+    else:
+        plot_run.draw(folder, pdf=False)
+
+
+def run(arguments):
+    drive, calibration, ground_truth = open_drive(arguments)
+    path = arguments.input.resolve()
+    folder = arguments.out / (path.name if path.is_dir() else path.stem)
+    if folder.resolve() == path:
+        raise ValueError(f"--out {arguments.out} would write the results to the input")
+    odometry = process(drive, calibration, arguments)
+    odometry.write(folder, *ground_truth)
+    draw(folder)
+    metrics = odometry.metrics(*ground_truth)
+    print(f"{folder.name}: {metrics['frames']} frames, {metrics['tracked_frames']} tracked, "
+          f"{metrics['length_m']:.1f} m, written to {folder}")
+
+
+def main():
+    arguments = parse(sys.argv[1:])
+    try:
+        run(arguments)
+    except ValueError as error:
+        print(f"ground_scale_vo: {error}", file=sys.stderr)
+        return 1 if isinstance(error, DataError) else 2
+    return 0

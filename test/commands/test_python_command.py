@@ -1,0 +1,135 @@
+"""The command `ground_scale_vo run` of the Python package."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from conftest import CAMERA_HEIGHT, WITHOUT_MESSAGES, assert_refused, on_terminal, run
+
+FRAMES = 40
+
+
+@pytest.fixture
+def command(venv, tmp_path):
+    """The words of the command that writes into tmp_path."""
+    return [venv / "bin/ground_scale_vo", "run", "--out", tmp_path / "out", "--camera-height", CAMERA_HEIGHT]
+
+
+@pytest.fixture(scope="module")
+def video(short, tmp_path_factory):
+    file = tmp_path_factory.mktemp("video") / "drive.mp4"
+    writer = None
+    for image in images_of(short):
+        writer = writer or cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"mp4v"), 10, image.shape[::-1])
+        writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return file
+
+
+def images_of(folder):
+    return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "image_0").iterdir())]
+
+
+def camera_matrix(folder):
+    projection = np.array((folder / "calib.txt").read_text().split("\n")[0].split()[1:], float)
+    return projection.reshape(3, 4)[:, :3]
+
+
+def distance(results):
+    """Between the first and last pose [m]."""
+    return np.linalg.norm(np.loadtxt(results / "trajectory_tum.txt")[-1, 1:4])
+
+
+def test_kitti_folder_as_run_sequence(command, short, evaluated, tmp_path):
+    done = run(*command, short, env=WITHOUT_MESSAGES)
+    assert f"short: {FRAMES} frames, {FRAMES} tracked" in done.stdout and done.stderr == ""
+    results = tmp_path / "out/short"
+    for name in ("poses.txt", "trajectory_tum.txt", "scale.csv"):
+        assert (results / name).read_text() == (evaluated / name).read_text()
+    for plot in ("trajectory", "scale", "timing", "errors"):
+        assert (results / f"{plot}.png").stat().st_size > 0
+    assert json.loads((results / "metrics.json").read_text())["rle_percent"] is not None
+
+
+def test_bag_as_run_sequence(command, bag, short, evaluated, tmp_path):
+    run(*command, bag, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
+    assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
+
+
+def test_video(command, video, short, evaluated, tmp_path):
+    run(*command, video, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
+    trajectory = np.loadtxt(tmp_path / "out/drive/trajectory_tum.txt")
+    assert np.allclose(trajectory[:, 0], 0.1 * np.arange(FRAMES))
+    assert np.allclose(np.linalg.norm(trajectory[:, 4:], axis=1), 1)
+    assert distance(tmp_path / "out/drive") == pytest.approx(distance(evaluated), rel=0.03)
+
+
+@pytest.mark.parametrize("model", ["plumb_bob", "equidistant"])
+def test_distorted_images(command, short, evaluated, tmp_path, model):
+    folder, K = tmp_path / "raw", camera_matrix(short)
+    folder.mkdir()
+    (folder / "times.txt").write_text((short / "times.txt").read_text())
+    images = images_of(short)
+    height, width = images[0].shape
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64)
+    if model == "plumb_bob":
+        D = [-0.2, 0.05, 0.001, -0.001]
+        source = cv2.undistortPoints(pixels.reshape(-1, 1, 2), K, np.array(D), None, None, K)
+        (tmp_path / "camera.yaml").write_text(json.dumps({
+            "image_width": width, "image_height": height, "camera_matrix": {"data": K.ravel().tolist()},
+            "distortion_model": model, "distortion_coefficients": {"data": D}}))
+    else:
+        D = [-0.05, 0.01, 0.0, 0.0]
+        source = cv2.fisheye.undistortPoints(pixels.reshape(-1, 1, 2), K, np.array(D), None, K)
+        (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
+            "camera_model": "pinhole", "intrinsics": [K[0, 0], K[1, 1], K[0, 2], K[1, 2]],
+            "distortion_model": model, "distortion_coeffs": D, "resolution": [width, height]}}))
+    maps = source.reshape(height, width, 2).astype(np.float32)
+    for i, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{i:06}.png"), cv2.remap(image, maps, None, cv2.INTER_CUBIC))
+    run(*command, folder, "--camera", tmp_path / "camera.yaml", env=WITHOUT_MESSAGES)
+    assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
+
+
+def test_progress_on_a_terminal(command, short):
+    assert f"{'#' * 30}] {FRAMES}/{FRAMES}" in on_terminal(*command, short, environment=WITHOUT_MESSAGES)
+
+
+def test_rotated_video_is_refused_with_the_calibration_of_the_sensor(command, video, short, tmp_path):
+    contents = bytearray(video.read_bytes())
+    matrix = contents.index(b"tkhd") + 44  # of the display, ISO/IEC 14496-12
+    contents[matrix:matrix + 36] = np.array([0, 1 << 16, 0, -1 << 16, 0, 0, 0, 0, 1 << 30], ">i4").tobytes()
+    rotated = tmp_path / "rotated.mp4"
+    rotated.write_bytes(contents)
+    height, width = images_of(short)[0].shape
+    (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
+        "camera_model": "pinhole", "intrinsics": [500, 500, 400, 120], "distortion_model": "none",
+        "distortion_coeffs": [], "resolution": [width, height]}}))
+    assert_refused(1, f"the images are {height}x{width}, the calibration is of {width}x{height}: calibrate",
+                   *command, rotated, "--camera", tmp_path / "camera.yaml", env=WITHOUT_MESSAGES)
+
+
+@pytest.mark.parametrize("status, text, arguments", [
+    (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
+    (2, "--camera is missing", ["empty.mp4"]),
+    (1, "empty.mp4: is not a video", ["empty.mp4", "--camera", "CALIB"]),
+    (1, "empty.bag: is not a bag", ["empty.bag", "--camera", "CALIB"]),
+    (1, "none.yaml: No such file", ["empty.mp4", "--camera", "none.yaml"]),
+    (1, "empty.mp4: cannot be used as a calibration (it is neither YAML",
+     ["empty.mp4", "--camera", "empty.mp4"]),
+    (1, "wide.yaml: cannot be used as a calibration (the camera model is omni",
+     ["empty.mp4", "--camera", "wide.yaml"]),
+    (1, "times.txt: cannot be read", [".", "--camera", "CALIB"]),
+    (2, "camera_height is nan, it must lie in", ["SHORT", "--camera-height", "nan"]),
+    (2, "there is no option refin; did you mean refine?", ["SHORT", "--set", "refin=true"]),
+    (1, "none.png: No such file", ["SHORT", "--mask", "none.png"]),
+    (1, "empty.mp4: cannot be decoded as an image", ["SHORT", "--mask", "empty.mp4"]),
+])
+def test_refuses(command, short, tmp_path, status, text, arguments):
+    for name in ("empty.mp4", "empty.bag"):
+        (tmp_path / name).touch()
+    (tmp_path / "wide.yaml").write_text("cam0: {camera_model: omni}")
+    words = {"CALIB": short / "calib.txt", "SHORT": short}
+    assert_refused(status, text, *command, *(words.get(word, word) for word in arguments),
+                   env=WITHOUT_MESSAGES, cwd=tmp_path)

@@ -5,6 +5,7 @@ scripts/test runs these tests with the environment of its build (scripts/lib/env
 
 import contextlib
 import fcntl
+import importlib
 import os
 import pathlib
 import pty
@@ -13,6 +14,7 @@ import select
 import signal
 import socket
 import subprocess
+import sys
 import time
 import xmlrpc.client
 
@@ -231,3 +233,15 @@ def venv(data):
         run(data / "venv/bin/python", "-m", "pip", "install", "--no-index", "--no-build-isolation", ROOT,
             env={**WITHOUT_MESSAGES, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
     return data / "venv"
+
+
+@pytest.fixture(scope="module")
+def gsv(venv):
+    """The package. The ROS messages, which other tests import, are in a package of the same name."""
+    messages = {name: sys.modules.pop(name) for name in [*sys.modules]
+                if name.split(".")[0] == "ground_scale_vo"}
+    (folder,) = venv.glob("lib/*/site-packages")
+    sys.path.insert(0, str(folder))
+    yield importlib.import_module("ground_scale_vo")
+    sys.path.remove(str(folder))
+    sys.modules.update(messages)

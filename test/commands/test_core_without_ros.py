@@ -1,13 +1,14 @@
 """The library without ROS: built, installed, and used by examples/ as another project would."""
 
 import math
+import re
 import subprocess
 
+import numpy as np
 import pytest
-from conftest import ROOT, build_without_ros, run
+from conftest import CAMERA_HEIGHT, ROOT, WITHOUT_MESSAGES, assert_refused, build_without_ros, run
 
 FRAMES = 40
-CAMERA_HEIGHT = 1.65
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +44,12 @@ def test_installs_only_the_headers_of_the_core(installed):
     assert modules == {"common", "vo", "scale", "metric_odometry.hpp"}
 
 
+def test_headers_include_only_eigen_and_the_core_of_opencv(installed):
+    headers = (installed / "include/ground_scale_vo").rglob("*.hpp")
+    included = {name for header in headers for name in re.findall(r"#include <(\S+/\S+)>", header.read_text())}
+    assert {name for name in included if not name.startswith("Eigen/")} == {"opencv2/core.hpp"}
+
+
 def test_library_links_no_tooling(installed):
     (library,) = installed.rglob("libground_scale_vo_core.so")
     symbols = run("nm", "--dynamic", "--demangle", "--defined-only", library).stdout
@@ -60,11 +67,11 @@ def test_installed_tool_runs(installed, drive, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def example(installed, tmp_path_factory):
+def examples(installed, tmp_path_factory):
     folder = tmp_path_factory.mktemp("example")
     run("cmake", "-S", ROOT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={installed}")
     run("cmake", "--build", folder)
-    return folder / "metric_poses"
+    return folder
 
 
 @pytest.mark.parametrize("folder, height, text", [
@@ -73,17 +80,17 @@ def example(installed, tmp_path_factory):
     ("EMPTY", "1.65", "image_0: no images"),
     ("UNCALIBRATED", "1.65", "calib.txt: no projection matrix"),
 ])
-def test_example_refuses(example, drive, tmp_path, folder, height, text):
+def test_example_refuses(examples, drive, tmp_path, folder, height, text):
     for name in ("empty", "uncalibrated"):
         (tmp_path / name / "image_0").mkdir(parents=True)
     (tmp_path / "uncalibrated/image_0/000000.png").symlink_to(drive / "image_0/000000.png")
     folder = drive if folder == "DRIVE" else tmp_path / folder.lower()
-    done = subprocess.run([example, folder, height], stderr=subprocess.PIPE, text=True)
+    done = subprocess.run([examples / "metric_poses", folder, height], stderr=subprocess.PIPE, text=True)
     assert done.returncode == 1 and text in done.stderr and done.stderr.count("\n") == 1, done.stderr
 
 
-def test_example_gives_metric_poses(example, drive):
-    lines = run(example, drive, CAMERA_HEIGHT).stdout.splitlines()
+def test_example_gives_metric_poses(examples, drive):
+    lines = run(examples / "metric_poses", drive, CAMERA_HEIGHT).stdout.splitlines()
     estimate = [[float(word) for word in line.split()] for line in lines]
     assert len(estimate) > FRAMES / 2
 
@@ -96,3 +103,37 @@ def test_example_gives_metric_poses(example, drive):
     true_distance = math.dist(position[round(first[0], 3)], position[round(last[0], 3)])
     assert true_distance > 10  # [m]
     assert distance == pytest.approx(true_distance, rel=0.03)
+
+
+def test_python_example_as_the_other(examples, venv, drive):
+    done = run(venv / "bin/python", ROOT / "examples/metric_poses.py", drive, CAMERA_HEIGHT,
+               env=WITHOUT_MESSAGES)
+    assert done.stdout.split() == run(examples / "metric_poses", drive, CAMERA_HEIGHT).stdout.split()
+
+
+def test_python_example_refuses(venv):
+    assert_refused(1, "/none: no such folder", venv / "bin/python",
+                   ROOT / "examples/metric_poses.py", "none", 1.65, env=WITHOUT_MESSAGES)
+
+
+def test_scale_of_another_odometry(examples, gsv, drive):
+    """That odometry is this one with another unit of length, 4 m."""
+    sequence = gsv.read_kitti(drive)
+    odometry = gsv.MetricOdometry(sequence.camera, CAMERA_HEIGHT)
+    words, final = list(sequence.camera), None
+    for image, stamp in sequence:
+        result = odometry.process(image, stamp)
+        if result.pose is None:
+            continue
+        pose, points = result.pose[:3].copy(), result.points / 4
+        pose[:, 3] /= 4
+        usable = [i for i, point in enumerate(points) if np.isfinite(point).all()]
+        words += [stamp, len(usable), *pose.ravel()]
+        for i in usable:
+            words += [result.track_ids[i], *result.tracks[i], *points[i], 0.005 * points[i][2]]
+        final = result.pose[:3, 3]
+    done = subprocess.run([examples / "scale_of_another_vo", str(CAMERA_HEIGHT)], stdout=subprocess.PIPE,
+                          input=" ".join(map(str, words)), text=True, check=True)
+    stamp, scale, sigma, *position = map(float, done.stdout.splitlines()[-1].split())
+    assert stamp == 3.9 and scale == pytest.approx(4, rel=0.05) and 0 < sigma < 0.4
+    assert np.linalg.norm(position) == pytest.approx(np.linalg.norm(final), rel=0.08)

@@ -14,18 +14,6 @@ from conftest import CAMERA_HEIGHT, ROOT, WITHOUT_MESSAGES, run
 
 
 @pytest.fixture(scope="module")
-def gsv(venv):
-    """The package. The ROS messages, which other tests import, are in a package of the same name."""
-    messages = {name: sys.modules.pop(name) for name in [*sys.modules]
-                if name.split(".")[0] == "ground_scale_vo"}
-    (folder,) = venv.glob("lib/*/site-packages")
-    sys.path.insert(0, str(folder))
-    yield importlib.import_module("ground_scale_vo")
-    sys.path.remove(str(folder))
-    sys.modules.update(messages)
-
-
-@pytest.fixture(scope="module")
 def results(gsv, short):
     drive = gsv.read_kitti(short)
     odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT)

@@ -6,11 +6,19 @@ import re
 import subprocess
 import sys
 
-import pybind11
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 ROOT = pathlib.Path(__file__).resolve().parent
+
+
+def pybind11_folder():
+    """The argument of CMake for a pybind11 that pip has installed; it finds Debian's without."""
+    try:
+        import pybind11
+        return [f"-Dpybind11_DIR={pybind11.get_cmake_dir()}"]
+    except (ImportError, AttributeError):
+        return []
 
 
 class CMakeBuild(build_ext):
@@ -25,7 +33,7 @@ class CMakeBuild(build_ext):
                 "cmake", "-S", str(ROOT), "-B", folder, "-DGROUND_SCALE_VO_ROS=OFF",
                 "-DGROUND_SCALE_VO_TOOLS=OFF", "-DGROUND_SCALE_VO_PYTHON=ON",
                 f"-DPYTHON_EXECUTABLE={sys.executable}", f"-DPython3_EXECUTABLE={sys.executable}",
-                f"-Dpybind11_DIR={pybind11.get_cmake_dir()}"])
+                *pybind11_folder()])
         subprocess.check_call(["cmake", "--build", folder, "--target", "ground_scale_vo_python",
                                "--parallel", str(os.cpu_count())])
         package = pathlib.Path(self.get_ext_fullpath(ext.name)).resolve().parent

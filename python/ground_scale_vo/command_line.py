@@ -75,7 +75,7 @@ def open_drive(arguments):
 def process(drive, calibration, arguments):
     """The odometry after the last image."""
     odometry, last_stamp, skipped = None, -1, 0
-    progress = Progress(arguments.input.name, drive.count)
+    progress = Progress(arguments.input.resolve().name, drive.count)
     for image, stamp in drive.images:
         if odometry is None:
             rectification = Rectification(calibration, image.shape[::-1])
@@ -123,7 +123,7 @@ def main():
     arguments = parse(sys.argv[1:])
     try:
         run(arguments)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         print(f"ground_scale_vo: {error}", file=sys.stderr)
-        return 1 if isinstance(error, DataError) else 2
+        return 1 if isinstance(error, (DataError, OSError)) else 2
     return 0

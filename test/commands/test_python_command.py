@@ -57,6 +57,11 @@ def test_bag_as_run_sequence(command, bag, short, evaluated, tmp_path):
     assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
 
 
+def test_damaged_bag_is_refused(command, damaged_bag, short):
+    assert_refused(1, f"{damaged_bag}: ", *command, damaged_bag, "--camera", short / "calib.txt",
+                   env=WITHOUT_MESSAGES)
+
+
 def test_video(command, video, short, evaluated, tmp_path):
     run(*command, video, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
     trajectory = np.loadtxt(tmp_path / "out/drive/trajectory_tum.txt")

@@ -19,8 +19,8 @@ struct ImageSize {
 ImageSize encodedSize(std::string_view bytes);
 
 /// To be called before an image is decoded. Throws DataError ("is not a whole PNG or JPEG image",
-/// "states no image size", "states W x H pixels, ..."; the caller adds the name of the image) unless the bytes are a
-/// complete image within the limits of image_limits.hpp.
+/// "states no image size", "states W x H pixels, ..."; the caller adds the name of the image)
+/// unless the bytes are a complete image within the limits of image_limits.hpp.
 void requireDecodable(std::string_view bytes);
 
 }  // namespace ground_scale_vo

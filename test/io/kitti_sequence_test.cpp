@@ -232,11 +232,15 @@ TEST_F(KittiSequenceTest, RefusesTruncatedAndBrokenImages) {
               "/" + name + ": is 32x48 instead of 64x48");
   }
   const std::string png = encoded("png");
-  // A PNG without image data, but with its signature and its end.
+  const std::string end = png.substr(png.size() - 12);
   const KittiSequence sequence(makeOdometry("no_data"));
-  write("no_data/image_0/000001.png", png.substr(0, 20) + png.substr(png.size() - 12));
-  EXPECT_EQ(dataErrorOf([&] { sequence.image(1); }, folder_),
-            "/no_data/image_0/000001.png: cannot be decoded as an image");
+  const auto errorOfPng = [&](std::size_t length) {  // of its first bytes and its end
+    write("no_data/image_0/000001.png", png.substr(0, length) + end);
+    return dataErrorOf([&] { sequence.image(1); }, folder_);
+  };
+  constexpr std::size_t kWidth = 20, kHeader = 33;  // with the width of the image; whole header
+  EXPECT_EQ(errorOfPng(kWidth), "/no_data/image_0/000001.png: states no image size");
+  EXPECT_EQ(errorOfPng(kHeader), "/no_data/image_0/000001.png: cannot be decoded as an image");
 }
 
 // A header of a few bytes can state any size, and a decoder allocates the memory for it.

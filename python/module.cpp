@@ -187,15 +187,13 @@ class Odometry {
 
   std::string metrics(const std::optional<Reals>& poses, const std::optional<Reals>& heights) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    return gsv::metricsJson(record(), camera_height_, toPoses(poses, "ground_truth"),
-                            toHeights(heights, "ground_truth_heights"));
+    return gsv::metricsJson(record(), camera_height_, truePoses(poses), trueHeights(heights));
   }
 
   void write(const std::string& folder, const std::optional<Reals>& poses,
              const std::optional<Reals>& heights) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    gsv::writeRun(folder, record(), camera_height_, toPoses(poses, "ground_truth"),
-                  toHeights(heights, "ground_truth_heights"));
+    gsv::writeRun(folder, record(), camera_height_, truePoses(poses), trueHeights(heights));
   }
 
  private:
@@ -203,6 +201,26 @@ class Odometry {
   const gsv::RunRecord& record() const {
     if (!record_) throw gsv::OptionError("record is False: MetricOdometry keeps no record");
     return *record_;
+  }
+
+  Poses truePoses(const std::optional<Reals>& array) const {
+    Poses poses = toPoses(array, "ground_truth");
+    requireLength("ground_truth", poses.size());
+    return poses;
+  }
+
+  std::vector<double> trueHeights(const std::optional<Reals>& array) const {
+    std::vector<double> heights = toHeights(array, "ground_truth_heights");
+    requireLength("ground_truth_heights", heights.size());
+    return heights;
+  }
+
+  /// Throws OptionError unless there is an entry for each recorded image, or none.
+  void requireLength(const std::string& name, std::size_t length) const {
+    const std::size_t images = record().frames().size();
+    if (length == 0 || length == images) return;
+    throw gsv::OptionError(name + " has " + std::to_string(length) + " entries, but " +
+                           std::to_string(images) + " images are recorded");
   }
 
   const double camera_height_;

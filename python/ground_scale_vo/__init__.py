@@ -42,8 +42,8 @@ class Result(NamedTuple):
     scale_status: "ok" (measured in this image), "held" (the last scale is kept) or "unknown".
     reason: why no measurement of this image was used; "none": one was used.
     map_id: grows with each new map, which has another scale.
-    pose: (4, 4) float64, from this camera to the first one, translation in metres; None without a
-        metric pose.
+    pose: (4, 4) float64, from this camera to that at the first image of the first map with a scale,
+        translation in metres; None without a metric pose.
     covariance: (6, 6) float64 of the pose in the first camera's axes, position [m^2], then rotation
         [rad^2] as a left perturbation; None without a pose.
     scale: filtered, metres per unit of the odometry; None while unknown.
@@ -110,7 +110,7 @@ class MetricOdometry:
     def poses(self) -> np.ndarray:
         """(N, 4, 4) float64: a pose of every image, from its camera to the first one [m]. Images
         without a metric pose hold the last one; those before the first metric pose get theirs from
-        the first scale."""
+        the first scale, or are the identity before the start of its map."""
         return self._odometry.poses()
 
     def metrics(self, ground_truth: Optional[np.ndarray] = None,
@@ -216,4 +216,7 @@ def _truth(poses: Any, heights: Any) -> Tuple[Optional[np.ndarray], Optional[np.
 def _path(name: str, value: Any) -> str:
     if not isinstance(value, (str, os.PathLike)):
         raise _type_error(name, value, "a str or a path")
-    return os.fsdecode(value)
+    text = os.fsdecode(value)
+    if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
+        raise ValueError(f"{name} is {text!a}, it must be UTF-8 without null characters")
+    return text

@@ -42,6 +42,10 @@ def read_calibration(file: pathlib.Path) -> Calibration:
         raise DataError(f"{file}: cannot be used as a calibration ({error})") from None
     if not (np.isfinite(calibration.K).all() and np.isfinite(calibration.D).all()):
         raise DataError(f"{file}: has numbers that are not finite")
+    counts = (4,) if calibration.is_fisheye else (0, 4, 5, 8, 12, 14)
+    if calibration.D.size not in counts:
+        raise DataError(f"{file}: has {calibration.D.size} distortion coefficients, its model has "
+                        f"{' or '.join(map(str, counts))}")
     return calibration
 
 
@@ -65,7 +69,8 @@ def _parse(text):
     if data["camera_model"] != "pinhole":
         raise ValueError(f"the camera model is {data['camera_model']}, supported is pinhole")
     fx, fy, cx, cy = data["intrinsics"]
-    return Calibration(tuple(data["resolution"]), np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float),
+    width, height = data["resolution"]
+    return Calibration((width, height), np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float),
                        _is_fisheye(data["distortion_model"]), np.array(data["distortion_coeffs"], float))
 
 
@@ -83,6 +88,7 @@ class Rectification:
             turned = calibration.size == size[::-1]
             raise DataError("the images are {}x{}, the calibration is of {}x{}{}".format(
                 *size, *calibration.size, ": calibrate with images that are turned alike" * turned))
+        self._shape = size[::-1]
         K, D = calibration.K, calibration.D
         self.camera = Camera(*size, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
         self._maps = None
@@ -92,8 +98,14 @@ class Rectification:
             self._maps = cv2.initUndistortRectifyMap(K, D, None, K, size, cv2.CV_16SC2)
 
     def image(self, grey: np.ndarray) -> np.ndarray:
-        return grey if self._maps is None else cv2.remap(grey, *self._maps, cv2.INTER_LINEAR)
+        return self._rectified(grey, "an image")
 
     def mask(self, grey: np.ndarray) -> np.ndarray:
         """Masked (0) is what depends on a masked pixel or lies outside the raw image."""
-        return 255 * (self.image(255 * (grey > 0).astype(np.uint8)) == 255).astype(np.uint8)
+        return 255 * (self._rectified(255 * (grey > 0).astype(np.uint8), "the mask") == 255).astype(np.uint8)
+
+    def _rectified(self, grey, name):
+        if grey.shape != self._shape:  # cv2.remap would accept it
+            raise DataError("{} is {}x{}, the first image {}x{}".format(
+                name, *grey.shape[::-1], *self._shape[::-1]))
+        return grey if self._maps is None else cv2.remap(grey, *self._maps, cv2.INTER_LINEAR)

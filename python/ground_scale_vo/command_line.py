@@ -1,6 +1,7 @@
 """The command ground_scale_vo: see --help."""
 
 import argparse
+import inspect
 import pathlib
 import sys
 import time
@@ -106,6 +107,9 @@ def draw(folder):
 
 
 def run(arguments):
+    for name, _ in arguments.set:
+        if name in ("self", *inspect.signature(MetricOdometry).parameters):
+            raise ValueError(f"there is no option {name}")
     drive, calibration, ground_truth = open_drive(arguments)
     path = arguments.input.resolve()
     folder = arguments.out / (path.name if path.is_dir() else path.stem)

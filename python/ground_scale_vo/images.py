@@ -91,16 +91,25 @@ def _open_bag(file, topic):
         raise DataError(f"{file}: the Python module rosbag is missing (Debian: python3-rosbag)") from None
     try:
         bag = rosbag.Bag(str(file))
-    except (rosbag.ROSBagException, OSError) as error:
+        all_topics = bag.get_type_and_topic_info().topics
+    except Exception as error:  # of many types for a damaged file
         raise DataError(f"{file}: is not a bag that can be read ({error})") from None
-    topics = {name: info.message_count for name, info in bag.get_type_and_topic_info().topics.items()
+    topics = {name: info.message_count for name, info in all_topics.items()
               if info.msg_type in ("sensor_msgs/Image", "sensor_msgs/CompressedImage")}
     if topic is None and len(topics) == 1:
         (topic,) = topics
     if topic not in topics:
         raise DataError(f"{file}: --image must be one of its image topics: {', '.join(topics) or 'none'}")
     return Images(topics[topic], ((_grey_of(message, topic), message.header.stamp.to_nsec())
-                                  for _, message, _ in bag.read_messages([topic])))
+                                  for message in _messages(bag, file, topic)))
+
+
+def _messages(bag, file, topic):
+    try:
+        for _, message, _ in bag.read_messages([topic]):
+            yield message
+    except Exception as error:  # of many types for a damaged file
+        raise DataError(f"{file}: cannot be read to its end ({error})") from None
 
 
 def _grey_of(message: Any, topic: str) -> np.ndarray:

@@ -41,7 +41,7 @@ class Calls:
         self.images = 1  # that the odometry has processed
 
     def image(self):
-        """A growing section of the road: the camera moves backwards."""
+        """A section of the road of random size: the camera jumps forwards and backwards."""
         size = 100 + self.rng.randrange(200)
         return cv2.resize(self.road[:size, :size], (WIDTH, HEIGHT))
 

@@ -137,6 +137,11 @@ def test_other_threads_run_during_processing(gsv):
     (TypeError, "folder is of type int", "gsv.read_kitti(3)"),
     (TypeError, "folder is of type NoneType", "recorded.write(None)"),
     (ValueError, "/none: no such folder", "gsv.read_kitti('/none')"),
+    (ValueError, "folder is 'a\\x00b', it must be UTF-8", "recorded.write('a\\0b')"),
+    (ValueError, "folder is '\\ud800', it must be UTF-8", "gsv.read_kitti('\\ud800')"),
+    (ValueError, "ground_truth has 3 entries, but 0 images are recorded",
+     "recorded.metrics(np.repeat(np.eye(4)[None], 3, 0))"),
+    (ValueError, "ground_truth_heights has 7 entries", "recorded.metrics(None, np.ones(7))"),
 ])
 def test_refuses(gsv, error, text, call):
     camera = gsv.Camera(96, 64, 60, 60, 48, 32)

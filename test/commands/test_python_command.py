@@ -62,6 +62,30 @@ def test_damaged_bag_is_refused(command, damaged_bag, short):
                    env=WITHOUT_MESSAGES)
 
 
+def test_bag_that_is_damaged_in_the_middle_is_refused(command, bag, short, tmp_path):
+    contents = bag.read_bytes()
+    middle, header = len(contents) // 2, b"\x04\0\0\0op=\x02"  # a field of each message's header
+    damaged = tmp_path / "damaged.bag"
+    damaged.write_bytes(contents[:middle] + contents[middle:].replace(header, bytes(len(header)), 10))
+    assert_refused(1, f"{damaged}: cannot be read to its end", *command, damaged, "--camera",
+                   short / "calib.txt", env=WITHOUT_MESSAGES)
+
+
+def test_images_of_two_sizes_are_refused(command, short, tmp_path):
+    folder, K = tmp_path / "raw", camera_matrix(short)
+    folder.mkdir()
+    (folder / "times.txt").write_text("0\n0.1\n")
+    image = images_of(short)[0]
+    cv2.imwrite(str(folder / "0.png"), image)
+    cv2.imwrite(str(folder / "1.png"), image[:-1])
+    (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
+        "camera_model": "pinhole", "intrinsics": [K[0, 0], K[1, 1], K[0, 2], K[1, 2]],
+        "distortion_model": "radtan", "distortion_coeffs": [-0.2, 0.05, 0, 0],
+        "resolution": image.shape[::-1]}}))
+    assert_refused(1, "an image is ", *command, folder, "--camera", tmp_path / "camera.yaml",
+                   env=WITHOUT_MESSAGES)
+
+
 def test_video(command, video, short, evaluated, tmp_path):
     run(*command, video, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
     trajectory = np.loadtxt(tmp_path / "out/drive/trajectory_tum.txt")
@@ -130,11 +154,21 @@ def test_rotated_video_is_refused_with_the_calibration_of_the_sensor(command, vi
     (2, "there is no option refin; did you mean refine?", ["SHORT", "--set", "refin=true"]),
     (1, "none.png: No such file", ["SHORT", "--mask", "none.png"]),
     (1, "empty.mp4: cannot be decoded as an image", ["SHORT", "--mask", "empty.mp4"]),
+    (1, "the mask is 8x4, the first image ", ["SHORT", "--camera", "raw.yaml", "--mask", "small.png"]),
+    (1, "short.yaml: has 3 distortion coefficients, its model has 0 or 4 or 5",
+     ["SHORT", "--camera", "short.yaml"]),
+    (2, "there is no option mask", ["SHORT", "--set", "mask=1"]),
 ])
 def test_refuses(command, short, tmp_path, status, text, arguments):
     for name in ("empty.mp4", "empty.bag"):
         (tmp_path / name).touch()
     (tmp_path / "wide.yaml").write_text("cam0: {camera_model: omni}")
+    height, width = images_of(short)[0].shape
+    for name, D in (("raw", [-0.2, 0.05, 0, 0]), ("short", [-0.2, 0.05, 0])):
+        (tmp_path / f"{name}.yaml").write_text(json.dumps({"cam0": {
+            "camera_model": "pinhole", "intrinsics": [500, 500, 400, 120], "distortion_model": "radtan",
+            "distortion_coeffs": D, "resolution": [width, height]}}))
+    cv2.imwrite(str(tmp_path / "small.png"), np.full((4, 8), 255, np.uint8))
     words = {"CALIB": short / "calib.txt", "SHORT": short}
     assert_refused(status, text, *command, *(words.get(word, word) for word in arguments),
                    env=WITHOUT_MESSAGES, cwd=tmp_path)

@@ -42,10 +42,10 @@ int main(int argc, char** argv) try {
   ground_scale_vo::MetricOdometry odometry({size.width, size.height, fx, fy, cx, cy}, options);
   for (const std::string& file : files) {
     double stamp = 0;
-    times >> stamp;
+    if (!(times >> stamp)) throw std::invalid_argument(folder + "/times.txt: no stamp for " + file);
     const cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE);
     const auto output = odometry.process(image, static_cast<std::int64_t>(stamp * 1e9));
-    if (!output.pose()) continue;  // the scale is not known yet, or tracking is lost
+    if (!output.pose()) continue;  // no scale yet, or tracking is lost
     std::cout << stamp << ' ' << output.pose()->T_o_c.translation().transpose() << '\n';
   }
 } catch (const std::exception& error) {

@@ -12,7 +12,7 @@ def main(folder, height):
     odometry = gsv.MetricOdometry(drive.camera, float(height))
     for image, stamp in drive:
         result = odometry.process(image, stamp)
-        if result.pose is not None:  # else the scale is not known yet, or tracking is lost
+        if result.pose is not None:  # else no scale yet, or tracking is lost
             x, y, z = result.pose[:3, 3]
             print(f"{1e-9 * stamp:g} {x:g} {y:g} {z:g}")
 

@@ -3,10 +3,11 @@
 // (width height fx fy cx cy [px]). Each frame follows: stamp [ns], number of features, camera pose
 // (3x4 by rows, camera to map) and, for each feature by ascending id: id, pixel u v, its map point
 // x y z in camera axes and the standard deviation of z; lengths in units of that odometry. Prints
-// for each frame the stamp [s], scale [m per unit], its standard deviation, and the metric position
-// [m].
+// for each frame with a metric pose the stamp [s], scale [m per unit], its standard deviation, and
+// the metric position [m].
 
 #include <iostream>
+#include <stdexcept>
 #include <string>
 
 #include "ground_scale_vo/scale/scale_recovery.hpp"
@@ -14,7 +15,8 @@
 int main(int argc, char** argv) try {
   namespace gsv = ground_scale_vo;
   gsv::ScaleRecovery::Options options;
-  options.camera_height = std::stod(argc == 2 ? argv[1] : "");
+  if (argc != 2) throw std::invalid_argument("usage: scale_of_another_vo HEIGHT < FRAMES");
+  options.camera_height = std::stod(argv[1]);
   gsv::ScaleRecovery scale_recovery(options);
   gsv::VoFrame frame;
   gsv::PinholeCamera& camera = frame.camera;
@@ -31,7 +33,7 @@ int main(int argc, char** argv) try {
     }
     // A second argument, the rectified grey image, adds the direct measurement.
     const gsv::ScaleRecovery::Output output = scale_recovery.process(frame);
-    if (!output.pose) continue;  // the scale is not known yet
+    if (!output.pose) continue;  // no scale yet, or the pose is refused
     std::cout << 1e-9 * static_cast<double>(frame.stamp_ns) << ' ' << output.scale.scale << ' '
               << output.scale.sigma << ' ' << output.pose->T_o_c.translation().transpose() << '\n';
   }

@@ -2,16 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
+#include <list>
+#include <mutex>
 #include <opencv2/imgproc.hpp>
 
 namespace ground_scale_vo::simulation {
 namespace {
 constexpr int kShift = 4;  // fractional bits of coordinates in OpenCV's drawing functions
 constexpr int kSubTexels = 1 << kShift;
-}  // namespace
 
-cv::Mat tileableNoise(cv::Size size, std::uint64_t seed,
-                      std::initializer_list<std::pair<double, double>> sigma_weight) {
+/// Most drives of a process have the same seed, so that half of the noise of a world is that of the
+/// one before. A world has about 25, of up to 4 MiB.
+constexpr std::size_t kCachedNoises = 30;
+
+using Layers = std::vector<std::pair<double, double>>;  // sigma, weight
+
+cv::Mat newTileableNoise(cv::Size size, std::uint64_t seed, const Layers& sigma_weight) {
   cv::RNG rng(seed);
   cv::Mat sum = cv::Mat::zeros(size, CV_32F);
   for (const auto& [sigma, weight] : sigma_weight) {
@@ -28,6 +34,36 @@ cv::Mat tileableNoise(cv::Size size, std::uint64_t seed,
   cv::Scalar mean, deviation;
   cv::meanStdDev(sum, mean, deviation);
   return (sum - mean[0]) / deviation[0];
+}
+
+}  // namespace
+
+cv::Mat tileableNoise(cv::Size size, std::uint64_t seed,
+                      std::initializer_list<std::pair<double, double>> sigma_weight) {
+  struct Entry {
+    cv::Size size;
+    std::uint64_t seed;
+    Layers layers;
+    cv::Mat noise;
+  };
+  static std::list<Entry> cache;  // the last used one comes first
+  static std::mutex mutex;
+  const Layers layers(sigma_weight);
+  {
+    const std::lock_guard<std::mutex> lock(mutex);
+    const auto entry = std::find_if(cache.begin(), cache.end(), [&](const Entry& e) {
+      return e.size == size && e.seed == seed && e.layers == layers;
+    });
+    if (entry != cache.end()) {
+      cache.splice(cache.begin(), cache, entry);
+      return entry->noise.clone();
+    }
+  }
+  const cv::Mat noise = newTileableNoise(size, seed, layers);
+  const std::lock_guard<std::mutex> lock(mutex);
+  cache.push_front({size, seed, layers, noise});
+  if (cache.size() > kCachedNoises) cache.pop_back();
+  return noise.clone();
 }
 
 cv::Mat noiseToGrey(const cv::Mat& noise, double mean, double contrast) {

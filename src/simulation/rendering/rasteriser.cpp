@@ -49,23 +49,38 @@ double smoothStep(double x) {
   return x * x * (3 - 2 * x);
 }
 
+/// Memory of a Rasteriser. It is several megabytes, which take longer to allocate than to fill, so
+/// that it is kept for the next image.
+struct Buffers {
+  std::vector<float> inverse_depth;  // [1/m]
+  std::vector<std::uint32_t> id;     // of the visible surface, at every sample
+  std::vector<Surface> surfaces;
+  std::vector<Eigen::Vector3d> projected;  // vertices of a mesh, homogeneous pixels
+};
+
 class Rasteriser {
  public:
   /// Rasterises all instances. reflection: the image reflected by puddles; nullptr for a dry road.
+  /// buffers: must remain, unused by others, as long as this object.
   Rasteriser(const Scene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_w_c,
-             const Rasteriser* reflection)
+             const Rasteriser* reflection, Buffers& buffers)
       : scene_(scene),
         camera_(camera),
         T_c_w_(T_w_c.inverse()),
         R_w_c_(T_w_c.linear()),
         reflection_(reflection),
-        ambient_(std::pow(scene.daylight, kNightGamma)) {
+        ambient_(std::pow(scene.daylight, kNightGamma)),
+        inverse_depth_(buffers.inverse_depth),
+        id_(buffers.id),
+        surfaces_(buffers.surfaces),
+        projected_(buffers.projected) {
     if (scene.T_w_lamps) T_l_c_ = scene.T_w_lamps->inverse() * T_w_c;
     K_ << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
     width_ = kSamplesPerSide * camera.width;
     const auto samples = static_cast<std::size_t>(width_ * kSamplesPerSide * camera.height);
     inverse_depth_.assign(samples, 0.f);
     id_.assign(samples, kSky);
+    surfaces_.clear();
     for (const Instance& instance : scene.instances) draw(instance);
   }
 
@@ -96,16 +111,15 @@ class Rasteriser {
     const Mesh& mesh = *instance.mesh;
     const Eigen::Isometry3d T_c_m = T_c_w_ * instance.T_w_m;
     if (!isVisible(T_c_m * mesh.centre, mesh.radius)) return;
-    std::vector<Eigen::Vector3d> projected;
-    projected.reserve(mesh.vertices.size());
-    for (const Vertex& vertex : mesh.vertices) projected.emplace_back(K_ * (T_c_m * vertex.p));
+    projected_.clear();
+    for (const Vertex& vertex : mesh.vertices) projected_.emplace_back(K_ * (T_c_m * vertex.p));
     for (const Mesh::Triangle& triangle : mesh.triangles) {
       Eigen::Matrix3d corners;  // columns: homogeneous pixels, the last row is z
       Eigen::Matrix<double, 4, 3> attributes;
       for (int k = 0; k < 3; ++k) {
         const auto index = static_cast<std::size_t>(triangle.v[k]);
         const Vertex& vertex = mesh.vertices[index];
-        corners.col(k) = projected[index];
+        corners.col(k) = projected_[index];
         attributes.col(k) << vertex.uv, vertex.light, 1;
       }
       draw(corners, attributes, triangle.texture);
@@ -161,14 +175,15 @@ class Rasteriser {
       }
       const int x0 = std::max(0, first(from - 1e-7));
       const int x1 = std::min(width_ - 1, last(to + 1e-7, camera_.width));
+      float* const inverse_depth = &inverse_depth_[static_cast<std::size_t>(j * width_)];
+      std::uint32_t* const ids = &id_[static_cast<std::size_t>(j * width_)];
       for (int i = x0; i <= x1; ++i) {
-        const auto at = static_cast<std::size_t>(j * width_ + i);
         const auto inverse_z =
             static_cast<float>(over_z(0) * position(i) + over_z(1) * y + over_z(2));
-        if (inverse_z > inverse_depth_[at]) {
-          inverse_depth_[at] = inverse_z;
-          id_[at] = id;
-        }
+        // Without a branch, whose outcome is hard to predict, the loop is vectorised.
+        const bool is_nearer = inverse_z > inverse_depth[i];
+        inverse_depth[i] = is_nearer ? inverse_z : inverse_depth[i];
+        ids[i] = is_nearer ? id : ids[i];
       }
     }
   }
@@ -180,6 +195,9 @@ class Rasteriser {
       const int i = kSamplesPerSide * x + k % kSamplesPerSide,
                 j = kSamplesPerSide * y + k / kSamplesPerSide;
       ids[static_cast<std::size_t>(k)] = id_[static_cast<std::size_t>(j * width_ + i)];
+    }
+    if (std::all_of(ids.begin() + 1, ids.end(), [&](std::uint32_t id) { return id == ids[0]; })) {
+      return shadeSurface(ids[0], {x, y});
     }
     float sum = 0;
     for (std::size_t k = 0; k < ids.size(); ++k) {
@@ -197,10 +215,13 @@ class Rasteriser {
                                   position(kSamplesPerSide * y + s / kSamplesPerSide));
       }
       centre /= count;
-      const float grey = ids[k] == kSky ? sky(centre) : surface(surfaces_[ids[k]], centre);
-      sum += grey * static_cast<float>(count);
+      sum += shadeSurface(ids[k], centre) * static_cast<float>(count);
     }
     return sum / kSamples;
+  }
+
+  float shadeSurface(std::uint32_t id, const Eigen::Vector2d& u) const {
+    return id == kSky ? sky(u) : surface(surfaces_[id], u);
   }
 
   float sky(const Eigen::Vector2d& u) const {
@@ -306,16 +327,18 @@ class Rasteriser {
   const double ambient_;  // factor on the daylight grey level where no lamp shines
   Eigen::Isometry3d T_l_c_ = Eigen::Isometry3d::Identity();  // lamps from camera
   Eigen::Matrix3d K_;
-  int width_ = 0;                     // in samples
-  std::vector<float> inverse_depth_;  // [1/m]
-  std::vector<std::uint32_t> id_;     // of the visible surface, at every sample
-  std::vector<Surface> surfaces_;
+  int width_ = 0;  // in samples
+  std::vector<float>& inverse_depth_;
+  std::vector<std::uint32_t>& id_;
+  std::vector<Surface>& surfaces_;
+  std::vector<Eigen::Vector3d>& projected_;
 };
 
 }  // namespace
 
 cv::Mat render(const Scene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_w_c) {
-  if (!scene.puddles) return Rasteriser(scene, camera, T_w_c, nullptr).shade();
+  thread_local Buffers buffers, reflection_buffers;
+  if (!scene.puddles) return Rasteriser(scene, camera, T_w_c, nullptr, buffers).shade();
   // The reflection in the plane z = 0 is, in the same pixels, the upside-down image of a camera
   // below that plane.
   Scene reflected = scene;
@@ -326,8 +349,8 @@ cv::Mat render(const Scene& scene, const PinholeCamera& camera, const Eigen::Iso
   }
   Eigen::Isometry3d T_w_below = T_w_c;
   T_w_below.matrix().row(2) *= -1;
-  const Rasteriser reflection(reflected, camera, T_w_below, nullptr);
-  return Rasteriser(scene, camera, T_w_c, &reflection).shade();
+  const Rasteriser reflection(reflected, camera, T_w_below, nullptr, reflection_buffers);
+  return Rasteriser(scene, camera, T_w_c, &reflection, buffers).shade();
 }
 
 }  // namespace ground_scale_vo::simulation

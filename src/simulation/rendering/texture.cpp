@@ -1,6 +1,7 @@
 #include "simulation/rendering/texture.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
@@ -9,6 +10,39 @@ namespace ground_scale_vo::simulation {
 namespace {
 
 constexpr int kMaxAnisotropy = 16;  // samples along the major axis of a footprint
+
+/// Samples along the axis of a footprint: positions from -0.5 to 0.5, and weights that fall off
+/// towards the ends.
+struct AxisSamples {
+  std::array<double, kMaxAnisotropy> position;
+  std::array<float, kMaxAnisotropy> weight;
+  float sum_of_weights = 0;
+};
+
+/// count: 1 to kMaxAnisotropy.
+const AxisSamples& axisSamples(int count) {
+  static const std::array<AxisSamples, kMaxAnisotropy> all = [] {
+    std::array<AxisSamples, kMaxAnisotropy> samples;
+    for (int n = 1; n <= kMaxAnisotropy; ++n) {
+      AxisSamples& s = samples[static_cast<std::size_t>(n - 1)];
+      for (int k = 0; k < n; ++k) {
+        const double t = (k + 0.5) / n - 0.5;
+        const auto i = static_cast<std::size_t>(k);
+        s.position[i] = t;
+        s.weight[i] = static_cast<float>(1 - 3 * t * t);
+        s.sum_of_weights += s.weight[i];
+      }
+    }
+    return samples;
+  }();
+  return all[static_cast<std::size_t>(count - 1)];
+}
+
+/// The largest integer that is not greater than x; without SSE 4.1 faster than std::floor().
+int floorToInt(double x) {
+  const int truncated = static_cast<int>(x);
+  return truncated - static_cast<int>(truncated > x);
+}
 
 }  // namespace
 
@@ -21,22 +55,42 @@ Texture::Texture(const cv::Mat& base, double texel_m, Wrap wrap)
   }
 }
 
-float Texture::bilinear(std::size_t level, double x, double y) const {
-  const cv::Mat& image = levels_[level];
-  const double fx = std::floor(x), fy = std::floor(y);
-  const auto dx = static_cast<float>(x - fx), dy = static_cast<float>(y - fy);
-  int x0 = static_cast<int>(fx), y0 = static_cast<int>(fy), x1 = x0 + 1, y1 = y0 + 1;
-  if (wrap_ == Wrap::kRepeat) {
-    x0 &= image.cols - 1, x1 &= image.cols - 1;
-    y0 &= image.rows - 1, y1 &= image.rows - 1;
+template <Texture::Wrap wrap>
+float Texture::bilinear(const cv::Mat& image, double x, double y) {
+  int x0 = floorToInt(x), y0 = floorToInt(y), x1 = x0 + 1, y1 = y0 + 1;
+  const auto dx = static_cast<float>(x - x0), dy = static_cast<float>(y - y0);
+  const int last_column = image.cols - 1, last_row = image.rows - 1;
+  if constexpr (wrap == Wrap::kRepeat) {
+    x0 &= last_column, x1 &= last_column;
+    y0 &= last_row, y1 &= last_row;
   } else {
-    x0 = std::clamp(x0, 0, image.cols - 1), x1 = std::clamp(x1, 0, image.cols - 1);
-    y0 = std::clamp(y0, 0, image.rows - 1), y1 = std::clamp(y1, 0, image.rows - 1);
+    x0 = std::clamp(x0, 0, last_column), x1 = std::clamp(x1, 0, last_column);
+    y0 = std::clamp(y0, 0, last_row), y1 = std::clamp(y1, 0, last_row);
   }
   const std::uint8_t *upper = image.ptr(y0), *lower = image.ptr(y1);
   const float a = upper[x0] + dx * static_cast<float>(upper[x1] - upper[x0]);
   const float b = lower[x0] + dx * static_cast<float>(lower[x1] - lower[x0]);
   return a + dy * (b - a);
+}
+
+template <Texture::Wrap wrap>
+float Texture::meanAlong(const Eigen::Vector2d& centre, const Eigen::Vector2d& axis, int count,
+                         double level) const {
+  const auto fine = static_cast<std::size_t>(level);
+  const auto blend = static_cast<float>(level - static_cast<double>(fine));
+  const cv::Mat &image = levels_[fine], &coarse = levels_[std::min(fine + 1, levels_.size() - 1)];
+  const double levels_texel = 1.0 / static_cast<double>(1 << fine);
+  const AxisSamples& samples = axisSamples(count);
+  float sum = 0;
+  for (int k = 0; k < count; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const double x = (centre.x() + samples.position[i] * axis.x()) * levels_texel;
+    const double y = (centre.y() + samples.position[i] * axis.y()) * levels_texel;
+    float grey = bilinear<wrap>(image, x - 0.5, y - 0.5);
+    if (blend > 0) grey += blend * (bilinear<wrap>(coarse, x / 2 - 0.5, y / 2 - 0.5) - grey);
+    sum += samples.weight[i] * grey;
+  }
+  return sum / samples.sum_of_weights;
 }
 
 float Texture::sample(const Eigen::Vector2d& uv, const Eigen::Matrix2d& J) const {
@@ -55,22 +109,9 @@ float Texture::sample(const Eigen::Vector2d& uv, const Eigen::Matrix2d& J) const
 
   const double level = std::clamp(std::log2(std::max({minor, major / count, 1.0})), 0.0,
                                   static_cast<double>(levels_.size()) - 1);
-  const auto fine = static_cast<std::size_t>(level);
-  const auto blend = static_cast<float>(level - static_cast<double>(fine));
   const Eigen::Vector2d centre = uv / texel_m_;
-  float sum = 0, weights = 0;
-  for (int k = 0; k < count; ++k) {
-    const double t = (k + 0.5) / count - 0.5;
-    const auto weight = static_cast<float>(1 - 3 * t * t);
-    const Eigen::Vector2d at = (centre + t * axis) / static_cast<double>(1 << fine);
-    float grey = bilinear(fine, at.x() - 0.5, at.y() - 0.5);
-    if (blend > 0) {
-      grey += blend * (bilinear(fine + 1, at.x() / 2 - 0.5, at.y() / 2 - 0.5) - grey);
-    }
-    sum += weight * grey;
-    weights += weight;
-  }
-  return sum / weights;
+  return wrap_ == Wrap::kRepeat ? meanAlong<Wrap::kRepeat>(centre, axis, count, level)
+                                : meanAlong<Wrap::kClamp>(centre, axis, count, level);
 }
 
 }  // namespace ground_scale_vo::simulation

@@ -24,7 +24,15 @@ class Texture {
   float sample(const Eigen::Vector2d& uv, const Eigen::Matrix2d& J) const;
 
  private:
-  float bilinear(std::size_t level, double x, double y) const;
+  /// x, y: in texels, from the centre of the upper left one.
+  template <Wrap wrap>
+  static float bilinear(const cv::Mat& image, double x, double y);
+  /// The weighted mean of `count` samples around the centre, along the axis. centre, axis: in
+  /// texels of the first level. level: mip level, interpolated.
+  template <Wrap wrap>
+  float meanAlong(const Eigen::Vector2d& centre, const Eigen::Vector2d& axis, int count,
+                  double level) const;
+
   std::vector<cv::Mat> levels_;
   double texel_m_;
   Wrap wrap_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 
@@ -90,12 +91,16 @@ cv::Mat sensorImage(cv::Mat grey, std::size_t index, const SyntheticDrive::Optio
 }  // namespace
 
 struct SyntheticDrive::Impl {
-  explicit Impl(const Options& o)
-      : options(o),
-        profile(o),
-        road(roadFor(o, profile)),
-        world(road, worldOptions(o)),
-        traffic(options, profile, road, world) {
+  /// What only images need. It takes as long to build as ten images take to render.
+  struct Content {
+    explicit Content(const Impl& drive)
+        : world(drive.road, worldOptions(drive.options)),
+          traffic(drive.options, drive.profile, drive.road, world) {}
+    const simulation::World world;
+    const simulation::Traffic traffic;
+  };
+
+  explicit Impl(const Options& o) : options(o), profile(o), road(roadFor(o, profile)) {
     if (o.hood > 0) {
       hood_texture.emplace(simulation::hoodTextureImage(o.random_seed), simulation::kVehicleTexel,
                            simulation::Texture::Wrap::kClamp);
@@ -119,9 +124,15 @@ struct SyntheticDrive::Impl {
     frames.push_back(frame);
   }
 
+  const Content& content() const {
+    std::call_once(content_once_, [this] { content_.emplace(*this); });
+    return *content_;
+  }
+
   Scene sceneAt(std::size_t i) const {
+    const simulation::World& world = content().world;
     Scene scene = world.scene();
-    traffic.addTo(scene, i, static_cast<double>(frames[i].stamp_ns) * 1e-9);
+    content().traffic.addTo(scene, i, static_cast<double>(frames[i].stamp_ns) * 1e-9);
     if (options.own_shadow) {
       scene.ego_shadow = simulation::egoShadow(options, road, world, distances[i]);
     }
@@ -147,13 +158,15 @@ struct SyntheticDrive::Impl {
   const Options options;
   const SpeedProfile profile;
   const RoadGeometry road;
-  const simulation::World world;
-  const simulation::Traffic traffic;
   std::optional<simulation::Texture> hood_texture;
   simulation::Mesh hood;
   std::vector<simulation::VehiclePose> vehicle;  // of each frame
   std::vector<double> distances;                 // along the lane, of each frame [m]
   std::vector<Frame> frames;
+
+ private:
+  mutable std::once_flag content_once_;
+  mutable std::optional<Content> content_;
 };
 
 SyntheticDrive::SyntheticDrive(const Options& options) {

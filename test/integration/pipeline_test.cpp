@@ -60,7 +60,7 @@ TEST(Pipeline, EstimatesTheSyntheticDriveInMetres) {
 }
 
 TEST(Pipeline, ScaleIsProportionalToTheCameraHeight) {
-  SyntheticDrive::Options drive_options;
+  SyntheticDrive::Options drive_options = smallImages();
   drive_options.frames = 60;
   drive_options.camera_height = 1.2;
   drive_options.pitch_rad = 0.05;
@@ -73,7 +73,7 @@ TEST(Pipeline, ScaleIsProportionalToTheCameraHeight) {
 }
 
 TEST(Pipeline, MetricOdometryContinuesAfterBlackImages) {
-  SyntheticDrive::Options drive_options;
+  SyntheticDrive::Options drive_options = smallImages();
   drive_options.frames = 90;
   drive_options.stop_s = 0;
   drive_options.black_first = 40;
@@ -101,7 +101,7 @@ TEST(Pipeline, MetricOdometryContinuesAfterBlackImages) {
 }
 
 TEST(Pipeline, PaperLiteralConfigurationRuns) {
-  SyntheticDrive::Options drive_options;
+  SyntheticDrive::Options drive_options = smallImages();
   drive_options.frames = 60;
   const SyntheticDrive drive(drive_options);
   OfflineRun::Options literal = optionsFor(1.65);

@@ -15,6 +15,17 @@ inline OfflineRun::Options optionsFor(double camera_height) {
   return options;
 }
 
+/// The default drive in smaller images of the same field of view, which take a third of the time.
+inline SyntheticDrive::Options smallImages() {
+  SyntheticDrive::Options options;
+  options.camera.width = 480;
+  options.camera.height = 150;
+  options.camera.fx = options.camera.fy = 278;
+  options.camera.cx = 239.5;
+  options.camera.cy = 74.5;
+  return options;
+}
+
 /// Runs the pipeline over all images of the drive.
 inline RunRecord runOffline(const SyntheticDrive& drive, const OfflineRun::Options& options) {
   OfflineRun offline(drive.camera(), options);

@@ -51,15 +51,18 @@ gsv_add_unit_tests(calibration ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(simulation ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(tools ${PROJECT_NAME}_tool_support)
 gsv_add_unit_tests(integration ${PROJECT_NAME}_simulation)
+gsv_add_unit_tests(drives ${PROJECT_NAME}_simulation)
 if(GROUND_SCALE_VO_ROS)
   gsv_add_unit_tests(ros ${PROJECT_NAME}_nodelets ${PROJECT_NAME}_simulation)
   gsv_add_unit_tests(ros_tools ${PROJECT_NAME}_ros_tools)
 endif()
-# The longest test starts first, in parallel with the others.
-set(integration_test _ctest_${PROJECT_NAME}_gtest_integration_test)
-if(TEST ${integration_test})
-  set_tests_properties(${integration_test} PROPERTIES COST 1000)
-endif()
+# The longest tests start first, in parallel with each other, then the others.
+foreach(module drives integration vo)
+  set(test _ctest_${PROJECT_NAME}_gtest_${module}_test)
+  if(TEST ${test})
+    set_tests_properties(${test} PROPERTIES COST 1000)
+  endif()
+endforeach()
 
 # Fuzz targets: the files of a KITTI odometry folder, options, ROS parameters, and the messages of
 # each nodelet. A driver in test/fuzz mutates valid inputs from a fixed seed; with
@@ -105,10 +108,9 @@ if(GROUND_SCALE_VO_ROS)
     gsv_as_test(${test} gsv_ros_test_headers)
     target_link_libraries(${test} ${PROJECT_NAME}_ros_tools ${PROJECT_NAME}_simulation gtest)
   endforeach()
-  # Run these alone: they measure time or memory, or play a bag in real time.
-  foreach(test kitti_launch long_run overload shutdown)
+  foreach(test graph kitti_launch long_run images)  # the longest start first
     set_tests_properties(
-      _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES RUN_SERIAL ON)
+      _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES COST 1000)
   endforeach()
 endif()
 

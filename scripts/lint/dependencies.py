@@ -25,7 +25,7 @@ ALLOWED = {
               "simulation", "ros_tools"],
 }
 USES_ROS = {"ros", "nodelets", "ros_tools", "tools"}
-TESTS_WITHOUT_ROS = (set(ALLOWED) - USES_ROS) | {"integration", "support", "tools"}
+TESTS_WITHOUT_ROS = (set(ALLOWED) - USES_ROS) | {"drives", "integration", "support", "tools"}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+[<"]([^>"]+)[>"]', re.MULTILINE)
 OWN = re.compile(rf"(?:ground_scale_vo/|(?:\.\./)+(?:src/)?|)((?:{'|'.join(ALLOWED)})(?:/.*|\.hpp))$")

@@ -4,12 +4,14 @@
 
 #include <cmath>
 #include <random>
+#include <vector>
 
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "support/long_tests.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -303,7 +305,9 @@ TEST_P(RenderedHeight, IsWithinItsErrorBounds) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Heights, RenderedHeight, testing::Values(1.2, 1.65));
+INSTANTIATE_TEST_SUITE_P(Heights, RenderedHeight,
+                         testing::ValuesIn(runsLongTests() ? std::vector<double>{1.2, 1.65}
+                                                           : std::vector<double>{1.2}));
 
 TEST(HeightCalibration, AgreesWithKittisCameraHeight) {
   const auto folder = dataPath("kitti_raw_0926_0039");

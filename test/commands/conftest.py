@@ -26,6 +26,7 @@ SCRIPTS = ROOT / "scripts"
 BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
 TIMEOUT_S = 600
 CAMERA_HEIGHT = 1.65
+LONG = "GROUND_SCALE_VO_LONG" in os.environ  # scripts/test --long
 # For Python outside ROS: the ROS messages are in a package that has the name of the Python module.
 WITHOUT_MESSAGES = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
@@ -133,14 +134,15 @@ def on_terminal(command, *arguments, environment=None):
 
 @contextlib.contextmanager
 def build_without_ros():
-    """The folder of a build without ROS, with the Python module, kept between runs. The other worker
-    of pytest waits until the block ends."""
+    """The folder of a build without ROS, with the Python module, kept between runs; in the long tests
+    with the tools, too. The other workers of pytest wait until the block ends."""
     folder = BUILD / "core_without_ros"
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         run("cmake", "-S", ROOT, "-B", folder, "-DGROUND_SCALE_VO_ROS=OFF",
-            "-DGROUND_SCALE_VO_PYTHON=ON", "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON",
+            "-DGROUND_SCALE_VO_PYTHON=ON", f"-DGROUND_SCALE_VO_TOOLS={'ON' if LONG else 'OFF'}",
+            "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON",
             "-DPYTHON_EXECUTABLE=/usr/bin/python3", "-DPython3_EXECUTABLE=/usr/bin/python3")
         run("cmake", "--build", folder, "--parallel", os.cpu_count(), timeout=None)
         yield folder

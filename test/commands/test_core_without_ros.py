@@ -6,7 +6,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import CAMERA_HEIGHT, ROOT, WITHOUT_MESSAGES, assert_refused, build_without_ros, run
+from conftest import CAMERA_HEIGHT, LONG, ROOT, WITHOUT_MESSAGES, assert_refused, build_without_ros, run
 
 FRAMES = 40
 
@@ -25,10 +25,8 @@ def installed(build, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def drive(build, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("drive") / "drive"
-    run(build / "tools/render_drive", "--frames", FRAMES, folder)
-    return folder
+def drive(short):
+    return short
 
 
 def test_compiles_without_ros_headers(build):
@@ -60,6 +58,7 @@ def test_library_links_no_tooling(installed):
     assert "ros" not in libraries.lower()
 
 
+@pytest.mark.skipif(not LONG, reason="only with --long")
 def test_installed_tool_runs(installed, drive, tmp_path):
     (tool,) = installed.rglob("run_sequence")
     run(tool, drive, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)

@@ -51,7 +51,6 @@ def kill_roslaunch(master):
 PLAYER_STOPPED = r"rosbag play stopped before the end of the bag: \d+ of 40 frames"
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("fail, infos, text", [
     (kill("/bag_player"), "all", PLAYER_STOPPED),
     (kill("/bag_player"), "one", PLAYER_STOPPED),
@@ -67,7 +66,8 @@ def test_fails_when_aborted(bag, tmp_path, fail, infos, text):
     else:
         played.symlink_to(bag)
     log = tmp_path / "short/roslaunch.log"
-    demo = subprocess.Popen([str(DEMO), "--bag", str(played), "--out", str(tmp_path)],
+    # So slowly that the bag does not end before the failure.
+    demo = subprocess.Popen([str(DEMO), "--bag", str(played), "--out", str(tmp_path), "--rate", "0.5"],
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         wait_until(lambda: log.exists() and "progress: " in log.read_text(errors="replace"),
@@ -81,7 +81,6 @@ def test_fails_when_aborted(bag, tmp_path, fail, infos, text):
     assert not list(log.parent.glob("recorded*")) and not (log.parent / "metrics.json").exists()
 
 
-@pytest.mark.serial
 def test_full_disk(bag, tmp_path):
     """Simulated by RLIMIT_FSIZE."""
     done = run(DEMO, "--bag", bag, "--out", tmp_path, check=False, **on_full_disk(64))
@@ -106,17 +105,16 @@ def test_no_such_topic(bag, tmp_path):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("slash", ["/", ""])
-def test_compressed_images(bag, tmp_path, slash):
+def test_compressed_images(bag, tmp_path):
+    """Topics may be given with and without a slash."""
     played = tmp_path / "short.bag"
     bags.compress(bag, played)
-    assert_plays(DEMO, tmp_path, "--bag", played, "--image", slash + bags.COMPRESSED.lstrip("/"),
-                 "--camera-info", slash + bags.INFO.lstrip("/"))
+    assert_plays(DEMO, tmp_path, "--bag", played, "--image", bags.COMPRESSED.lstrip("/"),
+                 "--camera-info", "/" + bags.INFO.lstrip("/"))
     metrics = json.loads((tmp_path / "short/metrics.json").read_text())
     assert abs(metrics["rle_percent"]) < 5
 
 
-@pytest.mark.serial
 def test_missing_tf(bag, tmp_path):
     done = run(DEMO, "--bag", bag, "--out", tmp_path, "--base-frame", "base_link", check=False)
     assert done.returncode == 1

@@ -11,7 +11,13 @@ import pytest
 from conftest import ROOT, TIMEOUT_S, is_running, pid_of, roslaunch, wait_until
 
 
-pytestmark = pytest.mark.serial
+@pytest.fixture(scope="module")
+def config(tmp_path_factory):
+    """Argument of the launch: queues so long that no frame is dropped on a busy machine."""
+    folder = tmp_path_factory.mktemp("config")
+    for file in (ROOT / "config").glob("*.yaml"):
+        (folder / file.name).write_text(re.sub(r"(?m)^queue_size: \d+", "queue_size: 1000", file.read_text()))
+    return f"config_dir:={folder}"
 
 
 def test_player_ends_with_the_monitor(bag, tmp_path):
@@ -25,7 +31,7 @@ def test_player_ends_with_the_monitor(bag, tmp_path):
         assert not is_running(player)
 
 
-def test_waits_for_both_nodelets(bag, tmp_path):
+def test_waits_for_both_nodelets(bag, config, tmp_path):
     """MonoVo starts last, and does not lose the first image."""
     released, wait = tmp_path / "released", tmp_path / "wait"
     wait.write_text(f'#!/bin/sh\nuntil [ -e {released} ]; do sleep 0.1; done\nexec "$@"\n')
@@ -38,16 +44,16 @@ def test_waits_for_both_nodelets(bag, tmp_path):
         "$(find ground_scale_vo)/launch/ground_scale_vo.launch", str(tmp_path / "nodelets.launch")))
 
     log = tmp_path / "log"
-    with roslaunch(log, delayed, f"bag:={bag}") as (process, _):
+    with roslaunch(log, delayed, f"bag:={bag}", config) as (process, _):
         wait_until(lambda: "waits: no node publishes /vo/frame" in log.read_text(),
                    while_runs=process)
         released.touch()
         wait_until(lambda: "Playback finished: 40 of 40 frames" in log.read_text(), while_runs=process)
 
 
-def test_continues_after_the_bag(bag, tmp_path):
+def test_continues_after_the_bag(bag, config, tmp_path):
     log = tmp_path / "log"
-    with roslaunch(log, "kitti.launch", f"bag:={bag}") as (process, master):
+    with roslaunch(log, "kitti.launch", f"bag:={bag}", config) as (process, master):
         wait_until(lambda: "Playback finished: 40 of 40 frames" in log.read_text(), while_runs=process)
         assert is_running(pid_of("/ground_scale_vo_manager", master))
 

@@ -72,7 +72,6 @@ def test_height_file_in_the_home_folder(file, height_file, monkeypatch):
     assert "/scale_recovery/camera_height: 1.2345" in parameters.splitlines()
 
 
-@pytest.mark.serial
 def test_a_mounting_that_cannot_be_published_ends_the_launch(tmp_path):
     log = tmp_path / "log"
     with conftest.roslaunch(log, "live_camera.launch", "camera_height:=1.2", "mounting:=1 2 3") as (process, _):

@@ -1,7 +1,8 @@
 // Runs a fuzz target without libFuzzer on mutations of its corpus, reproducibly for a seed.
 //
 //   X_fuzz [--iterations N] [--seed S]
-//       runs the corpus and N mutated inputs (defaults: Plan::iterations, seed 1)
+//       runs the corpus and N mutated inputs (defaults: a third of Plan::iterations, with
+//       `scripts/test --long` all of them; seed 1)
 //   X_fuzz FILE...
 //       runs these inputs only
 //   X_fuzz --write-corpus DIR
@@ -21,11 +22,12 @@
 #include <random>
 
 #include "fuzz_target.hpp"
+#include "support/long_tests.hpp"
 
 namespace ground_scale_vo::fuzz {
 namespace {
 
-int iterations = -1;  // negative: Plan::iterations
+int iterations = -1;  // negative: as planned
 std::uint64_t seed = 1;
 std::vector<std::string> files;
 
@@ -142,7 +144,8 @@ TEST(Fuzz, HandlesEveryInput) {
   for (const std::string& input : target.corpus) run(input);
   run("");
   Mutator mutator(target.corpus, seed);
-  const int count = iterations >= 0 ? iterations : target.iterations;
+  const int planned = runsLongTests() ? target.iterations : target.iterations / 3;
+  const int count = iterations >= 0 ? iterations : planned;
   for (int i = 0; i < count; ++i) run(mutator.next());
 }
 

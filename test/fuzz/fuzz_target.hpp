@@ -15,7 +15,7 @@ namespace ground_scale_vo::fuzz {
 
 /// How the driver runs a target.
 struct Plan {
-  int iterations = 0;               ///< of a plain test run
+  int iterations = 0;               ///< with `scripts/test --long`; by default a third
   std::vector<std::string> corpus;  ///< valid inputs to mutate
 };
 Plan plan();  ///< defined by each target

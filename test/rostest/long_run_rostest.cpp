@@ -15,7 +15,6 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <cstdlib>
 #include <iostream>
 #include <mutex>
 #include <string>
@@ -27,6 +26,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "node_probe.hpp"
+#include "support/long_tests.hpp"
 #include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
@@ -142,7 +142,7 @@ void print(const std::vector<Measurement>& measurements) {
 }
 
 TEST(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
-  const bool is_long = std::getenv("GROUND_SCALE_VO_LONG") != nullptr;
+  const bool is_long = runsLongTests();
   const std::size_t frames = is_long ? kLongRun : kShortRun;
   const SyntheticDrive drive(driveOptions());
   std::vector<sensor_msgs::ImagePtr> messages;

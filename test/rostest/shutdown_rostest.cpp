@@ -12,6 +12,7 @@
 #include "child_process.hpp"
 #include "manager_client.hpp"
 #include "rendered_camera.hpp"
+#include "support/long_tests.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -67,7 +68,7 @@ class Shutdown : public testing::Test {
   static void SetUpTestSuite() { drive_ = std::make_unique<RenderedDrive>(smallDrive(20)); }
 
   /// Rounds of the test of the manager; the others have a quarter of them.
-  static int rounds() { return std::getenv("GROUND_SCALE_VO_LONG") != nullptr ? 100 : 15; }
+  static int rounds() { return runsLongTests() ? 100 : 15; }
 
   /// The output without the parameters that the nodelets print at their start.
   static std::string withoutParameters(const std::string& output) {

@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <cstdio>
 #include <ostream>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "ground_scale_vo/simulation/scenario_evaluation.hpp"
+#include "support/long_tests.hpp"
 #include "support/sanitizer.hpp"
 
 namespace ground_scale_vo {
@@ -72,11 +74,60 @@ TEST_P(ScenarioDrive, MeetsItsThresholdsAndDependsOnItsComponent) {
   expectDependence(scenario, drive, images);
 }
 
+/// A drive that runs only with `scripts/test --long`, and one that always runs and checks the same
+/// behaviour.
+struct LongDrive {
+  const char *name, *instead;
+};
+constexpr LongDrive kLongDrives[] = {
+    {"van_close_ahead", "car_close_ahead"},
+    {"hood", "car_close_ahead"},  // hardly any road for the direct measurement
+    {"jpeg", "car_close_ahead"},  // no texture for the direct measurement
+    {"crawl_start", "turn_start"},
+    {"tree_shadows", "own_shadow"},
+    {"puddles", "arrows_and_lines"},  // points that are not on the road
+    {"cobbles", "off_road"},          // strong vibrations
+    {"smooth_lane", "weak_texture"},
+    {"speed_bumps", "slope_edges"},
+    {"hill", "slope_edges"},
+    {"tight_bends", "crawl_bends"},
+    {"stop", "reversing"},
+    {"night", "night_noisy"},
+    {"camera_low", "camera_side"},  // another height and focal length; heights: covariance_test
+    {"camera_high", "pitched_20"},  // likewise
+    {"wide_angle", "rolled_15"},    // a wide field of view
+    {"large_image", "tele"},        // another resolution
+    {"motorway", "large_steps"},
+    {"pitched", "pitched_20"},
+    {"rolled", "rolled_15"},
+    {"camera_45", "camera_side"},
+    {"black_1s", "black_turn"},
+    {"black_2s", "black_5s"},
+};
+
 std::vector<Scenario> drivesToRun() {
-  const std::vector<Scenario> all = allScenarios();
   std::vector<Scenario> some;
-  for (std::size_t i = 0; i < all.size(); i += kDriveStride) some.push_back(all[i]);
+  std::size_t i = 0;
+  for (const Scenario& scenario : allScenarios()) {
+    const bool is_long =
+        std::any_of(std::begin(kLongDrives), std::end(kLongDrives),
+                    [&](const LongDrive& drive) { return scenario.name == drive.name; });
+    if (is_long && !runsLongTests()) continue;
+    if (i++ % kDriveStride == 0) some.push_back(scenario);
+  }
   return some;
+}
+
+TEST(LongDrives, HaveADriveThatAlwaysRuns) {
+  std::set<std::string> long_drives;
+  for (const LongDrive& drive : kLongDrives) {
+    EXPECT_EQ(findScenario(drive.name).name, drive.name);
+    long_drives.insert(drive.name);
+  }
+  for (const LongDrive& drive : kLongDrives) {
+    EXPECT_EQ(findScenario(drive.instead).name, drive.instead);
+    EXPECT_EQ(long_drives.count(drive.instead), 0u) << drive.instead;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Drives, ScenarioDrive, testing::ValuesIn(drivesToRun()),

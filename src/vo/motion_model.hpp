@@ -7,6 +7,13 @@
 
 namespace ground_scale_vo {
 
+/// [VO units] largest plausible deviation of a motion from the predicted one, of the given
+/// distance: a share of it, and a share of the median depth of the map points for a camera that
+/// starts to move.
+inline double maxDeviation(double predicted_distance, double median_depth) {
+  return 0.5 * predicted_distance + 0.1 * median_depth;
+}
+
 /// The pose of the last tracked frame and the constant-velocity prediction of the next one.
 class MotionModel {
  public:

@@ -43,11 +43,6 @@ constexpr float kMinCorrelation = 0.7f;
 constexpr int kMinInliers = 15;
 constexpr double kMinInlierShare = 0.3;
 
-// Largest deviation of the distance from that at the last velocity: a share of it, and a share of
-// the median depth for a camera that starts to move.
-constexpr double kMaxDistanceDeviation = 0.5;
-constexpr double kMaxDepthShare = 0.1;
-
 PoseEstimation::Options withThresholds(PoseEstimation::Options options) {
   options.min_inliers = kMinInliers;
   options.min_inlier_share = kMinInlierShare;
@@ -262,9 +257,9 @@ std::optional<PoseSearch::Result> PoseSearch::locate(const LocalMap& map, const 
     }
   }
   const double distance = (result.T_w_c.translation() - T_w_previous.translation()).norm();
-  const double max_deviation =
-      kMaxDistanceDeviation * path.norm() + kMaxDepthShare * medianDepth(points);
-  if (!(std::abs(distance - path.norm()) <= max_deviation)) return std::nullopt;
+  if (!(std::abs(distance - path.norm()) <= maxDeviation(path.norm(), medianDepth(points)))) {
+    return std::nullopt;
+  }
   return result;
 }
 

@@ -22,11 +22,6 @@ constexpr double kMinCoarseInlierShare = 0.25, kMinFineInlierShare = 0.5;
 /// [normalised coordinates] standard deviation of a matched corner: 2 px at a focal length of 718.
 constexpr double kMatchSigma = 0.003;
 
-// Largest deviation of the motion from that predicted with the last velocity: a share of the
-// predicted distance, and a share of the median depth for a camera that starts to move.
-constexpr double kMaxDistanceDeviation = 0.5;
-constexpr double kMaxDepthShare = 0.1;
-
 /// Median depth of the features' map points; 0 if there are none.
 double medianDepth(const LocalMap& map, const std::vector<Feature>& features,
                    const Eigen::Isometry3d& T_w_c) {
@@ -75,8 +70,7 @@ std::optional<Relocalisation::Result> Relocalisation::locate(
   const Eigen::Isometry3d& T_w_previous = motion.T_w_c();
   const Eigen::Isometry3d predicted = motion.extrapolate(stamp_ns);
   const double distance = (predicted.translation() - T_w_previous.translation()).norm();
-  const double max_deviation =
-      kMaxDistanceDeviation * distance + kMaxDepthShare * medianDepth(map, features, T_w_previous);
+  const double max_deviation = maxDeviation(distance, medianDepth(map, features, T_w_previous));
   const auto isPlausible = [&](const PoseEstimation::Result& pose) {
     return pose.status == PoseStatus::kOk &&
            (pose.T_w_c.translation() - predicted.translation()).norm() <= max_deviation;

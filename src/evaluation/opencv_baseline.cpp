@@ -1,5 +1,7 @@
 #include "ground_scale_vo/evaluation/opencv_baseline.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
@@ -15,6 +17,10 @@ namespace ground_scale_vo {
 std::string measureOpencvBaseline(const std::vector<std::vector<cv::Point2f>>& points,
                                   const std::function<cv::Mat(std::size_t)>& image,
                                   const FeatureTracker::Options& options) {
+  // Keep freed memory: whether malloc returns that of OpenCV's large temporary images to the system
+  // after every image would depend on what this process has allocated before.
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  mallopt(M_TRIM_THRESHOLD, 256 << 20);
   constexpr double kCornerQuality = 0.01;  // relative to the strongest, OpenCV's example value
   const cv::Size window(options.window_px, options.window_px);
   const auto pyramid = [&](const cv::Mat& base) {

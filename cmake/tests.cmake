@@ -40,7 +40,7 @@ endfunction()
 
 find_package(Ceres REQUIRED)  # an independent solver for the test of the bundle adjustment
 gsv_add_unit_tests(common ${PROJECT_NAME}_core)
-gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation ${CERES_LIBRARIES})
+gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation ${CERES_LIBRARIES} opencv_video)
 gsv_add_unit_tests(scale ${PROJECT_NAME}_simulation)
 # plane_fit_test observes PCL's verbosity.
 target_include_directories(scale_test SYSTEM PRIVATE ${PCL_INCLUDE_DIRS})

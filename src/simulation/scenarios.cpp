@@ -295,6 +295,7 @@ std::vector<Scenario> camerasAndLight() {
             [](Options& o) { o.roll_rad = 3 * kRadiansPerDegree; }),
       Entry("hood", "the hood of the ego vehicle covers the lower edge", 60,
             [](Options& o) { o.hood = 0.2; })
+          .threshold(&ScenarioThresholds::max_displacement_sigmas, 2)
           .dependsOn("feature-based measurement: hardly any road is left for the direct one", {},
                      {kDirectOnly}),
       Entry("wide_angle", "640x480 with a field of view of 90 degrees", 50,

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/video/tracking.hpp>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/vo/corner_strength.hpp"
+#include "vo/lucas_kanade.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -14,9 +14,6 @@ namespace {
 /// Pyramid levels above the full resolution when there is a prediction: it is accurate to a few
 /// pixels, and one level doubles the reach of the window.
 constexpr int kLevelsNearPrediction = 1;
-/// Lucas-Kanade: at most 30 iterations (OpenCV's default) until the step is below 0.005 px, a
-/// fraction of a tracked corner's noise (0.7 px at a focal length of 718 px).
-const cv::TermCriteria kLucasKanadeStop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.005);
 /// [px] least side of a grid cell: corners nearer to each other share most of their patches.
 constexpr int kMinCell_px = 8;
 
@@ -81,8 +78,9 @@ void FeatureTracker::Options::validate() const {
   if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
 }
 
-FeatureTracker::FeatureTracker(const Options& options, const cv::Mat& mask) : options_(options) {
-  options_.validate();
+FeatureTracker::FeatureTracker(const Options& options, const cv::Mat& mask)
+    : options_((options.validate(), options)),
+      lucas_kanade_(std::make_shared<const LucasKanade>(options_.window_px)) {
   if (mask.empty()) return;
   cv::erode(mask, allowed_, cv::Mat::ones(2 * reach() + 1, 2 * reach() + 1, CV_8U));
 }
@@ -100,10 +98,7 @@ bool FeatureTracker::isMasked(const cv::Point2f& u) const {
 
 ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
   ImagePyramid result;
-  // false: do not share the caller's memory, the pyramid outlives the call.
-  cv::buildOpticalFlowPyramid(image, result.levels, {options_.window_px, options_.window_px},
-                              options_.pyramid_levels, true, cv::BORDER_REFLECT_101,
-                              cv::BORDER_CONSTANT, false);
+  result.levels = lucas_kanade_->pyramid(image, options_.pyramid_levels);
   result.image = result.levels.front();
   return result;
 }
@@ -169,10 +164,8 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
   tracks.ok.assign(from_points.size(), 0);
   if (from_points.empty()) return tracks;
 
-  const cv::Size window(options_.window_px, options_.window_px);
-  std::vector<unsigned char> found;
-  cv::calcOpticalFlowPyrLK(from.levels, to.levels, from_points, tracks.points, found, cv::noArray(),
-                           window, levels, kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
+  std::vector<unsigned char> found =
+      lucas_kanade_->track(from.levels, to.levels, from_points, levels, &tracks.points);
   std::vector<std::size_t> index;  // indices of the points found
   std::vector<cv::Point2f> there, back;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
@@ -182,8 +175,7 @@ FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const
     back.push_back(from_points[i]);
   }
   if (index.empty()) return tracks;
-  cv::calcOpticalFlowPyrLK(to.levels, from.levels, there, back, found, cv::noArray(), window, 0,
-                           kLucasKanadeStop, cv::OPTFLOW_USE_INITIAL_FLOW);
+  found = lucas_kanade_->track(to.levels, from.levels, there, 0, &back);
   for (std::size_t k = 0; k < index.size(); ++k) {
     tracks.ok[index[k]] =
         found[k] && cv::norm(back[k] - from_points[index[k]]) <= options_.forward_backward_px;

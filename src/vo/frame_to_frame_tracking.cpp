@@ -18,11 +18,6 @@ constexpr std::size_t kMinCorners = 60;
 /// features does not imply a standstill.
 constexpr std::size_t kStandstillMinTrackedPercent = 90;
 
-/// The smallest image of a pyramid; every second level is a gradient.
-const cv::Mat& coarsestLevel(const ImagePyramid& pyramid) {
-  return pyramid.levels[(pyramid.levels.size() - 1) / 2 * 2];
-}
-
 }  // namespace
 
 FrameToFrameTracking::FrameToFrameTracking(const PinholeCamera& camera,
@@ -34,7 +29,7 @@ ImagePyramid FrameToFrameTracking::pyramid(const cv::Mat& image) const {
   ImagePyramid result = tracker_.pyramid(image);
   if (hasImage()) {
     result.exposure =
-        previous_.exposure * exposureStep(coarsestLevel(previous_), coarsestLevel(result));
+        previous_.exposure * exposureStep(previous_.levels.back(), result.levels.back());
   }
   return result;
 }

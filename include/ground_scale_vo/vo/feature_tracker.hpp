@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -7,10 +8,12 @@
 
 namespace ground_scale_vo {
 
-/// An image with its Gaussian pyramid and gradients, computed once for tracking to it and from it.
+class LucasKanade;
+
+/// An image with its Gaussian pyramid, computed once for tracking to it and from it.
 struct ImagePyramid {
   cv::Mat image;                ///< 8-bit grey, level 0, own memory
-  std::vector<cv::Mat> levels;  ///< as cv::buildOpticalFlowPyramid makes it
+  std::vector<cv::Mat> levels;  ///< each half the size of the one before, with a border in memory
   double exposure = 1;          ///< relative to an image that the caller chooses
 };
 
@@ -77,6 +80,7 @@ class FeatureTracker {
   bool isMasked(const cv::Point2f& u) const;
 
   Options options_;
+  std::shared_ptr<const LucasKanade> lucas_kanade_;
   cv::Mat allowed_;  ///< 0 at the pixels whose patch touches the mask; empty: no mask
 };
 

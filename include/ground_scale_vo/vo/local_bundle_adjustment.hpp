@@ -24,7 +24,7 @@ class LocalBundleAdjustment {
  public:
   struct Options {
     int window = 7;
-    int max_iterations = 8;
+    int max_iterations = 6;
     double huber_sigma = 1.0;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {

@@ -129,16 +129,17 @@ struct DataSequence {
   Threshold height_bias;  // [%], absolute
 };
 
-// Within 2 sigma: the target is 0.85 to 0.99. kitti_05 and kitti_06 have only 30 and 49 frames with
-// a ground-truth scale, about six independent samples, so 1.00 is not significant. In kitti_00 the
-// ground truth of the first 14 of 200 frames is extrapolated.
+// Within 2 sigma: the target is 0.85 to 0.99. The errors of frames less than about 10 m apart are
+// correlated: kitti_05, kitti_06 and rendered_09 have only 3, 6 and 17 independent samples, in which
+// 1.00 is not significant. kitti_00 has 14; changes of the tracker without a significant effect on
+// 95 drives give it 0.79 to 0.84. The ground truth of its first 14 of 200 frames is extrapolated.
 // clang-format off
 const DataSequence kDataSequences[] = {
     // name                  rle   t_err    r_err    true    sim3    ref_vo  within 2 sigma  height
-    {"kitti_00_0000_0199",   2.4,  2.0,     0.0174,  1.12,   3.4,    0.3,    0.83, 0.99,     kNone},
+    {"kitti_00_0000_0199",   2.4,  2.0,     0.0174,  1.12,   3.4,    0.3,    0.79, 0.99,     kNone},
     {"kitti_raw_0926_0039",  0.5,  0.7,     0.0014,  0.62,   1.6,    kNone,  0.85, 0.99,     kNone},
     {"rendered_04",          0.3,  0.3,     0.0005,  0.06,   kNone,  kNone,  0.85, 0.99,     0.3},
-    {"rendered_09_traffic",  0.5,  0.5,     0.0017,  0.04,   kNone,  kNone,  0.85, 0.99,     0.3},
+    {"rendered_09_traffic",  0.5,  0.5,     0.0017,  0.04,   kNone,  kNone,  0.85, 1.00,     0.3},
     {"kitti_05_0100_0159",   2.0,  kNone,   kNone,   kNone,  kNone,  kNone,  0.85, 1.00,     kNone},
     {"kitti_06_0000_0050",   2.0,  kNone,   kNone,   kNone,  kNone,  kNone,  0.85, 1.00,     kNone},
 };

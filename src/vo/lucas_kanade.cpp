@@ -94,7 +94,7 @@ bool LucasKanade::trackLevel(const cv::Mat& from, const cv::Mat& to, const cv::P
     }
     previous_step = step;
   }
-  return true;
+  return overlaps(to, *point, layout_.side);
 }
 
 std::vector<unsigned char> LucasKanade::track(const std::vector<cv::Mat>& from,

@@ -18,10 +18,11 @@ class LucasKanade {
   /// smaller than a patch. Copies, with a border in memory.
   std::vector<cv::Mat> pyramid(const cv::Mat& image, int levels) const;
 
-  /// Tracks points [px] from one pyramid, as made by pyramid(), to another. points: their initial
-  /// guesses, replaced by the results. levels: number of levels to use above the full resolution.
-  /// Returns for each point whether it has been found: its patch has texture in two directions, and
-  /// has not left the image.
+  /// Tracks points [px] from one pyramid to another, both made by pyramid() of an object with the
+  /// same window_px, on which their border in memory depends. points: their initial guesses,
+  /// replaced by the results. levels: number of levels to use above the full resolution. Returns
+  /// for each point whether it has been found: its patch has texture in two directions, and
+  /// overlaps the image.
   std::vector<unsigned char> track(const std::vector<cv::Mat>& from, const std::vector<cv::Mat>& to,
                                    const std::vector<cv::Point2f>& from_points, int levels,
                                    std::vector<cv::Point2f>* points) const;

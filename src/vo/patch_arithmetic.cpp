@@ -24,12 +24,13 @@ static_assert(kMaxSummed * (255 * kGreyUnit) * (128 * kGradientUnit) < (std::siz
 
 using Element = std::int16_t;
 
-/// Rounds down. Precondition: the product fits in 32 bits.
+/// The upper 16 bits of the product: rounds down.
 inline Element highHalf(Element a, Element b) {
   return static_cast<Element>((static_cast<std::int32_t>(a) * b) >> 16);
 }
 
-/// Rounded to the nearest: with rounding down, the tracks of faint features drift.
+/// Rounded to the nearest: with rounding down, the tracks of faint features drift. 4 * (q - p) fits
+/// in 16 bits, because a difference of grey is at most 255 * kGreyUnit.
 inline Element interpolated(Element p, Element q, Element fraction) {
   const Element twice = highHalf(static_cast<Element>((q - p) * 4), fraction);
   return static_cast<Element>(p + ((twice + 1) >> 1));

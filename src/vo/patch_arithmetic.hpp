@@ -12,8 +12,8 @@ namespace ground_scale_vo {
 
 // Square patches in 16-bit integers. They are stored row by row in flat arrays; the loops run over
 // an array without regard to rows, so that the compiler vectorises them, and the gradients are zero
-// in the padding between rows. All sums are exact: the results do not depend on the instruction
-// set.
+// in the padding between rows. Sums of up to 128 products are exact integers, and are added as
+// floating-point numbers in a fixed order: the results do not depend on the instruction set.
 
 constexpr int kGreyUnit = 32;      ///< value of one grey level
 constexpr int kGradientUnit = 16;  ///< value of one grey level per pixel

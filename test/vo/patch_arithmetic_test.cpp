@@ -88,13 +88,16 @@ TEST(PatchArithmetic, equalsFloatingPointForEverySize) {
   }
 }
 
-// The largest differences and gradients: stripes of two pixels, which shift to their negative.
+// The largest differences and gradients: stripes of two pixels, which a shift by two pixels turns
+// into their negative. Shifted by one pixel, all products have the same sign: the largest sums.
 TEST(PatchArithmetic, doesNotOverflow) {
   cv::Mat stripes(120, 120, CV_8UC1);
   for (int x = 0; x < stripes.cols; ++x) stripes.col(x) = x % 4 < 2 ? 0 : 255;
   for (const int side : {9, 21, kMaxPatchSide}) {
     compare(stripes, {50, 50}, stripes, {52, 50}, side);
     compare(stripes.t(), {50, 50}, stripes.t(), {50, 52}, side);
+    compare(stripes, {50, 50}, stripes, {51, 50}, side);
+    compare(stripes.t(), {50, 50}, stripes.t(), {50, 51}, side);
   }
 }
 
@@ -102,7 +105,7 @@ TEST(PatchArithmetic, readsUpToTheEndOfTheMemory) {
   for (const int side : {5, 9, 15, 17}) {
     // The patches with their neighbours reach the last pixel of the last row.
     const cv::Mat image = noise(2 * side, 2 * side, side);
-    const float last = static_cast<float>(2 * side - side / 2) - 2.5f;
+    const float last = static_cast<float>(2 * side - side / 2) - 1.5f;
     compare(image, {last - 1, last - 1}, image, {last, last}, side);
   }
 }

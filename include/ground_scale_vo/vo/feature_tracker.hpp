@@ -65,9 +65,9 @@ class FeatureTracker {
     std::vector<unsigned char> ok;    ///< found, in the image, not at the mask, check passed
   };
 
-  /// predicted: initial guess of each point in `to` [px], same length as from_points; empty: none.
-  /// A point that is not found near its guess is searched once more over all pyramid levels,
-  /// starting from its position in `from`.
+  /// from, to: of this tracker's pyramid(). predicted: initial guess of each point in `to` [px],
+  /// same length as from_points; empty: none. A point that is not found near its guess is searched
+  /// once more over all pyramid levels, starting from its position in `from`.
   Tracks track(const ImagePyramid& from, const ImagePyramid& to,
                const std::vector<cv::Point2f>& from_points,
                const std::vector<cv::Point2f>& predicted) const;

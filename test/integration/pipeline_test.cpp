@@ -130,9 +130,10 @@ struct DataSequence {
 };
 
 // Within 2 sigma: the target is 0.85 to 0.99. The errors of frames less than about 10 m apart are
-// correlated: kitti_05, kitti_06 and rendered_09 have only 3, 6 and 17 independent samples, in which
-// 1.00 is not significant. kitti_00 has 14; changes of the tracker without a significant effect on
-// 95 drives give it 0.79 to 0.84. The ground truth of its first 14 of 200 frames is extrapolated.
+// correlated: kitti_05, kitti_06 and rendered_09 have only 3, 6 and 17 independent samples, in
+// which 1.00 is not significant. kitti_00 has 14; changes of the tracker without a significant
+// effect on 95 drives give it 0.79 to 0.84. The ground truth of its first 14 of 200 frames is
+// extrapolated.
 // clang-format off
 const DataSequence kDataSequences[] = {
     // name                  rle   t_err    r_err    true    sim3    ref_vo  within 2 sigma  height

@@ -232,10 +232,13 @@ TEST_F(Scale, AClockThatJumpsBackStartsAnew) {
   EXPECT_EQ(scales_.messages().end()[-2]->status, ScaleEstimateMsg::UNKNOWN);
   play(again, kFrames - 2);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
-  // The trajectory starts again at the origin.
+  // The trajectory starts again at the origin: with the first frame after the jump, or, as seen on
+  // a busy machine, with the second.
   ASSERT_TRUE(odometry_.waitForStamp(scales_.messages().back()->header.stamp));
-  const double metres = kCameraHeight * kStep * (kFrames - 1);
-  EXPECT_NEAR(odometry_.messages().back()->pose.pose.position.x, metres, 0.02 * metres);
+  const double step = kCameraHeight * kStep, metres = step * (kFrames - 1);
+  const double x = odometry_.messages().back()->pose.pose.position.x;
+  EXPECT_LE(x, 1.02 * metres);
+  EXPECT_GE(x, 0.98 * metres - step);
 }
 
 TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetricPoseContinues) {

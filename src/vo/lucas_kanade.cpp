@@ -108,12 +108,12 @@ std::vector<unsigned char> LucasKanade::track(const std::vector<cv::Mat>& from,
     for (auto i = static_cast<std::size_t>(range.start); i < static_cast<std::size_t>(range.end);
          ++i) {
       cv::Point2f& point = (*points)[i];
-      float factor = 1.f / static_cast<float>(1 << top);
-      point *= factor;
-      for (int level = top; level >= 0; --level, point *= 2, factor *= 2) {
+      for (int level = top; level >= 0; --level) {
         const auto k = static_cast<std::size_t>(level);
-        found[i] = trackLevel(from[k], to[k], from_points[i] * factor, &workspace, &point);
-        if (level == 0) break;
+        const auto scale = static_cast<float>(1 << level);
+        point /= scale;
+        found[i] = trackLevel(from[k], to[k], from_points[i] / scale, &workspace, &point);
+        point *= scale;
       }
     }
   });

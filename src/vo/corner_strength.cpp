@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "common/vector_loop.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -11,14 +13,51 @@ namespace {
 /// summation window (5), grey levels (255). The gradient matrix has its square.
 constexpr float kGradientScale = 1.f / (4 * 5 * 255);
 
-using Row = std::vector<std::int16_t>;
+/// The vertical part of the Sobel filters: sums and differences of three rows of pixels.
+GSV_VECTOR_LOOP void filterDown(const unsigned char* __restrict above,
+                                const unsigned char* __restrict here,
+                                const unsigned char* __restrict below, int columns,
+                                std::int16_t* __restrict smooth,
+                                std::int16_t* __restrict difference) {
+  for (int x = 0; x < columns; ++x) {
+    smooth[x] = static_cast<std::int16_t>(above[x] + 2 * here[x] + below[x]);
+    difference[x] = static_cast<std::int16_t>(below[x] - above[x]);
+  }
+}
+
+/// The horizontal part; leaves the first and the last column.
+GSV_VECTOR_LOOP void filterAcross(const std::int16_t* __restrict smooth,
+                                  const std::int16_t* __restrict difference, int columns,
+                                  std::int16_t* __restrict gx, std::int16_t* __restrict gy) {
+  for (int x = 1; x < columns - 1; ++x) {
+    gx[x] = static_cast<std::int16_t>(smooth[x + 1] - smooth[x - 1]);
+    gy[x] = static_cast<std::int16_t>(difference[x - 1] + 2 * difference[x] + difference[x + 1]);
+  }
+}
 
 /// Adds a * b to the sums and subtracts old_a * old_b. One product per loop: gcc does not vectorise
 /// a loop over all three.
-void addProducts(const Row& a, const Row& b, const Row& old_a, const Row& old_b,
-                 std::vector<std::int32_t>* sums) {
-  for (std::size_t x = 0; x < sums->size(); ++x) {
-    (*sums)[x] += a[x] * b[x] - old_a[x] * old_b[x];
+GSV_VECTOR_LOOP void addProducts(const std::int16_t* a, const std::int16_t* b,
+                                 const std::int16_t* old_a, const std::int16_t* old_b, int columns,
+                                 std::int32_t* __restrict sums) {
+  for (int x = 0; x < columns; ++x) sums[x] += a[x] * b[x] - old_a[x] * old_b[x];
+}
+
+/// The smaller eigenvalue of each gradient matrix, summed across the window. Leaves kReach columns
+/// on both sides.
+GSV_VECTOR_LOOP void smallerEigenvalues(const std::int32_t* __restrict xx,
+                                        const std::int32_t* __restrict xy,
+                                        const std::int32_t* __restrict yy, int columns,
+                                        float* __restrict strength) {
+  const auto across = [](const std::int32_t* sums) {
+    return sums[-2] + sums[-1] + sums[0] + sums[1] + sums[2];
+  };
+  for (int x = CornerStrength::kReach; x < columns - CornerStrength::kReach; ++x) {
+    const std::int32_t a = across(xx + x), b = across(xy + x), c = across(yy + x);
+    const auto sum = static_cast<float>(a + c), difference = static_cast<float>(a - c),
+               mixed = static_cast<float>(2 * b);
+    const float root = std::sqrt(difference * difference + mixed * mixed);
+    strength[x] = 0.5f * kGradientScale * kGradientScale * (sum - root);
   }
 }
 
@@ -39,48 +78,26 @@ CornerStrength::CornerStrength(const cv::Mat& image, int first_row)
 
 /// Adds the gradients of a row to the running sums and removes those of the row kSide above.
 void CornerStrength::addRow(int row) {
-  const unsigned char* const above = image_.ptr(row - 1);
-  const unsigned char* const here = image_.ptr(row);
-  const unsigned char* const below = image_.ptr(row + 1);
-  std::int16_t* const smooth = smooth_.data();
-  std::int16_t* const difference = difference_.data();
-  for (int x = 0; x < image_.cols; ++x) {
-    smooth[x] = static_cast<std::int16_t>(above[x] + 2 * here[x] + below[x]);
-    difference[x] = static_cast<std::int16_t>(below[x] - above[x]);
-  }
+  const int columns = image_.cols;
+  filterDown(image_.ptr(row - 1), image_.ptr(row), image_.ptr(row + 1), columns, smooth_.data(),
+             difference_.data());
   Gradients& added = gradients_[static_cast<std::size_t>(row % kStoredRows)];
   // Row - kSide.
   const Gradients& old = gradients_[static_cast<std::size_t>((row + 1) % kStoredRows)];
-  std::int16_t* const gx = added.x.data();
-  std::int16_t* const gy = added.y.data();
-  for (int x = 1; x < image_.cols - 1; ++x) {
-    gx[x] = static_cast<std::int16_t>(smooth[x + 1] - smooth[x - 1]);
-    gy[x] = static_cast<std::int16_t>(difference[x - 1] + 2 * difference[x] + difference[x + 1]);
-  }
-  addProducts(added.x, added.x, old.x, old.x, &xx_);
-  addProducts(added.x, added.y, old.x, old.y, &xy_);
-  addProducts(added.y, added.y, old.y, old.y, &yy_);
+  std::int16_t* const x = added.x.data();
+  std::int16_t* const y = added.y.data();
+  filterAcross(smooth_.data(), difference_.data(), columns, x, y);
+  addProducts(x, x, old.x.data(), old.x.data(), columns, xx_.data());
+  addProducts(x, y, old.x.data(), old.y.data(), columns, xy_.data());
+  addProducts(y, y, old.y.data(), old.y.data(), columns, yy_.data());
 }
 
 void CornerStrength::next(float* strength) {
   addRow(row_ + kSide / 2);
   ++row_;
-  const std::int32_t* const xx = xx_.data();
-  const std::int32_t* const xy = xy_.data();
-  const std::int32_t* const yy = yy_.data();
-  const auto across = [](const std::int32_t* sums) {
-    return sums[-2] + sums[-1] + sums[0] + sums[1] + sums[2];
-  };
-  const int end = image_.cols - kReach;
   std::fill(strength, strength + kReach, 0.f);
-  std::fill(strength + end, strength + image_.cols, 0.f);
-  for (int x = kReach; x < end; ++x) {
-    const std::int32_t a = across(xx + x), b = across(xy + x), c = across(yy + x);
-    const auto sum = static_cast<float>(a + c), difference = static_cast<float>(a - c),
-               mixed = static_cast<float>(2 * b);
-    const float root = std::sqrt(difference * difference + mixed * mixed);
-    strength[x] = 0.5f * kGradientScale * kGradientScale * (sum - root);
-  }
+  std::fill(strength + image_.cols - kReach, strength + image_.cols, 0.f);
+  smallerEigenvalues(xx_.data(), xy_.data(), yy_.data(), image_.cols, strength);
 }
 
 }  // namespace ground_scale_vo

@@ -2,14 +2,7 @@
 
 #include <algorithm>
 
-// The compiler makes a second version of the loops, selected at run time, for processors with AVX2.
-// Sanitizers instrument the selection, which runs before they are ready.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define GSV_VECTOR_LOOP __attribute__((target_clones("avx2", "default")))
-#else
-#define GSV_VECTOR_LOOP
-#endif
+#include "common/vector_loop.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/vector_loop.hpp"
+
 namespace ground_scale_vo::direct {
 namespace {
 
@@ -24,6 +26,43 @@ struct Moments {
   float gradient_squares = 0;
   float flow_squares = 0;  ///< of the position by q: the epipolar flow
 };
+
+/// The stored part of an image: pinhole camera and limits [px of the part].
+struct RoiCamera {
+  float fx, fy, cx, cy, right, bottom;
+};
+
+/// Pixels u, v of the points A (ray_x, ray_y, 1). Returns how many are in front of the camera and
+/// in [0, right) x [0, bottom); values that are not finite are outside.
+GSV_VECTOR_LOOP int project(const RoiCamera& camera, const Eigen::Matrix3f& A,
+                            const float* __restrict ray_x, const float* __restrict ray_y,
+                            float* __restrict u, float* __restrict v) {
+  const auto [fx, fy, cx, cy, right, bottom] = camera;
+  const float a = A(0, 0), b = A(0, 1), c = A(0, 2), d = A(1, 0), e = A(1, 1), f = A(1, 2),
+              g = A(2, 0), h = A(2, 1), k = A(2, 2);
+  int inside = 0;
+  for (int i = 0; i < kPatchSamples; ++i) {
+    const float z = g * ray_x[i] + h * ray_y[i] + k;
+    u[i] = fx * (a * ray_x[i] + b * ray_y[i] + c) / z + cx;
+    v[i] = fy * (d * ray_x[i] + e * ray_y[i] + f) / z + cy;
+    inside += (z > 0) & (u[i] >= 0) & (v[i] >= 0) & (u[i] < right) & (v[i] < bottom);
+  }
+  return inside;
+}
+
+/// Bilinear, at pixels inside.
+GSV_VECTOR_LOOP void interpolate(const float* __restrict data, int stride,
+                                 const float* __restrict u, const float* __restrict v,
+                                 float* __restrict values) {
+  for (int i = 0; i < kPatchSamples; ++i) {
+    const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
+    const float a = u[i] - static_cast<float>(left), b = v[i] - static_cast<float>(above);
+    const int upper = above * stride + left, lower = upper + stride;
+    const float in_upper = data[upper] + a * (data[upper + 1] - data[upper]);
+    const float in_lower = data[lower] + a * (data[lower + 1] - data[lower]);
+    values[i] = in_upper + b * (in_lower - in_upper);
+  }
+}
 
 }  // namespace
 
@@ -46,37 +85,17 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
                           Samples* values) const {
   const RoadImage& image = *reference.image;
   const Eigen::Matrix3f A = reference.R - reference.t * m.transpose();
-  const auto fx = static_cast<float>(camera_.fx), fy = static_cast<float>(camera_.fy);
-  const auto cx = static_cast<float>(camera_.cx - image.roi.x);
-  const auto cy = static_cast<float>(camera_.cy - image.roi.y);
-  const auto right = static_cast<float>(image.roi.width - 1);
-  const auto bottom = static_cast<float>(image.roi.height - 1);
-  const float* const data = image.storage.ptr<float>();
-  const auto stride = static_cast<int>(image.storage.step1());
-  const Samples z = A(2, 0) * patch.ray_x + A(2, 1) * patch.ray_y + A(2, 2);
-  const Samples u = fx * (A(0, 0) * patch.ray_x + A(0, 1) * patch.ray_y + A(0, 2)) / z + cx;
-  const Samples v = fy * (A(1, 0) * patch.ray_x + A(1, 1) * patch.ray_y + A(1, 2)) / z + cy;
-  // Without branches, so that gcc vectorises the loop. Values that are not finite are outside.
-  int inside = 0;
-  for (int i = 0; i < kPatchSamples; ++i) {
-    inside += (z[i] > 0) & (u[i] >= 0) & (v[i] >= 0) & (u[i] < right) & (v[i] < bottom);
-  }
+  const RoiCamera camera{static_cast<float>(camera_.fx),
+                         static_cast<float>(camera_.fy),
+                         static_cast<float>(camera_.cx - image.roi.x),
+                         static_cast<float>(camera_.cy - image.roi.y),
+                         static_cast<float>(image.roi.width - 1),
+                         static_cast<float>(image.roi.height - 1)};
+  Samples u, v;
+  const int inside = project(camera, A, patch.ray_x.data(), patch.ray_y.data(), u.data(), v.data());
   if (inside < kPatchSamples || !isAllowed(image, u, v)) return false;
-  Samples a, b;  // fractions between pixels
-  Eigen::Array<int, kPatchSamples, 1> offset;
-  for (int i = 0; i < kPatchSamples; ++i) {
-    const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
-    a[i] = u[i] - static_cast<float>(left);
-    b[i] = v[i] - static_cast<float>(above);
-    offset[i] = above * stride + left;
-  }
-  for (int i = 0; i < kPatchSamples; ++i) {
-    const float* const upper = data + offset[i];
-    const float* const lower = upper + stride;
-    const float in_upper = upper[0] + a[i] * (upper[1] - upper[0]);
-    const float in_lower = lower[0] + a[i] * (lower[1] - lower[0]);
-    (*values)[i] = in_upper + b[i] * (in_lower - in_upper);
-  }
+  interpolate(image.storage.ptr<float>(), static_cast<int>(image.storage.step1()), u.data(),
+              v.data(), values->data());
   return true;
 }
 

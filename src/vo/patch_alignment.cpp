@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 
@@ -33,14 +34,23 @@ constexpr double kMinAreaRatio = 0.1;
 constexpr double kMinGrazingSine = 0.02;
 
 // A patch is stored row by row in a flat array with a stride of the window plus two columns. The
-// loops run over the array without regard to rows, four pixels at a time, and a mask removes the
+// loops run over the array without regard to rows, kLanes pixels at a time, and a mask removes the
 // padding.
-constexpr std::size_t kLanes = 4;
-using Lanes = Eigen::Array<float, kLanes, 1>;
+constexpr std::size_t kLanes = 8;
 constexpr std::size_t kMaxStride = kMaxWindow + 2;
 using Patch = std::array<float, kMaxStride * kMaxStride + kLanes>;
 
-Lanes lanes(const float* at) { return Lanes::Map(at); }
+/// kLanes numbers anywhere in memory. A vector type of the compiler, because it does not vectorise
+/// the equivalent loops reliably.
+typedef float Lanes
+    __attribute__((vector_size(kLanes * sizeof(float)), aligned(alignof(float)), may_alias));
+
+const Lanes& lanes(const float* at) { return *reinterpret_cast<const Lanes*>(at); }
+Lanes& lanes(float* at) { return *reinterpret_cast<Lanes*>(at); }
+
+float total(const Lanes& sum) {
+  return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
+}
 
 /// Whether the square of half side `margin` [px] around u lies inside the image, with the
 /// neighbours that bilinear interpolation needs.
@@ -52,8 +62,8 @@ bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
 
 /// Interpolates the image at u_ref + step * (x, y) for x, y in -half ... half. Precondition: these
 /// places and their right and lower neighbours are inside the image.
-void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& step,
-            int half, Patch* values) {
+GSV_VECTOR_LOOP void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref,
+                            const Eigen::Matrix2f& step, int half, Patch* values) {
   const int side = 2 * half + 1;
   const Eigen::Vector2f across = step.col(0);
   std::array<float, kMaxStride> a, b;  // fractions between pixels
@@ -92,6 +102,81 @@ void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eigen::Mat
   }
 }
 
+/// Sums over a patch, its gradients and their products.
+struct TemplateSums {
+  Lanes grey{}, gx{}, gy{};
+  Lanes squares{}, xx{}, xy{}, yy{};
+};
+
+/// The patch, without the border of one pixel that wide has, and its gradients, all with zero mean.
+/// mask: 1 for the pixels of the window, 0 for padding; count: whole kLanes, as in the functions
+/// below; pixels: of the window. Sets the sums of the products.
+GSV_VECTOR_LOOP TemplateSums differentiate(const float* __restrict wide, std::size_t stride,
+                                           const float* __restrict mask, std::size_t count,
+                                           float pixels, float* __restrict grey,
+                                           float* __restrict gx, float* __restrict gy) {
+  TemplateSums sums;
+  const float* const above = wide + 1;
+  const float* const centre = above + stride;
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    const Lanes inside = lanes(mask + i);
+    const Lanes value = lanes(centre + i) * inside;
+    const Lanes x = 0.5f * (lanes(centre + i + 1) - lanes(centre + i - 1)) * inside;
+    const Lanes y = 0.5f * (lanes(centre + i + stride) - lanes(above + i)) * inside;
+    lanes(grey + i) = value;
+    lanes(gx + i) = x;
+    lanes(gy + i) = y;
+    sums.grey += value;
+    sums.gx += x;
+    sums.gy += y;
+  }
+  const float mean = total(sums.grey) / pixels;
+  // The residual is zero-mean, so its derivative is the gradient minus the mean gradient.
+  const float mean_x = total(sums.gx) / pixels, mean_y = total(sums.gy) / pixels;
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    const Lanes inside = lanes(mask + i);
+    const Lanes value = lanes(grey + i) - mean * inside;
+    const Lanes x = lanes(gx + i) - mean_x * inside;
+    const Lanes y = lanes(gy + i) - mean_y * inside;
+    lanes(grey + i) = value;
+    lanes(gx + i) = x;
+    lanes(gy + i) = y;
+    sums.squares += value * value;
+    sums.xx += x * x;
+    sums.xy += x * y;
+    sums.yy += y * y;
+  }
+  return sums;
+}
+
+/// Of the current image (grey) and the template.
+struct MatchSums {
+  Lanes grey{}, squares{}, products{}, along_x{}, along_y{};
+};
+
+/// Compares the template (expected, gx, gy) with pixels of the image, interpolated at the fractions
+/// a and b of a pixel to the right and down.
+GSV_VECTOR_LOOP MatchSums compare(const float* __restrict pixels, std::size_t stride, float a,
+                                  float b, const float* __restrict mask, std::size_t count,
+                                  const float* __restrict expected, const float* __restrict gx,
+                                  const float* __restrict gy) {
+  MatchSums sums;
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    const float* const upper = pixels + i;
+    const float* const lower = upper + stride;
+    const Lanes left = lanes(upper) + b * (lanes(lower) - lanes(upper));
+    const Lanes right = lanes(upper + 1) + b * (lanes(lower + 1) - lanes(upper + 1));
+    const Lanes grey = (left + a * (right - left)) * lanes(mask + i);
+    const Lanes difference = grey - lanes(expected + i);
+    sums.grey += grey;
+    sums.squares += grey * grey;
+    sums.products += grey * lanes(expected + i);
+    sums.along_x += lanes(gx + i) * difference;
+    sums.along_y += lanes(gy + i) * difference;
+  }
+  return sums;
+}
+
 /// The warped reference patch and its gradients, all with zero mean.
 struct Template {
   Patch grey, gx, gy;
@@ -112,43 +197,12 @@ struct Template {
     sample(reference, u_ref, inverse, half, &wide);
     std::fill_n(wide.begin() + static_cast<std::ptrdiff_t>(stride * stride), kLanes, 0.f);
 
-    Lanes sum = Lanes::Zero(), sum_x = Lanes::Zero(), sum_y = Lanes::Zero();
-    for (std::size_t i = 0; i < mask.size(); i += kLanes) {
-      const float* const above = wide.data() + i + 1;
-      const float* const centre = above + stride;
-      const Lanes inside = lanes(mask.data() + i);
-      const Lanes value = lanes(centre) * inside;
-      const Lanes x = 0.5f * (lanes(centre + 1) - lanes(centre - 1)) * inside;
-      const Lanes y = 0.5f * (lanes(centre + stride) - lanes(above)) * inside;
-      Lanes::Map(&grey[i]) = value;
-      Lanes::Map(&gx[i]) = x;
-      Lanes::Map(&gy[i]) = y;
-      sum += value;
-      sum_x += x;
-      sum_y += y;
-    }
     const float count = static_cast<float>(window * window);
-    const float mean = sum.sum() / count;
-    // The residual is zero-mean, so its derivative is the gradient minus the mean gradient.
-    const float mean_x = sum_x.sum() / count;
-    const float mean_y = sum_y.sum() / count;
-    Lanes squares = Lanes::Zero(), xx = Lanes::Zero(), xy = Lanes::Zero(), yy = Lanes::Zero();
-    for (std::size_t i = 0; i < mask.size(); i += kLanes) {
-      const Lanes inside = lanes(mask.data() + i);
-      const Lanes value = lanes(&grey[i]) - mean * inside;
-      const Lanes x = lanes(&gx[i]) - mean_x * inside;
-      const Lanes y = lanes(&gy[i]) - mean_y * inside;
-      Lanes::Map(&grey[i]) = value;
-      Lanes::Map(&gx[i]) = x;
-      Lanes::Map(&gy[i]) = y;
-      squares += value * value;
-      xx += x * x;
-      xy += x * y;
-      yy += y * y;
-    }
-    sum_of_squares = squares.sum();
+    const TemplateSums sums = differentiate(wide.data(), stride, mask.data(), mask.size(), count,
+                                            grey.data(), gx.data(), gy.data());
+    sum_of_squares = total(sums.squares);
     Eigen::Matrix2f hessian;
-    hessian << xx.sum(), xy.sum(), xy.sum(), yy.sum();
+    hessian << total(sums.xx), total(sums.xy), total(sums.xy), total(sums.yy);
     const float trace = hessian.trace();
     if (sum_of_squares < count) return false;  // variance below 1 grey level^2
     if (hessian.determinant() < kMinCornerness * trace * trace) return false;
@@ -157,21 +211,35 @@ struct Template {
   }
 };
 
+/// Rows of `columns` pixels as floats, and after each row others, up to whole kLanes.
+GSV_VECTOR_LOOP void widen(const unsigned char* __restrict from, std::size_t step, int rows,
+                           std::size_t columns, std::size_t stride, float* __restrict to) {
+  for (int y = 0; y < rows; ++y, from += step, to += stride) {
+    for (std::size_t begin = 0; begin < columns; begin += kLanes) {
+      for (std::size_t k = 0; k < kLanes; ++k) to[begin + k] = from[begin + k];
+    }
+  }
+}
+
 /// The pixels of the current image around a patch, as floats.
 class Window {
  public:
-  Window(const cv::Mat& image, int window) : image_(image), size_(window) { pixels_.fill(0.f); }
+  Window(const cv::Mat& image, int window) : image_(image), size_(window) {
+    std::fill_n(pixels_.begin(), (size_ + 3) * (size_ + 2), 0.f);
+  }
 
   /// column, row: upper left pixel. Precondition: inside the image with one more row and column.
   void moveTo(int column, int row) {
     if (column == column_ && row == row_) return;
     column_ = column;
     row_ = row;
-    for (int y = 0; y <= size_; ++y) {
-      const unsigned char* const from = image_.ptr(row + y) + column;
-      float* const to = pixels_.data() + y * (size_ + 2);
-      for (int x = 0; x <= size_; ++x) to[x] = from[x];
-    }
+    const auto stride = static_cast<std::size_t>(size_ + 2);
+    const unsigned char* const from = image_.ptr(row) + column;
+    const unsigned char* const last = image_.ptr(row + size_) + column;
+    // At the end of the memory a row cannot be read in whole kLanes.
+    const bool whole = last + size_ + kLanes < image_.datalimit;
+    widen(from, image_.step[0], size_ + (whole ? 1 : 0), size_ + 1, stride, pixels_.data());
+    if (!whole) std::copy_n(last, size_ + 1, pixels_.data() + size_ * stride);
   }
   const float* pixels() const { return pixels_.data(); }
 
@@ -244,27 +312,16 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
     const float a = corner.x() - static_cast<float>(column);
     const float b = corner.y() - static_cast<float>(row);
     around.moveTo(column, row);
-    Lanes sums = Lanes::Zero(), squared = Lanes::Zero(), products = Lanes::Zero();
-    Lanes along_x = Lanes::Zero(), along_y = Lanes::Zero();
-    for (std::size_t i = 0; i < mask_.size(); i += kLanes) {
-      const float* const upper = around.pixels() + i;
-      const float* const lower = upper + window + 2;
-      const Lanes grey = ((1 - b) * ((1 - a) * lanes(upper) + a * lanes(upper + 1)) +
-                          b * ((1 - a) * lanes(lower) + a * lanes(lower + 1))) *
-                         lanes(mask_.data() + i);
-      const Lanes expected = lanes(&patch.grey[i]);
-      sums += grey;
-      squared += grey * grey;
-      products += grey * expected;
-      along_x += lanes(&patch.gx[i]) * (grey - expected);
-      along_y += lanes(&patch.gy[i]) * (grey - expected);
-    }
-    const float sum = sums.sum();
-    const float sum_of_squares = squared.sum() - sum * sum / static_cast<float>(window * window);
-    correlation = products.sum() /
+    const MatchSums sums =
+        compare(around.pixels(), static_cast<std::size_t>(window + 2), a, b, mask_.data(),
+                mask_.size(), patch.grey.data(), patch.gx.data(), patch.gy.data());
+    const float sum = total(sums.grey);
+    const float sum_of_squares =
+        total(sums.squares) - sum * sum / static_cast<float>(window * window);
+    correlation = total(sums.products) /
                   std::sqrt(std::max(kMinSumOfSquares, sum_of_squares) * patch.sum_of_squares);
     const Eigen::Vector2f step =
-        patch.inverse_hessian * Eigen::Vector2f(along_x.sum(), along_y.sum());
+        patch.inverse_hessian * Eigen::Vector2f(total(sums.along_x), total(sums.along_y));
     u -= step;
     if (step.norm() < kConverged_px) break;
   }

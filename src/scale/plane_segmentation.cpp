@@ -1,9 +1,14 @@
+// PCL's templates are instantiated here for an own point type. The instances of
+// libpcl_segmentation would load libpcl_search and VTK: 36 MiB for a RANSAC of planes.
+#define PCL_NO_PRECOMPILE
+
 #include "scale/plane_segmentation.hpp"
 
 #include <pcl/ModelCoefficients.h>
 #include <pcl/PointIndices.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
+#include <pcl/register_point_struct.h>
 #include <pcl/sample_consensus/sac_model_perpendicular_plane.h>
 #include <pcl/segmentation/sac_segmentation.h>
 
@@ -11,10 +16,30 @@
 #include <cstddef>
 
 namespace ground_scale_vo {
+
+struct PclPoint {
+  PclPoint() = default;
+  explicit PclPoint(const Eigen::Vector3f& p) : data{p.x(), p.y(), p.z(), 1} {}
+  PCL_ADD_POINT4D
+  EIGEN_MAKE_ALIGNED_OPERATOR_NEW
+} EIGEN_ALIGN16;
+
+}  // namespace ground_scale_vo
+
+POINT_CLOUD_REGISTER_POINT_STRUCT(ground_scale_vo::PclPoint,
+                                  (float, x, x)(float, y, y)(float, z, z))
+
+/// Overridden below. The general one instantiates PCL's models of all shapes.
+template <>
+bool pcl::SACSegmentation<ground_scale_vo::PclPoint>::initSACModel(int /*model_type*/) {
+  return false;
+}
+
+namespace ground_scale_vo {
 namespace {
 
-using Cloud = pcl::PointCloud<pcl::PointXYZ>;
-using PclModel = pcl::SampleConsensusModelPerpendicularPlane<pcl::PointXYZ>;
+using Cloud = pcl::PointCloud<PclPoint>;
+using PclModel = pcl::SampleConsensusModelPerpendicularPlane<PclPoint>;
 
 /// [camera heights^2] Least area of a sample's parallelogram; PCL's own limit is the same.
 constexpr float kMinSampleArea = 1e-5f;
@@ -50,7 +75,7 @@ class PlaneModel : public PclModel {
 };
 
 /// PCL's segmentation with PlaneModel.
-class PlaneSegmentation : public pcl::SACSegmentation<pcl::PointXYZ> {
+class PlaneSegmentation : public pcl::SACSegmentation<PclPoint> {
  protected:
   bool initSACModel(int) override {
     const auto model = pcl::make_shared<PlaneModel>(input_);
@@ -69,7 +94,7 @@ std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen
                                                          const PlaneFit::Options& options) {
   const auto cloud = pcl::make_shared<Cloud>();
   cloud->reserve(points.size());
-  for (const Eigen::Vector3f& p : points) cloud->push_back({p.x(), p.y(), p.z()});
+  for (const Eigen::Vector3f& p : points) cloud->push_back(PclPoint(p));
   PlaneSegmentation segmentation;
   segmentation.setMethodType(pcl::SAC_RANSAC);
   segmentation.setAxis(axis);

@@ -48,11 +48,11 @@ void DirectPlaneEstimator::Options::validate() const {
 }
 
 struct DirectPlaneEstimator::Impl {
-  /// The steps of the method, for images of one camera with one mask.
+  /// The steps of the method, for images of one camera with one mask. camera: of reduced images.
   struct Stages {
-    Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask)
+    Stages(const Options& options, const PinholeCamera& camera, int reduction, const cv::Mat& mask)
         : grid(camera, options.patch_size),
-          extractor(camera, grid, options.image_noise, mask),
+          extractor(camera, reduction, grid, options.image_noise, mask),
           images(cv::Size(camera.width, camera.height), options.baseline_heights),
           static_mask(camera, grid),
           matcher(camera, options.image_noise, extractor.allowed()),
@@ -85,7 +85,7 @@ struct DirectPlaneEstimator::Impl {
   void updateStaticMask(const NormalPrior& prior, double height, bool is_aligned);
 
   const Options options;
-  PinholeCamera camera;
+  PinholeCamera image_camera, camera;  ///< of the images, and of the reduced ones
   cv::Mat mask;
   std::optional<Stages> stages;  ///< for camera and mask; empty before the first image
   std::vector<direct::Patch> patches;
@@ -98,10 +98,12 @@ struct DirectPlaneEstimator::Impl {
 
 void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera,
                                            const cv::Mat& new_mask) {
-  if (stages && isSameCamera(camera, new_camera) && mask.data == new_mask.data) return;
-  camera = new_camera;
+  if (stages && isSameCamera(image_camera, new_camera) && mask.data == new_mask.data) return;
+  const int reduction = direct::imageReduction(new_camera);
+  image_camera = new_camera;
+  camera = direct::reduced(image_camera, reduction);
   mask = new_mask;
-  stages.emplace(options, camera, mask);
+  stages.emplace(options, camera, reduction, mask);
 }
 
 LaneRegion DirectPlaneEstimator::Impl::laneRegion(const NormalPrior& prior,

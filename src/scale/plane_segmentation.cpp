@@ -1,5 +1,5 @@
 // PCL's templates are instantiated here for an own point type. The instances of
-// libpcl_segmentation would load libpcl_search and VTK: 36 MiB for a RANSAC of planes.
+// libpcl_segmentation would load nine more libraries: 36 MiB for a RANSAC of planes.
 #define PCL_NO_PRECOMPILE
 
 #include "scale/plane_segmentation.hpp"

@@ -16,6 +16,9 @@ namespace {
 constexpr int kLevelsNearPrediction = 1;
 /// [px] least side of a grid cell: corners nearer to each other share most of their patches.
 constexpr int kMinCell_px = 8;
+/// [px] Corners are detected in the finest level of the pyramid that has at most as many pixels: in
+/// a larger one the time grows, the number of cells does not.
+constexpr std::size_t kMaxDetection_px = 1'500'000;
 
 /// Smaller over larger eigenvalue of the gradient matrix of the patch around a pixel: 0 on a
 /// straight edge, where the aperture problem leaves the position along the edge undetermined.
@@ -103,8 +106,28 @@ ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
   return result;
 }
 
-std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
+std::vector<cv::Point2f> FeatureTracker::detect(const ImagePyramid& image,
                                                 const std::vector<cv::Point2f>& occupied) const {
+  std::size_t level = 0;
+  while (level + 1 < image.levels.size() && image.levels[level].total() > kMaxDetection_px) {
+    ++level;
+  }
+  if (level == 0) return detectIn(image.image, allowed_, occupied);
+  const auto scale = static_cast<float>(1 << level);
+  cv::Mat allowed;
+  if (!allowed_.empty()) {
+    cv::resize(allowed_, allowed, image.levels[level].size(), 0, 0, cv::INTER_NEAREST);
+  }
+  std::vector<cv::Point2f> scaled = occupied;
+  for (cv::Point2f& u : scaled) u /= scale;
+  std::vector<cv::Point2f> corners = detectIn(image.levels[level], allowed, scaled);
+  for (cv::Point2f& u : corners) u *= scale;
+  return corners;
+}
+
+/// allowed: of the image's size, see allowed_.
+std::vector<cv::Point2f> FeatureTracker::detectIn(const cv::Mat& image, const cv::Mat& allowed,
+                                                  const std::vector<cv::Point2f>& occupied) const {
   const int cell =
       std::max(kMinCell_px, static_cast<int>(std::lround(options_.cell_size * image.cols)));
   const int border = reach();
@@ -120,7 +143,7 @@ std::vector<cv::Point2f> FeatureTracker::detect(const cv::Mat& image,
   };
   std::vector<unsigned char> taken(static_cast<std::size_t>(columns * rows), 0);
   cv::Mat free =
-      allowed_.empty() ? cv::Mat(image.size(), CV_8UC1, cv::Scalar(255)) : allowed_.clone();
+      allowed.empty() ? cv::Mat(image.size(), CV_8UC1, cv::Scalar(255)) : allowed.clone();
   for (const cv::Point2f& u : occupied) {
     const int index = cellOf(u);
     if (index >= 0) taken[static_cast<std::size_t>(index)] = 1;

@@ -92,7 +92,7 @@ void FrameToFrameTracking::advance(ImagePyramid next, std::int64_t stamp_ns,
 }
 
 void FrameToFrameTracking::detectNew() {
-  for (const cv::Point2f& corner : tracker_.detect(previous_.image, pixels())) {
+  for (const cv::Point2f& corner : tracker_.detect(previous_, pixels())) {
     Feature feature;
     feature.id = next_feature_id_++;
     feature.sigma = options_.feature_sigma;
@@ -106,7 +106,7 @@ Descriptors FrameToFrameTracking::describeFeatures() const {
 }
 
 Descriptors FrameToFrameTracking::describeCorners(const ImagePyramid& image) const {
-  return {image.image, tracker_.detect(image.image, {}), mask_};
+  return {image.image, tracker_.detect(image, {}), mask_};
 }
 
 std::vector<cv::Point2f> FrameToFrameTracking::pixels() const {
@@ -116,7 +116,7 @@ std::vector<cv::Point2f> FrameToFrameTracking::pixels() const {
 }
 
 bool FrameToFrameTracking::isTextureless(const ImagePyramid& image, std::size_t found) const {
-  return found < kMinCorners && tracker_.detect(image.image, {}).size() < kMinCorners;
+  return found < kMinCorners && tracker_.detect(image, {}).size() < kMinCorners;
 }
 
 }  // namespace ground_scale_vo

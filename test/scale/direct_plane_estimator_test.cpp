@@ -267,6 +267,35 @@ TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
   }
 }
 
+// Images whose focal length is large are reduced, here to half the width and height; the size is no
+// multiple.
+TEST(DirectPlaneEstimator, ALargeImageIsReduced) {
+  RoadScene scene = road();
+  PinholeCamera& camera = scene.camera;
+  camera = {5 * camera.width + 1, 5 * camera.height + 2, 5 * camera.fx,
+            5 * camera.fy,        5 * camera.cx + 2,     5 * camera.cy + 2};
+  cv::Mat mask(camera.height, camera.width, CV_8U, cv::Scalar(255));
+  const cv::Rect region(1001, 649, 601, 151);
+  mask(region).setTo(0);
+  const auto run = [&](bool has_noise) {
+    DirectPlaneEstimator estimator({});
+    DirectPlaneEstimator::Result result;
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      cv::Mat image = roadImage(scene, scene.step * i);
+      cv::Mat part = image(region);
+      if (has_noise) cv::RNG(i + 1).fill(part, cv::RNG::UNIFORM, 0, 256);
+      result = estimator.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt,
+                                  1.03 * scene.height, {}, mask);
+    }
+    return result;
+  };
+  const auto result = run(false);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.005);
+  EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
+  EXPECT_EQ(run(true).plane.height, result.plane.height);
+}
+
 TEST(DirectPlaneEstimator, AMaskOfTheWholeLaneLeavesNoPlane) {
   const RoadScene scene = road();
   const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));

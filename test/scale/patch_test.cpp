@@ -12,7 +12,7 @@ TEST(PatchExtractor, AUniformImageHasNoGradientAlsoAtTheEdgeOfTheRegion) {
   RoadImage current;
   current.storage.create(camera.height, camera.width, CV_32F);
   std::vector<Patch> patches;
-  PatchExtractor(camera, PatchGrid(camera, 0.03), 1, {})
+  PatchExtractor(camera, 1, PatchGrid(camera, 0.03), 1, {})
       .extract(uniform, LaneRegion({}, {}, 0, 0.1, 20, 5), false, &current, &patches);
   ASSERT_FALSE(patches.empty());
   for (const Patch& patch : patches) {

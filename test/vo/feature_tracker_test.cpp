@@ -21,6 +21,11 @@ cv::Mat texture(int seed) {
   return image;
 }
 
+std::vector<cv::Point2f> detect(const FeatureTracker& tracker, const cv::Mat& image,
+                                const std::vector<cv::Point2f>& occupied) {
+  return tracker.detect(tracker.pyramid(image), occupied);
+}
+
 cv::Mat shifted(const cv::Mat& image, double dx, double dy) {
   cv::Mat result;
   const cv::Mat M = (cv::Mat_<double>(2, 3) << 1, 0, dx, 0, 1, dy);
@@ -30,7 +35,7 @@ cv::Mat shifted(const cv::Mat& image, double dx, double dy) {
 
 TEST(FeatureTracker, findsCornersEverywhereInATexturedImage) {
   const FeatureTracker tracker({});
-  const auto corners = tracker.detect(texture(1), {});
+  const auto corners = detect(tracker, texture(1), {});
   ASSERT_GT(corners.size(), 400u);
   int quarter[4] = {0, 0, 0, 0};
   for (const auto& u : corners) ++quarter[(u.x > 400 ? 1 : 0) + (u.y > 124 ? 2 : 0)];
@@ -39,15 +44,15 @@ TEST(FeatureTracker, findsCornersEverywhereInATexturedImage) {
 
 TEST(FeatureTracker, findsNothingWithoutTexture) {
   const FeatureTracker tracker({});
-  EXPECT_TRUE(tracker.detect(cv::Mat(248, 800, CV_8UC1, cv::Scalar(90)), {}).empty());
-  EXPECT_TRUE(tracker.detect(cv::Mat(4, 4, CV_8UC1, cv::Scalar(90)), {}).empty());
+  EXPECT_TRUE(detect(tracker, cv::Mat(248, 800, CV_8UC1, cv::Scalar(90)), {}).empty());
+  EXPECT_TRUE(detect(tracker, cv::Mat(4, 4, CV_8UC1, cv::Scalar(90)), {}).empty());
 }
 
 TEST(FeatureTracker, skipsOccupiedCells) {
   const FeatureTracker tracker({});
   const cv::Mat image = texture(2);
-  const auto first = tracker.detect(image, {});
-  const auto second = tracker.detect(image, first);
+  const auto first = detect(tracker, image, {});
+  const auto second = detect(tracker, image, first);
   for (const auto& u : second) {
     for (const auto& v : first) EXPECT_GT(cv::norm(u - v), 3.0);
   }
@@ -69,7 +74,7 @@ TEST(FeatureTracker, skipsAFreeCellThatItsNeighboursMask) {
     occupied.insert(occupied.end(), {{204, 104 + along}, {215, 104 + along}});
   }
   std::vector<cv::Point2f> corners;
-  ASSERT_NO_THROW(corners = FeatureTracker(options).detect(texture(3), occupied));
+  ASSERT_NO_THROW(corners = detect(FeatureTracker(options), texture(3), occupied));
   EXPECT_GT(corners.size(), 300u);
   for (const cv::Point2f& u : corners) {
     EXPECT_FALSE(u.x > 204 && u.x < 215 && u.y > 104 && u.y < 115) << u;
@@ -94,18 +99,18 @@ TEST(FeatureTracker, rejectsEdges) {
       return !cv::Rect2f(290, 70, 140, 110).contains(u);
     });
   };
-  const auto corners = FeatureTracker(options).detect(image, {});
+  const auto corners = detect(FeatureTracker(options), image, {});
   EXPECT_GT(corners.size() - static_cast<std::size_t>(outside(corners)), 30u);
   EXPECT_LT(outside(corners), 10);
   options.min_corner_ratio = 0;
-  EXPECT_GT(outside(FeatureTracker(options).detect(image, {})), 200)
+  EXPECT_GT(outside(detect(FeatureTracker(options), image, {})), 200)
       << "the test image has too few edge pixels that pass without the ratio test";
 }
 
 TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(3), b = shifted(a, 6.3, -2.7);
-  const auto corners = tracker.detect(a, {});
+  const auto corners = detect(tracker, a, {});
   const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
   std::vector<double> error;
   for (std::size_t i = 0; i < corners.size(); ++i) {
@@ -121,7 +126,7 @@ TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
 TEST(FeatureTracker, recoversFromAWrongPrediction) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(4), b = shifted(a, 4, 0);
-  const auto corners = tracker.detect(a, {});
+  const auto corners = detect(tracker, a, {});
   auto wrong = corners;
   for (auto& u : wrong) u.x -= 40;
   const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, wrong);
@@ -135,7 +140,7 @@ TEST(FeatureTracker, recoversFromAWrongPrediction) {
 TEST(FeatureTracker, rejectsPointsThatLeaveTheImage) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(5), b = shifted(a, 60, 0);
-  const auto corners = tracker.detect(a, {});
+  const auto corners = detect(tracker, a, {});
   auto predicted = corners;
   for (auto& u : predicted) u.x += 60;
   const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, predicted);
@@ -155,6 +160,24 @@ double distanceFrom(const cv::Rect& rectangle, const cv::Point2d& u) {
   return std::max({0.0, first.x - u.x, u.x - last.x, first.y - u.y, u.y - last.y});
 }
 
+// 12.7 megapixels: the second level of the pyramid has 0.8, the first 3.2.
+TEST(FeatureTracker, inALargeImageFindsTheCornersOfASmallerOne) {
+  cv::Mat image;
+  cv::resize(texture(1), image, {}, 8, 8, cv::INTER_CUBIC);
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
+  const cv::Rect region(2400, 640, 1600, 800);
+  mask(region).setTo(0);
+  const FeatureTracker tracker({}), masked({}, mask);
+  const auto corners = detect(tracker, image, {});
+  const ImagePyramid pyramid = tracker.pyramid(image);
+  auto expected = detect(tracker, pyramid.levels[2], {});
+  for (cv::Point2f& u : expected) u *= 4;
+  ASSERT_GT(corners.size(), 400u);
+  EXPECT_EQ(corners, expected);
+  EXPECT_LT(tracker.detect(pyramid, corners).size(), corners.size() / 3);
+  for (const cv::Point2f& u : detect(masked, image, {})) EXPECT_GT(distanceFrom(region, u), 4);
+}
+
 // With a margin: the patch around a corner, here of 9 px, shows no masked pixel.
 TEST(FeatureTracker, findsNoCornersWhosePatchTouchesTheMask) {
   const cv::Rect region(300, 80, 200, 100);
@@ -165,15 +188,15 @@ TEST(FeatureTracker, findsNoCornersWhosePatchTouchesTheMask) {
     return std::count_if(corners.begin(), corners.end(),
                          [&](const cv::Point2f& u) { return distanceFrom(region, u) <= 4; });
   };
-  const auto all = FeatureTracker({}).detect(image, {});
-  const auto allowed = FeatureTracker({}, mask).detect(image, {});
+  const auto all = detect(FeatureTracker({}), image, {});
+  const auto allowed = detect(FeatureTracker({}, mask), image, {});
   EXPECT_GT(near(all), 80);
   EXPECT_EQ(near(allowed), 0);
   EXPECT_GT(allowed.size(), all.size() - static_cast<std::size_t>(near(all)) - 30);
   // One masked pixel is enough, and any value but 0 is scene.
   mask.setTo(1);
   mask.at<unsigned char>(90, 400) = 0;
-  const auto almost_all = FeatureTracker({}, mask).detect(image, {});
+  const auto almost_all = detect(FeatureTracker({}, mask), image, {});
   for (const cv::Point2f& u : almost_all) EXPECT_GT(distanceFrom({400, 90, 1, 1}, u), 4);
   EXPECT_GT(almost_all.size(), all.size() - 5);
 }
@@ -184,7 +207,7 @@ TEST(FeatureTracker, dropsFeaturesThatMoveIntoTheMask) {
   const cv::Rect region(400, 0, 100, a.rows);
   mask(region).setTo(0);
   const FeatureTracker tracker({}), masked({}, mask);
-  const auto corners = masked.detect(a, {});
+  const auto corners = detect(masked, a, {});
   auto predicted = corners;
   for (auto& u : predicted) u.x += 30;
   const auto all = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, predicted);
@@ -207,7 +230,7 @@ TEST(FeatureTracker, dropsFeaturesThatMoveIntoTheMask) {
 TEST(FeatureTracker, aBlankImageGivesNoTracks) {
   const FeatureTracker tracker({});
   const cv::Mat a = texture(5), b(a.size(), CV_8UC1, cv::Scalar(0));
-  const auto corners = tracker.detect(a, {});
+  const auto corners = detect(tracker, a, {});
   const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
   EXPECT_EQ(std::count(tracks.ok.begin(), tracks.ok.end(), 1), 0);
 }

@@ -56,8 +56,9 @@ class FeatureTracker {
   /// image: 8-bit grey. Copied.
   ImagePyramid pyramid(const cv::Mat& image) const;
 
-  /// The strongest corner of each cell that holds none of `occupied` [px]; at most one per cell.
-  std::vector<cv::Point2f> detect(const cv::Mat& image,
+  /// The strongest corner of each cell that holds none of `occupied` [px]; at most one per cell. Of
+  /// a large image, in a coarser level of its pyramid.
+  std::vector<cv::Point2f> detect(const ImagePyramid& image,
                                   const std::vector<cv::Point2f>& occupied) const;
 
   struct Tracks {
@@ -76,6 +77,8 @@ class FeatureTracker {
   Tracks trackOnce(const ImagePyramid& from, const ImagePyramid& to,
                    const std::vector<cv::Point2f>& from_points,
                    const std::vector<cv::Point2f>& predicted, int levels) const;
+  std::vector<cv::Point2f> detectIn(const cv::Mat& image, const cv::Mat& allowed,
+                                    const std::vector<cv::Point2f>& occupied) const;
   int reach() const;
   bool isMasked(const cv::Point2f& u) const;
 

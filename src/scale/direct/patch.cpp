@@ -44,16 +44,53 @@ float correlate(const Patch& patch, float noise, Samples* values) {
   return product / std::sqrt(std::max(patch.texture * texture, kMinTextureProduct));
 }
 
-PatchExtractor::PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid,
+int imageReduction(const PinholeCamera& camera) {
+  return std::max(1, static_cast<int>(kBlur * camera.fx / kMinBlurPx));
+}
+
+PinholeCamera reduced(const PinholeCamera& camera, int factor) {
+  if (factor == 1) return camera;  // exactly
+  PinholeCamera result = camera;
+  result.width /= factor;
+  result.height /= factor;
+  result.fx /= factor;
+  result.fy /= factor;
+  // The centre of the first pixel is at 0.
+  result.cx = (camera.cx + 0.5) / factor - 0.5;
+  result.cy = (camera.cy + 0.5) / factor - 0.5;
+  return result;
+}
+
+PatchExtractor::PatchExtractor(const PinholeCamera& camera, int reduction, const PatchGrid& grid,
                                double image_noise, const cv::Mat& mask)
-    : camera_(camera), grid_(grid), image_noise_(static_cast<float>(image_noise)) {
+    : camera_(camera),
+      reduction_(reduction),
+      grid_(grid),
+      image_noise_(static_cast<float>(image_noise)) {
   const double blur_px = std::max(kMinBlurPx, kBlur * camera.fx);
   const int radius = static_cast<int>(std::ceil(kKernelRadius * blur_px));
   kernel_ = cv::getGaussianKernel(2 * radius + 1, blur_px, CV_32F);
   twice_smoothed_.create(camera.height, camera.width, CV_32F);
   if (mask.empty()) return;
   const int reach = 2 * radius + 1;  // smoothed twice, with a gradient or an interpolation
-  cv::erode(mask, allowed_, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+  const int side = reduction * (2 * reach + 1);
+  cv::Mat eroded;
+  cv::erode(mask, eroded, cv::Mat::ones(side + 1 - side % 2, side + 1 - side % 2, CV_8U));
+  cv::resize(eroded, allowed_, {camera.width, camera.height}, 0, 0, cv::INTER_NEAREST);
+}
+
+/// The part roi [px of camera_] of an image, reduced. It is part of a larger matrix, so that
+/// filters see the pixels around it.
+cv::Mat PatchExtractor::reducedPart(const cv::Mat& image, const cv::Rect& roi) const {
+  if (reduction_ == 1) return image(roi);
+  const int margin = kernel_.rows / 2;
+  cv::Rect wide(roi.tl() - cv::Point(margin, margin),
+                roi.size() + cv::Size(2 * margin, 2 * margin));
+  wide &= cv::Rect(0, 0, camera_.width, camera_.height);
+  cv::Mat result;
+  cv::resize(image(cv::Rect(wide.tl() * reduction_, wide.size() * reduction_)), result, wide.size(),
+             0, 0, cv::INTER_AREA);
+  return result({roi.tl() - wide.tl(), roi.size()});
 }
 
 void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
@@ -62,7 +99,7 @@ void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool 
   if (patches->empty()) return;
   const cv::Rect& roi = current->roi;
   cv::Mat smoothed = current->storage(cv::Rect({0, 0}, roi.size()));
-  cv::sepFilter2D(image(roi), smoothed, CV_32F, kernel_, kernel_);
+  cv::sepFilter2D(reducedPart(image, roi), smoothed, CV_32F, kernel_, kernel_);
   // The reference images show this piece of road from farther away, at a lower resolution. The
   // patches compared with them are smoothed a second time: a difference in sharpness would bias
   // their shifts. With a camera that faces backwards the reference images are the nearer ones.

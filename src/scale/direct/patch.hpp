@@ -55,21 +55,28 @@ float normalise(float noise, Samples* values, float* texture);
 /// corrected for the image noise. noise: [grey levels].
 float correlate(const Patch& patch, float noise, Samples* values);
 
+/// Smoothing removes the details of an image whose focal length [px] is large, so the direct stage
+/// works on smaller images: by this factor, 1 or more, in each direction.
+int imageReduction(const PinholeCamera& camera);
+
+/// The camera of images that are smaller by a factor: each pixel is the mean of factor x factor.
+PinholeCamera reduced(const PinholeCamera& camera, int factor);
+
 /// Smooths the current image and samples its patches in the lane region.
 class PatchExtractor {
  public:
-  /// image_noise: [grey levels]. mask: of the camera's size, 0 where its images never show the
-  /// scene; empty: none.
-  PatchExtractor(const PinholeCamera& camera, const PatchGrid& grid, double image_noise,
-                 const cv::Mat& mask);
+  /// camera: of the patches; its images are larger by the factor `reduction`. image_noise: [grey
+  /// levels]. mask: of the images' size, 0 where they never show the scene; empty: none.
+  PatchExtractor(const PinholeCamera& camera, int reduction, const PatchGrid& grid,
+                 double image_noise, const cv::Mat& mask);
 
   /// 0 at the pixels whose smoothed intensity or its gradient depends on a masked pixel; empty: no
   /// mask.
   const cv::Mat& allowed() const { return allowed_; }
 
-  /// image: 8-bit grey, of the camera's size. Writes the smoothed lane region to *current and the
-  /// patches in it (`masked` is false; none touches the mask) to *patches. faces_backwards: against
-  /// the direction of motion. Without patches current->roi is empty.
+  /// image: 8-bit grey, of the camera's size times the reduction. Writes the smoothed lane region
+  /// to *current and the patches in it (`masked` is false; none touches the mask) to *patches.
+  /// faces_backwards: against the direction of motion. Without patches current->roi is empty.
   void extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
                RoadImage* current, std::vector<Patch>* patches);
 
@@ -77,8 +84,10 @@ class PatchExtractor {
   bool touchesMask(const cv::Rect& cell) const;
   void selectCells(const LaneRegion& lane, RoadImage* current, std::vector<Patch>* patches) const;
   void sample(const cv::Mat& smoothed, const cv::Rect& roi, Patch* patch) const;
+  cv::Mat reducedPart(const cv::Mat& image, const cv::Rect& roi) const;
 
   PinholeCamera camera_;
+  int reduction_;
   PatchGrid grid_;
   cv::Mat allowed_;
   cv::Mat kernel_;  ///< Gaussian, one column

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Prints the tables of scripts/ablation from the metrics.json of its runs."""
+"""Prints the tables of scripts/ablation from the metrics.json of its runs, and writes these to
+ablation.json, by row and sequence."""
 
 import argparse
 import json
@@ -72,6 +73,8 @@ def main():
     arguments = parser.parse_args()
     metrics = [[read(arguments.folder, row, name) for name in arguments.sequences]
                for row in range(len(arguments.rows))]
+    table = [[label, dict(zip(arguments.sequences, row))] for label, row in zip(arguments.rows, metrics)]
+    (arguments.folder / "ablation.json").write_text(json.dumps(dict(table), indent=1) + "\n")
     print("\n".join(tables(arguments.rows, arguments.sequences, metrics)))
 
 

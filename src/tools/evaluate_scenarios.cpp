@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -92,17 +93,17 @@ void tabulate(const Arguments& arguments) {
 
 using Settings = std::vector<std::string>;
 
-/// Settings with which every scenario is run, a column of the table.
+/// Settings with which every scenario is run, a column of the table and a key of the JSON file.
 struct Variant {
-  const char* heading;
+  const char *heading, *key;
   Settings settings;
 };
 
 std::vector<Variant> variants() {
-  return {{"default", {}},
-          {"the paper as printed", {"paper_literal=true"}},
-          {"feature-based only", {gsv::kFeatureBasedOnly}},
-          {"direct only", {gsv::kDirectOnly}}};
+  return {{"default", "default", {}},
+          {"the paper as printed", "paper", {"paper_literal=true"}},
+          {"feature-based only", "features_only", {gsv::kFeatureBasedOnly}},
+          {"direct only", "direct_only", {gsv::kDirectOnly}}};
 }
 
 std::string asMarkdownCode(const Settings& settings) {
@@ -122,6 +123,7 @@ void tabulateAblation(const Arguments& arguments) {
   text += " component disabled | options |\n" + separator + "---|---|\n";
   std::fputs(text.c_str(), stdout);
   std::vector<std::string> lines(arguments.scenarios.size());
+  std::vector<nlohmann::ordered_json> entries(lines.size());
   std::size_t steps = 0;  // each image counts once when rendered and once in each run
   for (const gsv::Scenario& scenario : arguments.scenarios) {
     const std::size_t runs = variants().size() + !scenario.ablation.disable.empty();
@@ -134,25 +136,34 @@ void tabulateAblation(const Arguments& arguments) {
     const gsv::ScenarioAblation& ablation = scenario.ablation;
     const gsv::SyntheticDrive drive(scenario.options);
     const std::vector<cv::Mat> rendered = gsv::renderDrive(drive, step);
-    const auto run = [&](const Settings& settings) {
+    nlohmann::ordered_json& entry = entries[i];
+    entry = {{"drive", scenario.name}, {"component", ablation.component}};
+    const auto run = [&](const char* key, const Settings& settings) {
       Settings all = arguments.settings;
       all.insert(all.end(), settings.begin(), settings.end());
-      return gsv::ablationCell(
-          gsv::evaluateScenario(scenario, drive, gsv::runDrive(drive, rendered, all, step)),
-          scenario.thresholds);
+      const gsv::ScenarioMetrics metrics =
+          gsv::evaluateScenario(scenario, drive, gsv::runDrive(drive, rendered, all, step));
+      entry[key] = gsv::metricsJson(metrics);
+      entry[key]["violated"] = gsv::violatedThreshold(metrics, scenario.thresholds);
+      return gsv::ablationCell(metrics, scenario.thresholds);
     };
     std::string& line = lines[i];
     line = "| " + scenario.name + " | " + ablation.component + " |";
-    for (const Variant& variant : variants()) line += " " + run(variant.settings) + " |";
+    for (const Variant& variant : variants()) {
+      line += " " + run(variant.key, variant.settings) + " |";
+    }
     Settings without = ablation.base;
     without.insert(without.end(), ablation.disable.begin(), ablation.disable.end());
-    line += ablation.disable.empty() ? " | |"
-                                     : " " + run(without) + " | " + asMarkdownCode(without) + " |";
+    line += ablation.disable.empty()
+                ? " | |"
+                : " " + run("disabled", without) + " | " + asMarkdownCode(without) + " |";
     line += "\n";
     progress.pause([&] { std::fputs(line.c_str(), stdout); });
   });
   for (const std::string& line : lines) text += line;
-  gsv::writeFile(std::filesystem::path(arguments.out) / "ablation.md", text);
+  const std::filesystem::path out(arguments.out);
+  gsv::writeFile(out / "ablation.md", text);
+  gsv::writeFile(out / "ablation.json", nlohmann::ordered_json(entries).dump(2) + "\n");
 }
 
 void check(Arguments* arguments) {
@@ -190,7 +201,7 @@ int main(int argc, char** argv) {
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "output folder for scenarios.md, scenarios.json and DIR/NAME/ with the files of "
        "run_sequence; or "
-       "for ablation.md")  //
+       "for ablation.md and ablation.json")  //
       ("ablation", gsv::po::bool_switch(&arguments.ablation),
        "run each scenario also with components disabled")  //
       ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),

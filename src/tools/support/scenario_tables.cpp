@@ -63,14 +63,20 @@ std::string scenariosMarkdown(const std::vector<ScenarioRow>& rows) {
   return text;
 }
 
+nlohmann::ordered_json metricsJson(const ScenarioMetrics& metrics) {
+  nlohmann::ordered_json object;
+  for (const Column& column : kColumns) {
+    object[column.key] = nlohmann::ordered_json::parse(number(column, metrics, "null"));
+  }
+  return object;
+}
+
 std::string scenariosJson(const std::vector<ScenarioRow>& rows) {
   nlohmann::ordered_json drives = nlohmann::ordered_json::array();
   for (const ScenarioRow& row : rows) {
     nlohmann::ordered_json drive;
     drive["drive"] = row.name;
-    for (const Column& column : kColumns) {
-      drive[column.key] = nlohmann::ordered_json::parse(number(column, row.metrics, "null"));
-    }
+    drive.update(metricsJson(row.metrics));
     drives.push_back(drive);
   }
   return drives.dump(2) + "\n";

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,10 @@ struct ScenarioRow {
 /// A table with a row per scenario.
 std::string scenariosMarkdown(const std::vector<ScenarioRow>& rows);
 
-/// A JSON array with an object per scenario; null for missing values.
+/// An object with the metrics; null for missing values.
+nlohmann::ordered_json metricsJson(const ScenarioMetrics& metrics);
+
+/// A JSON array with an object per scenario, which has its name as "drive".
 std::string scenariosJson(const std::vector<ScenarioRow>& rows);
 
 /// Heading and rows of the table on the terminal. seconds: computing time.

@@ -63,7 +63,7 @@ catkin_install_python(PROGRAMS nodes/bag_recorder nodes/feed_another_vo nodes/pl
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The scripts expect the executables in the same directory after installation.
 install(PROGRAMS scripts/ablation scripts/benchmark scripts/calibrate_height scripts/demo
-  scripts/evaluate scripts/package scripts/screenshot
+  scripts/evaluate scripts/package scripts/report scripts/screenshot
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES scripts/lib/environment.sh scripts/lib/packages.txt scripts/lib/pause_at_frame.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib)

@@ -1,5 +1,5 @@
-// Derives more difficult drives from a KITTI folder: other mountings, rates, resolutions, qualities.
-// qualities.
+// Derives more difficult drives from a KITTI folder: other mountings, rates, resolutions,
+// qualities. qualities.
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -59,7 +59,8 @@ constexpr Variant kVariants[] = {
     {"dark", [](Changes& c) { c.dark = true; }},
 };
 
-/// The largest rectangle without a black pixel in a mask whose white pixels are a convex region.
+/// The lowest of the largest rectangles (within 0.2 %) without a black pixel, in a mask whose white
+/// pixels are a convex region.
 cv::Rect largestRectangle(const cv::Mat& mask) {
   struct Interval {
     int first, end;
@@ -71,17 +72,20 @@ cv::Rect largestRectangle(const cv::Mat& mask) {
     rows.push_back({static_cast<int>(first - row),
                     static_cast<int>(std::find(first, row + mask.cols, 0) - row)});
   }
-  cv::Rect best;
-  for (int top = 0; top < mask.rows; ++top) {
-    for (int bottom = top; bottom < mask.rows;
-         ++bottom) {  // the region is convex: both rows decide
+  // For each bottom row the largest rectangle. The region is convex, so its end rows decide.
+  std::vector<cv::Rect> boxes(rows.size());
+  int largest = 0;
+  for (int bottom = 0; bottom < mask.rows; ++bottom) {
+    for (int top = 0; top <= bottom; ++top) {
       const int left = std::max(rows[top].first, rows[bottom].first);
       const int right = std::min(rows[top].end, rows[bottom].end);
       const cv::Rect box(left, top, std::max(right - left, 0), bottom - top + 1);
-      if (box.area() > best.area()) best = box;
+      if (box.area() > boxes[bottom].area()) boxes[bottom] = box;
     }
+    largest = std::max(largest, boxes[bottom].area());
   }
-  return best;
+  return *std::find_if(boxes.rbegin(), boxes.rend(),
+                       [&](const cv::Rect& box) { return box.area() >= 0.998 * largest; });
 }
 
 /// The images, camera and ground truth of a sequence after the changes.
@@ -108,7 +112,9 @@ class DerivedDrive {
       box_.width = std::min(changes.width, camera_.width);
       box_.x = (camera_.width - box_.width) / 2;
     }
-    size_ = {cvRound(box_.width * changes.scale), cvRound(box_.height * changes.scale)};
+    size_ = {cvFloor(box_.width * changes.scale), cvFloor(box_.height * changes.scale)};
+    box_.width = cvRound(size_.width / changes.scale);  // resized by exactly this scale
+    box_.height = cvRound(size_.height / changes.scale);
     camera_.fx *= changes.scale;
     camera_.fy *= changes.scale;
     camera_.cx = (camera_.cx - box_.x + 0.5) * changes.scale - 0.5;
@@ -236,7 +242,16 @@ void run(const Arguments& arguments) {
     variant.change(changes);
     const fs::path folder = fs::path(arguments.out) / (sequence.name() + "_" + variant.name);
     if (gsv::isThere(folder)) throw gsv::DataError(folder.string() + " already exists");
-    DerivedDrive(sequence, arguments.sequence, changes).write(folder);
+    // Under a temporary name, so that the folder is complete or missing.
+    const fs::path partial = folder.string() + ".partial";
+    try {
+      DerivedDrive(sequence, arguments.sequence, changes).write(partial);
+      fs::rename(partial, folder);
+    } catch (...) {
+      std::error_code ignored;
+      fs::remove_all(partial, ignored);
+      throw;
+    }
     progress.step("variants");
   }
 }

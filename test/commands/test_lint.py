@@ -1,6 +1,7 @@
 """The lint scripts report violations and accept the source tree; clang finds a command for each file."""
 
 import json
+import re
 import shutil
 
 import pytest
@@ -61,3 +62,47 @@ def test_clang_has_a_command_for_each_source():
     files = {entry["file"] for entry in commands}
     assert {str(path) for path in (ROOT / "src").rglob("*.cpp")} <= files
     assert not any("cmake_pch" in entry["command"] for entry in commands if "/src/" in entry["file"])
+
+
+@pytest.fixture
+def cited(tmp_path):
+    """A copy of the files that cite figures."""
+    shutil.copytree(ROOT / "docs", tmp_path / "docs")
+    for name in ("README.md", "CONTRIBUTING.md"):
+        shutil.copy(ROOT / name, tmp_path)
+    return tmp_path
+
+
+def figures(root, *arguments, check=False):
+    return run("/usr/bin/python3", SCRIPTS / "lint/figures.py", *arguments, root, check=check)
+
+
+@pytest.mark.parametrize("file, pattern, replacement, reason", [
+    ("README.md", r"(<!--=tables.sequences-->.*?\| 0\.)\d", r"\g<1>x", "differs from"),
+    ("docs/explanation/accuracy.md", r"(<!--=summary.drives-->)", r"\1 ", "differs from"),
+    ("docs/reference/reliability.md", r"faults\.violated", "faults.none", "no figure faults.none"),
+    ("docs/results.md", r"\d\.\d\d", "0.1", "docs/results.md: differs from"),
+    ("docs/results.json", r'"max_error_percent"', '"other"', "no figure faults.max_error_percent"),
+    ("docs/results.json", r'"cpu_ms_per_frame"', '"other"', "missing"),
+    ("docs/results.json", r'"rle_percent": \d', '"rle_percent": 7', "differs from"),
+    ("docs/explanation/performance.md", r"\*Experiments of", "Experiments of", "table without a source"),
+    ("README.md", r"\Z", "\n| RLE |\n|---|\n| 0.43 |\n", "README.md: a table without a source"),
+])
+def test_figures(cited, file, pattern, replacement, reason):
+    path = cited / file
+    text = path.read_text()
+    changed = re.sub(pattern, replacement, text, count=1, flags=re.DOTALL)
+    assert changed != text
+    path.write_text(changed)
+    done = figures(cited)
+    assert done.returncode == 1 and reason in done.stdout + done.stderr
+
+
+def test_figures_are_written(cited):
+    figures(cited, check=True)
+    results = cited / "docs/results.json"
+    results.write_text(re.sub(r'"rle_percent": [\d.]+', '"rle_percent": 77.0', results.read_text()))
+    figures(cited, "--write")
+    figures(cited, check=True)
+    assert "| 77.00 |" in (cited / "README.md").read_text()
+    assert "| 77.00 |" in (cited / "docs/results.md").read_text()

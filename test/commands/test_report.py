@@ -5,7 +5,7 @@ import json
 import matplotlib.image
 import numpy
 import pytest
-from conftest import SCRIPTS, assert_refused, on_full_disk, run, tool
+from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, tool
 
 REPORT = SCRIPTS / "report"
 DERIVE, RENDER = tool("derive_drives"), tool("render_drive")
@@ -24,8 +24,7 @@ def test_measures_once(shortest, tmp_path):
     assert figures["shortest"]["rle_percent"] == pytest.approx(metrics["rle_percent"], rel=1e-3)
     assert figures["run"]["command"] == "scripts/report shortest --only sequences"
     assert report()
-    assert not report("--again", "sequences")
-    assert not report("--camera-height", "1.6")
+    assert not report("--again", "sequences", "--camera-height", "1.6")
 
 
 def test_failed_part(shortest, tmp_path):
@@ -45,6 +44,7 @@ def test_wrong_arguments(text, arguments):
     assert_refused(2, text, REPORT, *arguments)
 
 
+@pytest.mark.skipif(not LONG, reason="renders a fault drive and a scenario: scripts/test --long")
 def test_faults_and_scenarios_are_collected(tmp_path):
     """From files as evaluate_faults and evaluate_scenarios write them."""
     for part in ("faults", "ablation"):

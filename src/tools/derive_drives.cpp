@@ -1,5 +1,5 @@
 // Derives more difficult drives from a KITTI folder: other mountings, rates, resolutions,
-// qualities. qualities.
+// qualities.
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -229,6 +229,31 @@ TEST(MetricTrajectory, RotationErrorIncreasesThePositionError) {
   EXPECT_NEAR(pose->covariance(4, 4), 1e-6 * 200, 1e-9);
 }
 
+/// Without errors except those that a test adds.
+MetricTrajectory::Options exact() {
+  MetricTrajectory::Options options;
+  options.rotation_sigma_per_sqrt_m = options.direction_sigma = options.rotation_scale_sigma = 0;
+  return options;
+}
+
+// Going forward (z), a rotation error w moves the later positions by w x step: a yaw to the right
+// (+y) moves them to the right (+x), a pitch up (+x) moves them up (-y). With the random walk
+// w(s) = q W(s), the covariance of the integral of w and of w itself is q^2 d^2 / 2.
+TEST(MetricTrajectory, ErrorsOfPositionAndRotationAreCorrelated) {
+  MetricTrajectory::Options options = exact();
+  options.rotation_sigma_per_sqrt_m = 0.001;
+  MetricTrajectory trajectory(options);
+  std::optional<MetricPose> pose;
+  for (int i = 0; i <= 400; ++i)
+    pose = trajectory.append(frameAt(i, straight(0.5 * i)), scaleOf(1));
+  Eigen::Matrix3d expected = Eigen::Matrix3d::Zero();
+  expected(0, 1) = 1e-6 * 200 * 200 / 2;
+  expected(1, 0) = -expected(0, 1);
+  const Eigen::Matrix3d position_rotation = pose->covariance.topRightCorner<3, 3>();
+  EXPECT_NEAR((position_rotation - expected).norm(), 0, 0.01 * expected.norm());
+  EXPECT_EQ(pose->covariance, pose->covariance.transpose());
+}
+
 /// Yaw sigma after turns of 1 rad each, over `distance` [m] each. sign: of the second turn.
 double yawSigmaAfterTwoTurns(double sign, double distance) {
   MetricTrajectory::Options options;
@@ -324,6 +349,44 @@ TEST(MetricTrajectory, AGapBetweenMapsIsBridgedWithTheVelocity) {
   EXPECT_GT(std::sqrt(first->covariance(0, 0)), 0.5);
   const auto next = trajectory.append(frameAt(23, straight(0.3), 1), scaleOf(10, 0.02));
   EXPECT_NEAR((next->T_o_c.translation() - first->T_o_c.translation()).norm(), 1, 1e-9);
+}
+
+// A rotation error of 0.1 rad that grows linearly over the 10 m of the gap, and keeps its value
+// over the 2 m after it: the positions turn by half of it, then by all of it.
+TEST(MetricTrajectory, ErrorsOfPositionAndRotationAreCorrelatedAfterAGap) {
+  MetricTrajectory trajectory(exact());
+  drive(&trajectory);
+  VoFrame frame = frameAt(22, straight(0.2), 1);
+  frame.map_start.stamp_ns = frameAt(20, {}).stamp_ns;
+  const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
+  Eigen::Matrix3d expected = Eigen::Matrix3d::Zero();
+  expected(0, 1) = 0.01 * (10.0 / 2 + 2);
+  expected(1, 0) = -expected(0, 1);
+  const Eigen::Matrix3d position_rotation = pose->covariance.topRightCorner<3, 3>();
+  EXPECT_NEAR((position_rotation - expected).norm(), 0, 1e-9);
+  EXPECT_EQ(pose->covariance, pose->covariance.transpose());
+}
+
+// A yaw error of 0.1 rad from one gap turns the next gap of 10 m, too.
+TEST(MetricTrajectory, ASecondGapIsTurnedByTheRotationErrorOfTheFirst) {
+  MetricTrajectory::Options options = exact();
+  options.bridge_acceleration_sigma = 0;
+  MetricTrajectory trajectory(options);
+  for (std::uint32_t map = 0; map < 3; ++map) {
+    for (const int i : {0, 10}) {
+      VoFrame frame = frameAt(20 * static_cast<int>(map) + i, straight(i), map);
+      frame.map_start = {frameAt(20 * static_cast<int>(map), {}).stamp_ns,
+                         Eigen::Matrix3d::Identity(), map == 1 ? 0.1 : 0};
+      const auto pose = trajectory.append(frame, scaleOf(1));
+      ASSERT_TRUE(pose);
+      if (map < 2 || i > 0) continue;
+      // 5 m for half of the error, then 10 m of the map and the second gap of 10 m.
+      EXPECT_NEAR(pose->T_o_c.translation().z(), 40, 1e-9);
+      EXPECT_NEAR(pose->covariance(0, 4), 0.01 * (5 + 20), 1e-9);
+      EXPECT_NEAR(pose->covariance(1, 3), -0.01 * (5 + 20), 1e-9);
+      EXPECT_NEAR(pose->covariance(0, 0), 0.01 * 25 * 25, 1e-3);
+    }
+  }
 }
 
 TEST(MetricTrajectory, TheSigmaOfAGapGrowsWithItsDuration) {

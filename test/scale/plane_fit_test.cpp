@@ -72,6 +72,34 @@ TEST(PlaneFit, NoiseOfTheInverseDepthDoesNotBiasTheHeight) {
   EXPECT_NEAR(result.median_height / 0.8, 1, 0.004);
 }
 
+/// Median height of 20 points with a relative error of 1 % (that of the roughness) at a height of
+/// 0.8, and of `others` with 10 % at 0.81.
+double medianOfTwoGroups(int others) {
+  const GroundPlane level{{0, -1, 0}, 0.8};
+  std::vector<PlanePoint> points = pointsOn(level, 20 + others, 0, 3, 11);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    PlanePoint& point = points[i];
+    const bool is_precise = i < 20;
+    point.depth *= is_precise ? 1 : 0.81 / 0.8;
+    point.depth_sigma = (is_precise ? 1e-6 : 0.1) * point.depth;
+    point.p_c = point.origin_c + (is_precise ? 1 : 0.81 / 0.8) * (point.p_c - point.origin_c);
+  }
+  NormalPrior prior;
+  prior.pitch_sigma = prior.roll_sigma = 1e-4;
+  PlaneFit::Options options;
+  options.reject_sigma = 100;
+  const auto result = PlaneFit(options).fit(points, prior, 0.8);
+  EXPECT_EQ(result.inliers.size(), points.size());
+  return result.median_height;
+}
+
+// The weight is the inverse of the relative error: 20 points of 1 % outweigh 150 of 10 %, but not
+// 250.
+TEST(PlaneFit, MedianHeightIsWeightedByTheRelativeError) {
+  EXPECT_NEAR(medianOfTwoGroups(150), 0.800, 0.003);
+  EXPECT_NEAR(medianOfTwoGroups(250), 0.810, 0.003);
+}
+
 TEST(PlaneFit, SigmaIsThatOfRepeatedFits) {
   double squares = 0, sigma = 0;
   const int runs = 200;

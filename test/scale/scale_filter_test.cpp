@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "ground_scale_vo/common/error.hpp"
 
@@ -10,6 +11,13 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
+
+/// Without NIS scaling: the variance follows from the options alone.
+ScaleFilter::Options withoutNisScaling() {
+  ScaleFilter::Options options;
+  options.nis_memory_heights = 1e6;
+  return options;
+}
 
 /// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
 /// measurements the filter used.
@@ -69,6 +77,42 @@ TEST(ScaleFilter, ATiltOfTheYoungMapDecays) {
   }
 }
 
+// Monte Carlo of the model: a tilt with the standard deviation of the options, white noise of each
+// measurement.
+TEST(ScaleFilter, SigmaOfAYoungMapIsThatOfRandomTilts) {
+  constexpr double kNoise = 0.015, kDistance = 6;
+  const ScaleFilter::Options options = withoutNisScaling();
+  std::mt19937 random(3);
+  std::normal_distribution<double> tilt(0, options.start_tilt_sigma_rad), noise(0, kNoise);
+  constexpr int kRuns = 1000;
+  constexpr double kSteps[] = {1, 5, 5};  // to the first measurement, to the second ... [VO units]
+  double nees[std::size(kSteps)] = {};
+  for (int run = 0; run < kRuns; ++run) {
+    ScaleFilter filter(options);
+    const double run_tilt = tilt(random);
+    double travelled = 0;
+    for (std::size_t i = 0; i < std::size(kSteps); ++i) {
+      filter.predict(kSteps[i], 0);
+      travelled += kSteps[i];
+      // Its sigma of zero leaves min_measurement_sigma, which is kNoise.
+      filter.update(tiltedHeight(run_tilt, kDistance, travelled) * std::exp(noise(random)), 0,
+                    kDistance);
+      nees[i] += std::pow(std::log(filter.height()) * filter.height() / filter.sigma(), 2) / kRuns;
+    }
+  }
+  for (const double value : nees) {
+    EXPECT_GT(value, 0.7);  // later heights drift less here than modelled
+    EXPECT_LT(value, 1.15);
+  }
+}
+
+TEST(ScaleFilter, AMeasurementIsNeverMoreCertainThanItsLowerBound) {
+  ScaleFilter filter({});
+  filter.predict(1, 0);
+  filter.update(0.8, 0, 0);  // the road below the camera
+  EXPECT_NEAR(filter.sigma(), 0.8 * ScaleFilter::Options().min_measurement_sigma, 1e-12);
+}
+
 TEST(ScaleFilter, SigmaOfAYoungMapGrowsWithTheDistanceOfTheRoad) {
   const auto firstSigma = [](double road_distance) {
     ScaleFilter filter({});
@@ -125,13 +169,6 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   }
   EXPECT_NEAR(slow.height(), fast.height(), 0.002);
   EXPECT_NEAR(slow.sigma(), fast.sigma(), 0.001);
-}
-
-/// Without NIS scaling: the variance follows from the options alone.
-ScaleFilter::Options withoutNisScaling() {
-  ScaleFilter::Options options;
-  options.nis_memory_heights = 1e6;
-  return options;
 }
 
 TEST(ScaleFilter, WithoutMeasurementsSigmaGrowsWithTheDistance) {

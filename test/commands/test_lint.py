@@ -57,6 +57,37 @@ def test_broken_link(tmp_path):
     assert done.returncode == 1 and done.stdout.splitlines() == [f"{page}: #none", f"{page}: none.md"]
 
 
+PATCH = """\
+--- a/src/common/error.cpp
++++ b/src/common/error.cpp
+@@ -1,3 +1,3 @@
+-#include "ground_scale_vo/common/error.hpp"
++#include <cassert>
+ 
+ #include <sstream>
+"""
+
+
+@pytest.mark.parametrize("text, error", [
+    ("The header is wrong.\n\n" + PATCH, None),
+    ("The header is wrong.\nSurvives: it is not read.\n\n" + PATCH, None),
+    ("The header is wrong.\n\n" + PATCH.replace("error.hpp", "old_name.hpp"), "does not apply"),
+    (PATCH, "begins with a sentence"),
+    ("no sentence\n\n" + PATCH, "begins with a sentence"),
+    ("The header is wrong.\nSurvives:\n\n" + PATCH, "needs a reason"),
+    ("The header is wrong.\n\n" + PATCH.replace("src/common", "test/common"), "src/ or include/"),
+    ("The header is wrong.\n", "src/ or include/"),
+])
+def test_mutation_that_cannot_be_used(tree, text, error):
+    path = tree / "test/mutations/common/new.patch"
+    path.write_text(text, encoding="utf-8")
+    (tree / "scripts/lib").mkdir(parents=True)
+    script = shutil.copy(SCRIPTS / "lib/mutate.py", tree / "scripts/lib")
+    done = run("/usr/bin/python3", "-B", script, "--check", check=False)
+    assert done.returncode == (1 if error else 0), done.stdout
+    assert error is None or (f"{path}: " in done.stdout and error in done.stdout)
+
+
 def test_clang_has_a_command_for_each_source():
     commands = json.loads((BUILD / "clang/compile_commands.json").read_text())
     files = {entry["file"] for entry in commands}

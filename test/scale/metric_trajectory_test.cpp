@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
+#include <random>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/scale/pose_covariance.hpp"
@@ -312,6 +314,106 @@ TEST(MetricTrajectory, ErrorsOfThePosesAreARandomWalkAndPartOfTheTwist) {
   EXPECT_GT(pose->covariance(0, 0), P(0, 0));
   EXPECT_NEAR(pose->twist_covariance(4, 4), 2 * P(4, 4) / 0.01, 1e-6 * P(4, 4) / 0.01);
 }
+
+/// Monte Carlo simulation of the error model of MetricTrajectory on a spatial curve: a camera that
+/// in each frame moves by kStep [m] and turns by kTurn [rad], both in its own axes.
+class SimulatedErrors {
+ public:
+  SimulatedErrors(const MetricTrajectory::Options& options, double relative_scale_sigma,
+                  const Matrix6d& pose_covariance)
+      : options_(options),
+        scale_sigma_(relative_scale_sigma),
+        pose_root_(Matrix6d(pose_covariance.llt().matrixL())) {}
+
+  static Eigen::Isometry3d step() {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = rotation(kTurn);
+    T.translation() = kStep;
+    return T;
+  }
+
+  /// Error of the last pose: position, then rotation as a left perturbation, in o axes.
+  Vector6d run(int steps) {
+    Eigen::Isometry3d exact = Eigen::Isometry3d::Identity(), estimate = exact;
+    const double length = kStep.norm();
+    double scale_error = scale_sigma_ * noise(),
+           angle_error = options_.rotation_scale_sigma * noise();
+    for (int i = 0; i < steps; ++i) {
+      const double share = std::exp(-length / options_.scale_correlation_m);
+      const Eigen::Vector3d across = kStep.cross(noise3()) * options_.direction_sigma;
+      estimate.translation() += estimate.linear() * ((1 + scale_error) * kStep + across);
+      estimate.linear() = estimate.linear() * rotation((1 + angle_error) * kTurn);
+      exact = exact * step();
+      const Vector6d random_walk = std::sqrt(length / options_.pose_correlation_m) * pose_root_ *
+                                   (Vector6d() << noise3(), noise3()).finished();
+      estimate.translation() += exact.linear() * random_walk.head<3>();
+      const Eigen::Vector3d turned =
+          exact.linear() * random_walk.tail<3>() +
+          options_.rotation_sigma_per_sqrt_m * std::sqrt(length) * noise3();
+      estimate.linear() = rotation(turned) * estimate.linear();
+      if (length * (i + 1) >= options_.young_map_heights) {  // of a camera at a height of 1 m
+        scale_error = share * scale_error + std::sqrt(1 - share * share) * scale_sigma_ * noise();
+      }
+      angle_error = share * angle_error +
+                    std::sqrt(1 - share * share) * options_.rotation_scale_sigma * noise();
+    }
+    Vector6d error;
+    error << estimate.translation() - exact.translation(),
+        rotationVector(estimate.linear() * exact.linear().transpose());
+    return error;
+  }
+
+ private:
+  static Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
+    return Eigen::AngleAxisd(w.norm(), w.normalized()).toRotationMatrix();
+  }
+  double noise() { return normal_(random_); }
+  Eigen::Vector3d noise3() { return {noise(), noise(), noise()}; }
+
+  inline static const Eigen::Vector3d kStep{0.3, -0.2, 1}, kTurn{0.02, 0.05, -0.03};
+  MetricTrajectory::Options options_;
+  double scale_sigma_;
+  Matrix6d pose_root_;
+  std::mt19937 random_{7};
+  std::normal_distribution<double> normal_;
+};
+
+class TrajectoryCovariance : public testing::TestWithParam<double> {};
+
+// The parameter is young_map_heights.
+TEST_P(TrajectoryCovariance, IsThatOfSimulatedErrors) {
+  constexpr int kSteps = 40, kRuns = 4000;
+  constexpr double kScale = 2, kScaleSigma = 0.02;
+  MetricTrajectory::Options options;
+  options.young_map_heights = GetParam();
+  options.rotation_sigma_per_sqrt_m = 0.001;
+  options.rotation_scale_sigma = 0.03;
+  options.direction_sigma = 0.03;
+  MetricTrajectory trajectory(options);
+  std::optional<MetricPose> pose;
+  // The axes of the map differ from those of the first camera.
+  Eigen::Isometry3d T = Eigen::Isometry3d(Eigen::AngleAxisd(1, Eigen::Vector3d(1, 2, 2) / 3));
+  for (int i = 0; i <= kSteps; ++i) {
+    pose = trajectory.append(withPoints(frameAt(i, T)), scaleOf(kScale, kScaleSigma));
+    Eigen::Isometry3d step = SimulatedErrors::step();
+    step.translation() /= kScale;
+    T = T * step;
+  }
+  SimulatedErrors errors(options, kScaleSigma, poseCovariance(withPoints(frameAt(0, T)), kScale));
+  Matrix6d sample = Matrix6d::Zero();
+  for (int run = 0; run < kRuns; ++run) {
+    const Vector6d error = errors.run(kSteps);
+    sample += error * error.transpose() / kRuns;
+  }
+  // The sample relative to the covariance: the identity, up to 1 / sqrt(kRuns) in each element.
+  const Eigen::LLT<Matrix6d> root(pose->covariance);
+  ASSERT_EQ(root.info(), Eigen::Success);
+  const Matrix6d half = root.matrixL().solve(sample);
+  const Matrix6d relative = root.matrixL().solve(Matrix6d(half.transpose()));
+  EXPECT_LT((relative - Matrix6d::Identity()).cwiseAbs().maxCoeff(), 0.12) << relative;
+}
+
+INSTANTIATE_TEST_SUITE_P(YoungMap, TrajectoryCovariance, testing::Values(0, 20, 1000));
 
 TEST(MetricTrajectory, StandstillAddsNothing) {
   MetricTrajectory trajectory({});

@@ -316,7 +316,7 @@ TEST(MetricTrajectory, ErrorsOfThePosesAreARandomWalkAndPartOfTheTwist) {
 }
 
 /// Monte Carlo simulation of the error model of MetricTrajectory on a spatial curve: a camera that
-/// in each frame moves by kStep [m] and turns by kTurn [rad], both in its own axes.
+/// in each frame moves by kStep [m] and turns by turn() [rad], both in its own axes.
 class SimulatedErrors {
  public:
   SimulatedErrors(const MetricTrajectory::Options& options, double relative_scale_sigma,
@@ -325,9 +325,9 @@ class SimulatedErrors {
         scale_sigma_(relative_scale_sigma),
         pose_root_(Matrix6d(pose_covariance.llt().matrixL())) {}
 
-  static Eigen::Isometry3d step() {
+  static Eigen::Isometry3d step(int i) {
     Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-    T.linear() = rotation(kTurn);
+    T.linear() = rotation(turn(i));
     T.translation() = kStep;
     return T;
   }
@@ -342,8 +342,8 @@ class SimulatedErrors {
       const double share = std::exp(-length / options_.scale_correlation_m);
       const Eigen::Vector3d across = kStep.cross(noise3()) * options_.direction_sigma;
       estimate.translation() += estimate.linear() * ((1 + scale_error) * kStep + across);
-      estimate.linear() = estimate.linear() * rotation((1 + angle_error) * kTurn);
-      exact = exact * step();
+      estimate.linear() = estimate.linear() * rotation((1 + angle_error) * turn(i));
+      exact = exact * step(i);
       const Vector6d random_walk = std::sqrt(length / options_.pose_correlation_m) * pose_root_ *
                                    (Vector6d() << noise3(), noise3()).finished();
       estimate.translation() += exact.linear() * random_walk.head<3>();
@@ -364,13 +364,16 @@ class SimulatedErrors {
   }
 
  private:
+  static Eigen::Vector3d turn(int i) {
+    return i % 20 < 10 ? Eigen::Vector3d(0.02, 0.05, -0.03) : Eigen::Vector3d(-0.06, 0, 0.04);
+  }
   static Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
     return Eigen::AngleAxisd(w.norm(), w.normalized()).toRotationMatrix();
   }
   double noise() { return normal_(random_); }
   Eigen::Vector3d noise3() { return {noise(), noise(), noise()}; }
 
-  inline static const Eigen::Vector3d kStep{0.3, -0.2, 1}, kTurn{0.02, 0.05, -0.03};
+  inline static const Eigen::Vector3d kStep{0.3, -0.2, 1};
   MetricTrajectory::Options options_;
   double scale_sigma_;
   Matrix6d pose_root_;
@@ -395,7 +398,7 @@ TEST_P(TrajectoryCovariance, IsThatOfSimulatedErrors) {
   Eigen::Isometry3d T = Eigen::Isometry3d(Eigen::AngleAxisd(1, Eigen::Vector3d(1, 2, 2) / 3));
   for (int i = 0; i <= kSteps; ++i) {
     pose = trajectory.append(withPoints(frameAt(i, T)), scaleOf(kScale, kScaleSigma));
-    Eigen::Isometry3d step = SimulatedErrors::step();
+    Eigen::Isometry3d step = SimulatedErrors::step(i);
     step.translation() /= kScale;
     T = T * step;
   }

@@ -196,6 +196,13 @@ TEST(MetricTrajectory, TwistIsInCameraAxesPerSecond) {
   EXPECT_GT(pose->twist_covariance(4, 4), 0);
 }
 
+/// Without errors except those that a test adds.
+MetricTrajectory::Options exact() {
+  MetricTrajectory::Options options;
+  options.rotation_sigma_per_sqrt_m = options.direction_sigma = options.rotation_scale_sigma = 0;
+  return options;
+}
+
 TEST(MetricTrajectory, CovarianceOfCorrelatedScaleGrowsWithTheDistanceThenItsRoot) {
   MetricTrajectory::Options options;
   options.rotation_sigma_per_sqrt_m = options.direction_sigma = options.young_map_heights = 0;
@@ -217,6 +224,21 @@ TEST(MetricTrajectory, CovarianceOfCorrelatedScaleGrowsWithTheDistanceThenItsRoo
   EXPECT_GT(sigma[20000], 5 * 0.03 * 0.5 * std::sqrt(20000.0));
 }
 
+// An error that is common to all of the drive, of which the first half has a sigma of 2 % and the
+// second one of 4 %.
+TEST(MetricTrajectory, ACorrelatedScaleErrorGrowsWithItsSigma) {
+  MetricTrajectory::Options options = exact();
+  options.young_map_heights = 0;
+  options.scale_correlation_m = 1e6;
+  MetricTrajectory trajectory(options);
+  std::optional<MetricPose> pose;
+  for (int i = 0; i <= 100; ++i) {
+    pose = trajectory.append(frameAt(i, straight(i)), scaleOf(2, i < 50 ? 0.02 : 0.04));
+  }
+  EXPECT_NEAR(std::sqrt(pose->covariance(2, 2)), 0.02 * 100 + 0.04 * 100, 0.06);
+  EXPECT_EQ(pose->covariance, pose->covariance.transpose());
+}
+
 TEST(MetricTrajectory, RotationErrorIncreasesThePositionError) {
   MetricTrajectory::Options options;
   options.direction_sigma = 0;
@@ -229,13 +251,6 @@ TEST(MetricTrajectory, RotationErrorIncreasesThePositionError) {
   EXPECT_NEAR(std::sqrt(pose->covariance(0, 0)), 0.001 * std::sqrt(200.0 * 200 * 200 / 3), 0.01);
   EXPECT_NEAR(pose->covariance(2, 2), 0, 1e-12);
   EXPECT_NEAR(pose->covariance(4, 4), 1e-6 * 200, 1e-9);
-}
-
-/// Without errors except those that a test adds.
-MetricTrajectory::Options exact() {
-  MetricTrajectory::Options options;
-  options.rotation_sigma_per_sqrt_m = options.direction_sigma = options.rotation_scale_sigma = 0;
-  return options;
 }
 
 // Going forward (z), a rotation error w moves the later positions by w x step: a yaw to the right

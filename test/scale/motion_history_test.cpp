@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -40,6 +40,19 @@ TEST(MotionHistory, ChordIsInTheLastCamerasAxesAndSigned) {
   history.add(T_w_c);
   const Eigen::Vector3d expected(std::sin(0.5), 0, -std::cos(0.5));
   EXPECT_NEAR((history.chord(1)->direction_c - expected).norm(), 0, 1e-12);
+}
+
+TEST(MotionHistory, TheTurnOfAChordIsThatOfItsEnd) {
+  MotionHistory history;
+  Eigen::Isometry3d T_w_c(Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()));
+  for (int i = 0; i < 10; ++i) {  // 1 VO unit ahead and a yaw of 0.1 rad, in camera axes
+    history.add(T_w_c);
+    T_w_c.translation() += T_w_c.linear().col(2);
+    T_w_c.rotate(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()));
+  }
+  EXPECT_NEAR((history.chord(3.5)->turn_c - Eigen::Vector3d(0, 0.4, 0)).norm(), 0, 1e-12);
+  EXPECT_NEAR((rotationVector(history.lastMotion().linear()) - Eigen::Vector3d(0, -0.1, 0)).norm(),
+              0, 1e-12);
 }
 
 TEST(MotionHistory, KeepsTheNewestPoses) {

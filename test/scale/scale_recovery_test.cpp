@@ -220,7 +220,7 @@ TEST(ScaleRecovery, AJumpOfThePoseIsRefused) {
   for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
   const MetricPose last = *output.pose;
   VoFrame jumped = scene.frame(40);
-  jumped.T_w_c.translation().x() += 1000;
+  jumped.T_w_c.translation().x() += 30 / kTrueScale;  // max_speed is 100 m/s, over at least 0.2 s
   output = recovery.process(jumped);
   EXPECT_FALSE(output.pose);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
@@ -231,18 +231,34 @@ TEST(ScaleRecovery, AJumpOfThePoseIsRefused) {
   EXPECT_NEAR(output.pose->distance - last.distance, 2 * 0.4 * kTrueScale, 0.1);
 }
 
+TEST(ScaleRecovery, SingleJumpsOfThePoseDoNotAddUpToANewMap) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(recoveryOptions());
+  for (std::uint32_t i = 0; i < 60; ++i) {
+    VoFrame frame = scene.frame(i);
+    const bool jumps = i >= 40 && i % 3 == 0;
+    if (jumps) frame.T_w_c.translation().x() += 1000;
+    const auto output = recovery.process(frame);
+    if (i < 40) continue;
+    EXPECT_EQ(output.scale.reason == ScaleReason::kImplausibleMotion, jumps) << i;
+    EXPECT_NE(output.scale.status, ScaleStatus::kUnknown) << i;
+  }
+}
+
 // The odometry continues where it jumped to: as after a new map, with the gap bridged.
 TEST(ScaleRecovery, AfterALastingJumpOfThePoseANewMapStarts) {
   const RoadScene scene = road();
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
-  int without_pose = 0;
+  int without_pose = 0, refused = 0;
   for (std::uint32_t i = 0; i < 80; ++i) {
     VoFrame frame = scene.frame(i);
     if (i >= 40) frame.T_w_c.translation().x() += 1000;
     output = recovery.process(frame);
     without_pose += i >= 40 && !output.pose;
+    refused += output.scale.reason == ScaleReason::kImplausibleMotion;
   }
+  EXPECT_EQ(refused, 3);  // the fourth starts the map
   ASSERT_TRUE(output.pose);
   EXPECT_GT(without_pose, 2);
   EXPECT_LT(without_pose, 10);
@@ -286,6 +302,89 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   EXPECT_NEAR(output.scale.scale / (kTrueScale / 3), 1, 0.01);
 }
 
+// The first map only differs in its unit of length, so the second one must not differ at all.
+TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
+  const RoadScene scene = road();
+  RoadScene larger = scene;
+  for (auto& point : larger.points) point *= 4;
+  larger.height *= 4;
+  larger.step *= 4;
+  ScaleRecovery a(recoveryOptions()), b(recoveryOptions());
+  for (std::uint32_t i = 0; i < 45; ++i) {
+    VoFrame frame_a = scene.frame(i), frame_b = i < 25 ? larger.frame(i) : frame_a;
+    frame_a.map_id = frame_b.map_id = i < 25 ? 0 : 1;
+    const cv::Mat image = roadImage(scene, scene.step * i);
+    const auto output_a = a.process(frame_a, image), output_b = b.process(frame_b, image);
+    if (i < 25) continue;
+    EXPECT_EQ(output_a.scale.status, output_b.scale.status) << i;
+    EXPECT_EQ(output_a.scale.reason, output_b.scale.reason) << i;
+    EXPECT_EQ(output_a.scale.window_points, output_b.scale.window_points) << i;
+    EXPECT_NEAR(output_a.scale.scale, output_b.scale.scale, 1e-9) << i;
+    EXPECT_NEAR(output_a.scale.sigma, output_b.scale.sigma, 1e-9) << i;
+    EXPECT_NEAR(output_a.feature_based.height, output_b.feature_based.height, 1e-9) << i;
+    EXPECT_NEAR(output_a.direct.height, output_b.direct.height, 1e-9) << i;
+  }
+}
+
+TEST(ScaleRecovery, ANewMapHasNoNormalBeforeItsFirstRoad) {
+  const RoadScene scene = road();
+  ScaleRecovery recovery(recoveryOptions());
+  for (std::uint32_t i = 0; i < 20; ++i) recovery.process(scene.frame(i));
+  VoFrame frame = scene.frame(20);
+  frame.map_id = 1;
+  frame.features.clear();
+  EXPECT_EQ(recovery.process(frame).scale.n_c, Eigen::Vector3d::Zero());
+}
+
+TEST(ScaleRecovery, ATurnMakesAHeldScaleLessCertain) {
+  const RoadScene scene = road();
+  double sigma[2];
+  for (const double turn : {0.0, 0.1}) {
+    ScaleRecovery recovery(recoveryOptions());
+    ScaleRecovery::Output output;
+    for (std::uint32_t i = 0; i < 50; ++i) {
+      VoFrame frame = scene.frame(i);
+      if (i >= 40) {
+        frame.features.clear();
+        frame.T_w_c.rotate(Eigen::AngleAxisd(turn * (i - 39), Eigen::Vector3d::UnitY()));
+      }
+      output = recovery.process(frame);
+    }
+    ASSERT_EQ(output.scale.status, ScaleStatus::kHeld);
+    sigma[turn > 0] = output.scale.sigma / output.scale.scale;
+  }
+  // A random walk of 0.05 per square root of a radian, scaled by the NIS of exact points.
+  EXPECT_GT(sigma[1], 1.3 * sigma[0]);
+}
+
+TEST(ScaleRecovery, ARejectedMeasurementIsReportedAsSuch) {
+  const RoadScene scene = road();
+  RoadScene higher = scene;
+  higher.height *= 1.2;
+  ScaleRecovery recovery(recoveryOptions());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 40; ++i) {
+    output = recovery.process(scene.frame(i));
+    EXPECT_NE(output.scale.reason, ScaleReason::kRejectedByFilter) << i;
+  }
+  const ScaleEstimate known = output.scale;
+  const double mounting_roll = output.mounting_roll;
+  int rejected = 0;
+  for (std::uint32_t i = 40; i < 46; ++i) {
+    VoFrame frame = higher.frame(i);
+    for (TrackedFeature& feature : frame.features) feature.id += 100000;
+    output = recovery.process(frame);
+    if (!(output.plane.height > 1.15 * scene.height)) continue;
+    ++rejected;
+    EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
+    EXPECT_EQ(output.scale.reason, ScaleReason::kRejectedByFilter);
+    EXPECT_EQ(output.scale.scale, known.scale);
+    EXPECT_NEAR(output.scale.raw_scale, kTrueScale / 1.2, 0.03);
+  }
+  EXPECT_GT(rejected, 0);
+  EXPECT_NEAR(output.mounting_roll, mounting_roll, 1e-3);
+}
+
 // A camera that faces backwards on a hill: no road near the newest camera is visible, and the
 // tangent to the visible road does not pass below it.
 TEST(ScaleRecovery, ARearFacingCameraMeasuresWhereItWas) {
@@ -309,6 +408,17 @@ TEST(ScaleRecovery, ARearFacingCameraMeasuresWhereItWas) {
   }
   ASSERT_EQ(output.scale.status, ScaleStatus::kOk);
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.01);
+  // The camera that was above the measured road is nearer to it than the newest one.
+  ASSERT_FALSE(output.ground_points_c.empty());
+  double ahead = 0;
+  for (const Eigen::Vector3f& p : output.ground_points_c) {
+    EXPECT_NEAR(p.y(), flat.height + elevation(p.z()), 0.01 * flat.height);
+    ahead += p.z() / static_cast<double>(output.ground_points_c.size());
+  }
+  EXPECT_LT(output.feature_based.road_distance, 0.5 * ahead);
+  // In the axes of the newest camera, where the road rises or falls by `slope`.
+  const double slope = kCurvature / flat.height * ahead;
+  EXPECT_NEAR(output.plane.n_c.z(), slope, 0.3 * std::abs(slope));
 }
 
 TEST(ScaleRecovery, DirectMeasurementsReplaceMissingPoints) {
@@ -410,6 +520,8 @@ TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {
   ScaleRecovery recovery(recoveryOptions());
   EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(10, 10, CV_8U)), OptionError);
   EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(188, 620, CV_8UC3)), OptionError);
+  const cv::Mat image = roadImage(scene, 0);
+  EXPECT_THROW(recovery.process(scene.frame(0), image, cv::Mat(10, 10, CV_8U)), OptionError);
 }
 
 TEST(ScaleRecovery, IsDeterministicAndResetRestoresTheInitialState) {
@@ -440,6 +552,12 @@ TEST(ScaleRecovery, PaperLiteralRuns) {
   for (std::uint32_t i = 0; i < 60; ++i) output = recovery.process(scene.frame(i));
   ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.03);
+}
+
+TEST(ScaleRecovery, TheSeedIsThatOfItsRansac) {
+  ScaleRecovery::Options o = recoveryOptions();
+  o.random_seed = 7;
+  EXPECT_EQ(o.resolved().gpe.random_seed, 7u);
 }
 
 TEST(ScaleRecovery, BadOptionsAreNamed) {

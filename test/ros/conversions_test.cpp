@@ -6,6 +6,7 @@
 #include <limits>
 #include <random>
 
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/scale/pose_covariance.hpp"
 
@@ -376,6 +377,97 @@ TEST(Odometry, CovarianceAgreesWithFiniteDifferences) {
     const Covariance covariance(odometry->pose.covariance.data());
     EXPECT_LT((covariance - column * column.transpose()).norm(), 1e-3) << k;
   }
+}
+
+/// A covariance without zeros.
+Matrix6d someCovariance(unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  Matrix6d root;
+  for (int i = 0; i < root.size(); ++i) root(i) = normal(random);
+  return root * root.transpose();
+}
+
+TEST(Odometry, CovariancesAreExactlySymmetric) {
+  MetricPose pose;
+  pose.T_o_c = isometry({-0.2, 0.7, 0.1}, {3, -1, 20});
+  pose.covariance = someCovariance(1);
+  pose.twist_covariance = someCovariance(2);
+  const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
+  const auto odometry =
+      toOdometryMsg(pose, OdometryFrames::ofBase("odom", "base_link", T_b_c), ros::Time(1));
+  for (const auto* array : {&odometry->pose.covariance, &odometry->twist.covariance}) {
+    const Covariance covariance(array->data());
+    EXPECT_EQ(covariance, covariance.transpose());
+    EXPECT_GT(covariance.determinant(), 0);
+  }
+}
+
+TEST(Odometry, TwistCovarianceAgreesWithTheTwist) {
+  const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
+  const OdometryFrames frames = OdometryFrames::ofBase("odom", "base_link", T_b_c);
+  for (int k = 0; k < 6; ++k) {
+    MetricPose pose;
+    pose.T_o_c = isometry({-0.2, 0.7, 0.1}, {3, -1, 20});
+    pose.twist_c[k] = 1;
+    pose.twist_covariance(k, k) = 1;
+    const auto odometry = toOdometryMsg(pose, frames, ros::Time(1));
+    const geometry_msgs::Twist& twist = odometry->twist.twist;
+    Vector6d column;
+    column << twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y,
+        twist.angular.z;
+    const Covariance covariance(odometry->twist.covariance.data());
+    EXPECT_LT((covariance - column * column.transpose()).norm(), 1e-9) << k;
+  }
+}
+
+TEST(Odometry, ABaseThatStandsStillUnderAMovingCameraHasNoTwist) {
+  const Eigen::Isometry3d T_b_c = isometry({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
+  constexpr double kTime = 1e-6;
+  const Eigen::Isometry3d moved = isometry({0, 0, 0.4 * kTime}, {0.1 * kTime, 0, 0}) * T_b_c;
+  OdometryFrames frames = OdometryFrames::ofBase("odom", "base_link", T_b_c);
+  MetricPose pose;  // of the camera in its first frame
+  pose.T_o_c = T_b_c.inverse() * moved;
+  pose.twist_c << pose.T_o_c.linear().transpose() * pose.T_o_c.translation() / kTime,
+      rotationVector(pose.T_o_c.linear()) / kTime;
+  frames.moveMounting(moved, kTime);
+  const auto odometry = toOdometryMsg(pose, frames, ros::Time(1));
+  EXPECT_TRUE(fromMsg(odometry->pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
+  const geometry_msgs::Twist& twist = odometry->twist.twist;
+  EXPECT_NEAR(std::hypot(twist.linear.x, twist.linear.y, twist.linear.z), 0, 1e-6);
+  EXPECT_NEAR(std::hypot(twist.angular.x, twist.angular.y, twist.angular.z), 0, 1e-6);
+  frames.moveMounting(T_b_c, 0);  // the interval is not known
+  EXPECT_EQ(frames.mounting_twist_c, Vector6d::Zero());
+}
+
+TEST(Odometry, TheTransformIsThePose) {
+  MetricPose pose;
+  pose.T_o_c = isometry({-0.2, 0.7, 0.1}, {3, -1, 20});
+  const auto odometry =
+      toOdometryMsg(pose, OdometryFrames::ofCamera("odom", "cam"), ros::Time(3, 4));
+  const geometry_msgs::TransformStamped transform = toTransformMsg(*odometry);
+  EXPECT_EQ(transform.header.stamp, ros::Time(3, 4));
+  EXPECT_EQ(transform.header.frame_id, "odom");
+  EXPECT_EQ(transform.child_frame_id, "cam");
+  EXPECT_TRUE(fromMsg(transform.transform).isApprox(fromMsg(odometry->pose.pose), 1e-12));
+}
+
+TEST(PoseOrigin, MovesToTheFirstPoseAfterAReset) {
+  PoseOrigin origin;
+  MetricPose first, second;
+  first.T_o_c = isometry({-0.2, 0.7, 0.1}, {3, -1, 20});
+  second.T_o_c = first.T_o_c * isometry({0, 0.1, 0}, {0, 0, 2});
+  second.covariance = someCovariance(3);
+  EXPECT_TRUE(origin.relative(first).T_o_c.isApprox(first.T_o_c));
+  origin.moveToNextPose();
+  EXPECT_EQ(origin.relative(first).T_o_c.matrix(), Eigen::Matrix4d::Identity());
+  const MetricPose moved = origin.relative(second);
+  EXPECT_TRUE(moved.T_o_c.isApprox(isometry({0, 0.1, 0}, {0, 0, 2}), 1e-12));
+  Matrix6d R = Matrix6d::Zero();  // from o axes to those of the origin
+  R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = first.T_o_c.linear().transpose();
+  EXPECT_TRUE(moved.covariance.isApprox(R * second.covariance * R.transpose(), 1e-12));
+  origin.clear();
+  EXPECT_TRUE(origin.relative(second).T_o_c.isApprox(second.T_o_c));
 }
 
 // The twist of the base must agree with the displacement of the base over a short time.

@@ -66,6 +66,15 @@ TEST_F(MonoVoSummary, WarnsOfAnInvalidCameraInfoAfterAValidOne) {
   expectSummary(summarize(state), kWarn, "tracking; camera_info on topic /info is all zeros");
 }
 
+TEST_F(MonoVoSummary, ReportsWhatIsWrongWithTheImages) {
+  state.rectification_warning = "image_is_rectified is true, but D is not zero";
+  expectSummary(summarize(state), kWarn, "tracking; image_is_rectified is true, but D is not zero");
+  state.status = VoStatus::kLost;
+  expectSummary(summarize(state), kError, "lost; image_is_rectified is true, but D is not zero");
+  state.source_error = "two cameras publish on /image";
+  expectSummary(summarize(state), kError, "two cameras publish on /image");
+}
+
 class ScaleRecoverySummary : public testing::Test {
  protected:
   ScaleRecoverySummary() {
@@ -100,6 +109,13 @@ TEST_F(ScaleRecoverySummary, WarnsUntilTheScaleIsKnown) {
 TEST_F(ScaleRecoverySummary, WarnsOfAMountingThatTheRoadContradicts) {
   state.mounting_warning = "tf mounts the camera";
   expectSummary(summarize(state), kWarn, "scale measured; tf mounts the camera");
+}
+
+TEST_F(ScaleRecoverySummary, ReportsErrorsOfTfAndOfTheSequence) {
+  state.sequence_error = "sequence is 0 in two vo/frame in a row";
+  expectSummary(summarize(state), kWarn, "scale measured; sequence is 0 in two vo/frame in a row");
+  state.tf_error = "frame \"camera\" has the parent \"base\" on tf";
+  expectSummary(summarize(state), kError, state.tf_error);
 }
 
 TEST_F(ScaleRecoverySummary, NamesTheMissingInput) {

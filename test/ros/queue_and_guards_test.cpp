@@ -8,6 +8,7 @@
 
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
+#include "ground_scale_vo/ros/map_numbering.hpp"
 #include "ground_scale_vo/ros/sequence_check.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
@@ -172,6 +173,30 @@ TEST(WarningLog, CountsAllAndPrintsTheFirst) {
   WarningLog without_throttle(std::chrono::milliseconds(0));
   without_throttle.count("size", "a");
   EXPECT_EQ(without_throttle.count("size", "b"), "b (size: 2 so far)");
+}
+
+TEST(WarningLog, CountsKindsByTheirPrefix) {
+  WarningLog log(std::chrono::hours(1));
+  for (const char* kind : {"image refused", "image stamp", "image stamp", "camera_info refused"}) {
+    log.count(kind, "");
+  }
+  EXPECT_EQ(log.total("image "), 3u);
+  EXPECT_EQ(log.total("camera_info "), 1u);
+}
+
+TEST(MapNumbering, ARestartedOdometryHasNewMaps) {
+  MapNumbering numbering;
+  std::vector<std::uint32_t> maps;
+  const std::pair<std::uint32_t, std::uint32_t> kSequenceAndMap[] = {{0, 0}, {1, 0}, {5, 2}, {0, 0},
+                                                                     {1, 1}, {1, 1}, {0, 0}};
+  for (const auto& [sequence, map_id] : kSequenceAndMap) {
+    VoFrame frame;
+    frame.sequence = sequence;
+    frame.map_id = map_id;
+    numbering.apply(frame);
+    maps.push_back(frame.map_id);
+  }
+  EXPECT_EQ(maps, (std::vector<std::uint32_t>{0, 0, 2, 3, 4, 4, 5}));
 }
 
 geometry_msgs::PoseStamped poseAt(double x) {

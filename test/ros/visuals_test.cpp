@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,8 @@
 #include <tuple>
 #include <utility>
 #include <vector>
+
+#include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -323,6 +326,48 @@ TEST_F(RoadPainting, APlaneOutsideTheViewIsValid) {
     paint(ScaleStatus::kOk);
     EXPECT_EQ(message_->width, static_cast<unsigned>(kWidth));
   }
+}
+
+// A camera that looks down by 0.1 rad, 0.5 VO units (1.65 m) above the road.
+TEST(PlaneMarkers, LieOnTheRoadAheadInMetres) {
+  ScaleEstimate scale;
+  scale.status = ScaleStatus::kOk;
+  scale.n_c = {0, -std::cos(0.1), -std::sin(0.1)};
+  scale.height = 0.5;
+  scale.scale = 3.3;
+  std_msgs::Header header;
+  header.frame_id = "camera";
+  const auto markers = toPlaneMarkers(scale, header);
+  ASSERT_EQ(markers.size(), 2u);
+  EXPECT_NE(markers[0]->id, markers[1]->id);
+  const Eigen::Isometry3d T_c_quad = fromMsg(markers[0]->pose),
+                          T_c_arrow = fromMsg(markers[1]->pose);
+  for (const auto& marker : markers) EXPECT_EQ(marker->header.frame_id, "camera");
+  // The quad: its z is the normal, its x points ahead, its centre is on the road ahead.
+  EXPECT_NEAR((T_c_quad.linear().col(2) - scale.n_c).norm(), 0, 1e-12);
+  EXPECT_GT(T_c_quad.linear().col(0).z(), 0.99);
+  EXPECT_NEAR(scale.n_c.dot(T_c_quad.translation()), -1.65, 1e-12);
+  EXPECT_GT(T_c_quad.translation().z(), 3);
+  EXPECT_NEAR(T_c_quad.translation().x(), 0, 1e-12);
+  EXPECT_GT(markers[0]->scale.x, markers[0]->scale.y);
+  // The arrow: from the road up to the camera.
+  const Eigen::Vector3d tip = T_c_arrow * Eigen::Vector3d(markers[1]->scale.x, 0, 0);
+  EXPECT_NEAR(tip.norm(), 0, 1e-12);
+  EXPECT_NEAR(T_c_arrow.linear().determinant(), 1, 1e-12);
+  // A held plane is fainter.
+  scale.status = ScaleStatus::kHeld;
+  EXPECT_LT(toPlaneMarkers(scale, header)[0]->color.a, markers[0]->color.a);
+}
+
+TEST(PointClouds, AreInMetres) {
+  VoFrame frame;
+  frame.features = {feature(1, 100, 5), feature(2, 200, 5, false)};
+  frame.features[0].p_c = {1, 2, 3};
+  const auto cloud = toPointCloud(frame, {}, 2);
+  ASSERT_EQ(cloud->width, 1u);
+  sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x"), z(*cloud, "z");
+  EXPECT_EQ(*x, 2);
+  EXPECT_EQ(*z, 6);
 }
 
 // In a build with _GLIBCXX_ASSERTIONS, access to the first byte of an empty vector aborts.

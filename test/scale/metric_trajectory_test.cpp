@@ -471,6 +471,21 @@ TEST(MetricTrajectory, AGapBetweenMapsIsBridgedWithTheVelocity) {
   EXPECT_NEAR((next->T_o_c.translation() - first->T_o_c.translation()).norm(), 1, 1e-9);
 }
 
+// At 10 m/s before a gap of 1 s and 20 m/s after it, after a turn to the right.
+TEST(MetricTrajectory, AGapIsBridgedWithTheVelocitiesOfBothEnds) {
+  MetricTrajectory trajectory({});
+  const Eigen::Isometry3d turned(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()));
+  trajectory.append(frameAt(0, straight(0)), scaleOf(2, 0.02));
+  trajectory.append(frameAt(9, turned), scaleOf(2, 0.02));
+  const auto last = trajectory.append(frameAt(10, turned * straight(0.5)), scaleOf(2, 0.02));
+  VoFrame frame = frameAt(22, straight(0.4), 1);
+  frame.map_start = {frameAt(20, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0.01};
+  const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
+  EXPECT_NEAR(pose->T_o_c.translation().x() - last->T_o_c.translation().x(), 15 + 4, 1e-6);
+  EXPECT_NEAR(pose->T_o_c.translation().z(), 0, 1e-6);
+  EXPECT_NEAR(pose->distance - last->distance, 15 + 4, 1e-6);
+}
+
 // A rotation error of 0.1 rad that grows linearly over the 10 m of the gap, and keeps its value
 // over the 2 m after it: the positions turn by half of it, then by all of it.
 TEST(MetricTrajectory, ErrorsOfPositionAndRotationAreCorrelatedAfterAGap) {
@@ -505,6 +520,27 @@ TEST(MetricTrajectory, ASecondGapIsTurnedByTheRotationErrorOfTheFirst) {
       EXPECT_NEAR(pose->covariance(0, 4), 0.01 * (5 + 20), 1e-9);
       EXPECT_NEAR(pose->covariance(1, 3), -0.01 * (5 + 20), 1e-9);
       EXPECT_NEAR(pose->covariance(0, 0), 0.01 * 25 * 25, 1e-3);
+    }
+  }
+}
+
+// An acceleration a over a gap of t: with one known velocity the position is wrong by a t^2 / 2,
+// with both by at most half of that.
+TEST(MetricTrajectory, TheSigmaOfAGapIsThatOfAnUnknownAcceleration) {
+  MetricTrajectory::Options options = exact();
+  options.position_noise_heights = options.rotation_noise = 0;
+  options.bridge_acceleration_sigma = 3;
+  for (const double gap_s : {1.0, 2.0}) {
+    for (const bool has_velocity_after : {false, true}) {
+      MetricTrajectory trajectory(options);
+      trajectory.append(frameAt(0, straight(0)), scaleOf(2));
+      trajectory.append(frameAt(1, straight(0.5)), scaleOf(2));
+      const int start = 1 + static_cast<int>(10 * gap_s);
+      VoFrame frame = frameAt(has_velocity_after ? start + 1 : start, straight(1), 1);
+      frame.map_start = {frameAt(start, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0};
+      const auto pose = trajectory.append(frame, scaleOf(1));
+      EXPECT_NEAR(std::sqrt(pose->covariance(2, 2)),
+                  3 * gap_s * gap_s / (has_velocity_after ? 4 : 2), 1e-9);
     }
   }
 }

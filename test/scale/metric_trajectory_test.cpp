@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <random>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/scale/pose_covariance.hpp"
@@ -433,6 +434,44 @@ TEST_P(TrajectoryCovariance, IsThatOfSimulatedErrors) {
 
 INSTANTIATE_TEST_SUITE_P(YoungMap, TrajectoryCovariance, testing::Values(0, 20, 1000));
 
+/// Covariance of the twist over 0.1 s, in a curve with errors of one kind alone, and that twist.
+std::pair<Matrix6d, Vector6d> twistCovariance(double MetricTrajectory::Options::*error,
+                                              double value, double relative_scale_sigma = 0) {
+  MetricTrajectory::Options options = exact();
+  options.position_noise_heights = options.rotation_noise = 0;
+  if (error != nullptr) options.*error = value;
+  MetricTrajectory trajectory(options);
+  trajectory.append(frameAt(0, onCircle(0)), scaleOf(2));
+  const auto pose = trajectory.append(frameAt(1, onCircle(1)), scaleOf(2, relative_scale_sigma));
+  return {pose->twist_covariance, pose->twist_c};
+}
+
+TEST(MetricTrajectory, EachErrorEntersTheCovarianceOfTheTwist) {
+  using Options = MetricTrajectory::Options;
+  const auto expectCovariance = [](const std::pair<Matrix6d, Vector6d>& actual,
+                                   const Eigen::Matrix3d& linear, const Eigen::Matrix3d& angular) {
+    Matrix6d expected = Matrix6d::Zero();
+    expected.topLeftCorner<3, 3>() = linear;
+    expected.bottomRightCorner<3, 3>() = angular;
+    EXPECT_NEAR((actual.first - expected).norm(), 0, 1e-9);
+  };
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity(), zero = Eigen::Matrix3d::Zero();
+  const Vector6d twist = twistCovariance(nullptr, 0).second;
+  const Eigen::Vector3d v = twist.head<3>(), w = twist.tail<3>();  // 10 m/s, 0.2 rad/s
+  const Eigen::Matrix3d along = v * v.transpose();
+  expectCovariance(twistCovariance(nullptr, 0), zero, zero);
+  expectCovariance(twistCovariance(nullptr, 0, 0.05), 0.0025 * along, zero);
+  expectCovariance(twistCovariance(&Options::direction_sigma, 0.02),
+                   0.0004 * (v.squaredNorm() * I - along), zero);
+  expectCovariance(twistCovariance(&Options::rotation_scale_sigma, 0.1), zero,
+                   0.01 * w * w.transpose());
+  // Over 1 m, and of two positions or rotations, over 0.1 s.
+  expectCovariance(twistCovariance(&Options::rotation_sigma_per_sqrt_m, 0.001), zero,
+                   1e-6 / 0.01 * I);
+  expectCovariance(twistCovariance(&Options::position_noise_heights, 0.01), 2e-4 / 0.01 * I, zero);
+  expectCovariance(twistCovariance(&Options::rotation_noise, 0.001), zero, 2e-6 / 0.01 * I);
+}
+
 TEST(MetricTrajectory, StandstillAddsNothing) {
   MetricTrajectory trajectory({});
   const auto before = trajectory.append(frameAt(0, straight(1)), scaleOf(2, 0.05));
@@ -588,6 +627,23 @@ TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapWithoutAScale) {
   const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
   EXPECT_NEAR((pose->T_o_c.linear() - turn * turn * turn).norm(), 0, 1e-9);
   EXPECT_GT(std::sqrt(pose->covariance(4, 4)), 0.014);
+}
+
+// The axes of a map without a scale do not matter, only the rotation in it.
+TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapInOtherAxes) {
+  MetricTrajectory trajectory({});
+  drive(&trajectory);
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).matrix();
+  const Eigen::Isometry3d axes(Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()));
+  VoFrame frame = frameAt(11, axes, 1);
+  EXPECT_FALSE(trajectory.append(frame, {}).has_value());
+  frame = frameAt(12, axes, 1);
+  frame.T_w_c.rotate(turn);
+  EXPECT_FALSE(trajectory.append(frame, {}).has_value());
+  frame = frameAt(14, straight(0.1), 2);
+  frame.map_start = {frameAt(13, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0.01};
+  const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
+  EXPECT_NEAR((pose->T_o_c.linear() - turn).norm(), 0, 1e-9);
 }
 
 // A camera that repeats one image looks like a standstill until the next new image.

@@ -115,6 +115,14 @@ TEST(PlaneFit, SigmaIsThatOfRepeatedFits) {
   EXPECT_LT(ratio, 1.4);
 }
 
+// The reported errors of the depths are three times too large.
+TEST(PlaneFit, SigmaAdaptsToTheResiduals) {
+  auto points = pointsOn(kPlane, 2000, 0.03, 3, 3);
+  const double exact = PlaneFit({}).fit(points, loosePrior(), 1.0).height_sigma;
+  for (PlanePoint& point : points) point.depth_sigma *= 3;
+  EXPECT_NEAR(PlaneFit({}).fit(points, loosePrior(), 1.0).height_sigma, exact, 0.1 * exact);
+}
+
 /// Points of kPlane whose rays have x in [from, to].
 std::vector<PlanePoint> pointsBetween(double from, double to) {
   std::vector<PlanePoint> points;
@@ -144,6 +152,14 @@ TEST(PlaneFit, GroundOnOneSideAloneIsUncertain) {
   EXPECT_EQ(PlaneFit(options).fit(pointsBetween(0.1, 0.2), prior, 0.8).status,
             ScaleReason::kNoPlane);
   EXPECT_EQ(PlaneFit(options).fit(pointsBetween(-0.3, 0.3), prior, 0.8).status, ScaleReason::kNone);
+  // The lane region is on that side: the points suffice, but the height is as uncertain.
+  prior.region_offset = -1;
+  const auto expected_right = PlaneFit(options).fit(pointsBetween(0.1, 0.2), prior, 0.8);
+  EXPECT_EQ(expected_right.status, ScaleReason::kNone);
+  EXPECT_NEAR(expected_right.height_sigma, right.height_sigma, 1e-9);
+  prior.region_offset = 1;
+  EXPECT_EQ(PlaneFit(options).fit(pointsBetween(0.1, 0.2), prior, 0.8).status,
+            ScaleReason::kNoPlane);
 }
 
 TEST(PlaneFit, OutliersAreRejected) {
@@ -183,6 +199,25 @@ TEST(PlaneFit, PriorDeterminesWhatThePointsDoNotObserve) {
   if (loose.status == ScaleReason::kNone) {
     EXPECT_GT(loose.height_sigma, 3 * result.height_sigma);
   }
+}
+
+// A wide but short band: the points observe the roll, the prior the pitch.
+TEST(PlaneFit, PriorsOfPitchAndRollAreIndependent) {
+  Noise random;
+  std::vector<PlanePoint> points;
+  const Eigen::Vector3d n_c = Eigen::Vector3d(0.1, -1, 0).normalized();
+  for (int i = 0; i < 300; ++i) {
+    const Eigen::Vector3d ray(random.uniform(-0.8, 0.8), random.uniform(0.16, 0.17), 1);
+    const double depth = -0.8 / n_c.dot(ray) / (1 + 0.03 * random.gauss());
+    points.push_back({depth * ray, Eigen::Vector3d::Zero(), depth, 0.03 * depth});
+  }
+  NormalPrior prior;
+  prior.pitch_sigma = 0.001;
+  prior.roll_sigma = 0.3;
+  const auto result = PlaneFit({}).fit(points, prior, 0.8);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR((result.plane.n_c - n_c).norm(), 0, 0.01);
+  EXPECT_NEAR(result.plane.height, 0.8, 0.02);
 }
 
 TEST(PlaneFit, FailuresAreReportedByStatus) {
@@ -261,6 +296,18 @@ TEST(PlaneFit, HomogeneousFitIsExactOnExactPoints) {
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height, 0.8, 1e-6);
   EXPECT_NEAR(result.median_height, 0.8, 1e-6);
+}
+
+TEST(PlaneFit, SigmaOfTheHomogeneousFitIsThatOfTheDistances) {
+  PlaneFit::Options options;
+  options.method = PlaneFit::Method::kHomogeneous;
+  options.reject_distance_heights = 1;
+  auto points = pointsOn(kPlane, 1000, 0, 0, 1);
+  Noise random;
+  for (PlanePoint& point : points) point.p_c += 0.02 * random.gauss() * kPlane.n_c;
+  const auto result = PlaneFit(options).fit(points, loosePrior(), 0.8);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.height_sigma, 0.02, 0.002);
 }
 
 TEST(PlaneFit, BadOptionsAreRefused) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -209,6 +210,80 @@ TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   EXPECT_GT(drive(&filter, 40, 1.2, 0.02), 0);
   EXPECT_NEAR(filter.height(), 1.2, 0.01);
+}
+
+/// Without a tilt of young maps; a measurement has the variance min_measurement_sigma^2.
+ScaleFilter::Options withoutTilt() {
+  ScaleFilter::Options options = withoutNisScaling();
+  options.start_tilt_sigma_rad = 0;
+  return options;
+}
+
+TEST(ScaleFilter, TheGateIsInStandardDeviationsOfTheInnovation) {
+  // State and measurement have the same variance.
+  const double gate = withoutTilt().gate_sigma * std::sqrt(2) * withoutTilt().min_measurement_sigma;
+  for (const double sign : {-1.0, 1.0}) {
+    ScaleFilter filter(withoutTilt());
+    filter.predict(1, 0);
+    filter.update(0.8, 0, kRoadDistance);
+    EXPECT_FALSE(filter.update(0.8 * std::exp(1.02 * sign * gate), 0, kRoadDistance));
+    EXPECT_TRUE(filter.update(0.8 * std::exp(0.98 * sign * gate), 0, kRoadDistance));
+  }
+}
+
+TEST(ScaleFilter, ARestartHasTheSigmaOfANewMap) {
+  ScaleFilter new_map({}), restarted({});
+  new_map.predict(1, 0);
+  new_map.update(1.2, 0.02, kRoadDistance);
+  drive(&restarted, 100, 0.8, 0.02);
+  while (restarted.height() < 1) drive(&restarted, 1, 1.2, 0.02);
+  EXPECT_NEAR(restarted.height(), 1.2, 1e-9);
+  EXPECT_NEAR(restarted.sigma(), new_map.sigma(), 0.2 * new_map.sigma());
+}
+
+TEST(ScaleFilter, AWrongRestartIsReplacedSoon) {
+  ScaleFilter filter({});
+  drive(&filter, 100, 0.8, 0.02);
+  while (filter.height() < 1) drive(&filter, 1, 1.2, 0.02);
+  drive(&filter, 1, 1.2, 0.02);
+  drive(&filter, 5, 0.8, 0.02);  // two camera heights
+  EXPECT_NEAR(filter.height(), 0.8, 0.01);
+}
+
+TEST(ScaleFilter, OutliersAmongOtherMeasurementsDoNotRestart) {
+  ScaleFilter filter({});
+  drive(&filter, 100, 0.8, 0.02);
+  for (int i = 0; i < 30; ++i) {
+    EXPECT_EQ(drive(&filter, 1, 1.2, 0.02), 0);
+    EXPECT_EQ(drive(&filter, 2, 0.8, 0.02), 2);
+  }
+  EXPECT_NEAR(filter.height(), 0.8, 1e-6);
+}
+
+TEST(ScaleFilter, OutliersThatDisagreeDoNotRestart) {
+  for (const double other : {0.4, 2.0}) {
+    ScaleFilter filter({});
+    drive(&filter, 100, 0.8, 0.02);
+    for (int i = 0; i < 30; ++i) {
+      drive(&filter, 1, 1.2, 0.02);
+      drive(&filter, 1, other, 0.02);
+    }
+    EXPECT_NEAR(filter.height(), 0.8, 1e-6) << other;
+  }
+}
+
+TEST(ScaleFilter, UnusableMeasurementsAreIgnored) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  ScaleFilter filter({});
+  filter.predict(1, 0);
+  for (const double value : {-1.0, kNan, kInfinity}) {
+    EXPECT_FALSE(filter.update(value, 0.02, kRoadDistance)) << value;
+    EXPECT_FALSE(filter.update(0.8, value, kRoadDistance)) << value;
+    EXPECT_FALSE(filter.update(0.8, 0.02, value)) << value;
+  }
+  EXPECT_FALSE(filter.update(0, 0.02, kRoadDistance));
+  EXPECT_FALSE(filter.known());
 }
 
 TEST(ScaleFilter, ResetRestoresTheInitialState) {

@@ -333,6 +333,24 @@ TEST(ScaleFilter, SigmaIsScaledByTheNis) {
   EXPECT_GT(sigmaAfter(0), 0);
 }
 
+TEST(ScaleFilter, TheNisChangesSigmaByALimitedFactor) {
+  // error: of ln h. A measurement has a standard deviation of 0.015.
+  const auto ratio = [](double error) {
+    ScaleFilter::Options options, unscaled = withoutNisScaling();
+    options.gate_sigma = unscaled.gate_sigma = 1000;
+    ScaleFilter filter(options), reference(unscaled);
+    for (int i = 0; i < 1000; ++i) {
+      for (ScaleFilter* each : {&filter, &reference}) {
+        each->predict(0.5, 0);
+        each->update(0.8 * std::exp(i % 2 == 0 ? error : -error), 0, kRoadDistance);
+      }
+    }
+    return std::pow(filter.sigma() / reference.sigma(), 2);
+  };
+  EXPECT_NEAR(ratio(0), 0.05, 0.005);
+  EXPECT_NEAR(ratio(0.15), 20, 2);
+}
+
 TEST(ScaleFilter, TwoSourcesReduceSigma) {
   ScaleFilter one(withoutNisScaling()), two(withoutNisScaling());
   for (int i = 0; i < 100; ++i) {

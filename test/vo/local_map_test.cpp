@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <random>
+
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/vo/pose_estimation.hpp"
 #include "support/scene.hpp"
@@ -130,6 +133,66 @@ TEST(LocalMap, removesWrongObservations) {
   EXPECT_EQ(map.find(8)->observations.size(), 5u);
 }
 
+/// Standard deviation of a point along its ray [VO units], from random errors of its observations.
+double sampledSigma(const Eigen::Vector3d& p_w, int keyframes) {
+  std::mt19937 generator(5);
+  std::normal_distribution<double> noise(0, kObservationSigma);
+  double squares = 0;
+  constexpr int kRuns = 500;
+  for (int run = 0; run < kRuns; ++run) {
+    LocalMap map({});
+    for (int k = 0; k < keyframes; ++k) {
+      auto corners = observe({p_w}, keyframePose(k));
+      if (k > 0) corners.at(0).x += Eigen::Vector2d(noise(generator), noise(generator));
+      map.addKeyframe(keyframePose(k), corners);
+    }
+    map.triangulateNew();
+    squares += (map.point(0).value().p_w - p_w).squaredNorm() / kRuns;
+  }
+  return std::sqrt(squares);
+}
+
+TEST(LocalMap, SigmaOfAPointIsThatOfItsObservations) {
+  constexpr int kKeyframes = 4;
+  const Eigen::Vector3d p_w(2, -1, 8);
+  LocalMap map({});
+  for (int k = 0; k < kKeyframes; ++k) {
+    map.addKeyframe(keyframePose(k), observe({p_w}, keyframePose(k)));
+  }
+  map.triangulateNew();
+  const double expected = sampledSigma(p_w, kKeyframes);
+  const Eigen::Vector3d triangulated = map.point(0).value().sigma_w;
+  EXPECT_NEAR(triangulated.norm(), expected, 0.1 * expected);
+  const Eigen::Vector3d ray_w = p_w - keyframePose(0).translation();
+  EXPECT_LT(triangulated.cross(ray_w.normalized()).norm(), 1e-9);  // along the anchor's ray
+  map.find(0)->depth->sigma = 1;
+  map.updateSigmas();
+  EXPECT_NEAR(map.point(0)->sigma_w.norm(), expected, 0.1 * expected);
+}
+
+TEST(LocalMap, ANewAnchorKeepsThePointAndItsSigma) {
+  LocalMap::Options options;
+  options.keyframes = 4;
+  LocalMap map(options);
+  const Eigen::Vector3d p_w(2, -1, 8);
+  for (int k = 0; k < 4; ++k) map.addKeyframe(keyframePose(k), observe({p_w}, keyframePose(k)));
+  map.triangulateNew();
+  const WorldPoint before = map.point(0).value();
+  map.addKeyframe(keyframePose(4), observe({p_w}, keyframePose(4)));
+  ASSERT_EQ(map.find(0)->observations.front().keyframe, 1u);
+  const WorldPoint after = map.point(0).value();
+  EXPECT_LT((after.p_w - before.p_w).norm(), 1e-9);
+  EXPECT_NEAR(after.sigma_w.norm(), before.sigma_w.norm(), 0.2 * before.sigma_w.norm());
+}
+
+TEST(LocalMap, ClearRemovesEverything) {
+  LocalMap map({});
+  map.addKeyframe(keyframePose(0), observe(farPoints(), keyframePose(0)));
+  map.clear();
+  EXPECT_TRUE(map.keyframes().empty());
+  EXPECT_TRUE(map.landmarks().empty());
+}
+
 /// Observations of the points for PoseEstimation. noise: standard deviation in normalised image
 /// coordinates.
 std::vector<PointObservation> pointObservations(const Eigen::Isometry3d& T_w_c, double noise) {
@@ -200,6 +263,37 @@ TEST(PoseEstimation, uncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine)
   ASSERT_EQ(result.status, PoseStatus::kOk);
   EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.03);
   EXPECT_EQ(result.inliers, kPoints);
+}
+
+// The same with a camera that is turned: the uncertainty of a point is in world axes.
+TEST(PoseEstimation, UncertaintiesOfPointsAreInWorldAxes) {
+  const Eigen::Isometry3d T_w_v = pose({0.3, 1.5, -0.4}, {5, 6, 7});
+  const Eigen::Isometry3d true_T_w_c = T_w_v * pose({0, 0.02, 0}, {0.1, 0, 1});
+  auto observations = pointObservations(pose({0, 0.02, 0}, {0.1, 0, 1}), 0);
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    PointObservation& o = observations[i];
+    if (i % 2 == 0) {
+      o.sigma_w = 0.5 * o.p_w;
+      o.p_w *= 1.4;
+    }
+    o.p_w = T_w_v * o.p_w;
+    o.sigma_w = T_w_v.linear() * o.sigma_w;
+  }
+  const auto result = PoseEstimation({}).estimate(T_w_v, observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.03);
+  EXPECT_EQ(result.inliers, kPoints);
+}
+
+TEST(PoseEstimation, InliersAreWithinTheirSigmas) {
+  auto observations = pointObservations(Eigen::Isometry3d::Identity(), 0);
+  const double limit = PoseEstimation::Options().inlier_sigma * kObservationSigma;
+  observations[3].x.x() += 0.95 * limit;
+  observations[4].x.x() += 1.05 * limit;
+  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  EXPECT_TRUE(result.inlier[3]);
+  EXPECT_FALSE(result.inlier[4]);
+  EXPECT_EQ(result.inliers, kPoints - 1);
 }
 
 TEST(PoseEstimation, reportsWhenThereIsNoPose) {

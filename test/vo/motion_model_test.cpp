@@ -1,0 +1,126 @@
+#include "vo/motion_model.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "support/scene.hpp"
+#include "vo/pixel_prediction.hpp"
+#include "vo/rotation_chain.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::angleBetween;
+using test::pose;
+
+constexpr std::int64_t kPeriod = 100000000;  // [ns]
+
+/// From one image to the next.
+Eigen::Isometry3d step() { return pose({0, 0.1, 0}, {0.2, 0, 1}); }
+
+/// Pose i of a camera that makes this step in each period.
+Eigen::Isometry3d poseAt(int i) {
+  Eigen::Isometry3d T = pose({0.5, 0, 0.3}, {7, 8, 9});
+  for (int k = 0; k < i; ++k) T = T * step();
+  return T;
+}
+
+MotionModel drivenUntil(int i) {
+  MotionModel motion;
+  motion.reset(poseAt(0), 0);
+  for (int k = 1; k <= i; ++k) motion.update(poseAt(k), k * kPeriod);
+  return motion;
+}
+
+void expectPose(const Eigen::Isometry3d& actual, const Eigen::Isometry3d& expected) {
+  EXPECT_LT(angleBetween(actual, expected), 1e-9);
+  EXPECT_LT((actual.translation() - expected.translation()).norm(), 1e-9);
+}
+
+TEST(MotionModel, ContinuesWithTheLastVelocityInCameraAxes) {
+  const MotionModel motion = drivenUntil(3);
+  expectPose(motion.predict(4 * kPeriod), poseAt(4));
+  expectPose(motion.predict(3 * kPeriod), poseAt(3));
+  EXPECT_DOUBLE_EQ(motion.stepsSince(5 * kPeriod), 2);
+  // Per second: half of the step in half of the time, its rotation and its translation each.
+  expectPose(motion.predict(3 * kPeriod + kPeriod / 2),
+             poseAt(3) * pose({0, 0.05, 0}, {0.1, 0, 0.5}));
+}
+
+TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
+  const MotionModel motion = drivenUntil(2);
+  expectPose(motion.predict(100 * kPeriod), motion.predict(1000 * kPeriod));
+  expectPose(motion.extrapolate(22 * kPeriod), poseAt(2) * pose({0, 2, 0}, {4, 0, 20}));
+  EXPECT_GT((motion.predict(12 * kPeriod).translation() - poseAt(2).translation()).norm(), 10);
+}
+
+TEST(MotionModel, ACorrectionKeepsTheVelocityAndAResetDoesNot) {
+  MotionModel motion = drivenUntil(2);
+  motion.correct(poseAt(0));
+  expectPose(motion.predict(3 * kPeriod), poseAt(1));
+  motion.reset(poseAt(0), 10 * kPeriod);
+  expectPose(motion.predict(11 * kPeriod), poseAt(0));
+  EXPECT_EQ(motion.stepsSince(11 * kPeriod), 0);
+}
+
+TEST(RotationChain, IsTheProductOfItsRotations) {
+  const Eigen::Matrix3d R_1_2 = pose({0.1, 0.5, 0}, {0, 0, 0}).linear();
+  const Eigen::Matrix3d R_2_3 = pose({0, 0.2, -0.7}, {0, 0, 0}).linear();
+  RotationChain chain;
+  EXPECT_EQ(chain.sigma(), 0);
+  chain.append(RelativeRotation{R_1_2.transpose(), 0.03});
+  chain.append(RelativeRotation{R_2_3.transpose(), 0.04});
+  EXPECT_TRUE(chain.R_first_last().isApprox(R_1_2 * R_2_3, 1e-12));
+  EXPECT_NEAR(chain.sigma(), 0.05, 1e-12);
+  chain.append(std::nullopt);
+  EXPECT_EQ(chain.sigma(), std::numeric_limits<double>::infinity());
+}
+
+/// Feature i at the projection of a point in a camera.
+Feature featureOf(std::uint64_t id, const PinholeCamera& camera, const Eigen::Vector3d& p_c) {
+  Feature feature;
+  feature.id = id;
+  feature.u = camera.project(p_c);
+  return feature;
+}
+
+// Points of a wall at a depth of 10 in the previous camera. Half of them are in the map; the others
+// have the depth of their neighbours.
+TEST(PixelPrediction, FollowsTheMotionOfKnownAndNewFeatures) {
+  const PinholeCamera camera{640, 480, 500, 500, 320, 240};
+  const Eigen::Isometry3d T_w_previous = poseAt(4), T_w_next = T_w_previous * step();
+  LocalMap map({});
+  std::vector<Feature> features;
+  std::vector<LocalMap::Corner> corners;
+  std::vector<Eigen::Vector3d> p_w;
+  for (int i = 0; i < 600; ++i) {
+    const Eigen::Vector3d p_c(0.4 * (i % 30 - 14.5), 0.4 * (i / 30 - 9.5), 10);
+    features.push_back(featureOf(static_cast<std::uint64_t>(i), camera, p_c));
+    p_w.push_back(T_w_previous * p_c);
+    if (i % 2 == 0) {
+      corners.push_back({static_cast<std::uint64_t>(i), p_c.head<2>() / p_c.z(), 0.001});
+    }
+  }
+  map.addKeyframe(T_w_previous, corners);
+  for (auto& [id, landmark] : map.landmarks()) landmark.depth = InverseDepth{0.1, 0.001};
+  const auto predicted = predictPixels(camera, map, features, T_w_previous, T_w_next);
+  ASSERT_EQ(predicted.size(), features.size());
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const Eigen::Vector2d expected = camera.project(T_w_next.inverse() * p_w[i]);
+    EXPECT_NEAR(predicted[i].x, expected.x(), 1e-3) << i;
+    EXPECT_NEAR(predicted[i].y, expected.y(), 1e-3) << i;
+  }
+}
+
+TEST(PixelPrediction, ByFlowIsProportionalToTheTime) {
+  Feature feature;
+  feature.u = {100, 50};
+  feature.flow = {20, -10};  // [px/s]
+  const auto predicted = predictPixelsByFlow({feature}, 0.5);
+  EXPECT_EQ(predicted, std::vector<cv::Point2f>(1, {110, 45}));
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -195,7 +195,7 @@ def run_mutation(build, mutation):
     if not mutation.git_apply(build.source):
         raise MutationError("does not apply")
     try:
-        is_header = any(file.parts[0] == "include" for file in mutation.files)
+        is_header = any(file.suffix == ".hpp" for file in mutation.files)
         if not build.make("tests" if is_header else LIBRARY.get(mutation.module(), "tests")):
             raise MutationError(f"does not compile, see {build.log}")
         for test, gtest_filter in tests_of(mutation):

@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/median.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "support/scene.hpp"
@@ -91,6 +93,9 @@ TEST(VisualOdometry, followsTheSyntheticDrive) {
   ASSERT_LT(first, 10u);
   ASSERT_EQ(result.outputs[first].start.front().sequence, 0u);
   ASSERT_EQ(result.outputs[first].start.size(), first + 1);
+  EXPECT_TRUE(result.frame(first).keyframe);
+  EXPECT_EQ(result.frame(first).map_start.stamp_ns, ground_truth.frame(0).stamp_ns);
+  EXPECT_EQ(result.frame(0).map_start.stamp_ns, 0);
   const double scale = scaleOver(ground_truth, result, first, ground_truth.size());
   for (std::size_t i = first; i < ground_truth.size(); ++i) {
     const VoFrame& frame = result.frame(i);
@@ -109,6 +114,7 @@ TEST(VisualOdometry, featuresHaveTheirPointsAndAreOrderedById) {
   const VoFrame& frame = result.outputs.back().frame;
   ASSERT_EQ(frame.status, VoStatus::kTracking);
   std::vector<double> error;
+  std::uint32_t oldest = 0;  // [frames]
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const TrackedFeature& feature = frame.features[i];
     if (i > 0) {
@@ -117,9 +123,12 @@ TEST(VisualOdometry, featuresHaveTheirPointsAndAreOrderedById) {
     if (!feature.has_point) continue;
     ASSERT_GT(feature.p_c.z(), 0);
     EXPECT_GT(feature.depth_sigma, 0);
+    EXPECT_LT(feature.age, 25u);
+    oldest = std::max(oldest, feature.age);
     error.push_back(
         (frame.camera.project(feature.p_c.cast<double>()) - feature.u.cast<double>()).norm());
   }
+  EXPECT_GT(oldest, 15u);
   ASSERT_GT(error.size(), 150u);
   std::sort(error.begin(), error.end());
   EXPECT_LT(error[error.size() / 2], 0.8);
@@ -291,6 +300,22 @@ TEST(VisualOdometry, aTurnBeforeTheFirstMapIsKnown) {
   EXPECT_LT(error, 0.015);
 }
 
+/// depth_sigma over depth in b relative to that in a: the median of the points in both frames that
+/// are in the left or right half of image b.
+double medianRatioOfSigmas(const VoFrame& a, const VoFrame& b, bool left) {
+  std::map<std::uint64_t, double> in_a;
+  for (const TrackedFeature& feature : a.features) {
+    if (feature.has_point) in_a[feature.id] = feature.depth_sigma / feature.p_c.z();
+  }
+  std::vector<double> ratios;
+  for (const TrackedFeature& feature : b.features) {
+    const auto found = in_a.find(feature.id);
+    if (!feature.has_point || found == in_a.end() || (feature.p_c.x() < 0) != left) continue;
+    ratios.push_back(feature.depth_sigma / feature.p_c.z() / found->second);
+  }
+  return median(ratios);
+}
+
 // Between two images the camera turns by 15 degrees, as at 3 Hz in a junction.
 TEST(VisualOdometry, aLargeRotationKeepsTheMap) {
   const SyntheticDrive ground_truth(drive(20));
@@ -309,6 +334,10 @@ TEST(VisualOdometry, aLargeRotationKeepsTheMap) {
     EXPECT_EQ(after.map_id, 0u) << i;
     if (i == 15) {
       EXPECT_NEAR(angleBetween(before.T_w_c, after.T_w_c), kYaw, 0.03);
+      // A rotation does not change the relative error of a point, which is along its ray.
+      EXPECT_NEAR(
+          medianRatioOfSigmas(before, after, true) / medianRatioOfSigmas(before, after, false), 1,
+          0.1);
     }
   }
 }
@@ -426,7 +455,7 @@ TEST(VisualOdometry, aJumpToAnotherPlaceStartsANewMap) {
   other_options.curvature = 0;
   const SyntheticDrive other(other_options);
   VisualOdometry odometry(ground_truth.camera(), {});
-  std::int64_t stamp = 0;
+  std::int64_t stamp = 1'000'000'000;
   for (std::size_t i = 0; i < ground_truth.size(); ++i, stamp += 100'000'000) {
     odometry.process(ground_truth.image(i), stamp);
   }
@@ -437,6 +466,16 @@ TEST(VisualOdometry, aJumpToAnotherPlaceStartsANewMap) {
   EXPECT_STREQ(toString(frames.front().status), "lost");
   EXPECT_EQ(frames.back().status, VoStatus::kTracking);
   EXPECT_EQ(frames.back().map_id, 1u);
+  int lost = 0;
+  for (const VoFrame& frame : frames) {
+    lost += frame.status == VoStatus::kLost;
+    if (frame.status == VoStatus::kTracking) continue;
+    EXPECT_EQ(frame.T_w_c.matrix(), Eigen::Matrix4d::Identity());
+    EXPECT_EQ(frame.map_id, frame.status == VoStatus::kLost ? 0u : 1u);
+    EXPECT_EQ(frame.map_start.stamp_ns == 0, frame.status == VoStatus::kInitialising);
+  }
+  // The image that is lost for the third time in a row starts the new map.
+  EXPECT_EQ(lost, VisualOdometry::Options().lost_frames_before_new_map - 1);
 }
 
 // Right after the start of the map most of the image is covered.

@@ -114,6 +114,8 @@ TEST(VoFrameMsg, RefusesInvalidMessages) {
   msg = good;
   std::swap(msg.id[3], msg.id[4]);  // ids must increase
   EXPECT_THROW(fromMsg(msg), MessageError);
+  msg.id[3] = msg.id[4];
+  EXPECT_THROW(fromMsg(msg), MessageError);
   msg = good;
   msg.u[2] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THROW(fromMsg(msg), MessageError);
@@ -213,6 +215,17 @@ TEST(VoFrameMsg, TheReasonNamesFieldValueAndLimit) {
   EXPECT_EQ(reasonOf(msg),
             "the quaternion (0, 0, 0, 0) of the pose is not of unit length: its norm is 0, it "
             "must lie in [0.99, 1.01]");
+}
+
+TEST(VoFrameMsg, AFeatureWithoutAPointHasNoNumbersForIt) {
+  VoFrame frame = someFrame();
+  frame.features[0].has_point = false;
+  frame.features[0].p_c = {1, 2, 3};
+  frame.features[0].depth_sigma = 1;
+  const VoFrameMsg::Ptr msg = toMsg(frame, headerOf(frame));
+  for (const auto* array : {&msg->x, &msg->y, &msg->z, &msg->depth_sigma}) {
+    EXPECT_TRUE(std::isnan(array->at(0)));
+  }
 }
 
 TEST(VoFrameMsg, UnusablePointsAreDropped) {

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
+#include <utility>
 
 #include "support/temporary_folder.hpp"
 
@@ -112,6 +113,11 @@ TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
   const cv::Mat grey = rectifier.rectify(msg);
   EXPECT_EQ(grey.type(), CV_8UC1);
   EXPECT_EQ(grey.at<std::uint8_t>(3, 3), 100);
+  for (const auto& [width, height] : {std::pair(9, 6), {7, 6}, {8, 7}, {8, 5}}) {
+    const sensor_msgs::Image other =
+        image(static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height));
+    EXPECT_THROW(rectifier.rectify(other), MessageError) << width << " x " << height;
+  }
   try {
     rectifier.rectify(image(6, 8));
     FAIL() << "accepted";
@@ -212,11 +218,17 @@ TEST(CalibratedCamera, MatchesTheSameIntrinsicsUpToRounding) {
   PinholeCamera camera = rectifier.camera()->camera();
   camera.cx += 1e-6;  // as after a conversion to float
   EXPECT_TRUE(rectifier.camera()->matches(camera));
-  camera.fx += 0.2;
-  EXPECT_FALSE(rectifier.camera()->matches(camera));
-  camera = rectifier.camera()->camera();
-  camera.width = 9;
-  EXPECT_FALSE(rectifier.camera()->matches(camera));
+  for (double PinholeCamera::*const parameter :
+       {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {
+    camera = rectifier.camera()->camera();
+    camera.*parameter += 0.2;
+    EXPECT_FALSE(rectifier.camera()->matches(camera));
+  }
+  for (int PinholeCamera::*const size : {&PinholeCamera::width, &PinholeCamera::height}) {
+    camera = rectifier.camera()->camera();
+    camera.*size += 1;
+    EXPECT_FALSE(rectifier.camera()->matches(camera));
+  }
 }
 
 }  // namespace

@@ -248,6 +248,8 @@ TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   ASSERT_TRUE(pair.play(0, half - 1));
   EXPECT_FALSE(ros::service::exists("/reset/reset", false));  // two pairs may share a namespace
   ASSERT_TRUE(callReset("/reset/mono_vo"));
+  EXPECT_TRUE(
+      waitForSummaryOf("reset/mono_vo", diagnostic_msgs::DiagnosticStatus::WARN, "initialising"));
   ASSERT_TRUE(callReset("/reset/scale_recovery"));
   pair.frames.clear();
   pair.scales.clear();

@@ -214,12 +214,39 @@ TEST_F(Scale, AnEmptyFrameIdIsAnErrorOfItsFrameOnly) {
 }
 
 TEST_F(Scale, ResetMakesTheScaleUnknown) {
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
   FlatRoad road(3000);
   play(road, kFrames);
   ASSERT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
   ASSERT_TRUE(reset());
+  // `alone` is not reset.
+  EXPECT_TRUE(waitForValue(diagnostics, "scale status", "unknown", "scale_recovery"));
+  EXPECT_TRUE(waitForValue(diagnostics, "distance [m]", "0", "scale_recovery"));
   play(road, 1);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+TEST_F(Scale, AScaleThatIsHeldForSecondsIsReported) {
+  publishMounting();
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
+  FlatRoad road(3500);
+  playUntilOdometry(road);
+  play(road, kFrames);
+  for (int i = 0; i < kFrames; ++i) {
+    const VoFrameMsg::Ptr frame = road.next();
+    for (auto* array :
+         {&frame->u, &frame->v, &frame->x, &frame->y, &frame->z, &frame->depth_sigma}) {
+      array->clear();
+    }
+    frame->id.clear();
+    frame->age.clear();
+    frames_.publish(frame);
+  }
+  ASSERT_TRUE(scales_.waitForStamp(road.lastStamp()));
+  EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::HELD);
+  // From the first of the 40 frames to the last.
+  EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery", diagnostic_msgs::DiagnosticStatus::WARN,
+                             "scale held for 3.9 s: too_few_triangles"));
 }
 
 TEST_F(Scale, AClockThatJumpsBackStartsAnew) {
@@ -258,6 +285,8 @@ TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetricPoseContinues) {
 }
 
 TEST_F(Scale, MalformedMessagesAreDropped) {
+  publishMounting();
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
   FlatRoad road(6000);
   play(road, kFrames);
   VoFrameMsg::Ptr malformed = road.next();
@@ -272,6 +301,13 @@ TEST_F(Scale, MalformedMessagesAreDropped) {
   play(road, 1);
   EXPECT_EQ(scales_.messages().size(), static_cast<std::size_t>(kFrames) + 2);
   EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+  const auto reportsDrops = [](const auto& status) {
+    return status.message.find("frames dropped in the last second") != std::string::npos;
+  };
+  EXPECT_TRUE(waitForStatus(diagnostics, reportsDrops, false));
+  EXPECT_TRUE(waitForStatus(diagnostics, [&](const auto& status) {
+    return status.name.find("scale_recovery") == 0 && !reportsDrops(status);
+  }));
 }
 
 // The field is left at its default by an odometry that does not count its images, or is constant.
@@ -293,7 +329,7 @@ TEST_F(Scale, ASequenceThatDoesNotIncreaseIsReported) {
     EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery",
                                diagnostic_msgs::DiagnosticStatus::WARN, text))
         << sequence;
-    EXPECT_TRUE(waitForValue(diagnostics, "frames dropped, queue full", "0", "/scale_recovery"));
+    EXPECT_TRUE(waitForValue(diagnostics, "frames dropped, queue full", "0", "scale_recovery"));
   }
 }
 

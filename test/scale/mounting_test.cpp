@@ -70,6 +70,43 @@ TEST(Mounting, PriorIsAUnitVectorOrthogonalToALongChord) {
   EXPECT_NEAR(prior.roll_sigma, without_motion.roll_sigma, 1e-6);
 }
 
+/// Drives `heights` camera heights in steps of `step` [VO units], after a way of *at [VO units].
+void drive(Mounting* mounting, const RoadScene& scene, double heights, double step, double* at) {
+  MotionHistory history;
+  const GroundPlane plane{scene.normal(), scene.height};
+  for (double way = 0; way < heights * scene.height; way += step) {
+    history.add(scene.frameAt(0, *at += step).T_w_c);
+    mounting->update(history.chord(3 * scene.height), &plane, step, scene.height);
+  }
+}
+
+TEST(Mounting, DoesNotDependOnTheFrameRate) {
+  RoadScene scene;
+  scene.pitch = 0.05;
+  scene.roll = 0.04;
+  Mounting slow({}), fast({});
+  double at_slow = 0, at_fast = 0;
+  drive(&slow, scene, 12, 0.4, &at_slow);
+  drive(&fast, scene, 12, 0.04, &at_fast);
+  EXPECT_GT(std::abs(slow.roll() - 0.04), 1e-4);  // not converged yet
+  EXPECT_NEAR(fast.roll(), slow.roll(), 0.2 * std::abs(slow.roll() - 0.04));
+  EXPECT_NEAR(fast.sigma(), slow.sigma(), 0.1 * slow.sigma());
+}
+
+TEST(Mounting, FollowsAChangeAfterTheForgettingDistance) {
+  Mounting::Options options;
+  options.forgetting_distance_heights = 20;
+  Mounting mounting(options);
+  RoadScene scene;
+  double at = 0;
+  scene.pitch = scene.roll = 0;
+  drive(&mounting, scene, 400, 0.4, &at);
+  scene.pitch = scene.roll = 0.02;
+  drive(&mounting, scene, 100, 0.4, &at);
+  EXPECT_NEAR(mounting.pitch(), 0.02, 0.002);
+  EXPECT_NEAR(mounting.roll(), 0.02, 0.002);
+}
+
 TEST(Mounting, StaysWithinItsLimitAndResets) {
   Mounting::Options options;
   options.max_tilt_rad = 0.1;

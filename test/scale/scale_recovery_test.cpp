@@ -69,6 +69,8 @@ TEST(ScaleRecovery, WorksInAnyUnitAndMountingWithinTheLimits) {
             << unit << ' ' << pitch << ' ' << roll;
         EXPECT_NEAR(output.scale.scale * unit / kTrueScale, 1, 0.015)
             << unit << ' ' << pitch << ' ' << roll;
+        EXPECT_NEAR(output.scale.sigma / output.scale.scale, 0.01, 0.005)
+            << unit << ' ' << pitch << ' ' << roll;
       }
     }
   }
@@ -213,6 +215,19 @@ TEST(ScaleRecovery, StartsWithinTwoCameraHeights) {
   FAIL() << "no scale";
 }
 
+// The way from the start of the map to its first tracked frame suffices for the filter to start.
+TEST(ScaleRecovery, TheMotionDuringTheInitialisationCountsAsTravelled) {
+  const RoadScene scene = road();
+  for (const bool sees_start : {true, false}) {
+    ScaleRecovery recovery(recoveryOptions());
+    VoFrame first = scene.frame(0);
+    first.status = VoStatus::kInitialising;
+    if (sees_start) recovery.process(first);
+    const auto output = recovery.process(scene.frame(3));
+    EXPECT_EQ(output.scale.status != ScaleStatus::kUnknown, sees_start);
+  }
+}
+
 TEST(ScaleRecovery, AJumpOfThePoseIsRefused) {
   const RoadScene scene = road();
   ScaleRecovery recovery(recoveryOptions());
@@ -313,6 +328,8 @@ TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
   for (std::uint32_t i = 0; i < 45; ++i) {
     VoFrame frame_a = scene.frame(i), frame_b = i < 25 ? larger.frame(i) : frame_a;
     frame_a.map_id = frame_b.map_id = i < 25 ? 0 : 1;
+    // The last pose of the first map lies on the road ahead of the first one of the second map.
+    if (i < 25) frame_b.T_w_c.translation().z() += 26 * scene.step + 2 - 24 * larger.step;
     const cv::Mat image = roadImage(scene, scene.step * i);
     const auto output_a = a.process(frame_a, image), output_b = b.process(frame_b, image);
     if (i < 25) continue;
@@ -361,6 +378,7 @@ TEST(ScaleRecovery, ARejectedMeasurementIsReportedAsSuch) {
   const RoadScene scene = road();
   RoadScene higher = scene;
   higher.height *= 1.2;
+  higher.roll = 0.03;
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 40; ++i) {
@@ -382,7 +400,7 @@ TEST(ScaleRecovery, ARejectedMeasurementIsReportedAsSuch) {
     EXPECT_NEAR(output.scale.raw_scale, kTrueScale / 1.2, 0.03);
   }
   EXPECT_GT(rejected, 0);
-  EXPECT_NEAR(output.mounting_roll, mounting_roll, 1e-3);
+  EXPECT_NEAR(output.mounting_roll, mounting_roll, 1e-4);
 }
 
 // A camera that faces backwards on a hill: no road near the newest camera is visible, and the

@@ -67,9 +67,12 @@ TEST(GroundPointAggregation, NumbersOfFramesAndPointsAreBounded) {
   options.max_frames = 3;
   GroundPointAggregation gpa(options);
   for (int i = 0; i < 10; ++i) {
-    gpa.add(poseAt(0), 0.001 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)));
+    gpa.add(poseAt(0.01 * i), 0.01 * i, pointsAhead(20, 1 + 100u * static_cast<unsigned>(i)));
   }
-  EXPECT_EQ(gpa.estimate(poseAt(0), 0.009, prior(), kHeight).window.size(), 60u);
+  const auto window = gpa.estimate(poseAt(0.09), 0.09, prior(), kHeight).window;
+  ASSERT_EQ(window.size(), 60u);
+  EXPECT_NEAR(window.front().origin_c.z(), 0, 1e-9);     // the newest
+  EXPECT_NEAR(window.back().origin_c.z(), -0.02, 1e-9);  // two frames before it
   GroundPointAggregation many({});
   many.add(poseAt(0), 0, pointsAhead(2000, 1));
   many.add(poseAt(0.5), 0.5, pointsAhead(2000, 10001));

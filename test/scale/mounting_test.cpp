@@ -157,7 +157,10 @@ INSTANTIATE_TEST_SUITE_P(Directions, MountingYaw,
 TEST(Mounting, SteepAndNoMotionDoNotUpdate) {
   Mounting mounting({});
   mounting.update(std::nullopt, nullptr, 1, 1);
-  mounting.update(MotionHistory::Chord{Eigen::Vector3d(0, 1, 0), 1}, nullptr, 1, 1);
+  for (const double slope : {0.9, 1.0}) {
+    const Eigen::Vector3d direction(0, slope, std::sqrt(1 - slope * slope));
+    mounting.update(MotionHistory::Chord{direction, 1}, nullptr, 1, 1);
+  }
   EXPECT_EQ(mounting.pitch(), 0);
 }
 

@@ -174,20 +174,29 @@ class Build:
 
 def tests_of(mutation):
     """(test, filter) in the order of their run: the tests named like the file, those of its module,
-    the others."""
+    the others; of the nodelets, which have no unit tests, the rostests."""
     module = mutation.module()
-    names = [module] + [name for name in UNIT_TESTS if name != module]
-    units = [f"gtest_{name}_test" for name in names if (ROOT / "test" / name).is_dir()]
+    folder = "integration" if module == "metric_odometry" else module
     tests = []
-    own = ROOT / "test" / module / f"{mutation.files[0].stem}_test.cpp"
+    own = ROOT / "test" / folder / f"{mutation.files[0].stem}_test.cpp"
     if own.is_file():
-        suites = set(re.findall(r"^TEST(?:_[FP])?\((\w+),", own.read_text(encoding="utf-8"), re.MULTILINE))
-        tests.append((units[0], ":".join(f"{suite}.*:*/{suite}.*" for suite in sorted(suites))))
-    tests += [(test, "*") for test in units]
+        suites = set(re.findall(r"^TEST(?:_[FP])?\((\w+),", own.read_text(encoding="utf-8"),
+                                re.MULTILINE))
+        tests.append((f"gtest_{folder}_test",
+                      ":".join(f"{suite}.*:*/{suite}.*" for suite in sorted(suites))))
+    if module != "nodelets":
+        names = [folder] + [name for name in UNIT_TESTS if name != folder]
+        tests += [(f"gtest_{name}_test", "*") for name in names]
     tests += [(f"gtest_{name}", "*") for name in FUZZ_TARGETS]
     if module in ("ros", "nodelets"):
         tests += [(f"rostest_test_rostest_{name}_rostest.test", "*") for name in ROSTESTS]
     return tests
+
+
+def targets_of(tests):
+    """What to build for these tests; the rostests also start nodes and tools."""
+    names = {re.sub(r"^gtest_|^rostest_test_rostest_|\.test$", "", test) for test in tests}
+    return sorted(names) + ["all"] * any(test.startswith("rostest") for test in tests)
 
 
 def run_mutation(build, mutation):
@@ -195,10 +204,12 @@ def run_mutation(build, mutation):
     if not mutation.git_apply(build.source):
         raise MutationError("does not apply")
     try:
+        tests = tests_of(mutation)
         is_header = any(file.suffix == ".hpp" for file in mutation.files)
-        if not build.make("tests" if is_header else LIBRARY.get(mutation.module(), "tests")):
+        library = None if is_header else LIBRARY.get(mutation.module())
+        if not build.make(*([library] if library else targets_of(test for test, _ in tests))):
             raise MutationError(f"does not compile, see {build.log}")
-        for test, gtest_filter in tests_of(mutation):
+        for test, gtest_filter in tests:
             failed = build.failure(test, gtest_filter)
             if failed:
                 return failed
@@ -212,10 +223,11 @@ def run_all(mutations):
     """Runs the mutations and prints their results; the number of those that are not accepted."""
     build = Build()
     print(f"mutate: {len(mutations)} mutations, building without them", file=sys.stderr)
-    if not build.configure() or not build.make("all", "tests"):
+    tests = sorted({test for mutation in mutations for test, _ in tests_of(mutation)})
+    if not build.configure() or not build.make(*targets_of(tests)):
         print(f"mutate: the build failed, see {build.log}", file=sys.stderr)
         return len(mutations)
-    for test in sorted({test for mutation in mutations for test, _ in tests_of(mutation)}):
+    for test in tests:
         failed = build.failure(test)
         if failed:
             print(f"mutate: {failed} fails without a mutation, see {build.log}", file=sys.stderr)

@@ -62,6 +62,7 @@ TEST(MotionModel, ACorrectionKeepsTheVelocityAndAResetDoesNot) {
   expectPose(motion.predict(3 * kPeriod), poseAt(1));
   motion.reset(poseAt(0), 10 * kPeriod);
   expectPose(motion.predict(11 * kPeriod), poseAt(0));
+  expectPose(motion.extrapolate(11 * kPeriod), poseAt(0));
   EXPECT_EQ(motion.stepsSince(11 * kPeriod), 0);
 }
 

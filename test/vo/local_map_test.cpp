@@ -185,6 +185,29 @@ TEST(LocalMap, ANewAnchorKeepsThePointAndItsSigma) {
   EXPECT_NEAR(after.sigma_w.norm(), before.sigma_w.norm(), 0.2 * before.sigma_w.norm());
 }
 
+TEST(LocalMap, AnUncertainDepthDoesNotEnterTheMap) {
+  const Eigen::Vector3d p_w(2, -1, 8);
+  for (const double limit : {0.01, 1.0}) {
+    LocalMap::Options options;
+    options.max_relative_sigma = limit;
+    LocalMap map(options);
+    for (int k = 0; k < 2; ++k) map.addKeyframe(keyframePose(k), observe({p_w}, keyframePose(k)));
+    map.triangulateNew();
+    EXPECT_EQ(map.point(0).has_value(), limit == 1.0);  // its relative sigma is about 0.03
+  }
+}
+
+TEST(LocalMap, removesObservationsOfPointsBehindTheCamera) {
+  const Eigen::Vector3d p_w(2, -1, 8);
+  const Eigen::Isometry3d behind = pose({0, 0, 0}, {0, 0, 20});
+  LocalMap map({});
+  for (int k = 0; k < 3; ++k) map.addKeyframe(keyframePose(k), observe({p_w}, keyframePose(k)));
+  map.triangulateNew();
+  map.addKeyframe(behind, observe({p_w}, behind));
+  map.removeOutliers(0.003);
+  EXPECT_EQ(map.find(0)->observations.size(), 3u);
+}
+
 TEST(LocalMap, ClearRemovesEverything) {
   LocalMap map({});
   map.addKeyframe(keyframePose(0), observe(farPoints(), keyframePose(0)));

@@ -43,7 +43,8 @@ cv::Mat texture(int width, double dx = 0, double dy = 0) {
 std::vector<cv::Point2f> cornersOf(const cv::Mat& image, std::size_t n) {
   FeatureTracker::Options options;
   options.cell_size = 0.0065;  // half of the default: enough cells for 2000 corners
-  std::vector<cv::Point2f> corners = FeatureTracker(options).detect(image, {});
+  const FeatureTracker detector(options);
+  std::vector<cv::Point2f> corners = detector.detect(detector.pyramid(image), {});
   std::shuffle(corners.begin(), corners.end(), std::mt19937(1));
   corners.resize(std::min(n, corners.size()));
   return corners;
@@ -66,11 +67,12 @@ BENCHMARK(pyramid)->Apply(overWidths)->Unit(benchmark::kMillisecond);
 void detector(benchmark::State& state) {
   const cv::Mat image = texture(static_cast<int>(state.range(0)));
   const FeatureTracker tracker({});
-  std::vector<cv::Point2f> occupied = tracker.detect(image, {});
+  const ImagePyramid pyramid = tracker.pyramid(image);
+  std::vector<cv::Point2f> occupied = tracker.detect(pyramid, {});
   // As in a new keyframe: half of the features are still tracked.
   occupied.resize(occupied.size() / 2);
   std::size_t found = 0;
-  for (auto _ : state) found = tracker.detect(image, occupied).size();
+  for (auto _ : state) found = tracker.detect(pyramid, occupied).size();
   state.counters["corners"] = static_cast<double>(found);
 }
 BENCHMARK(detector)->Apply(overWidths)->Unit(benchmark::kMillisecond);

@@ -24,7 +24,9 @@ def assert_height(file):
 def test_sequence_with_trajectory(low, height_file):
     done = run(SCRIPTS / "calibrate_height", low, "--trajectory", low / "poses.txt", "--out",
                height_file)
-    assert re.search(r"\b(\d+) of \1 segments", done.stdout + done.stderr)
+    used, count = map(int, re.search(r"\b(\d+) of (\d+) segments", done.stdout + done.stderr).groups())
+    assert count >= 5
+    assert used >= count - 1  # the first metres of a drive are the least accurate
     assert_height(height_file)
 
 

@@ -17,12 +17,12 @@
 
 namespace ground_scale_vo {
 
-struct PclPoint {
+struct EIGEN_ALIGN16 PclPoint {
   PclPoint() = default;
   explicit PclPoint(const Eigen::Vector3f& p) : data{p.x(), p.y(), p.z(), 1} {}
   PCL_ADD_POINT4D
   EIGEN_MAKE_ALIGNED_OPERATOR_NEW
-} EIGEN_ALIGN16;
+};
 
 }  // namespace ground_scale_vo
 

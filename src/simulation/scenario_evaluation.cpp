@@ -86,6 +86,19 @@ std::string violatedThreshold(const ScenarioMetrics& metrics,
              : "ok while unobservable";
 }
 
+ScenarioThresholds doubled(const ScenarioThresholds& thresholds) {
+  const auto twiceTheRest = [](double share) { return std::max(0.0, 1 - 2 * (1 - share)); };
+  ScenarioThresholds twice = thresholds;
+  twice.max_rle_percent *= 2;
+  twice.max_displacement_sigmas *= 2;
+  twice.max_rotation_error_deg *= 2;
+  twice.max_untracked_frames *= 2;
+  twice.min_within_2_sigma = twiceTheRest(thresholds.min_within_2_sigma);
+  twice.max_ok_while_unobservable *= 2;
+  twice.min_metric_share = twiceTheRest(thresholds.min_metric_share);
+  return twice;
+}
+
 ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,
                                  const RunRecord& record) {
   const std::vector<RunFrame>& frames = record.frames();

@@ -282,6 +282,7 @@ std::vector<Scenario> camerasAndLight() {
       Entry("night_noisy", "as night, but darker and with more sensor noise", 30,
             [](Options& o) { setNight(o, 0.004, 3); }),
       Entry("jpeg", "JPEG compression at quality 15", 60, [](Options& o) { o.jpeg_quality = 15; })
+          .threshold(&ScenarioThresholds::max_displacement_sigmas, 2)
           .dependsOn(
               "feature-based measurement: compression removes the texture for the direct one", {},
               {kDirectOnly}),

@@ -145,6 +145,8 @@ void tabulateAblation(const Arguments& arguments) {
           gsv::evaluateScenario(scenario, drive, gsv::runDrive(drive, rendered, all, step));
       entry[key] = gsv::metricsJson(metrics);
       entry[key]["violated"] = gsv::violatedThreshold(metrics, scenario.thresholds);
+      entry[key]["clearly"] =
+          !gsv::violatedThreshold(metrics, gsv::doubled(scenario.thresholds)).empty();
       return gsv::ablationCell(metrics, scenario.thresholds);
     };
     std::string& line = lines[i];

@@ -63,5 +63,30 @@ TEST(ScenarioEvaluation, AcceptsADisplacementWithinItsSigma) {
   EXPECT_EQ(gap(NAN), "RLE");
 }
 
+TEST(ScenarioEvaluation, DoubledThresholdsAllowTwiceTheErrorsAndFrames) {
+  const auto clear = [](const auto& change) {
+    return violation([&](Metrics& m, Thresholds& t) {
+      t.max_untracked_frames = 5;
+      t.max_displacement_sigmas = 2;
+      t.max_ok_while_unobservable = 0.1;
+      t = doubled(t);
+      change(m);
+    });
+  };
+  EXPECT_EQ(clear([](Metrics& m) { m.tracked_frames = 90; }), "");
+  EXPECT_EQ(clear([](Metrics& m) { m.tracked_frames = 89; }), "lost");
+  EXPECT_EQ(clear([](Metrics& m) { m.metric_frames = 1; }), "");
+  EXPECT_EQ(clear([](Metrics& m) { m.metric_frames = 0; }), "late scale");
+  EXPECT_EQ(clear([](Metrics& m) { m.rotation_error_deg = 3.9; }), "");
+  EXPECT_EQ(clear([](Metrics& m) { m.rotation_error_deg = 4.1; }), "rotation");
+  EXPECT_EQ(clear([](Metrics& m) { m.rle_percent = 2.9, m.displacement_sigmas = 9; }), "");
+  EXPECT_EQ(clear([](Metrics& m) { m.rle_percent = 9, m.displacement_sigmas = 3.9; }), "");
+  EXPECT_EQ(clear([](Metrics& m) { m.rle_percent = 3.1, m.displacement_sigmas = 4.1; }), "RLE");
+  EXPECT_EQ(clear([](Metrics& m) { m.within_2_sigma = 0.51; }), "");
+  EXPECT_EQ(clear([](Metrics& m) { m.within_2_sigma = 0.49; }), "2 sigma");
+  EXPECT_EQ(clear([](Metrics& m) { m.ok_while_unobservable = 0.19; }), "");
+  EXPECT_EQ(clear([](Metrics& m) { m.ok_while_unobservable = 0.21; }), "ok while unobservable");
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

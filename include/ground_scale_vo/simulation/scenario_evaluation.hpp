@@ -57,4 +57,8 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
 /// metric frames), "rotation", "RLE", "2 sigma" or "ok while unobservable". Empty: none.
 std::string violatedThreshold(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
+/// Thresholds that only a clear violation exceeds: twice the errors, and twice the frames that may
+/// be untracked, without a metric pose, outside two sigma, or wrongly reported as measured.
+ScenarioThresholds doubled(const ScenarioThresholds& thresholds);
+
 }  // namespace ground_scale_vo

@@ -1,4 +1,6 @@
-// Runs a fuzz target without libFuzzer on mutations of its corpus, reproducibly for a seed.
+// Runs a fuzz target without libFuzzer on mutations of its corpus, reproducibly for a seed. The
+// corpus: the inputs of Plan::corpus and the files of test/fuzz/corpus/X_fuzz/, which libFuzzer has
+// found to reach different branches, or which have failed.
 //
 //   X_fuzz [--iterations N] [--seed S]
 //       runs the corpus and N mutated inputs (defaults: a third of Plan::iterations, with
@@ -14,6 +16,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -31,6 +34,7 @@ int iterations = -1;  // negative: as planned
 std::uint64_t seed = 1;
 std::vector<std::string> files;
 
+std::string target_name;
 std::string input_file;                   // keeps the input that crashes the process
 const std::string* under_test = nullptr;  // the input that is being run
 
@@ -49,6 +53,25 @@ extern "C" void keepInput(int signal) {
     }
   }
   std::raise(signal);
+}
+
+std::string contentOf(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  EXPECT_TRUE(stream) << file;
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// The target's plan, with the files of its corpus.
+Plan wholePlan() {
+  std::vector<std::filesystem::path> paths;
+  const auto folder = std::filesystem::path(GSV_FUZZ_CORPUS) / target_name;
+  if (std::filesystem::exists(folder)) {
+    paths.assign(std::filesystem::directory_iterator(folder), {});
+  }
+  std::sort(paths.begin(), paths.end());
+  Plan whole = plan();
+  for (const auto& path : paths) whole.corpus.push_back(contentOf(path));
+  return whole;
 }
 
 void run(const std::string& input) {
@@ -134,13 +157,9 @@ class Mutator {
 };
 
 TEST(Fuzz, HandlesEveryInput) {
-  for (const std::string& file : files) {
-    std::ifstream stream(file, std::ios::binary);
-    ASSERT_TRUE(stream) << file;
-    run({std::istreambuf_iterator<char>(stream), {}});
-  }
+  for (const std::string& file : files) run(contentOf(file));
   if (!files.empty()) return;
-  const Plan target = plan();
+  const Plan target = wholePlan();
   for (const std::string& input : target.corpus) run(input);
   run("");
   Mutator mutator(target.corpus, seed);
@@ -151,9 +170,9 @@ TEST(Fuzz, HandlesEveryInput) {
 
 int writeCorpus(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
-  const std::vector<std::string> corpus = plan().corpus;
-  for (std::size_t i = 0; i < corpus.size(); ++i) {
-    std::ofstream(folder / std::to_string(i), std::ios::binary) << corpus[i];
+  const std::vector<std::string> inputs = wholePlan().corpus;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    std::ofstream(folder / std::to_string(i), std::ios::binary) << inputs[i];
   }
   return 0;
 }
@@ -165,6 +184,7 @@ int main(int argc, char** argv) {
   using namespace ground_scale_vo::fuzz;
   testing::InitGoogleTest(&argc, argv);
   testing::GTEST_FLAG(catch_exceptions) = false;  // an exception ends in SIGABRT: its input is kept
+  target_name = std::filesystem::path(argv[0]).filename();
   input_file = std::filesystem::absolute(argv[0]).string() + ".input";
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];

@@ -62,6 +62,21 @@ def test_faults_and_scenarios_are_collected(tmp_path):
     assert runs["default"]["violated"] == "" and 0 < runs["default"]["rle_percent"] < 1.5
 
 
+def test_consistency_intervals(monkeypatch):
+    monkeypatch.syspath_prepend(SCRIPTS)
+    import report_tables
+    drive = {"gt_length_m": 105.0, "nees_10": 1.38, "within_10": 0.90}
+    for length in (50, 100):
+        drive.update({f"nees_{length}": 1.40, f"within_{length}": None})
+    # Quantiles of chi^2 with 60, 12 and 6 degrees of freedom, divided by these.
+    for length, low, high in ((10, 0.675, 1.388), (50, 0.367, 1.945), (100, 0.206, 2.408)):
+        assert report_tables.nees_interval(drive, length) == pytest.approx([low, high], abs=0.01)
+    # 60 draws of 0.9545.
+    assert report_tables.share_interval(drive, 10) == pytest.approx([0.9018, 1], abs=1e-3)
+    cells = report_tables.consistency_table({"run": {}, "it": drive}).splitlines()[2].split("|")[1:-1]
+    assert [cell.strip().startswith("**") for cell in cells] == [False, False, False, False, True, False, False]
+
+
 @pytest.fixture(scope="module")
 def level(data):
     run(RENDER, *STEADY, "--pitch", 0, data / "level")

@@ -93,6 +93,7 @@ CovarianceMetrics::Length mean(std::size_t length, double excess) {
 TEST(CovarianceMetrics, AConsistentCovarianceHasANeesOfOne) {
   for (const std::size_t length : {0u, 1u, 2u}) {
     const CovarianceMetrics::Length result = mean(length, 1);
+    EXPECT_EQ(result.length_m, std::vector<double>({10, 50, 100})[length]);
     EXPECT_NEAR(result.nees_per_dof, 1, 0.1) << result.length_m;
     EXPECT_NEAR(result.within_2_sigma, 0.954, 0.02) << result.length_m;
   }
@@ -134,6 +135,51 @@ TEST(RelativePoseError, AnEarlierErrorOfTheHeadingIsNoErrorOfTheMotion) {
                                  frame.T_o_c.translation();
   }
   EXPECT_LT(relativePoseError(run.record(), truth, 1, 2).error.norm(), 1e-12);
+}
+
+/// Of a step of 1 m along the optical axis, whose earlier and later pose have these variances on
+/// the diagonal, and the heading yaw.
+Matrix6d relativeCovariance(double earlier, double later, double yaw = 0,
+                            const GroundTruthAccuracy& accuracy = {}) {
+  RunRecord record;
+  Poses truth;
+  for (const double variance : {earlier, later}) {
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(truth.size());
+    vo.frame.status = VoStatus::kTracking;
+    ScaleRecovery::Output scale;
+    scale.pose.emplace();
+    scale.pose->T_o_c.rotate(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()));
+    scale.pose->T_o_c.translate(static_cast<double>(truth.size()) * Eigen::Vector3d::UnitZ());
+    scale.pose->covariance = variance * Matrix6d::Identity();
+    truth.push_back(scale.pose->T_o_c);
+    record.append(vo, scale);
+  }
+  return relativePoseError(record, truth, 0, 1, accuracy).covariance;
+}
+
+// An error of the orientation of the ground truth moves the later position across the motion.
+TEST(RelativePoseError, CovarianceOfTheGroundTruthIsInTheAxesOfTheOdometry) {
+  const auto covariance = [](double yaw, double rotation_sigma) {
+    return relativeCovariance(0.01, 1, yaw, {0, rotation_sigma, 0});
+  };
+  const auto ofGroundTruth = [&](double yaw) {
+    return Eigen::Vector3d((covariance(yaw, 0.1) - covariance(yaw, 0)).diagonal().head<3>());
+  };
+  EXPECT_LT((ofGroundTruth(0) - Eigen::Vector3d(0.01, 0.01, 0)).norm(), 1e-12);
+  EXPECT_LT((ofGroundTruth(M_PI / 2) - Eigen::Vector3d(0, 0.01, 0.01)).norm(), 1e-12);
+}
+
+TEST(RelativePoseError, AddsTheCovariancesWhenTheLaterPoseIsKnownBetter) {
+  // The rotation of the earlier pose moves the later one: across the motion by a metre per radian.
+  const double earlier = 0.04;
+  Vector6d moved = Vector6d::Constant(earlier);
+  moved.head<2>().array() += earlier;
+  for (const double later : {0.01, 0.0401, 1.0}) {
+    const double sign = later > 0.5 ? -1 : 1;
+    const Vector6d expected = Vector6d::Constant(later) + sign * moved;
+    EXPECT_LT((relativeCovariance(earlier, later).diagonal() - expected).norm(), 1e-12) << later;
+  }
 }
 
 /// A run without errors over a curve, and ground truth with the errors of `accuracy`.

@@ -119,6 +119,18 @@ TEST(OdometryMetrics, DirectionErrorOfAMisalignedCamera) {
   EXPECT_LT(m.t_err_true_length_percent.value(), 1.02 * straight_percent);
 }
 
+TEST(OdometryMetrics, HasTheLengthsOfTheDevkitAndTheShortOnes) {
+  const Poses ground_truth = drive(900, 1.0);
+  const OdometryMetrics m = computeOdometryMetrics(ground_truth, ground_truth);
+  ASSERT_EQ(m.by_length.size(), 8u);
+  ASSERT_EQ(m.by_short_length.size(), 8u);
+  for (std::size_t i = 0; i < 8; ++i) {
+    const auto number = static_cast<double>(i + 1);
+    EXPECT_EQ(m.by_length[i].length_m, 100 * number);
+    EXPECT_EQ(m.by_short_length[i].length_m, 10 * number);
+  }
+}
+
 TEST(OdometryMetrics, NoDevkitErrorUnderAHundredMetres) {
   const Poses ground_truth = drive(101, 1.0);  // 100 m: no frame is farther than 100 m
   const OdometryMetrics m = computeOdometryMetrics(ground_truth, scaled(ground_truth, 1.02));

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <stdexcept>
 
 #include "scripted_run.hpp"
@@ -70,6 +71,46 @@ TEST(RunRecord, StaysAtTheOriginWithoutAScale) {
   EXPECT_EQ(zOf(run.record().metricPoses()), (std::vector<double>{0, 0, 0}));
   EXPECT_EQ(zOf(run.record().unscaledPoses()), (std::vector<double>{0, 1, 2}));
   EXPECT_EQ(backfilled(run.record()), (std::vector<int>{0, 0, 0}));
+}
+
+/// z forward, turned about the y axis.
+Eigen::Isometry3d turned(double angle, double x, double z) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() << x, 0, z;
+  T.rotate(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()));
+  return T;
+}
+
+TEST(RunRecord, ContinuesInTheAxesOfTheLastPose) {
+  RunRecord record;
+  const auto append = [&](const Eigen::Isometry3d& T_w_c, std::uint32_t map_id,
+                          const std::optional<Eigen::Isometry3d>& T_o_c) {
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(record.frames().size());
+    vo.frame.status = VoStatus::kTracking;
+    vo.frame.map_id = map_id;
+    vo.frame.T_w_c = T_w_c;
+    ScaleRecovery::Output scale;
+    if (T_o_c) {
+      scale.scale.scale = 2;
+      scale.pose.emplace();
+      scale.pose->T_o_c = *T_o_c;
+    }
+    record.append(vo, scale);
+  };
+  const Eigen::Isometry3d first = turned(0.3, 1, 2), second = turned(0.5, 2, 4);
+  const Eigen::Isometry3d metric = turned(0.9, 3, 7);
+  append(first, 0, {});
+  append(second, 0, metric);
+  append(turned(-0.4, 1, 1), 1, {});  // another map
+  append(turned(-0.4, 1, 1) * turned(0.1, 0, 3), 1, {});
+  // The first pose is the metric one minus the motion, which is two metres per unit.
+  Eigen::Isometry3d step = first.inverse() * second;
+  step.translation() *= 2;
+  EXPECT_TRUE(record.metricPoses()[0].isApprox(metric * step.inverse(), 1e-12));
+  const auto unscaled = record.unscaledPoses();
+  EXPECT_TRUE(unscaled[2].isApprox(second, 1e-12));
+  EXPECT_TRUE(unscaled[3].isApprox(second * turned(0.1, 0, 3), 1e-12));
 }
 
 TEST(RunRecord, RejectsFramesThatAreNotInOrder) {

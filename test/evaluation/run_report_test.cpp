@@ -4,10 +4,14 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
+#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "scripted_run.hpp"
 #include "support/temporary_folder.hpp"
@@ -30,6 +34,94 @@ TEST_F(RunReport, HasALineForEveryFrame) {
     }
   }
   EXPECT_NE(scaleCsv(run.record()).find("\n3,0.300000000,"), std::string::npos);
+}
+
+/// The values of the last line of a table by column.
+std::map<std::string, std::string> lastLine(const std::string& table) {
+  std::vector<std::vector<std::string>> lines;
+  std::istringstream stream(table);
+  for (std::string line; std::getline(stream, line);) {
+    std::istringstream cells(line);
+    lines.emplace_back();
+    for (std::string cell; std::getline(cells, cell, ',');) lines.back().push_back(cell);
+  }
+  std::map<std::string, std::string> values;
+  for (std::size_t i = 0; i < lines.front().size(); ++i) {
+    values[lines.front()[i]] = lines.back().at(i);
+  }
+  return values;
+}
+
+using Cells = std::map<std::string, std::string>;
+
+TEST_F(RunReport, EachColumnHasItsValue) {
+  VisualOdometry::Output vo;
+  vo.frame.stamp_ns = 1500000000;
+  vo.frame.status = VoStatus::kTracking;
+  vo.frame.map_id = 7;
+  vo.times = {1, 2, 3, 4, 5, 6, 7, 8, 40};  // in the order of the struct
+  ScaleRecovery::Output scale;
+  scale.times = {11, 12, 13, 14, 15, 70};
+  ScaleEstimate& s = scale.scale;
+  s.status = ScaleStatus::kHeld;
+  s.reason = ScaleReason::kStandstill;
+  s.raw_scale = 1.25;
+  s.scale = 1.5;
+  s.sigma = 0.125;
+  s.height = 1.75;
+  s.n_c = {0.5, -0.25, 0.75};
+  s.triangles = 5;
+  s.ground_triangles = 4;
+  s.ground_points = 3;
+  s.window_points = 2;
+  s.plane_inliers = 1;
+  RunRecord record;
+  record.append(vo, scale, 9);
+  EXPECT_EQ(lastLine(scaleCsv(record)), (Cells{{"frame", "0"},
+                                               {"stamp", "1.500000000"},
+                                               {"status", "held"},
+                                               {"reason", toString(s.reason)},
+                                               {"raw_scale", "1.25"},
+                                               {"scale", "1.5"},
+                                               {"sigma", "0.125"},
+                                               {"height", "1.75"},
+                                               {"nx", "0.5"},
+                                               {"ny", "-0.25"},
+                                               {"nz", "0.75"},
+                                               {"triangles", "5"},
+                                               {"ground_triangles", "4"},
+                                               {"ground_points", "3"},
+                                               {"window_points", "2"},
+                                               {"plane_inliers", "1"},
+                                               {"backfilled", "0"},
+                                               {"map_id", "7"},
+                                               {"vo_status", toString(vo.frame.status)}}));
+  EXPECT_EQ(lastLine(timingCsv(record)), (Cells{{"frame", "0"},
+                                                {"decode", "9"},
+                                                {"vo_pyramid", "1"},
+                                                {"vo_track", "2"},
+                                                {"vo_align", "3"},
+                                                {"vo_detect", "4"},
+                                                {"vo_pose", "5"},
+                                                {"vo_triangulate", "6"},
+                                                {"vo_bundle_adjustment", "7"},
+                                                {"vo_adjustment_wait", "8"},
+                                                {"vo_total", "40"},
+                                                {"scale_delaunay", "11"},
+                                                {"scale_gpe", "12"},
+                                                {"scale_gpa", "13"},
+                                                {"scale_direct", "14"},
+                                                {"scale_filter", "15"},
+                                                {"scale_total", "70"},
+                                                {"total", "110"}}));
+  s.scale = 1234.56789;
+  RunRecord precise;
+  precise.append(vo, scale);
+  EXPECT_EQ(lastLine(scaleCsv(precise))["scale"], "1234.56789");
+  const auto json = nlohmann::json::parse(metricsJson(record, 1.65, {}));
+  EXPECT_EQ(json.at("ms_vo_median"), 40);
+  EXPECT_EQ(json.at("ms_scale_median"), 70);
+  EXPECT_EQ(json.at("ms_total_median"), 110);
 }
 
 using Json = nlohmann::json;
@@ -108,6 +200,79 @@ TEST_F(RunReport, MetricsWithGroundTruthHeights) {
   EXPECT_EQ(json.at("scale_error_median_percent"), -51.42857143);
   EXPECT_TRUE(json.at("scale_error_spread_percent").is_null());
   EXPECT_EQ(json.at("height_bias_percent"), 112.5);
+}
+
+/// A drive of 240 m with a scale that is 4 % too large; in every fourth frame it is held. The
+/// covariance makes the error along the motion one standard deviation over the whole drive.
+RunRecord biasedDrive(std::vector<Eigen::Isometry3d>* ground_truth) {
+  RunRecord record;
+  for (int i = 0; i <= 240; ++i) {
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(i);
+    vo.frame.status = VoStatus::kTracking;
+    vo.frame.T_w_c = ahead(0.5 * i);
+    ScaleRecovery::Output scale;
+    scale.scale.status = i % 4 == 3 ? ScaleStatus::kHeld : ScaleStatus::kOk;
+    scale.scale.scale = 2.08;
+    scale.scale.sigma = 0.05;
+    scale.scale.height = 1.65 / 2.08;
+    if (i >= 5) {
+      scale.pose.emplace();
+      scale.pose->T_o_c = ahead(1.04 * i);
+      scale.pose->covariance = 1e-3 * i * Matrix6d::Identity();
+    }
+    ground_truth->push_back(ahead(i));
+    record.append(vo, scale);
+  }
+  return record;
+}
+
+// By heights the ground truth counts as exact.
+TEST_F(RunReport, EachMetricIsThatOfItsName) {
+  std::vector<Eigen::Isometry3d> ground_truth;
+  const RunRecord record = biasedDrive(&ground_truth);
+  const Json json =
+      Json::parse(metricsJson(record, 1.65, ground_truth, std::vector<double>(241, 1.65)));
+  const OdometryMetrics odometry = computeOdometryMetrics(ground_truth, record.metricPoses());
+  EXPECT_NEAR(json.at("rle_percent"), 4, 1e-6);
+  EXPECT_NEAR(json.at("t_err_percent"), odometry.t_err_percent.value(), 1e-6);
+  EXPECT_NEAR(json.at("t_err_short_percent"), odometry.t_err_short_percent.value(), 1e-6);
+  EXPECT_NEAR(json.at("ate_rmse_m"), odometry.ate_rmse_m, 1e-6);
+  EXPECT_GT(json.at("t_err_percent"), 4);
+  EXPECT_NEAR(json.at("t_err_true_length_percent"), 0, 1e-6);
+  EXPECT_NEAR(json.at("t_err_sim3_percent"), 0, 1e-6);
+  EXPECT_EQ(json.at("scale_within_2_sigma"), 1);
+  EXPECT_NEAR(json.at("first_scale_error_sigmas"), 1.6, 1e-6);
+  EXPECT_NEAR(json.at("scale_held_share"), 59. / 236, 1e-6);
+  EXPECT_NEAR(json.at("scale_error_median_percent"), 4, 1e-6);
+  EXPECT_NEAR(json.at("height_bias_percent"), 100 * (1 / 1.04 - 1), 1e-6);
+  EXPECT_EQ(json.at("first_metric_pose_m"), 5);
+  const CovarianceMetrics covariance = computeCovarianceMetrics(record, ground_truth);
+  ASSERT_EQ(json.at("covariance_by_length").size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Json& entry = json.at("covariance_by_length")[i];
+    const CovarianceMetrics::Length& expected = covariance.by_length[i];
+    EXPECT_EQ(entry.at("length_m"), expected.length_m);
+    EXPECT_EQ(entry.at("segments"), expected.segments);
+    EXPECT_NEAR(entry.at("nees_per_dof"), expected.nees_per_dof, 1e-6);
+    EXPECT_NEAR(entry.at("within_2_sigma"), expected.within_2_sigma, 1e-6);
+    EXPECT_EQ(entry.at("nees_per_dof_exact_ground_truth"), entry.at("nees_per_dof"));
+  }
+  ASSERT_EQ(json.at("by_length").size(), 2u);
+  EXPECT_EQ(json.at("by_length")[1].at("length_m"), 200);
+  EXPECT_EQ(json.at("by_length")[1].at("r_err_deg_per_m"), 0);
+}
+
+TEST_F(RunReport, EachFileHasItsPoses) {
+  std::vector<Eigen::Isometry3d> ground_truth;
+  const RunRecord record = biasedDrive(&ground_truth);
+  writeRun(folder_, record, 1.65, ground_truth, std::vector<double>(241, 1.65));
+  EXPECT_NEAR(readKittiPoses(folder_ / "poses.txt").back().translation().z(), 1.04 * 240, 1e-9);
+  EXPECT_EQ(readKittiPoses(folder_ / "poses_unscaled.txt").back().translation().z(), 120);
+  EXPECT_EQ(readKittiPoses(folder_ / "ground_truth.txt").back().translation().z(), 240);
+  const Json json = Json::parse(readFile(folder_ / "metrics.json", 1 << 20));
+  EXPECT_FALSE(json.at("height_bias_percent").is_null());
+  EXPECT_EQ(json.at("camera_height_m"), 1.65);
 }
 
 TEST_F(RunReport, WritesTheFilesOfARun) {

@@ -21,6 +21,7 @@ Eigen::Isometry3d ahead(double z) {
 struct Measurement {
   ScaleStatus status = ScaleStatus::kOk;
   double scale = 2, sigma = 0.1, raw = 0, height = 0;
+  std::uint32_t map_id = 0;
 };
 
 /// Record of a camera that moves 0.5 VO units a frame. With metreAFrame() as ground truth, its true
@@ -31,6 +32,7 @@ RunRecord record(const std::vector<Measurement>& measurements) {
     VisualOdometry::Output vo;
     vo.frame.sequence = static_cast<std::uint32_t>(i);
     vo.frame.status = VoStatus::kTracking;
+    vo.frame.map_id = measurements[i].map_id;
     vo.frame.T_w_c = ahead(0.5 * static_cast<double>(i));
     ScaleRecovery::Output scale;
     scale.scale.status = measurements[i].status;
@@ -84,11 +86,31 @@ TEST(ScaleMetrics, SpreadIsOfTheRawScaleAroundItsOwnMedian) {
   EXPECT_NEAR(m.error_spread_percent, 1.4826 * 2, 1e-9);
 }
 
+TEST(ScaleMetrics, FirstErrorIsSignedAndOfTheFirstScale) {
+  const auto firstError = [](double scale) {
+    const RunRecord run = record({{kUnknown}, {kHeld, scale, 0.2}, {kOk, 2.5, 0.1}});
+    return computeScaleMetrics(run, metreAFrame(3), 2).first_error_sigmas;
+  };
+  EXPECT_NEAR(firstError(2.3), 1.5, 1e-9);
+  EXPECT_NEAR(firstError(1.8), -1, 1e-9);
+}
+
+// Each map has its own unit, so a distance over two maps gives no true scale.
+TEST(ScaleMetrics, TrueScaleIsThatOfOneMap) {
+  std::vector<Measurement> measurements(8, Measurement{kOk, 2.0, 0.01});
+  for (std::size_t i = 4; i < 8; ++i) measurements[i].map_id = 1;
+  Poses ground_truth = metreAFrame(8);
+  for (std::size_t i = 4; i < 8; ++i) ground_truth[i] = ahead(50 + static_cast<double>(i));
+  EXPECT_DOUBLE_EQ(computeScaleMetrics(record(measurements), ground_truth, 2).within_2_sigma, 1);
+}
+
 TEST(ScaleMetrics, HeightBiasUsesTheTrueScale) {
   const RunRecord run =
       record({{kOk, 9, 0.1, 0, 0.80}, {kOk, 9, 0.1, 0, 0.81}, {kOk, 9, 0.1, 0, 0.85}});
   const ScaleMetrics m = computeScaleMetrics(run, metreAFrame(3), 2, {1.6, 1.6, 1.6});
   EXPECT_NEAR(m.height_bias_percent, 1.25, 1e-9);
+  const ScaleMetrics other = computeScaleMetrics(run, metreAFrame(3), 2, {1.6, 1.62, 1.7});
+  EXPECT_NEAR(other.height_bias_percent, 0, 1e-9);
 }
 
 // The true scale changes from 2 to 3 m per unit at frame 5: a longer distance around a frame

@@ -38,6 +38,59 @@ TEST(ScenarioEvaluation, NamesTheViolatedThreshold) {
             "ok while unobservable");
 }
 
+/// Of a drive of 20 frames with a scale that is 3 % too large: a metric pose from frame 4 on, whose
+/// variance grows, a wrong heading in the last frame, and five unobservable frames, two of them
+/// reported as measured.
+Metrics metricsOfABiasedRun(const SyntheticDrive& drive) {
+  RunRecord record;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(i);
+    vo.frame.status = i == 8 ? VoStatus::kLost : VoStatus::kTracking;
+    vo.frame.T_w_c = drive.frame(i).T_c0_c;
+    ScaleRecovery::Output scale;
+    scale.scale.status = i >= 10 && i <= 12 ? ScaleStatus::kHeld : ScaleStatus::kOk;
+    scale.scale.scale = 1.03;
+    scale.scale.sigma = i < 13 ? 0.01 : 0.02;
+    if (i >= 4) {
+      scale.pose.emplace();
+      scale.pose->T_o_c = vo.frame.T_w_c;
+      scale.pose->T_o_c.translation() *= 1.03;
+      scale.pose->covariance.setIdentity();
+      scale.pose->covariance *= static_cast<double>(i);
+      scale.pose->covariance.topLeftCorner<3, 3>() *= 0.01;
+      scale.pose->covariance.bottomRightCorner<3, 3>() *= 1e-9;
+    }
+    if (i + 1 == drive.size()) {
+      scale.pose->T_o_c.rotate(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY()));
+    }
+    record.append(vo, scale);
+  }
+  Scenario scenario;
+  scenario.unobservable = Scenario::FrameRange{10, 14};
+  return evaluateScenario(scenario, drive, record);
+}
+
+TEST(ScenarioEvaluation, ComparesARunWithTheDrive) {
+  SyntheticDrive::Options options;
+  options.frames = 20;
+  const SyntheticDrive drive(options);
+  const Metrics metrics = metricsOfABiasedRun(drive);
+  EXPECT_EQ(metrics.frames, 20u);
+  EXPECT_EQ(metrics.tracked_frames, 19u);
+  EXPECT_EQ(metrics.lost_events, 1u);
+  EXPECT_EQ(metrics.metric_frames, 16u);
+  EXPECT_NEAR(metrics.rle_percent, 3, 1e-6);
+  EXPECT_NEAR(metrics.rotation_error_deg, 0.02 * 180 / M_PI, 1e-6);
+  const double length =
+      (drive.frame(19).T_c0_c.translation() - drive.frame(4).T_c0_c.translation()).norm();
+  EXPECT_NEAR(metrics.displacement_sigmas, 0.03 * length / std::sqrt(0.01 * 15), 1e-3);
+  EXPECT_NEAR(metrics.scale_error_percent, 3, 1e-6);
+  EXPECT_NEAR(metrics.within_2_sigma, 7. / 19, 1e-9);  // frame 8 has no true scale
+  EXPECT_NEAR(metrics.held_share, 3. / 16, 1e-9);
+  EXPECT_NEAR(metrics.ok_while_unobservable, 2. / 5, 1e-9);
+}
+
 TEST(ScenarioEvaluation, MayLoseTrackForSomeFrames) {
   const auto lost = [](std::size_t tracked) {
     return violation([tracked](Metrics& m, Thresholds& t) {

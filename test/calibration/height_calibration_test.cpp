@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -36,6 +37,7 @@ struct Script {
   int frames = 400;
   double speed = 8;  // [m/s]
   int stand_from = 0, stand_to = 0;
+  int held_from = 0, held_to = 0;  // the scale is held, with a wrong plane
   int lost_from = 0, lost_to = 0;
   int initialised_at = 0;         // frames before it have no pose
   double scale_noise = 0;         // of the length of one step, relative
@@ -80,11 +82,12 @@ ScriptedDrive drive(const Script& script) {
       Eigen::Vector3d measured = estimated;
       if (stands) measured.x() += script.standing_noise * normal(random) / kHeight;
       vo.frame.T_w_c.translation() = measured;
-      scale.scale.status = stands ? ScaleStatus::kHeld : ScaleStatus::kOk;
+      const bool held = i >= script.held_from && i < script.held_to;
+      scale.scale.status = stands || held ? ScaleStatus::kHeld : ScaleStatus::kOk;
       scale.scale.reason = stands ? ScaleReason::kStandstill : ScaleReason::kNone;
       scale.scale.scale = scale.scale.height = 1;
       scale.scale.sigma = 0.01;
-      const double pitch = kPitch + 0.005 * normal(random);
+      const double pitch = (held ? 0.5 : kPitch) + 0.005 * normal(random);
       const double roll = kRoll + 0.005 * normal(random);
       scale.scale.n_c = {-std::sin(roll), -std::cos(roll) * std::cos(pitch),
                          -std::cos(roll) * std::sin(pitch)};
@@ -197,6 +200,84 @@ TEST(HeightCalibration, StandstillIsIgnored) {
   script.standing_noise = 0.02;
   EXPECT_NEAR(byLength(drive(script)).height.value, kHeight, 0.001);
   EXPECT_NEAR(byPositions(drive(script)).height.value, kHeight, 0.001);
+}
+
+TEST(HeightCalibration, SegmentsAreMeasuredInAtLeastHalfOfTheMovingFrames) {
+  Script script;
+  script.held_from = 100;
+  script.held_to = 160;
+  const Result result = byPositions(drive(script));
+  ASSERT_EQ(result.status, Status::kOk) << result.reason;
+  EXPECT_LT(result.segments.size(), byPositions(drive({})).segments.size());
+  for (const auto& segment : result.segments) {
+    const auto first = segment.from_ns / kPeriodNs, last = segment.to_ns / kPeriodNs;
+    const auto held = std::min<std::int64_t>(last, script.held_to - 1) -
+                      std::max<std::int64_t>(first, script.held_from) + 1;
+    EXPECT_LE(2 * held, last - first + 1) << first << " to " << last;
+  }
+  EXPECT_NEAR(result.pitch->value, kPitch, 0.003);
+
+  // Frames at standstill do not count.
+  script = {};
+  script.stand_from = 150;
+  script.stand_to = 250;
+  const auto segments = byPositions(drive(script)).segments;
+  EXPECT_TRUE(std::any_of(segments.begin(), segments.end(), [](const auto& segment) {
+    return segment.from_ns < 150 * kPeriodNs && segment.to_ns > 250 * kPeriodNs;
+  }));
+}
+
+TEST(HeightCalibration, PositionsMayBeBetweenTheImages) {
+  ScriptedDrive scripted = drive({});
+  std::vector<StampedPosition> between;
+  for (std::size_t i = 0; i + 1 < scripted.positions.size(); ++i) {
+    const StampedPosition &a = scripted.positions[i], &b = scripted.positions[i + 1];
+    const std::int64_t quarters = i % 2 == 0 ? 1 : 3;
+    between.push_back({a.stamp_ns + quarters * kPeriodNs / 4,
+                       a.p + 0.25 * static_cast<double>(quarters) * (b.p - a.p)});
+  }
+  scripted.positions = between;
+  const Result result = byPositions(scripted);
+  ASSERT_EQ(result.status, Status::kOk) << result.reason;
+  for (const auto& segment : result.segments) EXPECT_NEAR(segment.height, kHeight, 1e-9);
+}
+
+TEST(HeightCalibration, TheHeightIsTheMeanWeightedWithTheLengths) {
+  ScriptedDrive scripted = drive({});
+  std::vector<StampedPosition> positions;  // from frame 200 on one of 60
+  for (std::size_t i = 0; i < scripted.positions.size(); i += i < 200 ? 1 : 60) {
+    positions.push_back(scripted.positions[i]);
+    if (i > 200) positions.back().p += 0.01 * (positions.back().p - scripted.positions[200].p);
+  }
+  scripted.positions = positions;
+  const Result result = byPositions(scripted);
+  ASSERT_EQ(result.status, Status::kOk) << result.reason;
+  double sum = 0, length = 0, heights = 0;
+  for (const auto& segment : result.segments) {
+    EXPECT_TRUE(segment.used);
+    sum += segment.length_heights * segment.height;
+    length += segment.length_heights;
+    heights += segment.height;
+  }
+  EXPECT_NEAR(result.height.value, sum / length, 1e-12);
+  EXPECT_GT(result.height.value, heights / static_cast<double>(result.segments.size()) + 1e-3);
+}
+
+// The scale's sigma of 1 % is an error common to sections of twelve steps, 6.4 heights. The drive
+// has 399 steps.
+TEST(HeightCalibration, SigmaOfAnExactDriveIsThatOfScaleAndMethod) {
+  const double section = 12 * 0.8 / kHeight, rest = 3 * 0.8 / kHeight;
+  const double path = std::sqrt(33 * section * section + rest * rest) / (33 * section + rest);
+  EXPECT_NEAR(byLength(drive({})).height.sigma / kHeight, std::hypot(0.01 * path, 0.003), 1e-7);
+  EXPECT_NEAR(byPositions(drive({})).height.sigma / kHeight, 0.003, 1e-7);
+}
+
+TEST(HeightCalibration, MountingNeedsThreeSections) {
+  Script script;
+  script.frames = 60;  // 31 heights
+  EXPECT_FALSE(byLength(drive(script)).pitch);
+  script.frames = 80;
+  EXPECT_TRUE(byLength(drive(script)).pitch);
 }
 
 TEST(HeightCalibration, AfterATrackingLossOnlyPositionsGiveAHeight) {

@@ -337,6 +337,39 @@ TEST_F(KittiSequenceTest, RawGroundTruthIsThatOfTheCameraNotOfTheImu) {
   EXPECT_LT((sequence.groundTruth()[1].linear() - R).norm(), 1e-9);
 }
 
+Eigen::Matrix3d rotation(double roll, double pitch, double yaw) {
+  const double a = std::cos(yaw), b = std::sin(yaw), c = std::cos(pitch), d = std::sin(pitch);
+  const double e = std::cos(roll), f = std::sin(roll);
+  Eigen::Matrix3d R;  // about the fixed axes x, y, z in this order
+  R << a * c, a * d * f - b * e, a * d * e + b * f, b * c, b * d * f + a * e, b * d * e - a * f, -d,
+      c * f, c * e;
+  return R;
+}
+
+TEST_F(KittiSequenceTest, RawGroundTruthHasAllAnglesAndTheRectification) {
+  const fs::path drive = makeRaw();
+  addOxts();
+  std::string rest;
+  for (int i = 0; i < 24; ++i) rest += " 0";
+  const std::string oxts = "2011_09_26/drive_0001_sync/oxts/data/000000000";
+  write(oxts + "0.txt", "49.0 8.4 116.0 0.02 -0.03 0.4" + rest + "\n");
+  write(oxts + "1.txt", "49.00001 8.4 116.0 0.05 0.04 0.9" + rest + "\n");
+  // A quarter turn about the optical axis.
+  write("2011_09_26/calib_cam_to_cam.txt",
+        "R_rect_00: 0 -1 0 1 0 0 0 0 1\nP_rect_00: 70 0 32 0 0 71 24 0 0 0 1 0\n");
+  write("2011_09_26/calib_velo_to_cam.txt", "R: 0 -1 0 0 0 -1 1 0 0\nT: 0 0 0\n");
+  write("2011_09_26/calib_imu_to_velo.txt", "R: 1 0 0 0 1 0 0 0 1\nT: 0 0 0\n");
+  Eigen::Matrix3d R_c_imu;
+  R_c_imu << 0, 0, 1, 0, -1, 0, 1, 0, 0;
+  const Eigen::Matrix3d first = rotation(0.02, -0.03, 0.4), second = rotation(0.05, 0.04, 0.9);
+  const Eigen::Vector3d north(0, 6378137.0 * 1e-5 * M_PI / 180.0, 0);
+  const KittiSequence sequence(drive);
+  const Eigen::Isometry3d& pose = sequence.groundTruth().at(1);
+  EXPECT_LT((pose.translation() - R_c_imu * first.transpose() * north).norm(), 1e-5);
+  EXPECT_LT((pose.linear() - R_c_imu * first.transpose() * second * R_c_imu.transpose()).norm(),
+            1e-9);
+}
+
 TEST_F(KittiSequenceTest, RefusesBadRawGroundTruth) {
   const fs::path drive = makeRaw();
   addOxts();

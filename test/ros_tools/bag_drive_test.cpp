@@ -2,8 +2,14 @@
 
 #include <gtest/gtest.h>
 #include <rosbag/bag.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/NavSatFix.h>
 #include <std_msgs/String.h>
 
+#include <cmath>
+#include <limits>
+
+#include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -29,12 +35,107 @@ class BagDrives : public TemporaryFolder {
     source.image = "/none";
     return dataErrorOf([&] { runBagDrive(source, {}, {}); }, folder_);
   }
+
+  /// Runs grey images with these stamps [s] and the fixes through the odometry. source: without bag
+  /// and topics. Stores how often a frame was reported, and the number of images with it.
+  BagDrive run(const std::vector<double>& stamps, const std::vector<sensor_msgs::NavSatFix>& fixes,
+               BagDrive::Source source = {}) {
+    source.bag = folder_ / "images.bag";
+    source.image = "/camera/image_raw";
+    source.camera_info = "/camera/camera_info";
+    if (!fixes.empty()) source.gps = "/fix";
+    {
+      rosbag::Bag bag(source.bag, rosbag::bagmode::Write);
+      bag.write(source.camera_info, ros::Time(1), toCameraInfo({96, 64, 60, 60, 48, 32}));
+      sensor_msgs::Image image;
+      image.encoding = "mono8";
+      image.width = image.step = 96;
+      image.height = 64;
+      image.data.assign(96 * 64, 100);
+      ros::Time received(2);  // messages are played in the order in which they are written
+      for (const double stamp : stamps) {
+        image.header.stamp = ros::Time(stamp);
+        bag.write(source.image, received += ros::Duration(0.1), image);
+      }
+      for (const auto& fix : fixes) bag.write("/fix", received += ros::Duration(0.1), fix);
+    }
+    OfflineRun::Options options;
+    options.scale.camera_height = 1;
+    return runBagDrive(source, options, [this](const RunFrame&, std::size_t images) {
+      ++reported_;
+      images_ = images;
+    });
+  }
+  int reported_ = 0;
+  std::size_t images_ = 0;
 };
+
+/// variances: of east and north [m^2]; empty: not known.
+sensor_msgs::NavSatFix fix(double stamp, double latitude, double longitude, double altitude,
+                           const std::vector<double>& variances = {}) {
+  sensor_msgs::NavSatFix fix;
+  fix.header.stamp = ros::Time(stamp);
+  fix.latitude = latitude;
+  fix.longitude = longitude;
+  fix.altitude = altitude;
+  fix.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_UNKNOWN;
+  fix.position_covariance[0] = fix.position_covariance[4] = 1e4;
+  if (!variances.empty()) {
+    fix.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_DIAGONAL_KNOWN;
+    fix.position_covariance[0] = variances[0];
+    fix.position_covariance[4] = variances[1];
+  }
+  return fix;
+}
 
 TEST_F(BagDrives, NameEachTopicOfABagWithoutImagesOnce) {
   EXPECT_EQ(errorWithoutImages({"/camera/image", "/camera", "/camera/image", "/camera/im"}),
             "the bag /drive.bag has no images on /none; it holds /camera, /camera/im, "
             "/camera/image");
+}
+
+TEST_F(BagDrives, ReadFixesInMetresEastNorthUpFromTheFirst) {
+  // A minute of latitude at 45 deg north is 1852.2 m, one of longitude 1314.2 m (WGS84).
+  const double minute = 1. / 60;
+  sensor_msgs::NavSatFix invalid = fix(2.5, 1, 1, 0);
+  invalid.status.status = sensor_msgs::NavSatStatus::STATUS_NO_FIX;
+  const BagDrive drive =
+      run({1, 2}, {fix(1, 45, 8, 100, {2, 6}), fix(2, 45 + minute, 8, 100, {1, 1}),
+                   fix(2, 45, 8 + minute, 100), invalid, fix(3, 45, 8 + minute, 130)});
+  ASSERT_EQ(drive.fixes.size(), 3u);  // not the second one of a stamp, nor the one without position
+  EXPECT_EQ(drive.fixes[2].stamp_ns, 3000000000);
+  EXPECT_LT(drive.fixes[0].p.norm(), 1e-6);
+  EXPECT_NEAR(drive.fixes[1].p.x(), 0, 0.1);
+  EXPECT_NEAR(drive.fixes[1].p.y(), 1852.2, 0.2);
+  EXPECT_NEAR(drive.fixes[2].p.x(), 1314.2, 0.2);
+  EXPECT_NEAR(drive.fixes[2].p.z(), 30, 0.5);
+  EXPECT_DOUBLE_EQ(drive.fix_sigma, 2);  // of 1 m, 2 m, and 2.5 m for the one of unknown accuracy
+}
+
+TEST_F(BagDrives, UseFixesWithoutAltitude) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const BagDrive drive = run({1, 2}, {fix(1, 45, 8, nan), fix(2, 45, 8.001, nan)});
+  ASSERT_EQ(drive.fixes.size(), 2u);
+  EXPECT_NEAR(drive.fixes[1].p.x(), 78.85, 0.05);
+}
+
+TEST_F(BagDrives, UseTheGivenPart) {
+  BagDrive::Source source;
+  source.from_s = 1;
+  source.to_s = 3;
+  const BagDrive drive = run({10, 11, 12, 13, 14, 15}, {}, source);
+  ASSERT_EQ(drive.record.frames().size(), 3u);
+  EXPECT_EQ(drive.record.frames()[0].stamp_ns, 11000000000);
+  EXPECT_EQ(drive.stamps_ns.size(), 6u);  // of all images
+  EXPECT_EQ(reported_, 3);
+  EXPECT_EQ(images_, 6u);
+}
+
+TEST_F(BagDrives, RejectImagesWhoseStampGoesBack) {
+  const BagDrive drive = run({10, 11, 10.5, 10.6, 12}, {});
+  EXPECT_EQ(drive.record.frames().size(), 3u);
+  EXPECT_EQ(drive.rejected_images, 2u);
+  EXPECT_NE(drive.first_rejection, "");
 }
 
 TEST_F(BagDrives, SayWhenABagIsEmpty) {

@@ -1,0 +1,109 @@
+"""scripts/test counts its test cases and fails when one fails. Runs a copy, with a ctest and a pre-commit that
+write given results."""
+
+import os
+import shutil
+
+import pytest
+from conftest import SCRIPTS, run
+
+CASE = '<testcase name="a"/>'
+# Of a JUnit file.
+KINDS = {
+    "passed": f"<testsuite>{CASE}</testsuite>",
+    "failed": f'<testsuite>{CASE}<testcase name="b"><failure/></testcase></testsuite>',
+    "error": f'<testsuite>{CASE}<testcase name="b"><error/></testcase></testsuite>',
+    "skipped": '<testsuite><testcase name="b"><skipped/></testcase>'
+               '<testcase name="c" status="notrun"/></testsuite>',
+    "truncated": f'<testsuite>{CASE}<testcase name="b">',
+}
+
+
+def program(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/bash\n{text}\n")
+    path.chmod(0o755)
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """The copy, with a build folder that counts as built, one passing command test, and a passing hook."""
+    (tmp_path / "scripts/lib").mkdir(parents=True)
+    shutil.copy(SCRIPTS / "test", tmp_path / "scripts")
+    for name in ("environment.sh", "packages.txt", "count_results.py"):
+        shutil.copy(SCRIPTS / "lib" / name, tmp_path / "scripts/lib")
+    (tmp_path / "CMakeLists.txt").touch()
+    (tmp_path / "test/commands").mkdir(parents=True)
+    shutil.copy(SCRIPTS.parent / "test/commands/pytest.ini", tmp_path / "test/commands")
+    command_tests(tmp_path, "def test_a(): pass")
+    setup = tmp_path / "build/devel/setup.bash"
+    program(setup, f"PATH={tmp_path}/bin:$PATH")
+    program(tmp_path / "bin/pre-commit", "echo hook..................Passed")
+    ctest(tmp_path, "passed")
+    return tmp_path
+
+
+def command_tests(tree, text):
+    (tree / "test/commands/test_x.py").write_text(
+        f"import pytest\n{text}\n@pytest.mark.serial\ndef test_alone(): pass\n")
+
+
+def ctest(tree, *kinds, status=0):
+    """One that writes a file of each of these KINDS."""
+    folder = "$GROUND_SCALE_VO_BUILD/test_results/ground_scale_vo"
+    program(tree / "bin/ctest", "".join(f"echo '{KINDS[kind]}' > {folder}/gtest-{kind}.xml\n" for kind in kinds) +
+            f"exit {status}")
+
+
+def last_line(tree, *arguments, status):
+    """Of scripts/test, which ends with this status."""
+    done = run(tree / "scripts/test", *arguments, check=False,
+               env={**os.environ, "GROUND_SCALE_VO_BUILD": str(tree / "build")})
+    assert done.returncode == status, done.stdout + done.stderr
+    return done.stdout.splitlines()[-1]
+
+
+def test_all_parts_are_counted(tree):
+    """Unit tests and rostests one each, command tests one in parallel and one alone, one hook."""
+    assert last_line(tree, status=0) == "5 passed, 0 failed, 0 skipped"
+
+
+@pytest.mark.parametrize("kinds, ctest_status, status, line", [
+    (["passed", "skipped"], 0, 0, "1 passed, 0 failed, 2 skipped"),
+    (["failed", "error", "truncated"], 0, 1, "2 passed, 3 failed, 0 skipped"),
+    (["failed"], 8, 1, "1 passed, 1 failed, 0 skipped"),
+    (["passed"], 8, 1, "1 passed, 1 failed, 0 skipped"),
+    ([], 0, 1, "0 passed, 1 failed, 0 skipped"),
+], ids=["skipped", "failed", "counted_once", "crash", "no_tests"])
+def test_unit_tests(tree, kinds, ctest_status, status, line):
+    ctest(tree, *kinds, status=ctest_status)
+    assert last_line(tree, "unit", status=status) == line
+
+
+@pytest.mark.parametrize("text, arguments, status, line", [
+    ("def test_a(): assert False\n@pytest.mark.serial\ndef test_b(none): pass", [], 1,
+     "1 passed, 2 failed, 0 skipped"),
+    ("def test_a(): pass\ndef test_b(): assert False", ["--filter", "test_a or alone"], 0,
+     "2 passed, 0 failed, 0 skipped"),
+], ids=["failed", "filter"])
+def test_command_tests(tree, text, arguments, status, line):
+    command_tests(tree, text)
+    assert last_line(tree, "commands", *arguments, status=status) == line
+
+
+def test_command_tests_that_cannot_start(tree):
+    """With --filter, a part without test cases is no failure."""
+    (tree / "test/commands/conftest.py").write_text("raise RuntimeError")
+    assert last_line(tree, "commands", "--filter", "a", status=1) == "0 passed, 2 failed, 0 skipped"
+
+
+def test_hooks(tree):
+    program(tree / "bin/pre-commit",
+            "echo a....Passed; echo b....Failed; echo 'c....(no files to check)Skipped'; exit 1")
+    assert last_line(tree, "unit", "lint", status=1) == "2 passed, 1 failed, 1 skipped"
+
+
+def test_failed_build(tree):
+    environment = {name: value for name, value in os.environ.items() if name != "GROUND_SCALE_VO_BUILD"}
+    done = run(tree / "scripts/test", "unit", check=False, env={**environment, "CMAKE_PREFIX_PATH": ""})
+    assert done.returncode == 1 and done.stdout.splitlines()[-1] == "0 passed, 1 failed, 0 skipped"

@@ -148,6 +148,25 @@ def build_without_ros():
         yield folder
 
 
+@pytest.fixture
+def stub_tools(tmp_path):
+    """replace(NAME...): options of run() for a command of scripts/ that then calls, instead of these tools, ones
+    that only write their arguments to the file `calls`, a line for each call, and exit with status 1 if an
+    argument is `fails`."""
+    build = tmp_path / "stub_build"
+    tools = build / "devel/lib/ground_scale_vo"
+    tools.mkdir(parents=True)
+    (build / "devel/setup.bash").write_text(f"PATH={tools}:$PATH\n")
+
+    def replace(*names):
+        for name in names:
+            (tools / name).write_text(f"#!/bin/bash\necho {name} \"$*\" >> {tmp_path}/calls\n"
+                                      'echo "Playback finished: "\n[[ " $* " != *" fails "* ]]\n')
+            (tools / name).chmod(0o755)
+        return {"env": {**os.environ, "GROUND_SCALE_VO_BUILD": str(build)}, "cwd": tmp_path}
+    return replace
+
+
 @pytest.fixture(scope="session")
 def data(tmp_path_factory):
     return tmp_path_factory.mktemp("data")

@@ -2,6 +2,7 @@
 
 import re
 
+import numpy
 import pytest
 import bags
 from bags import IMAGE
@@ -27,6 +28,24 @@ def test_sequence_with_trajectory(low, height_file):
     used, count = map(int, re.search(r"\b(\d+) of (\d+) segments", done.stdout + done.stderr).groups())
     assert count >= 5
     assert used >= count - 1  # the first metres of a drive are the least accurate
+    assert_height(height_file)
+
+
+def test_arguments_reach_the_tool(stub_tools, tmp_path):
+    stubs = stub_tools("height_from_drive")
+    run(SCRIPTS / "calibrate_height", "a", "--length", 5, **stubs)
+    run(SCRIPTS / "calibrate_height", "a", "--out", "o.yaml", "--force", **stubs)
+    assert (tmp_path / "calls").read_text().splitlines() == [
+        "height_from_drive --out height.yaml a --length 5", "height_from_drive a --out o.yaml --force"]
+    assert run(SCRIPTS / "calibrate_height", "fails", check=False, **stubs).returncode == 1
+
+
+def test_part_of_a_sequence(low, height_file):
+    """3 s of the 6 s, of which the first one is not the start of the drive."""
+    positions = numpy.loadtxt(low / "poses.txt")[20:51, 3::4]
+    length = numpy.linalg.norm(numpy.diff(positions, axis=0), axis=1).sum()
+    run(HEIGHT_FROM_DRIVE, low, "--from", 2, "--to", 5, "--length", length, "--length-sigma", 0, "--out",
+        height_file)
     assert_height(height_file)
 
 

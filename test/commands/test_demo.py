@@ -138,5 +138,33 @@ def test_wrong_arguments(tmp_path, status, text, arguments):
     assert_refused(status, text, DEMO, *arguments, cwd=tmp_path)
 
 
+def test_arguments_reach_the_launch_file_and_the_tools(stub_tools, tmp_path):
+    stubs = stub_tools("roslaunch", "evaluate_bag", "metrics_table.py", "plot_run.py")
+    for name in ("x.bag", "m.png"):
+        (tmp_path / name).touch()
+    stubs["env"]["DISPLAY"] = ":7"
+
+    def calls(*arguments):
+        (tmp_path / "calls").unlink(missing_ok=True)
+        run(DEMO, "--bag", "x.bag", "--out", "o", *arguments, **stubs)
+        launch, *tools = (tmp_path / "calls").read_text().splitlines()
+        return dict(word.split(":=") for word in launch.split() if ":=" in word), tools
+
+    bag, out = tmp_path / "x.bag", tmp_path / "o/x"
+    launched, tools = calls("--camera-height", "2.5", "--rate", "3", "--rviz", "--image", "/i", "--camera-info",
+                            "/c", "--unrectified", "--mask", "m.png", "--base-frame", "base")
+    expected = {"required": "true", "bag": str(bag), "camera_height": "2.5", "image": "/i", "camera_info": "/c",
+                "image_is_rectified": "false", "rate": "3", "rviz": "true", "base_frame": "base",
+                "mask": str(tmp_path / "m.png"), "record": f"{out}/recorded.bag"}
+    assert launched == expected
+    evaluate = f"evaluate_bag --played {bag} --recorded {out}/recorded.bag --out {out} --camera-height"
+    assert tools == [f"{evaluate} 2.5 --image /i", f"metrics_table.py {out}", f"plot_run.py {out}"]
+    launched, tools = calls()
+    assert launched == {**expected, "camera_height": "1.65", "image": "", "image_is_rectified": "true", "rate": "1",
+                        "camera_info": "/kitti/camera_gray_left/camera_info", "rviz": "false", "base_frame": "",
+                        "mask": ""}
+    assert tools[0] == f"{evaluate} 1.65"
+
+
 def test_refuses_to_overwrite_the_sequence(short):
     assert_refused(2, "own folder", DEMO, "--sequence", short, "--out", short.parent)

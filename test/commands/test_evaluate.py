@@ -1,5 +1,8 @@
 """scripts/evaluate, scripts/ablation and the offline run behind them."""
 
+import json
+import re
+
 import matplotlib.image
 import numpy
 import pytest
@@ -83,6 +86,138 @@ def test_two_sequences_of_one_name(short, tmp_path, command):
 
 def test_ablation_wrong_arguments():
     assert_refused(2, "SEQ is missing", SCRIPTS / "ablation")
+
+
+def called(tmp_path):
+    """The calls of the stub tools, sorted: sequences are processed in parallel."""
+    return sorted((tmp_path / "calls").read_text().splitlines())
+
+
+@pytest.mark.parametrize("arguments, call", [
+    (["--scenarios", "puddles", "night", "--ablation", "--set", "a=1", "--threads", "3", "--out", "o"],
+     "evaluate_scenarios --ablation puddles night --set a=1 --out o --threads 3"),
+    (["--faults", "black", "--seed", "7", "--threads", "3"], "evaluate_faults black --seed 7 --threads 3"),
+])
+def test_arguments_reach_the_tool(stub_tools, tmp_path, arguments, call):
+    stubs = stub_tools("evaluate_scenarios", "evaluate_faults")
+    run(EVALUATE, *arguments, **stubs)
+    assert called(tmp_path) == [call]
+    assert run(EVALUATE, arguments[0], "fails", check=False, **stubs).returncode == 1
+
+
+def test_arguments_reach_each_run(stub_tools, tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    stubs = stub_tools("run_sequence", "plot_run.py", "metrics_table.py")
+    run(EVALUATE, "a", "b", "--camera-height", "2.5", "--out", "o", "--mask", "m.png", "--set", "c=1", **stubs)
+    end = "--camera-height 2.5 --out o"
+    assert called(tmp_path) == [
+        "plot_run.py o/a", "plot_run.py o/b", f"run_sequence --mask m.png --set c=1 {tmp_path}/a {end}",
+        f"run_sequence --mask m.png --set c=1 {tmp_path}/b {end}",
+        f"run_sequence {tmp_path}/a --set c=1 {end} --check"]
+    run(EVALUATE, "a", **stubs)
+    assert f"run_sequence {tmp_path}/a --camera-height 1.65 --out results" in called(tmp_path)
+
+
+def test_a_failed_sequence_is_reported(shortest, tmp_path):
+    """The others are run, and its metrics of an earlier run do not remain."""
+    folder, out = tmp_path / "empty", tmp_path / "out"
+    folder.mkdir()
+    write_metrics(out / "empty", **METRICS)
+    done = run(EVALUATE, folder, shortest, "--out", out, check=False)
+    assert done.returncode == 1 and "empty: has neither image_0" in done.stderr
+    assert "1 of 2 sequences failed" in done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()[-2:]] == ["sequence", "shortest"]
+    assert not (out / "empty/metrics.json").exists()
+
+
+def test_ablation_runs_each_row(stub_tools, tmp_path):
+    (tmp_path / "a").mkdir()
+    rows = re.findall(r"^  '(.*): ?(.*)'$", (SCRIPTS / "ablation").read_text(), re.MULTILINE)
+    assert len(rows) > 20
+    stubs = stub_tools("run_sequence")
+    done = run(SCRIPTS / "ablation", "a", "--camera-height", "2.5", "--out", "o", **stubs)
+    expected = [" ".join([f"run_sequence {tmp_path}/a --camera-height 2.5 --out o/{i}",
+                          *(f"--set {option}" for option in options.split())])
+                for i, (_, options) in enumerate(rows)]
+    assert called(tmp_path) == sorted(expected)
+    labels = [label.rstrip(":") for label, _ in rows]  # the stub has written no results
+    assert [line.split(" | ")[0][2:] for line in done.stdout.splitlines() if "failed" in line] == 2 * labels
+
+
+def test_ablation_fails_with_a_run(stub_tools, tmp_path):
+    (tmp_path / "a").mkdir()
+    stubs = stub_tools("run_sequence")
+    done = run(SCRIPTS / "ablation", "a", "--camera-height", " fails ", "--out", "o", check=False, **stubs)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "\n| **defaults** | failed | " in done.stdout
+
+
+def write_metrics(folder, **metrics):
+    folder.mkdir(parents=True)
+    (folder / "metrics.json").write_text(json.dumps(metrics))
+    return folder
+
+
+# Each value differs from the others.
+METRICS = {"frames": 40, "tracked_frames": 39, "lost_events": 2, "length_m": 12.34, "rle_percent": 0.57,
+           "t_err_percent": 1.23, "r_err_deg_per_m": 0.0123, "t_err_true_length_percent": 0.45,
+           "t_err_short_percent": 2.34, "scale_within_2_sigma": 0.95, "ms_total_median": 13.5, "ms_vo_median": 9.0,
+           "ms_scale_median": 4.5, "scale_held_share": 0.25, "scale_error_median_percent": -0.35,
+           "scale_error_spread_percent": 1.5, "height_bias_percent": 0.15}
+
+
+def test_metrics_table(tmp_path):
+    a = write_metrics(tmp_path / "a", **METRICS)
+    b = write_metrics(tmp_path / "b", **{**METRICS, "t_err_percent": None})
+    heading, *rows = run(tool("metrics_table.py"), a, b).stdout.splitlines()
+    assert re.split("  +", heading) == [
+        "sequence", "frames", "tracked", "lost", "length m", "rle %", "t_err %", "r_err deg/m", "t_err true length %",
+        "t_err short %", "2 sigma", "ms median"]
+    assert [row.split() for row in rows] == [
+        [name, "40", "39", "2", "12.3", "0.57", t_err, "0.0123", "0.45", "2.34", "0.95", "13.5"]
+        for name, t_err in (("a", "1.23"), ("b", "-"))]
+
+
+def test_ablation_table(tmp_path):
+    for row in range(2):
+        for k, name in enumerate(("x", "y")):
+            if (row, k) != (1, 1):
+                write_metrics(tmp_path / str(row) / name, **{**METRICS, "rle_percent": 1.0 + row + 0.25 * k,
+                                                             "ms_scale_median": 4.0 + k})
+    lines = run(tool("ablation_table.py"), tmp_path, "--rows", "default", "changed", "--sequences", "x",
+                "y").stdout.splitlines()
+    assert "| default | 1.23 / 1.00 / 0.25 | 1.23 / 1.25 / 0.25 | 4.5 |" in lines
+    assert "| changed | 1.23 / 2.00 / 0.25 | failed | 4.0 |" in lines
+    assert "| default | 0.45 / -0.35 / 1.5 / 0.95 | 0.45 / -0.35 / 1.5 / 0.95 | +0.15 | +0.15 |" in lines
+    rows = json.loads((tmp_path / "ablation.json").read_text())
+    assert rows["default"]["y"]["rle_percent"] == 1.25 and rows["changed"]["y"] is None
+
+
+def test_covariance_table_of_several_drives(tmp_path):
+    def lengths(*values):
+        return [{"length_m": length, "nees_per_dof": nees, "within_2_sigma": share}
+                for length, (nees, share) in zip((10, 50, 100), values)]
+
+    folders = [write_metrics(tmp_path / name, covariance_by_length=by_length, first_metric_pose_m=first,
+                             first_scale_error_sigmas=scale)
+               for name, by_length, first, scale in (
+                   ("a", lengths((1.5, 0.9), (1.25, 0.8)), 2.5, -2.5), ("b", lengths((0.5, 1.0)), 7, 1.5),
+                   ("c", None, None, None))]
+    lines = run(tool("covariance_table.py"), *folders).stdout.splitlines()
+    assert [line.split() for line in lines[1:5]] == [
+        ["a", "1.50", "1.25", "-", "0.90", "0.80", "-", "2.50", "-2.50"],
+        ["b", "0.50", "-", "-", "1.00", "-", "-", "7.00", "1.50"], ["c"] + 8 * ["-"],
+        ["mean", "1.00", "1.25", "-", "0.95", "0.80", "-"]]
+    assert lines[5] == ("first metric pose within 3 m: 0.33 of 3 drives; first scale with a known true scale "
+                        "within 2 sigma: 0.33")
+
+
+def test_files_of_a_run(evaluated):
+    times = numpy.genfromtxt(evaluated / "timing.csv", delimiter=",", names=True)
+    assert (times["decode"] > 0).all() and (times["vo_total"] > 0).all() and (times["scale_total"][10:] > 0).all()
+    metrics = json.loads((evaluated / "metrics.json").read_text())
+    assert metrics["camera_height_m"] == 1.65 and abs(metrics["height_bias_percent"]) < 3
 
 
 def test_covariance_table(shortest, tmp_path):

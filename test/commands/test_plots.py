@@ -1,5 +1,6 @@
 """plot_run.py: what its plots show."""
 
+import json
 import sys
 
 import numpy as np
@@ -44,6 +45,55 @@ def test_counts_of_the_scale_plot_are_integers(figures, tmp_path, frames):
     assert histogram.get_xlabel() == "frames"
     ticks = histogram.get_xticks()
     assert len(ticks) > 1 and np.all(ticks == np.round(ticks)), ticks
+
+
+def line(axes, label):
+    return next(line for line in axes.lines if line.get_label() == label).get_xydata()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Results of 20 frames; each number is used in one place only."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    steps = np.arange(20.0)
+    for name, factor in (("poses", 1.1), ("poses_unscaled", 0.5), ("ground_truth", 1.0)):
+        poses = np.tile(np.eye(3, 4), (20, 1, 1))
+        poses[:, 0, 3], poses[:, 1, 3], poses[:, 2, 3] = 0.2 * factor * steps, -5, factor * steps
+        np.savetxt(folder / f"{name}.txt", poses.reshape(20, 12))
+    (folder / "scale.csv").write_text("frame,stamp,status,raw_scale,scale,sigma,map_id,vo_status\n" + "".join(
+        f"{i},{100 + 0.1 * i},{'held' if i in (5, 6) else 'ok'},{1.25 if i != 7 else 0},1.5,0.15,0,"
+        f"{'lost' if i == 9 else 'tracking'}\n" for i in range(20)))
+    (folder / "timing.csv").write_text("frame,vo_total,scale_total\n" + "".join(
+        f"{i},{(i + 1) ** 2 if i < 15 else 0},4\n" for i in range(20)))
+    errors = [{"length_m": length, "t_err_percent": 2.0, "r_err_deg_per_m": 0.03} for length in (10, 20)]
+    (folder / "metrics.json").write_text(json.dumps({
+        "length_m": 21.2, "t_err_percent": None, "r_err_deg_per_m": None, "camera_height_m": 1.65,
+        "by_short_length": errors, "by_length": [{**errors[0], "length_m": 100, "t_err_percent": 1.0}]}))
+    return folder
+
+
+def test_plots_of_a_run(figures, folder):
+    plot_run.draw(folder, False)
+    trajectory, scale, timing, errors = figures
+    axes = trajectory.axes[0]
+    assert line(axes, "estimate")[-1] == pytest.approx([0.2 * 1.1 * 19, 1.1 * 19])
+    assert line(axes, "ground truth")[-1] == pytest.approx([0.2 * 19, 19])
+    assert "21.2 m" in axes.get_title(loc="left")
+    heights, _, scales = scale.axes[:3]
+    unfiltered = line(heights, "unfiltered")
+    assert len(unfiltered) == 19 and unfiltered[:, 1] == pytest.approx(np.full(19, 1.65 * 1.5 / 1.25))
+    band = heights.collections[0].get_paths()[0].get_extents()
+    assert (band.y0, band.y1) == pytest.approx((1.65 * 0.8, 1.65 * 1.2))
+    assert line(scales, "filtered")[:, 1] == pytest.approx(np.full(20, 1.5))
+    assert {bars.get_label() for bars in scales.collections if "frames" in str(bars.get_label())} == {
+        "ok: 17 frames", "held: 2 frames", "lost: 1 frames"}
+    labels = [text.get_text().split() for text in timing.axes[1].get_yticklabels()]
+    assert labels == [["64.000", "75", "%"], ["4.000", "100", "%"]]  # median, share of the frames
+    translation, rotation = errors.axes
+    assert line(translation, "10 to 80 m").tolist() == [[10, 2], [20, 2]]
+    assert line(translation, "100 to 800 m: KITTI devkit").tolist() == [[100, 1]]
+    assert line(rotation, "10 to 80 m").tolist() == [[10, 0.03], [20, 0.03]]
 
 
 def test_medians_of_the_timing_plot_have_a_unit(figures, tmp_path):

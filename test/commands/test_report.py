@@ -1,11 +1,17 @@
 """scripts/report and derive_drives."""
 
 import json
+import sys
 
 import matplotlib.image
 import numpy
 import pytest
 from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, tool
+
+sys.path.insert(0, str(SCRIPTS))
+import benchmark_report  # noqa: E402
+import report_figures  # noqa: E402
+import report_tables  # noqa: E402
 
 REPORT = SCRIPTS / "report"
 DERIVE, RENDER = tool("derive_drives"), tool("render_drive")
@@ -25,6 +31,8 @@ def test_measures_once(shortest, tmp_path):
     assert figures["run"]["command"] == "scripts/report shortest --only sequences"
     assert report()
     assert not report("--again", "sequences", "--camera-height", "1.6")
+    metrics = json.loads((tmp_path / "sequences/shortest/metrics.json").read_text())
+    assert metrics["camera_height_m"] == 1.6
 
 
 def test_failed_part(shortest, tmp_path):
@@ -62,9 +70,7 @@ def test_faults_and_scenarios_are_collected(tmp_path):
     assert runs["default"]["violated"] == "" and 0 < runs["default"]["rle_percent"] < 1.5
 
 
-def test_consistency_intervals(monkeypatch):
-    monkeypatch.syspath_prepend(SCRIPTS)
-    import report_tables
+def test_consistency_intervals():
     drive = {"gt_length_m": 105.0, "nees_10": 1.38, "within_10": 0.90}
     for length in (50, 100):
         drive.update({f"nees_{length}": 1.40, f"within_{length}": None})
@@ -75,6 +81,119 @@ def test_consistency_intervals(monkeypatch):
     assert report_tables.share_interval(drive, 10) == pytest.approx([0.9018, 1], abs=1e-3)
     cells = report_tables.consistency_table({"run": {}, "it": drive}).splitlines()[2].split("|")[1:-1]
     assert [cell.strip().startswith("**") for cell in cells] == [False, False, False, False, True, False, False]
+
+
+def drive_metrics(**changes):
+    """Of metrics.json; each value differs from the others."""
+    lengths = [{"length_m": length, "nees_per_dof": 1 + 0.001 * length, "within_2_sigma": 0.9 + 0.0001 * length,
+                "nees_per_dof_exact_ground_truth": 2 + 0.001 * length} for length in (10, 50)]
+    values = {key: 0.25 + i for i, key in enumerate(report_figures.METRICS)}
+    return {"frames": 200, "tracked_frames": 199, "lost_events": 1, **values, "covariance_by_length": lengths,
+            **changes}
+
+
+@pytest.fixture
+def collected(tmp_path):
+    """collected(PART): what report_figures.py collects from the folder of that part."""
+    def collect(part):
+        run("/usr/bin/python3", SCRIPTS / "report_figures.py", part, tmp_path, "--version=abc")
+        return json.loads((tmp_path / f"{part}.json").read_text())
+    return collect
+
+
+def test_figures_of_sequences(collected, tmp_path):
+    for name, metrics in (("kitti_00_0000_0199", drive_metrics()), ("kitti_00_0000_0199_dark", drive_metrics()),
+                          ("other-1", drive_metrics(rle_percent=1.23456789, covariance_by_length=None))):
+        (tmp_path / "sequences" / name).mkdir(parents=True)
+        (tmp_path / "sequences" / name / "metrics.json").write_text(json.dumps(metrics))
+    figures = collected("sequences")
+    assert set(figures) == {"run", "00", "00_dark", "other_1"} and figures["run"]["version"] == "abc"
+    expected = {key: value for key, value in drive_metrics().items() if key != "covariance_by_length"}
+    assert figures["00"] == {**expected, "nees_10": 1.01, "nees_50": 1.05, "nees_100": None, "nees_exact_10": 2.01,
+                             "nees_exact_50": 2.05, "nees_exact_100": None, "within_10": 0.901, "within_50": 0.905,
+                             "within_100": None}
+    assert figures["other_1"]["rle_percent"] == 1.2346 and figures["other_1"]["nees_10"] is None
+
+
+def test_figures_of_faults_are_the_largest(collected, tmp_path):
+    """The lines are those of evaluate_faults."""
+    (tmp_path / "faults").mkdir()
+    line = ("  frames  40 to  80: black          4.0 s, hides: detected {} s, ok {}, tracking {}, metric {}, "
+            "excess path {} m, error {} m, sigma {} m\n")
+    (tmp_path / "faults/faults.txt").write_text(
+        "  frames  10 to  39:  30.0 m, error 1.25 %\n" + line.format("0.1", 0, 2, 5, "0.50", "3.0", "9.0") +
+        line.format("nan", 1, -1, 4, "0.25", "7.0", "2.0") + "2 drives, 1 with a violated threshold\n")
+    figures = collected("faults")
+    assert (figures["drives"], figures["violated"], figures["max_error_percent"]) == (2, 1, 1.25)
+    assert figures["kinds"] == {"black": {
+        "count": 2, "detected_s": 0.1, "ok_frames": 1, "tracking_frames": 2, "metric_frames": 5,
+        "excess_path_m": 0.5, "error_m": 7.0, "sigma_m": 9.0}}
+
+
+def test_figures_of_ablation_and_heights(collected, tmp_path):
+    for part in ("ablation", "heights"):
+        (tmp_path / part).mkdir()
+    run_of = {"rle_percent": 1.5, "held": 0.25, "within_2_sigma": 0.75, "displacement_sigmas": 2.5,
+              "violated": "RLE", "clearly": False}
+    (tmp_path / "ablation/ablation.json").write_text(json.dumps(
+        [{"drive": "night", "component": "c", "default": {**run_of, "frames": 7}}]))
+    assert collected("ablation")["night"] == {"component": "c", "default": run_of}
+    (tmp_path / "heights/low_1.truth").write_text("0.5\n")
+    (tmp_path / "heights/low_1.length.yaml").write_text(
+        "# x\ncamera_height: 0.5125  # [m] ± 0.0075 (95 %), 1.5 %\n")
+    assert collected("heights")["low_1"] == {"true_m": 0.5, "length": [0.5125, 0.0075], "trajectory": None}
+
+
+def test_figures_of_benchmark(collected, tmp_path):
+    stage = {"median": 1.5, "p95": 2.5, "p99": 3.5, "max": 4.5, "share": 0.75, "mean": 1.25}
+    latency = dict(zip(("median", "p95", "p99", "max"), (10.5, 11.5, 12.5, 13.5)))
+    report = {
+        "one_core": {"stages_ms": {column: stage for _, column, _ in benchmark_report.STAGES},
+                     "cpu_ms_per_frame": 20.5, "decode_cpu_ms_per_frame": 5.5},
+        "two_cores": {"frames_per_second": 70.5},
+        "pipeline_over_baseline": {"median": 1.75, "mean_with_adjustment": 2.25,
+                                   "mean_with_adjustment_and_its_detections": 3.25},
+        "memory": {"peak_rss_mb": 150.5, "frames": 1500},
+        "graph": [{"rate": 3.0, "latency_ms": latency, "latency_to_frame_ms": {key: 0.5 for key in latency},
+                   "dropped": 2, "cpu_ms_per_frame": 25.5, "peak_rss_mb": 160.5}]}
+    (tmp_path / "benchmark/kitti_00_0000_0199").mkdir(parents=True)
+    (tmp_path / "benchmark/kitti_00_0000_0199/benchmark.json").write_text(json.dumps(report))
+    figures = collected("benchmark")["00"]
+    assert figures.pop("stages") == [[label, 1.5, 2.5, 0.75] for _, _, label in benchmark_report.STAGES]
+    assert figures == {
+        "cpu_ms_per_frame": 20.5, "decode_cpu_ms_per_frame": 5.5, "ratio_mean": 2.25, "ratio_median": 1.75,
+        "ratio_same_detections": 3.25, "frames_per_second": 70.5, "peak_rss_mb": 150.5, "long_drive_frames": 1500,
+        "rates": {"3": {"median_ms": 10.5, "p99_ms": 12.5, "max_ms": 13.5, "dropped": 2, "cpu_ms_per_frame": 25.5,
+                        "peak_rss_mb": 160.5}}}
+
+
+def test_part_without_results_is_refused(tmp_path):
+    (tmp_path / "sequences").mkdir()
+    assert_refused(1, "no results", "/usr/bin/python3", SCRIPTS / "report_figures.py", "sequences", tmp_path)
+
+
+def test_tables():
+    assert report_tables.interval([1.0, 2.0, 3.0, None]) == "2.00 ± 0.58"
+    drive = report_figures.drive_figures(drive_metrics())
+    row = report_tables.sequence_table({"run": {}, "00": drive}).splitlines()[-1]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    number = {key: drive[key] for key in report_figures.METRICS}
+    assert cells[1:] == ["200 (1)", f"{number['gt_length_m']:.0f}", f"{number['rle_percent']:.2f}",
+                         f"{number['t_err_percent']:.2f}", f"{number['r_err_deg_per_m']:.4f}",
+                         f"{number['scale_within_2_sigma']:.2f}", f"{number['ms_total_median']:.0f}"]
+    stages = {"00": {"stages": [["track", 2.0, 3.0, 0.5], ["adjustment", 0.5, 0.75, 0.125]]}}
+    assert report_tables.stage_table(stages).splitlines()[2:] == [
+        "| track | 2.0 | 3.0 | 50 % |", "| adjustment | 0.50 | 0.75 | 12 % |"]
+
+
+def test_summary():
+    part = {str(i): {**report_figures.drive_figures(drive_metrics()), "first_scale_error_sigmas": sigmas,
+                     "first_metric_pose_m": first, "rle_percent": rle}
+            for i, (sigmas, first, rle) in enumerate([(-3.0, 2.0, 1.0), (-1.0, 4.0, 2.0), (None, None, None)])}
+    summary = report_tables.summary({"sequences": {"run": {}, **part}})
+    assert (summary["drives"], summary["pose_within_3_m"], summary["scale_within_2_sigma"]) == (3, 1, 1)
+    figures = summary["sequences"]
+    assert (figures["rle_percent"], figures["rle_percent_min"], figures["rle_percent_max"]) == (1.5, 1.0, 2.0)
 
 
 @pytest.fixture(scope="module")

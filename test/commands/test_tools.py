@@ -1,17 +1,62 @@
 """render_drive, kitti_to_bag, evaluate_bag, graph_observer, screenshot: arguments, damaged data, existing
 files, full disks."""
 
+import json
 import os
+import shutil
 
+import numpy as np
 import pytest
-from bags import IMAGE, copy, write_drive
+import rosbag
+import rospy
+from bags import IMAGE, INFO, copy, write_drive
 from conftest import SCRIPTS, assert_refused, on_full_disk, run, tool
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 RENDER_DRIVE, KITTI_TO_BAG, EVALUATE_BAG = map(tool, ("render_drive", "kitti_to_bag", "evaluate_bag"))
 
 
 def test_render_drive_no_such_scenario(tmp_path):
     assert_refused(2, "unknown scenario", RENDER_DRIVE, "--scenario", "none", tmp_path / "x")
+
+
+def rendered(folder, *arguments):
+    """times.txt, poses.txt and ground.txt of a drive with images of a quarter of the size."""
+    run(RENDER_DRIVE, "--frames", 2, "--size", "200x62", *arguments, folder)
+    return (np.loadtxt(folder / name) for name in ("times.txt", "poses.txt", "ground.txt"))
+
+
+def camera_matrix(folder):
+    return np.array((folder / "calib.txt").read_text().split()[1:], float).reshape(3, 4)[:, :3]
+
+
+def test_render_drive_options(short, tmp_path):
+    drive = ("--camera-height", 2, "--speed", 5, "--rate", 20, "--pitch", 0, "--curvature", 0, "--slope", 0)
+    times, poses, ground = rendered(tmp_path / "a", *drive, "--suspension", 0)
+    K, whole = camera_matrix(tmp_path / "a"), camera_matrix(short)
+    assert K[[0, 1], [0, 1]] == pytest.approx(whole[[0, 1], [0, 1]] / 4)
+    assert K[:2, 2] == pytest.approx((whole[:2, 2] + 0.5) / 4 - 0.5)  # (0, 0) is the centre of a pixel
+    assert times == pytest.approx([0, 0.05])
+    assert poses[1] == pytest.approx([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.25])
+    assert ground == pytest.approx(np.array([[2, 0, -1, 0]] * 2))
+
+
+def test_render_drive_seed(tmp_path):
+    def image(seed):
+        rendered(tmp_path / str(seed), "--seed", seed)
+        return (tmp_path / f"{seed}/image_0/000001.png").read_bytes()
+
+    assert image(1) != image(2)
+
+
+def test_rendered_ground_agrees_with_the_poses(short):
+    """The camera rises by the part of its motion along the road's normal; the suspension moves it."""
+    ground = np.loadtxt(short / "ground.txt")
+    poses = np.loadtxt(short / "poses.txt").reshape(-1, 3, 4)
+    steps = np.einsum("nji,nj->ni", poses[:-1, :, :3], np.diff(poses[:, :, 3], axis=0))
+    rise = np.einsum("ni,ni->n", ground[:-1, 1:], steps)
+    assert np.ptp(ground[:, 0]) > 0.005 and np.all(ground[:, 2] < -0.9)
+    assert np.allclose(np.diff(ground[:, 0]), rise, atol=1e-3)
 
 
 def test_render_drive_full_disk(tmp_path):
@@ -33,6 +78,46 @@ def test_kitti_to_bag_no_such_place(short, tmp_path):
 def test_kitti_to_bag_frames(short, tmp_path):
     assert_refused(1, "has frames 0 to 39", KITTI_TO_BAG, short, "--out", tmp_path / "x.bag",
                    "--start", 40)
+
+
+def rotation_matrix(q):
+    """Of a quaternion."""
+    axis = np.array([q.x, q.y, q.z])
+    cross = np.cross(np.eye(3), axis)
+    return np.eye(3) + 2 * q.w * cross + 2 * cross @ cross
+
+
+@pytest.mark.parametrize("style, start, parent, child", [
+    ("native", 5.5, "ground_truth", "ground_truth/camera_gray_left"),
+    ("kitti2bag", 0, "world", "camera_left"),
+])
+def test_kitti_to_bag_contents(shortest, tmp_path, style, start, parent, child):
+    """A stamp of 0 means no stamp in ROS, so these bags begin at 1 s."""
+    sequence, file = tmp_path / "sequence", tmp_path / "x.bag"
+    shutil.copytree(shortest, sequence)
+    stamps = start + np.loadtxt(shortest / "times.txt")
+    np.savetxt(sequence / "times.txt", stamps)
+    turned = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0], [0.48, 0.64, 0.6]])
+    poses = [np.hstack([np.linalg.matrix_power(turned, i), [[i], [2 * i], [3 * i]]]) for i in range(12)]
+    np.savetxt(sequence / "poses.txt", [pose.ravel() for pose in poses])
+    run(KITTI_TO_BAG, sequence, "--out", file, "--style", style, "--start", 2, "--end", 5)
+    messages = {}
+    with rosbag.Bag(str(file)) as bag:
+        for topic, message, _ in bag.read_messages():
+            messages.setdefault(topic, []).append(message)
+    assert set(messages) == {IMAGE, INFO, "/tf"} and [len(m) for m in messages.values()] == [4, 4, 4]
+    K = camera_matrix(shortest)
+    for i, image, info, tf in zip(range(2, 6), messages[IMAGE], messages[INFO], messages["/tf"]):
+        transform, = tf.transforms
+        for header in (image.header, info.header, transform.header):
+            assert header.stamp.to_sec() == pytest.approx(stamps[i] + (0 if start else 1))
+        assert image.header.frame_id == info.header.frame_id == "camera_gray_left"
+        assert (transform.header.frame_id, transform.child_frame_id) == (parent, child)
+        t = transform.transform.translation
+        assert [t.x, t.y, t.z] == pytest.approx([i, 2 * i, 3 * i])
+        assert rotation_matrix(transform.transform.rotation) == pytest.approx(poses[i][:, :3], abs=1e-6)
+        assert np.array(info.P).reshape(3, 4)[:, :3] == pytest.approx(K)
+        assert any(info.K) == (style == "native")
 
 
 def test_kitti_to_bag_damaged_folder(damaged_folder, tmp_path):
@@ -120,6 +205,104 @@ def test_evaluate_bag_with_a_slash_before_the_frame_of_the_images(tmp_path):
         "--camera-height", 1.65)
     last = (tmp_path / "out/poses.txt").read_text().splitlines()[-1].split()
     assert [round(float(last[k])) for k in (3, 7, 11)] == [0, 0, 99]
+
+
+def turned(yaw):
+    """Rotation matrix about z."""
+    return np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+
+
+def write_base_drive(played, recorded, yaw=0.7, factor=1.0, missing_truth=0):
+    """As write_drive(), but of a base_link, straight ahead along its x axis, in an odom frame and a ground
+    truth that are turned differently. The covariance grows along the motion only. The last ground truths
+    may be missing."""
+    ahead, true_ahead = turned(yaw) @ [1, 0, 0], turned(-0.4) @ [1, 0, 0]
+    variance = np.zeros((6, 6))
+    variance[:3, :3] = turned(yaw) @ np.diag([0.01, 1e-6, 1e-6]) @ turned(yaw).T
+    variance[3:, 3:] = 1e-12 * np.eye(3)
+    write_drive(played.with_suffix(".first"), recorded.with_suffix(".first"), factor)
+
+    def set_pose(position, orientation, p, heading):
+        position.x, position.y, position.z = p
+        orientation.x = orientation.y = 0
+        orientation.z, orientation.w = np.sin(heading / 2), np.cos(heading / 2)
+
+    images = iter(range(1000))
+
+    def change_played(topic, message):
+        if topic != "/tf":
+            return topic, message
+        i, transform = next(images), message.transforms[0]
+        transform.child_frame_id = "ground_truth/base_link"
+        set_pose(transform.transform.translation, transform.transform.rotation, i * true_ahead, -0.4)
+        return None if i >= 100 - missing_truth else (topic, message)
+
+    frames = iter(range(1000))
+
+    def change_recorded(topic, message):
+        if topic == "/scale":
+            message.map_id = 3
+        if topic == "/odometry":
+            i = next(frames)
+            message.child_frame_id = "base_link"
+            set_pose(message.pose.pose.position, message.pose.pose.orientation, factor * i * ahead, yaw)
+            message.pose.covariance = ((1 + i) * variance).ravel().tolist()
+        return topic, message
+
+    copy(played.with_suffix(".first"), played, change_played)
+    copy(recorded.with_suffix(".first"), recorded, change_recorded)
+
+
+def evaluated_drive(tmp_path, **options):
+    """Standard output, metrics and result folder of evaluate_bag for write_base_drive()."""
+    played, recorded, out = (tmp_path / name for name in ("played.bag", "recorded.bag", "out"))
+    write_base_drive(played, recorded, **options)
+    with rosbag.Bag(str(recorded), "a") as bag:  # after the last frame
+        values = [("mono_vo: odometry", "7.5"), ("scale_recovery: scale", "2.5")]
+        bag.write("/diagnostics", DiagnosticArray(status=[
+            DiagnosticStatus(name=name, values=[KeyValue("time of the last frame [ms]", value)])
+            for name, value in values]), rospy.Time(2000))
+    done = run(EVALUATE_BAG, "--played", played, "--recorded", recorded, "--out", out, "--camera-height", 1.2)
+    return done.stdout, json.loads((out / "metrics.json").read_text()), out
+
+
+def test_evaluate_bag_of_a_base_in_turned_frames(tmp_path):
+    """Both trajectories begin at the identity and go ahead along z of a camera. The error of 4 % of each
+    metre has a standard deviation of 0.1 m along the motion, 1 mm across it."""
+    output, metrics, out = evaluated_drive(tmp_path, factor=1.04)
+    assert "100 images in, 100 frames out of both nodelets, 0 lost" in output
+    for name, length in (("poses", 1.04 * 99), ("ground_truth", 99)):
+        pose = np.loadtxt(out / f"{name}.txt")[-1].reshape(3, 4)
+        assert pose == pytest.approx(np.hstack([np.eye(3), [[0], [0], [length]]]), abs=1e-4)
+    assert metrics["frames"] == metrics["tracked_frames"] == 100 and metrics["camera_height_m"] == 1.2
+    assert metrics["rle_percent"] == pytest.approx(4)
+    nees = metrics["covariance_by_length"][0]["nees_per_dof_exact_ground_truth"]
+    assert nees == pytest.approx((0.04 * 11) ** 2 / (11 * 0.01) / 6, rel=0.05)
+    assert (metrics["ms_vo_median"], metrics["ms_scale_median"]) == (7.5, 2.5)
+    assert ",3,tracking" in (out / "scale.csv").read_text().splitlines()[-1]
+
+
+@pytest.mark.parametrize("missing, frames", [(4, 96), (10, 100)])
+def test_evaluate_bag_without_the_last_ground_truth(tmp_path, missing, frames):
+    """The images have 10 Hz; without the last half second the drive is evaluated up to there."""
+    output, metrics, _ = evaluated_drive(tmp_path, missing_truth=missing)
+    assert metrics["frames"] == frames
+    assert metrics["gt_length_m"] == (pytest.approx(95) if missing == 4 else None)
+    assert f"covers only {100 - missing} of 100 frames" in output or missing == 4
+
+
+def test_evaluate_bag_counts_lost_frames(tmp_path):
+    scales = iter(range(1000))
+
+    def drop(topic, message):
+        return None if topic == "/scale" and next(scales) in (50, 51) else (topic, message)
+
+    drive, played, recorded = (tmp_path / f"{name}.bag" for name in ("drive", "played", "recorded"))
+    write_drive(played, drive, 1)
+    copy(drive, recorded, drop)
+    done = run(EVALUATE_BAG, "--played", played, "--recorded", recorded, "--out", tmp_path / "out",
+               "--camera-height", 1.65)
+    assert "100 images in, 98 frames out of both nodelets, 2 lost on the way" in done.stdout
 
 
 def test_evaluate_bag_no_such_bag(bag, tmp_path):

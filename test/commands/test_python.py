@@ -1,12 +1,14 @@
 """The Python module."""
 
 import ast
+import csv
 import importlib
 import json
 import math
 import re
 import sys
 import threading
+import types
 
 import numpy as np
 import pytest
@@ -71,6 +73,122 @@ def test_result(results):
     # The points on the road satisfy the plane's equation.
     distance = last.points @ last.plane[:3] + last.plane[3]
     assert (np.abs(distance) < 0.05).sum() > 10
+
+
+def test_results_are_those_of_run_sequence(gsv, short, results, evaluated):
+    with open(evaluated / "scale.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    for result, row in zip(results, rows):
+        assert (result.scale_status, result.reason) == (row["status"], row["reason"])
+        if result.scale is None:
+            continue
+        assert (result.scale, result.sigma) == pytest.approx((float(row["scale"]), float(row["sigma"])))
+        assert result.plane[:3] == pytest.approx([float(row[name]) for name in ("nx", "ny", "nz")])
+    # The distance is as uncertain as the scale, and the points are where the tracks show them.
+    last = results[-1]
+    ahead = last.pose[:3, 3] / np.linalg.norm(last.pose[:3, 3])
+    sigma = np.sqrt(ahead @ last.covariance[:3, :3] @ ahead) / np.linalg.norm(last.pose[:3, 3])
+    assert 0.5 < sigma / (last.sigma / last.scale) < 2
+    camera, known = gsv.read_kitti(short).camera, np.isfinite(last.points[:, 0])
+    x, y, z = last.points[known].T
+    pixels = np.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], -1)
+    assert np.median(np.linalg.norm(pixels - last.tracks[known], axis=1)) < 0.5
+
+
+def test_a_new_map_after_a_loss(gsv, short):
+    drive = gsv.read_kitti(short)
+    odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT)
+    # Mirrored, the street is another one.
+    results = [odometry.process(image if i < 12 else 0 * image if i < 16 else image[:, ::-1], stamp)
+               for i, (image, stamp) in enumerate(drive)]
+    assert [results[i].status for i in (11, 15, 39)] == ["tracking", "lost", "tracking"]
+    assert results[15].pose is None and results[39].map_id == results[11].map_id + 1
+
+
+def test_options_and_mask_are_used(gsv, shortest):
+    drive = gsv.read_kitti(shortest)
+    images = list(drive)
+
+    def last(**options):
+        odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT, **options)
+        return [odometry.process(image, stamp) for image, stamp in images][-1]
+
+    default = last()
+    assert len(last(**{"tracker/cell_size": 0.04}).tracks) < 0.7 * len(default.tracks)
+    assert len(last(**{"tracker/cell_size": 0.0405}).tracks) != len(last(**{"tracker/cell_size": 0.0495}).tracks)
+    assert last(refine=True).scale == default.scale != last(refine=False).scale
+    mask = np.full((drive.camera.height, drive.camera.width), 255, np.uint8)
+    mask[:, :400] = 0
+    assert default.tracks[:, 0].min() < 100 and last(mask=mask).tracks[:, 0].min() > 395
+
+
+def test_sequence(gsv, short):
+    drive = gsv.read_kitti(short)
+    assert drive.ground_truth[:, :3] == pytest.approx(read_poses(short / "poses.txt"))
+    assert drive.ground_truth_heights == pytest.approx(np.loadtxt(short / "ground.txt")[:, 0])
+    assert drive.stamps == pytest.approx(1e9 * np.loadtxt(short / "times.txt")) and drive.stamps.dtype == np.int64
+    assert [stamp for _, stamp in drive] == drive.stamps.tolist()
+    P = np.array((short / "calib.txt").read_text().split()[1:], float)
+    assert drive.camera[2:] == pytest.approx((P[0], P[5], P[2], P[6]))
+
+
+def test_calibration_files(gsv, tmp_path):
+    """The formats of the same camera, whose focal lengths differ."""
+    module = importlib.import_module("ground_scale_vo.calibration")
+    K = [[500.0, 0, 310], [0, 510, 230], [0, 0, 1]]
+    D = [-0.2, 0.05, 0.001, -0.001]
+    texts = {
+        "ros.yaml": json.dumps({"image_width": 640, "image_height": 480, "distortion_model": "plumb_bob",
+                                "camera_matrix": {"data": sum(K, [])},
+                                "distortion_coefficients": {"data": D + [0.0]}}),
+        "rational.yaml": json.dumps({"image_width": 640, "image_height": 480, "camera_matrix": {"data": sum(K, [])},
+                                     "distortion_model": "rational_polynomial",
+                                     "distortion_coefficients": {"data": D + [0.0] * 4}}),
+        "kalibr.yaml": json.dumps({"cam0": {"camera_model": "pinhole", "intrinsics": [500, 510, 310, 230],
+                                            "distortion_model": "radtan", "distortion_coeffs": D,
+                                            "resolution": [640, 480]}}),
+        "calib.txt": "P0: 500 0 310 0 0 510 230 0 0 0 1 0\nP1: 1 0 2 0 0 3 4 0 0 0 1 0\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+        calibration = module.read_calibration(tmp_path / name)
+        assert calibration.K.tolist() == K and not calibration.is_fisheye, name
+        assert calibration.size == (None if name == "calib.txt" else (640, 480))
+        assert calibration.D[:4].tolist() == ([0] * 4 if name == "calib.txt" else D)
+        assert module.Rectification(calibration, (640, 480)).camera == gsv.Camera(640, 480, 500, 510, 310, 230)
+
+
+def test_rectified_mask(gsv):
+    """Grey values above 0 are visible; a pixel that depends on a masked one is masked."""
+    module = importlib.import_module("ground_scale_vo.calibration")
+    K = np.array([[500.0, 0, 310], [0, 510, 230], [0, 0, 1]])
+    rectification = module.Rectification(module.Calibration((640, 480), K, False, np.array([0.2, 0, 0, 0])),
+                                         (640, 480))
+    mask = np.ones((480, 640), np.uint8)
+    mask[:, :320] = 0
+    rectified = rectification.mask(mask)
+    smooth = rectification.image(np.where(mask, 255, 0).astype(np.uint8))
+    assert set(np.unique(rectified)) == {0, 255} and ((smooth > 0) & (smooth < 255)).any()
+    assert np.array_equal(rectified == 255, smooth == 255)
+
+
+@pytest.mark.parametrize("encoding, order", [("mono8", None), ("rgb8", "rgb"), ("bgr8", "bgr"), ("rgba8", "rgba"),
+                                             ("bgra8", "bgra"), ("bayer_rggb8", "rggb"), ("bayer_bggr8", "bggr"),
+                                             ("bayer_gbrg8", "gbrg"), ("bayer_grbg8", "grbg")])
+def test_encodings_of_a_bag(gsv, encoding, order):
+    """An image of one colour, with padding at the ends of the rows."""
+    module = importlib.import_module("ground_scale_vo.images")
+    colour, grey = {"r": 200, "g": 100, "b": 20, "a": 255}, 0.299 * 200 + 0.587 * 100 + 0.114 * 20
+    if order is None:
+        pixels = np.full((8, 10), round(grey))
+    elif encoding.startswith("bayer"):
+        pixels = np.tile(np.array([colour[c] for c in order]).reshape(2, 2), (4, 5))
+    else:
+        pixels = np.tile([colour[c] for c in order], (8, 10))
+    rows = np.hstack([pixels, np.full((8, 3), 77)]).astype(np.uint8)
+    message = types.SimpleNamespace(encoding=encoding, width=10, height=8, step=rows.shape[1], data=rows.tobytes())
+    image = module._grey_of(message, "/image")
+    assert image.shape == (8, 10) and np.abs(image[2:-2, 2:-2] - grey).max() <= 1
 
 
 def test_array_may_be_reused_and_need_not_be_contiguous(gsv, short, results):

@@ -1,7 +1,9 @@
 """The command `ground_scale_vo run` of the Python package."""
 
+import importlib
 import json
 
+import bags
 import cv2
 import numpy as np
 import pytest
@@ -49,12 +51,60 @@ def test_kitti_folder_as_run_sequence(command, short, evaluated, tmp_path):
         assert (results / name).read_text() == (evaluated / name).read_text()
     for plot in ("trajectory", "scale", "timing", "errors"):
         assert (results / f"{plot}.png").stat().st_size > 0
-    assert json.loads((results / "metrics.json").read_text())["rle_percent"] is not None
+    metrics = json.loads((results / "metrics.json").read_text())
+    assert metrics["rle_percent"] is not None and metrics["height_bias_percent"] is not None
 
 
 def test_bag_as_run_sequence(command, bag, short, evaluated, tmp_path):
     run(*command, bag, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
     assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
+
+
+def test_options_reach_the_odometry(command, shortest, evaluated, tmp_path):
+    mask, height = tmp_path / "mask.png", 2 * CAMERA_HEIGHT
+    image = images_of(shortest)[0]
+    image[:] = 0
+    cv2.imwrite(str(mask), image)
+    done = run(*command, shortest, "--mask", mask, "--camera-height", height, env=WITHOUT_MESSAGES)
+    assert "12 frames, 0 tracked" in done.stdout
+    assert json.loads((tmp_path / "out/shortest/metrics.json").read_text())["camera_height_m"] == height
+
+
+@pytest.mark.parametrize("text, name, value", [("refine=false", "refine", False), ("refine=true", "refine", True),
+                                               ("tracker/cell_size=0.02", "tracker/cell_size", 0.02)])
+def test_values_of_options(gsv, text, name, value):
+    module = importlib.import_module("ground_scale_vo.command_line")
+    assert module.parse(["run", "x", "--camera-height", "1", "--set", text]).set == [(name, value)]
+
+
+def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
+    folder = tmp_path / "raw"
+    folder.mkdir()
+    (folder / "times.txt").write_text("0\n0.1\n0.05\n0.07\n0.2\n")
+    for i, image in enumerate(images_of(shortest)[:5]):
+        cv2.imwrite(str(folder / f"{4 - i}.PNG"), image)  # the order is that of the names
+    done = run(*command, folder, "--camera", shortest / "calib.txt", env=WITHOUT_MESSAGES)
+    assert "2 images are skipped" in done.stderr and "raw: 3 frames" in done.stdout
+    stamps = np.loadtxt(tmp_path / "out/raw/trajectory_tum.txt")[:, 0]
+    assert stamps == pytest.approx([0, 0.1, 0.2])
+
+
+def test_images_of_a_compressed_bag(gsv, bag, short, tmp_path):
+    compressed = tmp_path / "compressed.bag"
+    bags.compress(bag, compressed)
+    drive = importlib.import_module("ground_scale_vo.images").open_images(compressed, None)
+    image, stamp = next(drive.images)
+    assert (drive.count, stamp) == (FRAMES, 1000000000)
+    assert cv2.absdiff(image, images_of(short)[0]).mean() < 3
+
+
+def test_calibration_replaces_that_of_the_kitti_folder(command, shortest, tmp_path):
+    """One for images of another size is refused."""
+    (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
+        "camera_model": "pinhole", "intrinsics": [500, 500, 400, 120], "distortion_model": "none",
+        "distortion_coeffs": [], "resolution": [10, 20]}}))
+    assert_refused(1, "the calibration is of 10x20", *command, shortest, "--camera", tmp_path / "camera.yaml",
+                   env=WITHOUT_MESSAGES)
 
 
 def test_damaged_bag_is_refused(command, damaged_bag, short):

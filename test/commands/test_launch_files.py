@@ -7,7 +7,9 @@ from xml.etree import ElementTree
 import conftest
 import pytest
 import roslaunch.config
+import roslaunch.substitution_args
 import roslaunch.xmlloader
+import yaml
 from conftest import ROOT, TIMEOUT_S, run
 
 LAUNCH = ROOT / "launch"
@@ -40,6 +42,7 @@ def usb_cam(tmp_path, monkeypatch):
     package.mkdir()
     (package / "package.xml").write_text("<package><name>usb_cam</name></package>")
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{package}:{os.environ['ROS_PACKAGE_PATH']}")
+    monkeypatch.setattr(roslaunch.substitution_args, "_rospack", None)  # remembers that path
 
 
 @pytest.mark.parametrize("call", CALLS)
@@ -48,6 +51,121 @@ def test_resolves_to_nodes(call, height_file, usb_cam, tmp_path):
     driver.write_text('<launch><node pkg="p" type="t" name="n"/></launch>')
     file, *arguments = call.replace("HEIGHT", str(height_file)).replace("DRIVER", str(driver)).split()
     assert run("roslaunch", "--nodes", LAUNCH / file, *arguments).stdout.strip()
+
+
+def loaded(file, *arguments):
+    """Of a launch file: its nodes by name, their remappings, and the values of all parameters."""
+    config = roslaunch.config.ROSLaunchConfig()
+    roslaunch.xmlloader.XmlLoader().load(str(LAUNCH / file), config, argv=list(arguments), verbose=False)
+    nodes = {node.namespace + node.name: node for node in config.nodes}
+    remappings = {name: {old: new if new.startswith("/") else node.namespace + new for old, new in node.remap_args}
+                  for name, node in nodes.items()}
+    return nodes, remappings, {name: parameter.value for name, parameter in config.params.items()}
+
+
+SHARED = ["camera_height:=1.2", "mask:=/m.png", "odom_frame:=map", "base_frame:=base"]
+
+
+@pytest.mark.parametrize("file, arguments, image, info, transport, is_rectified, publish_tf", [
+    ("ground_scale_vo.launch", ["image:=cam/image/compressed", "camera_info:=cam/info", "image_is_rectified:=true",
+                                "publish_tf:=false"], "/cam/image", "/cam/info", "compressed", True, False),
+    ("ground_scale_vo.launch", [], "/camera/image_raw", "/camera/camera_info", "raw", False, True),
+    ("kitti.launch", ["bag:=/x.bag", "image:=cam/image/compressed", "camera_info:=cam/info",
+                      "image_is_rectified:=false"], "/cam/image", "/cam/info", "compressed", False, True),
+    ("kitti.launch", ["bag:=/x.bag"], "/kitti/camera_gray_left/image_rect", "/kitti/camera_gray_left/camera_info",
+     "raw", True, True),
+    ("live_camera.launch", ["camera:=cam", "transport:=compressed", "image_is_rectified:=true",
+                            "publish_tf:=false"], "/cam/image_raw", "/cam/camera_info", "compressed", True, False),
+    ("live_camera.launch", [], "/camera/image_raw", "/camera/camera_info", "raw", False, True),
+])
+def test_arguments_reach_both_nodelets(file, arguments, image, info, transport, is_rectified, publish_tf):
+    nodes, remappings, parameters = loaded(file, *SHARED, *arguments)
+    for nodelet in ("/mono_vo", "/scale_recovery"):
+        assert remappings[nodelet] == {"image": image, "camera_info": info}
+        assert parameters[f"{nodelet}/image_transport"] == transport
+        assert parameters[f"{nodelet}/image_is_rectified"] is is_rectified
+        assert parameters[f"{nodelet}/mask"] == "/m.png"
+        assert nodes[nodelet].args.endswith(" --no-bond")
+    assert parameters["/scale_recovery/camera_height"] == 1.2
+    assert parameters["/scale_recovery/odom_frame"] == "map"
+    assert parameters["/scale_recovery/base_frame"] == "base"
+    assert parameters["/scale_recovery/publish_tf"] is publish_tf
+
+
+def test_configuration_has_the_default_values():
+    """Those of the reference, which another test compares with the code."""
+    _, _, parameters = loaded("ground_scale_vo.launch")
+    page = (ROOT / "docs/reference/parameters.md").read_text()
+    for nodelet, heading in (("mono_vo", "### MonoVo"), ("scale_recovery", "### ScaleRecovery")):
+        section = page.split(heading)[1].split("\n#")[0]
+        defaults = dict(re.findall(r"^\| `([a-z_/]+)` \|[^|]*\| `([^`]*)` ", section, re.MULTILINE))
+        names = re.findall(r"^(\w+):", (ROOT / f"config/{nodelet}.yaml").read_text(), re.MULTILINE)
+        assert len(names) >= 3
+        for name in names:
+            assert parameters[f"/{nodelet}/{name}"] == yaml.safe_load(defaults[name]), name
+
+
+def test_kitti_launch_plays_the_bag():
+    nodes, remappings, parameters = loaded("kitti.launch", "bag:=/x.bag", "rate:=2.5", "record:=/y.bag",
+                                           "required:=true")
+    player = nodes["/bag_player"].args
+    assert "--clock" in player and "--rate=2.5 " in player and "--bags='/x.bag'" in player
+    topics = player.split("--topics ")[1].split()
+    prefix = "/kitti/camera_gray_left/"
+    assert topics == [prefix + name for name in ("image_rect", "image_raw", "image", "camera_info")] + \
+        ["/tf", "/tf_static"]
+    assert remappings["/bag_player"] == {
+        prefix + "image_raw": prefix + "image_rect", prefix + "image": prefix + "image_rect",
+        "/tf": "/ground_truth/tf", "/tf_static": "/ground_truth/tf_static"}
+    assert nodes["/bag_recorder"].args == "'/y.bag' --min-space=1k scale odometry vo/odometry /diagnostics"
+    assert parameters["/playback_monitor/exit_at_end"] is True and parameters["/playback_monitor/rate"] == "2.5"
+    assert parameters["/scale_recovery/camera_height"] == 1.65 and parameters["/use_sim_time"] is True
+    # With a base_frame the mounting is on /tf_static.
+    _, remappings, _ = loaded("kitti.launch", "bag:=/x.bag", "base_frame:=base_link")
+    assert "/tf_static" not in remappings["/bag_player"]
+    assert remappings["/ground_truth_relay"] == {"ground_truth/tf_static": "/tf_static"}
+
+
+def test_live_camera_starts_driver_and_mounting(usb_cam):
+    nodes, _, parameters = loaded(
+        "live_camera.launch", "camera_height:=1.2", "driver:=usb_cam", "width:=800", "height:=600", "framerate:=20",
+        "device:=/dev/video3", "calibration:=file:///c.yaml", "mounting:=1 2 3 0 0 0 1", "camera_frame:=lens",
+        "base_frame:=base")
+    expected = {"video_device": "/dev/video3", "image_width": 800, "image_height": 600, "framerate": 20,
+                "camera_frame_id": "lens", "camera_info_url": "file:///c.yaml", "autofocus": False}
+    assert {name: parameters[f"/camera/{name}"] for name in expected} == expected
+    assert nodes["/mounting"].args == "1 2 3 0 0 0 1 base lens"
+    _, _, parameters = loaded("live_camera.launch", "camera_height:=1.2", "driver:=usb_cam")
+    assert "/camera/camera_info_url" not in parameters
+
+
+def test_two_vehicles_have_their_own_arguments():
+    nodes, remappings, parameters = loaded("two_vehicles.launch", "first:=a", "second:=b", "first_height:=1.2",
+                                           "second_height:=1.65", "first_mask:=/a.png", "second_mask:=/b.png",
+                                           "use_base_link:=true", "image:=cam/image", "camera_info:=cam/info")
+    for name, height in (("a", 1.2), ("b", 1.65)):
+        scale = f"/{name}/scale_recovery"
+        assert parameters[f"{scale}/camera_height"] == height
+        assert parameters[f"{scale}/odom_frame"] == f"{name}/odom"
+        assert parameters[f"{scale}/base_frame"] == f"{name}/base_link"
+        for nodelet in (f"/{name}/mono_vo", scale):
+            assert parameters[f"{nodelet}/mask"] == f"/{name}.png"
+            assert remappings[nodelet] == {"image": f"/{name}/cam/image", "camera_info": f"/{name}/cam/info"}
+            assert " /vehicles_manager" in nodes[nodelet].args
+
+
+@pytest.mark.parametrize("image, remapped, transport", [
+    ("cam/image", "/cam/image", "raw"), ("cam/image/compressed", "/cam/image", "compressed"), ("", None, "raw")])
+def test_arguments_of_another_vo(image, remapped, transport):
+    _, remappings, parameters = loaded(
+        "another_vo.launch", "camera_height:=1.2", "odometry:=orb/odometry", "tracks:=orb/tracks",
+        f"image:={image}", "camera_info:=cam/info", "mask:=/m.png", "base_frame:=base", "publish_tf:=false")
+    assert remappings["/feed_another_vo"] == {"odometry_up_to_scale": "/orb/odometry", "tracks": "/orb/tracks",
+                                              "camera_info": "/cam/info"}
+    assert remappings["/scale_recovery"] == {"camera_info": "/cam/info", **({"image": remapped} if image else {})}
+    expected = {"camera_height": 1.2, "refine": bool(image), "image_is_rectified": True, "mask": "/m.png",
+                "base_frame": "base", "publish_tf": False, "image_transport": transport}
+    assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
 
 
 @pytest.mark.parametrize("call", CALLS)

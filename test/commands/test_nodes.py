@@ -1,6 +1,9 @@
 """The Python nodes that the launch files start."""
 
 import fcntl
+import importlib.machinery
+import importlib.util
+import math
 import os
 import re
 import signal
@@ -9,6 +12,7 @@ import subprocess
 
 import pytest
 from conftest import ROOT, TIMEOUT_S
+from geometry_msgs.msg import Quaternion
 
 MODULE_OF_ROS = re.compile(rb"\| +(gen(msg|py)|ros\w+|yaml|numpy)\b")  # or of its dependencies
 
@@ -51,3 +55,48 @@ def test_interrupt_during_the_registration_ends_silently(node, tmp_path):
         finally:
             process.kill()
     assert process.returncode == -signal.SIGINT and not output, output
+
+
+@pytest.fixture
+def node(request):
+    """A node as a module."""
+    handler = signal.getsignal(signal.SIGINT)
+    loader = importlib.machinery.SourceFileLoader(request.param, str(ROOT / "nodes" / request.param))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(request.param, loader))
+    loader.exec_module(module)
+    signal.signal(signal.SIGINT, handler)  # the node has set its own
+    return module
+
+
+def product(a, b):
+    """Of two quaternions."""
+    return Quaternion(a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+                      a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z)
+
+
+@pytest.mark.parametrize("node", ["view_frame"], indirect=True)
+@pytest.mark.parametrize("yaw", [-2.0, 0.0, 0.3, 1.5])
+def test_heading_of_the_view(node, yaw):
+    """Of a base, and of a camera on it that looks down a little."""
+    base = Quaternion(0, 0, math.sin(yaw / 2), math.cos(yaw / 2))
+    level = product(base, Quaternion(-0.5, 0.5, -0.5, 0.5))
+    camera = product(level, Quaternion(-math.sin(0.1), 0, 0, math.cos(0.1)))
+    assert node.heading(base, False) == pytest.approx(yaw)
+    assert node.heading(camera, True) == pytest.approx(yaw)
+
+
+@pytest.mark.parametrize("node", ["view_frame"], indirect=True)
+def test_view_is_at_the_position_and_level(node):
+    published = []
+    view = node.ViewFrame.__new__(node.ViewFrame)
+    view._camera_frame = "camera"
+    view._publisher = type("Publisher", (), {"publish": lambda _, message: published.append(message)})()
+    odometry = node.Odometry(child_frame_id="base_link")
+    odometry.header.frame_id = "odom"
+    position, q = odometry.pose.pose.position, odometry.pose.pose.orientation
+    position.x, position.y, position.z, q.z, q.w = 1, 2, 3, math.sin(0.4), math.cos(0.4)
+    view._on_odometry(odometry)
+    transform = published[0].transforms[0]
+    t, r = transform.transform.translation, transform.transform.rotation
+    assert (transform.header.frame_id, t.x, t.y, t.z) == ("odom", 1, 2, 3)
+    assert (r.x, r.y, r.z, r.w) == pytest.approx((0, 0, math.sin(0.4), math.cos(0.4)))

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "support/road_image.hpp"
@@ -440,6 +442,135 @@ TEST(DirectPlaneEstimator, ResetDropsTheReferenceImages) {
   drive(&estimator, scene, scene.height);
   estimator.reset();
   EXPECT_EQ(drive(&estimator, scene, scene.height, 1).status, ScaleReason::kStandstill);
+}
+
+/// Result of the last of the images, which show frame 0, 1 ... of the scene.
+DirectPlaneEstimator::Result estimateWith(const DirectPlaneEstimator::Options& options,
+                                          const RoadScene& scene,
+                                          const std::vector<cv::Mat>& images,
+                                          const NormalPrior& prior, double predicted) {
+  DirectPlaneEstimator estimator(options);
+  DirectPlaneEstimator::Result result;
+  for (std::uint32_t i = 0; i < images.size(); ++i) {
+    result = estimator.estimate(scene.frame(i), images[i], prior, std::nullopt, predicted);
+  }
+  return result;
+}
+
+std::vector<cv::Mat> imagesOf(const RoadScene& scene, int frames) {
+  std::vector<cv::Mat> images;
+  for (int i = 0; i < frames; ++i) images.push_back(roadImage(scene, scene.step * i));
+  return images;
+}
+
+TEST(DirectPlaneEstimator, EachLimitRejectsAPlane) {
+  const RoadScene scene = road();
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
+  using Options = DirectPlaneEstimator::Options;
+  const auto statusWith = [&](const std::function<void(Options*)>& set) {
+    Options options;
+    set(&options);
+    return estimateWith(options, scene, images, priorOf(scene, kPriorSigma), 1.04 * scene.height)
+        .status;
+  };
+  EXPECT_EQ(statusWith([](Options*) {}), ScaleReason::kNone);
+  EXPECT_EQ(statusWith([](Options* o) { o->max_height_change = 1.02; }), ScaleReason::kNoPlane);
+  EXPECT_EQ(statusWith([](Options* o) { o->min_correlation = 0.999; }), ScaleReason::kNoPlane);
+  EXPECT_EQ(statusWith([](Options* o) { o->max_sigma = 2e-4; }), ScaleReason::kNoPlane);
+  EXPECT_EQ(statusWith([](Options* o) { o->min_patches = 10000; }), ScaleReason::kNoPlane);
+}
+
+TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
+  const RoadScene scene = road();
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
+  using Options = DirectPlaneEstimator::Options;
+  const auto errors = {&Options::rotation_sigma_rad, &Options::direction_sigma_rad,
+                       &Options::roughness_heights, &Options::curvature_sigma};
+  const auto sigmaWith = [&](double Options::*error) {
+    Options options;
+    for (const auto other : errors) options.*other = 1e-6;
+    if (error) options.*error = 0.01;
+    const auto result =
+        estimateWith(options, scene, images, priorOf(scene, kPriorSigma), scene.height);
+    EXPECT_EQ(result.status, ScaleReason::kNone);
+    return result.height_sigma;
+  };
+  const double without = sigmaWith(nullptr);
+  for (const auto error : errors) EXPECT_GT(sigmaWith(error), 1.2 * without);
+}
+
+TEST(DirectPlaneEstimator, ThePriorsOfPitchAndRollAreIndependent) {
+  const RoadScene scene = road();
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
+  RoadScene pitched = scene, rolled = scene;
+  pitched.pitch += 0.01;
+  rolled.roll += 0.01;
+  const auto normalWith = [&](const RoadScene& expected, double pitch_sigma, double roll_sigma) {
+    NormalPrior prior = priorOf(expected);
+    prior.pitch_sigma = pitch_sigma;
+    prior.roll_sigma = roll_sigma;
+    const auto result = estimateWith({}, scene, images, prior, scene.height);
+    EXPECT_EQ(result.status, ScaleReason::kNone);
+    return result.plane.n_c;
+  };
+  constexpr double kTight = 1e-5, kLoose = 0.05;
+  EXPECT_LT((normalWith(pitched, kLoose, kTight) - scene.normal()).norm(), 0.003);
+  EXPECT_LT((normalWith(pitched, kTight, kLoose) - pitched.normal()).norm(), 0.003);
+  EXPECT_LT((normalWith(rolled, kTight, kLoose) - scene.normal()).norm(), 0.004);
+  EXPECT_LT((normalWith(rolled, kLoose, kTight) - rolled.normal()).norm(), 0.003);
+}
+
+// A rear-facing camera on a flat road: the earlier camera above the patches.
+TEST(DirectPlaneEstimator, DistanceAndSigmaAreThoseOfTheCameraAboveThePatches) {
+  RoadScene scene = road();
+  scene.step = -0.3;
+  NormalPrior prior = priorOf(scene, kPriorSigma);
+  prior.forward_c = -prior.forward_c;
+  DirectPlaneEstimator with_path({}), without_path({});
+  CameraPath path;
+  DirectPlaneEstimator::Result above, behind;
+  for (std::uint32_t i = 0; i < 40; ++i) {
+    const VoFrame frame = scene.frame(i);
+    path.add(frame.T_w_c, prior, 0.3, 20 * scene.height);
+    if (i < 36) continue;
+    const cv::Mat image = roadImage(scene, scene.step * i);
+    above = with_path.estimate(frame, image, prior, std::nullopt, scene.height, path);
+    behind = without_path.estimate(frame, image, prior, std::nullopt, scene.height);
+  }
+  ASSERT_EQ(above.status, ScaleReason::kNone);
+  ASSERT_EQ(behind.status, ScaleReason::kNone);
+  EXPECT_NEAR(above.road_distance, scene.height, 0.1 * scene.height);
+  EXPECT_GT(behind.road_distance, 2 * scene.height);
+  EXPECT_LT(above.height_sigma, 0.8 * behind.height_sigma);
+}
+
+TEST(DirectPlaneEstimator, ResetMakesASearchDue) {
+  const RoadScene scene = road();
+  const double wrong = 2.5 * scene.height;
+  DirectPlaneEstimator estimator({});
+  EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+  EXPECT_FALSE(drive(&estimator, scene, wrong, 2).searched);
+  estimator.reset();
+  EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+}
+
+TEST(DirectPlaneEstimator, ANewCameraAndANewMaskAreUsed) {
+  const RoadScene scene = road();
+  RoadScene other = scene;
+  other.camera = {560, 200, 300.0, 300.0, 280.0, 90.0};
+  DirectPlaneEstimator estimator({});
+  drive(&estimator, other, scene.height);
+  const auto result = drive(&estimator, scene, 1.03 * scene.height);
+  const auto expected = drive(scene, 1.03 * scene.height);
+  ASSERT_EQ(expected.status, ScaleReason::kNone);
+  EXPECT_EQ(result.plane.height, expected.plane.height);
+  EXPECT_EQ(result.patches, expected.patches);
+
+  const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));
+  const auto masked =
+      estimator.estimate(scene.frame(4), roadImage(scene, 4 * scene.step),
+                         priorOf(scene, kPriorSigma), std::nullopt, scene.height, {}, mask);
+  EXPECT_EQ(masked.patches, 0);
 }
 
 TEST(DirectPlaneEstimator, BadOptionsAreRefused) {

@@ -97,6 +97,39 @@ TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
   EXPECT_EQ(on_kerb, 0);
 }
 
+TEST(GroundPointExtraction, FindsTheSamePointsInAnyUnit) {
+  const auto idsIn = [](double unit) {
+    RoadScene scene = road();
+    scene.depth_sigma = 0.005;
+    scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement
+    scene.height *= unit;
+    for (Eigen::Vector3d& point : scene.points) point *= unit;
+    std::vector<std::uint64_t> ids;
+    for (const GroundPoint& point : extract(scene, scene.frame(0)).points) ids.push_back(point.id);
+    return ids;
+  };
+  const auto ids = idsIn(1);
+  EXPECT_GT(ids.size(), 100u);
+  EXPECT_EQ(idsIn(0.0625), ids);
+  EXPECT_EQ(idsIn(256), ids);
+}
+
+// Road and pavement have enough points together, but not each.
+TEST(GroundPointExtraction, AFailureHasNoPoints) {
+  RoadScene scene;
+  scene.depth_sigma = 0.005;
+  scene.addPatch(200, -1.0, 0, 1.0, 9.0, 0, 1);
+  scene.addPatch(200, 0, 1.0, 1.0, 9.0, -0.1, 3);
+  const std::size_t visible = scene.frame(0).features.size();
+  GroundPointExtraction::Options options;
+  options.min_points = static_cast<int>(7 * visible / 10);
+  const auto failed = extract(scene, scene.frame(0), options);
+  EXPECT_EQ(failed.status, ScaleReason::kNoPlane);
+  EXPECT_TRUE(failed.points.empty());
+  options.min_points = static_cast<int>(3 * visible / 10);
+  EXPECT_EQ(extract(scene, scene.frame(0), options).status, ScaleReason::kNone);
+}
+
 TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
   RoadScene scene = road();
   scene.addPatch(400, 1.2, 2.5, 1.0, 9.0, 0, 4);

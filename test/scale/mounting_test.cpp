@@ -33,13 +33,16 @@ TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
 
 TEST(Mounting, SigmaIsThatOfTheRollUntilAPlaneIsMeasured) {
   RoadScene scene;
-  Mounting mounting({});
+  Mounting::Options options;
+  options.initial_roll_sigma = 0.7 * options.initial_pitch_sigma;
+  Mounting mounting(options);
+  EXPECT_DOUBLE_EQ(mounting.sigma(), options.initial_pitch_sigma);
   MotionHistory history;
   for (int i = 0; i < 400; ++i) {
     history.add(scene.frame(static_cast<std::uint32_t>(i)).T_w_c);
     mounting.update(history.chord(3), nullptr, scene.step, scene.height);
   }
-  EXPECT_NEAR(mounting.sigma(), Mounting::Options().initial_roll_sigma, 1e-6);
+  EXPECT_NEAR(mounting.sigma(), options.initial_roll_sigma, 1e-6);
 }
 
 TEST(Mounting, ReverseGivesTheSamePitch) {

@@ -115,6 +115,25 @@ TEST(PlaneFit, SigmaIsThatOfRepeatedFits) {
   EXPECT_LT(ratio, 1.4);
 }
 
+TEST(PlaneFit, IsTheSameInAnyUnit) {
+  const auto points = pointsOn(kPlane, 120, 0.03, 3, 3);
+  const auto expected = PlaneFit({}).fit(points, loosePrior(), 1.0);
+  for (const double unit : {0.01, 300.0}) {
+    auto scaled = points;
+    for (PlanePoint& point : scaled) {
+      point.p_c *= unit;
+      point.origin_c *= unit;
+      point.depth *= unit;
+      point.depth_sigma *= unit;
+    }
+    const auto result = PlaneFit({}).fit(scaled, loosePrior(), unit);
+    ASSERT_EQ(result.status, ScaleReason::kNone) << unit;
+    EXPECT_EQ(result.inliers.size(), expected.inliers.size());
+    EXPECT_NEAR(result.plane.height / unit, expected.plane.height, 1e-3);
+    EXPECT_NEAR(result.height_sigma / unit, expected.height_sigma, 0.02 * expected.height_sigma);
+  }
+}
+
 // The reported errors of the depths are three times too large.
 TEST(PlaneFit, SigmaAdaptsToTheResiduals) {
   auto points = pointsOn(kPlane, 2000, 0.03, 3, 3);

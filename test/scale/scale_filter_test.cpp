@@ -135,13 +135,15 @@ TEST(ScaleFilter, AfterALongerDistanceTheStateFollowsMoreSlowly) {
   EXPECT_LT(mature.height(), 1.03);
 }
 
-TEST(ScaleFilter, StartsAfterAMinimumDistance) {
-  ScaleFilter filter({});
-  filter.predict(0.3, 0);
-  EXPECT_FALSE(filter.update(0.8, 0.02, kRoadDistance));  // 0.4 camera heights
-  EXPECT_FALSE(filter.known());
-  filter.predict(0.2, 0);
-  EXPECT_TRUE(filter.update(0.8, 0.02, kRoadDistance));
+TEST(ScaleFilter, StartsAfterAMinimumDistanceInAnyUnit) {
+  for (const double unit : {0.1, 1.0, 10.0}) {
+    ScaleFilter filter({});
+    filter.predict(0.3 * unit, 0);
+    EXPECT_FALSE(filter.update(0.8 * unit, 0.02 * unit, kRoadDistance));  // 0.4 camera heights
+    EXPECT_FALSE(filter.known());
+    filter.predict(0.2 * unit, 0);
+    EXPECT_TRUE(filter.update(0.8 * unit, 0.02 * unit, kRoadDistance));
+  }
 }
 
 TEST(ScaleFilter, AveragesNoiseAndSigmaFalls) {

@@ -40,9 +40,12 @@ TEST(Camera, rejectsInvalidIntrinsics) {
   EXPECT_NO_THROW(camera.validate());
   camera.fx = -464;
   EXPECT_THROW(camera.validate(), OptionError);
-  camera = testCamera();
-  camera.cy = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(camera.validate(), OptionError);
+  for (double PinholeCamera::*field :
+       {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {
+    camera = testCamera();
+    camera.*field = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THROW(camera.validate(), OptionError);
+  }
   camera = testCamera();
   camera.width = 0;
   EXPECT_THROW(camera.validate(), OptionError);

@@ -30,6 +30,7 @@ TEST(Exposure, ReportsNoStepForOtherChanges) {
   EXPECT_EQ(exposureStep(scene(), scene()), 1);
   EXPECT_EQ(exposureStep(scene(), scene(7)), 1) << "motion";
   EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 1.15)), 1) << "too small";
+  EXPECT_EQ(exposureStep(applyGain(scene(), 0.3), applyGain(scene(), 1.8)), 1) << "too large";
   EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 0)), 1) << "black";
   EXPECT_EQ(exposureStep(scene(), cv::Mat(24, 80, CV_8UC1, cv::Scalar(255))), 1) << "white";
   cv::Mat half = scene();

@@ -274,6 +274,18 @@ TEST(PoseEstimation, keepsThePredictionWhenVehiclesThatMoveAlongHaveMorePoints) 
   EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.05);
 }
 
+// The prediction is that pose, but clearly fewer points fit it.
+TEST(PoseEstimation, leavesThePredictionWhenMuchMorePointsFitAnotherPose) {
+  const Eigen::Isometry3d true_T_w_c = pose({0, 0, 0}, {0, 0, 3});
+  auto observations = pointObservations(true_T_w_c, 0.0003);
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    if (i % 50 < 21) observations[i].x = normalised(observations[i].p_w);
+  }
+  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.1);
+}
+
 TEST(PoseEstimation, uncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine) {
   const Eigen::Isometry3d true_T_w_c = pose({0, 0.02, 0}, {0.1, 0, 1});
   auto observations = pointObservations(true_T_w_c, 0);
@@ -325,9 +337,27 @@ TEST(PoseEstimation, reportsWhenThereIsNoPose) {
   auto observations = pointObservations(Eigen::Isometry3d::Identity(), 0);
   std::mt19937 generator(61);
   std::uniform_real_distribution<double> anywhere(-0.5, 0.5);
+  // A third of the points is consistent: enough points, but too small a share.
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    if (i % 3 > 0) observations[i].x = {anywhere(generator), anywhere(generator)};
+  }
+  const auto third = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  EXPECT_EQ(third.status, PoseStatus::kTooFewInliers);
+  EXPECT_GT(third.inliers, 2 * PoseEstimation::Options().min_inliers);
   for (auto& o : observations) o.x = {anywhere(generator), anywhere(generator)};
   EXPECT_EQ(PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations).status,
             PoseStatus::kTooFewInliers);
+}
+
+TEST(PoseEstimation, rejectsAnImplausiblePosition) {
+  const auto statusAt = [](double distance) {
+    const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, distance, 0});
+    auto observations = pointObservations(Eigen::Isometry3d::Identity(), 0);
+    for (auto& o : observations) o.p_w = T_w_c * o.p_w;
+    return PoseEstimation({}).estimate(T_w_c, observations).status;
+  };
+  EXPECT_EQ(statusAt(1e6), PoseStatus::kOk);
+  EXPECT_EQ(statusAt(2e9), PoseStatus::kTooFewInliers);
 }
 
 TEST(VoOptions, rejectsValuesOutOfRange) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
@@ -101,6 +102,25 @@ TEST(LucasKanade, doesNotFindPointsWithoutTextureOrOutsideTheImage) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_FALSE(track(image, {400, 124}, {nan, 124}));
   EXPECT_FALSE(track(image, {nan, nan}, {400, 124}));
+}
+
+TEST(LucasKanade, needsAGradientInEachDirection) {
+  const LucasKanade lucas_kanade(kSide);
+  const auto isFound = [&](double across) {
+    cv::Mat image(248, 800, CV_8UC1);
+    for (int v = 0; v < image.rows; ++v) {
+      for (int u = 0; u < image.cols; ++u) {
+        image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(
+            120 + 60 * std::sin(0.7 * u) + across * std::sin(0.7 * v));
+      }
+    }
+    const auto pyramid = lucas_kanade.pyramid(image, 0);
+    std::vector<cv::Point2f> points{{400, 124}};
+    return lucas_kanade.track(pyramid, pyramid, points, 0, &points)[0] != 0;
+  };
+  EXPECT_TRUE(isFound(60));
+  EXPECT_TRUE(isFound(3));
+  EXPECT_FALSE(isFound(0.3)) << "nearly an edge";
 }
 
 // Also patches that overlap the border, of every size, at every place of a small image.

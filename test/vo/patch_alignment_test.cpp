@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -131,6 +132,54 @@ TEST(PatchAlignment, rejectsMissingAndTexturelessPatches) {
   EXPECT_FALSE(alignment.align(wall, u, Eigen::Matrix2d::Zero(), wall, u));
 }
 
+TEST(PatchAlignment, limitsTheShift) {
+  const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
+  const PatchAlignment alignment({});
+  const Eigen::Vector2d u(400, 120);
+  const auto alignedFrom = [&](double shift_px) {
+    return alignment.align(wall, u, Eigen::Matrix2d::Identity(), wall,
+                           u + Eigen::Vector2d(shift_px, 0));
+  };
+  const double limit = PatchAlignment::Options().max_shift_px;
+  const auto match = alignedFrom(0.9 * limit);
+  ASSERT_TRUE(match);
+  EXPECT_LT((match->u - u).norm(), 0.05);
+  EXPECT_FALSE(alignedFrom(1.1 * limit));
+}
+
+TEST(PatchAlignment, needsCorrelationAndTextureInTwoDirections) {
+  const auto identity = Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d u(400, 120);
+  const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
+  cv::Mat noise(wall.size(), CV_8UC1), noisy;
+  cv::RNG(3).fill(noise, cv::RNG::UNIFORM, 0, 70);
+  cv::addWeighted(wall, 0.5, noise, 1, 0, noisy);
+  PatchAlignment::Options options;
+  options.min_correlation = 0.1;
+  const auto match = PatchAlignment(options).align(wall, u, identity, noisy, u);
+  ASSERT_TRUE(match);
+  EXPECT_LT(match->correlation, PatchAlignment::Options().min_correlation);
+  EXPECT_FALSE(PatchAlignment({}).align(wall, u, identity, noisy, u));
+
+  const auto isAligned = [&](const cv::Mat& image) {
+    return PatchAlignment({}).align(image, u, identity, image, u).has_value();
+  };
+  EXPECT_TRUE(isAligned(render(Eigen::Isometry3d::Identity(), true, 0.1, 100)));
+  EXPECT_FALSE(isAligned(render(Eigen::Isometry3d::Identity(), true, 0.02, 100)));
+  const auto waves = [&](double across) {
+    cv::Mat image(wall.size(), CV_8UC1);
+    for (int v = 0; v < image.rows; ++v) {
+      for (int x = 0; x < image.cols; ++x) {
+        image.at<unsigned char>(v, x) = cv::saturate_cast<unsigned char>(
+            120 + 60 * std::sin(0.7 * x) + across * std::sin(0.7 * v));
+      }
+    }
+    return image;
+  };
+  EXPECT_TRUE(isAligned(waves(20)));
+  EXPECT_FALSE(isAligned(waves(0.7))) << "nearly an edge";
+}
+
 TEST(PatchWarp, isTheDerivativeOfTheProjection) {
   const auto T_c_r = test::pose({0.01, 0.03, -0.02}, {0.1, 0.05, -1.5});
   const Eigen::Vector3d p(1.2, kHeight, 11);
@@ -146,11 +195,25 @@ TEST(PatchWarp, isEmptyForSurfacesSeenEdgeOnOrFromBehind) {
   const Eigen::Isometry3d identity = Eigen::Isometry3d::Identity();
   EXPECT_TRUE(patchWarp(kCamera, {1, 1.65, 10}, identity, PatchSurface::kFloor));
   EXPECT_FALSE(patchWarp(kCamera, {1, 0, 10}, identity, PatchSurface::kFloor)) << "edge-on";
+  EXPECT_FALSE(patchWarp(kCamera, {1, 0.15, 10}, identity, PatchSurface::kFloor)) << "nearly";
+  EXPECT_TRUE(patchWarp(kCamera, {1, 0.3, 10}, identity, PatchSurface::kFloor));
   EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, -10}, identity, PatchSurface::kFrontoParallel))
       << "behind";
   EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, 10}, test::pose({0, 0, 0}, {0, 0, -11}),
                          PatchSurface::kFrontoParallel))
       << "behind the current camera";
+}
+
+TEST(PatchWarp, isEmptyForLargeChangesOfSize) {
+  const auto hasWarp = [](double from, double to) {
+    return patchWarp(kCamera, {0, 0, from}, test::pose({0, 0, 0}, {0, 0, to - from}),
+                     PatchSurface::kFrontoParallel)
+        .has_value();
+  };
+  EXPECT_TRUE(hasWarp(12, 4));  // nine times the area
+  EXPECT_FALSE(hasWarp(14, 4));
+  EXPECT_TRUE(hasWarp(4, 12));
+  EXPECT_FALSE(hasWarp(4, 14));
 }
 
 TEST(PatchAlignment, rejectsOptionsOutOfRange) {

@@ -140,6 +140,70 @@ TEST(TwoView, rejectsFewOrRandomMatches) {
             TwoViewStatus::kOk);
 }
 
+TEST(TwoView, inliersHavePositiveDepths) {
+  auto points = randomPoints(300, 15);
+  for (const Eigen::Vector3d& p : randomPoints(100, 16)) points.push_back(1e5 * p);
+  const Views views = project(points, pose({0, 0.02, 0}, {0.1, 0, -1.5}), 0.3);
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  ASSERT_EQ(result.status, TwoViewStatus::kOk);
+  int behind = 0;  // from noise
+  for (std::size_t i = 0; i < result.inlier.size(); ++i) {
+    behind += result.inverse_depth_1[i] < 0;
+    if (result.inlier[i]) {
+      EXPECT_GT(result.inverse_depth_1[i], 0);
+    }
+  }
+  EXPECT_GT(behind, 20);
+}
+
+TEST(TwoView, needsTheMinimumParallax) {
+  const TwoView::Options options;
+  const Views views = project(randomPoints(400, 17), pose({0, 0.02, 0}, {0, 0, -0.6}), 0.1);
+  const auto result = TwoView(options).estimate(testCamera(), views.u1, views.u2);
+  EXPECT_GT(result.median_parallax, 0.6 * options.min_parallax);
+  EXPECT_LT(result.median_parallax, 0.95 * options.min_parallax);
+  EXPECT_EQ(result.status, TwoViewStatus::kTooLittleParallax);
+}
+
+TEST(TwoView, theRotationOfPointsOnOneLineIsNoReflection) {
+  const Eigen::Isometry3d T_2_1 = pose({0, 0.06, 0}, {0, 0, 0});
+  for (int row = 99; row < 140; row += 4) {
+    std::vector<Eigen::Vector3d> points;
+    for (int i = 0; i < 60; ++i) points.push_back(10 * testCamera().ray({150 + 8 * i, row}));
+    const Views views = project(points, T_2_1);
+    const auto rotation = TwoView({}).estimateRotation(testCamera(), views.u1, views.u2);
+    ASSERT_TRUE(rotation);
+    EXPECT_NEAR(rotation->R_2_1.determinant(), 1, 1e-9) << row;
+    EXPECT_LT((rotation->R_2_1 - T_2_1.linear()).norm(), 1e-3) << row;
+  }
+}
+
+TEST(TwoView, theSigmaOfARotationIncludesNoiseAndAmbiguity) {
+  const TwoView::Options options;
+  const Views exact = project(randomPoints(400, 1), pose({0, 0.06, 0}, {0, 0, 0}));
+  const auto rotation = TwoView(options).estimateRotation(testCamera(), exact.u1, exact.u2);
+  ASSERT_TRUE(rotation);
+  EXPECT_EQ(rotation->sigma, options.inlier_threshold);
+  // As in aPlaneAloneIsAmbiguous.
+  const Views plane = project(roadPoints(400, 3), pose({0.005, 0.02, 0}, {0.05, 0, -1.5}), 0.1);
+  const auto ambiguous = TwoView(options).estimateRotation(testCamera(), plane.u1, plane.u2);
+  ASSERT_TRUE(ambiguous);
+  EXPECT_GT(ambiguous->sigma, 0.1);
+}
+
+TEST(TwoView, noRotationFromFewOrRandomMatches) {
+  Views views = project(randomPoints(300, 10), pose({0, 0.06, 0}, {1, 0, 0}));
+  const auto rotationOf = [&](std::ptrdiff_t n) {
+    return TwoView({}).estimateRotation(testCamera(), {views.u1.begin(), views.u1.begin() + n},
+                                        {views.u2.begin(), views.u2.begin() + n});
+  };
+  EXPECT_TRUE(rotationOf(40));
+  EXPECT_FALSE(rotationOf(39));
+  std::mt19937 generator(11);
+  std::shuffle(views.u2.begin(), views.u2.end(), generator);
+  EXPECT_FALSE(rotationOf(300));
+}
+
 TEST(TwoView, isDeterministic) {
   const Views views = project(randomPoints(300, 12), pose({0, 0.03, 0}, {0.1, 0, -1.5}), 0.3);
   const auto a = TwoView({}).estimate(testCamera(), views.u1, views.u2);

@@ -1,0 +1,189 @@
+#include "scale/direct/patch_matcher.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <functional>
+
+namespace ground_scale_vo::direct {
+namespace {
+
+const PinholeCamera kCamera{320, 240, 300, 300, 160, 120};
+constexpr float kNoise = 0.5f;  // [grey levels]
+/// Plane of a road 1.5 VO units below a camera that looks down a little.
+const Eigen::Vector3f kPlane = Eigen::Vector3f(0.02f, -1, -0.05f).normalized() / 1.5f;
+
+float waves(float u, float v) { return 100 + 30 * std::sin(0.21f * u) + 30 * std::sin(0.17f * v); }
+
+/// A reference image with this texture, seen from another camera than the patch.
+class PatchMatcherTest : public testing::Test {
+ protected:
+  explicit PatchMatcherTest(const std::function<float(float, float)>& texture = waves) {
+    image_.roi = {0, 0, kCamera.width, kCamera.height};
+    image_.storage.create(kCamera.height, kCamera.width, CV_32F);
+    for (int v = 0; v < kCamera.height; ++v) {
+      for (int u = 0; u < kCamera.width; ++u) {
+        image_.storage.at<float>(v, u) = texture(static_cast<float>(u), static_cast<float>(v));
+      }
+    }
+    reference_.image = &image_;
+    reference_.R =
+        Eigen::AngleAxisf(0.02f, Eigen::Vector3f(0.3f, 0.9f, 0.1f).normalized()).toRotationMatrix();
+    setTranslation({0.03f, -0.02f, 0.5f});
+    for (int i = 0; i < kPatchSamples; ++i) {
+      const float u = 190 + 2 * static_cast<float>(i % kPatchSide);
+      const float v = 170 + 2 * static_cast<float>(i / kPatchSide);
+      patch_.ray_x[i] = static_cast<float>((u - kCamera.cx) / kCamera.fx);
+      patch_.ray_y[i] = static_cast<float>((v - kCamera.cy) / kCamera.fy);
+    }
+    renderPatch();
+  }
+
+  void setTranslation(const Eigen::Vector3f& t) {
+    reference_.t = t;
+    reference_.perpendicular[0] = t.norm() * t.unitOrthogonal();
+    reference_.perpendicular[1] = t.cross(reference_.perpendicular[0]).normalized() * t.norm();
+  }
+
+  /// Sets the intensities and gradients of the patch to those that the reference image shows.
+  void renderPatch() {
+    constexpr float kStep_px = 0.5f;
+    patch_.value = valuesOf(reference_, kPlane);
+    const auto difference = [&](Samples* ray, double focal_length) -> Samples {
+      const Samples centre = *ray;
+      const auto step = static_cast<float>(kStep_px / focal_length);
+      *ray = centre + step;
+      const Samples after = valuesOf(reference_, kPlane);
+      *ray = centre - step;
+      const Samples before = valuesOf(reference_, kPlane);
+      *ray = centre;
+      return (after - before) / (2 * kStep_px);
+    };
+    const Samples grad_x = difference(&patch_.ray_x, kCamera.fx);
+    const Samples grad_y = difference(&patch_.ray_y, kCamera.fy);
+    deviation_ = normalise(kNoise, &patch_.value, &patch_.texture);
+    patch_.grad_x = grad_x / deviation_;
+    patch_.grad_y = grad_y / deviation_;
+  }
+
+  Samples valuesOf(const Reference& reference, const Eigen::Vector3f& m) const {
+    Samples values;
+    EXPECT_TRUE(matcher_.sample(reference, patch_, m, &values));
+    return values;
+  }
+
+  Match linearised() const {
+    Match match;
+    matcher_.linearise(reference_, patch_, kPlane, &match);
+    return match;
+  }
+
+  const PatchMatcher matcher_{kCamera, kNoise, {}};
+  RoadImage image_;
+  Reference reference_;
+  Patch patch_;
+  float deviation_ = 0;  ///< of the patch's intensities [grey levels]
+};
+
+/// The inverse depth -q of all rays changes with the third component of m.
+Eigen::Vector3f planeMovedBy(float dq) { return kPlane + Eigen::Vector3f(0, 0, dq); }
+
+TEST_F(PatchMatcherTest, JacobianIsTheDerivativeByQ) {
+  const Match match = linearised();
+  EXPECT_TRUE(match.observable);
+  constexpr float kStep = 0.01f;
+  Samples expected =
+      (valuesOf(reference_, planeMovedBy(kStep)) - valuesOf(reference_, planeMovedBy(-kStep))) /
+      (2 * kStep * deviation_);
+  expected -= expected.mean();
+  EXPECT_LT((match.jacobian - expected).abs().maxCoeff(), 0.05f * expected.abs().maxCoeff());
+}
+
+TEST_F(PatchMatcherTest, MotionIsTheShiftByAnErrorOfTheMotion) {
+  const Match match = linearised();
+  constexpr float kStep = 0.002f;
+  for (int k = 0; k < 5; ++k) {
+    const auto moved = [&](float error) {
+      Reference reference = reference_;
+      if (k < 3) {
+        const Eigen::AngleAxisf rotation(error, Eigen::Vector3f::Unit(k));
+        reference.R = rotation * reference_.R;
+        reference.t = rotation * reference_.t;
+      } else {
+        reference.t += error * reference_.perpendicular[k - 3];
+      }
+      return valuesOf(reference, kPlane);
+    };
+    const Samples derivative = (moved(kStep) - moved(-kStep)) / (2 * kStep * deviation_);
+    const float expected = (match.jacobian * derivative).sum() / match.jacobian.square().sum();
+    EXPECT_NEAR(match.motion[k], expected, 0.03f * match.motion.cwiseAbs().maxCoeff()) << k;
+  }
+}
+
+TEST_F(PatchMatcherTest, MeasuresTheShiftDespiteOutliers) {
+  Match match = linearised();
+  const float information = match.jacobian.square().sum();
+  matcher_.measure(reference_, patch_, kPlane, &match);
+  ASSERT_TRUE(match.valid);
+  EXPECT_NEAR(match.shift, 0, 1e-5f);
+  EXPECT_NEAR(match.correlation, 1, 1e-3f);
+  EXPECT_GT(match.variance * information, 0.005f) << "also of an exact match";
+  EXPECT_EQ(match.ray.z(), 1);
+  EXPECT_NEAR(match.ray.x(), patch_.ray_x.mean(), 0.03);
+
+  constexpr float kShift = 0.002f;
+  matcher_.measure(reference_, patch_, planeMovedBy(-kShift), &match);
+  const float without_outliers = match.shift;
+  // Less, because the normalisation of the intensities removes a part of the change.
+  EXPECT_GT(without_outliers, 0.5f * kShift);
+  EXPECT_LT(without_outliers, 1.1f * kShift);
+  // As a shadow in one of the images: all on the same side of the gradient.
+  for (int i = 0, outliers = 0; i < kPatchSamples && outliers < 6; ++i) {
+    if (match.jacobian[i] < 0.5f * match.jacobian.maxCoeff()) continue;
+    patch_.value[i] += 4;
+    ++outliers;
+  }
+  matcher_.measure(reference_, patch_, planeMovedBy(-kShift), &match);
+  const Samples residual = patch_.value - valuesOf(reference_, planeMovedBy(-kShift)) / deviation_;
+  const Samples zero_mean = residual - residual.mean();
+  const float least_squares = (match.jacobian * zero_mean).sum() / information;
+  EXPECT_LT(std::abs(match.shift - without_outliers),
+            0.5f * std::abs(least_squares - without_outliers));
+}
+
+TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
+  Samples values;
+  cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));
+  EXPECT_TRUE(PatchMatcher(kCamera, kNoise, allowed).sample(reference_, patch_, kPlane, &values));
+  const Eigen::Vector3f y =
+      reference_.R * Eigen::Vector3f(patch_.ray_x[9], patch_.ray_y[9], 1) -
+      reference_.t * kPlane.dot(Eigen::Vector3f(patch_.ray_x[9], patch_.ray_y[9], 1));
+  const Eigen::Vector2d u = kCamera.project(y.cast<double>());
+  allowed.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
+  EXPECT_FALSE(PatchMatcher(kCamera, kNoise, allowed).sample(reference_, patch_, kPlane, &values));
+  setTranslation({0, 0, -4});  // nearer to the road: the patch leaves the image
+  EXPECT_FALSE(matcher_.sample(reference_, patch_, kPlane, &values));
+}
+
+/// Lines along the path, which look the same at any distance.
+class PatchMatcherLines : public PatchMatcherTest {
+ protected:
+  PatchMatcherLines()
+      : PatchMatcherTest(
+            [](float u, float v) { return waves(100 * (u - 160) / (v - 100.5f), 0); }) {}
+};
+
+TEST_F(PatchMatcherLines, AreNotObservable) {
+  reference_.R.setIdentity();
+  // The lines meet at (160, 100.5), so the epipole has to be there.
+  setTranslation({0, -0.5f * 19.5f / 300, 0.5f});
+  renderPatch();
+  Match match = linearised();
+  EXPECT_FALSE(match.observable);
+  matcher_.measure(reference_, patch_, kPlane, &match);
+  EXPECT_FALSE(match.valid);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo::direct

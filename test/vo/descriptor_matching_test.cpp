@@ -1,0 +1,97 @@
+#include "vo/descriptor_matching.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+namespace ground_scale_vo {
+namespace {
+
+cv::Mat texture(std::uint64_t seed) {
+  cv::Mat image(248, 400, CV_8UC1);
+  cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(image, image, {0, 0}, 2);
+  return image;
+}
+
+const cv::Point2f kPoint(200, 120);
+
+TEST(DescriptorMatching, AMatchIsTheBestInBothDirections) {
+  const cv::Mat image = texture(1);
+  const Descriptors twice(image, {kPoint, kPoint}), once(image, {kPoint});
+  const auto matches = matchDescriptors(twice, once);
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].from, 0u);
+  EXPECT_EQ(matches[0].to, 0u);
+}
+
+TEST(DescriptorMatching, AMatchIsDistinctlyBetterThanTheSecondBest) {
+  const cv::Mat image = texture(1);
+  const Descriptors once(image, {kPoint}), twice(image, {kPoint, kPoint});
+  EXPECT_TRUE(matchDescriptors(once, twice).empty());
+  const Descriptors other(image, {{100, 60}, kPoint});
+  const auto matches = matchDescriptors(once, other);
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].to, 1u);
+}
+
+TEST(DescriptorMatching, UnrelatedDescriptorsDoNotMatch) {
+  const Descriptors a(texture(1), {kPoint}), b(texture(2), {kPoint});
+  EXPECT_TRUE(matchDescriptors(a, b).empty());
+}
+
+TEST(DescriptorMatching, MatchesAreWithinTheRadiusOfTheirCentres) {
+  const cv::Mat image = texture(1);
+  const Descriptors points(image, {kPoint});
+  const auto matchesAround = [&](const cv::Point2f& centre) {
+    return matchDescriptors(points, points, {{centre}, 10}).size();
+  };
+  EXPECT_EQ(matchesAround(kPoint + cv::Point2f(0, 9.9f)), 1u);
+  EXPECT_EQ(matchesAround(kPoint + cv::Point2f(0, 10.1f)), 0u);
+}
+
+TEST(DescriptorMatching, MatchesPointsOfAnotherSize) {
+  const cv::Mat image = texture(3);
+  const double scale = 1.9;  // about the square of the ratio between neighbouring scales
+  cv::Mat larger;
+  cv::resize(image, larger, {}, scale, scale, cv::INTER_CUBIC);
+  std::vector<cv::Point2f> points, in_larger;
+  for (int y = 50; y < 200; y += 15) {
+    for (int x = 50; x < 350; x += 15) {
+      points.emplace_back(x, y);
+      in_larger.emplace_back(scale * (x + 0.5) - 0.5, scale * (y + 0.5) - 0.5);
+    }
+  }
+  const Descriptors a(image, points), b(larger, in_larger);
+  for (const auto& matches : {matchDescriptors(a, b), matchDescriptors(b, a)}) {
+    EXPECT_GT(matches.size(), points.size() / 2);
+    for (const DescriptorMatch& match : matches) EXPECT_EQ(match.from, match.to);
+  }
+}
+
+TEST(DescriptorMatching, PointsMoveLikeTheMatchesNearest) {
+  // The points on the left move right and down, those on the right move left and up.
+  const auto moved = [](const cv::Point2f& u) {
+    return u + (u.x < 200 ? cv::Point2f(6, 2) : cv::Point2f(-5, -3));
+  };
+  std::vector<cv::Point2f> from, to;
+  std::vector<DescriptorMatch> matches;
+  for (int y = 0; y < 200; y += 20) {
+    for (int x = 0; x < 400; x += 20) {
+      from.emplace_back(x, y);
+      to.push_back(moved(from.back()));
+      if ((x + y) % 40 == 0) matches.push_back({from.size() - 1, to.size() - 1});
+    }
+  }
+  const auto predicted = predictPixels(from, to, matches);
+  ASSERT_EQ(predicted.size(), from.size());
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (std::abs(from[i].x - 200) < 60) continue;
+    EXPECT_EQ(predicted[i], moved(from[i])) << from[i];
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

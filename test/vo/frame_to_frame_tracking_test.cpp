@@ -1,0 +1,93 @@
+#include "vo/frame_to_frame_tracking.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "ground_scale_vo/vo/exposure.hpp"
+#include "support/scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr std::int64_t kStamp = 1'000'000'000, kPeriod = 100'000'000;  // [ns]
+
+/// Part of a texture (grey 20-100): the scene after it has moved left by shift_px.
+cv::Mat scene(int shift_px) {
+  cv::Mat texture(248, 800 + 20, CV_8UC1);
+  cv::RNG(4).fill(texture, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(texture, texture, {0, 0}, 2);
+  cv::normalize(texture, texture, 20, 100, cv::NORM_MINMAX);
+  return texture(cv::Rect(shift_px, 0, 800, 248)).clone();
+}
+
+/// Tracks the corners of scene(0), its previous image.
+FrameToFrameTracking trackingScene() {
+  FrameToFrameTracking tracking(test::testCamera(), {}, {});
+  tracking.advance(tracking.pyramid(scene(0)), kStamp, {});
+  tracking.detectNew();
+  return tracking;
+}
+
+std::vector<Feature> track(const FrameToFrameTracking& tracking, const cv::Mat& image,
+                           const Eigen::Matrix3d& R_next_previous = Eigen::Matrix3d::Identity()) {
+  std::vector<RejectedFeature> rejected;
+  return tracking.track(tracking.pyramid(image), kStamp + kPeriod, {}, R_next_previous, &rejected);
+}
+
+TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
+  const FrameToFrameTracking tracking = trackingScene();
+  ASSERT_GT(tracking.features().size(), 300u);
+  for (const double gain : {1.0, 0.5, 2.2}) {
+    const std::vector<Feature> found = track(tracking, applyGain(scene(4), gain));
+    EXPECT_GT(found.size(), tracking.features().size() * 9 / 10) << gain;
+    const std::vector<Feature> previous = entriesOf(found, tracking.features());
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      EXPECT_EQ(found[i].age, previous[i].age + 1);
+      EXPECT_LT((found[i].u - previous[i].u - Eigen::Vector2d(-4, 0)).norm(), 0.5) << gain;
+      EXPECT_LT((found[i].flow - (found[i].u - previous[i].u) / 0.1).norm(), 1e-9);
+    }
+  }
+}
+
+TEST(FrameToFrameTracking, SigmaGrowsWithTheFlowThatTheRotationDoesNotExplain) {
+  const FrameToFrameTracking tracking = trackingScene();
+  const VisualOdometry::Options options;
+  const double flow = 4 / test::testCamera().fx;
+  const double expected =
+      options.feature_sigma * std::hypot(1.0, flow / options.feature_sigma_flow);
+  // The rotation to the right moves the centre of the image to the left, as the shift does.
+  const Eigen::Matrix3d R = test::pose({0, -flow, 0}, {0, 0, 0}).linear();
+  for (const Feature& feature : track(tracking, scene(4))) {
+    EXPECT_NEAR(feature.sigma, expected, 0.01 * options.feature_sigma);
+  }
+  for (const Feature& feature : track(tracking, scene(4), R)) {
+    if (std::abs(feature.u.x() - test::testCamera().cx) > 50) continue;
+    EXPECT_NEAR(feature.sigma, options.feature_sigma, 1e-3 * options.feature_sigma);
+  }
+}
+
+TEST(FrameToFrameTracking, AtAStandstillTheImageIsKept) {
+  FrameToFrameTracking tracking = trackingScene();
+  const auto sinceImage = [&] { return tracking.secondsUntil(kStamp + kPeriod); };
+  tracking.advanceUnlessStandstill(tracking.pyramid(scene(0)), kStamp + kPeriod,
+                                   track(tracking, scene(0)));
+  EXPECT_NEAR(sinceImage(), 0.1, 1e-12);
+  EXPECT_EQ(tracking.features().front().age, 0u);
+
+  // An object covers half of the image, and the other half does not move.
+  std::vector<Feature> half = track(tracking, scene(0));
+  half.resize(half.size() / 2);
+  FrameToFrameTracking covered = trackingScene();
+  covered.advanceUnlessStandstill(covered.pyramid(scene(0)), kStamp + kPeriod, half);
+  EXPECT_EQ(covered.features().size(), half.size());
+
+  tracking.advanceUnlessStandstill(tracking.pyramid(scene(4)), kStamp + kPeriod,
+                                   track(tracking, scene(4)));
+  EXPECT_EQ(sinceImage(), 0);
+  EXPECT_EQ(tracking.features().front().age, 1u);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

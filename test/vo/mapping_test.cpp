@@ -1,0 +1,162 @@
+#include "vo/mapping.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "ground_scale_vo/common/median.hpp"
+#include "support/scene.hpp"
+#include "vo/map_initialisation.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::keyframePose;
+using test::pose;
+
+const PinholeCamera kCamera = test::testCamera();
+
+/// All points in an image, also those outside of its borders; the id is the point's index.
+std::vector<Feature> featuresOf(const std::vector<Eigen::Vector3d>& points,
+                                const Eigen::Isometry3d& T_w_c) {
+  std::vector<Feature> features;
+  for (const LocalMap::Corner& corner : test::observe(points, T_w_c)) {
+    Feature feature;
+    feature.id = corner.id;
+    feature.u = kCamera.project(corner.x.homogeneous());
+    feature.sigma = corner.sigma;
+    features.push_back(feature);
+  }
+  return features;
+}
+
+ImagePyramid blankImage(double exposure = 1) {
+  ImagePyramid image;
+  image.image = cv::Mat::zeros(kCamera.height, kCamera.width, CV_8UC1);
+  image.exposure = exposure;
+  return image;
+}
+
+/// The map of keyframes 0 to n - 1 of the test trajectory, adjusted.
+void addKeyframes(const std::vector<Eigen::Vector3d>& points, int n, Mapping* mapping) {
+  VisualOdometry::Times times;
+  mapping->map().addKeyframe(keyframePose(0), test::observe(points, keyframePose(0)));
+  for (int k = 1; k < n; ++k) {
+    mapping->addKeyframe(keyframePose(k), featuresOf(points, keyframePose(k)), blankImage(),
+                         &times);
+    mapping->takeAdjustedMap(&times);
+  }
+}
+
+TEST(Mapping, AKeyframeIsNeededForParallaxOrFewTrackedFeatures) {
+  const VisualOdometry::Options options;
+  std::vector<Eigen::Vector3d> points = test::randomPoints(200, 1);
+  for (Eigen::Vector3d& p : points) p *= 10 / p.norm();  // all at the same distance
+  Mapping mapping(kCamera, options);
+  mapping.map().addKeyframe(Eigen::Isometry3d::Identity(),
+                            test::observe(points, Eigen::Isometry3d::Identity()));
+  const auto isNeeded = [&](const Eigen::Isometry3d& T_w_c, std::size_t tracked) {
+    std::vector<Feature> features = featuresOf(points, T_w_c);
+    features.resize(tracked);
+    return mapping.needsKeyframe(T_w_c, features);
+  };
+  EXPECT_FALSE(isNeeded(pose({0.02, 0.1, 0.05}, {0, 0, 0}), 200)) << "a rotation is no parallax";
+  // Sideways: slightly less parallax than displacement over distance, as the points are not all in
+  // the direction of view.
+  const double displacement = 10 * options.keyframe_parallax;
+  EXPECT_FALSE(isNeeded(pose({0, 0.1, 0}, {0.9 * displacement, 0, 0}), 200));
+  EXPECT_TRUE(isNeeded(pose({0, 0.1, 0}, {1.3 * displacement, 0, 0}), 200));
+  EXPECT_TRUE(isNeeded(Eigen::Isometry3d::Identity(), 110));
+  EXPECT_FALSE(isNeeded(Eigen::Isometry3d::Identity(), 130));
+}
+
+TEST(Mapping, TheCorrectionMovesThePoseOfTheNewestKeyframe) {
+  const auto points = test::farPoints(150);
+  Mapping mapping(kCamera, {});
+  VisualOdometry::Times times;
+  EXPECT_FALSE(mapping.takeAdjustedMap(&times));
+  addKeyframes(points, 5, &mapping);
+  const Eigen::Isometry3d disturbed = keyframePose(5) * pose({0.004, -0.003, 0}, {0.05, 0.02, 0});
+  mapping.addKeyframe(disturbed, featuresOf(points, keyframePose(5)), blankImage(), &times);
+  const auto correction = mapping.takeAdjustedMap(&times);
+  ASSERT_TRUE(correction);
+  const Eigen::Isometry3d adjusted = mapping.map().keyframes().back().T_w_c;
+  EXPECT_GT(test::angleBetween(adjusted, disturbed), 0.003);
+  EXPECT_TRUE((*correction * disturbed).isApprox(adjusted, 1e-9));
+  EXPECT_LT((adjusted.translation() - keyframePose(5).translation()).norm(), 0.01);
+  EXPECT_FALSE(mapping.takeAdjustedMap(&times)) << "applied once";
+}
+
+TEST(Mapping, AfterAnAdjustmentOutliersAreRemovedAndSigmasUpdated) {
+  const auto points = test::farPoints(150);
+  Mapping mapping(kCamera, {});
+  VisualOdometry::Times times;
+  addKeyframes(points, 5, &mapping);
+  ASSERT_TRUE(mapping.map().find(7)->depth);
+  const double sigma = mapping.map().find(8)->depth->sigma;
+  mapping.map().find(8)->depth->sigma = 1;
+  std::vector<Feature> features = featuresOf(points, keyframePose(5));
+  features[7].u.y() += 20;
+  mapping.addKeyframe(keyframePose(5), features, blankImage(), &times);
+  EXPECT_EQ(mapping.map().find(7)->observations.size(), 6u);
+  mapping.takeAdjustedMap(&times);
+  EXPECT_EQ(mapping.map().find(7)->observations.size(), 5u);
+  EXPECT_EQ(mapping.map().find(8)->observations.size(), 6u);
+  EXPECT_LT(mapping.map().find(8)->depth->sigma, sigma);
+}
+
+TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
+  const auto points = test::farPoints(150);
+  Mapping mapping(kCamera, {});
+  VisualOdometry::Times times;
+  addKeyframes(points, 4, &mapping);
+  for (int i = 0; i < 3; ++i) {
+    mapping.addKeyframe(keyframePose(3), featuresOf(points, keyframePose(3)), blankImage(0.5),
+                        &times);
+    mapping.takeAdjustedMap(&times);
+    EXPECT_EQ(mapping.map().keyframes().size(), 5u);
+    EXPECT_FALSE(mapping.map().keyframes().back().has_parallax);
+    EXPECT_EQ(mapping.map().keyframes().back().exposure, 0.5);
+  }
+  mapping.addKeyframe(keyframePose(4), featuresOf(points, keyframePose(4)), blankImage(), &times);
+  EXPECT_EQ(mapping.map().keyframes().size(), 5u);
+  EXPECT_TRUE(mapping.map().keyframes().back().has_parallax);
+}
+
+TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
+  const auto points = test::randomPoints(300, 3);
+  const Eigen::Isometry3d T_w_2 = pose({0, 0.02, 0}, {0.3, 0, 1.5});
+  MapInitialisation initialisation(kCamera, {});
+  Mapping mapping(kCamera, {});
+  const auto first = featuresOf(points, Eigen::Isometry3d::Identity());
+  initialisation.restart(3, 1000, first, blankImage().image);
+  // As the first image: no motion, so no map.
+  initialisation.addFrame(4, 2000, first);
+  EXPECT_FALSE(initialisation.tryStartMap(first, blankImage(), &mapping));
+  EXPECT_TRUE(mapping.map().keyframes().empty());
+
+  const auto second = featuresOf(points, T_w_2);
+  initialisation.addFrame(5, 3000, second);
+  const auto poses = initialisation.tryStartMap(second, blankImage(0.7), &mapping);
+  ASSERT_TRUE(poses);
+  ASSERT_EQ(poses->size(), 3u);
+  EXPECT_EQ(poses->front().sequence, 3u);
+  EXPECT_EQ(poses->back().stamp_ns, 3000);
+  std::vector<double> depths, true_depths;
+  for (const auto& [id, landmark] : mapping.map().landmarks()) {
+    if (!landmark.depth) continue;
+    depths.push_back(1 / landmark.depth->value);
+    true_depths.push_back(points[id].z());
+  }
+  ASSERT_GT(depths.size(), 250u);
+  EXPECT_NEAR(median(depths), 1, 0.01);
+  const Eigen::Vector3d expected = T_w_2.translation() / median(true_depths);
+  EXPECT_LT((poses->back().T_w_c.translation() - expected).norm(), 0.01 * expected.norm());
+  EXPECT_LT(test::angleBetween(poses->back().T_w_c, T_w_2), 1e-3);
+  EXPECT_LT((*poses)[1].T_w_c.translation().norm(), 1e-3);
+  EXPECT_EQ(mapping.map().keyframes().front().exposure, 1);
+  EXPECT_EQ(mapping.map().keyframes().back().exposure, 0.7);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

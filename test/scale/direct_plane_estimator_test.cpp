@@ -467,17 +467,21 @@ TEST(DirectPlaneEstimator, EachLimitRejectsAPlane) {
   const RoadScene scene = road();
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
   using Options = DirectPlaneEstimator::Options;
+  double predicted = 1.04 * scene.height;
   const auto statusWith = [&](const std::function<void(Options*)>& set) {
     Options options;
     set(&options);
-    return estimateWith(options, scene, images, priorOf(scene, kPriorSigma), 1.04 * scene.height)
-        .status;
+    return estimateWith(options, scene, images, priorOf(scene, kPriorSigma), predicted).status;
   };
   EXPECT_EQ(statusWith([](Options*) {}), ScaleReason::kNone);
   EXPECT_EQ(statusWith([](Options* o) { o->max_height_change = 1.02; }), ScaleReason::kNoPlane);
   EXPECT_EQ(statusWith([](Options* o) { o->min_correlation = 0.999; }), ScaleReason::kNoPlane);
   EXPECT_EQ(statusWith([](Options* o) { o->max_sigma = 2e-4; }), ScaleReason::kNoPlane);
   EXPECT_EQ(statusWith([](Options* o) { o->min_patches = 10000; }), ScaleReason::kNoPlane);
+  predicted = 0;  // with a search
+  EXPECT_EQ(statusWith([](Options*) {}), ScaleReason::kNone);
+  EXPECT_EQ(statusWith([](Options* o) { o->search_min_correlation = 1; }), ScaleReason::kNoPlane);
+  EXPECT_EQ(statusWith([](Options* o) { o->search_min_peak_margin = 2; }), ScaleReason::kNoPlane);
 }
 
 TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
@@ -545,13 +549,18 @@ TEST(DirectPlaneEstimator, DistanceAndSigmaAreThoseOfTheCameraAboveThePatches) {
 }
 
 TEST(DirectPlaneEstimator, ResetMakesASearchDue) {
-  const RoadScene scene = road();
-  const double wrong = 2.5 * scene.height;
-  DirectPlaneEstimator estimator({});
-  EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
-  EXPECT_FALSE(drive(&estimator, scene, wrong, 2).searched);
-  estimator.reset();
-  EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+  for (const double unit : {1.0, 100.0}) {
+    RoadScene scene = road();
+    scene.height *= unit;
+    scene.step *= unit;
+    for (auto& point : scene.points) point *= unit;
+    const double wrong = 2.5 * scene.height;
+    DirectPlaneEstimator estimator({});
+    EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+    EXPECT_FALSE(drive(&estimator, scene, wrong, 2).searched);
+    estimator.reset();
+    EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+  }
 }
 
 TEST(DirectPlaneEstimator, ANewCameraAndANewMaskAreUsed) {

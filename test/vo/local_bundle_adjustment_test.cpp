@@ -206,6 +206,38 @@ TEST(LocalBundleAdjustment, recoversDisturbedPosesAndDepths) {
   }
 }
 
+// So far from the minimum that steps are rejected: the cost never increases, and with enough
+// iterations the minimum is found.
+TEST(LocalBundleAdjustment, rejectsStepsThatIncreaseTheCost) {
+  const LocalMap exact = exactMap(6);
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    LocalMap disturbed = exact;
+    std::mt19937 generator(seed);
+    std::normal_distribution<double> error(0, 1);
+    const auto random = [&] {
+      return Eigen::Vector3d(error(generator), error(generator), error(generator));
+    };
+    for (std::size_t k = 1; k < 6; ++k) {
+      Eigen::Isometry3d& T = disturbed.keyframes()[k].T_w_c;
+      T = T * pose(0.05 * random(), 0.3 * random());
+    }
+    for (auto& [id, landmark] : disturbed.landmarks()) {
+      if (landmark.depth) landmark.depth->value *= std::exp(error(generator));
+    }
+    double last = std::numeric_limits<double>::infinity();
+    for (const int iterations : {1, 2, 3, 4, 6, 8, 12, 100}) {
+      LocalBundleAdjustment::Options options;
+      options.max_iterations = iterations;
+      LocalMap map = disturbed;
+      const auto result = LocalBundleAdjustment(options).adjust(&map);
+      ASSERT_TRUE(result.usable);
+      EXPECT_LE(result.rms_sigma, last) << seed << ' ' << iterations;
+      last = result.rms_sigma;
+    }
+    EXPECT_LT(last, 1e-2) << seed;
+  }
+}
+
 TEST(LocalBundleAdjustment, residualsMatchTheNoise) {
   const auto points = farPoints();
   LocalMap map({});

@@ -125,6 +125,10 @@ TEST(TwoView, estimatesTheRotationWithAndWithoutParallax) {
     const Eigen::Isometry3d estimated(Eigen::Quaterniond(rotation->R_2_1));
     EXPECT_LT(angleBetween(estimated, T_2_1), 2 * rotation->sigma) << baseline;
     EXPECT_LT(rotation->sigma, 0.01) << baseline;
+    if (baseline == 0) {
+      EXPECT_EQ(rotation->sigma, TwoView::Options().inlier_threshold);
+      EXPECT_LT(angleBetween(estimated, T_2_1), 3e-4);
+    }
   }
   EXPECT_FALSE(TwoView({}).estimateRotation(testCamera(), {}, {}));
 }

@@ -297,8 +297,8 @@ TEST(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
     const sensor_msgs::Image& image = isBlack(n) ? black : *images[imageAt(n, images.size())];
     for (Pair* pair : pairs) pair->publish(n, image);
     for (Pair* pair : pairs) ASSERT_NO_FATAL_FAILURE(pair->collect(n));
-    if ((n + 1) % kSubscribed == 0) {
-      const bool of_first = (n + 1) / kSubscribed % 2 == 0;
+    if (n > 0 && n % kSubscribed == 0) {
+      const bool of_first = n / kSubscribed % 2 == 0;
       first.setDisplay(of_first);
       second.setDisplay(!of_first);
     }

@@ -52,7 +52,7 @@ class Compressed : public testing::Test {
   }
   bool publishAndWait(const sensor_msgs::CompressedImage& image) {
     publish(image);
-    return scales_.waitForStamp(ros::Time(stamp_));
+    return scales_.waitForStamp(ros::Time(stamp_)) && frames_.waitForStamp(ros::Time(stamp_));
   }
 
   double stamp_ = 100;

@@ -177,22 +177,25 @@ TEST(LocalBundleAdjustment, solveDoesNotAccessTheMap) {
   expectEqual(expected, map);
 }
 
-TEST(LocalBundleAdjustment, recoversDisturbedPosesAndDepths) {
-  const auto points = farPoints();
-  LocalMap map({});
-  for (int k = 0; k < 10; ++k) map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
-  map.triangulateNew();
-  std::mt19937 generator(41);
-  std::normal_distribution<double> error(0, 1);
-  const auto random = [&] {
-    return Eigen::Vector3d(error(generator), error(generator), error(generator));
-  };
-  for (std::size_t k = 3; k < 10; ++k) {
-    Eigen::Isometry3d& T = map.keyframes()[k].T_w_c;
-    T = T * pose(0.003 * random(), 0.02 * random());
+/// Adds errors to the poses of the keyframes from `first` on. error: draws a number.
+template <typename Error>
+void disturbPoses(std::size_t first, double rotation, double translation, const Error& error,
+                  LocalMap* map) {
+  const auto random = [&] { return Eigen::Vector3d(error(), error(), error()); };
+  for (std::size_t k = first; k < map->keyframes().size(); ++k) {
+    Eigen::Isometry3d& T = map->keyframes()[k].T_w_c;
+    T = T * pose(rotation * random(), translation * random());
   }
+}
+
+TEST(LocalBundleAdjustment, recoversDisturbedPosesAndDepths) {
+  LocalMap map = exactMap(10);
+  std::mt19937 generator(41);
+  std::normal_distribution<double> normal(0, 1);
+  const auto error = [&] { return normal(generator); };
+  disturbPoses(3, 0.003, 0.02, error, &map);
   for (auto& [id, landmark] : map.landmarks()) {
-    if (landmark.depth) landmark.depth->value *= 1 + 0.05 * error(generator);
+    if (landmark.depth) landmark.depth->value *= 1 + 0.05 * error();
   }
   LocalBundleAdjustment::Options options;
   options.max_iterations = 30;
@@ -213,16 +216,11 @@ TEST(LocalBundleAdjustment, rejectsStepsThatIncreaseTheCost) {
   for (unsigned seed = 0; seed < 6; ++seed) {
     LocalMap disturbed = exact;
     std::mt19937 generator(seed);
-    std::normal_distribution<double> error(0, 1);
-    const auto random = [&] {
-      return Eigen::Vector3d(error(generator), error(generator), error(generator));
-    };
-    for (std::size_t k = 1; k < 6; ++k) {
-      Eigen::Isometry3d& T = disturbed.keyframes()[k].T_w_c;
-      T = T * pose(0.05 * random(), 0.3 * random());
-    }
+    std::normal_distribution<double> normal(0, 1);
+    const auto error = [&] { return normal(generator); };
+    disturbPoses(1, 0.05, 0.3, error, &disturbed);
     for (auto& [id, landmark] : disturbed.landmarks()) {
-      if (landmark.depth) landmark.depth->value *= std::exp(error(generator));
+      if (landmark.depth) landmark.depth->value *= std::exp(error());
     }
     double last = std::numeric_limits<double>::infinity();
     for (const int iterations : {1, 2, 3, 4, 6, 8, 12, 100}) {

@@ -19,7 +19,6 @@
 #include <iostream>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -240,11 +239,11 @@ class TenthsTable {
   void add(std::size_t frames, const ProcessUsage& usage, const std::vector<Pair*>& pairs) {
     std::vector<double> latencies;
     std::string ratios;
+    before_.resize(pairs.size());
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       const std::vector<double> some = pairs[k]->takeLatencies();
       latencies.insert(latencies.end(), some.begin(), some.end());
       const PathComparison& now = pairs[k]->comparison;
-      before_.resize(pairs.size());
       ratios += ", " + std::to_string((now.pathLength() - before_[k].first) /
                                       (now.trueDistance() - before_[k].second));
       before_[k] = {now.pathLength(), now.trueDistance()};

@@ -23,6 +23,7 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "scripts"
+sys.path.insert(0, str(SCRIPTS))  # for the tests of the Python scripts as modules
 BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
 TIMEOUT_S = 600
 CAMERA_HEIGHT = 1.65
@@ -43,6 +44,13 @@ def run(command, *arguments, check=True, timeout=TIMEOUT_S, **options):
                           timeout=timeout, **options)
     assert not check or done.returncode == 0, f"status {done.returncode}\n{done.stdout}{done.stderr}"
     return done
+
+
+def write_program(path, text):
+    """Writes a shell script, and its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/bash\n{text}\n")
+    path.chmod(0o755)
 
 
 def on_full_disk(kib):
@@ -155,14 +163,12 @@ def stub_tools(tmp_path):
     argument is `fails`."""
     build = tmp_path / "stub_build"
     tools = build / "devel/lib/ground_scale_vo"
-    tools.mkdir(parents=True)
-    (build / "devel/setup.bash").write_text(f"PATH={tools}:$PATH\n")
+    write_program(build / "devel/setup.bash", f"PATH={tools}:$PATH")
 
     def replace(*names):
         for name in names:
-            (tools / name).write_text(f"#!/bin/bash\necho {name} \"$*\" >> {tmp_path}/calls\n"
-                                      'echo "Playback finished: "\n[[ " $* " != *" fails "* ]]\n')
-            (tools / name).chmod(0o755)
+            write_program(tools / name, f'echo {name} "$*" >> {tmp_path}/calls\n'
+                                        'echo "Playback finished: "\n[[ " $* " != *" fails "* ]]')
         return {"env": {**os.environ, "GROUND_SCALE_VO_BUILD": str(build)}, "cwd": tmp_path}
     return replace
 

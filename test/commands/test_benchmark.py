@@ -1,15 +1,12 @@
 """scripts/benchmark: its reports are complete and consistent, its arguments are checked."""
 
 import json
-import sys
 
+import benchmark_report
 import check_benchmark
 import numpy as np
 import pytest
 from conftest import SCRIPTS, assert_refused, run, tool
-
-sys.path.insert(0, str(SCRIPTS))
-import benchmark_report  # noqa: E402
 
 BENCHMARK = SCRIPTS / "benchmark"
 

@@ -8,7 +8,7 @@ import subprocess
 
 import bags
 import pytest
-from conftest import ROOT, TIMEOUT_S, is_running, pid_of, roslaunch, wait_until
+from conftest import ROOT, TIMEOUT_S, is_running, pid_of, roslaunch, wait_until, write_program
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +34,7 @@ def test_player_ends_with_the_monitor(bag, tmp_path):
 def test_waits_for_both_nodelets(bag, config, tmp_path):
     """MonoVo starts last, and does not lose the first image."""
     released, wait = tmp_path / "released", tmp_path / "wait"
-    wait.write_text(f'#!/bin/sh\nuntil [ -e {released} ]; do sleep 0.1; done\nexec "$@"\n')
-    wait.chmod(0o755)
+    write_program(wait, f'until [ -e {released} ]; do sleep 0.1; done\nexec "$@"')
     nodelets = (ROOT / "launch/ground_scale_vo.launch").read_text()
     (tmp_path / "nodelets.launch").write_text(
         nodelets.replace('name="mono_vo"', f'name="mono_vo" launch-prefix="{wait}"'))

@@ -1,14 +1,10 @@
 """plot_run.py: what its plots show."""
 
 import json
-import sys
 
 import numpy as np
+import plot_run
 import pytest
-from conftest import SCRIPTS
-
-sys.path.insert(0, str(SCRIPTS))
-import plot_run  # noqa: E402
 
 FRAMES, STOP = 60, slice(20, 40)
 

@@ -1,17 +1,14 @@
 """scripts/report and derive_drives."""
 
 import json
-import sys
 
+import benchmark_report
 import matplotlib.image
 import numpy
 import pytest
+import report_figures
+import report_tables
 from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, tool
-
-sys.path.insert(0, str(SCRIPTS))
-import benchmark_report  # noqa: E402
-import report_figures  # noqa: E402
-import report_tables  # noqa: E402
 
 REPORT = SCRIPTS / "report"
 DERIVE, RENDER = tool("derive_drives"), tool("render_drive")

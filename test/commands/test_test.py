@@ -5,7 +5,7 @@ import os
 import shutil
 
 import pytest
-from conftest import SCRIPTS, run
+from conftest import SCRIPTS, run, write_program
 
 CASE = '<testcase name="a"/>'
 # Of a JUnit file.
@@ -17,12 +17,6 @@ KINDS = {
                '<testcase name="c" status="notrun"/></testsuite>',
     "truncated": f'<testsuite>{CASE}<testcase name="b">',
 }
-
-
-def program(path, text):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(f"#!/bin/bash\n{text}\n")
-    path.chmod(0o755)
 
 
 @pytest.fixture
@@ -37,8 +31,8 @@ def tree(tmp_path):
     shutil.copy(SCRIPTS.parent / "test/commands/pytest.ini", tmp_path / "test/commands")
     command_tests(tmp_path, "def test_a(): pass")
     setup = tmp_path / "build/devel/setup.bash"
-    program(setup, f"PATH={tmp_path}/bin:$PATH")
-    program(tmp_path / "bin/pre-commit", "echo hook..................Passed")
+    write_program(setup, f"PATH={tmp_path}/bin:$PATH")
+    write_program(tmp_path / "bin/pre-commit", "echo hook..................Passed")
     ctest(tmp_path, "passed")
     return tmp_path
 
@@ -51,8 +45,8 @@ def command_tests(tree, text):
 def ctest(tree, *kinds, status=0):
     """One that writes a file of each of these KINDS."""
     folder = "$GROUND_SCALE_VO_BUILD/test_results/ground_scale_vo"
-    program(tree / "bin/ctest", "".join(f"echo '{KINDS[kind]}' > {folder}/gtest-{kind}.xml\n" for kind in kinds) +
-            f"exit {status}")
+    results = "".join(f"echo '{KINDS[kind]}' > {folder}/gtest-{kind}.xml\n" for kind in kinds)
+    write_program(tree / "bin/ctest", f"{results}exit {status}")
 
 
 def last_line(tree, *arguments, status):
@@ -98,8 +92,8 @@ def test_command_tests_that_cannot_start(tree):
 
 
 def test_hooks(tree):
-    program(tree / "bin/pre-commit",
-            "echo a....Passed; echo b....Failed; echo 'c....(no files to check)Skipped'; exit 1")
+    write_program(tree / "bin/pre-commit",
+                  "echo a....Passed; echo b....Failed; echo 'c....(no files to check)Skipped'; exit 1")
     assert last_line(tree, "unit", "lint", status=1) == "2 passed, 1 failed, 1 skipped"
 
 

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/core/hal/hal.hpp>
+#include <cstring>
 #include <opencv2/features2d.hpp>
 #include <utility>
 
+#include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/median.hpp"
 #include "vo/masked_patch.hpp"
 
@@ -17,8 +18,7 @@ constexpr float kScaleFactor = 1.4f;
 
 constexpr int kPatchSize_px = 31;  // that of ORB
 constexpr int kBorder_px = 16;     // points nearer to the image border have no descriptor
-constexpr int kBytes = 32;         // of a descriptor
-constexpr int kBits = 8 * kBytes;
+constexpr int kBits = 256;         // of a descriptor
 
 /// [bits] largest distance of a match; unrelated descriptors differ in half of the bits.
 constexpr int kMaxDistance = kBits / 4;
@@ -38,7 +38,7 @@ bool isInRegion(const SearchRegion& region, std::size_t i, const cv::Point2f& u)
 
 Descriptors::Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points, const cv::Mat& mask)
     : points_(std::move(points)) {
-  for (auto& descriptors : at_scale_) descriptors.assign(points_.size(), nullptr);
+  for (auto& descriptors : at_scale_) descriptors.resize(points_.size());
   if (points_.empty()) return;
   std::vector<cv::KeyPoint> keypoints;
   for (int scale = 0; scale < kScales; ++scale) {
@@ -52,18 +52,28 @@ Descriptors::Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points, 
   }
   const auto orb = cv::ORB::create(static_cast<int>(keypoints.size()), kScaleFactor, kScales,
                                    kBorder_px, 0, 2, cv::ORB::HARRIS_SCORE, kPatchSize_px);
-  orb->compute(image, keypoints, rows_);  // removes the keypoints near the border
+  cv::Mat rows;
+  orb->compute(image, keypoints, rows);  // removes the keypoints near the border
   for (std::size_t row = 0; row < keypoints.size(); ++row) {
+    Bits bits;
+    std::memcpy(&bits, rows.ptr(static_cast<int>(row)), sizeof bits);
     at_scale_[static_cast<std::size_t>(keypoints[row].octave)]
-             [static_cast<std::size_t>(keypoints[row].class_id)] = rows_.ptr(static_cast<int>(row));
+             [static_cast<std::size_t>(keypoints[row].class_id)] = bits;
   }
+}
+
+/// Processors with AVX2 have an instruction that counts bits.
+GSV_VECTOR_LOOP int Descriptors::differingBits(const Bits& a, const Bits& b) {
+  int count = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) count += __builtin_popcountll(a[i] ^ b[i]);
+  return count;
 }
 
 /// One of the two is taken at full resolution.
 int Descriptors::distance(std::size_t i, const Descriptors& other, std::size_t k) const {
   int best = kBits;
-  const auto compare = [&](const unsigned char* a, const unsigned char* b) {
-    if (a && b) best = std::min(best, cv::hal::normHamming(a, b, kBytes));
+  const auto compare = [&](const std::optional<Bits>& a, const std::optional<Bits>& b) {
+    if (a && b) best = std::min(best, differingBits(*a, *b));
   };
   for (std::size_t scale = 0; scale < kScales; ++scale) {
     compare(at_scale_[0][i], other.at_scale_[scale][k]);

@@ -2,7 +2,9 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 namespace ground_scale_vo {
@@ -26,10 +28,13 @@ class Descriptors {
   int distance(std::size_t i, const Descriptors& other, std::size_t k) const;
 
  private:
+  using Bits = std::array<std::uint64_t, 4>;
+
+  static int differingBits(const Bits& a, const Bits& b);
+
   std::vector<cv::Point2f> points_;
-  cv::Mat rows_;
-  /// Of each point at each scale; null near the image border and near the mask.
-  std::array<std::vector<const unsigned char*>, kScales> at_scale_;
+  /// Of each point at each scale; empty near the image border and near the mask.
+  std::array<std::vector<std::optional<Bits>>, kScales> at_scale_;
 };
 
 /// Where the points of one image are searched in another one.

@@ -14,6 +14,10 @@ constexpr int kSide_px = 2 * ScaledPatches::kHalf_px + 1;
 /// [grey levels] least standard deviation of a patch; sensor noise has about 1 to 2.
 constexpr double kMinDeviation = 2;
 
+/// Least sum of the squared differences from the mean of a patch. That of integers is zero or more
+/// than this; the correlation with a patch of zero becomes about zero.
+constexpr double kMinSquaredNorm = 0.5;
+
 cv::Point2f scaled(const Eigen::Vector2d& u, double scale) {
   return {static_cast<float>((u.x() + 0.5) * scale - 0.5),
           static_cast<float>((u.y() + 0.5) * scale - 0.5)};
@@ -24,7 +28,14 @@ cv::Point2f scaled(const Eigen::Vector2d& u, double scale) {
 ScaledPatches::ScaledPatches(const PinholeCamera& camera, const cv::Mat& from, const cv::Mat& to,
                              const cv::Mat& mask, double width)
     : from_(from), factor_(std::min(1.0, width / camera.width)), mask_(mask) {
-  cv::resize(to, to_, {}, factor_, factor_, cv::INTER_AREA);
+  cv::Mat resized, mean, mean_square;
+  cv::resize(to, resized, {}, factor_, factor_, cv::INTER_AREA);
+  resized.convertTo(to_, CV_32F);
+  cv::boxFilter(resized, mean, CV_64F, {kSide_px, kSide_px});
+  cv::sqrBoxFilter(resized, mean_square, CV_64F, {kSide_px, kSide_px});
+  cv::Mat norm;
+  cv::sqrt(cv::max((mean_square - mean.mul(mean)) * kSide_px * kSide_px, kMinSquaredNorm), norm);
+  norm.convertTo(norm_, CV_32F);
   if (mask.empty()) return;
   cv::resize(mask != 0, allowed_, to_.size(), 0, 0, cv::INTER_AREA);
   cv::erode(allowed_ == 255, allowed_, cv::Mat::ones(kSide_px, kSide_px, CV_8U));
@@ -63,9 +74,10 @@ cv::Mat ScaledPatches::correlate(const Eigen::Vector2d& u_from, int size, cv::Re
   cv::Scalar mean, deviation;
   cv::meanStdDev(patch, mean, deviation);
   if (deviation[0] < kMinDeviation) return {};
-  const cv::Rect pixels(region->x - kHalf_px, region->y - kHalf_px, region->width + kSide_px - 1,
-                        region->height + kSide_px - 1);
-  cv::matchTemplate(to_(pixels), patch, correlation, cv::TM_CCOEFF_NORMED);
+  patch.convertTo(patch, CV_32F, 1 / (kSide_px * deviation[0]),
+                  -mean[0] / (kSide_px * deviation[0]));
+  cv::filter2D(to_(*region), correlation, CV_32F, patch);  // also reads around the region
+  cv::divide(correlation, norm_(*region), correlation);
   if (!mask_.empty()) correlation.setTo(-1, allowed(*region) == 0);
   return correlation;
 }

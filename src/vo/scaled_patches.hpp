@@ -43,7 +43,8 @@ class ScaledPatches {
   const cv::Mat from_;
   const double factor_;
   const cv::Mat mask_;
-  cv::Mat to_;
+  cv::Mat to_;       ///< float
+  cv::Mat norm_;     ///< of the patch around each pixel of to_, without its mean
   cv::Mat allowed_;  ///< of the size of to_, 0 where a patch touches the mask; empty: no mask
   std::map<int, cv::Mat> from_at_;  ///< by size
 };

@@ -1,0 +1,94 @@
+#include "vo/scaled_patches.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "support/scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+const PinholeCamera kCamera = test::testCamera();
+const cv::Size kSize(kCamera.width, kCamera.height);
+const Eigen::Vector2d kPixel(200, 120);
+const cv::Rect kRegion(150, 100, 90, 40);
+constexpr int kHalf = ScaledPatches::kHalf_px, kSide = 2 * kHalf + 1;
+
+cv::Mat texture(std::uint64_t seed) {
+  cv::Mat image(kSize, CV_8UC1);
+  cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(image, image, {0, 0}, 1.5);
+  cv::normalize(image, image, 0, 255, cv::NORM_MINMAX);
+  return image;
+}
+
+TEST(ScaledPatches, CorrelationIsNormalised) {
+  const cv::Mat from = texture(1), to = texture(2);
+  ScaledPatches patches(kCamera, from, to, {}, kCamera.width);
+  cv::Rect region = kRegion;
+  const cv::Mat correlation = patches.correlate(kPixel, 0, &region);
+  EXPECT_EQ(region, kRegion);
+  cv::Mat patch, expected;
+  cv::getRectSubPix(from, {kSide, kSide}, {200, 120}, patch);
+  const cv::Rect pixels(region.tl() - cv::Point(kHalf, kHalf),
+                        region.size() + cv::Size(2 * kHalf, 2 * kHalf));
+  cv::matchTemplate(to(pixels), patch, expected, cv::TM_CCOEFF_NORMED);
+  ASSERT_EQ(correlation.size(), expected.size());
+  EXPECT_LT(cv::norm(correlation, expected, cv::NORM_INF), 1e-4);
+}
+
+TEST(ScaledPatches, CorrelationIsOneAtTheSamePatch) {
+  const cv::Mat image = texture(1), darker = image / 2;
+  for (const cv::Mat& to : {image, darker}) {
+    cv::Rect region = kRegion;
+    const cv::Mat correlation =
+        ScaledPatches(kCamera, image, to, {}, kCamera.width).correlate(kPixel, 0, &region);
+    cv::Point peak;
+    double value = 0;
+    cv::minMaxLoc(correlation, nullptr, &value, nullptr, &peak);
+    EXPECT_EQ(region.tl() + peak, cv::Point(200, 120));
+    EXPECT_NEAR(value, 1, 1e-2);
+  }
+}
+
+TEST(ScaledPatches, CorrelationWithAreasWithoutTextureIsZero) {
+  const cv::Mat uniform(kSize, CV_8UC1, cv::Scalar(255));
+  cv::Rect region = kRegion;
+  const cv::Mat correlation =
+      ScaledPatches(kCamera, texture(1), uniform, {}, kCamera.width).correlate(kPixel, 0, &region);
+  ASSERT_EQ(correlation.size(), kRegion.size());
+  EXPECT_LT(cv::norm(correlation, cv::NORM_INF), 1e-3);
+}
+
+TEST(ScaledPatches, APatchWithoutTextureHasNoCorrelation) {
+  const cv::Mat uniform(kSize, CV_8UC1, cv::Scalar(100));
+  cv::Rect region = kRegion;
+  EXPECT_TRUE(ScaledPatches(kCamera, uniform, texture(1), {}, kCamera.width)
+                  .correlate(kPixel, 0, &region)
+                  .empty());
+}
+
+TEST(ScaledPatches, RegionIsReducedToWhereThePatchFits) {
+  ScaledPatches patches(kCamera, texture(1), texture(2), {}, kCamera.width);
+  cv::Rect region(-10, -10, 30, 30);
+  EXPECT_EQ(patches.correlate(kPixel, 0, &region).size(), cv::Size(20 - kHalf, 20 - kHalf));
+  EXPECT_EQ(region, cv::Rect(kHalf, kHalf, 20 - kHalf, 20 - kHalf));
+  region = {kCamera.width - kHalf, 100, 10, 10};
+  EXPECT_TRUE(patches.correlate(kPixel, 0, &region).empty());
+}
+
+TEST(ScaledPatches, MaskedPixelsHaveTheLeastCorrelation) {
+  cv::Mat mask(kSize, CV_8UC1, cv::Scalar(255));
+  mask.colRange(0, 180) = 0;
+  ScaledPatches patches(kCamera, texture(1), texture(1), mask, kCamera.width);
+  cv::Rect region = kRegion;
+  const cv::Mat correlation = patches.correlate({300, 120}, 0, &region);
+  const int first = 180 + kHalf - region.x;  // column of the first patch that is not masked
+  EXPECT_EQ(cv::countNonZero(correlation.colRange(0, first) != -1), 0);
+  EXPECT_EQ(cv::countNonZero(correlation.colRange(first, correlation.cols) == -1), 0);
+  EXPECT_TRUE(patches.correlate(kPixel - Eigen::Vector2d(20, 0), 0, &region).empty());
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

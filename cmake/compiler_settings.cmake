@@ -50,6 +50,11 @@ if(GROUND_SCALE_VO_SANITIZE)
   add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
 endif()
 
+if(GROUND_SCALE_VO_COVERAGE)
+  add_compile_options(--coverage -fprofile-update=atomic)
+  link_libraries(--coverage)
+endif()
+
 add_library(${PROJECT_NAME}_warnings INTERFACE)
 target_compile_options(${PROJECT_NAME}_warnings INTERFACE -Wall -Wextra -Wshadow -Wconversion)
 
@@ -98,6 +103,11 @@ function(gsv_add_layer name type)
     set(renderer ${sources})
     list(FILTER renderer INCLUDE REGEX "/(rendering|world)/[a-z_]+\\.cpp$|/synthetic_drive\\.cpp$")
     set_source_files_properties(${renderer} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=thread;-O3")
+  endif()
+  if(name STREQUAL simulation AND GROUND_SCALE_VO_COVERAGE)
+    # Not of the product, and counting makes the renderer several times slower.
+    set_source_files_properties(${sources} PROPERTIES
+      COMPILE_OPTIONS "-fno-profile-arcs;-fno-test-coverage")
   endif()
   set(target ${PROJECT_NAME}_${name})
   add_library(${target} ${type} ${sources})

@@ -51,7 +51,7 @@ if(GROUND_SCALE_VO_SANITIZE)
 endif()
 
 if(GROUND_SCALE_VO_COVERAGE)
-  add_compile_options(--coverage -fprofile-update=atomic)
+  add_compile_options(-fprofile-arcs -ftest-coverage -fprofile-update=atomic)
   link_libraries(--coverage)
 endif()
 

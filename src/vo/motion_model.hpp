@@ -31,8 +31,9 @@ class MotionModel {
   /// Sets the pose of a newly tracked frame and measures the velocity since the last one.
   void update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
 
-  /// Replaces the last pose after bundle adjustment; the velocity is unchanged.
-  void correct(const Eigen::Isometry3d& T_w_c) { T_w_c_ = T_w_c; }
+  /// Moves the last pose by a correction of the map in the axes of w (Mapping::takeAdjustedMap());
+  /// the velocity is unchanged.
+  void correct(const Eigen::Isometry3d& correction) { T_w_c_ = correction * T_w_c_; }
 
   void reset(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
 

@@ -304,7 +304,7 @@ struct VisualOdometry::Impl {
     }
     if (relocalised) addFeatures(relocalised->features, &found, &out->rejected);
     if (const auto correction = mapping.takeAdjustedMap(&out->times)) {
-      motion.correct(*correction * motion.T_w_c());
+      motion.correct(*correction);
     }
     ScopedTimer timer(&out->times.align);
     reference_alignment.align(mapping.map(), image, predict(), &found);

@@ -20,6 +20,12 @@ TEST(Camera, projectInvertsRay) {
   EXPECT_NEAR(camera.project({0, 1.65, 10}).y(), 119 + 464 * 0.165, 1e-9);
 }
 
+TEST(Camera, HasTwoFocalLengths) {
+  const PinholeCamera camera{640, 480, 500, 410, 320, 240};
+  EXPECT_LT((camera.ray({420, 322}) - Eigen::Vector3d(0.2, 0.2, 1)).norm(), 1e-12);
+  EXPECT_LT((camera.project({0.4, 0.4, 2}) - Eigen::Vector2d(420, 322)).norm(), 1e-9);
+}
+
 TEST(Camera, requiresAMaskOfItsSize) {
   PinholeCamera camera = testCamera();
   camera.width = 80;

@@ -53,6 +53,22 @@ TEST(LocalMap, triangulatesLandmarksWithParallax) {
   EXPECT_GT(with_depth, kPoints * 8 / 10);
 }
 
+TEST(LocalMap, APointNeedsToFitAllItsObservations) {
+  const Eigen::Vector3d p_w(2, -1, 8);
+  for (const double limit : {0.003, 0.02}) {
+    LocalMap::Options options;
+    options.max_reprojection_error = limit;
+    LocalMap map(options);
+    for (int k = 0; k < 4; ++k) {
+      auto corners = observe({p_w}, keyframePose(k));
+      if (k == 2) corners[0].x.y() += 0.01;  // across the direction of motion
+      map.addKeyframe(keyframePose(k), corners);
+    }
+    map.triangulateNew();
+    EXPECT_EQ(map.point(0).has_value(), limit > 0.01);
+  }
+}
+
 TEST(LocalMap, triangulatesNothingWithoutMotion) {
   const auto points = farPoints();
   LocalMap map({});
@@ -347,6 +363,23 @@ TEST(PoseEstimation, reportsWhenThereIsNoPose) {
   for (auto& o : observations) o.x = {anywhere(generator), anywhere(generator)};
   EXPECT_EQ(PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations).status,
             PoseStatus::kTooFewInliers);
+}
+
+TEST(PoseEstimation, needsAMinimumNumberOfInliers) {
+  auto observations = pointObservations(Eigen::Isometry3d::Identity(), 0);
+  observations.resize(40);
+  for (int i = 0; i < 20; ++i) {
+    observations[static_cast<std::size_t>(i)].x += Eigen::Vector2d(0.1 + 0.01 * i, 0.1);
+  }
+  PoseEstimation::Options options;
+  ASSERT_LT(options.min_inlier_share, 0.5);
+  for (const int min_inliers : {15, 25}) {
+    options.min_inliers = min_inliers;
+    const auto result =
+        PoseEstimation(options).estimate(Eigen::Isometry3d::Identity(), observations);
+    EXPECT_EQ(result.inliers, 20);
+    EXPECT_EQ(result.status, min_inliers < 20 ? PoseStatus::kOk : PoseStatus::kTooFewInliers);
+  }
 }
 
 TEST(PoseEstimation, rejectsAnImplausiblePosition) {

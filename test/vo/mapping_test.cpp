@@ -32,7 +32,7 @@ std::vector<Feature> featuresOf(const std::vector<Eigen::Vector3d>& points,
 
 ImagePyramid blankImage(double exposure = 1) {
   ImagePyramid image;
-  image.image = cv::Mat::zeros(kCamera.height, kCamera.width, CV_8UC1);
+  image.image = cv::Mat(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(100 * exposure));
   image.exposure = exposure;
   return image;
 }
@@ -105,6 +105,45 @@ TEST(Mapping, AfterAnAdjustmentOutliersAreRemovedAndSigmasUpdated) {
   EXPECT_LT(mapping.map().find(8)->depth->sigma, sigma);
 }
 
+TEST(Mapping, AnObservationWithALargeErrorIsRemovedAfterAnAdjustment) {
+  const auto points = test::farPoints(150);
+  for (const double limit : {0.02, 0.06}) {
+    VisualOdometry::Options options;
+    options.max_reprojection_error = limit;
+    Mapping mapping(kCamera, options);
+    VisualOdometry::Times times;
+    addKeyframes(points, 5, &mapping);
+    std::vector<Feature> features = featuresOf(points, keyframePose(5));
+    features[7].u.y() += 0.04 * kCamera.fy;
+    mapping.addKeyframe(keyframePose(5), features, blankImage(), &times);
+    mapping.takeAdjustedMap(&times);
+    EXPECT_EQ(mapping.map().find(7)->observations.size(), limit > 0.04 ? 6u : 5u);
+  }
+}
+
+TEST(Mapping, HasTheOptionsOfTheMapAndOfTheAdjustment) {
+  const auto points = test::farPoints(150);
+  for (const int window : {1, 3}) {
+    VisualOdometry::Options options;
+    options.map.keyframes = 5;
+    options.bundle_adjustment.window = window;
+    Mapping mapping(kCamera, options);
+    addKeyframes(points, 8, &mapping);
+    ASSERT_EQ(mapping.map().keyframes().size(), 5u);
+    for (Keyframe& keyframe : mapping.map().keyframes()) {
+      keyframe.T_w_c = keyframe.T_w_c * pose({0, 0, 0}, {0.01, 0, 0});
+    }
+    std::vector<Eigen::Isometry3d> before;
+    for (const Keyframe& keyframe : mapping.map().keyframes()) before.push_back(keyframe.T_w_c);
+    mapping.adjustNow();
+    for (int age = 0; age < 5; ++age) {
+      const auto k = static_cast<std::size_t>(4 - age);
+      const bool moved = !mapping.map().keyframes()[k].T_w_c.isApprox(before[k], 1e-12);
+      EXPECT_EQ(moved, age < window) << "keyframe " << k << ", window " << window;
+    }
+  }
+}
+
 TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
   const auto points = test::farPoints(150);
   Mapping mapping(kCamera, {});
@@ -154,8 +193,37 @@ TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
   EXPECT_LT((poses->back().T_w_c.translation() - expected).norm(), 0.01 * expected.norm());
   EXPECT_LT(test::angleBetween(poses->back().T_w_c, T_w_2), 1e-3);
   EXPECT_LT((*poses)[1].T_w_c.translation().norm(), 1e-3);
-  EXPECT_EQ(mapping.map().keyframes().front().exposure, 1);
-  EXPECT_EQ(mapping.map().keyframes().back().exposure, 0.7);
+  const Keyframe &one = mapping.map().keyframes().front(), &two = mapping.map().keyframes().back();
+  EXPECT_EQ(one.exposure, 1);
+  EXPECT_EQ(two.exposure, 0.7);
+  EXPECT_EQ(one.image.at<unsigned char>(0, 0), 100);
+  EXPECT_EQ(two.image.at<unsigned char>(0, 0), 70);
+}
+
+TEST(MapInitialisation, NeedsParallaxAsItsOptionsSay) {
+  const auto points = test::randomPoints(300, 3);
+  VisualOdometry::Options options;
+  options.two_view.min_parallax = 1;
+  MapInitialisation initialisation(kCamera, options);
+  Mapping mapping(kCamera, options);
+  initialisation.restart(0, 1000, featuresOf(points, Eigen::Isometry3d::Identity()),
+                         blankImage().image);
+  const auto second = featuresOf(points, pose({0, 0.02, 0}, {0.3, 0, 1.5}));
+  initialisation.addFrame(1, 2000, second);
+  EXPECT_FALSE(initialisation.tryStartMap(second, blankImage(), &mapping));
+}
+
+// The frames of a camera that does not move are kept.
+TEST(MapInitialisation, WaitsForALimitedNumberOfFrames) {
+  const auto features = featuresOf(test::randomPoints(100, 3), Eigen::Isometry3d::Identity());
+  MapInitialisation initialisation(kCamera, {});
+  initialisation.restart(0, 0, features, blankImage().image);
+  std::uint32_t frames = 1;
+  while (frames < 10000 && initialisation.canContinueWith(features.size())) {
+    initialisation.addFrame(frames, frames, features);
+    ++frames;
+  }
+  EXPECT_EQ(frames, 3001u);
 }
 
 }  // namespace

@@ -58,8 +58,9 @@ TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
 
 TEST(MotionModel, ACorrectionKeepsTheVelocityAndAResetDoesNot) {
   MotionModel motion = drivenUntil(2);
-  motion.correct(poseAt(0));
-  expectPose(motion.predict(3 * kPeriod), poseAt(1));
+  const Eigen::Isometry3d correction = pose({0.1, 0.2, 0.3}, {1, -2, 3});
+  motion.correct(correction);
+  expectPose(motion.predict(3 * kPeriod), correction * poseAt(3));
   motion.reset(poseAt(0), 10 * kPeriod);
   expectPose(motion.predict(11 * kPeriod), poseAt(0));
   expectPose(motion.extrapolate(11 * kPeriod), poseAt(0));

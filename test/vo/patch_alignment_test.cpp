@@ -183,12 +183,19 @@ TEST(PatchAlignment, needsCorrelationAndTextureInTwoDirections) {
 TEST(PatchWarp, isTheDerivativeOfTheProjection) {
   const auto T_c_r = test::pose({0.01, 0.03, -0.02}, {0.1, 0.05, -1.5});
   const Eigen::Vector3d p(1.2, kHeight, 11);
-  const auto warp = patchWarp(kCamera, p, T_c_r, PatchSurface::kFloor);
-  ASSERT_TRUE(warp);
-  const Eigen::Vector3d q = p + Eigen::Vector3d(0.002, 0, 0.01);  // on the floor too
-  const Eigen::Vector2d moved_r = kCamera.project(q) - kCamera.project(p);
-  const Eigen::Vector2d moved_c = kCamera.project(T_c_r * q) - kCamera.project(T_c_r * p);
-  EXPECT_LT((*warp * moved_r - moved_c).norm(), 0.05 * moved_c.norm());
+  const std::pair<PatchSurface, Eigen::Vector3d> surfaces[] = {
+      // and a displacement along it
+      {PatchSurface::kFloor, {0.002, 0, 0.01}},
+      {PatchSurface::kWall, {0, 0.002, 0.01}},
+      {PatchSurface::kFrontoParallel, {0.002, 0.003, 0}}};
+  for (const auto& [surface, displacement] : surfaces) {
+    const auto warp = patchWarp(kCamera, p, T_c_r, surface);
+    ASSERT_TRUE(warp);
+    const Eigen::Vector3d q = p + displacement;
+    const Eigen::Vector2d moved_r = kCamera.project(q) - kCamera.project(p);
+    const Eigen::Vector2d moved_c = kCamera.project(T_c_r * q) - kCamera.project(T_c_r * p);
+    EXPECT_LT((*warp * moved_r - moved_c).norm(), 0.05 * moved_c.norm()) << int(surface);
+  }
 }
 
 TEST(PatchWarp, isEmptyForSurfacesSeenEdgeOnOrFromBehind) {

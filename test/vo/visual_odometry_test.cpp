@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <deque>
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -243,6 +244,20 @@ TEST(VisualOdometry, initialisesAfterAStandstillAtTheStart) {
             0.1 * output.start.back().T_w_c.translation().norm());
 }
 
+// A dark image is no reason to begin anew.
+TEST(VisualOdometry, blackImagesDoNotEndAnInitialisation) {
+  const SyntheticDrive ground_truth(smallDrive(20));
+  std::vector<cv::Mat> images = imagesOf(ground_truth);
+  const std::set<std::uint32_t> black{1, 2};
+  for (const std::uint32_t i : black) images[i] = cv::Mat::zeros(images[i].size(), CV_8UC1);
+  const DriveRun result = run(ground_truth, images);
+  std::size_t first = 0;
+  while (first < 20 && result.frame(first).status != VoStatus::kTracking) ++first;
+  ASSERT_LT(first, 12u);
+  EXPECT_EQ(result.outputs[first].start.front().sequence, 0u);
+  for (const auto& start : result.outputs[first].start) EXPECT_EQ(black.count(start.sequence), 0u);
+}
+
 /// The image that the camera would take after a turn by `yaw` [rad] to the right; black where the
 /// scene is unknown.
 cv::Mat turned(const cv::Mat& image, const PinholeCamera& camera, double yaw) {
@@ -479,6 +494,65 @@ TEST(VisualOdometry, aJumpToAnotherPlaceStartsANewMap) {
 }
 
 // Right after the start of the map most of the image is covered.
+// Each of them is lost; only consecutive ones start a new map.
+TEST(VisualOdometry, singleImagesOfAnotherPlaceKeepTheMap) {
+  SyntheticDrive::Options options = smallDrive(45);
+  const SyntheticDrive ground_truth(options);
+  options.random_seed = 2;
+  const SyntheticDrive elsewhere(options);
+  const std::set<std::size_t> wrong{15, 22, 29, 36};
+  ASSERT_GT(wrong.size(),
+            static_cast<std::size_t>(VisualOdometry::Options().lost_frames_before_new_map));
+  std::vector<cv::Mat> images = imagesOf(ground_truth);
+  for (const std::size_t i : wrong) images[i] = elsewhere.image(i);
+  const DriveRun result = run(ground_truth, images);
+  for (std::size_t i = 12; i < ground_truth.size(); ++i) {
+    const VoStatus expected = wrong.count(i) ? VoStatus::kLost : VoStatus::kTracking;
+    EXPECT_EQ(result.frame(i).status, expected) << i;
+    EXPECT_EQ(result.frame(i).map_id, 0u) << i;
+  }
+}
+
+// At one place, the camera turns by 11 degrees from image to image. Soon no map point is in the
+// view, so there is no pose; but each image matches the one before it.
+TEST(VisualOdometry, aTurnOverLostImagesIsKnown) {
+  SyntheticDrive::Options options = smallDrive(32);
+  options.curvature = options.slope = options.suspension = options.pitch_rad = 0;
+  options.moving_cars = false;
+  constexpr double kYaw = 0.2;  // to the left
+  constexpr std::size_t kPlace = 15;
+  std::deque<SyntheticDrive> turned_drives;
+  VisualOdometry odometry(options.camera, {});
+  VoFrame frame;
+  std::int64_t stamp_ns = 0, stamp_of_start_ns = 0;
+  const auto process = [&](std::size_t turns, std::size_t place) {
+    if (turns == turned_drives.size()) {
+      options.yaw_rad = -0.9 + static_cast<double>(turns) * kYaw;
+      turned_drives.emplace_back(options);
+    }
+    frame = odometry.process(turned_drives[turns].image(place), stamp_ns).frame;
+    stamp_ns += 100'000'000;
+  };
+  for (std::size_t i = 0; i <= kPlace; ++i) process(0, i);
+  std::size_t turns = 0, last_with_pose = 0;
+  while (frame.map_id == 0) {
+    ASSERT_LT(++turns, 10u);
+    stamp_of_start_ns = stamp_ns;
+    process(turns, kPlace);
+    if (frame.status == VoStatus::kTracking) last_with_pose = turns;
+  }
+  for (std::size_t i = kPlace + 1; i < 32 && frame.status != VoStatus::kTracking; ++i) {
+    process(turns, i);
+  }
+  ASSERT_EQ(frame.status, VoStatus::kTracking);
+  EXPECT_EQ(frame.map_id, 1u);
+  EXPECT_EQ(frame.map_start.stamp_ns, stamp_of_start_ns);
+  EXPECT_LT(frame.map_start.rotation_sigma, 0.05);
+  const double yaw = -kYaw * static_cast<double>(turns - last_with_pose);
+  const Eigen::Matrix3d turn = pose({0, yaw, 0}, {0, 0, 0}).linear();
+  EXPECT_LT(Eigen::AngleAxisd(frame.map_start.R_previous_w.transpose() * turn).angle(), 0.03);
+}
+
 TEST(VisualOdometry, tooFewTrackedFeaturesOfTheFirstKeyframesMakeAKeyframe) {
   SyntheticDrive::Options options = smallDrive(12);
   options.speed = 3;

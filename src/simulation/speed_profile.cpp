@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace ground_scale_vo::simulation {
 namespace {
@@ -10,13 +11,15 @@ constexpr double kMaxAcceleration = 3;  // braking and starting [m/s^2]
 
 }  // namespace
 
-SpeedProfile::SpeedProfile(const SyntheticDrive::Options& options)
+SpeedProfile::SpeedProfile(const SyntheticDrive::Options& options,
+                           std::shared_ptr<const RecordedPath> path)
     : cruise_speed_(options.speed),
       braking_s_(brakingTime(options)),
       stop_s_(options.stop_s),
       stop_at_m_(options.stop_at_m),
       brake_at_s_((stop_at_m_ - cruise_speed_ * braking_s_ / 2) / cruise_speed_),
-      speeds_(options.speeds) {}
+      speeds_(options.speeds),
+      path_(std::move(path)) {}
 
 double SpeedProfile::brakingTime(const SyntheticDrive::Options& options) {
   return M_PI * options.speed / (2 * kMaxAcceleration);

@@ -1,23 +1,26 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/longitudinal_state.hpp"
+#include "simulation/recorded_path.hpp"
 
 namespace ground_scale_vo::simulation {
 
-/// Position along the road and its derivatives [m, m/s, m/s^2].
-struct LongitudinalState {
-  double s, v, a;
-};
-
-/// The position of the car over time. Speed changes follow a cosine.
+/// The position of the car over time: that of the recorded path, or cruise and stop, whose speed
+/// changes follow a cosine.
 class SpeedProfile {
  public:
-  explicit SpeedProfile(const SyntheticDrive::Options& options);
+  /// path: nullptr for a generated road.
+  SpeedProfile(const SyntheticDrive::Options& options, std::shared_ptr<const RecordedPath> path);
 
   /// t [s] may lie before or after the drive.
-  LongitudinalState at(double t) const { return speeds_.empty() ? cruise(t) : fromTable(t); }
+  LongitudinalState at(double t) const {
+    if (path_) return path_->at(t);
+    return speeds_.empty() ? cruise(t) : fromTable(t);
+  }
 
   /// Time to brake from the cruising speed to standstill [s].
   static double brakingTime(const SyntheticDrive::Options& options);
@@ -32,6 +35,7 @@ class SpeedProfile {
   const double stop_at_m_;
   const double brake_at_s_;  // when braking begins [s]
   const std::vector<SyntheticDrive::SpeedAt> speeds_;
+  const std::shared_ptr<const RecordedPath> path_;
 };
 
 }  // namespace ground_scale_vo::simulation

@@ -5,9 +5,11 @@
 #include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
+#include <utility>
 
 #include "simulation/drive_extent.hpp"
 #include "simulation/ego_shadow.hpp"
+#include "simulation/recorded_path.hpp"
 #include "simulation/rendering/random.hpp"
 #include "simulation/rendering/rasteriser.hpp"
 #include "simulation/speed_profile.hpp"
@@ -20,6 +22,7 @@
 namespace ground_scale_vo {
 namespace {
 
+using simulation::RecordedPath;
 using simulation::RoadGeometry;
 using simulation::Scene;
 using simulation::SpeedProfile;
@@ -54,17 +57,32 @@ simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
   return world;
 }
 
+/// nullptr for a generated road.
+std::shared_ptr<const RecordedPath> recordedPath(const SyntheticDrive::Options& o) {
+  if (o.path.empty()) return nullptr;
+  return std::make_shared<RecordedPath>(o.path, o.frame_rate_hz);
+}
+
+/// The top speed of a recorded path, if it is higher than the given speed, which scales the
+/// vibrations.
+SyntheticDrive::Options withSpeedOf(const std::shared_ptr<const RecordedPath>& path,
+                                    SyntheticDrive::Options o) {
+  if (path) o.speed = std::max(o.speed, path->topSpeed());
+  return o;
+}
+
 /// The road from kRoadBehind behind the first camera position to kRoadAhead ahead of the last one;
 /// as far behind as ahead when the camera looks sideways or back.
-RoadGeometry roadFor(const SyntheticDrive::Options& o, const SpeedProfile& profile) {
+RoadGeometry roadFor(const SyntheticDrive::Options& o, const SpeedProfile& profile,
+                     std::shared_ptr<const RecordedPath> path) {
   double from = 0, to = 0;
   for (int i = 0; i < o.frames; ++i) {
     const double s = profile.at(i / o.frame_rate_hz).s;
     from = std::min(from, s);
     to = std::max(to, s);
   }
-  const simulation::RoadShape shape{o.curvature, o.slope,       o.ramp_slope,  o.ramp_from_m,
-                                    o.ramp_to_m, o.bump_height, o.road_shift_m};
+  const simulation::RoadShape shape{o.curvature, o.slope,       o.ramp_slope,   o.ramp_from_m,
+                                    o.ramp_to_m, o.bump_height, o.road_shift_m, std::move(path)};
   const bool looks_ahead = std::abs(o.yaw_rad) < M_PI / 3;
   return {shape, from - (looks_ahead ? simulation::kRoadBehind : simulation::kRoadAhead),
           to + simulation::kRoadAhead};
@@ -100,7 +118,9 @@ struct SyntheticDrive::Impl {
     const simulation::Traffic traffic;
   };
 
-  explicit Impl(const Options& o) : options(o), profile(o), road(roadFor(o, profile)) {
+  explicit Impl(const Options& o) : Impl(o, recordedPath(o)) {}
+  Impl(const Options& o, const std::shared_ptr<const RecordedPath>& path)
+      : options(withSpeedOf(path, o)), profile(o, path), road(roadFor(o, profile, path)) {
     if (o.hood > 0) {
       hood_texture.emplace(simulation::hoodTextureImage(o.random_seed), simulation::kVehicleTexel,
                            simulation::Texture::Wrap::kClamp);
@@ -132,6 +152,13 @@ struct SyntheticDrive::Impl {
   Scene sceneAt(std::size_t i) const {
     const simulation::World& world = content().world;
     Scene scene = world.scene();
+    if (road.isRecorded()) {
+      const auto is_far = [&](const simulation::Instance& instance) {
+        return !std::isnan(instance.s) && !road.isInSection(instance.s, distances[i]);
+      };
+      scene.instances.erase(std::remove_if(scene.instances.begin(), scene.instances.end(), is_far),
+                            scene.instances.end());
+    }
     content().traffic.addTo(scene, i, static_cast<double>(frames[i].stamp_ns) * 1e-9);
     if (options.own_shadow) {
       scene.ego_shadow = simulation::egoShadow(options, road, world, distances[i]);

@@ -34,12 +34,17 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("curvature", curvature, 0, 0.08);
   requireInRange("slope", slope, -0.15, 0.15);
   requireInRange("stop_s", stop_s, 0, 3600);
-  if (stop_s > 0 && speeds.empty()) {
+  if (stop_s > 0 && speeds.empty() && path.empty()) {
     const double braking_m = speed * simulation::SpeedProfile::brakingTime(*this) / 2;
     requireInRange("stop_at_m (at least the braking distance)", stop_at_m, braking_m,
                    kMaxDriveLength);
   }
   double time = -1e9, drive_m = speeds.empty() ? speed * frames / frame_rate_hz : 0;
+  if (!path.empty()) {
+    requireInRange("frames (at most one for each position of the path)", frames, 1,
+                   static_cast<double>(path.size()));
+    drive_m = 0;  // RecordedPath checks the positions and their length
+  }
   for (const SpeedAt& at : speeds) {
     requireInRange("speeds.speed", at.speed, -40, 40);
     requireInRange("speeds.time_s (increasing)", at.time_s, std::nextafter(time, 1e9), 1e6);

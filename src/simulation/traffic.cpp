@@ -50,10 +50,12 @@ void Traffic::addTo(Scene& scene, std::size_t i, double t) const {
   if (options_.lorry_frames > 0) addLorry(scene, i, t);
 }
 
-/// Adds a vehicle at (s, u) and its shadow, if it is on the road. size: width and length [m].
-void Traffic::addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& size, double s,
-                         double u, bool oncoming) const {
+/// Adds a vehicle at (s, u) and its shadow, if it is on the road. ego_s: of the camera. size: width
+/// and length [m].
+void Traffic::addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& size, double ego_s,
+                         double s, double u, bool oncoming) const {
   if (s < road_.sBegin() + kRoadMargin || s > road_.sEnd() - kRoadMargin) return;
+  if (!road_.isInSection(s, ego_s)) return;
   Eigen::Isometry3d T_w_m = road_.surfaceFrame(s, u);
   if (oncoming) T_w_m.rotate(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()));
   scene.instances.push_back({&mesh, T_w_m});
@@ -62,18 +64,22 @@ void Traffic::addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& 
 }
 
 void Traffic::addCars(Scene& scene, double t) const {
+  const double ego_s = profile_.at(t).s;
   const Eigen::Vector2d lead_size = options_.lead_van ? vanSize() : carSize();
-  addVehicle(scene, options_.lead_van ? world_.van() : world_.car(2), lead_size,
+  addVehicle(scene, options_.lead_van ? world_.van() : world_.car(2), lead_size, ego_s,
              profile_.at(t + options_.lead_time).s + (options_.lead_gap + lead_size.y() / 2), 0,
              false);
   for (int k = 0; k < options_.cars_beside; ++k) {
     const double s = profile_.at(t + kBesideLead * k).s + kBesideStart + k * kBesideSpacing;
-    addVehicle(scene, world_.car(static_cast<std::size_t>(k) + 3), carSize(), s, kLeftLane, false);
+    addVehicle(scene, world_.car(static_cast<std::size_t>(k) + 3), carSize(), ego_s, s, kLeftLane,
+               false);
   }
   if (options_.cars_beside > 0) return;
-  for (int k = 0; k * options_.oncoming_spacing < 2 * kMaxDriveLength; ++k) {
+  const double last = std::max(2 * kMaxDriveLength, road_.sEnd() + kOncomingSpeed * t);
+  for (int k = 0; k * options_.oncoming_spacing < last; ++k) {
     const double s = kOncomingStart + k * options_.oncoming_spacing - kOncomingSpeed * t;
-    addVehicle(scene, world_.car(static_cast<std::size_t>(k) + 3), carSize(), s, kLeftLane, true);
+    addVehicle(scene, world_.car(static_cast<std::size_t>(k) + 3), carSize(), ego_s, s, kLeftLane,
+               true);
   }
 }
 
@@ -91,7 +97,7 @@ void Traffic::addLorry(Scene& scene, std::size_t i, double t) const {
   const double moving = ego.v / options_.speed;
   const double sway = kLorrySway * moving * std::sin(0.9 * t);
   const double gap = kLorryGapChange * std::sin(0.7 * t) * moving;
-  addVehicle(scene, lorry_, {options_.lorry_width, kVanLength},
+  addVehicle(scene, lorry_, {options_.lorry_width, kVanLength}, ego.s,
              ego.s + options_.lorry_gap + gap + kVanLength / 2, options_.lane_offset + sway + aside,
              false);
 }

@@ -27,8 +27,8 @@ class Traffic {
   void addTo(Scene& scene, std::size_t i, double t) const;
 
  private:
-  void addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& size, double s, double u,
-                  bool oncoming) const;
+  void addVehicle(Scene& scene, const Mesh& mesh, const Eigen::Vector2d& size, double ego_s,
+                  double s, double u, bool oncoming) const;
   void addCars(Scene& scene, double t) const;
   void addLorry(Scene& scene, std::size_t i, double t) const;
 

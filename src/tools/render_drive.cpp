@@ -33,7 +33,7 @@ namespace {
 constexpr int kMaxInteger = 1000000;
 
 struct Settings {
-  std::string folder, scenario;  ///< scenario: empty for the default drive
+  std::string folder, scenario, path;  ///< scenario and path: empty for the default drive
   gsv::SyntheticDrive::Options drive;
   /// Changes requested by the given options; applied to the scenario or to the defaults.
   std::vector<std::function<void()>> changes;
@@ -137,6 +137,15 @@ void check(Settings* settings) {
   if (settings->list) return;
   if (settings->folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
   if (!settings->scenario.empty()) settings->drive = gsv::findScenario(settings->scenario).options;
+  if (!settings->path.empty()) {
+    if (!settings->scenario.empty()) {
+      throw gsv::OptionError("--path and --scenario cannot be combined");
+    }
+    for (const Eigen::Isometry3d& T_c0_c : gsv::readKittiPoses(settings->path)) {
+      settings->drive.path.emplace_back(T_c0_c.translation());
+    }
+    settings->drive.frames = static_cast<int>(settings->drive.path.size());
+  }
   for (const auto& change : settings->changes) change();
   settings->drive.validate();
 }
@@ -184,12 +193,21 @@ void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
   gsv::writeKittiPoses(folder / "poses.txt", poses);
 }
 
+gsv::SyntheticDrive makeDrive(const Settings& settings) {
+  if (settings.path.empty()) return gsv::SyntheticDrive(settings.drive);
+  try {
+    return gsv::SyntheticDrive(settings.drive);
+  } catch (const gsv::OptionError& error) {  // the other options have been validated
+    throw gsv::DataError(settings.path + ": " + error.what());
+  }
+}
+
 /// Writes under a temporary name and renames, so that FOLDER is complete or missing.
 void render(const Settings& settings) {
   cv::setNumThreads(1);  // frames are rendered in parallel
   const fs::path folder = settings.folder;
   if (fs::exists(folder)) throw gsv::DataError(folder.string() + " already exists");
-  const gsv::SyntheticDrive drive(settings.drive);
+  const gsv::SyntheticDrive drive = makeDrive(settings);
   const fs::path normalised = fs::absolute(folder).lexically_normal();
   const fs::path target = normalised.has_filename() ? normalised : normalised.parent_path();
   const fs::path partial = target.string() + ".partial." + std::to_string(getpid());
@@ -214,7 +232,8 @@ int main(int argc, char** argv) {
   Settings settings;
   gsv::CommandLine command_line(
       "render_drive",
-      "Renders a drive along a street as a KITTI odometry folder: image_0/NNNNNN.png, calib.txt,\n"
+      "Renders a drive along a generated street or a recorded path as a KITTI odometry folder: "
+      "image_0/NNNNNN.png, calib.txt,\n"
       "times.txt, exact poses (poses.txt), and the exact camera height and road normal of every "
       "frame\n"
       "(ground.txt). kitti_to_bag converts it to a bag.",
@@ -224,6 +243,11 @@ int main(int argc, char** argv) {
       ("list", po::bool_switch(&settings.list), "print the scenario catalogue instead")  //
       ("scenario", po::value(&settings.scenario)->value_name("NAME"),
        "a drive of the catalogue (--list), changed by the options below")  //
+      ("path", po::value(&settings.path)->value_name("FILE"),
+       "KITTI poses (poses/NN.txt): a street along the recorded positions, smoothed, with one "
+       "frame "
+       "for each line. --frames N: only the first N; --speed, --stop, --curvature and --slope have "
+       "no effect")  //
       ("threads", gsv::numberInRange("--threads", &settings.threads, "N", 1, 256),
        "number of rendering threads");
   DriveOptions(&settings, &command_line.options()).add();

@@ -45,6 +45,12 @@ class SyntheticDrive {
     /// the last one hold before and after. They replace cruise and stop; `speed` then only scales
     /// the vibrations. Empty: cruise with the stop.
     std::vector<SpeedAt> speeds;
+    /// Positions of a camera in each frame, such as those of a recorded drive [m], x right, y down,
+    /// z forward of the first camera. Road and motion follow them, smoothed (recorded_path.hpp);
+    /// the camera looks along the road. They replace stop, speeds and the shape of the road;
+    /// `speed` then only limits the vibrations. What would stand on the road where it crosses
+    /// itself is left out. Empty: a generated road.
+    std::vector<Eigen::Vector3d> path;
     double suspension = 1;  ///< factor on pitch, roll and bounce; 0: a rigid car
 
     // --- Shape of the road ---
@@ -123,7 +129,8 @@ class SyntheticDrive {
     double speed = 0;   ///< along the middle of the lane [m/s], negative: backwards
   };
 
-  /// Builds the street: 0.5 s for the default drive, 130 MB at the peak. Throws OptionError.
+  /// Throws OptionError. The first image builds the street: 0.5 s for the default drive, 130 MB at
+  /// the PEAK
   explicit SyntheticDrive(const Options& options);
   ~SyntheticDrive();
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -13,6 +14,8 @@ struct Instance {
   const Mesh* mesh;
   Eigen::Isometry3d T_w_m;  ///< world from mesh [m]
   bool reflected = true;    ///< puddles reflect it
+  /// Position along the road [m]; not a number: it is far away or moves, and always exists.
+  double s = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Soft rectangular shadow of a moving vehicle, in texture coordinates of the road [m].

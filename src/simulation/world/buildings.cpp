@@ -52,11 +52,12 @@ void BuildingGenerator::addHouses() {
                             T_w_m.linear(), front, plaster);
       const bool is_free = builder_.isClearOfBridgeAndUnderpass(s) &&
                            builder_.isClearOfBridgeAndUnderpass(s + length);
-      if (is_free && isClearOfRoad(T_w_m, length, depth)) {
-        builder_.place(builder_.addMesh(std::move(mesh)), T_w_m);
+      const bool is_clear = isClearOfRoad(middle, T_w_m, length, depth);
+      if (is_free && is_clear) {
+        builder_.place(builder_.addMesh(std::move(mesh)), T_w_m, middle);
       }
-      // Also of a house that is left out in a tight curve.
-      if (is_free && side * builder_.options.sun.y() > 0) {
+      // On a generated road also of a house that is left out in a tight curve.
+      if (is_free && (is_clear || !road.isRecorded()) && side * builder_.options.sun.y() > 0) {
         builder_.shadows.castPrism(middle, u, {{length / 2, 0}, {-length / 2, 0}}, height, 1);
       }
       if (is_free) {
@@ -79,8 +80,8 @@ void BuildingGenerator::addHedge(double s, double u, double length) {
   mesh.addQuad({{0, 0, height}, {0, 0}, 0.95}, {{length, 0, height}, {length, 0}, 0.95},
                {{length, depth, height}, {length, depth}, 0.95},
                {{0, depth, height}, {0, depth}, 0.95}, texture);
-  if (isClearOfRoad(T_w_m, length, depth)) {
-    builder_.place(builder_.addMesh(std::move(mesh)), T_w_m);
+  if (isClearOfRoad(s, T_w_m, length, depth)) {
+    builder_.place(builder_.addMesh(std::move(mesh)), T_w_m, s);
   }
 }
 
@@ -181,15 +182,17 @@ cv::Mat BuildingGenerator::facadeImage(double length, double height, int floors,
   return image;
 }
 
-/// False where a long box inside a tight curve would reach the road again.
-bool BuildingGenerator::isClearOfRoad(const Eigen::Isometry3d& T_w_m, double length,
+/// False where a long box at s, inside a tight curve or beside a crossing, would reach the road
+/// again.
+bool BuildingGenerator::isClearOfRoad(double s, const Eigen::Isometry3d& T_w_m, double length,
                                       double depth) const {
   constexpr double kTightCurvature = 0.035, kClearance = 8.5;  // [1/m, m]
-  if (builder_.options.curvature <= kTightCurvature) return true;
+  const bool is_recorded = builder_.road.isRecorded();
+  if (!is_recorded && builder_.options.curvature <= kTightCurvature) return true;
   for (const double x : {0., 0.25, 0.5, 0.75, 1.}) {
     for (const double y : {0., 1.}) {
       const Eigen::Vector3d p = T_w_m * Eigen::Vector3d(x * length, y * depth, 0);
-      if (builder_.road.distanceToLane(p) < kClearance) return false;
+      if (builder_.road.distanceToLane(s, p) < kClearance) return false;
     }
   }
   return true;

@@ -22,7 +22,7 @@ class BuildingGenerator {
   Mesh houseMesh(double length, double depth, double height, double roof_height,
                  const Eigen::Matrix3d& R_w_m, const Texture& front, const Texture& sides) const;
   cv::Mat facadeImage(double length, double height, int floors, double wall_grey);
-  bool isClearOfRoad(const Eigen::Isometry3d& T_w_m, double length, double depth) const;
+  bool isClearOfRoad(double s, const Eigen::Isometry3d& T_w_m, double length, double depth) const;
 
   WorldBuilder& builder_;
   cv::Mat plaster_;  ///< noise texture of the plaster

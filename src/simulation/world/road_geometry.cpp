@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace ground_scale_vo::simulation {
 namespace {
 
 constexpr double kNodeSpacing = 0.5;   // [m]
+constexpr double kOwnStretch = 20;     // of a lane beside a point, in each direction [m]
 constexpr double kRampTransition = 6;  // over which the slope of the ramp changes [m]
 
 // Curves and long waves of the road repeat after kPeriod; positions in the period [m].
@@ -60,17 +62,20 @@ RoadGeometry::RoadGeometry(const RoadShape& shape, double s_begin, double s_end)
 }
 
 double RoadGeometry::curvature(double s) const {
+  if (shape_.path) return shape_.path->curvature(s);
   const double at = withinPeriod(s + shape_.shift);
   return shape_.curvature *
          (hump(at, kLeftCurveBegin, kLeftCurveEnd) - hump(at, kRightCurveBegin, kRightCurveEnd));
 }
 double RoadGeometry::heading(double s) const { return turned(s) - turned(0); }
 double RoadGeometry::turned(double s) const {
+  if (shape_.path) return shape_.path->heading(s);
   const double at = withinPeriod(s + shape_.shift);
   return shape_.curvature * (humpIntegral(at, kLeftCurveBegin, kLeftCurveEnd) -
                              humpIntegral(at, kRightCurveBegin, kRightCurveEnd));
 }
 double RoadGeometry::slope(double s) const {
+  if (shape_.path) return shape_.path->slope(s);
   const double at = withinPeriod(s + shape_.shift);
   double slope = shape_.slope * (hump(at, 0, kUphillEnd) - hump(at, kUphillEnd, kPeriod));
   if (shape_.ramp_slope != 0) {
@@ -84,6 +89,7 @@ double RoadGeometry::slope(double s) const {
   return slope;
 }
 double RoadGeometry::elevation(double s) const {
+  if (shape_.path) return shape_.path->elevation(s);
   const double at = withinPeriod(s + shape_.shift);
   double height =
       shape_.slope * (humpIntegral(at, 0, kUphillEnd) - humpIntegral(at, kUphillEnd, kPeriod));
@@ -101,12 +107,34 @@ double RoadGeometry::lowestElevation() const {
   return lowest;
 }
 
-double RoadGeometry::distanceToLane(const Eigen::Vector3d& p) const {
-  double squared = 1e18;
-  for (const Eigen::Vector2d& node : nodes_) {
-    squared = std::min(squared, (node - p.head<2>()).squaredNorm());
+bool RoadGeometry::isInSection(double s, double camera_s) const {
+  return !shape_.path || (s > camera_s - kSectionBehind && s < camera_s + kSectionAhead);
+}
+
+/// From p to the nearest node with s in [s_from, s_to].
+double RoadGeometry::squaredDistance(const Eigen::Vector3d& p, double s_from, double s_to) const {
+  const auto index = [&](double s) {
+    const double node = std::ceil((s - s_begin_) / kNodeSpacing);
+    return static_cast<std::size_t>(std::clamp(node, 0.0, static_cast<double>(nodes_.size())));
+  };
+  double squared = std::numeric_limits<double>::infinity();
+  for (std::size_t k = index(s_from); k < index(s_to); ++k) {
+    squared = std::min(squared, (nodes_[k] - p.head<2>()).squaredNorm());
   }
-  return std::sqrt(squared);
+  return squared;
+}
+
+double RoadGeometry::distanceToLane(double s, const Eigen::Vector3d& p) const {
+  constexpr double kAll = std::numeric_limits<double>::max();
+  const double section = shape_.path ? kSectionBehind + kSectionAhead : kAll;
+  return std::sqrt(squaredDistance(p, s - section, s + section));
+}
+
+double RoadGeometry::distanceToOtherLanes(double s, const Eigen::Vector3d& p) const {
+  if (!shape_.path) return std::numeric_limits<double>::infinity();
+  constexpr double kSection = kSectionBehind + kSectionAhead;
+  return std::sqrt(std::min(squaredDistance(p, s - kSection, s - kOwnStretch),
+                            squaredDistance(p, s + kOwnStretch, s + kSection)));
 }
 
 Eigen::Vector3d RoadGeometry::surfacePoint(double s, double u, double z) const {

@@ -18,8 +18,25 @@ constexpr double kBelowVerges = 0.5;  // depth of the terrain beyond the verges 
 
 /// |u| of the outer border of the verges [m]: before the centre of the tightest curve, beyond which
 /// the mesh would fold.
-double vergeEnd(const WorldOptions& options) {
+double vergeEnd(const WorldOptions& options) {  // of a generated road
   return std::min(kVergeEnd, 0.8 / std::max(options.curvature, 1e-9));
+}
+
+/// |u| up to which the road at s has kerb, pavement and verge on the side of `sign` [m]: kVergeEnd
+/// on a generated road. On a recorded one they end where another part of the lane is nearer, so
+/// that they neither fold in a tight curve nor lie on a crossing carriageway.
+double borderEnd(const RoadGeometry& road, double s, double sign) {
+  constexpr double kStepOut = 0.5, kTolerance = 0.3;  // [m]
+  if (!road.isRecorded()) return kVergeEnd;
+  double end = 0;
+  for (double u = sign > 0 ? kLeftKerb : -kRightKerb; u <= kVergeEnd; u += kStepOut) {
+    const Eigen::Vector3d p = road.surfacePoint(s, sign * u);
+    const double clear = std::max(kLeftKerb + kTolerance, u - kTolerance);
+    if (road.distanceToLane(s, p) < u - kTolerance || road.distanceToOtherLanes(s, p) < clear)
+      break;
+    end = u;
+  }
+  return end;
 }
 
 /// Height of ruts, tufts and holes over the smooth surface [m].
@@ -60,13 +77,22 @@ struct Strip {
   double u, z, u_next, z_next;
   bool verge;
   bool isKerbFace() const { return u == u_next; }
+  bool isCarriageway() const { return u == kRightKerb && u_next == kLeftKerb; }
+};
+
+/// The ends of the borders at s, to the right and to the left [m]: u <= 0 and u >= 0.
+struct Borders {
+  Borders(const RoadGeometry& road, double s)
+      : right(-borderEnd(road, s, -1)), left(borderEnd(road, s, 1)) {}
+  double clamp(double u) const { return std::clamp(u, right, left); }
+  double right, left;
 };
 
 /// Carriageway, kerbs, pavements and verges.
 void addStreet(WorldBuilder& builder) {
   const RoadGeometry& road = builder.road;
   const WorldOptions& options = builder.options;
-  const double verge = vergeEnd(options);
+  const double verge = road.isRecorded() ? kVergeEnd : vergeEnd(options);
   const double middle = std::min(14.0, (verge - kTextureRight) / 2);
   const double kerb = options.kerb_height;
   const std::array<Strip, 8> strips{{
@@ -79,9 +105,17 @@ void addStreet(WorldBuilder& builder) {
       {kLeftKerb, kerb, kTextureLeft, kerb, false},
       {kTextureLeft, kerb, verge, kerb, true},
   }};
-  const auto vertex = [&](const Strip& strip, double s, double u, double z, double unrolled) {
-    const Eigen::Vector2d uv(strip.verge ? u : unrolled, s - road.sBegin());
-    return Vertex{road.surfacePoint(s, u, z), uv, strip.isKerbFace() ? 0.6 : 0.97};
+  // unrolled: of u, which is strip.u or strip.u_next.
+  const auto vertex = [&](const Strip& strip, const Borders& borders, double s, double u, double z,
+                          double unrolled) {
+    const double inside = strip.isCarriageway() ? u : borders.clamp(u);
+    const Eigen::Vector2d uv(strip.verge ? inside : unrolled + inside - u, s - road.sBegin());
+    return Vertex{road.surfacePoint(s, inside, z), uv, strip.isKerbFace() ? 0.6 : 0.97};
+  };
+  const auto isLeftOut = [](const Strip& strip, const Borders& borders) {
+    if (strip.isCarriageway()) return false;
+    const double a = borders.clamp(strip.u), b = borders.clamp(strip.u_next);
+    return strip.isKerbFace() ? a != strip.u : a == b;
   };
   const int per_mesh = static_cast<int>(kMeshLength / kStep);
   const int steps = static_cast<int>((road.sEnd() - road.sBegin()) / kStep);
@@ -89,20 +123,22 @@ void addStreet(WorldBuilder& builder) {
     Mesh mesh;
     for (int k = first; k < std::min(first + per_mesh, steps); ++k) {
       const double s0 = road.sBegin() + kStep * k, s1 = s0 + kStep;
+      const Borders borders0(road, s0), borders1(road, s1);
       double unrolled = 0;  // length of the cross-section up to here, in the texture
       for (const Strip& strip : strips) {
         const double begin = unrolled;
         if (!strip.verge) unrolled += strip.isKerbFace() ? kKerbFace : strip.u_next - strip.u;
         const bool on_bridge = isBetween(s0, options.bridge_from_m, options.bridge_to_m - kStep);
         if (on_bridge && strip.verge) continue;
-        mesh.addQuad(vertex(strip, s0, strip.u, strip.z, begin),
-                     vertex(strip, s0, strip.u_next, strip.z_next, unrolled),
-                     vertex(strip, s1, strip.u_next, strip.z_next, unrolled),
-                     vertex(strip, s1, strip.u, strip.z, begin),
+        if (isLeftOut(strip, borders0) && isLeftOut(strip, borders1)) continue;
+        mesh.addQuad(vertex(strip, borders0, s0, strip.u, strip.z, begin),
+                     vertex(strip, borders0, s0, strip.u_next, strip.z_next, unrolled),
+                     vertex(strip, borders1, s1, strip.u_next, strip.z_next, unrolled),
+                     vertex(strip, borders1, s1, strip.u, strip.z, begin),
                      strip.verge ? *builder.grass : *builder.assets.scene.road);
       }
     }
-    builder.placeGround(std::move(mesh));
+    builder.placeGround(std::move(mesh), road.sBegin() + kStep * first);
   }
 }
 
@@ -117,7 +153,8 @@ void addTerrain(WorldBuilder& builder) {
     return Vertex{road.surfacePoint(0, 0, low) + Eigen::Vector3d(x, y, 0), {x, y}, 0.9};
   };
   const double far = road.sEnd() + kSize;
-  plain.addQuad(corner(-kSize, -far), corner(far, -far), corner(far, far), corner(-kSize, far),
+  const double back = road.isRecorded() ? far : kSize;  // a generated road never turns back
+  plain.addQuad(corner(-back, -far), corner(far, -far), corner(far, far), corner(-back, far),
                 *builder.grass);
   builder.placeGround(std::move(plain));
 }

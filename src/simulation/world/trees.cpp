@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kTreeKinds = 6, kLeavesInShadow = 150;
 constexpr double kRightRow = -7.3, kLeftRow = 8.7;           // u of the two rows of trees [m]
+constexpr double kTreeClearance = 6.8;                       // to the lane of a recorded road [m]
 constexpr double kLampPostHeight = 6.5, kTrunkHeight = 3.6;  // [m]
 
 /// A vertical, tapered prism with eight sides.
@@ -104,11 +105,13 @@ void addTreesAndLampPosts(WorldBuilder& builder) {
       T_w_m.rotate(Eigen::AngleAxisd(builder.uniform(0, 2 * M_PI), Eigen::Vector3d::UnitZ()));
       const bool is_lamp_post = builder.random.chance(0.25);
       if (!builder.isClearOfBridgeAndUnderpass(s)) continue;
+      if (road.isRecorded() && road.distanceToLane(s, T_w_m.translation()) < kTreeClearance)
+        continue;
       if (is_lamp_post) {
-        builder.place(lamp_post, T_w_m);
+        builder.place(lamp_post, T_w_m, s);
         builder.shadows.castPrism(s, u, {{0, 0.06}, {0, -0.06}}, kLampPostHeight, 0.4);
       } else {
-        builder.place(*kinds[builder.random.bits() % kinds.size()], T_w_m);
+        builder.place(*kinds[builder.random.bits() % kinds.size()], T_w_m, s);
         castTreeShadow(s, u, builder);
       }
     }

@@ -1,5 +1,6 @@
 #include "simulation/world/world.hpp"
 
+#include <cmath>
 #include <optional>
 
 #include "simulation/world/buildings.hpp"
@@ -25,13 +26,21 @@ void addVehicleMeshes(WorldBuilder& builder) {
   builder.assets.van.updateBoundingSphere();
 }
 
+/// On a recorded road: neither in a tight curve nor beside a crossing.
+bool isFreeForParking(const RoadGeometry& road, double s, double u) {
+  constexpr double kTightCurvature = 0.04, kClearance = 9;  // [1/m, m]
+  return !road.isRecorded() || (std::abs(road.curvature(s)) < kTightCurvature &&
+                                road.distanceToOtherLanes(s, road.surfacePoint(s, u)) > kClearance);
+}
+
 /// Parks a random car model at (s, u). height: of the parking surface above the carriageway [m].
 void parkCar(WorldBuilder& builder, double s, double u, double height) {
+  if (!isFreeForParking(builder.road, s, u)) return;
   Eigen::Isometry3d T_w_m = builder.road.surfaceFrame(s, u);
   T_w_m.translate(Eigen::Vector3d(0, 0, height));
   T_w_m.rotate(Eigen::AngleAxisd((u > 0 ? M_PI : 0) + builder.uniform(-0.03, 0.03),
                                  Eigen::Vector3d::UnitZ()));
-  builder.place(builder.assets.car(builder.random.bits()), T_w_m);
+  builder.place(builder.assets.car(builder.random.bits()), T_w_m, s);
   // A soft contact shadow, and the shadow of the body.
   builder.shadows.castPrism(s, u, {{2.1, 0.85}, {2.1, -0.85}, {-2.1, -0.85}, {-2.1, 0.85}}, 0.05,
                             0.2);

@@ -57,13 +57,13 @@ const Mesh& WorldBuilder::addMesh(Mesh mesh) {
   return assets.meshes.emplace_back(std::move(mesh));
 }
 
-void WorldBuilder::place(const Mesh& mesh, const Eigen::Isometry3d& T_w_m) {
-  assets.scene.instances.push_back({&mesh, T_w_m});
+void WorldBuilder::place(const Mesh& mesh, const Eigen::Isometry3d& T_w_m, double s) {
+  assets.scene.instances.push_back({&mesh, T_w_m, true, s});
 }
 
-void WorldBuilder::placeGround(Mesh mesh) {
+void WorldBuilder::placeGround(Mesh mesh, double s) {
   assets.scene.instances.push_back(
-      {&addMesh(std::move(mesh)), Eigen::Isometry3d::Identity(), false});
+      {&addMesh(std::move(mesh)), Eigen::Isometry3d::Identity(), false, s});
 }
 
 Eigen::Vector2d WorldBuilder::roadUv(double s, double u) const {

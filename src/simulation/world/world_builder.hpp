@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -76,10 +77,13 @@ class WorldBuilder {
   const Texture& addTexture(const cv::Mat& image, double texel_m,
                             Texture::Wrap wrap = Texture::Wrap::kRepeat);
   const Mesh& addMesh(Mesh mesh);
+  // Instances stand at s along the road [m]; without it they exist everywhere on a recorded road.
+
+  static constexpr double kEverywhere = std::numeric_limits<double>::quiet_NaN();
   /// Adds an instance that is also rendered in puddle reflections.
-  void place(const Mesh& mesh, const Eigen::Isometry3d& T_w_m);
+  void place(const Mesh& mesh, const Eigen::Isometry3d& T_w_m, double s = kEverywhere);
   /// Adds a mesh in world coordinates that is not rendered in puddle reflections.
-  void placeGround(Mesh mesh);
+  void placeGround(Mesh mesh, double s = kEverywhere);
 
   /// See World::roadUv().
   Eigen::Vector2d roadUv(double s, double u) const;

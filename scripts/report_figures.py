@@ -5,10 +5,12 @@ report_figures.py PART DIR [--key=value ...]   reads the results of a part in DI
 report_figures.py --write DIR ROOT             puts all DIR/PART.json into ROOT/docs/results.json
 """
 
+import csv
 import datetime
 import json
 import pathlib
 import re
+import statistics
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
@@ -18,6 +20,10 @@ COUNTS = ("frames", "tracked_frames", "lost_events")
 METRICS = ("gt_length_m", "rle_percent", "t_err_percent",
            "r_err_deg_per_m", "t_err_short_percent", "t_err_true_length_percent", "t_err_sim3_percent",
            "scale_within_2_sigma", "scale_held_share", "first_metric_pose_m", "first_scale_error_sigmas")
+
+# The paper's stages (its Fig. 5), and the direct measurement: columns of timing.csv.
+STAGES = {"MVO": ["vo_total"], "GPE": ["scale_delaunay", "scale_gpe"], "GPA": ["scale_gpa"],
+          "direct": ["scale_direct"], "total": ["total"]}
 
 
 def rounded(value):
@@ -61,6 +67,23 @@ def folders(folder):
     """Figures of run_sequence or evaluate_scenarios."""
     return {short_name(file.parent.name): drive_figures(read(file))
             for file in sorted(folder.glob("*/metrics.json"))}
+
+
+def kitti(folder):
+    """Figures of whole sequences, and the median time of the paper's stages in the frames in which they run."""
+    figures = {}
+    for file in sorted(folder.glob("[01][0-9]/metrics.json")):
+        metrics = read(file)
+        with open(file.with_name("timing.csv"), encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        times = {stage: [sum(float(row[column]) for column in columns) for row in rows]
+                 for stage, columns in STAGES.items()}
+        figures[file.parent.name] = {
+            **drive_figures(metrics), "length_m": as_float(metrics["length_m"]),
+            "peak_rss_mb": as_float(metrics["peak_rss_mb"]),
+            "run_time_ms": {stage: statistics.median([time for time in values if time > 0] or [0.0])
+                            for stage, values in times.items()}}
+    return figures
 
 
 def ablation(folder):
@@ -144,7 +167,13 @@ def heights(folder):
     return figures
 
 
-COLLECT = {"sequences": folders, "variants": folders, "scenarios": folders, "ablation": ablation,
+# Parts over whole KITTI sequences: how report.md describes them.
+KITTI_PARTS = {
+    "kitti": "Measured on the images of KITTI odometry.",
+    "paths": "**Rendered**: the images are those of a street, rendered along the smoothed ground-truth path of each "
+             "sequence. Real images are more difficult; the figures of other systems are those on real images.",
+}
+COLLECT = {**{part: kitti for part in KITTI_PARTS}, "sequences": folders, "variants": folders, "scenarios": folders, "ablation": ablation,
            "components": components, "faults": faults, "benchmark": benchmark, "growth": growth,
            "heights": heights}
 

@@ -5,6 +5,8 @@ derived(results) returns the results with two more parts: `summary` (single figu
 
 import math
 
+from paper_results import FRAMES, LENGTHS as PAPER_LENGTHS, PAPER, ROTATION, TRANSLATION
+
 # Folder: name in docs, description. Other drives have the name of their folder.
 DRIVES = {
     "kitti_00_0000_0199": ("00", "KITTI odometry 00, frames 0–199"),
@@ -235,6 +237,80 @@ def height_table(part):
                   for name, d in drives(part).items()])
 
 
+def relative_error_percent(length, true_length):
+    return 100 * abs(length - true_length) / true_length
+
+
+def own(part, key):
+    """Our figures of the KITTI sequences, and those of the complete ones."""
+    values = [part.get(name, {}).get(key) for name in FRAMES]
+    return values, [value if name in part and part[name]["frames"] == frames else None
+                    for value, (name, frames) in zip(values, FRAMES.items())]
+
+
+def paper_table(part, columns, forms):
+    """A row for each KITTI sequence, and the means of each column over all of its sequences and over those for
+    which the last two columns, the paper's and ours, have a figure. columns: heading, values of 00 to 10, and
+    those in the means."""
+    rows = []
+    for i, (name, frames) in enumerate(FRAMES.items()):
+        is_part = name in part and part[name]["frames"] != frames
+        label = f"{name} ({part[name]['frames']} of {frames} frames)" if is_part else name
+        rows.append([label, *(number(values[i], form) for (_, values, _), form in zip(columns, forms))])
+    compared = [None not in pair for pair in zip(columns[-2][2], columns[-1][2])]
+    means, both = ["mean"], [f"mean where {PAPER} and ours"]
+    for (_, _, values), form in zip(columns, forms):
+        chosen = [value for value, use in zip(values, compared) if use]
+        means.append(number(mean(values), form))
+        both.append(number(None if None in chosen else mean(chosen), form))
+    return table(["sequence", *(heading for heading, _, _ in columns)], [*rows, means, both])
+
+
+def length_table(part):
+    """Table I."""
+    true_m, paper_m = zip(*(PAPER_LENGTHS.get(name, (None, None)) for name in FRAMES))
+    paper_rle = [None if true is None else 100 * abs(length - true) / true for true, length in zip(true_m, paper_m)]
+    columns = [("ground truth of the paper m", true_m, true_m), (f"{PAPER} m", paper_m, paper_m),
+               ("ground truth m", *own(part, "gt_length_m")), ("ours m", *own(part, "length_m")),
+               (f"{PAPER} RLE %", paper_rle, paper_rle), ("ours RLE %", *own(part, "rle_percent"))]
+    return paper_table(part, columns, [".1f", ".1f", ".1f", ".1f", ".2f", ".2f"])
+
+
+def error_table(part, published, key, form):
+    """Table II: one of its two errors."""
+    columns = [*((system, values, values) for system, values in published.items()), ("ours", *own(part, key))]
+    return paper_table(part, columns, [form] * len(columns))
+
+
+def run_time_table(part):
+    stages = list(next(iter(drives(part).values()))["run_time_ms"])
+    return table(["sequence", *(f"{stage} ms" for stage in stages), "peak MiB"],
+                 [[name, *(number(drive["run_time_ms"][stage], ".2f") for stage in stages),
+                   number(drive["peak_rss_mb"], ".0f")] for name, drive in sorted(drives(part).items())])
+
+
+def paper_tables(part):
+    return {"lengths": length_table(part),
+            "translation_errors": error_table(part, TRANSLATION, "t_err_percent", ".2f"),
+            "rotation_errors": error_table(part, ROTATION, "r_err_deg_per_m", ".4f"),
+            "run_time": run_time_table(part)}
+
+
+def paper_page(description, tables):
+    """The text of DIR/PART/report.md of scripts/report."""
+    return "\n\n".join([
+        "# The paper's tables and figures", description,
+        "A mean is the plain mean of a column's sequences; a sequence that is not complete has no part in it.",
+        "## Table I: length of the trajectory", tables["lengths"],
+        "Lengths of the paper with its two columns exchanged, and its relative errors (RLE) recomputed from them.",
+        "## Table II: translation error, %", tables["translation_errors"],
+        "## Table II: rotation error, deg/m", tables["rotation_errors"],
+        "## Fig. 3: camera height", "![camera height](fig3.png)",
+        "## Fig. 4: trajectories", "![trajectories](fig4.png)",
+        "## Fig. 5: run time", "![run time](fig5.png)",
+        "Median of the frames in which a stage runs:", tables["run_time"]]) + "\n"
+
+
 def run_table(results):
     return table(["part", "version", "date", "machine", "command"],
                  [[part, run["version"], run["date"], run["machine"], f"`{run['command']}`"]
@@ -291,6 +367,9 @@ TABLES = {  # name: parts that it needs, function of these
 def derived(results):
     tables = {name: make(*(results[part] for part in parts)) for name, (parts, make) in TABLES.items()
               if all(part in results for part in parts)}
+    for part in ("kitti", "paths"):
+        if part in results:
+            tables.update({f"{part}_{name}": text for name, text in paper_tables(results[part]).items()})
     if {"sequences", "variants", "scenarios"} <= set(results):
         tables["covariance"] = covariance_table(results)
     tables["runs"] = run_table(results)

@@ -130,7 +130,7 @@ class SyntheticDrive {
   };
 
   /// Throws OptionError. The first image builds the street: 0.5 s for the default drive, 130 MB at
-  /// the PEAK
+  /// the peak; along a recorded path of 5 km 2.5 s and 900 MB.
   explicit SyntheticDrive(const Options& options);
   ~SyntheticDrive();
 

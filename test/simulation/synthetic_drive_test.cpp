@@ -327,7 +327,19 @@ struct Place {
   double median_px;                ///< median distance
   double bias_px;                  ///< median offset in y
   const char* scenario = nullptr;  ///< nullptr: the default drive
+  bool recorded = false;           ///< along a recorded path: a left turn uphill
 };
+
+/// Positions 0.8 m apart: 40 m straight on, then a left turn with a radius of 20 m.
+std::vector<Eigen::Vector3d> leftTurn(int frames, double slope) {
+  std::vector<Eigen::Vector3d> positions;
+  for (int i = 0; i < frames; ++i) {
+    const double s = 0.8 * i, angle = std::max(s - 40, 0.0) / 20;
+    positions.emplace_back(-20 * (1 - std::cos(angle)), -slope * s,
+                           std::min(s, 40.0) + 20 * std::sin(angle));
+  }
+  return positions;
+}
 
 /// Frame i, warped into frame i + 1 by the homography of the true road plane.
 class SyntheticRoad : public testing::TestWithParam<Place> {
@@ -336,6 +348,7 @@ class SyntheticRoad : public testing::TestWithParam<Place> {
     Options options = GetParam().scenario ? findScenario(GetParam().scenario).options : Options();
     options.slope = GetParam().slope;
     options.moving_cars = false;
+    if (GetParam().recorded) options.path = leftTurn(options.frames, GetParam().slope);
     const SyntheticDrive drive(options);
     const std::size_t i = GetParam().frame;
     const cv::Mat before = drive.image(i);
@@ -414,6 +427,9 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, SyntheticRoad,
                                          Place{20, 0, 0.2, 0.06, "camera_low"},
                                          Place{60, 0, 0.2, 0.06, "tight_bends"},
                                          Place{33, 0, 0.2, 0.15, "slope_edges"}));
+INSTANTIATE_TEST_SUITE_P(RecordedPath, SyntheticRoad,
+                         testing::Values(Place{20, 0.06, 0.2, 0.06, nullptr, true},
+                                         Place{70, 0.06, 0.3, 0.25, nullptr, true}));
 
 }  // namespace
 }  // namespace ground_scale_vo

@@ -85,6 +85,7 @@ struct Borders {
   Borders(const RoadGeometry& road, double s)
       : right(-borderEnd(road, s, -1)), left(borderEnd(road, s, 1)) {}
   double clamp(double u) const { return std::clamp(u, right, left); }
+  bool hasKerb(double u) const { return (u < 0 ? right : left) != 0; }  // on the side of u
   double right, left;
 };
 
@@ -112,10 +113,15 @@ void addStreet(WorldBuilder& builder) {
     const Eigen::Vector2d uv(strip.verge ? inside : unrolled + inside - u, s - road.sBegin());
     return Vertex{road.surfacePoint(s, inside, z), uv, strip.isKerbFace() ? 0.6 : 0.97};
   };
-  const auto isLeftOut = [](const Strip& strip, const Borders& borders) {
+  // Of the quad from one s to the next: without a kerb at either, or beyond the end of both
+  // borders.
+  const auto isLeftOut = [](const Strip& strip, const Borders& from, const Borders& to) {
     if (strip.isCarriageway()) return false;
-    const double a = borders.clamp(strip.u), b = borders.clamp(strip.u_next);
-    return strip.isKerbFace() ? a != strip.u : a == b;
+    if (!from.hasKerb(strip.u) || !to.hasKerb(strip.u)) return true;
+    const auto isBeyond = [&](const Borders& borders) {
+      return borders.clamp(strip.u) == borders.clamp(strip.u_next);
+    };
+    return !strip.isKerbFace() && isBeyond(from) && isBeyond(to);
   };
   const int per_mesh = static_cast<int>(kMeshLength / kStep);
   const int steps = static_cast<int>((road.sEnd() - road.sBegin()) / kStep);
@@ -130,7 +136,7 @@ void addStreet(WorldBuilder& builder) {
         if (!strip.verge) unrolled += strip.isKerbFace() ? kKerbFace : strip.u_next - strip.u;
         const bool on_bridge = isBetween(s0, options.bridge_from_m, options.bridge_to_m - kStep);
         if (on_bridge && strip.verge) continue;
-        if (isLeftOut(strip, borders0) && isLeftOut(strip, borders1)) continue;
+        if (isLeftOut(strip, borders0, borders1)) continue;
         mesh.addQuad(vertex(strip, borders0, s0, strip.u, strip.z, begin),
                      vertex(strip, borders0, s0, strip.u_next, strip.z_next, unrolled),
                      vertex(strip, borders1, s1, strip.u_next, strip.z_next, unrolled),

@@ -60,11 +60,20 @@ std::vector<std::int64_t> readStamps(const fs::path& file, std::size_t images,
   return stamps;
 }
 
-std::vector<Eigen::Isometry3d> readOdometryGroundTruth(const fs::path& folder) {
+void requirePoseOfEachImage(const fs::path& source, std::size_t poses, std::size_t images) {
+  if (poses == images) return;
+  throw DataError(source.string() + ": has " + std::to_string(poses) + " ground truth poses for " +
+                  std::to_string(images) + " images");
+}
+
+std::vector<Eigen::Isometry3d> readOdometryGroundTruth(const fs::path& folder, std::size_t images) {
   const fs::path elsewhere = folder.parent_path().parent_path() / "poses";
   for (const fs::path& file :
        {folder / "poses.txt", elsewhere / (folder.filename().string() + ".txt")}) {
-    if (isThere(file)) return readKittiPoses(file);
+    if (!isThere(file)) continue;
+    std::vector<Eigen::Isometry3d> poses = readKittiPoses(file);
+    requirePoseOfEachImage(file, poses.size(), images);
+    return poses;
   }
   return {};
 }
@@ -101,16 +110,14 @@ KittiSequence::KittiSequence(const fs::path& folder_as_given) try {
   if (is_odometry) {
     camera_ = readCamera(folder / "calib.txt", "P0:", size);
     stamps_ns_ = readStamps(folder / "times.txt", images_.size(), readSeconds);
-    ground_truth_ = readOdometryGroundTruth(folder);
+    ground_truth_ = readOdometryGroundTruth(folder, images_.size());
     ground_truth_heights_ = readGroundTruthHeights(folder / "ground.txt");
   } else {
     camera_ = readCamera(folder.parent_path() / "calib_cam_to_cam.txt", "P_rect_00:", size);
     stamps_ns_ = readStamps(folder / "image_00" / "timestamps.txt", images_.size(), readUtc);
     ground_truth_ = readRawGroundTruth(folder);
-  }
-  if (!ground_truth_.empty() && ground_truth_.size() != images_.size()) {
-    throw DataError(folder.string() + ": has " + std::to_string(ground_truth_.size()) +
-                    " ground truth poses for " + std::to_string(images_.size()) + " images");
+    if (!ground_truth_.empty())
+      requirePoseOfEachImage(folder, ground_truth_.size(), images_.size());
   }
   if (!ground_truth_heights_.empty() && ground_truth_heights_.size() != images_.size()) {
     throw DataError(folder.string() + ": has " + std::to_string(ground_truth_heights_.size()) +

@@ -43,7 +43,7 @@ inline void readSequenceWith(const char* file, const std::uint8_t* data, std::si
     }
   } catch (const DataError& error) {
     const std::string text = error.what();
-    // "FOLDER: has 3 ground truth poses for 2 images" names the folder, not the file.
+    // "FOLDER: has 3 ground truth heights for 2 images" names the folder, not the file.
     require(text.find(file) != std::string::npos || text.find("has ") != std::string::npos,
             "the error names the file or the number that does not match");
     require(text.find('\n') == std::string::npos, "the error is one line");

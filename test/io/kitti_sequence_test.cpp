@@ -164,7 +164,7 @@ TEST_F(KittiSequenceTest, RefusesABadCalibration) {
 TEST_F(KittiSequenceTest, RefusesAnotherNumberOfGroundTruthPoses) {
   const fs::path folder = makeOdometry();
   write("sequences/07/poses.txt", kIdentityRow + kIdentityRow);
-  EXPECT_EQ(errorOf(folder), "/sequences/07: has 2 ground truth poses for 3 images");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt: has 2 ground truth poses for 3 images");
 }
 
 TEST_F(KittiSequenceTest, ReadsTheHeightsOfARenderedDrive) {

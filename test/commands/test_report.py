@@ -67,6 +67,133 @@ def test_faults_and_scenarios_are_collected(tmp_path):
     assert runs["default"]["violated"] == "" and 0 < runs["default"]["rle_percent"] < 1.5
 
 
+def write_poses(file, count, step=0.9):
+    """Straight on, with so many metres between the positions."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("".join(f"1 0 0 0 0 1 0 0 0 0 1 {step * i}\n" for i in range(count)))
+
+
+def table_rows(file):
+    """The cells of the rows of all tables of a page by their first cell; a list for each table that has it."""
+    rows = {}
+    for line in file.read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("|"):
+            rows.setdefault(cells[0], []).append(cells[1:])
+    return rows
+
+
+@pytest.fixture
+def dataset(shortest, tmp_path):
+    """dataset(NUMBER...): KITTI odometry with `shortest` as these sequences."""
+    def make(*numbers):
+        for number in numbers:
+            folder = tmp_path / "dataset/sequences" / number
+            folder.mkdir(parents=True)
+            for name in ("image_0", "calib.txt", "times.txt"):
+                (folder / name).symlink_to(shortest / name)
+            (tmp_path / "dataset/poses").mkdir(exist_ok=True)
+            (tmp_path / "dataset/poses" / f"{number}.txt").write_text((shortest / "poses.txt").read_text())
+        return tmp_path / "dataset"
+    return make
+
+
+def test_whole_sequences(dataset, tmp_path):
+    folder = dataset("02", "04")
+    report = (REPORT, "--kitti", folder, "--out", tmp_path / "out")
+    done = run(*report)
+    assert "report: kitti 02" in done.stderr and "report: scenarios" not in done.stderr
+    rows = table_rows(tmp_path / "out/kitti/report.md")
+    metrics = json.loads((tmp_path / "out/kitti/02/metrics.json").read_text())
+    lengths, translation, rotation = rows["02 (12 of 4661 frames)"]
+    assert lengths == ["5067.2", "5071.2", f"{metrics['gt_length_m']:.1f}", f"{metrics['length_m']:.1f}", "0.08",
+                       f"{metrics['rle_percent']:.2f}"]
+    assert translation[-2:] == ["2.18", "–"] and rotation[-2:] == ["0.0046", "–"]
+    assert rows["mean"][1][-2:] == ["1.72", "–"]  # of the paper; ours is not complete
+    for name in ("fig3.png", "fig4.png", "fig5.png"):
+        assert matplotlib.image.imread(tmp_path / "out/kitti" / name).std() > 0
+    assert json.loads((tmp_path / "out/kitti.json").read_text())["run"]["command"] == "scripts/report --kitti dataset"
+    assert "kitti: measured before" in run(*report).stderr
+
+    # One more sequence: the others are not measured again. Those that are not there any more are dropped.
+    dataset("05")
+    for file in (folder / "sequences/04").iterdir():
+        file.unlink()
+    (folder / "sequences/04").rmdir()
+    log = run(*report).stderr
+    assert "kitti 02: measured before" in log and "kitti 05" in log and "kitti 04" not in log
+    assert {"02 (12 of 4661 frames)", "04", "05 (12 of 2761 frames)"} <= set(
+        table_rows(tmp_path / "out/kitti/report.md"))
+
+
+def test_sequences_that_cannot_be_used(dataset, tmp_path):
+    folder = dataset("02", "04", "05")
+    (folder / "poses/02.txt").unlink()
+    write_poses(folder / "poses/05.txt", 5)
+    done = run(REPORT, "--kitti", folder, "--out", tmp_path / "out", check=False)
+    assert done.returncode == 1
+    assert f"{folder}/poses/02.txt: no such file" in done.stderr
+    assert f"{folder}/poses/05.txt: has 5 ground truth poses for 12 images" in done.stderr
+    rows = table_rows(tmp_path / "out/kitti/report.md")
+    assert {"02", "04 (12 of 271 frames)", "05"} <= set(rows)
+    assert not (tmp_path / "out/kitti.json").exists()
+
+
+def test_rendered_paths(tmp_path):
+    write_poses(tmp_path / "poses/04.txt", 26)
+    write_poses(tmp_path / "poses/07.txt", 10)
+    (tmp_path / "poses/10.txt").write_text("1 0 0 0 0 1 0 0 0 0 1\n")
+    report = (REPORT, "--paths", tmp_path / "poses", "--out", tmp_path / "out")
+    done = run(*report, check=False)
+    assert done.returncode == 1
+    assert f"{tmp_path}/poses/07.txt: has a path of 8 m" in done.stderr
+    assert f"{tmp_path}/poses/10.txt, line 1: " in done.stderr
+    assert not (tmp_path / "out/paths/images").exists()
+    text = (tmp_path / "out/paths/report.md").read_text()
+    assert "**Rendered**" in text
+    lengths, *_ = table_rows(tmp_path / "out/paths/report.md")["04 (26 of 271 frames)"]
+    assert float(lengths[2]) == pytest.approx(22.5, abs=0.3) and float(lengths[5]) < 5
+
+    (tmp_path / "poses/07.txt").unlink()
+    (tmp_path / "poses/10.txt").unlink()
+    assert "paths 04: measured before" in run(*report).stderr
+    assert json.loads((tmp_path / "out/paths.json").read_text())["04"]["frames"] == 26
+
+
+@pytest.mark.parametrize("option, made, text", [
+    ("--kitti", "", "--kitti: "), ("--paths", "", "--paths: "),
+    ("--kitti", "sequences", "sequences: there is none of 00 to 10"),
+    ("--paths", "poses", "there is none of 00.txt to 10.txt"),
+])
+def test_nothing_to_compare(tmp_path, option, made, text):
+    if made:
+        (tmp_path / "data" / made).mkdir(parents=True)
+    assert_refused(1, text, REPORT, option, tmp_path / "data", "--out", tmp_path / "out")
+
+
+def test_paper_tables_with_complete_sequences():
+    figures = {name: {**report_figures.drive_figures(drive_metrics(frames=frames, t_err_percent=error)),
+                      "length_m": 1.0, "peak_rss_mb": 90.0, "run_time_ms": {"MVO": 5.0}}
+               for name, frames, error in (("00", 4541, 0.5), ("01", 1101, 3.0), ("02", 4661, 1.0), ("03", 9, 9.0))}
+    rows = report_tables.paper_tables({"run": {}, **figures})["translation_errors"].splitlines()
+    means, both = ([cell.strip() for cell in row.strip("|").split("|")][-2:] for row in rows[-2:])
+    assert means == ["1.72", "1.50"]      # of ten sequences, of 00 to 02
+    assert both == [f"{(1.41 + 2.18) / 2:.2f}", "0.75"]  # of 00 and 02
+
+
+@pytest.mark.parametrize("arguments, text", [
+    (["--path", "{poses}", "--frames", 31], "frames (at most one for each position of the path) is 31"),
+    (["--path", "{poses}", "--scenario", "night"], "--path and --scenario cannot be combined"),
+    (["--path", "{poses}.none"], "poses.txt.none"),
+])
+def test_paths_that_cannot_be_rendered(tmp_path, arguments, text):
+    write_poses(tmp_path / "poses.txt", 30)
+    words = [str(word).format(poses=tmp_path / "poses.txt") for word in arguments]
+    done = run(RENDER, tmp_path / "drive", *words, check=False)
+    assert done.returncode in (1, 2) and text in done.stderr, done.stderr
+    assert not (tmp_path / "drive").exists()
+
+
 def test_consistency_intervals():
     drive = {"gt_length_m": 105.0, "nees_10": 1.38, "within_10": 0.90}
     for length in (50, 100):

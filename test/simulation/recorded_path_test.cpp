@@ -6,6 +6,8 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
@@ -121,7 +123,11 @@ class StreetWithCrossing : public testing::Test {
   StreetWithCrossing()
       : path_(std::make_shared<RecordedPath>(curve(60, 20, 1.9 * M_PI, 1), 10)),
         road_(shape(), -25, path_->length() + 60),
-        world_(road_, WorldOptions()) {}
+        world_(road_, WorldOptions()) {
+    for (double s = road_.sBegin(); s < road_.sEnd(); s += 0.5) {
+      lane_.emplace_back(s, road_.surfacePoint(s, 0).head<2>());
+    }
+  }
 
   RoadShape shape() const {
     RoadShape shape;
@@ -130,17 +136,18 @@ class StreetWithCrossing : public testing::Test {
   }
   /// Distance in the plan from p to the lane at least `apart` m from s.
   double distanceToLane(double s, const Eigen::Vector3d& p, double apart) const {
-    double nearest = 1e9;
-    for (double at = road_.sBegin(); at < road_.sEnd(); at += 0.5) {
-      if (std::abs(at - s) < apart) continue;
-      nearest = std::min(nearest, (road_.surfacePoint(at, 0) - p).head<2>().norm());
+    double squared = 1e9;
+    for (const auto& [at, middle] : lane_) {
+      if (std::abs(at - s) >= apart)
+        squared = std::min(squared, (middle - p.head<2>()).squaredNorm());
     }
-    return nearest;
+    return std::sqrt(squared);
   }
 
   const std::shared_ptr<const RecordedPath> path_;
   const RoadGeometry road_;
   const World world_;
+  std::vector<std::pair<double, Eigen::Vector2d>> lane_;  // s and its middle [m]
 };
 
 TEST_F(StreetWithCrossing, NothingStandsOnTheRoad) {

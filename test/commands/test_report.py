@@ -141,12 +141,12 @@ def test_sequences_that_cannot_be_used(dataset, tmp_path):
 
 def test_rendered_paths(tmp_path):
     write_poses(tmp_path / "poses/04.txt", 26)
-    write_poses(tmp_path / "poses/07.txt", 10)
+    write_poses(tmp_path / "poses/07.txt", 11, step=1)
     (tmp_path / "poses/10.txt").write_text("1 0 0 0 0 1 0 0 0 0 1\n")
     report = (REPORT, "--paths", tmp_path / "poses", "--out", tmp_path / "out")
     done = run(*report, check=False)
     assert done.returncode == 1
-    assert f"{tmp_path}/poses/07.txt: has a path of 8 m" in done.stderr
+    assert f"{tmp_path}/poses/07.txt: has a path of 10 m" in done.stderr
     assert f"{tmp_path}/poses/10.txt, line 1: " in done.stderr
     assert not (tmp_path / "out/paths/images").exists()
     text = (tmp_path / "out/paths/report.md").read_text()

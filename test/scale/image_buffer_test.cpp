@@ -37,6 +37,13 @@ TEST(ImageBuffer, SelectsReferencesAtOneAndTwoBaselines) {
 TEST(ImageBuffer, HasNoReferenceWithoutMotion) {
   EXPECT_TRUE(drive(1, 0.5).selectReferences(kHeight).empty());
   EXPECT_TRUE(drive(10, 0).selectReferences(kHeight).empty());
+  EXPECT_TRUE(drive(2, 0.3).selectReferences(kHeight).empty()) << "0.15 first baselines";
+}
+
+TEST(ImageBuffer, AnImageIsOneReferenceOnly) {
+  const std::vector<Reference> references = drive(2, 3).selectReferences(kHeight);
+  ASSERT_EQ(references.size(), 1u);
+  EXPECT_NEAR(references[0].t.z(), 3, 1e-6) << "the current camera is ahead of the reference";
 }
 
 TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {

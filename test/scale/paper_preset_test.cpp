@@ -13,7 +13,21 @@ TEST(PaperPreset, UsesThePapersNumbersForTheCameraHeight) {
   EXPECT_EQ(paper.gpa.max_frames, 4);
   EXPECT_NEAR(paper.gpe.plane_threshold_heights * paper.camera_height, 0.01, 1e-12);
   EXPECT_NEAR(paper.gpa.fit.reject_distance_heights * paper.camera_height, 0.01, 1e-12);
+  EXPECT_EQ(paper.gpa.min_frames, 4);
+  EXPECT_FALSE(paper.gpa.unique_features);
+  EXPECT_EQ(paper.gpa.fit.method, PlaneFit::Method::kHomogeneous);
+  EXPECT_EQ(paper.standstill_distance_heights, 0);
+  EXPECT_EQ(paper.filter.moving_average_frames, 20);
   EXPECT_NEAR(paper.gpe.motion_tolerance_rad * 180 / M_PI, 5, 0.01);
+  EXPECT_NEAR(paper.gpe.pitch_tolerance_rad * 180 / M_PI, 5, 0.01);
+  EXPECT_EQ(paper.gpe.plane_threshold_sigma, 0);
+  EXPECT_TRUE(paper.gpe.frame_pitch_test);
+  EXPECT_TRUE(paper.gpe.most_inliers);
+  // All features of the image, without a lane.
+  EXPECT_EQ(paper.gpe.min_lane_features, 0);
+  EXPECT_EQ(paper.gpe.lane_half_width_heights, 1000);
+  EXPECT_EQ(paper.gpe.max_half_width_heights, 1000);
+  EXPECT_EQ(paper.gpe.max_ahead_heights, 10000);
   EXPECT_NO_THROW(paper.validate());
 }
 

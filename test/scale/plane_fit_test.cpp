@@ -333,6 +333,24 @@ TEST(PlaneFit, HomogeneousFitIsExactOnExactPoints) {
   EXPECT_NEAR(result.median_height, 0.8, 1e-6);
 }
 
+TEST(PlaneFit, TheHomogeneousFitRejectsOutliersInAnyUnit) {
+  PlaneFit::Options options;
+  options.method = PlaneFit::Method::kHomogeneous;
+  options.reject_distance_heights = 0.1;
+  for (const double unit : {0.01, 1.0, 100.0}) {
+    auto points = pointsOn(kPlane, 60, 0, 3, 1);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (i % 10 == 0) points[i].p_c += 0.3 * kPlane.n_c;
+      points[i].p_c *= unit;
+    }
+    const auto result = PlaneFit(options).fit(points, loosePrior(), 0.8 * unit);
+    ASSERT_EQ(result.status, ScaleReason::kNone) << unit;
+    EXPECT_LE(result.inliers.size(), 54u) << unit;
+    EXPECT_GT(result.inliers.size(), 50u) << unit;
+    EXPECT_NEAR(result.plane.height / unit, 0.8, 1e-6) << unit;
+  }
+}
+
 TEST(PlaneFit, SigmaOfTheHomogeneousFitIsThatOfTheDistances) {
   PlaneFit::Options options;
   options.method = PlaneFit::Method::kHomogeneous;

@@ -174,6 +174,30 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   EXPECT_NEAR(slow.sigma(), fast.sigma(), 0.001);
 }
 
+TEST(ScaleFilter, IsTheSameInAnyUnit) {
+  ScaleFilter filter({});
+  for (const double unit : {0.01, 100.0}) {
+    ScaleFilter scaled({});
+    filter.reset();
+    std::mt19937 random(3);
+    std::normal_distribution<double> noise(0, 0.01);
+    for (int i = 0; i < 150; ++i) {
+      const double angle = i % 10 == 0 ? 0.1 : 0;
+      const double height = (i < 40 ? 0.8 : 1.6) + noise(random);  // a restart
+      const auto source =
+          i % 3 == 0 ? ScaleFilter::Source::kDirect : ScaleFilter::Source::kFeatureBased;
+      filter.predict(0.3, angle);
+      scaled.predict(0.3 * unit, angle);
+      EXPECT_EQ(filter.update(height, 0.03, kRoadDistance, source),
+                scaled.update(height * unit, 0.03 * unit, kRoadDistance * unit, source))
+          << i;
+      ASSERT_NEAR(scaled.height() / unit, filter.height(), 1e-9) << unit << ' ' << i;
+      ASSERT_NEAR(scaled.sigma() / unit, filter.sigma(), 1e-9) << unit << ' ' << i;
+    }
+    EXPECT_NEAR(filter.height(), 1.6, 0.1);
+  }
+}
+
 TEST(ScaleFilter, WithoutMeasurementsSigmaGrowsWithTheDistance) {
   ScaleFilter filter(withoutNisScaling());
   drive(&filter, 50, 0.8, 0.03);

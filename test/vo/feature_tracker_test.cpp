@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -40,6 +41,21 @@ TEST(FeatureTracker, findsCornersEverywhereInATexturedImage) {
   int quarter[4] = {0, 0, 0, 0};
   for (const auto& u : corners) ++quarter[(u.x > 400 ? 1 : 0) + (u.y > 124 ? 2 : 0)];
   for (const int n : quarter) EXPECT_GT(n, static_cast<int>(corners.size()) / 6);
+}
+
+TEST(FeatureTracker, cornersAreLocalMaximaApartFromEachOther) {
+  const FeatureTracker::Options options;
+  const cv::Mat image = texture(1);
+  const auto corners = detect(FeatureTracker(options), image, {});
+  cv::Mat strength, largest;
+  cv::cornerMinEigenVal(image, strength, 5, 3);
+  cv::dilate(strength, largest, cv::Mat::ones(3, 3, CV_8U));
+  const double distance = std::floor(std::max(8.0, options.cell_size * image.cols) / 2);
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const cv::Point at(corners[i]);
+    EXPECT_GE(strength.at<float>(at), 0.999f * largest.at<float>(at)) << at;
+    for (std::size_t k = 0; k < i; ++k) EXPECT_GE(cv::norm(corners[i] - corners[k]), distance);
+  }
 }
 
 TEST(FeatureTracker, findsNothingWithoutTexture) {

@@ -51,6 +51,37 @@ TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
   }
 }
 
+TEST(FrameToFrameTracking, ReportsTheFeaturesThatItDoesNotFind) {
+  const FrameToFrameTracking tracking = trackingScene();
+  cv::Mat image = scene(0);
+  image.colRange(400, 800).setTo(60);
+  std::vector<RejectedFeature> rejected;
+  const std::vector<Feature> found = tracking.track(tracking.pyramid(image), kStamp + kPeriod, {},
+                                                    Eigen::Matrix3d::Identity(), &rejected);
+  EXPECT_EQ(found.size() + rejected.size(), tracking.features().size());
+  EXPECT_GT(rejected.size(), tracking.features().size() / 3);
+  for (const RejectedFeature& feature : rejected) {
+    EXPECT_EQ(feature.reason, RejectReason::kNotFound);
+    EXPECT_EQ(feature.u, tracking.features()[feature.id].u.cast<float>());
+  }
+}
+
+TEST(FrameToFrameTracking, TheExposureIsThatSinceTheFirstImage) {
+  FrameToFrameTracking tracking = trackingScene();
+  const ImagePyramid darker = tracking.pyramid(applyGain(scene(0), 0.6));
+  EXPECT_NEAR(darker.exposure, 0.6, 0.02);
+  tracking.advance(darker, kStamp + kPeriod, {});
+  EXPECT_NEAR(tracking.pyramid(applyGain(scene(0), 0.36)).exposure, 0.36, 0.02);
+}
+
+TEST(FrameToFrameTracking, AnImageWithoutCornersIsTextureless) {
+  const FrameToFrameTracking tracking = trackingScene();
+  const ImagePyramid blank = tracking.pyramid(cv::Mat(248, 800, CV_8UC1, cv::Scalar(60)));
+  EXPECT_TRUE(tracking.isTextureless(blank, 0));
+  EXPECT_FALSE(tracking.isTextureless(blank, 100)) << "features were found";
+  EXPECT_FALSE(tracking.isTextureless(tracking.pyramid(scene(0)), 0));
+}
+
 TEST(FrameToFrameTracking, SigmaGrowsWithTheFlowThatTheRotationDoesNotExplain) {
   const FrameToFrameTracking tracking = trackingScene();
   const VisualOdometry::Options options;

@@ -66,6 +66,7 @@ TEST(Mapping, AKeyframeIsNeededForParallaxOrFewTrackedFeatures) {
   const double displacement = 10 * options.keyframe_parallax;
   EXPECT_FALSE(isNeeded(pose({0, 0.1, 0}, {0.9 * displacement, 0, 0}), 200));
   EXPECT_TRUE(isNeeded(pose({0, 0.1, 0}, {1.3 * displacement, 0, 0}), 200));
+  EXPECT_TRUE(isNeeded(Eigen::Isometry3d::Identity(), 0));
   EXPECT_TRUE(isNeeded(Eigen::Isometry3d::Identity(), 110));
   EXPECT_FALSE(isNeeded(Eigen::Isometry3d::Identity(), 130));
 }
@@ -162,6 +163,27 @@ TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
   EXPECT_TRUE(mapping.map().keyframes().back().has_parallax);
 }
 
+TEST(MapInitialisation, ContinuesWithEnoughOfTheFirstFeaturesForABoundedTime) {
+  const VisualOdometry::Options options;
+  MapInitialisation initialisation(kCamera, options);
+  EXPECT_FALSE(initialisation.canContinueWith(400)) << "there is no first image";
+  const auto features = featuresOf(test::randomPoints(400, 3), Eigen::Isometry3d::Identity());
+  initialisation.restart(0, 0, features, blankImage().image);
+  const double least = 400 * options.initialisation_min_tracked;
+  EXPECT_TRUE(initialisation.canContinueWith(static_cast<std::size_t>(least)));
+  EXPECT_FALSE(initialisation.canContinueWith(static_cast<std::size_t>(least) - 1));
+  const std::vector<Feature> few(features.begin(), features.begin() + 120);
+  initialisation.restart(0, 0, few, blankImage().image);
+  EXPECT_TRUE(initialisation.canContinueWith(100));
+  EXPECT_FALSE(initialisation.canContinueWith(99));
+  for (std::uint32_t i = 1; i < 3000; ++i) initialisation.addFrame(i, i, {});
+  EXPECT_TRUE(initialisation.canContinueWith(120));
+  initialisation.addFrame(3000, 3000, {});
+  EXPECT_FALSE(initialisation.canContinueWith(120));
+  initialisation.restart(0, 0, few, blankImage().image);
+  EXPECT_TRUE(initialisation.canContinueWith(120));
+}
+
 TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
   const auto points = test::randomPoints(300, 3);
   const Eigen::Isometry3d T_w_2 = pose({0, 0.02, 0}, {0.3, 0, 1.5});
@@ -181,6 +203,9 @@ TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
   ASSERT_EQ(poses->size(), 3u);
   EXPECT_EQ(poses->front().sequence, 3u);
   EXPECT_EQ(poses->back().stamp_ns, 3000);
+  EXPECT_EQ(poses->front().T_w_c.matrix(), Eigen::Matrix4d::Identity());
+  EXPECT_EQ(poses->back().T_w_c.matrix(), mapping.map().keyframes().back().T_w_c.matrix());
+  EXPECT_FALSE(initialisation.canContinueWith(second.size())) << "the frames are those of the map";
   std::vector<double> depths, true_depths;
   for (const auto& [id, landmark] : mapping.map().landmarks()) {
     if (!landmark.depth) continue;

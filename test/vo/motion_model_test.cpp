@@ -116,6 +116,40 @@ TEST(PixelPrediction, FollowsTheMotionOfKnownAndNewFeatures) {
   }
 }
 
+// The map points of the left half are at a depth of 5, those of the right half at 20.
+TEST(PixelPrediction, ANewFeatureHasTheDepthOfItsNeighboursInTheMap) {
+  const PinholeCamera camera{640, 480, 500, 500, 320, 240};
+  const Eigen::Isometry3d T_w_next = step();
+  LocalMap map({});
+  std::vector<Feature> features;
+  std::vector<LocalMap::Corner> corners;
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < 600; ++i) {
+    const double depth = i % 30 < 15 ? 5 : 20;
+    points.push_back(depth * Eigen::Vector3d(0.04 * (i % 30 - 14.5), 0.04 * (i / 30 - 9.5), 1));
+    const auto id = static_cast<std::uint64_t>(i);
+    features.push_back(featureOf(id, camera, points.back()));
+    if (i % 5 != 0) corners.push_back({id, points.back().head<2>() / depth, 0.001});
+  }
+  map.addKeyframe(Eigen::Isometry3d::Identity(), corners);
+  for (auto& [id, landmark] : map.landmarks()) {
+    landmark.depth = InverseDepth{1 / points[id].z(), 0.001};
+  }
+  const auto predicted =
+      predictPixels(camera, map, features, Eigen::Isometry3d::Identity(), T_w_next);
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const Eigen::Vector2d offset = (features[i].u - Eigen::Vector2d(320, 240)).cwiseAbs();
+    if (offset.x() < 60 || offset.x() > 240 || offset.y() > 160) continue;
+    const Eigen::Vector2d expected = camera.project(T_w_next.inverse() * points[i]);
+    EXPECT_NEAR(predicted[i].x, expected.x(), 1e-3) << i;
+    EXPECT_NEAR(predicted[i].y, expected.y(), 1e-3) << i;
+  }
+  // Behind the next camera a feature keeps its pixel.
+  const auto passed = predictPixels(camera, map, features, Eigen::Isometry3d::Identity(),
+                                    Eigen::Isometry3d(Eigen::Translation3d(0, 0, 8)));
+  EXPECT_EQ(passed.front(), toCv(features.front().u));
+}
+
 TEST(PixelPrediction, ByFlowIsProportionalToTheTime) {
   Feature feature;
   feature.u = {100, 50};

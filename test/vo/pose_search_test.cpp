@@ -3,9 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 
 #include "support/scene.hpp"
+#include "support/wall.hpp"
+#include "vo/scaled_patches.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -18,24 +19,8 @@ constexpr std::int64_t kPeriod = 100'000'000;  // [ns]
 constexpr std::int64_t kGap = 20 * kPeriod;    // between the two images
 const Eigen::Vector3d kStep(0, 0, 0.15);       // in each period before the gap
 
-/// Image of a wall with a random texture, orthogonal to the z axis of v.
 cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c, std::uint64_t seed) {
-  constexpr double kScale = 20;  // [px of the texture per VO unit]
-  cv::Mat texture(1200, 3000, CV_8UC1), image;
-  cv::RNG(seed).fill(texture, cv::RNG::UNIFORM, 0, 256);
-  cv::GaussianBlur(texture, texture, {0, 0}, 4);
-  cv::normalize(texture, texture, 0, 255, cv::NORM_MINMAX);
-  const Eigen::Vector3d& t = T_v_c.translation();
-  Eigen::Matrix3d M, K;
-  M << kScale * (kDistance - t.z()), 0, kScale * t.x() + 1500, 0, kScale * (kDistance - t.z()),
-      kScale * t.y() + 600, 0, 0, 1;
-  K << kCamera.fx, 0, kCamera.cx, 0, kCamera.fy, kCamera.cy, 0, 0, 1;
-  const Eigen::Matrix3d H = M * T_v_c.linear() * K.inverse();
-  const cv::Matx33d homography(H(0, 0), H(0, 1), H(0, 2), H(1, 0), H(1, 1), H(1, 2), H(2, 0),
-                               H(2, 1), H(2, 2));
-  cv::warpPerspective(texture, image, homography, {kCamera.width, kCamera.height},
-                      cv::INTER_LINEAR | cv::WARP_INVERSE_MAP);
-  return image;
+  return test::wallFrom(kCamera, T_v_c, kDistance, seed);
 }
 
 /// The previous camera v is somewhere in the map.
@@ -49,6 +34,7 @@ class PoseSearchTest : public testing::Test {
         feature.id = features_.size();
         feature.age = 3;
         feature.u = {u, v};
+        feature.flow = {7, 8};
         features_.push_back(feature);
         corners.push_back({feature.id, kCamera.ray(feature.u).head<2>(), 0.001});
       }
@@ -57,14 +43,22 @@ class PoseSearchTest : public testing::Test {
     for (auto& [id, landmark] : map_.landmarks()) {
       landmark.depth = InverseDepth{1 / kDistance, 1e-4};
     }
-    motion_.reset(T_w_v_ * pose({0, 0, 0}, -kStep), 0);
-    motion_.update(T_w_v_, kPeriod);
+    moveAt(kStep);
   }
 
-  std::optional<PoseSearch::Result> locate(const cv::Mat& image) const {
-    return PoseSearch(kCamera, {}, {})
+  std::optional<PoseSearch::Result> locate(const cv::Mat& image, const cv::Mat& mask = {}) const {
+    return PoseSearch(kCamera, {}, mask)
         .locate(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity(), 1), image,
                 kPeriod + kGap);
+  }
+  /// Sets the velocity [VO units per period].
+  void moveAt(const Eigen::Vector3d& step) {
+    motion_.reset(T_w_v_ * pose({0, 0, 0}, -step), 0);
+    motion_.update(T_w_v_, kPeriod);
+  }
+  Eigen::Vector2d pixelAt(const Eigen::Isometry3d& T_v_c, const Feature& feature) const {
+    const Eigen::Vector3d p_v = kDistance * kCamera.ray(features_[feature.id].u);
+    return kCamera.project(T_v_c.inverse() * p_v);
   }
 
   const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.5, -0.2}, {5, 6, 7});
@@ -88,14 +82,71 @@ TEST_F(PoseSearchTest, FindsThePoseAfterATurn) {
     EXPECT_GT(result->features.size(), 100u);
     for (const Feature& feature : result->features) {
       EXPECT_EQ(feature.age, 4u);
-      const Eigen::Vector3d p_v = kDistance * kCamera.ray(features_[feature.id].u);
-      EXPECT_LT((feature.u - kCamera.project(T_v_c.inverse() * p_v)).norm(), 6);
+      EXPECT_EQ(feature.flow, Eigen::Vector2d::Zero());
+      EXPECT_NEAR(feature.sigma * kCamera.fx, 1, 1e-9) << "[px]";
+      EXPECT_LT((feature.u - pixelAt(T_v_c, feature)).norm(), 6);
     }
+  }
+}
+
+TEST_F(PoseSearchTest, FindsThePoseMuchNearerToTheWall) {
+  moveAt({0, 0, 0.35});
+  const Eigen::Isometry3d T_v_c = pose({0, 0.1, 0}, {0, 0, 7});
+  const auto result = locate(wallFrom(T_v_c, 1));
+  ASSERT_TRUE(result);
+  const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
+  EXPECT_LT((found.translation() - T_v_c.translation()).norm(), 0.2);
+}
+
+TEST_F(PoseSearchTest, FeaturesThatDisagreeWithThePoseAreNoMatches) {
+  for (auto& [id, landmark] : map_.landmarks()) {
+    if (id % 10 == 0) landmark.observations.front().x.y() += 3.8 / kCamera.fy;
+  }
+  const auto result = locate(wallFrom(pose({0, 0, 0}, {0, 0, 3}), 1));
+  ASSERT_TRUE(result);
+  std::size_t wrong = 0;
+  for (const Feature& feature : result->features) wrong += feature.id % 10 == 0;
+  EXPECT_LT(wrong, result->features.size() / 50);
+}
+
+// Half of the predicted distance (3) and a tenth of the median depth (20).
+TEST_F(PoseSearchTest, LimitsTheDeviationFromTheDistanceTravelled) {
+  EXPECT_TRUE(locate(wallFrom(pose({0, 0, 0}, {4, 0, 3}), 1)));
+  EXPECT_FALSE(locate(wallFrom(pose({0, 0, 0}, {7, 0, 3}), 1)));
+}
+
+TEST_F(PoseSearchTest, FindsNothingInTheMaskedRegion) {
+  const Eigen::Isometry3d T_v_c = pose({0, 0.05, 0}, {0, 0, 3});
+  cv::Mat mask(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(255));
+  const cv::Rect masked(250, 50, 300, 150);
+  mask(masked).setTo(0);
+  const auto result = locate(wallFrom(T_v_c, 1), mask);
+  ASSERT_TRUE(result);
+  EXPECT_LT(test::angleBetween(T_w_v_.inverse() * result->T_w_c, T_v_c), 0.005);
+  for (const Feature& feature : result->features) {
+    EXPECT_FALSE(masked.contains(toCv(feature.u))) << feature.u.transpose();
   }
 }
 
 TEST_F(PoseSearchTest, FindsNoneInAnImageOfAnotherPlace) {
   EXPECT_FALSE(locate(wallFrom(Eigen::Isometry3d::Identity(), 2)));
+}
+
+TEST(ScaledPatches, PixelsAreThoseOfTheResizedImage) {
+  const cv::Mat image = wallFrom(Eigen::Isometry3d::Identity(), 1);
+  const ScaledPatches patches(kCamera, image, image, {}, kCamera.width / 2.0);
+  // The centres of two pixels are that of the one they become.
+  EXPECT_LT(cv::norm(patches.resized({10.5, 20.5}) - cv::Point2f(5, 10)), 1e-5);
+  EXPECT_LT((patches.original({5, 10}) - Eigen::Vector2d(10.5, 20.5)).norm(), 1e-5);
+}
+
+TEST(ScaledPatches, AUniformPatchCorrelatesWithNothing) {
+  const cv::Mat image = wallFrom(Eigen::Isometry3d::Identity(), 1);
+  cv::Mat uniform(image.size(), CV_8UC1, cv::Scalar(90));
+  uniform(cv::Rect(0, 0, 400, kCamera.height)).setTo(91);
+  ScaledPatches patches(kCamera, uniform, image, {}, 400);
+  cv::Rect region(50, 50, 9, 9);
+  EXPECT_TRUE(patches.correlate({400, 124}, 0, &region).empty());
 }
 
 }  // namespace

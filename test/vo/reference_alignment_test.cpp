@@ -1,0 +1,98 @@
+#include "vo/reference_alignment.hpp"
+
+#include <gtest/gtest.h>
+
+#include "ground_scale_vo/vo/exposure.hpp"
+#include "ground_scale_vo/vo/feature_tracker.hpp"
+#include "support/scene.hpp"
+#include "support/wall.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::pose;
+
+const PinholeCamera kCamera = test::testCamera();
+constexpr double kDistance = 20;        // of the wall from the keyframe [VO units]
+constexpr double kAlignedSigma = 4e-4;  // [normalised]
+constexpr double kTrackedSigma = 1e-3;
+const Eigen::Vector2d kError(0.8, -0.6);  // of the tracked features [px]
+
+/// A map of one keyframe v in front of a wall.
+class ReferenceAlignmentTest : public testing::Test {
+ protected:
+  ReferenceAlignmentTest() {
+    std::vector<LocalMap::Corner> corners;
+    for (int v = 60; v < kCamera.height - 60; v += 16) {
+      for (int u = 250; u < kCamera.width - 250; u += 16) {
+        corners.push_back({corners.size(), kCamera.ray({u, v}).head<2>(), 0.001});
+      }
+    }
+    map_.addKeyframe(T_w_v_, corners,
+                     test::wallFrom(kCamera, Eigen::Isometry3d::Identity(), kDistance, 1));
+    for (auto& [id, landmark] : map_.landmarks()) {
+      landmark.depth = InverseDepth{1 / kDistance, 1e-4};
+    }
+  }
+
+  Eigen::Vector2d pixelAt(const Eigen::Isometry3d& T_v_c, const Feature& feature) const {
+    return kCamera.project((T_w_v_ * T_v_c).inverse() * map_.point(feature.id)->p_w);
+  }
+
+  /// Share of the features that are aligned in the image from this pose, to a quarter of a pixel.
+  /// The others have too little texture.
+  double align(const Eigen::Isometry3d& T_v_c, double gain = 1) {
+    ImagePyramid image = FeatureTracker({}, {}).pyramid(
+        applyGain(test::wallFrom(kCamera, T_v_c, kDistance, 1), gain));
+    image.exposure = gain;
+    features_.clear();
+    for (const auto& [id, landmark] : map_.landmarks()) {
+      Feature feature;
+      feature.id = id;
+      feature.u = pixelAt(T_v_c, feature) + kError;
+      feature.sigma = kTrackedSigma;
+      feature.surface = PatchSurface::kFloor;
+      features_.push_back(feature);
+    }
+    alignment_.align(map_, image, T_w_v_ * T_v_c, &features_);
+    double aligned = 0;
+    for (const Feature& feature : features_) {
+      const Eigen::Vector2d error = feature.u - pixelAt(T_v_c, feature);
+      aligned += feature.sigma == kAlignedSigma && error.norm() < 0.25;
+      if (feature.sigma == kTrackedSigma) {
+        EXPECT_LT((error - kError).norm(), 1e-6);
+      }
+    }
+    return aligned / static_cast<double>(features_.size());
+  }
+
+  const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.2, -0.1}, {5, 6, 7});
+  LocalMap map_{{}};
+  ReferenceAlignment alignment_{kCamera, {}, kAlignedSigma};
+  std::vector<Feature> features_;
+};
+
+TEST_F(ReferenceAlignmentTest, AlignsFeaturesToTheirKeyframe) {
+  EXPECT_GT(align(pose({0, 0.05, 0}, {0.5, 0.2, 4})), 0.7);
+  double wall = 0;
+  for (const Feature& feature : features_) {
+    wall += feature.surface == PatchSurface::kFrontoParallel;
+  }
+  EXPECT_GT(wall / static_cast<double>(features_.size()), 0.7) << "its correlation is the best";
+}
+
+TEST_F(ReferenceAlignmentTest, AppliesTheGainOfEachImage) {
+  for (const double gain : {1.0, 0.4, 0.7, 1.0}) {
+    EXPECT_GT(align(pose({0, 0.02, 0}, {0.5, 0.2, 1}), gain), 0.55) << gain;
+  }
+}
+
+TEST_F(ReferenceAlignmentTest, UsesNoKeyframeFromMuchNearerOrFartherAway) {
+  EXPECT_GT(align(pose({0, 0, 0}, {0, 0, 7})), 0.5);
+  EXPECT_EQ(align(pose({0, 0, 0}, {0, 0, 8})), 0);  // a factor of 1.67
+  EXPECT_GT(align(pose({0, 0, 0}, {0, 0, -11})), 0.5);
+  EXPECT_EQ(align(pose({0, 0, 0}, {0, 0, -13})), 0);  // a factor of 1.65
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

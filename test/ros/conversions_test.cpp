@@ -265,7 +265,13 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   EXPECT_EQ(back.sigma, scale.sigma);
   EXPECT_EQ(back.height, scale.height);
   EXPECT_EQ(back.n_c, scale.n_c);
+  EXPECT_EQ(back.triangles, scale.triangles);
+  EXPECT_EQ(back.ground_triangles, scale.ground_triangles);
+  EXPECT_EQ(back.ground_points, scale.ground_points);
+  EXPECT_EQ(back.window_points, scale.window_points);
   EXPECT_EQ(back.plane_inliers, scale.plane_inliers);
+  EXPECT_EQ(msg->triangles, 5u);
+  EXPECT_EQ(msg->window_points, 2u);
 }
 
 TEST(ScaleEstimateMsg, TheReasonNamesFieldValueAndLimit) {
@@ -328,8 +334,13 @@ TEST(Odometry, UpToScaleHasTheCovarianceOfThePoseAndNoTwist) {
   frame.T_w_c = isometry({0, 0.5, 0}, {1, 2, 3});
   std_msgs::Header header;
   header.frame_id = "camera";
+  header.stamp = ros::Time(5, 6);
   // Unknown: too few points.
-  EXPECT_EQ(toOdometryMsg(frame, header, "vo_world")->pose.covariance[0], -1);
+  const auto unknown = toOdometryMsg(frame, header, "vo_world");
+  EXPECT_EQ(unknown->pose.covariance[0], -1);
+  EXPECT_EQ(unknown->header.stamp, header.stamp);
+  EXPECT_EQ(unknown->header.frame_id, "vo_world");
+  EXPECT_EQ(unknown->child_frame_id, "camera");
   for (int i = 0; i < 100; ++i) {
     TrackedFeature feature;
     feature.id = static_cast<std::uint64_t>(i);

@@ -43,6 +43,8 @@ TEST_F(MonoVoSummary, ReportsTheStatus) {
 TEST_F(MonoVoSummary, NamesTheMissingInput) {
   state.images.silent_s = 7.4;
   expectSummary(summarize(state), kError, "no image for 7 s on /image");
+  state.images.silent_s = 4.9;
+  expectSummary(summarize(state), kOk, "tracking");
   state.images.silent_s.reset();
   expectSummary(summarize(state), kError, "no image received yet on /image");
   state.images.silent_s = 0.1;

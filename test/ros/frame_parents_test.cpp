@@ -24,7 +24,7 @@ TEST(FrameParents, FindsAnotherParentAndTheRootOfItsStaticChain) {
   parents.add(transform("odom", "camera"), false, kNow);
   EXPECT_EQ(parents.otherParent("camera", "odom", kNow), "");
   parents.add(transform("mast", "/camera"), true, kNow);
-  parents.add(transform("base_link", "mast"), true, kNow);
+  parents.add(transform("/base_link", "mast"), true, kNow);
   parents.add(transform("world", "base_link"), false, kNow);
   EXPECT_EQ(parents.otherParent("camera", "odom", kNow), "mast");
   EXPECT_EQ(parents.staticRoot("camera"), "base_link");

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <limits>
 #include <string>
@@ -212,10 +213,24 @@ TEST(BoundedPath, StaysBoundedAndCoversTheWholeDrive) {
   EXPECT_GE(path.poses().size(), 40u);
   EXPECT_EQ(path.poses().front().pose.position.x, 0);
   EXPECT_GT(path.poses().back().pose.position.x, 9500);
+  // The whole drive has the same spacing.
+  double shortest = 1e9, longest = 0;
+  for (std::size_t i = 1; i < path.poses().size(); ++i) {
+    const double step = path.poses()[i].pose.position.x - path.poses()[i - 1].pose.position.x;
+    shortest = std::min(shortest, step);
+    longest = std::max(longest, step);
+  }
+  EXPECT_LT(longest, 1.5 * shortest);
   path.clear();
   path.add(poseAt(0));
   EXPECT_FALSE(path.add(poseAt(0.4)));
+  geometry_msgs::PoseStamped above = poseAt(0);
+  above.pose.position.z = 0.6;
+  EXPECT_TRUE(path.add(above));
   EXPECT_TRUE(path.add(poseAt(0.6)));
+  geometry_msgs::PoseStamped beside = poseAt(0.6);
+  beside.pose.position.y = -0.6;
+  EXPECT_TRUE(path.add(beside));
 }
 
 TEST(BoundedPath, StaysBoundedWithoutASpacing) {

@@ -35,6 +35,13 @@ TEST(EncodedImage, HasTheSizeOfItsHeader) {
       encodedSize(image.substr(0, length));
   }
   EXPECT_EQ(encodedSize("\xff\xd8\xff").width, 0);
+  // Segments whose markers lie among those of frame headers: DHT, JPG, DAC.
+  for (const char* marker : {"\xff\xc4", "\xff\xc8", "\xff\xcc"}) {
+    std::string jpeg = kJpeg;
+    jpeg.insert(jpeg.find("\xff\xc0"), marker + "\0\x0b"s + std::string(9, '\x7f'));
+    EXPECT_EQ(encodedSize(jpeg).width, 258);
+    EXPECT_EQ(encodedSize(jpeg).height, 3);
+  }
 }
 
 TEST(EncodedImage, IsDecodedOnlyIfItIsWholeAndOfAPlausibleSize) {

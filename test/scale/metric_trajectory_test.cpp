@@ -138,6 +138,20 @@ TEST(MetricTrajectory, FirstMapHasTheAxesOfTheFirstImage) {
   EXPECT_GT(std::sqrt(pose->covariance(4, 4)), 0.01);
 }
 
+// The motion since the map's first frame is part of the trajectory already.
+TEST(MetricTrajectory, AMapThatWasLeftCountsFromTheNextFrame) {
+  MetricTrajectory trajectory({});
+  std::optional<MetricPose> pose;
+  for (int i = 1; i <= 21; ++i) {
+    if (i == 21) trajectory.leaveMap();
+    VoFrame frame = frameAt(i, straight(i < 21 ? i - 1 : 1000));
+    frame.map_start.stamp_ns = frameAt(1, {}).stamp_ns;
+    pose = trajectory.append(frame, scaleOf(1));
+  }
+  EXPECT_NEAR(pose->T_o_c.translation().z(), 20, 1e-9);  // the last metre bridges the gap
+  EXPECT_NEAR(pose->distance, 20, 1e-9);
+}
+
 TEST(MetricTrajectory, ResetInMidMapStartsAtTheNextFrame) {
   MetricTrajectory trajectory({});
   VoFrame frame = frameAt(500, straight(500));
@@ -331,6 +345,28 @@ TEST(MetricTrajectory, ErrorsOfThePosesAreARandomWalkAndPartOfTheTwist) {
   EXPECT_NEAR(pose->twist_covariance(4, 4), 2 * P(4, 4) / 0.01, 1e-6 * P(4, 4) / 0.01);
 }
 
+// A rotation and a translation between the map's first frame and its first metric one.
+TEST(MetricTrajectory, ErrorsOfTheFirstMotionAreInTheAxesOfTheFirstImage) {
+  MetricTrajectory::Options options = exact();
+  options.rotation_scale_sigma = 0.1;
+  MetricTrajectory trajectory(options);
+  VoFrame initialising = frameAt(0, straight(0));
+  initialising.status = VoStatus::kInitialising;
+  trajectory.append(initialising, {});
+  const Eigen::Matrix3d R_o_ref =
+      Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  const Eigen::Isometry3d T_ref_c = straight(2) * Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY());
+  VoFrame frame = withPoints(frameAt(7, T_ref_c));
+  frame.map_start = {frameAt(4, {}).stamp_ns, R_o_ref, 0};
+  const auto pose = trajectory.append(frame, scaleOf(1));
+  Matrix6d R = Matrix6d::Zero();
+  R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = R_o_ref * T_ref_c.linear();
+  Matrix6d expected = 2 / options.pose_correlation_m * R * poseCovariance(frame, 1) * R.transpose();
+  const Eigen::Vector3d turn_o = R_o_ref * Eigen::Vector3d(0, 0.5, 0);
+  expected.bottomRightCorner<3, 3>() += 0.01 * turn_o * turn_o.transpose();
+  EXPECT_NEAR((pose->covariance - expected).norm(), 0, 1e-12);
+}
+
 /// Monte Carlo simulation of the error model of MetricTrajectory on a spatial curve: a camera that
 /// in each frame moves by kStep [m] and turns by turn() [rad], both in its own axes.
 class SimulatedErrors {
@@ -510,6 +546,29 @@ TEST(MetricTrajectory, AGapBetweenMapsIsBridgedWithTheVelocity) {
   EXPECT_NEAR((next->T_o_c.translation() - first->T_o_c.translation()).norm(), 1, 1e-9);
 }
 
+// Without MapStart it is not known whether the later map's world frame is its first frame. The gap
+// takes 0.2 s at 10 m/s.
+TEST(MetricTrajectory, ALaterMapWithoutMapStartCountsFromItsFirstTrackedFrame) {
+  MetricTrajectory trajectory({});
+  const MetricPose last = drive(&trajectory);
+  VoFrame frame = frameAt(11, straight(0), 1);
+  frame.status = VoStatus::kInitialising;
+  trajectory.append(frame, {});
+  frame = frameAt(12, straight(30), 1);
+  EXPECT_FALSE(trajectory.countsFromStart(frame));
+  const auto pose = trajectory.append(frame, scaleOf(2));
+  EXPECT_NEAR(pose->T_o_c.translation().z() - last.T_o_c.translation().z(), 2, 1e-9);
+  EXPECT_NEAR(pose->distance - last.distance, 2, 1e-9);
+}
+
+TEST(MetricTrajectory, TheScaleErrorOfALaterMapIsIndependent) {
+  MetricTrajectory trajectory(exact());
+  drive(&trajectory);
+  const auto first = trajectory.append(frameAt(11, straight(0), 1), scaleOf(2, 0));
+  const auto later = trajectory.append(frameAt(12, straight(5), 1), scaleOf(2, 0));
+  EXPECT_NEAR(later->covariance(2, 2), first->covariance(2, 2), 1e-12);
+}
+
 // At 10 m/s before a gap of 1 s and 20 m/s after it, after a turn to the right.
 TEST(MetricTrajectory, AGapIsBridgedWithTheVelocitiesOfBothEnds) {
   MetricTrajectory trajectory({});
@@ -563,24 +622,41 @@ TEST(MetricTrajectory, ASecondGapIsTurnedByTheRotationErrorOfTheFirst) {
   }
 }
 
+/// Variance along the path after 1 m at 10 m/s, a gap, and 1 m in a later map, for which a velocity
+/// of 10 m/s is known or not [m^2]. The sigmas are those of the two maps' scales.
+double varianceAfterGap(double acceleration_sigma, double gap_s, bool has_velocity_after,
+                        double relative_sigma_before, double relative_sigma_after) {
+  MetricTrajectory::Options options = exact();
+  options.position_noise_heights = options.rotation_noise = 0;
+  options.bridge_acceleration_sigma = acceleration_sigma;
+  MetricTrajectory trajectory(options);
+  trajectory.append(frameAt(0, straight(0)), scaleOf(2, relative_sigma_before));
+  trajectory.append(frameAt(1, straight(0.5)), scaleOf(2, relative_sigma_before));
+  const int start = 1 + static_cast<int>(10 * gap_s);
+  VoFrame frame = frameAt(has_velocity_after ? start + 1 : start, straight(1), 1);
+  frame.map_start = {frameAt(start, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0};
+  return trajectory.append(frame, scaleOf(1, relative_sigma_after))->covariance(2, 2);
+}
+
 // An acceleration a over a gap of t: with one known velocity the position is wrong by a t^2 / 2,
 // with both by at most half of that.
 TEST(MetricTrajectory, TheSigmaOfAGapIsThatOfAnUnknownAcceleration) {
-  MetricTrajectory::Options options = exact();
-  options.position_noise_heights = options.rotation_noise = 0;
-  options.bridge_acceleration_sigma = 3;
   for (const double gap_s : {1.0, 2.0}) {
     for (const bool has_velocity_after : {false, true}) {
-      MetricTrajectory trajectory(options);
-      trajectory.append(frameAt(0, straight(0)), scaleOf(2));
-      trajectory.append(frameAt(1, straight(0.5)), scaleOf(2));
-      const int start = 1 + static_cast<int>(10 * gap_s);
-      VoFrame frame = frameAt(has_velocity_after ? start + 1 : start, straight(1), 1);
-      frame.map_start = {frameAt(start, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0};
-      const auto pose = trajectory.append(frame, scaleOf(1));
-      EXPECT_NEAR(std::sqrt(pose->covariance(2, 2)),
+      EXPECT_NEAR(std::sqrt(varianceAfterGap(3, gap_s, has_velocity_after, 0, 0)),
                   3 * gap_s * gap_s / (has_velocity_after ? 4 : 2), 1e-9);
     }
+  }
+}
+
+// The scales are wrong by 10 % and 20 %: the motion in the maps by 0.1 m and 0.2 m, the velocities
+// by 1 m/s and 2 m/s. The gap has the first velocity, or the mean of both.
+TEST(MetricTrajectory, ErrorsOfTheScalesEnterTheSigmaOfAGap) {
+  for (const double gap_s : {1.0, 2.0}) {
+    const double in_maps = 0.1 * 0.1 + 0.2 * 0.2;
+    EXPECT_NEAR(varianceAfterGap(0, gap_s, false, 0.1, 0.2), in_maps + gap_s * gap_s, 1e-9);
+    EXPECT_NEAR(varianceAfterGap(0, gap_s, true, 0.1, 0.2),
+                in_maps + 0.25 * (1 + 4) * gap_s * gap_s, 1e-9);
   }
 }
 
@@ -598,20 +674,24 @@ TEST(MetricTrajectory, TheSigmaOfAGapGrowsWithItsDuration) {
   EXPECT_LT(previous, 20);
 }
 
-// A turn of 90 degrees in the gap, at 10 m/s on an arc of 10 m.
+// A turn of 90 degrees in the gap of 1 s, during which the speed v changes linearly: at the time t
+// the velocity is v(t) (sin w t, 0, cos w t), with w = pi / 2 per second.
 TEST(MetricTrajectory, AGapWithAKnownRotationIsAnArc) {
-  MetricTrajectory trajectory({});
-  const MetricPose last = drive(&trajectory);
-  VoFrame frame = frameAt(22, straight(0.2), 1);
-  frame.map_start = {frameAt(20, {}).stamp_ns,
-                     Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()).matrix(), 0.01};
-  const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
-  const double radius = 10 / (M_PI / 2);
-  const Eigen::Vector3d expected =
-      last.T_o_c.translation() + Eigen::Vector3d(radius + 2, 0, radius);
-  EXPECT_NEAR((pose->T_o_c.translation() - expected).norm(), 0, 0.02);
-  EXPECT_NEAR((pose->T_o_c.linear() - frame.map_start.R_previous_w).norm(), 0, 1e-9);
-  EXPECT_NEAR(std::sqrt(pose->covariance(4, 4)), 0.01, 0.002);
+  for (const double speed_after : {5.0, 10.0, 20.0}) {  // 10 m/s before
+    MetricTrajectory trajectory({});
+    const MetricPose last = drive(&trajectory);
+    VoFrame frame = frameAt(22, straight(0.02 * speed_after), 1);
+    frame.map_start = {frameAt(20, {}).stamp_ns,
+                       Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()).matrix(), 0.01};
+    const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
+    const double w = M_PI / 2, change = speed_after - 10;
+    const Eigen::Vector3d arc(10 / w + change / (w * w), 0, speed_after / w - change / (w * w));
+    const Eigen::Vector3d after_gap(0.2 * speed_after, 0, 0);
+    const Eigen::Vector3d expected = last.T_o_c.translation() + arc + after_gap;
+    EXPECT_NEAR((pose->T_o_c.translation() - expected).norm(), 0, 0.02) << speed_after;
+    EXPECT_NEAR((pose->T_o_c.linear() - frame.map_start.R_previous_w).norm(), 0, 1e-9);
+    EXPECT_NEAR(std::sqrt(pose->covariance(4, 4)), 0.01, 0.002);
+  }
 }
 
 // The velocity changes from 10 m/s to 20 m/s while the camera turns by 90 degrees in 1 s.
@@ -662,9 +742,19 @@ TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapInOtherAxes) {
   EXPECT_NEAR((pose->T_o_c.linear() - turn).norm(), 0, 1e-9);
 }
 
+// 1 s to a map without a scale, then 2 s to the next one; the rotation rate has a standard
+// deviation of 0.1 rad/s.
+TEST(MetricTrajectory, UnknownRotationsBetweenMapsAddUp) {
+  MetricTrajectory trajectory(exact());
+  drive(&trajectory);
+  trajectory.append(frameAt(20, straight(0), 1), {});
+  const auto pose = trajectory.append(frameAt(40, straight(0), 2), scaleOf(2));
+  EXPECT_NEAR(pose->covariance(4, 4), 0.1 * 0.1 + 0.2 * 0.2, 1e-9);
+}
+
 // A camera that repeats one image looks like a standstill until the next new image.
 TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsUnobserved) {
-  MetricTrajectory trajectory({});
+  MetricTrajectory trajectory(exact());
   trajectory.append(frameAt(0, straight(0)), scaleOf(2, 0.02));
   const auto last = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.02));
   ScaleEstimate standstill = scaleOf(2, 0.02);
@@ -672,7 +762,9 @@ TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsUnobserved) {
   standstill.reason = ScaleReason::kStandstill;
   for (int i = 2; i <= 21; ++i) trajectory.append(frameAt(i, straight(1)), standstill);
   const auto first = trajectory.append(frameAt(31, straight(0.7), 1), scaleOf(9, 0.02));
-  EXPECT_NEAR(first->covariance(0, 0) - last->covariance(0, 0), 225, 1e-9);  // 5 m/s for 3 s
+  // 5 m/s and 0.1 rad/s for the 3 s since the last motion
+  EXPECT_NEAR(first->covariance(0, 0) - last->covariance(0, 0), 15 * 15, 1e-9);
+  EXPECT_NEAR(first->covariance(4, 4) - last->covariance(4, 4), 0.3 * 0.3, 1e-9);
   EXPECT_EQ(first->T_o_c.translation(), last->T_o_c.translation());
 }
 

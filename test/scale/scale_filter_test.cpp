@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 
@@ -22,11 +23,12 @@ ScaleFilter::Options withoutNisScaling() {
 
 /// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
 /// measurements the filter used.
-int drive(ScaleFilter* filter, int frames, double height, double sigma) {
+int drive(ScaleFilter* filter, int frames, double height, double sigma,
+          ScaleFilter::Source source = ScaleFilter::Source::kFeatureBased) {
   int used = 0;
   for (int i = 0; i < frames; ++i) {
     filter->predict(0.5, 0);
-    used += filter->update(height, sigma, kRoadDistance);
+    used += filter->update(height, sigma, kRoadDistance, source);
   }
   return used;
 }
@@ -267,6 +269,24 @@ TEST(ScaleFilter, ARestartHasTheSigmaOfANewMap) {
   EXPECT_NEAR(restarted.sigma(), new_map.sigma(), 0.2 * new_map.sigma());
 }
 
+TEST(ScaleFilter, ARestartForgetsTheTilt) {
+  constexpr double kDistance = 6;
+  ScaleFilter filter({});
+  for (double travelled = 0.5; travelled <= 3; travelled += 0.5) {
+    filter.predict(0.5, 0);
+    filter.update(tiltedHeight(0.02, kDistance, travelled), 0.01, kDistance);
+  }
+  const auto measure = [&] {
+    filter.predict(0.5, 0);
+    filter.update(1.5, 0.01, kDistance);
+  };
+  while (filter.height() < 1.4) measure();
+  for (int i = 0; i < 5; ++i) {
+    measure();
+    EXPECT_NEAR(filter.height(), 1.5, 1e-9);
+  }
+}
+
 TEST(ScaleFilter, AWrongRestartIsReplacedSoon) {
   ScaleFilter filter({});
   drive(&filter, 100, 0.8, 0.02);
@@ -276,14 +296,21 @@ TEST(ScaleFilter, AWrongRestartIsReplacedSoon) {
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
 
+// Except outliers of the features among direct measurements, see
+// DirectMeasurementsAtAWrongPeakDoNotPreventARestart.
 TEST(ScaleFilter, OutliersAmongOtherMeasurementsDoNotRestart) {
-  ScaleFilter filter({});
-  drive(&filter, 100, 0.8, 0.02);
-  for (int i = 0; i < 30; ++i) {
-    EXPECT_EQ(drive(&filter, 1, 1.2, 0.02), 0);
-    EXPECT_EQ(drive(&filter, 2, 0.8, 0.02), 2);
+  using Source = ScaleFilter::Source;
+  for (const auto& [outlier, other] : {std::pair(Source::kFeatureBased, Source::kFeatureBased),
+                                       std::pair(Source::kDirect, Source::kFeatureBased),
+                                       std::pair(Source::kDirect, Source::kDirect)}) {
+    ScaleFilter filter({});
+    drive(&filter, 100, 0.8, 0.02);
+    for (int i = 0; i < 30; ++i) {
+      EXPECT_EQ(drive(&filter, 1, 1.2, 0.02, outlier), 0);
+      EXPECT_EQ(drive(&filter, 2, 0.8, 0.02, other), 2);
+    }
+    EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   }
-  EXPECT_NEAR(filter.height(), 0.8, 1e-6);
 }
 
 TEST(ScaleFilter, OutliersThatDisagreeDoNotRestart) {
@@ -375,6 +402,34 @@ TEST(ScaleFilter, TheNisChangesSigmaByALimitedFactor) {
   };
   EXPECT_NEAR(ratio(0), 0.05, 0.005);
   EXPECT_NEAR(ratio(0.15), 20, 2);
+}
+
+TEST(ScaleFilter, TheSizeOfAnOutlierDoesNotChangeSigma) {
+  const auto sigmaAfter = [](double outlier) {
+    ScaleFilter filter({});
+    drive(&filter, 100, 0.8, 0.02);
+    EXPECT_EQ(drive(&filter, 1, outlier, 0.02), 0);
+    return filter.sigma();
+  };
+  EXPECT_EQ(sigmaAfter(1.6), sigmaAfter(1.0));
+}
+
+// After a longer distance than that of the average its only sample is the newest NIS, here 0.5.
+TEST(ScaleFilter, AfterALongGapTheNewestNisAloneScalesSigma) {
+  ScaleFilter::Options options = withoutTilt();
+  options.nis_memory_heights = 20;
+  ScaleFilter filter(options), unscaled(withoutTilt());
+  constexpr double kHeight = 0.8, kGap = 60;  // [camera heights]
+  // The start, the drift since then, and the new measurement.
+  const double variance = 2 * std::pow(options.min_measurement_sigma, 2) +
+                          kGap * std::pow(options.drift_per_sqrt_height, 2);
+  for (ScaleFilter* each : {&filter, &unscaled}) {
+    each->predict(1, 0);
+    each->update(kHeight, 0, kRoadDistance);
+    each->predict(kGap * kHeight, 0);
+    each->update(kHeight * std::exp(std::sqrt(0.5 * variance)), 0, kRoadDistance);
+  }
+  EXPECT_NEAR(std::pow(filter.sigma() / unscaled.sigma(), 2), 0.5, 0.001);
 }
 
 TEST(ScaleFilter, TwoSourcesReduceSigma) {

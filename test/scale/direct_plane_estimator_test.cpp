@@ -225,6 +225,11 @@ TEST(DirectPlaneEstimator, TheEngineHoodIsDetectedAndMasked) {
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
   EXPECT_GT(result.correlation, 0.8);  // without the patches on the hood
+
+  // A new map is seen from the same vehicle.
+  estimator.reset();
+  EXPECT_LT(drive(&estimator, scene, scene.height, 2, hood).patches,
+            drive(scene, scene.height, 2, hood).patches - 10);
 }
 
 // In neither image: patches of the newest one below the region project into it in the reference
@@ -484,6 +489,50 @@ TEST(DirectPlaneEstimator, EachLimitRejectsAPlane) {
   EXPECT_EQ(statusWith([](Options* o) { o->search_min_peak_margin = 2; }), ScaleReason::kNoPlane);
 }
 
+// The poses of the older reference image are wrong, so the search finds another height with it.
+TEST(DirectPlaneEstimator, ASearchWhoseHeightsDisagreeIsRejected) {
+  const RoadScene scene = road();
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
+  DirectPlaneEstimator::Options any;  // accepts any plane that the search finds
+  any.min_correlation = 0;
+  any.max_sigma = 10;
+  any.max_height_change = 100;
+  const Eigen::Vector3d last_w = scene.frame(3).T_w_c.translation();
+  for (const double factor : {0.8, 1.25}) {
+    for (const double limit : {DirectPlaneEstimator::Options().search_max_disagreement, 1.0}) {
+      any.search_max_disagreement = limit;
+      DirectPlaneEstimator estimator(any);
+      DirectPlaneEstimator::Result result;
+      for (std::uint32_t i = 0; i < 4; ++i) {
+        VoFrame frame = scene.frame(i);
+        if (i < 2) frame.T_w_c.translation() += (factor - 1) * (frame.T_w_c.translation() - last_w);
+        result = estimator.estimate(frame, images[i], priorOf(scene, kPriorSigma), std::nullopt, 0);
+      }
+      EXPECT_EQ(result.status, limit < 1 ? ScaleReason::kNoPlane : ScaleReason::kNone) << factor;
+    }
+  }
+}
+
+// A low correlation means that part of the patches may show something else than road: the sigma is
+// larger than that of the fit, to which max_sigma applies.
+TEST(DirectPlaneEstimator, ALowCorrelationIncreasesTheSigma) {
+  const RoadScene scene = road();
+  std::vector<cv::Mat> images = imagesOf(scene, 4);
+  cv::RNG random(1);
+  for (cv::Mat& image : images) {
+    cv::Mat noise(image.size(), CV_8S);
+    random.fill(noise, cv::RNG::NORMAL, 0, 10);
+    cv::add(image, noise, image, {}, CV_8U);
+  }
+  DirectPlaneEstimator::Options options;
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  const auto result = estimateWith(options, scene, images, prior, scene.height);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_LT(result.correlation, 0.86);
+  options.max_sigma = result.height_sigma / scene.height / 1.5;
+  EXPECT_EQ(estimateWith(options, scene, images, prior, scene.height).status, ScaleReason::kNone);
+}
+
 TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
   const RoadScene scene = road();
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
@@ -565,20 +614,35 @@ TEST(DirectPlaneEstimator, ResetMakesASearchDue) {
 
 TEST(DirectPlaneEstimator, ANewCameraAndANewMaskAreUsed) {
   const RoadScene scene = road();
-  RoadScene other = scene;
-  other.camera = {560, 200, 300.0, 300.0, 280.0, 90.0};
-  DirectPlaneEstimator estimator({});
-  drive(&estimator, other, scene.height);
-  const auto result = drive(&estimator, scene, 1.03 * scene.height);
-  const auto expected = drive(scene, 1.03 * scene.height);
+  std::vector<PinholeCamera> others = {{560, 200, 300.0, 300.0, 280.0, 90.0}};
+  for (double PinholeCamera::*parameter :
+       {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {
+    others.push_back(scene.camera);
+    others.back().*parameter += 5;
+  }
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  const double predicted = 1.03 * scene.height;
+  const auto expected = estimateWith({}, scene, images, prior, predicted);
   ASSERT_EQ(expected.status, ScaleReason::kNone);
-  EXPECT_EQ(result.plane.height, expected.plane.height);
-  EXPECT_EQ(result.patches, expected.patches);
+  for (const PinholeCamera& camera : others) {
+    RoadScene other = scene;
+    other.camera = camera;
+    DirectPlaneEstimator estimator({});
+    estimator.estimate(other.frame(0), roadImage(other, 0), prior, std::nullopt, predicted);
+    DirectPlaneEstimator::Result result;
+    for (std::uint32_t i = 0; i < images.size(); ++i) {
+      result = estimator.estimate(scene.frame(i), images[i], prior, std::nullopt, predicted);
+    }
+    EXPECT_EQ(result.plane.height, expected.plane.height);
+    EXPECT_EQ(result.patches, expected.patches);
+  }
 
+  DirectPlaneEstimator estimator({});
+  drive(&estimator, scene, scene.height);
   const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));
-  const auto masked =
-      estimator.estimate(scene.frame(4), roadImage(scene, 4 * scene.step),
-                         priorOf(scene, kPriorSigma), std::nullopt, scene.height, {}, mask);
+  const auto masked = estimator.estimate(scene.frame(4), roadImage(scene, 4 * scene.step), prior,
+                                         std::nullopt, scene.height, {}, mask);
   EXPECT_EQ(masked.patches, 0);
 }
 

@@ -34,6 +34,16 @@ TEST(ImageBuffer, SelectsReferencesAtOneAndTwoBaselines) {
   }
 }
 
+// Steps of 2.5 first baselines: the nearest image is the best for both baselines.
+TEST(ImageBuffer, NoImageIsSelectedTwice) {
+  EXPECT_EQ(drive(2, 5).selectReferences(kHeight).size(), 1u);
+  const ImageBuffer buffer = drive(4, 5);
+  const std::vector<Reference> references = buffer.selectReferences(kHeight);
+  ASSERT_EQ(references.size(), 2u);
+  EXPECT_NEAR(distanceOf(references[0]), 5, 1e-6);
+  EXPECT_NEAR(distanceOf(references[1]), 10, 1e-6);
+}
+
 TEST(ImageBuffer, HasNoReferenceWithoutMotion) {
   EXPECT_TRUE(drive(1, 0.5).selectReferences(kHeight).empty());
   EXPECT_TRUE(drive(10, 0).selectReferences(kHeight).empty());

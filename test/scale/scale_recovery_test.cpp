@@ -97,6 +97,10 @@ TEST_P(ScaleRecoveryMounting, FeaturesGiveTheScale) {
   ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.015);
   EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.02);
+  const Eigen::Vector3d mounting_n_c = roadNormal(output.mounting_pitch, output.mounting_roll);
+  EXPECT_NEAR((mounting_n_c - scene.normal()).norm(), 0, 0.02);
+  EXPECT_GT(output.mounting_sigma, 0);
+  EXPECT_LT(output.mounting_sigma, 0.03);
 }
 
 class ScaleRecoveryDirectMounting : public ScaleRecoveryMounting {};
@@ -145,6 +149,24 @@ TEST(ScaleRecovery, AVehicleAheadDoesNotBiasTheScale) {
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.02);
 }
 
+TEST(ScaleRecovery, TheCountsShowWhatEachStageRejects) {
+  RoadScene scene = road();
+  scene.addWall(300, -3, 3, 3, 30, 9);
+  ScaleRecovery::Options options = recoveryOptions();
+  options.gpa.fit.reject_sigma = 1;  // a third of normally distributed errors
+  ScaleRecovery recovery(options);
+  ScaleEstimate scale;
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const auto output = recovery.process(scene.frame(i));
+    scale = output.scale;
+    EXPECT_EQ(scale.ground_points, static_cast<int>(output.ground_feature_ids.size()));
+  }
+  EXPECT_GT(scale.ground_triangles, 0);
+  EXPECT_LT(scale.ground_triangles, scale.triangles - 100);
+  EXPECT_GT(scale.plane_inliers, 0.5 * scale.window_points);
+  EXPECT_LT(scale.plane_inliers, 0.9 * scale.window_points);
+}
+
 TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
   const RoadScene scene = road();
   ScaleRecovery recovery(recoveryOptions());
@@ -152,12 +174,17 @@ TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
   for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
   ASSERT_EQ(output.scale.status, ScaleStatus::kOk);
   const ScaleEstimate known = output.scale;
+  RoadScene pitched = scene;  // by the vehicle, against the road
+  pitched.pitch += 0.05;
   for (std::uint32_t i = 40; i < 80; ++i) {
     VoFrame frame = scene.frame(i);
     frame.features.clear();
+    frame.T_w_c.linear() = scene.rotation().transpose() * pitched.rotation();
     output = recovery.process(frame);
     EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
   }
+  // The normal follows the direction of motion.
+  EXPECT_NEAR((output.scale.n_c - pitched.normal()).norm(), 0, 0.01);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.scale, known.scale);
   EXPECT_GT(output.scale.sigma, 1.5 * known.sigma);
@@ -439,6 +466,25 @@ TEST(ScaleRecovery, ARearFacingCameraMeasuresWhereItWas) {
   EXPECT_NEAR(output.plane.n_c.z(), slope, 0.3 * std::abs(slope));
 }
 
+// The newest camera is pitched against the road, the one above the measured road is not.
+TEST(ScaleRecovery, ARearFacingCameraUsesTheNormalWhereItWas) {
+  RoadScene scene;
+  scene.addPatch(4000, -1.5, 1.5, -40, 40, 0, 1);
+  ScaleRecovery recovery(recoveryOptions());
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i <= 40; ++i) {
+    scene.pitch = i < 40 ? 0 : 0.1;
+    const double z = -scene.step * i;
+    VoFrame frame = scene.frameAt(i, z);
+    frame.T_w_c = Eigen::Isometry3d(scene.rotation());  // world axes are road axes
+    frame.T_w_c.translation().z() = z;
+    output = recovery.process(frame);
+  }
+  EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
+  EXPECT_NEAR(output.plane.height / scene.height, 1, 0.01);
+  EXPECT_NEAR((output.plane.n_c - scene.normal()).norm(), 0, 0.01);
+}
+
 TEST(ScaleRecovery, DirectMeasurementsReplaceMissingPoints) {
   RoadScene scene = road();
   ScaleRecovery recovery(recoveryOptions());
@@ -500,6 +546,9 @@ TEST(ScaleRecovery, TheReportedPlaneIsTheAcceptedOne) {
       output = recovery.process(scene.frame(i), roadImage(scene, scene.step * i));
     }
     ASSERT_EQ(output.scale.status, ScaleStatus::kOk);
+    // Of two accepted ones it is the direct one, which is more precise.
+    ASSERT_GT(output.feature_based.height, 0);
+    EXPECT_EQ(output.plane.height, output.direct.height);
     const RoadScene& imaged = direct_is_wrong ? higher : scene;
     const RoadScene& tracked = direct_is_wrong ? scene : higher;
     int contradictions = 0;

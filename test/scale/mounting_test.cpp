@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -144,6 +145,44 @@ TEST(Mounting, StaysWithinItsLimitAndResets) {
   EXPECT_NEAR(mounting.pitch(), 0.1, 1e-12);
   mounting.reset();
   EXPECT_EQ(mounting.pitch(), 0);
+}
+
+TEST(Mounting, PitchAndRollAreLimitedTogether) {
+  Mounting::Options options;
+  options.max_tilt_rad = 0.1;
+  for (const double pitch : {0.0, 0.3}) {
+    for (const double roll : {-0.3, 0.3}) {
+      Mounting mounting(options);
+      RoadScene scene;
+      scene.pitch = pitch;
+      scene.roll = roll;
+      double at = 0;
+      drive(&mounting, scene, 400, 0.4, &at);
+      EXPECT_NEAR(mounting.pitch(), std::min(pitch, 0.1), 0.01);
+      EXPECT_NEAR(mounting.roll(), std::copysign(0.1, roll), 1e-9);
+    }
+  }
+}
+
+TEST(Mounting, EachMotionSigmaIsThatOfItsAngle) {
+  constexpr double kSmall = 0.001, kLarge = 0.05;
+  for (const bool large_roll : {false, true}) {
+    Mounting::Options options;
+    options.initial_pitch_sigma = options.initial_roll_sigma = 1e-4;
+    options.heave_sigma_heights = 1e-5;
+    options.pitch_motion_sigma = large_roll ? kSmall : kLarge;
+    options.roll_motion_sigma = large_roll ? kLarge : kSmall;
+    Mounting mounting(options);
+    const NormalPrior prior = mounting.prior({}, 1);
+    EXPECT_NEAR(prior.pitch_sigma, options.pitch_motion_sigma, 1e-5);
+    EXPECT_NEAR(prior.roll_sigma, options.roll_motion_sigma, 1e-5);
+    // The mean over the forgetting distance, in which chords are independent.
+    double at = 0;
+    drive(&mounting, RoadScene(), 200, 0.4, &at);
+    const double mean_of =
+        std::sqrt(options.forgetting_distance_heights / options.chord_length_heights);
+    EXPECT_NEAR(mounting.sigma(), kLarge / mean_of, 0.05 * kLarge / mean_of) << large_roll;
+  }
 }
 
 /// A camera that looks to the left by yaw [rad] moves forward; the plane's tilt along the path is

@@ -134,12 +134,19 @@ TEST(PlaneFit, IsTheSameInAnyUnit) {
   }
 }
 
-// The reported errors of the depths are three times too large.
-TEST(PlaneFit, SigmaAdaptsToTheResiduals) {
-  auto points = pointsOn(kPlane, 2000, 0.03, 3, 3);
-  const double exact = PlaneFit({}).fit(points, loosePrior(), 1.0).height_sigma;
-  for (PlanePoint& point : points) point.depth_sigma *= 3;
-  EXPECT_NEAR(PlaneFit({}).fit(points, loosePrior(), 1.0).height_sigma, exact, 0.1 * exact);
+// The reported errors of the depths are three times too large or too small.
+TEST(PlaneFit, SigmaAndInliersAdaptToTheResiduals) {
+  const auto points = pointsOn(kPlane, 2000, 0.03, 3, 3);
+  const auto exact = PlaneFit({}).fit(points, loosePrior(), 1.0);
+  for (const double factor : {3.0, 1 / 3.0}) {
+    auto changed = points;
+    for (PlanePoint& point : changed) point.depth_sigma *= factor;
+    const auto result = PlaneFit({}).fit(changed, loosePrior(), 1.0);
+    EXPECT_NEAR(result.height_sigma, exact.height_sigma, 0.1 * exact.height_sigma) << factor;
+    EXPECT_NEAR(static_cast<double>(result.inliers.size()),
+                static_cast<double>(exact.inliers.size()), 0.01 * 2000)
+        << factor;
+  }
 }
 
 /// Points of kPlane whose rays have x in [from, to].
@@ -307,12 +314,18 @@ TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
   PlaneFit::Options options;
   options.sac_tilt_rad = 0.5;
   options.max_tilt_rad = 0.05;
-  const GroundPlane slope{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
-  const auto points = pointsOn(slope, 80, 0.001, 0, 1);
-  NormalPrior prior = loosePrior();
-  EXPECT_EQ(PlaneFit(options).fit(points, prior, 1.0).status, ScaleReason::kNone);
-  prior.pitch_sigma = 0.01;
-  EXPECT_EQ(PlaneFit(options).fit(points, prior, 1.0).status, ScaleReason::kPlaneTilted);
+  const GroundPlane pitched{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
+  const GroundPlane rolled{Eigen::Vector3d(0.1, -1, 0).normalized(), 0.8};
+  const auto statusOf = [&](const GroundPlane& plane, double pitch_sigma, double roll_sigma) {
+    NormalPrior prior;
+    prior.pitch_sigma = pitch_sigma;
+    prior.roll_sigma = roll_sigma;
+    return PlaneFit(options).fit(pointsOn(plane, 80, 0.001, 0, 1), prior, 1.0).status;
+  };
+  EXPECT_EQ(statusOf(pitched, 0.5, 0.01), ScaleReason::kNone);
+  EXPECT_EQ(statusOf(pitched, 0.01, 0.5), ScaleReason::kPlaneTilted);
+  EXPECT_EQ(statusOf(rolled, 0.01, 0.5), ScaleReason::kNone);
+  EXPECT_EQ(statusOf(rolled, 0.5, 0.01), ScaleReason::kPlaneTilted);
 }
 
 TEST(PlaneFit, IsDeterministic) {

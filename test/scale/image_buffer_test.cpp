@@ -50,12 +50,6 @@ TEST(ImageBuffer, HasNoReferenceWithoutMotion) {
   EXPECT_TRUE(drive(2, 0.3).selectReferences(kHeight).empty()) << "0.15 first baselines";
 }
 
-TEST(ImageBuffer, AnImageIsOneReferenceOnly) {
-  const std::vector<Reference> references = drive(2, 3).selectReferences(kHeight);
-  ASSERT_EQ(references.size(), 1u);
-  EXPECT_NEAR(references[0].t.z(), 3, 1e-6) << "the current camera is ahead of the reference";
-}
-
 TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {
   // Twelve images in steps of 0.02 would cover only 0.24 VO units. At the minimum spacing, 0.2
   // first baselines or 0.4 VO units, they cover both baselines.

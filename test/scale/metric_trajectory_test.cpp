@@ -694,22 +694,6 @@ TEST(MetricTrajectory, AGapWithAKnownRotationIsAnArc) {
   }
 }
 
-// The velocity changes from 10 m/s to 20 m/s while the camera turns by 90 degrees in 1 s.
-TEST(MetricTrajectory, AGapInATurnHasEachVelocityAtItsEnd) {
-  MetricTrajectory trajectory({});
-  const MetricPose last = drive(&trajectory);
-  VoFrame frame = frameAt(22, straight(0.4), 1);
-  frame.map_start = {frameAt(20, {}).stamp_ns,
-                     Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()).matrix(), 0.01};
-  const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
-  // Integrals of (10 + 10 t) sin(pi t / 2) and (10 + 10 t) cos(pi t / 2) over the gap.
-  const double share = 2 / M_PI;
-  const Eigen::Vector3d gap(10 * share + 10 * share * share, 0,
-                            10 * share + 10 * (share - share * share));
-  const Eigen::Vector3d expected = last.T_o_c.translation() + gap + Eigen::Vector3d(4, 0, 0);
-  EXPECT_NEAR((pose->T_o_c.translation() - expected).norm(), 0, 0.02);
-}
-
 TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapWithoutAScale) {
   MetricTrajectory trajectory({});
   drive(&trajectory);

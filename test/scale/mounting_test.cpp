@@ -32,26 +32,6 @@ TEST(Mounting, NormalIsThatOfThePitchedAndRolledCamera) {
   EXPECT_NEAR(rollOf(scene.normal()), -0.03, 1e-12);
 }
 
-TEST(Mounting, ThePriorHasTheErrorsOfTheMotionAboutEachAxis) {
-  Mounting::Options options;
-  options.initial_pitch_sigma = 0.04;
-  options.initial_roll_sigma = 0.05;
-  options.pitch_motion_sigma = 0.03;
-  options.roll_motion_sigma = 0.01;
-  const Mounting mounting(options);
-  MotionHistory history;
-  const NormalPrior standing = mounting.prior(history, 0);
-  EXPECT_NEAR(standing.pitch_sigma, std::hypot(0.04, 0.03), 1e-12);
-  EXPECT_NEAR(standing.roll_sigma, std::hypot(0.05, 0.01), 1e-12);
-  // A chord measures the pitch, without a known height to pitch_motion_sigma.
-  const RoadScene scene;
-  for (std::uint32_t i = 0; i < 3; ++i) history.add(scene.frame(i).T_w_c);
-  const NormalPrior moving = mounting.prior(history, 0);
-  const double information = 1 / (0.04 * 0.04 + 0.03 * 0.03) + 1 / (0.03 * 0.03);
-  EXPECT_NEAR(moving.pitch_sigma, std::sqrt(1 / information), 1e-4);
-  EXPECT_NEAR(moving.roll_sigma, std::hypot(0.05, 0.01), 1e-3);
-}
-
 TEST(Mounting, SigmaIsThatOfTheRollUntilAPlaneIsMeasured) {
   RoadScene scene;
   Mounting::Options options;

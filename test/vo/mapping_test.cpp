@@ -238,18 +238,5 @@ TEST(MapInitialisation, NeedsParallaxAsItsOptionsSay) {
   EXPECT_FALSE(initialisation.tryStartMap(second, blankImage(), &mapping));
 }
 
-// The frames of a camera that does not move are kept.
-TEST(MapInitialisation, WaitsForALimitedNumberOfFrames) {
-  const auto features = featuresOf(test::randomPoints(100, 3), Eigen::Isometry3d::Identity());
-  MapInitialisation initialisation(kCamera, {});
-  initialisation.restart(0, 0, features, blankImage().image);
-  std::uint32_t frames = 1;
-  while (frames < 10000 && initialisation.canContinueWith(features.size())) {
-    initialisation.addFrame(frames, frames, features);
-    ++frames;
-  }
-  EXPECT_EQ(frames, 3001u);
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

@@ -61,12 +61,21 @@ TEST(ScaledPatches, CorrelationWithAreasWithoutTextureIsZero) {
   EXPECT_LT(cv::norm(correlation, cv::NORM_INF), 1e-3);
 }
 
-TEST(ScaledPatches, APatchWithoutTextureHasNoCorrelation) {
-  const cv::Mat uniform(kSize, CV_8UC1, cv::Scalar(100));
-  cv::Rect region = kRegion;
-  EXPECT_TRUE(ScaledPatches(kCamera, uniform, texture(1), {}, kCamera.width)
-                  .correlate(kPixel, 0, &region)
-                  .empty());
+TEST(ScaledPatches, PixelsAreThoseOfTheResizedImage) {
+  const cv::Mat image = wallFrom(Eigen::Isometry3d::Identity(), 1);
+  const ScaledPatches patches(kCamera, image, image, {}, kCamera.width / 2.0);
+  // The centres of two pixels are that of the one they become.
+  EXPECT_LT(cv::norm(patches.resized({10.5, 20.5}) - cv::Point2f(5, 10)), 1e-5);
+  EXPECT_LT((patches.original({5, 10}) - Eigen::Vector2d(10.5, 20.5)).norm(), 1e-5);
+}
+
+TEST(ScaledPatches, AUniformPatchCorrelatesWithNothing) {
+  const cv::Mat image = wallFrom(Eigen::Isometry3d::Identity(), 1);
+  cv::Mat uniform(image.size(), CV_8UC1, cv::Scalar(90));
+  uniform(cv::Rect(0, 0, 400, kCamera.height)).setTo(91);
+  ScaledPatches patches(kCamera, uniform, image, {}, 400);
+  cv::Rect region(50, 50, 9, 9);
+  EXPECT_TRUE(patches.correlate({400, 124}, 0, &region).empty());
 }
 
 TEST(ScaledPatches, RegionIsReducedToWhereThePatchFits) {

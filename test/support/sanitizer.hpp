@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstddef>
-
 namespace ground_scale_vo {
 
 /// True in a build with the address or the thread sanitizer. Such builds need more memory and time:
@@ -19,9 +17,5 @@ constexpr bool kSanitized = false;
 #endif
 
 constexpr double kTimeoutFactor = kSanitized ? 10 : 1;
-
-/// Tests over a list of drives run every kDriveStride-th: with a sanitizer a drive takes minutes,
-/// and all of them run the same code.
-constexpr std::size_t kDriveStride = kSanitized ? 5 : 1;
 
 }  // namespace ground_scale_vo

@@ -8,6 +8,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "support/drive_run.hpp"
 #include "support/reduced_drive.hpp"
 
 // Consistency test (normalised error) of the reported covariance on drives with different roads and
@@ -34,18 +35,10 @@ const ShortDrive kDrives[] = {
 };
 
 Options shortDrive(std::size_t i) {
-  Options options;
+  Options options = mediumImages();
   options.frames = 52;
   options.stop_s = 0;
   options.random_seed = 11 + i;
-  PinholeCamera& camera = options.camera;
-  const double ratio = 640.0 / camera.width;  // at the default field of view
-  camera.width = 640;
-  camera.height = 198;
-  camera.fx *= ratio;
-  camera.fy *= ratio;
-  camera.cx = (camera.width - 1) / 2.0;
-  camera.cy = (camera.height - 1) / 2.0;
   kDrives[i].configure(options);
   return options;
 }

@@ -11,6 +11,7 @@
 
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "support/drive_run.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -38,7 +39,7 @@ class TimeFaults : public testing::Test {
   }
 
   static SyntheticDrive::Options options(double rate_hz, std::size_t frames) {
-    SyntheticDrive::Options options;
+    SyntheticDrive::Options options = mediumImages();
     options.frames = static_cast<int>(frames);
     options.frame_rate_hz = rate_hz;
     options.stop_s = 0;

@@ -26,6 +26,21 @@ inline SyntheticDrive::Options smallImages() {
   return options;
 }
 
+/// The default drive in images of 640x198 and of the same field of view, which take two thirds of
+/// the time.
+inline SyntheticDrive::Options mediumImages() {
+  SyntheticDrive::Options options;
+  PinholeCamera& camera = options.camera;
+  const double ratio = 640.0 / camera.width;
+  camera.width = 640;
+  camera.height = 198;
+  camera.fx *= ratio;
+  camera.fy *= ratio;
+  camera.cx = (camera.width - 1) / 2.0;
+  camera.cy = (camera.height - 1) / 2.0;
+  return options;
+}
+
 /// Runs the pipeline over all images of the drive.
 inline RunRecord runOffline(const SyntheticDrive& drive, const OfflineRun::Options& options) {
   OfflineRun offline(drive.camera(), options);

@@ -32,11 +32,12 @@ std::vector<cv::Mat> imagesOf(const SyntheticDrive& drive) {
   return images;
 }
 
+/// Runs over the images, which are the first ones of the drive.
 DriveRun run(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
              const VisualOdometry::Options& options = {}) {
   VisualOdometry odometry(drive.camera(), options);
   DriveRun result;
-  for (std::size_t i = 0; i < drive.size(); ++i) {
+  for (std::size_t i = 0; i < images.size(); ++i) {
     result.outputs.push_back(odometry.process(images[i], drive.frame(i).stamp_ns));
   }
   return result;
@@ -49,6 +50,23 @@ SyntheticDrive::Options drive(int frames) {
   SyntheticDrive::Options options;
   options.frames = frames;
   return options;
+}
+
+/// The default drive, which several tests share: an image is rendered when it is first used.
+constexpr int kSharedFrames = 120;
+const SyntheticDrive& sharedDrive() {
+  static const SyntheticDrive shared(drive(kSharedFrames));
+  return shared;
+}
+const cv::Mat& sharedImage(std::size_t i) {
+  static std::vector<cv::Mat> images(kSharedFrames);
+  if (images.at(i).empty()) images[i] = sharedDrive().image(i);
+  return images[i];
+}
+std::vector<cv::Mat> sharedImages(std::size_t count) {
+  std::vector<cv::Mat> images;
+  for (std::size_t i = 0; i < count; ++i) images.push_back(sharedImage(i));
+  return images;
 }
 
 /// The same field of view in smaller images, which take a third of the time; without a stop.
@@ -87,8 +105,8 @@ std::pair<std::size_t, std::size_t> standstill(const SyntheticDrive& ground_trut
 
 // Curves, a slope, a car ahead and oncoming ones, and a stop.
 TEST(VisualOdometry, followsTheSyntheticDrive) {
-  const SyntheticDrive ground_truth(drive(120));
-  const DriveRun result = run(ground_truth);
+  const SyntheticDrive& ground_truth = sharedDrive();
+  const DriveRun result = run(ground_truth, sharedImages(ground_truth.size()));
   std::size_t first = 0;
   while (result.frame(first).status != VoStatus::kTracking) ++first;
   ASSERT_LT(first, 10u);
@@ -110,8 +128,7 @@ TEST(VisualOdometry, followsTheSyntheticDrive) {
 }
 
 TEST(VisualOdometry, featuresHaveTheirPointsAndAreOrderedById) {
-  const SyntheticDrive ground_truth(drive(25));
-  const DriveRun result = run(ground_truth);
+  const DriveRun result = run(sharedDrive(), sharedImages(25));
   const VoFrame& frame = result.outputs.back().frame;
   ASSERT_EQ(frame.status, VoStatus::kTracking);
   std::vector<double> error;
@@ -223,20 +240,17 @@ TEST(VisualOdometry, keyframesAtAStandstillKeepTheScaleOfTheMap) {
 }
 
 TEST(VisualOdometry, initialisesAfterAStandstillAtTheStart) {
-  SyntheticDrive::Options options = drive(30);
-  const SyntheticDrive ground_truth(options);
-  VisualOdometry odometry(ground_truth.camera(), {});
-  const cv::Mat first = ground_truth.image(0);
+  VisualOdometry odometry(sharedDrive().camera(), {});
   std::int64_t stamp = 0;
   for (int i = 0; i < 10; ++i, stamp += 100'000'000) {
-    EXPECT_EQ(odometry.process(first, stamp).frame.status, VoStatus::kInitialising);
+    EXPECT_EQ(odometry.process(sharedImage(0), stamp).frame.status, VoStatus::kInitialising);
   }
   VisualOdometry::Output output;
   std::size_t i = 1;
   do {
-    output = odometry.process(ground_truth.image(i++), stamp);
+    output = odometry.process(sharedImage(i++), stamp);
     stamp += 100'000'000;
-  } while (output.frame.status == VoStatus::kInitialising && i < ground_truth.size());
+  } while (output.frame.status == VoStatus::kInitialising && i < 30);
   ASSERT_EQ(output.frame.status, VoStatus::kTracking);
   EXPECT_EQ(output.start.front().sequence, 0u);
   // The frames at rest have the pose of the first.
@@ -271,11 +285,10 @@ cv::Mat turned(const cv::Mat& image, const PinholeCamera& camera, double yaw) {
 }
 
 TEST(VisualOdometry, pureRotationStartsNoMap) {
-  const SyntheticDrive ground_truth(drive(1));
-  const cv::Mat image = ground_truth.image(0);
-  VisualOdometry odometry(ground_truth.camera(), {});
+  const PinholeCamera& camera = sharedDrive().camera();
+  VisualOdometry odometry(camera, {});
   for (int i = 0; i < 25; ++i) {
-    const cv::Mat rotated = turned(image, ground_truth.camera(), 0.01 * i);
+    const cv::Mat rotated = turned(sharedImage(0), camera, 0.01 * i);
     EXPECT_EQ(odometry.process(rotated, i * 100'000'000LL).frame.status, VoStatus::kInitialising)
         << i;
   }
@@ -333,12 +346,12 @@ double medianRatioOfSigmas(const VoFrame& a, const VoFrame& b, bool left) {
 
 // Between two images the camera turns by 15 degrees, as at 3 Hz in a junction.
 TEST(VisualOdometry, aLargeRotationKeepsTheMap) {
-  const SyntheticDrive ground_truth(drive(20));
+  const SyntheticDrive& ground_truth = sharedDrive();
   VisualOdometry odometry(ground_truth.camera(), {});
   constexpr double kYaw = 0.26;
   VoFrame before, after;
-  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
-    const cv::Mat image = ground_truth.image(i);
+  for (std::size_t i = 0; i < 20; ++i) {
+    const cv::Mat& image = sharedImage(i);
     before = after;
     after = odometry
                 .process(i < 15 ? image : turned(image, ground_truth.camera(), kYaw),
@@ -574,10 +587,9 @@ TEST(VisualOdometry, tooFewTrackedFeaturesOfTheFirstKeyframesMakeAKeyframe) {
 }
 
 TEST(VisualOdometry, isDeterministic) {
-  const SyntheticDrive ground_truth(drive(25));
-  const std::vector<cv::Mat> images = imagesOf(ground_truth);
-  const DriveRun a = run(ground_truth, images), b = run(ground_truth, images);
-  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
+  const std::vector<cv::Mat> images = sharedImages(25);
+  const DriveRun a = run(sharedDrive(), images), b = run(sharedDrive(), images);
+  for (std::size_t i = 0; i < images.size(); ++i) {
     EXPECT_EQ(a.frame(i).T_w_c.matrix(), b.frame(i).T_w_c.matrix());
     ASSERT_EQ(a.frame(i).features.size(), b.frame(i).features.size());
     for (std::size_t k = 0; k < a.frame(i).features.size(); ++k) {

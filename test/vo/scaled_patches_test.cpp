@@ -62,7 +62,7 @@ TEST(ScaledPatches, CorrelationWithAreasWithoutTextureIsZero) {
 }
 
 TEST(ScaledPatches, PixelsAreThoseOfTheResizedImage) {
-  const cv::Mat image = wallFrom(Eigen::Isometry3d::Identity(), 1);
+  const cv::Mat image = texture(1);
   const ScaledPatches patches(kCamera, image, image, {}, kCamera.width / 2.0);
   // The centres of two pixels are that of the one they become.
   EXPECT_LT(cv::norm(patches.resized({10.5, 20.5}) - cv::Point2f(5, 10)), 1e-5);
@@ -70,7 +70,7 @@ TEST(ScaledPatches, PixelsAreThoseOfTheResizedImage) {
 }
 
 TEST(ScaledPatches, AUniformPatchCorrelatesWithNothing) {
-  const cv::Mat image = wallFrom(Eigen::Isometry3d::Identity(), 1);
+  const cv::Mat image = texture(1);
   cv::Mat uniform(image.size(), CV_8UC1, cv::Scalar(90));
   uniform(cv::Rect(0, 0, 400, kCamera.height)).setTo(91);
   ScaledPatches patches(kCamera, uniform, image, {}, 400);

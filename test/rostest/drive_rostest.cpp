@@ -12,6 +12,7 @@
 #include <visualization_msgs/Marker.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <memory>
 
@@ -44,10 +45,12 @@ struct PlayedDrive {
         frames(handle, "vo/frame"),
         scales(handle, "scale"),
         odometry(handle, "odometry"),
+        vo_odometry(handle, "vo/odometry"),
         path(handle, "path"),
         tracks(handle, "vo/image_tracks"),
         road(handle, "image_road"),
         points(handle, "points"),
+        ground_points(handle, "ground_points"),
         plane(handle, "ground_plane"),
         tf(handle, "/tf"),
         diagnostics(handle, "/diagnostics"),
@@ -64,8 +67,8 @@ struct PlayedDrive {
     ASSERT_TRUE(waitUntil([this] {
       return images.getNumSubscribers() > 0 && infos.getNumSubscribers() > 0 &&
              frames.connected() && scales.connected() && odometry.connected() && path.connected() &&
-             tracks.connected() && road.connected() && points.connected() && plane.connected() &&
-             tf.connected();
+             vo_odometry.connected() && tracks.connected() && road.connected() &&
+             points.connected() && ground_points.connected() && plane.connected() && tf.connected();
     })) << "the nodelets did not come up";
     for (std::size_t i = 0; i < drive.size(); ++i) {
       const cv::Mat grey = drive.image(i);
@@ -76,12 +79,14 @@ struct PlayedDrive {
       infos.publish(info);
       images.publish(image);
       offline.process(grey, toNanoseconds(image->header.stamp));
+      with_direct += offline.last().scale.direct.height > 0;
       // Wait for the result before the next image, so that no frame is dropped.
       ASSERT_TRUE(scales.waitForStamp(image->header.stamp)) << "frame " << i;
     }
     const ros::Time last = header(drive.size() - 1).stamp;
     ASSERT_TRUE(frames.waitForStamp(last));
     ASSERT_TRUE(odometry.waitForStamp(last));
+    ASSERT_TRUE(vo_odometry.waitForStamp(last));
     ASSERT_TRUE(tf.wait([&last](const auto& messages) {
       return !messages.empty() && messages.back()->transforms.at(0).header.stamp == last;
     }));
@@ -102,12 +107,13 @@ struct PlayedDrive {
 
   SyntheticDrive drive;
   OfflineRun offline;
+  int with_direct = 0;  ///< frames with a direct measurement, offline
   TopicRecorder<VoFrameMsg> frames;
   TopicRecorder<ScaleEstimateMsg> scales;
-  TopicRecorder<nav_msgs::Odometry> odometry;
+  TopicRecorder<nav_msgs::Odometry> odometry, vo_odometry;
   TopicRecorder<nav_msgs::Path> path;
   TopicRecorder<sensor_msgs::Image> tracks, road;
-  TopicRecorder<sensor_msgs::PointCloud2> points;
+  TopicRecorder<sensor_msgs::PointCloud2> points, ground_points;
   TopicRecorder<visualization_msgs::Marker> plane;
   TopicRecorder<tf2_msgs::TFMessage> tf;
   TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics;
@@ -167,6 +173,37 @@ TEST_F(Drive, ResultsEqualThoseOfTheOfflineRun) {
 
 TEST_F(Drive, ScaleRecoveryUsesTheImages) {
   EXPECT_TRUE(waitForValue(run.diagnostics, "images", "used"));
+}
+
+TEST_F(Drive, VoOdometryIsThePoseOfEachTrackedFrame) {
+  const auto messages = run.vo_odometry.messages();
+  std::size_t tracked = 0;
+  for (const auto& frame : run.frames.messages()) {
+    if (frame->status != VoFrameMsg::TRACKING) continue;
+    ASSERT_LT(tracked, messages.size());
+    const nav_msgs::Odometry& odometry = *messages[tracked++];
+    EXPECT_EQ(odometry.header.stamp, frame->header.stamp);
+    EXPECT_EQ(odometry.header.frame_id, "vo_world");
+    EXPECT_EQ(odometry.pose.pose, frame->pose);
+  }
+  EXPECT_EQ(messages.size(), tracked);
+  EXPECT_LT(tracked, run.drive.size());  // the first frames have no pose
+}
+
+TEST_F(Drive, DiagnosticsDescribeTheDriveAndItsLastFrame) {
+  const std::vector<TrackedFeature> features = fromMsg(*run.frames.messages().back()).features;
+  const auto points = std::count_if(features.begin(), features.end(),
+                                    [](const TrackedFeature& f) { return f.has_point; });
+  ASSERT_LT(points, static_cast<std::ptrdiff_t>(features.size()));
+  const auto reports = [](const std::string& nodelet, const std::string& key, auto value) {
+    return waitForValue(run_->diagnostics, key, std::to_string(value), nodelet);
+  };
+  EXPECT_TRUE(reports("mono_vo", "images processed", run.drive.size()));
+  EXPECT_TRUE(reports("mono_vo", "features", features.size()));
+  EXPECT_TRUE(reports("mono_vo", "map points", points));
+  EXPECT_TRUE(reports("scale_recovery", "frames processed", run.drive.size()));
+  ASSERT_LT(run.with_direct, static_cast<int>(run.drive.size()));
+  EXPECT_TRUE(reports("scale_recovery", "frames with a direct measurement", run.with_direct));
 }
 
 TEST_F(Drive, NothingMetricBeforeTheFirstScale) {
@@ -301,6 +338,23 @@ TEST_F(Drive, PointsAreInMetres) {
     EXPECT_FLOAT_EQ(*z, depth);
     ++z;
   }
+}
+
+TEST_F(Drive, GroundPointsAreInMetres) {
+  ASSERT_TRUE(run.ground_points.waitForStamp(run.header(run.drive.size() - 1).stamp));
+  const auto scales = run.scales.messages();
+  std::vector<double> heights;
+  for (const auto& cloud : run.ground_points.messages()) {  // empty ones at a standstill
+    const auto& up = scales.at(run.frameAt(cloud->header.stamp))->normal;
+    const Eigen::Vector3d normal(up.x, up.y, up.z);
+    for (sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x"); x != x.end(); ++x) {
+      heights.push_back(normal.dot(Eigen::Vector3d(x[0], x[1], x[2])));
+    }
+  }
+  ASSERT_GT(heights.size(), 500u);
+  const auto median = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
+  std::nth_element(heights.begin(), median, heights.end());
+  EXPECT_NEAR(*median, -kCameraHeight, 0.03 * kCameraHeight);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <functional>
 #include <limits>
@@ -206,6 +207,16 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
   EXPECT_EQ(counted("scale_recovery", "frames without an image"),
             without_image + static_cast<int>(bad_images.size()));
   EXPECT_EQ(counted("mono_vo", "dropped: image failed"), 0);
+  // The warning ends. Images go on, so that no error about missing ones takes its place.
+  EXPECT_TRUE(waitUntil([&] {
+    if (!publishAndWait(image(stamp += kPeriod))) return false;
+    const auto reports = diagnostics_.messages();
+    return std::any_of(reports.begin(), reports.end(), [](const auto& report) {
+      return std::any_of(report->status.begin(), report->status.end(), [](const auto& status) {
+        return status.name.find("mono_vo") != std::string::npos && status.message == "initialising";
+      });
+    });
+  }));
 }
 
 TEST_F(Images, EveryEncodingIsProcessed) {

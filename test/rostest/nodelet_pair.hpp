@@ -54,7 +54,8 @@ class NodeletPair {
   }
 
   std_msgs::Header header(std::size_t i) const { return drive_.header(i, start_s_); }
-  void publishInfo(std::size_t i) { infos_.publish(drive_.info(i, start_s_)); }
+  void publishInfo(std::size_t i) { publishInfo(*drive_.info(i, start_s_)); }
+  void publishInfo(const sensor_msgs::CameraInfo& info) { infos_.publish(info); }
   void publishImage(std::size_t i) { images_.publish(drive_.image(i, start_s_)); }
   void publish(std::size_t i) {
     publishInfo(i);

@@ -8,6 +8,7 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <std_srvs/Trigger.h>
+#include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
 #include <boost/make_shared.hpp>
@@ -163,14 +164,20 @@ class Scale : public testing::Test {
 
 // The first test: no mounting transform has been published yet.
 TEST_F(Scale, NoOdometryIsPublishedWithoutTheMounting) {
+  TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
+  TopicRecorder<nav_msgs::Odometry> alone(handle_, "alone/odometry");
+  ASSERT_TRUE(waitUntil([&] { return tf.connected() && alone.connected(); }));
   FlatRoad road(1000);
   play(road, kFrames);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::OK);
   EXPECT_NEAR(scales_.messages().back()->scale, kCameraHeight, 0.03);
   EXPECT_TRUE(odometry_.messages().empty());
+  // `alone` needs no mounting, and has publish_tf false.
+  ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
+  EXPECT_TRUE(tf.messages().empty());
 
   publishMounting();  // late
-  playUntilOdometry(road);
+  ASSERT_NO_FATAL_FAILURE(playUntilOdometry(road));
   EXPECT_EQ(odometry_.messages().front()->child_frame_id, "base_link");
 }
 
@@ -247,6 +254,8 @@ TEST_F(Scale, AScaleThatIsHeldForSecondsIsReported) {
   // From the first of the 40 frames to the last.
   EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery", diagnostic_msgs::DiagnosticStatus::WARN,
                              "scale held for 3.9 s: too_few_triangles"));
+  // From the frame before them.
+  EXPECT_TRUE(waitForValue(diagnostics, "age of the last measurement [s]", "4", "scale_recovery"));
 }
 
 TEST_F(Scale, AClockThatJumpsBackStartsAnew) {

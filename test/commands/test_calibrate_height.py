@@ -56,6 +56,19 @@ def test_bag_with_fixes_replaces_a_file(low_bag, height_file):
     assert_height(height_file)
 
 
+def test_inaccurate_fixes_need_a_longer_drive(low_bag, height_file):
+    """With a standard deviation of 1 m a segment is 40 m long."""
+    def less_accurate(topic, message):
+        if topic == "/fix":
+            message.position_covariance = [1, 0, 0, 0, 1, 0, 0, 0, 4]
+        return topic, message
+
+    inaccurate = height_file.with_suffix(".bag")
+    bags.copy(low_bag, inaccurate, less_accurate)
+    assert_refused(1, "1 segments of the drive can be compared, 4 are needed", HEIGHT_FROM_DRIVE, "--bag", inaccurate, *GPS,
+                   "/fix", "--out", height_file)
+
+
 @pytest.mark.parametrize("topic", [bags.COMPRESSED, bags.COMPRESSED.replace("/compressed", ""),
                                    bags.COMPRESSED.lstrip("/")])
 def test_compressed_images(low_bag, height_file, topic):

@@ -92,6 +92,18 @@ def test_arguments_reach_both_nodelets(file, arguments, image, info, transport, 
     assert parameters["/scale_recovery/publish_tf"] is publish_tf
 
 
+@pytest.mark.parametrize("call, count", [
+    ("ground_scale_vo.launch camera_height:=1.2", 2), ("kitti.launch bag:=/x.bag", 2),
+    ("live_camera.launch camera_height:=1.2", 2), ("another_vo.launch camera_height:=1.2", 1),
+    ("two_vehicles.launch first_height:=1.2 second_height:=1.65", 4)])
+def test_configuration_of_the_user_reaches_all_nodelets(call, count, tmp_path):
+    for nodelet in ("mono_vo", "scale_recovery"):
+        (tmp_path / f"{nodelet}.yaml").write_text("queue_size: 77\n")
+    nodes, _, parameters = loaded(*call.split(), f"config_dir:={tmp_path}")
+    nodelets = [name for name, node in nodes.items() if "ground_scale_vo/" in node.args]
+    assert [parameters.get(f"{name}/queue_size") for name in nodelets] == count * [77]
+
+
 def test_configuration_has_the_default_values():
     """Those of the reference, which another test compares with the code."""
     _, _, parameters = loaded("ground_scale_vo.launch")
@@ -129,10 +141,10 @@ def test_kitti_launch_plays_the_bag():
 def test_live_camera_starts_driver_and_mounting(usb_cam):
     nodes, _, parameters = loaded(
         "live_camera.launch", "camera_height:=1.2", "driver:=usb_cam", "width:=800", "height:=600", "framerate:=20",
-        "device:=/dev/video3", "calibration:=file:///c.yaml", "mounting:=1 2 3 0 0 0 1", "camera_frame:=lens",
+        "device:=/dev/video3", "pixel_format:=mjpeg", "calibration:=file:///c.yaml", "mounting:=1 2 3 0 0 0 1", "camera_frame:=lens",
         "base_frame:=base")
     expected = {"video_device": "/dev/video3", "image_width": 800, "image_height": 600, "framerate": 20,
-                "camera_frame_id": "lens", "camera_info_url": "file:///c.yaml", "autofocus": False}
+                "pixel_format": "mjpeg", "camera_name": "camera", "camera_frame_id": "lens", "camera_info_url": "file:///c.yaml", "autofocus": False}
     assert {name: parameters[f"/camera/{name}"] for name in expected} == expected
     assert nodes["/mounting"].args == "1 2 3 0 0 0 1 base lens"
     _, _, parameters = loaded("live_camera.launch", "camera_height:=1.2", "driver:=usb_cam")
@@ -142,7 +154,8 @@ def test_live_camera_starts_driver_and_mounting(usb_cam):
 def test_two_vehicles_have_their_own_arguments():
     nodes, remappings, parameters = loaded("two_vehicles.launch", "first:=a", "second:=b", "first_height:=1.2",
                                            "second_height:=1.65", "first_mask:=/a.png", "second_mask:=/b.png",
-                                           "use_base_link:=true", "image:=cam/image", "camera_info:=cam/info")
+                                           "use_base_link:=true", "image:=cam/image", "camera_info:=cam/info",
+                                           "image_is_rectified:=true")
     for name, height in (("a", 1.2), ("b", 1.65)):
         scale = f"/{name}/scale_recovery"
         assert parameters[f"{scale}/camera_height"] == height
@@ -150,6 +163,7 @@ def test_two_vehicles_have_their_own_arguments():
         assert parameters[f"{scale}/base_frame"] == f"{name}/base_link"
         for nodelet in (f"/{name}/mono_vo", scale):
             assert parameters[f"{nodelet}/mask"] == f"/{name}.png"
+            assert parameters[f"{nodelet}/image_is_rectified"] is True
             assert remappings[nodelet] == {"image": f"/{name}/cam/image", "camera_info": f"/{name}/cam/info"}
             assert " /vehicles_manager" in nodes[nodelet].args
 

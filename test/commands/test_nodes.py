@@ -12,7 +12,8 @@ import subprocess
 
 import pytest
 from conftest import ROOT, TIMEOUT_S
-from geometry_msgs.msg import Quaternion
+from geometry_msgs.msg import Point32, Quaternion
+from sensor_msgs.msg import ChannelFloat32
 
 MODULE_OF_ROS = re.compile(rb"\| +(gen(msg|py)|ros\w+|yaml|numpy)\b")  # or of its dependencies
 
@@ -100,3 +101,60 @@ def test_view_is_at_the_position_and_level(node):
     t, r = transform.transform.translation, transform.transform.rotation
     assert (transform.header.frame_id, t.x, t.y, t.z) == ("odom", 1, 2, 3)
     assert (r.x, r.y, r.z, r.w) == pytest.approx((0, 0, math.sin(0.4), math.cos(0.4)))
+
+
+class Feeding:
+    """A feed_another_vo without a master, and the frames that it publishes."""
+
+    def __init__(self, node, monkeypatch):
+        self.node, self.frames = node, []
+        publisher = type("Publisher", (), {"publish": lambda _, frame: self.frames.append(frame)})()
+        monkeypatch.setattr(node.rospy, "get_param", lambda name, default: {"~pixel_sigma": 2.0}.get(name, default))
+        monkeypatch.setattr(node.rospy, "Publisher", lambda *_, **__: publisher)
+        monkeypatch.setattr(node.rospy, "Subscriber", lambda *_, **__: None)
+        self.feeder = node.Feeder()
+        self.feeder._on_camera_info(node.CameraInfo(
+            width=640, height=480, P=[500, 0, 310, 0, 0, 510, 230, 0, 0, 0, 1, 0]))
+
+    def odometry(self, second, x=0):
+        message = self.node.Odometry(child_frame_id="camera")
+        message.header.stamp.secs = second
+        message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1
+        self.feeder._on_odometry(message)
+
+    def tracks(self, second):
+        """One point, 10 ahead of the origin of the map."""
+        message = self.node.PointCloud(points=[Point32(0, 0, 10)], channels=[
+            ChannelFloat32(name, [value]) for name, value in (("id", 7), ("u", 320), ("v", 240))])
+        message.header.stamp.secs = second
+        self.feeder._on_tracks(message)
+
+
+@pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
+def test_oldest_messages_without_a_partner_are_dropped(node, monkeypatch):
+    feeding = Feeding(node, monkeypatch)
+    for second in range(1, 42):
+        feeding.odometry(second)
+    feeding.tracks(41)
+    for second in range(42, 83):
+        feeding.tracks(second)
+    feeding.odometry(82)
+    assert [frame.header.stamp.secs for frame in feeding.frames] == [41, 82]
+    assert max(len(feeding.feeder._odometry), len(feeding.feeder._tracks)) <= node.MAX_UNPAIRED
+
+
+@pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
+def test_frames_of_another_odometry(node, monkeypatch):
+    """The camera moves by 1 to the right between two images."""
+    feeding = Feeding(node, monkeypatch)
+    for i in range(3):
+        feeding.odometry(i + 1, x=i)
+        feeding.tracks(i + 1)
+    frames = feeding.frames
+    assert [(frame.sequence, frame.id, frame.age) for frame in frames] == [(i, [7], [i]) for i in range(3)]
+    assert math.isnan(frames[0].depth_sigma[0])
+    assert frames[1].depth_sigma == pytest.approx([10 * 2.0 / (500 * math.atan(0.1))])
+    last = frames[2]
+    assert (last.width, last.height, last.fx, last.fy, last.cx, last.cy) == (640, 480, 500, 510, 310, 230)
+    assert (last.u, last.v, last.x, last.y, last.z) == ([320], [240], [-2], [0], [10])
+    assert (last.status, last.header.frame_id, last.pose.position.x) == (node.VoFrame.TRACKING, "camera", 2)

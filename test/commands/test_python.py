@@ -158,6 +158,19 @@ def test_calibration_files(gsv, tmp_path):
         assert module.Rectification(calibration, (640, 480)).camera == gsv.Camera(640, 480, 500, 510, 310, 230)
 
 
+@pytest.mark.parametrize("model, is_fisheye", [
+    ("plumb_bob", False), ("rational_polynomial", False), ("radtan", False), ("none", False),
+    ("equidistant", True), ("fisheye", True)])
+def test_distortion_models(gsv, tmp_path, model, is_fisheye):
+    """Four coefficients are valid for both kinds of models."""
+    file = tmp_path / "camera.yaml"
+    file.write_text(json.dumps({"image_width": 640, "image_height": 480, "distortion_model": model,
+                                "camera_matrix": {"data": [500, 0, 310, 0, 510, 230, 0, 0, 1]},
+                                "distortion_coefficients": {"data": [-0.05, 0.01, 0, 0]}}))
+    module = importlib.import_module("ground_scale_vo.calibration")
+    assert module.read_calibration(file).is_fisheye is is_fisheye
+
+
 def test_rectified_mask(gsv):
     """Grey values above 0 are visible; a pixel that depends on a masked one is masked."""
     module = importlib.import_module("ground_scale_vo.calibration")

@@ -98,6 +98,24 @@ def test_images_of_a_compressed_bag(gsv, bag, short, tmp_path):
     assert cv2.absdiff(image, images_of(short)[0]).mean() < 3
 
 
+def test_image_topic_of_a_bag_with_two(gsv, bag, short, tmp_path):
+    def black_instead_of_info(topic, message):
+        if topic != bags.INFO:
+            return topic, message
+        width, height = message.width, message.height
+        return "/other", bags.Image(message.header, height, width, "mono8", 0, width, bytes(width * height))
+
+    two = tmp_path / "two.bag"
+    bags.copy(bag, two, black_instead_of_info)
+    module = importlib.import_module("ground_scale_vo.command_line")
+    arguments = ["run", str(two), "--camera", str(short / "calib.txt"), "--camera-height", "1"]
+    with pytest.raises(gsv.DataError, match=f"--image must be one of its image topics: {bags.IMAGE}, /other"):
+        module.open_drive(module.parse(arguments))
+    for topic, first in ((bags.IMAGE, images_of(short)[0]), ("/other", 0 * images_of(short)[0])):
+        drive, _, _ = module.open_drive(module.parse([*arguments, "--image", topic]))
+        assert np.array_equal(next(drive.images)[0], first), topic
+
+
 def test_calibration_replaces_that_of_the_kitti_folder(command, shortest, tmp_path):
     """One for images of another size is refused."""
     (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {

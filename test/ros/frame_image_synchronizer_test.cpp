@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <memory>
 #include <string>
 #include <vector>
@@ -83,8 +84,10 @@ TEST_F(FrameImageSynchronization, StopsWaitingAfterATimeoutUntilImagesArriveAgai
   images({1});
   frames({1, 2});
   EXPECT_EQ(matches(), "1 ");
-  now_ += limits().wait;
+  now_ += std::chrono::milliseconds(499);
   frames({3});
+  EXPECT_EQ(matches(), "");
+  now_ += std::chrono::milliseconds(1);
   EXPECT_EQ(matches(), "2- 3- ");
   frames({4});
   EXPECT_EQ(matches(), "4- ");

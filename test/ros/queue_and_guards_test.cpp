@@ -10,6 +10,7 @@
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/map_numbering.hpp"
+#include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/sequence_check.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
@@ -36,6 +37,16 @@ TEST(BoundedQueue, EmptyGivesNothing) {
   EXPECT_FALSE(queue.empty());
   EXPECT_EQ(queue.pop(), 1);
   EXPECT_FALSE(queue.pop());
+}
+
+TEST(RateMeter, IsTheMeanRateSinceTheLastCall) {
+  const RateMeter::Clock::time_point start;
+  const auto after = [&](int ms) { return start + std::chrono::milliseconds(ms); };
+  RateMeter meter(start);
+  EXPECT_EQ(meter.rate(0, start), 0);
+  EXPECT_NEAR(meter.rate(10, after(500)), 20, 1e-9);
+  EXPECT_NEAR(meter.rate(40, after(1500)), 30, 1e-9);
+  EXPECT_EQ(meter.rate(40, after(2500)), 0);
 }
 
 using Verdict = StampGuard::Verdict;
@@ -92,6 +103,8 @@ TEST(StampGuard, WorksWithImagesAtLongIntervals) {
   EXPECT_EQ(guard.check(ros::Time(18)), Verdict::kJumpedAhead);
   EXPECT_EQ(guard.check(ros::Time(22)), Verdict::kAccept);
   EXPECT_EQ(guard.check(ros::Time(28)), Verdict::kAccept);
+  EXPECT_EQ(guard.check(ros::Time(37.1)), Verdict::kHold);
+  EXPECT_EQ(guard.check(ros::Time(37)), Verdict::kAccept);
   StampGuard always(0.0);
   EXPECT_EQ(always.check(ros::Time(10.0)), Verdict::kAccept);
   EXPECT_EQ(always.check(ros::Time(10.1)), Verdict::kHold);

@@ -35,6 +35,17 @@ TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUse) {
   }
 }
 
+// As two cameras at 30 Hz and 0.6 Hz.
+TEST(SourceGuard, AMuchSlowerSecondSourceIsNotForgotten) {
+  Guard guard;
+  for (const char* source : {"a", "b", "a"}) guard.check(source);
+  for (int i = 0; i < 200; ++i) {
+    const bool is_second = i % 50 == 0;
+    EXPECT_EQ(guard.check(is_second ? "b" : "a"), is_second ? Verdict::kOther : Verdict::kSame);
+    EXPECT_TRUE(guard.alternates());
+  }
+}
+
 TEST(SourceGuard, TheEndOfOneSourceEndsTheAlternation) {
   for (const std::string left : {"a", "b"}) {
     Guard guard;

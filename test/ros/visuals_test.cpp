@@ -365,8 +365,9 @@ TEST(PointClouds, AreInMetres) {
   frame.features[0].p_c = {1, 2, 3};
   const auto cloud = toPointCloud(frame, {}, 2);
   ASSERT_EQ(cloud->width, 1u);
-  sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x"), z(*cloud, "z");
+  sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x"), y(*cloud, "y"), z(*cloud, "z");
   EXPECT_EQ(*x, 2);
+  EXPECT_EQ(*y, 4);
   EXPECT_EQ(*z, 6);
 }
 

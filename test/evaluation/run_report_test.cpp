@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -261,6 +262,50 @@ TEST_F(RunReport, EachMetricIsThatOfItsName) {
   ASSERT_EQ(json.at("by_length").size(), 2u);
   EXPECT_EQ(json.at("by_length")[1].at("length_m"), 200);
   EXPECT_EQ(json.at("by_length")[1].at("r_err_deg_per_m"), 0);
+}
+
+TEST_F(RunReport, ErrorsOfTheTrajectoryAreNotMixedUp) {
+  constexpr double kDegree = M_PI / 180;
+  const Eigen::Vector3d direction(std::sin(0.5 * kDegree), 0, std::cos(0.5 * kDegree));
+  const Eigen::AngleAxisd yaw(0.01 * kDegree, Eigen::Vector3d::UnitY());
+  std::vector<Eigen::Isometry3d> ground_truth;
+  RunRecord record;
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity(), T_o_c = T_w_c;
+  for (int i = 0; i <= 240; ++i) {
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(i);
+    vo.frame.status = VoStatus::kTracking;
+    vo.frame.T_w_c = T_w_c;
+    ScaleRecovery::Output scale;
+    scale.pose.emplace();
+    scale.pose->T_o_c = T_o_c;
+    ground_truth.push_back(ahead(i));
+    record.append(vo, scale);
+    T_w_c = T_w_c * Eigen::Translation3d((i < 120 ? 0.5 : 0.52) * direction) * yaw;
+    T_o_c = T_o_c * Eigen::Translation3d((i < 120 ? 1.06 : 0.98) * direction) * yaw;
+  }
+  const Json json = Json::parse(metricsJson(record, 1.65, ground_truth));
+  const auto metric = computeOdometryMetrics(ground_truth, record.metricPoses());
+  const auto unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
+  const std::map<std::string, double> expected = {
+      {"gt_length_m", metric.gt_length_m},
+      {"rle_percent", metric.rle_percent.value()},
+      {"t_err_percent", metric.t_err_percent.value()},
+      {"r_err_deg_per_m", metric.r_err_deg_per_m.value()},
+      {"t_err_short_percent", metric.t_err_short_percent.value()},
+      {"t_err_true_length_percent", metric.t_err_true_length_percent.value()},
+      {"t_err_sim3_percent", unscaled.t_err_sim3_percent.value()},
+      {"direction_median_deg", metric.direction_median_deg.value()},
+      {"ate_rmse_m", metric.ate_rmse_m}};
+  std::vector<double> values;
+  for (const auto& [name, value] : expected) {
+    EXPECT_NEAR(json.at(name), value, 1e-6 * value) << name;
+    values.push_back(value);
+  }
+  std::sort(values.begin(), values.end());
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    EXPECT_GT(values[i], 1.001 * values[i - 1]) << "the test cannot tell two errors apart";
+  }
 }
 
 TEST_F(RunReport, EachFileHasItsPoses) {

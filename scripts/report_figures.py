@@ -173,7 +173,8 @@ KITTI_PARTS = {
     "paths": "**Rendered**: the images are those of a street, rendered along the smoothed ground-truth path of each "
              "sequence. Real images are more difficult; the figures of other systems are those on real images.",
 }
-COLLECT = {**{part: kitti for part in KITTI_PARTS}, "sequences": folders, "variants": folders, "scenarios": folders, "ablation": ablation,
+COLLECT = {**{part: kitti for part in KITTI_PARTS},
+           "sequences": folders, "variants": folders, "scenarios": folders, "ablation": ablation,
            "components": components, "faults": faults, "benchmark": benchmark, "growth": growth,
            "heights": heights}
 

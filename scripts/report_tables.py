@@ -269,7 +269,8 @@ def paper_table(part, columns, forms):
 def length_table(part):
     """Table I."""
     true_m, paper_m = zip(*(PAPER_LENGTHS.get(name, (None, None)) for name in FRAMES))
-    paper_rle = [None if true is None else 100 * abs(length - true) / true for true, length in zip(true_m, paper_m)]
+    paper_rle = [None if true is None else relative_error_percent(length, true)
+                 for true, length in zip(true_m, paper_m)]
     columns = [("ground truth of the paper m", true_m, true_m), (f"{PAPER} m", paper_m, paper_m),
                ("ground truth m", *own(part, "gt_length_m")), ("ours m", *own(part, "length_m")),
                (f"{PAPER} RLE %", paper_rle, paper_rle), ("ours RLE %", *own(part, "rle_percent"))]

@@ -13,6 +13,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "support/drive_run.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -123,9 +124,8 @@ std::vector<std::string> optionsWithoutEffect(const Options& defaults, const Out
 class Options : public testing::Test {
  protected:
   static SyntheticDrive::Options driveOptions(std::uint64_t seed) {
-    SyntheticDrive::Options options;
+    SyntheticDrive::Options options = smallImages();
     options.frames = 85;
-    options.camera = {480, 150, 278, 278, 239.5, 74.5};
     options.stop_at_m = 22;
     options.stop_s = 1;
     options.random_seed = seed;

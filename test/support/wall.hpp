@@ -5,12 +5,17 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/vo/local_map.hpp"
+#include "support/scene.hpp"
+#include "vo/motion_model.hpp"
 
 namespace ground_scale_vo::test {
 
-/// Image of a wall with a random texture, orthogonal to the z axis of v at z = distance [VO units].
+constexpr double kWallDistance = 20;  // from the camera v [VO units]
+
+/// Image of a wall with a random texture, orthogonal to the z axis of v at z = kWallDistance.
 inline cv::Mat wallFrom(const PinholeCamera& camera, const Eigen::Isometry3d& T_v_c,
-                        double distance, std::uint64_t seed) {
+                        std::uint64_t seed = 1) {
   constexpr double kScale = 20;  // [px of the texture per VO unit]
   cv::Mat texture(1200, 3000, CV_8UC1), image;
   cv::RNG(seed).fill(texture, cv::RNG::UNIFORM, 0, 256);
@@ -18,8 +23,8 @@ inline cv::Mat wallFrom(const PinholeCamera& camera, const Eigen::Isometry3d& T_
   cv::normalize(texture, texture, 0, 255, cv::NORM_MINMAX);
   const Eigen::Vector3d& t = T_v_c.translation();
   Eigen::Matrix3d M, K;
-  M << kScale * (distance - t.z()), 0, kScale * t.x() + 1500, 0, kScale * (distance - t.z()),
-      kScale * t.y() + 600, 0, 0, 1;
+  M << kScale * (kWallDistance - t.z()), 0, kScale * t.x() + 1500, 0,
+      kScale * (kWallDistance - t.z()), kScale * t.y() + 600, 0, 0, 1;
   K << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
   const Eigen::Matrix3d H = M * T_v_c.linear() * K.inverse();
   const cv::Matx33d homography(H(0, 0), H(0, 1), H(0, 2), H(1, 0), H(1, 1), H(1, 2), H(2, 0),
@@ -27,6 +32,26 @@ inline cv::Mat wallFrom(const PinholeCamera& camera, const Eigen::Isometry3d& T_
   cv::warpPerspective(texture, image, homography, {camera.width, camera.height},
                       cv::INTER_LINEAR | cv::WARP_INVERSE_MAP);
   return image;
+}
+
+/// Gives all landmarks of a map that were first observed from v the depth of the wall.
+inline void putOnWall(LocalMap* map) {
+  for (auto& [id, landmark] : map->landmarks()) {
+    landmark.depth = InverseDepth{1 / kWallDistance, 1e-4};
+  }
+}
+
+// A camera that approaches the wall, and the time without images that follows.
+constexpr std::int64_t kPeriod = 100'000'000;               // of the images [ns]
+constexpr std::int64_t kAfterGap = kPeriod + 20 * kPeriod;  // stamp of the next image [ns]
+const Eigen::Vector3d kStep(0, 0, 0.15);                    // in each period before it [VO units]
+
+/// Reaches T_w_v with this step [VO units per period], at the stamp kPeriod.
+inline MotionModel motionTo(const Eigen::Isometry3d& T_w_v, const Eigen::Vector3d& step = kStep) {
+  MotionModel motion;
+  motion.reset(T_w_v * pose({0, 0, 0}, -step), 0);
+  motion.update(T_w_v, kPeriod);
+  return motion;
 }
 
 }  // namespace ground_scale_vo::test

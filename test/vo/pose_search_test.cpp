@@ -14,13 +14,9 @@ namespace {
 using test::pose;
 
 const PinholeCamera kCamera = test::testCamera();
-constexpr double kDistance = 20;               // of the wall from the previous camera [VO units]
-constexpr std::int64_t kPeriod = 100'000'000;  // [ns]
-constexpr std::int64_t kGap = 20 * kPeriod;    // between the two images
-const Eigen::Vector3d kStep(0, 0, 0.15);       // in each period before the gap
 
 cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c, std::uint64_t seed) {
-  return test::wallFrom(kCamera, T_v_c, kDistance, seed);
+  return test::wallFrom(kCamera, T_v_c, seed);
 }
 
 /// The previous camera v is somewhere in the map.
@@ -40,30 +36,22 @@ class PoseSearchTest : public testing::Test {
       }
     }
     map_.addKeyframe(T_w_v_, corners);
-    for (auto& [id, landmark] : map_.landmarks()) {
-      landmark.depth = InverseDepth{1 / kDistance, 1e-4};
-    }
-    moveAt(kStep);
+    test::putOnWall(&map_);
   }
 
   std::optional<PoseSearch::Result> locate(const cv::Mat& image, const cv::Mat& mask = {}) const {
     return PoseSearch(kCamera, {}, mask)
         .locate(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity(), 1), image,
-                kPeriod + kGap);
-  }
-  /// Sets the velocity [VO units per period].
-  void moveAt(const Eigen::Vector3d& step) {
-    motion_.reset(T_w_v_ * pose({0, 0, 0}, -step), 0);
-    motion_.update(T_w_v_, kPeriod);
+                test::kAfterGap);
   }
   Eigen::Vector2d pixelAt(const Eigen::Isometry3d& T_v_c, const Feature& feature) const {
-    const Eigen::Vector3d p_v = kDistance * kCamera.ray(features_[feature.id].u);
+    const Eigen::Vector3d p_v = test::kWallDistance * kCamera.ray(features_[feature.id].u);
     return kCamera.project(T_v_c.inverse() * p_v);
   }
 
   const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.5, -0.2}, {5, 6, 7});
   LocalMap map_{{}};
-  MotionModel motion_;
+  MotionModel motion_ = test::motionTo(T_w_v_);
   std::vector<Feature> features_;
 };
 
@@ -90,7 +78,7 @@ TEST_F(PoseSearchTest, FindsThePoseAfterATurn) {
 }
 
 TEST_F(PoseSearchTest, FindsThePoseMuchNearerToTheWall) {
-  moveAt({0, 0, 0.35});
+  motion_ = test::motionTo(T_w_v_, {0, 0, 0.35});
   const Eigen::Isometry3d T_v_c = pose({0, 0.1, 0}, {0, 0, 7});
   const auto result = locate(wallFrom(T_v_c, 1));
   ASSERT_TRUE(result);

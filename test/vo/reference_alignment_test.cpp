@@ -13,7 +13,6 @@ namespace {
 using test::pose;
 
 const PinholeCamera kCamera = test::testCamera();
-constexpr double kDistance = 20;        // of the wall from the keyframe [VO units]
 constexpr double kAlignedSigma = 4e-4;  // [normalised]
 constexpr double kTrackedSigma = 1e-3;
 const Eigen::Vector2d kError(0.8, -0.6);  // of the tracked features [px]
@@ -28,11 +27,8 @@ class ReferenceAlignmentTest : public testing::Test {
         corners.push_back({corners.size(), kCamera.ray({u, v}).head<2>(), 0.001});
       }
     }
-    map_.addKeyframe(T_w_v_, corners,
-                     test::wallFrom(kCamera, Eigen::Isometry3d::Identity(), kDistance, 1));
-    for (auto& [id, landmark] : map_.landmarks()) {
-      landmark.depth = InverseDepth{1 / kDistance, 1e-4};
-    }
+    map_.addKeyframe(T_w_v_, corners, test::wallFrom(kCamera, Eigen::Isometry3d::Identity()));
+    test::putOnWall(&map_);
   }
 
   Eigen::Vector2d pixelAt(const Eigen::Isometry3d& T_v_c, const Feature& feature) const {
@@ -42,8 +38,8 @@ class ReferenceAlignmentTest : public testing::Test {
   /// Share of the features that are aligned in the image from this pose, to a quarter of a pixel.
   /// The others have too little texture.
   double align(const Eigen::Isometry3d& T_v_c, double gain = 1) {
-    ImagePyramid image = FeatureTracker({}, {}).pyramid(
-        applyGain(test::wallFrom(kCamera, T_v_c, kDistance, 1), gain));
+    ImagePyramid image =
+        FeatureTracker({}, {}).pyramid(applyGain(test::wallFrom(kCamera, T_v_c), gain));
     image.exposure = gain;
     features_.clear();
     for (const auto& [id, landmark] : map_.landmarks()) {

@@ -12,17 +12,14 @@ namespace {
 using test::pose;
 
 const PinholeCamera kCamera = test::testCamera();
-constexpr double kDistance = 20;               // of the wall from the previous camera [VO units]
-constexpr std::int64_t kPeriod = 100'000'000;  // [ns]
-constexpr std::int64_t kGap = 20 * kPeriod;    // between the two images
-const Eigen::Vector3d kStep(0, 0, 0.15);       // in each period before the gap
-const Eigen::Vector3d kPredicted = 20 * kStep;
+const Eigen::Vector3d kPredicted = 20 * test::kStep;
 
 /// The previous camera v is somewhere in the map. The map points of every tenth feature are wrong.
 class RelocalisationTest : public testing::Test {
  protected:
   RelocalisationTest() {
-    tracking_.advance(tracking_.pyramid(wallFrom(Eigen::Isometry3d::Identity())), kPeriod, {});
+    tracking_.advance(tracking_.pyramid(wallFrom(Eigen::Isometry3d::Identity())), test::kPeriod,
+                      {});
     tracking_.detectNew();
     features_ = tracking_.features();
     std::vector<LocalMap::Corner> corners = toCorners(kCamera, features_);
@@ -32,28 +29,22 @@ class RelocalisationTest : public testing::Test {
       if (i % 10 == 0) corners[i].x.y() += 40 / kCamera.fy;
     }
     map_.addKeyframe(T_w_v_, corners);
-    for (auto& [id, landmark] : map_.landmarks()) {
-      landmark.depth = InverseDepth{1 / kDistance, 1e-4};
-    }
-    motion_.reset(T_w_v_ * pose({0, 0, 0}, -kStep), 0);
-    motion_.update(T_w_v_, kPeriod);
+    test::putOnWall(&map_);
   }
 
-  static cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c) {
-    return test::wallFrom(kCamera, T_v_c, kDistance, 1);
-  }
+  static cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c) { return test::wallFrom(kCamera, T_v_c); }
 
   std::optional<Relocalisation::Result> locate(const Eigen::Isometry3d& T_v_c) const {
     const Descriptors next = tracking_.describeCorners(tracking_.pyramid(wallFrom(T_v_c)));
     return Relocalisation(kCamera, {})
-        .locate(map_, motion_, features_, tracking_.describeFeatures(), next, kPeriod + kGap);
+        .locate(map_, motion_, features_, tracking_.describeFeatures(), next, test::kAfterGap);
   }
 
   // The depths in the world are small.
   const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.2, -0.1}, {5, 6, -17});
   FrameToFrameTracking tracking_{kCamera, {}, {}};
   LocalMap map_{{}};
-  MotionModel motion_;
+  MotionModel motion_ = test::motionTo(T_w_v_);
   std::vector<Feature> features_;
 };
 
@@ -73,7 +64,7 @@ TEST_F(RelocalisationTest, FindsPoseAndFeaturesNearAndFarFromThePrediction) {
       EXPECT_EQ(feature.age, 4u);
       EXPECT_EQ(feature.flow, Eigen::Vector2d::Zero());
       EXPECT_NEAR(feature.sigma * kCamera.fx, 1.4, 0.1) << "[px]";
-      const Eigen::Vector3d p_v = kDistance * kCamera.ray(previous[i].u);
+      const Eigen::Vector3d p_v = test::kWallDistance * kCamera.ray(previous[i].u);
       far_away += (feature.u - kCamera.project(T_v_c.inverse() * p_v)).norm() > 6;
     }
     EXPECT_LE(far_away, 1u) << yaw;

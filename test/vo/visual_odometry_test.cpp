@@ -11,6 +11,7 @@
 #include "ground_scale_vo/common/median.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "support/drive_run.hpp"
 #include "support/scene.hpp"
 
 namespace ground_scale_vo {
@@ -69,14 +70,10 @@ std::vector<cv::Mat> sharedImages(std::size_t count) {
   return images;
 }
 
-/// The same field of view in smaller images, which take a third of the time; without a stop.
+/// In small images and without a stop.
 SyntheticDrive::Options smallDrive(int frames) {
-  SyntheticDrive::Options options = drive(frames);
-  options.camera.width = 480;
-  options.camera.height = 150;
-  options.camera.fx = options.camera.fy = 278;
-  options.camera.cx = 239.5;
-  options.camera.cy = 74.5;
+  SyntheticDrive::Options options = smallImages();
+  options.frames = frames;
   options.stop_s = 0;
   return options;
 }

@@ -77,6 +77,27 @@ TEST_F(PoseSearchTest, FindsThePoseAfterATurn) {
   }
 }
 
+TEST_F(PoseSearchTest, TheSigmaOfTheRotationIsThatOfItsWorstAxis) {
+  const Eigen::Isometry3d T_v_c = pose({0, 0.1, 0}, {0, 0, 3});
+  Eigen::Vector3d squares = Eigen::Vector3d::Zero();
+  double sigma = 0;
+  constexpr int kRuns = 8;
+  for (int i = 0; i < kRuns; ++i) {
+    cv::Mat image = wallFrom(T_v_c, 1), noise(image.size(), CV_16SC1);
+    cv::RNG(static_cast<std::uint64_t>(i)).fill(noise, cv::RNG::NORMAL, 0, 20);
+    cv::add(image, noise, image, {}, CV_8U);
+    const auto result = locate(image);
+    ASSERT_TRUE(result);
+    const Eigen::AngleAxisd error(
+        ((T_w_v_ * T_v_c).linear().transpose() * result->T_w_c.linear()).eval());
+    squares += (error.angle() * error.axis()).cwiseAbs2();
+    sigma += result->rotation_sigma / kRuns;
+  }
+  const Eigen::Vector3d rms = (squares / kRuns).cwiseSqrt();
+  EXPECT_GT(sigma, 0.3 * rms.maxCoeff());
+  EXPECT_LT(sigma, 3 * rms.maxCoeff());
+}
+
 TEST_F(PoseSearchTest, FindsThePoseMuchNearerToTheWall) {
   motion_ = test::motionTo(T_w_v_, {0, 0, 0.35});
   const Eigen::Isometry3d T_v_c = pose({0, 0.1, 0}, {0, 0, 7});

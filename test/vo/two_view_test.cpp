@@ -85,6 +85,16 @@ TEST(TwoView, aPlaneAloneIsAmbiguous) {
   EXPECT_EQ(result.status, TwoViewStatus::kAmbiguous);
 }
 
+// Obliquely towards a wall: the other solution moves straight towards an oblique wall, with nearly
+// the same rotation.
+TEST(TwoView, motionsOfTheSameRotationCanBeAmbiguous) {
+  std::vector<Eigen::Vector3d> wall;
+  for (const Eigen::Vector3d& p : randomPoints(400, 3)) wall.push_back(10 / p.z() * p);
+  const Views views = project(wall, pose({0, 0.005, 0}, {0.16, 0, -0.6}), 0.05);
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  EXPECT_EQ(result.status, TwoViewStatus::kAmbiguous);
+}
+
 TEST(TwoView, isRobustAgainstWrongMatches) {
   const Eigen::Isometry3d T_2_1 = pose({0, 0.03, 0}, {0.1, 0, -1.5});
   Views views = project(randomPoints(400, 4), T_2_1, 0.2);

@@ -11,6 +11,7 @@
 #include "ground_scale_vo/common/median.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "ground_scale_vo/vo/exposure.hpp"
 #include "support/drive_run.hpp"
 #include "support/scene.hpp"
 
@@ -78,6 +79,14 @@ SyntheticDrive::Options smallDrive(int frames) {
   return options;
 }
 
+/// The same on a straight, flat road without other moving vehicles.
+SyntheticDrive::Options straightDrive(int frames) {
+  SyntheticDrive::Options options = smallDrive(frames);
+  options.curvature = options.slope = 0;
+  options.moving_cars = false;
+  return options;
+}
+
 /// True metres per VO unit over the tracked frames [from, to).
 double scaleOver(const SyntheticDrive& ground_truth, const DriveRun& run, std::size_t from,
                  std::size_t to) {
@@ -98,6 +107,18 @@ std::pair<std::size_t, std::size_t> standstill(const SyntheticDrive& ground_trut
   std::size_t end = begin;
   while (end < ground_truth.size() && ground_truth.frame(end).speed == 0) ++end;
   return {begin, end};
+}
+
+/// The image that the camera would take after a turn by `yaw` [rad] to the right; black where the
+/// scene is unknown.
+cv::Mat turned(const cv::Mat& image, const PinholeCamera& camera, double yaw) {
+  const cv::Matx33d K(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+  const Eigen::Matrix3d R = pose({0, -yaw, 0}, {0, 0, 0}).linear();
+  const cv::Matx33d turn(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
+                         R(2, 2));
+  cv::Mat result;
+  cv::warpPerspective(image, result, K * turn * K.inv(), image.size(), cv::INTER_CUBIC);
+  return result;
 }
 
 // Curves, a slope, a car ahead and oncoming ones, and a stop.
@@ -190,6 +211,90 @@ TEST(VisualOdometry, rejectedFeaturesAreReportedAndNotInTheFrame) {
   EXPECT_GT(outliers, 30u);
 }
 
+// A part of the image is displaced in some images: its features are outliers there.
+TEST(VisualOdometry, onlyConsecutiveOutliersEndAFeature) {
+  SyntheticDrive::Options drive_options = straightDrive(25);
+  drive_options.speed = 4;
+  const SyntheticDrive ground_truth(drive_options);
+  const std::vector<cv::Mat> images = imagesOf(ground_truth);
+  const cv::Rect part(140, 45, 200, 70), inner(160, 55, 160, 50);
+  constexpr std::size_t kFirst = 12;
+  const auto survivors = [&](const std::set<std::size_t>& displaced) {
+    VisualOdometry odometry(ground_truth.camera(), {});
+    std::set<std::uint64_t> ids;
+    std::size_t last = 0;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      cv::Mat image = images[i].clone();
+      if (displaced.count(i)) images[i](part - cv::Point(4, 0)).copyTo(image(part));
+      const VoFrame frame = odometry.process(image, ground_truth.frame(i).stamp_ns).frame;
+      last = 0;
+      for (const TrackedFeature& feature : frame.features) {
+        if (!feature.has_point) continue;
+        const bool inside = inner.contains(cv::Point2f(feature.u.x(), feature.u.y()));
+        if (i == kFirst && inside) ids.insert(feature.id);
+        last += ids.count(feature.id);
+      }
+    }
+    return static_cast<double>(last);
+  };
+  const double all = survivors({});
+  ASSERT_GT(all, 20);
+  EXPECT_GT(survivors({13, 15, 17, 19, 21}), 0.7 * all);
+  EXPECT_LT(survivors({13, 14, 15, 16, 17}), 0.2 * all);
+}
+
+/// [relative] the median depth_sigma of the points that are younger than this [frames].
+double medianRelativeSigma(const VoFrame& frame, std::uint32_t max_age) {
+  std::vector<double> sigmas;
+  for (const TrackedFeature& feature : frame.features) {
+    if (!feature.has_point || feature.age > max_age) continue;
+    sigmas.push_back(feature.depth_sigma / feature.p_c.z());
+  }
+  return median(sigmas);
+}
+
+// Neighbouring points have errors in common, which their sigmas do not contain.
+TEST(VisualOdometry, depthSigmaIsHalfTheErrorOfPointsOnTheRoad) {
+  SyntheticDrive::Options drive_options = straightDrive(45);
+  drive_options.shadows = false;
+  const SyntheticDrive ground_truth(drive_options);
+  const DriveRun result = run(ground_truth);
+  constexpr std::size_t kFirst = 15;
+  const double scale = scaleOver(ground_truth, result, kFirst, ground_truth.size());
+  std::vector<double> errors;  // in units of their sigma
+  for (std::size_t i = kFirst; i < ground_truth.size(); ++i) {
+    const VoFrame& frame = result.frame(i);
+    const SyntheticDrive::Frame& truth = ground_truth.frame(i);
+    for (const TrackedFeature& feature : frame.features) {
+      const Eigen::Vector3d ray = frame.camera.ray(feature.u.cast<double>());
+      const bool on_road = ray.y() > 0.1 && std::abs(ray.x()) < ray.y();
+      if (!feature.has_point || !on_road) continue;
+      const double z = feature.p_c.z(), true_z = -truth.height / truth.n_c.dot(ray) / scale;
+      errors.push_back(std::abs(1 / z - 1 / true_z) * z * z / feature.depth_sigma);
+    }
+  }
+  ASSERT_GT(errors.size(), 150u);
+  const double sigma = 1.48 * median(errors);
+  EXPECT_GT(sigma, 1.1);
+  EXPECT_LT(sigma, 2.8);
+}
+
+// The part of the flow that the rotation explains adds nothing to the sigma of a tracked feature.
+TEST(VisualOdometry, aTurnDoesNotIncreaseTheSigmas) {
+  const SyntheticDrive ground_truth(straightDrive(26));
+  VisualOdometry::Options options;
+  options.alignment.min_correlation = 1;  // none is aligned
+  std::vector<cv::Mat> images = imagesOf(ground_truth);
+  constexpr std::uint32_t kTurning = 13;  // [frames]
+  const VoFrame straight = run(ground_truth, images, options).outputs.back().frame;
+  for (std::uint32_t i = 0; i <= kTurning; ++i) {
+    cv::Mat& image = images[images.size() - 1 - kTurning + i];
+    image = turned(image, ground_truth.camera(), 0.02 * i);
+  }
+  const VoFrame turning = run(ground_truth, images, options).outputs.back().frame;
+  EXPECT_LT(medianRelativeSigma(turning, kTurning), 1.6 * medianRelativeSigma(straight, kTurning));
+}
+
 TEST(VisualOdometry, standstillKeepsPoseAndMap) {
   SyntheticDrive::Options options = smallDrive(130);
   options.stop_at_m = 25;
@@ -267,18 +372,6 @@ TEST(VisualOdometry, blackImagesDoNotEndAnInitialisation) {
   ASSERT_LT(first, 12u);
   EXPECT_EQ(result.outputs[first].start.front().sequence, 0u);
   for (const auto& start : result.outputs[first].start) EXPECT_EQ(black.count(start.sequence), 0u);
-}
-
-/// The image that the camera would take after a turn by `yaw` [rad] to the right; black where the
-/// scene is unknown.
-cv::Mat turned(const cv::Mat& image, const PinholeCamera& camera, double yaw) {
-  const cv::Matx33d K(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-  const Eigen::Matrix3d R = pose({0, -yaw, 0}, {0, 0, 0}).linear();
-  const cv::Matx33d turn(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
-                         R(2, 2));
-  cv::Mat result;
-  cv::warpPerspective(image, result, K * turn * K.inv(), image.size(), cv::INTER_CUBIC);
-  return result;
 }
 
 TEST(VisualOdometry, pureRotationStartsNoMap) {
@@ -503,7 +596,29 @@ TEST(VisualOdometry, aJumpToAnotherPlaceStartsANewMap) {
   EXPECT_EQ(lost, VisualOdometry::Options().lost_frames_before_new_map - 1);
 }
 
-// Right after the start of the map most of the image is covered.
+// The exposures of the old map have no effect on the new one.
+TEST(VisualOdometry, aNewMapBeginsWithItsOwnExposure) {
+  const SyntheticDrive ground_truth(smallDrive(16));
+  SyntheticDrive::Options other_options = smallDrive(30);
+  other_options.random_seed = 77;
+  const SyntheticDrive other(other_options);
+  const auto last = [&](double gain) {
+    VisualOdometry odometry(ground_truth.camera(), {});
+    std::int64_t stamp = 1'000'000'000;
+    for (std::size_t i = 0; i < ground_truth.size(); ++i, stamp += 100'000'000) {
+      odometry.process(applyGain(ground_truth.image(i), i < 12 ? 1 : gain), stamp);
+    }
+    VoFrame frame;
+    for (std::size_t i = 0; i < other.size(); ++i, stamp += 100'000'000) {
+      frame = odometry.process(other.image(i), stamp).frame;
+    }
+    return frame;
+  };
+  const VoFrame a = last(1), b = last(0.5);
+  ASSERT_EQ(a.map_id, 1u);
+  EXPECT_EQ(a.T_w_c.matrix(), b.T_w_c.matrix());
+}
+
 // Each of them is lost; only consecutive ones start a new map.
 TEST(VisualOdometry, singleImagesOfAnotherPlaceKeepTheMap) {
   SyntheticDrive::Options options = smallDrive(45);

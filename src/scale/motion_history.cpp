@@ -5,9 +5,7 @@
 namespace ground_scale_vo {
 
 void MotionHistory::add(const Eigen::Isometry3d& T_w_c) {
-  last_step_ =
-      poses_.empty() ? 0 : (T_w_c.translation() - poses_.back().T_w_c.translation()).norm();
-  travelled_ += last_step_;
+  travelled_ += distanceFromLast(T_w_c);
   poses_.push_back({T_w_c, travelled_});
   if (poses_.size() > kMaxPoses) poses_.pop_front();
 }
@@ -36,7 +34,6 @@ std::optional<MotionHistory::Chord> MotionHistory::chord(double min_length) cons
 void MotionHistory::reset() {
   poses_.clear();
   travelled_ = 0;
-  last_step_ = 0;
 }
 
 }  // namespace ground_scale_vo

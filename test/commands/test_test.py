@@ -101,3 +101,15 @@ def test_failed_build(tree):
     environment = {name: value for name, value in os.environ.items() if name != "GROUND_SCALE_VO_BUILD"}
     done = run(tree / "scripts/test", "unit", check=False, env={**environment, "CMAKE_PREFIX_PATH": ""})
     assert done.returncode == 1 and done.stdout.splitlines()[-1] == "0 passed, 1 failed, 0 skipped"
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (["--sanitize", "memory"], "--sanitize must be one of"),
+    (["--sanitize"], "--sanitize must be one of"),
+    (["--sanitize", "thread", "--coverage"], "--sanitize and --coverage exclude each other"),
+    (["--filter"], "--filter needs a value"),
+    (["unti"], "unknown option or part 'unti'"),
+], ids=["list", "no_list", "both", "no_filter", "part"])
+def test_wrong_arguments(tree, arguments, message):
+    done = run(tree / "scripts/test", *arguments, check=False)
+    assert done.returncode == 2 and message in done.stderr

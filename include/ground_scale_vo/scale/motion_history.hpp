@@ -26,8 +26,6 @@ class MotionHistory {
 
   /// Length of the polyline through all poses since reset() [VO units].
   double travelled() const { return travelled_; }
-  /// Distance from the last pose but one to the last [VO units]; 0 with fewer than two poses.
-  double lastStep() const { return last_step_; }
   /// Distance from the last pose to one that is not added yet [VO units]; 0 without a last pose.
   double distanceFromLast(const Eigen::Isometry3d& T_w_c) const;
   bool empty() const { return poses_.empty(); }
@@ -49,7 +47,6 @@ class MotionHistory {
   };
   std::deque<Pose> poses_;
   double travelled_ = 0;
-  double last_step_ = 0;
 };
 
 }  // namespace ground_scale_vo

@@ -129,6 +129,7 @@ bool ScaleRecoveryNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
 
 void ScaleRecoveryNodelet::reset() {
   recovery_->reset();
+  map_numbering_.startTrajectory();
   pose_origin_.clear();
   odometry_frames_.reset();  // the mounting is looked up again
   mounting_warning_.clear();

@@ -213,6 +213,38 @@ TEST(MapNumbering, ARestartedOdometryHasNewMaps) {
   EXPECT_EQ(maps, (std::vector<std::uint32_t>{0, 0, 2, 3, 4, 4, 5}));
 }
 
+/// The sigma of the rotation to the map of a frame that the sender sent with 0.01 rad.
+double rotationSigma(MapNumbering* numbering, std::uint32_t sequence, std::uint32_t map_id) {
+  VoFrame frame;
+  frame.sequence = sequence;
+  frame.map_id = map_id;
+  frame.map_start.rotation_sigma = 0.01;
+  numbering->apply(frame);
+  return frame.map_start.rotation_sigma;
+}
+
+// Its first map relates to its first image, not to the last pose before the restart.
+TEST(MapNumbering, TheRotationToTheFirstMapAfterARestartIsUnknown) {
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  MapNumbering numbering;
+  EXPECT_EQ(rotationSigma(&numbering, 4, 0), 0.01);
+  EXPECT_EQ(rotationSigma(&numbering, 5, 1), 0.01);
+  EXPECT_EQ(rotationSigma(&numbering, 0, 0), kUnknown);
+  EXPECT_EQ(rotationSigma(&numbering, 9, 0), kUnknown);
+  EXPECT_EQ(rotationSigma(&numbering, 10, 1), 0.01);
+  EXPECT_EQ(rotationSigma(&numbering, 0, 0), kUnknown);
+  numbering.startTrajectory();
+  EXPECT_EQ(rotationSigma(&numbering, 1, 0), 0.01);
+}
+
+TEST(MapNumbering, ARestartTogetherWithTheTrajectoryKeepsTheRotation) {
+  MapNumbering numbering;
+  EXPECT_EQ(rotationSigma(&numbering, 5, 1), 0.01);
+  numbering.startTrajectory();
+  EXPECT_EQ(rotationSigma(&numbering, 0, 0), 0.01);
+  EXPECT_EQ(rotationSigma(&numbering, 1, 0), 0.01);
+}
+
 geometry_msgs::PoseStamped poseAt(double x) {
   geometry_msgs::PoseStamped pose;
   pose.pose.position.x = x;

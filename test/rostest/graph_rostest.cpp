@@ -310,18 +310,47 @@ TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   EXPECT_TRUE(pair.unload());
 }
 
-// A reset of MonoVo alone is a new map, from which the metric pose continues.
+// A reset of MonoVo alone is a new map, from which the metric pose continues. The heading may have
+// changed while no image was processed.
 TEST_F(Graph, AResetOfMonoVoKeepsTheMetricPose) {
   NodeletPair pair(manager_, *drive_, "/vo_reset");
   ASSERT_TRUE(pair.load());
   const std::size_t half = drive_->size() / 2;
   ASSERT_TRUE(pair.play(0, half - 1));
   const std::uint32_t map_id = pair.scales.messages().back()->map_id;
-  const double before = pair.odometry.messages().back()->pose.pose.position.x;
+  const geometry_msgs::PoseWithCovariance before = pair.odometry.messages().back()->pose;
   ASSERT_TRUE(callReset("/vo_reset/mono_vo"));
-  ASSERT_TRUE(pair.play(half, drive_->size() - 1));
+  constexpr std::size_t kMissing = 9;  // a gap of 1 s
+  ASSERT_TRUE(pair.play(half + kMissing, drive_->size() - 1));
   EXPECT_GT(pair.scales.messages().back()->map_id, map_id);
-  EXPECT_GT(pair.odometry.messages().back()->pose.pose.position.x, before);
+  const geometry_msgs::PoseWithCovariance after = pair.odometry.messages().back()->pose;
+  EXPECT_GT(after.pose.position.x, before.pose.position.x);
+  constexpr std::size_t kYaw = 35;  // new_map_rotation_sigma_per_s: 0.1 rad
+  EXPECT_NEAR(after.covariance[kYaw] - before.covariance[kYaw], 0.01, 0.001);
+  EXPECT_TRUE(pair.unload());
+}
+
+TEST_F(Graph, ThePathHasItsSpacingAndItsLength) {
+  NodeletPair pair(manager_, *drive_, "/path");
+  pair.setParam("scale_recovery", "path_max_poses", 6);
+  pair.setParam("scale_recovery", "path_spacing_m", 3.0);
+  TopicRecorder<nav_msgs::Path> path(handle_, "/path/path");
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(pair.play(0, drive_->size() - 1));
+  ASSERT_TRUE(path.waitForCount(10));
+  std::size_t longest = 0;
+  for (const auto& message : path.messages()) {
+    longest = std::max(longest, message->poses.size());
+    for (std::size_t i = 1; i < message->poses.size(); ++i) {
+      const auto &a = message->poses[i - 1].pose.position, &b = message->poses[i].pose.position;
+      const double spacing = std::hypot(b.x - a.x, b.y - a.y, b.z - a.z);
+      EXPECT_GE(spacing, 3);
+      if (message->poses.size() == 2) {
+        EXPECT_LT(spacing, 4.5);
+      }
+    }
+  }
+  EXPECT_EQ(longest, 6u);
   EXPECT_TRUE(pair.unload());
 }
 

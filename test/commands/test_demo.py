@@ -101,7 +101,8 @@ def test_truncated_bag(bag, tmp_path):
 
 
 def test_no_such_topic(bag, tmp_path):
-    assert_refused(1, "has no topic /none", DEMO, "--out", tmp_path, "--bag", bag, "--image", "/none")
+    assert_refused(1, "has no topic /none", DEMO, "--out", tmp_path, "--bag", bag, "--image", "/none",
+                   "--camera-height", "1.65")
 
 
 @pytest.mark.serial
@@ -109,8 +110,8 @@ def test_compressed_images(bag, tmp_path):
     """Topics may be given with and without a slash."""
     played = tmp_path / "short.bag"
     bags.compress(bag, played)
-    assert_plays(DEMO, tmp_path, "--bag", played, "--image", bags.COMPRESSED.lstrip("/"),
-                 "--camera-info", "/" + bags.INFO.lstrip("/"))
+    assert_plays(DEMO, tmp_path, "--bag", played, "--camera-height", "1.65", "--image",
+                 bags.COMPRESSED.lstrip("/"), "--camera-info", "/" + bags.INFO.lstrip("/"))
     metrics = json.loads((tmp_path / "short/metrics.json").read_text())
     assert abs(metrics["rle_percent"]) < 5
 
@@ -131,6 +132,7 @@ def test_missing_tf(bag, tmp_path):
     (2, "--camera-height", ["--camera-height", "0"]),
     (2, "--camera-height", ["--camera-height", "-1.65"]),
     (2, "--camera-height", ["--camera-height", "high"]),
+    (2, "--image camera/image needs --camera-height", ["--image", "camera/image"]),
     (2, "--nonsense", ["--nonsense"]),
 ])
 def test_wrong_arguments(tmp_path, status, text, arguments):

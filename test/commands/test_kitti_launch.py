@@ -91,7 +91,7 @@ def test_record_keeps_an_existing_file(bag, tmp_path, name):
     ("bag:=my.bag", "bag:=my.bag must be an absolute path: bag:=$PWD/my.bag"),
     ("bag:=./a/../my.bag", "bag:=./a/../my.bag must be an absolute path: bag:=$PWD/my.bag"),
     ("record:=my.bag", "record:=my.bag must be an absolute path: record:=$PWD/my.bag"),
-    ("image:=/none", "has no topic /none; its topics with images are "
+    ("image:=/kitti/none", "has no topic /kitti/none; its topics with images are "
                      "/kitti/camera_gray_left/image"),
     ("camera_info:=/none", "has no topic /none; its topics with camera_info are "
                            "/kitti/camera_gray_left/camera_info"),

@@ -177,8 +177,8 @@ TEST_F(Options, EachOfTheScaleStageHasAnEffect) {
         }
       });
   // These need road close to the camera, a search for the height, a series of wrong measurements,
-  // or a gap with accelerations: direct_plane_estimator_test, plane_fit_test, scale_filter_test,
-  // and metric_trajectory_test have them.
+  // or a gap with accelerations: ground_point_extraction_test, direct_plane_estimator_test,
+  // plane_fit_test, scale_filter_test, and metric_trajectory_test have them.
   EXPECT_EQ(
       without_effect,
       (std::vector<std::string>{

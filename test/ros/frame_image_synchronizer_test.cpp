@@ -54,6 +54,18 @@ TEST_F(FrameImageSynchronization, ReturnsAFrameAtOnceIfNoImageEverArrived) {
   EXPECT_EQ(matches(), "1- 2- ");
 }
 
+TEST(FrameImageSynchronizer, FramesWaitByDefault) {
+  Synchronizer synchronizer({});
+  const Synchronizer::Clock::time_point now;
+  synchronizer.addImage(0, std::make_shared<int>(0));
+  for (int stamp = 1; stamp <= 11; ++stamp) {
+    EXPECT_FALSE(synchronizer.next(now)) << stamp;
+    synchronizer.addFrame(stamp, stamp, now);
+  }
+  EXPECT_TRUE(synchronizer.next(now)) << "more than ten";
+  EXPECT_FALSE(synchronizer.next(now));
+}
+
 TEST_F(FrameImageSynchronization, FramesWaitInOrderForLaterImages) {
   images({1});
   frames({1, 2, 3});

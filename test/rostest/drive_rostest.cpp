@@ -204,6 +204,15 @@ TEST_F(Drive, DiagnosticsDescribeTheDriveAndItsLastFrame) {
   EXPECT_TRUE(reports("scale_recovery", "frames processed", run.drive.size()));
   ASSERT_LT(run.with_direct, static_cast<int>(run.drive.size()));
   EXPECT_TRUE(reports("scale_recovery", "frames with a direct measurement", run.with_direct));
+  const auto reportsNumber = [](const std::string& key, double value) {
+    std::ostringstream text;
+    text << value;
+    return waitForValue(run_->diagnostics, key, text.str(), "scale_recovery");
+  };
+  const ScaleRecovery::Output& last = run.offline.last().scale;
+  EXPECT_TRUE(reportsNumber("distance [m]", last.pose->distance));
+  EXPECT_TRUE(reportsNumber("scale [m / VO unit]", last.scale.scale));
+  EXPECT_TRUE(reportsNumber("sigma [m / VO unit]", last.scale.sigma));
 }
 
 TEST_F(Drive, NothingMetricBeforeTheFirstScale) {
@@ -297,6 +306,19 @@ TEST_F(Drive, TfEqualsTheOdometry) {
     EXPECT_EQ(transform.header.stamp, messages[k]->header.stamp);
     EXPECT_EQ(transform.transform.translation.x, messages[k]->pose.pose.position.x);
     EXPECT_EQ(transform.transform.rotation.w, messages[k]->pose.pose.orientation.w);
+  }
+}
+
+TEST_F(Drive, ThePathConsistsOfPosesOfTheOdometry) {
+  ASSERT_TRUE(run.path.waitForCount(1));
+  const auto odometry = run.odometry.messages();
+  for (const geometry_msgs::PoseStamped& pose : run.path.messages().back()->poses) {
+    EXPECT_EQ(pose.header.frame_id, "odom");
+    const auto same = std::find_if(odometry.begin(), odometry.end(), [&](const auto& message) {
+      return message->header.stamp == pose.header.stamp;
+    });
+    ASSERT_NE(same, odometry.end());
+    EXPECT_EQ(pose.pose, (*same)->pose.pose);
   }
 }
 

@@ -144,6 +144,15 @@ TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
   EXPECT_GT(count_outside(extract(scene, scene.frame(0), options)), 50);
 }
 
+TEST(GroundPointExtraction, TheRegionBeginsAtItsMinimumDistance) {
+  const RoadScene scene = road();
+  GroundPointExtraction::Options options;
+  options.min_ahead_heights = 6;
+  const auto result = extract(scene, scene.frame(0), options);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  for (const GroundPoint& point : result.points) EXPECT_GT(point.p_c.z(), 5.9 * scene.height);
+}
+
 TEST(GroundPointExtraction, PlaneAboveOrBehindTheCameraIsNoGround) {
   RoadScene scene;
   scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, -2.0, 1);  // a ceiling

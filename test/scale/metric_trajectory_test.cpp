@@ -471,14 +471,19 @@ TEST_P(TrajectoryCovariance, IsThatOfSimulatedErrors) {
 INSTANTIATE_TEST_SUITE_P(YoungMap, TrajectoryCovariance, testing::Values(0, 20, 1000));
 
 /// Covariance of the twist over 0.1 s, in a curve with errors of one kind alone, and that twist.
+/// camera_height: [m]
 std::pair<Matrix6d, Vector6d> twistCovariance(double MetricTrajectory::Options::*error,
-                                              double value, double relative_scale_sigma = 0) {
+                                              double value, double relative_scale_sigma = 0,
+                                              double camera_height = 1) {
   MetricTrajectory::Options options = exact();
   options.position_noise_heights = options.rotation_noise = 0;
   if (error != nullptr) options.*error = value;
   MetricTrajectory trajectory(options);
-  trajectory.append(frameAt(0, onCircle(0)), scaleOf(2));
-  const auto pose = trajectory.append(frameAt(1, onCircle(1)), scaleOf(2, relative_scale_sigma));
+  ScaleEstimate scale = scaleOf(2);
+  scale.height = camera_height / scale.scale;
+  trajectory.append(frameAt(0, onCircle(0)), scale);
+  scale.sigma = relative_scale_sigma * scale.scale;
+  const auto pose = trajectory.append(frameAt(1, onCircle(1)), scale);
   return {pose->twist_covariance, pose->twist_c};
 }
 
@@ -505,6 +510,8 @@ TEST(MetricTrajectory, EachErrorEntersTheCovarianceOfTheTwist) {
   expectCovariance(twistCovariance(&Options::rotation_sigma_per_sqrt_m, 0.001), zero,
                    1e-6 / 0.01 * I);
   expectCovariance(twistCovariance(&Options::position_noise_heights, 0.01), 2e-4 / 0.01 * I, zero);
+  expectCovariance(twistCovariance(&Options::position_noise_heights, 0.01, 0, 1.5),
+                   2 * std::pow(0.015, 2) / 0.01 * I, zero);
   expectCovariance(twistCovariance(&Options::rotation_noise, 0.001), zero, 2e-6 / 0.01 * I);
 }
 

@@ -9,7 +9,7 @@
 namespace ground_scale_vo::direct {
 namespace {
 
-const PinholeCamera kCamera{320, 240, 300, 300, 160, 120};
+const PinholeCamera kCamera{320, 240, 300, 360, 160, 120};
 constexpr float kNoise = 0.5f;  // [grey levels]
 /// Plane of a road 1.5 VO units below a camera that looks down a little.
 const Eigen::Vector3f kPlane = Eigen::Vector3f(0.02f, -1, -0.05f).normalized() / 1.5f;

@@ -328,6 +328,18 @@ TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
   EXPECT_EQ(statusOf(rolled, 0.5, 0.01), ScaleReason::kPlaneTilted);
 }
 
+TEST(PlaneFit, TheSegmentationFindsPlanesWithinItsTilt) {
+  const GroundPlane tilted{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
+  NormalPrior prior;
+  prior.pitch_sigma = prior.roll_sigma = 1e-3;
+  PlaneFit::Options options;
+  for (const double tilt : {0.05, 0.2}) {
+    options.sac_tilt_rad = tilt;
+    const auto status = PlaneFit(options).fit(pointsOn(tilted, 80, 0.001, 0, 1), prior, 1.0).status;
+    EXPECT_EQ(status == ScaleReason::kNoPlane, tilt < 0.1) << toString(status);
+  }
+}
+
 TEST(PlaneFit, IsDeterministic) {
   const auto points = pointsOn(kPlane, 200, 0.05, 3, 4);
   const auto a = PlaneFit({}).fit(points, loosePrior(), 1.0);

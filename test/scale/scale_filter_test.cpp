@@ -269,6 +269,46 @@ TEST(ScaleFilter, ARestartHasTheSigmaOfANewMap) {
   EXPECT_NEAR(restarted.sigma(), new_map.sigma(), 0.2 * new_map.sigma());
 }
 
+TEST(ScaleFilter, ARestartHasTheMedianOfTheLatestMeasurements) {
+  const ScaleFilter::Options options;
+  ScaleFilter filter(options);
+  drive(&filter, 100, 0.8, 0.02);
+  const auto measure = [&](double height) {
+    filter.predict(6, 0);
+    return filter.update(height, 0.02, kRoadDistance);
+  };
+  for (int i = 1; i < options.restart_measurements; ++i) EXPECT_FALSE(measure(1.2));
+  EXPECT_TRUE(measure(1.32));
+  EXPECT_NEAR(filter.height(), 1.2, 1e-9);
+}
+
+/// Measurements of 1.2 VO units, in steps of 0.5, until the filter has left 0.8; at most 100.
+int measurementsUntilRestart(const ScaleFilter::Options& options, double deviation = 0) {
+  ScaleFilter filter(options);
+  drive(&filter, 100, 0.8, 0.02);
+  int count = 0;
+  while (filter.height() < 1 && count < 100) {
+    drive(&filter, 1, 1.2 * std::exp(count % 2 == 0 ? deviation : -deviation), 0.02);
+    ++count;
+  }
+  return count;
+}
+
+TEST(ScaleFilter, TheOptionsOfTheRestart) {
+  ScaleFilter::Options options;
+  options.restart_distance_heights = 1;
+  EXPECT_EQ(measurementsUntilRestart(options), options.restart_measurements);
+  options.restart_measurements = 8;
+  EXPECT_EQ(measurementsUntilRestart(options), 8);
+  options.restart_distance_heights = 10;  // 12 VO units
+  EXPECT_EQ(measurementsUntilRestart(options), 1 + 24);
+  options.restart_distance_heights = 20;
+  EXPECT_EQ(measurementsUntilRestart(options), 1 + 48);
+  options.restart_max_deviation = 0.05;
+  EXPECT_LT(measurementsUntilRestart(options, 0.024), 60);
+  EXPECT_EQ(measurementsUntilRestart(options, 0.026), 100);
+}
+
 TEST(ScaleFilter, ARestartForgetsTheTilt) {
   constexpr double kDistance = 6;
   ScaleFilter filter({});
@@ -354,6 +394,7 @@ TEST(ScaleFilter, MovingAverageIsThatOfTheScaleNotTheHeight) {
   ScaleFilter filter(options);
   filter.update(1.0, 0.1, kRoadDistance);
   EXPECT_DOUBLE_EQ(filter.height(), 1.0);
+  EXPECT_NEAR(filter.sigma(), std::hypot(0.1, options.min_measurement_sigma), 1e-12);
   filter.update(0.5, 0.1, kRoadDistance);
   EXPECT_NEAR(1 / filter.height(), 1.5, 1e-12);
   filter.update(0.5, 0.1, kRoadDistance);
@@ -432,6 +473,26 @@ TEST(ScaleFilter, AfterALongGapTheNewestNisAloneScalesSigma) {
   EXPECT_NEAR(std::pow(filter.sigma() / unscaled.sigma(), 2), 0.5, 0.001);
 }
 
+// The averages of NIS and correlation begin with the first measurement, not with the map.
+TEST(ScaleFilter, ALateStartIsNoGapInTheMeasurements) {
+  ScaleFilter::Options options = withoutTilt();
+  options.nis_memory_heights = 20;
+  ScaleFilter filter(options), unscaled(withoutTilt());
+  constexpr double kHeight = 0.8;
+  for (ScaleFilter* each : {&filter, &unscaled}) {
+    each->predict(40 * kHeight, 0);
+    each->update(kHeight, 0, kRoadDistance);
+    each->predict(0.1, 0);
+    each->update(kHeight, 0, kRoadDistance);
+  }
+  EXPECT_NEAR(filter.sigma() / unscaled.sigma(), 1, 0.01);
+  // A share of 0.1 / (correlation_heights * height) of the second one's information is new.
+  const double measured = std::pow(options.min_measurement_sigma, 2);
+  const double predicted = measured + std::pow(options.drift_per_sqrt_height, 2) * 0.1 / kHeight;
+  const double share = 0.1 / (options.correlation_heights * kHeight);
+  EXPECT_NEAR(std::pow(kHeight / unscaled.sigma(), 2), 1 / predicted + share / measured, 1);
+}
+
 TEST(ScaleFilter, TwoSourcesReduceSigma) {
   ScaleFilter one(withoutNisScaling()), two(withoutNisScaling());
   for (int i = 0; i < 100; ++i) {
@@ -448,21 +509,24 @@ TEST(ScaleFilter, TwoSourcesReduceSigma) {
 }
 
 TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
-  ScaleFilter filter({});
-  for (int i = 0; i < 20; ++i) {
-    filter.predict(0.5, 0);
-    filter.update(1.6, 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
+  for (const double wrong : {0.4, 1.6}) {
+    ScaleFilter filter({});
+    for (int i = 0; i < 20; ++i) {
+      filter.predict(0.5, 0);
+      filter.update(wrong, 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
+    }
+    ASSERT_NEAR(filter.height(), wrong, 0.01);
+    double distance = 0;
+    // The direct measurement repeats the state.
+    while (std::abs(filter.height() - wrong) < 0.2 && distance < 100) {
+      filter.predict(0.5, 0);
+      distance += 0.5;
+      filter.update(0.8, 0.01, kRoadDistance, ScaleFilter::Source::kFeatureBased);
+      filter.update(filter.height(), 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
+    }
+    EXPECT_NEAR(filter.height(), 0.8, 0.01);
+    EXPECT_LT(distance, 20);
   }
-  ASSERT_NEAR(filter.height(), 1.6, 0.01);
-  double distance = 0;
-  while (filter.height() > 1 && distance < 100) {  // the direct measurement repeats the state
-    filter.predict(0.5, 0);
-    distance += 0.5;
-    filter.update(0.8, 0.01, kRoadDistance, ScaleFilter::Source::kFeatureBased);
-    filter.update(filter.height(), 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
-  }
-  EXPECT_NEAR(filter.height(), 0.8, 0.01);
-  EXPECT_LT(distance, 20);
 }
 
 TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {

@@ -174,6 +174,7 @@ TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
   for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
   ASSERT_EQ(output.scale.status, ScaleStatus::kOk);
   const ScaleEstimate known = output.scale;
+  const double mounting_pitch = output.mounting_pitch;
   RoadScene pitched = scene;  // by the vehicle, against the road
   pitched.pitch += 0.05;
   for (std::uint32_t i = 40; i < 80; ++i) {
@@ -185,6 +186,7 @@ TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
   }
   // The normal follows the direction of motion.
   EXPECT_NEAR((output.scale.n_c - pitched.normal()).norm(), 0, 0.01);
+  EXPECT_EQ(output.mounting_pitch, mounting_pitch) << "nothing of the road is seen";
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.scale, known.scale);
   EXPECT_GT(output.scale.sigma, 1.5 * known.sigma);
@@ -271,6 +273,20 @@ TEST(ScaleRecovery, AJumpOfThePoseIsRefused) {
   ASSERT_TRUE(output.pose);
   EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
   EXPECT_NEAR(output.pose->distance - last.distance, 2 * 0.4 * kTrueScale, 0.1);
+}
+
+// max_speed is a speed: at a low frame rate the steps are longer.
+TEST(ScaleRecovery, ALongStepInALongTimeIsNoJump) {
+  const RoadScene scene = road();
+  for (const double step_m : {25.0, 135.0}) {  // in 1.1 s
+    ScaleRecovery recovery(recoveryOptions());
+    for (std::uint32_t i = 0; i < 40; ++i) recovery.process(scene.frame(i));
+    VoFrame next = scene.frameAt(40, 39 * scene.step + step_m / kTrueScale);
+    next.stamp_ns += 1'000'000'000;
+    const auto output = recovery.process(next);
+    EXPECT_EQ(output.pose.has_value(), step_m < 100) << step_m;
+    EXPECT_EQ(output.scale.reason == ScaleReason::kImplausibleMotion, step_m > 100) << step_m;
+  }
 }
 
 TEST(ScaleRecovery, SingleJumpsOfThePoseDoNotAddUpToANewMap) {

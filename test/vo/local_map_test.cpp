@@ -201,6 +201,20 @@ TEST(LocalMap, ANewAnchorKeepsThePointAndItsSigma) {
   EXPECT_NEAR(after.sigma_w.norm(), before.sigma_w.norm(), 0.2 * before.sigma_w.norm());
 }
 
+TEST(LocalMap, TheSigmaOfAPointDoesNotGrowWhenItsKeyframesLeaveTheMap) {
+  LocalMap::Options options;
+  options.keyframes = 3;
+  LocalMap map(options);
+  const Eigen::Vector3d p_w(2, -1, 8);
+  for (int k = 0; k < 3; ++k) map.addKeyframe(keyframePose(k), observe({p_w}, keyframePose(k)));
+  map.triangulateNew();
+  map.addKeyframe(keyframePose(3), {});
+  ASSERT_EQ(map.find(0)->observations.size(), 2u);
+  const double before = map.find(0)->depth->sigma;
+  map.updateSigmas();
+  EXPECT_LE(map.find(0)->depth->sigma, before);
+}
+
 TEST(LocalMap, AnUncertainDepthDoesNotEnterTheMap) {
   const Eigen::Vector3d p_w(2, -1, 8);
   for (const double limit : {0.01, 1.0}) {

@@ -678,6 +678,7 @@ TEST(VisualOdometry, aTurnOverLostImagesIsKnown) {
   EXPECT_LT(Eigen::AngleAxisd(frame.map_start.R_previous_w.transpose() * turn).angle(), 0.03);
 }
 
+// Right after the start of the map most of the image is covered.
 TEST(VisualOdometry, tooFewTrackedFeaturesOfTheFirstKeyframesMakeAKeyframe) {
   SyntheticDrive::Options options = smallDrive(12);
   options.speed = 3;

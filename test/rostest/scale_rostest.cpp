@@ -154,6 +154,8 @@ class Scale : public testing::Test {
       frames_.publish(road.next());
       return !odometry_.messages().empty();
     }));
+    // The next test must not receive the results of these frames.
+    ASSERT_TRUE(odometry_.waitForStamp(road.lastStamp()));
   }
 
   ros::NodeHandle handle_;

@@ -143,7 +143,9 @@ void check(Arguments* arguments) {
   }
   if (bag.to_s <= bag.from_s) throw gsv::OptionError("--to must be greater than --from");
   if (bag.camera_info.empty()) {
-    bag.camera_info = bag.image.substr(0, bag.image.rfind('/') + 1) + "camera_info";
+    fs::path image = bag.image;  // a topic, .../image_raw or .../image_raw/compressed
+    if (image.filename() == "compressed") image = image.parent_path();
+    bag.camera_info = image.replace_filename("camera_info").string();
   }
   arguments->options.scale.camera_height = kNominalHeight;
   for (const std::string& setting : arguments->settings) {

@@ -79,6 +79,18 @@ def test_compressed_images(low_bag, height_file, topic):
     assert_height(height_file)
 
 
+def test_camera_info_beside_compressed_images(low_bag, height_file):
+    def beside(topic, message):
+        return ("/camera/camera_info" if topic == bags.INFO else topic), message
+
+    compressed, moved = (height_file.with_suffix(suffix) for suffix in (".first", ".bag"))
+    bags.compress(low_bag, compressed)
+    bags.copy(compressed, moved, beside)
+    run(HEIGHT_FROM_DRIVE, "--bag", moved, "--image", bags.COMPRESSED, "--gps", "/fix", "--out",
+        height_file)
+    assert_height(height_file)
+
+
 def test_existing_file_is_kept(low, height_file):
     height_file.write_text("camera_height: 1\n")
     assert_refused(1, "exists already", HEIGHT_FROM_DRIVE, low, "--length", 50, "--length-sigma", 0.1,

@@ -83,7 +83,7 @@ std::vector<double> readGroundTruthHeights(const fs::path& file) {
   const TextFile text(file);
   std::vector<double> heights;
   for (std::size_t i = 0; i < text.size(); ++i) {
-    if (!text.line(i).empty() && text.line(i).front() == '#') continue;
+    if (text.isComment(i)) continue;
     heights.push_back(text.numbers(i, 4).front());
     if (!(heights.back() > 0)) text.fail(i, "its height is not positive");
   }

@@ -31,7 +31,7 @@ std::vector<StampedPosition> readStampedPositions(const std::filesystem::path& f
                                                   const std::vector<std::int64_t>& stamps_ns) {
   const TextFile text(file);
   std::size_t first = 0;
-  while (first + 1 < text.size() && text.line(first).rfind('#', 0) == 0) ++first;
+  while (first + 1 < text.size() && text.isComment(first)) ++first;
   std::vector<StampedPosition> positions;
   if (text.wordCount(first) == 12) {
     const std::vector<Eigen::Isometry3d> poses = readKittiPoses(file);

@@ -80,7 +80,7 @@ std::vector<StampedPose> readTumTrajectory(const fs::path& file) {
   const TextFile text(file);
   std::vector<StampedPose> poses;
   for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text.line(i).front() == '#') continue;
+    if (text.isComment(i)) continue;
     const std::vector<double> v = text.numbers(i, 8);
     const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
     if (std::abs(q.norm() - 1.0) > kRoundingTolerance) {

@@ -190,7 +190,7 @@ class DerivedDrive {
     const gsv::TextFile file(from);
     std::vector<Eigen::Vector4d> lines;
     for (std::size_t i = 0; i < file.size(); ++i) {
-      if (file.line(i).front() != '#') lines.emplace_back(file.numbers(i, 4).data());
+      if (!file.isComment(i)) lines.emplace_back(file.numbers(i, 4).data());
     }
     std::ostringstream text;
     text << std::setprecision(12);

@@ -99,6 +99,9 @@ TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {
 TEST_F(TrajectoryIo, TumSkipsCommentsAndRejectsABadQuaternion) {
   const auto good = write("good.txt", "# stamp tx ty tz qx qy qz qw\n1.5 1 2 3 0 0 0 1\n");
   EXPECT_EQ(readTumTrajectory(good).size(), 1u);
+  const auto gap = write("gap.txt", "1.5 1 2 3 0 0 0 1\n\n2.5 1 2 3 0 0 0 1\n");
+  EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(gap); }, folder_),
+            "/gap.txt, line 2: has 0 numbers instead of 8");
   const auto bad = write("bad.txt", "1.5 1 2 3 0 0 0 0\n");
   EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(bad); }, folder_),
             "/bad.txt, line 1: its quaternion is not of unit length");

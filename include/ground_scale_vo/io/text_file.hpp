@@ -40,6 +40,8 @@ class TextFile {
 
   std::size_t size() const { return lines_.size(); }
   const std::string& line(std::size_t i) const { return lines_.at(i); }
+  /// True if line i begins with '#'.
+  bool isComment(std::size_t i) const { return line(i).rfind('#', 0) == 0; }
 
   /// Number of blank-separated words of line i.
   std::size_t wordCount(std::size_t i) const;

@@ -31,12 +31,6 @@ void GroundTruthTf::add(const tf2_msgs::TFMessage& message, bool is_static) {
   }
 }
 
-void GroundTruthTf::clear() {
-  buffer_.clear();
-  parents_.clear();
-  moving_.clear();
-}
-
 std::optional<Eigen::Isometry3d> GroundTruthTf::pose(const std::string& frame,
                                                      const ros::Time& stamp) const {
   std::string target = withoutLeadingSlashes(frame);

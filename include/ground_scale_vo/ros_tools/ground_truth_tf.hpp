@@ -24,7 +24,6 @@ class GroundTruthTf {
   GroundTruthTf();
 
   void add(const tf2_msgs::TFMessage& message, bool is_static);
-  void clear();
 
   /// T_root_frame [m] at the stamp; root is the root of its tree. Uses the ground-truth frame, or
   /// kitti2bag's name of the frame, if there is one. Empty if the frame is unknown, static, or has

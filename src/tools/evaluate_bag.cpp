@@ -159,7 +159,8 @@ gsv::Matrix6d rotatedCovariance(const Eigen::Matrix3d& R,
 }
 
 /// The outputs of both stages for the image with this stamp, as far as they were recorded. An image
-/// without vo/odometry counts as LOST, also when the odometry was INITIALISING.
+/// without vo/odometry counts as LOST, also when the odometry was INITIALISING. An image without
+/// scale has the map of the next image with one, or of the last.
 void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
                     gsv::VisualOdometry::Output* vo, gsv::ScaleRecovery::Output* scale) {
   const auto times = recorded.times.find(stamp);
@@ -169,9 +170,10 @@ void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
   scale->times.total = measured.scale;
   vo->frame.stamp_ns = gsv::toNanoseconds(stamp);
   vo->frame.status = gsv::VoStatus::kLost;
-  const auto estimate = recorded.scales.find(stamp);
-  if (estimate != recorded.scales.end()) {
-    scale->scale = gsv::fromMsg(*estimate->second);
+  if (!recorded.scales.empty()) {
+    auto estimate = recorded.scales.lower_bound(stamp);
+    if (estimate == recorded.scales.end()) --estimate;
+    if (estimate->first == stamp) scale->scale = gsv::fromMsg(*estimate->second);
     vo->frame.map_id = estimate->second->map_id;
   }
   const auto unscaled = recorded.unscaled.find(stamp);

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 
+import cv2
 import numpy as np
 import pytest
 import rosbag
@@ -20,9 +21,9 @@ def test_render_drive_no_such_scenario(tmp_path):
     assert_refused(2, "unknown scenario", RENDER_DRIVE, "--scenario", "none", tmp_path / "x")
 
 
-def rendered(folder, *arguments):
+def rendered(folder, *arguments, frames=2, size="200x62"):
     """times.txt, poses.txt and ground.txt of a drive with images of a quarter of the size."""
-    run(RENDER_DRIVE, "--frames", 2, "--size", "200x62", *arguments, folder)
+    run(RENDER_DRIVE, "--frames", frames, "--size", size, *arguments, folder)
     return (np.loadtxt(folder / name) for name in ("times.txt", "poses.txt", "ground.txt"))
 
 
@@ -49,6 +50,45 @@ def test_render_drive_seed(tmp_path):
     assert image(1) != image(2)
 
 
+def images(folder):
+    return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "image_0").iterdir())]
+
+
+def test_render_drive_black_images(tmp_path):
+    rendered(tmp_path / "a", "--black-first", 3, "--black-frames", 2, frames=6)
+    assert [bool(image.mean() < 20) for image in images(tmp_path / "a")] == 3 * [False] + 2 * [True] + [False]
+
+
+def test_render_drive_stop(tmp_path):
+    """From 5 m/s to a standstill of 2 s after 10 m."""
+    times, poses, _ = rendered(tmp_path / "a", "--speed", 5, "--stop", 2, "--stop-at", 10, frames=60,
+                               size="48x16")
+    forward = poses.reshape(-1, 3, 4)[:, 2, 3]
+    standing = np.flatnonzero(np.diff(forward) < 1e-3)
+    assert np.ptp(times[standing]) == pytest.approx(2, abs=0.3)
+    assert forward[standing] == pytest.approx(10, abs=0.5)
+
+
+def test_render_drive_appearance(tmp_path):
+    def pixels(*options):
+        folder = tmp_path / "".join(map(str, options))
+        rendered(folder, "--suspension", 0, *options)
+        return np.array(images(folder), float)
+
+    def roughness(drive):
+        """Of the road."""
+        return np.median(abs(np.diff(drive[:, 40:], axis=2)))
+
+    default = pixels("--noise", 0)
+    shadows, markings, cars, smooth = (pixels("--noise", 0, *options) - default for options in (
+        ["--no-shadows"], ["--no-lane-markings"], ["--no-moving-cars"], ["--road-texture", 0]))
+    assert shadows.min() > -5 and (shadows > 5).mean() > 0.05
+    assert markings.max() < 5 and (markings < -5).mean() > 0.01
+    assert 0 < (abs(cars) > 5).mean() < 0.05 and abs(cars[:, :30]).max() > 5  # also above the horizon
+    assert roughness(default + smooth) < 0.5 < roughness(default)
+    assert (pixels("--noise", 20) - default).std() == pytest.approx(20, rel=0.1)
+
+
 def test_rendered_ground_agrees_with_the_poses(short):
     """The camera rises by the part of its motion along the road's normal; the suspension moves it."""
     ground = np.loadtxt(short / "ground.txt")
@@ -57,6 +97,33 @@ def test_rendered_ground_agrees_with_the_poses(short):
     rise = np.einsum("ni,ni->n", ground[:-1, 1:], steps)
     assert np.ptp(ground[:, 0]) > 0.005 and np.all(ground[:, 2] < -0.9)
     assert np.allclose(np.diff(ground[:, 0]), rise, atol=1e-3)
+
+
+def test_derive_drives_cameras(shortest, tmp_path):
+    names = ("half", "crop640", "roll8", "roll15", "pitch20")
+    run(tool("derive_drives"), shortest, *names, "--out", tmp_path)
+    whole = camera_matrix(shortest)
+    K = {name: camera_matrix(tmp_path / f"shortest_{name}") for name in names}
+    assert K["half"][[0, 1], [0, 1]] == pytest.approx(whole[[0, 1], [0, 1]] / 2)
+    assert K["half"][:2, 2] == pytest.approx((whole[:2, 2] + 0.5) / 2 - 0.5)  # (0, 0) is the centre of a pixel
+    assert K["crop640"] == pytest.approx(whole - [[0, 0, 80], [0, 0, 0], [0, 0, 0]])
+    normal = np.loadtxt(shortest / "ground.txt")[0, 1:]
+    for name, rotation in (("roll8", (0, 0, 8)), ("roll15", (0, 0, 15)), ("pitch20", (20, 0, 0))):
+        derived = np.loadtxt(tmp_path / f"shortest_{name}/ground.txt")[0, 1:]
+        turned_normal = cv2.Rodrigues(np.radians(rotation))[0] @ normal
+        assert derived == pytest.approx(turned_normal, abs=1e-6), name
+        height, width = images(tmp_path / f"shortest_{name}")[0].shape
+        assert K[name][[0, 1], [0, 1]] == pytest.approx(whole[[0, 1], [0, 1]])
+        shift = whole[:2, 2] - K[name][:2, 2]
+        assert np.all(shift >= 0) and np.all(shift + [width, height] <= [800, 248]), name
+
+
+def test_derive_drives_images(shortest, tmp_path):
+    run(tool("derive_drives"), shortest, "every3", "jpeg20", "--out", tmp_path)
+    given, every3 = images(shortest), images(tmp_path / "shortest_every3")
+    assert len(every3) == 4 and all(np.array_equal(image, given[3 * i]) for i, image in enumerate(every3))
+    _, expected = cv2.imencode(".jpg", given[5], [cv2.IMWRITE_JPEG_QUALITY, 20])
+    assert (tmp_path / "shortest_jpeg20/image_0/000005.jpg").read_bytes() == expected.tobytes()
 
 
 def test_render_drive_full_disk(tmp_path):
@@ -282,6 +349,26 @@ def test_evaluate_bag_of_a_base_in_turned_frames(tmp_path):
     assert ",3,tracking" in (out / "scale.csv").read_text().splitlines()[-1]
 
 
+def test_evaluate_bag_covariance_of_a_camera(tmp_path):
+    """It grows along z, the direction of motion, as in test_evaluate_bag_of_a_base_in_turned_frames."""
+    frames = iter(range(1000))
+
+    def set_covariance(topic, message):
+        if topic == "/odometry":
+            variance = np.diag([1e-6, 1e-6, 0.01, 1e-12, 1e-12, 1e-12])
+            message.pose.covariance = ((1 + next(frames)) * variance).ravel().tolist()
+        return topic, message
+
+    drive, played, recorded = (tmp_path / f"{name}.bag" for name in ("drive", "played", "recorded"))
+    write_drive(played, drive, 1.04)
+    copy(drive, recorded, set_covariance)
+    run(EVALUATE_BAG, "--played", played, "--recorded", recorded, "--out", tmp_path / "out",
+        "--camera-height", 1.65)
+    metrics = json.loads((tmp_path / "out/metrics.json").read_text())
+    nees = metrics["covariance_by_length"][0]["nees_per_dof_exact_ground_truth"]
+    assert nees == pytest.approx((0.04 * 11) ** 2 / (11 * 0.01) / 6, rel=0.05)
+
+
 @pytest.mark.parametrize("missing, frames", [(4, 96), (10, 100)])
 def test_evaluate_bag_without_the_last_ground_truth(tmp_path, missing, frames):
     """The images have 10 Hz; without the last half second the drive is evaluated up to there."""
@@ -292,17 +379,26 @@ def test_evaluate_bag_without_the_last_ground_truth(tmp_path, missing, frames):
 
 
 def test_evaluate_bag_counts_lost_frames(tmp_path):
-    scales = iter(range(1000))
+    """They are of the map of the next frame, or of the last one: the map changes at frame 51."""
+    scales, unscaled = iter(range(1000)), iter(range(1000))
 
     def drop(topic, message):
-        return None if topic == "/scale" and next(scales) in (50, 51) else (topic, message)
+        if topic == "/scale":
+            i = next(scales)
+            message.map_id = 3 if i < 51 else 4
+            return None if i in (20, 51, 52, 99) else (topic, message)
+        if topic == "/vo/odometry" and next(unscaled) >= 51:
+            message.pose.pose.position.z -= 51
+        return topic, message
 
     drive, played, recorded = (tmp_path / f"{name}.bag" for name in ("drive", "played", "recorded"))
     write_drive(played, drive, 1)
     copy(drive, recorded, drop)
     done = run(EVALUATE_BAG, "--played", played, "--recorded", recorded, "--out", tmp_path / "out",
                "--camera-height", 1.65)
-    assert "100 images in, 98 frames out of both nodelets, 2 lost on the way" in done.stdout
+    assert "100 images in, 96 frames out of both nodelets, 4 lost on the way" in done.stdout
+    # Between two maps there is no step.
+    assert np.loadtxt(tmp_path / "out/poses_unscaled.txt")[-1, 11] == pytest.approx(98)
 
 
 def test_evaluate_bag_no_such_bag(bag, tmp_path):

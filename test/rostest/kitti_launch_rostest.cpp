@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "child_process.hpp"
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
@@ -153,6 +154,51 @@ class KittiBag : public testing::Test {
 std::unique_ptr<SyntheticDrive> KittiBag::drive_;
 std::vector<cv::Mat> KittiBag::images_;
 
+/// A forward position at a time [s].
+nav_msgs::Odometry estimateAt(double time, double x) {
+  nav_msgs::Odometry odometry;
+  odometry.header.frame_id = "odom";
+  odometry.header.stamp = ros::Time(time);
+  odometry.child_frame_id = "camera";
+  odometry.pose.pose = toMsg(Eigen::Isometry3d(Eigen::Translation3d(x, 0, 0)));
+  return odometry;
+}
+
+TEST(GroundTruthRelay, AlignsAnewWhenTheBagBeginsAgain) {
+  ros::NodeHandle handle;
+  TopicRecorder<nav_msgs::Odometry> ground_truth(handle, "ground_truth/odometry");
+  TopicRecorder<nav_msgs::Path> path(handle, "ground_truth/path");
+  auto tf_publisher = handle.advertise<tf2_msgs::TFMessage>("ground_truth/tf", 10);
+  auto estimate_publisher = handle.advertise<nav_msgs::Odometry>("odometry", 10);
+  const fs::path tools = fs::read_symlink("/proc/self/exe").parent_path();
+  ChildProcess relay({tools / "ground_truth_relay"});
+  ASSERT_TRUE(waitUntil([&] {
+    return tf_publisher.getNumSubscribers() > 0 && estimate_publisher.getNumSubscribers() > 0 &&
+           ground_truth.connected() && path.connected();
+  })) << relay.output();
+  for (const double time : {10, 11, 20}) {
+    tf_publisher.publish(transform("ground_truth", "ground_truth/camera", ros::Time(time),
+                                   Eigen::Isometry3d(Eigen::Translation3d(time, 0, 0))));
+  }
+  const auto estimate = [&](double time, double x) {
+    estimate_publisher.publish(estimateAt(time, x));
+  };
+  estimate(10, 0);
+  estimate(20, 9);  // a metre too short
+  ASSERT_TRUE(ground_truth.waitForCount(2) && path.waitForCount(2)) << relay.output();
+  estimate(10, 3);
+  estimate(11, 3.5);
+  ASSERT_TRUE(ground_truth.waitForCount(4) && path.waitForCount(4)) << relay.output();
+  std::vector<double> positions;
+  for (const auto& message : ground_truth.messages()) {
+    positions.push_back(message->pose.pose.position.x);
+  }
+  EXPECT_EQ(positions, (std::vector<double>{0, 10, 3, 4}));
+  EXPECT_EQ(path.messages().back()->poses.size(), 2u);
+  relay.send(SIGINT);
+  EXPECT_EQ(relay.waitForEnd(), 0) << relay.output();
+}
+
 class KittiLaunch : public KittiBag, public testing::WithParamInterface<Kind> {};
 
 TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
@@ -199,6 +245,12 @@ TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
   EXPECT_GT(true_position.x, 15.0);
   EXPECT_NEAR(estimate.x, true_position.x, 0.08 * true_position.x);
   EXPECT_NEAR(estimate.y, true_position.y, 0.08 * true_position.x);
+
+  const auto paths = ground_truth_path.messages();
+  ASSERT_FALSE(paths.empty());
+  EXPECT_EQ(paths.back()->header.frame_id, "odom");
+  EXPECT_GT(paths.back()->poses.size(), 15u);  // a metre per frame
+  EXPECT_NEAR(paths.back()->poses.back().pose.position.x, true_position.x, 1.1);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,

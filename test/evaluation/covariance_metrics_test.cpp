@@ -21,12 +21,14 @@ Eigen::Isometry3d rotated(Eigen::Isometry3d T, const Eigen::Vector3d& w) {
 /// covariance.
 class SimulatedRun {
  public:
-  /// A metre per frame. excess: factor of the errors over the published standard deviations.
-  explicit SimulatedRun(unsigned seed, int frames, double excess = 1) : random_(seed) {
+  /// A metre per pose. excess: factor of the errors over the published standard deviations.
+  /// frames_per_pose: more than one with a standstill after each metre.
+  explicit SimulatedRun(unsigned seed, int poses, double excess = 1, int frames_per_pose = 1)
+      : random_(seed) {
     constexpr double kPosition = 0.02, kRotation = 0.002;
     Eigen::Isometry3d truth = Eigen::Isometry3d::Identity(), estimate = truth;
     Matrix6d P = Matrix6d::Zero();
-    for (int i = 0; i < frames; ++i) {
+    for (int i = 0; i < poses; ++i) {
       if (i > 0) {
         Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
         step.translation().z() = 1;
@@ -44,8 +46,10 @@ class SimulatedRun {
         P.diagonal().head<3>().array() += kPosition * kPosition;
         P.diagonal().tail<3>().array() += kRotation * kRotation;
       }
-      append(estimate, P);
-      truth_.push_back(truth);
+      for (int k = 0; k < frames_per_pose; ++k) {
+        append(estimate, P);
+        truth_.push_back(truth);
+      }
     }
   }
 
@@ -113,6 +117,15 @@ TEST(CovarianceMetrics, HasTheLengthsThatTheDriveCovers) {
   EXPECT_EQ(metrics.by_length[1].length_m, 50);
   EXPECT_EQ(metrics.by_length[1].segments, 9);
   EXPECT_EQ(metrics.first_metric_pose_m, 0.0);
+}
+
+TEST(CovarianceMetrics, AStandstillAddsNoSegments) {
+  const SimulatedRun driving(1, 60), stopping(1, 60, 1, 5);
+  const auto expected = computeCovarianceMetrics(driving.record(), driving.truth()).by_length;
+  const auto by_length = computeCovarianceMetrics(stopping.record(), stopping.truth()).by_length;
+  ASSERT_EQ(by_length.size(), expected.size());
+  EXPECT_EQ(by_length[0].segments, expected[0].segments);
+  EXPECT_EQ(by_length[1].segments, expected[1].segments);
 }
 
 TEST(CovarianceMetrics, WithoutAMetricPoseThereIsNone) {

@@ -119,6 +119,22 @@ TEST(OdometryMetrics, DirectionErrorOfAMisalignedCamera) {
   EXPECT_LT(m.t_err_true_length_percent.value(), 1.02 * straight_percent);
 }
 
+// The estimate's error is 0.5 deg while driving, and none where the motion is too short.
+TEST(OdometryMetrics, DirectionErrorLeavesOutMotionsOfAFewDecimetres) {
+  for (const double step : {0.0, 0.25}) {
+    Poses ground_truth = drive(100, 1.0), estimate;
+    const Eigen::AngleAxisd misalignment(0.5 * M_PI / 180.0, Eigen::Vector3d::UnitX());
+    for (const auto& pose : ground_truth) estimate.push_back(misalignment * pose);
+    for (auto& pose : estimate) pose.linear().setIdentity();
+    for (int i = 0; i < 200; ++i) {
+      ground_truth.push_back(ground_truth.back() * Eigen::Translation3d(0, 0, step));
+      estimate.push_back(estimate.back() * Eigen::Translation3d(0, 0, 0.001 + step));
+    }
+    const OdometryMetrics m = computeOdometryMetrics(ground_truth, estimate);
+    EXPECT_NEAR(m.direction_median_deg.value(), 0.5, 1e-9) << step;
+  }
+}
+
 TEST(OdometryMetrics, HasTheLengthsOfTheDevkitAndTheShortOnes) {
   const Poses ground_truth = drive(900, 1.0);
   const OdometryMetrics m = computeOdometryMetrics(ground_truth, ground_truth);
@@ -156,6 +172,7 @@ TEST(OdometryMetrics, StandingEstimateOrGroundTruthGivesNoDivisionByZero) {
   const OdometryMetrics standing_truth = computeOdometryMetrics(standing, moving);
   EXPECT_FALSE(standing_truth.rle_percent);
   EXPECT_FALSE(standing_truth.t_err_percent);
+  EXPECT_FALSE(standing_truth.direction_median_deg);
 }
 
 TEST(OdometryMetrics, UnnormalisedRotationsAreMadeOrthonormalFirst) {

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <fstream>
 #include <thread>
 #include <vector>
 
@@ -20,11 +21,20 @@ void work(double ms) {
   }
 }
 
+/// Resident memory of this process according to another file of the kernel [MiB].
+double residentMb() {
+  std::size_t size = 0, resident = 0;  // [pages]
+  std::ifstream("/proc/self/statm") >> size >> resident;
+  return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
 TEST(ProcessUsage, CountsTheTimeOfAllThreadsIncludingEndedOnes) {
   const double before = processUsage().cpu_s;
   work(20);
   std::thread([] { work(30); }).join();
-  EXPECT_GE(processUsage().cpu_s - before, 0.0499);  // 20 + 30 ms, less rounding
+  const double used_s = processUsage().cpu_s - before;
+  EXPECT_GE(used_s, 0.0499);  // 20 + 30 ms, less rounding
+  EXPECT_LT(used_s, 0.2 * kTimeoutFactor) << "threadCpuMs() is too small";
 }
 
 TEST(ProcessUsage, ReportsMemoryAndItsPeak) {
@@ -34,6 +44,7 @@ TEST(ProcessUsage, ReportsMemoryAndItsPeak) {
     const std::vector<char> memory(64 << 20, 1);
     // back() is 1; its use keeps the compiler from removing the vector.
     EXPECT_GT(processUsage().rss_mb, before.rss_mb + 60 + memory.back() - 1);
+    EXPECT_NEAR(processUsage().rss_mb, residentMb(), 1);
   }
   const ProcessUsage after = processUsage();
   EXPECT_GE(after.peak_rss_mb, before.rss_mb + 60);

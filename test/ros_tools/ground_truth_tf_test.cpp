@@ -35,6 +35,16 @@ TEST(GroundTruthTf, FindsTheFrameItselfAsKitti2bagWritesIt) {
   EXPECT_FALSE(ground_truth.pose("camera_color", ros::Time(1)));
 }
 
+TEST(GroundTruthTf, KeepsALongDrive) {
+  GroundTruthTf ground_truth;
+  for (const double time : {1, 2, 100000}) {
+    ground_truth.add(transform("camera_init", "camera_gray_left", time, 10 * time), false);
+  }
+  const auto pose = ground_truth.pose("camera_gray_left", ros::Time(1.5));
+  ASSERT_TRUE(pose);
+  EXPECT_DOUBLE_EQ(pose->translation().x(), 15);
+}
+
 TEST(GroundTruthTf, FindsTheOtherNameThatKitti2bagGivesToTheCamera) {
   GroundTruthTf ground_truth;
   ground_truth.add(transform("world", "camera_left", 1, 5), false);

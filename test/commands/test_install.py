@@ -17,6 +17,7 @@ lib/ground_scale_vo/evaluate_faults lib/ground_scale_vo/evaluate_scenarios
 lib/ground_scale_vo/graph_observer lib/ground_scale_vo/ground_truth_relay
 lib/ground_scale_vo/height_from_drive lib/ground_scale_vo/render_drive
 lib/ground_scale_vo/run_sequence
+lib/ground_scale_vo/screenshot lib/ground_scale_vo/lib/pause_at_frame.py
 include/ground_scale_vo/VoFrame.h include/ground_scale_vo/scale/scale_recovery.hpp
 share/ground_scale_vo/package.xml share/ground_scale_vo/nodelet_plugins.xml
 share/ground_scale_vo/launch/kitti.launch share/ground_scale_vo/config/mono_vo.yaml

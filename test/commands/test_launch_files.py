@@ -151,6 +151,19 @@ def test_live_camera_starts_driver_and_mounting(usb_cam):
     assert "/camera/camera_info_url" not in parameters
 
 
+def test_live_camera_starts_another_driver_in_the_namespace_of_the_camera(tmp_path):
+    driver = tmp_path / "driver.launch"
+    driver.write_text('<launch><node pkg="p" type="t" name="n"/></launch>')
+    nodes, _, _ = loaded("live_camera.launch", "camera_height:=1.2", "camera:=cam", f"driver_launch:={driver}")
+    assert "/cam/n" in nodes
+
+
+def test_a_running_manager_unloads_the_nodelets_of_a_loader_that_dies():
+    nodes, _, _ = loaded("ground_scale_vo.launch", "camera_height:=1.2", "start_manager:=false", "manager:=other")
+    for nodelet in ("/mono_vo", "/scale_recovery"):
+        assert " other" in nodes[nodelet].args and "--no-bond" not in nodes[nodelet].args
+
+
 def test_two_vehicles_have_their_own_arguments():
     nodes, remappings, parameters = loaded("two_vehicles.launch", "first:=a", "second:=b", "first_height:=1.2",
                                            "second_height:=1.65", "first_mask:=/a.png", "second_mask:=/b.png",

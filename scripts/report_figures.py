@@ -8,6 +8,7 @@ report_figures.py --write DIR ROOT             puts all DIR/PART.json into ROOT/
 import csv
 import datetime
 import json
+import math
 import pathlib
 import re
 import statistics
@@ -101,21 +102,22 @@ def components(folder):
 
 
 def faults(folder):
-    """Per kind of fault the largest value of each figure; from the output of evaluate_faults."""
+    """Per kind of fault the largest value of each figure, null for never; from the output of evaluate_faults."""
     text = (folder / "faults.txt").read_text(encoding="utf-8")
     kinds = {}
     pattern = (r": ([a-z ]+?) +[\d.]+ s(?:, hides)?: detected (\S+) s, ok (\d+), tracking (-?\d+), metric (-?\d+), "
                r"excess path (\S+) m, error (\S+) m, sigma (\S+) m")
-    for kind, detected, *numbers in re.findall(pattern, text):
-        ok, tracking, metric, excess, error, sigma = map(float, numbers)
-        seen = {"detected_s": None if detected == "nan" else float(detected), "ok_frames": int(ok),
-                "tracking_frames": int(tracking), "metric_frames": int(metric), "excess_path_m": excess,
-                "error_m": error, "sigma_m": sigma}
+    for kind, detected, ok, tracking, metric, excess, error, sigma in re.findall(pattern, text):
+        seen = {"detected_s": math.inf if detected == "nan" else float(detected), "ok_frames": int(ok),
+                "tracking_frames": math.inf if tracking == "-1" else int(tracking),
+                "metric_frames": math.inf if metric == "-1" else int(metric), "excess_path_m": float(excess),
+                "error_m": float(error), "sigma_m": float(sigma)}
         largest = kinds.setdefault(kind.replace(" ", "_"), {"count": 0, **seen})
         largest["count"] += 1
         for key, value in seen.items():
-            if largest[key] is None or (value is not None and value > largest[key]):
-                largest[key] = value
+            largest[key] = max(largest[key], value)
+    kinds = {kind: {key: None if value == math.inf else value for key, value in largest.items()}
+             for kind, largest in kinds.items()}
     count, violated = re.search(r"(\d+) drives, (\d+) with a violated", text).groups()
     return {"drives": int(count), "violated": int(violated), "kinds": kinds,
             "max_error_percent": max(map(float, re.findall(r"m, error (\S+) %", text)))}

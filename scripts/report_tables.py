@@ -178,7 +178,8 @@ def fault_table(part):
     keys = [("count", ""), ("detected_s", ".1f"), ("metric_frames", ""), ("excess_path_m", ".2f"),
             ("error_m", ".1f"), ("sigma_m", ".1f")]
     return table(["fault", "number", "detected s", "metric frames", "excess path m", "error m", "σ m"],
-                 [[kind.replace("_", " "), *(number(fault[key], form) for key, form in keys)]
+                 [[kind.replace("_", " "), *("never" if fault[key] is None else number(fault[key], form)
+                                             for key, form in keys)]
                   for kind, fault in sorted(part["kinds"].items())])
 
 

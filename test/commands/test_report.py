@@ -240,18 +240,27 @@ def test_figures_of_sequences(collected, tmp_path):
 
 
 def test_figures_of_faults_are_the_largest(collected, tmp_path):
-    """The lines are those of evaluate_faults."""
+    """Never is more than any number of frames or seconds. The lines are those of evaluate_faults."""
     (tmp_path / "faults").mkdir()
-    line = ("  frames  40 to  80: black          4.0 s, hides: detected {} s, ok {}, tracking {}, metric {}, "
+    line = ("  frames  40 to  80: {}          4.0 s, hides: detected {} s, ok {}, tracking {}, metric {}, "
             "excess path {} m, error {} m, sigma {} m\n")
     (tmp_path / "faults/faults.txt").write_text(
-        "  frames  10 to  39:  30.0 m, error 1.25 %\n" + line.format("0.1", 0, 2, 5, "0.50", "3.0", "9.0") +
-        line.format("nan", 1, -1, 4, "0.25", "7.0", "2.0") + "2 drives, 1 with a violated threshold\n")
+        "  frames  10 to  39:  30.0 m, error 1.25 %\n" +
+        line.format("black", "0.1", 0, 2, 5, "0.50", "3.0", "9.0") +
+        line.format("black", "0.3", 1, 1, 4, "0.25", "7.0", "2.0") +
+        line.format("covered left", "nan", 0, -1, 5, "0.50", "3.0", "9.0") +
+        line.format("covered left", "0.1", 0, 2, -1, "0.50", "3.0", "9.0") +
+        "4 drives, 1 with a violated threshold\n")
     figures = collected("faults")
-    assert (figures["drives"], figures["violated"], figures["max_error_percent"]) == (2, 1, 1.25)
-    assert figures["kinds"] == {"black": {
-        "count": 2, "detected_s": 0.1, "ok_frames": 1, "tracking_frames": 2, "metric_frames": 5,
-        "excess_path_m": 0.5, "error_m": 7.0, "sigma_m": 9.0}}
+    assert (figures["drives"], figures["violated"], figures["max_error_percent"]) == (4, 1, 1.25)
+    assert figures["kinds"] == {
+        "black": {"count": 2, "detected_s": 0.3, "ok_frames": 1, "tracking_frames": 2, "metric_frames": 5,
+                  "excess_path_m": 0.5, "error_m": 7.0, "sigma_m": 9.0},
+        "covered_left": {"count": 2, "detected_s": None, "ok_frames": 0, "tracking_frames": None,
+                         "metric_frames": None, "excess_path_m": 0.5, "error_m": 3.0, "sigma_m": 9.0}}
+    rows = report_tables.fault_table(figures).splitlines()[2:]
+    assert rows == ["| black | 2 | 0.3 | 5 | 0.50 | 7.0 | 9.0 |",
+                    "| covered left | 2 | never | never | 0.50 | 3.0 | 9.0 |"]
 
 
 def test_figures_of_ablation_and_heights(collected, tmp_path):

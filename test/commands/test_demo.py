@@ -168,5 +168,14 @@ def test_arguments_reach_the_launch_file_and_the_tools(stub_tools, tmp_path):
     assert tools[0] == f"{evaluate} 1.65"
 
 
-def test_refuses_to_overwrite_the_sequence(short):
-    assert_refused(2, "own folder", DEMO, "--sequence", short, "--out", short.parent)
+def test_refuses_to_overwrite_the_input(stub_tools, tmp_path):
+    """Also through a symbolic link."""
+    stubs = stub_tools("kitti_to_bag", "roslaunch", "evaluate_bag", "metrics_table.py", "plot_run.py")
+    results = tmp_path / "data/recorded"
+    results.mkdir(parents=True)
+    (results / "recorded.bag").touch()
+    (tmp_path / "link").symlink_to(results.parent)
+    for out in ("data", "link"):
+        assert_refused(2, "own folder", DEMO, "--sequence", results, "--out", out, **stubs)
+        assert_refused(2, "over the bag", DEMO, "--bag", results / "recorded.bag", "--out", out, **stubs)
+    assert (results / "recorded.bag").exists()

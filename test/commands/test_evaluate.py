@@ -29,16 +29,23 @@ def test_set_reaches_the_run(short, tmp_path):
     ("--camera-height", ["SHORT", "--camera-height", "0"]),
     ("--scenarios", ["SHORT", "--ablation"]),
     ("unknown scenario", ["--scenarios", "none"]),
-    ("unknown fault", ["--faults", "none"]),
     ("--faults", ["SHORT", "--seed", "1"]),
     ("--mask", ["--scenarios", "--mask", "mask.png"]),
     ("--faults", ["--faults", "--set", "refine=false"]),
+    ("--out cannot be used with --faults", ["--faults"]),
+    ("--camera-height cannot be used with --scenarios", ["--scenarios", "--camera-height", "1.65"]),
     ("tracker/cell_size is 7", ["--scenarios", "pitched", "--set", "tracker/cell_size=7"]),
 ])
 def test_wrong_arguments(short, shortest, tmp_path, text, arguments):
     sequences = {"SHORT": short, "SHORTEST": shortest}
     arguments = [sequences.get(word, word) for word in arguments]
     assert_refused(2, text, EVALUATE, *arguments, "--out", tmp_path)
+
+
+def test_wrong_arguments_of_faults():
+    assert_refused(2, "unknown fault", EVALUATE, "--faults", "none")
+    assert_refused(2, "--camera-height cannot be used with --scenarios or --faults", EVALUATE, "--faults",
+                   "--camera-height", 1.65)
 
 
 @pytest.mark.parametrize("command", ["evaluate", "benchmark", "ablation"])
@@ -117,6 +124,28 @@ def test_arguments_reach_each_run(stub_tools, tmp_path):
         f"run_sequence {tmp_path}/a --set c=1 {end} --check"]
     run(EVALUATE, "a", **stubs)
     assert f"run_sequence {tmp_path}/a --camera-height 1.65 --out results" in called(tmp_path)
+
+
+def test_covariance(stub_tools, tmp_path):
+    """The sequences that have results, and the scenarios."""
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    write_metrics(tmp_path / "o/scenarios/night", **METRICS)
+    tools = ("run_sequence", "plot_run.py", "metrics_table.py", "evaluate_scenarios", "covariance_table.py")
+    stubs = stub_tools(*tools)
+    with open(tmp_path / "stub_build/devel/lib/ground_scale_vo/plot_run.py", "a", encoding="utf-8") as stub:
+        stub.write('[[ $1 != o/a ]] || echo {} > "$1/metrics.json"\n')
+    (tmp_path / "o/a").mkdir()
+    run(EVALUATE, "a", "b", "--covariance", "--camera-height", "2.5", "--set", "c=1", "--out", "o", "--threads", 3,
+        check=False, **stubs)
+    assert called(tmp_path)[:2] == ["covariance_table.py o/a o/scenarios/night/",
+                                    "evaluate_scenarios --set c=1 --out o/scenarios --threads 3"]
+    assert f"run_sequence --set c=1 {tmp_path}/b --camera-height 2.5 --out o" in called(tmp_path)
+
+    (tmp_path / "calls").unlink()
+    run(EVALUATE, "--covariance", "--out", "o", **stubs)
+    assert called(tmp_path) == ["covariance_table.py o/scenarios/night/",
+                                "evaluate_scenarios --out o/scenarios --threads 2"]
 
 
 def test_a_failed_sequence_is_reported(shortest, tmp_path):

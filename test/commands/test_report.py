@@ -1,6 +1,7 @@
 """scripts/report and derive_drives."""
 
 import json
+import shutil
 
 import benchmark_report
 import matplotlib.image
@@ -8,7 +9,7 @@ import numpy
 import pytest
 import report_figures
 import report_tables
-from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, tool
+from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, tool, write_program
 
 REPORT = SCRIPTS / "report"
 DERIVE, RENDER = tool("derive_drives"), tool("render_drive")
@@ -30,6 +31,84 @@ def test_measures_once(shortest, tmp_path):
     assert not report("--again", "sequences", "--camera-height", "1.6")
     metrics = json.loads((tmp_path / "sequences/shortest/metrics.json").read_text())
     assert metrics["camera_height_m"] == 1.6
+
+
+@pytest.fixture
+def stub_report(stub_tools, tmp_path):
+    """stub_report(SEQ..., OPTION...): the output of scripts/report in a copy of scripts/ whose other commands, and
+    the tools, only write their arguments to the file `calls`. Its results are in tmp_path/out."""
+    tree = tmp_path / "tree"
+    shutil.copytree(SCRIPTS, tree / "scripts")
+    (tree / "CMakeLists.txt").touch()
+    run("git", "init", "-q", tree)
+    run("git", "-C", tree, "-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "a")
+    (tree / "scripts/report_figures.py").write_text(
+        "import pathlib, sys\npathlib.Path(sys.argv[2], sys.argv[1] + '.json').write_text('{}')\n")
+    for name in ("evaluate", "ablation", "benchmark", "calibrate_height"):
+        write_program(tree / "scripts" / name, f'echo {name} "$*" >> {tmp_path}/calls')
+    stubs = stub_tools("run_sequence", "evaluate_scenarios", "evaluate_faults", "derive_drives", "height_from_drive",
+                       "render_drive", "benchmark_sequence", "kitti_to_bag", "graph_observer")
+    tools = tmp_path / "stub_build/devel/lib/ground_scale_vo"
+    write_program(tools / "derive_drives", f'echo derive_drives "$*" >> {tmp_path}/calls\n'
+                                           'mkdir -p "$3/$(basename "$1")_half"')
+    poses = "".join(f"1 0 0 0 0 1 0 0 0 0 1 {0.9 * i}\\n" for i in range(26))
+    write_program(tools / "render_drive", f'mkdir -p "$1"\nprintf "{poses}" > "$1/poses.txt"')
+    (tools.parent / "libground_scale_vo_core.so").touch()
+    return lambda *arguments: run(tree / "scripts/report", *arguments, "--out", tmp_path / "out", **stubs).stderr
+
+
+@pytest.mark.parametrize("part, files", [
+    ("sequences", ["run_sequence", "../libground_scale_vo_core.so"]), ("variants", ["run_sequence", "derive_drives"]),
+    ("scenarios", ["evaluate_scenarios"]), ("ablation", ["evaluate_scenarios"]),
+    ("components", ["run_sequence", "scripts/ablation"]), ("faults", ["evaluate_faults"]),
+    ("heights", ["height_from_drive", "render_drive"]),
+    ("benchmark", ["benchmark_sequence", "kitti_to_bag", "graph_observer", "scripts/benchmark"]),
+    ("growth", ["benchmark_sequence", "scripts/benchmark"]),
+])
+def test_measures_again_with_another_program(stub_report, tmp_path, part, files):
+    sequence, tools = tmp_path / "kitti_00_0000_0199", tmp_path / "stub_build/devel/lib/ground_scale_vo"
+    sequence.mkdir()
+    write_poses(tmp_path / "out/sequences/kitti_00_0000_0199/ground_truth.txt", 26)
+
+    def measured():
+        return "measured before" not in stub_report(sequence, "--only", part)
+
+    assert measured()
+    (tools / "view_frame").write_text("a program that scripts/report does not run")
+    assert not measured()
+    for file in files:
+        with open((tmp_path / "tree" if "scripts/" in file else tools) / file, "a", encoding="utf-8") as changed:
+            changed.write("\n")
+        assert measured(), file
+
+
+def test_variants_are_derived_again(stub_report, tmp_path):
+    """With the part, and only those of the given drives are evaluated."""
+    out = tmp_path / "out"
+    for name in ("kitti_00_0000_0199", "kitti_raw_0926_0039"):
+        (tmp_path / name).mkdir()
+    for name in ("kitti_00_0000_0199", "kitti_raw_0926_0039", "kitti_raw_0926_0039"):
+        (tmp_path / "calls").unlink(missing_ok=True)
+        stub_report(tmp_path / name, "--only", "variants", "--again", "variants")
+        assert (tmp_path / "calls").read_text().splitlines() == [
+            f"derive_drives {tmp_path}/{name} --out {out}/derived",
+            f"evaluate --camera-height 1.65 --out {out}/variants {out}/derived/{name}_half/"]
+
+
+def test_heights_of_drives(stub_report, tmp_path):
+    """From the ground truth, and from its length."""
+    (tmp_path / "a").mkdir()
+    write_poses(tmp_path / "out/sequences/a/ground_truth.txt", 26)
+    stub_report(tmp_path / "a", "--only", "heights", "--camera-height", 1.5)
+    to, calls = tmp_path / "out/heights", (tmp_path / "calls").read_text().splitlines()
+    assert len(calls) == 6 and (to / "a.truth").read_text() == "1.5\n" and (to / "low_2.truth").read_text() == "0.5\n"
+    for name, drive, trajectory in (("a", tmp_path / "a", tmp_path / "out/sequences/a/ground_truth.txt"),
+                                    ("low_1", to / "low_1", to / "low_1/poses.txt"),
+                                    ("low_2", to / "low_2", to / "low_2/poses.txt")):
+        assert calls.pop(0) == f"calibrate_height {drive} --trajectory {trajectory} --out {to}/{name}.trajectory.yaml"
+        words = calls.pop(0).split()
+        assert float(words.pop(3)) == pytest.approx(25 * 0.9)
+        assert " ".join(words) == f"calibrate_height {drive} --length --length-sigma 0 --out {to}/{name}.length.yaml"
 
 
 def test_failed_part(shortest, tmp_path):

@@ -82,6 +82,8 @@ def test_plots_of_a_run(figures, folder):
     band = heights.collections[0].get_paths()[0].get_extents()
     assert (band.y0, band.y1) == pytest.approx((1.65 * 0.8, 1.65 * 1.2))
     assert line(scales, "filtered")[:, 1] == pytest.approx(np.full(20, 1.5))
+    band = scales.collections[0].get_paths()[0].get_extents()
+    assert (band.y0, band.y1) == pytest.approx((1.5 - 0.3, 1.5 + 0.3))
     assert {bars.get_label() for bars in scales.collections if "frames" in str(bars.get_label())} == {
         "ok: 17 frames", "held: 2 frames", "lost: 1 frames"}
     labels = [text.get_text().split() for text in timing.axes[1].get_yticklabels()]
@@ -90,6 +92,14 @@ def test_plots_of_a_run(figures, folder):
     assert line(translation, "10 to 80 m").tolist() == [[10, 2], [20, 2]]
     assert line(translation, "100 to 800 m: KITTI devkit").tolist() == [[100, 1]]
     assert line(rotation, "10 to 80 m").tolist() == [[10, 0.03], [20, 0.03]]
+
+
+@pytest.mark.parametrize("arguments, files", [([], {".png"}), (["--pdf"], {".png", ".pdf"})])
+def test_files(folder, monkeypatch, arguments, files):
+    monkeypatch.setattr("sys.argv", ["plot_run.py", str(folder), *arguments])
+    plot_run.main()
+    assert {file.name for file in folder.iterdir() if file.suffix in (".png", ".pdf")} == {
+        name + suffix for name in ("trajectory", "scale", "timing", "errors") for suffix in files}
 
 
 def test_medians_of_the_timing_plot_have_a_unit(figures, tmp_path):

@@ -8,6 +8,7 @@ import matplotlib.image
 import numpy
 import pytest
 import report_figures
+import report_paper
 import report_tables
 from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, tool, write_program
 
@@ -316,6 +317,37 @@ def test_figures_of_sequences(collected, tmp_path):
                              "nees_exact_50": 2.05, "nees_exact_100": None, "within_10": 0.901, "within_50": 0.905,
                              "within_100": None}
     assert figures["other_1"]["rle_percent"] == 1.2346 and figures["other_1"]["nees_10"] is None
+
+
+def test_run_time_of_the_stages_of_the_paper(tmp_path):
+    """The median over the frames in which a stage runs."""
+    folder = tmp_path / "07"
+    folder.mkdir()
+    (folder / "metrics.json").write_text(json.dumps(drive_metrics(length_m=1, peak_rss_mb=1)))
+    columns = ("vo_total", "scale_delaunay", "scale_gpe", "scale_gpa", "scale_direct", "scale_filter", "total")
+    (folder / "timing.csv").write_text(",".join(columns) + "\n1,2,4,8,16,32,64\n3,0,0,0,0,0,64\n5,2,6,8,18,32,70\n")
+    assert report_figures.kitti(tmp_path)["07"]["run_time_ms"] == {
+        "MVO": 3, "GPE": 7, "GPA": 8, "direct": 17, "total": 64}
+
+
+def test_heights_of_the_paper(tmp_path):
+    """The scale is proportional to the inverse of the height in units of the odometry: of two frames with the same
+    filtered scale, that with the larger scale of its own is lower."""
+    (tmp_path / "metrics.json").write_text('{"camera_height_m": 1.65}')
+    (tmp_path / "scale.csv").write_text(
+        "status,raw_scale,scale,map_id\nunknown,2,1,0\nok,1.25,1.5,0\nheld,0,1.5,0\nok,2,1.5,0\nok,3,6,1\n")
+    frames, raw, filtered = report_paper.heights(tmp_path)
+    assert frames.tolist() == [1, 3, 4]
+    assert raw == pytest.approx([1.98, 1.2375, 3.3]) and filtered == pytest.approx([1.65] * 3)
+
+
+def test_trajectory_with_one_scale():
+    """That of the first 50 m, although the scale of the odometry drifts after them."""
+    forward = numpy.arange(101.0)
+    metric = numpy.stack([0 * forward, 0 * forward, forward], axis=1)
+    unscaled = metric * numpy.where(forward <= 50, 0.5, 0.25)[:, None]
+    scaled = report_paper.with_one_scale(unscaled, metric)
+    assert scaled[:51] == pytest.approx(metric[:51]) and scaled[51:] == pytest.approx(metric[51:] / 2)
 
 
 def test_figures_of_faults_are_the_largest(collected, tmp_path):

@@ -36,7 +36,8 @@ namespace {
 
 constexpr const char* kDetails =
     R"(Files in DIR:
-  run.json      frames, width, height [px], cores, and the settings of --set as one text
+  run.json      frames, width, height [px], cores that the process may use, and the settings of --set
+                as one text
   timing.csv    as of run_sequence: milliseconds of every stage and frame
   usage.csv     a line per frame: features: number tracked from the previous image; decode_cpu,
                 frame_cpu: processor time of decoding, and of odometry and scale stage without the
@@ -71,6 +72,12 @@ void useCores(int cores) {
     throw gsv::OptionError("--cores is " + std::to_string(cores) + ", but this process may use " +
                            std::to_string(found));
   }
+}
+
+/// Number of cores that this process may use.
+int usableCores() {
+  cpu_set_t allowed;
+  return sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? CPU_COUNT(&allowed) : 0;
 }
 
 /// Fills and serialises the messages that the nodelets would publish for the last frame of the run.
@@ -115,7 +122,7 @@ std::string runJson(const gsv::RepeatedDrive& drive, const Arguments& arguments)
   const nlohmann::ordered_json json{{"frames", drive.size()},
                                     {"width", drive.camera().width},
                                     {"height", drive.camera().height},
-                                    {"cores", arguments.cores},
+                                    {"cores", usableCores()},
                                     {"settings", settings}};
   return json.dump() + "\n";
 }

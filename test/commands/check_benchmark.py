@@ -3,6 +3,7 @@
 
 import json
 import math
+import os
 import pathlib
 import sys
 
@@ -55,6 +56,7 @@ def check(folder, frames, rates):
         assert stages["vo_bundle_adjustment"]["share"] > 0, "no keyframe in the whole drive"
         assert stages["vo_adjustment_wait"]["share"] == stages["vo_bundle_adjustment"]["share"]
     assert report["one_core"]["cores"] == 1
+    assert report["two_cores"]["cores"] == min(2, len(os.sched_getaffinity(0)))
     baseline = report["baseline_ms"]
     check_stages(baseline, BASELINE)
     assert baseline["points_median"] > 0

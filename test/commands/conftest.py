@@ -76,6 +76,16 @@ def assert_plays(command, out, *arguments, **options):
         assert (out / "short" / name).stat().st_size > 0
 
 
+def table_rows(file):
+    """The cells of the rows of all tables of a page by their first cell; a list for each table that has it."""
+    rows = {}
+    for line in file.read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("|"):
+            rows.setdefault(cells[0], []).append(cells[1:])
+    return rows
+
+
 def wait_until(condition, while_runs=None):
     """Waits for the condition; fails when the process ends first."""
     deadline = time.monotonic() + TIMEOUT_S

@@ -6,7 +6,7 @@ import benchmark_report
 import check_benchmark
 import numpy as np
 import pytest
-from conftest import SCRIPTS, assert_refused, run, tool
+from conftest import SCRIPTS, assert_refused, run, table_rows, tool
 
 BENCHMARK = SCRIPTS / "benchmark"
 
@@ -17,10 +17,10 @@ def test_report(short, tmp_path):
     check_benchmark.check(tmp_path / "short", frames=40, rates=[1, 2])
 
 
-def write_run(folder):
+def write_run(folder, frame_s=0.01, **facts):
     """A run of four frames; odometry takes 4 ms, the scale stage 1 ms, the adjustment 20 ms in one of them."""
     folder.mkdir(parents=True)
-    facts = {"frames": 4, "width": 800, "height": 248, "cores": 1, "settings": ""}
+    facts = {"frames": 4, "width": 800, "height": 248, "cores": 1, "settings": "", **facts}
     (folder / "run.json").write_text(json.dumps(facts))
     names = [name for _, name, _ in benchmark_report.STAGES if name not in ("publish", "vo_rest")]
     values = {"vo_total": 4, "scale_total": 1, "total": 5, "decode": 2, "vo_track": 3}
@@ -30,7 +30,7 @@ def write_run(folder):
         f"{i}," + ",".join(str(time[name]) for name in names) + "\n" for i, time in enumerate(times)))
     (folder / "usage.csv").write_text(
         "frame,features,decode_cpu,frame_cpu,publish,wall_s,cpu_s,rss_mb,peak_rss_mb\n" + "".join(
-            f"{i},{100 + i},2,5,0.1,{0.01 * (i + 1)},{0.012 * (i + 1)},{50 + i},60\n" for i in range(4)))
+            f"{i},{100 + i},2,5,0.1,{frame_s * (i + 1)},{0.012 * (i + 1)},{50 + i},60\n" for i in range(4)))
     return benchmark_report.read_run(folder)
 
 
@@ -51,23 +51,59 @@ def test_figures_of_a_run(tmp_path):
     assert ratio["mean_with_adjustment_and_its_detections"] == pytest.approx(10 / ((2.5 + 1.25 + 1.25) / 3))
 
 
+def write_graph(file, frames):
+    """Of this many images and one that is lost; the third is 30 ms late."""
+    file.write_text("stamp,image,frame,scale,odometry,cpu_s,rss_mb,peak_rss_mb\n" + "".join(
+        f"{10 + 0.1 * i},{7 + 0.05 * i},{7.02 + 0.05 * i},{7.03 + 0.05 * i},{7.04 + 0.05 * i + 0.03 * (i == 2)},"
+        f"{1 + 0.01 * i},50,60\n" for i in range(frames)) + "10.4,nan,nan,nan,nan,0,0,0\n")
+
+
 def test_figures_of_memory_and_graph(tmp_path):
-    """Memory grows by 2 MiB in 1000 frames. Of five images one is lost; the third is 30 ms late."""
+    """Memory grows by 2 MiB in 1000 frames. Of five images one is lost."""
     frames = np.arange(1000)
     usage = {"rss_mb": 50 + 0.002 * frames, "peak_rss_mb": 0 * frames + 55}
     memory = benchmark_report.memory_figures({"usage": usage})
     assert memory["growth_mb_per_1000_frames"] == pytest.approx(2)
     assert (memory["rss_mb"][0]["frame"], memory["rss_mb"][-1]["rss_mb"]) == (99, pytest.approx(50 + 0.002 * 999))
-    file = tmp_path / "graph_2.csv"
-    file.write_text("stamp,image,frame,scale,odometry,cpu_s,rss_mb,peak_rss_mb\n" + "".join(
-        f"{10 + 0.1 * i},{7 + 0.05 * i},{7.02 + 0.05 * i},{7.03 + 0.05 * i},{7.04 + 0.05 * i + 0.03 * (i == 2)},"
-        f"{1 + 0.01 * i},50,60\n" for i in range(4)) + "10.4,nan,nan,nan,nan,0,0,0\n")
-    figures, latencies = benchmark_report.graph_figures(file, 5)
+    write_graph(tmp_path / "graph_2.csv", 4)
+    figures, latencies = benchmark_report.graph_figures(tmp_path / "graph_2.csv", 5)
     assert (figures["rate"], figures["images"], figures["frames"], figures["dropped"]) == (2, 5, 4, 1)
     assert latencies == pytest.approx([40, 40, 70, 40])
     assert (figures["latency_ms"]["median"], figures["latency_ms"]["max"]) == pytest.approx((40, 70))
     assert figures["latency_to_frame_ms"]["median"] == pytest.approx(20)
     assert figures["cpu_ms_per_frame"] == pytest.approx(10) and figures["peak_rss_mb"] == 60
+
+
+def test_files_of_the_report(tmp_path):
+    folder = tmp_path / "drive"
+    write_run(folder / "one_core")
+    write_run(folder / "two_cores", cores=2, frame_s=0.005)
+    write_run(folder / "long_drive", cores=2)
+    (folder / "one_core/baseline.csv").write_text(
+        "points,pyramid,detect,track,total,cpu\n" + 3 * "100,0.5,1.0,0.5,2.0,2.5\n")
+    write_graph(folder / "graph_2.csv", 3)
+    benchmark_report.report_benchmark(folder, 0.25)
+    report, rows = json.loads((folder / "benchmark.json").read_text()), table_rows(folder / "benchmark.md")
+    assert [(run["cores"], run["frames_per_second"]) for run in (report["one_core"], report["two_cores"])] == [
+        (1, pytest.approx(100)), (2, pytest.approx(200))]
+    # Processor time of all, of decoding, of the main thread; odometry, scale stage; memory.
+    assert rows["1 core"] == [["100", "12.0", "2.00", "5.00", "4.00", "1.00", "60.0"]]
+    assert rows["2 cores"] == [["200", "12.0", "2.00", "5.00", "4.00", "1.00", "60.0"]]
+    # Images, dropped, odometry; latency: median, quantiles, maximum, to the image; processor time, memory.
+    assert rows["2 x"] == [["4", "1", "3", "40.0", "67.0", "69.4", "70.0", "0", "10.0", "60.0"]]
+    assert rows["mapping thread: bundle adjustment"] == [4 * ["20.0"] + ["25 %"]]
+
+
+def test_files_of_the_growth_report(tmp_path):
+    folder = tmp_path / "drive"
+    for series, setting in (("features", "tracker/cell_size=0.018"), ("image", ""),
+                            ("window", "bundle_adjustment/window=5 map/keyframes=10")):
+        write_run(folder / "growth" / series / "01", settings=setting)
+    benchmark_report.report_growth(folder, 0.25)
+    rows = table_rows(folder / "growth.md")
+    # Features; the stages, of which pyramid, track, align, pose, detect ran; main thread, adjustment, frame; memory.
+    cells = ["102", "–", "3.00", "–", "–", "0.500", "–", "–", "–", "5.00", "20.0", "12.0", "60.0"]
+    assert rows["0.018"] == rows["800x248"] == rows["5"] == [cells]
 
 
 def test_targets():
@@ -113,6 +149,17 @@ def test_micro_benchmarks_are_in_milliseconds(tmp_path):
 def test_growth(shortest, tmp_path):
     run(BENCHMARK, "--growth", shortest, "--out", tmp_path)
     assert "\n| bundle_adjustment/window " in (tmp_path / "shortest/growth.md").read_text()
+    series = json.loads((tmp_path / "shortest/growth.json").read_text())["series"]
+    assert [(run["width"], run["height"]) for run in series["image"]] == [
+        (round(factor * 800), round(factor * 248)) for factor in (0.5, 1, 1.465, 2.07, 2.93, 4.14)]
+
+
+def test_benchmark_sequence_records_what_it_measures(shortest, tmp_path):
+    """cores: those that the process may use."""
+    run(tool("benchmark_sequence"), shortest, "--camera-height", 1.65, "--cores", 1, "--repeat", 2, "--image-scale",
+        0.5, "--set", "refine=false", "--out", tmp_path)
+    assert json.loads((tmp_path / "run.json").read_text()) == {
+        "frames": 23, "width": 400, "height": 124, "cores": 1, "settings": "refine=false"}
 
 
 @pytest.mark.parametrize("text, arguments", [

@@ -10,7 +10,7 @@ import pytest
 import report_figures
 import report_paper
 import report_tables
-from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, tool, write_program
+from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, table_rows, tool, write_program
 
 REPORT = SCRIPTS / "report"
 DERIVE, RENDER = tool("derive_drives"), tool("render_drive")
@@ -151,16 +151,6 @@ def write_poses(file, count, step=0.9):
     """Straight on, with so many metres between the positions."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("".join(f"1 0 0 0 0 1 0 0 0 0 1 {step * i}\n" for i in range(count)))
-
-
-def table_rows(file):
-    """The cells of the rows of all tables of a page by their first cell; a list for each table that has it."""
-    rows = {}
-    for line in file.read_text().splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if line.startswith("|"):
-            rows.setdefault(cells[0], []).append(cells[1:])
-    return rows
 
 
 @pytest.fixture

@@ -1,16 +1,17 @@
 // Renders drives with faults in random order and of random duration and evaluates the pipeline on
 // each.
 
+#include <cstdint>
 #include <cstdio>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "ground_scale_vo/simulation/fault_evaluation.hpp"
 #include "support/command_line.hpp"
+#include "support/fault_tables.hpp"
 #include "support/parallel_for.hpp"
 #include "support/progress_line.hpp"
 
@@ -36,61 +37,24 @@ struct Arguments {
   int threads = 1;
 };
 
-void print(const gsv::FaultDrive& drive, const gsv::FaultDriveMetrics& metrics) {
-  const gsv::SyntheticDrive::Options& o = drive.options;
-  std::printf(
-      "%s: %zu frames at %.0f Hz, %dx%d, camera %.2f m high, %.1f m/s; %zu tracked, %zu not "
-      "finite\n",
-      drive.name.c_str(), metrics.frames, o.frame_rate_hz, o.camera.width, o.camera.height,
-      o.camera_height, o.speed, metrics.tracked_frames, metrics.non_finite_frames);
-  for (const gsv::FaultFreeSegment& s : metrics.segments) {
-    std::printf("  frames %3zu to %3zu: %5.1f m, error %.2f %%\n", s.first, s.last, s.length_m,
-                s.error_percent);
-  }
-  for (std::size_t i = 0; i < metrics.faults.size(); ++i) {
-    const gsv::FaultMetrics& f = metrics.faults[i];
-    std::printf(
-        "  frames %3zu to %3zu: %-13s %4.1f s%s: detected %.1f s, ok %zu, tracking %d, "
-        "metric %d, excess path %.2f m, error %.1f m, sigma %.1f m\n",
-        drive.faults[i].first, drive.faults[i].last, f.name.c_str(), f.duration_s,
-        f.hides_ground ? ", hides" : "", f.detection_delay_s, f.ok_frames,
-        f.tracking_recovery_frames, f.metric_recovery_frames, f.excess_path_m, f.position_error_m,
-        f.sigma_m);
-  }
-  const std::string violated = gsv::violatedThreshold(metrics);
-  if (!violated.empty()) std::printf("  VIOLATED: %s\n", violated.c_str());
-}
-
-std::vector<gsv::FaultDrive> selectDrives(const Arguments& arguments) {
-  const auto seed = static_cast<std::uint64_t>(arguments.seed);
-  std::vector<gsv::FaultDrive> drives;
-  for (const std::string& name : arguments.names) drives.push_back(gsv::faultDrive(name, seed));
-  for (std::size_t i = 0; arguments.names.empty() && i < gsv::kFaultDriveCount; ++i) {
-    drives.push_back(gsv::faultDrive(i, seed));
-  }
-  return drives;
-}
-
-/// Returns the number of drives that violate a threshold.
+/// Returns the exit status.
 int run(const std::vector<gsv::FaultDrive>& drives, int threads) {
   cv::setNumThreads(1);
   std::size_t frames = 0;
   for (const gsv::FaultDrive& drive : drives) {
     frames += static_cast<std::size_t>(drive.options.frames);
   }
-  int violations = 0;
+  std::vector<gsv::FaultDriveMetrics> metrics(drives.size());
   gsv::ProgressLine progress("evaluate_faults", frames);
   gsv::parallelFor(drives.size(), threads, [&](std::size_t i) {
-    const gsv::FaultDriveMetrics metrics = gsv::runFaultDrive(
+    metrics[i] = gsv::runFaultDrive(
         drives[i],
         [&](std::size_t, const cv::Mat&, const gsv::OfflineRun&) { progress.step("frames"); });
-    progress.pause([&] {
-      print(drives[i], metrics);
-      violations += !gsv::violatedThreshold(metrics).empty();
-    });
+    progress.pause([&] { std::fputs(gsv::faultDriveText(drives[i], metrics[i]).c_str(), stdout); });
   });
-  std::printf("%zu drives, %d with a violated threshold\n", drives.size(), violations);
-  return violations;
+  const gsv::FaultSummary summary = gsv::summarise(metrics);
+  std::fputs(summary.text.c_str(), stdout);
+  return summary.exit_status;
 }
 
 }  // namespace
@@ -114,6 +78,10 @@ int main(int argc, char** argv) {
       ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),
        "drives rendered and run in parallel");
   return command_line.run(
-      argc, argv, [&] { drives = selectDrives(arguments); },
-      [&] { return run(drives, arguments.threads) > 0 ? 1 : 0; });
+      argc, argv,
+      [&] {
+        drives =
+            gsv::selectFaultDrives(arguments.names, static_cast<std::uint64_t>(arguments.seed));
+      },
+      [&] { return run(drives, arguments.threads); });
 }

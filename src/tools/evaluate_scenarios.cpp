@@ -143,10 +143,7 @@ void tabulateAblation(const Arguments& arguments) {
       all.insert(all.end(), settings.begin(), settings.end());
       const gsv::ScenarioMetrics metrics =
           gsv::evaluateScenario(scenario, drive, gsv::runDrive(drive, rendered, all, step));
-      entry[key] = gsv::metricsJson(metrics);
-      entry[key]["violated"] = gsv::violatedThreshold(metrics, scenario.thresholds);
-      entry[key]["clearly"] =
-          !gsv::violatedThreshold(metrics, gsv::doubled(scenario.thresholds)).empty();
+      entry[key] = gsv::ablationJson(metrics, scenario.thresholds);
       return gsv::ablationCell(metrics, scenario.thresholds);
     };
     std::string& line = lines[i];
@@ -154,8 +151,7 @@ void tabulateAblation(const Arguments& arguments) {
     for (const Variant& variant : variants()) {
       line += " " + run(variant.key, variant.settings) + " |";
     }
-    Settings without = ablation.base;
-    without.insert(without.end(), ablation.disable.begin(), ablation.disable.end());
+    const Settings without = gsv::settingsWithoutComponent(ablation);
     line += ablation.disable.empty()
                 ? " | |"
                 : " " + run("disabled", without) + " | " + asMarkdownCode(without) + " |";

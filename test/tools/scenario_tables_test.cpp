@@ -77,5 +77,29 @@ TEST(AblationCell, IsBoldWithTheNameOfAViolatedThreshold) {
   EXPECT_EQ(ablationCell(m, wide), "**lost**");
 }
 
+TEST(AblationJson, HasTheViolatedThresholdAndWhetherItIsViolatedClearly) {
+  ScenarioMetrics m = metrics();
+  m.tracked_frames = 100;
+  m.lost_events = 0;
+  m.ok_while_unobservable = 0;
+  const auto json = [&](double rle_percent) {
+    m.rle_percent = rle_percent;
+    return ablationJson(m, {});  // at most 1.5 %
+  };
+  EXPECT_EQ(json(1).at("violated"), "");
+  EXPECT_EQ(json(1).at("clearly"), false);
+  EXPECT_EQ(json(2).at("violated"), "RLE");
+  EXPECT_EQ(json(2).at("clearly"), false);
+  EXPECT_EQ(json(4).at("violated"), "RLE");
+  EXPECT_EQ(json(4).at("clearly"), true);
+  EXPECT_EQ(json(4).at("rle_percent"), 4);
+  EXPECT_EQ(json(4).at("held"), 0.1);
+}
+
+TEST(SettingsWithoutComponent, BeginWithThoseThatMeetTheThresholds) {
+  EXPECT_EQ(settingsWithoutComponent({"c", {"a=1"}, {"b=2", "c=3"}}),
+            (std::vector<std::string>{"a=1", "b=2", "c=3"}));
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

@@ -117,4 +117,18 @@ std::string ablationCell(const ScenarioMetrics& metrics, const ScenarioThreshold
   return std::string("**") + text + "** " + violated;
 }
 
+nlohmann::ordered_json ablationJson(const ScenarioMetrics& metrics,
+                                    const ScenarioThresholds& thresholds) {
+  nlohmann::ordered_json object = metricsJson(metrics);
+  object["violated"] = violatedThreshold(metrics, thresholds);
+  object["clearly"] = !violatedThreshold(metrics, doubled(thresholds)).empty();
+  return object;
+}
+
+std::vector<std::string> settingsWithoutComponent(const ScenarioAblation& ablation) {
+  std::vector<std::string> settings = ablation.base;
+  settings.insert(settings.end(), ablation.disable.begin(), ablation.disable.end());
+  return settings;
+}
+
 }  // namespace ground_scale_vo

@@ -31,4 +31,12 @@ std::string terminalRow(const ScenarioRow& row, double seconds);
 /// by its name. Only "lost" or "no scale" if no frame has a metric pose.
 std::string ablationCell(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
+/// metricsJson(), and the violated threshold as "violated"; "clearly": whether the doubled
+/// thresholds are violated, too.
+nlohmann::ordered_json ablationJson(const ScenarioMetrics& metrics,
+                                    const ScenarioThresholds& thresholds);
+
+/// The settings with which the scenario is run without the component that it depends on.
+std::vector<std::string> settingsWithoutComponent(const ScenarioAblation& ablation);
+
 }  // namespace ground_scale_vo

@@ -40,7 +40,7 @@ class MapNumbering {
   std::optional<std::uint32_t> last_sequence_;
   std::uint32_t last_map_id_ = 0;
   std::uint32_t offset_ = 0;
-  bool continues_ = false;  ///< the trajectory contains the frames before
+  bool continues_ = false;                            ///< the trajectory contains the frames before
   std::optional<std::uint32_t> first_after_restart_;  ///< renumbered id
 };
 

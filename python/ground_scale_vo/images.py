@@ -1,5 +1,6 @@
 """Image folders, videos and bags as sequences of grey images with stamps."""
 
+import decimal
 import os
 import pathlib
 from typing import Any, Iterator, NamedTuple, Optional, Tuple
@@ -54,12 +55,20 @@ def _open_folder(folder):
     """Images in the order of their names; times.txt has a line [s] for each."""
     files = sorted(file for file in folder.iterdir() if file.suffix.lower() in (".png", ".jpg", ".jpeg"))
     try:
-        stamps = [round(1e9 * float(word)) for word in (folder / "times.txt").read_text().split()]
-    except (OSError, ValueError, OverflowError) as error:
+        stamps = [_nanoseconds(word) for word in (folder / "times.txt").read_text().split()]
+    except (OSError, ValueError) as error:
         raise DataError(f"{folder / 'times.txt'}: cannot be read ({error})") from None
     if not files or len(stamps) < len(files):
         raise DataError(f"{folder}: has {len(files)} images and {len(stamps)} stamps in times.txt")
     return Images(len(files), ((read_grey(file), stamp) for file, stamp in zip(files, stamps)))
+
+
+def _nanoseconds(word):
+    """Of seconds as text. A double has no nanoseconds of a time since 1970."""
+    try:
+        return round(10**9 * decimal.Decimal(word))
+    except (ValueError, ArithmeticError):
+        raise ValueError(f"{word} is not a time") from None
 
 
 def _open_video(file):

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import shutil
 
 import bags
 import cv2
@@ -87,6 +88,19 @@ def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
     assert "2 images are skipped" in done.stderr and "raw: 3 frames" in done.stdout
     stamps = np.loadtxt(tmp_path / "out/raw/trajectory_tum.txt")[:, 0]
     assert stamps == pytest.approx([0, 0.1, 0.2])
+
+
+def test_stamps_of_a_folder_are_exact(gsv, shortest, tmp_path):
+    """Seconds since 1970, to the nanosecond."""
+    cv2.imwrite(str(tmp_path / "0.png"), images_of(shortest)[0])
+    open_images = importlib.import_module("ground_scale_vo.images").open_images
+    for text, stamp in (("1317042145.964389445", 1317042145964389445), ("1.3170421459643894e9", 1317042145964389400)):
+        (tmp_path / "times.txt").write_text(text)
+        assert [stamp for _, stamp in open_images(tmp_path, None).images] == [stamp]
+    for text in ("nan", "inf", "1e999999999", "1,5"):
+        (tmp_path / "times.txt").write_text(text)
+        with pytest.raises(gsv.DataError, match=f"times.txt: cannot be read .{text} is not a time"):
+            open_images(tmp_path, None)
 
 
 def test_images_of_a_compressed_bag(gsv, bag, short, tmp_path):
@@ -205,6 +219,13 @@ def test_rotated_video_is_refused_with_the_calibration_of_the_sensor(command, vi
         "distortion_coeffs": [], "resolution": [width, height]}}))
     assert_refused(1, f"the images are {height}x{width}, the calibration is of {width}x{height}: calibrate",
                    *command, rotated, "--camera", tmp_path / "camera.yaml", env=WITHOUT_MESSAGES)
+
+
+def test_refuses_to_overwrite_the_input(command, shortest, tmp_path):
+    shutil.copytree(shortest, tmp_path / "drive")
+    assert_refused(2, "would write the results to the input", *command, "drive", "--out", ".", env=WITHOUT_MESSAGES,
+                   cwd=tmp_path)
+    assert (tmp_path / "drive/poses.txt").read_text() == (shortest / "poses.txt").read_text()
 
 
 @pytest.mark.parametrize("status, text, arguments", [

@@ -129,22 +129,48 @@ def test_wrong_arguments(text, arguments):
     assert_refused(2, text, REPORT, *arguments)
 
 
-@pytest.mark.skipif(not LONG, reason="renders a fault drive and a scenario: scripts/test --long")
-def test_faults_and_scenarios_are_collected(tmp_path):
-    """From files as evaluate_faults and evaluate_scenarios write them."""
-    for part in ("faults", "ablation"):
-        (tmp_path / part).mkdir()
-    (tmp_path / "faults/faults.txt").write_text(run(tool("evaluate_faults"), "darker").stdout)
+@pytest.mark.skipif(not LONG, reason="renders two fault drives: scripts/test --long")
+def test_faults_are_collected(tmp_path):
+    """From a file as evaluate_faults writes it."""
+    (tmp_path / "faults").mkdir()
+    text = run(tool("evaluate_faults"), "darker").stdout
+    (tmp_path / "faults/faults.txt").write_text(text)
     run("/usr/bin/python3", SCRIPTS / "report_figures.py", "faults", tmp_path)
     faults = json.loads((tmp_path / "faults.json").read_text())
     assert faults["drives"] == 1 and faults["kinds"]["darker"]["count"] == 1
     assert 0 < faults["max_error_percent"] < 5
+    other = run(tool("evaluate_faults"), "darker", "--seed", 1).stdout
+    assert other.splitlines()[0] != text.splitlines()[0]  # another camera and speed
 
+
+@pytest.mark.skipif(not LONG, reason="renders a scenario: scripts/test --long")
+def test_scenarios_are_collected(tmp_path):
+    """From files as evaluate_scenarios writes them."""
+    (tmp_path / "ablation").mkdir()
     run(tool("evaluate_scenarios"), "camera_low", "--ablation", "--out", tmp_path / "ablation")
     run("/usr/bin/python3", SCRIPTS / "report_figures.py", "ablation", tmp_path)
     runs = json.loads((tmp_path / "ablation.json").read_text())["camera_low"]
-    assert {"default", "paper", "features_only", "direct_only"} <= set(runs)
     assert runs["default"]["violated"] == "" and 0 < runs["default"]["rle_percent"] < 1.5
+
+    # The variants are those with the settings of their headings.
+    def scenario(out, *settings):
+        run(tool("evaluate_scenarios"), "camera_low", "--out", tmp_path / out, *settings)
+        (scenario,) = json.loads((tmp_path / out / "scenarios.json").read_text())
+        return {key: scenario[key] for key in ("rle_percent", "held", "within_2_sigma", "displacement_sigmas")}
+
+    variants = {"default": [], "paper": ["--set", "paper_literal=true"], "features_only": ["--set", "refine=false"],
+                "direct_only": ["--set", "gpe/min_points=1000000"]}
+    figures = {name: scenario(name, *settings) for name, settings in variants.items()}
+    assert {name: {key: runs[name][key] for key in figures[name]} for name in variants} == figures
+    assert len({figure["rle_percent"] for figure in figures.values()}) == len(figures)
+
+    results = tmp_path / "default/camera_low"
+    metrics = json.loads((results / "metrics.json").read_text())
+    assert metrics["camera_height_m"] == 0.5 and metrics["height_bias_percent"] is not None
+    poses = [numpy.loadtxt(results / name).reshape(-1, 3, 4) for name in ("ground_truth.txt", "poses.txt")]
+    assert numpy.allclose(poses[0][0], numpy.eye(3, 4)) and poses[0].shape == poses[1].shape
+    length = numpy.linalg.norm(poses[0][-1, :, 3])
+    assert numpy.linalg.norm(poses[1][-1, :, 3] - poses[0][-1, :, 3]) < 0.05 * length
 
 
 def write_poses(file, count, step=0.9):

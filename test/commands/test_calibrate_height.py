@@ -35,8 +35,10 @@ def test_arguments_reach_the_tool(stub_tools, tmp_path):
     stubs = stub_tools("height_from_drive")
     run(SCRIPTS / "calibrate_height", "a", "--length", 5, **stubs)
     run(SCRIPTS / "calibrate_height", "a", "--out", "o.yaml", "--force", **stubs)
+    run(SCRIPTS / "calibrate_height", "a", "--out=o.yaml", **stubs)
     assert (tmp_path / "calls").read_text().splitlines() == [
-        "height_from_drive --out height.yaml a --length 5", "height_from_drive a --out o.yaml --force"]
+        "height_from_drive --out height.yaml a --length 5", "height_from_drive a --out o.yaml --force",
+        "height_from_drive a --out=o.yaml"]
     assert run(SCRIPTS / "calibrate_height", "fails", check=False, **stubs).returncode == 1
 
 

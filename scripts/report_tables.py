@@ -325,8 +325,9 @@ def summary(results):
     every = [drive for part in sets.values() for drive in part]
     figures = {"drives": len(every)}
     if every:
-        figures["pose_within_3_m"] = sum((d["first_metric_pose_m"] or 99) <= 3 for d in every)
-        figures["scale_within_2_sigma"] = sum(abs(d["first_scale_error_sigmas"] or 99) <= 2 for d in every)
+        for figure, key, limit in (("pose_within_3_m", "first_metric_pose_m", 3),
+                                   ("scale_within_2_sigma", "first_scale_error_sigmas", 2)):
+            figures[figure] = sum(d[key] is not None and abs(d[key]) <= limit for d in every)
     for part, members in sets.items():
         figures[part] = {"drives": len(members), **{key: mean([d[key] for d in members])
                          for key in ("rle_percent", "t_err_percent", "t_err_short_percent")}}

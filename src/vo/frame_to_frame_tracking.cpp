@@ -75,13 +75,14 @@ double FrameToFrameTracking::medianFlow(const std::vector<Feature>& found) const
   return flow.empty() ? 0 : median(flow);
 }
 
-void FrameToFrameTracking::advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
+bool FrameToFrameTracking::advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
                                                    std::vector<Feature> found) {
   if (medianFlow(found) < options_.standstill_flow * camera_.width &&
       100 * found.size() > kStandstillMinTrackedPercent * features_.size()) {
-    return;
+    return false;
   }
   advance(std::move(next), stamp_ns, std::move(found));
+  return true;
 }
 
 void FrameToFrameTracking::advance(ImagePyramid next, std::int64_t stamp_ns,

@@ -36,8 +36,8 @@ class FrameToFrameTracking {
                              std::vector<RejectedFeature>* rejected) const;
 
   /// The next image becomes the previous one, unless the camera is stationary: tracking from
-  /// the same image throughout a standstill accumulates no drift.
-  void advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
+  /// the same image throughout a standstill accumulates no drift. Returns false at a standstill.
+  bool advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
                                std::vector<Feature> found);
   void advance(ImagePyramid next, std::int64_t stamp_ns, std::vector<Feature> found);
 

@@ -13,8 +13,7 @@ constexpr std::size_t kMinMatches = 100;
 /// Minimum number of landmarks with depth in a new map.
 constexpr std::size_t kMinPoints = kMinMatches / 2;
 
-/// [frames] limits the memory while the camera is stationary before initialisation: five minutes at
-/// 10 Hz.
+/// [frames] limits the memory before the first motion: five minutes at 10 Hz.
 constexpr std::size_t kMaxFrames = 3000;
 
 std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
@@ -114,10 +113,12 @@ std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::localis
   std::vector<VisualOdometry::StartPose> poses;
   Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
   for (const Frame& frame : frames_) {
-    const auto estimate =
-        pose_estimation_.estimate(predicted, pointObservations(map, frame.corners));
-    if (estimate.status != PoseStatus::kOk) return std::nullopt;
-    predicted = estimate.T_w_c;
+    if (!frame.corners.empty()) {
+      const auto estimate =
+          pose_estimation_.estimate(predicted, pointObservations(map, frame.corners));
+      if (estimate.status != PoseStatus::kOk) return std::nullopt;
+      predicted = estimate.T_w_c;
+    }
     poses.push_back({frame.sequence, frame.stamp_ns, predicted});
   }
   poses.front().T_w_c = Eigen::Isometry3d::Identity();

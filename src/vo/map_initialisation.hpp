@@ -37,6 +37,10 @@ class MapInitialisation {
   /// Adds the next frame. found: the features of the first frame that are still tracked.
   void addFrame(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& found);
 
+  /// The newest frame shows no motion since the one before it, whose pose it gets: a long
+  /// standstill needs neither memory for its features nor time to localise its frames.
+  void newestStandsStill() { frames_.back().corners = std::vector<LocalMap::Corner>(); }
+
   /// Creates a map from the first and the newest frame. found, image: features and image of the
   /// newest frame. Returns the poses of all frames; empty, with an empty map, if the motion cannot
   /// be estimated yet. The unit of length is the median depth in the first frame.
@@ -47,7 +51,7 @@ class MapInitialisation {
   struct Frame {
     std::uint32_t sequence = 0;
     std::int64_t stamp_ns = 0;
-    std::vector<LocalMap::Corner> corners;
+    std::vector<LocalMap::Corner> corners;  ///< empty: at the pose of the frame before
   };
 
   std::vector<Eigen::Vector2d> pixelsInFirst(const std::vector<Feature>& found) const;

@@ -149,7 +149,9 @@ struct VisualOdometry::Impl {
     ScopedTimer timer(&out->times.pose);
     auto poses = initialisation.tryStartMap(found, image, &mapping);
     if (!poses) {
-      tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
+      if (!tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found)) {
+        initialisation.newestStandsStill();
+      }
       return found;
     }
     status = VoStatus::kTracking;

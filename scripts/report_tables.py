@@ -4,6 +4,7 @@ derived(results) returns the results with two more parts: `summary` (single figu
 """
 
 import math
+import statistics
 
 from paper_results import FRAMES, LENGTHS as PAPER_LENGTHS, PAPER, ROTATION, TRANSLATION
 
@@ -160,7 +161,7 @@ def ablation_table(part):
              number(d["default"]["within_2_sigma"]),
              *(ablation_cell(d.get(key)) for key in ("paper", "features_only", "direct_only", "disabled")),
              component_cell(d)] for name, d in drives(part).items()]
-    return table(["scenario", "RLE", "held", "2σ", "`paper_literal`", "features only", "direct only",
+    return table(["scenario", "RLE after start", "held", "2σ", "`paper_literal`", "features only", "direct only",
                   "without the component", "component"], rows)
 
 
@@ -329,12 +330,14 @@ def summary(results):
                                    ("scale_within_2_sigma", "first_scale_error_sigmas", 2)):
             figures[figure] = sum(d[key] is not None and abs(d[key]) <= limit for d in every)
     for part, members in sets.items():
-        figures[part] = {"drives": len(members), **{key: mean([d[key] for d in members])
-                         for key in ("rle_percent", "t_err_percent", "t_err_short_percent")}}
-        for key in ("first_metric_pose_m", "t_err_true_length_percent", "rle_percent"):
+        figures[part] = {"drives": len(members)}
+        for key in ("rle_percent", "t_err_percent", "t_err_short_percent", "first_metric_pose_m",
+                    "t_err_true_length_percent"):
             known = [d[key] for d in members if d[key] is not None]
-            figures[part][key + "_min"] = min(known, default=None)
-            figures[part][key + "_max"] = max(known, default=None)
+            figures[part].update({
+                key: mean(known), key + "_drives": len(known), key + "_min": min(known, default=None),
+                key + "_max": max(known, default=None),
+                key + "_median": statistics.median(known) if known else None})
     if "ablation" in results:
         runs = drives(results["ablation"])
         figures["ablation"] = {

@@ -450,11 +450,13 @@ def test_summary():
     part = {str(i): {**report_figures.drive_figures(drive_metrics()), "first_scale_error_sigmas": sigmas,
                      "first_metric_pose_m": first, "rle_percent": rle}
             for i, (sigmas, first, rle) in enumerate([(-3.0, 2.0, 1.0), (-1.0, 4.0, 2.0), (0.0, 0.0, None),
-                                                    (None, None, None)])}
+                                                    (None, None, 6.0)])}
     summary = report_tables.summary({"sequences": {"run": {}, **part}})
     assert (summary["drives"], summary["pose_within_3_m"], summary["scale_within_2_sigma"]) == (4, 2, 2)
     figures = summary["sequences"]
-    assert (figures["rle_percent"], figures["rle_percent_min"], figures["rle_percent_max"]) == (1.5, 1.0, 2.0)
+    assert {end: figures[f"rle_percent{end}"] for end in ("", "_drives", "_min", "_max", "_median")} == {
+        "": 3.0, "_drives": 3, "_min": 1.0, "_max": 6.0, "_median": 2.0}
+    assert figures["t_err_percent_drives"] == 4
 
 
 @pytest.fixture(scope="module")

@@ -97,6 +97,10 @@ gsv_setup() {
     [[ $installed == *" installed=$package "* ]] || missing+=("$package")
   done
   ((${#missing[@]})) || return 0
+  if [[ ${GROUND_SCALE_VO_NO_INSTALL:-} ]]; then
+    echo "set-up: ${#missing[@]} packages are missing: ${missing[*]}" >&2
+    return 1
+  fi
 
   local as_root=()
   if ((EUID != 0)); then

@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import subprocess
 
 import pytest
 from conftest import BUILD, ROOT, SCRIPTS, assert_plays, run
@@ -40,3 +41,11 @@ def test_documented_command_is_installed(command):
 @pytest.mark.parametrize("module", ["diagnostic_msgs", "visualization_msgs"])
 def test_rostopic_can_print(module):
     run("/usr/bin/python3", "-c", f"import {module}.msg")
+
+
+@pytest.mark.skipif(os.path.isdir("/opt/ros"), reason="the user installs the dependencies there")
+def test_missing_packages_are_only_named_on_request():
+    result = subprocess.run(
+        ["bash", "-c", f"source {SCRIPTS}/lib/environment.sh; gsv_packages() {{ echo no-such-package; }}; gsv_setup"],
+        env={**os.environ, "GROUND_SCALE_VO_NO_INSTALL": "1"}, capture_output=True, text=True)
+    assert (result.returncode, result.stderr) == (1, "set-up: 1 packages are missing: no-such-package\n")

@@ -8,6 +8,7 @@ import subprocess
 
 import bags
 import pytest
+import rosbag
 from conftest import ROOT, TIMEOUT_S, is_running, pid_of, roslaunch, wait_until, write_program
 
 
@@ -50,9 +51,10 @@ def test_waits_for_both_nodelets(bag, config, tmp_path):
         wait_until(lambda: "Playback finished: 40 of 40 frames" in log.read_text(), while_runs=process)
 
 
-def test_continues_after_the_bag(bag, config, tmp_path):
-    log = tmp_path / "log"
-    with roslaunch(log, "kitti.launch", f"bag:={bag}", config) as (process, master):
+def test_continues_after_a_bag_without_ground_truth(bag, config, tmp_path):
+    log, without = tmp_path / "log", tmp_path / "without.bag"
+    bags.copy(bag, without, lambda topic, message: None if topic == "/tf" else (topic, message))
+    with roslaunch(log, "kitti.launch", f"bag:={without}", config) as (process, master):
         wait_until(lambda: "Playback finished: 40 of 40 frames" in log.read_text(), while_runs=process)
         assert is_running(pid_of("/ground_scale_vo_manager", master))
 
@@ -103,6 +105,19 @@ def test_ends_when_it_cannot_play(bag, tmp_path, argument, text):
     with roslaunch(log, "kitti.launch", f"bag:={bag}", argument) as (process, _):
         process.wait(TIMEOUT_S)
     assert text in log.read_text() and "Traceback" not in log.read_text()
+
+
+def test_ends_when_two_topics_hold_images(bag, tmp_path):
+    """Both would be played on the same topic."""
+    log, both = tmp_path / "log", tmp_path / "both.bag"
+    with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(both), "w") as new:
+        for topic, message, stamp in old.read_messages():
+            for name in {topic, topic.replace("image_rect", "image_raw")}:
+                new.write(name, message, stamp)
+    with roslaunch(log, "kitti.launch", f"bag:={both}") as (process, _):
+        process.wait(TIMEOUT_S)
+    assert "has several topics with images, /kitti/camera_gray_left/image_rect, " \
+        "/kitti/camera_gray_left/image_raw: choose one" in log.read_text()
 
 
 def test_ends_without_a_bag(tmp_path):

@@ -174,6 +174,7 @@ def test_two_vehicles_have_their_own_arguments():
         assert parameters[f"{scale}/camera_height"] == height
         assert parameters[f"{scale}/odom_frame"] == f"{name}/odom"
         assert parameters[f"{scale}/base_frame"] == f"{name}/base_link"
+        assert parameters[f"{scale}/publish_tf"] is True
         for nodelet in (f"/{name}/mono_vo", scale):
             assert parameters[f"{nodelet}/mask"] == f"/{name}.png"
             assert parameters[f"{nodelet}/image_is_rectified"] is True
@@ -181,18 +182,38 @@ def test_two_vehicles_have_their_own_arguments():
             assert " /vehicles_manager" in nodes[nodelet].args
 
 
+def test_two_vehicles_with_height_files_and_without_tf(height_file, tmp_path):
+    other = tmp_path / "other.yaml"
+    other.write_text("camera_height: 2.5\n")
+    _, _, parameters = loaded("two_vehicles.launch", f"first_height_file:={height_file}",
+                              f"second_height_file:={other}", "publish_tf:=false")
+    for name, height in (("first", 1.2345), ("second", 2.5)):
+        assert parameters[f"/{name}/scale_recovery/camera_height"] == height
+        assert parameters[f"/{name}/scale_recovery/publish_tf"] is False
+
+
 @pytest.mark.parametrize("image, remapped, transport", [
     ("cam/image", "/cam/image", "raw"), ("cam/image/compressed", "/cam/image", "compressed"), ("", None, "raw")])
 def test_arguments_of_another_vo(image, remapped, transport):
     _, remappings, parameters = loaded(
         "another_vo.launch", "camera_height:=1.2", "odometry:=orb/odometry", "tracks:=orb/tracks",
-        f"image:={image}", "camera_info:=cam/info", "mask:=/m.png", "base_frame:=base", "publish_tf:=false")
+        f"image:={image}", "camera_info:=cam/info", "mask:=/m.png", "odom_frame:=map",
+        "base_frame:=base", "publish_tf:=false")
     assert remappings["/feed_another_vo"] == {"odometry_up_to_scale": "/orb/odometry", "tracks": "/orb/tracks",
                                               "camera_info": "/cam/info"}
     assert remappings["/scale_recovery"] == {"camera_info": "/cam/info", **({"image": remapped} if image else {})}
     expected = {"camera_height": 1.2, "refine": bool(image), "image_is_rectified": True, "mask": "/m.png",
-                "base_frame": "base", "publish_tf": False, "image_transport": transport}
+                "odom_frame": "map", "base_frame": "base", "publish_tf": False, "image_transport": transport}
     assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
+
+
+@pytest.mark.parametrize("call", [call for call in CALLS if not call.startswith("live_camera.launch")])
+def test_the_end_of_a_program_ends_the_launch(call, height_file):
+    """So a nodelet that refuses its parameters, or a bag that cannot be played, is not overlooked."""
+    file, *arguments = call.replace("HEIGHT", str(height_file)).split()
+    nodes, _, _ = loaded(file, *arguments)
+    optional = {name for name, node in nodes.items() if not node.required}
+    assert optional <= {"/bag_player", "/ground_truth_relay", "/rviz", "/view_frame"} and len(optional) < len(nodes)
 
 
 @pytest.mark.parametrize("call", CALLS)

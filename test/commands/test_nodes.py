@@ -10,9 +10,12 @@ import signal
 import socket
 import subprocess
 
+import bags
 import pytest
+import rosbag
 from conftest import ROOT, TIMEOUT_S
 from geometry_msgs.msg import Point32, Quaternion
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import ChannelFloat32
 
 MODULE_OF_ROS = re.compile(rb"\| +(gen(msg|py)|ros\w+|yaml|numpy)\b")  # or of its dependencies
@@ -86,21 +89,84 @@ def test_heading_of_the_view(node, yaw):
     assert node.heading(camera, True) == pytest.approx(yaw)
 
 
-@pytest.mark.parametrize("node", ["view_frame"], indirect=True)
-def test_view_is_at_the_position_and_level(node):
-    published = []
-    view = node.ViewFrame.__new__(node.ViewFrame)
-    view._camera_frame = "camera"
-    view._publisher = type("Publisher", (), {"publish": lambda _, message: published.append(message)})()
-    odometry = node.Odometry(child_frame_id="base_link")
-    odometry.header.frame_id = "odom"
-    position, q = odometry.pose.pose.position, odometry.pose.pose.orientation
-    position.x, position.y, position.z, q.z, q.w = 1, 2, 3, math.sin(0.4), math.cos(0.4)
-    view._on_odometry(odometry)
-    transform = published[0].transforms[0]
+class Viewing:
+    """A view_frame without a master, and the transforms that it broadcasts."""
+
+    def __init__(self, node, monkeypatch):
+        self.node, self.static, self.moving = node, [], []
+        monkeypatch.setattr(node.rospy, "Publisher", lambda *_, **__: self)
+        monkeypatch.setattr(node.rospy, "Subscriber", lambda *_, **__: None)
+        monkeypatch.setattr(node.tf2_ros, "TransformListener", lambda _: None)
+        monkeypatch.setattr(node.tf2_ros, "StaticTransformBroadcaster", lambda: self)
+        self.view = node.ViewFrame()
+
+    def publish(self, message):
+        self.moving += message.transforms
+
+    def sendTransform(self, transform):
+        self.static.append(transform)
+
+    def mount(self, x, y, z):
+        """Of the camera on the base."""
+        transform = self.node.TransformStamped(child_frame_id="camera")
+        transform.header.frame_id = "base_link"
+        transform.transform.translation, transform.transform.rotation.w = self.node.Vector3(x, y, z), 1
+        self.view._tf.set_transform_static(transform, "test")
+
+    def scale(self, status, scale, height):
+        message = self.node.ScaleEstimate(status=status, scale=scale, height=height)
+        message.header.frame_id = "camera"
+        self.view._on_scale(message)
+
+    def odometry(self, child, position, q):
+        message = self.node.Odometry(child_frame_id=child)
+        message.header.frame_id = "odom"
+        message.pose.pose.position = self.node.Vector3(*position)
+        message.pose.pose.orientation = q
+        self.view._on_odometry(message)
+
+
+def placed(transform):
     t, r = transform.transform.translation, transform.transform.rotation
-    assert (transform.header.frame_id, t.x, t.y, t.z) == ("odom", 1, 2, 3)
-    assert (r.x, r.y, r.z, r.w) == pytest.approx((0, 0, math.sin(0.4), math.cos(0.4)))
+    return (transform.header.frame_id, transform.child_frame_id, (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
+
+
+def about_z(yaw):
+    return Quaternion(0, 0, math.sin(yaw / 2), math.cos(yaw / 2))
+
+
+@pytest.mark.parametrize("node", ["view_frame"], indirect=True)
+def test_view_of_a_camera_is_on_the_road_and_level(node, monkeypatch):
+    viewing = Viewing(node, monkeypatch)
+    viewing.scale(node.ScaleEstimate.UNKNOWN, 0, 0)
+    forward = Quaternion(-0.5, 0.5, -0.5, 0.5)
+    viewing.odometry("camera", (0, 0, 0), forward)
+    assert not viewing.moving + viewing.static  # the height is not known
+    viewing.scale(node.ScaleEstimate.OK, 0.5, 2.4)
+    viewing.odometry("camera", (0, 0, 0), forward)
+    viewing.scale(node.ScaleEstimate.HELD, 0.6, 2.0)
+    viewing.odometry("camera", (1, 2, 3), product(about_z(0.8), forward))
+    assert [placed(transform) for transform in viewing.moving] == [
+        ("odom", "ground_scale_vo_view", pytest.approx((0, 0, -1.2)), pytest.approx((0, 0, 0, 1))),
+        ("odom", "ground_scale_vo_view", pytest.approx((1, 2, 1.8)),
+         pytest.approx((0, 0, math.sin(0.4), math.cos(0.4))))]
+    assert [placed(transform) for transform in viewing.static] == [
+        ("odom", "ground_scale_vo_road", pytest.approx((0, 0, -1.2)), (0, 0, 0, 1))]
+
+
+@pytest.mark.parametrize("node", ["view_frame"], indirect=True)
+def test_view_of_a_base_is_on_the_road(node, monkeypatch):
+    """The nose of the vehicle points up by 0.1 rad, so the camera in front of it is higher."""
+    viewing = Viewing(node, monkeypatch)
+    viewing.scale(node.ScaleEstimate.OK, 1.0, 1.5)
+    pitch = product(about_z(0.8), Quaternion(0, -math.sin(0.05), 0, math.cos(0.05)))
+    viewing.odometry("base_link", (1, 2, 3), pitch)
+    assert not viewing.moving  # the mounting is not known
+    viewing.mount(2, 7, 1.2)
+    viewing.odometry("base_link", (1, 2, 3), pitch)
+    road_z = 3 + 2 * math.sin(0.1) + 1.2 * math.cos(0.1) - 1.5
+    assert placed(viewing.moving[0])[2] == pytest.approx((1, 2, road_z))
+    assert placed(viewing.static[0])[2] == pytest.approx((0, 0, road_z))
 
 
 class Feeding:
@@ -158,3 +224,39 @@ def test_frames_of_another_odometry(node, monkeypatch):
     assert (last.width, last.height, last.fx, last.fy, last.cx, last.cy) == (640, 480, 500, 510, 310, 230)
     assert (last.u, last.v, last.x, last.y, last.z) == ([320], [240], [-2], [0], [10])
     assert (last.status, last.header.frame_id, last.pose.position.x) == (node.VoFrame.TRACKING, "camera", 2)
+
+
+@pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
+def test_points_are_sorted_and_in_camera_axes(node, monkeypatch):
+    feeding = Feeding(node, monkeypatch)
+    odometry = node.Odometry(child_frame_id="camera")
+    odometry.header.stamp.secs = 1
+    odometry.pose.pose.position = Point32(1, 2, 3)
+    odometry.pose.pose.orientation = Quaternion(0.5, 0.5, 0.5, 0.5)  # x to y, y to z, z to x
+    feeding.feeder._on_odometry(odometry)
+    tracks = node.PointCloud(points=[Point32(10, 4, 7), Point32(20, 5, 6), Point32(30, 1, 2)], channels=[
+        ChannelFloat32("id", [9, 7, 8]), ChannelFloat32("u", [1, 2, 3]), ChannelFloat32("v", [4, 5, 6])])
+    tracks.header.stamp.secs = 1
+    feeding.feeder._on_tracks(tracks)
+    frame, = feeding.frames
+    assert (list(frame.id), list(frame.u), list(frame.v)) == ([7, 8, 9], [2, 3, 1], [5, 6, 4])
+    assert list(zip(frame.x, frame.y, frame.z)) == [(3, 3, 19), (-1, -1, 29), (2, 4, 9)]
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+def test_the_bag_ends_with_its_last_image(node, bag):
+    with rosbag.Bag(str(bag)) as messages:
+        stamps = [message.header.stamp for _, message, _ in messages.read_messages(topics=[bags.IMAGE])]
+    summary = node.BagSummary(str(bag), [bags.IMAGE], bags.INFO)
+    assert (summary.images, summary.last_image) == (len(stamps), max(stamps))
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+def test_distance_of_the_progress(node, monkeypatch):
+    monkeypatch.setattr(node.rospy, "Subscriber", lambda *_, **__: type("Subscriber", (), {"resolved_name": ""}))
+    output = node.OutputMonitor(3)
+    for x, y in ((1, 2), (4, 6), (4, 7)):
+        odometry = Odometry()
+        odometry.pose.pose.position.x, odometry.pose.pose.position.y = x, y
+        output._on_odometry(odometry)
+    assert output._distance_m == pytest.approx(6)

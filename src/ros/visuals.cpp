@@ -193,21 +193,11 @@ void writeLine(cv::Mat& image, const std::string& text, int row) {
         kSize * std::min(fit, 1.0));
 }
 
-/// Upper left corner: the scale, and the standard deviation of each measurement of this frame.
+/// Upper left corner.
 void drawScale(cv::Mat& image, const ScaleRecovery::Output& output) {
-  const ScaleEstimate& scale = output.scale;
-  std::string first = toString(scale.status);
-  if (scale.reason != ScaleReason::kNone) first += std::string(", ") + toString(scale.reason);
-  if (scale.status != ScaleStatus::kUnknown) {
-    first +=
-        cv::format(": %.4g m per VO unit +- %.1f %%", scale.scale, 100 * scale.sigma / scale.scale);
-  }
-  std::string second = "this frame: features " + percentOf(output.feature_based) + ", direct " +
-                       percentOf(output.direct);
-  if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
   drawBox(image, kBoxHeight);
-  writeLine(image, first, 0);
-  writeLine(image, second, 1);
+  int row = 0;
+  for (const std::string& line : scaleText(output)) writeLine(image, line, row++);
 }
 
 visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, int type) {
@@ -245,6 +235,20 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& 
   }
   drawLegend(image);
   return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, image).toImageMsg();
+}
+
+std::array<std::string, 2> scaleText(const ScaleRecovery::Output& output) {
+  const ScaleEstimate& scale = output.scale;
+  std::string first = toString(scale.status);
+  if (scale.reason != ScaleReason::kNone) first += std::string(", ") + toString(scale.reason);
+  if (scale.status != ScaleStatus::kUnknown) {
+    first +=
+        cv::format(": %.4g m per VO unit +- %.1f %%", scale.scale, 100 * scale.sigma / scale.scale);
+  }
+  std::string second = "this frame: features " + percentOf(output.feature_based) + ", direct " +
+                       percentOf(output.direct);
+  if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
+  return {first, second};
 }
 
 sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,

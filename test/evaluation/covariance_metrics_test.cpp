@@ -241,5 +241,11 @@ TEST(CovarianceMetrics, AlsoTellsTheNeesOfAnExactGroundTruth) {
   EXPECT_LT(measured.nees_per_dof, exact.nees_per_dof);
 }
 
+TEST(CovarianceMetrics, TheGroundTruthOfKittiHasItsPublishedAccuracy) {
+  EXPECT_EQ(kGpsImuAccuracy.position_sigma, 0.05);
+  EXPECT_NEAR(kGpsImuAccuracy.rotation_sigma * 180 / M_PI, 0.1, 1e-12);
+  EXPECT_EQ(kGpsImuAccuracy.alignment_sigma, 0.004);
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

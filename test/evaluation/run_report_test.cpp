@@ -320,6 +320,19 @@ TEST_F(RunReport, EachFileHasItsPoses) {
   EXPECT_EQ(json.at("camera_height_m"), 1.65);
 }
 
+TEST_F(RunReport, AMeasuredGroundTruthIsNotExact) {
+  std::vector<Eigen::Isometry3d> ground_truth;
+  const RunRecord record = biasedDrive(&ground_truth);
+  const Json json = Json::parse(metricsJson(record, 1.65, ground_truth));
+  const auto expected = computeCovarianceMetrics(record, ground_truth, kGpsImuAccuracy).by_length;
+  ASSERT_EQ(json.at("covariance_by_length").size(), expected.size());
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    const Json& entry = json.at("covariance_by_length")[i];
+    EXPECT_NEAR(entry.at("nees_per_dof"), expected[i].nees_per_dof, 1e-6);
+    EXPECT_LT(entry.at("nees_per_dof"), entry.at("nees_per_dof_exact_ground_truth"));
+  }
+}
+
 TEST_F(RunReport, WritesTheFilesOfARun) {
   const ScriptedRun run = runWithInitialisation();
   const auto folder = folder_ / "results" / "07";

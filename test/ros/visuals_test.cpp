@@ -276,6 +276,27 @@ TEST_F(RoadPainting, TextFitsIntoASmallImage) {
   EXPECT_GT(near_label, 0);
 }
 
+TEST_F(RoadPainting, TextNamesTheScaleAndBothMeasurements) {
+  output_.scale = {};
+  output_.scale.status = ScaleStatus::kOk;
+  output_.scale.scale = 1.25;
+  output_.scale.sigma = 0.025;
+  output_.feature_based = {0.5, 0.015};
+  output_.direct = {0.5, 0.005};
+  output_.correlation = 0.9;
+  EXPECT_EQ(scaleText(output_), (std::array<std::string, 2>{
+                                    "ok: 1.25 m per VO unit +- 2.0 %",
+                                    "this frame: features 3.0 %, direct 1.0 %, correlation 0.90"}));
+  output_.scale = {};
+  output_.scale.status = ScaleStatus::kUnknown;
+  output_.scale.reason = ScaleReason::kNoPlane;
+  output_.feature_based = output_.direct = {};
+  output_.correlation = 0;
+  EXPECT_EQ(
+      scaleText(output_),
+      (std::array<std::string, 2>{"unknown, no_plane", "this frame: features none, direct none"}));
+}
+
 TEST_F(RoadPainting, AnImageOfTwiceTheWidthHasTwiceTheText) {
   output_.scale.status = ScaleStatus::kUnknown;
   const auto lowestText = [this](int width) {

@@ -82,6 +82,7 @@ TEST_F(Compressed, ImagesAreProcessedAndInvalidOnesDropped) {
   EXPECT_EQ(frames_.messages().back()->sequence, processed + 1);
   EXPECT_TRUE(waitForValue(diagnostics_, "dropped: image refused", "3", "mono_vo"));
   EXPECT_TRUE(waitForValue(diagnostics_, "dropped: image refused", "3", "scale_recovery"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "images", "used", "scale_recovery"));
 }
 
 }  // namespace

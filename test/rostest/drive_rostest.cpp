@@ -209,6 +209,12 @@ TEST_F(Drive, DiagnosticsDescribeTheDriveAndItsLastFrame) {
     text << value;
     return waitForValue(run_->diagnostics, key, text.str(), "scale_recovery");
   };
+  for (const std::string nodelet : {"mono_vo", "scale_recovery"}) {
+    EXPECT_TRUE(waitForStatus(run_->diagnostics, [&](const auto& status) {
+      return status.name.find(nodelet) != std::string::npos &&
+             numberIn(status, "time of the last frame [ms]") > 0;
+    })) << nodelet;
+  }
   const ScaleRecovery::Output& last = run.offline.last().scale;
   EXPECT_TRUE(reportsNumber("distance [m]", last.pose->distance));
   EXPECT_TRUE(reportsNumber("scale [m / VO unit]", last.scale.scale));

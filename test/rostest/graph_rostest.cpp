@@ -575,6 +575,7 @@ TEST_F(Graph, ALateSubscriberGetsTheWholePath) {
     EXPECT_EQ(path.messages().back()->header.frame_id, "odom");
   }
   TopicRecorder<nav_msgs::Path> path(handle_, "/late/path");
+  ASSERT_TRUE(path.wait([](const auto& paths) { return !paths.empty(); }));
   ASSERT_TRUE(callReset("/late/scale_recovery"));
   EXPECT_TRUE(
       path.wait([](const auto& paths) { return !paths.empty() && paths.back()->poses.empty(); }));

@@ -384,8 +384,13 @@ TEST_F(Images, TwoCamerasOnOneTopicAreAnError) {
     const auto frames = frames_.messages();
     EXPECT_LE(frames.size(), 11u);  // one of the other camera, until the first one returns
     EXPECT_EQ(frames.back()->header.frame_id, "camera");
-    EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
-                               "two cameras publish on /image", false));
+    const std::string size = " x " + std::to_string(kHeight);
+    EXPECT_TRUE(waitForSummary(
+        diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+        "two cameras publish on /image: the images alternate between frame_id \"camera\", " +
+            std::to_string(kWidth) + size + ", which are used, and frame_id \"" +
+            (width == kWidth ? "other_camera" : "camera") + "\", " + std::to_string(width) + size,
+        false));
     EXPECT_TRUE(waitForValue("mono_vo", "dropped: image of another camera", ""));
     // Images of one camera alone end the error.
     for (int i = 0; i < 100; ++i) ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));

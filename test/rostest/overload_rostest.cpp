@@ -54,6 +54,8 @@ TEST_F(Overload, TheScaleStaysCorrectOverTheGaps) {
     for (std::size_t k = i; k < i + 3; ++k) pair.publish(k);
     ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i + 2).stamp)) << i;
   }
+  EXPECT_TRUE(waitForSummary(diagnostics_, "gaps/mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
+                             "images dropped in the last second", false));
   ASSERT_TRUE(pair.odometry.waitForStamp(pair.header(drive.size() - 1).stamp));
   EXPECT_LT(pair.frames.messages().size(), drive.size());
   EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
@@ -87,6 +89,9 @@ TEST_F(Overload, ScaleRecoveryDropsTheOldestFramesAndCountsThem) {
       ASSERT_TRUE(scales.waitForStamp(frames[i]->header.stamp)) << i;
     }
   }
+  EXPECT_TRUE(waitForSummary(diagnostics_, "late/scale_recovery",
+                             diagnostic_msgs::DiagnosticStatus::WARN,
+                             "frames dropped in the last second", false));
   EXPECT_TRUE(waitForValue(diagnostics_, "frames dropped, queue full",
                            std::to_string(2 * (kFrames / 3 - 1))));
   ASSERT_TRUE(odometry.waitForStamp(frames.back()->header.stamp));

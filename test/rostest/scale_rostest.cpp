@@ -11,6 +11,7 @@
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
 #include <limits>
@@ -166,6 +167,7 @@ class Scale : public testing::Test {
 
 // The first test: no mounting transform has been published yet.
 TEST_F(Scale, NoOdometryIsPublishedWithoutTheMounting) {
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
   TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
   TopicRecorder<nav_msgs::Odometry> alone(handle_, "alone/odometry");
   ASSERT_TRUE(waitUntil([&] { return tf.connected() && alone.connected(); }));
@@ -177,6 +179,17 @@ TEST_F(Scale, NoOdometryIsPublishedWithoutTheMounting) {
   // `alone` needs no mounting, and has publish_tf false.
   ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
   EXPECT_TRUE(tf.messages().empty());
+
+  // A fixed mounting is not waited for: 200 ms would be as long as two frames.
+  EXPECT_TRUE(waitUntil([&] {
+    frames_.publish(road.next());
+    const auto reports = diagnostics.messages();
+    return std::any_of(reports.begin(), reports.end(), [](const auto& report) {
+      return report->status.front().name.find("scale_recovery") == 0 &&
+             countIn(report->status.front(), "frames processed") > kFrames &&
+             numberIn(report->status.front(), "time of the last frame [ms]") < 150;
+    });
+  }));
 
   publishMounting();  // late
   ASSERT_NO_FATAL_FAILURE(playUntilOdometry(road));
@@ -222,6 +235,19 @@ TEST_F(Scale, AnEmptyFrameIdIsAnErrorOfItsFrameOnly) {
   }));
 }
 
+TEST_F(Scale, ALeadingSlashOfFrameIdIsRemoved) {
+  publishMounting();
+  FlatRoad road(2700);
+  ASSERT_TRUE(waitUntil([&] {
+    const VoFrameMsg::Ptr frame = road.next();
+    frame->header.frame_id = "/camera";
+    frames_.publish(frame);
+    return !odometry_.messages().empty();
+  }));
+  ASSERT_TRUE(odometry_.waitForStamp(road.lastStamp()));
+  EXPECT_EQ(scales_.messages().back()->header.frame_id, "camera");
+}
+
 TEST_F(Scale, ResetMakesTheScaleUnknown) {
   TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
   FlatRoad road(3000);
@@ -231,8 +257,23 @@ TEST_F(Scale, ResetMakesTheScaleUnknown) {
   // `alone` is not reset.
   EXPECT_TRUE(waitForValue(diagnostics, "scale status", "unknown", "scale_recovery"));
   EXPECT_TRUE(waitForValue(diagnostics, "distance [m]", "0", "scale_recovery"));
+  EXPECT_TRUE(waitForStatus(diagnostics, [](const auto& status) {
+    return status.name.find("scale_recovery") == 0 &&
+           std::none_of(status.values.begin(), status.values.end(), [](const auto& entry) {
+             return entry.key == "age of the last measurement [s]";
+           });
+  }));
+  EXPECT_TRUE(waitForValue(diagnostics, "images", "no publisher on /image", "scale_recovery"));
   play(road, 1);
   EXPECT_EQ(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+void removeFeatures(VoFrameMsg& frame) {
+  for (auto* array : {&frame.u, &frame.v, &frame.x, &frame.y, &frame.z, &frame.depth_sigma}) {
+    array->clear();
+  }
+  frame.id.clear();
+  frame.age.clear();
 }
 
 TEST_F(Scale, AScaleThatIsHeldForSecondsIsReported) {
@@ -243,12 +284,7 @@ TEST_F(Scale, AScaleThatIsHeldForSecondsIsReported) {
   play(road, kFrames);
   for (int i = 0; i < kFrames; ++i) {
     const VoFrameMsg::Ptr frame = road.next();
-    for (auto* array :
-         {&frame->u, &frame->v, &frame->x, &frame->y, &frame->z, &frame->depth_sigma}) {
-      array->clear();
-    }
-    frame->id.clear();
-    frame->age.clear();
+    removeFeatures(*frame);
     frames_.publish(frame);
   }
   ASSERT_TRUE(scales_.waitForStamp(road.lastStamp()));
@@ -258,6 +294,31 @@ TEST_F(Scale, AScaleThatIsHeldForSecondsIsReported) {
                              "scale held for 3.9 s: too_few_triangles"));
   // From the frame before them.
   EXPECT_TRUE(waitForValue(diagnostics, "age of the last measurement [s]", "4", "scale_recovery"));
+}
+
+TEST_F(Scale, AStandstillIsNotPartOfTheTimeForWhichTheScaleIsHeld) {
+  publishMounting();
+  TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
+  FlatRoad road(3800);
+  playUntilOdometry(road);
+  play(road, kFrames - 1);
+  const VoFrameMsg::Ptr last = road.next();
+  frames_.publish(last);
+  VoFrameMsg::Ptr frame;
+  constexpr int kMoving = 5;  // after the standstill, without features
+  for (int i = 1; i <= kFrames + kMoving; ++i) {
+    frame = boost::make_shared<VoFrameMsg>(*last);
+    frame->sequence += static_cast<std::uint32_t>(i);
+    frame->header.stamp += ros::Duration(kPeriod * i);
+    if (i > kFrames) {
+      removeFeatures(*frame);
+      frame->pose.position.z += kStep * (i - kFrames);
+    }
+    frames_.publish(frame);
+  }
+  ASSERT_TRUE(scales_.waitForStamp(frame->header.stamp));
+  EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery", diagnostic_msgs::DiagnosticStatus::OK,
+                             "scale held for 0.4 s: too_few_triangles"));
 }
 
 TEST_F(Scale, AClockThatJumpsBackStartsAnew) {
@@ -434,6 +495,19 @@ TEST_F(WithImages, UsesTheImages) {
   EXPECT_GT(scales_.messages().back()->scale, 0.995 * kCameraHeight / kImageHeight);
 }
 
+TEST_F(WithImages, TheirLossIsReported) {
+  FlatRoad road(8500);
+  publishCameraInfo(road.camera());
+  play(road, [](sensor_msgs::Image&) {});
+  ASSERT_TRUE(waitForValue(diagnostics_, "images", "used"));
+  scales_.clear();
+  alone_.clear();
+  play(road, [](sensor_msgs::Image& image) { image.encoding = "nonsense"; });
+  EXPECT_TRUE(
+      waitForSummary(diagnostics_, "scale_recovery", diagnostic_msgs::DiagnosticStatus::WARN,
+                     "scale measured from features only, no image of the last frame", false));
+}
+
 TEST_F(WithImages, HasNoEffectWithInvalidImages) {
   FlatRoad road(9000);
   publishCameraInfo(road.camera());
@@ -471,6 +545,18 @@ TEST_F(WithImages, AWaitingFrameIsProcessedBeforeAClockJump) {
   ASSERT_EQ(scales.size(), static_cast<std::size_t>(kFrames) + 3);
   EXPECT_EQ(scales[kFrames + 1]->status, ScaleEstimateMsg::UNKNOWN);
   EXPECT_NE(scales[kFrames]->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+TEST_F(WithImages, AWaitingFrameIsProcessedBeforeAReset) {
+  FlatRoad road(10800);
+  publishCameraInfo(road.camera());
+  play(road, [](sensor_msgs::Image&) {});
+  frames_.publish(road.next());
+  // `alone` does not wait for images. Both nodelets have received the frame now.
+  ASSERT_TRUE(alone_.waitForStamp(road.lastStamp()));
+  ASSERT_TRUE(reset());
+  ASSERT_TRUE(scales_.waitForStamp(road.lastStamp()));
+  EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
 }
 
 TEST_F(WithImages, HasNoEffectWithImagesOfOtherStamps) {

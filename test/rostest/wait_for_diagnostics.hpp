@@ -25,11 +25,14 @@ inline bool waitForStatus(
 }
 
 /// The value of a key as a number; 0 if the status lacks the key.
-inline int countIn(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
+inline double numberIn(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
   for (const auto& entry : status.values) {
-    if (entry.key == key) return std::stoi(entry.value);
+    if (entry.key == key) return std::stod(entry.value);
   }
   return 0;
+}
+inline int countIn(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
+  return static_cast<int>(numberIn(status, key));
 }
 
 /// True if from now on a status with this value of the key arrives; empty: any value. of: part of

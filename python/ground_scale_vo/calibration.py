@@ -2,7 +2,7 @@
 
 import pathlib
 import re
-from typing import NamedTuple, Optional, Tuple
+from typing import Any, NamedTuple, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -40,11 +40,33 @@ def read_calibration(file: pathlib.Path) -> Calibration:
         raise DataError(f"{file}: has no {error}, which camera_calibration and Kalibr write") from None
     except (TypeError, ValueError, ImportError) as error:
         raise DataError(f"{file}: cannot be used as a calibration ({error})") from None
+    return _checked(calibration, file)
+
+
+def calibration_of(info: Any, topic: str, is_rectified: bool) -> Calibration:
+    """Of a sensor_msgs/CameraInfo: of its rectified images (P), or of the raw ones (K and D, or P if only P
+    is filled in). Raises DataError, which names the topic."""
+    if max(info.binning_x, info.binning_y) > 1 or info.roi.width or info.roi.height:
+        raise DataError(f"{topic}: binning and regions of interest are not supported, pass --camera")
+    K, P = np.array(info.K, float).reshape(3, 3), np.array(info.P, float).reshape(3, 4)[:, :3]
+    size = (info.width, info.height)
+    if is_rectified or not K.any():
+        if not P.any():
+            raise DataError(f"{topic}: is not calibrated, P is zero")
+        return _checked(Calibration(size, P, False, np.zeros(4)), topic)
+    try:
+        is_fisheye = _is_fisheye(info.distortion_model or "none")
+    except ValueError as error:
+        raise DataError(f"{topic}: {error}") from None
+    return _checked(Calibration(size, K, is_fisheye, np.array(info.D, float)), topic)
+
+
+def _checked(calibration, name):
     if not (np.isfinite(calibration.K).all() and np.isfinite(calibration.D).all()):
-        raise DataError(f"{file}: has numbers that are not finite")
+        raise DataError(f"{name}: has numbers that are not finite")
     counts = (4,) if calibration.is_fisheye else (0, 4, 5, 8, 12, 14)
     if calibration.D.size not in counts:
-        raise DataError(f"{file}: has {calibration.D.size} distortion coefficients, its model has "
+        raise DataError(f"{name}: has {calibration.D.size} distortion coefficients, its model has "
                         f"{' or '.join(map(str, counts))}")
     return calibration
 

@@ -7,7 +7,7 @@ import sys
 import time
 
 from . import DataError, MetricOdometry, read_kitti
-from .calibration import Calibration, Rectification, read_calibration
+from .calibration import Calibration, Rectification, calibration_of, read_calibration
 from .images import Images, open_images, read_grey
 
 
@@ -43,7 +43,10 @@ def parse(arguments):
                          "bag (needs the Python module rosbag)")
     command.add_argument("--camera", type=pathlib.Path, metavar="FILE",
                          help="calibration: YAML of ROS' camera_calibration, Kalibr camchain, or KITTI "
-                         "calib.txt; required except for a KITTI folder")
+                         "calib.txt; required except for a KITTI folder and a bag with the topic camera_info beside the "
+                         "images")
+    command.add_argument("--rectified", action="store_true",
+                         help="the images of the bag are rectified: P of its camera_info belongs to them")
     command.add_argument("--camera-height", type=float, required=True, metavar="M",
                          help="of the camera above the road [m]")
     command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results"), metavar="DIR",
@@ -63,14 +66,27 @@ def setting(text):
 
 def open_drive(arguments):
     """The images, their calibration, and for metrics the ground truth of a KITTI folder, where known."""
+    if arguments.rectified and (arguments.camera or arguments.input.suffix != ".bag"):
+        raise ValueError("--rectified is for the camera_info of a bag, without --camera")
     calibration = arguments.camera and read_calibration(arguments.camera)
     if (arguments.input / "image_0").is_dir() or (arguments.input / "image_00").is_dir():
         drive = read_kitti(arguments.input)
         calibration = calibration or Calibration.of(drive.camera)
         return Images(len(drive), iter(drive)), calibration, (drive.ground_truth, drive.ground_truth_heights)
-    if calibration is None:
-        raise ValueError("--camera is missing; only a KITTI folder contains its calibration")
-    return open_images(arguments.input, arguments.image), calibration, ()
+    if calibration is None and arguments.input.suffix != ".bag":
+        raise ValueError("--camera is missing; only a KITTI folder and a bag contain their calibration")
+    images = open_images(arguments.input, arguments.image)
+    return images, calibration or calibration_in_bag(images, arguments), ()
+
+
+def calibration_in_bag(images, arguments):
+    if images.info is None:
+        raise ValueError(f"--camera is missing; {arguments.input} has no {images.info_topic}")
+    calibration = calibration_of(images.info, images.info_topic, arguments.rectified)
+    if calibration.D.any() and "rect" in images.topic:
+        print(f"{images.topic} seems to hold rectified images, but {images.info_topic} has distortion: "
+              "if they are rectified, add --rectified", file=sys.stderr)
+    return calibration
 
 
 def process(drive, calibration, arguments):

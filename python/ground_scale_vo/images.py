@@ -3,6 +3,7 @@
 import decimal
 import os
 import pathlib
+import re
 from typing import Any, Iterator, NamedTuple, Optional, Tuple
 
 import cv2
@@ -19,10 +20,15 @@ _ENCODINGS = {
 
 
 class Images(NamedTuple):
-    """count: of the images, for a video approximate. images: (height, width) uint8 and stamp [ns]."""
+    """count: of the images, for a video approximate. images: (height, width) uint8 and stamp [ns].
+    topic: of the images of a bag. info_topic, info: the topic camera_info beside it, and its first message,
+    None if the bag has none."""
 
     count: int
     images: Iterator[Tuple[np.ndarray, int]]
+    topic: str = ""
+    info_topic: str = ""
+    info: Any = None
 
 
 def open_images(path: pathlib.Path, topic: Optional[str]) -> Images:
@@ -109,8 +115,9 @@ def _open_bag(file, topic):
         (topic,) = topics
     if topic not in topics:
         raise DataError(f"{file}: --image must be one of its image topics: {', '.join(topics) or 'none'}")
-    return Images(topics[topic], ((_grey_of(message, topic), message.header.stamp.to_nsec())
-                                  for message in _messages(bag, file, topic)))
+    info_topic = re.sub("[^/]*(/compressed)?$", "camera_info", topic)
+    images = ((_grey_of(message, topic), message.header.stamp.to_nsec()) for message in _messages(bag, file, topic))
+    return Images(topics[topic], images, topic, info_topic, next(_messages(bag, file, info_topic), None))
 
 
 def _messages(bag, file, topic):

@@ -8,6 +8,7 @@ import bags
 import cv2
 import numpy as np
 import pytest
+import rosbag
 from conftest import CAMERA_HEIGHT, WITHOUT_MESSAGES, assert_refused, on_terminal, run
 
 FRAMES = 40
@@ -61,6 +62,51 @@ def test_bag_as_run_sequence(command, bag, short, evaluated, tmp_path):
     assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
 
 
+@pytest.mark.parametrize("is_rectified", [False, True])
+def test_calibration_of_a_bag(gsv, bag, short, tmp_path, capsys, is_rectified):
+    def distorted(topic, message):
+        if topic == bags.INFO:
+            message.D, message.K = [-0.2, 0.05, 0.001, -0.001, 0], [510, 0, 300, 0, 520, 90, 0, 0, 1]
+        return topic, message
+
+    file = tmp_path / "distorted.bag"
+    bags.copy(bag, file, distorted)
+    module = importlib.import_module("ground_scale_vo.command_line")
+    arguments = module.parse(["run", str(file), "--camera-height", "1", *["--rectified"] * is_rectified])
+    drive, calibration, _ = module.open_drive(arguments)
+    height, width = next(drive.images)[0].shape
+    assert calibration.size == (width, height) and not calibration.is_fisheye
+    if is_rectified:
+        assert np.array_equal(calibration.K, camera_matrix(short)) and not calibration.D.any()
+    else:
+        assert calibration.K.ravel().tolist() == [510, 0, 300, 0, 520, 90, 0, 0, 1]
+        assert calibration.D.tolist() == [-0.2, 0.05, 0.001, -0.001, 0]
+    assert ("add --rectified" in capsys.readouterr().err) is not is_rectified
+
+
+def test_bag_with_its_calibration_as_run_sequence(command, bag, evaluated, tmp_path):
+    run(*command, bag, "--rectified", env=WITHOUT_MESSAGES)
+    assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
+
+
+@pytest.mark.parametrize("change, text", [
+    ({"K": [0] * 9}, ""), ({"K": [0] * 9, "P": [0] * 12}, "is not calibrated, P is zero"),
+    ({"binning_x": 2}, "binning and regions of interest are not supported, pass --camera"),
+    ({"distortion_model": "omni"}, "the distortion model is omni"), ({"D": [0.1]}, "has 1 distortion coefficients"),
+    ({"distortion_model": "", "D": []}, "")])
+def test_calibration_of_camera_info(gsv, bag, short, change, text):
+    calibration_of = importlib.import_module("ground_scale_vo.calibration").calibration_of
+    with rosbag.Bag(str(bag)) as messages:
+        _, info, _ = next(messages.read_messages([bags.INFO]))
+    for name, value in change.items():
+        setattr(info, name, value)
+    if text:
+        with pytest.raises(gsv.DataError, match=f"^{bags.INFO}: {text}"):
+            calibration_of(info, bags.INFO, False)
+    else:
+        assert np.allclose(calibration_of(info, bags.INFO, False).K, camera_matrix(short))
+
+
 def test_options_reach_the_odometry(command, shortest, evaluated, tmp_path):
     mask, height = tmp_path / "mask.png", 2 * CAMERA_HEIGHT
     image = images_of(shortest)[0]
@@ -81,7 +127,7 @@ def test_values_of_options(gsv, text, name, value):
 def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
     folder = tmp_path / "raw"
     folder.mkdir()
-    (folder / "times.txt").write_text("0\n0.1\n0.05\n0.07\n0.2\n")
+    (folder / "times.txt").write_text("0\n0.1\n0.1\n0.07\n0.2\n")
     for i, image in enumerate(images_of(shortest)[:5]):
         cv2.imwrite(str(folder / f"{4 - i}.PNG"), image)  # the order is that of the names
     done = run(*command, folder, "--camera", shortest / "calib.txt", env=WITHOUT_MESSAGES)
@@ -101,6 +147,25 @@ def test_stamps_of_a_folder_are_exact(gsv, shortest, tmp_path):
         (tmp_path / "times.txt").write_text(text)
         with pytest.raises(gsv.DataError, match=f"times.txt: cannot be read .{text} is not a time"):
             open_images(tmp_path, None)
+
+
+@pytest.mark.parametrize("images, stamps", [(2, 1), (0, 1)])
+def test_folder_without_a_stamp_for_each_image(gsv, tmp_path, images, stamps):
+    for i in range(images):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), np.zeros((8, 8), np.uint8))
+    (tmp_path / "times.txt").write_text("0\n" * stamps)
+    with pytest.raises(gsv.DataError, match=f"has {images} images and {stamps} stamps in times.txt"):
+        importlib.import_module("ground_scale_vo.images").open_images(tmp_path, None)
+
+
+def test_image_is_not_turned_by_its_orientation(gsv, tmp_path):
+    """The calibration is that of the sensor."""
+    jpeg = cv2.imencode(".jpg", np.zeros((16, 32), np.uint8))[1].tobytes()
+    exif = b"\xff\xe1\0\x22Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    file = tmp_path / "turned.jpg"
+    file.write_bytes(jpeg[:2] + exif + jpeg[2:])
+    assert cv2.imread(str(file)).shape[:2] == (32, 16)
+    assert importlib.import_module("ground_scale_vo.images").read_grey(file).shape == (16, 32)
 
 
 def test_images_of_a_compressed_bag(gsv, bag, short, tmp_path):
@@ -137,6 +202,12 @@ def test_calibration_replaces_that_of_the_kitti_folder(command, shortest, tmp_pa
         "distortion_coeffs": [], "resolution": [10, 20]}}))
     assert_refused(1, "the calibration is of 10x20", *command, shortest, "--camera", tmp_path / "camera.yaml",
                    env=WITHOUT_MESSAGES)
+
+
+def test_bag_without_calibration_is_refused(command, bag, tmp_path):
+    images = tmp_path / "images.bag"
+    bags.copy(bag, images, lambda topic, message: None if topic == bags.INFO else (topic, message))
+    assert_refused(2, f"--camera is missing; {images} has no {bags.INFO}", *command, images, env=WITHOUT_MESSAGES)
 
 
 def test_damaged_bag_is_refused(command, damaged_bag, short):
@@ -231,6 +302,8 @@ def test_refuses_to_overwrite_the_input(command, shortest, tmp_path):
 @pytest.mark.parametrize("status, text, arguments", [
     (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
     (2, "--camera is missing", ["empty.mp4"]),
+    (2, "--rectified is for the camera_info of a bag", ["empty.mp4", "--camera", "CALIB", "--rectified"]),
+    (2, "--rectified is for the camera_info of a bag", ["SHORT", "--rectified"]),
     (1, "empty.mp4: is not a video", ["empty.mp4", "--camera", "CALIB"]),
     (1, "empty.bag: is not a bag", ["empty.bag", "--camera", "CALIB"]),
     (1, "none.yaml: No such file", ["empty.mp4", "--camera", "none.yaml"]),

@@ -216,6 +216,44 @@ def test_array_may_be_reused_and_need_not_be_contiguous(gsv, short, results):
     assert np.array_equal(result.pose, expected.pose)
 
 
+def test_mask_may_be_reused(gsv, shortest):
+    """It is in use in every image."""
+    drive = gsv.read_kitti(shortest)
+
+    def last(is_reused):
+        mask = np.full((drive.camera.height, drive.camera.width), 255, np.uint8)
+        mask[:, :drive.camera.width // 2] = 0
+        odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT, mask=mask)
+        if is_reused:
+            mask[:] = 255
+        return [odometry.process(image, stamp) for image, stamp in drive][-1]
+
+    kept, reused = last(False), last(True)
+    assert kept.scale == reused.scale and np.array_equal(kept.tracks, reused.tracks)
+
+
+def test_calls_of_two_threads_are_processed_one_after_the_other(gsv):
+    """Of two images with the same stamp, the second is refused."""
+    odometry = gsv.MetricOdometry(gsv.Camera(1000, 1000, 500, 500, 500, 500), 1.5, record=True)
+    image, rounds = np.zeros((1000, 1000), np.uint8), 20
+    together, refused = threading.Barrier(2), []
+
+    def process():
+        for stamp in range(rounds):
+            together.wait()
+            try:
+                odometry.process(image, stamp)
+            except ValueError:
+                refused.append(stamp)
+
+    threads = [threading.Thread(target=process) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(refused) == list(range(rounds)) and len(odometry.poses()) == rounds
+
+
 def test_other_threads_run_during_processing(gsv):
     odometry = gsv.MetricOdometry(gsv.Camera(1000, 1000, 500, 500, 500, 500), 1.5)
     # Blank: numpy would release the GIL, too, when it copies a pose.
@@ -272,6 +310,8 @@ def test_other_threads_run_during_processing(gsv):
     (ValueError, "folder is '\\ud800', it must be UTF-8", "gsv.read_kitti('\\ud800')"),
     (ValueError, "ground_truth has 3 entries, but 0 images are recorded",
      "recorded.metrics(np.repeat(np.eye(4)[None], 3, 0))"),
+    (ValueError, "ground_truth[0] is not a finite rigid transform",
+     "recorded.metrics(np.array([[[1., 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [5, 0, 0, 1]]]))"),
     (ValueError, "ground_truth_heights has 7 entries", "recorded.metrics(None, np.ones(7))"),
 ])
 def test_refuses(gsv, error, text, call):

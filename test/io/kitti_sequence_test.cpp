@@ -108,6 +108,16 @@ TEST_F(KittiSequenceTest, ReadsJpegAndAFolderNamedWithATrailingSlash) {
   EXPECT_EQ(sequence.image(0).size(), cv::Size(64, 48));
 }
 
+TEST_F(KittiSequenceTest, ReadsTheWorkingFolder) {
+  const fs::path before = fs::current_path();
+  write("poses/07.txt", kIdentityRow + kIdentityRow + kIdentityRow);
+  fs::current_path(makeOdometry());
+  const KittiSequence sequence(".");
+  fs::current_path(before);
+  EXPECT_EQ(sequence.name(), "07");
+  EXPECT_EQ(sequence.groundTruth().size(), 3u);
+}
+
 TEST_F(KittiSequenceTest, PrefersGroundTruthInTheFolderToThatOfTheCollection) {
   const fs::path folder = makeOdometry();
   write("poses/07.txt", kIdentityRow + kIdentityRow + "1 0 0 7 0 1 0 8 0 0 1 9\n");
@@ -313,6 +323,16 @@ TEST_F(KittiSequenceTest, RefusesBadRawStamps) {
               "/2011_09_26/drive_0001_sync/image_00/timestamps.txt, line 1: is not a time such as "
               "2011-09-26 13:02:25.964389445")
         << bad;
+  }
+}
+
+TEST_F(KittiSequenceTest, RawGroundTruthNeedsPositionsAndBothCalibrations) {
+  for (const char* missing : {"2011_09_26/drive_0001_sync/oxts", "2011_09_26/calib_imu_to_velo.txt",
+                              "2011_09_26/calib_velo_to_cam.txt"}) {
+    const fs::path drive = makeRaw();
+    addOxts();
+    fs::remove_all(folder_ / missing);
+    EXPECT_TRUE(KittiSequence(drive).groundTruth().empty()) << missing;
   }
 }
 

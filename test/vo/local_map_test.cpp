@@ -149,6 +149,22 @@ TEST(LocalMap, removesWrongObservations) {
   EXPECT_EQ(map.find(8)->observations.size(), 5u);
 }
 
+TEST(LocalMap, AnAnchorAloneRemainsUnlessAWrongObservationWasRemoved) {
+  const Eigen::Vector3d p_w(1, 1, 10);
+  for (const bool wrong : {false, true}) {
+    LocalMap map({});
+    map.addKeyframe(keyframePose(0), observe({p_w}, keyframePose(0)));
+    map.find(0)->depth = {0.1, 0.01};
+    if (wrong) {
+      auto corners = observe({p_w}, keyframePose(1));
+      corners[0].x.x() += 0.05;
+      map.addKeyframe(keyframePose(1), corners);
+    }
+    map.removeOutliers(0.003);
+    EXPECT_EQ(map.find(0) == nullptr, wrong);
+  }
+}
+
 /// Standard deviation of a point along its ray [VO units], from random errors of its observations.
 double sampledSigma(const Eigen::Vector3d& p_w, int keyframes) {
   std::mt19937 generator(5);

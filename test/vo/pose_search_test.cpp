@@ -56,7 +56,7 @@ class PoseSearchTest : public testing::Test {
 };
 
 TEST_F(PoseSearchTest, FindsThePoseAfterATurn) {
-  for (const double yaw : {-0.2, 0.3}) {
+  for (const double yaw : {-0.45, -0.2, 0.3, 0.45}) {
     // Along an arc of the length of 20 steps.
     const Eigen::Isometry3d T_v_c =
         pose({0, yaw, 0}, {3 * std::sin(yaw / 2), 0, 3 * std::cos(yaw / 2)});
@@ -74,6 +74,23 @@ TEST_F(PoseSearchTest, FindsThePoseAfterATurn) {
       EXPECT_NEAR(feature.sigma * kCamera.fx, 1, 1e-9) << "[px]";
       EXPECT_LT((feature.u - pixelAt(T_v_c, feature)).norm(), 6);
     }
+  }
+}
+
+TEST_F(PoseSearchTest, FindsThePoseAfterAChangeOfPitchOrSpeed) {
+  for (const double pitch : {-0.05, 0.05}) {
+    const Eigen::Isometry3d T_v_c = pose({pitch, 0.1, 0}, {0, 0, 3});
+    const auto result = locate(wallFrom(T_v_c, 1));
+    ASSERT_TRUE(result) << pitch;
+    EXPECT_LT(test::angleBetween(T_w_v_.inverse() * result->T_w_c, T_v_c), 0.003) << pitch;
+  }
+  motion_ = test::motionTo(T_w_v_, {0, 0, 0.3});
+  for (const double factor : {0.7, 1.4}) {
+    const Eigen::Isometry3d T_v_c = pose({0, 0.05, 0}, {0, 0, 6 * factor});
+    const auto result = locate(wallFrom(T_v_c, 1));
+    ASSERT_TRUE(result) << factor;
+    const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
+    EXPECT_LT((found.translation() - T_v_c.translation()).norm(), 0.2) << factor;
   }
 }
 

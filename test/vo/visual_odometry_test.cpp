@@ -134,6 +134,11 @@ TEST(VisualOdometry, followsTheSyntheticDrive) {
   EXPECT_EQ(result.frame(first).map_start.stamp_ns, ground_truth.frame(0).stamp_ns);
   EXPECT_EQ(result.frame(0).map_start.stamp_ns, 0);
   const double scale = scaleOver(ground_truth, result, first, ground_truth.size());
+  for (const auto& start : result.outputs[first].start) {
+    const Eigen::Isometry3d& T = ground_truth.frame(start.sequence).T_c0_c;
+    EXPECT_LT(angleBetween(start.T_w_c, T), 0.005) << start.sequence;
+    EXPECT_LT((scale * start.T_w_c.translation() - T.translation()).norm(), 0.1) << start.sequence;
+  }
   for (std::size_t i = first; i < ground_truth.size(); ++i) {
     const VoFrame& frame = result.frame(i);
     ASSERT_EQ(frame.status, VoStatus::kTracking) << i;
@@ -168,6 +173,24 @@ TEST(VisualOdometry, featuresHaveTheirPointsAndAreOrderedById) {
   ASSERT_GT(error.size(), 150u);
   std::sort(error.begin(), error.end());
   EXPECT_LT(error[error.size() / 2], 0.8);
+
+  const auto& times = result.outputs.back().times;
+  for (const double stage : {times.pyramid, times.track, times.align, times.pose}) {
+    EXPECT_GT(stage, 0);
+  }
+  EXPECT_LE(times.pyramid + times.track + times.align + times.pose, times.total);
+}
+
+/// Expects that no feature is rejected twice, or rejected and yet in the frame.
+void expectConsistentRejections(const VisualOdometry::Output& output) {
+  std::set<std::uint64_t> ids;
+  for (const RejectedFeature& rejected : output.rejected) {
+    EXPECT_TRUE(ids.insert(rejected.id).second) << "twice in frame " << output.frame.sequence;
+  }
+  for (const TrackedFeature& feature : output.frame.features) {
+    EXPECT_EQ(ids.count(feature.id), 0u)
+        << "rejected, yet a feature of frame " << output.frame.sequence;
+  }
 }
 
 // From frame 12 on, an inserted texture covers a part of the image and moves up, unlike the static
@@ -192,16 +215,12 @@ TEST(VisualOdometry, rejectedFeaturesAreReportedAndNotInTheFrame) {
     cv::Mat image = ground_truth.image(i);
     if (i >= kFirst) region_texture.copyTo(image(moving_region(i)));
     const VisualOdometry::Output output = odometry.process(image, ground_truth.frame(i).stamp_ns);
-    std::set<std::uint64_t> rejected_ids;
+    expectConsistentRejections(output);
     for (const RejectedFeature& rejected : output.rejected) {
-      EXPECT_TRUE(rejected_ids.insert(rejected.id).second) << "twice in frame " << i;
       const bool in_region = moving_region(i).contains(cv::Point2f(rejected.u.x(), rejected.u.y()));
       const bool outlier = rejected.reason == RejectReason::kOutlier;
       covered += i == kFirst && in_region && !outlier;
       outliers += i > kFirst && in_region && outlier;
-    }
-    for (const TrackedFeature& feature : output.frame.features) {
-      EXPECT_EQ(rejected_ids.count(feature.id), 0u) << "rejected, yet a feature of frame " << i;
     }
     if (i >= kFirst) {
       EXPECT_EQ(output.frame.status, VoStatus::kTracking) << i;
@@ -240,6 +259,7 @@ TEST(VisualOdometry, onlyConsecutiveOutliersEndAFeature) {
   const double all = survivors({});
   ASSERT_GT(all, 20);
   EXPECT_GT(survivors({13, 15, 17, 19, 21}), 0.7 * all);
+  EXPECT_GT(survivors({13, 14, 16, 17, 19, 20}), 0.7 * all);
   EXPECT_LT(survivors({13, 14, 15, 16, 17}), 0.2 * all);
 }
 
@@ -316,6 +336,21 @@ TEST(VisualOdometry, standstillKeepsPoseAndMap) {
     EXPECT_LT(scale * moved.norm(), 0.05) << i;
   }
   EXPECT_NEAR(scaleOver(ground_truth, result, end, ground_truth.size()) / scale, 1, 0.03);
+
+  // A standstill counts as one image, except for keyframes.
+  std::map<std::uint64_t, std::uint32_t> age;
+  for (const TrackedFeature& feature : result.frame(begin + 3).features)
+    age[feature.id] = feature.age;
+  std::uint32_t keyframes = 0, kept = 0;
+  for (std::size_t i = begin + 3; i < end; ++i) keyframes += result.frame(i).keyframe;
+  for (const TrackedFeature& feature : result.frame(end - 1).features) {
+    const auto known = age.find(feature.id);
+    if (known == age.end()) continue;
+    ++kept;
+    EXPECT_LE(feature.age, known->second + keyframes);
+  }
+  EXPECT_GT(kept, 100u);
+  EXPECT_LT(keyframes, 10u);
 }
 
 // Features are lost at a standstill in noisy images at night; here, each image becomes a keyframe.
@@ -449,10 +484,11 @@ TEST(VisualOdometry, aLargeRotationKeepsTheMap) {
   for (std::size_t i = 0; i < 20; ++i) {
     const cv::Mat& image = sharedImage(i);
     before = after;
-    after = odometry
-                .process(i < 15 ? image : turned(image, ground_truth.camera(), kYaw),
-                         ground_truth.frame(i).stamp_ns)
-                .frame;
+    const VisualOdometry::Output output =
+        odometry.process(i < 15 ? image : turned(image, ground_truth.camera(), kYaw),
+                         ground_truth.frame(i).stamp_ns);
+    expectConsistentRejections(output);
+    after = output.frame;
     if (i < 10) continue;
     ASSERT_EQ(after.status, VoStatus::kTracking) << i;
     EXPECT_EQ(after.map_id, 0u) << i;
@@ -524,6 +560,7 @@ TEST(VisualOdometry, aBlackoutInATurnKeepsMapAndHeading) {
   const SyntheticDrive ground_truth(options);
   const DriveRun result = run(ground_truth);
   constexpr std::size_t kBefore = 44, kBack = 55;
+  expectConsistentRejections(result.outputs[kBack]);
   for (const std::size_t i : {kBefore, kBack}) {
     ASSERT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
     ASSERT_EQ(result.frame(i).map_id, 0u) << i;

@@ -161,10 +161,11 @@ def test_arguments_reach_the_launch_file_and_the_tools(stub_tools, tmp_path):
     assert launched == expected
     evaluate = f"evaluate_bag --played {bag} --recorded {out}/recorded.bag --out {out} --camera-height"
     assert tools == [f"{evaluate} 2.5 --image /i", f"metrics_table.py {out}", f"plot_run.py {out}"]
+    assert calls("--rectified")[0]["image_is_rectified"] == "true"
     launched, tools = calls()
-    assert launched == {**expected, "camera_height": "1.65", "image": "", "image_is_rectified": "true", "rate": "1",
-                        "camera_info": "/kitti/camera_gray_left/camera_info", "rviz": "false", "base_frame": "",
-                        "mask": ""}
+    del expected["image_is_rectified"]  # its default is that of the launch file
+    assert launched == {**expected, "camera_height": "1.65", "image": "", "rate": "1", "mask": "", "rviz": "false",
+                        "camera_info": "/kitti/camera_gray_left/camera_info", "base_frame": ""}
     assert tools[0] == f"{evaluate} 1.65"
 
 

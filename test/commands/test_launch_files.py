@@ -240,10 +240,12 @@ def test_height_file_in_the_home_folder(file, height_file, monkeypatch):
 
 @pytest.mark.parametrize("image, height", [("", 1.65), ("/kitti/camera_gray_left/image_raw", 1.65),
                                            ("kitti/a/compressed", 1.65), ("/camera/image_raw", None)])
-def test_only_bags_of_kitti_have_a_default_height(image, height):
+def test_only_bags_of_kitti_have_a_default_height_and_rectified_images(image, height):
     """A wrong height makes all distances wrong, so the nodelet refuses to load without it."""
     _, _, parameters = loaded("kitti.launch", "bag:=/x.bag", f"image:={image}")
     assert parameters.get("/scale_recovery/camera_height") == height
+    for nodelet in ("mono_vo", "scale_recovery"):
+        assert parameters[f"/{nodelet}/image_is_rectified"] is (height is not None)
 
 
 def test_a_mounting_that_cannot_be_published_ends_the_launch(tmp_path):

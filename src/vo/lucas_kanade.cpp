@@ -5,6 +5,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/parallel_loop.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -103,7 +105,7 @@ std::vector<unsigned char> LucasKanade::track(const std::vector<cv::Mat>& from,
                                               int levels, std::vector<cv::Point2f>* points) const {
   const int top = std::min(levels, static_cast<int>(std::min(from.size(), to.size())) - 1);
   std::vector<unsigned char> found(from_points.size(), 0);
-  cv::parallel_for_({0, static_cast<int>(from_points.size())}, [&](const cv::Range& range) {
+  parallelLoop(static_cast<int>(from_points.size()), [&](const cv::Range& range) {
     Workspace workspace(layout_);
     for (auto i = static_cast<std::size_t>(range.start); i < static_cast<std::size_t>(range.end);
          ++i) {

@@ -104,6 +104,13 @@ function(gsv_add_layer name type)
     list(FILTER renderer INCLUDE REGEX "/(rendering|world)/[a-z_]+\\.cpp$|/synthetic_drive\\.cpp$")
     set_source_files_properties(${renderer} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=all;-O3")
   endif()
+  if(GROUND_SCALE_VO_SANITIZE STREQUAL thread)
+    # Nor the loops over pixels, which take most of the rest: they read an image and write to a buffer
+    # of the caller, and share nothing.
+    set(loops ${sources})
+    list(FILTER loops INCLUDE REGEX "/(patch_arithmetic|corner_strength|patch_matcher)\\.cpp$")
+    set_source_files_properties(${loops} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=all;-O3")
+  endif()
   if(name STREQUAL simulation AND GROUND_SCALE_VO_COVERAGE)
     # Not of the product, and counting makes the renderer several times slower.
     set_source_files_properties(${sources} PROPERTIES

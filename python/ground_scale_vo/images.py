@@ -115,7 +115,7 @@ def _open_bag(file, topic):
         (topic,) = topics
     if topic not in topics:
         raise DataError(f"{file}: --image must be one of its image topics: {', '.join(topics) or 'none'}")
-    info_topic = re.sub("[^/]*(/compressed)?$", "camera_info", topic)
+    info_topic = re.sub("[^/]*(/compressed)?$", "camera_info", topic, count=1)
     images = ((_grey_of(message, topic), message.header.stamp.to_nsec()) for message in _messages(bag, file, topic))
     return Images(topics[topic], images, topic, info_topic, next(_messages(bag, file, info_topic), None))
 

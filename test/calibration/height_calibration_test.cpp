@@ -40,6 +40,7 @@ struct Script {
   int held_from = 0, held_to = 0;  // the scale is held, with a wrong plane
   int lost_from = 0, lost_to = 0;
   int initialised_at = 0;         // frames before it have no pose
+  double first_sigma = 0.01;      // of the scale, in the first 10 frames; 0.01 in the others
   double scale_noise = 0;         // of the length of one step, relative
   double noise_correlation = 20;  // of the scale noise [frames]
   double standing_noise = 0;      // of the odometry's position at standstill, along x [m]
@@ -86,7 +87,7 @@ ScriptedDrive drive(const Script& script) {
       scale.scale.status = stands || held ? ScaleStatus::kHeld : ScaleStatus::kOk;
       scale.scale.reason = stands ? ScaleReason::kStandstill : ScaleReason::kNone;
       scale.scale.scale = scale.scale.height = 1;
-      scale.scale.sigma = 0.01;
+      scale.scale.sigma = i < 10 ? script.first_sigma : 0.01;
       const double pitch = (held ? 0.5 : kPitch) + 0.005 * normal(random);
       const double roll = kRoll + 0.005 * normal(random);
       scale.scale.n_c = {-std::sin(roll), -std::cos(roll) * std::cos(pitch),
@@ -121,6 +122,9 @@ TEST(HeightCalibration, IsExactWithoutNoise) {
     EXPECT_NEAR(result.pitch->value, kPitch, 2 * result.pitch->sigma);
     EXPECT_NEAR(result.roll->value, kRoll, 2 * result.roll->sigma);
     EXPECT_LT(result.pitch->sigma, 0.001);
+    for (std::size_t i = 1; i < result.segments.size(); ++i) {
+      EXPECT_EQ(result.segments[i].from_ns, result.segments[i - 1].to_ns);
+    }
   }
 }
 
@@ -270,6 +274,13 @@ TEST(HeightCalibration, SigmaOfAnExactDriveIsThatOfScaleAndMethod) {
   const double path = std::sqrt(33 * section * section + rest * rest) / (33 * section + rest);
   EXPECT_NEAR(byLength(drive({})).height.sigma / kHeight, std::hypot(0.01 * path, 0.003), 1e-7);
   EXPECT_NEAR(byPositions(drive({})).height.sigma / kHeight, 0.003, 1e-7);
+}
+
+TEST(HeightCalibration, SigmaIsThatOfTheWholeDriveNotOfItsFirstScale) {
+  Script script;
+  const double sigma = byLength(drive(script)).height.sigma;
+  script.first_sigma = 0.1;
+  EXPECT_NEAR(byLength(drive(script)).height.sigma / sigma, 1.1, 0.2);
 }
 
 TEST(HeightCalibration, MountingNeedsThreeSections) {

@@ -2,9 +2,10 @@
 
 import re
 
+import bags
+import cv2
 import numpy
 import pytest
-import bags
 from bags import IMAGE
 from conftest import SCRIPTS, assert_refused, run, tool
 
@@ -144,6 +145,35 @@ def test_no_such_fixes(low_bag, height_file):
     assert not height_file.exists()
 
 
+def test_raw_images(low_bag, height_file):
+    """The rectified images have 1.3 times the focal lengths of the raw ones."""
+    raw = height_file.with_suffix(".bag")
+    to_raw = {}
+
+    def make_raw(topic, message):
+        if topic == bags.INFO:
+            P = numpy.array(message.P).reshape(3, 4)[:, :3]
+            K = P @ numpy.diag([1 / 1.3, 1 / 1.3, 1])
+            message.K, to_raw["homography"] = K.ravel().tolist(), K @ numpy.linalg.inv(P)
+        elif topic == IMAGE:
+            image = numpy.frombuffer(message.data, numpy.uint8).reshape(message.height, message.step)
+            message.data = cv2.warpPerspective(image, to_raw["homography"], image.shape[::-1]).tobytes()
+            topic = "/kitti/camera_gray_left/image_raw"
+        return topic, message
+
+    bags.copy(low_bag, raw, make_raw)
+    run(HEIGHT_FROM_DRIVE, "--bag", raw, "--image", "/kitti/camera_gray_left/image_raw", "--gps", "/fix", "--out",
+        height_file)
+    assert_height(height_file)
+
+
+def test_part_of_a_sequence_with_trajectory(low, height_file):
+    run(HEIGHT_FROM_DRIVE, low, "--from", 1, "--trajectory", low / "poses.txt", "--out", height_file)
+    assert_height(height_file)
+
+
 def test_wrong_arguments(low, height_file):
+    assert_refused(2, "there is no option foo", HEIGHT_FROM_DRIVE, low, "--length", 50, "--length-sigma", 1, "--out",
+                   height_file, "--set", "foo=1")
     assert_refused(2, "one of --length", HEIGHT_FROM_DRIVE, low, "--out", height_file)
     assert_refused(2, "one drive", HEIGHT_FROM_DRIVE, "--gps", "/fix", "--out", height_file)

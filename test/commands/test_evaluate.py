@@ -15,6 +15,9 @@ RUN_SEQUENCE = tool("run_sequence")
 def test_progress_on_a_terminal(shortest, tmp_path):
     output = on_terminal(RUN_SEQUENCE, shortest, "--camera-height", 1.65, "--out", tmp_path)
     assert "\rshortest: 12/12 frames, " in output
+    distance = max(float(metres) for metres in re.findall(r"12/12 frames, [\d.]+/s, ([\d.]+) m", output))
+    driven = numpy.linalg.norm(numpy.loadtxt(shortest / "poses.txt")[-1, 3::4])
+    assert 0.5 * driven < distance < 1.2 * driven
 
 
 def test_set_reaches_the_run(short, tmp_path):

@@ -37,6 +37,8 @@ def test_render_drive_options(short, tmp_path):
     K, whole = camera_matrix(tmp_path / "a"), camera_matrix(short)
     assert K[[0, 1], [0, 1]] == pytest.approx(whole[[0, 1], [0, 1]] / 4)
     assert K[:2, 2] == pytest.approx((whole[:2, 2] + 0.5) / 4 - 0.5)  # (0, 0) is the centre of a pixel
+    rendered(tmp_path / "square", size="100x100", frames=1)
+    assert camera_matrix(tmp_path / "square")[:2, 2] == pytest.approx([49.5, (whole[1, 2] + 0.5) * 100 / 248 - 0.5])
     assert times == pytest.approx([0, 0.05])
     assert poses[1] == pytest.approx([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.25])
     assert ground == pytest.approx(np.array([[2, 0, -1, 0]] * 2))
@@ -185,6 +187,8 @@ def test_kitti_to_bag_contents(shortest, tmp_path, style, start, parent, child):
         assert rotation_matrix(transform.transform.rotation) == pytest.approx(poses[i][:, :3], abs=1e-6)
         assert np.array(info.P).reshape(3, 4)[:, :3] == pytest.approx(K)
         assert any(info.K) == (style == "native")
+        pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)
+        assert np.array_equal(pixels, images(shortest)[i])
 
 
 def test_kitti_to_bag_damaged_folder(damaged_folder, tmp_path):

@@ -2,12 +2,14 @@
 
 #include <gtest/gtest.h>
 #include <rosbag/bag.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/NavSatFix.h>
 #include <std_msgs/String.h>
 
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "support/temporary_folder.hpp"
@@ -46,6 +48,7 @@ class BagDrives : public TemporaryFolder {
     if (!fixes.empty()) source.gps = "/fix";
     {
       rosbag::Bag bag(source.bag, rosbag::bagmode::Write);
+      if (first_info_) bag.write(source.camera_info, ros::Time(1), *first_info_);
       bag.write(source.camera_info, ros::Time(1), toCameraInfo({96, 64, 60, 60, 48, 32}));
       sensor_msgs::Image image;
       image.encoding = "mono8";
@@ -66,6 +69,7 @@ class BagDrives : public TemporaryFolder {
       images_ = images;
     });
   }
+  std::optional<sensor_msgs::CameraInfo> first_info_;  ///< before the valid one
   int reported_ = 0;
   std::size_t images_ = 0;
 };
@@ -117,6 +121,24 @@ TEST_F(BagDrives, UseFixesWithoutAltitude) {
   const BagDrive drive = run({1, 2}, {fix(1, 45, 8, nan), fix(2, 45, 8.001, nan)});
   ASSERT_EQ(drive.fixes.size(), 2u);
   EXPECT_NEAR(drive.fixes[1].p.x(), 78.85, 0.05);
+}
+
+TEST_F(BagDrives, DropFixesWithoutAPosition) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const BagDrive drive =
+      run({1, 2}, {fix(0.5, nan, nan, 0), fix(1, 45, 8, 100), fix(2, 45, 8.001, 100)});
+  ASSERT_EQ(drive.fixes.size(), 2u);
+  EXPECT_NEAR(drive.fixes[1].p.x(), 78.85, 0.05);
+}
+
+TEST_F(BagDrives, TakeACovarianceOfZeroAsUnknown) {
+  const BagDrive drive = run({1, 2}, {fix(1, 45, 8, 0, {0, 0}), fix(2, 45, 8.001, 0, {0, 0})});
+  EXPECT_DOUBLE_EQ(drive.fix_sigma, 2.5);
+}
+
+TEST_F(BagDrives, UseTheFirstValidCalibration) {
+  first_info_ = sensor_msgs::CameraInfo();
+  EXPECT_EQ(run({1, 2}, {}).record.frames().size(), 2u);
 }
 
 TEST_F(BagDrives, UseTheGivenPart) {

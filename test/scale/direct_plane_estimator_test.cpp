@@ -145,6 +145,18 @@ TEST(DirectPlaneEstimator, AWrongNormalIsCorrected) {
   EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
 }
 
+TEST(DirectPlaneEstimator, ASearchFindsTheRollOfTheCamera) {
+  RoadScene scene = road();
+  NormalPrior prior = priorOf(scene, kPriorSigma);
+  prior.roll_sigma = 0.1;
+  scene.roll = 0.18;
+  const auto result = estimateWith({}, scene, imagesOf(scene, 6), prior, 0);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_TRUE(result.searched);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.02);
+  EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.02);
+}
+
 TEST(DirectPlaneEstimator, IsInvariantToIlluminationAndExposure) {
   const RoadScene scene = road();
   const auto result = drive(scene, scene.height, 4, [](std::uint32_t i, cv::Mat* image) {

@@ -240,6 +240,19 @@ TEST(GroundPointExtraction, FramePitchTestRejectsFramesThatPitch) {
             0);
 }
 
+TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
+  const RoadScene scene = road();
+  RoadScene expected = scene;
+  expected.pitch += 0.2;
+  for (const bool frame_pitch_test : {false, true}) {
+    GroundPointExtraction::Options options;
+    options.frame_pitch_test = frame_pitch_test;
+    const auto result = GroundPointExtraction(options).extract(
+        scene.frame(0), priorOf(expected, 0.01), std::nullopt, Eigen::Isometry3d::Identity());
+    EXPECT_EQ(result.ground_triangles > 0, frame_pitch_test);
+  }
+}
+
 TEST(GroundPointExtraction, BadOptionsAreNamed) {
   GroundPointExtraction::Options options;
   options.min_points = 2;

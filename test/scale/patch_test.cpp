@@ -71,5 +71,12 @@ TEST(Patch, NoiseDoesNotLowerTheCorrelation) {
   EXPECT_NEAR(correlate(patch, kNoise, &inverted), -1, 1e-3);
 }
 
+TEST(Patch, LargeImagesAreReducedByAWholeFactor) {
+  const auto reduction = [](double fx) { return imageReduction({3100, 940, fx, fx, 1550, 460}); };
+  EXPECT_EQ(reduction(1160), 1);
+  EXPECT_EQ(reduction(1795), 2);
+  EXPECT_EQ(reduction(1900), 3);
+}
+
 }  // namespace
 }  // namespace ground_scale_vo::direct

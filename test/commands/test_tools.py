@@ -38,7 +38,7 @@ def test_render_drive_options(short, tmp_path):
     assert K[[0, 1], [0, 1]] == pytest.approx(whole[[0, 1], [0, 1]] / 4)
     assert K[:2, 2] == pytest.approx((whole[:2, 2] + 0.5) / 4 - 0.5)  # (0, 0) is the centre of a pixel
     rendered(tmp_path / "square", size="100x100", frames=1)
-    assert camera_matrix(tmp_path / "square")[:2, 2] == pytest.approx([49.5, (whole[1, 2] + 0.5) * 100 / 248 - 0.5])
+    assert camera_matrix(tmp_path / "square")[:2, 2] == pytest.approx((whole[:2, 2] + 0.5) * [1 / 8, 100 / 248] - 0.5)
     assert times == pytest.approx([0, 0.05])
     assert poses[1] == pytest.approx([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.25])
     assert ground == pytest.approx(np.array([[2, 0, -1, 0]] * 2))

@@ -116,7 +116,7 @@ def figures(root, *arguments, check=False):
     ("docs/results.json", r'"max_error_percent"', '"other"', "no figure faults.max_error_percent"),
     ("docs/results.json", r'"cpu_ms_per_frame"', '"other"', "missing"),
     ("docs/results.json", r'"rle_percent": \d', '"rle_percent": 7', "differs from"),
-    ("docs/explanation/performance.md", r"\*Experiments of", "Experiments of", "table without a source"),
+    ("docs/explanation/experiments.md", r"\*Experiments of", "Experiments of", "table without a source"),
     ("README.md", r"\Z", "\n| RLE |\n|---|\n| 0.43 |\n", "README.md: a table without a source"),
 ])
 def test_figures(cited, file, pattern, replacement, reason):

@@ -98,7 +98,7 @@ def test_calibration_of_camera_info(gsv, bag, short, change, text):
     calibration_of = importlib.import_module("ground_scale_vo.calibration").calibration_of
     with rosbag.Bag(str(bag)) as messages:
         _, info, _ = next(messages.read_messages([bags.INFO]))
-    for name, value in change.items():
+    for name, value in {"K": camera_matrix(short).ravel().tolist(), **change}.items():
         setattr(info, name, value)
     if text:
         with pytest.raises(gsv.DataError, match=f"^{bags.INFO}: {text}"):

@@ -1,5 +1,5 @@
-# Prints compile_commands.json for clang: without the precompiled headers of gcc, and with an entry for
-# each of the files that are compiled as one (UNITY_BUILD).
+# Prints compile_commands.json for clang: without the precompiled headers and the parameters of gcc, and
+# with an entry for each of the files that are compiled as one (UNITY_BUILD).
 
 function replaced(text, old, new,   at, done) {
   while ((at = index(text, old)) > 0) {
@@ -20,6 +20,7 @@ BEGIN { print "[" }
 /^{/ { count = 0 }
 /^  "/ {
   gsub(/ -Winvalid-pch -include [^ ]*cmake_pch[.]hxx/, "")
+  gsub(/ --param=[^ ]*/, "")
   line[++count] = $0
   if ($1 == "\"file\":") {
     file = $0

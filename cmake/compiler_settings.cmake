@@ -12,6 +12,10 @@ set(CMAKE_OPTIMIZE_DEPENDENCIES ON)
 # Vectorise loops over pixels, also those with a square root. The results do not change: nothing here
 # reads errno after a mathematical function or traps floating-point exceptions.
 add_compile_options($<$<NOT:$<CONFIG:Debug>>:-O3> -fno-math-errno -fno-trapping-math)
+# gcc collects garbage less often: a tenth of the time for at most 100 MB more memory.
+if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+  add_compile_options(--param=ggc-min-heapsize=500000)  # [kB]
+endif()
 # Executables too, so that they share the libraries' precompiled headers.
 add_compile_options(-fPIC)
 # The imported targets link more libraries than the code uses (all of OpenCV, VTK).

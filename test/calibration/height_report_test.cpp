@@ -12,14 +12,14 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kPitch = 0.1, kRoll = 0.05;  // [rad]
+constexpr double kReportedPitch = 0.1, kReportedRoll = 0.05;  // [rad]
 
 HeightCalibration::Result calibrated() {
   HeightCalibration::Result result;
   result.status = HeightCalibration::Status::kOk;
   result.height = {1.2344, 0.01, 2.5};
-  result.pitch = {kPitch, 0.002, 2.5};
-  result.roll = {kRoll, 0.004, 2.5};
+  result.pitch = {kReportedPitch, 0.002, 2.5};
+  result.roll = {kReportedRoll, 0.004, 2.5};
   return result;
 }
 
@@ -47,15 +47,16 @@ TEST(HeightYaml, TransformStandsOnTheRoadAndFacesAsTheCamera) {
   EXPECT_EQ(z, 1.234);
   const Eigen::Quaterniond q_b_c(qw, qx, qy, qz);
   EXPECT_NEAR(q_b_c.norm(), 1, 1e-4);
-  EXPECT_LT((q_b_c * roadNormal(kPitch, kRoll) - Eigen::Vector3d::UnitZ()).norm(), 1e-4);
+  EXPECT_LT((q_b_c * roadNormal(kReportedPitch, kReportedRoll) - Eigen::Vector3d::UnitZ()).norm(),
+            1e-4);
   // The optical axis points ahead and down, the camera's x axis to the right and down.
   const Eigen::Vector3d ahead = q_b_c * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d right = q_b_c * Eigen::Vector3d::UnitX();
   EXPECT_GT(ahead.x(), 0.99);
   EXPECT_NEAR(ahead.y(), 0, 1e-4);
-  EXPECT_NEAR(ahead.z(), -std::cos(kRoll) * std::sin(kPitch), 1e-4);
+  EXPECT_NEAR(ahead.z(), -std::cos(kReportedRoll) * std::sin(kReportedPitch), 1e-4);
   EXPECT_LT(right.y(), -0.99);
-  EXPECT_NEAR(right.z(), -std::sin(kRoll), 1e-4);
+  EXPECT_NEAR(right.z(), -std::sin(kReportedRoll), 1e-4);
 }
 
 TEST(HeightYaml, HasNoTransformForAnUnknownMounting) {

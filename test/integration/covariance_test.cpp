@@ -17,25 +17,25 @@
 namespace ground_scale_vo {
 namespace {
 
-using Options = SyntheticDrive::Options;
+using DriveOptions = SyntheticDrive::Options;
 
 struct ShortDrive {
   const char* name;
-  void (*configure)(Options&);
+  void (*configure)(DriveOptions&);
 };
 const ShortDrive kDrives[] = {
-    {"flat and straight", [](Options& o) { o.curvature = o.slope = 0; }},
-    {"default", [](Options&) {}},
-    {"a steeper hill", [](Options& o) { o.slope = 0.05; }},
-    {"sharper bends", [](Options& o) { o.curvature = 0.05, o.speed = 6; }},
-    {"a lower camera", [](Options& o) { o.camera_height = 1.2, o.speed = 7; }},
-    {"a higher camera", [](Options& o) { o.camera_height = 2.2; }},
-    {"faster, no traffic", [](Options& o) { o.speed = 14, o.moving_cars = false; }},
-    {"pitched and rolled", [](Options& o) { o.pitch_rad = 0.06, o.roll_rad = 0.02; }},
+    {"flat and straight", [](DriveOptions& o) { o.curvature = o.slope = 0; }},
+    {"default", [](DriveOptions&) {}},
+    {"a steeper hill", [](DriveOptions& o) { o.slope = 0.05; }},
+    {"sharper bends", [](DriveOptions& o) { o.curvature = 0.05, o.speed = 6; }},
+    {"a lower camera", [](DriveOptions& o) { o.camera_height = 1.2, o.speed = 7; }},
+    {"a higher camera", [](DriveOptions& o) { o.camera_height = 2.2; }},
+    {"faster, no traffic", [](DriveOptions& o) { o.speed = 14, o.moving_cars = false; }},
+    {"pitched and rolled", [](DriveOptions& o) { o.pitch_rad = 0.06, o.roll_rad = 0.02; }},
 };
 
-Options shortDrive(std::size_t i) {
-  Options options = mediumImages();
+DriveOptions shortDrive(std::size_t i) {
+  DriveOptions options = mediumImages();
   options.frames = 52;
   options.stop_s = 0;
   options.random_seed = 11 + i;
@@ -64,7 +64,7 @@ struct EndPoints {
 };
 
 /// Empty without a metric pose at the end, or when the odometry had to start a second map.
-std::optional<EndPoints> runDrive(const Options& drive_options) {
+std::optional<EndPoints> runDrive(const DriveOptions& drive_options) {
   const SyntheticDrive drive(reducedDrive(drive_options));
   ScaleRecovery::Options options;
   options.camera_height = drive.cameraHeight();

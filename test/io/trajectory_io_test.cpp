@@ -10,7 +10,7 @@ namespace {
 
 using TrajectoryIo = TemporaryFolder;
 
-const std::string kIdentityRow = "1 0 0 0 0 1 0 0 0 0 1 0";
+const std::string kIdentity = "1 0 0 0 0 1 0 0 0 0 1 0";
 
 Eigen::Isometry3d somePose(double k) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
@@ -33,7 +33,7 @@ TEST_F(TrajectoryIo, KittiPosesSurviveTheRoundTrip) {
 }
 
 TEST_F(TrajectoryIo, ReadsWindowsLineEndsAndBlankLinesAtTheEnd) {
-  const auto file = write("poses.txt", kIdentityRow + "\r\n" + kIdentityRow + "\r\n\r\n  \n\n");
+  const auto file = write("poses.txt", kIdentity + "\r\n" + kIdentity + "\r\n\r\n  \n\n");
   EXPECT_EQ(readKittiPoses(file).size(), 2u);
 }
 
@@ -51,9 +51,8 @@ TEST_F(TrajectoryIo, RejectsMalformedTrajectories) {
   };
   EXPECT_EQ(errorOf(""), "/p.txt: is empty");
   EXPECT_EQ(errorOf(" \r\n\n"), "/p.txt: is empty");
-  EXPECT_EQ(errorOf(kIdentityRow + "\n1 2 3\n"), "/p.txt, line 2: has 3 numbers instead of 12");
-  EXPECT_EQ(errorOf(kIdentityRow + "\n\n" + kIdentityRow),
-            "/p.txt, line 2: has 0 numbers instead of 12");
+  EXPECT_EQ(errorOf(kIdentity + "\n1 2 3\n"), "/p.txt, line 2: has 3 numbers instead of 12");
+  EXPECT_EQ(errorOf(kIdentity + "\n\n" + kIdentity), "/p.txt, line 2: has 0 numbers instead of 12");
   EXPECT_EQ(errorOf("1 0 0 0 0 1 0 x7 0 0 1 0"), "/p.txt, line 1: 'x7' is not a finite number");
   EXPECT_EQ(errorOf("1 0 0 0 0 1 0 nan 0 0 1 0"), "/p.txt, line 1: 'nan' is not a finite number");
   EXPECT_EQ(errorOf("1 0 0 0 0 1 0 -inf 0 0 1 0"), "/p.txt, line 1: '-inf' is not a finite number");

@@ -8,17 +8,17 @@ namespace ground_scale_vo {
 namespace {
 
 using Guard = SourceGuard<std::string>;
-using Verdict = Guard::Verdict;
+using SourceVerdict = Guard::Verdict;
 
 TEST(SourceGuard, AChangeOfTheSourceIsAccepted) {
   Guard guard;
-  EXPECT_EQ(guard.check("a"), Verdict::kChanged);
-  EXPECT_EQ(guard.check("a"), Verdict::kSame);
-  EXPECT_EQ(guard.check("b"), Verdict::kChanged);
+  EXPECT_EQ(guard.check("a"), SourceVerdict::kChanged);
+  EXPECT_EQ(guard.check("a"), SourceVerdict::kSame);
+  EXPECT_EQ(guard.check("b"), SourceVerdict::kChanged);
   EXPECT_EQ(guard.current(), "b");
   EXPECT_EQ(guard.other(), "a");
-  EXPECT_EQ(guard.check("c"), Verdict::kChanged);
-  EXPECT_EQ(guard.check("c"), Verdict::kSame);
+  EXPECT_EQ(guard.check("c"), SourceVerdict::kChanged);
+  EXPECT_EQ(guard.check("c"), SourceVerdict::kSame);
   EXPECT_FALSE(guard.alternates());
 }
 
@@ -26,12 +26,12 @@ TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUse) {
   Guard guard;
   guard.check("a");
   guard.check("b");
-  EXPECT_EQ(guard.check("a"), Verdict::kChanged);
+  EXPECT_EQ(guard.check("a"), SourceVerdict::kChanged);
   EXPECT_FALSE(guard.alternates());
   for (int i = 0; i < 1000; ++i) {
-    EXPECT_EQ(guard.check(i % 2 == 0 ? "b" : "c"), Verdict::kOther);
+    EXPECT_EQ(guard.check(i % 2 == 0 ? "b" : "c"), SourceVerdict::kOther);
     EXPECT_TRUE(guard.alternates());
-    EXPECT_EQ(guard.check("a"), Verdict::kSame);
+    EXPECT_EQ(guard.check("a"), SourceVerdict::kSame);
   }
 }
 
@@ -41,7 +41,8 @@ TEST(SourceGuard, AMuchSlowerSecondSourceIsNotForgotten) {
   for (const char* source : {"a", "b", "a"}) guard.check(source);
   for (int i = 0; i < 200; ++i) {
     const bool is_second = i % 50 == 0;
-    EXPECT_EQ(guard.check(is_second ? "b" : "a"), is_second ? Verdict::kOther : Verdict::kSame);
+    EXPECT_EQ(guard.check(is_second ? "b" : "a"),
+              is_second ? SourceVerdict::kOther : SourceVerdict::kSame);
     EXPECT_TRUE(guard.alternates());
   }
 }
@@ -61,8 +62,8 @@ TEST(SourceGuard, MessagesThatAllDifferAreNotASecondSource) {
   Guard guard;
   guard.check("a");
   for (int i = 0; i < 10; ++i) {
-    EXPECT_EQ(guard.check(std::to_string(i)), Verdict::kChanged);
-    EXPECT_EQ(guard.check("a"), Verdict::kChanged);
+    EXPECT_EQ(guard.check(std::to_string(i)), SourceVerdict::kChanged);
+    EXPECT_EQ(guard.check("a"), SourceVerdict::kChanged);
     EXPECT_FALSE(guard.alternates());
   }
 }
@@ -72,7 +73,7 @@ TEST(SourceGuard, AnEarlierChangeIsForgotten) {
   Guard guard;
   guard.check("a");
   for (int i = 0; i <= Guard::kMemory; ++i) guard.check("b");
-  EXPECT_EQ(guard.check("a"), Verdict::kChanged);
+  EXPECT_EQ(guard.check("a"), SourceVerdict::kChanged);
   EXPECT_FALSE(guard.alternates());
 }
 

@@ -16,7 +16,7 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr int kWidth = 640, kHeight = 200;
+constexpr int kImageWidth = 640, kImageHeight = 200;
 constexpr float kRow = 120;  // of all features; below the legend
 
 TrackedFeature feature(std::uint64_t id, float u, std::uint32_t age, bool has_point = true) {
@@ -54,7 +54,7 @@ Pixel pixelOf(const sensor_msgs::Image& message, float u, float v) {
   return {message.data.at(i), message.data.at(i + 1), message.data.at(i + 2)};
 }
 
-cv::Mat uniformImage() { return {kHeight, kWidth, CV_8UC1, cv::Scalar(128)}; }
+cv::Mat uniformImage() { return {kImageHeight, kImageWidth, CV_8UC1, cv::Scalar(128)}; }
 
 /// Paints consecutive frames on a uniform image.
 class TrackPainting : public testing::Test {
@@ -77,8 +77,8 @@ class TrackPainting : public testing::Test {
 };
 
 TEST_F(TrackPainting, TintsTheMaskedPixels) {
-  cv::Mat mask(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
-  mask.colRange(300, kWidth).setTo(0);
+  cv::Mat mask(kImageHeight, kImageWidth, CV_8UC1, cv::Scalar(255));
+  mask.colRange(300, kImageWidth).setTo(0);
   paint({});
   const Pixel unmasked = at(310);
   message_ = painter_.paint(uniformImage(), frame_, {}, {}, mask);
@@ -93,8 +93,8 @@ TEST_F(TrackPainting, TintsTheMaskedPixels) {
 TEST_F(TrackPainting, GivesAColourImageOfTheSameSize) {
   paint({});
   EXPECT_EQ(message_->encoding, sensor_msgs::image_encodings::BGR8);
-  EXPECT_EQ(message_->width, static_cast<unsigned>(kWidth));
-  EXPECT_EQ(message_->height, static_cast<unsigned>(kHeight));
+  EXPECT_EQ(message_->width, static_cast<unsigned>(kImageWidth));
+  EXPECT_EQ(message_->height, static_cast<unsigned>(kImageHeight));
   EXPECT_EQ(message_->header.frame_id, "camera");
   EXPECT_TRUE(at(300).isGrey());
 }
@@ -194,8 +194,8 @@ TEST_F(TrackPainting, AnImageOfTwiceTheWidthHasTwiceTheLegendAndMarks) {
 }
 
 TEST_F(TrackPainting, MarksAtTheEdgeAreValid) {
-  paint({feature(1, 0, 3), feature(2, kWidth - 1, 3, false)},
-        {rejected(0, RejectReason::kOutlier), rejected(kWidth - 1, RejectReason::kNotFound)});
+  paint({feature(1, 0, 3), feature(2, kImageWidth - 1, 3, false)},
+        {rejected(0, RejectReason::kOutlier), rejected(kImageWidth - 1, RejectReason::kNotFound)});
   EXPECT_FALSE(at(0).isGrey());
 }
 
@@ -203,8 +203,8 @@ TEST_F(TrackPainting, MarksAtTheEdgeAreValid) {
 class RoadPainting : public testing::Test {
  protected:
   RoadPainting() {
-    frame_.camera.width = kWidth;
-    frame_.camera.height = kHeight;
+    frame_.camera.width = kImageWidth;
+    frame_.camera.height = kImageHeight;
     frame_.camera.fx = frame_.camera.fy = 400;
     frame_.camera.cx = 320;
     frame_.camera.cy = 40;
@@ -345,7 +345,7 @@ TEST_F(RoadPainting, APlaneOutsideTheViewIsValid) {
        {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(1, 0, 0)}) {
     output_.scale.n_c = up;
     paint(ScaleStatus::kOk);
-    EXPECT_EQ(message_->width, static_cast<unsigned>(kWidth));
+    EXPECT_EQ(message_->width, static_cast<unsigned>(kImageWidth));
   }
 }
 

@@ -17,7 +17,7 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 RoadScene road() {
@@ -55,11 +55,11 @@ void expectSurvives(const std::function<void(VoFrame&)>& disturb) {
 }
 
 TEST(DegenerateRoad, OneInvalidFrameDoesNotAffectTheNextOnes) {
-  for (const double number : {kNan, kInf, -kInf, 1e300, 1e30, -1e30, 1e10}) {
+  for (const double number : {kNotANumber, kInf, -kInf, 1e300, 1e30, -1e30, 1e10}) {
     SCOPED_TRACE(number);
     const auto bad = static_cast<float>(number);
     expectSurvives([&](VoFrame& f) { f.T_w_c.translation().x() = number; });
-    expectSurvives([&](VoFrame& f) { f.T_w_c.linear()(1, 1) = number > 1 ? kNan : number; });
+    expectSurvives([&](VoFrame& f) { f.T_w_c.linear()(1, 1) = number > 1 ? kNotANumber : number; });
     expectSurvives([&](VoFrame& f) {
       for (auto& feature : f.features) feature.p_c.y() = bad;
     });
@@ -176,10 +176,10 @@ TEST(DegenerateFilter, IgnoresInvalidMeasurements) {
     filter.update(0.7, 0.02, 4);
   }
   ASSERT_TRUE(filter.known());
-  for (const double height : {kNan, kInf, -kInf, 0.0, -1.0}) {
+  for (const double height : {kNotANumber, kInf, -kInf, 0.0, -1.0}) {
     EXPECT_FALSE(filter.update(height, 0.02, 4)) << height;
   }
-  for (const double bad : {kNan, kInf, -1.0}) {
+  for (const double bad : {kNotANumber, kInf, -1.0}) {
     EXPECT_FALSE(filter.update(0.7, bad, 4)) << bad;
     EXPECT_FALSE(filter.update(0.7, 0.02, bad)) << bad;
   }
@@ -198,7 +198,7 @@ TEST(DegenerateTrajectory, SkipsIncrementsThatAreNotFinite) {
   frame.status = VoStatus::kTracking;
   frame.T_w_c.translation().z() = 1;
   ASSERT_TRUE(trajectory.append(frame, scale));
-  for (const double number : {kNan, kInf, 1e300}) {
+  for (const double number : {kNotANumber, kInf, 1e300}) {
     VoFrame bad = frame;
     bad.stamp_ns = 50000000;
     bad.T_w_c.translation().x() = number;

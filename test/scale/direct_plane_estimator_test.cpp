@@ -18,7 +18,7 @@ constexpr double kPriorSigma = 0.012;  // of pitch and roll [rad]
 /// Changes the image of a frame.
 using Change = std::function<void(std::uint32_t, cv::Mat*)>;
 
-RoadScene road() {
+RoadScene nearRoad() {
   RoadScene scene;
   scene.pitch = 0.03;
   scene.addPatch(1500, -2.5, 2.5, 0, 15, 0, 1);
@@ -70,7 +70,7 @@ std::vector<cv::Mat> imagesOf(const RoadScene& scene, int frames) {
 
 TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnit) {
   for (const double unit : {0.01, 1.0, 300.0}) {
-    RoadScene scene = road();
+    RoadScene scene = nearRoad();
     scene.camera = {900, 320, 650, 650, 450, 130};
     if (unit == 1) scene.camera = {900, 400, 650, 800, 450, 160};  // pixels that are not square
     scene.height *= unit;
@@ -89,7 +89,7 @@ TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnit) {
 TEST(DirectPlaneEstimator, WorksWithOtherCamerasAndMountings) {
   for (const double focal : {180.0, 500.0}) {
     for (const double pitch : {-0.03, 0.08}) {
-      RoadScene scene = road();
+      RoadScene scene = nearRoad();
       scene.camera = {640, 240, focal, focal, 320, 110};
       scene.pitch = pitch;
       scene.roll = 0.05;
@@ -102,7 +102,7 @@ TEST(DirectPlaneEstimator, WorksWithOtherCamerasAndMountings) {
 
 // The height is that above the road below the vehicle, not above the road ahead.
 TEST(DirectPlaneEstimator, ACrestAheadDoesNotBiasTheHeight) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   constexpr double kCurvature = 0.0015;  // [1 / camera height]; a radius of 1100 m at 1.65 m
   DirectPlaneEstimator estimator({});
   DirectPlaneEstimator::Options flat_road_options;
@@ -131,7 +131,7 @@ TEST(DirectPlaneEstimator, ACrestAheadDoesNotBiasTheHeight) {
 }
 
 TEST(DirectPlaneEstimator, AWrongNormalIsCorrected) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   RoadScene expected = scene;
   expected.pitch += 0.01;
   DirectPlaneEstimator estimator({});
@@ -146,7 +146,7 @@ TEST(DirectPlaneEstimator, AWrongNormalIsCorrected) {
 }
 
 TEST(DirectPlaneEstimator, ASearchFindsTheRollOfTheCamera) {
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   NormalPrior prior = priorOf(scene, kPriorSigma);
   prior.roll_sigma = 0.1;
   scene.roll = 0.18;
@@ -158,7 +158,7 @@ TEST(DirectPlaneEstimator, ASearchFindsTheRollOfTheCamera) {
 }
 
 TEST(DirectPlaneEstimator, IsInvariantToIlluminationAndExposure) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const auto result = drive(scene, scene.height, 4, [](std::uint32_t i, cv::Mat* image) {
     image->convertTo(*image, -1, 1 - 0.15 * (i % 3), 20.0 * (i % 2));
     cv::Mat ramp(image->size(), CV_8U);  // and a brightness ramp in every second image
@@ -171,7 +171,7 @@ TEST(DirectPlaneEstimator, IsInvariantToIlluminationAndExposure) {
 
 // Lines along the path look the same at every distance.
 TEST(DirectPlaneEstimator, LinesAlongThePathDoNotObserveTheHeight) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const auto lines = [](double x, double) { return asphalt(x, 0); };
   EXPECT_EQ(drive(scene, 1.03 * scene.height, 4, nullptr, lines).status, ScaleReason::kNoPlane);
   // A little other texture suffices for a height, with a larger standard deviation.
@@ -189,7 +189,7 @@ TEST(DirectPlaneEstimator, LinesAlongThePathDoNotObserveTheHeight) {
 
 // With so little texture besides the lines the iteration does not converge from a wrong prediction.
 TEST(DirectPlaneEstimator, AnEstimateThatDoesNotConvergeIsRejected) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.1 * (asphalt(x, z) - 110); };
   for (const double factor : {0.75, 1.25}) {
     const auto result = drive(scene, factor * scene.height, 5, nullptr, weak);
@@ -199,7 +199,7 @@ TEST(DirectPlaneEstimator, AnEstimateThatDoesNotConvergeIsRejected) {
 }
 
 TEST(DirectPlaneEstimator, WithoutTextureThereIsNoPlane) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const auto bare = [](double, double) { return 110.0; };
   EXPECT_EQ(drive(scene, scene.height, 4, nullptr, bare).status, ScaleReason::kNoPlane);
   EXPECT_EQ(drive(scene, 0, 4, nullptr, bare).status, ScaleReason::kNoPlane);
@@ -218,14 +218,14 @@ Change staticRegion(const cv::Rect& place) {
 }
 
 TEST(DirectPlaneEstimator, AVehicleInTheLaneRegionIsRejected) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const auto result = drive(scene, scene.height, 4, staticRegion({270, 60, 60, 60}));
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
 }
 
 TEST(DirectPlaneEstimator, FeaturesHaveNoEffectWhenTheHeightIsPredicted) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const NormalPrior prior = priorOf(scene, kPriorSigma);
   int with_displaced = 0, without_displaced = 0;  // patches
   for (const bool displaced : {false, true}) {
@@ -249,7 +249,7 @@ TEST(DirectPlaneEstimator, FeaturesHaveNoEffectWhenTheHeightIsPredicted) {
 }
 
 TEST(DirectPlaneEstimator, TheEngineHoodIsDetectedAndMasked) {
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   scene.camera = {620, 288, 359.0, 431.0, 310.0, 110.0};
   const Change hood = staticRegion({0, 204, 620, 84});  // the lowest 84 rows
   DirectPlaneEstimator estimator({});
@@ -265,7 +265,7 @@ TEST(DirectPlaneEstimator, TheEngineHoodIsDetectedAndMasked) {
 }
 
 TEST(DirectPlaneEstimator, TheSearchDoesNotUseTheEngineHood) {
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
   const Change hood = staticRegion({0, 170, 620, 70});
   DirectPlaneEstimator estimator({}), fresh({});
@@ -280,7 +280,7 @@ TEST(DirectPlaneEstimator, TheSearchDoesNotUseTheEngineHood) {
 // In neither image: patches of the newest one below the region project into it in the reference
 // image.
 TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const NormalPrior prior = priorOf(scene, kPriorSigma);
   const cv::Rect region(200, 130, 120, 30);
   cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(255));
@@ -322,7 +322,7 @@ TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
 // Images whose focal length is large are reduced, here to half the width and height; the size is no
 // multiple.
 TEST(DirectPlaneEstimator, ALargeImageIsReduced) {
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   PinholeCamera& camera = scene.camera;
   camera = {5 * camera.width + 1, 5 * camera.height + 2, 5 * camera.fx,
             5 * camera.fy,        5 * camera.cx + 2,     5 * camera.cy + 2};
@@ -349,7 +349,7 @@ TEST(DirectPlaneEstimator, ALargeImageIsReduced) {
 }
 
 TEST(DirectPlaneEstimator, AMaskOfTheWholeLaneLeavesNoPlane) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));
   DirectPlaneEstimator estimator({});
   for (std::uint32_t i = 0; i < 6; ++i) {
@@ -363,7 +363,7 @@ TEST(DirectPlaneEstimator, AMaskOfTheWholeLaneLeavesNoPlane) {
 }
 
 TEST(DirectPlaneEstimator, AWrongPredictionIsCorrectedOrRejected) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   for (const double factor : {0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 3.0}) {
     const auto result = drive(scene, factor * scene.height);
     if (result.status != ScaleReason::kNone) continue;
@@ -372,7 +372,7 @@ TEST(DirectPlaneEstimator, AWrongPredictionIsCorrectedOrRejected) {
 }
 
 TEST(DirectPlaneEstimator, AWrongPredictionLeadsToASearch) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const NormalPrior prior = priorOf(scene, kPriorSigma);
   DirectPlaneEstimator estimator({});
   int found = 0;
@@ -391,7 +391,7 @@ TEST(DirectPlaneEstimator, AWrongPredictionLeadsToASearch) {
 TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
   for (const double unit : {0.001, 1.0, 5000.0}) {
     for (const double ratio : {0.2, 1.0, 4.0}) {  // of the features' heights to the road's
-      RoadScene scene = road();
+      RoadScene scene = nearRoad();
       scene.height *= unit;
       scene.step *= unit;
       for (auto& point : scene.points) point *= unit;
@@ -412,7 +412,7 @@ TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
 }
 
 TEST(DirectPlaneEstimator, TheSearchCoversItsRange) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const std::vector<cv::Mat> images = imagesOf(scene, 8);
   for (const double range : {1.5, 4.0}) {
     DirectPlaneEstimator::Options options;
@@ -431,7 +431,7 @@ TEST(DirectPlaneEstimator, TheSearchCoversItsRange) {
 }
 
 TEST(DirectPlaneEstimator, TheIntervalOfTheSearch) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const std::vector<cv::Mat> images = imagesOf(scene, 12);
   const double predicted = 2.5 * scene.height;  // wrong
   const auto searches = [&](double interval_heights) {
@@ -453,7 +453,7 @@ TEST(DirectPlaneEstimator, TheIntervalOfTheSearch) {
 }
 
 TEST(DirectPlaneEstimator, TheRegionBeginsAtItsMinimumDistance) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
   DirectPlaneEstimator::Options options;
   const auto near = estimateWith(options, scene, images, priorOf(scene, kPriorSigma), scene.height);
@@ -464,7 +464,7 @@ TEST(DirectPlaneEstimator, TheRegionBeginsAtItsMinimumDistance) {
 }
 
 TEST(DirectPlaneEstimator, TheSearchFindsNothingWithoutRoad) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   // A vehicle that fills the view, and noise without any road.
   const Change filled = staticRegion({0, 0, 620, 188});
   const Change noise = [](std::uint32_t i, cv::Mat* image) {
@@ -481,13 +481,13 @@ TEST(DirectPlaneEstimator, TheSearchFindsNothingWithoutRoad) {
 }
 
 TEST(DirectPlaneEstimator, WithoutMotionTheStatusIsStandstill) {
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   scene.step = 0;
   EXPECT_EQ(drive(scene, scene.height).status, ScaleReason::kStandstill);
 }
 
 TEST(DirectPlaneEstimator, FindsTheHeightInReverse) {
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   scene.step = -0.3;
   DirectPlaneEstimator estimator({});
   NormalPrior prior = priorOf(scene, kPriorSigma);
@@ -507,7 +507,7 @@ TEST(DirectPlaneEstimator, FindsTheHeightInReverse) {
 // an earlier camera of the path, the one nearest to the lane region.
 TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
   constexpr double kCurvature = 0.003;  // [1 / camera height]; a radius of 550 m at 1.65 m
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   scene.step = -0.3;
   NormalPrior prior = priorOf(scene, kPriorSigma);
   prior.forward_c = -prior.forward_c;
@@ -539,7 +539,7 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
 }
 
 TEST(DirectPlaneEstimator, ResetDropsTheReferenceImages) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   DirectPlaneEstimator estimator({});
   drive(&estimator, scene, scene.height);
   estimator.reset();
@@ -547,7 +547,7 @@ TEST(DirectPlaneEstimator, ResetDropsTheReferenceImages) {
 }
 
 TEST(DirectPlaneEstimator, EachLimitRejectsAPlane) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
   using Options = DirectPlaneEstimator::Options;
   double predicted = 1.04 * scene.height;
@@ -569,7 +569,7 @@ TEST(DirectPlaneEstimator, EachLimitRejectsAPlane) {
 
 // The poses of the older reference image are wrong, so the search finds another height with it.
 TEST(DirectPlaneEstimator, ASearchWhoseHeightsDisagreeIsRejected) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
   DirectPlaneEstimator::Options any;  // accepts any plane that the search finds
   any.min_correlation = 0;
@@ -594,7 +594,7 @@ TEST(DirectPlaneEstimator, ASearchWhoseHeightsDisagreeIsRejected) {
 // A low correlation means that part of the patches may show something else than road: the sigma is
 // larger than that of the fit, to which max_sigma applies.
 TEST(DirectPlaneEstimator, ALowCorrelationIncreasesTheSigma) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   std::vector<cv::Mat> images = imagesOf(scene, 4);
   cv::RNG random(1);
   for (cv::Mat& image : images) {
@@ -612,7 +612,7 @@ TEST(DirectPlaneEstimator, ALowCorrelationIncreasesTheSigma) {
 }
 
 TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
   using Options = DirectPlaneEstimator::Options;
   const auto errors = {&Options::rotation_sigma_rad, &Options::direction_sigma_rad,
@@ -631,7 +631,7 @@ TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
 }
 
 TEST(DirectPlaneEstimator, ThePriorsOfPitchAndRollAreIndependent) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
   RoadScene pitched = scene, rolled = scene;
   pitched.pitch += 0.01;
@@ -653,7 +653,7 @@ TEST(DirectPlaneEstimator, ThePriorsOfPitchAndRollAreIndependent) {
 
 // A rear-facing camera on a flat road: the earlier camera above the patches.
 TEST(DirectPlaneEstimator, DistanceAndSigmaAreThoseOfTheCameraAboveThePatches) {
-  RoadScene scene = road();
+  RoadScene scene = nearRoad();
   scene.step = -0.3;
   NormalPrior prior = priorOf(scene, kPriorSigma);
   prior.forward_c = -prior.forward_c;
@@ -677,7 +677,7 @@ TEST(DirectPlaneEstimator, DistanceAndSigmaAreThoseOfTheCameraAboveThePatches) {
 
 TEST(DirectPlaneEstimator, ResetMakesASearchDue) {
   for (const double unit : {1.0, 100.0}) {
-    RoadScene scene = road();
+    RoadScene scene = nearRoad();
     scene.height *= unit;
     scene.step *= unit;
     for (auto& point : scene.points) point *= unit;
@@ -691,7 +691,7 @@ TEST(DirectPlaneEstimator, ResetMakesASearchDue) {
 }
 
 TEST(DirectPlaneEstimator, ANewCameraAndANewMaskAreUsed) {
-  const RoadScene scene = road();
+  const RoadScene scene = nearRoad();
   std::vector<PinholeCamera> others = {{560, 200, 300.0, 300.0, 280.0, 90.0}};
   for (double PinholeCamera::*parameter :
        {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {

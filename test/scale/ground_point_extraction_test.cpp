@@ -22,14 +22,14 @@ GroundPointExtraction::Result extract(const RoadScene& scene, const VoFrame& fra
 }
 
 /// 400 points, ids 1 to 400.
-RoadScene road() {
+RoadScene roadAhead() {
   RoadScene scene;
   scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, 0, 1);
   return scene;
 }
 
 TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
-  RoadScene scene = road();
+  RoadScene scene = roadAhead();
   scene.roll = 0.03;
   const auto result = extract(scene, scene.frame(0));
   ASSERT_EQ(result.status, ScaleReason::kNone);
@@ -41,7 +41,7 @@ TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
 }
 
 TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
-  RoadScene scene = road();
+  RoadScene scene = roadAhead();
   scene.pitch = 0;
   const NormalPrior level = priorOf(scene, 0.13);
   scene.roll = 0.26;
@@ -68,7 +68,7 @@ TEST(GroundPointExtraction, NumberOfTrianglesFollowsEulersFormula) {
 }
 
 TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
-  RoadScene scene = road();
+  RoadScene scene = roadAhead();
   const std::size_t on_road = scene.points.size();
   scene.addWall(150, -0.7, 0.7, 0.6, 5.0, 2);  // back of a car
   for (int i = 0; i < 60; ++i)
@@ -86,7 +86,7 @@ TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
 }
 
 TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
-  RoadScene scene = road();
+  RoadScene scene = roadAhead();
   scene.depth_sigma = 0.005;
   scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the camera height up
   const auto result = extract(scene, scene.frame(0));
@@ -99,7 +99,7 @@ TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
 
 TEST(GroundPointExtraction, FindsTheSamePointsInAnyUnit) {
   const auto idsIn = [](double unit) {
-    RoadScene scene = road();
+    RoadScene scene = roadAhead();
     scene.depth_sigma = 0.005;
     scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement
     scene.height *= unit;
@@ -131,7 +131,7 @@ TEST(GroundPointExtraction, AFailureHasNoPoints) {
 }
 
 TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
-  RoadScene scene = road();
+  RoadScene scene = roadAhead();
   scene.addPatch(400, 1.2, 2.5, 1.0, 9.0, 0, 4);
   // Clearly outside the lane, whose half width is 1.2 camera heights; the camera height is 0.7.
   const auto count_outside = [&](const GroundPointExtraction::Result& result) {
@@ -145,7 +145,7 @@ TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
 }
 
 TEST(GroundPointExtraction, TheRegionBeginsAtItsMinimumDistance) {
-  const RoadScene scene = road();
+  const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
   options.min_ahead_heights = 6;
   const auto result = extract(scene, scene.frame(0), options);
@@ -160,9 +160,9 @@ TEST(GroundPointExtraction, PlaneAboveOrBehindTheCameraIsNoGround) {
   EXPECT_NE(ceiling.status, ScaleReason::kNone);
   EXPECT_TRUE(ceiling.points.empty());
 
-  VoFrame behind = road().frame(0);
+  VoFrame behind = roadAhead().frame(0);
   for (TrackedFeature& feature : behind.features) feature.p_c = -feature.p_c;
-  EXPECT_EQ(extract(road(), behind).status, ScaleReason::kTooFewTriangles);
+  EXPECT_EQ(extract(roadAhead(), behind).status, ScaleReason::kTooFewTriangles);
 }
 
 TEST(GroundPointExtraction, DegenerateInputIsRefusedByStatus) {
@@ -176,13 +176,13 @@ TEST(GroundPointExtraction, DegenerateInputIsRefusedByStatus) {
   for (int i = 0; i < 40; ++i) scene.points.emplace_back(0, 0, 2 + 0.2 * i);  // collinear
   EXPECT_NE(extract(scene, scene.frame(0)).status, ScaleReason::kNone);
 
-  VoFrame same = road().frame(0);  // all at one pixel
+  VoFrame same = roadAhead().frame(0);  // all at one pixel
   for (TrackedFeature& feature : same.features) feature.u = same.features[0].u;
-  EXPECT_EQ(extract(road(), same).status, ScaleReason::kTooFewTriangles);
+  EXPECT_EQ(extract(roadAhead(), same).status, ScaleReason::kTooFewTriangles);
 }
 
 TEST(GroundPointExtraction, FeaturesWithoutAUsablePointAreIgnored) {
-  const RoadScene scene = road();
+  const RoadScene scene = roadAhead();
   VoFrame frame = scene.frame(0);
   const float nan = std::numeric_limits<float>::quiet_NaN();
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
@@ -199,7 +199,7 @@ TEST(GroundPointExtraction, FeaturesWithoutAUsablePointAreIgnored) {
 }
 
 TEST(GroundPointExtraction, IsDeterministicForAGivenSeed) {
-  RoadScene scene = road();
+  RoadScene scene = roadAhead();
   scene.depth_noise = 0.03;
   const VoFrame frame = scene.frame(3);
   GroundPointExtraction::Options options;
@@ -214,7 +214,7 @@ TEST(GroundPointExtraction, IsDeterministicForAGivenSeed) {
 }
 
 TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
-  const RoadScene scene = road();
+  const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
   MotionHistory::Chord climbing = chordOf(scene);
   climbing.direction_c =
@@ -228,7 +228,7 @@ TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
 }
 
 TEST(GroundPointExtraction, FramePitchTestRejectsFramesThatPitch) {
-  const RoadScene scene = road();
+  const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
   options.frame_pitch_test = true;
   const GroundPointExtraction gpe(options);
@@ -241,7 +241,7 @@ TEST(GroundPointExtraction, FramePitchTestRejectsFramesThatPitch) {
 }
 
 TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
-  const RoadScene scene = road();
+  const RoadScene scene = roadAhead();
   RoadScene expected = scene;
   expected.pitch += 0.2;
   for (const bool frame_pitch_test : {false, true}) {

@@ -5,14 +5,14 @@
 namespace ground_scale_vo::direct {
 namespace {
 
-constexpr double kHeight = 2;    // [VO units]
-constexpr double kBaseline = 1;  // [camera heights]
+constexpr double kBufferHeight = 2;  // [VO units]
+constexpr double kBaseline = 1;      // [camera heights]
 
 /// A buffer after images every `step` [VO units] along z, the last of which is the current one.
 ImageBuffer drive(int frames, double step) {
   ImageBuffer buffer({64, 48}, kBaseline);
   for (int i = 0; i < frames; ++i) {
-    if (i > 0) buffer.keepCurrent(kHeight);
+    if (i > 0) buffer.keepCurrent(kBufferHeight);
     buffer.current().roi = {0, 0, 8, 8};
     buffer.current().T_w_c.translation() = Eigen::Vector3d(0, 0, step * i);
   }
@@ -23,7 +23,7 @@ double distanceOf(const Reference& reference) { return reference.t.norm(); }
 
 TEST(ImageBuffer, SelectsReferencesAtOneAndTwoBaselines) {
   const ImageBuffer buffer = drive(10, 0.5);
-  const std::vector<Reference> references = buffer.selectReferences(kHeight);
+  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
   ASSERT_EQ(references.size(), 2u);
   EXPECT_NEAR(distanceOf(references[0]), 2, 1e-6);
   EXPECT_NEAR(distanceOf(references[1]), 4, 1e-6);
@@ -36,25 +36,25 @@ TEST(ImageBuffer, SelectsReferencesAtOneAndTwoBaselines) {
 
 // Steps of 2.5 first baselines: the nearest image is the best for both baselines.
 TEST(ImageBuffer, NoImageIsSelectedTwice) {
-  EXPECT_EQ(drive(2, 5).selectReferences(kHeight).size(), 1u);
+  EXPECT_EQ(drive(2, 5).selectReferences(kBufferHeight).size(), 1u);
   const ImageBuffer buffer = drive(4, 5);
-  const std::vector<Reference> references = buffer.selectReferences(kHeight);
+  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
   ASSERT_EQ(references.size(), 2u);
   EXPECT_NEAR(distanceOf(references[0]), 5, 1e-6);
   EXPECT_NEAR(distanceOf(references[1]), 10, 1e-6);
 }
 
 TEST(ImageBuffer, HasNoReferenceWithoutMotion) {
-  EXPECT_TRUE(drive(1, 0.5).selectReferences(kHeight).empty());
-  EXPECT_TRUE(drive(10, 0).selectReferences(kHeight).empty());
-  EXPECT_TRUE(drive(2, 0.3).selectReferences(kHeight).empty()) << "0.15 first baselines";
+  EXPECT_TRUE(drive(1, 0.5).selectReferences(kBufferHeight).empty());
+  EXPECT_TRUE(drive(10, 0).selectReferences(kBufferHeight).empty());
+  EXPECT_TRUE(drive(2, 0.3).selectReferences(kBufferHeight).empty()) << "0.15 first baselines";
 }
 
 TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {
   // Twelve images in steps of 0.02 would cover only 0.24 VO units. At the minimum spacing, 0.2
   // first baselines or 0.4 VO units, they cover both baselines.
   const ImageBuffer buffer = drive(400, 0.02);
-  const std::vector<Reference> references = buffer.selectReferences(kHeight);
+  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
   ASSERT_EQ(references.size(), 2u);
   EXPECT_NEAR(distanceOf(references[0]), 2, 0.25);
   EXPECT_NEAR(distanceOf(references[1]), 4, 0.25);
@@ -66,7 +66,7 @@ TEST(ImageBuffer, ClearDropsTheKeptImages) {
   EXPECT_NEAR(buffer.stepLength(), 0.5, 1e-12);
   buffer.clear();
   EXPECT_TRUE(buffer.empty());
-  EXPECT_TRUE(buffer.selectReferences(kHeight).empty());
+  EXPECT_TRUE(buffer.selectReferences(kBufferHeight).empty());
 }
 
 }  // namespace

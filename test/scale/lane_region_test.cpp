@@ -8,10 +8,10 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kHeight = 2;     // [VO units]
-constexpr double kRadius = 8;     // of the bend [camera heights]: 13 m at 1.65 m
-constexpr double kChord = 3;      // [camera heights]
-constexpr double kHalfWidth = 1;  // [camera heights]
+constexpr double kCameraHeight = 2;  // [VO units]
+constexpr double kRadius = 8;        // of the bend [camera heights]: 13 m at 1.65 m
+constexpr double kChord = 3;         // [camera heights]
+constexpr double kHalfWidth = 1;     // [camera heights]
 
 /// Viewing ray of a level camera to a point on the road [camera heights].
 Eigen::Vector3d rayTo(double left, double ahead) {
@@ -23,7 +23,7 @@ LaneRegion laneRegion(int side, double height) {
   const NormalPrior prior;
   MotionHistory::Chord chord;
   chord.direction_c = prior.forward_c;
-  chord.length = kChord * kHeight;
+  chord.length = kChord * kCameraHeight;
   chord.turn_c = side * kChord / kRadius * prior.n_c;
   return LaneRegion(prior, chord, height, 1.5, 10, kHalfWidth);
 }
@@ -37,7 +37,8 @@ double pathAt(int side, double ahead) {
 
 TEST(LaneRegion, FollowsThePathThroughABend) {
   for (const int side : {-1, 1}) {
-    const LaneRegion bent = laneRegion(side, kHeight), straight = laneRegion(0, kHeight);
+    const LaneRegion bent = laneRegion(side, kCameraHeight),
+                     straight = laneRegion(0, kCameraHeight);
     for (const double ahead : {2.0, 3.0, 4.0}) {
       const double path = pathAt(side, ahead);
       EXPECT_TRUE(bent.contains(rayTo(path, ahead))) << side << " " << ahead;
@@ -52,11 +53,12 @@ TEST(LaneRegion, FollowsThePathThroughABend) {
 
 TEST(LaneRegion, IsStraightWhileTheHeightIsNotKnown) {
   EXPECT_TRUE(laneRegion(1, 0).contains(rayTo(0, 8)));
-  EXPECT_TRUE(LaneRegion({}, std::nullopt, kHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
+  EXPECT_TRUE(
+      LaneRegion({}, std::nullopt, kCameraHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
 }
 
 TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
-  const LaneRegion lane = laneRegion(0, kHeight);
+  const LaneRegion lane = laneRegion(0, kCameraHeight);
   EXPECT_FALSE(lane.contains(rayTo(0, 1.4)));
   EXPECT_TRUE(lane.contains(rayTo(0, 1.6)));
   EXPECT_TRUE(lane.contains(rayTo(0, 9.9)));
@@ -71,9 +73,9 @@ TEST(LaneRegion, IsTheSameBehindTheVehicle) {
   NormalPrior forward, backward;
   backward.forward_c = -forward.forward_c;
   MotionHistory::Chord chord;
-  chord.length = kChord * kHeight;
+  chord.length = kChord * kCameraHeight;
   chord.turn_c = kChord / kRadius * forward.n_c;
-  const LaneRegion behind(backward, chord, kHeight, 1.5, 10, kHalfWidth);
+  const LaneRegion behind(backward, chord, kCameraHeight, 1.5, 10, kHalfWidth);
   EXPECT_TRUE(behind.contains(rayTo(0, 2)));
   // The chord ends at the camera, so the driven path starts at a distance of kChord in the image.
   EXPECT_TRUE(behind.contains(rayTo(0, kChord)));
@@ -112,7 +114,7 @@ TEST(LaneRegion, OffsetIsThatOfTheNearestVisibleBandBesideThePath) {
 
   NormalPrior prior = levelPrior(0.5 * M_PI);
   prior.region_offset = left;
-  const LaneRegion region(prior, std::nullopt, kHeight, 1.5, 10, kHalfWidth);
+  const LaneRegion region(prior, std::nullopt, kCameraHeight, 1.5, 10, kHalfWidth);
   EXPECT_TRUE(region.contains(rayTo(1, left)));
   EXPECT_TRUE(region.contains(rayTo(-1, left)));
   EXPECT_FALSE(region.contains(rayTo(0, left + 1.1)));

@@ -10,7 +10,7 @@ namespace ground_scale_vo::direct {
 namespace {
 
 const PinholeCamera kCamera{320, 240, 300, 360, 160, 120};
-constexpr float kNoise = 0.5f;  // [grey levels]
+constexpr float kGreyNoise = 0.5f;  // [grey levels]
 /// Plane of a road 1.5 VO units below a camera that looks down a little.
 const Eigen::Vector3f kPlane = Eigen::Vector3f(0.02f, -1, -0.05f).normalized() / 1.5f;
 
@@ -62,7 +62,7 @@ class PatchMatcherTest : public testing::Test {
     };
     const Samples grad_x = difference(&patch_.ray_x, kCamera.fx);
     const Samples grad_y = difference(&patch_.ray_y, kCamera.fy);
-    deviation_ = normalise(kNoise, &patch_.value, &patch_.texture);
+    deviation_ = normalise(kGreyNoise, &patch_.value, &patch_.texture);
     patch_.grad_x = grad_x / deviation_;
     patch_.grad_y = grad_y / deviation_;
   }
@@ -79,7 +79,7 @@ class PatchMatcherTest : public testing::Test {
     return match;
   }
 
-  const PatchMatcher matcher_{kCamera, kNoise, {}};
+  const PatchMatcher matcher_{kCamera, kGreyNoise, {}};
   RoadImage image_;
   Reference reference_;
   Patch patch_;
@@ -155,13 +155,15 @@ TEST_F(PatchMatcherTest, MeasuresTheShiftDespiteOutliers) {
 TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   Samples values;
   cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));
-  EXPECT_TRUE(PatchMatcher(kCamera, kNoise, allowed).sample(reference_, patch_, kPlane, &values));
+  EXPECT_TRUE(
+      PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
   const Eigen::Vector3f y =
       reference_.R * Eigen::Vector3f(patch_.ray_x[9], patch_.ray_y[9], 1) -
       reference_.t * kPlane.dot(Eigen::Vector3f(patch_.ray_x[9], patch_.ray_y[9], 1));
   const Eigen::Vector2d u = kCamera.project(y.cast<double>());
   allowed.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
-  EXPECT_FALSE(PatchMatcher(kCamera, kNoise, allowed).sample(reference_, patch_, kPlane, &values));
+  EXPECT_FALSE(
+      PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
   setTranslation({0, 0, -4});  // nearer to the road: the patch leaves the image
   EXPECT_FALSE(matcher_.sample(reference_, patch_, kPlane, &values));
 }

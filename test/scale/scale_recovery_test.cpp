@@ -14,7 +14,7 @@
 namespace ground_scale_vo {
 namespace {
 
-RoadScene road() {
+RoadScene pitchedRoad() {
   RoadScene scene;
   scene.pitch = 0.03;
   scene.addPatch(6000, -2.5, 2.5, 0, 60, 0, 1);
@@ -25,7 +25,7 @@ RoadScene road() {
 const double kTrueScale = 1.65 / RoadScene().height;  // [m per VO unit]
 
 TEST(ScaleRecovery, FindsTheScaleOfARoad) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   std::uint32_t first_known = 0;
@@ -56,7 +56,7 @@ TEST(ScaleRecovery, WorksInAnyUnitAndMountingWithinTheLimits) {
   for (const double unit : {0.01, 1.0, 300.0}) {
     for (const double pitch : {-0.06, 0.0, 0.1}) {
       for (const double roll : {-0.04, 0.05}) {
-        RoadScene scene = road();
+        RoadScene scene = pitchedRoad();
         for (auto& point : scene.points) point *= unit;
         scene.height *= unit;
         scene.step *= unit;
@@ -131,7 +131,7 @@ INSTANTIATE_TEST_SUITE_P(RearFacing, ScaleRecoveryMounting,
 INSTANTIATE_TEST_SUITE_P(Mountings, ScaleRecoveryDirectMounting, kMountings);
 
 TEST(ScaleRecovery, AVehicleAheadDoesNotBiasTheScale) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   RoadScene vehicle;  // its back, at a constant distance
   vehicle.pitch = scene.pitch;
   vehicle.addWall(250, -0.4, 0.4, 0.6, 3.0, 9);
@@ -150,7 +150,7 @@ TEST(ScaleRecovery, AVehicleAheadDoesNotBiasTheScale) {
 }
 
 TEST(ScaleRecovery, TheCountsShowWhatEachStageRejects) {
-  RoadScene scene = road();
+  RoadScene scene = pitchedRoad();
   scene.addWall(300, -3, 3, 3, 30, 9);
   ScaleRecovery::Options options = recoveryOptions();
   options.gpa.fit.reject_sigma = 1;  // a third of normally distributed errors
@@ -168,7 +168,7 @@ TEST(ScaleRecovery, TheCountsShowWhatEachStageRejects) {
 }
 
 TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
@@ -195,7 +195,7 @@ TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
 }
 
 TEST(ScaleRecovery, UnknownUntilThereIsARoad) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   for (std::uint32_t i = 0; i < 20; ++i) {
     VoFrame frame = scene.frame(i);
@@ -209,7 +209,7 @@ TEST(ScaleRecovery, UnknownUntilThereIsARoad) {
 }
 
 TEST(ScaleRecovery, StandstillHoldsTheScaleAndItsSigma) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output moving, still;
   for (std::uint32_t i = 0; i < 40; ++i) moving = recovery.process(scene.frame(i));
@@ -228,7 +228,7 @@ TEST(ScaleRecovery, StandstillHoldsTheScaleAndItsSigma) {
 }
 
 TEST(ScaleRecovery, StartsWithinTwoCameraHeights) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   VoFrame first = scene.frame(0);
   first.status = VoStatus::kInitialising;
@@ -246,7 +246,7 @@ TEST(ScaleRecovery, StartsWithinTwoCameraHeights) {
 
 // The way from the start of the map to its first tracked frame suffices for the filter to start.
 TEST(ScaleRecovery, TheMotionDuringTheInitialisationCountsAsTravelled) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   for (const bool sees_start : {true, false}) {
     ScaleRecovery recovery(recoveryOptions());
     VoFrame first = scene.frame(0);
@@ -258,7 +258,7 @@ TEST(ScaleRecovery, TheMotionDuringTheInitialisationCountsAsTravelled) {
 }
 
 TEST(ScaleRecovery, AJumpOfThePoseIsRefused) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
@@ -277,7 +277,7 @@ TEST(ScaleRecovery, AJumpOfThePoseIsRefused) {
 
 // max_speed is a speed: at a low frame rate the steps are longer.
 TEST(ScaleRecovery, ALongStepInALongTimeIsNoJump) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   for (const double step_m : {25.0, 135.0}) {  // in 1.1 s
     ScaleRecovery recovery(recoveryOptions());
     for (std::uint32_t i = 0; i < 40; ++i) recovery.process(scene.frame(i));
@@ -290,7 +290,7 @@ TEST(ScaleRecovery, ALongStepInALongTimeIsNoJump) {
 }
 
 TEST(ScaleRecovery, SingleJumpsOfThePoseDoNotAddUpToANewMap) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   for (std::uint32_t i = 0; i < 60; ++i) {
     VoFrame frame = scene.frame(i);
@@ -305,7 +305,7 @@ TEST(ScaleRecovery, SingleJumpsOfThePoseDoNotAddUpToANewMap) {
 
 // The odometry continues where it jumped to: as after a new map, with the gap bridged.
 TEST(ScaleRecovery, AfterALastingJumpOfThePoseANewMapStarts) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   int without_pose = 0, refused = 0;
@@ -325,8 +325,8 @@ TEST(ScaleRecovery, AfterALastingJumpOfThePoseANewMapStarts) {
 }
 
 TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
-  const RoadScene scene = road();
-  RoadScene other = road();  // the same road in another VO unit
+  const RoadScene scene = pitchedRoad();
+  RoadScene other = pitchedRoad();  // the same road in another VO unit
   for (auto& point : other.points) point *= 3;
   other.height *= 3;
   other.step *= 3;
@@ -362,7 +362,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
 
 // The first map only differs in its unit of length, so the second one must not differ at all.
 TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   RoadScene larger = scene;
   for (auto& point : larger.points) point *= 4;
   larger.height *= 4;
@@ -387,7 +387,7 @@ TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
 }
 
 TEST(ScaleRecovery, ANewMapHasNoNormalBeforeItsFirstRoad) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   for (std::uint32_t i = 0; i < 20; ++i) recovery.process(scene.frame(i));
   VoFrame frame = scene.frame(20);
@@ -397,7 +397,7 @@ TEST(ScaleRecovery, ANewMapHasNoNormalBeforeItsFirstRoad) {
 }
 
 TEST(ScaleRecovery, ATurnMakesAHeldScaleLessCertain) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   double sigma[2];
   for (const double turn : {0.0, 0.1}) {
     ScaleRecovery recovery(recoveryOptions());
@@ -418,7 +418,7 @@ TEST(ScaleRecovery, ATurnMakesAHeldScaleLessCertain) {
 }
 
 TEST(ScaleRecovery, ARejectedMeasurementIsReportedAsSuch) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   RoadScene higher = scene;
   higher.height *= 1.2;
   higher.roll = 0.03;
@@ -502,7 +502,7 @@ TEST(ScaleRecovery, ARearFacingCameraUsesTheNormalWhereItWas) {
 }
 
 TEST(ScaleRecovery, DirectMeasurementsReplaceMissingPoints) {
-  RoadScene scene = road();
+  RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output;
   int first_known = -1;
@@ -531,7 +531,7 @@ TEST(ScaleRecovery, DirectMeasurementsReplaceMissingPoints) {
 
 TEST(ScaleRecovery, DirectMeasurementsCorrectBiasedPoints) {
   // Features on kerbs and pavements: all points lie above the road.
-  RoadScene scene = road();
+  RoadScene scene = pitchedRoad();
   scene.depth_noise = 0.01;
   for (auto& point : scene.points) point.y() = -0.05 * scene.height;
   double with = 0, without = 0;
@@ -552,7 +552,7 @@ TEST(ScaleRecovery, DirectMeasurementsCorrectBiasedPoints) {
 // Of two contradicting measurements the filter accepts the one that agrees with its state. The
 // other one must not determine the reported plane.
 TEST(ScaleRecovery, TheReportedPlaneIsTheAcceptedOne) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   RoadScene higher = scene;
   higher.height *= 1.2;
   for (const bool direct_is_wrong : {true, false}) {
@@ -585,7 +585,7 @@ TEST(ScaleRecovery, TheReportedPlaneIsTheAcceptedOne) {
 }
 
 TEST(ScaleRecovery, WithoutImagesOrRefineItIsFeatureBased) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery::Options o = recoveryOptions();
   o.refine = false;
   ScaleRecovery without(recoveryOptions()), disabled(o);
@@ -599,7 +599,7 @@ TEST(ScaleRecovery, WithoutImagesOrRefineItIsFeatureBased) {
 }
 
 TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
   EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(10, 10, CV_8U)), OptionError);
   EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(188, 620, CV_8UC3)), OptionError);
@@ -608,7 +608,7 @@ TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {
 }
 
 TEST(ScaleRecovery, IsDeterministicAndResetRestoresTheInitialState) {
-  const RoadScene scene = road();
+  const RoadScene scene = pitchedRoad();
   ScaleRecovery a(recoveryOptions()), b(recoveryOptions());
   for (std::uint32_t i = 0; i < 30; ++i) b.process(scene.frame(i + 100));
   b.reset();
@@ -626,7 +626,7 @@ TEST(ScaleRecovery, IsDeterministicAndResetRestoresTheInitialState) {
 }
 
 TEST(ScaleRecovery, PaperLiteralRuns) {
-  RoadScene scene = road();
+  RoadScene scene = pitchedRoad();
   scene.depth_noise = 0.002;
   ScaleRecovery::Options o = recoveryOptions();
   o.paper_literal = true;

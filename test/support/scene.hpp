@@ -10,6 +10,7 @@
 namespace ground_scale_vo::test {
 
 inline PinholeCamera testCamera() { return {800, 248, 464, 464, 391, 119}; }
+inline const PinholeCamera kCamera = testCamera();
 
 /// rotation: rotation vector [rad].
 inline Eigen::Isometry3d pose(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {

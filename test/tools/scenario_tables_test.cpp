@@ -9,7 +9,7 @@ namespace ground_scale_vo {
 namespace {
 
 /// Each value differs from the others.
-ScenarioMetrics metrics() {
+ScenarioMetrics scenarioMetrics() {
   ScenarioMetrics m;
   m.frames = 100;
   m.tracked_frames = 99;
@@ -39,27 +39,28 @@ TEST(ScenarioTables, EachKeyHasItsValue) {
                                    {"held", 0.1},
                                    {"within_2_sigma", 0.95},
                                    {"ok_while_unobservable", 0.05}};
-  EXPECT_EQ(nlohmann::json::parse(metricsJson(metrics()).dump()), expected);
+  EXPECT_EQ(nlohmann::json::parse(metricsJson(scenarioMetrics()).dump()), expected);
   ScenarioMetrics unknown;
   unknown.rle_percent = std::numeric_limits<double>::quiet_NaN();
   EXPECT_TRUE(metricsJson(unknown).at("rle_percent").is_null());
-  const auto drives = nlohmann::json::parse(scenariosJson({{"a", metrics()}, {"b", unknown}}));
+  const auto drives =
+      nlohmann::json::parse(scenariosJson({{"a", scenarioMetrics()}, {"b", unknown}}));
   EXPECT_EQ(drives.at(0).at("drive"), "a");
   EXPECT_EQ(drives.at(1).at("frames"), 0);
 }
 
 TEST(ScenarioTables, HaveTheColumnsInTheOrderOfTheHeading) {
-  EXPECT_EQ(scenariosMarkdown({{"a", metrics()}}),
+  EXPECT_EQ(scenariosMarkdown({{"a", scenarioMetrics()}}),
             "| drive | frames | tracked | lost | metric | RLE % | t_err short % | rotation deg | "
             "displacement sigma | scale % | held | 2 sigma | ok unobservable |\n"
             "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
             "| a | 100 | 99 | 1 | 90 | 0.50 | 1.25 | 0.75 | 1.50 | 0.25 | 0.10 | 0.95 | 0.05 |\n");
-  EXPECT_EQ(terminalHeading().size(), terminalRow({"a", metrics()}, 7).size());
+  EXPECT_EQ(terminalHeading().size(), terminalRow({"a", scenarioMetrics()}, 7).size());
 }
 
 TEST(AblationCell, IsBoldWithTheNameOfAViolatedThreshold) {
   const ScenarioThresholds thresholds;
-  ScenarioMetrics m = metrics();
+  ScenarioMetrics m = scenarioMetrics();
   m.tracked_frames = 100;
   m.lost_events = 0;
   m.ok_while_unobservable = 0;
@@ -78,7 +79,7 @@ TEST(AblationCell, IsBoldWithTheNameOfAViolatedThreshold) {
 }
 
 TEST(AblationJson, HasTheViolatedThresholdAndWhetherItIsViolatedClearly) {
-  ScenarioMetrics m = metrics();
+  ScenarioMetrics m = scenarioMetrics();
   m.tracked_frames = 100;
   m.lost_events = 0;
   m.ok_while_unobservable = 0;

@@ -10,7 +10,7 @@ namespace {
 constexpr int kReach = CornerStrength::kReach;
 
 /// Noise, blurred in the left half.
-cv::Mat texture() {
+cv::Mat cornerTexture() {
   cv::Mat image(60, 131, CV_8UC1);
   cv::RNG generator(1);
   generator.fill(image, cv::RNG::UNIFORM, 0, 256);
@@ -20,7 +20,7 @@ cv::Mat texture() {
 }
 
 TEST(CornerStrength, equalsOpenCvsMinimumEigenvalue) {
-  const cv::Mat image = texture();
+  const cv::Mat image = cornerTexture();
   cv::Mat expected;
   cv::cornerMinEigenVal(image, expected, 5, 3);
   CornerStrength strength(image, kReach);
@@ -36,7 +36,7 @@ TEST(CornerStrength, equalsOpenCvsMinimumEigenvalue) {
 }
 
 TEST(CornerStrength, doesNotDependOnTheFirstRow) {
-  const cv::Mat image = texture();
+  const cv::Mat image = cornerTexture();
   const auto size = static_cast<std::size_t>(image.cols);
   CornerStrength all(image, kReach), later(image, 20);
   std::vector<float> expected(size), row(size);

@@ -9,7 +9,7 @@
 namespace ground_scale_vo {
 namespace {
 
-cv::Mat texture(std::uint64_t seed) {
+cv::Mat describedTexture(std::uint64_t seed) {
   cv::Mat image(248, 400, CV_8UC1);
   cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 0, 256);
   cv::GaussianBlur(image, image, {0, 0}, 2);
@@ -19,7 +19,7 @@ cv::Mat texture(std::uint64_t seed) {
 const cv::Point2f kPoint(200, 120);
 
 TEST(DescriptorMatching, AMatchIsTheBestInBothDirections) {
-  const cv::Mat image = texture(1);
+  const cv::Mat image = describedTexture(1);
   const Descriptors twice(image, {kPoint, kPoint}), once(image, {kPoint});
   const auto matches = matchDescriptors(twice, once);
   ASSERT_EQ(matches.size(), 1u);
@@ -28,7 +28,7 @@ TEST(DescriptorMatching, AMatchIsTheBestInBothDirections) {
 }
 
 TEST(DescriptorMatching, AMatchIsDistinctlyBetterThanTheSecondBest) {
-  const cv::Mat image = texture(1);
+  const cv::Mat image = describedTexture(1);
   const Descriptors once(image, {kPoint}), twice(image, {kPoint, kPoint});
   EXPECT_TRUE(matchDescriptors(once, twice).empty());
   const Descriptors other(image, {{100, 60}, kPoint});
@@ -38,12 +38,12 @@ TEST(DescriptorMatching, AMatchIsDistinctlyBetterThanTheSecondBest) {
 }
 
 TEST(DescriptorMatching, UnrelatedDescriptorsDoNotMatch) {
-  const Descriptors a(texture(1), {kPoint}), b(texture(2), {kPoint});
+  const Descriptors a(describedTexture(1), {kPoint}), b(describedTexture(2), {kPoint});
   EXPECT_TRUE(matchDescriptors(a, b).empty());
 }
 
 TEST(DescriptorMatching, MatchesAreWithinTheRadiusOfTheirCentres) {
-  const cv::Mat image = texture(1);
+  const cv::Mat image = describedTexture(1);
   const Descriptors points(image, {kPoint});
   const auto matchesAround = [&](const cv::Point2f& centre) {
     return matchDescriptors(points, points, {{centre}, 10}).size();
@@ -53,7 +53,7 @@ TEST(DescriptorMatching, MatchesAreWithinTheRadiusOfTheirCentres) {
 }
 
 TEST(DescriptorMatching, MatchesPointsOfAnotherSize) {
-  const cv::Mat image = texture(3);
+  const cv::Mat image = describedTexture(3);
   const double scale = 1.9;  // about the square of the ratio between neighbouring scales
   cv::Mat larger;
   cv::resize(image, larger, {}, scale, scale, cv::INTER_CUBIC);

@@ -13,7 +13,7 @@ namespace ground_scale_vo {
 namespace {
 
 /// Blurred noise over the full range of grey values.
-cv::Mat texture(int seed) {
+cv::Mat trackedTexture(int seed) {
   cv::Mat noise(248, 800, CV_8UC1), image;
   cv::RNG generator(static_cast<std::uint64_t>(seed));
   generator.fill(noise, cv::RNG::UNIFORM, 0, 256);
@@ -36,7 +36,7 @@ cv::Mat shifted(const cv::Mat& image, double dx, double dy) {
 
 TEST(FeatureTracker, findsCornersEverywhereInATexturedImage) {
   const FeatureTracker tracker({});
-  const auto corners = detect(tracker, texture(1), {});
+  const auto corners = detect(tracker, trackedTexture(1), {});
   ASSERT_GT(corners.size(), 400u);
   int quarter[4] = {0, 0, 0, 0};
   for (const auto& u : corners) ++quarter[(u.x > 400 ? 1 : 0) + (u.y > 124 ? 2 : 0)];
@@ -45,7 +45,7 @@ TEST(FeatureTracker, findsCornersEverywhereInATexturedImage) {
 
 TEST(FeatureTracker, cornersAreLocalMaximaApartFromEachOther) {
   const FeatureTracker::Options options;
-  const cv::Mat image = texture(1);
+  const cv::Mat image = trackedTexture(1);
   const auto corners = detect(FeatureTracker(options), image, {});
   cv::Mat strength, largest;
   cv::cornerMinEigenVal(image, strength, 5, 3);
@@ -66,7 +66,7 @@ TEST(FeatureTracker, findsNothingWithoutTexture) {
 
 TEST(FeatureTracker, skipsOccupiedCells) {
   const FeatureTracker tracker({});
-  const cv::Mat image = texture(2);
+  const cv::Mat image = trackedTexture(2);
   const auto first = detect(tracker, image, {});
   const auto second = detect(tracker, image, first);
   for (const auto& u : second) {
@@ -90,7 +90,7 @@ TEST(FeatureTracker, skipsAFreeCellThatItsNeighboursMask) {
     occupied.insert(occupied.end(), {{204, 104 + along}, {215, 104 + along}});
   }
   std::vector<cv::Point2f> corners;
-  ASSERT_NO_THROW(corners = detect(FeatureTracker(options), texture(3), occupied));
+  ASSERT_NO_THROW(corners = detect(FeatureTracker(options), trackedTexture(3), occupied));
   EXPECT_GT(corners.size(), 300u);
   for (const cv::Point2f& u : corners) {
     EXPECT_FALSE(u.x > 204 && u.x < 215 && u.y > 104 && u.y < 115) << u;
@@ -108,7 +108,7 @@ TEST(FeatureTracker, rejectsEdges) {
           static_cast<unsigned char>((bright ? 180 : 60) + generator.uniform(-3, 4));
     }
   }
-  texture(6)(cv::Rect(300, 80, 120, 90)).copyTo(image(cv::Rect(300, 80, 120, 90)));
+  trackedTexture(6)(cv::Rect(300, 80, 120, 90)).copyTo(image(cv::Rect(300, 80, 120, 90)));
   FeatureTracker::Options options;
   const auto outside = [](const std::vector<cv::Point2f>& corners) {
     return std::count_if(corners.begin(), corners.end(), [](const cv::Point2f& u) {
@@ -125,7 +125,7 @@ TEST(FeatureTracker, rejectsEdges) {
 
 TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
   const FeatureTracker tracker({});
-  const cv::Mat a = texture(3), b = shifted(a, 6.3, -2.7);
+  const cv::Mat a = trackedTexture(3), b = shifted(a, 6.3, -2.7);
   const auto corners = detect(tracker, a, {});
   const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
   std::vector<double> error;
@@ -141,7 +141,7 @@ TEST(FeatureTracker, measuresAShiftToATenthOfAPixel) {
 
 TEST(FeatureTracker, recoversFromAWrongPrediction) {
   const FeatureTracker tracker({});
-  const cv::Mat a = texture(4), b = shifted(a, 4, 0);
+  const cv::Mat a = trackedTexture(4), b = shifted(a, 4, 0);
   const auto corners = detect(tracker, a, {});
   auto wrong = corners;
   for (auto& u : wrong) u.x -= 40;
@@ -155,7 +155,7 @@ TEST(FeatureTracker, recoversFromAWrongPrediction) {
 
 TEST(FeatureTracker, rejectsPointsThatLeaveTheImage) {
   const FeatureTracker tracker({});
-  const cv::Mat a = texture(5), b = shifted(a, 60, 0);
+  const cv::Mat a = trackedTexture(5), b = shifted(a, 60, 0);
   const auto corners = detect(tracker, a, {});
   auto predicted = corners;
   for (auto& u : predicted) u.x += 60;
@@ -179,7 +179,7 @@ double distanceFrom(const cv::Rect& rectangle, const cv::Point2d& u) {
 // 12.7 megapixels: the second level of the pyramid has 0.8, the first 3.2.
 TEST(FeatureTracker, inALargeImageFindsTheCornersOfASmallerOne) {
   cv::Mat image;
-  cv::resize(texture(1), image, {}, 8, 8, cv::INTER_CUBIC);
+  cv::resize(trackedTexture(1), image, {}, 8, 8, cv::INTER_CUBIC);
   cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
   const cv::Rect region(2400, 640, 1600, 800);
   mask(region).setTo(0);
@@ -197,7 +197,7 @@ TEST(FeatureTracker, inALargeImageFindsTheCornersOfASmallerOne) {
 // With a margin: the patch around a corner, here of 9 px, shows no masked pixel.
 TEST(FeatureTracker, findsNoCornersWhosePatchTouchesTheMask) {
   const cv::Rect region(300, 80, 200, 100);
-  const cv::Mat image = texture(1);
+  const cv::Mat image = trackedTexture(1);
   cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
   mask(region).setTo(0);
   const auto near = [&](const std::vector<cv::Point2f>& corners) {
@@ -218,7 +218,7 @@ TEST(FeatureTracker, findsNoCornersWhosePatchTouchesTheMask) {
 }
 
 TEST(FeatureTracker, dropsFeaturesThatMoveIntoTheMask) {
-  const cv::Mat a = texture(5), b = shifted(a, 30, 0);
+  const cv::Mat a = trackedTexture(5), b = shifted(a, 30, 0);
   cv::Mat mask(a.size(), CV_8UC1, cv::Scalar(255));
   const cv::Rect region(400, 0, 100, a.rows);
   mask(region).setTo(0);
@@ -245,7 +245,7 @@ TEST(FeatureTracker, dropsFeaturesThatMoveIntoTheMask) {
 
 TEST(FeatureTracker, aBlankImageGivesNoTracks) {
   const FeatureTracker tracker({});
-  const cv::Mat a = texture(5), b(a.size(), CV_8UC1, cv::Scalar(0));
+  const cv::Mat a = trackedTexture(5), b(a.size(), CV_8UC1, cv::Scalar(0));
   const auto corners = detect(tracker, a, {});
   const auto tracks = tracker.track(tracker.pyramid(a), tracker.pyramid(b), corners, corners);
   EXPECT_EQ(std::count(tracks.ok.begin(), tracks.ok.end(), 1), 0);
@@ -253,7 +253,7 @@ TEST(FeatureTracker, aBlankImageGivesNoTracks) {
 
 TEST(FeatureTracker, acceptsAnEmptyList) {
   const FeatureTracker tracker({});
-  const auto pyramid = tracker.pyramid(texture(7));
+  const auto pyramid = tracker.pyramid(trackedTexture(7));
   EXPECT_TRUE(tracker.track(pyramid, pyramid, {}, {}).points.empty());
 }
 

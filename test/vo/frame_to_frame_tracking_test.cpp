@@ -14,7 +14,7 @@ namespace {
 constexpr std::int64_t kStamp = 1'000'000'000, kPeriod = 100'000'000;  // [ns]
 
 /// Part of a texture (grey 20-100): the scene after it has moved left by shift_px.
-cv::Mat scene(int shift_px) {
+cv::Mat movedScene(int shift_px) {
   cv::Mat texture(248, 800 + 20, CV_8UC1);
   cv::RNG(4).fill(texture, cv::RNG::UNIFORM, 0, 256);
   cv::GaussianBlur(texture, texture, {0, 0}, 2);
@@ -22,10 +22,10 @@ cv::Mat scene(int shift_px) {
   return texture(cv::Rect(shift_px, 0, 800, 248)).clone();
 }
 
-/// Tracks the corners of scene(0), its previous image.
+/// Tracks the corners of movedScene(0), its previous image.
 FrameToFrameTracking trackingScene() {
   FrameToFrameTracking tracking(test::testCamera(), {}, {});
-  tracking.advance(tracking.pyramid(scene(0)), kStamp, {});
+  tracking.advance(tracking.pyramid(movedScene(0)), kStamp, {});
   tracking.detectNew();
   return tracking;
 }
@@ -40,7 +40,7 @@ TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
   const FrameToFrameTracking tracking = trackingScene();
   ASSERT_GT(tracking.features().size(), 300u);
   for (const double gain : {1.0, 0.5, 2.2}) {
-    const std::vector<Feature> found = track(tracking, applyGain(scene(4), gain));
+    const std::vector<Feature> found = track(tracking, applyGain(movedScene(4), gain));
     EXPECT_GT(found.size(), tracking.features().size() * 9 / 10) << gain;
     const std::vector<Feature> previous = entriesOf(found, tracking.features());
     for (std::size_t i = 0; i < found.size(); ++i) {
@@ -53,7 +53,7 @@ TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
 
 TEST(FrameToFrameTracking, ReportsTheFeaturesThatItDoesNotFind) {
   const FrameToFrameTracking tracking = trackingScene();
-  cv::Mat image = scene(0);
+  cv::Mat image = movedScene(0);
   image.colRange(400, 800).setTo(60);
   std::vector<RejectedFeature> rejected;
   const std::vector<Feature> found = tracking.track(tracking.pyramid(image), kStamp + kPeriod, {},
@@ -68,10 +68,10 @@ TEST(FrameToFrameTracking, ReportsTheFeaturesThatItDoesNotFind) {
 
 TEST(FrameToFrameTracking, TheExposureIsThatSinceTheFirstImage) {
   FrameToFrameTracking tracking = trackingScene();
-  const ImagePyramid darker = tracking.pyramid(applyGain(scene(0), 0.6));
+  const ImagePyramid darker = tracking.pyramid(applyGain(movedScene(0), 0.6));
   EXPECT_NEAR(darker.exposure, 0.6, 0.02);
   tracking.advance(darker, kStamp + kPeriod, {});
-  EXPECT_NEAR(tracking.pyramid(applyGain(scene(0), 0.36)).exposure, 0.36, 0.02);
+  EXPECT_NEAR(tracking.pyramid(applyGain(movedScene(0), 0.36)).exposure, 0.36, 0.02);
 }
 
 TEST(FrameToFrameTracking, AnImageWithoutCornersIsTextureless) {
@@ -79,7 +79,7 @@ TEST(FrameToFrameTracking, AnImageWithoutCornersIsTextureless) {
   const ImagePyramid blank = tracking.pyramid(cv::Mat(248, 800, CV_8UC1, cv::Scalar(60)));
   EXPECT_TRUE(tracking.isTextureless(blank, 0));
   EXPECT_FALSE(tracking.isTextureless(blank, 100)) << "features were found";
-  EXPECT_FALSE(tracking.isTextureless(tracking.pyramid(scene(0)), 0));
+  EXPECT_FALSE(tracking.isTextureless(tracking.pyramid(movedScene(0)), 0));
 }
 
 TEST(FrameToFrameTracking, SigmaGrowsWithTheFlowThatTheRotationDoesNotExplain) {
@@ -90,10 +90,10 @@ TEST(FrameToFrameTracking, SigmaGrowsWithTheFlowThatTheRotationDoesNotExplain) {
       options.feature_sigma * std::hypot(1.0, flow / options.feature_sigma_flow);
   // The rotation to the right moves the centre of the image to the left, as the shift does.
   const Eigen::Matrix3d R = test::pose({0, -flow, 0}, {0, 0, 0}).linear();
-  for (const Feature& feature : track(tracking, scene(4))) {
+  for (const Feature& feature : track(tracking, movedScene(4))) {
     EXPECT_NEAR(feature.sigma, expected, 0.01 * options.feature_sigma);
   }
-  for (const Feature& feature : track(tracking, scene(4), R)) {
+  for (const Feature& feature : track(tracking, movedScene(4), R)) {
     if (std::abs(feature.u.x() - test::testCamera().cx) > 50) continue;
     EXPECT_NEAR(feature.sigma, options.feature_sigma, 1e-3 * options.feature_sigma);
   }
@@ -102,20 +102,20 @@ TEST(FrameToFrameTracking, SigmaGrowsWithTheFlowThatTheRotationDoesNotExplain) {
 TEST(FrameToFrameTracking, AtAStandstillTheImageIsKept) {
   FrameToFrameTracking tracking = trackingScene();
   const auto sinceImage = [&] { return tracking.secondsUntil(kStamp + kPeriod); };
-  tracking.advanceUnlessStandstill(tracking.pyramid(scene(0)), kStamp + kPeriod,
-                                   track(tracking, scene(0)));
+  tracking.advanceUnlessStandstill(tracking.pyramid(movedScene(0)), kStamp + kPeriod,
+                                   track(tracking, movedScene(0)));
   EXPECT_NEAR(sinceImage(), 0.1, 1e-12);
   EXPECT_EQ(tracking.features().front().age, 0u);
 
   // An object covers half of the image, and the other half does not move.
-  std::vector<Feature> half = track(tracking, scene(0));
+  std::vector<Feature> half = track(tracking, movedScene(0));
   half.resize(half.size() / 2);
   FrameToFrameTracking covered = trackingScene();
-  covered.advanceUnlessStandstill(covered.pyramid(scene(0)), kStamp + kPeriod, half);
+  covered.advanceUnlessStandstill(covered.pyramid(movedScene(0)), kStamp + kPeriod, half);
   EXPECT_EQ(covered.features().size(), half.size());
 
-  tracking.advanceUnlessStandstill(tracking.pyramid(scene(4)), kStamp + kPeriod,
-                                   track(tracking, scene(4)));
+  tracking.advanceUnlessStandstill(tracking.pyramid(movedScene(4)), kStamp + kPeriod,
+                                   track(tracking, movedScene(4)));
   EXPECT_EQ(sinceImage(), 0);
   EXPECT_EQ(tracking.features().front().age, 1u);
 }

@@ -21,7 +21,7 @@ using test::pose;
 
 constexpr int kPoints = 300;
 
-std::vector<Eigen::Vector3d> farPoints() { return test::farPoints(kPoints); }
+std::vector<Eigen::Vector3d> farMapPoints() { return test::farPoints(kPoints); }
 
 TEST(Triangulation, scaledDerivativeMatchesNumericDerivative) {
   const Eigen::Vector3d ray(0.2, -0.1, 1);
@@ -37,7 +37,7 @@ TEST(Triangulation, scaledDerivativeMatchesNumericDerivative) {
 }
 
 TEST(LocalMap, triangulatesLandmarksWithParallax) {
-  const auto points = farPoints();
+  const auto points = farMapPoints();
   LocalMap map({});
   for (int k = 0; k < 6; ++k) {
     map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
@@ -70,7 +70,7 @@ TEST(LocalMap, APointNeedsToFitAllItsObservations) {
 }
 
 TEST(LocalMap, triangulatesNothingWithoutMotion) {
-  const auto points = farPoints();
+  const auto points = farMapPoints();
   LocalMap map({});
   for (int k = 0; k < 5; ++k) map.addKeyframe(keyframePose(0), observe(points, keyframePose(0)));
   map.triangulateNew();
@@ -78,7 +78,7 @@ TEST(LocalMap, triangulatesNothingWithoutMotion) {
 }
 
 TEST(LocalMap, landmarksOutliveTheirAnchorAndTheMapStaysBounded) {
-  const auto points = farPoints();
+  const auto points = farMapPoints();
   LocalMap::Options options;
   options.keyframes = 4;
   LocalMap map(options);
@@ -101,7 +101,7 @@ TEST(LocalMap, landmarksOutliveTheirAnchorAndTheMapStaysBounded) {
 }
 
 TEST(LocalMap, removesLandmarksThatAreNoLongerObserved) {
-  const auto points = farPoints();
+  const auto points = farMapPoints();
   LocalMap::Options options;
   options.keyframes = 4;
   LocalMap map(options);
@@ -112,7 +112,7 @@ TEST(LocalMap, removesLandmarksThatAreNoLongerObserved) {
 }
 
 TEST(LocalMap, removesItsNewestKeyframe) {
-  const auto points = farPoints();
+  const auto points = farMapPoints();
   LocalMap map({});
   for (int k = 0; k < 3; ++k) {
     map.addKeyframe(keyframePose(k), observe(points, keyframePose(k)));
@@ -135,7 +135,7 @@ TEST(LocalMap, removesItsNewestKeyframe) {
 }
 
 TEST(LocalMap, removesWrongObservations) {
-  const auto points = farPoints();
+  const auto points = farMapPoints();
   LocalMap map({});
   for (int k = 0; k < 5; ++k) {
     auto corners = observe(points, keyframePose(k));
@@ -256,7 +256,7 @@ TEST(LocalMap, removesObservationsOfPointsBehindTheCamera) {
 
 TEST(LocalMap, ClearRemovesEverything) {
   LocalMap map({});
-  map.addKeyframe(keyframePose(0), observe(farPoints(), keyframePose(0)));
+  map.addKeyframe(keyframePose(0), observe(farMapPoints(), keyframePose(0)));
   map.clear();
   EXPECT_TRUE(map.keyframes().empty());
   EXPECT_TRUE(map.landmarks().empty());
@@ -268,7 +268,7 @@ std::vector<PointObservation> pointObservations(const Eigen::Isometry3d& T_w_c, 
   std::mt19937 generator(51);
   std::normal_distribution<double> error(0, noise > 0 ? noise : 1);
   std::vector<PointObservation> result;
-  for (const Eigen::Vector3d& p : farPoints()) {
+  for (const Eigen::Vector3d& p : farMapPoints()) {
     Eigen::Vector2d x = normalised(T_w_c.inverse() * p);
     if (noise > 0) x += Eigen::Vector2d(error(generator), error(generator));
     result.push_back({p, Eigen::Vector3d::Zero(), x, kObservationSigma});

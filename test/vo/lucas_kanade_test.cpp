@@ -15,7 +15,7 @@ namespace {
 constexpr int kSide = 9, kLevels = 4;
 
 /// Blurred noise over the full range of grey levels.
-cv::Mat texture() {
+cv::Mat fullRangeTexture() {
   cv::Mat image(248, 800, CV_8UC1);
   cv::RNG generator(7);
   generator.fill(image, cv::RNG::UNIFORM, 0, 256);
@@ -46,7 +46,7 @@ std::vector<cv::Point2f> cornersOf(const cv::Mat& image, int border) {
 }
 
 TEST(LucasKanade, findsDisplacements) {
-  const cv::Mat image = texture();
+  const cv::Mat image = fullRangeTexture();
   const LucasKanade lucas_kanade(kSide);
   const auto from = lucas_kanade.pyramid(image, kLevels);
   const std::vector<cv::Point2f> corners = cornersOf(image, 40);
@@ -65,7 +65,7 @@ TEST(LucasKanade, findsDisplacements) {
 }
 
 TEST(LucasKanade, agreesWithOpenCV) {
-  const cv::Mat image = texture(), next = moved(image, motion(1.5, 1.04, 3.3, -1.6));
+  const cv::Mat image = fullRangeTexture(), next = moved(image, motion(1.5, 1.04, 3.3, -1.6));
   const LucasKanade lucas_kanade(kSide);
   const std::vector<cv::Point2f> corners = cornersOf(image, 40);
   std::vector<cv::Point2f> points = corners, reference = corners;
@@ -84,7 +84,7 @@ TEST(LucasKanade, agreesWithOpenCV) {
 }
 
 TEST(LucasKanade, doesNotFindPointsWithoutTextureOrOutsideTheImage) {
-  const cv::Mat image = texture();
+  const cv::Mat image = fullRangeTexture();
   cv::Mat edge(image.size(), CV_8UC1, cv::Scalar(50));
   edge.colRange(400, 800) = 200;
   const LucasKanade lucas_kanade(kSide);
@@ -125,7 +125,7 @@ TEST(LucasKanade, needsAGradientInEachDirection) {
 
 // Also patches that overlap the border, of every size, at every place of a small image.
 TEST(LucasKanade, tracksEverywhereInAnImage) {
-  const cv::Mat image = texture()({100, 100, 61, 37}).clone();
+  const cv::Mat image = fullRangeTexture()({100, 100, 61, 37}).clone();
   std::vector<cv::Point2f> all;
   for (int y = -6; y < image.rows + 6; y += 3) {
     for (int x = -6; x < image.cols + 6; x += 3) {
@@ -148,11 +148,11 @@ TEST(LucasKanade, tracksEverywhereInAnImage) {
 
 TEST(LucasKanade, pyramidEndsWithAnImageLargerThanAPatch) {
   const LucasKanade lucas_kanade(kSide);
-  const auto pyramid = lucas_kanade.pyramid(texture()({0, 0, 200, 70}), 8);
+  const auto pyramid = lucas_kanade.pyramid(fullRangeTexture()({0, 0, 200, 70}), 8);
   ASSERT_EQ(pyramid.size(), 3u);
   EXPECT_EQ(pyramid[1].size(), cv::Size(100, 35));
   EXPECT_EQ(pyramid[2].size(), cv::Size(50, 18));
-  EXPECT_EQ(lucas_kanade.pyramid(texture(), 0).size(), 1u);
+  EXPECT_EQ(lucas_kanade.pyramid(fullRangeTexture(), 0).size(), 1u);
   EXPECT_EQ(lucas_kanade.pyramid(cv::Mat(4, 4, CV_8UC1, cv::Scalar(1)), 4).size(), 1u);
 }
 

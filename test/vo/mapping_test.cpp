@@ -14,7 +14,7 @@ namespace {
 using test::keyframePose;
 using test::pose;
 
-const PinholeCamera kCamera = test::testCamera();
+using test::kCamera;
 
 /// All points in an image, also those outside of its borders; the id is the point's index.
 std::vector<Feature> featuresOf(const std::vector<Eigen::Vector3d>& points,

@@ -14,7 +14,7 @@ namespace {
 
 const cv::Rect kMasked(300, 60, 200, 100);
 
-cv::Mat texture(std::uint64_t seed) {
+cv::Mat maskedTexture(std::uint64_t seed) {
   cv::Mat image(248, 800, CV_8UC1);
   cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 0, 256);
   cv::GaussianBlur(image, image, {0, 0}, 2);
@@ -24,7 +24,7 @@ cv::Mat texture(std::uint64_t seed) {
 /// The same outside of kMasked.
 cv::Mat changedInside(const cv::Mat& image) {
   cv::Mat changed = image.clone();
-  texture(99)(kMasked).copyTo(changed(kMasked));
+  maskedTexture(99)(kMasked).copyTo(changed(kMasked));
   return changed;
 }
 
@@ -35,7 +35,7 @@ cv::Mat mask() {
 }
 
 TEST(MaskedMatching, DescriptorsDoNotDependOnMaskedPixels) {
-  const cv::Mat image = texture(1);
+  const cv::Mat image = maskedTexture(1);
   std::vector<cv::Point2f> points;
   for (int y = 40; y < 220; y += 7) {
     for (int x = 40; x < 760; x += 7) points.emplace_back(x, y);
@@ -62,7 +62,7 @@ class MaskedPatches : public testing::Test {
   static ScaledPatches patches(const cv::Mat& from, const cv::Mat& to) {
     return {test::testCamera(), from, to, mask(), 400};
   }
-  const cv::Mat image_ = texture(2);
+  const cv::Mat image_ = maskedTexture(2);
 };
 
 TEST_F(MaskedPatches, AreNotTakenFromTheMaskedRegion) {

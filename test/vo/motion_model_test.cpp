@@ -15,7 +15,7 @@ namespace {
 using test::angleBetween;
 using test::pose;
 
-constexpr std::int64_t kPeriod = 100000000;  // [ns]
+constexpr std::int64_t kFramePeriod = 100000000;  // [ns]
 
 /// From one image to the next.
 Eigen::Isometry3d step() { return pose({0, 0.1, 0}, {0.2, 0, 1}); }
@@ -30,7 +30,7 @@ Eigen::Isometry3d poseAt(int i) {
 MotionModel drivenUntil(int i) {
   MotionModel motion;
   motion.reset(poseAt(0), 0);
-  for (int k = 1; k <= i; ++k) motion.update(poseAt(k), k * kPeriod);
+  for (int k = 1; k <= i; ++k) motion.update(poseAt(k), k * kFramePeriod);
   return motion;
 }
 
@@ -41,30 +41,30 @@ void expectPose(const Eigen::Isometry3d& actual, const Eigen::Isometry3d& expect
 
 TEST(MotionModel, ContinuesWithTheLastVelocityInCameraAxes) {
   const MotionModel motion = drivenUntil(3);
-  expectPose(motion.predict(4 * kPeriod), poseAt(4));
-  expectPose(motion.predict(3 * kPeriod), poseAt(3));
-  EXPECT_DOUBLE_EQ(motion.stepsSince(5 * kPeriod), 2);
+  expectPose(motion.predict(4 * kFramePeriod), poseAt(4));
+  expectPose(motion.predict(3 * kFramePeriod), poseAt(3));
+  EXPECT_DOUBLE_EQ(motion.stepsSince(5 * kFramePeriod), 2);
   // Per second: half of the step in half of the time, its rotation and its translation each.
-  expectPose(motion.predict(3 * kPeriod + kPeriod / 2),
+  expectPose(motion.predict(3 * kFramePeriod + kFramePeriod / 2),
              poseAt(3) * pose({0, 0.05, 0}, {0.1, 0, 0.5}));
 }
 
 TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
   const MotionModel motion = drivenUntil(2);
-  expectPose(motion.predict(100 * kPeriod), motion.predict(1000 * kPeriod));
-  expectPose(motion.extrapolate(22 * kPeriod), poseAt(2) * pose({0, 2, 0}, {4, 0, 20}));
-  EXPECT_GT((motion.predict(12 * kPeriod).translation() - poseAt(2).translation()).norm(), 10);
+  expectPose(motion.predict(100 * kFramePeriod), motion.predict(1000 * kFramePeriod));
+  expectPose(motion.extrapolate(22 * kFramePeriod), poseAt(2) * pose({0, 2, 0}, {4, 0, 20}));
+  EXPECT_GT((motion.predict(12 * kFramePeriod).translation() - poseAt(2).translation()).norm(), 10);
 }
 
 TEST(MotionModel, ACorrectionKeepsTheVelocityAndAResetDoesNot) {
   MotionModel motion = drivenUntil(2);
   const Eigen::Isometry3d correction = pose({0.1, 0.2, 0.3}, {1, -2, 3});
   motion.correct(correction);
-  expectPose(motion.predict(3 * kPeriod), correction * poseAt(3));
-  motion.reset(poseAt(0), 10 * kPeriod);
-  expectPose(motion.predict(11 * kPeriod), poseAt(0));
-  expectPose(motion.extrapolate(11 * kPeriod), poseAt(0));
-  EXPECT_EQ(motion.stepsSince(11 * kPeriod), 0);
+  expectPose(motion.predict(3 * kFramePeriod), correction * poseAt(3));
+  motion.reset(poseAt(0), 10 * kFramePeriod);
+  expectPose(motion.predict(11 * kFramePeriod), poseAt(0));
+  expectPose(motion.extrapolate(11 * kFramePeriod), poseAt(0));
+  EXPECT_EQ(motion.stepsSince(11 * kFramePeriod), 0);
 }
 
 TEST(RotationChain, IsTheProductOfItsRotations) {

@@ -11,7 +11,7 @@
 namespace ground_scale_vo {
 namespace {
 
-const PinholeCamera kCamera = test::testCamera();
+using test::kCamera;
 constexpr double kHeight = 1.65;      // of the camera above the floor
 constexpr double kWallDistance = 20;  // ahead of the first camera
 

@@ -13,7 +13,7 @@ namespace {
 
 using test::pose;
 
-const PinholeCamera kCamera = test::testCamera();
+using test::kCamera;
 
 cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c, std::uint64_t seed) {
   return test::wallFrom(kCamera, T_v_c, seed);

@@ -12,7 +12,7 @@ namespace {
 
 using test::pose;
 
-const PinholeCamera kCamera = test::testCamera();
+using test::kCamera;
 constexpr double kAlignedSigma = 4e-4;  // [normalised]
 constexpr double kTrackedSigma = 1e-3;
 const Eigen::Vector2d kError(0.8, -0.6);  // of the tracked features [px]

@@ -11,7 +11,7 @@ namespace {
 
 using test::pose;
 
-const PinholeCamera kCamera = test::testCamera();
+using test::kCamera;
 const Eigen::Vector3d kPredicted = 20 * test::kStep;
 
 /// The previous camera v is somewhere in the map. The map points of every tenth feature are wrong.

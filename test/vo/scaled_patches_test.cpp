@@ -9,13 +9,13 @@
 namespace ground_scale_vo {
 namespace {
 
-const PinholeCamera kCamera = test::testCamera();
+using test::kCamera;
 const cv::Size kSize(kCamera.width, kCamera.height);
 const Eigen::Vector2d kPixel(200, 120);
 const cv::Rect kRegion(150, 100, 90, 40);
-constexpr int kHalf = ScaledPatches::kHalf_px, kSide = 2 * kHalf + 1;
+constexpr int kHalf = ScaledPatches::kHalf_px, kPatchSide = 2 * kHalf + 1;
 
-cv::Mat texture(std::uint64_t seed) {
+cv::Mat patchTexture(std::uint64_t seed) {
   cv::Mat image(kSize, CV_8UC1);
   cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 0, 256);
   cv::GaussianBlur(image, image, {0, 0}, 1.5);
@@ -24,13 +24,13 @@ cv::Mat texture(std::uint64_t seed) {
 }
 
 TEST(ScaledPatches, CorrelationIsNormalised) {
-  const cv::Mat from = texture(1), to = texture(2);
+  const cv::Mat from = patchTexture(1), to = patchTexture(2);
   ScaledPatches patches(kCamera, from, to, {}, kCamera.width);
   cv::Rect region = kRegion;
   const cv::Mat correlation = patches.correlate(kPixel, 0, &region);
   EXPECT_EQ(region, kRegion);
   cv::Mat patch, expected;
-  cv::getRectSubPix(from, {kSide, kSide}, {200, 120}, patch);
+  cv::getRectSubPix(from, {kPatchSide, kPatchSide}, {200, 120}, patch);
   const cv::Rect pixels(region.tl() - cv::Point(kHalf, kHalf),
                         region.size() + cv::Size(2 * kHalf, 2 * kHalf));
   cv::matchTemplate(to(pixels), patch, expected, cv::TM_CCOEFF_NORMED);
@@ -39,7 +39,7 @@ TEST(ScaledPatches, CorrelationIsNormalised) {
 }
 
 TEST(ScaledPatches, CorrelationIsOneAtTheSamePatch) {
-  const cv::Mat image = texture(1), darker = image / 2;
+  const cv::Mat image = patchTexture(1), darker = image / 2;
   for (const cv::Mat& to : {image, darker}) {
     cv::Rect region = kRegion;
     const cv::Mat correlation =
@@ -55,14 +55,14 @@ TEST(ScaledPatches, CorrelationIsOneAtTheSamePatch) {
 TEST(ScaledPatches, CorrelationWithAreasWithoutTextureIsZero) {
   const cv::Mat uniform(kSize, CV_8UC1, cv::Scalar(255));
   cv::Rect region = kRegion;
-  const cv::Mat correlation =
-      ScaledPatches(kCamera, texture(1), uniform, {}, kCamera.width).correlate(kPixel, 0, &region);
+  const cv::Mat correlation = ScaledPatches(kCamera, patchTexture(1), uniform, {}, kCamera.width)
+                                  .correlate(kPixel, 0, &region);
   ASSERT_EQ(correlation.size(), kRegion.size());
   EXPECT_LT(cv::norm(correlation, cv::NORM_INF), 1e-3);
 }
 
 TEST(ScaledPatches, PixelsAreThoseOfTheResizedImage) {
-  const cv::Mat image = texture(1);
+  const cv::Mat image = patchTexture(1);
   const ScaledPatches patches(kCamera, image, image, {}, kCamera.width / 2.0);
   // The centres of two pixels are that of the one they become.
   EXPECT_LT(cv::norm(patches.resized({10.5, 20.5}) - cv::Point2f(5, 10)), 1e-5);
@@ -70,7 +70,7 @@ TEST(ScaledPatches, PixelsAreThoseOfTheResizedImage) {
 }
 
 TEST(ScaledPatches, AUniformPatchCorrelatesWithNothing) {
-  const cv::Mat image = texture(1);
+  const cv::Mat image = patchTexture(1);
   cv::Mat uniform(image.size(), CV_8UC1, cv::Scalar(90));
   uniform(cv::Rect(0, 0, 400, kCamera.height)).setTo(91);
   ScaledPatches patches(kCamera, uniform, image, {}, 400);
@@ -79,7 +79,7 @@ TEST(ScaledPatches, AUniformPatchCorrelatesWithNothing) {
 }
 
 TEST(ScaledPatches, RegionIsReducedToWhereThePatchFits) {
-  ScaledPatches patches(kCamera, texture(1), texture(2), {}, kCamera.width);
+  ScaledPatches patches(kCamera, patchTexture(1), patchTexture(2), {}, kCamera.width);
   cv::Rect region(-10, -10, 30, 30);
   EXPECT_EQ(patches.correlate(kPixel, 0, &region).size(), cv::Size(20 - kHalf, 20 - kHalf));
   EXPECT_EQ(region, cv::Rect(kHalf, kHalf, 20 - kHalf, 20 - kHalf));
@@ -90,7 +90,7 @@ TEST(ScaledPatches, RegionIsReducedToWhereThePatchFits) {
 TEST(ScaledPatches, MaskedPixelsHaveTheLeastCorrelation) {
   cv::Mat mask(kSize, CV_8UC1, cv::Scalar(255));
   mask.colRange(0, 180) = 0;
-  ScaledPatches patches(kCamera, texture(1), texture(1), mask, kCamera.width);
+  ScaledPatches patches(kCamera, patchTexture(1), patchTexture(1), mask, kCamera.width);
   cv::Rect region = kRegion;
   const cv::Mat correlation = patches.correlate({300, 120}, 0, &region);
   const int first = 180 + kHalf - region.x;  // column of the first patch that is not masked

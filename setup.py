@@ -25,7 +25,7 @@ class CMakeBuild(build_ext):
     """Builds the CMake target and installs the component `python` into the package."""
 
     def build_extension(self, ext):
-        # A build folder that is already configured, for the tests, which compile the core anyway.
+        # A build folder that is already configured, for the tests, whose build has compiled the core.
         folder = os.environ.get("GROUND_SCALE_VO_PYTHON_BUILD")
         if not folder:
             folder = os.path.join(os.path.abspath(self.build_temp), "cmake")

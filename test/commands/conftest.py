@@ -27,7 +27,6 @@ sys.path.insert(0, str(SCRIPTS))  # for the tests of the Python scripts as modul
 BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
 TIMEOUT_S = 600
 CAMERA_HEIGHT = 1.65
-LONG = "GROUND_SCALE_VO_LONG" in os.environ  # scripts/test --long
 # For Python outside ROS: the ROS messages are in a package that has the name of the Python module.
 WITHOUT_MESSAGES = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
@@ -150,20 +149,23 @@ def on_terminal(command, *arguments, environment=None):
     return text
 
 
-@contextlib.contextmanager
-def build_without_ros():
-    """The folder of a build without ROS, with the Python module, kept between runs; in the long tests
-    with the tools, too. The other workers of pytest wait until the block ends."""
-    folder = BUILD / "core_without_ros"
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / "lock", "w", encoding="utf-8") as lock:
+def pip_install(venv, build):
+    """Makes a virtual environment with the Python package, installed with pip without network. build: the
+    build folder that has compiled it, or compiles it now."""
+    run("/usr/bin/python3", "-m", "venv", "--system-site-packages", "--without-pip", venv)
+    run(venv / "bin/python", "-m", "pip", "install", "--no-index", "--no-build-isolation", ROOT,
+        env={**WITHOUT_MESSAGES, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
+
+
+def made_once(path, make):
+    """Calls make() unless this or another worker of pytest has made the path before. Returns the path."""
+    with open(f"{path}.lock", "a+", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        run("cmake", "-S", ROOT, "-B", folder, "-DGROUND_SCALE_VO_ROS=OFF",
-            "-DGROUND_SCALE_VO_PYTHON=ON", f"-DGROUND_SCALE_VO_TOOLS={'ON' if LONG else 'OFF'}",
-            "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON",
-            "-DPYTHON_EXECUTABLE=/usr/bin/python3", "-DPython3_EXECUTABLE=/usr/bin/python3")
-        run("cmake", "--build", folder, "--parallel", os.cpu_count(), timeout=None)
-        yield folder
+        lock.seek(0)
+        if not lock.read():
+            make()
+            lock.write("made")
+    return path
 
 
 @pytest.fixture
@@ -185,54 +187,56 @@ def stub_tools(tmp_path):
 
 @pytest.fixture(scope="session")
 def data(tmp_path_factory):
-    return tmp_path_factory.mktemp("data")
+    """The folder of what is made once for all tests; scripts/test names one for all workers."""
+    return pathlib.Path(os.environ.get("GROUND_SCALE_VO_TEST_DATA") or tmp_path_factory.mktemp("data"))
+
+
+def rendered(folder, *arguments):
+    """A KITTI folder."""
+    return made_once(folder, lambda: run(tool("render_drive"), *arguments, folder))
 
 
 @pytest.fixture(scope="session")
 def short(data):
     """A KITTI folder of 40 frames."""
-    run(tool("render_drive"), "--frames", 40, data / "short")
-    return data / "short"
+    return rendered(data / "short", "--frames", 40)
 
 
 @pytest.fixture(scope="session")
 def shortest(data):
     """A KITTI folder of 12 frames."""
-    run(tool("render_drive"), "--frames", 12, data / "shortest")
-    return data / "shortest"
+    return rendered(data / "shortest", "--frames", 12)
 
 
 @pytest.fixture(scope="session")
 def bag(short):
     """`short` as kitti2bag writes an odometry sequence."""
     file = short.with_suffix(".bag")
-    run(tool("kitti_to_bag"), short, "--out", file, "--style", "kitti2bag")
-    return file
+    return made_once(file, lambda: run(tool("kitti_to_bag"), short, "--out", file, "--style", "kitti2bag"))
 
 
 @pytest.fixture(scope="session")
 def low(data):
     """A KITTI folder with a camera 0.6 m above the road."""
-    run(tool("render_drive"), "--frames", 60, "--camera-height", 0.6, "--stop", 0, "--size", "480x148",
-        data / "low")
-    return data / "low"
+    return rendered(data / "low", "--frames", 60, "--camera-height", 0.6, "--stop", 0, "--size", "480x148")
 
 
 @pytest.fixture(scope="session")
 def low_bag(low):
     """`low` as a bag, with GPS fixes on /fix."""
     file = low.with_suffix(".bag")
-    run(tool("kitti_to_bag"), low, "--out", file)
-    bags.add_fixes(file, low / "poses.txt")
-    return file
+
+    def make():
+        run(tool("kitti_to_bag"), low, "--out", file)
+        bags.add_fixes(file, low / "poses.txt")
+    return made_once(file, make)
 
 
 @pytest.fixture(scope="session", params=bags.DAMAGED)
 def damaged_bag(request, bag, data):
     """A bag that is damaged or holds other messages than images."""
     file = data / f"{request.param}.bag"
-    bags.DAMAGED[request.param](bag, file)
-    return file
+    return made_once(file, lambda: bags.DAMAGED[request.param](bag, file))
 
 
 @pytest.fixture(scope="session", params=["calib.txt: no such file", "times.txt: is empty",
@@ -258,18 +262,16 @@ def damaged_folder(request, short, tmp_path_factory):
 @pytest.fixture(scope="session")
 def evaluated(short, data):
     """The result folder of run_sequence."""
-    run(tool("run_sequence"), short, "--camera-height", CAMERA_HEIGHT, "--out", data / "evaluated")
-    return data / "evaluated" / short.name
+    out = made_once(data / "evaluated", lambda: run(
+        tool("run_sequence"), short, "--camera-height", CAMERA_HEIGHT, "--out", data / "evaluated"))
+    return out / short.name
 
 
 @pytest.fixture(scope="session")
 def venv(data):
-    """A virtual environment with the Python package, installed with pip without network."""
-    run("/usr/bin/python3", "-m", "venv", "--system-site-packages", "--without-pip", data / "venv")
-    with build_without_ros() as build:
-        run(data / "venv/bin/python", "-m", "pip", "install", "--no-index", "--no-build-isolation", ROOT,
-            env={**WITHOUT_MESSAGES, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
-    return data / "venv"
+    """A virtual environment with the Python package that the build under test has compiled."""
+    folder = data / "venv"
+    return made_once(folder, lambda: pip_install(folder, BUILD))
 
 
 @pytest.fixture(scope="module")

@@ -127,6 +127,7 @@ def test_a_failed_sequence_is_reported(stub_tools, tmp_path):
         f"benchmark_sequence {tmp_path}/a --camera-height 2.5 --out {tmp_path}/o/a/one_core --cores 1 --baseline")
 
 
+@pytest.mark.long
 def test_micro(tmp_path):
     run(BENCHMARK, "--micro", "--filter", "/(width:620|points:125|features:125)", "--out", tmp_path)
     assert "\n| bundleAdjustment " in (tmp_path / "micro.md").read_text()

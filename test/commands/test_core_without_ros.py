@@ -1,20 +1,39 @@
-"""The library without ROS: built, installed, and used by examples/ as another project would."""
+"""The library without ROS: used by examples/ as by another project. By default they link the library of the
+build under test, which is the same code; the build and the installation without ROS are long tests."""
 
 import math
+import os
+import pathlib
 import re
 import subprocess
 
 import numpy as np
 import pytest
-from conftest import CAMERA_HEIGHT, LONG, ROOT, WITHOUT_MESSAGES, assert_refused, build_without_ros, run
+from conftest import BUILD, CAMERA_HEIGHT, ROOT, WITHOUT_MESSAGES, assert_refused, pip_install, run
 
 FRAMES = 40
+# Says where an installation without ROS would be.
+CONFIG = f"""
+find_package(Eigen3 REQUIRED)
+find_package(OpenCV 4 REQUIRED COMPONENTS core)
+add_library(ground_scale_vo::core SHARED IMPORTED)
+set_target_properties(ground_scale_vo::core PROPERTIES
+  IMPORTED_LOCATION {BUILD}/devel/lib/libground_scale_vo_core.so
+  INTERFACE_INCLUDE_DIRECTORIES {ROOT}/include INTERFACE_COMPILE_FEATURES cxx_std_17
+  INTERFACE_LINK_LIBRARIES "Eigen3::Eigen;opencv_core")
+"""
+BUILT_OR_INSTALLED = ["built", pytest.param("installed", marks=pytest.mark.long)]
 
 
 @pytest.fixture(scope="module")
 def build():
-    with build_without_ros() as folder:
-        return folder
+    """A build without ROS, with tools and the Python module, kept between runs."""
+    folder = BUILD / "core_without_ros"
+    run("cmake", "-S", ROOT, "-B", folder, "-DGROUND_SCALE_VO_ROS=OFF", "-DGROUND_SCALE_VO_PYTHON=ON",
+        "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON",
+        "-DPYTHON_EXECUTABLE=/usr/bin/python3", "-DPython3_EXECUTABLE=/usr/bin/python3")
+    run("cmake", "--build", folder, "--parallel", os.cpu_count(), timeout=None)
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -29,46 +48,66 @@ def drive(short):
     return short
 
 
+def assert_without_ros(objects):
+    dependencies = "".join(file.read_text() for file in objects.rglob("*.d"))
+    assert "Eigen" in dependencies and "/ros/" not in dependencies
+
+
+def test_core_is_compiled_without_ros_headers():
+    assert_without_ros(BUILD / "CMakeFiles/ground_scale_vo_core.dir")
+
+
+@pytest.mark.long
 def test_compiles_without_ros_headers(build):
     commands = (build / "compile_commands.json").read_text()
     for folder in ("/opt/ros", "/usr/include/ros", "catkin"):
         assert folder not in commands
-    dependencies = "".join(file.read_text() for file in build.rglob("*.d"))
-    assert "Eigen" in dependencies and "/ros/" not in dependencies
+    assert_without_ros(build)
 
 
+@pytest.mark.long
 def test_installs_only_the_headers_of_the_core(installed):
     modules = {entry.name for entry in (installed / "include/ground_scale_vo").iterdir()}
     assert modules == {"common", "vo", "scale", "metric_odometry.hpp"}
 
 
-def test_headers_include_only_eigen_and_the_core_of_opencv(installed):
-    headers = (installed / "include/ground_scale_vo").rglob("*.hpp")
+@pytest.mark.parametrize("source", BUILT_OR_INSTALLED)
+def test_headers_include_only_eigen_and_the_core_of_opencv(request, source):
+    include = (ROOT if source == "built" else request.getfixturevalue("installed")) / "include/ground_scale_vo"
+    headers = [include / "metric_odometry.hpp",
+               *(header for module in ("common", "vo", "scale") for header in (include / module).rglob("*.hpp"))]
     included = {name for header in headers for name in re.findall(r"#include <(\S+/\S+)>", header.read_text())}
     assert {name for name in included if not name.startswith("Eigen/")} == {"opencv2/core.hpp"}
 
 
-def test_library_links_no_tooling(installed):
-    (library,) = installed.rglob("libground_scale_vo_core.so")
+@pytest.mark.parametrize("source", BUILT_OR_INSTALLED)
+def test_library_links_no_tooling(request, source):
+    folder = BUILD / "devel/lib" if source == "built" else request.getfixturevalue("installed")
+    (library,) = folder.rglob("libground_scale_vo_core.so")
     symbols = run("nm", "--dynamic", "--demangle", "--defined-only", library).stdout
     assert "ground_scale_vo::MetricOdometry::process" in symbols
     for tooling in ("KittiSequence", "SyntheticDrive", "RunReport"):
         assert f"ground_scale_vo::{tooling}" not in symbols
-    libraries = run("ldd", library).stdout
-    assert "ros" not in libraries.lower()
+    libraries = [line.split()[0].lower() for line in run("ldd", library).stdout.splitlines()]
+    assert not any("ros" in pathlib.Path(name).name for name in libraries), libraries
 
 
-@pytest.mark.skipif(not LONG, reason="only with --long")
+@pytest.mark.long
 def test_installed_tool_runs(installed, drive, tmp_path):
     (tool,) = installed.rglob("run_sequence")
     run(tool, drive, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
     assert len((tmp_path / drive.name / "poses.txt").read_text().splitlines()) == FRAMES
 
 
-@pytest.fixture(scope="module")
-def examples(installed, tmp_path_factory):
+@pytest.fixture(scope="module", params=BUILT_OR_INSTALLED)
+def examples(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("example")
-    run("cmake", "-S", ROOT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={installed}")
+    if request.param == "built":
+        (folder / "ground_scale_vo-config.cmake").write_text(CONFIG)
+        prefix = folder
+    else:
+        prefix = request.getfixturevalue("installed")
+    run("cmake", "-S", ROOT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}")
     run("cmake", "--build", folder)
     return folder
 
@@ -106,6 +145,14 @@ def test_example_gives_metric_poses(examples, drive):
 
 def test_python_example_as_the_other(examples, venv, drive):
     done = run(venv / "bin/python", ROOT / "examples/metric_poses.py", drive, CAMERA_HEIGHT,
+               env=WITHOUT_MESSAGES)
+    assert done.stdout.split() == run(examples / "metric_poses", drive, CAMERA_HEIGHT).stdout.split()
+
+
+@pytest.mark.long
+def test_pip_installs_a_build_without_ros(build, examples, drive, tmp_path):
+    pip_install(tmp_path / "venv", build)
+    done = run(tmp_path / "venv/bin/python", ROOT / "examples/metric_poses.py", drive, CAMERA_HEIGHT,
                env=WITHOUT_MESSAGES)
     assert done.stdout.split() == run(examples / "metric_poses", drive, CAMERA_HEIGHT).stdout.split()
 

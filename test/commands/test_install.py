@@ -5,7 +5,7 @@ import re
 import shutil
 
 import pytest
-from conftest import BUILD, LONG, SCRIPTS, assert_plays, assert_refused, run
+from conftest import BUILD, SCRIPTS, assert_plays, assert_refused, run
 
 pytestmark = pytest.mark.serial
 
@@ -72,7 +72,7 @@ def test_demo_ends_when_a_node_is(install, bag, tmp_path, node, program, text):
     assert done.returncode == 1 and text in done.stdout + done.stderr, done.stdout + done.stderr
 
 
-@pytest.mark.skipif(not LONG, reason="only with --long")
+@pytest.mark.long
 def test_debian_package(tmp_path):
     package = run(SCRIPTS / "package", "--out", tmp_path).stdout.splitlines()[-1]
     contents = run("dpkg-deb", "-c", package).stdout

@@ -10,7 +10,7 @@ import pytest
 import report_figures
 import report_paper
 import report_tables
-from conftest import LONG, SCRIPTS, assert_refused, on_full_disk, run, table_rows, tool, write_program
+from conftest import SCRIPTS, assert_refused, made_once, on_full_disk, run, table_rows, tool, write_program
 
 REPORT = SCRIPTS / "report"
 DERIVE, RENDER = tool("derive_drives"), tool("render_drive")
@@ -129,7 +129,7 @@ def test_wrong_arguments(text, arguments):
     assert_refused(2, text, REPORT, *arguments)
 
 
-@pytest.mark.skipif(not LONG, reason="renders two fault drives: scripts/test --long")
+@pytest.mark.long
 def test_faults_are_collected(tmp_path):
     """From a file as evaluate_faults writes it."""
     (tmp_path / "faults").mkdir()
@@ -143,7 +143,7 @@ def test_faults_are_collected(tmp_path):
     assert other.splitlines()[0] != text.splitlines()[0]  # another camera and speed
 
 
-@pytest.mark.skipif(not LONG, reason="renders a scenario: scripts/test --long")
+@pytest.mark.long
 def test_scenarios_are_collected(tmp_path):
     """From files as evaluate_scenarios writes them."""
     (tmp_path / "ablation").mkdir()
@@ -461,8 +461,7 @@ def test_summary():
 
 @pytest.fixture(scope="module")
 def level(data):
-    run(RENDER, *STEADY, "--pitch", 0, data / "level")
-    return data / "level"
+    return made_once(data / "level", lambda: run(RENDER, *STEADY, "--pitch", 0, data / "level"))
 
 
 def images(folder):

@@ -58,8 +58,23 @@ def last_line(tree, *arguments, status):
 
 
 def test_all_parts_are_counted(tree):
-    """Unit tests and rostests one each, command tests one in parallel and one alone, one hook."""
-    assert last_line(tree, status=0) == "5 passed, 0 failed, 0 skipped"
+    """Unit tests and rostests together one, command tests one in parallel and one alone, one hook."""
+    assert last_line(tree, status=0) == "4 passed, 0 failed, 0 skipped"
+
+
+def test_long_tests_are_counted(tree):
+    """After the default tests: drives and fuzz inputs; shutdown and one hour; the marked command tests."""
+    command_tests(tree, "def test_a(): pass\n@pytest.mark.long\ndef test_b(): assert False")
+    assert last_line(tree, "unit", "--long", status=0) == "3 passed, 0 failed, 0 skipped"
+    assert last_line(tree, "rostest", "--long", status=0) == "3 passed, 0 failed, 0 skipped"
+    assert last_line(tree, "commands", "--long", status=1) == "2 passed, 1 failed, 0 skipped"
+
+
+def test_long_tests_are_left_out_when_time_is_short(tree):
+    done = run(tree / "scripts/test", "unit", "rostest", "--long", "--minutes", 30,
+               env={**os.environ, "GROUND_SCALE_VO_BUILD": str(tree / "build")}).stdout.splitlines()
+    assert done[-2:] == ["left out, would take longer than --minutes 30: drive of one hour",
+                         "4 passed, 0 failed, 0 skipped"]
 
 
 @pytest.mark.parametrize("kinds, ctest_status, status, line", [
@@ -108,8 +123,10 @@ def test_failed_build(tree):
     (["--sanitize"], "--sanitize must be one of"),
     (["--sanitize", "thread", "--coverage"], "--sanitize and --coverage exclude each other"),
     (["--filter"], "--filter needs a value"),
+    (["--long", "--minutes", "many"], "--minutes needs a whole number"),
+    (["--minutes", "40"], "--minutes is only for --long"),
     (["unti"], "unknown option or part 'unti'"),
-], ids=["list", "no_list", "both", "no_filter", "part"])
+], ids=["list", "no_list", "both", "no_filter", "minutes", "not_long", "part"])
 def test_wrong_arguments(tree, arguments, message):
     done = run(tree / "scripts/test", *arguments, check=False)
     assert done.returncode == 2 and message in done.stderr

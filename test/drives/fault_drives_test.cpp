@@ -24,22 +24,23 @@ void PrintTo(const FaultDrive& drive, std::ostream* stream) {
 
 namespace {
 
-/// The faults of these drives are in the other ones, too: they run only with `scripts/test --long`.
-constexpr std::size_t kLongDrives[] = {2, 4, 5};
+/// The faults of these drives are in the other ones, too: they are long tests.
+constexpr std::size_t kLongFaultDrives[] = {2, 4, 5};
 
-std::vector<FaultDrive> drivesToRun() {
+/// The long ones, or the others.
+std::vector<FaultDrive> faultDrives(bool long_ones) {
   std::vector<FaultDrive> drives;
   for (std::size_t i = 0; i < kFaultDriveCount; ++i) {
-    const bool is_long =
-        std::find(std::begin(kLongDrives), std::end(kLongDrives), i) != std::end(kLongDrives);
-    if (!is_long || runsLongTests()) drives.push_back(faultDrive(i));
+    const bool is_long = std::find(std::begin(kLongFaultDrives), std::end(kLongFaultDrives), i) !=
+                         std::end(kLongFaultDrives);
+    if (is_long == long_ones) drives.push_back(faultDrive(i));
   }
   return drives;
 }
 
 TEST(FaultDrives, ContainEveryFault) {
   std::set<std::string> names;
-  for (const FaultDrive& drive : drivesToRun()) {
+  for (const FaultDrive& drive : faultDrives(false)) {
     for (const PlacedFault& fault : drive.faults) names.insert(fault.name);
   }
   const std::vector<std::string> all = faultNames();
@@ -57,7 +58,7 @@ TEST_P(FaultDriveRun, MeetsTheThresholds) {
   EXPECT_GE(metrics.segments.size(), 2u);
 }
 
-INSTANTIATE_TEST_SUITE_P(Drives, FaultDriveRun, testing::ValuesIn(drivesToRun()));
+INSTANTIATE_TEST_SUITE_P(Drives, FaultDriveRun, testing::ValuesIn(faultDrives(runsLongTests())));
 
 }  // namespace
 }  // namespace ground_scale_vo

@@ -215,11 +215,11 @@ def latency_table(part):
     by_drive = drives(part)
     rates = next(iter(by_drive.values()))["rates"]
     rows = [[rate, *(number(drive["rates"][rate][key], ".1f") for drive in by_drive.values()
-                     for key in ("median_ms", "p95_ms", "max_ms", "cpu_ms_per_frame")),
+                     for key in ("median_ms", "p99_ms", "max_ms", "cpu_ms_per_frame")),
              *(drive["rates"][rate]["dropped"] for drive in by_drive.values())]
             for rate in sorted(rates, key=float)]
     return table(["playback rate", *(f"{name} {what}" for name in by_drive
-                                     for what in ("median", "p95", "max", "processor ms")),
+                                     for what in ("median", "p99", "max", "processor ms")),
                   *(f"{name} dropped" for name in by_drive)], rows)
 
 

@@ -107,15 +107,14 @@ def test_files_of_the_growth_report(tmp_path):
 
 
 def test_targets():
-    """Frames per second must be high, the others low."""
-    report = {"one_core": {"stages_ms": {"vo_total": {"median": 7}, "scale_total": {"median": 3}},
-                           "cpu_ms_per_frame": 15},
-              "two_cores": {"frames_per_second": 100, "peak_rss_mb": 200},
-              "memory": {"peak_rss_mb": 310, "growth_mb_per_1000_frames": None},
-              "pipeline_over_baseline": {"median": 2, "mean_with_adjustment": 3},
-              "graph": [{"rate": 1, "latency_ms": {"median": 19}}, {"rate": 3, "dropped": 1}]}
+    """Frames per second must be high, the others low. Decoding does not count."""
+    report = {"one_core": {"cpu_ms_per_frame": 8, "decode_cpu_ms_per_frame": 3, "frames_per_second": 59},
+              "two_cores": {"peak_rss_mb": 121},
+              "memory": {"peak_rss_mb": 110, "growth_mb_per_1000_frames": None},
+              "pipeline_over_baseline": {"median": 0.49, "mean_with_adjustment": 0.61},
+              "graph": [{"rate": 1, "latency_ms": {"p99": 14, "max": 26}}, {"rate": 15, "dropped": 1}]}
     met = [target["met"] for target in benchmark_report.threshold_figures(report)]
-    assert met == [True, False, True, True, True, False, False, None, True, False]
+    assert met == [True, False, True, False, False, None, True, False, False]
 
 
 def test_a_failed_sequence_is_reported(stub_tools, tmp_path):

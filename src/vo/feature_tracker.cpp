@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/parallel_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/vo/corner_strength.hpp"
 #include "vo/lucas_kanade.hpp"
@@ -178,54 +179,45 @@ std::vector<cv::Point2f> FeatureTracker::detectIn(const cv::Mat& image, const cv
   return corners;
 }
 
-FeatureTracker::Tracks FeatureTracker::trackOnce(const ImagePyramid& from, const ImagePyramid& to,
-                                                 const std::vector<cv::Point2f>& from_points,
-                                                 const std::vector<cv::Point2f>& predicted,
-                                                 int levels) const {
-  Tracks tracks;
-  tracks.points = predicted;
-  tracks.ok.assign(from_points.size(), 0);
-  if (from_points.empty()) return tracks;
-
-  std::vector<unsigned char> found =
-      lucas_kanade_->track(from.levels, to.levels, from_points, levels, &tracks.points);
-  std::vector<std::size_t> index;  // indices of the points found
-  std::vector<cv::Point2f> there, back;
-  for (std::size_t i = 0; i < from_points.size(); ++i) {
-    if (!found[i] || !isInside(to.image, tracks.points[i]) || isMasked(tracks.points[i])) continue;
-    index.push_back(i);
-    there.push_back(tracks.points[i]);
-    back.push_back(from_points[i]);
-  }
-  if (index.empty()) return tracks;
-  found = lucas_kanade_->track(to.levels, from.levels, there, 0, &back);
-  for (std::size_t k = 0; k < index.size(); ++k) {
-    tracks.ok[index[k]] =
-        found[k] && cv::norm(back[k] - from_points[index[k]]) <= options_.forward_backward_px;
-  }
-  return tracks;
+/// Whether the patch of `there` is found in the second image, and from there in the first image
+/// again, where it comes from. point: initial guess, replaced by the result.
+bool FeatureTracker::trackThereAndBack(const cv::Point2f& from_point, int levels,
+                                       PyramidSearch* there, PyramidSearch* back, const cv::Mat& to,
+                                       cv::Point2f* point) const {
+  if (!there->find(levels, point) || !isInside(to, *point) || isMasked(*point)) return false;
+  back->setPatch(*point);
+  cv::Point2f returned = from_point;
+  return back->find(0, &returned) &&
+         cv::norm(returned - from_point) <= options_.forward_backward_px;
 }
 
 FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const ImagePyramid& to,
                                              const std::vector<cv::Point2f>& from_points,
                                              const std::vector<cv::Point2f>& predicted) const {
-  if (predicted.empty()) {
-    return trackOnce(from, to, from_points, from_points, options_.pyramid_levels);
-  }
-  Tracks tracks = trackOnce(from, to, from_points, predicted,
-                            std::min(kLevelsNearPrediction, options_.pyramid_levels));
-  std::vector<std::size_t> missed;
-  std::vector<cv::Point2f> missed_points;
-  for (std::size_t i = 0; i < from_points.size(); ++i) {
-    if (tracks.ok[i]) continue;
-    missed.push_back(i);
-    missed_points.push_back(from_points[i]);
-  }
-  const Tracks again = trackOnce(from, to, missed_points, missed_points, options_.pyramid_levels);
-  for (std::size_t k = 0; k < missed.size(); ++k) {
-    tracks.points[missed[k]] = again.points[k];
-    tracks.ok[missed[k]] = again.ok[k];
-  }
+  const int levels = options_.pyramid_levels;
+  const int levels_near_prediction = std::min(kLevelsNearPrediction, levels);
+  Tracks tracks;
+  tracks.points = predicted.empty() ? from_points : predicted;
+  tracks.ok.assign(from_points.size(), 0);
+  parallelLoop(static_cast<int>(from_points.size()), [&](const cv::Range& range) {
+    PyramidSearch there(*lucas_kanade_, from.levels, to.levels);
+    PyramidSearch back(*lucas_kanade_, to.levels, from.levels);
+    for (auto i = static_cast<std::size_t>(range.start); i < static_cast<std::size_t>(range.end);
+         ++i) {
+      if (i + 1 < static_cast<std::size_t>(range.end)) {
+        there.prefetch(from_points[i + 1], tracks.points[i + 1], levels_near_prediction);
+      }
+      cv::Point2f& point = tracks.points[i];
+      there.setPatch(from_points[i]);
+      bool ok = !predicted.empty() && trackThereAndBack(from_points[i], levels_near_prediction,
+                                                        &there, &back, to.image, &point);
+      if (!ok) {
+        point = from_points[i];
+        ok = trackThereAndBack(from_points[i], levels, &there, &back, to.image, &point);
+      }
+      tracks.ok[i] = ok;
+    }
+  });
   return tracks;
 }
 

@@ -3,7 +3,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "vo/patch_arithmetic.hpp"
+#include "vo/patch_tracking.hpp"
 
 namespace ground_scale_vo {
 
@@ -18,21 +18,45 @@ class LucasKanade {
   /// smaller than a patch. Copies, with a border in memory.
   std::vector<cv::Mat> pyramid(const cv::Mat& image, int levels) const;
 
-  /// Tracks points [px] from one pyramid to another, both made by pyramid() of an object with the
-  /// same window_px, on which their border in memory depends. points: their initial guesses,
-  /// replaced by the results. levels: number of levels to use above the full resolution. Returns
-  /// for each point whether it has been found: its patch has texture in two directions, and
-  /// overlaps the image.
-  std::vector<unsigned char> track(const std::vector<cv::Mat>& from, const std::vector<cv::Mat>& to,
-                                   const std::vector<cv::Point2f>& from_points, int levels,
-                                   std::vector<cv::Point2f>* points) const;
+  const PatchLayout& layout() const { return layout_; }
 
  private:
-  struct Workspace;
-  bool trackLevel(const cv::Mat& from, const cv::Mat& to, const cv::Point2f& from_point,
-                  Workspace* workspace, cv::Point2f* point) const;
-
   PatchLayout layout_;
+};
+
+/// Searches patches of one pyramid in another, one after the other. Both pyramids are made by
+/// LucasKanade::pyramid() with the same window_px, on which their border in memory depends.
+class PyramidSearch {
+ public:
+  /// The arguments must outlive the object.
+  PyramidSearch(const LucasKanade& lucas_kanade, const std::vector<cv::Mat>& from,
+                const std::vector<cv::Mat>& to);
+
+  /// Requests from memory the pixels of a patch that will soon be searched over `levels`.
+  void prefetch(const cv::Point2f& from_point, const cv::Point2f& guess, int levels) const;
+
+  /// Sets the patch to be searched, around a point of the first pyramid [px].
+  void setPatch(const cv::Point2f& from_point);
+
+  /// point: initial guess in the second pyramid [px], replaced by the result. levels: number of
+  /// levels to use above the full resolution. Returns whether the patch has been found: it has
+  /// texture in two directions, and overlaps the image.
+  bool find(int levels, cv::Point2f* point);
+
+ private:
+  /// Of setPatch(), in one level.
+  struct LevelTemplate {
+    enum { kUnknown, kUsable, kUnusable } state = kUnknown;
+    PatchTemplate patch;
+  };
+  /// Null if the patch has no texture there or does not overlap the image.
+  const PatchTemplate* templateOf(int level);
+
+  const PatchLayout& layout_;
+  const std::vector<cv::Mat>&from_, &to_;
+  cv::Point2f from_point_;
+  std::vector<LevelTemplate> templates_;
+  PatchWorkspace workspace_;
 };
 
 }  // namespace ground_scale_vo

@@ -52,20 +52,21 @@ Expected expected(const cv::Mat& from, const cv::Point2d& p, const cv::Mat& to,
 }
 
 /// Compares all sums for a patch around p of one image and around q of another.
-void compare(const cv::Mat& from, const cv::Point2f& p, const cv::Mat& to, const cv::Point2f& q,
-             int side) {
+template <typename Layout>
+void compareWith(const Layout& layout, const cv::Mat& from, const cv::Point2f& p, const cv::Mat& to,
+                 const cv::Point2f& q) {
+  const int side = layout.side;
   SCOPED_TRACE("side " + std::to_string(side));
-  const PatchLayout layout(side);
-  PixelWindow window(layout);
-  PatchArray wide(layout);
-  GradientPatch patch(layout);
-  const PatchCorner origin = cornerOf({p.x, p.y}, layout);
-  window.read(from, origin.column - 1, origin.row - 1, side + 3);
-  window.interpolate(origin.a, origin.b, &wide);
-  const GradientSums gradients = patch.set(wide);
-  const PatchCorner corner = cornerOf({q.x, q.y}, layout);
-  window.read(to, corner.column, corner.row, side + 1);
-  const Eigen::Vector2f sums = window.gradientTimesDifference(corner.a, corner.b, patch);
+  PixelWindow window;
+  PatchArray wide{};
+  GradientPatch patch;
+  const PatchCorner origin = cornerOf(p, side);
+  window.read(layout, from, origin.column - 1, origin.row - 1, side + 3);
+  window.interpolate(layout, origin.a, origin.b, &wide);
+  const GradientSums gradients = patch.set(layout, wide);
+  const PatchCorner corner = cornerOf(q, side);
+  window.read(layout, to, corner.column, corner.row, side + 1);
+  const Eigen::Vector2f sums = window.gradientTimesDifference(layout, corner.a, corner.b, patch);
 
   const Expected e = expected(from, p, to, q, side);
   constexpr double kGradient = kGradientUnit, kProduct = kGradientUnit * kGreyUnit;
@@ -78,6 +79,12 @@ void compare(const cv::Mat& from, const cv::Point2f& p, const cv::Mat& to, const
   const double change = 0.1 * (strength + std::sqrt(pixels * e.squares));
   EXPECT_NEAR(sums.x() / kProduct, e.along_x, change);
   EXPECT_NEAR(sums.y() / kProduct, e.along_y, change);
+}
+
+void compare(const cv::Mat& from, const cv::Point2f& p, const cv::Mat& to, const cv::Point2f& q,
+             int side) {
+  compareWith(PatchLayout(side), from, p, to, q);
+  if (side == 9) compareWith(FixedPatchLayout<9>(), from, p, to, q);
 }
 
 TEST(PatchArithmetic, equalsFloatingPointForEverySize) {

@@ -9,6 +9,7 @@
 namespace ground_scale_vo {
 
 class LucasKanade;
+class PyramidSearch;
 
 /// An image with its Gaussian pyramid, computed once for tracking to it and from it.
 struct ImagePyramid {
@@ -74,9 +75,8 @@ class FeatureTracker {
                const std::vector<cv::Point2f>& predicted) const;
 
  private:
-  Tracks trackOnce(const ImagePyramid& from, const ImagePyramid& to,
-                   const std::vector<cv::Point2f>& from_points,
-                   const std::vector<cv::Point2f>& predicted, int levels) const;
+  bool trackThereAndBack(const cv::Point2f& from_point, int levels, PyramidSearch* there,
+                         PyramidSearch* back, const cv::Mat& to, cv::Point2f* point) const;
   std::vector<cv::Point2f> detectIn(const cv::Mat& image, const cv::Mat& allowed,
                                     const std::vector<cv::Point2f>& occupied) const;
   int reach() const;

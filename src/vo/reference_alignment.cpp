@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "ground_scale_vo/vo/exposure.hpp"
+#include "vo/patch_tracking.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -11,6 +12,10 @@ namespace {
 /// If the last successful surface hypothesis reaches this normalised cross-correlation, the others
 /// are not tried.
 constexpr double kGoodCorrelation = 0.95;
+
+/// [px] that the pixels of most patches extend beyond the window, both sides together: the border
+/// for the gradients, and the change of size.
+constexpr int kPrefetchMargin_px = 4;
 
 }  // namespace
 
@@ -23,6 +28,11 @@ void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
                                std::vector<Feature>* features) {
   const Eigen::Isometry3d T_c_w = predicted_T_w_c.inverse();
   updateKeyframeImages(map, image.exposure);
+  std::vector<KeyframePose> poses;
+  for (const Keyframe& keyframe : map.keyframes()) {
+    poses.push_back({keyframe.T_w_c.inverse(), T_c_w * keyframe.T_w_c});
+  }
+  std::vector<std::pair<Feature*, Reference>> references;
   for (Feature& feature : *features) {
     const auto landmark = map.landmarks().find(feature.id);
     if (landmark == map.landmarks().end()) continue;
@@ -30,17 +40,24 @@ void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
     if (!point) continue;
     const double depth = (T_c_w * point->p_w).z();
     if (!(depth > 0)) continue;
-    const auto reference = findReference(map, landmark->second, point->p_w, depth);
-    if (!reference) continue;
-
-    const Keyframe& keyframe = *reference->keyframe;
-    const auto aligned = alignFeature(
-        feature, *reference, keyframe_images_[keyframe.id - map.keyframes().front().id].image,
-        T_c_w * keyframe.T_w_c, image.image);
+    const auto reference = findReference(map, landmark->second, poses, point->p_w, depth);
+    if (reference) references.emplace_back(&feature, *reference);
+  }
+  const int side = alignment_.options().window_px + kPrefetchMargin_px;
+  for (std::size_t i = 0; i < references.size(); ++i) {
+    if (i + 1 < references.size()) {
+      const auto& [next, next_reference] = references[i + 1];
+      prefetchPatch(keyframe_images_[next_reference.keyframe].image, toCv(next_reference.u), side);
+      prefetchPatch(image.image, toCv(next->u), side);
+    }
+    auto& [feature, reference] = references[i];
+    const auto aligned =
+        alignFeature(*feature, reference, keyframe_images_[reference.keyframe].image,
+                     poses[reference.keyframe].T_c_r, image.image);
     if (!aligned) continue;
-    feature.u = aligned->match.u;
-    feature.sigma = aligned_sigma_;
-    feature.surface = aligned->surface;
+    feature->u = aligned->match.u;
+    feature->sigma = aligned_sigma_;
+    feature->surface = aligned->surface;
   }
 }
 
@@ -62,13 +79,15 @@ void ReferenceAlignment::updateKeyframeImages(const LocalMap& map, double exposu
 /// The earliest keyframe observing the landmark whose scale change to the current image is at most
 /// max_scale.
 std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
-    const LocalMap& map, const Landmark& landmark, const Eigen::Vector3d& p_w, double depth) const {
+    const LocalMap& map, const Landmark& landmark, const std::vector<KeyframePose>& poses,
+    const Eigen::Vector3d& p_w, double depth) const {
   for (const Observation& o : landmark.observations) {
     const Keyframe& keyframe = map.keyframe(o.keyframe);
-    const Eigen::Vector3d p_r = keyframe.T_w_c.inverse() * p_w;
+    const std::size_t index = keyframe.id - map.keyframes().front().id;
+    const Eigen::Vector3d p_r = poses[index].T_r_w * p_w;
     const double scale = p_r.z() / depth, max_scale = alignment_.options().max_scale;
     if (keyframe.image.empty() || scale > max_scale || scale < 1 / max_scale) continue;
-    return Reference{&keyframe, camera_.project(o.x.homogeneous()), p_r};
+    return Reference{index, camera_.project(o.x.homogeneous()), p_r};
   }
   return std::nullopt;
 }

@@ -29,15 +29,19 @@ class ReferenceAlignment {
  private:
   /// The keyframe whose patch a landmark is aligned to.
   struct Reference {
-    const Keyframe* keyframe;
-    Eigen::Vector2d u;    ///< [px]
-    Eigen::Vector3d p_r;  ///< the point in the keyframe's camera
+    std::size_t keyframe;  ///< its index in the map
+    Eigen::Vector2d u;     ///< [px]
+    Eigen::Vector3d p_r;   ///< the point in the keyframe's camera
   };
   /// A keyframe's image with the exposure of the current image.
   struct KeyframeImage {
     cv::Mat original;
     double gain;
     cv::Mat image;
+  };
+  /// A keyframe (r) relative to the world and to the current camera.
+  struct KeyframePose {
+    Eigen::Isometry3d T_r_w, T_c_r;
   };
   struct AlignedFeature {
     PatchAlignment::Match match;
@@ -46,6 +50,7 @@ class ReferenceAlignment {
 
   void updateKeyframeImages(const LocalMap& map, double exposure);
   std::optional<Reference> findReference(const LocalMap& map, const Landmark& landmark,
+                                         const std::vector<KeyframePose>& poses,
                                          const Eigen::Vector3d& p_w, double depth) const;
   std::optional<AlignedFeature> alignFeature(const Feature& feature, const Reference& reference,
                                              const cv::Mat& reference_image,

@@ -2,14 +2,16 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
+
+struct PatchGrid;
 
 /// Model of the surface on which a patch lies: the direction of its normal in the reference camera.
 enum class PatchSurface : std::uint8_t {
@@ -68,8 +70,7 @@ class PatchAlignment {
 
  private:
   Options options_;
-  /// One entry per stored element of the patch rows: 1 pixel, 0 padding.
-  std::vector<float> mask_;
+  std::shared_ptr<const PatchGrid> grid_;
 };
 
 }  // namespace ground_scale_vo

@@ -31,14 +31,10 @@ typedef float Lanes
     __attribute__((vector_size(kLanes * sizeof(float)), aligned(alignof(float)), may_alias));
 typedef std::int32_t IntLanes __attribute__((vector_size(kLanes * sizeof(std::int32_t)),
                                              aligned(alignof(std::int32_t)), may_alias));
-typedef unsigned char ByteLanes __attribute__((vector_size(kLanes), aligned(1), may_alias));
 
 inline const Lanes& lanes(const float* at) { return *reinterpret_cast<const Lanes*>(at); }
 inline Lanes& lanes(float* at) { return *reinterpret_cast<Lanes*>(at); }
 inline IntLanes& lanes(std::int32_t* at) { return *reinterpret_cast<IntLanes*>(at); }
-inline const ByteLanes& lanes(const unsigned char* at) {
-  return *reinterpret_cast<const ByteLanes*>(at);
-}
 
 inline float total(const Lanes& sum) {
   typedef float Half __attribute__((vector_size(kLanes / 2 * sizeof(float))));
@@ -185,9 +181,7 @@ class FloatWindow {
     for (int y = 0; y <= window_; ++y, from += image_.step[0], to += strideOf(window_)) {
       // At the end of the memory a row cannot be read in whole kLanes.
       if (from + wholeLanes(window_ + 1) <= image_.datalimit) {
-        for (int x = 0; x <= window_; x += kLanes) {
-          lanes(to + x) = __builtin_convertvector(lanes(from + x), Lanes);
-        }
+        for (std::size_t x = 0; x < wholeLanes(window_ + 1); ++x) to[x] = from[x];
       } else {
         std::copy_n(from, window_ + 1, to);
       }

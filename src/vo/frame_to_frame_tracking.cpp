@@ -46,6 +46,7 @@ std::vector<Feature> FrameToFrameTracking::track(const ImagePyramid& next, std::
                 : tracker_.track(tracker_.pyramid(applyGain(previous_.image, gain)), next, points,
                                  predicted);
   std::vector<Feature> found;
+  found.reserve(features_.size());
   for (std::size_t i = 0; i < features_.size(); ++i) {
     const Feature& previous = features_[i];
     if (!tracks.ok[i]) {
@@ -112,6 +113,7 @@ Descriptors FrameToFrameTracking::describeCorners(const ImagePyramid& image) con
 
 std::vector<cv::Point2f> FrameToFrameTracking::pixels() const {
   std::vector<cv::Point2f> points;
+  points.reserve(features_.size());
   for (const Feature& feature : features_) points.push_back(toCv(feature.u));
   return points;
 }

@@ -125,7 +125,8 @@ inline Element smoothed(Element outer_1, Element inner, Element outer_2) {
   constexpr Element kOuterWeight = 3 << 12;
   const auto excess = static_cast<Element>(outer_1 + outer_2 - 2 * inner);
   static_assert(2 * kGreyUnit == kGradientUnit << 2);
-  return static_cast<Element>((inner + highHalf(excess, kOuterWeight) + 2) >> 2);
+  const auto sum = static_cast<Element>(inner + highHalf(excess, kOuterWeight) + 2);
+  return static_cast<Element>(sum >> 2);
 }
 
 /// Calls function(begin, end) for parts of whole chunks, of which each may be summed in 32 bits.

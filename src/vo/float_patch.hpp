@@ -176,14 +176,17 @@ class FloatWindow {
     if (column == column_ && row == row_) return;
     column_ = column;
     row_ = row;
+    const auto step = static_cast<std::ptrdiff_t>(image_.step[0]);
+    const auto columns = static_cast<std::size_t>(window_ + 1);
     const unsigned char* from = image_.ptr(row) + column;
     float* to = pixels_.data();
-    for (int y = 0; y <= window_; ++y, from += image_.step[0], to += strideOf(window_)) {
-      // At the end of the memory a row cannot be read in whole kLanes.
-      if (from + wholeLanes(window_ + 1) <= image_.datalimit) {
-        for (std::size_t x = 0; x < wholeLanes(window_ + 1); ++x) to[x] = from[x];
+    // At the end of the memory a row cannot be read in whole kLanes.
+    const bool whole = from + window_ * step + wholeLanes(columns) <= image_.datalimit;
+    for (int y = 0; y <= window_; ++y, from += step, to += strideOf(window_)) {
+      if (whole) {
+        std::copy_n(from, wholeLanes(columns), to);
       } else {
-        std::copy_n(from, window_ + 1, to);
+        std::copy_n(from, columns, to);
       }
     }
   }

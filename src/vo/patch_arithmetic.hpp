@@ -192,14 +192,11 @@ class PixelWindow {
     rows_ = rows;
     const auto columns = static_cast<std::ptrdiff_t>(wholeChunks(layout.stride));
     patch_arithmetic::Element* to = pixels_.data();
-    for (int y = 0; y < rows; ++y, from += step, to += layout.stride) {
-      if (from + columns <= image.datalimit) {
-        for (std::ptrdiff_t begin = 0; begin < columns; begin += kPatchChunk) {
-          widen(from + begin, kPatchChunk, to + begin);
-        }
-      } else {  // At the end of the memory a row cannot be read in whole chunks.
-        widen(from, static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, image.datalimit - from)),
-              to);
+    if (from + (rows - 1) * step + columns <= image.datalimit) {
+      for (int y = 0; y < rows; ++y, from += step, to += layout.stride) widen(from, columns, to);
+    } else {  // At the end of the memory a row cannot be read in whole chunks.
+      for (int y = 0; y < rows; ++y, from += step, to += layout.stride) {
+        widen(from, std::clamp<std::ptrdiff_t>(image.datalimit - from, 0, columns), to);
       }
     }
   }
@@ -237,9 +234,10 @@ class PixelWindow {
   }
 
  private:
-  static void widen(const unsigned char* __restrict from, std::size_t count,
+  static void widen(const unsigned char* __restrict from, std::ptrdiff_t count,
                     std::int16_t* __restrict to) {
-    for (std::size_t x = 0; x < count; ++x) to[x] = static_cast<std::int16_t>(from[x] * kGreyUnit);
+    for (std::ptrdiff_t x = 0; x < count; ++x)
+      to[x] = static_cast<std::int16_t>(from[x] * kGreyUnit);
   }
 
   PatchArray pixels_{};

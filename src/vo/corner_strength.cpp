@@ -35,12 +35,17 @@ GSV_VECTOR_LOOP void filterAcross(const std::int16_t* __restrict smooth,
   }
 }
 
-/// Adds a * b to the sums and subtracts old_a * old_b. One product per loop: gcc does not vectorise
-/// a loop over all three.
-GSV_VECTOR_LOOP void addProducts(const std::int16_t* a, const std::int16_t* b,
-                                 const std::int16_t* old_a, const std::int16_t* old_b, int columns,
-                                 std::int32_t* __restrict sums) {
-  for (int x = 0; x < columns; ++x) sums[x] += a[x] * b[x] - old_a[x] * old_b[x];
+/// Adds the products of the gradients of a row to the sums and subtracts those of an old row.
+GSV_VECTOR_LOOP void addProducts(const std::int16_t* __restrict x, const std::int16_t* __restrict y,
+                                 const std::int16_t* __restrict old_x,
+                                 const std::int16_t* __restrict old_y, int columns,
+                                 std::int32_t* __restrict xx, std::int32_t* __restrict xy,
+                                 std::int32_t* __restrict yy) {
+  for (int i = 0; i < columns; ++i) {
+    xx[i] += x[i] * x[i] - old_x[i] * old_x[i];
+    xy[i] += x[i] * y[i] - old_x[i] * old_y[i];
+    yy[i] += y[i] * y[i] - old_y[i] * old_y[i];
+  }
 }
 
 /// The smaller eigenvalue of each gradient matrix, summed across the window. Leaves kReach columns
@@ -87,9 +92,7 @@ void CornerStrength::addRow(int row) {
   std::int16_t* const x = added.x.data();
   std::int16_t* const y = added.y.data();
   filterAcross(smooth_.data(), difference_.data(), columns, x, y);
-  addProducts(x, x, old.x.data(), old.x.data(), columns, xx_.data());
-  addProducts(x, y, old.x.data(), old.y.data(), columns, xy_.data());
-  addProducts(y, y, old.y.data(), old.y.data(), columns, yy_.data());
+  addProducts(x, y, old.x.data(), old.y.data(), columns, xx_.data(), xy_.data(), yy_.data());
 }
 
 void CornerStrength::next(float* strength) {

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/lanes.hpp"
+#include "common/vector_loop.hpp"
+
 namespace ground_scale_vo::direct {
 namespace {
 
@@ -12,7 +15,6 @@ constexpr int kMinPatchPx = kPatchSide;  ///< [px] at least one pixel per sample
 constexpr double kBlur = 0.0010;
 /// [px] A weaker blur leaves visible errors of the bilinear interpolation between pixels.
 constexpr double kMinBlurPx = 0.6;
-constexpr double kKernelRadius = 2.5;  ///< [sigma] of the blur; 98.8 % of the Gaussian
 /// [focal lengths] Margins around the lane region that are kept for later frames: the patches of a
 /// later frame project outside the region after a turn (sides) or a change of pitch (top).
 constexpr double kSideMargin = 0.12;
@@ -20,6 +22,24 @@ constexpr double kTopMargin = 0.04;
 /// Lower bound of the product of two texture shares, keeps the correlation of uniform patches
 /// finite.
 constexpr float kMinTextureProduct = 1e-3f;
+
+/// Returns the mean of the squares of the rest.
+GSV_VECTOR_LOOP float removeMean(float* values) {
+  Lanes sum{}, squares{};
+  for (std::size_t i = 0; i < kPatchSamples; i += kLanes) sum += lanes(values + i);
+  const float mean = total(sum) / kPatchSamples;
+  for (std::size_t i = 0; i < kPatchSamples; i += kLanes) {
+    lanes(values + i) -= mean;
+    squares += lanes(values + i) * lanes(values + i);
+  }
+  return total(squares) / kPatchSamples;
+}
+
+GSV_VECTOR_LOOP float meanProduct(const float* a, const float* b) {
+  Lanes sum{};
+  for (std::size_t i = 0; i < kPatchSamples; i += kLanes) sum += lanes(a + i) * lanes(b + i);
+  return total(sum) / kPatchSamples;
+}
 
 }  // namespace
 
@@ -29,8 +49,7 @@ PatchGrid::PatchGrid(const PinholeCamera& camera, double patch_size)
       rows(camera.height / patch_px) {}
 
 float normalise(float noise, Samples* values, float* texture) {
-  *values -= values->mean();
-  const float variance = values->square().mean();
+  const float variance = removeMean(values->data());
   const float deviation = std::sqrt(variance + noise * noise);
   *values /= deviation;
   *texture = variance / (variance + noise * noise);
@@ -40,7 +59,7 @@ float normalise(float noise, Samples* values, float* texture) {
 float correlate(const Patch& patch, float noise, Samples* values) {
   float texture = 0;
   normalise(noise, values, &texture);
-  const float product = (patch.value * *values).mean();
+  const float product = meanProduct(patch.value.data(), values->data());
   return product / std::sqrt(std::max(patch.texture * texture, kMinTextureProduct));
 }
 
@@ -66,31 +85,31 @@ PatchExtractor::PatchExtractor(const PinholeCamera& camera, int reduction, const
     : camera_(camera),
       reduction_(reduction),
       grid_(grid),
+      smoothing_(std::max(kMinBlurPx, kBlur * camera.fx)),
       image_noise_(static_cast<float>(image_noise)) {
-  const double blur_px = std::max(kMinBlurPx, kBlur * camera.fx);
-  const int radius = static_cast<int>(std::ceil(kKernelRadius * blur_px));
-  kernel_ = cv::getGaussianKernel(2 * radius + 1, blur_px, CV_32F);
   twice_smoothed_.create(camera.height, camera.width, CV_32F);
   if (mask.empty()) return;
-  const int reach = 2 * radius + 1;  // smoothed twice, with a gradient or an interpolation
+  const int reach =
+      2 * smoothing_.radius() + 1;  // smoothed twice, with a gradient or an interpolation
   const int side = reduction * (2 * reach + 1);
   cv::Mat eroded;
   cv::erode(mask, eroded, cv::Mat::ones(side + 1 - side % 2, side + 1 - side % 2, CV_8U));
   cv::resize(eroded, allowed_, {camera.width, camera.height}, 0, 0, cv::INTER_NEAREST);
 }
 
-/// The part roi [px of camera_] of an image, reduced. It is part of a larger matrix, so that
-/// filters see the pixels around it.
-cv::Mat PatchExtractor::reducedPart(const cv::Mat& image, const cv::Rect& roi) const {
-  if (reduction_ == 1) return image(roi);
-  const int margin = kernel_.rows / 2;
-  cv::Rect wide(roi.tl() - cv::Point(margin, margin),
-                roi.size() + cv::Size(2 * margin, 2 * margin));
+/// An image of camera_ with the pixels that smoothing the part `area` needs, reduced from the given
+/// image. Moves the area by its origin.
+cv::Mat PatchExtractor::reducedPart(const cv::Mat& image, cv::Rect* area) const {
+  if (reduction_ == 1) return image;
+  const int margin = smoothing_.radius();
+  cv::Rect wide(area->tl() - cv::Point(margin, margin),
+                area->size() + cv::Size(2 * margin, 2 * margin));
   wide &= cv::Rect(0, 0, camera_.width, camera_.height);
   cv::Mat result;
   cv::resize(image(cv::Rect(wide.tl() * reduction_, wide.size() * reduction_)), result, wide.size(),
              0, 0, cv::INTER_AREA);
-  return result({roi.tl() - wide.tl(), roi.size()});
+  *area -= wide.tl();
+  return result;
 }
 
 void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
@@ -99,15 +118,28 @@ void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool 
   if (patches->empty()) return;
   const cv::Rect& roi = current->roi;
   cv::Mat smoothed = current->storage(cv::Rect({0, 0}, roi.size()));
-  cv::sepFilter2D(reducedPart(image, roi), smoothed, CV_32F, kernel_, kernel_);
+  cv::Rect in_source = roi;
+  const cv::Mat source = reducedPart(image, &in_source);
+  smoothing_.smooth(source, in_source, &smoothed);
   // The reference images show this piece of road from farther away, at a lower resolution. The
   // patches compared with them are smoothed a second time: a difference in sharpness would bias
   // their shifts. With a camera that faces backwards the reference images are the nearer ones.
-  cv::Mat twice_smoothed = twice_smoothed_(cv::Rect({0, 0}, roi.size()));
-  cv::sepFilter2D(smoothed, twice_smoothed, CV_32F, kernel_, kernel_, {-1, -1}, 0,
-                  cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
-  for (Patch& patch : *patches) sample(faces_backwards ? smoothed : twice_smoothed, roi, &patch);
+  const cv::Rect twice = faces_backwards ? roi : sampledPart(*patches) & roi;
+  cv::Mat twice_smoothed = twice_smoothed_(cv::Rect({0, 0}, twice.size()));
+  smoothing_.smooth(smoothed, twice - roi.tl(), &twice_smoothed);
+  for (Patch& patch : *patches) {
+    sample(faces_backwards ? smoothed : twice_smoothed, twice.tl(), &patch);
+  }
   if (faces_backwards) twice_smoothed.copyTo(smoothed);
+}
+
+/// Contains the pixels that sample() reads.
+cv::Rect PatchExtractor::sampledPart(const std::vector<Patch>& patches) const {
+  cv::Rect part;
+  for (const Patch& patch : patches) {
+    part |= cv::Rect(patch.corner, cv::Size(grid_.patch_px, grid_.patch_px));
+  }
+  return part - cv::Point(1, 1) + cv::Size(2, 2);
 }
 
 bool PatchExtractor::touchesMask(const cv::Rect& cell) const {
@@ -142,12 +174,13 @@ void PatchExtractor::selectCells(const LaneRegion& lane, RoadImage* current,
 }
 
 /// Rays, normalised intensities and gradients of one patch.
-void PatchExtractor::sample(const cv::Mat& smoothed, const cv::Rect& roi, Patch* patch) const {
+/// origin: the pixel of the image at which smoothed begins.
+void PatchExtractor::sample(const cv::Mat& smoothed, const cv::Point& origin, Patch* patch) const {
   const auto stride = static_cast<std::ptrdiff_t>(smoothed.step1());
   for (int k = 0; k < kPatchSamples; ++k) {
     const int u = patch->corner.x + (2 * (k % kPatchSide) + 1) * grid_.patch_px / (2 * kPatchSide);
     const int v = patch->corner.y + (2 * (k / kPatchSide) + 1) * grid_.patch_px / (2 * kPatchSide);
-    const float* pixel = smoothed.ptr<float>(v - roi.y) + (u - roi.x);
+    const float* pixel = smoothed.ptr<float>(v - origin.y) + (u - origin.x);
     patch->ray_x[k] = static_cast<float>((u - camera_.cx) / camera_.fx);
     patch->ray_y[k] = static_cast<float>((v - camera_.cy) / camera_.fy);
     patch->value[k] = *pixel;

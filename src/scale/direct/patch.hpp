@@ -8,6 +8,7 @@
 #include "ground_scale_vo/scale/lane_region.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/direct/image_buffer.hpp"
+#include "scale/direct/smoothing.hpp"
 
 namespace ground_scale_vo::direct {
 
@@ -83,14 +84,15 @@ class PatchExtractor {
  private:
   bool touchesMask(const cv::Rect& cell) const;
   void selectCells(const LaneRegion& lane, RoadImage* current, std::vector<Patch>* patches) const;
-  void sample(const cv::Mat& smoothed, const cv::Rect& roi, Patch* patch) const;
-  cv::Mat reducedPart(const cv::Mat& image, const cv::Rect& roi) const;
+  cv::Rect sampledPart(const std::vector<Patch>& patches) const;
+  void sample(const cv::Mat& smoothed, const cv::Point& origin, Patch* patch) const;
+  cv::Mat reducedPart(const cv::Mat& image, cv::Rect* area) const;
 
   PinholeCamera camera_;
   int reduction_;
   PatchGrid grid_;
   cv::Mat allowed_;
-  cv::Mat kernel_;  ///< Gaussian, one column
+  Smoothing smoothing_;
   cv::Mat twice_smoothed_;
   float image_noise_;
 };

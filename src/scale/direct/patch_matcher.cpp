@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
+#include "common/lanes.hpp"
 #include "common/vector_loop.hpp"
 
 namespace ground_scale_vo::direct {
@@ -17,15 +19,6 @@ constexpr float kMinResidualVariance = 0.01f;
 /// [standard deviations] Tuning constant of the Cauchy weights; 2.385 has 95 % efficiency for
 /// normal errors, less rejects more.
 constexpr float kSampleCauchyConstant = 2;
-
-/// Sums over the samples of a patch from which Match's derivatives follow.
-struct Moments {
-  float mean = 0, squares = 0;  ///< of the Jacobian by q
-  Vector5f motion_mean = Vector5f::Zero(), motion = Vector5f::Zero();
-  Eigen::Vector2f gradient_mean{0, 0};  ///< of the intensity by the position in the image
-  float gradient_squares = 0;
-  float flow_squares = 0;  ///< of the position by q: the epipolar flow
-};
 
 /// The stored part of an image: pinhole camera and limits [px of the part].
 struct RoiCamera {
@@ -54,14 +47,124 @@ GSV_VECTOR_LOOP int project(const RoiCamera& camera, const Eigen::Matrix3f& A,
 GSV_VECTOR_LOOP void interpolate(const float* __restrict data, int stride,
                                  const float* __restrict u, const float* __restrict v,
                                  float* __restrict values) {
+  int upper_left[kPatchSamples];
+  float a[kPatchSamples], b[kPatchSamples];
   for (int i = 0; i < kPatchSamples; ++i) {
     const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
-    const float a = u[i] - static_cast<float>(left), b = v[i] - static_cast<float>(above);
-    const int upper = above * stride + left, lower = upper + stride;
-    const float in_upper = data[upper] + a * (data[upper + 1] - data[upper]);
-    const float in_lower = data[lower] + a * (data[lower + 1] - data[lower]);
-    values[i] = in_upper + b * (in_lower - in_upper);
+    a[i] = u[i] - static_cast<float>(left);
+    b[i] = v[i] - static_cast<float>(above);
+    upper_left[i] = above * stride + left;
   }
+  // Two neighbours are read at once: AVX2's gather instructions read them one by one, and take
+  // longer.
+  float upper[2 * kPatchSamples], lower[2 * kPatchSamples];
+  for (int i = 0; i < kPatchSamples; ++i) {
+    std::memcpy(upper + 2 * i, data + upper_left[i], 2 * sizeof(float));
+    std::memcpy(lower + 2 * i, data + upper_left[i] + stride, 2 * sizeof(float));
+  }
+  for (int i = 0; i < kPatchSamples; ++i) {
+    const float in_upper = upper[2 * i] + a[i] * (upper[2 * i + 1] - upper[2 * i]);
+    const float in_lower = lower[2 * i] + a[i] * (lower[2 * i + 1] - lower[2 * i]);
+    values[i] = in_upper + b[i] * (in_lower - in_upper);
+  }
+}
+
+/// residual: expected - values. Returns the sum of its squares.
+GSV_VECTOR_LOOP float subtract(const float* expected, const float* values,
+                               float* __restrict residual) {
+  Lanes squares{};
+  for (std::size_t i = 0; i < kPatchSamples; i += kLanes) {
+    const Lanes difference = lanes(expected + i) - lanes(values + i);
+    lanes(residual + i) = difference;
+    squares += difference * difference;
+  }
+  return total(squares);
+}
+
+/// Weighted sums over the samples of a patch, with Cauchy weights.
+struct ShiftSums {
+  float weights = 0, squares = 0;   ///< of the residual
+  float information = 0, step = 0;  ///< J^T J and J^T r of the Jacobian by q
+  float ray_x = 0, ray_y = 0;       ///< of the rays, by their information
+};
+
+/// scale: 1 over the square of the residual of half the weight.
+GSV_VECTOR_LOOP ShiftSums sumShift(const float* residual, const float* jacobian, const float* ray_x,
+                                   const float* ray_y, float scale) {
+  Lanes weights{}, squares{}, information{}, step{}, x{}, y{};
+  for (std::size_t i = 0; i < kPatchSamples; i += kLanes) {
+    const Lanes r = lanes(residual + i), j = lanes(jacobian + i);
+    const Lanes weight = 1 / (1 + r * r * scale);
+    const Lanes wj = weight * j, wjj = wj * j;
+    weights += weight;
+    squares += weight * r * r;
+    information += wjj;
+    step += wj * r;
+    x += wjj * lanes(ray_x + i);
+    y += wjj * lanes(ray_y + i);
+  }
+  return {total(weights), total(squares), total(information), total(step), total(x), total(y)};
+}
+
+/// Sums over the samples of a patch from which Match's derivatives follow.
+struct Moments {
+  Lanes mean{}, squares{};  ///< of the Jacobian by q
+  Lanes motion_mean[5] = {}, motion[5] = {};
+  Lanes gradient_x{}, gradient_y{}, gradient_squares{};  ///< of the intensity by the position
+  Lanes flow_squares{};  ///< of the position by q: the epipolar flow
+};
+
+/// A direction, the same for all samples.
+struct Vector {
+  explicit Vector(const Eigen::Vector3f& v) : x(v.x()), y(v.y()), z(v.z()) {}
+  float x, y, z;
+};
+
+/// Sets the Jacobian by q, and its sums. A: homography; focal lengths [px].
+GSV_VECTOR_LOOP Moments differentiate(const Patch& patch, const Reference& reference,
+                                      const Eigen::Matrix3f& A, const Eigen::Vector3f& plane,
+                                      float fx, float fy, float* __restrict jacobian) {
+  const Vector m(plane), t(reference.t), s1(reference.perpendicular[0]),
+      s2(reference.perpendicular[1]), row_x(A.row(0)), row_y(A.row(1)), row_z(A.row(2));
+  Moments sum;
+  for (std::size_t i = 0; i < kPatchSamples; i += kLanes) {
+    const Lanes ray_x = lanes(patch.ray_x.data() + i), ray_y = lanes(patch.ray_y.data() + i);
+    // y = A r of the rays r, and its projection.
+    const Lanes y_x = row_x.x * ray_x + row_x.y * ray_y + row_x.z;
+    const Lanes y_y = row_y.x * ray_x + row_y.y * ray_y + row_y.z;
+    const Lanes z = row_z.x * ray_x + row_z.y * ray_y + row_z.z;
+    const Lanes inverse_z = 1 / z;
+    const Lanes xn = y_x * inverse_z, yn = y_y * inverse_z;
+    // Jacobian of the homography on the image plane, times z, and its inverse transpose on the
+    // gradient.
+    const Lanes a = row_x.x - xn * row_z.x, b = row_x.y - xn * row_z.y;
+    const Lanes c = row_y.x - yn * row_z.x, d = row_y.y - yn * row_z.y;
+    const Lanes inverse_determinant = 1 / (a * d - b * c);
+    const Lanes gx = lanes(patch.grad_x.data() + i) * fx, gy = lanes(patch.grad_y.data() + i) * fy;
+    const Lanes hx = (d * gx - c * gy) * inverse_determinant;
+    const Lanes hy = (a * gy - b * gx) * inverse_determinant;
+    // Derivative of the intensity by y = R r - t q, then by q, the rotation and the direction of t.
+    const Lanes hz = -hx * xn - hy * yn;
+    const Lanes q = m.x * ray_x + m.y * ray_y + m.z;
+    const Lanes by_q = -(hx * t.x + hy * t.y + hz * t.z);
+    const Lanes by_motion[] = {y_y * hz - z * hy, z * hx - y_x * hz, y_x * hy - y_y * hx,
+                               -q * (hx * s1.x + hy * s1.y + hz * s1.z),
+                               -q * (hx * s2.x + hy * s2.y + hz * s2.z)};
+    lanes(jacobian + i) = by_q;
+    sum.mean += by_q;
+    sum.squares += by_q * by_q;
+    for (int k = 0; k < 5; ++k) {
+      sum.motion_mean[k] += by_motion[k];
+      sum.motion[k] += by_q * by_motion[k];
+    }
+    const Lanes by_x = hx * z, by_y = hy * z;
+    sum.gradient_x += by_x;
+    sum.gradient_y += by_y;
+    sum.gradient_squares += by_x * by_x + by_y * by_y;
+    const Lanes flow_x = (xn * t.z - t.x) * inverse_z, flow_y = (yn * t.z - t.y) * inverse_z;
+    sum.flow_squares += flow_x * flow_x + flow_y * flow_y;
+  }
+  return sum;
 }
 
 }  // namespace
@@ -102,57 +205,20 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
 void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
                              const Eigen::Vector3f& m, Match* match) const {
   const Eigen::Matrix3f A = reference.R - reference.t * m.transpose();
-  const auto fx = static_cast<float>(camera_.fx), fy = static_cast<float>(camera_.fy);
-  const Samples& ray_x = patch.ray_x;
-  const Samples& ray_y = patch.ray_y;
-  // y = A r of the rays r, and its projection.
-  const Samples y_x = A(0, 0) * ray_x + (A(0, 1) * ray_y + A(0, 2));
-  const Samples y_y = A(1, 0) * ray_x + (A(1, 1) * ray_y + A(1, 2));
-  const Samples z = A(2, 0) * ray_x + (A(2, 1) * ray_y + A(2, 2));
-  const Samples xn = y_x / z, yn = y_y / z;
-  // Jacobian of the homography on the image plane, and its inverse transpose on the gradient.
-  const Samples a = (A(0, 0) - xn * A(2, 0)) / z, b = (A(0, 1) - xn * A(2, 1)) / z;
-  const Samples c = (A(1, 0) - yn * A(2, 0)) / z, d = (A(1, 1) - yn * A(2, 1)) / z;
-  const Samples determinant = a * d - b * c;
-  const Samples gx = patch.grad_x * fx, gy = patch.grad_y * fy;
-  const Samples hx = (d * gx - c * gy) / (determinant * z);
-  const Samples hy = (a * gy - b * gx) / (determinant * z);
-  // Derivative of the intensity by y = R r - t q, then by q, the rotation and the direction of t.
-  const Samples hz = -hx * xn - hy * yn;
-  const auto along = [&](const Eigen::Vector3f& direction) -> Samples {
-    return hx * direction.x() + (hy * direction.y() + hz * direction.z());
-  };
-  const Samples q = m.x() * ray_x + (m.y() * ray_y + m.z());
-  match->jacobian = -along(reference.t);
-  const Samples by_motion[] = {y_y * hz - z * hy, z * hx - y_x * hz, y_x * hy - y_y * hx,
-                               -q * along(reference.perpendicular[0]),
-                               -q * along(reference.perpendicular[1])};
-  const Samples gradient_x = hx * z / kPatchSamples, gradient_y = hy * z / kPatchSamples;
-  const Samples gradient_squares = (hx * hx + hy * hy) * z * z;
-  const Samples flow_squares = ((xn * reference.t.z() - reference.t.x()).square() +
-                                (yn * reference.t.z() - reference.t.y()).square()) /
-                               (z * z * kPatchSamples);
-
-  Moments sum;
-  for (int i = 0; i < kPatchSamples; ++i) {
-    const float j = match->jacobian[i];
-    sum.gradient_mean += Eigen::Vector2f(gradient_x[i], gradient_y[i]);
-    sum.gradient_squares += gradient_squares[i];
-    sum.flow_squares += flow_squares[i];
-    sum.mean += j / kPatchSamples;
-    sum.squares += j * j;
-    for (int k = 0; k < 5; ++k) {
-      sum.motion_mean[k] += by_motion[k][i] / kPatchSamples;
-      sum.motion[k] += j * by_motion[k][i];
-    }
+  const Moments sum = differentiate(patch, reference, A, m, static_cast<float>(camera_.fx),
+                                    static_cast<float>(camera_.fy), match->jacobian.data());
+  const float mean = total(sum.mean) / kPatchSamples;
+  match->jacobian -= mean;
+  const float information =
+      std::max(total(sum.squares) - kPatchSamples * mean * mean, std::numeric_limits<float>::min());
+  const float gradient_x = total(sum.gradient_x), gradient_y = total(sum.gradient_y);
+  const float gradient_energy = total(sum.gradient_squares) -
+                                (gradient_x * gradient_x + gradient_y * gradient_y) / kPatchSamples;
+  match->observable = information > kMinGradientAlongLine * kMinGradientAlongLine *
+                                        total(sum.flow_squares) / kPatchSamples * gradient_energy;
+  for (int k = 0; k < 5; ++k) {
+    match->motion[k] = (total(sum.motion[k]) - mean * total(sum.motion_mean[k])) / information;
   }
-  match->jacobian -= sum.mean;
-  const float information = std::max(sum.squares - kPatchSamples * sum.mean * sum.mean,
-                                     std::numeric_limits<float>::min());
-  match->observable =
-      information > kMinGradientAlongLine * kMinGradientAlongLine * sum.flow_squares *
-                        (sum.gradient_squares - kPatchSamples * sum.gradient_mean.squaredNorm());
-  match->motion = (sum.motion - kPatchSamples * sum.mean * sum.motion_mean) / information;
 }
 
 void PatchMatcher::measure(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
@@ -161,19 +227,16 @@ void PatchMatcher::measure(const Reference& reference, const Patch& patch, const
   match->valid = sample(reference, patch, m, &values);
   if (!match->valid) return;
   match->correlation = correlate(patch, image_noise_, &values);
-  const Samples residual = patch.value - values;
-  const Samples squares = residual.square();
+  Samples residual;
+  const float squares = subtract(patch.value.data(), values.data(), residual.data());
   const float scale = kPatchSamples / (kSampleCauchyConstant * kSampleCauchyConstant *
-                                       std::max(squares.sum(), kMinResidualVariance));
-  const Samples weight = 1 / (1 + squares * scale);
-  const Samples wj = weight * match->jacobian;
-  const Samples wjj = wj * match->jacobian;
-  const float information = wjj.sum();
-  match->valid = match->observable && information > 0;
-  match->shift = (wj * residual).sum() / information;
-  match->variance = ((weight * squares).sum() / weight.sum() + kMinResidualVariance) / information;
-  match->ray = Eigen::Vector3f((wjj * patch.ray_x).sum() / information,
-                               (wjj * patch.ray_y).sum() / information, 1.f);
+                                       std::max(squares, kMinResidualVariance));
+  const ShiftSums sum = sumShift(residual.data(), match->jacobian.data(), patch.ray_x.data(),
+                                 patch.ray_y.data(), scale);
+  match->valid = match->observable && sum.information > 0;
+  match->shift = sum.step / sum.information;
+  match->variance = (sum.squares / sum.weights + kMinResidualVariance) / sum.information;
+  match->ray = Eigen::Vector3f(sum.ray_x / sum.information, sum.ray_y / sum.information, 1.f);
 }
 
 }  // namespace ground_scale_vo::direct

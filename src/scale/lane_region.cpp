@@ -28,7 +28,8 @@ void addRay(const NormalPrior& prior, const Eigen::Vector3d& lateral, const Eige
   const double down = -prior.n_c.dot(ray);
   if (!(down > 0)) return;
   const double ahead = prior.forward_c.dot(ray) / down, left = lateral.dot(ray) / down;
-  if (std::abs(ahead) > kMaxAhead || std::hypot(ahead, left) < kMinDistance) return;
+  if (std::abs(ahead) > kMaxAhead) return;
+  if (ahead * ahead + left * left < kMinDistance * kMinDistance) return;
   const double limit = kOffsetSteps;
   const double first = std::max(std::ceil((left - kBandHalfWidth) / kOffsetStep), -limit);
   const double last = std::min(std::floor((left + kBandHalfWidth) / kOffsetStep), limit);
@@ -56,7 +57,8 @@ bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
   const double down = -up_.dot(ray);
   if (!(down > 0)) return false;
   const double ahead = ahead_.dot(ray) / down, left = left_.dot(ray) / down;
-  if (std::abs(ahead) > max_ahead_ || std::hypot(ahead, left) < min_distance_) return false;
+  if (std::abs(ahead) > max_ahead_) return false;
+  if (ahead * ahead + left * left < min_distance_ * min_distance_) return false;
   // Lateral position of the path relative to the chord, not to the tangent at the camera: the
   // parabola of the given curvature through both ends of the chord (ahead = 0 and -chord_length_).
   const double path = 0.5 * curvature_ * ahead * (ahead + chord_length_);

@@ -112,7 +112,8 @@ function(gsv_add_layer name type)
     # Nor the loops over pixels, which take most of the rest: they read an image and write to a buffer
     # of the caller, and share nothing.
     set(loops ${sources})
-    list(FILTER loops INCLUDE REGEX "/(patch_tracking|corner_strength|patch_matcher)\\.cpp$")
+    list(FILTER loops INCLUDE REGEX
+      "/(corner_strength|halved_image|patch_matcher|patch_tracking|smoothing)\\.cpp$")
     set_source_files_properties(${loops} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=all;-O3")
   endif()
   if(name STREQUAL simulation AND GROUND_SCALE_VO_COVERAGE)

@@ -1,5 +1,6 @@
 #include "vo/free_pixels.hpp"
 
+#include <cstddef>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
 
@@ -11,8 +12,14 @@ namespace {
 /// [px] The rows of the template are widened to a multiple of it: one or two vector registers.
 constexpr int kBlock = 16;
 
-GSV_VECTOR_LOOP void keepBoth(const unsigned char* other, int blocks, unsigned char* pixels) {
-  for (int i = 0; i < blocks * kBlock; ++i) pixels[i] &= other[i];
+/// Sets the pixels to 0 where the template, of whole blocks, is 0. step: between rows of pixels.
+GSV_VECTOR_LOOP void keepBoth(const unsigned char* __restrict disc, int blocks, int rows,
+                              std::size_t step, unsigned char* __restrict pixels) {
+  for (int y = 0; y < rows; ++y) {
+    for (int x = 0; x < blocks * kBlock; ++x) pixels[x] &= disc[x];
+    disc += blocks * kBlock;
+    pixels += step;
+  }
 }
 
 }  // namespace
@@ -38,9 +45,8 @@ void FreePixels::removeDisc(const cv::Point& centre) {
     return;
   }
   const cv::Point corner = centre + cv::Point(radius_, radius_);  // in padded_: -radius + margin
-  for (int y = 0; y < disc_.rows; ++y) {
-    keepBoth(disc_.ptr(y), disc_.cols / kBlock, padded_.ptr(corner.y + y) + corner.x);
-  }
+  keepBoth(disc_.ptr(), disc_.cols / kBlock, disc_.rows, padded_.step,
+           padded_.ptr(corner.y) + corner.x);
 }
 
 }  // namespace ground_scale_vo

@@ -1,13 +1,11 @@
 #pragma once
 
-#include <cstddef>
 #include <opencv2/core.hpp>
-#include <vector>
 
 namespace ground_scale_vo {
 
 /// The pixels of an image at which a corner may be detected: the allowed ones without discs around
-/// the features and the corners so far. Hundreds of discs are removed, and cv::circle() takes ten
+/// the features and the corners so far. Hundreds of discs are removed, and cv::circle() takes three
 /// times as long: this copies their pixels from a template, and a margin in memory makes clipping
 /// unnecessary.
 class FreePixels {

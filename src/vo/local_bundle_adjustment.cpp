@@ -369,8 +369,9 @@ struct LocalBundleAdjustment::Problem {
     for (std::size_t k = first_free; k < keyframes(); ++k) {
       map->keyframes()[k].T_w_c = state.T_w_c[k];
     }
+    LandmarkWalk stored(map->landmarks());
     for (std::size_t i = 0; i < landmarks.size(); ++i) {
-      map->find(landmarks[i].id)->depth->value = state.inverse_depth[i];
+      stored.find(landmarks[i].id)->depth->value = state.inverse_depth[i];
     }
   }
 };

@@ -10,37 +10,38 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Distance between the observation and the point's projection, infinite behind the camera.
+/// Distance between the observation x in camera c and the point's projection, infinite behind the
+/// camera.
 double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
-                         const RayObservation& o) {
-  const Eigen::Vector3d p = projectOnRay(ray, inverse_depth, o.T_c_anchor).p;
+                         const Eigen::Isometry3d& T_c_anchor, const Eigen::Vector2d& x) {
+  const Eigen::Vector3d p = projectOnRay(ray, inverse_depth, T_c_anchor).p;
   if (p.z() <= kMinDepthRatio) return std::numeric_limits<double>::infinity();
-  return (p.head<2>() / p.z() - o.x).norm();
+  return (p.head<2>() / p.z() - x).norm();
 }
 
-/// The observations of a map's landmarks relative to their anchors, with the current poses.
-class AnchoredObservations {
+/// The current poses of all keyframes relative to the earlier ones, in which landmarks are
+/// anchored.
+class RelativePoses {
  public:
-  explicit AnchoredObservations(const LocalMap& map) : map_(map) {
-    for (const Keyframe& keyframe : map.keyframes()) T_c_w_.push_back(keyframe.T_w_c.inverse());
+  explicit RelativePoses(const std::deque<Keyframe>& keyframes)
+      : first_id_(keyframes.empty() ? 0 : keyframes.front().id), size_(keyframes.size()) {
+    T_c_a_.resize(size_ * size_);
+    for (std::size_t c = 1; c < size_; ++c) {
+      const Eigen::Isometry3d T_c_w = keyframes[c].T_w_c.inverse();
+      for (std::size_t a = 0; a < c; ++a) T_c_a_[c * size_ + a] = T_c_w * keyframes[a].T_w_c;
+    }
   }
 
-  /// Excludes the observation in the anchor keyframe. Valid until the next call.
-  const std::vector<RayObservation>& of(const Landmark& landmark) {
-    const auto& seen = landmark.observations;
-    const std::uint32_t first_id = map_.keyframes().front().id;
-    const Eigen::Isometry3d& T_w_a = map_.keyframe(seen.front().keyframe).T_w_c;
-    observations_.clear();
-    for (auto o = std::next(seen.begin()); o != seen.end(); ++o) {
-      observations_.push_back({T_c_w_[o->keyframe - first_id] * T_w_a, o->x, o->sigma});
-    }
-    return observations_;
+  /// Of an observation of the landmark other than its anchor's.
+  const Eigen::Isometry3d& T_c_anchor(const Observation& o, const Landmark& landmark) const {
+    const std::uint32_t anchor = landmark.observations.front().keyframe;
+    return T_c_a_[(o.keyframe - first_id_) * size_ + (anchor - first_id_)];
   }
 
  private:
-  const LocalMap& map_;
-  std::vector<Eigen::Isometry3d> T_c_w_;
-  std::vector<RayObservation> observations_;
+  std::uint32_t first_id_;
+  std::size_t size_;
+  std::vector<Eigen::Isometry3d> T_c_a_;
 };
 
 }  // namespace
@@ -68,30 +69,27 @@ std::uint32_t LocalMap::addKeyframe(const Eigen::Isometry3d& T_w_c,
 void LocalMap::dropOldestKeyframe() {
   const std::uint32_t dropped = keyframes_.front().id;
   const std::uint32_t newest = keyframes_.back().id;
-  for (auto it = landmarks_.begin(); it != landmarks_.end();) {
-    Landmark& landmark = it->second;
+  landmarks_.removeIf([&](Landmark& landmark) {
     const bool anchored = landmark.observations.front().keyframe == dropped;
     const auto world = anchored ? point(landmark) : std::nullopt;
     if (anchored) landmark.observations.erase(landmark.observations.begin());
     const bool tracked =
         !landmark.observations.empty() && landmark.observations.back().keyframe == newest;
-    if (!tracked && landmark.observations.size() < 2) {
-      it = landmarks_.erase(it);  // no longer tracked, and cannot constrain a pose
-      continue;
-    }
+    // No longer tracked, and cannot constrain a pose.
+    if (!tracked && landmark.observations.size() < 2) return true;
     if (world) landmark.depth = depthInAnchor(landmark, *world);
-    ++it;
-  }
+    return false;
+  });
   keyframes_.pop_front();
 }
 
 void LocalMap::removeNewestKeyframe() {
   const std::uint32_t removed = keyframes_.back().id;
-  for (auto it = landmarks_.begin(); it != landmarks_.end();) {
-    std::vector<Observation>& observations = it->second.observations;
+  landmarks_.removeIf([&](Landmark& landmark) {
+    std::vector<Observation>& observations = landmark.observations;
     if (observations.back().keyframe == removed) observations.pop_back();
-    it = observations.empty() ? landmarks_.erase(it) : std::next(it);
-  }
+    return observations.empty();
+  });
   keyframes_.pop_back();
 }
 
@@ -107,31 +105,37 @@ std::optional<InverseDepth> LocalMap::depthInAnchor(const Landmark& landmark,
 }
 
 void LocalMap::triangulateNew() {
-  AnchoredObservations anchored(*this);
+  const RelativePoses poses(keyframes_);
+  std::vector<RayObservation> observations;
   for (auto& [id, landmark] : landmarks_) {
     if (landmark.depth || landmark.observations.size() < 2) continue;
-    const auto& observations = anchored.of(landmark);
+    observations.clear();
+    for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
+      observations.push_back({poses.T_c_anchor(*o, landmark), o->x, o->sigma});
+    }
     const Eigen::Vector3d ray = landmark.ray();
     const auto depth = triangulate(ray, observations);
     if (!depth || depth->value <= 0) continue;
     if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
     const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
-      return reprojectionError(ray, depth->value, o) < options_.max_reprojection_error;
+      return reprojectionError(ray, depth->value, o.T_c_anchor, o.x) <
+             options_.max_reprojection_error;
     });
     if (fits) landmark.depth = depth;
   }
 }
 
 void LocalMap::updateSigmas() {
-  AnchoredObservations anchored(*this);
+  const RelativePoses poses(keyframes_);
   for (auto& [id, landmark] : landmarks_) {
     if (!landmark.depth) continue;
     const Eigen::Vector3d ray = landmark.ray();
     double information = 0;
-    for (const RayObservation& o : anchored.of(landmark)) {
-      const auto [p, scaled_derivative] = projectOnRay(ray, landmark.depth->value, o.T_c_anchor);
+    for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
+      const auto [p, scaled_derivative] =
+          projectOnRay(ray, landmark.depth->value, poses.T_c_anchor(*o, landmark));
       if (p.z() < kMinDepthRatio) continue;
-      information += (scaled_derivative / (p.z() * o.sigma)).squaredNorm();
+      information += (scaled_derivative / (p.z() * o->sigma)).squaredNorm();
     }
     // No observation but the anchor's (the others were dropped with their keyframes): keep sigma.
     if (information > 0) {
@@ -144,34 +148,21 @@ void LocalMap::updateSigmas() {
 }
 
 void LocalMap::removeOutliers(double max_reprojection_error) {
-  AnchoredObservations anchored(*this);
-  for (auto it = landmarks_.begin(); it != landmarks_.end();) {
-    Landmark& landmark = it->second;
-    if (!landmark.depth) {
-      ++it;
-      continue;
-    }
-    if (landmark.depth->value <= 0) {
-      it = landmarks_.erase(it);
-      continue;
-    }
+  const RelativePoses poses(keyframes_);
+  landmarks_.removeIf([&](Landmark& landmark) {
+    if (!landmark.depth) return false;
+    if (landmark.depth->value <= 0) return true;
     const Eigen::Vector3d ray = landmark.ray();
-    const auto& observations = anchored.of(landmark);
-    std::size_t kept = 1;
-    for (std::size_t i = 0; i < observations.size(); ++i) {
-      if (reprojectionError(ray, landmark.depth->value, observations[i]) > max_reprojection_error) {
-        continue;
-      }
-      landmark.observations[kept++] = landmark.observations[i + 1];
-    }
-    const std::size_t before = landmark.observations.size();
-    landmark.observations.resize(kept);
-    if (kept < before && kept < 2) {
-      it = landmarks_.erase(it);
-    } else {
-      ++it;
-    }
-  }
+    std::vector<Observation>& observations = landmark.observations;
+    const auto kept = std::remove_if(
+        std::next(observations.begin()), observations.end(), [&](const Observation& o) {
+          return reprojectionError(ray, landmark.depth->value, poses.T_c_anchor(o, landmark), o.x) >
+                 max_reprojection_error;
+        });
+    const bool removed = kept != observations.end();
+    observations.erase(kept, observations.end());
+    return removed && observations.size() < 2;
+  });
 }
 
 Landmark* LocalMap::find(std::uint64_t id) {

@@ -1,6 +1,7 @@
 #include "vo/mapping.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include "ground_scale_vo/common/median.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
@@ -20,40 +21,46 @@ Mapping::Mapping(const PinholeCamera& camera, const VisualOdometry::Options& opt
       map_(options.map),
       bundle_adjustment_(options.bundle_adjustment) {}
 
-std::vector<double> Mapping::parallaxToLast(const Eigen::Isometry3d& T_w_c,
-                                            const std::vector<Feature>& found) const {
+Mapping::Parallax Mapping::parallaxToLast(const Eigen::Isometry3d& T_w_c,
+                                          const std::vector<Feature>& found) const {
   const Keyframe& last = map_.keyframes().back();
   const Eigen::Matrix3d R_c_k = T_w_c.linear().transpose() * last.T_w_c.linear();
-  std::vector<double> parallax;
+  // The tangent grows with the angle, so the median angle is that of the median tangent.
+  std::vector<double> squared_tangents;
+  squared_tangents.reserve(found.size());
+  LandmarkWalk landmarks(map_.landmarks());
   for (const Feature& feature : found) {
-    const auto it = map_.landmarks().find(feature.id);
-    if (it == map_.landmarks().end() || it->second.observations.back().keyframe != last.id) {
-      continue;
-    }
-    const Eigen::Vector3d rotated = R_c_k * it->second.observations.back().x.homogeneous();
+    const Landmark* const landmark = landmarks.find(feature.id);
+    if (!landmark || landmark->observations.back().keyframe != last.id) continue;
+    const Eigen::Vector3d rotated = R_c_k * landmark->observations.back().x.homogeneous();
     const Eigen::Vector3d ray = camera_.ray(feature.u);
-    parallax.push_back(std::atan2(rotated.cross(ray).norm(), rotated.dot(ray)));
+    const double dot = rotated.dot(ray);
+    squared_tangents.push_back(dot > 0 ? rotated.cross(ray).squaredNorm() / (dot * dot)
+                                       : std::numeric_limits<double>::infinity());
   }
+  Parallax parallax;
+  parallax.features = squared_tangents.size();
+  if (parallax.features > 0) parallax.median = std::atan(std::sqrt(median(&squared_tangents)));
   return parallax;
 }
 
 bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
                             const std::vector<Feature>& found) const {
-  const std::vector<double> parallax = parallaxToLast(T_w_c, found);
-  if (parallax.empty()) return true;
-  if (median(parallax) > options_.keyframe_parallax) return true;
-  return static_cast<double>(parallax.size()) <
+  const Parallax parallax = parallaxToLast(T_w_c, found);
+  if (parallax.features == 0) return true;
+  if (parallax.median > options_.keyframe_parallax) return true;
+  return static_cast<double>(parallax.features) <
          options_.keyframe_min_tracked * static_cast<double>(map_.keyframes().back().corners);
 }
 
 void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
                           const ImagePyramid& image, VisualOdometry::Times* times) {
   if (!map_.keyframes().back().has_parallax) map_.removeNewestKeyframe();
-  const std::vector<double> parallax = parallaxToLast(T_w_c, features);
+  const Parallax parallax = parallaxToLast(T_w_c, features);
   map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image);
   map_.keyframes().back().exposure = image.exposure;
   map_.keyframes().back().has_parallax =
-      parallax.empty() || median(parallax) > kMinParallaxShare * options_.keyframe_parallax;
+      parallax.features == 0 || parallax.median > kMinParallaxShare * options_.keyframe_parallax;
   {
     ScopedTimer timer(&times->triangulate);
     map_.triangulateNew();

@@ -43,9 +43,12 @@ class Mapping {
   bool adjustNow();
 
  private:
-  /// [rad] between the last keyframe and this pose, of the features that both observe.
-  std::vector<double> parallaxToLast(const Eigen::Isometry3d& T_w_c,
-                                     const std::vector<Feature>& found) const;
+  /// Of the features that both the last keyframe and the current frame observe.
+  struct Parallax {
+    std::size_t features = 0;
+    double median = 0;  ///< [rad], at most pi / 2
+  };
+  Parallax parallaxToLast(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& found) const;
   void storeAdjusted();
 
   const VisualOdometry::Options options_;

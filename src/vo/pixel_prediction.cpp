@@ -61,9 +61,11 @@ std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalM
   const Eigen::Isometry3d T_next_w = T_w_next.inverse();
   const Eigen::Isometry3d T_next_previous = T_next_w * T_w_previous;
   std::vector<std::optional<Eigen::Vector3d>> points;  // p_w
+  points.reserve(features.size());
   InverseDepthGuess guess(camera);
+  LandmarkWalk landmarks(map.landmarks());
   for (const Feature& feature : features) {
-    const auto point = map.point(feature.id);
+    const auto point = map.pointOf(landmarks.find(feature.id));
     points.emplace_back();
     if (!point) continue;
     points.back() = point->p_w;
@@ -72,6 +74,7 @@ std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalM
   }
   guess.finish();
   std::vector<cv::Point2f> predicted;
+  predicted.reserve(features.size());
   for (std::size_t i = 0; i < features.size(); ++i) {
     const Eigen::Vector2d& u = features[i].u;
     const Eigen::Vector3d p = points[i]

@@ -79,8 +79,10 @@ std::vector<PointObservation> pointObservations(const LocalMap& map,
                                                 const std::vector<LocalMap::Corner>& corners,
                                                 std::vector<std::size_t>* index) {
   std::vector<PointObservation> observations;
+  observations.reserve(corners.size());
+  LandmarkWalk landmarks(map.landmarks());
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    const auto point = map.point(corners[i].id);
+    const auto point = map.pointOf(landmarks.find(corners[i].id));
     if (!point) continue;
     observations.push_back({point->p_w, point->sigma_w, corners[i].x, corners[i].sigma});
     if (index) index->push_back(i);

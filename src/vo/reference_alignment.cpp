@@ -33,14 +33,14 @@ void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
     poses.push_back({keyframe.T_w_c.inverse(), T_c_w * keyframe.T_w_c});
   }
   std::vector<std::pair<Feature*, Reference>> references;
+  LandmarkWalk landmarks(map.landmarks());
   for (Feature& feature : *features) {
-    const auto landmark = map.landmarks().find(feature.id);
-    if (landmark == map.landmarks().end()) continue;
-    const auto point = map.point(landmark->second);
+    const Landmark* const landmark = landmarks.find(feature.id);
+    const auto point = map.pointOf(landmark);
     if (!point) continue;
     const double depth = (T_c_w * point->p_w).z();
     if (!(depth > 0)) continue;
-    const auto reference = findReference(map, landmark->second, poses, point->p_w, depth);
+    const auto reference = findReference(map, *landmark, poses, point->p_w, depth);
     if (reference) references.emplace_back(&feature, *reference);
   }
   const int side = alignment_.options().window_px + kPrefetchMargin_px;

@@ -338,9 +338,11 @@ struct VisualOdometry::Impl {
                       std::vector<Feature>* found, std::vector<RejectedFeature>* rejected) {
     const std::vector<Feature> previous = entriesOf(*found, tracking.features());
     std::vector<Feature> kept;
+    kept.reserve(found->size());
+    LandmarkWalk landmarks(mapping.map().landmarks());
     for (std::size_t i = 0; i < found->size(); ++i) {
       const Feature& feature = (*found)[i];
-      Landmark* landmark = mapping.map().find(feature.id);
+      Landmark* const landmark = landmarks.find(feature.id);
       bool keep;
       if (landmark && landmark->depth) {
         landmark->outlier_count = inlier[i] ? 0 : landmark->outlier_count + 1;
@@ -408,12 +410,14 @@ struct VisualOdometry::Impl {
     if (status != VoStatus::kInitialising) frame->map_start = map_start;
     if (status == VoStatus::kTracking) frame->T_w_c = motion.T_w_c();
     const Eigen::Isometry3d T_c_w = motion.T_w_c().inverse();
+    frame->features.reserve(visible.size());
+    LandmarkWalk landmarks(std::as_const(mapping.map()).landmarks());
     for (const Feature& feature : visible) {
       TrackedFeature tracked;
       tracked.id = feature.id;
       tracked.age = feature.age;
       tracked.u = feature.u.cast<float>();
-      if (const auto point = mapping.map().point(feature.id)) {
+      if (const auto point = mapping.map().pointOf(landmarks.find(feature.id))) {
         TrackedFeature with_point = tracked;
         with_point.has_point = true;
         with_point.p_c = (T_c_w * point->p_w).cast<float>();

@@ -3,13 +3,12 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/vo/triangulation.hpp"
+#include "ground_scale_vo/vo/landmarks.hpp"
 
 namespace ground_scale_vo {
 
@@ -21,23 +20,6 @@ struct Keyframe {
   double exposure = 1;       ///< of the image, relative to the map's first
   std::size_t corners = 0;   ///< number observed when it was added
   bool has_parallax = true;  ///< to the keyframe before it
-};
-
-struct Observation {
-  std::uint32_t keyframe = 0;
-  Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
-  double sigma = 0;                             ///< standard deviation of x, > 0
-};
-
-/// A corner observed in keyframes, with or without a depth yet. The keyframe of its first
-/// observation is its anchor: it is parametrised by its inverse depth on that ray, so the anchor's
-/// own observation has no residual.
-struct Landmark {
-  std::vector<Observation> observations;  ///< by keyframe; never empty
-  std::optional<InverseDepth> depth;      ///< in the anchor keyframe
-  int outlier_count = 0;                  ///< consecutive frames in which it was an outlier
-
-  Eigen::Vector3d ray() const { return observations.front().x.homogeneous(); }
 };
 
 /// A landmark in world coordinates, VO units.
@@ -105,6 +87,10 @@ class LocalMap {
   /// Empty when there is no such landmark, or it has no positive depth.
   std::optional<WorldPoint> point(std::uint64_t id) const;
   std::optional<WorldPoint> point(const Landmark& landmark) const;
+  /// The same; also empty when the landmark is null.
+  std::optional<WorldPoint> pointOf(const Landmark* landmark) const {
+    return landmark ? point(*landmark) : std::nullopt;
+  }
 
   std::deque<Keyframe>& keyframes() { return keyframes_; }
   const std::deque<Keyframe>& keyframes() const { return keyframes_; }
@@ -112,8 +98,8 @@ class LocalMap {
   const Keyframe& keyframe(std::uint32_t id) const {
     return keyframes_[id - keyframes_.front().id];
   }
-  std::map<std::uint64_t, Landmark>& landmarks() { return landmarks_; }
-  const std::map<std::uint64_t, Landmark>& landmarks() const { return landmarks_; }
+  Landmarks& landmarks() { return landmarks_; }
+  const Landmarks& landmarks() const { return landmarks_; }
 
  private:
   void dropOldestKeyframe();
@@ -122,7 +108,7 @@ class LocalMap {
 
   Options options_;
   std::deque<Keyframe> keyframes_;
-  std::map<std::uint64_t, Landmark> landmarks_;
+  Landmarks landmarks_;
 };
 
 }  // namespace ground_scale_vo

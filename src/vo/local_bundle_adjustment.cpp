@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/se3.hpp"
+#include "vo/reprojections.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -38,58 +40,65 @@ constexpr double kCostTolerance = 1e-6;        // relative change of the cost at
 /// The optimisation problem in flat arrays. A keyframe is numbered by its position in the map.
 /// Keyframes before `first_free` are fixed; the others have six rows each.
 struct LocalBundleAdjustment::Problem {
-  /// The first observation of a landmark is that of its anchor, which has no residual.
-  struct Observation {
-    std::size_t keyframe;
-    std::size_t relative_pose;  // T_o_a; kNone for the anchor
-    Eigen::Vector2d x;          // normalised image coordinates
-    double weight;              // 1 / sigma
-    Vector6d H_pl;  // pose-landmark block of the Hessian: this keyframe's pose, the inverse depth
-  };
+  /// Its rows (Reprojections) are those of its fixed observers, then one per free keyframe from the
+  /// first to the last that observes it, so that sums over them need no indices. The anchor has no
+  /// residual; a keyframe between these that does not observe the landmark has a row of zeros.
   struct Landmark {
     std::uint64_t id;
-    Eigen::Vector3d ray;     // in the anchor, z = 1
-    std::size_t begin, end;  // of its observations, by keyframe
-    double H_ll, gradient;   // over its inverse depth
+    bool free_anchor;
+    std::size_t begin, free_begin, end;  // of its rows
+    std::size_t first_block;             // free keyframe of the row free_begin
+    double H_ll, gradient;               // over its inverse depth
+
+    std::size_t blocks() const { return end - free_begin; }
   };
   struct State {
     std::vector<Eigen::Isometry3d> T_w_c;
     std::vector<double> inverse_depth;
   };
   /// Relative pose of an observer o and an anchor a, shared by all landmarks of the anchor that the
-  /// observer observes.
+  /// observer observes: a group of residuals.
   struct RelativePose {
     std::size_t observer, anchor;
     Eigen::Isometry3d T_o_a;
-    Matrix6d H_oo;  // sums over these landmarks, over the observer's pose
-    Vector6d gradient;
   };
 
   std::size_t first_free = 0;
   std::vector<Landmark> landmarks;
-  std::vector<Observation> observations;
+  std::vector<Eigen::Vector3d> rays;  // of the landmarks, in the anchor, z = 1
+  std::vector<Reprojections::Residual> residuals;
   std::vector<RelativePose> relative_poses;
   std::vector<std::size_t> relative_pose_of;  // [observer * keyframes + anchor]; kNone: not needed
   State state, candidate;
   bool usable = false;
+
+  Reprojections reprojections;
+  std::vector<double> rows;         // of the landmarks
+  std::vector<double> anchor_sums;  // three numbers per landmark
 
   // Normal equations of the poses; lower triangles.
   Eigen::MatrixXd H_pp;
   Eigen::VectorXd gradient;
   Eigen::MatrixXd schur_complement;  // H_pp - H_pl H_ll^-1 H_lp, damped
   Eigen::VectorXd step;
+  // Sum over the landmarks of H_pl H_ll^-1 H_lp, in rows of kRow numbers per free keyframe.
+  std::vector<double> eliminated;
+  std::vector<double> padded;  // one row per free keyframe
 
   std::size_t keyframes() const { return state.T_w_c.size(); }
   bool isFixed(std::size_t keyframe) const { return keyframe < first_free; }
+  /// Of the normal equations.
   Eigen::Index row(std::size_t keyframe) const {
     return static_cast<Eigen::Index>(6 * (keyframe - first_free));
   }
+  std::size_t freeKeyframes() const { return keyframes() - first_free; }
 
   // --- loading the map -------------------------------------------------------------------------
 
   void load(const LocalMap& map, std::size_t window) {
     landmarks.clear();
-    observations.clear();
+    rays.clear();
+    residuals.clear();
     relative_poses.clear();
     state.T_w_c.clear();
     state.inverse_depth.clear();
@@ -99,9 +108,9 @@ struct LocalBundleAdjustment::Problem {
     for (const Keyframe& keyframe : map.keyframes()) state.T_w_c.push_back(keyframe.T_w_c);
     first_free = keyframes() > window ? keyframes() - window : 1;
     relative_pose_of.assign(keyframes() * keyframes(), kNone);
-    const Eigen::Index rows = row(keyframes());
-    H_pp.resize(rows, rows);
-    gradient.resize(rows);
+    const Eigen::Index size = row(keyframes());
+    H_pp.resize(size, size);
+    gradient.resize(size);
 
     const std::uint32_t first_id = map.keyframes().front().id;
     for (const auto& [id, landmark] : map.landmarks()) {
@@ -109,40 +118,54 @@ struct LocalBundleAdjustment::Problem {
       if (isFixed(landmark.observations.back().keyframe - first_id)) continue;
       addLandmark(id, landmark, first_id);
     }
+    const std::size_t row_count = landmarks.empty() ? 1 : landmarks.back().end;
+    rows.assign(Reprojections::kRow * row_count, 0);
+    reprojections.assign(residuals, rays, relative_poses.size());
   }
 
-  /// Adds a landmark with its observations, unless fewer than two can be used.
+  /// Adds a landmark with its residuals, unless there are none.
   void addLandmark(std::uint64_t id, const ground_scale_vo::Landmark& landmark,
                    std::uint32_t first_id) {
     const Eigen::Vector3d ray = landmark.ray();
-    const std::size_t begin = observations.size();
-    for (const auto& o : landmark.observations) {
-      const std::size_t keyframe = o.keyframe - first_id;
-      std::size_t relative_pose = kNone;
-      if (observations.size() > begin) {
-        relative_pose = relativePose(keyframe, observations[begin].keyframe);
-        // No descent leads from behind a camera to its front: leave such an observation out.
-        const RayProjection projection =
-            projectOnRay(ray, landmark.depth->value, relative_poses[relative_pose].T_o_a);
-        if (projection.p.z() < kMinAdjustedDepthRatio) continue;
-      }
-      observations.push_back({keyframe, relative_pose, o.x, 1 / o.sigma, Vector6d::Zero()});
+    const std::size_t anchor = landmark.observations.front().keyframe - first_id;
+    const std::size_t begin =
+        landmarks.empty() ? Reprojections::kUnusedRow + 1 : landmarks.back().end;
+    Landmark added{id, !isFixed(anchor), begin, begin, begin, 0, 0, 0};
+    if (added.free_anchor) addRow(anchor, &added);
+    const std::size_t before = residuals.size();
+    for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
+      const std::size_t keyframe = o->keyframe - first_id;
+      const std::size_t group = relativePose(keyframe, anchor);
+      // No descent leads from behind a camera to its front: leave such an observation out.
+      const RayProjection projection =
+          projectOnRay(ray, landmark.depth->value, relative_poses[group].T_o_a);
+      if (projection.p.z() < kMinAdjustedDepthRatio) continue;
+      residuals.push_back({group, landmarks.size(), addRow(keyframe, &added), o->x, 1 / o->sigma});
     }
-    if (observations.size() < begin + 2) {
-      observations.resize(begin);
-      return;
-    }
-    landmarks.push_back({id, ray, begin, observations.size(), 0, 0});
+    if (residuals.size() == before) return;
+    landmarks.push_back(added);
+    rays.push_back(ray);
     state.inverse_depth.push_back(landmark.depth->value);
+  }
+
+  /// Adds the row of a keyframe, and those of free keyframes between the last one and this one.
+  std::size_t addRow(std::size_t keyframe, Landmark* landmark) const {
+    if (isFixed(keyframe)) {
+      landmark->free_begin = ++landmark->end;
+    } else {
+      const std::size_t block = keyframe - first_free;
+      if (landmark->blocks() == 0) landmark->first_block = block;
+      landmark->end = landmark->free_begin + block - landmark->first_block + 1;
+    }
+    return landmark->end - 1;
   }
 
   std::size_t relativePose(std::size_t observer, std::size_t anchor) {
     std::size_t& index = relative_pose_of[observer * keyframes() + anchor];
     if (index == kNone) {
       index = relative_poses.size();
-      relative_poses.push_back({observer, anchor,
-                                state.T_w_c[observer].inverse() * state.T_w_c[anchor],
-                                Matrix6d::Zero(), Vector6d::Zero()});
+      relative_poses.push_back(
+          {observer, anchor, state.T_w_c[observer].inverse() * state.T_w_c[anchor]});
     }
     return index;
   }
@@ -152,87 +175,59 @@ struct LocalBundleAdjustment::Problem {
   /// Half the sum of squares with Huber's loss; infinite when a landmark is behind a camera. Leaves
   /// the relative poses as they are in this state.
   double cost(const State& of, double huber) {
-    for (RelativePose& relative : relative_poses) {
-      relative.T_o_a = of.T_w_c[relative.observer].inverse() * of.T_w_c[relative.anchor];
-    }
     double sum = 0;
-    for (std::size_t i = 0; i < landmarks.size(); ++i) {
-      const Landmark& landmark = landmarks[i];
-      for (std::size_t k = landmark.begin + 1; k < landmark.end; ++k) {
-        const Observation& o = observations[k];
-        const Eigen::Isometry3d& T_o_a = relative_poses[o.relative_pose].T_o_a;
-        const Eigen::Vector3d q =
-            T_o_a.linear() * landmark.ray + of.inverse_depth[i] * T_o_a.translation();
-        if (q.z() < kMinStepDepthRatio) return std::numeric_limits<double>::infinity();
-        const double r = o.weight * (q.head<2>() / q.z() - o.x).norm();
-        sum += r > huber ? huber * (2 * r - huber) : r * r;
-      }
+    for (std::size_t g = 0; g < relative_poses.size(); ++g) {
+      RelativePose& relative = relative_poses[g];
+      relative.T_o_a = of.T_w_c[relative.observer].inverse() * of.T_w_c[relative.anchor];
+      sum += reprojections.cost(g, relative.T_o_a, of.inverse_depth, huber, kMinStepDepthRatio);
     }
-    return 0.5 * sum;
+    return sum;
   }
 
   /// Gradient and Gauss-Newton Hessian at `state`, whose cost was computed last.
-  void linearise(double huber) {
-    for (RelativePose& relative : relative_poses) {
-      relative.H_oo.setZero();
-      relative.gradient.setZero();
-    }
-    for (std::size_t i = 0; i < landmarks.size(); ++i) {
-      lineariseLandmark(huber, state.inverse_depth[i], &landmarks[i]);
-    }
-    sumPoseBlocks();
-  }
-
-  void lineariseLandmark(double huber, double rho, Landmark* landmark) {
-    landmark->H_ll = landmark->gradient = 0;
-    Eigen::Vector3d anchor_sum = Eigen::Vector3d::Zero();  // of R_o_a^T P^T j
-    for (std::size_t k = landmark->begin + 1; k < landmark->end; ++k) {
-      Observation& o = observations[k];
-      RelativePose& relative = relative_poses[o.relative_pose];
-      const Eigen::Vector3d& t = relative.T_o_a.translation();
-      const Eigen::Vector3d q = relative.T_o_a.linear() * landmark->ray + rho * t;
-      const Eigen::Vector2d u = q.head<2>() / q.z();
-      Eigen::Vector2d r = o.weight * (u - o.x);
-      const double norm = r.norm();
-      const double robust = norm > huber ? std::sqrt(huber / norm) : 1;
-      r *= robust;
-      const double m = robust * o.weight, m_z = m / q.z();
-      Eigen::Matrix<double, 2, 3> P;  // dr / dq
-      P << m_z, 0, -m_z * u.x(), 0, m_z, -m_z * u.y();
-      const Eigen::Vector2d j = P * t;  // dr / drho
-      landmark->H_ll += j.squaredNorm();
-      landmark->gradient += j.dot(r);
-      if (isFixed(o.keyframe)) continue;
-      // Over the observer's pose: P [skew(q), -rho I]. Its transpose, so that Eigen vectorises.
-      Eigen::Matrix<double, 6, 2> Jt;
-      Jt.col(0).head<3>() << m * u.x() * u.y(), -m * (1 + u.x() * u.x()), m * u.y();
-      Jt.col(1).head<3>() << m * (1 + u.y() * u.y()), -m * u.x() * u.y(), -m * u.x();
-      Jt.bottomRows<3>() = -rho * P.transpose();
-      relative.H_oo.noalias() += Jt * Jt.transpose();
-      relative.gradient.noalias() += Jt * r;
-      o.H_pl.noalias() = Jt * j;
-      anchor_sum.noalias() += relative.T_o_a.linear().transpose() * (P.transpose() * j);
-    }
-    observations[landmark->begin].H_pl << landmark->ray.cross(anchor_sum), rho * anchor_sum;
-  }
-
-  /// H_pp and the gradient of the poses. A residual depends on T_o_a alone: a motion of the anchor
-  /// acts like minus its adjoint on the observer.
-  void sumPoseBlocks() {
+  void linearise() {
     H_pp.setZero();
     gradient.setZero();
-    for (const RelativePose& relative : relative_poses) {
-      if (isFixed(relative.observer)) continue;
-      const Eigen::Index o = row(relative.observer);
-      H_pp.block<6, 6>(o, o) += relative.H_oo;
-      gradient.segment<6>(o) += relative.gradient;
-      if (isFixed(relative.anchor)) continue;
-      const Eigen::Index a = row(relative.anchor);
-      const Matrix6d A = adjoint(relative.T_o_a), HA = relative.H_oo * A;
-      H_pp.block<6, 6>(o, a) -= HA;
-      H_pp.block<6, 6>(a, a).noalias() += A.transpose() * HA;
-      gradient.segment<6>(a).noalias() -= A.transpose() * relative.gradient;
+    anchor_sums.assign(3 * landmarks.size(), 0);
+    for (std::size_t g = 0; g < relative_poses.size(); ++g) {
+      const RelativePose& relative = relative_poses[g];
+      if (isFixed(relative.observer)) {
+        reprojections.lineariseDepths(g, relative.T_o_a, rows.data());
+      } else {
+        addPoseBlocks(relative,
+                      reprojections.linearise(g, relative.T_o_a, rows.data(), anchor_sums.data()));
+      }
     }
+    for (std::size_t i = 0; i < landmarks.size(); ++i) finishLandmark(i);
+  }
+
+  /// Adds to H_pp and the gradient of the poses. A residual depends on T_o_a alone: a motion of the
+  /// anchor acts like minus its adjoint on the observer.
+  void addPoseBlocks(const RelativePose& relative, const Reprojections::Blocks& blocks) {
+    const Eigen::Index o = row(relative.observer);
+    H_pp.block<6, 6>(o, o) += blocks.H_oo;
+    gradient.segment<6>(o) += blocks.gradient;
+    if (isFixed(relative.anchor)) return;
+    const Eigen::Index a = row(relative.anchor);
+    const Matrix6d A = adjoint(relative.T_o_a), HA = blocks.H_oo * A;
+    H_pp.block<6, 6>(o, a) -= HA;
+    H_pp.block<6, 6>(a, a).noalias() += A.transpose() * HA;
+    gradient.segment<6>(a).noalias() -= A.transpose() * blocks.gradient;
+  }
+
+  /// Sums the rows of a landmark, and fills that of its anchor.
+  void finishLandmark(std::size_t i) {
+    Landmark& landmark = landmarks[i];
+    landmark.H_ll = landmark.gradient = 0;
+    for (std::size_t k = landmark.begin; k < landmark.end; ++k) {
+      const double* const row = &rows[Reprojections::kRow * k];
+      landmark.H_ll += row[6];
+      landmark.gradient += row[7];
+    }
+    if (!landmark.free_anchor) return;
+    const Eigen::Map<const Eigen::Vector3d> sum(&anchor_sums[3 * i]);
+    Eigen::Map<Vector6d>(&rows[Reprojections::kRow * landmark.begin]) << rays[i].cross(sum),
+        state.inverse_depth[i] * sum;
   }
 
   // --- Levenberg-Marquardt ---------------------------------------------------------------------
@@ -245,12 +240,11 @@ struct LocalBundleAdjustment::Problem {
   /// Fills `candidate` with the minimum of the damped quadratic model. Returns the decrease of the
   /// undamped model's cost; empty when the equations have no solution.
   std::optional<double> makeStep(double damping) {
-    schur_complement = H_pp;
     step = -gradient;
+    eliminateLandmarks(damping);
     for (Eigen::Index i = 0; i < step.size(); ++i) {
       schur_complement(i, i) += addedDiagonal(H_pp(i, i), damping);
     }
-    for (const Landmark& landmark : landmarks) eliminate(landmark, damping);
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(schur_complement);  // in place
     if (cholesky.info() != Eigen::Success) return std::nullopt;
     cholesky.solveInPlace(step);
@@ -265,6 +259,7 @@ struct LocalBundleAdjustment::Problem {
     for (std::size_t k = first_free; k < keyframes(); ++k) {
       candidate.T_w_c[k] = boxplus(state.T_w_c[k], step.segment<6>(row(k)));
     }
+    padStep();
     for (std::size_t i = 0; i < landmarks.size(); ++i) {
       const Landmark& landmark = landmarks[i];
       const double d = addedDiagonal(landmark.H_ll, damping);
@@ -275,36 +270,55 @@ struct LocalBundleAdjustment::Problem {
     return decrease;
   }
 
-  /// Subtracts H_pl (H_ll + D)^-1 H_lp from the Schur complement and the same from its right side.
-  void eliminate(const Landmark& landmark, double damping) {
-    const double h = landmark.H_ll + addedDiagonal(landmark.H_ll, damping);
-    for (std::size_t a = landmark.begin; a < landmark.end; ++a) {
-      const Observation& o_a = observations[a];
-      if (isFixed(o_a.keyframe)) continue;
-      const Vector6d e = o_a.H_pl / h;
-      step.segment<6>(row(o_a.keyframe)) += landmark.gradient * e;
-      for (std::size_t b = a; b < landmark.end; ++b) {
-        const Observation& o_b = observations[b];
-        schur_complement.block<6, 6>(row(o_b.keyframe), row(o_a.keyframe)).noalias() -=
-            o_b.H_pl * e.transpose();
+  /// Sets the Schur complement to H_pp - H_pl (H_ll + D)^-1 H_lp, and adds the same to the right
+  /// side.
+  void eliminateLandmarks(double damping) {
+    constexpr std::size_t kRow = Reprojections::kRow;
+    const std::size_t stride = kRow * freeKeyframes();
+    eliminated.assign(6 * freeKeyframes() * stride, 0);
+    padded.resize(stride);
+    for (const Landmark& landmark : landmarks) {
+      const double h = landmark.H_ll + addedDiagonal(landmark.H_ll, damping);
+      addOuterProduct(rows.data() + kRow * landmark.free_begin, landmark.blocks(), h, stride,
+                      padded.data(), &eliminated[(6 * stride + kRow) * landmark.first_block]);
+      for (std::size_t k = 0; k < landmark.blocks(); ++k) {
+        step.segment<6>(static_cast<Eigen::Index>(6 * (landmark.first_block + k))) +=
+            landmark.gradient * Eigen::Map<const Vector6d>(&padded[kRow * k]);
       }
+    }
+    schur_complement = H_pp;
+    using Blocks = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    const Eigen::Map<const Blocks> sum(eliminated.data(), step.size(),
+                                       static_cast<Eigen::Index>(stride));
+    for (std::size_t k = 0; k < freeKeyframes(); ++k) {
+      const auto column = static_cast<Eigen::Index>(6 * k),
+                 at = static_cast<Eigen::Index>(kRow * k);
+      const Eigen::Index below = step.size() - column;
+      schur_complement.block(column, column, below, 6) -= sum.block(column, at, below, 6);
+    }
+  }
+
+  /// Writes the step to `padded`, in the layout of the landmarks' rows.
+  void padStep() {
+    padded.assign(Reprojections::kRow * freeKeyframes(), 0);
+    for (std::size_t k = 0; k < freeKeyframes(); ++k) {
+      Eigen::Map<Vector6d> of_keyframe(&padded[Reprojections::kRow * k]);
+      of_keyframe = step.segment<6>(static_cast<Eigen::Index>(6 * k));
     }
   }
 
   /// Back substitution: gradient with respect to the inverse depth after the step of the poses.
   double gradientAfterPoseStep(const Landmark& landmark) const {
-    double reduced = landmark.gradient;
-    for (std::size_t k = landmark.begin; k < landmark.end; ++k) {
-      const Observation& o = observations[k];
-      if (isFixed(o.keyframe)) continue;
-      reduced += o.H_pl.dot(step.segment<6>(row(o.keyframe)));
-    }
-    return reduced;
+    constexpr std::size_t kRow = Reprojections::kRow;
+    const auto size = static_cast<Eigen::Index>(kRow * landmark.blocks());
+    using Numbers = Eigen::Map<const Eigen::VectorXd>;
+    return landmark.gradient + Numbers(rows.data() + kRow * landmark.free_begin, size)
+                                   .dot(Numbers(padded.data() + kRow * landmark.first_block, size));
   }
 
   /// Minimises the cost, starting at `state` with cost `now`. Returns the final cost.
   double minimise(int max_iterations, double huber, double now) {
-    linearise(huber);
+    linearise();
     double damping = kInitialDamping, growth = kInitialDampingGrowth;
     for (int iteration = 1; iteration <= max_iterations; ++iteration) {
       const auto decrease = makeStep(damping);
@@ -323,7 +337,7 @@ struct LocalBundleAdjustment::Problem {
         growth *= 2;
       }
       if (converged) break;
-      if (gain > kMinGainRatio && iteration < max_iterations) linearise(huber);
+      if (gain > kMinGainRatio && iteration < max_iterations) linearise();
     }
     return now;
   }
@@ -346,7 +360,7 @@ struct LocalBundleAdjustment::Problem {
     if (!usable) return {};
     Result result;
     result.usable = true;
-    result.residuals = static_cast<int>(2 * (observations.size() - landmarks.size()));
+    result.residuals = static_cast<int>(2 * residuals.size());
     result.rms_sigma = std::sqrt(2 * final_cost / std::max(1, result.residuals));
     return result;
   }

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <vector>
+
+#include "common/double_lanes.hpp"
+#include "ground_scale_vo/common/se3.hpp"
+
+namespace ground_scale_vo {
+
+/// The residuals of a bundle adjustment: e = q_xy / q_z - x with q = R ray + rho t, where R and t
+/// are the pose of the landmark's anchor in the observer's axes. Residuals with this pose in common
+/// follow each other, so that kDoubleLanes of them are computed at once.
+class Reprojections {
+ public:
+  /// [numbers] in a row of linearise().
+  static constexpr std::size_t kRow = 8;
+  /// Row that is written and has no meaning.
+  static constexpr std::size_t kUnusedRow = 0;
+
+  /// A residual to be added.
+  struct Residual {
+    std::size_t group;  // of residuals with the same relative pose
+    std::size_t landmark, row;
+    Eigen::Vector2d x;
+    double weight;  // 1 / sigma
+  };
+  /// Replaces all residuals. rays: of the landmarks, z = 1.
+  void assign(const std::vector<Residual>& residuals, const std::vector<Eigen::Vector3d>& rays,
+              std::size_t groups);
+
+  /// Half the sum of squares of a group with Huber's loss; infinite when a landmark has less than
+  /// min_depth, q_z, in the observer.
+  double cost(std::size_t group, const Eigen::Isometry3d& T_o_a,
+              const std::vector<double>& inverse_depths, double huber, double min_depth);
+
+  struct Blocks {
+    Matrix6d H_oo;  // over the observer's pose (boxplus)
+    Vector6d gradient;
+  };
+  /// Normal equations of a group, whose cost was computed last with the same pose and depths.
+  /// rows: of each residual, H_pl (over the observer's pose and the inverse depth; 6), H_ll and
+  /// gradient over the inverse depth. anchor_sums, three numbers per landmark: adds R^T b, where b
+  /// is H_pl of the translation without its factor -rho.
+  Blocks linearise(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows,
+                   double* anchor_sums) const;
+  /// The same when the observer's pose is fixed: only H_ll and gradient of the rows.
+  void lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows) const;
+
+ private:
+  std::vector<std::size_t> begin_;  // of each group, in whole lanes, and the end of the last one
+  std::vector<std::size_t> landmark_, row_;
+  std::vector<double> ray_x_, ray_y_, x_, y_, weight_;
+  // Of the last cost(): rho, q_xy / q_z, 1 / q_z, e, and the squared weight with that of Huber.
+  std::vector<double> rho_, u_x_, u_y_, inverse_z_, e_x_, e_y_, information_;
+};
+
+/// Adds rows^T rows / h to `sum`, a matrix of blocks of 6 rows and Reprojections::kRow columns, of
+/// which it uses the lower triangle of blocks. rows: `count` blocks. scaled: buffer for as many.
+void addOuterProduct(const double* rows, std::size_t count, double h, std::size_t stride,
+                     double* scaled, double* sum);
+
+}  // namespace ground_scale_vo

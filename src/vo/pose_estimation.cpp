@@ -1,11 +1,16 @@
 #include "ground_scale_vo/vo/pose_estimation.hpp"
 
+#include <algorithm>
+#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
+#include "common/double_lanes.hpp"
+#include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/se3.hpp"
+#include "vo/projection_jacobian.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -45,32 +50,91 @@ constexpr double kRansacConfidence = 0.99;
 /// [normalised coordinates] largest reprojection error of an inlier: 4 px at a focal length of 718.
 constexpr double kRansacThreshold = 0.006;
 
-struct LinearisedObservation {
-  bool in_front = false;
-  Eigen::Vector2d residual;
-  /// Transposed Jacobian with respect to a left perturbation of T_c_w (SO(3) x R^3):
-  /// motionFrom(delta) * T_c_w.
-  Eigen::Matrix<double, 6, 2> Jt;
-  Eigen::Matrix2d information;
+/// Observations in arrays. The last one also fills the last lanes; the copies have an infinite
+/// variance.
+struct ObservationArrays {
+  std::size_t size;
+  std::vector<double> numbers;  // nine arrays of this size
+
+  explicit ObservationArrays(const std::vector<PointObservation>& observations)
+      : size(roundUpToLanes(observations.size())), numbers(9 * size) {
+    for (std::size_t i = 0; i < size; ++i) {
+      const bool copy = i >= observations.size();
+      const PointObservation& o = copy ? observations.back() : observations[i];
+      const double variance = copy ? std::numeric_limits<double>::infinity() : o.sigma * o.sigma;
+      const double values[] = {o.p_w.x(),     o.p_w.y(), o.p_w.z(), o.sigma_w.x(), o.sigma_w.y(),
+                               o.sigma_w.z(), o.x.x(),   o.x.y(),   variance};
+      for (std::size_t k = 0; k < 9; ++k) numbers[k * size + i] = values[k];
+    }
+  }
+  const DoubleLanes& p_w(std::size_t axis, std::size_t i) const { return at(axis, i); }
+  const DoubleLanes& sigma_w(std::size_t axis, std::size_t i) const { return at(3 + axis, i); }
+  const DoubleLanes& x(std::size_t axis, std::size_t i) const { return at(6 + axis, i); }
+  const DoubleLanes& variance(std::size_t i) const { return at(8, i); }
+
+ private:
+  const DoubleLanes& at(std::size_t k, std::size_t i) const {
+    return lanes(&numbers[k * size + i]);
+  }
 };
 
-LinearisedObservation linearise(const Eigen::Isometry3d& T_c_w, const PointObservation& o) {
-  LinearisedObservation l;
-  const Eigen::Vector3d p = T_c_w * o.p_w;
-  if (p.z() < kMinObservedDepth) return l;
-  l.in_front = true;
-  const double iz = 1 / p.z();
-  l.residual = p.head<2>() * iz - o.x;
-  // Derivative of the residual by p: [iz I, d]; by the motion: [iz I, d] [-skew(p), I].
-  const Eigen::Vector2d d = -p.head<2>() * iz * iz;
-  l.Jt.col(0) << d.x() * p.y(), iz * p.z() - d.x() * p.x(), -iz * p.y(), iz, 0, d.x();
-  l.Jt.col(1) << d.y() * p.y() - iz * p.z(), -d.y() * p.x(), iz * p.x(), 0, iz, d.y();
-  const Eigen::Vector3d sigma_c = T_c_w.linear() * o.sigma_w;
-  const Eigen::Vector2d g = iz * sigma_c.head<2>() + d * sigma_c.z();
-  // (sigma^2 I + g g^T)^-1
-  const double n2 = o.sigma * o.sigma;
-  l.information = (Eigen::Matrix2d::Identity() - g * g.transpose() / (n2 + g.squaredNorm())) / n2;
-  return l;
+/// kDoubleLanes observations from `i` on, at the pose T_c_w.
+struct LinearisedObservations {
+  decltype(DoubleLanes{} < DoubleLanes{}) behind;
+  /// By a left perturbation of T_c_w (SO(3) x R^3): motionFrom(delta) * T_c_w.
+  ProjectionJacobian J;
+  DoubleLanes r_x, r_y;    // residual
+  DoubleLanes xx, xy, yy;  // information matrix of the residual
+  DoubleLanes distance2;   // squared Mahalanobis distance
+
+  LinearisedObservations(const Eigen::Isometry3d& T_c_w, const ObservationArrays& o,
+                         std::size_t i) {
+    const Eigen::Matrix4d& T = T_c_w.matrix();
+    DoubleLanes p[3], sigma_c[3];
+    for (int k = 0; k < 3; ++k) {
+      sigma_c[k] =
+          T(k, 0) * o.sigma_w(0, i) + T(k, 1) * o.sigma_w(1, i) + T(k, 2) * o.sigma_w(2, i);
+      p[k] = T(k, 0) * o.p_w(0, i) + T(k, 1) * o.p_w(1, i) + T(k, 2) * o.p_w(2, i) + T(k, 3);
+    }
+    behind = p[2] < kMinObservedDepth;
+    const DoubleLanes one = {1, 1, 1, 1};
+    const DoubleLanes inverse_z = 1 / (behind ? one : p[2]);
+    J = {p[0] * inverse_z, p[1] * inverse_z, inverse_z};
+    r_x = J.ux - o.x(0, i);
+    r_y = J.uy - o.x(1, i);
+    const DoubleLanes g_x = inverse_z * (sigma_c[0] - J.ux * sigma_c[2]);
+    const DoubleLanes g_y = inverse_z * (sigma_c[1] - J.uy * sigma_c[2]);
+    // (sigma^2 I + g g^T)^-1
+    const DoubleLanes& n2 = o.variance(i);
+    const DoubleLanes inverse_n2 = 1 / n2, h = inverse_n2 / (n2 + g_x * g_x + g_y * g_y);
+    xx = inverse_n2 - h * g_x * g_x;
+    xy = -h * g_x * g_y;
+    yy = inverse_n2 - h * g_y * g_y;
+    distance2 = r_x * (xx * r_x + xy * r_y) + r_y * (xy * r_x + yy * r_y);
+  }
+};
+
+/// Normal equations with the weights of the kernel.
+GSV_VECTOR_LOOP void sumWeighted(const Eigen::Isometry3d& T_c_w, const ObservationArrays& arrays,
+                                 double scale, ProjectionSums* sums) {
+  const DoubleLanes zero = {};
+  for (std::size_t i = 0; i < arrays.size; i += kDoubleLanes) {
+    const LinearisedObservations l(T_c_w, arrays, i);
+    const DoubleLanes root = 1 / (1 + l.distance2 / (scale * scale * kGemanMcClure));
+    const DoubleLanes weight = l.behind ? zero : root * root;
+    sums->add(l.J, weight * l.xx, weight * l.xy, weight * l.yy, l.r_x, l.r_y);
+  }
+}
+
+/// Squared Mahalanobis distances, infinite behind the camera. distances2: in whole lanes.
+GSV_VECTOR_LOOP void computeDistances(const Eigen::Isometry3d& T_c_w,
+                                      const ObservationArrays& arrays, double* distances2) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  const DoubleLanes infinite = {infinity, infinity, infinity, infinity};
+  for (std::size_t i = 0; i < arrays.size; i += kDoubleLanes) {
+    const LinearisedObservations l(T_c_w, arrays, i);
+    lanes(distances2 + i) = l.behind ? infinite : l.distance2;
+  }
 }
 
 }  // namespace
@@ -97,20 +161,14 @@ PoseEstimation::PoseEstimation(const Options& options) : options_(options) { opt
 PoseEstimation::Result PoseEstimation::refine(
     const Eigen::Isometry3d& start_T_w_c, const std::vector<PointObservation>& observations) const {
   Result result;
+  const ObservationArrays arrays(observations);
   Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
   for (int iteration = 0; iteration < kMaxPoseIterations; ++iteration) {
     const double scale = std::max(1.0, kInitialScale / (iteration + 1));
-    Matrix6d H = Matrix6d::Zero();
-    Vector6d b = Vector6d::Zero();
-    for (const PointObservation& o : observations) {
-      const LinearisedObservation l = linearise(T_c_w, o);
-      if (!l.in_front) continue;
-      const double m2 = l.residual.dot(l.information * l.residual) / (scale * scale);
-      const double weight = 1 / ((1 + m2 / kGemanMcClure) * (1 + m2 / kGemanMcClure));
-      const Eigen::Matrix<double, 6, 2> JtW = weight * l.Jt * l.information;
-      H.noalias() += JtW * l.Jt.transpose();
-      b.noalias() -= JtW * l.residual;
-    }
+    ProjectionSums sums;
+    sumWeighted(T_c_w, arrays, scale, &sums);
+    Matrix6d H = sums.hessian();
+    const Vector6d b = -sums.gradientSum();
     result.information = H;
     H.diagonal() *= kDiagonalFactor;
     const Vector6d step = H.ldlt().solve(b);
@@ -122,11 +180,12 @@ PoseEstimation::Result PoseEstimation::refine(
 
   result.T_w_c = T_c_w.inverse();
   result.T_w_c.linear() = renormalised(result.T_w_c.linear());
+  std::vector<double> distances2(arrays.size);
+  computeDistances(T_c_w, arrays, distances2.data());
   result.inlier.reserve(observations.size());
   const double limit2 = options_.inlier_sigma * options_.inlier_sigma;
-  for (const PointObservation& o : observations) {
-    const LinearisedObservation l = linearise(T_c_w, o);
-    const bool inlier = l.in_front && l.residual.dot(l.information * l.residual) < limit2;
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const bool inlier = distances2[i] < limit2;
     result.inlier.push_back(inlier);
     result.inliers += inlier;
   }

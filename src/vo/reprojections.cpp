@@ -8,7 +8,7 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Arrays of a group; each has a whole number of lanes.
+/// Arrays of a group, in whole lanes.
 struct Inputs {
   const double *ray_x, *ray_y, *x, *y, *weight, *rho;
   std::size_t count;
@@ -122,8 +122,9 @@ void Reprojections::assign(const std::vector<Residual>& residuals,
                            const std::vector<Eigen::Vector3d>& rays, std::size_t groups) {
   begin_.assign(groups + 1, 0);
   for (const Residual& residual : residuals) ++begin_[residual.group + 1];
-  for (std::size_t g = 0; g < groups; ++g)
+  for (std::size_t g = 0; g < groups; ++g) {
     begin_[g + 1] = begin_[g] + roundUpToLanes(begin_[g + 1]);
+  }
   const std::size_t size = begin_.back();
   for (auto* array : {&ray_x_, &ray_y_, &x_, &y_, &weight_, &rho_, &u_x_, &u_y_, &inverse_z_, &e_x_,
                       &e_y_, &information_}) {
@@ -186,16 +187,15 @@ void Reprojections::lineariseDepths(std::size_t group, const Eigen::Isometry3d& 
 GSV_VECTOR_LOOP void addOuterProduct(const double* rows, std::size_t count, double h,
                                      std::size_t stride, double* scaled, double* sum) {
   constexpr std::size_t kRow = Reprojections::kRow;
-  for (std::size_t i = 0; i < kRow * count; i += kDoubleLanes)
+  for (std::size_t i = 0; i < kRow * count; i += kDoubleLanes) {
     lanes(scaled + i) = lanes(rows + i) / h;
+  }
   for (std::size_t block = 0; block < count; ++block) {
-    const std::size_t columns = kRow * (block + 1);
-    for (std::size_t k = 0; k < 6; ++k) {
-      const double factor = rows[kRow * block + k];
-      double* const to = sum + (6 * block + k) * stride;
-      for (std::size_t i = 0; i < columns; i += kDoubleLanes) {
-        lanes(to + i) += factor * lanes(scaled + i);
-      }
+    const double* const factors = rows + kRow * block;
+    double* const to = sum + 6 * block * stride;
+    for (std::size_t i = 0; i < kRow * (block + 1); i += kDoubleLanes) {
+      const DoubleLanes column = lanes(scaled + i);
+      for (std::size_t k = 0; k < 6; ++k) lanes(to + k * stride + i) += factors[k] * column;
     }
   }
 }

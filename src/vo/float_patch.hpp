@@ -54,8 +54,8 @@ constexpr std::size_t countOf(int window) {
 }
 
 /// Where the elements of the patches of one window are.
-struct PatchGrid {
-  explicit PatchGrid(int window) {
+struct FloatPatchGrid {
+  explicit FloatPatchGrid(int window) {
     const int stride = window + 2;
     for (int i = 0; i < stride * stride; ++i) {
       columns.push_back(static_cast<float>(i % stride));
@@ -76,7 +76,7 @@ struct PatchGrid {
 /// of one pixel, from its centre. Precondition: these places and their right and lower neighbours
 /// are inside the image.
 template <typename Window>
-void sample(Window window, const PatchGrid& grid, const cv::Mat& image,
+void sample(Window window, const FloatPatchGrid& grid, const cv::Mat& image,
             const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& step, FloatPatch* values) {
   const auto left = -static_cast<float>(window / 2 + 1);
   const std::size_t places = strideOf(window) * strideOf(window), count = wholeLanes(places);

@@ -50,7 +50,7 @@ float correlation(const MatchSums& sums, int pixels, const ZeroMeanPatch& patch)
 }
 
 /// What is aligned, in single precision.
-struct Task {
+struct AlignmentTask {
   const cv::Mat& reference;
   Eigen::Vector2f u_ref;         ///< [px]
   Eigen::Matrix2f inverse_warp;  ///< from the current image to the reference
@@ -59,14 +59,16 @@ struct Task {
   float max_shift_px;
 };
 
-struct Result {
+struct AlignmentResult {
   bool found = false;
   Eigen::Vector2f u{0, 0};  ///< [px]
   float correlation = -1;
 };
 
+/// Not found when a patch lacks texture in two directions, or the search leaves the image or the
+/// neighbourhood of the start.
 template <typename Window>
-Result minimise(Window window, const PatchGrid& grid, const Task& task) {
+AlignmentResult alignPatch(Window window, const FloatPatchGrid& grid, const AlignmentTask& task) {
   const int pixels = window * window;
   FloatPatch wide;
   ZeroMeanPatch patch;
@@ -102,10 +104,11 @@ Result minimise(Window window, const PatchGrid& grid, const Task& task) {
 }
 
 /// flatten: all that it calls becomes part of it, and so of its version for AVX2.
-GSV_VECTOR_LOOP __attribute__((flatten)) Result minimiseIn(int window, const PatchGrid& grid,
-                                                           const Task& task) {
-  return window == UsualWindow() ? minimise(UsualWindow(), grid, task)
-                                 : minimise(window, grid, task);
+GSV_VECTOR_LOOP __attribute__((flatten)) AlignmentResult alignIn(int window,
+                                                                 const FloatPatchGrid& grid,
+                                                                 const AlignmentTask& task) {
+  return window == UsualWindow() ? alignPatch(UsualWindow(), grid, task)
+                                 : alignPatch(window, grid, task);
 }
 
 }  // namespace
@@ -140,21 +143,22 @@ void PatchAlignment::Options::validate() const {
 
 PatchAlignment::PatchAlignment(const Options& options)
     : options_((options.validate(), options)),
-      grid_(std::make_shared<const PatchGrid>(options_.window_px)) {}
+      grid_(std::make_shared<const FloatPatchGrid>(options_.window_px)) {}
 
 std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& reference,
                                                            const Eigen::Vector2d& u_ref,
                                                            const Eigen::Matrix2d& warp,
                                                            const cv::Mat& current,
                                                            const Eigen::Vector2d& start) const {
-  const Task task{reference, u_ref.cast<float>(), warp.cast<float>().inverse(),
-                  current,   start.cast<float>(), static_cast<float>(options_.max_shift_px)};
+  const AlignmentTask task{
+      reference, u_ref.cast<float>(), warp.cast<float>().inverse(),
+      current,   start.cast<float>(), static_cast<float>(options_.max_shift_px)};
   // Half the side in the reference, including the border that the gradients need.
   const float reach = static_cast<float>(options_.window_px / 2 + 1) *
                           task.inverse_warp.cwiseAbs().rowwise().sum().maxCoeff() +
                       1;
   if (!isFinite(reach) || !contains(reference, task.u_ref, reach)) return std::nullopt;
-  const Result result = minimiseIn(options_.window_px, *grid_, task);
+  const AlignmentResult result = alignIn(options_.window_px, *grid_, task);
   if (!result.found || !((result.u - task.start).norm() <= task.max_shift_px) ||
       !(result.correlation >= options_.min_correlation)) {
     return std::nullopt;

@@ -1,6 +1,7 @@
 #include "vo/patch_tracking.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 #include "common/vector_loop.hpp"
@@ -10,12 +11,12 @@ namespace {
 
 /// With more, patches on edges move along them; with fewer, those in a narrow field of view lag
 /// behind.
-constexpr int kMaxIterations = 20;
+constexpr int kMaxTrackingIterations = 20;
 /// [px] step length at convergence: a fraction of a tracked corner's noise (0.7 px at a focal
 /// length of 718 px).
-constexpr float kConverged_px = 0.005f;
+constexpr float kTrackingConverged_px = 0.005f;
 /// [px] two steps whose sum is below it in each coordinate go back and forth.
-constexpr float kOscillation_px = 0.01f;
+constexpr float kTrackingOscillation_px = 0.01f;
 /// [grey levels^2 per px^2] least mean over the patch of the squared gradient in its weakest
 /// direction.
 constexpr float kMinSquaredGradient = 0.1f;
@@ -44,7 +45,7 @@ cv::Point2f minimise(const Layout& layout, const GradientPatch& patch,
                      const Eigen::Matrix2f& inverse_hessian, const cv::Mat& image,
                      PixelWindow* window, cv::Point2f point) {
   cv::Point2f previous_step;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxTrackingIterations; ++iteration) {
     if (!overlaps(image, point, layout.side)) break;
     const PatchCorner corner = cornerOf(point, layout.side);
     window->read(layout, image, corner.column, corner.row, layout.side + 1);
@@ -52,9 +53,9 @@ cv::Point2f minimise(const Layout& layout, const GradientPatch& patch,
         -inverse_hessian * window->gradientTimesDifference(layout, corner.a, corner.b, patch);
     const cv::Point2f step(product.x(), product.y());
     point += step;
-    if (step.dot(step) <= kConverged_px * kConverged_px) break;
+    if (step.dot(step) <= kTrackingConverged_px * kTrackingConverged_px) break;
     const cv::Point2f sum = step + previous_step;
-    if (iteration > 0 && std::max(std::abs(sum.x), std::abs(sum.y)) < kOscillation_px) {
+    if (iteration > 0 && std::max(std::abs(sum.x), std::abs(sum.y)) < kTrackingOscillation_px) {
       point -= step / 2;
       break;
     }

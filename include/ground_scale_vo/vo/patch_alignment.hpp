@@ -11,7 +11,7 @@
 
 namespace ground_scale_vo {
 
-struct PatchGrid;
+struct FloatPatchGrid;
 
 /// Model of the surface on which a patch lies: the direction of its normal in the reference camera.
 enum class PatchSurface : std::uint8_t {
@@ -70,7 +70,7 @@ class PatchAlignment {
 
  private:
   Options options_;
-  std::shared_ptr<const PatchGrid> grid_;
+  std::shared_ptr<const FloatPatchGrid> grid_;
 };
 
 }  // namespace ground_scale_vo

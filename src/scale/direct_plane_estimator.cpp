@@ -53,7 +53,7 @@ struct DirectPlaneEstimator::Impl {
     Stages(const Options& options, const PinholeCamera& camera, int reduction, const cv::Mat& mask)
         : grid(camera, options.patch_size),
           extractor(camera, reduction, grid, options.image_noise, mask),
-          images(cv::Size(camera.width, camera.height), options.baseline_heights),
+          images(options.baseline_heights),
           static_mask(camera, grid),
           matcher(camera, options.image_noise, extractor.allowed()),
           search(options),

@@ -10,7 +10,7 @@ constexpr double kBaseline = 1;      // [camera heights]
 
 /// A buffer after images every `step` [VO units] along z, the last of which is the current one.
 ImageBuffer drive(int frames, double step) {
-  ImageBuffer buffer({64, 48}, kBaseline);
+  ImageBuffer buffer(kBaseline);
   for (int i = 0; i < frames; ++i) {
     if (i > 0) buffer.keepCurrent(kBufferHeight);
     buffer.current().roi = {0, 0, 8, 8};

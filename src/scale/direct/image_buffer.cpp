@@ -28,10 +28,8 @@ Reference makeReference(const RoadImage& image, const RoadImage& current) {
 
 }  // namespace
 
-ImageBuffer::ImageBuffer(const cv::Size& size, double baseline_heights)
-    : images_(kCapacity + 1), baseline_heights_(baseline_heights) {
-  for (RoadImage& image : images_) image.storage.create(size, CV_32F);
-}
+ImageBuffer::ImageBuffer(double baseline_heights)
+    : images_(kCapacity + 1), baseline_heights_(baseline_heights) {}
 
 std::vector<Reference> ImageBuffer::selectReferences(double height) const {
   std::vector<Reference> references;

@@ -13,7 +13,7 @@ constexpr int kReferences = 2;  ///< reference images per frame, at one and at t
 struct RoadImage {
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
   cv::Rect roi;     ///< part of the image that is stored [px]; empty: none
-  cv::Mat storage;  ///< CV_32F, allocated once in the full image size; its corner holds the roi
+  cv::Mat storage;  ///< CV_32F, of the roi's size; without gaps, which would cost cache misses
 
   /// Row v of the full image; valid for columns inside roi.
   const float* row(int v) const { return storage.ptr<float>(v - roi.y) - roi.x; }
@@ -32,9 +32,8 @@ struct Reference {
 /// distance.
 class ImageBuffer {
  public:
-  /// size: of the camera's images; baseline_heights: from the current to the first reference image
-  /// [camera heights].
-  ImageBuffer(const cv::Size& size, double baseline_heights);
+  /// baseline_heights: from the current to the first reference image [camera heights].
+  explicit ImageBuffer(double baseline_heights);
 
   void clear() { kept_ = 0; }
   bool empty() const { return kept_ == 0; }

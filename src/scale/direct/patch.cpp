@@ -87,7 +87,6 @@ PatchExtractor::PatchExtractor(const PinholeCamera& camera, int reduction, const
       grid_(grid),
       smoothing_(std::max(kMinBlurPx, kBlur * camera.fx)),
       image_noise_(static_cast<float>(image_noise)) {
-  twice_smoothed_.create(camera.height, camera.width, CV_32F);
   if (mask.empty()) return;
   const int reach =
       2 * smoothing_.radius() + 1;  // smoothed twice, with a gradient or an interpolation
@@ -117,7 +116,8 @@ void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool 
   selectCells(lane, current, patches);
   if (patches->empty()) return;
   const cv::Rect& roi = current->roi;
-  cv::Mat smoothed = current->storage(cv::Rect({0, 0}, roi.size()));
+  current->storage.create(roi.size(), CV_32F);
+  cv::Mat& smoothed = current->storage;
   cv::Rect in_source = roi;
   const cv::Mat source = reducedPart(image, &in_source);
   smoothing_.smooth(source, in_source, &smoothed);
@@ -125,12 +125,12 @@ void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool 
   // patches compared with them are smoothed a second time: a difference in sharpness would bias
   // their shifts. With a camera that faces backwards the reference images are the nearer ones.
   const cv::Rect twice = faces_backwards ? roi : sampledPart(*patches) & roi;
-  cv::Mat twice_smoothed = twice_smoothed_(cv::Rect({0, 0}, twice.size()));
-  smoothing_.smooth(smoothed, twice - roi.tl(), &twice_smoothed);
+  twice_smoothed_.create(twice.size(), CV_32F);
+  smoothing_.smooth(smoothed, twice - roi.tl(), &twice_smoothed_);
   for (Patch& patch : *patches) {
-    sample(faces_backwards ? smoothed : twice_smoothed, twice.tl(), &patch);
+    sample(faces_backwards ? smoothed : twice_smoothed_, twice.tl(), &patch);
   }
-  if (faces_backwards) twice_smoothed.copyTo(smoothed);
+  if (faces_backwards) cv::swap(twice_smoothed_, smoothed);
 }
 
 /// Contains the pixels that sample() reads.

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -284,6 +285,19 @@ TEST(PoseEstimation, isExactWithoutNoise) {
   EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-8);
   EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 1e-7);
   EXPECT_EQ(result.inliers, kPoints);
+}
+
+// It computes several observations at once, also when their number is not a multiple.
+TEST(PoseEstimation, countsEachObservationOnce) {
+  auto observations = pointObservations(pose({0, 0.03, 0}, {0.1, 0, 1}), 0.0005);
+  for (const std::size_t count : {40, 39, 38, 37}) {
+    observations.resize(count);
+    auto reversed = observations;
+    std::reverse(reversed.begin(), reversed.end());
+    const auto a = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+    const auto b = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), reversed);
+    EXPECT_TRUE(a.information.isApprox(b.information, 1e-6)) << count;
+  }
 }
 
 TEST(PoseEstimation, rejectsOutliers) {

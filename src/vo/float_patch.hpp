@@ -10,6 +10,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "common/lanes.hpp"
+
 namespace ground_scale_vo {
 
 // Square patches of an odd number of pixels a side, the window, in floating-point numbers. A patch
@@ -20,33 +22,10 @@ namespace ground_scale_vo {
 // std::integral_constant, for which the compiler knows the lengths of the loops.
 
 constexpr int kMaxWindow = 21;
-constexpr std::size_t kLanes = 8;
 constexpr std::size_t kMaxStride = kMaxWindow + 2;
 constexpr std::size_t kMaxElements = kMaxStride * kMaxStride + 2 * kLanes;
 using FloatPatch = std::array<float, kMaxElements>;
 
-/// kLanes numbers anywhere in memory. Vector types of the compiler, because it does not vectorise
-/// the equivalent loops reliably.
-typedef float Lanes
-    __attribute__((vector_size(kLanes * sizeof(float)), aligned(alignof(float)), may_alias));
-typedef std::int32_t IntLanes __attribute__((vector_size(kLanes * sizeof(std::int32_t)),
-                                             aligned(alignof(std::int32_t)), may_alias));
-
-inline const Lanes& lanes(const float* at) { return *reinterpret_cast<const Lanes*>(at); }
-inline Lanes& lanes(float* at) { return *reinterpret_cast<Lanes*>(at); }
-inline IntLanes& lanes(std::int32_t* at) { return *reinterpret_cast<IntLanes*>(at); }
-
-inline float total(const Lanes& sum) {
-  typedef float Half __attribute__((vector_size(kLanes / 2 * sizeof(float))));
-  Half halves[2];
-  std::memcpy(halves, &sum, sizeof(sum));
-  const Half half = halves[0] + halves[1];
-  return (half[0] + half[2]) + (half[1] + half[3]);
-}
-
-constexpr std::size_t wholeLanes(std::size_t count) {
-  return (count + kLanes - 1) / kLanes * kLanes;
-}
 constexpr std::size_t strideOf(int window) { return static_cast<std::size_t>(window + 2); }
 /// Elements of a patch with the padding.
 constexpr std::size_t countOf(int window) {

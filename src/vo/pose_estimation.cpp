@@ -5,7 +5,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
-#include "common/double_lanes.hpp"
+#include "common/lanes.hpp"
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
@@ -57,7 +57,7 @@ struct ObservationArrays {
   std::vector<double> numbers;  // nine arrays of this size
 
   explicit ObservationArrays(const std::vector<PointObservation>& observations)
-      : size(roundUpToLanes(observations.size())), numbers(9 * size) {
+      : size(wholeDoubleLanes(observations.size())), numbers(9 * size) {
     for (std::size_t i = 0; i < size; ++i) {
       const bool copy = i >= observations.size();
       const PointObservation& o = copy ? observations.back() : observations[i];

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/double_lanes.hpp"
+#include "common/lanes.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {

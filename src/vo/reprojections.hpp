@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/double_lanes.hpp"
+#include "common/lanes.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {

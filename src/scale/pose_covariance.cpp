@@ -15,7 +15,7 @@ constexpr double kMedianSquaredNorm = 1.3863;  // 2 ln 2
 /// Of an inlier: 99 % quantile of the chi-squared distribution with two degrees of freedom.
 constexpr double kMaxSquaredMahalanobis = 9.2;
 /// Relative damping: bounds the covariance when the points do not determine the pose.
-constexpr double kDiagonalFactor = 1 + 1e-6;
+constexpr double kRelativeDamping = 1 + 1e-6;
 
 /// Of the normalised image coordinates of a point p with respect to (position, rotation) of the
 /// camera, in camera axes.
@@ -50,7 +50,7 @@ Matrix6d poseCovariance(const VoFrame& frame, double scale) {
     const Eigen::Matrix<double, 2, 6> J = projectionJacobian(scale * points[i]);
     H.noalias() += J.transpose() * J;
   }
-  H.diagonal() *= kDiagonalFactor;
+  H.diagonal() *= kRelativeDamping;
   const Matrix6d covariance = variance * H.ldlt().solve(Matrix6d::Identity());
   return isFinite(covariance) ? covariance : Matrix6d::Zero();
 }

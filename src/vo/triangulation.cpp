@@ -13,7 +13,7 @@ constexpr double kMinInformation = 1e-12;
 /// Gauss-Newton starts at the linear solution and converges in two or three iterations.
 constexpr int kMaxTriangulationIterations = 8;
 /// [standard deviations of the inverse depth] step length at convergence.
-constexpr double kConverged = 1e-3;
+constexpr double kConvergedSigmas = 1e-3;
 
 }  // namespace
 
@@ -52,7 +52,7 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
     const double step = gradient / information;
     rho -= step;
     if (!areFinite(rho, information)) return std::nullopt;
-    if (std::abs(step) < kConverged / std::sqrt(information)) {
+    if (std::abs(step) < kConvergedSigmas / std::sqrt(information)) {
       return InverseDepth{rho, 1 / std::sqrt(information)};
     }
   }

@@ -33,7 +33,7 @@ constexpr double kMinEpipolarLine = 1e-12;
 constexpr double kMaxInconsistency = 2;
 
 /// [matches] minimum number from which the positions of the other features are predicted.
-constexpr std::size_t kMinMatches = 25;
+constexpr std::size_t kMinPredictingMatches = 25;
 
 /// Distance of ray_2 from the epipolar line of ray_1, in normalised image coordinates.
 double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_1,
@@ -175,7 +175,7 @@ struct VisualOdometry::Impl {
     const Descriptors previous = tracking.describeFeatures();
     const Descriptors next = tracking.describeCorners(image);
     const auto matches = matchDescriptors(previous, next);
-    if (matches.size() < kMinMatches) return;
+    if (matches.size() < kMinPredictingMatches) return;
     std::vector<RejectedFeature> rejected_again;
     std::vector<Feature> again =
         tracking.track(image, stamp_ns, predictPixels(previous.points(), next.points(), matches),

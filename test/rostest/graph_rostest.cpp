@@ -77,7 +77,7 @@ TEST_F(Graph, OneCameraInfoOfRectifiedImagesIsEnough) {
   pair.publishInfo(info);
   for (std::size_t i = 0; i < drive_->size(); ++i) {
     pair.publishImage(i);
-    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
+    ASSERT_TRUE(pair.waitForResult(i)) << i;
   }
   EXPECT_EQ(pair.frames.messages().back()->fx, info.P[0]);
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "used"));
@@ -132,7 +132,7 @@ TEST_F(Graph, ALatchedCameraInfoIsEnough) {
     pair.publishInfo(0);
     ASSERT_TRUE(pair.load());
     pair.publishImage(0);
-    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(0).stamp)) << round;
+    ASSERT_TRUE(pair.waitForResult(0)) << round;
     EXPECT_TRUE(pair.unload());
   }
 }
@@ -156,8 +156,7 @@ TEST_F(Graph, ParametersAreUsed) {
   // A step of 4.9 s. With the default of clock_jump_s the second image would be held.
   for (const std::size_t i : {std::size_t{0}, drive_->size() - 1}) {
     pair.publish(i);
-    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
-    ASSERT_TRUE(pair.frames.waitForStamp(pair.header(i).stamp)) << i;
+    ASSERT_TRUE(pair.waitForResult(i)) << i;
   }
   const std::size_t features = featuresOfTheFirstImage(drive_->drive(), kCellSize);
   ASSERT_LT(features,
@@ -244,7 +243,7 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   const std::size_t half = drive_->size() / 2;
   for (std::size_t i = 0; i < half; ++i) {
     pair.publish(i);
-    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
+    ASSERT_TRUE(pair.waitForResult(i)) << i;
   }
   ASSERT_NE(pair.scales.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
   EXPECT_TRUE(pair.odometry.messages().empty());
@@ -263,7 +262,7 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   std::size_t next = half;
   while (next < drive_->size() && pair.odometry.messages().empty()) {
     pair.publish(next);
-    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(next).stamp));
+    ASSERT_TRUE(pair.waitForResult(next));
     // The nodelet repeats the lookup at every image.
     pair.odometry.waitForCount(1, 0.3);
     ++next;
@@ -455,7 +454,7 @@ TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
     const bool is_late = i >= first_late && i < end_late;
     if (!is_late) tf.publish(message);
     pair.publish(i);
-    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i).stamp)) << i;
+    ASSERT_TRUE(pair.waitForResult(i)) << i;
     if (is_late) tf.publish(message);
   }
   ASSERT_TRUE(pair.odometry.waitForStamp(pair.header(drive_->size() - 1).stamp));
@@ -532,7 +531,7 @@ TEST_F(Graph, ASecondParentOfTheCameraIsDetected) {
       message.transforms[0].header.stamp = pair.header(i).stamp;
       wheels.publish(message);
       pair.publish(i);
-      if (!pair.scales.waitForStamp(pair.header(i).stamp)) return false;
+      if (!pair.waitForResult(i)) return false;
     }
     return true;
   };
@@ -599,8 +598,8 @@ TEST_F(Graph, TwoPairsInOneManagerAreIndependent) {
   for (std::size_t i = 0; i < half; ++i) {
     front.publish(i);
     rear.publish(i);
-    ASSERT_TRUE(front.scales.waitForStamp(front.header(i).stamp)) << i;
-    ASSERT_TRUE(rear.scales.waitForStamp(rear.header(i).stamp)) << i;
+    ASSERT_TRUE(front.waitForResult(i)) << i;
+    ASSERT_TRUE(rear.waitForResult(i)) << i;
   }
   ASSERT_TRUE(front.odometry.waitForStamp(front.header(half - 1).stamp));
   ASSERT_TRUE(rear.odometry.waitForStamp(rear.header(half - 1).stamp));

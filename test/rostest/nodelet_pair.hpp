@@ -61,11 +61,15 @@ class NodeletPair {
     publishInfo(i);
     publishImage(i);
   }
+  /// The results of frame i have been received from both nodelets, which come in either order.
+  bool waitForResult(std::size_t i) {
+    return frames.waitForStamp(header(i).stamp) && scales.waitForStamp(header(i).stamp);
+  }
   /// Publishes the frames one by one, each after the result of the previous one: none is dropped.
   bool play(std::size_t first, std::size_t last) {
     for (std::size_t i = first; i <= last; ++i) {
       publish(i);
-      if (!scales.waitForStamp(header(i).stamp)) return false;
+      if (!waitForResult(i)) return false;
     }
     return odometry.waitForStamp(header(last).stamp);
   }

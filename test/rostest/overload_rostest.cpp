@@ -32,7 +32,7 @@ TEST_F(Overload, TheNewestImagesAreProcessedAndTheOthersCounted) {
   for (std::size_t i = 0; i < kFrames; ++i) pair.publishImage(i);
   ASSERT_TRUE(waitForValue(diagnostics_, "images received", std::to_string(kFrames)));
   pair.publishInfo(0);
-  ASSERT_TRUE(pair.scales.waitForStamp(pair.header(kFrames - 1).stamp));
+  ASSERT_TRUE(pair.waitForResult(kFrames - 1));
   const auto frames = pair.frames.messages();
   ASSERT_EQ(frames.size(), 4u);
   EXPECT_EQ(frames.front()->header.stamp, pair.header(kFrames - 4).stamp);
@@ -52,7 +52,7 @@ TEST_F(Overload, TheScaleStaysCorrectOverTheGaps) {
   // Bursts of three; the next one after the result of the newest image.
   for (std::size_t i = 0; i < drive.size(); i += 3) {
     for (std::size_t k = i; k < i + 3; ++k) pair.publish(k);
-    ASSERT_TRUE(pair.scales.waitForStamp(pair.header(i + 2).stamp)) << i;
+    ASSERT_TRUE(pair.waitForResult(i + 2)) << i;
   }
   EXPECT_TRUE(waitForSummary(diagnostics_, "gaps/mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
                              "images dropped in the last second", false));
@@ -150,7 +150,7 @@ TEST_F(Overload, SubscribersDoNotAffectTheResults) {
     }
     for (std::size_t k = i; k < i + 10; ++k) {
       watched.publish(k);
-      ASSERT_TRUE(watched.scales.waitForStamp(watched.header(k).stamp)) << k;
+      ASSERT_TRUE(watched.waitForResult(k)) << k;
     }
     if (tracks) {
       EXPECT_TRUE(tracks->waitForCount(1));

@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <vector>
+
+#include "common/lanes.hpp"
+#include "common/vector_loop.hpp"
 
 namespace ground_scale_vo::simulation {
 namespace {
@@ -36,7 +38,7 @@ constexpr double kSkyRotation = 4;   // of the panorama about the vertical [rad]
 constexpr double kSkyHeight = 0.78;  // extent of the panorama in elevation [rad]
 
 /// Id of samples that show no surface.
-constexpr std::uint32_t kSky = std::numeric_limits<std::uint32_t>::max();
+constexpr std::int32_t kSky = -1;
 
 /// A projected triangle. Rows: u/z, v/z, light/z and 1/z, each affine in the pixel (x, y, 1).
 struct Surface {
@@ -49,11 +51,74 @@ double smoothStep(double x) {
   return x * x * (3 - 2 * x);
 }
 
+/// Pixel coordinate of a sample's column or row; the centre of the first pixel is 0 [px].
+constexpr double position(int sample) { return (sample + 0.5) / kSamplesPerSide - 0.5; }
+
+/// Samples that are processed at a time.
+constexpr int kSpanLanes = static_cast<int>(kDoubleLanes);
+typedef float SpanDepths
+    __attribute__((vector_size(kSpanLanes * sizeof(float)), aligned(alignof(float)), may_alias));
+typedef std::int32_t SpanIds __attribute__((vector_size(kSpanLanes * sizeof(std::int32_t)),
+                                            aligned(alignof(std::int32_t)), may_alias));
+
+/// The first sample at or after a pixel coordinate, and the last one at or before it. At most one
+/// pixel outside an image of this size.
+inline int firstSample(double px) {
+  return static_cast<int>(std::ceil((std::max(px, -1.0) + 0.5) * kSamplesPerSide - 0.5));
+}
+inline int lastSample(double px, int size) {
+  return static_cast<int>(std::floor((std::min<double>(px, size) + 0.5) * kSamplesPerSide - 0.5));
+}
+
+/// Where and what to draw: rows y0 to y1 of samples, columns within [low_x, high_x] px.
+struct TriangleExtent {
+  int y0, y1;
+  double low_x, high_x;
+};
+
+/// Draws a triangle where it is nearer than what the samples show. weights: rows, the barycentric
+/// weights divided by z, affine in the pixel (x, y, 1); over_z: likewise 1/z. width: of the image
+/// [px]. Reads, but does not alter, up to three samples after the last one.
+GSV_VECTOR_LOOP
+void drawTriangle(const Eigen::Matrix3d& weights, const Eigen::RowVector3d& over_z,
+                  const TriangleExtent& extent, int width, std::int32_t id, float* inverse_depth,
+                  std::int32_t* ids) {
+  constexpr DoubleLanes kOffsets = {position(0), position(1), position(2), position(3)};
+  constexpr SpanIds kIndices = {0, 1, 2, 3};
+  const int samples = kSamplesPerSide * width;
+  for (int j = extent.y0; j <= extent.y1; ++j) {
+    const double y = position(j);
+    double from = extent.low_x, to = extent.high_x;
+    for (int k = 0; k < 3; ++k) {
+      const double slope = weights(k, 0), at_zero = weights(k, 1) * y + weights(k, 2);
+      if (slope > 0) from = std::max(from, -at_zero / slope);
+      if (slope < 0) to = std::min(to, -at_zero / slope);
+      if (slope == 0 && at_zero < 0) to = from - 1;
+    }
+    const int x0 = std::max(0, firstSample(from - 1e-7));
+    const int x1 = std::min(samples - 1, lastSample(to + 1e-7, width));
+    const double row = over_z(1) * y;
+    float* const depth_of_row = inverse_depth + static_cast<std::ptrdiff_t>(j) * samples;
+    std::int32_t* const ids_of_row = ids + static_cast<std::ptrdiff_t>(j) * samples;
+    DoubleLanes x = kOffsets + static_cast<double>(x0) / kSamplesPerSide;
+    for (int i = x0; i <= x1;
+         i += kSpanLanes, x += static_cast<double>(kSpanLanes) / kSamplesPerSide) {
+      SpanDepths& nearest = *reinterpret_cast<SpanDepths*>(depth_of_row + i);
+      SpanIds& shown = *reinterpret_cast<SpanIds*>(ids_of_row + i);
+      const SpanDepths inverse_z =
+          __builtin_convertvector(over_z(0) * x + row + over_z(2), SpanDepths);
+      const SpanIds is_nearer = (inverse_z > nearest) & (kIndices + i <= x1);
+      nearest = is_nearer ? inverse_z : nearest;
+      shown = is_nearer ? id : shown;
+    }
+  }
+}
+
 /// Memory of a Rasteriser. It is several megabytes, which take longer to allocate than to fill, so
 /// that it is kept for the next image.
 struct Buffers {
   std::vector<float> inverse_depth;  // [1/m]
-  std::vector<std::uint32_t> id;     // of the visible surface, at every sample
+  std::vector<std::int32_t> id;      // of the visible surface, at every sample
   std::vector<Surface> surfaces;
   std::vector<Eigen::Vector3d> projected;  // vertices of a mesh, homogeneous pixels
 };
@@ -78,8 +143,8 @@ class Rasteriser {
     K_ << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
     width_ = kSamplesPerSide * camera.width;
     const auto samples = static_cast<std::size_t>(width_ * kSamplesPerSide * camera.height);
-    inverse_depth_.assign(samples, 0.f);
-    id_.assign(samples, kSky);
+    inverse_depth_.assign(samples + kSpanLanes - 1, 0.f);
+    id_.assign(samples + kSpanLanes - 1, kSky);
     surfaces_.clear();
     for (const Instance& instance : scene.instances) draw(instance);
   }
@@ -93,9 +158,6 @@ class Rasteriser {
   }
 
  private:
-  /// Pixel coordinate of a sample's column or row; the centre of the first pixel is 0 [px].
-  static double position(int sample) { return (sample + 0.5) / kSamplesPerSide - 0.5; }
-
   bool isVisible(const Eigen::Vector3d& p_c, double radius) const {
     if (p_c.z() < kNearPlane - radius || p_c.z() > kFarPlane + radius) return false;
     const auto inside = [&](double at, double focal, double from, double to) {
@@ -146,57 +208,31 @@ class Rasteriser {
     if (high.x() < -1 || high.y() < -1 || low.x() > camera_.width || low.y() > camera_.height) {
       return;
     }
-    const auto first = [](double px) {
-      return static_cast<int>(std::ceil((std::max(px, -1.0) + 0.5) * kSamplesPerSide - 0.5));
-    };
-    const auto last = [](double px, int size) {
-      return static_cast<int>(
-          std::floor((std::min<double>(px, size) + 0.5) * kSamplesPerSide - 0.5));
-    };
-    const int y0 = std::max(0, first(low.y()));
-    const int y1 = std::min(kSamplesPerSide * camera_.height - 1, last(high.y(), camera_.height));
-    if (y0 > y1 || first(low.x()) > last(high.x(), camera_.width)) return;
+    const TriangleExtent extent{
+        std::max(0, firstSample(low.y())),
+        std::min(kSamplesPerSide * camera_.height - 1, lastSample(high.y(), camera_.height)),
+        low.x(), high.x()};
+    if (extent.y0 > extent.y1 || firstSample(low.x()) > lastSample(high.x(), camera_.width)) return;
     bool invertible = false;
     Eigen::Matrix3d weights;
     corners.computeInverseWithCheck(weights, invertible, 1e-9);
     if (!invertible) return;  // seen edge-on
 
-    const auto id = static_cast<std::uint32_t>(surfaces_.size());
+    const auto id = static_cast<std::int32_t>(surfaces_.size());
     surfaces_.push_back({attributes * weights, texture});
-    const Eigen::RowVector3d over_z = surfaces_.back().over_z.row(3);
-    for (int j = y0; j <= y1; ++j) {
-      const double y = position(j);
-      double from = low.x(), to = high.x();
-      for (int k = 0; k < 3; ++k) {
-        const double slope = weights(k, 0), at_zero = weights(k, 1) * y + weights(k, 2);
-        if (slope > 0) from = std::max(from, -at_zero / slope);
-        if (slope < 0) to = std::min(to, -at_zero / slope);
-        if (slope == 0 && at_zero < 0) to = from - 1;
-      }
-      const int x0 = std::max(0, first(from - 1e-7));
-      const int x1 = std::min(width_ - 1, last(to + 1e-7, camera_.width));
-      float* const inverse_depth = &inverse_depth_[static_cast<std::size_t>(j * width_)];
-      std::uint32_t* const ids = &id_[static_cast<std::size_t>(j * width_)];
-      for (int i = x0; i <= x1; ++i) {
-        const auto inverse_z =
-            static_cast<float>(over_z(0) * position(i) + over_z(1) * y + over_z(2));
-        // Without a branch, whose outcome is hard to predict, the loop is vectorised.
-        const bool is_nearer = inverse_z > inverse_depth[i];
-        inverse_depth[i] = is_nearer ? inverse_z : inverse_depth[i];
-        ids[i] = is_nearer ? id : ids[i];
-      }
-    }
+    drawTriangle(weights, surfaces_.back().over_z.row(3), extent, camera_.width, id,
+                 inverse_depth_.data(), id_.data());
   }
 
   float shadePixel(int x, int y) const {
     constexpr int kSamples = kSamplesPerSide * kSamplesPerSide;
-    std::array<std::uint32_t, kSamples> ids;
+    std::array<std::int32_t, kSamples> ids;
     for (int k = 0; k < kSamples; ++k) {
       const int i = kSamplesPerSide * x + k % kSamplesPerSide,
                 j = kSamplesPerSide * y + k / kSamplesPerSide;
       ids[static_cast<std::size_t>(k)] = id_[static_cast<std::size_t>(j * width_ + i)];
     }
-    if (std::all_of(ids.begin() + 1, ids.end(), [&](std::uint32_t id) { return id == ids[0]; })) {
+    if (std::all_of(ids.begin() + 1, ids.end(), [&](std::int32_t id) { return id == ids[0]; })) {
       return shadeSurface(ids[0], {x, y});
     }
     float sum = 0;
@@ -220,8 +256,8 @@ class Rasteriser {
     return sum / kSamples;
   }
 
-  float shadeSurface(std::uint32_t id, const Eigen::Vector2d& u) const {
-    return id == kSky ? sky(u) : surface(surfaces_[id], u);
+  float shadeSurface(std::int32_t id, const Eigen::Vector2d& u) const {
+    return id == kSky ? sky(u) : surface(surfaces_[static_cast<std::size_t>(id)], u);
   }
 
   float sky(const Eigen::Vector2d& u) const {
@@ -329,7 +365,7 @@ class Rasteriser {
   Eigen::Matrix3d K_;
   int width_ = 0;  // in samples
   std::vector<float>& inverse_depth_;
-  std::vector<std::uint32_t>& id_;
+  std::vector<std::int32_t>& id_;
   std::vector<Surface>& surfaces_;
   std::vector<Eigen::Vector3d>& projected_;
 };

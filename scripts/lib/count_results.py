@@ -1,7 +1,9 @@
 #!/usr/bin/python3
 """Prints three numbers: the passed, failed and skipped test cases in the JUnit files below a folder.
 
-An unreadable file counts as one failed case.
+usage: count_results.py FOLDER [PATTERN]
+
+PATTERN: of the names of the files, default *.xml. An unreadable file counts as one failed case.
 """
 
 import pathlib
@@ -11,7 +13,8 @@ import xml.etree.ElementTree as ElementTree
 
 def main():
     passed = failed = skipped = 0
-    for file in sorted(pathlib.Path(sys.argv[1]).rglob("*.xml")):
+    pattern = sys.argv[2] if len(sys.argv) > 2 else "*.xml"
+    for file in sorted(pathlib.Path(sys.argv[1]).rglob(pattern)):
         try:
             cases = list(ElementTree.parse(file).iter("testcase"))
         except ElementTree.ParseError:

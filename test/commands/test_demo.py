@@ -90,10 +90,6 @@ def test_full_disk(bag, tmp_path):
     assert not (tmp_path / "short/metrics.json").exists()
 
 
-def test_damaged_bag(damaged_bag, tmp_path):
-    assert_refused(1, str(damaged_bag), DEMO, "--out", tmp_path, "--bag", damaged_bag)
-
-
 def test_truncated_bag(bag, tmp_path):
     truncated = tmp_path / "truncated.bag"
     truncated.write_bytes(bag.read_bytes()[:100000])

@@ -78,11 +78,14 @@ PATCH = """\
     ("The header is wrong.\n\n" + PATCH.replace("src/common", "test/common"), "src/ or include/"),
     ("The header is wrong.\n", "src/ or include/"),
 ])
-def test_mutation_that_cannot_be_used(tree, text, error):
-    path = tree / "test/mutations/common/new.patch"
+def test_mutation_that_cannot_be_used(tmp_path, text, error):
+    """In a tree of one module, with few of the patches."""
+    for folder in ("include/ground_scale_vo/common", "src/common", "test/mutations/common"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    path = tmp_path / "test/mutations/common/new.patch"
     path.write_text(text, encoding="utf-8")
-    (tree / "scripts/lib").mkdir(parents=True)
-    script = shutil.copy(SCRIPTS / "lib/mutate.py", tree / "scripts/lib")
+    (tmp_path / "scripts/lib").mkdir(parents=True)
+    script = shutil.copy(SCRIPTS / "lib/mutate.py", tmp_path / "scripts/lib")
     done = run("/usr/bin/python3", "-B", script, "--check", check=False)
     assert done.returncode == (1 if error else 0), done.stdout
     assert error is None or (f"{path}: " in done.stdout and error in done.stdout)

@@ -252,6 +252,49 @@ def test_the_bag_ends_with_its_last_image(node, bag):
 
 
 @pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+def test_a_damaged_bag_is_refused(node, damaged_bag):
+    with pytest.raises(node.PlaybackError, match=str(damaged_bag)) as error:
+        node.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+@pytest.mark.parametrize("path, images, info, text", [
+    ("", [bags.IMAGE], bags.INFO, "bag:=FILE is missing"),
+    ("/there/is/none.bag", [bags.IMAGE], bags.INFO, "there is no bag /there/is/none.bag"),
+    ("my.bag", [bags.IMAGE], bags.INFO, "bag:=my.bag must be an absolute path: bag:=$PWD/my.bag"),
+    (None, ["/none", "/neither"], bags.INFO,
+     f"has no topic /none or /neither; its topics with images are {bags.IMAGE}"),
+    (None, [bags.IMAGE], "/none", f"has no topic /none; its topics with camera_info are {bags.INFO}"),
+    (None, [bags.INFO], bags.INFO, "holds sensor_msgs/CameraInfo instead of sensor_msgs/Image"),
+])
+def test_a_bag_that_cannot_be_played_is_refused(node, bag, path, images, info, text):
+    with pytest.raises(node.PlaybackError, match=re.escape(text)):
+        node.BagSummary(str(bag) if path is None else path, images, info)
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+def test_two_topics_with_images_are_refused(node, bag, tmp_path):
+    """Both would be played on the same topic."""
+    both, raw = tmp_path / "both.bag", bags.IMAGE.replace("image_rect", "image_raw")
+    with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(both), "w") as new:
+        for topic, message, stamp in old.read_messages():
+            for name in {topic, topic.replace(bags.IMAGE, raw)}:
+                new.write(name, message, stamp)
+    with pytest.raises(node.PlaybackError,
+                       match=f"has several topics with images, {bags.IMAGE}, {raw}: choose one"):
+        node.BagSummary(str(both), [bags.IMAGE, raw], bags.INFO)
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+@pytest.mark.parametrize("rate", ["0", "-1", "inf", "nan", "abc"])
+def test_rate_that_is_refused(node, monkeypatch, rate):
+    monkeypatch.setattr(node.rospy, "get_param", {"~rate": rate}.get)
+    with pytest.raises(node.PlaybackError, match=f"the rate is '{rate}', it must be a positive number"):
+        node.playback_rate()
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
 def test_distance_of_the_progress(node, monkeypatch):
     monkeypatch.setattr(node.rospy, "Subscriber", lambda *_, **__: type("Subscriber", (), {"resolved_name": ""}))
     output = node.OutputMonitor(3)

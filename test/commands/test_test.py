@@ -43,9 +43,10 @@ def command_tests(tree, text):
 
 
 def ctest(tree, *kinds, status=0):
-    """One that writes a file of each of these KINDS."""
+    """One that writes a file of each of these KINDS for the unit tests and one for the rostests."""
     folder = "$GROUND_SCALE_VO_BUILD/test_results/ground_scale_vo"
-    results = "".join(f"echo '{KINDS[kind]}' > {folder}/gtest-{kind}.xml\n" for kind in kinds)
+    results = "".join(f"echo '{KINDS[kind]}' > {folder}/{part}-{kind}.xml\n"
+                      for kind in kinds for part in ("gtest", "rosunit"))
     write_program(tree / "bin/ctest", f"{results}exit {status}")
 
 
@@ -58,8 +59,8 @@ def last_line(tree, *arguments, status):
 
 
 def test_all_parts_are_counted(tree):
-    """Unit tests and rostests together one, command tests one in parallel and one alone, one hook."""
-    assert last_line(tree, status=0) == "4 passed, 0 failed, 0 skipped"
+    """Unit tests and rostests one each, command tests one in parallel and one alone, one hook."""
+    assert last_line(tree, status=0) == "5 passed, 0 failed, 0 skipped"
 
 
 def test_long_tests_are_counted(tree):
@@ -74,7 +75,13 @@ def test_long_tests_are_left_out_when_time_is_short(tree):
     done = run(tree / "scripts/test", "unit", "rostest", "--long", "--minutes", 30,
                env={**os.environ, "GROUND_SCALE_VO_BUILD": str(tree / "build")}).stdout.splitlines()
     assert done[-2:] == ["left out, would take longer than --minutes 30: drive of one hour",
-                         "4 passed, 0 failed, 0 skipped"]
+                         "5 passed, 0 failed, 0 skipped"]
+
+
+def test_failures_of_each_part_are_counted(tree):
+    """Also those of the unit tests, which run in the background."""
+    ctest(tree, "failed", status=8)
+    assert last_line(tree, "unit", "rostest", status=1) == "2 passed, 2 failed, 0 skipped"
 
 
 @pytest.mark.parametrize("kinds, ctest_status, status, line", [

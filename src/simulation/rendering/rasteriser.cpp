@@ -85,6 +85,7 @@ void drawTriangle(const Eigen::Matrix3d& weights, const Eigen::RowVector3d& over
                   std::int32_t* ids) {
   constexpr DoubleLanes kOffsets = {position(0), position(1), position(2), position(3)};
   constexpr SpanIds kIndices = {0, 1, 2, 3};
+  const SpanIds own_id = SpanIds{} + id;
   const int samples = kSamplesPerSide * width;
   for (int j = extent.y0; j <= extent.y1; ++j) {
     const double y = position(j);
@@ -109,7 +110,7 @@ void drawTriangle(const Eigen::Matrix3d& weights, const Eigen::RowVector3d& over
           __builtin_convertvector(over_z(0) * x + row + over_z(2), SpanDepths);
       const SpanIds is_nearer = (inverse_z > nearest) & (kIndices + i <= x1);
       nearest = is_nearer ? inverse_z : nearest;
-      shown = is_nearer ? id : shown;
+      shown = is_nearer ? own_id : shown;
     }
   }
 }

@@ -95,7 +95,8 @@ float Texture::meanAlong(const Eigen::Vector2d& centre, const Eigen::Vector2d& a
   return sum / samples.sum_of_weights;
 }
 
-GSV_VECTOR_LOOP __attribute__((flatten)) float Texture::sample(const Eigen::Vector2d& uv, const Eigen::Matrix2d& J) const {
+__attribute__((flatten)) GSV_VECTOR_LOOP float Texture::sample(const Eigen::Vector2d& uv,
+                                                               const Eigen::Matrix2d& J) const {
   // The footprint of the pixel: eigenvalues and first eigenvector of J J^T, in texels.
   const Eigen::Matrix2d A = J * J.transpose() / (texel_m_ * texel_m_);
   const double mean = A.trace() / 2, difference = (A(0, 0) - A(1, 1)) / 2;

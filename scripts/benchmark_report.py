@@ -413,7 +413,7 @@ def report_benchmark(folder, load):
 # series: title, the varied option or property, remark
 SERIES = {
     "features": ("Features", "tracker/cell_size", "The side of the square that holds one corner."),
-    "image": ("Image size", "pixels", "The same images, resized."),
+    "image": ("Image size", "pixels", "The same images, resized, with cells of a size that gives about as many features."),
     "window": ("Window", "bundle_adjustment/window", "Twice as many keyframes are kept."),
 }
 

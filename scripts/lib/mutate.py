@@ -22,8 +22,8 @@ ROOT = Path(__file__).resolve().parents[2]
 MUTATIONS = Path("test/mutations")
 BUILD = Path(os.environ.get("GROUND_SCALE_VO_MUTATE_BUILD", ROOT / "build/mutate"))
 PREFIX = "_ctest_ground_scale_vo_"
-# In the order of their run, after those of the mutated module. The rendered drives of drives_test
-# are left out: they take minutes for each mutation.
+# In the order of their run, after those of the mutated module. The rendered drives of
+# test/drives are left out: they take minutes for each mutation.
 UNIT_TESTS = ["common", "ros", "vo", "scale", "calibration", "evaluation", "integration"]
 FUZZ_TARGETS = ["options_fuzz", "parameters_fuzz", "mono_vo_fuzz", "scale_recovery_fuzz"]
 # Of the nodelets; the quick ones first.
@@ -195,8 +195,8 @@ def tests_of(mutation):
 
 def targets_of(tests):
     """What to build for these tests; the rostests also start nodes and tools."""
-    names = {re.sub(r"^gtest_|^rostest_test_rostest_|\.test$", "", test) for test in tests}
-    return sorted(names) + ["all"] * any(test.startswith("rostest") for test in tests)
+    names = {re.sub("^gtest_", "", test) for test in tests if not test.startswith("rostest")}
+    return sorted(names) + ["rostests", "all"] * any(test.startswith("rostest") for test in tests)
 
 
 def run_mutation(build, mutation):

@@ -17,19 +17,10 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr int kWidth = 160, kHeight = 80;
-
-sensor_msgs::CompressedImage compressed(const std::string& format, const std::string& extension,
-                                        int type) {
-  sensor_msgs::CompressedImage image;
-  image.header.frame_id = "camera";
-  image.format = format;
-  cv::imencode(extension, cv::Mat(kHeight, kWidth, type, cv::Scalar::all(90)), image.data);
-  return image;
-}
-
 class Compressed : public testing::Test {
  protected:
+  static constexpr int kWidth = 160, kHeight = 80;
+
   void SetUp() override {
     ASSERT_TRUE(waitForValue(diagnostics_, "images received", "", "mono_vo"));
     ASSERT_TRUE(waitForValue(diagnostics_, "images", "", "scale_recovery"));
@@ -46,6 +37,14 @@ class Compressed : public testing::Test {
     infos_.publish(toCameraInfo(camera));
   }
 
+  static sensor_msgs::CompressedImage compressed(const std::string& format,
+                                                 const std::string& extension, int type) {
+    sensor_msgs::CompressedImage image;
+    image.header.frame_id = "camera";
+    image.format = format;
+    cv::imencode(extension, cv::Mat(kHeight, kWidth, type, cv::Scalar::all(90)), image.data);
+    return image;
+  }
   void publish(sensor_msgs::CompressedImage image) {
     image.header.stamp = ros::Time(stamp_ += 0.1);
     images_.publish(image);
@@ -87,11 +86,3 @@ TEST_F(Compressed, ImagesAreProcessedAndInvalidOnesDropped) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "compressed_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

@@ -27,18 +27,11 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kCameraHeight = 1.65;
-constexpr std::int64_t kStartNs = 1000000000000;  // stamp of the first image
-
-SyntheticDrive::Options driveOptions() {
-  SyntheticDrive::Options options;
-  options.frames = 90;
-  options.camera_height = kCameraHeight;
-  return options;
-}
-
 /// Sends the drive through the nodelets and through the offline run, and records the results.
 struct PlayedDrive {
+  static constexpr double kCameraHeight = 1.65;
+  static constexpr std::int64_t kStartNs = 1000000000000;  // stamp of the first image
+
   explicit PlayedDrive(ros::NodeHandle& handle)
       : drive(driveOptions()),
         offline(drive.camera(), offlineOptions()),
@@ -57,6 +50,12 @@ struct PlayedDrive {
         images(handle.advertise<sensor_msgs::Image>("image", 10)),
         infos(handle.advertise<sensor_msgs::CameraInfo>("camera_info", 10)) {}
 
+  static SyntheticDrive::Options driveOptions() {
+    SyntheticDrive::Options options;
+    options.frames = 90;
+    options.camera_height = kCameraHeight;
+    return options;
+  }
   static OfflineRun::Options offlineOptions() {
     OfflineRun::Options options;
     options.scale.camera_height = kCameraHeight;
@@ -292,7 +291,7 @@ TEST_F(Drive, CovarianceIsFilledAndGrows) {
     }
     // Up to this length the scale becomes more certain, and with it the whole motion so far.
     was_young = message->pose.pose.position.x <
-                MetricTrajectory::Options().young_map_heights * kCameraHeight;
+                MetricTrajectory::Options().young_map_heights * PlayedDrive::kCameraHeight;
     before = trace;
   }
   EXPECT_GT(before, 0);
@@ -383,16 +382,8 @@ TEST_F(Drive, GroundPointsAreInMetres) {
   ASSERT_GT(heights.size(), 500u);
   const auto median = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
   std::nth_element(heights.begin(), median, heights.end());
-  EXPECT_NEAR(*median, -kCameraHeight, 0.03 * kCameraHeight);
+  EXPECT_NEAR(*median, -PlayedDrive::kCameraHeight, 0.03 * PlayedDrive::kCameraHeight);
 }
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "drive_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

@@ -13,10 +13,12 @@ namespace ground_scale_vo {
 constexpr double kTolerance = 0.05;
 
 /// The nodelet manager of the .test file, into which tests load their nodelets, and a drive of
-/// kFrames small images. No nodelet may be left after a test.
-template <std::size_t kFrames>
+/// small images. No nodelet may be left after a test.
+template <std::size_t frame_count>
 class DriveTest : public testing::Test {
  protected:
+  static constexpr std::size_t kFrames = frame_count;
+
   static void SetUpTestSuite() {
     drive_ = std::make_unique<RenderedDrive>(smallDrive(static_cast<int>(kFrames)));
   }

@@ -20,11 +20,11 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::uint32_t kWidth = 160, kHeight = 80;
-constexpr double kPeriod = 0.1;  // of the images [s]
-
 class Images : public testing::Test {
  protected:
+  static constexpr std::uint32_t kWidth = 160, kHeight = 80;
+  static constexpr double kPeriod = 0.1;  // of the images [s]
+
   Images()
       : images_(handle_.advertise<sensor_msgs::Image>("image", 100)),
         infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera_info", 100)),
@@ -461,11 +461,3 @@ TEST_F(Images, AnotherSizeAloneIsRefused) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "images_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

@@ -39,8 +39,8 @@ struct Kind {
   std::string published;   ///< frame whose parent is odom
 };
 
-/// Base from camera: 1.5 m before the base and 1.65 m above it.
-Eigen::Isometry3d mounting() {
+/// The camera is 1.5 m before the base and 1.65 m above it.
+Eigen::Isometry3d baseFromCamera() {
   Eigen::Isometry3d T_b_c = Eigen::Isometry3d::Identity();
   T_b_c.linear() = bodyFromOptical();
   T_b_c.translation() << 1.5, 0, 1.65;
@@ -111,10 +111,10 @@ class KittiBag : public testing::Test {
       } else {
         info.K[0] = info.K[4] = 2 * info.K[0];  // of the raw camera
         info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
-        const Eigen::Isometry3d T_b0_b = mounting() * T_c0_c * mounting().inverse();
+        const Eigen::Isometry3d T_b0_b = baseFromCamera() * T_c0_c * baseFromCamera().inverse();
         bag.write("/tf", header.stamp, transform("world", "base_link", header.stamp, T_b0_b));
         bag.write("/tf_static", header.stamp,
-                  transform("base_link", "camera_gray_left", header.stamp, mounting()));
+                  transform("base_link", "camera_gray_left", header.stamp, baseFromCamera()));
       }
       bag.write(kInfo, header.stamp, info);
       bag.write(kCamera + image, header.stamp,
@@ -262,11 +262,3 @@ INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "kitti_launch_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

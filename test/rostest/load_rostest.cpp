@@ -134,11 +134,3 @@ TEST_F(Load, UnloadingIsCleanWhileImagesArrive) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "load_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

@@ -35,8 +35,7 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kCameraHeight = 1.65;
-constexpr std::int64_t kStartNs = 1000000000000;
+constexpr std::int64_t kFirstStampNs = 1000000000000;
 constexpr std::int64_t kPeriodNs = 100000000;             // 10 Hz
 constexpr std::size_t kLongRun = 36000, kShortRun = 700;  // [frames]; long: an hour
 /// Black images, in every minute.
@@ -52,10 +51,10 @@ constexpr std::size_t kTenths = 10;
 constexpr double kMaxGrowthLong = 200, kMaxGrowthShort = 8000;
 
 /// From a standstill to a standstill, so that it can be driven there and back.
-SyntheticDrive::Options driveOptions() {
+SyntheticDrive::Options reversibleDrive() {
   SyntheticDrive::Options options;
   options.frames = 120;
-  options.camera_height = kCameraHeight;
+  options.camera_height = 1.65;  // as in the .test file
   options.speeds = {{0.5, 0}, {3.5, 9}, {8.4, 9}, {11.4, 0}};
   options.moving_cars = false;
   return options;
@@ -148,10 +147,10 @@ struct Display {
 
 /// The n-th stamp, and the inverse.
 ros::Time stampOf(std::size_t n) {
-  return fromNanoseconds(kStartNs + static_cast<std::int64_t>(n) * kPeriodNs);
+  return fromNanoseconds(kFirstStampNs + static_cast<std::int64_t>(n) * kPeriodNs);
 }
 std::size_t indexOf(const ros::Time& stamp) {
-  return static_cast<std::size_t>((toNanoseconds(stamp) - kStartNs) / kPeriodNs);
+  return static_cast<std::size_t>((toNanoseconds(stamp) - kFirstStampNs) / kPeriodNs);
 }
 
 /// A camera on the drive and both nodelets, in one namespace, and what is measured of them.
@@ -267,7 +266,7 @@ TEST(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
   const bool is_long = runsLongTests();
   const std::size_t frames = is_long ? kLongRun : kShortRun;
   const std::size_t warm_up = is_long ? kWarmUpLong : kWarmUpShort;
-  const SyntheticDrive drive(driveOptions());
+  const SyntheticDrive drive(reversibleDrive());
   std::vector<sensor_msgs::ImagePtr> images;
   for (std::size_t i = 0; i < drive.size(); ++i) {
     images.push_back(
@@ -327,11 +326,3 @@ TEST(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "long_run_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

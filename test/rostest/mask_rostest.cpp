@@ -20,10 +20,10 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::size_t kFrames = 40;
-
 class Mask : public testing::Test {
  protected:
+  static constexpr std::size_t kFrames = 40;
+
   static void SetUpTestSuite() {
     const SyntheticDrive::Options options = smallDrive(kFrames);
     hood_ =
@@ -150,11 +150,3 @@ TEST_F(Mask, ThatCannotBeReadKeepsBothNodeletsFromLoading) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "mask_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

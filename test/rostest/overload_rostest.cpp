@@ -6,22 +6,17 @@
 #include <sensor_msgs/PointCloud2.h>
 
 #include <filesystem>
-#include <iostream>
 #include <memory>
 
 #include "child_process.hpp"
 #include "drive_test.hpp"
 #include "node_probe.hpp"
+#include "stalled_subscriber.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::size_t kFrames = 60;
-/// With this argument and a namespace this program is the subscriber that the test stalls: it
-/// subscribes, prints the argument once it is connected, and runs until it is stopped.
-const char* const kSubscribe = "--subscribe";
-
-using Overload = DriveTest<kFrames>;
+using Overload = DriveTest<60>;
 
 // A burst arrives while MonoVo waits for its camera_info, so that the result does not depend on the
 // speed of the machine.
@@ -169,31 +164,5 @@ TEST_F(Overload, SubscribersDoNotAffectTheResults) {
   EXPECT_TRUE(watched.unload());
 }
 
-int subscribe(const std::string& ns) {
-  ros::NodeHandle handle;
-  TopicRecorder<VoFrameMsg> frames(handle, ns + "/vo/frame");
-  TopicRecorder<sensor_msgs::Image> tracks(handle, ns + "/vo/image_tracks");
-  TopicRecorder<nav_msgs::Odometry> odometry(handle, ns + "/odometry");
-  if (!waitUntil(
-          [&] { return frames.connected() && tracks.connected() && odometry.connected(); })) {
-    return 1;
-  }
-  std::cout << kSubscribe << std::endl;
-  ros::waitForShutdown();
-  return 0;
-}
-
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kSubscribe) {
-    ros::init(argc, argv, "stalled", ros::init_options::AnonymousName);
-    return ground_scale_vo::subscribe(argv[2]);
-  }
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "overload_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

@@ -1,5 +1,5 @@
 // The master is restarted while a pair of nodelets runs. The test has its own master, on another
-// port than that of rostest.
+// port than that of rostest (--own-master).
 
 #include <gtest/gtest.h>
 
@@ -13,11 +13,9 @@
 namespace ground_scale_vo {
 namespace {
 
-std::string port;
-
 std::unique_ptr<ChildProcess> startMaster() {
-  auto master =
-      std::make_unique<ChildProcess>(std::vector<std::string>{"rosmaster", "--core", "-p", port});
+  auto master = std::make_unique<ChildProcess>(std::vector<std::string>{
+      "rosmaster", "--core", "-p", std::to_string(ros::master::getPort())});
   EXPECT_TRUE(waitUntil([] { return ros::master::check(); })) << master->output();
   return master;
 }
@@ -67,12 +65,3 @@ TEST(Roscore, NodeletsSurviveItsRestart) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  // The port depends on the process id, so that tests in parallel use different ones.
-  ground_scale_vo::port = std::to_string(20000 + getpid() % 10000);
-  setenv("ROS_MASTER_URI", ("http://localhost:" + ground_scale_vo::port).c_str(), 1);
-  ros::init(argc, argv, "roscore_rostest");
-  return RUN_ALL_TESTS();
-}

@@ -568,11 +568,3 @@ TEST_F(WithImages, HasNoEffectWithImagesOfOtherStamps) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "scale_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

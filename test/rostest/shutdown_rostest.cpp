@@ -32,7 +32,6 @@ std::string nodeletProgram() {
 /// What happens in the manager when it receives the signal; kIdle: nodelets without images.
 enum class Moment { kBeforeLoad, kWhileLoading, kInitialising, kTracking, kIdle };
 constexpr int kMoments = 5;
-const std::string kNodelet = nodeletProgram();
 const char* const kNames[] = {"before load", "while loading", "initialising", "tracking", "idle"};
 
 /// Publishes the drive again and again, at about 100 images per second.
@@ -107,7 +106,7 @@ TEST_F(Shutdown, OfTheManagerAtAnyMoment) {
     TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
     std::unique_ptr<Camera> camera;
     if (moment != Moment::kIdle) camera = std::make_unique<Camera>(*drive_);
-    ChildProcess manager({kNodelet, "manager", "__name:=" + name.substr(1)});
+    ChildProcess manager({nodeletProgram(), "manager", "__name:=" + name.substr(1)});
     const ManagerClient client(name);
     ASSERT_TRUE(client.waitForServices());
     if (moment == Moment::kBeforeLoad) {
@@ -148,9 +147,10 @@ TEST_F(Shutdown, OfStandaloneNodes) {
     const std::string what = "round " + std::to_string(round) + " + " + std::to_string(delay);
     TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
     TopicRecorder<ScaleEstimateMsg> scales(handle_, "scale");
-    ChildProcess mono_vo({kNodelet, "standalone", "ground_scale_vo/MonoVo", "__name:=mono_vo"});
-    ChildProcess scale_recovery(
-        {kNodelet, "standalone", "ground_scale_vo/ScaleRecovery", "__name:=scale_recovery"});
+    ChildProcess mono_vo(
+        {nodeletProgram(), "standalone", "ground_scale_vo/MonoVo", "__name:=mono_vo"});
+    ChildProcess scale_recovery({nodeletProgram(), "standalone", "ground_scale_vo/ScaleRecovery",
+                                 "__name:=scale_recovery"});
     if (round > 0) {
       ASSERT_TRUE(scales.waitForCount(1)) << mono_vo.output() << scale_recovery.output();
     } else {
@@ -183,11 +183,3 @@ TEST_F(Shutdown, OfTheWholeLaunch) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "shutdown_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

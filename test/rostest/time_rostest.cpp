@@ -26,12 +26,13 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::size_t kFrames = 50;
 constexpr std::int64_t kSecond = 1000000000;     // [ns]
 constexpr std::int64_t kStart = 1000 * kSecond;  // stamp of the first image [ns]
 
 class Time : public testing::Test {
  protected:
+  static constexpr std::size_t kFrames = 50;
+
   static void SetUpTestSuite() {
     SyntheticDrive::Options options;
     options.frames = kFrames;
@@ -293,11 +294,3 @@ TEST_F(Time, APauseOfHoursIsBridged) {
 
 }  // namespace
 }  // namespace ground_scale_vo
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "time_rostest");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}

@@ -1,0 +1,75 @@
+// rostests NAME [--own-master] [option of GoogleTest...]: runs the tests of NAME.cpp.
+//
+//   --own-master  uses no running master, but one that the tests start at the port in
+//                 ros::master::getPort(); they start the spinner, too, which waits for the master
+//
+// rostests --subscribe NAMESPACE: see stalled_subscriber.hpp.
+
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <string>
+
+#include "stalled_subscriber.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Adds the tests of all other files to those that --gtest_filter or GTEST_FILTER excludes. False
+/// if NAME.cpp has no tests, or a test suite of it is in another file, too.
+bool selectTestsOf(const std::string& name) {
+  std::string& filter = testing::GTEST_FLAG(filter);
+  const testing::UnitTest& all = *testing::UnitTest::GetInstance();
+  bool found = false;
+  for (int i = 0; i < all.total_test_suite_count(); ++i) {
+    const testing::TestSuite& suite = *all.GetTestSuite(i);
+    int in_file = 0;
+    for (int k = 0; k < suite.total_test_count(); ++k) {
+      in_file += std::filesystem::path(suite.GetTestInfo(k)->file()).stem() == name;
+    }
+    if (in_file == 0) {
+      // Patterns after the only '-' exclude tests.
+      filter += filter.find('-') == std::string::npos ? '-' : ':';
+      filter += std::string(suite.name()) + ".*";
+    } else if (in_file < suite.total_test_count()) {
+      std::cerr << "rostests: the test suite " << suite.name() << " is in several files\n";
+      return false;
+    } else {
+      found = true;
+    }
+  }
+  if (!found) std::cerr << "rostests: there are no tests of \"" << name << ".cpp\"\n";
+  return found;
+}
+
+}  // namespace
+}  // namespace ground_scale_vo
+
+int main(int argc, char** argv) {
+  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kSubscribe) {
+    ros::init(argc, argv, "stalled", ros::init_options::AnonymousName);
+    return ground_scale_vo::subscribe(argv[2]);
+  }
+  testing::InitGoogleTest(&argc, argv);
+  const std::string name = argc > 1 ? argv[1] : "";
+  if (!ground_scale_vo::selectTestsOf(name)) return 2;
+  if (testing::GTEST_FLAG(list_tests)) return RUN_ALL_TESTS();  // without a master
+  const bool own_master = argc > 2 && std::string(argv[2]) == "--own-master";
+  if (own_master) {
+    // The port depends on the process id, so that tests in parallel use different ones.
+    const std::string port = std::to_string(20000 + getpid() % 10000);
+    setenv("ROS_MASTER_URI", ("http://localhost:" + port).c_str(), 1);
+  }
+  ros::init(argc, argv, name);
+  std::optional<ros::AsyncSpinner> spinner;
+  if (!own_master) {
+    spinner.emplace(2);
+    spinner->start();
+  }
+  return RUN_ALL_TESTS();
+}

@@ -10,7 +10,7 @@
 
 namespace ground_scale_vo {
 
-std::optional<pid_t> processOf(const std::string& node) {
+std::optional<XmlRpc::XmlRpcValue> callNode(const std::string& node, const std::string& method) {
   XmlRpc::XmlRpcValue request, response, uri;
   request[0] = ros::this_node::getName();
   request[1] = ros::names::resolve(node);
@@ -24,8 +24,14 @@ std::optional<pid_t> processOf(const std::string& node) {
   XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port), "/");
   XmlRpc::XmlRpcValue self, answer;
   self[0] = ros::this_node::getName();
-  if (!client.execute("getPid", self, answer) || answer.size() < 3) return std::nullopt;
-  return static_cast<int>(answer[2]);
+  if (!client.execute(method.c_str(), self, answer) || answer.size() < 3) return std::nullopt;
+  return answer[2];
+}
+
+std::optional<pid_t> processOf(const std::string& node) {
+  std::optional<XmlRpc::XmlRpcValue> pid = callNode(node, "getPid");
+  if (!pid) return std::nullopt;
+  return static_cast<int>(*pid);
 }
 
 }  // namespace ground_scale_vo

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <ros/master.h>
 #include <ros/ros.h>
+#include <ros/this_node.h>
 
 #include <chrono>
 #include <condition_variable>
@@ -10,12 +12,40 @@
 #include <utility>
 #include <vector>
 
+#include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "support/sanitizer.hpp"
 
 namespace ground_scale_vo {
 
 /// Longest wait for an event in a rostest [s].
 constexpr double kTimeout = 60.0 * kTimeoutFactor;
+
+/// True if one of the publishers of the topic sends it to this node. A subscriber counts as
+/// connected (ros::Subscriber::getNumPublishers()) a moment before the publisher sends: roscpp
+/// answers the subscriber first, and a message that it publishes in between is lost.
+inline bool isSentToThisNode(const std::string& topic) {
+  XmlRpc::XmlRpcValue request, response, state;
+  request[0] = ros::this_node::getName();
+  if (!ros::master::execute("getSystemState", request, response, state, false)) return false;
+  XmlRpc::XmlRpcValue& publishers = state[0];
+  for (int i = 0; i < publishers.size(); ++i) {
+    if (static_cast<std::string>(publishers[i][0]) != topic) continue;
+    for (int k = 0; k < publishers[i][1].size(); ++k) {
+      auto connections = callNode(static_cast<std::string>(publishers[i][1][k]), "getBusInfo");
+      if (!connections) continue;
+      for (int c = 0; c < connections->size(); ++c) {
+        // Id, node at the other end, direction, transport, topic, and more.
+        XmlRpc::XmlRpcValue& connection = (*connections)[c];
+        if (static_cast<std::string>(connection[1]) == ros::this_node::getName() &&
+            static_cast<std::string>(connection[2]) == "o" &&
+            static_cast<std::string>(connection[4]) == topic) {
+          return true;
+        }
+      }
+    }
+  }
+  return false;
+}
 
 /// Records all messages of a topic and waits for messages. Needs a spinner on another thread.
 template <typename Message>
@@ -60,7 +90,10 @@ class TopicRecorder {
     return std::exchange(messages_, {});
   }
   void clear() { take(); }
-  bool connected() const { return subscriber_.getNumPublishers() > 0; }
+  /// What is published from now on is recorded.
+  bool connected() const {
+    return subscriber_.getNumPublishers() > 0 && isSentToThisNode(subscriber_.getTopic());
+  }
 
  private:
   std::mutex mutex_;

@@ -27,6 +27,30 @@ if(GROUND_SCALE_VO_ROS)
   target_compile_options(gsv_ros_test_headers PRIVATE $<$<NOT:$<CONFIG:Debug>>:-O1>)
 endif()
 
+# The rostests: one executable, which each NAME_rostest.test starts for the tests of NAME_rostest.cpp.
+# One of the two starts the nodes under test. Added first: it takes longest to compile.
+if(GROUND_SCALE_VO_ROS)
+  find_package(rostest REQUIRED)
+  file(GLOB ROSTESTS CONFIGURE_DEPENDS test/rostest/*_rostest.cpp)
+  catkin_add_executable_with_gtest(rostests test/rostest/main.cpp ${ROSTESTS} EXCLUDE_FROM_ALL)
+  target_link_libraries(rostests ${PROJECT_NAME}_ros_tools ${PROJECT_NAME}_simulation gtest)
+  gsv_as_test(rostests gsv_ros_test_headers)
+  add_dependencies(tests rostests)
+  foreach(source ${ROSTESTS})
+    get_filename_component(test ${source} NAME_WE)
+    # Otherwise the tests of another file would run twice, and these not at all.
+    file(STRINGS test/rostest/${test}.test start REGEX " type=\"rostests\" args=\"${test}[ \"]")
+    if(NOT start)
+      message(FATAL_ERROR "${test}.test must start <test type=\"rostests\" args=\"${test}\" .../>")
+    endif()
+    add_rostest(test/rostest/${test}.test DEPENDENCIES rostests)
+  endforeach()
+  foreach(test graph kitti_launch long_run images)  # the longest start first
+    set_tests_properties(
+      _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES COST 1000)
+  endforeach()
+endif()
+
 # gsv_add_unit_tests(MODULE LIBRARY...): adds a test of test/MODULE/*_test.cpp.
 function(gsv_add_unit_tests module)
   file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/${module}/*_test.cpp)
@@ -107,30 +131,6 @@ foreach(target ${ROS_FUZZ_TARGETS})
   target_link_libraries(${target} ${PROJECT_NAME}_nodelets)
   gsv_as_test(${target} gsv_ros_test_headers)
 endforeach()
-
-# The rostests: one executable, which each NAME_rostest.test starts for the tests of NAME_rostest.cpp.
-# One of the two starts the nodes under test.
-if(GROUND_SCALE_VO_ROS)
-  find_package(rostest REQUIRED)
-  file(GLOB ROSTESTS CONFIGURE_DEPENDS test/rostest/*_rostest.cpp)
-  catkin_add_executable_with_gtest(rostests test/rostest/main.cpp ${ROSTESTS} EXCLUDE_FROM_ALL)
-  target_link_libraries(rostests ${PROJECT_NAME}_ros_tools ${PROJECT_NAME}_simulation gtest)
-  gsv_as_test(rostests gsv_ros_test_headers)
-  add_dependencies(tests rostests)
-  foreach(source ${ROSTESTS})
-    get_filename_component(test ${source} NAME_WE)
-    # Otherwise the tests of another file would run twice, and these not at all.
-    file(STRINGS test/rostest/${test}.test start REGEX " type=\"rostests\" args=\"${test}[ \"]")
-    if(NOT start)
-      message(FATAL_ERROR "${test}.test must start <test type=\"rostests\" args=\"${test}\" .../>")
-    endif()
-    add_rostest(test/rostest/${test}.test DEPENDENCIES rostests)
-  endforeach()
-  foreach(test graph kitti_launch long_run images)  # the longest start first
-    set_tests_properties(
-      _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES COST 1000)
-  endforeach()
-endif()
 
 # The micro-benchmarks: `cmake --build build --target benchmarks`.
 find_package(benchmark QUIET)

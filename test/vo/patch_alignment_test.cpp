@@ -132,19 +132,72 @@ TEST(PatchAlignment, rejectsMissingAndTexturelessPatches) {
   EXPECT_FALSE(alignment.align(wall, u, Eigen::Matrix2d::Zero(), wall, u));
 }
 
+// The memory beyond the borders of these parts of an image shows the rest of it, where a patch
+// would fit.
+TEST(PatchAlignment, usesNoPixelsOutsideTheImages) {
+  const PatchAlignment alignment({});
+  const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
+  const Eigen::Vector2d u(400, 120);
+  const auto identity = Eigen::Matrix2d::Identity();
+  const auto inCurrent = [&](int left, int top, int right, int bottom, double shift_px = 0) {
+    const cv::Mat part = wall(cv::Rect(cv::Point(left, top), cv::Point(right, bottom)));
+    const Eigen::Vector2d start = u - Eigen::Vector2d(left - shift_px, top);
+    return alignment.align(wall, u, identity, part, start).has_value();
+  };
+  // Four pixels on each side, and one more to the right and below for the interpolation.
+  EXPECT_TRUE(inCurrent(395, 115, 406, 126));
+  EXPECT_FALSE(inCurrent(398, 115, 407, 127));
+  EXPECT_FALSE(inCurrent(395, 118, 407, 127));
+  EXPECT_FALSE(inCurrent(395, 115, 405, 127));
+  EXPECT_FALSE(inCurrent(395, 115, 407, 125));
+  EXPECT_TRUE(inCurrent(395, 115, 412, 127, 1.2));
+  EXPECT_FALSE(inCurrent(397, 115, 412, 127, 1.2)) << "only the start is inside";
+
+  // The warp halves the size: twice as many pixels of the reference.
+  cv::Mat half;
+  cv::resize(wall, half, {}, 0.5, 0.5, cv::INTER_AREA);
+  const Eigen::Vector2d u_half = (u - Eigen::Vector2d(0.5, 0.5)) / 2;
+  const auto inReference = [&](int left, int top, int right, int bottom) {
+    const cv::Mat part = wall(cv::Rect(cv::Point(left, top), cv::Point(right, bottom)));
+    const Eigen::Vector2d at = u - Eigen::Vector2d(left, top);
+    return alignment.align(part, at, 0.5 * identity, half, u_half).has_value();
+  };
+  EXPECT_TRUE(inReference(388, 108, 414, 134));
+  EXPECT_FALSE(inReference(391, 108, 414, 134));
+  EXPECT_FALSE(inReference(388, 111, 414, 134));
+  EXPECT_FALSE(inReference(388, 108, 410, 134));
+  EXPECT_FALSE(inReference(388, 108, 414, 130));
+
+  // The warp shears: the corners of the patch are five pixels farther to the left and right.
+  Eigen::Matrix2d shear;
+  shear << 1, 1, 0, 1;
+  cv::Mat sheared;
+  const cv::Mat M = (cv::Mat_<double>(2, 3) << 1, 1, -u.y(), 0, 1, 0);
+  cv::warpAffine(wall, sheared, M, wall.size());
+  const auto fromLeft = [&](int left) {
+    const cv::Mat part = wall.colRange(left, wall.cols);
+    return alignment.align(part, u - Eigen::Vector2d(left, 0), shear, sheared, u).has_value();
+  };
+  EXPECT_TRUE(fromLeft(388));
+  EXPECT_FALSE(fromLeft(392));
+}
+
 TEST(PatchAlignment, limitsTheShift) {
   const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
   const PatchAlignment alignment({});
   const Eigen::Vector2d u(400, 120);
-  const auto alignedFrom = [&](double shift_px) {
+  const auto alignedFrom = [&](double x_px, double y_px) {
     return alignment.align(wall, u, Eigen::Matrix2d::Identity(), wall,
-                           u + Eigen::Vector2d(shift_px, 0));
+                           u + Eigen::Vector2d(x_px, y_px));
   };
   const double limit = PatchAlignment::Options().max_shift_px;
-  const auto match = alignedFrom(0.9 * limit);
-  ASSERT_TRUE(match);
-  EXPECT_LT((match->u - u).norm(), 0.05);
-  EXPECT_FALSE(alignedFrom(1.1 * limit));
+  for (const auto& match : {alignedFrom(0.9 * limit, 0), alignedFrom(0, 0.9 * limit)}) {
+    ASSERT_TRUE(match);
+    EXPECT_LT((match->u - u).norm(), 0.05);
+  }
+  EXPECT_FALSE(alignedFrom(1.1 * limit, 0));
+  EXPECT_FALSE(alignedFrom(0, 1.1 * limit));
+  EXPECT_FALSE(alignedFrom(0.8 * limit, 0.8 * limit));
 }
 
 TEST(PatchAlignment, needsCorrelationAndTextureInTwoDirections) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 
 namespace ground_scale_vo {
@@ -26,6 +27,7 @@ TEST(CornerStrength, equalsOpenCvsMinimumEigenvalue) {
   CornerStrength strength(image, kReach);
   std::vector<float> row(static_cast<std::size_t>(image.cols));
   for (int y = kReach; y < image.rows - kReach; ++y) {
+    std::fill(row.begin(), row.end(), -1.f);
     strength.next(row.data());
     for (int x = 0; x < image.cols; ++x) {
       const float value = x < kReach || x >= image.cols - kReach ? 0.f : expected.at<float>(y, x);

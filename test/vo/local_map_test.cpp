@@ -391,6 +391,18 @@ TEST(PoseEstimation, InliersAreWithinTheirSigmas) {
   EXPECT_EQ(result.inliers, kPoints - 1);
 }
 
+// On the optical axis, where a point and its mirror image project to the same place.
+TEST(PoseEstimation, doesNotUseAPointBehindTheCamera) {
+  auto observations = pointObservations(Eigen::Isometry3d::Identity(), 0);
+  const auto expected = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  observations.push_back({{0, 0, -5}, Eigen::Vector3d::Zero(), {0, 0}, kObservationSigma});
+  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_FALSE(result.inlier.back());
+  EXPECT_EQ(result.inliers, kPoints);
+  EXPECT_TRUE(result.information.isApprox(expected.information, 1e-9));
+}
+
 TEST(PoseEstimation, reportsWhenThereIsNoPose) {
   EXPECT_EQ(PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), {}).status,
             PoseStatus::kTooFewPoints);

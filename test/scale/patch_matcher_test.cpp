@@ -5,6 +5,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <functional>
+#include <optional>
+#include <utility>
 
 namespace ground_scale_vo::direct {
 namespace {
@@ -73,6 +75,27 @@ class PatchMatcherTest : public testing::Test {
     return values;
   }
 
+  /// Where the reference image shows a sample of the patch.
+  Eigen::Vector2d pixelOf(int sample) const {
+    const Eigen::Vector3f ray(patch_.ray_x[sample], patch_.ray_y[sample], 1);
+    const Eigen::Vector3f y = reference_.R * ray - reference_.t * kPlane.dot(ray);
+    return kCamera.project(y.cast<double>());
+  }
+
+  /// The same values from an image of which only a part is stored; none if samples are outside.
+  std::optional<Samples> valuesInPart(const cv::Rect& roi, const cv::Mat& allowed = {}) const {
+    RoadImage part;
+    part.roi = roi;
+    part.storage = image_.storage(roi).clone();
+    Reference reference = reference_;
+    reference.image = &part;
+    Samples values;
+    if (!PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference, patch_, kPlane, &values)) {
+      return std::nullopt;
+    }
+    return values;
+  }
+
   Match linearised() const {
     Match match;
     matcher_.linearise(reference_, patch_, kPlane, &match);
@@ -130,7 +153,8 @@ TEST_F(PatchMatcherTest, MeasuresTheShiftDespiteOutliers) {
   EXPECT_NEAR(match.correlation, 1, 1e-3f);
   EXPECT_GT(match.variance * information, 0.005f) << "also of an exact match";
   EXPECT_EQ(match.ray.z(), 1);
-  EXPECT_NEAR(match.ray.x(), patch_.ray_x.mean(), 0.03);
+  EXPECT_NEAR(match.ray.x(), patch_.ray_x.mean(), 0.01);
+  EXPECT_NEAR(match.ray.y(), patch_.ray_y.mean(), 0.01);
 
   constexpr float kShift = 0.002f;
   matcher_.measure(reference_, patch_, planeMovedBy(-kShift), &match);
@@ -152,19 +176,96 @@ TEST_F(PatchMatcherTest, MeasuresTheShiftDespiteOutliers) {
             0.5f * std::abs(least_squares - without_outliers));
 }
 
+// All residuals have the same size, so the robust weights do not change their variance.
+TEST_F(PatchMatcherTest, TheVarianceIsThatOfTheResidual) {
+  constexpr float kResidual = 0.5f, kWeight = 0.8f;  // 1 / (1 + 1 / 2^2)
+  constexpr float kLeastVariance = 0.01f;            // of a residual, which is added
+  Match match = linearised();
+  for (int i = 0; i < kPatchSamples; ++i) patch_.value[i] += i % 2 == 0 ? kResidual : -kResidual;
+  matcher_.measure(reference_, patch_, kPlane, &match);
+  ASSERT_TRUE(match.valid);
+  const float information = kWeight * match.jacobian.square().sum();
+  EXPECT_NEAR(match.variance * information, kResidual * kResidual + kLeastVariance, 0.01f);
+}
+
+// Before a surface parallel to the image, gradients keep their direction.
+TEST_F(PatchMatcherTest, NeedsGradientsAlongTheEpipolarLine) {
+  const Eigen::Vector3f surface(0, 0, -0.5f);
+  patch_.ray_x.setConstant(0.5f);
+  patch_.ray_y.setConstant(0);
+  reference_.R.setIdentity();
+  Samples alternating;
+  for (int i = 0; i < kPatchSamples; ++i) alternating[i] = i % 2 == 0 ? 1 : -1;
+  // And the direction of the line.
+  const std::pair<Eigen::Vector3f, Eigen::Vector2f> motions[] = {
+      {{0.4f, 0, 0}, {1, 0}}, {{0, 0.4f, 0}, {0, 1}}, {{0, 0, 2}, {1, 0}}};
+  for (const auto& [t, line] : motions) {
+    setTranslation(t);
+    // constant: of a gradient across the line in all samples, which only changes the mean.
+    const auto isObservable = [&, line = line](float cosine, float constant) {
+      const float sine = std::sqrt(1 - cosine * cosine);
+      patch_.grad_x = alternating * (cosine * line.x() - sine * line.y()) - constant * line.y();
+      patch_.grad_y = alternating * (cosine * line.y() + sine * line.x()) + constant * line.x();
+      Match match;
+      matcher_.linearise(reference_, patch_, surface, &match);
+      return match.observable;
+    };
+    EXPECT_TRUE(isObservable(1, 0)) << t.transpose();
+    EXPECT_TRUE(isObservable(0.25f, 0)) << t.transpose();
+    EXPECT_TRUE(isObservable(0.25f, 5)) << t.transpose();
+    EXPECT_FALSE(isObservable(0.15f, 0)) << t.transpose();
+  }
+}
+
 TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   Samples values;
   cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));
   EXPECT_TRUE(
       PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
-  const Eigen::Vector3f y =
-      reference_.R * Eigen::Vector3f(patch_.ray_x[9], patch_.ray_y[9], 1) -
-      reference_.t * kPlane.dot(Eigen::Vector3f(patch_.ray_x[9], patch_.ray_y[9], 1));
-  const Eigen::Vector2d u = kCamera.project(y.cast<double>());
+  const Eigen::Vector2d u = pixelOf(9);
   allowed.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
   EXPECT_FALSE(
       PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
   setTranslation({0, 0, -4});  // nearer to the road: the patch leaves the image
+  EXPECT_FALSE(matcher_.sample(reference_, patch_, kPlane, &values));
+}
+
+TEST_F(PatchMatcherTest, NeedsThePixelsAroundAllSamplesInTheStoredPart) {
+  Eigen::Vector2d first = pixelOf(0), last = first;
+  for (int i = 1; i < kPatchSamples; ++i) {
+    first = first.cwiseMin(pixelOf(i));
+    last = last.cwiseMax(pixelOf(i));
+  }
+  const cv::Point begin(cvFloor(first.x()), cvFloor(first.y()));
+  const cv::Point end(cvFloor(last.x()) + 2, cvFloor(last.y()) + 2);
+  const auto values = valuesInPart({begin, end});
+  ASSERT_TRUE(values);
+  EXPECT_LT((*values - valuesOf(reference_, kPlane)).abs().maxCoeff(), 0.01f);
+  const cv::Point column(1, 0), row(0, 1);
+  EXPECT_FALSE(valuesInPart({begin + column, end}));
+  EXPECT_FALSE(valuesInPart({begin + row, end}));
+  EXPECT_FALSE(valuesInPart({begin, end - column}));
+  EXPECT_FALSE(valuesInPart({begin, end - row}));
+
+  // The mask is that of the whole image.
+  cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(0));
+  allowed(cv::Rect(begin, end)) = 255;
+  EXPECT_TRUE(valuesInPart({begin, end}, allowed));
+  allowed.at<unsigned char>(cvFloor(pixelOf(9).y()), cvFloor(pixelOf(9).x())) = 0;
+  EXPECT_FALSE(valuesInPart({begin, end}, allowed));
+}
+
+// Seen from twice as far beyond the road, the patch is behind the camera, and its rays, extended
+// backwards, meet the image.
+TEST_F(PatchMatcherTest, UsesNoPointBehindTheReferenceCamera) {
+  const Eigen::Vector3f ray(patch_.ray_x.mean(), patch_.ray_y.mean(), 1);
+  reference_.R.setIdentity();
+  setTranslation(2 * ray / kPlane.dot(ray));
+  for (int i = 0; i < kPatchSamples; ++i) {
+    const Eigen::Vector2d u = pixelOf(i);
+    ASSERT_TRUE(cv::Rect2d(1, 1, kCamera.width - 3, kCamera.height - 3).contains({u.x(), u.y()}));
+  }
+  Samples values;
   EXPECT_FALSE(matcher_.sample(reference_, patch_, kPlane, &values));
 }
 

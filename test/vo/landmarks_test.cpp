@@ -43,7 +43,9 @@ TEST(LandmarkWalk, findsWhatIsThereInAnyOrder) {
   for (const std::uint64_t id : {0, 2, 2, 4, 9, 10, 12, 13, 5, 4, 2, 7, 0, 12}) {
     const Landmark* const found = walk.find(id);
     ASSERT_EQ(found != nullptr, landmarks.find(id) != landmarks.end()) << id;
-    if (found) EXPECT_EQ(found->outlier_count, static_cast<int>(id));
+    if (found) {
+      EXPECT_EQ(found->outlier_count, static_cast<int>(id));
+    }
   }
   const Landmarks none;
   EXPECT_EQ(LandmarkWalk(none).find(1), nullptr);

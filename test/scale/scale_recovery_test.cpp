@@ -663,7 +663,9 @@ TEST(ScaleRecovery, BadOptionsAreNamed) {
 TEST(ScaleNames, AreThoseOfDiagnosticsAndTables) {
   EXPECT_STREQ(toString(ScaleStatus::kHeld), "held");
   EXPECT_STREQ(toString(ScaleReason::kVoNotTracking), "vo_not_tracking");
+  EXPECT_STREQ(toString(ScaleReason::kPlaneTilted), "plane_tilted");
   EXPECT_STREQ(toString(ScaleReason::kRejectedByFilter), "rejected_by_filter");
+  EXPECT_STREQ(toString(ScaleReason::kImplausibleMotion), "implausible_motion");
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ import subprocess
 import bags
 import pytest
 import rosbag
-from conftest import ROOT, TIMEOUT_S
+from conftest import ROOT, TIMEOUT_S, assert_refused
 from geometry_msgs.msg import Point32, Quaternion
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import ChannelFloat32
@@ -262,7 +262,7 @@ def test_a_damaged_bag_is_refused(node, damaged_bag):
 @pytest.mark.parametrize("path, images, info, text", [
     ("", [bags.IMAGE], bags.INFO, "bag:=FILE is missing"),
     ("/there/is/none.bag", [bags.IMAGE], bags.INFO, "there is no bag /there/is/none.bag"),
-    ("my.bag", [bags.IMAGE], bags.INFO, "bag:=my.bag must be an absolute path: bag:=$PWD/my.bag"),
+    ("./a/../my.bag", [bags.IMAGE], bags.INFO, "bag:=./a/../my.bag must be an absolute path: bag:=$PWD/my.bag"),
     (None, ["/none", "/neither"], bags.INFO,
      f"has no topic /none or /neither; its topics with images are {bags.IMAGE}"),
     (None, [bags.IMAGE], "/none", f"has no topic /none; its topics with camera_info are {bags.INFO}"),
@@ -303,3 +303,13 @@ def test_distance_of_the_progress(node, monkeypatch):
         odometry.pose.pose.position.x, odometry.pose.pose.position.y = x, y
         output._on_odometry(odometry)
     assert output._distance_m == pytest.approx(6)
+
+
+@pytest.mark.parametrize("file, text", [
+    ("OLD.bag", "OLD.bag exists already; remove it or record to another file"),
+    ("my.bag", "record:=my.bag must be an absolute path: record:=$PWD/my.bag")])
+def test_bag_recorder_refuses(tmp_path, file, text):
+    old = tmp_path / "old"
+    old.with_suffix(".bag").write_text("old")
+    assert_refused(1, text.replace("OLD", str(old)), ROOT / "nodes/bag_recorder", file.replace("OLD", str(old)))
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]

@@ -173,13 +173,17 @@ class Feeding:
     """A feed_another_vo without a master, and the frames that it publishes."""
 
     def __init__(self, node, monkeypatch):
-        self.node, self.frames = node, []
+        self.node, self.frames, self.warnings = node, [], []
         publisher = type("Publisher", (), {"publish": lambda _, frame: self.frames.append(frame)})()
+        monkeypatch.setattr(node.rospy, "resolve_name", "/cam/{}".format)
+        monkeypatch.setattr(node.rospy, "logwarn_throttle", lambda _, text: self.warnings.append(text))
         monkeypatch.setattr(node.rospy, "get_param", lambda name, default: {"~pixel_sigma": 2.0}.get(name, default))
         monkeypatch.setattr(node.rospy, "Publisher", lambda *_, **__: publisher)
         monkeypatch.setattr(node.rospy, "Subscriber", lambda *_, **__: None)
         self.feeder = node.Feeder()
-        self.feeder._on_camera_info(node.CameraInfo(
+
+    def camera_info(self):
+        self.feeder._on_camera_info(self.node.CameraInfo(
             width=640, height=480, P=[500, 0, 310, 0, 0, 510, 230, 0, 0, 0, 1, 0]))
 
     def odometry(self, second, x=0):
@@ -188,9 +192,9 @@ class Feeding:
         message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1
         self.feeder._on_odometry(message)
 
-    def tracks(self, second):
-        """One point, 10 ahead of the origin of the map."""
-        message = self.node.PointCloud(points=[Point32(0, 0, 10)], channels=[
+    def tracks(self, second, z=10):
+        """One point, ahead of the origin of the map."""
+        message = self.node.PointCloud(points=[Point32(0, 0, z)], channels=[
             ChannelFloat32(name, [value]) for name, value in (("id", 7), ("u", 320), ("v", 240))])
         message.header.stamp.secs = second
         self.feeder._on_tracks(message)
@@ -199,6 +203,7 @@ class Feeding:
 @pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
 def test_oldest_messages_without_a_partner_are_dropped(node, monkeypatch):
     feeding = Feeding(node, monkeypatch)
+    feeding.camera_info()
     for second in range(1, 42):
         feeding.odometry(second)
     feeding.tracks(41)
@@ -213,22 +218,46 @@ def test_oldest_messages_without_a_partner_are_dropped(node, monkeypatch):
 def test_frames_of_another_odometry(node, monkeypatch):
     """The camera moves by 1 to the right between two images."""
     feeding = Feeding(node, monkeypatch)
+    feeding.camera_info()
     for i in range(3):
-        feeding.odometry(i + 1, x=i)
+        feeding.odometry(i + 1, x=i + 1)
         feeding.tracks(i + 1)
     frames = feeding.frames
     assert [(frame.sequence, frame.id, frame.age) for frame in frames] == [(i, [7], [i]) for i in range(3)]
     assert math.isnan(frames[0].depth_sigma[0])
-    assert frames[1].depth_sigma == pytest.approx([10 * 2.0 / (500 * math.atan(0.1))])
+    assert frames[1].depth_sigma == pytest.approx([10 * 2.0 / (500 * (math.atan(0.2) - math.atan(0.1)))])
     last = frames[2]
     assert (last.width, last.height, last.fx, last.fy, last.cx, last.cy) == (640, 480, 500, 510, 310, 230)
-    assert (last.u, last.v, last.x, last.y, last.z) == ([320], [240], [-2], [0], [10])
-    assert (last.status, last.header.frame_id, last.pose.position.x) == (node.VoFrame.TRACKING, "camera", 2)
+    assert (last.u, last.v, last.x, last.y, last.z) == ([320], [240], [-3], [0], [10])
+    assert (last.status, last.header.frame_id, last.pose.position.x) == (node.VoFrame.TRACKING, "camera", 3)
+
+
+@pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
+def test_another_odometry_waits_for_camera_info(node, monkeypatch):
+    feeding = Feeding(node, monkeypatch)
+    feeding.odometry(1)
+    feeding.tracks(1)
+    assert not feeding.frames and feeding.warnings == ["waiting for /cam/camera_info"] * 2
+    feeding.camera_info()
+    feeding.odometry(2)
+    feeding.tracks(2)
+    assert [frame.header.stamp.secs for frame in feeding.frames] == [2] and len(feeding.warnings) == 2
+
+
+@pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
+def test_points_behind_the_camera_have_no_depth(node, monkeypatch):
+    feeding = Feeding(node, monkeypatch)
+    feeding.camera_info()
+    for second in (1, 2):
+        feeding.odometry(second, x=second)
+        feeding.tracks(second, z=-10)
+    assert [math.isnan(frame.depth_sigma[0]) for frame in feeding.frames] == [True, True]
 
 
 @pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
 def test_points_are_sorted_and_in_camera_axes(node, monkeypatch):
     feeding = Feeding(node, monkeypatch)
+    feeding.camera_info()
     odometry = node.Odometry(child_frame_id="camera")
     odometry.header.stamp.secs = 1
     odometry.pose.pose.position = Point32(1, 2, 3)

@@ -261,15 +261,17 @@ def test_points_are_sorted_and_in_camera_axes(node, monkeypatch):
     odometry = node.Odometry(child_frame_id="camera")
     odometry.header.stamp.secs = 1
     odometry.pose.pose.position = Point32(1, 2, 3)
-    odometry.pose.pose.orientation = Quaternion(0.5, 0.5, 0.5, 0.5)  # x to y, y to z, z to x
+    odometry.pose.pose.orientation = Quaternion(0.5, 0.1, 0.7, 0.5)
     feeding.feeder._on_odometry(odometry)
-    tracks = node.PointCloud(points=[Point32(10, 4, 7), Point32(20, 5, 6), Point32(30, 1, 2)], channels=[
+    tracks = node.PointCloud(points=[Point32(2, 2, 3), Point32(1, 3, 3), Point32(1, 2, 4)], channels=[
         ChannelFloat32("id", [9, 7, 8]), ChannelFloat32("u", [1, 2, 3]), ChannelFloat32("v", [4, 5, 6])])
     tracks.header.stamp.secs = 1
     feeding.feeder._on_tracks(tracks)
     frame, = feeding.frames
     assert (list(frame.id), list(frame.u), list(frame.v)) == ([7, 8, 9], [2, 3, 1], [5, 6, 4])
-    assert list(zip(frame.x, frame.y, frame.z)) == [(3, 3, 19), (-1, -1, 29), (2, 4, 9)]
+    # The axes of the map in those of the camera: y, z, x.
+    assert list(zip(frame.x, frame.y, frame.z)) == [
+        pytest.approx(axis) for axis in ((0.8, -0.48, -0.36), (0.6, 0.64, 0.48), (0, -0.6, 0.8))]
 
 
 @pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)

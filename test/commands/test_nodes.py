@@ -89,6 +89,13 @@ def test_heading_of_the_view(node, yaw):
     assert node.heading(camera, True) == pytest.approx(yaw)
 
 
+@pytest.mark.parametrize("node", ["view_frame"], indirect=True)
+def test_height_of_the_camera_on_a_turned_base(node):
+    q = Quaternion(0.5, 0.1, 0.7, 0.5)
+    heights = [node.rotated_z(q, node.Vector3(*axis)) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+    assert heights == pytest.approx([0.6, 0.64, 0.48])
+
+
 class Viewing:
     """A view_frame without a master, and the transforms that it broadcasts."""
 

@@ -138,6 +138,30 @@ TEST(LucasKanade, needsAGradientInEachDirection) {
   EXPECT_FALSE(isFound(0.3)) << "nearly an edge";
 }
 
+// With more contrast each step goes too far, to the other side, and with less it is too short.
+TEST(LucasKanade, findsAPatchOfOtherContrast) {
+  const LucasKanade lucas_kanade(kSide);
+  const auto pyramidOf = [&](double contrast) {
+    cv::Mat image(248, 800, CV_8UC1);
+    for (int v = 0; v < image.rows; ++v) {
+      for (int u = 0; u < image.cols; ++u) {
+        const double grey =
+            std::round(25 * std::cos(0.2 * (u - 400)) + 25 * std::cos(0.2 * (v - 124)));
+        image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(120 + contrast * grey);
+      }
+    }
+    return lucas_kanade.pyramid(image, 0);
+  };
+  const cv::Point2f corner(400, 124);
+  const auto error_px = [&](double contrast, const cv::Point2f& offset) {
+    std::vector<cv::Point2f> points{corner + offset};
+    EXPECT_TRUE(trackAll(lucas_kanade, pyramidOf(1), pyramidOf(contrast), {corner}, 0, &points)[0]);
+    return cv::norm(points[0] - corner);
+  };
+  EXPECT_LT(error_px(2, {0.1f, -0.1f}), 0.05);
+  EXPECT_LT(error_px(0.4, {2, -2}), 0.05);
+}
+
 // Also patches that overlap the border, of every size, at every place of a small image.
 TEST(LucasKanade, tracksEverywhereInAnImage) {
   const cv::Mat image = fullRangeTexture()({100, 100, 61, 37}).clone();

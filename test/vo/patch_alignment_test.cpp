@@ -262,6 +262,10 @@ TEST(PatchWarp, isEmptyForSurfacesSeenEdgeOnOrFromBehind) {
   EXPECT_FALSE(patchWarp(kCamera, {1, 1.65, 10}, test::pose({0, 0, 0}, {0, 0, -11}),
                          PatchSurface::kFrontoParallel))
       << "behind the current camera";
+  // The line of sight two pixels below meets the surface, which is above the camera, behind it.
+  const PinholeCamera wide_angle{160, 120, 50, 50, 80, 60};
+  EXPECT_FALSE(patchWarp(wide_angle, {0, -0.25, 10}, test::pose({0, 0, 0}, {0, 0, 20}),
+                         PatchSurface::kFloor));
 }
 
 TEST(PatchWarp, isEmptyForLargeChangesOfSize) {

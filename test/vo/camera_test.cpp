@@ -55,6 +55,9 @@ TEST(Camera, rejectsInvalidIntrinsics) {
   camera = testCamera();
   camera.width = 0;
   EXPECT_THROW(camera.validate(), OptionError);
+  camera = testCamera();
+  camera.height = 0;
+  EXPECT_THROW(camera.validate(), OptionError);
 }
 
 }  // namespace

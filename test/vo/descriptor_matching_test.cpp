@@ -50,6 +50,8 @@ TEST(DescriptorMatching, MatchesAreWithinTheRadiusOfTheirCentres) {
   };
   EXPECT_EQ(matchesAround(kPoint + cv::Point2f(0, 9.9f)), 1u);
   EXPECT_EQ(matchesAround(kPoint + cv::Point2f(0, 10.1f)), 0u);
+  const Descriptors two(image, {kPoint, {100, 60}});
+  EXPECT_EQ(matchDescriptors(two, two, {two.points(), 10}).size(), 2u);
 }
 
 TEST(DescriptorMatching, MatchesPointsOfAnotherSize) {

@@ -209,6 +209,11 @@ TEST(FeatureTracker, findsNoCornersWhosePatchTouchesTheMask) {
   EXPECT_GT(near(all), 80);
   EXPECT_EQ(near(allowed), 0);
   EXPECT_GT(allowed.size(), all.size() - static_cast<std::size_t>(near(all)) - 30);
+  FeatureTracker::Options large_patches;
+  large_patches.window_px = 21;
+  for (const cv::Point2f& u : detect(FeatureTracker(large_patches, mask), image, {})) {
+    EXPECT_GT(distanceFrom(region, u), 10);
+  }
   // One masked pixel is enough, and any value but 0 is scene.
   mask.setTo(1);
   mask.at<unsigned char>(90, 400) = 0;

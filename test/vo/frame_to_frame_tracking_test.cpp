@@ -107,6 +107,12 @@ TEST(FrameToFrameTracking, AtAStandstillTheImageIsKept) {
   EXPECT_NEAR(sinceImage(), 0.1, 1e-12);
   EXPECT_EQ(tracking.features().front().age, 0u);
 
+  // Noise moves the features by less than a quarter of a pixel.
+  std::vector<Feature> noisy = track(tracking, movedScene(0));
+  for (Feature& feature : noisy) feature.u.x() += 0.2;
+  tracking.advanceUnlessStandstill(tracking.pyramid(movedScene(0)), kStamp + kPeriod, noisy);
+  EXPECT_NEAR(sinceImage(), 0.1, 1e-12);
+
   // An object covers half of the image, and the other half does not move.
   std::vector<Feature> half = track(tracking, movedScene(0));
   half.resize(half.size() / 2);

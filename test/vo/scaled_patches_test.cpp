@@ -99,5 +99,11 @@ TEST(ScaledPatches, MaskedPixelsHaveTheLeastCorrelation) {
   EXPECT_TRUE(patches.correlate(kPixel - Eigen::Vector2d(20, 0), 0, &region).empty());
 }
 
+TEST(ScaledPatches, AnyValueOfTheMaskButZeroIsScene) {
+  const cv::Mat image = patchTexture(1), scene(kSize, CV_8UC1, cv::Scalar(1));
+  const ScaledPatches patches(kCamera, image, image, scene, kCamera.width / 2.0);
+  EXPECT_FALSE(patches.isMasked({200, 60}));
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

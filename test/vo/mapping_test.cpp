@@ -71,6 +71,17 @@ TEST(Mapping, AKeyframeIsNeededForParallaxOrFewTrackedFeatures) {
   EXPECT_FALSE(isNeeded(Eigen::Isometry3d::Identity(), 130));
 }
 
+TEST(Mapping, ParallaxIsThatOfFeaturesInTheLastKeyframe) {
+  const auto points = test::farPoints(200);
+  Mapping mapping(kCamera, {});
+  mapping.map().addKeyframe(keyframePose(0), test::observe(points, keyframePose(0)));
+  auto corners = test::observe(points, keyframePose(10));
+  corners.resize(40);
+  mapping.map().addKeyframe(keyframePose(10), corners);
+  // The other features have moved since keyframe 0.
+  EXPECT_FALSE(mapping.needsKeyframe(keyframePose(10), featuresOf(points, keyframePose(10))));
+}
+
 TEST(Mapping, TheCorrectionMovesThePoseOfTheNewestKeyframe) {
   const auto points = test::farPoints(150);
   Mapping mapping(kCamera, {});
@@ -81,6 +92,8 @@ TEST(Mapping, TheCorrectionMovesThePoseOfTheNewestKeyframe) {
   mapping.addKeyframe(disturbed, featuresOf(points, keyframePose(5)), blankImage(), &times);
   const auto correction = mapping.takeAdjustedMap(&times);
   ASSERT_TRUE(correction);
+  EXPECT_GT(times.bundle_adjustment, 0);
+  EXPECT_GT(times.adjustment_wait, 0);
   const Eigen::Isometry3d adjusted = mapping.map().keyframes().back().T_w_c;
   EXPECT_GT(test::angleBetween(adjusted, disturbed), 0.003);
   EXPECT_TRUE((*correction * disturbed).isApprox(adjusted, 1e-9));
@@ -163,6 +176,27 @@ TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
   EXPECT_TRUE(mapping.map().keyframes().back().has_parallax);
 }
 
+// After a gap of the images, for example. The next keyframe must not replace it.
+TEST(Mapping, AKeyframeWithoutKnownFeaturesIsNotAtThePlaceOfTheLast) {
+  const auto points = test::farPoints(150);
+  Mapping mapping(kCamera, {});
+  VisualOdometry::Times times;
+  addKeyframes(points, 4, &mapping);
+  std::vector<Feature> others = featuresOf(points, keyframePose(8));
+  for (Feature& feature : others) feature.id += 1000;
+  mapping.addKeyframe(keyframePose(8), others, blankImage(), &times);
+  mapping.takeAdjustedMap(&times);
+  EXPECT_TRUE(mapping.map().keyframes().back().has_parallax);
+}
+
+TEST(Mapping, AnAdjustmentOfTooFewLandmarksIsNotUsable) {
+  Mapping mapping(kCamera, {});
+  addKeyframes(test::farPoints(150), 3, &mapping);
+  EXPECT_TRUE(mapping.adjustNow());
+  mapping.map().clear();
+  EXPECT_FALSE(mapping.adjustNow());
+}
+
 TEST(MapInitialisation, ContinuesWithEnoughOfTheFirstFeaturesForABoundedTime) {
   const VisualOdometry::Options options;
   MapInitialisation initialisation(kCamera, options);
@@ -209,6 +243,7 @@ TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
   std::vector<double> depths, true_depths;
   for (const auto& [id, landmark] : mapping.map().landmarks()) {
     if (!landmark.depth) continue;
+    EXPECT_GT(landmark.depth->sigma, 0);
     depths.push_back(1 / landmark.depth->value);
     true_depths.push_back(points[id].z());
   }
@@ -223,6 +258,22 @@ TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
   EXPECT_EQ(two.exposure, 0.7);
   EXPECT_EQ(one.image.at<unsigned char>(0, 0), 100);
   EXPECT_EQ(two.image.at<unsigned char>(0, 0), 70);
+}
+
+// The features of a frame between the first and the newest are wrong, so it has no pose.
+TEST(MapInitialisation, StartsNoMapInWhichAFrameHasNoPose) {
+  const auto points = test::randomPoints(300, 3);
+  MapInitialisation initialisation(kCamera, {});
+  Mapping mapping(kCamera, {});
+  initialisation.restart(0, 1000, featuresOf(points, Eigen::Isometry3d::Identity()),
+                         blankImage().image);
+  initialisation.addFrame(1, 2000,
+                          featuresOf(test::randomPoints(300, 4), Eigen::Isometry3d::Identity()));
+  const auto newest = featuresOf(points, pose({0, 0.02, 0}, {0.3, 0, 1.5}));
+  initialisation.addFrame(2, 3000, newest);
+  EXPECT_FALSE(initialisation.tryStartMap(newest, blankImage(), &mapping));
+  EXPECT_TRUE(mapping.map().keyframes().empty());
+  EXPECT_TRUE(initialisation.canContinueWith(newest.size()));
 }
 
 TEST(MapInitialisation, NeedsParallaxAsItsOptionsSay) {

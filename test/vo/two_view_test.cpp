@@ -179,6 +179,15 @@ TEST(TwoView, needsTheMinimumParallax) {
   EXPECT_EQ(result.status, TwoViewStatus::kTooLittleParallax);
 }
 
+TEST(TwoView, outliersHaveNoParallax) {
+  Views views = project(randomPoints(400, 17), pose({0, 0.02, 0}, {0, 0, -0.6}), 0.1);
+  for (std::size_t i = 0; i < views.u2.size(); ++i) {
+    if (i % 5 < 2) views.u2[i] += Eigen::Vector2d(0, i % 2 == 0 ? 60 : -60);
+  }
+  const auto result = TwoView({}).estimate(testCamera(), views.u1, views.u2);
+  EXPECT_EQ(result.status, TwoViewStatus::kTooLittleParallax);
+}
+
 TEST(TwoView, theRotationOfPointsOnOneLineIsNoReflection) {
   const Eigen::Isometry3d T_2_1 = pose({0, 0.06, 0}, {0, 0, 0});
   for (int row = 99; row < 140; row += 4) {

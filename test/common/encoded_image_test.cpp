@@ -65,6 +65,9 @@ TEST(EncodedImage, IsDecodedOnlyIfItIsWholeAndOfAPlausibleSize) {
     EXPECT_EQ(refusal(jpeg), "states 32514 x 32515 pixels, more than are plausible");
   }
   EXPECT_EQ(refusal("\xff\xd8\xff\xd9"s), "states no image size");
+  std::string flat = kPng;
+  flat[23] = 0;  // the least significant byte of the height
+  EXPECT_EQ(refusal(flat), "states no image size");
   std::string huge = kPng;
   huge[16] = huge[20] = '\x7f';  // the most significant bytes of width and height
   EXPECT_EQ(refusal(huge), "states 2130706690 x 2130706435 pixels, more than are plausible");

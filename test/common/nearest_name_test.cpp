@@ -20,6 +20,7 @@ TEST(NearestName, FindsTheNearestAndNoneForAnUnrelatedName) {
   EXPECT_EQ(nearestName("odom_fram", known), "odom_frame");
   EXPECT_EQ(nearestName("camera_hieght", known), "camera_height");
   EXPECT_EQ(nearestName("xyz", known), "");
+  EXPECT_EQ(nearestName("gate", {"rate", "date"}), "rate") << "the first of equals";
 }
 
 }  // namespace

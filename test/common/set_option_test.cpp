@@ -65,6 +65,12 @@ TEST(SetOption, ErrorsNameTheOption) {
   EXPECT_EQ(errorOf("refine=1"), "refine is '1', it must be true or false");
 }
 
+TEST(SetOption, TheBoundsOfARangeBelongToIt) {
+  for (const char* bound : {"0.001", "1"}) {
+    EXPECT_EQ(errorOf(std::string("direct/patch_size=") + bound), "");
+  }
+}
+
 TEST(VisitAllParameters, NamesAreUnique) {
   MetricOdometry::Options options;
   std::set<std::string> names;

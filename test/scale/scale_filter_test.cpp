@@ -365,6 +365,14 @@ TEST(ScaleFilter, OutliersThatDisagreeDoNotRestart) {
   }
 }
 
+TEST(ScaleFilter, EarlierOutliersDoNotPreventARestart) {
+  ScaleFilter filter({});
+  drive(&filter, 100, 0.8, 0.02);
+  for (const double outlier : {0.4, 2.0}) drive(&filter, 1, outlier, 0.02);
+  drive(&filter, 40, 1.2, 0.02);
+  EXPECT_NEAR(filter.height(), 1.2, 0.01);
+}
+
 TEST(ScaleFilter, UnusableMeasurementsAreIgnored) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();

@@ -264,6 +264,20 @@ TEST(DirectPlaneEstimator, TheEngineHoodIsDetectedAndMasked) {
             drive(scene, scene.height, 2, hood).patches - 10);
 }
 
+// The distance over which it is learned is in camera heights.
+TEST(DirectPlaneEstimator, TheEngineHoodIsMaskedInAnyUnit) {
+  const auto patchesIn = [](double unit) {
+    RoadScene scene = nearRoad();
+    scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
+    scene.height *= unit;
+    scene.step *= unit;
+    DirectPlaneEstimator estimator({});
+    return drive(&estimator, scene, scene.height, 20, staticRegion({0, 170, 620, 70})).patches;
+  };
+  const int patches = patchesIn(1);
+  for (const double unit : {0.01, 100.0}) EXPECT_NEAR(patchesIn(unit), patches, 8) << unit;
+}
+
 TEST(DirectPlaneEstimator, TheSearchDoesNotUseTheEngineHood) {
   RoadScene scene = nearRoad();
   scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
@@ -567,6 +581,19 @@ TEST(DirectPlaneEstimator, EachLimitRejectsAPlane) {
   EXPECT_EQ(statusWith([](Options* o) { o->search_min_peak_margin = 2; }), ScaleReason::kNoPlane);
 }
 
+TEST(DirectPlaneEstimator, TheReportedNumberOfPatchesIsTheOneWithALimit) {
+  const RoadScene scene = nearRoad();
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  const double predicted = 1.04 * scene.height;
+  DirectPlaneEstimator::Options options;
+  const int patches = estimateWith(options, scene, images, prior, predicted).patches;
+  options.min_patches = 8 * patches / 10;
+  EXPECT_EQ(estimateWith(options, scene, images, prior, predicted).status, ScaleReason::kNone);
+  options.min_patches = 12 * patches / 10;
+  EXPECT_EQ(estimateWith(options, scene, images, prior, predicted).status, ScaleReason::kNoPlane);
+}
+
 // The poses of the older reference image are wrong, so the search finds another height with it.
 TEST(DirectPlaneEstimator, ASearchWhoseHeightsDisagreeIsRejected) {
   const RoadScene scene = nearRoad();
@@ -698,6 +725,11 @@ TEST(DirectPlaneEstimator, ANewCameraAndANewMaskAreUsed) {
     others.push_back(scene.camera);
     others.back().*parameter += 5;
   }
+  // Smaller by a part of the lane.
+  others.push_back(scene.camera);
+  others.back().width = 380;
+  others.push_back(scene.camera);
+  others.back().height = 150;
   const std::vector<cv::Mat> images = imagesOf(scene, 4);
   const NormalPrior prior = priorOf(scene, kPriorSigma);
   const double predicted = 1.03 * scene.height;

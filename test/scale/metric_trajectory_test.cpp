@@ -121,6 +121,11 @@ TEST(MetricTrajectory, AMapCountsFromItsFirstFrameWhenThatWasSeen) {
   const auto pose = known_start.append(tracking, scaleOf(2));
   EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 6);
   EXPECT_NEAR(pose->twist_c(2), 20, 1e-9);  // 6 m since frame 4
+  // That is the first frame of all, too.
+  MetricTrajectory first_frame({});
+  initialising.stamp_ns = tracking.map_start.stamp_ns;
+  first_frame.append(initialising, {});
+  EXPECT_DOUBLE_EQ(first_frame.append(tracking, scaleOf(2))->T_o_c.translation().z(), 6);
 }
 
 TEST(MetricTrajectory, FirstMapHasTheAxesOfTheFirstImage) {
@@ -195,6 +200,13 @@ TEST(MetricTrajectory, AppendsNothingWithoutAPose) {
   VoFrame lost = frameAt(1, straight(99));
   lost.status = VoStatus::kLost;
   EXPECT_FALSE(trajectory.append(lost, scaleOf(2)).has_value());
+  // Poses that the scale estimate did not use.
+  for (const ScaleReason reason : {ScaleReason::kVoNotTracking, ScaleReason::kImplausibleMotion}) {
+    ScaleEstimate held = scaleOf(2);
+    held.status = ScaleStatus::kHeld;
+    held.reason = reason;
+    EXPECT_FALSE(trajectory.append(frameAt(1, straight(99)), held).has_value());
+  }
   EXPECT_DOUBLE_EQ(trajectory.append(frameAt(2, straight(1)), scaleOf(2))->T_o_c.translation().z(),
                    2);
 }

@@ -60,6 +60,25 @@ TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {
   EXPECT_NEAR(distanceOf(references[1]), 4, 0.25);
 }
 
+// Behind a vehicle that hides the road for a while.
+TEST(ImageBuffer, ImagesWithoutRoadAreNotKept) {
+  ImageBuffer buffer = drive(10, 0.5);
+  for (int i = 10; i < 24; ++i) {
+    buffer.keepCurrent(kBufferHeight);
+    buffer.current().roi = {};
+    buffer.current().T_w_c.translation() = Eigen::Vector3d(0, 0, 0.5 * i);
+  }
+  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
+  ASSERT_EQ(references.size(), 2u);
+  EXPECT_NEAR(distanceOf(references[0]), 0.5 * (23 - 9), 1e-6);
+}
+
+// At more than eight first baselines an image shows the road in another resolution.
+TEST(ImageBuffer, ADistantImageIsNoReference) {
+  EXPECT_EQ(drive(2, 7.5 * kBaseline * kBufferHeight).selectReferences(kBufferHeight).size(), 1u);
+  EXPECT_TRUE(drive(2, 8.5 * kBaseline * kBufferHeight).selectReferences(kBufferHeight).empty());
+}
+
 TEST(ImageBuffer, ClearDropsTheKeptImages) {
   ImageBuffer buffer = drive(10, 0.5);
   EXPECT_FALSE(buffer.empty());

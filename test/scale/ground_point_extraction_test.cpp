@@ -153,6 +153,15 @@ TEST(GroundPointExtraction, TheRegionBeginsAtItsMinimumDistance) {
   for (const GroundPoint& point : result.points) EXPECT_GT(point.p_c.z(), 5.9 * scene.height);
 }
 
+TEST(GroundPointExtraction, TheRegionEndsAtItsMaximumDistance) {
+  const RoadScene scene = roadAhead();
+  GroundPointExtraction::Options options;
+  options.max_ahead_heights = 8;
+  const auto result = extract(scene, scene.frame(0), options);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  for (const GroundPoint& point : result.points) EXPECT_LT(point.p_c.z(), 8.1 * scene.height);
+}
+
 TEST(GroundPointExtraction, PlaneAboveOrBehindTheCameraIsNoGround) {
   RoadScene scene;
   scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, -2.0, 1);  // a ceiling

@@ -76,6 +76,33 @@ TEST(ScaleRecovery, WorksInAnyUnitAndMountingWithinTheLimits) {
   }
 }
 
+// A camera that faces backwards and vibrates: the height is that of an earlier camera of the path,
+// and the direction of motion depends on the length over which it is averaged.
+TEST(ScaleRecovery, IsTheSameInAnyUnit) {
+  const auto run = [](double unit) {
+    RoadScene scene;
+    scene.addPatch(4000, -1.5, 1.5, -40, 40, 0, 1);
+    for (auto& point : scene.points) point *= unit;
+    scene.height *= unit;
+    scene.step *= -unit;
+    ScaleRecovery recovery(recoveryOptions());
+    ScaleRecovery::Output output;
+    for (std::uint32_t i = 0; i < 40; ++i) {
+      VoFrame frame = scene.frame(i);
+      frame.T_w_c.translation().y() += 0.01 * unit * (i % 2);
+      output = recovery.process(frame);
+    }
+    return output;
+  };
+  const auto expected = run(1), output = run(256);  // 256: the same rounding
+  ASSERT_EQ(expected.scale.status, ScaleStatus::kOk);
+  EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
+  EXPECT_NEAR(256 * output.scale.scale / expected.scale.scale, 1, 1e-6);
+  EXPECT_NEAR(256 * output.scale.sigma / expected.scale.sigma, 1, 1e-6);
+  EXPECT_NEAR(output.feature_based.road_distance / expected.feature_based.road_distance, 256, 1e-3);
+  EXPECT_NEAR(output.mounting_pitch, expected.mounting_pitch, 1e-6);
+}
+
 /// Pitch, roll and yaw of the mounting [rad].
 class ScaleRecoveryMounting : public testing::TestWithParam<std::tuple<double, double, double>> {
  protected:
@@ -661,8 +688,15 @@ TEST(ScaleRecovery, BadOptionsAreNamed) {
 }
 
 TEST(ScaleNames, AreThoseOfDiagnosticsAndTables) {
+  EXPECT_STREQ(toString(ScaleStatus::kUnknown), "unknown");
+  EXPECT_STREQ(toString(ScaleStatus::kOk), "ok");
   EXPECT_STREQ(toString(ScaleStatus::kHeld), "held");
+  EXPECT_STREQ(toString(ScaleReason::kNone), "none");
   EXPECT_STREQ(toString(ScaleReason::kVoNotTracking), "vo_not_tracking");
+  EXPECT_STREQ(toString(ScaleReason::kStandstill), "standstill");
+  EXPECT_STREQ(toString(ScaleReason::kTooFewTriangles), "too_few_triangles");
+  EXPECT_STREQ(toString(ScaleReason::kTooFewGroundPoints), "too_few_ground_points");
+  EXPECT_STREQ(toString(ScaleReason::kNoPlane), "no_plane");
   EXPECT_STREQ(toString(ScaleReason::kPlaneTilted), "plane_tilted");
   EXPECT_STREQ(toString(ScaleReason::kRejectedByFilter), "rejected_by_filter");
   EXPECT_STREQ(toString(ScaleReason::kImplausibleMotion), "implausible_motion");

@@ -128,6 +128,18 @@ TEST(MetricTrajectory, AMapCountsFromItsFirstFrameWhenThatWasSeen) {
   EXPECT_DOUBLE_EQ(first_frame.append(tracking, scaleOf(2))->T_o_c.translation().z(), 6);
 }
 
+// Without MapStart the world frame of a map is known only if its initialisation was seen.
+TEST(MetricTrajectory, TheInitialisationOfAnotherMapDoesNotCount) {
+  VoFrame initialising = frameAt(0, straight(0), 0);
+  initialising.status = VoStatus::kInitialising;
+  for (const std::uint32_t map_id : {0u, 1u}) {
+    MetricTrajectory trajectory({});
+    trajectory.append(initialising, {});
+    const auto pose = trajectory.append(frameAt(7, straight(3), map_id), scaleOf(2));
+    EXPECT_DOUBLE_EQ(pose->distance, map_id == 0 ? 6 : 0);
+  }
+}
+
 TEST(MetricTrajectory, FirstMapHasTheAxesOfTheFirstImage) {
   VoFrame initialising = frameAt(0, straight(0));
   initialising.status = VoStatus::kInitialising;

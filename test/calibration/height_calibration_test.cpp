@@ -40,6 +40,7 @@ struct Script {
   int held_from = 0, held_to = 0;  // the scale is held, with a wrong plane
   int lost_from = 0, lost_to = 0;
   int initialised_at = 0;         // frames before it have no pose
+  int scaled_at = 0;              // frames before it have no scale
   double first_sigma = 0.01;      // of the scale, in the first 10 frames; 0.01 in the others
   double scale_noise = 0;         // of the length of one step, relative
   double noise_correlation = 20;  // of the scale noise [frames]
@@ -94,6 +95,7 @@ ScriptedDrive drive(const Script& script) {
                          -std::cos(roll) * std::sin(pitch)};
       scale.pose.emplace();
       scale.pose->T_o_c.translation() = measured;
+      if (i < script.scaled_at) scale = {};
     }
     vo.frame.map_id = map;
     result.record.append(vo, scale);
@@ -312,6 +314,15 @@ TEST(HeightCalibration, AfterATrackingLossOnlyPositionsGiveAHeight) {
   for (const auto& segment : sparse.segments) {
     EXPECT_TRUE(segment.to_ns <= 180 * kPeriodNs || segment.from_ns >= 210 * kPeriodNs);
   }
+}
+
+TEST(HeightCalibration, DistanceInAnEarlierMapWithoutAScaleIsUnknown) {
+  Script script;
+  script.lost_from = 90;
+  script.lost_to = script.scaled_at = 100;
+  const Result result = byLength(drive(script));
+  EXPECT_EQ(result.status, Status::kBroken);
+  EXPECT_NE(result.reason.find("lost at or before frame 100"), std::string::npos) << result.reason;
 }
 
 TEST(HeightCalibration, DistanceBeforeTheInitialisationIsUnknown) {

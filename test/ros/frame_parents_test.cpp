@@ -38,6 +38,14 @@ TEST(FrameParents, ForgetsAParentThatIsNotBroadcastAnyMore) {
   EXPECT_EQ(parents.otherParent("camera", "odom", kNow + std::chrono::milliseconds(5100)), "");
 }
 
+TEST(FrameParents, RemembersAParentWhileItIsBroadcast) {
+  FrameParents parents;
+  for (const int second : {0, 4, 8}) {
+    parents.add(transform("world", "camera"), false, kNow + std::chrono::seconds(second));
+  }
+  EXPECT_EQ(parents.otherParent("camera", "odom", kNow + std::chrono::seconds(12)), "world");
+}
+
 TEST(FrameParents, ACycleEnds) {
   FrameParents parents;
   parents.add(transform("a", "b"), true, kNow);

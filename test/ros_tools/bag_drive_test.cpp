@@ -160,6 +160,13 @@ TEST_F(BagDrives, RejectImagesWhoseStampGoesBack) {
   EXPECT_NE(drive.first_rejection, "");
 }
 
+TEST_F(BagDrives, RejectAnImageWhoseStampIsFarAheadOfTheNextOne) {
+  const BagDrive drive = run({10, 11, 5000, 12}, {});
+  ASSERT_EQ(drive.record.frames().size(), 3u);
+  EXPECT_EQ(drive.record.frames()[2].stamp_ns, 12000000000);
+  EXPECT_EQ(drive.rejected_images, 1u);
+}
+
 TEST_F(BagDrives, SayWhenABagIsEmpty) {
   EXPECT_EQ(errorWithoutImages({}), "the bag /drive.bag has no images on /none; it holds nothing");
 }

@@ -96,6 +96,20 @@ TEST(RectificationCheck, FindsRawImagesThatAreTakenForRectified) {
   EXPECT_NE(contradiction(same_P, true, "/image"), "");
 }
 
+TEST(RectificationCheck, TheNamespaceOfTheTopicSaysNothingAboutTheImages) {
+  EXPECT_EQ(contradiction(rawCamera(kBarrel, 0), false, "/robot/rectangle/image_raw"), "");
+  EXPECT_EQ(contradiction(rawCamera(kBarrel, 0), true, "/robot/raw/image_rect/compressed"), "");
+}
+
+// The rectified images of a stereo camera may keep the principal point of the raw ones.
+TEST(RectificationCheck, AcceptsRectifiedImagesWithThePrincipalPointOfK) {
+  sensor_msgs::CameraInfo info = rawCamera(kBarrel, 0);
+  info.P[2] = info.K[2];
+  info.P[6] = info.K[5];
+  ASSERT_NE(info.P[0], info.K[0]);
+  EXPECT_EQ(contradiction(info, true, "/image"), "");
+}
+
 TEST(RectificationCheck, OnlyAnImpossiblePIsCertain) {
   const auto is_certain = [](const sensor_msgs::CameraInfo& info, bool image_is_rectified,
                              const std::string& topic) {

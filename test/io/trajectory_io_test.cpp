@@ -95,6 +95,12 @@ TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {
   }
 }
 
+TEST_F(TrajectoryIo, ARoundedQuaternionIsARotation) {
+  const auto file = write("rounded.txt", "1.5 1 2 3 0 0.71 0 0.71\n");
+  const Eigen::Matrix3d R = readTumTrajectory(file).front().T_a_b.linear();
+  EXPECT_TRUE((R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), 1e-14));
+}
+
 TEST_F(TrajectoryIo, TumSkipsCommentsAndRejectsABadQuaternion) {
   const auto good = write("good.txt", "# stamp tx ty tz qx qy qz qw\n1.5 1 2 3 0 0 0 1\n");
   EXPECT_EQ(readTumTrajectory(good).size(), 1u);

@@ -139,6 +139,17 @@ TEST(VoFrameMsg, RefusesInvalidMessages) {
   EXPECT_NO_THROW(fromMsg(msg));
 }
 
+TEST(VoFrameMsg, ARoundedQuaternionIsARotation) {
+  const VoFrame frame = someFrame();
+  VoFrameMsg msg = *toMsg(frame, headerOf(frame));
+  for (auto* q : {&msg.pose.orientation, &msg.map_start_rotation}) {
+    for (double* element : {&q->x, &q->y, &q->z, &q->w}) *element *= 1.005;
+  }
+  const VoFrame back = fromMsg(msg);
+  EXPECT_LT((back.T_w_c.linear() - frame.T_w_c.linear()).norm(), 1e-12);
+  EXPECT_LT((back.map_start.R_previous_w - frame.map_start.R_previous_w).norm(), 1e-12);
+}
+
 TEST(VoFrameMsg, MapStartMayBeUnknown) {
   const VoFrame frame = someFrame();
   const VoFrameMsg good = *toMsg(frame, headerOf(frame));

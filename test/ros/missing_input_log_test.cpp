@@ -52,5 +52,12 @@ TEST_F(MissingInputLogTest, ABagThatIsPausedOrHasEndedIsNotReported) {
   EXPECT_EQ(due(101, silent("image")), "no image");
 }
 
+TEST_F(MissingInputLogTest, AClockRunsIfItHasAdvancedSinceTheLastCall) {
+  EXPECT_EQ(log_.due(std::nullopt, ros::Time(5)), "");
+  EXPECT_EQ(log_.due(silent("image"), ros::Time(5)), "");
+  EXPECT_EQ(log_.due(silent("image"), ros::Time(5)), "");
+  EXPECT_EQ(log_.due(silent("image"), ros::Time(6)), "no image");
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

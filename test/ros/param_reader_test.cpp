@@ -83,6 +83,15 @@ TEST(ParamReader, FramesMustDiffer) {
   EXPECT_NE(refusal(tree).find("must differ"), std::string::npos);
 }
 
+TEST(ParamReader, TheFixedFrameMustHaveAName) {
+  for (const char* name : {"", "/"}) {
+    XmlRpcValue tree;
+    tree["camera_height"] = 1.65;
+    tree["odom_frame"] = name;
+    EXPECT_EQ(refusal(tree), "parameter odom_frame is empty") << name;
+  }
+}
+
 TEST(ParamReader, RemovesTheLeadingSlashOfAFrameName) {
   XmlRpcValue tree;
   tree["camera_height"] = 1.65;

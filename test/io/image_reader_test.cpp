@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/io/process_usage.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -38,6 +39,14 @@ TEST(ImageReader, ReadsOnTheCallersThreadUnlessAhead) {
     reader.next();
     EXPECT_EQ(thread == std::this_thread::get_id(), !ahead);
   }
+}
+
+TEST(ImageReader, TheProcessorTimeIsThatOfOneImage) {
+  const double end = threadCpuMs() + 50;
+  while (threadCpuMs() < end) {
+  }
+  ImageReader reader(1, numbered, false);  // on this thread
+  EXPECT_LT(reader.next().decode_cpu_ms, 50);
 }
 
 TEST(ImageReader, ReadsEachImageOnceAndNoneBeyondTheLast) {

@@ -398,6 +398,12 @@ TEST_F(KittiSequenceTest, RefusesBadRawGroundTruth) {
   EXPECT_EQ(errorOf(drive),
             "/2011_09_26/drive_0001_sync/oxts/data/0000000001.txt, line 1: has 7 numbers instead "
             "of 30");
+  std::string zeros;
+  for (int i = 0; i < 28; ++i) zeros += " 0";
+  write("2011_09_26/drive_0001_sync/oxts/data/0000000001.txt", "91 8" + zeros + "\n");
+  EXPECT_EQ(errorOf(drive),
+            "/2011_09_26/drive_0001_sync/oxts/data/0000000001.txt, line 1: its latitude is not "
+            "between -90 and 90 degrees");
   fs::remove(oxts);
   EXPECT_EQ(errorOf(drive), "/2011_09_26/drive_0001_sync: has 1 ground truth poses for 2 images");
   write("2011_09_26/calib_velo_to_cam.txt", "R: 0 0 0 0 0 0 0 0 0\nT: 0 0 0\n");

@@ -26,6 +26,15 @@ TEST(GroundTruthTf, FindsTheGroundTruthFrameOfKittiToBag) {
   EXPECT_DOUBLE_EQ(pose->translation().x(), 5);
 }
 
+TEST(GroundTruthTf, IsNotThePoseThatTheOdometryBroadcasts) {
+  GroundTruthTf ground_truth;
+  ground_truth.add(transform("odom", "camera", 1, 4), false);
+  ground_truth.add(transform("ground_truth", "ground_truth/camera", 1, 5), false);
+  const auto pose = ground_truth.pose("/camera", ros::Time(1));
+  ASSERT_TRUE(pose);
+  EXPECT_DOUBLE_EQ(pose->translation().x(), 5);
+}
+
 TEST(GroundTruthTf, FindsTheFrameItselfAsKitti2bagWritesIt) {
   GroundTruthTf ground_truth;
   ground_truth.add(transform("/camera_init", "/camera_gray_left", 1, 5), false);

@@ -112,6 +112,14 @@ TEST(StampGuard, WorksWithImagesAtLongIntervals) {
   EXPECT_EQ(always.check(ros::Time(10.3)), Verdict::kAccept);
 }
 
+TEST(StampGuard, AJumpBackAfterTheFirstOfImagesAtLongIntervalsIsAccepted) {
+  StampGuard guard(1.0);
+  EXPECT_EQ(guard.check(ros::Time(100)), Verdict::kAccept);
+  EXPECT_EQ(guard.check(ros::Time(10)), Verdict::kHold);
+  EXPECT_EQ(guard.check(ros::Time(14)), Verdict::kJumpedBack);
+  EXPECT_EQ(guard.check(ros::Time(18)), Verdict::kAccept);
+}
+
 TEST(StampGuard, DropsBackwardStampsIfItMayNotJumpBack) {
   StampGuard guard(1.0, false);
   EXPECT_EQ(guard.check(ros::Time(10.0)), Verdict::kAccept);
@@ -175,6 +183,8 @@ TEST(SequenceCheck, CountsMissingFramesAndReportsNumbersThatCountNothing) {
             "sequence of vo/frame jumps from 0 to 4294967295: it must count the images");
   for (int i = 0; i < 3; ++i) check.add(kMost);
   EXPECT_NE(check.error().find("sequence is 4294967295 in two vo"), std::string::npos);
+  check.add(0);
+  EXPECT_EQ(check.error(), "") << "the next number is valid";
   EXPECT_EQ(check.missing(), 2u);
 }
 
@@ -233,6 +243,8 @@ TEST(MapNumbering, TheRotationToTheFirstMapAfterARestartIsUnknown) {
   EXPECT_EQ(rotationSigma(&numbering, 9, 0), kUnknown);
   EXPECT_EQ(rotationSigma(&numbering, 10, 1), 0.01);
   EXPECT_EQ(rotationSigma(&numbering, 0, 0), kUnknown);
+  EXPECT_EQ(rotationSigma(&numbering, 7, 3), 0.01);
+  EXPECT_EQ(rotationSigma(&numbering, 5, 2), kUnknown) << "its maps 0 and 1 were not received";
   numbering.startTrajectory();
   EXPECT_EQ(rotationSigma(&numbering, 1, 0), 0.01);
 }
@@ -276,6 +288,15 @@ TEST(BoundedPath, StaysBoundedAndCoversTheWholeDrive) {
   geometry_msgs::PoseStamped beside = poseAt(0.6);
   beside.pose.position.y = -0.6;
   EXPECT_TRUE(path.add(beside));
+}
+
+TEST(BoundedPath, CoversTheWholeDriveWithoutASpacing) {
+  BoundedPath path(100, 0);
+  for (int i = 0; i < 10000; ++i) path.add(poseAt(0.1 * i));
+  const auto& poses = path.poses();
+  ASSERT_GE(poses.size(), 40u);
+  // Half of the poses are in the first half of the drive.
+  EXPECT_NEAR(poses[poses.size() / 2].pose.position.x, 500, 50);
 }
 
 TEST(BoundedPath, StaysBoundedWithoutASpacing) {

@@ -138,6 +138,20 @@ TEST(CovarianceMetrics, WithoutAMetricPoseThereIsNone) {
   EXPECT_THROW(computeCovarianceMetrics(record, {}), OptionError);
 }
 
+TEST(CovarianceMetrics, TheFirstMetricPoseIsADistanceInMetres) {
+  RunRecord record;
+  Poses truth;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    truth.emplace_back(Eigen::Translation3d(0, 0, 2.5 * i));
+    VisualOdometry::Output vo;
+    vo.frame.sequence = i;
+    ScaleRecovery::Output scale;
+    if (i == 2) scale.pose.emplace();
+    record.append(vo, scale);
+  }
+  EXPECT_EQ(computeCovarianceMetrics(record, truth).first_metric_pose_m, 5);
+}
+
 TEST(RelativePoseError, AnEarlierErrorOfTheHeadingIsNoErrorOfTheMotion) {
   const SimulatedRun run(1, 3);
   Poses truth;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <opencv2/calib3d.hpp>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
@@ -108,6 +109,18 @@ TEST(RectificationCheck, AcceptsRectifiedImagesWithThePrincipalPointOfK) {
   info.P[6] = info.K[5];
   ASSERT_NE(info.P[0], info.K[0]);
   EXPECT_EQ(contradiction(info, true, "/image"), "");
+}
+
+// The camera of a stereo pair that looks 20 degrees to the side of the rectified images, whose
+// principal point is moved so that they show the same part of the scene.
+TEST(RectificationCheck, AcceptsTheRotationOfAStereoCalibration) {
+  const double angle = 20 * M_PI / 180;
+  sensor_msgs::CameraInfo info = rawCamera({0, 0, 0, 0, 0}, 0);
+  info.R = {std::cos(angle), 0, std::sin(angle), 0, 1, 0, -std::sin(angle), 0, std::cos(angle)};
+  info.P[2] = info.K[2] - info.K[0] * std::tan(angle);
+  EXPECT_EQ(contradiction(info, false, "/image"), "");
+  info.P[2] = info.K[2] + info.K[0] * std::tan(angle);
+  EXPECT_NE(contradiction(info, false, "/image"), "") << "to the other side";
 }
 
 TEST(RectificationCheck, OnlyAnImpossiblePIsCertain) {

@@ -169,6 +169,9 @@ TEST(GreyConverter, TheRangeOfSixteenBitsShrinksAfterManyDarkImages) {
   EXPECT_EQ(greyOf(&converter, 200), 50);  // 10 bits
   for (int i = 1; i < GreyConverter::kImagesUntilNarrower; ++i) greyOf(&converter, 100);
   EXPECT_EQ(greyOf(&converter, 100), 100);  // 8 bits
+  for (int i = 0; i <= GreyConverter::kImagesUntilNarrower; ++i) {
+    ASSERT_EQ(greyOf(&converter, 10), 10) << "less than 8 bits after " << i << " images";
+  }
   EXPECT_EQ(greyOf(&converter, 4095), 255);
 }
 

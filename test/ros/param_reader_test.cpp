@@ -68,6 +68,9 @@ TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   EXPECT_NE(refusal(tree).find("publish_tf is a number, it must be true or false"),
             std::string::npos);
   tree["publish_tf"] = false;
+  tree["base_frame"] = 5;
+  EXPECT_NE(refusal(tree).find("base_frame is a number, it must be a string"), std::string::npos);
+  tree["base_frame"] = "base_link";
   EXPECT_EQ(refusal(tree), "");
 }
 

@@ -145,9 +145,11 @@ TEST_F(TrackPainting, LinesLeadToThePreviousImage) {
   paint({feature(1, 120, 2), feature(2, 300, 0)});
   EXPECT_TRUE(at(110).isLike(at(120)));
   EXPECT_TRUE(at(290).isGrey());
+  paint({feature(1, 140, 2)});
+  EXPECT_TRUE(at(130).isLike(at(140)));
   skipAFrame();
   paint({feature(1, 160, 3)});
-  EXPECT_TRUE(at(140).isGrey()) << "the image before was not drawn";
+  EXPECT_TRUE(at(150).isGrey()) << "the image before was not drawn";
 }
 
 TEST_F(TrackPainting, TheLegendShowsTheColours) {

@@ -62,6 +62,14 @@ TEST(GroundTruthTf, FindsTheOtherNameThatKitti2bagGivesToTheCamera) {
   EXPECT_FALSE(ground_truth.pose("camera_color_left", ros::Time(1)));
 }
 
+TEST(GroundTruthTf, ItsWorldMayHaveAStaticParent) {
+  GroundTruthTf ground_truth;
+  ground_truth.add(transform("map", "world", 1, 0.5), true);
+  ground_truth.add(transform("world", "camera_left", 1, 5), false);
+  ASSERT_TRUE(ground_truth.pose("camera_gray_left", ros::Time(1)));
+  EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(1))->translation().x(), 5.5);
+}
+
 TEST(GroundTruthTf, FollowsTheStaticChainThatKitti2bagWritesForKittiRaw) {
   GroundTruthTf ground_truth;
   ground_truth.add(transform("base_link", "imu_link", 1, 0.5), true);

@@ -436,7 +436,7 @@ TEST_F(Graph, AMovingMountIsNotComparedWithTheRoad) {
 
 // The camera slides forward on its base by 0.1 m per image. The transforms of the last images but
 // one are published after the scale, i.e. while the nodelet waits for them; at least one of them
-// comes in time.
+// comes in time. That of one image before is missing: it gets no pose.
 TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
   NodeletPair pair(manager_, *drive_, "/moving");
   pair.setParam("scale_recovery", "base_frame", std::string("moving_base"));
@@ -445,6 +445,7 @@ TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
   const ros::Publisher tf = handle_.advertise<tf2_msgs::TFMessage>("/tf", 100);
   ASSERT_TRUE(waitUntil([&] { return tf.getNumSubscribers() > 0; }));
   const std::size_t first_late = drive_->size() - 11, end_late = drive_->size() - 1;
+  const std::size_t missing = first_late - 3;
   for (std::size_t i = 0; i < drive_->size(); ++i) {
     geometry_msgs::TransformStamped mount =
         mounting("moving_base", {0.1 * static_cast<double>(i), 0, 1.65});
@@ -452,9 +453,14 @@ TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
     tf2_msgs::TFMessage message;
     message.transforms.push_back(mount);
     const bool is_late = i >= first_late && i < end_late;
-    if (!is_late) tf.publish(message);
+    if (!is_late && i != missing) tf.publish(message);
     pair.publish(i);
     ASSERT_TRUE(pair.waitForResult(i)) << i;
+    if (i == missing) {  // the next transform would allow to interpolate
+      EXPECT_TRUE(waitForSummaryOf("moving/scale_recovery",
+                                   diagnostic_msgs::DiagnosticStatus::ERROR,
+                                   "no tf transform from base_frame \"moving_base\""));
+    }
     if (is_late) tf.publish(message);
   }
   ASSERT_TRUE(pair.odometry.waitForStamp(pair.header(drive_->size() - 1).stamp));
@@ -463,6 +469,9 @@ TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
   EXPECT_TRUE(std::any_of(messages.begin(), messages.end(), [&](const auto& odometry) {
     const std::size_t i = pair.frameAt(odometry->header.stamp);
     return i >= first_late && i < end_late;
+  }));
+  EXPECT_TRUE(std::none_of(messages.begin(), messages.end(), [&](const auto& odometry) {
+    return pair.frameAt(odometry->header.stamp) == missing;
   }));
   // odom is the base at the first image, also for the first pose, which comes later.
   for (const nav_msgs::Odometry* odometry : {&first, &last}) {

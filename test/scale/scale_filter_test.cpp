@@ -327,6 +327,16 @@ TEST(ScaleFilter, ARestartForgetsTheTilt) {
   }
 }
 
+// Otherwise a single outlier would complete those of before the restart.
+TEST(ScaleFilter, ARestartForgetsTheRejectedMeasurements) {
+  ScaleFilter filter({});
+  drive(&filter, 100, 0.8, 0.02);
+  drive(&filter, ScaleFilter::Options().restart_measurements - 1, 0.5, 0.02);
+  while (filter.height() < 1) drive(&filter, 1, 1.2, 0.02, ScaleFilter::Source::kDirect);
+  EXPECT_EQ(drive(&filter, 1, 0.5, 0.02), 0);
+  EXPECT_NEAR(filter.height(), 1.2, 0.01);
+}
+
 TEST(ScaleFilter, AWrongRestartIsReplacedSoon) {
   ScaleFilter filter({});
   drive(&filter, 100, 0.8, 0.02);

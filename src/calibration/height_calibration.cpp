@@ -140,7 +140,6 @@ HeightCalibration::Result HeightCalibration::fromLength(const RunRecord& record,
   result.reason = gapInPath(frames);
   if (!result.reason.empty()) return result;
   const PathLength path = measurePath(frames, nominal_height);
-  result.length_heights = path.length;
   if (!(path.length > 0)) {
     result.reason = "the camera did not move according to the odometry";
     return result;
@@ -229,7 +228,6 @@ void HeightCalibration::averageSegments(Result* result) const {
       if (!segment.used) continue;
       used.push_back(segment.height);
       weights.push_back(segment.length_heights);
-      result->length_heights += segment.length_heights;
     }
   }
   if (used.size() < static_cast<std::size_t>(options_.min_segments)) {

@@ -28,8 +28,6 @@ constexpr double kInitialScale = 4.0;
 /// Relative damping: keeps H positive definite when a direction is barely constrained.
 constexpr double kDiagonalFactor = 1 + 1e-9;
 constexpr int kMaxPoseIterations = 15;
-/// [rad] a larger rotation step means divergence.
-constexpr double kMaxRotation = 1;
 /// Gauss-Newton decrement b.delta below which the iteration stops.
 constexpr double kConverged = 1e-6;
 
@@ -173,7 +171,6 @@ PoseEstimation::Result PoseEstimation::refine(
     H.diagonal() *= kDiagonalFactor;
     const Vector6d step = H.ldlt().solve(b);
     if (!isFinite(step)) break;
-    if (step.head<3>().norm() > kMaxRotation) break;
     T_c_w = motionFrom(step) * T_c_w;
     if (scale == 1.0 && b.dot(step) < kConverged) break;
   }

@@ -63,7 +63,6 @@ class HeightCalibration {
     /// the shortest segment, in which the plane was measured.
     std::optional<Estimate> pitch;  ///< [rad] positive looks down
     std::optional<Estimate> roll;   ///< [rad] positive: the camera's x axis points down
-    double length_heights = 0;      ///< of the drive, or of its used segments [camera heights]
     std::vector<Segment> segments;  ///< empty after fromLength()
   };
 

@@ -8,32 +8,32 @@
 namespace ground_scale_vo::direct {
 namespace {
 
-const PinholeCamera kCamera{160, 120, 100, 100, 80, 30};
-constexpr float kImageNoise = 1;  // [grey levels]
+const PinholeCamera kMaskCamera{160, 120, 100, 100, 80, 30};
+constexpr float kMaskImageNoise = 1;  // [grey levels]
 
 /// Share of the patches that are masked when the image does not change while the camera moves
 /// ahead by `distance` [camera heights] over a level road.
 double maskedShare(const cv::Mat& image, float distance, bool is_aligned) {
-  const PatchGrid grid(kCamera, 0.03);
+  const PatchGrid grid(kMaskCamera, 0.03);
   RoadImage current;
   std::vector<Patch> patches;
-  PatchExtractor(kCamera, 1, grid, kImageNoise, {})
+  PatchExtractor(kMaskCamera, 1, grid, kMaskImageNoise, {})
       .extract(image, LaneRegion({}, {}, 0, 0.5, 3, 1), false, &current, &patches);
   EXPECT_GT(patches.size(), 10u);
   Reference reference;
   reference.image = &current;
   reference.R.setIdentity();
   reference.t = {0, 0, distance};
-  StaticMask mask(kCamera, grid);
-  mask.update(patches, reference, PatchMatcher(kCamera, kImageNoise, {}), {0, -1, 0}, is_aligned,
-              1);
+  StaticMask mask(kMaskCamera, grid);
+  mask.update(patches, reference, PatchMatcher(kMaskCamera, kMaskImageNoise, {}), {0, -1, 0},
+              is_aligned, 1);
   double masked = 0;
   for (const Patch& patch : patches) masked += mask.contains(patch.cell);
   return masked / static_cast<double>(patches.size());
 }
 
 cv::Mat noiseImage() {
-  cv::Mat image(kCamera.height, kCamera.width, CV_8UC1);
+  cv::Mat image(kMaskCamera.height, kMaskCamera.width, CV_8UC1);
   cv::RNG(1).fill(image, cv::RNG::UNIFORM, 0, 256);
   cv::GaussianBlur(image, image, {0, 0}, 2);
   return image;
@@ -50,16 +50,16 @@ TEST(StaticMask, DoesNotContainWhatNeedNotMove) {
 }
 
 TEST(StaticMask, DoesNotContainUniformPatches) {
-  const cv::Mat uniform(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(100));
+  const cv::Mat uniform(kMaskCamera.height, kMaskCamera.width, CV_8UC1, cv::Scalar(100));
   EXPECT_EQ(maskedShare(uniform, 0.7f, false), 0);
 }
 
 // Lines along the path look the same from everywhere.
 TEST(StaticMask, DoesNotContainWhatAnEstimatedPlaneExplains) {
-  cv::Mat lines(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(110));
+  cv::Mat lines(kMaskCamera.height, kMaskCamera.width, CV_8UC1, cv::Scalar(110));
   for (int v = 40; v < lines.rows; ++v) {
     for (int u = 0; u < lines.cols; ++u) {
-      const double lateral = (u - kCamera.cx) / (v - kCamera.cy);  // [camera heights]
+      const double lateral = (u - kMaskCamera.cx) / (v - kMaskCamera.cy);  // [camera heights]
       lines.at<unsigned char>(v, u) =
           static_cast<unsigned char>(std::lround(110 + 60 * std::sin(20 * lateral)));
     }

@@ -9,6 +9,8 @@ import re
 import signal
 import socket
 import subprocess
+import threading
+import xmlrpc.client
 
 import bags
 import pytest
@@ -341,6 +343,33 @@ def test_distance_of_the_progress(node, monkeypatch):
         odometry.pose.pose.position.x, odometry.pose.pose.position.y = x, y
         output._on_odometry(odometry)
     assert output._distance_m == pytest.approx(6)
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+@pytest.mark.parametrize("answer", [
+    b"", b"HTTP/1.1 200 OK\r\nContent-Length: 99\r\n\r\n<?xml version", b"HTTP/1.1 500 error\r\n\r\n", b"none\r\n",
+    b"HTTP/1.1 200 OK\r\n\r\n" + xmlrpc.client.dumps(xmlrpc.client.Fault(-1, "unknown method name")).encode()])
+def test_a_node_that_ends_while_it_answers_does_not_run(node, answer, monkeypatch):
+    """None as for one that has ended: the end of the player is no failure of the monitor."""
+    monkeypatch.setattr(node.rospy, "get_name", lambda: "/monitor")
+    with socket.create_server(("localhost", 0)) as player:
+        def end():
+            while True:  # xmlrpc.client asks again when there is no answer
+                try:
+                    with player.accept()[0] as connection:
+                        connection.recv(10000)
+                        connection.sendall(answer)
+                except OSError:  # closed
+                    return
+
+        thread = threading.Thread(target=end)
+        thread.start()
+        uri = f"http://localhost:{player.getsockname()[1]}"
+        try:
+            assert node.call(type("Master", (), {"lookupNode": lambda *_: uri})(), "/player", "getPid") is None
+        finally:
+            player.shutdown(socket.SHUT_RDWR)
+            thread.join()
 
 
 @pytest.mark.parametrize("file, text", [

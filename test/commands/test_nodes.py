@@ -372,6 +372,24 @@ def test_a_node_that_ends_while_it_answers_does_not_run(node, answer, monkeypatc
             thread.join()
 
 
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+def test_a_player_that_cannot_be_resumed_is_named(node, bag, monkeypatch, capsys):
+    def unavailable(*_):
+        raise node.rospy.ServiceException("service [/bag_player/pause_playback] unavailable")
+
+    for name in ("init_node", "wait_for_service"):
+        monkeypatch.setattr(node.rospy, name, lambda *_, **__: None)
+    monkeypatch.setattr(node.rospy, "Subscriber", lambda *_, **__: type("Subscriber", (), {"resolved_name": ""}))
+    monkeypatch.setattr(node.rospy, "ServiceProxy", lambda *_: unavailable)
+    monkeypatch.setattr(node.rospy, "get_param", {
+        "~rate": 1, "~bag": str(bag), "~images": [bags.IMAGE], "~camera_info": bags.INFO, "~subscribers": [],
+        "~ground_truth": "ground_truth/tf"}.get)
+    monkeypatch.setattr(node, "wait_for_graph", lambda _: None)
+    monkeypatch.setattr(node.signal, "signal", lambda *_: None)
+    assert node.main() == 1
+    assert capsys.readouterr().err == "playback_monitor: service [/bag_player/pause_playback] unavailable\n"
+
+
 @pytest.mark.parametrize("file, text", [
     ("OLD.bag", "OLD.bag exists already; remove it or record to another file"),
     ("my.bag", "record:=my.bag must be an absolute path: record:=$PWD/my.bag")])

@@ -8,7 +8,9 @@
 
 namespace ground_scale_vo {
 
-/// Calls body(cv::Range) for parts of [0, count) on OpenCV's threads, and waits for all.
+/// Calls body(cv::Range) for parts of [0, count) on OpenCV's threads, and waits for all. There are a
+/// few parts per thread: more would balance the load no better, and the body may begin with an
+/// expensive construction. Left to itself, OpenCV with libtbb makes over a hundred.
 ///
 /// ThreadSanitizer does not see how libtbb, which OpenCV uses, synchronises these threads with the
 /// caller: it is not built with it. So the body and the caller say it.
@@ -18,7 +20,7 @@ class ParallelLoop final : public cv::ParallelLoopBody {
   static void run(int count, const Body& body) {
     const ParallelLoop loop(body);
     loop.release();
-    cv::parallel_for_({0, count}, loop);
+    cv::parallel_for_({0, count}, loop, kPartsPerThread * cv::getNumThreads());
     loop.acquire();
   }
 
@@ -39,6 +41,7 @@ class ParallelLoop final : public cv::ParallelLoopBody {
   void release() const {}
 #endif
 
+  static constexpr double kPartsPerThread = 4;
   const Body& body_;
 };
 

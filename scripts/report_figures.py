@@ -102,7 +102,7 @@ def components(folder):
 
 
 def faults(folder):
-    """Per kind of fault the largest value of each figure, null for never; from the output of evaluate_faults."""
+    """The output of evaluate_faults, and per kind of fault the largest value of each figure, null for never."""
     text = (folder / "faults.txt").read_text(encoding="utf-8")
     kinds = {}
     pattern = (r": ([a-z ]+?) +[\d.]+ s(?:, hides)?: detected (\S+) s, ok (\d+), tracking (-?\d+), metric (-?\d+), "
@@ -119,7 +119,7 @@ def faults(folder):
     kinds = {kind: {key: None if value == math.inf else value for key, value in largest.items()}
              for kind, largest in kinds.items()}
     count, violated = re.search(r"(\d+) drives, (\d+) with a violated", text).groups()
-    return {"drives": int(count), "violated": int(violated), "kinds": kinds,
+    return {"drives": int(count), "violated": int(violated), "kinds": kinds, "lines": text.splitlines(),
             "max_error_percent": max(map(float, re.findall(r"m, error (\S+) %", text)))}
 
 
@@ -187,7 +187,7 @@ def dump(value, indent=""):
     if not isinstance(value, (dict, list)) or len(line) < 100:
         return line
     parts = list(value.values()) if isinstance(value, dict) else value
-    if not any(isinstance(part, (dict, list)) for part in parts):
+    if isinstance(value, dict) and not any(isinstance(part, (dict, list)) for part in parts):
         return line
     if isinstance(value, dict):
         entries = [f"{json.dumps(key)}: {dump(value[key], indent + ' ')}" for key in sorted(value)]

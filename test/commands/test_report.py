@@ -138,7 +138,7 @@ def test_faults_are_collected(tmp_path):
     run("/usr/bin/python3", SCRIPTS / "report_figures.py", "faults", tmp_path)
     faults = json.loads((tmp_path / "faults.json").read_text())
     assert faults["drives"] == 1 and faults["kinds"]["darker"]["count"] == 1
-    assert 0 < faults["max_error_percent"] < 5
+    assert 0 < faults["max_error_percent"] < 5 and faults["lines"] == text.splitlines()
     other = run(tool("evaluate_faults"), "darker", "--seed", 1).stdout
     assert other.splitlines()[0] != text.splitlines()[0]  # another camera and speed
 
@@ -380,6 +380,7 @@ def test_figures_of_faults_are_the_largest(collected, tmp_path):
         "4 drives, 1 with a violated threshold\n")
     figures = collected("faults")
     assert (figures["drives"], figures["violated"], figures["max_error_percent"]) == (4, 1, 1.25)
+    assert figures["lines"][-1] == "4 drives, 1 with a violated threshold" and len(figures["lines"]) == 6
     assert figures["kinds"] == {
         "black": {"count": 2, "detected_s": 0.3, "ok_frames": 1, "tracking_frames": 2, "metric_frames": 5,
                   "excess_path_m": 0.5, "error_m": 7.0, "sigma_m": 9.0},

@@ -11,8 +11,11 @@
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/simulation/scenario_evaluation.hpp"
+#include "support/drive_run.hpp"
 #include "support/long_tests.hpp"
+#include "support/published_figures.hpp"
 #include "support/reduced_drive.hpp"
 
 namespace ground_scale_vo {
@@ -71,7 +74,8 @@ TEST_P(ScenarioDrive, MeetsItsThresholdsAndDependsOnItsComponent) {
   const SyntheticDrive drive(reducedDrive(scenario.options));
   expectConsistentGroundTruth(scenario, drive);
   const std::vector<cv::Mat> images = renderDrive(drive);
-  const ScenarioMetrics metrics = evaluateScenario(scenario, drive, runDrive(drive, images));
+  const RunRecord record = runDrive(drive, images);
+  const ScenarioMetrics metrics = evaluateScenario(scenario, drive, record);
   std::printf(
       "%s: RLE %.2f %%, scale %.2f %%, held %.2f, within 2 sigma %.2f, ok while unobservable "
       "%.2f\n",
@@ -81,6 +85,9 @@ TEST_P(ScenarioDrive, MeetsItsThresholdsAndDependsOnItsComponent) {
   if (!isReduced(scenario.options)) {
     EXPECT_EQ(violated, "");
   }
+  expectPublishedFigures(
+      "scenarios", scenario.name,
+      metricsJson(record, drive.cameraHeight(), groundTruth(drive), groundTruthHeights(drive)));
   expectDependence(scenario, drive, images);
 }
 

@@ -178,4 +178,10 @@ def test_wrong_arguments(low, height_file):
     assert_refused(2, "there is no option foo", HEIGHT_FROM_DRIVE, low, "--length", 50, "--length-sigma", 1, "--out",
                    height_file, "--set", "foo=1")
     assert_refused(2, "one of --length", HEIGHT_FROM_DRIVE, low, "--out", height_file)
+    assert_refused(2, "--length and --length-sigma go together", HEIGHT_FROM_DRIVE, low, "--length",
+                   50, "--out", height_file)
+    assert_refused(2, "--gps needs --bag", HEIGHT_FROM_DRIVE, low, "--gps", "/fix", "--out",
+                   height_file)
+    assert_refused(2, "--to must be greater than --from", HEIGHT_FROM_DRIVE, low, "--from", 3,
+                   "--to", 2, "--length", 50, "--length-sigma", 1, "--out", height_file)
     assert_refused(2, "one drive", HEIGHT_FROM_DRIVE, "--gps", "/fix", "--out", height_file)

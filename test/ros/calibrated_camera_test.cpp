@@ -73,6 +73,13 @@ TEST(CalibratedCamera, UsesPOfARectifiedCamera) {
   EXPECT_FALSE(calibrated.isDistorted());
 }
 
+TEST(CalibratedCamera, IsDescribedByItsIntrinsicsAndDistortion) {
+  Info info = goodInfo();
+  info.D = {-0.3, 0.1, 0, 0.02, 0.05};
+  EXPECT_EQ(CalibratedCamera(info, "/t", false).describe(),
+            "640 x 200, fx 400, fy 410, cx 320, cy 100, plumb_bob, D (-0.3, 0.1, 0, 0.02, 0.05)");
+}
+
 // The right camera of a stereo pair has its baseline in P, a stereo calibration has an R; neither
 // changes the rays of the pixels of this camera.
 TEST(CalibratedCamera, IgnoresTheStereoCalibration) {

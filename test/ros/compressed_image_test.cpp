@@ -31,6 +31,7 @@ TEST(CompressedImage, DecodesEveryKindOfPixel) {
         Kind{"rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"},
         Kind{"jpeg", ".jpg", CV_8UC3, "bgr8"}, Kind{"", ".png", CV_8UC4, "bgra8"},
         Kind{"mono16; png compressed ", ".png", CV_16UC1, "mono16"},
+        Kind{"rgb16; png compressed ", ".png", CV_16UC3, "bgr16"},
         Kind{"bayer_rggb8; jpeg compressed ", ".jpg", CV_8UC1, "bayer_rggb8"},
         Kind{"bayer_grbg16; png compressed ", ".png", CV_16UC1, "bayer_grbg16"},
         Kind{"bayer_rggb16; jpeg compressed ", ".jpg", CV_8UC1, "mono8"}}) {

@@ -503,6 +503,9 @@ TEST(PoseOrigin, MovesToTheFirstPoseAfterAReset) {
   EXPECT_TRUE(moved.covariance.isApprox(R * second.covariance * R.transpose(), 1e-12));
   origin.clear();
   EXPECT_TRUE(origin.relative(second).T_o_c.isApprox(second.T_o_c));
+  origin.moveToNextPose();
+  origin.clear();  // before a pose
+  EXPECT_TRUE(origin.relative(second).T_o_c.isApprox(second.T_o_c));
 }
 
 // The twist of the base must agree with the displacement of the base over a short time.

@@ -54,6 +54,23 @@ TEST_F(MonoVoSummary, NamesTheMissingInput) {
   expectSummary(summarize(state), kError, "camera_info on topic /info is all zeros");
 }
 
+TEST_F(MonoVoSummary, ACameraInfoThatIsRefusedIsNotMissing) {
+  state.camera_known = false;
+  EXPECT_TRUE(missingInput(state));
+  state.camera_info_error = "camera_info on topic /info is all zeros";
+  EXPECT_FALSE(missingInput(state));
+}
+
+// The log reports it only while the clock runs (MissingInputLog).
+TEST_F(MonoVoSummary, TellsAnInputThatEndsFromOneThatWasNeverReceived) {
+  state.images.silent_s = 7;
+  ASSERT_TRUE(missingInput(state));
+  EXPECT_TRUE(missingInput(state)->was_received);
+  state.images.silent_s.reset();
+  ASSERT_TRUE(missingInput(state));
+  EXPECT_FALSE(missingInput(state)->was_received);
+}
+
 TEST_F(MonoVoSummary, WarnsOfDroppedImages) {
   state.images.dropped = 3;
   expectSummary(summarize(state), kWarn, "tracking; 3 images dropped in the last second");

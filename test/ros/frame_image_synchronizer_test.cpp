@@ -139,6 +139,18 @@ TEST_F(FrameImageSynchronization, MatchesOnBothSidesOfAClockJump) {
   EXPECT_EQ(matches(), "1 2 ");
 }
 
+// As when a player goes back by a few images.
+TEST_F(FrameImageSynchronization, MatchesTheImageFromAfterAClockJump) {
+  images({1, 2});
+  const auto again = std::make_shared<int>(1);
+  synchronizer_.addImage(1, again);
+  synchronizer_.jumpBack(1);
+  frames({1});
+  const auto match = synchronizer_.next(now_);
+  ASSERT_TRUE(match);
+  EXPECT_EQ(match->image, again);
+}
+
 TEST_F(FrameImageSynchronization, AClockJumpDropsTheImagesBeforeIt) {
   images({98, 99});
   frames({97, 98, 100});

@@ -153,6 +153,17 @@ TEST_F(MaskFile, IsRectifiedWithTheImages) {
   EXPECT_FALSE(ImageRectifier(false).mask().data);
 }
 
+// As most drawing programs write it.
+TEST_F(MaskFile, MayBeInColour) {
+  cv::Mat mask(6, 8, CV_8UC3, cv::Scalar::all(255));
+  mask.row(0).setTo(0);
+  const std::string file = folder_ / "colour.png";
+  ASSERT_TRUE(cv::imwrite(file, mask));
+  ImageRectifier rectifier(false, file);
+  rectifier.setCameraInfo(info(), "t");
+  EXPECT_EQ(cv::countNonZero(rectifier.mask()), 8 * 5);
+}
+
 TEST_F(MaskFile, OfAnotherSizeThanTheImagesIsRefusedWithEachCameraInfo) {
   const std::string file = writeMask(6, 8);
   ImageRectifier rectifier(false, file);

@@ -48,6 +48,8 @@ TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {
   ASSERT_EQ(reader.entries().size(), 5u);
   EXPECT_EQ(ParamReader::echo(reader.entries()[0]), "group/count = 7  [] how many, [1, 10]");
   EXPECT_FALSE(reader.entries()[1].given);
+  EXPECT_EQ(ParamReader::echo(reader.entries()[1]),
+            "group/untouched = 4  [] how many, [1, 10] (default)");
 }
 
 TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
@@ -104,6 +106,7 @@ TEST(ParamReader, RemovesTheLeadingSlashOfAFrameName) {
   const ScaleRecoveryParams params = ScaleRecoveryParams::read(reader);
   EXPECT_EQ(params.odom_frame, "odom");
   EXPECT_EQ(params.base_frame, "base_link");
+  EXPECT_EQ(ParamReader::echo(reader.entries()[1]).find("odom_frame = \"odom\" "), 0u);
   ASSERT_EQ(reader.warnings().size(), 2u);
   EXPECT_EQ(reader.warnings()[0],
             "parameter /scale_recovery/odom_frame is \"/odom\"; tf2 has no leading slash, \"odom\" "

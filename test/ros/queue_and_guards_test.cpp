@@ -168,6 +168,16 @@ TEST(StampFilter, PassesOnAHeldMessageWithTheOneThatConfirmsIt) {
   EXPECT_EQ(dropped.size(), 2u);
 }
 
+TEST(StampFilter, GivesTheReasonOfEachDroppedMessage) {
+  std::vector<std::string> dropped;
+  StampFilter<int> filter(1.0, [&](const std::string& reason) { dropped.push_back(reason); });
+  for (const double stamp : {10.0, 40.0, 0.0}) filter.filter(ros::Time(stamp), 0);
+  EXPECT_EQ(dropped, (std::vector<std::string>{
+                         "the stamp 40.000000000 is 30 s after the last one and not confirmed by "
+                         "the next one",
+                         "the stamp is zero"}));
+}
+
 TEST(SequenceCheck, CountsMissingFramesAndReportsNumbersThatCountNothing) {
   SequenceCheck check;
   for (const std::uint32_t sequence : {3u, 4u, 7u}) check.add(sequence);
@@ -245,6 +255,8 @@ TEST(MapNumbering, TheRotationToTheFirstMapAfterARestartIsUnknown) {
   EXPECT_EQ(rotationSigma(&numbering, 0, 0), kUnknown);
   EXPECT_EQ(rotationSigma(&numbering, 7, 3), 0.01);
   EXPECT_EQ(rotationSigma(&numbering, 5, 2), kUnknown) << "its maps 0 and 1 were not received";
+  numbering.startTrajectory();
+  EXPECT_EQ(rotationSigma(&numbering, 6, 2), 0.01);
   numbering.startTrajectory();
   EXPECT_EQ(rotationSigma(&numbering, 1, 0), 0.01);
 }

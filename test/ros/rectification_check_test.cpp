@@ -111,6 +111,16 @@ TEST(RectificationCheck, AcceptsRectifiedImagesWithThePrincipalPointOfK) {
   EXPECT_EQ(contradiction(info, true, "/image"), "");
 }
 
+TEST(RectificationCheck, AcceptsRectifiedImagesWithTheFocalLengthOfK) {
+  for (const std::size_t centre : {2, 6}) {
+    sensor_msgs::CameraInfo info = rawCamera(kBarrel, 0);
+    info.P = {info.K[0], 0, info.K[2], 0, 0, info.K[4], info.K[5], 0, 0, 0, 1, 0};
+    EXPECT_NE(contradiction(info, true, "/image"), "");
+    info.P[centre] += 10;
+    EXPECT_EQ(contradiction(info, true, "/image"), "") << centre;
+  }
+}
+
 // The camera of a stereo pair that looks 20 degrees to the side of the rectified images, whose
 // principal point is moved so that they show the same part of the scene.
 TEST(RectificationCheck, AcceptsTheRotationOfAStereoCalibration) {

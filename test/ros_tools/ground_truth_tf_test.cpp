@@ -78,6 +78,9 @@ TEST(GroundTruthTf, FollowsTheStaticChainThatKitti2bagWritesForKittiRaw) {
   ground_truth.add(transform("world", "base_link", 1, 5), false);
   EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(1))->translation().x(), 5.75);
   EXPECT_DOUBLE_EQ(ground_truth.pose("base_link", ros::Time(1))->translation().x(), 5);
+  ground_truth.add(transform("world", "base_link", 9, 7), false);  // long after the static ones
+  ASSERT_TRUE(ground_truth.pose("camera_gray_left", ros::Time(9)));
+  EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(9))->translation().x(), 7.75);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <memory>
+#include <utility>
 
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
@@ -43,6 +44,7 @@ struct PlayedDrive {
         tracks(handle, "vo/image_tracks"),
         road(handle, "image_road"),
         points(handle, "points"),
+        vo_points(handle, "vo/points"),
         ground_points(handle, "ground_points"),
         plane(handle, "ground_plane"),
         tf(handle, "/tf"),
@@ -66,8 +68,9 @@ struct PlayedDrive {
     ASSERT_TRUE(waitUntil([this] {
       return images.getNumSubscribers() > 0 && infos.getNumSubscribers() > 0 &&
              frames.connected() && scales.connected() && odometry.connected() && path.connected() &&
-             vo_odometry.connected() && tracks.connected() && road.connected() &&
-             points.connected() && ground_points.connected() && plane.connected() && tf.connected();
+             vo_odometry.connected() && vo_points.connected() && tracks.connected() &&
+             road.connected() && points.connected() && ground_points.connected() &&
+             plane.connected() && tf.connected();
     })) << "the nodelets did not come up";
     for (std::size_t i = 0; i < drive.size(); ++i) {
       const cv::Mat grey = drive.image(i);
@@ -112,7 +115,7 @@ struct PlayedDrive {
   TopicRecorder<nav_msgs::Odometry> odometry, vo_odometry;
   TopicRecorder<nav_msgs::Path> path;
   TopicRecorder<sensor_msgs::Image> tracks, road;
-  TopicRecorder<sensor_msgs::PointCloud2> points, ground_points;
+  TopicRecorder<sensor_msgs::PointCloud2> points, vo_points, ground_points;
   TopicRecorder<visualization_msgs::Marker> plane;
   TopicRecorder<tf2_msgs::TFMessage> tf;
   TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics;
@@ -145,6 +148,21 @@ TEST_F(Drive, EveryImageGivesOneFrameAndOneScaleInOrder) {
     EXPECT_EQ(frame_messages[i]->header.stamp, run.header(i).stamp);
     EXPECT_EQ(frame_messages[i]->header.frame_id, "camera");
     EXPECT_EQ(scale_messages[i]->header.stamp, run.header(i).stamp);
+  }
+}
+
+// Runs before the tests that wait for later diagnostics.
+TEST_F(Drive, DiagnosticsReportTheRateOfTheFrames) {
+  for (const std::string nodelet : {"mono_vo", "scale_recovery"}) {
+    constexpr bool kFromNow = false;
+    EXPECT_TRUE(waitForStatus(
+        run.diagnostics,
+        [&](const auto& status) {
+          return status.name.find(nodelet) != std::string::npos &&
+                 numberIn(status, "rate [Hz]") > 0;
+        },
+        kFromNow))
+        << nodelet;
   }
 }
 
@@ -348,22 +366,25 @@ TEST_F(Drive, VisualisationTopicsArePublishedToSubscribers) {
   }
 }
 
-TEST_F(Drive, PointsAreInMetres) {
+TEST_F(Drive, PointsAreInMetresAndThoseOfMonoVoInVoUnits) {
   const ros::Time last = run.header(run.drive.size() - 1).stamp;
   ASSERT_TRUE(run.points.waitForStamp(last));
-  const auto cloud = run.points.messages().back();
+  ASSERT_TRUE(run.vo_points.waitForStamp(last));
   const auto frame = run.frames.messages().back();
-  const double scale = run.scales.messages().back()->scale;
-  std::vector<float> expected;
+  std::vector<float> depths;  // [VO units]
   for (const TrackedFeature& feature : fromMsg(*frame).features) {
-    if (feature.has_point) expected.push_back(static_cast<float>(scale) * feature.p_c.z());
+    if (feature.has_point) depths.push_back(feature.p_c.z());
   }
-  ASSERT_EQ(cloud->width * cloud->height, expected.size());
-  ASSERT_GT(expected.size(), 50u);
-  sensor_msgs::PointCloud2ConstIterator<float> z(*cloud, "z");
-  for (const float depth : expected) {
-    EXPECT_FLOAT_EQ(*z, depth);
-    ++z;
+  ASSERT_GT(depths.size(), 50u);
+  const auto metric = run.points.messages().back(), unscaled = run.vo_points.messages().back();
+  const double scale = run.scales.messages().back()->scale;
+  for (const auto& [cloud, unit] : {std::pair(metric, scale), {unscaled, 1.0}}) {
+    ASSERT_EQ(cloud->width * cloud->height, depths.size());
+    sensor_msgs::PointCloud2ConstIterator<float> z(*cloud, "z");
+    for (const float depth : depths) {
+      EXPECT_FLOAT_EQ(*z, static_cast<float>(unit) * depth);
+      ++z;
+    }
   }
 }
 

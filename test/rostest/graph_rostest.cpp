@@ -81,6 +81,8 @@ TEST_F(Graph, OneCameraInfoOfRectifiedImagesIsEnough) {
   }
   EXPECT_EQ(pair.frames.messages().back()->fx, info.P[0]);
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "used"));
+  EXPECT_TRUE(
+      waitForSummaryOf("once/scale_recovery", diagnostic_msgs::DiagnosticStatus::OK, "measured"));
   EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
   EXPECT_TRUE(pair.unload());
 }
@@ -185,6 +187,22 @@ TEST_F(Graph, CameraInfoForMonoVoOnlyGivesAScaleFromFeatures) {
                                "no image for "));
   EXPECT_TRUE(waitForSummaryOf("points/scale_recovery", diagnostic_msgs::DiagnosticStatus::ERROR,
                                "no vo/frame for "));
+  EXPECT_TRUE(pair.unload());
+}
+
+// As of a paused bag: the images have not come, but neither have the frames.
+TEST_F(Graph, APauseIsNoLossOfTheImages) {
+  NodeletPair pair(manager_, *drive_, "/paused");
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(pair.playAll());
+  for (int report = 0; report < 3; ++report) {
+    std::string message;
+    EXPECT_TRUE(waitForStatus(diagnostics_, [&](const auto& status) {
+      message = status.message;
+      return status.name.find("paused/scale_recovery") != std::string::npos;
+    }));
+    EXPECT_EQ(message.find("features only"), std::string::npos) << message;
+  }
   EXPECT_TRUE(pair.unload());
 }
 
@@ -434,6 +452,22 @@ TEST_F(Graph, AMovingMountIsNotComparedWithTheRoad) {
   EXPECT_TRUE(pair.unload());
 }
 
+// tf does not have the transform of a joint at the stamp of an image yet.
+TEST_F(Graph, AFixedMountingMayBeOlderThanTheImages) {
+  NodeletPair pair(manager_, *drive_, "/joint");
+  pair.setParam("scale_recovery", "base_frame", std::string("joint_base"));
+  ASSERT_TRUE(pair.load());
+  const ros::Publisher tf = handle_.advertise<tf2_msgs::TFMessage>("/tf", 100);
+  ASSERT_TRUE(waitUntil([&] { return tf.getNumSubscribers() > 0; }));
+  tf2_msgs::TFMessage message;
+  message.transforms.push_back(mounting("joint_base", {0, 0, 1.65}));
+  message.transforms[0].header.stamp = pair.header(0).stamp;
+  tf.publish(message);
+  ASSERT_TRUE(pair.playAll());
+  EXPECT_EQ(pair.odometry.messages().back()->child_frame_id, "joint_base");
+  EXPECT_TRUE(pair.unload());
+}
+
 // The camera slides forward on its base by 0.1 m per image. The transforms of the last images but
 // one are published after the scale, i.e. while the nodelet waits for them; at least one of them
 // comes in time. That of one image before is missing: it gets no pose.
@@ -515,11 +549,11 @@ TEST_F(Graph, ALeadingSlashOfAFrameNameIsRemoved) {
   EXPECT_EQ(vo_odometry.messages().back()->header.frame_id, "slashed_world");
   EXPECT_EQ(vo_odometry.messages().back()->child_frame_id, "slashed_camera");
   EXPECT_TRUE(log.wait([](const auto& lines) {
-    return std::any_of(lines.begin(), lines.end(), [](const auto& line) {
-      return line->msg.find(
-                 "frame_id of the images is \"/slashed_camera\"; tf2 has no leading "
-                 "slash, \"slashed_camera\" is used") != std::string::npos;
-    });
+    return std::count_if(lines.begin(), lines.end(), [](const auto& line) {
+             return line->msg.find(
+                        "frame_id of the images is \"/slashed_camera\"; tf2 has no leading "
+                        "slash, \"slashed_camera\" is used") != std::string::npos;
+           }) == 1;  // not with every image
   }));
   EXPECT_TRUE(pair.unload());
 }

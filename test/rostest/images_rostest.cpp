@@ -2,6 +2,7 @@
 // counted in the diagnostics, and the next valid one is used.
 
 #include <gtest/gtest.h>
+#include <rosgraph_msgs/Log.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
@@ -434,6 +435,31 @@ TEST_F(Images, AContradictionOfTheRectificationFlagIsReported) {
   }));
   infos_.publish(info());
   EXPECT_TRUE(waitForSummaryWithout("image_is_rectified"));
+}
+
+// A driver repeats camera_info with every image.
+TEST_F(Images, AContradictionOfTheRectificationFlagIsLoggedOnce) {
+  TopicRecorder<rosgraph_msgs::Log> log(handle_, "/rosout");
+  const auto publish = [this](int fx_of_P) {
+    sensor_msgs::CameraInfo rectified = info();
+    rectified.P[0] = rectified.P[5] = fx_of_P;
+    infos_.publish(rectified);
+  };
+  const auto warnings = [](const auto& lines, int fx_of_P) {
+    const std::string text = "/mono_vo: image_is_rectified is false, but P of camera_info (fx " +
+                             std::to_string(fx_of_P) + ")";
+    return std::count_if(lines.begin(), lines.end(),
+                         [&](const auto& line) { return line->msg.find(text) == 0; });
+  };
+  int fx_of_P = 40;
+  ASSERT_TRUE(waitUntil([&] {  // until this test is connected to the log of the manager
+    publish(++fx_of_P);
+    return log.wait([&](const auto& lines) { return warnings(lines, fx_of_P) > 0; }, 0.5);
+  }));
+  for (int i = 0; i < 5; ++i) publish(30);
+  publish(20);
+  ASSERT_TRUE(log.wait([&](const auto& lines) { return warnings(lines, 20) > 0; }));
+  EXPECT_EQ(warnings(log.messages(), 30), 1);
 }
 
 // Without a new camera_info, images of another size are refused until the old size is back.

@@ -9,6 +9,7 @@
 #include <boost/make_shared.hpp>
 #include <thread>
 
+#include "child_process.hpp"
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "manager_client.hpp"
@@ -53,6 +54,18 @@ TEST_F(Load, WrongParametersAreRefused) {
   ros::param::set("/wrong_queue/queue_size", 0);
   EXPECT_FALSE(load("MonoVo", "/wrong_queue"));
   EXPECT_EQ(loaded(), 0u);
+}
+
+TEST_F(Load, AnUnknownParameterIsLogged) {
+  ChildProcess nodelet({"rosrun", "nodelet", "nodelet", "standalone", "ground_scale_vo/MonoVo",
+                        "__name:=misspelt", "_quue_size:=3"});
+  EXPECT_TRUE(waitUntil([&] {
+    return nodelet.output().find(
+               "parameter /misspelt/quue_size is unknown and has no effect; did you mean "
+               "/misspelt/queue_size?") != std::string::npos;
+  })) << nodelet.output();
+  nodelet.send(SIGINT);
+  EXPECT_EQ(nodelet.waitForEnd(), 0) << nodelet.output();
 }
 
 TEST_F(Load, TwoPairsInOneManager) {

@@ -16,7 +16,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <vector>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -559,27 +558,6 @@ TEST_F(WithImages, AWaitingFrameIsProcessedBeforeAReset) {
   ASSERT_TRUE(reset());
   ASSERT_TRUE(scales_.waitForStamp(road.lastStamp()));
   EXPECT_NE(scales_.messages().back()->status, ScaleEstimateMsg::UNKNOWN);
-}
-
-// A frame waits for its image after a clock jump, too, although a later image from before the jump
-// has been stored.
-TEST_F(WithImages, AFrameWaitsForItsImageAfterAClockJump) {
-  TopicRecorder<sensor_msgs::Image> painted(handle_, "image_road");
-  ASSERT_TRUE(waitUntil([&] { return painted.connected(); }));
-  FlatRoad road(10900);
-  publishCameraInfo(road.camera());
-  play(road, [](sensor_msgs::Image&) {});
-  frames_.publish(road.next());
-  images_.publish(road.nextImage());  // shows that the frame's own image is lost
-  ASSERT_TRUE(scales_.waitForStamp(road.lastStamp()));
-  FlatRoad again(10900);
-  std::vector<sensor_msgs::Image::Ptr> late;
-  for (int i = 0; i < 2; ++i) {  // the second frame confirms the jump
-    late.push_back(again.nextImage());
-    frames_.publish(again.next());
-  }
-  for (const auto& image : late) images_.publish(image);
-  EXPECT_TRUE(painted.waitForStamp(again.lastStamp()));
 }
 
 TEST_F(WithImages, HasNoEffectWithImagesOfOtherStamps) {

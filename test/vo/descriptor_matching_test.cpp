@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 #include <vector>
 
 namespace ground_scale_vo {
@@ -35,6 +36,28 @@ TEST(DescriptorMatching, AMatchIsDistinctlyBetterThanTheSecondBest) {
   const auto matches = matchDescriptors(once, other);
   ASSERT_EQ(matches.size(), 1u);
   EXPECT_EQ(matches[0].to, 1u);
+}
+
+// Two points near each one of the first image are about equally similar to it.
+TEST(DescriptorMatching, TheOrderOfThePointsIsIrrelevant) {
+  const cv::Mat image = describedTexture(1);
+  std::vector<cv::Point2f> points, near, reversed;
+  for (int x = 50; x < 350; x += 15) {
+    const cv::Point2f u(static_cast<float>(x), 120);
+    points.push_back(u);
+    near.insert(near.end(), {u - cv::Point2f(1, 0), u + cv::Point2f(1, 0)});
+  }
+  reversed.assign(near.rbegin(), near.rend());
+  const auto matchesOf = [&](const std::vector<cv::Point2f>& to) {
+    std::vector<std::pair<std::size_t, cv::Point2f>> matches;
+    const Descriptors from(image, points);
+    for (const DescriptorMatch& match : matchDescriptors(from, {image, to})) {
+      matches.emplace_back(match.from, to[match.to]);
+    }
+    return matches;
+  };
+  EXPECT_LT(matchesOf(near).size(), points.size());
+  EXPECT_TRUE(matchesOf(near) == matchesOf(reversed));
 }
 
 TEST(DescriptorMatching, UnrelatedDescriptorsDoNotMatch) {

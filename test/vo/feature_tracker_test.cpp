@@ -44,17 +44,20 @@ TEST(FeatureTracker, findsCornersEverywhereInATexturedImage) {
 }
 
 TEST(FeatureTracker, cornersAreLocalMaximaApartFromEachOther) {
-  const FeatureTracker::Options options;
+  FeatureTracker::Options options;
   const cv::Mat image = trackedTexture(1);
-  const auto corners = detect(FeatureTracker(options), image, {});
   cv::Mat strength, largest;
   cv::cornerMinEigenVal(image, strength, 5, 3);
   cv::dilate(strength, largest, cv::Mat::ones(3, 3, CV_8U));
-  const double distance = std::floor(std::max(8.0, options.cell_size * image.cols) / 2);
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const cv::Point at(corners[i]);
-    EXPECT_GE(strength.at<float>(at), 0.999f * largest.at<float>(at)) << at;
-    for (std::size_t k = 0; k < i; ++k) EXPECT_GE(cv::norm(corners[i] - corners[k]), distance);
+  for (const double cell_size : {options.cell_size, 0.005}) {  // 10 and 4 px
+    options.cell_size = cell_size;
+    const auto corners = detect(FeatureTracker(options), image, {});
+    const double distance = std::floor(std::max(8.0, cell_size * image.cols) / 2);
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const cv::Point at(corners[i]);
+      EXPECT_GE(strength.at<float>(at), 0.999f * largest.at<float>(at)) << at;
+      for (std::size_t k = 0; k < i; ++k) EXPECT_GE(cv::norm(corners[i] - corners[k]), distance);
+    }
   }
 }
 

@@ -82,6 +82,38 @@ TEST(FrameToFrameTracking, AnImageWithoutCornersIsTextureless) {
   EXPECT_FALSE(tracking.isTextureless(tracking.pyramid(movedScene(0)), 0));
 }
 
+TEST(FrameToFrameTracking, AddsCornersWhereThereAreNoFeatures) {
+  FrameToFrameTracking tracking = trackingScene();
+  const std::size_t first = tracking.features().size();
+  tracking.detectNew();
+  EXPECT_LT(tracking.features().size(), first * 4 / 3);
+}
+
+/// Number of points whose descriptor in b differs from that in a.
+std::size_t differingDescriptors(const Descriptors& a, const Descriptors& b) {
+  EXPECT_EQ(a.points(), b.points());
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < a.points().size(); ++i) {
+    const int bits = a.distance(i, b, i);
+    count += bits > 0 && bits < 256;  // 256: it has none
+  }
+  return count;
+}
+
+TEST(FrameToFrameTracking, DescriptorsDoNotDependOnMaskedPixels) {
+  const cv::Rect hood(0, 200, 800, 48);
+  cv::Mat mask(248, 800, CV_8UC1, cv::Scalar(255)), image = movedScene(0);
+  mask(hood).setTo(0);
+  movedScene(9)(hood).copyTo(image(hood));
+  FrameToFrameTracking a(test::testCamera(), {}, mask), b = a;
+  a.advance(a.pyramid(movedScene(0)), kStamp, {});
+  b.advance(b.pyramid(image), kStamp, {});
+  a.detectNew();
+  b.detectNew();
+  EXPECT_EQ(differingDescriptors(a.describeFeatures(), b.describeFeatures()), 0u);
+  EXPECT_EQ(differingDescriptors(a.describeCorners(a.image()), b.describeCorners(b.image())), 0u);
+}
+
 TEST(FrameToFrameTracking, SigmaGrowsWithTheFlowThatTheRotationDoesNotExplain) {
   const FrameToFrameTracking tracking = trackingScene();
   const VisualOdometry::Options options;
@@ -112,6 +144,12 @@ TEST(FrameToFrameTracking, AtAStandstillTheImageIsKept) {
   for (Feature& feature : noisy) feature.u.x() += 0.2;
   tracking.advanceUnlessStandstill(tracking.pyramid(movedScene(0)), kStamp + kPeriod, noisy);
   EXPECT_NEAR(sinceImage(), 0.1, 1e-12);
+
+  // A slow motion is more than that.
+  std::vector<Feature> slow = track(tracking, movedScene(0));
+  for (Feature& feature : slow) feature.u.x() += 0.4;
+  FrameToFrameTracking moving = trackingScene();
+  EXPECT_TRUE(moving.advanceUnlessStandstill(moving.pyramid(movedScene(0)), kStamp, slow));
 
   // An object covers half of the image, and the other half does not move.
   std::vector<Feature> half = track(tracking, movedScene(0));

@@ -70,6 +70,19 @@ TEST(LocalMap, APointNeedsToFitAllItsObservations) {
   }
 }
 
+// Bundle adjustment has refined it since.
+TEST(LocalMap, ADepthIsNotTriangulatedAgain) {
+  LocalMap map({});
+  const Eigen::Vector3d p_w(2, -1, 8);
+  for (int k = 0; k < 3; ++k) map.addKeyframe(keyframePose(k), observe({p_w}, keyframePose(k)));
+  map.triangulateNew();
+  ASSERT_TRUE(map.find(0)->depth);
+  map.find(0)->depth->value = 0.12;
+  map.addKeyframe(keyframePose(3), observe({p_w}, keyframePose(3)));
+  map.triangulateNew();
+  EXPECT_EQ(map.find(0)->depth->value, 0.12);
+}
+
 TEST(LocalMap, triangulatesNothingWithoutMotion) {
   const auto points = farMapPoints();
   LocalMap map({});

@@ -117,6 +117,20 @@ TEST(Mapping, AfterAnAdjustmentOutliersAreRemovedAndSigmasUpdated) {
   EXPECT_EQ(mapping.map().find(7)->observations.size(), 5u);
   EXPECT_EQ(mapping.map().find(8)->observations.size(), 6u);
   EXPECT_LT(mapping.map().find(8)->depth->sigma, sigma);
+  const double without_outlier = mapping.map().find(7)->depth->sigma;
+  mapping.map().updateSigmas();
+  EXPECT_DOUBLE_EQ(mapping.map().find(7)->depth->sigma, without_outlier);
+}
+
+TEST(Mapping, TheNewLandmarksOfAKeyframeTakePartInItsAdjustment) {
+  const auto points = test::farPoints(150);
+  Mapping mapping(kCamera, {});
+  mapping.map().addKeyframe(keyframePose(0), test::observe(points, keyframePose(0)));
+  const Eigen::Isometry3d disturbed = keyframePose(1) * pose({0.002, 0, 0}, {0, 0, 0});
+  VisualOdometry::Times times;
+  mapping.addKeyframe(disturbed, featuresOf(points, keyframePose(1)), blankImage(), &times);
+  mapping.takeAdjustedMap(&times);
+  EXPECT_LT(test::angleBetween(mapping.map().keyframes().back().T_w_c, keyframePose(1)), 0.0005);
 }
 
 TEST(Mapping, AnObservationWithALargeErrorIsRemovedAfterAnAdjustment) {

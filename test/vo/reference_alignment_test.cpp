@@ -83,6 +83,43 @@ TEST_F(ReferenceAlignmentTest, AppliesTheGainOfEachImage) {
   }
 }
 
+// The keyframe is dark.
+TEST_F(ReferenceAlignmentTest, TheGainIsThatSinceTheKeyframe) {
+  Keyframe& keyframe = map_.keyframes().front();
+  keyframe.exposure = 0.4;
+  keyframe.image = applyGain(keyframe.image, keyframe.exposure);
+  for (const double gain : {0.4, 1.0}) {
+    EXPECT_GT(align(pose({0, 0.02, 0}, {0.5, 0.2, 1}), gain), 0.55) << gain;
+  }
+}
+
+// A second keyframe sees the same features with an error of the tracking.
+TEST_F(ReferenceAlignmentTest, AlignsToTheFirstKeyframe) {
+  const Eigen::Isometry3d T_v_2 = pose({0, 0.02, 0}, {0.2, 0, 2});
+  std::vector<LocalMap::Corner> corners;
+  for (const auto& [id, landmark] : map_.landmarks()) {
+    Feature feature;
+    feature.id = id;
+    corners.push_back({id, kCamera.ray(pixelAt(T_v_2, feature) + kError).head<2>(), 0.001});
+  }
+  map_.addKeyframe(T_w_v_ * T_v_2, corners, test::wallFrom(kCamera, T_v_2));
+  EXPECT_GT(align(pose({0, 0.05, 0}, {0.5, 0.2, 4})), 0.7);
+}
+
+// The second keyframe observes other features.
+TEST_F(ReferenceAlignmentTest, EachKeyframeHasItsOwnImage) {
+  const Eigen::Isometry3d T_v_2 = pose({0, 0, 0}, {0.2, 0, 2});
+  std::vector<LocalMap::Corner> corners;
+  for (const auto& [id, landmark] : map_.landmarks()) {
+    corners.push_back({1000 + id, landmark.observations.front().x, 0.001});
+  }
+  map_.addKeyframe(T_w_v_ * T_v_2, corners, test::wallFrom(kCamera, T_v_2));
+  for (const LocalMap::Corner& corner : corners) {
+    map_.find(corner.id)->depth = InverseDepth{1 / (test::kWallDistance - 2), 1e-4};
+  }
+  for (const double z : {3, 4}) EXPECT_GT(align(pose({0, 0.05, 0}, {0.5, 0.2, z})), 0.6) << z;
+}
+
 TEST_F(ReferenceAlignmentTest, UsesNoKeyframeFromMuchNearerOrFartherAway) {
   EXPECT_GT(align(pose({0, 0, 0}, {0, 0, 7})), 0.5);
   EXPECT_EQ(align(pose({0, 0, 0}, {0, 0, 8})), 0);  // a factor of 1.67

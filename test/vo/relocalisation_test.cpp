@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "support/scene.hpp"
 #include "support/wall.hpp"
 #include "vo/frame_to_frame_tracking.hpp"
@@ -14,7 +16,8 @@ using test::pose;
 using test::kCamera;
 const Eigen::Vector3d kPredicted = 20 * test::kStep;
 
-/// The previous camera v is somewhere in the map. The map points of every tenth feature are wrong.
+/// The previous camera v is somewhere in the map. The map points of every tenth feature are wrong,
+/// and every tenth has none.
 class RelocalisationTest : public testing::Test {
  protected:
   RelocalisationTest() {
@@ -26,10 +29,13 @@ class RelocalisationTest : public testing::Test {
     for (std::size_t i = 0; i < corners.size(); ++i) {
       features_[i].age = 3;
       features_[i].flow = {7, 8};
-      if (i % 10 == 0) corners[i].x.y() += 40 / kCamera.fy;
+      if (i % 10 == 0) corners[i].x.y() += kWrong;
     }
     map_.addKeyframe(T_w_v_, corners);
     test::putOnWall(&map_);
+    for (auto& [id, landmark] : map_.landmarks()) {
+      if (id % 10 == 5) landmark.depth.reset();
+    }
   }
 
   static cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c) { return test::wallFrom(kCamera, T_v_c); }
@@ -40,6 +46,7 @@ class RelocalisationTest : public testing::Test {
         .locate(map_, motion_, features_, tracking_.describeFeatures(), next, test::kAfterGap);
   }
 
+  static constexpr double kWrong = 0.09;  // [normalised], 42 px
   // The depths in the world are small.
   const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.2, -0.1}, {5, 6, -17});
   FrameToFrameTracking tracking_{kCamera, {}, {}};
@@ -61,6 +68,7 @@ TEST_F(RelocalisationTest, FindsPoseAndFeaturesNearAndFarFromThePrediction) {
     const std::vector<Feature> previous = entriesOf(result->features, features_);
     for (std::size_t i = 0; i < previous.size(); ++i) {
       const Feature& feature = result->features[i];
+      EXPECT_TRUE(map_.point(feature.id)) << "without a point it cannot agree with the pose";
       EXPECT_EQ(feature.age, 4u);
       EXPECT_EQ(feature.flow, Eigen::Vector2d::Zero());
       EXPECT_NEAR(feature.sigma * kCamera.fx, 1.4, 0.1) << "[px]";
@@ -69,6 +77,22 @@ TEST_F(RelocalisationTest, FindsPoseAndFeaturesNearAndFarFromThePrediction) {
     }
     EXPECT_LE(far_away, 1u) << yaw;
   }
+}
+
+// In different directions. The first search only has to find a rough pose.
+TEST_F(RelocalisationTest, FindsThePoseAlthoughMostPointsAreWrong) {
+  for (auto& [id, landmark] : map_.landmarks()) {
+    if (id % 10 > 4) continue;
+    const auto direction = static_cast<double>(id);
+    landmark.observations.front().x +=
+        kWrong * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+  }
+  const Eigen::Isometry3d T_v_c = pose({0, -0.2, 0}, kPredicted);
+  const auto result = locate(T_v_c);
+  ASSERT_TRUE(result);
+  const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
+  EXPECT_LT(test::angleBetween(found, T_v_c), 0.005);
+  EXPECT_LT((found.translation() - T_v_c.translation()).norm(), 0.2);
 }
 
 TEST_F(RelocalisationTest, LimitsTheDeviationFromTheExtrapolatedPosition) {

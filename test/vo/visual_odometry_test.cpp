@@ -302,6 +302,23 @@ TEST(VisualOdometry, depthSigmaIsHalfTheErrorOfPointsOnTheRoad) {
   EXPECT_LT(sigma, 2.8);
 }
 
+/// Share of the features without a point that are outliers of the next frame, of all frames from
+/// this one on.
+double outliersWithoutAPoint(const DriveRun& run, std::size_t first) {
+  std::size_t outliers = 0, all = 0;
+  for (std::size_t i = first; i < run.outputs.size(); ++i) {
+    std::set<std::uint64_t> without_point;
+    for (const TrackedFeature& feature : run.frame(i - 1).features) {
+      if (!feature.has_point) without_point.insert(feature.id);
+    }
+    all += without_point.size();
+    for (const RejectedFeature& rejected : run.outputs[i].rejected) {
+      outliers += rejected.reason == RejectReason::kOutlier && without_point.count(rejected.id);
+    }
+  }
+  return static_cast<double>(outliers) / static_cast<double>(all);
+}
+
 // The part of the flow that the rotation explains adds nothing to the sigma of a tracked feature.
 TEST(VisualOdometry, aTurnDoesNotIncreaseTheSigmas) {
   const SyntheticDrive ground_truth(straightDrive(26));
@@ -314,8 +331,11 @@ TEST(VisualOdometry, aTurnDoesNotIncreaseTheSigmas) {
     cv::Mat& image = images[images.size() - 1 - kTurning + i];
     image = turned(image, ground_truth.camera(), 0.02 * i);
   }
-  const VoFrame turning = run(ground_truth, images, options).outputs.back().frame;
+  const DriveRun result = run(ground_truth, images, options);
+  const VoFrame& turning = result.outputs.back().frame;
   EXPECT_LT(medianRelativeSigma(turning, kTurning), 1.6 * medianRelativeSigma(straight, kTurning));
+  // It does not move them off their epipolar lines, either.
+  EXPECT_LT(outliersWithoutAPoint(result, images.size() - kTurning), 0.1);
 }
 
 TEST(VisualOdometry, standstillKeepsPoseAndMap) {
@@ -428,6 +448,21 @@ TEST(VisualOdometry, pureRotationStartsNoMap) {
   }
 }
 
+// Between the first two images the camera turns by 15 degrees.
+TEST(VisualOdometry, aLargeRotationDoesNotEndAnInitialisation) {
+  const PinholeCamera& camera = sharedDrive().camera();
+  VisualOdometry odometry(camera, {});
+  VisualOdometry::Output output;
+  for (std::size_t i = 0; i < 15 && output.start.empty(); ++i) {
+    const cv::Mat& image = sharedImage(i);
+    output = odometry.process(i == 0 ? image : turned(image, camera, 0.26),
+                              sharedDrive().frame(i).stamp_ns);
+    expectConsistentRejections(output);
+  }
+  ASSERT_FALSE(output.start.empty());
+  EXPECT_EQ(output.start.front().sequence, 0u);
+}
+
 // The camera turns on the spot by 55 degrees, so that most of the first image leaves the view,
 // and then drives on.
 TEST(VisualOdometry, aTurnBeforeTheFirstMapIsKnown) {
@@ -516,6 +551,11 @@ TEST(VisualOdometry, blackFramesAreLostAndTrackingResumes) {
   std::size_t back = 50;  // first tracked frame after the black ones
   while (back < ground_truth.size() && result.frame(back).status != VoStatus::kTracking) ++back;
   EXPECT_LT(back, 60u);
+  for (const TrackedFeature& feature : result.frame(back).features) {
+    if (!feature.has_point) continue;
+    const Eigen::Vector2d projection = options.camera.project(feature.p_c.cast<double>());
+    EXPECT_LT((projection - feature.u.cast<double>()).norm(), 2) << "is wrong after the gap";
+  }
   for (std::size_t i = back; i < ground_truth.size(); ++i) {
     EXPECT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
   }
@@ -551,16 +591,21 @@ TEST(VisualOdometry, aBlackoutKeepsMapAndScale) {
   EXPECT_NEAR(gap / true_gap, 1, 0.03);
 }
 
-// The camera turns by 20 degrees without being seen.
-TEST(VisualOdometry, aBlackoutInATurnKeepsMapAndHeading) {
-  SyntheticDrive::Options options = smallDrive(56);
+/// A drive of this number of frames, of which 45 to 54 are black. The camera turns by 20 degrees in
+/// them.
+SyntheticDrive::Options blackoutInATurn(int frames) {
+  SyntheticDrive::Options options = smallDrive(frames);
   options.random_seed = 2;
   options.speed = 6;
   options.curvature = 0.06;
   options.slope = 0;
   options.black_first = 45;
   options.black_frames = 10;
-  const SyntheticDrive ground_truth(options);
+  return options;
+}
+
+TEST(VisualOdometry, aBlackoutInATurnKeepsMapAndHeading) {
+  const SyntheticDrive ground_truth(blackoutInATurn(56));
   const DriveRun result = run(ground_truth);
   constexpr std::size_t kBefore = 44, kBack = 55;
   expectConsistentRejections(result.outputs[kBack]);
@@ -575,6 +620,26 @@ TEST(VisualOdometry, aBlackoutInATurnKeepsMapAndHeading) {
   const double scale = scaleOver(ground_truth, result, 12, kBefore + 1);
   EXPECT_LT((scale * gap.translation() - true_gap.translation()).norm(),
             0.03 * true_gap.translation().norm());
+}
+
+// A pose needs so many inliers that there is none after the blackout. The next map starts with the
+// rotation to the pose that the search has found.
+TEST(VisualOdometry, aTurnInABlackoutIsKnownToTheNextMap) {
+  const SyntheticDrive ground_truth(blackoutInATurn(68));
+  VisualOdometry::Options options;
+  options.pose.min_inliers = 70;
+  const DriveRun result = run(ground_truth, options);
+  constexpr std::size_t kBefore = 44, kStart = 57;
+  ASSERT_EQ(result.frame(kBefore).status, VoStatus::kTracking);
+  const VoFrame& frame = result.outputs.back().frame;
+  ASSERT_EQ(frame.status, VoStatus::kTracking);
+  ASSERT_EQ(frame.map_id, 1u);
+  ASSERT_EQ(frame.map_start.stamp_ns, ground_truth.frame(kStart).stamp_ns);
+  const Eigen::Matrix3d true_rotation = ground_truth.frame(kBefore).T_c0_c.linear().transpose() *
+                                        ground_truth.frame(kStart).T_c0_c.linear();
+  EXPECT_LT(frame.map_start.rotation_sigma, 0.02);
+  EXPECT_LT(Eigen::AngleAxisd(frame.map_start.R_previous_w.transpose() * true_rotation).angle(),
+            0.02);
 }
 
 TEST(VisualOdometry, tracksThroughStepsOfTheExposure) {
@@ -770,6 +835,7 @@ TEST(VisualOdometry, rejectsWrongImagesAndOptions) {
   options.keyframe_min_tracked = 2;
   EXPECT_THROW(VisualOdometry(camera, options), OptionError);
   EXPECT_THROW(VisualOdometry({}, {}), OptionError);
+  EXPECT_THROW(VisualOdometry(camera, {}, cv::Mat(248, 801, CV_8UC1)), OptionError);
 }
 
 TEST(VisualOdometry, texturelessImagesKeepInitialising) {

@@ -341,6 +341,16 @@ TEST(PoseEstimation, isExactWithoutNoise) {
   EXPECT_EQ(result.inliers, kPoints);
 }
 
+TEST(PoseEstimation, RotationsAreOrthonormalAlsoFromARoundedPrediction) {
+  Eigen::Isometry3d predicted = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
+  const auto observations = pointObservations(predicted, 0.0005);
+  predicted.linear() *= 1 + 1e-6;
+  const auto result = PoseEstimation({}).estimate(predicted, observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  const Eigen::Matrix3d R = result.T_w_c.linear();
+  EXPECT_TRUE((R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), 1e-12));
+}
+
 // It computes several observations at once, also when their number is not a multiple.
 TEST(PoseEstimation, countsEachObservationOnce) {
   auto observations = pointObservations(pose({0, 0.03, 0}, {0.1, 0, 1}), 0.0005);

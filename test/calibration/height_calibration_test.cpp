@@ -41,7 +41,8 @@ struct Script {
   int lost_from = 0, lost_to = 0;
   int initialised_at = 0;         // frames before it have no pose
   int scaled_at = 0;              // frames before it have no scale
-  double first_sigma = 0.01;      // of the scale, in the first 10 frames; 0.01 in the others
+  double scale = 1;               // of the odometry [m per VO unit]
+  double first_sigma = 0.01;      // relative, of the scale, in the first 10 frames; 0.01 in others
   double scale_noise = 0;         // of the length of one step, relative
   double noise_correlation = 20;  // of the scale noise [frames]
   double standing_noise = 0;      // of the odometry's position at standstill, along x [m]
@@ -83,12 +84,13 @@ ScriptedDrive drive(const Script& script) {
       vo.frame.status = VoStatus::kTracking;
       Eigen::Vector3d measured = estimated;
       if (stands) measured.x() += script.standing_noise * normal(random) / kHeight;
-      vo.frame.T_w_c.translation() = measured;
+      vo.frame.T_w_c.translation() = measured / script.scale;
       const bool held = i >= script.held_from && i < script.held_to;
       scale.scale.status = stands || held ? ScaleStatus::kHeld : ScaleStatus::kOk;
       scale.scale.reason = stands ? ScaleReason::kStandstill : ScaleReason::kNone;
-      scale.scale.scale = scale.scale.height = 1;
-      scale.scale.sigma = i < 10 ? script.first_sigma : 0.01;
+      scale.scale.scale = script.scale;
+      scale.scale.height = 1 / script.scale;
+      scale.scale.sigma = script.scale * (i < 10 ? script.first_sigma : 0.01);
       const double pitch = (held ? 0.5 : kPitch) + 0.005 * normal(random);
       const double roll = kRoll + 0.005 * normal(random);
       scale.scale.n_c = {-std::sin(roll), -std::cos(roll) * std::cos(pitch),
@@ -144,6 +146,44 @@ TEST(HeightCalibration, HeightIsProportionalToTheLength) {
   // For the same record the height is proportional to the nominal height.
   EXPECT_NEAR(HeightCalibration({}).fromLength(scripted.record, 2, 20, 0).height.value,
               2 * HeightCalibration({}).fromLength(scripted.record, 1, 20, 0).height.value, 1e-3);
+}
+
+// Segments and sections are 12 camera heights long, here 24 m of the odometry.
+TEST(HeightCalibration, LengthsAreInNominalHeights) {
+  const double nominal = 2;
+  const ScriptedDrive scripted = drive({});
+  const HeightCalibration calibration({});
+  const Result positions =
+      calibration.fromPositions(scripted.record, nominal, scripted.positions, 0);
+  ASSERT_EQ(positions.status, Status::kOk) << positions.reason;
+  EXPECT_NEAR(positions.height.value, nominal * kHeight, 0.002);
+  for (const auto& segment : positions.segments) {
+    EXPECT_NEAR(segment.height, nominal * kHeight, 0.002);
+    EXPECT_NEAR(segment.length_heights, 12.2, 0.2);  // a step is 0.27 heights long
+  }
+  Script script;
+  script.frames = 120;  // 63 m of the odometry: two sections
+  const ScriptedDrive two_sections = drive(script);
+  const auto hasMounting = [&](double nominal_height) {
+    return calibration.fromLength(two_sections.record, nominal_height, 100, 0).pitch.has_value();
+  };
+  EXPECT_TRUE(hasMounting(1));
+  EXPECT_FALSE(hasMounting(nominal));
+}
+
+// The steps of the path are half a camera height long, except the last one.
+TEST(HeightCalibration, ASlowDriveIsMeasuredToItsEnd) {
+  Script script;
+  script.speed = 1;
+  EXPECT_NEAR(byLength(drive(script)).height.value, kHeight, 0.001);
+}
+
+TEST(HeightCalibration, FourSegmentsAreEnough) {
+  Script script;
+  script.frames = 95;
+  const Result result = byPositions(drive(script));
+  EXPECT_EQ(result.segments.size(), 4u);
+  EXPECT_EQ(result.status, Status::kOk) << result.reason;
 }
 
 /// Share of the seeds whose 95 % interval contains the true height. Raises *widest to the largest
@@ -274,8 +314,16 @@ TEST(HeightCalibration, TheHeightIsTheMeanWeightedWithTheLengths) {
 TEST(HeightCalibration, SigmaOfAnExactDriveIsThatOfScaleAndMethod) {
   const double section = 12 * 0.8 / kHeight, rest = 3 * 0.8 / kHeight;
   const double path = std::sqrt(33 * section * section + rest * rest) / (33 * section + rest);
-  EXPECT_NEAR(byLength(drive({})).height.sigma / kHeight, std::hypot(0.01 * path, 0.003), 1e-7);
-  EXPECT_NEAR(byPositions(drive({})).height.sigma / kHeight, 0.003, 1e-7);
+  Script script;
+  for (const double scale : {1, 4}) {
+    script.scale = scale;
+    for (const int scaled_at : {0, 100}) {
+      script.scaled_at = scaled_at;
+      const ScriptedDrive scripted = drive(script);
+      EXPECT_NEAR(byLength(scripted).height.sigma / kHeight, std::hypot(0.01 * path, 0.003), 1e-7);
+      EXPECT_NEAR(byPositions(scripted).height.sigma / kHeight, 0.003, 1e-7);
+    }
+  }
 }
 
 TEST(HeightCalibration, SigmaIsThatOfTheWholeDriveNotOfItsFirstScale) {

@@ -28,11 +28,13 @@ TEST(EncodedImage, IsCompleteWithItsEndMark) {
 }
 
 TEST(EncodedImage, HasTheSizeOfItsHeader) {
-  for (const std::string& image : {kPng, kJpeg}) {
-    EXPECT_EQ(encodedSize(image).width, 258);
-    EXPECT_EQ(encodedSize(image).height, 3);
-    for (std::size_t length = 0; length < image.size(); ++length)
-      encodedSize(image.substr(0, length));
+  // Length of the bytes up to the size.
+  for (const auto& [image, needed] : {std::pair(kPng, 24u), std::pair(kJpeg, 17u)}) {
+    for (std::size_t length = 0; length <= image.size(); ++length) {
+      const ImageSize size = encodedSize(std::string_view(image).substr(0, length));
+      EXPECT_EQ(size.width, length < needed ? 0 : 258) << length;
+      EXPECT_EQ(size.height, length < needed ? 0 : 3) << length;
+    }
   }
   EXPECT_EQ(encodedSize("\xff\xd8\xff").width, 0);
   // Segments whose markers lie among those of frame headers: DHT, JPG, DAC.

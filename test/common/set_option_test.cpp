@@ -8,6 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
+#include "support/comma_locale.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -88,6 +89,12 @@ TEST(ParseNumber, AcceptsOnlyCompleteFiniteNumbers) {
   EXPECT_EQ(parseInteger("--threads", "8", 1, 8), 8);
   EXPECT_THROW(parseInteger("--threads", "9", 1, 8), OptionError);
   EXPECT_THROW(parseInteger("--threads", "1.5", 1, 8), OptionError);
+}
+
+TEST(ParseNumber, DoesNotDependOnTheLocale) {
+  const test::CommaLocale locale;
+  EXPECT_EQ(parseNumber<double>("1234.5"), 1234.5);
+  EXPECT_FALSE(parseNumber<double>("1.234,5"));
 }
 
 }  // namespace

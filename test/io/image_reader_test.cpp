@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <thread>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -47,6 +48,14 @@ TEST(ImageReader, TheProcessorTimeIsThatOfOneImage) {
   }
   ImageReader reader(1, numbered, false);  // on this thread
   EXPECT_LT(reader.next().decode_cpu_ms, 50);
+}
+
+TEST(ImageReader, TheWallTimeIncludesWaiting) {
+  ImageReader reader(1, [](std::size_t i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    return numbered(i);
+  });
+  EXPECT_GE(reader.next().decode_ms, 20);
 }
 
 TEST(ImageReader, ReadsEachImageOnceAndNoneBeyondTheLast) {

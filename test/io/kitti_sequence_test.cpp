@@ -240,6 +240,8 @@ TEST_F(KittiSequenceTest, RefusesTruncatedAndBrokenImages) {
     EXPECT_EQ(errorOfImage("GIF89a and so on"), truncated);
     EXPECT_EQ(errorOfImage(encoded(extension, {32, 48})),
               "/" + name + ": is 32x48 instead of 64x48");
+    EXPECT_EQ(errorOfImage(encoded(extension, {64, 24})),
+              "/" + name + ": is 64x24 instead of 64x48");
   }
   const std::string png = encoded("png");
   const std::string end = png.substr(png.size() - 12);

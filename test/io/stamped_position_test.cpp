@@ -27,8 +27,11 @@ TEST_F(StampedPositions, AreReadInBothFormats) {
   EXPECT_EQ(positions[1].p, Eigen::Vector3d(4, 5, 6));
   EXPECT_NE(dataErrorOf([&] { readStampedPositions(kitti, {10}); }, folder_).find("2 poses"),
             std::string::npos);
-  const auto tum = write("tum", "# stamp\n1.5 1 2 3 0 0 0 1\n1.6 4 5 6 0 0 0 1\n");
-  EXPECT_EQ(readStampedPositions(tum, {})[1].stamp_ns, 1600000000);
+  const auto tum = write("tum", "# stamp\n1.5 1 2 3 0 0 0 1\n1.6 4 5 6 0 1 0 0\n");
+  const auto with_stamps = readStampedPositions(tum, {});
+  ASSERT_EQ(with_stamps.size(), 2u);
+  EXPECT_EQ(with_stamps[1].stamp_ns, 1600000000);
+  EXPECT_EQ(with_stamps[1].p, Eigen::Vector3d(4, 5, 6));
   const auto back = write("back", "1.5 1 2 3 0 0 0 1\n1.4 4 5 6 0 0 0 1\n");
   EXPECT_EQ(dataErrorOf([&] { readStampedPositions(back, {}); }, folder_),
             "/back: its stamps do not increase at 1.400000000");

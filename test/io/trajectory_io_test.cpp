@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
+#include "support/comma_locale.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -95,18 +97,37 @@ TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {
   }
 }
 
+TEST_F(TrajectoryIo, FilesDoNotDependOnTheLocale) {
+  const std::vector<Eigen::Isometry3d> poses{Eigen::Isometry3d(Eigen::Translation3d(1234.5, 0, 0))};
+  const std::string kitti = "1 0 0 1234.5 0 1 0 0 0 0 1 0\n",
+                    tum = "1.500000000 1234.5 0 0 0 0 0 1\n";
+  const test::CommaLocale locale;
+  writeKittiPoses(folder_ / "kitti.txt", poses);
+  EXPECT_EQ(readFile(folder_ / "kitti.txt", 100), kitti);
+  EXPECT_EQ(readKittiPoses(folder_ / "kitti.txt").at(0).translation().x(), 1234.5);
+  writeTumTrajectory(folder_ / "tum.txt", {{1500000000, poses[0]}});
+  EXPECT_EQ(readFile(folder_ / "tum.txt", 100), tum);
+  EXPECT_EQ(readTumTrajectory(folder_ / "tum.txt").at(0).stamp_ns, 1500000000);
+  std::ostringstream table = csvStream("name");
+  table << 1234.5;
+  EXPECT_EQ(table.str(), "name\n1234.5");
+}
+
 TEST_F(TrajectoryIo, ARoundedQuaternionIsARotation) {
   const auto file = write("rounded.txt", "1.5 1 2 3 0 0.71 0 0.71\n");
   const Eigen::Matrix3d R = readTumTrajectory(file).front().T_a_b.linear();
   EXPECT_TRUE((R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), 1e-14));
 }
 
-TEST_F(TrajectoryIo, TumSkipsCommentsAndRejectsABadQuaternion) {
+TEST_F(TrajectoryIo, TumSkipsCommentsAndRejectsBadPoses) {
   const auto good = write("good.txt", "# stamp tx ty tz qx qy qz qw\n1.5 1 2 3 0 0 0 1\n");
   EXPECT_EQ(readTumTrajectory(good).size(), 1u);
   const auto gap = write("gap.txt", "1.5 1 2 3 0 0 0 1\n\n2.5 1 2 3 0 0 0 1\n");
   EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(gap); }, folder_),
             "/gap.txt, line 2: has 0 numbers instead of 8");
+  const auto far = write("far.txt", "1.5 1 2 3 0 0 0 1\n2.5 1 1e300 3 0 0 0 1\n");
+  EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(far); }, folder_),
+            "/far.txt, line 2: its position is implausibly far away");
   const auto bad = write("bad.txt", "1.5 1 2 3 0 0 0 0\n");
   EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(bad); }, folder_),
             "/bad.txt, line 1: its quaternion is not of unit length");

@@ -33,6 +33,8 @@ TEST(Camera, requiresAMaskOfItsSize) {
   EXPECT_NO_THROW(requireMask({}, camera));
   EXPECT_NO_THROW(requireMask(cv::Mat(60, 80, CV_8UC1), camera));
   EXPECT_THROW(requireMask(cv::Mat(60, 80, CV_8UC3), camera), OptionError);
+  EXPECT_THROW(requireMask(cv::Mat(59, 80, CV_8UC1), camera), OptionError);
+  EXPECT_THROW(requireMask(cv::Mat(60, 79, CV_8UC1), camera), OptionError);
   try {
     requireMask(cv::Mat(80, 60, CV_8UC1), camera, "--mask hood.png");
     FAIL() << "accepted";

@@ -324,6 +324,26 @@ std::vector<PointObservation> pointObservations(const Eigen::Isometry3d& T_w_c, 
   return result;
 }
 
+TEST(PoseEstimation, ObservationsAreThoseOfTheCornersWithAMapPoint) {
+  const Eigen::Vector3d p_w(2, -1, 8);
+  LocalMap map({});
+  for (int k = 0; k < 4; ++k) map.addKeyframe(keyframePose(k), observe({p_w}, keyframePose(k)));
+  map.triangulateNew();
+  const WorldPoint point = map.point(0).value();
+  ASSERT_GT(point.sigma_w.norm(), 0);
+  const LocalMap::Corner unknown{7, {0.3, 0.4}, 0.002}, known{0, {0.1, 0.2}, 0.001};
+  for (const auto& corners : {std::vector{known, unknown}, std::vector{unknown, known}}) {
+    std::vector<std::size_t> index;
+    const auto observations = ground_scale_vo::pointObservations(map, corners, &index);
+    ASSERT_EQ(observations.size(), 1u);
+    EXPECT_EQ(observations[0].p_w, point.p_w);
+    EXPECT_EQ(observations[0].sigma_w, point.sigma_w);
+    EXPECT_EQ(observations[0].x, known.x);
+    EXPECT_EQ(observations[0].sigma, known.sigma);
+    EXPECT_EQ(index, std::vector<std::size_t>{corners[0].id == known.id ? 0u : 1u});
+  }
+}
+
 TEST(PoseEstimation, isExactWithoutNoise) {
   const Eigen::Isometry3d true_T_w_c = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
   const auto result =
@@ -332,6 +352,16 @@ TEST(PoseEstimation, isExactWithoutNoise) {
   EXPECT_LT(angleBetween(result.T_w_c, true_T_w_c), 1e-8);
   EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 1e-7);
   EXPECT_EQ(result.inliers, kPoints);
+}
+
+TEST(PoseEstimation, RotationsAreOrthonormalAlsoFromARoundedPrediction) {
+  Eigen::Isometry3d predicted = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
+  const auto observations = pointObservations(predicted, 0.0005);
+  predicted.linear() *= 1 + 1e-6;
+  const auto result = PoseEstimation({}).estimate(predicted, observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  const Eigen::Matrix3d R = result.T_w_c.linear();
+  EXPECT_TRUE((R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), 1e-12));
 }
 
 // It computes several observations at once, also when their number is not a multiple.

@@ -121,21 +121,25 @@ TEST(LucasKanade, doesNotFindPointsWithoutTextureOrOutsideTheImage) {
 
 TEST(LucasKanade, needsAGradientInEachDirection) {
   const LucasKanade lucas_kanade(kSide);
-  const auto isFound = [&](double across) {
+  // turned: by 45 degrees
+  const auto isFound = [&](double across, bool turned) {
     cv::Mat image(248, 800, CV_8UC1);
     for (int v = 0; v < image.rows; ++v) {
       for (int u = 0; u < image.cols; ++u) {
+        const double a = turned ? (u + v) * M_SQRT1_2 : u, b = turned ? (u - v) * M_SQRT1_2 : v;
         image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(
-            120 + 60 * std::sin(0.7 * u) + across * std::sin(0.7 * v));
+            120 + 60 * std::sin(0.7 * a) + across * std::sin(0.7 * b));
       }
     }
     const auto pyramid = lucas_kanade.pyramid(image, 0);
     std::vector<cv::Point2f> points{{400, 124}};
     return trackAll(lucas_kanade, pyramid, pyramid, points, 0, &points)[0] != 0;
   };
-  EXPECT_TRUE(isFound(60));
-  EXPECT_TRUE(isFound(3));
-  EXPECT_FALSE(isFound(0.3)) << "nearly an edge";
+  for (const bool turned : {false, true}) {
+    EXPECT_TRUE(isFound(60, turned)) << turned;
+    EXPECT_TRUE(isFound(3, turned)) << turned;
+    EXPECT_FALSE(isFound(0.3, turned)) << "nearly an edge, " << turned;
+  }
 }
 
 // With more contrast each step goes too far, to the other side, and with less it is too short.
@@ -182,6 +186,16 @@ TEST(LucasKanade, tracksEverywhereInAnImage) {
       EXPECT_TRUE(found[i]) << all[i] << side;
       EXPECT_LT(cv::norm(points[i] - all[i]), 0.01) << all[i] << side;
     }
+  }
+}
+
+TEST(LucasKanade, theBorderOfAnImageInMemoryMirrorsIt) {
+  for (const cv::Mat& level : LucasKanade(kSide).pyramid(fullRangeTexture(), kLevels)) {
+    cv::Mat with_border = level, expected;
+    with_border.adjustROI(kSide, kSide, kSide, kSide);
+    cv::copyMakeBorder(level.clone(), expected, kSide, kSide, kSide, kSide, cv::BORDER_REFLECT_101);
+    ASSERT_EQ(with_border.size(), expected.size());
+    EXPECT_EQ(cv::norm(with_border, expected, cv::NORM_INF), 0);
   }
 }
 

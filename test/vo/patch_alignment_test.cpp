@@ -219,18 +219,34 @@ TEST(PatchAlignment, needsCorrelationAndTextureInTwoDirections) {
   };
   EXPECT_TRUE(isAligned(render(Eigen::Isometry3d::Identity(), true, 0.1, 100)));
   EXPECT_FALSE(isAligned(render(Eigen::Isometry3d::Identity(), true, 0.02, 100)));
-  const auto waves = [&](double across) {
+  // turned: by 45 degrees
+  const auto waves = [&](double across, bool turned) {
     cv::Mat image(wall.size(), CV_8UC1);
     for (int v = 0; v < image.rows; ++v) {
       for (int x = 0; x < image.cols; ++x) {
+        const double a = turned ? (x + v) * M_SQRT1_2 : x, b = turned ? (x - v) * M_SQRT1_2 : v;
         image.at<unsigned char>(v, x) = cv::saturate_cast<unsigned char>(
-            120 + 60 * std::sin(0.7 * x) + across * std::sin(0.7 * v));
+            120 + 60 * std::sin(0.7 * a) + across * std::sin(0.7 * b));
       }
     }
     return image;
   };
-  EXPECT_TRUE(isAligned(waves(20)));
-  EXPECT_FALSE(isAligned(waves(0.7))) << "nearly an edge";
+  for (const bool turned : {false, true}) {
+    EXPECT_TRUE(isAligned(waves(20, turned))) << turned;
+    EXPECT_FALSE(isAligned(waves(0.7, turned))) << "nearly an edge, " << turned;
+  }
+}
+
+TEST(PatchAlignment, TheCorrelationDoesNotDependOnTheContrast) {
+  const Eigen::Vector2d u(400, 120);
+  const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
+  for (const double contrast : {0.5, 0.8}) {
+    const cv::Mat other = render(Eigen::Isometry3d::Identity(), true, contrast, 20);
+    const auto match = PatchAlignment({}).align(wall, u, Eigen::Matrix2d::Identity(), other, u);
+    ASSERT_TRUE(match) << contrast;
+    EXPECT_GT(match->correlation, 0.97) << contrast;
+    EXPECT_LE(match->correlation, 1 + 1e-6) << contrast;
+  }
 }
 
 TEST(PatchWarp, isTheDerivativeOfTheProjection) {

@@ -477,6 +477,37 @@ TEST(DirectPlaneEstimator, TheRegionBeginsAtItsMinimumDistance) {
   EXPECT_GT(far.road_distance, near.road_distance + 0.2 * scene.height);
 }
 
+// The nearest visible road is 9.5 camera heights ahead, that of max_ahead_heights 10.
+TEST(DirectPlaneEstimator, TheRegionOfATeleLensContainsVisibleRoad) {
+  RoadScene scene = nearRoad();
+  scene.pitch = 0;
+  scene.camera = {620, 188, 900.0, 900.0, 310.0, 92.0};
+  DirectPlaneEstimator::Options options;
+  options.patch_size = 0.01;
+  const auto result =
+      estimateWith(options, scene, imagesOf(scene, 5), priorOf(scene, kPriorSigma), scene.height);
+  EXPECT_GE(result.patches, options.min_patches);
+}
+
+// Buildings and vehicles beside the road have other heights.
+TEST(DirectPlaneEstimator, TheSearchBeginsAtTheHeightOfTheFeaturesInTheLane) {
+  const RoadScene scene = nearRoad();
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
+  DirectPlaneEstimator::Options options;
+  options.search_range = 1.5;
+  DirectPlaneEstimator estimator(options);
+  DirectPlaneEstimator::Result result;
+  for (std::uint32_t i = 0; i < images.size(); ++i) {
+    VoFrame frame = scene.frame(i);
+    for (TrackedFeature& feature : frame.features) {
+      if (std::abs(feature.p_c.x()) > 1.2 * scene.height) feature.p_c *= 0.3f;
+    }
+    result = estimator.estimate(frame, images[i], priorOf(scene, kPriorSigma), std::nullopt, 0);
+  }
+  EXPECT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
+}
+
 TEST(DirectPlaneEstimator, TheSearchFindsNothingWithoutRoad) {
   const RoadScene scene = nearRoad();
   // A vehicle that fills the view, and noise without any road.

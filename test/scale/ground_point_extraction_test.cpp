@@ -44,18 +44,20 @@ TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
   RoadScene scene = roadAhead();
   scene.pitch = 0;
   const NormalPrior level = priorOf(scene, 0.13);
-  scene.roll = 0.26;
-  const auto extractWith = [&](double roll_sigma) {
-    NormalPrior prior = level;
-    prior.roll_sigma = roll_sigma;
-    return GroundPointExtraction({}).extract(scene.frame(0), prior, chordOf(scene),
-                                             Eigen::Isometry3d::Identity());
-  };
-  const auto uncertain = extractWith(0.13);
-  ASSERT_EQ(uncertain.status, ScaleReason::kNone);
-  EXPECT_NEAR(uncertain.plane.height, 0.7, 1e-3);
-  EXPECT_NEAR((uncertain.plane.n_c - scene.normal()).norm(), 0, 1e-3);
-  EXPECT_NE(extractWith(0.01).status, ScaleReason::kNone);
+  for (const double roll : {-0.26, 0.26}) {
+    scene.roll = roll;
+    const auto extractWith = [&](double roll_sigma) {
+      NormalPrior prior = level;
+      prior.roll_sigma = roll_sigma;
+      return GroundPointExtraction({}).extract(scene.frame(0), prior, chordOf(scene),
+                                               Eigen::Isometry3d::Identity());
+    };
+    const auto uncertain = extractWith(0.13);
+    ASSERT_EQ(uncertain.status, ScaleReason::kNone) << roll;
+    EXPECT_NEAR(uncertain.plane.height, 0.7, 1e-3) << roll;
+    EXPECT_NEAR((uncertain.plane.n_c - scene.normal()).norm(), 0, 1e-3) << roll;
+    EXPECT_NE(extractWith(0.01).status, ScaleReason::kNone) << roll;
+  }
 }
 
 TEST(GroundPointExtraction, NumberOfTrianglesFollowsEulersFormula) {
@@ -195,16 +197,36 @@ TEST(GroundPointExtraction, FeaturesWithoutAUsablePointAreIgnored) {
   VoFrame frame = scene.frame(0);
   const float nan = std::numeric_limits<float>::quiet_NaN();
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
-    if (i % 5 == 0) frame.features[i].has_point = false;
-    if (i % 5 == 1) frame.features[i].p_c.y() = nan;
-    if (i % 5 == 2) frame.features[i].u.x() = nan;
-    if (i % 5 == 3) frame.features[i].depth_sigma = nan;
+    if (i % 6 == 0) frame.features[i].has_point = false;
+    if (i % 6 == 1) frame.features[i].p_c.y() = nan;
+    if (i % 6 == 2) frame.features[i].u.x() = nan;
+    if (i % 6 == 3) frame.features[i].depth_sigma = nan;
+    if (i % 6 == 4) frame.features[i].depth_sigma = 0;
   }
   const auto result = extract(scene, frame);
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
   for (const GroundPoint& point : result.points) EXPECT_TRUE(point.p_c.allFinite());
-  EXPECT_LE(result.points.size(), frame.features.size() / 5 + 1);
+  EXPECT_LE(result.points.size(), frame.features.size() / 6 + 1);
+}
+
+// As another odometry may report them.
+TEST(GroundPointExtraction, FeaturesOutsideTheImageAreIgnored) {
+  const RoadScene scene = roadAhead();
+  const auto width = static_cast<float>(scene.camera.width);
+  const auto height = static_cast<float>(scene.camera.height);
+  GroundPointExtraction::Options options;
+  options.min_lane_features = 100000;  // also of the wide region
+  for (const Eigen::Vector2f& outside :
+       {Eigen::Vector2f(-10, height - 1), Eigen::Vector2f(width + 10, height - 1),
+        Eigen::Vector2f(width / 2, height + 10), Eigen::Vector2f(width / 2, -10)}) {
+    VoFrame frame = scene.frame(0);
+    const std::uint64_t id = frame.features[0].id;
+    frame.features[0].u = outside;
+    const auto result = extract(scene, frame, options);
+    ASSERT_EQ(result.status, ScaleReason::kNone) << outside.transpose();
+    for (const GroundPoint& point : result.points) EXPECT_NE(point.id, id) << outside.transpose();
+  }
 }
 
 TEST(GroundPointExtraction, IsDeterministicForAGivenSeed) {
@@ -225,12 +247,14 @@ TEST(GroundPointExtraction, IsDeterministicForAGivenSeed) {
 TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
   const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
-  MotionHistory::Chord climbing = chordOf(scene);
-  climbing.direction_c =
-      Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitX()) * climbing.direction_c;  // 11 deg off
-  const auto result = GroundPointExtraction(options).extract(
-      scene.frame(0), priorOf(scene), climbing, Eigen::Isometry3d::Identity());
-  EXPECT_EQ(result.ground_triangles, 0);
+  for (const double angle : {-0.2, 0.2}) {  // 11 deg off
+    MotionHistory::Chord climbing = chordOf(scene);
+    climbing.direction_c =
+        Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * climbing.direction_c;
+    const auto result = GroundPointExtraction(options).extract(
+        scene.frame(0), priorOf(scene), climbing, Eigen::Isometry3d::Identity());
+    EXPECT_EQ(result.ground_triangles, 0) << angle;
+  }
   const auto without = GroundPointExtraction(options).extract(
       scene.frame(0), priorOf(scene), std::nullopt, Eigen::Isometry3d::Identity());
   EXPECT_EQ(without.status, ScaleReason::kNone);
@@ -241,24 +265,25 @@ TEST(GroundPointExtraction, FramePitchTestRejectsFramesThatPitch) {
   GroundPointExtraction::Options options;
   options.frame_pitch_test = true;
   const GroundPointExtraction gpe(options);
-  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
-  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), motion).status,
-            ScaleReason::kNone);
-  motion.rotate(Eigen::AngleAxisd(0.12, Eigen::Vector3d::UnitX()));
-  EXPECT_EQ(gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), motion).ground_triangles,
-            0);
+  for (const double pitch : {-0.121, 0.0, 0.121}) {
+    const Eigen::Isometry3d motion(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
+    const auto result = gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), motion);
+    EXPECT_EQ(result.ground_triangles > 0, pitch == 0) << pitch;
+  }
 }
 
 TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
   const RoadScene scene = roadAhead();
-  RoadScene expected = scene;
-  expected.pitch += 0.2;
-  for (const bool frame_pitch_test : {false, true}) {
-    GroundPointExtraction::Options options;
-    options.frame_pitch_test = frame_pitch_test;
-    const auto result = GroundPointExtraction(options).extract(
-        scene.frame(0), priorOf(expected, 0.01), std::nullopt, Eigen::Isometry3d::Identity());
-    EXPECT_EQ(result.ground_triangles > 0, frame_pitch_test);
+  for (const double pitch : {-0.2, 0.2}) {
+    RoadScene expected = scene;
+    expected.pitch += pitch;
+    for (const bool frame_pitch_test : {false, true}) {
+      GroundPointExtraction::Options options;
+      options.frame_pitch_test = frame_pitch_test;
+      const auto result = GroundPointExtraction(options).extract(
+          scene.frame(0), priorOf(expected, 0.01), std::nullopt, Eigen::Isometry3d::Identity());
+      EXPECT_EQ(result.ground_triangles > 0, frame_pitch_test) << pitch;
+    }
   }
 }
 
@@ -276,6 +301,9 @@ TEST(GroundPointExtraction, BadOptionsAreNamed) {
   EXPECT_THROW(options.validate(), OptionError);
   options = {};
   options.max_half_width_heights = 0.5 * options.lane_half_width_heights;
+  EXPECT_THROW(options.validate(), OptionError);
+  options = {};
+  options.max_ahead_heights = 0.5 * options.min_ahead_heights;
   EXPECT_THROW(options.validate(), OptionError);
 }
 

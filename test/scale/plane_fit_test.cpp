@@ -7,6 +7,7 @@
 #include <cmath>
 #include <random>
 #include <thread>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 
@@ -205,20 +206,23 @@ TEST(PlaneFit, TheCrossSlopeCountsWhereTheInformationComesFrom) {
 }
 
 TEST(PlaneFit, OutliersAreRejected) {
-  auto points = pointsOn(kPlane, 150, 0.02, 3, 3);
-  Noise random;
-  for (int i = 0; i < 60; ++i) {  // objects nearer than the road
-    PlanePoint point = points[static_cast<std::size_t>(i)];
-    const double shorter = random.uniform(0.3, 0.8);
-    point.p_c = point.origin_c + shorter * (point.p_c - point.origin_c);
-    point.depth *= shorter;
-    point.depth_sigma *= shorter;
-    points.push_back(point);
+  // Objects nearer than the road, and reflections in it.
+  for (const auto& [from, to] : {std::pair(0.3, 0.8), std::pair(1.25, 2.0)}) {
+    auto points = pointsOn(kPlane, 150, 0.02, 3, 3);
+    Noise random;
+    for (int i = 0; i < 60; ++i) {
+      PlanePoint point = points[static_cast<std::size_t>(i)];
+      const double factor = random.uniform(from, to);
+      point.p_c = point.origin_c + factor * (point.p_c - point.origin_c);
+      point.depth *= factor;
+      point.depth_sigma *= factor;
+      points.push_back(point);
+    }
+    const auto result = PlaneFit({}).fit(points, loosePrior(), 1.0);
+    ASSERT_EQ(result.status, ScaleReason::kNone) << from;
+    EXPECT_NEAR(result.plane.height / 0.8, 1, 0.01) << from;
+    EXPECT_LT(result.inliers.back(), 150u) << from;
   }
-  const auto result = PlaneFit({}).fit(points, loosePrior(), 1.0);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height / 0.8, 1, 0.01);
-  EXPECT_LT(result.inliers.back(), 150u);
 }
 
 TEST(PlaneFit, PriorDeterminesWhatThePointsDoNotObserve) {
@@ -365,7 +369,7 @@ TEST(PlaneFit, TheHomogeneousFitRejectsOutliersInAnyUnit) {
   for (const double unit : {0.01, 1.0, 100.0}) {
     auto points = pointsOn(kPlane, 60, 0, 3, 1);
     for (std::size_t i = 0; i < points.size(); ++i) {
-      if (i % 10 == 0) points[i].p_c += 0.3 * kPlane.n_c;
+      if (i % 10 == 0) points[i].p_c += (i % 20 == 0 ? 0.3 : -0.3) * kPlane.n_c;
       points[i].p_c *= unit;
     }
     const auto result = PlaneFit(options).fit(points, loosePrior(), 0.8 * unit);
@@ -379,10 +383,13 @@ TEST(PlaneFit, TheHomogeneousFitRejectsOutliersInAnyUnit) {
 TEST(PlaneFit, SigmaOfTheHomogeneousFitIsThatOfTheDistances) {
   PlaneFit::Options options;
   options.method = PlaneFit::Method::kHomogeneous;
-  options.reject_distance_heights = 1;
+  options.reject_distance_heights = 0.1;
   auto points = pointsOn(kPlane, 1000, 0, 0, 1);
   Noise random;
-  for (PlanePoint& point : points) point.p_c += 0.02 * random.gauss() * kPlane.n_c;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double distance = i % 50 == 0 ? 0.3 : 0.02 * random.gauss();  // some outliers
+    points[i].p_c += distance * kPlane.n_c;
+  }
   const auto result = PlaneFit(options).fit(points, loosePrior(), 0.8);
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.height_sigma, 0.02, 0.002);

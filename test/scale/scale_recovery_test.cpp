@@ -221,6 +221,18 @@ TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
   EXPECT_TRUE(output.pose.has_value());
 }
 
+// The direction of motion gives its pitch as soon as there is ground, before a plane is fitted.
+TEST(ScaleRecovery, TheMountingIsLearnedWithoutAPlane) {
+  const RoadScene scene = pitchedRoad();
+  ScaleRecovery::Options options = recoveryOptions();
+  options.gpa.min_frames = options.gpa.max_frames = 1000;
+  ScaleRecovery recovery(options);
+  ScaleRecovery::Output output;
+  for (std::uint32_t i = 0; i < 60; ++i) output = recovery.process(scene.frame(i));
+  EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
+  EXPECT_NEAR(output.mounting_pitch, scene.pitch, 0.005);
+}
+
 TEST(ScaleRecovery, UnknownUntilThereIsARoad) {
   const RoadScene scene = pitchedRoad();
   ScaleRecovery recovery(recoveryOptions());
@@ -252,6 +264,22 @@ TEST(ScaleRecovery, StandstillHoldsTheScaleAndItsSigma) {
     moving = recovery.process(scene.frameAt(i, scene.step * (i - 60)));
     EXPECT_EQ(moving.scale.status, ScaleStatus::kOk);
   }
+}
+
+// Each step alone is shorter than standstill_distance_heights, three are longer: at a high frame
+// rate all motion is slow.
+TEST(ScaleRecovery, SlowMotionAddsUp) {
+  const RoadScene scene = pitchedRoad();
+  const double slow_step =
+      0.4 * ScaleRecovery::Options().standstill_distance_heights * scene.height;
+  ScaleRecovery recovery(recoveryOptions());
+  for (std::uint32_t i = 0; i < 40; ++i) recovery.process(scene.frame(i));
+  int measured = 0;
+  for (std::uint32_t i = 40; i < 70; ++i) {
+    const auto output = recovery.process(scene.frameAt(i, 39 * scene.step + slow_step * (i - 39)));
+    measured += output.scale.status == ScaleStatus::kOk;
+  }
+  EXPECT_NEAR(measured, 10, 1);
 }
 
 TEST(ScaleRecovery, StartsWithinTwoCameraHeights) {

@@ -49,6 +49,34 @@ TEST(StaticMask, DoesNotContainWhatNeedNotMove) {
   EXPECT_EQ(maskedShare(noiseImage(), 0.002f, false), 0);
 }
 
+// Dirt on the lens is washed off.
+TEST(StaticMask, ForgetsWhatMovesAgain) {
+  const PatchGrid grid(kMaskCamera, 0.03);
+  const PatchMatcher matcher(kMaskCamera, kMaskImageNoise, {});
+  PatchExtractor extractor(kMaskCamera, 1, grid, kMaskImageNoise, {});
+  RoadImage before, after;
+  std::vector<Patch> patches;
+  const LaneRegion lane({}, {}, 0, 0.5, 3, 1);
+  Reference reference;
+  reference.image = &before;
+  reference.R.setIdentity();
+  reference.t = {0, 0, 0.7f};
+  StaticMask mask(kMaskCamera, grid);
+  const auto update = [&](float rate) {
+    mask.update(patches, reference, matcher, {0, -1, 0}, false, rate);
+    double masked = 0;
+    for (const Patch& patch : patches) masked += mask.contains(patch.cell);
+    return masked / static_cast<double>(patches.size());
+  };
+  extractor.extract(noiseImage(), lane, false, &before, &patches);
+  EXPECT_EQ(update(0.4f), 0);
+  EXPECT_EQ(update(0.4f), 1);
+  cv::Mat moved;
+  cv::flip(noiseImage(), moved, 1);
+  extractor.extract(moved, lane, false, &after, &patches);
+  EXPECT_EQ(update(0.4f), 0);
+}
+
 TEST(StaticMask, DoesNotContainUniformPatches) {
   const cv::Mat uniform(kMaskCamera.height, kMaskCamera.width, CV_8UC1, cv::Scalar(100));
   EXPECT_EQ(maskedShare(uniform, 0.7f, false), 0);

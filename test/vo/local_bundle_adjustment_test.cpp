@@ -236,6 +236,20 @@ TEST(LocalBundleAdjustment, rejectsStepsThatIncreaseTheCost) {
   }
 }
 
+// All keyframes but the first are free: their distance to it fixes the scale.
+TEST(LocalBundleAdjustment, depthsHaveTheUnitOfTheFixedDistance) {
+  const LocalMap exact = exactMap(4);
+  LocalMap map = exact;
+  for (auto& [id, landmark] : map.landmarks()) {
+    if (landmark.depth) landmark.depth->value *= 1.25;
+  }
+  LocalBundleAdjustment::Options options;
+  options.max_iterations = 30;
+  ASSERT_TRUE(LocalBundleAdjustment(options).adjust(&map).usable);
+  EXPECT_LT(largestDistance(map, exact), 1e-3);
+  EXPECT_LT(depthDifference(map, exact), 0.01);
+}
+
 TEST(LocalBundleAdjustment, residualsMatchTheNoise) {
   const auto points = farPoints();
   LocalMap map({});

@@ -8,8 +8,8 @@
 
 namespace ground_scale_vo {
 
-/// Calls body(cv::Range) for parts of [0, count) on OpenCV's threads, and waits for all. There are a
-/// few parts per thread: more would balance the load no better, and the body may begin with an
+/// Calls body(cv::Range) for parts of [0, count) on OpenCV's threads, and waits for all. There are
+/// a few parts per thread: more would balance the load no better, and the body may begin with an
 /// expensive construction. Left to itself, OpenCV with libtbb makes over a hundred.
 ///
 /// ThreadSanitizer does not see how libtbb, which OpenCV uses, synchronises these threads with the

@@ -186,13 +186,12 @@ def dump(value, indent=""):
     line = json.dumps(value, sort_keys=True, ensure_ascii=False)
     if not isinstance(value, (dict, list)) or len(line) < 100:
         return line
-    parts = list(value.values()) if isinstance(value, dict) else value
-    if isinstance(value, dict) and not any(isinstance(part, (dict, list)) for part in parts):
-        return line
-    if isinstance(value, dict):
+    if isinstance(value, list):
+        entries = [dump(part, indent + " ") for part in value]
+    elif any(isinstance(part, (dict, list)) for part in value.values()):
         entries = [f"{json.dumps(key)}: {dump(value[key], indent + ' ')}" for key in sorted(value)]
     else:
-        entries = [dump(part, indent + " ") for part in value]
+        return line
     brackets = "{}" if isinstance(value, dict) else "[]"
     return f",\n{indent} ".join(entries).join([f"{brackets[0]}\n{indent} ", f"\n{indent}{brackets[1]}"])
 

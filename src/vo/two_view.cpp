@@ -18,7 +18,7 @@ namespace {
 constexpr double kConfidence = 0.9999;
 constexpr int kMaxRansacIterations = 1000;
 
-/// Fraction of min_parallax that must remain after removing the best rotation to try a model: the
+/// Fraction of min_parallax that must remain after removing the best rotation to start a map: the
 /// rotation that is fitted alone also absorbs part of a translation's flow.
 constexpr double kMinParallaxFraction = 0.5;
 
@@ -161,7 +161,15 @@ void refine(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>& 
 
 struct RotationFit {
   Eigen::Matrix3d R_2_1 = Eigen::Matrix3d::Identity();
-  double median_angle = 0;  ///< that remains between the rays [rad]
+  std::vector<double> angles;  ///< that remain between the rays [rad]
+  double median_angle = 0;     ///< [rad]
+
+  /// Number of matches minus the cost, as in Candidate.
+  double support(double threshold) const {
+    double sum = 0;
+    for (const double angle : angles) sum += std::max(0.0, 1 - std::pow(angle / threshold, 2));
+    return sum;
+  }
 };
 
 /// The best rotation between the rays (Kabsch's algorithm, repeated on the better half).
@@ -171,8 +179,9 @@ RotationFit fitRotation(const std::vector<cv::Point2d>& x1, const std::vector<cv
     rays1.push_back(Eigen::Vector3d(x1[i].x, x1[i].y, 1).normalized());
     rays2.push_back(Eigen::Vector3d(x2[i].x, x2[i].y, 1).normalized());
   }
-  std::vector<double> angles(x1.size(), 0.0);
   RotationFit fit;
+  std::vector<double>& angles = fit.angles;
+  angles.assign(x1.size(), 0.0);
   fit.median_angle = 1;
   for (int iteration = 0; iteration < kRotationIterations; ++iteration) {
     Eigen::Matrix3d C = Eigen::Matrix3d::Zero();
@@ -301,16 +310,18 @@ std::optional<RelativeRotation> TwoView::estimateRotation(
     const std::vector<Eigen::Vector2d>& u2) const {
   if (u1.size() != u2.size() || u1.size() < kMinRotationMatches) return std::nullopt;
   const auto x1 = normalisedCoordinates(camera, u1), x2 = normalisedCoordinates(camera, u2);
-  const RotationFit rotation = fitRotation(x1, x2);
-  if (rotation.median_angle < kMinParallaxFraction * options_.min_parallax) {
-    // Its error is at most the parallax that it leaves unexplained.
-    return RelativeRotation{rotation.R_2_1,
-                            std::max(rotation.median_angle, options_.inlier_threshold)};
-  }
-  const auto candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
-  if (candidates.empty()) return std::nullopt;
-  const Candidate& best = candidates.front();
   const double n = static_cast<double>(x1.size());
+  const auto candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
+  const double best_support = candidates.empty() ? 0 : n - candidates.front().cost;
+  const RotationFit rotation = fitRotation(x1, x2);
+  const double support = rotation.support(options_.inlier_threshold);
+  // Without parallax beyond the noise, any translation fits. With more, the rotation fitted alone
+  // absorbs a part of it: up to three times what it leaves, when the camera looks to the side.
+  if (candidates.empty() || support > options_.max_second_best_ratio * best_support) {
+    if (support <= options_.min_inlier_share * n) return std::nullopt;
+    return RelativeRotation{rotation.R_2_1, options_.inlier_threshold};
+  }
+  const Candidate& best = candidates.front();
   if (best.inliers < options_.min_inlier_share * n || !isFinite(best.T_2_1)) return std::nullopt;
   RelativeRotation result{best.T_2_1.linear(), options_.inlier_threshold};
   if (const Candidate* other = ambiguousCandidate(candidates, n, options_.max_second_best_ratio)) {

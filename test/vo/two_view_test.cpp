@@ -143,6 +143,19 @@ TEST(TwoView, estimatesTheRotationWithAndWithoutParallax) {
   EXPECT_FALSE(TwoView({}).estimateRotation(testCamera(), {}, {}));
 }
 
+// A rotation about the vertical axis moves the points of a side camera almost as a short way does.
+TEST(TwoView, theRotationOfASideCameraContainsNoTranslation) {
+  for (const double baseline : {0.2, 0.3, 0.5}) {
+    const Eigen::Isometry3d T_2_1 = pose({0, 0.03, 0}, {-baseline, 0, 0});
+    const Views views = project(randomPoints(300, 1), T_2_1, 0.3);
+    const auto rotation = TwoView({}).estimateRotation(testCamera(), views.u1, views.u2);
+    ASSERT_TRUE(rotation) << baseline;
+    const Eigen::Isometry3d estimated(Eigen::Quaterniond(rotation->R_2_1));
+    EXPECT_LT(angleBetween(estimated, T_2_1), 2 * rotation->sigma) << baseline;
+    EXPECT_LT(rotation->sigma, 0.005) << baseline;
+  }
+}
+
 TEST(TwoView, rejectsFewOrRandomMatches) {
   const Views few = project(randomPoints(20, 9), pose({0, 0, 0}, {1, 0, 0}));
   EXPECT_EQ(TwoView({}).estimate(testCamera(), few.u1, few.u2).status,
@@ -193,7 +206,8 @@ TEST(TwoView, theRotationOfPointsOnOneLineIsNoReflection) {
   for (int row = 99; row < 140; row += 4) {
     std::vector<Eigen::Vector3d> points;
     for (int i = 0; i < 60; ++i) points.push_back(10 * testCamera().ray({150 + 8 * i, row}));
-    const Views views = project(points, T_2_1);
+    Views views = project(points, T_2_1);
+    for (std::size_t i = 0; i < views.u2.size(); i += 5) views.u2[i].y() += 60;  // outliers
     const auto rotation = TwoView({}).estimateRotation(testCamera(), views.u1, views.u2);
     ASSERT_TRUE(rotation);
     EXPECT_NEAR(rotation->R_2_1.determinant(), 1, 1e-9) << row;
@@ -212,6 +226,20 @@ TEST(TwoView, theSigmaOfARotationIncludesNoiseAndAmbiguity) {
   const auto ambiguous = TwoView(options).estimateRotation(testCamera(), plane.u1, plane.u2);
   ASSERT_TRUE(ambiguous);
   EXPECT_GT(ambiguous->sigma, 0.1);
+}
+
+TEST(TwoView, aRotationNeedsTheMinimumShareOfInliers) {
+  Views standing = project(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
+  std::mt19937 generator(3);
+  std::uniform_real_distribution<double> anywhere(0, 248);
+  for (std::size_t i = 0; i < standing.u2.size(); i += 5) {
+    standing.u2[i] = {3 * anywhere(generator), anywhere(generator)};
+  }
+  TwoView::Options options;
+  options.min_inlier_share = 0.6;
+  EXPECT_TRUE(TwoView(options).estimateRotation(testCamera(), standing.u1, standing.u2));
+  options.min_inlier_share = 0.85;
+  EXPECT_FALSE(TwoView(options).estimateRotation(testCamera(), standing.u1, standing.u2));
 }
 
 TEST(TwoView, noRotationFromFewOrRandomMatches) {

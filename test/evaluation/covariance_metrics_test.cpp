@@ -197,6 +197,14 @@ TEST(RelativePoseError, CovarianceOfTheGroundTruthIsInTheAxesOfTheOdometry) {
   EXPECT_LT((ofGroundTruth(M_PI / 2) - Eigen::Vector3d(0, 0.01, 0.01)).norm(), 1e-12);
 }
 
+// The relative motion turns against an error of the earlier orientation, and swings with it.
+TEST(RelativePoseError, CorrelatesPositionAndRotationOfTheGroundTruth) {
+  const Matrix6d P = relativeCovariance(0.01, 1, 0, {0, 0.1, 0}) - relativeCovariance(0.01, 1);
+  const Eigen::Matrix3d expected = -0.01 * skew(Eigen::Vector3d::UnitZ());
+  EXPECT_LT((P.topRightCorner<3, 3>() - expected).norm(), 1e-12);
+  EXPECT_LT((P.bottomLeftCorner<3, 3>() + expected).norm(), 1e-12);
+}
+
 TEST(RelativePoseError, AddsTheCovariancesWhenTheLaterPoseIsKnownBetter) {
   // The rotation of the earlier pose moves the later one: across the motion by a metre per radian.
   const double earlier = 0.04;

@@ -592,6 +592,16 @@ TEST(MetricTrajectory, ALaterMapWithoutMapStartCountsFromItsFirstTrackedFrame) {
   EXPECT_NEAR(pose->distance - last.distance, 2, 1e-9);
 }
 
+TEST(MetricTrajectory, AMapStartInTheFutureDoesNotCount) {
+  MetricTrajectory trajectory({});
+  drive(&trajectory);
+  VoFrame frame = frameAt(12, straight(30), 1);
+  frame.map_start.stamp_ns = frame.stamp_ns;
+  EXPECT_TRUE(trajectory.countsFromStart(frame));
+  ++frame.map_start.stamp_ns;
+  EXPECT_FALSE(trajectory.countsFromStart(frame));
+}
+
 TEST(MetricTrajectory, TheScaleErrorOfALaterMapIsIndependent) {
   MetricTrajectory trajectory(exact());
   drive(&trajectory);

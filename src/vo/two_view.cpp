@@ -311,10 +311,13 @@ std::optional<RelativeRotation> TwoView::estimateRotation(
   if (u1.size() != u2.size() || u1.size() < kMinRotationMatches) return std::nullopt;
   const auto x1 = normalisedCoordinates(camera, u1), x2 = normalisedCoordinates(camera, u2);
   const double n = static_cast<double>(x1.size());
-  const auto candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
-  const double best_support = candidates.empty() ? 0 : n - candidates.front().cost;
   const RotationFit rotation = fitRotation(x1, x2);
   const double support = rotation.support(options_.inlier_threshold);
+  std::vector<Candidate> candidates;
+  if (support <= options_.max_second_best_ratio * n) {  // else no motion can have so much more
+    candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
+  }
+  const double best_support = candidates.empty() ? 0 : n - candidates.front().cost;
   // Without parallax beyond the noise, any translation fits. With more, the rotation fitted alone
   // absorbs a part of it: up to three times what it leaves, when the camera looks to the side.
   if (candidates.empty() || support > options_.max_second_best_ratio * best_support) {

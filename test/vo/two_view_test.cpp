@@ -37,6 +37,15 @@ Views project(const std::vector<Eigen::Vector3d>& points, const Eigen::Isometry3
   return views;
 }
 
+/// Moves every fifth pixel of the second image anywhere.
+void addOutliers(Views* views) {
+  std::mt19937 generator(3);
+  std::uniform_real_distribution<double> anywhere(0, 248);
+  for (std::size_t i = 0; i < views->u2.size(); i += 5) {
+    views->u2[i] = {3 * anywhere(generator), anywhere(generator)};
+  }
+}
+
 void expectMotion(const TwoView::Result& result, const Eigen::Isometry3d& T_2_1,
                   double max_rotation_error_rad, double max_direction_error_rad) {
   ASSERT_EQ(result.status, TwoViewStatus::kOk);
@@ -125,11 +134,7 @@ TEST(TwoView, estimatesTheRotationWithAndWithoutParallax) {
   for (const double baseline : {0.0, 0.05, 0.5, 3.0}) {
     const Eigen::Isometry3d T_2_1 = pose({0.01, 0.3, -0.005}, {0, 0, -baseline});
     Views views = project(randomPoints(400, 1), T_2_1, 0.3);
-    std::mt19937 generator(3);
-    std::uniform_real_distribution<double> anywhere(0, 248);
-    for (std::size_t i = 0; i < views.u2.size(); i += 5) {
-      views.u2[i] = {3 * anywhere(generator), anywhere(generator)};
-    }
+    addOutliers(&views);
     const auto rotation = TwoView({}).estimateRotation(testCamera(), views.u1, views.u2);
     ASSERT_TRUE(rotation) << baseline;
     const Eigen::Isometry3d estimated(Eigen::Quaterniond(rotation->R_2_1));
@@ -230,11 +235,7 @@ TEST(TwoView, theSigmaOfARotationIncludesNoiseAndAmbiguity) {
 
 TEST(TwoView, aRotationNeedsTheMinimumShareOfInliers) {
   Views standing = project(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
-  std::mt19937 generator(3);
-  std::uniform_real_distribution<double> anywhere(0, 248);
-  for (std::size_t i = 0; i < standing.u2.size(); i += 5) {
-    standing.u2[i] = {3 * anywhere(generator), anywhere(generator)};
-  }
+  addOutliers(&standing);
   TwoView::Options options;
   options.min_inlier_share = 0.6;
   EXPECT_TRUE(TwoView(options).estimateRotation(testCamera(), standing.u1, standing.u2));

@@ -282,11 +282,10 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
     // The numbers are useless: publish none of them and start again.
     impl_->startMap();
     impl_->trajectory.leaveMap();
-    scale = ScaleEstimate();
+    const Times times = output.times;
+    output = Output();
+    output.times = times;
     scale.reason = ScaleReason::kNoPlane;
-    output.feature_based = output.direct = {};
-    output.plane = {};
-    output.correlation = 0;
   }
   output.pose = impl_->trajectory.append(frame, scale);
   output.mounting_pitch = impl_->mounting.pitch();

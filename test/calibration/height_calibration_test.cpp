@@ -401,6 +401,7 @@ TEST(HeightCalibration, FailuresHaveAStatus) {
   const Result uncertain = byLength(drive({}), 0.03 * drive({}).length);
   EXPECT_EQ(uncertain.status, Status::kTooUncertain);
   EXPECT_NE(uncertain.reason.find("1.50 m"), std::string::npos) << uncertain.reason;
+  EXPECT_NE(uncertain.reason.find("more than 5.0 %"), std::string::npos) << uncertain.reason;
   ScriptedDrive an_hour_later = drive({});
   for (StampedPosition& position : an_hour_later.positions) position.stamp_ns += 3600000000000;
   EXPECT_EQ(byPositions(an_hour_later).status, Status::kTooFew);

@@ -31,6 +31,8 @@ void expectFinite(const ScaleRecovery::Output& output) {
   EXPECT_TRUE(areFinite(s.raw_scale, s.scale, s.sigma, s.height, s.n_c));
   EXPECT_EQ(s.status == ScaleStatus::kUnknown, s.scale == 0);
   EXPECT_EQ(output.plane.height == 0, s.raw_scale == 0);
+  EXPECT_EQ(output.ground_points_c.size(), static_cast<std::size_t>(s.window_points));
+  EXPECT_EQ(output.ground_feature_ids.size(), static_cast<std::size_t>(s.ground_points));
   for (const Eigen::Vector3f& point : output.ground_points_c) EXPECT_TRUE(isFinite(point));
   if (!output.pose) return;
   EXPECT_TRUE(areFinite(output.pose->T_o_c, output.pose->covariance, output.pose->twist_c,

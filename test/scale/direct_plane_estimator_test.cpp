@@ -793,7 +793,12 @@ TEST(DirectPlaneEstimator, BadOptionsAreRefused) {
   EXPECT_THROW(DirectPlaneEstimator{options}, OptionError);
   options = {};
   options.max_ahead_heights = 1;  // less than min_ahead_heights
-  EXPECT_THROW(DirectPlaneEstimator{options}, OptionError);
+  try {
+    DirectPlaneEstimator estimator(options);
+    FAIL();
+  } catch (const OptionError& error) {
+    EXPECT_EQ(std::string(error.what()).find("direct/max_ahead_heights is 1,"), 0u) << error.what();
+  }
 }
 
 }  // namespace

@@ -112,6 +112,9 @@ TEST(GroundPointAggregation, BadOptionsAreRefused) {
   options.max_frames = 0;
   EXPECT_THROW(GroundPointAggregation{options}, OptionError);
   options = {};
+  options.min_frames = options.max_frames + 1;
+  EXPECT_THROW(GroundPointAggregation{options}, OptionError);
+  options = {};
   options.fit.min_points = 0;
   EXPECT_THROW(GroundPointAggregation{options}, OptionError);
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <string>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "support/road_scene.hpp"
@@ -97,6 +98,21 @@ TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
   const auto on_kerb = std::count_if(result.points.begin(), result.points.end(),
                                      [](const GroundPoint& p) { return p.id > 400; });
   EXPECT_EQ(on_kerb, 0);
+}
+
+// Among the same hypotheses as by the distances.
+TEST(GroundPointExtraction, MostInliersSelectsThePlaneWithTheMostPoints) {
+  RoadScene scene = roadAhead();
+  scene.depth_noise = 0.03;
+  std::size_t points[2] = {};
+  for (const bool most_inliers : {false, true}) {
+    GroundPointExtraction::Options options;
+    options.most_inliers = most_inliers;
+    for (std::uint32_t i = 0; i < 5; ++i) {
+      points[most_inliers] += extract(scene, scene.frame(i), options).points.size();
+    }
+  }
+  EXPECT_GT(points[true], points[false]);
 }
 
 TEST(GroundPointExtraction, FindsTheSamePointsInAnyUnit) {
@@ -229,6 +245,23 @@ TEST(GroundPointExtraction, FeaturesOutsideTheImageAreIgnored) {
   }
 }
 
+TEST(GroundPointExtraction, AFeatureAtTheImageBorderIsUsed) {
+  const RoadScene scene = roadAhead();
+  const auto width = static_cast<float>(scene.camera.width);
+  const auto height = static_cast<float>(scene.camera.height);
+  GroundPointExtraction::Options options;
+  options.min_lane_features = 100000;
+  for (const Eigen::Vector2f& border :
+       {Eigen::Vector2f(0, height - 1), Eigen::Vector2f(width, height - 1),
+        Eigen::Vector2f(width / 2, height)}) {
+    VoFrame frame = scene.frame(0);
+    frame.features[0].u = border;
+    const auto result = extract(scene, frame, options);
+    ASSERT_EQ(result.status, ScaleReason::kNone) << border.transpose();
+    EXPECT_EQ(result.points.front().id, frame.features[0].id) << border.transpose();
+  }
+}
+
 TEST(GroundPointExtraction, IsDeterministicForAGivenSeed) {
   RoadScene scene = roadAhead();
   scene.depth_noise = 0.03;
@@ -288,23 +321,27 @@ TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
 }
 
 TEST(GroundPointExtraction, BadOptionsAreNamed) {
+  const auto expectRefused = [](const GroundPointExtraction::Options& options,
+                                const std::string& name) {
+    try {
+      GroundPointExtraction gpe(options);
+      FAIL() << name;
+    } catch (const OptionError& error) {
+      EXPECT_EQ(std::string(error.what()).find(name + " is "), 0u) << error.what();
+    }
+  };
   GroundPointExtraction::Options options;
   options.min_points = 2;
-  try {
-    GroundPointExtraction gpe(options);
-    FAIL();
-  } catch (const OptionError& error) {
-    EXPECT_NE(std::string(error.what()).find("min_points"), std::string::npos);
-  }
+  expectRefused(options, "gpe/min_points");
   options = {};
   options.plane_threshold_heights = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(options.validate(), OptionError);
+  expectRefused(options, "gpe/plane_threshold_heights");
   options = {};
-  options.max_half_width_heights = 0.5 * options.lane_half_width_heights;
-  EXPECT_THROW(options.validate(), OptionError);
+  options.lane_half_width_heights = 1.2 * options.max_half_width_heights;
+  expectRefused(options, "gpe/max_half_width_heights");
   options = {};
   options.max_ahead_heights = 0.5 * options.min_ahead_heights;
-  EXPECT_THROW(options.validate(), OptionError);
+  expectRefused(options, "gpe/max_ahead_heights");
 }
 
 }  // namespace

@@ -736,18 +736,26 @@ TEST(MetricTrajectory, AGapWithAKnownRotationIsAnArc) {
 }
 
 TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapWithoutAScale) {
-  MetricTrajectory trajectory({});
-  drive(&trajectory);
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).matrix();
-  VoFrame frame = frameAt(12, Eigen::Isometry3d::Identity(), 1);
-  frame.map_start = {frameAt(11, {}).stamp_ns, turn, 0.01};
-  frame.T_w_c.linear() = turn;
-  EXPECT_FALSE(trajectory.append(frame, {}).has_value());
-  frame = frameAt(14, straight(0.1), 2);
-  frame.map_start = {frameAt(13, {}).stamp_ns, turn, 0.01};
-  const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
-  EXPECT_NEAR((pose->T_o_c.linear() - turn * turn * turn).norm(), 0, 1e-9);
-  EXPECT_GT(std::sqrt(pose->covariance(4, 4)), 0.014);
+  for (const bool is_first_map : {false, true}) {
+    MetricTrajectory trajectory({});
+    if (is_first_map) {
+      VoFrame initialising = frameAt(10, Eigen::Isometry3d::Identity(), 1);
+      initialising.status = VoStatus::kInitialising;
+      trajectory.append(initialising, {});
+    } else {
+      drive(&trajectory);
+    }
+    VoFrame frame = frameAt(12, Eigen::Isometry3d::Identity(), 1);
+    frame.map_start = {frameAt(11, {}).stamp_ns, turn, 0.01};
+    frame.T_w_c.linear() = turn;
+    EXPECT_FALSE(trajectory.append(frame, {}).has_value());
+    frame = frameAt(14, straight(0.1), 2);
+    frame.map_start = {frameAt(13, {}).stamp_ns, turn, 0.01};
+    const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
+    EXPECT_NEAR((pose->T_o_c.linear() - turn * turn * turn).norm(), 0, 1e-9);
+    EXPECT_GT(std::sqrt(pose->covariance(4, 4)), 0.014);
+  }
 }
 
 // The axes of a map without a scale do not matter, only the rotation in it.

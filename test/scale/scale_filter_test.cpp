@@ -309,6 +309,17 @@ TEST(ScaleFilter, TheOptionsOfTheRestart) {
   EXPECT_EQ(measurementsUntilRestart(options, 0.026), 100);
 }
 
+// Of features, although a direct measurement is rejected meanwhile.
+TEST(ScaleFilter, AnOutlierOfTheOtherSourceDoesNotDelayTheRestart) {
+  ScaleFilter filter({});
+  drive(&filter, 100, 0.8, 0.02);
+  drive(&filter, 20, 1.2, 0.02);
+  EXPECT_FALSE(filter.update(0.4, 0.02, kRoadDistance, ScaleFilter::Source::kDirect));
+  const int remaining = measurementsUntilRestart({}) - 20;
+  EXPECT_EQ(drive(&filter, remaining, 1.2, 0.02), 1);
+  EXPECT_NEAR(filter.height(), 1.2, 1e-9);
+}
+
 TEST(ScaleFilter, ARestartForgetsTheTilt) {
   constexpr double kDistance = 6;
   ScaleFilter filter({});

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <string>
 #include <tuple>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -36,6 +37,8 @@ TEST(ScaleRecovery, FindsTheScaleOfARoad) {
     if (!known) {
       first_known = i + 1;
       EXPECT_EQ(output.scale.scale, 0);
+      EXPECT_GT(output.scale.raw_scale, 0);  // measured, before the filter may start
+      EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.05);
     }
   }
   EXPECT_LE(first_known, 10u);
@@ -192,6 +195,14 @@ TEST(ScaleRecovery, TheCountsShowWhatEachStageRejects) {
   EXPECT_LT(scale.ground_triangles, scale.triangles - 100);
   EXPECT_GT(scale.plane_inliers, 0.5 * scale.window_points);
   EXPECT_LT(scale.plane_inliers, 0.9 * scale.window_points);
+
+  options.gpa.fit.max_sigma = 1e-4;
+  ScaleRecovery too_uncertain(options);
+  const auto output = too_uncertain.process(scene.frame(0));
+  EXPECT_EQ(output.scale.reason, ScaleReason::kNoPlane);
+  EXPECT_GT(output.scale.window_points, 0);
+  EXPECT_EQ(output.ground_points_c.size(), static_cast<std::size_t>(output.scale.window_points));
+  EXPECT_EQ(output.scale.plane_inliers, 0);
 }
 
 TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
@@ -258,6 +269,7 @@ TEST(ScaleRecovery, StandstillHoldsTheScaleAndItsSigma) {
     EXPECT_EQ(still.scale.reason, ScaleReason::kStandstill);
     EXPECT_EQ(still.scale.scale, moving.scale.scale);
     EXPECT_EQ(still.scale.sigma, moving.scale.sigma);
+    EXPECT_EQ(still.scale.n_c, moving.scale.n_c);
   }
   EXPECT_NEAR(still.pose->distance, moving.pose->distance, 0.15);
   for (std::uint32_t i = 100; i < 120; ++i) {
@@ -318,12 +330,14 @@ TEST(ScaleRecovery, AJumpOfThePoseIsRefused) {
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
   const MetricPose last = *output.pose;
+  const Eigen::Vector3d n_c = output.scale.n_c;
   VoFrame jumped = scene.frame(40);
   jumped.T_w_c.translation().x() += 30 / kTrueScale;  // max_speed is 100 m/s, over at least 0.2 s
   output = recovery.process(jumped);
   EXPECT_FALSE(output.pose);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.reason, ScaleReason::kImplausibleMotion);
+  EXPECT_EQ(output.scale.n_c, n_c);
   output = recovery.process(scene.frame(41));
   ASSERT_TRUE(output.pose);
   EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
@@ -389,11 +403,13 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   ScaleRecovery::Output output;
   for (std::uint32_t i = 0; i < 40; ++i) output = recovery.process(scene.frame(i));
   const MetricPose last = *output.pose;
+  const Eigen::Vector3d n_c = output.scale.n_c;
   VoFrame lost = scene.frame(40);
   lost.status = VoStatus::kLost;
   output = recovery.process(lost);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.reason, ScaleReason::kVoNotTracking);
+  EXPECT_EQ(output.scale.n_c, n_c);
   EXPECT_FALSE(output.pose.has_value());
   bool first = true;
   for (std::uint32_t i = 41; i < 80; ++i) {
@@ -582,6 +598,20 @@ TEST(ScaleRecovery, DirectMeasurementsReplaceMissingPoints) {
   output = recovery.process(frame);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
+  // One that the filter rejects is reported as such.
+  scene.height *= 1.2;
+  int rejected = 0;
+  for (std::uint32_t i = 26; i < 34; ++i) {
+    frame = scene.frame(i);
+    frame.features.resize(5);
+    output = recovery.process(frame, roadImage(scene, scene.step * i));
+    if (!(output.direct.height > 1.15 * 0.7)) continue;
+    ++rejected;
+    EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
+    EXPECT_EQ(output.scale.reason, ScaleReason::kRejectedByFilter);
+    EXPECT_NEAR(output.scale.raw_scale, kTrueScale / 1.2, 0.03);
+  }
+  EXPECT_GT(rejected, 0);
 }
 
 TEST(ScaleRecovery, DirectMeasurementsCorrectBiasedPoints) {
@@ -699,18 +729,27 @@ TEST(ScaleRecovery, TheSeedIsThatOfItsRansac) {
 }
 
 TEST(ScaleRecovery, BadOptionsAreNamed) {
-  for (const double height : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
-    ScaleRecovery::Options o;
-    o.camera_height = height;
+  const auto expectRefused = [](const ScaleRecovery::Options& o, const std::string& name) {
     try {
       ScaleRecovery recovery(o);
-      FAIL() << height;
+      FAIL() << name;
     } catch (const OptionError& error) {
-      EXPECT_NE(std::string(error.what()).find("camera_height"), std::string::npos);
+      EXPECT_EQ(std::string(error.what()).find(name + " is "), 0u) << error.what();
     }
+  };
+  ScaleRecovery::Options o;
+  for (const double height : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    o.camera_height = height;
+    expectRefused(o, "camera_height");
   }
   EXPECT_THROW(ScaleRecovery::Options().validate(), OptionError);  // required: no default
-  ScaleRecovery::Options o = recoveryOptions();
+  o = recoveryOptions();
+  o.max_speed = 0;
+  expectRefused(o, "max_speed");
+  o = recoveryOptions();
+  o.standstill_distance_heights = -1;
+  expectRefused(o, "standstill_distance_heights");
+  o = recoveryOptions();
   o.gpa.fit.roughness_heights = 0;
   EXPECT_THROW(ScaleRecovery{o}, OptionError);
 }

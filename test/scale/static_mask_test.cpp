@@ -77,6 +77,34 @@ TEST(StaticMask, ForgetsWhatMovesAgain) {
   EXPECT_EQ(update(0.4f), 0);
 }
 
+TEST(StaticMask, DoesNotContainWhatTheReferenceShowsOnlyInPart) {
+  const PatchGrid grid(kMaskCamera, 0.03);
+  RoadImage current;
+  std::vector<Patch> patches;
+  PatchExtractor(kMaskCamera, 1, grid, kMaskImageNoise, {})
+      .extract(noiseImage(), LaneRegion({}, {}, 0, 0.5, 3, 1), false, &current, &patches);
+  ASSERT_GT(patches.size(), 10u);
+  RoadImage part;
+  part.roi = {patches.front().corner, patches.back().corner};  // half of the cells at its borders
+  part.roi += cv::Point(grid.patch_px / 2, grid.patch_px / 2);
+  part.storage = current.storage(part.roi - current.roi.tl());
+  Reference reference;
+  reference.image = &part;
+  reference.R.setIdentity();
+  reference.t = {0, 0, 0.7f};
+  StaticMask mask(kMaskCamera, grid);
+  mask.update(patches, reference, PatchMatcher(kMaskCamera, kMaskImageNoise, {}), {0, -1, 0}, false,
+              1);
+  int inside = 0;
+  for (const Patch& patch : patches) {
+    const cv::Rect cell(patch.corner, cv::Size(grid.patch_px, grid.patch_px));
+    const bool is_inside = (cell & part.roi) == cell;
+    EXPECT_EQ(mask.contains(patch.cell), is_inside) << patch.corner;
+    inside += is_inside;
+  }
+  EXPECT_GT(inside, 0);
+}
+
 TEST(StaticMask, DoesNotContainUniformPatches) {
   const cv::Mat uniform(kMaskCamera.height, kMaskCamera.width, CV_8UC1, cv::Scalar(100));
   EXPECT_EQ(maskedShare(uniform, 0.7f, false), 0);

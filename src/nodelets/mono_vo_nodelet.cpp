@@ -69,6 +69,8 @@ bool MonoVoNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
                             std_srvs::Trigger::Response& response) {
   odometry_.reset();
   status_.reset();
+  map_id_ = 0;
+  features_ = points_ = 0;
   response.success = true;
   response.message = "reset: the next image starts a new map";
   return true;

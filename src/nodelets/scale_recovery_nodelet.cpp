@@ -132,6 +132,7 @@ void ScaleRecoveryNodelet::reset() {
   map_numbering_.startTrajectory();
   pose_origin_.clear();
   odometry_frames_.reset();  // the mounting is looked up again
+  mounting_error_.clear();
   mounting_warning_.clear();
   path_->clear();
   publishPath();
@@ -216,7 +217,6 @@ Eigen::Isometry3d ScaleRecoveryNodelet::lookUpMounting(const std_msgs::Header& h
 }
 
 const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Header& header) {
-  mounting_error_.clear();
   const std::string& camera_frame = header.frame_id;
   const bool is_same_camera = odometry_frames_ && odometry_frames_camera_ == camera_frame;
   if (is_same_camera && (!params_.moving_mount || mounting_stamp_ == header.stamp)) {
@@ -268,6 +268,7 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
                                    const cv::Mat& rectified, const cv::Mat& mask,
                                    const std_msgs::Header& header) {
   scale_publisher_.publish(toMsg(output.scale, frame.map_id, header));
+  mounting_error_.clear();
   // With a moving mount from the first image on: odom is the base at the origin.
   const OdometryFrames* const frames =
       params_.moving_mount || output.pose ? odometryFrames(header) : nullptr;

@@ -45,6 +45,7 @@ class BagRunner {
     acceptCalibration(image);
     if (!source_.gps.empty()) readFixes();
     rosbag::View view(bag_, rosbag::TopicQuery(image));
+    findFirst(view);
     for (const rosbag::MessageInstance& instance : view) {
       if (const RunFrame* frame = process(instance)) on_frame(*frame, view.size());
     }
@@ -106,6 +107,20 @@ class BagRunner {
     drive_.rectification_warning = sentence;
   }
 
+  /// The first image is the first one whose stamp is not later than the next one: a single wrong
+  /// stamp at the beginning must not put the drive before it.
+  void findFirst(rosbag::View& view) {
+    for (const rosbag::MessageInstance& instance : view) {
+      const auto image = instance.instantiate<sensor_msgs::Image>();
+      const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>();
+      if (!image && !compressed) continue;
+      const ros::Time stamp = image ? image->header.stamp : compressed->header.stamp;
+      if (stamp.isZero()) continue;
+      if (!first_.isZero() && stamp >= first_) return;
+      first_ = stamp;
+    }
+  }
+
   /// Returns null for an image that is not used.
   const RunFrame* process(const rosbag::MessageInstance& instance) {
     sensor_msgs::ImageConstPtr image = instance.instantiate<sensor_msgs::Image>();
@@ -114,10 +129,14 @@ class BagRunner {
     const std_msgs::Header& header = image ? image->header : compressed->header;
     // Before any check: a trajectory file without stamps has a line for every image of the bag.
     drive_.stamps_ns.push_back(toNanoseconds(header.stamp));
-    if (first_.isZero()) first_ = header.stamp;
     const double since_first_s = secondsBetween(toNanoseconds(first_), toNanoseconds(header.stamp));
-    if (since_first_s < source_.from_s || since_first_s > source_.to_s) return nullptr;
+    if (header.stamp == first_) has_begun_ = true;
     try {
+      if (since_first_s < 0) {
+        throw MessageError("its stamp is earlier than that of the first image");
+      }
+      if (!has_begun_) throw MessageError("its stamp is later than that of the next image");
+      if (since_first_s < source_.from_s || since_first_s > source_.to_s) return nullptr;
       using Verdict = StampGuard::Verdict;
       const Verdict verdict = guard_.check(header.stamp);
       if (verdict == Verdict::kDrop || verdict == Verdict::kHold) {
@@ -177,7 +196,8 @@ class BagRunner {
   rosbag::Bag bag_;
   ImageRectifier rectifier_;
   StampGuard guard_{kMaxPause, false};  ///< drops every backward stamp
-  ros::Time first_;
+  ros::Time first_;                     ///< stamp of the first image
+  bool has_begun_ = false;              ///< with that image
   std::unique_ptr<OfflineRun> run_;
   BagDrive drive_;
 };

@@ -117,7 +117,7 @@ def test_configuration_has_the_default_values():
             assert parameters[f"/{nodelet}/{name}"] == yaml.safe_load(defaults[name]), name
 
 
-def test_kitti_launch_plays_the_bag():
+def test_kitti_launch_plays_the_bag(monkeypatch):
     nodes, remappings, parameters = loaded("kitti.launch", "bag:=/x.bag", "rate:=2.5", "record:=/y.bag",
                                            "required:=true")
     player = nodes["/bag_player"].args
@@ -132,6 +132,8 @@ def test_kitti_launch_plays_the_bag():
     assert nodes["/bag_recorder"].args == "'/y.bag' --min-space=1k scale odometry vo/odometry /diagnostics"
     assert parameters["/playback_monitor/exit_at_end"] is True and parameters["/playback_monitor/rate"] == "2.5"
     assert parameters["/scale_recovery/camera_height"] == 1.65 and parameters["/use_sim_time"] is True
+    monkeypatch.setenv("HOME", "/home/me")
+    assert " --bags='/home/me/x.bag' " in loaded("kitti.launch", "bag:=~/x.bag")[0]["/bag_player"].args
     # With a base_frame the mounting is on /tf_static.
     _, remappings, _ = loaded("kitti.launch", "bag:=/x.bag", "base_frame:=base_link")
     assert "/tf_static" not in remappings["/bag_player"]
@@ -179,7 +181,7 @@ def test_two_vehicles_have_their_own_arguments():
             assert parameters[f"{nodelet}/mask"] == f"/{name}.png"
             assert parameters[f"{nodelet}/image_is_rectified"] is True
             assert remappings[nodelet] == {"image": f"/{name}/cam/image", "camera_info": f"/{name}/cam/info"}
-            assert " /vehicles_manager" in nodes[nodelet].args
+            assert nodes[nodelet].args.endswith(" /vehicles_manager --no-bond")
 
 
 def test_two_vehicles_with_height_files_and_without_tf(height_file, tmp_path):
@@ -271,11 +273,13 @@ def test_without_a_mask_both_nodelets_use_whole_images(file):
 
 @pytest.mark.parametrize("call", ["ground_scale_vo.launch camera_height:=1.2", "kitti.launch bag:=x.bag",
                                   "live_camera.launch camera_height:=1.2"])
-def test_rviz_shows_the_odom_frame(call):
+@pytest.mark.parametrize("odom_frame", ["map", "/map"])
+def test_rviz_shows_the_odom_frame(call, odom_frame):
+    """tf2 has no leading slash."""
     file, *arguments = call.split()
     config = roslaunch.config.ROSLaunchConfig()
     roslaunch.xmlloader.XmlLoader().load(str(LAUNCH / file), config, verbose=False,
-                                         argv=[*arguments, "rviz:=true", "odom_frame:=map"])
+                                         argv=[*arguments, "rviz:=true", f"odom_frame:={odom_frame}"])
     rviz, = (node for node in config.nodes if node.package == "rviz")
     assert " -f map" in rviz.args
 

@@ -174,7 +174,8 @@ def test_view_of_a_base_is_on_the_road(node, monkeypatch):
     viewing.mount(2, 7, 1.2)
     viewing.odometry("base_link", (1, 2, 3), pitch)
     road_z = 3 + 2 * math.sin(0.1) + 1.2 * math.cos(0.1) - 1.5
-    assert placed(viewing.moving[0])[2] == pytest.approx((1, 2, road_z))
+    assert placed(viewing.moving[0])[2:] == (pytest.approx((1, 2, road_z)),
+                                             pytest.approx((0, 0, math.sin(0.4), math.cos(0.4))))
     assert placed(viewing.static[0])[2] == pytest.approx((0, 0, road_z))
 
 
@@ -201,10 +202,10 @@ class Feeding:
         message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1
         self.feeder._on_odometry(message)
 
-    def tracks(self, second, z=10):
-        """One point, ahead of the origin of the map."""
-        message = self.node.PointCloud(points=[Point32(0, 0, z)], channels=[
-            ChannelFloat32(name, [value]) for name, value in (("id", 7), ("u", 320), ("v", 240))])
+    def tracks(self, second, z=10, points=1):
+        """One point, ahead of the origin of the map, or none."""
+        message = self.node.PointCloud(points=[Point32(0, 0, z)] * points, channels=[
+            ChannelFloat32(name, [value] * points) for name, value in (("id", 7), ("u", 320), ("v", 240))])
         message.header.stamp.secs = second
         self.feeder._on_tracks(message)
 
@@ -221,6 +222,11 @@ def test_oldest_messages_without_a_partner_are_dropped(node, monkeypatch):
     feeding.odometry(82)
     assert [frame.header.stamp.secs for frame in feeding.frames] == [41, 82]
     assert max(len(feeding.feeder._odometry), len(feeding.feeder._tracks)) <= node.MAX_UNPAIRED
+    for second in range(101, 131):
+        feeding.tracks(second)
+    feeding.tracks(1)  # the stamps go back
+    feeding.odometry(1)
+    assert feeding.frames[-1].header.stamp.secs == 1
 
 
 @pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)
@@ -239,6 +245,11 @@ def test_frames_of_another_odometry(node, monkeypatch):
     assert (last.width, last.height, last.fx, last.fy, last.cx, last.cy) == (640, 480, 500, 510, 310, 230)
     assert (last.u, last.v, last.x, last.y, last.z) == ([320], [240], [-3], [0], [10])
     assert (last.status, last.header.frame_id, last.pose.position.x) == (node.VoFrame.TRACKING, "camera", 3)
+    # Not visible in an image: forgotten.
+    for second, points in ((4, 0), (5, 1)):
+        feeding.odometry(second)
+        feeding.tracks(second, points=points)
+    assert [frame.age for frame in frames[3:]] == [[], [0]] and math.isnan(frames[4].depth_sigma[0])
 
 
 @pytest.mark.parametrize("node", ["feed_another_vo"], indirect=True)

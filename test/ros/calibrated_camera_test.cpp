@@ -386,6 +386,12 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTheTopic) {
          i->roi.width = i->roi.height = 10;
        },
        "the ROI of 10 x 10 at (641, 0) is not inside the image of 640 x 200"},
+      {"roi below the image",
+       [](Info* i) {
+         i->roi.y_offset = 201;
+         i->roi.width = i->roi.height = 10;
+       },
+       "the ROI of 10 x 10 at (0, 201) is not inside the image of 640 x 200"},
       {"roi over the edge",
        [](Info* i) {
          i->roi.y_offset = 101;

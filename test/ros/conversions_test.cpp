@@ -194,12 +194,18 @@ TEST(VoFrameMsg, TheReasonNamesFieldValueAndLimit) {
   const VoFrame frame = someFrame();
   const VoFrameMsg good = *toMsg(frame, headerOf(frame));
   VoFrameMsg msg = good;
-  msg.depth_sigma.pop_back();
-  EXPECT_EQ(reasonOf(msg), "depth_sigma has 49 elements, but id has 50");
-  msg = good;
-  msg.age.pop_back();
-  EXPECT_EQ(reasonOf(msg), "age has 49 elements, but id has 50");
-  msg = good;
+  const auto expectSizeOf = [&good](const std::string& name, auto array) {
+    VoFrameMsg shorter = good;
+    (shorter.*array).pop_back();
+    EXPECT_EQ(reasonOf(shorter), name + " has 49 elements, but id has 50");
+  };
+  expectSizeOf("age", &VoFrameMsg::age);
+  expectSizeOf("u", &VoFrameMsg::u);
+  expectSizeOf("v", &VoFrameMsg::v);
+  expectSizeOf("x", &VoFrameMsg::x);
+  expectSizeOf("y", &VoFrameMsg::y);
+  expectSizeOf("z", &VoFrameMsg::z);
+  expectSizeOf("depth_sigma", &VoFrameMsg::depth_sigma);
   msg.id[4] = 7;
   EXPECT_EQ(reasonOf(msg), "the ids are not in ascending order: id[4] is 7 after 25769803781");
   msg = good;
@@ -283,6 +289,25 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   EXPECT_EQ(back.plane_inliers, scale.plane_inliers);
   EXPECT_EQ(msg->triangles, 5u);
   EXPECT_EQ(msg->window_points, 2u);
+}
+
+TEST(Messages, ConstantsAreTheEnumerators) {
+  EXPECT_EQ(int{VoFrameMsg::INITIALISING}, static_cast<int>(VoStatus::kInitialising));
+  EXPECT_EQ(int{VoFrameMsg::TRACKING}, static_cast<int>(VoStatus::kTracking));
+  EXPECT_EQ(int{VoFrameMsg::LOST}, static_cast<int>(VoStatus::kLost));
+  using Scale = ScaleEstimateMsg;
+  EXPECT_EQ(int{Scale::UNKNOWN}, static_cast<int>(ScaleStatus::kUnknown));
+  EXPECT_EQ(int{Scale::OK}, static_cast<int>(ScaleStatus::kOk));
+  EXPECT_EQ(int{Scale::HELD}, static_cast<int>(ScaleStatus::kHeld));
+  EXPECT_EQ(int{Scale::NONE}, static_cast<int>(ScaleReason::kNone));
+  EXPECT_EQ(int{Scale::VO_NOT_TRACKING}, static_cast<int>(ScaleReason::kVoNotTracking));
+  EXPECT_EQ(int{Scale::STANDSTILL}, static_cast<int>(ScaleReason::kStandstill));
+  EXPECT_EQ(int{Scale::TOO_FEW_TRIANGLES}, static_cast<int>(ScaleReason::kTooFewTriangles));
+  EXPECT_EQ(int{Scale::TOO_FEW_GROUND_POINTS}, static_cast<int>(ScaleReason::kTooFewGroundPoints));
+  EXPECT_EQ(int{Scale::NO_PLANE}, static_cast<int>(ScaleReason::kNoPlane));
+  EXPECT_EQ(int{Scale::PLANE_TILTED}, static_cast<int>(ScaleReason::kPlaneTilted));
+  EXPECT_EQ(int{Scale::REJECTED_BY_FILTER}, static_cast<int>(ScaleReason::kRejectedByFilter));
+  EXPECT_EQ(int{Scale::IMPLAUSIBLE_MOTION}, static_cast<int>(ScaleReason::kImplausibleMotion));
 }
 
 TEST(ScaleEstimateMsg, TheReasonNamesFieldValueAndLimit) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "support/jpeg_to_be_turned.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -162,6 +163,13 @@ TEST_F(MaskFile, MayBeInColour) {
   ImageRectifier rectifier(false, file);
   rectifier.setCameraInfo(info(), "t");
   EXPECT_EQ(cv::countNonZero(rectifier.mask()), 8 * 5);
+}
+
+// As the images, which have the orientation of the sensor.
+TEST_F(MaskFile, IsNotTurnedByItsOrientation) {
+  const cv::Mat mask(6, 8, CV_8UC1, cv::Scalar(255));
+  ImageRectifier rectifier(false, write("turned.jpg", jpegToBeTurned(mask)));
+  EXPECT_NO_THROW(rectifier.setCameraInfo(info(), "t"));
 }
 
 TEST_F(MaskFile, OfAnotherSizeThanTheImagesIsRefusedWithEachCameraInfo) {

@@ -365,7 +365,13 @@ TEST(PlaneMarkers, LieOnTheRoadAheadInMetres) {
   EXPECT_NE(markers[0]->id, markers[1]->id);
   const Eigen::Isometry3d T_c_quad = fromMsg(markers[0]->pose),
                           T_c_arrow = fromMsg(markers[1]->pose);
-  for (const auto& marker : markers) EXPECT_EQ(marker->header.frame_id, "camera");
+  EXPECT_EQ(markers[0]->type, visualization_msgs::Marker::CUBE);
+  EXPECT_EQ(markers[1]->type, visualization_msgs::Marker::ARROW);
+  for (const auto& marker : markers) {
+    EXPECT_EQ(marker->header.frame_id, "camera");
+    EXPECT_GT(std::min(marker->scale.y, marker->scale.z), 0);
+    EXPECT_GT(marker->color.a, 0);
+  }
   // The quad: its z is the normal, its x points ahead, its centre is on the road ahead.
   EXPECT_NEAR((T_c_quad.linear().col(2) - scale.n_c).norm(), 0, 1e-12);
   EXPECT_GT(T_c_quad.linear().col(0).z(), 0.99);

@@ -168,6 +168,17 @@ TEST_F(BagDrives, RejectAnImageWhoseStampIsFarAheadOfTheNextOne) {
   EXPECT_EQ(drive.rejected_images, 1u);
 }
 
+TEST_F(BagDrives, RejectAFirstImageWhoseStampIsLaterThanTheNextOne) {
+  BagDrive::Source source;
+  source.to_s = 1.5;
+  const BagDrive drive = run({5000, 10, 11, 12, 5}, {}, source);
+  ASSERT_EQ(drive.record.frames().size(), 2u);
+  EXPECT_EQ(drive.record.frames()[0].stamp_ns, 10000000000);
+  EXPECT_EQ(drive.rejected_images, 2u);
+  EXPECT_EQ(drive.first_rejection, "its stamp is later than that of the next image");
+  EXPECT_EQ(drive.stamps_ns.size(), 5u);
+}
+
 TEST_F(BagDrives, SayWhenABagIsEmpty) {
   EXPECT_EQ(errorWithoutImages({}), "the bag /drive.bag has no images on /none; it holds nothing");
 }

@@ -64,6 +64,8 @@ class Compressed : public testing::Test {
 };
 
 TEST_F(Compressed, ImagesAreProcessedAndInvalidOnesDropped) {
+  EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
+                             "no image received yet on /image/compressed"));
   const sensor_msgs::CompressedImage good =
       compressed("mono8; jpeg compressed mono8", ".jpg", CV_8UC1);
   ASSERT_TRUE(publishAndWait(good));

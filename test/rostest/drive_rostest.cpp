@@ -335,7 +335,10 @@ TEST_F(Drive, TfEqualsTheOdometry) {
 TEST_F(Drive, ThePathConsistsOfPosesOfTheOdometry) {
   ASSERT_TRUE(run.path.waitForCount(1));
   const auto odometry = run.odometry.messages();
-  for (const geometry_msgs::PoseStamped& pose : run.path.messages().back()->poses) {
+  const auto path = run.path.messages().back();
+  ASSERT_FALSE(path->poses.empty());
+  EXPECT_EQ(path->header.stamp, path->poses.back().header.stamp);
+  for (const geometry_msgs::PoseStamped& pose : path->poses) {
     EXPECT_EQ(pose.header.frame_id, "odom");
     const auto same = std::find_if(odometry.begin(), odometry.end(), [&](const auto& message) {
       return message->header.stamp == pose.header.stamp;
@@ -345,6 +348,16 @@ TEST_F(Drive, ThePathConsistsOfPosesOfTheOdometry) {
   }
 }
 
+/// Whether a pixel below the legend has the red of an outlier or of a feature that was not found.
+bool showsRejectedFeatures(const sensor_msgs::Image::ConstPtr& bgr8) {
+  constexpr std::size_t kLegendRows = 70;
+  for (std::size_t i = kLegendRows * bgr8->step; i + 2 < bgr8->data.size(); i += 3) {
+    const int blue = bgr8->data[i], green = bgr8->data[i + 1], red = bgr8->data[i + 2];
+    if (red > green + 80 && red > blue + 40) return true;
+  }
+  return false;
+}
+
 TEST_F(Drive, VisualisationTopicsArePublishedToSubscribers) {
   ASSERT_TRUE(run.path.waitForCount(1));
   EXPECT_GT(run.path.messages().back()->poses.size(), 10u);
@@ -352,6 +365,8 @@ TEST_F(Drive, VisualisationTopicsArePublishedToSubscribers) {
   const auto image = run.tracks.messages().back();
   EXPECT_EQ(image->encoding, "bgr8");
   EXPECT_EQ(static_cast<int>(image->width), run.drive.camera().width);
+  const auto all_tracks = run.tracks.messages();
+  EXPECT_TRUE(std::any_of(all_tracks.begin(), all_tracks.end(), showsRejectedFeatures));
   ASSERT_TRUE(run.road.waitForCount(run.drive.size() / 2));
   const auto road = run.road.messages().back();
   EXPECT_EQ(road->encoding, "bgr8");

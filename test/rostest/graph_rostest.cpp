@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <opencv2/core.hpp>
 #include <set>
 
 #include "drive_test.hpp"
@@ -61,6 +62,11 @@ TEST_F(Graph, AMissingCameraInfoIsAnErrorThatNamesItsTopic) {
     return isLogged("/never/mono_vo: no camera_info received yet on /never/camera_info", 0.5);
   }));
   EXPECT_TRUE(pair.frames.messages().empty());
+  // A frame that is refused is received.
+  const ros::Publisher invalid = handle_.advertise<VoFrameMsg>("/never/vo/frame", 1, true);
+  invalid.publish(VoFrameMsg());
+  EXPECT_TRUE(waitForSummaryOf("never/scale_recovery", diagnostic_msgs::DiagnosticStatus::WARN,
+                               "scale not known yet"));
   EXPECT_TRUE(pair.unload());
 }
 
@@ -303,6 +309,7 @@ bool callReset(const std::string& nodelet) {
 
 TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   NodeletPair pair(manager_, *drive_, "/reset");
+  pair.setParam("scale_recovery", "base_frame", std::string("camera"));  // needs no tf
   ASSERT_TRUE(pair.load());
   const std::size_t half = drive_->size() / 2;
   ASSERT_TRUE(pair.play(0, half - 1));
@@ -310,6 +317,8 @@ TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   ASSERT_TRUE(callReset("/reset/mono_vo"));
   EXPECT_TRUE(
       waitForSummaryOf("reset/mono_vo", diagnostic_msgs::DiagnosticStatus::WARN, "initialising"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "features", "0", "reset/mono_vo"));
+  EXPECT_TRUE(waitForValue(diagnostics_, "map points", "0", "reset/mono_vo"));
   ASSERT_TRUE(callReset("/reset/scale_recovery"));
   pair.frames.clear();
   pair.scales.clear();
@@ -344,6 +353,27 @@ TEST_F(Graph, AResetOfMonoVoKeepsTheMetricPose) {
   EXPECT_GT(after.pose.position.x, before.pose.position.x);
   constexpr std::size_t kYaw = 35;  // new_map_rotation_sigma_per_s: 0.1 rad
   EXPECT_NEAR(after.covariance[kYaw] - before.covariance[kYaw], 0.01, 0.001);
+  EXPECT_TRUE(pair.unload());
+}
+
+// Upside down, the images show no place of the first map.
+TEST_F(Graph, ANewMapIsReported) {
+  constexpr std::size_t kUpright = 10;
+  std::size_t images = 0;
+  const RenderedDrive turned(smallDrive(25), "camera", [&](const cv::Mat& image) {
+    cv::Mat result = image.clone();
+    if (images++ >= kUpright) cv::rotate(image, result, cv::ROTATE_180);
+    return result;
+  });
+  NodeletPair pair(manager_, turned, "/new_map");
+  ASSERT_TRUE(pair.load());
+  for (std::size_t i = 0; i < turned.size(); ++i) {
+    pair.publish(i);
+    ASSERT_TRUE(pair.waitForResult(i)) << i;
+  }
+  const std::uint32_t map_id = pair.frames.messages().back()->map_id;
+  ASSERT_GT(map_id, 0u);
+  EXPECT_TRUE(waitForValue(diagnostics_, "map_id", std::to_string(map_id), "new_map/mono_vo"));
   EXPECT_TRUE(pair.unload());
 }
 
@@ -435,6 +465,10 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedOnce) {
       return warnings(lines, "/tilted", "with pitch 8.0 deg") == mountings;
     }));
     ASSERT_TRUE(callReset("/tilted/scale_recovery"));  // looks the mounting up again
+    EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
+      return status.name.find("tilted/scale_recovery") == 0 &&
+             status.message == "scale not known yet";
+    }));
   }
   EXPECT_TRUE(pair.unload());
 }

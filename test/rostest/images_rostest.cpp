@@ -32,6 +32,7 @@ class Images : public testing::Test {
         external_frames_(handle_.advertise<VoFrameMsg>("vo/frame", 100)),
         frames_(handle_, "vo/frame"),
         scales_(handle_, "scale"),
+        log_(handle_, "/rosout"),
         diagnostics_(handle_, "/diagnostics") {}
 
   void SetUp() override {
@@ -110,6 +111,7 @@ class Images : public testing::Test {
   ros::Publisher images_, infos_, external_frames_;
   TopicRecorder<VoFrameMsg> frames_;
   TopicRecorder<ScaleEstimateMsg> scales_;
+  TopicRecorder<rosgraph_msgs::Log> log_;
   TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics_;
 };
 
@@ -345,6 +347,12 @@ TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
     }
     EXPECT_GE(of_this_camera, 2u) << camera.model;
   }
+  EXPECT_TRUE(log_.wait([](const auto& lines) {
+    return std::any_of(lines.begin(), lines.end(), [](const auto& line) {
+      return line->msg.find("/camera_info changed from 100 x 80, fx 124,") != std::string::npos &&
+             line->msg.find(" to 160 x 80, fx 126,") != std::string::npos;
+    });
+  }));
 }
 
 // Two publishers of camera_info that differ in the last digits.
@@ -431,6 +439,8 @@ TEST_F(Images, AContradictionOfTheRectificationFlagIsReported) {
     return status.name.find("mono_vo") != std::string::npos &&
            status.level == diagnostic_msgs::DiagnosticStatus::WARN &&
            status.message.find("image_is_rectified is false, but P of camera_info (fx 60)") !=
+               std::string::npos &&
+           status.message.find(": if the images are rectified, set it to true") !=
                std::string::npos;
   }));
   infos_.publish(info());

@@ -66,6 +66,9 @@ TEST_F(Load, AnUnknownParameterIsLogged) {
   })) << nodelet.output();
   nodelet.send(SIGINT);
   EXPECT_EQ(nodelet.waitForEnd(), 0) << nodelet.output();
+  for (const std::string name : {"queue_size", "world_frame"}) {
+    EXPECT_NE(nodelet.output().find("\n  " + name + " = "), std::string::npos) << nodelet.output();
+  }
 }
 
 TEST_F(Load, TwoPairsInOneManager) {

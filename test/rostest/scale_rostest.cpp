@@ -14,8 +14,10 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
+#include <vector>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -222,17 +224,45 @@ TEST_F(Scale, AnEmptyFrameIdIsAnErrorOfItsFrameOnly) {
   TopicRecorder<diagnostic_msgs::DiagnosticArray> diagnostics(handle_, "/diagnostics");
   FlatRoad road(2500);
   playUntilOdometry(road);
-  const VoFrameMsg::Ptr unnamed = road.next();
-  unnamed->header.frame_id.clear();
-  frames_.publish(unnamed);
-  EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery",
-                             diagnostic_msgs::DiagnosticStatus::ERROR,
-                             "frame_id of the images is empty"));
-  play(road, 2);
-  EXPECT_TRUE(waitForStatus(diagnostics, [](const auto& status) {
-    return status.name.find("scale_recovery") != std::string::npos &&
-           status.level < diagnostic_msgs::DiagnosticStatus::ERROR;
-  }));
+  const auto nextFrame = [&] { play(road, 2); };
+  const auto nextFrameIsLost = [&] {
+    const VoFrameMsg::Ptr lost = road.next();
+    lost->status = VoFrameMsg::LOST;
+    frames_.publish(lost);
+  };
+  const auto isReset = [] { ASSERT_TRUE(reset()); };
+  const std::vector<std::function<void()>> ends{nextFrame, nextFrameIsLost, isReset};
+  for (const auto& end : ends) {
+    const VoFrameMsg::Ptr unnamed = road.next();
+    unnamed->header.frame_id.clear();
+    frames_.publish(unnamed);
+    EXPECT_TRUE(waitForStatus(diagnostics, [](const auto& status) {
+      return status.name.find("scale_recovery") == 0 &&
+             status.level == diagnostic_msgs::DiagnosticStatus::ERROR &&
+             status.message.find("frame_id of the images is empty") != std::string::npos;
+    }));
+    end();
+    EXPECT_TRUE(waitForStatus(diagnostics, [](const auto& status) {
+      return status.name.find("scale_recovery") == 0 &&
+             status.level < diagnostic_msgs::DiagnosticStatus::ERROR;
+    }));
+  }
+}
+
+// `alone` publishes the pose of the camera.
+TEST_F(Scale, ImagesOfAnotherFrameIdHaveAnotherChildFrame) {
+  publishMounting();
+  TopicRecorder<nav_msgs::Odometry> alone(handle_, "alone/odometry");
+  ASSERT_TRUE(waitUntil([&] { return alone.connected(); }));
+  FlatRoad road(2600);
+  playUntilOdometry(road);
+  ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
+  EXPECT_EQ(alone.messages().back()->child_frame_id, "camera");
+  const VoFrameMsg::Ptr frame = road.next();
+  frame->header.frame_id = "camera2";
+  frames_.publish(frame);
+  ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
+  EXPECT_EQ(alone.messages().back()->child_frame_id, "camera2");
 }
 
 TEST_F(Scale, ALeadingSlashOfFrameIdIsRemoved) {
@@ -404,7 +434,15 @@ TEST_F(Scale, ASequenceThatDoesNotIncreaseIsReported) {
     EXPECT_TRUE(waitForSummary(diagnostics, "scale_recovery",
                                diagnostic_msgs::DiagnosticStatus::WARN, text))
         << sequence;
-    EXPECT_TRUE(waitForValue(diagnostics, "frames dropped, queue full", "0", "scale_recovery"));
+    EXPECT_TRUE(waitForStatus(diagnostics, [](const auto& status) {
+      return status.name.find("scale_recovery") == 0 &&
+             std::any_of(status.values.begin(), status.values.end(),
+                         [](const auto& entry) {
+                           return entry.key == "frames dropped, queue full" && entry.value == "0";
+                         }) &&
+             std::none_of(status.values.begin(), status.values.end(),
+                          [](const auto& entry) { return entry.key == "dropped: sequence"; });
+    }));
   }
 }
 
@@ -487,8 +525,18 @@ TEST_F(WithImages, HasNoEffectWithoutACameraInfo) {
 TEST_F(WithImages, UsesTheImages) {
   FlatRoad road(8000);
   publishCameraInfo(road.camera());
+  diagnostics_.clear();
   play(road, [](sensor_msgs::Image&) {});
-  // `scale_recovery` uses them, `alone` does not.
+  // `scale_recovery` uses them, `alone` does not, nor does it miss them.
+  std::string of_alone;
+  EXPECT_TRUE(waitForStatus(
+      diagnostics_,
+      [&](const auto& status) {
+        of_alone = status.message;
+        return status.name.find("alone/") == 0 && of_alone.find("scale measured") == 0;
+      },
+      false));
+  EXPECT_EQ(of_alone, "scale measured");
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "used"));
   EXPECT_TRUE(waitForValue(diagnostics_, "images", "not used"));
   EXPECT_NEAR(alone_.messages().back()->scale, kCameraHeight, 0.002 * kCameraHeight);

@@ -18,9 +18,11 @@ namespace fs = std::filesystem;
 namespace {
 
 /// Independent of the time zone of this machine.
-std::optional<std::int64_t> parseUtc(const std::string& text) {
+std::optional<std::int64_t> parseUtc(const std::string& line) {
   static const std::regex kPattern(
-      "(\\d{4})-(\\d{2})-(\\d{2}) (\\d{2}):(\\d{2}):(\\d{2})\\.(\\d{1,9})\\s*");
+      "(\\d{4})-(\\d{2})-(\\d{2}) (\\d{2}):(\\d{2}):(\\d{2})\\.(\\d{1,9})");
+  // Not part of the pattern: std::regex recurses for each repeated character.
+  const std::string text = line.substr(0, line.find_last_not_of(" \t\r") + 1);
   std::smatch match;
   if (!std::regex_match(text, match, kPattern)) return std::nullopt;
   std::tm date{};

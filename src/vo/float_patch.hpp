@@ -31,6 +31,10 @@ constexpr std::size_t countOf(int window) {
   return wholeLanes(static_cast<std::size_t>(window) * strideOf(window));
 }
 
+/// Elements of a FloatWindow that compare() reads.
+constexpr std::size_t windowCountOf(int window) { return countOf(window) + strideOf(window) + 1; }
+static_assert(windowCountOf(kMaxWindow) <= kMaxElements);
+
 /// Where the elements of the patches of one window are.
 struct FloatPatchGrid {
   explicit FloatPatchGrid(int window) {
@@ -146,7 +150,7 @@ template <typename Window>
 class FloatWindow {
  public:
   FloatWindow(Window window, const cv::Mat& image) : window_(window), image_(image) {
-    std::fill_n(pixels_.begin(), strideOf(window) * (strideOf(window) + 1), 0.f);
+    std::fill_n(pixels_.begin(), windowCountOf(window), 0.f);
   }
 
   /// column, row: upper left pixel. Precondition: inside the image with one more row and column.

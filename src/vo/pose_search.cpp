@@ -110,13 +110,13 @@ class PoseRating {
   std::optional<Eigen::Isometry3d> best(const Eigen::Vector3d& path) {
     double best_score = kMinScore;
     std::optional<Eigen::Isometry3d> best;
-    const double f = camera_.fx * patches_.factor();
+    const double fx = camera_.fx * patches_.factor(), fy = camera_.fy * patches_.factor();
     const int max_horizontal_px = patches_.size().width / 2;
     for (const double distance : kDistances) {
       selectResponses(distance * path);
       for (int x = -max_horizontal_px; x <= max_horizontal_px; x += kStep_px) {
         for (int y = -kMaxVertical_px; y <= kMaxVertical_px; y += kStep_px) {
-          const Eigen::Isometry3d T = arc({y / f, x / f, 0}, distance * path);
+          const Eigen::Isometry3d T = arc({y / fy, x / fx, 0}, distance * path);
           const double score = scoreOf(T.inverse());
           if (score <= best_score) continue;
           best_score = score;

@@ -138,7 +138,7 @@ struct VisualOdometry::Impl {
     }
     if (!initialisation.canContinueWith(found.size())) {
       ScopedTimer timer(&out->times.detect);
-      if (!tracking.features().empty()) {
+      if (out->frame.sequence > 0) {
         rotation_to_start.append(initialisation.rotationSinceFirst(found));
       }
       restart(std::move(image), stamp_ns, out->frame.sequence);

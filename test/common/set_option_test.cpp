@@ -4,6 +4,8 @@
 
 #include <set>
 #include <string>
+#include <tuple>
+#include <type_traits>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/parse_number.hpp"
@@ -79,6 +81,33 @@ TEST(VisitAllParameters, NamesAreUnique) {
     EXPECT_TRUE(names.insert(name).second) << name;
   });
   EXPECT_GT(names.size(), 50u);
+}
+
+TEST(VisitAllParameters, EveryRangeIsCheckedUnderTheNameOfItsOption) {
+  MetricOdometry::Options valid;
+  valid.scale.camera_height = 1.65;
+  ASSERT_NO_THROW(valid.validate());
+  int numbers = 0;
+  visitAllParameters(valid, [&](const std::string& name, auto&, auto... range) {
+    if constexpr (sizeof...(range) == 3) {
+      MetricOdometry::Options options = valid;
+      visitAllParameters(options, [&](const std::string& other, auto& field, auto... limits) {
+        if constexpr (sizeof...(limits) == 3) {
+          if (other != name) return;
+          const double max = std::get<1>(std::tuple(limits...));
+          field = static_cast<std::decay_t<decltype(field)>>(max + 1);
+        }
+      });
+      try {
+        options.validate();
+        ADD_FAILURE() << name << " accepted";
+      } catch (const OptionError& error) {
+        EXPECT_EQ(std::string(error.what()).rfind(name + " is ", 0), 0u) << error.what();
+      }
+      ++numbers;
+    }
+  });
+  EXPECT_GT(numbers, 50);
 }
 
 TEST(ParseNumber, AcceptsOnlyCompleteFiniteNumbers) {

@@ -328,6 +328,15 @@ TEST_F(KittiSequenceTest, RefusesBadRawStamps) {
   }
 }
 
+TEST_F(KittiSequenceTest, ALineOfRawStampsMayEndWithManyBlanks) {
+  const fs::path drive = makeRaw();
+  const std::string blanks(300000, ' ');
+  write("2011_09_26/drive_0001_sync/image_00/timestamps.txt",
+        "2011-09-26 13:02:25.5" + blanks + "\r\n2011-09-26 13:02:26.5\t\n");
+  const KittiSequence sequence(drive);
+  EXPECT_EQ(sequence.stampNs(1) - sequence.stampNs(0), 1'000'000'000);
+}
+
 TEST_F(KittiSequenceTest, RawGroundTruthNeedsPositionsAndBothCalibrations) {
   for (const char* missing : {"2011_09_26/drive_0001_sync/oxts", "2011_09_26/calib_imu_to_velo.txt",
                               "2011_09_26/calib_velo_to_cam.txt"}) {

@@ -4,6 +4,8 @@
 
 #include <cmath>
 #include <limits>
+#include <string>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "support/scene.hpp"
@@ -24,6 +26,16 @@ TEST(Camera, HasTwoFocalLengths) {
   const PinholeCamera camera{640, 480, 500, 410, 320, 240};
   EXPECT_LT((camera.ray({420, 322}) - Eigen::Vector3d(0.2, 0.2, 1)).norm(), 1e-12);
   EXPECT_LT((camera.project({0.4, 0.4, 2}) - Eigen::Vector2d(420, 322)).norm(), 1e-9);
+}
+
+TEST(Camera, requiresAnImageOfItsSize) {
+  EXPECT_NO_THROW(requireImage(cv::Mat(248, 800, CV_8UC1), testCamera()));
+  try {
+    requireImage(cv::Mat(248, 801, CV_8UC1), testCamera());
+    FAIL() << "accepted";
+  } catch (const OptionError& error) {
+    EXPECT_STREQ(error.what(), "image is 801x248, the camera 800x248");
+  }
 }
 
 TEST(Camera, requiresAMaskOfItsSize) {
@@ -48,11 +60,20 @@ TEST(Camera, rejectsInvalidIntrinsics) {
   EXPECT_NO_THROW(camera.validate());
   camera.fx = -464;
   EXPECT_THROW(camera.validate(), OptionError);
-  for (double PinholeCamera::*field :
-       {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {
+  const std::pair<const char*, double PinholeCamera::*> fields[] = {{"fx", &PinholeCamera::fx},
+                                                                    {"fy", &PinholeCamera::fy},
+                                                                    {"cx", &PinholeCamera::cx},
+                                                                    {"cy", &PinholeCamera::cy}};
+  for (const auto& [name, field] : fields) {
     camera = testCamera();
     camera.*field = std::numeric_limits<double>::quiet_NaN();
-    EXPECT_THROW(camera.validate(), OptionError);
+    try {
+      camera.validate();
+      ADD_FAILURE() << name << " accepted";
+    } catch (const OptionError& error) {
+      const std::string expected = std::string("camera ") + name + " [px] ";
+      EXPECT_EQ(std::string(error.what()).substr(0, expected.size()), expected);
+    }
   }
   camera = testCamera();
   camera.width = 0;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "vo/patch_arithmetic.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -268,7 +269,16 @@ TEST(FeatureTracker, acceptsAnEmptyList) {
 TEST(FeatureTracker, rejectsOptionsOutOfRange) {
   FeatureTracker::Options options;
   options.window_px = 10;
-  EXPECT_THROW(FeatureTracker{options}, OptionError);
+  try {
+    FeatureTracker{options};
+    ADD_FAILURE() << "accepted";
+  } catch (const OptionError& error) {
+    EXPECT_STREQ(error.what(), "tracker/window_px must be odd");
+  }
+  options.window_px = kMaxPatchSide;
+  EXPECT_NO_THROW(FeatureTracker{options});
+  options.window_px += 2;
+  EXPECT_THROW(FeatureTracker{options}, OptionError) << "has no room for larger ones";
   options = {};
   options.cell_size = 0;
   EXPECT_THROW(FeatureTracker{options}, OptionError);

@@ -92,6 +92,8 @@ TEST(Mapping, TheCorrectionMovesThePoseOfTheNewestKeyframe) {
   mapping.addKeyframe(disturbed, featuresOf(points, keyframePose(5)), blankImage(), &times);
   const auto correction = mapping.takeAdjustedMap(&times);
   ASSERT_TRUE(correction);
+  EXPECT_GT(times.triangulate, 0);
+  EXPECT_EQ(times.detect, 0);
   EXPECT_GT(times.bundle_adjustment, 0);
   EXPECT_GT(times.adjustment_wait, 0);
   const Eigen::Isometry3d adjusted = mapping.map().keyframes().back().T_w_c;
@@ -301,6 +303,33 @@ TEST(MapInitialisation, NeedsParallaxAsItsOptionsSay) {
   const auto second = featuresOf(points, pose({0, 0.02, 0}, {0.3, 0, 1.5}));
   initialisation.addFrame(1, 2000, second);
   EXPECT_FALSE(initialisation.tryStartMap(second, blankImage(), &mapping));
+}
+
+/// `good` of 104 features are at the places of their points in the second image.
+bool startsMapWith(std::size_t good, const VisualOdometry::Options& options = {}) {
+  const auto points = test::randomPoints(104, 3);
+  MapInitialisation initialisation(kCamera, options);
+  Mapping mapping(kCamera, options);
+  initialisation.restart(0, 1000, featuresOf(points, Eigen::Isometry3d::Identity()),
+                         blankImage().image);
+  auto second = featuresOf(points, pose({0, 0.02, 0}, {0.3, 0, 1.5}));
+  for (std::size_t i = good; i < second.size(); ++i) {
+    second[i].u.y() += i % 2 == 0 ? 10 + static_cast<double>(i) : -8 - static_cast<double>(i);
+  }
+  initialisation.addFrame(1, 2000, second);
+  return initialisation.tryStartMap(second, blankImage(), &mapping).has_value();
+}
+
+TEST(MapInitialisation, NeedsEnoughPoints) {
+  EXPECT_TRUE(startsMapWith(104));
+  EXPECT_TRUE(startsMapWith(60));
+  EXPECT_FALSE(startsMapWith(48));
+}
+
+TEST(MapInitialisation, NeedsPosesAsItsOptionsSay) {
+  VisualOdometry::Options options;
+  options.pose.min_inliers = 105;
+  EXPECT_FALSE(startsMapWith(104, options));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "support/scene.hpp"
+#include "vo/float_patch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -299,10 +300,28 @@ TEST(PatchWarp, isEmptyForLargeChangesOfSize) {
 TEST(PatchAlignment, rejectsOptionsOutOfRange) {
   PatchAlignment::Options options;
   options.window_px = 8;
-  EXPECT_THROW(PatchAlignment{options}, OptionError);
+  try {
+    PatchAlignment{options};
+    ADD_FAILURE() << "accepted";
+  } catch (const OptionError& error) {
+    EXPECT_STREQ(error.what(), "alignment/window_px must be odd");
+  }
   options = {};
   options.min_correlation = 2;
   EXPECT_THROW(PatchAlignment{options}, OptionError);
+}
+
+TEST(PatchAlignment, alignsPatchesOfEverySize) {
+  const Eigen::Vector2d u(400, 120), shift(0.4, -0.3);
+  const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
+  PatchAlignment::Options options;
+  for (options.window_px = 5; options.window_px <= kMaxWindow; options.window_px += 2) {
+    const auto match =
+        PatchAlignment(options).align(wall, u, Eigen::Matrix2d::Identity(), wall, u + shift);
+    ASSERT_TRUE(match) << options.window_px;
+    EXPECT_LT((match->u - u).norm(), 0.02) << options.window_px;
+  }
+  EXPECT_THROW(PatchAlignment{options}, OptionError) << "has no room for larger ones";
 }
 
 }  // namespace

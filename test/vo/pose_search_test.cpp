@@ -15,40 +15,40 @@ using test::pose;
 
 using test::kCamera;
 
-cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c, std::uint64_t seed) {
-  return test::wallFrom(kCamera, T_v_c, seed);
-}
-
 /// The previous camera v is somewhere in the map.
 class PoseSearchTest : public testing::Test {
  protected:
-  PoseSearchTest() {
+  explicit PoseSearchTest(const PinholeCamera& camera = kCamera) : camera_(camera) {
     std::vector<LocalMap::Corner> corners;
-    for (int v = 20; v < kCamera.height - 20; v += 16) {
-      for (int u = 20; u < kCamera.width - 20; u += 16) {
+    for (int v = 20; v < camera.height - 20; v += 16) {
+      for (int u = 20; u < camera.width - 20; u += 16) {
         Feature feature;
         feature.id = features_.size();
         feature.age = 3;
         feature.u = {u, v};
         feature.flow = {7, 8};
         features_.push_back(feature);
-        corners.push_back({feature.id, kCamera.ray(feature.u).head<2>(), 0.001});
+        corners.push_back({feature.id, camera.ray(feature.u).head<2>(), 0.001});
       }
     }
     map_.addKeyframe(T_w_v_, corners);
     test::putOnWall(&map_);
   }
 
+  cv::Mat wallFrom(const Eigen::Isometry3d& T_v_c, std::uint64_t seed) const {
+    return test::wallFrom(camera_, T_v_c, seed);
+  }
   std::optional<PoseSearch::Result> locate(const cv::Mat& image, const cv::Mat& mask = {}) const {
-    return PoseSearch(kCamera, {}, mask)
+    return PoseSearch(camera_, {}, mask)
         .locate(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity(), 1), image,
                 test::kAfterGap);
   }
   Eigen::Vector2d pixelAt(const Eigen::Isometry3d& T_v_c, const Feature& feature) const {
-    const Eigen::Vector3d p_v = test::kWallDistance * kCamera.ray(features_[feature.id].u);
-    return kCamera.project(T_v_c.inverse() * p_v);
+    const Eigen::Vector3d p_v = test::kWallDistance * camera_.ray(features_[feature.id].u);
+    return camera_.project(T_v_c.inverse() * p_v);
   }
 
+  const PinholeCamera camera_;
   const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.5, -0.2}, {5, 6, 7});
   LocalMap map_{{}};
   MotionModel motion_ = test::motionTo(T_w_v_);
@@ -91,6 +91,26 @@ TEST_F(PoseSearchTest, FindsThePoseAfterAChangeOfPitchOrSpeed) {
     ASSERT_TRUE(result) << factor;
     const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
     EXPECT_LT((found.translation() - T_v_c.translation()).norm(), 0.2) << factor;
+  }
+}
+
+/// Pixels three times as high as wide.
+class PoseSearchWithHighPixels : public PoseSearchTest {
+ protected:
+  static PinholeCamera camera() {
+    PinholeCamera camera = kCamera;
+    camera.fy = camera.fx / 3;
+    return camera;
+  }
+  PoseSearchWithHighPixels() : PoseSearchTest(camera()) {}
+};
+
+TEST_F(PoseSearchWithHighPixels, TheRangeOfThePitchIsThatOfTheImage) {
+  for (const double pitch : {-0.2, 0.2}) {
+    const Eigen::Isometry3d T_v_c = pose({pitch, 0.1, 0}, {0, 0, 3});
+    const auto result = locate(wallFrom(T_v_c, 1));
+    ASSERT_TRUE(result) << pitch;
+    EXPECT_LT(test::angleBetween(T_w_v_.inverse() * result->T_w_c, T_v_c), 0.005) << pitch;
   }
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <deque>
+#include <limits>
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -622,6 +623,25 @@ TEST(VisualOdometry, aBlackoutInATurnKeepsMapAndHeading) {
             0.03 * true_gap.translation().norm());
 }
 
+// In the blackout the scene moves into the part of the image that is masked.
+TEST(VisualOdometry, theSearchAfterABlackoutUsesNothingMasked) {
+  const SyntheticDrive ground_truth(blackoutInATurn(56));
+  const PinholeCamera& camera = ground_truth.camera();
+  cv::Mat mask(camera.height, camera.width, CV_8UC1, cv::Scalar(255));
+  mask.colRange(camera.width * 7 / 8, camera.width) = 0;
+  VisualOdometry odometry(camera, {}, mask);
+  VoFrame frame;
+  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
+    frame = odometry.process(ground_truth.image(i), ground_truth.frame(i).stamp_ns).frame;
+  }
+  ASSERT_EQ(frame.status, VoStatus::kTracking);
+  ASSERT_EQ(frame.map_id, 0u);
+  for (const TrackedFeature& feature : frame.features) {
+    const cv::Point pixel(cvRound(feature.u.x()), cvRound(feature.u.y()));
+    EXPECT_EQ(mask.at<unsigned char>(pixel), 255) << pixel;
+  }
+}
+
 // A pose needs so many inliers that there is none after the blackout. The next map starts with the
 // rotation to the pose that the search has found.
 TEST(VisualOdometry, aTurnInABlackoutIsKnownToTheNextMap) {
@@ -637,6 +657,7 @@ TEST(VisualOdometry, aTurnInABlackoutIsKnownToTheNextMap) {
   ASSERT_EQ(frame.map_start.stamp_ns, ground_truth.frame(kStart).stamp_ns);
   const Eigen::Matrix3d true_rotation = ground_truth.frame(kBefore).T_c0_c.linear().transpose() *
                                         ground_truth.frame(kStart).T_c0_c.linear();
+  EXPECT_GT(frame.map_start.rotation_sigma, 1e-5);
   EXPECT_LT(frame.map_start.rotation_sigma, 0.02);
   EXPECT_LT(Eigen::AngleAxisd(frame.map_start.R_previous_w.transpose() * true_rotation).angle(),
             0.02);
@@ -700,6 +721,7 @@ TEST(VisualOdometry, aJumpToAnotherPlaceStartsANewMap) {
     lost += frame.status == VoStatus::kLost;
     if (frame.status == VoStatus::kTracking) continue;
     EXPECT_EQ(frame.T_w_c.matrix(), Eigen::Matrix4d::Identity());
+    EXPECT_TRUE(frame.features.empty() || frame.status == VoStatus::kInitialising);
     EXPECT_EQ(frame.map_id, frame.status == VoStatus::kLost ? 0u : 1u);
     EXPECT_EQ(frame.map_start.stamp_ns == 0, frame.status == VoStatus::kInitialising);
   }
@@ -847,6 +869,21 @@ TEST(VisualOdometry, texturelessImagesKeepInitialising) {
     EXPECT_EQ(frame.status, VoStatus::kInitialising);
     EXPECT_TRUE(frame.features.empty());
   }
+}
+
+// Nobody knows how the camera turned before the first image with features.
+TEST(VisualOdometry, theRotationSinceATexturelessStartIsUnknown) {
+  const SyntheticDrive ground_truth(smallDrive(16));
+  std::vector<cv::Mat> images = imagesOf(ground_truth);
+  const auto rotationSigma = [&] {
+    const DriveRun result = run(ground_truth, images);
+    const VoFrame& frame = result.outputs.back().frame;
+    EXPECT_EQ(frame.status, VoStatus::kTracking);
+    return frame.map_start.rotation_sigma;
+  };
+  EXPECT_EQ(rotationSigma(), 0);
+  images[0] = images[1] = cv::Mat(images[0].size(), CV_8UC1, cv::Scalar(0));
+  EXPECT_EQ(rotationSigma(), std::numeric_limits<double>::infinity());
 }
 
 }  // namespace

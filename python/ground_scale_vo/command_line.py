@@ -3,6 +3,7 @@
 import argparse
 import inspect
 import pathlib
+import re
 import sys
 import time
 
@@ -83,7 +84,7 @@ def calibration_in_bag(images, arguments):
     if images.info is None:
         raise ValueError(f"--camera is missing; {arguments.input} has no {images.info_topic}")
     calibration = calibration_of(images.info, images.info_topic, arguments.rectified)
-    if calibration.D.any() and "rect" in images.topic:
+    if calibration.D.any() and re.search("rect[^/]*(/compressed)?$", images.topic):
         print(f"{images.topic} seems to hold rectified images, but {images.info_topic} has distortion: "
               "if they are rectified, add --rectified", file=sys.stderr)
     return calibration

@@ -45,12 +45,20 @@ int run(const std::vector<gsv::FaultDrive>& drives, int threads) {
     frames += static_cast<std::size_t>(drive.options.frames);
   }
   std::vector<gsv::FaultDriveMetrics> metrics(drives.size());
+  std::vector<std::string> texts(drives.size());
+  std::size_t printed = 0;
   gsv::ProgressLine progress("evaluate_faults", frames);
   gsv::parallelFor(drives.size(), threads, [&](std::size_t i) {
     metrics[i] = gsv::runFaultDrive(
         drives[i],
         [&](std::size_t, const cv::Mat&, const gsv::OfflineRun&) { progress.step("frames"); });
-    progress.pause([&] { std::fputs(gsv::faultDriveText(drives[i], metrics[i]).c_str(), stdout); });
+    progress.pause([&] {
+      texts[i] = gsv::faultDriveText(drives[i], metrics[i]);
+      // In the order of the drives, also when a later one ends first.
+      for (; printed < texts.size() && !texts[printed].empty(); ++printed) {
+        std::fputs(texts[printed].c_str(), stdout);
+      }
+    });
   });
   const gsv::FaultSummary summary = gsv::summarise(metrics);
   std::fputs(summary.text.c_str(), stdout);

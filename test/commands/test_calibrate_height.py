@@ -47,8 +47,9 @@ def test_part_of_a_sequence(low, height_file):
     """3 s of the 6 s, of which the first one is not the start of the drive."""
     positions = numpy.loadtxt(low / "poses.txt")[20:51, 3::4]
     length = numpy.linalg.norm(numpy.diff(positions, axis=0), axis=1).sum()
-    run(HEIGHT_FROM_DRIVE, low, "--from", 2, "--to", 5, "--length", length, "--length-sigma", 0, "--out",
+    run(HEIGHT_FROM_DRIVE, low, "--from", 2, "--to", 5, "--length", length, "--length-sigma", 0.01, "--out",
         height_file)
+    assert height_file.read_text().startswith(f"# From a drive of {length:g} m, known to 0.01 m.\n")
     assert_height(height_file)
 
 
@@ -139,6 +140,20 @@ def test_hint_of_raw_images(low_bag, height_file):
     assert_height(height_file)
 
 
+def test_rejected_image_is_reported(low_bag, height_file):
+    images = iter(range(1000))
+
+    def set_back(topic, message):
+        if topic == IMAGE and next(images) == 3:
+            message.header.stamp.nsecs -= 150000000
+        return topic, message
+
+    file = height_file.with_suffix(".bag")
+    bags.copy(low_bag, file, set_back)
+    done = run(HEIGHT_FROM_DRIVE, "--bag", file, *GPS, "/fix", "--to", 0.5, "--out", height_file, check=False)
+    assert "1 images were rejected, the first one because" in done.stderr
+
+
 def test_no_such_fixes(low_bag, height_file):
     assert_refused(1, "has no fixes on /none", HEIGHT_FROM_DRIVE, "--bag", low_bag, *GPS, "/none",
                    "--to", 0.5, "--out", height_file)
@@ -178,6 +193,8 @@ def test_wrong_arguments(low, height_file):
     assert_refused(2, "there is no option foo", HEIGHT_FROM_DRIVE, low, "--length", 50, "--length-sigma", 1, "--out",
                    height_file, "--set", "foo=1")
     assert_refused(2, "one of --length", HEIGHT_FROM_DRIVE, low, "--out", height_file)
+    assert_refused(2, "one of --length", HEIGHT_FROM_DRIVE, low, "--length", 50, "--length-sigma", 0.1, "--trajectory",
+                   low / "poses.txt", "--out", height_file)
     assert_refused(2, "--length and --length-sigma go together", HEIGHT_FROM_DRIVE, low, "--length",
                    50, "--out", height_file)
     assert_refused(2, "--gps needs --bag", HEIGHT_FROM_DRIVE, low, "--gps", "/fix", "--out",
@@ -185,3 +202,4 @@ def test_wrong_arguments(low, height_file):
     assert_refused(2, "--to must be greater than --from", HEIGHT_FROM_DRIVE, low, "--from", 3,
                    "--to", 2, "--length", 50, "--length-sigma", 1, "--out", height_file)
     assert_refused(2, "one drive", HEIGHT_FROM_DRIVE, "--gps", "/fix", "--out", height_file)
+    assert_refused(2, "one drive", HEIGHT_FROM_DRIVE, low, "--bag", "x.bag", "--gps", "/fix", "--out", height_file)

@@ -18,6 +18,8 @@ def test_progress_on_a_terminal(shortest, tmp_path):
     distance = max(float(metres) for metres in re.findall(r"12/12 frames, [\d.]+/s, ([\d.]+) m", output))
     driven = numpy.linalg.norm(numpy.loadtxt(shortest / "poses.txt")[-1, 3::4])
     assert 0.5 * driven < distance < 1.2 * driven
+    metrics = json.loads((tmp_path / "shortest/metrics.json").read_text())
+    assert f"12 tracked, {metrics['length_m']:.1f} m, written to" in output
 
 
 def test_set_reaches_the_run(short, tmp_path):
@@ -26,16 +28,27 @@ def test_set_reaches_the_run(short, tmp_path):
     assert "no frame got a scale" in done.stdout + done.stderr
 
 
+def test_set_reaches_the_scenarios(tmp_path):
+    run(tool("evaluate_scenarios"), "night_noisy", "--out", tmp_path, "--set", "refine=false", "--set",
+        "gpe/min_points=1000000")
+    (drive,) = json.loads((tmp_path / "scenarios.json").read_text())
+    assert (drive["drive"], drive["tracked_frames"], drive["metric_frames"]) == ("night_noisy", 30, 0)
+
+
 @pytest.mark.parametrize("text, arguments", [
     ("there is no option foo", ["SHORT", "--set", "foo=1"]),
     ("gpe/min_points", ["SHORT", "SHORTEST", "--set", "gpe/min_points=abc"]),
     ("--camera-height", ["SHORT", "--camera-height", "0"]),
+    ("camera_height is 1000", ["SHORT", "--camera-height", "1000"]),
     ("--scenarios", ["SHORT", "--ablation"]),
     ("unknown scenario", ["--scenarios", "none"]),
     ("--faults", ["SHORT", "--seed", "1"]),
     ("--mask", ["--scenarios", "--mask", "mask.png"]),
     ("--faults", ["--faults", "--set", "refine=false"]),
     ("--out cannot be used with --faults", ["--faults"]),
+    ("exclude one another", ["--scenarios", "--covariance"]),
+    ("exclude one another", ["--scenarios", "--faults"]),
+    ("exclude one another", ["--covariance", "--faults"]),
     ("--camera-height cannot be used with --scenarios", ["--scenarios", "--camera-height", "1.65"]),
     ("tracker/cell_size is 7", ["--scenarios", "pitched", "--set", "tracker/cell_size=7"]),
 ])

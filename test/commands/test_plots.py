@@ -102,6 +102,16 @@ def test_files(folder, monkeypatch, arguments, files):
         name + suffix for name in ("trajectory", "scale", "timing", "errors") for suffix in files}
 
 
+def test_plots_of_an_earlier_run_are_removed(figures, folder):
+    plots = [folder / (name + suffix) for name in ("trajectory", "scale", "timing", "errors")
+             for suffix in (".png", ".pdf")]
+    for plot in plots:
+        plot.touch()
+    (folder / "ground_truth.txt").unlink()
+    plot_run.draw(folder, False)
+    assert len(figures) == 3 and not any(plot.exists() for plot in plots)
+
+
 def test_medians_of_the_timing_plot_have_a_unit(figures, tmp_path):
     plot_run.draw_timing(tmp_path / "timing", {"vo_total": np.array([5.0, 6.0, 7.0])}, "", False)
     assert any("median [ms]" in text.get_text() for text in figures[0].axes[0].texts)

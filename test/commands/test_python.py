@@ -75,6 +75,14 @@ def test_result(results):
     assert (np.abs(distance) < 0.05).sum() > 10
 
 
+def test_result_without_a_scale(gsv, shortest):
+    drive = gsv.read_kitti(shortest)
+    odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT, refine=False, **{"gpe/min_points": 1000000})
+    last = [odometry.process(image, stamp) for image, stamp in drive][-1]
+    assert (last.status, last.scale_status, last.pose, last.scale) == ("initialising", "unknown", None, None)
+    assert len(last.tracks) > 100 and np.isnan(last.points).all()
+
+
 def test_results_are_those_of_run_sequence(gsv, short, results, evaluated):
     with open(evaluated / "scale.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -331,7 +339,9 @@ def test_damaged_image_ends_the_iteration(gsv, short, tmp_path):
     for i in range(3):
         contents = (short / f"image_0/{i:06}.png").read_bytes()
         (tmp_path / f"image_0/{i:06}.png").write_bytes(contents[:3000] if i == 1 else contents)
-    images = iter(gsv.read_kitti(tmp_path))
+    drive = gsv.read_kitti(tmp_path)
+    assert drive.ground_truth is drive.ground_truth_heights is None
+    images = iter(drive)
     next(images)
     with pytest.raises(gsv.DataError, match="000001.png: is not a whole PNG"):
         next(images)

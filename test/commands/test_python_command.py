@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import rosbag
 from conftest import CAMERA_HEIGHT, WITHOUT_MESSAGES, assert_refused, on_terminal, run
+from sensor_msgs.msg import RegionOfInterest
 
 FRAMES = 40
 
@@ -58,6 +59,17 @@ def test_kitti_folder_as_run_sequence(command, short, evaluated, tmp_path):
     assert metrics["rle_percent"] is not None and metrics["height_bias_percent"] is not None
 
 
+def test_kitti_raw_drive(gsv, shortest, tmp_path):
+    folder = tmp_path / "date/drive"
+    shutil.copytree(shortest / "image_0", folder / "image_00/data")
+    (folder / "image_00/timestamps.txt").write_text("".join(f"2011-09-26 13:02:{i:02}.0\n" for i in range(12)))
+    (folder / "../calib_cam_to_cam.txt").write_text((shortest / "calib.txt").read_text().replace("P0:", "P_rect_00:"))
+    module = importlib.import_module("ground_scale_vo.command_line")
+    drive, calibration, _ = module.open_drive(module.parse(["run", str(folder), "--camera-height", "1"]))
+    assert drive.count == 12 and np.array_equal(next(drive.images)[0], images_of(shortest)[0])
+    assert np.array_equal(calibration.K, camera_matrix(shortest))
+
+
 def test_bag_as_run_sequence(command, bag, short, evaluated, tmp_path):
     run(*command, bag, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
     assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
@@ -83,6 +95,10 @@ def test_calibration_of_a_bag(gsv, bag, short, tmp_path, capsys, is_rectified):
         assert calibration.K.ravel().tolist() == [510, 0, 300, 0, 520, 90, 0, 0, 1]
         assert calibration.D.tolist() == [-0.2, 0.05, 0.001, -0.001, 0]
     assert ("add --rectified" in capsys.readouterr().err) is not is_rectified
+    for topic, is_hinted in (("/camera/image_rect/compressed", not is_rectified),
+                             ("/robot/rectangle/image_raw", False)):  # of the topic, only its last part counts
+        module.calibration_in_bag(drive._replace(topic=topic), arguments)
+        assert ("add --rectified" in capsys.readouterr().err) is is_hinted
 
 
 def test_bag_with_its_calibration_as_run_sequence(command, bag, evaluated, tmp_path):
@@ -93,6 +109,8 @@ def test_bag_with_its_calibration_as_run_sequence(command, bag, evaluated, tmp_p
 @pytest.mark.parametrize("change, text", [
     ({"K": [0] * 9}, ""), ({"K": [0] * 9, "P": [0] * 12}, "is not calibrated, P is zero"),
     ({"binning_x": 2}, "binning and regions of interest are not supported, pass --camera"),
+    ({"binning_y": 2}, "binning and regions"), ({"roi": RegionOfInterest(width=9)}, "binning and regions"),
+    ({"roi": RegionOfInterest(height=9)}, "binning and regions"), ({"D": 5 * [np.nan]}, "has numbers that are not"),
     ({"distortion_model": "omni"}, "the distortion model is omni"), ({"D": [0.1]}, "has 1 distortion coefficients"),
     ({"distortion_model": "", "D": []}, "")])
 def test_calibration_of_camera_info(gsv, bag, short, change, text):
@@ -128,11 +146,11 @@ def test_values_of_options(gsv, text, name, value):
 def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
     folder = tmp_path / "raw"
     folder.mkdir()
-    (folder / "times.txt").write_text("0\n0.1\n0.1\n0.07\n0.2\n")
-    for i, image in enumerate(images_of(shortest)[:5]):
-        cv2.imwrite(str(folder / f"{4 - i}.PNG"), image)  # the order is that of the names
+    (folder / "times.txt").write_text("0\n0.1\n0.1\n0.07\n0.08\n0.2\n")
+    for i, image in enumerate(images_of(shortest)[:6]):
+        cv2.imwrite(str(folder / f"{5 - i}.PNG"), image)  # the order is that of the names
     done = run(*command, folder, "--camera", shortest / "calib.txt", env=WITHOUT_MESSAGES)
-    assert "2 images are skipped" in done.stderr and "raw: 3 frames" in done.stdout
+    assert "3 images are skipped" in done.stderr and "raw: 3 frames" in done.stdout
     stamps = np.loadtxt(tmp_path / "out/raw/trajectory_tum.txt")[:, 0]
     assert stamps == pytest.approx([0, 0.1, 0.2])
 
@@ -175,6 +193,7 @@ def test_images_of_a_compressed_bag(gsv, bag, short, tmp_path):
     drive = importlib.import_module("ground_scale_vo.images").open_images(compressed, None)
     image, stamp = next(drive.images)
     assert (drive.count, stamp) == (FRAMES, 1000000000)
+    assert drive.info_topic == bags.COMPRESSED.replace("image_raw/compressed", "camera_info")
     assert cv2.absdiff(image, images_of(short)[0]).mean() < 3
 
 

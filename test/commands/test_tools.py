@@ -1,6 +1,7 @@
 """render_drive, kitti_to_bag, evaluate_bag, graph_observer, screenshot: arguments, damaged data, existing
 files, full disks."""
 
+import csv
 import json
 import os
 import shutil
@@ -13,6 +14,7 @@ import rospy
 from bags import IMAGE, INFO, copy, write_drive
 from conftest import SCRIPTS, assert_refused, on_full_disk, run, tool
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from ground_scale_vo.msg import ScaleEstimate
 
 RENDER_DRIVE, KITTI_TO_BAG, EVALUATE_BAG = map(tool, ("render_drive", "kitti_to_bag", "evaluate_bag"))
 
@@ -121,11 +123,15 @@ def test_derive_drives_cameras(shortest, tmp_path):
 
 
 def test_derive_drives_images(shortest, tmp_path):
-    run(tool("derive_drives"), shortest, "every3", "jpeg20", "--out", tmp_path)
+    run(tool("derive_drives"), shortest, "every3", "jpeg20", "dark", "--out", tmp_path)
     given, every3 = images(shortest), images(tmp_path / "shortest_every3")
     assert len(every3) == 4 and all(np.array_equal(image, given[3 * i]) for i, image in enumerate(every3))
     _, expected = cv2.imencode(".jpg", given[5], [cv2.IMWRITE_JPEG_QUALITY, 20])
     assert (tmp_path / "shortest_jpeg20/image_0/000005.jpg").read_bytes() == expected.tobytes()
+    signal = np.array(given) / 4
+    noise = np.array(images(tmp_path / "shortest_dark")) - signal
+    variance = signal / 2 + 3**2  # of photons, and of the sensor
+    assert (noise / np.sqrt(variance))[signal > 20].std() == pytest.approx(1, rel=0.02)
 
 
 def test_render_drive_full_disk(tmp_path):
@@ -391,8 +397,10 @@ def test_evaluate_bag_counts_lost_frames(tmp_path):
             i = next(scales)
             message.map_id = 3 if i < 51 else 4
             return None if i in (20, 51, 52, 99) else (topic, message)
-        if topic == "/vo/odometry" and next(unscaled) >= 51:
-            message.pose.pose.position.z -= 51
+        if topic == "/vo/odometry":
+            i = next(unscaled)
+            message.pose.pose.position.z -= 51 if i >= 51 else 0
+            return None if i in (30, 31) else (topic, message)
         return topic, message
 
     drive, played, recorded = (tmp_path / f"{name}.bag" for name in ("drive", "played", "recorded"))
@@ -403,6 +411,28 @@ def test_evaluate_bag_counts_lost_frames(tmp_path):
     assert "100 images in, 96 frames out of both nodelets, 4 lost on the way" in done.stdout
     # Between two maps there is no step.
     assert np.loadtxt(tmp_path / "out/poses_unscaled.txt")[-1, 11] == pytest.approx(98)
+    metrics = json.loads((tmp_path / "out/metrics.json").read_text())
+    assert (metrics["tracked_frames"], metrics["lost_events"]) == (98, 1)
+    with open(tmp_path / "out/scale.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [i for i, row in enumerate(rows) if row["vo_status"] == "lost"] == [30, 31]
+    assert [i for i, row in enumerate(rows) if (row["status"], row["scale"]) == ("unknown", "0")] == [20, 51, 52, 99]
+
+
+@pytest.mark.parametrize("status, reason", [
+    (ScaleEstimate.UNKNOWN, ": the scale was never known"),
+    (ScaleEstimate.HELD, ", although the scale is known: tf had no transform from the base frame to camera")])
+def test_evaluate_bag_without_a_metric_pose(tmp_path, status, reason):
+    def change(topic, message):
+        if topic == "/scale":
+            message.status = status
+        return None if topic == "/odometry" else (topic, message)
+
+    drive, played, recorded = (tmp_path / f"{name}.bag" for name in ("drive", "played", "recorded"))
+    write_drive(played, drive, 1)
+    copy(drive, recorded, change)
+    assert_refused(1, f"no image of {played} has a metric pose in {recorded}{reason}", EVALUATE_BAG, "--played", played,
+                   "--recorded", recorded, "--out", tmp_path / "out", "--camera-height", 1.65)
 
 
 def test_evaluate_bag_no_such_bag(bag, tmp_path):

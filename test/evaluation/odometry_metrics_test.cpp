@@ -189,8 +189,16 @@ TEST(OdometryMetrics, RejectsWhatCannotBeCompared) {
   EXPECT_THROW(computeOdometryMetrics(drive(1, 1.0), drive(1, 1.0)), OptionError);
   Poses broken = ten;
   broken[4].translation().x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(computeOdometryMetrics(ten, broken), OptionError);
-  EXPECT_THROW(computeOdometryMetrics(broken, ten), OptionError);
+  const auto error = [](const Poses& ground_truth, const Poses& estimate) -> std::string {
+    try {
+      computeOdometryMetrics(ground_truth, estimate);
+    } catch (const OptionError& option_error) {
+      return option_error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(error(ten, broken).find("estimated pose 4 "), 0u);
+  EXPECT_EQ(error(broken, ten).find("ground truth pose 4 "), 0u);
 }
 
 // A constant yaw bias accumulates over the frames compared; a sudden error counts once.

@@ -306,6 +306,17 @@ TEST_F(RunReport, ErrorsOfTheTrajectoryAreNotMixedUp) {
   for (std::size_t i = 1; i < values.size(); ++i) {
     EXPECT_GT(values[i], 1.001 * values[i - 1]) << "the test cannot tell two errors apart";
   }
+  const auto compare = [](const Json& entries, const auto& errors) {
+    ASSERT_EQ(entries.size(), errors.size());
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+      EXPECT_EQ(entries[i].at("length_m"), errors[i].length_m);
+      EXPECT_EQ(entries[i].at("segments"), errors[i].segments);
+      EXPECT_NEAR(entries[i].at("t_err_percent"), errors[i].t_err_percent, 1e-6);
+      EXPECT_NEAR(entries[i].at("r_err_deg_per_m"), errors[i].r_err_deg_per_m, 1e-8);
+    }
+  };
+  compare(json.at("by_length"), metric.by_length);
+  compare(json.at("by_short_length"), metric.by_short_length);
 }
 
 TEST_F(RunReport, EachFileHasItsPoses) {

@@ -169,7 +169,7 @@ TEST(GroundTruthRelay, AlignsAnewWhenTheBagBeginsAgain) {
   TopicRecorder<nav_msgs::Odometry> ground_truth(handle, "ground_truth/odometry");
   TopicRecorder<nav_msgs::Path> path(handle, "ground_truth/path");
   auto tf_publisher = handle.advertise<tf2_msgs::TFMessage>("ground_truth/tf", 10);
-  auto estimate_publisher = handle.advertise<nav_msgs::Odometry>("odometry", 10);
+  auto estimate_publisher = handle.advertise<nav_msgs::Odometry>("odometry", 100);
   const fs::path tools = fs::read_symlink("/proc/self/exe").parent_path();
   ChildProcess relay({tools / "ground_truth_relay"});
   ASSERT_TRUE(waitUntil([&] {
@@ -195,6 +195,16 @@ TEST(GroundTruthRelay, AlignsAnewWhenTheBagBeginsAgain) {
   }
   EXPECT_EQ(positions, (std::vector<double>{0, 10, 3, 4}));
   EXPECT_EQ(path.messages().back()->poses.size(), 2u);
+
+  // Only the last 50 estimates wait for their ground truth.
+  for (int i = 1; i <= 60; ++i) estimate(20 + 0.01 * i, 0);
+  estimate(20, 0);  // its ground truth is known
+  ASSERT_TRUE(ground_truth.waitForCount(5)) << relay.output();
+  const ros::Time end(20 + 0.01 * 60);
+  tf_publisher.publish(transform("ground_truth", "ground_truth/camera", end,
+                                 Eigen::Isometry3d(Eigen::Translation3d(21, 0, 0))));
+  ASSERT_TRUE(ground_truth.waitForStamp(end)) << relay.output();
+  EXPECT_EQ(ground_truth.messages().size(), 5u + 49u);
   relay.send(SIGINT);
   EXPECT_EQ(relay.waitForEnd(), 0) << relay.output();
 }

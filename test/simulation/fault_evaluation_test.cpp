@@ -33,15 +33,20 @@ TEST(FaultEvaluation, DetectsEveryViolatedThreshold) {
   };
   using Metrics = FaultDriveMetrics;
   EXPECT_NE(violation([](Metrics& f) { f.non_finite_frames = 1; }), "");
-  EXPECT_NE(violation([](Metrics& f) { f.segments[0].error_percent = 5.1; }), "");
+  EXPECT_EQ(violation([](Metrics& f) { f.segments[0].error_percent = 5.1; }),
+            "fault-free frames 10 to 40: position error 5.1 % of the path length, limit 5 %");
   EXPECT_NE(violation([](Metrics& f) { f.segments[0].error_percent = NAN; }), "");
   EXPECT_NE(violation([](Metrics& f) { f.segments.clear(); }), "");
   EXPECT_NE(violation([](Metrics& f) { f.faults[0].detection_delay_s = 3.1; }), "");
   EXPECT_NE(violation([](Metrics& f) { f.faults[0].detection_delay_s = NAN; }), "");
-  EXPECT_NE(violation([](Metrics& f) { f.faults[0].ok_frames = 1; }), "");
+  EXPECT_EQ(
+      violation([](Metrics& f) { f.faults[0].ok_frames = 1; }),
+      "black: scale reported as measured in 1 frames more than 3 s after the ground was hidden");
   EXPECT_NE(violation([](Metrics& f) { f.faults[0].metric_recovery_frames = -1; }), "");
-  EXPECT_NE(violation([](Metrics& f) { f.faults[0].excess_path_m = 3; }), "");
-  EXPECT_NE(violation([](Metrics& f) { f.faults[0].sigma_m = 1; }), "");
+  EXPECT_EQ(violation([](Metrics& f) { f.faults[0].excess_path_m = 3; }),
+            "black: path 3.0 m longer than the ground truth");
+  EXPECT_EQ(violation([](Metrics& f) { f.faults[0].sigma_m = 1; }),
+            "black: position error of 20.0 m, sigma is 1.0 m");
 }
 
 TEST(FaultEvaluation, DetectsNonFiniteOutputs) {

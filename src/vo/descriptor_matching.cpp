@@ -21,7 +21,7 @@ constexpr int kBorder_px = 16;     // points nearer to the image border have no 
 constexpr int kBits = 256;         // of a descriptor
 
 /// [bits] largest distance of a match; unrelated descriptors differ in half of the bits.
-constexpr int kMaxDistance = kBits / 4;
+constexpr int kMaxDistance = kBits / 5;
 /// Largest distance of a match relative to the second best (Lowe's ratio test).
 constexpr double kMaxDistanceRatio = 0.8;
 
@@ -85,7 +85,7 @@ int Descriptors::distance(std::size_t i, const Descriptors& other, std::size_t k
 std::vector<DescriptorMatch> matchDescriptors(const Descriptors& from, const Descriptors& to,
                                               const SearchRegion& region) {
   struct Best {
-    int distance = kMaxDistance + 1;
+    int distance = kBits + 1;
     std::size_t index = 0;
   };
   std::vector<Best> best_from(to.points().size());

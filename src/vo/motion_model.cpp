@@ -14,6 +14,10 @@ namespace {
 /// images) and one that needs a new map (41 black images behind a car).
 constexpr double kMaxPredictedSteps = 12;
 
+/// When the last two intervals differ by more than this factor, the velocity over both is
+/// extrapolated: images in pairs have stamps with too short and too long intervals in turn.
+constexpr double kMaxIntervalRatio = 2;
+
 }  // namespace
 
 Eigen::Isometry3d MotionModel::predict(std::int64_t stamp_ns) const {
@@ -23,11 +27,11 @@ Eigen::Isometry3d MotionModel::predict(std::int64_t stamp_ns) const {
 
 Eigen::Isometry3d MotionModel::extrapolate(std::int64_t stamp_ns) const {
   const double dt = secondsBetween(stamp_ns_, stamp_ns);
-  return boxplus(T_w_c_, velocity_ * dt);
+  return boxplus(T_w_c_, long_velocity_ * dt);
 }
 
 double MotionModel::stepsSince(std::int64_t stamp_ns) const {
-  return velocity_dt_ > 0 ? secondsBetween(stamp_ns_, stamp_ns) / velocity_dt_ : 0;
+  return long_dt_ > 0 ? secondsBetween(stamp_ns_, stamp_ns) / long_dt_ : 0;
 }
 
 void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
@@ -35,7 +39,14 @@ void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) 
   if (dt > 0) {
     const Eigen::Isometry3d step = T_w_c_.inverse() * T_w_c;
     const Eigen::AngleAxisd rotation(step.linear());
-    velocity_ << rotation.angle() / dt * rotation.axis(), step.translation() / dt;
+    Vector6d velocity;
+    velocity << rotation.angle() / dt * rotation.axis(), step.translation() / dt;
+    const bool is_irregular =
+        velocity_dt_ > 0 && std::max(dt / velocity_dt_, velocity_dt_ / dt) > kMaxIntervalRatio;
+    long_dt_ = is_irregular ? velocity_dt_ + dt : dt;
+    long_velocity_ = velocity;
+    if (is_irregular) long_velocity_ = (velocity_dt_ * velocity_ + dt * velocity) / long_dt_;
+    velocity_ = velocity;
     velocity_dt_ = dt;
   }
   T_w_c_ = T_w_c;
@@ -46,7 +57,8 @@ void MotionModel::reset(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
   T_w_c_ = T_w_c;
   stamp_ns_ = stamp_ns;
   velocity_.setZero();
-  velocity_dt_ = 0;
+  long_velocity_.setZero();
+  velocity_dt_ = long_dt_ = 0;
 }
 
 }  // namespace ground_scale_vo

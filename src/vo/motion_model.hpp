@@ -22,7 +22,7 @@ class MotionModel {
   /// Pose at constant velocity; after a long interruption the prediction stops.
   Eigen::Isometry3d predict(std::int64_t stamp_ns) const;
 
-  /// Pose at constant velocity, however long ago it was measured.
+  /// Pose at constant velocity, however long ago it was measured; also for images in pairs.
   Eigen::Isometry3d extrapolate(std::int64_t stamp_ns) const;
 
   /// Time since the last pose over the interval in which the velocity was measured.
@@ -42,6 +42,9 @@ class MotionModel {
   std::int64_t stamp_ns_ = 0;
   Vector6d velocity_ = Vector6d::Zero();  ///< (w, v) in the axes of c [rad/s, VO units/s]
   double velocity_dt_ = 0;                ///< interval over which it was measured [s]
+  /// The same over the last two intervals when these differ much in length.
+  Vector6d long_velocity_ = Vector6d::Zero();
+  double long_dt_ = 0;
 };
 
 }  // namespace ground_scale_vo

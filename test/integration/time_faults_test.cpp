@@ -204,6 +204,19 @@ TEST_F(TimeFaults, StampsInPairsDoNotDistortThePose) {
   }
 }
 
+// The last interval before the gap is much shorter or longer than that of its images.
+TEST_F(TimeFaults, StampsInPairsBeforeAGapKeepTheMap) {
+  for (const std::int64_t apart_ns : {1000, 20000000}) {
+    for (const std::size_t gap : {kGap, kGap + 1}) {
+      const auto frames =
+          run([&](std::size_t i) { return i < gap || i >= gap + 12; },
+              [&](std::size_t i) { return i % 2 == 1 ? stampOf(i - 1) + apart_ns : stampOf(i); });
+      for (const ProcessedFrame& frame : frames) EXPECT_EQ(frame.map_id, 0u) << apart_ns << gap;
+      EXPECT_LT(pathLengths(frames).relativeError(), 0.02) << apart_ns << ' ' << gap;
+    }
+  }
+}
+
 // A bag that was paused while recording: the images continue where they stopped, the clock does
 // not.
 TEST_F(TimeFaults, APauseIsBridged) {

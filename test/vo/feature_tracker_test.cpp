@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -196,6 +197,34 @@ TEST(FeatureTracker, inALargeImageFindsTheCornersOfASmallerOne) {
   EXPECT_EQ(corners, expected);
   EXPECT_LT(tracker.detect(pyramid, corners).size(), corners.size() / 3);
   for (const cv::Point2f& u : detect(masked, image, {})) EXPECT_GT(distanceFrom(region, u), 4);
+}
+
+TEST(FeatureTracker, findsCornersInALargeImageWithFewLevels) {
+  FeatureTracker::Options options;
+  for (options.pyramid_levels = 0; options.pyramid_levels < 2; ++options.pyramid_levels) {
+    const double scale = 2.8 * (1 << options.pyramid_levels);  // the last level is large, too
+    cv::Mat image;
+    cv::resize(trackedTexture(1), image, {}, scale, scale, cv::INTER_CUBIC);
+    EXPECT_GT(detect(FeatureTracker(options), image, {}).size(), 100u) << scale;
+  }
+}
+
+TEST(FeatureTracker, instancesInThreadsAreIndependent) {
+  const auto isRepeatable = [](int width) {
+    cv::Mat image;
+    cv::resize(trackedTexture(1), image, {width, 248});
+    const FeatureTracker tracker({});
+    const auto corners = detect(tracker, image, {});
+    for (int i = 0; i < 20; ++i) {
+      if (detect(tracker, image, {}) != corners) return false;
+    }
+    return !corners.empty();
+  };
+  std::vector<std::future<bool>> threads;
+  for (const int width : {800, 500, 640, 320}) {
+    threads.push_back(std::async(std::launch::async, isRepeatable, width));
+  }
+  for (std::future<bool>& thread : threads) EXPECT_TRUE(thread.get());
 }
 
 // With a margin: the patch around a corner, here of 9 px, shows no masked pixel.

@@ -423,6 +423,19 @@ TEST(PoseEstimation, leavesThePredictionWhenMuchMorePointsFitAnotherPose) {
   EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.1);
 }
 
+TEST(PoseEstimation, findsThePoseOfSlightlyMorePointsThanAFailedOne) {
+  const Eigen::Isometry3d true_T_w_c = pose({0, 0, 0}, {0, 0, 3});
+  auto observations = pointObservations(true_T_w_c, 0.0003);
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    PointObservation& o = observations[i];
+    if (i % 50 < 18) o.x = normalised(o.p_w);
+    if (i % 50 >= 39) o.x += Eigen::Vector2d(0.05, i % 2 == 0 ? 0.1 : -0.1) * (1.0 + 0.1 * (i % 7));
+  }
+  const auto result = PoseEstimation({}).estimate(Eigen::Isometry3d::Identity(), observations);
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT((result.T_w_c.translation() - true_T_w_c.translation()).norm(), 0.1);
+}
+
 // A minority of the points fits a prediction that is wrong by about ten standard deviations of the
 // nearest points. With a narrow kernel from the start, the others would be outliers.
 TEST(PoseEstimation, theMajorityOutweighsPointsThatFitAWrongPrediction) {

@@ -56,6 +56,24 @@ TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
   EXPECT_GT((motion.predict(12 * kFramePeriod).translation() - poseAt(2).translation()).norm(), 10);
 }
 
+// Images 0 and 1, 2 and 3, and so on have nearly the same stamp.
+TEST(MotionModel, ExtrapolatesTheVelocityOfImagesInPairs) {
+  MotionModel motion;
+  motion.reset(poseAt(0), 0);
+  for (int k = 1; k <= 6; ++k) {
+    const std::int64_t stamp_ns = k % 2 == 1 ? (k - 1) * kFramePeriod + 1000 : k * kFramePeriod;
+    motion.update(poseAt(k), stamp_ns);
+    if (k < 3) continue;
+    const std::int64_t later_ns = stamp_ns + 10 * kFramePeriod;
+    const Eigen::Isometry3d expected = poseAt(k) * pose({0, 1, 0}, {2, 0, 10});
+    EXPECT_LT((motion.extrapolate(later_ns).translation() - expected.translation()).norm(), 0.01);
+    EXPECT_LT(angleBetween(motion.extrapolate(later_ns), expected), 0.01);
+    EXPECT_NEAR(motion.stepsSince(later_ns), 5, 0.01);
+  }
+  motion.reset(poseAt(0), 0);
+  expectPose(motion.extrapolate(kFramePeriod), poseAt(0));
+}
+
 TEST(MotionModel, ACorrectionKeepsTheVelocityAndAResetDoesNot) {
   MotionModel motion = drivenUntil(2);
   const Eigen::Isometry3d correction = pose({0.1, 0.2, 0.3}, {1, -2, 3});

@@ -5,6 +5,7 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/Marker.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <exception>
 #include <pluginlib/class_list_macros.hpp>
@@ -22,8 +23,11 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::uint32_t kTfQueue = 100;
-/// [images] that wait for their frame: one second of a 30 Hz camera, longer than MonoVo takes.
-constexpr std::uint32_t kImageBuffer = 30;
+/// [images] that may wait for their frame, at least: one second of a 30 Hz camera.
+constexpr int kMinImageBuffer = 30;
+/// [images] beyond queue_size: with the same queue_size and a full queue, MonoVo is late by those
+/// that arrive while it processes one, too.
+constexpr int kImageMargin = 10;
 /// [ms] wall time to wait for tf with moving_mount, which may come later than the image.
 constexpr double kMountingWaitMs = 200;
 constexpr double kMountingPollMs = 2;
@@ -31,6 +35,10 @@ constexpr double kWaitingPeriod = 0.1;  // [s] wall time, between checks of wait
 
 double secondsBetween(const ros::Time& from, const ros::Time& to) {
   return ground_scale_vo::secondsBetween(toNanoseconds(from), toNanoseconds(to));
+}
+
+std::uint32_t imageBuffer(const ScaleRecoveryParams& params) {
+  return static_cast<std::uint32_t>(std::max(kMinImageBuffer, params.queue_size + kImageMargin));
 }
 
 }  // namespace
@@ -52,7 +60,7 @@ void ScaleRecoveryNodelet::start() {
   path_ = std::make_unique<BoundedPath>(static_cast<std::size_t>(params_.path_max_poses),
                                         params_.path_spacing_m);
   Synchronizer::Limits limits;
-  limits.images = kImageBuffer;
+  limits.images = imageBuffer(params_);
   synchronizer_ = std::make_unique<Synchronizer>(limits);
   if (!params_.base_frame.empty()) {
     tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
@@ -104,7 +112,7 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
   ImageReceiver::Options options;
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
-  options.image_queue_size = kImageBuffer;
+  options.image_queue_size = imageBuffer(params_);
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
   handlers.on_drop = [this](const std::string& kind, const std::string& reason) {

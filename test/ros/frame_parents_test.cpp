@@ -36,6 +36,11 @@ TEST(FrameParents, ForgetsAParentThatIsNotBroadcastAnyMore) {
   parents.add(transform("world", "camera"), false, kNow);
   EXPECT_EQ(parents.otherParent("camera", "odom", kNow + std::chrono::milliseconds(4900)), "world");
   EXPECT_EQ(parents.otherParent("camera", "odom", kNow + std::chrono::milliseconds(5100)), "");
+  // It does not hide one that is.
+  const auto later = kNow + std::chrono::seconds(10);
+  for (const char* parent : {"a", "z"}) parents.add(transform(parent, "camera"), false, kNow);
+  parents.add(transform("mast", "camera"), false, later);
+  EXPECT_EQ(parents.otherParent("camera", "odom", later), "mast");
 }
 
 TEST(FrameParents, RemembersAParentWhileItIsBroadcast) {

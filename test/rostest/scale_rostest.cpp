@@ -148,7 +148,9 @@ class Scale : public testing::Test {
   }
   static void publishMounting() {
     static tf2_ros::StaticTransformBroadcaster broadcaster;
-    broadcaster.sendTransform(mounting("base_link", {1.5, 0, 1.4}));
+    geometry_msgs::TransformStamped second = mounting("base_link", {1.5, 2, 1.4});
+    second.child_frame_id = "camera2";
+    broadcaster.sendTransform({mounting("base_link", {1.5, 0, 1.4}), second});
   }
   /// Publishes frames until the first `odometry`, i.e. until the nodelet has received the mounting
   /// transform.
@@ -258,11 +260,19 @@ TEST_F(Scale, ImagesOfAnotherFrameIdHaveAnotherChildFrame) {
   playUntilOdometry(road);
   ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
   EXPECT_EQ(alone.messages().back()->child_frame_id, "camera");
-  const VoFrameMsg::Ptr frame = road.next();
-  frame->header.frame_id = "camera2";
-  frames_.publish(frame);
+  for (int i = 0; i < 10; ++i) {
+    const VoFrameMsg::Ptr frame = road.next();
+    frame->header.frame_id = "camera2";
+    frames_.publish(frame);
+  }
   ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
   EXPECT_EQ(alone.messages().back()->child_frame_id, "camera2");
+  // The other mounting is no motion of the base.
+  ASSERT_TRUE(odometry_.waitForStamp(road.lastStamp()));
+  const geometry_msgs::Vector3& velocity = odometry_.messages().back()->twist.twist.linear;
+  EXPECT_NEAR(velocity.x, kCameraHeight * kStep / kPeriod, 0.2);
+  EXPECT_NEAR(velocity.y, 0, 0.1);
+  EXPECT_NEAR(velocity.z, 0, 0.1);
 }
 
 TEST_F(Scale, ALeadingSlashOfFrameIdIsRemoved) {
@@ -555,6 +565,31 @@ TEST_F(WithImages, TheirLossIsReported) {
   EXPECT_TRUE(
       waitForSummary(diagnostics_, "scale_recovery", diagnostic_msgs::DiagnosticStatus::WARN,
                      "scale measured from features only, no image of the last frame", false));
+}
+
+// The odometry may be late by the frames that its queue holds.
+TEST_F(WithImages, AsManyOfThemAsFramesMayWait) {
+  FlatRoad road(8700);
+  publishCameraInfo(road.camera());
+  play(road, [](sensor_msgs::Image&) {});
+  ASSERT_TRUE(waitForValue(diagnostics_, "images", "used"));
+  const auto framesWithoutImage = [&] {
+    int count = -1;
+    EXPECT_TRUE(waitForStatus(diagnostics_, [&](const auto& status) {
+      if (status.name.find("scale_recovery") != 0) return false;
+      count = countIn(status, "frames without an image");
+      return true;
+    }));
+    return count;
+  };
+  const int before = framesWithoutImage();
+  FlatRoad ahead = road;
+  for (int i = 0; i < kFrames; ++i) {
+    images_.publish(ahead.nextImage());
+    ahead.next();
+  }
+  for (int i = 0; i < kFrames; ++i) Scale::play(road, 1);
+  EXPECT_EQ(framesWithoutImage(), before);
 }
 
 TEST_F(WithImages, HasNoEffectWithInvalidImages) {

@@ -278,6 +278,21 @@ TEST(DirectPlaneEstimator, TheEngineHoodIsMaskedInAnyUnit) {
   for (const double unit : {0.01, 100.0}) EXPECT_NEAR(patchesIn(unit), patches, 8) << unit;
 }
 
+// A step longer than that distance: the mask is that of the last pair of images, and does not
+// oscillate.
+TEST(DirectPlaneEstimator, TheEngineHoodIsMaskedAfterAShortDistance) {
+  RoadScene scene = nearRoad();
+  scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
+  DirectPlaneEstimator::Options options;
+  options.static_memory_heights = 0.1;
+  const auto patchesAfter = [&](std::uint32_t frames) {
+    DirectPlaneEstimator estimator(options);
+    return drive(&estimator, scene, scene.height, frames, staticRegion({0, 170, 620, 70})).patches;
+  };
+  const int unmasked = patchesAfter(2);
+  for (const std::uint32_t frames : {8u, 9u}) EXPECT_LT(patchesAfter(frames), unmasked - 10);
+}
+
 TEST(DirectPlaneEstimator, TheSearchDoesNotUseTheEngineHood) {
   RoadScene scene = nearRoad();
   scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
@@ -423,6 +438,15 @@ TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
       EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015) << unit << ' ' << ratio;
     }
   }
+}
+
+TEST(DirectPlaneEstimator, TheSearchFindsTheRoadFromASlowVehicle) {
+  RoadScene scene = nearRoad();
+  scene.step = 0.01 * scene.height;
+  const auto result = drive(scene, 0, 80);
+  ASSERT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_TRUE(result.searched);
+  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.02);
 }
 
 TEST(DirectPlaneEstimator, TheSearchCoversItsRange) {

@@ -282,6 +282,17 @@ TEST(PlaneFit, FailuresAreReportedByStatus) {
   EXPECT_EQ(fit.fit(line, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
   const std::vector<PlanePoint> same(50, pointsOn(kPlane, 1, 0, 0, 1)[0]);
   EXPECT_EQ(fit.fit(same, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  // 12 of 16 points on the plane.
+  auto some = pointsOn(kPlane, 16, 0, 3, 1);
+  for (std::size_t i = 0; i < 4; ++i) {
+    some[i].p_c = 0.5 * (some[i].origin_c + some[i].p_c);
+    some[i].depth *= 0.5;
+  }
+  PlaneFit::Options options;
+  options.min_points = 12;
+  EXPECT_EQ(PlaneFit(options).fit(some, loosePrior(), 1.0).status, ScaleReason::kNone);
+  options.min_points = 13;
+  EXPECT_EQ(PlaneFit(options).fit(some, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
 }
 
 // PCL's verbosity is global to the process, and other nodelets of the manager may print with it.

@@ -109,22 +109,6 @@ HeightCalibration::HeightCalibration(const Options& options) : options_(options)
   options_.validate();
 }
 
-const char* toString(HeightCalibration::Status status) {
-  switch (status) {
-    case HeightCalibration::Status::kOk:
-      return "ok";
-    case HeightCalibration::Status::kNoScale:
-      return "no_scale";
-    case HeightCalibration::Status::kBroken:
-      return "broken";
-    case HeightCalibration::Status::kTooFew:
-      return "too_few";
-    case HeightCalibration::Status::kTooUncertain:
-      return "too_uncertain";
-  }
-  return "";
-}
-
 HeightCalibration::Result HeightCalibration::fromLength(const RunRecord& record,
                                                         double nominal_height, double length_m,
                                                         double length_sigma_m) const {

@@ -160,6 +160,44 @@ def test_no_such_fixes(low_bag, height_file):
     assert not height_file.exists()
 
 
+def unknown_position(topic, message):
+    if topic == "/fix":
+        message.status.status = -1
+    return topic, message
+
+
+def unknown_encoding(topic, message):
+    if topic == IMAGE:
+        message.encoding = "none"
+    return topic, message
+
+
+def unknown_focal_length(topic, message):
+    if topic == bags.INFO:
+        message.P = [0.0] * 12
+        message.K = [0.0] * 9
+    return topic, message
+
+
+@pytest.mark.parametrize("change, text", [
+    (unknown_position, "none of the 60 fixes on /fix has a position"),
+    (unknown_encoding, f"no image on {IMAGE} could be used: "),
+    (unknown_focal_length, bags.INFO),
+])
+def test_bag_with_unusable_messages(low_bag, height_file, change, text):
+    file = height_file.with_suffix(".bag")
+    bags.copy(low_bag, file, change)
+    assert_refused(1, text, HEIGHT_FROM_DRIVE, "--bag", file, *GPS, "/fix", "--to", 0.5, "--out", height_file)
+    assert not height_file.exists()
+
+
+def test_bag_that_cannot_be_read(tmp_path, height_file):
+    arguments = [*GPS, "/fix", "--out", height_file]
+    assert_refused(1, "there is no bag", HEIGHT_FROM_DRIVE, "--bag", tmp_path / "none.bag", *arguments)
+    (tmp_path / "text.bag").write_text("text")
+    assert_refused(1, "text.bag cannot be read", HEIGHT_FROM_DRIVE, "--bag", tmp_path / "text.bag", *arguments)
+
+
 def test_raw_images(low, low_bag, height_file):
     """The rectified images have 1.3 times the focal lengths of the raw ones."""
     raw = height_file.with_suffix(".bag")

@@ -96,6 +96,4 @@ class HeightCalibration {
   Options options_;
 };
 
-const char* toString(HeightCalibration::Status status);
-
 }  // namespace ground_scale_vo

@@ -51,13 +51,14 @@ void ImageReceiver::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
 }
 
 void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
+  countImage();
   sensor_msgs::ImageConstPtr image;
   try {
     image = decode(*compressed);
   } catch (const MessageError& error) {
     return handlers_.on_drop("image refused", error.what());
   }
-  onImage(image);
+  handlers_.on_image(image);
 }
 
 void ImageReceiver::checkRectification(const sensor_msgs::CameraInfo& info) {
@@ -73,9 +74,13 @@ void ImageReceiver::checkRectification(const sensor_msgs::CameraInfo& info) {
 }
 
 void ImageReceiver::onImage(const sensor_msgs::ImageConstPtr& image) {
+  countImage();
+  handlers_.on_image(image);
+}
+
+void ImageReceiver::countImage() {
   ++images_received_;
   since_image_.emplace();
-  handlers_.on_image(image);
 }
 
 cv::Mat ImageReceiver::rectify(const sensor_msgs::Image& image) {

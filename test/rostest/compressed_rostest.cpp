@@ -74,7 +74,7 @@ TEST_F(Compressed, ImagesAreProcessedAndInvalidOnesDropped) {
   noise.data.assign(100, 7);
   publish(truncated);
   EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::ERROR,
-                             "no usable image"));
+                             "no usable image", false));
   ASSERT_TRUE(publishAndWait(good));
   EXPECT_TRUE(publishAndWait(compressed("rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3)));
   EXPECT_TRUE(publishAndWait(compressed("bayer_rggb8; jpeg compressed", ".jpg", CV_8UC1)));

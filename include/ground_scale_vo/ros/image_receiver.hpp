@@ -60,7 +60,7 @@ class ImageReceiver {
   /// For images derived from the received ones.
   image_transport::ImageTransport& transport() { return transport_; }
 
-  // For the diagnostics, both without compressed images that could not be decoded.
+  // For the diagnostics, both with images that are refused.
   std::uint64_t imagesReceived() const { return images_received_; }
   /// Wall time since the last image [s]; empty before the first.
   std::optional<double> secondsSinceImage() const;
@@ -84,6 +84,7 @@ class ImageReceiver {
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
+  void countImage();
 
   const Handlers handlers_;
   const bool image_is_rectified_;

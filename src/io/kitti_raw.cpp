@@ -22,7 +22,7 @@ std::optional<std::int64_t> parseUtc(const std::string& line) {
   static const std::regex kPattern(
       "(\\d{4})-(\\d{2})-(\\d{2}) (\\d{2}):(\\d{2}):(\\d{2})\\.(\\d{1,9})");
   // Not part of the pattern: std::regex recurses for each repeated character.
-  const std::string text = line.substr(0, line.find_last_not_of(" \t\r") + 1);
+  const std::string text = line.substr(0, line.find_last_not_of(TextFile::kBlanks) + 1);
   std::smatch match;
   if (!std::regex_match(text, match, kPattern)) return std::nullopt;
   std::tm date{};

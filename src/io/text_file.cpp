@@ -26,11 +26,10 @@ std::string quote(const std::string& word) {
 /// Calls take(word) for each blank-separated word until it returns false.
 template <typename Take>
 void forEachWord(const std::string& line, const Take& take) {
-  constexpr const char* kBlank = " \t\r\v\f";
   std::size_t end = 0;
-  for (std::size_t begin = line.find_first_not_of(kBlank); begin != std::string::npos;
-       begin = line.find_first_not_of(kBlank, end)) {
-    end = std::min(line.find_first_of(kBlank, begin), line.size());
+  for (std::size_t begin = line.find_first_not_of(TextFile::kBlanks); begin != std::string::npos;
+       begin = line.find_first_not_of(TextFile::kBlanks, end)) {
+    end = std::min(line.find_first_of(TextFile::kBlanks, begin), line.size());
     if (!take(line.substr(begin, end - begin))) return;
   }
 }

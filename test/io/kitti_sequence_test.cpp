@@ -332,7 +332,7 @@ TEST_F(KittiSequenceTest, ALineOfRawStampsMayEndWithManyBlanks) {
   const fs::path drive = makeRaw();
   const std::string blanks(300000, ' ');
   write("2011_09_26/drive_0001_sync/image_00/timestamps.txt",
-        "2011-09-26 13:02:25.5" + blanks + "\r\n2011-09-26 13:02:26.5\t\n");
+        "2011-09-26 13:02:25.5" + blanks + "\r\n2011-09-26 13:02:26.5\t\v\f\n");
   const KittiSequence sequence(drive);
   EXPECT_EQ(sequence.stampNs(1) - sequence.stampNs(0), 1'000'000'000);
 }

@@ -34,6 +34,7 @@ void makeFolder(const std::filesystem::path& folder);
 class TextFile {
  public:
   static constexpr std::size_t kMaxBytes = 64u << 20;
+  static constexpr const char* kBlanks = " \t\r\v\f";  ///< between the words of a line
 
   /// Throws DataError as readFile does, and when the file is empty.
   explicit TextFile(const std::filesystem::path& file);

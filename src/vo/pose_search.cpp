@@ -49,20 +49,6 @@ PoseEstimation::Options withThresholds(PoseEstimation::Options options) {
   return options;
 }
 
-/// Pose after a motion at a constant rotation rate and a constant velocity in body axes: the
-/// exponential map of SE(3). path: velocity times duration.
-Eigen::Isometry3d arc(const Eigen::Vector3d& rotation, const Eigen::Vector3d& path) {
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.translation() = path;
-  const double angle = rotation.norm();
-  if (!(angle > 0)) return T;
-  const Eigen::Vector3d axis = rotation / angle;
-  T.linear() = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
-  T.translation() += (1 - std::cos(angle)) / angle * axis.cross(path) +
-                     (1 - std::sin(angle) / angle) * axis.cross(axis.cross(path));
-  return T;
-}
-
 struct Point {
   const Feature* feature;
   Eigen::Vector3d p;  ///< in the previous camera
@@ -116,7 +102,7 @@ class PoseRating {
       selectResponses(distance * path);
       for (int x = -max_horizontal_px; x <= max_horizontal_px; x += kStep_px) {
         for (int y = -kMaxVertical_px; y <= kMaxVertical_px; y += kStep_px) {
-          const Eigen::Isometry3d T = arc({y / fy, x / fx, 0}, distance * path);
+          const Eigen::Isometry3d T = exponentialMap({y / fy, x / fx, 0}, distance * path);
           const double score = scoreOf(T.inverse());
           if (score <= best_score) continue;
           best_score = score;
@@ -137,7 +123,7 @@ class PoseRating {
 
   /// Sets selected_ to each point's response at its size after this displacement.
   void selectResponses(const Eigen::Vector3d& path) {
-    const Eigen::Isometry3d T = arc(Eigen::Vector3d::Zero(), path).inverse();
+    const Eigen::Isometry3d T = exponentialMap({0, 0, 0}, path).inverse();
     selected_.assign(points_.size(), nullptr);
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const auto size = sizeOf(points_[i], T);

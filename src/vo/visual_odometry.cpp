@@ -78,14 +78,16 @@ struct VisualOdometry::Impl {
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;
   std::uint32_t next_sequence = 0;
-  int lost_frames = 0;
   MapStart map_start;
   /// From the last frame with a pose, or from the first image, to the first frame of the next map.
   RotationChain rotation_to_start;
-  /// Descriptors of the last image with texture but without a pose, and the rotation to it from the
-  /// last frame with a pose.
-  std::optional<Descriptors> lost_image;
-  RotationChain rotation_to_lost;
+  /// Images with texture but without a pose, since the last frame with a pose.
+  struct LostImages {
+    int count = 0;
+    std::optional<Descriptors> last;
+    RotationChain rotation;  ///< to the last of them, from the last frame with a pose
+  };
+  LostImages lost;
 
   Impl(const PinholeCamera& camera_in, const Options& options_in, const cv::Mat& mask)
       : options((options_in.validate(), options_in)),
@@ -155,7 +157,6 @@ struct VisualOdometry::Impl {
       return found;
     }
     status = VoStatus::kTracking;
-    lost_frames = 0;
     const StartPose& before = poses->end()[-2];
     motion.reset(before.T_w_c, before.stamp_ns);
     motion.update(poses->back().T_w_c, stamp_ns);
@@ -225,8 +226,7 @@ struct VisualOdometry::Impl {
     // After an interruption many features are wrong: they would become observations of a keyframe.
     if (was_lost) removeInconsistent(motion.T_w_c(), &found, &out->rejected);
     status = VoStatus::kTracking;
-    lost_frames = 0;
-    lost_image.reset();
+    lost = {};
     out->frame.keyframe = mapping.needsKeyframe(motion.T_w_c(), found);
     if (!out->frame.keyframe) {
       tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
@@ -367,13 +367,12 @@ struct VisualOdometry::Impl {
             std::uint32_t sequence) {
     RotationChain direct;
     direct.append(rotation);
-    if (lost_image) rotation_to_lost.append(rotationBetween(*lost_image, corners));
-    if (!lost_image || direct.sigma() < rotation_to_lost.sigma()) rotation_to_lost = direct;
-    lost_image = std::move(corners);
-    if (++lost_frames < options.lost_frames_before_new_map) return;
-    lost_frames = 0;
-    lost_image.reset();
-    rotation_to_start = rotation_to_lost;
+    if (lost.last) lost.rotation.append(rotationBetween(*lost.last, corners));
+    if (!lost.last || direct.sigma() < lost.rotation.sigma()) lost.rotation = direct;
+    lost.last = std::move(corners);
+    if (++lost.count < options.lost_frames_before_new_map) return;
+    rotation_to_start = lost.rotation;
+    lost = {};
     ++map_id;
     restart(std::move(image), stamp_ns, sequence);
   }

@@ -26,6 +26,22 @@ TEST(Se3, MotionHasRotationFirstThenTranslation) {
   EXPECT_EQ(motionFrom(Vector6d::Zero()).matrix(), Eigen::Matrix4d::Identity());
 }
 
+TEST(Se3, TheExponentialMapIsTheProductOfManySmallMotions) {
+  const Vector6d delta = vector6(0.3, -0.8, 0.5, 1, -2, 3);
+  constexpr int kSteps = 10000;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  for (int i = 0; i < kSteps; ++i) T = boxplus(T, delta / kSteps);
+  // A step of 1 / n is wrong by |w| |v| / (2 n^2).
+  const double tolerance = delta.head<3>().norm() * delta.tail<3>().norm() / 2 / kSteps;
+  EXPECT_LT((exponentialMap(delta.head<3>(), delta.tail<3>()).matrix() - T.matrix()).norm(),
+            2 * tolerance);
+}
+
+TEST(Se3, WithoutRotationTheExponentialMapIsTheTranslation) {
+  const Eigen::Isometry3d T = exponentialMap({0, 0, 0}, {1, 2, 3});
+  EXPECT_EQ(T.matrix(), motionFrom(vector6(0, 0, 0, 1, 2, 3)).matrix());
+}
+
 TEST(Se3, BoxplusAppliesTheIncrementInTheBodyFrame) {
   const Eigen::Isometry3d T = examplePose();
   const Vector6d delta = vector6(0.1, 0.2, -0.3, 0.5, -0.4, 0.1);

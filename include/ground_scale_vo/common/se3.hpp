@@ -1,12 +1,14 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cmath>
 
 namespace ground_scale_vo {
 
 // Small motions of a pose are 6-vectors (w, v): w [rad] is a rotation vector (axis times angle), v
 // a translation. Both are in the axes of the frame that moves, and translation is not coupled to
-// rotation: the retraction is that of SO(3) x R^3, not the exponential map of SE(3).
+// rotation: the retraction is that of SO(3) x R^3, not the exponential map of SE(3). Only
+// exponentialMap() couples them.
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -36,6 +38,20 @@ inline Eigen::Isometry3d motionFrom(const Vector6d& delta) {
   const double angle = delta.head<3>().norm();
   if (angle > 0) T.linear() = Eigen::AngleAxisd(angle, delta.head<3>() / angle).matrix();
   T.translation() = delta.tail<3>();
+  return T;
+}
+
+/// Exponential map of SE(3): the motion at a constant rotation rate and a constant velocity in the
+/// axes of the frame that moves. w: rate times duration, v: velocity times duration.
+inline Eigen::Isometry3d exponentialMap(const Eigen::Vector3d& w, const Eigen::Vector3d& v) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() = v;
+  const double angle = w.norm();
+  if (!(angle > 0)) return T;
+  const Eigen::Vector3d axis = w / angle;
+  T.linear() = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+  T.translation() += (1 - std::cos(angle)) / angle * axis.cross(v) +
+                     (1 - std::sin(angle) / angle) * axis.cross(axis.cross(v));
   return T;
 }
 

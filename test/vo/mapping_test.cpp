@@ -192,6 +192,22 @@ TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
   EXPECT_TRUE(mapping.map().keyframes().back().has_parallax);
 }
 
+// Otherwise a camera that creeps would never get another keyframe.
+TEST(Mapping, SmallStepsAddUpToAnotherPlace) {
+  const auto points = test::farPoints(150);
+  Mapping mapping(kCamera, {});
+  VisualOdometry::Times times;
+  addKeyframes(points, 4, &mapping);
+  for (const double step : {1, 2, 3}) {
+    // About 0.7 of the least parallax between two places for each step.
+    const Eigen::Isometry3d T_w_c = keyframePose(3) * pose({0, 0, 0}, {0.035 * step, 0, 0});
+    mapping.addKeyframe(T_w_c, featuresOf(points, T_w_c), blankImage(), &times);
+    mapping.takeAdjustedMap(&times);
+    EXPECT_EQ(mapping.map().keyframes().size(), step < 3 ? 5u : 6u) << step;
+    EXPECT_EQ(mapping.map().keyframes().back().has_parallax, step == 2) << step;
+  }
+}
+
 // After a gap of the images, for example. The next keyframe must not replace it.
 TEST(Mapping, AKeyframeWithoutKnownFeaturesIsNotAtThePlaceOfTheLast) {
   const auto points = test::farPoints(150);

@@ -1,6 +1,7 @@
 """scripts/calibrate_height: the camera's height from drives of known length."""
 
 import re
+import shutil
 
 import bags
 import cv2
@@ -43,11 +44,14 @@ def test_arguments_reach_the_tool(stub_tools, tmp_path):
     assert run(SCRIPTS / "calibrate_height", "fails", check=False, **stubs).returncode == 1
 
 
-def test_part_of_a_sequence(low, height_file):
-    """3 s of the 6 s, of which the first one is not the start of the drive."""
+def test_part_of_a_sequence(low, height_file, tmp_path):
+    """3 s of the 6 s, of which the first one is not the start of the drive. Images outside them are not read."""
+    drive = shutil.copytree(low, tmp_path / "drive")
+    for k in (10, 55):
+        (drive / f"image_0/{k:06d}.png").write_text("no image")
     positions = numpy.loadtxt(low / "poses.txt")[20:51, 3::4]
     length = numpy.linalg.norm(numpy.diff(positions, axis=0), axis=1).sum()
-    run(HEIGHT_FROM_DRIVE, low, "--from", 2, "--to", 5, "--length", length, "--length-sigma", 0.01, "--out",
+    run(HEIGHT_FROM_DRIVE, drive, "--from", 2, "--to", 5, "--length", length, "--length-sigma", 0.01, "--out",
         height_file)
     assert height_file.read_text().startswith(f"# From a drive of {length:g} m, known to 0.01 m.\n")
     assert_height(height_file)

@@ -179,6 +179,17 @@ def test_distortion_models(gsv, tmp_path, model, is_fisheye):
     assert module.read_calibration(file).is_fisheye is is_fisheye
 
 
+def test_fisheye_without_coefficients_is_rectified(gsv):
+    """The radius in its images is proportional to the angle, not to its tangent."""
+    module = importlib.import_module("ground_scale_vo.calibration")
+    K = np.array([[100.0, 0, 100], [0, 100, 50], [0, 0, 1]])
+    grey = np.tile(np.arange(201, dtype=np.uint8), (101, 1))  # the value is the column
+    rectified = module.Rectification(module.Calibration((201, 101), K, True, np.zeros(4)), (201, 101)).image(grey)
+    assert abs(int(rectified[50, 180]) - (100 + 100 * np.arctan(0.8))) <= 1
+    plain = module.Rectification(module.Calibration((201, 101), K, False, np.zeros(4)), (201, 101)).image(grey)
+    assert (plain == grey).all()
+
+
 def test_rectified_mask(gsv):
     """Grey values above 0 are visible; a pixel that depends on a masked one is masked."""
     module = importlib.import_module("ground_scale_vo.calibration")

@@ -168,6 +168,9 @@ TEST(VoFrameMsg, MapStartMayBeUnknown) {
     EXPECT_EQ(fromMsg(msg).map_start.R_previous_w, Eigen::Matrix3d::Identity());
     EXPECT_FALSE(std::isfinite(fromMsg(msg).map_start.rotation_sigma));
   }
+  msg = good;
+  msg.map_start_rotation_sigma = 0;  // known, without an error
+  EXPECT_EQ(fromMsg(msg).map_start.rotation_sigma, 0);
   VoFrame unknown = frame;
   unknown.map_start = {};
   EXPECT_EQ(fromMsg(*toMsg(unknown, headerOf(frame))).map_start.stamp_ns, 0);

@@ -238,6 +238,9 @@ TEST(MapInitialisation, ContinuesWithEnoughOfTheFirstFeaturesForABoundedTime) {
   const double least = 400 * options.initialisation_min_tracked;
   EXPECT_TRUE(initialisation.canContinueWith(static_cast<std::size_t>(least)));
   EXPECT_FALSE(initialisation.canContinueWith(static_cast<std::size_t>(least) - 1));
+  initialisation.addFrame(1, 1, {features.begin(), features.begin() + 250});
+  EXPECT_TRUE(initialisation.canContinueWith(static_cast<std::size_t>(least)));
+  EXPECT_FALSE(initialisation.canContinueWith(static_cast<std::size_t>(least) - 1));
   const std::vector<Feature> few(features.begin(), features.begin() + 120);
   initialisation.restart(0, 0, few, blankImage().image);
   EXPECT_TRUE(initialisation.canContinueWith(100));

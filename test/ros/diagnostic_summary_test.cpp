@@ -83,6 +83,9 @@ TEST_F(MonoVoSummary, WarnsOfDroppedImages) {
 TEST_F(MonoVoSummary, WarnsOfAnInvalidCameraInfoAfterAValidOne) {
   state.camera_info_error = "camera_info on topic /info is all zeros";
   expectSummary(summarize(state), kWarn, "tracking; camera_info on topic /info is all zeros");
+  EXPECT_FALSE(missingInput(state));
+  state.images.silent_s = 7;
+  EXPECT_TRUE(missingInput(state));
 }
 
 TEST_F(MonoVoSummary, ReportsWhatIsWrongWithTheImages) {

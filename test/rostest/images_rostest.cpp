@@ -407,6 +407,17 @@ TEST_F(Images, TwoCamerasOnOneTopicAreAnError) {
   }
 }
 
+TEST_F(Images, ImagesWithoutAStampAreAWarning) {
+  infos_.publish(info());
+  double stamp = 760;
+  ASSERT_TRUE(startAt(stamp));
+  diagnostics_.clear();
+  images_.publish(image(0));
+  ASSERT_TRUE(publishAndWait(image(stamp += kPeriod)));
+  EXPECT_TRUE(waitForSummary(diagnostics_, "mono_vo", diagnostic_msgs::DiagnosticStatus::WARN,
+                             "1 images dropped in the last second", false));
+}
+
 TEST_F(Images, TwoCalibrationsOnOneTopicAreAnError) {
   infos_.publish(info());
   double stamp = 800;

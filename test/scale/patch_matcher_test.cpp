@@ -5,8 +5,12 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <functional>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
+#include <vector>
+
+#include "scale/direct/height_search.hpp"
 
 namespace ground_scale_vo::direct {
 namespace {
@@ -33,13 +37,18 @@ class PatchMatcherTest : public testing::Test {
     reference_.R =
         Eigen::AngleAxisf(0.02f, Eigen::Vector3f(0.3f, 0.9f, 0.1f).normalized()).toRotationMatrix();
     setTranslation({0.03f, -0.02f, 0.5f});
+    movePatch(190, 170);
+    renderPatch();
+  }
+
+  /// To this upper left pixel.
+  void movePatch(int left, int top) {
     for (int i = 0; i < kPatchSamples; ++i) {
-      const float u = 190 + 2 * static_cast<float>(i % kPatchSide);
-      const float v = 170 + 2 * static_cast<float>(i / kPatchSide);
+      const auto u = static_cast<float>(left + 2 * (i % kPatchSide));
+      const auto v = static_cast<float>(top + 2 * (i / kPatchSide));
       patch_.ray_x[i] = static_cast<float>((u - kCamera.cx) / kCamera.fx);
       patch_.ray_y[i] = static_cast<float>((v - kCamera.cy) / kCamera.fy);
     }
-    renderPatch();
   }
 
   void setTranslation(const Eigen::Vector3f& t) {
@@ -286,6 +295,52 @@ TEST_F(PatchMatcherLines, AreNotObservable) {
   EXPECT_FALSE(match.observable);
   matcher_.measure(reference_, patch_, kPlane, &match);
   EXPECT_FALSE(match.valid);
+}
+
+float spots(float u, float v) {
+  static const cv::Mat texture = [] {
+    cv::Mat texture(kCamera.height, kCamera.width, CV_32F);
+    cv::RNG(5).fill(texture, cv::RNG::UNIFORM, 0, 255);
+    cv::GaussianBlur(texture, texture, {0, 0}, 2);
+    return texture;
+  }();
+  return texture.at<float>(static_cast<int>(v), static_cast<int>(u));
+}
+
+class HeightSearchTest : public PatchMatcherTest {
+ protected:
+  HeightSearchTest() : PatchMatcherTest(spots) {
+    setTranslation({0.03f, -0.02f, 2});
+    for (int u = 60; u < 260; u += 8) {
+      for (int v = 160; v < 210; v += 8) {
+        movePatch(u, v);
+        renderPatch();
+        patches_.push_back(patch_);
+      }
+    }
+  }
+
+  /// With a reference image of which columns `first` to `end` are stored.
+  std::optional<GroundPlane> findIn(int first, int end) const {
+    RoadImage part;
+    part.roi = {first, 0, end - first, kCamera.height};
+    part.storage = image_.storage(part.roi).clone();
+    Reference reference = reference_;
+    reference.image = &part;
+    NormalPrior prior;
+    prior.n_c = kPlane.normalized().cast<double>();
+    return HeightSearch({}).find(patches_, {reference, reference}, matcher_, prior, 1.2);
+  }
+
+  std::vector<Patch> patches_;
+};
+
+TEST_F(HeightSearchTest, NeedsHalfOfTheTextureInTheImage) {
+  const auto found = findIn(0, kCamera.width);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->height, 1.5, 0.05);
+  EXPECT_TRUE(findIn(130, kCamera.width));
+  EXPECT_FALSE(findIn(190, kCamera.width));
 }
 
 }  // namespace

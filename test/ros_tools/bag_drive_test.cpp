@@ -83,7 +83,7 @@ sensor_msgs::NavSatFix fix(double stamp, double latitude, double longitude, doub
   fix.longitude = longitude;
   fix.altitude = altitude;
   fix.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_UNKNOWN;
-  fix.position_covariance[0] = fix.position_covariance[4] = 1e4;
+  fix.position_covariance[0] = fix.position_covariance[4] = 0.01;
   if (!variances.empty()) {
     fix.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_DIAGONAL_KNOWN;
     fix.position_covariance[0] = variances[0];

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace ground_scale_vo {
 namespace {
 
@@ -81,6 +83,15 @@ TEST(GroundTruthTf, FollowsTheStaticChainThatKitti2bagWritesForKittiRaw) {
   ground_truth.add(transform("world", "base_link", 9, 7), false);  // long after the static ones
   ASSERT_TRUE(ground_truth.pose("camera_gray_left", ros::Time(9)));
   EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(9))->translation().x(), 7.75);
+}
+
+TEST(GroundTruthTf, IgnoresTransformsThatTf2Refuses) {
+  GroundTruthTf ground_truth;
+  ground_truth.add(transform("world", "camera_left", 1, 5), false);
+  ground_truth.add(transform("camera_left", "camera_left", 1, 6), false);
+  ground_truth.add(transform("other", "camera_left", 1, NAN), false);
+  ASSERT_TRUE(ground_truth.pose("camera_gray_left", ros::Time(1)));
+  EXPECT_DOUBLE_EQ(ground_truth.pose("camera_gray_left", ros::Time(1))->translation().x(), 5);
 }
 
 }  // namespace

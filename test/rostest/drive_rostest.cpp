@@ -82,6 +82,7 @@ struct PlayedDrive {
       images.publish(image);
       offline.process(grey, toNanoseconds(image->header.stamp));
       with_direct += offline.last().scale.direct.height > 0;
+      offline_ground_points.push_back(offline.last().scale.ground_points_c);
       // Wait for the result before the next image, so that no frame is dropped.
       ASSERT_TRUE(scales.waitForStamp(image->header.stamp)) << "frame " << i;
     }
@@ -110,6 +111,7 @@ struct PlayedDrive {
   SyntheticDrive drive;
   OfflineRun offline;
   int with_direct = 0;  ///< frames with a direct measurement, offline
+  std::vector<std::vector<Eigen::Vector3f>> offline_ground_points;  ///< by frame [VO units]
   TopicRecorder<VoFrameMsg> frames;
   TopicRecorder<ScaleEstimateMsg> scales;
   TopicRecorder<nav_msgs::Odometry> odometry, vo_odometry;
@@ -409,10 +411,17 @@ TEST_F(Drive, GroundPointsAreInMetres) {
   std::vector<double> heights;
   for (const auto& cloud : run.ground_points.messages()) {
     if (cloud->data.empty()) continue;  // at a standstill
-    const auto& up = scales.at(run.frameAt(cloud->header.stamp))->normal;
+    const std::size_t i = run.frameAt(cloud->header.stamp);
+    const auto& up = scales.at(i)->normal;
     const Eigen::Vector3d normal(up.x, up.y, up.z);
-    for (sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x"); x != x.end(); ++x) {
-      heights.push_back(normal.dot(Eigen::Vector3d(x[0], x[1], x[2])));
+    const auto& offline = run.offline_ground_points.at(i);
+    ASSERT_EQ(cloud->width, offline.size()) << i;
+    sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x");
+    for (const Eigen::Vector3f& p_c : offline) {
+      const Eigen::Vector3d p(x[0], x[1], x[2]);
+      EXPECT_TRUE(p.isApprox(scales[i]->scale * p_c.cast<double>(), 1e-5)) << i;
+      heights.push_back(normal.dot(p));
+      ++x;
     }
   }
   ASSERT_GT(heights.size(), 500u);

@@ -37,6 +37,13 @@ TEST(ProcessUsage, CountsTheTimeOfAllThreadsIncludingEndedOnes) {
   EXPECT_LT(used_s, 0.2 * kTimeoutFactor) << "threadCpuMs() is too small";
 }
 
+TEST(ProcessUsage, TheTimeOfAThreadIsItsOwn) {
+  const double own_before = threadCpuMs(), total_before = 1e3 * processUsage().cpu_s;
+  std::thread([] { work(50); }).join();
+  const double own_ms = threadCpuMs() - own_before;
+  EXPECT_GE(1e3 * processUsage().cpu_s - total_before, own_ms + 49.9);
+}
+
 TEST(ProcessUsage, ReportsMemoryAndItsPeak) {
   const ProcessUsage before = processUsage();
   EXPECT_GT(before.rss_mb, 0);

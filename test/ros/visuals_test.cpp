@@ -141,9 +141,10 @@ TEST_F(TrackPainting, RejectedFeaturesAreCrossed) {
 }
 
 TEST_F(TrackPainting, LinesLeadToThePreviousImage) {
-  paint({feature(1, 100, 1)});
-  paint({feature(1, 120, 2), feature(2, 300, 0)});
+  paint({feature(1, 100, 1), feature(3, 400, 1, false)});
+  paint({feature(1, 120, 2), feature(2, 300, 0), feature(3, 420, 2, false)});
   EXPECT_TRUE(at(110).isLike(at(120)));
+  EXPECT_TRUE(at(410).isLike(at(110))) << "without a point";
   EXPECT_TRUE(at(290).isGrey());
   paint({feature(1, 140, 2)});
   EXPECT_TRUE(at(130).isLike(at(140)));

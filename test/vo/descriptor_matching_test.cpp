@@ -97,9 +97,9 @@ TEST(DescriptorMatching, MatchesPointsOfAnotherSize) {
 }
 
 TEST(DescriptorMatching, PointsMoveLikeTheMatchesNearest) {
-  // The points on the left move right and down, those on the right move left and up.
+  // The points on the left move to the place of those on the right, and these move down a little.
   const auto moved = [](const cv::Point2f& u) {
-    return u + (u.x < 200 ? cv::Point2f(6, 2) : cv::Point2f(-5, -3));
+    return u + (u.x < 200 ? cv::Point2f(250, 2) : cv::Point2f(-5, 3));
   };
   std::vector<cv::Point2f> from, to;
   std::vector<DescriptorMatch> matches;

@@ -112,7 +112,7 @@ def test_bag_with_its_calibration_as_run_sequence(command, bag, evaluated, tmp_p
     ({"binning_y": 2}, "binning and regions"), ({"roi": RegionOfInterest(width=9)}, "binning and regions"),
     ({"roi": RegionOfInterest(height=9)}, "binning and regions"), ({"D": 5 * [np.nan]}, "has numbers that are not"),
     ({"distortion_model": "omni"}, "the distortion model is omni"), ({"D": [0.1]}, "has 1 distortion coefficients"),
-    ({"distortion_model": "", "D": []}, "")])
+    ({"distortion_model": "", "D": []}, ""), ({"binning_x": 1, "binning_y": 1}, "")])
 def test_calibration_of_camera_info(gsv, bag, short, change, text):
     calibration_of = importlib.import_module("ground_scale_vo.calibration").calibration_of
     with rosbag.Bag(str(bag)) as messages:

@@ -484,6 +484,22 @@ TEST(ScaleFilter, TheSizeOfAnOutlierDoesNotChangeSigma) {
   EXPECT_EQ(sigmaAfter(1.6), sigmaAfter(1.0));
 }
 
+TEST(ScaleFilter, EachOutlierCountsForTheDistanceSinceTheLastMeasurement) {
+  ScaleFilter::Options options = withoutTilt();
+  options.nis_memory_heights = 20;
+  ScaleFilter filter(options), unscaled(withoutTilt());
+  constexpr double kHeight = 0.8;
+  const auto nisScale = [&] { return std::pow(filter.sigma() / unscaled.sigma(), 2); };
+  for (ScaleFilter* each : {&filter, &unscaled}) drive(each, 100, kHeight, 0.01);
+  double expected = nisScale();
+  for (int i = 0; i < 3; ++i) {
+    for (ScaleFilter* each : {&filter, &unscaled}) EXPECT_EQ(drive(each, 1, 2, 0.01), 0);
+    const double rate = 0.5 / (options.nis_memory_heights * kHeight);
+    expected += rate * (std::pow(options.gate_sigma, 2) - expected);
+  }
+  EXPECT_NEAR(nisScale(), expected, 0.01 * expected);
+}
+
 // After a longer distance than that of the average its only sample is the newest NIS, here 0.5.
 TEST(ScaleFilter, AfterALongGapTheNewestNisAloneScalesSigma) {
   ScaleFilter::Options options = withoutTilt();

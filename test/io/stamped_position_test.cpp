@@ -25,8 +25,10 @@ TEST_F(StampedPositions, AreReadInBothFormats) {
   ASSERT_EQ(positions.size(), 2u);
   EXPECT_EQ(positions[1].stamp_ns, 20);
   EXPECT_EQ(positions[1].p, Eigen::Vector3d(4, 5, 6));
-  EXPECT_NE(dataErrorOf([&] { readStampedPositions(kitti, {10}); }, folder_).find("2 poses"),
-            std::string::npos);
+  for (const std::vector<std::int64_t>& stamps : {std::vector<std::int64_t>{10}, {10, 20, 30}}) {
+    EXPECT_NE(dataErrorOf([&] { readStampedPositions(kitti, stamps); }, folder_).find("2 poses"),
+              std::string::npos);
+  }
   const auto tum = write("tum", "# stamp\n1.5 1 2 3 0 0 0 1\n1.6 4 5 6 0 1 0 0\n");
   const auto with_stamps = readStampedPositions(tum, {});
   ASSERT_EQ(with_stamps.size(), 2u);

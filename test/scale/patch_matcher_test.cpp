@@ -309,10 +309,14 @@ float spots(float u, float v) {
 
 class HeightSearchTest : public PatchMatcherTest {
  protected:
-  HeightSearchTest() : PatchMatcherTest(spots) {
+  explicit HeightSearchTest(const std::function<float(float, float)>& texture = spots)
+      : PatchMatcherTest(texture) {
     setTranslation({0.03f, -0.02f, 2});
-    for (int u = 60; u < 260; u += 8) {
-      for (int v = 160; v < 210; v += 8) {
+  }
+
+  void addPatches(int top, int bottom) {
+    for (int u = 60; u < 260; u += 4) {
+      for (int v = top; v < bottom; v += 8) {
         movePatch(u, v);
         renderPatch();
         patches_.push_back(patch_);
@@ -336,11 +340,28 @@ class HeightSearchTest : public PatchMatcherTest {
 };
 
 TEST_F(HeightSearchTest, NeedsHalfOfTheTextureInTheImage) {
+  addPatches(160, 210);
   const auto found = findIn(0, kCamera.width);
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->height, 1.5, 0.05);
   EXPECT_TRUE(findIn(130, kCamera.width));
   EXPECT_FALSE(findIn(190, kCamera.width));
+}
+
+/// Lines across the path that repeat every kPeriod_px rows of the reference image.
+class HeightSearchOverLines : public HeightSearchTest {
+ protected:
+  static constexpr int kPeriod_px = 24;
+  HeightSearchOverLines()
+      : HeightSearchTest([](float, float v) {
+          return spots(100, 20 + static_cast<float>(static_cast<int>(v) % kPeriod_px));
+        }) {}
+};
+
+// At greater heights the rows move less than a period, at smaller ones more.
+TEST_F(HeightSearchOverLines, ALowerHeightThatFitsAsWellIsARival) {
+  addPatches(196, 197);
+  EXPECT_FALSE(findIn(0, kCamera.width));
 }
 
 }  // namespace

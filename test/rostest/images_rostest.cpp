@@ -71,20 +71,21 @@ class Images : public testing::Test {
   bool waitForValue(const std::string& nodelet, const std::string& key, const std::string& value) {
     return ground_scale_vo::waitForValue(diagnostics_, key, value, nodelet);
   }
-  /// Publishes images until the summary of mono_vo does not contain the text. Without images
-  /// another summary would take its place.
-  bool waitForSummaryWithout(const std::string& text, double* stamp) {
+  /// Publishes images until the predicate holds for a summary of mono_vo: without images, an error
+  /// about missing ones would take its place.
+  bool publishUntilSummary(double* stamp,
+                           const std::function<bool(const std::string&)>& predicate) {
     diagnostics_.clear();
     return waitUntil([&] {
-      if (!publishAndWait(image(*stamp += kPeriod))) return false;
-      const auto reports = diagnostics_.messages();
-      return std::any_of(reports.begin(), reports.end(), [&](const auto& report) {
-        return std::any_of(report->status.begin(), report->status.end(), [&](const auto& status) {
-          return status.name.find("mono_vo") != std::string::npos &&
-                 status.message.find(text) == std::string::npos;
-        });
-      });
+      return publishAndWait(image(*stamp += kPeriod)) &&
+             anyStatus(diagnostics_.messages(), [&](const auto& status) {
+               return status.name.find("mono_vo") != std::string::npos && predicate(status.message);
+             });
     });
+  }
+  bool waitForSummaryWithout(const std::string& text, double* stamp) {
+    return publishUntilSummary(
+        stamp, [&](const std::string& message) { return message.find(text) == std::string::npos; });
   }
   /// Value of a counter in the nodelet's next diagnostics; 0 if they lack it.
   int counted(const std::string& nodelet, const std::string& key) {
@@ -218,16 +219,9 @@ TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
   EXPECT_EQ(counted("scale_recovery", "frames without an image"),
             without_image + static_cast<int>(bad_images.size()));
   EXPECT_EQ(counted("mono_vo", "dropped: image failed"), 0);
-  // The warning ends. Images go on, so that no error about missing ones takes its place.
-  EXPECT_TRUE(waitUntil([&] {
-    if (!publishAndWait(image(stamp += kPeriod))) return false;
-    const auto reports = diagnostics_.messages();
-    return std::any_of(reports.begin(), reports.end(), [](const auto& report) {
-      return std::any_of(report->status.begin(), report->status.end(), [](const auto& status) {
-        return status.name.find("mono_vo") != std::string::npos && status.message == "initialising";
-      });
-    });
-  }));
+  // The warning ends.
+  EXPECT_TRUE(publishUntilSummary(
+      &stamp, [](const std::string& message) { return message == "initialising"; }));
 }
 
 TEST_F(Images, EveryEncodingIsProcessed) {

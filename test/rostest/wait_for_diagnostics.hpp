@@ -11,17 +11,22 @@
 
 namespace ground_scale_vo {
 
+/// True if the predicate holds for a status in one of the reports.
+template <typename Reports>
+bool anyStatus(const Reports& reports,
+               const std::function<bool(const diagnostic_msgs::DiagnosticStatus&)>& predicate) {
+  return std::any_of(reports.begin(), reports.end(), [&](const auto& report) {
+    return std::any_of(report->status.begin(), report->status.end(), predicate);
+  });
+}
+
 /// True if a status arrives for which the predicate holds. from_now: ignore those already recorded.
 inline bool waitForStatus(
     TopicRecorder<diagnostic_msgs::DiagnosticArray>& diagnostics,
     const std::function<bool(const diagnostic_msgs::DiagnosticStatus&)>& predicate,
     bool from_now = true) {
   if (from_now) diagnostics.clear();
-  return diagnostics.wait([&](const auto& reports) {
-    return std::any_of(reports.begin(), reports.end(), [&](const auto& report) {
-      return std::any_of(report->status.begin(), report->status.end(), predicate);
-    });
-  });
+  return diagnostics.wait([&](const auto& reports) { return anyStatus(reports, predicate); });
 }
 
 /// The value of a key as a number; 0 if the status lacks the key.

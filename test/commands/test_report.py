@@ -169,6 +169,11 @@ def test_scenarios_are_collected(tmp_path):
     assert {name: {key: runs[name][key] for key in figures[name]} for name in variants} == figures
     assert len({figure["rle_percent"] for figure in figures.values()}) == len(figures)
 
+    # A setting of the command comes before those of the variants.
+    run(tool("evaluate_scenarios"), "camera_low", "--ablation", "--set", "refine=false", "--out", tmp_path / "set")
+    (other,) = json.loads((tmp_path / "set/ablation.json").read_text())
+    assert {key: other["default"][key] for key in figures["default"]} == figures["features_only"]
+
     results = tmp_path / "default/camera_low"
     metrics = json.loads((results / "metrics.json").read_text())
     assert metrics["camera_height_m"] == 0.5 and metrics["height_bias_percent"] is not None

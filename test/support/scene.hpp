@@ -23,8 +23,11 @@ inline Eigen::Isometry3d pose(const Eigen::Vector3d& rotation, const Eigen::Vect
 }
 
 /// Angle of the relative rotation [rad].
+inline double angleBetween(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
+  return Eigen::Quaterniond(a).angularDistance(Eigen::Quaterniond(b));
+}
 inline double angleBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-  return Eigen::Quaterniond(a.linear()).angularDistance(Eigen::Quaterniond(b.linear()));
+  return angleBetween(Eigen::Matrix3d(a.linear()), Eigen::Matrix3d(b.linear()));
 }
 
 /// Random points in front of a camera at the origin (optical axis z), depth 5 to 40 units.

@@ -614,6 +614,18 @@ TEST(VisualOdometry, aBlackoutInATurnKeepsMapAndHeading) {
     ASSERT_EQ(result.frame(i).status, VoStatus::kTracking) << i;
     ASSERT_EQ(result.frame(i).map_id, 0u) << i;
   }
+  // A feature that was not found is reported where it was, an outlier where it is now.
+  std::map<std::uint64_t, Eigen::Vector2f> before;
+  for (const TrackedFeature& feature : result.frame(kBefore).features)
+    before[feature.id] = feature.u;
+  std::size_t outliers = 0;
+  for (const RejectedFeature& rejected : result.outputs[kBack].rejected) {
+    if (before.count(rejected.id) == 0) continue;
+    const bool outlier = rejected.reason == RejectReason::kOutlier;
+    EXPECT_EQ(rejected.u != before[rejected.id], outlier);
+    outliers += outlier;
+  }
+  EXPECT_GT(outliers, 10u);
   const Eigen::Isometry3d gap = result.frame(kBefore).T_w_c.inverse() * result.frame(kBack).T_w_c;
   const Eigen::Isometry3d true_gap =
       ground_truth.frame(kBefore).T_c0_c.inverse() * ground_truth.frame(kBack).T_c0_c;
@@ -774,44 +786,91 @@ TEST(VisualOdometry, singleImagesOfAnotherPlaceKeepTheMap) {
   }
 }
 
+/// The odometry of a drive along a straight road with a camera that can turn to the left.
+class TurningCamera {
+ public:
+  static constexpr double kYaw = 0.2;  ///< of one turn
+  static constexpr std::size_t kFrames = 32;
+
+  /// The image at this place of the drive after so many turns.
+  const VoFrame& process(std::size_t turns, std::size_t place) {
+    while (drives_.size() <= turns) {
+      options_.yaw_rad = -0.9 + static_cast<double>(drives_.size()) * kYaw;
+      drives_.emplace_back(options_);
+    }
+    return process(drives_[turns].image(place));
+  }
+  const VoFrame& process(const cv::Mat& image) {
+    frame_ = odometry_.process(image, nextStamp()).frame;
+    return frame_;
+  }
+  const VoFrame& frame() const { return frame_; }
+  std::int64_t nextStamp() const { return frame_.stamp_ns + 100'000'000; }
+
+ private:
+  SyntheticDrive::Options options_ = [] {
+    SyntheticDrive::Options options = straightDrive(kFrames);
+    options.suspension = options.pitch_rad = 0;
+    return options;
+  }();
+  std::deque<SyntheticDrive> drives_;
+  VisualOdometry odometry_{options_.camera, {}};
+  VoFrame frame_;
+};
+
+/// The rotation from the camera after some turns to that after so many more.
+Eigen::Matrix3d rotationOfTurns(std::size_t turns) {
+  return pose({0, -TurningCamera::kYaw * static_cast<double>(turns), 0}, {0, 0, 0}).linear();
+}
+
 // At one place, the camera turns by 11 degrees from image to image. Soon no map point is in the
 // view, so there is no pose; but each image matches the one before it.
 TEST(VisualOdometry, aTurnOverLostImagesIsKnown) {
-  SyntheticDrive::Options options = smallDrive(32);
-  options.curvature = options.slope = options.suspension = options.pitch_rad = 0;
-  options.moving_cars = false;
-  constexpr double kYaw = 0.2;  // to the left
+  TurningCamera camera;
   constexpr std::size_t kPlace = 15;
-  std::deque<SyntheticDrive> turned_drives;
-  VisualOdometry odometry(options.camera, {});
-  VoFrame frame;
-  std::int64_t stamp_ns = 0, stamp_of_start_ns = 0;
-  const auto process = [&](std::size_t turns, std::size_t place) {
-    if (turns == turned_drives.size()) {
-      options.yaw_rad = -0.9 + static_cast<double>(turns) * kYaw;
-      turned_drives.emplace_back(options);
-    }
-    frame = odometry.process(turned_drives[turns].image(place), stamp_ns).frame;
-    stamp_ns += 100'000'000;
-  };
-  for (std::size_t i = 0; i <= kPlace; ++i) process(0, i);
+  std::int64_t stamp_of_start_ns = 0;
+  for (std::size_t i = 0; i <= kPlace; ++i) camera.process(0, i);
   std::size_t turns = 0, last_with_pose = 0;
-  while (frame.map_id == 0) {
+  while (camera.frame().map_id == 0) {
     ASSERT_LT(++turns, 10u);
-    stamp_of_start_ns = stamp_ns;
-    process(turns, kPlace);
-    if (frame.status == VoStatus::kTracking) last_with_pose = turns;
+    stamp_of_start_ns = camera.nextStamp();
+    if (camera.process(turns, kPlace).status == VoStatus::kTracking) last_with_pose = turns;
   }
-  for (std::size_t i = kPlace + 1; i < 32 && frame.status != VoStatus::kTracking; ++i) {
-    process(turns, i);
+  const VoFrame& frame = camera.frame();
+  for (std::size_t i = kPlace + 1;
+       i < TurningCamera::kFrames && frame.status != VoStatus::kTracking; ++i) {
+    camera.process(turns, i);
   }
   ASSERT_EQ(frame.status, VoStatus::kTracking);
   EXPECT_EQ(frame.map_id, 1u);
   EXPECT_EQ(frame.map_start.stamp_ns, stamp_of_start_ns);
   EXPECT_LT(frame.map_start.rotation_sigma, 0.05);
-  const double yaw = -kYaw * static_cast<double>(turns - last_with_pose);
-  const Eigen::Matrix3d turn = pose({0, yaw, 0}, {0, 0, 0}).linear();
-  EXPECT_LT(Eigen::AngleAxisd(frame.map_start.R_previous_w.transpose() * turn).angle(), 0.03);
+  EXPECT_LT(angleBetween(frame.map_start.R_previous_w, rotationOfTurns(turns - last_with_pose)),
+            0.03);
+}
+
+// An image of another place between lost ones matches none of them. The one after it matches the
+// last image with a pose.
+TEST(VisualOdometry, aWrongImageDuringALossKeepsTheRotation) {
+  TurningCamera camera;
+  constexpr std::size_t kPlace = 15;
+  for (std::size_t i = 0; i <= kPlace; ++i) camera.process(0, i);
+  std::size_t turns = 0;
+  do {
+    ASSERT_LT(++turns, 10u);
+  } while (camera.process(turns, kPlace).status == VoStatus::kTracking);
+  SyntheticDrive::Options options = smallDrive(1);
+  options.random_seed = 2;
+  ASSERT_EQ(camera.process(SyntheticDrive(options).image(0)).status, VoStatus::kLost);
+  const VoFrame& frame = camera.process(turns, kPlace);
+  ASSERT_EQ(frame.map_id, 1u);
+  for (std::size_t i = kPlace + 1;
+       i < TurningCamera::kFrames && frame.status != VoStatus::kTracking; ++i) {
+    camera.process(turns, i);
+  }
+  ASSERT_EQ(frame.status, VoStatus::kTracking);
+  EXPECT_LT(frame.map_start.rotation_sigma, 0.05);
+  EXPECT_LT(angleBetween(frame.map_start.R_previous_w, rotationOfTurns(1)), 0.03);
 }
 
 // Right after the start of the map most of the image is covered.

@@ -155,10 +155,13 @@ TEST_F(PoseSearchTest, FeaturesThatDisagreeWithThePoseAreNoMatches) {
   EXPECT_LT(wrong, result->features.size() / 50);
 }
 
-// Half of the predicted distance (3) and a tenth of the median depth (20).
+// Half of the predicted distance (3, then 6) and a tenth of the median depth (20).
 TEST_F(PoseSearchTest, LimitsTheDeviationFromTheDistanceTravelled) {
   EXPECT_TRUE(locate(wallFrom(pose({0, 0, 0}, {4, 0, 3}), 1)));
   EXPECT_FALSE(locate(wallFrom(pose({0, 0, 0}, {7, 0, 3}), 1)));
+  motion_ = test::motionTo(T_w_v_, {0, 0, 0.3});
+  EXPECT_TRUE(locate(wallFrom(pose({0, 0, 0}, {0, 0, 1.5}), 1)));
+  EXPECT_FALSE(locate(wallFrom(pose({0, 0, 0}, {0, 0, 0.5}), 1)));
 }
 
 TEST_F(PoseSearchTest, FindsNothingInTheMaskedRegion) {

@@ -19,6 +19,7 @@ TEST(NearestName, FindsTheNearestAndNoneForAnUnrelatedName) {
   const std::vector<std::string> known = {"odom_frame", "base_frame", "camera_height"};
   EXPECT_EQ(nearestName("odom_fram", known), "odom_frame");
   EXPECT_EQ(nearestName("camera_hieght", known), "camera_height");
+  EXPECT_EQ(nearestName("frame", {"base_frame"}), "base_frame") << "half of it";
   EXPECT_EQ(nearestName("xyz", known), "");
   EXPECT_EQ(nearestName("gate", {"rate", "date"}), "rate") << "the first of equals";
 }

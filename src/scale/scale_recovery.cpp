@@ -108,11 +108,10 @@ bool ScaleRecovery::Impl::hasPlausibleSpeed(const VoFrame& frame) const {
   return step / filter.height() * options.camera_height <= options.max_speed * dt;
 }
 
-/// Whether the pose of a tracking frame is used; starts a new map when necessary. A pose that jumps
-/// is refused; the fourth consecutive one starts a new map.
+/// Whether the pose of a tracking frame is used. A pose that jumps is refused; the fourth
+/// consecutive one starts a new map.
 bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {
   if (map_id != frame.map_id) {
-    startMap();
     map_id = frame.map_id;
     // The motion since the map's first frame counts as travelled.
     if (trajectory.countsFromStart(frame)) motion.add(Eigen::Isometry3d::Identity());
@@ -268,6 +267,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   const Stopwatch watch;
   if (!image.empty()) requireImage(image, frame.camera);
   requireMask(mask, frame.camera);
+  if (impl_->map_id != frame.map_id) impl_->startMap();  // also before the map's first pose
   Output output;
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;

@@ -467,6 +467,26 @@ TEST(ScaleRecovery, ANewMapHasNoNormalBeforeItsFirstRoad) {
   EXPECT_EQ(recovery.process(frame).scale.n_c, Eigen::Vector3d::Zero());
 }
 
+// The odometry has lost its map and looks for a start of the next one, of which nothing is known.
+TEST(ScaleRecovery, TheScaleIsUnknownWhileANewMapInitialises) {
+  const RoadScene scene = pitchedRoad();
+  ScaleRecovery recovery(recoveryOptions());
+  for (std::uint32_t i = 0; i < 20; ++i) recovery.process(scene.frame(i));
+  VoFrame frame = scene.frame(20);
+  frame.status = VoStatus::kLost;
+  ASSERT_EQ(recovery.process(frame).scale.status, ScaleStatus::kHeld);
+  frame = scene.frame(21);
+  frame.status = VoStatus::kInitialising;
+  frame.map_id = 1;
+  const ScaleEstimate scale = recovery.process(frame).scale;
+  EXPECT_EQ(scale.status, ScaleStatus::kUnknown);
+  EXPECT_EQ(scale.reason, ScaleReason::kVoNotTracking);
+  EXPECT_EQ(scale.scale, 0);
+  EXPECT_EQ(scale.sigma, 0);
+  EXPECT_EQ(scale.height, 0);
+  EXPECT_EQ(scale.n_c, Eigen::Vector3d::Zero());
+}
+
 TEST(ScaleRecovery, ATurnMakesAHeldScaleLessCertain) {
   const RoadScene scene = pitchedRoad();
   double sigma[2];

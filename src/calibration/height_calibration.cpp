@@ -229,7 +229,7 @@ void HeightCalibration::averageSegments(Result* result) const {
 
 void HeightCalibration::measureMounting(const RunRecord& record, double nominal_height,
                                         Result* result) const {
-  // Means over sections as long as a segment: pitch and roll of the vehicle average out.
+  // Means over sections of segment_length_heights: pitch and roll of the vehicle average out.
   std::vector<double> pitches, rolls, weights;
   double pitch = 0, roll = 0, length = 0;
   int planes = 0;

@@ -2,8 +2,8 @@
 
 namespace ground_scale_vo::simulation {
 
-constexpr double kRoadBehind = 25;        // [m] length of road behind the first camera position
-constexpr double kRoadAhead = 190;        // [m] length of road ahead of the last camera position
-constexpr double kMaxDriveLength = 3000;  // [m] longest drive
+constexpr double kRoadBehind = 25;        // [m] behind the rearmost position of the camera
+constexpr double kRoadAhead = 190;        // [m] ahead of the foremost one; behind, if it looks back
+constexpr double kMaxDriveLength = 3000;  // [m] unless the path is recorded (RecordedPath)
 
 }  // namespace ground_scale_vo::simulation

@@ -15,7 +15,7 @@
 namespace ground_scale_vo {
 
 /// Finds the pose of an image in the map where tracking has failed: descriptor matches of the
-/// features with a map point, P3P with RANSAC, and a second search around the pose found.
+/// features, the pose from those with a map point, and a second search around it.
 class Relocalisation {
  public:
   struct Result {

@@ -59,8 +59,8 @@ class HeightCalibration {
     Status status = Status::kNoScale;
     std::string reason;  ///< one sentence unless kOk
     Estimate height;     ///< [m]
-    /// Mean road normal in the camera frame; empty with fewer than three sections, each as long as
-    /// the shortest segment, in which the plane was measured.
+    /// Mean road normal in the camera frame; empty with fewer than three sections of
+    /// segment_length_heights in which the plane was measured.
     std::optional<Estimate> pitch;  ///< [rad] positive looks down
     std::optional<Estimate> roll;   ///< [rad] positive: the camera's x axis points down
     std::vector<Segment> segments;  ///< empty after fromLength()

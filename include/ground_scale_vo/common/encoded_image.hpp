@@ -20,7 +20,7 @@ ImageSize encodedSize(std::string_view bytes);
 
 /// To be called before an image is decoded. Throws DataError ("is not a whole PNG or JPEG image",
 /// "states no image size", "states W x H pixels, ..."; the caller adds the name of the image)
-/// unless the bytes are a complete image within the limits of image_limits.hpp.
+/// unless the bytes are a complete image of at most kMaxImagePixels.
 void requireDecodable(std::string_view bytes);
 
 }  // namespace ground_scale_vo

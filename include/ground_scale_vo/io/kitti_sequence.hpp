@@ -16,7 +16,7 @@ namespace ground_scale_vo {
 ///  - KITTI odometry: `image_0/NNNNNN.png|jpg`, `calib.txt` (`P0:`), `times.txt` [s], ground truth
 ///    `poses.txt` beside them or `../../poses/NN.txt`, and `ground.txt` of a rendered one: a line
 ///    of height [m] and unit normal in camera axes for each image, after lines that begin with #;
-///  - KITTI raw synced drive: `image_00/data/*.png`, `image_00/timestamps.txt`,
+///  - KITTI raw synced drive: `image_00/data/N.png|jpg`, `image_00/timestamps.txt`,
 ///    `../calib_cam_to_cam.txt` (`P_rect_00:`), ground truth from `oxts/data/*.txt` with
 ///    `../calib_imu_to_velo.txt` and `../calib_velo_to_cam.txt` where all of these exist.
 /// Images are numbered 0, 1, 2 ... without a gap. Surplus stamps are ignored. Stamps of raw drives

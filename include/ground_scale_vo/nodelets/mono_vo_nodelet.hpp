@@ -28,10 +28,11 @@ namespace ground_scale_vo {
 /// image + camera_info -> vo/frame, vo/odometry; for visualisation vo/image_tracks, vo/points.
 /// Service ~reset.
 ///
-/// All callbacks run on the thread of the DedicatedSpinner; only bundle adjustment has a second one
-/// (Mapping). The image callback only stores the image; a posted task processes one stored image
-/// after all callbacks that wait. So the newest `queue_size` images are always in the queue, and
-/// dropped ones are counted exactly. Images wait for the first valid camera_info.
+/// All callbacks run on the thread of the DedicatedSpinner. Bundle adjustment has a second one
+/// (Mapping), and feature tracking uses OpenCV's threads (parallelLoop()). The image callback only
+/// stores the image; a posted task processes one stored image after all callbacks that wait. So the
+/// newest `queue_size` images are always in the queue, and dropped ones are counted exactly. Images
+/// wait for the first valid camera_info.
 class MonoVoNodelet : public nodelet::Nodelet {
  public:
   ~MonoVoNodelet() override;

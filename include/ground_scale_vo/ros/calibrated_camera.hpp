@@ -19,9 +19,10 @@ namespace ground_scale_vo {
 /// images that are already rectified with R, the rotated ones).
 class CalibratedCamera {
  public:
-  /// topic: for the error. Throws MessageError that names it: not calibrated (K and P all zero), a
-  /// number that is not finite, implausible intrinsics, an unknown distortion model or a wrong
-  /// number of coefficients (where K and D are used), an ROI outside the image.
+  /// topic: for the error. Throws MessageError that names it: not calibrated (K and P all zero; P
+  /// with image_is_rectified), a K or P that is not that of a pinhole camera, a number that is not
+  /// finite, implausible intrinsics; where K and D are used, an unknown distortion model, a wrong
+  /// number of coefficients or implausible ones; an ROI outside the image, a binning of all of it.
   CalibratedCamera(const sensor_msgs::CameraInfo& info, const std::string& topic,
                    bool image_is_rectified);
 

@@ -20,8 +20,8 @@ class GreyConverter {
   static constexpr int kImagesUntilNarrower = 100;
 
   /// An 8-bit mono image is not copied: the result refers to the message's data, which must outlive
-  /// it. Throws MessageError: no pixels, an encoding without a grey value, a step that does not fit
-  /// the width, data shorter or longer than step * height.
+  /// it. Throws MessageError: no pixels, a side above kMaxImageSide, an encoding without a grey
+  /// value, a step that does not fit the width, data shorter or longer than step * height.
   cv::Mat convert(const sensor_msgs::Image& image);
 
  private:

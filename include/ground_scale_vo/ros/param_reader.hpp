@@ -30,8 +30,8 @@ class ParamReader {
   /// means none.
   ParamReader(std::string parameter_namespace, const XmlRpc::XmlRpcValue& tree);
 
-  /// A number. Throws OptionError that names the parameter if its value is not a number or outside
-  /// [min, max]; NaN is always outside.
+  /// A number. Throws OptionError that names the parameter if its value is not a number, not whole
+  /// for an integer field, or outside [min, max]; NaN is always outside.
   template <typename Number>
   void declare(const char* name, Number& field, double min, double max, const char* meaning) {
     static_assert(std::is_arithmetic_v<Number> && !std::is_same_v<Number, bool>);

@@ -16,8 +16,9 @@ struct PinholeCamera {
   double cx = 0;   ///< [px]
   double cy = 0;   ///< [px]
 
-  /// Throws OptionError that names the offending number (not finite, focal length or size not
-  /// positive).
+  /// Throws OptionError that names the first number that is not finite or not plausible: a side
+  /// outside 1 to kMaxImageSide px, a focal length outside 1 to 10 kMaxImageSide px, a principal
+  /// point beyond kMaxImageSide px.
   void validate() const;
 
   /// x = K^-1 u with z = 1 (the ray of the paper's Alg. 1, line 7). u: [px].

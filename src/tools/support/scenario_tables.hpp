@@ -28,7 +28,8 @@ std::string terminalHeading();
 std::string terminalRow(const ScenarioRow& row, double seconds);
 
 /// "RLE % / held share / share within 2 sigma"; when a threshold is violated, in bold and followed
-/// by its name. Only "lost" or "no scale" if no frame has a metric pose.
+/// by its name, after a fourth number for the share of "ok while unobservable". Only "lost" or "no
+/// scale" if no frame has a metric pose.
 std::string ablationCell(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
 /// metricsJson(), and the violated threshold as "violated"; "clearly": whether the doubled

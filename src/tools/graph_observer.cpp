@@ -17,6 +17,7 @@
 #include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/messages.hpp"
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "support/command_line.hpp"
@@ -57,10 +58,9 @@ class Observer {
     std::ostringstream stream =
         gsv::csvStream("stamp,image,frame,scale,odometry,cpu_s,rss_mb,peak_rss_mb");
     for (const auto& [stamp, line] : lines_) {
-      stream << stamp.sec << '.' << std::to_string(1000000000u + stamp.nsec).substr(1) << ','
-             << line.image << ',' << line.frame << ',' << line.scale << ',' << line.odometry << ','
-             << line.usage.cpu_s << ',' << line.usage.rss_mb << ',' << line.usage.peak_rss_mb
-             << '\n';
+      stream << gsv::formatSeconds(gsv::toNanoseconds(stamp)) << ',' << line.image << ','
+             << line.frame << ',' << line.scale << ',' << line.odometry << ',' << line.usage.cpu_s
+             << ',' << line.usage.rss_mb << ',' << line.usage.peak_rss_mb << '\n';
     }
     return stream.str();
   }

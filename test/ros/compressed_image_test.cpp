@@ -34,7 +34,8 @@ TEST(CompressedImage, DecodesEveryKindOfPixel) {
         Kind{"rgb16; png compressed ", ".png", CV_16UC3, "bgr16"},
         Kind{"bayer_rggb8; jpeg compressed ", ".jpg", CV_8UC1, "bayer_rggb8"},
         Kind{"bayer_grbg16; png compressed ", ".png", CV_16UC1, "bayer_grbg16"},
-        Kind{"bayer_rggb16; jpeg compressed ", ".jpg", CV_8UC1, "mono8"}}) {
+        Kind{"bayer_rggb16; jpeg compressed ", ".jpg", CV_8UC1, "mono8"},
+        Kind{"bayer_rggb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"}}) {
     const cv::Mat pixels(6, 8, kind.type, cv::Scalar::all(90));
     const auto image = decode(encoded(kind.format, kind.extension, pixels));
     EXPECT_EQ(image->encoding, kind.encoding) << kind.format;

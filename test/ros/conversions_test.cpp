@@ -178,7 +178,9 @@ TEST(VoFrameMsg, MapStartMayBeUnknown) {
   msg.map_start_rotation.w = 3;
   EXPECT_THROW(fromMsg(msg), MessageError);
   msg = good;
-  msg.map_start = msg.header.stamp + ros::Duration(1);
+  msg.map_start = msg.header.stamp;  // the first frame of the map
+  EXPECT_EQ(fromMsg(msg).map_start.stamp_ns, frame.stamp_ns);
+  msg.map_start += ros::Duration(1);
   EXPECT_THROW(fromMsg(msg), MessageError);
 }
 

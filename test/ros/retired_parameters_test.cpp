@@ -204,6 +204,7 @@ TEST(RetiredParameters, AreListedOnceWithAReplacementThatExists) {
     EXPECT_EQ(parameters.count(retired.name), 0u) << retired.name << " is a parameter";
     EXPECT_EQ(options.count(retired.name), 0u) << retired.name << " is an option";
     const std::string replacement = retired.replacement;
+    EXPECT_TRUE(replacement.empty() || seen.insert(replacement).second) << replacement << ", twice";
     if (retired.now == Now::kRenamed) {
       EXPECT_EQ(parameters.count(replacement), 1u) << retired.name << " -> " << replacement;
     } else if (retired.now == Now::kOffline) {

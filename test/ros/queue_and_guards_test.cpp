@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/map_numbering.hpp"
@@ -207,6 +208,17 @@ TEST(WarningLog, CountsAllAndPrintsTheFirst) {
   WarningLog without_throttle(std::chrono::milliseconds(0));
   without_throttle.count("size", "a");
   EXPECT_EQ(without_throttle.count("size", "b"), "b (size: 2 so far)");
+}
+
+// A warning with every image does not postpone the next print.
+TEST(WarningLog, PrintsAgainAfterTheInterval) {
+  WarningLog log(std::chrono::milliseconds(300));
+  const Stopwatch watch;
+  ASSERT_NE(log.count("image refused", "why"), "");
+  std::string text;
+  while (text.empty() && watch.seconds() < 30) text = log.count("image refused", "why");
+  EXPECT_NE(text, "");
+  EXPECT_GE(watch.seconds(), 0.3);
 }
 
 TEST(WarningLog, CountsKindsByTheirPrefix) {

@@ -114,7 +114,7 @@ TEST(Mapping, AfterAnAdjustmentOutliersAreRemovedAndSigmasUpdated) {
   std::vector<Feature> features = featuresOf(points, keyframePose(5));
   features[7].u.y() += 20;
   mapping.addKeyframe(keyframePose(5), features, blankImage(), &times);
-  EXPECT_EQ(mapping.map().find(7)->observations.size(), 6u);
+  ASSERT_EQ(mapping.map().find(7)->observations.size(), 6u);
   mapping.takeAdjustedMap(&times);
   EXPECT_EQ(mapping.map().find(7)->observations.size(), 5u);
   EXPECT_EQ(mapping.map().find(8)->observations.size(), 6u);

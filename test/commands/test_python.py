@@ -331,6 +331,8 @@ def test_other_threads_run_during_processing(gsv):
      "recorded.metrics(np.repeat(np.eye(4)[None], 3, 0))"),
     (ValueError, "ground_truth[0] is not a finite rigid transform",
      "recorded.metrics(np.array([[[1., 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [5, 0, 0, 1]]]))"),
+    (ValueError, "ground_truth_heights has the shape (1, 1), it must be (N,)",
+     "recorded.metrics(None, np.ones((1, 1)))"),
     (ValueError, "ground_truth_heights has 7 entries", "recorded.metrics(None, np.ones(7))"),
 ])
 def test_refuses(gsv, error, text, call):

@@ -144,14 +144,14 @@ def test_values_of_options(gsv, text, name, value):
 
 
 def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
-    folder = tmp_path / "raw"
+    folder = tmp_path / "drive.1"
     folder.mkdir()
     (folder / "times.txt").write_text("0\n0.1\n0.1\n0.07\n0.08\n0.2\n")
     for i, image in enumerate(images_of(shortest)[:6]):
         cv2.imwrite(str(folder / f"{5 - i}.PNG"), image)  # the order is that of the names
     done = run(*command, folder, "--camera", shortest / "calib.txt", env=WITHOUT_MESSAGES)
-    assert "3 images are skipped" in done.stderr and "raw: 3 frames" in done.stdout
-    stamps = np.loadtxt(tmp_path / "out/raw/trajectory_tum.txt")[:, 0]
+    assert "3 images are skipped" in done.stderr and "drive.1: 3 frames" in done.stdout
+    stamps = np.loadtxt(tmp_path / "out/drive.1/trajectory_tum.txt")[:, 0]
     assert stamps == pytest.approx([0, 0.1, 0.2])
 
 

@@ -15,6 +15,7 @@ import xmlrpc.client
 import bags
 import pytest
 import rosbag
+import rospy
 from conftest import ROOT, TIMEOUT_S, assert_refused
 from geometry_msgs.msg import Point32, Quaternion
 from nav_msgs.msg import Odometry
@@ -300,6 +301,19 @@ def test_the_bag_ends_with_its_last_image(node, bag):
         stamps = [message.header.stamp for _, message, _ in messages.read_messages(topics=[bags.IMAGE])]
     summary = node.BagSummary(str(bag), [bags.IMAGE], bags.INFO)
     assert (summary.images, summary.last_image) == (len(stamps), max(stamps))
+
+
+@pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)
+def test_images_that_end_before_the_other_topics(node, bag, tmp_path):
+    longer = tmp_path / "longer.bag"
+    with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(longer), "w") as new:
+        for topic, message, stamp in old.read_messages(topics=[bags.IMAGE, bags.INFO]):
+            new.write(topic, message, stamp)
+        new.write(bags.INFO, message, stamp + rospy.Duration(20))
+    expected = vars(node.BagSummary(str(bag), [bags.IMAGE], bags.INFO))
+    summary = vars(node.BagSummary(str(longer), [bags.IMAGE], bags.INFO))
+    for name in ("images", "last_image", "last_image_played"):
+        assert summary[name] == expected[name]
 
 
 @pytest.mark.parametrize("node", ["playback_monitor"], indirect=True)

@@ -25,7 +25,7 @@ struct GroundPoint {
 ///  1. Delaunay triangles of the features in the region of interest (line 1).
 ///  2. Triangles whose plane lies below the camera, whose normal is orthogonal to the motion and
 ///     has the road's pitch and roll (lines 6-15, Eq. 1-3); their corners are candidates.
-///  3. RANSAC plane through three candidates (lines 17-33, Eq. 4); its inliers are the result.
+///  3. RANSAC plane through three candidates (lines 17-34, Eq. 4); its inliers are the result.
 class GroundPointExtraction {
  public:
   /// Lengths ending in _heights are in camera heights.

@@ -85,7 +85,7 @@ class PlaneFit {
     /// kNone: all below is valid. Otherwise kTooFewGroundPoints, kNoPlane or kPlaneTilted.
     ScaleReason status = ScaleReason::kNoPlane;
     GroundPlane plane;                   ///< least squares
-    double median_height = 0;            ///< weighted median of Eq. 9 over the inliers [VO units]
+    double median_height = 0;            ///< median of Eq. 9 over the inliers [VO units]
     double height_sigma = 0;             ///< of either height, from residuals and camber [VO units]
     std::vector<std::uint32_t> inliers;  ///< the reserved points p* of Eq. 9, ascending indices
   };

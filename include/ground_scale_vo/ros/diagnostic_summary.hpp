@@ -9,10 +9,10 @@
 
 namespace ground_scale_vo {
 
-/// Level and message of a nodelet's diagnostics: ERROR if the input is missing or
-/// unusable, the odometry is lost (of MonoVo; ScaleRecovery then holds the scale), the mounting of
-/// the camera is not known, or the set-up is wrong (two cameras, two parents on tf); WARN while
-/// starting and if the output is degraded, OK otherwise.
+/// Level and message of a nodelet's diagnostics: ERROR if the input is missing or unusable, the
+/// odometry is lost (of MonoVo; ScaleRecovery then holds the scale), the mounting of the camera is
+/// not known, or the set-up is wrong (two cameras, two parents on tf); WARN while starting and if
+/// the output is degraded, OK otherwise.
 struct DiagnosticSummary {
   enum class Level : std::uint8_t { kOk = 0, kWarn = 1, kError = 2 };  // as in DiagnosticStatus
   Level level = Level::kOk;

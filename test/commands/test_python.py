@@ -2,6 +2,7 @@
 
 import ast
 import csv
+import faulthandler
 import importlib
 import json
 import math
@@ -12,7 +13,7 @@ import types
 
 import numpy as np
 import pytest
-from conftest import CAMERA_HEIGHT, ROOT, WITHOUT_MESSAGES, run
+from conftest import CAMERA_HEIGHT, ROOT, TIMEOUT_S, WITHOUT_MESSAGES, run
 
 
 @pytest.fixture(scope="module")
@@ -251,6 +252,15 @@ def test_mask_may_be_reused(gsv, shortest):
     assert kept.scale == reused.scale and np.array_equal(kept.tracks, reused.tracks)
 
 
+@pytest.fixture
+def ends_when_blocked():
+    """Ends this process when the test blocks it: a thread that waits with the GIL blocks all others."""
+    faulthandler.dump_traceback_later(TIMEOUT_S, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.mark.usefixtures("ends_when_blocked")
 def test_calls_of_two_threads_are_processed_one_after_the_other(gsv):
     """Of two images with the same stamp, the second is refused."""
     odometry = gsv.MetricOdometry(gsv.Camera(1000, 1000, 500, 500, 500, 500), 1.5, record=True)
@@ -273,6 +283,7 @@ def test_calls_of_two_threads_are_processed_one_after_the_other(gsv):
     assert sorted(refused) == list(range(rounds)) and len(odometry.poses()) == rounds
 
 
+@pytest.mark.usefixtures("ends_when_blocked")
 def test_other_threads_run_during_processing(gsv):
     odometry = gsv.MetricOdometry(gsv.Camera(1000, 1000, 500, 500, 500, 500), 1.5)
     # Blank: numpy would release the GIL, too, when it copies a pose.

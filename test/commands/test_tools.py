@@ -223,6 +223,13 @@ def test_kitti_to_bag_never_replaces_a_device(shortest, tmp_path):
     assert device.is_fifo()
 
 
+def test_baseline_tracks_as_many_points_as_the_odometry(shortest, tmp_path):
+    run(tool("benchmark_sequence"), shortest, "--camera-height", 1.65, "--baseline", "--out", tmp_path)
+    usage, baseline = (np.genfromtxt(tmp_path / name, delimiter=",", names=True)
+                       for name in ("usage.csv", "baseline.csv"))
+    assert np.array_equal(baseline["points"], usage["features"][1:]) and baseline["points"].min() > 100
+
+
 def test_graph_observer_keeps_an_existing_file(tmp_path):
     file = tmp_path / "x.csv"
     file.write_text("other data")

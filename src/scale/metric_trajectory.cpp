@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
@@ -13,6 +14,10 @@ namespace {
 
 /// Steps of the numerical integration over a gap between two maps.
 constexpr int kBridgeSteps = 16;
+
+/// Largest ratio of two consecutive intervals of which each gives a velocity. The stamps of images
+/// in pairs are too close to each other for that.
+constexpr double kMaxIntervalRatio = 2;
 
 /// Displacement in start axes over dt, at a constant rotation rate from the start to the end, with
 /// a velocity in body axes that changes linearly.
@@ -54,6 +59,7 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
   if (frame.status != VoStatus::kTracking || !isFinite(frame.T_w_c) ||
       scale.reason == ScaleReason::kVoNotTracking ||
       scale.reason == ScaleReason::kImplausibleMotion) {
+    if (frame.status == VoStatus::kTracking) last_refused_stamp_ns_ = frame.stamp_ns;
     return std::nullopt;
   }
   const MetricTrajectory before = *this;
@@ -69,9 +75,11 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
 std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
                                                           const ScaleEstimate& scale) {
   std::optional<TrackedPose> previous;
-  if (!map_ || map_->id != frame.map_id || has_left_map_) {
+  const bool has_lost_scale = map_ && map_->metric && scale.status == ScaleStatus::kUnknown;
+  if (!map_ || map_->id != frame.map_id || has_left_map_ || has_lost_scale) {
     map_ = newMap(frame);
     has_left_map_ = false;
+    velocity_.last_dt = 0;
     if (map_->ref_stamp_ns < frame.stamp_ns) previous = {map_->ref_stamp_ns, map_->T_w_ref};
     map_->travelled = (map_->T_w_ref.inverse() * frame.T_w_c).translation().norm();
   } else {
@@ -137,6 +145,11 @@ MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
   if (has_start && std::isfinite(start.rotation_sigma)) {
     map.R_last_ref = renormalised(map.R_last_ref * start.R_previous_w);
     map.rotation_variance += start.rotation_sigma * start.rotation_sigma;
+    // It counts from the last pose of the odometry, which was refused.
+    const double unknown_s = secondsBetween(last_tracked_.stamp_ns, last_refused_stamp_ns_);
+    if (!is_first && unknown_s > 0) {
+      map.rotation_variance += std::pow(unknown_s * options_.new_map_rotation_sigma_per_s, 2);
+    }
   } else if (!is_first) {
     const std::int64_t since_ns = map_->metric ? last_motion_stamp_ns_ : last_tracked_.stamp_ns;
     const double dt = std::max(0.0, secondsBetween(since_ns, map.ref_stamp_ns));
@@ -176,7 +189,6 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
   const bool stood_still = last_motion_stamp_ns_ < last_stamp_ns_;
   const double dt = std::max(0.0, secondsBetween(last_stamp_ns_, map_->ref_stamp_ns));
   const bool two_ended = velocity_ref.has_value();
-  const Eigen::Vector3d velocity_last = last_.twist_c.head<3>();
   Eigen::Vector3d gap = Eigen::Vector3d::Zero();
   Matrix6d P = last_.covariance;
   if (stood_still) {
@@ -184,14 +196,13 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
     P.diagonal().head<3>().array() +=
         std::pow(unobserved_s * options_.new_map_position_sigma_per_s, 2);
   } else {
-    gap = arc(map_->R_last_ref, velocity_last, velocity_ref.value_or(velocity_last), dt);
+    gap = arc(map_->R_last_ref, velocity_.mean_c, velocity_ref.value_or(velocity_.mean_c), dt);
     // Displacement error of an unknown acceleration; half of it if both ends are known.
     const double acceleration_sigma =
         options_.bridge_acceleration_sigma * dt * dt / (two_ended ? 4 : 2);
     const double speed_variance =
-        two_ended ? 0.25 * (last_.twist_covariance.topLeftCorner<3, 3>().trace() +
-                            velocity_sigma * velocity_sigma)
-                  : last_.twist_covariance.topLeftCorner<3, 3>().trace();
+        two_ended ? 0.25 * (velocity_.variance + velocity_sigma * velocity_sigma)
+                  : velocity_.variance;
     P.diagonal().head<3>().array() +=
         acceleration_sigma * acceleration_sigma + speed_variance * dt * dt;
   }
@@ -293,8 +304,10 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const Scale
   if (!(dt > 0)) {
     last_.twist_c.setZero();
     covariance = std::pow(options_.unknown_speed_sigma, 2) * Matrix6d::Identity();
+    velocity_ = {Eigen::Vector3d::Zero(), covariance.topLeftCorner<3, 3>().trace(), 0};
     return;
   }
+  const Eigen::Vector3d velocity_before = T_last_now.linear().transpose() * last_.twist_c.head<3>();
   const Eigen::Vector3d step_c =
       scale.scale * (T_last_now.linear().transpose() * T_last_now.translation());
   const Eigen::Vector3d rotation_c = rotationVector(T_last_now.linear());
@@ -311,6 +324,15 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const Scale
       (rotationVariance(step_c.norm()) + rotation_variance) * Eigen::Matrix3d::Identity() +
       std::pow(options_.rotation_scale_sigma, 2) * rotation_c * rotation_c.transpose();
   covariance /= dt * dt;
+
+  velocity_.mean_c = last_.twist_c.head<3>();
+  velocity_.variance = covariance.topLeftCorner<3, 3>().trace();
+  const double dt_before = std::exchange(velocity_.last_dt, dt);
+  if (dt_before > 0 && std::max(dt, dt_before) > kMaxIntervalRatio * std::min(dt, dt_before)) {
+    const double both = dt + dt_before;
+    velocity_.mean_c = (step_c + dt_before * velocity_before) / both;
+    velocity_.variance *= std::pow(dt / both, 2);
+  }
 }
 
 /// Of a step whose direction has an error: variance only orthogonal to the step [m^2].

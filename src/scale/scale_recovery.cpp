@@ -267,7 +267,8 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   const Stopwatch watch;
   if (!image.empty()) requireImage(image, frame.camera);
   requireMask(mask, frame.camera);
-  if (impl_->map_id != frame.map_id) impl_->startMap();  // also before the map's first pose
+  // Another map, also before its first pose. A lost frame tells nothing about the map.
+  if (impl_->map_id != frame.map_id && frame.status != VoStatus::kLost) impl_->startMap();
   Output output;
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;

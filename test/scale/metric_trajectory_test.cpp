@@ -615,7 +615,7 @@ TEST(MetricTrajectory, AGapIsBridgedWithTheVelocitiesOfBothEnds) {
   MetricTrajectory trajectory({});
   const Eigen::Isometry3d turned(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()));
   trajectory.append(frameAt(0, straight(0)), scaleOf(2, 0.02));
-  trajectory.append(frameAt(9, turned), scaleOf(2, 0.02));
+  for (const int i : {8, 9}) trajectory.append(frameAt(i, turned), scaleOf(2, 0.02));
   const auto last = trajectory.append(frameAt(10, turned * straight(0.5)), scaleOf(2, 0.02));
   VoFrame frame = frameAt(22, straight(0.4), 1);
   frame.map_start = {frameAt(20, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0.01};
@@ -733,6 +733,56 @@ TEST(MetricTrajectory, AGapWithAKnownRotationIsAnArc) {
     EXPECT_NEAR((pose->T_o_c.linear() - frame.map_start.R_previous_w).norm(), 0, 1e-9);
     EXPECT_NEAR(std::sqrt(pose->covariance(4, 4)), 0.01, 0.002);
   }
+}
+
+// At 9 m/s, the second image of each pair is stamped 1 ms after the first: 900 m/s in the twist.
+TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
+  for (const int count : {20, 21}) {  // the last one is the second of a pair, or the first
+    MetricTrajectory trajectory({});
+    MetricPose last;
+    VoFrame frame;
+    for (int i = 0; i < count; ++i) {
+      frame = frameAt(2 * (i / 2), straight(0.45 * i));
+      frame.stamp_ns += i % 2 * 1000000;
+      last = *trajectory.append(frame, scaleOf(2, 0.02));
+    }
+    VoFrame next = frameAt(0, straight(0), 1);
+    next.stamp_ns = frame.stamp_ns + 3000000000;
+    const auto pose = trajectory.append(next, scaleOf(2, 0.02));
+    const double gap = pose->T_o_c.translation().z() - last.T_o_c.translation().z();
+    EXPECT_NEAR(gap, 27, 0.3) << count;
+    const double sigma = std::sqrt(pose->covariance(2, 2));
+    EXPECT_GT(sigma, 5);  // an acceleration of 2 m/s^2 for 3 s
+    EXPECT_LT(sigma, 15);
+  }
+}
+
+// The odometry turns by an unknown angle while its poses are refused, and knows the rotation since
+// the last of them.
+TEST(MetricTrajectory, RefusedPosesBeforeAGapMakeItsRotationUncertain) {
+  for (const int refused : {0, 3}) {
+    MetricTrajectory trajectory(exact());
+    drive(&trajectory);  // to frame 10
+    ScaleEstimate jump = scaleOf(2);
+    jump.reason = ScaleReason::kImplausibleMotion;
+    for (int i = 11; i < 11 + refused; ++i) trajectory.append(frameAt(i, straight(500)), jump);
+    VoFrame frame = frameAt(22, straight(0.2), 1);
+    frame.map_start = {frameAt(20, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0.01};
+    const auto pose = trajectory.append(frame, scaleOf(10));
+    EXPECT_NEAR(pose->covariance(4, 4), std::pow(0.01, 2) + std::pow(0.1 * 0.1 * refused, 2), 1e-9);
+  }
+}
+
+// The filter has lost its map although the number of the map is the same.
+TEST(MetricTrajectory, TheMotionWithoutAScaleIsPartOfTheTrajectory) {
+  MetricTrajectory trajectory({});
+  for (int i = 0; i < 20; ++i) trajectory.append(frameAt(i, straight(i)), scaleOf(2));
+  for (int i = 20; i < 25; ++i) {
+    EXPECT_FALSE(trajectory.append(frameAt(i, straight(i)), ScaleEstimate()).has_value());
+  }
+  const auto pose = trajectory.append(frameAt(25, straight(25)), scaleOf(2));
+  EXPECT_NEAR(pose->T_o_c.translation().z(), 50, 1e-9);
+  EXPECT_NEAR(pose->distance, 50, 1e-9);
 }
 
 TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapWithoutAScale) {

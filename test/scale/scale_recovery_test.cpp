@@ -487,6 +487,23 @@ TEST(ScaleRecovery, TheScaleIsUnknownWhileANewMapInitialises) {
   EXPECT_EQ(scale.n_c, Eigen::Vector3d::Zero());
 }
 
+// Another odometry may leave map_id at zero in lost frames.
+TEST(ScaleRecovery, ALostFrameKeepsTheMapWhateverItsNumber) {
+  const RoadScene scene = pitchedRoad();
+  ScaleRecovery recovery(recoveryOptions());
+  VoFrame frame;
+  for (std::uint32_t i = 0; i < 22; ++i) {
+    frame = scene.frame(i);
+    frame.map_id = 3;
+    if (i == 20) {
+      frame.status = VoStatus::kLost;
+      frame.map_id = 0;
+    }
+    const ScaleEstimate scale = recovery.process(frame).scale;
+    if (i >= 19) EXPECT_NE(scale.status, ScaleStatus::kUnknown) << i;
+  }
+}
+
 TEST(ScaleRecovery, ATurnMakesAHeldScaleLessCertain) {
   const RoadScene scene = pitchedRoad();
   double sigma[2];

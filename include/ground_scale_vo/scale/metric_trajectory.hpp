@@ -147,6 +147,13 @@ class MetricTrajectory {
     std::int64_t stamp_ns = 0;
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
   };
+  /// With which a gap is bridged: the linear part of the twist; after two intervals that differ
+  /// much, as those of images in pairs, the mean over both.
+  struct Velocity {
+    Eigen::Vector3d mean_c = Eigen::Vector3d::Zero();  ///< [m/s]
+    double variance = 0;                               ///< sum of the axes
+    double last_dt = 0;                                ///< [s] of the last interval; 0: not known
+  };
 
   std::optional<MetricPose> appendTracked(const VoFrame& frame, const ScaleEstimate& scale);
   Map newMap(const VoFrame& frame) const;
@@ -172,6 +179,8 @@ class MetricTrajectory {
   MetricPose last_;
   StateCovariance covariance_ = StateCovariance::Zero();
   Matrix6d pose_covariance_c_ = Matrix6d::Zero();  ///< poseCovariance() of the newest frame
+  Velocity velocity_;                              ///< of last_
+  std::int64_t last_refused_stamp_ns_ = 0;         ///< of the last pose that was not used
   std::int64_t last_stamp_ns_ = 0;                 ///< of last_
   std::int64_t last_motion_stamp_ns_ = 0;          ///< of the last frame that was not at standstill
 };

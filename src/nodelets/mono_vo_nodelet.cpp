@@ -119,6 +119,7 @@ void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back)
   publish(image, output, header);
 
   ++processed_;
+  since_processed_.emplace();
   status_ = output.frame.status;
   map_id_ = output.frame.map_id;
   features_ = output.frame.features.size();
@@ -174,6 +175,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   MonoVoState state;
   state.images.topic = receiver_->imageTopic();
   state.images.silent_s = receiver_->secondsSinceImage();
+  if (since_processed_) state.images.unused_s = since_processed_->seconds();
   state.images.dropped = dropped - dropped_at_last_diagnosis_;
   state.camera_info_topic = receiver_->cameraInfoTopic();
   state.camera_known = receiver_->camera() != nullptr;

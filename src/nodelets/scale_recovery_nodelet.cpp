@@ -360,6 +360,7 @@ void ScaleRecoveryNodelet::drop(const std::string& kind, const std::string& reas
 void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, const ros::Time& stamp,
                                   bool has_image) {
   ++processed_;
+  since_processed_.emplace();
   last_frame_had_image_ = has_image;
   if (has_image) ++processed_with_image_;
   if (output.direct.height > 0) ++with_direct_;
@@ -394,6 +395,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   ScaleRecoveryState state;
   state.frames.topic = frame_subscriber_.getTopic();
   if (since_frame_) state.frames.silent_s = since_frame_->seconds();
+  if (since_processed_) state.frames.unused_s = since_processed_->seconds();
   state.frames.dropped = dropped - dropped_at_last_diagnosis_;
   state.status = last_scale_.status;
   state.reason = last_scale_.reason;

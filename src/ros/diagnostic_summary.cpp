@@ -29,6 +29,15 @@ std::optional<MissingInput> missingInput(const InputState& input, const std::str
       what, "no " + what + " for " + seconds(*input.silent_s, 0) + " on " + input.topic, true};
 }
 
+/// All messages are refused, after others were processed.
+bool isUnusable(const InputState& input) {
+  return input.dropped > 0 && input.unused_s.value_or(0) >= kSilenceS;
+}
+
+DiagnosticSummary unusable(const InputState& input, const std::string& what) {
+  return {Level::kError, "no usable " + what + " for " + seconds(*input.unused_s, 0)};
+}
+
 /// The summary with a further warning.
 DiagnosticSummary withWarning(DiagnosticSummary summary, const std::string& text) {
   if (summary.level == Level::kOk) summary.level = Level::kWarn;
@@ -96,6 +105,7 @@ DiagnosticSummary summarize(const MonoVoState& state) {
   if (!state.source_error.empty()) return {Level::kError, state.source_error};
   DiagnosticSummary summary = summarize(state.status.value_or(VoStatus::kInitialising));
   if (!state.status && state.images.dropped > 0) summary = {Level::kError, "no usable image"};
+  if (isUnusable(state.images)) summary = unusable(state.images, "image");
   summary = withDropped(std::move(summary), state.images, "images");
   for (const std::string& warning : {state.camera_info_error, state.rectification_warning}) {
     if (!warning.empty()) summary = withWarning(std::move(summary), warning);
@@ -107,7 +117,9 @@ DiagnosticSummary summarize(const ScaleRecoveryState& state) {
   if (const auto missing = missingInput(state)) return {Level::kError, missing->sentence};
   if (!state.mounting_error.empty()) return {Level::kError, state.mounting_error};
   if (!state.tf_error.empty()) return {Level::kError, state.tf_error};
-  DiagnosticSummary summary = withDropped(summarizeScale(state), state.frames, "frames");
+  DiagnosticSummary summary = summarizeScale(state);
+  if (isUnusable(state.frames)) summary = unusable(state.frames, "vo/frame");
+  summary = withDropped(std::move(summary), state.frames, "frames");
   for (const std::string& warning : {state.mounting_warning, state.sequence_error}) {
     if (!warning.empty()) summary = withWarning(std::move(summary), warning);
   }

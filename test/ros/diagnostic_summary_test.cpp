@@ -22,7 +22,7 @@ void expectSummary(const DiagnosticSummary& summary, DiagnosticSummary::Level le
 class MonoVoSummary : public testing::Test {
  protected:
   MonoVoSummary() {
-    state.images = {"/image", 0.1, 0};  // received 0.1 s ago, none dropped
+    state.images = {"/image", 0.1, 0.1, 0};  // the last one 0.1 s ago, none dropped
     state.camera_info_topic = "/info";
     state.camera_known = true;
     state.status = VoStatus::kTracking;
@@ -80,6 +80,17 @@ TEST_F(MonoVoSummary, WarnsOfDroppedImages) {
   expectSummary(summarize(state), kError, "no usable image; 3 images dropped in the last second");
 }
 
+TEST_F(MonoVoSummary, ReportsThatAllImagesAreRefused) {
+  state.images.dropped = 10;
+  state.images.unused_s = 4;
+  expectSummary(summarize(state), kWarn, "tracking; 10 images dropped in the last second");
+  state.images.unused_s = 7;
+  expectSummary(summarize(state), kError,
+                "no usable image for 7 s; 10 images dropped in the last second");
+  state.images.dropped = 0;  // they arrive seldom, or wait
+  expectSummary(summarize(state), kOk, "tracking");
+}
+
 TEST_F(MonoVoSummary, WarnsOfAnInvalidCameraInfoAfterAValidOne) {
   state.camera_info_error = "camera_info on topic /info is all zeros";
   expectSummary(summarize(state), kWarn, "tracking; camera_info on topic /info is all zeros");
@@ -100,7 +111,7 @@ TEST_F(MonoVoSummary, ReportsWhatIsWrongWithTheImages) {
 class ScaleRecoverySummary : public testing::Test {
  protected:
   ScaleRecoverySummary() {
-    state.frames = {"/vo/frame", 0.1, 0};  // received 0.1 s ago, none dropped
+    state.frames = {"/vo/frame", 0.1, 0.1, 0};  // the last one 0.1 s ago, none dropped
     state.status = ScaleStatus::kOk;
   }
   ScaleRecoveryState state;
@@ -138,6 +149,13 @@ TEST_F(ScaleRecoverySummary, ReportsErrorsOfTfAndOfTheSequence) {
   expectSummary(summarize(state), kWarn, "scale measured; sequence is 0 in two vo/frame in a row");
   state.tf_error = "frame \"camera\" has the parent \"base\" on tf";
   expectSummary(summarize(state), kError, state.tf_error);
+}
+
+TEST_F(ScaleRecoverySummary, ReportsThatAllFramesAreRefused) {
+  state.frames.dropped = 10;
+  state.frames.unused_s = 7;
+  expectSummary(summarize(state), kError,
+                "no usable vo/frame for 7 s; 10 frames dropped in the last second");
 }
 
 TEST_F(ScaleRecoverySummary, NamesTheMissingInput) {

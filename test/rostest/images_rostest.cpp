@@ -420,6 +420,24 @@ TEST_F(Images, ImagesWithoutAStampAreAWarning) {
                              "1 images dropped in the last second", false));
 }
 
+TEST_F(Images, RefusingAllIsAnError) {
+  infos_.publish(info());
+  double stamp = 780;
+  ASSERT_TRUE(startAt(stamp));
+  diagnostics_.clear();
+  EXPECT_TRUE(waitUntil([&] {
+    sensor_msgs::Image bad = image(stamp += 0.001);
+    bad.data.pop_back();
+    images_.publish(bad);
+    return anyStatus(diagnostics_.messages(), [](const auto& status) {
+      return status.level == diagnostic_msgs::DiagnosticStatus::ERROR &&
+             status.message.find("no usable image for ") == 0;
+    });
+  }));
+  EXPECT_TRUE(publishUntilSummary(
+      &stamp, [](const std::string& message) { return message == "initialising"; }));
+}
+
 TEST_F(Images, TwoCalibrationsOnOneTopicAreAnError) {
   infos_.publish(info());
   double stamp = 800;

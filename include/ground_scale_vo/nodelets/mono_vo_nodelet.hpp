@@ -12,6 +12,7 @@
 #include <optional>
 #include <string>
 
+#include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/image_receiver.hpp"
@@ -95,6 +96,7 @@ class MonoVoNodelet : public nodelet::Nodelet {
   bool has_warned_of_slash_ = false;  ///< in a frame name
   RateMeter rate_;                    ///< of processed_
   std::uint64_t processed_ = 0;
+  std::optional<Stopwatch> since_processed_;
   std::uint64_t dropped_from_queue_ = 0;
   std::uint64_t dropped_at_last_diagnosis_ = 0;
   std::optional<VoStatus> status_;

@@ -136,7 +136,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   WarningLog other_warnings_;  ///< of messages that are used
   MissingInputLog missing_input_log_;
   RateMeter rate_;  ///< of processed_
-  std::optional<Stopwatch> since_frame_;
+  std::optional<Stopwatch> since_frame_, since_processed_;
   std::uint64_t processed_ = 0, processed_with_image_ = 0, with_direct_ = 0;
   std::uint64_t processed_at_last_diagnosis_ = 0, with_image_at_last_diagnosis_ = 0;
   std::uint64_t dropped_at_last_diagnosis_ = 0;

@@ -23,6 +23,7 @@ struct DiagnosticSummary {
 struct InputState {
   std::string topic;
   std::optional<double> silent_s;  ///< wall time since the last message; empty before the first
+  std::optional<double> unused_s;  ///< the same since the last one that was processed
   std::uint64_t dropped = 0;       ///< in the last second: queue full, refused, invalid stamp
 };
 

@@ -166,7 +166,7 @@ def ablation_table(part):
 
 
 def component_table(part):
-    names = [name for name in DESCRIPTIONS if name in part["rows"][0]["drives"]]
+    names = list(drives(part["rows"][0]["drives"]))
     keys = ("t_err_percent", "rle_percent", "scale_within_2_sigma")
     biased = [name for name in names if part["rows"][0]["drives"][name]["height_bias_percent"] is not None]
     rows = [[row["label"], *(" / ".join(number(row["drives"][name][key]) for key in keys) for name in names),

@@ -64,6 +64,9 @@ def calibration_of(info: Any, topic: str, is_rectified: bool) -> Calibration:
 def _checked(calibration, name):
     if not (np.isfinite(calibration.K).all() and np.isfinite(calibration.D).all()):
         raise DataError(f"{name}: has numbers that are not finite")
+    for length in calibration.K[[0, 1], [0, 1]]:
+        if not 1 <= length <= 1e6:
+            raise DataError(f"{name}: has a focal length of {length:.10g} px")
     counts = (4,) if calibration.is_fisheye else (0, 4, 5, 8, 12, 14)
     if calibration.D.size not in counts:
         raise DataError(f"{name}: has {calibration.D.size} distortion coefficients, its model has "

@@ -9,7 +9,7 @@ from typing import Any, Iterator, NamedTuple, Optional, Tuple
 import cv2
 import numpy as np
 
-from . import DataError
+from . import _LAST_STAMP_NS, DataError
 
 # Encodings of sensor_msgs/Image: channels, conversion. OpenCV names Bayer patterns by the second row.
 _ENCODINGS = {
@@ -64,6 +64,9 @@ def _open_folder(folder):
         stamps = [_nanoseconds(word) for word in (folder / "times.txt").read_text().split()]
     except (OSError, ValueError) as error:
         raise DataError(f"{folder / 'times.txt'}: cannot be read ({error})") from None
+    wrong = [stamp for stamp in stamps if not 0 <= stamp <= _LAST_STAMP_NS]
+    if wrong:
+        raise DataError(f"{folder / 'times.txt'}: {wrong[0] / 1e9:.10g} s is not a time since 1970")
     if not files or len(stamps) < len(files):
         raise DataError(f"{folder}: has {len(files)} images and {len(stamps)} stamps in times.txt")
     return Images(len(files), ((read_grey(file), stamp) for file, stamp in zip(files, stamps)))

@@ -28,6 +28,7 @@
 # the commands are installed beside the executables, in <prefix>/lib/ground_scale_vo, so gsv_root is
 # <prefix>/lib, and gsv_build does nothing.
 
+unset CDPATH # with it, cd prints the folder
 gsv_lib=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 gsv_root=$(cd "$gsv_lib/../.." && pwd)
 gsv_installed() { [[ ! -f $gsv_root/CMakeLists.txt ]]; }
@@ -149,7 +150,7 @@ gsv_build() {
     cmake --build "$build" --parallel "$jobs" "${targets[@]}" 2>&1 | tee -a "$log" |
       gsv_show_progress
   ); then
-    grep -E -A 4 -m 3 '(error:|Error [0-9]|undefined reference)' "$log" >&2
+    grep -E -A 4 -m 3 '(error:|Error [0-9]|undefined reference)' "$log" >&2 || tail -n 10 "$log" >&2
     echo "build: failed, see $log" >&2
     return 1
   fi

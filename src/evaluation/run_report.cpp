@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <iomanip>
+#include <locale>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -26,9 +27,10 @@ using Json = nlohmann::ordered_json;
 /// A number with 10 significant digits; null if it is missing or not finite.
 Json number(std::optional<double> value) {
   if (!value || !std::isfinite(*value)) return nullptr;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", *value);
-  return Json::parse(text);
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << std::setprecision(10) << *value;
+  return Json::parse(text.str());
 }
 
 /// A member of metrics; null without metrics.

@@ -245,6 +245,7 @@ void run(const Arguments& arguments) {
     // Under a temporary name, so that the folder is complete or missing.
     const fs::path partial = folder.string() + ".partial";
     try {
+      fs::remove_all(partial);  // of an interrupted run
       DerivedDrive(sequence, arguments.sequence, changes).write(partial);
       fs::rename(partial, folder);
     } catch (...) {

@@ -105,7 +105,9 @@ struct Recorded {
   std::map<ros::Time, Times> times;
 };
 
-void readTimes(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Times* times) {
+/// True when the message has the time of the scale stage.
+bool readTimes(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Times* times) {
+  bool has_scale = false;
   const auto endsWith = [](const std::string& text, const std::string& end) {
     return text.size() >= end.size() &&
            text.compare(text.size() - end.size(), end.size(), end) == 0;
@@ -116,19 +118,25 @@ void readTimes(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Ti
       const auto ms = gsv::parseNumber<double>(value.value);
       if (!ms) continue;
       if (endsWith(status.name, ": odometry")) times->vo = *ms;
-      if (endsWith(status.name, ": scale")) times->scale = *ms;
+      if (endsWith(status.name, ": scale")) {
+        times->scale = *ms;
+        has_scale = true;
+      }
     }
   }
+  return has_scale;
 }
 
 void readRecorded(const Arguments& arguments, Recorded& recorded) {
+  Recorded::Times times;  // of both nodelets, which report them at different moments
   forEachMessage(arguments.recorded, nullptr, [&](const rosbag::MessageInstance& instance) {
     if (const auto scale = instance.instantiate<gsv::ScaleEstimateMsg>()) {
       gsv::fromMsg(*scale);  // throws on invalid values
       recorded.scales[scale->header.stamp] = scale;
     } else if (const auto diagnostics = instance.instantiate<diagnostic_msgs::DiagnosticArray>()) {
-      if (!recorded.scales.empty()) {
-        readTimes(*diagnostics, &recorded.times[recorded.scales.rbegin()->first]);
+      if (readTimes(*diagnostics, &times) && !recorded.scales.empty()) {
+        recorded.times[recorded.scales.rbegin()->first] = times;
+        times = {};
       }
     } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
       const std::string& topic = instance.getTopic();
@@ -219,13 +227,13 @@ std::size_t firstMetricFrame(const Arguments& arguments, const Played& played,
   return first;
 }
 
-/// One past the last image to evaluate: the ground truth of a recording may end a little earlier
-/// than its images.
-std::size_t endOfEvaluation(const Played& played, const std::string& frame) {
+/// One past the last image to evaluate, of which the first one is given: the ground truth of a
+/// recording may end a little earlier than its images.
+std::size_t endOfEvaluation(const Played& played, const std::string& frame, std::size_t first) {
   const std::size_t images = played.images.size();
   std::size_t end = images;
   while (end > 0 && !played.ground_truth.pose(frame, played.images[end - 1].stamp)) --end;
-  if (end == images || end == 0) return images;
+  if (end == images || end <= first) return images;
   if (played.images.back().stamp - played.images[end - 1].stamp > kMaxMissingEnd) return images;
   std::printf("the ground truth ends before the last %zu images, which are not evaluated\n",
               images - end);
@@ -261,7 +269,7 @@ void evaluate(const Arguments& arguments) {
   gsv::RunRecord record;
   std::vector<Eigen::Isometry3d> ground_truth;
   std::optional<Eigen::Isometry3d> T_b0_root;
-  const std::size_t end = endOfEvaluation(played, first_odometry.child_frame_id);
+  const std::size_t end = endOfEvaluation(played, first_odometry.child_frame_id, first);
   for (std::size_t i = first; i < end; ++i) {
     const ros::Time& stamp = played.images[i].stamp;
     gsv::VisualOdometry::Output vo;

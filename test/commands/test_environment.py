@@ -49,3 +49,27 @@ def test_missing_packages_are_only_named_on_request():
         ["bash", "-c", f"source {SCRIPTS}/lib/environment.sh; gsv_packages() {{ echo no-such-package; }}; gsv_setup"],
         env={**os.environ, "GROUND_SCALE_VO_NO_INSTALL": "1"}, capture_output=True, text=True)
     assert (result.returncode, result.stderr) == (1, "set-up: 1 packages are missing: no-such-package\n")
+
+
+def test_failed_build_names_its_log(tmp_path):
+    """Also when the log has none of the words of a compiler's error."""
+    result = subprocess.run(
+        ["bash", "-c", f"set -e; unset GROUND_SCALE_VO_BUILD; source {SCRIPTS}/lib/environment.sh; mkdir build; "
+                       "gsv_use_build $PWD/build; gsv_source_distribution() { :; }; "
+                       "cmake() { if [[ $1 == --build ]]; then echo 'Fehler 1'; return 1; fi; }; gsv_build x"],
+        cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode == 1
+    assert "Fehler 1" in result.stderr and f"build: failed, see {tmp_path}/build/build.log\n" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["evaluate none", "demo --bag none", "report none", "benchmark none"])
+def test_cdpath_has_no_effect(command):
+    """With it, cd prints the folder."""
+    def outcome(**variables):
+        environment = {name: value for name, value in os.environ.items() if name != "CDPATH"}
+        done = subprocess.run([f"scripts/{command.split()[0]}", *command.split()[1:]], cwd=ROOT,
+                              env={**environment, **variables}, capture_output=True, text=True)
+        return done.returncode, done.stderr
+    expected = outcome()
+    assert expected[0] in (1, 2) and "none" in expected[1]
+    assert outcome(CDPATH=".") == expected

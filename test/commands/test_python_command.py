@@ -355,6 +355,8 @@ def test_refuses_to_overwrite_the_input(command, shortest, tmp_path):
     (1, "wide.yaml: cannot be used as a calibration (the camera model is omni",
      ["empty.mp4", "--camera", "wide.yaml"]),
     (1, "times.txt: cannot be read", [".", "--camera", "CALIB"]),
+    (1, "in_ms/times.txt: 1.317e+12 s is not a time since 1970", ["in_ms", "--camera", "CALIB"]),
+    (1, "flat.yaml: has a focal length of 0 px", ["SHORT", "--camera", "flat.yaml"]),
     (2, "camera_height is nan, it must lie in", ["SHORT", "--camera-height", "nan"]),
     (2, "there is no option refin; did you mean refine?", ["SHORT", "--set", "refin=true"]),
     (1, "none.png: No such file", ["SHORT", "--mask", "none.png"]),
@@ -370,9 +372,11 @@ def test_refuses(gsv, command, short, tmp_path, monkeypatch, capfd, status, text
         (tmp_path / name).touch()
     (tmp_path / "wide.yaml").write_text("cam0: {camera_model: omni}")
     height, width = images_of(short)[0].shape
-    for name, D in (("raw", [-0.2, 0.05, 0, 0]), ("short", [-0.2, 0.05, 0])):
+    (tmp_path / "in_ms").mkdir()
+    (tmp_path / "in_ms/times.txt").write_text("1317000000000\n")
+    for name, f, D in (("raw", 500, [-0.2, 0.05, 0, 0]), ("short", 500, [-0.2, 0.05, 0]), ("flat", 0, [])):
         (tmp_path / f"{name}.yaml").write_text(json.dumps({"cam0": {
-            "camera_model": "pinhole", "intrinsics": [500, 500, 400, 120], "distortion_model": "radtan",
+            "camera_model": "pinhole", "intrinsics": [f, 500, 400, 120], "distortion_model": "radtan",
             "distortion_coeffs": D, "resolution": [width, height]}}))
     cv2.imwrite(str(tmp_path / "small.png"), np.full((4, 8), 255, np.uint8))
     words = {"CALIB": short / "calib.txt", "SHORT": short}

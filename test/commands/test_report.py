@@ -401,6 +401,12 @@ def test_figures_of_faults_are_the_largest(collected, tmp_path):
                     "| covered left | 2 | never | never | 0.50 | 3.0 | 9.0 |"]
 
 
+def test_components_of_other_drives():
+    figures = {"t_err_percent": 1, "rle_percent": 2, "scale_within_2_sigma": 0.5, "height_bias_percent": None}
+    rows = [{"label": "default", "drives": {"mine": figures, "00": figures}}]
+    assert report_tables.component_table({"rows": rows}).splitlines()[0] == "|  | 00 | mine |"
+
+
 def test_figures_of_ablation_and_heights(collected, tmp_path):
     for part in ("ablation", "heights"):
         (tmp_path / part).mkdir()

@@ -123,6 +123,9 @@ def test_derive_drives_cameras(shortest, tmp_path):
 
 
 def test_derive_drives_images(shortest, tmp_path):
+    interrupted = tmp_path / "shortest_every3.partial/image_0/000020.png"
+    interrupted.parent.mkdir(parents=True)
+    interrupted.touch()
     run(tool("derive_drives"), shortest, "every3", "jpeg20", "dark", "--out", tmp_path)
     given, every3 = images(shortest), images(tmp_path / "shortest_every3")
     assert len(every3) == 4 and all(np.array_equal(image, given[3 * i]) for i, image in enumerate(every3))
@@ -299,10 +302,10 @@ def turned(yaw):
     return np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
 
 
-def write_base_drive(played, recorded, yaw=0.7, factor=1.0, missing_truth=0):
+def write_base_drive(played, recorded, yaw=0.7, factor=1.0, missing_truth=0, missing_poses=0):
     """As write_drive(), but of a base_link, straight ahead along its x axis, in an odom frame and a ground
     truth that are turned differently. The covariance grows along the motion only. The last ground truths
-    may be missing."""
+    and the first metric poses may be missing."""
     ahead, true_ahead = turned(yaw) @ [1, 0, 0], turned(-0.4) @ [1, 0, 0]
     variance = np.zeros((6, 6))
     variance[:3, :3] = turned(yaw) @ np.diag([0.01, 1e-6, 1e-6]) @ turned(yaw).T
@@ -334,6 +337,7 @@ def write_base_drive(played, recorded, yaw=0.7, factor=1.0, missing_truth=0):
             message.child_frame_id = "base_link"
             set_pose(message.pose.pose.position, message.pose.pose.orientation, factor * i * ahead, yaw)
             message.pose.covariance = ((1 + i) * variance).ravel().tolist()
+            return None if i < missing_poses else (topic, message)
         return topic, message
 
     copy(played.with_suffix(".first"), played, change_played)
@@ -344,13 +348,20 @@ def evaluated_drive(tmp_path, **options):
     """Standard output, metrics and result folder of evaluate_bag for write_base_drive()."""
     played, recorded, out = (tmp_path / name for name in ("played.bag", "recorded.bag", "out"))
     write_base_drive(played, recorded, **options)
-    with rosbag.Bag(str(recorded), "a") as bag:  # after the last frame
-        values = [("mono_vo: odometry", "7.5"), ("scale_recovery: scale", "2.5")]
-        bag.write("/diagnostics", DiagnosticArray(status=[
-            DiagnosticStatus(name=name, values=[KeyValue("time of the last frame [ms]", value)])
-            for name, value in values]), rospy.Time(2000))
+    with rosbag.Bag(str(recorded)) as bag:
+        times = [time for _, _, time in bag.read_messages(topics=["/scale"])]
+    with rosbag.Bag(str(recorded), "a") as bag:  # by each nodelet after another frame
+        for name, value, time in (("mono_vo: odometry", "7.5", times[50]), ("scale_recovery: scale", "2.5", times[53])):
+            bag.write("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(
+                name=name, values=[KeyValue("time of the last frame [ms]", value)])]), time + rospy.Duration(0.001))
     done = run(EVALUATE_BAG, "--played", played, "--recorded", recorded, "--out", out, "--camera-height", 1.2)
     return done.stdout, json.loads((out / "metrics.json").read_text()), out
+
+
+def test_evaluate_bag_whose_first_pose_is_after_its_ground_truth(tmp_path):
+    output, metrics, out = evaluated_drive(tmp_path, missing_truth=3, missing_poses=98)
+    assert metrics["frames"] == 2 and metrics["rle_percent"] is None and "not evaluated" not in output
+    assert len(np.loadtxt(out / "poses.txt")) == 2 and not (out / "ground_truth.txt").exists()
 
 
 def test_evaluate_bag_of_a_base_in_turned_frames(tmp_path):
@@ -365,7 +376,7 @@ def test_evaluate_bag_of_a_base_in_turned_frames(tmp_path):
     assert metrics["rle_percent"] == pytest.approx(4)
     nees = metrics["covariance_by_length"][0]["nees_per_dof_exact_ground_truth"]
     assert nees == pytest.approx((0.04 * 11) ** 2 / (11 * 0.01) / 6, rel=0.05)
-    assert (metrics["ms_vo_median"], metrics["ms_scale_median"]) == (7.5, 2.5)
+    assert [metrics[f"ms_{name}_median"] for name in ("vo", "scale", "total")] == [7.5, 2.5, 10]
     assert ",3,tracking" in (out / "scale.csv").read_text().splitlines()[-1]
 
 

@@ -15,6 +15,7 @@
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "scripted_run.hpp"
+#include "support/comma_locale.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -345,6 +346,7 @@ TEST_F(RunReport, AMeasuredGroundTruthIsNotExact) {
 }
 
 TEST_F(RunReport, WritesTheFilesOfARun) {
+  const test::CommaLocale locale;
   const ScriptedRun run = runWithInitialisation();
   const auto folder = folder_ / "results" / "07";
   writeRun(folder, run.record(), 1.65, run.record().metricPoses());

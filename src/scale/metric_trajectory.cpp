@@ -55,6 +55,7 @@ void MetricTrajectory::reset() { *this = MetricTrajectory(options_); }
 std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
                                                    const ScaleEstimate& scale) {
   if (!first_seen_ns_) first_seen_ns_ = frame.stamp_ns;
+  follows_pose_ = std::exchange(newest_stamp_ns_, frame.stamp_ns) == last_tracked_.stamp_ns;
   if (frame.status == VoStatus::kInitialising) initialising_map_id_ = frame.map_id;
   if (frame.status != VoStatus::kTracking || !isFinite(frame.T_w_c) ||
       scale.reason == ScaleReason::kVoNotTracking ||
@@ -79,7 +80,7 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
   if (!map_ || map_->id != frame.map_id || has_left_map_ || has_lost_scale) {
     map_ = newMap(frame);
     has_left_map_ = false;
-    velocity_.last_dt = 0;
+    follows_pose_ = false;
     if (map_->ref_stamp_ns < frame.stamp_ns) previous = {map_->ref_stamp_ns, map_->T_w_ref};
     map_->travelled = (map_->T_w_ref.inverse() * frame.T_w_c).translation().norm();
   } else {
@@ -327,7 +328,9 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const Scale
 
   velocity_.mean_c = last_.twist_c.head<3>();
   velocity_.variance = covariance.topLeftCorner<3, 3>().trace();
-  const double dt_before = std::exchange(velocity_.last_dt, dt);
+  // A long interval over lost frames is no irregular one.
+  const double dt_before = follows_pose_ ? std::exchange(velocity_.last_dt, dt) : 0;
+  if (!follows_pose_) velocity_.last_dt = 0;
   if (dt_before > 0 && std::max(dt, dt_before) > kMaxIntervalRatio * std::min(dt, dt_before)) {
     const double both = dt + dt_before;
     velocity_.mean_c = (step_c + dt_before * velocity_before) / both;

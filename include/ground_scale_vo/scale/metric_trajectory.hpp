@@ -174,7 +174,9 @@ class MetricTrajectory {
   std::optional<std::uint32_t> initialising_map_id_;  ///< of the last frame without a map
   std::optional<Map> map_;
   bool has_left_map_ = false;
-  TrackedPose last_tracked_;  ///< of map_
+  TrackedPose last_tracked_;          ///< of map_
+  std::int64_t newest_stamp_ns_ = 0;  ///< of the newest frame, with or without a pose
+  bool follows_pose_ = false;         ///< the newest frame is the one after last_tracked_
   bool has_pose_ = false;
   MetricPose last_;
   StateCovariance covariance_ = StateCovariance::Zero();

@@ -757,6 +757,21 @@ TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
   }
 }
 
+// 10 m/s, 2 s without poses, then 20 m/s in the last interval before the gap of 1 s.
+TEST(MetricTrajectory, AnIntervalOverLostFramesDoesNotEnterTheVelocityOfAGap) {
+  MetricTrajectory trajectory({});
+  drive(&trajectory);  // to frame 10
+  for (int i = 11; i < 30; ++i) {
+    VoFrame lost = frameAt(i, {});
+    lost.status = VoStatus::kLost;
+    trajectory.append(lost, {});
+  }
+  trajectory.append(frameAt(30, straight(15)), scaleOf(2));
+  const auto last = trajectory.append(frameAt(31, straight(16)), scaleOf(2));
+  const auto pose = trajectory.append(frameAt(41, straight(0), 1), scaleOf(2));
+  EXPECT_NEAR(pose->T_o_c.translation().z() - last->T_o_c.translation().z(), 20, 1e-6);
+}
+
 // The odometry turns by an unknown angle while its poses are refused, and knows the rotation since
 // the last of them.
 TEST(MetricTrajectory, RefusedPosesBeforeAGapMakeItsRotationUncertain) {

@@ -329,9 +329,9 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const Scale
   velocity_.mean_c = last_.twist_c.head<3>();
   velocity_.variance = covariance.topLeftCorner<3, 3>().trace();
   // A long interval over lost frames is no irregular one.
-  const double dt_before = follows_pose_ ? std::exchange(velocity_.last_dt, dt) : 0;
-  if (!follows_pose_) velocity_.last_dt = 0;
-  if (dt_before > 0 && std::max(dt, dt_before) > kMaxIntervalRatio * std::min(dt, dt_before)) {
+  const double dt_before = std::exchange(velocity_.last_dt, follows_pose_ ? dt : 0);
+  if (follows_pose_ && dt_before > 0 &&
+      std::max(dt, dt_before) > kMaxIntervalRatio * std::min(dt, dt_before)) {
     const double both = dt + dt_before;
     velocity_.mean_c = (step_c + dt_before * velocity_before) / both;
     velocity_.variance *= std::pow(dt / both, 2);

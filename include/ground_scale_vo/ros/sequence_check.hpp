@@ -15,7 +15,8 @@ class SequenceCheck {
 
   void add(std::uint32_t sequence) {
     error_.clear();
-    if (last_ && sequence == *last_) {
+    repeats_ = last_ && sequence == *last_ ? repeats_ + 1 : 0;
+    if (repeats_ > (sequence == 0 ? 1 : 0)) {  // 0 twice: two restarts, an image between them
       error_ = "sequence is " + std::to_string(sequence) +
                " in two vo/frame in a row: the odometry must increase it with every image, "
                "otherwise its restarts and lost frames are not detected";
@@ -37,6 +38,7 @@ class SequenceCheck {
 
  private:
   std::optional<std::uint32_t> last_;
+  std::uint32_t repeats_ = 0;  ///< of last_
   std::uint64_t missing_ = 0;
   std::string error_;
 };

@@ -127,12 +127,16 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
 
 bool ScaleRecoveryNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
                                    std_srvs::Trigger::Response& response) {
-  processReady(false);
-  reset();
-  pose_origin_.moveToNextPose();
+  startAtNextPose();
   response.success = true;
   response.message = "reset: scale unknown, the next metric pose is zero";
   return true;
+}
+
+void ScaleRecoveryNodelet::startAtNextPose() {
+  processReady(false);
+  reset();
+  pose_origin_.moveToNextPose();
 }
 
 void ScaleRecoveryNodelet::reset() {
@@ -175,6 +179,17 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
       processReady(false);
       synchronizer_->jumpBack(stamp_ns);
       reset();
+      latest_clock_ = ros::Time();
+    }
+    const std::string& camera_frame = accepted.message.header.frame_id;
+    if (!camera_frame.empty()) {
+      if (!camera_frame_.empty() && camera_frame != camera_frame_) {
+        NODELET_WARN_STREAM(getName() << ": scale and odometry are reset: the camera frame of "
+                                      << frame_subscriber_.getTopic() << " changed from \""
+                                      << camera_frame_ << "\" to \"" << camera_frame << "\"");
+        startAtNextPose();
+      }
+      camera_frame_ = camera_frame;
     }
     synchronizer_->addFrame(stamp_ns, std::move(accepted.message), Synchronizer::Clock::now());
   }
@@ -226,21 +241,20 @@ Eigen::Isometry3d ScaleRecoveryNodelet::lookUpMounting(const std_msgs::Header& h
 
 const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Header& header) {
   const std::string& camera_frame = header.frame_id;
-  const bool is_same_camera = odometry_frames_ && odometry_frames_camera_ == camera_frame;
-  if (is_same_camera && (!params_.moving_mount || mounting_stamp_ == header.stamp)) {
-    return &*odometry_frames_;
-  }
   if (camera_frame.empty()) {
     mounting_error_ = "the frame_id of the images is empty: no metric pose is published";
     warn("no frame_id", mounting_error_);
     return nullptr;
+  }
+  if (odometry_frames_ && (!params_.moving_mount || mounting_stamp_ == header.stamp)) {
+    return &*odometry_frames_;
   }
   if (params_.base_frame.empty() || params_.base_frame == camera_frame) {
     odometry_frames_ = OdometryFrames::ofCamera(params_.odom_frame, camera_frame);
   } else {
     try {
       const Eigen::Isometry3d T_b_c = lookUpMounting(header);
-      if (is_same_camera) {
+      if (odometry_frames_) {
         odometry_frames_->moveMounting(T_b_c, secondsBetween(mounting_stamp_, header.stamp));
       } else {
         odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
@@ -256,17 +270,16 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
       return nullptr;
     }
   }
-  odometry_frames_camera_ = camera_frame;
   mounting_stamp_ = header.stamp;
   return &*odometry_frames_;
 }
 
 void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output) {
   mounting_warning_.clear();
-  const bool is_base = odometry_frames_->base_frame != odometry_frames_camera_;
+  const bool is_base = odometry_frames_->base_frame != camera_frame_;
   if (!is_base || params_.moving_mount) return;
   mounting_warning_ =
-      mountingContradiction(odometry_frames_->base_frame, odometry_frames_camera_,
+      mountingContradiction(odometry_frames_->base_frame, camera_frame_,
                             odometry_frames_->T_c_b.linear() * Eigen::Vector3d::UnitZ(), output);
   if (mounting_warning_.empty() || std::exchange(has_warned_of_mounting_, true)) return;
   NODELET_WARN_STREAM(getName() << ": " << mounting_warning_);
@@ -302,7 +315,7 @@ void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const OdometryFra
   if (const std::string error = otherParentError(); !error.empty()) {
     const std::string sentence = other_warnings_.count("tf", error);
     if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
-  } else if (tf_broadcaster_) {
+  } else if (tf_broadcaster_ && !clockIsBack()) {
     tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
   }
 
@@ -310,6 +323,13 @@ void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const OdometryFra
   stamped.header = odometry->header;
   stamped.pose = odometry->pose.pose;
   if (path_->add(stamped) && path_publisher_.getNumSubscribers() > 0) publishPath();
+}
+
+bool ScaleRecoveryNodelet::clockIsBack() {
+  if (!ros::Time::isSimTime()) return false;
+  const ros::Time now = ros::Time::now();
+  latest_clock_ = std::max(latest_clock_, now);
+  return secondsBetween(now, latest_clock_) > params_.clock_jump_s;
 }
 
 void ScaleRecoveryNodelet::publishPath() {

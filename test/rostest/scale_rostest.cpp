@@ -252,27 +252,39 @@ TEST_F(Scale, AnEmptyFrameIdIsAnErrorOfItsFrameOnly) {
 }
 
 // `alone` publishes the pose of the camera.
-TEST_F(Scale, ImagesOfAnotherFrameIdHaveAnotherChildFrame) {
+TEST_F(Scale, AnotherCameraFrameResets) {
   publishMounting();
   TopicRecorder<nav_msgs::Odometry> alone(handle_, "alone/odometry");
   ASSERT_TRUE(waitUntil([&] { return alone.connected(); }));
   FlatRoad road(2600);
   playUntilOdometry(road);
+  play(road, kFrames);
   ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
+  ASSERT_TRUE(odometry_.waitForStamp(road.lastStamp()));
   EXPECT_EQ(alone.messages().back()->child_frame_id, "camera");
-  for (int i = 0; i < 10; ++i) {
+  for (auto* recorder : {&alone, &odometry_}) recorder->clear();
+  scales_.clear();
+  for (int i = 0; i < kFrames; ++i) {
     const VoFrameMsg::Ptr frame = road.next();
     frame->header.frame_id = "camera2";
     frames_.publish(frame);
   }
-  ASSERT_TRUE(alone.waitForStamp(road.lastStamp()));
-  EXPECT_EQ(alone.messages().back()->child_frame_id, "camera2");
-  // The other mounting is no motion of the base.
-  ASSERT_TRUE(odometry_.waitForStamp(road.lastStamp()));
-  const geometry_msgs::Vector3& velocity = odometry_.messages().back()->twist.twist.linear;
-  EXPECT_NEAR(velocity.x, kCameraHeight * kStep / kPeriod, 0.2);
-  EXPECT_NEAR(velocity.y, 0, 0.1);
-  EXPECT_NEAR(velocity.z, 0, 0.1);
+  ASSERT_TRUE(scales_.waitForStamp(road.lastStamp()));
+  EXPECT_EQ(scales_.messages().front()->status, ScaleEstimateMsg::UNKNOWN);
+  const double speed = kCameraHeight * kStep / kPeriod;
+  for (auto* recorder : {&alone, &odometry_}) {
+    const bool is_base = recorder == &odometry_;
+    ASSERT_TRUE(recorder->waitForStamp(road.lastStamp()));
+    const auto& first = *recorder->messages().front();
+    const auto& last = *recorder->messages().back();
+    EXPECT_EQ(first.child_frame_id, is_base ? "base_link" : "camera2");
+    const auto& origin = first.pose.pose.position;
+    EXPECT_NEAR(std::hypot(origin.x, origin.y, origin.z), 0, 1e-12);
+    const double metres = speed * (last.header.stamp - first.header.stamp).toSec();
+    EXPECT_GT(metres, 10);
+    EXPECT_NEAR(last.pose.pose.position.x, metres, 0.02 * metres);
+    EXPECT_NEAR(is_base ? last.twist.twist.linear.x : last.twist.twist.linear.z, speed, 0.2);
+  }
 }
 
 TEST_F(Scale, ALeadingSlashOfFrameIdIsRemoved) {

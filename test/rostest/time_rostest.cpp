@@ -11,6 +11,7 @@
 #include <tf2_ros/transform_listener.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <limits>
 #include <string>
@@ -187,6 +188,37 @@ TEST_F(Time, ALateClockAndEachLoopOfABagGiveTheSameResults) {
     EXPECT_EQ(buffer.lookupTransform("odom", "camera", last.header.stamp).transform,
               toTransformMsg(last).transform);
   }
+}
+
+// Frames that are late when the clock jumps back would be in the future of the new pass: tf2 would
+// then ignore the transforms of all of it.
+TEST_F(Time, LateFramesOfTheLastPassAreNotOnTf) {
+  constexpr std::size_t kBefore = 40;
+  constexpr std::int64_t start = kStart + 40000 * kSecond;
+  clear();
+  setClock(start);
+  publish(0, start);
+  for (std::size_t i = 1; i < kBefore; ++i) {
+    ASSERT_TRUE(publishAndWait(i, start + stamps_ns_[i])) << i;
+  }
+  // The clock of bags may jump a little; not a loop.
+  setClock(start - kSecond / 2);
+  ASSERT_TRUE(publishAndWait(kBefore, start + stamps_ns_[kBefore]));
+  const ros::Time last_on_tf = fromNanoseconds(start + stamps_ns_[kBefore]);
+
+  constexpr std::int64_t again = start - 100 * kSecond;
+  setClock(again);
+  for (std::size_t i = kBefore + 1; i < kFrames; ++i) {
+    ASSERT_TRUE(publishAndWait(i, start + stamps_ns_[i])) << i;
+  }
+  ASSERT_TRUE(odometry_.waitForStamp(fromNanoseconds(start + stamps_ns_.back())));
+  ASSERT_NO_FATAL_FAILURE(play(again, true));
+
+  ros::Time latest;
+  for (const auto& message : tf_.messages()) {
+    latest = std::max(latest, message->transforms.at(0).header.stamp);
+  }
+  EXPECT_EQ(latest, last_on_tf);
 }
 
 // Both nodelets drop and count such a message, and one with a repeated, an earlier or no stamp;

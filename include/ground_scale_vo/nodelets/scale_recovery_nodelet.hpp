@@ -66,6 +66,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
                const sensor_msgs::ImageConstPtr& image);
   /// The rectified image of the frame; empty if there is none or it cannot be used.
   cv::Mat rectifiedImage(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
+  /// Processes the waiting frames, then resets; the first metric pose is zero.
+  void startAtNextPose();
   void reset();
   /// The frames to publish the motion of this camera in; null while tf lacks its mounting or its
   /// frame_id is empty.
@@ -78,6 +80,9 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
                const cv::Mat& mask, const std_msgs::Header& header);
   void publishPose(const MetricPose& pose, const OdometryFrames& frames, const ros::Time& stamp);
+  /// /clock has jumped back, the stamps of the frames have not yet: they are of the previous pass
+  /// of a looped bag. On tf they would be in the future, and tf2 would then ignore the new pass.
+  bool clockIsBack();
   void publishPath();
   void publishGround(const ScaleRecovery::Output& output, const std_msgs::Header& header);
 
@@ -107,6 +112,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<StampFilter<ReceivedFrame>> stamp_filter_;
   MapNumbering map_numbering_;
   SequenceCheck sequence_check_;
+  std::string camera_frame_;  ///< frame_id of the last frame that has one
 
   // Scale recovery.
   std::unique_ptr<ScaleRecovery> recovery_;
@@ -117,9 +123,9 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::unique_ptr<tf2_ros::TransformBroadcaster> tf_broadcaster_;
   std::vector<ros::Subscriber> tf_subscribers_;
   FrameParents frame_parents_;
+  ros::Time latest_clock_;  ///< since the last backward jump of the frames
   std::optional<OdometryFrames> odometry_frames_;
-  std::string odometry_frames_camera_;  ///< the camera frame they belong to
-  ros::Time mounting_stamp_;            ///< of the image that odometry_frames_ is from
+  ros::Time mounting_stamp_;      ///< of the image that odometry_frames_ is from
   std::string mounting_error_;    ///< why odometryFrames() was null for the last frame; else empty
   std::string mounting_warning_;  ///< mountingContradiction() of the last frame with a pose
   bool has_warned_of_mounting_ = false;

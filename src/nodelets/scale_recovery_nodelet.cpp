@@ -315,7 +315,7 @@ void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const OdometryFra
   if (const std::string error = otherParentError(); !error.empty()) {
     const std::string sentence = other_warnings_.count("tf", error);
     if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
-  } else if (tf_broadcaster_ && !clockIsBack()) {
+  } else if (tf_broadcaster_ && !isOfLastPass(stamp)) {
     tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
   }
 
@@ -325,11 +325,13 @@ void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const OdometryFra
   if (path_->add(stamped) && path_publisher_.getNumSubscribers() > 0) publishPath();
 }
 
-bool ScaleRecoveryNodelet::clockIsBack() {
+bool ScaleRecoveryNodelet::isOfLastPass(const ros::Time& stamp) {
   if (!ros::Time::isSimTime()) return false;
   const ros::Time now = ros::Time::now();
   latest_clock_ = std::max(latest_clock_, now);
-  return secondsBetween(now, latest_clock_) > params_.clock_jump_s;
+  // Not by the stamp alone: those of a bag may always be ahead of its clock.
+  return secondsBetween(now, latest_clock_) > params_.clock_jump_s &&
+         secondsBetween(now, stamp) > params_.clock_jump_s;
 }
 
 void ScaleRecoveryNodelet::publishPath() {

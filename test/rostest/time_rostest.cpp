@@ -221,6 +221,30 @@ TEST_F(Time, LateFramesOfTheLastPassAreNotOnTf) {
   EXPECT_EQ(latest, last_on_tf);
 }
 
+// The clock of the new pass comes after its first images; and stamps that are always ahead of it.
+TEST_F(Time, TheNewPassIsOnTf) {
+  constexpr std::size_t kLate = 20;  // images before the clock jumps
+  for (const std::int64_t ahead : {10 * kSecond, std::int64_t{0}}) {
+    constexpr std::int64_t start = kStart + 30000 * kSecond;
+    for (const std::int64_t pass_start : {start, start - 100 * kSecond}) {
+      const bool is_late = ahead == 0 && pass_start != start;
+      clear();
+      for (std::size_t i = 0; i < kFrames; ++i) {
+        if (!is_late || i >= kLate) setClock(pass_start + stamps_ns_[i] - ahead);
+        if (i == 0) {
+          publish(i, pass_start);
+        } else {
+          ASSERT_TRUE(publishAndWait(i, pass_start + stamps_ns_[i])) << i;
+        }
+      }
+      ASSERT_TRUE(odometry_.waitForStamp(fromNanoseconds(pass_start + stamps_ns_.back())));
+      const std::size_t poses = odometry_.messages().size();
+      EXPECT_GT(poses, kFrames / 2);
+      EXPECT_TRUE(tf_.wait([&](const auto& messages) { return messages.size() == poses; }));
+    }
+  }
+}
+
 // Both nodelets drop and count such a message, and one with a repeated, an earlier or no stamp;
 // nothing is reset.
 TEST_F(Time, InvalidStampsAreDroppedAndCounted) {

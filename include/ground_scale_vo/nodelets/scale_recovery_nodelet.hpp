@@ -80,9 +80,9 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
                const cv::Mat& mask, const std_msgs::Header& header);
   void publishPose(const MetricPose& pose, const OdometryFrames& frames, const ros::Time& stamp);
-  /// /clock has jumped back, the stamps of the frames have not yet: they are of the previous pass
-  /// of a looped bag. On tf they would be in the future, and tf2 would then ignore the new pass.
-  bool clockIsBack();
+  /// /clock has jumped back, as in a looped bag, but the stamps of the frames have not yet. On tf
+  /// such a frame would be in the future, and tf2 would then ignore the new pass.
+  bool isOfLastPass(const ros::Time& stamp);
   void publishPath();
   void publishGround(const ScaleRecovery::Output& output, const std_msgs::Header& header);
 

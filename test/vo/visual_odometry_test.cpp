@@ -425,6 +425,29 @@ TEST(VisualOdometry, initialisesAfterAStandstillAtTheStart) {
   }
 }
 
+// A slow start: several images before the parallax suffices.
+TEST(VisualOdometry, theFramesBeforeTheFirstMapHaveTheirPoses) {
+  SyntheticDrive::Options options = straightDrive(30);
+  options.speed = 1;
+  const SyntheticDrive ground_truth(options);
+  VisualOdometry odometry(ground_truth.camera(), {});
+  std::vector<VisualOdometry::StartPose> start;
+  for (std::size_t i = 0; i < ground_truth.size() && start.empty(); ++i) {
+    start = odometry.process(ground_truth.image(i), ground_truth.frame(i).stamp_ns).start;
+  }
+  ASSERT_GE(start.size(), 5u);
+  const auto truth = [&](std::size_t i) { return ground_truth.frame(i).T_c0_c; };
+  const double metres = truth(start.size() - 1).translation().norm();
+  const double scale = metres / start.back().T_w_c.translation().norm();
+  for (std::size_t i = 0; i < start.size(); ++i) {
+    EXPECT_EQ(start[i].sequence, i);
+    EXPECT_EQ(start[i].stamp_ns, ground_truth.frame(i).stamp_ns);
+    const Eigen::Vector3d position = scale * start[i].T_w_c.translation();
+    EXPECT_LT((position - truth(i).translation()).norm(), 0.05 * metres) << i;
+    EXPECT_LT(angleBetween(start[i].T_w_c, truth(i)), 0.005) << i;
+  }
+}
+
 // A dark image is no reason to begin anew.
 TEST(VisualOdometry, blackImagesDoNotEndAnInitialisation) {
   const SyntheticDrive ground_truth(smallDrive(20));

@@ -194,8 +194,10 @@ TEST(SequenceCheck, CountsMissingFramesAndReportsNumbersThatCountNothing) {
   check.add(kMost);
   EXPECT_EQ(check.error(),
             "sequence of vo/frame jumps from 0 to 4294967295: it must count the images");
-  check.add(kMost);
-  EXPECT_NE(check.error().find("sequence is 4294967295 in two vo"), std::string::npos);
+  for (int i = 0; i < 3; ++i) {
+    check.add(kMost);
+    EXPECT_NE(check.error().find("sequence is 4294967295 in two vo"), std::string::npos) << i;
+  }
   check.add(0);
   EXPECT_EQ(check.error(), "") << "the next number is valid";
   check.add(0);

@@ -84,6 +84,14 @@ class Time : public testing::Test {
         cv_bridge::CvImage(header(stamp_ns), sensor_msgs::image_encodings::MONO8, grey_images_[i])
             .toImageMsg());
   }
+  /// The first images from start_ns on. The first one is held until the next one confirms its
+  /// stamp.
+  void playFirst(std::size_t count, std::int64_t start_ns) {
+    publish(0, start_ns);
+    for (std::size_t i = 1; i < count; ++i) {
+      ASSERT_TRUE(publishAndWait(i, start_ns + stamps_ns_[i])) << i;
+    }
+  }
   /// All images from start_ns on. with_clock: publishes /clock too.
   void play(std::int64_t start_ns, bool with_clock) {
     for (std::size_t i = 0; i < kFrames; ++i) {
@@ -197,10 +205,7 @@ TEST_F(Time, LateFramesOfTheLastPassAreNotOnTf) {
   constexpr std::int64_t start = kStart + 40000 * kSecond;
   clear();
   setClock(start);
-  publish(0, start);
-  for (std::size_t i = 1; i < kBefore; ++i) {
-    ASSERT_TRUE(publishAndWait(i, start + stamps_ns_[i])) << i;
-  }
+  ASSERT_NO_FATAL_FAILURE(playFirst(kBefore, start));
   // The clock of bags may jump a little; not a loop.
   setClock(start - kSecond / 2);
   ASSERT_TRUE(publishAndWait(kBefore, start + stamps_ns_[kBefore]));
@@ -294,10 +299,7 @@ TEST_F(Time, ASingleWrongStampCostsOneImage) {
   constexpr std::size_t kBefore = 20;
   constexpr std::int64_t start = kStart + 20000 * kSecond;
   clear();
-  publish(0, start);
-  for (std::size_t i = 1; i < kBefore; ++i) {
-    ASSERT_TRUE(publishAndWait(i, start + stamps_ns_[i])) << i;
-  }
+  ASSERT_NO_FATAL_FAILURE(playFirst(kBefore, start));
   const std::uint32_t map_id = scales_.messages().back()->map_id;
   std::size_t i = kBefore;
   for (const std::int64_t error_s : {2, 30, 3000, -5}) {
@@ -330,10 +332,7 @@ TEST_F(Time, APauseOfHoursIsBridged) {
   constexpr std::int64_t start = kStart - 500 * kSecond;
   constexpr std::int64_t kPause = 7200 * kSecond;
   clear();
-  publish(0, start);
-  for (std::size_t i = 1; i < kBefore; ++i) {
-    ASSERT_TRUE(publishAndWait(i, start + stamps_ns_[i])) << i;
-  }
+  ASSERT_NO_FATAL_FAILURE(playFirst(kBefore, start));
   publish(kBefore, start + kPause + stamps_ns_[kBefore]);
   for (std::size_t i = kBefore + 1; i < kFrames; ++i) {
     ASSERT_TRUE(publishAndWait(i, start + kPause + stamps_ns_[i])) << i;

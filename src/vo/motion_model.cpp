@@ -53,12 +53,4 @@ void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) 
   stamp_ns_ = stamp_ns;
 }
 
-void MotionModel::reset(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
-  T_w_c_ = T_w_c;
-  stamp_ns_ = stamp_ns;
-  velocity_.setZero();
-  long_velocity_.setZero();
-  velocity_dt_ = long_dt_ = 0;
-}
-
 }  // namespace ground_scale_vo

@@ -17,6 +17,11 @@ inline double maxDeviation(double predicted_distance, double median_depth) {
 /// The pose of the last tracked frame and the constant-velocity prediction of the next one.
 class MotionModel {
  public:
+  MotionModel() = default;
+  /// Starts at a pose, without a velocity.
+  MotionModel(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns)
+      : T_w_c_(T_w_c), stamp_ns_(stamp_ns) {}
+
   const Eigen::Isometry3d& T_w_c() const { return T_w_c_; }
 
   /// Pose at constant velocity; after a long interruption the prediction stops.
@@ -34,8 +39,6 @@ class MotionModel {
   /// Moves the last pose by a correction of the map in the axes of w (Mapping::takeAdjustedMap());
   /// the velocity is unchanged.
   void correct(const Eigen::Isometry3d& correction) { T_w_c_ = correction * T_w_c_; }
-
-  void reset(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
 
  private:
   Eigen::Isometry3d T_w_c_ = Eigen::Isometry3d::Identity();

@@ -158,7 +158,7 @@ struct VisualOdometry::Impl {
     }
     status = VoStatus::kTracking;
     const StartPose& before = poses->end()[-2];
-    motion.reset(before.T_w_c, before.stamp_ns);
+    motion = MotionModel(before.T_w_c, before.stamp_ns);
     motion.update(poses->back().T_w_c, stamp_ns);
     map_start = {poses->front().stamp_ns, rotation_to_start.R_first_last(),
                  rotation_to_start.sigma()};
@@ -248,7 +248,6 @@ struct VisualOdometry::Impl {
     const auto result = relocalisation.locate(mapping.map(), motion, tracking.features(), previous,
                                               corners, stamp_ns);
     if (!result) return false;
-    out->rejected.clear();
     *found = findFeatures(image, stamp_ns, result, out);
     return estimatePose(stamp_ns, result->T_w_c, found, out);
   }
@@ -257,7 +256,6 @@ struct VisualOdometry::Impl {
   /// interruption are wrong, so the pose is estimated from those that are consistent with it.
   bool trackFrom(const PoseSearch::Result& searched, const ImagePyramid& image,
                  std::int64_t stamp_ns, std::vector<Feature>* found, Output* out) {
-    out->rejected.clear();
     *found = findFeatures(image, stamp_ns,
                           Relocalisation::Result{searched.T_w_c, searched.features}, out);
     removeInconsistent(searched.T_w_c, found, &out->rejected);
@@ -294,6 +292,7 @@ struct VisualOdometry::Impl {
     const auto predict = [&] {
       return relocalised ? relocalised->T_w_c : motion.predict(stamp_ns);
     };
+    out->rejected.clear();  // by an attempt from another predicted pose
     std::vector<Feature> found;
     {
       ScopedTimer timer(&out->times.track);

@@ -14,11 +14,13 @@ namespace ground_scale_vo::test {
 constexpr double kWallDistance = 20;  // from the camera v [VO units]
 
 /// Image of a wall with a random texture, orthogonal to the z axis of v at z = kWallDistance.
+/// repetitions: of the texture over the width of the wall, which is 150 VO units.
 inline cv::Mat wallFrom(const PinholeCamera& camera, const Eigen::Isometry3d& T_v_c,
-                        std::uint64_t seed = 1) {
+                        std::uint64_t seed = 1, int repetitions = 1) {
   constexpr double kScale = 20;  // [px of the texture per VO unit]
-  cv::Mat texture(1200, 3000, CV_8UC1), image;
-  cv::RNG(seed).fill(texture, cv::RNG::UNIFORM, 0, 256);
+  cv::Mat piece(1200, 3000 / repetitions, CV_8UC1), texture, image;
+  cv::RNG(seed).fill(piece, cv::RNG::UNIFORM, 0, 256);
+  cv::repeat(piece, 1, repetitions, texture);
   cv::GaussianBlur(texture, texture, {0, 0}, 4);
   cv::normalize(texture, texture, 0, 255, cv::NORM_MINMAX);
   const Eigen::Vector3d& t = T_v_c.translation();
@@ -48,8 +50,7 @@ const Eigen::Vector3d kStep(0, 0, 0.15);                    // in each period be
 
 /// Reaches T_w_v with this step [VO units per period], at the stamp kPeriod.
 inline MotionModel motionTo(const Eigen::Isometry3d& T_w_v, const Eigen::Vector3d& step = kStep) {
-  MotionModel motion;
-  motion.reset(T_w_v * pose({0, 0, 0}, -step), 0);
+  MotionModel motion(T_w_v * pose({0, 0, 0}, -step), 0);
   motion.update(T_w_v, kPeriod);
   return motion;
 }

@@ -28,8 +28,7 @@ Eigen::Isometry3d poseAt(int i) {
 }
 
 MotionModel drivenUntil(int i) {
-  MotionModel motion;
-  motion.reset(poseAt(0), 0);
+  MotionModel motion(poseAt(0), 0);
   for (int k = 1; k <= i; ++k) motion.update(poseAt(k), k * kFramePeriod);
   return motion;
 }
@@ -58,8 +57,7 @@ TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
 
 // Images 0 and 1, 2 and 3, and so on have nearly the same stamp.
 TEST(MotionModel, ExtrapolatesTheVelocityOfImagesInPairs) {
-  MotionModel motion;
-  motion.reset(poseAt(0), 0);
+  MotionModel motion(poseAt(0), 0);
   for (int k = 1; k <= 6; ++k) {
     const std::int64_t stamp_ns = k % 2 == 1 ? (k - 1) * kFramePeriod + 1000 : k * kFramePeriod;
     motion.update(poseAt(k), stamp_ns);
@@ -70,19 +68,20 @@ TEST(MotionModel, ExtrapolatesTheVelocityOfImagesInPairs) {
     EXPECT_LT(angleBetween(motion.extrapolate(later_ns), expected), 0.01);
     EXPECT_NEAR(motion.stepsSince(later_ns), 5, 0.01);
   }
-  motion.reset(poseAt(0), 0);
-  expectPose(motion.extrapolate(kFramePeriod), poseAt(0));
 }
 
-TEST(MotionModel, ACorrectionKeepsTheVelocityAndAResetDoesNot) {
+TEST(MotionModel, StartsWithoutAVelocity) {
+  const MotionModel motion(poseAt(0), 10 * kFramePeriod);
+  expectPose(motion.predict(11 * kFramePeriod), poseAt(0));
+  expectPose(motion.extrapolate(11 * kFramePeriod), poseAt(0));
+  EXPECT_EQ(motion.stepsSince(11 * kFramePeriod), 0);
+}
+
+TEST(MotionModel, ACorrectionKeepsTheVelocity) {
   MotionModel motion = drivenUntil(2);
   const Eigen::Isometry3d correction = pose({0.1, 0.2, 0.3}, {1, -2, 3});
   motion.correct(correction);
   expectPose(motion.predict(3 * kFramePeriod), correction * poseAt(3));
-  motion.reset(poseAt(0), 10 * kFramePeriod);
-  expectPose(motion.predict(11 * kFramePeriod), poseAt(0));
-  expectPose(motion.extrapolate(11 * kFramePeriod), poseAt(0));
-  EXPECT_EQ(motion.stepsSince(11 * kFramePeriod), 0);
 }
 
 TEST(RotationChain, IsTheProductOfItsRotations) {

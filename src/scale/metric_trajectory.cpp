@@ -127,12 +127,14 @@ bool MetricTrajectory::countsFromStart(const VoFrame& frame) const {
   return !map_ && initialising_map_id_ == frame.map_id;
 }
 
-/// The map that starts with this frame. The rotation since the last metric pose is the product of
-/// those of all maps in between, which had no scale.
+/// The map that starts with this frame, or continues with it after it was left or has lost its
+/// scale. The rotation since the last metric pose is the product of those of all maps in between,
+/// which had no scale.
 MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
   const MapStart& start = frame.map_start;
   const bool is_first = !map_.has_value();
-  const bool from_start = !has_left_map_ && countsFromStart(frame);
+  const bool continues = !is_first && map_->id == frame.map_id;
+  const bool from_start = !continues && countsFromStart(frame);
   const bool has_start = from_start && start.stamp_ns != 0;
   Map map;
   map.id = frame.map_id;

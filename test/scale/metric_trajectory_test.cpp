@@ -156,17 +156,19 @@ TEST(MetricTrajectory, FirstMapHasTheAxesOfTheFirstImage) {
 }
 
 // The motion since the map's first frame is part of the trajectory already.
-TEST(MetricTrajectory, AMapThatWasLeftCountsFromTheNextFrame) {
-  MetricTrajectory trajectory({});
-  std::optional<MetricPose> pose;
-  for (int i = 1; i <= 21; ++i) {
-    if (i == 21) trajectory.leaveMap();
-    VoFrame frame = frameAt(i, straight(i < 21 ? i - 1 : 1000));
-    frame.map_start.stamp_ns = frameAt(1, {}).stamp_ns;
-    pose = trajectory.append(frame, scaleOf(1));
+TEST(MetricTrajectory, AMapThatWasLeftOrHasLostItsScaleCountsFromThatFrame) {
+  for (const bool loses_scale : {false, true}) {
+    MetricTrajectory trajectory({});
+    std::optional<MetricPose> pose;
+    for (int i = 1; i <= 22; ++i) {
+      if (i == 21 && !loses_scale) trajectory.leaveMap();
+      VoFrame frame = frameAt(i, straight(i < 21 ? i - 1 : 1000 + i));
+      frame.map_start.stamp_ns = frameAt(1, {}).stamp_ns;
+      pose = trajectory.append(frame, i == 21 && loses_scale ? ScaleEstimate() : scaleOf(1));
+    }
+    EXPECT_NEAR(pose->T_o_c.translation().z(), 21, 1e-9);  // one of the metres bridges the gap
+    EXPECT_NEAR(pose->distance, 21, 1e-9);
   }
-  EXPECT_NEAR(pose->T_o_c.translation().z(), 20, 1e-9);  // the last metre bridges the gap
-  EXPECT_NEAR(pose->distance, 20, 1e-9);
 }
 
 TEST(MetricTrajectory, ResetInMidMapStartsAtTheNextFrame) {

@@ -393,6 +393,26 @@ TEST(ScaleRecovery, AfterALastingJumpOfThePoseANewMapStarts) {
   EXPECT_LT(output.pose->T_o_c.translation().norm(), kTrueScale * 0.4 * 80);
 }
 
+// The moving average has a scale in the new map's first frame, too.
+TEST(ScaleRecovery, AfterALastingJumpTheMapIsLeftAlthoughTheScaleIsKnown) {
+  const RoadScene scene = pitchedRoad();
+  ScaleRecovery::Options options = recoveryOptions();
+  options.filter.moving_average_frames = 3;
+  ScaleRecovery recovery(options);
+  ScaleRecovery::Output output;
+  int unknown = 0;
+  for (std::uint32_t i = 0; i < 50; ++i) {
+    VoFrame frame = scene.frame(i);
+    if (i >= 40) frame.T_w_c.translation().x() += 1000;
+    output = recovery.process(frame);
+    unknown += i >= 40 && output.scale.status == ScaleStatus::kUnknown;
+  }
+  EXPECT_EQ(unknown, 0);
+  ASSERT_TRUE(output.pose);
+  EXPECT_NEAR(output.pose->distance, kTrueScale * 0.4 * 49, 0.03 * kTrueScale * 0.4 * 49);
+  EXPECT_LT(output.pose->T_o_c.translation().norm(), kTrueScale * 0.4 * 50);
+}
+
 TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   const RoadScene scene = pitchedRoad();
   RoadScene other = pitchedRoad();  // the same road in another VO unit

@@ -114,7 +114,8 @@ class MetricTrajectory {
   /// frame is the camera at that frame.
   bool countsFromStart(const VoFrame& frame) const;
 
-  /// The next tracked frame starts a new map although its map_id is the same.
+  /// The next tracked frame starts a new map although its map_id is the same. Not needed when the
+  /// scale of that frame is unknown again.
   void leaveMap() { has_left_map_ = true; }
 
   /// Back to the state after construction: the next frame is the origin, also in mid-map.

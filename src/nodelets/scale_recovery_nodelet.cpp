@@ -181,19 +181,21 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
       reset();
       latest_clock_ = ros::Time();
     }
-    const std::string& camera_frame = accepted.message.header.frame_id;
-    if (!camera_frame.empty()) {
-      if (!camera_frame_.empty() && camera_frame != camera_frame_) {
-        NODELET_WARN_STREAM(getName() << ": scale and odometry are reset: the camera frame of "
-                                      << frame_subscriber_.getTopic() << " changed from \""
-                                      << camera_frame_ << "\" to \"" << camera_frame << "\"");
-        startAtNextPose();
-      }
-      camera_frame_ = camera_frame;
-    }
+    resetForAnotherCamera(accepted.message.header.frame_id);
     synchronizer_->addFrame(stamp_ns, std::move(accepted.message), Synchronizer::Clock::now());
   }
   processReady();
+}
+
+void ScaleRecoveryNodelet::resetForAnotherCamera(const std::string& camera_frame) {
+  if (camera_frame.empty()) return;
+  if (!camera_frame_.empty() && camera_frame != camera_frame_) {
+    NODELET_WARN_STREAM(getName() << ": scale and odometry are reset: the camera frame of "
+                                  << frame_subscriber_.getTopic() << " changed from \""
+                                  << camera_frame_ << "\" to \"" << camera_frame << "\"");
+    startAtNextPose();
+  }
+  camera_frame_ = camera_frame;
 }
 
 void ScaleRecoveryNodelet::processReady(bool may_wait) {

@@ -69,6 +69,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   /// Processes the waiting frames, then resets; the first metric pose is zero.
   void startAtNextPose();
   void reset();
+  /// Starts at the next pose if the frame has another frame_id than the last one that has one.
+  void resetForAnotherCamera(const std::string& camera_frame);
   /// The frames to publish the motion of this camera in; null while tf lacks its mounting or its
   /// frame_id is empty.
   const OdometryFrames* odometryFrames(const std_msgs::Header& header);

@@ -383,6 +383,7 @@ TEST_F(Graph, ThePathHasItsSpacingAndItsLength) {
   pair.setParam("scale_recovery", "path_spacing_m", 3.0);
   TopicRecorder<nav_msgs::Path> path(handle_, "/path/path");
   ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(waitUntil([&] { return path.connected(); }));
   ASSERT_TRUE(pair.play(0, drive_->size() - 1));
   ASSERT_TRUE(path.waitForCount(10));
   std::size_t longest = 0;
@@ -670,6 +671,7 @@ TEST_F(Graph, TwoPairsInOneManagerAreIndependent) {
   TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
   ASSERT_TRUE(front.load());
   ASSERT_TRUE(rear.load());
+  ASSERT_TRUE(waitUntil([&] { return tf.connected(); }));
   // Concurrently: both images are published before waiting for the results.
   const std::size_t half = drive_->size() - 10;
   for (std::size_t i = 0; i < half; ++i) {

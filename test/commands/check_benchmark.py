@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Checks that a benchmark.json is complete and consistent. Sets no limits on times."""
 
+import csv
 import json
 import math
 import os
@@ -36,6 +37,11 @@ def check_stages(stages, names):
             assert 0 < stage["mean"] <= stage["max"], name
 
 
+def column(file, name):
+    with file.open() as text:
+        return [row[name] for row in csv.DictReader(text)]
+
+
 def check(folder, frames, rates):
     report = json.loads((folder / "benchmark.json").read_text())
     finite(report)
@@ -59,6 +65,9 @@ def check(folder, frames, rates):
     assert report["two_cores"]["cores"] == min(2, len(os.sched_getaffinity(0)))
     baseline = report["baseline_ms"]
     check_stages(baseline, BASELINE)
+    one_core = folder / "one_core"
+    points = column(one_core / "baseline.csv", "points")
+    assert points == column(one_core / "usage.csv", "features")[1:], "other points than the pipeline's"
     assert baseline["points_median"] > 0
     parts = sum(baseline[name]["mean"] for name in BASELINE[:3])
     assert math.isclose(parts, baseline["total"]["mean"], rel_tol=1e-6)

@@ -104,15 +104,25 @@ class Time : public testing::Test {
     }
     const ros::Time last = fromNanoseconds(start_ns + stamps_ns_.back());
     ASSERT_TRUE(odometry_.waitForStamp(last));
-    ASSERT_TRUE(tf_.wait([&last](const auto& messages) {
-      return !messages.empty() && messages.back()->transforms.at(0).header.stamp == last;
-    }));
+    ASSERT_TRUE(waitForTf(last));
   }
   void setClock(std::int64_t now_ns) {
     rosgraph_msgs::Clock clock;
     clock.clock = fromNanoseconds(now_ns);
     clock_.publish(clock);
     ASSERT_TRUE(waitUntil([&] { return ros::Time::now() == clock.clock; }));
+  }
+  /// The same, and waits until the nodelets have that time, too.
+  void setClockOfNodelets(std::int64_t now_ns) {
+    setClock(now_ns);
+    ASSERT_TRUE(diagnostics_.wait([now_ns](const auto& messages) {
+      return !messages.empty() && messages.back()->header.stamp == fromNanoseconds(now_ns);
+    }));
+  }
+  bool waitForTf(const ros::Time& stamp) {
+    return tf_.wait([&stamp](const auto& messages) {
+      return !messages.empty() && messages.back()->transforms.at(0).header.stamp == stamp;
+    });
   }
   void clear() {
     frames_.clear();
@@ -210,9 +220,10 @@ TEST_F(Time, LateFramesOfTheLastPassAreNotOnTf) {
   setClock(start - kSecond / 2);
   ASSERT_TRUE(publishAndWait(kBefore, start + stamps_ns_[kBefore]));
   const ros::Time last_on_tf = fromNanoseconds(start + stamps_ns_[kBefore]);
+  ASSERT_TRUE(waitForTf(last_on_tf));
 
   constexpr std::int64_t again = start - 100 * kSecond;
-  setClock(again);
+  setClockOfNodelets(again);
   for (std::size_t i = kBefore + 1; i < kFrames; ++i) {
     ASSERT_TRUE(publishAndWait(i, start + stamps_ns_[i])) << i;
   }

@@ -6,6 +6,7 @@
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
 #include <rosbag/bag.h>
+#include <rosbag/view.h>
 #include <sensor_msgs/image_encodings.h>
 #include <sys/wait.h>
 #include <tf2_msgs/TFMessage.h>
@@ -217,7 +218,6 @@ TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
   const fs::path recorded = folder_ / "recorded.bag";
 
   ros::NodeHandle handle;
-  TopicRecorder<ScaleEstimateMsg> scales(handle, "scale");
   TopicRecorder<nav_msgs::Odometry> odometry(handle, "odometry");
   TopicRecorder<nav_msgs::Odometry> ground_truth(handle, "ground_truth/odometry");
   TopicRecorder<nav_msgs::Path> ground_truth_path(handle, "ground_truth/path");
@@ -230,8 +230,10 @@ TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
   ASSERT_GT(roslaunch, 0);
   waitForEnd(roslaunch);
 
-  EXPECT_TRUE(fs::exists(recorded));
-  EXPECT_EQ(scales.messages().size(), kFrames) << "a frame was lost";
+  // The bag is played when it is recorded and the nodelets are connected; this test may be later.
+  rosbag::Bag result(recorded.string());
+  rosbag::View scales(result, rosbag::TypeQuery(ros::message_traits::datatype<ScaleEstimateMsg>()));
+  EXPECT_EQ(scales.size(), kFrames) << "a frame was lost";
   std::map<std::string, std::set<std::string>> parents;
   for (auto* recorder : {&tf, &tf_static}) {
     for (const auto& message : recorder->messages()) {

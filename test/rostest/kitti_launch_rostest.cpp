@@ -230,6 +230,7 @@ TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
   ASSERT_GT(roslaunch, 0);
   waitForEnd(roslaunch);
 
+  ASSERT_TRUE(fs::exists(recorded));
   // The bag is played when it is recorded and the nodelets are connected; this test may be later.
   rosbag::Bag result(recorded.string());
   rosbag::View scales(result, rosbag::TypeQuery(ros::message_traits::datatype<ScaleEstimateMsg>()));

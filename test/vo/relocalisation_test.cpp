@@ -48,6 +48,14 @@ class RelocalisationTest : public testing::Test {
         .locate(map_, motion_, features_, tracking_.describeFeatures(), next, test::kAfterGap);
   }
 
+  void expectToLocate(const Eigen::Isometry3d& T_v_c) const {
+    const auto result = locate(T_v_c);
+    ASSERT_TRUE(result);
+    const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
+    EXPECT_LT(test::angleBetween(found, T_v_c), 0.005);
+    EXPECT_LT((found.translation() - T_v_c.translation()).norm(), 0.2);
+  }
+
   static constexpr double kWrong = 0.09;  // [normalised], 42 px
   const int repetitions_;                 // of the wall's texture
   // The depths in the world are small.
@@ -90,12 +98,7 @@ TEST_F(RelocalisationTest, FindsThePoseAlthoughMostPointsAreWrong) {
     landmark.observations.front().x +=
         kWrong * Eigen::Vector2d(std::cos(direction), std::sin(direction));
   }
-  const Eigen::Isometry3d T_v_c = pose({0, -0.2, 0}, kPredicted);
-  const auto result = locate(T_v_c);
-  ASSERT_TRUE(result);
-  const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
-  EXPECT_LT(test::angleBetween(found, T_v_c), 0.005);
-  EXPECT_LT((found.translation() - T_v_c.translation()).norm(), 0.2);
+  expectToLocate(pose({0, -0.2, 0}, kPredicted));
 }
 
 // Its texture repeats itself every 5 VO units, so it has the same corner in many places.
@@ -105,12 +108,7 @@ class RepetitiveWall : public RelocalisationTest {
 };
 
 TEST_F(RepetitiveWall, IsMatchedNearThePrediction) {
-  const Eigen::Isometry3d T_v_c = pose({0, 0.03, 0}, kPredicted);
-  const auto result = locate(T_v_c);
-  ASSERT_TRUE(result);
-  const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
-  EXPECT_LT(test::angleBetween(found, T_v_c), 0.005);
-  EXPECT_LT((found.translation() - T_v_c.translation()).norm(), 0.2);
+  expectToLocate(pose({0, 0.03, 0}, kPredicted));
 }
 
 TEST_F(RelocalisationTest, LimitsTheDeviationFromTheExtrapolatedPosition) {

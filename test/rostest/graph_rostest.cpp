@@ -16,6 +16,7 @@
 #include <opencv2/core.hpp>
 #include <set>
 
+#include "call_service.hpp"
 #include "drive_test.hpp"
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
@@ -304,7 +305,7 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
 
 bool callReset(const std::string& nodelet) {
   std_srvs::Trigger trigger;
-  return ros::service::call(nodelet + "/reset", trigger) && trigger.response.success;
+  return callService(nodelet + "/reset", trigger) && trigger.response.success;
 }
 
 TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {

@@ -13,6 +13,7 @@
 
 #include <boost/make_shared.hpp>
 
+#include "call_service.hpp"
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
@@ -62,7 +63,7 @@ class Vehicle {
   }
   bool reset() {
     std_srvs::Trigger trigger;
-    return handle_.serviceClient<std_srvs::Trigger>("scale_recovery/reset").call(trigger) &&
+    return callService(handle_.resolveName("scale_recovery/reset"), trigger) &&
            trigger.response.success;
   }
   TopicRecorder<VoFrameMsg>& frames() { return frames_; }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "call_service.hpp"
 #include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
@@ -32,17 +33,17 @@ class ManagerClient {
       service.request.remap_source_args.push_back(from);
       service.request.remap_target_args.push_back(to);
     }
-    return ros::service::call(name_ + "/load_nodelet", service) && service.response.success;
+    return callService(name_ + "/load_nodelet", service) && service.response.success;
   }
   bool unload(const std::string& nodelet) const {
     nodelet::NodeletUnload service;
     service.request.name = nodelet;
-    return ros::service::call(name_ + "/unload_nodelet", service) && service.response.success;
+    return callService(name_ + "/unload_nodelet", service) && service.response.success;
   }
   /// Number of loaded nodelets; empty if the manager does not answer.
   std::optional<std::size_t> loaded() const {
     nodelet::NodeletList service;
-    if (!ros::service::call(name_ + "/list", service)) return std::nullopt;
+    if (!callService(name_ + "/list", service)) return std::nullopt;
     return service.response.nodelets.size();
   }
 

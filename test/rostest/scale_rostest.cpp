@@ -19,6 +19,7 @@
 #include <numeric>
 #include <vector>
 
+#include "call_service.hpp"
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "mounting.hpp"
@@ -140,7 +141,7 @@ class Scale : public testing::Test {
   static bool reset(const std::string& service = "scale_recovery/reset") {
     std_srvs::Trigger trigger;
     return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kTimeout)) &&
-           ros::service::call(service, trigger) && trigger.response.success;
+           callService(service, trigger) && trigger.response.success;
   }
   void play(FlatRoad& road, int frames) {
     for (int i = 0; i < frames; ++i) frames_.publish(road.next());

@@ -11,7 +11,8 @@ CASE = '<testcase name="a"/>'
 # Of a JUnit file.
 KINDS = {
     "passed": f"<testsuite>{CASE}</testsuite>",
-    "failed": f'<testsuite>{CASE}<testcase name="b"><failure/></testcase></testsuite>',
+    "failed": f'<testsuite>{CASE}<testcase name="b" classname="A"><failure message="a.cpp:1&#x0A;not 2"/>'
+              '</testcase></testsuite>',
     "error": f'<testsuite>{CASE}<testcase name="b"><error/></testcase></testsuite>',
     "skipped": '<testsuite><testcase name="b"><skipped/></testcase>'
                '<testcase name="c" status="notrun"/></testsuite>',
@@ -57,12 +58,16 @@ fi
 {results}exit {status}""")
 
 
-def last_line(tree, *arguments, status):
-    """Of scripts/test, which ends with this status."""
+def lines(tree, *arguments, status):
+    """Printed by scripts/test, which ends with this status."""
     done = run(tree / "scripts/test", *arguments, check=False,
                env={**os.environ, "GROUND_SCALE_VO_BUILD": str(tree / "build")})
     assert done.returncode == status, done.stdout + done.stderr
-    return done.stdout.splitlines()[-1]
+    return done.stdout.splitlines()
+
+
+def last_line(tree, *arguments, status):
+    return lines(tree, *arguments, status=status)[-1]
 
 
 def test_all_parts_are_counted(tree):
@@ -79,16 +84,40 @@ def test_long_tests_are_counted(tree):
 
 
 def test_long_tests_are_left_out_when_time_is_short(tree):
-    done = run(tree / "scripts/test", "unit", "rostest", "--long", "--minutes", 30,
-               env={**os.environ, "GROUND_SCALE_VO_BUILD": str(tree / "build")}).stdout.splitlines()
-    assert done[-2:] == ["left out, would take longer than --minutes 30: drive of one hour",
-                         "5 passed, 0 failed, 0 skipped"]
+    printed = lines(tree, "unit", "rostest", "--long", "--minutes", 30, status=0)
+    assert printed[-2:] == ["left out, would take longer than --minutes 30: drive of one hour",
+                            "5 passed, 0 failed, 0 skipped"]
 
 
 def test_failures_of_each_part_are_counted(tree):
     """Also those of the unit tests, which run in the background."""
     ctest(tree, "failed", status=8)
     assert last_line(tree, "unit", "rostest", status=1) == "2 passed, 2 failed, 0 skipped"
+
+
+def test_failures_are_named_at_the_end(tree):
+    """With the messages of their results."""
+    ctest(tree, "failed", "truncated", status=8)
+    write_program(tree / "bin/pre-commit", "echo a b....Failed; exit 1")
+    command_tests(tree, "def test_a(): assert 1 == 2")
+    failures = lines(tree, status=1)[-12:-1]
+    truncated = "is no JUnit file: no element found: line 2, column 0"
+    folder = tree / "build/test_results/ground_scale_vo"
+    assert sorted(failures) == sorted([
+        "failed: A.b", "    a.cpp:1", "    not 2", f"failed: {folder}/gtest-truncated.xml {truncated}",
+        "failed: A.b", "    a.cpp:1", "    not 2", f"failed: {folder}/rosunit-truncated.xml {truncated}",
+        "failed: test_x.test_a", "    assert 1 == 2", "failed: hook a b"])
+
+
+def test_what_has_no_failed_case_is_named_at_the_end(tree):
+    ctest(tree, "passed", status=8)
+    write_program(tree / "bin/pre-commit", "exit 1")
+    (tree / "test/commands/conftest.py").write_text("def pytest_sessionfinish(session): session.exitstatus = 3")
+    assert sorted(set(lines(tree, status=1)[-6:-1])) == [
+        "failed: a part without test cases",
+        "failed: a test executable of part rostest without a failed case, see its output",
+        "failed: a test executable of part unit without a failed case, see its output",
+        "failed: pytest, with status 3, see its output"]
 
 
 @pytest.mark.parametrize("kinds, ctest_status, status, line", [

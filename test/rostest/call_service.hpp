@@ -1,6 +1,7 @@
 #pragma once
 
 #include <ros/ros.h>
+#include <std_srvs/Trigger.h>
 
 #include <string>
 
@@ -15,6 +16,12 @@ template <typename Service>
 bool callService(const std::string& name, Service& service) {
   constexpr bool kPersistent = true;
   return ros::NodeHandle().serviceClient<Service>(name, kPersistent).call(service);
+}
+
+/// The same with a service of type std_srvs/Trigger; true if it reports success.
+inline bool callTrigger(const std::string& name) {
+  std_srvs::Trigger trigger;
+  return callService(name, trigger) && trigger.response.success;
 }
 
 }  // namespace ground_scale_vo

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 #include <nav_msgs/Path.h>
 #include <rosgraph_msgs/Log.h>
-#include <std_srvs/Trigger.h>
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
@@ -303,11 +302,6 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   EXPECT_TRUE(pair.unload());
 }
 
-bool callReset(const std::string& nodelet) {
-  std_srvs::Trigger trigger;
-  return callService(nodelet + "/reset", trigger) && trigger.response.success;
-}
-
 TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   NodeletPair pair(manager_, *drive_, "/reset");
   pair.setParam("scale_recovery", "base_frame", std::string("camera"));  // needs no tf
@@ -315,12 +309,12 @@ TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   const std::size_t half = drive_->size() / 2;
   ASSERT_TRUE(pair.play(0, half - 1));
   EXPECT_FALSE(ros::service::exists("/reset/reset", false));  // two pairs may share a namespace
-  ASSERT_TRUE(callReset("/reset/mono_vo"));
+  ASSERT_TRUE(callTrigger("/reset/mono_vo/reset"));
   EXPECT_TRUE(
       waitForSummaryOf("reset/mono_vo", diagnostic_msgs::DiagnosticStatus::WARN, "initialising"));
   EXPECT_TRUE(waitForValue(diagnostics_, "features", "0", "reset/mono_vo"));
   EXPECT_TRUE(waitForValue(diagnostics_, "map points", "0", "reset/mono_vo"));
-  ASSERT_TRUE(callReset("/reset/scale_recovery"));
+  ASSERT_TRUE(callTrigger("/reset/scale_recovery/reset"));
   pair.frames.clear();
   pair.scales.clear();
   pair.odometry.clear();
@@ -346,7 +340,7 @@ TEST_F(Graph, AResetOfMonoVoKeepsTheMetricPose) {
   ASSERT_TRUE(pair.play(0, half - 1));
   const std::uint32_t map_id = pair.scales.messages().back()->map_id;
   const geometry_msgs::PoseWithCovariance before = pair.odometry.messages().back()->pose;
-  ASSERT_TRUE(callReset("/vo_reset/mono_vo"));
+  ASSERT_TRUE(callTrigger("/vo_reset/mono_vo/reset"));
   constexpr std::size_t kMissing = 9;  // a gap of 1 s
   ASSERT_TRUE(pair.play(half + kMissing, drive_->size() - 1));
   EXPECT_GT(pair.scales.messages().back()->map_id, map_id);
@@ -432,7 +426,7 @@ TEST_F(Graph, AResetLooksTheMountingUpAgain) {
            buffer.lookupTransform("turning_base", "camera", ros::Time(0)).transform ==
                yawedMounting("turning_base", M_PI_2).transform;
   }));
-  ASSERT_TRUE(callReset("/remounted/scale_recovery"));
+  ASSERT_TRUE(callTrigger("/remounted/scale_recovery/reset"));
   ASSERT_TRUE(pair.play(half, drive_->size() - 1));
   EXPECT_GT(pair.odometry.messages().back()->twist.twist.linear.y, 5);
   EXPECT_NEAR(pair.odometry.messages().back()->twist.twist.linear.x, 0, 0.5);
@@ -466,7 +460,7 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedOnce) {
     EXPECT_TRUE(log.wait([&](const auto& lines) {
       return warnings(lines, "/tilted", "with pitch 8.0 deg") == mountings;
     }));
-    ASSERT_TRUE(callReset("/tilted/scale_recovery"));  // looks the mounting up again
+    ASSERT_TRUE(callTrigger("/tilted/scale_recovery/reset"));  // looks the mounting up again
     EXPECT_TRUE(waitForStatus(diagnostics_, [](const auto& status) {
       return status.name.find("tilted/scale_recovery") == 0 &&
              status.message == "scale not known yet";
@@ -654,7 +648,7 @@ TEST_F(Graph, ALateSubscriberGetsTheWholePath) {
   }
   TopicRecorder<nav_msgs::Path> path(handle_, "/late/path");
   ASSERT_TRUE(path.wait([](const auto& paths) { return !paths.empty(); }));
-  ASSERT_TRUE(callReset("/late/scale_recovery"));
+  ASSERT_TRUE(callTrigger("/late/scale_recovery/reset"));
   EXPECT_TRUE(
       path.wait([](const auto& paths) { return !paths.empty() && paths.back()->poses.empty(); }));
   EXPECT_TRUE(pair.unload());

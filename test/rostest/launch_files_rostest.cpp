@@ -9,7 +9,6 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/PointCloud.h>
-#include <std_srvs/Trigger.h>
 
 #include <boost/make_shared.hpp>
 
@@ -61,11 +60,7 @@ class Vehicle {
     handle_.getParam("scale_recovery/camera_height", height);
     return height;
   }
-  bool reset() {
-    std_srvs::Trigger trigger;
-    return callService(handle_.resolveName("scale_recovery/reset"), trigger) &&
-           trigger.response.success;
-  }
+  bool reset() { return callTrigger(handle_.resolveName("scale_recovery/reset")); }
   TopicRecorder<VoFrameMsg>& frames() { return frames_; }
   TopicRecorder<ScaleEstimateMsg>& scales() { return scales_; }
 

@@ -7,7 +7,6 @@
 #include <nav_msgs/Odometry.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
-#include <std_srvs/Trigger.h>
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
@@ -139,9 +138,8 @@ class Scale : public testing::Test {
   /// subscribers does not show that: roscpp has one connection per topic and process, and the other
   /// nodelet may hold it.
   static bool reset(const std::string& service = "scale_recovery/reset") {
-    std_srvs::Trigger trigger;
     return ros::service::waitForService(service, static_cast<std::int32_t>(1000 * kTimeout)) &&
-           callService(service, trigger) && trigger.response.success;
+           callTrigger(service);
   }
   void play(FlatRoad& road, int frames) {
     for (int i = 0; i < frames; ++i) frames_.publish(road.next());

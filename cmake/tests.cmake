@@ -108,8 +108,6 @@ endif()
 set(fuzz_sources test/fuzz/fuzz_target.cpp)
 if(NOT GROUND_SCALE_VO_FUZZ)
   list(APPEND fuzz_sources test/fuzz/fuzz_driver.cpp)
-  set_property(SOURCE test/fuzz/fuzz_driver.cpp APPEND PROPERTY COMPILE_DEFINITIONS
-    GSV_FUZZ_CORPUS="${CMAKE_CURRENT_SOURCE_DIR}/test/fuzz/corpus")
 endif()
 add_library(gsv_fuzz_driver STATIC EXCLUDE_FROM_ALL ${fuzz_sources})
 target_link_libraries(gsv_fuzz_driver ${PROJECT_NAME}_core ${gtest_targets})

@@ -129,10 +129,6 @@ void ParamReader::require(const char* name, double& field, double min, double ma
   declare(name, field, min, max, meaning);
 }
 
-void ParamReader::reject(const std::string& name, const std::string& reason) {
-  if (find(name) != nullptr) throw OptionError("parameter " + fullName(name) + " " + reason);
-}
-
 std::vector<std::string> ParamReader::warnings() const {
   std::vector<std::string> known = allowed_;
   for (const Entry& entry : entries_) known.push_back(entry.name);

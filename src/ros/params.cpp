@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/ros/retired_parameters.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -61,9 +60,7 @@ void declareCommon(ParamReader& reader, Params& params) {
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
       "than this and 1.5 times the last interval, is used only if the next one confirms "
       "it; one earlier by less is dropped");
-  reader.note("diagnostic_period", "has no effect: diagnostics are published once per second");
   reader.allow("image_transport");
-  noteRetiredParameters(reader);
 }
 
 }  // namespace

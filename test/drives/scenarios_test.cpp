@@ -15,7 +15,6 @@
 #include "ground_scale_vo/simulation/scenario_evaluation.hpp"
 #include "support/drive_run.hpp"
 #include "support/long_tests.hpp"
-#include "support/published_figures.hpp"
 #include "support/reduced_drive.hpp"
 
 namespace ground_scale_vo {
@@ -85,9 +84,6 @@ TEST_P(ScenarioDrive, MeetsItsThresholdsAndDependsOnItsComponent) {
   if (!isReduced(scenario.options)) {
     EXPECT_EQ(violated, "");
   }
-  expectPublishedFigures(
-      "scenarios", scenario.name,
-      metricsJson(record, drive.cameraHeight(), groundTruth(drive), groundTruthHeights(drive)));
   expectDependence(scenario, drive, images);
 }
 

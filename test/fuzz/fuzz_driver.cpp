@@ -1,6 +1,5 @@
-// Runs a fuzz target without libFuzzer on mutations of its corpus, reproducibly for a seed. The
-// corpus: the inputs of Plan::corpus and the files of test/fuzz/corpus/X_fuzz/, which libFuzzer has
-// found to reach different branches, or which have failed.
+// Runs a fuzz target without libFuzzer on mutations of the inputs of Plan::corpus, reproducibly for
+// a seed.
 //
 //   X_fuzz [--iterations N] [--seed S]
 //       runs the corpus and N mutated inputs (defaults: a third of Plan::iterations, with
@@ -34,7 +33,6 @@ int iterations = -1;  // negative: as planned
 std::uint64_t seed = 1;
 std::vector<std::string> files;
 
-std::string target_name;
 std::string input_file;                   // keeps the input that crashes the process
 const std::string* under_test = nullptr;  // the input that is being run
 
@@ -59,19 +57,6 @@ std::string contentOf(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   EXPECT_TRUE(stream) << file;
   return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-/// The target's plan, with the files of its corpus.
-Plan wholePlan() {
-  std::vector<std::filesystem::path> paths;
-  const auto folder = std::filesystem::path(GSV_FUZZ_CORPUS) / target_name;
-  if (std::filesystem::exists(folder)) {
-    paths.assign(std::filesystem::directory_iterator(folder), {});
-  }
-  std::sort(paths.begin(), paths.end());
-  Plan whole = plan();
-  for (const auto& path : paths) whole.corpus.push_back(contentOf(path));
-  return whole;
 }
 
 void run(const std::string& input) {
@@ -159,7 +144,7 @@ class Mutator {
 TEST(Fuzz, HandlesEveryInput) {
   for (const std::string& file : files) run(contentOf(file));
   if (!files.empty()) return;
-  const Plan target = wholePlan();
+  const Plan target = plan();
   for (const std::string& input : target.corpus) run(input);
   run("");
   Mutator mutator(target.corpus, seed);
@@ -170,7 +155,7 @@ TEST(Fuzz, HandlesEveryInput) {
 
 int writeCorpus(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
-  const std::vector<std::string> inputs = wholePlan().corpus;
+  const std::vector<std::string> inputs = plan().corpus;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     std::ofstream(folder / std::to_string(i), std::ios::binary) << inputs[i];
   }
@@ -184,7 +169,6 @@ int main(int argc, char** argv) {
   using namespace ground_scale_vo::fuzz;
   testing::InitGoogleTest(&argc, argv);
   testing::GTEST_FLAG(catch_exceptions) = false;  // an exception ends in SIGABRT: its input is kept
-  target_name = std::filesystem::path(argv[0]).filename();
   input_file = std::filesystem::absolute(argv[0]).string() + ".input";
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];

@@ -53,9 +53,6 @@ class ParamReader {
   /// A name that is not a parameter. If it is set, warnings() contains "parameter NAME <note>".
   void note(const std::string& name, const std::string& note) { notes_[name] = note; }
 
-  /// Throws OptionError "parameter NAME <reason>" if it is set.
-  void reject(const std::string& name, const std::string& reason);
-
   /// One sentence for each frame name with a slash, and for each parameter that is set but not
   /// declared: its note, or else the most similar known name.
   std::vector<std::string> warnings() const;

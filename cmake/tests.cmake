@@ -97,38 +97,26 @@ foreach(long_test fault_drives scenarios integration vo)
   endif()
 endforeach()
 
-# Fuzz targets: the files of a KITTI odometry folder, options, ROS parameters, and the messages of
-# each nodelet. A driver in test/fuzz mutates valid inputs from a fixed seed; with
-# GROUND_SCALE_VO_FUZZ and clang++ libFuzzer drives them.
-set(FUZZ_TARGETS calib_fuzz options_fuzz poses_fuzz times_fuzz)
-set(ROS_FUZZ_TARGETS)
-if(GROUND_SCALE_VO_ROS)
-  set(ROS_FUZZ_TARGETS mono_vo_fuzz parameters_fuzz scale_recovery_fuzz)
-endif()
-set(fuzz_sources test/fuzz/fuzz_target.cpp)
-if(NOT GROUND_SCALE_VO_FUZZ)
-  list(APPEND fuzz_sources test/fuzz/fuzz_driver.cpp)
-endif()
-add_library(gsv_fuzz_driver STATIC EXCLUDE_FROM_ALL ${fuzz_sources})
-target_link_libraries(gsv_fuzz_driver ${PROJECT_NAME}_core ${gtest_targets})
-gsv_as_test(gsv_fuzz_driver gsv_test_headers)
-foreach(target ${FUZZ_TARGETS} ${ROS_FUZZ_TARGETS})
+# Fuzz targets: files and options, ROS parameters, and the messages of each nodelet. A driver in
+# test/fuzz mutates valid inputs from a fixed seed; with GROUND_SCALE_VO_FUZZ and clang++ libFuzzer
+# drives them.
+function(gsv_add_fuzz_target target headers)
   if(GROUND_SCALE_VO_FUZZ)
     #catkin_lint: skip
     add_executable(${target} test/fuzz/${target}.cpp)
     target_link_libraries(${target} -fsanitize=fuzzer)
   else()
-    gsv_add_gtest(${target} test/fuzz/${target}.cpp)
+    gsv_add_gtest(${target} test/fuzz/${target}.cpp test/fuzz/fuzz_driver.cpp)
   endif()
-  target_link_libraries(${target} gsv_fuzz_driver ${PROJECT_NAME}_simulation)
-endforeach()
-foreach(target ${FUZZ_TARGETS})
-  gsv_as_test(${target} gsv_test_headers)
-endforeach()
-foreach(target ${ROS_FUZZ_TARGETS})
-  target_link_libraries(${target} ${PROJECT_NAME}_nodelets)
-  gsv_as_test(${target} gsv_ros_test_headers)
-endforeach()
+  target_link_libraries(${target} ${PROJECT_NAME}_simulation ${ARGN})
+  gsv_as_test(${target} ${headers})
+endfunction()
+gsv_add_fuzz_target(files_fuzz gsv_test_headers)
+if(GROUND_SCALE_VO_ROS)
+  foreach(target mono_vo_fuzz parameters_fuzz scale_recovery_fuzz)
+    gsv_add_fuzz_target(${target} gsv_ros_test_headers ${PROJECT_NAME}_nodelets)
+  endforeach()
+endif()
 
 # The micro-benchmarks: `cmake --build build --target benchmarks`.
 find_package(benchmark QUIET)

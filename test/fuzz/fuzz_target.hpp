@@ -1,7 +1,11 @@
 #pragma once
 
+#include <cfloat>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <type_traits>
@@ -21,12 +25,11 @@ struct Plan {
 Plan plan();  ///< defined by each target
 
 /// Aborts with a message if the condition does not hold. what: the condition in words.
-void require(bool holds, const char* what);
-
-/// Temporary folder of this process, in memory if possible; removed at exit.
-const std::string& scratchFolder();
-/// Writes a file in the scratch folder.
-void writeScratch(const std::string& name, const std::uint8_t* data, std::size_t size);
+inline void require(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "check failed: %s\n", what);
+  std::abort();
+}
 
 /// Decodes an input from front to end; after its end all values are zero.
 class Input {
@@ -41,20 +44,30 @@ class Input {
     Number value{};
     const std::size_t bytes = size_ < sizeof value ? size_ : sizeof value;
     if (bytes > 0) std::memcpy(&value, data_, bytes);
-    skip(bytes);
+    data_ += bytes;
+    size_ -= bytes;
     return value;
   }
   /// In [0, count). Precondition: count > 0.
   std::size_t below(std::size_t count) { return take<std::uint16_t>() % count; }
+  template <typename Range>
+  auto& oneOf(Range& values) {
+    return values[below(std::size(values))];
+  }
   /// Edge-case numbers: extreme, not finite, or any bit pattern.
-  double number();
-  std::string text(std::size_t max_size);
+  double number() {
+    constexpr double kNumbers[] = {0,       -0.0, 1,   -1,  NAN, INFINITY,     -INFINITY, DBL_MAX,
+                                   DBL_MIN, 1e-9, 0.5, 1e3, 1e9, 4294967296.0, 1e19,      1e30,
+                                   -1e30,   1e40, 0.1, 10,  1e5, 1e150,        -1e300,    1e-30};
+    return below(4) > 0 ? oneOf(kNumbers) : take<double>();
+  }
+  std::string text(std::size_t max_size) {
+    std::string text;
+    for (std::size_t length = below(max_size + 1); length > 0; --length) text += take<char>();
+    return text;
+  }
 
  private:
-  void skip(std::size_t bytes) {
-    data_ += bytes;
-    size_ -= bytes;
-  }
   const std::uint8_t* data_;
   std::size_t size_;
 };

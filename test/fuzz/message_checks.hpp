@@ -1,29 +1,76 @@
 #pragma once
 
 #include <nav_msgs/Odometry.h>
+#include <ros/serialization.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <opencv2/core.hpp>
+#include <vector>
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/ros/messages.hpp"
+#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 
-/// Checks of published messages that hold for any input.
+/// Valid images, random messages, and checks of published messages that hold for any input.
 namespace ground_scale_vo::fuzz {
+
+/// The first frames of a rendered drive with small images.
+struct SmallDrive {
+  PinholeCamera camera;
+  std::vector<cv::Mat> images;
+  std::vector<std::int64_t> stamps_ns;
+};
+
+/// Rendered at the first call.
+inline const SmallDrive& smallDrive() {
+  static const SmallDrive kDrive = [] {
+    SyntheticDrive::Options options;
+    options.camera = {480, 150, 278, 278, 240, 55};
+    options.frames = 24;
+    const SyntheticDrive drive(options);
+    SmallDrive small;
+    small.camera = drive.camera();
+    for (std::size_t i = 0; i < drive.size(); ++i) {
+      small.images.push_back(drive.image(i));
+      // Starts at 1 s: a stamp of 0 means "no stamp" in ROS.
+      small.stamps_ns.push_back(drive.frame(i).stamp_ns + 1000000000);
+    }
+    return small;
+  }();
+  return kDrive;
+}
+
+/// Deserialises random bytes, as a faulty publisher could send them. False if that fails.
+template <typename Message>
+bool deserialise(Message* message, Input* input) {
+  std::vector<std::uint8_t> bytes(1 + input->below(600));  // roscpp never hands over nullptr
+  for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
+  try {
+    ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+    ros::serialization::deserialize(stream, *message);
+  } catch (const std::exception&) {
+    return false;
+  }
+  return true;
+}
 
 template <typename Range>
 bool allFinite(const Range& values) {
-  return std::all_of(values.begin(), values.end(), [](auto value) { return std::isfinite(value); });
+  return std::all_of(std::begin(values), std::end(values),
+                     [](auto value) { return std::isfinite(value); });
+}
+inline bool allFinite(std::initializer_list<double> values) {
+  return allFinite(std::vector<double>(values));
 }
 
 inline bool isPose(const geometry_msgs::Pose& pose) {
   const auto& p = pose.position;
   const auto& q = pose.orientation;
   const double norm = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-  return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z) &&
-         std::abs(norm - 1) < 1e-6;
+  return allFinite({p.x, p.y, p.z}) && std::abs(norm - 1) < 1e-6;
 }
 
 inline void check(const nav_msgs::Odometry& odometry) {
@@ -31,9 +78,7 @@ inline void check(const nav_msgs::Odometry& odometry) {
   require(allFinite(odometry.pose.covariance), "the pose covariance is finite");
   const auto& v = odometry.twist.twist.linear;
   const auto& w = odometry.twist.twist.angular;
-  for (const double value : {v.x, v.y, v.z, w.x, w.y, w.z}) {
-    require(std::isfinite(value), "the twist is finite");
-  }
+  require(allFinite({v.x, v.y, v.z, w.x, w.y, w.z}), "the twist is finite");
   require(allFinite(odometry.twist.covariance), "the twist covariance is finite");
 }
 
@@ -50,10 +95,9 @@ inline void check(const VoFrameMsg& frame) {
 }
 
 inline void check(const ScaleEstimateMsg& scale) {
-  for (const double value : {scale.raw_scale, scale.scale, scale.sigma, scale.height,
-                             scale.normal.x, scale.normal.y, scale.normal.z}) {
-    require(std::isfinite(value), "the scale is finite");
-  }
+  require(allFinite({scale.raw_scale, scale.scale, scale.sigma, scale.height, scale.normal.x,
+                     scale.normal.y, scale.normal.z}),
+          "the scale is finite");
   require((scale.status == ScaleEstimateMsg::UNKNOWN) == (scale.scale == 0),
           "the scale is set if and only if it is known");
   require(scale.scale >= 0 && scale.sigma >= 0, "scale and sigma are not negative");
@@ -64,7 +108,7 @@ inline void check(const sensor_msgs::PointCloud2& cloud) {
   for (std::size_t at = 0; at + cloud.point_step <= cloud.data.size(); at += cloud.point_step) {
     float xyz[3];
     std::memcpy(xyz, &cloud.data[at], sizeof xyz);
-    for (const float value : xyz) require(std::isfinite(value), "the cloud is finite");
+    require(allFinite(xyz), "the cloud is finite");
   }
 }
 

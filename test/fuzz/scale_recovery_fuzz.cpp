@@ -2,8 +2,6 @@
 // input is a list of frames: an even byte is the next frame of a drive, unchanged, an odd one a
 // frame with random changes.
 
-#include <ros/serialization.h>
-
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -13,7 +11,6 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "message_checks.hpp"
-#include "small_drive.hpp"
 
 namespace ground_scale_vo::fuzz {
 namespace {
@@ -109,105 +106,59 @@ class Scale {
   StampFilter<Received> filter_{1.0, [](const std::string&) {}};
 };
 
-/// One of the six arrays of numbers, in the order of the message: u, v, x, y, z, depth_sigma.
-std::vector<float>* arrayOf(VoFrameMsg* frame, std::size_t i) {
-  std::vector<float>* const arrays[] = {&frame->u, &frame->v, &frame->x,
-                                        &frame->y, &frame->z, &frame->depth_sigma};
-  return arrays[i % std::size(arrays)];
-}
-
 /// Changes one property of the message.
 void spoil(VoFrameMsg* frame, Input* input) {
-  double* const numbers[] = {&frame->fx,
-                             &frame->fy,
-                             &frame->cx,
-                             &frame->cy,
-                             &frame->pose.position.x,
-                             &frame->pose.position.y,
-                             &frame->pose.position.z,
-                             &frame->pose.orientation.x,
-                             &frame->pose.orientation.w};
-  std::vector<float>* const array = arrayOf(frame, input->below(6));
-  switch (input->below(14)) {
+  geometry_msgs::Pose& pose = frame->pose;
+  double* const numbers[] = {&frame->fx,          &frame->fy,         &frame->cx,
+                             &pose.position.x,    &pose.position.z,   &pose.position.y,
+                             &pose.orientation.x, &pose.orientation.w};
+  std::vector<float>* const arrays[] = {&frame->u, &frame->v, &frame->x,
+                                        &frame->y, &frame->z, &frame->depth_sigma};
+  std::vector<float>& array = *input->oneOf(arrays);
+  const auto value = static_cast<float>(input->number());
+  switch (input->below(11)) {
     case 0:
-      *numbers[input->below(std::size(numbers))] = input->number();
-      break;
     case 1:
-      frame->pose.position.x = input->number();
-      frame->pose.position.z = input->number();
+      *input->oneOf(numbers) = input->number();
       break;
     case 2:
-    case 3:
-      if (!array->empty()) {
-        (*array)[input->below(array->size())] = static_cast<float>(input->number());
-      }
+      if (!array.empty()) input->oneOf(array) = value;
       break;
-    case 4: {  // one value for all features, e.g. points in a plane or behind the camera
-      const auto value = static_cast<float>(input->number());
-      std::fill(array->begin(), array->end(), value);
+    case 3:  // e.g. points in a plane or behind the camera
+      std::fill(array.begin(), array.end(), value);
       break;
-    }
-    case 5: {  // one coordinate of all features scaled or mirrored
-      const auto factor = static_cast<float>(input->number());
-      for (float& value : *array) value *= factor;
+    case 4:  // one coordinate of all features scaled or mirrored
+      for (float& element : array) element *= value;
       break;
-    }
-    case 6:
-      for (std::size_t i = 0; i < 6; ++i) arrayOf(frame, i)->resize(input->below(40));
+    case 5:  // arrays of different lengths
+      array.resize(input->below(40));
       break;
-    case 7: {  // few features
+    case 6: {  // few features
       const std::size_t count = std::min(frame->id.size(), input->below(12));
       frame->id.resize(count);
       frame->age.resize(count);
-      for (std::size_t i = 0; i < 6; ++i) arrayOf(frame, i)->resize(count);
+      for (std::vector<float>* all : arrays) all->resize(count);
       break;
     }
-    case 8:
+    case 7:
       frame->status = input->take<std::uint8_t>();
-      break;
-    case 9:
       frame->map_id = input->take<std::uint32_t>();
       frame->sequence = input->take<std::uint32_t>();
       break;
-    case 10:
-      (input->below(2) ? frame->width : frame->height) =
-          input->below(2) ? input->take<std::uint32_t>()
-                          : static_cast<std::uint32_t>(input->below(1000));
+    case 8:
+      (input->below(2) ? frame->width : frame->height) = input->take<std::uint32_t>();
       break;
-    case 11:
-      if (!frame->id.empty()) {
-        frame->id[input->below(frame->id.size())] = input->take<std::uint64_t>();
+    case 9:
+      if (!frame->id.empty()) input->oneOf(frame->id) = input->take<std::uint64_t>();
+      break;
+    default:  // all lengths in another unit
+      for (std::size_t i = 2; i < std::size(arrays); ++i) {
+        for (float& element : *arrays[i]) element *= value;
       }
-      break;
-    case 12: {  // all lengths in another unit
-      const auto factor = input->number();
-      for (std::size_t i = 2; i < 6; ++i) {
-        for (float& value : *arrayOf(frame, i)) {
-          value = static_cast<float>(factor * static_cast<double>(value));
-        }
+      for (double* length : {&pose.position.x, &pose.position.y, &pose.position.z}) {
+        *length *= static_cast<double>(value);
       }
-      frame->pose.position.x *= factor;
-      frame->pose.position.y *= factor;
-      frame->pose.position.z *= factor;
-      break;
-    }
-    default:
-      frame->pose = geometry_msgs::Pose();
-      frame->pose.orientation.w = 1;
   }
-}
-
-/// Deserialises random bytes, as a faulty publisher could send them. False if that fails.
-bool deserialise(VoFrameMsg* frame, Input* input) {
-  std::vector<std::uint8_t> bytes(1 + input->below(600));  // roscpp never hands over nullptr
-  for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
-  try {
-    ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
-    ros::serialization::deserialize(stream, *frame);
-  } catch (const std::exception&) {
-    return false;
-  }
-  return true;
 }
 
 }  // namespace

@@ -58,14 +58,14 @@ function(gsv_add_gtest target)
 endfunction()
 
 catkin_install_python(PROGRAMS nodes/bag_recorder nodes/feed_another_vo nodes/playback_monitor nodes/view_frame
-  scripts/ablation_table.py scripts/benchmark_report.py scripts/covariance_table.py scripts/metrics_table.py scripts/plot_run.py
+  scripts/metrics_table.py scripts/plot_run.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The scripts expect the executables in the same directory after installation.
-install(PROGRAMS scripts/ablation scripts/benchmark scripts/calibrate_height scripts/demo
-  scripts/evaluate scripts/package scripts/report scripts/screenshot
+install(PROGRAMS scripts/benchmark scripts/calibrate_height scripts/demo scripts/evaluate
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-install(FILES scripts/lib/environment.sh scripts/lib/packages.txt scripts/lib/pause_at_frame.py
+install(FILES scripts/lib/benchmark.py scripts/lib/environment.py scripts/lib/environment.sh
+  scripts/lib/packages.txt
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib)
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 

@@ -118,6 +118,20 @@ if(GROUND_SCALE_VO_ROS)
   endforeach()
 endif()
 
+# Tests that do more, or something else, with GROUND_SCALE_VO_LONG: scripts/test --long.
+foreach(test fault_drives_test scenarios_test calibration_test
+    files_fuzz mono_vo_fuzz scale_recovery_fuzz parameters_fuzz)
+  if(TEST _ctest_${PROJECT_NAME}_gtest_${test})
+    set_tests_properties(_ctest_${PROJECT_NAME}_gtest_${test} PROPERTIES LABELS long)
+  endif()
+endforeach()
+if(GROUND_SCALE_VO_ROS)
+  foreach(test shutdown long_run)
+    set_tests_properties(
+      _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES LABELS long)
+  endforeach()
+endif()
+
 # The micro-benchmarks: `cmake --build build --target benchmarks`.
 find_package(benchmark QUIET)
 if(benchmark_FOUND)

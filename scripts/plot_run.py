@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Draws trajectory.png, scale.png, timing.png (with timing.csv) and errors.png (with ground truth)
-into the result folders of run_sequence and evaluate_bag."""
+"""Draws trajectory.png, scale.png and timing.png (with timing.csv) into the result folders of run_sequence
+and evaluate_bag."""
 
 import argparse
 import csv
@@ -16,7 +16,7 @@ import matplotlib.ticker  # noqa: E402
 import numpy as np  # noqa: E402
 
 GROUND_TRUTH, ESTIMATE, RAW, TARGET = "0.35", "tab:blue", "tab:green", "tab:red"
-PLOTS = ("trajectory", "scale", "timing", "errors")
+PLOTS = ("trajectory", "scale", "timing")
 STATUS_COLOURS = {"ok": "tab:green", "held": "tab:orange", "unknown": "0.7", "lost": "tab:red"}
 
 
@@ -39,18 +39,14 @@ def read_table(file):
     return table
 
 
-def save(figure, file, pdf):
-    """Writes a PNG, and with `pdf` the same as PDF; the file is complete or missing."""
+def save(figure, file):
+    """The file is complete or missing."""
+    temporary = file.with_suffix(".tmp")
     try:
-        for suffix in (".png", ".pdf") if pdf else (".png",):
-            target = file.with_suffix(suffix)
-            temporary = target.with_name(target.name + ".tmp")
-            try:
-                figure.savefig(temporary, dpi=150, format=suffix[1:], bbox_inches="tight")
-                temporary.replace(target)
-            finally:
-                temporary.unlink(missing_ok=True)
+        figure.savefig(temporary, dpi=150, format="png", bbox_inches="tight")
+        temporary.replace(file)
     finally:
+        temporary.unlink(missing_ok=True)
         plt.close(figure)
 
 
@@ -66,7 +62,7 @@ def grid_step(span):
     return max(factor * power for factor in (1, 2, 5) if factor * power <= span / 5)
 
 
-def draw_trajectory(file, estimate, ground_truth, title, pdf):
+def draw_trajectory(file, estimate, ground_truth, title):
     """Top view, as the paper's Fig. 4: equal axes, and a figure in the proportions of the drive,
     with an aspect ratio of at most 5:2."""
     every = [estimate] if ground_truth is None else [estimate, ground_truth]
@@ -93,7 +89,7 @@ def draw_trajectory(file, estimate, ground_truth, title, pdf):
     axes.set(xlabel="x, right [m]", ylabel="z, forward [m]")
     axes.set_title(title, loc="left", fontsize="medium")
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1), borderaxespad=0, frameon=False)
-    save(figure, file, pdf)
+    save(figure, file)
 
 
 def draw_status(axes, edges, scale):
@@ -107,7 +103,7 @@ def draw_status(axes, edges, scale):
                              label=f"{name}: {len(chosen)} frames")
 
 
-def draw_scale(file, scale, camera_height, title, pdf):
+def draw_scale(file, scale, camera_height, title):
     """As the paper's Fig. 3, over time: the unfiltered camera height,
     converted to metres with the filtered scale (camera_height * scale / raw_scale), the +-2 sigma
     band of the filter around the given height, and the distribution of the unfiltered heights;
@@ -177,10 +173,10 @@ def draw_scale(file, scale, camera_height, title, pdf):
     for axes in (grid[0, 0], grid[0, 1], grid[1, 0]):
         axes.grid(True, linewidth=0.4)
     grid[1, 0].set_xlim(0, max(time[-1], 1.0))
-    save(figure, file, pdf)
+    save(figure, file)
 
 
-def draw_timing(file, timing, title, pdf):
+def draw_timing(file, timing, title):
     """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of
     evaluate_bag about one per second)."""
     stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
@@ -205,69 +201,35 @@ def draw_timing(file, timing, title, pdf):
     axes.set_title(title, loc="left", fontsize="medium")
     axes.text(1.01, 1.01, f"{'median [ms]':>11} {'timed':>7}", transform=axes.transAxes,
               fontsize="small", family="monospace")
-    save(figure, file, pdf)
+    save(figure, file)
 
 
-def draw_errors(file, metrics, title, pdf):
-    """Error over segment length: that of the KITTI devkit and of the short segments."""
-    figure, panels = plt.subplots(1, 2, figsize=(10, 3.8), gridspec_kw={"wspace": 0.25})
-    longest = 20
-    for key, marker, label in (("by_short_length", ".", "10 to 80 m"),
-                               ("by_length", "o", "100 to 800 m: KITTI devkit")):
-        errors = metrics[key] or []
-        lengths = [error["length_m"] for error in errors]
-        longest = max([longest, *lengths])
-        for axes, member in zip(panels, ("t_err_percent", "r_err_deg_per_m")):
-            if lengths:
-                axes.plot(lengths, [error[member] for error in errors], marker=marker,
-                          color=ESTIMATE, label=label)
-    ticks = [length for length in (10, 20, 40, 80, 100, 200, 400, 800) if length <= longest]
-    for axes, name in zip(panels, ("translation error [%]", "rotation error [deg/m]")):
-        axes.set_xscale("log")
-        axes.set_xlim(9, 1.1 * longest)
-        axes.set_xticks([length for length in ticks if length != 80 or longest <= 80])
-        axes.set_xticks([], minor=True)
-        axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%d"))
-        axes.set(xlabel="segment length [m]", ylabel=name)
-        axes.set_ylim(bottom=0)
-        axes.grid(True, linewidth=0.4)
-        if axes.lines:
-            axes.legend(frameon=False, fontsize="small")
-    panels[0].set_title(title, loc="left", fontsize="medium")
-    save(figure, file, pdf)
-
-
-def draw(folder, pdf):
+def draw(folder):
     metrics = json.loads((folder / "metrics.json").read_text())
     name = folder.resolve().name
     estimate = read_positions(folder / "poses.txt")
     has_ground_truth = (folder / "ground_truth.txt").exists()
     ground_truth = read_positions(folder / "ground_truth.txt") if has_ground_truth else None
     for plot in PLOTS:  # of a previous run
-        for suffix in (".png", ".pdf"):
-            (folder / (plot + suffix)).unlink(missing_ok=True)
+        (folder / f"{plot}.png").unlink(missing_ok=True)
     title = f"{name}: estimated length {metrics['length_m']:.1f} m"
     if metrics["t_err_percent"] is not None:
         title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
                   f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")
-    draw_trajectory(folder / "trajectory", estimate, ground_truth, title, pdf)
-    draw_scale(folder / "scale", read_table(folder / "scale.csv"), metrics["camera_height_m"], name,
-               pdf)
+    draw_trajectory(folder / "trajectory.png", estimate, ground_truth, title)
+    draw_scale(folder / "scale.png", read_table(folder / "scale.csv"), metrics["camera_height_m"], name)
     if (folder / "timing.csv").exists():
-        draw_timing(folder / "timing", read_table(folder / "timing.csv"), name, pdf)
-    if has_ground_truth:
-        draw_errors(folder / "errors", metrics, name, pdf)
+        draw_timing(folder / "timing.png", read_table(folder / "timing.csv"), name)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=pathlib.Path, metavar="DIR",
                         help="a result folder")
-    parser.add_argument("--pdf", action="store_true", help="as PDF too, for a paper")
     arguments = parser.parse_args()
     for folder in arguments.folders:
         try:
-            draw(folder, arguments.pdf)
+            draw(folder)
         except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
             sys.exit(f"plot_run.py: {folder}: cannot be drawn ({error})")
 

@@ -3,30 +3,15 @@
 #   gsv_setup [section...]   installs missing packages of packages.txt: [run], [build], these sections
 #   gsv_build [target...]    configures and builds in $gsv_build_folder; without a target: everything
 #   gsv_env                  sets the environment of ROS and of this build in the calling shell
-#   gsv_show_launch NAME FILE [RECORDED]
-#                            reduces the output of kitti.launch (stdin) to progress, warnings and errors
-#                            (stderr); fails after an error. Stops roslaunch, whose process id is in
-#                            FILE, when it cannot start a node. RECORDED: the bag that it records
-#   gsv_playback_finished LOG
-#                            true when the LOG of kitti.launch reports that the whole bag was processed
-#   gsv_free_port            prints a free TCP port
-#   gsv_find_folders OUT SEQ...
-#                            checks the folders whose results go to OUT/<name>; sets gsv_folders.
-#                            Returns 1 for a missing folder, 2 for two of the same name
 #   gsv_use_build FOLDER     builds in FOLDER from now on, also in a catkin workspace
-#   gsv_installed            true in an install space
-#   gsv_packages SECTION...  prints the packages in these sections of packages.txt
 #   $gsv_cmake_arguments     array of further arguments of cmake for gsv_build
 #   $gsv_tools               the folder of the package's executables
 #   $gsv_build_folder        <root>/build unless GROUND_SCALE_VO_BUILD or gsv_use_build names another one
 #
-# In a catkin workspace whose devel space is sourced, that is used and gsv_build does nothing, unless
-# gsv_use_build was called.
-#
-# A function that fails returns non-zero. gsv_setup, gsv_build, gsv_env and gsv_find_folders also print a
-# sentence to stderr, the first two with an excerpt of their log. In an install space
-# the commands are installed beside the executables, in <prefix>/lib/ground_scale_vo, so gsv_root is
-# <prefix>/lib, and gsv_build does nothing.
+# gsv_build does nothing in a catkin workspace whose devel space is sourced, which is used then, and in an
+# install space, where the commands are in <prefix>/lib/ground_scale_vo and gsv_root is <prefix>/lib. A
+# function that fails returns non-zero and prints a sentence, those that call apt or cmake with an excerpt
+# of their log.
 
 unset CDPATH # with it, cd prints the folder
 gsv_lib=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -192,6 +177,8 @@ gsv_env() {
   mkdir -p "$ROS_LOG_DIR"
 }
 
+# gsv_find_folders OUT SEQ...: checks the folders whose results go to OUT/<name>; sets gsv_folders. Returns 1
+# for a missing folder, 2 for two of the same name.
 gsv_find_folders() {
   local out=$1 sequence folder name
   local -A folder_of=()
@@ -211,11 +198,10 @@ gsv_find_folders() {
   done
 }
 
-gsv_free_port() {
-  /usr/bin/python3 -c 'import socket; s = socket.socket(); s.bind(("", 0)); print(s.getsockname()[1])'
-}
-
 # Prints nothing after the first error: the errors that follow only result from the shutdown.
+# gsv_show_launch NAME FILE [RECORDED]: reduces the output of kitti.launch (stdin) to progress, warnings and
+# errors (stderr); fails after an error. Stops roslaunch, whose process id is in FILE, when it cannot start a
+# node. RECORDED: the bag that it records.
 gsv_show_launch() {
   local name=$1 pid_file=$2 recorded=${3:-} line next_progress=0 failed=no
   shopt -s extglob
@@ -264,5 +250,3 @@ gsv_show_launch() {
   [[ ! -t 2 ]] || printf '\n' >&2
   [[ $failed == no ]]
 }
-
-gsv_playback_finished() { grep -q 'Playback finished: ' "$1"; }

@@ -1,0 +1,285 @@
+"""Measures the accuracy, the robustness and the cost of this version, and writes tables.
+
+Less than an hour on two cores for the six sequences of the docs; measure on an idle machine. A part that has been
+measured with this build and these arguments is skipped, so an interrupted run can be continued.
+
+Parts:
+  sequences   SEQ...
+  variants    13 more difficult variants (derive_drives) of each of SEQ... with at least 150 frames, except rendered_04
+  scenarios   the rendered scenarios
+  faults      rendered drives with faults
+  ablation    the scenarios in several configurations
+  components  SEQ... with one component changed at a time
+  benchmark   time and memory on kitti_raw_0926_0039 and kitti_00_0000_0199
+  kitti       whole KITTI sequences (--kitti) beside the tables and figures of the paper, in DIR/kitti/report.md
+  paths       the same on streets rendered along KITTI's paths (--paths), in DIR/paths/report.md; about an hour for 00 to 10
+The measure of a change needs the first five and benchmark: scripts/compare reads two files DIR/results.json.
+
+Files: DIR/results.json, DIR/results.md, and the results of each part in DIR/PART/.
+Exit status: 0 all done, 1 a part failed (the others are still measured), 2 wrong arguments.
+"""
+
+import argparse
+import concurrent.futures
+import datetime
+import hashlib
+import json
+import math
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+from environment import LIB, build, log
+
+ROOT = LIB.parents[1]
+NAMES = {"kitti_00_0000_0199": "00", "kitti_05_0100_0159": "05", "kitti_06_0000_0050": "06", "kitti_07_0000_0129": "07",
+         "kitti_raw_0926_0039": "0039", "rendered_04": "rendered_04", "rendered_09_traffic": "rendered_09"}
+DESCRIPTIONS = {
+    "00": "KITTI odometry 00, frames 0–199", "05": "KITTI odometry 05, frames 100–159",
+    "06": "KITTI odometry 06, frames 0–50", "07": "KITTI odometry 07, frames 0–129",
+    "0039": "KITTI raw 2011_09_26 drive 0039", "rendered_04": "rendered street, path of KITTI 04",
+    "rendered_09": "rendered street with traffic and a stop"}
+LENGTHS = (10, 50, 100)  # of the segments for the covariance [m]
+METRICS = ("frames", "tracked_frames", "lost_events", "gt_length_m", "length_m", "rle_percent", "t_err_percent",
+           "r_err_deg_per_m", "t_err_short_percent", "t_err_true_length_percent", "t_err_sim3_percent",
+           "scale_within_2_sigma", "scale_held_share", "first_metric_pose_m", "first_scale_error_sigmas",
+           "height_bias_percent", "peak_rss_mb")
+COMPONENTS = {  # label: options
+    "**defaults**": "",
+    "paper as printed": "paper_literal=true",
+    "features only (no direct measurement)": "refine=false",
+    "direct only": "gpe/min_points=1000000",
+    "no road curvature (direct)": "direct/curvature_sigma=1e-9",
+    "no error of the relative poses (direct)": "direct/rotation_sigma_rad=1e-9 direct/direction_sigma_rad=1e-9",
+    "half the baselines (direct)": "direct/baseline_heights=0.35",
+    "twice the baselines (direct)": "direct/baseline_heights=1.4",
+    "patches of 0.022 focal lengths (direct)": "direct/patch_size=0.022",
+    "minimum correlation of 0.5 (direct)": "direct/min_correlation=0.5",
+    "lane region three times as wide (direct)": "direct/lane_half_width_heights=3",
+    "no road roughness (direct)": "direct/roughness_heights=1e-6",
+    "no static mask (direct)": "direct/static_memory_heights=1000000",
+    "window of one frame": "gpa/max_frames=1",
+    "wide region from the start (features)": "gpe/lane_half_width_heights=4",
+    "pitch without the direction of motion": "mounting/pitch_motion_sigma=1 mounting/heave_sigma_heights=1",
+    "direction of motion from one frame": "mounting/chord_length_heights=0.01",
+    "RANSAC threshold without the depth error": "gpe/plane_threshold_sigma=0",
+    "no camber (features)": "fit/camber_sigma_rad=1e-9",
+    "no NIS scaling of sigma": "filter/nis_memory_heights=1000000",
+    "independent measurements in the filter": "filter/correlation_heights=0",
+    "no drift with rotation": "filter/drift_per_sqrt_rad=0",
+    "no tilt of a young map": "filter/start_tilt_sigma_rad=0",
+    "no patch alignment with the first keyframe": "alignment/min_correlation=1",
+    "corners on edges": "tracker/min_corner_ratio=0",
+}
+
+
+def read(file):
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def short_name(folder):
+    """The name in the docs of a drive or of its variant."""
+    known = [name for name in NAMES if folder == name or folder.startswith(name + "_")]
+    return NAMES[known[0]] + folder[len(known[0]):] if known else folder
+
+
+class Report:
+    """The parts: PART() measures into the folder `to`, and returns the figures."""
+
+    def __init__(self, arguments):
+        self.arguments, self.out, self.tools = arguments, arguments.out.resolve(), None
+        self.folders = [folder.resolve() for folder in arguments.sequences]
+
+    def chosen(self, part):
+        """Folders or files that a part needs; None: it needs none."""
+        if part in ("scenarios", "faults", "ablation"):
+            return None
+        if part == "variants":
+            return [f for f in self.folders if len(os.listdir(f / "image_0")) >= 150 and f.name != "rendered_04"]
+        if part == "benchmark":
+            return [f for f in self.folders if short_name(f.name) in ("00", "0039")]
+        if part == "kitti":
+            return sorted((self.arguments.kitti / "sequences").resolve().glob("[01][0-9]")) if self.arguments.kitti else []
+        if part == "paths":
+            return sorted(self.arguments.paths.resolve().glob("[01][0-9].txt")) if self.arguments.paths else []
+        return self.folders
+
+    def tool(self, name, *arguments, **options):
+        """Runs an executable or a command of scripts/; its output appears only when it fails."""
+        program = LIB.parent / name if (LIB.parent / name).exists() else self.tools / name
+        done = subprocess.run([program, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                              check=False, **options)
+        if done.returncode:
+            print(done.stderr, file=sys.stderr)
+            done.check_returncode()
+        return done.stdout
+
+    def run(self, folders, to, settings=""):
+        """Runs the odometry over KITTI folders; returns the metrics of each by its short name."""
+        def one(folder):
+            options = [word for setting in settings.split() for word in ("--set", setting)]
+            self.tool("run_sequence", folder, "--camera-height", self.arguments.camera_height, "--out", to, *options)
+
+        with concurrent.futures.ThreadPoolExecutor(self.arguments.threads) as pool:
+            list(pool.map(one, folders))
+        return self.metrics(to / folder.name for folder in folders)
+
+    @staticmethod
+    def metrics(folders):
+        figures = {}
+        for folder in folders:
+            metrics = read(folder / "metrics.json")
+            figures[short_name(folder.name)] = drive = {key: metrics[key] for key in METRICS}
+            lengths = {entry["length_m"]: entry for entry in metrics["covariance_by_length"] or []}
+            for length in LENGTHS:
+                entry = lengths.get(length, {})
+                drive[f"nees_{length}"], drive[f"within_{length}"] = entry.get("nees_per_dof"), entry.get("within_2_sigma")
+        return figures
+
+    def sequences(self, folders, to):
+        return self.run(folders, to)
+
+    def variants(self, folders, to):
+        for folder in folders:
+            self.tool("derive_drives", folder, "--out", to / "drives")
+        figures = self.run(sorted((to / "drives").iterdir()), to)
+        shutil.rmtree(to / "drives")
+        return figures
+
+    def scenarios(self, _, to):
+        self.tool("evaluate_scenarios", "--out", to, "--threads", self.arguments.threads)
+        return self.metrics(sorted(file.parent for file in to.glob("*/metrics.json")))
+
+    def ablation(self, _, to):
+        self.tool("evaluate_scenarios", "--ablation", "--out", to, "--threads", self.arguments.threads)
+        return {entry.pop("drive"): entry for entry in read(to / "ablation.json")}
+
+    def components(self, folders, to):
+        return {"rows": [{"label": label, "drives": self.run(folders, to / str(row), settings)}
+                         for row, (label, settings) in enumerate(COMPONENTS.items())]}
+
+    def faults(self, _, to):
+        done = subprocess.run([self.tools / "evaluate_faults", "--threads", str(self.arguments.threads)],
+                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=False)
+        (to / "faults.txt").write_text(done.stdout, encoding="utf-8")
+        kinds = {}
+        for kind, *values in re.findall(
+                r": ([a-z ]+?) +[\d.]+ s(?:, hides)?: detected (\S+) s, ok \d+, tracking -?\d+, metric (-?\d+), "
+                r"excess path (\S+) m, error (\S+) m, sigma (\S+) m", done.stdout):
+            # Never detected, and metric until the end: nan and -1.
+            values = [math.inf if value in ("nan", "-1") else float(value) for value in values]
+            kinds.setdefault(kind, []).append(values)
+        count, violated = map(int, re.search(r"(\d+) drives, (\d+) with a violated", done.stdout).groups())
+        return {"drives": count, "violated": violated,
+                "max_error_percent": max(map(float, re.findall(r"m, error (\S+) %", done.stdout))),
+                "kinds": {kind: [None if value == math.inf else value for value in map(max, zip(*values))]
+                          for kind, values in kinds.items()}}
+
+    def benchmark(self, folders, to):
+        self.tool("benchmark", *folders, "--camera-height", self.arguments.camera_height, "--out", to)
+        return {short_name(folder.name): read(to / folder.name / "benchmark.json") for folder in folders}
+
+    def whole_sequences(self, part, inputs, to, folder_of):
+        """Resumable: a sequence that has been measured with the same key is kept."""
+        import paper
+        for source in inputs:
+            key = to / f"{source.stem}.key"
+            wanted = f"{self.hash()} {source} {self.arguments.camera_height}"
+            if not key.exists() or key.read_text() != wanted:
+                log(f"{part} {source.stem}")
+                self.run([folder_of(source)], to)
+                shutil.rmtree(to / "images", ignore_errors=True)
+                key.write_text(wanted)
+        results = [to / source.stem for source in inputs]
+        figures = paper.with_run_time(self.metrics(results), results)
+        paper.write(part, figures, results, to)
+        return figures
+
+    def kitti(self, inputs, to):
+        return self.whole_sequences("kitti", inputs, to, lambda folder: folder)
+
+    def paths(self, inputs, to):
+        def render(file):
+            folder = to / "images" / file.stem
+            self.tool("render_drive", folder, "--path", file, "--size", "1241x376", "--camera-height",
+                      self.arguments.camera_height)
+            return folder
+        return self.whole_sequences("paths", inputs, to, render)
+
+    def hash(self):
+        """Of the programs whose figures are measured."""
+        digest = hashlib.sha256()
+        for file in [*sorted(self.tools.glob("*_*")), *sorted(self.tools.parent.glob("libground_scale_vo*.so"))]:
+            if file.is_file():
+                digest.update(file.read_bytes())
+        return digest.hexdigest()[:16]
+
+    def measure(self, part):
+        """False when the part failed."""
+        chosen, file = self.chosen(part), self.out / f"{part}.json"
+        key = f"{self.hash()} {self.arguments.camera_height} {' '.join(map(str, chosen or []))}"
+        if chosen == []:
+            return True
+        if file.exists() and read(file)["run"]["key"] == key:
+            log(f"{part}: measured before")
+            return True
+        log(part)
+        file.unlink(missing_ok=True)
+        to = self.out / part
+        if part not in ("kitti", "paths"):
+            shutil.rmtree(to, ignore_errors=True)
+        to.mkdir(parents=True, exist_ok=True)
+        try:
+            figures = getattr(self, part)(chosen, to)
+        except (OSError, ValueError, KeyError, subprocess.CalledProcessError) as error:
+            log(f"{part} failed: {error}")
+            return False
+        describe = ["git", "-C", ROOT, "describe", "--always", "--dirty"]
+        version = subprocess.run(describe, stdout=subprocess.PIPE, text=True, check=False).stdout.strip()
+        figures["run"] = {"key": key, "version": version, "date": datetime.date.today().isoformat(),
+                          "load": os.getloadavg()[0]}
+        file.write_text(json.dumps(figures, indent=1), encoding="utf-8")
+        return True
+
+
+PARTS = ["sequences", "variants", "scenarios", "faults", "ablation", "components", "benchmark", "kitti", "paths"]
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="scripts/report", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sequences", nargs="*", type=pathlib.Path, metavar="SEQ",
+                        help="KITTI folders with ground truth, see scripts/evaluate")
+    parser.add_argument("--kitti", type=pathlib.Path, metavar="DATASET",
+                        help="folder of KITTI odometry, with sequences/00 to 10 and poses/")
+    parser.add_argument("--paths", type=pathlib.Path, metavar="POSES", help="folder with KITTI's 00.txt to 10.txt")
+    parser.add_argument("--camera-height", default="1.65", metavar="M", help="above the road [m] (default 1.65)")
+    parser.add_argument("--out", type=pathlib.Path, default="results/report", metavar="DIR")
+    parser.add_argument("--only", action="append", choices=PARTS, metavar="PART", help="only this part; repeatable")
+    parser.add_argument("--threads", type=int, default=2, help="drives at once (default 2), except in benchmark")
+    parser.add_argument("--write", action="store_true",
+                        help="write docs/results.md and the table of README.md from DIR/results.json")
+    arguments = parser.parse_args()
+    for folder in [*arguments.sequences, arguments.kitti, arguments.paths]:
+        if folder and not folder.is_dir():
+            parser.error(f"{folder}: no such folder")
+    report = Report(arguments)
+    report.tools = build()
+    whole = [part for part in ("kitti", "paths") if getattr(arguments, part)]
+    parts = arguments.only or (whole if whole and not arguments.sequences else PARTS)
+    failed = [part for part in PARTS if part in parts and not report.measure(part)]
+
+    import results_page
+    results = {part: read(file) for part in PARTS for file in [report.out / f"{part}.json"] if file.exists()}
+    (report.out / "results.json").write_text(json.dumps(results, indent=1), encoding="utf-8")
+    (report.out / "results.md").write_text(results_page.page(results, DESCRIPTIONS), encoding="utf-8")
+    if arguments.write:
+        results_page.write(results, DESCRIPTIONS, ROOT)
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()

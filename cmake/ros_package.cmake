@@ -62,11 +62,10 @@ catkin_install_python(PROGRAMS nodes/bag_recorder nodes/feed_another_vo nodes/pl
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The scripts expect the executables in the same directory after installation.
-install(PROGRAMS scripts/benchmark scripts/calibrate_height scripts/demo scripts/evaluate
+install(PROGRAMS scripts/benchmark scripts/calibrate_height scripts/compare scripts/demo
+  scripts/evaluate scripts/package scripts/report
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-install(FILES scripts/lib/benchmark.py scripts/lib/environment.py scripts/lib/environment.sh
-  scripts/lib/packages.txt
-  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib)
+install(DIRECTORY scripts/lib DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 
 # CPack settings used by scripts/package; the script adds the dependencies that are not shared

@@ -23,6 +23,11 @@ def log(text):
     print(f"{pathlib.Path(sys.argv[0]).stem}: {text}", file=sys.stderr, flush=True)
 
 
+def mean(values):
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
+
+
 def markdown(headings, rows):
     """A table; numbers with two decimals, None as a dash."""
     def cell(value):

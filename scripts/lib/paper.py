@@ -4,7 +4,7 @@ whole KITTI sequences, for scripts/report."""
 import csv
 import statistics
 
-from environment import markdown
+from environment import markdown, mean
 
 
 # KITTI odometry sequences with ground truth, and their number of frames.
@@ -55,11 +55,6 @@ def with_run_time(figures, folders):
             ran = [time for time in times if time > 0]
             figures[folder.name][f"{stage}_ms"] = statistics.median(ran) if ran else None
     return figures
-
-
-def mean(values):
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None
 
 
 def table(figures, columns, form="{:.2f}"):

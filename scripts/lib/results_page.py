@@ -3,7 +3,7 @@
 import math
 
 from benchmark import tables as benchmark_tables
-from environment import markdown
+from environment import markdown, mean
 
 LENGTHS = (10, 50, 100)  # of the segments for the covariance [m]
 DRIVE_COLUMNS = [("frames", "frames"), ("tracked", "tracked_frames"), ("length m", "gt_length_m"), ("RLE %", "rle_percent"),
@@ -18,11 +18,6 @@ MARKS = "<!-- results -->", "<!-- /results -->"
 
 def drives(part):
     return {name: drive for name, drive in part.items() if name != "run"}
-
-
-def mean(values):
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None
 
 
 def with_error(values):

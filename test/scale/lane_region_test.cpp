@@ -51,12 +51,6 @@ TEST(LaneRegion, FollowsThePathThroughABend) {
   }
 }
 
-TEST(LaneRegion, IsStraightWhileTheHeightIsNotKnown) {
-  EXPECT_TRUE(laneRegion(1, 0).contains(rayTo(0, 8)));
-  EXPECT_TRUE(
-      LaneRegion({}, std::nullopt, kCameraHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
-}
-
 TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
   const LaneRegion lane = laneRegion(0, kCameraHeight);
   EXPECT_FALSE(lane.contains(rayTo(0, 1.4)));
@@ -67,6 +61,10 @@ TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
   EXPECT_FALSE(lane.contains(rayTo(1.1, 5)));
   EXPECT_FALSE(lane.contains({0, 0, 1}));
   EXPECT_FALSE(lane.contains({0, -0.1, 1}));
+  // Straight while the height or the motion is not known.
+  EXPECT_TRUE(laneRegion(1, 0).contains(rayTo(0, 8)));
+  EXPECT_TRUE(
+      LaneRegion({}, std::nullopt, kCameraHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
 }
 
 TEST(LaneRegion, IsTheSameBehindTheVehicle) {

@@ -54,16 +54,5 @@ TEST(MotionHistory, TheTurnOfAChordIsThatOfItsEnd) {
               0, 1e-12);
 }
 
-TEST(MotionHistory, KeepsTheNewestPoses) {
-  MotionHistory history;
-  for (int i = 0; i < 100; ++i) {
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-    T_w_c.translation().z() = i;
-    history.add(T_w_c);
-  }
-  EXPECT_NEAR(history.chord(1e9)->length, MotionHistory::kMaxPoses - 1, 1e-12);
-  EXPECT_NEAR(history.travelled(), 99, 1e-9);
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

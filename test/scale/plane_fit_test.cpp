@@ -1,15 +1,10 @@
 #include "ground_scale_vo/scale/plane_fit.hpp"
 
 #include <gtest/gtest.h>
-#include <pcl/console/print.h>
 
-#include <atomic>
 #include <cmath>
 #include <random>
-#include <thread>
 #include <utility>
-
-#include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -56,13 +51,31 @@ NormalPrior loosePrior() {
   return prior;
 }
 
-TEST(PlaneFit, ExactPointsGiveTheExactPlane) {
-  const auto result = PlaneFit({}).fit(pointsOn(kPlane, 60, 0, 3, 1), loosePrior(), 1.0);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height, 0.8, 1e-5);
-  EXPECT_NEAR((result.plane.n_c - kPlane.n_c).norm(), 0, 1e-5);
-  EXPECT_NEAR(result.median_height, 0.8, 1e-5);
-  EXPECT_EQ(result.inliers.size(), 60u);
+std::vector<PlanePoint> inUnit(double unit, std::vector<PlanePoint> points) {
+  for (PlanePoint& point : points) {
+    point.p_c *= unit;
+    point.origin_c *= unit;
+    point.depth *= unit;
+    point.depth_sigma *= unit;
+  }
+  return points;
+}
+
+TEST(PlaneFit, ExactPointsGiveTheExactPlaneInAnyUnit) {
+  for (const auto method : {PlaneFit::Method::kInverseDepth, PlaneFit::Method::kHomogeneous}) {
+    PlaneFit::Options options;
+    options.method = method;
+    for (const double unit : {0.01, 1.0, 300.0}) {
+      SCOPED_TRACE(unit);
+      const auto points = inUnit(unit, pointsOn(kPlane, 60, 0, 3, 1));
+      const auto result = PlaneFit(options).fit(points, loosePrior(), unit);
+      ASSERT_EQ(result.status, ScaleReason::kNone);
+      EXPECT_NEAR(result.plane.height / unit, 0.8, 1e-5);
+      EXPECT_NEAR((result.plane.n_c - kPlane.n_c).norm(), 0, 1e-5);
+      EXPECT_NEAR(result.median_height / unit, 0.8, 1e-5);
+      EXPECT_EQ(result.inliers.size(), 60u);
+    }
+  }
 }
 
 TEST(PlaneFit, NoiseOfTheInverseDepthDoesNotBiasTheHeight) {
@@ -114,25 +127,6 @@ TEST(PlaneFit, SigmaIsThatOfRepeatedFits) {
   const double ratio = std::sqrt(squares / runs) / (sigma / runs);
   EXPECT_GT(ratio, 0.75);
   EXPECT_LT(ratio, 1.4);
-}
-
-TEST(PlaneFit, IsTheSameInAnyUnit) {
-  const auto points = pointsOn(kPlane, 120, 0.03, 3, 3);
-  const auto expected = PlaneFit({}).fit(points, loosePrior(), 1.0);
-  for (const double unit : {0.01, 300.0}) {
-    auto scaled = points;
-    for (PlanePoint& point : scaled) {
-      point.p_c *= unit;
-      point.origin_c *= unit;
-      point.depth *= unit;
-      point.depth_sigma *= unit;
-    }
-    const auto result = PlaneFit({}).fit(scaled, loosePrior(), unit);
-    ASSERT_EQ(result.status, ScaleReason::kNone) << unit;
-    EXPECT_EQ(result.inliers.size(), expected.inliers.size());
-    EXPECT_NEAR(result.plane.height / unit, expected.plane.height, 1e-3);
-    EXPECT_NEAR(result.height_sigma / unit, expected.height_sigma, 0.02 * expected.height_sigma);
-  }
 }
 
 // The reported errors of the depths are three times too large or too small.
@@ -225,28 +219,6 @@ TEST(PlaneFit, OutliersAreRejected) {
   }
 }
 
-TEST(PlaneFit, PriorDeterminesWhatThePointsDoNotObserve) {
-  // A narrow band of noisy points 6 camera heights ahead does not observe the pitch.
-  Noise random;
-  std::vector<PlanePoint> points;
-  for (int i = 0; i < 60; ++i) {
-    const double z = random.uniform(4.6, 5.0);
-    const Eigen::Vector3d ray(random.uniform(-0.1, 0.1), 0.8 / z, 1);
-    const double depth = z / (1 + 0.03 * random.gauss());
-    points.push_back({depth * ray, Eigen::Vector3d::Zero(), depth, 0.03 * depth});
-  }
-  NormalPrior tight = loosePrior();
-  tight.pitch_sigma = tight.roll_sigma = 0.002;
-  const auto result = PlaneFit({}).fit(points, tight, 0.8);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height, 0.8, 0.02);
-  EXPECT_NEAR(result.plane.n_c.z(), 0, 0.004);
-  const auto loose = PlaneFit({}).fit(points, loosePrior(), 0.8);
-  if (loose.status == ScaleReason::kNone) {
-    EXPECT_GT(loose.height_sigma, 3 * result.height_sigma);
-  }
-}
-
 // A wide but short band: the points observe the roll, the prior the pitch.
 TEST(PlaneFit, PriorsOfPitchAndRollAreIndependent) {
   Noise random;
@@ -295,8 +267,8 @@ TEST(PlaneFit, FailuresAreReportedByStatus) {
   EXPECT_EQ(PlaneFit(options).fit(some, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
 }
 
-// PCL's verbosity is global to the process, and other nodelets of the manager may print with it.
-TEST(PlaneFit, PclIsSilentAndItsVerbosityIsNotChanged) {
+// PCL prints an error for each degenerate sample, and when no plane has inliers.
+TEST(PlaneFit, PrintsNothing) {
   const PlaneFit fit{PlaneFit::Options{}};
   auto points = pointsOn(kPlane, 60, 0.01, 3, 1);
   const GroundPlane slope{Eigen::Vector3d(0, -1, 0.5).normalized(), 0.8};  // beyond sac_tilt_rad
@@ -304,25 +276,12 @@ TEST(PlaneFit, PclIsSilentAndItsVerbosityIsNotChanged) {
   // Half of the points in two places: most samples of three are degenerate.
   const auto two = pointsOn(kPlane, 2, 0, 0, 7);
   for (int i = 0; i < 60; ++i) points.push_back(two[static_cast<std::size_t>(i % 2)]);
-
-  const auto before = pcl::console::getVerbosityLevel();
-  std::atomic<bool> done{false}, changed{false};
-  std::thread observer([&] {
-    while (!done) {
-      if (pcl::console::getVerbosityLevel() != before) changed = true;
-    }
-  });
   testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
-  for (int i = 0; i < 200; ++i) {
-    EXPECT_EQ(fit.fit(points, loosePrior(), 1.0).status, ScaleReason::kNone);
-    EXPECT_EQ(fit.fit(tilted, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
-  }
-  done = true;
-  observer.join();
+  EXPECT_EQ(fit.fit(points, loosePrior(), 1.0).status, ScaleReason::kNone);
+  EXPECT_EQ(fit.fit(tilted, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
   EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
-  EXPECT_FALSE(changed);
 }
 
 TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
@@ -343,76 +302,26 @@ TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
   EXPECT_EQ(statusOf(rolled, 0.5, 0.01), ScaleReason::kPlaneTilted);
 }
 
-TEST(PlaneFit, TheSegmentationFindsPlanesWithinItsTilt) {
-  const GroundPlane tilted{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
-  NormalPrior prior;
-  prior.pitch_sigma = prior.roll_sigma = 1e-3;
-  PlaneFit::Options options;
-  for (const double tilt : {0.05, 0.2}) {
-    options.sac_tilt_rad = tilt;
-    const auto status = PlaneFit(options).fit(pointsOn(tilted, 80, 0.001, 0, 1), prior, 1.0).status;
-    EXPECT_EQ(status == ScaleReason::kNoPlane, tilt < 0.1) << toString(status);
-  }
-}
-
-TEST(PlaneFit, IsDeterministic) {
-  const auto points = pointsOn(kPlane, 200, 0.05, 3, 4);
-  const auto a = PlaneFit({}).fit(points, loosePrior(), 1.0);
-  const auto b = PlaneFit({}).fit(points, loosePrior(), 1.0);
-  EXPECT_EQ(a.plane.height, b.plane.height);
-  EXPECT_EQ(a.plane.n_c, b.plane.n_c);
-  EXPECT_EQ(a.inliers, b.inliers);
-}
-
-TEST(PlaneFit, HomogeneousFitIsExactOnExactPoints) {
-  PlaneFit::Options options;
-  options.method = PlaneFit::Method::kHomogeneous;
-  const auto result = PlaneFit(options).fit(pointsOn(kPlane, 60, 0, 3, 1), loosePrior(), 0.8);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height, 0.8, 1e-6);
-  EXPECT_NEAR(result.median_height, 0.8, 1e-6);
-}
-
 TEST(PlaneFit, TheHomogeneousFitRejectsOutliersInAnyUnit) {
-  PlaneFit::Options options;
-  options.method = PlaneFit::Method::kHomogeneous;
-  options.reject_distance_heights = 0.1;
-  for (const double unit : {0.01, 1.0, 100.0}) {
-    auto points = pointsOn(kPlane, 60, 0, 3, 1);
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      if (i % 10 == 0) points[i].p_c += (i % 20 == 0 ? 0.3 : -0.3) * kPlane.n_c;
-      points[i].p_c *= unit;
-    }
-    const auto result = PlaneFit(options).fit(points, loosePrior(), 0.8 * unit);
-    ASSERT_EQ(result.status, ScaleReason::kNone) << unit;
-    EXPECT_LE(result.inliers.size(), 54u) << unit;
-    EXPECT_GT(result.inliers.size(), 50u) << unit;
-    EXPECT_NEAR(result.plane.height / unit, 0.8, 1e-6) << unit;
-  }
-}
-
-TEST(PlaneFit, SigmaOfTheHomogeneousFitIsThatOfTheDistances) {
   PlaneFit::Options options;
   options.method = PlaneFit::Method::kHomogeneous;
   options.reject_distance_heights = 0.1;
   auto points = pointsOn(kPlane, 1000, 0, 0, 1);
   Noise random;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const double distance = i % 50 == 0 ? 0.3 : 0.02 * random.gauss();  // some outliers
+    const double distance =
+        i % 50 == 0 ? (i % 100 == 0 ? 0.3 : -0.3) : 0.02 * random.gauss();  // some outliers
     points[i].p_c += distance * kPlane.n_c;
   }
-  const auto result = PlaneFit(options).fit(points, loosePrior(), 0.8);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.height_sigma, 0.02, 0.002);
-}
-
-TEST(PlaneFit, BadOptionsAreRefused) {
-  PlaneFit::Options options;
-  options.reject_sigma = -1;
-  EXPECT_THROW(PlaneFit{options}, OptionError);
-  options = {};
-  options.min_points = 2;
-  EXPECT_THROW(PlaneFit{options}, OptionError);
+  for (const double unit : {0.01, 1.0, 100.0}) {
+    SCOPED_TRACE(unit);
+    const auto result = PlaneFit(options).fit(inUnit(unit, points), loosePrior(), 0.8 * unit);
+    ASSERT_EQ(result.status, ScaleReason::kNone);
+    EXPECT_LE(result.inliers.size(), 980u);
+    EXPECT_GT(result.inliers.size(), 950u);
+    EXPECT_NEAR(result.plane.height / unit, 0.8, 0.015);
+    EXPECT_NEAR(result.height_sigma / unit, 0.02, 0.002);
+  }
 }
 
 }  // namespace

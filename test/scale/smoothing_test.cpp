@@ -32,11 +32,5 @@ TEST(Smoothing, EqualsOpenCvsFilterInAnyPartOfAnImage) {
   }
 }
 
-TEST(Smoothing, RadiusContainsTheGaussian) {
-  EXPECT_EQ(Smoothing(0.6).radius(), 2);
-  EXPECT_EQ(Smoothing(0.9).radius(), 3);
-  EXPECT_EQ(Smoothing(1.19).radius(), Smoothing::kMaxRadius);
-}
-
 }  // namespace
 }  // namespace ground_scale_vo::direct

@@ -4,33 +4,13 @@
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 namespace ground_scale_vo::direct {
 namespace {
 
 const PinholeCamera kMaskCamera{160, 120, 100, 100, 80, 30};
 constexpr float kMaskImageNoise = 1;  // [grey levels]
-
-/// Share of the patches that are masked when the image does not change while the camera moves
-/// ahead by `distance` [camera heights] over a level road.
-double maskedShare(const cv::Mat& image, float distance, bool is_aligned) {
-  const PatchGrid grid(kMaskCamera, 0.03);
-  RoadImage current;
-  std::vector<Patch> patches;
-  PatchExtractor(kMaskCamera, 1, grid, kMaskImageNoise, {})
-      .extract(image, LaneRegion({}, {}, 0, 0.5, 3, 1), false, &current, &patches);
-  EXPECT_GT(patches.size(), 10u);
-  Reference reference;
-  reference.image = &current;
-  reference.R.setIdentity();
-  reference.t = {0, 0, distance};
-  StaticMask mask(kMaskCamera, grid);
-  mask.update(patches, reference, PatchMatcher(kMaskCamera, kMaskImageNoise, {}), {0, -1, 0},
-              is_aligned, 1);
-  double masked = 0;
-  for (const Patch& patch : patches) masked += mask.contains(patch.cell);
-  return masked / static_cast<double>(patches.size());
-}
 
 cv::Mat noiseImage() {
   cv::Mat image(kMaskCamera.height, kMaskCamera.width, CV_8UC1);
@@ -39,75 +19,75 @@ cv::Mat noiseImage() {
   return image;
 }
 
+/// The mask and its inputs. The reference image shows what the first of the images shows.
+struct Masking {
+  /// Returns the share of the patches that are masked.
+  double update(const cv::Mat& image, float distance, bool is_aligned, float rate = 1) {
+    RoadImage later;
+    extractor.extract(image, lane, false, reference.image ? &later : &first, &patches);
+    EXPECT_GT(patches.size(), 10u);
+    if (!reference.image) reference.image = &first;
+    return updateMask(distance, is_aligned, rate);
+  }
+  double updateMask(float distance, bool is_aligned, float rate) {
+    reference.R.setIdentity();
+    reference.t = {0, 0, distance};
+    mask.update(patches, reference, PatchMatcher(kMaskCamera, kMaskImageNoise, {}), {0, -1, 0},
+                is_aligned, rate);
+    double masked = 0;
+    for (const Patch& patch : patches) masked += mask.contains(patch.cell);
+    return masked / static_cast<double>(patches.size());
+  }
+
+  const PatchGrid grid{kMaskCamera, 0.03};
+  const LaneRegion lane{{}, {}, 0, 0.5, 3, 1};
+  PatchExtractor extractor{kMaskCamera, 1, grid, kMaskImageNoise, {}};
+  StaticMask mask{kMaskCamera, grid};
+  RoadImage first;
+  Reference reference;
+  std::vector<Patch> patches;
+};
+
+/// Share of the patches that are masked when the image does not change while the camera moves
+/// ahead by `distance` [camera heights] over a level road.
+double maskedShare(const cv::Mat& image, float distance, bool is_aligned) {
+  return Masking().update(image, distance, is_aligned);
+}
+
 TEST(StaticMask, ContainsWhatDoesNotMoveInTheImage) {
   EXPECT_EQ(maskedShare(noiseImage(), 0.7f, false), 1);
   EXPECT_GT(maskedShare(noiseImage(), 0.7f, true), 0.9);
-}
-
-// The road, too, would move by less than 0.004 focal lengths.
-TEST(StaticMask, DoesNotContainWhatNeedNotMove) {
+  // The road, too, would move by less than 0.004 focal lengths.
   EXPECT_EQ(maskedShare(noiseImage(), 0.002f, false), 0);
+  const cv::Mat uniform(kMaskCamera.height, kMaskCamera.width, CV_8UC1, cv::Scalar(100));
+  EXPECT_EQ(maskedShare(uniform, 0.7f, false), 0);
 }
 
 // Dirt on the lens is washed off.
 TEST(StaticMask, ForgetsWhatMovesAgain) {
-  const PatchGrid grid(kMaskCamera, 0.03);
-  const PatchMatcher matcher(kMaskCamera, kMaskImageNoise, {});
-  PatchExtractor extractor(kMaskCamera, 1, grid, kMaskImageNoise, {});
-  RoadImage before, after;
-  std::vector<Patch> patches;
-  const LaneRegion lane({}, {}, 0, 0.5, 3, 1);
-  Reference reference;
-  reference.image = &before;
-  reference.R.setIdentity();
-  reference.t = {0, 0, 0.7f};
-  StaticMask mask(kMaskCamera, grid);
-  const auto update = [&](float rate) {
-    mask.update(patches, reference, matcher, {0, -1, 0}, false, rate);
-    double masked = 0;
-    for (const Patch& patch : patches) masked += mask.contains(patch.cell);
-    return masked / static_cast<double>(patches.size());
-  };
-  extractor.extract(noiseImage(), lane, false, &before, &patches);
-  EXPECT_EQ(update(0.4f), 0);
-  EXPECT_EQ(update(0.4f), 1);
+  Masking masking;
+  EXPECT_EQ(masking.update(noiseImage(), 0.7f, false, 0.4f), 0);
+  EXPECT_EQ(masking.update(noiseImage(), 0.7f, false, 0.4f), 1);
   cv::Mat moved;
   cv::flip(noiseImage(), moved, 1);
-  extractor.extract(moved, lane, false, &after, &patches);
-  EXPECT_EQ(update(0.4f), 0);
+  EXPECT_EQ(masking.update(moved, 0.7f, false, 0.4f), 0);
 }
 
 TEST(StaticMask, DoesNotContainWhatTheReferenceShowsOnlyInPart) {
-  const PatchGrid grid(kMaskCamera, 0.03);
-  RoadImage current;
-  std::vector<Patch> patches;
-  PatchExtractor(kMaskCamera, 1, grid, kMaskImageNoise, {})
-      .extract(noiseImage(), LaneRegion({}, {}, 0, 0.5, 3, 1), false, &current, &patches);
-  ASSERT_GT(patches.size(), 10u);
-  RoadImage part;
-  part.roi = {patches.front().corner, patches.back().corner};  // half of the cells at its borders
-  part.roi += cv::Point(grid.patch_px / 2, grid.patch_px / 2);
-  part.storage = current.storage(part.roi - current.roi.tl());
-  Reference reference;
-  reference.image = &part;
-  reference.R.setIdentity();
-  reference.t = {0, 0, 0.7f};
-  StaticMask mask(kMaskCamera, grid);
-  mask.update(patches, reference, PatchMatcher(kMaskCamera, kMaskImageNoise, {}), {0, -1, 0}, false,
-              1);
-  int inside = 0;
-  for (const Patch& patch : patches) {
-    const cv::Rect cell(patch.corner, cv::Size(grid.patch_px, grid.patch_px));
-    const bool is_inside = (cell & part.roi) == cell;
-    EXPECT_EQ(mask.contains(patch.cell), is_inside) << patch.corner;
-    inside += is_inside;
+  Masking masking;
+  masking.extractor.extract(noiseImage(), masking.lane, false, &masking.first, &masking.patches);
+  ASSERT_GT(masking.patches.size(), 10u);
+  const int patch_px = masking.grid.patch_px;
+  RoadImage part;  // half of the cells at its borders
+  part.roi = {masking.patches.front().corner, masking.patches.back().corner};
+  part.roi += cv::Point(patch_px / 2, patch_px / 2);
+  part.storage = masking.first.storage(part.roi - masking.first.roi.tl());
+  masking.reference.image = &part;
+  EXPECT_GT(masking.updateMask(0.7f, false, 1), 0);
+  for (const Patch& patch : masking.patches) {
+    const cv::Rect cell(patch.corner, cv::Size(patch_px, patch_px));
+    EXPECT_EQ(masking.mask.contains(patch.cell), (cell & part.roi) == cell) << patch.corner;
   }
-  EXPECT_GT(inside, 0);
-}
-
-TEST(StaticMask, DoesNotContainUniformPatches) {
-  const cv::Mat uniform(kMaskCamera.height, kMaskCamera.width, CV_8UC1, cv::Scalar(100));
-  EXPECT_EQ(maskedShare(uniform, 0.7f, false), 0);
 }
 
 // Lines along the path look the same from everywhere.

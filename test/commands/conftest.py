@@ -1,6 +1,7 @@
 """Fixtures of the command tests: rendered sequences and bags, and ways to run a command.
 
-scripts/test runs these tests with the environment of its build (scripts/lib/environment.sh).
+scripts/test runs these tests with the environment of its build (scripts/lib/environment.sh). Each launch
+has a ROS master of its own, so the tests may run at the same time.
 """
 
 import contextlib
@@ -20,6 +21,8 @@ import time
 import xmlrpc.client
 
 import bags
+import cv2
+import numpy as np
 import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -28,6 +31,7 @@ sys.path.insert(0, str(SCRIPTS))  # for the tests of the Python scripts as modul
 BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
 TIMEOUT_S = 600
 CAMERA_HEIGHT = 1.65
+FRAMES = 40  # of the sequence `short`
 # For Python outside ROS: the ROS messages are in a package that has the name of the Python module.
 WITHOUT_MESSAGES = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
@@ -47,8 +51,7 @@ def run(command, *arguments, check=True, timeout=TIMEOUT_S, **options):
 
 
 def write_program(path, text):
-    """Writes a shell script, and its folder."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Writes a shell script."""
     path.write_text(f"#!/bin/bash\n{text}\n")
     path.chmod(0o755)
 
@@ -73,22 +76,13 @@ def assert_refused(status, text, command, *arguments, **options):
     assert len(sentences) == 1 and text in sentences[0], done.stderr
 
 
-def assert_plays(command, out, *arguments, **options):
-    """A demo of the sequence `short` processes every frame and writes its files."""
-    output = run(command, "--out", out, *arguments, **options).stdout
-    assert "40 frames out of both nodelets, 0 lost" in output, output
-    for name in ("metrics.json", "trajectory.png", "timing.png"):
-        assert (out / "short" / name).stat().st_size > 0
-
-
-def table_rows(file):
-    """The cells of the rows of all tables of a page by their first cell; a list for each table that has it."""
-    rows = {}
-    for line in file.read_text().splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if line.startswith("|"):
-            rows.setdefault(cells[0], []).append(cells[1:])
-    return rows
+def assert_played(output, results, frames=FRAMES):
+    """A demo has processed the images and written its results. Where the machine is busy, the nodelets may
+    have dropped a few."""
+    processed = int(re.search(r"(\d+) frames out of both nodelets", output)[1])
+    assert 0.9 * frames <= processed <= frames, output
+    for name in ("metrics.json", "trajectory.png", "scale.png", "timing.png"):
+        assert (results / name).stat().st_size > 0
 
 
 def wait_until(condition, while_runs=None):
@@ -116,8 +110,7 @@ def is_running(pid):
 
 @contextlib.contextmanager
 def roslaunch(log, file, *arguments):
-    """A running roslaunch with a master of its own, and the URI of that. file: of the package, or a
-    path."""
+    """A running roslaunch with a master of its own, and the URI of that. file: of the package, or a path."""
     with socket.socket() as free:
         free.bind(("", 0))
         port = free.getsockname()[1]
@@ -174,27 +167,11 @@ def made_once(path, make):
     return path
 
 
-@pytest.fixture
-def stub_tools(tmp_path):
-    """replace(NAME...): options of run() for a command of scripts/ that then calls, instead of these tools, ones
-    that only write their arguments to the file `calls`, a line for each call, and exit with status 1 if an
-    argument is `fails`."""
-    build = tmp_path / "stub_build"
-    tools = build / "devel/lib/ground_scale_vo"
-    write_program(build / "devel/setup.bash", f"PATH={tools}:$PATH")
-
-    def replace(*names):
-        for name in names:
-            write_program(tools / name, f'echo {name} "$*" >> {tmp_path}/calls\n'
-                                        'echo "Playback finished: "\n[[ " $* " != *" fails "* ]]')
-        return {"env": {**os.environ, "GROUND_SCALE_VO_BUILD": str(build)}, "cwd": tmp_path}
-    return replace
-
-
 @pytest.fixture(scope="session")
 def data(tmp_path_factory):
-    """The folder of what is made once for all tests; scripts/test names one for all workers."""
-    return pathlib.Path(os.environ.get("GROUND_SCALE_VO_TEST_DATA") or tmp_path_factory.mktemp("data"))
+    """The folder of what is made once for all tests and workers."""
+    folder = tmp_path_factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
 
 
 def rendered(folder, *arguments):
@@ -204,13 +181,11 @@ def rendered(folder, *arguments):
 
 @pytest.fixture(scope="session")
 def short(data):
-    """A KITTI folder of 40 frames."""
-    return rendered(data / "short", "--frames", 40)
+    return rendered(data / "short", "--frames", FRAMES)
 
 
 @pytest.fixture(scope="session")
 def shortest(data):
-    """A KITTI folder of 12 frames."""
     return rendered(data / "shortest", "--frames", 12)
 
 
@@ -234,7 +209,7 @@ def low_bag(low):
 
     def make():
         run(tool("kitti_to_bag"), low, "--out", file)
-        bags.add_fixes(file, low / "poses.txt")
+        bags.add_fixes(file, poses_of(low / "poses.txt"))
     return made_once(file, make)
 
 
@@ -247,29 +222,25 @@ def damaged_bag(request, bag, data):
 
 @pytest.fixture(scope="session", params=["calib.txt: no such file", "times.txt: is empty",
                                          "000003.png: is not a whole PNG"])
-def damaged_folder(request, short, tmp_path_factory):
+def damaged_folder(request, shortest, tmp_path_factory):
     """A KITTI folder with a damaged file, and the reason with which it is refused."""
-    folder = tmp_path_factory.mktemp("damaged") / "short"
+    folder = tmp_path_factory.mktemp("damaged") / "drive"
     (folder / "image_0").mkdir(parents=True)
-    for file in short.rglob("*.*"):
-        if file.is_file():
-            (folder / file.relative_to(short)).symlink_to(file)
-    name = request.param.split(":")[0]
-    file = folder / name if name.endswith(".txt") else folder / "image_0" / name
-    contents = file.read_bytes()
-    file.unlink()
-    if name == "times.txt":
-        file.touch()
-    elif name.endswith(".png"):
-        file.write_bytes(contents[:3000])
+    damaged = request.param.split(":")[0]
+    for file in shortest.rglob("*.*"):
+        copied = folder / file.relative_to(shortest)
+        if file.name != damaged:
+            copied.symlink_to(file)
+        elif damaged != "calib.txt":
+            copied.write_bytes(file.read_bytes()[:3000 if file.suffix == ".png" else 0])
     return folder, request.param
 
 
 @pytest.fixture(scope="session")
 def evaluated(short, data):
-    """The result folder of run_sequence."""
+    """The result folder of scripts/evaluate for `short`."""
     out = made_once(data / "evaluated", lambda: run(
-        tool("run_sequence"), short, "--camera-height", CAMERA_HEIGHT, "--out", data / "evaluated"))
+        SCRIPTS / "evaluate", short, "--out", data / "evaluated"))
     return out / short.name
 
 
@@ -290,3 +261,18 @@ def gsv(venv):
     yield importlib.import_module("ground_scale_vo")
     sys.path.remove(str(folder))
     sys.modules.update(messages)
+
+
+def poses_of(file):
+    """N x 3 x 4, of a file of KITTI poses."""
+    return np.loadtxt(file, ndmin=2).reshape(-1, 3, 4)
+
+
+def camera_matrix(folder):
+    """Of a KITTI folder."""
+    projection = (folder / "calib.txt").read_text().splitlines()[0].split()[1:]
+    return np.array(projection, float).reshape(3, 4)[:, :3]
+
+
+def images_of(folder):
+    return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "image_0").iterdir())]

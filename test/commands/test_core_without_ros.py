@@ -9,9 +9,9 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import BUILD, CAMERA_HEIGHT, ROOT, WITHOUT_MESSAGES, assert_refused, pip_install, run
+from conftest import (BUILD, CAMERA_HEIGHT, FRAMES, ROOT, WITHOUT_MESSAGES, assert_refused, pip_install, poses_of,
+                      run)
 
-FRAMES = 40
 # Says where an installation without ROS would be.
 CONFIG = f"""
 find_package(Eigen3 REQUIRED)
@@ -43,9 +43,24 @@ def installed(build, tmp_path_factory):
     return prefix
 
 
+@pytest.fixture(scope="module", params=BUILT_OR_INSTALLED)
+def prefix(request, tmp_path_factory):
+    """A folder with include/, the library and its CMake configuration."""
+    if request.param == "installed":
+        return request.getfixturevalue("installed")
+    folder = tmp_path_factory.mktemp("built")
+    (folder / "ground_scale_vo-config.cmake").write_text(CONFIG)
+    (folder / "include").symlink_to(ROOT / "include")
+    (folder / "libground_scale_vo_core.so").symlink_to(BUILD / "devel/lib/libground_scale_vo_core.so")
+    return folder
+
+
 @pytest.fixture(scope="module")
-def drive(short):
-    return short
+def examples(prefix, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples")
+    run("cmake", "-S", ROOT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}")
+    run("cmake", "--build", folder, "--parallel", 2)
+    return folder
 
 
 def assert_without_ros(objects):
@@ -53,118 +68,62 @@ def assert_without_ros(objects):
     assert "Eigen" in dependencies and "/ros/" not in dependencies
 
 
-def test_core_is_compiled_without_ros_headers():
+def test_library_needs_only_eigen_and_opencv(prefix):
+    """Neither its headers nor the library include or link ROS or tooling."""
     assert_without_ros(BUILD / "CMakeFiles/ground_scale_vo_core.dir")
-
-
-@pytest.mark.long
-def test_compiles_without_ros_headers(build):
-    commands = (build / "compile_commands.json").read_text()
-    for folder in ("/opt/ros", "/usr/include/ros", "catkin"):
-        assert folder not in commands
-    assert_without_ros(build)
-
-
-@pytest.mark.long
-def test_installs_only_the_headers_of_the_core(installed):
-    modules = {entry.name for entry in (installed / "include/ground_scale_vo").iterdir()}
-    assert modules == {"common", "vo", "scale", "metric_odometry.hpp"}
-
-
-@pytest.mark.parametrize("source", BUILT_OR_INSTALLED)
-def test_headers_include_only_eigen_and_the_core_of_opencv(request, source):
-    include = (ROOT if source == "built" else request.getfixturevalue("installed")) / "include/ground_scale_vo"
+    include = prefix / "include/ground_scale_vo"
     headers = [include / "metric_odometry.hpp",
                *(header for module in ("common", "vo", "scale") for header in (include / module).rglob("*.hpp"))]
     included = {name for header in headers for name in re.findall(r"#include <(\S+/\S+)>", header.read_text())}
     assert {name for name in included if not name.startswith("Eigen/")} == {"opencv2/core.hpp"}
-
-
-@pytest.mark.parametrize("source", BUILT_OR_INSTALLED)
-def test_library_links_no_tooling(request, source):
-    folder = BUILD / "devel/lib" if source == "built" else request.getfixturevalue("installed")
-    (library,) = folder.rglob("libground_scale_vo_core.so")
-    symbols = run("nm", "--dynamic", "--demangle", "--defined-only", library).stdout
-    assert "ground_scale_vo::MetricOdometry::process" in symbols
-    for tooling in ("KittiSequence", "SyntheticDrive", "RunReport"):
-        assert f"ground_scale_vo::{tooling}" not in symbols
+    (library,) = prefix.rglob("libground_scale_vo_core.so")
+    symbols = run("nm", "--dynamic", "--demangle", "--defined-only", library.resolve()).stdout
+    assert "ground_scale_vo::MetricOdometry::process" in symbols and "KittiSequence" not in symbols
     libraries = [line.split()[0].lower() for line in run("ldd", library).stdout.splitlines()]
     assert not any("ros" in pathlib.Path(name).name for name in libraries), libraries
 
 
 @pytest.mark.long
-def test_installed_tool_runs(installed, drive, tmp_path):
+def test_build_without_ros(build, installed, short, tmp_path):
+    assert_without_ros(build)
+    commands = (build / "compile_commands.json").read_text()
+    for folder in ("/opt/ros", "/usr/include/ros", "catkin"):
+        assert folder not in commands
+    modules = {entry.name for entry in (installed / "include/ground_scale_vo").iterdir()}
+    assert modules == {"common", "vo", "scale", "metric_odometry.hpp"}
     (tool,) = installed.rglob("run_sequence")
-    run(tool, drive, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
-    assert len((tmp_path / drive.name / "poses.txt").read_text().splitlines()) == FRAMES
+    run(tool, short, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
+    assert len(poses_of(tmp_path / "short/poses.txt")) == FRAMES
 
 
-@pytest.fixture(scope="module", params=BUILT_OR_INSTALLED)
-def examples(request, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("example")
-    if request.param == "built":
-        (folder / "ground_scale_vo-config.cmake").write_text(CONFIG)
-        prefix = folder
-    else:
-        prefix = request.getfixturevalue("installed")
-    run("cmake", "-S", ROOT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}")
-    run("cmake", "--build", folder)
-    return folder
-
-
-@pytest.mark.parametrize("folder, height, text", [
-    ("DRIVE", "high", "HEIGHT is 'high', it must be a number [m]"),
-    ("none", "1.65", "none/image_0: no such folder"),
-    ("EMPTY", "1.65", "image_0: no images"),
-    ("UNCALIBRATED", "1.65", "calib.txt: no projection matrix"),
-])
-def test_example_refuses(examples, drive, tmp_path, folder, height, text):
-    for name in ("empty", "uncalibrated"):
-        (tmp_path / name / "image_0").mkdir(parents=True)
-    (tmp_path / "uncalibrated/image_0/000000.png").symlink_to(drive / "image_0/000000.png")
-    folder = drive if folder == "DRIVE" else tmp_path / folder.lower()
-    done = subprocess.run([examples / "metric_poses", folder, height], stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 1 and text in done.stderr and done.stderr.count("\n") == 1, done.stderr
-
-
-def test_example_gives_metric_poses(examples, drive):
-    lines = run(examples / "metric_poses", drive, CAMERA_HEIGHT).stdout.splitlines()
-    estimate = [[float(word) for word in line.split()] for line in lines]
+def test_examples_give_metric_poses(examples, venv, short):
+    """In C++ and Python the same."""
+    output = run(examples / "metric_poses", short, CAMERA_HEIGHT).stdout
+    estimate = [[float(word) for word in line.split()] for line in output.splitlines()]
     assert len(estimate) > FRAMES / 2
-
-    stamps = [float(line) for line in (drive / "times.txt").read_text().split()]
-    poses = [[float(word) for word in line.split()]
-             for line in (drive / "poses.txt").read_text().splitlines()]
-    position = {round(stamp, 3): pose[3::4] for stamp, pose in zip(stamps, poses)}
+    stamps = [float(line) for line in (short / "times.txt").read_text().split()]
+    position = {round(stamp, 3): pose[:, 3] for stamp, pose in zip(stamps, poses_of(short / "poses.txt"))}
     first, last = estimate[0], estimate[-1]
-    distance = math.dist(first[1:], last[1:])
     true_distance = math.dist(position[round(first[0], 3)], position[round(last[0], 3)])
     assert true_distance > 10  # [m]
-    assert distance == pytest.approx(true_distance, rel=0.03)
-
-
-def test_python_example_as_the_other(examples, venv, drive):
-    done = run(venv / "bin/python", ROOT / "examples/metric_poses.py", drive, CAMERA_HEIGHT,
-               env=WITHOUT_MESSAGES)
-    assert done.stdout.split() == run(examples / "metric_poses", drive, CAMERA_HEIGHT).stdout.split()
+    assert math.dist(first[1:], last[1:]) == pytest.approx(true_distance, rel=0.03)
+    python = (venv / "bin/python", ROOT / "examples/metric_poses.py")
+    assert run(*python, short, CAMERA_HEIGHT, env=WITHOUT_MESSAGES).stdout.split() == output.split()
+    for example in ([examples / "metric_poses"], python):
+        assert_refused(1, "no such folder", *example, "none", 1.65, env=WITHOUT_MESSAGES)
 
 
 @pytest.mark.long
-def test_pip_installs_a_build_without_ros(build, examples, drive, tmp_path):
+def test_pip_installs_a_build_without_ros(build, evaluated, short, tmp_path):
     pip_install(tmp_path / "venv", build)
-    done = run(tmp_path / "venv/bin/python", ROOT / "examples/metric_poses.py", drive, CAMERA_HEIGHT,
-               env=WITHOUT_MESSAGES)
-    assert done.stdout.split() == run(examples / "metric_poses", drive, CAMERA_HEIGHT).stdout.split()
+    run(tmp_path / "venv/bin/ground_scale_vo", "run", short, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path,
+        env=WITHOUT_MESSAGES)
+    assert (tmp_path / "short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
 
 
-def test_python_example_refuses(venv):
-    assert_refused(1, "/none: no such folder", venv / "bin/python",
-                   ROOT / "examples/metric_poses.py", "none", 1.65, env=WITHOUT_MESSAGES)
-
-
-def test_scale_of_another_odometry(examples, gsv, drive):
+def test_scale_of_another_odometry(examples, gsv, short):
     """That odometry is this one with another unit of length, 4 m."""
-    sequence = gsv.read_kitti(drive)
+    sequence = gsv.read_kitti(short)
     odometry = gsv.MetricOdometry(sequence.camera, CAMERA_HEIGHT)
     words, final = list(sequence.camera), None
     for image, stamp in sequence:

@@ -5,68 +5,55 @@ import re
 import shutil
 
 import pytest
-from conftest import BUILD, SCRIPTS, assert_plays, assert_refused, run
-
-pytestmark = pytest.mark.serial
-
-FILES = """
-lib/ground_scale_vo/evaluate lib/ground_scale_vo/kitti_to_bag lib/ground_scale_vo/playback_monitor
-lib/ground_scale_vo/view_frame lib/ground_scale_vo/bag_recorder
-lib/ground_scale_vo/benchmark_sequence lib/ground_scale_vo/evaluate_bag
-lib/ground_scale_vo/evaluate_faults lib/ground_scale_vo/evaluate_scenarios
-lib/ground_scale_vo/graph_observer lib/ground_scale_vo/ground_truth_relay
-lib/ground_scale_vo/height_from_drive lib/ground_scale_vo/render_drive
-lib/ground_scale_vo/run_sequence
-lib/ground_scale_vo/screenshot lib/ground_scale_vo/lib/pause_at_frame.py
-include/ground_scale_vo/VoFrame.h include/ground_scale_vo/scale/scale_recovery.hpp
-share/ground_scale_vo/package.xml share/ground_scale_vo/nodelet_plugins.xml
-share/ground_scale_vo/launch/kitti.launch share/ground_scale_vo/config/mono_vo.yaml
-share/ground_scale_vo/rviz/ground_scale_vo.rviz
-""".split()
+from conftest import BUILD, ROOT, SCRIPTS, assert_played, assert_refused, run, write_program
 
 
 @pytest.fixture(scope="module")
-def install():
-    """The install space. roslaunch searches the whole source tree, so it must not stay there."""
-    folder = BUILD / "install"
-    # catkin installs its setup files to the prefix of the configuration, whatever --prefix says.
-    assert f"CMAKE_INSTALL_PREFIX:PATH={folder}\n" in (BUILD / "CMakeCache.txt").read_text()
-    shutil.rmtree(folder, ignore_errors=True)
-    run("cmake", "--install", BUILD)
-    yield folder
-    shutil.rmtree(folder)
+def install(tmp_path_factory):
+    """The install space, outside the source tree, which roslaunch searches as a whole."""
+    folder = tmp_path_factory.mktemp("install")
+    run("cmake", "--install", BUILD, env={**os.environ, "DESTDIR": str(folder)})
+    prefix = re.search(r"CMAKE_INSTALL_PREFIX:PATH=/(.*)", (BUILD / "CMakeCache.txt").read_text())[1]
+    return folder / prefix
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_installed(install, file):
-    assert (install / file).is_file()
+@pytest.fixture(scope="module")
+def demo(install):
+    """run() for the installed demo, in an environment without the source tree."""
+    def call(*arguments, **options):
+        return run(install / "lib/ground_scale_vo/demo", *arguments, **options,
+                   env={"HOME": os.environ["HOME"], "PATH": "/usr/bin:/bin"})
+    return call
 
 
-def installed_demo(install):
-    """The installed demo, and the options of run() for an environment without the source tree."""
-    environment = {"HOME": os.environ["HOME"], "PATH": "/usr/bin:/bin"}
-    return install / "lib/ground_scale_vo/demo", {"env": environment}
+def test_files(install):
+    installed = {file.name for file in (install / "lib/ground_scale_vo").iterdir()}
+    tools = {file.stem for file in (ROOT / "src/tools").glob("*.cpp")}
+    nodes = {file.name for file in (ROOT / "nodes").iterdir()}
+    assert tools | nodes | {"demo", "evaluate", "calibrate_height", "metrics_table.py", "plot_run.py", "lib"} <= installed
+    share = install / "share/ground_scale_vo"
+    for folder in ("launch", "config", "rviz"):
+        assert {file.name for file in (ROOT / folder).iterdir()} == {file.name for file in (share / folder).iterdir()}
+    for file in (share / "package.xml", share / "nodelet_plugins.xml", install / "include/ground_scale_vo/VoFrame.h",
+                 install / "include/ground_scale_vo/scale/scale_recovery.hpp"):
+        assert file.is_file()
 
 
-def test_demo(install, short, tmp_path):
-    demo, options = installed_demo(install)
-    assert_plays(demo, tmp_path, "--sequence", short, **options)
+def test_demo(demo, short, tmp_path):
+    assert_played(demo("--out", tmp_path, "--sequence", short).stdout, tmp_path / "short")
 
 
 @pytest.mark.parametrize("node, program, text", [
     ("playback_monitor", None, "roslaunch cannot start [ground_scale_vo/playback_monitor]"),
-    ("ground_truth_relay", "#!/bin/sh\nexit 3\n",
-     "the node ground_truth_relay exited before playback finished"),
+    ("ground_truth_relay", "exit 3", "the node ground_truth_relay exited before playback finished"),
 ], ids=["missing", "dies"])
-def test_demo_ends_when_a_node_is(install, bag, tmp_path, node, program, text):
-    demo, options = installed_demo(install)
+def test_demo_ends_when_a_node_is(install, demo, bag, tmp_path, node, program, text):
     file, original = install / "lib/ground_scale_vo" / node, tmp_path / node
     shutil.move(file, original)
     try:
         if program:
-            file.write_text(program)
-            file.chmod(0o755)
-        done = run(demo, "--bag", bag, "--out", tmp_path, check=False, **options)
+            write_program(file, program)
+        done = demo("--bag", bag, "--out", tmp_path, check=False)
     finally:
         shutil.move(original, file)
     assert done.returncode == 1 and text in done.stdout + done.stderr, done.stdout + done.stderr

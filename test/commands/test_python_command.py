@@ -9,37 +9,56 @@ import bags
 import cv2
 import numpy as np
 import pytest
-import rosbag
-from conftest import CAMERA_HEIGHT, WITHOUT_MESSAGES, assert_refused, on_terminal, run
-from sensor_msgs.msg import RegionOfInterest
-
-FRAMES = 40
+from conftest import CAMERA_HEIGHT, FRAMES, WITHOUT_MESSAGES, camera_matrix, images_of, on_terminal
+from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 
 @pytest.fixture
-def command(venv, tmp_path):
-    """The words of the command that writes into tmp_path."""
-    return [venv / "bin/ground_scale_vo", "run", "--out", tmp_path / "out", "--camera-height", CAMERA_HEIGHT]
+def command(gsv, tmp_path, monkeypatch, capfd):
+    """command(ARGUMENT...): its exit status and output, and what it wrote to stderr. In this process: the start
+    of another takes a second. It runs in tmp_path and writes to tmp_path/out."""
+    def call(*arguments):
+        monkeypatch.chdir(tmp_path)
+        words = ["ground_scale_vo", "run", "--out", "out", "--camera-height", CAMERA_HEIGHT, *arguments]
+        monkeypatch.setattr(sys, "argv", [str(word) for word in words])
+        status = importlib.import_module("ground_scale_vo.command_line").main()
+        output = capfd.readouterr()
+        return status, output.out, output.err
+    return call
+
+
+@pytest.fixture
+def refused(command):
+    def check(status, text, *arguments):
+        done, _, message = command(*arguments)
+        assert done == status and text in message and message.count("\n") == 1, message
+    return check
+
+
+@pytest.fixture
+def opened(gsv):
+    """opened(ARGUMENT...): the images and calibration of the command."""
+    def call(*arguments):
+        module = importlib.import_module("ground_scale_vo.command_line")
+        return module.open_drive(module.parse(["run", "--camera-height", "1", *map(str, arguments)]))[:2]
+    return call
 
 
 @pytest.fixture(scope="module")
 def video(short, tmp_path_factory):
     file = tmp_path_factory.mktemp("video") / "drive.mp4"
-    writer = None
-    for image in images_of(short):
-        writer = writer or cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"mp4v"), 10, image.shape[::-1])
+    images = images_of(short)
+    writer = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"mp4v"), 10, images[0].shape[::-1])
+    for image in images:
         writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
     writer.release()
     return file
 
 
-def images_of(folder):
-    return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "image_0").iterdir())]
-
-
-def camera_matrix(folder):
-    projection = np.array((folder / "calib.txt").read_text().split("\n")[0].split()[1:], float)
-    return projection.reshape(3, 4)[:, :3]
+def write_kalibr(file, intrinsics, size, model="radtan", D=()):
+    file.write_text(json.dumps({"cam0": {"camera_model": "pinhole", "intrinsics": list(intrinsics), "resolution": size,
+                                         "distortion_model": model, "distortion_coeffs": list(D)}}))
+    return file
 
 
 def distance(results):
@@ -47,100 +66,59 @@ def distance(results):
     return np.linalg.norm(np.loadtxt(results / "trajectory_tum.txt")[-1, 1:4])
 
 
-def test_kitti_folder_as_run_sequence(command, short, evaluated, tmp_path):
-    done = run(*command, short, env=WITHOUT_MESSAGES)
-    assert f"short: {FRAMES} frames, {FRAMES} tracked" in done.stdout and done.stderr == ""
-    results = tmp_path / "out/short"
+def test_installed_command_on_a_terminal(venv, short, evaluated, tmp_path):
+    """The results are the same as of scripts/evaluate."""
+    output = on_terminal(venv / "bin/ground_scale_vo", "run", short, "--camera-height", CAMERA_HEIGHT, "--out",
+                         tmp_path, environment=WITHOUT_MESSAGES)
+    assert f"{'#' * 30}] {FRAMES}/{FRAMES}" in output and f"short: {FRAMES} frames, {FRAMES} tracked" in output
+    results = tmp_path / "short"
     for name in ("poses.txt", "trajectory_tum.txt", "scale.csv"):
         assert (results / name).read_text() == (evaluated / name).read_text()
-    for plot in ("trajectory", "scale", "timing", "errors"):
+    for plot in ("trajectory", "scale", "timing"):
         assert (results / f"{plot}.png").stat().st_size > 0
     metrics = json.loads((results / "metrics.json").read_text())
     assert metrics["rle_percent"] is not None and metrics["height_bias_percent"] is not None
 
 
-def test_kitti_raw_drive(gsv, shortest, tmp_path):
-    folder = tmp_path / "date/drive"
-    shutil.copytree(shortest / "image_0", folder / "image_00/data")
-    (folder / "image_00/timestamps.txt").write_text("".join(f"2011-09-26 13:02:{i:02}.0\n" for i in range(12)))
-    (folder / "../calib_cam_to_cam.txt").write_text((shortest / "calib.txt").read_text().replace("P0:", "P_rect_00:"))
-    module = importlib.import_module("ground_scale_vo.command_line")
-    drive, calibration, _ = module.open_drive(module.parse(["run", str(folder), "--camera-height", "1"]))
-    assert drive.count == 12 and np.array_equal(next(drive.images)[0], images_of(shortest)[0])
-    assert np.array_equal(calibration.K, camera_matrix(shortest))
-
-
-def test_bag_as_run_sequence(command, bag, short, evaluated, tmp_path):
-    run(*command, bag, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
+@pytest.mark.parametrize("calibration", ["--camera", "--rectified"])
+def test_bag(command, bag, short, evaluated, tmp_path, calibration):
+    words = [calibration, short / "calib.txt"] if calibration == "--camera" else [calibration]
+    status, output, messages = command(bag, *words)
+    assert status == 0 and f"short: {FRAMES} frames" in output and not messages
     assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
 
 
-@pytest.mark.parametrize("is_rectified", [False, True])
-def test_calibration_of_a_bag(gsv, bag, short, tmp_path, capsys, is_rectified):
-    def distorted(topic, message):
-        if topic == bags.INFO:
-            message.D, message.K = [-0.2, 0.05, 0.001, -0.001, 0], [510, 0, 300, 0, 520, 90, 0, 0, 1]
-        return topic, message
+def test_video(command, video, short, evaluated, tmp_path):
+    assert command(video, "--camera", short / "calib.txt")[0] == 0
+    trajectory = np.loadtxt(tmp_path / "out/drive/trajectory_tum.txt")
+    assert np.allclose(trajectory[:, 0], 0.1 * np.arange(FRAMES))
+    assert np.allclose(np.linalg.norm(trajectory[:, 4:], axis=1), 1)
+    assert distance(tmp_path / "out/drive") == pytest.approx(distance(evaluated), rel=0.03)
 
-    file = tmp_path / "distorted.bag"
-    bags.copy(bag, file, distorted)
-    module = importlib.import_module("ground_scale_vo.command_line")
-    arguments = module.parse(["run", str(file), "--camera-height", "1", *["--rectified"] * is_rectified])
-    drive, calibration, _ = module.open_drive(arguments)
-    height, width = next(drive.images)[0].shape
-    assert calibration.size == (width, height) and not calibration.is_fisheye
-    if is_rectified:
-        assert np.array_equal(calibration.K, camera_matrix(short)) and not calibration.D.any()
+
+@pytest.mark.parametrize("model", ["plumb_bob", "equidistant"])
+def test_folder_of_distorted_images(command, short, evaluated, tmp_path, model):
+    folder, K = tmp_path / "raw", camera_matrix(short)
+    folder.mkdir()
+    (folder / "times.txt").write_text((short / "times.txt").read_text())
+    images, file = images_of(short), tmp_path / "camera.yaml"
+    height, width = images[0].shape
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
+    if model == "plumb_bob":
+        D = [-0.2, 0.05, 0.001, -0.001]
+        source = cv2.undistortPoints(pixels, K, np.array(D), None, None, K)
+        file.write_text(json.dumps({
+            "image_width": width, "image_height": height, "camera_matrix": {"data": K.ravel().tolist()},
+            "distortion_model": model, "distortion_coefficients": {"data": D}}))
     else:
-        assert calibration.K.ravel().tolist() == [510, 0, 300, 0, 520, 90, 0, 0, 1]
-        assert calibration.D.tolist() == [-0.2, 0.05, 0.001, -0.001, 0]
-    assert ("add --rectified" in capsys.readouterr().err) is not is_rectified
-    for topic, is_hinted in (("/camera/image_rect/compressed", not is_rectified),
-                             ("/robot/rectangle/image_raw", False)):  # of the topic, only its last part counts
-        module.calibration_in_bag(drive._replace(topic=topic), arguments)
-        assert ("add --rectified" in capsys.readouterr().err) is is_hinted
-
-
-def test_bag_with_its_calibration_as_run_sequence(command, bag, evaluated, tmp_path):
-    run(*command, bag, "--rectified", env=WITHOUT_MESSAGES)
-    assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
-
-
-@pytest.mark.parametrize("change, text", [
-    ({"K": [0] * 9}, ""), ({"K": [0] * 9, "P": [0] * 12}, "is not calibrated, P is zero"),
-    ({"binning_x": 2}, "binning and regions of interest are not supported, pass --camera"),
-    ({"binning_y": 2}, "binning and regions"), ({"roi": RegionOfInterest(width=9)}, "binning and regions"),
-    ({"roi": RegionOfInterest(height=9)}, "binning and regions"), ({"D": 5 * [np.nan]}, "has numbers that are not"),
-    ({"distortion_model": "omni"}, "the distortion model is omni"), ({"D": [0.1]}, "has 1 distortion coefficients"),
-    ({"distortion_model": "", "D": []}, ""), ({"binning_x": 1, "binning_y": 1}, "")])
-def test_calibration_of_camera_info(gsv, bag, short, change, text):
-    calibration_of = importlib.import_module("ground_scale_vo.calibration").calibration_of
-    with rosbag.Bag(str(bag)) as messages:
-        _, info, _ = next(messages.read_messages([bags.INFO]))
-    for name, value in {"K": camera_matrix(short).ravel().tolist(), **change}.items():
-        setattr(info, name, value)
-    if text:
-        with pytest.raises(gsv.DataError, match=f"^{bags.INFO}: {text}"):
-            calibration_of(info, bags.INFO, False)
-    else:
-        assert np.allclose(calibration_of(info, bags.INFO, False).K, camera_matrix(short))
-
-
-def test_options_reach_the_odometry(command, shortest, evaluated, tmp_path):
-    mask, height = tmp_path / "mask.png", 2 * CAMERA_HEIGHT
-    image = images_of(shortest)[0]
-    image[:] = 0
-    cv2.imwrite(str(mask), image)
-    done = run(*command, shortest, "--mask", mask, "--camera-height", height, env=WITHOUT_MESSAGES)
-    assert "12 frames, 0 tracked" in done.stdout
-    assert json.loads((tmp_path / "out/shortest/metrics.json").read_text())["camera_height_m"] == height
-
-
-@pytest.mark.parametrize("text, name, value", [("refine=false", "refine", False), ("refine=true", "refine", True),
-                                               ("tracker/cell_size=0.02", "tracker/cell_size", 0.02)])
-def test_values_of_options(gsv, text, name, value):
-    module = importlib.import_module("ground_scale_vo.command_line")
-    assert module.parse(["run", "x", "--camera-height", "1", "--set", text]).set == [(name, value)]
+        D = [-0.05, 0.01, 0.0, 0.0]
+        source = cv2.fisheye.undistortPoints(pixels, K, np.array(D), None, K)
+        write_kalibr(file, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), (width, height), model, D)
+    maps = source.reshape(height, width, 2).astype(np.float32)
+    for i, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{i:06}.png"), cv2.remap(image, maps, None, cv2.INTER_CUBIC))
+    assert command(folder, "--camera", file)[0] == 0
+    assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
 
 
 def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
@@ -149,239 +127,136 @@ def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
     (folder / "times.txt").write_text("0\n0.1\n0.1\n0.07\n0.08\n0.2\n")
     for i, image in enumerate(images_of(shortest)[:6]):
         cv2.imwrite(str(folder / f"{5 - i}.PNG"), image)  # the order is that of the names
-    done = run(*command, folder, "--camera", shortest / "calib.txt", env=WITHOUT_MESSAGES)
-    assert "3 images are skipped" in done.stderr and "drive.1: 3 frames" in done.stdout
+    status, output, messages = command(folder, "--camera", shortest / "calib.txt")
+    assert status == 0 and "3 images are skipped" in messages and "drive.1: 3 frames" in output
     stamps = np.loadtxt(tmp_path / "out/drive.1/trajectory_tum.txt")[:, 0]
     assert stamps == pytest.approx([0, 0.1, 0.2])
 
 
-def test_stamps_of_a_folder_are_exact(gsv, shortest, tmp_path):
-    """Seconds since 1970, to the nanosecond."""
-    cv2.imwrite(str(tmp_path / "0.png"), images_of(shortest)[0])
+def test_options_reach_the_odometry(gsv, command, shortest, tmp_path):
+    mask, height = tmp_path / "mask.png", 2 * CAMERA_HEIGHT
+    cv2.imwrite(str(mask), 0 * images_of(shortest)[0])
+    _, output, _ = command(shortest, "--mask", mask, "--camera-height", height)
+    assert "12 frames, 0 tracked" in output
+    assert json.loads((tmp_path / "out/shortest/metrics.json").read_text())["camera_height_m"] == height
+    parse = importlib.import_module("ground_scale_vo.command_line").parse
+    arguments = parse("run x --camera-height 1 --set refine=false --set a=true --set tracker/cell_size=0.02".split())
+    assert arguments.set == [("refine", False), ("a", True), ("tracker/cell_size", 0.02)]
+
+
+@pytest.mark.parametrize("change, expected", [
+    ({}, (510, 4)), ({"is_rectified": True}, (500, 0)), ({"K": [0] * 9}, (500, 0)),
+    ({"distortion_model": "", "D": []}, (510, 0)), ({"binning_x": 1, "binning_y": 1}, (510, 4)),
+    ({"K": [0] * 9, "P": [0] * 12}, "is not calibrated, P is zero"),
+    ({"binning_y": 2}, "binning and regions of interest are not supported, pass --camera"),
+    ({"roi": RegionOfInterest(height=9)}, "binning and regions"), ({"D": 5 * [np.nan]}, "has numbers that are not"),
+    ({"distortion_model": "omni"}, "the distortion model is omni"), ({"D": [0.1]}, "has 1 distortion coefficients")])
+def test_calibration_of_camera_info(gsv, change, expected):
+    """The focal length of the images and the number of their distortion coefficients, or why not. K and D are of the
+    raw images, P of the rectified ones."""
+    calibration_of = importlib.import_module("ground_scale_vo.calibration").calibration_of
+    info = CameraInfo(width=640, height=480, distortion_model="plumb_bob", D=[-0.2, 0.05, 0.001, -0.001],
+                      K=[510, 0, 310, 0, 520, 230, 0, 0, 1], P=[500, 0, 310, 0, 0, 520, 230, 0, 0, 0, 1, 0])
+    is_rectified = change.pop("is_rectified", False)
+    for name, value in change.items():
+        setattr(info, name, value)
+    if isinstance(expected, str):
+        with pytest.raises(gsv.DataError, match=f"^/info: {expected}"):
+            calibration_of(info, "/info", is_rectified)
+    else:
+        calibration = calibration_of(info, "/info", is_rectified)
+        assert (calibration.K[0, 0], np.count_nonzero(calibration.D)) == expected
+        assert calibration.size == (640, 480) and calibration.K[1, 1] == 520 and not calibration.is_fisheye
+
+
+def test_stamps_of_a_folder(gsv, shortest, tmp_path):
+    """Seconds since 1970, exact to the nanosecond, one for each image."""
     open_images = importlib.import_module("ground_scale_vo.images").open_images
+    times = tmp_path / "times.txt"
+    times.write_text("0\n")
+    with pytest.raises(gsv.DataError, match="has 0 images and 1 stamps in times.txt"):
+        open_images(tmp_path, None)
+    cv2.imwrite(str(tmp_path / "0.png"), images_of(shortest)[0])
     for text, stamp in (("1317042145.964389445", 1317042145964389445), ("1.3170421459643894e9", 1317042145964389400)):
-        (tmp_path / "times.txt").write_text(text)
+        times.write_text(text)
         assert [stamp for _, stamp in open_images(tmp_path, None).images] == [stamp]
-    for text in ("nan", "inf", "1e999999999", "1,5"):
-        (tmp_path / "times.txt").write_text(text)
-        with pytest.raises(gsv.DataError, match=f"times.txt: cannot be read .{text} is not a time"):
+    for text, message in (("nan", "nan is not a time"), ("1e999999999", "is not a time"), ("1,5", "1,5 is not a time"),
+                          ("1317000000000", r"1.317e\+12 s is not a time since 1970"), ("", "1 images and 0 stamps")):
+        times.write_text(text)
+        with pytest.raises(gsv.DataError, match=f"times.txt: .*{message}|{message} in times.txt"):
             open_images(tmp_path, None)
 
 
-@pytest.mark.parametrize("images, stamps", [(2, 1), (0, 1)])
-def test_folder_without_a_stamp_for_each_image(gsv, tmp_path, images, stamps):
-    for i in range(images):
-        cv2.imwrite(str(tmp_path / f"{i}.png"), np.zeros((8, 8), np.uint8))
-    (tmp_path / "times.txt").write_text("0\n" * stamps)
-    with pytest.raises(gsv.DataError, match=f"has {images} images and {stamps} stamps in times.txt"):
-        importlib.import_module("ground_scale_vo.images").open_images(tmp_path, None)
-
-
-def test_image_is_not_turned_by_its_orientation(gsv, tmp_path):
-    """The calibration is that of the sensor."""
-    jpeg = cv2.imencode(".jpg", np.zeros((16, 32), np.uint8))[1].tobytes()
-    exif = b"\xff\xe1\0\x22Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
-    file = tmp_path / "turned.jpg"
-    file.write_bytes(jpeg[:2] + exif + jpeg[2:])
-    assert cv2.imread(str(file)).shape[:2] == (32, 16)
-    assert importlib.import_module("ground_scale_vo.images").read_grey(file).shape == (16, 32)
-
-
-def test_images_of_a_compressed_bag(gsv, bag, short, tmp_path):
-    compressed = tmp_path / "compressed.bag"
+def test_image_topics_of_a_bag(gsv, opened, bag, short, tmp_path):
+    """One of several must be named; compressed images are decoded."""
+    compressed, two = tmp_path / "compressed.bag", tmp_path / "two.bag"
     bags.compress(bag, compressed)
-    drive = importlib.import_module("ground_scale_vo.images").open_images(compressed, None)
+    drive, _ = opened(compressed, "--camera", short / "calib.txt")
     image, stamp = next(drive.images)
-    assert (drive.count, stamp) == (FRAMES, 1000000000)
+    assert (drive.count, stamp) == (FRAMES, 1000000000) and cv2.absdiff(image, images_of(short)[0]).mean() < 3
     assert drive.info_topic == bags.COMPRESSED.replace("image_raw/compressed", "camera_info")
-    assert cv2.absdiff(image, images_of(short)[0]).mean() < 3
 
-
-def test_image_topic_of_a_bag_with_two(gsv, bag, short, tmp_path):
     def black_instead_of_info(topic, message):
         if topic != bags.INFO:
             return topic, message
         width, height = message.width, message.height
         return "/other", bags.Image(message.header, height, width, "mono8", 0, width, bytes(width * height))
 
-    two = tmp_path / "two.bag"
     bags.copy(bag, two, black_instead_of_info)
-    module = importlib.import_module("ground_scale_vo.command_line")
-    arguments = ["run", str(two), "--camera", str(short / "calib.txt"), "--camera-height", "1"]
     with pytest.raises(gsv.DataError, match=f"--image must be one of its image topics: {bags.IMAGE}, /other"):
-        module.open_drive(module.parse(arguments))
+        opened(two, "--camera", short / "calib.txt")
     for topic, first in ((bags.IMAGE, images_of(short)[0]), ("/other", 0 * images_of(short)[0])):
-        drive, _, _ = module.open_drive(module.parse([*arguments, "--image", topic]))
+        drive, _ = opened(two, "--camera", short / "calib.txt", "--image", topic)
         assert np.array_equal(next(drive.images)[0], first), topic
 
 
-def test_calibration_replaces_that_of_the_kitti_folder(command, shortest, tmp_path):
-    """One for images of another size is refused."""
-    (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
-        "camera_model": "pinhole", "intrinsics": [500, 500, 400, 120], "distortion_model": "none",
-        "distortion_coeffs": [], "resolution": [10, 20]}}))
-    assert_refused(1, "the calibration is of 10x20", *command, shortest, "--camera", tmp_path / "camera.yaml",
-                   env=WITHOUT_MESSAGES)
-
-
-def test_bag_without_calibration_is_refused(command, bag, tmp_path):
-    images = tmp_path / "images.bag"
-    bags.copy(bag, images, lambda topic, message: None if topic == bags.INFO else (topic, message))
-    assert_refused(2, f"--camera is missing; {images} has no {bags.INFO}", *command, images, env=WITHOUT_MESSAGES)
-
-
-def test_damaged_bag_is_refused(command, damaged_bag, short):
-    assert_refused(1, f"{damaged_bag}: ", *command, damaged_bag, "--camera", short / "calib.txt",
-                   env=WITHOUT_MESSAGES)
-
-
-def test_bag_that_is_damaged_in_the_middle_is_refused(command, bag, short, tmp_path):
-    contents = bag.read_bytes()
-    middle, header = len(contents) // 2, b"\x04\0\0\0op=\x02"  # a field of each message's header
-    damaged = tmp_path / "damaged.bag"
-    damaged.write_bytes(contents[:middle] + contents[middle:].replace(header, bytes(len(header)), 10))
-    assert_refused(1, f"{damaged}: cannot be read to its end", *command, damaged, "--camera",
-                   short / "calib.txt", env=WITHOUT_MESSAGES)
-
-
-def test_images_of_two_sizes_are_refused(command, short, tmp_path):
-    folder, K = tmp_path / "raw", camera_matrix(short)
-    folder.mkdir()
-    (folder / "times.txt").write_text("0\n0.1\n")
-    image = images_of(short)[0]
-    cv2.imwrite(str(folder / "0.png"), image)
-    cv2.imwrite(str(folder / "1.png"), image[:-1])
-    (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
-        "camera_model": "pinhole", "intrinsics": [K[0, 0], K[1, 1], K[0, 2], K[1, 2]],
-        "distortion_model": "radtan", "distortion_coeffs": [-0.2, 0.05, 0, 0],
-        "resolution": image.shape[::-1]}}))
-    assert_refused(1, "an image is ", *command, folder, "--camera", tmp_path / "camera.yaml",
-                   env=WITHOUT_MESSAGES)
-
-
-def test_video(command, video, short, evaluated, tmp_path):
-    run(*command, video, "--camera", short / "calib.txt", env=WITHOUT_MESSAGES)
-    trajectory = np.loadtxt(tmp_path / "out/drive/trajectory_tum.txt")
-    assert np.allclose(trajectory[:, 0], 0.1 * np.arange(FRAMES))
-    assert np.allclose(np.linalg.norm(trajectory[:, 4:], axis=1), 1)
-    assert distance(tmp_path / "out/drive") == pytest.approx(distance(evaluated), rel=0.03)
-
-
-def test_images_at_the_end_of_a_video_have_a_stamp(gsv, video, monkeypatch):
-    """OpenCV 4.6 reports 0 for those that the decoder of some videos holds: here for the last two."""
-    class Capture:
-        def __init__(self, *arguments):
-            self.capture, self.count = VideoCapture(*arguments), 0
-
-        def isOpened(self):
-            return self.capture.isOpened()
-
-        def read(self):
-            self.count += 1
-            return self.capture.read()
-
-        def get(self, name):
-            return 0 if name == cv2.CAP_PROP_POS_MSEC and self.count > FRAMES - 2 else self.capture.get(name)
-
-    VideoCapture = cv2.VideoCapture
-    module = importlib.import_module("ground_scale_vo.images")
-    monkeypatch.setattr(module.cv2, "VideoCapture", Capture)
-    stamps = [stamp for _, stamp in module.open_images(video, None).images]
-    assert np.allclose(stamps, 1e8 * np.arange(FRAMES))
-
-
-@pytest.mark.parametrize("model", ["plumb_bob", "equidistant"])
-def test_distorted_images(command, short, evaluated, tmp_path, model):
-    folder, K = tmp_path / "raw", camera_matrix(short)
-    folder.mkdir()
-    (folder / "times.txt").write_text((short / "times.txt").read_text())
-    images = images_of(short)
-    height, width = images[0].shape
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64)
-    if model == "plumb_bob":
-        D = [-0.2, 0.05, 0.001, -0.001]
-        source = cv2.undistortPoints(pixels.reshape(-1, 1, 2), K, np.array(D), None, None, K)
-        (tmp_path / "camera.yaml").write_text(json.dumps({
-            "image_width": width, "image_height": height, "camera_matrix": {"data": K.ravel().tolist()},
-            "distortion_model": model, "distortion_coefficients": {"data": D}}))
-    else:
-        D = [-0.05, 0.01, 0.0, 0.0]
-        source = cv2.fisheye.undistortPoints(pixels.reshape(-1, 1, 2), K, np.array(D), None, K)
-        (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
-            "camera_model": "pinhole", "intrinsics": [K[0, 0], K[1, 1], K[0, 2], K[1, 2]],
-            "distortion_model": model, "distortion_coeffs": D, "resolution": [width, height]}}))
-    maps = source.reshape(height, width, 2).astype(np.float32)
-    for i, image in enumerate(images):
-        cv2.imwrite(str(folder / f"{i:06}.png"), cv2.remap(image, maps, None, cv2.INTER_CUBIC))
-    run(*command, folder, "--camera", tmp_path / "camera.yaml", env=WITHOUT_MESSAGES)
-    assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
-
-
-def test_progress_on_a_terminal(command, short):
-    assert f"{'#' * 30}] {FRAMES}/{FRAMES}" in on_terminal(*command, short, environment=WITHOUT_MESSAGES)
-
-
-def test_rotated_video_is_refused_with_the_calibration_of_the_sensor(command, video, short, tmp_path):
+def test_rotated_video_is_refused_with_the_calibration_of_the_sensor(refused, video, short, tmp_path):
     contents = bytearray(video.read_bytes())
     matrix = contents.index(b"tkhd") + 44  # of the display, ISO/IEC 14496-12
     contents[matrix:matrix + 36] = np.array([0, 1 << 16, 0, -1 << 16, 0, 0, 0, 0, 1 << 30], ">i4").tobytes()
     rotated = tmp_path / "rotated.mp4"
     rotated.write_bytes(contents)
-    height, width = images_of(short)[0].shape
-    (tmp_path / "camera.yaml").write_text(json.dumps({"cam0": {
-        "camera_model": "pinhole", "intrinsics": [500, 500, 400, 120], "distortion_model": "none",
-        "distortion_coeffs": [], "resolution": [width, height]}}))
-    assert_refused(1, f"the images are {height}x{width}, the calibration is of {width}x{height}: calibrate",
-                   *command, rotated, "--camera", tmp_path / "camera.yaml", env=WITHOUT_MESSAGES)
+    file = write_kalibr(tmp_path / "camera.yaml", (500, 500, 400, 120), (800, 248))
+    refused(1, "the images are 248x800, the calibration is of 800x248: calibrate", rotated, "--camera", file)
 
 
-def test_refuses_to_overwrite_the_input(command, shortest, tmp_path):
+def test_damaged_bag_is_refused(refused, damaged_bag, short):
+    refused(1, f"{damaged_bag}: ", damaged_bag, "--camera", short / "calib.txt")
+
+
+def test_bag_without_calibration_is_refused(refused, bag, tmp_path):
+    images = tmp_path / "images.bag"
+    bags.copy(bag, images, lambda topic, message: None if topic == bags.INFO else (topic, message))
+    refused(2, f"--camera is missing; {images} has no {bags.INFO}", images)
+
+
+def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
     shutil.copytree(shortest, tmp_path / "drive")
-    assert_refused(2, "would write the results to the input", *command, "drive", "--out", ".", env=WITHOUT_MESSAGES,
-                   cwd=tmp_path)
+    refused(2, "would write the results to the input", "drive", "--out", ".")
     assert (tmp_path / "drive/poses.txt").read_text() == (shortest / "poses.txt").read_text()
 
 
 @pytest.mark.parametrize("status, text, arguments", [
     (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
     (2, "--camera is missing", ["empty.mp4"]),
-    (2, "--rectified is for the camera_info of a bag", ["empty.mp4", "--camera", "CALIB", "--rectified"]),
-    (2, "--rectified is for the camera_info of a bag", ["SHORT", "--rectified"]),
+    (2, "--rectified is for the camera_info of a bag", ["SHORTEST", "--rectified"]),
     (1, "empty.mp4: is not a video", ["empty.mp4", "--camera", "CALIB"]),
-    (1, "empty.bag: is not a bag", ["empty.bag", "--camera", "CALIB"]),
-    (1, "none.yaml: No such file", ["empty.mp4", "--camera", "none.yaml"]),
-    (1, "empty.mp4: cannot be used as a calibration (it is neither YAML",
-     ["empty.mp4", "--camera", "empty.mp4"]),
-    (1, "wide.yaml: cannot be used as a calibration (the camera model is omni",
-     ["empty.mp4", "--camera", "wide.yaml"]),
+    (1, "empty.mp4: cannot be used as a calibration (it is neither YAML", ["empty.mp4", "--camera", "empty.mp4"]),
     (1, "times.txt: cannot be read", [".", "--camera", "CALIB"]),
-    (1, "in_ms/times.txt: 1.317e+12 s is not a time since 1970", ["in_ms", "--camera", "CALIB"]),
-    (1, "flat.yaml: has a focal length of 0 px", ["SHORT", "--camera", "flat.yaml"]),
-    (2, "camera_height is nan, it must lie in", ["SHORT", "--camera-height", "nan"]),
-    (2, "there is no option refin; did you mean refine?", ["SHORT", "--set", "refin=true"]),
-    (1, "none.png: No such file", ["SHORT", "--mask", "none.png"]),
-    (1, "empty.mp4: cannot be decoded as an image", ["SHORT", "--mask", "empty.mp4"]),
-    (1, "the mask is 8x4, the first image ", ["SHORT", "--camera", "raw.yaml", "--mask", "small.png"]),
-    (1, "short.yaml: has 3 distortion coefficients, its model has 0 or 4 or 5",
-     ["SHORT", "--camera", "short.yaml"]),
-    (2, "there is no option mask", ["SHORT", "--set", "mask=1"]),
+    (1, "the calibration is of 10x20", ["SHORTEST", "--camera", "size.yaml"]),
+    (2, "there is no option refin; did you mean refine?", ["SHORTEST", "--set", "refin=true"]),
+    (1, "empty.mp4: cannot be decoded as an image", ["SHORTEST", "--mask", "empty.mp4"]),
+    (1, "the mask is 8x4, the first image ", ["SHORTEST", "--camera", "raw.yaml", "--mask", "small.png"]),
+    (1, "an image is ", ["sizes", "--camera", "raw.yaml"]),
 ])
-def test_refuses(gsv, command, short, tmp_path, monkeypatch, capfd, status, text, arguments):
-    """In this process: the start of another takes longer than its refusal."""
-    for name in ("empty.mp4", "empty.bag"):
-        (tmp_path / name).touch()
-    (tmp_path / "wide.yaml").write_text("cam0: {camera_model: omni}")
-    height, width = images_of(short)[0].shape
-    (tmp_path / "in_ms").mkdir()
-    (tmp_path / "in_ms/times.txt").write_text("1317000000000\n")
-    for name, f, D in (("raw", 500, [-0.2, 0.05, 0, 0]), ("short", 500, [-0.2, 0.05, 0]), ("flat", 0, [])):
-        (tmp_path / f"{name}.yaml").write_text(json.dumps({"cam0": {
-            "camera_model": "pinhole", "intrinsics": [f, 500, 400, 120], "distortion_model": "radtan",
-            "distortion_coeffs": D, "resolution": [width, height]}}))
+def test_refuses(refused, shortest, tmp_path, status, text, arguments):
+    (tmp_path / "empty.mp4").touch()
+    write_kalibr(tmp_path / "raw.yaml", (500, 500, 400, 120), (800, 248), D=[-0.2, 0.05, 0, 0])
+    write_kalibr(tmp_path / "size.yaml", (500, 500, 400, 120), (10, 20), D=[0, 0, 0, 0])
     cv2.imwrite(str(tmp_path / "small.png"), np.full((4, 8), 255, np.uint8))
-    words = {"CALIB": short / "calib.txt", "SHORT": short}
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", [str(words.get(word, word)) for word in (*command, *arguments)])
-    assert importlib.import_module("ground_scale_vo.command_line").main() == status
-    message = capfd.readouterr().err.rstrip("\n")
-    assert text in message and "\n" not in message, message
+    (tmp_path / "sizes").mkdir()
+    (tmp_path / "sizes/times.txt").write_text("0\n0.1\n")
+    for i, height in enumerate((248, 247)):
+        cv2.imwrite(str(tmp_path / f"sizes/{i}.png"), images_of(shortest)[0][:height])
+    words = {"CALIB": shortest / "calib.txt", "SHORTEST": shortest}
+    refused(status, text, *(words.get(word, word) for word in arguments))

@@ -122,24 +122,6 @@ TEST(DegenerateRoad, AnOdometryInAnyUnitGivesFiniteNumbers) {
   }
 }
 
-TEST(DegenerateRoad, StandstillAndRotationOnTheSpotAddNoDistance) {
-  const RoadScene scene = road();
-  ScaleRecovery recovery(recoveryOptions());
-  ScaleRecovery::Output output;
-  for (std::uint32_t i = 0; i < 30; ++i) output = recovery.process(scene.frame(i));
-  ASSERT_TRUE(output.pose);
-  const double distance = output.pose->distance;
-  for (std::uint32_t i = 30; i < 50; ++i) {
-    VoFrame frame = scene.frameAt(i, scene.step * 29);
-    frame.T_w_c.rotate(Eigen::AngleAxisd(0.01 * (i - 30), Eigen::Vector3d::UnitY()));
-    output = recovery.process(frame);
-    expectFinite(output);
-    ASSERT_TRUE(output.pose);
-    EXPECT_NEAR(output.pose->distance, distance, 1e-6);
-    EXPECT_EQ(output.scale.reason, ScaleReason::kStandstill);
-  }
-}
-
 TEST(DegeneratePlane, EveryAcceptedFitIsFinite) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> exponent(-12, 12), unit(-1, 1);

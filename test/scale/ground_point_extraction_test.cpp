@@ -3,10 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
-#include <string>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
@@ -61,15 +60,6 @@ TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
   }
 }
 
-TEST(GroundPointExtraction, NumberOfTrianglesFollowsEulersFormula) {
-  // A rectangle with two points inside.
-  RoadScene scene;
-  scene.points = {{-0.5, 0, 3}, {0.5, 0, 3}, {-0.5, 0, 5}, {0.5, 0, 5}, {0.1, 0, 3.8}, {0, 0, 4.3}};
-  const auto result = extract(scene, scene.frame(0));
-  EXPECT_EQ(result.triangles, 6);  // 2 n - 2 - points on the hull
-  EXPECT_EQ(result.points.size(), 6u);
-}
-
 TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
   RoadScene scene = roadAhead();
   const std::size_t on_road = scene.points.size();
@@ -88,64 +78,23 @@ TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
   EXPECT_LT(on_wall, result.points.size() / 10);
 }
 
-TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedByRansac) {
-  RoadScene scene = roadAhead();
-  scene.depth_sigma = 0.005;
-  scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the camera height up
-  const auto result = extract(scene, scene.frame(0));
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height, 0.7, 0.005);
-  const auto on_kerb = std::count_if(result.points.begin(), result.points.end(),
-                                     [](const GroundPoint& p) { return p.id > 400; });
-  EXPECT_EQ(on_kerb, 0);
-}
-
-// Among the same hypotheses as by the distances.
-TEST(GroundPointExtraction, MostInliersSelectsThePlaneWithTheMostPoints) {
-  RoadScene scene = roadAhead();
-  scene.depth_noise = 0.03;
-  std::size_t points[2] = {};
-  for (const bool most_inliers : {false, true}) {
-    GroundPointExtraction::Options options;
-    options.most_inliers = most_inliers;
-    for (std::uint32_t i = 0; i < 5; ++i) {
-      points[most_inliers] += extract(scene, scene.frame(i), options).points.size();
-    }
-  }
-  EXPECT_GT(points[true], points[false]);
-}
-
-TEST(GroundPointExtraction, FindsTheSamePointsInAnyUnit) {
-  const auto idsIn = [](double unit) {
+TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedInAnyUnit) {
+  std::vector<std::uint64_t> ids[3];
+  for (int k = 0; k < 3; ++k) {
+    const double unit = std::pow(16, k - 1);  // the same rounding
     RoadScene scene = roadAhead();
     scene.depth_sigma = 0.005;
-    scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement
-    scene.height *= unit;
-    for (Eigen::Vector3d& point : scene.points) point *= unit;
-    std::vector<std::uint64_t> ids;
-    for (const GroundPoint& point : extract(scene, scene.frame(0)).points) ids.push_back(point.id);
-    return ids;
-  };
-  const auto ids = idsIn(1);
-  EXPECT_GT(ids.size(), 100u);
-  EXPECT_EQ(idsIn(0.0625), ids);
-  EXPECT_EQ(idsIn(256), ids);
-}
-
-// Road and pavement have enough points together, but not each.
-TEST(GroundPointExtraction, AFailureHasNoPoints) {
-  RoadScene scene;
-  scene.depth_sigma = 0.005;
-  scene.addPatch(200, -1.0, 0, 1.0, 9.0, 0, 1);
-  scene.addPatch(200, 0, 1.0, 1.0, 9.0, -0.1, 3);
-  const std::size_t visible = scene.frame(0).features.size();
-  GroundPointExtraction::Options options;
-  options.min_points = static_cast<int>(7 * visible / 10);
-  const auto failed = extract(scene, scene.frame(0), options);
-  EXPECT_EQ(failed.status, ScaleReason::kNoPlane);
-  EXPECT_TRUE(failed.points.empty());
-  options.min_points = static_cast<int>(3 * visible / 10);
-  EXPECT_EQ(extract(scene, scene.frame(0), options).status, ScaleReason::kNone);
+    scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the camera height up
+    const auto result = extract(scene, inUnit(unit, scene).frame(0));
+    ASSERT_EQ(result.status, ScaleReason::kNone);
+    EXPECT_NEAR(result.plane.height / unit, 0.7, 0.005);
+    for (const GroundPoint& point : result.points) {
+      EXPECT_LE(point.id, 400u);
+      ids[k].push_back(point.id);
+    }
+    EXPECT_GT(ids[k].size(), 100u);
+    EXPECT_EQ(ids[k], ids[0]);
+  }
 }
 
 TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
@@ -162,22 +111,17 @@ TEST(GroundPointExtraction, OnlyTheLaneIsUsedWhileItHasEnoughFeatures) {
   EXPECT_GT(count_outside(extract(scene, scene.frame(0), options)), 50);
 }
 
-TEST(GroundPointExtraction, TheRegionBeginsAtItsMinimumDistance) {
+TEST(GroundPointExtraction, TheRegionHasLimits) {
   const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
-  options.min_ahead_heights = 6;
-  const auto result = extract(scene, scene.frame(0), options);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  for (const GroundPoint& point : result.points) EXPECT_GT(point.p_c.z(), 5.9 * scene.height);
-}
-
-TEST(GroundPointExtraction, TheRegionEndsAtItsMaximumDistance) {
-  const RoadScene scene = roadAhead();
-  GroundPointExtraction::Options options;
+  options.min_ahead_heights = 4;
   options.max_ahead_heights = 8;
   const auto result = extract(scene, scene.frame(0), options);
   ASSERT_EQ(result.status, ScaleReason::kNone);
-  for (const GroundPoint& point : result.points) EXPECT_LT(point.p_c.z(), 8.1 * scene.height);
+  for (const GroundPoint& point : result.points) {
+    EXPECT_GT(point.p_c.z(), 3.8 * scene.height);
+    EXPECT_LT(point.p_c.z(), 8.1 * scene.height);
+  }
 }
 
 TEST(GroundPointExtraction, PlaneAboveOrBehindTheCameraIsNoGround) {
@@ -245,38 +189,6 @@ TEST(GroundPointExtraction, FeaturesOutsideTheImageAreIgnored) {
   }
 }
 
-TEST(GroundPointExtraction, AFeatureAtTheImageBorderIsUsed) {
-  const RoadScene scene = roadAhead();
-  const auto width = static_cast<float>(scene.camera.width);
-  const auto height = static_cast<float>(scene.camera.height);
-  GroundPointExtraction::Options options;
-  options.min_lane_features = 100000;
-  for (const Eigen::Vector2f& border :
-       {Eigen::Vector2f(0, height - 1), Eigen::Vector2f(width, height - 1),
-        Eigen::Vector2f(width / 2, height)}) {
-    VoFrame frame = scene.frame(0);
-    frame.features[0].u = border;
-    const auto result = extract(scene, frame, options);
-    ASSERT_EQ(result.status, ScaleReason::kNone) << border.transpose();
-    EXPECT_EQ(result.points.front().id, frame.features[0].id) << border.transpose();
-  }
-}
-
-TEST(GroundPointExtraction, IsDeterministicForAGivenSeed) {
-  RoadScene scene = roadAhead();
-  scene.depth_noise = 0.03;
-  const VoFrame frame = scene.frame(3);
-  GroundPointExtraction::Options options;
-  const auto a = extract(scene, frame, options), b = extract(scene, frame, options);
-  ASSERT_EQ(a.status, ScaleReason::kNone);
-  EXPECT_EQ(a.plane.height, b.plane.height);
-  EXPECT_EQ(a.plane.n_c, b.plane.n_c);
-  ASSERT_EQ(a.points.size(), b.points.size());
-  for (std::size_t i = 0; i < a.points.size(); ++i) EXPECT_EQ(a.points[i].id, b.points[i].id);
-  options.random_seed = 2;
-  EXPECT_NE(a.plane.height, extract(scene, frame, options).plane.height);
-}
-
 TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
   const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
@@ -293,55 +205,21 @@ TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
   EXPECT_EQ(without.status, ScaleReason::kNone);
 }
 
-TEST(GroundPointExtraction, FramePitchTestRejectsFramesThatPitch) {
+TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
   const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
   options.frame_pitch_test = true;
-  const GroundPointExtraction gpe(options);
-  for (const double pitch : {-0.121, 0.0, 0.121}) {
+  for (const double pitch : {-0.2, 0.0, 0.2}) {
     const Eigen::Isometry3d motion(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
-    const auto result = gpe.extract(scene.frame(0), priorOf(scene), chordOf(scene), motion);
-    EXPECT_EQ(result.ground_triangles > 0, pitch == 0) << pitch;
-  }
-}
-
-TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
-  const RoadScene scene = roadAhead();
-  for (const double pitch : {-0.2, 0.2}) {
+    const auto pitching = GroundPointExtraction(options).extract(scene.frame(0), priorOf(scene),
+                                                                 chordOf(scene), motion);
+    EXPECT_EQ(pitching.ground_triangles > 0, pitch == 0) << pitch;
     RoadScene expected = scene;
     expected.pitch += pitch;
-    for (const bool frame_pitch_test : {false, true}) {
-      GroundPointExtraction::Options options;
-      options.frame_pitch_test = frame_pitch_test;
-      const auto result = GroundPointExtraction(options).extract(
-          scene.frame(0), priorOf(expected, 0.01), std::nullopt, Eigen::Isometry3d::Identity());
-      EXPECT_EQ(result.ground_triangles > 0, frame_pitch_test) << pitch;
-    }
+    const auto wrong_prior = GroundPointExtraction(options).extract(
+        scene.frame(0), priorOf(expected, 0.01), std::nullopt, Eigen::Isometry3d::Identity());
+    EXPECT_GT(wrong_prior.ground_triangles, 0) << pitch;
   }
-}
-
-TEST(GroundPointExtraction, BadOptionsAreNamed) {
-  const auto expectRefused = [](const GroundPointExtraction::Options& options,
-                                const std::string& name) {
-    try {
-      GroundPointExtraction gpe(options);
-      FAIL() << name;
-    } catch (const OptionError& error) {
-      EXPECT_EQ(std::string(error.what()).find(name + " is "), 0u) << error.what();
-    }
-  };
-  GroundPointExtraction::Options options;
-  options.min_points = 2;
-  expectRefused(options, "gpe/min_points");
-  options = {};
-  options.plane_threshold_heights = std::numeric_limits<double>::quiet_NaN();
-  expectRefused(options, "gpe/plane_threshold_heights");
-  options = {};
-  options.lane_half_width_heights = 1.2 * options.max_half_width_heights;
-  expectRefused(options, "gpe/max_half_width_heights");
-  options = {};
-  options.max_ahead_heights = 0.5 * options.min_ahead_heights;
-  expectRefused(options, "gpe/max_ahead_heights");
 }
 
 }  // namespace

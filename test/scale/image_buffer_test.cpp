@@ -57,16 +57,6 @@ TEST(ImageBuffer, HasNoReferenceWithoutMotionAndNoneTooFarAway) {
   EXPECT_TRUE(buffer.selectReferences(kBufferHeight).empty());
 }
 
-TEST(ImageBuffer, SlowMotionReplacesTheNewestImage) {
-  // Twelve images in steps of 0.02 would cover only 0.24 VO units. At the minimum spacing, 0.2
-  // first baselines or 0.4 VO units, they cover both baselines.
-  const ImageBuffer buffer = drive(400, 0.02);
-  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
-  ASSERT_EQ(references.size(), 2u);
-  EXPECT_NEAR(distanceOf(references[0]), 2, 0.25);
-  EXPECT_NEAR(distanceOf(references[1]), 4, 0.25);
-}
-
 // Behind a vehicle that hides the road for a while.
 TEST(ImageBuffer, ImagesWithoutRoadAreNotKept) {
   ImageBuffer buffer = drive(10, 0.5);

@@ -4,13 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <functional>
-#include <opencv2/imgproc.hpp>
-#include <optional>
-#include <utility>
-#include <vector>
-
-#include "scale/direct/height_search.hpp"
+#include <opencv2/core.hpp>
 
 namespace ground_scale_vo::direct {
 namespace {
@@ -25,12 +19,12 @@ float waves(float u, float v) { return 100 + 30 * std::sin(0.21f * u) + 30 * std
 /// A reference image with this texture, seen from another camera than the patch.
 class PatchMatcherTest : public testing::Test {
  protected:
-  explicit PatchMatcherTest(const std::function<float(float, float)>& texture = waves) {
+  PatchMatcherTest() {
     image_.roi = {0, 0, kCamera.width, kCamera.height};
     image_.storage.create(kCamera.height, kCamera.width, CV_32F);
     for (int v = 0; v < kCamera.height; ++v) {
       for (int u = 0; u < kCamera.width; ++u) {
-        image_.storage.at<float>(v, u) = texture(static_cast<float>(u), static_cast<float>(v));
+        image_.storage.at<float>(v, u) = waves(static_cast<float>(u), static_cast<float>(v));
       }
     }
     reference_.image = &image_;
@@ -89,20 +83,6 @@ class PatchMatcherTest : public testing::Test {
     const Eigen::Vector3f ray(patch_.ray_x[sample], patch_.ray_y[sample], 1);
     const Eigen::Vector3f y = reference_.R * ray - reference_.t * kPlane.dot(ray);
     return kCamera.project(y.cast<double>());
-  }
-
-  /// The same values from an image of which only a part is stored; none if samples are outside.
-  std::optional<Samples> valuesInPart(const cv::Rect& roi, const cv::Mat& allowed = {}) const {
-    RoadImage part;
-    part.roi = roi;
-    part.storage = image_.storage(roi).clone();
-    Reference reference = reference_;
-    reference.image = &part;
-    Samples values;
-    if (!PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference, patch_, kPlane, &values)) {
-      return std::nullopt;
-    }
-    return values;
   }
 
   Match linearised() const {
@@ -185,47 +165,6 @@ TEST_F(PatchMatcherTest, MeasuresTheShiftDespiteOutliers) {
             0.5f * std::abs(least_squares - without_outliers));
 }
 
-// All residuals have the same size, so the robust weights do not change their variance.
-TEST_F(PatchMatcherTest, TheVarianceIsThatOfTheResidual) {
-  constexpr float kResidual = 0.5f, kWeight = 0.8f;  // 1 / (1 + 1 / 2^2)
-  constexpr float kLeastVariance = 0.01f;            // of a residual, which is added
-  Match match = linearised();
-  for (int i = 0; i < kPatchSamples; ++i) patch_.value[i] += i % 2 == 0 ? kResidual : -kResidual;
-  matcher_.measure(reference_, patch_, kPlane, &match);
-  ASSERT_TRUE(match.valid);
-  const float information = kWeight * match.jacobian.square().sum();
-  EXPECT_NEAR(match.variance * information, kResidual * kResidual + kLeastVariance, 0.01f);
-}
-
-// Before a surface parallel to the image, gradients keep their direction.
-TEST_F(PatchMatcherTest, NeedsGradientsAlongTheEpipolarLine) {
-  const Eigen::Vector3f surface(0, 0, -0.5f);
-  patch_.ray_x.setConstant(0.5f);
-  patch_.ray_y.setConstant(0);
-  reference_.R.setIdentity();
-  Samples alternating;
-  for (int i = 0; i < kPatchSamples; ++i) alternating[i] = i % 2 == 0 ? 1 : -1;
-  // And the direction of the line.
-  const std::pair<Eigen::Vector3f, Eigen::Vector2f> motions[] = {
-      {{0.4f, 0, 0}, {1, 0}}, {{0, 0.4f, 0}, {0, 1}}, {{0, 0, 2}, {1, 0}}};
-  for (const auto& [t, line] : motions) {
-    setTranslation(t);
-    // constant: of a gradient across the line in all samples, which only changes the mean.
-    const auto isObservable = [&, line = line](float cosine, float constant) {
-      const float sine = std::sqrt(1 - cosine * cosine);
-      patch_.grad_x = alternating * (cosine * line.x() - sine * line.y()) - constant * line.y();
-      patch_.grad_y = alternating * (cosine * line.y() + sine * line.x()) + constant * line.x();
-      Match match;
-      matcher_.linearise(reference_, patch_, surface, &match);
-      return match.observable;
-    };
-    EXPECT_TRUE(isObservable(1, 0)) << t.transpose();
-    EXPECT_TRUE(isObservable(0.25f, 0)) << t.transpose();
-    EXPECT_TRUE(isObservable(0.25f, 5)) << t.transpose();
-    EXPECT_FALSE(isObservable(0.15f, 0)) << t.transpose();
-  }
-}
-
 TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   Samples values;
   cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));
@@ -235,11 +174,7 @@ TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   allowed.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
   EXPECT_FALSE(
       PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
-  setTranslation({0, 0, -4});  // nearer to the road: the patch leaves the image
-  EXPECT_FALSE(matcher_.sample(reference_, patch_, kPlane, &values));
-}
-
-TEST_F(PatchMatcherTest, NeedsThePixelsAroundAllSamplesInTheStoredPart) {
+  // Of the stored part of the image the pixels around all samples are needed.
   Eigen::Vector2d first = pixelOf(0), last = first;
   for (int i = 1; i < kPatchSamples; ++i) {
     first = first.cwiseMin(pixelOf(i));
@@ -247,121 +182,21 @@ TEST_F(PatchMatcherTest, NeedsThePixelsAroundAllSamplesInTheStoredPart) {
   }
   const cv::Point begin(cvFloor(first.x()), cvFloor(first.y()));
   const cv::Point end(cvFloor(last.x()) + 2, cvFloor(last.y()) + 2);
-  const auto values = valuesInPart({begin, end});
-  ASSERT_TRUE(values);
-  EXPECT_LT((*values - valuesOf(reference_, kPlane)).abs().maxCoeff(), 0.01f);
-  const cv::Point column(1, 0), row(0, 1);
-  EXPECT_FALSE(valuesInPart({begin + column, end}));
-  EXPECT_FALSE(valuesInPart({begin + row, end}));
-  EXPECT_FALSE(valuesInPart({begin, end - column}));
-  EXPECT_FALSE(valuesInPart({begin, end - row}));
-
-  // The mask is that of the whole image.
-  cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(0));
-  allowed(cv::Rect(begin, end)) = 255;
-  EXPECT_TRUE(valuesInPart({begin, end}, allowed));
-  allowed.at<unsigned char>(cvFloor(pixelOf(9).y()), cvFloor(pixelOf(9).x())) = 0;
-  EXPECT_FALSE(valuesInPart({begin, end}, allowed));
-}
-
-// Seen from twice as far beyond the road, the patch is behind the camera, and its rays, extended
-// backwards, meet the image.
-TEST_F(PatchMatcherTest, UsesNoPointBehindTheReferenceCamera) {
-  const Eigen::Vector3f ray(patch_.ray_x.mean(), patch_.ray_y.mean(), 1);
-  reference_.R.setIdentity();
-  setTranslation(2 * ray / kPlane.dot(ray));
-  for (int i = 0; i < kPatchSamples; ++i) {
-    const Eigen::Vector2d u = pixelOf(i);
-    ASSERT_TRUE(cv::Rect2d(1, 1, kCamera.width - 3, kCamera.height - 3).contains({u.x(), u.y()}));
-  }
-  Samples values;
-  EXPECT_FALSE(matcher_.sample(reference_, patch_, kPlane, &values));
-}
-
-/// Lines along the path, which look the same at any distance.
-class PatchMatcherLines : public PatchMatcherTest {
- protected:
-  PatchMatcherLines()
-      : PatchMatcherTest(
-            [](float u, float v) { return waves(100 * (u - 160) / (v - 100.5f), 0); }) {}
-};
-
-TEST_F(PatchMatcherLines, AreNotObservable) {
-  reference_.R.setIdentity();
-  // The lines meet at (160, 100.5), so the epipole has to be there.
-  setTranslation({0, -0.5f * 19.5f / 300, 0.5f});
-  renderPatch();
-  Match match = linearised();
-  EXPECT_FALSE(match.observable);
-  matcher_.measure(reference_, patch_, kPlane, &match);
-  EXPECT_FALSE(match.valid);
-}
-
-float spots(float u, float v) {
-  static const cv::Mat texture = [] {
-    cv::Mat texture(kCamera.height, kCamera.width, CV_32F);
-    cv::RNG(5).fill(texture, cv::RNG::UNIFORM, 0, 255);
-    cv::GaussianBlur(texture, texture, {0, 0}, 2);
-    return texture;
-  }();
-  return texture.at<float>(static_cast<int>(v), static_cast<int>(u));
-}
-
-class HeightSearchTest : public PatchMatcherTest {
- protected:
-  explicit HeightSearchTest(const std::function<float(float, float)>& texture = spots)
-      : PatchMatcherTest(texture) {
-    setTranslation({0.03f, -0.02f, 2});
-  }
-
-  void addPatches(int top, int bottom) {
-    for (int u = 60; u < 260; u += 4) {
-      for (int v = top; v < bottom; v += 8) {
-        movePatch(u, v);
-        renderPatch();
-        patches_.push_back(patch_);
-      }
-    }
-  }
-
-  /// With a reference image of which columns `first` to `end` are stored.
-  std::optional<GroundPlane> findIn(int first, int end) const {
+  const auto isSampled = [&](const cv::Rect& roi) {
     RoadImage part;
-    part.roi = {first, 0, end - first, kCamera.height};
-    part.storage = image_.storage(part.roi).clone();
+    part.roi = roi;
+    part.storage = image_.storage(roi).clone();
     Reference reference = reference_;
     reference.image = &part;
-    NormalPrior prior;
-    prior.n_c = kPlane.normalized().cast<double>();
-    return HeightSearch({}).find(patches_, {reference, reference}, matcher_, prior, 1.2);
-  }
-
-  std::vector<Patch> patches_;
-};
-
-TEST_F(HeightSearchTest, NeedsHalfOfTheTextureInTheImage) {
-  addPatches(160, 210);
-  const auto found = findIn(0, kCamera.width);
-  ASSERT_TRUE(found);
-  EXPECT_NEAR(found->height, 1.5, 0.05);
-  EXPECT_TRUE(findIn(130, kCamera.width));
-  EXPECT_FALSE(findIn(190, kCamera.width));
-}
-
-/// Lines across the path that repeat every kPeriod_px rows of the reference image.
-class HeightSearchOverLines : public HeightSearchTest {
- protected:
-  static constexpr int kPeriod_px = 24;
-  HeightSearchOverLines()
-      : HeightSearchTest([](float, float v) {
-          return spots(100, 20 + static_cast<float>(static_cast<int>(v) % kPeriod_px));
-        }) {}
-};
-
-// At greater heights the rows move less than a period, at smaller ones more.
-TEST_F(HeightSearchOverLines, ALowerHeightThatFitsAsWellIsARival) {
-  addPatches(196, 197);
-  EXPECT_FALSE(findIn(0, kCamera.width));
+    return matcher_.sample(reference, patch_, kPlane, &values);
+  };
+  ASSERT_TRUE(isSampled({begin, end}));
+  EXPECT_LT((values - valuesOf(reference_, kPlane)).abs().maxCoeff(), 0.01f);
+  const cv::Point column(1, 0), row(0, 1);
+  EXPECT_FALSE(isSampled({begin + column, end}));
+  EXPECT_FALSE(isSampled({begin + row, end}));
+  EXPECT_FALSE(isSampled({begin, end - column}));
+  EXPECT_FALSE(isSampled({begin, end - row}));
 }
 
 }  // namespace

@@ -183,22 +183,6 @@ TEST(PlaneFit, GroundOnOneSideAloneIsUncertain) {
             ScaleReason::kNoPlane);
 }
 
-// Uncertain points beside the path hardly change the height, so their cross slope does not matter.
-TEST(PlaneFit, TheCrossSlopeCountsWhereTheInformationComesFrom) {
-  NormalPrior prior;
-  prior.n_c = kPlane.n_c;
-  prior.pitch_sigma = prior.roll_sigma = 0.01;
-  auto points = pointsBetween(-0.1, 0.1);
-  const double alone = PlaneFit({}).fit(points, prior, 0.8).height_sigma;
-  for (PlanePoint point : pointsBetween(0.15, 0.3)) {
-    point.depth_sigma *= 20;
-    points.push_back(point);
-  }
-  const auto result = PlaneFit({}).fit(points, prior, 0.8);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_LT(result.height_sigma, alone + 0.003 * 0.8);
-}
-
 TEST(PlaneFit, OutliersAreRejected) {
   // Objects nearer than the road, and reflections in it.
   for (const auto& [from, to] : {std::pair(0.3, 0.8), std::pair(1.25, 2.0)}) {

@@ -331,50 +331,6 @@ TEST(ScaleFilter, SigmaIsScaledByTheNis) {
   EXPECT_LT(ratio(1), 50);
 }
 
-TEST(ScaleFilter, TheSizeOfAnOutlierDoesNotChangeSigma) {
-  const auto sigmaAfter = [](double outlier) {
-    ScaleFilter filter({});
-    drive(&filter, 100, 0.8, 0.02);
-    EXPECT_EQ(drive(&filter, 1, outlier, 0.02), 0);
-    return filter.sigma();
-  };
-  EXPECT_EQ(sigmaAfter(1.6), sigmaAfter(1.0));
-}
-
-TEST(ScaleFilter, EachOutlierCountsForTheDistanceSinceTheLastMeasurement) {
-  ScaleFilter::Options options = withoutTilt();
-  options.nis_memory_heights = 20;
-  ScaleFilter filter(options), unscaled(withoutTilt());
-  constexpr double kHeight = 0.8;
-  const auto nisScale = [&] { return std::pow(filter.sigma() / unscaled.sigma(), 2); };
-  for (ScaleFilter* each : {&filter, &unscaled}) drive(each, 100, kHeight, 0.01);
-  double expected = nisScale();
-  for (int i = 0; i < 3; ++i) {
-    for (ScaleFilter* each : {&filter, &unscaled}) EXPECT_EQ(drive(each, 1, 2, 0.01), 0);
-    const double rate = 0.5 / (options.nis_memory_heights * kHeight);
-    expected += rate * (std::pow(options.gate_sigma, 2) - expected);
-  }
-  EXPECT_NEAR(nisScale(), expected, 0.01 * expected);
-}
-
-// After a longer distance than that of the average its only sample is the newest NIS, here 0.5.
-TEST(ScaleFilter, AfterALongGapTheNewestNisAloneScalesSigma) {
-  ScaleFilter::Options options = withoutTilt();
-  options.nis_memory_heights = 20;
-  ScaleFilter filter(options), unscaled(withoutTilt());
-  constexpr double kHeight = 0.8, kGap = 60;  // [camera heights]
-  // The start, the drift since then, and the new measurement.
-  const double variance = 2 * std::pow(options.min_measurement_sigma, 2) +
-                          kGap * std::pow(options.drift_per_sqrt_height, 2);
-  for (ScaleFilter* each : {&filter, &unscaled}) {
-    each->predict(1, 0);
-    each->update(kHeight, 0, kRoadDistance);
-    each->predict(kGap * kHeight, 0);
-    each->update(kHeight * std::exp(std::sqrt(0.5 * variance)), 0, kRoadDistance);
-  }
-  EXPECT_NEAR(std::pow(filter.sigma() / unscaled.sigma(), 2), 0.5, 0.001);
-}
-
 // The averages of NIS and correlation begin with the first measurement, not with the map.
 TEST(ScaleFilter, ALateStartIsNoGapInTheMeasurements) {
   ScaleFilter::Options options = withoutTilt();
@@ -439,16 +395,6 @@ TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
     filter.update(0.8, 0.001, kRoadDistance, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
-}
-
-TEST(ScaleFilter, DirectMeasurementsAloneSuffice) {
-  ScaleFilter filter({});
-  drive(&filter, 20, 0.8, 0.01);
-  for (int i = 0; i < 200; ++i) {
-    filter.predict(0.5, 0);
-    EXPECT_TRUE(filter.update(0.8 + 0.0003 * i, 0.01, kRoadDistance, ScaleFilter::Source::kDirect));
-  }
-  EXPECT_NEAR(filter.height(), 0.86, 0.02);
 }
 
 }  // namespace

@@ -27,9 +27,6 @@ struct Masking {
     extractor.extract(image, lane, false, reference.image ? &later : &first, &patches);
     EXPECT_GT(patches.size(), 10u);
     if (!reference.image) reference.image = &first;
-    return updateMask(distance, is_aligned, rate);
-  }
-  double updateMask(float distance, bool is_aligned, float rate) {
     reference.R.setIdentity();
     reference.t = {0, 0, distance};
     mask.update(patches, reference, PatchMatcher(kMaskCamera, kMaskImageNoise, {}), {0, -1, 0},
@@ -71,23 +68,6 @@ TEST(StaticMask, ForgetsWhatMovesAgain) {
   cv::Mat moved;
   cv::flip(noiseImage(), moved, 1);
   EXPECT_EQ(masking.update(moved, 0.7f, false, 0.4f), 0);
-}
-
-TEST(StaticMask, DoesNotContainWhatTheReferenceShowsOnlyInPart) {
-  Masking masking;
-  masking.extractor.extract(noiseImage(), masking.lane, false, &masking.first, &masking.patches);
-  ASSERT_GT(masking.patches.size(), 10u);
-  const int patch_px = masking.grid.patch_px;
-  RoadImage part;  // half of the cells at its borders
-  part.roi = {masking.patches.front().corner, masking.patches.back().corner};
-  part.roi += cv::Point(patch_px / 2, patch_px / 2);
-  part.storage = masking.first.storage(part.roi - masking.first.roi.tl());
-  masking.reference.image = &part;
-  EXPECT_GT(masking.updateMask(0.7f, false, 1), 0);
-  for (const Patch& patch : masking.patches) {
-    const cv::Rect cell(patch.corner, cv::Size(patch_px, patch_px));
-    EXPECT_EQ(masking.mask.contains(patch.cell), (cell & part.roi) == cell) << patch.corner;
-  }
 }
 
 // Lines along the path look the same from everywhere.

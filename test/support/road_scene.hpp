@@ -94,6 +94,14 @@ struct RoadScene {
   VoFrame frame(std::uint32_t sequence) const { return frameAt(sequence, step * sequence); }
 };
 
+/// The scene in another VO unit.
+inline RoadScene inUnit(double unit, RoadScene scene) {
+  for (Eigen::Vector3d& point : scene.points) point *= unit;
+  scene.height *= unit;
+  scene.step *= unit;
+  return scene;
+}
+
 /// Prior with the scene's normal and direction of motion. sigma: of pitch and roll [rad].
 inline NormalPrior priorOf(const RoadScene& scene, double sigma = 0.01) {
   NormalPrior prior;

@@ -16,15 +16,10 @@ cv::Mat scene(int shift_px = 0) {
   return noise(cv::Rect(shift_px, 0, 80, 24)).clone();
 }
 
-TEST(Exposure, FindsAStepWhileTheSceneMoves) {
+TEST(Exposure, FindsAStepInAMovingSceneDespiteBlackAndSaturatedPixels) {
   for (const double gain : {0.4, 0.7, 1.5, 2.4}) {
     EXPECT_NEAR(exposureStep(scene(), applyGain(scene(1), gain)), gain, 0.06 * gain) << gain;
-  }
-}
-
-TEST(Exposure, IgnoresBlackAndSaturatedPixels) {
-  for (const int grey : {0, 255}) {
-    for (const double gain : {0.4, 2.4}) {
+    for (const int grey : {0, 255}) {
       for (const bool in_previous : {false, true}) {
         cv::Mat previous = scene(), current = applyGain(scene(), gain);
         (in_previous ? previous : current).colRange(0, 27) = grey;  // a third of the image
@@ -55,9 +50,7 @@ TEST(Exposure, ReportsNoStepForOtherChanges) {
 
 TEST(Exposure, ApplyGainMultipliesAndSaturates) {
   const cv::Mat image = scene();
-  EXPECT_EQ(applyGain(image, 1).data, image.data);
-  const cv::Mat brighter = applyGain(image, 2);
-  EXPECT_EQ(brighter.at<unsigned char>(5, 5), 2 * image.at<unsigned char>(5, 5));
+  EXPECT_EQ(applyGain(image, 2).at<unsigned char>(5, 5), 2 * image.at<unsigned char>(5, 5));
   EXPECT_EQ(applyGain(image, 100).at<unsigned char>(5, 5), 255);
 }
 

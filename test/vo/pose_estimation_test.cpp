@@ -1,0 +1,216 @@
+#include "ground_scale_vo/vo/pose_estimation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "support/scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::angleBetween;
+using test::keyframePose;
+using test::kObservationSigma;
+using test::normalised;
+using test::pose;
+
+constexpr int kMapPoints = 300;
+const Eigen::Isometry3d kOrigin = Eigen::Isometry3d::Identity();
+
+/// noise: standard deviation in normalised image coordinates.
+std::vector<PointObservation> observationsFrom(const Eigen::Isometry3d& T_w_c, double noise = 0) {
+  std::mt19937 generator(51);
+  std::normal_distribution<double> error(0, 1);
+  std::vector<PointObservation> result;
+  for (const Eigen::Vector3d& p : test::farPoints(kMapPoints)) {
+    const Eigen::Vector2d x = normalised(T_w_c.inverse() * p) +
+                              noise * Eigen::Vector2d(error(generator), error(generator));
+    result.push_back({p, Eigen::Vector3d::Zero(), x, kObservationSigma});
+  }
+  return result;
+}
+
+PoseEstimation::Result estimateFrom(const Eigen::Isometry3d& predicted,
+                                    const std::vector<PointObservation>& observations) {
+  return PoseEstimation({}).estimate(predicted, observations);
+}
+
+void expectPose(const PoseEstimation::Result& result, const Eigen::Isometry3d& T_w_c,
+                double max_angle, double max_distance) {
+  ASSERT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT(angleBetween(result.T_w_c, T_w_c), max_angle);
+  EXPECT_LT((result.T_w_c.translation() - T_w_c.translation()).norm(), max_distance);
+  const Eigen::Matrix3d R = result.T_w_c.linear();
+  EXPECT_TRUE((R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), 1e-12));
+}
+
+TEST(PoseEstimation, ObservationsAreThoseOfTheCornersWithAMapPoint) {
+  LocalMap map({});
+  for (int k = 0; k < 4; ++k) {
+    map.addKeyframe(keyframePose(k), test::observe({{2, -1, 8}}, keyframePose(k)));
+  }
+  map.triangulateNew();
+  const WorldPoint point = map.point(0).value();
+  ASSERT_GT(point.sigma_w.norm(), 0);
+  const LocalMap::Corner unknown{7, {0.3, 0.4}, 0.002}, known{0, {0.1, 0.2}, 0.001};
+  for (const auto& corners : {std::vector{known, unknown}, std::vector{unknown, known}}) {
+    std::vector<std::size_t> index;
+    const auto observations = pointObservations(map, corners, &index);
+    ASSERT_EQ(observations.size(), 1u);
+    EXPECT_EQ(observations[0].p_w, point.p_w);
+    EXPECT_EQ(observations[0].sigma_w, point.sigma_w);
+    EXPECT_EQ(observations[0].x, known.x);
+    EXPECT_EQ(observations[0].sigma, known.sigma);
+    EXPECT_EQ(index, std::vector<std::size_t>{corners[0].id == known.id ? 0u : 1u});
+  }
+}
+
+TEST(PoseEstimation, IsExactWithoutNoiseAndRobustAgainstWrongPredictionsAndOutliers) {
+  const Eigen::Isometry3d T_w_c = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
+  auto observations = observationsFrom(T_w_c);
+  const auto exact = estimateFrom(kOrigin, observations);
+  expectPose(exact, T_w_c, 1e-8, 1e-7);
+  EXPECT_EQ(exact.inliers, kMapPoints);
+  Eigen::Isometry3d rounded = T_w_c;
+  rounded.linear() *= 1 + 1e-6;
+  expectPose(estimateFrom(rounded, observations), T_w_c, 1e-5, 1e-4);
+  // A point behind the camera counts for nothing, not even on the optical axis.
+  const Eigen::Vector3d behind = T_w_c * Eigen::Vector3d(0, 0, -5);
+  observations.push_back({behind, Eigen::Vector3d::Zero(), {0, 0}, kObservationSigma});
+  const auto with_behind = estimateFrom(kOrigin, observations);
+  EXPECT_FALSE(with_behind.inlier.back());
+  EXPECT_TRUE(with_behind.information.isApprox(exact.information, 1e-6));
+
+  observations = observationsFrom(T_w_c, 0.0005);
+  expectPose(estimateFrom(pose({0, 0.6, 0}, {-5, 0, 8}), observations), T_w_c, 1e-3, 0.1);
+  for (std::size_t i = 0; i < observations.size(); i += 4) observations[i].x.x() += 0.05;
+  const auto robust = estimateFrom(kOrigin, observations);
+  expectPose(robust, T_w_c, 3e-4, 0.05);
+  for (std::size_t i = 0; i < observations.size(); i += 4) EXPECT_FALSE(robust.inlier[i]);
+}
+
+// The covariance is that of the small motion (w, v) in camera axes. Several observations are
+// computed at once, also when their number is not a multiple.
+TEST(PoseEstimation, TheInformationMatchesTheErrorsOfThePose) {
+  const Eigen::Isometry3d T_w_c = pose({0.2, -0.5, 0.1}, {1, 2, -3});
+  auto exact = observationsFrom(T_w_c);
+  exact.resize(103);
+  std::mt19937 generator(7);
+  std::normal_distribution<double> error(0, kObservationSigma);
+  double nees = 0;
+  constexpr int kRuns = 300;
+  for (int run = 0; run < kRuns; ++run) {
+    auto observations = exact;
+    for (auto& o : observations) o.x += Eigen::Vector2d(error(generator), error(generator));
+    const auto result = estimateFrom(T_w_c, observations);
+    ASSERT_EQ(result.status, PoseStatus::kOk);
+    const Eigen::Isometry3d difference = T_w_c.inverse() * result.T_w_c;
+    const Eigen::AngleAxisd rotation(difference.linear());
+    Vector6d motion;
+    motion << rotation.angle() * rotation.axis(), difference.translation();
+    nees += motion.dot(result.information * motion) / kRuns;
+  }
+  // 6 for the ideal weights; those of the kernel reduce the information of normal errors.
+  EXPECT_GT(nees, 2);
+  EXPECT_LT(nees, 8);
+}
+
+/// Observations from 3 units ahead, apart from those with i % 50 < share, which fit the origin, and
+/// those with i % 50 >= first_outlier, which fit nothing.
+std::vector<PointObservation> withMovingObjects(std::size_t share, std::size_t first_outlier = 50) {
+  auto observations = observationsFrom(pose({0, 0, 0}, {0, 0, 3}), 0.0003);
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    PointObservation& o = observations[i];
+    if (i % 50 < share) o.x = normalised(o.p_w);
+    if (i % 50 < first_outlier) continue;
+    const double factor = 1.0 + 0.1 * static_cast<double>(i % 7);
+    o.x += Eigen::Vector2d(0.05, i % 2 == 0 ? 0.1 : -0.1) * factor;
+  }
+  return observations;
+}
+
+// The points of vehicles at the same speed fit a pose without motion.
+TEST(PoseEstimation, LeavesThePredictionOnlyForAPoseThatMuchMorePointsFit) {
+  const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, 0, 3});
+  expectPose(estimateFrom(T_w_c, withMovingObjects(26)), T_w_c, 0.01, 0.05);
+  expectPose(estimateFrom(kOrigin, withMovingObjects(21)), T_w_c, 0.01, 0.1);
+  // Slightly more points suffice when the prediction has too few for a pose.
+  expectPose(estimateFrom(kOrigin, withMovingObjects(18, 39)), T_w_c, 0.01, 0.1);
+}
+
+// A minority of the points fits a prediction that is wrong by about ten standard deviations of the
+// nearest points. With a narrow kernel from the start, the others would be outliers.
+TEST(PoseEstimation, TheMajorityOutweighsPointsThatFitAWrongPrediction) {
+  const Eigen::Isometry3d T_w_c = pose({0, 0.02, 0}, {0, 0, 1});
+  for (const Eigen::Vector3d& error : {Eigen::Vector3d(0.12, 0, 0), Eigen::Vector3d(0, 0.12, 0)}) {
+    const Eigen::Isometry3d predicted = T_w_c * pose({0, 0, 0}, error);
+    auto observations = observationsFrom(T_w_c, 0.0003);
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      PointObservation& o = observations[i];
+      if (i % 10 < 3) o.x = normalised(predicted.inverse() * o.p_w);
+    }
+    expectPose(estimateFrom(predicted, observations), T_w_c, 0.01, 0.06);
+  }
+}
+
+// Half of the points have a wrong depth on their ray from v, within their sigma, which is in world
+// axes. The camera has moved forwards, or sideways along a diagonal of the image.
+TEST(PoseEstimation, UncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine) {
+  const Eigen::Isometry3d T_w_v = pose({0.3, 1.5, -0.4}, {5, 6, 7});
+  for (const Eigen::Vector3d& moved : {Eigen::Vector3d(0.1, 0, 1), Eigen::Vector3d(0.7, 0.7, 0)}) {
+    const Eigen::Isometry3d T_v_c = pose({0, 0.02, 0}, moved);
+    auto observations = observationsFrom(T_v_c);
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      PointObservation& o = observations[i];
+      if (i % 2 == 0) {
+        o.sigma_w = T_w_v.linear() * (0.5 * o.p_w);
+        o.p_w *= 1.4;
+      }
+      o.p_w = T_w_v * o.p_w;
+    }
+    const auto result = estimateFrom(T_w_v, observations);
+    expectPose(result, T_w_v * T_v_c, 0.01, 0.03);
+    EXPECT_EQ(result.inliers, kMapPoints);
+  }
+}
+
+TEST(PoseEstimation, ReportsWhenThereIsNoPose) {
+  EXPECT_EQ(estimateFrom(kOrigin, {}).status, PoseStatus::kTooFewPoints);
+  auto observations = observationsFrom(kOrigin);
+  const double limit = PoseEstimation::Options().inlier_sigma * kObservationSigma;
+  observations[3].x.x() += 0.95 * limit;
+  observations[4].x.x() += 1.05 * limit;
+  const auto good = estimateFrom(kOrigin, observations);
+  EXPECT_TRUE(good.inlier[3]);
+  EXPECT_FALSE(good.inlier[4]);
+  EXPECT_EQ(good.inliers, kMapPoints - 1);
+  std::mt19937 generator(61);
+  std::uniform_real_distribution<double> anywhere(-0.5, 0.5);
+  // A third of the points is consistent: enough points, but too small a share. Then none is.
+  for (const std::size_t consistent : {3, 1000}) {
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      if (i % consistent > 0) observations[i].x = {anywhere(generator), anywhere(generator)};
+    }
+    EXPECT_EQ(estimateFrom(kOrigin, observations).status, PoseStatus::kTooFewInliers);
+  }
+
+  observations = observationsFrom(kOrigin);
+  observations.resize(20);
+  PoseEstimation::Options options;
+  for (options.min_inliers = 19; options.min_inliers <= 21; ++options.min_inliers) {
+    EXPECT_EQ(PoseEstimation(options).estimate(kOrigin, observations).status == PoseStatus::kOk,
+              options.min_inliers <= 20);
+  }
+  for (const double distance : {1e6, 2e9}) {  // an implausible position
+    const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, distance, 0});
+    observations = observationsFrom(kOrigin);
+    for (auto& o : observations) o.p_w = T_w_c * o.p_w;
+    EXPECT_EQ(estimateFrom(T_w_c, observations).status,
+              distance < 1e9 ? PoseStatus::kOk : PoseStatus::kTooFewInliers);
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -92,7 +92,7 @@ def _older_layout(topic, message):
 def _raw_layout(topic, message):
     if topic == IMAGE:
         return RAW_IMAGE, message
-    if topic == INFO:  # of the raw camera; P is that of the images
+    if topic == INFO:  # K and D of the raw camera; P of the images
         message.K = [1.4 * value for value in message.P[:3] + message.P[4:7]] + [0, 0, 1]
         message.D = [-0.37, 0.2, 0.001, 0.001, -0.07]
         message.distortion_model = "plumb_bob"

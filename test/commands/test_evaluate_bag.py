@@ -50,13 +50,14 @@ def test_metrics_of_a_drive(bags, frame, yaw, true_yaw):
 
     write_drive(*bags, 1.04, frame, yaw, true_yaw, change)
     with rosbag.Bag(str(bags[1]), "a") as bag:  # by each nodelet after another frame
-        for name, value, frame in (("mono_vo: odometry", "7.5", 50), ("scale_recovery: scale", "2.5", 53)):
-            bag.write("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(
-                name=name, values=[KeyValue("time of the last frame [ms]", value)])]), rospy.Time(1000.001 + 0.1 * frame))
+        for name, value, i in (("mono_vo: odometry", "7.5", 50), ("scale_recovery: scale", "2.5", 53)):
+            status = DiagnosticStatus(name=name, values=[KeyValue("time of the last frame [ms]", value)])
+            bag.write("/diagnostics", DiagnosticArray(status=[status]), rospy.Time(1000.001 + 0.1 * i))
     done, metrics, out = evaluated(bags)
     assert "100 images in, 100 frames out of both nodelets, 0 lost" in done.stdout
     for name, length in (("poses", 1.04 * 99), ("ground_truth", 99)):
-        assert poses_of(out / f"{name}.txt")[-1] == pytest.approx(np.hstack([np.eye(3), [[0], [0], [length]]]), abs=1e-4)
+        expected = np.hstack([np.eye(3), [[0], [0], [length]]])
+        assert poses_of(out / f"{name}.txt")[-1] == pytest.approx(expected, abs=1e-4)
     assert metrics["frames"] == metrics["tracked_frames"] == 100 and metrics["camera_height_m"] == 1.2
     assert metrics["rle_percent"] == pytest.approx(4)
     nees = metrics["covariance_by_length"][0]["nees_per_dof_exact_ground_truth"]

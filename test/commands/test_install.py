@@ -30,7 +30,8 @@ def test_files(install):
     installed = {file.name for file in (install / "lib/ground_scale_vo").iterdir()}
     tools = {file.stem for file in (ROOT / "src/tools").glob("*.cpp")}
     nodes = {file.name for file in (ROOT / "nodes").iterdir()}
-    assert tools | nodes | {"demo", "evaluate", "calibrate_height", "metrics_table.py", "plot_run.py", "lib"} <= installed
+    scripts = {"demo", "evaluate", "calibrate_height", "metrics_table.py", "plot_run.py", "lib"}
+    assert tools | nodes | scripts <= installed
     share = install / "share/ground_scale_vo"
     for folder in ("launch", "config", "rviz"):
         assert {file.name for file in (ROOT / folder).iterdir()} == {file.name for file in (share / folder).iterdir()}

@@ -78,7 +78,8 @@ class Viewing:
         message.header.frame_id = "odom"
         message.pose.pose.position = self.node.Vector3(*position)
         w = math.sqrt(1 + np.trace(axes)) / 2
-        message.pose.pose.orientation = Quaternion(*(axes[[2, 0, 1], [1, 2, 0]] - axes[[1, 2, 0], [2, 0, 1]]) / (4 * w), w)
+        xyz = (axes[[2, 0, 1], [1, 2, 0]] - axes[[1, 2, 0], [2, 0, 1]]) / (4 * w)
+        message.pose.pose.orientation = Quaternion(*xyz, w)
         self.view._on_odometry(message)
 
 
@@ -123,7 +124,7 @@ class Feeding:
     def __init__(self, monkeypatch):
         self.node, topics = node("feed_another_vo", monkeypatch)
         self.frames = topics.published
-        monkeypatch.setattr(self.node.rospy, "get_param", lambda name, default: {"~pixel_sigma": 2.0}.get(name, default))
+        monkeypatch.setattr(self.node.rospy, "get_param", {"~pixel_sigma": 2.0}.get)
         self.feeder = self.node.Feeder()
 
     def camera_info(self):

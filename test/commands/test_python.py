@@ -273,15 +273,18 @@ def test_strange_values_do_not_crash(gsv, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     camera, image, stamps = gsv.Camera(96, 64, 60, 60, 48, 32), np.zeros((64, 96), np.uint8), itertools.count()
     odometry = gsv.MetricOdometry(camera, 1.5, record=True)
-    for value in (None, True, -1, 2**63, -2**70, 10**400, math.inf, 1j, "", "\ud800", b"bytes", [], {}, object(), int, odometry,
-                  camera, np.int8(-3), np.array(1.0), np.zeros(0), np.zeros((0, 4, 4)), np.full((2, 4, 4), math.nan),
-                  np.array(["a"]), np.array([None]), np.zeros((64, 96), bool), np.zeros((96, 64), np.uint8),
-                  np.ma.masked_all((64, 96), np.uint8), np.zeros(3, [("a", int)]), np.broadcast_to(np.uint8(7), (64, 96)),
-                  np.zeros((128, 96), np.uint8)[::-2]):
-        for call in (lambda: gsv.MetricOdometry(value, 1.5), lambda: gsv.MetricOdometry(camera, value),
-                     lambda: gsv.MetricOdometry(camera._replace(fx=value), 1.5),
-                     lambda: gsv.MetricOdometry(camera._replace(width=value), 1.5),
-                     lambda: gsv.MetricOdometry(camera, 1.5, mask=value), lambda: gsv.MetricOdometry(camera, 1.5, refine=value),
+    strange = [
+        None, True, -1, 2**63, -2**70, 10**400, math.inf, 1j, "", "\ud800", b"bytes", [], {}, object(), int, odometry,
+        camera, np.int8(-3), np.array(1.0), np.zeros(0), np.zeros((0, 4, 4)), np.full((2, 4, 4), math.nan),
+        np.array(["a"]), np.array([None]), np.zeros((64, 96), bool), np.zeros((96, 64), np.uint8),
+        np.ma.masked_all((64, 96), np.uint8), np.zeros(3, [("a", int)]),
+        np.broadcast_to(np.uint8(7), (64, 96)), np.zeros((128, 96), np.uint8)[::-2]]
+    Odometry = gsv.MetricOdometry
+    for value in strange:
+        for call in (lambda: Odometry(value, 1.5), lambda: Odometry(camera, value),
+                     lambda: Odometry(camera._replace(fx=value), 1.5),
+                     lambda: Odometry(camera._replace(width=value), 1.5),
+                     lambda: Odometry(camera, 1.5, mask=value), lambda: Odometry(camera, 1.5, refine=value),
                      lambda: odometry.process(value, next(stamps)), lambda: odometry.process(image, value),
                      lambda: odometry.metrics(value), lambda: odometry.metrics(None, value),
                      lambda: odometry.write(value), lambda: list(gsv.read_kitti(value))):

@@ -126,7 +126,7 @@ def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):
     folder.mkdir()
     (folder / "times.txt").write_text("0\n0.1\n0.1\n0.07\n0.08\n0.2\n")
     for i, image in enumerate(images_of(shortest)[:6]):
-        cv2.imwrite(str(folder / f"{5 - i}.PNG"), image)  # the order is that of the names
+        cv2.imwrite(str(folder / f"{5 - i}.PNG"), image)  # in the order of their names
     status, output, messages = command(folder, "--camera", shortest / "calib.txt")
     assert status == 0 and "3 images are skipped" in messages and "drive.1: 3 frames" in output
     stamps = np.loadtxt(tmp_path / "out/drive.1/trajectory_tum.txt")[:, 0]

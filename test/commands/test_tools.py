@@ -31,7 +31,7 @@ def test_help_and_unknown_option(name):
     (1, "exists already; --force", "kitti_to_bag DRIVE --out OLD/old"),
     (1, "is not a regular file", "kitti_to_bag DRIVE --out OLD/pipe --force"),
     (1, "over the sequence", "run_sequence OLD/shortest --camera-height 1.65 --out OLD"),
-    (2, "did you mean tracker/cell_size?", "run_sequence DRIVE --camera-height 1.65 --out OUT --set tracker/cel_size=1"),
+    (2, "did you mean tracker/cell_size?", "run_sequence DRIVE --camera-height 2 --out OUT --set tracker/cel_size=1"),
     (1, "there is no bag", "evaluate_bag --played OUT/x.bag --recorded OUT/x.bag --out OUT --camera-height 1.65"),
     (2, "tracker/cell_size is 7", "evaluate_scenarios pitched --out OUT --set tracker/cell_size=7"),
 ])
@@ -64,9 +64,9 @@ def test_full_disk(shortest, tmp_path, kib, words):
 
 
 def test_render_drive(short, tmp_path):
-    drive = rendered(tmp_path / "drive", "--camera-height", 2, "--speed", 5, "--rate", 20, "--curvature", 0, "--slope", 0,
-                     "--suspension", 0, "--pitch", 0, "--size", "200x62", "--frames", 6, "--black-first", 3,
-                     "--black-frames", 2)
+    drive = rendered(tmp_path / "drive", "--camera-height", 2, "--speed", 5, "--rate", 20, "--curvature", 0,
+                     "--slope", 0, "--suspension", 0, "--pitch", 0, "--size", "200x62", "--frames", 6,
+                     "--black-first", 3, "--black-frames", 2)
     K, whole = camera_matrix(drive), camera_matrix(short)
     assert K[[0, 1], [0, 1]] == pytest.approx(whole[[0, 1], [0, 1]] / 4)
     assert K[:2, 2] == pytest.approx((whole[:2, 2] + 0.5) / 4 - 0.5)  # (0, 0) is the centre of a pixel
@@ -76,9 +76,10 @@ def test_render_drive(short, tmp_path):
     assert [i for i, image in enumerate(images_of(drive)) if image.mean() < 20] == [3, 4]
 
 
-@pytest.mark.parametrize("variant, mounting", [("roll5", ("--roll", np.radians(-5))), ("yaw8", ("--yaw", np.radians(8)))])
+@pytest.mark.parametrize("variant, mounting", [
+    ("roll5", ("--roll", np.radians(-5))), ("yaw8", ("--yaw", np.radians(8)))])
 def test_turned_drive_as_rendered(data, tmp_path, variant, mounting):
-    """Turned images agree with those of a camera that is mounted so; so do the ground truths."""
+    """The images and the ground truth agree with a camera that is mounted so."""
     steady = ("--frames", 2, "--suspension", 0, "--pitch", 0)
     level = rendered(data / "level", *steady)
     turned, expected = tmp_path / f"level_{variant}", rendered(tmp_path / "rendered", *steady, *mounting)

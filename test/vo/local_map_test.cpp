@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "support/scene.hpp"
 
 namespace ground_scale_vo {
@@ -191,8 +191,6 @@ TEST(LocalMap, ThereIsNoDepthInANewAnchorThatHasPassedThePoint) {
   ASSERT_EQ(map.find(0)->observations.front().keyframe, 1u);
   EXPECT_FALSE(map.find(0)->depth);
 }
-
-TEST(LocalMap, RejectsOptionsOutOfRange) { EXPECT_THROW(LocalMap{withKeyframes(1)}, OptionError); }
 
 }  // namespace
 }  // namespace ground_scale_vo

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <random>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 #include "support/scene.hpp"
 
@@ -204,12 +203,6 @@ TEST(TwoView, TheRotationOfPointsOnOneLineIsNoReflection) {
     EXPECT_NEAR(rotation->R_2_1.determinant(), 1, 1e-9) << row;
     EXPECT_LT((rotation->R_2_1 - T_2_1.linear()).norm(), 1e-3) << row;
   }
-}
-
-TEST(TwoView, RejectsOptionsOutOfRange) {
-  TwoView::Options options;
-  options.min_matches = 3;
-  EXPECT_THROW(TwoView{options}, OptionError);
 }
 
 TEST(Triangulation, IsExactWithoutNoise) {

@@ -2,40 +2,26 @@
 // two seconds, and subscribers of all outputs come and go: the memory of the manager does not grow,
 // the path stays bounded, all values are finite and the scale stays correct.
 //
-// By default 700 frames as fast as they are processed; with GROUND_SCALE_VO_LONG (scripts/test
+// By default 700 small frames as fast as they are processed; with GROUND_SCALE_VO_LONG
+// (scripts/test
 // --long) an hour in real time. The measurements of each tenth are in the log of the rostest.
 
-#include <cv_bridge/cv_bridge.h>
 #include <gtest/gtest.h>
-#include <nav_msgs/Odometry.h>
-#include <nav_msgs/Path.h>
-#include <sensor_msgs/PointCloud2.h>
-#include <sensor_msgs/image_encodings.h>
-#include <visualization_msgs/Marker.h>
 
 #include <algorithm>
-#include <boost/make_shared.hpp>
 #include <cmath>
 #include <iostream>
 #include <memory>
-#include <mutex>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/io/process_usage.hpp"
-#include "ground_scale_vo/ros/calibrated_camera.hpp"
-#include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "manager_test.hpp"
 #include "node_probe.hpp"
 #include "support/long_tests.hpp"
-#include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::int64_t kFirstStampNs = 1000000000000;
 constexpr std::int64_t kPeriodNs = 100000000;             // 10 Hz
 constexpr std::size_t kLongRun = 36000, kShortRun = 700;  // [frames]; long: an hour
 /// Black images, in every minute.
@@ -45,16 +31,13 @@ constexpr std::size_t kSubscribed = 250;
 /// Frames before the first memory measurement that counts: in the long run all buffers are full by
 /// then (the path, of 5000 poses, after about 7100 frames).
 constexpr std::size_t kWarmUpLong = 8000, kWarmUpShort = 400;
-constexpr std::size_t kTenths = 10;
 /// Largest growth of the memory per frame [bytes]: in the long run far less than a frame of each
 /// pair holds (pose, features), in the short run with the fluctuations of the allocator on top.
 constexpr double kMaxGrowthLong = 200, kMaxGrowthShort = 8000;
 
 /// From a standstill to a standstill, so that it can be driven there and back.
-SyntheticDrive::Options reversibleDrive() {
-  SyntheticDrive::Options options;
+SyntheticDrive::Options reversibleDrive(SyntheticDrive::Options options) {
   options.frames = 120;
-  options.camera_height = 1.65;  // as in the .test file
   options.speeds = {{0.5, 0}, {3.5, 9}, {8.4, 9}, {11.4, 0}};
   options.moving_cars = false;
   return options;
@@ -71,220 +54,85 @@ bool isBlack(std::size_t n) {
   return n % kMinute >= kBlackFirst && n % kMinute < kBlackFirst + kBlackFrames;
 }
 
-/// Subscribes, as rviz would, and keeps only the last message.
-template <typename Message>
-class Listener {
- public:
-  using ConstPtr = typename Message::ConstPtr;
-  Listener(ros::NodeHandle& handle, const std::string& topic)
-      : subscriber_(handle.subscribe<Message>(topic, 100, [this](const ConstPtr& message) {
-          const std::lock_guard<std::mutex> lock(mutex_);
-          last_ = message;
-        })) {}
-  ~Listener() { subscriber_.shutdown(); }
-  bool connected() const { return subscriber_.getNumPublishers() > 0; }
-  ConstPtr last() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return last_;
-  }
-
- private:
-  mutable std::mutex mutex_;
-  ConstPtr last_;
-  ros::Subscriber subscriber_;
-};
-
-/// Adds up the steps of the metric odometry and those of the ground truth, without gaps.
-class PathComparison {
- public:
-  explicit PathComparison(const SyntheticDrive& drive) : drive_(drive) {}
-
-  void add(const nav_msgs::Odometry& odometry, std::size_t n) {
-    const Eigen::Isometry3d T_o_b = fromMsg(odometry.pose.pose);
-    finite_ = finite_ && areFinite(T_o_b, odometry.pose.covariance, odometry.twist.covariance,
-                                   odometry.twist.twist.linear.z);
-    if (poses_++ > 0 && n == last_n_ + 1) {
-      path_length_ += (T_o_b.translation() - last_.translation()).norm();
-      true_distance_ += (position(n) - position(last_n_)).norm();
-    }
-    last_ = T_o_b;
-    last_n_ = n;
-  }
-  bool finite() const { return finite_; }
-  std::size_t poses() const { return poses_; }
-  double pathLength() const { return path_length_; }
-  double trueDistance() const { return true_distance_; }
-
- private:
-  Eigen::Vector3d position(std::size_t n) const {
-    return drive_.frame(imageAt(n, drive_.size())).T_c0_c.translation();
-  }
-
-  const SyntheticDrive& drive_;
-  Eigen::Isometry3d last_ = Eigen::Isometry3d::Identity();
-  std::size_t last_n_ = 0, poses_ = 0;
-  double path_length_ = 0, true_distance_ = 0;
-  bool finite_ = true;
-};
-
-/// Subscribers as rviz has them.
-struct Display {
-  Display(ros::NodeHandle& handle, const std::string& ns)
-      : tracks(handle, ns + "/vo/image_tracks"),
-        points(handle, ns + "/vo/points"),
-        ground(handle, ns + "/ground_points"),
-        path(handle, ns + "/path"),
-        plane(handle, ns + "/ground_plane") {}
-  bool connected() const {
-    return tracks.connected() && points.connected() && ground.connected() && path.connected() &&
-           plane.connected();
-  }
-  Listener<sensor_msgs::Image> tracks;
-  Listener<sensor_msgs::PointCloud2> points, ground;
-  Listener<nav_msgs::Path> path;
-  Listener<visualization_msgs::Marker> plane;
-};
-
 /// The n-th stamp, and the inverse.
 ros::Time stampOf(std::size_t n) {
-  return fromNanoseconds(kFirstStampNs + static_cast<std::int64_t>(n) * kPeriodNs);
+  return fromNanoseconds(1000000000000 + static_cast<std::int64_t>(n) * kPeriodNs);
 }
 std::size_t indexOf(const ros::Time& stamp) {
-  return static_cast<std::size_t>((toNanoseconds(stamp) - kFirstStampNs) / kPeriodNs);
+  return static_cast<std::size_t>((toNanoseconds(stamp) - toNanoseconds(stampOf(0))) / kPeriodNs);
 }
 
-/// A camera on the drive and both nodelets, in one namespace, and what is measured of them.
-class Pair {
- public:
-  Pair(ros::NodeHandle& handle, std::string ns, const SyntheticDrive& drive)
-      : comparison(drive),
-        handle_(handle),
-        ns_(std::move(ns)),
-        info_(toCameraInfo(drive.camera())),
-        images_(handle.advertise<sensor_msgs::Image>(ns_ + "/image", 10)),
-        infos_(handle.advertise<sensor_msgs::CameraInfo>(ns_ + "/camera_info", 10)),
-        scales_(handle, ns_ + "/scale"),
-        odometry_(handle, ns_ + "/odometry"),
-        arrivals_(handle.subscribe<nav_msgs::Odometry>(
-            ns_ + "/odometry", 100, [this](const nav_msgs::Odometry::ConstPtr& message) {
-              const std::lock_guard<std::mutex> lock(mutex_);
-              if (message->header.stamp != stampOf(published_)) return;
-              latencies_ms_.push_back(1e3 * (ros::WallTime::now() - published_at_).toSec());
-            })) {}
-  ~Pair() { arrivals_.shutdown(); }
+/// A pair of nodelets on the drive, and what is measured of it.
+struct LongPair : NodeletPair {
+  LongPair(const ManagerClient& manager, const RenderedDrive& rendered, const std::string& name)
+      : NodeletPair(manager, rendered, name), drive(rendered), ns(name) {}
 
-  bool connected() const {
-    return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
-           scales_.connected() && odometry_.connected() && arrivals_.getNumPublishers() > 0;
-  }
   void setDisplay(bool on) {
-    display_.reset();
-    if (on) display_ = std::make_unique<Display>(handle_, ns_);
-  }
-  const Display* display() const { return display_.get(); }
-
-  void publish(std::size_t n, const sensor_msgs::Image& content) {
-    const auto image = boost::make_shared<sensor_msgs::Image>(content);
-    image->header.stamp = stampOf(n);
-    image->header.frame_id = "camera";
-    const auto info = boost::make_shared<sensor_msgs::CameraInfo>(info_);
-    info->header = image->header;
-    infos_.publish(info);
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      published_ = n;
-      published_at_ = ros::WallTime::now();
-    }
-    images_.publish(image);
+    display.reset();
+    if (on) display = std::make_unique<Display>(handle_, ns);
   }
   /// Waits for the results of the frame and evaluates what has arrived.
   void collect(std::size_t n) {
-    ASSERT_TRUE(scales_.waitForStamp(stampOf(n))) << ns_ << " frame " << n;
-    for (const auto& scale : scales_.take()) {
-      ASSERT_TRUE(std::isfinite(scale->scale) && std::isfinite(scale->sigma)) << "frame " << n;
+    ASSERT_TRUE(waitForStamp(stampOf(n))) << ns << " frame " << n;
+    frames.clear();
+    for (const auto& scale : scales.take()) {
+      ASSERT_TRUE(areFinite(scale->scale, scale->sigma)) << "frame " << n;
     }
-    for (const auto& pose : odometry_.take()) comparison.add(*pose, indexOf(pose->header.stamp));
+    for (const auto& pose : odometry.take()) add(*pose);
+    if (!display) return;
+    for (const auto& message : display->path.take()) {
+      longest_path = std::max(longest_path, message->poses.size());
+    }
+    display->tracks.clear();
+    display->road.clear();
+    for (auto* clouds : {&display->vo_points, &display->points, &display->ground_points}) {
+      clouds->clear();
+    }
+    display->plane.clear();
   }
-  /// Latencies from image to odometry since the last call [ms].
-  std::vector<double> takeLatencies() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return std::exchange(latencies_ms_, {});
+  /// Adds up the steps of the metric odometry and the true ones, without gaps.
+  void add(const nav_msgs::Odometry& pose) {
+    const std::size_t n = indexOf(pose.header.stamp);
+    const Eigen::Isometry3d T_o_b = fromMsg(pose.pose.pose);
+    ASSERT_TRUE(
+        areFinite(T_o_b, pose.pose.covariance, pose.twist.covariance, pose.twist.twist.linear.z));
+    if (poses++ > 0 && n == last_n + 1) {
+      path_length += (T_o_b.translation() - last.translation()).norm();
+      true_distance += (truth(n) - truth(last_n)).norm();
+    }
+    last = T_o_b;
+    last_n = n;
+  }
+  Eigen::Vector3d truth(std::size_t n) const {
+    return drive.frame(imageAt(n, drive.size())).T_c0_c.translation();
   }
 
-  PathComparison comparison;
-
- private:
-  ros::NodeHandle& handle_;
-  const std::string ns_;
-  const sensor_msgs::CameraInfo info_;
-  ros::Publisher images_, infos_;
-  TopicRecorder<ScaleEstimateMsg> scales_;
-  TopicRecorder<nav_msgs::Odometry> odometry_;
-  std::unique_ptr<Display> display_;
-  std::mutex mutex_;
-  std::size_t published_ = 0;
-  ros::WallTime published_at_;
-  std::vector<double> latencies_ms_;
-  ros::Subscriber arrivals_;
+  const RenderedDrive& drive;
+  const std::string ns;
+  std::unique_ptr<Display> display;
+  Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
+  std::size_t last_n = 0, poses = 0, longest_path = 0;
+  double path_length = 0, true_distance = 0;
 };
 
-/// Prints a line for each tenth of the run.
-class TenthsTable {
- public:
-  TenthsTable() {
-    std::cout << "frames, memory [MiB], processor time per frame and pair [ms], 99th percentile of "
-                 "the latency [ms], path over ground truth of each pair\n";
-  }
-  void add(std::size_t frames, const ProcessUsage& usage, const std::vector<Pair*>& pairs) {
-    std::vector<double> latencies;
-    std::string ratios;
-    before_.resize(pairs.size());
-    for (std::size_t k = 0; k < pairs.size(); ++k) {
-      const std::vector<double> some = pairs[k]->takeLatencies();
-      latencies.insert(latencies.end(), some.begin(), some.end());
-      const PathComparison& now = pairs[k]->comparison;
-      ratios += ", " + std::to_string((now.pathLength() - before_[k].first) /
-                                      (now.trueDistance() - before_[k].second));
-      before_[k] = {now.pathLength(), now.trueDistance()};
-    }
-    std::sort(latencies.begin(), latencies.end());
-    const double p99 = latencies.empty() ? NAN : latencies[latencies.size() * 99 / 100];
-    const auto runs = static_cast<double>((frames - frames_) * pairs.size());
-    std::cout << frames << ", " << usage.rss_mb << ", " << 1e3 * (usage.cpu_s - cpu_s_) / runs
-              << ", " << p99 << ratios << std::endl;
-    frames_ = frames;
-    cpu_s_ = usage.cpu_s;
-  }
+class LongRun : public ManagerTest {};
 
- private:
-  std::size_t frames_ = 0;
-  double cpu_s_ = 0;
-  std::vector<std::pair<double, double>> before_;  // path length, true distance of each pair [m]
-};
-
-TEST(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
+TEST_F(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
   const bool is_long = runsLongTests();
   const std::size_t frames = is_long ? kLongRun : kShortRun;
   const std::size_t warm_up = is_long ? kWarmUpLong : kWarmUpShort;
-  const SyntheticDrive drive(reversibleDrive());
-  std::vector<sensor_msgs::ImagePtr> images;
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    images.push_back(
-        cv_bridge::CvImage({}, sensor_msgs::image_encodings::MONO8, drive.image(i)).toImageMsg());
-  }
-  sensor_msgs::Image black = *images.front();
+  const RenderedDrive drive(reversibleDrive(is_long ? SyntheticDrive::Options() : smallDrive(120)));
+  sensor_msgs::Image black = *drive.image(0, {});
   std::fill(black.data.begin(), black.data.end(), std::uint8_t{0});
 
-  ros::NodeHandle handle;
-  Pair first(handle, "", drive), second(handle, "second", drive);
-  const std::vector<Pair*> pairs{&first, &second};
+  LongPair first(manager_, drive, ""), second(manager_, drive, "/second");
+  second.setParam("scale_recovery", "publish_tf", false);
+  LongPair* const pairs[] = {&first, &second};
+  for (LongPair* pair : pairs) ASSERT_TRUE(pair->load());
   first.setDisplay(true);
-  ASSERT_TRUE(waitUntil([&] {
-    return first.connected() && second.connected() && first.display()->connected();
-  })) << "the nodelets did not come up";
-  const NodeProbe manager("/manager");
+  const NodeProbe manager(manager_.name());
 
-  TenthsTable table;
+  std::cout << "frames, memory [MiB], processor time [s], path over ground truth of each pair\n";
   double warm_mb = 0;
   const ros::WallTime start = ros::WallTime::now();
   for (std::size_t n = 0; n < frames; ++n) {
@@ -292,33 +140,43 @@ TEST(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
       ros::WallTime::sleepUntil(start +
                                 ros::WallDuration(1e-9 * kPeriodNs * static_cast<double>(n)));
     }
-    const sensor_msgs::Image& image = isBlack(n) ? black : *images[imageAt(n, images.size())];
-    for (Pair* pair : pairs) pair->publish(n, image);
-    for (Pair* pair : pairs) ASSERT_NO_FATAL_FAILURE(pair->collect(n));
+    for (LongPair* pair : pairs) {
+      pair->publishInfo(*drive.info(stampOf(n)));
+      black.header.stamp = stampOf(n);
+      if (isBlack(n)) {
+        pair->publishImage(black);
+      } else {
+        pair->publishImage(imageAt(n, drive.size()), stampOf(n));
+      }
+    }
+    for (LongPair* pair : pairs) ASSERT_NO_FATAL_FAILURE(pair->collect(n));
     if (n > 0 && n % kSubscribed == 0) {
-      const bool of_first = n / kSubscribed % 2 == 0;
-      first.setDisplay(of_first);
-      second.setDisplay(!of_first);
+      first.setDisplay(!first.display);
+      second.setDisplay(!second.display);
     }
     if (n + 1 == warm_up) warm_mb = manager.usage().rss_mb;
-    if ((n + 1) % (frames / kTenths) == 0) table.add(n + 1, manager.usage(), pairs);
+    if ((n + 1) % (frames / 10) == 0) {
+      const ProcessUsage usage = manager.usage();
+      std::cout << n + 1 << ", " << usage.rss_mb << ", " << usage.cpu_s;
+      for (const LongPair* pair : pairs) {
+        std::cout << ", " << pair->path_length / pair->true_distance;
+      }
+      std::cout << std::endl;
+    }
   }
   const double bytes_per_frame =
       (manager.usage().rss_mb - warm_mb) * 1024 * 1024 / static_cast<double>(frames - warm_up);
   std::cout << bytes_per_frame << " bytes of growth per frame\n";
 
-  for (const Pair* pair : pairs) {
-    const PathComparison& comparison = pair->comparison;
-    std::cout << "metric poses " << comparison.poses() << " of " << frames << ", "
-              << comparison.trueDistance() << " m\n";
-    EXPECT_TRUE(comparison.finite());
-    EXPECT_GT(comparison.poses(), frames * 8 / 10);
-    EXPECT_LT(comparison.poses(), frames - kBlackFrames + 1);  // the losses take place
-    EXPECT_NEAR(comparison.pathLength() / comparison.trueDistance(), 1, 0.03);
+  for (LongPair* pair : pairs) {
+    EXPECT_GT(pair->poses, frames * 8 / 10);
+    EXPECT_LT(pair->poses, frames - kBlackFrames + 1);  // the losses take place
+    EXPECT_NEAR(pair->path_length / pair->true_distance, 1, 0.03);
+    EXPECT_GT(pair->longest_path, 20u);
+    EXPECT_LE(pair->longest_path, 5000u);  // path_max_poses
+    pair->setDisplay(false);
+    EXPECT_TRUE(pair->unload());
   }
-  const Display& display = first.display() ? *first.display() : *second.display();
-  ASSERT_TRUE(display.path.last());
-  EXPECT_LE(display.path.last()->poses.size(), 5000u);  // path_max_poses
   if (!kSanitized) {
     EXPECT_LT(bytes_per_frame, is_long ? kMaxGrowthLong : kMaxGrowthShort);
   }

@@ -1,18 +1,11 @@
-// rostests NAME [--own-master] [option of GoogleTest...]: runs the tests of NAME.cpp.
-//
-//   --own-master  uses no running master, but one that the tests start at the port in
-//                 ros::master::getPort(); they start the spinner, too, which waits for the master
-//
+// rostests NAME [option of GoogleTest...]: runs the tests of NAME.cpp.
 // rostests --subscribe NAMESPACE: see stalled_subscriber.hpp.
 
 #include <gtest/gtest.h>
 #include <ros/ros.h>
-#include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <iostream>
-#include <optional>
 #include <string>
 
 #include "stalled_subscriber.hpp"
@@ -59,17 +52,8 @@ int main(int argc, char** argv) {
   const std::string name = argc > 1 ? argv[1] : "";
   if (!ground_scale_vo::selectTestsOf(name)) return 2;
   if (testing::GTEST_FLAG(list_tests)) return RUN_ALL_TESTS();  // without a master
-  const bool own_master = argc > 2 && std::string(argv[2]) == "--own-master";
-  if (own_master) {
-    // The port depends on the process id, so that tests in parallel use different ones.
-    const std::string port = std::to_string(20000 + getpid() % 10000);
-    setenv("ROS_MASTER_URI", ("http://localhost:" + port).c_str(), 1);
-  }
   ros::init(argc, argv, name);
-  std::optional<ros::AsyncSpinner> spinner;
-  if (!own_master) {
-    spinner.emplace(2);
-    spinner->start();
-  }
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
   return RUN_ALL_TESTS();
 }

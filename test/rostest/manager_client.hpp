@@ -4,7 +4,6 @@
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/NodeletUnload.h>
 
-#include <map>
 #include <optional>
 #include <string>
 
@@ -20,19 +19,14 @@ class ManagerClient {
 
   const std::string& name() const { return name_; }
   bool waitForServices() const {
-    return ros::service::waitForService(name_ + "/load_nodelet",
-                                        static_cast<std::int32_t>(1000 * kTimeout));
+    // ros::service::waitForService() never ends under use_sim_time without a clock.
+    return waitUntil([this] { return ros::service::exists(name_ + "/load_nodelet", false); });
   }
-  /// type: without the package. remaps: from global name to global name.
-  bool load(const std::string& type, const std::string& nodelet,
-            const std::map<std::string, std::string>& remaps = {}) const {
+  /// type: without the package.
+  bool load(const std::string& type, const std::string& nodelet) const {
     nodelet::NodeletLoad service;
     service.request.name = nodelet;
     service.request.type = "ground_scale_vo/" + type;
-    for (const auto& [from, to] : remaps) {
-      service.request.remap_source_args.push_back(from);
-      service.request.remap_target_args.push_back(to);
-    }
     return callService(name_ + "/load_nodelet", service) && service.response.success;
   }
   bool unload(const std::string& nodelet) const {

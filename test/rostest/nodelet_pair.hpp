@@ -1,45 +1,29 @@
 #pragma once
 
-#include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <visualization_msgs/Marker.h>
 
 #include <string>
-#include <vector>
 
 #include "manager_client.hpp"
 #include "rendered_camera.hpp"
 
 namespace ground_scale_vo {
 
-/// A camera on a rendered drive and both nodelets, in one namespace.
-class NodeletPair {
+/// The topics of a camera and of both nodelets, in one namespace.
+class NodeletTopics {
  public:
-  /// ns: e.g. "/front", or "" for the root. start_s: stamp of the first image [s].
-  NodeletPair(const ManagerClient& manager, const RenderedDrive& drive, const std::string& ns,
-              double start_s = 1000)
-      : manager_(manager),
-        drive_(drive),
-        ns_(ns),
-        start_s_(start_s),
-        images_(handle_.advertise<sensor_msgs::Image>(ns + "/image", 1000)),
-        infos_(handle_.advertise<sensor_msgs::CameraInfo>(ns + "/camera_info", 1000, true)),
+  /// ns: e.g. "/front", or "" for the root. camera: prefix of `image` and `camera_info`.
+  explicit NodeletTopics(const std::string& ns, const std::string& image = "/image",
+                         const std::string& camera_info = "/camera_info")
+      : images_(handle_.advertise<sensor_msgs::Image>(ns + image, 1000)),
+        infos_(handle_.advertise<sensor_msgs::CameraInfo>(ns + camera_info, 1000, true)),
         frames(handle_, ns + "/vo/frame"),
         scales(handle_, ns + "/scale"),
-        odometry(handle_, ns + "/odometry") {
-    setParam("scale_recovery", "camera_height", drive.drive().cameraHeight());
-  }
+        odometry(handle_, ns + "/odometry") {}
 
-  template <typename Value>
-  void setParam(const std::string& nodelet, const std::string& name, const Value& value) {
-    ros::param::set(ns_ + "/" + nodelet + "/" + name, value);
-  }
-
-  bool loadMonoVo() { return manager_.load("MonoVo", ns_ + "/mono_vo"); }
-  bool loadScaleRecovery() { return manager_.load("ScaleRecovery", ns_ + "/scale_recovery"); }
-  bool load() { return loadMonoVo() && loadScaleRecovery() && waitUntilConnected(); }
-  bool unload() {
-    return manager_.unload(ns_ + "/mono_vo") && manager_.unload(ns_ + "/scale_recovery");
-  }
   /// At least one nodelet is subscribed to the images and one to camera_info. The manager process
   /// is counted once for both nodelets, so the second one may still be missing.
   bool waitForImageSubscribers() {
@@ -52,64 +36,134 @@ class NodeletPair {
              return frames.connected() && scales.connected() && odometry.connected();
            });
   }
-
-  std_msgs::Header header(std::size_t i) const { return drive_.header(i, start_s_); }
-  void publishInfo(std::size_t i) { publishInfo(*drive_.info(i, start_s_)); }
   void publishInfo(const sensor_msgs::CameraInfo& info) { infos_.publish(info); }
-  void publishImage(std::size_t i) { images_.publish(drive_.image(i, start_s_)); }
-  void publish(std::size_t i) {
-    publishInfo(i);
-    publishImage(i);
+  void publishImage(const sensor_msgs::Image& image) { images_.publish(image); }
+  /// The results of this image have been received from both nodelets, which come in either order.
+  bool waitForStamp(const ros::Time& stamp) {
+    return frames.waitForStamp(stamp) && scales.waitForStamp(stamp);
   }
-  /// The results of frame i have been received from both nodelets, which come in either order.
-  bool waitForResult(std::size_t i) {
-    return frames.waitForStamp(header(i).stamp) && scales.waitForStamp(header(i).stamp);
+  void clear() {
+    frames.clear();
+    scales.clear();
+    odometry.clear();
   }
-  /// Publishes the frames one by one, each after the result of the previous one: none is dropped.
-  bool play(std::size_t first, std::size_t last) {
-    for (std::size_t i = first; i <= last; ++i) {
-      publish(i);
-      if (!waitForResult(i)) return false;
-    }
-    return odometry.waitForStamp(header(last).stamp);
-  }
-  bool playAll() { return play(0, drive_.size() - 1); }
 
-  /// Index of the frame with this stamp.
-  std::size_t frameAt(const ros::Time& stamp) const {
-    for (std::size_t i = 0; i < drive_.size(); ++i) {
-      if (header(i).stamp == stamp) return i;
-    }
-    throw std::logic_error("no frame has this stamp");
-  }
-  /// Distance between the first and the last position of an odometry, over the true one. 0 if that
-  /// is less than 5 m.
-  double displacementRatio(const std::vector<nav_msgs::Odometry::ConstPtr>& messages) const {
-    if (messages.size() < 2) return 0;
-    const auto position = [](const nav_msgs::Odometry& message) -> Eigen::Vector3d {
-      return fromMsg(message.pose.pose).translation();
-    };
-    const auto& from = drive_.drive().frame(frameAt(messages.front()->header.stamp));
-    const auto& to = drive_.drive().frame(frameAt(messages.back()->header.stamp));
-    const double true_distance = (to.T_c0_c.translation() - from.T_c0_c.translation()).norm();
-    if (true_distance < 5) return 0;
-    return (position(*messages.back()) - position(*messages.front())).norm() / true_distance;
-  }
-  /// Of the odometry received so far.
-  double displacementRatio() { return displacementRatio(odometry.messages()); }
-
- private:
+ protected:
   ros::NodeHandle handle_;
-  const ManagerClient manager_;
-  const RenderedDrive& drive_;
-  const std::string ns_;
-  const double start_s_;
   ros::Publisher images_, infos_;
 
  public:
   TopicRecorder<VoFrameMsg> frames;
   TopicRecorder<ScaleEstimateMsg> scales;
   TopicRecorder<nav_msgs::Odometry> odometry;
+};
+
+/// Subscribers of the outputs that rviz shows.
+struct Display {
+  Display(ros::NodeHandle& handle, const std::string& ns)
+      : tracks(handle, ns + "/vo/image_tracks"),
+        road(handle, ns + "/image_road"),
+        vo_points(handle, ns + "/vo/points"),
+        points(handle, ns + "/points"),
+        ground_points(handle, ns + "/ground_points"),
+        path(handle, ns + "/path"),
+        plane(handle, ns + "/ground_plane") {}
+  bool connected() const {
+    return tracks.connected() && road.connected() && vo_points.connected() && points.connected() &&
+           ground_points.connected() && path.connected() && plane.connected();
+  }
+  TopicRecorder<sensor_msgs::Image> tracks, road;
+  TopicRecorder<sensor_msgs::PointCloud2> vo_points, points, ground_points;
+  TopicRecorder<nav_msgs::Path> path;
+  TopicRecorder<visualization_msgs::Marker> plane;
+};
+
+/// A camera on a rendered drive and both nodelets, in one namespace.
+class NodeletPair : public NodeletTopics {
+ public:
+  NodeletPair(const ManagerClient& manager, const RenderedDrive& drive, const std::string& ns)
+      : NodeletTopics(ns), manager_(manager), drive_(drive), ns_(ns) {
+    setParam("scale_recovery", "camera_height", drive.drive().cameraHeight());
+  }
+
+  template <typename Value>
+  void setParam(const std::string& nodelet, const std::string& name, const Value& value) {
+    ros::param::set(ns_ + "/" + nodelet + "/" + name, value);
+  }
+  template <typename Value>
+  void setParamOfBoth(const std::string& name, const Value& value) {
+    setParam("mono_vo", name, value);
+    setParam("scale_recovery", name, value);
+  }
+
+  bool loadMonoVo() { return manager_.load("MonoVo", ns_ + "/mono_vo"); }
+  bool loadScaleRecovery() { return manager_.load("ScaleRecovery", ns_ + "/scale_recovery"); }
+  bool load() { return loadMonoVo() && loadScaleRecovery() && waitUntilConnected(); }
+  bool unload() {
+    return manager_.unload(ns_ + "/mono_vo") && manager_.unload(ns_ + "/scale_recovery");
+  }
+
+  ros::Time stamp(std::size_t i) const {
+    return ros::Time(start_s) + ros::Duration().fromNSec(drive_.frame(i).stamp_ns);
+  }
+  ros::Time lastStamp() const { return stamp(drive_.size() - 1); }
+  using NodeletTopics::publishImage;
+  void publishImage(std::size_t i) { publishImage(i, stamp(i)); }
+  void publishImage(std::size_t i, const ros::Time& stamp) {
+    images_.publish(drive_.image(i, stamp));
+  }
+  void publish(std::size_t i) {
+    infos_.publish(drive_.info(stamp(i)));
+    publishImage(i);
+  }
+  bool waitForResult(std::size_t i) { return waitForStamp(stamp(i)); }
+  bool publishAndWait(std::size_t i) {
+    publish(i);
+    return waitForResult(i);
+  }
+  /// Publishes the frames one by one, each after the result of the previous one: none is dropped.
+  /// first_is_held: after a jump of the clock the first image has its result after the second one.
+  bool play(std::size_t first, std::size_t last, bool first_is_held = false) {
+    if (first_is_held) publish(first++);
+    for (std::size_t i = first; i <= last; ++i) {
+      if (!publishAndWait(i)) return false;
+    }
+    return true;
+  }
+  /// The same until the metric pose of the last frame.
+  bool playUntilPose(std::size_t first, std::size_t last, bool first_is_held = false) {
+    return play(first, last, first_is_held) && odometry.waitForStamp(stamp(last));
+  }
+  bool playAll() { return playUntilPose(0, drive_.size() - 1); }
+
+  /// Index of the frame with this stamp.
+  std::size_t frameAt(const ros::Time& time) const {
+    for (std::size_t i = 0; i < drive_.size(); ++i) {
+      if (stamp(i) == time) return i;
+    }
+    throw std::logic_error("no frame has this stamp");
+  }
+  Eigen::Vector3d truePosition(const ros::Time& time) const {
+    return drive_.frame(frameAt(time)).T_c0_c.translation();
+  }
+  /// Distance between the first and the last position of the odometry received so far, over the
+  /// true one. 0 if that is less than 5 m.
+  double displacementRatio() {
+    if (odometry.count() < 2) return 0;
+    const nav_msgs::Odometry from = *odometry.first(), to = *odometry.last();
+    const double true_distance =
+        (truePosition(to.header.stamp) - truePosition(from.header.stamp)).norm();
+    if (true_distance < 5) return 0;
+    return (fromMsg(to.pose.pose).translation() - fromMsg(from.pose.pose).translation()).norm() /
+           true_distance;
+  }
+
+  double start_s = 1000;  ///< stamp of the first image [s]
+
+ private:
+  const ManagerClient manager_;
+  const RenderedDrive& drive_;
+  const std::string ns_;
 };
 
 }  // namespace ground_scale_vo

@@ -5,9 +5,11 @@
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <atomic>
 #include <boost/make_shared.hpp>
 #include <functional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
@@ -17,8 +19,8 @@
 
 namespace ground_scale_vo {
 
-/// The camera messages of a rendered drive; each image is rendered once. start_s: stamp of the
-/// first image [s]. change: applied to each image, may be empty.
+/// The camera messages of a rendered drive; each image is rendered once. change: applied to each
+/// image, may be empty.
 class RenderedDrive {
  public:
   explicit RenderedDrive(const SyntheticDrive::Options& options,
@@ -32,24 +34,27 @@ class RenderedDrive {
 
   std::size_t size() const { return drive_.size(); }
   const SyntheticDrive& drive() const { return drive_; }
+  const SyntheticDrive::Frame& frame(std::size_t i) const { return drive_.frame(i); }
+  const cv::Mat& grey(std::size_t i) const { return images_[i]; }
 
-  std_msgs::Header header(std::size_t i, double start_s) const {
-    std_msgs::Header header;
-    header.stamp = ros::Time(start_s) + ros::Duration().fromNSec(drive_.frame(i).stamp_ns);
-    header.frame_id = frame_id_;
-    return header;
-  }
-  sensor_msgs::Image::Ptr image(std::size_t i, double start_s) const {
-    return cv_bridge::CvImage(header(i, start_s), sensor_msgs::image_encodings::MONO8, images_[i])
+  sensor_msgs::Image::Ptr image(std::size_t i, const ros::Time& stamp) const {
+    return cv_bridge::CvImage(header(stamp), sensor_msgs::image_encodings::MONO8, images_[i])
         .toImageMsg();
   }
-  sensor_msgs::CameraInfo::Ptr info(std::size_t i, double start_s) const {
+  sensor_msgs::CameraInfo::Ptr info(const ros::Time& stamp) const {
     auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(drive_.camera()));
-    info->header = header(i, start_s);
+    info->header = header(stamp);
     return info;
   }
 
  private:
+  std_msgs::Header header(const ros::Time& stamp) const {
+    std_msgs::Header header;
+    header.stamp = stamp;
+    header.frame_id = frame_id_;
+    return header;
+  }
+
   SyntheticDrive drive_;
   const std::string frame_id_;
   std::vector<cv::Mat> images_;
@@ -68,5 +73,32 @@ inline SyntheticDrive::Options smallDrive(int frames, double camera_height = 1.6
   options.camera.cy = (options.camera.cy - 0.5) / 2;
   return options;
 }
+
+/// Publishes the drive again and again on `image` and `camera_info`, at about 100 images per
+/// second.
+class RepeatingCamera {
+ public:
+  explicit RepeatingCamera(const RenderedDrive& drive)
+      : images_(handle_.advertise<sensor_msgs::Image>("image", 10)),
+        infos_(handle_.advertise<sensor_msgs::CameraInfo>("camera_info", 10)),
+        thread_([this, &drive] {
+          for (std::size_t n = 0; !stop_; ++n) {
+            const ros::Time stamp(1000 + 0.1 * static_cast<double>(n));
+            infos_.publish(drive.info(stamp));
+            images_.publish(drive.image(n % drive.size(), stamp));
+            ros::WallDuration(0.01).sleep();  // the camera's rate
+          }
+        }) {}
+  ~RepeatingCamera() {
+    stop_ = true;
+    thread_.join();
+  }
+
+ private:
+  ros::NodeHandle handle_;
+  ros::Publisher images_, infos_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
 
 }  // namespace ground_scale_vo

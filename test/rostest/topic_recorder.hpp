@@ -20,10 +20,11 @@ namespace ground_scale_vo {
 /// Longest wait for an event in a rostest [s].
 constexpr double kTimeout = 60.0 * kTimeoutFactor;
 
-/// True if one of the publishers of the topic sends it to this node. A subscriber counts as
-/// connected (ros::Subscriber::getNumPublishers()) a moment before the publisher sends: roscpp
-/// answers the subscriber first, and a message that it publishes in between is lost.
-inline bool isSentToThisNode(const std::string& topic) {
+/// True if one of the publishers of the topic sends it to this node; publisher: only this one,
+/// empty: any. A subscriber counts as connected (ros::Subscriber::getNumPublishers()) a moment
+/// before the publisher sends: roscpp answers the subscriber first, and a message that it publishes
+/// in between is lost.
+inline bool isSentToThisNode(const std::string& topic, const std::string& publisher = "") {
   XmlRpc::XmlRpcValue request, response, state;
   request[0] = ros::this_node::getName();
   if (!ros::master::execute("getSystemState", request, response, state, false)) return false;
@@ -31,7 +32,9 @@ inline bool isSentToThisNode(const std::string& topic) {
   for (int i = 0; i < publishers.size(); ++i) {
     if (static_cast<std::string>(publishers[i][0]) != topic) continue;
     for (int k = 0; k < publishers[i][1].size(); ++k) {
-      auto connections = callNode(static_cast<std::string>(publishers[i][1][k]), "getBusInfo");
+      const std::string node = publishers[i][1][k];
+      if (!publisher.empty() && node != publisher) continue;
+      auto connections = callNode(node, "getBusInfo");
       if (!connections) continue;
       for (int c = 0; c < connections->size(); ++c) {
         // Id, node at the other end, direction, transport, topic, and more.
@@ -84,15 +87,23 @@ class TopicRecorder {
     const std::lock_guard<std::mutex> lock(mutex_);
     return messages_;
   }
-  /// The same, and clears the record.
+  std::size_t count() { return messages().size(); }
+  /// Throws std::out_of_range without messages.
+  ConstPtr first() { return messages().at(0); }
+  ConstPtr last() {
+    const auto all = messages();
+    return all.at(all.size() - 1);
+  }
+  /// The messages, which are cleared.
   std::vector<ConstPtr> take() {
     const std::lock_guard<std::mutex> lock(mutex_);
     return std::exchange(messages_, {});
   }
   void clear() { take(); }
-  /// What is published from now on is recorded.
-  bool connected() const {
-    return subscriber_.getNumPublishers() > 0 && isSentToThisNode(subscriber_.getTopic());
+  /// What is published from now on is recorded. publisher: by this node; empty: by one of them.
+  bool connected(const std::string& publisher = "") const {
+    return subscriber_.getNumPublishers() > 0 &&
+           isSentToThisNode(subscriber_.getTopic(), publisher);
   }
 
  private:

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <rosgraph_msgs/Log.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+
+#include "diagnostics_recorder.hpp"
+#include "nodelet_pair.hpp"
+
+namespace ground_scale_vo {
+
+/// Allowed deviation of NodeletPair::displacementRatio() from 1.
+constexpr double kTolerance = 0.05;
+
+/// The nodelet manager of the .test file, into which tests load their nodelets. No nodelet may be
+/// left after a test.
+class ManagerTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(manager_.waitForServices());
+    ASSERT_TRUE(waitUntil([this] { return log_.connected(manager_.name()); }));
+  }
+  void TearDown() override { EXPECT_EQ(manager_.loaded(), 0u); }
+
+  /// Number of lines of the log that contain the text.
+  std::ptrdiff_t lines(const std::string& text) {
+    const auto all = log_.messages();
+    return std::count_if(all.begin(), all.end(), [&](const auto& line) {
+      return line->msg.find(text) != std::string::npos;
+    });
+  }
+  bool waitForLine(const std::string& text) {
+    return log_.wait([&](const auto& all) {
+      return std::any_of(all.begin(), all.end(), [&](const auto& line) {
+        return line->msg.find(text) != std::string::npos;
+      });
+    });
+  }
+
+  ManagerClient manager_{"/manager"};
+  ros::NodeHandle handle_;
+  DiagnosticsRecorder diagnostics_{handle_};
+  TopicRecorder<rosgraph_msgs::Log> log_{handle_, "/rosout"};
+};
+
+/// The same, and a drive of small images.
+template <std::size_t frame_count, int frame_rate_hz = 10>
+class DriveTest : public ManagerTest {
+ protected:
+  static constexpr std::size_t kFrames = frame_count;
+
+  static void SetUpTestSuite() {
+    SyntheticDrive::Options options = smallDrive(static_cast<int>(kFrames));
+    options.frame_rate_hz = frame_rate_hz;
+    options.stop_s = 0;
+    drive_ = std::make_unique<RenderedDrive>(options);
+  }
+  static void TearDownTestSuite() { drive_.reset(); }
+
+  static inline std::unique_ptr<RenderedDrive> drive_;
+};
+
+}  // namespace ground_scale_vo

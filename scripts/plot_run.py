@@ -39,12 +39,13 @@ def read_table(file):
     return table
 
 
-def save(figure, file):
-    """The file is complete or missing."""
+def save(figure, file, pdf):
+    """Writes a PNG, and with `pdf` the same as PDF; the file is complete or missing."""
     temporary = file.with_suffix(".tmp")
     try:
-        figure.savefig(temporary, dpi=150, format="png", bbox_inches="tight")
-        temporary.replace(file)
+        for form in ("png", "pdf") if pdf else ("png",):
+            figure.savefig(temporary, dpi=150, format=form, bbox_inches="tight")
+            temporary.replace(file.with_suffix("." + form))
     finally:
         temporary.unlink(missing_ok=True)
         plt.close(figure)
@@ -62,7 +63,7 @@ def grid_step(span):
     return max(factor * power for factor in (1, 2, 5) if factor * power <= span / 5)
 
 
-def draw_trajectory(file, estimate, ground_truth, title):
+def draw_trajectory(file, estimate, ground_truth, title, pdf):
     """Top view, as the paper's Fig. 4: equal axes, and a figure in the proportions of the drive,
     with an aspect ratio of at most 5:2."""
     every = [estimate] if ground_truth is None else [estimate, ground_truth]
@@ -89,7 +90,7 @@ def draw_trajectory(file, estimate, ground_truth, title):
     axes.set(xlabel="x, right [m]", ylabel="z, forward [m]")
     axes.set_title(title, loc="left", fontsize="medium")
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1), borderaxespad=0, frameon=False)
-    save(figure, file)
+    save(figure, file, pdf)
 
 
 def draw_status(axes, edges, scale):
@@ -103,7 +104,7 @@ def draw_status(axes, edges, scale):
                              label=f"{name}: {len(chosen)} frames")
 
 
-def draw_scale(file, scale, camera_height, title):
+def draw_scale(file, scale, camera_height, title, pdf):
     """As the paper's Fig. 3, over time: the unfiltered camera height,
     converted to metres with the filtered scale (camera_height * scale / raw_scale), the +-2 sigma
     band of the filter around the given height, and the distribution of the unfiltered heights;
@@ -173,10 +174,10 @@ def draw_scale(file, scale, camera_height, title):
     for axes in (grid[0, 0], grid[0, 1], grid[1, 0]):
         axes.grid(True, linewidth=0.4)
     grid[1, 0].set_xlim(0, max(time[-1], 1.0))
-    save(figure, file)
+    save(figure, file, pdf)
 
 
-def draw_timing(file, timing, title):
+def draw_timing(file, timing, title, pdf):
     """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of
     evaluate_bag about one per second)."""
     stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
@@ -201,35 +202,37 @@ def draw_timing(file, timing, title):
     axes.set_title(title, loc="left", fontsize="medium")
     axes.text(1.01, 1.01, f"{'median [ms]':>11} {'timed':>7}", transform=axes.transAxes,
               fontsize="small", family="monospace")
-    save(figure, file)
+    save(figure, file, pdf)
 
 
-def draw(folder):
+def draw(folder, pdf):
     metrics = json.loads((folder / "metrics.json").read_text())
     name = folder.resolve().name
     estimate = read_positions(folder / "poses.txt")
     has_ground_truth = (folder / "ground_truth.txt").exists()
     ground_truth = read_positions(folder / "ground_truth.txt") if has_ground_truth else None
     for plot in PLOTS:  # of a previous run
-        (folder / f"{plot}.png").unlink(missing_ok=True)
+        for form in (".png", ".pdf"):
+            (folder / (plot + form)).unlink(missing_ok=True)
     title = f"{name}: estimated length {metrics['length_m']:.1f} m"
     if metrics["t_err_percent"] is not None:
         title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
                   f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")
-    draw_trajectory(folder / "trajectory.png", estimate, ground_truth, title)
-    draw_scale(folder / "scale.png", read_table(folder / "scale.csv"), metrics["camera_height_m"], name)
+    draw_trajectory(folder / "trajectory.png", estimate, ground_truth, title, pdf)
+    draw_scale(folder / "scale.png", read_table(folder / "scale.csv"), metrics["camera_height_m"], name, pdf)
     if (folder / "timing.csv").exists():
-        draw_timing(folder / "timing.png", read_table(folder / "timing.csv"), name)
+        draw_timing(folder / "timing.png", read_table(folder / "timing.csv"), name, pdf)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=pathlib.Path, metavar="DIR",
                         help="a result folder")
+    parser.add_argument("--pdf", action="store_true", help="as PDF too, for a paper")
     arguments = parser.parse_args()
     for folder in arguments.folders:
         try:
-            draw(folder)
+            draw(folder, arguments.pdf)
         except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
             sys.exit(f"plot_run.py: {folder}: cannot be drawn ({error})")
 

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <set>
 #include <string>
 #include <tuple>
 #include <type_traits>
@@ -10,7 +9,6 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
-#include "support/comma_locale.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -44,15 +42,6 @@ TEST(SetOption, SetsEveryFieldTypeInOdometryAndScale) {
   EXPECT_TRUE(options.scale.paper_literal);
 }
 
-TEST(SetOption, LastValueWinsAndNothingElseChanges) {
-  MetricOdometry::Options options;
-  setOption(options, "filter/gate_sigma=5");
-  setOption(options, "filter/gate_sigma=6");
-  EXPECT_EQ(options.scale.filter.gate_sigma, 6.0);
-  EXPECT_EQ(options.scale.filter.restart_distance_heights,
-            ScaleFilter::Options().restart_distance_heights);
-}
-
 TEST(SetOption, ErrorsNameTheOption) {
   EXPECT_EQ(errorOf("direct/patch_size"),
             "'direct/patch_size' is not an assignment; expected [GROUP/]NAME=VALUE");
@@ -66,21 +55,6 @@ TEST(SetOption, ErrorsNameTheOption) {
             "direct/min_patches is 1e+99, it must lie in [3, 1e+06]");
   EXPECT_EQ(errorOf("direct/patch_size=2"), "direct/patch_size is 2, it must lie in [0.001, 1]");
   EXPECT_EQ(errorOf("refine=1"), "refine is '1', it must be true or false");
-}
-
-TEST(SetOption, TheBoundsOfARangeBelongToIt) {
-  for (const char* bound : {"0.001", "1"}) {
-    EXPECT_EQ(errorOf(std::string("direct/patch_size=") + bound), "");
-  }
-}
-
-TEST(VisitAllParameters, NamesAreUnique) {
-  MetricOdometry::Options options;
-  std::set<std::string> names;
-  visitAllParameters(options, [&](const std::string& name, auto&&...) {
-    EXPECT_TRUE(names.insert(name).second) << name;
-  });
-  EXPECT_GT(names.size(), 50u);
 }
 
 TEST(VisitAllParameters, EveryRangeIsCheckedUnderTheNameOfItsOption) {
@@ -118,12 +92,6 @@ TEST(ParseNumber, AcceptsOnlyCompleteFiniteNumbers) {
   EXPECT_EQ(parseInteger("--threads", "8", 1, 8), 8);
   EXPECT_THROW(parseInteger("--threads", "9", 1, 8), OptionError);
   EXPECT_THROW(parseInteger("--threads", "1.5", 1, 8), OptionError);
-}
-
-TEST(ParseNumber, DoesNotDependOnTheLocale) {
-  const test::CommaLocale locale;
-  EXPECT_EQ(parseNumber<double>("1234.5"), 1234.5);
-  EXPECT_FALSE(parseNumber<double>("1.234,5"));
 }
 
 }  // namespace

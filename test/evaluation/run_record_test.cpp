@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <optional>
-#include <stdexcept>
 
 #include "scripted_run.hpp"
 
@@ -47,16 +46,6 @@ TEST(RunRecord, HoldsTheLastPoseFromALossUntilTheNextMapHasItsScale) {
   EXPECT_EQ(run.record().lostEvents(), 1u);
 }
 
-TEST(RunRecord, FirstScaleMayBelongToALaterMap) {
-  ScriptedRun run;
-  run.withoutPose(kInitialising)
-      .tracked(1, 0, {{0, 0}, {1, 1}})
-      .withoutPose(kLost);  // frames 0, 1, 2
-  run.withoutPose(kInitialising, 1).tracked(2, 1, {{3, 0}, {4, 2}}).metric(3, 4, 12, 1);
-  EXPECT_EQ(zOf(run.record().metricPoses()), (std::vector<double>{0, 0, 0, 0, 8, 12}));
-  EXPECT_EQ(backfilled(run.record()), (std::vector<int>{1, 1, 1, 1, 1, 0}));
-}
-
 TEST(RunRecord, ABackfilledFrameWithoutAVoPoseRepeatsThePreviousPose) {
   ScriptedRun run;
   run.tracked(0).tracked(1).withoutPose(kLost).tracked(3).metric(4, 2, 8);
@@ -85,18 +74,9 @@ TEST(RunRecord, ContinuesInTheAxesOfTheLastPose) {
   RunRecord record;
   const auto append = [&](const Eigen::Isometry3d& T_w_c, std::uint32_t map_id,
                           const std::optional<Eigen::Isometry3d>& T_o_c) {
-    VisualOdometry::Output vo;
-    vo.frame.sequence = static_cast<std::uint32_t>(record.frames().size());
-    vo.frame.status = VoStatus::kTracking;
-    vo.frame.map_id = map_id;
-    vo.frame.T_w_c = T_w_c;
-    ScaleRecovery::Output scale;
-    if (T_o_c) {
-      scale.scale.scale = 2;
-      scale.pose.emplace();
-      scale.pose->T_o_c = *T_o_c;
-    }
-    record.append(vo, scale);
+    ScaleEstimate scale;
+    scale.scale = 2;
+    appendFrame(&record, T_w_c, T_o_c, Matrix6d::Zero(), scale, map_id);
   };
   const Eigen::Isometry3d first = turned(0.3, 1, 2), second = turned(0.5, 2, 4);
   const Eigen::Isometry3d metric = turned(0.9, 3, 7);
@@ -111,13 +91,6 @@ TEST(RunRecord, ContinuesInTheAxesOfTheLastPose) {
   const auto unscaled = record.unscaledPoses();
   EXPECT_TRUE(unscaled[2].isApprox(second, 1e-12));
   EXPECT_TRUE(unscaled[3].isApprox(second * turned(0.1, 0, 3), 1e-12));
-}
-
-TEST(RunRecord, RejectsFramesThatAreNotInOrder) {
-  RunRecord record;
-  VisualOdometry::Output vo;
-  vo.frame.sequence = 1;
-  EXPECT_THROW(record.append(vo, {}), std::logic_error);
 }
 
 }  // namespace

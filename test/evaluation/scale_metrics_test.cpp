@@ -5,17 +5,12 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "scripted_run.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 using Poses = std::vector<Eigen::Isometry3d>;
-
-Eigen::Isometry3d ahead(double z) {
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.translation().z() = z;
-  return T;
-}
 
 /// Output of the scale stage in one frame. raw: scale of the single frame; 0: not measured.
 struct Measurement {
@@ -28,22 +23,20 @@ struct Measurement {
 /// scale is 2 m per unit.
 RunRecord record(const std::vector<Measurement>& measurements) {
   RunRecord result;
-  for (std::size_t i = 0; i < measurements.size(); ++i) {
-    VisualOdometry::Output vo;
-    vo.frame.sequence = static_cast<std::uint32_t>(i);
-    vo.frame.status = VoStatus::kTracking;
-    vo.frame.map_id = measurements[i].map_id;
-    vo.frame.T_w_c = ahead(0.5 * static_cast<double>(i));
-    ScaleRecovery::Output scale;
-    scale.scale.status = measurements[i].status;
-    if (measurements[i].status != ScaleStatus::kUnknown) {
-      scale.scale.scale = measurements[i].scale;
-      scale.scale.sigma = measurements[i].sigma;
-      scale.scale.raw_scale = measurements[i].raw;
-      scale.scale.height = measurements[i].height;
-      scale.pose.emplace();
+  for (const Measurement& m : measurements) {
+    const auto i = static_cast<double>(result.frames().size());
+    ScaleEstimate scale;
+    scale.status = m.status;
+    const bool is_known = m.status != ScaleStatus::kUnknown;
+    if (is_known) {
+      scale.scale = m.scale;
+      scale.sigma = m.sigma;
+      scale.raw_scale = m.raw;
+      scale.height = m.height;
     }
-    result.append(vo, scale);
+    const Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();
+    appendFrame(&result, ahead(0.5 * i), is_known ? std::optional(origin) : std::nullopt,
+                Matrix6d::Zero(), scale, m.map_id);
   }
   return result;
 }
@@ -74,13 +67,11 @@ TEST(ScaleMetrics, CountsErrorsWithinSigma) {
 }
 
 TEST(ScaleMetrics, SpreadIsOfTheRawScaleAroundItsOwnMedian) {
-  const RunRecord run = record({{kOk, 2.1, 0.1, 2.2},
-                                {kOk, 2.1, 0.1, 2.24},
-                                {kHeld, 2.1, 0.1, 0},  // not measured
-                                {kOk, 2.1, 0.1, 2.12},
-                                {kOk, 2.1, 0.1, 2.2},
-                                {kOk, 2.1, 0.1, 9}});
-  const ScaleMetrics m = computeScaleMetrics(run, metreAFrame(6), 2);
+  std::vector<Measurement> measurements;
+  for (const double raw : {2.2, 2.24, 0.0, 2.12, 2.2, 9.0}) {  // 0: not measured
+    measurements.push_back({raw == 0 ? kHeld : kOk, 2.1, 0.1, raw});
+  }
+  const ScaleMetrics m = computeScaleMetrics(record(measurements), metreAFrame(6), 2);
   EXPECT_NEAR(m.error_median_percent, 5, 1e-9);
   // 1.4826 times the median of |error - 10 %|: 0, 2, 4, 0, 340.
   EXPECT_NEAR(m.error_spread_percent, 1.4826 * 2, 1e-9);
@@ -140,13 +131,8 @@ TEST(ScaleMetrics, MissingValuesAreNan) {
   EXPECT_TRUE(std::isnan(m.error_median_percent));
   EXPECT_TRUE(std::isnan(m.height_bias_percent));
   EXPECT_DOUBLE_EQ(m.held_share, 1.0 / 3);
-}
-
-TEST(ScaleMetrics, RejectsWhatCannotBeCompared) {
-  const RunRecord run = record({{}, {}, {}});
-  EXPECT_THROW(computeScaleMetrics(run, metreAFrame(2), 2), OptionError);
-  EXPECT_THROW(computeScaleMetrics(run, metreAFrame(3), 2, {1.6}), OptionError);
-  EXPECT_THROW(computeScaleMetrics(run, metreAFrame(3), 0), OptionError);
+  EXPECT_THROW(computeScaleMetrics(without_scale, metreAFrame(2), 2), OptionError);
+  EXPECT_THROW(computeScaleMetrics(without_scale, metreAFrame(3), 2, {1.6}), OptionError);
 }
 
 }  // namespace

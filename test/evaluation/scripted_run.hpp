@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,26 @@ inline Eigen::Isometry3d ahead(double z) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.translation().z() = z;
   return T;
+}
+
+/// Appends a tracked frame of the first map, with a metric pose if T_o_c is given.
+inline void appendFrame(RunRecord* record, const Eigen::Isometry3d& T_w_c,
+                        const std::optional<Eigen::Isometry3d>& T_o_c, const Matrix6d& covariance,
+                        const ScaleEstimate& estimate = {}, std::uint32_t map_id = 0) {
+  VisualOdometry::Output vo;
+  vo.frame.sequence = static_cast<std::uint32_t>(record->frames().size());
+  vo.frame.stamp_ns = 100000000 * static_cast<std::int64_t>(vo.frame.sequence);
+  vo.frame.status = VoStatus::kTracking;
+  vo.frame.map_id = map_id;
+  vo.frame.T_w_c = T_w_c;
+  ScaleRecovery::Output scale;
+  scale.scale = estimate;
+  if (T_o_c) {
+    scale.pose.emplace();
+    scale.pose->T_o_c = *T_o_c;
+    scale.pose->covariance = covariance;
+  }
+  record->append(vo, scale);
 }
 
 /// Builds a RunRecord from scripted outputs of both stages, frame by frame at 10 Hz. The VO takes

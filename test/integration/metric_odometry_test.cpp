@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <tuple>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
@@ -17,33 +17,26 @@ TEST(MetricOdometry, StatusIsTrackingIfAndOnlyIfThereIsAPose) {
   SyntheticDrive::Options drive_options;
   drive_options.frames = 30;
   const SyntheticDrive drive(drive_options);
-  MetricOdometry::Options options;
-  options.scale.camera_height = drive_options.camera_height;
-  MetricOdometry odometry(drive.camera(), options);
+  MetricOdometry odometry(drive.camera(), optionsFor(drive_options.camera_height));
   MetricOdometry::Output output;
   for (std::size_t i = 0; i < drive.size(); ++i) {
     output = odometry.process(drive.image(i), drive.frame(i).stamp_ns);
     EXPECT_EQ(output.pose().has_value(), output.status() == Status::kTracking) << i;
-    if (i == 0) {
-      EXPECT_EQ(output.status(), Status::kInitialising);
-    }
   }
   ASSERT_TRUE(output.pose());
   const double true_distance = drive.frame(drive.size() - 1).T_c0_c.translation().norm();
   EXPECT_NEAR(output.pose()->T_o_c.translation().norm(), true_distance, 0.15 * true_distance);
   EXPECT_GT(output.pose()->covariance.diagonal().minCoeff(), 0);
-  EXPECT_STREQ(toString(output.status()), "tracking");
 }
 
 TEST(MetricOdometry, StatusWithoutAPoseIsThatOfTheOdometry) {
   MetricOdometry::Output output;
-  for (const auto& [vo, expected, name] :
-       {std::tuple(VoStatus::kInitialising, Status::kInitialising, "initialising"),
-        std::tuple(VoStatus::kTracking, Status::kInitialising, "initialising"),  // no scale yet
-        std::tuple(VoStatus::kLost, Status::kLost, "lost")}) {
+  for (const auto& [vo, expected] :
+       {std::pair(VoStatus::kInitialising, Status::kInitialising),
+        std::pair(VoStatus::kTracking, Status::kInitialising),  // no scale yet
+        std::pair(VoStatus::kLost, Status::kLost)}) {
     output.vo.frame.status = vo;
     EXPECT_EQ(output.status(), expected) << toString(vo);
-    EXPECT_STREQ(toString(output.status()), name);
   }
 }
 
@@ -72,10 +65,6 @@ TEST(MetricOdometry, BothStagesGetImageAndMask) {
     direct += scale.direct.height > 0;
   }
   EXPECT_GT(direct, 2);
-}
-
-TEST(MetricOdometry, RequiresTheCameraHeight) {
-  EXPECT_THROW(MetricOdometry({640, 480, 500, 500, 320, 240}, {}), OptionError);
 }
 
 }  // namespace

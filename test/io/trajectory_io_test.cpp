@@ -34,11 +34,6 @@ TEST_F(TrajectoryIo, KittiPosesSurviveTheRoundTrip) {
       << "a temporary file was left";
 }
 
-TEST_F(TrajectoryIo, ReadsWindowsLineEndsAndBlankLinesAtTheEnd) {
-  const auto file = write("poses.txt", kIdentity + "\r\n" + kIdentity + "\r\n\r\n  \n\n");
-  EXPECT_EQ(readKittiPoses(file).size(), 2u);
-}
-
 TEST_F(TrajectoryIo, MakesRotationsOrthonormal) {
   const auto file = write("poses.txt", "1.0001 0 0 5 0 0.9999 0.0002 0 0 0 1.0001 0\n");
   const Eigen::Matrix3d R = readKittiPoses(file).front().linear();
@@ -51,33 +46,18 @@ TEST_F(TrajectoryIo, RejectsMalformedTrajectories) {
     const auto file = write("p.txt", content);
     return dataErrorOf([&] { readKittiPoses(file); }, folder_);
   };
-  EXPECT_EQ(errorOf(""), "/p.txt: is empty");
   EXPECT_EQ(errorOf(" \r\n\n"), "/p.txt: is empty");
+  EXPECT_EQ(errorOf(kIdentity + "\r\n" + kIdentity + "\r\n\r\n  \n\n"), "no error");
   EXPECT_EQ(errorOf(kIdentity + "\n1 2 3\n"), "/p.txt, line 2: has 3 numbers instead of 12");
   EXPECT_EQ(errorOf(kIdentity + "\n\n" + kIdentity), "/p.txt, line 2: has 0 numbers instead of 12");
-  EXPECT_EQ(errorOf("1 0 0 0 0 1 0 x7 0 0 1 0"), "/p.txt, line 1: 'x7' is not a finite number");
-  EXPECT_EQ(errorOf("1 0 0 0 0 1 0 nan 0 0 1 0"), "/p.txt, line 1: 'nan' is not a finite number");
-  EXPECT_EQ(errorOf("1 0 0 0 0 1 0 -inf 0 0 1 0"), "/p.txt, line 1: '-inf' is not a finite number");
-  EXPECT_EQ(errorOf("1 0 0 0 0 1 0 1e999 0 0 1 0"),
-            "/p.txt, line 1: '1e999' is not a finite number");
-  EXPECT_EQ(errorOf("1 0 0 0 0 1 0 0x10 0 0 1 0"), "/p.txt, line 1: '0x10' is not a finite number");
-  EXPECT_EQ(errorOf("1,0 0 0 0 0 1 0 0 0 0 1 0"), "/p.txt, line 1: '1,0' is not a finite number");
+  for (const std::string word : {"x7", "nan", "-inf", "1e999", "0x10", "1,0", "1e", "--1"}) {
+    EXPECT_EQ(errorOf("1 0 0 0 0 1 0 " + word + " 0 0 1 0"),
+              "/p.txt, line 1: '" + word + "' is not a finite number");
+  }
   EXPECT_EQ(errorOf(std::string("\0\x01", 2) + std::string(50, '\xff')),
             "/p.txt, line 1: '" + std::string(30, '?') + "...' is not a finite number");
   EXPECT_EQ(errorOf("0 0 0 0 0 0 0 0 0 0 0 0"), "/p.txt, line 1: its 3x3 is not a rotation");
   EXPECT_EQ(errorOf("1 0 0 0 0 1 0 0 0 0 -1 0"), "/p.txt, line 1: its 3x3 is not a rotation");
-}
-
-TEST_F(TrajectoryIo, RejectsNonFiles) {
-  EXPECT_EQ(dataErrorOf([&] { readKittiPoses(folder_ / "none.txt"); }, folder_),
-            "/none.txt: no such file");
-  EXPECT_EQ(dataErrorOf([&] { readKittiPoses(folder_); }, folder_), ": not a file");
-  const auto huge = write("huge.txt", "");
-  std::filesystem::resize_file(huge, TextFile::kMaxBytes + 1);  // sparse
-  EXPECT_EQ(dataErrorOf([&] { readKittiPoses(huge); }, folder_),
-            "/huge.txt: has 67108865 bytes, more than the 67108864 that are plausible");
-  EXPECT_EQ(dataErrorOf([&] { writeKittiPoses(folder_ / "none" / "p.txt", {}); }, folder_),
-            "/none/p.txt: cannot be written, there is no folder /none");
 }
 
 TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {
@@ -113,24 +93,18 @@ TEST_F(TrajectoryIo, FilesDoNotDependOnTheLocale) {
   EXPECT_EQ(table.str(), "name\n1234.5");
 }
 
-TEST_F(TrajectoryIo, ARoundedQuaternionIsARotation) {
-  const auto file = write("rounded.txt", "1.5 1 2 3 0 0.71 0 0.71\n");
-  const Eigen::Matrix3d R = readTumTrajectory(file).front().T_a_b.linear();
-  EXPECT_TRUE((R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), 1e-14));
-}
-
 TEST_F(TrajectoryIo, TumSkipsCommentsAndRejectsBadPoses) {
-  const auto good = write("good.txt", "# stamp tx ty tz qx qy qz qw\n1.5 1 2 3 0 0 0 1\n");
-  EXPECT_EQ(readTumTrajectory(good).size(), 1u);
-  const auto gap = write("gap.txt", "1.5 1 2 3 0 0 0 1\n\n2.5 1 2 3 0 0 0 1\n");
-  EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(gap); }, folder_),
-            "/gap.txt, line 2: has 0 numbers instead of 8");
-  const auto far = write("far.txt", "1.5 1 2 3 0 0 0 1\n2.5 1 1e300 3 0 0 0 1\n");
-  EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(far); }, folder_),
-            "/far.txt, line 2: its position is implausibly far away");
-  const auto bad = write("bad.txt", "1.5 1 2 3 0 0 0 0\n");
-  EXPECT_EQ(dataErrorOf([&] { readTumTrajectory(bad); }, folder_),
-            "/bad.txt, line 1: its quaternion is not of unit length");
+  const auto good = write("good.txt", "# stamp tx ty tz qx qy qz qw\n1.5 1 2 3 0 0.71 0 0.71\n");
+  ASSERT_EQ(readTumTrajectory(good).size(), 1u);
+  const Eigen::Matrix3d R = readTumTrajectory(good).front().T_a_b.linear();
+  EXPECT_TRUE((R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), 1e-14));
+  const auto errorOf = [&](const std::string& second_line) {
+    const auto file = write("p.txt", "1.5 1 2 3 0 0 0 1\n" + second_line + "\n2.5 1 2 3 0 0 0 1\n");
+    return dataErrorOf([&] { readTumTrajectory(file); }, folder_);
+  };
+  EXPECT_EQ(errorOf(""), "/p.txt, line 2: has 0 numbers instead of 8");
+  EXPECT_EQ(errorOf("2 1 1e300 3 0 0 0 1"), "/p.txt, line 2: its position is implausibly far away");
+  EXPECT_EQ(errorOf("2 1 2 3 0 0 0 0"), "/p.txt, line 2: its quaternion is not of unit length");
 }
 
 }  // namespace

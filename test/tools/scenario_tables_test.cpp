@@ -4,6 +4,7 @@
 
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 namespace ground_scale_vo {
 namespace {
@@ -49,21 +50,18 @@ TEST(ScenarioTables, EachKeyHasItsValue) {
   EXPECT_EQ(drives.at(1).at("frames"), 0);
 }
 
-TEST(ScenarioTables, HaveTheColumnsInTheOrderOfTheHeading) {
-  EXPECT_EQ(scenariosMarkdown({{"a", scenarioMetrics()}}),
-            "| drive | frames | tracked | lost | metric | RLE % | t_err short % | rotation deg | "
-            "displacement sigma | scale % | held | 2 sigma | ok unobservable |\n"
-            "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
-            "| a | 100 | 99 | 1 | 90 | 0.50 | 1.25 | 0.75 | 1.50 | 0.25 | 0.10 | 0.95 | 0.05 |\n");
-  EXPECT_EQ(terminalHeading().size(), terminalRow({"a", scenarioMetrics()}, 7).size());
-}
-
-TEST(AblationCell, IsBoldWithTheNameOfAViolatedThreshold) {
-  const ScenarioThresholds thresholds;
+/// Metrics that violate no threshold.
+ScenarioMetrics goodMetrics() {
   ScenarioMetrics m = scenarioMetrics();
   m.tracked_frames = 100;
   m.lost_events = 0;
   m.ok_while_unobservable = 0;
+  return m;
+}
+
+TEST(ScenarioTables, AnAblationCellIsBoldWithTheNameOfAViolatedThreshold) {
+  const ScenarioThresholds thresholds;
+  ScenarioMetrics m = goodMetrics();
   EXPECT_EQ(ablationCell(m, thresholds), "0.50 / 0.10 / 0.95");
   m.rle_percent = 3;
   EXPECT_EQ(ablationCell(m, thresholds), "**3.00 / 0.10 / 0.95** RLE");
@@ -78,28 +76,16 @@ TEST(AblationCell, IsBoldWithTheNameOfAViolatedThreshold) {
   EXPECT_EQ(ablationCell(m, wide), "**lost**");
 }
 
-TEST(AblationJson, HasTheViolatedThresholdAndWhetherItIsViolatedClearly) {
-  ScenarioMetrics m = scenarioMetrics();
-  m.tracked_frames = 100;
-  m.lost_events = 0;
-  m.ok_while_unobservable = 0;
-  const auto json = [&](double rle_percent) {
+TEST(ScenarioTables, AnAblationIsViolatedClearlyBeyondTheDoubledThreshold) {
+  for (const auto& [rle_percent, violated, clearly] :
+       {std::tuple(1.0, "", false), std::tuple(2.0, "RLE", false), std::tuple(4.0, "RLE", true)}) {
+    ScenarioMetrics m = goodMetrics();
     m.rle_percent = rle_percent;
-    return ablationJson(m, {});  // at most 1.5 %
-  };
-  EXPECT_EQ(json(1).at("violated"), "");
-  EXPECT_EQ(json(1).at("clearly"), false);
-  EXPECT_EQ(json(2).at("violated"), "RLE");
-  EXPECT_EQ(json(2).at("clearly"), false);
-  EXPECT_EQ(json(4).at("violated"), "RLE");
-  EXPECT_EQ(json(4).at("clearly"), true);
-  EXPECT_EQ(json(4).at("rle_percent"), 4);
-  EXPECT_EQ(json(4).at("held"), 0.1);
-}
-
-TEST(SettingsWithoutComponent, BeginWithThoseThatMeetTheThresholds) {
-  EXPECT_EQ(settingsWithoutComponent({"c", {"a=1"}, {"b=2", "c=3"}}),
-            (std::vector<std::string>{"a=1", "b=2", "c=3"}));
+    const auto json = ablationJson(m, {});  // at most 1.5 %
+    EXPECT_EQ(json.at("violated"), violated);
+    EXPECT_EQ(json.at("clearly"), clearly);
+    EXPECT_EQ(json.at("rle_percent"), rle_percent);
+  }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
@@ -11,37 +12,36 @@ namespace ground_scale_vo {
 namespace {
 
 sensor_msgs::CompressedImage encoded(const std::string& format, const std::string& extension,
-                                     const cv::Mat& pixels) {
+                                     int type = CV_8UC1) {
   sensor_msgs::CompressedImage image;
   image.header.stamp = ros::Time(3, 4);
   image.header.frame_id = "camera";
   image.format = format;
-  cv::imencode(extension, pixels, image.data);
+  cv::imencode(extension, cv::Mat(6, 8, type, cv::Scalar::all(90)), image.data);
   return image;
 }
 
 TEST(CompressedImage, DecodesEveryKindOfPixel) {
-  struct Kind {
+  const struct {
     const char *format, *extension;
     int type;
     const char* encoding;
-  };
-  for (const Kind& kind :
-       {Kind{"mono8; jpeg compressed ", ".jpg", CV_8UC1, "mono8"},
-        Kind{"rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"},
-        Kind{"jpeg", ".jpg", CV_8UC3, "bgr8"}, Kind{"", ".png", CV_8UC4, "bgra8"},
-        Kind{"mono16; png compressed ", ".png", CV_16UC1, "mono16"},
-        Kind{"rgb16; png compressed ", ".png", CV_16UC3, "bgr16"},
-        Kind{"bayer_rggb8; jpeg compressed ", ".jpg", CV_8UC1, "bayer_rggb8"},
-        Kind{"bayer_grbg16; png compressed ", ".png", CV_16UC1, "bayer_grbg16"},
-        Kind{"bayer_rggb16; jpeg compressed ", ".jpg", CV_8UC1, "mono8"},
-        Kind{"bayer_rggb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"}}) {
-    const cv::Mat pixels(6, 8, kind.type, cv::Scalar::all(90));
-    const auto image = decode(encoded(kind.format, kind.extension, pixels));
+  } kKinds[] = {{"mono8; jpeg compressed ", ".jpg", CV_8UC1, "mono8"},
+                {"rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"},
+                {"jpeg", ".jpg", CV_8UC3, "bgr8"},
+                {"", ".png", CV_8UC4, "bgra8"},
+                {"mono16; png compressed ", ".png", CV_16UC1, "mono16"},
+                {"rgb16; png compressed ", ".png", CV_16UC3, "bgr16"},
+                {"bayer_rggb8; jpeg compressed ", ".jpg", CV_8UC1, "bayer_rggb8"},
+                {"bayer_grbg16; png compressed ", ".png", CV_16UC1, "bayer_grbg16"},
+                {"bayer_rggb16; jpeg compressed ", ".jpg", CV_8UC1, "mono8"},
+                {"bayer_rggb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"}};
+  for (const auto& kind : kKinds) {
+    const auto image = decode(encoded(kind.format, kind.extension, kind.type));
     EXPECT_EQ(image->encoding, kind.encoding) << kind.format;
     EXPECT_EQ(image->width, 8u);
     EXPECT_EQ(image->height, 6u);
-    EXPECT_EQ(image->data.size(), pixels.total() * pixels.elemSize());
+    EXPECT_EQ(image->data.size(), 6u * 8 * CV_ELEM_SIZE(kind.type)) << kind.format;
     EXPECT_NEAR(image->data[0], 90, 1);
     EXPECT_EQ(image->header.stamp, ros::Time(3, 4));
     EXPECT_EQ(image->header.frame_id, "camera");
@@ -49,15 +49,14 @@ TEST(CompressedImage, DecodesEveryKindOfPixel) {
 }
 
 TEST(CompressedImage, RefusesWhatCannotBeDecoded) {
-  const sensor_msgs::CompressedImage good =
-      encoded("mono8; jpeg compressed ", ".jpg", cv::Mat(6, 8, CV_8UC1, cv::Scalar(90)));
+  const sensor_msgs::CompressedImage good = encoded("mono8; jpeg compressed ", ".jpg");
   sensor_msgs::CompressedImage bad = good;
   bad.data.clear();
   EXPECT_THROW(decode(bad), MessageError) << "empty";
   bad = good;
   bad.data.resize(bad.data.size() - 2);
   EXPECT_THROW(decode(bad), MessageError) << "truncated";
-  bad = encoded("", ".png", cv::Mat(6, 8, CV_8UC1, cv::Scalar(90)));
+  bad = encoded("", ".png");
   for (std::size_t i = 16; i < 24; ++i) bad.data[i] = 0x7f;  // width and height
   EXPECT_THROW(decode(bad), MessageError) << "implausible size";
   bad = good;

@@ -116,26 +116,14 @@ double difference(const cv::Mat& grey) {
 
 TEST(GreyConverter, EveryEncodingOfASceneGivesTheSameGrey) {
   for (const Layout& layout : layouts()) {
-    for (const std::uint32_t padding : {0u, 6u}) {
-      // 12 bits: of full 16 bits, both bytes of a number are equal.
-      const double unit = layout.bytes == 2 ? 4095.0 / 255 : 1;
-      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit, padding))),
-                layout.tolerance)
-          << layout.encoding << " with a padding of " << padding;
-      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit, padding, true))),
-                layout.tolerance)
-          << layout.encoding << ", big endian";
-    }
-  }
-}
-
-TEST(GreyConverter, SixteenBitsAreScaledByTheBitsInUse) {
-  for (const Layout& layout : layouts()) {
-    if (layout.bytes == 1) continue;
     for (const int bits : {8, 10, 12, 14, 16}) {
+      if (bits > 8 * layout.bytes) continue;
+      SCOPED_TRACE(layout.encoding + " of " + std::to_string(bits) + " bits");
       const double unit = (std::ldexp(1.0, bits) - 1) / 255;
-      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit))), layout.tolerance)
-          << layout.encoding << " of " << bits << " bits";
+      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit))), layout.tolerance);
+      EXPECT_LE(difference(GreyConverter().convert(imageOf(layout, unit, 6, true))),
+                layout.tolerance)
+          << "big endian, padded";
     }
   }
 }
@@ -152,50 +140,34 @@ std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number, std::size_t 
   return converter->convert(image).at<std::uint8_t>(kSide - 1, kSide - 1);
 }
 
-TEST(GreyConverter, AFewBrightPixelsDoNotChangeTheRange) {
-  GreyConverter converter;
-  EXPECT_EQ(greyOf(&converter, 200), 200);
-  EXPECT_EQ(greyOf(&converter, 200, 1), 200);
-  EXPECT_EQ(greyOf(&converter, 200, 10), 200);
-  EXPECT_EQ(greyOf(&converter, 200, 100), 12);
-}
-
-TEST(GreyConverter, TheRangeOfSixteenBitsShrinksAfterManyDarkImages) {
-  GreyConverter converter;
-  EXPECT_EQ(greyOf(&converter, 4095), 255);
-  for (int i = 1; i < GreyConverter::kImagesUntilNarrower; ++i) {
-    ASSERT_EQ(greyOf(&converter, 200), 12) << i;
-  }
-  EXPECT_EQ(greyOf(&converter, 200), 50);  // 10 bits
-  for (int i = 1; i < GreyConverter::kImagesUntilNarrower; ++i) greyOf(&converter, 100);
-  EXPECT_EQ(greyOf(&converter, 100), 100);  // 8 bits
-  for (int i = 0; i <= GreyConverter::kImagesUntilNarrower; ++i) {
-    ASSERT_EQ(greyOf(&converter, 10), 10) << "less than 8 bits after " << i << " images";
-  }
-  EXPECT_EQ(greyOf(&converter, 4095), 255);
-}
-
-TEST(GreyConverter, TheRangeOfSixteenBitsDoesNotFlicker) {
-  GreyConverter converter;
-  EXPECT_EQ(greyOf(&converter, 4095), 255);
-  for (int i = 0; i < 3 * GreyConverter::kImagesUntilNarrower; ++i) {
-    ASSERT_EQ(greyOf(&converter, 900), 56) << i;  // more than half of 10 bits
-  }
-  for (int i = 0; i < 3 * GreyConverter::kImagesUntilNarrower; ++i) {
-    ASSERT_EQ(greyOf(&converter, 200, i % 50 == 0 ? 5000 : 0), 12) << i;
-  }
-}
-
-TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAtOnce) {
+TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAtOnceButNotForAFewBrightPixels) {
   GreyConverter converter;
   EXPECT_EQ(greyOf(&converter, 0), 0);
   EXPECT_EQ(greyOf(&converter, 200), 200);
-  EXPECT_EQ(greyOf(&converter, 4095), 255);
+  EXPECT_EQ(greyOf(&converter, 200, 10), 200);
+  EXPECT_EQ(greyOf(&converter, 200, 100), 12);
   EXPECT_EQ(greyOf(&converter, 200), 12);  // the range stays wide
   EXPECT_EQ(greyOf(&converter, 4095), 255);
   EXPECT_EQ(greyOf(&converter, 4096), 64);  // 14 bits
   EXPECT_EQ(greyOf(&converter, 65535), 255);
-  EXPECT_EQ(greyOf(&converter, 4095), 16);
+}
+
+TEST(GreyConverter, TheRangeOfSixteenBitsShrinksOnlyAfterManyDarkImages) {
+  constexpr int kMany = GreyConverter::kImagesUntilNarrower;
+  GreyConverter converter;
+  EXPECT_EQ(greyOf(&converter, 4095), 255);
+  for (int i = 0; i < 2 * kMany; ++i) {
+    ASSERT_EQ(greyOf(&converter, 900), 56) << i;  // more than half of 10 bits
+  }
+  for (int i = 0; i < 2 * kMany; ++i) {
+    ASSERT_EQ(greyOf(&converter, 200, i % 50 == 0 ? 5000 : 0), 12) << i;  // not in a row
+  }
+  EXPECT_EQ(greyOf(&converter, 4095), 255);
+  for (int i = 1; i < kMany; ++i) ASSERT_EQ(greyOf(&converter, 200), 12) << i;
+  EXPECT_EQ(greyOf(&converter, 200), 50);  // 10 bits
+  for (int i = 1; i < kMany; ++i) greyOf(&converter, 100);
+  EXPECT_EQ(greyOf(&converter, 100), 100);  // 8 bits
+  for (int i = 0; i <= kMany; ++i) ASSERT_EQ(greyOf(&converter, 10), 10) << i;
 }
 
 TEST(GreyConverter, MonoPixelsAreNotCopied) {
@@ -203,72 +175,55 @@ TEST(GreyConverter, MonoPixelsAreNotCopied) {
   EXPECT_EQ(GreyConverter().convert(image).data, image.data.data());
 }
 
-/// The error message; empty if the image is accepted.
-std::string refusal(const sensor_msgs::Image& image) {
+void expectRefused(const sensor_msgs::Image& image, const std::string& reason) {
   try {
     GreyConverter().convert(image);
+    ADD_FAILURE() << "accepted: " << reason;
   } catch (const MessageError& error) {
-    return error.what();
+    EXPECT_NE(std::string(error.what()).find(reason), std::string::npos)
+        << error.what() << "; expected: " << reason;
   }
-  return "";
 }
 
 TEST(GreyConverter, RefusesUnsupportedEncodings) {
-  for (const char* encoding :
+  for (const std::string encoding :
        {"", "jpeg", "MONO8", "mono8 ", "8UC", "8UC2", "8UC5", "8UC-4", "8UC1000000000", "8SC1",
         "16SC1", "16UC2", "32SC1", "32FC1", "32FC3", "64FC1", "bayer_rggb", "yuv420", "nv12"}) {
     sensor_msgs::Image image = imageOf({"mono8", "y"}, 1);
     image.encoding = encoding;
-    EXPECT_EQ(refusal(image), "the encoding \"" + std::string(encoding) +
-                                  "\" cannot be converted to grey; supported are mono, colour and "
-                                  "Bayer of 8 or 16 bits, yuv422 and yuv422_yuy2");
+    expectRefused(image, "the encoding \"" + encoding + "\" cannot be converted to grey");
   }
 }
 
 TEST(GreyConverter, RefusesSizesThatDoNotFit) {
   constexpr auto kMaxUint32 = std::numeric_limits<std::uint32_t>::max();
-  struct Case {
+  const struct {
     const char* encoding;
     std::uint32_t width, height, step;
     std::size_t bytes;
-    const char* message;
-  };
-  const Case cases[] = {
+    const char* reason;
+  } kCases[] = {
       {"mono8", 0, 2, 4, 8, "the image has no pixels"},
       {"mono8", 4, 0, 4, 0, "the image has no pixels"},
-      {"mono8", 0, 0, 0, 0, "the image has no pixels"},
       {"mono8", 4, 2, 4, 7, "the image holds 7 bytes instead of 8"},
       {"mono8", 4, 2, 4, 9, "the image holds 9 bytes instead of 8"},
       {"mono8", 4, 2, 4, 0, "the image holds 0 bytes instead of 8"},
       {"mono8", 4, 2, 6, 10, "the image holds 10 bytes instead of 12"},
-      {"mono8", 4, 2, 3, 6, "the step of 3 bytes does not fit 4 pixels of mono8"},
       {"mono8", 4, 2, 0, 0, "the step of 0 bytes does not fit 4 pixels of mono8"},
-      {"bgr8", 4, 2, 11, 22, "the step of 11 bytes does not fit 4 pixels of bgr8"},
-      {"rgba16", 4, 2, 31, 62, "the step of 31 bytes does not fit 4 pixels of rgba16"},
-      {"mono16", 4, 2, 9, 18, "the step of 9 bytes does not fit 4 pixels of mono16"},
-      {"yuv422", 4, 2, 7, 14, "the step of 7 bytes does not fit 4 pixels of yuv422"},
-      {"yuv422_yuy2", 4, 2, 7, 14, "the step of 7 bytes does not fit 4 pixels of yuv422_yuy2"},
+      {"bgr8", 4, 2, 11, 22, "the step of 11 bytes does not fit"},
+      {"rgba16", 4, 2, 31, 62, "the step of 31 bytes does not fit"},
+      {"mono16", 4, 2, 9, 18, "the step of 9 bytes does not fit"},
+      {"yuv422", 4, 2, 7, 14, "the step of 7 bytes does not fit"},
+      {"yuv422_yuy2", 4, 2, 7, 14, "the step of 7 bytes does not fit"},
       {"yuv422_yuy2", 4, 2, 8, 15, "the image holds 15 bytes instead of 16"},
-      {"mono8", kMaxUint32, kMaxUint32, kMaxUint32, 1,
-       "the image size 4294967295 x 4294967295 is not plausible for a camera"},
-      {"mono8", kMaxUint32, 1, kMaxUint32, 1,
-       "the image size 4294967295 x 1 is not plausible for a camera"},
-      {"mono8", 1, kMaxUint32, 1, 1, "the image size 1 x 4294967295 is not plausible for a camera"},
+      {"mono8", kMaxUint32, 1, kMaxUint32, 1, "4294967295 x 1 is not plausible for a camera"},
+      {"mono8", 1, kMaxUint32, 1, 1, "1 x 4294967295 is not plausible for a camera"},
       // step * height is 2^32, which is 0 in 32 bits.
       {"mono8", 65536, 65536, 65536, 0, "the image holds 0 bytes instead of 4294967296"},
       {"bgr8", 4, 2, kMaxUint32, 24, "the image holds 24 bytes instead of 8589934590"},
   };
-  for (const Case& c : cases) {
-    EXPECT_EQ(refusal(plainImage(c.encoding, c.width, c.height, c.step, c.bytes)), c.message);
-  }
-}
-
-TEST(GreyConverter, AcceptsImagesOfOnePixel) {
-  for (const Layout& layout : layouts()) {
-    const std::size_t bytes = pixelBytes(layout);
-    const sensor_msgs::Image image =
-        plainImage(layout.encoding, 1, 1, static_cast<std::uint32_t>(bytes), bytes);
-    EXPECT_EQ(GreyConverter().convert(image).size(), cv::Size(1, 1)) << layout.encoding;
+  for (const auto& c : kCases) {
+    expectRefused(plainImage(c.encoding, c.width, c.height, c.step, c.bytes), c.reason);
   }
 }
 

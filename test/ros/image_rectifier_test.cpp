@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
-#include <utility>
 
 #include "support/jpeg_to_be_turned.hpp"
 #include "support/temporary_folder.hpp"
@@ -13,17 +13,13 @@
 namespace ground_scale_vo {
 namespace {
 
-sensor_msgs::CameraInfo info() {
-  PinholeCamera camera;
-  camera.width = 8;
-  camera.height = 6;
-  camera.fx = camera.fy = 10;
-  camera.cx = 4;
-  camera.cy = 3;
-  return toCameraInfo(camera);
+sensor_msgs::CameraInfo infoOf(double fx, double k1 = 0) {
+  sensor_msgs::CameraInfo info = toCameraInfo({8, 6, fx, 10, 4, 3});
+  info.D[0] = k1;
+  return info;
 }
 
-sensor_msgs::Image image(std::uint32_t width, std::uint32_t height) {
+sensor_msgs::Image uniformImage(std::uint32_t width, std::uint32_t height) {
   sensor_msgs::Image image;
   image.encoding = "mono8";
   image.width = image.step = width;
@@ -32,38 +28,47 @@ sensor_msgs::Image image(std::uint32_t width, std::uint32_t height) {
   return image;
 }
 
-TEST(ImageRectifier, ReplacesItsCameraOnlyWhenTheCalibrationChanges) {
+/// The message of the error that the action throws; empty: none.
+template <typename Error>
+std::string messageOf(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ImageRectifier, ReplacesItsCameraOnlyForAnotherValidCalibration) {
   ImageRectifier rectifier(false);
   EXPECT_EQ(rectifier.camera(), nullptr);
-  rectifier.setCameraInfo(info(), "t");
+  rectifier.setCameraInfo(infoOf(10), "t");
   const auto first = rectifier.camera();
   ASSERT_NE(first, nullptr);
   EXPECT_EQ(first->camera().fx, 10);
-  rectifier.setCameraInfo(info(), "t");
+  rectifier.setCameraInfo(infoOf(10), "t");
   EXPECT_EQ(rectifier.camera(), first);
-  sensor_msgs::CameraInfo other = info();
-  other.K[0] = 11;
-  rectifier.setCameraInfo(other, "t");
+  EXPECT_THROW(rectifier.setCameraInfo(sensor_msgs::CameraInfo(), "t"), MessageError);
+  EXPECT_EQ(rectifier.camera(), first);
+  rectifier.setCameraInfo(infoOf(11), "t");
   EXPECT_NE(rectifier.camera(), first);
   EXPECT_EQ(rectifier.camera()->camera().fx, 11);
 }
 
 TEST(ImageRectifier, KeepsItsCameraWhileItVariesByLessThanATenthOfAPixel) {
   for (const double k1 : {0.0, -0.2}) {
-    sensor_msgs::CameraInfo original = info();
-    original.D[0] = k1;
+    const sensor_msgs::CameraInfo original = infoOf(10, k1);
     ImageRectifier rectifier(false);
     rectifier.setCameraInfo(original, "t");
     const auto first = rectifier.camera();
-    for (const double difference : {1e-9, 0.05}) {
-      for (const std::size_t i : {0, 2, 4, 5}) {
-        sensor_msgs::CameraInfo nearly = original;
-        nearly.K[i] += difference;
-        rectifier.setCameraInfo(nearly, "t");
-        EXPECT_EQ(rectifier.camera(), first);
-      }
-    }
     sensor_msgs::CameraInfo nearly = original;
+    for (const std::size_t i : {0, 2, 4, 5}) {
+      nearly = original;
+      nearly.K[i] += 0.05;
+      rectifier.setCameraInfo(nearly, "t");
+      EXPECT_EQ(rectifier.camera(), first) << i;
+    }
+    nearly = original;
     nearly.D[0] += 1e-3;
     rectifier.setCameraInfo(nearly, "t");
     EXPECT_EQ(rectifier.camera(), first);
@@ -73,64 +78,57 @@ TEST(ImageRectifier, KeepsItsCameraWhileItVariesByLessThanATenthOfAPixel) {
   }
 }
 
+TEST(CalibratedCamera, MatchesTheSameIntrinsicsUpToRounding) {
+  const CalibratedCamera calibrated(infoOf(10), "t", false);
+  PinholeCamera camera = calibrated.camera();
+  camera.cx += 1e-6;  // as after a conversion to float
+  EXPECT_TRUE(calibrated.matches(camera));
+  for (double PinholeCamera::*const parameter :
+       {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {
+    camera = calibrated.camera();
+    camera.*parameter += 0.2;
+    EXPECT_FALSE(calibrated.matches(camera));
+  }
+  for (int PinholeCamera::*const size : {&PinholeCamera::width, &PinholeCamera::height}) {
+    camera = calibrated.camera();
+    camera.*size += 1;
+    EXPECT_FALSE(calibrated.matches(camera));
+  }
+}
+
 TEST(ImageRectifier, KeepsTheFirstOfTwoCalibrationsThatAlternate) {
   ImageRectifier rectifier(false);
-  sensor_msgs::CameraInfo other = info();
-  other.K[0] = 11;
-  rectifier.setCameraInfo(info(), "t");
-  rectifier.setCameraInfo(other, "t");
-  rectifier.setCameraInfo(info(), "t");
+  for (const double fx : {10, 11, 10}) rectifier.setCameraInfo(infoOf(fx), "t");
   const auto first = rectifier.camera();
   EXPECT_EQ(first->camera().fx, 10);
   for (int i = 0; i < 3; ++i) {
-    try {
-      rectifier.setCameraInfo(other, "t");
-      FAIL() << "accepted";
-    } catch (const MessageError& error) {
-      EXPECT_STREQ(
-          error.what(),
-          "two cameras publish on t: camera_info alternates between 8 x 6, fx 10, fy 10, cx 4, "
-          "cy 3, no distortion, which is used, and 8 x 6, fx 11, fy 10, cx 4, cy 3, no "
-          "distortion");
-    }
+    EXPECT_EQ(
+        messageOf<MessageError>([&] { rectifier.setCameraInfo(infoOf(11), "t"); }),
+        "two cameras publish on t: camera_info alternates between 8 x 6, fx 10, fy 10, cx 4, cy 3, "
+        "no distortion, which is used, and 8 x 6, fx 11, fy 10, cx 4, cy 3, no distortion");
     EXPECT_TRUE(rectifier.calibrationAlternates());
-    rectifier.setCameraInfo(info(), "t");
+    rectifier.setCameraInfo(infoOf(10), "t");
     EXPECT_EQ(rectifier.camera(), first);
   }
 }
 
-TEST(ImageRectifier, KeepsItsCameraWhenACameraInfoIsRefused) {
-  ImageRectifier rectifier(false);
-  rectifier.setCameraInfo(info(), "t");
-  const auto first = rectifier.camera();
-  EXPECT_THROW(rectifier.setCameraInfo(sensor_msgs::CameraInfo(), "t"), MessageError);
-  EXPECT_EQ(rectifier.camera(), first);
-}
-
 TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
   ImageRectifier rectifier(false);
-  rectifier.setCameraInfo(info(), "t");
-  const sensor_msgs::Image msg = image(8, 6);
-  const cv::Mat grey = rectifier.rectify(msg);
-  EXPECT_EQ(grey.type(), CV_8UC1);
-  EXPECT_EQ(grey.at<std::uint8_t>(3, 3), 100);
-  for (const auto& [width, height] : {std::pair(9, 6), {7, 6}, {8, 7}, {8, 5}}) {
-    const sensor_msgs::Image other =
-        image(static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height));
-    EXPECT_THROW(rectifier.rectify(other), MessageError) << width << " x " << height;
-  }
-  try {
-    rectifier.rectify(image(6, 8));
-    FAIL() << "accepted";
-  } catch (const MessageError& error) {
-    EXPECT_STREQ(error.what(), "the image is 6 x 8, but camera_info describes 8 x 6");
-  }
+  rectifier.setCameraInfo(infoOf(10), "t");
+  const sensor_msgs::Image image = uniformImage(8, 6);
+  EXPECT_EQ(rectifier.rectify(image).at<std::uint8_t>(3, 3), 100);
+  EXPECT_THROW(rectifier.rectify(uniformImage(9, 6)), MessageError);
+  EXPECT_THROW(rectifier.rectify(uniformImage(8, 5)), MessageError);
+  EXPECT_EQ(messageOf<MessageError>([&] { rectifier.rectify(uniformImage(6, 8)); }),
+            "the image is 6 x 8, but camera_info describes 8 x 6");
 }
 
 class MaskFile : public TemporaryFolder {
  protected:
-  std::string writeMask(int width, int height, const std::string& name = "mask.png") const {
-    cv::Mat mask(height, width, CV_8UC1, cv::Scalar(255));
+  /// White but for its first row.
+  std::string writeMask(int width, int height, const std::string& name = "mask.png",
+                        int type = CV_8UC1) const {
+    cv::Mat mask(height, width, type, cv::Scalar::all(255));
     mask.row(0).setTo(0);
     const std::string file = folder_ / name;
     EXPECT_TRUE(cv::imwrite(file, mask));
@@ -139,115 +137,64 @@ class MaskFile : public TemporaryFolder {
 };
 
 TEST_F(MaskFile, IsRectifiedWithTheImages) {
-  ImageRectifier rectifier(false, writeMask(8, 6));
-  EXPECT_TRUE(rectifier.mask().empty());  // no camera yet
-  rectifier.setCameraInfo(info(), "t");
-  const cv::Mat mask = rectifier.mask();
-  ASSERT_EQ(mask.size(), cv::Size(8, 6));
-  EXPECT_EQ(cv::countNonZero(mask), 8 * 5);
-  EXPECT_EQ(cv::countNonZero(mask.row(0)), 0);
-  sensor_msgs::CameraInfo distorted = info();
-  distorted.D[0] = 0.4;
-  rectifier.setCameraInfo(distorted, "t");
-  EXPECT_LT(cv::countNonZero(rectifier.mask()), 8 * 5);
-  rectifier.setCameraInfo(distorted, "t");
-  EXPECT_FALSE(ImageRectifier(false).mask().data);
-}
-
-// As most drawing programs write it.
-TEST_F(MaskFile, MayBeInColour) {
-  cv::Mat mask(6, 8, CV_8UC3, cv::Scalar::all(255));
-  mask.row(0).setTo(0);
-  const std::string file = folder_ / "colour.png";
-  ASSERT_TRUE(cv::imwrite(file, mask));
-  ImageRectifier rectifier(false, file);
-  rectifier.setCameraInfo(info(), "t");
-  EXPECT_EQ(cv::countNonZero(rectifier.mask()), 8 * 5);
+  for (const int type : {CV_8UC1, CV_8UC3}) {  // most drawing programs write it in colour
+    ImageRectifier rectifier(false, writeMask(8, 6, "mask.png", type));
+    EXPECT_TRUE(rectifier.mask().empty());  // no camera yet
+    rectifier.setCameraInfo(infoOf(10), "t");
+    const cv::Mat mask = rectifier.mask();
+    ASSERT_EQ(mask.size(), cv::Size(8, 6));
+    EXPECT_EQ(cv::countNonZero(mask), 8 * 5);
+    EXPECT_EQ(cv::countNonZero(mask.row(0)), 0);
+    rectifier.setCameraInfo(infoOf(10, 0.4), "t");
+    EXPECT_LT(cv::countNonZero(rectifier.mask()), 8 * 5);
+  }
 }
 
 // As the images, which have the orientation of the sensor.
 TEST_F(MaskFile, IsNotTurnedByItsOrientation) {
   const cv::Mat mask(6, 8, CV_8UC1, cv::Scalar(255));
   ImageRectifier rectifier(false, write("turned.jpg", jpegToBeTurned(mask)));
-  EXPECT_NO_THROW(rectifier.setCameraInfo(info(), "t"));
+  EXPECT_NO_THROW(rectifier.setCameraInfo(infoOf(10), "t"));
 }
 
-TEST_F(MaskFile, OfAnotherSizeThanTheImagesIsRefusedWithEachCameraInfo) {
-  const std::string file = writeMask(6, 8);
+TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
+  const std::string file = writeMask(3, 2);
   ImageRectifier rectifier(false, file);
   for (int i = 0; i < 2; ++i) {
-    try {
-      rectifier.setCameraInfo(info(), "/cam/info");
-      FAIL() << "accepted";
-    } catch (const MessageError& error) {
-      EXPECT_EQ(error.what(), "parameter mask: " + file +
-                                  " is 6x8, the camera 8x6 of camera_info on topic /cam/info");
-    }
+    EXPECT_EQ(messageOf<MessageError>([&] { rectifier.setCameraInfo(infoOf(10), "/info"); }),
+              "parameter mask: " + file + " is 3x2, the camera 8x6 of camera_info on topic /info");
     EXPECT_EQ(rectifier.camera(), nullptr);
   }
-}
-
-// With binning and a region of interest the images that are published count.
-TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
-  sensor_msgs::CameraInfo cropped = info();
+  sensor_msgs::CameraInfo cropped = infoOf(10);
   cropped.roi.x_offset = 2;
   cropped.roi.width = 6;
   cropped.roi.height = 4;
   cropped.binning_x = cropped.binning_y = 2;
-  ImageRectifier rectifier(false, writeMask(3, 2));
   EXPECT_NO_THROW(rectifier.setCameraInfo(cropped, "t"));
   EXPECT_EQ(rectifier.mask().size(), cv::Size(3, 2));
 }
 
 TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
-  const auto refusal = [](const std::string& file) -> std::string {
-    try {
-      ImageRectifier(false, file);
-    } catch (const OptionError& error) {
-      return error.what();
-    }
-    return "";
+  const auto expectRefused = [](const std::string& file, const std::string& reason) {
+    EXPECT_EQ(messageOf<OptionError>([&] { ImageRectifier(false, file); }),
+              "parameter mask: " + file + " " + reason);
   };
-  const std::string missing = folder_ / "missing.png";
-  EXPECT_EQ(refusal(missing), "parameter mask: " + missing + " cannot be read");
-  const std::string folder = folder_;
-  EXPECT_EQ(refusal(folder), "parameter mask: " + folder + " cannot be read");
-  const std::string text = write("text.png", "no image");
-  EXPECT_EQ(refusal(text), "parameter mask: " + text + " is not a whole PNG or JPEG image");
+  expectRefused(folder_ / "missing.png", "cannot be read");
+  expectRefused(folder_, "cannot be read");
+  expectRefused(write("text.png", "no image"), "is not a whole PNG or JPEG image");
+  for (const char* name : {"truncated.png", "truncated.jpg"}) {
+    const std::string file = writeMask(80, 60, name);
+    EXPECT_NO_THROW(ImageRectifier(false, file));
+    std::filesystem::resize_file(file, std::filesystem::file_size(file) - 40);
+    expectRefused(file, "is not a whole PNG or JPEG image");
+  }
   // Signature, header of 60000 x 60000 px, end mark.
   const std::string header(
       "\x89PNG\r\n\x1a\n"
       "\0\0\0\rIHDR\0\0\xea\x60\0\0\xea\x60\x08\0\0\0\0\0\0\0\0"
       "\0\0\0\0IEND\xae\x42\x60\x82",
       45);
-  const std::string huge = write("huge.png", header);
-  EXPECT_EQ(refusal(huge),
-            "parameter mask: " + huge + " states 60000 x 60000 pixels, more than are plausible");
-  for (const char* name : {"truncated.png", "truncated.jpg"}) {
-    const std::string file = writeMask(80, 60, name);
-    EXPECT_EQ(refusal(file), "");
-    std::filesystem::resize_file(file, std::filesystem::file_size(file) - 40);
-    EXPECT_EQ(refusal(file), "parameter mask: " + file + " is not a whole PNG or JPEG image");
-  }
-}
-
-TEST(CalibratedCamera, MatchesTheSameIntrinsicsUpToRounding) {
-  ImageRectifier rectifier(false);
-  rectifier.setCameraInfo(info(), "t");
-  PinholeCamera camera = rectifier.camera()->camera();
-  camera.cx += 1e-6;  // as after a conversion to float
-  EXPECT_TRUE(rectifier.camera()->matches(camera));
-  for (double PinholeCamera::*const parameter :
-       {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {
-    camera = rectifier.camera()->camera();
-    camera.*parameter += 0.2;
-    EXPECT_FALSE(rectifier.camera()->matches(camera));
-  }
-  for (int PinholeCamera::*const size : {&PinholeCamera::width, &PinholeCamera::height}) {
-    camera = rectifier.camera()->camera();
-    camera.*size += 1;
-    EXPECT_FALSE(rectifier.camera()->matches(camera));
-  }
+  expectRefused(write("huge.png", header), "states 60000 x 60000 pixels, more than are plausible");
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // docs/reference/parameters.md lists what the code declares. With GROUND_SCALE_VO_WRITE_TABLES set
-// in the environment, the tests first rewrite its rows.
+// in the environment, the test first rewrites its rows.
 
 #include <gtest/gtest.h>
 
@@ -20,22 +20,19 @@ namespace {
 const std::filesystem::path kPage =
     std::filesystem::path(__FILE__).parent_path() / "../../docs/reference/parameters.md";
 
-/// For a cell of a Markdown table, which a bar would end.
-std::string escaped(const std::string& text) {
-  std::string result;
-  for (const char c : text) result += c == '|' ? std::string("\\|") : std::string(1, c);
-  return result;
-}
-
 /// The row of a parameter: name, unit, default, range, meaning.
 std::string row(const ParamReader::Entry& entry) {
   const std::size_t end = entry.meaning.find("] ");
   const std::string unit = entry.meaning.substr(1, end - 1);
-  const std::string meaning = entry.meaning.substr(end + 2);
-  // The tests below give only the required parameters.
+  std::string meaning;
+  for (const char c : entry.meaning.substr(end + 2)) {
+    if (c == '|') meaning += '\\';  // a bar would end the cell
+    meaning += c;
+  }
+  // The test below gives only the required parameters.
   const std::string value = entry.given ? "**required**" : "`" + entry.value + "`";
   return "| `" + entry.name + "` | " + unit + " | " + value + " | " + entry.range + " | " +
-         escaped(meaning) + " |";
+         meaning + " |";
 }
 
 std::vector<std::string> rows(const ParamReader& reader) {
@@ -61,9 +58,6 @@ std::vector<std::string> optionRows() {
   return rows(reader);
 }
 
-bool isHeading(const std::string& line) { return line.rfind("##", 0) == 0; }
-bool isRow(const std::string& line) { return line.rfind("| `", 0) == 0; }
-
 /// The page's rows below a heading. If replacement is not null, writes it into the page in their
 /// place.
 std::vector<std::string> pageRows(const std::string& heading,
@@ -73,8 +67,8 @@ std::vector<std::string> pageRows(const std::string& heading,
   std::ostringstream page;
   bool inside = false;
   for (std::string line; std::getline(stream, line);) {
-    if (isHeading(line)) inside = line == heading;
-    if (inside && isRow(line)) {
+    if (line.rfind("##", 0) == 0) inside = line == heading;
+    if (inside && line.rfind("| `", 0) == 0) {
       rows.push_back(line);
       if (replacement) continue;
     }
@@ -95,17 +89,13 @@ void expectOnPage(const std::string& heading, const std::vector<std::string>& co
       << "\"; GROUND_SCALE_VO_WRITE_TABLES=1 and this test rewrite it";
 }
 
-TEST(ParameterTable, MonoVo) {
+TEST(ParameterTable, ListsAllParametersAndOptions) {
   expectOnPage("### MonoVo", parameterRows<MonoVoParams>(XmlRpc::XmlRpcValue()));
-}
-
-TEST(ParameterTable, ScaleRecovery) {
   XmlRpc::XmlRpcValue tree;
   tree["camera_height"] = 1.5;  // required
   expectOnPage("### ScaleRecovery", parameterRows<ScaleRecoveryParams>(tree));
+  expectOnPage("## Offline options", optionRows());
 }
-
-TEST(ParameterTable, OfflineOptions) { expectOnPage("## Offline options", optionRows()); }
 
 }  // namespace
 }  // namespace ground_scale_vo

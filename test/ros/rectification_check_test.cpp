@@ -4,27 +4,20 @@
 
 #include <cmath>
 #include <opencv2/calib3d.hpp>
+#include <string>
+#include <vector>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-std::string contradiction(const sensor_msgs::CameraInfo& info, bool image_is_rectified,
-                          const std::string& image_topic) {
-  return rectificationContradiction(info, image_is_rectified, image_topic).reason;
-}
+const std::vector<double> kBarrel{-0.3, 0.1, 0, 0, 0}, kNoDistortion(5, 0.0);
 
 /// A raw camera as camera_calibration describes it. alpha: 0 crops the rectified image, 1 keeps all
 /// raw pixels.
-sensor_msgs::CameraInfo rawCamera(const std::vector<double>& D, double alpha) {
-  PinholeCamera camera;
-  camera.width = 640;
-  camera.height = 480;
-  camera.fx = camera.fy = 400;
-  camera.cx = 320;
-  camera.cy = 240;
-  sensor_msgs::CameraInfo info = toCameraInfo(camera);
+sensor_msgs::CameraInfo rawCamera(const std::vector<double>& D, double alpha = 0) {
+  sensor_msgs::CameraInfo info = toCameraInfo({640, 480, 400, 400, 320, 240});
   info.D = D;
   const cv::Matx33d P =
       cv::getOptimalNewCameraMatrix(cv::Matx33d(info.K.data()), D, cv::Size(640, 480), alpha);
@@ -32,6 +25,13 @@ sensor_msgs::CameraInfo rawCamera(const std::vector<double>& D, double alpha) {
   info.P[5] = P(1, 1);
   info.P[2] = P(0, 2);
   info.P[6] = P(1, 2);
+  return info;
+}
+
+sensor_msgs::CameraInfo fisheye() {
+  sensor_msgs::CameraInfo info = rawCamera(kNoDistortion);
+  info.distortion_model = "equidistant";
+  info.D = {0.01, 0, 0, 0};
   return info;
 }
 
@@ -50,119 +50,106 @@ sensor_msgs::CameraInfo kittiRaw() {
   return info;
 }
 
-const std::vector<double> kBarrel{-0.3, 0.1, 0, 0, 0};
-
-TEST(RectificationCheck, AcceptsRawImagesOfCalibratedCameras) {
-  for (const double alpha : {0.0, 0.5, 1.0}) {
-    EXPECT_EQ(contradiction(rawCamera(kBarrel, alpha), false, "/cam/image_raw"), "");
-    EXPECT_EQ(contradiction(rawCamera({0.1, 0, 0, 0, 0}, alpha), false, "/image"), "");
-    EXPECT_EQ(contradiction(rawCamera({0, 0, 0, 0, 0}, alpha), false, "/image"), "");
-  }
-  sensor_msgs::CameraInfo fisheye = rawCamera({0, 0, 0, 0, 0}, 0);
-  fisheye.distortion_model = "equidistant";
-  fisheye.D = {0.01, 0, 0, 0};
-  EXPECT_EQ(contradiction(fisheye, false, "/image_raw"), "");
+/// P of another focal length.
+sensor_msgs::CameraInfo withFocalLengthOfP(sensor_msgs::CameraInfo info, double f) {
+  info.P[0] = info.P[5] = f;
+  return info;
 }
 
-TEST(RectificationCheck, AcceptsRectifiedImages) {
-  for (const bool flag : {false, true}) {
-    EXPECT_EQ(contradiction(rawCamera({0, 0, 0, 0, 0}, 0), flag, "/cam/image_rect"), "");
-  }
-  EXPECT_EQ(contradiction(rawCamera(kBarrel, 0), true, "/cam/image_rect"), "");
-  EXPECT_EQ(contradiction(kittiRaw(), true, "/kitti/camera_gray_left/image_raw"), "");
-  sensor_msgs::CameraInfo only_P = kittiRaw();
+/// P equals K but for an offset of an element.
+sensor_msgs::CameraInfo withKAsP(std::size_t element, double offset) {
+  sensor_msgs::CameraInfo info = rawCamera(kBarrel);
+  info.P = {info.K[0], 0, info.K[2], 0, 0, info.K[4], info.K[5], 0, 0, 0, 1, 0};
+  info.P[element] += offset;
+  return info;
+}
+
+/// A camera of a stereo pair that looks 20 degrees to the side of the rectified images, whose
+/// principal point is moved; direction -1: so that they show the same part of the scene.
+sensor_msgs::CameraInfo ofStereoPair(double direction) {
+  const double angle = 20 * M_PI / 180;
+  sensor_msgs::CameraInfo info = rawCamera(kNoDistortion);
+  info.R = {std::cos(angle), 0, std::sin(angle), 0, 1, 0, -std::sin(angle), 0, std::cos(angle)};
+  info.P[2] = info.K[2] + direction * info.K[0] * std::tan(angle);
+  return info;
+}
+
+enum class Contradiction { kNone, kPossible, kCertain };
+
+struct RectificationCase {
+  const char* name;
+  sensor_msgs::CameraInfo info;
+  bool image_is_rectified;
+  const char* topic;
+};
+
+void expectContradiction(const RectificationCase& c, Contradiction expected) {
+  const auto [reason, is_certain] =
+      rectificationContradiction(c.info, c.image_is_rectified, c.topic);
+  EXPECT_EQ(reason.empty(), expected == Contradiction::kNone) << c.name << ": " << reason;
+  EXPECT_EQ(is_certain, expected == Contradiction::kCertain) << c.name << ": " << reason;
+}
+
+TEST(RectificationCheck, AcceptsConsistentCalibrations) {
+  sensor_msgs::CameraInfo only_P = kittiRaw(), negative_P = rawCamera(kBarrel);
+  sensor_msgs::CameraInfo invalid_R = rawCamera(kBarrel);
   only_P.K.fill(0);
-  EXPECT_EQ(contradiction(only_P, false, "/kitti/camera_gray_left/image_rect"), "");
+  negative_P.P[0] = -1;
+  invalid_R.R.fill(7);
+  const RectificationCase kCases[] = {
+      {"barrel, cropped", rawCamera(kBarrel, 0), false, "/cam/image_raw"},
+      {"barrel, medium", rawCamera(kBarrel, 0.5), false, "/cam/image_raw"},
+      {"barrel, all pixels", rawCamera(kBarrel, 1), false, "/cam/image_raw"},
+      {"pincushion", rawCamera({0.1, 0, 0, 0, 0}), false, "/image"},
+      {"pincushion, all pixels", rawCamera({0.1, 0, 0, 0, 0}, 1), false, "/image"},
+      {"fisheye", fisheye(), false, "/image_raw"},
+      {"undistorted", rawCamera(kNoDistortion), false, "/image"},
+      {"undistorted, rectified topic", rawCamera(kNoDistortion), false, "/cam/image_rect"},
+      {"undistorted, rectified", rawCamera(kNoDistortion), true, "/cam/image_rect"},
+      {"rectified", rawCamera(kBarrel), true, "/cam/image_rect"},
+      {"KITTI", kittiRaw(), true, "/kitti/camera_gray_left/image_raw"},
+      {"only P", only_P, false, "/kitti/camera_gray_left/image_rect"},
+      {"rect in the namespace", rawCamera(kBarrel), false, "/robot/rectangle/image_raw"},
+      {"raw in the namespace", rawCamera(kBarrel), true, "/robot/raw/image_rect/compressed"},
+      {"rectified images with the principal point of K",
+       withFocalLengthOfP(withKAsP(0, 0), rawCamera(kBarrel).P[0]), true, "/image"},
+      {"rectified images with f of K, other cx", withKAsP(2, 10), true, "/image"},
+      {"rectified images with f of K, other cy", withKAsP(6, 10), true, "/image"},
+      {"stereo", ofStereoPair(-1), false, "/image"},
+      // CalibratedCamera refuses these, or they are compared as well as possible.
+      {"negative P", negative_P, false, "/image"},
+      {"invalid R", invalid_R, false, "/image"},
+      {"empty", sensor_msgs::CameraInfo(), true, "/image"},
+  };
+  for (const RectificationCase& c : kCases) expectContradiction(c, Contradiction::kNone);
 }
 
 TEST(RectificationCheck, FindsRectifiedImagesThatAreTakenForRaw) {
-  EXPECT_EQ(contradiction(kittiRaw(), false, "/kitti/camera_gray_left/image_raw"),
-            "P of camera_info (fx 721.538) cannot describe images of 1242 x 375 that are rectified "
-            "with K (fx 984.244) and D");
-  EXPECT_NE(contradiction(rawCamera(kBarrel, 0), false, "/cam/image_rect_color"), "");
-  sensor_msgs::CameraInfo other_P = rawCamera({0, 0, 0, 0, 0}, 0);
-  other_P.P[0] = other_P.P[5] = 300;
-  EXPECT_NE(contradiction(other_P, false, "/image"), "");
-  other_P.P[0] = other_P.P[5] = 600;
-  EXPECT_NE(contradiction(other_P, false, "/image"), "");
+  // Only an impossible P is certain.
+  const RectificationCase kCertain[] = {
+      {"KITTI", kittiRaw(), false, "/kitti/camera_gray_left/image_raw"},
+      {"KITTI, rectified topic", kittiRaw(), false, "/kitti/camera_gray_left/image_rect"},
+      {"small f", withFocalLengthOfP(rawCamera(kNoDistortion), 300), false, "/image"},
+      {"large f", withFocalLengthOfP(rawCamera(kNoDistortion), 600), false, "/image"},
+      {"stereo, to the other side", ofStereoPair(1), false, "/image"},
+  };
+  for (const RectificationCase& c : kCertain) expectContradiction(c, Contradiction::kCertain);
+  expectContradiction({"named so", rawCamera(kBarrel), false, "/cam/image_rect_color"},
+                      Contradiction::kPossible);
+  expectContradiction(
+      {"centre of a fisheye image", withFocalLengthOfP(fisheye(), 1200), false, "/image_raw"},
+      Contradiction::kPossible);
+  EXPECT_NE(rectificationContradiction(kittiRaw(), false, "/image_raw").reason.find("fx 721.538"),
+            std::string::npos);
 }
 
 TEST(RectificationCheck, FindsRawImagesThatAreTakenForRectified) {
-  for (const std::string topic : {"/cam/image_raw", "/cam/image_raw/compressed"}) {
-    EXPECT_NE(contradiction(rawCamera(kBarrel, 0), true, topic), "");
-  }
-  sensor_msgs::CameraInfo same_P = rawCamera({0, 0, 0, 0, 0}, 0);
-  same_P.P = toCameraInfo(CalibratedCamera(same_P, "t", false).camera()).P;
-  same_P.D = kBarrel;
-  EXPECT_NE(contradiction(same_P, true, "/image"), "");
-}
-
-TEST(RectificationCheck, TheNamespaceOfTheTopicSaysNothingAboutTheImages) {
-  EXPECT_EQ(contradiction(rawCamera(kBarrel, 0), false, "/robot/rectangle/image_raw"), "");
-  EXPECT_EQ(contradiction(rawCamera(kBarrel, 0), true, "/robot/raw/image_rect/compressed"), "");
-}
-
-// The rectified images of a stereo camera may keep the principal point of the raw ones.
-TEST(RectificationCheck, AcceptsRectifiedImagesWithThePrincipalPointOfK) {
-  sensor_msgs::CameraInfo info = rawCamera(kBarrel, 0);
-  info.P[2] = info.K[2];
-  info.P[6] = info.K[5];
-  ASSERT_NE(info.P[0], info.K[0]);
-  EXPECT_EQ(contradiction(info, true, "/image"), "");
-}
-
-TEST(RectificationCheck, AcceptsRectifiedImagesWithTheFocalLengthOfK) {
-  for (const std::size_t centre : {2, 6}) {
-    sensor_msgs::CameraInfo info = rawCamera(kBarrel, 0);
-    info.P = {info.K[0], 0, info.K[2], 0, 0, info.K[4], info.K[5], 0, 0, 0, 1, 0};
-    EXPECT_NE(contradiction(info, true, "/image"), "");
-    info.P[centre] += 10;
-    EXPECT_EQ(contradiction(info, true, "/image"), "") << centre;
-  }
-}
-
-// The camera of a stereo pair that looks 20 degrees to the side of the rectified images, whose
-// principal point is moved so that they show the same part of the scene.
-TEST(RectificationCheck, AcceptsTheRotationOfAStereoCalibration) {
-  const double angle = 20 * M_PI / 180;
-  sensor_msgs::CameraInfo info = rawCamera({0, 0, 0, 0, 0}, 0);
-  info.R = {std::cos(angle), 0, std::sin(angle), 0, 1, 0, -std::sin(angle), 0, std::cos(angle)};
-  info.P[2] = info.K[2] - info.K[0] * std::tan(angle);
-  EXPECT_EQ(contradiction(info, false, "/image"), "");
-  info.P[2] = info.K[2] + info.K[0] * std::tan(angle);
-  EXPECT_NE(contradiction(info, false, "/image"), "") << "to the other side";
-}
-
-TEST(RectificationCheck, OnlyAnImpossiblePIsCertain) {
-  const auto is_certain = [](const sensor_msgs::CameraInfo& info, bool image_is_rectified,
-                             const std::string& topic) {
-    return rectificationContradiction(info, image_is_rectified, topic).is_certain;
+  const RectificationCase kCases[] = {
+      {"named so", rawCamera(kBarrel), true, "/cam/image_raw"},
+      {"named so, compressed", rawCamera(kBarrel), true, "/cam/image_raw/compressed"},
+      {"P equals K", withKAsP(0, 0), true, "/image"},
   };
-  EXPECT_TRUE(is_certain(kittiRaw(), false, "/kitti/camera_gray_left/image_raw"));
-  EXPECT_TRUE(is_certain(kittiRaw(), false, "/kitti/camera_gray_left/image_rect"));
-  EXPECT_FALSE(is_certain(rawCamera(kBarrel, 0), false, "/cam/image_rect"));
-  EXPECT_FALSE(is_certain(rawCamera(kBarrel, 0), true, "/cam/image_raw"));
-  sensor_msgs::CameraInfo same_P = rawCamera({0, 0, 0, 0, 0}, 0);
-  same_P.P = toCameraInfo(CalibratedCamera(same_P, "t", false).camera()).P;
-  same_P.D = kBarrel;
-  EXPECT_FALSE(is_certain(same_P, true, "/image"));
-  sensor_msgs::CameraInfo centre = rawCamera({0, 0, 0, 0, 0}, 0);
-  centre.distortion_model = "equidistant";
-  centre.D = {0.01, 0, 0, 0};
-  centre.P[0] = centre.P[5] = 3 * centre.K[0];
-  EXPECT_NE(contradiction(centre, false, "/image_raw"), "");
-  EXPECT_FALSE(is_certain(centre, false, "/image_raw")) << "the centre of a fisheye image";
-}
-
-// They are dropped by CalibratedCamera, or compared as well as possible.
-TEST(RectificationCheck, InvalidMatricesAreNoContradiction) {
-  sensor_msgs::CameraInfo info = rawCamera(kBarrel, 0);
-  info.P[0] = -1;
-  EXPECT_EQ(contradiction(info, false, "/image"), "");
-  info = rawCamera(kBarrel, 0);
-  info.R.fill(7);
-  EXPECT_EQ(contradiction(info, false, "/image"), "");
-  EXPECT_EQ(contradiction(sensor_msgs::CameraInfo(), true, "/image"), "");
+  for (const RectificationCase& c : kCases) expectContradiction(c, Contradiction::kPossible);
 }
 
 }  // namespace

@@ -7,15 +7,18 @@
 #include <sensor_msgs/NavSatFix.h>
 #include <std_msgs/String.h>
 
-#include <cmath>
 #include <limits>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class BagDrives : public TemporaryFolder {
  protected:
@@ -29,13 +32,6 @@ class BagDrives : public TemporaryFolder {
       bag.write(topics[i], ros::Time(1), std_msgs::String(), header);
     }
     return file;
-  }
-
-  std::string errorWithoutImages(const std::vector<std::string>& topics) const {
-    BagDrive::Source source;
-    source.bag = bagWith(topics);
-    source.image = "/none";
-    return dataErrorOf([&] { runBagDrive(source, {}, {}); }, folder_);
   }
 
   /// Runs grey images with these stamps [s] and the fixes through the odometry. source: without bag
@@ -92,10 +88,17 @@ sensor_msgs::NavSatFix fix(double stamp, double latitude, double longitude, doub
   return fix;
 }
 
-TEST_F(BagDrives, NameEachTopicOfABagWithoutImagesOnce) {
-  EXPECT_EQ(errorWithoutImages({"/camera/image", "/camera", "/camera/image", "/camera/im"}),
+TEST_F(BagDrives, NameTheTopicsOfABagWithoutImages) {
+  const auto error = [this](const std::vector<std::string>& topics) {
+    BagDrive::Source source;
+    source.bag = bagWith(topics);
+    source.image = "/none";
+    return dataErrorOf([&] { runBagDrive(source, {}, {}); }, folder_);
+  };
+  EXPECT_EQ(error({"/camera/image", "/camera", "/camera/image", "/camera/im"}),
             "the bag /drive.bag has no images on /none; it holds /camera, /camera/im, "
             "/camera/image");
+  EXPECT_EQ(error({}), "the bag /drive.bag has no images on /none; it holds nothing");
 }
 
 TEST_F(BagDrives, ReadFixesInMetresEastNorthUpFromTheFirst) {
@@ -104,9 +107,10 @@ TEST_F(BagDrives, ReadFixesInMetresEastNorthUpFromTheFirst) {
   sensor_msgs::NavSatFix invalid = fix(2.5, 1, 1, 0);
   invalid.status.status = sensor_msgs::NavSatStatus::STATUS_NO_FIX;
   const BagDrive drive =
-      run({1, 2}, {fix(1, 45, 8, 100, {2, 6}), fix(2, 45 + minute, 8, 100, {1, 1}),
-                   fix(2, 45, 8 + minute, 100), invalid, fix(3, 45, 8 + minute, 130)});
-  ASSERT_EQ(drive.fixes.size(), 3u);  // not the second one of a stamp, nor the one without position
+      run({1, 2},
+          {fix(0.5, kNan, kNan, 0), fix(1, 45, 8, 100, {2, 6}), fix(2, 45 + minute, 8, 100, {1, 1}),
+           fix(2, 45, 8 + minute, 100), invalid, fix(3, 45, 8 + minute, 130)});
+  ASSERT_EQ(drive.fixes.size(), 3u);  // not the second one of a stamp, nor those without position
   EXPECT_EQ(drive.fixes[2].stamp_ns, 3000000000);
   EXPECT_LT(drive.fixes[0].p.norm(), 1e-6);
   EXPECT_NEAR(drive.fixes[1].p.x(), 0, 0.1);
@@ -116,32 +120,16 @@ TEST_F(BagDrives, ReadFixesInMetresEastNorthUpFromTheFirst) {
   EXPECT_DOUBLE_EQ(drive.fix_sigma, 2);  // of 1 m, 2 m, and 2.5 m for the one of unknown accuracy
 }
 
-TEST_F(BagDrives, UseFixesWithoutAltitude) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const BagDrive drive = run({1, 2}, {fix(1, 45, 8, nan), fix(2, 45, 8.001, nan)});
-  ASSERT_EQ(drive.fixes.size(), 2u);
-  EXPECT_NEAR(drive.fixes[1].p.x(), 78.85, 0.05);
-}
-
-TEST_F(BagDrives, DropFixesWithoutAPosition) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
+TEST_F(BagDrives, UseFixesWithoutAltitudeAndWithACovarianceOfZero) {
   const BagDrive drive =
-      run({1, 2}, {fix(0.5, nan, nan, 0), fix(1, 45, 8, 100), fix(2, 45, 8.001, 100)});
+      run({1, 2}, {fix(1, 45, 8, kNan, {0, 0}), fix(2, 45, 8.001, kNan, {0, 0})});
   ASSERT_EQ(drive.fixes.size(), 2u);
   EXPECT_NEAR(drive.fixes[1].p.x(), 78.85, 0.05);
-}
-
-TEST_F(BagDrives, TakeACovarianceOfZeroAsUnknown) {
-  const BagDrive drive = run({1, 2}, {fix(1, 45, 8, 0, {0, 0}), fix(2, 45, 8.001, 0, {0, 0})});
   EXPECT_DOUBLE_EQ(drive.fix_sigma, 2.5);
 }
 
-TEST_F(BagDrives, UseTheFirstValidCalibration) {
+TEST_F(BagDrives, UseTheGivenPartWithTheFirstValidCalibration) {
   first_info_ = sensor_msgs::CameraInfo();
-  EXPECT_EQ(run({1, 2}, {}).record.frames().size(), 2u);
-}
-
-TEST_F(BagDrives, UseTheGivenPart) {
   BagDrive::Source source;
   source.from_s = 1;
   source.to_s = 3;
@@ -153,19 +141,13 @@ TEST_F(BagDrives, UseTheGivenPart) {
   EXPECT_EQ(images_, 6u);
 }
 
-TEST_F(BagDrives, RejectImagesWhoseStampGoesBack) {
-  const BagDrive drive = run({10, 11, 10.5, 10.6, 12}, {});
-  EXPECT_EQ(drive.record.frames().size(), 3u);
-  EXPECT_EQ(drive.rejected_images, 2u);
-  EXPECT_EQ(drive.first_rejection.find("the stamp 10.500000000 is not "), 0u)
-      << drive.first_rejection;
-}
-
-TEST_F(BagDrives, RejectAnImageWhoseStampIsFarAheadOfTheNextOne) {
-  const BagDrive drive = run({10, 11, 5000, 12}, {});
+TEST_F(BagDrives, RejectImagesWhoseStampGoesBackOrFarAhead) {
+  const BagDrive drive = run({10, 11, 10.5, 10.6, 5000, 12}, {});
   ASSERT_EQ(drive.record.frames().size(), 3u);
   EXPECT_EQ(drive.record.frames()[2].stamp_ns, 12000000000);
-  EXPECT_EQ(drive.rejected_images, 1u);
+  EXPECT_EQ(drive.rejected_images, 3u);
+  EXPECT_EQ(drive.first_rejection.find("the stamp 10.500000000 is not "), 0u)
+      << drive.first_rejection;
 }
 
 TEST_F(BagDrives, RejectAFirstImageWhoseStampIsLaterThanTheNextOne) {
@@ -177,10 +159,6 @@ TEST_F(BagDrives, RejectAFirstImageWhoseStampIsLaterThanTheNextOne) {
   EXPECT_EQ(drive.rejected_images, 2u);
   EXPECT_EQ(drive.first_rejection, "its stamp is later than that of the next image");
   EXPECT_EQ(drive.stamps_ns.size(), 5u);
-}
-
-TEST_F(BagDrives, SayWhenABagIsEmpty) {
-  EXPECT_EQ(errorWithoutImages({}), "the bag /drive.bag has no images on /none; it holds nothing");
 }
 
 }  // namespace

@@ -57,27 +57,28 @@ struct PlayedDrive : NodeletPair {
 /// The drive is played once; all tests check the same run.
 class Drive : public testing::Test {
  protected:
-  static void SetUpTestSuite() {
-    const ManagerClient manager("/manager");
-    ASSERT_TRUE(manager.waitForServices());
-    drive_ = std::make_unique<RenderedDrive>(smallDrive(90));
-    run_ = std::make_unique<PlayedDrive>(manager, *drive_);
-    run_->play();
-  }
+  static void SetUpTestSuite() { drive_ = std::make_unique<RenderedDrive>(smallDrive(90)); }
   static void TearDownTestSuite() {
-    EXPECT_TRUE(run_->unload());
+    if (run_) run_->unload();
     run_.reset();
     drive_.reset();
   }
+  void SetUp() override {
+    if (!run_) {
+      const ManagerClient manager("/manager");
+      ASSERT_TRUE(manager.waitForServices());
+      run_ = std::make_unique<PlayedDrive>(manager, *drive_);
+      run_->play();
+    }
+  }
   double speed(std::size_t i) const {
-    return 10 *
-           (run.drive.frame(i).T_c0_c.translation() - run.drive.frame(i - 1).T_c0_c.translation())
-               .norm();
+    return 10 * (run_->drive.frame(i).T_c0_c.translation() -
+                 run_->drive.frame(i - 1).T_c0_c.translation())
+                    .norm();
   }
 
   static inline std::unique_ptr<RenderedDrive> drive_;
   static inline std::unique_ptr<PlayedDrive> run_;
-  PlayedDrive& run = *run_;
   const double height = drive_->drive().cameraHeight();
 };
 
@@ -90,17 +91,17 @@ TEST_F(Drive, DiagnosticsDescribeTheDriveAndItsLastFrame) {
     text << value;
     return text.str();
   };
-  const std::vector<TrackedFeature> features = fromMsg(*run.frames.last()).features;
+  const std::vector<TrackedFeature> features = fromMsg(*run_->frames.last()).features;
   const auto points = std::count_if(features.begin(), features.end(),
                                     [](const TrackedFeature& f) { return f.has_point; });
   ASSERT_LT(points, static_cast<std::ptrdiff_t>(features.size()));
-  EXPECT_TRUE(
-      diagnostics.waitForValues("mono_vo", {{"images processed", std::to_string(run.drive.size())},
-                                            {"features", std::to_string(features.size())},
-                                            {"map points", std::to_string(points)}}));
-  const ScaleRecovery::Output& last = run.offline.last().scale;
+  EXPECT_TRUE(diagnostics.waitForValues("mono_vo",
+                                        {{"images processed", std::to_string(run_->drive.size())},
+                                         {"features", std::to_string(features.size())},
+                                         {"map points", std::to_string(points)}}));
+  const ScaleRecovery::Output& last = run_->offline.last().scale;
   EXPECT_TRUE(diagnostics.waitForValues("scale_recovery",
-                                        {{"frames processed", std::to_string(run.drive.size())},
+                                        {{"frames processed", std::to_string(run_->drive.size())},
                                          {"images", "used"},
                                          {"distance [m]", text(last.pose->distance)},
                                          {"scale [m / VO unit]", text(last.scale.scale)},
@@ -111,17 +112,17 @@ TEST_F(Drive, DiagnosticsDescribeTheDriveAndItsLastFrame) {
 }
 
 TEST_F(Drive, EveryImageGivesOneFrameAndOneScaleInOrder) {
-  const auto frames = run.frames.messages();
-  const auto scales = run.scales.messages();
-  const auto vo_odometry = run.vo_odometry.messages();
-  ASSERT_EQ(frames.size(), run.drive.size());
-  ASSERT_EQ(scales.size(), run.drive.size());
+  const auto frames = run_->frames.messages();
+  const auto scales = run_->scales.messages();
+  const auto vo_odometry = run_->vo_odometry.messages();
+  ASSERT_EQ(frames.size(), run_->drive.size());
+  ASSERT_EQ(scales.size(), run_->drive.size());
   std::size_t tracked = 0, without_scale = 0;
-  for (std::size_t i = 0; i < run.drive.size(); ++i) {
+  for (std::size_t i = 0; i < run_->drive.size(); ++i) {
     EXPECT_EQ(frames[i]->sequence, i);
-    EXPECT_EQ(frames[i]->header.stamp, run.stamp(i));
+    EXPECT_EQ(frames[i]->header.stamp, run_->stamp(i));
     EXPECT_EQ(frames[i]->header.frame_id, "camera");
-    EXPECT_EQ(scales[i]->header.stamp, run.stamp(i));
+    EXPECT_EQ(scales[i]->header.stamp, run_->stamp(i));
     if (scales[i]->status == ScaleEstimateMsg::UNKNOWN) {
       EXPECT_EQ(scales[i]->scale, 0);
       without_scale = i;
@@ -129,22 +130,22 @@ TEST_F(Drive, EveryImageGivesOneFrameAndOneScaleInOrder) {
     if (frames[i]->status != VoFrameMsg::TRACKING) continue;
     ASSERT_LT(tracked, vo_odometry.size());
     const nav_msgs::Odometry& odometry = *vo_odometry[tracked++];
-    EXPECT_EQ(odometry.header.stamp, run.stamp(i));
+    EXPECT_EQ(odometry.header.stamp, run_->stamp(i));
     EXPECT_EQ(odometry.header.frame_id, "vo_world");
     EXPECT_EQ(odometry.pose.pose, frames[i]->pose);
   }
   EXPECT_EQ(vo_odometry.size(), tracked);
-  EXPECT_LT(tracked, run.drive.size());  // the first frames have no pose
+  EXPECT_LT(tracked, run_->drive.size());  // the first frames have no pose
   // Nothing metric comes before the first scale.
-  ASSERT_LT(without_scale, run.drive.size() / 2);
-  EXPECT_GT(run.odometry.first()->header.stamp, run.stamp(without_scale));
-  EXPECT_GT(run.display.plane.first()->header.stamp, run.stamp(without_scale));
-  EXPECT_GT(run.tf.first()->transforms.at(0).header.stamp, run.stamp(without_scale));
+  ASSERT_LT(without_scale, run_->drive.size() / 2);
+  EXPECT_GT(run_->odometry.first()->header.stamp, run_->stamp(without_scale));
+  EXPECT_GT(run_->display.plane.first()->header.stamp, run_->stamp(without_scale));
+  EXPECT_GT(run_->tf.first()->transforms.at(0).header.stamp, run_->stamp(without_scale));
 }
 
 TEST_F(Drive, ResultsEqualTheOfflineRun) {
-  const auto& records = run.offline.record().frames();
-  const auto scales = run.scales.messages();
+  const auto& records = run_->offline.record().frames();
+  const auto scales = run_->scales.messages();
   ASSERT_EQ(records.size(), scales.size());
   std::size_t poses = 0;
   for (std::size_t i = 0; i < records.size(); ++i) {
@@ -152,11 +153,11 @@ TEST_F(Drive, ResultsEqualTheOfflineRun) {
     EXPECT_NEAR(scales[i]->scale, records[i].scale.scale, 1e-9) << i;
     poses += records[i].has_metric_pose;
   }
-  EXPECT_EQ(run.odometry.count(), poses);
+  EXPECT_EQ(run_->odometry.count(), poses);
   Eigen::Isometry3d T_odom_o = Eigen::Isometry3d::Identity();
   T_odom_o.linear() = bodyFromOptical();
-  for (const auto& message : run.odometry.messages()) {
-    const std::size_t i = run.frameAt(message->header.stamp);
+  for (const auto& message : run_->odometry.messages()) {
+    const std::size_t i = run_->frameAt(message->header.stamp);
     ASSERT_TRUE(records[i].has_metric_pose);
     const Eigen::Isometry3d T_o_c = T_odom_o.inverse() * fromMsg(message->pose.pose);
     EXPECT_LT((T_o_c.matrix() - records[i].T_o_c.matrix()).cwiseAbs().maxCoeff(), 1e-9) << i;
@@ -164,13 +165,13 @@ TEST_F(Drive, ResultsEqualTheOfflineRun) {
 }
 
 TEST_F(Drive, PathLengthAndAxesAgreeWithTheGroundTruth) {
-  const auto messages = run.odometry.messages();
-  ASSERT_GT(messages.size(), run.drive.size() / 2);
+  const auto messages = run_->odometry.messages();
+  ASSERT_GT(messages.size(), run_->drive.size() / 2);
   double length = 0, true_length = 0;
   for (std::size_t k = 1; k < messages.size(); ++k) {
     const nav_msgs::Odometry &a = *messages[k - 1], &b = *messages[k];
     length += distanceBetween(fromMsg(a.pose.pose), fromMsg(b.pose.pose));
-    true_length += (run.truePosition(b.header.stamp) - run.truePosition(a.header.stamp)).norm();
+    true_length += (run_->truePosition(b.header.stamp) - run_->truePosition(a.header.stamp)).norm();
     EXPECT_EQ(b.header.frame_id, "odom");
     EXPECT_EQ(b.child_frame_id, "camera");
   }
@@ -188,14 +189,14 @@ TEST_F(Drive, PathLengthAndAxesAgreeWithTheGroundTruth) {
   EXPECT_TRUE(fromMsg(early.pose.pose).linear().isApprox(bodyFromOptical(), 0.2));
   // The twist is in the camera's axes: forward is z.
   for (const std::size_t k : {messages.size() / 2, messages.size() - 1}) {
-    const double true_speed = speed(run.frameAt(messages[k]->header.stamp));
+    const double true_speed = speed(run_->frameAt(messages[k]->header.stamp));
     EXPECT_NEAR(messages[k]->twist.twist.linear.z, true_speed, 0.15 * true_speed + 0.1) << k;
   }
 }
 
 TEST_F(Drive, TfAndPathEqualTheOdometry) {
-  const auto odometry = run.odometry.messages();
-  const auto tf = run.tf.messages();
+  const auto odometry = run_->odometry.messages();
+  const auto tf = run_->tf.messages();
   ASSERT_EQ(tf.size(), odometry.size());
   for (std::size_t k = 0; k < odometry.size(); ++k) {
     ASSERT_EQ(tf[k]->transforms.size(), 1u);
@@ -203,7 +204,7 @@ TEST_F(Drive, TfAndPathEqualTheOdometry) {
     transform.header.seq = odometry[k]->header.seq;
     EXPECT_EQ(transform, toTransformMsg(*odometry[k]));
   }
-  const auto path = run.display.path.last();
+  const auto path = run_->display.path.last();
   EXPECT_GT(path->poses.size(), 10u);
   EXPECT_EQ(path->header.stamp, path->poses.back().header.stamp);
   for (const geometry_msgs::PoseStamped& pose : path->poses) {
@@ -217,14 +218,14 @@ TEST_F(Drive, TfAndPathEqualTheOdometry) {
 }
 
 TEST_F(Drive, ImagesAndTheRoadPlaneAreShown) {
-  for (auto* recorder : {&run.display.tracks, &run.display.road}) {
-    EXPECT_GT(recorder->count(), run.drive.size() / 2);
+  for (auto* recorder : {&run_->display.tracks, &run_->display.road}) {
+    EXPECT_GT(recorder->count(), run_->drive.size() / 2);
     const auto image = recorder->last();
     EXPECT_EQ(image->encoding, "bgr8");
-    EXPECT_EQ(static_cast<int>(image->width), run.drive.drive().camera().width);
+    EXPECT_EQ(static_cast<int>(image->width), run_->drive.drive().camera().width);
   }
   // The quad lies below the camera (y down).
-  for (const auto& marker : run.display.plane.messages()) {
+  for (const auto& marker : run_->display.plane.messages()) {
     if (marker->id == 0) {
       EXPECT_NEAR(marker->pose.position.y, height, 1);
     }
@@ -233,13 +234,13 @@ TEST_F(Drive, ImagesAndTheRoadPlaneAreShown) {
 
 TEST_F(Drive, PointsAreInMetresAndInVoUnits) {
   std::vector<float> depths;  // [VO units]
-  for (const TrackedFeature& feature : fromMsg(*run.frames.last()).features) {
+  for (const TrackedFeature& feature : fromMsg(*run_->frames.last()).features) {
     if (feature.has_point) depths.push_back(feature.p_c.z());
   }
   ASSERT_GT(depths.size(), 50u);
-  const double scale = run.scales.last()->scale;
+  const double scale = run_->scales.last()->scale;
   for (const auto& [cloud, unit] :
-       {std::pair(run.display.points.last(), scale), {run.display.vo_points.last(), 1.0}}) {
+       {std::pair(run_->display.points.last(), scale), {run_->display.vo_points.last(), 1.0}}) {
     ASSERT_EQ(cloud->width * cloud->height, depths.size());
     sensor_msgs::PointCloud2ConstIterator<float> z(*cloud, "z");
     for (const float depth : depths) {
@@ -250,11 +251,11 @@ TEST_F(Drive, PointsAreInMetresAndInVoUnits) {
 }
 
 TEST_F(Drive, GroundPointsAreInMetres) {
-  const auto scales = run.scales.messages();
+  const auto scales = run_->scales.messages();
   std::vector<double> heights;
-  for (const auto& cloud : run.display.ground_points.messages()) {
+  for (const auto& cloud : run_->display.ground_points.messages()) {
     if (cloud->data.empty()) continue;  // at a standstill
-    const auto& up = scales.at(run.frameAt(cloud->header.stamp))->normal;
+    const auto& up = scales.at(run_->frameAt(cloud->header.stamp))->normal;
     sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x");
     for (; x != x.end(); ++x) heights.push_back(up.x * x[0] + up.y * x[1] + up.z * x[2]);
   }

@@ -26,23 +26,22 @@ class Images : public ManagerTest {
 
   static Info cameraInfo() { return toCameraInfo({kWidth, kHeight, 100, 100, 80, 40}); }
 
-  static void SetUpTestSuite() {
-    const ManagerClient manager("/manager");
-    ASSERT_TRUE(manager.waitForServices());
-    ros::param::set("/mono_vo/queue_size", 3);
-    ros::param::set("/scale_recovery/camera_height", 1.65);
-    topics_ = std::make_unique<NodeletTopics>("");
-    ASSERT_TRUE(manager.load("MonoVo", "/mono_vo"));
-    ASSERT_TRUE(manager.load("ScaleRecovery", "/scale_recovery"));
-    ASSERT_TRUE(topics_->waitUntilConnected());
-  }
   static void TearDownTestSuite() {
     const ManagerClient manager("/manager");
-    EXPECT_TRUE(manager.unload("/mono_vo") && manager.unload("/scale_recovery"));
+    manager.unload("/mono_vo");
+    manager.unload("/scale_recovery");
     topics_.reset();
   }
   void SetUp() override {
     ManagerTest::SetUp();
+    if (!topics_) {
+      topics_ = std::make_unique<NodeletTopics>("");
+      ros::param::set("/mono_vo/queue_size", 3);
+      ros::param::set("/scale_recovery/camera_height", 1.65);
+      ASSERT_TRUE(manager_.load("MonoVo", "/mono_vo"));
+      ASSERT_TRUE(manager_.load("ScaleRecovery", "/scale_recovery"));
+    }
+    ASSERT_TRUE(topics_->waitUntilConnected());
     ASSERT_TRUE(waitUntil([this] { return diagnostics_.connected(); }));
   }
   void TearDown() override {}

@@ -26,15 +26,13 @@ void PrintTo(const FaultDrive& drive, std::ostream* stream) {
 namespace {
 
 /// The faults of these drives are in the other ones, too: they are long tests.
-constexpr std::size_t kLongFaultDrives[] = {2, 4, 5};
+const std::set<std::size_t> kLongFaultDrives = {2, 4, 5};
 
 /// The long ones, or the others.
 std::vector<FaultDrive> faultDrives(bool long_ones) {
   std::vector<FaultDrive> drives;
   for (std::size_t i = 0; i < kFaultDriveCount; ++i) {
-    const bool is_long = std::find(std::begin(kLongFaultDrives), std::end(kLongFaultDrives), i) !=
-                         std::end(kLongFaultDrives);
-    if (is_long == long_ones) drives.push_back(faultDrive(i));
+    if ((kLongFaultDrives.count(i) > 0) == long_ones) drives.push_back(faultDrive(i));
   }
   return drives;
 }

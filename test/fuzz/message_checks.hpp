@@ -1,7 +1,6 @@
 #pragma once
 
 #include <nav_msgs/Odometry.h>
-#include <ros/serialization.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include <algorithm>
@@ -14,7 +13,7 @@
 #include "ground_scale_vo/ros/messages.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 
-/// Valid images, random messages, and checks of published messages that hold for any input.
+/// Valid images, and checks of published messages that hold for any input.
 namespace ground_scale_vo::fuzz {
 
 /// The first frames of a rendered drive with small images.
@@ -41,20 +40,6 @@ inline const SmallDrive& smallDrive() {
     return small;
   }();
   return kDrive;
-}
-
-/// Deserialises random bytes, as a faulty publisher could send them. False if that fails.
-template <typename Message>
-bool deserialise(Message* message, Input* input) {
-  std::vector<std::uint8_t> bytes(1 + input->below(600));  // roscpp never hands over nullptr
-  for (std::uint8_t& byte : bytes) byte = input->take<std::uint8_t>();
-  try {
-    ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
-    ros::serialization::deserialize(stream, *message);
-  } catch (const std::exception&) {
-    return false;
-  }
-  return true;
 }
 
 template <typename Range>

@@ -23,34 +23,24 @@ std::vector<std::string> namesOf() {
   return names;
 }
 
-/// A random value. depth: largest number of nested lists and groups.
+/// A random value. depth: largest number of nested lists.
 XmlRpcValue value(Input* input, int depth) {
-  switch (input->below(depth > 0 ? 8 : 6)) {
+  XmlRpcValue list;
+  switch (input->below(depth > 0 ? 6 : 5)) {
     case 0:
       return XmlRpcValue(input->number());
     case 1:
-      return XmlRpcValue(input->take<int>());
+      return XmlRpcValue(input->below(2) ? input->take<int>() : static_cast<int>(input->below(30)));
     case 2:
       return XmlRpcValue(input->take<char>() != 0);
     case 3:
       return XmlRpcValue(input->text(12));
     case 4:
       return XmlRpcValue();
-    case 5:
-      return XmlRpcValue(static_cast<int>(input->below(30)));
-    case 6: {
-      XmlRpcValue list;
+    default:
       list.setSize(static_cast<int>(input->below(4)));
       for (int i = 0; i < list.size(); ++i) list[i] = value(input, depth - 1);
       return list;
-    }
-    default: {
-      XmlRpcValue group;
-      for (std::size_t i = input->below(4); i > 0; --i) {
-        group[input->text(8)] = value(input, depth - 1);
-      }
-      return group;
-    }
   }
 }
 
@@ -59,14 +49,10 @@ XmlRpcValue tree(Input* input, const std::vector<std::string>& names) {
   XmlRpcValue root;
   root["camera_height"] = 1.65;
   while (!input->empty()) {
-    if (input->below(8) == 0) {
-      root[input->text(8)] = value(input, 3);
-      continue;
-    }
-    const std::string& name = names[input->below(names.size())];
+    const std::string name = input->below(8) == 0 ? input->text(8) : input->oneOf(names);
     const std::size_t slash = name.find('/');
     if (slash == std::string::npos) {
-      root[name] = value(input, 2);
+      root[name] = value(input, 3);
       continue;
     }
     XmlRpcValue& group = root[name.substr(0, slash)];

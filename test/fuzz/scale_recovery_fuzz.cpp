@@ -76,22 +76,14 @@ class Scale {
       return;
     }
     if (output.pose) {
-      Eigen::Isometry3d T_b_c = Eigen::Isometry3d::Identity();
-      T_b_c.translation() << 1, 0.2, 1.5;
-      for (const auto& frames : {OdometryFrames::ofCamera("odom", "camera"),
-                                 OdometryFrames::ofBase("odom", "base_link", T_b_c)}) {
-        check(*toOdometryMsg(*output.pose, frames, header.stamp));
-      }
+      const auto frames = OdometryFrames::ofCamera("odom", "camera");
+      check(*toOdometryMsg(*output.pose, frames, header.stamp));
       require(std::isfinite(output.pose->distance), "the distance is finite");
     }
-    std::vector<Eigen::Vector3f> metric = output.ground_points_c;
-    for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
-    check(*toPointCloud(metric, header));
     for (const auto& marker : toPlaneMarkers(output.scale, header)) {
       require(isPose(marker->pose), "the pose of the marker is valid");
       for (const auto& point : marker->points) {
-        require(std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z),
-                "the marker is finite");
+        require(allFinite({point.x, point.y, point.z}), "the marker is finite");
       }
     }
   }
@@ -106,58 +98,48 @@ class Scale {
   StampFilter<Received> filter_{1.0, [](const std::string&) {}};
 };
 
-/// Changes one property of the message.
+/// Changes one property of the message, or the geometry of all features.
 void spoil(VoFrameMsg* frame, Input* input) {
-  geometry_msgs::Pose& pose = frame->pose;
-  double* const numbers[] = {&frame->fx,          &frame->fy,         &frame->cx,
-                             &pose.position.x,    &pose.position.z,   &pose.position.y,
-                             &pose.orientation.x, &pose.orientation.w};
   std::vector<float>* const arrays[] = {&frame->u, &frame->v, &frame->x,
                                         &frame->y, &frame->z, &frame->depth_sigma};
   std::vector<float>& array = *input->oneOf(arrays);
   const auto value = static_cast<float>(input->number());
-  switch (input->below(11)) {
-    case 0:
-    case 1:
-      *input->oneOf(numbers) = input->number();
-      break;
-    case 2:
-      if (!array.empty()) input->oneOf(array) = value;
-      break;
-    case 3:  // e.g. points in a plane or behind the camera
+  auto& position = frame->pose.position;
+  auto& orientation = frame->pose.orientation;
+  double* const numbers[] = {&frame->fx,  &frame->fy,  &frame->cx,     &position.x,
+                             &position.y, &position.z, &orientation.x, &orientation.w};
+  switch (input->below(7)) {
+    case 0:  // e.g. points in a plane or behind the camera
       std::fill(array.begin(), array.end(), value);
       break;
-    case 4:  // one coordinate of all features scaled or mirrored
+    case 1:  // one coordinate of all features scaled or mirrored
       for (float& element : array) element *= value;
       break;
-    case 5:  // arrays of different lengths
+    case 2:  // arrays of different lengths
       array.resize(input->below(40));
       break;
-    case 6: {  // few features
+    case 3: {  // few features
       const std::size_t count = std::min(frame->id.size(), input->below(12));
       frame->id.resize(count);
       frame->age.resize(count);
       for (std::vector<float>* all : arrays) all->resize(count);
       break;
     }
-    case 7:
+    case 4:
+      *input->oneOf(numbers) = input->number();
+      if (!array.empty()) input->oneOf(array) = value;
+      break;
+    case 5:
       frame->status = input->take<std::uint8_t>();
       frame->map_id = input->take<std::uint32_t>();
-      frame->sequence = input->take<std::uint32_t>();
-      break;
-    case 8:
       (input->below(2) ? frame->width : frame->height) = input->take<std::uint32_t>();
-      break;
-    case 9:
-      if (!frame->id.empty()) input->oneOf(frame->id) = input->take<std::uint64_t>();
       break;
     default:  // all lengths in another unit
       for (std::size_t i = 2; i < std::size(arrays); ++i) {
         for (float& element : *arrays[i]) element *= value;
       }
-      for (double* length : {&pose.position.x, &pose.position.y, &pose.position.z}) {
+      for (double* length : {&position.x, &position.y, &position.z})
         *length *= static_cast<double>(value);
-      }
   }
 }
 
@@ -187,13 +169,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const auto kind = input.take<std::uint8_t>();
     const std::size_t i = next++ % frames().size();
     VoFrameMsg frame = frames()[i];
-    if (kind % 2 == 1) {
-      if (kind >= 240) {
-        if (!deserialise(&frame, &input)) continue;
-      } else {
-        for (std::size_t n = input.below(3) + 1; n > 0; --n) spoil(&frame, &input);
-      }
-    }
+    for (std::size_t n = kind % 2 * (1 + input.below(3)); n > 0; --n) spoil(&frame, &input);
     scale.onFrame(frame, with_images ? smallDrive().images[i] : cv::Mat());
   }
   return 0;

@@ -25,17 +25,11 @@ std::string violation(const Change& change) {
   return violatedThreshold(metrics, thresholds);
 }
 
-TEST(ScenarioEvaluation, NamesTheViolatedThreshold) {
+TEST(ScenarioEvaluation, LateScaleAndUnknownErrorViolateAThreshold) {
   EXPECT_EQ(violation([](Metrics&, Thresholds&) {}), "");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.tracked_frames = 99; }), "lost");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.lost_events = 1; }), "lost");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.metric_frames = 50; }), "late scale");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rotation_error_deg = 2.1; }), "rotation");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rle_percent = 1.6; }), "RLE");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rle_percent = NAN; }), "RLE");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.within_2_sigma = 0.7; }), "2 sigma");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.ok_while_unobservable = 0.1; }),
-            "ok while unobservable");
 }
 
 /// Of a drive of 20 frames with a scale that is 3 % too large: a metric pose from frame 4 on, whose
@@ -91,54 +85,38 @@ TEST(ScenarioEvaluation, ComparesARunWithTheDrive) {
   EXPECT_NEAR(metrics.ok_while_unobservable, 2. / 5, 1e-9);
 }
 
-TEST(ScenarioEvaluation, MayLoseTrackForSomeFrames) {
-  const auto lost = [](std::size_t tracked) {
-    return violation([tracked](Metrics& m, Thresholds& t) {
-      m.lost_events = 1;
-      m.tracked_frames = tracked;
-      t.max_untracked_frames = 13;
-    });
-  };
-  EXPECT_EQ(lost(87), "");
-  EXPECT_EQ(lost(86), "lost");
-}
-
-TEST(ScenarioEvaluation, AcceptsADisplacementWithinItsSigma) {
-  const auto gap = [](double sigmas) {
-    return violation([sigmas](Metrics& m, Thresholds& t) {
-      m.rle_percent = 5;
-      m.displacement_sigmas = sigmas;
-      t.max_displacement_sigmas = 2;
-    });
-  };
-  EXPECT_EQ(gap(1.9), "");
-  EXPECT_EQ(gap(2.1), "RLE");
-  EXPECT_EQ(gap(NAN), "RLE");
-}
-
-TEST(ScenarioEvaluation, DoubledThresholdsAllowTwiceTheErrorsAndFrames) {
-  const auto clear = [](const auto& change) {
+TEST(ScenarioEvaluation, HasAlternativeAndDoubledThresholds) {
+  const auto violatedBy = [](bool is_doubled, const auto& change) {
     return violation([&](Metrics& m, Thresholds& t) {
-      t.max_untracked_frames = 5;
+      t.max_untracked_frames = 13;
       t.max_displacement_sigmas = 2;
       t.max_ok_while_unobservable = 0.1;
-      t = doubled(t);
+      if (is_doubled) t = doubled(t);
       change(m);
     });
   };
-  EXPECT_EQ(clear([](Metrics& m) { m.tracked_frames = 90; }), "");
-  EXPECT_EQ(clear([](Metrics& m) { m.tracked_frames = 89; }), "lost");
-  EXPECT_EQ(clear([](Metrics& m) { m.metric_frames = 1; }), "");
-  EXPECT_EQ(clear([](Metrics& m) { m.metric_frames = 0; }), "late scale");
-  EXPECT_EQ(clear([](Metrics& m) { m.rotation_error_deg = 3.9; }), "");
-  EXPECT_EQ(clear([](Metrics& m) { m.rotation_error_deg = 4.1; }), "rotation");
-  EXPECT_EQ(clear([](Metrics& m) { m.rle_percent = 2.9, m.displacement_sigmas = 9; }), "");
-  EXPECT_EQ(clear([](Metrics& m) { m.rle_percent = 9, m.displacement_sigmas = 3.9; }), "");
-  EXPECT_EQ(clear([](Metrics& m) { m.rle_percent = 3.1, m.displacement_sigmas = 4.1; }), "RLE");
-  EXPECT_EQ(clear([](Metrics& m) { m.within_2_sigma = 0.51; }), "");
-  EXPECT_EQ(clear([](Metrics& m) { m.within_2_sigma = 0.49; }), "2 sigma");
-  EXPECT_EQ(clear([](Metrics& m) { m.ok_while_unobservable = 0.19; }), "");
-  EXPECT_EQ(clear([](Metrics& m) { m.ok_while_unobservable = 0.21; }), "ok while unobservable");
+  const struct Case {
+    const char* name;
+    void (*set)(Metrics&, double);
+    double ok, ok_if_doubled;  ///< a little more than the latter violates the doubled one
+  } kCases[] = {
+      {"lost", [](Metrics& m, double v) { m.tracked_frames = static_cast<std::size_t>(100 - v); },
+       13, 26},
+      {"rotation", [](Metrics& m, double v) { m.rotation_error_deg = v; }, 1.95, 3.9},
+      {"RLE", [](Metrics& m, double v) { m.rle_percent = v, m.displacement_sigmas = 9; }, 1.45,
+       2.9},
+      {"RLE", [](Metrics& m, double v) { m.rle_percent = 9, m.displacement_sigmas = v; }, 1.95,
+       3.9},
+      {"2 sigma", [](Metrics& m, double v) { m.within_2_sigma = 1 - v; }, 0.24, 0.49},
+      {"ok while unobservable", [](Metrics& m, double v) { m.ok_while_unobservable = v; }, 0.095,
+       0.19}};
+  for (const Case& c : kCases) {
+    SCOPED_TRACE(c.name);
+    EXPECT_EQ(violatedBy(false, [&](Metrics& m) { c.set(m, c.ok); }), "");
+    EXPECT_EQ(violatedBy(false, [&](Metrics& m) { c.set(m, c.ok_if_doubled); }), c.name);
+    EXPECT_EQ(violatedBy(true, [&](Metrics& m) { c.set(m, c.ok_if_doubled); }), "");
+    EXPECT_EQ(violatedBy(true, [&](Metrics& m) { c.set(m, 1.1 * c.ok_if_doubled); }), c.name);
+  }
 }
 
 }  // namespace

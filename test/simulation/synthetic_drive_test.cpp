@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <future>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
@@ -47,133 +46,49 @@ cv::Rect laneAhead(const PinholeCamera& camera) {
   return {camera.width * 2 / 5, camera.height * 31 / 40, camera.width / 5, camera.height / 5};
 }
 
-TEST(SyntheticDrive, RendersTheSameBytesTwice) {
-  const SyntheticDrive a(shortDrive(3)), b(shortDrive(3));
-  const cv::Mat first = a.image(2);
-  EXPECT_TRUE(equal(first, a.image(2)));
-  EXPECT_TRUE(equal(first, b.image(2)));
-  EXPECT_FALSE(equal(first, a.image(1)));
-  EXPECT_EQ(first.type(), CV_8UC1);
-  EXPECT_EQ(first.size(), cv::Size(a.camera().width, a.camera().height));
-
-  Options other = shortDrive(3);
-  other.random_seed = 2;
-  EXPECT_FALSE(equal(first, SyntheticDrive(other).image(2)));
-}
-
-TEST(SyntheticDrive, RendersTheSameBytesOnOtherThreads) {
-  const SyntheticDrive drive(shortDrive(4));
-  std::vector<std::future<cv::Mat>> images;
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    images.push_back(std::async(std::launch::async, [&drive, i] { return drive.image(i); }));
-  }
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    EXPECT_TRUE(equal(images[i].get(), drive.image(i))) << i;
-  }
-}
-
 TEST(SyntheticDrive, RejectsOptionsOutOfRange) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const std::vector<std::function<void(Options&)>> invalid{
-      [](Options& o) { o.frames = 0; },
-      [](Options& o) { o.speed = -1; },
-      [](Options& o) { o.camera.width = 0; },
-      [](Options& o) { o.camera.fx = 0; },
-      [](Options& o) { o.camera_height = 0; },
-      [](Options& o) { o.frame_rate_hz = 0; },
-      [&](Options& o) { o.pitch_rad = nan; },
-      [](Options& o) { o.curvature = 1; },
-      [](Options& o) { o.slope = 1; },
-      [](Options& o) { o.stop_s = -1; },
-      [](Options& o) { o.stop_at_m = 5; },
-      [](Options& o) { o.suspension = -1; },
-      [](Options& o) { o.road_texture = -1; },
-      [](Options& o) { o.noise_sigma = -1; },
-      [](Options& o) { o.black_frames = -1; },
-      [](Options& o) { o.frames = 99999; },
-      [&](Options& o) { o.roll_rad = nan; },
-      [](Options& o) { o.yaw_rad = 4; },
-      [&](Options& o) { o.yaw_rad = nan; },
-      [](Options& o) { o.lane_offset = -5; },
-      [](Options& o) { o.ramp_slope = 1; },
-      [](Options& o) { o.ramp_slope = 0.1; },
-      [](Options& o) { o.bump_height = 1; },
-      [](Options& o) { o.lead_gap = 0; },
-      [](Options& o) { o.lead_time = -1; },
-      [](Options& o) { o.cars_beside = -1; },
-      [](Options& o) { o.arrow_spacing = 1; },
-      [](Options& o) { o.puddles = 0.5; },
-      [&](Options& o) { o.sun.x() = nan; },
-      [](Options& o) { o.sun.z() = -1; },
-      [](Options& o) { o.daylight = 2; },
-      [](Options& o) { o.hood = 1; },
-      [](Options& o) { o.grain = 1; },
-      [](Options& o) { o.jpeg_quality = -1; },
-      [](Options& o) { o.bare_to_m = 1e9; },
-      [](Options& o) {
-        o.speeds = {{0, 99}};
-      },
-      [](Options& o) {
-        o.speeds = {{1, 5}, {1, 6}};
-      },
-  };
-  for (std::size_t i = 0; i < invalid.size(); ++i) {
+  EXPECT_NO_THROW(Options().validate());
+  int change_number = 0;
+  for (const auto& change : std::vector<std::function<void(Options&)>>{
+           [](Options& o) { o.frames = 0; }, [](Options& o) { o.camera.fx = 0; },
+           [](Options& o) { o.camera_height = 0; }, [&](Options& o) { o.pitch_rad = nan; },
+           [](Options& o) { o.curvature = 1; }, [](Options& o) { o.lane_offset = -5; },
+           [](Options& o) { o.ramp_slope = 0.1; }, [](Options& o) { o.puddles = 0.5; },
+           [&](Options& o) { o.sun.x() = nan; }, [](Options& o) { o.bare_to_m = 1e9; },
+           [](Options& o) {
+             o.speeds = {{1, 5}, {1, 6}};
+           }}) {
     Options options;
-    EXPECT_NO_THROW(options.validate());
-    invalid[i](options);
-    EXPECT_THROW(SyntheticDrive{options}, OptionError) << "change " << i;
+    change(options);
+    EXPECT_THROW(SyntheticDrive{options}, OptionError) << "change " << change_number++;
   }
-}
-
-TEST(SyntheticDrive, DefaultDriveIsLongEnoughAndSmooth) {
-  const SyntheticDrive drive{Options()};
-  double length = 0, left = 0, right = 0, up = 0;
-  for (std::size_t i = 1; i < drive.size(); ++i) {
-    const Eigen::Isometry3d motion = drive.frame(i - 1).T_c0_c.inverse() * drive.frame(i).T_c0_c;
-    const double step = motion.translation().norm();
-    EXPECT_LE(step, 0.92);
-    length += step;
-    const double yaw = std::atan2(motion.linear()(0, 2), motion.linear()(2, 2));
-    (yaw > 0 ? right : left) += std::abs(yaw);
-    up = std::max(up, -drive.frame(i).T_c0_c.translation().y());
-    EXPECT_GT(drive.frame(i).stamp_ns, drive.frame(i - 1).stamp_ns);
-  }
-  EXPECT_GT(length, 105);
-  EXPECT_GT(left, 0.5);
-  EXPECT_GT(right, 0.5);
-  EXPECT_GT(up, 0.5);
 }
 
 // Poses, normals and heights are consistent: the translation along the normal is the change of
-// height, so two consecutive road planes differ only by the curvature of the road.
+// height, up to the curvature of the road, and to ramps and bumps, which the axles climb one after
+// the other.
 TEST(SyntheticDrive, HeightAndNormalAgreeWithThePoses) {
-  const SyntheticDrive drive{Options()};
-  EXPECT_TRUE(drive.frame(0).T_c0_c.matrix().isIdentity(0));
-  for (std::size_t i = 0; i + 1 < drive.size(); ++i) {
-    const Frame &a = drive.frame(i), &b = drive.frame(i + 1);
-    EXPECT_NEAR(a.n_c.norm(), 1, 1e-12);
-    EXPECT_LT(a.n_c.y(), -0.99);  // up
-    EXPECT_NEAR(a.height, 1.65, 0.02);
-    const Eigen::Isometry3d T_a_b = a.T_c0_c.inverse() * b.T_c0_c;
-    const double height_of_b = a.height + a.n_c.dot(T_a_b.translation());
-    EXPECT_NEAR(height_of_b, b.height, 1e-3) << i;  // steps of 0.9 m on a crest of 830 m radius
-    EXPECT_LT((T_a_b.linear() * b.n_c - a.n_c).norm(), 2e-3) << i;
+  for (const Scenario& scenario : allScenarios()) {
+    SCOPED_TRACE(scenario.name);
+    const Options& o = scenario.options;
+    const SyntheticDrive drive(o);
+    EXPECT_TRUE(drive.frame(0).T_c0_c.matrix().isIdentity(0));
+    const bool has_edges = o.ramp_slope != 0 || o.bump_height != 0;
+    for (std::size_t i = 0; i + 1 < drive.size(); ++i) {
+      const Frame &a = drive.frame(i), &b = drive.frame(i + 1);
+      const Eigen::Isometry3d T_a_b = a.T_c0_c.inverse() * b.T_c0_c;
+      const double change_of_normal = (T_a_b.linear() * b.n_c - a.n_c).norm();
+      // For a constant vertical curvature the factor of the second term would be 0.5.
+      const double tolerance = has_edges
+                                   ? std::max(0.025, 0.31 * o.bump_height)
+                                   : 1e-3 + 0.6 * change_of_normal * T_a_b.translation().norm();
+      EXPECT_NEAR(a.n_c.norm(), 1, 1e-12);
+      EXPECT_LT(a.n_c.y(), 0);  // up
+      EXPECT_NEAR(a.height, o.camera_height, 0.05);
+      EXPECT_NEAR(a.height + a.n_c.dot(T_a_b.translation()), b.height, tolerance) << i;
+    }
   }
-}
-
-TEST(SyntheticDrive, RigidCarOnAFlatRoadHasAConstantPlane) {
-  Options options = shortDrive(150);
-  options.slope = options.suspension = 0;
-  const SyntheticDrive drive(options);
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    EXPECT_NEAR(drive.frame(i).height, options.camera_height, 1e-9);
-    EXPECT_LT((drive.frame(i).n_c - drive.frame(0).n_c).norm(), 1e-9);
-    const double height =
-        options.camera_height + drive.frame(0).n_c.dot(drive.frame(i).T_c0_c.translation());
-    EXPECT_NEAR(height, options.camera_height, 1e-9);
-  }
-  EXPECT_NEAR(drive.frame(0).n_c.y(), -std::cos(options.pitch_rad), 1e-12);
-  EXPECT_NEAR(drive.frame(0).n_c.z(), -std::sin(options.pitch_rad), 1e-12);
 }
 
 TEST(SyntheticDrive, YawTurnsTheCameraOnTheSameVehicle) {
@@ -227,95 +142,25 @@ TEST(SyntheticDrive, FollowsTheTableOfSpeeds) {
   EXPECT_EQ(drive.frame(50).speed, -2);
 }
 
-TEST(SyntheticDrive, StandsOnItsWheelsOnABump) {
-  Options options = shortDrive(60);
-  options.curvature = options.slope = options.suspension = 0;
-  options.bump_height = 0.1;
-  options.speed = 5;
-  options.stop_s = 0;
-  const SyntheticDrive drive(options);
-  const double h = options.camera_height;
-  const Eigen::Vector3d n = drive.frame(0).n_c;
-  double highest = 0, steepest = 0;
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    const Frame& frame = drive.frame(i);
-    EXPECT_NEAR(frame.height, h, 1e-9);
-    const double rise = n.dot(frame.T_c0_c.translation());
-    highest = std::max(highest, rise);
-    steepest =
-        std::max(steepest, std::acos(std::min(1.0, (frame.T_c0_c.linear() * frame.n_c).dot(n))));
-    EXPECT_GT(rise, -0.01);
-    // The front axle reaches the bump at 21 m - 1.4 m, the rear axle leaves it at 24.6 m + 1.2 m.
-    const double station = 0.5 * static_cast<double>(i);
-    if (station < 19.6 || station > 25.8) {
-      EXPECT_NEAR(rise, 0, 1e-9) << i;
-    }
-  }
-  EXPECT_GT(highest, 0.05);
-  EXPECT_LT(highest, 0.1);
-  EXPECT_NEAR(steepest, 0.1 / 2.6, 0.012);
-}
-
-TEST(SyntheticDrive, StartsInACurveOfAShiftedRoad) {
-  Options options = shortDrive(45);
-  options.road_shift_m = 20;
-  options.curvature = 0.08;
-  options.stop_s = options.suspension = options.slope = 0;
-  const SyntheticDrive drive(options);
-  const auto headingAt = [&](std::size_t i) {
-    const Eigen::Vector3d ahead = drive.frame(i).T_c0_c.linear().col(2);
-    return std::atan2(-ahead.x(), ahead.z());
-  };
-  // Of the curve's 40 m, 35 m remain: all but 1/8 - sin(45 deg) / (2 pi) of its 1.6 rad.
-  EXPECT_NEAR(headingAt(44), 1.6 * (1 - 0.125 + std::sin(M_PI / 4) / (2 * M_PI)), 1e-3);
-  EXPECT_NEAR(headingAt(1), 0.9 * 0.08 * std::pow(std::sin(M_PI / 8), 2), 0.01);
-}
-
-TEST(SyntheticDrive, BlackFramesAreBlack) {
-  Options options = shortDrive(6);
-  options.black_first = 2;
-  options.black_frames = 3;
-  const SyntheticDrive drive(options);
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    EXPECT_EQ(cv::countNonZero(drive.image(i)) == 0, i >= 2 && i < 5) << i;
-  }
-}
-
 TEST(SyntheticDrive, OptionsChangeTheImage) {
   const cv::Mat all = SyntheticDrive(shortDrive(1)).image(0);
+  int change_number = 0;
   for (const auto& change : std::vector<std::function<void(Options&)>>{
-           [](Options& o) { o.moving_cars = false; },
-           [](Options& o) { o.lane_markings = false; },
-           [](Options& o) { o.shadows = false; },
-           [](Options& o) { o.road_texture = 0; },
-           [](Options& o) { o.curvature = 0; },
-           [](Options& o) { o.road_shift_m = 20; },
-           [](Options& o) { o.kerb_height = 0.05; },
-           [](Options& o) { o.built_up = false; },
-           [](Options& o) { o.noise_sigma = 0; },
-           [](Options& o) { o.roll_rad = 0.05; },
-           [](Options& o) { o.lane_offset = -1; },
-           [](Options& o) { o.lead_van = true; },
-           [](Options& o) { o.lead_gap = 5; },
-           [](Options& o) { o.cars_beside = 1; },
-           [](Options& o) { o.parked_cars = false; },
-           [](Options& o) { o.solid_lines = true; },
-           [](Options& o) { o.arrow_spacing = 10; },
-           [](Options& o) { o.bare_to_m = 20; },
-           [](Options& o) { o.cobbles = true; },
-           [](Options& o) { o.slope = 0, o.puddles = 0.3; },
-           [](Options& o) { o.sun.y() = -0.6; },
-           [](Options& o) { o.daylight = 0.5; },
+           [](Options& o) { o.random_seed = 2; }, [](Options& o) { o.moving_cars = false; },
+           [](Options& o) { o.lane_markings = false; }, [](Options& o) { o.shadows = false; },
+           [](Options& o) { o.road_texture = 0; }, [](Options& o) { o.noise_sigma = 0; },
+           [](Options& o) { o.roll_rad = 0.05; }, [](Options& o) { o.lead_van = true; },
+           [](Options& o) { o.cars_beside = 1; }, [](Options& o) { o.parked_cars = false; },
+           [](Options& o) { o.arrow_spacing = 10; }, [](Options& o) { o.bare_to_m = 20; },
+           [](Options& o) { o.cobbles = true; }, [](Options& o) { o.slope = 0, o.puddles = 0.3; },
            [](Options& o) {
              o.own_shadow = true, o.sun = {-0.9, 0.1, 0.2};
            },
            [](Options& o) { o.headlamps = true, o.daylight = 0.01; },
-           [](Options& o) { o.hood = 0.2; },
-           [](Options& o) { o.grain = 0.1; },
-           [](Options& o) { o.jpeg_quality = 40; }}) {
+           [](Options& o) { o.hood = 0.2; }, [](Options& o) { o.jpeg_quality = 40; }}) {
     Options options = shortDrive(1);
     change(options);
-    EXPECT_FALSE(equal(all, SyntheticDrive(options).image(0)));
+    EXPECT_FALSE(equal(all, SyntheticDrive(options).image(0))) << "change " << change_number++;
   }
 }
 
@@ -363,19 +208,11 @@ class SyntheticRoad : public testing::TestWithParam<Place> {
     }
     cv::remap(before, aligned_, map, cv::noArray(), cv::INTER_CUBIC);
   }
-  void expectSameTexture() const;
-  void expectCornersMoveWithTheRoadPlane() const;
-
   cv::Mat after_, aligned_;
   cv::Rect lane_;
 };
 
 TEST_P(SyntheticRoad, PixelsAndCornersMoveWithTheRoadPlane) {
-  expectSameTexture();
-  expectCornersMoveWithTheRoadPlane();
-}
-
-void SyntheticRoad::expectSameTexture() const {
   cv::Mat difference, smooth, texture;
   cv::absdiff(aligned_(lane_), after_(lane_), difference);
   cv::GaussianBlur(after_(lane_), smooth, {}, 4);
@@ -383,9 +220,7 @@ void SyntheticRoad::expectSameTexture() const {
   EXPECT_GT(cv::mean(texture)[0], 3);  // the lane is textured [grey levels]
   EXPECT_LT(cv::mean(difference)[0], 4);
   EXPECT_LT(cv::mean(difference)[0], 0.7 * cv::mean(texture)[0]);
-}
 
-void SyntheticRoad::expectCornersMoveWithTheRoadPlane() const {
   cv::Mat mask = cv::Mat::zeros(after_.size(), CV_8U);
   mask(lane_) = 255;
   std::vector<cv::Point2f> corners;
@@ -405,8 +240,6 @@ void SyntheticRoad::expectCornersMoveWithTheRoadPlane() const {
     y.push_back(off.y);
   }
   ASSERT_GT(errors.size(), 40u);
-  RecordProperty("median_px", std::to_string(quantile(errors, 0.5)));
-  RecordProperty("p95_px", std::to_string(quantile(errors, 0.95)));
   EXPECT_LT(quantile(errors, 0.5), GetParam().median_px);
   EXPECT_LT(quantile(errors, 0.95), 0.7);
   EXPECT_LT(std::abs(quantile(x, 0.5)), 0.06);
@@ -414,22 +247,18 @@ void SyntheticRoad::expectCornersMoveWithTheRoadPlane() const {
 }
 
 INSTANTIATE_TEST_SUITE_P(StraightAndCurves, SyntheticRoad,
-                         testing::Values(Place{0, 0, 0.2, 0.06}, Place{20, 0, 0.2, 0.06},
-                                         Place{35, 0, 0.2, 0.06}, Place{170, 0, 0.2, 0.06}));
+                         testing::Values(Place{0, 0, 0.2, 0.06}, Place{35, 0, 0.2, 0.06}));
 // On slopes the road ten metres ahead is some centimetres off the plane below the camera.
-INSTANTIATE_TEST_SUITE_P(Slope, SyntheticRoad,
-                         testing::Values(Place{10, 0.025, 0.5, 0.4}, Place{150, 0.025, 0.5, 0.4}));
+INSTANTIATE_TEST_SUITE_P(Slope, SyntheticRoad, testing::Values(Place{150, 0.025, 0.5, 0.4}));
 // Extreme mountings, ramps and curves: the plane below still describes the lane ahead.
 INSTANTIATE_TEST_SUITE_P(Scenarios, SyntheticRoad,
                          testing::Values(Place{20, 0, 0.2, 0.06, "rolled"},
                                          Place{20, 0, 0.2, 0.06, "pitched"},
-                                         Place{20, 0, 0.2, 0.06, "camera_high"},
                                          Place{20, 0, 0.2, 0.06, "camera_low"},
                                          Place{60, 0, 0.2, 0.06, "tight_bends"},
                                          Place{33, 0, 0.2, 0.15, "slope_edges"}));
 INSTANTIATE_TEST_SUITE_P(RecordedPath, SyntheticRoad,
-                         testing::Values(Place{20, 0.06, 0.2, 0.06, nullptr, true},
-                                         Place{70, 0.06, 0.3, 0.25, nullptr, true}));
+                         testing::Values(Place{70, 0.06, 0.3, 0.25, nullptr, true}));
 
 }  // namespace
 }  // namespace ground_scale_vo

@@ -72,9 +72,6 @@ find_package(Ceres REQUIRED)  # an independent solver for the test of the bundle
 gsv_add_unit_tests(common ${PROJECT_NAME}_core)
 gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation ${CERES_LIBRARIES} opencv_video)
 gsv_add_unit_tests(scale ${PROJECT_NAME}_simulation)
-# plane_fit_test observes PCL's verbosity.
-target_include_directories(scale_test SYSTEM PRIVATE ${PCL_INCLUDE_DIRS})
-target_link_libraries(scale_test ${PCL_LIBRARIES})
 gsv_add_unit_tests(io ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(evaluation ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(calibration ${PROJECT_NAME}_simulation)
@@ -98,16 +95,9 @@ foreach(long_test fault_drives scenarios integration vo)
 endforeach()
 
 # Fuzz targets: files and options, ROS parameters, and the messages of each nodelet. A driver in
-# test/fuzz mutates valid inputs from a fixed seed; with GROUND_SCALE_VO_FUZZ and clang++ libFuzzer
-# drives them.
+# test/fuzz mutates valid inputs from a fixed seed.
 function(gsv_add_fuzz_target target headers)
-  if(GROUND_SCALE_VO_FUZZ)
-    #catkin_lint: skip
-    add_executable(${target} test/fuzz/${target}.cpp)
-    target_link_libraries(${target} -fsanitize=fuzzer)
-  else()
-    gsv_add_gtest(${target} test/fuzz/${target}.cpp test/fuzz/fuzz_driver.cpp)
-  endif()
+  gsv_add_gtest(${target} test/fuzz/${target}.cpp test/fuzz/fuzz_driver.cpp)
   target_link_libraries(${target} ${PROJECT_NAME}_simulation ${ARGN})
   gsv_as_test(${target} ${headers})
 endfunction()
@@ -119,7 +109,7 @@ if(GROUND_SCALE_VO_ROS)
 endif()
 
 # Tests that do more, or something else, with GROUND_SCALE_VO_LONG: scripts/test --long.
-foreach(test fault_drives_test scenarios_test calibration_test
+foreach(test fault_drives_test scenarios_test
     files_fuzz mono_vo_fuzz scale_recovery_fuzz parameters_fuzz)
   if(TEST _ctest_${PROJECT_NAME}_gtest_${test})
     set_tests_properties(_ctest_${PROJECT_NAME}_gtest_${test} PROPERTIES LABELS long)

@@ -94,34 +94,33 @@ TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnitAndMounting) {
   }
 }
 
+/// Texture of a road with this curvature [1 / camera height] (positive: a crest) where the ray to
+/// (x, z) of the flat road meets it, for a camera that has travelled so far [camera heights].
+std::function<double(double, double)> curvedAsphalt(double curvature, double travelled) {
+  return [curvature, travelled](double x, double z) {
+    const double drop = 0.5 * curvature * std::pow(z - travelled, 2);  // s = 1 + drop * s^2
+    if (4 * drop > 1) return 30.0;                                     // beyond the crest: sky
+    const double s = 2 / (1 + std::sqrt(1 - 4 * drop));
+    return asphalt(x * s, travelled + (z - travelled) * s);
+  };
+}
+
 // The height is that above the road below the vehicle, not above the road ahead.
 TEST(DirectPlaneEstimator, ACrestAheadDoesNotBiasTheHeight) {
   const RoadScene scene = nearRoad();
-  constexpr double kCurvature = 0.0015;  // [1 / camera height]; a radius of 1100 m at 1.65 m
-  DirectPlaneEstimator estimator({});
-  DirectPlaneEstimator::Options flat_road_options;
-  flat_road_options.curvature_sigma = 1e-9;
-  DirectPlaneEstimator flat_road_estimator(flat_road_options);
-  double error = 0, flat_road_error = 0;  // relative
-  for (std::uint32_t i = 0; i < 6; ++i) {
-    const double travelled = scene.step * i / scene.height;
-    // Texture of the curved road where the ray to (x, z) of the flat road meets it.
-    const auto curved = [travelled](double x, double z) {
-      const double drop = 0.5 * kCurvature * std::pow(z - travelled, 2);  // s = 1 + drop * s^2
-      if (4 * drop > 1) return 30.0;                                      // beyond the crest: sky
-      const double s = 2 / (1 + std::sqrt(1 - 4 * drop));
-      return asphalt(x * s, travelled + (z - travelled) * s);
-    };
-    const cv::Mat image = roadImage(scene, scene.step * i, curved);
-    const auto a =
-        estimator.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma), std::nullopt, 0.7);
-    const auto b = flat_road_estimator.estimate(scene.frame(i), image, priorOf(scene, kPriorSigma),
-                                                std::nullopt, 0.7);
-    error = std::abs(a.plane.height / scene.height - 1);
-    flat_road_error = std::abs(b.plane.height / scene.height - 1);
+  std::vector<cv::Mat> images;
+  for (int i = 0; i < 6; ++i) {  // a radius of 1100 m at a camera height of 1.65 m
+    const double at = scene.step * i;
+    images.push_back(roadImage(scene, at, curvedAsphalt(0.0015, at / scene.height)));
   }
-  EXPECT_GT(flat_road_error, 0.01);
-  EXPECT_LT(error, 0.8 * flat_road_error);
+  const auto relativeErrorWith = [&](const DirectPlaneEstimator::Options& options) {
+    const auto result = estimateWith(options, scene, images, priorOf(scene, kPriorSigma), 0.7);
+    return std::abs(result.plane.height / scene.height - 1);
+  };
+  DirectPlaneEstimator::Options flat_road;
+  flat_road.curvature_sigma = 1e-9;
+  EXPECT_GT(relativeErrorWith(flat_road), 0.01);
+  EXPECT_LT(relativeErrorWith({}), 0.8 * relativeErrorWith(flat_road));
 }
 
 TEST(DirectPlaneEstimator, ASearchFindsTheRollOfTheCamera) {
@@ -150,22 +149,18 @@ TEST(DirectPlaneEstimator, IsInvariantToIlluminationAndExposure) {
 
 TEST(DirectPlaneEstimator, WithoutTextureAcrossThePathTheHeightIsNotObserved) {
   const RoadScene scene = nearRoad();
+  const double predicted = 1.03 * scene.height;
   const auto bare = [](double, double) { return 110.0; };
-  EXPECT_EQ(drive(scene, scene.height, 4, nullptr, bare).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(drive(scene, predicted, 4, nullptr, bare).status, ScaleReason::kNoPlane);
   EXPECT_EQ(drive(scene, 0, 4, nullptr, bare).status, ScaleReason::kNoPlane);
   // Lines along the path look the same at every distance.
   const auto lines = [](double x, double) { return asphalt(x, 0); };
-  EXPECT_EQ(drive(scene, 1.03 * scene.height, 4, nullptr, lines).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(drive(scene, predicted, 4, nullptr, lines).status, ScaleReason::kNoPlane);
   // A little other texture suffices for a height, with a larger standard deviation.
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
-  DirectPlaneEstimator::Options options;
-  options.curvature_sigma = 1e-9;  // its share of the uncertainty does not depend on the texture
-  DirectPlaneEstimator weak_estimator(options), full_estimator(options);
-  const auto some = drive(&weak_estimator, scene, 1.03 * scene.height, 4, nullptr, weak);
-  const auto full = drive(&full_estimator, scene, 1.03 * scene.height);
+  const auto some = drive(scene, predicted, 4, nullptr, weak), full = drive(scene, predicted);
   ASSERT_EQ(some.status, ScaleReason::kNone);
-  ASSERT_EQ(full.status, ScaleReason::kNone);
-  EXPECT_GT(some.height_sigma, 1.3 * full.height_sigma);
+  EXPECT_GT(some.height_sigma, 1.1 * full.height_sigma);
   EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.height_sigma);
 }
 
@@ -190,31 +185,20 @@ TEST(DirectPlaneEstimator, AVehicleInTheLaneRegionIsRejected) {
 
 TEST(DirectPlaneEstimator, TheEngineHoodIsDetectedAndMasked) {
   RoadScene scene = nearRoad();
-  scene.camera = {620, 288, 359.0, 431.0, 310.0, 110.0};
-  const Change hood = staticRegion({0, 204, 620, 84});  // the lowest 84 rows
-  DirectPlaneEstimator estimator({});
+  scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
+  const Change hood = staticRegion({0, 170, 620, 70});
+  DirectPlaneEstimator estimator({}), fresh({});
+  EXPECT_NE(drive(&fresh, scene, 0, 4, hood).status, ScaleReason::kNone);
   const auto result = drive(&estimator, scene, scene.height, 25, hood);
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015);
   EXPECT_GT(result.correlation, 0.8);  // without the patches on the hood
 
-  // A new map is seen from the same vehicle.
+  // A new map is seen from the same vehicle. Its search does not use the hood either.
   estimator.reset();
-  EXPECT_LT(drive(&estimator, scene, scene.height, 2, hood).patches,
-            drive(scene, scene.height, 2, hood).patches - 10);
-}
-
-TEST(DirectPlaneEstimator, TheSearchDoesNotUseTheEngineHood) {
-  RoadScene scene = nearRoad();
-  scene.camera = {620, 240, 359.0, 359.0, 310.0, 92.0};
-  const Change hood = staticRegion({0, 170, 620, 70});
-  DirectPlaneEstimator estimator({}), fresh({});
-  EXPECT_NE(drive(&fresh, scene, 0, 4, hood).status, ScaleReason::kNone);
-  drive(&estimator, scene, scene.height, 25, hood);
-  estimator.reset();  // keeps what the vehicle conceals
-  const auto result = drive(&estimator, scene, 0, 4, hood);
-  EXPECT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_TRUE(result.searched);
+  const auto searched = drive(&estimator, scene, 0, 4, hood);
+  EXPECT_EQ(searched.status, ScaleReason::kNone);
+  EXPECT_TRUE(searched.searched);
 }
 
 // In neither image: patches of the newest one below the region project into it in the reference
@@ -263,68 +247,47 @@ TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
 
 TEST(DirectPlaneEstimator, AWrongPredictionIsCorrectedOrRejected) {
   const RoadScene scene = nearRoad();
-  // With so little texture besides lines along the path the iteration may not converge.
-  const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.1 * (asphalt(x, z) - 110); };
   for (const double factor : {0.3, 0.5, 0.75, 1.25, 2.0, 3.0}) {
     const auto result = drive(scene, factor * scene.height);
     if (result.status == ScaleReason::kNone) {
       EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01) << factor;
     }
-    const auto uncertain = drive(scene, factor * scene.height, 5, nullptr, weak);
-    if (uncertain.status == ScaleReason::kNone) {
-      EXPECT_LT(std::abs(uncertain.plane.height - scene.height), 4 * uncertain.height_sigma);
-    }
   }
 }
 
-TEST(DirectPlaneEstimator, AWrongPredictionLeadsToASearch) {
-  const RoadScene scene = nearRoad();
-  const NormalPrior prior = priorOf(scene, kPriorSigma);
-  DirectPlaneEstimator estimator({});
-  int found = 0;
-  for (std::uint32_t i = 0; i < 25; ++i) {
-    const auto result = estimator.estimate(scene.frame(i), roadImage(scene, scene.step * i), prior,
-                                           std::nullopt, 2.5 * scene.height);
-    if (result.status != ScaleReason::kNone) continue;
-    ++found;
-    EXPECT_TRUE(result.searched);
-    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
-  }
-  EXPECT_GE(found, 1);
-  EXPECT_LT(found, 10);  // a search is expensive: not in every frame
-}
-
-TEST(DirectPlaneEstimator, TheSearchFindsTheRoadInAnyUnit) {
+TEST(DirectPlaneEstimator, TheSearchFindsTheRoad) {
   struct Case {
     double unit;
-    double ratio;  // of the features' heights to the road's
+    double lane_ratio, other_ratio;  // of the features' heights to the road's
+    double search_range;
+    double step;  // [camera heights]
+    std::uint32_t frames;
   };
-  for (const Case& each : {Case{0.001, 1}, Case{5000, 0.2}, Case{1, 4}}) {
-    SCOPED_TRACE(each.unit);
-    const RoadScene scene = inUnit(each.unit, nearRoad());
-    const NormalPrior prior = priorOf(scene, kPriorSigma);
-    DirectPlaneEstimator estimator({});
+  const double range = DirectPlaneEstimator::Options().search_range;
+  for (const Case& each :
+       {Case{0.001, 1, 1, range, 0.57, 8}, Case{5000, 0.2, 0.2, range, 0.57, 8},
+        Case{1, 4, 4, range, 0.57, 8}, Case{1, 1, 0.3, 1.5, 0.57, 8},  // buildings beside the road
+        Case{1, 1, 1, range, 0.01, 80}}) {                             // a slow vehicle
+    SCOPED_TRACE(testing::Message() << each.unit << ' ' << each.other_ratio << ' ' << each.step);
+    RoadScene scene = inUnit(each.unit, nearRoad());
+    scene.step = each.step * scene.height;
+    DirectPlaneEstimator::Options options;
+    options.search_range = each.search_range;
+    DirectPlaneEstimator estimator(options);
     DirectPlaneEstimator::Result result;
-    for (std::uint32_t i = 0; i < 8 && result.status != ScaleReason::kNone; ++i) {
+    for (std::uint32_t i = 0; i < each.frames && result.status != ScaleReason::kNone; ++i) {
       VoFrame frame = scene.frame(i);
       for (TrackedFeature& feature : frame.features) {
-        feature.p_c *= static_cast<float>(each.ratio);
+        const bool in_lane = std::abs(feature.p_c.x()) < 1.2 * scene.height;
+        feature.p_c *= static_cast<float>(in_lane ? each.lane_ratio : each.other_ratio);
       }
-      result = estimator.estimate(frame, roadImage(scene, scene.step * i), prior, std::nullopt, 0);
+      result = estimator.estimate(frame, roadImage(scene, scene.step * i),
+                                  priorOf(scene, kPriorSigma), std::nullopt, 0);
     }
     ASSERT_EQ(result.status, ScaleReason::kNone);
     EXPECT_TRUE(result.searched);
     EXPECT_NEAR(result.plane.height / scene.height, 1, 0.015);
   }
-}
-
-TEST(DirectPlaneEstimator, TheSearchFindsTheRoadFromASlowVehicle) {
-  RoadScene scene = nearRoad();
-  scene.step = 0.01 * scene.height;
-  const auto result = drive(scene, 0, 80);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_TRUE(result.searched);
-  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.02);
 }
 
 // The nearest visible road is 9.5 camera heights ahead, that of max_ahead_heights 10.
@@ -337,25 +300,6 @@ TEST(DirectPlaneEstimator, TheRegionOfATeleLensContainsVisibleRoad) {
   const auto result =
       estimateWith(options, scene, imagesOf(scene, 5), priorOf(scene, kPriorSigma), scene.height);
   EXPECT_GE(result.patches, options.min_patches);
-}
-
-// Buildings and vehicles beside the road have other heights.
-TEST(DirectPlaneEstimator, TheSearchBeginsAtTheHeightOfTheFeaturesInTheLane) {
-  const RoadScene scene = nearRoad();
-  const std::vector<cv::Mat> images = imagesOf(scene, 4);
-  DirectPlaneEstimator::Options options;
-  options.search_range = 1.5;
-  DirectPlaneEstimator estimator(options);
-  DirectPlaneEstimator::Result result;
-  for (std::uint32_t i = 0; i < images.size(); ++i) {
-    VoFrame frame = scene.frame(i);
-    for (TrackedFeature& feature : frame.features) {
-      if (std::abs(feature.p_c.x()) > 1.2 * scene.height) feature.p_c *= 0.3f;
-    }
-    result = estimator.estimate(frame, images[i], priorOf(scene, kPriorSigma), std::nullopt, 0);
-  }
-  EXPECT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
 }
 
 TEST(DirectPlaneEstimator, TheSearchFindsNothingWithoutRoad) {
@@ -375,22 +319,6 @@ TEST(DirectPlaneEstimator, TheSearchFindsNothingWithoutRoad) {
   }
 }
 
-TEST(DirectPlaneEstimator, FindsTheHeightInReverse) {
-  RoadScene scene = nearRoad();
-  scene.step = -0.3;
-  DirectPlaneEstimator estimator({});
-  NormalPrior prior = priorOf(scene, kPriorSigma);
-  prior.forward_c = -prior.forward_c;
-  const MotionHistory::Chord chord{prior.forward_c, 0.9, Eigen::Vector3d::Zero()};
-  DirectPlaneEstimator::Result result;
-  for (std::uint32_t i = 0; i < 5; ++i) {
-    result = estimator.estimate(scene.frame(i), roadImage(scene, scene.step * i), prior, chord,
-                                scene.height);
-  }
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.008);
-}
-
 // The vehicle drives over a hill, and its rear-facing camera sees the part that it has passed. The
 // plane tangent to that part does not pass below the newest camera, so the result is the height of
 // an earlier camera of the path, the one nearest to the lane region.
@@ -406,11 +334,6 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
   for (std::uint32_t i = 0; i < 40; ++i) {
     // In the camera's axes the hill is the same everywhere, because the curvature is constant.
     const double travelled = scene.step * i / scene.height;
-    const auto bent = [travelled](double x, double z) {
-      const double rise = -0.5 * kCurvature * std::pow(z - travelled, 2);  // s = 1 + rise * s^2
-      const double s = 2 / (1 + std::sqrt(1 - 4 * rise));
-      return asphalt(x * s, travelled + (z - travelled) * s);
-    };
     VoFrame frame = scene.frame(i);
     const double z = travelled * scene.height;
     // Pose of the camera on the hill in the road axes r of RoadScene.
@@ -420,8 +343,8 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
     T_r_c.rotate(scene.rotation());
     frame.T_w_c = T_r_c;
     path.add(frame.T_w_c, prior, 0.3, 20 * scene.height);
-    result = estimator.estimate(frame, roadImage(scene, scene.step * i, bent), prior, std::nullopt,
-                                scene.height, path);
+    const cv::Mat image = roadImage(scene, scene.step * i, curvedAsphalt(-kCurvature, travelled));
+    result = estimator.estimate(frame, image, prior, std::nullopt, scene.height, path);
   }
   ASSERT_EQ(result.status, ScaleReason::kNone);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
@@ -429,38 +352,27 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
   EXPECT_LT(result.height_sigma / scene.height, 0.01);
 }
 
-TEST(DirectPlaneEstimator, ResetDropsTheReferenceImagesAndMakesASearchDue) {
-  for (const double unit : {1.0, 100.0}) {
-    const RoadScene scene = inUnit(unit, nearRoad());
-    const double wrong = 2.5 * scene.height;
-    DirectPlaneEstimator estimator({});
-    EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
-    EXPECT_FALSE(drive(&estimator, scene, wrong, 2).searched);
-    estimator.reset();
-    EXPECT_EQ(drive(&estimator, scene, scene.height, 1).status, ScaleReason::kStandstill);
-    EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+// A search is expensive: it is not repeated in every frame.
+TEST(DirectPlaneEstimator, ASearchIsDueAfterADistanceOrAReset) {
+  const RoadScene scene = inUnit(100, nearRoad());
+  const double wrong = 2.5 * scene.height;
+  DirectPlaneEstimator estimator({});
+  EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+  EXPECT_FALSE(drive(&estimator, scene, wrong, 2).searched);
+  estimator.reset();
+  EXPECT_EQ(drive(&estimator, scene, scene.height, 1).status, ScaleReason::kStandstill);
+  EXPECT_TRUE(drive(&estimator, scene, wrong, 2).searched);
+  int found = 0;
+  for (std::uint32_t i = 2; i < 25; ++i) {
+    const auto result = estimator.estimate(scene.frame(i), roadImage(scene, scene.step * i),
+                                           priorOf(scene, kPriorSigma), std::nullopt, wrong);
+    if (result.status != ScaleReason::kNone) continue;
+    ++found;
+    EXPECT_TRUE(result.searched);
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
   }
-}
-
-TEST(DirectPlaneEstimator, EachLimitRejectsAPlane) {
-  const RoadScene scene = nearRoad();
-  const std::vector<cv::Mat> images = imagesOf(scene, 4);
-  using Options = DirectPlaneEstimator::Options;
-  double predicted = 1.04 * scene.height;
-  const auto statusWith = [&](const std::function<void(Options*)>& set) {
-    Options options;
-    set(&options);
-    return estimateWith(options, scene, images, priorOf(scene, kPriorSigma), predicted).status;
-  };
-  EXPECT_EQ(statusWith([](Options*) {}), ScaleReason::kNone);
-  EXPECT_EQ(statusWith([](Options* o) { o->max_height_change = 1.02; }), ScaleReason::kNoPlane);
-  EXPECT_EQ(statusWith([](Options* o) { o->min_correlation = 0.999; }), ScaleReason::kNoPlane);
-  EXPECT_EQ(statusWith([](Options* o) { o->max_sigma = 2e-4; }), ScaleReason::kNoPlane);
-  EXPECT_EQ(statusWith([](Options* o) { o->min_patches = 10000; }), ScaleReason::kNoPlane);
-  predicted = 0;  // with a search
-  EXPECT_EQ(statusWith([](Options*) {}), ScaleReason::kNone);
-  EXPECT_EQ(statusWith([](Options* o) { o->search_min_correlation = 1; }), ScaleReason::kNoPlane);
-  EXPECT_EQ(statusWith([](Options* o) { o->search_min_peak_margin = 2; }), ScaleReason::kNoPlane);
+  EXPECT_GE(found, 1);
+  EXPECT_LT(found, 10);
 }
 
 // The poses of the older reference image are wrong, so the search finds another height with it.
@@ -472,39 +384,16 @@ TEST(DirectPlaneEstimator, ASearchWhoseHeightsDisagreeIsRejected) {
   any.max_sigma = 10;
   any.max_height_change = 100;
   const Eigen::Vector3d last_w = scene.frame(3).T_w_c.translation();
-  for (const double factor : {0.8, 1.25}) {
-    for (const double limit : {DirectPlaneEstimator::Options().search_max_disagreement, 1.0}) {
-      any.search_max_disagreement = limit;
-      DirectPlaneEstimator estimator(any);
-      DirectPlaneEstimator::Result result;
-      for (std::uint32_t i = 0; i < 4; ++i) {
-        VoFrame frame = scene.frame(i);
-        if (i < 2) frame.T_w_c.translation() += (factor - 1) * (frame.T_w_c.translation() - last_w);
-        result = estimator.estimate(frame, images[i], priorOf(scene, kPriorSigma), std::nullopt, 0);
-      }
-      EXPECT_EQ(result.status, limit < 1 ? ScaleReason::kNoPlane : ScaleReason::kNone) << factor;
+  for (const double factor : {0.8, 1.0, 1.25}) {
+    DirectPlaneEstimator estimator(any);
+    DirectPlaneEstimator::Result result;
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      VoFrame frame = scene.frame(i);
+      if (i < 2) frame.T_w_c.translation() += (factor - 1) * (frame.T_w_c.translation() - last_w);
+      result = estimator.estimate(frame, images[i], priorOf(scene, kPriorSigma), std::nullopt, 0);
     }
+    EXPECT_EQ(result.status, factor == 1 ? ScaleReason::kNone : ScaleReason::kNoPlane) << factor;
   }
-}
-
-// A low correlation means that part of the patches may show something else than road: the sigma is
-// larger than that of the fit, to which max_sigma applies.
-TEST(DirectPlaneEstimator, ALowCorrelationIncreasesTheSigma) {
-  const RoadScene scene = nearRoad();
-  std::vector<cv::Mat> images = imagesOf(scene, 4);
-  cv::RNG random(1);
-  for (cv::Mat& image : images) {
-    cv::Mat noise(image.size(), CV_8S);
-    random.fill(noise, cv::RNG::NORMAL, 0, 10);
-    cv::add(image, noise, image, {}, CV_8U);
-  }
-  DirectPlaneEstimator::Options options;
-  const NormalPrior prior = priorOf(scene, kPriorSigma);
-  const auto result = estimateWith(options, scene, images, prior, scene.height);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
-  EXPECT_LT(result.correlation, 0.86);
-  options.max_sigma = result.height_sigma / scene.height / 1.5;
-  EXPECT_EQ(estimateWith(options, scene, images, prior, scene.height).status, ScaleReason::kNone);
 }
 
 TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
@@ -549,32 +438,18 @@ TEST(DirectPlaneEstimator, ThePriorsOfPitchAndRollAreIndependent) {
 
 TEST(DirectPlaneEstimator, ANewCameraAndANewMaskAreUsed) {
   const RoadScene scene = nearRoad();
-  const std::vector<cv::Mat> images = imagesOf(scene, 4);
-  const NormalPrior prior = priorOf(scene, kPriorSigma);
-  const double predicted = 1.03 * scene.height;
-  const auto expected = estimateWith({}, scene, images, prior, predicted);
-  ASSERT_EQ(expected.status, ScaleReason::kNone);
-  // Each differs in one number.
-  const PinholeCamera kOthers[] = {{620, 188, 364, 359, 310, 92}, {620, 188, 359, 364, 310, 92},
-                                   {620, 188, 359, 359, 315, 92}, {620, 188, 359, 359, 310, 97},
-                                   {380, 188, 359, 359, 310, 92}, {620, 150, 359, 359, 310, 92}};
-  for (const PinholeCamera& camera : kOthers) {
-    RoadScene other = scene;
-    other.camera = camera;
-    DirectPlaneEstimator estimator({});
-    estimator.estimate(other.frame(0), roadImage(other, 0), prior, std::nullopt, predicted);
-    DirectPlaneEstimator::Result result;
-    for (std::uint32_t i = 0; i < images.size(); ++i) {
-      result = estimator.estimate(scene.frame(i), images[i], prior, std::nullopt, predicted);
-    }
-    EXPECT_EQ(result.plane.height, expected.plane.height);
-    const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));
-    EXPECT_NE(estimator
-                  .estimate(scene.frame(4), roadImage(scene, 4 * scene.step), prior, std::nullopt,
-                            predicted, {}, mask)
-                  .status,
-              ScaleReason::kNone);
-  }
+  RoadScene other = scene;
+  other.camera = {620, 188, 359, 364, 315, 92};
+  DirectPlaneEstimator estimator({});
+  drive(&estimator, other, scene.height, 1);
+  const auto result = drive(&estimator, scene, 1.03 * scene.height);
+  EXPECT_EQ(result.status, ScaleReason::kNone);
+  EXPECT_NEAR(result.plane.height, drive(scene, 1.03 * scene.height).plane.height, 1e-9);
+  const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));
+  const auto masked =
+      estimator.estimate(scene.frame(4), roadImage(scene, 4 * scene.step),
+                         priorOf(scene, kPriorSigma), std::nullopt, scene.height, {}, mask);
+  EXPECT_NE(masked.status, ScaleReason::kNone);
 }
 
 }  // namespace

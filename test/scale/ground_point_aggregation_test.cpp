@@ -80,19 +80,16 @@ TEST(GroundPointAggregation, TheWindowIsBounded) {
 TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
   auto older = pointsAhead(20, 1);
   for (GroundPoint& point : older) point.p_c.z() += 0.5;
-  GroundPointAggregation once({});
-  once.add(poseAt(0), 0, older);
-  once.add(poseAt(0.5), 0.5, pointsAhead(20, 1));
-  const auto result = once.estimate(poseAt(0.5), 0.5, prior(), kPlaneHeight);
-  EXPECT_EQ(result.window.size(), 20u);
-  EXPECT_EQ(result.window[0].origin_c.norm(), 0);
-
-  GroundPointAggregation::Options options;
-  options.unique_features = false;
-  GroundPointAggregation copies(options);
-  copies.add(poseAt(0), 0, older);
-  copies.add(poseAt(0.5), 0.5, pointsAhead(20, 1));
-  EXPECT_EQ(copies.estimate(poseAt(0.5), 0.5, prior(), kPlaneHeight).window.size(), 40u);
+  for (const bool unique : {true, false}) {
+    GroundPointAggregation::Options options;
+    options.unique_features = unique;
+    GroundPointAggregation gpa(options);
+    gpa.add(poseAt(0), 0, older);
+    gpa.add(poseAt(0.5), 0.5, pointsAhead(20, 1));
+    const auto result = gpa.estimate(poseAt(0.5), 0.5, prior(), kPlaneHeight);
+    EXPECT_EQ(result.window.size(), unique ? 20u : 40u);
+    EXPECT_EQ(result.window[0].origin_c.norm(), 0);
+  }
 }
 
 TEST(GroundPointAggregation, EmptyAndResetWindowsAreReported) {

@@ -22,8 +22,8 @@ ImageBuffer drive(int frames, double step) {
 double distanceOf(const Reference& reference) { return reference.t.norm(); }
 
 TEST(ImageBuffer, SelectsReferencesAtOneAndTwoBaselines) {
-  const ImageBuffer buffer = drive(10, 0.5);
-  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
+  ImageBuffer buffer = drive(10, 0.5);
+  std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
   ASSERT_EQ(references.size(), 2u);
   EXPECT_NEAR(distanceOf(references[0]), 2, 1e-6);
   EXPECT_NEAR(distanceOf(references[1]), 4, 1e-6);
@@ -32,16 +32,17 @@ TEST(ImageBuffer, SelectsReferencesAtOneAndTwoBaselines) {
     EXPECT_NEAR(reference.perpendicular[1].dot(reference.t), 0, 1e-5);
     EXPECT_NEAR(reference.perpendicular[1].norm(), reference.t.norm(), 1e-5);
   }
-}
-
-// Steps of 2.5 first baselines: the nearest image is the best for both baselines.
-TEST(ImageBuffer, NoImageIsSelectedTwice) {
-  EXPECT_EQ(drive(2, 5).selectReferences(kBufferHeight).size(), 1u);
-  const ImageBuffer buffer = drive(4, 5);
-  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
+  // Images without road are not kept: behind a vehicle that hides the road for a while.
+  for (int i = 10; i < 24; ++i) {
+    buffer.keepCurrent(kBufferHeight);
+    buffer.current().roi = {};
+    buffer.current().T_w_c.translation() = Eigen::Vector3d(0, 0, 0.5 * i);
+  }
+  references = buffer.selectReferences(kBufferHeight);
   ASSERT_EQ(references.size(), 2u);
-  EXPECT_NEAR(distanceOf(references[0]), 5, 1e-6);
-  EXPECT_NEAR(distanceOf(references[1]), 10, 1e-6);
+  EXPECT_NEAR(distanceOf(references[0]), 0.5 * (23 - 9), 1e-6);
+  buffer.clear();
+  EXPECT_TRUE(buffer.selectReferences(kBufferHeight).empty());
 }
 
 TEST(ImageBuffer, HasNoReferenceWithoutMotionAndNoneTooFarAway) {
@@ -50,24 +51,6 @@ TEST(ImageBuffer, HasNoReferenceWithoutMotionAndNoneTooFarAway) {
   EXPECT_TRUE(drive(2, 0.3).selectReferences(kBufferHeight).empty()) << "0.15 first baselines";
   // At many first baselines an image shows the road in another resolution.
   EXPECT_TRUE(drive(2, 20 * kBaseline * kBufferHeight).selectReferences(kBufferHeight).empty());
-  ImageBuffer buffer = drive(10, 0.5);
-  EXPECT_NEAR(buffer.stepLength(), 0.5, 1e-12);
-  buffer.clear();
-  EXPECT_TRUE(buffer.empty());
-  EXPECT_TRUE(buffer.selectReferences(kBufferHeight).empty());
-}
-
-// Behind a vehicle that hides the road for a while.
-TEST(ImageBuffer, ImagesWithoutRoadAreNotKept) {
-  ImageBuffer buffer = drive(10, 0.5);
-  for (int i = 10; i < 24; ++i) {
-    buffer.keepCurrent(kBufferHeight);
-    buffer.current().roi = {};
-    buffer.current().T_w_c.translation() = Eigen::Vector3d(0, 0, 0.5 * i);
-  }
-  const std::vector<Reference> references = buffer.selectReferences(kBufferHeight);
-  ASSERT_EQ(references.size(), 2u);
-  EXPECT_NEAR(distanceOf(references[0]), 0.5 * (23 - 9), 1e-6);
 }
 
 }  // namespace

@@ -60,56 +60,56 @@ TEST(MetricTrajectory, ConstantScaleGivesTheScaledTrajectory) {
   }
 }
 
-TEST(MetricTrajectory, TheFirstMetricFrameIncludesTheMotionSinceTheMapsFirstFrame) {
-  MetricTrajectory trajectory({});
-  EXPECT_FALSE(trajectory.append(frameAt(0, straight(0)), {}).has_value());
-  EXPECT_FALSE(trajectory.append(frameAt(1, straight(0.5)), {}).has_value());
-  const auto pose = trajectory.append(frameAt(2, straight(1)), scaleOf(2, 0.05));
-  ASSERT_TRUE(pose.has_value());
-  EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 2);
-  EXPECT_DOUBLE_EQ(pose->distance, 2);
-  EXPECT_NEAR(pose->twist_c(2), 10, 1e-9);  // of the last increment
-  EXPECT_NEAR(std::sqrt(pose->twist_covariance(2, 2)), 0.5, 0.01);
-}
-
 TEST(MetricTrajectory, ANewScaleAppliesToAllMotionOfAYoungMap) {
   MetricTrajectory::Options options;
   options.young_map_heights = 10;
   MetricTrajectory trajectory(options);
-  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(0, straight(0)), scaleOf(2))->T_o_c.translation().z(),
-                   0);
-  EXPECT_DOUBLE_EQ(
-      trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.1))->T_o_c.translation().z(), 2);
-  const auto pose = trajectory.append(frameAt(2, straight(2)), scaleOf(3, 0.05));
+  const auto append = [&](int i, double z, const ScaleEstimate& scale) {
+    return trajectory.append(frameAt(i, straight(z)), scale);
+  };
+  EXPECT_FALSE(append(0, 0, {}));
+  EXPECT_FALSE(append(1, 0.5, {}));
+  auto pose = append(2, 1, scaleOf(2, 0.1));  // includes the motion before
+  EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 2);
+  EXPECT_DOUBLE_EQ(pose->distance, 2);
+  EXPECT_NEAR(pose->twist_c(2), 10, 1e-9);  // of the last increment
+  EXPECT_NEAR(std::sqrt(pose->twist_covariance(2, 2)), 1, 0.02);
+  pose = append(3, 2, scaleOf(3, 0.05));
   EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 6);
   EXPECT_DOUBLE_EQ(pose->distance, 6);
   EXPECT_NEAR(std::sqrt(pose->covariance(2, 2)), 6 * 0.05, 1e-9);
-  EXPECT_NEAR(pose->twist_c(2), 30, 1e-9);  // of the increment alone
+  EXPECT_NEAR(pose->twist_c(2), 30, 1e-9);
   // 12 camera heights: from the next frame on the past is fixed.
-  EXPECT_DOUBLE_EQ(
-      trajectory.append(frameAt(3, straight(4)), scaleOf(3, 0.05))->T_o_c.translation().z(), 12);
-  const auto grown = trajectory.append(frameAt(4, straight(5)), scaleOf(2, 0.05));
-  EXPECT_DOUBLE_EQ(grown->T_o_c.translation().z(), 14);
-  EXPECT_GT(std::sqrt(grown->covariance(2, 2)), 12 * 0.05);
+  EXPECT_DOUBLE_EQ(append(4, 4, scaleOf(3, 0.05))->T_o_c.translation().z(), 12);
+  pose = append(5, 5, scaleOf(2, 0.05));
+  EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 14);
+  EXPECT_GT(std::sqrt(pose->covariance(2, 2)), 12 * 0.05);
 }
 
 // Without MapStart the world frame of a map is known only if its initialisation was seen.
 TEST(MetricTrajectory, AMapCountsFromItsFirstFrameWhenThatWasSeen) {
-  VoFrame initialising = frameAt(0, straight(0), 0);
+  VoFrame initialising = frameAt(3, straight(0), 0);
   initialising.status = VoStatus::kInitialising;
-  for (const std::uint32_t map_id : {0u, 1u}) {
-    for (const bool has_start : {false, true}) {
-      MetricTrajectory trajectory({});
-      trajectory.append(initialising, {});
-      VoFrame frame = frameAt(7, straight(3), map_id);
-      if (has_start) frame.map_start.stamp_ns = frameAt(4, {}).stamp_ns;
-      const auto pose = trajectory.append(frame, scaleOf(2));
-      const bool counts = has_start || map_id == 0;
-      EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), counts ? 6 : 0);
-      EXPECT_DOUBLE_EQ(pose->distance, counts ? 6 : 0);
-      if (has_start) {
-        EXPECT_NEAR(pose->twist_c(2), 20, 1e-9);  // 6 m since frame 4
-      }
+  struct Case {
+    std::uint32_t map_id;
+    std::int64_t start_ns;  // 0: not known
+    bool counts;
+  };
+  const std::int64_t start_ns = frameAt(4, {}).stamp_ns, next_ns = frameAt(8, {}).stamp_ns;
+  for (const Case& each :
+       {Case{0, 0, true}, Case{1, 0, false}, Case{0, start_ns, true}, Case{1, start_ns, true},
+        Case{0, next_ns, false} /* in the future */, Case{0, 1, false} /* before a reset */}) {
+    SCOPED_TRACE(each.start_ns);
+    MetricTrajectory trajectory({});
+    trajectory.append(initialising, {});
+    VoFrame frame = frameAt(7, straight(3), each.map_id);
+    frame.map_start.stamp_ns = each.start_ns;
+    EXPECT_EQ(trajectory.countsFromStart(frame), each.counts);
+    const auto pose = trajectory.append(frame, scaleOf(2));
+    EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), each.counts ? 6 : 0);
+    EXPECT_DOUBLE_EQ(pose->distance, each.counts ? 6 : 0);
+    if (each.start_ns == start_ns) {
+      EXPECT_NEAR(pose->twist_c(2), 20, 1e-9);  // 6 m since frame 4
     }
   }
 }
@@ -134,26 +134,17 @@ TEST(MetricTrajectory, AMapThatWasLeftOrHasLostItsScaleCountsFromThatFrame) {
   }
 }
 
-TEST(MetricTrajectory, AResetInMidMapStartsAtTheNextFrame) {
-  MetricTrajectory trajectory({});
-  VoFrame frame = frameAt(500, straight(500));
-  for (const std::int64_t start_ns : {0ll, 100000000ll}) {
-    frame.map_start.stamp_ns = start_ns;
-    trajectory.append(frame, scaleOf(2));
-    trajectory.reset();
-    const auto pose = trajectory.append(frame, scaleOf(2, 0.05));
-    EXPECT_EQ(pose->T_o_c.translation().norm(), 0);
-    EXPECT_EQ(pose->distance, 0);
-    EXPECT_EQ(pose->covariance.norm(), 0);
-  }
-}
-
 TEST(MetricTrajectory, AStandstillAddsNothingAndItsTwistIsNotExact) {
   MetricTrajectory trajectory({});
-  const auto first = trajectory.append(frameAt(0, straight(1)), scaleOf(2, 0.05));
+  trajectory.append(frameAt(0, straight(-9)), scaleOf(2, 0.05));
+  trajectory.reset();
+  const auto first = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.05));
+  EXPECT_EQ(first->T_o_c.translation().norm(), 0);
+  EXPECT_EQ(first->distance, 0);
+  EXPECT_EQ(first->covariance.norm(), 0);
   EXPECT_EQ(first->twist_c.norm(), 0);
   EXPECT_GT(std::sqrt(first->twist_covariance.diagonal().minCoeff()), 10);  // not known
-  const auto standstill = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.05));
+  const auto standstill = trajectory.append(frameAt(2, straight(1)), scaleOf(2, 0.05));
   EXPECT_EQ(standstill->covariance, first->covariance);
   EXPECT_EQ(standstill->twist_c.norm(), 0);
   // A pose error of some millimetres in 0.1 s.
@@ -214,17 +205,6 @@ VoFrame withPoints(VoFrame frame) {
     frame.features.push_back(feature);
   }
   return frame;
-}
-
-TEST(MetricTrajectory, TheErrorsOfBothPosesArePartOfTheTwist) {
-  MetricTrajectory::Options options = exact();
-  options.position_noise_heights = options.rotation_noise = 0;
-  MetricTrajectory trajectory(options);
-  trajectory.append(withPoints(frameAt(0, straight(0))), scaleOf(2));
-  const auto pose = trajectory.append(withPoints(frameAt(1, straight(0.5))), scaleOf(2));
-  const Matrix6d expected = 2 * poseCovariance(withPoints(frameAt(0, {})), 2) / (0.1 * 0.1);
-  EXPECT_GT(std::sqrt(expected(4, 4)), 1e-3);
-  EXPECT_NEAR((pose->twist_covariance - expected).norm(), 0, 1e-6 * expected.norm());
 }
 
 // A rotation and a translation between the map's first frame and its first metric one.
@@ -363,16 +343,19 @@ INSTANTIATE_TEST_SUITE_P(YoungMap, TrajectoryCovariance, testing::Values(0, 20, 
 /// camera_height: [m]
 std::pair<Matrix6d, Vector6d> twistCovariance(double MetricTrajectory::Options::*error,
                                               double value, double relative_scale_sigma = 0,
-                                              double camera_height = 1) {
+                                              double camera_height = 1, bool has_points = false) {
   MetricTrajectory::Options options = exact();
   options.position_noise_heights = options.rotation_noise = 0;
   if (error != nullptr) options.*error = value;
   MetricTrajectory trajectory(options);
+  const auto frame = [&](int i) {
+    return has_points ? withPoints(frameAt(i, onCircle(i))) : frameAt(i, onCircle(i));
+  };
   ScaleEstimate scale = scaleOf(2);
   scale.height = camera_height / scale.scale;
-  trajectory.append(frameAt(0, onCircle(0)), scale);
+  trajectory.append(frame(0), scale);
   scale.sigma = relative_scale_sigma * scale.scale;
-  const auto pose = trajectory.append(frameAt(1, onCircle(1)), scale);
+  const auto pose = trajectory.append(frame(1), scale);
   return {pose->twist_covariance, pose->twist_c};
 }
 
@@ -403,6 +386,10 @@ TEST(MetricTrajectory, TheTwistIsInCameraAxesAndContainsEachError) {
   expectCovariance(twistCovariance(&Options::position_noise_heights, 0.01, 0, 1.5),
                    2 * std::pow(0.015, 2) / 0.01 * I, zero);
   expectCovariance(twistCovariance(&Options::rotation_noise, 0.001), zero, 2e-6 / 0.01 * I);
+  const Matrix6d poses = 2 * poseCovariance(withPoints(frameAt(0, {})), 2) / 0.01;
+  EXPECT_GT(std::sqrt(poses(4, 4)), 1e-3);
+  const Matrix6d with_points = twistCovariance(nullptr, 0, 0, 1, true).first;
+  EXPECT_NEAR((with_points - poses).norm(), 0, 1e-6 * poses.norm());
 }
 
 /// 10 m/s for 1 s in map 0, up to frame 10; the pose of frame 10.
@@ -414,31 +401,17 @@ MetricPose drive(MetricTrajectory* trajectory) {
   return *pose;
 }
 
-// Without MapStart it is not known whether the later map's world frame is its first frame. The gap
-// takes 0.2 s at 10 m/s.
-TEST(MetricTrajectory, ALaterMapWithoutMapStartCountsFromItsFirstTrackedFrame) {
-  MetricTrajectory trajectory({});
-  const MetricPose last = drive(&trajectory);
-  VoFrame frame = frameAt(11, straight(0), 1);
-  frame.status = VoStatus::kInitialising;
-  trajectory.append(frame, {});
-  frame = frameAt(12, straight(30), 1);
-  EXPECT_FALSE(trajectory.countsFromStart(frame));
-  frame.map_start.stamp_ns = frame.stamp_ns + 1;  // in the future
-  EXPECT_FALSE(trajectory.countsFromStart(frame));
-  --frame.map_start.stamp_ns;
-  EXPECT_TRUE(trajectory.countsFromStart(frame));
-  frame.map_start = {};
-  const auto pose = trajectory.append(frame, scaleOf(2));
-  EXPECT_NEAR(pose->T_o_c.translation().z() - last.T_o_c.translation().z(), 2, 1e-9);
-  EXPECT_NEAR(pose->distance - last.distance, 2, 1e-9);
-}
-
-TEST(MetricTrajectory, TheScaleErrorOfALaterMapIsIndependent) {
+// It counts from its first tracked frame, because its start is not known.
+TEST(MetricTrajectory, ALaterMapContinuesWithAnIndependentScaleError) {
   MetricTrajectory trajectory(exact());
-  drive(&trajectory);
-  const auto first = trajectory.append(frameAt(11, straight(0), 1), scaleOf(2, 0));
-  const auto later = trajectory.append(frameAt(12, straight(5), 1), scaleOf(2, 0));
+  const MetricPose last = drive(&trajectory);
+  VoFrame initialising = frameAt(11, straight(0), 1);
+  initialising.status = VoStatus::kInitialising;
+  trajectory.append(initialising, {});
+  const auto first = trajectory.append(frameAt(12, straight(30), 1), scaleOf(2, 0));
+  EXPECT_NEAR(first->T_o_c.translation().z() - last.T_o_c.translation().z(), 2, 1e-9);
+  EXPECT_NEAR(first->distance - last.distance, 2, 1e-9);  // 0.2 s at 10 m/s
+  const auto later = trajectory.append(frameAt(13, straight(35), 1), scaleOf(2, 0));
   EXPECT_NEAR(later->covariance(2, 2), first->covariance(2, 2), 1e-12);
 }
 
@@ -539,72 +512,20 @@ TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
   }
 }
 
-// Two intervals of 0.2 s and 0.05 s at a constant 10 m/s along the first camera's z axis. In the
-// second one the camera turns to the right by 90 degrees, so its motion is along its -x axis.
-TEST(MetricTrajectory, TheMeanVelocityOfAGapIsInTheAxesOfTheCameraBeforeIt) {
-  MetricTrajectory trajectory({});
-  VoFrame frame = frameAt(0, straight(0));
-  trajectory.append(frame, scaleOf(2));
-  frame = frameAt(2, straight(1));
-  trajectory.append(frame, scaleOf(2));
-  frame.T_w_c = straight(1.25) * Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY());
-  frame.stamp_ns += 50000000;
-  const auto last = trajectory.append(frame, scaleOf(2));
-  EXPECT_NEAR((last->twist_c.head<3>() - Eigen::Vector3d(-10, 0, 0)).norm(), 0, 1e-9);
-  VoFrame next = frameAt(0, straight(0), 1);
-  next.stamp_ns = frame.stamp_ns + 1000000000;
-  const auto pose = trajectory.append(next, scaleOf(2));
-  const Eigen::Vector3d gap_o = pose->T_o_c.translation() - last->T_o_c.translation();
-  EXPECT_NEAR((gap_o - Eigen::Vector3d(0, 0, 10)).norm(), 0, 1e-6) << gap_o.transpose();
-}
-
-TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapWithoutAScale) {
-  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).matrix();
-  for (const bool is_first_map : {false, true}) {
-    MetricTrajectory trajectory({});
-    if (is_first_map) {
-      VoFrame initialising = frameAt(10, Eigen::Isometry3d::Identity(), 1);
-      initialising.status = VoStatus::kInitialising;
-      trajectory.append(initialising, {});
-    } else {
-      drive(&trajectory);
-    }
-    VoFrame frame = frameAt(12, Eigen::Isometry3d::Identity(), 1);
-    frame.map_start = {frameAt(11, {}).stamp_ns, turn, 0.01};
-    frame.T_w_c.linear() = turn;
-    EXPECT_FALSE(trajectory.append(frame, {}).has_value());
-    frame = frameAt(14, straight(0.1), 2);
-    frame.map_start = {frameAt(13, {}).stamp_ns, turn, 0.01};
-    const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
-    EXPECT_NEAR((pose->T_o_c.linear() - turn * turn * turn).norm(), 0, 1e-9);
-    EXPECT_GT(std::sqrt(pose->covariance(4, 4)), 0.014);
-  }
-}
-
-// The axes of a map without a scale do not matter, only the rotation in it.
-TEST(MetricTrajectory, TheHeadingIsCarriedThroughAMapInOtherAxes) {
-  MetricTrajectory trajectory({});
+// The axes of a map without a scale do not matter, only the rotation in it. It is 1 s to that map,
+// then 2 s to the next one; the rotation rate has a standard deviation of 0.1 rad/s.
+TEST(MetricTrajectory, UnknownRotationsBetweenMapsInOtherAxesAddUp) {
+  MetricTrajectory trajectory(exact());
   drive(&trajectory);
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).matrix();
   const Eigen::Isometry3d axes(Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()));
-  VoFrame frame = frameAt(11, axes, 1);
+  VoFrame frame = frameAt(20, axes, 1);
   EXPECT_FALSE(trajectory.append(frame, {}).has_value());
-  frame = frameAt(12, axes, 1);
+  frame = frameAt(21, axes, 1);
   frame.T_w_c.rotate(turn);
   EXPECT_FALSE(trajectory.append(frame, {}).has_value());
-  frame = frameAt(14, straight(0.1), 2);
-  frame.map_start = {frameAt(13, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0.01};
-  const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
+  const auto pose = trajectory.append(frameAt(41, straight(0), 2), scaleOf(2));
   EXPECT_NEAR((pose->T_o_c.linear() - turn).norm(), 0, 1e-9);
-}
-
-// 1 s to a map without a scale, then 2 s to the next one; the rotation rate has a standard
-// deviation of 0.1 rad/s.
-TEST(MetricTrajectory, UnknownRotationsBetweenMapsAddUp) {
-  MetricTrajectory trajectory(exact());
-  drive(&trajectory);
-  trajectory.append(frameAt(20, straight(0), 1), {});
-  const auto pose = trajectory.append(frameAt(40, straight(0), 2), scaleOf(2));
   EXPECT_NEAR(pose->covariance(4, 4), 0.1 * 0.1 + 0.2 * 0.2, 1e-9);
 }
 

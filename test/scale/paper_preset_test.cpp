@@ -7,8 +7,12 @@
 namespace ground_scale_vo {
 namespace {
 
-TEST(PaperPreset, UsesThePapersMethodAndNumbers) {
-  const ScaleRecovery::Options paper = paperPreset(recoveryOptions());
+TEST(PaperPreset, UsesThePapersMethodAndNumbersWithPaperLiteral) {
+  ScaleRecovery::Options options = recoveryOptions();
+  options.random_seed = 7;
+  EXPECT_TRUE(options.resolved().refine);
+  options.paper_literal = true;
+  const ScaleRecovery::Options paper = options.resolved();
   EXPECT_NO_THROW(paper.validate());
   EXPECT_FALSE(paper.refine);
   EXPECT_TRUE(paper.gpe.frame_pitch_test);
@@ -18,17 +22,7 @@ TEST(PaperPreset, UsesThePapersMethodAndNumbers) {
   EXPECT_NEAR(paper.gpa.fit.reject_distance_heights * paper.camera_height, 0.01, 1e-12);
   EXPECT_NEAR(paper.gpe.pitch_tolerance_rad * 180 / M_PI, 5, 0.01);
   EXPECT_EQ(paper.gpa.max_frames, 4);
-  EXPECT_EQ(paper.filter.moving_average_frames, 20);
-}
-
-TEST(PaperPreset, IsAppliedOnlyWithPaperLiteral) {
-  ScaleRecovery::Options o = recoveryOptions();
-  o.random_seed = 7;
-  EXPECT_TRUE(o.resolved().refine);
-  EXPECT_EQ(o.resolved().gpe.random_seed, 7u);
-  o.paper_literal = true;
-  EXPECT_FALSE(o.resolved().refine);
-  EXPECT_EQ(o.resolved().gpe.random_seed, 7u);
+  EXPECT_EQ(paper.gpe.random_seed, 7u);
 }
 
 }  // namespace

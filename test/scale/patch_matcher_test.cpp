@@ -133,38 +133,6 @@ TEST_F(PatchMatcherTest, MotionIsTheShiftByAnErrorOfTheMotion) {
   }
 }
 
-TEST_F(PatchMatcherTest, MeasuresTheShiftDespiteOutliers) {
-  Match match = linearised();
-  const float information = match.jacobian.square().sum();
-  matcher_.measure(reference_, patch_, kPlane, &match);
-  ASSERT_TRUE(match.valid);
-  EXPECT_NEAR(match.shift, 0, 1e-5f);
-  EXPECT_NEAR(match.correlation, 1, 1e-3f);
-  EXPECT_GT(match.variance * information, 0.005f) << "also of an exact match";
-  EXPECT_EQ(match.ray.z(), 1);
-  EXPECT_NEAR(match.ray.x(), patch_.ray_x.mean(), 0.01);
-  EXPECT_NEAR(match.ray.y(), patch_.ray_y.mean(), 0.01);
-
-  constexpr float kShift = 0.002f;
-  matcher_.measure(reference_, patch_, planeMovedBy(-kShift), &match);
-  const float without_outliers = match.shift;
-  // Less, because the normalisation of the intensities removes a part of the change.
-  EXPECT_GT(without_outliers, 0.5f * kShift);
-  EXPECT_LT(without_outliers, 1.1f * kShift);
-  // As a shadow in one of the images: all on the same side of the gradient.
-  for (int i = 0, outliers = 0; i < kPatchSamples && outliers < 6; ++i) {
-    if (match.jacobian[i] < 0.5f * match.jacobian.maxCoeff()) continue;
-    patch_.value[i] += 4;
-    ++outliers;
-  }
-  matcher_.measure(reference_, patch_, planeMovedBy(-kShift), &match);
-  const Samples residual = patch_.value - valuesOf(reference_, planeMovedBy(-kShift)) / deviation_;
-  const Samples zero_mean = residual - residual.mean();
-  const float least_squares = (match.jacobian * zero_mean).sum() / information;
-  EXPECT_LT(std::abs(match.shift - without_outliers),
-            0.5f * std::abs(least_squares - without_outliers));
-}
-
 TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   Samples values;
   cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));

@@ -184,6 +184,20 @@ TEST(ScaleFilter, ARestartIsLikeTheStartOfANewMap) {
   EXPECT_NEAR(filter.sigma(), new_map_sigma, 0.2 * new_map_sigma);
 }
 
+TEST(ScaleFilter, TheGateIsInStandardDeviationsOfTheInnovation) {
+  ScaleFilter::Options options = withoutNisScaling();
+  options.start_tilt_sigma_rad = 0;
+  // State and measurement have the same variance.
+  const double gate = options.gate_sigma * std::sqrt(2) * options.min_measurement_sigma;
+  for (const double sign : {-1.0, 1.0}) {
+    ScaleFilter filter(options);
+    filter.predict(1, 0);
+    filter.update(0.8, 0, kRoadDistance);
+    EXPECT_FALSE(filter.update(0.8 * std::exp(1.02 * sign * gate), 0, kRoadDistance));
+    EXPECT_TRUE(filter.update(0.8 * std::exp(0.98 * sign * gate), 0, kRoadDistance));
+  }
+}
+
 // Except outliers of the features among direct measurements, see
 // DirectMeasurementsAtAWrongPeakDoNotPreventARestart.
 TEST(ScaleFilter, OutliersAmongOtherMeasurementsOrThatDisagreeDoNotRestart) {

@@ -1,5 +1,5 @@
-"""Writes bags for the command tests: damaged ones, a short drive with the nodelets' output of it, and
-copies of a good one (layouts of kitti2bag, compressed images, GPS fixes)."""
+"""Writes bags for the command tests: a short drive with the nodelets' output of it, and copies of a good one
+(a raw drive, compressed images, GPS fixes)."""
 
 import cmath
 import io
@@ -12,28 +12,12 @@ from geometry_msgs.msg import TransformStamped
 from ground_scale_vo.msg import ScaleEstimate
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CompressedImage, Image, NavSatFix
-from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 IMAGE = "/kitti/camera_gray_left/image_rect"
 RAW_IMAGE = "/kitti/camera_gray_left/image_raw"
 INFO = "/kitti/camera_gray_left/camera_info"
 COMPRESSED = "/camera/image_raw/compressed"
-
-
-def _truncated(good, file):
-    data = good.read_bytes()
-    file.write_bytes(data[: len(data) // 2])
-
-
-def _text_topic(_, file):
-    with rosbag.Bag(str(file), "w") as bag:
-        for topic in (IMAGE, INFO):
-            bag.write(topic, String("no image"), rospy.Time(1))
-
-
-# name -> function(a good bag, the file to write)
-DAMAGED = {"truncated": _truncated, "text_topic": _text_topic}
 
 
 def _set_pose(position, rotation, frame, distance_m, yaw):
@@ -80,15 +64,6 @@ def copy(source, file, change):
                 changed.write(*written, stamp)
 
 
-def _older_layout(topic, message):
-    if topic == IMAGE:
-        return "/kitti/camera_gray_left/image", message
-    if topic == "/tf":
-        message.transforms[0].header.frame_id = "camera_init"
-        message.transforms[0].child_frame_id = "camera_gray_left"
-    return topic, message
-
-
 def _raw_layout(topic, message):
     if topic == IMAGE:
         return RAW_IMAGE, message
@@ -104,14 +79,9 @@ def _raw_layout(topic, message):
     return topic, message
 
 
-# Layout of kitti2bag -> function(topic, message) that changes a message of kitti_to_bag to it.
-LAYOUTS = {"raw": _raw_layout, "older": _older_layout}
-
-
-def kitti2bag(layout, source, file):
-    copy(source, file, LAYOUTS[layout])
-    if layout != "raw":
-        return
+def raw_drive(source, file):
+    """The bag as kitti2bag writes a raw drive."""
+    copy(source, file, _raw_layout)
     with rosbag.Bag(str(file), "a") as bag:
         mounting = TransformStamped()
         mounting.header.frame_id, mounting.child_frame_id = "imu_link", "camera_gray_left"
@@ -119,11 +89,11 @@ def kitti2bag(layout, source, file):
         bag.write("/tf_static", TFMessage([mounting]), rospy.Time.from_sec(bag.get_start_time()))
 
 
-def compress(source, file, info=INFO):
-    """The bag with colour JPEG images on COMPRESSED only. info: topic of their calibration."""
+def compress(source, file):
+    """The bag with colour JPEG images on COMPRESSED only."""
     def change(topic, message):
         if topic != IMAGE:
-            return (info if topic == INFO else topic), message
+            return topic, message
         compressed = CompressedImage(header=message.header, format="rgb8; jpeg compressed bgr8")
         grey = PIL.Image.frombytes("L", (message.width, message.height), message.data)
         buffer = io.BytesIO()

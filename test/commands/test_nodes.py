@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import rosbag
 import rospy
-from conftest import ROOT, assert_refused
+from conftest import ROOT
 from geometry_msgs.msg import Point32, Quaternion
 from sensor_msgs.msg import ChannelFloat32
+
 
 class Topics:
     """Stands for the publishers and subscribers of a node: keeps what it publishes."""
@@ -44,45 +45,6 @@ def monitor(monkeypatch):
     return node("playback_monitor", monkeypatch)[0]
 
 
-class Viewing:
-    """A view_frame without a master. views, road: position and yaw of the transforms that it broadcasts."""
-
-    def __init__(self, monkeypatch):
-        self.node, self.topics = node("view_frame", monkeypatch)
-        self.road = []
-        monkeypatch.setattr(self.node.tf2_ros, "TransformListener", lambda _: None)
-        monkeypatch.setattr(self.node.tf2_ros, "StaticTransformBroadcaster", lambda: self)
-        self.view = self.node.ViewFrame()
-
-    def sendTransform(self, transform):
-        self.road.append(self.placed(transform, "ground_scale_vo_road"))
-
-    @property
-    def views(self):
-        return [self.placed(message.transforms[0], "ground_scale_vo_view") for message in self.topics.published]
-
-    @staticmethod
-    def placed(transform, child):
-        t, r = transform.transform.translation, transform.transform.rotation
-        assert (transform.header.frame_id, transform.child_frame_id) == ("odom", child) and r.x == r.y == 0
-        return [t.x, t.y, t.z, 2 * math.atan2(r.z, r.w)]
-
-    def scale(self, status, scale=0, height=0):
-        message = self.node.ScaleEstimate(status=status, scale=scale, height=height)
-        message.header.frame_id = "camera"
-        self.view._on_scale(message)
-
-    def odometry(self, child, position, axes):
-        """axes: the x, y and z axis of the child, in the columns of a matrix."""
-        message = self.node.Odometry(child_frame_id=child)
-        message.header.frame_id = "odom"
-        message.pose.pose.position = self.node.Vector3(*position)
-        w = math.sqrt(1 + np.trace(axes)) / 2
-        xyz = (axes[[2, 0, 1], [1, 2, 0]] - axes[[1, 2, 0], [2, 0, 1]]) / (4 * w)
-        message.pose.pose.orientation = Quaternion(*xyz, w)
-        self.view._on_odometry(message)
-
-
 def rotation(yaw=0.0, pitch=0.0, roll=0.0):
     """Of a body with x forward, z up; pitch > 0 is down."""
     z, y, x = (cv2.Rodrigues(angle * axis)[0] for angle, axis in zip((yaw, pitch, roll), np.eye(3)[::-1]))
@@ -95,27 +57,51 @@ CAMERA = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # axes of a camera that 
 @pytest.mark.parametrize("yaw", [-2.0, 0.3, 1.5])
 def test_view_is_on_the_road_and_level(monkeypatch, yaw):
     """The vehicle is turned about all axes, so the road is not below the base by the height of the camera. The grid
-    stays where the view starts."""
-    viewing = Viewing(monkeypatch)
-    viewing.scale(viewing.node.ScaleEstimate.UNKNOWN)
-    viewing.odometry("camera", (0, 0, 0), CAMERA)
-    assert not viewing.views + viewing.road  # the height is not known
-    viewing.scale(viewing.node.ScaleEstimate.OK, 0.5, 2.4)
-    viewing.odometry("camera", (0, 0, 0), CAMERA)
-    viewing.scale(viewing.node.ScaleEstimate.HELD, 0.6, 2.0)
-    viewing.odometry("camera", (1, 2, 3), rotation(yaw, 0.2) @ CAMERA)
-    assert viewing.views == [pytest.approx([0, 0, -1.2, 0]), pytest.approx([1, 2, 1.8, yaw])]
+    of the road stays where the view starts."""
+    module, topics = node("view_frame", monkeypatch)
+    assert f"Target Frame: {module.VIEW_FRAME}\n" in (ROOT / "rviz/ground_scale_vo.rviz").read_text()
+    for name in ("TransformListener", "StaticTransformBroadcaster"):
+        monkeypatch.setattr(module.tf2_ros, name, lambda *_: topics)
+    monkeypatch.setattr(topics, "sendTransform", topics.publish, raising=False)
+    view, estimate = module.ViewFrame(), module.ScaleEstimate
+
+    def scale(status, scale, height):
+        message = estimate(status=status, scale=scale, height=height)
+        message.header.frame_id = "camera"
+        view._on_scale(message)
+
+    def odometry(child, position, axes):
+        """axes: the x, y and z axis of the child, in the columns of a matrix. Returns what is published then."""
+        message = module.Odometry(child_frame_id=child)
+        message.header.frame_id = "odom"
+        message.pose.pose.position = module.Vector3(*position)
+        w = math.sqrt(1 + np.trace(axes)) / 2
+        xyz = (axes[[2, 0, 1], [1, 2, 0]] - axes[[1, 2, 0], [2, 0, 1]]) / (4 * w)
+        message.pose.pose.orientation = Quaternion(*xyz, w)
+        topics.published.clear()
+        view._on_odometry(message)
+        return [placed(getattr(sent, "transforms", [sent])[0]) for sent in topics.published]
+
+    def placed(sent):
+        t, r = sent.transform.translation, sent.transform.rotation
+        assert sent.header.frame_id == "odom" and r.x == r.y == 0
+        return [sent.child_frame_id[16:], pytest.approx([t.x, t.y, t.z, 2 * math.atan2(r.z, r.w)])]
+
+    scale(estimate.UNKNOWN, 0, 0)
+    assert not odometry("camera", (0, 0, 0), CAMERA)
+    scale(estimate.OK, 0.5, 2.4)
+    assert odometry("camera", (0, 0, 0), CAMERA) == [["road", [0, 0, -1.2, 0]], ["view", [0, 0, -1.2, 0]]]
+    scale(estimate.HELD, 0.6, 2.0)
+    assert odometry("camera", (1, 2, 3), rotation(yaw, 0.2) @ CAMERA) == [["view", [1, 2, 1.8, yaw]]]
 
     axes, mounting = rotation(yaw, -0.1, 0.2), (2, 7, 1.2)
-    viewing.odometry("base_link", (1, 2, 3), axes)
-    assert len(viewing.views) == 2  # the mounting is not known
-    transform = viewing.node.TransformStamped(child_frame_id="camera")
+    assert not odometry("base_link", (1, 2, 3), axes)  # the mounting is not known
+    transform = module.TransformStamped(child_frame_id="camera")
     transform.header.frame_id = "base_link"
-    transform.transform.translation, transform.transform.rotation.w = viewing.node.Vector3(*mounting), 1
-    viewing.view._tf.set_transform_static(transform, "test")
-    viewing.odometry("base_link", (1, 2, 3), axes)
-    assert viewing.views[2] == pytest.approx([1, 2, 3 + (axes @ mounting)[2] - 1.2, yaw])
-    assert viewing.road == [pytest.approx([0, 0, -1.2, 0])]
+    transform.transform.translation, transform.transform.rotation.w = module.Vector3(*mounting), 1
+    view._tf.set_transform_static(transform, "test")
+    road_z = 3 + (axes @ mounting)[2] - 1.2
+    assert odometry("base_link", (1, 2, 3), axes) == [["view", [1, 2, road_z, yaw]]]
 
 
 class Feeding:
@@ -185,6 +171,11 @@ def test_points_are_sorted_and_in_camera_axes(monkeypatch):
         pytest.approx(axis) for axis in ((0.8, -0.48, -0.36), (0.6, 0.64, 0.48), (0, -0.6, 0.8))]
 
 
+def test_a_damaged_bag_is_refused(monitor, damaged_bag):
+    with pytest.raises(monitor.PlaybackError, match=re.escape(str(damaged_bag)) + "[^\n]*$"):
+        monitor.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
+
+
 def test_the_bag_ends_with_its_last_image(monitor, bag, tmp_path):
     """Also when the other topics are longer."""
     longer = tmp_path / "longer.bag"
@@ -196,11 +187,6 @@ def test_the_bag_ends_with_its_last_image(monitor, bag, tmp_path):
     for file in (bag, longer):
         summary = monitor.BagSummary(str(file), [bags.IMAGE], bags.INFO)
         assert (summary.images, (summary.last_image, summary.last_image_played)) == (len(images), max(images))
-
-
-def test_a_damaged_bag_is_refused(monitor, damaged_bag):
-    with pytest.raises(monitor.PlaybackError, match=re.escape(str(damaged_bag)) + "[^\n]*$"):
-        monitor.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
 
 
 @pytest.mark.parametrize("path, images, info, text", [
@@ -220,20 +206,3 @@ def test_a_bag_that_cannot_be_played_is_refused(monitor, bag, tmp_path, path, im
                 new.write(name, message, stamp)
     with pytest.raises(monitor.PlaybackError, match=re.escape(text)):
         monitor.BagSummary(str(two) if path is None else path, images, info)
-
-
-@pytest.mark.parametrize("rate", ["0", "inf", "abc"])
-def test_rate_that_is_refused(monitor, monkeypatch, rate):
-    monkeypatch.setattr(monitor.rospy, "get_param", {"~rate": rate}.get)
-    with pytest.raises(monitor.PlaybackError, match=f"the rate is '{rate}'"):
-        monitor.playback_rate()
-
-
-@pytest.mark.parametrize("file, text", [
-    ("OLD.bag", "OLD.bag exists already; remove it or record to another file"),
-    ("my.bag", "record:=my.bag must be an absolute path: record:=$PWD/my.bag")])
-def test_bag_recorder_refuses(tmp_path, file, text):
-    old = tmp_path / "old"
-    old.with_suffix(".bag").write_text("old")
-    assert_refused(1, text.replace("OLD", str(old)), ROOT / "nodes/bag_recorder", file.replace("OLD", str(old)))
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]

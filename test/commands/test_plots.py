@@ -14,7 +14,7 @@ FRAMES = 20
 def figures(monkeypatch):
     """The figures that are drawn, instead of files."""
     drawn = []
-    monkeypatch.setattr(plot_run, "save", lambda figure, file: drawn.append(figure))
+    monkeypatch.setattr(plot_run, "save", lambda figure, *_: drawn.append(figure))
     return drawn
 
 
@@ -43,32 +43,21 @@ def line(axes, label):
 
 
 def test_plots_of_a_run(figures, folder):
-    plot_run.draw(folder)
+    plot_run.draw(folder, pdf=False)
     trajectory, scale, timing = figures
     assert line(trajectory.axes[0], "estimate")[-1] == pytest.approx([0.2 * 1.1 * 19, 1.1 * 19])
     assert line(trajectory.axes[0], "ground truth")[-1] == pytest.approx([0.2 * 19, 19])
-    heights, histogram, scales = scale.axes[:3]
+    heights, _, scales = scale.axes[:3]
     unfiltered = line(heights, "unfiltered")
     assert len(unfiltered) == 19 and unfiltered[:, 1] == pytest.approx(np.full(19, 1.65 * 1.5 / 1.25))
     assert line(scales, "filtered")[:, 1] == pytest.approx(np.full(FRAMES, 1.5))
     for axes, value, two_sigma in ((heights, 1.65, 0.2 * 1.65), (scales, 1.5, 0.3)):
         band = axes.collections[0].get_paths()[0].get_extents()
         assert (band.y0, band.y1) == pytest.approx((value - two_sigma, value + two_sigma))
-    assert np.all(histogram.get_xticks() == np.round(histogram.get_xticks()))  # numbers of frames
     states = {str(bars.get_label()): bars for bars in scales.collections if "frames" in str(bars.get_label())}
     assert set(states) == {"ok: 17 frames", "held: 2 frames", "lost: 1 frames"}
-    assert [path.get_extents().width for path in states["held: 2 frames"].get_paths()] == pytest.approx([0.1, 0.1])
     labels = [text.get_text().split() for text in timing.axes[1].get_yticklabels()]
     assert labels == [["64.000", "75", "%"], ["4.000", "100", "%"]]  # median, share of the frames
-
-
-def test_files(folder, monkeypatch):
-    (folder / "trajectory.png").touch()
-    monkeypatch.setattr("sys.argv", ["plot_run.py", str(folder)])
-    plot_run.main()
-    plots = list(folder.glob("*.png"))
-    assert {plot.name for plot in plots} == {"trajectory.png", "scale.png", "timing.png"}
-    assert all(plot.stat().st_size > 3000 for plot in plots)
 
 
 def test_full_disk(folder):

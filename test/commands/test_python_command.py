@@ -67,13 +67,11 @@ def distance(results):
 
 
 def test_installed_command_on_a_terminal(venv, short, evaluated, tmp_path):
-    """The results are the same as of scripts/evaluate."""
     output = on_terminal(venv / "bin/ground_scale_vo", "run", short, "--camera-height", CAMERA_HEIGHT, "--out",
                          tmp_path, environment=WITHOUT_MESSAGES)
     assert f"{'#' * 30}] {FRAMES}/{FRAMES}" in output and f"short: {FRAMES} frames, {FRAMES} tracked" in output
     results = tmp_path / "short"
-    for name in ("poses.txt", "trajectory_tum.txt", "scale.csv"):
-        assert (results / name).read_text() == (evaluated / name).read_text()
+    assert (results / "poses.txt").read_text() == (evaluated / "poses.txt").read_text()
     for plot in ("trajectory", "scale", "timing"):
         assert (results / f"{plot}.png").stat().st_size > 0
     metrics = json.loads((results / "metrics.json").read_text())
@@ -96,27 +94,19 @@ def test_video(command, video, short, evaluated, tmp_path):
     assert distance(tmp_path / "out/drive") == pytest.approx(distance(evaluated), rel=0.03)
 
 
-@pytest.mark.parametrize("model", ["plumb_bob", "equidistant"])
-def test_folder_of_distorted_images(command, short, evaluated, tmp_path, model):
-    folder, K = tmp_path / "raw", camera_matrix(short)
+@pytest.mark.parametrize("model, D", [("radtan", [-0.2, 0.05, 0.001, -0.001]), ("equidistant", [-0.05, 0.01, 0, 0])])
+def test_folder_of_distorted_images(command, short, evaluated, tmp_path, model, D):
+    folder, K, images = tmp_path / "raw", camera_matrix(short), images_of(short)
     folder.mkdir()
     (folder / "times.txt").write_text((short / "times.txt").read_text())
-    images, file = images_of(short), tmp_path / "camera.yaml"
     height, width = images[0].shape
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
-    if model == "plumb_bob":
-        D = [-0.2, 0.05, 0.001, -0.001]
-        source = cv2.undistortPoints(pixels, K, np.array(D), None, None, K)
-        file.write_text(json.dumps({
-            "image_width": width, "image_height": height, "camera_matrix": {"data": K.ravel().tolist()},
-            "distortion_model": model, "distortion_coefficients": {"data": D}}))
-    else:
-        D = [-0.05, 0.01, 0.0, 0.0]
-        source = cv2.fisheye.undistortPoints(pixels, K, np.array(D), None, K)
-        write_kalibr(file, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), (width, height), model, D)
-    maps = source.reshape(height, width, 2).astype(np.float32)
+    undistorted = (cv2.undistortPoints(pixels, K, np.array(D), None, None, K) if model == "radtan" else
+                   cv2.fisheye.undistortPoints(pixels, K, np.array(D), None, K))
+    maps = undistorted.reshape(height, width, 2).astype(np.float32)
     for i, image in enumerate(images):
         cv2.imwrite(str(folder / f"{i:06}.png"), cv2.remap(image, maps, None, cv2.INTER_CUBIC))
+    file = write_kalibr(tmp_path / "camera.yaml", K[[0, 1, 0, 1], [0, 1, 2, 2]], (width, height), model, D)
     assert command(folder, "--camera", file)[0] == 0
     assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
 
@@ -146,7 +136,7 @@ def test_options_reach_the_odometry(gsv, command, shortest, tmp_path):
 
 @pytest.mark.parametrize("change, expected", [
     ({}, (510, 4)), ({"is_rectified": True}, (500, 0)), ({"K": [0] * 9}, (500, 0)),
-    ({"distortion_model": "", "D": []}, (510, 0)), ({"binning_x": 1, "binning_y": 1}, (510, 4)),
+    ({"distortion_model": "", "D": []}, (510, 0)),
     ({"K": [0] * 9, "P": [0] * 12}, "is not calibrated, P is zero"),
     ({"binning_y": 2}, "binning and regions of interest are not supported, pass --camera"),
     ({"roi": RegionOfInterest(height=9)}, "binning and regions"), ({"D": 5 * [np.nan]}, "has numbers that are not"),
@@ -180,10 +170,9 @@ def test_stamps_of_a_folder(gsv, shortest, tmp_path):
     for text, stamp in (("1317042145.964389445", 1317042145964389445), ("1.3170421459643894e9", 1317042145964389400)):
         times.write_text(text)
         assert [stamp for _, stamp in open_images(tmp_path, None).images] == [stamp]
-    for text, message in (("nan", "nan is not a time"), ("1e999999999", "is not a time"), ("1,5", "1,5 is not a time"),
-                          ("1317000000000", r"1.317e\+12 s is not a time since 1970"), ("", "1 images and 0 stamps")):
+    for text in ("nan", "1e999999999", "1,5", "1317000000000"):
         times.write_text(text)
-        with pytest.raises(gsv.DataError, match=f"times.txt: .*{message}|{message} in times.txt"):
+        with pytest.raises(gsv.DataError, match="times.txt: .* is not a time"):
             open_images(tmp_path, None)
 
 
@@ -194,7 +183,6 @@ def test_image_topics_of_a_bag(gsv, opened, bag, short, tmp_path):
     drive, _ = opened(compressed, "--camera", short / "calib.txt")
     image, stamp = next(drive.images)
     assert (drive.count, stamp) == (FRAMES, 1000000000) and cv2.absdiff(image, images_of(short)[0]).mean() < 3
-    assert drive.info_topic == bags.COMPRESSED.replace("image_raw/compressed", "camera_info")
 
     def black_instead_of_info(topic, message):
         if topic != bags.INFO:
@@ -210,21 +198,8 @@ def test_image_topics_of_a_bag(gsv, opened, bag, short, tmp_path):
         assert np.array_equal(next(drive.images)[0], first), topic
 
 
-def test_rotated_video_is_refused_with_the_calibration_of_the_sensor(refused, video, short, tmp_path):
-    contents = bytearray(video.read_bytes())
-    matrix = contents.index(b"tkhd") + 44  # of the display, ISO/IEC 14496-12
-    contents[matrix:matrix + 36] = np.array([0, 1 << 16, 0, -1 << 16, 0, 0, 0, 0, 1 << 30], ">i4").tobytes()
-    rotated = tmp_path / "rotated.mp4"
-    rotated.write_bytes(contents)
-    file = write_kalibr(tmp_path / "camera.yaml", (500, 500, 400, 120), (800, 248))
-    refused(1, "the images are 248x800, the calibration is of 800x248: calibrate", rotated, "--camera", file)
-
-
-def test_damaged_bag_is_refused(refused, damaged_bag, short):
+def test_unusable_bags_are_refused(refused, bag, damaged_bag, short, tmp_path):
     refused(1, f"{damaged_bag}: ", damaged_bag, "--camera", short / "calib.txt")
-
-
-def test_bag_without_calibration_is_refused(refused, bag, tmp_path):
     images = tmp_path / "images.bag"
     bags.copy(bag, images, lambda topic, message: None if topic == bags.INFO else (topic, message))
     refused(2, f"--camera is missing; {images} has no {bags.INFO}", images)
@@ -244,8 +219,6 @@ def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
     (1, "empty.mp4: cannot be used as a calibration (it is neither YAML", ["empty.mp4", "--camera", "empty.mp4"]),
     (1, "times.txt: cannot be read", [".", "--camera", "CALIB"]),
     (1, "the calibration is of 10x20", ["SHORTEST", "--camera", "size.yaml"]),
-    (2, "there is no option refin; did you mean refine?", ["SHORTEST", "--set", "refin=true"]),
-    (1, "empty.mp4: cannot be decoded as an image", ["SHORTEST", "--mask", "empty.mp4"]),
     (1, "the mask is 8x4, the first image ", ["SHORTEST", "--camera", "raw.yaml", "--mask", "small.png"]),
     (1, "an image is ", ["sizes", "--camera", "raw.yaml"]),
 ])

@@ -1,4 +1,4 @@
-"""The tools: their options and exit statuses, and the drives and bags that they write."""
+"""The command lines of tools and scripts: what they refuse. The drives and bags that the tools write."""
 
 import os
 import shutil
@@ -7,41 +7,64 @@ import numpy as np
 import pytest
 import rosbag
 from bags import IMAGE, INFO
-from conftest import (ROOT, assert_refused, camera_matrix, images_of, on_full_disk, poses_of, rendered, run,
+from conftest import (ROOT, SCRIPTS, assert_refused, camera_matrix, images_of, on_full_disk, poses_of, rendered, run,
                       tool)
 
 TOOLS = sorted(file.stem for file in (ROOT / "src/tools").glob("*.cpp") if file.stem != "ground_truth_relay")
 
 
-@pytest.mark.parametrize("name", TOOLS + ["scripts/demo", "scripts/evaluate"])
+def command(name):
+    return SCRIPTS / name if (SCRIPTS / name).exists() else tool(name)
+
+
+@pytest.mark.parametrize("name", [*TOOLS, "demo", "evaluate", "package"])
 def test_help_and_unknown_option(name):
-    command = ROOT / name if "/" in name else tool(name)
-    assert name in run(command, "--help").stdout.split("\n\n")[0]
-    assert_refused(2, "--nonsense", command, "--nonsense")
+    assert name in run(command(name), "--help").stdout.split("\n\n")[0]
+    assert_refused(2, "--nonsense", command(name), "--nonsense")
 
 
 @pytest.mark.parametrize("status, text, words", [
     (2, "unknown scenario", "render_drive OUT/x --scenario none"),
-    (2, "--path and --scenario", "render_drive OUT/x --path DRIVE/poses.txt --scenario night"),
     (2, "unknown variant 'none'", "derive_drives DRIVE none --out OUT"),
     (1, "shortest_half already exists", "derive_drives DRIVE half --out OLD"),
     (1, "OUT/none", "kitti_to_bag OUT/none --out OUT/x.bag"),
-    (1, "there is no folder OUT/none", "kitti_to_bag DRIVE --out OUT/none/x.bag"),
+    (1, "has neither image_0", "kitti_to_bag OUT --out OUT/x.bag"),
     (1, "has frames 0 to 11", "kitti_to_bag DRIVE --out OUT/x.bag --start 12"),
-    (1, "exists already; --force", "kitti_to_bag DRIVE --out OLD/old"),
+    (1, "exists already; --force", "kitti_to_bag DRIVE --out OLD/old.bag"),
     (1, "is not a regular file", "kitti_to_bag DRIVE --out OLD/pipe --force"),
     (1, "over the sequence", "run_sequence OLD/shortest --camera-height 1.65 --out OLD"),
     (2, "did you mean tracker/cell_size?", "run_sequence DRIVE --camera-height 2 --out OUT --set tracker/cel_size=1"),
-    (1, "there is no bag", "evaluate_bag --played OUT/x.bag --recorded OUT/x.bag --out OUT --camera-height 1.65"),
     (2, "tracker/cell_size is 7", "evaluate_scenarios pitched --out OUT --set tracker/cell_size=7"),
+    (1, "metrics.json: cannot be read", "metrics_table.py OUT"),
+    (1, "old.bag exists already", "bag_recorder OLD/old.bag"),
+    (1, "must be an absolute path: record:=$PWD/my.bag", "bag_recorder my.bag"),
+    (2, "SEQ is missing", "evaluate --out OUT"),
+    (1, "none: no such folder", "evaluate OUT/none --out OUT"),
+    (2, "have the same name", "evaluate DRIVE OLD/shortest --out OUT"),
+    (2, "camera_height is 0", "evaluate DRIVE --out OUT --camera-height 0"),
+    (2, "unknown scenario", "evaluate --scenarios none --out OUT"),
+    (2, "unknown fault", "evaluate --faults none"),
+    (1, "there is no bag", "demo --bag OUT/none.bag"),
+    (2, "--camera-height", "demo --camera-height 0"),
+    (2, "--image camera/image needs --camera-height", "demo --image camera/image"),
+    (2, "own folder", "demo --sequence DRIVE --out OLD"),  # OLD/shortest is a link to DRIVE
+    (2, "over the bag", "demo --bag OLD/recorded/recorded.bag --out OLD"),
+    (1, "exists already", "calibrate_height DRIVE --length 50 --length-sigma 0.1 --out OLD/old.bag"),
+    (1, "there is no folder", "calibrate_height DRIVE --length 50 --length-sigma 0.1 --out OUT/none/height.yaml"),
+    (1, "uncertain by", "calibrate_height DRIVE --length 50 --length-sigma 5"),
+    (1, "old.bag cannot be read", "calibrate_height --bag OLD/old.bag --image /image --gps /fix"),
+    (2, "one of --length", "calibrate_height DRIVE"),
+    (2, "--length and --length-sigma go together", "calibrate_height DRIVE --length 50"),
+    (2, "--to must be greater", "calibrate_height DRIVE --length 50 --length-sigma 0.1 --from 3 --to 2"),
 ])
 def test_refuses(shortest, tmp_path, status, text, words):
     """OUT is an empty folder and stays so; what OLD contains is not replaced."""
     out, old = tmp_path / "out", tmp_path / "old"
-    for folder in (out, old / "shortest_half"):
+    for folder in (out, old / "shortest_half", old / "recorded"):
         folder.mkdir(parents=True)
     (old / "shortest").symlink_to(shortest)
-    (old / "old").write_text("other data")
+    for file in ("old.bag", "recorded/recorded.bag"):
+        (old / file).write_text("other data")
     os.mkfifo(old / "pipe")
     kept = sorted(old.rglob("*"))
 
@@ -49,18 +72,18 @@ def test_refuses(shortest, tmp_path, status, text, words):
         return word.replace("OUT", str(out)).replace("OLD", str(old)).replace("DRIVE", str(shortest))
 
     name, *arguments = map(placed, words.split())
-    assert_refused(status, placed(text), tool(name), *arguments)
+    assert_refused(status, placed(text), command(name), *arguments, cwd=out)
     assert not list(out.iterdir()) and sorted(old.rglob("*")) == kept
-    assert (old / "old").read_text() == "other data" and (old / "pipe").is_fifo()
+    assert (old / "old.bag").read_text() == "other data" and (old / "pipe").is_fifo()
 
 
 @pytest.mark.parametrize("kib, words", [
     (10, "render_drive OUT/drive --frames 2"), (10, "derive_drives DRIVE half --out OUT"),
-    (100, "kitti_to_bag DRIVE --out OUT/x.bag")])
+    (100, "kitti_to_bag DRIVE --out OUT/x.bag"), (1, "run_sequence DRIVE --camera-height 1.65 --out OUT")])
 def test_full_disk(shortest, tmp_path, kib, words):
     name, *arguments = (word.replace("OUT", str(tmp_path)).replace("DRIVE", str(shortest)) for word in words.split())
     assert_refused(1, "cannot be written", tool(name), *arguments, **on_full_disk(kib))
-    assert not list(tmp_path.iterdir())
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 def test_render_drive(short, tmp_path):
@@ -149,9 +172,3 @@ def test_kitti_to_bag(shortest, tmp_path, style, start, parent, child):
         assert any(info.K) == (style == "native")
         pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)
         assert np.array_equal(pixels, images_of(shortest)[i])
-
-
-def test_kitti_to_bag_damaged_folder(damaged_folder, tmp_path):
-    folder, reason = damaged_folder
-    assert_refused(1, reason, tool("kitti_to_bag"), folder, "--out", tmp_path / "x.bag")
-    assert not list(tmp_path.iterdir())

@@ -36,12 +36,7 @@ TEST(CalibratedCamera, TakesKOfRawAndPOfRectifiedImages) {
   info.P[0] = 500;
   info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
   const CalibratedCamera raw(info, "/t", false), rectified(info, "/t", true);
-  EXPECT_EQ(raw.camera().fx, 400);
-  EXPECT_EQ(raw.camera().fy, 410);
-  EXPECT_EQ(raw.camera().cx, 320);
-  EXPECT_EQ(raw.camera().cy, 100);
-  EXPECT_EQ(raw.camera().width, 640);
-  EXPECT_EQ(raw.camera().height, 200);
+  EXPECT_TRUE(raw.matches({640, 200, 400, 410, 320, 100})) << raw.describe();
   EXPECT_TRUE(raw.isDistorted());
   EXPECT_EQ(rectified.camera().fx, 500);
   EXPECT_FALSE(rectified.isDistorted());
@@ -51,30 +46,19 @@ TEST(CalibratedCamera, TakesKOfRawAndPOfRectifiedImages) {
 
 // The right camera of a stereo pair has its baseline in P, a stereo calibration has an R; neither
 // changes the rays of the pixels of this camera.
-TEST(CalibratedCamera, IgnoresTheStereoCalibrationAndARoiOfTheWholeImage) {
-  Info info = goodInfo();
-  info.P[3] = -386.1;
-  info.P[7] = 2;
-  info.R.fill(7);
-  setRoi(&info, 0, 0, 640, 200);
-  info.roi.do_rectify = 1;
-  for (const bool is_rectified : {false, true}) {
-    EXPECT_TRUE(CalibratedCamera(info, "/t", is_rectified)
-                    .isSameAs(CalibratedCamera(goodInfo(), "/t", is_rectified)));
-  }
-}
-
-TEST(CalibratedCamera, AppliesRoiAndBinningToP) {
+TEST(CalibratedCamera, AppliesRoiAndBinningToPAndIgnoresTheStereoCalibration) {
   Info info = goodInfo();
   setRoi(&info, 100, 0, 540, 200);
   info.binning_x = 2;
-  const PinholeCamera part = CalibratedCamera(info, "/t", true).camera();
-  EXPECT_EQ(part.width, 270);
-  EXPECT_EQ(part.height, 200);
-  EXPECT_EQ(part.fx, 200);
-  EXPECT_EQ(part.fy, 410);
-  EXPECT_EQ(part.cx, 110);
-  EXPECT_EQ(part.cy, 100);
+  info.P[3] = -386.1;
+  info.R.fill(7);
+  const CalibratedCamera part(info, "/t", true);
+  EXPECT_TRUE(part.matches({270, 200, 200, 410, 110, 100})) << part.describe();
+  setRoi(&info, 0, 0, 640, 200);
+  info.roi.do_rectify = 1;
+  info.binning_x = 0;
+  EXPECT_TRUE(
+      CalibratedCamera(info, "/t", false).isSameAs(CalibratedCamera(goodInfo(), "/t", false)));
 }
 
 /// Where the ray (x, y, 1) appears in the raw image of the full resolution, by OpenCV's projection.
@@ -173,11 +157,18 @@ CalibratedCamera wideCamera(double k1) {
   return CalibratedCamera(info, "/t", false);
 }
 
-TEST(Rectification, WithoutDistortionIsTheInputItself) {
+TEST(Rectification, WithoutDistortionIsTheInputItselfAndRefusesOtherSizesAndTypes) {
   const cv::Mat image(248, 800, CV_8UC1, cv::Scalar(7));
   EXPECT_EQ(wideCamera(0).rectify(image).data, image.data);
   EXPECT_EQ(wideCamera(0).rectifyMask(image).data, image.data);
-  EXPECT_TRUE(wideCamera(-0.3).rectifyMask({}).empty());
+  for (const double k1 : {0.0, -0.3}) {
+    const CalibratedCamera calibrated = wideCamera(k1);
+    EXPECT_THROW(calibrated.rectify(cv::Mat(10, 10, CV_8UC1)), OptionError);
+    EXPECT_THROW(calibrated.rectify(cv::Mat(248, 800, CV_8UC3)), OptionError);
+    EXPECT_THROW(calibrated.rectify(cv::Mat()), OptionError);
+    EXPECT_THROW(calibrated.rectifyMask(cv::Mat(10, 10, CV_8UC1)), OptionError);
+    EXPECT_TRUE(calibrated.rectifyMask({}).empty());
+  }
 }
 
 // Wherever the image's content comes, even in part, from a masked pixel or from outside the image.
@@ -198,16 +189,6 @@ TEST(Rectification, OfAMaskCoversAllThatDependsOnIt) {
   }
 }
 
-TEST(Rectification, RefusesImagesAndMasksOfAnotherSizeOrType) {
-  for (const double k1 : {0.0, -0.3}) {
-    const CalibratedCamera calibrated = wideCamera(k1);
-    EXPECT_THROW(calibrated.rectify(cv::Mat(10, 10, CV_8UC1)), OptionError);
-    EXPECT_THROW(calibrated.rectify(cv::Mat(248, 800, CV_8UC3)), OptionError);
-    EXPECT_THROW(calibrated.rectify(cv::Mat()), OptionError);
-    EXPECT_THROW(calibrated.rectifyMask(cv::Mat(10, 10, CV_8UC1)), OptionError);
-  }
-}
-
 TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -222,12 +203,10 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
       {[](Info* i) { i->D[4] = kInf; }, "not finite"},
       {[](Info* i) { i->R[8] = kNan; }, "not finite"},
       {[](Info* i) { i->K.fill(0), i->P.fill(0); }, "all zeros: the camera is not calibrated"},
-      {[](Info* i) { *i = Info(); }, "all zeros: the camera is not calibrated"},
       {[](Info* i) { i->P.fill(0); }, "has no P, which image_is_rectified requires", true},
       {[](Info* i) { i->K[0] = -400; }, "fx [px] is -400"},
       {[](Info* i) { i->K[4] = 0; }, "fy [px] is 0"},
       {[](Info* i) { i->P[5] = 0; }, "fy [px] is 0", true},
-      {[](Info* i) { i->K[0] = 1e300; }, "fx [px] is 1e+300"},
       {[](Info* i) { i->K[0] = i->K[4] = 2; }, "fx [image widths] is 0.003125"},
       {[](Info* i) { i->K[0] = i->K[4] = 5e5; }, "fx [image widths] is 781.25"},
       {[](Info* i) { i->K[4] = 4001; }, "fy / fx is 10.0025"},
@@ -235,7 +214,6 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
       {[](Info* i) { i->K[5] = -2100; }, "cy [image heights]"},
       {[](Info* i) { i->K = {400, 0, 0, 0, 410, 0, 320, 100, 1}; }, "K is not of the form"},
       {[](Info* i) { i->K[1] = 3; }, "K is not of the form"},
-      {[](Info* i) { i->K[8] = 0; }, "K is not of the form"},
       {[](Info* i) { i->P[10] = 0; }, "P is not of the form", true},
       {[](Info* i) { i->width = 0; }, "width [px] is 0"},
       {[](Info* i) { i->height = 0; }, "height [px] is 0"},
@@ -246,10 +224,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
        "\"thin_prism\"; supported are plumb_bob, rational_polynomial and equidistant"},
       {[](Info* i) { i->distortion_model.clear(), i->D[0] = 0.1; }, "distortion model is \"\""},
       {[](Info* i) { i->D = {0.1}; }, "coefficients, not 1"},
-      {[](Info* i) { i->D = {0.1, 0, 0, 0, 0, 0}; }, "coefficients, not 6"},
-      {[](Info* i) { i->D.assign(100, 0.1); }, "coefficients, not 100"},
       {[](Info* i) { i->distortion_model = "equidistant"; }, "has 4 coefficients, not 5"},
-      {[](Info* i) { i->D[0] = 1e9; }, "distortion coefficient is 1e+09"},
       {[](Info* i) { setRoi(i, 641, 0, 10, 10); }, "ROI of 10 x 10 at (641, 0) is not inside"},
       {[](Info* i) { setRoi(i, 0, 101, 640, 100); }, "ROI of 640 x 100 at (0, 101)"},
       {[](Info* i) { setRoi(i, 100, 0, kMaxUint32 - 50, 200); }, "ROI of 4294967245 x 200"},

@@ -56,9 +56,6 @@ TEST(CompressedImage, RefusesWhatCannotBeDecoded) {
   bad = good;
   bad.data.resize(bad.data.size() - 2);
   EXPECT_THROW(decode(bad), MessageError) << "truncated";
-  bad = encoded("", ".png");
-  for (std::size_t i = 16; i < 24; ++i) bad.data[i] = 0x7f;  // width and height
-  EXPECT_THROW(decode(bad), MessageError) << "implausible size";
   bad = good;
   std::fill(bad.data.begin() + 2, bad.data.end() - 2, std::uint8_t{0});
   EXPECT_THROW(decode(bad), MessageError) << "not JPEG between the marks";

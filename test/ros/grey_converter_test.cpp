@@ -165,9 +165,8 @@ TEST(GreyConverter, TheRangeOfSixteenBitsShrinksOnlyAfterManyDarkImages) {
   EXPECT_EQ(greyOf(&converter, 4095), 255);
   for (int i = 1; i < kMany; ++i) ASSERT_EQ(greyOf(&converter, 200), 12) << i;
   EXPECT_EQ(greyOf(&converter, 200), 50);  // 10 bits
-  for (int i = 1; i < kMany; ++i) greyOf(&converter, 100);
-  EXPECT_EQ(greyOf(&converter, 100), 100);  // 8 bits
-  for (int i = 0; i <= kMany; ++i) ASSERT_EQ(greyOf(&converter, 10), 10) << i;
+  for (int i = 0; i < 2 * kMany; ++i) greyOf(&converter, 10);
+  EXPECT_EQ(greyOf(&converter, 10), 10);  // not below 8 bits
 }
 
 TEST(GreyConverter, MonoPixelsAreNotCopied) {
@@ -187,8 +186,7 @@ void expectRefused(const sensor_msgs::Image& image, const std::string& reason) {
 
 TEST(GreyConverter, RefusesUnsupportedEncodings) {
   for (const std::string encoding :
-       {"", "jpeg", "MONO8", "mono8 ", "8UC", "8UC2", "8UC5", "8UC-4", "8UC1000000000", "8SC1",
-        "16SC1", "16UC2", "32SC1", "32FC1", "32FC3", "64FC1", "bayer_rggb", "yuv420", "nv12"}) {
+       {"", "jpeg", "mono8 ", "8UC2", "8UC1000000000", "16SC1", "32FC1", "bayer_rggb", "nv12"}) {
     sensor_msgs::Image image = imageOf({"mono8", "y"}, 1);
     image.encoding = encoding;
     expectRefused(image, "the encoding \"" + encoding + "\" cannot be converted to grey");
@@ -207,20 +205,15 @@ TEST(GreyConverter, RefusesSizesThatDoNotFit) {
       {"mono8", 4, 0, 4, 0, "the image has no pixels"},
       {"mono8", 4, 2, 4, 7, "the image holds 7 bytes instead of 8"},
       {"mono8", 4, 2, 4, 9, "the image holds 9 bytes instead of 8"},
-      {"mono8", 4, 2, 4, 0, "the image holds 0 bytes instead of 8"},
       {"mono8", 4, 2, 6, 10, "the image holds 10 bytes instead of 12"},
       {"mono8", 4, 2, 0, 0, "the step of 0 bytes does not fit 4 pixels of mono8"},
       {"bgr8", 4, 2, 11, 22, "the step of 11 bytes does not fit"},
-      {"rgba16", 4, 2, 31, 62, "the step of 31 bytes does not fit"},
       {"mono16", 4, 2, 9, 18, "the step of 9 bytes does not fit"},
-      {"yuv422", 4, 2, 7, 14, "the step of 7 bytes does not fit"},
       {"yuv422_yuy2", 4, 2, 7, 14, "the step of 7 bytes does not fit"},
-      {"yuv422_yuy2", 4, 2, 8, 15, "the image holds 15 bytes instead of 16"},
       {"mono8", kMaxUint32, 1, kMaxUint32, 1, "4294967295 x 1 is not plausible for a camera"},
       {"mono8", 1, kMaxUint32, 1, 1, "1 x 4294967295 is not plausible for a camera"},
       // step * height is 2^32, which is 0 in 32 bits.
       {"mono8", 65536, 65536, 65536, 0, "the image holds 0 bytes instead of 4294967296"},
-      {"bgr8", 4, 2, kMaxUint32, 24, "the image holds 24 bytes instead of 8589934590"},
   };
   for (const auto& c : kCases) {
     expectRefused(plainImage(c.encoding, c.width, c.height, c.step, c.bytes), c.reason);

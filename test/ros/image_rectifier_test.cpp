@@ -80,20 +80,11 @@ TEST(ImageRectifier, KeepsItsCameraWhileItVariesByLessThanATenthOfAPixel) {
 
 TEST(CalibratedCamera, MatchesTheSameIntrinsicsUpToRounding) {
   const CalibratedCamera calibrated(infoOf(10), "t", false);
-  PinholeCamera camera = calibrated.camera();
-  camera.cx += 1e-6;  // as after a conversion to float
-  EXPECT_TRUE(calibrated.matches(camera));
-  for (double PinholeCamera::*const parameter :
-       {&PinholeCamera::fx, &PinholeCamera::fy, &PinholeCamera::cx, &PinholeCamera::cy}) {
-    camera = calibrated.camera();
-    camera.*parameter += 0.2;
-    EXPECT_FALSE(calibrated.matches(camera));
-  }
-  for (int PinholeCamera::*const size : {&PinholeCamera::width, &PinholeCamera::height}) {
-    camera = calibrated.camera();
-    camera.*size += 1;
-    EXPECT_FALSE(calibrated.matches(camera));
-  }
+  EXPECT_TRUE(calibrated.matches({8, 6, 10, 10, 4 + 1e-6, 3}));  // after a conversion to float
+  const PinholeCamera kOthers[] = {{9, 6, 10, 10, 4, 3},   {8, 7, 10, 10, 4, 3},
+                                   {8, 6, 10.2, 10, 4, 3}, {8, 6, 10, 10.2, 4, 3},
+                                   {8, 6, 10, 10, 4.2, 3}, {8, 6, 10, 10, 4, 3.2}};
+  for (const PinholeCamera& other : kOthers) EXPECT_FALSE(calibrated.matches(other));
 }
 
 TEST(ImageRectifier, KeepsTheFirstOfTwoCalibrationsThatAlternate) {
@@ -102,10 +93,11 @@ TEST(ImageRectifier, KeepsTheFirstOfTwoCalibrationsThatAlternate) {
   const auto first = rectifier.camera();
   EXPECT_EQ(first->camera().fx, 10);
   for (int i = 0; i < 3; ++i) {
-    EXPECT_EQ(
-        messageOf<MessageError>([&] { rectifier.setCameraInfo(infoOf(11), "t"); }),
-        "two cameras publish on t: camera_info alternates between 8 x 6, fx 10, fy 10, cx 4, cy 3, "
-        "no distortion, which is used, and 8 x 6, fx 11, fy 10, cx 4, cy 3, no distortion");
+    const std::string message =
+        messageOf<MessageError>([&] { rectifier.setCameraInfo(infoOf(11), "t"); });
+    for (const char* part : {"two cameras publish on t", "fx 10, ", "fx 11, ", "no distortion"}) {
+      EXPECT_NE(message.find(part), std::string::npos) << message;
+    }
     EXPECT_TRUE(rectifier.calibrationAlternates());
     rectifier.setCameraInfo(infoOf(10), "t");
     EXPECT_EQ(rectifier.camera(), first);
@@ -182,19 +174,10 @@ TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
   expectRefused(folder_ / "missing.png", "cannot be read");
   expectRefused(folder_, "cannot be read");
   expectRefused(write("text.png", "no image"), "is not a whole PNG or JPEG image");
-  for (const char* name : {"truncated.png", "truncated.jpg"}) {
-    const std::string file = writeMask(80, 60, name);
-    EXPECT_NO_THROW(ImageRectifier(false, file));
-    std::filesystem::resize_file(file, std::filesystem::file_size(file) - 40);
-    expectRefused(file, "is not a whole PNG or JPEG image");
-  }
-  // Signature, header of 60000 x 60000 px, end mark.
-  const std::string header(
-      "\x89PNG\r\n\x1a\n"
-      "\0\0\0\rIHDR\0\0\xea\x60\0\0\xea\x60\x08\0\0\0\0\0\0\0\0"
-      "\0\0\0\0IEND\xae\x42\x60\x82",
-      45);
-  expectRefused(write("huge.png", header), "states 60000 x 60000 pixels, more than are plausible");
+  const std::string file = writeMask(80, 60);
+  EXPECT_NO_THROW(ImageRectifier(false, file));
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) - 40);
+  expectRefused(file, "is not a whole PNG or JPEG image");
 }
 
 }  // namespace

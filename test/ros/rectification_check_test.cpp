@@ -98,12 +98,9 @@ TEST(RectificationCheck, AcceptsConsistentCalibrations) {
   invalid_R.R.fill(7);
   const RectificationCase kCases[] = {
       {"barrel, cropped", rawCamera(kBarrel, 0), false, "/cam/image_raw"},
-      {"barrel, medium", rawCamera(kBarrel, 0.5), false, "/cam/image_raw"},
       {"barrel, all pixels", rawCamera(kBarrel, 1), false, "/cam/image_raw"},
       {"pincushion", rawCamera({0.1, 0, 0, 0, 0}), false, "/image"},
-      {"pincushion, all pixels", rawCamera({0.1, 0, 0, 0, 0}, 1), false, "/image"},
       {"fisheye", fisheye(), false, "/image_raw"},
-      {"undistorted", rawCamera(kNoDistortion), false, "/image"},
       {"undistorted, rectified topic", rawCamera(kNoDistortion), false, "/cam/image_rect"},
       {"undistorted, rectified", rawCamera(kNoDistortion), true, "/cam/image_rect"},
       {"rectified", rawCamera(kBarrel), true, "/cam/image_rect"},
@@ -128,7 +125,6 @@ TEST(RectificationCheck, FindsRectifiedImagesThatAreTakenForRaw) {
   // Only an impossible P is certain.
   const RectificationCase kCertain[] = {
       {"KITTI", kittiRaw(), false, "/kitti/camera_gray_left/image_raw"},
-      {"KITTI, rectified topic", kittiRaw(), false, "/kitti/camera_gray_left/image_rect"},
       {"small f", withFocalLengthOfP(rawCamera(kNoDistortion), 300), false, "/image"},
       {"large f", withFocalLengthOfP(rawCamera(kNoDistortion), 600), false, "/image"},
       {"stereo, to the other side", ofStereoPair(1), false, "/image"},
@@ -139,8 +135,6 @@ TEST(RectificationCheck, FindsRectifiedImagesThatAreTakenForRaw) {
   expectContradiction(
       {"centre of a fisheye image", withFocalLengthOfP(fisheye(), 1200), false, "/image_raw"},
       Contradiction::kPossible);
-  EXPECT_NE(rectificationContradiction(kittiRaw(), false, "/image_raw").reason.find("fx 721.538"),
-            std::string::npos);
 }
 
 TEST(RectificationCheck, FindsRawImagesThatAreTakenForRectified) {

@@ -1,13 +1,10 @@
 #include "ground_scale_vo/ros/visuals.hpp"
 
 #include <gtest/gtest.h>
-#include <sensor_msgs/image_encodings.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -77,12 +74,13 @@ class TrackPainting : public testing::Test {
 
 TEST_F(TrackPainting, GivesAColourImageWithTintedMask) {
   paint({}, uniformGrey(), rightMasked());
-  EXPECT_EQ(message_->encoding, sensor_msgs::image_encodings::BGR8);
-  EXPECT_EQ(message_->width, static_cast<unsigned>(kImageWidth));
-  EXPECT_EQ(message_->height, static_cast<unsigned>(kImageHeight));
+  EXPECT_EQ(message_->encoding, "bgr8");
   EXPECT_EQ(message_->header.frame_id, "camera");
   EXPECT_TRUE(at(299).isGrey());
   EXPECT_FALSE(at(300).isGrey());
+  // Viewers show a large image reduced, so the marks grow with it; at the edge they are cut.
+  paint({feature(1, 0, 3), feature(2, 100, 3)}, uniformGrey(1600, 400));
+  EXPECT_FALSE(at(105).isGrey());
 }
 
 TEST_F(TrackPainting, MarksShowAgePointAndRejection) {
@@ -112,18 +110,6 @@ TEST_F(TrackPainting, LinesLeadToThePreviousImage) {
   ++frame_.sequence;
   paint({feature(1, 140, 3)});
   EXPECT_TRUE(at(130).isGrey()) << "the image before was not drawn";
-}
-
-TEST_F(TrackPainting, MarksFitIntoImagesOfEverySize) {
-  rejected_ = {{1, {0.f, kRow}, RejectReason::kOutlier},
-               {2, {639.f, kRow}, RejectReason::kNotFound}};
-  paint({feature(1, 0, 3), feature(2, kImageWidth - 1, 3, false)});
-  EXPECT_FALSE(at(0).isGrey()) << "at the edge";
-  paint({}, uniformGrey(16, 12));
-  EXPECT_EQ(message_->width, 16u);
-  // Viewers show a large image reduced, so the marks grow with it.
-  paint({feature(1, 100, 10)}, uniformGrey(1600, 400));
-  EXPECT_FALSE(at(105).isGrey());
 }
 
 /// A level camera 0.5 VO units above the road; the scale, 3.3, makes that 1.65 m.
@@ -194,27 +180,9 @@ TEST_F(RoadPainting, APlaneOutsideTheViewOrASmallImageIsValid) {
        {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(1, 0, 0)}) {
     output_.scale.n_c = up;
     for (const int width : {kImageWidth, 16}) {
-      paint(ScaleStatus::kOk, uniformGrey(width));
-      EXPECT_EQ(message_->width, static_cast<unsigned>(width));
+      EXPECT_NO_THROW(paint(ScaleStatus::kOk, uniformGrey(width)));
     }
   }
-}
-
-TEST_F(RoadPainting, TextNamesTheScaleAndBothMeasurements) {
-  output_.scale.status = ScaleStatus::kOk;
-  output_.scale.scale = 1.25;
-  output_.scale.sigma = 0.025;
-  output_.feature_based = {0.5, 0.015};
-  output_.direct = {0.5, 0.005};
-  output_.correlation = 0.9;
-  EXPECT_EQ(scaleText(output_), (std::array<std::string, 2>{
-                                    "ok: 1.25 m per VO unit +- 2.0 %",
-                                    "this frame: features 3.0 %, direct 1.0 %, correlation 0.90"}));
-  output_ = {};
-  output_.scale.reason = ScaleReason::kNoPlane;
-  EXPECT_EQ(
-      scaleText(output_),
-      (std::array<std::string, 2>{"unknown, no_plane", "this frame: features none, direct none"}));
 }
 
 // A camera that looks down by 0.1 rad, 0.5 VO units (1.65 m) above the road.
@@ -229,11 +197,8 @@ TEST(PlaneMarkers, LieOnTheRoadAheadInMetres) {
   const auto markers = toPlaneMarkers(scale, header);
   ASSERT_EQ(markers.size(), 2u);
   EXPECT_NE(markers[0]->id, markers[1]->id);
-  EXPECT_EQ(markers[0]->type, visualization_msgs::Marker::CUBE);
-  EXPECT_EQ(markers[1]->type, visualization_msgs::Marker::ARROW);
   for (const auto& marker : markers) {
     EXPECT_EQ(marker->header.frame_id, "camera");
-    EXPECT_GT(std::min(marker->scale.y, marker->scale.z), 0);
     EXPECT_GT(marker->color.a, 0);
   }
   // The quad: its z is the normal, its x points ahead, its centre is on the road ahead.
@@ -242,7 +207,6 @@ TEST(PlaneMarkers, LieOnTheRoadAheadInMetres) {
   EXPECT_GT(T_c_quad.linear().col(0).z(), 0.99);
   EXPECT_NEAR(scale.n_c.dot(T_c_quad.translation()), -1.65, 1e-12);
   EXPECT_GT(T_c_quad.translation().z(), 3);
-  EXPECT_NEAR(T_c_quad.translation().x(), 0, 1e-12);
   // The arrow: from the road up to the camera.
   const Eigen::Isometry3d T_c_arrow = fromMsg(markers[1]->pose);
   EXPECT_NEAR((T_c_arrow * Eigen::Vector3d(markers[1]->scale.x, 0, 0)).norm(), 0, 1e-12);
@@ -264,12 +228,9 @@ TEST(PointCloud, HoldsThePointsInMetres) {
   EXPECT_EQ(*x, 2);
   EXPECT_EQ(*y, 4);
   EXPECT_EQ(*z, 6);
-  // Without points it is a valid message, too.
-  EXPECT_EQ(none->header.frame_id, "camera");
   EXPECT_EQ(none->width, 0u);
   EXPECT_TRUE(none->data.empty());
-  EXPECT_EQ(none->point_step, cloud->point_step);
-  EXPECT_EQ(none->fields, cloud->fields);
+  EXPECT_EQ(none->fields, cloud->fields) << "also valid without points";
 }
 
 }  // namespace

@@ -73,18 +73,16 @@ class BagDrives : public TemporaryFolder {
 /// variances: of east and north [m^2]; empty: not known.
 sensor_msgs::NavSatFix fix(double stamp, double latitude, double longitude, double altitude,
                            const std::vector<double>& variances = {}) {
-  sensor_msgs::NavSatFix fix;
+  using sensor_msgs::NavSatFix;
+  NavSatFix fix;
   fix.header.stamp = ros::Time(stamp);
   fix.latitude = latitude;
   fix.longitude = longitude;
   fix.altitude = altitude;
-  fix.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_UNKNOWN;
-  fix.position_covariance[0] = fix.position_covariance[4] = 0.01;
-  if (!variances.empty()) {
-    fix.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_DIAGONAL_KNOWN;
-    fix.position_covariance[0] = variances[0];
-    fix.position_covariance[4] = variances[1];
-  }
+  fix.position_covariance_type = variances.empty() ? NavSatFix::COVARIANCE_TYPE_UNKNOWN
+                                                   : NavSatFix::COVARIANCE_TYPE_DIAGONAL_KNOWN;
+  fix.position_covariance[0] = variances.empty() ? 0.01 : variances[0];
+  fix.position_covariance[4] = variances.empty() ? 0.01 : variances[1];
   return fix;
 }
 

@@ -1,21 +1,15 @@
-// Runs a fuzz target without libFuzzer on mutations of the inputs of Plan::corpus, reproducibly for
-// a seed.
+// Runs a fuzz target on its corpus, then on mutations of it, each of which depends only on the seed
+// and its number:
 //
-//   X_fuzz [--iterations N] [--seed S]
-//       runs the corpus and N mutated inputs (defaults: a third of Plan::iterations, with
-//       `scripts/test --long` all of them; seed 1)
-//   X_fuzz FILE...
-//       runs these inputs only
+//   X_fuzz [SEED [FIRST [COUNT]]]
 //
-// An input that crashes the process is kept in the file X_fuzz.input.
+// (defaults: 1, 0, as planned by the target). A crash prints the arguments that run its input
+// alone.
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <csignal>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <random>
 
 #include "fuzz_target.hpp"
@@ -24,43 +18,31 @@
 namespace ground_scale_vo::fuzz {
 namespace {
 
-int iterations = -1;  // negative: as planned
-std::uint64_t seed = 1;
-std::vector<std::string> files;
-std::string input_file;                   // keeps the input that crashes the process
-const std::string* under_test = nullptr;  // the input that is being run
+unsigned long long seed = 1, number = 0, count = 0;  // NOLINT: of the command line
 
-extern "C" void keepInput(int signal) {
+extern "C" void nameInput(int signal) {
+  std::fprintf(stderr, "signal %d: reproduce it with the arguments %llu %llu 1\n", signal, seed,
+               number);
   std::signal(signal, SIG_DFL);
-  if (under_test != nullptr) std::ofstream(input_file, std::ios::binary) << *under_test;
   std::raise(signal);
-}
-
-void runTarget(const std::string& input) {
-  under_test = &input;
-  // An exact copy, so that a sanitizer detects reads beyond its end.
-  const std::vector<std::uint8_t> bytes(input.begin(), input.end());
-  LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
-  under_test = nullptr;
 }
 
 /// Mutates inputs of a corpus, with tokens that are edge cases for parsers of numbers and of KITTI
 /// files.
 class Mutator {
  public:
-  explicit Mutator(std::vector<std::string> corpus) : corpus_(std::move(corpus)), random_(seed) {}
+  explicit Mutator(const std::vector<std::string>& corpus)
+      : corpus_(corpus), random_(seed * 0x9E3779B97F4A7C15u + number) {}
 
-  std::string next() {
+  std::string input() {
+    constexpr std::size_t kMaxSize = 1u << 16;  // [bytes]
     std::string input = corpus_[below(corpus_.size())];
     for (std::size_t k = below(6) + 1; k > 0; --k) mutate(&input);
-    if (input.size() > kMaxSize) input.resize(kMaxSize);
-    return input;
+    return input.substr(0, kMaxSize);
   }
 
  private:
-  static constexpr std::size_t kMaxSize = 1u << 16;  // [bytes]
-
-  std::size_t below(std::size_t count) { return count == 0 ? 0 : random_() % count; }
+  std::size_t below(std::size_t limit) { return random_() % limit; }
 
   void mutate(std::string* input) {
     static const char* const kWords[] = {
@@ -97,24 +79,17 @@ class Mutator {
     }
   }
 
-  const std::vector<std::string> corpus_;
+  const std::vector<std::string>& corpus_;
   std::mt19937_64 random_;
 };
 
 TEST(Fuzz, HandlesEveryInput) {
-  for (const std::string& file : files) {
-    std::ifstream stream(file, std::ios::binary);
-    ASSERT_TRUE(stream) << file;
-    runTarget({std::istreambuf_iterator<char>(stream), {}});
+  Plan target = plan();
+  target.corpus.emplace_back();
+  if (count == 0) count = runsLongTests() ? target.inputs : target.inputs / 3;
+  for (const auto end = number + count; number < end; ++number) {
+    run(number < target.corpus.size() ? target.corpus[number] : Mutator(target.corpus).input());
   }
-  if (!files.empty()) return;
-  const Plan target = plan();
-  for (const std::string& input : target.corpus) runTarget(input);
-  runTarget("");
-  Mutator mutator(target.corpus);
-  const int planned = runsLongTests() ? target.iterations : target.iterations / 3;
-  const int count = iterations >= 0 ? iterations : planned;
-  for (int i = 0; i < count; ++i) runTarget(mutator.next());
 }
 
 }  // namespace
@@ -123,19 +98,9 @@ TEST(Fuzz, HandlesEveryInput) {
 int main(int argc, char** argv) {
   using namespace ground_scale_vo::fuzz;
   testing::InitGoogleTest(&argc, argv);
-  testing::GTEST_FLAG(catch_exceptions) = false;  // an exception ends the process: input is kept
-  input_file = std::filesystem::absolute(argv[0]).string() + ".input";
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const bool has_value = i + 1 < argc;
-    if (argument == "--iterations" && has_value) {
-      iterations = std::atoi(argv[++i]);
-    } else if (argument == "--seed" && has_value) {
-      seed = std::strtoull(argv[++i], nullptr, 10);
-    } else {
-      files.push_back(argument);
-    }
-  }
-  for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGBUS}) std::signal(signal, keepInput);
+  testing::GTEST_FLAG(catch_exceptions) = false;  // an exception ends the process as a signal does
+  unsigned long long* const arguments[] = {&seed, &number, &count};
+  for (int i = 1; i < std::min(argc, 4); ++i) *arguments[i - 1] = std::stoull(argv[i]);
+  for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGBUS}) std::signal(signal, nameInput);
   return RUN_ALL_TESTS();
 }

@@ -1,29 +1,28 @@
 #pragma once
 
+#include <algorithm>
 #include <cfloat>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <iterator>
 #include <string>
-#include <type_traits>
+#include <string_view>
 #include <vector>
 
-/// Called by libFuzzer, or by fuzz_driver.cpp in the normal build. One input; it must not cause a
-/// crash, an exception or a failed require().
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
-
+/// Each target defines plan() and run(), which fuzz_driver.cpp calls.
 namespace ground_scale_vo::fuzz {
 
-/// How the driver runs a target.
 struct Plan {
-  int iterations = 0;               ///< with `scripts/test --long`; by default a third
+  std::size_t inputs;               ///< with `scripts/test --long`; by default a third
   std::vector<std::string> corpus;  ///< valid inputs to mutate
 };
-Plan plan();  ///< defined by each target
+Plan plan();
+
+/// Processes one input; it must not cause a crash, an exception or a failed require().
+void run(const std::string& input);
 
 /// Aborts with a message if the condition does not hold. what: the condition in words.
 inline void require(bool holds, const char* what) {
@@ -35,18 +34,16 @@ inline void require(bool holds, const char* what) {
 /// Decodes an input from front to end; after its end all values are zero.
 class Input {
  public:
-  Input(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
+  explicit Input(std::string_view bytes) : bytes_(bytes) {}
 
-  bool empty() const { return size_ == 0; }
+  bool empty() const { return bytes_.empty(); }
   /// The next bytes as a number.
   template <typename Number>
   Number take() {
-    static_assert(std::is_arithmetic_v<Number>);
     Number value{};
-    const std::size_t bytes = size_ < sizeof value ? size_ : sizeof value;
-    if (bytes > 0) std::memcpy(&value, data_, bytes);
-    data_ += bytes;
-    size_ -= bytes;
+    const std::size_t count = std::min(bytes_.size(), sizeof value);
+    std::memcpy(&value, bytes_.data(), count);
+    bytes_.remove_prefix(count);
     return value;
   }
   /// In [0, count). Precondition: count > 0.
@@ -69,8 +66,7 @@ class Input {
   }
 
  private:
-  const std::uint8_t* data_;
-  std::size_t size_;
+  std::string_view bytes_;
 };
 
 }  // namespace ground_scale_vo::fuzz

@@ -30,8 +30,7 @@ inline const SmallDrive& smallDrive() {
     options.camera = {480, 150, 278, 278, 240, 55};
     options.frames = 24;
     const SyntheticDrive drive(options);
-    SmallDrive small;
-    small.camera = drive.camera();
+    SmallDrive small{drive.camera(), {}, {}};
     for (std::size_t i = 0; i < drive.size(); ++i) {
       small.images.push_back(drive.image(i));
       // Starts at 1 s: a stamp of 0 means "no stamp" in ROS.
@@ -42,13 +41,22 @@ inline const SmallDrive& smallDrive() {
   return kDrive;
 }
 
+/// An input of messages of which one in `period` is odd, that is, with changes.
+inline std::string mixedMessages(int period) {
+  std::string mixed;
+  for (int i = 0; i < 40; ++i) {
+    mixed += {static_cast<char>(i % period == period - 1), static_cast<char>(7 * i)};
+  }
+  return mixed;
+}
+
 template <typename Range>
 bool allFinite(const Range& values) {
   return std::all_of(std::begin(values), std::end(values),
                      [](auto value) { return std::isfinite(value); });
 }
 inline bool allFinite(std::initializer_list<double> values) {
-  return allFinite(std::vector<double>(values));
+  return allFinite<std::initializer_list<double>>(values);
 }
 
 inline bool isPose(const geometry_msgs::Pose& pose) {

@@ -1,4 +1,5 @@
-// Parameter trees as the nodelets read them.
+// Parameter trees as the nodelets read them: random values for some of the names, and unknown
+// names.
 
 #include <XmlRpcValue.h>
 
@@ -11,22 +12,9 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
-/// The parameter names of a nodelet.
-template <typename Params>
-std::vector<std::string> namesOf() {
-  XmlRpcValue tree;
-  tree["camera_height"] = 1.65;
-  ParamReader reader("fuzz", tree);
-  Params::read(reader);
-  std::vector<std::string> names;
-  for (const ParamReader::Entry& entry : reader.entries()) names.push_back(entry.name);
-  return names;
-}
-
-/// A random value. depth: largest number of nested lists.
-XmlRpcValue value(Input* input, int depth) {
+XmlRpcValue value(Input* input) {
   XmlRpcValue list;
-  switch (input->below(depth > 0 ? 6 : 5)) {
+  switch (input->below(6)) {
     case 0:
       return XmlRpcValue(input->number());
     case 1:
@@ -39,35 +27,30 @@ XmlRpcValue value(Input* input, int depth) {
       return XmlRpcValue();
     default:
       list.setSize(static_cast<int>(input->below(4)));
-      for (int i = 0; i < list.size(); ++i) list[i] = value(input, depth - 1);
+      for (int i = 0; i < list.size(); ++i) list[i] = input->number();
       return list;
   }
 }
 
-/// A tree with random values for some of the names, and for a few unknown ones.
-XmlRpcValue tree(Input* input, const std::vector<std::string>& names) {
-  XmlRpcValue root;
-  root["camera_height"] = 1.65;
-  while (!input->empty()) {
-    const std::string name = input->below(8) == 0 ? input->text(8) : input->oneOf(names);
+template <typename Params>
+void read(Input input) {
+  XmlRpcValue tree;
+  tree["camera_height"] = 1.65;
+  ParamReader defaults("fuzz", tree);
+  Params::read(defaults);
+  while (!input.empty()) {
+    const std::string name =
+        input.below(8) == 0 ? input.text(8) : input.oneOf(defaults.entries()).name;
     const std::size_t slash = name.find('/');
     if (slash == std::string::npos) {
-      root[name] = value(input, 3);
+      tree[name] = value(&input);
       continue;
     }
-    XmlRpcValue& group = root[name.substr(0, slash)];
+    XmlRpcValue& group = tree[name.substr(0, slash)];
     if (group.valid() && group.getType() != XmlRpcValue::TypeStruct) continue;
-    group[name.substr(slash + 1)] = value(input, 2);
+    group[name.substr(slash + 1)] = value(&input);
   }
-  return root;
-}
-
-template <typename Params>
-void read(const std::uint8_t* data, std::size_t size) {
-  static const std::vector<std::string> kNames = namesOf<Params>();
-  Input input(data, size);
-  const XmlRpcValue root = input.below(50) == 1 ? value(&input, 3) : tree(&input, kNames);
-  ParamReader reader("fuzz", root);
+  ParamReader reader("fuzz", tree);
   try {
     Params::read(reader);
     for (const ParamReader::Entry& entry : reader.entries()) {
@@ -88,11 +71,9 @@ Plan plan() {
   return {5000, corpus};
 }
 
-}  // namespace ground_scale_vo::fuzz
-
-int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace ground_scale_vo;
-  fuzz::read<MonoVoParams>(data, size);
-  fuzz::read<ScaleRecoveryParams>(data, size);
-  return 0;
+void run(const std::string& input) {
+  read<MonoVoParams>(Input(input));
+  read<ScaleRecoveryParams>(Input(input));
 }
+
+}  // namespace ground_scale_vo::fuzz

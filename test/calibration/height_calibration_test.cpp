@@ -144,24 +144,6 @@ TEST(HeightCalibration, HeightIsProportionalToTheLength) {
   EXPECT_NEAR(positions2.height.sigma, 1.07 * positions.height.sigma, 1e-9);
 }
 
-// Segments and sections are 12 camera heights long, here 24 m of the odometry.
-TEST(HeightCalibration, LengthsAreInNominalHeights) {
-  const ScriptedDrive scripted = drive({});
-  const Result result =
-      HeightCalibration({}).fromPositions(scripted.record, 2, scripted.positions, 0);
-  ASSERT_EQ(result.status, Status::kOk) << result.reason;
-  EXPECT_NEAR(result.height.value, 2 * kHeight, 0.002);
-  for (const auto& segment : result.segments) {
-    EXPECT_NEAR(segment.height, 2 * kHeight, 0.002);
-    EXPECT_NEAR(segment.length_heights, 12.2, 0.2);  // a step is 0.27 heights long
-  }
-  Script script;
-  script.frames = 60;  // 31 heights: the mounting needs three sections
-  EXPECT_FALSE(byLength(drive(script)).pitch);
-  script.frames = 80;
-  EXPECT_TRUE(byLength(drive(script)).pitch);
-}
-
 /// Share of the seeds whose 95 % interval contains the true height. Raises *widest to the largest
 /// half width of an interval, relative to the height.
 double coverage(Script script, int seeds, double* widest) {
@@ -274,21 +256,6 @@ TEST(HeightCalibration, AnUnobservedPartOfTheDistanceGivesNoHeightFromTheLength)
     EXPECT_EQ(result.status, Status::kBroken);
     EXPECT_NE(result.reason.find(reason), std::string::npos) << result.reason;
   }
-}
-
-TEST(HeightCalibration, PositionsMayBeBetweenTheImages) {
-  ScriptedDrive scripted = drive({});
-  std::vector<StampedPosition> between;
-  for (std::size_t i = 0; i + 1 < scripted.positions.size(); ++i) {
-    const StampedPosition &a = scripted.positions[i], &b = scripted.positions[i + 1];
-    const std::int64_t quarters = i % 2 == 0 ? 1 : 3;
-    between.push_back({a.stamp_ns + quarters * kPeriodNs / 4,
-                       a.p + 0.25 * static_cast<double>(quarters) * (b.p - a.p)});
-  }
-  scripted.positions = between;
-  const Result result = byPositions(scripted);
-  ASSERT_EQ(result.status, Status::kOk) << result.reason;
-  for (const auto& segment : result.segments) EXPECT_NEAR(segment.height, kHeight, 1e-9);
 }
 
 TEST(HeightCalibration, OutlierSegmentsAreRejected) {

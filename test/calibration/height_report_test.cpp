@@ -62,18 +62,5 @@ TEST(HeightYaml, TransformStandsOnTheRoadAndFacesAsTheCamera) {
   EXPECT_NEAR(right.z(), -std::sin(kReportedRoll), 1e-4);
 }
 
-TEST(SegmentTable, HasALineForEachSegment) {
-  HeightCalibration::Result result;
-  EXPECT_EQ(segmentTable(result), "");
-  result.segments = {{5000000000, 7500000000, 20, 1.5, true},
-                     {7500000000, 9000000000, 10, 1.75, false}};
-  const std::string text = segmentTable(result);
-  EXPECT_NE(text.find("\n     0.0      2.5       30.0      1.500\n"
-                      "     2.5      4.0       17.5      1.750  rejected\n"
-                      "1 of 2 segments\n"),
-            std::string::npos)
-      << text;
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

@@ -141,47 +141,6 @@ TEST_F(RunReport, HasTheMetricsOfScaleAndCovariance) {
   EXPECT_THROW(metricsJson(record, 1.65, ground_truth), OptionError);
 }
 
-TEST_F(RunReport, ErrorsOfTheTrajectoryAreNotMixedUp) {
-  constexpr double kDegree = M_PI / 180;
-  const Eigen::Vector3d direction(std::sin(0.5 * kDegree), 0, std::cos(0.5 * kDegree));
-  const Eigen::AngleAxisd yaw(0.01 * kDegree, Eigen::Vector3d::UnitY());
-  std::vector<Eigen::Isometry3d> ground_truth;
-  RunRecord record;
-  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity(), T_o_c = T_w_c;
-  for (int i = 0; i <= 240; ++i) {
-    appendFrame(&record, T_w_c, T_o_c, Matrix6d::Zero());
-    ground_truth.push_back(ahead(i));
-    T_w_c = T_w_c * Eigen::Translation3d((i < 120 ? 0.5 : 0.52) * direction) * yaw;
-    T_o_c = T_o_c * Eigen::Translation3d((i < 120 ? 1.06 : 0.98) * direction) * yaw;
-  }
-  const Json json = Json::parse(metricsJson(record, 1.65, ground_truth));
-  const auto metric = computeOdometryMetrics(ground_truth, record.metricPoses());
-  const auto unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
-  const std::map<std::string, double> expected = {
-      {"gt_length_m", metric.gt_length_m},
-      {"rle_percent", metric.rle_percent.value()},
-      {"t_err_percent", metric.t_err_percent.value()},
-      {"r_err_deg_per_m", metric.r_err_deg_per_m.value()},
-      {"t_err_short_percent", metric.t_err_short_percent.value()},
-      {"t_err_true_length_percent", metric.t_err_true_length_percent.value()},
-      {"t_err_sim3_percent", unscaled.t_err_sim3_percent.value()},
-      {"direction_median_deg", metric.direction_median_deg.value()},
-      {"ate_rmse_m", metric.ate_rmse_m}};
-  for (const auto& [name, value] : expected)
-    EXPECT_NEAR(json.at(name), value, 1e-6 * value) << name;
-  for (const char* name : {"by_length", "by_short_length"}) {
-    const auto& errors = name[3] == 'l' ? metric.by_length : metric.by_short_length;
-    ASSERT_EQ(json.at(name).size(), errors.size());
-    for (std::size_t i = 0; i < errors.size(); ++i) {
-      const Json& entry = json.at(name)[i];
-      EXPECT_EQ(entry.at("length_m"), errors[i].length_m);
-      EXPECT_EQ(entry.at("segments"), errors[i].segments);
-      EXPECT_NEAR(entry.at("t_err_percent"), errors[i].t_err_percent, 1e-6);
-      EXPECT_NEAR(entry.at("r_err_deg_per_m"), errors[i].r_err_deg_per_m, 1e-8);
-    }
-  }
-}
-
 TEST_F(RunReport, WritesTheFilesOfARun) {
   const test::CommaLocale locale;
   std::vector<Eigen::Isometry3d> ground_truth;

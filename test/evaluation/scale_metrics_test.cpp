@@ -66,17 +66,6 @@ TEST(ScaleMetrics, CountsErrorsWithinSigma) {
   EXPECT_TRUE(std::isnan(m.height_bias_percent));
 }
 
-TEST(ScaleMetrics, SpreadIsOfTheRawScaleAroundItsOwnMedian) {
-  std::vector<Measurement> measurements;
-  for (const double raw : {2.2, 2.24, 0.0, 2.12, 2.2, 9.0}) {  // 0: not measured
-    measurements.push_back({raw == 0 ? kHeld : kOk, 2.1, 0.1, raw});
-  }
-  const ScaleMetrics m = computeScaleMetrics(record(measurements), metreAFrame(6), 2);
-  EXPECT_NEAR(m.error_median_percent, 5, 1e-9);
-  // 1.4826 times the median of |error - 10 %|: 0, 2, 4, 0, 340.
-  EXPECT_NEAR(m.error_spread_percent, 1.4826 * 2, 1e-9);
-}
-
 TEST(ScaleMetrics, FirstErrorIsSignedAndOfTheFirstScale) {
   const auto firstError = [](double scale) {
     const RunRecord run = record({{kUnknown}, {kHeld, scale, 0.2}, {kOk, 2.5, 0.1}});

@@ -199,14 +199,6 @@ TEST_F(KittiSequences, RefusesBrokenImagesWhenTheyAreRead) {
             "/no_data/image_0/000001.png: cannot be decoded as an image");
 }
 
-TEST_F(KittiSequences, PrefersGroundTruthInTheFolderToThatOfTheCollection) {
-  const fs::path folder = makeOdometry();
-  write("poses/07.txt", kIdentityRow + kIdentityRow + "1 0 0 7 0 1 0 8 0 0 1 9\n");
-  EXPECT_EQ(KittiSequence(folder).groundTruth().at(2).translation(), Eigen::Vector3d(7, 8, 9));
-  write("sequences/07/poses.txt", kIdentityRow + kIdentityRow + kIdentityRow);
-  EXPECT_EQ(KittiSequence(folder).groundTruth().at(2).translation(), Eigen::Vector3d::Zero());
-}
-
 TEST_F(KittiSequences, RefusesGapsAndDuplicates) {
   const fs::path folder = makeOdometry();
   write("sequences/07/image_0/000005.png", encoded("png"));
@@ -280,16 +272,6 @@ TEST_F(KittiSequences, RefusesBadRawGroundTruth) {
   EXPECT_EQ(errorOf(drive), "/2011_09_26/drive_0001_sync: has 1 ground truth poses for 2 images");
   write("2011_09_26/calib_velo_to_cam.txt", "R: 0 0 0 0 0 0 0 0 0\nT: 0 0 0\n");
   EXPECT_EQ(errorOf(drive), "/2011_09_26/calib_velo_to_cam.txt, line 1: R: is not a rotation");
-}
-
-TEST_F(KittiSequences, RawGroundTruthNeedsPositionsAndBothCalibrations) {
-  for (const char* missing : {"2011_09_26/drive_0001_sync/oxts", "2011_09_26/calib_imu_to_velo.txt",
-                              "2011_09_26/calib_velo_to_cam.txt"}) {
-    const fs::path drive = makeRaw();
-    addOxts();
-    fs::remove_all(folder_ / missing);
-    EXPECT_TRUE(KittiSequence(drive).groundTruth().empty()) << missing;
-  }
 }
 
 // The expected motion is composed from the files' numbers with Eigen.

@@ -4,7 +4,6 @@
 
 #include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
-#include "support/comma_locale.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -75,22 +74,6 @@ TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {
     EXPECT_EQ(read[i].stamp_ns, poses[i].stamp_ns);
     EXPECT_TRUE(read[i].T_a_b.isApprox(poses[i].T_a_b, 1e-14));
   }
-}
-
-TEST_F(TrajectoryIo, FilesDoNotDependOnTheLocale) {
-  const std::vector<Eigen::Isometry3d> poses{Eigen::Isometry3d(Eigen::Translation3d(1234.5, 0, 0))};
-  const std::string kitti = "1 0 0 1234.5 0 1 0 0 0 0 1 0\n",
-                    tum = "1.500000000 1234.5 0 0 0 0 0 1\n";
-  const test::CommaLocale locale;
-  writeKittiPoses(folder_ / "kitti.txt", poses);
-  EXPECT_EQ(readFile(folder_ / "kitti.txt", 100), kitti);
-  EXPECT_EQ(readKittiPoses(folder_ / "kitti.txt").at(0).translation().x(), 1234.5);
-  writeTumTrajectory(folder_ / "tum.txt", {{1500000000, poses[0]}});
-  EXPECT_EQ(readFile(folder_ / "tum.txt", 100), tum);
-  EXPECT_EQ(readTumTrajectory(folder_ / "tum.txt").at(0).stamp_ns, 1500000000);
-  std::ostringstream table = csvStream("name");
-  table << 1234.5;
-  EXPECT_EQ(table.str(), "name\n1234.5");
 }
 
 TEST_F(TrajectoryIo, TumSkipsCommentsAndRejectsBadPoses) {

@@ -7,7 +7,6 @@
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
-#include "support/jpeg_to_be_turned.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -140,13 +139,6 @@ TEST_F(MaskFile, IsRectifiedWithTheImages) {
     rectifier.setCameraInfo(infoOf(10, 0.4), "t");
     EXPECT_LT(cv::countNonZero(rectifier.mask()), 8 * 5);
   }
-}
-
-// As the images, which have the orientation of the sensor.
-TEST_F(MaskFile, IsNotTurnedByItsOrientation) {
-  const cv::Mat mask(6, 8, CV_8UC1, cv::Scalar(255));
-  ImageRectifier rectifier(false, write("turned.jpg", jpegToBeTurned(mask)));
-  EXPECT_NO_THROW(rectifier.setCameraInfo(infoOf(10), "t"));
 }
 
 TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {

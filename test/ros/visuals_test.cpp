@@ -101,17 +101,6 @@ TEST_F(TrackPainting, MarksShowAgePointAndRejection) {
   EXPECT_FALSE(at(400).isLike(at(500)));
 }
 
-TEST_F(TrackPainting, LinesLeadToThePreviousImage) {
-  paint({feature(1, 100, 1), feature(3, 400, 1, false)});
-  paint({feature(1, 120, 2), feature(2, 300, 0), feature(3, 420, 2, false)});
-  EXPECT_TRUE(at(110).isLike(at(120)));
-  EXPECT_TRUE(at(410).isLike(at(110))) << "without a point";
-  EXPECT_TRUE(at(290).isGrey());
-  ++frame_.sequence;
-  paint({feature(1, 140, 3)});
-  EXPECT_TRUE(at(130).isGrey()) << "the image before was not drawn";
-}
-
 /// A level camera 0.5 VO units above the road; the scale, 3.3, makes that 1.65 m.
 class RoadPainting : public testing::Test {
  protected:
@@ -162,27 +151,6 @@ TEST_F(RoadPainting, AHeldScaleHasAnotherColourAndAnUnknownScaleNoGrid) {
   paint(ScaleStatus::kUnknown, uniformGrey(), rightMasked());
   EXPECT_TRUE(onRoad(10, 0.8f).isGrey());
   EXPECT_FALSE(onRoad(10, -0.8f).isGrey()) << "masked";
-}
-
-TEST_F(RoadPainting, GroundPointsAreFilled) {
-  frame_.features = {feature(1, 100, 5), feature(2, 200, 5), feature(3, 300, 5, false)};
-  output_.ground_feature_ids = {1};
-  paint(ScaleStatus::kUnknown);
-  const auto at = [&](float u) { return pixelOf(*message_, u, kRow); };
-  EXPECT_GT(at(100).green, at(100).red + 50);
-  EXPECT_TRUE(at(200).isLike(at(300))) << "hollow";
-  EXPECT_FALSE(at(203).isLike(at(200))) << "its ring";
-  EXPECT_TRUE(at(303).isLike(at(200))) << "without a point there is nothing";
-}
-
-TEST_F(RoadPainting, APlaneOutsideTheViewOrASmallImageIsValid) {
-  for (const Eigen::Vector3d& up :
-       {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(1, 0, 0)}) {
-    output_.scale.n_c = up;
-    for (const int width : {kImageWidth, 16}) {
-      EXPECT_NO_THROW(paint(ScaleStatus::kOk, uniformGrey(width)));
-    }
-  }
 }
 
 // A camera that looks down by 0.1 rad, 0.5 VO units (1.65 m) above the road.

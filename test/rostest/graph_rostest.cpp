@@ -379,56 +379,6 @@ TEST_F(Graph, ALateSubscriberGetsTheWholePath) {
   EXPECT_TRUE(pair.unload());
 }
 
-// tf2 rejects names with a leading slash, which some drivers send.
-TEST_F(Graph, TwoPairsInOneManagerAreIndependent) {
-  SyntheticDrive::Options options = smallDrive(50, 2.4);
-  options.random_seed = 7;
-  options.speed = 12;
-  options.camera.fx = options.camera.fy = 200;
-  const RenderedDrive high(options, "/rear_camera");
-  NodeletPair front(manager_, *drive_, "/front"), rear(manager_, high, "/rear");
-  front.setParam("scale_recovery", "odom_frame", "front_odom");
-  rear.setParam("scale_recovery", "odom_frame", "/rear_odom");
-  rear.setParam("mono_vo", "world_frame", "/rear_world");
-  TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
-  TopicRecorder<nav_msgs::Odometry> vo_odometry(handle_, "/rear/vo/odometry");
-  ASSERT_TRUE(front.load());
-  ASSERT_TRUE(rear.load());
-  ASSERT_TRUE(waitUntil([&] { return tf.connected() && vo_odometry.connected(); }));
-  // Concurrently: both images are published before waiting for the results.
-  const std::size_t end = kFrames - 10;
-  for (std::size_t i = 0; i < end; ++i) {
-    front.publish(i);
-    rear.publish(i);
-    ASSERT_TRUE(front.waitForResult(i)) << i;
-    ASSERT_TRUE(rear.waitForResult(i)) << i;
-  }
-  ASSERT_TRUE(front.odometry.waitForStamp(front.stamp(end - 1)));
-  ASSERT_TRUE(rear.odometry.waitForStamp(rear.stamp(end - 1)));
-  ASSERT_TRUE(vo_odometry.waitForStamp(rear.stamp(end - 1)));
-  EXPECT_NEAR(front.displacementRatio(), 1, kTolerance);
-  EXPECT_NEAR(rear.displacementRatio(), 1, kTolerance);
-  EXPECT_EQ(front.odometry.last()->header.frame_id, "front_odom");
-  EXPECT_EQ(rear.odometry.last()->header.frame_id, "rear_odom");
-  EXPECT_EQ(rear.odometry.last()->child_frame_id, "rear_camera");
-  EXPECT_EQ(rear.frames.last()->header.frame_id, "rear_camera");
-  EXPECT_EQ(rear.scales.last()->header.frame_id, "rear_camera");
-  EXPECT_EQ(vo_odometry.last()->header.frame_id, "rear_world");
-  std::map<std::string, std::set<std::string>> parents;
-  for (const auto& message : tf.messages()) {
-    for (const auto& transform : message->transforms) {
-      parents[transform.child_frame_id].insert(transform.header.frame_id);
-    }
-  }
-  EXPECT_EQ(parents["camera"], std::set<std::string>{"front_odom"});
-  EXPECT_EQ(parents["rear_camera"], std::set<std::string>{"rear_odom"});
-
-  EXPECT_TRUE(front.unload());
-  ASSERT_TRUE(rear.playUntilPose(end, high.size() - 1));
-  EXPECT_NEAR(rear.displacementRatio(), 1, kTolerance);
-  EXPECT_TRUE(rear.unload());
-}
-
 class Mask : public ManagerTest {};
 
 /// Whether every pixel of the last row is grey. Precondition: bgr8.

@@ -85,39 +85,5 @@ TEST(ScenarioEvaluation, ComparesARunWithTheDrive) {
   EXPECT_NEAR(metrics.ok_while_unobservable, 2. / 5, 1e-9);
 }
 
-TEST(ScenarioEvaluation, HasAlternativeAndDoubledThresholds) {
-  const auto violatedBy = [](bool is_doubled, const auto& change) {
-    return violation([&](Metrics& m, Thresholds& t) {
-      t.max_untracked_frames = 13;
-      t.max_displacement_sigmas = 2;
-      t.max_ok_while_unobservable = 0.1;
-      if (is_doubled) t = doubled(t);
-      change(m);
-    });
-  };
-  const struct Case {
-    const char* name;
-    void (*set)(Metrics&, double);
-    double ok, ok_if_doubled;  ///< a little more than the latter violates the doubled one
-  } kCases[] = {
-      {"lost", [](Metrics& m, double v) { m.tracked_frames = static_cast<std::size_t>(100 - v); },
-       13, 26},
-      {"rotation", [](Metrics& m, double v) { m.rotation_error_deg = v; }, 1.95, 3.9},
-      {"RLE", [](Metrics& m, double v) { m.rle_percent = v, m.displacement_sigmas = 9; }, 1.45,
-       2.9},
-      {"RLE", [](Metrics& m, double v) { m.rle_percent = 9, m.displacement_sigmas = v; }, 1.95,
-       3.9},
-      {"2 sigma", [](Metrics& m, double v) { m.within_2_sigma = 1 - v; }, 0.24, 0.49},
-      {"ok while unobservable", [](Metrics& m, double v) { m.ok_while_unobservable = v; }, 0.095,
-       0.19}};
-  for (const Case& c : kCases) {
-    SCOPED_TRACE(c.name);
-    EXPECT_EQ(violatedBy(false, [&](Metrics& m) { c.set(m, c.ok); }), "");
-    EXPECT_EQ(violatedBy(false, [&](Metrics& m) { c.set(m, c.ok_if_doubled); }), c.name);
-    EXPECT_EQ(violatedBy(true, [&](Metrics& m) { c.set(m, c.ok_if_doubled); }), "");
-    EXPECT_EQ(violatedBy(true, [&](Metrics& m) { c.set(m, 1.1 * c.ok_if_doubled); }), c.name);
-  }
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

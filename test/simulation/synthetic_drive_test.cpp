@@ -127,43 +127,6 @@ TEST(SyntheticDrive, IsStaticAtTheStop) {
   EXPECT_TRUE(equal(drive.image(standing.front()), drive.image(standing.back())));
 }
 
-TEST(SyntheticDrive, FollowsTheTableOfSpeeds) {
-  Options options = shortDrive(60);
-  options.curvature = options.slope = 0;
-  options.speeds = {{0, 6}, {2, 6}, {3, 0}, {4, -2}};
-  const SyntheticDrive drive(options);
-  const auto distance = [&](std::size_t i) { return drive.frame(i).T_c0_c.translation().norm(); };
-  EXPECT_NEAR(distance(20), 12, 0.05);
-  EXPECT_NEAR(distance(30), 15, 0.05);  // 1 s on a cosine ramp from 6 m/s to 0: 3 m
-  EXPECT_NEAR(distance(40), 14, 0.05);
-  EXPECT_NEAR(distance(50), 12, 0.05);
-  EXPECT_EQ(drive.frame(10).speed, 6);
-  EXPECT_NEAR(drive.frame(25).speed, 3, 1e-12);
-  EXPECT_EQ(drive.frame(50).speed, -2);
-}
-
-TEST(SyntheticDrive, OptionsChangeTheImage) {
-  const cv::Mat all = SyntheticDrive(shortDrive(1)).image(0);
-  int change_number = 0;
-  for (const auto& change : std::vector<std::function<void(Options&)>>{
-           [](Options& o) { o.random_seed = 2; }, [](Options& o) { o.moving_cars = false; },
-           [](Options& o) { o.lane_markings = false; }, [](Options& o) { o.shadows = false; },
-           [](Options& o) { o.road_texture = 0; }, [](Options& o) { o.noise_sigma = 0; },
-           [](Options& o) { o.roll_rad = 0.05; }, [](Options& o) { o.lead_van = true; },
-           [](Options& o) { o.cars_beside = 1; }, [](Options& o) { o.parked_cars = false; },
-           [](Options& o) { o.arrow_spacing = 10; }, [](Options& o) { o.bare_to_m = 20; },
-           [](Options& o) { o.cobbles = true; }, [](Options& o) { o.slope = 0, o.puddles = 0.3; },
-           [](Options& o) {
-             o.own_shadow = true, o.sun = {-0.9, 0.1, 0.2};
-           },
-           [](Options& o) { o.headlamps = true, o.daylight = 0.01; },
-           [](Options& o) { o.hood = 0.2; }, [](Options& o) { o.jpeg_quality = 40; }}) {
-    Options options = shortDrive(1);
-    change(options);
-    EXPECT_FALSE(equal(all, SyntheticDrive(options).image(0))) << "change " << change_number++;
-  }
-}
-
 /// A frame of a drive, and the largest allowed distance between corners of its road and their
 /// prediction from the plane below the camera.
 struct Place {

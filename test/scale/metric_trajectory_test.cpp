@@ -512,6 +512,25 @@ TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
   }
 }
 
+// Two intervals of 0.2 s and 0.05 s at a constant 10 m/s along the first camera's z axis. In the
+// second one the camera turns to the right by 90 degrees, so its motion is along its -x axis.
+TEST(MetricTrajectory, TheMeanVelocityOfAGapIsInTheAxesOfTheCameraBeforeIt) {
+  MetricTrajectory trajectory({});
+  VoFrame frame = frameAt(0, straight(0));
+  trajectory.append(frame, scaleOf(2));
+  frame = frameAt(2, straight(1));
+  trajectory.append(frame, scaleOf(2));
+  frame.T_w_c = straight(1.25) * Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY());
+  frame.stamp_ns += 50000000;
+  const auto last = trajectory.append(frame, scaleOf(2));
+  EXPECT_NEAR((last->twist_c.head<3>() - Eigen::Vector3d(-10, 0, 0)).norm(), 0, 1e-9);
+  VoFrame next = frameAt(0, straight(0), 1);
+  next.stamp_ns = frame.stamp_ns + 1000000000;
+  const auto pose = trajectory.append(next, scaleOf(2));
+  const Eigen::Vector3d gap_o = pose->T_o_c.translation() - last->T_o_c.translation();
+  EXPECT_NEAR((gap_o - Eigen::Vector3d(0, 0, 10)).norm(), 0, 1e-6) << gap_o.transpose();
+}
+
 // The axes of a map without a scale do not matter, only the rotation in it. It is 1 s to that map,
 // then 2 s to the next one; the rotation rate has a standard deviation of 0.1 rad/s.
 TEST(MetricTrajectory, UnknownRotationsBetweenMapsInOtherAxesAddUp) {

@@ -16,7 +16,7 @@ gsv_sanitizers() {
   [[ $1 != undefined ]] || library=libubsan.so
   # scripts/test switches leak detection off for the rostests, in which Python and the nodelet
   # manager hold memory until they exit.
-  # abort_on_error: a fuzz target keeps the input under test when it gets the signal.
+  # abort_on_error: a fuzz target names the input under test when it gets the signal.
   export ASAN_OPTIONS=$log:detect_leaks=1:detect_stack_use_after_return=1:new_delete_type_mismatch=1
   ASAN_OPTIONS+=:abort_on_error=1
   export LSAN_OPTIONS=$log:suppressions=$suppressions/leaks.supp:print_suppressions=0

@@ -29,12 +29,6 @@ TEST(Camera, RequiresImagesAndMasksOfItsSize) {
     EXPECT_THROW(requireMask(wrong, camera), OptionError) << wrong.size();
   }
   EXPECT_THROW(requireImage({}, camera), OptionError);
-  try {
-    requireMask(cv::Mat(248, 801, CV_8UC1), camera, "--mask hood.png");
-    FAIL() << "accepted";
-  } catch (const OptionError& error) {
-    EXPECT_STREQ(error.what(), "--mask hood.png is 801x248, the camera 800x248");
-  }
 }
 
 TEST(Camera, RejectsInvalidIntrinsics) {
@@ -48,11 +42,9 @@ TEST(Camera, RejectsInvalidIntrinsics) {
   camera = test::testCamera();
   camera.fx = -464;
   EXPECT_THROW(camera.validate(), OptionError);
-  for (int* const size : {&camera.width, &camera.height}) {
-    camera = test::testCamera();
-    *size = 0;
-    EXPECT_THROW(camera.validate(), OptionError);
-  }
+  camera = test::testCamera();
+  camera.height = 0;
+  EXPECT_THROW(camera.validate(), OptionError);
 }
 
 }  // namespace

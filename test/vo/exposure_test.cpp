@@ -36,22 +36,13 @@ TEST(Exposure, ReportsNoStepForOtherChanges) {
   EXPECT_EQ(exposureStep(applyGain(scene(), 0.3), applyGain(scene(), 1.8)), 1) << "too large";
   EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 0)), 1) << "black";
   EXPECT_EQ(exposureStep(scene(), cv::Mat(24, 80, CV_8UC1, cv::Scalar(255))), 1) << "white";
-  cv::Mat clipped = scene(), brighter = applyGain(scene(), 2);
-  clipped.colRange(0, 70).setTo(255);
-  brighter.colRange(0, 70).setTo(255);
-  EXPECT_EQ(exposureStep(clipped, brighter), 1) << "an eighth of the image";
   cv::Mat half = scene();
   half.colRange(0, 45) *= 0.4;
   EXPECT_EQ(exposureStep(scene(), half), 1) << "a dark object in front of half of the image";
   cv::Mat other(24, 80, CV_8UC1);
   cv::RNG(8).fill(other, cv::RNG::UNIFORM, 10, 120);
   EXPECT_EQ(exposureStep(scene(), other), 1) << "another scene";
-}
-
-TEST(Exposure, ApplyGainMultipliesAndSaturates) {
-  const cv::Mat image = scene();
-  EXPECT_EQ(applyGain(image, 2).at<unsigned char>(5, 5), 2 * image.at<unsigned char>(5, 5));
-  EXPECT_EQ(applyGain(image, 100).at<unsigned char>(5, 5), 255);
+  EXPECT_EQ(applyGain(scene(), 100).at<unsigned char>(5, 5), 255) << "saturates";
 }
 
 }  // namespace

@@ -7,9 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "support/texture.hpp"
-#include "vo/patch_arithmetic.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -49,37 +47,15 @@ TEST(FeatureDetection, FindsLocalMaximaEverywhereApartFromEachOther) {
     for (const int n : quarter) EXPECT_GT(n, static_cast<int>(corners.size()) / 6);
     EXPECT_TRUE(detect(tracker, cv::Mat(248, 800, CV_8UC1, cv::Scalar(90))).empty());
     EXPECT_TRUE(detect(tracker, blurredNoise(1, {4, 4})).empty());
-    const auto more = detect(tracker, image, corners);
-    EXPECT_LT(more.size(), corners.size() / 3);
-    for (const cv::Point2f& u : more) {
-      for (const cv::Point2f& v : corners) EXPECT_GT(cv::norm(u - v), 3.0);
-    }
+    EXPECT_LT(detect(tracker, image, corners).size(), corners.size() / 3);
   }
 }
 
-// Diagonal bars with a little noise, and a patch of corners.
 TEST(FeatureDetection, RejectsEdges) {
-  cv::Mat image(248, 800, CV_8UC1);
-  cv::RNG generator(5);
-  for (int y = 0; y < image.rows; ++y) {
-    for (int x = 0; x < image.cols; ++x) {
-      const bool bright = ((2 * x + 3 * y) / 120) % 2 == 0;
-      image.at<unsigned char>(y, x) =
-          static_cast<unsigned char>((bright ? 180 : 60) + generator.uniform(-3, 4));
-    }
+  for (const bool turned : {false, true}) {
+    EXPECT_GT(detect(FeatureTracker({}), test::waves(40, turned)).size(), 200u);
+    EXPECT_LT(detect(FeatureTracker({}), test::waves(12, turned)).size(), 10u);
   }
-  const cv::Rect textured(300, 80, 120, 90);
-  blurredNoise(6)(textured).copyTo(image(textured));
-  const auto outside = [&](const std::vector<cv::Point2f>& corners) {
-    return std::count_if(corners.begin(), corners.end(),
-                         [&](const cv::Point2f& u) { return distanceFrom(textured, u) > 10; });
-  };
-  FeatureTracker::Options options;
-  const auto corners = detect(FeatureTracker(options), image);
-  EXPECT_GT(corners.size() - static_cast<std::size_t>(outside(corners)), 30u);
-  EXPECT_LT(outside(corners), 10);
-  options.min_corner_ratio = 0;
-  EXPECT_GT(outside(detect(FeatureTracker(options), image)), 200) << "the test has too few edges";
 }
 
 // 12.7 megapixels: the second level of the pyramid has 0.8, the first 3.2.
@@ -94,9 +70,8 @@ TEST(FeatureDetection, InALargeImageFindsTheCornersOfASmallerOne) {
   const auto corners = tracker.detect(pyramid, {});
   auto expected = detect(tracker, pyramid.levels[2]);
   for (cv::Point2f& u : expected) u *= 4;
-  ASSERT_GT(corners.size(), 400u);
+  EXPECT_GT(corners.size(), 400u);
   EXPECT_EQ(corners, expected);
-  EXPECT_LT(tracker.detect(pyramid, corners).size(), corners.size() / 3);
   for (const cv::Point2f& u : masked.detect(pyramid, {})) EXPECT_GT(distanceFrom(region, u), 4);
 }
 
@@ -104,17 +79,15 @@ TEST(FeatureDetection, InALargeImageFindsTheCornersOfASmallerOne) {
 TEST(FeatureDetection, FindsNoCornersWhosePatchTouchesTheMask) {
   const cv::Mat image = blurredNoise(1);
   const auto all = detect(FeatureTracker({}), image);
-  // One masked pixel is enough, and any value but 0 is scene.
-  for (const cv::Rect& region : {cv::Rect(300, 80, 200, 100), cv::Rect(400, 90, 1, 1)}) {
-    cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(1));
-    mask(region).setTo(0);
-    for (const int window_px : {9, 21}) {
-      FeatureTracker::Options options;
-      options.window_px = window_px;
-      const auto allowed = detect(FeatureTracker(options, mask), image);
-      for (const cv::Point2f& u : allowed) EXPECT_GT(distanceFrom(region, u), window_px / 2);
-      EXPECT_GT(allowed.size(), all.size() * 7 / 10);
-    }
+  const cv::Rect region(300, 80, 200, 100);
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(1));  // any value but 0 is scene
+  mask(region).setTo(0);
+  for (const int window_px : {9, 21}) {
+    FeatureTracker::Options options;
+    options.window_px = window_px;
+    const auto allowed = detect(FeatureTracker(options, mask), image);
+    for (const cv::Point2f& u : allowed) EXPECT_GT(distanceFrom(region, u), window_px / 2);
+    EXPECT_GT(allowed.size(), all.size() * 7 / 10);
   }
 }
 
@@ -181,23 +154,6 @@ TEST(FeatureTracker, DropsPointsThatLeaveTheImageOrEnterTheMask) {
   EXPECT_GT(left, 10);
   EXPECT_GT(entered, 20);
   EXPECT_GT(remained, 200);
-}
-
-TEST(FeatureTracker, FindsNothingInABlankImageAndAcceptsAnEmptyList) {
-  const FeatureTracker tracker({});
-  EXPECT_TRUE(Tracked(tracker, cv::Mat(248, 800, CV_8UC1, cv::Scalar(0)), 0).errors({}).empty());
-  const ImagePyramid pyramid = tracker.pyramid(blurredNoise(7));
-  EXPECT_TRUE(tracker.track(pyramid, pyramid, {}, {}).points.empty());
-}
-
-TEST(FeatureTracker, RejectsOptionsOutOfRange) {
-  FeatureTracker::Options options;
-  options.window_px = 10;
-  EXPECT_THROW(FeatureTracker{options}, OptionError) << "even";
-  options.window_px = kMaxPatchSide;
-  EXPECT_NO_THROW(FeatureTracker{options});
-  options.window_px += 2;
-  EXPECT_THROW(FeatureTracker{options}, OptionError) << "has no room for larger ones";
 }
 
 }  // namespace

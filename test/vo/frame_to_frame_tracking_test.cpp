@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "ground_scale_vo/vo/exposure.hpp"
@@ -29,10 +28,10 @@ FrameToFrameTracking trackingScene() {
   return tracking;
 }
 
-std::vector<Feature> track(const FrameToFrameTracking& tracking, const cv::Mat& image,
-                           const Eigen::Matrix3d& R_next_previous = Eigen::Matrix3d::Identity()) {
+std::vector<Feature> track(const FrameToFrameTracking& tracking, const cv::Mat& image) {
   std::vector<RejectedFeature> rejected;
-  return tracking.track(tracking.pyramid(image), kStamp + kPeriod, {}, R_next_previous, &rejected);
+  return tracking.track(tracking.pyramid(image), kStamp + kPeriod, {}, Eigen::Matrix3d::Identity(),
+                        &rejected);
 }
 
 TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
@@ -52,38 +51,6 @@ TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
   EXPECT_NEAR(darker.exposure, 0.6, 0.02);
   tracking.advance(darker, kStamp + kPeriod, {});
   EXPECT_NEAR(tracking.pyramid(applyGain(movedScene(0), 0.36)).exposure, 0.36, 0.02);
-}
-
-TEST(FrameToFrameTracking, ReportsTheFeaturesThatItDoesNotFind) {
-  const FrameToFrameTracking tracking = trackingScene();
-  cv::Mat image = movedScene(0);
-  image.colRange(400, 800).setTo(60);
-  std::vector<RejectedFeature> rejected;
-  const std::vector<Feature> found = tracking.track(tracking.pyramid(image), kStamp + kPeriod, {},
-                                                    Eigen::Matrix3d::Identity(), &rejected);
-  EXPECT_EQ(found.size() + rejected.size(), tracking.features().size());
-  EXPECT_GT(rejected.size(), tracking.features().size() / 3);
-  for (const RejectedFeature& feature : rejected) {
-    EXPECT_EQ(feature.reason, RejectReason::kNotFound);
-    EXPECT_EQ(feature.u, tracking.features()[feature.id].u.cast<float>());
-  }
-}
-
-TEST(FrameToFrameTracking, SigmaGrowsWithTheFlowThatTheRotationDoesNotExplain) {
-  const FrameToFrameTracking tracking = trackingScene();
-  const VisualOdometry::Options options;
-  const double flow = 4 / test::testCamera().fx;
-  const double expected =
-      options.feature_sigma * std::hypot(1.0, flow / options.feature_sigma_flow);
-  // The rotation to the right moves the centre of the image to the left, as the shift does.
-  const Eigen::Matrix3d R = test::pose({0, -flow, 0}, {0, 0, 0}).linear();
-  for (const Feature& feature : track(tracking, movedScene(4))) {
-    EXPECT_NEAR(feature.sigma, expected, 0.02 * options.feature_sigma);
-  }
-  for (const Feature& feature : track(tracking, movedScene(4), R)) {
-    if (std::abs(feature.u.x() - test::testCamera().cx) > 50) continue;
-    EXPECT_NEAR(feature.sigma, options.feature_sigma, 1e-2 * options.feature_sigma);
-  }
 }
 
 TEST(FrameToFrameTracking, KeepsTheImageOnlyAtAStandstill) {

@@ -70,25 +70,18 @@ LocalMap exactMap(int keyframes) {
   return map;
 }
 
-/// Largest distance between the keyframes' positions in two maps.
-double largestDistance(const LocalMap& a, const LocalMap& b) {
-  double largest = 0;
-  for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
-    const auto difference =
-        a.keyframes()[k].T_w_c.translation() - b.keyframes()[k].T_w_c.translation();
-    largest = std::max(largest, difference.norm());
-  }
-  return largest;
-}
+/// Largest difference between the keyframes' poses in two maps.
+struct Difference {
+  double distance = 0, angle = 0;
 
-/// Largest angle between the keyframes' rotations in two maps [rad].
-double largestAngle(const LocalMap& a, const LocalMap& b) {
-  double largest = 0;
-  for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
-    largest = std::max(largest, angleBetween(a.keyframes()[k].T_w_c, b.keyframes()[k].T_w_c));
+  Difference(const LocalMap& a, const LocalMap& b) {
+    for (std::size_t k = 0; k < a.keyframes().size(); ++k) {
+      const Eigen::Isometry3d &T_a = a.keyframes()[k].T_w_c, &T_b = b.keyframes()[k].T_w_c;
+      distance = std::max(distance, (T_a.translation() - T_b.translation()).norm());
+      angle = std::max(angle, angleBetween(T_a, T_b));
+    }
   }
-  return largest;
-}
+};
 
 /// Largest difference of the landmarks' inverse depths in two maps, in standard deviations.
 double depthDifference(LocalMap a, const LocalMap& b) {
@@ -135,8 +128,9 @@ TEST(LocalBundleAdjustment, AgreesWithCeres) {
         // A single large step depends slightly on the parametrisation of rotations.
         const double rms_tolerance = iterations == 1 ? 2e-3 : 1e-5;
         EXPECT_NEAR(result.rms_sigma, expected.rms_sigma, rms_tolerance * expected.rms_sigma);
-        EXPECT_LT(largestDistance(ours, reference), 0.02 * largestDistance(map, reference));
-        EXPECT_LT(largestAngle(ours, reference), 0.05 * kObservationSigma);
+        const Difference difference(ours, reference);
+        EXPECT_LT(difference.distance, 0.02 * Difference(map, reference).distance);
+        EXPECT_LT(difference.angle, 0.05 * kObservationSigma);
         EXPECT_LT(depthDifference(ours, reference), 0.2);
       }
     }
@@ -200,31 +194,22 @@ TEST(LocalBundleAdjustment, RejectsStepsThatIncreaseTheCost) {
 // With 14 keyframes, the window of 7 leaves 7 fixed. With 4, all but the first are free: their
 // distance to it fixes the scale.
 TEST(LocalBundleAdjustment, KeepsTheGaugeFixed) {
-  LocalMap before = randomMap(14, 5), map = before;
-  ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
-  for (std::size_t k = 0; k < 7; ++k) {
-    EXPECT_EQ(map.keyframes()[k].T_w_c.matrix(), before.keyframes()[k].T_w_c.matrix());
+  for (const int keyframes : {14, 4}) {
+    const LocalMap before = randomMap(keyframes, 5);
+    LocalMap map = before;
+    ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
+    for (std::size_t k = 0; k < (keyframes == 14 ? 7u : 1u); ++k) {
+      EXPECT_EQ(map.keyframes()[k].T_w_c.matrix(), before.keyframes()[k].T_w_c.matrix());
+    }
+    EXPECT_GT(Difference(before, map).distance, 1e-4);
+    const auto length = [](const LocalMap& m) {
+      return (m.keyframes().back().T_w_c.translation() - m.keyframes()[0].T_w_c.translation())
+          .norm();
+    };
+    if (keyframes == 4) {
+      EXPECT_NEAR(length(map), length(before), 1e-12);
+    }
   }
-  map = before = randomMap(4, 5);
-  ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
-  EXPECT_EQ(map.keyframes()[0].T_w_c.matrix(), before.keyframes()[0].T_w_c.matrix());
-  const auto length = [](const LocalMap& m) {
-    const auto& k = m.keyframes();
-    return (k.back().T_w_c.translation() - k.front().T_w_c.translation()).norm();
-  };
-  EXPECT_GT(largestDistance(before, map), 1e-4);
-  EXPECT_NEAR(length(map), length(before), 1e-12);
-
-  const LocalMap exact = exactMap(4);
-  map = exact;
-  for (auto& [id, landmark] : map.landmarks()) {
-    if (landmark.depth) landmark.depth->value *= 1.25;
-  }
-  LocalBundleAdjustment::Options options;
-  options.max_iterations = 30;
-  ASSERT_TRUE(LocalBundleAdjustment(options).adjust(&map).usable);
-  EXPECT_LT(largestDistance(map, exact), 1e-3);
-  EXPECT_LT(depthDifference(map, exact), 0.01);
 }
 
 TEST(LocalBundleAdjustment, IgnoresPointsBehindTheCameraAndKeyframesWithoutObservations) {
@@ -257,13 +242,6 @@ TEST(LocalBundleAdjustment, IsNotUsableWithoutEnoughLandmarks) {
   for (auto& [id, landmark] : map.landmarks()) landmark.depth = InverseDepth{0.05, 0.01};
   expectRefused(map);  // every landmark has one observation
 
-  LocalMap few({});
-  for (int k = 0; k < 5; ++k) {
-    few.addKeyframe(keyframePose(k), observe(test::farPoints(9), keyframePose(k)));
-  }
-  few.triangulateNew();
-  expectRefused(few);
-
   LocalMap behind = exactMap(10);
   for (Keyframe& keyframe : behind.keyframes()) {
     if (keyframe.id > 0) keyframe.T_w_c.translation().z() += 1000;
@@ -273,15 +251,11 @@ TEST(LocalBundleAdjustment, IsNotUsableWithoutEnoughLandmarks) {
 
 TEST(LocalBundleAdjustment, IsNotUsableWithInputThatIsNotFinite) {
   const std::function<void(LocalMap*, Landmark*)> changes[] = {
-      [](LocalMap*, Landmark* l) { l->observations.back().x.x() = kNaN; },
       [](LocalMap*, Landmark* l) { l->observations.front().x.y() = kNaN; },
       [](LocalMap*, Landmark* l) { l->observations.back().sigma = kNaN; },
       [](LocalMap*, Landmark* l) { l->observations.back().sigma = 0; },
       [](LocalMap*, Landmark* l) { l->depth->value = kNaN; },
-      [](LocalMap* map, Landmark*) { map->keyframes().back().T_w_c.translation().x() = kNaN; },
-      [](LocalMap* map, Landmark*) {
-        map->keyframes().front().T_w_c.linear()(0, 0) = std::numeric_limits<double>::infinity();
-      }};
+      [](LocalMap* map, Landmark*) { map->keyframes().back().T_w_c.translation().x() = kNaN; }};
   for (const auto& change : changes) {
     LocalMap map = exactMap(10);
     change(&map, map.find(3));

@@ -55,11 +55,6 @@ TEST(LocalMap, HasTheTruePointsAlsoAfterTheirAnchorsLeft) {
   LocalMap map = mapOf(points, 2, withKeyframes(4));
   for (int k = 2; k < 8; ++k) map.addKeyframe(keyframePose(k), {});
   EXPECT_TRUE(map.landmarks().empty()) << "they are no longer observed";
-  map.addKeyframe(keyframePose(8), observe({kLandmark}, keyframePose(8)));
-  EXPECT_NE(map.find(0), nullptr) << "new ones stay when the oldest keyframe is dropped";
-  map.clear();
-  EXPECT_TRUE(map.keyframes().empty());
-  EXPECT_TRUE(map.landmarks().empty());
 }
 
 TEST(LocalMap, OnlyPreciseDepthsThatFitAllObservationsEnterIt) {
@@ -82,10 +77,6 @@ TEST(LocalMap, OnlyPreciseDepthsThatFitAllObservationsEnterIt) {
     }
     map.triangulateNew();
     EXPECT_EQ(map.point(0).has_value(), c.enters) << c.error << ' ' << c.max_reprojection_error;
-    // Bundle adjustment refines a depth, which is not triangulated again.
-    map.find(0)->depth = InverseDepth{0.12, 0.01};
-    map.triangulateNew();
-    EXPECT_EQ(map.find(0)->depth->value, 0.12);
   }
   LocalMap at_rest({});
   for (int k = 0; k < 5; ++k) {
@@ -93,25 +84,6 @@ TEST(LocalMap, OnlyPreciseDepthsThatFitAllObservationsEnterIt) {
   }
   at_rest.triangulateNew();
   EXPECT_FALSE(at_rest.point(0));
-}
-
-TEST(LocalMap, RemovesItsNewestKeyframe) {
-  const auto points = test::farPoints(kPoints);
-  LocalMap map = mapOf(points, 3);
-  const auto before = map.landmarks();
-  auto corners = observe(points, keyframePose(3));
-  const LocalMap::Corner only_here{1'000'000, Eigen::Vector2d::Zero(), kObservationSigma};
-  corners.push_back(only_here);
-  map.addKeyframe(keyframePose(3), corners);
-  map.removeNewestKeyframe();
-  EXPECT_EQ(map.keyframes().size(), 3u);
-  EXPECT_EQ(map.find(only_here.id), nullptr);
-  ASSERT_EQ(map.landmarks().size(), before.size());
-  for (const auto& [id, landmark] : map.landmarks()) {
-    EXPECT_EQ(landmark.observations.size(), before.at(id).observations.size());
-    EXPECT_EQ(landmark.depth.has_value(), before.at(id).depth.has_value());
-  }
-  EXPECT_EQ(map.addKeyframe(keyframePose(3), corners), 3u);
 }
 
 TEST(LocalMap, RemovesWrongObservationsAndPointsBehindTheCamera) {
@@ -128,16 +100,6 @@ TEST(LocalMap, RemovesWrongObservationsAndPointsBehindTheCamera) {
   EXPECT_EQ(map.find(1)->observations.size(), 4u);
   EXPECT_EQ(map.find(2)->observations.size(), 3u);
   EXPECT_EQ(map.find(3), nullptr);
-  // An anchor alone remains unless a wrong observation was removed.
-  for (const bool wrong : {false, true}) {
-    LocalMap anchor = mapOf({kLandmark}, 1);
-    anchor.find(0)->depth = {1.0 / 8, 0.01};
-    auto corner = observe({kLandmark}, keyframePose(1));
-    corner[0].x.x() += 0.05;
-    if (wrong) anchor.addKeyframe(keyframePose(1), corner);
-    anchor.removeOutliers(0.003);
-    EXPECT_EQ(anchor.find(0) == nullptr, wrong);
-  }
 }
 
 /// Standard deviation of a point along its ray [VO units], from random errors of its observations.
@@ -175,11 +137,6 @@ TEST(LocalMap, SigmaOfAPointIsConsistentAlsoWithANewAnchor) {
   ASSERT_EQ(map.find(0)->observations.front().keyframe, 1u);
   EXPECT_LT((map.point(0)->p_w - kLandmark).norm(), 1e-9);
   EXPECT_NEAR(map.point(0)->sigma_w.norm(), expected, 0.3 * expected);
-  // It does not grow when its keyframes leave the map.
-  for (int k = 5; k < 7; ++k) map.addKeyframe(keyframePose(k), {});
-  const double before = map.find(0)->depth->sigma;
-  map.updateSigmas();
-  EXPECT_LE(map.find(0)->depth->sigma, before);
 }
 
 TEST(LocalMap, ThereIsNoDepthInANewAnchorThatHasPassedThePoint) {

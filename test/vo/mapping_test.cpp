@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "ground_scale_vo/common/median.hpp"
 #include "support/scene.hpp"
 #include "vo/map_initialisation.hpp"
@@ -40,8 +38,8 @@ ImagePyramid blankImage(double exposure = 1) {
 class MappingTest : public testing::Test {
  protected:
   /// The map of keyframes 0 to n - 1 of the test trajectory, adjusted.
-  void makeMap(int n, const VisualOdometry::Options& options = {}) {
-    mapping_ = std::make_unique<Mapping>(kCamera, options);
+  void makeMap(int n) {
+    mapping_ = std::make_unique<Mapping>(kCamera, VisualOdometry::Options());
     map().addKeyframe(keyframePose(0), test::observe(points_, keyframePose(0)));
     for (int k = 1; k < n; ++k) addKeyframe(keyframePose(k), featuresAt(keyframePose(k)));
   }
@@ -105,56 +103,43 @@ TEST_F(MappingTest, TheAdjustmentCorrectsTheNewestKeyframe) {
     EXPECT_LT((adjusted.translation() - truth.translation()).norm(), 0.01);
     EXPECT_FALSE(mapping_->takeAdjustedMap(&times_)) << "applied once";
   }
-  EXPECT_GT(times_.triangulate, 0);
-  EXPECT_GT(times_.bundle_adjustment, 0);
 }
 
 TEST_F(MappingTest, AfterAnAdjustmentOutliersAreRemovedAndSigmasUpdated) {
-  for (const double limit : {0.02, 0.06}) {
-    VisualOdometry::Options options;
-    options.max_reprojection_error = limit;
-    makeMap(5, options);
-    ASSERT_TRUE(map().find(7)->depth);
-    const double sigma = map().find(8)->depth->sigma;
-    map().find(8)->depth->sigma = 1;
-    std::vector<Feature> features = featuresAt(keyframePose(5));
-    features[7].u.y() += 0.04 * kCamera.fy;
-    addKeyframe(keyframePose(5), features);
-    EXPECT_EQ(map().find(7)->observations.size(), limit > 0.04 ? 6u : 5u);
-    EXPECT_EQ(map().find(8)->observations.size(), 6u);
-    EXPECT_LT(map().find(8)->depth->sigma, sigma);
-    const double updated = map().find(7)->depth->sigma;
-    map().updateSigmas();
-    EXPECT_DOUBLE_EQ(map().find(7)->depth->sigma, updated) << "without the outlier";
-  }
+  makeMap(5);
+  ASSERT_TRUE(map().find(7)->depth);
+  map().find(8)->depth->sigma = 1;
+  std::vector<Feature> features = featuresAt(keyframePose(5));
+  features[7].u.y() += 0.04 * kCamera.fy;
+  addKeyframe(keyframePose(5), features);
+  EXPECT_EQ(map().find(7)->observations.size(), 5u);
+  EXPECT_EQ(map().find(8)->observations.size(), 6u);
+  EXPECT_LT(map().find(8)->depth->sigma, 0.1);
+  const double updated = map().find(7)->depth->sigma;
+  map().updateSigmas();
+  EXPECT_DOUBLE_EQ(map().find(7)->depth->sigma, updated) << "without the outlier";
 }
 
+// But small steps add up: otherwise a camera that creeps would never get another keyframe.
 TEST_F(MappingTest, KeyframesAtOnePlaceReplaceEachOther) {
   makeMap(4);
   for (int i = 0; i < 3; ++i) {
     addKeyframe(keyframePose(3), featuresAt(keyframePose(3)), 0.5);
     EXPECT_EQ(map().keyframes().size(), 5u);
     EXPECT_EQ(map().keyframes().back().exposure, 0.5);
+    EXPECT_EQ(map().find(7)->observations.size(), 5u);
   }
-  addKeyframe(keyframePose(4), featuresAt(keyframePose(4)));
-  EXPECT_EQ(map().keyframes().size(), 5u);
-  // Without known features, after a gap of the images, it is not at the place of the last one.
-  std::vector<Feature> others = featuresAt(keyframePose(8));
-  for (Feature& feature : others) feature.id += 1000;
-  addKeyframe(keyframePose(8), others);
-  EXPECT_TRUE(map().keyframes().back().has_parallax);
-}
-
-// Otherwise a camera that creeps would never get another keyframe.
-TEST_F(MappingTest, SmallStepsAddUpToAnotherPlace) {
-  makeMap(4);
   for (const double step : {1, 2, 3}) {
     // About 0.7 of the least parallax between two places for each step.
     const Eigen::Isometry3d T_w_c = keyframePose(3) * pose({0, 0, 0}, {0.035 * step, 0, 0});
     addKeyframe(T_w_c, featuresAt(T_w_c));
     EXPECT_EQ(map().keyframes().size(), step < 3 ? 5u : 6u) << step;
-    EXPECT_EQ(map().keyframes().back().has_parallax, step == 2) << step;
   }
+  // Without known features, after a gap of the images, it is not at the place of the last one.
+  std::vector<Feature> others = featuresAt(keyframePose(8));
+  for (Feature& feature : others) feature.id += 1000;
+  addKeyframe(keyframePose(8), others);
+  EXPECT_TRUE(map().keyframes().back().has_parallax);
 }
 
 /// Three images of random points: the second from the place of the first, the third after a motion.
@@ -165,13 +150,13 @@ struct Initialisation {
   MapInitialisation initialisation;
   Mapping mapping;
 
-  explicit Initialisation(int n = 300, const VisualOdometry::Options& options = {})
+  explicit Initialisation(int n = 300)
       : points(test::randomPoints(n, 3)),
         first(featuresOf(points, Eigen::Isometry3d::Identity())),
         second(first),
         third(featuresOf(points, T_w_3)),
-        initialisation(kCamera, options),
-        mapping(kCamera, options) {}
+        initialisation(kCamera, {}),
+        mapping(kCamera, {}) {}
 
   std::optional<std::vector<VisualOdometry::StartPose>> start() {
     initialisation.restart(3, 1000, first, blankImage().image);
@@ -209,7 +194,6 @@ TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
   EXPECT_LT((poses->back().T_w_c.translation() - expected).norm(), 0.01 * expected.norm());
   EXPECT_LT(test::angleBetween(poses->back().T_w_c, scene.T_w_3), 1e-3);
   EXPECT_LT((*poses)[1].T_w_c.translation().norm(), 1e-3);
-  EXPECT_EQ(one.exposure, 1);
   EXPECT_EQ(two.exposure, 0.7);
   EXPECT_EQ(one.image.at<unsigned char>(0, 0), 100);
   EXPECT_EQ(two.image.at<unsigned char>(0, 0), 70);
@@ -220,7 +204,7 @@ TEST(MapInitialisation, StartsNoMapWithoutEnoughPointsOrPoses) {
   wrong_frame.second =
       featuresOf(test::randomPoints(300, 4), Eigen::Isometry3d::Identity());  // has no pose
   EXPECT_FALSE(wrong_frame.start());
-  for (const std::size_t good : {104, 60, 40}) {
+  for (const std::size_t good : {104, 40}) {
     Initialisation scene(104);
     for (std::size_t i = good; i < 104; ++i) {
       scene.third[i].u.y() +=
@@ -228,11 +212,6 @@ TEST(MapInitialisation, StartsNoMapWithoutEnoughPointsOrPoses) {
     }
     EXPECT_EQ(scene.start().has_value(), good > 50) << good;
   }
-  VisualOdometry::Options parallax, inliers;
-  parallax.two_view.min_parallax = 1;
-  EXPECT_FALSE(Initialisation(300, parallax).start());
-  inliers.pose.min_inliers = 301;
-  EXPECT_FALSE(Initialisation(300, inliers).start());
 }
 
 }  // namespace

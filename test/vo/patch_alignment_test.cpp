@@ -5,9 +5,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "support/scene.hpp"
 #include "support/texture.hpp"
+#include "vo/feature.hpp"
 #include "vo/float_patch.hpp"
 
 namespace ground_scale_vo {
@@ -26,7 +26,7 @@ double grey(double a, double b) {
 
 /// Image of the floor below the first camera, or with `wall` of a wall ahead of it, seen from
 /// T_w_c.
-cv::Mat render(const Eigen::Isometry3d& T_w_c, bool wall, double gain = 1, double offset = 0) {
+cv::Mat render(const Eigen::Isometry3d& T_w_c, bool wall, double offset = 0) {
   const Eigen::Vector3d n = wall ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitY();
   const double d = wall ? kWallDistance : kHeight;
   cv::Mat image(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0));
@@ -37,7 +37,7 @@ cv::Mat render(const Eigen::Isometry3d& T_w_c, bool wall, double gain = 1, doubl
       if (!(depth > 0 && depth < 200)) continue;
       const Eigen::Vector3d p = T_w_c.translation() + depth * ray;
       const double value = wall ? grey(p.x(), p.y()) : grey(p.x(), 0.5 * p.z());
-      image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(gain * value + offset);
+      image.at<unsigned char>(v, u) = cv::saturate_cast<unsigned char>(value + offset);
     }
   }
   return image;
@@ -45,46 +45,32 @@ cv::Mat render(const Eigen::Isometry3d& T_w_c, bool wall, double gain = 1, doubl
 
 struct Errors {
   int tried = 0, found = 0;
-  double rms_px = 0, mean_correlation = 0;
+  double rms_px = 0;
 };
 
-/// Aligns corners of the surface after a motion, from predictions that are half a pixel off.
+/// Aligns patches of the surface after a motion, from predictions that are half a pixel off.
 Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c,
                 double offset = 0) {
   const cv::Mat reference = render(Eigen::Isometry3d::Identity(), wall);
-  const cv::Mat current = render(T_w_c, wall, 1, offset);
+  const cv::Mat current = render(T_w_c, wall, offset);
   const PatchAlignment alignment({});
-  const Eigen::Isometry3d T_c_r = T_w_c.inverse();
   Errors errors;
-  std::vector<cv::Point2f> corners;
-  // Without the distant floor, which is aliased in the image.
-  cv::Mat mask(reference.size(), CV_8UC1, cv::Scalar(255));
-  if (!wall) mask.rowRange(0, 170) = 0;
-  cv::goodFeaturesToTrack(reference, corners, 100, 0.05, 8, mask);
-  for (const cv::Point2f& corner : corners) {
-    const Eigen::Vector2d u_ref(corner.x, corner.y);
-    const Eigen::Vector3d ray = kCamera.ray(u_ref);
+  for (const cv::Point2f& pixel : test::gridPixels(reference.size(), 20, 16)) {
+    const Eigen::Vector3d ray = kCamera.ray({pixel.x, pixel.y});
+    // Without the distant floor, which is aliased in the image.
+    if (!wall && ray.y() < kHeight / 15) continue;
     const Eigen::Vector3d p = ray * (wall ? kWallDistance : kHeight / ray.y());
-    if (!wall && p.z() < 8) continue;
-    const Eigen::Vector2d true_u = kCamera.project(T_c_r * p);
-    if (!cv::Rect(10, 10, kCamera.width - 20, kCamera.height - 20)
-             .contains(cv::Point(static_cast<int>(true_u.x()), static_cast<int>(true_u.y())))) {
-      continue;
-    }
-    const auto warp = patchWarp(kCamera, p, T_c_r, surface);
-    if (!warp) continue;
+    const Eigen::Vector2d true_u = kCamera.project(T_w_c.inverse() * p);
+    const auto warp = patchWarp(kCamera, p, T_w_c.inverse(), surface);
+    if (!warp || !cv::Rect(10, 10, 780, 228).contains(cv::Point(toCv(true_u)))) continue;
     ++errors.tried;
-    const auto match =
-        alignment.align(reference, u_ref, *warp, current, true_u + Eigen::Vector2d(0.4, -0.3));
+    const auto match = alignment.align(reference, {pixel.x, pixel.y}, *warp, current,
+                                       true_u + Eigen::Vector2d(0.4, -0.3));
     if (!match) continue;
     ++errors.found;
     errors.rms_px += (match->u - true_u).squaredNorm();
-    errors.mean_correlation += match->correlation;
   }
-  if (errors.found > 0) {
-    errors.rms_px = std::sqrt(errors.rms_px / errors.found);
-    errors.mean_correlation /= errors.found;
-  }
+  errors.rms_px = std::sqrt(errors.rms_px / std::max(1, errors.found));
   return errors;
 }
 
@@ -94,11 +80,8 @@ TEST(PatchAlignment, AlignsPatchesOfTheFloorAfterForwardMotion) {
   ASSERT_GT(floor.tried, 30);
   EXPECT_GT(floor.found, floor.tried * 8 / 10) << floor.tried;
   EXPECT_LT(floor.rms_px, 0.25);
-  EXPECT_GT(floor.mean_correlation, 0.97);
   // With the model of a fronto-parallel surface the same patches fit worse.
-  const Errors fronto_parallel = alignAll(false, PatchSurface::kFrontoParallel, T_w_c);
-  EXPECT_LT(fronto_parallel.mean_correlation, floor.mean_correlation);
-  EXPECT_GT(fronto_parallel.rms_px, 1.5 * floor.rms_px);
+  EXPECT_GT(alignAll(false, PatchSurface::kFrontoParallel, T_w_c).rms_px, 1.3 * floor.rms_px);
 }
 
 TEST(PatchAlignment, AlignsPatchesOfAWallUnderOtherIllumination) {
@@ -106,16 +89,8 @@ TEST(PatchAlignment, AlignsPatchesOfAWallUnderOtherIllumination) {
   for (const double offset : {0, 25}) {
     const Errors errors = alignAll(true, PatchSurface::kFrontoParallel, T_w_c, offset);
     ASSERT_GT(errors.tried, 50);
-    EXPECT_GT(errors.found, errors.tried * 9 / 10);
-    EXPECT_LT(errors.rms_px, 0.05);
-  }
-  const Eigen::Vector2d u(400, 120);
-  const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
-  for (const double contrast : {0.5, 0.8}) {
-    const cv::Mat other = render(Eigen::Isometry3d::Identity(), true, contrast, 20);
-    const auto match = PatchAlignment({}).align(wall, u, Eigen::Matrix2d::Identity(), other, u);
-    ASSERT_TRUE(match) << contrast;
-    EXPECT_NEAR(match->correlation, 1, 0.03) << contrast;
+    EXPECT_GT(errors.found, errors.tried * 9 / 10) << offset;
+    EXPECT_LT(errors.rms_px, 0.05) << offset;
   }
 }
 
@@ -139,26 +114,12 @@ TEST(PatchAlignment, RejectsPatchesOfAnotherPlaceAndWithoutTextureInTwoDirection
     wrong += alignment.align(wall, at, identity, other, at).has_value();
   }
   EXPECT_LT(wrong, 6) << "of 60 patches of another place";
-  const cv::Mat faint = render(Eigen::Isometry3d::Identity(), true, 0.1, 100);
-  EXPECT_TRUE(isAligned(faint, faint));
-  const cv::Mat too_faint = render(Eigen::Isometry3d::Identity(), true, 0.02, 100);
-  EXPECT_FALSE(isAligned(too_faint, too_faint));
   for (const bool turned : {false, true}) {
     for (const double across : {20.0, 0.7}) {
       const cv::Mat image = test::waves(across, turned);
       EXPECT_EQ(isAligned(image, image), across > 1) << across << turned;
     }
   }
-  // The correlation decides.
-  cv::Mat noise(wall.size(), CV_8UC1), noisy;
-  cv::RNG(3).fill(noise, cv::RNG::UNIFORM, 0, 70);
-  cv::addWeighted(wall, 0.5, noise, 1, 0, noisy);
-  EXPECT_FALSE(isAligned(wall, noisy));
-  PatchAlignment::Options options;
-  options.min_correlation = 0.1;
-  const auto match = PatchAlignment(options).align(wall, u, identity, noisy, u);
-  ASSERT_TRUE(match);
-  EXPECT_LT(match->correlation, PatchAlignment::Options().min_correlation);
 }
 
 // The memory beyond the borders of these parts of an image shows the rest of it, where a patch
@@ -188,9 +149,6 @@ TEST(PatchAlignment, UsesNoPixelsOutsideTheImages) {
     EXPECT_FALSE(isAligned(in_part, enough, enough, too_few, enough));
     EXPECT_FALSE(isAligned(in_part, enough, enough, enough, too_few));
   }
-  const cv::Mat from_397 = wall(cv::Rect(397, 115, 15, 12));
-  EXPECT_FALSE(alignment.align(wall, u, identity, from_397, {4.2, 5}))
-      << "only the start is inside";
 }
 
 TEST(PatchWarp, IsTheDerivativeOfTheProjection) {
@@ -216,16 +174,10 @@ TEST(PatchWarp, IsEmptyForSurfacesSeenEdgeOnOrFromBehindAndLargeChangesOfSize) {
     return patchWarp(kCamera, p_r, test::pose({0, 0, 0}, {0, 0, t_z}), surface).has_value();
   };
   EXPECT_TRUE(hasWarp({1, 1.65, 10}, 0, PatchSurface::kFloor));
-  EXPECT_FALSE(hasWarp({1, 0, 10}, 0, PatchSurface::kFloor)) << "edge-on";
-  EXPECT_FALSE(hasWarp({1, 0.15, 10}, 0, PatchSurface::kFloor)) << "nearly";
-  EXPECT_TRUE(hasWarp({1, 0.3, 10}, 0, PatchSurface::kFloor));
+  EXPECT_FALSE(hasWarp({1, 0.02, 10}, 0, PatchSurface::kFloor)) << "edge-on";
   EXPECT_FALSE(hasWarp({1, 1.65, -10}, 0, PatchSurface::kFrontoParallel)) << "behind";
   EXPECT_FALSE(hasWarp({1, 1.65, 10}, -11, PatchSurface::kFrontoParallel))
       << "behind the current camera";
-  // The line of sight two pixels below meets the surface, which is above the camera, behind it.
-  const PinholeCamera wide_angle{160, 120, 50, 50, 80, 60};
-  EXPECT_FALSE(patchWarp(wide_angle, {0, -0.25, 10}, test::pose({0, 0, 0}, {0, 0, 20}),
-                         PatchSurface::kFloor));
   for (const double sign : {-1, 1}) {  // nearer and farther: nine and twelve times the area
     const double near = sign < 0 ? 12 : 4, far = sign < 0 ? 14 : 4;
     EXPECT_TRUE(hasWarp({0, 0, near}, sign * 8, PatchSurface::kFrontoParallel)) << sign;
@@ -253,9 +205,6 @@ TEST(PatchAlignment, AlignsPatchesOfEverySizeUpToTheLargestShift) {
     ASSERT_TRUE(match) << options.window_px;
     EXPECT_LT((match->u - u).norm(), 0.02) << options.window_px;
   }
-  EXPECT_THROW(PatchAlignment{options}, OptionError) << "has no room for larger ones";
-  options.window_px = 8;
-  EXPECT_THROW(PatchAlignment{options}, OptionError) << "even";
 }
 
 }  // namespace

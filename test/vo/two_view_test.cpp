@@ -205,37 +205,6 @@ TEST(TwoView, TheRotationOfPointsOnOneLineIsNoReflection) {
   }
 }
 
-TEST(Triangulation, IsExactWithoutNoise) {
-  const Eigen::Vector3d p(1, -0.5, 8);
-  std::vector<RayObservation> observations;
-  for (const double x : {0.5, 1.0, 1.5}) {
-    const Eigen::Isometry3d T = pose({0, 0.01 * x, 0}, {x, 0, -x});
-    observations.push_back({T, normalised(T * p), 1e-3});
-  }
-  const auto depth = triangulate(p / p.z(), observations);
-  ASSERT_TRUE(depth);
-  EXPECT_NEAR(1 / depth->value, 8, 1e-9);
-  EXPECT_GT(depth->sigma, 0);
-}
-
-TEST(Triangulation, SigmaMatchesRepeatedMeasurements) {
-  const Eigen::Vector3d p(1, -0.5, 8);
-  const Eigen::Isometry3d T = pose({0, 0.01, 0}, {0.7, 0, -1});
-  std::mt19937 generator(13);
-  std::normal_distribution<double> noise(0, 1e-3);
-  double sum2 = 0, sigma = 0;
-  const int n = 500;
-  for (int i = 0; i < n; ++i) {
-    const Eigen::Vector2d x =
-        normalised(T * p) + Eigen::Vector2d(noise(generator), noise(generator));
-    const auto depth = triangulate(p / p.z(), {{T, x, 1e-3}});
-    ASSERT_TRUE(depth);
-    sum2 += (depth->value - 1 / p.z()) * (depth->value - 1 / p.z());
-    sigma = depth->sigma;
-  }
-  EXPECT_NEAR(std::sqrt(sum2 / n) / sigma, 1, 0.15);
-}
-
 TEST(Triangulation, ScaledDerivativeMatchesTheNumericDerivative) {
   const Eigen::Vector3d ray(0.2, -0.1, 1);
   const Eigen::Isometry3d T = pose({0.02, 0.1, -0.03}, {0.3, 0.1, 0.8});

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <deque>
 #include <functional>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -10,7 +9,6 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/median.hpp"
-#include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "ground_scale_vo/vo/exposure.hpp"
 #include "support/drive_run.hpp"
@@ -166,61 +164,20 @@ TEST(VisualOdometry, FollowsTheSyntheticDrive) {
     EXPECT_LT((scale * T_w_c.translation() - T.translation()).norm(), 0.04 * distance) << i;
   };
   for (const auto& start : result.outputs[first].start) expectPose(start.sequence, start.T_w_c);
-  for (std::size_t i = first; i < truth.size(); ++i) expectPose(i, result.frame(i).T_w_c);
-  expectFeaturesWithPoints(result.frame(24), 0.8);
-  const VoFrame &frame = result.frame(24),
-                again = run(truth.camera(), sharedImages(25)).outputs.back().frame;
-  EXPECT_EQ(frame.T_w_c.matrix(), again.T_w_c.matrix()) << "is not deterministic";
-  ASSERT_EQ(frame.features.size(), again.features.size());
-  for (std::size_t k = 0; k < frame.features.size(); ++k) {
-    EXPECT_EQ(frame.features[k].u, again.features[k].u);
+  std::size_t outliers = 0;  // among the features with a point
+  std::set<std::uint64_t> with_point;
+  for (std::size_t i = first; i < truth.size(); ++i) {
+    expectPose(i, result.frame(i).T_w_c);
+    for (const RejectedFeature& rejected : result.outputs[i].rejected) {
+      outliers += rejected.reason == RejectReason::kOutlier && with_point.count(rejected.id) > 0;
+    }
+    with_point.clear();
+    for (const TrackedFeature& feature : result.frame(i).features) {
+      if (feature.has_point) with_point.insert(feature.id);
+    }
   }
-}
-
-// A part of the image is displaced in some images: its features are outliers there.
-TEST(VisualOdometry, OnlyConsecutiveOutliersEndAFeature) {
-  SyntheticDrive::Options drive_options = straightDrive(25);
-  drive_options.speed = 4;
-  const SyntheticDrive truth(drive_options);
-  const std::vector<cv::Mat> images = imagesOf(truth);
-  const cv::Rect part(140, 45, 200, 70), inner(160, 55, 160, 50);
-  constexpr std::size_t kFirst = 12;
-  // Of the features with a point in the inner part of image kFirst: the share in the last image.
-  const auto survivors = [&](const std::set<std::size_t>& displaced, int max_outlier_frames) {
-    std::vector<cv::Mat> changed = images;
-    for (const std::size_t i : displaced) {
-      changed[i] = images[i].clone();
-      images[i](part - cv::Point(4, 0)).copyTo(changed[i](part));
-    }
-    VisualOdometry::Options options;
-    options.max_outlier_frames = max_outlier_frames;
-    const DriveRun result = run(truth.camera(), changed, options);
-    result.expectTracked(kFirst, images.size());
-    std::set<std::uint64_t> ids;
-    for (const TrackedFeature& feature : result.frame(kFirst).features) {
-      const bool inside = inner.contains(cv::Point2f(feature.u.x(), feature.u.y()));
-      if (feature.has_point && inside) ids.insert(feature.id);
-    }
-    double last = 0, outliers = 0;
-    for (const TrackedFeature& feature : result.outputs.back().frame.features) {
-      last += static_cast<double>(ids.count(feature.id));
-    }
-    for (std::size_t i = kFirst + 1; i < images.size(); ++i) {
-      for (const RejectedFeature& rejected : result.outputs[i].rejected) {
-        outliers += rejected.reason == RejectReason::kOutlier && ids.count(rejected.id) > 0;
-      }
-    }
-    const auto all = static_cast<double>(ids.size());
-    EXPECT_GT(all, 10);
-    if (max_outlier_frames == 0 || displaced.count(14) > 0) {
-      EXPECT_GT(outliers, 0.5 * all);
-    }
-    return last / all;
-  };
-  const double undisturbed = survivors({}, 1);
-  EXPECT_GT(survivors({13, 15, 17, 19, 21}, 1), 0.7 * undisturbed);
-  EXPECT_LT(survivors({13, 15, 17, 19, 21}, 0), 0.3 * undisturbed);
-  EXPECT_LT(survivors({13, 14, 15, 16, 17}, 1), 0.3 * undisturbed);
+  EXPECT_GT(outliers, 100u) << "on the other vehicles";
+  expectFeaturesWithPoints(result.frame(24), 0.8);
 }
 
 // Neighbouring points have errors in common, which their sigmas do not contain.
@@ -249,9 +206,6 @@ TEST(VisualOdometry, DepthSigmaIsAboutHalfTheErrorOfPointsOnTheRoad) {
   EXPECT_LT(sigma, 2.8);
 }
 
-// Also when features are lost at a standstill in noisy images at night, so that each image becomes
-// a keyframe. Keyframes at one place have no baseline: if they displaced all others, the scale of
-// the map would be undetermined.
 TEST(VisualOdometry, AStandstillKeepsPoseMapAndScale) {
   SyntheticDrive::Options drive_options = smallDrive(105);
   drive_options.stop_at_m = 22;
@@ -261,26 +215,14 @@ TEST(VisualOdometry, AStandstillKeepsPoseMapAndScale) {
   while (truth.frame(begin).speed > 0) ++begin;
   std::size_t end = begin;
   while (truth.frame(end).speed == 0) ++end;
-  ASSERT_GE(end - begin, 30u);
   ASSERT_LT(end + 20, truth.size());
-  for (const bool all_are_keyframes : {false, true}) {
-    SCOPED_TRACE(all_are_keyframes);
-    VisualOdometry::Options options;
-    if (all_are_keyframes) {
-      options.keyframe_min_tracked = 1;
-      options.standstill_flow = 0;
-    }
-    const DriveRun result = run(truth, options);
-    result.expectTracked(10, truth.size());
-    int keyframes = 0;
-    const double scale = scaleOver(truth, result, 10, begin);
-    for (std::size_t i = begin; i < end; ++i) {
-      keyframes += result.frame(i).keyframe;
-      EXPECT_LT(scale * distanceBetween(result.frame(begin).T_w_c, result.frame(i).T_w_c), 0.05);
-    }
-    EXPECT_EQ(keyframes > options.map.keyframes, all_are_keyframes);
-    EXPECT_NEAR(scaleOver(truth, result, end, truth.size()) / scale, 1, 0.03);
+  const DriveRun result = run(truth);
+  result.expectTracked(10, truth.size());
+  const double scale = scaleOver(truth, result, 10, begin);
+  for (std::size_t i = begin; i < end; ++i) {
+    EXPECT_LT(scale * distanceBetween(result.frame(begin).T_w_c, result.frame(i).T_w_c), 0.05);
   }
+  EXPECT_NEAR(scaleOver(truth, result, end, truth.size()) / scale, 1, 0.03);
 }
 
 // At rest, then slow: several images before the parallax suffices.
@@ -301,7 +243,6 @@ TEST(VisualOdometry, TheFramesBeforeTheFirstMapHaveTheirPoses) {
   ASSERT_LT(first, images.size());
   const auto& start = result.outputs[first].start;
   ASSERT_EQ(start.size(), first + 1);
-  ASSERT_GE(start.size(), kAtRest + 5);
   const auto trueDistance = [&](std::size_t i) {
     return truth.frame(i < kAtRest ? 0 : i - kAtRest).T_c0_c.translation().norm();
   };
@@ -408,14 +349,18 @@ SyntheticDrive::Options blackoutInATurn(int frames, int black) {
   return options;
 }
 
+// In the turn, the scene moves into the part of the image that is masked.
 TEST(VisualOdometry, ABlackoutKeepsMapScaleAndHeading) {
   SyntheticDrive::Options ahead = smallDrive(85);
   ahead.black_first = 45;
   ahead.black_frames = 15;
   ahead.moving_cars = false;
+  cv::Mat mask(ahead.camera.height, ahead.camera.width, CV_8UC1, cv::Scalar(255));
+  mask.colRange(mask.cols * 7 / 8, mask.cols) = 0;
   for (const SyntheticDrive::Options& options : {ahead, blackoutInATurn(80, 10)}) {
     const SyntheticDrive truth(options);
-    const DriveRun result = run(truth);
+    const bool turns = options.curvature > 0.05;
+    const DriveRun result = run(truth, {}, turns ? mask : cv::Mat());
     const auto begin = static_cast<std::size_t>(options.black_first);
     const std::size_t end = begin + static_cast<std::size_t>(options.black_frames);
     result.expectTracked(12, begin);
@@ -426,6 +371,10 @@ TEST(VisualOdometry, ABlackoutKeepsMapScaleAndHeading) {
     ASSERT_LT(back, end + 5);
     result.expectTracked(back, truth.size());
     expectFeaturesWithPoints(result.frame(back), 1);
+    for (const TrackedFeature& feature : result.frame(back).features) {
+      const int grey = mask.at<unsigned char>(cvRound(feature.u.y()), cvRound(feature.u.x()));
+      EXPECT_TRUE(!turns || grey == 255) << feature.u.transpose();
+    }
     const double scale = scaleOver(truth, result, 12, begin);
     EXPECT_NEAR(scaleOver(truth, result, back, truth.size()) / scale, 1, 0.04);
     const Eigen::Isometry3d gap =
@@ -436,52 +385,6 @@ TEST(VisualOdometry, ABlackoutKeepsMapScaleAndHeading) {
     EXPECT_LT((scale * gap.translation() - true_gap.translation()).norm(),
               0.03 * true_gap.translation().norm());
   }
-}
-
-// In the blackout the scene moves into the part of the image that is masked.
-TEST(VisualOdometry, TheSearchAfterABlackoutUsesNothingMasked) {
-  const SyntheticDrive truth(blackoutInATurn(60, 10));
-  cv::Mat mask(truth.camera().height, truth.camera().width, CV_8UC1, cv::Scalar(255));
-  mask.colRange(mask.cols * 7 / 8, mask.cols) = 0;
-  const DriveRun result = run(truth, {}, mask);
-  const std::size_t back = result.firstTracked(55);
-  ASSERT_LT(back, truth.size());
-  EXPECT_EQ(result.frame(back).map_id, 0u);
-  for (const TrackedFeature& feature : result.frame(back).features) {
-    const cv::Point pixel(cvRound(feature.u.x()), cvRound(feature.u.y()));
-    EXPECT_EQ(mask.at<unsigned char>(pixel), 255) << pixel;
-  }
-}
-
-// A pose needs more inliers than there are after the blackout. The next map starts with the
-// rotation to the pose that the search has found.
-TEST(VisualOdometry, ATurnInABlackoutIsKnownToTheNextMap) {
-  const SyntheticDrive truth(blackoutInATurn(70, 10));
-  const std::vector<cv::Mat> images = imagesOf(truth);
-  constexpr std::size_t kBefore = 44;
-  const auto pointsIn = [](const VoFrame& frame) {
-    int points = 0;
-    for (const TrackedFeature& feature : frame.features) points += feature.has_point;
-    return points;
-  };
-  const DriveRun kept = run(truth.camera(), {images.begin(), images.begin() + 56});
-  VisualOdometry::Options options;
-  options.pose.min_inliers = static_cast<int>(1.15 * pointsIn(kept.outputs.back().frame));
-  ASSERT_GT(pointsIn(kept.frame(kBefore)), 1.2 * options.pose.min_inliers);
-  const DriveRun result = run(truth.camera(), images, options);
-  if (result.frame(kBefore).status != VoStatus::kTracking) {
-    GTEST_SKIP() << "no number of inliers separates the frames before and after the blackout";
-  }
-  const std::size_t first = result.firstTracked(kBefore + 1);
-  ASSERT_LT(first, truth.size());
-  const MapStart& map_start = result.frame(first).map_start;
-  EXPECT_EQ(result.frame(first).map_id, result.frame(kBefore).map_id + 1);
-  const auto start = static_cast<std::size_t>(map_start.stamp_ns / kPeriod_ns - 1);
-  const Eigen::Matrix3d true_rotation =
-      truth.frame(kBefore).T_c0_c.linear().transpose() * truth.frame(start).T_c0_c.linear();
-  EXPECT_GT(map_start.rotation_sigma, 1e-5);
-  EXPECT_LT(map_start.rotation_sigma, 0.02);
-  EXPECT_LT(angleBetween(map_start.R_previous_w, true_rotation), 0.02);
 }
 
 TEST(VisualOdometry, TracksThroughStepsOfTheExposure) {
@@ -497,119 +400,72 @@ TEST(VisualOdometry, TracksThroughStepsOfTheExposure) {
   EXPECT_NEAR(scaleOver(truth, result, 26, 45) / scaleOver(truth, result, 10, 26), 1, 0.03);
 }
 
-// Four seconds of black images behind a car, which is at the same place in the image before and
-// after: its features must not yield a pose in the old map.
-TEST(VisualOdometry, ACarAheadDoesNotConcealAnInterruption) {
-  const SyntheticDrive truth(faultDrive(1, 21).options);
-  std::vector<cv::Mat> images;
-  for (std::size_t i = 95; i < 182; ++i) {
-    images.push_back(truth.image(i));
-    if (i >= 130 && i < 171) images.back().setTo(0);
-  }
+// Single images of another place are lost; only consecutive ones start a new map.
+TEST(VisualOdometry, AJumpToAnotherPlaceStartsANewMap) {
+  constexpr std::size_t kJump = 30;
+  SyntheticDrive::Options other_options = smallDrive(40);
+  other_options.random_seed = 77;
+  const SyntheticDrive truth(smallDrive(kJump)), elsewhere(other_options);
+  std::vector<cv::Mat> images = imagesOf(truth);
+  const std::set<std::size_t> wrong{14, 18, 22, 26};
+  for (const std::size_t i : wrong) images[i] = elsewhere.image(i);
+  for (const cv::Mat& image : imagesOf(elsewhere)) images.push_back(image);
   const DriveRun result = run(truth.camera(), images);
-  const std::size_t back = result.firstTracked(171 - 95);
+  // The image that is lost for the last time in a row starts the new map.
+  const std::size_t restart =
+      kJump - 1 + static_cast<std::size_t>(VisualOdometry::Options().lost_frames_before_new_map);
+  const std::size_t back = result.firstTracked(kJump);
+  for (std::size_t k = 12; k < back; ++k) {
+    const VoFrame& frame = result.frame(k);
+    const bool tracked = k < kJump && wrong.count(k) == 0;
+    EXPECT_STREQ(toString(frame.status), tracked       ? "tracking"
+                                         : k < restart ? "lost"
+                                                       : "initialising")
+        << k;
+    EXPECT_EQ(frame.map_id, k < restart ? 0u : 1u) << k;
+    EXPECT_TRUE(tracked || frame.T_w_c.isApprox(Eigen::Isometry3d::Identity(), 0)) << k;
+    EXPECT_TRUE(frame.features.empty() || tracked || k >= restart) << k;
+    EXPECT_EQ(frame.map_start.stamp_ns == 0, k >= restart) << k;
+  }
   ASSERT_LT(back, images.size());
   result.expectTracked(back, images.size(), 1);
 }
 
-// The exposures of the old map have no effect on the new one.
-TEST(VisualOdometry, AJumpToAnotherPlaceStartsANewMap) {
-  constexpr std::size_t kJump = 20;
-  const SyntheticDrive truth(smallDrive(kJump));
-  SyntheticDrive::Options other_options = smallDrive(30);
-  other_options.random_seed = 77;
-  const std::vector<cv::Mat> elsewhere = imagesOf(SyntheticDrive(other_options));
-  Eigen::Matrix4d last[2];
-  for (const int i : {0, 1}) {
-    std::vector<cv::Mat> images;
-    for (std::size_t k = 0; k < kJump; ++k) {
-      images.push_back(applyGain(truth.image(k), k < 12 || i == 0 ? 1 : 0.5));
-    }
-    images.insert(images.end(), elsewhere.begin(), elsewhere.end());
-    const DriveRun result = run(truth.camera(), images);
-    // The image that is lost for the last time in a row starts the new map.
-    const auto lost =
-        static_cast<std::size_t>(VisualOdometry::Options().lost_frames_before_new_map - 1);
-    const std::size_t back = result.firstTracked(kJump);
-    for (std::size_t k = kJump; k < back; ++k) {
-      const VoFrame& frame = result.frame(k);
-      const bool is_lost = k < kJump + lost;
-      EXPECT_STREQ(toString(frame.status), is_lost ? "lost" : "initialising") << k;
-      EXPECT_EQ(frame.map_id, is_lost ? 0u : 1u) << k;
-      EXPECT_EQ(frame.T_w_c.matrix(), Eigen::Matrix4d::Identity());
-      EXPECT_TRUE(frame.features.empty() || !is_lost) << k;
-      EXPECT_EQ(frame.map_start.stamp_ns == 0, !is_lost);
-    }
-    ASSERT_LT(back, images.size());
-    result.expectTracked(back, images.size(), 1);
-    last[i] = result.outputs.back().frame.T_w_c.matrix();
-  }
-  EXPECT_EQ(last[0], last[1]);
-}
-
-// Each of them is lost; only consecutive ones start a new map.
-TEST(VisualOdometry, SingleImagesOfAnotherPlaceKeepTheMap) {
-  SyntheticDrive::Options options = smallDrive(45);
-  const SyntheticDrive truth(options);
-  options.random_seed = 2;
-  const SyntheticDrive elsewhere(options);
-  std::vector<cv::Mat> images = imagesOf(truth);
-  const std::set<std::size_t> wrong{15, 22, 29, 36};
-  for (const std::size_t i : wrong) images[i] = elsewhere.image(i);
-  const DriveRun result = run(truth.camera(), images);
-  for (std::size_t i = 12; i < truth.size(); ++i) {
-    const VoStatus expected = wrong.count(i) ? VoStatus::kLost : VoStatus::kTracking;
-    EXPECT_EQ(result.frame(i).status, expected) << i;
-    EXPECT_EQ(result.frame(i).map_id, 0u) << i;
-  }
-}
-
 // At one place of a straight road, the camera turns to the left by 11 degrees from image to image.
 // Soon no map point is in the view, so there is no pose; but each image matches the one before it.
-// An image of another place between lost ones matches none of them; the one after it matches the
-// last image with a pose.
 TEST(VisualOdometry, ATurnOverLostImagesIsKnown) {
   constexpr double kYaw = 0.2;  // of one turn
   constexpr std::size_t kPlace = 15, kFrames = 32;
   SyntheticDrive::Options options = straightDrive(kFrames);
   options.suspension = options.pitch_rad = 0;
-  SyntheticDrive::Options other_options = smallDrive(1);
-  other_options.random_seed = 2;
-  const cv::Mat elsewhere = SyntheticDrive(other_options).image(0);
-  std::deque<SyntheticDrive> drives;  // after so many turns
-  for (int turns = 0; turns < 10; ++turns) {
-    options.yaw_rad = -0.9 + turns * kYaw;
-    drives.emplace_back(options);
+  const auto driveAfter = [&](std::size_t turns) {
+    options.yaw_rad = -0.9 + static_cast<double>(turns) * kYaw;
+    return SyntheticDrive(options);
+  };
+  VisualOdometry odometry(options.camera, {});
+  VoFrame frame;
+  const auto process = [&](const cv::Mat& image) {
+    frame = odometry.process(image, frame.stamp_ns + kPeriod_ns).frame;
+    return frame.status == VoStatus::kTracking;
+  };
+  const SyntheticDrive before = driveAfter(0);
+  for (std::size_t i = 0; i <= kPlace; ++i) process(before.image(i));
+  std::size_t turns = 0, last_with_pose = 0;
+  while (frame.map_id == 0) {
+    ASSERT_LT(++turns, 10u);
+    if (process(driveAfter(turns).image(kPlace))) last_with_pose = turns;
   }
-  for (const bool wrong_image : {false, true}) {
-    SCOPED_TRACE(wrong_image);
-    VisualOdometry odometry(options.camera, {});
-    VoFrame frame;
-    const auto process = [&](const cv::Mat& image) {
-      frame = odometry.process(image, frame.stamp_ns + kPeriod_ns).frame;
-      return frame.status;
-    };
-    for (std::size_t i = 0; i <= kPlace; ++i) process(drives[0].image(i));
-    std::size_t turns = 0, last_with_pose = 0;
-    while (frame.map_id == 0) {
-      ASSERT_LT(turns + 1, drives.size());
-      if (!wrong_image || frame.status == VoStatus::kTracking) ++turns;
-      if (process(drives[turns].image(kPlace)) == VoStatus::kTracking) last_with_pose = turns;
-      if (wrong_image && frame.status == VoStatus::kLost) process(elsewhere);
-    }
-    const std::int64_t start_ns = frame.stamp_ns;
-    for (std::size_t i = kPlace + 1; i < kFrames && frame.status != VoStatus::kTracking; ++i) {
-      process(drives[turns].image(i));
-    }
-    ASSERT_EQ(frame.status, VoStatus::kTracking);
-    EXPECT_EQ(frame.map_id, 1u);
-    EXPECT_EQ(frame.map_start.stamp_ns, start_ns);
-    EXPECT_LT(frame.map_start.rotation_sigma, 0.05);
-    const double turned_by = kYaw * static_cast<double>(turns - last_with_pose);
-    EXPECT_LT(
-        angleBetween(frame.map_start.R_previous_w, pose({0, -turned_by, 0}, {0, 0, 0}).linear()),
-        0.03);
-  }
+  const std::int64_t start_ns = frame.stamp_ns;
+  const SyntheticDrive after = driveAfter(turns);
+  for (std::size_t i = kPlace + 1; i < kFrames && !process(after.image(i)); ++i) continue;
+  ASSERT_EQ(frame.status, VoStatus::kTracking);
+  EXPECT_EQ(frame.map_id, 1u);
+  EXPECT_EQ(frame.map_start.stamp_ns, start_ns);
+  EXPECT_LT(frame.map_start.rotation_sigma, 0.05);
+  const double turned_by = kYaw * static_cast<double>(turns - last_with_pose);
+  EXPECT_LT(
+      angleBetween(frame.map_start.R_previous_w, pose({0, -turned_by, 0}, {0, 0, 0}).linear()),
+      0.03);
 }
 
 TEST(VisualOdometry, RejectsWrongImagesAndOptions) {
@@ -623,6 +479,8 @@ TEST(VisualOdometry, RejectsWrongImagesAndOptions) {
   const std::function<void(Options*)> changes[] = {
       [](Options* options) { options->keyframe_min_tracked = 2; },
       [](Options* options) { options->tracker.cell_size = 0; },
+      [](Options* options) { options->tracker.window_px = 10; },      // even
+      [](Options* options) { options->alignment.window_px = 1001; },  // exceeds the memory
       [](Options* options) { options->two_view.min_matches = 3; },
       [](Options* options) { options->alignment.min_correlation = 2; },
       [](Options* options) { options->pose.min_inliers = 2; },

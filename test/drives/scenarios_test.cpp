@@ -14,7 +14,6 @@
 #include "ground_scale_vo/simulation/scenario_evaluation.hpp"
 #include "support/drive_run.hpp"
 #include "support/long_tests.hpp"
-#include "support/reduced_drive.hpp"
 
 namespace ground_scale_vo {
 

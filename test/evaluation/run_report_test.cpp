@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <locale>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -15,7 +16,6 @@
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "scripted_run.hpp"
-#include "support/comma_locale.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -141,8 +141,22 @@ TEST_F(RunReport, HasTheMetricsOfScaleAndCovariance) {
   EXPECT_THROW(metricsJson(record, 1.65, ground_truth), OptionError);
 }
 
+/// While it lives, streams write 1.234,5 by default, as in German.
+class CommaLocale {
+ public:
+  ~CommaLocale() { std::locale::global(previous_); }
+
+ private:
+  struct Punctuation : std::numpunct<char> {
+    char do_decimal_point() const override { return ','; }
+    char do_thousands_sep() const override { return '.'; }
+    std::string do_grouping() const override { return "\3"; }
+  };
+  const std::locale previous_ = std::locale::global({std::locale::classic(), new Punctuation});
+};
+
 TEST_F(RunReport, WritesTheFilesOfARun) {
-  const test::CommaLocale locale;
+  const CommaLocale locale;
   std::vector<Eigen::Isometry3d> ground_truth;
   const RunRecord record = biasedDrive(&ground_truth);
   const auto folder = folder_ / "results" / "07";

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "support/drive_run.hpp"
-#include "support/reduced_drive.hpp"
 
 namespace ground_scale_vo {
 namespace {

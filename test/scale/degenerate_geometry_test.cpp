@@ -9,7 +9,6 @@
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
-#include "support/recovery_options.hpp"
 #include "support/road_image.hpp"
 
 namespace ground_scale_vo {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "support/recovery_options.hpp"
+#include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
 namespace {

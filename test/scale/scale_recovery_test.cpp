@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "support/recovery_options.hpp"
 #include "support/road_image.hpp"
 
 namespace ground_scale_vo {

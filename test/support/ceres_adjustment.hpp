@@ -1,6 +1,7 @@
 #pragma once
 
 #include <ceres/ceres.h>
+#include <ceres/rotation.h>
 
 #include <array>
 #include <cmath>
@@ -9,6 +10,7 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
+#include "support/scene.hpp"
 
 namespace ground_scale_vo::test {
 
@@ -21,84 +23,32 @@ constexpr std::size_t kMinLandmarks = 10;
 /// stay far from the singularity at 2 pi.
 using PoseParameters = std::array<double, 6>;
 
-/// exp(w), w a rotation vector.
-inline Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
-  const double angle = w.norm();
-  if (angle < 1e-12) return Eigen::Matrix3d::Identity() + skew(w);
-  return Eigen::AngleAxisd(angle, w / angle).toRotationMatrix();
-}
-
-/// Jr of SO(3): exp(w + d) = exp(w) exp(Jr(w) d) for small d.
-inline Eigen::Matrix3d rightJacobian(const Eigen::Vector3d& w) {
-  const double angle2 = w.squaredNorm(), angle = std::sqrt(angle2);
-  const Eigen::Matrix3d W = skew(w);
-  if (angle < 1e-6) return Eigen::Matrix3d::Identity() - 0.5 * W + W * W / 6.0;
-  return Eigen::Matrix3d::Identity() - (1 - std::cos(angle)) / angle2 * W +
-         (angle - std::sin(angle)) / (angle2 * angle) * W * W;
-}
-
 /// Residual of one observation; a: anchor, o: observer, rho: inverse depth. The point seen from
-/// camera o is, up to scale, q = R_o^T y with y = R_a ray + rho (t_a - t_o). The residual is
+/// camera o is, up to scale, q = R_o^T (R_a ray + rho (t_a - t_o)). The residual is
 /// (q_xy / q_z - x) / sigma.
-class ReprojectionCost : public ceres::SizedCostFunction<2, 6, 6, 1> {
- public:
-  ReprojectionCost(const Eigen::Vector3d& ray, const Observation& observation)
-      : ray_(ray), x_(observation.x), weight_(1 / observation.sigma) {}
+struct ReprojectionCost {
+  Eigen::Vector3d ray;
+  Eigen::Vector2d x;
+  double sigma;
 
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const Eigen::Map<const Eigen::Vector3d> w_a(parameters[0]), t_a(parameters[0] + 3);
-    const Eigen::Map<const Eigen::Vector3d> w_o(parameters[1]), t_o(parameters[1] + 3);
-    const double rho = parameters[2][0];
-    const Eigen::Matrix3d R_a = rotation(w_a);
-    const Eigen::Matrix3d R_o_T = rotation(w_o).transpose();
-    const Eigen::Vector3d y = R_a * ray_ + rho * (t_a - t_o);
-    const Eigen::Vector3d q = R_o_T * y;
+  template <typename T>
+  bool operator()(const T* pose_a, const T* pose_o, const T* rho, T* residual) const {
+    const Eigen::Matrix<T, 3, 1> ray_c = ray.cast<T>();
+    Eigen::Matrix<T, 3, 1> y, q;
+    ceres::AngleAxisRotatePoint(pose_a, ray_c.data(), y.data());
+    for (int i = 0; i < 3; ++i) y[i] += *rho * (pose_a[3 + i] - pose_o[3 + i]);
+    const T inverse[3] = {-pose_o[0], -pose_o[1], -pose_o[2]};
+    ceres::AngleAxisRotatePoint(inverse, y.data(), q.data());
     // A step may go a little beyond the limit for observations.
-    if (q.z() < 0.1 * kMinDepthRatio) return false;
-
-    Eigen::Map<Eigen::Vector2d> r(residuals);
-    r = weight_ * (q.head<2>() / q.z() - x_);
-    if (!jacobians) return true;
-
-    Eigen::Matrix<double, 2, 3> P;
-    P << 1 / q.z(), 0, -q.x() / (q.z() * q.z()), 0, 1 / q.z(), -q.y() / (q.z() * q.z());
-    const Eigen::Matrix<double, 2, 3> PR = weight_ * P * R_o_T;
-    using Jacobian26 = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
-    if (jacobians[0]) {
-      Eigen::Map<Jacobian26> J(jacobians[0]);
-      J.leftCols<3>() = -PR * R_a * skew(ray_) * rightJacobian(w_a);
-      J.rightCols<3>() = rho * PR;
-    }
-    if (jacobians[1]) {
-      Eigen::Map<Jacobian26> J(jacobians[1]);
-      J.leftCols<3>() = PR * skew(y) * rightJacobian(-w_o);
-      J.rightCols<3>() = -rho * PR;
-    }
-    if (jacobians[2]) {
-      Eigen::Map<Eigen::Vector2d> J(jacobians[2]);
-      J = PR * (t_a - t_o);
-    }
+    if (q.z() < T(0.1 * kMinDepthRatio)) return false;
+    for (int i = 0; i < 2; ++i) residual[i] = (q[i] / q.z() - x[i]) / sigma;
     return true;
   }
-
- private:
-  Eigen::Vector3d ray_;
-  Eigen::Vector2d x_;
-  double weight_;
 };
 
 inline PoseParameters toParameters(const Eigen::Isometry3d& T) {
-  const Eigen::AngleAxisd aa(T.linear());
-  const Eigen::Vector3d w = aa.angle() * aa.axis(), t = T.translation();
+  const Eigen::Vector3d w = rotationVector(T.linear()), t = T.translation();
   return {w.x(), w.y(), w.z(), t.x(), t.y(), t.z()};
-}
-
-inline Eigen::Isometry3d toPose(const PoseParameters& p) {
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = rotation({p[0], p[1], p[2]});
-  T.translation() = Eigen::Vector3d(p[3], p[4], p[5]);
-  return T;
 }
 
 /// The same problem as LocalBundleAdjustment, solved by Ceres with another parametrisation.
@@ -151,8 +101,10 @@ inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment
           keyframes[observer].T_w_c.inverse() *
           (keyframes[anchor].T_w_c * Eigen::Vector3d(a.landmark->ray() / a.inverse_depth));
       if (q.z() < kMinDepthRatio / a.inverse_depth) continue;
-      problem.AddResidualBlock(new ReprojectionCost(a.landmark->ray(), observations[i]), &loss,
-                               poses[anchor].data(), poses[observer].data(), &a.inverse_depth);
+      auto* const cost = new ceres::AutoDiffCostFunction<ReprojectionCost, 2, 6, 6, 1>(
+          new ReprojectionCost{a.landmark->ray(), observations[i].x, observations[i].sigma});
+      problem.AddResidualBlock(cost, &loss, poses[anchor].data(), poses[observer].data(),
+                               &a.inverse_depth);
     }
   }
   const bool scale_is_free = first_free < 2;
@@ -170,7 +122,8 @@ inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment
   if (!summary.IsSolutionUsable()) return result;
 
   for (std::size_t i = first_free; i < keyframes.size(); ++i) {
-    keyframes[i].T_w_c = T_w_r * toPose(poses[i]);
+    const double* const p = poses[i].data();
+    keyframes[i].T_w_c = T_w_r * pose(Eigen::Vector3d(p), Eigen::Vector3d(p + 3));
   }
   double unit = 1;
   if (scale_is_free) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "ground_scale_vo/scale/ground_plane.hpp"
+#include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
@@ -93,6 +94,13 @@ struct RoadScene {
   /// Frame of a camera that has moved by `step` in every frame.
   VoFrame frame(std::uint32_t sequence) const { return frameAt(sequence, step * sequence); }
 };
+
+/// Default options and the camera height, which is required: that of KITTI.
+inline ScaleRecovery::Options recoveryOptions() {
+  ScaleRecovery::Options o;
+  o.camera_height = 1.65;
+  return o;
+}
 
 /// The scene in another VO unit.
 inline RoadScene inUnit(double unit, RoadScene scene) {

@@ -7,7 +7,6 @@
 #include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
-#include <utility>
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
@@ -44,17 +43,15 @@ void readSequenceWith(const std::string& file, const std::string& content) {
                                             "1 0 0 0 0 1 0 0 0 0 1 0\n"
                                             "1 0 0 0 0 1 0 0 0 0 1 1\n"}};
   files[file] = content;
-  static std::map<std::string, std::string> written;
-  for (const auto& [name, text] : files) {
-    if (std::exchange(written[name], text) == text) continue;
-    std::ofstream(folder() / name, std::ios::binary) << text;
-  }
+  for (const auto& [name, text] : files) std::ofstream(folder() / name, std::ios::binary) << text;
   try {
     const KittiSequence sequence(folder());
     sequence.camera().validate();
     require(sequence.stampNs(0) < sequence.stampNs(1), "stamps increase");
-    for (const Eigen::Isometry3d& pose : sequence.groundTruth()) {
-      require(pose.matrix().allFinite(), "ground truth poses are finite");
+    const auto& poses = sequence.groundTruth();
+    for (const auto& pose : poses) require(pose.matrix().allFinite(), "poses are finite");
+    if (poses.size() >= 2) {
+      require(std::isfinite(computeOdometryMetrics(poses, poses).ate_rmse_m), "metrics are finite");
     }
   } catch (const DataError& error) {
     const std::string text = error.what();
@@ -63,14 +60,9 @@ void readSequenceWith(const std::string& file, const std::string& content) {
   }
 }
 
-void readTrajectories(const fs::path& file) {
-  try {
-    const auto poses = readKittiPoses(file);
-    if (poses.size() >= 2) {
-      require(std::isfinite(computeOdometryMetrics(poses, poses).ate_rmse_m), "metrics are finite");
-    }
-  } catch (const DataError&) {
-  }
+void readTrajectory(const std::string& content) {
+  const fs::path file = folder() / "tum.txt";
+  std::ofstream(file, std::ios::binary) << content;
   try {
     for (const StampedPose& pose : readTumTrajectory(file)) {
       require(pose.T_a_b.matrix().allFinite(), "poses are finite");
@@ -97,27 +89,18 @@ Plan plan() {
            "0P1: 1 2 3\nP0: 10 0 8 0 0 10 6 0 0 0 1 0\r\nTr: x\n",
            "11317042145.964389445\n1317042146.06\r\n", "1-3\n4e2\n\n",
            "21 0 0 0 0 1 0 0 0 0 1 0\n0.8 0 0.6 1.5 0 1 0 -0.1 -0.6 0 0.8 12\n",
-           "2# stamp tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 1 2 3 0.6 0 0 0.8\n",
+           "4# stamp tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 1 2 3 0.6 0 0 0.8\n",
            "3tracker/cell_size=0.03", "3refine=false", "3direct/patch_size = 1"}};
 }
 
 void run(const std::string& input) {
   if (input.empty()) return;
   const std::string content = input.substr(1);
-  switch (static_cast<unsigned char>(input[0]) % 4) {
-    case 0:
-      readSequenceWith("calib.txt", content);
-      break;
-    case 1:
-      readSequenceWith("times.txt", content);
-      break;
-    case 2:
-      readSequenceWith("poses.txt", content);
-      readTrajectories(folder() / "poses.txt");
-      break;
-    default:
-      set(content);
-  }
+  const char* const kFiles[] = {"calib.txt", "times.txt", "poses.txt"};
+  const std::size_t kind = static_cast<unsigned char>(input[0]) % 5;
+  if (kind < 3) readSequenceWith(kFiles[kind], content);
+  if (kind == 3) set(content);
+  if (kind == 4) readTrajectory(content);
 }
 
 }  // namespace ground_scale_vo::fuzz

@@ -50,22 +50,19 @@ class Mutator {
         "1e9", "0x1p", "1,5",   "",       "x",     "\n",   "\r\n",       " ",     "\t",
         "#",   "P0:",  "=",     "/",      "0.001", "true", "4294967296", "--",    "1e-320"};
     const std::size_t at = below(input->size() + 1);
-    switch (below(6)) {
+    switch (below(5)) {
       case 0:
         if (at < input->size()) (*input)[at] ^= static_cast<char>(1u << below(8));
         break;
       case 1:
         input->erase(at, below(4) > 0 ? below(16) + 1 : std::string::npos);
         break;
-      case 2:
-        input->insert(at, input->substr(below(input->size() + 1), below(64) + 1));
-        break;
-      case 3: {
+      case 2: {
         const std::string& other = corpus_[below(corpus_.size())];
         *input = input->substr(0, at) + other.substr(below(other.size() + 1));
         break;
       }
-      case 4: {  // replaces a word of a text
+      case 3: {  // replaces a word of a text
         const char* const blank = " \t\r\n=";
         const std::size_t begin = std::min(input->find_first_not_of(blank, at), input->size());
         const std::size_t end = std::min(input->find_first_of(blank, begin), input->size());

@@ -1,11 +1,9 @@
 #pragma once
 
 #include <nav_msgs/Odometry.h>
-#include <sensor_msgs/PointCloud2.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -18,26 +16,26 @@ namespace ground_scale_vo::fuzz {
 
 /// The first frames of a rendered drive with small images.
 struct SmallDrive {
-  PinholeCamera camera;
+  SmallDrive() {
+    SyntheticDrive::Options options;
+    options.camera = camera;
+    options.frames = 24;
+    const SyntheticDrive drive(options);
+    for (std::size_t i = 0; i < drive.size(); ++i) {
+      images.push_back(drive.image(i));
+      // Starts at 1 s: a stamp of 0 means "no stamp" in ROS.
+      stamps_ns.push_back(drive.frame(i).stamp_ns + 1000000000);
+    }
+  }
+
+  const PinholeCamera camera{480, 150, 278, 278, 240, 55};
   std::vector<cv::Mat> images;
   std::vector<std::int64_t> stamps_ns;
 };
 
 /// Rendered at the first call.
 inline const SmallDrive& smallDrive() {
-  static const SmallDrive kDrive = [] {
-    SyntheticDrive::Options options;
-    options.camera = {480, 150, 278, 278, 240, 55};
-    options.frames = 24;
-    const SyntheticDrive drive(options);
-    SmallDrive small{drive.camera(), {}, {}};
-    for (std::size_t i = 0; i < drive.size(); ++i) {
-      small.images.push_back(drive.image(i));
-      // Starts at 1 s: a stamp of 0 means "no stamp" in ROS.
-      small.stamps_ns.push_back(drive.frame(i).stamp_ns + 1000000000);
-    }
-    return small;
-  }();
+  static const SmallDrive kDrive;
   return kDrive;
 }
 
@@ -50,13 +48,10 @@ inline std::string mixedMessages(int period) {
   return mixed;
 }
 
-template <typename Range>
+template <typename Range = std::initializer_list<double>>
 bool allFinite(const Range& values) {
   return std::all_of(std::begin(values), std::end(values),
                      [](auto value) { return std::isfinite(value); });
-}
-inline bool allFinite(std::initializer_list<double> values) {
-  return allFinite<std::initializer_list<double>>(values);
 }
 
 inline bool isPose(const geometry_msgs::Pose& pose) {
@@ -94,15 +89,6 @@ inline void check(const ScaleEstimateMsg& scale) {
   require((scale.status == ScaleEstimateMsg::UNKNOWN) == (scale.scale == 0),
           "the scale is set if and only if it is known");
   require(scale.scale >= 0 && scale.sigma >= 0, "scale and sigma are not negative");
-}
-
-/// Clouds of x, y, z [float32].
-inline void check(const sensor_msgs::PointCloud2& cloud) {
-  for (std::size_t at = 0; at + cloud.point_step <= cloud.data.size(); at += cloud.point_step) {
-    float xyz[3];
-    std::memcpy(xyz, &cloud.data[at], sizeof xyz);
-    require(allFinite(xyz), "the cloud is finite");
-  }
 }
 
 }  // namespace ground_scale_vo::fuzz

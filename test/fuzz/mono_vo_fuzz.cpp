@@ -8,6 +8,7 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 
 #include "fuzz_target.hpp"
@@ -39,40 +40,34 @@ class MonoVo {
   void onImage(const sensor_msgs::Image& image) {
     const auto camera = rectifier_.camera();
     if (!camera) return;
-    cv::Mat rectified;
+    cv::Mat grey;
     try {
-      rectified = rectifier_.rectify(image);
+      grey = rectifier_.rectify(image).clone();  // outlives the message
     } catch (const MessageError&) {
       return;
     }
-    const Rectified received{image.header, rectified.clone(), camera};  // outlives the message
-    for (const auto& accepted : filter_.filter(image.header.stamp, received)) {
-      process(accepted.message, accepted.clock_jumped_back);
+    const Process process = [=, header = image.header](bool clock_jumped_back) {
+      if (!odometry_ || camera_ != camera || clock_jumped_back) {
+        camera_ = camera;
+        odometry_ = std::make_unique<VisualOdometry>(camera->camera(), VisualOdometry::Options());
+        painter_ = TrackPainter();
+      }
+      const auto output = odometry_->process(grey, toNanoseconds(header.stamp));
+      check(*toMsg(output.frame, header));
+      check(*toOdometryMsg(output.frame, header, "vo_world"));
+      toPointCloud(output.frame, header);
+      painter_.paint(grey, output.frame, output.rejected, header);
+    };
+    for (const auto& accepted : filter_.filter(image.header.stamp, process)) {
+      accepted.message(accepted.clock_jumped_back);
     }
   }
 
  private:
-  struct Rectified {
-    std_msgs::Header header;
-    cv::Mat grey;
-    std::shared_ptr<const CalibratedCamera> camera;
-  };
-
-  void process(const Rectified& image, bool clock_jumped_back) {
-    if (!odometry_ || camera_ != image.camera || clock_jumped_back) {
-      camera_ = image.camera;
-      odometry_ = std::make_unique<VisualOdometry>(camera_->camera(), VisualOdometry::Options());
-      painter_ = TrackPainter();
-    }
-    const auto output = odometry_->process(image.grey, toNanoseconds(image.header.stamp));
-    check(*toMsg(output.frame, image.header));
-    check(*toOdometryMsg(output.frame, image.header, "vo_world"));
-    check(*toPointCloud(output.frame, image.header));
-    painter_.paint(image.grey, output.frame, output.rejected, image.header);
-  }
+  using Process = std::function<void(bool clock_jumped_back)>;
 
   ImageRectifier rectifier_;
-  StampFilter<Rectified> filter_{1.0, [](const std::string&) {}};
+  StampFilter<Process> filter_{1.0, [](const std::string&) {}};
   std::shared_ptr<const CalibratedCamera> camera_;
   std::unique_ptr<VisualOdometry> odometry_;
   TrackPainter painter_;
@@ -98,20 +93,17 @@ void spoil(sensor_msgs::Image* image, Input* input) {
                                            "yuv422", "64FC512", ""};
   constexpr std::uint32_t kMaxBytes = 1u << 22;
   std::uint32_t* const sizes[] = {&image->width, &image->height, &image->step};
-  switch (input->below(5)) {
-    case 0:
+  switch (input->below(4)) {
+    case 0:  // another encoding, perhaps with data as long as step and height say
       image->encoding = input->below(4) > 0 ? input->oneOf(kEncodings) : input->text(16);
-      break;
-    case 1:  // another encoding, with data as long as step and height say
-      image->encoding = input->oneOf(kEncodings);
+      if (input->below(2)) break;
       image->step = image->width * (1 + static_cast<std::uint32_t>(input->below(8)));
-      image->data.resize(std::min(image->step * image->height, kMaxBytes),
-                         input->take<std::uint8_t>());
+      image->data.resize(std::min(image->step * image->height, kMaxBytes));
       break;
-    case 2:
+    case 1:
       *input->oneOf(sizes) = input->take<std::uint32_t>() >> (4 * input->below(8));
       break;
-    case 3:
+    case 2:
       image->data.resize(input->below(image->data.size() + 1));
       break;
     default:
@@ -121,29 +113,21 @@ void spoil(sensor_msgs::Image* image, Input* input) {
 
 void spoil(sensor_msgs::CameraInfo* info, Input* input) {
   static const std::string kModels[] = {"plumb_bob", "rational_polynomial", "fisheye", ""};
-  switch (input->below(4)) {
+  switch (input->below(3)) {
     case 0:
       (input->below(2) ? input->oneOf(info->K) : input->oneOf(info->P)) = input->number();
+      input->oneOf(info->R) = input->number();
       break;
     case 1:
       info->distortion_model = input->oneOf(kModels);
       info->D.resize(input->below(16));
       for (double& k : info->D) k = input->below(3) ? 0.01 : input->number();
       break;
-    case 2:
-      (input->below(2) ? info->width : info->height) = input->take<std::uint32_t>();
-      break;
     default:
-      input->oneOf(info->R) = input->number();
+      (input->below(2) ? info->width : info->height) = input->take<std::uint32_t>();
       info->binning_x = input->take<std::uint8_t>();
       if (input->below(2)) info->P.fill(0);
   }
-}
-
-/// Time to the stamp of the next message [ns].
-std::int64_t stampStep(Input* input) {
-  constexpr std::int64_t kSteps_ms[] = {0, -50, -2000, 5000, 33, 1000000, -1000000000, 2147483};
-  return input->oneOf(kSteps_ms) * 1000000 + static_cast<std::int64_t>(input->below(2));
 }
 
 }  // namespace
@@ -152,6 +136,7 @@ Plan plan() { return {600, {std::string(20, '\0'), mixedMessages(3)}}; }
 
 void run(const std::string& bytes) {
   constexpr std::int64_t kLatest = 4294967295ll * 1000000000;  // of ros::Time [ns]
+  constexpr std::int64_t kSteps_ms[] = {0, -50, -2000, 5000, 33, 1000000, -1000000000, 2147483};
   constexpr std::size_t kMaxMessages = 40;
   Input input(bytes);
   MonoVo mono_vo(input.below(4) == 1);
@@ -159,7 +144,8 @@ void run(const std::string& bytes) {
   std::int64_t stamp_ns = smallDrive().stamps_ns.front();
   for (std::size_t k = 0; k < kMaxMessages && !input.empty(); ++k) {
     const auto kind = input.take<std::uint8_t>();
-    stamp_ns += kind % 2 == 0 || kind % 16 < 12 ? 100000000 : stampStep(&input);
+    const bool is_regular = kind % 2 == 0 || kind % 16 < 12;
+    stamp_ns += (is_regular ? 100 : input.oneOf(kSteps_ms)) * 1000000;
     stamp_ns = std::clamp<std::int64_t>(stamp_ns, 0, kLatest);
     if (kind % 8 == 3) {
       sensor_msgs::CameraInfo info = toCameraInfo(smallDrive().camera);

@@ -14,7 +14,7 @@ using XmlRpc::XmlRpcValue;
 
 XmlRpcValue value(Input* input) {
   XmlRpcValue list;
-  switch (input->below(6)) {
+  switch (input->below(5)) {
     case 0:
       return XmlRpcValue(input->number());
     case 1:
@@ -23,12 +23,9 @@ XmlRpcValue value(Input* input) {
       return XmlRpcValue(input->take<char>() != 0);
     case 3:
       return XmlRpcValue(input->text(12));
-    case 4:
-      return XmlRpcValue();
     default:
-      list.setSize(static_cast<int>(input->below(4)));
-      for (int i = 0; i < list.size(); ++i) list[i] = input->number();
-      return list;
+      for (int i = static_cast<int>(input->below(4)) - 1; i >= 0; --i) list[i] = input->number();
+      return list;  // not set if it has no elements
   }
 }
 

@@ -2,6 +2,8 @@
 // input is a list of frames: an even byte is the next frame of a drive, unchanged, an odd one a
 // frame with random changes.
 
+#include <functional>
+
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -46,42 +48,33 @@ class Scale {
     } catch (const MessageError&) {
       return;
     }
-    for (const auto& accepted :
-         filter_.filter(message.header.stamp, {frame, message.header, image})) {
-      if (accepted.clock_jumped_back) recovery_.reset();
-      process(accepted.message);
+    const Process process = [=, header = message.header](bool clock_jumped_back) {
+      if (clock_jumped_back) recovery_.reset();
+      const bool fits = image.cols == frame.camera.width && image.rows == frame.camera.height;
+      const auto output = recovery_.process(frame, fits ? image : cv::Mat());
+      check(*toMsg(output.scale, frame.map_id, header));
+      for (const auto& p : output.ground_points_c) require(p.allFinite(), "points are finite");
+      if (output.pose) {
+        require(output.scale.status != ScaleStatus::kUnknown, "nothing metric without a scale");
+        const auto frames = OdometryFrames::ofCamera("odom", "camera");
+        check(*toOdometryMsg(*output.pose, frames, header.stamp));
+        require(std::isfinite(output.pose->distance), "the distance is finite");
+      }
+      if (output.scale.status == ScaleStatus::kUnknown) return;
+      for (const auto& marker : toPlaneMarkers(output.scale, header)) {
+        require(isPose(marker->pose), "the pose of the marker is valid");
+      }
+    };
+    for (const auto& accepted : filter_.filter(message.header.stamp, process)) {
+      accepted.message(accepted.clock_jumped_back);
     }
   }
 
  private:
-  struct Received {
-    VoFrame frame;
-    std_msgs::Header header;
-    cv::Mat image;
-  };
-
-  void process(const Received& received) {
-    const auto& [frame, header, image] = received;
-    const bool fits = image.cols == frame.camera.width && image.rows == frame.camera.height;
-    const auto output = recovery_.process(frame, fits ? image : cv::Mat());
-    check(*toMsg(output.scale, frame.map_id, header));
-    for (const Eigen::Vector3f& point : output.ground_points_c) {
-      require(point.allFinite(), "ground points are finite");
-    }
-    if (output.pose) {
-      require(output.scale.status != ScaleStatus::kUnknown, "nothing metric without a scale");
-      const auto frames = OdometryFrames::ofCamera("odom", "camera");
-      check(*toOdometryMsg(*output.pose, frames, header.stamp));
-      require(std::isfinite(output.pose->distance), "the distance is finite");
-    }
-    if (output.scale.status == ScaleStatus::kUnknown) return;
-    for (const auto& marker : toPlaneMarkers(output.scale, header)) {
-      require(isPose(marker->pose), "the pose of the marker is valid");
-    }
-  }
+  using Process = std::function<void(bool clock_jumped_back)>;
 
   ScaleRecovery recovery_;
-  StampFilter<Received> filter_{1.0, [](const std::string&) {}};
+  StampFilter<Process> filter_{1.0, [](const std::string&) {}};
 };
 
 /// Changes one property of the message, or the geometry of all features.
@@ -94,7 +87,7 @@ void spoil(VoFrameMsg* frame, Input* input) {
   auto& orientation = frame->pose.orientation;
   double* const numbers[] = {&frame->fx,  &frame->fy,  &frame->cx,     &position.x,
                              &position.y, &position.z, &orientation.x, &orientation.w};
-  switch (input->below(7)) {
+  switch (input->below(6)) {
     case 0:  // e.g. points in a plane or behind the camera
       std::fill(array.begin(), array.end(), value);
       break;
@@ -113,17 +106,10 @@ void spoil(VoFrameMsg* frame, Input* input) {
       *input->oneOf(numbers) = input->number();
       if (!array.empty()) input->oneOf(array) = value;
       break;
-    case 5:
+    default:
       frame->status = input->take<std::uint8_t>();
       frame->map_id = input->take<std::uint32_t>();
       (input->below(2) ? frame->width : frame->height) = input->take<std::uint32_t>();
-      break;
-    default:  // all lengths in another unit
-      for (std::size_t i = 2; i < std::size(arrays); ++i) {
-        for (float& element : *arrays[i]) element *= value;
-      }
-      for (double* length : {&position.x, &position.y, &position.z})
-        *length *= static_cast<double>(value);
   }
 }
 

@@ -13,6 +13,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
+#include "support/expect_throws.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -115,14 +116,11 @@ TEST(Rectification, FollowsEveryDistortionModelWithRoiAndBinning) {
       {"plumb_bob", {-0.3, 0.1, 0.01, -0.02}},
       {"plumb_bob", {-0.35, 0.15, 0.001, 0.002, -0.03}},
       {"rational_polynomial", {0.3, 0.05, 0.002, -0.001, 0.01, 0.6, 0.1, 0.02}},
-      {"rational_polynomial", {0.3, 0.05, 0, 0, 0.01, 0.6, 0.1, 0.02, 0.01, -0.005, 0.02, 0.01}},
       {"rational_polynomial",
        {0.3, 0.05, 0, 0, 0.01, 0.6, 0.1, 0.02, 0.01, 0, 0.02, 0, 0.03, -0.02}},
-      {"equidistant", {0, 0, 0, 0}},
       {"equidistant", {0.1, -0.05, 0.02, -0.01}},
       {"fisheye", {0.1, -0.05, 0.02, -0.01}},
       {"plumb_bob", {}},
-      {"", {}},
       {"", {0, 0, 0, 0, 0}},
   };
   for (const auto& distortion : kDistortions) {
@@ -165,7 +163,6 @@ TEST(Rectification, WithoutDistortionIsTheInputItselfAndRefusesOtherSizesAndType
     const CalibratedCamera calibrated = wideCamera(k1);
     EXPECT_THROW(calibrated.rectify(cv::Mat(10, 10, CV_8UC1)), OptionError);
     EXPECT_THROW(calibrated.rectify(cv::Mat(248, 800, CV_8UC3)), OptionError);
-    EXPECT_THROW(calibrated.rectify(cv::Mat()), OptionError);
     EXPECT_THROW(calibrated.rectifyMask(cv::Mat(10, 10, CV_8UC1)), OptionError);
     EXPECT_TRUE(calibrated.rectifyMask({}).empty());
   }
@@ -199,25 +196,17 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
     bool is_rectified = false;
   } kCases[] = {
       {[](Info* i) { i->K[0] = kNan; }, "not finite"},
-      {[](Info* i) { i->P[3] = -kInf; }, "not finite"},
       {[](Info* i) { i->D[4] = kInf; }, "not finite"},
       {[](Info* i) { i->R[8] = kNan; }, "not finite"},
       {[](Info* i) { i->K.fill(0), i->P.fill(0); }, "all zeros: the camera is not calibrated"},
       {[](Info* i) { i->P.fill(0); }, "has no P, which image_is_rectified requires", true},
       {[](Info* i) { i->K[0] = -400; }, "fx [px] is -400"},
-      {[](Info* i) { i->K[4] = 0; }, "fy [px] is 0"},
-      {[](Info* i) { i->P[5] = 0; }, "fy [px] is 0", true},
       {[](Info* i) { i->K[0] = i->K[4] = 2; }, "fx [image widths] is 0.003125"},
-      {[](Info* i) { i->K[0] = i->K[4] = 5e5; }, "fx [image widths] is 781.25"},
       {[](Info* i) { i->K[4] = 4001; }, "fy / fx is 10.0025"},
       {[](Info* i) { i->K[2] = 6500; }, "cx [image widths]"},
-      {[](Info* i) { i->K[5] = -2100; }, "cy [image heights]"},
       {[](Info* i) { i->K = {400, 0, 0, 0, 410, 0, 320, 100, 1}; }, "K is not of the form"},
-      {[](Info* i) { i->K[1] = 3; }, "K is not of the form"},
       {[](Info* i) { i->P[10] = 0; }, "P is not of the form", true},
       {[](Info* i) { i->width = 0; }, "width [px] is 0"},
-      {[](Info* i) { i->height = 0; }, "height [px] is 0"},
-      {[](Info* i) { i->width = kMaxUint32; }, "width [px]"},
       {[](Info* i) { i->width = i->height = 100000, i->K[0] = i->K[4] = 5e4; },
        "width * height [px] is 1e+10"},
       {[](Info* i) { i->distortion_model = "thin_prism"; },
@@ -226,7 +215,6 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
       {[](Info* i) { i->D = {0.1}; }, "coefficients, not 1"},
       {[](Info* i) { i->distortion_model = "equidistant"; }, "has 4 coefficients, not 5"},
       {[](Info* i) { setRoi(i, 641, 0, 10, 10); }, "ROI of 10 x 10 at (641, 0) is not inside"},
-      {[](Info* i) { setRoi(i, 0, 101, 640, 100); }, "ROI of 640 x 100 at (0, 101)"},
       {[](Info* i) { setRoi(i, 100, 0, kMaxUint32 - 50, 200); }, "ROI of 4294967245 x 200"},
       {[](Info* i) { setRoi(i, 4, 0, 0, 0); }, "no pixel of the ROI of 0 x 0 at (4, 0)"},
       {[](Info* i) { i->binning_y = 201; }, "a binning of 1 x 201 leaves no pixel of the image"},
@@ -236,15 +224,9 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
   for (const auto& refused : kCases) {
     Info info = goodInfo();
     refused.change(&info);
-    try {
-      CalibratedCamera(info, "/cam/info", refused.is_rectified);
-      ADD_FAILURE() << "accepted: " << refused.reason;
-    } catch (const MessageError& error) {
-      const std::string message = error.what();
-      EXPECT_EQ(message.find("camera_info on topic /cam/info "), 0u) << message;
-      EXPECT_NE(message.find(refused.reason), std::string::npos)
-          << message << "; expected: " << refused.reason;
-    }
+    const auto construct = [&] { CalibratedCamera(info, "/cam/info", refused.is_rectified); };
+    expectThrows<MessageError>(construct, refused.reason);
+    expectThrows<MessageError>(construct, "camera_info on topic /cam/info ");
   }
 }
 

@@ -50,15 +50,11 @@ TEST(CompressedImage, DecodesEveryKindOfPixel) {
 
 TEST(CompressedImage, RefusesWhatCannotBeDecoded) {
   const sensor_msgs::CompressedImage good = encoded("mono8; jpeg compressed ", ".jpg");
-  sensor_msgs::CompressedImage bad = good;
-  bad.data.clear();
-  EXPECT_THROW(decode(bad), MessageError) << "empty";
-  bad = good;
-  bad.data.resize(bad.data.size() - 2);
-  EXPECT_THROW(decode(bad), MessageError) << "truncated";
-  bad = good;
-  std::fill(bad.data.begin() + 2, bad.data.end() - 2, std::uint8_t{0});
-  EXPECT_THROW(decode(bad), MessageError) << "not JPEG between the marks";
+  sensor_msgs::CompressedImage empty = good, truncated = good, damaged = good;
+  empty.data.clear();
+  truncated.data.resize(good.data.size() - 2);
+  std::fill(damaged.data.begin() + 2, damaged.data.end() - 2, std::uint8_t{0});
+  for (const auto& image : {empty, truncated, damaged}) EXPECT_THROW(decode(image), MessageError);
 }
 
 }  // namespace

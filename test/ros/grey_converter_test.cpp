@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "ground_scale_vo/ros/message_error.hpp"
+#include "support/expect_throws.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -140,25 +141,13 @@ std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number, std::size_t 
   return converter->convert(image).at<std::uint8_t>(kSide - 1, kSide - 1);
 }
 
-TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAtOnceButNotForAFewBrightPixels) {
-  GreyConverter converter;
-  EXPECT_EQ(greyOf(&converter, 0), 0);
-  EXPECT_EQ(greyOf(&converter, 200), 200);
-  EXPECT_EQ(greyOf(&converter, 200, 10), 200);
-  EXPECT_EQ(greyOf(&converter, 200, 100), 12);
-  EXPECT_EQ(greyOf(&converter, 200), 12);  // the range stays wide
-  EXPECT_EQ(greyOf(&converter, 4095), 255);
-  EXPECT_EQ(greyOf(&converter, 4096), 64);  // 14 bits
-  EXPECT_EQ(greyOf(&converter, 65535), 255);
-}
-
-TEST(GreyConverter, TheRangeOfSixteenBitsShrinksOnlyAfterManyDarkImages) {
+TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAtOnceAndShrinksAfterManyDarkImages) {
   constexpr int kMany = GreyConverter::kImagesUntilNarrower;
   GreyConverter converter;
+  EXPECT_EQ(greyOf(&converter, 200), 200);
+  EXPECT_EQ(greyOf(&converter, 200, 10), 200) << "a few bright pixels";
+  EXPECT_EQ(greyOf(&converter, 200, 100), 12);
   EXPECT_EQ(greyOf(&converter, 4095), 255);
-  for (int i = 0; i < 2 * kMany; ++i) {
-    ASSERT_EQ(greyOf(&converter, 900), 56) << i;  // more than half of 10 bits
-  }
   for (int i = 0; i < 2 * kMany; ++i) {
     ASSERT_EQ(greyOf(&converter, 200, i % 50 == 0 ? 5000 : 0), 12) << i;  // not in a row
   }
@@ -169,27 +158,15 @@ TEST(GreyConverter, TheRangeOfSixteenBitsShrinksOnlyAfterManyDarkImages) {
   EXPECT_EQ(greyOf(&converter, 10), 10);  // not below 8 bits
 }
 
-TEST(GreyConverter, MonoPixelsAreNotCopied) {
-  const sensor_msgs::Image image = imageOf({"mono8", "y"}, 1, 3);
-  EXPECT_EQ(GreyConverter().convert(image).data, image.data.data());
-}
-
 void expectRefused(const sensor_msgs::Image& image, const std::string& reason) {
-  try {
-    GreyConverter().convert(image);
-    ADD_FAILURE() << "accepted: " << reason;
-  } catch (const MessageError& error) {
-    EXPECT_NE(std::string(error.what()).find(reason), std::string::npos)
-        << error.what() << "; expected: " << reason;
-  }
+  expectThrows<MessageError>([&] { GreyConverter().convert(image); }, reason);
 }
 
 TEST(GreyConverter, RefusesUnsupportedEncodings) {
   for (const std::string encoding :
        {"", "jpeg", "mono8 ", "8UC2", "8UC1000000000", "16SC1", "32FC1", "bayer_rggb", "nv12"}) {
-    sensor_msgs::Image image = imageOf({"mono8", "y"}, 1);
-    image.encoding = encoding;
-    expectRefused(image, "the encoding \"" + encoding + "\" cannot be converted to grey");
+    expectRefused(plainImage(encoding, 4, 2, 4, 8),
+                  "the encoding \"" + encoding + "\" cannot be converted to grey");
   }
 }
 

@@ -26,11 +26,10 @@ TEST(MountingCheck, NamesBothPitchesAndRollsAndTheConsequence) {
             "tf mounts the camera \"camera\" on \"base_link\" with pitch 0.0 deg and roll 0.0 deg, "
             "but on the road it has pitch 8.0 deg and roll 0.0 deg: the path climbs or sinks by up "
             "to 8.0 deg");
-  const std::string tilted = check(-2, 5, 3, -6, 0.1);
-  EXPECT_NE(tilted.find("with pitch -2.0 deg and roll 5.0 deg, but on the road it has pitch 3.0 "
-                        "deg and roll -6.0 deg"),
-            std::string::npos)
-      << tilted;
+  EXPECT_NE(check(-2, 5, 3, -6, 0.1)
+                .find("with pitch -2.0 deg and roll 5.0 deg, but on the road it "
+                      "has pitch 3.0 deg and roll -6.0 deg"),
+            std::string::npos);
   ScaleRecovery::Output output;  // a base that is upside down or optical
   for (const Eigen::Vector3d& up_c : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
     EXPECT_NE(mountingContradiction("base_link", "camera", up_c, output), "") << up_c.transpose();

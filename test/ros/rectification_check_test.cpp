@@ -76,74 +76,58 @@ sensor_msgs::CameraInfo ofStereoPair(double direction) {
 
 enum class Contradiction { kNone, kPossible, kCertain };
 
-struct RectificationCase {
-  const char* name;
-  sensor_msgs::CameraInfo info;
-  bool image_is_rectified;
-  const char* topic;
-};
-
-void expectContradiction(const RectificationCase& c, Contradiction expected) {
-  const auto [reason, is_certain] =
-      rectificationContradiction(c.info, c.image_is_rectified, c.topic);
-  EXPECT_EQ(reason.empty(), expected == Contradiction::kNone) << c.name << ": " << reason;
-  EXPECT_EQ(is_certain, expected == Contradiction::kCertain) << c.name << ": " << reason;
-}
-
-TEST(RectificationCheck, AcceptsConsistentCalibrations) {
+TEST(RectificationCheck, FindsRawImagesTakenForRectifiedAndTheConverse) {
+  constexpr auto kNone = Contradiction::kNone, kPossible = Contradiction::kPossible,
+                 kCertain = Contradiction::kCertain;
   sensor_msgs::CameraInfo only_P = kittiRaw(), negative_P = rawCamera(kBarrel);
   sensor_msgs::CameraInfo invalid_R = rawCamera(kBarrel);
   only_P.K.fill(0);
   negative_P.P[0] = -1;
   invalid_R.R.fill(7);
-  const RectificationCase kCases[] = {
-      {"barrel, cropped", rawCamera(kBarrel, 0), false, "/cam/image_raw"},
-      {"barrel, all pixels", rawCamera(kBarrel, 1), false, "/cam/image_raw"},
-      {"pincushion", rawCamera({0.1, 0, 0, 0, 0}), false, "/image"},
-      {"fisheye", fisheye(), false, "/image_raw"},
-      {"undistorted, rectified topic", rawCamera(kNoDistortion), false, "/cam/image_rect"},
-      {"undistorted, rectified", rawCamera(kNoDistortion), true, "/cam/image_rect"},
-      {"rectified", rawCamera(kBarrel), true, "/cam/image_rect"},
-      {"KITTI", kittiRaw(), true, "/kitti/camera_gray_left/image_raw"},
-      {"only P", only_P, false, "/kitti/camera_gray_left/image_rect"},
-      {"rect in the namespace", rawCamera(kBarrel), false, "/robot/rectangle/image_raw"},
-      {"raw in the namespace", rawCamera(kBarrel), true, "/robot/raw/image_rect/compressed"},
+  const struct {
+    const char* name;
+    sensor_msgs::CameraInfo info;
+    bool image_is_rectified;
+    const char* topic;
+    Contradiction expected;
+  } kCases[] = {
+      {"barrel, cropped", rawCamera(kBarrel, 0), false, "/cam/image_raw", kNone},
+      {"barrel, all pixels", rawCamera(kBarrel, 1), false, "/cam/image_raw", kNone},
+      {"pincushion", rawCamera({0.1, 0, 0, 0, 0}), false, "/image", kNone},
+      {"fisheye", fisheye(), false, "/image_raw", kNone},
+      {"undistorted, rectified topic", rawCamera(kNoDistortion), false, "/cam/image_rect", kNone},
+      {"rectified", rawCamera(kBarrel), true, "/cam/image_rect", kNone},
+      {"KITTI", kittiRaw(), true, "/kitti/camera_gray_left/image_raw", kNone},
+      {"only P", only_P, false, "/kitti/camera_gray_left/image_rect", kNone},
+      {"rect in the namespace", rawCamera(kBarrel), false, "/robot/rectangle/image_raw", kNone},
+      {"raw in the namespace", rawCamera(kBarrel), true, "/robot/raw/image_rect/compressed", kNone},
       {"rectified images with the principal point of K",
-       withFocalLengthOfP(withKAsP(0, 0), rawCamera(kBarrel).P[0]), true, "/image"},
-      {"rectified images with f of K, other cx", withKAsP(2, 10), true, "/image"},
-      {"rectified images with f of K, other cy", withKAsP(6, 10), true, "/image"},
-      {"stereo", ofStereoPair(-1), false, "/image"},
+       withFocalLengthOfP(withKAsP(0, 0), rawCamera(kBarrel).P[0]), true, "/image", kNone},
+      {"rectified images with f of K, other cx", withKAsP(2, 10), true, "/image", kNone},
+      {"rectified images with f of K, other cy", withKAsP(6, 10), true, "/image", kNone},
+      {"stereo", ofStereoPair(-1), false, "/image", kNone},
       // CalibratedCamera refuses these, or they are compared as well as possible.
-      {"negative P", negative_P, false, "/image"},
-      {"invalid R", invalid_R, false, "/image"},
-      {"empty", sensor_msgs::CameraInfo(), true, "/image"},
+      {"negative P", negative_P, false, "/image", kNone},
+      {"invalid R", invalid_R, false, "/image", kNone},
+      {"empty", sensor_msgs::CameraInfo(), true, "/image", kNone},
+      // Rectified images taken for raw; only an impossible P is certain.
+      {"KITTI", kittiRaw(), false, "/kitti/camera_gray_left/image_raw", kCertain},
+      {"small f", withFocalLengthOfP(rawCamera(kNoDistortion), 300), false, "/image", kCertain},
+      {"large f", withFocalLengthOfP(rawCamera(kNoDistortion), 600), false, "/image", kCertain},
+      {"stereo, to the other side", ofStereoPair(1), false, "/image", kCertain},
+      {"named so", rawCamera(kBarrel), false, "/cam/image_rect_color", kPossible},
+      {"centre of a fisheye image", withFocalLengthOfP(fisheye(), 1200), false, "/image_raw",
+       kPossible},
+      // Raw images taken for rectified.
+      {"named so", rawCamera(kBarrel), true, "/cam/image_raw/compressed", kPossible},
+      {"P equals K", withKAsP(0, 0), true, "/image", kPossible},
   };
-  for (const RectificationCase& c : kCases) expectContradiction(c, Contradiction::kNone);
-}
-
-TEST(RectificationCheck, FindsRectifiedImagesThatAreTakenForRaw) {
-  // Only an impossible P is certain.
-  const RectificationCase kCertain[] = {
-      {"KITTI", kittiRaw(), false, "/kitti/camera_gray_left/image_raw"},
-      {"small f", withFocalLengthOfP(rawCamera(kNoDistortion), 300), false, "/image"},
-      {"large f", withFocalLengthOfP(rawCamera(kNoDistortion), 600), false, "/image"},
-      {"stereo, to the other side", ofStereoPair(1), false, "/image"},
-  };
-  for (const RectificationCase& c : kCertain) expectContradiction(c, Contradiction::kCertain);
-  expectContradiction({"named so", rawCamera(kBarrel), false, "/cam/image_rect_color"},
-                      Contradiction::kPossible);
-  expectContradiction(
-      {"centre of a fisheye image", withFocalLengthOfP(fisheye(), 1200), false, "/image_raw"},
-      Contradiction::kPossible);
-}
-
-TEST(RectificationCheck, FindsRawImagesThatAreTakenForRectified) {
-  const RectificationCase kCases[] = {
-      {"named so", rawCamera(kBarrel), true, "/cam/image_raw"},
-      {"named so, compressed", rawCamera(kBarrel), true, "/cam/image_raw/compressed"},
-      {"P equals K", withKAsP(0, 0), true, "/image"},
-  };
-  for (const RectificationCase& c : kCases) expectContradiction(c, Contradiction::kPossible);
+  for (const auto& c : kCases) {
+    const auto [reason, is_certain] =
+        rectificationContradiction(c.info, c.image_is_rectified, c.topic);
+    EXPECT_EQ(reason.empty(), c.expected == kNone) << c.name << ": " << reason;
+    EXPECT_EQ(is_certain, c.expected == kCertain) << c.name << ": " << reason;
+  }
 }
 
 }  // namespace

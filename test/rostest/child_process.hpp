@@ -50,7 +50,6 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  pid_t pid() const { return pid_; }
   /// Sends a signal to the program only, not to its process group.
   void send(int signal) const {
     if (!status_) kill(pid_, signal);

@@ -6,10 +6,8 @@
 
 #include <algorithm>
 #include <functional>
-#include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
-#include <vector>
 
 #include "manager_test.hpp"
 
@@ -47,14 +45,13 @@ class Images : public ManagerTest {
   void TearDown() override {}
 
   /// The next image.
-  Image image(const std::string& encoding = "mono8", std::uint32_t pixel_bytes = 1) {
+  static Image image() {
     Image image;
     image.header.stamp = ros::Time(stamp_ += kPeriod);
     image.header.frame_id = "camera";
-    image.encoding = encoding;
-    image.width = kWidth;
+    image.encoding = "mono8";
+    image.width = image.step = kWidth;
     image.height = kHeight;
-    image.step = kWidth * pixel_bytes;
     image.data.assign(image.step * kHeight, 90);
     return image;
   }
@@ -119,125 +116,56 @@ TEST_F(Images, WaitForAUsableCameraInfo) {
   ASSERT_TRUE(topics_->frames.waitForStamp(last.header.stamp));
   EXPECT_EQ(topics_->frames.count(), 3u);  // the newest
 
-  // An invalid one keeps the previous one. The last one describes 10^10 pixels: the undistortion
-  // maps would need 60 GB.
-  std::vector<Info> invalid(3, cameraInfo());
-  invalid[0].K[0] = std::numeric_limits<double>::quiet_NaN();
-  invalid[1].distortion_model = "unknown";
-  invalid[2].width = invalid[2].height = 100000;
-  invalid[2].K[0] = invalid[2].K[4] = 5e4;
-  invalid[2].D[0] = 0.1;
-  for (const Info& info : invalid) topics_->publishInfo(info);
+  // An invalid one keeps the previous one.
+  Info invalid = cameraInfo();
+  invalid.distortion_model = "unknown";
+  topics_->publishInfo(invalid);
   for (const char* nodelet : {"mono_vo", "scale_recovery"}) {
-    EXPECT_TRUE(diagnostics_.waitForValues(nodelet, {{"dropped: camera_info refused", "4"}}));
+    EXPECT_TRUE(diagnostics_.waitForValues(nodelet, {{"dropped: camera_info refused", "2"}}));
   }
   ASSERT_TRUE(publishAndWait(image()));
   EXPECT_EQ(topics_->frames.last()->sequence, 3u);
   EXPECT_EQ(topics_->frames.last()->fx, 100);
 }
 
-// Each after a valid image of another encoding.
 TEST_F(Images, InvalidOnesAreDroppedAndCounted) {
-  const struct {
-    const char* name;
-    std::function<void(Image*)> spoil;
-  } kBadImages[] = {
-      {"data too short", [](Image* i) { i->data.resize(100); }},
-      {"no data", [](Image* i) { i->data.clear(); }},
-      {"step zero", [](Image* i) { i->step = 0; }},
-      {"largest size",
-       [](Image* i) {
-         i->width = i->height = i->step = std::numeric_limits<std::uint32_t>::max();
-       }},
-      {"another size",
-       [](Image* i) {
-         i->width = i->step = 80;
-         i->data.resize(80 * kHeight);
-       }},
-      {"unknown encoding", [](Image* i) { i->encoding = "nonsense"; }},
-      {"colour with data for mono only", [](Image* i) { i->encoding = "bgr8"; }},
-  };
-  const std::pair<const char*, std::uint32_t> kEncodings[] = {
-      {"mono8", 1},       {"mono16", 2}, {"bgr8", 3}, {"rgba8", 4},
-      {"bayer_rggb8", 1}, {"yuv422", 2}, {"16UC1", 2}};
   ASSERT_TRUE(use(cameraInfo()));
   ASSERT_TRUE(publishAndWait(image()));
-  // MonoVo publishes no frames of invalid images. These show what ScaleRecovery does with them.
-  ros::Publisher frames = handle_.advertise<VoFrameMsg>("vo/frame", 100);
-  ASSERT_TRUE(waitUntil([&] { return frames.getNumSubscribers() > 1; }));
-  VoFrame frame;
-  frame.camera = CalibratedCamera(cameraInfo(), "t", false).camera();
   std::uint32_t sequence = topics_->frames.last()->sequence;
-  const double without_image =
-      numberIn(diagnostics_.next("scale_recovery"), "frames without an image");
-  std::size_t count = 0;
-  for (const auto& bad_image : kBadImages) {
-    SCOPED_TRACE(bad_image.name);
-    const auto& [encoding, bytes] = kEncodings[count++];
-    Image good = image(encoding, bytes);
-    good.step += 6;  // padding
-    good.data.resize(good.step * kHeight, 90);
+  for (int i = 0; i < 3; ++i) {
     Image bad = image();
-    bad_image.spoil(&bad);
-    topics_->publishImage(good);
+    if (i == 0) bad.data.resize(100);
+    if (i == 1) bad.height /= 2;
+    if (i == 2) bad.encoding = "nonsense";
     topics_->publishImage(bad);
-    ASSERT_TRUE(topics_->waitForStamp(good.header.stamp)) << encoding;
-    // Invalid images do not affect the odometry.
-    EXPECT_EQ(topics_->frames.last()->sequence, ++sequence);
-    frames.publish(toMsg(frame, bad.header));
-    ASSERT_TRUE(topics_->scales.waitForStamp(bad.header.stamp));
+    ASSERT_TRUE(publishAndWait(image()));
+    EXPECT_EQ(topics_->frames.last()->sequence, ++sequence) << i;  // it is not affected
   }
-  ASSERT_TRUE(publishAndWait(image()));
-  EXPECT_EQ(topics_->frames.last()->sequence, ++sequence);
   EXPECT_TRUE(diagnostics_.waitForSummary("mono_vo", Status::WARN,
                                           " images dropped in the last second", false));
-  EXPECT_TRUE(diagnostics_.waitForStatus("mono_vo", [&](const Status& status) {
-    return numberIn(status, "dropped: image refused") == static_cast<double>(count) &&
-           numberIn(status, "dropped: image failed") == 0;
-  }));
-  EXPECT_TRUE(diagnostics_.waitForStatus("scale_recovery", [&](const Status& status) {
-    return numberIn(status, "dropped: image refused") == static_cast<double>(count) &&
-           numberIn(status, "frames without an image") ==
-               without_image + static_cast<double>(count);
-  }));
+  EXPECT_TRUE(diagnostics_.waitForValues("mono_vo", {{"dropped: image refused", "3"}}));
   EXPECT_TRUE(publishUntilInitialising()) << "the warning does not end";
 }
 
+// With another distortion and another image size.
 TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
-  const struct {
-    const char* model;
-    std::vector<double> D;
-    std::uint32_t width;
-  } kCameras[] = {{"plumb_bob", {-0.3, 0.1, 0, 0}, kWidth},
-                  {"equidistant", {0, 0, 0, 0}, kWidth},
-                  {"", {}, 100}};
-  double f = 110;  // [px]
-  for (const auto& camera : kCameras) {
-    SCOPED_TRACE(f);
-    Info other = cameraInfo();
-    f += 2;
-    other.K[0] = other.K[4] = f;
-    other.distortion_model = camera.model;
-    other.D = camera.D;
-    other.width = camera.width;
-    const auto resize = [&](Image* image) {
-      image->width = image->step = camera.width;
-      image->data.resize(image->step * kHeight);
-    };
-    ASSERT_TRUE(use(other, resize));
-    Image good = image();
-    resize(&good);
-    ASSERT_TRUE(publishAndWait(good));
-    EXPECT_EQ(topics_->frames.last()->width, good.width);
-    // The first image of this camera reset the odometry; a slow machine may have processed more
-    // since.
-    std::uint32_t of_this_camera = 0;
-    for (const auto& frame : topics_->frames.messages()) {
-      if (frame->fx == f) {
-        EXPECT_EQ(frame->sequence, of_this_camera++);
-      }
+  const std::uint32_t width = 100;
+  Info other = cameraInfo();
+  other.K[0] = other.K[4] = 112;
+  other.D = {-0.3, 0.1, 0, 0};
+  other.width = width;
+  ASSERT_TRUE(use(other, [](Image* image) {
+    image->width = image->step = width;
+    image->data.resize(width * kHeight);
+  }));
+  EXPECT_EQ(topics_->frames.last()->width, width);
+  // The first image of this camera reset the odometry; a slow machine may have processed more
+  // since.
+  std::uint32_t of_this_camera = 0;
+  for (const auto& frame : topics_->frames.messages()) {
+    if (frame->fx == other.K[0]) {
+      EXPECT_EQ(frame->sequence, of_this_camera++);
     }
-    EXPECT_GE(of_this_camera, 2u);
   }
 }
 
@@ -309,36 +237,23 @@ TEST_F(Images, CompressedOnesAreProcessedAndInvalidOnesDropped) {
   topics.publishInfo(cameraInfo());
   EXPECT_TRUE(diagnostics_.waitForSummary("jpeg/mono_vo", Status::ERROR,
                                           "no image received yet on /jpeg/image/compressed"));
-  const auto compressed = [](const std::string& format, const std::string& extension, int type) {
-    sensor_msgs::CompressedImage image;
-    image.header.frame_id = "camera";
-    image.format = format;
-    cv::imencode(extension, cv::Mat(kHeight, kWidth, type, cv::Scalar::all(90)), image.data);
-    return image;
-  };
   const auto publish = [&](sensor_msgs::CompressedImage image) {
     image.header.stamp = ros::Time(stamp_ += kPeriod);
     images.publish(image);
   };
-  const auto publishAndWait = [&](const sensor_msgs::CompressedImage& image) {
-    publish(image);
-    return topics.waitForStamp(ros::Time(stamp_));
-  };
-  const auto good = compressed("mono8; jpeg compressed mono8", ".jpg", CV_8UC1);
-  sensor_msgs::CompressedImage truncated = good, empty = good;
+  sensor_msgs::CompressedImage good;
+  good.header.frame_id = "camera";
+  good.format = "mono8; jpeg compressed mono8";
+  cv::imencode(".jpg", cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar::all(90)), good.data);
+  sensor_msgs::CompressedImage truncated = good;
   truncated.data.resize(truncated.data.size() / 2);
-  empty.data.clear();
   publish(truncated);
   EXPECT_TRUE(diagnostics_.waitForSummary("jpeg/mono_vo", Status::ERROR, "no usable image", false));
-  ASSERT_TRUE(publishAndWait(good));
-  EXPECT_TRUE(publishAndWait(compressed("rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3)));
-  EXPECT_TRUE(publishAndWait(compressed("mono16; png compressed", ".png", CV_16UC1)));
-  publish(empty);
-  ASSERT_TRUE(publishAndWait(good));
-  EXPECT_EQ(topics.frames.last()->sequence, 3u);
-  EXPECT_TRUE(diagnostics_.waitForValues("jpeg/mono_vo", {{"dropped: image refused", "2"}}));
+  publish(good);
+  EXPECT_TRUE(topics.waitForStamp(ros::Time(stamp_)));
+  EXPECT_TRUE(diagnostics_.waitForValues("jpeg/mono_vo", {{"dropped: image refused", "1"}}));
   EXPECT_TRUE(diagnostics_.waitForValues("jpeg/scale_recovery",
-                                         {{"dropped: image refused", "2"}, {"images", "used"}}));
+                                         {{"dropped: image refused", "1"}, {"images", "used"}}));
   EXPECT_TRUE(manager_.unload("/jpeg/mono_vo") && manager_.unload("/jpeg/scale_recovery"));
 }
 

@@ -1,10 +1,9 @@
-// A long drive through two pairs of nodelets in one manager. Every minute the images are black for
-// two seconds, and subscribers of all outputs come and go: the memory of the manager does not grow,
-// the path stays bounded, all values are finite and the scale stays correct.
+// A long drive through both nodelets. Every minute the images are black for two seconds, and
+// subscribers of all outputs come and go: the memory of the manager does not grow, the path stays
+// bounded, all values are finite and the scale stays correct.
 //
-// By default 700 small frames as fast as they are processed; with GROUND_SCALE_VO_LONG
-// (scripts/test
-// --long) an hour in real time. The measurements of each tenth are in the log of the rostest.
+// By default 700 small frames as fast as they are processed; with GROUND_SCALE_VO_LONG an hour in
+// real time. The measurements of each tenth are in the log of the rostest.
 
 #include <gtest/gtest.h>
 
@@ -12,11 +11,11 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
-#include <string>
 
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/io/process_usage.hpp"
+#include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "manager_test.hpp"
-#include "node_probe.hpp"
 #include "support/long_tests.hpp"
 
 namespace ground_scale_vo {
@@ -31,8 +30,8 @@ constexpr std::size_t kSubscribed = 250;
 /// Frames before the first memory measurement that counts: in the long run all buffers are full by
 /// then (the path, of 5000 poses, after about 7100 frames).
 constexpr std::size_t kWarmUpLong = 8000, kWarmUpShort = 400;
-/// Largest growth of the memory per frame [bytes]: in the long run far less than a frame of each
-/// pair holds (pose, features), in the short run with the fluctuations of the allocator on top.
+/// Largest growth of the memory per frame [bytes]: in the long run far less than a frame holds
+/// (pose, features), in the short run with the fluctuations of the allocator on top.
 constexpr double kMaxGrowthLong = 200, kMaxGrowthShort = 8000;
 
 /// From a standstill to a standstill, so that it can be driven there and back.
@@ -62,18 +61,18 @@ std::size_t indexOf(const ros::Time& stamp) {
   return static_cast<std::size_t>((toNanoseconds(stamp) - toNanoseconds(stampOf(0))) / kPeriodNs);
 }
 
-/// A pair of nodelets on the drive, and what is measured of it.
+/// Both nodelets on the drive, and what is measured of them.
 struct LongPair : NodeletPair {
-  LongPair(const ManagerClient& manager, const RenderedDrive& rendered, const std::string& name)
-      : NodeletPair(manager, rendered, name), drive(rendered), ns(name) {}
+  LongPair(const ManagerClient& manager, const RenderedDrive& rendered)
+      : NodeletPair(manager, rendered, ""), drive(rendered) {}
 
   void setDisplay(bool on) {
     display.reset();
-    if (on) display = std::make_unique<Display>(handle_, ns);
+    if (on) display = std::make_unique<Display>(handle_, "");
   }
   /// Waits for the results of the frame and evaluates what has arrived.
   void collect(std::size_t n) {
-    ASSERT_TRUE(waitForStamp(stampOf(n))) << ns << " frame " << n;
+    ASSERT_TRUE(waitForStamp(stampOf(n))) << "frame " << n;
     frames.clear();
     for (const auto& scale : scales.take()) {
       ASSERT_TRUE(areFinite(scale->scale, scale->sigma)) << "frame " << n;
@@ -108,7 +107,6 @@ struct LongPair : NodeletPair {
   }
 
   const RenderedDrive& drive;
-  const std::string ns;
   std::unique_ptr<Display> display;
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
   std::size_t last_n = 0, poses = 0, longest_path = 0;
@@ -125,14 +123,11 @@ TEST_F(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
   sensor_msgs::Image black = *drive.image(0, {});
   std::fill(black.data.begin(), black.data.end(), std::uint8_t{0});
 
-  LongPair first(manager_, drive, ""), second(manager_, drive, "/second");
-  second.setParam("scale_recovery", "publish_tf", false);
-  LongPair* const pairs[] = {&first, &second};
-  for (LongPair* pair : pairs) ASSERT_TRUE(pair->load());
-  first.setDisplay(true);
-  const NodeProbe manager(manager_.name());
+  LongPair pair(manager_, drive);
+  ASSERT_TRUE(pair.load());
+  pair.setDisplay(true);
+  const pid_t manager = processOf(manager_.name()).value();
 
-  std::cout << "frames, memory [MiB], processor time [s], path over ground truth of each pair\n";
   double warm_mb = 0;
   const ros::WallTime start = ros::WallTime::now();
   for (std::size_t n = 0; n < frames; ++n) {
@@ -140,46 +135,33 @@ TEST_F(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
       ros::WallTime::sleepUntil(start +
                                 ros::WallDuration(1e-9 * kPeriodNs * static_cast<double>(n)));
     }
-    for (LongPair* pair : pairs) {
-      pair->publishInfo(*drive.info(stampOf(n)));
-      black.header.stamp = stampOf(n);
-      if (isBlack(n)) {
-        pair->publishImage(black);
-      } else {
-        pair->publishImage(imageAt(n, drive.size()), stampOf(n));
-      }
+    pair.publishInfo(*drive.info(stampOf(n)));
+    black.header.stamp = stampOf(n);
+    if (isBlack(n)) {
+      pair.publishImage(black);
+    } else {
+      pair.publishImage(imageAt(n, drive.size()), stampOf(n));
     }
-    for (LongPair* pair : pairs) ASSERT_NO_FATAL_FAILURE(pair->collect(n));
-    if (n > 0 && n % kSubscribed == 0) {
-      first.setDisplay(!first.display);
-      second.setDisplay(!second.display);
-    }
-    if (n + 1 == warm_up) warm_mb = manager.usage().rss_mb;
+    ASSERT_NO_FATAL_FAILURE(pair.collect(n));
+    if (n > 0 && n % kSubscribed == 0) pair.setDisplay(!pair.display);
+    if (n + 1 == warm_up) warm_mb = processUsage(manager).rss_mb;
     if ((n + 1) % (frames / 10) == 0) {
-      const ProcessUsage usage = manager.usage();
-      std::cout << n + 1 << ", " << usage.rss_mb << ", " << usage.cpu_s;
-      for (const LongPair* pair : pairs) {
-        std::cout << ", " << pair->path_length / pair->true_distance;
-      }
-      std::cout << std::endl;
+      std::cout << "frame " << n + 1 << ": " << processUsage(manager).rss_mb
+                << " MiB, path over ground truth " << pair.path_length / pair.true_distance
+                << std::endl;
     }
   }
-  const double bytes_per_frame =
-      (manager.usage().rss_mb - warm_mb) * 1024 * 1024 / static_cast<double>(frames - warm_up);
-  std::cout << bytes_per_frame << " bytes of growth per frame\n";
-
-  for (LongPair* pair : pairs) {
-    EXPECT_GT(pair->poses, frames * 8 / 10);
-    EXPECT_LT(pair->poses, frames - kBlackFrames + 1);  // the losses take place
-    EXPECT_NEAR(pair->path_length / pair->true_distance, 1, 0.03);
-    EXPECT_GT(pair->longest_path, 20u);
-    EXPECT_LE(pair->longest_path, 5000u);  // path_max_poses
-    pair->setDisplay(false);
-    EXPECT_TRUE(pair->unload());
-  }
+  const double bytes_per_frame = (processUsage(manager).rss_mb - warm_mb) * 1024 * 1024 /
+                                 static_cast<double>(frames - warm_up);
+  EXPECT_GT(pair.poses, frames * 8 / 10);
+  EXPECT_LT(pair.poses, frames - kBlackFrames + 1);  // the losses take place
+  EXPECT_NEAR(pair.path_length / pair.true_distance, 1, 0.03);
+  EXPECT_GT(pair.longest_path, 20u);
+  EXPECT_LE(pair.longest_path, 5000u);  // path_max_poses
   if (!kSanitized) {
     EXPECT_LT(bytes_per_frame, is_long ? kMaxGrowthLong : kMaxGrowthShort);
   }
+  EXPECT_TRUE(pair.unload());
 }
 
 }  // namespace

@@ -1,5 +1,4 @@
 // rostests NAME [option of GoogleTest...]: runs the tests of NAME.cpp.
-// rostests --subscribe NAMESPACE: see stalled_subscriber.hpp.
 
 #include <gtest/gtest.h>
 #include <ros/ros.h>
@@ -7,8 +6,6 @@
 #include <filesystem>
 #include <iostream>
 #include <string>
-
-#include "stalled_subscriber.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -44,10 +41,6 @@ bool selectTestsOf(const std::string& name) {
 }  // namespace ground_scale_vo
 
 int main(int argc, char** argv) {
-  if (argc == 3 && std::string(argv[1]) == ground_scale_vo::kSubscribe) {
-    ros::init(argc, argv, "stalled", ros::init_options::AnonymousName);
-    return ground_scale_vo::subscribe(argv[2]);
-  }
   testing::InitGoogleTest(&argc, argv);
   const std::string name = argc > 1 ? argv[1] : "";
   if (!ground_scale_vo::selectTestsOf(name)) return 2;

@@ -25,19 +25,16 @@ class ManagerTest : public testing::Test {
   }
   void TearDown() override { EXPECT_EQ(manager_.loaded(), 0u); }
 
-  /// Number of lines of the log that contain the text.
-  std::ptrdiff_t lines(const std::string& text) {
+  /// Number of lines of the log that contain both texts.
+  std::ptrdiff_t lines(const std::string& text, const std::string& other = "") {
     const auto all = log_.messages();
     return std::count_if(all.begin(), all.end(), [&](const auto& line) {
-      return line->msg.find(text) != std::string::npos;
+      return line->msg.find(text) != std::string::npos &&
+             line->msg.find(other) != std::string::npos;
     });
   }
-  bool waitForLine(const std::string& text) {
-    return log_.wait([&](const auto& all) {
-      return std::any_of(all.begin(), all.end(), [&](const auto& line) {
-        return line->msg.find(text) != std::string::npos;
-      });
-    });
+  bool waitForLine(const std::string& text, const std::string& other = "") {
+    return waitUntil([&] { return lines(text, other) > 0; });
   }
 
   ManagerClient manager_{"/manager"};

@@ -10,10 +10,12 @@
 namespace ground_scale_vo {
 
 /// Transform from a base frame to the frame "camera" at this position, looking ahead; pitch [rad],
-/// positive: it looks down.
+/// positive: it looks down; yaw [rad], positive: to the left.
 inline geometry_msgs::TransformStamped mounting(const std::string& base_frame,
-                                                const Eigen::Vector3d& position, double pitch = 0) {
-  Eigen::Isometry3d T_b_c(bodyFromOptical() * Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()));
+                                                const Eigen::Vector3d& position, double pitch = 0,
+                                                double yaw = 0) {
+  Eigen::Isometry3d T_b_c(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * bodyFromOptical() *
+                          Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()));
   T_b_c.translation() = position;
   nav_msgs::Odometry mounting;
   mounting.header.frame_id = base_frame;

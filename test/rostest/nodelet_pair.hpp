@@ -24,17 +24,13 @@ class NodeletTopics {
         scales(handle_, ns + "/scale"),
         odometry(handle_, ns + "/odometry") {}
 
-  /// At least one nodelet is subscribed to the images and one to camera_info. The manager process
-  /// is counted once for both nodelets, so the second one may still be missing.
-  bool waitForImageSubscribers() {
-    return waitUntil(
-        [this] { return images_.getNumSubscribers() >= 1 && infos_.getNumSubscribers() >= 1; });
-  }
-  /// This program is connected to the topics of both nodelets, and waitForImageSubscribers().
+  /// This program is connected to the topics of both nodelets, and a nodelet to the camera. The
+  /// manager process is counted once for both, so the second one may still be missing.
   bool waitUntilConnected() {
-    return waitForImageSubscribers() && waitUntil([this] {
-             return frames.connected() && scales.connected() && odometry.connected();
-           });
+    return waitUntil([this] {
+      return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
+             frames.connected() && scales.connected() && odometry.connected();
+    });
   }
   void publishInfo(const sensor_msgs::CameraInfo& info) { infos_.publish(info); }
   void publishImage(const sensor_msgs::Image& image) { images_.publish(image); }

@@ -1,5 +1,5 @@
 // ScaleRecovery fed by another odometry: a camera 1 VO unit above a flat road, with exact points.
-// The mounting comes from tf, late; the odometry restarts; messages are malformed.
+// The mounting comes from tf; the odometry restarts; messages are malformed.
 // A second ScaleRecovery in the namespace `alone` gets the same frames with `refine: false` (no
 // images). The difference of the two outputs is the effect of the images.
 
@@ -10,18 +10,15 @@
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
-#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <optional>
 #include <string>
 
-#include "call_service.hpp"
 #include "diagnostics_recorder.hpp"
 #include "ground_scale_vo/ros/calibrated_camera.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "manager_client.hpp"
 #include "mounting.hpp"
 #include "support/road_image.hpp"
 
@@ -49,7 +46,7 @@ class FlatRoad {
     scene.camera = camera_;
     scene.height = kImageHeight;
     scene.pitch = 0;
-    const cv::Mat grey = roadImage(scene, kStep * sequence_);
+    const cv::Mat grey = roadImage(scene, z_ + kStep);
     auto image = boost::make_shared<sensor_msgs::Image>();
     image->header = header();
     image->encoding = "mono8";
@@ -68,17 +65,17 @@ class FlatRoad {
     frame.status = VoStatus::kTracking;
     frame.keyframe = true;
     frame.camera = camera_;
-    frame.T_w_c.translation().z() = kStep * sequence_;
+    if (is_moving) z_ += kStep;
+    frame.T_w_c.translation().z() = z_;
     std::uint64_t id = 0;
-    for (int row = 0; row < 200; ++row) {
+    for (int row = 0; has_features && row < 200; ++row) {
       for (int column = -6; column <= 6; ++column, ++id) {
         // Irregular spacing: on a regular grid the Delaunay triangulation is ambiguous. The two
         // outer columns are a facade, at five heights.
         const double x = 0.7 * column + 0.2 * std::sin(7.0 * static_cast<double>(id));
         const double z = 0.8 * row + 0.3 * std::sin(3.0 * static_cast<double>(id));
         const bool facade = std::abs(column) == 6;
-        const Eigen::Vector3d p_c(facade ? 2 * x : x, facade ? -0.3 * (row % 5) : 1.0,
-                                  z - kStep * sequence_);
+        const Eigen::Vector3d p_c(facade ? 2 * x : x, facade ? -0.3 * (row % 5) : 1.0, z - z_);
         if (p_c.z() < 2.0 || p_c.z() > 25.0) continue;
         const Eigen::Vector2d u = camera_.project(p_c);
         if (u.x() < 0 || u.y() < 0 || u.x() > camera_.width - 1 || u.y() > camera_.height - 1) {
@@ -100,6 +97,8 @@ class FlatRoad {
     return toMsg(frame, stamped);
   }
 
+  bool is_moving = true, has_features = true;
+
  private:
   std_msgs::Header header() const {
     std_msgs::Header header;
@@ -111,6 +110,7 @@ class FlatRoad {
   PinholeCamera camera_{620, 188, 359, 359, 303, 92};
   double start_s_;
   std::uint32_t sequence_ = 0;
+  double z_ = -kStep;  ///< of the last frame [VO units]
 };
 
 /// Subscribers of the outputs of one ScaleRecovery.
@@ -152,11 +152,11 @@ class Scale : public testing::Test {
     for (int i = 0; i < frames; ++i) frames_.publish(road.next());
     return out_.scales.waitForStamp(road.lastStamp());
   }
-  /// Plays kFrames frames, each after its image, which `spoil` may change.
-  bool playWithImages(FlatRoad& road, const std::function<void(sensor_msgs::Image*)>& spoil = {}) {
+  /// Plays kFrames frames, each after its image.
+  bool playWithImages(FlatRoad& road, const std::string& encoding = "mono8") {
     for (int i = 0; i < kFrames; ++i) {
       const sensor_msgs::Image::Ptr image = road.nextImage();
-      if (spoil) spoil(image.get());
+      image->encoding = encoding;
       images_.publish(image);
       frames_.publish(road.next());
       // The first one is held until the next frame confirms the jump of the clock.
@@ -190,24 +190,9 @@ class Scale : public testing::Test {
   DiagnosticsRecorder diagnostics_{handle_};
 };
 
-// The first test: no mounting transform has been published yet.
-TEST_F(Scale, NoOdometryIsPublishedWithoutTheMounting) {
+TEST_F(Scale, TheBaseDrivesAlongXFromTheOrigin) {
   TopicRecorder<tf2_msgs::TFMessage> tf(handle_, "/tf");
   ASSERT_TRUE(waitUntil([&] { return tf.connected(); }));
-  FlatRoad road(1000);
-  ASSERT_TRUE(play(road, kFrames));
-  EXPECT_EQ(out_.scales.last()->status, ScaleEstimateMsg::OK);
-  EXPECT_NEAR(out_.scales.last()->scale, kCameraHeight, 0.03);
-  EXPECT_EQ(out_.odometry.count(), 0u);
-  // `alone` needs no mounting, and has publish_tf false.
-  ASSERT_TRUE(alone_.odometry.waitForStamp(road.lastStamp()));
-  EXPECT_EQ(tf.count(), 0u);
-
-  ASSERT_TRUE(playUntilOdometry(road));  // the mounting comes late
-  EXPECT_EQ(out_.odometry.first()->child_frame_id, "base_link");
-}
-
-TEST_F(Scale, TheBaseDrivesAlongXFromTheOrigin) {
   FlatRoad road(2000);
   ASSERT_TRUE(playUntilOdometry(road));
   ASSERT_TRUE(play(road, kFrames));
@@ -224,11 +209,13 @@ TEST_F(Scale, TheBaseDrivesAlongXFromTheOrigin) {
   EXPECT_NEAR(odometry.pose.pose.orientation.w, 1, 1e-6);
   EXPECT_NEAR(odometry.twist.twist.linear.x, kSpeed, 0.2);
   EXPECT_GT(odometry.pose.covariance[0], 0);
-}
+  ASSERT_TRUE(alone_.odometry.waitForStamp(road.lastStamp()));
+  EXPECT_GT(tf.count(), 0u);
+  for (const auto& message : tf.messages()) {  // none of `alone`, which has publish_tf false
+    EXPECT_EQ(message->transforms.at(0).child_frame_id, "base_link");
+  }
 
-TEST_F(Scale, AnEmptyFrameIdIsAnErrorOfItsFrameOnly) {
-  FlatRoad road(2500);
-  ASSERT_TRUE(playUntilOdometry(road));
+  // An empty frame_id is an error of its frame only.
   const VoFrameMsg::Ptr unnamed = road.next();
   unnamed->header.frame_id.clear();
   frames_.publish(unnamed);
@@ -273,32 +260,17 @@ TEST_F(Scale, AnotherCameraFrameResets) {
   }
 }
 
-// 40 frames at a standstill, and 40 moving ones without features.
 TEST_F(Scale, TheTimeForWhichTheScaleIsHeldWhileDrivingIsReported) {
   FlatRoad road(3500);
   ASSERT_TRUE(playUntilOdometry(road));
-  ASSERT_TRUE(play(road, kFrames - 1));
-  const VoFrameMsg::Ptr last = road.next();
-  frames_.publish(last);
-  VoFrameMsg::Ptr frame;
-  for (int i = 1; i <= 2 * kFrames; ++i) {
-    frame = boost::make_shared<VoFrameMsg>(*last);
-    frame->sequence += static_cast<std::uint32_t>(i);
-    frame->header.stamp += ros::Duration(kPeriod * i);
-    if (i > kFrames) {
-      for (auto* array :
-           {&frame->u, &frame->v, &frame->x, &frame->y, &frame->z, &frame->depth_sigma}) {
-        array->clear();
-      }
-      frame->id.clear();
-      frame->age.clear();
-      frame->pose.position.z += kStep * (i - kFrames);
-    }
-    frames_.publish(frame);
-  }
-  ASSERT_TRUE(out_.scales.waitForStamp(frame->header.stamp));
+  ASSERT_TRUE(play(road, kFrames));
+  road.is_moving = false;
+  ASSERT_TRUE(play(road, kFrames));
+  road.is_moving = true;
+  road.has_features = false;
+  ASSERT_TRUE(play(road, kFrames));
   EXPECT_EQ(out_.scales.last()->status, ScaleEstimateMsg::HELD);
-  // From the first of the 40 frames to the last.
+  // From the first of the frames without features to the last.
   EXPECT_TRUE(diagnostics_.waitForSummary("scale_recovery", Status::WARN,
                                           "scale held for 3.9 s: too_few_triangles"));
 }
@@ -318,9 +290,14 @@ TEST_F(Scale, ARestartedOdometryIsANewMapAndTheMetricPoseContinues) {
   EXPECT_GT(out_.odometry.last()->pose.pose.position.x, before);
 }
 
-TEST_F(Scale, MalformedMessagesAreDropped) {
+TEST_F(Scale, MalformedMessagesAreDroppedAndAnUncountedSequenceIsReported) {
   FlatRoad road(6000);
+  const auto missing = [&] {
+    return numberIn(diagnostics_.next("scale_recovery"), "frames dropped, queue full");
+  };
   ASSERT_TRUE(play(road, kFrames));
+  const double missing_before = missing();
+  diagnostics_.clear();
   VoFrameMsg::Ptr malformed = road.next();
   malformed->z.pop_back();
   frames_.publish(malformed);
@@ -332,6 +309,9 @@ TEST_F(Scale, MalformedMessagesAreDropped) {
   frames_.publish(repeated);
   ASSERT_TRUE(play(road, 1));
   EXPECT_EQ(out_.scales.count(), static_cast<std::size_t>(kFrames) + 2);
+  for (int i = 0; i < 3; ++i) road.next();  // not received
+  ASSERT_TRUE(play(road, 1));
+  EXPECT_EQ(missing() - missing_before, 3);
   EXPECT_NE(out_.scales.last()->status, ScaleEstimateMsg::UNKNOWN);
   EXPECT_TRUE(diagnostics_.waitForStatus(
       "scale_recovery",
@@ -341,11 +321,8 @@ TEST_F(Scale, MalformedMessagesAreDropped) {
       false));
   EXPECT_TRUE(diagnostics_.waitForStatus(
       "scale_recovery", [](const Status& status) { return status.level == Status::OK; }));
-}
 
-// The field is left at its default by an odometry that does not count its images.
-TEST_F(Scale, ASequenceThatDoesNotIncreaseIsReported) {
-  FlatRoad road(6200);
+  // The field is left at its default by an odometry that does not count its images.
   for (int i = 0; i < kFrames; ++i) {
     const VoFrameMsg::Ptr frame = road.next();
     frame->sequence = 0;
@@ -357,47 +334,22 @@ TEST_F(Scale, ASequenceThatDoesNotIncreaseIsReported) {
                                           "sequence is 0 in two vo/frame in a row"));
 }
 
-// Runs before the tests that publish a camera_info.
-TEST_F(Scale, ImagesThatCannotBeUsedHaveNoEffect) {
-  using Image = sensor_msgs::Image;
+// All images come before the frames: an odometry may be late by the frames that its queue holds.
+TEST_F(Scale, ImagesOfTheSameCameraAreUsedAndTheirLossIsReported) {
   FlatRoad road(7000);
   PinholeCamera other = road.camera();
   other.fx += 10;
-  const struct {
-    const char* name;
-    std::function<void(Image*)> spoil;
-    std::optional<PinholeCamera> camera_info;
-    std::string key, value;  ///< of the diagnostics; empty: any value
-  } kCases[] = {
-      {"no camera_info", {}, {}, "images", "no valid camera_info received yet on /camera_info"},
-      {"another camera", {}, other, "dropped: other camera", ""},
-      {"invalid images", [](Image* image) { image->encoding = "nonsense"; }, road.camera(),
-       "dropped: image refused", ""},
-      {"other stamps", [](Image* image) { image->header.stamp += ros::Duration(0.01); },
-       road.camera(), "images", "no image of the last frame"},
-  };
-  for (const auto& test_case : kCases) {
-    SCOPED_TRACE(test_case.name);
-    if (test_case.camera_info) infos_.publish(toCameraInfo(*test_case.camera_info));
-    out_.clear();
-    alone_.clear();
-    ASSERT_TRUE(playWithImages(road, test_case.spoil));
-    const auto scales = out_.scales.messages(), without_images = alone_.scales.messages();
-    ASSERT_EQ(scales.size(), without_images.size());
-    for (std::size_t i = 0; i < scales.size(); ++i) {
-      EXPECT_EQ(scales[i]->scale, without_images[i]->scale) << i;
-    }
-    EXPECT_EQ(scales.back()->status, ScaleEstimateMsg::OK);
-    EXPECT_TRUE(diagnostics_.waitForStatus("scale_recovery", [&](const Status& status) {
-      const std::string value = valueIn(status, test_case.key);
-      return test_case.value.empty() ? !value.empty() : value == test_case.value;
-    }));
+  infos_.publish(toCameraInfo(other));
+  ASSERT_TRUE(playWithImages(road));
+  const auto scales = out_.scales.messages(), without_images = alone_.scales.messages();
+  ASSERT_EQ(scales.size(), without_images.size());
+  for (std::size_t i = 0; i < scales.size(); ++i) {
+    EXPECT_EQ(scales[i]->scale, without_images[i]->scale) << i;
   }
-}
+  EXPECT_TRUE(diagnostics_.waitForStatus("scale_recovery", [](const Status& status) {
+    return numberIn(status, "dropped: other camera") > 0;
+  }));
 
-// All images come before the frames: an odometry may be late by the frames that its queue holds.
-TEST_F(Scale, ImagesAreUsedAndTheirLossIsReported) {
-  FlatRoad road(8000);
   infos_.publish(toCameraInfo(road.camera()));
   const auto withoutImage = [&] {
     return numberIn(diagnostics_.next("scale_recovery"), "frames without an image");
@@ -421,23 +373,22 @@ TEST_F(Scale, ImagesAreUsedAndTheirLossIsReported) {
   EXPECT_LT(out_.scales.last()->scale, 0.995 * alone_.scales.last()->scale);
   EXPECT_GT(out_.scales.last()->scale, 0.995 * kCameraHeight / kImageHeight);
 
-  ASSERT_TRUE(
-      playWithImages(road, [](sensor_msgs::Image* image) { image->encoding = "nonsense"; }));
-  EXPECT_TRUE(diagnostics_.waitForSummary(
-      "scale_recovery", Status::WARN,
-      "scale measured from features only, no image of the last frame", false));
-}
-
-TEST_F(Scale, AFrameThatWaitsForItsImageIsProcessedBeforeAReset) {
-  FlatRoad road(10800);
-  infos_.publish(toCameraInfo(road.camera()));
-  ASSERT_TRUE(playWithImages(road));
+  // A frame that waits for its image is processed before a reset. `alone` does not wait: both
+  // nodelets have received the frame then.
   frames_.publish(road.next());
-  // `alone` does not wait for images. Both nodelets have received the frame now.
   ASSERT_TRUE(alone_.scales.waitForStamp(road.lastStamp()));
   ASSERT_TRUE(reset());
   ASSERT_TRUE(out_.scales.waitForStamp(road.lastStamp()));
   EXPECT_NE(out_.scales.last()->status, ScaleEstimateMsg::UNKNOWN);
+
+  diagnostics_.clear();
+  ASSERT_TRUE(playWithImages(road, "nonsense"));
+  EXPECT_TRUE(diagnostics_.waitForSummary(
+      "scale_recovery", Status::WARN,
+      "scale measured from features only, no image of the last frame", false));
+  EXPECT_TRUE(diagnostics_.waitForStatus("scale_recovery", [](const Status& status) {
+    return numberIn(status, "dropped: image refused") >= kFrames;
+  }));
 }
 
 }  // namespace

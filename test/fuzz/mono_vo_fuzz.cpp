@@ -3,9 +3,7 @@
 // image of a drive, unchanged; odd, an image or (kind % 8 == 3) a camera_info, with random changes,
 // and with kind % 16 >= 12 at an irregular stamp.
 
-#include <sensor_msgs/CameraInfo.h>
-#include <sensor_msgs/Image.h>
-#include <sensor_msgs/image_encodings.h>
+#include <cv_bridge/cv_bridge.h>
 
 #include <algorithm>
 #include <functional>
@@ -73,19 +71,6 @@ class MonoVo {
   TrackPainter painter_;
 };
 
-sensor_msgs::Image imageMessage(std::size_t i, std::int64_t stamp_ns) {
-  const cv::Mat& pixels = smallDrive().images[i % smallDrive().images.size()];
-  sensor_msgs::Image image;
-  image.header.frame_id = "camera";
-  image.header.stamp = fromNanoseconds(stamp_ns);
-  image.width = static_cast<std::uint32_t>(pixels.cols);
-  image.height = static_cast<std::uint32_t>(pixels.rows);
-  image.step = image.width;
-  image.encoding = sensor_msgs::image_encodings::MONO8;
-  image.data.assign(pixels.datastart, pixels.dataend);
-  return image;
-}
-
 /// Changes one property of the message.
 void spoil(sensor_msgs::Image* image, Input* input) {
   static const std::string kEncodings[] = {"mono8",  "mono16",  "bgr8",    "rgba8",  "bayer_rggb8",
@@ -152,7 +137,12 @@ void run(const std::string& bytes) {
       for (std::size_t n = input.below(3); n > 0; --n) spoil(&info, &input);
       mono_vo.onCameraInfo(info);
     } else {
-      sensor_msgs::Image image = imageMessage(k, stamp_ns);
+      std_msgs::Header header;
+      header.frame_id = "camera";
+      header.stamp = fromNanoseconds(stamp_ns);
+      const auto& images = smallDrive().images;
+      sensor_msgs::Image image =
+          *cv_bridge::CvImage(header, "mono8", images[k % images.size()]).toImageMsg();
       for (std::size_t n = kind % 2 * input.below(4); n > 0; --n) spoil(&image, &input);
       mono_vo.onImage(image);
     }

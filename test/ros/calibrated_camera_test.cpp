@@ -11,7 +11,6 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
 #include "support/expect_throws.hpp"
 
@@ -153,19 +152,6 @@ CalibratedCamera wideCamera(double k1) {
   Info info = toCameraInfo({800, 248, 464, 464, 400, 119});
   info.D[0] = k1;
   return CalibratedCamera(info, "/t", false);
-}
-
-TEST(Rectification, WithoutDistortionIsTheInputItselfAndRefusesOtherSizesAndTypes) {
-  const cv::Mat image(248, 800, CV_8UC1, cv::Scalar(7));
-  EXPECT_EQ(wideCamera(0).rectify(image).data, image.data);
-  EXPECT_EQ(wideCamera(0).rectifyMask(image).data, image.data);
-  for (const double k1 : {0.0, -0.3}) {
-    const CalibratedCamera calibrated = wideCamera(k1);
-    EXPECT_THROW(calibrated.rectify(cv::Mat(10, 10, CV_8UC1)), OptionError);
-    EXPECT_THROW(calibrated.rectify(cv::Mat(248, 800, CV_8UC3)), OptionError);
-    EXPECT_THROW(calibrated.rectifyMask(cv::Mat(10, 10, CV_8UC1)), OptionError);
-    EXPECT_TRUE(calibrated.rectifyMask({}).empty());
-  }
 }
 
 // Wherever the image's content comes, even in part, from a masked pixel or from outside the image.

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <regex>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -20,24 +21,19 @@ namespace {
 const std::filesystem::path kPage =
     std::filesystem::path(__FILE__).parent_path() / "../../docs/reference/parameters.md";
 
-/// The row of a parameter: name, unit, default, range, meaning.
-std::string row(const ParamReader::Entry& entry) {
-  const std::size_t end = entry.meaning.find("] ");
-  const std::string unit = entry.meaning.substr(1, end - 1);
-  std::string meaning;
-  for (const char c : entry.meaning.substr(end + 2)) {
-    if (c == '|') meaning += '\\';  // a bar would end the cell
-    meaning += c;
-  }
-  // The test below gives only the required parameters.
-  const std::string value = entry.given ? "**required**" : "`" + entry.value + "`";
-  return "| `" + entry.name + "` | " + unit + " | " + value + " | " + entry.range + " | " +
-         meaning + " |";
-}
-
+/// A row for each parameter: name, unit, default, range, meaning.
 std::vector<std::string> rows(const ParamReader& reader) {
   std::vector<std::string> rows;
-  for (const ParamReader::Entry& entry : reader.entries()) rows.push_back(row(entry));
+  for (const ParamReader::Entry& entry : reader.entries()) {
+    const std::size_t end = entry.meaning.find("] ");
+    // A bar would end the cell.
+    const std::string meaning =
+        std::regex_replace(entry.meaning.substr(end + 2), std::regex("\\|"), "\\|");
+    // The test below gives only the required parameters.
+    const std::string value = entry.given ? "**required**" : "`" + entry.value + "`";
+    rows.push_back("| `" + entry.name + "` | " + entry.meaning.substr(1, end - 1) + " | " + value +
+                   " | " + entry.range + " | " + meaning + " |");
+  }
   return rows;
 }
 

@@ -1,5 +1,5 @@
-"""Tables I and II and Figs. 3 to 5 of the paper of Tian et al., with its misprints corrected, beside our figures of
-whole KITTI sequences, for scripts/report."""
+"""Tables I and II and Fig. 5 of the paper of Tian et al., with its misprints corrected, beside our figures of whole
+KITTI sequences, for scripts/report."""
 
 import csv
 import statistics
@@ -95,45 +95,10 @@ def tables(figures):
         [[name, *(drive[key] for key in keys)] for name, drive in sorted(figures.items())])
 
 
-def draw(folders, to):
-    """Figs. 3 and 4 in trajectories.png: a row for each sequence, with its top view, and the unfiltered and filtered
-    camera height: in units of the odometry, times the median scale."""
-    import matplotlib
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-    import numpy as np
-
-    def positions(file):
-        return np.loadtxt(file, ndmin=2).reshape(-1, 3, 4)[:, :, 3]
-
-    figure, grid = plt.subplots(len(folders), 2, figsize=(11, 3.4 * len(folders)), squeeze=False,
-                                gridspec_kw={"width_ratios": [1, 2]})
-    for (top, height), folder in zip(grid, folders):
-        for name, colour in (("ground_truth", "0.35"), ("poses", "tab:blue")):
-            path = positions(folder / f"{name}.txt")
-            top.plot(path[:, 0], path[:, 2], color=colour, label=name.replace("_", " "))
-        top.set_aspect("equal", adjustable="datalim")
-        top.set(title=folder.name, xlabel="x [m]", ylabel="z [m]")
-        top.legend(frameon=False, fontsize="small")
-        with open(folder / "scale.csv", encoding="utf-8") as stream:
-            rows = [row for row in csv.DictReader(stream) if row["status"] != "unknown" and float(row["raw_scale"]) > 0]
-        maps, raw, filtered = (np.array([float(row[key]) for row in rows]) for key in ("map_id", "raw_scale", "scale"))
-        median = np.array([np.median(filtered[maps == number]) for number in maps])
-        frames = [int(row["frame"]) for row in rows]
-        height.plot(frames, median / raw, ".", color="tab:green", markersize=2, label="unfiltered")
-        height.plot(frames, median / filtered, color="tab:red", label="filtered")
-        height.set(xlabel="frame", ylabel="camera height / given height")
-        height.set_ylim(*(np.percentile(median / raw, [1, 99]) + [-0.05, 0.05] if rows else (0, 2)))
-        height.legend(frameon=False, fontsize="small")
-    figure.savefig(to / "trajectories.png", dpi=110, bbox_inches="tight")
-    plt.close(figure)
-
-
-def write(part, figures, folders, to):
-    draw(folders, to)
+def write(part, figures, to):
     texts = ["# The paper's tables and figures", SOURCES[part],
              "A mean is the plain mean of a column's complete sequences. The paper's Table I has its two columns exchanged; its "
-             "relative errors (RLE) are recomputed from them.", "![trajectories and camera heights](trajectories.png)"]
+             "relative errors (RLE) are recomputed from them. Figs. 3 and 4: scale.png and trajectory.png of each sequence."]
     for heading, text in tables(figures):
         texts += [f"## {heading}", text]
     (to / "report.md").write_text("\n\n".join(texts) + "\n", encoding="utf-8")

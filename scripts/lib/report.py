@@ -191,11 +191,12 @@ class Report:
             if not key.exists() or key.read_text() != wanted:
                 log(f"{part} {source.stem}")
                 self.run([folder_of(source)], to)
+                self.tool("plot_run.py", to / source.stem)
                 shutil.rmtree(to / "images", ignore_errors=True)
                 key.write_text(wanted)
         results = [to / source.stem for source in inputs]
         figures = paper.with_run_time(self.metrics(results), results)
-        paper.write(part, figures, results, to)
+        paper.write(part, figures, to)
         return figures
 
     def kitti(self, inputs, to):

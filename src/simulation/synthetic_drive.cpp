@@ -27,6 +27,11 @@ using simulation::RoadGeometry;
 using simulation::Scene;
 using simulation::SpeedProfile;
 
+/// With a rolling shutter so many rows have one pose. At 20 m/s and a readout of 30 ms the nearest
+/// road of the default camera moves by 0.05 px a row, so that rows are displaced by less than 0.1
+/// px.
+constexpr int kStripRows = 4;
+
 constexpr double kLampsAhead = 1.9, kLampsHeight = 0.65;  // [m] ahead of the camera, above the road
 
 simulation::WorldOptions worldOptions(const SyntheticDrive::Options& o) {
@@ -129,15 +134,24 @@ struct SyntheticDrive::Impl {
     for (int i = 0; i < o.frames; ++i) addFrame(static_cast<std::size_t>(i));
   }
 
+  /// The ego vehicle at one instant.
+  struct Ego {
+    simulation::LongitudinalState state;  ///< s: along the lane
+    simulation::VehiclePose pose;
+  };
+  /// delay: since the stamp of frame i [s].
+  Ego egoAt(std::size_t i, double delay) const {
+    const simulation::LongitudinalState state =
+        profile.at(static_cast<double>(i) / options.frame_rate_hz + delay);
+    return {state, simulation::vehiclePose(road, state, options)};
+  }
+
   void addFrame(std::size_t i) {
-    const double t = static_cast<double>(i) / options.frame_rate_hz;
-    const simulation::LongitudinalState state = profile.at(t);
-    vehicle.push_back(simulation::vehiclePose(road, state, options));
-    distances.push_back(state.s);
-    const simulation::VehiclePose& pose = vehicle.back();
+    const auto [state, pose] = egoAt(i, 0);
+    if (i == 0) T_c0_w = pose.T_w_c.inverse();
     Frame frame;
-    frame.stamp_ns = std::llround(t * 1e9);
-    if (i > 0) frame.T_c0_c = vehicle.front().T_w_c.inverse() * pose.T_w_c;
+    frame.stamp_ns = std::llround(static_cast<double>(i) / options.frame_rate_hz * 1e9);
+    if (i > 0) frame.T_c0_c = T_c0_w * pose.T_w_c;
     frame.n_c = pose.T_w_c.linear().transpose() * pose.n_w;
     frame.height = pose.height;
     frame.speed = state.v;
@@ -149,31 +163,53 @@ struct SyntheticDrive::Impl {
     return *content_;
   }
 
-  Scene sceneAt(std::size_t i) const {
+  /// The scene of frame i at a delay after its stamp [s].
+  Scene sceneAt(std::size_t i, double delay, const Ego& ego) const {
     const simulation::World& world = content().world;
     Scene scene = world.scene();
     if (road.isRecorded()) {
       const auto is_far = [&](const simulation::Instance& instance) {
-        return !std::isnan(instance.s) && !road.isInSection(instance.s, distances[i]);
+        return !std::isnan(instance.s) && !road.isInSection(instance.s, ego.state.s);
       };
       scene.instances.erase(std::remove_if(scene.instances.begin(), scene.instances.end(), is_far),
                             scene.instances.end());
     }
-    content().traffic.addTo(scene, i, static_cast<double>(frames[i].stamp_ns) * 1e-9);
+    content().traffic.addTo(scene, i, static_cast<double>(frames[i].stamp_ns) * 1e-9 + delay);
     if (options.own_shadow) {
-      scene.ego_shadow = simulation::egoShadow(options, road, world, distances[i]);
+      scene.ego_shadow = simulation::egoShadow(options, road, world, ego.state.s);
     }
     constexpr bool kReflected = false;
-    if (options.hood > 0) scene.instances.push_back({&hood, vehicle[i].T_w_c, kReflected});
+    if (options.hood > 0) scene.instances.push_back({&hood, ego.pose.T_w_c, kReflected});
     scene.hood = hood_texture ? &*hood_texture : nullptr;
     scene.hood_share = options.hood;
     scene.daylight = options.daylight;
     if (options.headlamps) {
-      scene.T_w_lamps = vehicle[i].T_w_body;
+      scene.T_w_lamps = ego.pose.T_w_body;
       scene.T_w_lamps->translate(
           Eigen::Vector3d(0, options.camera_height - kLampsHeight, kLampsAhead));
     }
     return scene;
+  }
+
+  /// Rows of frame i at a delay after its stamp [s].
+  cv::Mat renderRows(std::size_t i, const cv::Range& rows, double delay) const {
+    PinholeCamera camera = options.camera;
+    camera.height = rows.size();
+    camera.cy -= rows.start;
+    const Ego ego = egoAt(i, delay);
+    return simulation::render(sceneAt(i, delay, ego), camera, ego.pose.T_w_c);
+  }
+
+  cv::Mat render(std::size_t i) const {
+    const int height = options.camera.height;
+    if (options.readout_time == 0) return renderRows(i, {0, height}, 0);
+    cv::Mat grey;
+    for (int first = 0; first < height; first += kStripRows) {
+      const cv::Range rows(first, std::min(first + kStripRows, height));
+      const double middle = (rows.start + rows.end) / 2.0 / height;  // 0: top, 1: bottom
+      grey.push_back(renderRows(i, rows, options.readout_time * (middle - 0.5)));
+    }
+    return grey;
   }
 
   bool isBlack(std::size_t i) const {
@@ -187,8 +223,7 @@ struct SyntheticDrive::Impl {
   const RoadGeometry road;
   std::optional<simulation::Texture> hood_texture;
   simulation::Mesh hood;
-  std::vector<simulation::VehiclePose> vehicle;  // of each frame
-  std::vector<double> distances;                 // along the lane, of each frame [m]
+  Eigen::Isometry3d T_c0_w;
   std::vector<Frame> frames;
 
  private:
@@ -212,9 +247,8 @@ const SyntheticDrive::Frame& SyntheticDrive::frame(std::size_t i) const {
 
 cv::Mat SyntheticDrive::image(std::size_t i) const {
   const PinholeCamera& camera = impl_->options.camera;
-  const Eigen::Isometry3d& T_w_c = impl_->vehicle.at(i).T_w_c;
   if (impl_->isBlack(i)) return cv::Mat::zeros(camera.height, camera.width, CV_8U);
-  return sensorImage(simulation::render(impl_->sceneAt(i), camera, T_w_c), i, impl_->options);
+  return sensorImage(impl_->render(i), i, impl_->options);
 }
 
 }  // namespace ground_scale_vo

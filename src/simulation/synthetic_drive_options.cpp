@@ -25,6 +25,7 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("camera.height", camera.height, 16, 8192);
   requireInRange("camera_height", camera_height, 0.3, 4);
   requireInRange("frame_rate_hz", frame_rate_hz, 0.1, 1000);
+  requireInRange("readout_time", readout_time, 0, 1 / frame_rate_hz);
   requireInRange("frames", frames, 1, 100000);
   requireInRange("speed", speed, 0.1, 40);
   requireInRange("pitch_rad", pitch_rad, -0.5, 0.5);
@@ -91,6 +92,8 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("elevation of the sun [rad]", std::asin(sun.z() / sun.norm()), 0.1, M_PI / 2);
   requireInRange("daylight", daylight, 0, 1);
   requireInRange("hood", hood, 0, 0.5);
+  // The reflection in the hood shows other rows of the same image.
+  if (readout_time > 0) requireInRange("hood (with readout_time)", hood, 0, 0);
   requireInRange("noise_sigma", noise_sigma, 0, 50);
   requireInRange("jpeg_quality", jpeg_quality, 0, 100);
   requireInRange("black_first", black_first, 0, 100000);

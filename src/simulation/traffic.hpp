@@ -22,7 +22,7 @@ class Traffic {
   Traffic(const Traffic&) = delete;
   Traffic& operator=(const Traffic&) = delete;
 
-  /// Adds the vehicles and their shadows in frame i. t: time of that frame since the start of the
+  /// Adds the vehicles and their shadows in frame i. t: time of the exposure since the start of the
   /// drive [s].
   void addTo(Scene& scene, std::size_t i, double t) const;
 

@@ -79,6 +79,10 @@ class DriveOptions {
             &drive.yaw_rad);
     addReal("speed", "MPS", "cruise speed [m/s]", &drive.speed);
     addReal("rate", "HZ", "frame rate [Hz]", &drive.frame_rate_hz);
+    addReal("readout-time", "S",
+            "readout time of a rolling shutter [s], 0: global shutter. Stamps and poses are those "
+            "of the middle row",
+            &drive.readout_time);
     addOption<int>("seed", "N", "random seed of street and noise",
                    std::to_string(drive.random_seed), [&drive](int seed) {
                      gsv::requireInRange("--seed", seed, 0, kMaxInteger);

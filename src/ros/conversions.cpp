@@ -104,6 +104,7 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->cx = frame.camera.cx;
   msg->cy = frame.camera.cy;
   msg->pose = tf2::toMsg(frame.T_w_c);
+  std::copy_n(frame.readout_motion.data(), 6, msg->readout_motion.begin());
   msg->map_start = fromNanoseconds(frame.map_start.stamp_ns);
   msg->map_start_rotation = tf2::toMsg(Eigen::Quaterniond(frame.map_start.R_previous_w));
   msg->map_start_rotation_sigma = frame.map_start.rotation_sigma;
@@ -163,7 +164,14 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
   } catch (const OptionError& error) {
     refuse("camera intrinsics or image size of the frame are invalid: ", error.what());
   }
-  if (frame.status == VoStatus::kTracking) frame.T_w_c = fromMsg(msg.pose);
+  if (frame.status == VoStatus::kTracking) {
+    frame.T_w_c = fromMsg(msg.pose);
+    frame.readout_motion = Eigen::Map<const Vector6d>(msg.readout_motion.data());
+    if (!isPlausiblePosition(frame.readout_motion)) {
+      refuse("the readout_motion ", text(frame.readout_motion), " is not finite or beyond ",
+             kLargestCoordinate);
+    }
+  }
   frame.map_start = mapStartOf(msg);
 
   frame.features.resize(size);

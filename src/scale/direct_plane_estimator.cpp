@@ -206,6 +206,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(
   Impl::Stages& stages = *s.stages;
   direct::RoadImage& current = stages.images.current();
   current.T_w_c = frame.T_w_c;
+  current.readout_motion = frame.readout_motion;
   const LaneRegion lane = s.laneRegion(prior, chord, height);
   const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
   stages.extractor.extract(image, lane, faces_backwards, &current, &s.patches);

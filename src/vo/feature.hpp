@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -18,8 +19,13 @@ struct Feature {
   std::uint32_t age = 0;
   Eigen::Vector2d u = Eigen::Vector2d::Zero();     ///< [px]
   Eigen::Vector2d flow = Eigen::Vector2d::Zero();  ///< since the previous image [px/s]
-  double sigma = 0;                                ///< standard deviation of u [normalised, z = 1]
+  /// [px] from u to where the feature would be seen at the stamp; zero with a global shutter.
+  Eigen::Vector2d to_stamp = Eigen::Vector2d::Zero();
+  double to_stamp_sigma = 0;  ///< standard deviation of to_stamp [normalised, z = 1]
+  double sigma = 0;           ///< standard deviation of u [normalised, z = 1]
   PatchSurface surface = PatchSurface::kFrontoParallel;  ///< last successful surface hypothesis
+
+  Eigen::Vector2d atStamp() const { return u + to_stamp; }  ///< [px]
 };
 
 inline cv::Point2f toCv(const Eigen::Vector2d& u) {
@@ -32,7 +38,8 @@ inline std::vector<LocalMap::Corner> toCorners(const PinholeCamera& camera,
   std::vector<LocalMap::Corner> corners;
   corners.reserve(features.size());
   for (const Feature& feature : features) {
-    corners.push_back({feature.id, camera.ray(feature.u).head<2>(), feature.sigma});
+    corners.push_back({feature.id, camera.ray(feature.atStamp()).head<2>(),
+                       std::hypot(feature.sigma, feature.to_stamp_sigma), feature.to_stamp});
   }
   return corners;
 }

@@ -56,6 +56,7 @@ class FrameToFrameTracking {
   bool hasImage() const { return !previous_.levels.empty(); }
   const ImagePyramid& image() const { return previous_; }
   const std::vector<Feature>& features() const { return features_; }
+  std::vector<Feature>& features() { return features_; }
   /// [s] from the previous image to a stamp.
   double secondsUntil(std::int64_t stamp_ns) const {
     return secondsBetween(previous_stamp_ns_, stamp_ns);

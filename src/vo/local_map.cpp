@@ -60,7 +60,7 @@ std::uint32_t LocalMap::addKeyframe(const Eigen::Isometry3d& T_w_c,
   const std::uint32_t id = keyframes_.empty() ? 0 : keyframes_.back().id + 1;
   keyframes_.push_back({id, T_w_c, image, 1, corners.size()});
   for (const Corner& corner : corners) {
-    landmarks_[corner.id].observations.push_back({id, corner.x, corner.sigma});
+    landmarks_[corner.id].observations.push_back({id, corner.x, corner.sigma, corner.to_stamp});
   }
   if (keyframes_.size() > static_cast<std::size_t>(options_.keyframes)) dropOldestKeyframe();
   return id;

@@ -18,7 +18,7 @@ constexpr std::size_t kMaxFrames = 3000;
 
 std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
   std::vector<Eigen::Vector2d> pixels;
-  for (const Feature& feature : features) pixels.push_back(feature.u);
+  for (const Feature& feature : features) pixels.push_back(feature.atStamp());
   return pixels;
 }
 
@@ -26,7 +26,8 @@ std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
 
 MapInitialisation::MapInitialisation(const PinholeCamera& camera,
                                      const VisualOdometry::Options& options)
-    : min_tracked_(options.initialisation_min_tracked),
+    : readout_time_(options.readout_time),
+      min_tracked_(options.initialisation_min_tracked),
       camera_(camera),
       two_view_(options.two_view),
       pose_estimation_(options.pose) {}
@@ -60,7 +61,18 @@ std::optional<RelativeRotation> MapInitialisation::rotationSinceFirst(
 
 void MapInitialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
                                  const std::vector<Feature>& found) {
+  if (frames_.size() == 1 && readout_time_ > 0) shiftFirstToStamp(found);
   frames_.push_back({sequence, stamp_ns, toCorners(camera_, found)});
+}
+
+void MapInitialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
+  auto corner = frames_.front().corners.begin();
+  for (const Feature& feature : found) {
+    while (corner->id != feature.id) ++corner;
+    const Eigen::Vector2d u = camera_.project(corner->x.homogeneous());
+    corner->to_stamp = -readout_time_ * camera_.readoutShare(u.y()) * feature.flow;
+    corner->x = camera_.ray(u + corner->to_stamp).head<2>();
+  }
 }
 
 std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::tryStartMap(

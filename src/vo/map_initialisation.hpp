@@ -34,7 +34,8 @@ class MapInitialisation {
   /// when there are too few.
   std::optional<RelativeRotation> rotationSinceFirst(const std::vector<Feature>& found) const;
 
-  /// Adds the next frame. found: the features of the first frame that are still tracked.
+  /// Adds the next frame. found: the features of the first frame that are still tracked. With a
+  /// rolling shutter the second frame's flow also shifts the features of the first to its stamp.
   void addFrame(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& found);
 
   /// The newest frame shows no motion since the one before it, whose pose it gets: a long
@@ -59,7 +60,10 @@ class MapInitialisation {
                const TwoView::Result& motion, Mapping* mapping) const;
   std::optional<std::vector<VisualOdometry::StartPose>> localiseFrames(const LocalMap& map) const;
 
-  const double min_tracked_;  ///< minimum fraction of the first frame's features
+  void shiftFirstToStamp(const std::vector<Feature>& found);
+
+  const double readout_time_;  ///< [s]
+  const double min_tracked_;   ///< minimum fraction of the first frame's features
   const PinholeCamera camera_;
   const TwoView two_view_;
   const PoseEstimation pose_estimation_;

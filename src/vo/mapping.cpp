@@ -5,6 +5,7 @@
 
 #include "ground_scale_vo/common/median.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -33,7 +34,7 @@ Mapping::Parallax Mapping::parallaxToLast(const Eigen::Isometry3d& T_w_c,
     const Landmark* const landmark = landmarks.find(feature.id);
     if (!landmark || landmark->observations.back().keyframe != last.id) continue;
     const Eigen::Vector3d rotated = R_c_k * landmark->observations.back().x.homogeneous();
-    const Eigen::Vector3d ray = camera_.ray(feature.u);
+    const Eigen::Vector3d ray = camera_.ray(feature.atStamp());
     const double dot = rotated.dot(ray);
     squared_tangents.push_back(dot > 0 ? rotated.cross(ray).squaredNorm() / (dot * dot)
                                        : std::numeric_limits<double>::infinity());
@@ -54,17 +55,20 @@ bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
 }
 
 void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
-                          const ImagePyramid& image, VisualOdometry::Times* times) {
+                          const ImagePyramid& image, VisualOdometry::Times* times,
+                          const Vector6d& readout_motion) {
   if (!map_.keyframes().back().has_parallax) map_.removeNewestKeyframe();
   const Parallax parallax = parallaxToLast(T_w_c, features);
   map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image);
   map_.keyframes().back().exposure = image.exposure;
+  map_.keyframes().back().readout_motion = readout_motion;
   map_.keyframes().back().has_parallax =
       parallax.features == 0 || parallax.median > kMinParallaxShare * options_.keyframe_parallax;
   {
     ScopedTimer timer(&times->triangulate);
     map_.triangulateNew();
   }
+  if (options_.readout_time > 0) shiftToStamp(camera_, &map_);
   bundle_adjustment_.load(map_);
   adjusting_ = std::async(std::launch::async, [this] {
     const Stopwatch watch;

@@ -29,9 +29,10 @@ class Mapping {
   /// replaces the newest keyframe if that one was taken at the same place as the one before it: at
   /// a standstill, images with few features in common would otherwise displace all keyframes with a
   /// baseline, and the map would lose its scale. The second thread works on a copy of the poses and
-  /// depths, so the map stays usable.
+  /// depths, so the map stays usable. readout_motion: see VoFrame.
   void addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
-                   const ImagePyramid& image, VisualOdometry::Times* times);
+                   const ImagePyramid& image, VisualOdometry::Times* times,
+                   const Vector6d& readout_motion = Vector6d::Zero());
 
   /// Waits for the bundle adjustment that addKeyframe started, if any, and applies its result.
   /// Called at the same step of each frame, so the result does not depend on the machine's speed.

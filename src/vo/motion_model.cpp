@@ -34,6 +34,14 @@ double MotionModel::stepsSince(std::int64_t stamp_ns) const {
   return long_dt_ > 0 ? secondsBetween(stamp_ns_, stamp_ns) / long_dt_ : 0;
 }
 
+Vector6d MotionModel::velocity() const {
+  // velocity_ is the direction of the chord between two poses in the axes of the first. On an arc
+  // the camera has turned by half of the rotation from the chord to the second.
+  Vector6d velocity = velocity_;
+  velocity.tail<3>() = motionFrom(-0.5 * velocity_dt_ * velocity_).linear() * velocity_.tail<3>();
+  return velocity;
+}
+
 void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
   const double dt = secondsBetween(stamp_ns_, stamp_ns);
   if (dt > 0) {
@@ -46,6 +54,7 @@ void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) 
     long_dt_ = is_irregular ? velocity_dt_ + dt : dt;
     long_velocity_ = velocity;
     if (is_irregular) long_velocity_ = (velocity_dt_ * velocity_ + dt * velocity) / long_dt_;
+    if (velocity_dt_ > 0) rotation_rate_change_ = (velocity - velocity_).head<3>().norm();
     velocity_ = velocity;
     velocity_dt_ = dt;
   }

@@ -23,6 +23,10 @@ class MotionModel {
       : T_w_c_(T_w_c), stamp_ns_(stamp_ns) {}
 
   const Eigen::Isometry3d& T_w_c() const { return T_w_c_; }
+  /// Of the last motion (w, v), in the axes of the last pose [rad/s, VO units/s].
+  Vector6d velocity() const;
+  /// Between the last two intervals [rad/s].
+  double rotationRateChange() const { return rotation_rate_change_; }
 
   /// Pose at constant velocity; after a long interruption the prediction stops.
   Eigen::Isometry3d predict(std::int64_t stamp_ns) const;
@@ -44,7 +48,8 @@ class MotionModel {
   Eigen::Isometry3d T_w_c_ = Eigen::Isometry3d::Identity();
   std::int64_t stamp_ns_ = 0;
   Vector6d velocity_ = Vector6d::Zero();  ///< (w, v) in the axes of c [rad/s, VO units/s]
-  double velocity_dt_ = 0;                ///< interval over which it was measured [s]
+  double rotation_rate_change_ = 0;
+  double velocity_dt_ = 0;  ///< interval over which it was measured [s]
   /// The same over the last two intervals when these differ much in length.
   Vector6d long_velocity_ = Vector6d::Zero();
   double long_dt_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 
 #include "ground_scale_vo/common/median.hpp"
@@ -81,7 +82,10 @@ std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalM
                                   ? Eigen::Vector3d(T_next_w * *points[i])
                                   : Eigen::Vector3d(T_next_previous.linear() * camera.ray(u) +
                                                     guess.at(u) * T_next_previous.translation());
-    predicted.push_back(toCv(p.z() > kMinDepth ? camera.project(p) : u));
+    Eigen::Vector2d next = u;
+    if (p.z() > kMinDepth) next = camera.project(p);
+    if (p.z() > kMinDepth && points[i]) next -= features[i].to_stamp;
+    predicted.push_back(toCv(next));
   }
   return predicted;
 }
@@ -90,6 +94,56 @@ std::vector<cv::Point2f> predictPixelsByFlow(const std::vector<Feature>& feature
   std::vector<cv::Point2f> predicted;
   for (const Feature& feature : features) predicted.push_back(toCv(feature.u + dt * feature.flow));
   return predicted;
+}
+
+void shiftToStamp(const PinholeCamera& camera, const LocalMap& map, const Eigen::Isometry3d& T_w_c,
+                  const Vector6d& readout_motion, double readout_angle_sigma,
+                  std::vector<Feature>* features) {
+  const auto pixelsAt = [&](double share) {
+    return predictPixels(camera, map, *features, T_w_c, boxplus(T_w_c, share * readout_motion));
+  };
+  const auto first = pixelsAt(-0.5), middle = pixelsAt(0), last = pixelsAt(0.5);
+  for (std::size_t i = 0; i < features->size(); ++i) {
+    Feature& feature = (*features)[i];
+    const double share = camera.readoutShare(feature.u.y());
+    // The parabola through the positions at the three times.
+    const cv::Point2f flow = last[i] - first[i];
+    const cv::Point2f acceleration = 2 * (first[i] - 2 * middle[i] + last[i]);
+    feature.to_stamp =
+        -share * Eigen::Vector2d(flow.x + share * acceleration.x, flow.y + share * acceleration.y);
+    feature.to_stamp_sigma = std::abs(share) * readout_angle_sigma;
+  }
+}
+
+void shiftToStamp(const PinholeCamera& camera, LocalMap* map) {
+  std::vector<Eigen::Isometry3d> T_k_w;
+  for (const Keyframe& keyframe : map->keyframes()) T_k_w.push_back(keyframe.T_w_c.inverse());
+  for (auto& [id, landmark] : map->landmarks()) {
+    const auto point = map->point(landmark);
+    if (!point) continue;
+    for (Observation& o : landmark.observations) {
+      const Keyframe& keyframe = map->keyframe(o.keyframe);
+      const Eigen::Vector3d p_k = T_k_w[keyframe.id - map->keyframes().front().id] * point->p_w;
+      const Eigen::Vector2d u = camera.project(o.x.homogeneous()) - o.to_stamp;
+      const Eigen::Isometry3d T_k_row =
+          motionFrom(camera.readoutShare(u.y()) * keyframe.readout_motion);
+      const Eigen::Vector3d p_row = T_k_row.inverse() * p_k;
+      if (p_k.z() < kMinDepth || p_row.z() < kMinDepth) continue;
+      o.to_stamp = camera.project(p_k) - camera.project(p_row);
+      o.x = camera.ray(u + o.to_stamp).head<2>();
+    }
+  }
+}
+
+void shiftToStampByFlow(const PinholeCamera& camera, double readout_time, double dt,
+                        std::vector<Feature>* features) {
+  for (Feature& feature : *features) {
+    const double previous_v = feature.u.y() - dt * feature.flow.y();
+    const double delay = readout_time * camera.readoutShare(feature.u.y());
+    const double exposures_dt = dt + delay - readout_time * camera.readoutShare(previous_v);
+    if (exposures_dt > 0) feature.flow *= dt / exposures_dt;
+    feature.to_stamp = -delay * feature.flow;
+  }
 }
 
 }  // namespace ground_scale_vo

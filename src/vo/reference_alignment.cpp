@@ -87,7 +87,7 @@ std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
     const Eigen::Vector3d p_r = poses[index].T_r_w * p_w;
     const double scale = p_r.z() / depth, max_scale = alignment_.options().max_scale;
     if (keyframe.image.empty() || scale > max_scale || scale < 1 / max_scale) continue;
-    return Reference{index, camera_.project(o.x.homogeneous()), p_r};
+    return Reference{index, camera_.project(o.x.homogeneous()) - o.to_stamp, p_r};
   }
   return std::nullopt;
 }

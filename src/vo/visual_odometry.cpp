@@ -35,12 +35,23 @@ constexpr double kMaxInconsistency = 2;
 /// [matches] minimum number from which the positions of the other features are predicted.
 constexpr std::size_t kMinPredictingMatches = 25;
 
+/// Standard deviation of the rotation rate at a stamp against the mean over the interval before it,
+/// as a share of the change between two intervals: at a constant angular acceleration it is half.
+constexpr double kRotationRateSigma = 0.5;
+
 /// Distance of ray_2 from the epipolar line of ray_1, in normalised image coordinates.
 double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_1,
                      const Eigen::Vector3d& ray_2) {
   const Eigen::Vector3d line = T_2_1.translation().cross(T_2_1.linear() * ray_1);
   const double norm = line.head<2>().norm();
   return norm > kMinEpipolarLine ? std::abs(line.dot(ray_2)) / norm : 0;
+}
+
+MotionModel motionBetween(const VisualOdometry::StartPose& from,
+                          const VisualOdometry::StartPose& to) {
+  MotionModel motion(from.T_w_c, from.stamp_ns);
+  motion.update(to.T_w_c, to.stamp_ns);
+  return motion;
 }
 
 /// In normalised image coordinates; infinite behind the camera.
@@ -146,6 +157,9 @@ struct VisualOdometry::Impl {
       restart(std::move(image), stamp_ns, out->frame.sequence);
       return tracking.features();
     }
+    if (options.readout_time > 0) {
+      shiftToStampByFlow(camera, options.readout_time, tracking.secondsUntil(stamp_ns), &found);
+    }
     initialisation.addFrame(out->frame.sequence, stamp_ns, found);
 
     ScopedTimer timer(&out->times.pose);
@@ -157,16 +171,35 @@ struct VisualOdometry::Impl {
       return found;
     }
     status = VoStatus::kTracking;
-    const StartPose& before = poses->end()[-2];
-    motion = MotionModel(before.T_w_c, before.stamp_ns);
-    motion.update(poses->back().T_w_c, stamp_ns);
+    motion = motionBetween(poses->end()[-2], poses->back());
+    mapping.map().keyframes().front().readout_motion =
+        readoutMotion(motionBetween((*poses)[0], (*poses)[1]));
+    mapping.map().keyframes().back().readout_motion = readoutMotion(motion);
     map_start = {poses->front().stamp_ns, rotation_to_start.R_first_last(),
                  rotation_to_start.sigma()};
     out->start = std::move(*poses);
     out->frame.keyframe = true;
     tracking.advance(std::move(image), stamp_ns, found);
-    tracking.detectNew();
+    detectNew();
     return found;
+  }
+
+  /// Detects new features in a frame with a pose.
+  void detectNew() {
+    tracking.detectNew();
+    shiftToStamp(motion, &tracking.features());
+  }
+
+  Vector6d readoutMotion(const MotionModel& moved) const {
+    return options.readout_time * moved.velocity();
+  }
+
+  /// Sets Feature::to_stamp. moved: the pose and the velocity of their image.
+  void shiftToStamp(const MotionModel& moved, std::vector<Feature>* features) const {
+    if (options.readout_time == 0) return;
+    ground_scale_vo::shiftToStamp(
+        camera, mapping.map(), moved.T_w_c(), readoutMotion(moved),
+        kRotationRateSigma * options.readout_time * moved.rotationRateChange(), features);
   }
 
   /// Tracks the features again from positions predicted by descriptor matches. Changes nothing when
@@ -235,9 +268,10 @@ struct VisualOdometry::Impl {
     tracking.advance(std::move(image), stamp_ns, found);
     {
       ScopedTimer timer(&out->times.detect);
-      tracking.detectNew();
+      detectNew();
     }
-    mapping.addKeyframe(motion.T_w_c(), tracking.features(), tracking.image(), &out->times);
+    mapping.addKeyframe(motion.T_w_c(), tracking.features(), tracking.image(), &out->times,
+                        readoutMotion(motion));
     return found;
   }
 
@@ -269,7 +303,7 @@ struct VisualOdometry::Impl {
     std::vector<Feature> kept;
     for (const Feature& feature : *found) {
       const auto point = mapping.map().point(feature.id);
-      if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.u)) <
+      if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.atStamp())) <
                         kMaxInconsistency * options.max_reprojection_error) {
         kept.push_back(feature);
       } else {
@@ -318,10 +352,20 @@ struct VisualOdometry::Impl {
                     std::vector<Feature>* found, Output* out) {
     ScopedTimer timer(&out->times.pose);
     std::vector<std::size_t> index;  // indices of the observed features in `found`
-    const auto observations = pointObservations(mapping.map(), toCorners(camera, *found), &index);
-    const PoseEstimation::Result pose =
-        pose_estimation.estimate(predicted.value_or(motion.predict(stamp_ns)), observations);
+    const auto estimate = [&](const Eigen::Isometry3d& initial) {
+      index.clear();
+      return pose_estimation.estimate(
+          initial, pointObservations(mapping.map(), toCorners(camera, *found), &index));
+    };
+    PoseEstimation::Result pose = estimate(predicted.value_or(motion.predict(stamp_ns)));
     if (pose.status != PoseStatus::kOk) return false;
+    if (options.readout_time > 0) {  // so far with the shifts of the previous image
+      MotionModel moved = motion;
+      moved.update(pose.T_w_c, stamp_ns);
+      shiftToStamp(moved, found);
+      pose = estimate(pose.T_w_c);
+      if (pose.status != PoseStatus::kOk) return false;
+    }
 
     const Eigen::Isometry3d T_w_previous = motion.T_w_c();
     motion.update(pose.T_w_c, stamp_ns);
@@ -347,8 +391,8 @@ struct VisualOdometry::Impl {
         landmark->outlier_count = inlier[i] ? 0 : landmark->outlier_count + 1;
         keep = landmark->outlier_count <= options.max_outlier_frames;
       } else {
-        keep = epipolarError(T_c_previous, camera.ray(previous[i].u), camera.ray(feature.u)) <
-               options.max_epipolar_error;
+        keep = epipolarError(T_c_previous, camera.ray(previous[i].atStamp()),
+                             camera.ray(feature.atStamp())) < options.max_epipolar_error;
       }
       if (keep) {
         kept.push_back(feature);
@@ -406,7 +450,10 @@ struct VisualOdometry::Impl {
     frame->status = status;
     frame->map_id = map_id;
     if (status != VoStatus::kInitialising) frame->map_start = map_start;
-    if (status == VoStatus::kTracking) frame->T_w_c = motion.T_w_c();
+    if (status == VoStatus::kTracking) {
+      frame->T_w_c = motion.T_w_c();
+      frame->readout_motion = readoutMotion(motion);
+    }
     const Eigen::Isometry3d T_c_w = motion.T_w_c().inverse();
     frame->features.reserve(visible.size());
     LandmarkWalk landmarks(std::as_const(mapping.map()).landmarks());
@@ -414,7 +461,7 @@ struct VisualOdometry::Impl {
       TrackedFeature tracked;
       tracked.id = feature.id;
       tracked.age = feature.age;
-      tracked.u = feature.u.cast<float>();
+      tracked.u = feature.atStamp().cast<float>();
       if (const auto point = mapping.map().pointOf(landmarks.find(feature.id))) {
         TrackedFeature with_point = tracked;
         with_point.has_point = true;

@@ -29,6 +29,9 @@ struct PinholeCamera {
   Eigen::Vector2d project(const Eigen::Vector3d& p_c) const {
     return {fx * p_c.x() / p_c.z() + cx, fy * p_c.y() / p_c.z() + cy};
   }
+  /// Time at which a rolling shutter exposes row v after the middle row, as a share of the readout
+  /// time: -0.5 at the upper, 0.5 at the lower border of the image.
+  double readoutShare(double v) const { return (v + 0.5) / height - 0.5; }
 };
 
 /// Throws OptionError unless image is 8-bit with one channel and of the camera's size.

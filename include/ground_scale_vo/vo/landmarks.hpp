@@ -17,6 +17,8 @@ struct Observation {
   std::uint32_t keyframe = 0;
   Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
   double sigma = 0;                             ///< standard deviation of x, > 0
+  /// [px] displacement of x from the keyframe's image, see Feature::to_stamp.
+  Eigen::Vector2d to_stamp = Eigen::Vector2d::Zero();
 };
 
 /// A corner observed in keyframes, with or without a depth yet. The keyframe of its first

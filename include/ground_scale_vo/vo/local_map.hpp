@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/vo/landmarks.hpp"
 
 namespace ground_scale_vo {
@@ -20,6 +21,7 @@ struct Keyframe {
   double exposure = 1;       ///< of the image, relative to the map's first
   std::size_t corners = 0;   ///< number observed when it was added
   bool has_parallax = true;  ///< to the keyframe before it
+  Vector6d readout_motion = Vector6d::Zero();  ///< see VoFrame
 };
 
 /// A landmark in world coordinates, VO units.
@@ -55,8 +57,9 @@ class LocalMap {
 
   struct Corner {
     std::uint64_t id = 0;
-    Eigen::Vector2d x = Eigen::Vector2d::Zero();  ///< normalised image coordinates, z = 1
-    double sigma = 0;                             ///< standard deviation of x, > 0
+    Eigen::Vector2d x = Eigen::Vector2d::Zero();         ///< normalised image coordinates, z = 1
+    double sigma = 0;                                    ///< standard deviation of x, > 0
+    Eigen::Vector2d to_stamp = Eigen::Vector2d::Zero();  ///< [px] see Feature::to_stamp
   };
   /// Adds the corners as observations of the new keyframe; unknown ids become landmarks. The image
   /// is shared, not copied. Drops the oldest keyframe when there are too many. Returns the new id.

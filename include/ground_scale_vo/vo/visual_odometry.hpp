@@ -59,6 +59,7 @@ class VisualOdometry {
     int max_outlier_frames = 2;
     double initialisation_min_tracked = 0.4;
     int lost_frames_before_new_map = 3;
+    double readout_time = 0;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("feature_sigma", self.feature_sigma, 1e-6, 0.1,
@@ -85,6 +86,9 @@ class VisualOdometry {
       visit("lost_frames_before_new_map", self.lost_frames_before_new_map, 1, 1000,
             "[frames] consecutive textured frames without a pose after which a new map starts; the "
             "pose search begins after a gap of more than this number + 1 image intervals");
+      visit("readout_time", self.readout_time, 0, 0.2,
+            "[s] of a rolling shutter, from the exposure of the first row to that of the last one; "
+            "stamps are those of the middle row; 0: global shutter");
     }
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
@@ -18,8 +19,9 @@ struct TrackedFeature {
   std::uint64_t id = 0;  ///< constant while the corner is tracked; never reused
   /// Number of earlier frames in which it was tracked; a standstill counts as one.
   std::uint32_t age = 0;
-  Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] in the rectified image
-  bool has_point = false;                       ///< p_c and depth_sigma are valid
+  /// [px] in the rectified image; with a rolling shutter, where it would be seen at the stamp.
+  Eigen::Vector2f u = Eigen::Vector2f::Zero();
+  bool has_point = false;  ///< p_c and depth_sigma are valid
   /// 3-D map point in the camera frame of this frame, VO units. z > 0.
   Eigen::Vector3f p_c = Eigen::Vector3f::Zero();
   float depth_sigma = 0.f;  ///< standard deviation of p_c.z given the poses, VO units
@@ -53,6 +55,9 @@ struct VoFrame {
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
   /// VO units. Valid only while status is kTracking.
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  /// Motion of the camera (w, v) during the readout of a rolling shutter, which exposes row v at
+  /// boxplus(T_w_c, camera.readoutShare(v) * readout_motion). Zero: a global shutter.
+  Vector6d readout_motion = Vector6d::Zero();
   /// The same in all frames of a map from its start on; unknown while kInitialising.
   MapStart map_start;
   std::vector<TrackedFeature> features;  ///< ordered by id

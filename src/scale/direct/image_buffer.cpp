@@ -16,17 +16,21 @@ constexpr double kMinBaseline = 0.2;
 constexpr double kMaxBaselineRatio = 8;
 
 Reference makeReference(const RoadImage& image, const RoadImage& current) {
-  const Eigen::Isometry3d T_r_c = image.T_w_c.inverse() * current.T_w_c;
   Reference reference;
   reference.image = &image;
-  reference.R = T_r_c.linear().cast<float>();
-  reference.t = T_r_c.translation().cast<float>();
-  reference.perpendicular[0] = reference.t.unitOrthogonal() * reference.t.norm();
-  reference.perpendicular[1] = reference.t.normalized().cross(reference.perpendicular[0]);
+  reference.readout_motion_c = current.readout_motion;
+  reference.setMotion(image.T_w_c.inverse() * current.T_w_c);
   return reference;
 }
 
 }  // namespace
+
+void Reference::setMotion(const Eigen::Isometry3d& T_r_c) {
+  R = T_r_c.linear().cast<float>();
+  t = T_r_c.translation().cast<float>();
+  perpendicular[0] = t.unitOrthogonal() * t.norm();
+  perpendicular[1] = t.normalized().cross(perpendicular[0]);
+}
 
 ImageBuffer::ImageBuffer(double baseline_heights)
     : images_(kCapacity + 1), baseline_heights_(baseline_heights) {}

@@ -5,6 +5,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground_scale_vo/common/se3.hpp"
+
 namespace ground_scale_vo::direct {
 
 constexpr int kReferences = 2;  ///< reference images per frame, at one and at two baselines
@@ -12,6 +14,7 @@ constexpr int kReferences = 2;  ///< reference images per frame, at one and at t
 /// The lane region of an image, smoothed, with the pose of its camera.
 struct RoadImage {
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units
+  Vector6d readout_motion = Vector6d::Zero();               ///< see VoFrame
   cv::Rect roi;     ///< part of the image that is stored [px]; empty: none
   cv::Mat storage;  ///< CV_32F, of the roi's size; without gaps, which would cost cache misses
 
@@ -22,7 +25,10 @@ struct RoadImage {
 /// A reference image and the motion from the current camera (c) to its camera (r):
 /// x_r = R x_c + t.
 struct Reference {
+  void setMotion(const Eigen::Isometry3d& T_r_c);
+
   const RoadImage* image = nullptr;
+  Vector6d readout_motion_c = Vector6d::Zero();  ///< of the current image
   Eigen::Matrix3f R;
   Eigen::Vector3f t;                 ///< VO units
   Eigen::Vector3f perpendicular[2];  ///< basis of the plane orthogonal to t, of the length of t

@@ -184,10 +184,46 @@ bool PatchMatcher::isAllowed(const RoadImage& image, const Samples& u, const Sam
   return true;
 }
 
+/// Between the cameras at the exposure of the patch in both images.
+PatchMatcher::Warp PatchMatcher::warpOf(const Reference& reference, const Patch& patch,
+                                        const Eigen::Vector3f& m) const {
+  Warp warp{reference, m, reference.R - reference.t * m.transpose()};
+  if (reference.readout_motion_c.isZero(0)) return warp;
+  const Vector6d &motion_c = reference.readout_motion_c,
+                 &motion_r = reference.image->readout_motion;
+  const auto shareOf = [&](const Eigen::Vector3d& p) {
+    return camera_.readoutShare(camera_.project(p).y());
+  };
+  const Eigen::Vector3d ray(patch.ray_x.mean(), patch.ray_y.mean(), 1);
+  const double share_c = shareOf(ray);
+  const Eigen::Isometry3d T_c_row = motionFrom(share_c * motion_c);
+  // The points x of the plane have m . x = -1.
+  const Eigen::Vector3d m_c = m.cast<double>();
+  const Eigen::Vector3d m_row =
+      T_c_row.linear().transpose() * m_c / (1 + m_c.dot(T_c_row.translation()));
+  const double inverse_depth = -m_row.dot(ray);
+  Eigen::Isometry3d T_r_c = Eigen::Isometry3d::Identity();
+  T_r_c.linear() = reference.R.cast<double>();
+  T_r_c.translation() = reference.t.cast<double>();
+  double share_r = share_c;
+  Eigen::Vector3d p_r;           // the centre of the patch, times its inverse depth
+  for (int i = 0; i < 3; ++i) {  // the row in the reference image depends on the pose of that row
+    const Eigen::Isometry3d T_r_row = motionFrom(share_r * motion_r);
+    const Eigen::Isometry3d T_row_row = T_r_row.inverse() * T_r_c * T_c_row;
+    warp.reference.setMotion(T_row_row);
+    p_r = T_row_row.linear() * ray + inverse_depth * T_row_row.translation();
+    if (!(p_r.z() > 0)) return warp;
+    share_r = std::clamp(shareOf(p_r), -0.5, 0.5);
+  }
+  warp.m = m_row.cast<float>();
+  warp.A = warp.reference.R - warp.reference.t * warp.m.transpose();
+  return warp;
+}
+
 bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
                           Samples* values) const {
   const RoadImage& image = *reference.image;
-  const Eigen::Matrix3f A = reference.R - reference.t * m.transpose();
+  const Warp warp = warpOf(reference, patch, m);
   const RoiCamera camera{static_cast<float>(camera_.fx),
                          static_cast<float>(camera_.fy),
                          static_cast<float>(camera_.cx - image.roi.x),
@@ -195,7 +231,8 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
                          static_cast<float>(image.roi.width - 1),
                          static_cast<float>(image.roi.height - 1)};
   Samples u, v;
-  const int inside = project(camera, A, patch.ray_x.data(), patch.ray_y.data(), u.data(), v.data());
+  const int inside =
+      project(camera, warp.A, patch.ray_x.data(), patch.ray_y.data(), u.data(), v.data());
   if (inside < kPatchSamples || !isAllowed(image, u, v)) return false;
   interpolate(image.storage.ptr<float>(), static_cast<int>(image.storage.step1()), u.data(),
               v.data(), values->data());
@@ -204,9 +241,10 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
 
 void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
                              const Eigen::Vector3f& m, Match* match) const {
-  const Eigen::Matrix3f A = reference.R - reference.t * m.transpose();
-  const Moments sum = differentiate(patch, reference, A, m, static_cast<float>(camera_.fx),
-                                    static_cast<float>(camera_.fy), match->jacobian.data());
+  const Warp warp = warpOf(reference, patch, m);
+  const Moments sum =
+      differentiate(patch, warp.reference, warp.A, warp.m, static_cast<float>(camera_.fx),
+                    static_cast<float>(camera_.fy), match->jacobian.data());
   const float mean = total(sum.mean) / kPatchSamples;
   match->jacobian -= mean;
   const float information =

@@ -27,7 +27,8 @@ struct Match {
 };
 
 /// Warps patches into reference images by the homography R - t m^T of a plane, and measures their
-/// remaining shift along the epipolar line.
+/// remaining shift along the epipolar line. With a rolling shutter, R, t and m are those of the
+/// cameras at the exposure of the patch's middle row in both images.
 class PatchMatcher {
  public:
   /// image_noise: [grey levels]. allowed: PatchExtractor::allowed().
@@ -51,6 +52,12 @@ class PatchMatcher {
   float imageNoise() const { return image_noise_; }  ///< [grey levels]
 
  private:
+  struct Warp {
+    Reference reference;
+    Eigen::Vector3f m;
+    Eigen::Matrix3f A;  ///< of the rays: R - t m^T for a global shutter
+  };
+  Warp warpOf(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m) const;
   bool isAllowed(const RoadImage& image, const Samples& u, const Samples& v) const;
 
   PinholeCamera camera_;

@@ -42,6 +42,7 @@ VoFrame someFrame() {
   frame.keyframe = true;
   frame.camera = {1241, 376, 718.856, 718.857, 607.1928, 185.2157};
   frame.T_w_c = test::pose({0.3, -1.2, 2}, {normal(random), normal(random), normal(random)});
+  frame.readout_motion << 0.001, 0.02, -0.003, 0.1, -0.01, 1 / 3.0;
   frame.map_start.stamp_ns = 1317617734123456789;
   frame.map_start.R_previous_w = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).matrix();
   frame.map_start.rotation_sigma = 0.002;
@@ -79,6 +80,7 @@ TEST(VoFrameMsg, RoundTripIsExact) {
   EXPECT_EQ(values(back), values(frame));
   EXPECT_EQ(back.T_w_c.translation(), frame.T_w_c.translation());
   EXPECT_LT((back.T_w_c.linear() - frame.T_w_c.linear()).norm(), 1e-15);
+  EXPECT_EQ(back.readout_motion, frame.readout_motion);
   EXPECT_LT((back.map_start.R_previous_w - frame.map_start.R_previous_w).norm(), 1e-15);
   for (std::size_t i = 0; i < back.features.size(); ++i) {
     const TrackedFeature &a = frame.features[i], &b = back.features[i];
@@ -104,6 +106,7 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
       {[](VoFrameMsg* m) { m->pose.position.x = kInfinity; }, "the position (inf, "},
       {[](VoFrameMsg* m) { m->pose.orientation = geometry_msgs::Quaternion(); },
        "the quaternion (0, 0, 0, 0) of the pose is not of unit length"},
+      {[](VoFrameMsg* m) { m->readout_motion[5] = kInfinity; }, "readout_motion"},
       {[](VoFrameMsg* m) { m->map_start_rotation.w = 3; }, "of map_start_rotation"},
       {[](VoFrameMsg* m) { m->map_start = m->header.stamp + ros::Duration(1); }, "map_start is"},
   };
@@ -116,7 +119,7 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
   }
   VoFrameMsg lost = good;
   lost.status = VoFrameMsg::LOST;  // the pose is not used then
-  lost.pose.position.x = 1e300;
+  lost.pose.position.x = lost.readout_motion[5] = 1e300;
   EXPECT_NO_THROW(fromMsg(lost));
 }
 

@@ -13,6 +13,7 @@ ALLOWED = {
     "common": [],
     "vo": ["common"],
     "scale": ["common", "vo/vo_frame.hpp"],
+    "lens": ["common", "vo/vo_frame.hpp", "vo/camera.hpp"],
     "metric_odometry": ["common", "vo", "scale"],
     "ros": ["common", "vo", "scale", "metric_odometry"],
     "nodelets": ["common", "vo", "scale", "metric_odometry", "ros"],

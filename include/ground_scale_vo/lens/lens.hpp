@@ -1,0 +1,46 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "ground_scale_vo/vo/camera.hpp"
+
+namespace ground_scale_vo {
+
+/// A pinhole camera with the distortion model plumb_bob of OpenCV and ROS (Brown-Conrady).
+struct Lens {
+  PinholeCamera camera;
+  double k1 = 0, k2 = 0, k3 = 0;  ///< radial
+  double p1 = 0, p2 = 0;          ///< tangential
+
+  /// Distorted coordinates of the ray (x, 1): x (1 + k1 r^2 + k2 r^4 + k3 r^6) plus the tangential
+  /// terms. x: normalised image coordinates without distortion. jacobian: d(result) / dx, if given.
+  Eigen::Vector2d distort(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian = nullptr) const;
+
+  /// Pixel of the distorted image.
+  Eigen::Vector2d project(const Eigen::Vector2d& x) const;
+
+  /// The inverse of project(), by Newton's method. Outside the image of a plausible lens, where
+  /// the model need not be invertible, the result may be inaccurate.
+  Eigen::Vector2d unproject(const Eigen::Vector2d& u) const;
+};
+
+/// The parameters that a drive determines, in this order: ln f (common to fx and fy), cx [px],
+/// cy [px], k1, k2.
+constexpr int kLensParameters = 5;
+using LensVector = Eigen::Matrix<double, kLensParameters, 1>;
+using LensMatrix = Eigen::Matrix<double, kLensParameters, kLensParameters>;
+
+/// A lens and how well its parameters are known.
+struct LensEstimate {
+  Lens lens;
+  LensMatrix covariance = LensMatrix::Zero();
+
+  LensVector sigmas() const { return covariance.diagonal().cwiseSqrt(); }
+};
+
+/// The lens with its parameters changed by delta.
+Lens boxplus(const Lens& lens, const LensVector& delta);
+/// The inverse: a = boxplus(b, boxminus(a, b)) for lenses that differ in these parameters only.
+LensVector boxminus(const Lens& a, const Lens& b);
+
+}  // namespace ground_scale_vo

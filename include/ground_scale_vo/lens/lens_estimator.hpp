@@ -1,0 +1,135 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/lens/lens.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
+
+namespace ground_scale_vo {
+
+class LensSegment;
+struct TrackNoise;
+
+/// Estimates the lens of a camera (focal length, principal point, k1, k2) from the tracks and poses
+/// of a drive: a bundle adjustment over poses, points and lens on keyframes, with the calibration
+/// as a prior. Of the odometry it knows only its frames.
+///
+/// The ratio of fy to fx and the tangential terms stay as given: estimates from different drives of
+/// one camera contradict each other, as they hardly differ from a motion of the principal point.
+///
+///     LensEstimator estimator({});
+///     for (const VoFrame& frame : drive) estimator.add(frame);
+///     const auto result = estimator.estimate(estimator.priorOf(calibration));
+///     // The next drive of the camera continues with result.estimate as its prior.
+class LensEstimator {
+ public:
+  struct Options {
+    double prior_focal_sigma = 0.003;
+    double prior_centre_sigma_px = 3;
+    double prior_k1_sigma = 0.05;
+    double prior_k2_sigma = 0.03;
+    double keyframe_flow = 0.02;
+    int segment_keyframes = 100;
+    int min_observations = 4;
+    double max_error_px = 2;
+    int min_keyframes = 10;
+    int min_tracks = 100;
+    double max_centre_sigma = 0.004;
+    template <typename Self, typename Visit>
+    static void visitParameters(Self& self, Visit&& visit) {
+      visit("prior_focal_sigma", self.prior_focal_sigma, 1e-5, 1,
+            "[] relative standard deviation of the focal length of a calibration");
+      visit("prior_centre_sigma_px", self.prior_centre_sigma_px, 1e-3, 1000,
+            "[px] standard deviation of each coordinate of its principal point");
+      visit("prior_k1_sigma", self.prior_k1_sigma, 1e-5, 10, "[] standard deviation of its k1");
+      visit("prior_k2_sigma", self.prior_k2_sigma, 1e-5, 10, "[] standard deviation of its k2");
+      visit("keyframe_flow", self.keyframe_flow, 1e-3, 1,
+            "[image widths] median flow between two keyframes");
+      visit("segment_keyframes", self.segment_keyframes, 10, 1000,
+            "[] most keyframes that are adjusted together; longer drives are divided");
+      visit("min_observations", self.min_observations, 3, 100,
+            "[] least number of keyframes that observe a track");
+      visit("max_error_px", self.max_error_px, 0.1, 100,
+            "[px] observations with larger residuals are outliers");
+      visit("min_keyframes", self.min_keyframes, 3, 1000, "[] least number of keyframes");
+      visit("min_tracks", self.min_tracks, 10, 100000, "[] least number of tracks");
+      visit("max_centre_sigma", self.max_centre_sigma, 1e-5, 1,
+            "[focal lengths] largest standard deviation of the principal point, from the drive "
+            "alone, with which the lens is observable: a straight drive leaves it unknown");
+    }
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  enum class Status {
+    kOk,
+    kTooFew,       ///< not enough keyframes or tracks
+    kUnobservable  ///< no parallax, or no turns
+  };
+
+  /// Mean residual of the observations in a cell of the image.
+  struct FieldCell {
+    Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< [px]
+    Eigen::Vector2d before = Eigen::Vector2d::Zero();  ///< projection minus observation [px]
+    Eigen::Vector2d after = Eigen::Vector2d::Zero();   ///< the same
+    int observations = 0;
+  };
+
+  struct Result {
+    Status status = Status::kTooFew;
+    std::string reason;     ///< one sentence unless kOk
+    LensEstimate estimate;  ///< of drive and prior; the prior itself unless kOk
+    /// Residuals with the lens of the prior (poses and points adjusted to it) and with the
+    /// estimate.
+    double rms_before_px = 0, rms_after_px = 0;
+    std::vector<FieldCell> field;
+    std::size_t keyframes = 0, tracks = 0;
+    /// Smooth displacements of the pixels that this lens model does not describe: standard
+    /// deviation of the coefficients of a polynomial over the image, as found in the drive [px].
+    double model_error_px = 0;
+  };
+
+  /// Throws OptionError.
+  explicit LensEstimator(const Options& options);
+
+  /// The next frame of the drive. The features are pixels of the images whose lens is estimated.
+  /// Frames without a pose and new maps interrupt the tracks.
+  void add(const VoFrame& frame);
+
+  /// Of the drive so far. prior: a calibration, or the estimate from other drives of this camera.
+  /// initial: where the optimisation starts, such as the lens with which the drive was processed.
+  Result estimate(const LensEstimate& prior, const Lens& initial) const;
+  Result estimate(const LensEstimate& prior) const { return estimate(prior, prior.lens); }
+
+  /// The prior of a calibration, with the standard deviations of the options.
+  LensEstimate priorOf(const Lens& calibration) const;
+
+ private:
+  struct Keyframe {
+    std::size_t run = 0;  ///< number of uninterrupted runs of one map before
+    Eigen::Isometry3d T_w_c;
+    std::vector<std::pair<std::uint64_t, Eigen::Vector2d>> features;  ///< by id
+  };
+
+  std::vector<LensSegment> segments(const Lens& lens, const TrackNoise& noise) const;
+  bool count(const std::vector<LensSegment>& segments, Result* result) const;
+  void judge(const LensMatrix& information, const LensEstimate& estimate, Result* result) const;
+  /// Median flow between two keyframes [px]; infinite without a common feature.
+  static double flow(const Keyframe& a, const Keyframe& b);
+
+  Options options_;
+  std::vector<Keyframe> keyframes_;
+  std::size_t run_ = 0;
+  std::uint32_t map_id_ = 0;
+  bool interrupted_ = true;
+};
+
+const char* toString(LensEstimator::Status status);  ///< "ok", "too few", "unobservable"
+
+}  // namespace ground_scale_vo

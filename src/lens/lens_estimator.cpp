@@ -1,0 +1,239 @@
+#include "ground_scale_vo/lens/lens_estimator.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+
+#include "ground_scale_vo/common/median.hpp"
+#include "lens/lens_solver.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Cells of Result::field.
+constexpr int kFieldColumns = 16, kFieldRows = 6;
+/// Least number of keyframes of a segment.
+constexpr std::size_t kMinSegment = 5;
+/// Iterations with the lens fixed, and in each round between rejections of outliers.
+constexpr int kFixedIterations = 5, kRoundIterations = 8, kRounds = 3;
+/// A track has parallax when its inverse depth times the length of the segment exceeds this.
+constexpr double kMinParallax = 0.02;
+
+/// Tracks in keyframes first to last - 1, numbered from first on.
+template <typename Keyframes>
+std::vector<LensTrack> tracksOf(const Keyframes& keyframes, std::size_t first, std::size_t last,
+                                std::size_t min_observations) {
+  std::map<std::uint64_t, LensTrack> tracks;
+  for (std::size_t k = first; k < last; ++k) {
+    for (const auto& [id, u] : keyframes[k].features) {
+      tracks[id].observations.push_back({k - first, u});
+    }
+  }
+  std::vector<LensTrack> result;
+  for (auto& [id, track] : tracks) {
+    if (track.observations.size() >= min_observations) result.push_back(std::move(track));
+  }
+  return result;
+}
+
+/// Sums the residuals by cell; `sum` is FieldCell::before or after.
+double addResiduals(const LensSolver& solver, Eigen::Vector2d LensEstimator::FieldCell::*sum,
+                    std::vector<LensEstimator::FieldCell>* field) {
+  const PinholeCamera& camera = solver.lens().camera;
+  double squares = 0;
+  std::size_t n = 0;
+  for (LensEstimator::FieldCell& cell : *field) cell.observations = 0;
+  for (const LensSegment& segment : solver.segments()) {
+    for (const LensResidual& residual : segment.residuals(solver.lens())) {
+      const auto index = [](double at, int size, int cells) {
+        return std::clamp(static_cast<int>(at / size * cells), 0, cells - 1);
+      };
+      const int cell = index(residual.u.y(), camera.height, kFieldRows) * kFieldColumns +
+                       index(residual.u.x(), camera.width, kFieldColumns);
+      LensEstimator::FieldCell& target = (*field)[static_cast<std::size_t>(cell)];
+      target.*sum += residual.error;
+      ++target.observations;
+      squares += residual.error.squaredNorm();
+      ++n;
+    }
+  }
+  for (LensEstimator::FieldCell& cell : *field) cell.*sum /= std::max(1, cell.observations);
+  return n > 0 ? std::sqrt(squares / static_cast<double>(n)) : 0;
+}
+
+std::vector<LensEstimator::FieldCell> emptyField(const PinholeCamera& camera) {
+  std::vector<LensEstimator::FieldCell> field;
+  for (int row = 0; row < kFieldRows; ++row) {
+    for (int column = 0; column < kFieldColumns; ++column) {
+      LensEstimator::FieldCell cell;
+      cell.centre = {(column + 0.5) * camera.width / kFieldColumns - 0.5,
+                     (row + 0.5) * camera.height / kFieldRows - 0.5};
+      field.push_back(cell);
+    }
+  }
+  return field;
+}
+
+std::string format(const char* pattern, double value) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, value);
+  return text;
+}
+
+}  // namespace
+
+void LensEstimator::Options::validate() const { visitParameters(*this, RangeCheck("lens/")); }
+
+LensEstimator::LensEstimator(const Options& options) : options_(options) { options_.validate(); }
+
+LensEstimate LensEstimator::priorOf(const Lens& calibration) const {
+  LensVector sigmas;
+  sigmas << options_.prior_focal_sigma, options_.prior_centre_sigma_px,
+      options_.prior_centre_sigma_px, options_.prior_k1_sigma, options_.prior_k2_sigma;
+  return {calibration, sigmas.cwiseAbs2().asDiagonal()};
+}
+
+double LensEstimator::flow(const Keyframe& a, const Keyframe& b) {
+  std::vector<double> lengths;
+  auto other = a.features.begin();
+  for (const auto& [id, u] : b.features) {
+    while (other != a.features.end() && other->first < id) ++other;
+    if (other == a.features.end()) break;
+    if (other->first == id) lengths.push_back((u - other->second).norm());
+  }
+  return lengths.empty() ? std::numeric_limits<double>::infinity() : median(&lengths);
+}
+
+void LensEstimator::add(const VoFrame& frame) {
+  if (frame.status != VoStatus::kTracking) {
+    interrupted_ = true;
+    return;
+  }
+  if (interrupted_ || frame.map_id != map_id_) ++run_;
+  interrupted_ = false;
+  map_id_ = frame.map_id;
+  Keyframe keyframe{run_, frame.T_w_c, {}};
+  for (const TrackedFeature& feature : frame.features) {
+    keyframe.features.emplace_back(feature.id, feature.u.cast<double>());
+  }
+  const bool is_first = keyframes_.empty() || keyframes_.back().run != run_;
+  const double min_flow = options_.keyframe_flow * frame.camera.width;
+  if (is_first || flow(keyframes_.back(), keyframe) >= min_flow) {
+    keyframes_.push_back(std::move(keyframe));
+  }
+}
+
+std::vector<LensSegment> LensEstimator::segments(const Lens& lens, const TrackNoise& noise) const {
+  std::vector<LensSegment> result;
+  const auto longest = static_cast<std::size_t>(options_.segment_keyframes);
+  for (std::size_t begin = 0, end = 0; begin < keyframes_.size(); begin = end) {
+    while (end < keyframes_.size() && keyframes_[end].run == keyframes_[begin].run) ++end;
+    const std::size_t pieces = (end - begin + longest - 1) / longest;
+    for (std::size_t i = 0; i < pieces; ++i) {
+      const std::size_t first = begin + (end - begin) * i / pieces;
+      const std::size_t last = begin + (end - begin) * (i + 1) / pieces;
+      std::vector<Eigen::Isometry3d> T_w_c;
+      double length = 0;
+      for (std::size_t k = first; k < last; ++k) {
+        T_w_c.push_back(keyframes_[k].T_w_c);
+        length =
+            std::max(length, (T_w_c.back().translation() - T_w_c.front().translation()).norm());
+      }
+      if (last - first < kMinSegment || !(length > 0)) continue;
+      result.emplace_back(
+          T_w_c,
+          tracksOf(keyframes_, first, last, static_cast<std::size_t>(options_.min_observations)),
+          lens, noise);
+    }
+  }
+  return result;
+}
+
+LensEstimator::Result LensEstimator::estimate(const LensEstimate& prior,
+                                              const Lens& initial) const {
+  Result result;
+  result.estimate = prior;
+  const TrackNoise noise;
+  LensSolver solver(segments(initial, noise), prior, initial, noise);
+  const auto min_observations = static_cast<std::size_t>(options_.min_observations);
+  if (!count(solver.segments(), &result)) return result;
+  solver.rejectOutliers(std::numeric_limits<double>::infinity(), min_observations);
+  solver.optimise(false, kFixedIterations);
+  for (int round = 0; round < kRounds; ++round) {
+    solver.optimise(true, kRoundIterations);
+    solver.rejectOutliers(options_.max_error_px, min_observations);
+    if (!count(solver.segments(), &result)) return result;
+  }
+  const LensEstimate estimate = solver.combineWithPrior();
+  result.model_error_px = solver.fieldSigma();
+  judge(solver.information(), estimate, &result);
+
+  result.field = emptyField(prior.lens.camera);
+  result.rms_after_px = addResiduals(solver, &FieldCell::after, &result.field);
+  solver.setLens(prior.lens);
+  solver.optimise(false, kRoundIterations);
+  result.rms_before_px = addResiduals(solver, &FieldCell::before, &result.field);
+  return result;
+}
+
+/// Counts keyframes and tracks; false, with status and reason, when they are too few.
+bool LensEstimator::count(const std::vector<LensSegment>& segments, Result* result) const {
+  result->keyframes = result->tracks = 0;
+  std::size_t with_parallax = 0;
+  for (const LensSegment& segment : segments) {
+    result->keyframes += segment.keyframes();
+    for (const LensTrack& track : segment.tracks()) {
+      result->tracks += track.used;
+      with_parallax += track.used && track.point.z() > kMinParallax;
+    }
+  }
+  const auto min_keyframes = static_cast<std::size_t>(options_.min_keyframes);
+  const auto min_tracks = static_cast<std::size_t>(options_.min_tracks);
+  const bool only_rotates = segments.empty() && keyframes_.size() >= min_keyframes;
+  if (!only_rotates && (result->keyframes < min_keyframes || result->tracks < min_tracks)) {
+    result->status = Status::kTooFew;
+    result->reason = "the drive has " + std::to_string(result->keyframes) + " keyframes with " +
+                     std::to_string(result->tracks) + " tracks, fewer than " +
+                     std::to_string(min_keyframes) + " or " + std::to_string(min_tracks);
+    return false;
+  }
+  if (with_parallax < min_tracks) {
+    result->status = Status::kUnobservable;
+    result->reason = "the camera hardly moves: " + std::to_string(with_parallax) +
+                     " tracks have parallax, fewer than " + std::to_string(min_tracks);
+    return false;
+  }
+  return true;
+}
+
+void LensEstimator::judge(const LensMatrix& information, const LensEstimate& estimate,
+                          Result* result) const {
+  const double sigma = std::sqrt(information.inverse()(1, 1)) / estimate.lens.camera.fx;
+  if (!(sigma <= options_.max_centre_sigma)) {
+    result->status = Status::kUnobservable;
+    result->reason = format(
+        "the drive determines the principal point to %.2g focal lengths only; turns are needed",
+        sigma);
+    return;
+  }
+  result->status = Status::kOk;
+  result->reason.clear();
+  result->estimate = estimate;
+}
+
+const char* toString(LensEstimator::Status status) {
+  switch (status) {
+    case LensEstimator::Status::kOk:
+      return "ok";
+    case LensEstimator::Status::kTooFew:
+      return "too few";
+    case LensEstimator::Status::kUnobservable:
+      return "unobservable";
+  }
+  return "invalid";
+}
+
+}  // namespace ground_scale_vo

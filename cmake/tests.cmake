@@ -73,6 +73,7 @@ find_package(Ceres REQUIRED)  # an independent solver for the test of the bundle
 gsv_add_unit_tests(common ${PROJECT_NAME}_core)
 gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation ${CERES_LIBRARIES} opencv_video)
 gsv_add_unit_tests(scale ${PROJECT_NAME}_simulation)
+gsv_add_unit_tests(input ${PROJECT_NAME}_core)
 gsv_add_unit_tests(lens ${PROJECT_NAME}_core)
 gsv_add_unit_tests(io ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(evaluation ${PROJECT_NAME}_simulation)

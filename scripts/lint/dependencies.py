@@ -11,6 +11,7 @@ import sys
 # Module: what it may include besides itself, a module or one header. Runtime modules first, then tooling.
 ALLOWED = {
     "common": [],
+    "input": ["common"],
     "vo": ["common"],
     "scale": ["common", "vo/vo_frame.hpp"],
     "lens": ["common", "vo/vo_frame.hpp", "vo/camera.hpp"],
@@ -19,10 +20,10 @@ ALLOWED = {
     "nodelets": ["common", "vo", "scale", "metric_odometry", "ros"],
     "io": ["common", "vo", "scale", "metric_odometry"],
     "evaluation": ["common", "vo", "scale", "metric_odometry", "io"],
-    "calibration": ["common", "vo", "scale", "metric_odometry", "io", "evaluation"],
+    "calibration": ["common", "input", "lens", "vo", "scale", "metric_odometry", "io", "evaluation"],
     "simulation": ["common", "vo", "scale", "metric_odometry", "io", "evaluation"],
     "ros_tools": ["common", "vo", "scale", "metric_odometry", "ros", "io", "evaluation"],
-    "tools": ["common", "vo", "scale", "metric_odometry", "ros", "io", "evaluation", "calibration",
+    "tools": ["common", "input", "lens", "vo", "scale", "metric_odometry", "ros", "io", "evaluation", "calibration",
               "simulation", "ros_tools"],
 }
 USES_ROS = {"ros", "nodelets", "ros_tools", "tools"}

@@ -10,6 +10,7 @@
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
+#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/io/image_file.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
@@ -25,8 +26,14 @@ namespace {
 struct Arguments : gsv::SequenceArguments {
   int opencv_threads = 1;
   bool only_check = false;
-  std::string mask;
+  std::string mask, camera;
 };
+
+/// The calibration of --camera FILE, else the folder's own, without distortion. Throws DataError.
+gsv::CameraCalibration calibrationOf(const std::string& file, const gsv::PinholeCamera& camera) {
+  if (!file.empty()) return gsv::readCameraFile(file);
+  return {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, {}};
+}
 
 /// The mask of --mask FILE; empty without it. Throws DataError or OptionError.
 cv::Mat readMask(const std::string& file, const gsv::PinholeCamera& camera) {
@@ -45,13 +52,22 @@ void run(const Arguments& arguments) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
-  gsv::OfflineRun run(sequence.camera(), arguments.options,
-                      readMask(arguments.mask, sequence.camera()));
+  const gsv::CameraCalibration calibration = calibrationOf(arguments.camera, sequence.camera());
+  const gsv::Undistortion undistortion(calibration);
+  const gsv::PinholeCamera camera{calibration.width, calibration.height, calibration.fx,
+                                  calibration.fy,    calibration.cx,     calibration.cy};
+  cv::Mat mask = undistortion.mask();
+  if (const cv::Mat given = readMask(arguments.mask, sequence.camera()); !given.empty()) {
+    const cv::Mat undistorted = undistortion.image(given != 0) == 255;
+    mask = mask.empty() ? undistorted : cv::Mat(mask & undistorted);
+  }
+  gsv::OfflineRun run(camera, arguments.options, mask);
   gsv::RunProgress progress(sequence.name(), sequence.size());
   gsv::ImageReader reader(sequence.size(), [&](std::size_t i) { return sequence.image(i); });
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     const gsv::ImageReader::Image image = reader.next();
-    progress.show(run.process(image.image, sequence.stampNs(i), image.decode_ms));
+    progress.show(
+        run.process(undistortion.image(image.image), sequence.stampNs(i), image.decode_ms));
   }
   gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height, sequence.groundTruth(),
                 sequence.groundTruthHeights());
@@ -82,6 +98,9 @@ int main(int argc, char** argv) {
       ("mask", gsv::optionalValue(&arguments.mask, "FILE"),
        "image of the size of those in SEQ, black where they never show the scene (own vehicle, "
        "watermark); these regions are not used")  //
+      ("camera", gsv::optionalValue(&arguments.camera, "FILE"),
+       "calibration of the images (YAML of camera_calibration, plumb_bob), by which they are "
+       "undistorted; without it that of SEQ")  //
       ("opencv-threads",
        gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
        "threads inside OpenCV; the published figures are those with 1")  //

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/lens/lens_estimator.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+
+namespace ground_scale_vo {
+
+Lens lensOf(const CameraCalibration& calibration);
+CameraCalibration calibrationOf(const Lens& lens);
+
+/// Estimates the lens from drives of one camera. The tracks of an odometry with a wrong lens pull
+/// the estimate towards it, so the drives are processed again with each estimate until it
+/// converges.
+class LensCalibration {
+ public:
+  struct Options {
+    LensEstimator::Options estimator;
+    VisualOdometry::Options vo;
+    int max_runs = 5;
+    double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
+    template <typename Self, typename Visit>
+    static void visitStages(Self& self, Visit&& visit) {
+      visit("lens/", self.estimator);
+      VisualOdometry::Options::visitStages(self.vo, visit);
+    }
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  struct Result {
+    LensEstimator::Status status = LensEstimator::Status::kTooFew;
+    std::string reason;  ///< one sentence unless kOk
+    LensEstimate prior, estimate;
+    std::vector<LensEstimator::Result> drives;  ///< of the last run
+    int runs = 0;
+    bool converged = false;
+  };
+  /// Called after each image: run from 1 on, index of the drive, index of the image.
+  using Progress = std::function<void(int run, std::size_t drive, std::size_t image)>;
+
+  /// Throws OptionError.
+  explicit LensCalibration(const Options& options);
+
+  /// drives: not empty, images of the calibration's size. A drive that does not observe the lens is
+  /// left out; the status is that of the first drive if all are. Throws DataError.
+  Result calibrate(const std::vector<const KittiSequence*>& drives, const Lens& calibration,
+                   const Progress& progress) const;
+
+ private:
+  /// Processes the images undistorted by `lens` and returns the tracks in the pixels of the images.
+  LensEstimator track(const KittiSequence& drive, const Lens& lens,
+                      const std::function<void(std::size_t)>& progress) const;
+
+  Options options_;
+};
+
+/// The prior, the estimate and their standard deviations, a line per parameter.
+std::string lensTable(const LensCalibration::Result& result);
+/// The mean residuals of a drive over the image as arrows: above with the prior, below with the
+/// estimate.
+cv::Mat drawResiduals(const LensEstimator::Result& drive, const PinholeCamera& camera);
+
+}  // namespace ground_scale_vo

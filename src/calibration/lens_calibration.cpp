@@ -1,0 +1,142 @@
+#include "ground_scale_vo/calibration/lens_calibration.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <opencv2/imgproc.hpp>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/io/image_reader.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Least number of observations of an arrow, and its magnification.
+constexpr int kMinObservations = 10;
+constexpr double kMagnification = 200;
+
+template <typename... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+}  // namespace
+
+Lens lensOf(const CameraCalibration& c) {
+  const auto& d = c.distortion;
+  return {{c.width, c.height, c.fx, c.fy, c.cx, c.cy}, d[0], d[1], d[4], d[2], d[3]};
+}
+
+CameraCalibration calibrationOf(const Lens& lens) {
+  const PinholeCamera& c = lens.camera;
+  return {c.width, c.height, c.fx, c.fy, c.cx, c.cy, {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3}};
+}
+
+void LensCalibration::Options::validate() const {
+  visitStages(*this, [](const std::string& group, auto& stage) {
+    stage.visitParameters(stage, RangeCheck(group));
+  });
+  requireInRange("max_runs", max_runs, 1, 100);
+  requireInRange("converged_sigmas", converged_sigmas, 0, 10);
+}
+
+LensCalibration::LensCalibration(const Options& options) : options_(options) {
+  options_.validate();
+}
+
+LensEstimator LensCalibration::track(const KittiSequence& drive, const Lens& lens,
+                                     const std::function<void(std::size_t)>& progress) const {
+  const Undistortion undistortion(calibrationOf(lens));
+  VisualOdometry odometry(lens.camera, options_.vo, undistortion.mask());
+  LensEstimator estimator(options_.estimator);
+  ImageReader reader(drive.size(), [&](std::size_t i) { return drive.image(i); });
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const cv::Mat image = undistortion.image(reader.next().image);
+    VoFrame frame = odometry.process(image, drive.stampNs(i)).frame;
+    for (TrackedFeature& feature : frame.features) {
+      const Eigen::Vector2d x = lens.camera.ray(feature.u.cast<double>()).head<2>();
+      feature.u = lens.project(x).cast<float>();
+    }
+    estimator.add(frame);
+    progress(i);
+  }
+  return estimator;
+}
+
+LensCalibration::Result LensCalibration::calibrate(const std::vector<const KittiSequence*>& drives,
+                                                   const Lens& calibration,
+                                                   const Progress& progress) const {
+  Result result;
+  result.prior = result.estimate = LensEstimator(options_.estimator).priorOf(calibration);
+  while (result.runs < options_.max_runs && !result.converged) {
+    const Lens previous = result.estimate.lens;
+    LensEstimate estimate = result.prior;
+    bool observed = false;
+    ++result.runs;
+    result.drives.clear();
+    for (std::size_t i = 0; i < drives.size(); ++i) {
+      const LensEstimator estimator =
+          track(*drives[i], previous, [&](std::size_t image) { progress(result.runs, i, image); });
+      result.drives.push_back(estimator.estimate(estimate, previous));
+      if (result.drives.back().status != LensEstimator::Status::kOk) continue;
+      estimate = result.drives.back().estimate;
+      observed = true;
+    }
+    if (!observed) {
+      result.status = result.drives.front().status;
+      result.reason = result.drives.front().reason;
+      result.estimate = result.prior;
+      return result;
+    }
+    const LensVector change = boxminus(estimate.lens, previous).cwiseQuotient(estimate.sigmas());
+    result.converged = change.cwiseAbs().maxCoeff() < options_.converged_sigmas;
+    result.estimate = estimate;
+  }
+  result.status = LensEstimator::Status::kOk;
+  return result;
+}
+
+std::string lensTable(const LensCalibration::Result& result) {
+  const Lens& old_lens = result.prior.lens;
+  const Lens& lens = result.estimate.lens;
+  const LensVector before = result.prior.sigmas(), after = result.estimate.sigmas();
+  std::string text = format("%-8s %22s %22s\n", "", "calibration", "estimate");
+  const auto add = [&](const char* name, double a, double sigma_a, double b, double sigma_b) {
+    text += format("%-8s %11.5g ± %-8.2g %11.5g ± %-8.2g\n", name, a, sigma_a, b, sigma_b);
+  };
+  add("fx px", old_lens.camera.fx, before[0] * old_lens.camera.fx, lens.camera.fx,
+      after[0] * lens.camera.fx);
+  add("fy px", old_lens.camera.fy, before[0] * old_lens.camera.fy, lens.camera.fy,
+      after[0] * lens.camera.fy);
+  add("cx px", old_lens.camera.cx, before[1], lens.camera.cx, after[1]);
+  add("cy px", old_lens.camera.cy, before[2], lens.camera.cy, after[2]);
+  add("k1", old_lens.k1, before[3], lens.k1, after[3]);
+  add("k2", old_lens.k2, before[4], lens.k2, after[4]);
+  return text;
+}
+
+cv::Mat drawResiduals(const LensEstimator::Result& drive, const PinholeCamera& camera) {
+  cv::Mat picture(2 * camera.height + 1, camera.width, CV_8UC3, cv::Scalar::all(255));
+  cv::line(picture, {0, camera.height}, {camera.width, camera.height}, cv::Scalar::all(128));
+  for (int half = 0; half < 2; ++half) {
+    const int top = half * (camera.height + 1);
+    const double rms = half == 0 ? drive.rms_before_px : drive.rms_after_px;
+    cv::putText(picture,
+                format("%s: residual rms %.3f px, mean residuals x %.0f",
+                       half == 0 ? "calibration" : "estimate", rms, kMagnification),
+                {8, top + 20}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar::all(0), 1, cv::LINE_AA);
+    for (const LensEstimator::FieldCell& cell : drive.field) {
+      if (cell.observations < kMinObservations) continue;
+      const Eigen::Vector2d tip =
+          cell.centre + kMagnification * (half == 0 ? cell.before : cell.after);
+      const cv::Scalar colour = half == 0 ? cv::Scalar(40, 40, 200) : cv::Scalar(150, 90, 30);
+      cv::arrowedLine(picture, cv::Point2d(cell.centre.x(), top + cell.centre.y()),
+                      cv::Point2d(tip.x(), top + tip.y()), colour, 1, cv::LINE_AA, 0, 0.3);
+    }
+  }
+  return picture;
+}
+
+}  // namespace ground_scale_vo

@@ -22,6 +22,20 @@ std::string format(const char* pattern, Values... values) {
   return text;
 }
 
+/// The mean of estimates from the same images with different tracks, relative to `origin`. Their
+/// scatter adds to the covariance of one of them.
+LensEstimate meanOf(const std::vector<LensVector>& lenses, const Lens& origin,
+                    const LensMatrix& covariance) {
+  LensVector mean = LensVector::Zero();
+  const double n = static_cast<double>(lenses.size());
+  for (const LensVector& lens : lenses) mean += lens / n;
+  LensMatrix scatter = LensMatrix::Zero();
+  for (const LensVector& lens : lenses) {
+    scatter += (lens - mean) * (lens - mean).transpose() / std::max(1.0, n - 1);
+  }
+  return {boxplus(origin, mean), covariance + scatter};
+}
+
 }  // namespace
 
 Lens lensOf(const CameraCalibration& c) {
@@ -70,6 +84,7 @@ LensCalibration::Result LensCalibration::calibrate(const std::vector<const Kitti
                                                    const Progress& progress) const {
   Result result;
   result.prior = result.estimate = LensEstimator(options_.estimator).priorOf(calibration);
+  std::vector<LensVector> lenses;  // of the runs whose mean is the estimate
   while (result.runs < options_.max_runs && !result.converged) {
     const Lens previous = result.estimate.lens;
     LensEstimate estimate = result.prior;
@@ -90,9 +105,13 @@ LensCalibration::Result LensCalibration::calibrate(const std::vector<const Kitti
       result.estimate = result.prior;
       return result;
     }
-    const LensVector change = boxminus(estimate.lens, previous).cwiseQuotient(estimate.sigmas());
+    // The first run had the tracks of another lens.
+    if (result.runs == 2) lenses.clear();
+    lenses.push_back(boxminus(estimate.lens, calibration));
+    result.estimate = meanOf(lenses, calibration, estimate.covariance);
+    const LensVector change =
+        boxminus(result.estimate.lens, previous).cwiseQuotient(estimate.sigmas());
     result.converged = change.cwiseAbs().maxCoeff() < options_.converged_sigmas;
-    result.estimate = estimate;
   }
   result.status = LensEstimator::Status::kOk;
   return result;

@@ -62,7 +62,7 @@ catkin_install_python(PROGRAMS nodes/bag_recorder nodes/feed_another_vo nodes/pl
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The scripts expect the executables in the same directory after installation.
-install(PROGRAMS scripts/benchmark scripts/calibrate_height scripts/compare scripts/demo
+install(PROGRAMS scripts/benchmark scripts/calibrate_camera scripts/calibrate_height scripts/compare scripts/demo
   scripts/evaluate scripts/package scripts/report
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY scripts/lib DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

@@ -94,15 +94,38 @@ TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnitAndMounting) {
   }
 }
 
-/// Texture of a road with this curvature [1 / camera height] (positive: a crest) where the ray to
-/// (x, z) of the flat road meets it, for a camera that has travelled so far [camera heights].
-std::function<double(double, double)> curvedAsphalt(double curvature, double travelled) {
-  return [curvature, travelled](double x, double z) {
-    const double drop = 0.5 * curvature * std::pow(z - travelled, 2);  // s = 1 + drop * s^2
-    if (4 * drop > 1) return 30.0;                                     // beyond the crest: sky
+/// Texture of a road with these curvatures along and across it and this twist [1 / camera height]
+/// (positive: it falls off) where the ray to (x, z) of the flat road meets it, for a camera that
+/// has travelled so far [camera heights].
+std::function<double(double, double)> curvedAsphalt(double curvature, double travelled,
+                                                    double crown = 0, double twist = 0) {
+  return [=](double x, double z) {
+    const double ahead = z - travelled;  // s = 1 + drop * s^2
+    const double drop = 0.5 * curvature * ahead * ahead + 0.5 * crown * x * x + twist * x * ahead;
+    if (4 * drop > 1) return 30.0;  // beyond the crest: sky
     const double s = 2 / (1 + std::sqrt(1 - 4 * drop));
     return asphalt(x * s, travelled + (z - travelled) * s);
   };
+}
+
+// On a crowned road a plane through the region lies below the wheels: the height is too large.
+TEST(DirectPlaneEstimator, ACrownedRoadDoesNotBiasTheHeightWhenItIsExpected) {
+  const RoadScene scene = nearRoad();
+  std::vector<cv::Mat> images;
+  for (int i = 0; i < 4; ++i) {
+    const double at = scene.step * i;
+    images.push_back(roadImage(scene, at, curvedAsphalt(0, at / scene.height, 0.05, 0.005)));
+  }
+  const NormalPrior prior = priorOf(scene, kPriorSigma);
+  DirectPlaneEstimator::Options options;
+  const auto plane = estimateWith(options, scene, images, prior, scene.height);
+  ASSERT_EQ(plane.status, ScaleReason::kNone);
+  EXPECT_GT(plane.plane.height / scene.height, 1.008);
+  options.crown_sigma = 0.03;
+  options.twist_sigma = 0.01;
+  const auto quadric = estimateWith(options, scene, images, prior, scene.height);
+  ASSERT_EQ(quadric.status, ScaleReason::kNone);
+  EXPECT_NEAR(quadric.plane.height / scene.height, 1, 0.004);
 }
 
 // The height is that above the road below the vehicle, not above the road ahead.

@@ -111,10 +111,12 @@ void PlaneSolver::accumulate(const std::vector<Patch>& patches, std::size_t refe
       if (!match.valid) continue;
       const Eigen::Vector3d ray = match.ray.cast<double>();
       const double q = m.dot(ray);
-      // [camera heights] from the origin
+      // [camera heights] from the origin; the curved road lies lower by c x^2 / 2.
       const double ahead = prior.forward_c.dot(-ray / q - origin_c) / initial_height;
-      Vector9d jacobian;
-      jacobian << ray, -0.5 * q * ahead * ahead, match.motion.cast<double>();
+      const double across = prior.lateral().dot(-ray / q - origin_c) / initial_height;
+      Vector11d jacobian;
+      jacobian << ray, -0.5 * q * ahead * ahead, -0.5 * q * across * across, -q * ahead * across,
+          match.motion.cast<double>();
       const double expected = shiftVariance(match, m_float) * robust_scale * robust_scale;
       const double shift = match.shift;
       const double weight =
@@ -130,17 +132,17 @@ PlaneSolver::PlaneEquations PlaneSolver::marginaliseMotion(std::size_t reference
   PlaneEquations plane;
   for (std::size_t k = 0; k < reference_count; ++k) {
     JointEquations& joint = joint_[k];
-    joint.H.diagonal().segment<3>(4).array() += std::pow(options_.rotation_sigma_rad, -2);
+    joint.H.diagonal().segment<3>(6).array() += std::pow(options_.rotation_sigma_rad, -2);
     joint.H.diagonal().tail<2>().array() += std::pow(options_.direction_sigma_rad, -2);
-    const Eigen::Matrix<double, 4, 5> cross = joint.H.topRightCorner<4, 5>();
+    const Eigen::Matrix<double, 6, 5> cross = joint.H.topRightCorner<6, 5>();
     const Eigen::LDLT<Eigen::Matrix<double, 5, 5>> motion(joint.H.bottomRightCorner<5, 5>());
-    plane.H += joint.H.topLeftCorner<4, 4>() - cross * motion.solve(cross.transpose());
-    plane.b += joint.b.head<4>() - cross * motion.solve(joint.b.tail<5>());
+    plane.H += joint.H.topLeftCorner<6, 6>() - cross * motion.solve(cross.transpose());
+    plane.b += joint.b.head<6>() - cross * motion.solve(joint.b.tail<5>());
   }
   return plane;
 }
 
-/// Pitch and roll of the normal, and zero curvature.
+/// Pitch and roll of the normal, and zero curvatures.
 void PlaneSolver::addPriors(const NormalPrior& prior, const Eigen::Vector3d& m,
                             double initial_height, PlaneEquations* equations) const {
   for (const auto& [axis, sigma] : {std::pair(prior.forward_c, prior.pitch_sigma),
@@ -150,10 +152,12 @@ void PlaneSolver::addPriors(const NormalPrior& prior, const Eigen::Vector3d& m,
     equations->b.head<3>() -= jacobian * jacobian.dot(m);
   }
   equations->H(3, 3) += std::pow(options_.curvature_sigma, -2);
+  equations->H(4, 4) += std::pow(options_.crown_sigma, -2);
+  equations->H(5, 5) += std::pow(options_.twist_sigma, -2);
 }
 
 /// Fills in the plane and its standard deviation, and decides whether it is accepted.
-void PlaneSolver::accept(const Eigen::Vector3d& m, const Eigen::Matrix4d& H, double initial_height,
+void PlaneSolver::accept(const Eigen::Vector3d& m, const Matrix6d& H, double initial_height,
                          const Eigen::Vector3d& origin_c, Result* result) const {
   const double height = (1 + m.dot(origin_c)) / m.norm();
   if (!(height > 0)) return;

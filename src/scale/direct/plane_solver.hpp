@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/scale/direct_plane_estimator.hpp"
 #include "ground_scale_vo/scale/ground_plane.hpp"
 #include "scale/direct/image_buffer.hpp"
@@ -15,9 +16,10 @@ namespace ground_scale_vo::direct {
 /// Robust Gauss-Newton estimate of the plane m = n / h from the epipolar shifts of all patches in
 /// all reference images.
 ///
-/// Unknowns: m (3), the curvature of the road along the path (1), and for each reference image the
-/// error of its relative pose (3 rotation, 2 direction of translation), which is marginalised out
-/// by the Schur complement. Priors: on the normal, the curvature and the pose errors.
+/// Unknowns: m (3), the curvature of the road along the path, across it (crown) and its twist (3),
+/// and for each reference image the error of its relative pose (3 rotation, 2 direction of
+/// translation), which is marginalised out by the Schur complement. Priors: on the normal, the
+/// curvatures and the pose errors.
 class PlaneSolver {
  public:
   explicit PlaneSolver(const DirectPlaneEstimator::Options& options) : options_(options) {}
@@ -31,17 +33,17 @@ class PlaneSolver {
 
  private:
   using Result = DirectPlaneEstimator::Result;
-  using Matrix9d = Eigen::Matrix<double, 9, 9>;
-  using Vector9d = Eigen::Matrix<double, 9, 1>;
-  /// Normal equations H x = b of the plane, the curvature and one reference's motion error.
+  using Matrix11d = Eigen::Matrix<double, 11, 11>;
+  using Vector11d = Eigen::Matrix<double, 11, 1>;
+  /// Normal equations H x = b of the plane, the curvatures and one reference's motion error.
   struct JointEquations {
-    Matrix9d H;
-    Vector9d b;
+    Matrix11d H;
+    Vector11d b;
   };
-  /// Of the plane (first three) and the curvature.
+  /// Of the plane (first three) and the curvatures.
   struct PlaneEquations {
-    Eigen::Matrix4d H = Eigen::Matrix4d::Zero();
-    Eigen::Vector4d b = Eigen::Vector4d::Zero();
+    Matrix6d H = Matrix6d::Zero();
+    Vector6d b = Vector6d::Zero();
   };
 
   bool matchPatches(const std::vector<Patch>& patches, const std::vector<Reference>& references,
@@ -54,7 +56,7 @@ class PlaneSolver {
   PlaneEquations marginaliseMotion(std::size_t reference_count);
   void addPriors(const NormalPrior& prior, const Eigen::Vector3d& m, double initial_height,
                  PlaneEquations* equations) const;
-  void accept(const Eigen::Vector3d& m, const Eigen::Matrix4d& H, double initial_height,
+  void accept(const Eigen::Vector3d& m, const Matrix6d& H, double initial_height,
               const Eigen::Vector3d& origin_c, Result* result) const;
 
   DirectPlaneEstimator::Options options_;

@@ -111,7 +111,7 @@ def play(tools, bag, rate, height, file):
                                      "image:=/kitti/camera_gray_left/image_rect"],
                                     stdout=subprocess.PIPE, text=True, **options)
         try:
-            if observer.stdout.readline().strip() != "listening":
+            if not any(line.strip() == "listening" for line in observer.stdout):  # after messages of roscpp
                 raise ValueError(f"graph_observer did not start, see {log_file}")
             subprocess.run(["roslaunch", "ground_scale_vo", "kitti.launch", "required:=true", f"bag:={bag}",
                             f"rate:={rate:g}", f"camera_height:={height}"], stdout=output, check=False, **options)

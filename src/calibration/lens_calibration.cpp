@@ -137,12 +137,12 @@ std::string lensTable(const LensCalibration::Result& result) {
 }
 
 cv::Mat drawResiduals(const LensEstimator::Result& drive, const PinholeCamera& camera) {
-  cv::Mat picture(2 * camera.height + 1, camera.width, CV_8UC3, cv::Scalar::all(255));
-  cv::line(picture, {0, camera.height}, {camera.width, camera.height}, cv::Scalar::all(128));
+  cv::Mat canvas(2 * camera.height + 1, camera.width, CV_8UC3, cv::Scalar::all(255));
+  cv::line(canvas, {0, camera.height}, {camera.width, camera.height}, cv::Scalar::all(128));
   for (int half = 0; half < 2; ++half) {
     const int top = half * (camera.height + 1);
     const double rms = half == 0 ? drive.rms_before_px : drive.rms_after_px;
-    cv::putText(picture,
+    cv::putText(canvas,
                 format("%s: residual rms %.3f px, mean residuals x %.0f",
                        half == 0 ? "calibration" : "estimate", rms, kMagnification),
                 {8, top + 20}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar::all(0), 1, cv::LINE_AA);
@@ -151,11 +151,11 @@ cv::Mat drawResiduals(const LensEstimator::Result& drive, const PinholeCamera& c
       const Eigen::Vector2d tip =
           cell.centre + kMagnification * (half == 0 ? cell.before : cell.after);
       const cv::Scalar colour = half == 0 ? cv::Scalar(40, 40, 200) : cv::Scalar(150, 90, 30);
-      cv::arrowedLine(picture, cv::Point2d(cell.centre.x(), top + cell.centre.y()),
+      cv::arrowedLine(canvas, cv::Point2d(cell.centre.x(), top + cell.centre.y()),
                       cv::Point2d(tip.x(), top + tip.y()), colour, 1, cv::LINE_AA, 0, 0.3);
     }
   }
-  return picture;
+  return canvas;
 }
 
 }  // namespace ground_scale_vo

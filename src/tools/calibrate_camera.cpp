@@ -93,14 +93,13 @@ int run(Arguments arguments) {
   }
   gsv::writeFile(arguments.out, gsv::cameraYaml(gsv::calibrationOf(result.estimate.lens),
                                                 "Estimated by calibrate_camera.\n" + table));
-  const std::string picture =
-      std::filesystem::path(arguments.out).replace_extension(".png").string();
+  const std::string plot = std::filesystem::path(arguments.out).replace_extension(".png").string();
   for (const gsv::LensEstimator::Result& drive : result.drives) {
     if (drive.status != gsv::LensEstimator::Status::kOk) continue;
-    cv::imwrite(picture, gsv::drawResiduals(drive, start.camera));
+    cv::imwrite(plot, gsv::drawResiduals(drive, start.camera));
     break;
   }
-  std::printf("written to %s and %s\n", arguments.out.c_str(), picture.c_str());
+  std::printf("written to %s and %s\n", arguments.out.c_str(), plot.c_str());
   return 0;
 }
 

@@ -18,7 +18,7 @@ struct TrackNoise;
 
 /// Estimates the lens of a camera (focal length, principal point, k1, k2) from the tracks and poses
 /// of a drive: a bundle adjustment over poses, points and lens on keyframes, with the calibration
-/// as a prior. Of the odometry it knows only its frames.
+/// as a prior. It uses only the frames of the odometry.
 ///
 /// The ratio of fy to fx and the tangential terms stay as given: estimates from different drives of
 /// one camera contradict each other, as they hardly differ from a motion of the principal point.

@@ -32,7 +32,9 @@ def with_error(values):
 
 def cell(drive, key):
     value = drive.get(key)
-    return f"{value:.4f}" if key == "r_err_deg_per_m" and value is not None else value
+    if value is None or key in ("frames", "tracked_frames"):
+        return value
+    return f"{value:.4f}" if key == "r_err_deg_per_m" else float(value)  # JSON has 0 for 0.0
 
 
 def drive_table(part, columns, descriptions):

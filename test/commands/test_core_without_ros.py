@@ -13,6 +13,7 @@ from conftest import (BUILD, CAMERA_HEIGHT, FRAMES, ROOT, WITHOUT_MESSAGES, asse
                       run)
 
 LIBRARY = BUILD / "devel/lib/libground_scale_vo_core.so"
+MODULES = ("common", "input", "vo", "scale", "lens")
 # Says where an installation without ROS would be.
 CONFIG = f"""
 find_package(Eigen3 REQUIRED)
@@ -59,7 +60,7 @@ def test_library_needs_only_eigen_and_opencv():
     assert_without_ros(BUILD / "CMakeFiles/ground_scale_vo_core.dir")
     include = ROOT / "include/ground_scale_vo"
     headers = [include / "metric_odometry.hpp",
-               *(header for module in ("common", "vo", "scale") for header in (include / module).rglob("*.hpp"))]
+               *(header for module in MODULES for header in (include / module).rglob("*.hpp"))]
     included = {name for header in headers for name in re.findall(r"#include <(\S+/\S+)>", header.read_text())}
     assert {name for name in included if not name.startswith("Eigen/")} == {"opencv2/core.hpp"}
     libraries = [line.split()[0].lower() for line in run("ldd", LIBRARY).stdout.splitlines()]
@@ -75,7 +76,7 @@ def test_build_without_ros(build, short, tmp_path):
     installed = tmp_path / "installed"
     run("cmake", "--install", build, "--prefix", installed)
     modules = {entry.name for entry in (installed / "include/ground_scale_vo").iterdir()}
-    assert modules == {"common", "vo", "scale", "metric_odometry.hpp"}
+    assert modules == {*MODULES, "metric_odometry.hpp"}
     build_examples(tmp_path / "examples", installed)
     (tool,) = installed.rglob("run_sequence")
     run(tool, short, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)

@@ -39,6 +39,10 @@ class CameraYaml {
     return result;
   }
 
+  bool has(const std::string& key) const {
+    return text_.find("\n" + key + ":") != std::string::npos;
+  }
+
   double number(const std::string& key) const { return numbers(key, word(key), 1).front(); }
 
   std::vector<double> matrix(const std::string& key, std::size_t count) const {
@@ -108,6 +112,7 @@ CameraCalibration readCameraFile(const std::filesystem::path& file) {
   }
   const std::vector<double> D = yaml.matrix("distortion_coefficients", 5);
   std::copy(D.begin(), D.end(), camera.distortion.begin());
+  camera.estimated = yaml.has("estimated_from_drives");
   return camera;
 }
 
@@ -131,7 +136,8 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
          format(
              "projection_matrix:\n  rows: 3\n  cols: 4\n"
              "  data: [%.6f, 0, %.6f, 0, 0, %.6f, %.6f, 0, 0, 0, 1, 0]\n",
-             camera.fx, camera.cx, camera.fy, camera.cy);
+             camera.fx, camera.cx, camera.fy, camera.cy) +
+         (camera.estimated ? "estimated_from_drives: true\n" : "");
 }
 
 Undistortion::Undistortion(const CameraCalibration& camera) : size_(camera.width, camera.height) {

@@ -103,6 +103,7 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->fy = frame.camera.fy;
   msg->cx = frame.camera.cx;
   msg->cy = frame.camera.cy;
+  msg->lens_is_estimated = frame.camera.lens_is_estimated;
   msg->pose = tf2::toMsg(frame.T_w_c);
   std::copy_n(frame.readout_motion.data(), 6, msg->readout_motion.begin());
   msg->map_start = fromNanoseconds(frame.map_start.stamp_ns);
@@ -159,6 +160,7 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
   frame.camera.fy = msg.fy;
   frame.camera.cx = msg.cx;
   frame.camera.cy = msg.cy;
+  frame.camera.lens_is_estimated = msg.lens_is_estimated;
   try {
     frame.camera.validate();
   } catch (const OptionError& error) {

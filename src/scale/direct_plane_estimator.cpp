@@ -27,9 +27,19 @@ constexpr double kMinRaySlope = 0.02;
 /// instead. To one that looks sideways the road is equally near in all images.
 constexpr double kMinBackwards = 0.5;
 
+/// [1 / camera height] Standard deviation of a curvature that is none.
+constexpr double kNone = 1e-9;
+
 bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
   return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
-         a.cx == b.cx && a.cy == b.cy;
+         a.cx == b.cx && a.cy == b.cy && a.lens_is_estimated == b.lens_is_estimated;
+}
+
+/// The road is flat across the lane unless the lens is known.
+DirectPlaneEstimator::Options forCamera(DirectPlaneEstimator::Options options,
+                                        const PinholeCamera& camera) {
+  if (!camera.lens_is_estimated) options.crown_sigma = options.twist_sigma = kNone;
+  return options;
 }
 
 /// Distance at which the middle of the lower image border meets the road [camera heights]; 0 when
@@ -57,7 +67,7 @@ struct DirectPlaneEstimator::Impl {
           static_mask(camera, grid),
           matcher(camera, options.image_noise, extractor.allowed()),
           search(options),
-          solver(options) {}
+          solver(forCamera(options, camera)) {}
 
     direct::PatchGrid grid;
     direct::PatchExtractor extractor;

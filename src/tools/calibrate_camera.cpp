@@ -91,8 +91,10 @@ int run(Arguments arguments) {
     std::fprintf(stderr, "the estimate still changed in run %d; run again with --camera %s\n",
                  result.runs, arguments.out.c_str());
   }
-  gsv::writeFile(arguments.out, gsv::cameraYaml(gsv::calibrationOf(result.estimate.lens),
-                                                "Estimated by calibrate_camera.\n" + table));
+  gsv::CameraCalibration camera = gsv::calibrationOf(result.estimate.lens);
+  camera.estimated = true;
+  gsv::writeFile(arguments.out,
+                 gsv::cameraYaml(camera, "Estimated by calibrate_camera.\n" + table));
   const std::string plot = std::filesystem::path(arguments.out).replace_extension(".png").string();
   for (const gsv::LensEstimator::Result& drive : result.drives) {
     if (drive.status != gsv::LensEstimator::Status::kOk) continue;

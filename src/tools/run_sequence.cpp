@@ -54,8 +54,9 @@ void run(const Arguments& arguments) {
   }
   const gsv::CameraCalibration calibration = calibrationOf(arguments.camera, sequence.camera());
   const gsv::Undistortion undistortion(calibration);
-  const gsv::PinholeCamera camera{calibration.width, calibration.height, calibration.fx,
-                                  calibration.fy,    calibration.cx,     calibration.cy};
+  const gsv::PinholeCamera camera{calibration.width,    calibration.height, calibration.fx,
+                                  calibration.fy,       calibration.cx,     calibration.cy,
+                                  calibration.estimated};
   cv::Mat mask = undistortion.mask();
   if (const cv::Mat given = readMask(arguments.mask, sequence.camera()); !given.empty()) {
     const cv::Mat undistorted = undistortion.image(given != 0) == 255;

@@ -26,6 +26,10 @@ TEST_F(CameraFile, ReadsWhatItWrites) {
   EXPECT_EQ(read.cx, 320.25);
   EXPECT_EQ(read.cy, 240);
   EXPECT_EQ(read.distortion, kCamera.distortion);
+  EXPECT_FALSE(read.estimated);
+  CameraCalibration estimated = kCamera;
+  estimated.estimated = true;
+  EXPECT_TRUE(readCameraFile(write("camera.yaml", cameraYaml(estimated, ""))).estimated);
 }
 
 TEST_F(CameraFile, RefusesWhatIsNotACamera) {

@@ -49,8 +49,8 @@ class DirectPlaneEstimator {
     double image_noise = 2;  ///< [grey levels]
     double roughness_heights = 0.005;
     double curvature_sigma = 1e-3;  ///< [1 / camera height]
-    double crown_sigma = 1e-9;      ///< [1 / camera height] 1e-9: none
-    double twist_sigma = 1e-9;      ///< [1 / camera height] 1e-9: none
+    double crown_sigma = 0.03;      ///< [1 / camera height]
+    double twist_sigma = 0.01;      ///< [1 / camera height]
     double rotation_sigma_rad = 7e-5;
     double direction_sigma_rad = 1e-3;
 
@@ -90,10 +90,11 @@ class DirectPlaneEstimator {
       visit("curvature_sigma", self.curvature_sigma, 1e-9, 1,
             "[1/camera height] standard deviation of the road's vertical curvature");
       visit("crown_sigma", self.crown_sigma, 1e-9, 1,
-            "[1/camera height] standard deviation of the curvature of the road's cross-section");
+            "[1/camera height] standard deviation of the curvature of the road's cross-section, "
+            "used with an estimated lens");
       visit("twist_sigma", self.twist_sigma, 1e-9, 1,
             "[1/camera height] standard deviation of the twist: change of the cross slope along "
-            "the path");
+            "the path, used with an estimated lens");
       visit("rotation_sigma_rad", self.rotation_sigma_rad, 1e-9, 1,
             "[rad] standard deviation of the odometry's rotation between two images");
       visit("direction_sigma_rad", self.direction_sigma_rad, 1e-9, 1,

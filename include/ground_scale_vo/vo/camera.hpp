@@ -15,6 +15,10 @@ struct PinholeCamera {
   double fy = 0;   ///< [px]
   double cx = 0;   ///< [px]
   double cy = 0;   ///< [px]
+  /// The distortion that was removed from the images was estimated from drives (LensEstimator), not
+  /// only calibrated: the shape of the road is observable. Otherwise what a calibration has left of
+  /// the distortion looks like a curved road.
+  bool lens_is_estimated = false;
 
   /// Throws OptionError that names the first number that is not finite or not plausible: a side
   /// outside 1 to kMaxImageSide px, a focal length outside 1 to 10 kMaxImageSide px, a principal

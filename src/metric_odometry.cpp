@@ -12,7 +12,7 @@ const MetricOdometry::Options& validated(const MetricOdometry::Options& options)
 }  // namespace
 
 void MetricOdometry::Options::validate() const {
-  vo.validate();
+  odometry.validate();
   scale.validate();
 }
 
@@ -21,14 +21,13 @@ MetricOdometry::Status MetricOdometry::Output::status() const {
   return vo.frame.status == VoStatus::kLost ? Status::kLost : Status::kInitialising;
 }
 
-MetricOdometry::MetricOdometry(const PinholeCamera& camera, const Options& options,
-                               const cv::Mat& mask)
-    : vo_(camera, validated(options).vo, mask), scale_(options.scale), mask_(mask) {}
+MetricOdometry::MetricOdometry(const Lens& lens, const Options& options, const cv::Mat& mask)
+    : vo_(lens, validated(options).odometry, mask), scale_(options.scale) {}
 
 MetricOdometry::Output MetricOdometry::process(const cv::Mat& image, std::int64_t stamp_ns) {
   Output output;
   output.vo = vo_.process(image, stamp_ns);
-  output.scale = scale_.process(output.vo.frame, image, mask_);
+  output.scale = scale_.process(output.vo.frame, output.vo.image, output.vo.mask);
   return output;
 }
 

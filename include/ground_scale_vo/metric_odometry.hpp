@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "ground_scale_vo/scale/scale_recovery.hpp"
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/self_calibrating_odometry.hpp"
 
 namespace ground_scale_vo {
 
@@ -24,11 +24,11 @@ namespace ground_scale_vo {
 class MetricOdometry {
  public:
   struct Options {
-    VisualOdometry::Options vo;
+    SelfCalibratingOdometry::Options odometry;
     ScaleRecovery::Options scale;  ///< scale.camera_height [m] is required
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
-      VisualOdometry::Options::visitStages(self.vo, visit);
+      SelfCalibratingOdometry::Options::visitStages(self.odometry, visit);
       ScaleRecovery::Options::visitStages(self.scale, visit);
     }
     /// Throws OptionError.
@@ -44,8 +44,8 @@ class MetricOdometry {
   };
 
   struct Output {
-    VisualOdometry::Output vo;    ///< features, and the pose up to scale
-    ScaleRecovery::Output scale;  ///< scale, ground plane and metric pose
+    SelfCalibratingOdometry::Output vo;  ///< features, and the pose up to scale
+    ScaleRecovery::Output scale;         ///< scale, ground plane and metric pose
 
     Status status() const;
     /// Metric pose with covariance, velocity and distance; empty unless status() is kTracking.
@@ -55,16 +55,21 @@ class MetricOdometry {
   /// camera: of the rectified images. mask: 8-bit, one channel, of their size, shared, not copied;
   /// 0 where they never show the scene (own vehicle, watermark); empty: no such region. Throws
   /// OptionError.
-  MetricOdometry(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {});
+  MetricOdometry(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {})
+      : MetricOdometry(Lens{camera}, options, mask) {}
+  /// For images with distortion, which is removed. mask: of the given images.
+  MetricOdometry(const Lens& lens, const Options& options, const cv::Mat& mask = {});
 
   /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size, rectified
   /// (throws OptionError otherwise). stamp_ns: [ns]; greater than that of the previous image.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
+  /// Of the given images, as used in the last frame.
+  const LensEstimate& lens() const { return vo_.lens(); }
+
  private:
-  VisualOdometry vo_;
+  SelfCalibratingOdometry vo_;
   ScaleRecovery scale_;
-  const cv::Mat mask_;
 };
 
 const char* toString(MetricOdometry::Status status);  ///< "initialising", "tracking", "lost"

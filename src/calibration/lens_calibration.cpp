@@ -38,23 +38,6 @@ LensEstimate meanOf(const std::vector<LensVector>& lenses, const Lens& origin,
 
 }  // namespace
 
-Lens lensOf(const CameraCalibration& c) {
-  const auto& d = c.distortion;
-  return {{c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated}, d[0], d[1], d[4], d[2], d[3]};
-}
-
-CameraCalibration calibrationOf(const Lens& lens) {
-  const PinholeCamera& c = lens.camera;
-  return {c.width,
-          c.height,
-          c.fx,
-          c.fy,
-          c.cx,
-          c.cy,
-          {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3},
-          c.lens_is_estimated};
-}
-
 void LensCalibration::Options::validate() const {
   visitStages(*this, [](const std::string& group, auto& stage) {
     stage.visitParameters(stage, RangeCheck(group));

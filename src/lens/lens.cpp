@@ -42,6 +42,23 @@ Eigen::Vector2d Lens::unproject(const Eigen::Vector2d& u) const {
   return x;
 }
 
+Lens lensOf(const CameraCalibration& c) {
+  const auto& d = c.distortion;
+  return {{c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated}, d[0], d[1], d[4], d[2], d[3]};
+}
+
+CameraCalibration calibrationOf(const Lens& lens) {
+  const PinholeCamera& c = lens.camera;
+  return {c.width,
+          c.height,
+          c.fx,
+          c.fy,
+          c.cx,
+          c.cy,
+          {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3},
+          c.lens_is_estimated};
+}
+
 Lens boxplus(const Lens& lens, const LensVector& delta) {
   Lens result = lens;
   result.camera.fx *= std::exp(delta[0]);

@@ -30,11 +30,6 @@ constexpr double kMinBackwards = 0.5;
 /// [1 / camera height] Standard deviation of a curvature that is none.
 constexpr double kNone = 1e-9;
 
-bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
-  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
-         a.cx == b.cx && a.cy == b.cy && a.lens_is_estimated == b.lens_is_estimated;
-}
-
 /// The road is flat across the lane unless the lens is known.
 DirectPlaneEstimator::Options forCamera(DirectPlaneEstimator::Options options,
                                         const PinholeCamera& camera) {

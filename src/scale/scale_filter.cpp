@@ -41,6 +41,10 @@ void ScaleFilter::predict(double distance, double angle) {
   }
 }
 
+void ScaleFilter::changeLens() {
+  if (known_) covariance_(0, 0) += options_.lens_change_sigma * options_.lens_change_sigma;
+}
+
 bool ScaleFilter::update(double height, double sigma, double road_distance, Source source) {
   if (!(height > 0 && sigma >= 0 && road_distance >= 0)) return false;
   if (!areFinite(height, sigma, road_distance)) return false;

@@ -50,6 +50,7 @@ struct ScaleRecovery::Impl {
 
   static Options resolve(const Options& options);
   void startMap();
+  void setCamera(const PinholeCamera& new_camera);
   bool hasPlausibleSpeed(const VoFrame& frame) const;
   bool acceptPose(const VoFrame& frame);
   ScaleReason measure(const VoFrame& frame, const cv::Mat& image, const cv::Mat& mask,
@@ -74,6 +75,7 @@ struct ScaleRecovery::Impl {
   ScaleFilter filter;
   MetricTrajectory trajectory;
 
+  std::optional<PinholeCamera> last_camera;
   std::optional<std::uint32_t> map_id;
   std::int64_t last_stamp_ns = 0;                             ///< of the last accepted pose
   Eigen::Vector3d last_position_w = Eigen::Vector3d::Zero();  ///< of that pose
@@ -106,6 +108,12 @@ bool ScaleRecovery::Impl::hasPlausibleSpeed(const VoFrame& frame) const {
   const double dt = std::max(kMinSpeedInterval, secondsBetween(last_stamp_ns, frame.stamp_ns));
   const double step = (frame.T_w_c.translation() - last_position_w).norm();
   return step / filter.height() * options.camera_height <= options.max_speed * dt;
+}
+
+/// Another lens of the same camera, in the same map: heights differ a little from now on.
+void ScaleRecovery::Impl::setCamera(const PinholeCamera& new_camera) {
+  if (last_camera && !isSameCamera(*last_camera, new_camera)) filter.changeLens();
+  last_camera = new_camera;
 }
 
 /// Whether the pose of a tracking frame is used. A pose that jumps is refused; the fourth
@@ -269,6 +277,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   requireMask(mask, frame.camera);
   // Another map, also before its first pose. A lost frame tells nothing about the map.
   if (impl_->map_id != frame.map_id && frame.status != VoStatus::kLost) impl_->startMap();
+  impl_->setCamera(frame.camera);
   Output output;
   ScaleEstimate& scale = output.scale;
   scale.reason = ScaleReason::kVoNotTracking;

@@ -170,10 +170,10 @@ void run(const Arguments& arguments) {
   const gsv::RepeatedDrive drive(arguments.sequence, arguments.repeat, arguments.image_scale);
   const std::vector<Pixels> pixels = measurePipeline(drive, arguments);
   if (!arguments.baseline) return;
-  gsv::writeFile(
-      fs::path(arguments.out) / "baseline.csv",
-      gsv::measureOpencvBaseline(
-          pixels, [&](std::size_t i) { return drive.image(i); }, arguments.options.vo.tracker));
+  gsv::writeFile(fs::path(arguments.out) / "baseline.csv",
+                 gsv::measureOpencvBaseline(
+                     pixels, [&](std::size_t i) { return drive.image(i); },
+                     arguments.options.odometry.vo.tracker));
 }
 
 }  // namespace

@@ -30,9 +30,8 @@ struct Arguments : gsv::SequenceArguments {
 };
 
 /// The calibration of --camera FILE, else the folder's own, without distortion. Throws DataError.
-gsv::CameraCalibration calibrationOf(const std::string& file, const gsv::PinholeCamera& camera) {
-  if (!file.empty()) return gsv::readCameraFile(file);
-  return {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, {}};
+gsv::Lens lensOf(const std::string& file, const gsv::PinholeCamera& camera) {
+  return file.empty() ? gsv::Lens{camera} : gsv::lensOf(gsv::readCameraFile(file));
 }
 
 /// The mask of --mask FILE; empty without it. Throws DataError or OptionError.
@@ -52,26 +51,21 @@ void run(const Arguments& arguments) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
-  const gsv::CameraCalibration calibration = calibrationOf(arguments.camera, sequence.camera());
-  const gsv::Undistortion undistortion(calibration);
-  const gsv::PinholeCamera camera{calibration.width,    calibration.height, calibration.fx,
-                                  calibration.fy,       calibration.cx,     calibration.cy,
-                                  calibration.estimated};
-  cv::Mat mask = undistortion.mask();
-  if (const cv::Mat given = readMask(arguments.mask, sequence.camera()); !given.empty()) {
-    const cv::Mat undistorted = undistortion.image(given != 0) == 255;
-    mask = mask.empty() ? undistorted : cv::Mat(mask & undistorted);
-  }
-  gsv::OfflineRun run(camera, arguments.options, mask);
+  const gsv::Lens lens = lensOf(arguments.camera, sequence.camera());
+  gsv::OfflineRun run(lens, arguments.options, readMask(arguments.mask, lens.camera));
   gsv::RunProgress progress(sequence.name(), sequence.size());
   gsv::ImageReader reader(sequence.size(), [&](std::size_t i) { return sequence.image(i); });
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     const gsv::ImageReader::Image image = reader.next();
-    progress.show(
-        run.process(undistortion.image(image.image), sequence.stampNs(i), image.decode_ms));
+    progress.show(run.process(image.image, sequence.stampNs(i), image.decode_ms));
   }
   gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height, sequence.groundTruth(),
                 sequence.groundTruthHeights());
+  if (run.lens().covariance != gsv::LensMatrix::Zero()) {
+    gsv::CameraCalibration refined = gsv::calibrationOf(run.lens().lens);
+    gsv::writeFile(folder / "camera.yaml",
+                   gsv::cameraYaml(refined, "Refined by run_sequence --refine-camera."));
+  }
   const auto& frames = run.record().frames();
   if (std::none_of(frames.begin(), frames.end(),
                    [](const gsv::RunFrame& frame) { return frame.has_metric_pose; })) {
@@ -102,6 +96,9 @@ int main(int argc, char** argv) {
       ("camera", gsv::optionalValue(&arguments.camera, "FILE"),
        "calibration of the images (YAML of camera_calibration, plumb_bob), by which they are "
        "undistorted; without it that of SEQ")  //
+      ("refine-camera", gsv::po::bool_switch(&arguments.options.odometry.refine_camera),
+       "estimates the lens while driving and undistorts the images by it; the result goes to "
+       "camera.yaml")  //
       ("opencv-threads",
        gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
        "threads inside OpenCV; the published figures are those with 1")  //

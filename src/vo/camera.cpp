@@ -29,6 +29,11 @@ void PinholeCamera::validate() const {
   requireInRange("camera cy [px]", cy, -kMaxSide, kMaxSide);
 }
 
+bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
+  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
+         a.cx == b.cx && a.cy == b.cy && a.lens_is_estimated == b.lens_is_estimated;
+}
+
 void requireImage(const cv::Mat& image, const PinholeCamera& camera) {
   require(image, camera, "image");
 }

@@ -33,8 +33,8 @@ TEST(SetOption, SetsEveryFieldTypeInOdometryAndScale) {
   setOption(options, "random_seed=5");
   setOption(options, "refine=false");
   setOption(options, "paper_literal=true");
-  EXPECT_EQ(options.vo.tracker.min_corner_ratio, 0.25);
-  EXPECT_EQ(options.vo.max_outlier_frames, 7);
+  EXPECT_EQ(options.odometry.vo.tracker.min_corner_ratio, 0.25);
+  EXPECT_EQ(options.odometry.vo.max_outlier_frames, 7);
   EXPECT_EQ(options.scale.gpa.fit.reject_sigma, 4.0);
   EXPECT_EQ(options.scale.direct.min_patches, 30);
   EXPECT_EQ(options.scale.random_seed, 5u);

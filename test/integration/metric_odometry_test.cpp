@@ -50,7 +50,7 @@ TEST(MetricOdometry, BothStagesGetImageAndMask) {
   mask(cv::Rect(180, 125, 60, 25)).setTo(0);
 
   MetricOdometry odometry(drive.camera(), options, mask);
-  VisualOdometry vo(drive.camera(), options.vo, mask);
+  VisualOdometry vo(drive.camera(), options.odometry.vo, mask);
   ScaleRecovery recovery(options.scale);
   int direct = 0;
   for (std::size_t i = 0; i < drive.size(); ++i) {

@@ -11,9 +11,6 @@
 
 namespace ground_scale_vo {
 
-Lens lensOf(const CameraCalibration& calibration);
-CameraCalibration calibrationOf(const Lens& lens);
-
 /// Estimates the lens from drives of one camera. The tracks of an odometry with a wrong lens pull
 /// the estimate towards it, so the drives are processed again with each estimate until it
 /// converges.

@@ -15,7 +15,9 @@ class OfflineRun {
 
   /// The arguments of MetricOdometry. Throws OptionError.
   OfflineRun(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {})
-      : odometry_(camera, options, mask) {}
+      : OfflineRun(Lens{camera}, options, mask) {}
+  OfflineRun(const Lens& lens, const Options& options, const cv::Mat& mask = {})
+      : odometry_(lens, options, mask) {}
 
   /// image and stamp as for MetricOdometry::process(); decode_ms: image decoding time, stored
   /// in the record. Throws OptionError. Returns the record of this frame; valid until the next
@@ -26,6 +28,7 @@ class OfflineRun {
     return record_.frames().back();
   }
 
+  const LensEstimate& lens() const { return odometry_.lens(); }
   const RunRecord& record() const { return record_; }
   /// The output of the last frame.
   const MetricOdometry::Output& last() const { return last_; }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 
+#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
@@ -23,6 +24,9 @@ struct Lens {
   /// the model need not be invertible, the result may be inaccurate.
   Eigen::Vector2d unproject(const Eigen::Vector2d& u) const;
 };
+
+Lens lensOf(const CameraCalibration& calibration);
+CameraCalibration calibrationOf(const Lens& lens);
 
 /// The parameters that a drive determines, in this order: ln f (common to fx and fy), cx [px],
 /// cy [px], k1, k2.

@@ -102,6 +102,9 @@ class LensEstimator {
   /// Frames without a pose and new maps interrupt the tracks.
   void add(const VoFrame& frame);
 
+  /// Number of keyframes so far.
+  std::size_t keyframes() const { return keyframes_.size(); }
+
   /// Of the drive so far. prior: a calibration, or the estimate from other drives of this camera.
   /// initial: where the optimisation starts, such as the lens with which the drive was processed.
   Result estimate(const LensEstimate& prior, const Lens& initial) const;

@@ -48,6 +48,8 @@ class ScaleFilter {
     double restart_max_deviation = 0.15;
     double restart_distance_heights = 12;
 
+    double lens_change_sigma = 0.02;
+
     int moving_average_frames = 0;  ///< replaces the Kalman filter by a moving average of the scale
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
@@ -79,6 +81,8 @@ class ScaleFilter {
           "restart_distance_heights", self.restart_distance_heights, 0, 1e6,
           "[camera heights] distance since the first rejected measurement before a restart; or the "
           "distance from the start of the filter to that one, if shorter");
+      visit("lens_change_sigma", self.lens_change_sigma, 0, 1,
+            "[] standard deviation of the change of ln h when a refined lens replaces another");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
             "[frames] moving average of the scale instead of the Kalman filter; 0: off");
     }
@@ -103,6 +107,9 @@ class ScaleFilter {
   bool known() const { return known_; }  ///< the filter has started
   double height() const;                 ///< [VO units]; 0 while not known
   double sigma() const;  ///< standard deviation of height() [VO units]; 0 while not known
+
+  /// A refined lens replaces the one of the images so far.
+  void changeLens();
 
   void reset();  ///< for a new map, which has another unit of length
 

@@ -38,6 +38,9 @@ struct PinholeCamera {
   double readoutShare(double v) const { return (v + 0.5) / height - 0.5; }
 };
 
+/// All numbers are equal.
+bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b);
+
 /// Throws OptionError unless image is 8-bit with one channel and of the camera's size.
 void requireImage(const cv::Mat& image, const PinholeCamera& camera);
 

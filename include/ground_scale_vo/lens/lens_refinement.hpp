@@ -1,0 +1,73 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <future>
+#include <optional>
+
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/lens/lens_estimator.hpp"
+
+namespace ground_scale_vo {
+
+/// Estimates the lens while driving, on a second thread, and decides when a change of the lens
+/// improves the odometry.
+///
+/// An estimate is made when the number of keyframes has reached first_keyframes, and again each
+/// time it has doubled, so that the cost per frame is bounded.
+class LensRefinement {
+ public:
+  struct Options {
+    LensEstimator::Options estimator;
+    double first_turn_rad = 0.5;
+    double turn_growth = 1.5;
+    int min_keyframes = 25;
+    int max_keyframes = 800;
+    double min_significance = 25;
+    int delay_frames = 20;
+    /// Determinism: the result of an estimate is used delay_frames after its start, and process()
+    /// waits for it. False: it is used as soon as it is there, and nothing waits.
+    bool deterministic = true;
+    template <typename Self, typename Visit>
+    static void visitParameters(Self& self, Visit&& visit) {
+      visit("first_turn_rad", self.first_turn_rad, 0, 100,
+            "[rad] rotation before the first estimate");
+      visit("turn_growth", self.turn_growth, 1, 10,
+            "[] growth of the rotation from one estimate to the next");
+      visit("min_keyframes", self.min_keyframes, 10, 10000,
+            "[] keyframes before the first estimate");
+      visit("max_keyframes", self.max_keyframes, 10, 100000, "[] keyframes of the last estimate");
+      visit("min_significance", self.min_significance, 0, 1e6,
+            "[] least squared Mahalanobis distance of an estimate from the lens in use");
+      visit("delay_frames", self.delay_frames, 0, 1000,
+            "[frames] from the start of an estimate to its use");
+    }
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  /// given: the calibration. Throws OptionError.
+  LensRefinement(const Lens& given, const Options& options);
+
+  /// The next frame, with features in pixels of the given images, and the lens with which it was
+  /// made. Returns a better lens when there is one.
+  std::optional<LensEstimate> add(const VoFrame& frame, const Lens& in_use);
+
+  /// After the change to another lens: forgets the tracks, which depend on the lens in use.
+  void restart();
+
+ private:
+  void addTurn(const VoFrame& frame);
+  std::optional<LensEstimator::Result> finished();
+
+  Options options_;
+  LensEstimator estimator_;
+  LensEstimate prior_;
+  double turned_ = 0, next_turn_ = 0;  ///< rotation since restart(), and at the next estimate [rad]
+  std::optional<Eigen::Matrix3d> R_w_reference_;  ///< of the frame at the last step of turned_
+  std::uint32_t map_id_ = 0;
+  std::future<LensEstimator::Result> pending_;
+  int frames_since_start_ = 0;  ///< of the pending estimate
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,87 @@
+#include "ground_scale_vo/lens/lens_refinement.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <chrono>
+
+namespace ground_scale_vo {
+
+namespace {
+
+constexpr double kTurnStep = 0.1;  // [rad]
+
+}  // namespace
+
+void LensRefinement::Options::validate() const {
+  visitParameters(*this, RangeCheck("refinement/"));
+  estimator.validate();
+}
+
+LensRefinement::LensRefinement(const Lens& given, const Options& options)
+    : options_((options.validate(), options)),
+      estimator_(options.estimator),
+      prior_(estimator_.priorOf(given)) {
+  restart();
+}
+
+std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens& in_use) {
+  estimator_.add(frame);
+  if (const auto result = finished()) {
+    const LensVector change = boxminus(result->estimate.lens, in_use);
+    const double significance = change.dot(result->estimate.covariance.ldlt().solve(change));
+      LensVector s = result->estimate.sigmas();
+      fprintf(stderr,
+              "frame %u kf %zu tracks %zu status %s signif %.1f f %.2f±%.2f%% c %.1f±%.1f "
+              "%.1f±%.1f k1 %.4f±%.4f k2 %.4f\n",
+              frame.sequence, result->keyframes, result->tracks, toString(result->status),
+              significance, 100 * change[0], 100 * s[0], change[1], s[1], change[2], s[2],
+              change[3], s[3], change[4]);
+    }
+    if (result->status == LensEstimator::Status::kOk && significance >= options_.min_significance) {
+      LensEstimate better = result->estimate;
+      better.lens.camera.lens_is_estimated = true;
+      return better;
+    }
+  }
+  addTurn(frame);
+  const auto keyframes = static_cast<int>(estimator_.keyframes());
+  if (turned_ >= next_turn_ && keyframes >= options_.min_keyframes &&
+      keyframes <= options_.max_keyframes && !pending_.valid()) {
+    next_turn_ = turned_ * options_.turn_growth;
+    frames_since_start_ = 0;
+    pending_ = std::async(std::launch::async, [estimator = estimator_, prior = prior_, in_use] {
+      return estimator.estimate(prior, in_use);
+    });
+  }
+  return std::nullopt;
+}
+
+void LensRefinement::restart() {
+  estimator_ = LensEstimator(options_.estimator);
+  turned_ = 0;
+  next_turn_ = options_.first_turn_rad;
+}
+
+/// Counts the rotation in steps, so that suspension and noise do not add up.
+void LensRefinement::addTurn(const VoFrame& frame) {
+  if (frame.status != VoStatus::kTracking) return;
+  if (!R_w_reference_ || map_id_ != frame.map_id) {
+    R_w_reference_ = frame.T_w_c.linear();
+    map_id_ = frame.map_id;
+  }
+  const double angle =
+      Eigen::AngleAxisd(R_w_reference_->transpose() * frame.T_w_c.linear()).angle();
+  if (angle < kTurnStep) return;
+  turned_ += angle;
+  R_w_reference_ = frame.T_w_c.linear();
+}
+
+/// The result of the pending estimate when it is to be used in this frame.
+std::optional<LensEstimator::Result> LensRefinement::finished() {
+  if (!pending_.valid() || ++frames_since_start_ < options_.delay_frames) return std::nullopt;
+  const bool is_ready = pending_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  if (!is_ready && !options_.deterministic) return std::nullopt;
+  return pending_.get();
+}
+
+}  // namespace ground_scale_vo

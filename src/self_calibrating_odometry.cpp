@@ -1,0 +1,192 @@
+#include "ground_scale_vo/self_calibrating_odometry.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "ground_scale_vo/input/camera_file.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// [frames] that the second odometry tracks before it replaces the first, and after which it is
+/// abandoned when it has no map.
+constexpr std::size_t kMinWarmUp = 8, kMaxWarmUp = 40;
+
+/// mask of the given images; the result: of the undistorted ones.
+cv::Mat undistortedMask(const Undistortion& undistortion, const cv::Mat& mask) {
+  if (mask.empty()) return undistortion.mask();
+  const cv::Mat undistorted = undistortion.image(mask != 0) == 255;
+  return undistortion.mask().empty() ? undistorted : cv::Mat(undistorted & undistortion.mask());
+}
+
+}  // namespace
+
+/// An odometry on images that are undistorted by one lens, and the numbers and the world frame in
+/// which its frames are reported.
+class LensOdometry {
+ public:
+  LensOdometry(const LensEstimate& lens, const VisualOdometry::Options& options,
+               const cv::Mat& mask)
+      : lens_(lens),
+        is_refined_(lens.covariance != LensMatrix::Zero()),
+        undistortion_(calibrationOf(lens.lens)),
+        mask_(undistortedMask(undistortion_, mask)),
+        vo_(lens.lens.camera, options, mask_) {}
+
+  const LensEstimate& lens() const { return lens_; }
+
+  SelfCalibratingOdometry::Output process(const cv::Mat& image, std::int64_t stamp_ns) {
+    SelfCalibratingOdometry::Output output;
+    const cv::Mat undistorted = undistortion_.image(image);
+    static_cast<VisualOdometry::Output&>(output) = vo_.process(undistorted, stamp_ns);
+    output.image = undistorted;
+    output.mask = mask_;
+    report(&output);
+    return output;
+  }
+
+  /// Its own last frame becomes the given one, of the odometry that it replaces. unit: length of
+  /// its own unit. first_id: of features that were not reported yet.
+  void continueFrom(const VoFrame& last, const VoFrame& own, double unit, std::uint64_t first_id) {
+    first_sequence_ = last.sequence - own.sequence;
+    first_map_ = last.map_id;
+    first_id_ = first_id;
+    map_start_ = last.map_start;
+    unit_ = unit;
+    Eigen::Isometry3d T_v_c = own.T_w_c;
+    T_v_c.translation() *= unit_;
+    T_w_v_ = last.T_w_c * T_v_c.inverse();
+  }
+
+  void report(SelfCalibratingOdometry::Output* output) const {
+    VoFrame& frame = output->frame;
+    if (map_start_ && frame.map_id == 0) {
+      frame.map_start = *map_start_;
+      frame.T_w_c.translation() *= unit_;
+      frame.T_w_c = T_w_v_ * frame.T_w_c;
+      frame.readout_motion.tail<3>() *= unit_;
+      for (TrackedFeature& feature : frame.features) {
+        feature.p_c *= static_cast<float>(unit_);
+        feature.depth_sigma *= static_cast<float>(unit_);
+      }
+    }
+    frame.sequence += first_sequence_;
+    frame.map_id += first_map_;
+    if (is_refined_) {
+      const CameraCalibration calibration = calibrationOf(lens_.lens);
+      frame.distortion.assign(calibration.distortion.begin(), calibration.distortion.end());
+    }
+    for (TrackedFeature& feature : frame.features) feature.id += first_id_;
+    for (RejectedFeature& feature : output->rejected) feature.id += first_id_;
+    for (VisualOdometry::StartPose& start : output->start) start.sequence += first_sequence_;
+  }
+
+ private:
+  const LensEstimate lens_;
+  const bool is_refined_;
+  const Undistortion undistortion_;
+  const cv::Mat mask_;
+  VisualOdometry vo_;
+  std::uint32_t first_sequence_ = 0, first_map_ = 0;
+  std::uint64_t first_id_ = 0;
+  /// Of its first map, when that continues the map of another odometry: T_w_v leads from its own
+  /// world frame, in the reported unit, to the reported one.
+  std::optional<MapStart> map_start_;
+  double unit_ = 1;
+  Eigen::Isometry3d T_w_v_ = Eigen::Isometry3d::Identity();
+};
+
+void SelfCalibratingOdometry::Options::validate() const {
+  vo.validate();
+  refinement.validate();
+}
+
+struct SelfCalibratingOdometry::Impl {
+  Impl(const Lens& lens, const Options& options_in, const cv::Mat& mask_in)
+      : options((options_in.validate(), options_in)),
+        mask(mask_in),
+        refinement(lens, options.refinement),
+        current(std::make_unique<LensOdometry>(LensEstimate{lens}, options.vo, mask)) {}
+
+  void refine(const VoFrame& frame);
+  void startNext(const VoFrame& frame);
+  void warmUp(const cv::Mat& image, Output* output);
+
+  const Options options;
+  const cv::Mat mask;  ///< of the given images
+  LensRefinement refinement;
+  std::unique_ptr<LensOdometry> current, next;
+  std::optional<LensEstimate> better_lens;  ///< until `current` has it
+  std::uint64_t first_unused_id = 0;
+  std::uint32_t map_id = 0;                             ///< of `current` at the start of `next`
+  std::map<std::int64_t, Eigen::Vector3d> positions_w;  ///< of `current` since then, by stamp
+};
+
+/// Adds a frame of `current` to the tracks from which the lens is estimated.
+void SelfCalibratingOdometry::Impl::refine(const VoFrame& frame) {
+  VoFrame given = frame;
+  const Lens& lens = current->lens().lens;
+  for (TrackedFeature& feature : given.features) {
+    const Eigen::Vector2d x = lens.camera.ray(feature.u.cast<double>()).head<2>();
+    feature.u = lens.project(x).cast<float>();
+  }
+  better_lens = refinement.add(given, lens);
+}
+
+void SelfCalibratingOdometry::Impl::startNext(const VoFrame& frame) {
+  next = std::make_unique<LensOdometry>(*better_lens, options.vo, mask);
+  map_id = frame.map_id;
+  positions_w.clear();
+}
+
+/// The same image through `next`, which replaces `current` when it has a map: *output becomes its
+/// output then.
+void SelfCalibratingOdometry::Impl::warmUp(const cv::Mat& image, Output* output) {
+  const VoFrame& last = output->frame;
+  Output other = next->process(image, last.stamp_ns);
+  positions_w.emplace(last.stamp_ns, last.T_w_c.translation());
+  const bool is_lost = last.status != VoStatus::kTracking || last.map_id != map_id;
+  if (is_lost || positions_w.size() > kMaxWarmUp || other.frame.map_id > 0) return next.reset();
+  if (positions_w.size() < kMinWarmUp || !other.frame.keyframe) return;
+  // The origin of its world frame is the first frame of its map.
+  const auto origin = positions_w.find(other.frame.map_start.stamp_ns);
+  if (origin == positions_w.end()) return;
+  const double length = (last.T_w_c.translation() - origin->second).norm();
+  const double own_length = other.frame.T_w_c.translation().norm();
+  if (!(own_length > 0 && length > 0)) return;
+  next->continueFrom(last, other.frame, length / own_length, first_unused_id);
+  next->report(&other);
+  other.times.total += output->times.total;
+  other.lens_changed = true;
+  *output = std::move(other);
+  current = std::move(next);
+  better_lens.reset();
+  refinement.restart();
+}
+
+SelfCalibratingOdometry::SelfCalibratingOdometry(const Lens& lens, const Options& options,
+                                                 const cv::Mat& mask)
+    : impl_(std::make_unique<Impl>(lens, options, mask)) {}
+
+SelfCalibratingOdometry::~SelfCalibratingOdometry() = default;
+
+SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& image,
+                                                                 std::int64_t stamp_ns) {
+  Impl& s = *impl_;
+  Output output = s.current->process(image, stamp_ns);
+  if (!s.options.refine_camera) return output;
+  for (const TrackedFeature& feature : output.frame.features) {
+    s.first_unused_id = std::max(s.first_unused_id, feature.id + 1);
+  }
+  if (!s.better_lens) s.refine(output.frame);
+  if (s.better_lens && !s.next && output.frame.keyframe) s.startNext(output.frame);
+  if (s.next) s.warmUp(image, &output);
+  return output;
+}
+
+const LensEstimate& SelfCalibratingOdometry::lens() const { return impl_->current->lens(); }
+
+}  // namespace ground_scale_vo

@@ -17,6 +17,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::size_t kMaxBytes = 1 << 20;
+constexpr double kMaxReadoutTime = 0.2;  // [s], that of the option odometry/readout_time
 
 /// The few constructs of YAML that camera_calibration writes: `key: value` and, below a key,
 /// `data: [numbers]`, possibly over several lines.
@@ -112,7 +113,12 @@ CameraCalibration readCameraFile(const std::filesystem::path& file) {
   }
   const std::vector<double> D = yaml.matrix("distortion_coefficients", 5);
   std::copy(D.begin(), D.end(), camera.distortion.begin());
-  camera.estimated = yaml.has("estimated_from_drives");
+  camera.estimated =
+      yaml.has("estimated_from_drives") && yaml.word("estimated_from_drives") == "true";
+  if (yaml.has("readout_time")) camera.readout_time = yaml.number("readout_time");
+  if (!(camera.readout_time >= 0 && camera.readout_time <= kMaxReadoutTime)) {
+    yaml.fail("readout_time is not in [0, 0.2] s");
+  }
   return camera;
 }
 
@@ -137,7 +143,8 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
              "projection_matrix:\n  rows: 3\n  cols: 4\n"
              "  data: [%.6f, 0, %.6f, 0, 0, %.6f, %.6f, 0, 0, 0, 1, 0]\n",
              camera.fx, camera.cx, camera.fy, camera.cy) +
-         (camera.estimated ? "estimated_from_drives: true\n" : "");
+         (camera.estimated ? "estimated_from_drives: true\n" : "") +
+         (camera.readout_time > 0 ? format("readout_time: %.9g\n", camera.readout_time) : "");
 }
 
 Undistortion::Undistortion(const CameraCalibration& camera) : size_(camera.width, camera.height) {

@@ -43,7 +43,7 @@ cv::Mat readMask(const std::string& file, const gsv::PinholeCamera& camera) {
   return mask;
 }
 
-void run(const Arguments& arguments) {
+void run(Arguments arguments) {
   cv::setNumThreads(arguments.opencv_threads);
   const gsv::KittiSequence sequence(arguments.sequence);
   const auto folder = std::filesystem::path(arguments.out) / sequence.name();
@@ -53,6 +53,8 @@ void run(const Arguments& arguments) {
                            " would write the results over the sequence and its poses.txt");
   }
   const gsv::CameraCalibration calibration = calibrationOf(arguments.camera, sequence.camera());
+  arguments.options.vo.readout_time = calibration.readout_time;
+  arguments.check();  // again: --set takes precedence
   const gsv::Undistortion undistortion(calibration);
   const gsv::PinholeCamera camera{calibration.width,    calibration.height, calibration.fx,
                                   calibration.fy,       calibration.cx,     calibration.cy,

@@ -14,12 +14,13 @@ struct CameraCalibration {
   double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]
   std::array<double, 5> distortion = {};  ///< k1, k2, p1, p2, k3
   bool estimated = false;                 ///< from drives: PinholeCamera::lens_is_estimated
+  double readout_time = 0;                ///< [s] of a rolling shutter; 0: global shutter
 };
 
 /// Reads the YAML of camera_calibration: image_width, image_height, camera_matrix,
-/// distortion_model (plumb_bob), distortion_coefficients; and the key estimated_from_drives, which
-/// calibrate_camera adds. Rectification and projection matrix are
-/// not used: a single camera needs none, its undistorted images keep the camera matrix. Throws
+/// distortion_model (plumb_bob), distortion_coefficients; and two keys of this project, which may
+/// be missing: estimated_from_drives (true), readout_time [s]. Rectification and projection matrix
+/// are not used: a single camera needs none, its undistorted images keep the camera matrix. Throws
 /// DataError that names the file.
 CameraCalibration readCameraFile(const std::filesystem::path& file);
 

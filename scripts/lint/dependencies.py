@@ -16,7 +16,7 @@ ALLOWED = {
     "scale": ["common", "vo/vo_frame.hpp"],
     "lens": ["common", "vo/vo_frame.hpp", "vo/camera.hpp"],
     "metric_odometry": ["common", "vo", "scale"],
-    "ros": ["common", "vo", "scale", "metric_odometry"],
+    "ros": ["common", "input", "vo", "scale", "metric_odometry"],
     "nodelets": ["common", "vo", "scale", "metric_odometry", "ros"],
     "io": ["common", "vo", "scale", "metric_odometry"],
     "evaluation": ["common", "vo", "scale", "metric_odometry", "io"],

@@ -36,6 +36,7 @@ void MonoVoNodelet::start() {
   ImageReceiver::Options options;
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
+  options.camera_file = params_.camera_file;
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
   handlers.on_camera = [this] { scheduleProcessing(); };
@@ -46,6 +47,7 @@ void MonoVoNodelet::start() {
     NODELET_WARN_STREAM(getName() << ": " << sentence);
   };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
+  if (!params_.readout_time_is_given) params_.vo.readout_time = receiver_->readoutTime();
   advertise(handle, private_handle);
   callbacks_.start();
 }

@@ -112,6 +112,7 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
   ImageReceiver::Options options;
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
+  options.camera_file = params_.camera_file;
   options.image_queue_size = imageBuffer(params_);
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
@@ -208,8 +209,8 @@ cv::Mat ScaleRecoveryNodelet::rectifiedImage(const VoFrame& frame,
                                              const sensor_msgs::ImageConstPtr& image) {
   if (!image || !receiver_->camera()) return {};
   if (receiver_->camera()->matches(frame.camera)) return receiver_->rectify(*image);
-  drop("other camera", "camera_info on topic " + receiver_->cameraInfoTopic() +
-                           " describes another camera than " + frame_subscriber_.getTopic());
+  drop("other camera", receiver_->cameraSource() + " describes another camera than " +
+                           frame_subscriber_.getTopic());
   return {};
 }
 

@@ -142,15 +142,26 @@ CalibratedCamera::CalibratedCamera(const sensor_msgs::CameraInfo& info, const st
     throw MessageError(subject + " has no P, which image_is_rectified requires");
   }
   try {
-    const sensor_msgs::CameraInfo monocular = monocularInfo(info, image_is_rectified || !has_K);
-    is_distorted_ = !allZero(monocular.D);
-    model_.fromCameraInfo(monocular);
-    const cv::Size size = model_.reducedResolution();
-    camera_ = {size.width, size.height, model_.fx(), model_.fy(), model_.cx(), model_.cy()};
-    camera_.validate();
+    set(monocularInfo(info, image_is_rectified || !has_K));
   } catch (const OptionError& error) {
     throw MessageError(subject + " cannot be used: " + error.what());
   }
+}
+
+CalibratedCamera::CalibratedCamera(const CameraCalibration& calibration) {
+  const CameraCalibration& c = calibration;
+  sensor_msgs::CameraInfo info = toCameraInfo({c.width, c.height, c.fx, c.fy, c.cx, c.cy});
+  info.D.assign(c.distortion.begin(), c.distortion.end());
+  set(monocularInfo(info, false));
+  camera_.lens_is_estimated = c.estimated;
+}
+
+void CalibratedCamera::set(const sensor_msgs::CameraInfo& info) {
+  is_distorted_ = !allZero(info.D);
+  model_.fromCameraInfo(info);
+  const cv::Size size = model_.reducedResolution();
+  camera_ = {size.width, size.height, model_.fx(), model_.fy(), model_.cx(), model_.cy()};
+  camera_.validate();
 }
 
 cv::Mat CalibratedCamera::rectify(const cv::Mat& raw) const {

@@ -17,10 +17,12 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
                              const Options& options, Handlers handlers)
     : handlers_(std::move(handlers)),
       image_is_rectified_(options.image_is_rectified),
-      rectifier_(options.image_is_rectified, options.mask_file),
-      transport_(handle),
-      camera_info_subscriber_(
-          handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this)) {
+      rectifier_(options.image_is_rectified, options.mask_file, options.camera_file),
+      transport_(handle) {
+  if (options.camera_file.empty()) {
+    camera_info_subscriber_ =
+        handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this);
+  }
   const image_transport::TransportHints hints("raw", ros::TransportHints().tcpNoDelay(),
                                               private_handle);
   if (hints.getTransport() == "compressed") {
@@ -96,6 +98,11 @@ cv::Mat ImageReceiver::rectify(const sensor_msgs::Image& image) {
     handlers_.on_drop("image refused", error.what());
   }
   return {};
+}
+
+std::string ImageReceiver::cameraSource() const {
+  return camera_info_subscriber_ ? "camera_info on topic " + cameraInfoTopic()
+                                 : rectifier_.source();
 }
 
 std::string ImageReceiver::sourceError() const {

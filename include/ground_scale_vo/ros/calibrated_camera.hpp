@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
+#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
@@ -25,6 +26,9 @@ class CalibratedCamera {
   /// number of coefficients or implausible ones; an ROI outside the image, a binning of all of it.
   CalibratedCamera(const sensor_msgs::CameraInfo& info, const std::string& topic,
                    bool image_is_rectified);
+  /// The camera of a camera file, with its lens_is_estimated. Throws OptionError: implausible
+  /// intrinsics or coefficients.
+  explicit CalibratedCamera(const CameraCalibration& calibration);
 
   /// Intrinsics of the rectified images, which have the size of the raw ones.
   const PinholeCamera& camera() const { return camera_; }
@@ -51,6 +55,9 @@ class CalibratedCamera {
   static constexpr double kTolerancePx = 0.1;
 
  private:
+  /// info: with R = I and P = [K | 0]. Throws OptionError.
+  void set(const sensor_msgs::CameraInfo& info);
+
   image_geometry::PinholeCameraModel model_;
   PinholeCamera camera_;
   bool is_distorted_ = false;

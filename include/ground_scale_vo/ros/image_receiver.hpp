@@ -18,13 +18,14 @@
 
 namespace ground_scale_vo {
 
-/// Subscribes to `image` (image_transport) and `camera_info`, and rectifies the images. Both
-/// nodelets receive their images with it. It runs in the callback queue of the node handle.
+/// Subscribes to `image` (image_transport) and, without a camera file, to `camera_info`, and
+/// rectifies the images. Both nodelets receive their images with it. It runs in the callback queue
+/// of the node handle.
 class ImageReceiver {
  public:
   struct Options {
     bool image_is_rectified = false;
-    std::string mask_file;                 ///< of ImageRectifier
+    std::string mask_file, camera_file;    ///< of ImageRectifier
     std::uint32_t image_queue_size = 100;  ///< images that may wait for their callback
   };
   struct Handlers {
@@ -40,17 +41,20 @@ class ImageReceiver {
 
   /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
   /// here; any other one but `raw` needs its plugin. Throws OptionError when that is missing, and
-  /// for a mask file that cannot be read.
+  /// for a mask or camera file that cannot be used.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);
   ImageReceiver(const ImageReceiver&) = delete;
   ImageReceiver& operator=(const ImageReceiver&) = delete;
 
-  /// Null before the first valid camera_info. A new object if and only if the calibration changed.
+  /// Without a camera file, null before the first valid camera_info. A new object if and only if
+  /// the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return rectifier_.camera(); }
 
   /// Of the images that rectify() returns with camera(); see ImageRectifier.
   const cv::Mat& mask() const { return rectifier_.mask(); }
+  /// [s] of the camera file; 0 without one.
+  double readoutTime() const { return rectifier_.readoutTime(); }
 
   /// Rectified 8-bit grey; empty, after on_drop("image refused", …) or on_drop("image of another
   /// camera", …), for an image that cannot be used. It may refer to the data of the message.
@@ -69,6 +73,8 @@ class ImageReceiver {
                                   : image_subscriber_.getTopic();
   }
   std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
+  /// "camera_info on topic T" or "parameter camera_file: FILE".
+  std::string cameraSource() const;
   bool hasImagePublisher() const {
     return image_subscriber_.getNumPublishers() + compressed_subscriber_.getNumPublishers() > 0;
   }

@@ -14,10 +14,11 @@ namespace ground_scale_vo {
 struct MonoVoParams {
   int queue_size = 5;
   bool image_is_rectified = false;
-  std::string mask;
+  std::string mask, camera_file;
   double clock_jump_s = 1.0;
   std::string world_frame = "vo_world";
   VisualOdometry::Options vo;
+  bool readout_time_is_given = false;  ///< otherwise that of the camera file is used
 
   /// Throws OptionError that names the parameter.
   static MonoVoParams read(ParamReader& reader);
@@ -32,7 +33,7 @@ struct ScaleRecoveryParams {
   double path_spacing_m = 0.5;
   int queue_size = 10;
   bool image_is_rectified = false;
-  std::string mask;
+  std::string mask, camera_file;
   double clock_jump_s = 1.0;
   ScaleRecovery::Options scale;
 

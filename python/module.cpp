@@ -37,7 +37,7 @@ using Poses = std::vector<Eigen::Isometry3d>;
 using RowMajor4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
 using Bytes = py::array_t<std::uint8_t, py::array::c_style>;
 using Reals = py::array_t<double, py::array::c_style>;
-using CameraTuple = std::tuple<int, int, double, double, double, double>;
+using CameraTuple = std::tuple<int, int, double, double, double, double, bool>;
 
 /// A copy: the caller may write to the array later.
 cv::Mat toImage(const Bytes& array) {
@@ -94,8 +94,8 @@ gsv::MetricOdometry::Options makeOptions(double camera_height,
 }
 
 gsv::PinholeCamera makeCamera(const CameraTuple& camera) {
-  const auto [width, height, fx, fy, cx, cy] = camera;
-  gsv::PinholeCamera result{width, height, fx, fy, cx, cy};
+  const auto [width, height, fx, fy, cx, cy, lens_is_estimated] = camera;
+  gsv::PinholeCamera result{width, height, fx, fy, cx, cy, lens_is_estimated};
   result.validate();
   return result;
 }
@@ -264,7 +264,7 @@ void addKitti(py::module* module) {
       .def("camera",
            [](const Sequence& sequence) {
              const gsv::PinholeCamera& c = sequence.camera();
-             return CameraTuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy);
+             return CameraTuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.lens_is_estimated);
            })
       .def("stamps",
            [](const Sequence& sequence) {

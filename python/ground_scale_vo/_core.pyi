@@ -2,7 +2,7 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 
 from numpy import ndarray
 
-_Camera = Tuple[int, int, float, float, float, float]
+_Camera = Tuple[int, int, float, float, float, float, bool]
 
 class DataError(ValueError):
     """A file or folder cannot be used; the text names it."""

@@ -97,9 +97,10 @@ def process(drive, calibration, arguments):
     for image, stamp in drive.images:
         if odometry is None:
             rectification = Rectification(calibration, image.shape[::-1])
-            mask = arguments.mask and rectification.mask(read_grey(arguments.mask))
+            mask = rectification.mask(arguments.mask and read_grey(arguments.mask))
+            options = {"odometry/readout_time": calibration.readout_time, **dict(arguments.set)}
             odometry = MetricOdometry(rectification.camera, arguments.camera_height, mask=mask,
-                                      record=True, **dict(arguments.set))
+                                      record=True, **options)
         if stamp > last_stamp:
             odometry.process(rectification.image(image), stamp)
         else:

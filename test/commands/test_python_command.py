@@ -9,7 +9,8 @@ import bags
 import cv2
 import numpy as np
 import pytest
-from conftest import CAMERA_HEIGHT, FRAMES, WITHOUT_MESSAGES, camera_matrix, images_of, on_terminal
+from conftest import (CAMERA_HEIGHT, FRAMES, WITHOUT_MESSAGES, camera_matrix, images_of, on_terminal, run,
+                      tool)
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 
@@ -109,6 +110,31 @@ def test_folder_of_distorted_images(command, short, evaluated, tmp_path, model, 
     file = write_kalibr(tmp_path / "camera.yaml", K[[0, 1, 0, 1], [0, 1, 2, 2]], (width, height), model, D)
     assert command(folder, "--camera", file)[0] == 0
     assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
+
+
+def test_camera_file_as_in_the_offline_tools(command, short, evaluated, tmp_path):
+    """Distortion, what is outside the raw image, readout time unless it is set, and that the lens is estimated."""
+    file = tmp_path / "camera.yaml"
+    height, width = images_of(short)[0].shape
+    file.write_text(f"""image_width: {width}
+image_height: {height}
+camera_matrix:
+  data: {camera_matrix(short).ravel().tolist()}
+distortion_model: plumb_bob
+distortion_coefficients:
+  data: [0.03, 0, 0, 0, 0]
+estimated_from_drives: true
+readout_time: 0.05
+""")
+    results = {evaluated: (evaluated / "poses.txt").read_text()}
+    for options in ([], ["--set", "odometry/readout_time=0.0"]):
+        words = [short, "--camera", file, *options]
+        run(tool("run_sequence"), *words, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
+        assert command(*words)[0] == 0
+        poses = (tmp_path / "short/poses.txt").read_text()
+        assert (tmp_path / "out/short/poses.txt").read_text() == poses
+        assert poses not in results.values()
+        results[str(options)] = poses
 
 
 def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):

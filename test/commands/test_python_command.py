@@ -41,7 +41,8 @@ def opened(gsv):
     """opened(ARGUMENT...): the images and calibration of the command."""
     def call(*arguments):
         module = importlib.import_module("ground_scale_vo.command_line")
-        return module.open_drive(module.parse(["run", "--camera-height", "1", *map(str, arguments)]))[:2]
+        parsed = module.parse(["run", "--camera-height", "1", *map(str, arguments)])
+        return module.open_drive(parsed.input, parsed)[:2]
     return call
 
 

@@ -37,7 +37,9 @@ class CameraYaml {
     std::istringstream stream(text_.substr(after(key)));
     std::string result;
     stream >> result;
-    return result;
+    const bool quoted =
+        result.size() > 1 && (result[0] == '"' || result[0] == '\'') && result.back() == result[0];
+    return quoted ? result.substr(1, result.size() - 2) : result;
   }
 
   bool has(const std::string& key) const {

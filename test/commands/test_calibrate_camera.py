@@ -5,10 +5,10 @@ import re
 import sys
 
 import cv2
-import numpy as np
 import pytest
 import yaml
-from conftest import SCRIPTS, assert_refused, camera_matrix, images_of, rendered
+from conftest import (SCRIPTS, assert_refused, camera_matrix, distorted_images_of, images_of, rendered,
+                      write_camera)
 
 K1 = -0.05  # of the distorted images
 
@@ -21,18 +21,13 @@ def turns(data):
 @pytest.fixture(scope="module")
 def distorted(turns, tmp_path_factory):
     """Its images with distortion, as a folder and as a video without loss."""
-    folder, K, images = tmp_path_factory.mktemp("lens") / "turns", camera_matrix(turns), images_of(turns)
+    folder, images = tmp_path_factory.mktemp("lens") / "turns", distorted_images_of(turns, [K1, 0, 0, 0])
     folder.mkdir()
-    height, width = images[0].shape
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
-    undistorted = cv2.undistortPoints(pixels, K, np.array([K1, 0, 0, 0]), None, None, K)
-    maps = undistorted.reshape(height, width, 2).astype(np.float32)
     video = folder.with_suffix(".avi")
-    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*"FFV1"), 10, (width, height))
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*"FFV1"), 10, images[0].shape[::-1])
     for i, image in enumerate(images):
-        raw = cv2.remap(image, maps, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        cv2.imwrite(str(folder / f"{i:06}.png"), raw)
-        writer.write(cv2.cvtColor(raw, cv2.COLOR_GRAY2BGR))
+        cv2.imwrite(str(folder / f"{i:06}.png"), image)
+        writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
     writer.release()
     (folder / "times.txt").write_text((turns / "times.txt").read_text())
     return folder, video
@@ -48,14 +43,6 @@ def command(gsv, tmp_path, monkeypatch, capfd):
         output = capfd.readouterr()
         return status, output.out, output.err
     return call
-
-
-def write_camera(file, folder, model="plumb_bob", D=(0, 0, 0, 0, 0), **others):
-    height, width = images_of(folder)[0].shape
-    file.write_text(yaml.safe_dump({
-        "image_width": width, "image_height": height, "camera_matrix": {"data": camera_matrix(folder).ravel().tolist()},
-        "distortion_model": model, "distortion_coefficients": {"data": list(D)}, **others}))
-    return file
 
 
 def assert_estimated(file, turns):

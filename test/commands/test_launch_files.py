@@ -160,8 +160,9 @@ def test_live_camera_starts_driver_and_mounting(tmp_path, monkeypatch):
 def test_two_vehicles(tmp_path, height_file):
     nodes, remappings, parameters, _ = loaded(
         "two_vehicles.launch", "first:=a", "second:=b", f"first_height_file:={height_file}", "second_height:=1.65",
-        "first_mask:=/a.png", "second_mask:=/b.png", "first_camera_file:=/a.yaml", "second_camera_file:=/b.yaml", "use_base_link:=true", "image:=cam/image",
-        "camera_info:=cam/info", "image_is_rectified:=true", "publish_tf:=false")
+        "first_mask:=/a.png", "second_mask:=/b.png", "first_camera_file:=/a.yaml", "second_camera_file:=/b.yaml",
+        "use_base_link:=true", "image:=cam/image", "camera_info:=cam/info", "image_is_rectified:=true",
+        "publish_tf:=false")
     for name, height in (("a", 1.2345), ("b", 1.65)):
         scale = f"/{name}/scale_recovery"
         expected = {"camera_height": height, "odom_frame": f"{name}/odom", "base_frame": f"{name}/base_link",

@@ -9,8 +9,8 @@ import bags
 import cv2
 import numpy as np
 import pytest
-from conftest import (CAMERA_HEIGHT, FRAMES, WITHOUT_MESSAGES, camera_matrix, images_of, on_terminal, run,
-                      tool)
+from conftest import (CAMERA_HEIGHT, FRAMES, WITHOUT_MESSAGES, camera_matrix, distorted_images_of, images_of,
+                      on_terminal, run, tool, write_camera)
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 
@@ -98,35 +98,21 @@ def test_video(command, video, short, evaluated, tmp_path):
 
 @pytest.mark.parametrize("model, D", [("radtan", [-0.2, 0.05, 0.001, -0.001]), ("equidistant", [-0.05, 0.01, 0, 0])])
 def test_folder_of_distorted_images(command, short, evaluated, tmp_path, model, D):
-    folder, K, images = tmp_path / "raw", camera_matrix(short), images_of(short)
+    folder, K = tmp_path / "raw", camera_matrix(short)
     folder.mkdir()
     (folder / "times.txt").write_text((short / "times.txt").read_text())
-    height, width = images[0].shape
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
-    undistorted = (cv2.undistortPoints(pixels, K, np.array(D), None, None, K) if model == "radtan" else
-                   cv2.fisheye.undistortPoints(pixels, K, np.array(D), None, K))
-    maps = undistorted.reshape(height, width, 2).astype(np.float32)
+    images = distorted_images_of(short, D, model == "equidistant")
     for i, image in enumerate(images):
-        cv2.imwrite(str(folder / f"{i:06}.png"), cv2.remap(image, maps, None, cv2.INTER_CUBIC))
-    file = write_kalibr(tmp_path / "camera.yaml", K[[0, 1, 0, 1], [0, 1, 2, 2]], (width, height), model, D)
+        cv2.imwrite(str(folder / f"{i:06}.png"), image)
+    file = write_kalibr(tmp_path / "camera.yaml", K[[0, 1, 0, 1], [0, 1, 2, 2]], images[0].shape[::-1], model, D)
     assert command(folder, "--camera", file)[0] == 0
     assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
 
 
 def test_camera_file_as_in_the_offline_tools(command, short, evaluated, tmp_path):
     """Distortion, what is outside the raw image, readout time unless it is set, and that the lens is estimated."""
-    file = tmp_path / "camera.yaml"
-    height, width = images_of(short)[0].shape
-    file.write_text(f"""image_width: {width}
-image_height: {height}
-camera_matrix:
-  data: {camera_matrix(short).ravel().tolist()}
-distortion_model: plumb_bob
-distortion_coefficients:
-  data: [0.03, 0, 0, 0, 0]
-estimated_from_drives: true
-readout_time: 0.05
-""")
+    file = write_camera(tmp_path / "camera.yaml", short, D=[0.03, 0, 0, 0, 0], estimated_from_drives=True,
+                        readout_time=0.05)
     results = {evaluated: (evaluated / "poses.txt").read_text()}
     for options in ([], ["--set", "odometry/readout_time=0.0"]):
         words = [short, "--camera", file, *options]

@@ -22,6 +22,7 @@
 #include "support/command_line.hpp"
 #include "support/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
+#include "support/undistorted_camera.hpp"
 
 namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;
@@ -59,11 +60,13 @@ gsv::BagDrive runSequence(const Arguments& arguments) {
   gsv::BagDrive drive;
   // A trajectory without stamps has a line for every image of the folder.
   for (std::size_t i = 0; i < sequence.size(); ++i) drive.stamps_ns.push_back(sequence.stampNs(i));
-  gsv::OfflineRun run(sequence.camera(), arguments.options);
+  const gsv::UndistortedCamera camera(arguments.bag.camera_file, sequence.camera());
+  gsv::OfflineRun run(camera.camera, arguments.options, camera.undistortion.mask());
   gsv::RunProgress progress(sequence.name(), chosen.size());
   gsv::ImageReader reader(chosen.size(), [&](std::size_t i) { return sequence.image(chosen[i]); });
   for (const std::size_t i : chosen) {
-    progress.show(run.process(reader.next().image, sequence.stampNs(i)));
+    const cv::Mat image = camera.undistortion.image(reader.next().image);
+    progress.show(run.process(image, sequence.stampNs(i)));
   }
   drive.record = run.record();
   return drive;
@@ -95,8 +98,19 @@ void checkFiles(const Arguments& arguments) {
   }
 }
 
-void run(const Arguments& arguments) {
+void applySettings(Arguments* arguments) {
+  for (const std::string& setting : arguments->settings) {
+    gsv::setOption(arguments->options, setting);
+  }
+  arguments->options.validate();
+}
+
+void run(Arguments arguments) {
   checkFiles(arguments);
+  if (const std::string& file = arguments.bag.camera_file; !file.empty()) {
+    arguments.options.vo.readout_time = gsv::readCameraFile(file).readout_time;
+    applySettings(&arguments);  // again: --set takes precedence
+  }
   cv::setNumThreads(1);
   const gsv::BagDrive drive =
       arguments.bag.bag.empty() ? runSequence(arguments) : runBag(arguments);
@@ -148,10 +162,7 @@ void check(Arguments* arguments) {
     bag.camera_info = image.replace_filename("camera_info").string();
   }
   arguments->options.scale.camera_height = kNominalHeight;
-  for (const std::string& setting : arguments->settings) {
-    gsv::setOption(arguments->options, setting);
-  }
-  arguments->options.validate();
+  applySettings(arguments);
 }
 
 /// A number in [min, max]; without the option *target stays empty.
@@ -172,6 +183,8 @@ void addOptions(Arguments* arguments, po::options_description* options) {
        "images of the bag; TOPIC/compressed where it has only that")  //
       ("camera-info", gsv::topicValue(&bag.camera_info),
        "their calibration (default: camera_info beside the images)")  //
+      ("camera", po::value(&bag.camera_file)->value_name("FILE"),
+       gsv::kCameraHelp)  //
       ("rectified", po::bool_switch(&bag.rectified),
        "the images have no distortion, and P of camera_info belongs to them")  //
       ("from", gsv::numberInRange("--from", &bag.from_s, "S", 0, kMaxTime),

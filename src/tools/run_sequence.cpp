@@ -10,7 +10,6 @@
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
-#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/io/image_file.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
@@ -18,6 +17,7 @@
 #include "support/command_line.hpp"
 #include "support/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
+#include "support/undistorted_camera.hpp"
 
 namespace gsv = ground_scale_vo;
 
@@ -28,12 +28,6 @@ struct Arguments : gsv::SequenceArguments {
   bool only_check = false;
   std::string mask, camera;
 };
-
-/// The calibration of --camera FILE, else the folder's own, without distortion. Throws DataError.
-gsv::CameraCalibration calibrationOf(const std::string& file, const gsv::PinholeCamera& camera) {
-  if (!file.empty()) return gsv::readCameraFile(file);
-  return {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, {}};
-}
 
 /// The mask of --mask FILE; empty without it. Throws DataError or OptionError.
 cv::Mat readMask(const std::string& file, const gsv::PinholeCamera& camera) {
@@ -52,19 +46,16 @@ void run(Arguments arguments) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
-  const gsv::CameraCalibration calibration = calibrationOf(arguments.camera, sequence.camera());
-  arguments.options.vo.readout_time = calibration.readout_time;
+  const gsv::UndistortedCamera camera(arguments.camera, sequence.camera());
+  const gsv::Undistortion& undistortion = camera.undistortion;
+  arguments.options.vo.readout_time = camera.readout_time;
   arguments.check();  // again: --set takes precedence
-  const gsv::Undistortion undistortion(calibration);
-  const gsv::PinholeCamera camera{calibration.width,    calibration.height, calibration.fx,
-                                  calibration.fy,       calibration.cx,     calibration.cy,
-                                  calibration.estimated};
   cv::Mat mask = undistortion.mask();
   if (const cv::Mat given = readMask(arguments.mask, sequence.camera()); !given.empty()) {
     const cv::Mat undistorted = undistortion.image(given != 0) == 255;
     mask = mask.empty() ? undistorted : cv::Mat(mask & undistorted);
   }
-  gsv::OfflineRun run(camera, arguments.options, mask);
+  gsv::OfflineRun run(camera.camera, arguments.options, mask);
   gsv::RunProgress progress(sequence.name(), sequence.size());
   gsv::ImageReader reader(sequence.size(), [&](std::size_t i) { return sequence.image(i); });
   for (std::size_t i = 0; i < sequence.size(); ++i) {
@@ -102,8 +93,7 @@ int main(int argc, char** argv) {
        "image of the size of those in SEQ, black where they never show the scene (own vehicle, "
        "watermark); these regions are not used")  //
       ("camera", gsv::optionalValue(&arguments.camera, "FILE"),
-       "calibration of the images (YAML of camera_calibration, plumb_bob), by which they are "
-       "undistorted; without it that of SEQ")  //
+       gsv::kCameraHelp)  //
       ("opencv-threads",
        gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
        "threads inside OpenCV; the published figures are those with 1")  //

@@ -9,7 +9,24 @@ pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS python/module.cpp)
 target_link_libraries(${PROJECT_NAME}_python PRIVATE
   ${PROJECT_NAME}_evaluation $<BUILD_INTERFACE:${PROJECT_NAME}_warnings>)
 # The Python package contains the module and, beside it, the library of the core.
-set_target_properties(${PROJECT_NAME}_python PROPERTIES OUTPUT_NAME _core INSTALL_RPATH "$ORIGIN")
+set(python_package python/${PROJECT_NAME})
+set(built_package ${GROUND_SCALE_VO_BUILT_TOOLS}/${python_package})
+set_target_properties(${PROJECT_NAME}_python PROPERTIES
+  OUTPUT_NAME _core LIBRARY_OUTPUT_DIRECTORY ${built_package} INSTALL_RPATH "$ORIGIN;$ORIGIN/../../..")
 install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_python LIBRARY DESTINATION .
   COMPONENT python EXCLUDE_FROM_ALL)
 install(FILES scripts/plot_run.py DESTINATION . COMPONENT python EXCLUDE_FROM_ALL)
+
+# The whole package beside the tools, where scripts/calibrate_camera finds it.
+file(GLOB python_files CONFIGURE_DEPENDS ${python_package}/*.py)
+list(APPEND python_files ${PROJECT_SOURCE_DIR}/scripts/plot_run.py)
+file(MAKE_DIRECTORY ${built_package})
+foreach(file ${python_files})
+  get_filename_component(name ${file} NAME)
+  file(CREATE_LINK ${file} ${built_package}/${name} SYMBOLIC)
+endforeach()
+if(GROUND_SCALE_VO_ROS)
+  install(TARGETS ${PROJECT_NAME}_python
+    LIBRARY DESTINATION ${GROUND_SCALE_VO_INSTALLED_TOOLS}/${python_package})
+  install(FILES ${python_files} DESTINATION ${GROUND_SCALE_VO_INSTALLED_TOOLS}/${python_package})
+endif()

@@ -7,6 +7,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -18,12 +19,14 @@
 #include <utility>
 #include <vector>
 
+#include "ground_scale_vo/calibration/lens_calibration.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
+#include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 
@@ -37,7 +40,7 @@ using Poses = std::vector<Eigen::Isometry3d>;
 using RowMajor4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
 using Bytes = py::array_t<std::uint8_t, py::array::c_style>;
 using Reals = py::array_t<double, py::array::c_style>;
-using CameraTuple = std::tuple<int, int, double, double, double, double>;
+using CameraTuple = std::tuple<int, int, double, double, double, double, bool>;
 
 /// A copy: the caller may write to the array later.
 cv::Mat toImage(const Bytes& array) {
@@ -46,10 +49,13 @@ cv::Mat toImage(const Bytes& array) {
       .clone();
 }
 
+/// rows x columns, or rows x columns x channels. Precondition: the image is continuous.
 Bytes fromImage(const cv::Mat& image) {
   auto* owned = new cv::Mat(image);
   const py::capsule owner(owned, [](void* mat) { delete static_cast<cv::Mat*>(mat); });
-  return Bytes({image.rows, image.cols}, image.data, owner);
+  std::vector<py::ssize_t> shape{image.rows, image.cols};
+  if (image.channels() > 1) shape.push_back(image.channels());
+  return Bytes(shape, image.data, owner);
 }
 
 /// N x 4 x 4; none: no poses. Throws OptionError.
@@ -94,8 +100,8 @@ gsv::MetricOdometry::Options makeOptions(double camera_height,
 }
 
 gsv::PinholeCamera makeCamera(const CameraTuple& camera) {
-  const auto [width, height, fx, fy, cx, cy] = camera;
-  gsv::PinholeCamera result{width, height, fx, fy, cx, cy};
+  const auto [width, height, fx, fy, cx, cy, lens_is_estimated] = camera;
+  gsv::PinholeCamera result{width, height, fx, fy, cx, cy, lens_is_estimated};
   result.validate();
   return result;
 }
@@ -264,7 +270,7 @@ void addKitti(py::module* module) {
       .def("camera",
            [](const Sequence& sequence) {
              const gsv::PinholeCamera& c = sequence.camera();
-             return CameraTuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy);
+             return CameraTuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.lens_is_estimated);
            })
       .def("stamps",
            [](const Sequence& sequence) {
@@ -281,6 +287,68 @@ void addKitti(py::module* module) {
       });
 }
 
+/// open: () -> iterable over (image, stamp). The GIL is held only while it is called and iterated.
+gsv::RepeatableDrive toDrive(const py::object& open) {
+  return [open](const gsv::ImageVisitor& visit) {
+    const py::gil_scoped_acquire acquire;
+    for (const py::handle item : open()) {
+      const auto [array, stamp_ns] = item.cast<std::pair<Bytes, std::int64_t>>();
+      const cv::Mat image = toImage(array);
+      const py::gil_scoped_release release;
+      visit(image, stamp_ns);
+    }
+  };
+}
+
+py::dict toReport(const gsv::LensEstimator::Result& drive) {
+  py::dict report;
+  report["status"] = drive.reason.empty() ? gsv::toString(drive.status) : drive.reason.c_str();
+  report["keyframes"] = drive.keyframes;
+  report["tracks"] = drive.tracks;
+  report["rms_before"] = drive.rms_before_px;
+  report["rms_after"] = drive.rms_after_px;
+  return report;
+}
+
+/// The result of ground_scale_vo calibrate, see _core.pyi.
+py::dict calibrateLens(const std::vector<py::object>& drives, const CameraTuple& camera_tuple,
+                       const std::array<double, 5>& distortion, double readout_time, bool is_rough,
+                       const std::vector<std::string>& settings) {
+  const gsv::PinholeCamera camera = makeCamera(camera_tuple);
+  gsv::LensCalibration::Options options;
+  if (is_rough) options.expectRoughStart(camera.width);
+  options.vo.readout_time = readout_time;
+  for (const std::string& setting : settings) gsv::setOption(options, setting);
+  const gsv::Lens start = gsv::lensOf(
+      {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, distortion});
+  std::vector<gsv::RepeatableDrive> repeatable;
+  for (const py::object& drive : drives) repeatable.push_back(toDrive(drive));
+  const gsv::LensCalibration calibration(options);
+  gsv::LensCalibration::Result result;
+  {
+    const py::gil_scoped_release release;
+    result = calibration.calibrate(repeatable, start);
+  }
+  py::list reports;
+  py::dict output;
+  for (const auto& drive : result.drives) {
+    reports.append(toReport(drive));
+    if (drive.status != gsv::LensEstimator::Status::kOk || output.contains("residuals")) continue;
+    output["residuals"] = fromImage(gsv::drawResiduals(drive, camera));
+  }
+  output["drives"] = reports;
+  output["reason"] = result.reason;
+  output["runs"] = result.runs;
+  output["converged"] = result.converged;
+  gsv::CameraCalibration estimate = gsv::calibrationOf(result.estimate.lens);
+  estimate.estimated = true;
+  estimate.readout_time = options.vo.readout_time;
+  const std::string table = gsv::lensTable(result);
+  output["table"] = table;
+  output["yaml"] = gsv::cameraYaml(estimate, "Estimated by ground_scale_vo calibrate.\n" + table);
+  return output;
+}
+
 }  // namespace
 
 PYBIND11_MODULE(_core, module) {
@@ -293,4 +361,10 @@ PYBIND11_MODULE(_core, module) {
       .def("metrics", &Odometry::metrics)
       .def("write", &Odometry::write);
   addKitti(&module);
+  module.def("calibrate_lens", &calibrateLens);
+  module.def("require_new_file",
+             [](const std::string& file, bool force) { gsv::requireNewFile(file, force); });
+  module.def("write_file", [](const std::string& file, const py::bytes& content) {
+    gsv::writeFile(file, std::string(content));
+  });
 }

@@ -15,13 +15,6 @@ namespace {
 /// abandoned when it has no map.
 constexpr std::size_t kMinWarmUp = 8, kMaxWarmUp = 40;
 
-/// mask of the given images; the result: of the undistorted ones.
-cv::Mat undistortedMask(const Undistortion& undistortion, const cv::Mat& mask) {
-  if (mask.empty()) return undistortion.mask();
-  const cv::Mat undistorted = undistortion.image(mask != 0) == 255;
-  return undistortion.mask().empty() ? undistorted : cv::Mat(undistorted & undistortion.mask());
-}
-
 }  // namespace
 
 /// An odometry on images that are undistorted by one lens, and the numbers and the world frame in
@@ -33,7 +26,7 @@ class LensOdometry {
       : lens_(lens),
         is_refined_(lens.covariance != LensMatrix::Zero()),
         undistortion_(calibrationOf(lens.lens)),
-        mask_(undistortedMask(undistortion_, mask)),
+        mask_(undistortion_.mask(mask)),
         vo_(lens.lens.camera, options, mask_) {}
 
   const LensEstimate& lens() const { return lens_; }

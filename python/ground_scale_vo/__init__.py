@@ -24,7 +24,11 @@ _LAST_STAMP_NS = 4294967295 * 10**9  # in the year 2106: the latest stamp of ROS
 
 class Camera(NamedTuple):
     """A camera without distortion, as of rectified images. All in pixels; the centre of the upper
-    left pixel is (0, 0)."""
+    left pixel is (0, 0).
+
+    lens_is_estimated: the distortion that was removed from the images was estimated from drives
+        (ground_scale_vo calibrate), so that the shape of the road is observable.
+    """
 
     width: int
     height: int
@@ -32,6 +36,7 @@ class Camera(NamedTuple):
     fy: float
     cx: float
     cy: float
+    lens_is_estimated: bool = False
 
 
 class Result(NamedTuple):
@@ -91,10 +96,12 @@ class MetricOdometry:
         size = tuple(_integer(f"camera.{name}", getattr(camera, name), 100000)
                      for name in Camera._fields[:2])
         numbers = tuple(_number(f"camera.{name}", getattr(camera, name))
-                        for name in Camera._fields[2:])
+                        for name in Camera._fields[2:6])
+        if not isinstance(camera.lens_is_estimated, bool):
+            raise _type_error("camera.lens_is_estimated", camera.lens_is_estimated, "a bool")
         self._shape = size[::-1]
         self._odometry = _core.Odometry(
-            size + numbers, _number("camera_height", camera_height),
+            size + numbers + camera[6:], _number("camera_height", camera_height),
             [_setting(name, value) for name, value in options.items()],
             None if mask is None else _image("mask", mask, self._shape), bool(record))
 

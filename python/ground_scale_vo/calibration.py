@@ -14,19 +14,29 @@ _IS_FISHEYE = {"plumb_bob": False, "rational_polynomial": False, "radtan": False
                "equidistant": True, "fisheye": True}
 
 
+_MAX_READOUT_TIME = 0.2  # [s], that of the option odometry/readout_time
+
+
 class Calibration(NamedTuple):
-    """size: (width, height) [px], None if the file does not contain it. K: (3, 3) [px]. D: distortion
-    coefficients of OpenCV, all zero without distortion."""
+    """size: (width, height) [px], None if the file does not contain it. K: (3, 3) [px]. model: of
+    _IS_FISHEYE. D: distortion coefficients of OpenCV, all zero without distortion. is_estimated: from drives,
+    Camera.lens_is_estimated. readout_time: [s] of a rolling shutter."""
 
     size: Optional[Tuple[int, int]]
     K: np.ndarray
-    is_fisheye: bool
+    model: str
     D: np.ndarray
+    is_estimated: bool = False
+    readout_time: float = 0.0
+
+    @property
+    def is_fisheye(self) -> bool:
+        return _IS_FISHEYE[self.model]
 
     @classmethod
     def of(cls, camera: Camera) -> "Calibration":
         K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
-        return cls((camera.width, camera.height), K, False, np.zeros(4))
+        return cls((camera.width, camera.height), K, "none", np.zeros(4))
 
 
 def read_calibration(file: pathlib.Path) -> Calibration:
@@ -53,12 +63,12 @@ def calibration_of(info: Any, topic: str, is_rectified: bool) -> Calibration:
     if is_rectified or not K.any():
         if not P.any():
             raise DataError(f"{topic}: is not calibrated, P is zero")
-        return _checked(Calibration(size, P, False, np.zeros(4)), topic)
+        return _checked(Calibration(size, P, "none", np.zeros(4)), topic)
     try:
-        is_fisheye = _is_fisheye(info.distortion_model or "none")
+        model = _known_model(info.distortion_model or "none")
     except ValueError as error:
         raise DataError(f"{topic}: {error}") from None
-    return _checked(Calibration(size, K, is_fisheye, np.array(info.D, float)), topic)
+    return _checked(Calibration(size, K, model, np.array(info.D, float)), topic)
 
 
 def _checked(calibration, name):
@@ -71,13 +81,15 @@ def _checked(calibration, name):
     if calibration.D.size not in counts:
         raise DataError(f"{name}: has {calibration.D.size} distortion coefficients, its model has "
                         f"{' or '.join(map(str, counts))}")
+    if not 0 <= calibration.readout_time <= _MAX_READOUT_TIME:
+        raise DataError(f"{name}: readout_time is not in [0, {_MAX_READOUT_TIME}] s")
     return calibration
 
 
 def _parse(text):
     rectified = re.search(r"^(?:P0|P_rect_00):(.*)", text, re.MULTILINE)
     if rectified:
-        return Calibration(None, np.array(rectified[1].split(), float).reshape(3, 4)[:, :3], False, np.zeros(4))
+        return Calibration(None, np.array(rectified[1].split(), float).reshape(3, 4)[:, :3], "none", np.zeros(4))
     import yaml
     try:
         data = yaml.safe_load(text)
@@ -88,21 +100,22 @@ def _parse(text):
     if "cam0" not in data:  # ROS
         return Calibration((data["image_width"], data["image_height"]),
                            np.array(data["camera_matrix"]["data"], float).reshape(3, 3),
-                           _is_fisheye(data["distortion_model"]),
-                           np.array(data["distortion_coefficients"]["data"], float))
+                           _known_model(data["distortion_model"]),
+                           np.array(data["distortion_coefficients"]["data"], float),
+                           data.get("estimated_from_drives") is True, float(data.get("readout_time", 0)))
     data = data["cam0"]
     if data["camera_model"] != "pinhole":
         raise ValueError(f"the camera model is {data['camera_model']}, supported is pinhole")
     fx, fy, cx, cy = data["intrinsics"]
     width, height = data["resolution"]
     return Calibration((width, height), np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float),
-                       _is_fisheye(data["distortion_model"]), np.array(data["distortion_coeffs"], float))
+                       _known_model(data["distortion_model"]), np.array(data["distortion_coeffs"], float))
 
 
-def _is_fisheye(model):
+def _known_model(model):
     if model not in _IS_FISHEYE:
         raise ValueError(f"the distortion model is {model}, supported are {', '.join(_IS_FISHEYE)}")
-    return _IS_FISHEYE[model]
+    return model
 
 
 class Rectification:
@@ -115,7 +128,7 @@ class Rectification:
                 *size, *calibration.size, ": calibrate with images that are turned alike" * turned))
         self._shape = size[::-1]
         K, D = calibration.K, calibration.D
-        self.camera = Camera(*size, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
+        self.camera = Camera(*size, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])), calibration.is_estimated)
         self._maps = None
         if calibration.is_fisheye:
             self._maps = cv2.fisheye.initUndistortRectifyMap(K, D, np.eye(3), K, size, cv2.CV_16SC2)
@@ -125,9 +138,11 @@ class Rectification:
     def image(self, grey: np.ndarray) -> np.ndarray:
         return self._rectified(grey, "an image")
 
-    def mask(self, grey: np.ndarray) -> np.ndarray:
-        """Masked (0) is what depends on a masked pixel or lies outside the raw image."""
-        return 255 * (self._rectified(255 * (grey > 0).astype(np.uint8), "the mask") == 255).astype(np.uint8)
+    def mask(self, grey: Optional[np.ndarray]) -> Optional[np.ndarray]:
+        """Masked (0) is what depends on a masked pixel of `grey` or lies outside the raw image; None if nothing."""
+        raw = 255 * (np.ones(self._shape, bool) if grey is None else grey > 0).astype(np.uint8)
+        visible = self._rectified(raw, "the mask") == 255
+        return None if visible.all() else 255 * visible.astype(np.uint8)
 
     def _rectified(self, grey, name):
         if grey.shape != self._shape:  # cv2.remap would accept it

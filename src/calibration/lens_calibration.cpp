@@ -6,10 +6,13 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/io/image_reader.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+/// Prior of a start from a field of view.
+constexpr double kRoughFocalSigma = 0.2;
+constexpr double kRoughCentreSigma = 0.016;  // [image widths]
 
 /// Least number of observations of an arrow, and its magnification.
 constexpr int kMinObservations = 10;
@@ -38,6 +41,12 @@ LensEstimate meanOf(const std::vector<LensVector>& lenses, const Lens& origin,
 
 }  // namespace
 
+void LensCalibration::Options::expectRoughStart(int image_width) {
+  estimator.prior_focal_sigma = kRoughFocalSigma;
+  estimator.prior_centre_sigma_px = kRoughCentreSigma * image_width;
+  max_runs *= 2;
+}
+
 void LensCalibration::Options::validate() const {
   visitStages(*this, [](const std::string& group, auto& stage) {
     stage.visitParameters(stage, RangeCheck(group));
@@ -50,28 +59,23 @@ LensCalibration::LensCalibration(const Options& options) : options_(options) {
   options_.validate();
 }
 
-LensEstimator LensCalibration::track(const KittiSequence& drive, const Lens& lens,
-                                     const std::function<void(std::size_t)>& progress) const {
+LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& lens) const {
   const Undistortion undistortion(calibrationOf(lens));
   VisualOdometry odometry(lens.camera, options_.vo, undistortion.mask());
   LensEstimator estimator(options_.estimator);
-  ImageReader reader(drive.size(), [&](std::size_t i) { return drive.image(i); });
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    const cv::Mat image = undistortion.image(reader.next().image);
-    VoFrame frame = odometry.process(image, drive.stampNs(i)).frame;
+  drive([&](const cv::Mat& image, std::int64_t stamp_ns) {
+    VoFrame frame = odometry.process(undistortion.image(image), stamp_ns).frame;
     for (TrackedFeature& feature : frame.features) {
       const Eigen::Vector2d x = lens.camera.ray(feature.u.cast<double>()).head<2>();
       feature.u = lens.project(x).cast<float>();
     }
     estimator.add(frame);
-    progress(i);
-  }
+  });
   return estimator;
 }
 
-LensCalibration::Result LensCalibration::calibrate(const std::vector<const KittiSequence*>& drives,
-                                                   const Lens& calibration,
-                                                   const Progress& progress) const {
+LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableDrive>& drives,
+                                                   const Lens& calibration) const {
   Result result;
   result.prior = result.estimate = LensEstimator(options_.estimator).priorOf(calibration);
   std::vector<LensVector> lenses;  // of the runs whose mean is the estimate
@@ -81,10 +85,8 @@ LensCalibration::Result LensCalibration::calibrate(const std::vector<const Kitti
     bool observed = false;
     ++result.runs;
     result.drives.clear();
-    for (std::size_t i = 0; i < drives.size(); ++i) {
-      const LensEstimator estimator =
-          track(*drives[i], previous, [&](std::size_t image) { progress(result.runs, i, image); });
-      result.drives.push_back(estimator.estimate(estimate, previous));
+    for (const RepeatableDrive& drive : drives) {
+      result.drives.push_back(track(drive, previous).estimate(estimate, previous));
       if (result.drives.back().status != LensEstimator::Status::kOk) continue;
       estimate = result.drives.back().estimate;
       observed = true;

@@ -8,6 +8,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
+#include <system_error>
+#include <tuple>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -17,6 +19,7 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr std::size_t kMaxBytes = 1 << 20;
+constexpr double kMaxReadoutTime = 0.2;  // [s], that of the option odometry/readout_time
 
 /// The few constructs of YAML that camera_calibration writes: `key: value` and, below a key,
 /// `data: [numbers]`, possibly over several lines.
@@ -36,7 +39,9 @@ class CameraYaml {
     std::istringstream stream(text_.substr(after(key)));
     std::string result;
     stream >> result;
-    return result;
+    const bool quoted =
+        result.size() > 1 && (result[0] == '"' || result[0] == '\'') && result.back() == result[0];
+    return quoted ? result.substr(1, result.size() - 2) : result;
   }
 
   bool has(const std::string& key) const {
@@ -112,7 +117,12 @@ CameraCalibration readCameraFile(const std::filesystem::path& file) {
   }
   const std::vector<double> D = yaml.matrix("distortion_coefficients", 5);
   std::copy(D.begin(), D.end(), camera.distortion.begin());
-  camera.estimated = yaml.has("estimated_from_drives");
+  camera.estimated =
+      yaml.has("estimated_from_drives") && yaml.word("estimated_from_drives") == "true";
+  if (yaml.has("readout_time")) camera.readout_time = yaml.number("readout_time");
+  if (!(camera.readout_time >= 0 && camera.readout_time <= kMaxReadoutTime)) {
+    yaml.fail("readout_time is not in [0, 0.2] s");
+  }
   return camera;
 }
 
@@ -137,7 +147,26 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
              "projection_matrix:\n  rows: 3\n  cols: 4\n"
              "  data: [%.6f, 0, %.6f, 0, 0, %.6f, %.6f, 0, 0, 0, 1, 0]\n",
              camera.fx, camera.cx, camera.fy, camera.cy) +
-         (camera.estimated ? "estimated_from_drives: true\n" : "");
+         (camera.estimated ? "estimated_from_drives: true\n" : "") +
+         (camera.readout_time > 0 ? format("readout_time: %.9g\n", camera.readout_time) : "");
+}
+
+bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
+  const auto values = [](const CameraCalibration& c) {
+    return std::tie(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.estimated,
+                    c.readout_time);
+  };
+  return values(a) == values(b);
+}
+
+void writeCameraFile(const std::filesystem::path& file, const std::string& yaml) {
+  const std::filesystem::path temporary = file.string() + ".new";
+  std::ofstream stream(temporary);
+  stream << yaml;
+  stream.close();
+  std::error_code error;
+  if (stream) std::filesystem::rename(temporary, file, error);
+  if (!stream || error) throw DataError(file.string() + ": cannot be written");
 }
 
 Undistortion::Undistortion(const CameraCalibration& camera) : size_(camera.width, camera.height) {
@@ -149,6 +178,12 @@ Undistortion::Undistortion(const CameraCalibration& camera) : size_(camera.width
   cv::initUndistortRectifyMap(K, D, cv::noArray(), K, size_, CV_16SC2, map1_, map2_);
   const cv::Mat mask = image(cv::Mat(size_, CV_8U, cv::Scalar(255))) == 255;
   if (cv::countNonZero(mask) < size_.area()) mask_ = mask;
+}
+
+cv::Mat Undistortion::mask(const cv::Mat& given) const {
+  if (given.empty()) return mask_;
+  const cv::Mat undistorted = image(given != 0) == 255;
+  return mask_.empty() ? undistorted : cv::Mat(undistorted & mask_);
 }
 
 cv::Mat Undistortion::image(const cv::Mat& image) const {

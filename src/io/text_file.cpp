@@ -66,6 +66,13 @@ void requireFolderOf(const fs::path& file) {
   throw DataError(file.string() + ": cannot be written, there is no folder " + folder.string());
 }
 
+void requireNewFile(const fs::path& file, bool force) {
+  const fs::file_type type = fs::status(file).type();
+  if (type == fs::file_type::not_found) return requireFolderOf(file);
+  if (type != fs::file_type::regular) throw DataError(file.string() + " is not a regular file");
+  if (!force) throw DataError(file.string() + " exists already; --force replaces it");
+}
+
 void writeFile(const fs::path& file, const std::string& content) {
   requireFolderOf(file);
   fs::path temporary = file;

@@ -29,14 +29,6 @@ std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens
   if (const auto result = finished()) {
     const LensVector change = boxminus(result->estimate.lens, in_use);
     const double significance = change.dot(result->estimate.covariance.ldlt().solve(change));
-      LensVector s = result->estimate.sigmas();
-      fprintf(stderr,
-              "frame %u kf %zu tracks %zu status %s signif %.1f f %.2f±%.2f%% c %.1f±%.1f "
-              "%.1f±%.1f k1 %.4f±%.4f k2 %.4f\n",
-              frame.sequence, result->keyframes, result->tracks, toString(result->status),
-              significance, 100 * change[0], 100 * s[0], change[1], s[1], change[2], s[2],
-              change[3], s[3], change[4]);
-    }
     if (result->status == LensEstimator::Status::kOk && significance >= options_.min_significance) {
       LensEstimate better = result->estimate;
       better.lens.camera.lens_is_estimated = true;

@@ -1,14 +1,18 @@
 #include "ground_scale_vo/nodelets/mono_vo_nodelet.hpp"
 
 #include <nav_msgs/Odometry.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include <algorithm>
+#include <boost/make_shared.hpp>
 #include <exception>
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/nodelets/topic_rates.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -36,6 +40,7 @@ void MonoVoNodelet::start() {
   ImageReceiver::Options options;
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
+  options.camera_file = params_.camera_file;
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
   handlers.on_camera = [this] { scheduleProcessing(); };
@@ -46,6 +51,7 @@ void MonoVoNodelet::start() {
     NODELET_WARN_STREAM(getName() << ": " << sentence);
   };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
+  if (!params_.readout_time_is_given) params_.odometry.vo.readout_time = receiver_->readoutTime();
   advertise(handle, private_handle);
   callbacks_.start();
 }
@@ -55,6 +61,12 @@ void MonoVoNodelet::advertise(ros::NodeHandle& handle, ros::NodeHandle& private_
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("vo/odometry", kPublishQueue);
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("vo/points", 1);
   tracks_publisher_ = receiver_->transport().advertise("vo/image_tracks", 1);
+  if (params_.odometry.refine_camera) {
+    refined_camera_publisher_ =
+        handle.advertise<sensor_msgs::CameraInfo>("refined_camera_info", 1, true);
+    save_camera_server_ =
+        private_handle.advertiseService("save_camera", &MonoVoNodelet::onSaveCamera, this);
+  }
   reset_server_ = private_handle.advertiseService("reset", &MonoVoNodelet::onReset, this);
 
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
@@ -73,6 +85,32 @@ bool MonoVoNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
   features_ = points_ = 0;
   response.success = true;
   response.message = "reset: the next image starts a new map";
+  return true;
+}
+
+bool MonoVoNodelet::onSaveCamera(std_srvs::Trigger::Request& /*request*/,
+                                 std_srvs::Trigger::Response& response) {
+  response.success = false;
+  if (params_.refined_camera_file.empty()) {
+    response.message = "the parameter refined_camera_file names no file";
+  } else if (!odometry_ || odometry_->lens().covariance.isZero()) {
+    response.message = "the calibration is not refined yet: the camera has not turned enough";
+  } else if (odometry_camera_->isGivenRectified()) {
+    response.message =
+        "the refined calibration is that of the rectified images, as the distortion "
+        "of the raw ones is not plumb_bob: it cannot be saved";
+  } else {
+    try {
+      CameraCalibration refined = calibrationOf(odometry_->lens().lens);
+      refined.readout_time = params_.odometry.vo.readout_time;
+      writeCameraFile(params_.refined_camera_file,
+                      cameraYaml(refined, "Refined by MonoVo while driving."));
+      response.success = true;
+      response.message = "written to " + params_.refined_camera_file;
+    } catch (const DataError& error) {
+      response.message = error.what();
+    }
+  }
   return true;
 }
 
@@ -97,9 +135,11 @@ void MonoVoNodelet::scheduleProcessing() {
 
 void MonoVoNodelet::rectify(const sensor_msgs::ImageConstPtr& image) {
   const Stopwatch watch;
-  const cv::Mat grey = receiver_->rectify(*image);
+  const bool refine = params_.odometry.refine_camera;
+  const cv::Mat grey = refine ? receiver_->given(*image) : receiver_->rectify(*image);
   if (grey.empty()) return;
-  const RectifiedImage rectified{image, grey, receiver_->camera(), receiver_->mask()};
+  const RectifiedImage rectified{image, grey, receiver_->camera(),
+                                 refine ? receiver_->givenMask() : receiver_->mask()};
   for (const auto& accepted : stamp_filter_->filter(image->header.stamp, rectified)) {
     process(accepted.message, accepted.clock_jumped_back);
     frame_ms_ = watch.ms();
@@ -115,8 +155,10 @@ void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back)
         }
       });
   prepareOdometry(image, clock_jumped_back);
-  const VisualOdometry::Output output = odometry_->process(image.grey, toNanoseconds(header.stamp));
-  publish(image, output, header);
+  const SelfCalibratingOdometry::Output output =
+      odometry_->process(image.grey, toNanoseconds(header.stamp));
+  publish(output, header);
+  if (output.lens_changed) publishLens(header);
 
   ++processed_;
   since_processed_.emplace();
@@ -139,12 +181,14 @@ void MonoVoNodelet::prepareOdometry(const RectifiedImage& image, bool clock_jump
     }
     if (!clock_jumped_back && camera == odometry_camera_) return;
   }
-  odometry_ = std::make_unique<VisualOdometry>(camera->camera(), params_.vo, image.mask);
+  const Lens lens =
+      params_.odometry.refine_camera ? lensOf(camera->givenCalibration()) : Lens{camera->camera()};
+  odometry_ = std::make_unique<SelfCalibratingOdometry>(lens, params_.odometry, image.mask);
   odometry_camera_ = camera;
   painter_ = TrackPainter();
 }
 
-void MonoVoNodelet::publish(const RectifiedImage& image, const VisualOdometry::Output& output,
+void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
                             const std_msgs::Header& header) {
   const VoFrame& frame = output.frame;
   frame_publisher_.publish(toMsg(frame, header));
@@ -156,8 +200,23 @@ void MonoVoNodelet::publish(const RectifiedImage& image, const VisualOdometry::O
   }
   if (tracks_publisher_.getNumSubscribers() > 0) {
     tracks_publisher_.publish(
-        painter_.paint(image.grey, frame, output.rejected, header, image.mask));
+        painter_.paint(output.image, frame, output.rejected, header, output.mask));
   }
+}
+
+/// The calibration of the images as they come, or of the rectified ones when their distortion is
+/// not plumb_bob.
+void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
+  const Lens& lens = odometry_->lens().lens;
+  const auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(lens.camera));
+  const CameraCalibration calibration = calibrationOf(lens);
+  info->D.assign(calibration.distortion.begin(), calibration.distortion.end());
+  info->header = header;
+  refined_camera_publisher_.publish(sensor_msgs::CameraInfoConstPtr(info));
+  const LensVector sigmas = odometry_->lens().sigmas();
+  NODELET_INFO_STREAM(getName() << ": the camera is refined: f " << lens.camera.fx << ", cx "
+                                << lens.camera.cx << ", cy " << lens.camera.cy << ", k1 " << lens.k1
+                                << " (standard deviation " << sigmas[3] << "), k2 " << lens.k2);
 }
 
 void MonoVoNodelet::drop(const std::string& kind, const std::string& reason) {

@@ -11,7 +11,9 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/lens/lens.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/nodelets/topic_rates.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
@@ -112,6 +114,7 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
   ImageReceiver::Options options;
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
+  options.camera_file = params_.camera_file;
   options.image_queue_size = imageBuffer(params_);
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
@@ -204,21 +207,45 @@ void ScaleRecoveryNodelet::processReady(bool may_wait) {
   }
 }
 
-cv::Mat ScaleRecoveryNodelet::rectifiedImage(const VoFrame& frame,
-                                             const sensor_msgs::ImageConstPtr& image) {
+ScaleRecoveryNodelet::FrameImage ScaleRecoveryNodelet::frameImage(
+    const VoFrame& frame, const sensor_msgs::ImageConstPtr& image) {
   if (!image || !receiver_->camera()) return {};
-  if (receiver_->camera()->matches(frame.camera)) return receiver_->rectify(*image);
-  drop("other camera", "camera_info on topic " + receiver_->cameraInfoTopic() +
-                           " describes another camera than " + frame_subscriber_.getTopic());
+  if (!frame.distortion.empty()) return refinedImage(frame, *image);
+  if (receiver_->camera()->matches(frame.camera)) {
+    const cv::Mat rectified = receiver_->rectify(*image);
+    return {rectified, rectified.empty() ? cv::Mat() : receiver_->mask()};
+  }
+  drop("other camera", receiver_->cameraSource() + " describes another camera than " +
+                           frame_subscriber_.getTopic());
   return {};
+}
+
+/// Undistorted as by the odometry, which refines the camera.
+ScaleRecoveryNodelet::FrameImage ScaleRecoveryNodelet::refinedImage(
+    const VoFrame& frame, const sensor_msgs::Image& image) {
+  CameraCalibration calibration = calibrationOf(Lens{frame.camera});
+  std::copy(frame.distortion.begin(), frame.distortion.end(), calibration.distortion.begin());
+  const cv::Mat given = receiver_->given(image);
+  if (given.empty()) return {};
+  if (!refined_ || refined_->given != receiver_->camera() ||
+      !(refined_->calibration == calibration)) {
+    const Undistortion undistortion(calibration);
+    refined_.emplace(RefinedCamera{receiver_->camera(), calibration, undistortion,
+                                   undistortion.mask(receiver_->givenMask())});
+  }
+  try {
+    return {refined_->undistortion.image(given), refined_->mask};
+  } catch (const DataError& error) {
+    drop("other camera", error.what());
+    return {};
+  }
 }
 
 void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header,
                                    const sensor_msgs::ImageConstPtr& image) {
   const Stopwatch watch;
   map_numbering_.apply(frame);
-  const cv::Mat rectified = rectifiedImage(frame, image);
-  const cv::Mat mask = rectified.empty() ? cv::Mat() : receiver_->mask();
+  const auto [rectified, mask] = frameImage(frame, image);
   ScaleRecovery::Output output;
   try {
     output = recovery_->process(frame, rectified, mask);

@@ -11,6 +11,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/image_limits.hpp"
+#include "ground_scale_vo/lens/lens.hpp"
 #include "ground_scale_vo/ros/message_error.hpp"
 #include "ros/camera_info_values.hpp"
 
@@ -142,15 +143,30 @@ CalibratedCamera::CalibratedCamera(const sensor_msgs::CameraInfo& info, const st
     throw MessageError(subject + " has no P, which image_is_rectified requires");
   }
   try {
-    const sensor_msgs::CameraInfo monocular = monocularInfo(info, image_is_rectified || !has_K);
-    is_distorted_ = !allZero(monocular.D);
-    model_.fromCameraInfo(monocular);
-    const cv::Size size = model_.reducedResolution();
-    camera_ = {size.width, size.height, model_.fx(), model_.fy(), model_.cx(), model_.cy()};
-    camera_.validate();
+    set(monocularInfo(info, image_is_rectified || !has_K));
   } catch (const OptionError& error) {
     throw MessageError(subject + " cannot be used: " + error.what());
   }
+}
+
+CalibratedCamera::CalibratedCamera(const CameraCalibration& calibration) {
+  const CameraCalibration& c = calibration;
+  sensor_msgs::CameraInfo info = toCameraInfo({c.width, c.height, c.fx, c.fy, c.cx, c.cy});
+  info.D.assign(c.distortion.begin(), c.distortion.end());
+  set(monocularInfo(info, false));
+  camera_.lens_is_estimated = given_.estimated = c.estimated;
+}
+
+void CalibratedCamera::set(const sensor_msgs::CameraInfo& info) {
+  is_distorted_ = !allZero(info.D);
+  model_.fromCameraInfo(info);
+  const cv::Size size = model_.reducedResolution();
+  camera_ = {size.width, size.height, model_.fx(), model_.fy(), model_.cx(), model_.cy()};
+  camera_.validate();
+  given_ = calibrationOf(Lens{camera_});
+  is_given_rectified_ =
+      is_distorted_ && (info.distortion_model != models::PLUMB_BOB || info.D.size() > 5);
+  if (!is_given_rectified_) std::copy(info.D.begin(), info.D.end(), given_.distortion.begin());
 }
 
 cv::Mat CalibratedCamera::rectify(const cv::Mat& raw) const {

@@ -103,6 +103,7 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->fy = frame.camera.fy;
   msg->cx = frame.camera.cx;
   msg->cy = frame.camera.cy;
+  msg->distortion = frame.distortion;
   msg->lens_is_estimated = frame.camera.lens_is_estimated;
   msg->pose = tf2::toMsg(frame.T_w_c);
   std::copy_n(frame.readout_motion.data(), 6, msg->readout_motion.begin());
@@ -161,6 +162,12 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
   frame.camera.cx = msg.cx;
   frame.camera.cy = msg.cy;
   frame.camera.lens_is_estimated = msg.lens_is_estimated;
+  frame.distortion = msg.distortion;
+  if (!frame.distortion.empty() &&
+      (frame.distortion.size() != 5 || !std::all_of(msg.distortion.begin(), msg.distortion.end(),
+                                                    [](double k) { return std::isfinite(k); }))) {
+    refuse("distortion of the frame is not 5 finite coefficients");
+  }
   try {
     frame.camera.validate();
   } catch (const OptionError& error) {

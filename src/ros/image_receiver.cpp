@@ -17,10 +17,12 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
                              const Options& options, Handlers handlers)
     : handlers_(std::move(handlers)),
       image_is_rectified_(options.image_is_rectified),
-      rectifier_(options.image_is_rectified, options.mask_file),
-      transport_(handle),
-      camera_info_subscriber_(
-          handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this)) {
+      rectifier_(options.image_is_rectified, options.mask_file, options.camera_file),
+      transport_(handle) {
+  if (options.camera_file.empty()) {
+    camera_info_subscriber_ =
+        handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this);
+  }
   const image_transport::TransportHints hints("raw", ros::TransportHints().tcpNoDelay(),
                                               private_handle);
   if (hints.getTransport() == "compressed") {
@@ -84,18 +86,31 @@ void ImageReceiver::countImage() {
 }
 
 cv::Mat ImageReceiver::rectify(const sensor_msgs::Image& image) {
+  return convert(image, &ImageRectifier::rectify);
+}
+
+cv::Mat ImageReceiver::given(const sensor_msgs::Image& image) {
+  return convert(image, &ImageRectifier::given);
+}
+
+cv::Mat ImageReceiver::convert(const sensor_msgs::Image& image, Conversion conversion) {
   using Verdict = SourceGuard<std::string>::Verdict;
   const std::string source = "frame_id \"" + image.header.frame_id + "\", " +
                              std::to_string(image.width) + " x " + std::to_string(image.height);
   const bool is_of_other_camera = sources_.check(source) == Verdict::kOther;
   try {
-    cv::Mat rectified = rectifier_.rectify(image);
-    if (!is_of_other_camera) return rectified;
+    cv::Mat grey = (rectifier_.*conversion)(image);
+    if (!is_of_other_camera) return grey;
     handlers_.on_drop("image of another camera", sourceError());
   } catch (const std::exception& error) {
     handlers_.on_drop("image refused", error.what());
   }
   return {};
+}
+
+std::string ImageReceiver::cameraSource() const {
+  return camera_info_subscriber_ ? "camera_info on topic " + cameraInfoTopic()
+                                 : rectifier_.source();
 }
 
 std::string ImageReceiver::sourceError() const {

@@ -10,11 +10,15 @@
 namespace ground_scale_vo {
 namespace {
 
+constexpr const char* kReadoutTime = "odometry/readout_time";
+
 /// The options of the core that are ROS parameters, by full name.
 const std::vector<std::string> kMonoVoOptions = {
     "tracker/cell_size",            // fewer features for a slow machine
     "tracker/min_corner_strength",  // a low-contrast camera
     "bundle_adjustment/window",     // a slow machine
+    kReadoutTime,                   // a rolling shutter
+    "refine_camera",                // a calibration that may be inaccurate
 };
 const std::vector<std::string> kScaleRecoveryOptions = {
     "random_seed",
@@ -55,6 +59,9 @@ void declareCommon(ParamReader& reader, Params& params) {
   reader.declare("mask", params.mask,
                  "[] image file of the size of the images before rectification: black (0) where "
                  "they never show the scene; empty: none");
+  reader.declare("camera_file", params.camera_file,
+                 "[] YAML of camera_calibration or calibrate_camera that describes the images as "
+                 "they come, instead of camera_info and image_is_rectified; empty: camera_info");
   reader.declare(
       "clock_jump_s", params.clock_jump_s, 0.0, 3600.0,
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
@@ -71,8 +78,15 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
                  "[images] that may wait; a full queue drops the oldest");
   reader.declareFrame("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
   declareCommon(reader, params);
-  declareOptions(reader, params.vo, kMonoVoOptions);
-  params.vo.validate();
+  reader.declare("refined_camera_file", params.refined_camera_file,
+                 "[] file to which the service save_camera writes the refined calibration, for "
+                 "camera_file at the next start");
+  params.odometry.refinement.deterministic = false;
+  declareOptions(reader, params.odometry, kMonoVoOptions);
+  params.readout_time_is_given =
+      std::any_of(reader.entries().begin(), reader.entries().end(),
+                  [](const auto& entry) { return entry.name == kReadoutTime && entry.given; });
+  params.odometry.validate();
   return params;
 }
 

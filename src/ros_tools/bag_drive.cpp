@@ -36,13 +36,13 @@ class BagRunner {
   using OnFrame = std::function<void(const RunFrame&, std::size_t)>;
 
   BagRunner(const BagDrive::Source& source, const OfflineRun::Options& options)
-      : source_(source), options_(options), rectifier_(source.rectified) {
+      : source_(source), options_(options), rectifier_(source.rectified, "", source.camera_file) {
     bag_.open(source.bag, rosbag::bagmode::Read);
   }
 
   BagDrive run(const OnFrame& on_frame) {
     const std::string image = imageTopic();
-    acceptCalibration(image);
+    if (source_.camera_file.empty()) acceptCalibration(image);
     if (!source_.gps.empty()) readFixes();
     rosbag::View view(bag_, rosbag::TopicQuery(image));
     findFirst(view);
@@ -144,7 +144,10 @@ class BagRunner {
       }
       if (!image) image = decode(*compressed);
       const cv::Mat rectified = rectifier_.rectify(*image);
-      if (!run_) run_ = std::make_unique<OfflineRun>(rectifier_.camera()->camera(), options_);
+      if (!run_) {
+        run_ = std::make_unique<OfflineRun>(rectifier_.camera()->camera(), options_,
+                                            rectifier_.mask());
+      }
       return &run_->process(rectified, toNanoseconds(header.stamp));
     } catch (const MessageError& error) {
       reject(error.what());

@@ -19,6 +19,7 @@
 #include "ground_scale_vo/io/stamped_position.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
 #include "ground_scale_vo/ros_tools/bag_drive.hpp"
+#include "support/camera_argument.hpp"
 #include "support/command_line.hpp"
 #include "support/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
@@ -59,7 +60,9 @@ gsv::BagDrive runSequence(const Arguments& arguments) {
   gsv::BagDrive drive;
   // A trajectory without stamps has a line for every image of the folder.
   for (std::size_t i = 0; i < sequence.size(); ++i) drive.stamps_ns.push_back(sequence.stampNs(i));
-  gsv::OfflineRun run(sequence.camera(), arguments.options);
+  const gsv::CameraCalibration camera =
+      gsv::cameraFrom(arguments.bag.camera_file, sequence.camera());
+  gsv::OfflineRun run(gsv::lensOf(camera), arguments.options);
   gsv::RunProgress progress(sequence.name(), chosen.size());
   gsv::ImageReader reader(chosen.size(), [&](std::size_t i) { return sequence.image(chosen[i]); });
   for (const std::size_t i : chosen) {
@@ -95,8 +98,19 @@ void checkFiles(const Arguments& arguments) {
   }
 }
 
-void run(const Arguments& arguments) {
+void applySettings(Arguments* arguments) {
+  for (const std::string& setting : arguments->settings) {
+    gsv::setOption(arguments->options, setting);
+  }
+  arguments->options.validate();
+}
+
+void run(Arguments arguments) {
   checkFiles(arguments);
+  if (const std::string& file = arguments.bag.camera_file; !file.empty()) {
+    arguments.options.odometry.vo.readout_time = gsv::readCameraFile(file).readout_time;
+    applySettings(&arguments);  // again: --set takes precedence
+  }
   cv::setNumThreads(1);
   const gsv::BagDrive drive =
       arguments.bag.bag.empty() ? runSequence(arguments) : runBag(arguments);
@@ -148,10 +162,7 @@ void check(Arguments* arguments) {
     bag.camera_info = image.replace_filename("camera_info").string();
   }
   arguments->options.scale.camera_height = kNominalHeight;
-  for (const std::string& setting : arguments->settings) {
-    gsv::setOption(arguments->options, setting);
-  }
-  arguments->options.validate();
+  applySettings(arguments);
 }
 
 /// A number in [min, max]; without the option *target stays empty.
@@ -172,6 +183,8 @@ void addOptions(Arguments* arguments, po::options_description* options) {
        "images of the bag; TOPIC/compressed where it has only that")  //
       ("camera-info", gsv::topicValue(&bag.camera_info),
        "their calibration (default: camera_info beside the images)")  //
+      ("camera", po::value(&bag.camera_file)->value_name("FILE"),
+       gsv::kCameraHelp)  //
       ("rectified", po::bool_switch(&bag.rectified),
        "the images have no distortion, and P of camera_info belongs to them")  //
       ("from", gsv::numberInRange("--from", &bag.from_s, "S", 0, kMaxTime),

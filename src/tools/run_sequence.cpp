@@ -10,11 +10,11 @@
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
-#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/io/image_file.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/text_file.hpp"
+#include "support/camera_argument.hpp"
 #include "support/command_line.hpp"
 #include "support/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
@@ -29,11 +29,6 @@ struct Arguments : gsv::SequenceArguments {
   std::string mask, camera;
 };
 
-/// The calibration of --camera FILE, else the folder's own, without distortion. Throws DataError.
-gsv::Lens lensOf(const std::string& file, const gsv::PinholeCamera& camera) {
-  return file.empty() ? gsv::Lens{camera} : gsv::lensOf(gsv::readCameraFile(file));
-}
-
 /// The mask of --mask FILE; empty without it. Throws DataError or OptionError.
 cv::Mat readMask(const std::string& file, const gsv::PinholeCamera& camera) {
   if (file.empty()) return {};
@@ -42,7 +37,7 @@ cv::Mat readMask(const std::string& file, const gsv::PinholeCamera& camera) {
   return mask;
 }
 
-void run(const Arguments& arguments) {
+void run(Arguments arguments) {
   cv::setNumThreads(arguments.opencv_threads);
   const gsv::KittiSequence sequence(arguments.sequence);
   const auto folder = std::filesystem::path(arguments.out) / sequence.name();
@@ -51,7 +46,10 @@ void run(const Arguments& arguments) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
-  const gsv::Lens lens = lensOf(arguments.camera, sequence.camera());
+  const gsv::CameraCalibration camera = gsv::cameraFrom(arguments.camera, sequence.camera());
+  arguments.options.odometry.vo.readout_time = camera.readout_time;
+  arguments.check();  // again: --set takes precedence
+  const gsv::Lens lens = gsv::lensOf(camera);
   gsv::OfflineRun run(lens, arguments.options, readMask(arguments.mask, lens.camera));
   gsv::RunProgress progress(sequence.name(), sequence.size());
   gsv::ImageReader reader(sequence.size(), [&](std::size_t i) { return sequence.image(i); });
@@ -94,8 +92,7 @@ int main(int argc, char** argv) {
        "image of the size of those in SEQ, black where they never show the scene (own vehicle, "
        "watermark); these regions are not used")  //
       ("camera", gsv::optionalValue(&arguments.camera, "FILE"),
-       "calibration of the images (YAML of camera_calibration, plumb_bob), by which they are "
-       "undistorted; without it that of SEQ")  //
+       gsv::kCameraHelp)  //
       ("refine-camera", gsv::po::bool_switch(&arguments.options.odometry.refine_camera),
        "estimates the lens while driving and undistorts the images by it; the result goes to "
        "camera.yaml")  //

@@ -7,6 +7,7 @@ has a ROS master of its own, so the tests may run at the same time.
 import contextlib
 import fcntl
 import importlib
+import json
 import os
 import pathlib
 import pty
@@ -251,3 +252,24 @@ def camera_matrix(folder):
 
 def images_of(folder):
     return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "image_0").iterdir())]
+
+
+def distorted_images_of(folder, D, is_fisheye=False):
+    """What a camera with the distortion D would have taken."""
+    K, images = camera_matrix(folder), images_of(folder)
+    height, width = images[0].shape
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
+    undistorted = (cv2.fisheye.undistortPoints(pixels, K, np.array(D), None, K) if is_fisheye else
+                   cv2.undistortPoints(pixels, K, np.array(D), None, None, K))
+    maps = undistorted.reshape(height, width, 2).astype(np.float32)
+    return [cv2.remap(image, maps, None, cv2.INTER_CUBIC) for image in images]
+
+
+def write_camera(file, folder, model="plumb_bob", D=(0, 0, 0, 0, 0), **others):
+    """A YAML of camera_calibration for the images of a KITTI folder."""
+    height, width = images_of(folder)[0].shape
+    keys = {"image_width": width, "image_height": height, "distortion_model": model, **others}
+    matrices = {"camera_matrix": camera_matrix(folder).ravel().tolist(), "distortion_coefficients": list(D)}
+    file.write_text("".join([*(f"{key}: {json.dumps(value)}\n" for key, value in keys.items()),
+                             *(f"{key}:\n  data: {value}\n" for key, value in matrices.items())]))
+    return file

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from bags import IMAGE, INFO, RAW_IMAGE
-from conftest import SCRIPTS, assert_refused, poses_of, run
+from conftest import SCRIPTS, assert_refused, poses_of, run, write_camera
 from sensor_msgs.msg import NavSatStatus
 
 CALIBRATE = SCRIPTS / "calibrate_height"
@@ -47,6 +47,17 @@ def test_part_of_a_sequence_with_length(low, height_file, tmp_path):
     run(CALIBRATE, drive, "--from", 2, "--to", 5, "--length", length(low, slice(20, 51)), "--length-sigma", 0.01,
         "--out", height_file, "--force")
     assert_height(height_file)
+
+
+def test_camera_file(low, low_bag, height_file):
+    """The height is that of this lens, from a folder and from a bag."""
+    camera = write_camera(height_file.with_name("camera.yaml"), low, D=[0.03, 0, 0, 0, 0], readout_time=0.02)
+    texts = []
+    for drive in ([low, "--camera", camera], ["--bag", low_bag, "--image", IMAGE, "--camera", camera],
+                  [low, "--camera", camera, "--set", "odometry/readout_time=0"], [low]):
+        run(CALIBRATE, *drive, *LENGTH, "--out", height_file, "--force")
+        texts.append(re.search("(?m)^camera_height: .*", height_file.read_text())[0])
+    assert texts[0] == texts[1] and len(set(texts)) == 3, texts
 
 
 def test_bag_with_compressed_images_and_fixes(low_bag, height_file):

@@ -112,7 +112,7 @@ def test_scale_of_another_odometry(examples, gsv, short):
     """That odometry is this one with another unit of length, 4 m."""
     sequence = gsv.read_kitti(short)
     odometry = gsv.MetricOdometry(sequence.camera, CAMERA_HEIGHT)
-    words, final = list(sequence.camera), None
+    words, final = list(sequence.camera[:6]), None
     for image, stamp in sequence:
         result = odometry.process(image, stamp)
         if result.pose is None:

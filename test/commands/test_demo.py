@@ -10,7 +10,7 @@ import subprocess
 import bags
 import pytest
 from conftest import (SCRIPTS, TIMEOUT_S, assert_played, assert_refused, on_full_disk, on_terminal, pid_of, run,
-                      wait_until)
+                      wait_until, write_camera)
 
 DEMO = SCRIPTS / "demo"
 
@@ -43,6 +43,12 @@ def test_compressed_images_and_another_height(bag, tmp_path):
     assert_played(output, tmp_path / "short")
     metrics = json.loads((tmp_path / "short/metrics.json").read_text())
     assert metrics["camera_height_m"] == 3.3 and 90 < metrics["rle_percent"] < 110
+
+
+def test_camera_file_instead_of_camera_info(bag, short, tmp_path):
+    played, camera = tmp_path / "short.bag", write_camera(tmp_path / "camera.yaml", short)
+    bags.copy(bag, played, lambda topic, message: None if topic == bags.INFO else (topic, message))
+    assert_played(run(DEMO, "--out", tmp_path, "--bag", played, "--camera", camera).stdout, tmp_path / "short")
 
 
 def test_missing_tf(bag, tmp_path):

@@ -33,6 +33,12 @@ def test_demo_without_the_source_tree(install, short, tmp_path):
     assert_played(done.stdout, tmp_path / "short")
 
 
+def test_calibrate_camera_without_the_source_tree(install, short, tmp_path):
+    run(install / "lib/ground_scale_vo/calibrate_camera", short, "--out", tmp_path / "camera.yaml",
+        env={"HOME": os.environ["HOME"], "PATH": "/usr/bin:/bin"})
+    assert (tmp_path / "camera.yaml").exists()
+
+
 @pytest.mark.long
 def test_debian_package(tmp_path):
     package = run(SCRIPTS / "package", "--out", tmp_path).stdout.splitlines()[-1]

@@ -56,6 +56,7 @@ def test_nodelets(call, tmp_path):
     for nodelet in FILES[call]:
         assert parameters[f"{nodelet}/queue_size"] == 77 and nodelet in cleared
         assert parameters.get(f"{nodelet}/mask") == ""
+        assert parameters.get(f"{nodelet}/camera_file", "") == ""
     assert {name for name, node in nodes.items() if not node.required} <= {"/bag_player", "/ground_truth_relay"}
 
 
@@ -72,12 +73,13 @@ def test_nodelets(call, tmp_path):
 ])
 def test_arguments_reach_both_nodelets(file, arguments, image, info, transport, is_rectified, publish_tf):
     nodes, remappings, parameters, _ = loaded(
-        file, "camera_height:=1.2", "mask:=/m.png", "odom_frame:=/map", "base_frame:=base", "rviz:=true", *arguments)
+        file, "camera_height:=1.2", "mask:=/m.png", "camera_file:=/c.yaml", "odom_frame:=/map", "base_frame:=base",
+        "rviz:=true", *arguments)
     for nodelet in ("/mono_vo", "/scale_recovery"):
         assert remappings[nodelet] == {"image": image, "camera_info": info}
         assert parameters[f"{nodelet}/image_transport"] == transport
         assert parameters[f"{nodelet}/image_is_rectified"] is is_rectified
-        assert parameters[f"{nodelet}/mask"] == "/m.png"
+        assert parameters[f"{nodelet}/mask"] == "/m.png" and parameters[f"{nodelet}/camera_file"] == "/c.yaml"
         assert nodes[nodelet].args.endswith(" --no-bond")
     expected = {"camera_height": 1.2, "odom_frame": "/map", "base_frame": "base", "publish_tf": publish_tf}
     assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
@@ -112,6 +114,13 @@ def test_kitti_launch_plays_the_bag(height_file):
     assert remappings["/bag_player"] == {prefix + "image_raw": IMAGE, prefix + "image": IMAGE, **ground_truth}
     assert nodes["/bag_recorder"].args.startswith("'/y.bag' ") and parameters["/use_sim_time"] is True
     assert parameters["/playback_monitor/exit_at_end"] is True and parameters["/playback_monitor/rate"] == "2.5"
+    # With a camera_file nothing needs camera_info.
+    needed = parameters["/playback_monitor/subscribers"]
+    assert [INFO, "ground_scale_vo_manager"] in needed and parameters["/playback_monitor/camera_info"] == INFO
+    _, _, parameters, _ = loaded("kitti.launch", "bag:=/x.bag", "camera_file:=~/c.yaml")
+    assert [INFO, "ground_scale_vo_manager"] not in parameters["/playback_monitor/subscribers"]
+    assert parameters["/playback_monitor/camera_info"] == ""
+    assert parameters["/mono_vo/camera_file"] == f"{os.environ['HOME']}/c.yaml"
     # With a base_frame the mounting is on /tf_static.
     _, remappings, _, _ = loaded("kitti.launch", "bag:=/x.bag", "base_frame:=base_link")
     assert "/tf_static" not in remappings["/bag_player"]
@@ -151,8 +160,9 @@ def test_live_camera_starts_driver_and_mounting(tmp_path, monkeypatch):
 def test_two_vehicles(tmp_path, height_file):
     nodes, remappings, parameters, _ = loaded(
         "two_vehicles.launch", "first:=a", "second:=b", f"first_height_file:={height_file}", "second_height:=1.65",
-        "first_mask:=/a.png", "second_mask:=/b.png", "use_base_link:=true", "image:=cam/image",
-        "camera_info:=cam/info", "image_is_rectified:=true", "publish_tf:=false")
+        "first_mask:=/a.png", "second_mask:=/b.png", "first_camera_file:=/a.yaml", "second_camera_file:=/b.yaml",
+        "use_base_link:=true", "image:=cam/image", "camera_info:=cam/info", "image_is_rectified:=true",
+        "publish_tf:=false")
     for name, height in (("a", 1.2345), ("b", 1.65)):
         scale = f"/{name}/scale_recovery"
         expected = {"camera_height": height, "odom_frame": f"{name}/odom", "base_frame": f"{name}/base_link",
@@ -160,6 +170,7 @@ def test_two_vehicles(tmp_path, height_file):
         assert {key: parameters[f"{scale}/{key}"] for key in expected} == expected
         for nodelet in (f"/{name}/mono_vo", scale):
             assert parameters[f"{nodelet}/mask"] == f"/{name}.png"
+            assert parameters[f"{nodelet}/camera_file"] == f"/{name}.yaml"
             assert parameters[f"{nodelet}/image_is_rectified"] is True
             assert remappings[nodelet] == {"image": f"/{name}/cam/image", "camera_info": f"/{name}/cam/info"}
             assert nodes[nodelet].args.endswith(" /vehicles_manager --no-bond")

@@ -9,7 +9,8 @@ import bags
 import cv2
 import numpy as np
 import pytest
-from conftest import CAMERA_HEIGHT, FRAMES, WITHOUT_MESSAGES, camera_matrix, images_of, on_terminal
+from conftest import (CAMERA_HEIGHT, FRAMES, WITHOUT_MESSAGES, camera_matrix, distorted_images_of, images_of,
+                      on_terminal, run, tool, write_camera)
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 
@@ -40,7 +41,8 @@ def opened(gsv):
     """opened(ARGUMENT...): the images and calibration of the command."""
     def call(*arguments):
         module = importlib.import_module("ground_scale_vo.command_line")
-        return module.open_drive(module.parse(["run", "--camera-height", "1", *map(str, arguments)]))[:2]
+        parsed = module.parse(["run", "--camera-height", "1", *map(str, arguments)])
+        return module.open_drive(parsed.input, parsed)[:2]
     return call
 
 
@@ -96,19 +98,30 @@ def test_video(command, video, short, evaluated, tmp_path):
 
 @pytest.mark.parametrize("model, D", [("radtan", [-0.2, 0.05, 0.001, -0.001]), ("equidistant", [-0.05, 0.01, 0, 0])])
 def test_folder_of_distorted_images(command, short, evaluated, tmp_path, model, D):
-    folder, K, images = tmp_path / "raw", camera_matrix(short), images_of(short)
+    folder, K = tmp_path / "raw", camera_matrix(short)
     folder.mkdir()
     (folder / "times.txt").write_text((short / "times.txt").read_text())
-    height, width = images[0].shape
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
-    undistorted = (cv2.undistortPoints(pixels, K, np.array(D), None, None, K) if model == "radtan" else
-                   cv2.fisheye.undistortPoints(pixels, K, np.array(D), None, K))
-    maps = undistorted.reshape(height, width, 2).astype(np.float32)
+    images = distorted_images_of(short, D, model == "equidistant")
     for i, image in enumerate(images):
-        cv2.imwrite(str(folder / f"{i:06}.png"), cv2.remap(image, maps, None, cv2.INTER_CUBIC))
-    file = write_kalibr(tmp_path / "camera.yaml", K[[0, 1, 0, 1], [0, 1, 2, 2]], (width, height), model, D)
+        cv2.imwrite(str(folder / f"{i:06}.png"), image)
+    file = write_kalibr(tmp_path / "camera.yaml", K[[0, 1, 0, 1], [0, 1, 2, 2]], images[0].shape[::-1], model, D)
     assert command(folder, "--camera", file)[0] == 0
     assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
+
+
+def test_camera_file_as_in_the_offline_tools(command, short, evaluated, tmp_path):
+    """Distortion, what is outside the raw image, readout time unless it is set, and that the lens is estimated."""
+    file = write_camera(tmp_path / "camera.yaml", short, D=[0.03, 0, 0, 0, 0], estimated_from_drives=True,
+                        readout_time=0.05)
+    results = {evaluated: (evaluated / "poses.txt").read_text()}
+    for options in ([], ["--set", "odometry/readout_time=0.0"]):
+        words = [short, "--camera", file, *options]
+        run(tool("run_sequence"), *words, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
+        assert command(*words)[0] == 0
+        poses = (tmp_path / "short/poses.txt").read_text()
+        assert (tmp_path / "out/short/poses.txt").read_text() == poses
+        assert poses not in results.values()
+        results[str(options)] = poses
 
 
 def test_images_whose_stamps_go_back_are_skipped(command, shortest, tmp_path):

@@ -27,18 +27,24 @@ TEST_F(CameraFile, ReadsWhatItWrites) {
   EXPECT_EQ(read.cy, 240);
   EXPECT_EQ(read.distortion, kCamera.distortion);
   EXPECT_FALSE(read.estimated);
+  EXPECT_EQ(read.readout_time, 0);
   CameraCalibration estimated = kCamera;
   estimated.estimated = true;
-  EXPECT_TRUE(readCameraFile(write("camera.yaml", cameraYaml(estimated, ""))).estimated);
+  estimated.readout_time = 0.0213;
+  std::string text = cameraYaml(estimated, "");
+  text.replace(text.find("plumb_bob"), 9, "\"plumb_bob\"");
+  EXPECT_TRUE(readCameraFile(write("camera.yaml", text)).estimated);
+  EXPECT_EQ(readCameraFile(write("camera.yaml", text)).readout_time, 0.0213);
 }
 
 TEST_F(CameraFile, RefusesWhatIsNotACamera) {
   EXPECT_THROW(readCameraFile(folder_ / "none.yaml"), DataError);
-  const std::string good = cameraYaml(kCamera, "");
+  const std::string good = cameraYaml(kCamera, "") + "readout_time: 0.03\n";
   for (const auto& [part, other] :
        std::vector<std::pair<std::string, std::string>>{{"plumb_bob", "equidistant"},
                                                         {"image_width: 640", "image_width: -1"},
                                                         {"[500.5", "[nan"},
+                                                        {"0.03", "0.21"},
                                                         {"camera_matrix", "matrix"},
                                                         {", 0.01000000]", "]"}}) {
     std::string text = good;

@@ -92,6 +92,35 @@ TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
                              "the image is 6 x 8, but camera_info describes 8 x 6");
 }
 
+using CameraFile = TemporaryFolder;
+
+TEST_F(CameraFile, DescribesTheImagesAsTheyCome) {
+  CameraCalibration calibration{8, 6, 10, 11, 4, 3, {0.5, 0, 0, 0, 0}};
+  calibration.estimated = true;
+  calibration.readout_time = 0.02;
+  const std::string file = write("camera.yaml", cameraYaml(calibration, ""));
+  ImageRectifier rectifier(true, "", file);
+  ASSERT_NE(rectifier.camera(), nullptr);
+  EXPECT_EQ(rectifier.camera()->camera().fy, 11);
+  EXPECT_TRUE(rectifier.camera()->camera().lens_is_estimated);
+  EXPECT_TRUE(rectifier.camera()->isDistorted());
+  EXPECT_EQ(rectifier.readoutTime(), 0.02);
+  EXPECT_EQ(rectifier.mask().at<std::uint8_t>(0, 0), 0);  // outside the raw image
+  EXPECT_EQ(rectifier.mask().at<std::uint8_t>(3, 3), 255);
+  EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).at<std::uint8_t>(3, 3), 100);
+  expectThrows<MessageError>([&] { rectifier.rectify(uniformImage(6, 8)); },
+                             "but parameter camera_file: " + file + " describes 8 x 6");
+}
+
+TEST_F(CameraFile, ThatCannotBeUsedIsRefused) {
+  const CameraCalibration wide{8, 6, 1e-3, 10, 4, 3, {}};
+  const std::string file = write("camera.yaml", cameraYaml(wide, ""));
+  expectThrows<OptionError>([&] { ImageRectifier(false, "", file); },
+                            "parameter camera_file: " + file + " cannot be used: ");
+  expectThrows<OptionError>([&] { ImageRectifier(false, "", file + "l"); },
+                            "parameter camera_file: " + file + "l: no such file");
+}
+
 class MaskFile : public TemporaryFolder {
  protected:
   /// White but for its first row.
@@ -124,6 +153,10 @@ TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
   expectThrows<MessageError>(
       [&] { rectifier.setCameraInfo(infoOf(10), "/info"); },
       "parameter mask: " + file + " is 3x2, the camera 8x6 of camera_info on topic /info");
+  const CameraCalibration calibration{8, 6, 10, 10, 4, 3, {}};
+  const std::string camera = write("camera.yaml", cameraYaml(calibration, ""));
+  expectThrows<OptionError>([&] { ImageRectifier(false, file, camera); },
+                            file + " is 3x2, the camera 8x6 of parameter camera_file: " + camera);
   EXPECT_EQ(rectifier.camera(), nullptr);
   sensor_msgs::CameraInfo cropped = infoOf(10);
   cropped.roi.x_offset = 2;

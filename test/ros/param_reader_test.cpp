@@ -56,6 +56,15 @@ void expectRefused(const char* name, const Value& value, const std::string& reas
   expectThrows<OptionError>([&] { ScaleRecoveryParams::read(reader); }, reason);
 }
 
+TEST(MonoVoParams, KnowWhetherTheReadoutTimeIsGiven) {
+  XmlRpcValue tree;
+  for (const bool given : {false, true}) {
+    ParamReader reader("/mono_vo", tree);
+    EXPECT_EQ(MonoVoParams::read(reader).readout_time_is_given, given);
+    tree["odometry"]["readout_time"] = 0.0;
+  }
+}
+
 TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   expectRefused("camera_height", -1.0,
                 "parameter /car/scale_recovery/camera_height is -1, it must lie in [0.05, 100]");

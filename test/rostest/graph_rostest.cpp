@@ -11,9 +11,11 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
+#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "manager_test.hpp"
 #include "mounting.hpp"
@@ -108,9 +110,10 @@ TEST_F(Graph, WrongParametersAreRefusedWithTheReason) {
     XmlRpc::XmlRpcValue value;
   } kCases[] = {
       {"ScaleRecovery", "camera_height", {}},  // missing
-      {"ScaleRecovery", "camera_height", -1.65}, {"MonoVo", "queue_size", 0},
-      {"MonoVo", "image_transport", "pigeon"},   {"ScaleRecovery", "image_transport", "pigeon"},
-      {"MonoVo", "mask", "/missing/mask.png"},   {"ScaleRecovery", "mask", "/missing/mask.png"},
+      {"ScaleRecovery", "camera_height", -1.65},  {"MonoVo", "queue_size", 0},
+      {"MonoVo", "image_transport", "pigeon"},    {"ScaleRecovery", "image_transport", "pigeon"},
+      {"MonoVo", "mask", "/missing/mask.png"},    {"ScaleRecovery", "mask", "/missing/mask.png"},
+      {"MonoVo", "camera_file", "/missing.yaml"}, {"ScaleRecovery", "camera_file", "/missing.yaml"},
   };
   int i = 0;
   for (const auto& test_case : kCases) {
@@ -368,6 +371,39 @@ TEST_F(Graph, TheRegionOfAMaskIsNotUsedButTinted) {
     const auto corner = images->last()->data.end() - 3;  // bgr8
     EXPECT_NE(corner[0], corner[2]);
   }
+  EXPECT_TRUE(pair.unload());
+}
+
+// Without camera_info, and with the same result as the offline tools.
+TEST_F(Graph, ACameraFileDescribesTheImages) {
+  const PinholeCamera& c = drive_->drive().camera();
+  CameraCalibration calibration{c.width, c.height, c.fx, c.fy, c.cx, c.cy, {0.02, 0, 0, 0, 0}};
+  calibration.estimated = true;
+  calibration.readout_time = 0.01;
+  const std::string file = std::filesystem::temp_directory_path() /
+                           ("graph_rostest_" + std::to_string(getpid()) + ".yaml");
+  std::ofstream(file) << cameraYaml(calibration, "");
+  calibration = readCameraFile(file);
+  NodeletPair pair(manager_, *drive_, "/filed");
+  pair.setParamOfBoth("camera_file", file);
+  pair.setParamOfBoth("image_is_rectified", true);
+  ASSERT_TRUE(pair.loadMonoVo() && pair.loadScaleRecovery() && pair.waitUntilConnected(false));
+  std::filesystem::remove(file);
+  const Undistortion undistortion(calibration);
+  auto options = optionsFor(drive_->drive().cameraHeight());
+  options.odometry.vo.readout_time = calibration.readout_time;
+  PinholeCamera camera{c.width,        c.height, calibration.fx, calibration.fy, calibration.cx,
+                       calibration.cy, true};
+  OfflineRun offline(camera, options, undistortion.mask());
+  for (std::size_t i = 0; i < kHalf; ++i) {
+    pair.publishImage(i);
+    ASSERT_TRUE(pair.waitForResult(i)) << i;
+    const RunFrame& record =
+        offline.process(undistortion.image(drive_->grey(i)), drive_->frame(i).stamp_ns);
+    EXPECT_NEAR(pair.scales.last()->scale, record.scale.scale, 1e-9) << i;
+  }
+  EXPECT_GT(pair.scales.last()->scale, 0);
+  EXPECT_TRUE(pair.frames.last()->lens_is_estimated);
   EXPECT_TRUE(pair.unload());
 }
 

@@ -26,10 +26,11 @@ class NodeletTopics {
 
   /// This program is connected to the topics of both nodelets, and a nodelet to the camera. The
   /// manager process is counted once for both, so the second one may still be missing.
-  bool waitUntilConnected() {
-    return waitUntil([this] {
-      return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
-             frames.connected() && scales.connected() && odometry.connected();
+  bool waitUntilConnected(bool to_camera_info = true) {
+    return waitUntil([this, to_camera_info] {
+      return images_.getNumSubscribers() > 0 &&
+             (infos_.getNumSubscribers() > 0) == to_camera_info && frames.connected() &&
+             scales.connected() && odometry.connected();
     });
   }
   void publishInfo(const sensor_msgs::CameraInfo& info) { infos_.publish(info); }

@@ -1,15 +1,21 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
 #include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/lens/lens_estimator.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
 namespace ground_scale_vo {
+
+/// A drive that can be read several times: calls its argument with each image (8-bit grey) and its
+/// stamp [ns], in order of time.
+using ImageVisitor = std::function<void(const cv::Mat& image, std::int64_t stamp_ns)>;
+using RepeatableDrive = std::function<void(const ImageVisitor&)>;
 
 /// Estimates the lens from drives of one camera. The tracks of an odometry with a wrong lens pull
 /// the estimate towards it, so the drives are processed again with each estimate until it
@@ -19,13 +25,15 @@ class LensCalibration {
   struct Options {
     LensEstimator::Options estimator;
     VisualOdometry::Options vo;
-    int max_runs = 5;
+    int max_runs = 5;               ///< of each drive
     double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
       visit("lens/", self.estimator);
       VisualOdometry::Options::visitStages(self.vo, visit);
     }
+    /// For a start from a field of view that is wrong by up to 15 %: a weak prior, more runs.
+    void expectRoughStart(int image_width);
     /// Throws OptionError.
     void validate() const;
   };
@@ -38,21 +46,16 @@ class LensCalibration {
     int runs = 0;
     bool converged = false;
   };
-  /// Called after each image: run from 1 on, index of the drive, index of the image.
-  using Progress = std::function<void(int run, std::size_t drive, std::size_t image)>;
-
   /// Throws OptionError.
   explicit LensCalibration(const Options& options);
 
-  /// drives: not empty, images of the calibration's size. A drive that does not observe the lens is
-  /// left out; the status is that of the first drive if all are. Throws DataError.
-  Result calibrate(const std::vector<const KittiSequence*>& drives, const Lens& calibration,
-                   const Progress& progress) const;
+  /// drives: not empty, images of the calibration's size (throws DataError otherwise). A drive that
+  /// does not observe the lens is left out; the status is that of the first drive if all are.
+  Result calibrate(const std::vector<RepeatableDrive>& drives, const Lens& calibration) const;
 
  private:
   /// Processes the images undistorted by `lens` and returns the tracks in the pixels of the images.
-  LensEstimator track(const KittiSequence& drive, const Lens& lens,
-                      const std::function<void(std::size_t)>& progress) const;
+  LensEstimator track(const RepeatableDrive& drive, const Lens& lens) const;
 
   Options options_;
 };

@@ -21,6 +21,10 @@ std::string readFile(const std::filesystem::path& file, std::size_t max_bytes);
 /// Throws DataError unless the folder of the file, which is to be written, exists.
 void requireFolderOf(const std::filesystem::path& file);
 
+/// Throws DataError when the output file exists and `force` is false, when it is a folder, a device
+/// or another file that is not a regular one, or when the folder of a new file does not exist.
+void requireNewFile(const std::filesystem::path& file, bool force);
+
 /// Writes under a temporary name beside the file and renames, so that the file is complete or
 /// missing. Throws DataError.
 void writeFile(const std::filesystem::path& file, const std::string& content);

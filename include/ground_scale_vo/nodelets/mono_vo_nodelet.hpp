@@ -27,7 +27,7 @@
 namespace ground_scale_vo {
 
 /// image + camera_info -> vo/frame, vo/odometry; for visualisation vo/image_tracks, vo/points.
-/// Service ~reset.
+/// Services ~reset, and with refine_camera ~save_camera.
 ///
 /// All callbacks run on the thread of the DedicatedSpinner. Bundle adjustment has a second one
 /// (Mapping), and feature tracking uses OpenCV's threads (parallelLoop()). The image callback only
@@ -41,9 +41,9 @@ class MonoVoNodelet : public nodelet::Nodelet {
  private:
   struct RectifiedImage {
     sensor_msgs::ImageConstPtr message;  ///< `grey` may refer to its data
-    cv::Mat grey;
+    cv::Mat grey;  ///< rectified; with refine_camera as CalibratedCamera::given()
     std::shared_ptr<const CalibratedCamera> camera;
-    cv::Mat mask;  ///< of ImageReceiver
+    cv::Mat mask;  ///< of `grey`
   };
 
   void onInit() override;
@@ -60,8 +60,9 @@ class MonoVoNodelet : public nodelet::Nodelet {
   /// Constructs the odometry if there is none, and again if the camera changed or the clock jumped
   /// back.
   void prepareOdometry(const RectifiedImage& image, bool clock_jumped_back);
-  void publish(const RectifiedImage& image, const VisualOdometry::Output& output,
-               const std_msgs::Header& header);
+  void publish(const SelfCalibratingOdometry::Output& output, const std_msgs::Header& header);
+  void publishLens(const std_msgs::Header& header);
+  bool onSaveCamera(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
   /// Counts a dropped message and warns about it.
   void drop(const std::string& kind, const std::string& reason);
@@ -73,19 +74,20 @@ class MonoVoNodelet : public nodelet::Nodelet {
   MonoVoParams params_;
 
   // Input.
-  ros::ServiceServer reset_server_;
+  ros::ServiceServer reset_server_, save_camera_server_;
   std::unique_ptr<ImageReceiver> receiver_;
   std::unique_ptr<BoundedQueue<sensor_msgs::ImageConstPtr>> images_;
   bool processing_scheduled_ = false;
   std::unique_ptr<StampFilter<RectifiedImage>> stamp_filter_;
 
   // Odometry.
-  std::unique_ptr<VisualOdometry> odometry_;
+  std::unique_ptr<SelfCalibratingOdometry> odometry_;
   std::shared_ptr<const CalibratedCamera> odometry_camera_;
   TrackPainter painter_;
 
   // Output.
   ros::Publisher frame_publisher_, odometry_publisher_, points_publisher_;
+  ros::Publisher refined_camera_publisher_;
   image_transport::Publisher tracks_publisher_;
 
   // Diagnostics.

@@ -64,8 +64,13 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   void processReady(bool may_wait = true);
   void process(VoFrame frame, const std_msgs::Header& header,
                const sensor_msgs::ImageConstPtr& image);
-  /// The rectified image of the frame; empty if there is none or it cannot be used.
-  cv::Mat rectifiedImage(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
+  /// The image on which the odometry worked, and its mask; empty if there is none or it cannot be
+  /// used.
+  struct FrameImage {
+    cv::Mat image, mask;
+  };
+  FrameImage frameImage(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
+  FrameImage refinedImage(const VoFrame& frame, const sensor_msgs::Image& image);
   /// Processes the waiting frames, then resets; the first metric pose is zero.
   void startAtNextPose();
   void reset();
@@ -107,6 +112,14 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
 
   // Input.
   std::unique_ptr<ImageReceiver> receiver_;  ///< null: images are not used
+  /// The camera as the odometry has refined it.
+  struct RefinedCamera {
+    std::shared_ptr<const CalibratedCamera> given;
+    CameraCalibration calibration;
+    Undistortion undistortion;
+    cv::Mat mask;
+  };
+  std::optional<RefinedCamera> refined_;
   std::unique_ptr<Synchronizer> synchronizer_;
   ros::WallTimer waiting_timer_;
   ros::Subscriber frame_subscriber_;

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
+#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/vo/camera.hpp"
 
 namespace ground_scale_vo {
@@ -25,6 +26,9 @@ class CalibratedCamera {
   /// number of coefficients or implausible ones; an ROI outside the image, a binning of all of it.
   CalibratedCamera(const sensor_msgs::CameraInfo& info, const std::string& topic,
                    bool image_is_rectified);
+  /// The camera of a camera file, with its lens_is_estimated. Throws OptionError: implausible
+  /// intrinsics or coefficients.
+  explicit CalibratedCamera(const CameraCalibration& calibration);
 
   /// Intrinsics of the rectified images, which have the size of the raw ones.
   const PinholeCamera& camera() const { return camera_; }
@@ -37,6 +41,12 @@ class CalibratedCamera {
   /// are the pixels that depend on a masked raw pixel or lie outside the raw image. Without
   /// distortion the result is the mask itself; empty stays empty.
   cv::Mat rectifyMask(const cv::Mat& mask) const;
+
+  /// The lens that refine_camera refines, and the images that it describes: the raw ones if their
+  /// distortion is plumb_bob with at most 5 coefficients, else the rectified ones.
+  const CameraCalibration& givenCalibration() const { return given_; }
+  bool isGivenRectified() const { return is_given_rectified_; }
+  cv::Mat given(const cv::Mat& raw) const { return is_given_rectified_ ? rectify(raw) : raw; }
 
   /// Same calibration: same image size, and both rectify an image to the same intrinsics and from
   /// the same raw pixels, within kTolerancePx.
@@ -51,9 +61,14 @@ class CalibratedCamera {
   static constexpr double kTolerancePx = 0.1;
 
  private:
+  /// info: with R = I and P = [K | 0]. Throws OptionError.
+  void set(const sensor_msgs::CameraInfo& info);
+
   image_geometry::PinholeCameraModel model_;
   PinholeCamera camera_;
   bool is_distorted_ = false;
+  CameraCalibration given_;
+  bool is_given_rectified_ = false;
 };
 
 /// camera_info of a rectified camera: K and P filled, D zero. For writing bags.

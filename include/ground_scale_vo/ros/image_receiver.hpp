@@ -18,13 +18,14 @@
 
 namespace ground_scale_vo {
 
-/// Subscribes to `image` (image_transport) and `camera_info`, and rectifies the images. Both
-/// nodelets receive their images with it. It runs in the callback queue of the node handle.
+/// Subscribes to `image` (image_transport) and, without a camera file, to `camera_info`, and
+/// rectifies the images. Both nodelets receive their images with it. It runs in the callback queue
+/// of the node handle.
 class ImageReceiver {
  public:
   struct Options {
     bool image_is_rectified = false;
-    std::string mask_file;                 ///< of ImageRectifier
+    std::string mask_file, camera_file;    ///< of ImageRectifier
     std::uint32_t image_queue_size = 100;  ///< images that may wait for their callback
   };
   struct Handlers {
@@ -40,22 +41,28 @@ class ImageReceiver {
 
   /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
   /// here; any other one but `raw` needs its plugin. Throws OptionError when that is missing, and
-  /// for a mask file that cannot be read.
+  /// for a mask or camera file that cannot be used.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);
   ImageReceiver(const ImageReceiver&) = delete;
   ImageReceiver& operator=(const ImageReceiver&) = delete;
 
-  /// Null before the first valid camera_info. A new object if and only if the calibration changed.
+  /// Without a camera file, null before the first valid camera_info. A new object if and only if
+  /// the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return rectifier_.camera(); }
 
   /// Of the images that rectify() returns with camera(); see ImageRectifier.
   const cv::Mat& mask() const { return rectifier_.mask(); }
+  /// [s] of the camera file; 0 without one.
+  double readoutTime() const { return rectifier_.readoutTime(); }
 
   /// Rectified 8-bit grey; empty, after on_drop("image refused", …) or on_drop("image of another
   /// camera", …), for an image that cannot be used. It may refer to the data of the message.
   /// Precondition: camera() is not null.
   cv::Mat rectify(const sensor_msgs::Image& image);
+  /// The same for the images that camera()->givenCalibration() describes, and their mask.
+  cv::Mat given(const sensor_msgs::Image& image);
+  const cv::Mat& givenMask() const { return rectifier_.givenMask(); }
 
   /// For images derived from the received ones.
   image_transport::ImageTransport& transport() { return transport_; }
@@ -69,6 +76,8 @@ class ImageReceiver {
                                   : image_subscriber_.getTopic();
   }
   std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
+  /// "camera_info on topic T" or "parameter camera_file: FILE".
+  std::string cameraSource() const;
   bool hasImagePublisher() const {
     return image_subscriber_.getNumPublishers() + compressed_subscriber_.getNumPublishers() > 0;
   }
@@ -80,6 +89,8 @@ class ImageReceiver {
   std::string sourceError() const;
 
  private:
+  using Conversion = cv::Mat (ImageRectifier::*)(const sensor_msgs::Image&);
+  cv::Mat convert(const sensor_msgs::Image& image, Conversion conversion);
   void checkRectification(const sensor_msgs::CameraInfo& info);
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);

@@ -14,25 +14,33 @@
 
 namespace ground_scale_vo {
 
-/// Converts the images of one camera to rectified 8-bit grey, by the latest valid camera_info. Of
-/// two calibrations that alternate, the first one is used.
+/// Converts the images of one camera to rectified 8-bit grey, by a camera file or by the latest
+/// valid camera_info. Of two calibrations that alternate, the first one is used.
 class ImageRectifier {
  public:
   /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
   /// mask_file: image file of their size before rectification, black where they never show the
-  /// scene; empty: no such region. Throws OptionError that names the parameter mask and the file.
-  explicit ImageRectifier(bool image_is_rectified, const std::string& mask_file = {});
+  /// scene; empty: no such region. camera_file: describes the images as they come
+  /// (readCameraFile()); camera_info and image_is_rectified are not used then; empty: camera_info.
+  /// Throws OptionError that names the parameter (mask, camera_file) and the file.
+  explicit ImageRectifier(bool image_is_rectified, const std::string& mask_file = {},
+                          const std::string& camera_file = {});
 
   /// Throws MessageError that names the topic, also for the second of two calibrations that
   /// alternate and for one whose image size is not that of the mask; the previous calibration stays
-  /// in use then.
+  /// in use then. Precondition: no camera file.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
-  /// Null before the first valid camera_info. A new object if and only if the calibration changed.
+  /// Without a camera file, null before the first valid camera_info. A new object if and only if
+  /// the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
-  /// Mask of the rectified images (CalibratedCamera::rectifyMask()); the same cv::Mat while
-  /// camera() is the same. Empty without a mask file.
+  /// Mask of the rectified images (CalibratedCamera::rectifyMask()), also of what lies outside the
+  /// raw image; the same cv::Mat while camera() is the same. Empty when it masks nothing.
   const cv::Mat& mask() const { return mask_; }
+  /// Of camera(): "camera_info" or "parameter camera_file: FILE".
+  const std::string& source() const { return source_; }
+  /// [s] of the camera file; 0 without one.
+  double readoutTime() const { return readout_time_; }
   /// Two calibrations alternate on the topic.
   bool calibrationAlternates() const { return calibrations_.alternates(); }
 
@@ -40,12 +48,21 @@ class ImageRectifier {
   /// MessageError: GreyConverter's reasons, or not the size of the calibration. Precondition:
   /// camera() is not null.
   cv::Mat rectify(const sensor_msgs::Image& image);
+  /// The same for the images that CalibratedCamera::givenCalibration() describes.
+  cv::Mat given(const sensor_msgs::Image& image);
+  const cv::Mat& givenMask() const { return camera_->isGivenRectified() ? mask_ : raw_mask_; }
 
  private:
+  cv::Mat toGrey(const sensor_msgs::Image& image);
+  void readCamera(const std::string& file);
+  void use(std::shared_ptr<const CalibratedCamera> camera);
+
   const bool image_is_rectified_;
   const std::string mask_name_;  ///< of raw_mask_, for errors
   const cv::Mat raw_mask_;
   cv::Mat mask_;
+  double readout_time_ = 0;
+  std::string source_ = "camera_info";
   std::shared_ptr<const CalibratedCamera> camera_;
   SourceGuard<std::shared_ptr<const CalibratedCamera>> calibrations_{
       [](const auto& a, const auto& b) { return a->isSameAs(*b); }};

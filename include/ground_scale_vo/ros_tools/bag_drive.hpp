@@ -17,6 +17,7 @@ struct BagDrive {
     std::string bag;
     std::string image;              ///< topic; image + "/compressed" when the bag has only that
     std::string camera_info;        ///< topic
+    std::string camera_file;        ///< replaces camera_info and rectified; empty: none
     std::string gps;                ///< topic of sensor_msgs/NavSatFix; empty: fixes are not read
     bool rectified = false;         ///< the images have no distortion, and P belongs to them
     double from_s = 0, to_s = 1e9;  ///< used part of the drive, from the first image on [s]

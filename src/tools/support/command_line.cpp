@@ -7,10 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
-#include <filesystem>
 #include <utility>
-
-#include "ground_scale_vo/io/text_file.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -117,15 +114,6 @@ std::string CommandLine::help() const {
   }
   text << (positionals_.empty() ? "" : "\n") << options_ << '\n' << details_ << '\n';
   return text.str();
-}
-
-void requireNewFile(const std::string& file, bool force) {
-  const auto type = std::filesystem::status(file).type();
-  if (type == std::filesystem::file_type::not_found) return requireFolderOf(file);
-  if (type != std::filesystem::file_type::regular) {
-    throw DataError(file + " is not a regular file");
-  }
-  if (!force) throw DataError(file + " exists already; --force replaces it");
 }
 
 int CommandLine::run(int argc, char** argv, const std::function<void()>& check,

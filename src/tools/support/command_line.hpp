@@ -54,10 +54,6 @@ class CommandLine {
   po::options_description options_;
 };
 
-/// Throws DataError when the output file exists and `force` is false, when it is a folder, a device
-/// or another file that is not a regular one, or when the folder of a new file does not exist.
-void requireNewFile(const std::string& file, bool force);
-
 /// An optional value. --help shows what the target holds now as its default. `unit` is how --help
 /// names the value: "M", "N", "FILE".
 template <typename T>

@@ -1,0 +1,107 @@
+"""The command `ground_scale_vo calibrate` of the Python package, and scripts/calibrate_camera, which runs it."""
+
+import importlib
+import re
+import sys
+
+import cv2
+import pytest
+import yaml
+from conftest import (SCRIPTS, assert_refused, camera_matrix, distorted_images_of, images_of, rendered,
+                      write_camera)
+
+K1 = -0.05  # of the distorted images
+
+
+@pytest.fixture(scope="module")
+def turns(data):
+    return rendered(data / "turns", "--frames", 110, "--size", "480x148", "--stop", 0)
+
+
+@pytest.fixture(scope="module")
+def distorted(turns, tmp_path_factory):
+    """Its images with distortion, as a folder and as a video without loss."""
+    folder, images = tmp_path_factory.mktemp("lens") / "turns", distorted_images_of(turns, [K1, 0, 0, 0])
+    folder.mkdir()
+    video = folder.with_suffix(".avi")
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*"FFV1"), 10, images[0].shape[::-1])
+    for i, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{i:06}.png"), image)
+        writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    (folder / "times.txt").write_text((turns / "times.txt").read_text())
+    return folder, video
+
+
+@pytest.fixture
+def command(gsv, tmp_path, monkeypatch, capfd):
+    """command(ARGUMENT...): its exit status and output, and what it wrote to stderr. In this process, in tmp_path."""
+    def call(*arguments):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["ground_scale_vo", *map(str, arguments)])
+        status = importlib.import_module("ground_scale_vo.command_line").main()
+        output = capfd.readouterr()
+        return status, output.out, output.err
+    return call
+
+
+def assert_estimated(file, turns):
+    """The lens of the distorted images; beside it the residuals before and after."""
+    camera = yaml.safe_load(file.read_text())
+    assert camera["estimated_from_drives"] is True and camera["distortion_model"] == "plumb_bob"
+    assert camera["distortion_coefficients"]["data"][0] == pytest.approx(K1, abs=0.012)
+    assert camera["camera_matrix"]["data"][0] == pytest.approx(camera_matrix(turns)[0, 0], rel=0.01)
+    height, width = images_of(turns)[0].shape
+    assert cv2.imread(str(file.with_suffix(".png"))).shape == (2 * height + 1, width, 3)
+    return camera
+
+
+def test_folder(gsv, command, distorted, turns, tmp_path):
+    """The distortion of raw images is changed, the readout time copied; the other commands read both."""
+    start = write_camera(tmp_path / "start.yaml", turns, D=[-0.03, 0, 0, 0, 0], readout_time=0.0001)
+    status, output, messages = command("calibrate", distorted[0], "--camera", start, "--out", "lens.yaml")
+    assert status == 0 and "turns: ok, " in output
+    assert re.search(r"^k1 .* -0.03 ± .* -0.0\d+ ± ", output, re.MULTILINE), output
+    assert assert_estimated(tmp_path / "lens.yaml", turns)["readout_time"] == 0.0001
+    module = importlib.import_module("ground_scale_vo.calibration")
+    calibration = module.read_calibration(tmp_path / "lens.yaml")
+    assert calibration.readout_time == 0.0001
+    assert module.Rectification(calibration, calibration.size).camera.lens_is_estimated
+    written = (tmp_path / "lens.yaml").read_bytes()
+    status, _, messages = command("calibrate", distorted[0], "--camera", start, "--out", "lens.yaml")
+    assert status == 1 and "lens.yaml exists already; --force replaces it" in messages
+    assert (tmp_path / "lens.yaml").read_bytes() == written
+
+
+def test_video_without_calibration(command, distorted, turns, tmp_path):
+    assert command("calibrate", distorted[1], "--fov", 75, "--set", "odometry/readout_time=0.0002")[0] == 0
+    assert assert_estimated(tmp_path / "camera.yaml", turns)["readout_time"] == 0.0002
+
+
+def test_script_refuses_a_straight_drive(data, tmp_path):
+    straight = rendered(data / "straight", "--frames", 60, "--size", "480x148", "--stop", 0, "--curvature", 0)
+    assert_refused(1, "the lens is not observable: ", SCRIPTS / "calibrate_camera", straight, "--out", "lens.yaml",
+                   cwd=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("status, text, arguments", [
+    (1, "rational.yaml: the distortion model is rational_polynomial", ["SHORTEST", "--camera", "rational.yaml"]),
+    (1, "fisheye.yaml: the distortion model is equidistant", ["SHORTEST", "--camera", "fisheye.yaml"]),
+    (1, "readout_time is not in [0, 0.2] s", ["SHORTEST", "--camera", "slow.yaml"]),
+    (1, "the images are 800x248, the calibration is of 480x148", ["SHORTEST", "--camera", "size.yaml"]),
+    (1, "none: no such file", ["none", "--fov", 90]),
+    (1, "there is no folder missing", ["SHORTEST", "--out", "missing/lens.yaml"]),
+    (2, "--rectified is for the camera_info of a bag, without --fov", ["SHORTEST", "--rectified", "--fov", 90]),
+    (2, "--camera or --fov is missing", ["none"]),
+    (2, "--fov is 5, it must lie in [10, 150]", ["SHORTEST", "--fov", 5]),
+    (2, "lens.png is the name of the image", ["SHORTEST", "--out", "lens.png"]),
+    (2, "direct/crown_sigma", ["SHORTEST", "--set", "direct/crown_sigma=1"]),
+])
+def test_refuses(command, shortest, turns, tmp_path, status, text, arguments):
+    write_camera(tmp_path / "rational.yaml", shortest, "rational_polynomial", 8 * [0.1])
+    write_camera(tmp_path / "fisheye.yaml", shortest, "equidistant", 4 * [0.1])
+    write_camera(tmp_path / "slow.yaml", shortest, readout_time=0.3)
+    write_camera(tmp_path / "size.yaml", turns)
+    done, _, message = command("calibrate", *(shortest if word == "SHORTEST" else word for word in arguments))
+    assert done == status and text in message and message.count("\n") == 1, message

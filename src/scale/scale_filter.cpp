@@ -34,6 +34,7 @@ double ScaleFilter::sigma() const {
 
 void ScaleFilter::predict(double distance, double angle) {
   distance_ += distance;
+  turned_ += angle;
   if (known_) {
     covariance_(0, 0) +=
         options_.drift_per_sqrt_height * options_.drift_per_sqrt_height * distance / height() +
@@ -125,21 +126,34 @@ void ScaleFilter::clearPending(Source source) {
   if (source == Source::kFeatureBased || !deviates) feature_based.clear();
 }
 
+/// Distance over which the process noise is that of a rotation [camera heights].
+double ScaleFilter::equivalentDistance(double angle) const {
+  const double ratio = options_.drift_per_sqrt_rad / options_.drift_per_sqrt_height;
+  return options_.drift_per_sqrt_height > 0 ? ratio * ratio * angle : 0;
+}
+
 /// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
-/// distance, restarts the filter from their median; true when it did. A young state is replaced
-/// after the distance over which measurements supported it. The tilt is then that of a new map,
-/// because the cause of the contradiction is not known.
+/// distance, restarts the filter from their median; true when it did. A rotation counts as the
+/// distance of equal process noise: in a turn the unit of the map may really change. A young state
+/// is replaced after the distance over which measurements supported it. The tilt is then that of a
+/// new map, because the cause of the contradiction is not known.
 bool ScaleFilter::collect(const Measurement& measurement, Source source) {
   std::deque<Measurement>& pending = pending_[indexOf(source)];
   double& pending_since = pending_since_[indexOf(source)];
-  if (pending.empty()) pending_since = distance_;
+  double& turned_before = turned_before_[indexOf(source)];
+  if (pending.empty()) {
+    pending_since = distance_;
+    turned_before = turned_;
+  }
   pending.push_back(measurement);
   const auto required = static_cast<std::size_t>(options_.restart_measurements);
   if (pending.size() > required) pending.pop_front();
+  const double measured_height = std::exp(measurement.log_height);
   const double required_distance =
-      std::min(pending_since - started_at_,
-               options_.restart_distance_heights * std::exp(measurement.log_height));
-  if (pending.size() < required || distance_ - pending_since < required_distance) return false;
+      std::min(pending_since - started_at_, options_.restart_distance_heights * measured_height);
+  const double persisted =
+      distance_ - pending_since + equivalentDistance(turned_ - turned_before) * measured_height;
+  if (pending.size() < required || persisted < required_distance) return false;
   std::vector<double> log_heights;
   double mean_variance = 0;
   for (const Measurement& m : pending) {

@@ -66,6 +66,20 @@ TEST(ScaleFilter, AWrongStartOrRestartIsReplacedSoon) {
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
 
+// The unit of the map changes in a turn with a radius of 7 m; the camera is 1.65 m above the road.
+TEST(ScaleFilter, AcceptsConsistentMeasurementsWithinThreeMetresOfATurn) {
+  ScaleFilter filter({});
+  drive(&filter, 100, 1, 0.02);
+  constexpr double kHeight = 0.8, kMetre = kHeight / 1.65, kStep = 0.3;
+  double driven = 0;  // [m]
+  while (driven < 6 && std::abs(filter.height() - kHeight) > 0.02) {
+    filter.predict(kStep * kMetre, kStep / 7);
+    filter.update(kHeight, 0.01, kRoadDistance);
+    driven += kStep;
+  }
+  EXPECT_LE(driven, 3 + kStep);
+}
+
 /// Measured height of 1 in a map with a tilt [rad] that decays with the distance travelled.
 double tiltedHeight(double tilt, double road_distance, double travelled) {
   const double decay = ScaleFilter::Options().start_tilt_decay * road_distance;

@@ -79,8 +79,9 @@ class ScaleFilter {
           "one that deviates by more from the state is not cancelled by a direct one");
       visit(
           "restart_distance_heights", self.restart_distance_heights, 0, 1e6,
-          "[camera heights] distance since the first rejected measurement before a restart; or the "
-          "distance from the start of the filter to that one, if shorter");
+          "[camera heights] distance since the first rejected measurement before a restart, where "
+          "rotation counts as the distance of equal random walk; or the distance from the start of "
+          "the filter to that one, if shorter");
       visit("lens_change_sigma", self.lens_change_sigma, 0, 1,
             "[] standard deviation of the change of ln h when a refined lens replaces another");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
@@ -126,12 +127,14 @@ class ScaleFilter {
   void clearPending(Source source);
   void updateNisScale(Source source, double nis);
   double tiltLever(const Measurement& measurement) const;
+  double equivalentDistance(double angle) const;
 
   Options options_;
   bool known_ = false;
   Eigen::Vector2d state_ = Eigen::Vector2d::Zero();       ///< ln h, tilt [rad]
   Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Zero();  ///< of the state
   double distance_ = 0;                                   ///< travelled since reset() [VO units]
+  double turned_ = 0;                                     ///< rotated since reset() [rad]
   double started_at_ = 0;                                 ///< distance_ at the latest (re)start
   double tilted_since_ = 0;  ///< distance_ from which on the tilt decays
   double nis_scale_ = 1;     ///< mean normalised innovation squared
@@ -140,8 +143,9 @@ class ScaleFilter {
   /// The latest rejected measurements, by source, at most restart_measurements: candidates for a
   /// restart.
   std::array<std::deque<Measurement>, kSources> pending_;
-  std::array<double, kSources> pending_since_{};  ///< distance_ at the first
-  std::deque<double> inverse_heights_;            ///< of the moving average
+  std::array<double, kSources> pending_since_{},
+      turned_before_{};                 ///< distance_, turned_ at the first
+  std::deque<double> inverse_heights_;  ///< of the moving average
 };
 
 }  // namespace ground_scale_vo

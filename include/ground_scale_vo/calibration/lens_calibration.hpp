@@ -20,7 +20,7 @@ CameraCalibration calibrationOf(const Lens& lens);
 class LensCalibration {
  public:
   struct Options {
-    LensEstimator::Options estimator;
+    LensEstimator::Options estimator = allTracks();
     VisualOdometry::Options vo;
     int max_runs = 5;
     double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
@@ -31,6 +31,14 @@ class LensCalibration {
     }
     /// Throws OptionError.
     void validate() const;
+
+   private:
+    /// Time matters less than while driving.
+    static LensEstimator::Options allTracks() {
+      LensEstimator::Options options;
+      options.tracks_per_cell = 1000;
+      return options;
+    }
   };
 
   struct Result {

@@ -1,5 +1,6 @@
 #include "ground_scale_vo/lens/lens.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
@@ -75,6 +76,11 @@ LensVector boxminus(const Lens& a, const Lens& b) {
   delta << std::log(a.camera.fx / b.camera.fx), a.camera.cx - b.camera.cx,
       a.camera.cy - b.camera.cy, a.k1 - b.k1, a.k2 - b.k2;
   return delta;
+}
+
+double LensEstimate::significance(const Lens& current) const {
+  const LensVector difference = boxminus(current, lens);
+  return difference.dot(covariance.ldlt().solve(difference));
 }
 
 }  // namespace ground_scale_vo

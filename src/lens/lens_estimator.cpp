@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <map>
 
 #include "ground_scale_vo/common/median.hpp"
 #include "lens/lens_solver.hpp"
@@ -13,30 +12,79 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Cells of Result::field.
+/// Cells of the image, for Result::field and the selection of tracks.
 constexpr int kFieldColumns = 16, kFieldRows = 6;
 /// Least number of keyframes of a segment.
 constexpr std::size_t kMinSegment = 5;
-/// Iterations with the lens fixed, and in each round between rejections of outliers.
-constexpr int kFixedIterations = 5, kRoundIterations = 8, kRounds = 3;
+/// Iterations with the lens fixed, in each round between rejections of outliers, and with the lens
+/// of the prior. Poses and points of the odometry are a good start, so that more change the
+/// estimate by less than 0.1 standard deviations.
+constexpr int kFixedIterations = 1, kRoundIterations = 3, kRounds = 2, kPriorIterations = 2;
 /// A track has parallax when its inverse depth times the length of the segment exceeds this.
 constexpr double kMinParallax = 0.02;
 
-/// Tracks in keyframes first to last - 1, numbered from first on.
+/// Tracks in keyframes first to last - 1, numbered from first on, in pieces of at most
+/// kMaxTrackKeyframes.
 template <typename Keyframes>
 std::vector<LensTrack> tracksOf(const Keyframes& keyframes, std::size_t first, std::size_t last,
                                 std::size_t min_observations) {
-  std::map<std::uint64_t, LensTrack> tracks;
+  struct Feature {
+    std::uint64_t id;
+    LensObservation observation;
+  };
+  std::vector<Feature> features;
   for (std::size_t k = first; k < last; ++k) {
-    for (const auto& [id, u] : keyframes[k].features) {
-      tracks[id].observations.push_back({k - first, u});
-    }
+    for (const auto& [id, u] : keyframes[k].features) features.push_back({id, {k - first, u}});
   }
+  std::stable_sort(features.begin(), features.end(),
+                   [](const Feature& a, const Feature& b) { return a.id < b.id; });
   std::vector<LensTrack> result;
-  for (auto& [id, track] : tracks) {
-    if (track.observations.size() >= min_observations) result.push_back(std::move(track));
+  for (auto begin = features.begin(), end = begin; begin != features.end(); begin = end) {
+    const auto belongs = [&](const Feature& feature) {
+      return feature.id == begin->id &&
+             feature.observation.keyframe < begin->observation.keyframe + kMaxTrackKeyframes;
+    };
+    end = std::find_if_not(begin, features.end(), belongs);
+    if (end - begin < static_cast<std::ptrdiff_t>(min_observations)) continue;
+    result.emplace_back();
+    for (auto it = begin; it != end; ++it) result.back().observations.push_back(it->observation);
   }
   return result;
+}
+
+std::size_t cellOf(const PinholeCamera& camera, const Eigen::Vector2d& u) {
+  const auto index = [](double at, int size, int cells) {
+    return std::clamp(static_cast<int>(at / size * cells), 0, cells - 1);
+  };
+  return static_cast<std::size_t>(index(u.y(), camera.height, kFieldRows) * kFieldColumns +
+                                  index(u.x(), camera.width, kFieldColumns));
+}
+
+/// Keeps tracks that cover each keyframe evenly: in the order of their length in the image, those
+/// of which at least half of the observations lie in cells with fewer than max_per_cell.
+void selectTracks(const PinholeCamera& camera, std::size_t keyframes, int max_per_cell,
+                  std::vector<LensTrack>* tracks) {
+  const auto length = [](const LensTrack& track) {
+    return (track.observations.back().u - track.observations.front().u).squaredNorm();
+  };
+  std::vector<std::pair<double, std::size_t>> order;
+  for (std::size_t i = 0; i < tracks->size(); ++i) order.emplace_back(-length((*tracks)[i]), i);
+  std::sort(order.begin(), order.end());
+  std::vector<int> counts(keyframes * kFieldRows * kFieldColumns);
+  std::vector<LensTrack> selected;
+  std::vector<std::size_t> cells;
+  for (const auto& [key, i] : order) {
+    cells.clear();
+    std::size_t open = 0;
+    for (const LensObservation& o : (*tracks)[i].observations) {
+      cells.push_back(o.keyframe * kFieldRows * kFieldColumns + cellOf(camera, o.u));
+      open += counts[cells.back()] < max_per_cell;
+    }
+    if (2 * open < cells.size()) continue;
+    for (const std::size_t cell : cells) ++counts[cell];
+    selected.push_back(std::move((*tracks)[i]));
+  }
+  *tracks = std::move(selected);
 }
 
 /// Sums the residuals by cell; `sum` is FieldCell::before or after.
@@ -48,12 +96,7 @@ double addResiduals(const LensSolver& solver, Eigen::Vector2d LensEstimator::Fie
   for (LensEstimator::FieldCell& cell : *field) cell.observations = 0;
   for (const LensSegment& segment : solver.segments()) {
     for (const LensResidual& residual : segment.residuals(solver.lens())) {
-      const auto index = [](double at, int size, int cells) {
-        return std::clamp(static_cast<int>(at / size * cells), 0, cells - 1);
-      };
-      const int cell = index(residual.u.y(), camera.height, kFieldRows) * kFieldColumns +
-                       index(residual.u.x(), camera.width, kFieldColumns);
-      LensEstimator::FieldCell& target = (*field)[static_cast<std::size_t>(cell)];
+      LensEstimator::FieldCell& target = (*field)[cellOf(camera, residual.u)];
       target.*sum += residual.error;
       ++target.observations;
       squares += residual.error.squaredNorm();
@@ -143,10 +186,10 @@ std::vector<LensSegment> LensEstimator::segments(const Lens& lens, const TrackNo
             std::max(length, (T_w_c.back().translation() - T_w_c.front().translation()).norm());
       }
       if (last - first < kMinSegment || !(length > 0)) continue;
-      result.emplace_back(
-          T_w_c,
-          tracksOf(keyframes_, first, last, static_cast<std::size_t>(options_.min_observations)),
-          lens, noise);
+      std::vector<LensTrack> tracks =
+          tracksOf(keyframes_, first, last, static_cast<std::size_t>(options_.min_observations));
+      selectTracks(lens.camera, last - first, options_.tracks_per_cell, &tracks);
+      result.emplace_back(T_w_c, std::move(tracks), lens, noise);
     }
   }
   return result;
@@ -174,7 +217,7 @@ LensEstimator::Result LensEstimator::estimate(const LensEstimate& prior,
   result.field = emptyField(prior.lens.camera);
   result.rms_after_px = addResiduals(solver, &FieldCell::after, &result.field);
   solver.setLens(prior.lens);
-  solver.optimise(false, kRoundIterations);
+  solver.optimise(false, kPriorIterations);
   result.rms_before_px = addResiduals(solver, &FieldCell::before, &result.field);
   return result;
 }

@@ -22,16 +22,6 @@ constexpr double kBehindCamera = 1e8;
 
 Eigen::Index row(std::size_t keyframe) { return static_cast<Eigen::Index>(6 * (keyframe - 1)); }
 
-/// d(pixel) / d(lens); x: normalised coordinates without distortion.
-Eigen::Matrix<double, 2, kLensParameters> lensJacobian(const Lens& lens, const Eigen::Vector2d& x) {
-  const Eigen::Vector2d f(lens.camera.fx, lens.camera.fy);
-  const double r2 = x.squaredNorm();
-  Eigen::Matrix<double, 2, kLensParameters> J;
-  J << f.cwiseProduct(lens.distort(x)), Eigen::Matrix2d::Identity(), f.cwiseProduct(r2 * x),
-      f.cwiseProduct(r2 * r2 * x);
-  return J;
-}
-
 /// The terms of the field at a pixel.
 Eigen::Matrix<double, 1, LensSegment::kFieldTerms> fieldTerms(const Lens& lens,
                                                               const Eigen::Vector2d& u) {
@@ -56,6 +46,35 @@ std::vector<std::size_t> keyframesOf(const LensTrack& track) {
   return keyframes;
 }
 
+/// Cholesky factorisation in place of the lower part of a matrix of 6x6 blocks, of which only
+/// `band` rows below the blocks on the diagonal are not zero.
+void factoriseBand(Eigen::Index band, Eigen::MatrixXd* A) {
+  for (Eigen::Index k = 0; k < A->rows(); k += 6) {
+    const Eigen::Index below = std::min(band, A->rows() - k - 6);
+    Matrix6d L = A->block<6, 6>(k, k).llt().matrixL();
+    A->block<6, 6>(k, k) = L;
+    auto panel = A->block(k + 6, k, below, 6);
+    L.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(panel);
+    A->block(k + 6, k + 6, below, below).selfadjointView<Eigen::Lower>().rankUpdate(panel, -1);
+  }
+}
+
+/// Solves L L^T X = B in place.
+void solveBand(const Eigen::MatrixXd& L, Eigen::Index band, Eigen::MatrixXd* B) {
+  for (Eigen::Index k = 0; k < L.rows(); k += 6) {
+    const Eigen::Index below = std::min(band, L.rows() - k - 6);
+    auto x = B->middleRows<6>(k);
+    L.block<6, 6>(k, k).triangularView<Eigen::Lower>().solveInPlace(x);
+    B->middleRows(k + 6, below).noalias() -= L.block(k + 6, k, below, 6) * x;
+  }
+  for (Eigen::Index k = L.rows() - 6; k >= 0; k -= 6) {
+    const Eigen::Index below = std::min(band, L.rows() - k - 6);
+    auto x = B->middleRows<6>(k);
+    x.noalias() -= L.block(k + 6, k, below, 6).transpose() * B->middleRows(k + 6, below);
+    L.block<6, 6>(k, k).transpose().triangularView<Eigen::Upper>().solveInPlace(x);
+  }
+}
+
 }  // namespace
 
 LensSegment::LensSegment(const std::vector<Eigen::Isometry3d>& T_w_c, std::vector<LensTrack> tracks,
@@ -78,6 +97,7 @@ LensSegment::LensSegment(const std::vector<Eigen::Isometry3d>& T_w_c, std::vecto
     track.frame = track.observations.front().keyframe;
     track.information = noise.information(keyframesOf(track));
     triangulate(lens, &track);
+    band_ = std::max(band_, row(track.observations.back().keyframe + 1) - row(track.frame + 1));
   }
 }
 
@@ -129,172 +149,171 @@ Eigen::MatrixX2d LensSegment::errors(const Lens& lens, const LensTrack& track) c
   return result;
 }
 
-/// Stacks the Jacobians of a track in *M: rows x of all observations, then y; columns point, lens,
-/// field, error. False for a point behind a camera.
-bool LensSegment::stack(const Lens& lens, const LensTrack& track, Eigen::MatrixXd* M,
-                        std::vector<Jacobian26>* J_c) const {
+/// False for a point behind a camera.
+template <int kParameters>
+bool LensSegment::linearise(const Lens& lens, const TrackNoise& noise, const LensTrack& track,
+                            Linearisation<kParameters>* result) const {
   const auto n = static_cast<Eigen::Index>(track.observations.size());
   const Eigen::Isometry3d& frame = initial_T_w_c_[track.frame];
   const Eigen::Vector2d f(lens.camera.fx, lens.camera.fy);
-  const bool with_field = M->cols() > 3 + kLensParameters + 1;
-  M->setZero();
-  J_c->clear();
+  result->J_c.resize(track.observations.size());
+  result->J.resize(2 * n, Eigen::NoChange);
   for (Eigen::Index i = 0; i < n; ++i) {
     const LensObservation& o = track.observations[static_cast<std::size_t>(i)];
     const Eigen::Vector3d q = inCamera(track, o.keyframe);
     if (!(q.z() > kMinDepthRatio * q.norm())) return false;
     const Eigen::Vector2d x = q.hnormalized();
     Eigen::Matrix2d d_distorted;
-    lens.distort(x, &d_distorted);
-    Eigen::Matrix<double, 2, 3> d_x;
-    d_x << 1 / q.z(), 0, -x.x() / q.z(), 0, 1 / q.z(), -x.y() / q.z();
-    const Eigen::Matrix<double, 2, 3> J_q = f.asDiagonal() * d_distorted * d_x;
+    const Eigen::Vector2d distorted = lens.distort(x, &d_distorted);
+    Matrix23 d_x;
+    d_x << 1, 0, -x.x(), 0, 1, -x.y();
+    const Matrix23 J_q = f.asDiagonal() * d_distorted * (d_x / q.z());
     // The pose changes to (exp([w]x) R, exp([w]x) t + v).
-    Jacobian26 J_pose;
-    J_pose << -J_q * skew(q), track.point.z() * J_q;
-    J_c->push_back(J_pose);
+    result->J_c[static_cast<std::size_t>(i)] << -J_q * skew(q), track.point.z() * J_q;
     Eigen::Matrix3d d_point;
     d_point << T_c_w_[o.keyframe].linear() * frame.linear().leftCols<2>(),
         T_c_w_[o.keyframe] * frame.translation();
-    Eigen::Matrix<double, 2, 3 + kLensParameters> J;
-    J << J_q * d_point, lensJacobian(lens, x);
-    const Eigen::Vector2d error = lens.project(x) - o.u;
-    for (int axis = 0; axis < 2; ++axis) {
-      auto row_of_M = M->row(axis * n + i);
-      row_of_M.head<3 + kLensParameters>() = J.row(axis);
-      row_of_M(M->cols() - 1) = error[axis];
-      if (!with_field) continue;
-      row_of_M.segment<kFieldTerms>(3 + kLensParameters + axis * kFieldTerms) =
-          fieldTerms(lens, o.u);
+    const Eigen::Vector2d cubic = x.squaredNorm() * f.cwiseProduct(x);
+    Eigen::Matrix<double, 2, 3 + kParameters + 1> J;
+    J.template leftCols<3 + kLensParameters>() << J_q * d_point, f.cwiseProduct(distorted),
+        Eigen::Matrix2d::Identity(), cubic, x.squaredNorm() * cubic;
+    if constexpr (kParameters > kLensParameters) {
+      const auto terms = fieldTerms(lens, o.u);
+      J.template middleCols<kFieldParameters>(3 + kLensParameters) << terms, 0 * terms, 0 * terms,
+          terms;
     }
+    J.template rightCols<1>() = lens.camera.project(distorted.homogeneous()) - o.u;
+    result->J.row(i) = J.row(0);
+    result->J.row(n + i) = J.row(1);
   }
+  result->WJ.resize(2 * n, Eigen::NoChange);
+  result->WJ.topRows(n) = track.information.lazyProduct(result->J.topRows(n));
+  result->WJ.bottomRows(n) = track.information.lazyProduct(result->J.bottomRows(n));
+  const double information = 1 / (noise.sigma_px * noise.sigma_px);
+  const double chi2 =
+      information * result->J.template rightCols<1>().dot(result->WJ.template rightCols<1>());
+  result->weight = information * noise.weight(chi2, track.redundancy());
+  result->WJ *= result->weight;
   return true;
 }
 
-/// False for a point behind a camera.
-bool LensSegment::linearise(const Lens& lens, const TrackNoise& noise, const LensTrack& track,
-                            bool with_field, TrackSystem* system) const {
+/// Adds a track, without its point, to the normal equations of poses, lens and field.
+template <int kParameters>
+void LensSegment::eliminate(std::size_t index, const Linearisation<kParameters>& system,
+                            double damping) {
+  constexpr int kColumns = kParameters + 1;
+  const LensTrack& track = tracks_[index];
   const auto n = static_cast<Eigen::Index>(track.observations.size());
-  const Eigen::Index parameters = kLensParameters + (with_field ? kFieldParameters : 0);
-  Eigen::MatrixXd M(2 * n, 3 + parameters + 1);
-  if (!stack(lens, track, &M, &system->J_c)) return false;
-  system->information = track.information / (noise.sigma_px * noise.sigma_px);
-  Eigen::MatrixXd WM(M.rows(), M.cols());
-  WM.topRows(n).noalias() = system->information * M.topRows(n);
-  WM.bottomRows(n).noalias() = system->information * M.bottomRows(n);
-  const double weight = noise.weight(M.rightCols<1>().dot(WM.rightCols<1>()), track.redundancy());
-  system->information *= weight;
-  WM *= weight;
-  const auto J_p = M.leftCols<3>();
-  const auto J_l = M.middleCols(3, parameters);
-  system->H_pp = J_p.transpose() * WM.leftCols<3>();
-  system->H_lp = J_l.transpose() * WM.leftCols<3>();
-  system->H_ll = J_l.transpose() * WM.middleCols(3, parameters);
-  system->g_p = J_p.transpose() * WM.rightCols<1>();
-  system->g_l = J_l.transpose() * WM.rightCols<1>();
-  system->H_cp.clear();
-  system->H_cl.clear();
-  system->g_c.clear();
+  const auto WJ_p = system.WJ.template leftCols<3>();
+  const Eigen::Matrix<double, 3, 3 + kColumns> H =
+      system.J.template leftCols<3>().transpose().lazyProduct(system.WJ);
+  Eigen::Matrix3d H_pp = H.template leftCols<3>();
+  H_pp.diagonal() *= 1 + damping;
+  H_pp.diagonal().array() += kRidge * H_pp.trace();
+  const Eigen::Matrix3d inverse = H_pp.inverse();
+  eliminations_.push_back({index, observations_.size(), inverse, H.template rightCols<1>(),
+                           H.template middleCols<kLensParameters>(3)});
+
+  // The information of the track after the elimination of the point is W - gain WJ_p^T; Q is its
+  // product with the Jacobian by the lens and with the error.
+  const Rows<3> gain = WJ_p.lazyProduct(inverse);
+  const Rows<kColumns> Q =
+      system.WJ.template rightCols<kColumns>() - gain.lazyProduct(H.template rightCols<kColumns>());
+  schur_.ll.noalias() += system.J.template middleCols<kParameters>(3).transpose() * Q;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Jacobian26& J_c = system->J_c[static_cast<std::size_t>(i)];
-    Eigen::MatrixXd weighted(2, M.cols());
-    weighted << WM.row(i), WM.row(n + i);
-    system->H_cp.push_back(J_c.transpose() * weighted.leftCols<3>());
-    system->H_cl.push_back(J_c.transpose() * weighted.middleCols(3, parameters));
-    system->g_c.push_back(J_c.transpose() * weighted.rightCols<1>());
+    const Jacobian26& J_c = system.J_c[static_cast<std::size_t>(i)];
+    Observation observation{J_c, {}};
+    observation.WJ_p << WJ_p.row(i), WJ_p.row(n + i);
+    observations_.push_back(observation);
   }
-  return true;
-}
-
-/// Adds a track, without its point, to the normal equations of poses and lens.
-void LensSegment::eliminate(const LensTrack& track, const TrackSystem& system,
-                            const Elimination& elimination, Schur* schur) {
-  const Eigen::Matrix3d& inverse = elimination.H_pp_inverse;
-  const Eigen::MatrixXd lens_gain = system.H_lp * inverse;
-  schur->ll += system.H_ll - lens_gain * system.H_lp.transpose();
-  schur->g_l += system.g_l - lens_gain * system.g_p;
-  for (std::size_t i = 0; i < track.observations.size(); ++i) {
-    const std::size_t keyframe = track.observations[i].keyframe;
+  const Observation* observations = &observations_[eliminations_.back().first_observation];
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const std::size_t keyframe = track.observations[static_cast<std::size_t>(i)].keyframe;
     if (keyframe == 0) continue;
-    const Matrix63 gain = system.H_cp[i] * inverse;
-    schur->cl.middleRows<6>(row(keyframe)) += system.H_cl[i] - gain * system.H_lp.transpose();
-    schur->g_c.segment<6>(row(keyframe)) += system.g_c[i] - gain * system.g_p;
-    for (std::size_t j = 0; j <= i; ++j) {  // the lower triangle
-      const std::size_t other = track.observations[j].keyframe;
+    const Jacobian26& J_c = observations[i].J_c;
+    Eigen::Matrix<double, 2, kColumns> Q_i;
+    Q_i << Q.row(i), Q.row(n + i);
+    schur_.cl.middleRows<6>(row(keyframe)) += J_c.transpose().lazyProduct(Q_i);
+    Matrix23 gain_i;
+    gain_i << gain.row(i), gain.row(n + i);
+    for (Eigen::Index j = 0; j <= i; ++j) {  // the lower triangle
+      const std::size_t other = track.observations[static_cast<std::size_t>(j)].keyframe;
       if (other == 0) continue;
-      const double w =
-          system.information(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-      schur->cc.block<6, 6>(row(keyframe), row(other)) +=
-          system.J_c[i].transpose() * (w * system.J_c[j]) - gain * system.H_cp[j].transpose();
+      Eigen::Matrix2d P = -gain_i * observations[j].WJ_p.transpose();
+      P.diagonal().array() += system.weight * track.information(i, j);
+      const Jacobian26 PJ = P * observations[j].J_c;
+      schur_.cc.block<6, 6>(row(keyframe), row(other)) += J_c.transpose().lazyProduct(PJ);
     }
-    const double w = system.information(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i));
-    schur->diagonal.segment<6>(row(keyframe)) += w * system.J_c[i].colwise().squaredNorm();
+    schur_.diagonal.segment<6>(row(keyframe)) +=
+        system.weight * track.information(i, i) * J_c.colwise().squaredNorm();
   }
 }
 
-LensSegment::Schur LensSegment::assemble(const Lens& lens, const TrackNoise& noise, double damping,
-                                         bool with_field) {
+template <int kParameters>
+void LensSegment::assemble(const Lens& lens, const TrackNoise& noise, double damping) {
   const Eigen::Index n = row(T_c_w_.size());
-  const Eigen::Index parameters = kLensParameters + (with_field ? kFieldParameters : 0);
-  Schur schur{Eigen::MatrixXd::Zero(n, n),
-              Eigen::MatrixXd::Zero(n, parameters),
-              Eigen::MatrixXd::Zero(parameters, parameters),
-              Eigen::VectorXd::Zero(n),
-              Eigen::VectorXd::Zero(parameters),
-              Eigen::VectorXd::Zero(n)};
-  eliminations_.clear();
-  TrackSystem system;
-  for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    if (!tracks_[i].used || !linearise(lens, noise, tracks_[i], with_field, &system)) continue;
-    Eigen::Matrix3d H_pp = system.H_pp;
-    H_pp.diagonal() *= 1 + damping;
-    H_pp.diagonal().array() += kRidge * H_pp.trace();
-    Elimination elimination{i, H_pp.inverse(), system.g_p, system.H_lp, system.H_cp};
-    eliminate(tracks_[i], system, elimination, &schur);
-    eliminations_.push_back(std::move(elimination));
+  schur_.cc.resize(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    schur_.cc.col(i).segment(i, std::min(band_ + 6, n - i)).setZero();
   }
-  schur.cc.diagonal() += damping * schur.diagonal;
-  schur.cc.diagonal().array() += kRidge * schur.diagonal.maxCoeff();
-  fixGauge(&schur.cc);
-  return schur;
+  schur_.cl = Eigen::MatrixXd::Zero(n, kParameters + 1);
+  schur_.ll = Eigen::MatrixXd::Zero(kParameters, kParameters + 1);
+  schur_.diagonal = Eigen::VectorXd::Zero(n);
+  observations_.clear();
+  eliminations_.clear();
+  Linearisation<kParameters> system;
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    if (tracks_[i].used && linearise(lens, noise, tracks_[i], &system)) {
+      eliminate(i, system, damping);
+    }
+  }
+  schur_.cc.diagonal() += damping * schur_.diagonal;
+  schur_.cc.diagonal().array() += kRidge * schur_.diagonal.maxCoeff();
+  fixGauge();
 }
 
 /// A stiff prior on the distance of the farthest keyframe.
-void LensSegment::fixGauge(Eigen::MatrixXd* S_cc) const {
+void LensSegment::fixGauge() {
   if (farthest_ == 0) return;
   const Eigen::Vector3d direction = T_c_w_[farthest_].translation().normalized();
-  S_cc->block<3, 3>(row(farthest_) + 3, row(farthest_) + 3) +=
+  schur_.cc.block<3, 3>(row(farthest_) + 3, row(farthest_) + 3) +=
       direction * direction.transpose() / (kScaleSigma * kScaleSigma);
 }
 
-LensSegment::Reduced LensSegment::solve(const Schur& schur) {
-  const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> factor(schur.cc);
-  poses_per_lens_ = factor.solve(schur.cl);
-  poses_ = factor.solve(schur.g_c);
-  return {schur.ll - schur.cl.transpose() * poses_per_lens_,
-          schur.g_l - poses_per_lens_.transpose() * schur.g_c,
-          {}};
+LensSegment::Reduced LensSegment::solve() {
+  const Eigen::Index parameters = schur_.ll.rows();
+  factoriseBand(band_, &schur_.cc);
+  Eigen::MatrixXd X = schur_.cl;
+  solveBand(schur_.cc, band_, &X);
+  poses_per_lens_ = X.leftCols(parameters);
+  poses_ = X.rightCols<1>();
+  const Eigen::MatrixXd reduced = schur_.ll - poses_per_lens_.transpose() * schur_.cl;
+  return {reduced.leftCols(parameters), reduced.rightCols<1>(), {}};
 }
 
 LensSegment::Reduced LensSegment::reduce(const Lens& lens, const TrackNoise& noise,
                                          double damping) {
-  return solve(assemble(lens, noise, damping, false));
+  assemble<kLensParameters>(lens, noise, damping);
+  return solve();
 }
 
 LensSegment::Reduced LensSegment::reduceWithField(const Lens& lens, const TrackNoise& noise) {
-  Reduced result = solve(assemble(lens, noise, 0, true));
-  const auto X = poses_per_lens_.leftCols<kLensParameters>();
-  TrackSystem system;
+  assemble<kLensParameters + kFieldParameters>(lens, noise, 0);
+  Reduced result = solve();
+  Linearisation<kLensParameters> system;
   for (const Elimination& elimination : eliminations_) {
     const LensTrack& track = tracks_[elimination.track];
-    linearise(lens, noise, track, false, &system);
-    const Eigen::Vector3d point = elimination.H_pp_inverse * system.g_p;
-    LensVector score = system.g_l - system.H_lp * point;
-    for (std::size_t i = 0; i < track.observations.size(); ++i) {
-      const std::size_t keyframe = track.observations[i].keyframe;
+    linearise(lens, noise, track, &system);
+    const Eigen::Vector3d point = elimination.H_pp_inverse * elimination.g_p;
+    const auto n = static_cast<Eigen::Index>(track.observations.size());
+    const Rows<1> error = system.WJ.rightCols<1>() - system.WJ.leftCols<3>() * point;
+    LensVector score = system.J.middleCols<kLensParameters>(3).transpose() * error;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const std::size_t keyframe = track.observations[static_cast<std::size_t>(i)].keyframe;
       if (keyframe == 0) continue;
-      score -=
-          X.middleRows<6>(row(keyframe)).transpose() * (system.g_c[i] - system.H_cp[i] * point);
+      const Vector6d pose = system.J_c[static_cast<std::size_t>(i)].transpose() *
+                            Eigen::Vector2d(error[i], error[n + i]);
+      score -= poses_per_lens_.block<6, kLensParameters>(row(keyframe), 0).transpose() * pose;
     }
     result.scores.push_back(score);
   }
@@ -313,12 +332,14 @@ void LensSegment::update(const LensVector& lens_delta) {
   }
   for (const Elimination& elimination : eliminations_) {
     LensTrack& track = tracks_[elimination.track];
-    Eigen::Vector3d g =
-        elimination.g_p + elimination.H_lp.topRows<kLensParameters>().transpose() * lens_delta;
-    for (std::size_t i = 0; i < track.observations.size(); ++i) {
-      const std::size_t keyframe = track.observations[i].keyframe;
-      if (keyframe == 0) continue;
-      g += elimination.H_cp[i].transpose() * poses.segment<6>(row(keyframe));
+    Eigen::Vector3d g = elimination.g_p + elimination.H_pl * lens_delta;
+    const Observation* observation = &observations_[elimination.first_observation];
+    for (const LensObservation& o : track.observations) {
+      if (o.keyframe > 0) {
+        const Eigen::Vector2d moved = observation->J_c * poses.segment<6>(row(o.keyframe));
+        g += observation->WJ_p.transpose() * moved;
+      }
+      ++observation;
     }
     track.point -= elimination.H_pp_inverse * g;
   }

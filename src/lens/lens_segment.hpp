@@ -16,6 +16,10 @@ struct LensObservation {
   Eigen::Vector2d u = Eigen::Vector2d::Zero();  ///< [px]
 };
 
+/// Most keyframes from the first to the last observation of a track. It limits the size of the
+/// normal equations of a track, and the band of those of the poses.
+constexpr int kMaxTrackKeyframes = 16;
+
 /// A static point and its observations. The parameters of the point are relative to a fixed frame,
 /// the initial pose of the keyframe that observed it first: the ray (x, y, 1) and the inverse depth
 /// rho along it, p_w = R (x, y, 1) / rho + c. rho = 0 is a point at infinity.
@@ -85,32 +89,36 @@ class LensSegment {
 
  private:
   using Jacobian26 = Eigen::Matrix<double, 2, 6>;
-  using Matrix63 = Eigen::Matrix<double, 6, 3>;
+  using Matrix23 = Eigen::Matrix<double, 2, 3>;
+  /// A row for x of each observation of a track, then one for y of each.
+  template <int kColumns>
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, kColumns, Eigen::ColMajor,
+                             2 * kMaxTrackKeyframes, kColumns>;
 
-  /// Weighted normal equations of one track: c poses, p point, l lens and field.
-  struct TrackSystem {
-    Eigen::MatrixXd information;  ///< with the weight of the track
-    std::vector<Jacobian26> J_c;  ///< of each observation
-    std::vector<Matrix63> H_cp;
-    std::vector<Eigen::MatrixXd> H_cl;
-    std::vector<Vector6d> g_c;
-    Eigen::Matrix3d H_pp;
-    Eigen::MatrixXd H_lp, H_ll;
-    Eigen::Vector3d g_p;
-    Eigen::VectorXd g_l;
+  /// A track at the current poses and point.
+  template <int kParameters>
+  struct Linearisation {
+    std::vector<Jacobian26> J_c;   ///< of each observation by its pose
+    Rows<3 + kParameters + 1> J;   ///< by point, lens and field; the error
+    Rows<3 + kParameters + 1> WJ;  ///< W: weighted information of the track
+    double weight = 0;             ///< W = weight * LensTrack::information
   };
-  /// What update() needs of a track.
+  /// What update() needs of an observation and of a track.
+  struct Observation {
+    Jacobian26 J_c;
+    Matrix23 WJ_p;
+  };
   struct Elimination {
-    std::size_t track;
+    std::size_t track, first_observation;  ///< indices in tracks_ and observations_
     Eigen::Matrix3d H_pp_inverse;
     Eigen::Vector3d g_p;
-    Eigen::MatrixXd H_lp;
-    std::vector<Matrix63> H_cp;
+    Eigen::Matrix<double, 3, kLensParameters> H_pl;
   };
-  /// Normal equations of poses and lens.
+  /// Normal equations without the points: poses c, lens and field l. The gradient is the last
+  /// column of cl and ll.
   struct Schur {
-    Eigen::MatrixXd cc, cl, ll;
-    Eigen::VectorXd g_c, g_l;
+    Eigen::MatrixXd cc;  ///< the lower part within the band
+    Eigen::MatrixXd cl, ll;
     Eigen::VectorXd diagonal;  ///< of cc before the elimination of the points
   };
 
@@ -120,22 +128,27 @@ class LensSegment {
                Eigen::Vector2d* error) const;
   /// One row of (x, y) for each observation; empty when a point is behind a camera.
   Eigen::MatrixX2d errors(const Lens& lens, const LensTrack& track) const;
-  bool stack(const Lens& lens, const LensTrack& track, Eigen::MatrixXd* M,
-             std::vector<Jacobian26>* J_c) const;
-  bool linearise(const Lens& lens, const TrackNoise& noise, const LensTrack& track, bool with_field,
-                 TrackSystem* system) const;
-  static void eliminate(const LensTrack& track, const TrackSystem& system,
-                        const Elimination& elimination, Schur* schur);
-  Schur assemble(const Lens& lens, const TrackNoise& noise, double damping, bool with_field);
-  Reduced solve(const Schur& schur);
-  void fixGauge(Eigen::MatrixXd* S_cc) const;
+  template <int kParameters>
+  bool linearise(const Lens& lens, const TrackNoise& noise, const LensTrack& track,
+                 Linearisation<kParameters>* result) const;
+  template <int kParameters>
+  void eliminate(std::size_t index, const Linearisation<kParameters>& system, double damping);
+  template <int kParameters>
+  void assemble(const Lens& lens, const TrackNoise& noise, double damping);
+  Reduced solve();
+  LensVector score(const Elimination& elimination) const;
+  void fixGauge();
 
   std::vector<Eigen::Isometry3d> T_c_w_;
   std::vector<Eigen::Isometry3d> initial_T_w_c_;
   std::vector<LensTrack> tracks_;
   std::size_t farthest_ = 0;  ///< the keyframe farthest from the first one
 
+  Eigen::Index band_ = 0;  ///< rows below the diagonal in which the poses are coupled
+
   // Of the last reduce(). The first pose has no rows; six for each other one.
+  Schur schur_;
+  std::vector<Observation> observations_;
   std::vector<Elimination> eliminations_;
   Eigen::MatrixXd poses_per_lens_;  ///< S_cc^-1 S_cl
   Eigen::VectorXd poses_;           ///< S_cc^-1 g_c

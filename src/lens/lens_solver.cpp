@@ -12,8 +12,9 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-10, kLargestDamping = 1e4;
-/// Relative decrease of the cost at which the optimisation ends.
-constexpr double kConverged = 1e-6;
+/// The optimisation ends when a step decreases the cost by less than this share, or moves a free
+/// lens by less than this part of a standard deviation.
+constexpr double kConvergedCost = 1e-4, kConvergedSigmas = 0.1;
 constexpr int kCombinationSteps = 4;
 /// [px] Modes of the field that a drive measures with a larger standard deviation are those that
 /// poses, points and lens can absorb.
@@ -74,7 +75,8 @@ void LensSolver::optimise(bool lens_is_free, int iterations) {
       damping *= 10;
       continue;
     }
-    const bool converged = current - next_cost < kConverged * current;
+    const bool converged = lens_is_free ? delta.dot(A * delta) < kConvergedSigmas * kConvergedSigmas
+                                        : current - next_cost < kConvergedCost * current;
     lens_ = next;
     current = next_cost;
     damping = std::max(damping / 10, kLeastDamping);
@@ -125,22 +127,28 @@ void LensSolver::measureErrors(const System& system) {
 
 LensEstimate LensSolver::combineWithPrior() {
   const LensMatrix prior_information = prior_.covariance.inverse();
-  for (int i = 0; i < kCombinationSteps; ++i) {
-    const System system = linearise();
-    if (i == 0) measureErrors(system);  // before the prior moves the lens away from the minimum
-    const LensMatrix A = system.A();
-    const LensMatrix score_covariance = dispersion_ * A + field_sigma_px_ * field_sigma_px_ *
-                                                              system.A_lf() *
-                                                              system.A_lf().transpose();
-    const LensMatrix weight = score_covariance.ldlt().solve(A).transpose();
-    information_ = weight * A;
-    const LensVector gradient =
-        weight * system.b() + prior_information * boxminus(lens_, prior_.lens);
-    const LensVector delta = -(information_ + prior_information).ldlt().solve(gradient);
+  const System system = linearise();
+  measureErrors(system);
+  LensMatrix A = system.A();
+  LensVector b = system.b();
+  const LensMatrix score_covariance = dispersion_ * A + field_sigma_px_ * field_sigma_px_ *
+                                                            system.A_lf() *
+                                                            system.A_lf().transpose();
+  const LensMatrix weight = score_covariance.ldlt().solve(A).transpose();
+  information_ = weight * A;
+  const LensMatrix information = information_ + prior_information;
+  for (int i = 0;; ++i) {
+    const LensVector delta =
+        -information.ldlt().solve(weight * b + prior_information * boxminus(lens_, prior_.lens));
     for (LensSegment& segment : segments_) segment.update(delta);
     lens_ = boxplus(lens_, delta);
+    if (i + 1 >= kCombinationSteps ||
+        delta.dot(information * delta) < kConvergedSigmas * kConvergedSigmas) {
+      return {lens_, information.inverse()};
+    }
+    b.setZero();
+    for (LensSegment& segment : segments_) b += segment.reduce(lens_, noise_, 0).b;
   }
-  return {lens_, (information_ + prior_information).inverse()};
 }
 
 }  // namespace ground_scale_vo

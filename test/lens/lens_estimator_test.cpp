@@ -97,6 +97,12 @@ LensEstimator::Options widePrior() {
   return options;
 }
 
+LensEstimator::Options allTracks() {
+  LensEstimator::Options options;
+  options.tracks_per_cell = 1000;
+  return options;
+}
+
 LensEstimator::Result estimate(const Drive& drive, const LensEstimator::Options& options = {},
                                const Lens& calibration = Lens{kCamera}) {
   LensEstimator estimator(options);
@@ -182,7 +188,7 @@ TEST(LensEstimator, ReportsAnUnobservableLens) {
 TEST(LensEstimator, RejectsMovingObjects) {
   Drive drive;
   drive.moving_share = 0.15;
-  expectRecovered(estimate(drive), drive.lens);
+  expectRecovered(estimate(drive, allTracks()), drive.lens);
 }
 
 TEST(LensEstimator, OutweighsAWrongPrior) {
@@ -200,10 +206,18 @@ TEST(LensEstimator, HasATrueCovariance) {
     drive.seed = seed;
     const auto result = estimate(drive, widePrior());
     ASSERT_EQ(result.status, Status::kOk);
-    sum += nees(error(result, drive.lens), result.estimate.covariance);
+    sum += result.estimate.significance(drive.lens) / kLensParameters;
   }
   EXPECT_GT(sum / kDrives, 0.5);
   EXPECT_LT(sum / kDrives, 2.0);
+}
+
+TEST(LensEstimator, UsesFewTracksInEachCell) {
+  const auto every = estimate({}, allTracks()), few = estimate({});
+  EXPECT_LT(10 * few.tracks, 7 * every.tracks);
+  // The difference agrees with the covariances: the few are a part of all.
+  EXPECT_LT(few.estimate.significance(every.estimate.lens), 15);
+  expectRecovered(few, Lens{kCamera});
 }
 
 TEST(LensEstimator, AccumulatesDrives) {

@@ -23,7 +23,7 @@ using RepeatableDrive = std::function<void(const ImageVisitor&)>;
 class LensCalibration {
  public:
   struct Options {
-    LensEstimator::Options estimator;
+    LensEstimator::Options estimator = allTracks();
     VisualOdometry::Options vo;
     int max_runs = 5;               ///< of each drive
     double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
@@ -36,6 +36,14 @@ class LensCalibration {
     void expectRoughStart(int image_width);
     /// Throws OptionError.
     void validate() const;
+
+   private:
+    /// Time matters less than while driving.
+    static LensEstimator::Options allTracks() {
+      LensEstimator::Options options;
+      options.tracks_per_cell = 1000;
+      return options;
+    }
   };
 
   struct Result {

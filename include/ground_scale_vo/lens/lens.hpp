@@ -40,6 +40,10 @@ struct LensEstimate {
   LensMatrix covariance = LensMatrix::Zero();
 
   LensVector sigmas() const { return covariance.diagonal().cwiseSqrt(); }
+
+  /// Squared Mahalanobis distance of `current` from the estimate. If `current` is exact and was the
+  /// prior's lens, the mean is at most kLensParameters.
+  double significance(const Lens& current) const;
 };
 
 /// The lens with its parameters changed by delta.

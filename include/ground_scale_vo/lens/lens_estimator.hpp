@@ -37,6 +37,7 @@ class LensEstimator {
     double keyframe_flow = 0.02;
     int segment_keyframes = 100;
     int min_observations = 4;
+    int tracks_per_cell = 1;
     double max_error_px = 2;
     int min_keyframes = 10;
     int min_tracks = 100;
@@ -55,6 +56,8 @@ class LensEstimator {
             "[] most keyframes that are adjusted together; longer drives are divided");
       visit("min_observations", self.min_observations, 3, 100,
             "[] least number of keyframes that observe a track");
+      visit("tracks_per_cell", self.tracks_per_cell, 1, 1000,
+            "[] about as many tracks are used in each of 16 x 6 cells of a keyframe");
       visit("max_error_px", self.max_error_px, 0.1, 100,
             "[px] observations with larger residuals are outliers");
       visit("min_keyframes", self.min_keyframes, 3, 1000, "[] least number of keyframes");

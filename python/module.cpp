@@ -339,7 +339,8 @@ py::dict calibrateLens(const std::vector<py::object>& drives, const CameraTuple&
   output["drives"] = reports;
   output["reason"] = result.reason;
   output["runs"] = result.runs;
-  output["converged"] = result.converged;
+  output["converged"] = result.converged || result.confirmed;
+  output["confirmed"] = result.confirmed;
   gsv::CameraCalibration estimate = gsv::calibrationOf(result.estimate.lens);
   estimate.estimated = true;
   estimate.readout_time = options.vo.readout_time;

@@ -30,7 +30,7 @@ def calibrate_lens(drives: List[Callable[[], Iterable[Tuple[ndarray, int]]]], ca
     field of view that may be wrong by 15 %.
 
     The result: reason (why the lens is not observable, else empty); drives, for each one status, keyframes, tracks,
-    rms_before, rms_after [px]; runs; converged; table and yaml (text); residuals: (rows, columns, 3) uint8, missing
+    rms_before, rms_after [px]; runs; converged; confirmed; table and yaml (text); residuals: (rows, columns, 3) uint8, missing
     without an observable lens."""
 
 def require_new_file(file: str, force: bool) -> None:

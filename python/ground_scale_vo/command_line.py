@@ -60,6 +60,8 @@ CAMERA = dict(type=pathlib.Path, metavar="FILE",
 def add_run(command):
     command.add_argument("input", **INPUT)
     command.add_argument("--camera", **CAMERA)
+    command.add_argument("--refine-camera", action="append_const", dest="set", default=[], const=("refine_camera", True),
+                         help="estimate the lens error that the calibration has left while driving")
     command.add_argument("--camera-height", type=float, required=True, metavar="M",
                          help="of the camera above the road [m]")
     command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results"), metavar="DIR",

@@ -90,6 +90,8 @@ def estimate(drives: List[Drive], calibration: Calibration, is_rough: bool, sett
     if result["reason"]:
         raise DataError(f"the lens is not observable: {result['reason']}")
     print(result["table"], end="")
+    if result["confirmed"]:
+        print("the drives confirm the calibration: the estimate does not differ significantly from it")
     if not result["converged"]:
         print(f"the estimate still changed in run {result['runs']}; run again with --camera {files[0]}",
               file=sys.stderr)

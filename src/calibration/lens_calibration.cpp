@@ -52,6 +52,7 @@ void LensCalibration::Options::validate() const {
     stage.visitParameters(stage, RangeCheck(group));
   });
   requireInRange("max_runs", max_runs, 1, 100);
+  requireInRange("min_significance", min_significance, 0, 1e6);
   requireInRange("converged_sigmas", converged_sigmas, 0, 10);
 }
 
@@ -106,6 +107,8 @@ LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableD
     result.converged = change.cwiseAbs().maxCoeff() < options_.converged_sigmas;
   }
   result.status = LensEstimator::Status::kOk;
+  result.confirmed = result.estimate.significance(calibration) < options_.min_significance;
+  if (result.confirmed) result.estimate.lens = calibration;
   return result;
 }
 

@@ -1,6 +1,5 @@
 #include "ground_scale_vo/lens/lens_refinement.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <chrono>
 
@@ -27,9 +26,8 @@ LensRefinement::LensRefinement(const Lens& given, const Options& options)
 std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens& in_use) {
   estimator_.add(frame);
   if (const auto result = finished()) {
-    const LensVector change = boxminus(result->estimate.lens, in_use);
-    const double significance = change.dot(result->estimate.covariance.ldlt().solve(change));
-    if (result->status == LensEstimator::Status::kOk && significance >= options_.min_significance) {
+    if (result->status == LensEstimator::Status::kOk &&
+        result->estimate.significance(in_use) >= options_.min_significance) {
       LensEstimate better = result->estimate;
       better.lens.camera.lens_is_estimated = true;
       return better;

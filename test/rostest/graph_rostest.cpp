@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Path.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
@@ -19,6 +20,7 @@
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "manager_test.hpp"
 #include "mounting.hpp"
+#include "support/distorted_image.hpp"
 #include "support/drive_run.hpp"
 #include "support/textured_hood.hpp"
 
@@ -404,6 +406,40 @@ TEST_F(Graph, ACameraFileDescribesTheImages) {
   }
   EXPECT_GT(pair.scales.last()->scale, 0);
   EXPECT_TRUE(pair.frames.last()->lens_is_estimated);
+  EXPECT_TRUE(pair.unload());
+}
+
+// Both nodelets undistort the images by the refined lens, and the odometry continues.
+TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
+  SyntheticDrive::Options options = smallDrive(110);
+  options.stop_s = 0;
+  options.road_shift_m = 25;
+  const RenderedDrive drive(options, "camera", [&](const cv::Mat& image) {
+    return distorted(image, Lens{options.camera, 0.08});
+  });
+  const std::string file = std::filesystem::temp_directory_path() /
+                           ("graph_rostest_" + std::to_string(getpid()) + ".yaml");
+  NodeletPair pair(manager_, drive, "/refined");
+  pair.setParamOfBoth("refine_camera", true);
+  pair.setParamOfBoth("refined_camera_file", file);
+  ASSERT_TRUE(pair.load());
+  TopicRecorder<sensor_msgs::CameraInfo> infos(handle_, "/refined/refined_camera_info");
+  EXPECT_FALSE(callTrigger("/refined/mono_vo/save_camera"));
+  ASSERT_TRUE(pair.playAll());
+  ASSERT_TRUE(infos.waitForCount(1));
+  EXPECT_NEAR(infos.last()->D.at(0), 0.08, 0.03);
+  ASSERT_TRUE(callTrigger("/refined/mono_vo/save_camera"));
+  EXPECT_TRUE(readCameraFile(file).estimated);
+  EXPECT_EQ(readCameraFile(file).distortion[0], infos.last()->D.at(0));
+  std::filesystem::remove(file);
+  EXPECT_EQ(pair.frames.last()->distortion.size(), 5u);
+  EXPECT_EQ(pair.frames.last()->map_id, 0u);
+  EXPECT_EQ(pair.scales.last()->status, ScaleEstimateMsg::OK);
+  const auto poses = pair.odometry.messages();
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    const auto &a = poses[i - 1]->pose.pose.position, &b = poses[i]->pose.pose.position;
+    EXPECT_LT(std::hypot(a.x - b.x, a.y - b.y, a.z - b.z), 1.3) << i;
+  }
   EXPECT_TRUE(pair.unload());
 }
 

@@ -26,6 +26,7 @@ class LensCalibration {
     LensEstimator::Options estimator = allTracks();
     VisualOdometry::Options vo;
     int max_runs = 5;               ///< of each drive
+    double min_significance = 25;   ///< of an estimate, else the calibration is confirmed
     double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
@@ -53,6 +54,8 @@ class LensCalibration {
     std::vector<LensEstimator::Result> drives;  ///< of the last run
     int runs = 0;
     bool converged = false;
+    /// The estimate does not differ significantly from the calibration, which is the result then.
+    bool confirmed = false;
   };
   /// Throws OptionError.
   explicit LensCalibration(const Options& options);

@@ -20,7 +20,7 @@ class LensRefinement {
   struct Options {
     LensEstimator::Options estimator;
     double first_turn_rad = 0.5;
-    double turn_growth = 1.5;
+    double turn_growth = 2;
     int min_keyframes = 25;
     int max_keyframes = 800;
     double min_significance = 25;

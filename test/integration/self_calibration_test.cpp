@@ -1,0 +1,87 @@
+#include "ground_scale_vo/self_calibrating_odometry.hpp"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <vector>
+
+#include "ground_scale_vo/metric_odometry.hpp"
+#include "support/distorted_image.hpp"
+#include "support/drive_run.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// A drive through curves, in images of this lens.
+class SelfCalibration : public testing::Test {
+ protected:
+  static SyntheticDrive::Options curves(int frames) {
+    SyntheticDrive::Options options = mediumImages();
+    options.frames = frames;
+    options.stop_s = 0;
+    options.road_shift_m = 25;
+    return options;
+  }
+
+  /// The outputs for the images of `lens`, of an odometry that is given the exact lens without
+  /// distortion.
+  static std::vector<MetricOdometry::Output> run(const SyntheticDrive& drive, const Lens& lens,
+                                                 bool refine, LensEstimate* refined = nullptr) {
+    MetricOdometry::Options options = optionsFor(drive.cameraHeight());
+    options.odometry.refine_camera = refine;
+    MetricOdometry odometry(drive.camera(), options);
+    std::vector<MetricOdometry::Output> outputs;
+    for (std::size_t i = 0; i < drive.size(); ++i) {
+      const bool is_exact = lens.k1 == 0;
+      outputs.push_back(
+          odometry.process(is_exact ? drive.image(i) : distorted(drive.image(i), lens),
+                           drive.frame(i).stamp_ns));
+    }
+    if (refined) *refined = odometry.lens();
+    return outputs;
+  }
+};
+
+TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
+  const SyntheticDrive drive(curves(130));
+  const Lens planted{drive.camera(), 0.05, -0.01};
+  LensEstimate refined;
+  const auto outputs = run(drive, planted, true, &refined);
+  EXPECT_NEAR(refined.lens.k1, planted.k1, 0.015);
+  EXPECT_TRUE(refined.lens.camera.lens_is_estimated);
+  std::set<std::uint64_t> before;
+  bool has_changed = false;
+  for (std::size_t i = 1; i < outputs.size(); ++i) {
+    const VoFrame& frame = outputs[i].vo.frame;
+    EXPECT_EQ(frame.sequence, i);
+    EXPECT_EQ(frame.map_id, 0u);
+    if (outputs[i].vo.lens_changed && !has_changed) {
+      has_changed = true;
+      EXPECT_TRUE(frame.keyframe);
+      EXPECT_EQ(frame.distortion.size(), 5u);
+      EXPECT_NE(outputs[i].vo.image.data, outputs[i - 1].vo.image.data);
+      for (const TrackedFeature& feature : frame.features) {
+        EXPECT_EQ(before.count(feature.id), 0u);
+      }
+    }
+    for (const TrackedFeature& feature : frame.features) before.insert(feature.id);
+    if (!outputs[i].pose() || !outputs[i - 1].pose()) continue;
+    const Eigen::Isometry3d step =
+        outputs[i - 1].pose()->T_o_c.inverse() * outputs[i].pose()->T_o_c;
+    const Eigen::Isometry3d truth = drive.frame(i - 1).T_c0_c.inverse() * drive.frame(i).T_c0_c;
+    EXPECT_LT((step.translation() - truth.translation()).norm(), 0.1) << i;
+    EXPECT_LT(Eigen::AngleAxisd(step.linear().transpose() * truth.linear()).angle(), 0.01) << i;
+  }
+  EXPECT_TRUE(has_changed);
+  EXPECT_TRUE(outputs.back().pose());
+}
+
+TEST_F(SelfCalibration, KeepsAnExactLens) {
+  const SyntheticDrive drive(curves(90));
+  const auto fixed = run(drive, Lens{drive.camera()}, false);
+  const auto refined = run(drive, Lens{drive.camera()}, true);
+  EXPECT_EQ(refined.back().pose()->T_o_c.matrix(), fixed.back().pose()->T_o_c.matrix());
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -73,6 +73,14 @@ def test_folder(gsv, command, distorted, turns, tmp_path):
     assert (tmp_path / "lens.yaml").read_bytes() == written
 
 
+def test_an_exact_calibration_is_kept(command, turns, tmp_path):
+    status, output, _ = command("calibrate", turns)
+    assert status == 0 and "the drives confirm the calibration" in output
+    camera = yaml.safe_load((tmp_path / "camera.yaml").read_text())
+    assert camera["distortion_coefficients"]["data"] == [0] * 5
+    assert camera["camera_matrix"]["data"][0] == pytest.approx(camera_matrix(turns)[0, 0], abs=1e-5)
+
+
 def test_video_without_calibration(command, distorted, turns, tmp_path):
     assert command("calibrate", distorted[1], "--fov", 75, "--set", "odometry/readout_time=0.0002")[0] == 0
     assert assert_estimated(tmp_path / "camera.yaml", turns)["readout_time"] == 0.0002

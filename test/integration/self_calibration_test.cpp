@@ -1,11 +1,10 @@
-#include "ground_scale_vo/self_calibrating_odometry.hpp"
-
 #include <gtest/gtest.h>
 
 #include <set>
 #include <vector>
 
 #include "ground_scale_vo/metric_odometry.hpp"
+#include "ground_scale_vo/self_calibrating_odometry.hpp"
 #include "support/distorted_image.hpp"
 #include "support/drive_run.hpp"
 
@@ -33,9 +32,8 @@ class SelfCalibration : public testing::Test {
     std::vector<MetricOdometry::Output> outputs;
     for (std::size_t i = 0; i < drive.size(); ++i) {
       const bool is_exact = lens.k1 == 0;
-      outputs.push_back(
-          odometry.process(is_exact ? drive.image(i) : distorted(drive.image(i), lens),
-                           drive.frame(i).stamp_ns));
+      outputs.push_back(odometry.process(
+          is_exact ? drive.image(i) : distorted(drive.image(i), lens), drive.frame(i).stamp_ns));
     }
     if (refined) *refined = odometry.lens();
     return outputs;

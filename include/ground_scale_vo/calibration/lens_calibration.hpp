@@ -26,7 +26,7 @@ class LensCalibration {
     LensEstimator::Options estimator = allTracks();
     VisualOdometry::Options vo;
     int max_runs = 5;               ///< of each drive
-    double min_significance = 25;   ///< of an estimate, else the calibration is confirmed
+    double min_significance = 15;   ///< of an estimate, else the calibration is confirmed
     double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {

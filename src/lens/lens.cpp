@@ -45,7 +45,8 @@ Eigen::Vector2d Lens::unproject(const Eigen::Vector2d& u) const {
 
 Lens lensOf(const CameraCalibration& c) {
   const auto& d = c.distortion;
-  return {{c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated}, d[0], d[1], d[4], d[2], d[3]};
+  const PinholeCamera camera{c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated};
+  return Lens(camera, d[0], d[1], d[4], d[2], d[3]);
 }
 
 CameraCalibration calibrationOf(const Lens& lens) {

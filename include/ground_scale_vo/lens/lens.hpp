@@ -13,6 +13,11 @@ struct Lens {
   double k1 = 0, k2 = 0, k3 = 0;  ///< radial
   double p1 = 0, p2 = 0;          ///< tangential
 
+  Lens() = default;
+  explicit Lens(const PinholeCamera& c, double radial_1 = 0, double radial_2 = 0,
+                double radial_3 = 0, double tangential_1 = 0, double tangential_2 = 0)
+      : camera(c), k1(radial_1), k2(radial_2), k3(radial_3), p1(tangential_1), p2(tangential_2) {}
+
   /// Distorted coordinates of the ray (x, 1): x (1 + k1 r^2 + k2 r^4 + k3 r^6) plus the tangential
   /// terms. x: normalised image coordinates without distortion. jacobian: d(result) / dx, if given.
   Eigen::Vector2d distort(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian = nullptr) const;

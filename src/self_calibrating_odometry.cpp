@@ -100,6 +100,7 @@ void SelfCalibratingOdometry::Options::validate() const {
 struct SelfCalibratingOdometry::Impl {
   Impl(const Lens& lens, const Options& options_in, const cv::Mat& mask_in)
       : options((options_in.validate(), options_in)),
+        camera((requireMask(mask_in, lens.camera), lens.camera)),
         mask(mask_in),
         refinement(lens, options.refinement),
         current(std::make_unique<LensOdometry>(LensEstimate{lens}, options.vo, mask)) {}
@@ -109,6 +110,7 @@ struct SelfCalibratingOdometry::Impl {
   void warmUp(const cv::Mat& image, Output* output);
 
   const Options options;
+  const PinholeCamera camera;  ///< of the given images
   const cv::Mat mask;  ///< of the given images
   LensRefinement refinement;
   std::unique_ptr<LensOdometry> current, next;
@@ -169,6 +171,7 @@ SelfCalibratingOdometry::~SelfCalibratingOdometry() = default;
 SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& image,
                                                                  std::int64_t stamp_ns) {
   Impl& s = *impl_;
+  requireImage(image, s.camera);
   Output output = s.current->process(image, stamp_ns);
   if (!s.options.refine_camera) return output;
   for (const TrackedFeature& feature : output.frame.features) {

@@ -111,7 +111,7 @@ struct SelfCalibratingOdometry::Impl {
 
   const Options options;
   const PinholeCamera camera;  ///< of the given images
-  const cv::Mat mask;  ///< of the given images
+  const cv::Mat mask;          ///< of the given images
   LensRefinement refinement;
   std::unique_ptr<LensOdometry> current, next;
   std::optional<LensEstimate> better_lens;  ///< until `current` has it

@@ -24,7 +24,6 @@ class LensOdometry {
   LensOdometry(const LensEstimate& lens, const VisualOdometry::Options& options,
                const cv::Mat& mask)
       : lens_(lens),
-        is_refined_(lens.covariance != LensMatrix::Zero()),
         undistortion_(calibrationOf(lens.lens)),
         mask_(undistortion_.mask(mask)),
         vo_(lens.lens.camera, options, mask_) {}
@@ -68,7 +67,7 @@ class LensOdometry {
     }
     frame.sequence += first_sequence_;
     frame.map_id += first_map_;
-    if (is_refined_) {
+    if (lens_.isEstimate()) {
       const CameraCalibration calibration = calibrationOf(lens_.lens);
       frame.distortion.assign(calibration.distortion.begin(), calibration.distortion.end());
     }
@@ -79,7 +78,6 @@ class LensOdometry {
 
  private:
   const LensEstimate lens_;
-  const bool is_refined_;
   const Undistortion undistortion_;
   const cv::Mat mask_;
   VisualOdometry vo_;
@@ -105,7 +103,6 @@ struct SelfCalibratingOdometry::Impl {
         refinement(lens, options.refinement),
         current(std::make_unique<LensOdometry>(LensEstimate{lens}, options.vo, mask)) {}
 
-  void refine(const VoFrame& frame);
   void startNext(const VoFrame& frame);
   void warmUp(const cv::Mat& image, Output* output);
 
@@ -119,17 +116,6 @@ struct SelfCalibratingOdometry::Impl {
   std::uint32_t map_id = 0;                             ///< of `current` at the start of `next`
   std::map<std::int64_t, Eigen::Vector3d> positions_w;  ///< of `current` since then, by stamp
 };
-
-/// Adds a frame of `current` to the tracks from which the lens is estimated.
-void SelfCalibratingOdometry::Impl::refine(const VoFrame& frame) {
-  VoFrame given = frame;
-  const Lens& lens = current->lens().lens;
-  for (TrackedFeature& feature : given.features) {
-    const Eigen::Vector2d x = lens.camera.ray(feature.u.cast<double>()).head<2>();
-    feature.u = lens.project(x).cast<float>();
-  }
-  better_lens = refinement.add(given, lens);
-}
 
 void SelfCalibratingOdometry::Impl::startNext(const VoFrame& frame) {
   next = std::make_unique<LensOdometry>(*better_lens, options.vo, mask);
@@ -177,7 +163,10 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
   for (const TrackedFeature& feature : output.frame.features) {
     s.first_unused_id = std::max(s.first_unused_id, feature.id + 1);
   }
-  if (!s.better_lens) s.refine(output.frame);
+  if (!s.better_lens) {
+    const Lens& in_use = s.current->lens().lens;
+    s.better_lens = s.refinement.add(withDistortedFeatures(output.frame, in_use), in_use);
+  }
   if (s.better_lens && !s.next && output.frame.keyframe) s.startNext(output.frame);
   if (s.next) s.warmUp(image, &output);
   return output;

@@ -2,23 +2,16 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 #include <sstream>
 
 #include "ground_scale_vo/common/degrees.hpp"
+#include "ground_scale_vo/common/format.hpp"
 #include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[160];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 std::string inDegrees(const std::optional<HeightCalibration::Estimate>& angle) {
   if (!angle) return "not known, the drive is too short or the plane was measured too rarely";

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <opencv2/imgproc.hpp>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/format.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -17,13 +17,6 @@ constexpr double kRoughCentreSigma = 0.016;  // [image widths]
 /// Least number of observations of an arrow, and its magnification.
 constexpr int kMinObservations = 10;
 constexpr double kMagnification = 200;
-
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 /// The mean of estimates from the same images with different tracks, relative to `origin`. Their
 /// scatter adds to the covariance of one of them.
@@ -65,12 +58,8 @@ LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& l
   VisualOdometry odometry(lens.camera, options_.vo, undistortion.mask());
   LensEstimator estimator(options_.estimator);
   drive([&](const cv::Mat& image, std::int64_t stamp_ns) {
-    VoFrame frame = odometry.process(undistortion.image(image), stamp_ns).frame;
-    for (TrackedFeature& feature : frame.features) {
-      const Eigen::Vector2d x = lens.camera.ray(feature.u.cast<double>()).head<2>();
-      feature.u = lens.project(x).cast<float>();
-    }
-    estimator.add(frame);
+    const VoFrame frame = odometry.process(undistortion.image(image), stamp_ns).frame;
+    estimator.add(withDistortedFeatures(frame, lens));
   });
   return estimator;
 }

@@ -1,7 +1,6 @@
 #include "ground_scale_vo/input/camera_file.hpp"
 
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <iterator>
 #include <locale>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/format.hpp"
 #include "ground_scale_vo/common/image_limits.hpp"
 
 namespace ground_scale_vo {
@@ -85,13 +85,6 @@ class CameraYaml {
   std::string name_, text_;
 };
 
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
-
 }  // namespace
 
 CameraCalibration readCameraFile(const std::filesystem::path& file) {
@@ -157,16 +150,6 @@ bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
                     c.readout_time);
   };
   return values(a) == values(b);
-}
-
-void writeCameraFile(const std::filesystem::path& file, const std::string& yaml) {
-  const std::filesystem::path temporary = file.string() + ".new";
-  std::ofstream stream(temporary);
-  stream << yaml;
-  stream.close();
-  std::error_code error;
-  if (stream) std::filesystem::rename(temporary, file, error);
-  if (!stream || error) throw DataError(file.string() + ": cannot be written");
 }
 
 Undistortion::Undistortion(const CameraCalibration& camera) : size_(camera.width, camera.height) {

@@ -3,9 +3,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
+#include "ground_scale_vo/common/format.hpp"
 #include "ground_scale_vo/common/median.hpp"
 #include "lens/lens_solver.hpp"
 
@@ -120,12 +120,6 @@ std::vector<LensEstimator::FieldCell> emptyField(const PinholeCamera& camera) {
   return field;
 }
 
-std::string format(const char* pattern, double value) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, value);
-  return text;
-}
-
 }  // namespace
 
 void LensEstimator::Options::validate() const { visitParameters(*this, RangeCheck("lens/")); }
@@ -148,6 +142,14 @@ double LensEstimator::flow(const Keyframe& a, const Keyframe& b) {
     if (other->first == id) lengths.push_back((u - other->second).norm());
   }
   return lengths.empty() ? std::numeric_limits<double>::infinity() : median(&lengths);
+}
+
+VoFrame withDistortedFeatures(VoFrame frame, const Lens& lens) {
+  for (TrackedFeature& feature : frame.features) {
+    const Eigen::Vector2d x = lens.camera.ray(feature.u.cast<double>()).head<2>();
+    feature.u = lens.project(x).cast<float>();
+  }
+  return frame;
 }
 
 void LensEstimator::add(const VoFrame& frame) {

@@ -24,7 +24,8 @@ LensRefinement::LensRefinement(const Lens& given, const Options& options)
 }
 
 std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens& in_use) {
-  estimator_.add(frame);
+  const bool is_full = static_cast<int>(estimator_.keyframes()) > options_.max_keyframes;
+  if (!is_full) estimator_.add(frame);  // else its memory would grow without use
   if (const auto result = finished()) {
     if (result->status == LensEstimator::Status::kOk &&
         result->estimate.significance(in_use) >= options_.min_significance) {

@@ -12,6 +12,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/write_file.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/nodelets/topic_rates.hpp"
@@ -93,7 +94,7 @@ bool MonoVoNodelet::onSaveCamera(std_srvs::Trigger::Request& /*request*/,
   response.success = false;
   if (params_.refined_camera_file.empty()) {
     response.message = "the parameter refined_camera_file names no file";
-  } else if (!odometry_ || odometry_->lens().covariance.isZero()) {
+  } else if (!odometry_ || !odometry_->lens().isEstimate()) {
     response.message = "the calibration is not refined yet: the camera has not turned enough";
   } else if (odometry_camera_->isGivenRectified()) {
     response.message =
@@ -103,8 +104,8 @@ bool MonoVoNodelet::onSaveCamera(std_srvs::Trigger::Request& /*request*/,
     try {
       CameraCalibration refined = calibrationOf(odometry_->lens().lens);
       refined.readout_time = params_.odometry.vo.readout_time;
-      writeCameraFile(params_.refined_camera_file,
-                      cameraYaml(refined, "Refined by MonoVo while driving."));
+      writeFile(params_.refined_camera_file,
+                cameraYaml(refined, "Refined by MonoVo while driving."));
       response.success = true;
       response.message = "written to " + params_.refined_camera_file;
     } catch (const DataError& error) {

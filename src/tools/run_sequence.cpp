@@ -59,7 +59,7 @@ void run(Arguments arguments) {
   }
   gsv::writeRun(folder, run.record(), arguments.options.scale.camera_height, sequence.groundTruth(),
                 sequence.groundTruthHeights());
-  if (run.lens().covariance != gsv::LensMatrix::Zero()) {
+  if (run.lens().isEstimate()) {
     gsv::CameraCalibration refined = gsv::calibrationOf(run.lens().lens);
     gsv::writeFile(folder / "camera.yaml",
                    gsv::cameraYaml(refined, "Refined by run_sequence --refine-camera."));

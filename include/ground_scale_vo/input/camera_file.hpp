@@ -29,9 +29,6 @@ CameraCalibration readCameraFile(const std::filesystem::path& file);
 /// That YAML. comment: lines for its head, without '#'.
 std::string cameraYaml(const CameraCalibration& camera, const std::string& comment);
 
-/// Writes it; an existing file is replaced as a whole. Throws DataError that names the file.
-void writeCameraFile(const std::filesystem::path& file, const std::string& yaml);
-
 /// Removes the distortion of images; the result is a pinhole camera with the same fx, fy, cx, cy.
 class Undistortion {
  public:

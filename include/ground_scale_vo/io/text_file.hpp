@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/common/write_file.hpp"
+
 namespace ground_scale_vo {
 
 /// The latest stamp that ROS can represent, in the year 2106 [s].
@@ -18,16 +20,9 @@ bool isThere(const std::filesystem::path& path);
 /// max_bytes.
 std::string readFile(const std::filesystem::path& file, std::size_t max_bytes);
 
-/// Throws DataError unless the folder of the file, which is to be written, exists.
-void requireFolderOf(const std::filesystem::path& file);
-
 /// Throws DataError when the output file exists and `force` is false, when it is a folder, a device
 /// or another file that is not a regular one, or when the folder of a new file does not exist.
 void requireNewFile(const std::filesystem::path& file, bool force);
-
-/// Writes under a temporary name beside the file and renames, so that the file is complete or
-/// missing. Throws DataError.
-void writeFile(const std::filesystem::path& file, const std::string& content);
 
 /// Creates the folder and its parents where they are missing. Throws DataError.
 void makeFolder(const std::filesystem::path& folder);

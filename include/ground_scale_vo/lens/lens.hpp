@@ -44,6 +44,8 @@ struct LensEstimate {
   Lens lens;
   LensMatrix covariance = LensMatrix::Zero();
 
+  /// False: a lens as it was given, with zero covariance.
+  bool isEstimate() const { return covariance != LensMatrix::Zero(); }
   LensVector sigmas() const { return covariance.diagonal().cwiseSqrt(); }
 
   /// Squared Mahalanobis distance of `current` from the estimate. If `current` is exact and was the

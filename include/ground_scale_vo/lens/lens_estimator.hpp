@@ -136,6 +136,9 @@ class LensEstimator {
   bool interrupted_ = true;
 };
 
+/// The frame as LensEstimator::add() needs it, from one of images that were undistorted by `lens`.
+VoFrame withDistortedFeatures(VoFrame frame, const Lens& lens);
+
 const char* toString(LensEstimator::Status status);  ///< "ok", "too few", "unobservable"
 
 }  // namespace ground_scale_vo

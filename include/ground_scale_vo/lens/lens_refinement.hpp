@@ -13,8 +13,9 @@ namespace ground_scale_vo {
 /// Estimates the lens while driving, on a second thread, and decides when a change of the lens
 /// improves the odometry.
 ///
-/// An estimate is made when the number of keyframes has reached first_keyframes, and again each
-/// time it has doubled, so that the cost per frame is bounded.
+/// A drive observes the lens where it turns. So the first estimate is made after a turn, and the
+/// next ones when the sum of the turns has grown by a factor: a straight drive costs nothing, and
+/// the cost per frame is bounded.
 class LensRefinement {
  public:
   struct Options {

@@ -1,19 +1,10 @@
 #include "fault_tables.hpp"
 
 #include <algorithm>
-#include <cstdio>
+
+#include "ground_scale_vo/common/format.hpp"
 
 namespace ground_scale_vo {
-namespace {
-
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
-
-}  // namespace
 
 std::vector<FaultDrive> selectFaultDrives(const std::vector<std::string>& names,
                                           std::uint64_t seed) {

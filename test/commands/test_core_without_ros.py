@@ -76,7 +76,7 @@ def test_build_without_ros(build, short, tmp_path):
     installed = tmp_path / "installed"
     run("cmake", "--install", build, "--prefix", installed)
     modules = {entry.name for entry in (installed / "include/ground_scale_vo").iterdir()}
-    assert modules == {*MODULES, "metric_odometry.hpp"}
+    assert modules == {*MODULES, "metric_odometry.hpp", "self_calibrating_odometry.hpp"}
     build_examples(tmp_path / "examples", installed)
     (tool,) = installed.rglob("run_sequence")
     run(tool, short, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)

@@ -1,11 +1,9 @@
 # The catkin package: messages, exports, and install rules.
 
 find_package(catkin REQUIRED COMPONENTS
-  cv_bridge
   diagnostic_msgs
   diagnostic_updater
   geometry_msgs
-  image_geometry
   image_transport
   message_generation
   nav_msgs
@@ -30,7 +28,7 @@ catkin_package(
   INCLUDE_DIRS include
   LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_nodelets
   CATKIN_DEPENDS
-    cv_bridge diagnostic_msgs diagnostic_updater geometry_msgs image_geometry image_transport
+    diagnostic_msgs diagnostic_updater geometry_msgs image_transport
     message_runtime nav_msgs nodelet pluginlib roscpp sensor_msgs std_msgs std_srvs tf2
     tf2_eigen tf2_msgs tf2_ros visualization_msgs
   DEPENDS EIGEN3 OpenCV

@@ -8,7 +8,7 @@ import ground_scale_vo as gsv
 
 
 def main(folder, height):
-    drive = gsv.read_kitti(folder)
+    drive = gsv.open_drive(folder)
     odometry = gsv.MetricOdometry(drive.camera, float(height))
     for image, stamp in drive:
         result = odometry.process(image, stamp)

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/input/calibrated_camera.hpp"
 
 namespace ground_scale_vo {
 namespace {

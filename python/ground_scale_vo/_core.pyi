@@ -15,22 +15,41 @@ class Odometry:
     def metrics(self, ground_truth: Optional[ndarray], heights: Optional[ndarray]) -> str: ...
     def write(self, folder: str, ground_truth: Optional[ndarray], heights: Optional[ndarray]) -> None: ...
 
-class KittiSequence:
-    def __init__(self, folder: str) -> None: ...
-    def name(self) -> str: ...
-    def camera(self) -> _Camera: ...
-    def stamps(self) -> List[int]: ...
-    def ground_truth(self) -> ndarray: ...
-    def ground_truth_heights(self) -> List[float]: ...
-    def __iter__(self) -> Iterator[Tuple[ndarray, int]]: ...
+class Reader:
+    """A drive that is read once. camera, mask: of the rectified images."""
 
-def calibrate_lens(drives: List[Callable[[], Iterable[Tuple[ndarray, int]]]], camera: _Camera, distortion: List[float],
-                   readout_time: float, is_rough: bool, settings: List[str]) -> Dict[str, Any]:
-    """Of drives that can be read several times. distortion: k1, k2, p1, p2, k3. is_rough: the camera is from a
-    field of view that may be wrong by 15 %.
+    count: int
+    camera: _Camera
+    mask: Optional[ndarray]
+    readout_time: float
+    ground_truth: ndarray
+    ground_truth_heights: List[float]
+    def next(self) -> Optional[Tuple[ndarray, int]]:
+        """The next image that can be used, rectified, and its stamp [ns]; None after the last one."""
+    def warnings(self) -> List[str]: ...
+    def failure(self) -> str: ...
+
+def open_files(path: str, camera_file: str, fov_deg: float, unrectified: bool, mask_file: str,
+               fps: float) -> Reader: ...
+def open_messages(topic: str, count: int, messages: Iterator[Tuple[Any, ...]], info_topic: str,
+                  infos: Iterable[Dict[str, Any]], is_rectified: bool, camera_file: str, fov_deg: float,
+                  mask_file: str, fps: float) -> Reader:
+    """messages: (stamp_ns, encoding or format, is_compressed, is_bigendian, height, width, step, data); infos: the
+    fields of CameraInfo, of which the first valid one is used."""
+
+def camera_info_topic_of(image_topic: str) -> str: ...
+def result_name(drive: str) -> str: ...
+def run(reader: Reader, name: str, camera_height: float, settings: List[str], folder: str,
+        is_strict: bool) -> Dict[str, Any]:
+    """Runs the odometry, shows the progress, writes the results. The result: warnings, summary, failure, status."""
+
+def calibrate_lens(drives: List[Callable[[], Reader]], names: List[str], is_rough: bool,
+                   settings: List[str]) -> Dict[str, Any]:
+    """Of drives that can be opened several times; the first one has the calibration. is_rough: it is from a field of
+    view that may be wrong by 15 %.
 
     The result: reason (why the lens is not observable, else empty); drives, for each one status, keyframes, tracks,
-    rms_before, rms_after [px]; runs; converged; confirmed; table and yaml (text); residuals: (rows, columns, 3) uint8, missing
+    rms_before, rms_after [px]; runs; converged; confirmed; table and yaml (text); residuals: a PNG image, missing
     without an observable lens."""
 
 def require_new_file(file: str, force: bool) -> None:

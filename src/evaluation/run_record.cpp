@@ -1,6 +1,7 @@
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 
 namespace ground_scale_vo {
@@ -12,7 +13,7 @@ using Poses = std::vector<Eigen::Isometry3d>;
 
 void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
                        double decode_ms) {
-  if (vo.frame.sequence != frames_.size()) {
+  if (vo.frame.sequence != frame_of_.size()) {
     throw std::logic_error("the odometry's frame numbers do not follow the images");
   }
   RunFrame frame;
@@ -26,10 +27,11 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   frame.decode_ms = decode_ms;
   frame.vo_times = vo.times;
   frame.scale_times = scale.times;
+  frame_of_.push_back(frames_.size());
   frames_.push_back(frame);
 
   for (const VisualOdometry::StartPose& start : vo.start) {
-    RunFrame& earlier = frames_.at(start.sequence);
+    RunFrame& earlier = frames_.at(frame_of_.at(start.sequence));
     if (earlier.has_vo_pose) continue;
     earlier.has_vo_pose = true;
     earlier.map_id = vo.frame.map_id;
@@ -42,6 +44,22 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   frames_.back().has_metric_pose = true;
   if (!has_metric_pose_) fillBackwards(scale.scale.scale, scale.pose->T_o_c);
   has_metric_pose_ = true;
+}
+
+void RunRecord::appendUnused(std::int64_t stamp_ns) {
+  constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
+  RunFrame frame;
+  frame.stamp_ns = stamp_ns;
+  frame.vo_times.total = frame.scale_times.total = kNotKnown;
+  if (!frames_.empty()) {
+    frame.vo_status = frames_.back().vo_status;
+    frame.map_id = frames_.back().map_id;
+    frame.T_o_c = frames_.back().T_o_c;
+    frame.scale = frames_.back().scale;
+    frame.scale.status =
+        frame.scale.status == ScaleStatus::kUnknown ? ScaleStatus::kUnknown : ScaleStatus::kHeld;
+  }
+  frames_.push_back(frame);
 }
 
 /// T_o_c: of the newest frame.

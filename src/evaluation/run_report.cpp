@@ -14,7 +14,7 @@
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
 #include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
-#include "ground_scale_vo/io/text_file.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
 namespace ground_scale_vo {

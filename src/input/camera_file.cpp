@@ -1,129 +1,280 @@
 #include "ground_scale_vo/input/camera_file.hpp"
 
-#include <cmath>
-#include <fstream>
-#include <iterator>
-#include <locale>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/imgproc.hpp>
+#include <yaml-cpp/yaml.h>
+
 #include <sstream>
-#include <system_error>
-#include <tuple>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/format.hpp"
 #include "ground_scale_vo/common/image_limits.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::size_t kMaxBytes = 1 << 20;
-constexpr double kMaxReadoutTime = 0.2;  // [s], that of the option odometry/readout_time
+namespace fs = std::filesystem;
+using Numbers = std::vector<double>;
 
-/// The few constructs of YAML that camera_calibration writes: `key: value` and, below a key,
-/// `data: [numbers]`, possibly over several lines.
+constexpr std::size_t kMaxBytes = 1 << 20;
+
+/// A file of YAML whose errors name it.
 class CameraYaml {
  public:
-  explicit CameraYaml(const std::filesystem::path& file) : name_(file.string()) {
-    std::error_code unused;
-    if (!std::filesystem::is_regular_file(file, unused)) fail("no such file");
-    std::ifstream stream(file, std::ios::binary);
-    text_ = "\n" + std::string(std::istreambuf_iterator<char>(stream), {});
-    if (!stream || text_.size() > kMaxBytes) fail("cannot be read");
+  CameraYaml(const fs::path& file, const std::string& text) : name_(file.string()) {
+    try {
+      root_ = YAML::Load(text);
+    } catch (const YAML::Exception& error) {
+      fail(format("line %d is not YAML (%s)", error.mark.line + 1, error.msg.c_str()));
+    }
+    if (!root_.IsMap()) fail("is neither YAML of a camera nor a KITTI calib.txt");
   }
 
   [[noreturn]] void fail(const std::string& what) const { throw DataError(name_ + ": " + what); }
 
-  std::string word(const std::string& key) const {
-    std::istringstream stream(text_.substr(after(key)));
-    std::string result;
-    stream >> result;
-    const bool quoted =
-        result.size() > 1 && (result[0] == '"' || result[0] == '\'') && result.back() == result[0];
-    return quoted ? result.substr(1, result.size() - 2) : result;
+  bool has(const std::string& key) const { return static_cast<bool>(root_[key]); }
+  /// The first of the keys that the file has. Throws DataError.
+  YAML::Node at(std::initializer_list<const char*> keys) const {
+    for (const char* key : keys) {
+      if (has(key)) return root_[key];
+    }
+    fail(std::string("has no ") + *keys.begin());
   }
-
-  bool has(const std::string& key) const {
-    return text_.find("\n" + key + ":") != std::string::npos;
+  YAML::Node child(const YAML::Node& node, const std::string& key) const {
+    if (!node.IsMap() || !node[key]) fail("has no " + key);
+    return node[key];
   }
-
-  double number(const std::string& key) const { return numbers(key, word(key), 1).front(); }
-
-  std::vector<double> matrix(const std::string& key, std::size_t count) const {
-    const std::size_t data = text_.find("data:", after(key));
-    const std::size_t open = text_.find('[', data);
-    const std::size_t close = text_.find(']', open);
-    if (data == std::string::npos || close == std::string::npos) fail(key + " has no data");
-    std::string list = text_.substr(open + 1, close - open - 1);
-    for (char& c : list) c = c == ',' ? ' ' : c;
-    return numbers(key, list, count);
+  std::string word(const YAML::Node& node) const {
+    if (!node.IsScalar()) fail(format("line %d is not one word", node.Mark().line + 1));
+    return node.Scalar();
+  }
+  double number(const YAML::Node& node) const { return numbers(node).front(); }
+  /// Of a scalar, a list, or the data of a matrix; at least one.
+  Numbers numbers(const YAML::Node& node) const {
+    try {
+      if (node.IsScalar()) return {node.as<double>()};
+      const YAML::Node list = node.IsMap() ? child(node, "data") : node;
+      const auto result = list.as<Numbers>();
+      if (!result.empty() || !node.IsMap()) return result;
+    } catch (const YAML::Exception&) {
+    }
+    fail(format("line %d has no numbers", node.Mark().line + 1));
   }
 
  private:
-  std::size_t after(const std::string& key) const {
-    const std::size_t at = text_.find("\n" + key + ":");
-    if (at == std::string::npos) fail("has no " + key + ", which camera_calibration writes");
-    return at + key.size() + 2;
-  }
-
-  std::vector<double> numbers(const std::string& key, const std::string& list,
-                              std::size_t count) const {
-    std::istringstream stream(list);
-    stream.imbue(std::locale::classic());
-    std::vector<double> result;
-    for (double value; stream >> value;) result.push_back(value);
-    if (!stream.eof() || result.size() != count) {
-      fail(key + " is not " + std::to_string(count) + " numbers");
-    }
-    for (const double value : result) {
-      if (!std::isfinite(value)) fail(key + " is not finite");
-    }
-    return result;
-  }
-
-  std::string name_, text_;
+  std::string name_;
+  YAML::Node root_;
 };
+
+void setSize(const CameraYaml& yaml, const Numbers& size, CameraCalibration* camera) {
+  if (size.size() != 2 || !(size[0] >= 1 && size[1] >= 1) || !(size[0] <= kMaxImageSide) ||
+      !(size[1] <= kMaxImageSide)) {
+    yaml.fail("has an implausible image size");
+  }
+  camera->width = static_cast<int>(size[0]);
+  camera->height = static_cast<int>(size[1]);
+}
+
+void setMatrix(const CameraYaml& yaml, const Numbers& K, CameraCalibration* camera) {
+  if (K.size() != 9 || K[1] != 0 || K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1) {
+    yaml.fail("camera_matrix is not of the form fx 0 cx, 0 fy cy, 0 0 1");
+  }
+  camera->fx = K[0];
+  camera->fy = K[4];
+  camera->cx = K[2];
+  camera->cy = K[5];
+}
+
+void setIntrinsics(const CameraYaml& yaml, const Numbers& fx_fy_cx_cy, CameraCalibration* camera) {
+  if (fx_fy_cx_cy.size() != 4) yaml.fail("intrinsics are not the numbers fx, fy, cx, cy");
+  camera->fx = fx_fy_cx_cy[0];
+  camera->fy = fx_fy_cx_cy[1];
+  camera->cx = fx_fy_cx_cy[2];
+  camera->cy = fx_fy_cx_cy[3];
+}
+
+/// The numbers of these keys; those missing at the end are left out.
+Numbers members(const CameraYaml& yaml, const YAML::Node& node,
+                std::initializer_list<const char*> keys) {
+  Numbers numbers;
+  for (const char* key : keys) {
+    if (node.IsMap() && node[key]) numbers.push_back(yaml.number(node[key]));
+  }
+  return numbers;
+}
+
+CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
+  CameraCalibration camera;
+  setSize(yaml,
+          {yaml.number(yaml.at({"image_width", "image_Width"})),
+           yaml.number(yaml.at({"image_height", "image_Height"}))},
+          &camera);
+  setMatrix(yaml,
+            yaml.numbers(yaml.at({"camera_matrix", "Camera_Matrix", "cameraMatrix", "K"})),
+            &camera);
+  camera.distortion = yaml.numbers(yaml.at(
+      {"distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D"}));
+  const bool is_named = yaml.has("distortion_model") || yaml.has("camera_model");
+  const bool is_fisheye = yaml.has("fisheye_model") && yaml.number(yaml.at({"fisheye_model"})) > 0;
+  setDistortionModel(is_named     ? yaml.word(yaml.at({"distortion_model", "camera_model"}))
+                     : is_fisheye ? "equidistant"
+                                  : "plumb_bob",
+                     &camera);
+  camera.estimated = yaml.has("estimated_from_drives") &&
+                     yaml.word(yaml.at({"estimated_from_drives"})) == "true";
+  if (yaml.has("readout_time")) camera.readout_time = yaml.number(yaml.at({"readout_time"}));
+  return camera;
+}
+
+CameraCalibration ofKalibr(const CameraYaml& yaml) {
+  const YAML::Node node = yaml.at({"cam0"});
+  if (const std::string model = yaml.word(yaml.child(node, "camera_model")); model != "pinhole") {
+    yaml.fail("the camera model is " + model + ", supported is pinhole");
+  }
+  CameraCalibration camera;
+  setIntrinsics(yaml, yaml.numbers(yaml.child(node, "intrinsics")), &camera);
+  setSize(yaml, yaml.numbers(yaml.child(node, "resolution")), &camera);
+  camera.distortion = yaml.numbers(yaml.child(node, "distortion_coeffs"));
+  setDistortionModel(yaml.word(yaml.child(node, "distortion_model")), &camera);
+  return camera;
+}
+
+/// prefix: "Camera." or "Camera1.".
+CameraCalibration ofOrbSlam(const CameraYaml& yaml, const std::string& prefix) {
+  const auto number = [&](const std::string& name) {
+    return yaml.number(yaml.at({(prefix + name).c_str()}));
+  };
+  CameraCalibration camera;
+  for (const char* name : {"k1", "k2", "p1", "p2", "k3", "k4"}) {
+    if (yaml.has(prefix + name)) camera.distortion.push_back(number(name));
+  }
+  setIntrinsics(yaml, {number("fx"), number("fy"), number("cx"), number("cy")}, &camera);
+  if (yaml.has("Camera.width") && yaml.has("Camera.height")) {
+    setSize(yaml, {yaml.number(yaml.at({"Camera.width"})), yaml.number(yaml.at({"Camera.height"}))},
+            &camera);
+  }
+  const std::string type =
+      yaml.has("Camera.type") ? yaml.word(yaml.at({"Camera.type"})) : "PinHole";
+  if (type != "PinHole" && type != "KannalaBrandt8" && type != "Rectified") {
+    yaml.fail("the camera type is " + type + ", supported are PinHole and KannalaBrandt8");
+  }
+  camera.is_fisheye = type == "KannalaBrandt8";
+  return camera;
+}
+
+CameraCalibration ofVins(const CameraYaml& yaml) {
+  const std::string model = yaml.word(yaml.at({"model_type"}));
+  const YAML::Node projection = yaml.at({"projection_parameters"});
+  CameraCalibration camera;
+  setSize(yaml, {yaml.number(yaml.at({"image_width"})), yaml.number(yaml.at({"image_height"}))},
+          &camera);
+  if (model == "PINHOLE") {
+    setIntrinsics(yaml, members(yaml, projection, {"fx", "fy", "cx", "cy"}), &camera);
+    camera.distortion =
+        members(yaml, yaml.at({"distortion_parameters"}), {"k1", "k2", "p1", "p2"});
+  } else if (model == "KANNALA_BRANDT") {
+    setIntrinsics(yaml, members(yaml, projection, {"mu", "mv", "u0", "v0"}), &camera);
+    camera.distortion = members(yaml, projection, {"k2", "k3", "k4", "k5"});
+    camera.is_fisheye = true;
+  } else {
+    yaml.fail("the camera model is " + model + ", supported are PINHOLE and KANNALA_BRANDT");
+  }
+  return camera;
+}
+
+CameraCalibration parse(const fs::path& file, const std::string& text) {
+  if (text.find("<opencv_storage>") != std::string::npos) {
+    throw DataError(file.string() + ": is OpenCV's XML, which is not read; save it as YAML");
+  }
+  const CameraYaml yaml(file, text);
+  CameraCalibration camera;
+  if (yaml.has("cam0")) {
+    camera = ofKalibr(yaml);
+  } else if (yaml.has("projection_parameters")) {
+    camera = ofVins(yaml);
+  } else if (yaml.has("Camera.fx") || yaml.has("Camera1.fx")) {
+    camera = ofOrbSlam(yaml, yaml.has("Camera.fx") ? "Camera." : "Camera1.");
+  } else {
+    camera = ofRosOrOpenCv(yaml);
+  }
+  return camera;
+}
+
+void validate(const fs::path& file, const CameraCalibration& camera) {
+  try {
+    camera.validate();
+  } catch (const OptionError& error) {
+    throw DataError(file.string() + " cannot be used: " + error.what());
+  }
+}
+
+bool hasLine(const std::string& text, const std::string& key) {
+  return ("\n" + text).find("\n" + key) != std::string::npos;
+}
 
 }  // namespace
 
-CameraCalibration readCameraFile(const std::filesystem::path& file) {
-  const CameraYaml yaml(file);
+CameraCalibration readCameraFile(const fs::path& file) {
+  std::string text = readFile(file, kMaxBytes);
+  if (text.rfind("\xef\xbb\xbf", 0) == 0) text.erase(0, 3);
+  if (hasLine(text, "P_rect_00:")) return readKittiRawCamera(file, "00", true);
+  if (hasLine(text, "P0:")) return readKittiProjection(file, "P0:");
+  // OpenCV's directive %YAML:1.0 is not YAML.
+  if (text.rfind("%YAML", 0) == 0) text.erase(0, text.find('\n'));
   CameraCalibration camera;
-  const double width = yaml.number("image_width"), height = yaml.number("image_height");
-  if (!(width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide)) {
-    yaml.fail("has an implausible image size");
+  try {
+    camera = parse(file, text);
+  } catch (const OptionError& error) {  // an unknown distortion model
+    throw DataError(file.string() + " cannot be used: " + error.what());
   }
-  camera.width = static_cast<int>(width);
-  camera.height = static_cast<int>(height);
-  const std::vector<double> K = yaml.matrix("camera_matrix", 9);
-  camera.fx = K[0];
-  camera.fy = K[4];
-  camera.cx = K[2];
-  camera.cy = K[5];
-  if (!(camera.fx > 0 && camera.fy > 0) || K[1] != 0 || K[3] != 0 || K[6] != 0 || K[7] != 0 ||
-      K[8] != 1) {
-    yaml.fail("camera_matrix is not of the form fx 0 cx, 0 fy cy, 0 0 1");
-  }
-  if (const std::string model = yaml.word("distortion_model"); model != "plumb_bob") {
-    yaml.fail("the distortion model is " + model + "; supported is plumb_bob");
-  }
-  const std::vector<double> D = yaml.matrix("distortion_coefficients", 5);
-  std::copy(D.begin(), D.end(), camera.distortion.begin());
-  camera.estimated =
-      yaml.has("estimated_from_drives") && yaml.word("estimated_from_drives") == "true";
-  if (yaml.has("readout_time")) camera.readout_time = yaml.number("readout_time");
-  if (!(camera.readout_time >= 0 && camera.readout_time <= kMaxReadoutTime)) {
-    yaml.fail("readout_time is not in [0, 0.2] s");
+  validate(file, camera);
+  return camera;
+}
+
+CameraCalibration readKittiProjection(const fs::path& file, const std::string& key) {
+  const TextFile text(file);
+  const std::size_t line = text.lineOf(key);
+  const Numbers p = text.numbers(line, 12, 1);
+  const bool is_pinhole = p[1] == 0 && p[4] == 0 && p[8] == 0 && p[9] == 0 && p[10] == 1;
+  if (!is_pinhole) text.fail(line, key + " is not the projection of a rectified pinhole camera");
+  CameraCalibration camera{0, 0, p[0], p[5], p[2], p[6]};
+  try {
+    camera.validate();
+  } catch (const OptionError& error) {
+    text.fail(line, error.what());
   }
   return camera;
+}
+
+CameraCalibration readKittiRawCamera(const fs::path& file, const std::string& camera,
+                                     bool rectified) {
+  const TextFile text(file);
+  CameraCalibration calibration;
+  if (rectified) {
+    calibration = readKittiProjection(file, "P_rect_" + camera + ":");
+  } else {
+    const Numbers K = text.numbers(text.lineOf("K_" + camera + ":"), 9, 1);
+    calibration.fx = K[0];
+    calibration.fy = K[4];
+    calibration.cx = K[2];
+    calibration.cy = K[5];
+    calibration.distortion = text.numbers(text.lineOf("D_" + camera + ":"), 5, 1);
+  }
+  const std::string key = (rectified ? "S_rect_" : "S_") + camera + ":";
+  if (!text.has(key)) return calibration;
+  const Numbers size = text.numbers(text.lineOf(key), 2, 1);
+  calibration.width = static_cast<int>(std::min<double>(size[0], kMaxImageSide));
+  calibration.height = static_cast<int>(std::min<double>(size[1], kMaxImageSide));
+  validate(file, calibration);
+  return calibration;
 }
 
 std::string cameraYaml(const CameraCalibration& camera, const std::string& comment) {
   std::string text;
   std::istringstream lines(comment);
   for (std::string line; std::getline(lines, line);) text += "# " + line + "\n";
-  const auto& d = camera.distortion;
+  std::vector<double> d = camera.distortion;
+  d.resize(5);
   return text +
          format("image_width: %d\nimage_height: %d\ncamera_name: camera\n", camera.width,
                 camera.height) +
@@ -142,43 +293,6 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
              camera.fx, camera.cx, camera.fy, camera.cy) +
          (camera.estimated ? "estimated_from_drives: true\n" : "") +
          (camera.readout_time > 0 ? format("readout_time: %.9g\n", camera.readout_time) : "");
-}
-
-bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
-  const auto values = [](const CameraCalibration& c) {
-    return std::tie(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.estimated,
-                    c.readout_time);
-  };
-  return values(a) == values(b);
-}
-
-Undistortion::Undistortion(const CameraCalibration& camera) : size_(camera.width, camera.height) {
-  bool distorted = false;
-  for (const double d : camera.distortion) distorted = distorted || d != 0;
-  if (!distorted) return;
-  const cv::Matx33d K(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-  const std::vector<double> D(camera.distortion.begin(), camera.distortion.end());
-  cv::initUndistortRectifyMap(K, D, cv::noArray(), K, size_, CV_16SC2, map1_, map2_);
-  const cv::Mat mask = image(cv::Mat(size_, CV_8U, cv::Scalar(255))) == 255;
-  if (cv::countNonZero(mask) < size_.area()) mask_ = mask;
-}
-
-cv::Mat Undistortion::mask(const cv::Mat& given) const {
-  if (given.empty()) return mask_;
-  const cv::Mat undistorted = image(given != 0) == 255;
-  return mask_.empty() ? undistorted : cv::Mat(undistorted & mask_);
-}
-
-cv::Mat Undistortion::image(const cv::Mat& image) const {
-  if (image.size() != size_) {
-    throw DataError("the images are " + std::to_string(image.cols) + "x" +
-                    std::to_string(image.rows) + ", the calibration is of " +
-                    std::to_string(size_.width) + "x" + std::to_string(size_.height));
-  }
-  if (map1_.empty()) return image;
-  cv::Mat result;
-  cv::remap(image, result, map1_, map2_, cv::INTER_LINEAR);
-  return result;
 }
 
 }  // namespace ground_scale_vo

@@ -1,47 +1,16 @@
 #include "kitti_raw.hpp"
 
-#include <time.h>
-
 #include <cmath>
-#include <ctime>
-#include <optional>
-#include <regex>
 #include <string>
 
 #include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/io/image_folder.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
-#include "numbered_files.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
-
-/// Independent of the time zone of this machine.
-std::optional<std::int64_t> parseUtc(const std::string& line) {
-  static const std::regex kPattern(
-      "(\\d{4})-(\\d{2})-(\\d{2}) (\\d{2}):(\\d{2}):(\\d{2})\\.(\\d{1,9})");
-  // Not part of the pattern: std::regex recurses for each repeated character.
-  const std::string text = line.substr(0, line.find_last_not_of(TextFile::kBlanks) + 1);
-  std::smatch match;
-  if (!std::regex_match(text, match, kPattern)) return std::nullopt;
-  std::tm date{};
-  date.tm_year = std::stoi(match[1]) - 1900;
-  date.tm_mon = std::stoi(match[2]) - 1;
-  date.tm_mday = std::stoi(match[3]);
-  date.tm_hour = std::stoi(match[4]);
-  date.tm_min = std::stoi(match[5]);
-  date.tm_sec = std::stoi(match[6]);
-  std::tm normalised = date;
-  const std::int64_t seconds = timegm(&normalised);
-  const bool exists = normalised.tm_mon == date.tm_mon && normalised.tm_mday == date.tm_mday &&
-                      normalised.tm_hour == date.tm_hour && normalised.tm_min == date.tm_min &&
-                      normalised.tm_sec == date.tm_sec;
-  if (!exists || std::abs(static_cast<double>(seconds)) > kLatestStamp) return std::nullopt;
-  std::string nanoseconds = match[7];
-  nanoseconds.resize(9, '0');
-  return seconds * 1000000000 + std::stoll(nanoseconds);
-}
 
 /// A transform of a KITTI raw calibration file: the rotation after rotation_key and the translation
 /// after translation_key, which may be empty for zero.
@@ -65,7 +34,7 @@ std::vector<Eigen::Isometry3d> readOxts(const fs::path& folder) {
   constexpr double kEarthRadius = 6378137.0;  // [m], WGS 84 equator
   std::vector<Eigen::Isometry3d> poses;
   double scale = 0;
-  for (const fs::path& file : numberedFiles(folder, "txt")) {
+  for (const fs::path& file : numberedFiles(folder, {".txt"}).files) {
     const TextFile text(file);
     const std::vector<double> v = text.numbers(0, 30);
     const double latitude = v[0], longitude = v[1], altitude = v[2];
@@ -85,12 +54,6 @@ std::vector<Eigen::Isometry3d> readOxts(const fs::path& folder) {
 }
 
 }  // namespace
-
-std::int64_t readUtc(const TextFile& text, std::size_t i) {
-  const auto stamp = parseUtc(text.line(i));
-  if (!stamp) text.fail(i, "is not a time such as 2011-09-26 13:02:25.964389445");
-  return *stamp;
-}
 
 std::vector<Eigen::Isometry3d> readRawGroundTruth(const fs::path& folder) {
   const fs::path oxts = folder / "oxts" / "data";

@@ -6,7 +6,7 @@
 
 #include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/io/text_file.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
 namespace ground_scale_vo {

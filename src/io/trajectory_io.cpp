@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/io/text_file.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;

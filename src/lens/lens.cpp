@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
+#include <vector>
 
 namespace ground_scale_vo {
 namespace {
@@ -43,22 +44,16 @@ Eigen::Vector2d Lens::unproject(const Eigen::Vector2d& u) const {
   return x;
 }
 
-Lens lensOf(const CameraCalibration& c) {
-  const auto& d = c.distortion;
-  const PinholeCamera camera{c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated};
-  return Lens(camera, d[0], d[1], d[4], d[2], d[3]);
+Lens lensOf(const CameraCalibration& calibration) {
+  std::vector<double> d = calibration.distortion;
+  d.resize(5);
+  return Lens(pinholeOf(calibration), d[0], d[1], d[4], d[2], d[3]);
 }
 
 CameraCalibration calibrationOf(const Lens& lens) {
-  const PinholeCamera& c = lens.camera;
-  return {c.width,
-          c.height,
-          c.fx,
-          c.fy,
-          c.cx,
-          c.cy,
-          {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3},
-          c.lens_is_estimated};
+  CameraCalibration calibration = calibrationOf(lens.camera);
+  calibration.distortion = {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3};
+  return calibration;
 }
 
 Lens boxplus(const Lens& lens, const LensVector& delta) {

@@ -19,6 +19,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 
 namespace ground_scale_vo {
@@ -141,7 +142,7 @@ void MonoVoNodelet::rectify(const sensor_msgs::ImageConstPtr& image) {
   if (grey.empty()) return;
   const RectifiedImage rectified{image, grey, receiver_->camera(),
                                  refine ? receiver_->givenMask() : receiver_->mask()};
-  for (const auto& accepted : stamp_filter_->filter(image->header.stamp, rectified)) {
+  for (const auto& accepted : stamp_filter_->filter(toNanoseconds(image->header.stamp), rectified)) {
     process(accepted.message, accepted.clock_jumped_back);
     frame_ms_ = watch.ms();
   }
@@ -178,7 +179,7 @@ void MonoVoNodelet::prepareOdometry(const RectifiedImage& image, bool clock_jump
     if (camera != odometry_camera_) {
       NODELET_WARN_STREAM("The odometry is reset: camera_info on topic "
                           << receiver_->cameraInfoTopic() << " changed from "
-                          << odometry_camera_->describe() << " to " << camera->describe());
+                          << odometry_camera_->calibration().describe() << " to " << camera->calibration().describe());
     }
     if (!clock_jumped_back && camera == odometry_camera_) return;
   }
@@ -209,9 +210,7 @@ void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
 /// not plumb_bob.
 void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
   const Lens& lens = odometry_->lens().lens;
-  const auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(lens.camera));
-  const CameraCalibration calibration = calibrationOf(lens);
-  info->D.assign(calibration.distortion.begin(), calibration.distortion.end());
+  const auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(calibrationOf(lens)));
   info->header = header;
   refined_camera_publisher_.publish(sensor_msgs::CameraInfoConstPtr(info));
   const LensVector sigmas = odometry_->lens().sigmas();

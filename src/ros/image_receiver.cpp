@@ -3,8 +3,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/ros/compressed_image.hpp"
-#include "ground_scale_vo/ros/rectification_check.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -22,6 +21,9 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
   if (options.camera_file.empty()) {
     camera_info_subscriber_ =
         handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this);
+  } else if (!rectifier_.calibrationWarning().empty()) {
+    rectification_warning_ = rectifier_.calibrationWarning();
+    handlers_.on_warning(rectification_warning_);
   }
   const image_transport::TransportHints hints("raw", ros::TransportHints().tcpNoDelay(),
                                               private_handle);
@@ -44,7 +46,7 @@ void ImageReceiver::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
   try {
     rectifier_.setCameraInfo(*info, cameraInfoTopic());
     camera_info_error_.clear();
-  } catch (const MessageError& error) {
+  } catch (const DataError& error) {
     camera_info_error_ = error.what();
     return handlers_.on_drop("camera_info refused", camera_info_error_);
   }
@@ -57,20 +59,21 @@ void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr
   sensor_msgs::ImageConstPtr image;
   try {
     image = decode(*compressed);
-  } catch (const MessageError& error) {
+  } catch (const DataError& error) {
     return handlers_.on_drop("image refused", error.what());
   }
   handlers_.on_image(image);
 }
 
 void ImageReceiver::checkRectification(const sensor_msgs::CameraInfo& info) {
-  std::string warning = rectificationContradiction(info, image_is_rectified_, imageTopic()).reason;
+  std::string warning = rectificationContradiction(fromMsg(info), image_is_rectified_, imageTopic()).reason;
   if (!warning.empty()) {
     warning = image_is_rectified_ ? "image_is_rectified is true, but " + warning +
                                         ": if the images are raw, set it to false"
                                   : "image_is_rectified is false, but " + warning +
                                         ": if the images are rectified, set it to true";
   }
+  if (warning.empty()) warning = rectifier_.calibrationWarning();
   if (!warning.empty() && warning != rectification_warning_) handlers_.on_warning(warning);
   rectification_warning_ = std::move(warning);
 }

@@ -1,43 +1,29 @@
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 
-#include <cstdint>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <opencv2/imgcodecs.hpp>
-#include <system_error>
+#include <algorithm>
 #include <utility>
-#include <vector>
 
-#include "ground_scale_vo/common/encoded_image.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/image_limits.hpp"
+#include "ground_scale_vo/input/calibration_check.hpp"
+#include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-/// name: for the OptionError.
-cv::Mat readMask(const std::string& file, const std::string& name) {
+cv::Mat readMask(const std::string& file) {
   if (file.empty()) return {};
-  std::error_code unused;
-  if (!std::filesystem::is_regular_file(file, unused)) {  // opening a FIFO would block
-    throw OptionError(name + " cannot be read");
-  }
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw OptionError(name + " cannot be read");
-  const std::vector<char> bytes((std::istreambuf_iterator<char>(stream)), {});
   try {
-    requireDecodable({bytes.data(), bytes.size()});
+    return readGreyImage(file);
   } catch (const DataError& error) {
-    throw OptionError(name + " " + error.what());
+    throw OptionError(std::string("parameter mask: ") + error.what());
   }
-  cv::Mat mask;
-  try {
-    mask = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
-  } catch (const cv::Exception&) {
-    mask.release();
-  }
-  if (mask.empty()) throw OptionError(name + " cannot be decoded");
-  return mask;
+}
+
+cv::Size sizeOf(const CameraCalibration& calibration) {
+  return {calibration.width, calibration.height};
 }
 
 }  // namespace
@@ -46,7 +32,7 @@ ImageRectifier::ImageRectifier(bool image_is_rectified, const std::string& mask_
                                const std::string& camera_file)
     : image_is_rectified_(image_is_rectified),
       mask_name_("parameter mask: " + mask_file),
-      raw_mask_(readMask(mask_file, mask_name_)) {
+      raw_mask_(readMask(mask_file)) {
   if (!camera_file.empty()) readCamera(camera_file);
 }
 
@@ -55,12 +41,14 @@ void ImageRectifier::readCamera(const std::string& file) {
   std::shared_ptr<const CalibratedCamera> camera;
   try {
     const CameraCalibration calibration = readCameraFile(file);
+    if (!calibration.hasSize()) {
+      throw DataError(file + ": contains no image size, which a live camera needs");
+    }
     readout_time_ = calibration.readout_time;
+    calibration_warning_ = checkCalibration(calibration, source_, sizeOf(calibration));
     camera = std::make_shared<const CalibratedCamera>(calibration);
   } catch (const DataError& error) {  // it begins with the name of the file
     throw OptionError(std::string("parameter camera_file: ") + error.what());
-  } catch (const OptionError& error) {
-    throw OptionError(source_ + " cannot be used: " + error.what());
   }
   try {
     requireMask(raw_mask_, camera->camera(), mask_name_);
@@ -72,51 +60,48 @@ void ImageRectifier::readCamera(const std::string& file) {
 
 void ImageRectifier::use(std::shared_ptr<const CalibratedCamera> camera) {
   camera_ = std::move(camera);
-  mask_ = raw_mask_;
-  if (!camera_->isDistorted()) return;
-  const cv::Size size(camera_->camera().width, camera_->camera().height);
-  mask_ = camera_->rectifyMask(mask_.empty() ? cv::Mat(size, CV_8U, cv::Scalar(255)) : mask_);
-  if (raw_mask_.empty() && cv::countNonZero(mask_) == size.area()) mask_.release();
+  mask_ = camera_->undistortion().mask(raw_mask_);
+  given_mask_ = camera_->isGivenRectified() ? mask_ : raw_mask_;
 }
 
 void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic) {
-  auto camera = std::make_shared<const CalibratedCamera>(info, topic, image_is_rectified_);
+  const CameraCalibration calibration = calibrationOf(fromMsg(info), topic, image_is_rectified_);
+  const std::string source = "camera_info on topic " + topic;
+  const std::string warning = checkCalibration(calibration, source, sizeOf(calibration));
+  auto camera = std::make_shared<const CalibratedCamera>(calibration);
   try {
     requireMask(raw_mask_, camera->camera(), mask_name_);
   } catch (const OptionError& error) {
-    throw MessageError(std::string(error.what()) + " of camera_info on topic " + topic);
+    throw DataError(std::string(error.what()) + " of " + source);
   }
   switch (calibrations_.check(camera)) {
     case decltype(calibrations_)::Verdict::kSame:
       return;
     case decltype(calibrations_)::Verdict::kChanged:
-      use(std::move(camera));
-      return;
+      calibration_warning_ = warning;
+      return use(std::move(camera));
     case decltype(calibrations_)::Verdict::kOther:
       break;
   }
-  throw MessageError("two cameras publish on " + topic + ": camera_info alternates between " +
-                     camera_->describe() + ", which is used, and " + camera->describe());
+  throw DataError("two cameras publish on " + topic + ": camera_info alternates between " +
+                  camera_->calibration().describe() + ", which is used, and " +
+                  camera->calibration().describe());
 }
 
 cv::Mat ImageRectifier::rectify(const sensor_msgs::Image& image) {
-  return camera_->rectify(toGrey(image));
+  return camera_->undistortion().image(toGrey(image));
 }
 
 cv::Mat ImageRectifier::given(const sensor_msgs::Image& image) {
   return camera_->given(toGrey(image));
 }
 
-/// Before rectification. Throws MessageError.
+/// Before rectification. Throws DataError.
 cv::Mat ImageRectifier::toGrey(const sensor_msgs::Image& image) {
-  const PinholeCamera& camera = camera_->camera();
-  if (image.width != static_cast<std::uint32_t>(camera.width) ||
-      image.height != static_cast<std::uint32_t>(camera.height)) {
-    throw MessageError("the image is " + std::to_string(image.width) + " x " +
-                       std::to_string(image.height) + ", but " + source_ + " describes " +
-                       std::to_string(camera.width) + " x " + std::to_string(camera.height));
-  }
-  return grey_converter_.convert(image);
+  checkCalibration(camera_->calibration(), source_,
+                   {static_cast<int>(std::min(image.width, kMaxImageSide)),
+                    static_cast<int>(std::min(image.height, kMaxImageSide))});
+  return grey_converter_.convert(fromMsg(image));
 }
 
 }  // namespace ground_scale_vo

@@ -1,6 +1,5 @@
 #include "ground_scale_vo/ros/visuals.hpp"
 
-#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 
@@ -12,6 +11,7 @@
 #include <string>
 #include <unordered_set>
 
+#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {
@@ -234,7 +234,7 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& 
     drawCross(image, toPixel(feature.u), feature.reason);
   }
   drawLegend(image);
-  return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, image).toImageMsg();
+  return toMsg(image, sensor_msgs::image_encodings::BGR8, header);
 }
 
 std::array<std::string, 2> scaleText(const ScaleRecovery::Output& output) {
@@ -266,7 +266,7 @@ sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
     drawDot(image, toPixel(feature.u), on_ground ? kMeasuredColour : kOtherColour, on_ground);
   }
   drawScale(image, output);
-  return cv_bridge::CvImage(header, sensor_msgs::image_encodings::BGR8, image).toImageMsg();
+  return toMsg(image, sensor_msgs::image_encodings::BGR8, header);
 }
 
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,
@@ -304,7 +304,7 @@ std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate&
       T_c_ground * Eigen::Translation3d(kQuadAhead * Eigen::Vector3d::UnitX());
 
   const auto quad = marker(header, 0, visualization_msgs::Marker::CUBE);
-  quad->pose = toMsg(T_c_quad);
+  quad->pose = ground_scale_vo::toMsg(T_c_quad);
   quad->scale.x = kQuadLength;
   quad->scale.y = kQuadWidth;
   quad->scale.z = 0.01;
@@ -318,7 +318,7 @@ std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate&
       T_c_ground.linear().col(1);
 
   const auto arrow = marker(header, 1, visualization_msgs::Marker::ARROW);
-  arrow->pose = toMsg(T_c_arrow);
+  arrow->pose = ground_scale_vo::toMsg(T_c_arrow);
   arrow->scale.x = scale.scale * scale.height;
   arrow->scale.y = kArrowWidth;
   arrow->scale.z = kArrowWidth;

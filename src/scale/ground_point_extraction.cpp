@@ -56,13 +56,13 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
   cv::Subdiv2D subdivision(cv::Rect(-1, -1, camera.width + 2, camera.height + 2));
   // By Subdiv2D's vertex id; the first few vertices are its own outer triangle.
   std::vector<std::uint32_t> feature_of_vertex;
-  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  constexpr std::uint32_t kNoVertex = std::numeric_limits<std::uint32_t>::max();
   for (const std::uint32_t i : chosen) {
     const int vertex = subdivision.insert(cv::Point2f(features[i].u.x(), features[i].u.y()));
     if (vertex < 0) continue;
     const auto v = static_cast<std::size_t>(vertex);
-    if (v >= feature_of_vertex.size()) feature_of_vertex.resize(v + 1, kNone);
-    if (feature_of_vertex[v] == kNone) feature_of_vertex[v] = i;
+    if (v >= feature_of_vertex.size()) feature_of_vertex.resize(v + 1, kNoVertex);
+    if (feature_of_vertex[v] == kNoVertex) feature_of_vertex[v] = i;
   }
   std::vector<int> edges;
   subdivision.getLeadingEdgeList(edges);
@@ -72,8 +72,8 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
     bool inside = true;
     for (std::uint32_t& corner : triangle) {
       const auto vertex = static_cast<std::size_t>(subdivision.edgeOrg(edge));
-      corner = vertex < feature_of_vertex.size() ? feature_of_vertex[vertex] : kNone;
-      inside = inside && corner != kNone;
+      corner = vertex < feature_of_vertex.size() ? feature_of_vertex[vertex] : kNoVertex;
+      inside = inside && corner != kNoVertex;
       edge = subdivision.getEdge(edge, cv::Subdiv2D::NEXT_AROUND_LEFT);
     }
     if (inside) triangles.push_back(triangle);

@@ -13,7 +13,7 @@
 #include "support/command_line.hpp"
 #include "support/fault_tables.hpp"
 #include "support/parallel_for.hpp"
-#include "support/progress_line.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 

@@ -11,17 +11,15 @@
 #include "ground_scale_vo/calibration/height_calibration.hpp"
 #include "ground_scale_vo/calibration/height_report.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
+#include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/io/image_reader.hpp"
-#include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/stamped_position.hpp"
-#include "ground_scale_vo/io/text_file.hpp"
-#include "ground_scale_vo/ros_tools/bag_drive.hpp"
-#include "support/camera_argument.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/ros_tools/bag_source.hpp"
 #include "support/command_line.hpp"
-#include "support/run_progress.hpp"
+#include "support/drive_arguments.hpp"
+#include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -38,57 +36,30 @@ constexpr double kMaxLength = 1e7;  // [m]
 constexpr double kMaxTime = 1e9;    // [s]
 
 struct Arguments {
-  std::string sequence, trajectory, out;
-  gsv::BagDrive::Source bag;
+  std::string trajectory, out, gps;
+  gsv::DriveInput drive;  ///< or bag
+  gsv::BagInput bag;
   std::optional<double> length, length_sigma;
   bool force = false;
-  gsv::OfflineRun::Options options;
-  std::vector<std::string> settings;
+  gsv::DriveRun::Options run;
 };
 
-/// Runs the pipeline over the chosen part of a KITTI folder; the result has no fixes.
-gsv::BagDrive runSequence(const Arguments& arguments) {
-  const gsv::KittiSequence sequence(arguments.sequence);
-  std::vector<std::size_t> chosen;  // images between --from and --to
-  for (std::size_t i = 0; i < sequence.size(); ++i) {
-    const double s = gsv::secondsBetween(sequence.stampNs(0), sequence.stampNs(i));
-    if (s >= arguments.bag.from_s && s <= arguments.bag.to_s) chosen.push_back(i);
+gsv::DriveRun runDrive(const Arguments& arguments) {
+  const bool is_bag = !arguments.bag.bag.empty();
+  const auto drive = is_bag ? gsv::openBag(arguments.bag) : gsv::openDrive(arguments.drive);
+  const std::string name =
+      gsv::resultName(is_bag ? arguments.bag.bag : arguments.drive.path);
+  gsv::DriveRun run;
+  {
+    gsv::RunProgress progress(name, drive->count());
+    run = gsv::runDrive(drive.get(), arguments.run,
+                        [&](const gsv::RunFrame& frame) { progress.show(frame); });
   }
-  if (chosen.empty()) {
-    throw gsv::DataError(arguments.sequence + " has no image between --from and --to");
+  if (run.record.frames().empty()) {
+    throw gsv::DataError(drive->name() + " has no image between --from and --to");
   }
-  gsv::BagDrive drive;
-  // A trajectory without stamps has a line for every image of the folder.
-  for (std::size_t i = 0; i < sequence.size(); ++i) drive.stamps_ns.push_back(sequence.stampNs(i));
-  const gsv::CameraCalibration camera =
-      gsv::cameraFrom(arguments.bag.camera_file, sequence.camera());
-  gsv::OfflineRun run(gsv::lensOf(camera), arguments.options);
-  gsv::RunProgress progress(sequence.name(), chosen.size());
-  gsv::ImageReader reader(chosen.size(), [&](std::size_t i) { return sequence.image(chosen[i]); });
-  for (const std::size_t i : chosen) {
-    progress.show(run.process(reader.next().image, sequence.stampNs(i)));
-  }
-  drive.record = run.record();
-  return drive;
-}
-
-gsv::BagDrive runBag(const Arguments& arguments) {
-  const std::string name = fs::path(arguments.bag.bag).stem();
-  std::optional<gsv::RunProgress> progress;
-  gsv::BagDrive drive = gsv::runBagDrive(arguments.bag, arguments.options,
-                                         [&](const gsv::RunFrame& frame, std::size_t images) {
-                                           if (!progress) progress.emplace(name, images);
-                                           progress->show(frame);
-                                         });
-  progress.reset();
-  if (!drive.rectification_warning.empty()) {
-    std::fprintf(stderr, "%s: %s\n", name.c_str(), drive.rectification_warning.c_str());
-  }
-  if (drive.rejected_images > 0) {
-    std::fprintf(stderr, "%s: %zu images were rejected, the first one because %s\n", name.c_str(),
-                 drive.rejected_images, drive.first_rejection.c_str());
-  }
-  return drive;
+  if (gsv::report(name, run, "", false) != 0) throw gsv::DataError(run.failure);
+  return run;
 }
 
 void checkFiles(const Arguments& arguments) {
@@ -98,22 +69,10 @@ void checkFiles(const Arguments& arguments) {
   }
 }
 
-void applySettings(Arguments* arguments) {
-  for (const std::string& setting : arguments->settings) {
-    gsv::setOption(arguments->options, setting);
-  }
-  arguments->options.validate();
-}
-
-void run(Arguments arguments) {
+void run(const Arguments& arguments) {
   checkFiles(arguments);
-  if (const std::string& file = arguments.bag.camera_file; !file.empty()) {
-    arguments.options.odometry.vo.readout_time = gsv::readCameraFile(file).readout_time;
-    applySettings(&arguments);  // again: --set takes precedence
-  }
   cv::setNumThreads(1);
-  const gsv::BagDrive drive =
-      arguments.bag.bag.empty() ? runSequence(arguments) : runBag(arguments);
+  const gsv::DriveRun drive = runDrive(arguments);
   const gsv::HeightCalibration calibration({});
   gsv::HeightCalibration::Result result;
   std::string source;
@@ -124,9 +83,10 @@ void run(Arguments arguments) {
     std::snprintf(text, sizeof text, "From a drive of %g m, known to %g m.", *arguments.length,
                   *arguments.length_sigma);
     source = text;
-  } else if (!arguments.bag.gps.empty()) {
-    result = calibration.fromPositions(drive.record, kNominalHeight, drive.fixes, drive.fix_sigma);
-    source = "From the fixes on " + arguments.bag.gps + ".";
+  } else if (!arguments.gps.empty()) {
+    const gsv::BagFixes fixes = gsv::readFixes(arguments.bag.bag, arguments.gps);
+    result = calibration.fromPositions(drive.record, kNominalHeight, fixes.fixes, fixes.sigma);
+    source = "From the fixes on " + arguments.gps + ".";
   } else {
     result = calibration.fromPositions(
         drive.record, kNominalHeight,
@@ -141,28 +101,27 @@ void run(Arguments arguments) {
 }
 
 void check(Arguments* arguments) {
-  gsv::BagDrive::Source& bag = arguments->bag;
-  if (arguments->sequence.empty() == bag.bag.empty()) {
+  gsv::BagInput& bag = arguments->bag;
+  if (arguments->drive.path.empty() == bag.bag.empty()) {
     throw gsv::OptionError("one drive is needed: SEQ or --bag FILE, see --help");
   }
   const bool has_length = arguments->length.has_value();
-  if (has_length + !bag.gps.empty() + !arguments->trajectory.empty() != 1) {
+  if (has_length + !arguments->gps.empty() + !arguments->trajectory.empty() != 1) {
     throw gsv::OptionError("one of --length, --gps and --trajectory is needed, see --help");
   }
   if (has_length != arguments->length_sigma.has_value()) {
     throw gsv::OptionError("--length and --length-sigma go together, see --help");
   }
-  if (!bag.gps.empty() && bag.bag.empty()) {
+  if (!arguments->gps.empty() && bag.bag.empty()) {
     throw gsv::OptionError("--gps needs --bag: a KITTI folder has no fixes");
   }
-  if (bag.to_s <= bag.from_s) throw gsv::OptionError("--to must be greater than --from");
-  if (bag.camera_info.empty()) {
-    fs::path image = bag.image;  // a topic, .../image_raw or .../image_raw/compressed
-    if (image.filename() == "compressed") image = image.parent_path();
-    bag.camera_info = image.replace_filename("camera_info").string();
-  }
-  arguments->options.scale.camera_height = kNominalHeight;
-  applySettings(arguments);
+  if (arguments->run.to_s <= arguments->run.from_s) throw gsv::OptionError("--to must be greater than --from");
+  bag.camera_file = arguments->drive.camera_file;
+  bag.options = arguments->drive.options;
+  arguments->run.odometry.scale.camera_height = kNominalHeight;
+  gsv::OfflineRun::Options options = arguments->run.odometry;
+  for (const std::string& setting : arguments->run.settings) gsv::setOption(options, setting);
+  options.validate();
 }
 
 /// A number in [min, max]; without the option *target stays empty.
@@ -175,27 +134,26 @@ po::typed_value<double>* numberOrNone(const char* option, std::optional<double>*
 }
 
 void addOptions(Arguments* arguments, po::options_description* options) {
-  gsv::BagDrive::Source& bag = arguments->bag;
+  gsv::BagInput& bag = arguments->bag;
   bag.image = "/camera/image_raw";
+  gsv::addDriveOptions(&arguments->drive, options);
   options->add_options()                                                                     //
       ("bag", po::value(&bag.bag)->value_name("FILE"), "the drive is a bag instead of SEQ")  //
       ("image", gsv::topicValue(&bag.image)->default_value(bag.image),
        "images of the bag; TOPIC/compressed where it has only that")  //
       ("camera-info", gsv::topicValue(&bag.camera_info),
        "their calibration (default: camera_info beside the images)")  //
-      ("camera", po::value(&bag.camera_file)->value_name("FILE"),
-       gsv::kCameraHelp)  //
       ("rectified", po::bool_switch(&bag.rectified),
        "the images have no distortion, and P of camera_info belongs to them")  //
-      ("from", gsv::numberInRange("--from", &bag.from_s, "S", 0, kMaxTime),
+      ("from", gsv::numberInRange("--from", &arguments->run.from_s, "S", 0, kMaxTime),
        "only images from this time after the first one on [s]")  //
-      ("to", gsv::numberInRange("--to", &bag.to_s, "S", 0, kMaxTime),
+      ("to", gsv::numberInRange("--to", &arguments->run.to_s, "S", 0, kMaxTime),
        "only images up to this time after the first one [s]")  //
       ("length", numberOrNone("--length", &arguments->length, 1, kMaxLength),
        "odometer reading between the first image and the last [m], and")  //
       ("length-sigma", numberOrNone("--length-sigma", &arguments->length_sigma, 0, kMaxLength),
        "its standard deviation [m]")  //
-      ("gps", gsv::topicValue(&bag.gps),
+      ("gps", gsv::topicValue(&arguments->gps),
        "fixes in the bag (sensor_msgs/NavSatFix)")  //
       ("trajectory", po::value(&arguments->trajectory)->value_name("FILE"),
        "positions of a point fixed to the vehicle, in any frame: TUM (stamp x y z qx qy qz qw), or "
@@ -203,7 +161,7 @@ void addOptions(Arguments* arguments, po::options_description* options) {
       ("out", gsv::requiredValue(&arguments->out, "FILE"),
        "YAML, for height_file:= of the launch files")                               //
       ("force", po::bool_switch(&arguments->force), "replace FILE when it exists")  //
-      ("set", gsv::settingsValue(&arguments->settings), gsv::kSettingsHelp);
+      ("set", gsv::settingsValue(&arguments->run.settings), gsv::kSettingsHelp);
 }
 
 }  // namespace
@@ -219,8 +177,8 @@ int main(int argc, char** argv) {
       "their standard deviations. Needs no ROS master.",
       "Exit status: 0 done, 1 the data cannot be used or leave the height too uncertain, 2 the\n"
       "arguments cannot be used. FILE is written only with status 0.");
-  command_line.addPositional("SEQ", "KITTI odometry folder or KITTI raw synced drive",
-                             &arguments.sequence, false);
+  command_line.addPositional("SEQ", "KITTI folder, folder of images with times.txt, or video",
+                             &arguments.drive.path, false);
   addOptions(&arguments, &command_line.options());
   return command_line.run(
       argc, argv, [&] { check(&arguments); },

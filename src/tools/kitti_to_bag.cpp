@@ -1,6 +1,5 @@
 // Writes a KITTI folder (odometry layout or raw synced drive) as a bag.
 
-#include <cv_bridge/cv_bridge.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_msgs/TFMessage.h>
@@ -14,14 +13,15 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/input/image_file.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
-#include "ground_scale_vo/io/text_file.hpp"
-#include "ground_scale_vo/ros/calibrated_camera.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "ground_scale_vo/ros_tools/kitti_topics.hpp"
 #include "support/command_line.hpp"
-#include "support/progress_line.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 
@@ -78,6 +78,15 @@ class PendingBag {
   bool committed_ = false;
 };
 
+/// With the bits and channels of the file.
+sensor_msgs::ImagePtr imageOf(const std::filesystem::path& file, const std_msgs::Header& header) {
+  const cv::Mat pixels = gsv::readPixels(file);
+  const std::string bits = pixels.depth() == CV_16U ? "16" : "8";
+  const int channels = pixels.channels();
+  return gsv::toMsg(pixels, (channels == 1 ? "mono" : channels == 3 ? "bgr" : "bgra") + bits,
+                    header);
+}
+
 void convert(const Arguments& arguments) {
   const gsv::KittiSequence sequence(arguments.sequence);
   const auto first = static_cast<std::size_t>(arguments.start);
@@ -125,10 +134,9 @@ void convert(const Arguments& arguments) {
     }
     info.header = header;
     pending.bag().write(gsv::kKittiCameraInfoTopic, header.stamp, info);
-    sensor_msgs::Image image;
-    cv_bridge::CvImage(header, sensor_msgs::image_encodings::MONO8, sequence.image(i))
-        .toImageMsg(image);
-    pending.bag().write(gsv::kKittiImageTopics.front(), header.stamp, image);
+    pending.bag().write(
+        gsv::kKittiImageTopics.front(), header.stamp,
+        *imageOf(sequence.files().at(i), header));
     progress.step("frames");
   }
   pending.commit();

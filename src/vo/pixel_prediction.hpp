@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
 #include "vo/feature.hpp"
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
 #include "ground_scale_vo/vo/pose_estimation.hpp"
 #include "vo/feature.hpp"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
 #include "ground_scale_vo/vo/patch_alignment.hpp"

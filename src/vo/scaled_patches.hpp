@@ -4,7 +4,7 @@
 #include <map>
 #include <opencv2/core.hpp>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 

@@ -3,7 +3,6 @@
 // image of a drive, unchanged; odd, an image or (kind % 8 == 3) a camera_info, with random changes,
 // and with kind % 16 >= 12 at an irregular stamp.
 
-#include <cv_bridge/cv_bridge.h>
 
 #include <algorithm>
 #include <functional>
@@ -14,7 +13,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
-#include "ground_scale_vo/ros/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "message_checks.hpp"
@@ -142,7 +141,7 @@ void run(const std::string& bytes) {
       header.stamp = fromNanoseconds(stamp_ns);
       const auto& images = smallDrive().images;
       sensor_msgs::Image image =
-          *cv_bridge::CvImage(header, "mono8", images[k % images.size()]).toImageMsg();
+          *toMsg(images[k % images.size()], "mono8", header);
       for (std::size_t n = kind % 2 * input.below(4); n > 0; --n) spoil(&image, &input);
       mono_vo.onImage(image);
     }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/input/calibrated_camera.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -41,7 +42,7 @@ TEST_F(CameraFile, RefusesWhatIsNotACamera) {
   EXPECT_THROW(readCameraFile(folder_ / "none.yaml"), DataError);
   const std::string good = cameraYaml(kCamera, "") + "readout_time: 0.03\n";
   for (const auto& [part, other] :
-       std::vector<std::pair<std::string, std::string>>{{"plumb_bob", "equidistant"},
+       std::vector<std::pair<std::string, std::string>>{{"plumb_bob", "omni"},
                                                         {"image_width: 640", "image_width: -1"},
                                                         {"[500.5", "[nan"},
                                                         {"0.03", "0.21"},
@@ -55,7 +56,7 @@ TEST_F(CameraFile, RefusesWhatIsNotACamera) {
 
 TEST(Undistortion, KeepsImagesWithoutDistortionAndMasksTheBorder) {
   CameraCalibration camera = kCamera;
-  camera.distortion = {};
+  camera.distortion.assign(5, 0.0);
   const cv::Mat image(480, 640, CV_8U, cv::Scalar(7));
   EXPECT_EQ(Undistortion(camera).image(image).data, image.data);
   EXPECT_TRUE(Undistortion(camera).mask().empty());

@@ -16,7 +16,6 @@
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/sequence_check.hpp"
 #include "ground_scale_vo/ros/source_guard.hpp"
-#include "ground_scale_vo/ros/stamp_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 
 namespace ground_scale_vo {
@@ -38,77 +37,6 @@ TEST(RateMeter, IsTheMeanRateSinceTheLastCall) {
   EXPECT_EQ(meter.rate(0, start), 0);
   EXPECT_NEAR(meter.rate(10, start + std::chrono::milliseconds(500)), 20, 1e-9);
   EXPECT_NEAR(meter.rate(40, start + std::chrono::milliseconds(1500)), 30, 1e-9);
-}
-
-/// The verdicts on these stamps [s], such as "accept hold ahead ".
-std::string verdicts(StampGuard guard, const std::vector<double>& stamps) {
-  const char* const kNames[] = {"accept ", "drop ", "hold ", "ahead ", "back "};
-  std::string text;
-  for (const double stamp : stamps) text += kNames[static_cast<int>(guard.check(ros::Time(stamp)))];
-  return text;
-}
-
-TEST(StampGuard, DropsRepeatedAndSlightlyBackwardStamps) {
-  EXPECT_EQ(verdicts(StampGuard(1), {0, 10, 10, 10.000999, 9.5, 10.1}),
-            "drop accept drop drop drop accept ");
-  StampGuard guard(1.0);
-  guard.check(ros::Time(10.0));
-  guard.check(ros::Time(10.0));
-  EXPECT_EQ(guard.reason(),
-            "the stamp 10.000000000 is not at least 0.001 s later than the last one, 10.000000000");
-}
-
-TEST(StampGuard, ASingleStampFarAwayIsRefuted) {
-  for (const double jump : {2.0, 30.0, 7200.0, -1.5, -19.0}) {
-    EXPECT_EQ(verdicts(StampGuard(1), {20, 20 + jump, 20.1}), "accept hold accept ") << jump;
-  }
-  // Stamps from which the next one does not continue.
-  EXPECT_EQ(verdicts(StampGuard(1), {20, 7210, 19000, 18999, 18999, 12, 11, 20.1}),
-            "accept hold hold hold hold hold hold accept ");
-  EXPECT_EQ(verdicts(StampGuard(1), {20, 7210, 0, 7210.1}), "accept hold drop hold ");
-}
-
-TEST(StampGuard, AJumpIsAcceptedWhenTheNextStampContinuesFromIt) {
-  EXPECT_EQ(verdicts(StampGuard(1), {10, 7210, 7210.1, 7210.2, 10.3, 10.4, 10.5}),
-            "accept hold ahead accept hold back accept ");
-  EXPECT_EQ(verdicts(StampGuard(1, false), {10, 5, 5.1, 10.1}), "accept drop drop accept ");
-}
-
-TEST(StampGuard, AcceptsImagesAtLongIntervals) {
-  EXPECT_EQ(verdicts(StampGuard(1), {10, 14, 18, 22, 28, 37.1, 37}),
-            "accept hold ahead accept accept hold accept ");
-  // ros::Duration ends at 2^31 s and throws beyond, so the guard must not use it.
-  constexpr double kMaxSeconds = std::numeric_limits<std::uint32_t>::max();
-  EXPECT_EQ(verdicts(StampGuard(1), {1, kMaxSeconds, kMaxSeconds + 0.5, kMaxSeconds + 0.9, 1, 1.1}),
-            "accept hold ahead accept hold back ");
-  EXPECT_EQ(verdicts(StampGuard(1), {100, 10, 14, 18}), "accept hold back accept ");
-  EXPECT_EQ(verdicts(StampGuard(0), {10, 10.1, 10.2, 10.3}), "accept hold ahead accept ");
-}
-
-TEST(StampFilter, PassesOnAHeldMessageWithTheOneThatConfirmsIt) {
-  std::string dropped;
-  StampFilter<int> filter(1.0, [&](const std::string& reason) { dropped += reason + "; "; });
-  const struct {
-    double stamp;
-    int message;
-    std::vector<std::pair<int, bool>> accepted;  ///< message, clock_jumped_back
-  } kMessages[] = {{10.0, 1, {{1, false}}},
-                   {40.0, 2, {}},
-                   {0.0, 3, {}},
-                   {40.0, 4, {}},
-                   {40.1, 5, {{4, false}, {5, false}}},
-                   {10.0, 6, {}},
-                   {10.1, 7, {{6, true}, {7, false}}}};
-  for (const auto& one : kMessages) {
-    std::vector<std::pair<int, bool>> accepted;
-    for (const auto& passed : filter.filter(ros::Time(one.stamp), one.message)) {
-      accepted.emplace_back(passed.message, passed.clock_jumped_back);
-    }
-    EXPECT_EQ(accepted, one.accepted) << one.message;
-  }
-  EXPECT_EQ(dropped,
-            "the stamp 40.000000000 is 30 s after the last one and not confirmed by the next one; "
-            "the stamp is zero; ");
 }
 
 TEST(SequenceCheck, CountsMissingFramesAndReportsNumbersThatCountNothing) {

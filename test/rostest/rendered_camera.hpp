@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/image_encodings.h>
@@ -12,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "ground_scale_vo/ros/calibrated_camera.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "topic_recorder.hpp"
@@ -38,8 +37,7 @@ class RenderedDrive {
   const cv::Mat& grey(std::size_t i) const { return images_[i]; }
 
   sensor_msgs::Image::Ptr image(std::size_t i, const ros::Time& stamp) const {
-    return cv_bridge::CvImage(header(stamp), sensor_msgs::image_encodings::MONO8, images_[i])
-        .toImageMsg();
+    return toMsg(images_[i], sensor_msgs::image_encodings::MONO8, header(stamp));
   }
   sensor_msgs::CameraInfo::Ptr info(const ros::Time& stamp) const {
     auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(drive_.camera()));

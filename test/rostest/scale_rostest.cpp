@@ -16,7 +16,7 @@
 #include <string>
 
 #include "diagnostics_recorder.hpp"
-#include "ground_scale_vo/ros/calibrated_camera.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "manager_client.hpp"
 #include "mounting.hpp"

@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
 
 namespace ground_scale_vo::test {

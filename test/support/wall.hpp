@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
 #include "support/scene.hpp"
 #include "vo/motion_model.hpp"

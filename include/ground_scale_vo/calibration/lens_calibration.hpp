@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/input/calibrated_camera.hpp"
 #include "ground_scale_vo/lens/lens_estimator.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 

@@ -13,4 +13,9 @@ std::string format(const char* pattern, Values... values) {
   return text;
 }
 
+/// Of an image: "640x480".
+inline std::string sizeText(double width, double height) {
+  return format("%.0fx%.0f", width, height);
+}
+
 }  // namespace ground_scale_vo

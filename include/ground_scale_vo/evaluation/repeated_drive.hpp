@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "ground_scale_vo/io/kitti_sequence.hpp"
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 

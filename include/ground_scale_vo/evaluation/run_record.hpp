@@ -41,6 +41,8 @@ class RunRecord {
   /// Precondition: vo.frame.sequence counts the calls from 0. Throws std::logic_error otherwise.
   void append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
               double decode_ms = 0);
+  /// An image that the odometry does not get: its frame holds the last pose.
+  void appendUnused(std::int64_t stamp_ns);
 
   const std::vector<RunFrame>& frames() const { return frames_; }
 
@@ -55,6 +57,7 @@ class RunRecord {
   void fillBackwards(double scale, const Eigen::Isometry3d& T_o_c);
 
   std::vector<RunFrame> frames_;
+  std::vector<std::size_t> frame_of_;  ///< of each frame number of the odometry
   bool has_metric_pose_ = false;
 };
 

@@ -7,33 +7,53 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera_calibration.hpp"
+#include "ground_scale_vo/io/image_folder.hpp"
 
 namespace ground_scale_vo {
 
-/// A folder of rectified grey images with calibration, stamps and, where it exists, ground truth.
-/// Two layouts are supported:
-///  - KITTI odometry: `image_0/NNNNNN.png|jpg`, `calib.txt` (`P0:`), `times.txt` [s], ground truth
-///    `poses.txt` beside them or `../../poses/NN.txt`, and `ground.txt` of a rendered one: a line
-///    of height [m] and unit normal in camera axes for each image, after lines that begin with #;
-///  - KITTI raw synced drive: `image_00/data/N.png|jpg`, `image_00/timestamps.txt`,
-///    `../calib_cam_to_cam.txt` (`P_rect_00:`), ground truth from `oxts/data/*.txt` with
-///    `../calib_imu_to_velo.txt` and `../calib_velo_to_cam.txt` where all of these exist.
-/// Images are numbered 0, 1, 2 ... without a gap. Surplus stamps are ignored. Stamps of raw drives
-/// are UTC since the epoch. Ground truth has a pose for each image.
+/// A folder of images with calibration, stamps and, where it exists, ground truth. Two layouts are
+/// supported:
+///  - KITTI odometry: `image_0/NNNNNN.png|jpg` (or image_1, image_2, image_3 where that is missing),
+///    `calib.txt` (`P0:` ...), `times.txt`, ground truth `poses.txt` beside them or
+///    `../../poses/NN.txt`, and `ground.txt` of a rendered one: a line of height [m] and unit normal
+///    in camera axes for each image, after lines that begin with #;
+///  - KITTI raw drive: `image_00/data/N.png|jpg` (or image_01 ...), `image_00/timestamps.txt`,
+///    `../calib_cam_to_cam.txt` (`P_rect_00:`; of a drive before rectification `K_00:` and `D_00:`),
+///    ground truth from `oxts/data/*.txt` with `../calib_imu_to_velo.txt` and
+///    `../calib_velo_to_cam.txt` where all of these exist.
+/// Files and stamps: imageFiles(), readImageStamps(). Stamps of raw drives are UTC since the epoch.
+/// Ground truth has a pose for each image.
 class KittiSequence {
  public:
+  /// Whether a folder has one of the layouts.
+  static bool isThere(const std::filesystem::path& folder);
+
+  struct Options {
+    bool unrectified = false;     ///< the images of a raw drive are those before rectification
+    bool needs_calibration = true;
+    double fps = 0;  ///< [Hz] the images have this rate and no stamps; 0: stamps are read
+  };
   /// Throws DataError: no such folder, neither layout, missing or malformed file (names file and
-  /// line), fewer stamps than images, stamps that do not increase, gaps in the numbering, or not
-  /// one ground truth pose or height per image.
-  explicit KittiSequence(const std::filesystem::path& folder);
+  /// line), no stamp for each image, or not one ground truth pose or height per image.
+  explicit KittiSequence(const std::filesystem::path& folder)
+      : KittiSequence(folder, Options{}) {}
+  KittiSequence(const std::filesystem::path& folder, const Options& options);
 
   const std::string& name() const { return name_; }  ///< the folder's own name
-  std::size_t size() const { return images_.size(); }
-  const PinholeCamera& camera() const { return camera_; }
+  std::size_t size() const { return images_.files.size(); }
+  /// Of the images as they are. It may be that of another size: checkCalibration().
+  const CameraCalibration& calibration() const { return calibration_; }
+  const std::string& calibrationSource() const { return calibration_source_; }  ///< file and key
+  /// Of images without distortion. Throws DataError: the calibration is not that of the images.
+  PinholeCamera camera() const;
   std::int64_t stampNs(std::size_t i) const { return stamps_ns_.at(i); }
 
-  /// 8-bit grey. Throws DataError (unreadable, truncated, another size). Thread safe.
+  const std::vector<std::filesystem::path>& files() const { return images_.files; }
+  /// Something about the images that may be wrong, or empty.
+  const std::string& warning() const { return images_.warning; }
+  /// 8-bit grey of a single image. Throws DataError (unreadable, truncated, another size than the
+  /// first image). Thread safe.
   cv::Mat image(std::size_t i) const;
 
   /// T_c0_ci [m] of each image; empty when the folder has none. For metrics and bags only.
@@ -43,9 +63,15 @@ class KittiSequence {
   const std::vector<double>& groundTruthHeights() const { return ground_truth_heights_; }
 
  private:
-  std::string name_;
-  PinholeCamera camera_;
-  std::vector<std::filesystem::path> images_;
+  void readOdometry(const std::filesystem::path& folder, const std::string& camera);
+  void readRaw(const std::filesystem::path& folder, const std::string& camera);
+  void setStamps(const std::filesystem::path& file);
+
+  const Options options_;
+  std::string name_, calibration_source_;
+  CameraCalibration calibration_;
+  NumberedFiles images_;
+  cv::Size size_;
   std::vector<std::int64_t> stamps_ns_;
   std::vector<Eigen::Isometry3d> ground_truth_;
   std::vector<double> ground_truth_heights_;

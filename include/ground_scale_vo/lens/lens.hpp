@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 
-#include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera_calibration.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 
@@ -30,6 +30,7 @@ struct Lens {
   Eigen::Vector2d unproject(const Eigen::Vector2d& u) const;
 };
 
+/// Precondition: CameraCalibration::hasLens().
 Lens lensOf(const CameraCalibration& calibration);
 CameraCalibration calibrationOf(const Lens& lens);
 

@@ -19,7 +19,7 @@
 #include "ground_scale_vo/ros/missing_input_log.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
-#include "ground_scale_vo/ros/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"

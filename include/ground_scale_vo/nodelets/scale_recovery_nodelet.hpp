@@ -29,7 +29,7 @@
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/sequence_check.hpp"
-#include "ground_scale_vo/ros/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 

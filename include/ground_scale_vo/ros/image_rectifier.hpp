@@ -7,9 +7,8 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "ground_scale_vo/ros/calibrated_camera.hpp"
-#include "ground_scale_vo/ros/grey_converter.hpp"
-#include "ground_scale_vo/ros/message_error.hpp"
+#include "ground_scale_vo/input/calibrated_camera.hpp"
+#include "ground_scale_vo/input/grey_converter.hpp"
 #include "ground_scale_vo/ros/source_guard.hpp"
 
 namespace ground_scale_vo {
@@ -26,16 +25,16 @@ class ImageRectifier {
   explicit ImageRectifier(bool image_is_rectified, const std::string& mask_file = {},
                           const std::string& camera_file = {});
 
-  /// Throws MessageError that names the topic, also for the second of two calibrations that
-  /// alternate and for one whose image size is not that of the mask; the previous calibration stays
-  /// in use then. Precondition: no camera file.
+  /// Throws DataError that names the topic, also for the second of two calibrations that alternate
+  /// and for one whose image size is not that of the mask; the previous calibration stays in use
+  /// then. Precondition: no camera file.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
-  /// Without a camera file, null before the first valid camera_info. A new object if and only if
-  /// the calibration changed.
+  /// Null before the first valid camera_info, or before the first image with a camera file that
+  /// contains no image size. A new object if and only if the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
-  /// Mask of the rectified images (CalibratedCamera::rectifyMask()), also of what lies outside the
-  /// raw image; the same cv::Mat while camera() is the same. Empty when it masks nothing.
+  /// Mask of the rectified images (Undistortion::mask()); the same cv::Mat while camera() is the
+  /// same. Empty when it masks nothing.
   const cv::Mat& mask() const { return mask_; }
   /// Of camera(): "camera_info" or "parameter camera_file: FILE".
   const std::string& source() const { return source_; }
@@ -43,14 +42,16 @@ class ImageRectifier {
   double readoutTime() const { return readout_time_; }
   /// Two calibrations alternate on the topic.
   bool calibrationAlternates() const { return calibrations_.alternates(); }
+  /// What is suspicious about camera() (checkCalibration()), or empty.
+  const std::string& calibrationWarning() const { return calibration_warning_; }
 
   /// 8-bit grey, rectified. Refers to the message's data if nothing has to be converted. Throws
-  /// MessageError: GreyConverter's reasons, or not the size of the calibration. Precondition:
-  /// camera() is not null.
+  /// DataError: GreyConverter's reasons, or not the size of the calibration. Precondition: camera()
+  /// is not null.
   cv::Mat rectify(const sensor_msgs::Image& image);
   /// The same for the images that CalibratedCamera::givenCalibration() describes.
   cv::Mat given(const sensor_msgs::Image& image);
-  const cv::Mat& givenMask() const { return camera_->isGivenRectified() ? mask_ : raw_mask_; }
+  const cv::Mat& givenMask() const { return given_mask_; }
 
  private:
   cv::Mat toGrey(const sensor_msgs::Image& image);
@@ -60,9 +61,9 @@ class ImageRectifier {
   const bool image_is_rectified_;
   const std::string mask_name_;  ///< of raw_mask_, for errors
   const cv::Mat raw_mask_;
-  cv::Mat mask_;
+  cv::Mat mask_, given_mask_;
   double readout_time_ = 0;
-  std::string source_ = "camera_info";
+  std::string source_ = "camera_info", calibration_warning_;
   std::shared_ptr<const CalibratedCamera> camera_;
   SourceGuard<std::shared_ptr<const CalibratedCamera>> calibrations_{
       [](const auto& a, const auto& b) { return a->isSameAs(*b); }};

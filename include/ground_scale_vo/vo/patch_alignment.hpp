@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 

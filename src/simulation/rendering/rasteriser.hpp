@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <opencv2/core.hpp>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "simulation/rendering/scene.hpp"
 
 namespace ground_scale_vo::simulation {

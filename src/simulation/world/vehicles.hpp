@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
-#include "ground_scale_vo/vo/camera.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "simulation/rendering/mesh.hpp"
 #include "simulation/rendering/texture.hpp"
 

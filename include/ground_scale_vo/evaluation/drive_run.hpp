@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "ground_scale_vo/io/drive_reader.hpp"
+#include "ground_scale_vo/lens/lens.hpp"
+#include "ground_scale_vo/metric_odometry.hpp"
+
+namespace ground_scale_vo {
+
+/// The odometry of a drive, without ROS.
+struct DriveRun {
+  struct Options {
+    MetricOdometry::Options odometry;
+    /// GROUP/NAME=VALUE, as of --set: takes precedence over the readout time of the calibration.
+    std::vector<std::string> settings;
+    double from_s = 0, to_s = 1e9;  ///< part of the drive, from the first used image on [s]
+  };
+  using OnFrame = std::function<void(const RunFrame& frame)>;
+
+  RunRecord record;  ///< a frame for every image of the part, also those that are not used
+  LensEstimate lens;
+  std::vector<std::int64_t> stamps_ns;  ///< of every image of the drive
+  std::size_t images = 0, used = 0;     ///< of the drive
+  std::vector<std::string> warnings;    ///< sentences of DriveReader, and about the result
+  /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), or that there is
+  /// no metric pose, with the most frequent reason.
+  std::string failure;
+
+  /// One line: images read, used and not used; share of the frames with a held scale; where the first
+  /// metric pose is; length with its standard deviation.
+  std::string summary() const;
+  /// 0; 1 with a failure, or if is_strict with a warning.
+  int exitStatus(bool is_strict) const { return !failure.empty() || (is_strict && !warnings.empty()); }
+};
+
+/// Runs MetricOdometry over the images. on_frame: is called after each one. Throws DataError, and
+/// OptionError: options or settings.
+DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
+                  const DriveRun::OnFrame& on_frame);
+
+/// Name of the result folder: that of the drive's folder, or of its file without extension.
+std::string resultName(const std::string& drive);
+
+/// writeRun(), and camera.yaml with the lens if it was refined. Throws DataError.
+void writeRun(const std::filesystem::path& folder, const DriveRun& run, double camera_height,
+              const GroundTruth& truth);
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/input/camera.hpp"
+
+namespace ground_scale_vo {
+
+/// Intrinsics and distortion of a camera's images as they come. Rectified images have no distortion,
+/// or the small one that the rectification has left in them.
+struct CameraCalibration {
+  int width = 0, height = 0;              ///< [px]; 0: not known, as in a KITTI calib.txt
+  double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]
+  /// In the order of OpenCV: k1, k2, p1, p2, k3 ... of plumb_bob and rational_polynomial (0, 4, 5,
+  /// 8, 12 or 14 numbers), or k1 to k4 of a fisheye camera.
+  std::vector<double> distortion = {};
+  bool estimated = false;    ///< from drives: PinholeCamera::lens_is_estimated
+  double readout_time = 0;   ///< [s] of a rolling shutter; 0: global shutter
+  bool is_fisheye = false;   ///< distortion model equidistant
+  bool is_part = false;      ///< of a larger image, whose principal point may lie anywhere
+
+  bool hasSize() const { return width > 0 && height > 0; }
+  /// True for a fisheye camera too: without coefficients it has distortion all the same.
+  bool isDistorted() const;
+  /// The distortion is none or plumb_bob with at most 5 coefficients, which a Lens can hold.
+  bool hasLens() const { return !is_fisheye && distortion.size() <= 5; }
+
+  /// Throws OptionError that names the first number that is not finite or not plausible for a
+  /// camera, or the wrong number of coefficients. The size is checked where it is known.
+  void validate() const;
+
+  /// Of the part `roi` of the images, of which every binning.width x binning.height pixels are
+  /// combined into one. Throws OptionError: the part is not inside the image, or nothing is left.
+  CameraCalibration ofPart(const cv::Rect2d& roi, const cv::Size& binning) const;
+
+  /// "640x480, fx 500, fy 500, cx 320, cy 240, plumb_bob, D (-0.3, 0.1, 0, 0)".
+  std::string describe() const;
+};
+
+bool operator==(const CameraCalibration& a, const CameraCalibration& b);
+
+/// Without distortion.
+CameraCalibration calibrationOf(const PinholeCamera& camera);
+/// The distortion is ignored. Precondition: hasSize().
+PinholeCamera pinholeOf(const CameraCalibration& calibration);
+
+/// Without distortion, with square pixels and the principal point in the centre. degrees: horizontal
+/// field of view. Throws OptionError.
+CameraCalibration ofFieldOfView(double degrees, const cv::Size& size);
+
+/// The model of OpenCV by its name in ROS, Kalibr and OpenCV; *is_fisheye is set. An empty name
+/// means no distortion and is valid without coefficients only. Throws OptionError.
+void setDistortionModel(const std::string& name, CameraCalibration* calibration);
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/input/camera_calibration.hpp"
+
+namespace ground_scale_vo {
+
+/// The fields of a sensor_msgs/CameraInfo under their names.
+struct CameraInfo {
+  struct RegionOfInterest {
+    std::uint32_t x_offset = 0, y_offset = 0, height = 0, width = 0;
+  };
+  std::uint32_t height = 0, width = 0;
+  std::string distortion_model;
+  std::vector<double> D;
+  std::array<double, 9> K = {}, R = {};
+  std::array<double, 12> P = {};
+  std::uint32_t binning_x = 0, binning_y = 0;
+  RegionOfInterest roi;
+};
+
+/// The calibration of the images that a camera_info describes.
+///
+/// Uses K and D; P if K is all zero, as for a rectified camera, or if image_is_rectified states that
+/// the images are rectified although K and D describe the raw camera. ROI and binning are applied. R
+/// and the last column of P are not used: the axes are those of the given images (for images that
+/// are already rectified with R, the rotated ones).
+///
+/// topic: for the error. Throws DataError that names it: not calibrated (K and P all zero; P with
+/// image_is_rectified), a K or P that is not that of a pinhole camera, a number that is not finite,
+/// implausible intrinsics; where K and D are used, an unknown distortion model, a wrong number of
+/// coefficients or implausible ones; an ROI outside the image, a binning of all of it.
+CameraCalibration calibrationOf(const CameraInfo& info, const std::string& topic,
+                                bool image_is_rectified);
+
+/// The topic camera_info beside that of the images, TOPIC or TOPIC/compressed.
+std::string cameraInfoTopicOf(const std::string& image_topic);
+
+/// What in camera_info or in the name of the image topic contradicts image_is_rectified.
+struct RectificationContradiction {
+  std::string reason;  ///< a clause; empty: no contradiction, or there is nothing to compare
+  /// P cannot belong to raw images of K and D: no calibration computes it for them. Otherwise a
+  /// hint: a name; P of a fisheye camera, which may show any part of the image; or P that equals K,
+  /// as of images that cv::undistort rectified.
+  bool is_certain = false;
+};
+
+/// Precondition: calibrationOf() accepts the info.
+RectificationContradiction rectificationContradiction(const CameraInfo& info,
+                                                      bool image_is_rectified,
+                                                      const std::string& image_topic);
+
+/// The same as a sentence for the user of --rectified, or empty. Throws DataError with it when it is
+/// certain.
+std::string rectificationSentence(const CameraInfo& info, bool image_is_rectified,
+                                  const std::string& image_topic);
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,133 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <future>
+#include <map>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/input/calibrated_camera.hpp"
+#include "ground_scale_vo/input/grey_converter.hpp"
+#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/io/image_source.hpp"
+
+namespace ground_scale_vo {
+
+/// Reads a drive image by image, by the rules that the nodelets apply to their topics: decoding,
+/// grey, size, stamps. Decodes an image while the caller processes the previous one.
+class DriveReader {
+ public:
+  /// A calibration and where it is from, for messages: a file or topic.
+  struct Calibration {
+    CameraCalibration camera;
+    std::string source;
+    double fov_deg = 0;  ///< horizontal field of view, instead of `camera`; 0: none
+  };
+  struct Options {
+    std::string mask_file;  ///< of the images as they come; empty: none
+    double fps = 0;         ///< [Hz] the images have this rate, stamps are not used; 0: stamps
+    bool ahead = true;      ///< decode on a second thread
+  };
+  struct Image {
+    std::size_t index = 0;      ///< in the source, from 0
+    std::int64_t stamp_ns = 0;  ///< increases from image to image
+    cv::Mat given;              ///< CalibratedCamera::given(); empty: the image cannot be used
+    double decode_ms = 0;
+  };
+
+  /// Reads the first images. Throws DataError: none of them can be decoded, or the calibration or
+  /// the mask is not that of the images.
+  DriveReader(std::unique_ptr<ImageSource> source, Calibration calibration, const Options& options);
+  ~DriveReader();
+
+  const std::string& name() const { return source_->name(); }
+  std::size_t count() const { return source_->count(); }  ///< approximate for a video
+  const CalibratedCamera& camera() const { return *camera_; }
+  /// CalibratedCamera::givenMask(), and that of the rectified images.
+  const cv::Mat& givenMask() const { return given_mask_; }
+  const cv::Mat& rectifiedMask() const { return rectified_mask_; }
+
+  /// Every image of the source in order, also those that cannot be used. Empty after the last one.
+  /// Throws DataError when the stamps of the first images are unusable.
+  std::optional<Image> next();
+
+  /// Adds a sentence to warnings().
+  void warn(const std::string& sentence) { sentences_.push_back(sentence); }
+  std::size_t read() const { return read_; }
+  std::size_t used() const { return used_; }
+  /// What went wrong so far: one sentence for each kind, with the number of images.
+  std::vector<std::string> warnings() const;
+  /// After the last image: why the result is not that of the whole drive, in one sentence, or empty.
+  /// An image is damaged, the file ends early, or more than half of the images are not used.
+  std::string failure() const;
+
+ private:
+  struct Stored {
+    std::optional<StoredImage> image;
+    double decode_ms = 0;
+  };
+  struct Entry {
+    Image image;
+    bool is_decided = false;
+  };
+  struct Problem {
+    std::size_t images = 0;
+    std::string first;  ///< reason
+  };
+
+  Stored load();
+  void startLoading();
+  std::optional<Stored> takeNext();
+  void open(const cv::Size& size);
+  void add(Stored stored);
+  void use(std::size_t index, bool starts_again);
+  void decide(std::size_t index, bool is_used);
+  void lose(const std::string& kind, const std::string& reason);
+  void requireUsableStamps() const;
+  std::int64_t continued(std::int64_t stamp_ns, bool starts_again);
+
+  const std::unique_ptr<ImageSource> source_;
+  const Calibration calibration_;
+  const Options options_;
+  std::future<Stored> loading_;
+  std::deque<Stored> first_;  ///< read by the constructor
+  std::unique_ptr<CalibratedCamera> camera_;
+  cv::Mat given_mask_, rectified_mask_;
+  GreyConverter grey_converter_;
+  StampFilter<std::size_t> stamp_filter_;
+  std::deque<std::size_t> waiting_;  ///< indices in stamp_filter_
+  std::deque<Entry> entries_;
+  std::int64_t offset_ns_ = 0, last_stamp_ns_ = 0, interval_ns_ = 0;
+  bool is_at_end_ = false, has_first_ = false;
+  std::optional<std::size_t> first_used_;  ///< the first image, while it waits for the second
+  std::size_t read_ = 0, used_ = 0, wrong_stamps_ = 0, restarts_ = 0;
+  std::map<std::string, Problem> problems_;  ///< by kind
+  std::vector<std::string> sentences_;       ///< of warn()
+};
+
+/// What the commands accept as a drive, and their options.
+struct DriveInput {
+  std::string path;          ///< KITTI folder, folder of images with times.txt, or video
+  std::string camera_file;   ///< calibration; empty: that of the KITTI folder
+  double fov_deg = 0;        ///< instead of a calibration: DriveReader::Calibration
+  bool unrectified = false;  ///< KITTI raw drive before rectification
+  DriveReader::Options options;
+};
+struct GroundTruth {
+  std::vector<Eigen::Isometry3d> poses;  ///< KittiSequence::groundTruth()
+  std::vector<double> heights;
+};
+
+/// Throws DataError that says what to do when the path is that of a bag or another recording.
+void requireNoBag(const std::filesystem::path& path);
+
+/// Throws DataError, and OptionError: a calibration is missing.
+std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* truth = nullptr);
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace ground_scale_vo {
+
+/// Files in the order of the numbers in their names, such as frame7.png, frame12.png.
+struct NumberedFiles {
+  std::vector<std::filesystem::path> files;
+  /// The number in each name that varies, if only one does; else empty.
+  std::vector<std::uint64_t> numbers;
+  std::string warning;  ///< about missing numbers, or empty
+};
+
+/// The files of a folder with one of these extensions (lower case, with a dot; names may have upper
+/// case). Hidden files and names without a number are left out. Throws DataError that names the
+/// folder and a file: no such file (it names files of other image types), two with the same number,
+/// or names that differ in more than their numbers, as of two cameras.
+NumberedFiles numberedFiles(const std::filesystem::path& folder,
+                            const std::vector<std::string>& extensions);
+/// The images of a folder: PNG and JPEG.
+NumberedFiles imageFiles(const std::filesystem::path& folder);
+
+/// The stamp [ns] of each image, from a text file with one number a line: seconds, milliseconds,
+/// microseconds or nanoseconds, whichever gives a plausible frame rate; of the three columns of
+/// TUM's times.txt the second one; or times such as 2011-09-26 13:02:25.964389445 (UTC). Lines that
+/// begin with # are ignored.
+///
+/// With more lines than images the number in the name of an image is that of its line, counted from
+/// 0, as in a part of a KITTI sequence. Throws DataError: names file and line.
+std::vector<std::int64_t> readImageStamps(const std::filesystem::path& file,
+                                          const NumberedFiles& images);
+
+/// Stamps [ns] of images at a constant rate [Hz], from 0 on.
+std::vector<std::int64_t> constantRate(std::size_t images, double fps);
+
+}  // namespace ground_scale_vo

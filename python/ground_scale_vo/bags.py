@@ -1,0 +1,78 @@
+"""The images of a bag, read with the Python module rosbag."""
+
+from typing import Any, Iterator, Optional
+
+from . import _core
+from ._core import DataError
+
+_IMAGE_TYPES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
+
+
+def open_bag(file: str, topic: Optional[str], rectified: bool, camera: str, fov: float, mask: str,
+             fps: float) -> _core.Reader:
+    """topic: of the images; None: the bag has one. camera, fov: in place of its camera_info. Raises DataError."""
+    bag, topics = _open(file)
+    images = [name for name, info in topics.items() if info.msg_type in _IMAGE_TYPES]
+    name = _image_topic(file, images, topic)
+    info_topic = _core.camera_info_topic_of(name)
+    infos = [other for other, info in topics.items()
+             if _bare(other) == _bare(info_topic) and info.msg_type == "sensor_msgs/CameraInfo"]
+    if not infos and not camera and not fov:
+        raise ValueError(f"--camera is missing; {file} has no {info_topic}")
+    messages = (_image(message) for message in _messages(bag, file, name))
+    fields = (_camera_info(message) for info in infos for message in _messages(bag, file, info))
+    return _core.open_messages(name, topics[name].message_count, messages, info_topic, fields, rectified, camera, fov,
+                               mask, fps)
+
+
+def _bare(topic):
+    return topic.lstrip("/")
+
+
+def _image_topic(file, images, topic):
+    if topic is None:  # compressed ones beside the same images are left out
+        images = [name for name in images if name[:name.rfind("/")] not in images]
+        found = images if len(images) == 1 else []
+    else:
+        found = [name for wanted in (topic, topic + "/compressed") for name in images if _bare(name) == _bare(wanted)]
+    if not found:
+        raise DataError(f"{file}: --image must be one of its image topics: {', '.join(images) or 'none'}")
+    return found[0]
+
+
+def _open(file):
+    try:
+        import rosbag
+    except ImportError:
+        raise DataError(f"{file}: the Python module rosbag is missing (Debian: python3-rosbag)") from None
+    try:
+        bag = rosbag.Bag(file)
+        return bag, bag.get_type_and_topic_info().topics
+    except FileNotFoundError:
+        raise DataError(f"{file}: no such file or folder") from None
+    except Exception as error:  # of many types for a damaged file
+        raise DataError(f"{file}: is not a bag that can be read ({error or type(error).__name__}); `rosbag reindex` "
+                        "repairs one whose recording was interrupted") from None
+
+
+def _messages(bag, file, topic) -> Iterator[Any]:
+    try:
+        for _, message, _ in bag.read_messages([topic]):
+            yield message
+    except Exception as error:  # of many types for a damaged file
+        raise DataError(f"{file}: cannot be read to its end ({error})") from None
+
+
+def _image(message):
+    stamp = message.header.stamp.to_nsec()
+    if hasattr(message, "format"):
+        return stamp, message.format, True, False, 0, 0, 0, bytes(message.data)
+    return (stamp, message.encoding, False, bool(message.is_bigendian), message.height, message.width, message.step,
+            bytes(message.data))
+
+
+def _camera_info(message):
+    names = ("height", "width", "distortion_model", "D", "K", "R", "P", "binning_x", "binning_y")
+    roi = message.roi
+    return {**{name: getattr(message, name) for name in names},
+            "roi": (roi.x_offset, roi.y_offset, roi.height, roi.width)}

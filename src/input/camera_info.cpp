@@ -1,0 +1,235 @@
+#include "ground_scale_vo/input/camera_info.hpp"
+
+#include <algorithm>
+#include <opencv2/calib3d.hpp>
+#include <sstream>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/image_limits.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using Points = std::vector<cv::Point2d>;
+
+/// Of K, D or P of camera_info: not set.
+template <typename Range>
+bool allZero(const Range& values) {
+  return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
+}
+
+/// True for both names of the fisheye model of OpenCV in camera_info.
+bool isFisheye(const std::string& distortion_model) {
+  return distortion_model == "equidistant" || distortion_model == "fisheye";
+}
+
+/// Of the whole image without distortion, from K or P, which has 3 or 4 columns; the last column of
+/// P, the offset of a stereo camera, is not used. Throws OptionError.
+CameraCalibration wholeImage(const CameraInfo& info, const double* matrix, int columns) {
+  const auto at = [&](int row, int column) { return matrix[row * columns + column]; };
+  CameraCalibration camera;
+  // The cast must not overflow; validate() refuses kMaxImageSide + 1.
+  camera.width = static_cast<int>(std::min(info.width, kMaxImageSide + 1));
+  camera.height = static_cast<int>(std::min(info.height, kMaxImageSide + 1));
+  camera.fx = at(0, 0);
+  camera.fy = at(1, 1);
+  camera.cx = at(0, 2);
+  camera.cy = at(1, 2);
+  pinholeOf(camera).validate();
+  if (at(0, 1) != 0 || at(1, 0) != 0 || at(2, 0) != 0 || at(2, 1) != 0 || at(2, 2) != 1) {
+    throw OptionError(std::string(columns == 4 ? "P" : "K") +
+                      " is not of the form fx 0 cx, 0 fy cy, 0 0 1");
+  }
+  camera.validate();
+  return camera;
+}
+
+CameraCalibration ofImages(const CameraInfo& info, bool use_P) {
+  CameraCalibration camera =
+      use_P ? wholeImage(info, info.P.data(), 4) : wholeImage(info, info.K.data(), 3);
+  if (!use_P) {
+    camera.distortion = info.D;
+    setDistortionModel(info.distortion_model, &camera);
+    // Some drivers leave D of a fisheye camera empty.
+    if (camera.is_fisheye && allZero(info.D)) camera.distortion.assign(4, 0.0);
+    if (!camera.isDistorted()) camera.distortion.clear();
+    camera.validate();
+  }
+  const CameraInfo::RegionOfInterest& roi = info.roi;
+  const bool has_roi = roi.x_offset > 0 || roi.y_offset > 0 || roi.width > 0 || roi.height > 0;
+  const cv::Rect2d part = has_roi ? cv::Rect2d(roi.x_offset, roi.y_offset, roi.width, roi.height)
+                                  : cv::Rect2d(0, 0, info.width, info.height);
+  const auto binning = [](std::uint32_t n) {
+    return static_cast<int>(std::clamp(n, 1u, 2 * kMaxImageSide));
+  };
+  return camera.ofPart(part, {binning(info.binning_x), binning(info.binning_y)});
+}
+
+/// Points per side of the grid that is mapped between the raw and the rectified image.
+constexpr int kGrid = 9;
+/// Least share of the rectified image that shows raw pixels. Rectifications that keep all raw
+/// pixels have black corners.
+constexpr double kMinFilled = 0.7;
+/// Least share of the raw image that the rectified one shows. Rectifications without black corners
+/// crop the raw image.
+constexpr double kMinShown = 0.5;
+
+/// Maps pixels between the raw image and the rectified one that R and P describe.
+class Rectification {
+ public:
+  explicit Rectification(const CameraInfo& info)
+      : is_fisheye_(isFisheye(info.distortion_model)),
+        K_(info.K.data()),
+        R_(info.R.data()),
+        P_(info.P[0], info.P[1], info.P[2], info.P[4], info.P[5], info.P[6], info.P[8], info.P[9],
+           info.P[10]),
+        D_(info.D) {
+    if (cv::norm(R_ * R_.t() - cv::Matx33d::eye()) > 1e-3) R_ = cv::Matx33d::eye();
+    if (D_.empty()) D_.assign(4, 0.0);
+  }
+
+  Points rectify(const Points& raw) const {
+    Points rectified;
+    if (is_fisheye_) {
+      cv::fisheye::undistortPoints(raw, rectified, K_, D_, R_, P_);
+    } else {
+      cv::undistortPoints(raw, rectified, K_, D_, R_, P_);
+    }
+    return rectified;
+  }
+
+  Points unrectify(const Points& rectified) const {
+    const cv::Matx33d to_ray = R_.t() * P_.inv();
+    std::vector<cv::Point3d> rays;
+    for (const cv::Point2d& pixel : rectified) {
+      rays.emplace_back(to_ray * cv::Vec3d(pixel.x, pixel.y, 1));
+    }
+    const cv::Vec3d zero(0, 0, 0);
+    Points raw;
+    if (is_fisheye_) {
+      cv::fisheye::projectPoints(rays, raw, zero, zero, K_, D_);
+    } else {
+      cv::projectPoints(rays, zero, zero, K_, D_, raw);
+    }
+    return raw;
+  }
+
+ private:
+  bool is_fisheye_;
+  cv::Matx33d K_, R_, P_;
+  std::vector<double> D_;
+};
+
+Points grid(const cv::Size2d& size) {
+  Points points;
+  for (int i = 0; i < kGrid * kGrid; ++i) {
+    points.emplace_back((i % kGrid + 0.5) / kGrid * size.width,
+                        (i / kGrid + 0.5) / kGrid * size.height);
+  }
+  return points;
+}
+
+double shareInside(const Points& points, const cv::Size2d& size) {
+  const auto inside = std::count_if(points.begin(), points.end(), [&](const cv::Point2d& point) {
+    return point.x >= 0 && point.y >= 0 && point.x < size.width && point.y < size.height;
+  });
+  return static_cast<double>(inside) / static_cast<double>(points.size());
+}
+
+/// Whether P can describe the rectified images of the camera of K, D and R. True if that cannot be
+/// computed.
+bool isRectificationOf(const CameraInfo& info) {
+  if (!(info.P[0] > 0) || !(info.P[5] > 0) || info.P[10] != 1) return true;
+  const cv::Size2d size(info.width, info.height);
+  try {
+    const Rectification rectification(info);
+    return shareInside(rectification.unrectify(grid(size)), size) >= kMinFilled &&
+           shareInside(rectification.rectify(grid(size)), size) >= kMinShown;
+  } catch (const cv::Exception&) {
+    return true;
+  }
+}
+
+std::string withoutTransport(const std::string& topic) {
+  const std::string transport = "/compressed";
+  const bool has_one = topic.size() > transport.size() &&
+                       topic.compare(topic.size() - transport.size(), transport.size(),
+                                     transport) == 0;
+  return has_one ? topic.substr(0, topic.size() - transport.size()) : topic;
+}
+
+/// Whether the last part of the topic, without a trailing /compressed, contains the text.
+bool hasPart(const std::string& topic, const std::string& part) {
+  const std::string name = withoutTransport(topic);
+  return name.substr(name.rfind('/') + 1).find(part) != std::string::npos;
+}
+
+}  // namespace
+
+CameraCalibration calibrationOf(const CameraInfo& info, const std::string& topic,
+                                bool image_is_rectified) {
+  const std::string subject = "camera_info on topic " + topic;
+  if (!areFinite(info.K, info.P, info.D, info.R)) {
+    throw DataError(subject + " has numbers that are not finite");
+  }
+  const bool has_K = !allZero(info.K), has_P = !allZero(info.P);
+  if (!has_K && !has_P) {
+    throw DataError(subject + " is all zeros: the camera is not calibrated");
+  }
+  if (image_is_rectified && !has_P) {
+    throw DataError(subject + " has no P, which image_is_rectified requires");
+  }
+  try {
+    return ofImages(info, image_is_rectified || !has_K);
+  } catch (const OptionError& error) {
+    throw DataError(subject + " cannot be used: " + error.what());
+  }
+}
+
+std::string cameraInfoTopicOf(const std::string& image_topic) {
+  const std::string name = withoutTransport(image_topic);
+  return name.substr(0, name.rfind('/') + 1) + "camera_info";
+}
+
+RectificationContradiction rectificationContradiction(const CameraInfo& info,
+                                                      bool image_is_rectified,
+                                                      const std::string& image_topic) {
+  if (allZero(info.K) || allZero(info.P)) return {};
+  const bool is_distorted = !allZero(info.D);
+  bool is_certain = false;
+  std::ostringstream reason;
+  if (!image_is_rectified && !isRectificationOf(info)) {
+    is_certain = !isFisheye(info.distortion_model);
+    reason << "P of camera_info (fx " << info.P[0] << ") cannot describe images of " << info.width
+           << " x " << info.height << " that are rectified with K (fx " << info.K[0] << ") and D";
+  } else if (!image_is_rectified && is_distorted && hasPart(image_topic, "rect")) {
+    reason << "topic " << image_topic
+           << " is named like rectified images, from which D of camera_info would be removed again";
+  } else if (image_is_rectified && is_distorted && info.P[0] == info.K[0] &&
+             info.P[2] == info.K[2] && info.P[6] == info.K[5]) {
+    reason << "P of camera_info equals K (fx " << info.K[0]
+           << ") although D is not zero, as for raw images";
+  } else if (image_is_rectified && is_distorted && hasPart(image_topic, "raw") &&
+             isRectificationOf(info)) {
+    reason << "topic " << image_topic
+           << " is named like raw images, and D of camera_info is not zero";
+  }
+  return {reason.str(), is_certain};
+}
+
+std::string rectificationSentence(const CameraInfo& info, bool image_is_rectified,
+                                  const std::string& image_topic) {
+  const auto [reason, is_certain] =
+      rectificationContradiction(info, image_is_rectified, image_topic);
+  if (reason.empty()) return {};
+  const std::string sentence =
+      image_is_rectified ? image_topic + " is used with --rectified, but " + reason +
+                               ": omit --rectified if the images are raw"
+                         : image_topic + " is used without --rectified, but " + reason +
+                               ": add --rectified if the images are rectified";
+  if (is_certain) throw DataError(sentence);
+  return sentence;
+}
+
+}  // namespace ground_scale_vo

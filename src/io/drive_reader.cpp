@@ -1,0 +1,249 @@
+#include "ground_scale_vo/io/drive_reader.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/input/calibration_check.hpp"
+#include "ground_scale_vo/input/image_file.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kNanoseconds = 1e9;
+/// Images after which unusable stamps are refused.
+constexpr std::size_t kStampProbe = 20;
+constexpr const char* kWrongStamp = "have a stamp that does not continue the others";
+constexpr const char* kDamaged = "cannot be decoded";
+
+}  // namespace
+
+DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibration,
+                         const Options& options)
+    : source_(std::move(source)),
+      calibration_(std::move(calibration)),
+      options_(options),
+      stamp_filter_(
+          StampGuard::kDefaultClockJump,
+          [this](const std::string& reason) {
+            const std::size_t index = waiting_.front();
+            waiting_.pop_front();
+            ++wrong_stamps_;
+            lose(kWrongStamp, reason);
+            decide(index, false);
+          },
+          source_->zeroIsUnset() && options.fps == 0) {
+  startLoading();
+  for (;;) {
+    Stored stored = load();
+    if (!stored.image) {
+      const std::string reason = first_.empty() ? "" : ": " + first_.front().image->error;
+      throw DataError(source_->name() + ": has no image that can be decoded" + reason);
+    }
+    const cv::Size size = stored.image->pixels.size();
+    first_.push_back(std::move(stored));
+    if (!size.empty()) {
+      open(size);
+      return;
+    }
+  }
+}
+
+DriveReader::~DriveReader() = default;
+
+void DriveReader::open(const cv::Size& size) {
+  CameraCalibration sized = calibration_.fov_deg > 0 ? ofFieldOfView(calibration_.fov_deg, size)
+                                                     : calibration_.camera;
+  const std::string warning = checkCalibration(sized, calibration_.source, size);
+  if (!warning.empty()) warn(warning);
+  sized.width = size.width;
+  sized.height = size.height;
+  try {
+    camera_ = std::make_unique<CalibratedCamera>(sized);
+  } catch (const OptionError& error) {
+    throw DataError(calibration_.source + " cannot be used: " + error.what());
+  }
+  cv::Mat mask;
+  if (!options_.mask_file.empty()) {
+    mask = readGreyImage(options_.mask_file);
+    try {
+      requireMask(mask, camera_->camera(), "the mask " + options_.mask_file);
+    } catch (const OptionError& error) {
+      throw DataError(error.what());
+    }
+  }
+  given_mask_ = camera_->givenMask(mask);
+  rectified_mask_ = camera_->undistortion().mask(mask);
+}
+
+void DriveReader::startLoading() {
+  const auto policy = options_.ahead ? std::launch::async : std::launch::deferred;
+  loading_ = std::async(policy, [this] {
+    const Stopwatch watch;
+    Stored stored;
+    stored.image = source_->next();
+    stored.decode_ms = watch.ms();
+    return stored;
+  });
+}
+
+DriveReader::Stored DriveReader::load() {
+  if (!loading_.valid()) return {};
+  Stored stored = loading_.get();
+  if (stored.image) startLoading();
+  return stored;
+}
+
+std::optional<DriveReader::Image> DriveReader::next() {
+  while (entries_.empty() || !entries_.front().is_decided) {
+    Stored stored;
+    if (first_.empty()) {
+      stored = load();
+    } else {
+      stored = std::move(first_.front());
+      first_.pop_front();
+    }
+    if (!stored.image) {
+      requireUsableStamps();
+      is_at_end_ = true;
+      if (first_used_) decide(*std::exchange(first_used_, std::nullopt), true);
+      if (waiting_.empty()) break;
+      // The last image is far from the one before it, and nothing confirms it.
+      ++wrong_stamps_;
+      lose(kWrongStamp, "it is the last one");
+      decide(waiting_.front(), false);
+      waiting_.pop_front();
+      continue;
+    }
+    add(std::move(stored));
+    if (read_ == kStampProbe) requireUsableStamps();
+  }
+  if (entries_.empty()) return std::nullopt;
+  Image image = std::move(entries_.front().image);
+  entries_.pop_front();
+  if (!image.given.empty()) ++used_;
+  return image;
+}
+
+void DriveReader::add(Stored stored) {
+  const std::size_t index = read_++;
+  StoredImage& image = *stored.image;
+  Entry entry;
+  entry.image.index = index;
+  entry.image.decode_ms = stored.decode_ms;
+  entry.image.stamp_ns =
+      options_.fps > 0
+          ? static_cast<std::int64_t>(kNanoseconds * static_cast<double>(index) / options_.fps)
+          : image.stamp_ns;
+  try {
+    if (image.pixels.empty()) throw DataError(image.error);
+    const cv::Size size(camera_->calibration().width, camera_->calibration().height);
+    if (image.pixels.size() != size) {
+      lose(format("have another size than %d x %d", size.width, size.height),
+           format("it has %d x %d", image.pixels.cols, image.pixels.rows));
+      entry.is_decided = true;
+    } else {
+      entry.image.given = camera_->given(grey_converter_.convert(image.pixels, image.encoding));
+    }
+  } catch (const DataError& error) {
+    lose(kDamaged, error.what());
+    entry.is_decided = true;
+  }
+  entries_.push_back(std::move(entry));
+  if (entries_.back().is_decided) return;
+  waiting_.push_back(index);
+  for (const auto& accepted : stamp_filter_.filter(entries_.back().image.stamp_ns, index)) {
+    waiting_.erase(std::find(waiting_.begin(), waiting_.end(), accepted.message));
+    use(accepted.message, accepted.clock_jumped_back);
+  }
+}
+
+/// The first image waits for the next one: if that is earlier, the first stamp is the wrong one.
+void DriveReader::use(std::size_t index, bool starts_again) {
+  Image& image = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+                   return entry.image.index == index;
+                 })->image;
+  if (!has_first_) {
+    has_first_ = true;
+    first_used_ = index;
+  } else if (first_used_) {
+    if (starts_again) {
+      ++wrong_stamps_;
+      lose(kWrongStamp, "the stamp of the first image is later than the next ones");
+      last_stamp_ns_ = 0;
+    }
+    decide(*std::exchange(first_used_, std::nullopt), !starts_again);
+    starts_again = false;
+  }
+  image.stamp_ns = continued(image.stamp_ns, starts_again);
+  if (!first_used_) decide(index, true);
+}
+
+/// The stamp of a used image, so that stamps which start again continue the earlier ones.
+std::int64_t DriveReader::continued(std::int64_t stamp_ns, bool starts_again) {
+  if (starts_again) {
+    ++restarts_;
+    const std::int64_t interval =
+        interval_ns_ > 0 ? interval_ns_ : static_cast<std::int64_t>(0.1 * kNanoseconds);
+    offset_ns_ = last_stamp_ns_ + interval - stamp_ns;
+  }
+  const std::int64_t result = stamp_ns + offset_ns_;
+  if (last_stamp_ns_ > 0 && !starts_again) interval_ns_ = result - last_stamp_ns_;
+  last_stamp_ns_ = result;
+  return result;
+}
+
+void DriveReader::decide(std::size_t index, bool is_used) {
+  for (Entry& entry : entries_) {
+    if (entry.image.index != index) continue;
+    entry.is_decided = true;
+    if (!is_used) entry.image.given.release();
+  }
+}
+
+void DriveReader::lose(const std::string& kind, const std::string& reason) {
+  Problem& problem = problems_[kind];
+  if (problem.images++ == 0) problem.first = reason;
+}
+
+void DriveReader::requireUsableStamps() const {
+  if (is_at_end_ || wrong_stamps_ == 0 || wrong_stamps_ + 2 < read_) return;
+  throw DataError(source_->name() + ": the images have no usable stamps (" +
+                  problems_.begin()->second.first +
+                  "); if they come at a constant rate, state it with --fps N");
+}
+
+std::vector<std::string> DriveReader::warnings() const {
+  std::vector<std::string> sentences = sentences_;
+  for (const auto& [kind, problem] : problems_) {
+    sentences.push_back(std::to_string(problem.images) + " of " + std::to_string(read_) +
+                        " images " + kind + " and are not used, the first one because " +
+                        problem.first);
+  }
+  if (restarts_ > 0) {
+    sentences.push_back("the stamps start again " + std::to_string(restarts_) +
+                        (restarts_ == 1 ? " time" : " times") +
+                        "; they continue after the usual interval, as in joined recordings");
+  }
+  return sentences;
+}
+
+std::string DriveReader::failure() const {
+  const std::string of_all = " of " + std::to_string(count()) + " images";
+  if (read_ + source_->countTolerance() < count()) {
+    return name() + " ends early: only " + std::to_string(read_) + of_all + " can be read";
+  }
+  if (const auto damaged = problems_.find(kDamaged); damaged != problems_.end()) {
+    return name() + " is damaged: " + std::to_string(damaged->second.images) + of_all +
+           " cannot be decoded";
+  }
+  if (2 * used_ < read_) {
+    return "only " + std::to_string(used_) + " of " + std::to_string(read_) +
+           " images could be used";
+  }
+  return {};
+}
+
+}  // namespace ground_scale_vo

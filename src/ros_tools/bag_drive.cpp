@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <memory>
 #include <set>
 #include <utility>
@@ -20,6 +19,7 @@
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/rectification_check.hpp"
 #include "ground_scale_vo/ros/stamp_guard.hpp"
+#include "ground_scale_vo/ros_tools/bag_topics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -37,14 +37,16 @@ class BagRunner {
 
   BagRunner(const BagDrive::Source& source, const OfflineRun::Options& options)
       : source_(source), options_(options), rectifier_(source.rectified, "", source.camera_file) {
-    bag_.open(source.bag, rosbag::bagmode::Read);
+    openBag(source.bag, &bag_);
   }
 
   BagDrive run(const OnFrame& on_frame) {
-    const std::string image = imageTopic();
+    const std::vector<std::string> topics = imageTopics({&bag_}, source_.image);
+    if (topics.empty()) throw DataError(missing(source_.image, "images"));
+    const std::string& image = topics[0];
     if (source_.camera_file.empty()) acceptCalibration(image);
     if (!source_.gps.empty()) readFixes();
-    rosbag::View view(bag_, rosbag::TopicQuery(image));
+    rosbag::View view(bag_, rosbag::TopicQuery(topics));
     findFirst(view);
     for (const rosbag::MessageInstance& instance : view) {
       if (const RunFrame* frame = process(instance)) on_frame(*frame, view.size());
@@ -58,13 +60,6 @@ class BagRunner {
   }
 
  private:
-  std::string imageTopic() {
-    for (const std::string& topic : {source_.image, source_.image + "/compressed"}) {
-      if (rosbag::View(bag_, rosbag::TopicQuery(topic)).size() > 0) return topic;
-    }
-    throw DataError(missing(source_.image, "images"));
-  }
-
   std::string missing(const std::string& topic, const std::string& what) {
     std::set<std::string> topics;  // each one has a connection for every publisher
     for (const auto* connection : rosbag::View(bag_).getConnections()) {
@@ -80,7 +75,7 @@ class BagRunner {
   void acceptCalibration(const std::string& image_topic) {
     std::string reason = missing(source_.camera_info, "camera_info");
     for (const rosbag::MessageInstance& instance :
-         rosbag::View(bag_, rosbag::TopicQuery(source_.camera_info))) {
+         rosbag::View(bag_, rosbag::TopicQuery(spellingsOf(source_.camera_info)))) {
       const auto info = instance.instantiate<sensor_msgs::CameraInfo>();
       if (!info) continue;
       try {
@@ -163,7 +158,7 @@ class BagRunner {
     std::vector<double> sigmas;
     std::size_t messages = 0;
     for (const rosbag::MessageInstance& instance :
-         rosbag::View(bag_, rosbag::TopicQuery(source_.gps))) {
+         rosbag::View(bag_, rosbag::TopicQuery(spellingsOf(source_.gps)))) {
       const auto fix = instance.instantiate<sensor_msgs::NavSatFix>();
       if (!fix) continue;
       ++messages;
@@ -210,13 +205,10 @@ class BagRunner {
 BagDrive runBagDrive(
     const BagDrive::Source& source, const OfflineRun::Options& options,
     const std::function<void(const RunFrame& frame, std::size_t images)>& on_frame) {
-  if (!std::filesystem::is_regular_file(source.bag)) {
-    throw DataError("there is no bag " + source.bag);
-  }
   try {
     return BagRunner(source, options).run(on_frame);
   } catch (const rosbag::BagException& error) {
-    throw DataError("the bag " + source.bag + " cannot be read: " + error.what());
+    throw DataError(unreadableBag(source.bag, error));
   }
 }
 

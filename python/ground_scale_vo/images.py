@@ -9,7 +9,7 @@ from typing import Any, Iterator, NamedTuple, Optional, Tuple
 import cv2
 import numpy as np
 
-from . import _LAST_STAMP_NS, DataError
+from .odometry import _LAST_STAMP_NS, DataError
 
 # Encodings of sensor_msgs/Image: channels, conversion. OpenCV names Bayer patterns by the second row.
 _ENCODINGS = {

@@ -8,9 +8,10 @@ from typing import Any, Callable, Iterable, List, NamedTuple, Tuple
 import cv2
 import numpy as np
 
-from . import DataError, _core, _setting
+from . import _core
 from .calibration import Calibration
 from .images import Images
+from .odometry import DataError, _setting
 
 _PLUMB_BOB = ("plumb_bob", "radtan", "none")  # the models with the coefficients k1, k2, p1, p2, k3
 _FOV = (10, 150)  # [degrees]

@@ -1,0 +1,219 @@
+"""What `import ground_scale_vo` provides, and the checks of its arguments."""
+
+import json
+import os
+from typing import Any, Dict, Iterator, NamedTuple, Optional, Tuple, Union
+
+import numpy as np
+
+from . import _core
+from ._core import DataError
+
+_LAST_STAMP_NS = 4294967295 * 10**9  # in the year 2106: the latest stamp of ROS
+
+
+class Camera(NamedTuple):
+    """A camera without distortion, as of rectified images. All in pixels; the centre of the upper
+    left pixel is (0, 0).
+
+    lens_is_estimated: the distortion that was removed from the images was estimated from drives
+        (ground_scale_vo calibrate), so that the shape of the road is observable.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    lens_is_estimated: bool = False
+
+
+class Result(NamedTuple):
+    """What MetricOdometry.process() computed for one image.
+
+    stamp: [ns] of the image.
+    status: "tracking" (there is a pose), "initialising" or "lost".
+    scale_status: "ok" (measured in this image), "held" (the last scale is kept) or "unknown".
+    reason: why no measurement of this image was used; "none": one was used.
+    map_id: grows with each new map, which has another scale.
+    pose: (4, 4) float64, from this camera to that at the first image of the first map with a scale,
+        translation in metres; None without a metric pose.
+    covariance: (6, 6) float64 of the pose in the first camera's axes, position [m^2], then rotation
+        [rad^2] as a left perturbation; None without a pose.
+    scale: filtered, metres per unit of the odometry; None while unknown.
+    sigma: standard deviation of scale; None while unknown.
+    plane: (4,) float64, the road n . x + d = 0 in this camera's axes, n of length 1 and up, d the
+        camera's height [m]; None while unknown.
+    tracks: (N, 2) float32, tracked corners (u, v) [px].
+    track_ids: (N,) uint64, ascending; constant while a corner is tracked.
+    points: (N, 3) float32, the points of the tracks in this camera's axes [m]; NaN for a track
+        without a point and while the scale is unknown.
+    """
+
+    stamp: int
+    status: str
+    scale_status: str
+    reason: str
+    map_id: int
+    pose: Optional[np.ndarray]
+    covariance: Optional[np.ndarray]
+    scale: Optional[float]
+    sigma: Optional[float]
+    plane: Optional[np.ndarray]
+    tracks: np.ndarray
+    track_ids: np.ndarray
+    points: np.ndarray
+
+
+class MetricOdometry:
+    """Metric odometry of one camera: causal and deterministic. Calls from several threads are
+    processed one after the other.
+
+    camera: of the rectified images.
+    camera_height: [m] above the road.
+    mask: (height, width) uint8, 0 where the images never show the scene (own vehicle, watermark);
+        None: no such region.
+    record: keep the results (about 1 kB an image) for poses(), metrics() and write().
+    options: numbers and bools under the names of docs/reference/parameters.md, such as refine=False;
+        names with a group as **{"tracker/cell_size": 0.02}.
+    """
+
+    def __init__(self, camera: Camera, camera_height: float, *, mask: Optional[np.ndarray] = None,
+                 record: bool = False, **options: Union[float, bool]) -> None:
+        if not isinstance(camera, Camera):
+            raise _type_error("camera", camera, "a Camera")
+        size = tuple(_integer(f"camera.{name}", getattr(camera, name), 100000)
+                     for name in Camera._fields[:2])
+        numbers = tuple(_number(f"camera.{name}", getattr(camera, name))
+                        for name in Camera._fields[2:6])
+        if not isinstance(camera.lens_is_estimated, bool):
+            raise _type_error("camera.lens_is_estimated", camera.lens_is_estimated, "a bool")
+        self._shape = size[::-1]
+        self._odometry = _core.Odometry(
+            size + numbers + camera[6:], _number("camera_height", camera_height),
+            [_setting(name, value) for name, value in options.items()],
+            None if mask is None else _image("mask", mask, self._shape), bool(record))
+
+    def process(self, image: np.ndarray, stamp: int) -> Result:
+        """Processes the next image of the drive, and releases the GIL meanwhile.
+
+        image: (height, width) uint8, grey, rectified. It is copied.
+        stamp: [ns], greater than that of the previous image.
+        """
+        return Result(**self._odometry.process(_image("image", image, self._shape),
+                                               _integer("stamp", stamp, _LAST_STAMP_NS)))
+
+    def poses(self) -> np.ndarray:
+        """(N, 4, 4) float64: a pose of every image, from its camera to the first one [m]. Images
+        without a metric pose hold the last one; those before the first metric pose get theirs from
+        the first scale, or are the identity before the start of its map."""
+        return self._odometry.poses()
+
+    def metrics(self, ground_truth: Optional[np.ndarray] = None,
+                ground_truth_heights: Optional[np.ndarray] = None) -> Dict[str, Any]:
+        """The contents of metrics.json (docs/reference/commands.md): relative length error, errors of
+        the KITTI devkit, consistency of the covariances, times. None where one is not known.
+
+        ground_truth: (N, 4, 4), from each camera to the first one [m].
+        ground_truth_heights: (N,), exact height of each camera above the road [m].
+        """
+        return json.loads(self._odometry.metrics(*_truth(ground_truth, ground_truth_heights)))
+
+    def write(self, folder: Union[str, "os.PathLike[str]"], ground_truth: Optional[np.ndarray] = None,
+              ground_truth_heights: Optional[np.ndarray] = None) -> None:
+        """Writes the files of scripts/evaluate: poses.txt, trajectory_tum.txt, scale.csv, metrics.json
+        and others. Ground truth as for metrics(). Raises DataError."""
+        self._odometry.write(_path("folder", folder), *_truth(ground_truth, ground_truth_heights))
+
+
+class KittiSequence:
+    """A KITTI folder; iterating over it yields (image, stamp) and decodes the next image meanwhile.
+
+    name: the folder's own name.
+    camera: Camera.
+    stamps: (N,) int64 [ns].
+    ground_truth: (N, 4, 4) float64, from each camera to the first one [m], or None.
+    ground_truth_heights: (N,) float64, exact height of each camera above the road [m], or None.
+    """
+
+    def __init__(self, folder: Union[str, "os.PathLike[str]"]) -> None:
+        self._sequence = _core.KittiSequence(_path("folder", folder))
+        self.name: str = self._sequence.name()
+        self.camera = Camera(*self._sequence.camera())
+        self.stamps: np.ndarray = np.array(self._sequence.stamps(), np.int64)
+        poses, heights = self._sequence.ground_truth(), self._sequence.ground_truth_heights()
+        self.ground_truth: Optional[np.ndarray] = poses if len(poses) else None
+        self.ground_truth_heights: Optional[np.ndarray] = np.array(heights) if heights else None
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def __iter__(self) -> Iterator[Tuple[np.ndarray, int]]:
+        return iter(self._sequence)
+
+
+def read_kitti(folder: Union[str, "os.PathLike[str]"]) -> KittiSequence:
+    """Opens a KITTI odometry folder (image_0/, calib.txt, times.txt; ground truth poses.txt or
+    ../../poses/NN.txt) or a KITTI raw synced drive. Raises DataError, which names file and line."""
+    return KittiSequence(folder)
+
+
+def _type_error(name: str, value: Any, needed: str) -> TypeError:
+    return TypeError(f"{name} is of type {type(value).__name__}, it must be {needed}")
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise _type_error(name, value, "a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"{name} is too large") from None
+
+
+def _integer(name: str, value: Any, largest: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise _type_error(name, value, "an integer" + (" [ns]" if name == "stamp" else ""))
+    if not 0 <= value <= largest:
+        raise ValueError(f"{name} is out of range, it must lie in [0, {largest}]")
+    return int(value)
+
+
+def _setting(name: str, value: Any) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return f"{name}={'true' if value else 'false'}"
+    return f"{name}={_number(name, value)!r}"
+
+
+def _array(name: str, value: Any, kinds: str, needed: str, shape: Tuple[Optional[int], ...]) -> np.ndarray:
+    if not isinstance(value, np.ndarray):
+        raise _type_error(name, value, "a numpy array")
+    if value.dtype.kind not in kinds or (kinds == "u" and value.dtype != np.uint8):
+        raise TypeError(f"{name} has the dtype {value.dtype}, it must be {needed}")
+    if len(value.shape) != len(shape) or any(n not in (None, m) for n, m in zip(shape, value.shape)):
+        text = str(shape).replace("None", "N")
+        raise ValueError(f"{name} has the shape {value.shape}, it must be {text}")
+    return value
+
+
+def _image(name: str, value: Any, shape: Tuple[int, ...]) -> np.ndarray:
+    return np.ascontiguousarray(_array(name, value, "u", "uint8", shape))
+
+
+def _truth(poses: Any, heights: Any) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
+    def reals(name, value, shape):
+        if value is None:
+            return None
+        return np.ascontiguousarray(_array(name, value, "fiu", "a real number", shape), np.float64)
+    return (reals("ground_truth", poses, (None, 4, 4)),
+            reals("ground_truth_heights", heights, (None,)))
+
+
+def _path(name: str, value: Any) -> str:
+    if not isinstance(value, (str, os.PathLike)):
+        raise _type_error(name, value, "a str or a path")
+    text = os.fsdecode(value)
+    if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
+        raise ValueError(f"{name} is {text!a}, it must be UTF-8 without null characters")
+    return text

@@ -22,6 +22,9 @@ find_package(catkin REQUIRED COMPONENTS
 )
 
 add_message_files(FILES ScaleEstimate.msg VoFrame.msg)
+# Where genpy would write an empty file: also a shell with this workspace finds the Python module.
+configure_file(python/${PROJECT_NAME}/__init__.py
+  ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION}/${PROJECT_NAME}/__init__.py COPYONLY)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 
 catkin_package(

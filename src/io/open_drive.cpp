@@ -61,8 +61,8 @@ void requireNoBag(const fs::path& path) {
                     "makes it readable");
   }
   if (type == ".mcap" || type == ".db3") {
-    throw DataError(path.string() + ": is a recording of ROS 2; convert it to a bag of ROS 1, for "
-                    "example with rosbags-convert");
+    throw DataError(path.string() + ": is no bag of ROS 1: convert it, for example with "
+                    "rosbags-convert (pip install rosbags)");
   }
   if (type == ".bag") {
     throw DataError(path.string() + ": a bag is read by `ground_scale_vo run`, scripts/demo --bag "

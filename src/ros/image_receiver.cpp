@@ -25,13 +25,17 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
     rectification_warning_ = rectifier_.calibrationWarning();
     handlers_.on_warning(rectification_warning_);
   }
+  const std::string transport = private_handle.param("image_transport", std::string("raw"));
+  const bool is_either = transport == "raw_or_compressed";
+  // Without a parameter of that name, the transport is raw.
   const image_transport::TransportHints hints("raw", ros::TransportHints().tcpNoDelay(),
-                                              private_handle);
-  if (hints.getTransport() == "compressed") {
+                                              private_handle,
+                                              is_either ? "no_parameter" : "image_transport");
+  if (is_either || transport == "compressed") {
     compressed_subscriber_ =
         handle.subscribe(handle.resolveName("image") + "/compressed", options.image_queue_size,
                          &ImageReceiver::onCompressedImage, this, hints.getRosHints());
-    return;
+    if (!is_either) return;
   }
   try {
     image_subscriber_ = transport_.subscribe("image", options.image_queue_size,

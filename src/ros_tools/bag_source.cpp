@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <set>
 #include <utility>
 
@@ -17,6 +16,7 @@
 #include "ground_scale_vo/input/encoded_image.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/image_message.hpp"
+#include "ground_scale_vo/ros_tools/bag_topics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -25,17 +25,11 @@ namespace {
 /// [m].
 constexpr double kDefaultFixSigma = 2.5;
 
-std::string withoutSlash(const std::string& topic) {
-  return topic.substr(std::min(topic.find_first_not_of('/'), topic.size()));
-}
-
 /// An open bag, whose errors are DataErrors that name it.
 class BagFile {
  public:
   explicit BagFile(const std::string& file) : name_(file) {
-    if (std::filesystem::path(file).extension() != ".bag") requireNoBag(file);
-    if (!std::filesystem::is_regular_file(file)) throw DataError("there is no bag " + file);
-    guard([&] { bag_.open(file, rosbag::bagmode::Read); });
+    guard([&] { openBag(file, &bag_); });
   }
 
   template <typename Use>
@@ -43,44 +37,41 @@ class BagFile {
     try {
       use();
     } catch (const rosbag::BagException& error) {
-      throw DataError("the bag " + name_ + " cannot be read: " + error.what());
+      throw DataError(unreadableBag(name_, error));
     }
   }
 
   const rosbag::Bag& bag() const { return bag_; }
 
-  /// The name in the bag of the first of these topics that it has. Throws DataError.
-  std::string find(const std::vector<std::string>& topics, const std::string& what) const {
-    const std::set<std::string> all = names();
-    for (const std::string& topic : topics) {
-      for (const std::string& name : all) {
-        if (withoutSlash(name) == withoutSlash(topic)) return name;
-      }
-    }
-    std::string held;
-    for (const std::string& name : all) held += (held.empty() ? "" : ", ") + name;
-    throw DataError("the bag " + name_ + " has no " + what + " on " + topics.front() +
-                    "; it holds " + (held.empty() ? "nothing" : held));
-  }
-
- private:
-  std::set<std::string> names() const {
+  /// The messages of a topic. Throws DataError when there is none.
+  std::unique_ptr<rosbag::View> view(const std::vector<std::string>& spellings,
+                                     const std::string& topic, const std::string& what) const {
+    auto view = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(spellings));
+    if (!spellings.empty() && view->size() > 0) return view;
     std::set<std::string> topics;  // each one has a connection for every publisher
     for (const auto* connection : rosbag::View(bag_).getConnections()) {
       topics.insert(connection->topic);
     }
-    return topics;
+    std::string held;
+    for (const std::string& name : topics) held += (held.empty() ? "" : ", ") + name;
+    throw DataError("the bag " + name_ + " has no " + what + " on " + topic + "; it holds " +
+                    (held.empty() ? "nothing" : held));
   }
 
+ private:
   const std::string name_;
   rosbag::Bag bag_;
 };
 
 class BagImages : public ImageSource {
  public:
-  BagImages(std::shared_ptr<BagFile> bag, const std::string& topic)
-      : bag_(std::move(bag)), topic_(topic), view_(bag_->bag(), rosbag::TopicQuery(topic)), count_(view_.size()) {
-    at_ = view_.begin();
+  BagImages(std::shared_ptr<BagFile> bag, const std::vector<std::string>& spellings,
+            const std::string& topic)
+      : bag_(std::move(bag)),
+        topic_(topic),
+        view_(bag_->view(spellings, topic, "images")),
+        count_(view_->size()) {
+    at_ = view_->begin();
   }
 
   const std::string& name() const override { return topic_; }
@@ -88,7 +79,7 @@ class BagImages : public ImageSource {
   bool zeroIsUnset() const override { return true; }
 
   std::optional<StoredImage> next() override {
-    if (at_ == view_.end()) return std::nullopt;
+    if (at_ == view_->end()) return std::nullopt;
     StoredImage stored;
     bag_->guard([&] { read(*at_, &stored); });
     ++at_;
@@ -119,19 +110,18 @@ class BagImages : public ImageSource {
 
   const std::shared_ptr<BagFile> bag_;
   const std::string topic_;
-  rosbag::View view_;
+  const std::unique_ptr<rosbag::View> view_;
   const std::size_t count_;
   rosbag::View::iterator at_;
 };
 
 DriveReader::Calibration calibrationIn(const BagFile& bag, const BagInput& input,
                                        const std::string& image_topic, std::string* warning) {
-  const std::string topic = bag.find(
-      {input.camera_info.empty() ? cameraInfoTopicOf(image_topic) : input.camera_info},
-      "camera_info");
+  const std::string topic =
+      input.camera_info.empty() ? cameraInfoTopicOf(image_topic) : input.camera_info;
   std::string reason = "no message on " + topic + " is a camera_info";
   for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag.bag(), rosbag::TopicQuery(topic))) {
+       *bag.view(spellingsOf(topic), topic, "camera_info")) {
     const auto info = instance.instantiate<sensor_msgs::CameraInfo>();
     if (!info) continue;
     try {
@@ -149,27 +139,26 @@ DriveReader::Calibration calibrationIn(const BagFile& bag, const BagInput& input
 
 std::unique_ptr<DriveReader> openBag(const BagInput& input) {
   const auto bag = std::make_shared<BagFile>(input.bag);
-  const std::string topic = bag->find({input.image, input.image + "/compressed"}, "images");
+  const std::vector<std::string> spellings = imageTopics({&bag->bag()}, input.image);
+  const std::string topic = spellings.empty() ? input.image : spellings.front();
   std::string warning;
   const DriveReader::Calibration calibration =
       input.camera_file.empty()
           ? calibrationIn(*bag, input, topic, &warning)
           : DriveReader::Calibration{readCameraFile(input.camera_file), input.camera_file};
-  auto drive = std::make_unique<DriveReader>(std::make_unique<BagImages>(bag, topic), calibration,
-                                             input.options);
+  auto drive = std::make_unique<DriveReader>(std::make_unique<BagImages>(bag, spellings, topic),
+                                             calibration, input.options);
   if (!warning.empty()) drive->warn(warning);
   return drive;
 }
 
 BagFixes readFixes(const std::string& file, const std::string& topic) {
   const BagFile bag(file);
-  const std::string name = bag.find({topic}, "fixes");
   BagFixes result;
   std::vector<Eigen::Vector3d> positions;
   std::vector<double> sigmas;
   std::size_t messages = 0;
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag.bag(), rosbag::TopicQuery(name))) {
+  for (const rosbag::MessageInstance& instance : *bag.view(spellingsOf(topic), topic, "fixes")) {
     const auto fix = instance.instantiate<sensor_msgs::NavSatFix>();
     if (!fix) continue;
     ++messages;

@@ -11,8 +11,8 @@
 
 #include <cstdio>
 #include <exception>
-#include <filesystem>
 #include <limits>
+#include <list>
 #include <map>
 #include <optional>
 #include <string>
@@ -26,6 +26,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros_tools/bag_topics.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "ground_scale_vo/ros_tools/kitti_topics.hpp"
 #include "support/command_line.hpp"
@@ -37,25 +38,43 @@ namespace {
 /// Longest part of the images after the end of the ground truth that is left out.
 const ros::Duration kMaxMissingEnd(0.5);
 
+using Names = std::vector<std::string>;
+using Bags = std::vector<const rosbag::Bag*>;
+
 struct Arguments {
-  std::string played, recorded, out, image;
+  Names played;
+  std::string recorded, out, image;
   double camera_height = 0;
 };
 
-/// Calls read(rosbag::MessageInstance) for each message of a bag on these topics; nullptr: on all.
-/// Throws DataError.
-template <typename Read>
-void forEachMessage(const std::string& file, const rosbag::TopicQuery* topics, const Read& read) {
-  if (!std::filesystem::is_regular_file(file)) throw gsv::DataError("there is no bag " + file);
+std::string joined(const Names& names, const char* separator) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : separator) + name;
+  return text;
+}
+
+/// Calls read(rosbag::MessageInstance) for each message of the bags on topics_of(bags), in the
+/// order of their time. Throws DataError.
+template <typename TopicsOf, typename Read>
+void forEachMessage(const Names& files, const TopicsOf& topics_of, const Read& read) {
+  std::string reading;
   try {
-    rosbag::Bag bag(file, rosbag::bagmode::Read);
+    std::list<rosbag::Bag> opened;
+    Bags bags;
+    for (const std::string& file : files) {
+      reading = file;
+      gsv::openBag(file, &opened.emplace_back());
+      bags.push_back(&opened.back());
+    }
+    reading = joined(files, " ");
+    const rosbag::TopicQuery query(topics_of(bags));
     rosbag::View view;
-    topics != nullptr ? view.addQuery(bag, *topics) : view.addQuery(bag);
+    for (const rosbag::Bag* bag : bags) view.addQuery(*bag, query);
     for (const rosbag::MessageInstance& instance : view) read(instance);
   } catch (const gsv::DataError&) {  // from read()
     throw;
   } catch (const std::exception& error) {  // from rosbag, or for an invalid or truncated message
-    throw gsv::DataError("the bag " + file + " cannot be read: " + error.what());
+    throw gsv::DataError(gsv::unreadableBag(reading, error));
   }
 }
 
@@ -66,15 +85,22 @@ struct Played {
 };
 
 void readPlayed(const Arguments& arguments, Played& played) {
-  std::vector<std::string> topics = gsv::kKittiImageTopics;
-  if (!arguments.image.empty()) topics = {arguments.image};
-  std::string wanted, found;
-  for (const std::string& topic : topics) wanted += (wanted.empty() ? "" : " or ") + topic;
-  topics.insert(topics.end(), {"/tf", "/tf_static"});
-  const rosbag::TopicQuery query(topics);
-  forEachMessage(arguments.played, &query, [&](const rosbag::MessageInstance& instance) {
+  const Names wanted = arguments.image.empty() ? gsv::kKittiImageTopics : Names{arguments.image};
+  const auto topics_of = [&](const Bags& bags) {
+    Names topics;
+    const auto append = [&](const Names& names) {
+      topics.insert(topics.end(), names.begin(), names.end());
+    };
+    for (const std::string& name : wanted) append(gsv::imageTopics(bags, name));
+    for (const char* name : {"/tf", "/tf_static"}) append(gsv::spellingsOf(name));
+    return topics;
+  };
+  const std::string bag = "the bag " + joined(arguments.played, " ");
+  std::string found;
+  forEachMessage(arguments.played, topics_of, [&](const rosbag::MessageInstance& instance) {
+    const std::string topic = gsv::spellingsOf(instance.getTopic())[0];
     if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
-      return played.ground_truth.add(*tf, instance.getTopic() == "/tf_static");
+      return played.ground_truth.add(*tf, topic == "/tf_static");
     }
     if (const auto image = instance.instantiate<sensor_msgs::Image>()) {
       played.images.push_back(image->header);
@@ -83,14 +109,14 @@ void readPlayed(const Arguments& arguments, Played& played) {
     } else {
       return;
     }
-    if (found.empty()) found = instance.getTopic();
-    if (found != instance.getTopic()) {
-      throw gsv::DataError("the bag " + arguments.played + " has images on " + found + " and " +
-                           instance.getTopic() + ": choose one with --image");
+    if (found.empty()) found = topic;
+    if (found != topic) {
+      throw gsv::DataError(bag + " has images on " + found + " and " + topic +
+                           ": choose one with --image");
     }
   });
   if (played.images.empty()) {
-    throw gsv::DataError("the bag " + arguments.played + " has no image on " + wanted);
+    throw gsv::DataError(bag + " has no image on " + joined(wanted, " or "));
   }
 }
 
@@ -129,7 +155,14 @@ bool readTimes(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Ti
 
 void readRecorded(const Arguments& arguments, Recorded& recorded) {
   Recorded::Times times;  // of both nodelets, which report them at different moments
-  forEachMessage(arguments.recorded, nullptr, [&](const rosbag::MessageInstance& instance) {
+  const auto all = [](const Bags& bags) {
+    Names topics;
+    for (const auto* connection : rosbag::View(*bags[0]).getConnections()) {
+      topics.push_back(connection->topic);
+    }
+    return topics;
+  };
+  forEachMessage({arguments.recorded}, all, [&](const rosbag::MessageInstance& instance) {
     if (const auto scale = instance.instantiate<gsv::ScaleEstimateMsg>()) {
       gsv::fromMsg(*scale);  // throws on invalid values
       recorded.scales[scale->header.stamp] = scale;
@@ -198,8 +231,8 @@ std::string reasonForNoPose(const Arguments& arguments, const Recorded& recorded
   for (const auto& [stamp, scale] : recorded.scales) {
     if (scale->status != gsv::ScaleEstimateMsg::UNKNOWN) known = scale.get();
   }
-  const std::string no_pose =
-      "no image of " + arguments.played + " has a metric pose in " + arguments.recorded;
+  const std::string no_pose = "no image of " + joined(arguments.played, " ") +
+                              " has a metric pose in " + arguments.recorded;
   if (known == nullptr) return no_pose + ": the scale was never known";
   if (known->header.frame_id.empty()) {
     return no_pose + ", although the scale is known: the frame_id of the images is empty";
@@ -315,8 +348,9 @@ int main(int argc, char** argv) {
       "camera axes (x right, y down, z forward).\n\n"
       "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
   command_line.options().add_options()  //
-      ("played", gsv::requiredValue(&arguments.played, "BAG"),
-       "the bag that was played: its images define the frames, its tf is the ground truth")  //
+      ("played", gsv::requiredValue(&arguments.played, "BAG...")->multitoken(),
+       "the bag that was played, or its parts: its images define the frames, its tf is the ground "
+       "truth")  //
       ("recorded", gsv::requiredValue(&arguments.recorded, "BAG"),
        "the bag that kitti.launch record:=BAG wrote: scale, odometry, vo/odometry, /diagnostics")  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),

@@ -104,6 +104,24 @@ def compress(source, file):
     copy(source, file, change)
 
 
+def split(source, folder):
+    """The two halves of the bag, as files whose names are difficult for a shell, in a folder of such a name. All
+    topics are written without leading slash, the images compressed on camera/jpeg, their calibration only in the
+    first half."""
+    folder = folder / "it's a drive"
+    folder.mkdir()
+    compressed, halves = folder / "compressed.bag", [folder / "half 1.bag", folder / "my half's 2.bag"]
+    compress(source, compressed)
+    names = {COMPRESSED: "camera/jpeg", INFO: "camera/camera_info"}
+    with rosbag.Bag(str(compressed)) as bag, rosbag.Bag(str(halves[0]), "w") as first, \
+            rosbag.Bag(str(halves[1]), "w") as second:
+        middle = rospy.Time.from_sec((bag.get_start_time() + bag.get_end_time()) / 2)
+        for topic, message, stamp in bag.read_messages():
+            if stamp < middle or topic != INFO:
+                (first if stamp < middle else second).write(names.get(topic, topic.lstrip("/")), message, stamp)
+    return halves
+
+
 def add_fixes(bag_file, poses):
     """Adds an exact GPS fix (/fix, sigma 0.02 m) for each image. poses: N x 3 x 4."""
     with rosbag.Bag(str(bag_file)) as bag:

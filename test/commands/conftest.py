@@ -34,8 +34,6 @@ BUILD = pathlib.Path(os.environ.get("GROUND_SCALE_VO_BUILD", ROOT / "build"))
 TIMEOUT_S = 600
 CAMERA_HEIGHT = 1.65
 FRAMES = 40  # of the sequence `short`
-# For Python outside ROS: the ROS messages are in a package that has the name of the Python module.
-WITHOUT_MESSAGES = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
 
 def tool(name):
@@ -141,7 +139,7 @@ def pip_install(venv, build):
     build folder that has compiled it, or compiles it now."""
     run("/usr/bin/python3", "-m", "venv", "--system-site-packages", "--without-pip", venv)
     run(venv / "bin/python", "-m", "pip", "install", "--no-index", "--no-build-isolation", ROOT,
-        env={**WITHOUT_MESSAGES, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
+        env={**os.environ, "GROUND_SCALE_VO_PYTHON_BUILD": str(build)})
 
 
 def made_once(path, make):
@@ -227,16 +225,12 @@ def venv(data):
     return made_once(folder, lambda: pip_install(folder, BUILD))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def gsv(venv):
-    """The package. The ROS messages, which other tests import, are in a package of the same name."""
-    messages = {name: sys.modules.pop(name) for name in [*sys.modules]
-                if name.split(".")[0] == "ground_scale_vo"}
-    (folder,) = venv.glob("lib/*/site-packages")
-    sys.path.insert(0, str(folder))
-    yield importlib.import_module("ground_scale_vo")
-    sys.path.remove(str(folder))
-    sys.modules.update(messages)
+    """The package, which has been imported for the ROS messages already."""
+    package = importlib.import_module("ground_scale_vo")
+    package.__path__ += map(str, venv.glob("lib/*/site-packages/ground_scale_vo"))
+    return package
 
 
 def poses_of(file):

@@ -18,7 +18,9 @@ LENGTH = ("--length", 50, "--length-sigma", 0.1)
 
 @pytest.fixture
 def height_file(tmp_path):
-    return tmp_path / "height.yaml"
+    folder = tmp_path / "it's a folder"
+    folder.mkdir()
+    return folder / "height.yaml"
 
 
 def assert_height(file):
@@ -61,10 +63,14 @@ def test_camera_file(low, low_bag, height_file):
 
 
 def test_bag_with_compressed_images_and_fixes(low_bag, height_file):
-    compressed = height_file.with_suffix(".bag")
+    """The names in the bag and the arguments have a leading slash, or none."""
+    compressed, renamed = height_file.with_suffix(".bag"), height_file.with_name("it's.bag")
     bags.compress(low_bag, compressed)
-    done = run(CALIBRATE, "--bag", compressed, "--image", bags.COMPRESSED.lstrip("/"), "--camera-info", INFO,
-               "--gps", "/fix", "--out", height_file)
+    names = {bags.COMPRESSED: "camera/jpeg", INFO: "camera/camera_info", "/fix": "fix"}
+    bags.copy(compressed, renamed, lambda topic, message: (names.get(topic, topic), message))
+    arguments = ("--gps", "/fix", "--out", height_file)
+    run(CALIBRATE, "--bag", compressed, "--image", bags.COMPRESSED.lstrip("/"), "--camera-info", INFO, *arguments)
+    done = run(CALIBRATE, "--bag", renamed, "--image", "/camera/jpeg", *arguments, "--force")
     assert "From the fixes on /fix" in done.stdout + done.stderr
     assert_height(height_file)
 
@@ -98,6 +104,14 @@ def test_rectified_images_without_the_option(low_bag, height_file):
     command = (CALIBRATE, "--bag", raw, "--image", RAW_IMAGE, *LENGTH, "--out", height_file)
     assert_refused(1, f"{RAW_IMAGE} is used without --rectified, but P of camera_info", *command)
     assert not height_file.exists()
+
+
+@pytest.mark.parametrize("name, size, text", [
+    ("drive.bag.active", -2**16, "run rosbag reindex"), ("drive.mcap", None, "is no bag of ROS 1: convert it")])
+def test_files_that_are_no_finished_bag(low_bag, height_file, name, size, text):
+    file = height_file.with_name(name)
+    file.write_bytes(low_bag.read_bytes()[:size])
+    assert_refused(1, text, CALIBRATE, "--bag", file, *LENGTH, "--out", height_file)
 
 
 @pytest.mark.parametrize("topic, change, text", [

@@ -9,8 +9,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import (BUILD, CAMERA_HEIGHT, FRAMES, ROOT, WITHOUT_MESSAGES, assert_refused, pip_install, poses_of,
-                      run)
+from conftest import BUILD, CAMERA_HEIGHT, FRAMES, ROOT, assert_refused, pip_install, poses_of, run
 
 LIBRARY = BUILD / "devel/lib/libground_scale_vo_core.so"
 MODULES = ("common", "input", "vo", "scale", "lens")
@@ -95,16 +94,15 @@ def test_examples_give_metric_poses(examples, venv, short):
     assert true_distance > 10  # [m]
     assert math.dist(first[1:], last[1:]) == pytest.approx(true_distance, rel=0.03)
     python = (venv / "bin/python", ROOT / "examples/metric_poses.py")
-    assert run(*python, short, CAMERA_HEIGHT, env=WITHOUT_MESSAGES).stdout.split() == output.split()
+    assert run(*python, short, CAMERA_HEIGHT).stdout.split() == output.split()
     for example in ([examples / "metric_poses"], python):
-        assert_refused(1, "no such folder", *example, "none", 1.65, env=WITHOUT_MESSAGES)
+        assert_refused(1, "no such folder", *example, "none", 1.65)
 
 
 @pytest.mark.long
 def test_pip_installs_a_build_without_ros(build, evaluated, short, tmp_path):
     pip_install(tmp_path / "venv", build)
-    run(tmp_path / "venv/bin/ground_scale_vo", "run", short, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path,
-        env=WITHOUT_MESSAGES)
+    run(tmp_path / "venv/bin/ground_scale_vo", "run", short, "--camera-height", CAMERA_HEIGHT, "--out", tmp_path)
     assert (tmp_path / "short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
 
 

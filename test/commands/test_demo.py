@@ -45,6 +45,18 @@ def test_compressed_images_and_another_height(bag, tmp_path):
     assert metrics["camera_height_m"] == 3.3 and 90 < metrics["rle_percent"] < 110
 
 
+def test_parts_of_a_bag_with_other_names(bag, tmp_path):
+    """And with another Python first in the path."""
+    halves, other = bags.split(bag, tmp_path), tmp_path / "python3"
+    other.write_text("#!/bin/sh\nexit 1\n")
+    other.chmod(0o755)
+    out = tmp_path / "it's out"
+    done = run(DEMO, "--out", out, "--bag", *halves[::-1], "--camera-height", 1.65, "--image", "/camera/jpeg",
+               "--rectified", env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"})
+    assert_played(done.stdout, out / "my half's 2")
+    assert json.loads((out / "my half's 2/metrics.json").read_text())["rle_percent"] is not None
+
+
 def test_camera_file_instead_of_camera_info(bag, short, tmp_path):
     played, camera = tmp_path / "short.bag", write_camera(tmp_path / "camera.yaml", short)
     bags.copy(bag, played, lambda topic, message: None if topic == bags.INFO else (topic, message))

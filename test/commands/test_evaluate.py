@@ -40,14 +40,15 @@ def test_options_and_mask_reach_the_run(shortest, tmp_path):
 
 def test_a_failed_sequence_is_reported(shortest, tmp_path):
     """The others are run, and its metrics of an earlier run do not remain."""
-    folder, out = tmp_path / "empty", tmp_path / "out"
-    folder.mkdir()
-    (out / "empty").mkdir(parents=True)
-    (out / "empty/metrics.json").write_text("{}")
-    done = run(EVALUATE, folder, shortest, "--out", out, check=False)
-    assert done.returncode == 1 and "empty: has neither image_0" in done.stderr
-    assert [line.split()[0] for line in done.stdout.splitlines()[-2:]] == ["sequence", "shortest"]
-    assert not (out / "empty/metrics.json").exists()
+    empty, drive, out = (tmp_path / name for name in ("it's empty", "it's a drive", "it's out"))
+    empty.mkdir()
+    drive.symlink_to(shortest)
+    (out / empty.name).mkdir(parents=True)
+    (out / empty.name / "metrics.json").write_text("{}")
+    done = run(EVALUATE, empty, drive, "--out", out, check=False)
+    assert done.returncode == 1 and "it's empty: has neither image_0" in done.stderr
+    assert [line.split("  ")[0] for line in done.stdout.splitlines()[-2:]] == ["sequence", drive.name]
+    assert not (out / empty.name / "metrics.json").exists()
 
 
 def test_metrics_table(evaluated):

@@ -25,6 +25,9 @@ def test_files(install):
     expected += ["share/ground_scale_vo/nodelet_plugins.xml", "include/ground_scale_vo/VoFrame.h",
                  "include/ground_scale_vo/scale/scale_recovery.hpp"]
     assert not [file for file in expected if not (install / file).exists()]
+    # The package of the messages finds the Python module.
+    messages = install / "lib/python3/dist-packages/ground_scale_vo/__init__.py"
+    assert messages.read_text() == (ROOT / "python/ground_scale_vo/__init__.py").read_text()
 
 
 def test_demo_without_the_source_tree(install, short, tmp_path):

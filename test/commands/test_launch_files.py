@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 
 import pytest
 import roslaunch.config
@@ -57,16 +58,20 @@ def test_nodelets(call, tmp_path):
         assert parameters[f"{nodelet}/queue_size"] == 77 and nodelet in cleared
         assert parameters.get(f"{nodelet}/mask") == ""
         assert parameters.get(f"{nodelet}/camera_file", "") == ""
-    assert {name for name, node in nodes.items() if not node.required} <= {"/bag_player", "/ground_truth_relay"}
+    assert {name for name, node in nodes.items() if not node.required} <= {"/ground_truth_relay"}
 
 
 @pytest.mark.parametrize("file, arguments, image, info, transport, is_rectified, publish_tf", [
     ("ground_scale_vo.launch", ["image:=cam/image/compressed", "camera_info:=cam/info", "image_is_rectified:=true",
                                 "publish_tf:=false"], "/cam/image", "/cam/info", "compressed", True, False),
     ("ground_scale_vo.launch", [], "/camera/image_raw", "/camera/camera_info", "raw", False, True),
+    ("ground_scale_vo.launch", ["image:=/cam/image/compressed"], "/cam/image", "/cam/camera_info", "compressed", False,
+     True),
     ("kitti.launch", ["bag:=/x.bag", "image:=cam/image/compressed", "camera_info:=cam/info",
-                      "image_is_rectified:=false"], "/cam/image", "/cam/info", "compressed", False, True),
-    ("kitti.launch", ["bag:=/x.bag"], IMAGE, INFO, "raw", True, True),
+                      "image_is_rectified:=false"], "/cam/image", "/cam/info", "raw_or_compressed", False, True),
+    ("kitti.launch", ["bag:=/x.bag", "image:=cam/image", "transport:=theora"], "/cam/image", "/cam/camera_info",
+     "theora", False, True),
+    ("kitti.launch", ["bag:=/x.bag"], IMAGE, INFO, "raw_or_compressed", True, True),
     ("live_camera.launch", ["camera:=cam", "transport:=compressed", "image_is_rectified:=true",
                             "publish_tf:=false"], "/cam/image_raw", "/cam/camera_info", "compressed", True, False),
     ("live_camera.launch", [], "/camera/image_raw", "/camera/camera_info", "raw", False, True),
@@ -106,25 +111,23 @@ def test_configuration_has_the_documented_defaults():
 
 
 def test_kitti_launch_plays_the_bag(height_file):
-    nodes, remappings, parameters, _ = loaded("kitti.launch", "bag:=~/x.bag", "rate:=2.5", "record:=/y.bag",
+    nodes, remappings, parameters, _ = loaded("kitti.launch", "bag:=~/x.bag", "rate:=2.5", "record:=/it's/y.bag",
                                               "required:=true")
-    player, prefix = nodes["/bag_player"].args, "/kitti/camera_gray_left/"
-    assert "--clock" in player and "--rate=2.5 " in player and f" --bags='{os.environ['HOME']}/x.bag' " in player
-    ground_truth = {"/tf": "/ground_truth/tf", "/tf_static": "/ground_truth/tf_static"}
-    assert remappings["/bag_player"] == {prefix + "image_raw": IMAGE, prefix + "image": IMAGE, **ground_truth}
-    assert nodes["/bag_recorder"].args.startswith("'/y.bag' ") and parameters["/use_sim_time"] is True
-    assert parameters["/playback_monitor/exit_at_end"] is True and parameters["/playback_monitor/rate"] == "2.5"
+    assert remappings["/playback_monitor"] == {"image": IMAGE, "camera_info": INFO}
+    assert shlex.split(nodes["/bag_recorder"].args)[0] == "/it's/y.bag" and parameters["/use_sim_time"] is True
+    assert parameters["/playback_monitor/bag"] == "~/x.bag" and parameters["/playback_monitor/rate"] == "2.5"
+    assert parameters["/playback_monitor/images"][0] == IMAGE and parameters["/playback_monitor/exit_at_end"] is True
     # With a camera_file nothing needs camera_info.
     needed = parameters["/playback_monitor/subscribers"]
-    assert [INFO, "ground_scale_vo_manager"] in needed and parameters["/playback_monitor/camera_info"] == INFO
+    assert ["camera_info", "ground_scale_vo_manager"] in needed and parameters["/playback_monitor/camera_info"] == INFO
     _, _, parameters, _ = loaded("kitti.launch", "bag:=/x.bag", "camera_file:=~/c.yaml")
-    assert [INFO, "ground_scale_vo_manager"] not in parameters["/playback_monitor/subscribers"]
+    assert ["camera_info", "ground_scale_vo_manager"] not in parameters["/playback_monitor/subscribers"]
     assert parameters["/playback_monitor/camera_info"] == ""
     assert parameters["/mono_vo/camera_file"] == f"{os.environ['HOME']}/c.yaml"
     # With a base_frame the mounting is on /tf_static.
     _, remappings, _, _ = loaded("kitti.launch", "bag:=/x.bag", "base_frame:=base_link")
-    assert "/tf_static" not in remappings["/bag_player"]
-    assert remappings["/ground_truth_relay"] == {"ground_truth/tf_static": "/tf_static"}
+    for node in ("/playback_monitor", "/ground_truth_relay"):
+        assert remappings[node]["ground_truth/tf_static"] == "/tf_static"
 
 
 @pytest.mark.parametrize("image, height", [("", 1.65), ("/kitti/camera_gray_left/image_raw", 1.65),
@@ -145,7 +148,7 @@ def test_live_camera_starts_driver_and_mounting(tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path}:{os.environ['ROS_PACKAGE_PATH']}")
     monkeypatch.setattr(roslaunch.substitution_args, "_rospack", None)  # remembers that path
     nodes, _, parameters, _ = loaded(
-        live_camera, "driver:=usb_cam", "width:=800", "height:=600", "framerate:=20", "device:=/dev/video3",
+        live_camera, "camera:=/camera", "driver:=usb_cam", "width:=800", "height:=600", "framerate:=20", "device:=/dev/video3",
         "calibration:=file:///c.yaml", "mounting:=1 2 3 0 0 0 1", "camera_frame:=lens")
     expected = {"video_device": "/dev/video3", "image_width": 800, "image_height": 600, "framerate": 20,
                 "camera_frame_id": "lens", "camera_info_url": "file:///c.yaml"}
@@ -159,9 +162,9 @@ def test_live_camera_starts_driver_and_mounting(tmp_path, monkeypatch):
 
 def test_two_vehicles(tmp_path, height_file):
     nodes, remappings, parameters, _ = loaded(
-        "two_vehicles.launch", "first:=a", "second:=b", f"first_height_file:={height_file}", "second_height:=1.65",
+        "two_vehicles.launch", "first:=a", "second:=/b", f"first_height_file:={height_file}", "second_height:=1.65",
         "first_mask:=/a.png", "second_mask:=/b.png", "first_camera_file:=/a.yaml", "second_camera_file:=/b.yaml",
-        "use_base_link:=true", "image:=cam/image", "camera_info:=cam/info", "image_is_rectified:=true",
+        "use_base_link:=true", "image:=/cam/image", "camera_info:=cam/info", "image_is_rectified:=true",
         "publish_tf:=false")
     for name, height in (("a", 1.2345), ("b", 1.65)):
         scale = f"/{name}/scale_recovery"

@@ -4,6 +4,7 @@ import importlib.machinery
 import importlib.util
 import math
 import re
+import shlex
 import signal
 
 import bags
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 import rosbag
 import rospy
-from conftest import ROOT
+from conftest import FRAMES, ROOT, run
 from geometry_msgs.msg import Point32, Quaternion
 from sensor_msgs.msg import ChannelFloat32
 
@@ -174,6 +175,51 @@ def test_points_are_sorted_and_in_camera_axes(monkeypatch):
 def test_a_damaged_bag_is_refused(monitor, damaged_bag):
     with pytest.raises(monitor.PlaybackError, match=re.escape(str(damaged_bag)) + "[^\n]*$"):
         monitor.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
+
+
+@pytest.mark.parametrize("wanted", ["camera/image", "/camera/image"])
+@pytest.mark.parametrize("written", ["camera/image", "/camera/image", "camera/image/compressed"])
+@pytest.mark.parametrize("is_compressed", [False, True])
+def test_topics_of_the_bag(monitor, bag, tmp_path, wanted, written, is_compressed):
+    """With and without a leading slash; the type of the images decides on what topic they are played."""
+    file = tmp_path / "images.bag"
+    (bags.compress if is_compressed else bags.raw_drive)(bag, file)
+    renamed = {bags.COMPRESSED if is_compressed else bags.RAW_IMAGE: written, bags.INFO: "camera/camera_info", "/tf": "tf"}
+    copy = tmp_path / "renamed.bag"
+    bags.copy(file, copy, lambda topic, message: (renamed.get(topic, topic), message))
+    summary = monitor.BagSummary(str(copy), [wanted], "/camera/camera_info")
+    assert (summary.image_topics, summary.image_suffix) == ([written], "/compressed" if is_compressed else "")
+    assert (summary.info_topics, summary.tf_topics, summary.images) == (["camera/camera_info"], ["tf"], FRAMES)
+    assert summary.tf_static_topics == ([] if is_compressed else ["/tf_static"])
+
+
+def test_parts_of_a_recording(monitor, bag, tmp_path, monkeypatch):
+    """In any order."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    parts = bags.split(bag, tmp_path)
+    whole = monitor.BagSummary(str(bag), [bags.IMAGE], bags.INFO)
+    words = [shlex.quote(str(parts[1])), '"~/it\'s a drive/half 1.bag"']
+    for text in (" ".join(words), " ".join(words[::-1])):
+        summary = monitor.BagSummary(text, ["/camera/jpeg"], "/camera/camera_info")
+        assert sorted(summary.files) == sorted(map(str, parts))
+        assert (summary.images, summary.last_image) == (whole.images, whole.last_image)
+    assert monitor.bag_files(str(parts[1])) == [str(parts[1])]
+    with pytest.raises(monitor.PlaybackError, match="there is no bag /none/it's.bag$"):
+        monitor.bag_files("/none/it's.bag")
+    with pytest.raises(monitor.PlaybackError, match=re.escape('bag:="$PWD/a.bag $PWD/b.bag"')):
+        monitor.bag_files("./a.bag b.bag")
+
+
+def test_files_that_are_no_finished_bag(monitor, bag, tmp_path):
+    active, mcap = tmp_path / "my drive.bag.active", tmp_path / "drive.mcap"
+    active.write_bytes(bag.read_bytes()[:bag.stat().st_size // 2])
+    mcap.write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(monitor.PlaybackError, match=f"run rosbag reindex '{active}'$"):
+        monitor.BagSummary(str(active), [bags.IMAGE], bags.INFO)
+    run("/usr/bin/rosbag", "reindex", active)
+    assert 0 < monitor.BagSummary(str(active), [bags.IMAGE], bags.INFO).images < FRAMES
+    with pytest.raises(monitor.PlaybackError, match=f"{mcap} is no bag of ROS 1: convert it"):
+        monitor.BagSummary(str(mcap), [bags.IMAGE], bags.INFO)
 
 
 def test_the_bag_ends_with_its_last_image(monitor, bag, tmp_path):

@@ -5,13 +5,14 @@ import importlib
 import itertools
 import json
 import math
+import os
 import re
 import shutil
 import types
 
 import numpy as np
 import pytest
-from conftest import CAMERA_HEIGHT, FRAMES, ROOT, camera_matrix, poses_of
+from conftest import BUILD, CAMERA_HEIGHT, FRAMES, ROOT, camera_matrix, poses_of, run
 
 PAGES = [page for page in [ROOT / "README.md", *ROOT.glob("docs/**/*.md")]
          if "```python\nimport ground_scale_vo" in page.read_text()]
@@ -36,6 +37,27 @@ def results(recorded):
 
 def without_resources(metrics):
     return {name: value for name, value in metrics.items() if not re.match("ms_|peak_", name)}
+
+
+@pytest.mark.parametrize("is_one_folder", [False, True])
+@pytest.mark.parametrize("order", [["module", "messages"], ["messages", "module"]])
+def test_module_and_ros_messages_in_one_interpreter(venv, tmp_path, order, is_one_folder):
+    """From two folders of the path in any order, or copied to one folder in any order."""
+    (module,) = venv.glob("lib/*/site-packages")
+    places = {"module": module, "messages": BUILD / "devel/lib/python3/dist-packages"}
+    folders = [places[name] for name in order]
+    if is_one_folder:
+        for folder in folders:
+            shutil.copytree(folder / "ground_scale_vo", tmp_path / "ground_scale_vo", dirs_exist_ok=True)
+        folders = [tmp_path]
+    code = """if True:
+        import sys
+        import ground_scale_vo
+        from ground_scale_vo.msg import VoFrame
+        assert "ground_scale_vo._core" not in sys.modules and not hasattr(ground_scale_vo, "none")
+        from ground_scale_vo import MetricOdometry
+        from ground_scale_vo.calibration import Calibration"""
+    run("/usr/bin/python3", "-c", code, env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

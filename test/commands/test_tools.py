@@ -17,6 +17,13 @@ def command(name):
     return SCRIPTS / name if (SCRIPTS / name).exists() else tool(name)
 
 
+def test_python_of_the_system():
+    """ROS is installed for it; another one may be first in the path."""
+    programs = [file for folder in ("scripts", "nodes") for file in (ROOT / folder).iterdir() if file.is_file()]
+    first_lines = {file.read_text().splitlines()[0] for file in programs}
+    assert first_lines == {"#!/usr/bin/env bash", "#!/usr/bin/python3"}
+
+
 @pytest.mark.parametrize("name", [*TOOLS, "demo", "evaluate", "package"])
 def test_help_and_unknown_option(name):
     assert name in run(command(name), "--help").stdout.split("\n\n")[0]

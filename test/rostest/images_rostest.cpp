@@ -228,8 +228,9 @@ TEST_F(Images, CompressedOnesAreProcessedAndInvalidOnesDropped) {
   NodeletTopics topics("/jpeg");
   ros::param::set("/jpeg/scale_recovery/camera_height", 1.65);
   for (const std::string nodelet : {"/jpeg/mono_vo", "/jpeg/scale_recovery"}) {
-    ros::param::set(nodelet + "/image_transport", "compressed");
-    ASSERT_TRUE(manager_.load(nodelet == "/jpeg/mono_vo" ? "MonoVo" : "ScaleRecovery", nodelet));
+    const bool is_vo = nodelet == "/jpeg/mono_vo";
+    ros::param::set(nodelet + "/image_transport", is_vo ? "compressed" : "raw_or_compressed");
+    ASSERT_TRUE(manager_.load(is_vo ? "MonoVo" : "ScaleRecovery", nodelet));
   }
   ASSERT_TRUE(waitUntil([&] {
     return images.getNumSubscribers() > 0 && topics.frames.connected() && topics.scales.connected();

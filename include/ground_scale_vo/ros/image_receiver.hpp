@@ -40,8 +40,9 @@ class ImageReceiver {
   };
 
   /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
-  /// here; any other one but `raw` needs its plugin. Throws OptionError when that is missing, and
-  /// for a mask or camera file that cannot be used.
+  /// here; `raw_or_compressed` subscribes to both, where only one of them is published; any other
+  /// one but `raw` needs its plugin. Throws OptionError when that is missing, and for a mask or
+  /// camera file that cannot be used.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);
   ImageReceiver(const ImageReceiver&) = delete;
@@ -72,8 +73,9 @@ class ImageReceiver {
   /// Wall time since the last image [s]; empty before the first.
   std::optional<double> secondsSinceImage() const;
   std::string imageTopic() const {
-    return compressed_subscriber_ ? compressed_subscriber_.getTopic()
-                                  : image_subscriber_.getTopic();
+    return !image_subscriber_ || compressed_subscriber_.getNumPublishers() > 0
+               ? compressed_subscriber_.getTopic()
+               : image_subscriber_.getTopic();
   }
   std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
   /// "camera_info on topic T" or "parameter camera_file: FILE".
@@ -109,7 +111,7 @@ class ImageReceiver {
   image_transport::ImageTransport transport_;
   ros::Subscriber camera_info_subscriber_;
   image_transport::Subscriber image_subscriber_;
-  ros::Subscriber compressed_subscriber_;  ///< used instead with the transport `compressed`
+  ros::Subscriber compressed_subscriber_;  ///< with `compressed` and `raw_or_compressed`
 };
 
 }  // namespace ground_scale_vo

@@ -95,6 +95,7 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
 
   DriveRun run;
   std::optional<std::int64_t> first_ns;
+  std::size_t unused_in_part = 0;
   while (const auto image = drive->next()) {
     run.stamps_ns.push_back(image->stamp_ns);
     const bool is_used = !image->given.empty();
@@ -105,6 +106,7 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
       const MetricOdometry::Output output = odometry.process(image->given, image->stamp_ns);
       run.record.append(output.vo, output.scale, image->decode_ms);
     } else {
+      ++unused_in_part;
       run.record.appendUnused(image->stamp_ns);
     }
     on_frame(run.record.frames().back());
@@ -113,7 +115,9 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   run.images = drive->read();
   run.used = drive->used();
   run.warnings = drive->warnings();
-  run.failure = drive->failure();
+  const DriveRun::Options whole;
+  const bool is_part = options.from_s > whole.from_s || options.to_s < whole.to_s;
+  if (!is_part || unused_in_part > 0) run.failure = drive->failure();
   if (run.failure.empty() && !sharesOf(run.record).first_metric) {
     run.failure = "no metric pose: " + mostFrequentReason(run.record);
   }

@@ -52,7 +52,7 @@ CameraCalibration ofImages(const CameraInfo& info, bool use_P) {
     camera.distortion = info.D;
     setDistortionModel(info.distortion_model, &camera);
     // Some drivers leave D of a fisheye camera empty.
-    if (camera.is_fisheye && allZero(info.D)) camera.distortion.assign(4, 0.0);
+    if (camera.is_fisheye && info.D.empty()) camera.distortion.assign(4, 0.0);
     if (!camera.isDistorted()) camera.distortion.clear();
     camera.validate();
   }

@@ -108,8 +108,12 @@ cv::Mat GreyConverter::convert(const cv::Mat& pixels, const std::string& encodin
     throw DataError("its pixels are neither of 8 nor of 16 bits");
   }
   const auto conversion = fits ? named->second.conversion : encodingOf(generic).conversion;
-  cv::Mat grey = pixels;
-  if (conversion) cv::cvtColor(pixels, grey, *conversion);
+  cv::Mat grey;
+  if (conversion) {
+    cv::cvtColor(pixels, grey, *conversion);
+  } else {
+    grey = pixels;
+  }
   return grey.depth() == CV_16U ? scaleToEightBits(grey) : grey;
 }
 

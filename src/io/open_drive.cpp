@@ -95,7 +95,8 @@ std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* tru
     if (truth) *truth = {sequence.groundTruth(), sequence.groundTruthHeights()};
   } else {
     if (needs_calibration) {
-      throw OptionError("--camera is missing; only a KITTI folder and a bag contain a calibration");
+      throw OptionError("--camera is missing: " + path.string() +
+                        " is no KITTI folder, which contains its calibration");
     }
     source = fs::is_directory(path) ? openFolder(path, fps, &warning) : openVideo(path);
   }

@@ -120,8 +120,8 @@ DriveReader::Calibration calibrationIn(const BagFile& bag, const BagInput& input
   const std::string topic =
       input.camera_info.empty() ? cameraInfoTopicOf(image_topic) : input.camera_info;
   std::string reason = "no message on " + topic + " is a camera_info";
-  for (const rosbag::MessageInstance& instance :
-       *bag.view(spellingsOf(topic), topic, "camera_info")) {
+  const auto infos = bag.view(spellingsOf(topic), topic, "camera_info");
+  for (const rosbag::MessageInstance& instance : *infos) {
     const auto info = instance.instantiate<sensor_msgs::CameraInfo>();
     if (!info) continue;
     try {
@@ -141,13 +141,13 @@ std::unique_ptr<DriveReader> openBag(const BagInput& input) {
   const auto bag = std::make_shared<BagFile>(input.bag);
   const std::vector<std::string> spellings = imageTopics({&bag->bag()}, input.image);
   const std::string topic = spellings.empty() ? input.image : spellings.front();
+  auto images = std::make_unique<BagImages>(bag, spellings, topic);
   std::string warning;
   const DriveReader::Calibration calibration =
       input.camera_file.empty()
           ? calibrationIn(*bag, input, topic, &warning)
           : DriveReader::Calibration{readCameraFile(input.camera_file), input.camera_file};
-  auto drive = std::make_unique<DriveReader>(std::make_unique<BagImages>(bag, spellings, topic),
-                                             calibration, input.options);
+  auto drive = std::make_unique<DriveReader>(std::move(images), calibration, input.options);
   if (!warning.empty()) drive->warn(warning);
   return drive;
 }
@@ -158,7 +158,8 @@ BagFixes readFixes(const std::string& file, const std::string& topic) {
   std::vector<Eigen::Vector3d> positions;
   std::vector<double> sigmas;
   std::size_t messages = 0;
-  for (const rosbag::MessageInstance& instance : *bag.view(spellingsOf(topic), topic, "fixes")) {
+  const auto messages_on_topic = bag.view(spellingsOf(topic), topic, "fixes");
+  for (const rosbag::MessageInstance& instance : *messages_on_topic) {
     const auto fix = instance.instantiate<sensor_msgs::NavSatFix>();
     if (!fix) continue;
     ++messages;

@@ -63,10 +63,8 @@ def test_folder(gsv, command, distorted, turns, tmp_path):
     assert status == 0 and "turns: ok, " in output
     assert re.search(r"^k1 .* -0.03 ± .* -0.0\d+ ± ", output, re.MULTILINE), output
     assert assert_estimated(tmp_path / "lens.yaml", turns)["readout_time"] == 0.0001
-    module = importlib.import_module("ground_scale_vo.calibration")
-    calibration = module.read_calibration(tmp_path / "lens.yaml")
-    assert calibration.readout_time == 0.0001
-    assert module.Rectification(calibration, calibration.size).camera.lens_is_estimated
+    drive = gsv.open_drive(distorted[0], camera=tmp_path / "lens.yaml")
+    assert drive.readout_time == 0.0001 and drive.camera.lens_is_estimated
     written = (tmp_path / "lens.yaml").read_bytes()
     status, _, messages = command("calibrate", distorted[0], "--camera", start, "--out", "lens.yaml")
     assert status == 1 and "lens.yaml exists already; --force replaces it" in messages
@@ -94,15 +92,15 @@ def test_script_refuses_a_straight_drive(data, tmp_path):
 
 
 @pytest.mark.parametrize("status, text, arguments", [
-    (1, "rational.yaml: the distortion model is rational_polynomial", ["SHORTEST", "--camera", "rational.yaml"]),
-    (1, "fisheye.yaml: the distortion model is equidistant", ["SHORTEST", "--camera", "fisheye.yaml"]),
-    (1, "readout_time is not in [0, 0.2] s", ["SHORTEST", "--camera", "slow.yaml"]),
-    (1, "the images are 800x248, the calibration is of 480x148", ["SHORTEST", "--camera", "size.yaml"]),
+    (1, "rational_polynomial, D (0.1, 0.1, ["SHORTEST", "--camera", "rational.yaml"]),
+    (1, "equidistant, D (0.1, 0.1, ["SHORTEST", "--camera", "fisheye.yaml"]),
+    (1, "slow.yaml cannot be used: readout_time [s] is 0.3", ["SHORTEST", "--camera", "slow.yaml"]),
+    (1, "the images are 800x248, but size.yaml describes 480x148", ["SHORTEST", "--camera", "size.yaml"]),
     (1, "none: no such file", ["none", "--fov", 90]),
     (1, "there is no folder missing", ["SHORTEST", "--out", "missing/lens.yaml"]),
     (2, "--rectified is for the camera_info of a bag, without --fov", ["SHORTEST", "--rectified", "--fov", 90]),
-    (2, "--camera or --fov is missing", ["none"]),
-    (2, "--fov is 5, it must lie in [10, 150]", ["SHORTEST", "--fov", 5]),
+    (1, "none: no such file or folder", ["none"]),
+    (2, "the field of view [degrees] is 5, it must lie in [10, 150]", ["SHORTEST", "--fov", 5]),
     (2, "lens.png is the name of the image", ["SHORTEST", "--out", "lens.png"]),
     (2, "direct/crown_sigma", ["SHORTEST", "--set", "direct/crown_sigma=1"]),
 ])

@@ -11,6 +11,7 @@
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "ground_scale_vo/input/stamp_guard.hpp"
@@ -55,7 +56,7 @@ class MonoVo {
       toPointCloud(output.frame, header);
       painter_.paint(grey, output.frame, output.rejected, header);
     };
-    for (const auto& accepted : filter_.filter(image.header.stamp, process)) {
+    for (const auto& accepted : filter_.filter(toNanoseconds(image.header.stamp), process)) {
       accepted.message(accepted.clock_jumped_back);
     }
   }

@@ -65,7 +65,7 @@ class Scale {
         require(isPose(marker->pose), "the pose of the marker is valid");
       }
     };
-    for (const auto& accepted : filter_.filter(message.header.stamp, process)) {
+    for (const auto& accepted : filter_.filter(toNanoseconds(message.header.stamp), process)) {
       accepted.message(accepted.clock_jumped_back);
     }
   }

@@ -222,7 +222,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
       {[](Info* i) { setRoi(i, 4, 0, 0, 0); }, "no pixel of the ROI of 0x0 at (4, 0)"},
       {[](Info* i) { i->binning_y = 201; }, "a binning of 1x201 leaves no pixel of the image"},
       {[](Info* i) { setRoi(i, 0, 0, 10, 10), i->binning_x = 11; },
-       "a binning of 11x1 leaves no pixel of the ROI of 10 x 10"},
+       "a binning of 11x1 leaves no pixel of the ROI of 10x10"},
   };
   for (const auto& refused : kCases) {
     Info info = goodInfo();

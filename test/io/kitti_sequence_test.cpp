@@ -128,10 +128,12 @@ TEST_F(KittiSequences, RefusesBadFilesWithTheirNameAndLine) {
   } kCases[] = {
       {"times.txt", "0\n0.1\n", ": has 2 stamps for 3 images"},
       {"times.txt", "", ": is empty"},
-      {"times.txt", "0\n0.1\n0.1\n", ", line 3: its stamp is not later than the last"},
-      {"times.txt", "0\nnan\n1\n", ", line 2: 'nan' is not a finite number"},
-      {"times.txt", "0\n1e12\n1\n", ", line 2: '1e12' is not a time in seconds"},
-      {"times.txt", "0\n1 2\n3\n", ", line 2: has 2 numbers instead of 1"},
+      {"times.txt", "0\nnan\n1\n", ", line 2: 'nan' is not a time"},
+      {"times.txt", "0\n1 2\n3\n", ", line 2: has 2 words; one number a line is expected, a time"},
+      {"times.txt", "0 a.png\n1 b.png\n2 c.png\n", ", line 1: has 2 words"},
+      {"times.txt", "0\n2.5\n5\n",
+       ", line 1: the stamps, 0, 2.5 ..., give no plausible frame rate in seconds, milliseconds or "
+       "nanoseconds"},
       {"calib.txt", "P1: 1 2\n", ": has no line that begins with P0:"},
       {"calib.txt", "\nP0: 1 2\n", ", line 2: has 2 numbers instead of 12"},
       {"calib.txt", "P0: 70 1 32 0 0 71 24 0 0 0 1 0\n",
@@ -199,18 +201,85 @@ TEST_F(KittiSequences, RefusesBrokenImagesWhenTheyAreRead) {
             "/no_data/image_0/000001.png: cannot be decoded as an image");
 }
 
-TEST_F(KittiSequences, RefusesGapsAndDuplicates) {
+TEST_F(KittiSequences, TellsUnitsOfStampsApart) {
   const fs::path folder = makeOdometry();
-  write("sequences/07/image_0/000005.png", encoded("png"));
-  EXPECT_EQ(errorOf(folder),
-            "/sequences/07/image_0/000005.png: the numbering is not consecutive: 3 is missing");
-  fs::remove(folder / "image_0/000005.png");
-  fs::remove(folder / "image_0/000000.png");
-  EXPECT_EQ(errorOf(folder),
-            "/sequences/07/image_0/000001.png: the numbering is not consecutive: 0 is missing");
-  write("sequences/07/image_0/000000.png", encoded("png"));
+  const struct {
+    const char* stamps;
+    std::int64_t first_ns, second_ns;
+  } kCases[] = {
+      {"0\n0.1\n0.2\n", 0, 100000000},
+      {"\xef\xbb\xbf" "0\r\n0.1\r\n0.2\r\n", 0, 100000000},
+      {"# times\n0\n33.5\n67\n", 0, 33500000},
+      {"1317042145964\n1317042146064\n1317042146164\n", 1317042145964000000, 1317042146064000000},
+      {"1317042145964389445\n1317042146064389445\n1317042146164389445\n", 1317042145964389445,
+       1317042146064389445},
+      {"1317042145.964389445\n1317042146.06\n1317042146.16\n", 1317042145964389445,
+       1317042146060000000},
+      {"0 12.5 0.01\n1 12.6 0.01\n2 12.7 0.01\n", 12500000000, 12600000000},  // TUM mono
+  };
+  for (const auto& c : kCases) {
+    write("sequences/07/times.txt", c.stamps);
+    const KittiSequence sequence(folder);
+    EXPECT_EQ(sequence.stampNs(0), c.first_ns) << c.stamps;
+    EXPECT_EQ(sequence.stampNs(1), c.second_ns) << c.stamps;
+  }
+  EXPECT_EQ(KittiSequence(folder, {false, true, 5}).stampNs(2), 400000000);
+}
+
+TEST_F(KittiSequences, ReadsPartsAndNamesMissingNumbers) {
+  const fs::path folder = makeOdometry();
+  const auto rename = [&](int from, int to) {
+    fs::rename(folder / "image_0" / (number(from, 6) + ".png"),
+               folder / "image_0" / (number(to, 6) + ".PNG"));
+  };
+  rename(2, 5);
+  EXPECT_EQ(errorOf(folder), "no error");  // a stamp for each
+  write("sequences/07/times.txt", "0\n.1\n.2\n.3\n.4\n.5\n.6\n");
+  EXPECT_EQ(KittiSequence(folder).stampNs(2), 500000000);  // by its number
+  EXPECT_EQ(KittiSequence(folder).warning().substr(folder_.string().size()),
+            "/sequences/07/image_0: 3 of the image numbers 0 to 5 are missing, the first one after 1");
+  rename(0, 3);
+  rename(1, 4);
+  EXPECT_EQ(KittiSequence(folder).stampNs(0), 300000000);
+  EXPECT_EQ(KittiSequence(folder).warning(), "");
+  write("sequences/07/times.txt", "0\n.1\n.2\n.3\n");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: has 4 stamps for 3 images");
+}
+
+TEST_F(KittiSequences, RefusesSeveralSeriesOfFiles) {
+  const fs::path folder = makeOdometry();
+  write("sequences/07/image_0/.000003.png", "hidden");
+  write("sequences/07/image_0/mask.png", encoded("png"));
+  EXPECT_EQ(KittiSequence(folder).size(), 3u);
   write("sequences/07/image_0/000000.jpg", encoded("jpg"));
   EXPECT_NE(errorOf(folder).find(" has the same number as 000000."), std::string::npos);
+  fs::remove(folder / "image_0/000000.jpg");
+  write("sequences/07/image_0/right000000.png", encoded("png"));
+  EXPECT_EQ(errorOf(folder).find("/sequences/07/image_0 holds several series of files, of 00000"), 0u)
+      << errorOf(folder);
+}
+
+TEST_F(KittiSequences, ReadsColourImagesAndDrivesBeforeRectification) {
+  fs::path folder = makeOdometry();
+  write("sequences/07/calib.txt", "P2: 71 0 32 0 0 71 24 0 0 0 1 0\n");
+  fs::rename(folder / "image_0", folder / "image_2");
+  EXPECT_EQ(KittiSequence(folder).camera().fx, 71);
+  folder = makeRaw();
+  const std::string rectified = "P_rect_00: 70 0 16 0 0 71 12 0 0 0 1 0\n";
+  write("2011_09_26/calib_cam_to_cam.txt",
+        "S_00: 64 48\nK_00: 80 0 30 0 81 25 0 0 1\nD_00: -0.3 0.1 0 0 0\nS_rect_00: 32 24\n" +
+            rectified);
+  EXPECT_EQ(errorOf(folder),
+            "/2011_09_26/drive_0001_sync: the images are not rectified (64x48); --unrectified uses "
+            "K_00 and D_00 of /2011_09_26/calib_cam_to_cam.txt");
+  const CameraCalibration raw = KittiSequence(folder, {true, true, 0}).calibration();
+  EXPECT_EQ(raw.fx, 80);
+  EXPECT_EQ(raw.distortion, (std::vector<double>{-0.3, 0.1, 0, 0, 0}));
+  // Without sizes, the principal point tells.
+  write("2011_09_26/calib_cam_to_cam.txt", rectified);
+  EXPECT_EQ(dataErrorOf([&] { KittiSequence(folder).camera(); }, folder_),
+            "/2011_09_26/calib_cam_to_cam.txt (P_rect_00) is of another image size: its principal "
+            "point (16, 12) is the centre of images of about 33x25, the images are 64x48");
 }
 
 TEST_F(KittiSequences, RefusesWhatIsNoSequence) {
@@ -222,7 +291,7 @@ TEST_F(KittiSequences, RefusesWhatIsNoSequence) {
   EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: no such file");
   fs::remove_all(folder / "image_0");
   fs::create_directory(folder / "image_0");
-  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0 has no file NNN.png or NNN.jpg");
+  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0 has no file with a number in its name and the type .png, .jpg, .jpeg");
 }
 
 TEST_F(KittiSequences, ReadsARawDrive) {
@@ -243,7 +312,7 @@ TEST_F(KittiSequences, ReadsARawDrive) {
 TEST_F(KittiSequences, RefusesBadRawStamps) {
   const fs::path drive = makeRaw();
   for (const char* bad : {"2011-13-26 13:02:25.5", "2011-02-30 13:02:25.5", "2011-09-26 25:02:25.5",
-                          "2011-09-26", "9999-09-26 13:02:25.5", "yesterday"}) {
+                          "2011-09-26 13:02", "9999-09-26 13:02:25.5", "yester:day"}) {
     write("2011_09_26/drive_0001_sync/image_00/timestamps.txt", std::string(bad) + "\n" + bad);
     EXPECT_EQ(errorOf(drive),
               "/2011_09_26/drive_0001_sync/image_00/timestamps.txt, line 1: is not a time such as "

@@ -162,12 +162,12 @@ TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
   const std::string truncated = writeMask(80, 60);
   std::filesystem::resize_file(truncated, std::filesystem::file_size(truncated) - 40);
   const std::pair<std::string, std::string> kCases[] = {
-      {folder_ / "missing.png", "cannot be read"},
-      {write("text.png", "no image"), "is not a whole PNG or JPEG image"},
-      {truncated, "is not a whole PNG or JPEG image"}};
+      {folder_ / "missing.png", ": no such file"},
+      {write("text.png", "no image"), ": is not a whole PNG or JPEG image"},
+      {truncated, ": is not a whole PNG or JPEG image"}};
   for (const auto& [file, reason] : kCases) {
     expectThrows<OptionError>([&, file = file] { ImageRectifier(false, file); },
-                              "parameter mask: " + file + " " + reason);
+                              "parameter mask: " + file + reason);
   }
 }
 

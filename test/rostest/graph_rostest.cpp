@@ -16,6 +16,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
+#include "ground_scale_vo/input/calibrated_camera.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "manager_test.hpp"

@@ -130,6 +130,9 @@ int CommandLine::run(int argc, char** argv, const std::function<void()>& check,
   } catch (const HelpRequested&) {
     std::fputs(help().c_str(), stdout);
     return 0;
+  } catch (const OptionError& error) {
+    std::fprintf(stderr, "%s: %s\n", tool_.c_str(), error.what());
+    return 2;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s: %s\n", tool_.c_str(), error.what());
     return status;

@@ -1,0 +1,279 @@
+"""Every door gives the same metres, or refuses: the inputs of users through the command `ground_scale_vo run`, the
+Python module, run_sequence and, for bags, kitti.launch. A new kind of input is a row of CASES."""
+
+import importlib
+import re
+import shutil
+import sys
+from typing import Any, Callable, NamedTuple, Optional
+
+import bags
+import cv2
+import numpy as np
+import pytest
+import rosbag
+import rospy
+from bags import IMAGE, INFO
+from conftest import CAMERA_HEIGHT, FRAMES, TIMEOUT_S, camera_matrix, images_of, roslaunch, run, tool, write_camera
+from sensor_msgs.msg import CompressedImage, RegionOfInterest
+
+
+class Case(NamedTuple):
+    """make(short, path): writes the input, of which path is a free name without extension, and returns its path.
+    options: of the commands; the word CAMERA stands for a calibration file.
+    refusal: what every door says (a regular expression), with exit status 1; None: all give the same path.
+    tolerance: of the path's length compared to the plain drive [share]. launch: arguments of kitti.launch."""
+
+    make: Callable[[Any, Any], Any]
+    options: tuple = ("--camera", "CAMERA")
+    refusal: Optional[str] = None
+    tolerance: float = 0.001
+    launch: tuple = ()
+
+
+def folder(name=lambda i: f"frame{i:06}.png", change=lambda image: image, times="{:.6f}".format, images=FRAMES):
+    """A folder of images at 10 Hz; times: of an image's time [s] (None: no times.txt), or the whole text."""
+    def make(short, path):
+        path.mkdir()
+        for i, image in enumerate(images_of(short)[:images]):
+            cv2.imwrite(str(path / name(i)), change(image))
+        if times:
+            text = times if isinstance(times, str) else "".join(times(i / 10) + "\n" for i in range(images))
+            (path / "times.txt").write_bytes(text.encode())
+        return path
+    return make
+
+
+def video(**parts):
+    """Without loss; parts: share of the file that is kept."""
+    def make(short, path):
+        file = path.with_suffix(".avi")
+        images = images_of(short)
+        writer = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"FFV1"), 10, images[0].shape[::-1])
+        for image in images:
+            writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+        writer.release()
+        if parts:
+            file.write_bytes(file.read_bytes()[:int(parts["share"] * file.stat().st_size)])
+        return file
+    return make
+
+
+def kitti(change):
+    """The KITTI folder, changed."""
+    def make(short, path):
+        shutil.copytree(short, path)
+        change(path)
+        return path
+    return make
+
+
+def bag_of(change_image=None, change_info=None, topic=IMAGE, info=INFO, suffix=".bag", size=None):
+    """The bag, whose images and calibrations are changed, or renamed, and cut off after some bytes."""
+    def make(short, path):
+        file, seen = path.with_suffix(".bag"), []
+
+        def change(name, message):
+            if name == IMAGE:
+                return topic, change_image(message) if change_image else message
+            if name != INFO:
+                return None
+            seen.append(message)
+            changed = change_info(message, len(seen)) if change_info else message
+            return (info, changed) if changed else None
+
+        bags.copy(short.with_suffix(".bag"), file, change)
+        target = path.with_name(path.name + suffix)
+        target.write_bytes(file.read_bytes()[:size])
+        return target
+    return make
+
+
+def grey_of(message):
+    return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width)
+
+
+def with_pixels(message, pixels, encoding):
+    message.encoding, message.step, message.data = encoding, pixels[0].nbytes, pixels.tobytes()
+    message.height, message.width = pixels.shape[:2]
+    return message
+
+
+def as_png(message):
+    data = cv2.imencode(".png", grey_of(message))[1].tobytes()
+    return CompressedImage(header=message.header, format="mono8; png compressed ", data=data)
+
+
+def unstamped(message):
+    message.header.stamp = rospy.Time()
+    return message
+
+
+def full_roi(message, _):
+    message.roi = RegionOfInterest(width=message.width, height=message.height)
+    message.binning_x = message.binning_y = 1
+    return message
+
+
+def smaller(message, _):
+    """The size of the images after they were halved, with the matrices of before."""
+    message.width, message.height = message.width // 2, message.height // 2
+    return message
+
+
+def binned(message, _):
+    message.binning_x = message.binning_y = 2
+    return message
+
+
+def halved(message):
+    return with_pixels(message, np.ascontiguousarray(cv2.resize(grey_of(message), None, fx=0.5, fy=0.5,
+                                                                interpolation=cv2.INTER_AREA)), "mono8")
+
+
+def two_series(path):
+    for file in list((path / "image_0").iterdir())[:3]:
+        shutil.copy(file, file.with_name("right" + file.name))
+
+
+def damaged(path):
+    file = path / "image_0/000010.png"
+    file.write_bytes(file.read_bytes()[:1000])
+
+
+def second_camera(path):
+    (path / "image_0").rename(path / "image_2")
+    (path / "calib.txt").write_text((path / "calib.txt").read_text().replace("P0:", "P2:"))
+
+
+BOM = "\ufeff"
+CASES = {
+    "folder": Case(folder()),
+    "unpadded numbers": Case(folder(lambda i: f"frame{i + 1}.png")),
+    "numbers from 100": Case(folder(lambda i: f"{i + 100}.PNG")),
+    "12 bits": Case(folder(change=lambda image: image.astype(np.uint16) * 16)),
+    "16 bits": Case(folder(change=lambda image: image.astype(np.uint16) * 257)),
+    "colour": Case(folder(change=lambda image: cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))),
+    "milliseconds": Case(folder(times=lambda t: f"{1000 * t:.0f}")),
+    "nanoseconds since 1970": Case(folder(times=lambda t: f"{1600000000 + t:.1f}".replace(".", "") + "00000000")),
+    "byte order mark and CRLF": Case(folder(times=BOM + "".join(f"{i / 10}\r\n" for i in range(FRAMES)))),
+    "three columns of TUM": Case(folder(times=lambda t: f"{10 * t:05.0f} {t:.6f} 0.0100000")),
+    "constant rate": Case(folder(times=None), ("--camera", "CAMERA", "--fps", 10)),
+    "video": Case(video()),
+    "one wrong stamp": Case(folder(times=lambda t: f"{t if round(10 * t) != 20 else 500:.1f}"), tolerance=0.02),
+    "KITTI, image_2 only": Case(kitti(second_camera), ()),
+    "bag": Case(bag_of(), ("--rectified",)),
+    "12 bits in a bag": Case(bag_of(lambda m: with_pixels(m, grey_of(m).astype(np.uint16) * 16, "mono16")), ("--rectified",)),
+    "rgb8 in a bag": Case(bag_of(lambda m: with_pixels(m, cv2.cvtColor(grey_of(m), cv2.COLOR_GRAY2RGB), "rgb8")),
+                          ("--rectified",)),
+    "compressed images of any name": Case(bag_of(as_png, topic="/cam/jpeg", info="/cam/camera_info"), (),
+                                          launch=("image:=/cam/jpeg", f"camera_height:={CAMERA_HEIGHT}")),
+    "topics without a slash": Case(bag_of(topic="cam/image", info="cam/camera_info"), (),
+                                   launch=("image:=/cam/image", f"camera_height:={CAMERA_HEIGHT}")),
+    "ROI of the whole image": Case(bag_of(change_info=full_roi), ("--rectified",)),
+    "binning": Case(bag_of(halved, binned), ("--rectified",), tolerance=0.03),
+    "a single camera_info": Case(bag_of(change_info=lambda m, i: m if i == 1 else None), ("--rectified",)),
+
+    "stamps of zero": Case(bag_of(unstamped), ("--rectified",), "the stamp is zero"),
+    "calibration of another size": Case(folder(change=lambda image: image[::2, ::2]), ("--camera", "CALIB"),
+                                        "is of another image size: its principal point"),
+    "camera_info of another size": Case(bag_of(halved, smaller), ("--rectified",),
+                                        "is of another image size: its principal point"),
+    "size in the file": Case(folder(change=lambda image: image[::2, ::2]),
+                             refusal="the images are 400x124, but .* describes 800x248: are the images binned by 2"),
+    "equal stamps": Case(folder(times="0\n" * FRAMES), refusal="no plausible frame rate|no usable stamps"),
+    "implausible rate": Case(folder(times=lambda t: f"{29 * t:.1f}"), refusal="the stamps, 0.0, 2.9 ..., give no"),
+    "too few stamps": Case(folder(times="0\n0.1\n"), refusal=f"has 2 stamps for {FRAMES} images"),
+    "no stamps": Case(folder(times=None), refusal="has no times.txt .* --fps N"),
+    "truncated video": Case(video(share=0.5), refusal=f"ends early: only .* of {FRAMES} images"),
+    "damaged image": Case(kitti(damaged), (), f"is damaged: 1 of {FRAMES} images cannot be decoded"),
+    "two series of files": Case(kitti(two_series), (), "holds several series of files"),
+    "other types of files": Case(folder(lambda i: f"{i}.bmp"), refusal="the images are .bmp files"),
+    "nothing to track": Case(folder(change=np.zeros_like), refusal="no metric pose: the odometry is initialising"),
+    "unfinished recording": Case(bag_of(suffix=".bag.active", size=-2**16), ("--rectified",), "rosbag reindex"),
+    "recording of ROS 2": Case(bag_of(suffix=".mcap"), ("--rectified",), "convert it"),
+}
+
+
+def through_command(gsv, path, options, out, monkeypatch, capfd):
+    """The exit status, the text, and the path."""
+    del gsv
+    words = ["ground_scale_vo", "run", path, "--camera-height", CAMERA_HEIGHT, "--out", out, *options]
+    monkeypatch.setattr(sys, "argv", [str(word) for word in words])
+    status = importlib.import_module("ground_scale_vo.command_line").main()
+    return status, "".join(capfd.readouterr()), poses_in(out)
+
+
+def through_run_sequence(gsv, path, options, out, monkeypatch, capfd):
+    del gsv, monkeypatch, capfd
+    done = run(tool("run_sequence"), path, "--camera-height", CAMERA_HEIGHT, "--out", out, *options, check=False)
+    return done.returncode, done.stdout + done.stderr, poses_in(out)
+
+
+def through_python(gsv, path, options, out, monkeypatch, capfd):
+    del out, monkeypatch, capfd
+    words = dict(zip(options[::2], options[1::2]))
+    try:
+        drive = gsv.open_drive(path, camera=words.get("--camera"), fps=float(words.get("--fps", 0)),
+                               rectified="--rectified" in options)
+        odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT, mask=drive.mask, record=True)
+        results = [odometry.process(*image) for image in drive]
+    except gsv.DataError as error:
+        return 1, str(error), None
+    if all(result.pose is None for result in results):
+        return 1, f"no metric pose: the odometry is {results[-1].status}", None
+    return (1 if drive.failure else 0), drive.failure, odometry.poses()[:, :3, 3]
+
+
+def through_launch(path, arguments, folder_of_log):
+    log, record = folder_of_log / "log", folder_of_log / "recorded.bag"
+    with roslaunch(log, "kitti.launch", f"bag:={path}", *arguments, "required:=true",
+                   f"record:={record}") as (process, _):
+        process.wait(TIMEOUT_S)
+    text = log.read_text()
+    if not re.search(rf"Playback finished: {FRAMES} of {FRAMES}", text):
+        return 1, text, None
+    with rosbag.Bag(str(record)) as recorded:
+        positions = [message.pose.pose.position for _, message, _ in recorded.read_messages(["/odometry"])]
+    return 0, text, np.array([(p.x, p.y, p.z) for p in positions])
+
+
+def poses_in(out):
+    files = list(out.glob("*/poses.txt"))
+    return np.loadtxt(files[0]).reshape(-1, 3, 4)[:, :, 3] if files else None
+
+
+def length(positions, last):
+    """Of the path of the last images: the nodelets publish none before the first scale."""
+    return np.linalg.norm(np.diff(positions[-last:], axis=0), axis=1).sum()
+
+
+@pytest.fixture(scope="module")
+def plain(evaluated):
+    return np.loadtxt(evaluated / "poses.txt").reshape(-1, 3, 4)[:, :, 3]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_door_gives_the_same(gsv, short, bag, plain, tmp_path, monkeypatch, capfd, name):
+    case = CASES[name]
+    path = case.make(short, tmp_path / "drive")
+    camera = write_camera(tmp_path / "camera.yaml", short)
+    words = {"CAMERA": camera, "CALIB": short / "calib.txt"}
+    options = [words.get(word, word) for word in case.options]
+    is_bag = ".bag" in path.name
+    doors = {"run": through_command, "python": through_python}
+    if not is_bag:
+        doors["run_sequence"] = through_run_sequence
+    results = {door: through(gsv, path, options, tmp_path / door, monkeypatch, capfd)
+               for door, through in doors.items()}
+    if is_bag or path.suffix == ".mcap":
+        results["nodelets"] = through_launch(path, case.launch, tmp_path)
+    for door, (status, text, positions) in results.items():
+        if case.refusal:
+            assert status == 1 and re.search(case.refusal, text), (door, text)
+        else:
+            assert status == 0, (door, text)
+            last = min(len(positions), len(plain)) - 10
+            assert length(positions, last) == pytest.approx(length(plain, last), rel=case.tolerance), door
+            reference = results["run"][2]
+            assert length(positions, last) == pytest.approx(length(reference, last), rel=0.001), door

@@ -42,6 +42,7 @@ void MonoVoNodelet::start() {
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
   options.camera_file = params_.camera_file;
+  options.image_transport = params_.image_transport;
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
   handlers.on_camera = [this] { scheduleProcessing(); };

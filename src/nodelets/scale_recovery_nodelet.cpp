@@ -115,6 +115,7 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
   options.camera_file = params_.camera_file;
+  options.image_transport = params_.image_transport;
   options.image_queue_size = imageBuffer(params_);
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };

@@ -23,9 +23,9 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
     camera_info_subscriber_ =
         handle.subscribe("camera_info", kCameraInfoQueue, &ImageReceiver::onCameraInfo, this);
   }
-  const image_transport::TransportHints hints("raw", ros::TransportHints().tcpNoDelay(),
-                                              private_handle);
-  if (hints.getTransport() == "compressed") {
+  const image_transport::TransportHints hints(options.image_transport,
+                                              ros::TransportHints().tcpNoDelay(), private_handle);
+  if (options.image_transport == "compressed") {
     compressed_subscriber_ =
         handle.subscribe(handle.resolveName("image") + "/compressed", options.image_queue_size,
                          &ImageReceiver::onCompressedImage, this, hints.getRosHints());
@@ -35,7 +35,7 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
     image_subscriber_ = transport_.subscribe("image", options.image_queue_size,
                                              &ImageReceiver::onImage, this, hints);
   } catch (const std::exception& error) {
-    throw OptionError("parameter image_transport is \"" + hints.getTransport() +
+    throw OptionError("parameter image_transport is \"" + options.image_transport +
                       "\", which cannot be used: " + error.what());
   }
 }

@@ -112,10 +112,15 @@ TEST_F(Graph, WrongParametersAreRefusedWithTheReason) {
     XmlRpc::XmlRpcValue value;
   } kCases[] = {
       {"ScaleRecovery", "camera_height", {}},  // missing
-      {"ScaleRecovery", "camera_height", -1.65},  {"MonoVo", "queue_size", 0},
-      {"MonoVo", "image_transport", "pigeon"},    {"ScaleRecovery", "image_transport", "pigeon"},
-      {"MonoVo", "mask", "/missing/mask.png"},    {"ScaleRecovery", "mask", "/missing/mask.png"},
-      {"MonoVo", "camera_file", "/missing.yaml"}, {"ScaleRecovery", "camera_file", "/missing.yaml"},
+      {"ScaleRecovery", "camera_height", -1.65},
+      {"MonoVo", "queue_size", 0},
+      {"MonoVo", "image_transport", "pigeon"},
+      {"ScaleRecovery", "image_transport", "pigeon"},
+      {"MonoVo", "image_transport", 3},
+      {"MonoVo", "mask", "/missing/mask.png"},
+      {"ScaleRecovery", "mask", "/missing/mask.png"},
+      {"MonoVo", "camera_file", "/missing.yaml"},
+      {"ScaleRecovery", "camera_file", "/missing.yaml"},
   };
   int i = 0;
   for (const auto& test_case : kCases) {

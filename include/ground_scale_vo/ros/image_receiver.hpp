@@ -25,7 +25,8 @@ class ImageReceiver {
  public:
   struct Options {
     bool image_is_rectified = false;
-    std::string mask_file, camera_file;    ///< of ImageRectifier
+    std::string mask_file, camera_file;  ///< of ImageRectifier
+    std::string image_transport = "raw";
     std::uint32_t image_queue_size = 100;  ///< images that may wait for their callback
   };
   struct Handlers {
@@ -39,9 +40,9 @@ class ImageReceiver {
     std::function<void(const std::string& sentence)> on_warning;
   };
 
-  /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
-  /// here; any other one but `raw` needs its plugin. Throws OptionError when that is missing, and
-  /// for a mask or camera file that cannot be used.
+  /// The transport `compressed` is decoded here; any other one but `raw` needs its plugin, which
+  /// may read parameters of private_handle. Throws OptionError when that is missing, and for a mask
+  /// or camera file that cannot be used.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);
   ImageReceiver(const ImageReceiver&) = delete;

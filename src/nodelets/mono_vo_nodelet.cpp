@@ -19,6 +19,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
+#include "ground_scale_vo/ros/missing_clock.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 
 namespace ground_scale_vo {
@@ -34,7 +35,8 @@ void MonoVoNodelet::start() {
   ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
   params_ = loadParams<MonoVoParams>(getName(), private_handle);
   stamp_filter_ = std::make_unique<StampFilter<RectifiedImage>>(
-      params_.clock_jump_s, [this](const std::string& reason) { drop("image stamp", reason); });
+      params_.clock_jump_s,
+      [this](const std::string& reason) { drop("image stamp", withMissingClock(reason)); });
   images_ = std::make_unique<BoundedQueue<sensor_msgs::ImageConstPtr>>(
       static_cast<std::size_t>(params_.queue_size));
 
@@ -238,6 +240,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   state.images.silent_s = receiver_->secondsSinceImage();
   if (since_processed_) state.images.unused_s = since_processed_->seconds();
   state.images.dropped = dropped - dropped_at_last_diagnosis_;
+  state.images.clock_error = missingClock();
   state.camera_info_topic = receiver_->cameraInfoTopic();
   state.camera_known = receiver_->camera() != nullptr;
   state.camera_info_error = receiver_->cameraInfoError();

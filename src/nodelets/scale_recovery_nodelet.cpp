@@ -18,6 +18,7 @@
 #include "ground_scale_vo/nodelets/topic_rates.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
+#include "ground_scale_vo/ros/missing_clock.hpp"
 #include "ground_scale_vo/ros/mounting_check.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
@@ -58,7 +59,8 @@ void ScaleRecoveryNodelet::start() {
 
   recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
   stamp_filter_ = std::make_unique<StampFilter<ReceivedFrame>>(
-      params_.clock_jump_s, [this](const std::string& reason) { drop("frame stamp", reason); });
+      params_.clock_jump_s,
+      [this](const std::string& reason) { drop("frame stamp", withMissingClock(reason)); });
   path_ = std::make_unique<BoundedPath>(static_cast<std::size_t>(params_.path_max_poses),
                                         params_.path_spacing_m);
   Synchronizer::Limits limits;
@@ -449,6 +451,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   if (since_frame_) state.frames.silent_s = since_frame_->seconds();
   if (since_processed_) state.frames.unused_s = since_processed_->seconds();
   state.frames.dropped = dropped - dropped_at_last_diagnosis_;
+  state.frames.clock_error = missingClock();
   state.status = last_scale_.status;
   state.reason = last_scale_.reason;
   if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);

@@ -54,6 +54,9 @@ void MonoVoNodelet::start() {
   handlers.on_warning = [this](const std::string& sentence) {
     NODELET_WARN_STREAM(getName() << ": " << sentence);
   };
+  handlers.on_error = [this](const std::string& sentence) {
+    NODELET_ERROR_STREAM(getName() << ": " << sentence);
+  };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
   if (!params_.readout_time_is_given) params_.odometry.vo.readout_time = receiver_->readoutTime();
   advertise(handle, private_handle);

@@ -125,6 +125,9 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
     drop(kind, reason);
   };
   handlers.on_warning = [this](const std::string& sentence) { warn("rectification", sentence); };
+  handlers.on_error = [this](const std::string& sentence) {
+    NODELET_ERROR_STREAM(getName() << ": " << sentence);
+  };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
   road_publisher_ = receiver_->transport().advertise("image_road", 1);
   waiting_timer_ = handle.createWallTimer(ros::WallDuration(kWaitingPeriod),
@@ -218,8 +221,11 @@ ScaleRecoveryNodelet::FrameImage ScaleRecoveryNodelet::frameImage(
     const cv::Mat rectified = receiver_->rectify(*image);
     return {rectified, rectified.empty() ? cv::Mat() : receiver_->mask()};
   }
-  drop("other camera", receiver_->cameraSource() + " describes another camera than " +
-                           frame_subscriber_.getTopic());
+  const std::string source_error = receiver_->sourceError();
+  drop("other camera", !source_error.empty()
+                           ? source_error
+                           : receiver_->cameraSource() + " describes another camera than " +
+                                 frame_subscriber_.getTopic());
   return {};
 }
 
@@ -458,6 +464,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   state.mounting_error = mounting_error_;
   state.mounting_warning = mounting_warning_;
   state.tf_error = otherParentError();
+  if (receiver_) state.source_error = receiver_->sourceError();
   state.sequence_error = sequence_check_.error();
   if (receiver_ && processed_ > processed_at_last_diagnosis_ &&
       processed_with_image_ == with_image_at_last_diagnosis_) {

@@ -125,8 +125,9 @@ DiagnosticSummary summarize(const MonoVoState& state) {
 
 DiagnosticSummary summarize(const ScaleRecoveryState& state) {
   if (const auto missing = missingInput(state)) return {Level::kError, missing->sentence};
-  if (!state.mounting_error.empty()) return {Level::kError, state.mounting_error};
-  if (!state.tf_error.empty()) return {Level::kError, state.tf_error};
+  for (const std::string& error : {state.mounting_error, state.tf_error, state.source_error}) {
+    if (!error.empty()) return {Level::kError, error};
+  }
   DiagnosticSummary summary = summarizeScale(state);
   if (isUnusable(state.frames)) summary = unusable(state.frames, "vo/frame");
   summary = withInput(std::move(summary), state.frames, "frames");

@@ -44,12 +44,20 @@ void ImageReceiver::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
   try {
     rectifier_.setCameraInfo(*info, cameraInfoTopic());
     camera_info_error_.clear();
+    reportSourceError();
   } catch (const MessageError& error) {
     camera_info_error_ = error.what();
+    reportSourceError();
     return handlers_.on_drop("camera_info refused", camera_info_error_);
   }
   checkRectification(*info);
   handlers_.on_camera();
+}
+
+void ImageReceiver::reportSourceError() {
+  const std::string error = sourceError();
+  if (std::exchange(has_source_error_, !error.empty()) || error.empty()) return;
+  handlers_.on_error(error);
 }
 
 void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
@@ -98,6 +106,7 @@ cv::Mat ImageReceiver::convert(const sensor_msgs::Image& image, Conversion conve
   const std::string source = "frame_id \"" + image.header.frame_id + "\", " +
                              std::to_string(image.width) + " x " + std::to_string(image.height);
   const bool is_of_other_camera = sources_.check(source) == Verdict::kOther;
+  reportSourceError();
   try {
     cv::Mat grey = (rectifier_.*conversion)(image);
     if (!is_of_other_camera) return grey;
@@ -118,8 +127,7 @@ std::string ImageReceiver::sourceError() const {
     return "two cameras publish on " + imageTopic() + ": the images alternate between " +
            sources_.current() + ", which are used, and " + sources_.other().value_or("");
   }
-  if (!rectifier_.calibrationAlternates()) return {};
-  return "two cameras publish on " + cameraInfoTopic() + ": camera_info alternates";
+  return rectifier_.calibrationError(cameraInfoTopic());
 }
 
 std::optional<double> ImageReceiver::secondsSinceImage() const {

@@ -92,11 +92,20 @@ void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const st
     case decltype(calibrations_)::Verdict::kChanged:
       use(std::move(camera));
       return;
-    case decltype(calibrations_)::Verdict::kOther:
-      break;
+    default:
+      throw MessageError(calibrationError(topic));
   }
-  throw MessageError("two cameras publish on " + topic + ": camera_info alternates between " +
-                     camera_->describe() + ", which is used, and " + camera->describe());
+}
+
+std::string ImageRectifier::calibrationError(const std::string& topic) const {
+  if (!calibrations_.keepsChanging()) return {};
+  const std::string used = camera_->describe(), other = (*calibrations_.other())->describe();
+  return calibrations_.alternates()
+             ? "two cameras publish on " + topic + ": camera_info alternates between " + used +
+                   ", which is used, and " + other
+             : "camera_info on topic " + topic + " keeps changing: " + used +
+                   " is used until it settles, the last one is " + other +
+                   "; publish one constant calibration";
 }
 
 cv::Mat ImageRectifier::rectify(const sensor_msgs::Image& image) {

@@ -118,6 +118,7 @@ TEST(DiagnosticSummary, OfScaleRecovery) {
         "no vo/frame received yet on /vo/frame"},
        {[](State* s) { s->mounting_error = "no tf transform"; }, kError, "no tf transform"},
        {[](State* s) { s->tf_error = "two parents"; }, kError, "two parents"},
+       {[](State* s) { s->source_error = "two cameras"; }, kError, "two cameras"},
        {[](State* s) { s->mounting_warning = "tf mounts"; }, kWarn, "scale measured; tf mounts"},
        {[](State* s) { s->sequence_error = "is 0"; }, kWarn, "scale measured; is 0"}});
 }

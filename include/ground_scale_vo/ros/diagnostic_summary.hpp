@@ -33,7 +33,7 @@ struct MonoVoState {
   std::string camera_info_topic;
   bool camera_known = false;
   std::string camera_info_error;      ///< why the last camera_info was refused; empty: accepted
-  std::string source_error;           ///< two cameras publish on one topic; empty: one
+  std::string source_error;           ///< ImageReceiver::sourceError()
   std::string rectification_warning;  ///< ImageReceiver::rectificationWarning()
   std::optional<VoStatus> status;
 };
@@ -46,6 +46,7 @@ struct ScaleRecoveryState {
   std::string mounting_error;  ///< why no metric pose can be published; empty: it can
   std::string mounting_warning;  ///< mountingContradiction()
   std::string tf_error;          ///< another parent of the frame on tf; empty: none
+  std::string source_error;      ///< ImageReceiver::sourceError()
   std::string sequence_error;    ///< what is wrong with `sequence` of vo/frame; empty: nothing
   /// Why no image was used in the last second; empty: one was, no frame was processed, or images
   /// are not used (refine: false).

@@ -38,6 +38,8 @@ class ImageReceiver {
     std::function<void(const std::string& kind, const std::string& reason)> on_drop;
     /// A sentence about input that is used although something is wrong with it, when it changes.
     std::function<void(const std::string& sentence)> on_warning;
+    /// sourceError(), when it begins.
+    std::function<void(const std::string& sentence)> on_error;
   };
 
   /// The transport `compressed` is decoded here; any other one but `raw` needs its plugin, which
@@ -86,12 +88,13 @@ class ImageReceiver {
   const std::string& cameraInfoError() const { return camera_info_error_; }
   /// How image_is_rectified contradicts the last valid camera_info, in one sentence, or empty.
   const std::string& rectificationWarning() const { return rectification_warning_; }
-  /// One sentence while two cameras publish on one topic, else empty.
+  /// One sentence while two cameras publish on one topic or camera_info keeps changing, else empty.
   std::string sourceError() const;
 
  private:
   using Conversion = cv::Mat (ImageRectifier::*)(const sensor_msgs::Image&);
   cv::Mat convert(const sensor_msgs::Image& image, Conversion conversion);
+  void reportSourceError();
   void checkRectification(const sensor_msgs::CameraInfo& info);
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
@@ -104,6 +107,7 @@ class ImageReceiver {
   SourceGuard<std::string> sources_;  ///< of the images: frame_id and size
   std::uint64_t images_received_ = 0;
   std::optional<Stopwatch> since_image_;
+  bool has_source_error_ = false;
   std::string camera_info_error_;
   std::string rectification_warning_;
 

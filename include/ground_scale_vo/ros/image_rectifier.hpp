@@ -15,7 +15,7 @@
 namespace ground_scale_vo {
 
 /// Converts the images of one camera to rectified 8-bit grey, by a camera file or by the latest
-/// valid camera_info. Of two calibrations that alternate, the first one is used.
+/// valid camera_info. While it keeps changing (SourceGuard), one calibration stays in use.
 class ImageRectifier {
  public:
   /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
@@ -26,9 +26,9 @@ class ImageRectifier {
   explicit ImageRectifier(bool image_is_rectified, const std::string& mask_file = {},
                           const std::string& camera_file = {});
 
-  /// Throws MessageError that names the topic, also for the second of two calibrations that
-  /// alternate and for one whose image size is not that of the mask; the previous calibration stays
-  /// in use then. Precondition: no camera file.
+  /// Throws MessageError that names the topic, also while the calibration keeps changing and for
+  /// one whose image size is not that of the mask; the previous calibration stays in use then.
+  /// Precondition: no camera file.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
   /// Without a camera file, null before the first valid camera_info. A new object if and only if
@@ -41,8 +41,8 @@ class ImageRectifier {
   const std::string& source() const { return source_; }
   /// [s] of the camera file; 0 without one.
   double readoutTime() const { return readout_time_; }
-  /// Two calibrations alternate on the topic.
-  bool calibrationAlternates() const { return calibrations_.alternates(); }
+  /// That the calibration on the topic keeps changing, in one sentence; empty: it does not.
+  std::string calibrationError(const std::string& topic) const;
 
   /// 8-bit grey, rectified. Refers to the message's data if nothing has to be converted. Throws
   /// MessageError: GreyConverter's reasons, or not the size of the calibration. Precondition:

@@ -155,6 +155,8 @@ void ScaleRecoveryNodelet::reset() {
   odometry_frames_.reset();  // the mounting is looked up again
   mounting_error_.clear();
   mounting_warning_.clear();
+  turn_axis_ = TurnAxis();
+  has_warned_of_mounting_ = false;
   path_->clear();
   publishPath();
   last_scale_ = ScaleEstimate();
@@ -262,6 +264,8 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
     return drop("frame failed", error.what());
   }
   publish(output, frame, rectified, mask, header);
+  if (frame.status == VoStatus::kTracking) turn_axis_.add(frame.map_id, frame.T_w_c.linear());
+  checkMounting(output);
   record(output, header.stamp, !rectified.empty());
   frame_ms_ = watch.ms();
 }
@@ -296,7 +300,6 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
         odometry_frames_->moveMounting(T_b_c, secondsBetween(mounting_stamp_, header.stamp));
       } else {
         odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
-        has_warned_of_mounting_ = false;
       }
     } catch (const std::exception& error) {
       mounting_error_ = "no tf transform from base_frame \"" + params_.base_frame +
@@ -313,12 +316,13 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
 }
 
 void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output) {
-  mounting_warning_.clear();
-  const bool is_base = odometry_frames_->base_frame != camera_frame_;
-  if (!is_base || params_.moving_mount) return;
-  mounting_warning_ =
-      mountingContradiction(odometry_frames_->base_frame, camera_frame_,
-                            odometry_frames_->T_c_b.linear() * Eigen::Vector3d::UnitZ(), output);
+  mounting_warning_ = unsupportedMounting(output, turn_axis_.upward());
+  const bool is_base = odometry_frames_ && odometry_frames_->base_frame != camera_frame_;
+  if (mounting_warning_.empty() && is_base && !params_.moving_mount) {
+    mounting_warning_ =
+        wrongMountingOnTf(odometry_frames_->base_frame, camera_frame_,
+                          odometry_frames_->T_c_b.linear() * Eigen::Vector3d::UnitZ(), output);
+  }
   if (mounting_warning_.empty() || std::exchange(has_warned_of_mounting_, true)) return;
   NODELET_WARN_STREAM(getName() << ": " << mounting_warning_);
 }
@@ -334,7 +338,6 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
   if (output.scale.status != ScaleStatus::kUnknown) {
     if (output.pose && frames != nullptr) {
       publishPose(pose_origin_.relative(*output.pose), *frames, header.stamp);
-      checkMounting(output);
     }
     publishGround(output, header);
     if (points_publisher_.getNumSubscribers() > 0) {

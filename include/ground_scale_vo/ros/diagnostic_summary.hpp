@@ -44,7 +44,7 @@ struct ScaleRecoveryState {
   ScaleReason reason = ScaleReason::kNone;
   double held_s = 0;           ///< since the first HELD frame after a measurement or standstill [s]
   std::string mounting_error;  ///< why no metric pose can be published; empty: it can
-  std::string mounting_warning;  ///< mountingContradiction()
+  std::string mounting_warning;  ///< unsupportedMounting() or wrongMountingOnTf()
   std::string tf_error;          ///< another parent of the frame on tf; empty: none
   std::string source_error;      ///< ImageReceiver::sourceError()
   std::string sequence_error;    ///< what is wrong with `sequence` of vo/frame; empty: nothing

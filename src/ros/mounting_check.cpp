@@ -14,7 +14,7 @@ namespace {
 constexpr double kMaxPitchDeg = 20, kMaxRollDeg = 15;
 /// [deg] Over all scenarios the estimate deviates from the true mounting by at most 1.9.
 constexpr double kEstimateErrorDeg = 2;
-/// [deg] Slopes and the suspension tilt the axis of a turn.
+/// [deg] Slopes and the suspension tilt the axis of the turns; on all KITTI sequences by at most 4.
 constexpr double kTurnAxisErrorDeg = 10;
 /// [deg] Deviation from tf that is still accepted. A correct transform deviates, too: load and
 /// springs tilt a vehicle by 1 to 2 degrees, steadily, and the road is estimated from this vehicle.

@@ -20,6 +20,7 @@
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
 #include "ground_scale_vo/ros/image_message.hpp"
+#include "ground_scale_vo/ros/missing_clock.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 
 namespace ground_scale_vo {
@@ -35,7 +36,8 @@ void MonoVoNodelet::start() {
   ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
   params_ = loadParams<MonoVoParams>(getName(), private_handle);
   stamp_filter_ = std::make_unique<StampFilter<RectifiedImage>>(
-      params_.clock_jump_s, [this](const std::string& reason) { drop("image stamp", reason); });
+      params_.clock_jump_s,
+      [this](const std::string& reason) { drop("image stamp", withMissingClock(reason)); });
   images_ = std::make_unique<BoundedQueue<sensor_msgs::ImageConstPtr>>(
       static_cast<std::size_t>(params_.queue_size));
 
@@ -43,6 +45,7 @@ void MonoVoNodelet::start() {
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
   options.camera_file = params_.camera_file;
+  options.image_transport = params_.image_transport;
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
   handlers.on_camera = [this] { scheduleProcessing(); };
@@ -51,6 +54,9 @@ void MonoVoNodelet::start() {
   };
   handlers.on_warning = [this](const std::string& sentence) {
     NODELET_WARN_STREAM(getName() << ": " << sentence);
+  };
+  handlers.on_error = [this](const std::string& sentence) {
+    NODELET_ERROR_STREAM(getName() << ": " << sentence);
   };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
   if (!params_.readout_time_is_given) params_.odometry.vo.readout_time = receiver_->readoutTime();
@@ -236,6 +242,7 @@ void MonoVoNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status
   state.images.silent_s = receiver_->secondsSinceImage();
   if (since_processed_) state.images.unused_s = since_processed_->seconds();
   state.images.dropped = dropped - dropped_at_last_diagnosis_;
+  state.images.clock_error = missingClock();
   state.camera_info_topic = receiver_->cameraInfoTopic();
   state.camera_known = receiver_->camera() != nullptr;
   state.camera_info_error = receiver_->cameraInfoError();

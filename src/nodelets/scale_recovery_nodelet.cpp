@@ -18,6 +18,7 @@
 #include "ground_scale_vo/nodelets/topic_rates.hpp"
 #include "ground_scale_vo/ros/diagnostic_summary.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
+#include "ground_scale_vo/ros/missing_clock.hpp"
 #include "ground_scale_vo/ros/mounting_check.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
@@ -58,7 +59,8 @@ void ScaleRecoveryNodelet::start() {
 
   recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
   stamp_filter_ = std::make_unique<StampFilter<ReceivedFrame>>(
-      params_.clock_jump_s, [this](const std::string& reason) { drop("frame stamp", reason); });
+      params_.clock_jump_s,
+      [this](const std::string& reason) { drop("frame stamp", withMissingClock(reason)); });
   path_ = std::make_unique<BoundedPath>(static_cast<std::size_t>(params_.path_max_poses),
                                         params_.path_spacing_m);
   Synchronizer::Limits limits;
@@ -115,6 +117,7 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
   options.image_is_rectified = params_.image_is_rectified;
   options.mask_file = params_.mask;
   options.camera_file = params_.camera_file;
+  options.image_transport = params_.image_transport;
   options.image_queue_size = imageBuffer(params_);
   ImageReceiver::Handlers handlers;
   handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
@@ -122,6 +125,9 @@ void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
     drop(kind, reason);
   };
   handlers.on_warning = [this](const std::string& sentence) { warn("rectification", sentence); };
+  handlers.on_error = [this](const std::string& sentence) {
+    NODELET_ERROR_STREAM(getName() << ": " << sentence);
+  };
   receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
   road_publisher_ = receiver_->transport().advertise("image_road", 1);
   waiting_timer_ = handle.createWallTimer(ros::WallDuration(kWaitingPeriod),
@@ -149,6 +155,8 @@ void ScaleRecoveryNodelet::reset() {
   odometry_frames_.reset();  // the mounting is looked up again
   mounting_error_.clear();
   mounting_warning_.clear();
+  turn_axis_ = TurnAxis();
+  has_warned_of_mounting_ = false;
   path_->clear();
   publishPath();
   last_scale_ = ScaleEstimate();
@@ -215,8 +223,11 @@ ScaleRecoveryNodelet::FrameImage ScaleRecoveryNodelet::frameImage(
     const cv::Mat rectified = receiver_->rectify(*image);
     return {rectified, rectified.empty() ? cv::Mat() : receiver_->mask()};
   }
-  drop("other camera", receiver_->cameraSource() + " describes another camera than " +
-                           frame_subscriber_.getTopic());
+  const std::string source_error = receiver_->sourceError();
+  drop("other camera", !source_error.empty()
+                           ? source_error
+                           : receiver_->cameraSource() + " describes another camera than " +
+                                 frame_subscriber_.getTopic());
   return {};
 }
 
@@ -253,6 +264,8 @@ void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header
     return drop("frame failed", error.what());
   }
   publish(output, frame, rectified, mask, header);
+  if (frame.status == VoStatus::kTracking) turn_axis_.add(frame.map_id, frame.T_w_c.linear());
+  checkMounting(output);
   record(output, header.stamp, !rectified.empty());
   frame_ms_ = watch.ms();
 }
@@ -287,7 +300,6 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
         odometry_frames_->moveMounting(T_b_c, secondsBetween(mounting_stamp_, header.stamp));
       } else {
         odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
-        has_warned_of_mounting_ = false;
       }
     } catch (const std::exception& error) {
       mounting_error_ = "no tf transform from base_frame \"" + params_.base_frame +
@@ -304,12 +316,13 @@ const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Heade
 }
 
 void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output) {
-  mounting_warning_.clear();
-  const bool is_base = odometry_frames_->base_frame != camera_frame_;
-  if (!is_base || params_.moving_mount) return;
-  mounting_warning_ =
-      mountingContradiction(odometry_frames_->base_frame, camera_frame_,
-                            odometry_frames_->T_c_b.linear() * Eigen::Vector3d::UnitZ(), output);
+  mounting_warning_ = unsupportedMounting(output, turn_axis_.upward());
+  const bool is_base = odometry_frames_ && odometry_frames_->base_frame != camera_frame_;
+  if (mounting_warning_.empty() && is_base && !params_.moving_mount) {
+    mounting_warning_ =
+        wrongMountingOnTf(odometry_frames_->base_frame, camera_frame_,
+                          odometry_frames_->T_c_b.linear() * Eigen::Vector3d::UnitZ(), output);
+  }
   if (mounting_warning_.empty() || std::exchange(has_warned_of_mounting_, true)) return;
   NODELET_WARN_STREAM(getName() << ": " << mounting_warning_);
 }
@@ -325,7 +338,6 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
   if (output.scale.status != ScaleStatus::kUnknown) {
     if (output.pose && frames != nullptr) {
       publishPose(pose_origin_.relative(*output.pose), *frames, header.stamp);
-      checkMounting(output);
     }
     publishGround(output, header);
     if (points_publisher_.getNumSubscribers() > 0) {
@@ -448,12 +460,14 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   if (since_frame_) state.frames.silent_s = since_frame_->seconds();
   if (since_processed_) state.frames.unused_s = since_processed_->seconds();
   state.frames.dropped = dropped - dropped_at_last_diagnosis_;
+  state.frames.clock_error = missingClock();
   state.status = last_scale_.status;
   state.reason = last_scale_.reason;
   if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);
   state.mounting_error = mounting_error_;
   state.mounting_warning = mounting_warning_;
   state.tf_error = otherParentError();
+  if (receiver_) state.source_error = receiver_->sourceError();
   state.sequence_error = sequence_check_.error();
   if (receiver_ && processed_ > processed_at_last_diagnosis_ &&
       processed_with_image_ == with_image_at_last_diagnosis_) {

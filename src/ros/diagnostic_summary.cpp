@@ -23,10 +23,17 @@ MissingInput neverReceived(const std::string& what, const std::string& topic) {
 }
 
 std::optional<MissingInput> missingInput(const InputState& input, const std::string& what) {
-  if (!input.silent_s) return neverReceived(what, input.topic);
-  if (*input.silent_s < kSilenceS) return std::nullopt;
-  return MissingInput{
-      what, "no " + what + " for " + seconds(*input.silent_s, 0) + " on " + input.topic, true};
+  std::optional<MissingInput> missing;
+  if (!input.silent_s) {
+    missing = neverReceived(what, input.topic);
+  } else if (*input.silent_s >= kSilenceS) {
+    missing = {what, "no " + what + " for " + seconds(*input.silent_s, 0) + " on " + input.topic,
+               true};
+  } else {
+    return std::nullopt;
+  }
+  if (!input.clock_error.empty()) missing->sentence += "; " + input.clock_error;
+  return missing;
 }
 
 /// All messages are refused, after others were processed.
@@ -45,11 +52,14 @@ DiagnosticSummary withWarning(DiagnosticSummary summary, const std::string& text
   return summary;
 }
 
-DiagnosticSummary withDropped(DiagnosticSummary summary, const InputState& input,
-                              const std::string& what) {
-  if (input.dropped == 0) return summary;
-  return withWarning(std::move(summary),
-                     std::to_string(input.dropped) + " " + what + " dropped in the last second");
+DiagnosticSummary withInput(DiagnosticSummary summary, const InputState& input,
+                            const std::string& what) {
+  if (input.dropped > 0) {
+    summary = withWarning(std::move(summary), std::to_string(input.dropped) + " " + what +
+                                                  " dropped in the last second");
+  }
+  if (!input.clock_error.empty()) summary = withWarning(std::move(summary), input.clock_error);
+  return summary;
 }
 
 DiagnosticSummary summarize(VoStatus status) {
@@ -106,7 +116,7 @@ DiagnosticSummary summarize(const MonoVoState& state) {
   DiagnosticSummary summary = summarize(state.status.value_or(VoStatus::kInitialising));
   if (!state.status && state.images.dropped > 0) summary = {Level::kError, "no usable image"};
   if (isUnusable(state.images)) summary = unusable(state.images, "image");
-  summary = withDropped(std::move(summary), state.images, "images");
+  summary = withInput(std::move(summary), state.images, "images");
   for (const std::string& warning : {state.camera_info_error, state.rectification_warning}) {
     if (!warning.empty()) summary = withWarning(std::move(summary), warning);
   }
@@ -115,11 +125,12 @@ DiagnosticSummary summarize(const MonoVoState& state) {
 
 DiagnosticSummary summarize(const ScaleRecoveryState& state) {
   if (const auto missing = missingInput(state)) return {Level::kError, missing->sentence};
-  if (!state.mounting_error.empty()) return {Level::kError, state.mounting_error};
-  if (!state.tf_error.empty()) return {Level::kError, state.tf_error};
+  for (const std::string& error : {state.mounting_error, state.tf_error, state.source_error}) {
+    if (!error.empty()) return {Level::kError, error};
+  }
   DiagnosticSummary summary = summarizeScale(state);
   if (isUnusable(state.frames)) summary = unusable(state.frames, "vo/frame");
-  summary = withDropped(std::move(summary), state.frames, "frames");
+  summary = withInput(std::move(summary), state.frames, "frames");
   for (const std::string& warning : {state.mounting_warning, state.sequence_error}) {
     if (!warning.empty()) summary = withWarning(std::move(summary), warning);
   }

@@ -25,11 +25,10 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
     rectification_warning_ = rectifier_.calibrationWarning();
     handlers_.on_warning(rectification_warning_);
   }
-  const std::string transport = private_handle.param("image_transport", std::string("raw"));
+  const std::string& transport = options.image_transport;
   const bool is_either = transport == "raw_or_compressed";
-  // Without a parameter of that name, the transport is raw.
-  const image_transport::TransportHints hints("raw", ros::TransportHints().tcpNoDelay(),
-                                              private_handle,
+  const image_transport::TransportHints hints(is_either ? "raw" : transport,
+                                              ros::TransportHints().tcpNoDelay(), private_handle,
                                               is_either ? "no_parameter" : "image_transport");
   if (is_either || transport == "compressed") {
     compressed_subscriber_ =
@@ -41,7 +40,7 @@ ImageReceiver::ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& priv
     image_subscriber_ = transport_.subscribe("image", options.image_queue_size,
                                              &ImageReceiver::onImage, this, hints);
   } catch (const std::exception& error) {
-    throw OptionError("parameter image_transport is \"" + hints.getTransport() +
+    throw OptionError("parameter image_transport is \"" + options.image_transport +
                       "\", which cannot be used: " + error.what());
   }
 }
@@ -50,12 +49,20 @@ void ImageReceiver::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
   try {
     rectifier_.setCameraInfo(*info, cameraInfoTopic());
     camera_info_error_.clear();
+    reportSourceError();
   } catch (const DataError& error) {
     camera_info_error_ = error.what();
+    reportSourceError();
     return handlers_.on_drop("camera_info refused", camera_info_error_);
   }
   checkRectification(*info);
   handlers_.on_camera();
+}
+
+void ImageReceiver::reportSourceError() {
+  const std::string error = sourceError();
+  if (std::exchange(has_source_error_, !error.empty()) || error.empty()) return;
+  handlers_.on_error(error);
 }
 
 void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
@@ -105,6 +112,7 @@ cv::Mat ImageReceiver::convert(const sensor_msgs::Image& image, Conversion conve
   const std::string source = "frame_id \"" + image.header.frame_id + "\", " +
                              std::to_string(image.width) + " x " + std::to_string(image.height);
   const bool is_of_other_camera = sources_.check(source) == Verdict::kOther;
+  reportSourceError();
   try {
     cv::Mat grey = (rectifier_.*conversion)(image);
     if (!is_of_other_camera) return grey;
@@ -125,8 +133,7 @@ std::string ImageReceiver::sourceError() const {
     return "two cameras publish on " + imageTopic() + ": the images alternate between " +
            sources_.current() + ", which are used, and " + sources_.other().value_or("");
   }
-  if (!rectifier_.calibrationAlternates()) return {};
-  return "two cameras publish on " + cameraInfoTopic() + ": camera_info alternates";
+  return rectifier_.calibrationError(cameraInfoTopic());
 }
 
 std::optional<double> ImageReceiver::secondsSinceImage() const {

@@ -80,12 +80,21 @@ void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const st
     case decltype(calibrations_)::Verdict::kChanged:
       calibration_warning_ = warning;
       return use(std::move(camera));
-    case decltype(calibrations_)::Verdict::kOther:
-      break;
+    default:
+      throw DataError(calibrationError(topic));
   }
-  throw DataError("two cameras publish on " + topic + ": camera_info alternates between " +
-                  camera_->calibration().describe() + ", which is used, and " +
-                  camera->calibration().describe());
+}
+
+std::string ImageRectifier::calibrationError(const std::string& topic) const {
+  if (!calibrations_.keepsChanging()) return {};
+  const std::string used = camera_->calibration().describe(),
+                    other = (*calibrations_.other())->calibration().describe();
+  return calibrations_.alternates()
+             ? "two cameras publish on " + topic + ": camera_info alternates between " + used +
+                   ", which is used, and " + other
+             : "camera_info on topic " + topic + " keeps changing: " + used +
+                   " is used until it settles, the last one is " + other +
+                   "; publish one constant calibration";
 }
 
 cv::Mat ImageRectifier::rectify(const sensor_msgs::Image& image) {

@@ -130,7 +130,7 @@ void ParamReader::require(const char* name, double& field, double min, double ma
 }
 
 std::vector<std::string> ParamReader::warnings() const {
-  std::vector<std::string> known = allowed_;
+  std::vector<std::string> known;
   for (const Entry& entry : entries_) known.push_back(entry.name);
 
   std::vector<std::string> leaves;

@@ -51,7 +51,7 @@ void declareOptions(ParamReader& reader, Options& options, const std::vector<std
   }
 }
 
-/// Parameters of both nodelets, and those of libraries in the same namespace.
+/// Parameters of both nodelets.
 template <typename Params>
 void declareCommon(ParamReader& reader, Params& params) {
   reader.declare("image_is_rectified", params.image_is_rectified,
@@ -67,7 +67,9 @@ void declareCommon(ParamReader& reader, Params& params) {
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
       "than this and 1.5 times the last interval, is used only if the next one confirms "
       "it; one earlier by less is dropped");
-  reader.allow("image_transport");
+  reader.declare("image_transport", params.image_transport,
+                 "[] raw, compressed, which the nodelets decode themselves, or the name of another "
+                 "installed plugin of image_transport");
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
@@ -48,10 +49,15 @@ struct ScaleRecovery::Impl {
         filter(options.filter),
         trajectory(options.trajectory) {}
 
+  struct StampedPosition {
+    std::int64_t stamp_ns = 0;
+    Eigen::Vector3d position_w = Eigen::Vector3d::Zero();
+  };
+
   static Options resolve(const Options& options);
   void startMap();
   void setCamera(const PinholeCamera& new_camera);
-  bool hasPlausibleSpeed(const VoFrame& frame) const;
+  bool hasPlausibleSpeed(const StampedPosition& from, const StampedPosition& to) const;
   bool acceptPose(const VoFrame& frame);
   ScaleReason measure(const VoFrame& frame, const cv::Mat& image, const cv::Mat& mask,
                       Output* output);
@@ -77,11 +83,14 @@ struct ScaleRecovery::Impl {
 
   std::optional<PinholeCamera> last_camera;
   std::optional<std::uint32_t> map_id;
-  std::int64_t last_stamp_ns = 0;                             ///< of the last accepted pose
-  Eigen::Vector3d last_position_w = Eigen::Vector3d::Zero();  ///< of that pose
-  int refused_poses = 0;                                      ///< since then
+  StampedPosition last_pose, last_accepted;
+  int refused_poses = 0;          ///< since the last accepted one
+  bool refused_continue = false;  ///< one of them has a plausible speed from the one before
   /// Latest estimate of the height [VO units], also before the filter has started; 0: none yet.
   double rough_height = 0;
+  /// By which speeds are judged: the last one of the filter, also of a map before with the same
+  /// unit of length [VO units]; 0: none yet.
+  double known_height = 0;
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< of the latest plane; zero: none yet
 };
 
@@ -99,15 +108,16 @@ void ScaleRecovery::Impl::startMap() {
   gpa.reset();
   direct.reset();
   filter.reset();
-  rough_height = 0;
+  rough_height = known_height = 0;
   n_c.setZero();
 }
 
-bool ScaleRecovery::Impl::hasPlausibleSpeed(const VoFrame& frame) const {
-  if (!filter.known()) return true;
-  const double dt = std::max(kMinSpeedInterval, secondsBetween(last_stamp_ns, frame.stamp_ns));
-  const double step = (frame.T_w_c.translation() - last_position_w).norm();
-  return step / filter.height() * options.camera_height <= options.max_speed * dt;
+bool ScaleRecovery::Impl::hasPlausibleSpeed(const StampedPosition& from,
+                                            const StampedPosition& to) const {
+  if (known_height == 0) return true;
+  const double dt = std::max(kMinSpeedInterval, secondsBetween(from.stamp_ns, to.stamp_ns));
+  const double step = (to.position_w - from.position_w).norm();
+  return step / known_height * options.camera_height <= options.max_speed * dt;
 }
 
 /// Another lens of the same camera, in the same map: heights differ a little from now on.
@@ -117,20 +127,27 @@ void ScaleRecovery::Impl::setCamera(const PinholeCamera& new_camera) {
 }
 
 /// Whether the pose of a tracking frame is used. A pose that jumps is refused; the fourth
-/// consecutive one starts a new map.
+/// consecutive one starts a new map. Its unit of length is that of the map before if the refused
+/// poses continue from each other: the end of the jump is then refused, too, also before the new
+/// map has a scale.
 bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {
+  const StampedPosition pose{frame.stamp_ns, frame.T_w_c.translation()};
+  const bool continues = hasPlausibleSpeed(std::exchange(last_pose, pose), pose);
   if (map_id != frame.map_id) {
     map_id = frame.map_id;
     // The motion since the map's first frame counts as travelled.
     if (trajectory.countsFromStart(frame)) motion.add(Eigen::Isometry3d::Identity());
-  } else if (!hasPlausibleSpeed(frame)) {
+  } else if (!hasPlausibleSpeed(last_accepted, pose)) {
+    refused_continue = refused_continue || continues;
     if (++refused_poses <= kMaxRefusedPoses) return false;
+    const double height = refused_continue ? known_height : 0;
     startMap();
+    known_height = height;
     trajectory.leaveMap();
   }
   refused_poses = 0;
-  last_stamp_ns = frame.stamp_ns;
-  last_position_w = frame.T_w_c.translation();
+  refused_continue = false;
+  last_accepted = pose;
   return true;
 }
 
@@ -159,7 +176,7 @@ ScaleReason ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::Mat& im
   const Stopwatch watch;
   const bool accepted = updateFilter(feature_based_plane, direct_plane, output);
   if (filter.known()) {
-    rough_height = filter.height();
+    rough_height = known_height = filter.height();
   } else if (has_measurement) {
     rough_height = output->plane.height;
   }

@@ -179,6 +179,13 @@ def test_two_vehicles(tmp_path, height_file):
             assert nodes[nodelet].args.endswith(" /vehicles_manager --no-bond")
 
 
+def test_respawn():
+    """For a manager that is started again elsewhere: the nodelets are loaded again."""
+    nodes, *_ = loaded("ground_scale_vo.launch", "camera_height:=1", "start_manager:=false", "respawn:=true")
+    for name in ("/mono_vo", "/scale_recovery"):
+        assert nodes[name].respawn and not nodes[name].required and not nodes[name].args.endswith("--no-bond")
+
+
 @pytest.mark.parametrize("image, remapped, transport", [
     ("cam/image/compressed", "/cam/image", "compressed"), ("", None, "raw")])
 def test_another_vo(image, remapped, transport):

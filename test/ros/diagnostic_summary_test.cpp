@@ -36,7 +36,7 @@ void expectSummaries(const State& good, const std::vector<SummaryCase<State>>& c
 
 MonoVoState tracking() {
   MonoVoState state;
-  state.images = {"/image", 0.1, 0.1, 0};  // the last one 0.1 s ago, none dropped
+  state.images = {"/image", 0.1, 0.1, 0, ""};  // the last one 0.1 s ago, none dropped
   state.camera_info_topic = "/info";
   state.camera_known = true;
   state.status = VoStatus::kTracking;
@@ -67,6 +67,15 @@ TEST(DiagnosticSummary, OfMonoVo) {
        {[](State* s) { s->images.dropped = 3, s->images.unused_s = 7; }, kError,
         "no usable image for 7 s; 3 images dropped in the last second"},
        {[](State* s) { s->images.unused_s = 7; }, kOk, "tracking"},  // they arrive seldom, or wait
+       // Without a clock.
+       {[](State* s) { s->images.clock_error = "no clock"; }, kWarn, "tracking; no clock"},
+       {[](State* s) { s->images.silent_s = 7.4, s->images.clock_error = "no clock"; }, kError,
+        "no image for 7 s on /image; no clock"},
+       {[](State* s) {
+          s->images.dropped = 3, s->images.clock_error = "no clock";
+          s->status.reset();
+        },
+        kError, "no usable image; 3 images dropped in the last second; no clock"},
        // Wrong images.
        {[](State* s) { s->rectification_warning = "D is not zero"; }, kWarn,
         "tracking; D is not zero"},
@@ -76,7 +85,7 @@ TEST(DiagnosticSummary, OfMonoVo) {
 TEST(DiagnosticSummary, OfScaleRecovery) {
   using State = ScaleRecoveryState;
   State good;
-  good.frames = {"/vo/frame", 0.1, 0.1, 0};
+  good.frames = {"/vo/frame", 0.1, 0.1, 0, ""};
   good.status = ScaleStatus::kOk;
   const auto held = [](State* s, ScaleReason reason, double seconds) {
     s->status = ScaleStatus::kHeld;
@@ -109,6 +118,7 @@ TEST(DiagnosticSummary, OfScaleRecovery) {
         "no vo/frame received yet on /vo/frame"},
        {[](State* s) { s->mounting_error = "no tf transform"; }, kError, "no tf transform"},
        {[](State* s) { s->tf_error = "two parents"; }, kError, "two parents"},
+       {[](State* s) { s->source_error = "two cameras"; }, kError, "two cameras"},
        {[](State* s) { s->mounting_warning = "tf mounts"; }, kWarn, "scale measured; tf mounts"},
        {[](State* s) { s->sequence_error = "is 0"; }, kWarn, "scale measured; is 0"}});
 }

@@ -69,10 +69,23 @@ TEST(ImageRectifier, KeepsTheFirstOfTwoCalibrationsThatAlternate) {
     for (const char* part : {"two cameras publish on t", "fx 10, ", "fx 11, ", "no distortion"}) {
       expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(11), "t"); }, part);
     }
-    EXPECT_TRUE(rectifier.calibrationAlternates());
+    EXPECT_NE(rectifier.calibrationError("t"), "");
     rectifier.setCameraInfo(infoOf(10), "t");
     EXPECT_EQ(rectifier.camera(), first);
   }
+}
+
+TEST(ImageRectifier, KeepsACalibrationWhileEveryMessageHasAnother) {
+  ImageRectifier rectifier(false);
+  for (const double fx : {10.0, 10.2, 10.4}) rectifier.setCameraInfo(infoOf(fx), "t");
+  EXPECT_EQ(rectifier.calibrationError("t"), "");
+  const auto used = rectifier.camera();
+  for (const double fx : {10.6, 10.8, 11.0, 11.2}) {
+    expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(fx), "t"); },
+                               "camera_info on topic t keeps changing: 8 x 6, fx 10.4, ");
+    EXPECT_EQ(rectifier.camera(), used);
+  }
+  EXPECT_NE(rectifier.calibrationError("t").find("fx 11.2, "), std::string::npos);
 }
 
 TEST(ImageRectifier, RefusesImagesOfAnotherSize) {

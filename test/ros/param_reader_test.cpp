@@ -73,6 +73,7 @@ TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   expectRefused("random_seed", 1.5, "random_seed is 1.5, it must be a whole number");
   expectRefused("publish_tf", 1, "publish_tf is a number, it must be true or false");
   expectRefused("base_frame", 5, "base_frame is a number, it must be a string");
+  expectRefused("image_transport", 3, "image_transport is a number, it must be a string");
   expectRefused("base_frame", "/odom", "must differ");
   expectRefused("odom_frame", "/", "odom_frame is empty");
   ParamReader without_height("/n", XmlRpcValue());
@@ -84,7 +85,6 @@ TEST(ParamReader, WarnsOfSlashesInFrameNamesAndOfUnknownNames) {
   tree["odom_frame"] = "/map";
   tree["base_fram"] = "b";
   tree["tracker"]["nonsense_nobody_wrote"] = 1;
-  tree["image_transport"] = "raw";     // read by the image subscriber
   tree["direct"]["patch_size"] = 0.1;  // of the offline tools
   ParamReader reader("/scale_recovery", tree);
   EXPECT_EQ(ScaleRecoveryParams::read(reader).odom_frame, "map");

@@ -146,11 +146,28 @@ TEST(SourceGuard, AChangeOfTheSourceIsAccepted) {
     EXPECT_EQ(guard.current(), source);
   }
   EXPECT_EQ(guard.other(), "b");
-  for (int i = 0; i < 10; ++i) {  // messages that all differ are not a second source
-    EXPECT_EQ(guard.check(std::to_string(i)), SourceVerdict::kChanged);
-    EXPECT_EQ(guard.check("c"), SourceVerdict::kChanged);
+  EXPECT_FALSE(guard.keepsChanging());
+}
+
+TEST(SourceGuard, ASourceThatKeepsChangingStaysInUseUntilItSettles) {
+  for (const bool returns : {false, true}) {  // every second message is the same
+    Guard guard;
+    for (const char* source : {"a", "b", "c"}) guard.check(source);
+    for (int i = 0; i < 300; ++i) {
+      EXPECT_EQ(guard.check(std::to_string(i)), SourceVerdict::kUnsettled);
+      if (returns) {
+        EXPECT_EQ(guard.check("c"), SourceVerdict::kSame);
+      }
+      EXPECT_TRUE(guard.keepsChanging());
+      EXPECT_FALSE(guard.alternates());
+      EXPECT_EQ(guard.current(), "c");
+    }
+    for (int i = 0; i < Guard::kMemory - 1; ++i) {
+      EXPECT_NE(guard.check("d"), SourceVerdict::kChanged);
+    }
+    EXPECT_EQ(guard.check("d"), SourceVerdict::kChanged);
+    EXPECT_FALSE(guard.keepsChanging());
   }
-  EXPECT_FALSE(guard.alternates());
 }
 
 TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUse) {

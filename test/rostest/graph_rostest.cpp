@@ -113,10 +113,15 @@ TEST_F(Graph, WrongParametersAreRefusedWithTheReason) {
     XmlRpc::XmlRpcValue value;
   } kCases[] = {
       {"ScaleRecovery", "camera_height", {}},  // missing
-      {"ScaleRecovery", "camera_height", -1.65},  {"MonoVo", "queue_size", 0},
-      {"MonoVo", "image_transport", "pigeon"},    {"ScaleRecovery", "image_transport", "pigeon"},
-      {"MonoVo", "mask", "/missing/mask.png"},    {"ScaleRecovery", "mask", "/missing/mask.png"},
-      {"MonoVo", "camera_file", "/missing.yaml"}, {"ScaleRecovery", "camera_file", "/missing.yaml"},
+      {"ScaleRecovery", "camera_height", -1.65},
+      {"MonoVo", "queue_size", 0},
+      {"MonoVo", "image_transport", "pigeon"},
+      {"ScaleRecovery", "image_transport", "pigeon"},
+      {"MonoVo", "image_transport", 3},
+      {"MonoVo", "mask", "/missing/mask.png"},
+      {"ScaleRecovery", "mask", "/missing/mask.png"},
+      {"MonoVo", "camera_file", "/missing.yaml"},
+      {"ScaleRecovery", "camera_file", "/missing.yaml"},
   };
   int i = 0;
   for (const auto& test_case : kCases) {
@@ -232,6 +237,22 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedUntilAResetFindsAnother) 
   EXPECT_NEAR(pair.odometry.last()->twist.twist.linear.x, 0, 0.5);
   EXPECT_TRUE(diagnostics_.waitForSummary("tilted/scale_recovery", Status::OK, "scale measured"));
   EXPECT_EQ(lines(text), 1);  // not with every image
+  EXPECT_TRUE(pair.unload());
+}
+
+TEST_F(Graph, AMountingThatIsNotSupportedIsReportedWithoutABase) {
+  SyntheticDrive::Options options = smallDrive(30);
+  options.camera.height *= 2;
+  options.camera.cy = (options.camera.height - 1) / 2.0;
+  options.roll_rad = 25 * kRadPerDeg;
+  const RenderedDrive rolled(options);
+  NodeletPair pair(manager_, rolled, "/rolled");
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(pair.playAll());
+  const std::string text = "on the road the camera has pitch ";
+  EXPECT_TRUE(diagnostics_.waitForSummary("rolled/scale_recovery", Status::WARN, text));
+  EXPECT_TRUE(waitForLine("/rolled/scale_recovery: " + text));
+  EXPECT_EQ(lines(text), 1);
   EXPECT_TRUE(pair.unload());
 }
 

@@ -79,8 +79,18 @@ class Time : public DriveTest<50> {
   static inline std::unique_ptr<NodeletPair> pair_;
 };
 
-// Runs first. Three passes over the same stamps, as of a looped bag: the first without a clock, the
-// second with a clock that starts then, the third after the clock has jumped back.
+// Runs first. A driver stamps with zero then.
+TEST_F(Time, AMissingClockIsNamed) {
+  ASSERT_TRUE(ros::Time::now().isZero());
+  const std::string text = "/use_sim_time is true, but no time was received on /clock";
+  EXPECT_TRUE(diagnostics_.waitForSummary("mono_vo", Status::ERROR, text));
+  pair_->publishInfo(*drive_->info(ros::Time()));
+  pair_->publishImage(0, ros::Time());
+  EXPECT_TRUE(waitForLine("the stamp is zero; " + text));
+}
+
+// Before the clock runs. Three passes over the same stamps, as of a looped bag: the first without a
+// clock, the second with a clock that starts then, the third after the clock has jumped back.
 TEST_F(Time, ALateClockAndEachLoopOfABagGiveTheSameResults) {
   ASSERT_TRUE(ros::Time::now().isZero());
   std::vector<nav_msgs::Odometry::ConstPtr> first;
@@ -186,7 +196,7 @@ TEST_F(Time, InvalidStampsAreDroppedAndCounted) {
   ASSERT_TRUE(pair_->publishAndWait(4));
   EXPECT_EQ(pair_->frames.last()->sequence, 4u);
   EXPECT_EQ(pair_->scales.last()->map_id, map_id);
-  EXPECT_TRUE(diagnostics_.waitForValues("mono_vo", {{"dropped: image stamp", "4"}}));
+  EXPECT_TRUE(diagnostics_.waitForValues("mono_vo", {{"dropped: image stamp", "5"}}));
 
   // MonoVo publishes no frames with such stamps, so this test does.
   ros::Publisher frames = handle_.advertise<VoFrameMsg>("vo/frame", 10);

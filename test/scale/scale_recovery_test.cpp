@@ -272,6 +272,41 @@ TEST(ScaleRecovery, AfterALastingJumpOfThePoseANewMapStarts) {
   }
 }
 
+// A jump that ends while the scale of the map that started after it is not known yet: for how many
+// frames that is depends on the speed.
+TEST(ScaleRecovery, TheEndOfAJumpOfThePoseIsNoMotion) {
+  for (const double step : {0.4, 0.1}) {
+    RoadScene scene = pitchedRoad();
+    scene.step = step;
+    for (std::uint32_t duration = 1; duration <= 12; ++duration) {
+      SCOPED_TRACE(testing::Message() << "step " << step << ", " << duration << " frames");
+      ScaleRecovery recovery(recoveryOptions());
+      ScaleRecovery::Output output;
+      for (std::uint32_t i = 0; i < 90; ++i) {
+        VoFrame frame = scene.frame(i);
+        if (i >= 40 && i < 40 + duration) frame.T_w_c.translation().x() += 70 / kTrueScale;
+        output = recovery.process(frame);
+      }
+      ASSERT_TRUE(output.pose);
+      const Eigen::Vector3d error =
+          output.pose->T_o_c.translation() - kTrueScale * scene.frame(89).T_w_c.translation();
+      EXPECT_LT(error.norm(), 3 * std::sqrt(output.pose->covariance.topLeftCorner<3, 3>().trace()));
+      EXPECT_LT(error.norm(), 3);
+    }
+  }
+}
+
+// Another odometry that starts again in another unit of length, without a new map_id.
+TEST(ScaleRecovery, AfterAChangeOfTheUnitTheScaleIsFoundAgain) {
+  const RoadScene scene = pitchedRoad();
+  const RoadScene other = inUnit(50, scene);
+  ScaleRecovery recovery(recoveryOptions());
+  ScaleRecovery::Output output = run(&recovery, scene, 40);
+  for (std::uint32_t i = 40; i < 80; ++i) output = recovery.process(other.frame(i));
+  EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
+  EXPECT_NEAR(output.scale.scale / (kTrueScale / 50), 1, 0.02);
+}
+
 TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   const RoadScene scene = pitchedRoad();
   const RoadScene other = inUnit(3, scene);

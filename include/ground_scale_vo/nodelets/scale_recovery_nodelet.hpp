@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -29,7 +30,7 @@
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
 #include "ground_scale_vo/ros/sequence_check.hpp"
-#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/ros/turn_axis.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
@@ -82,7 +83,7 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   /// Pose of the camera in base_frame, from tf: at the stamp with moving_mount, else the latest
   /// one. Throws tf2::TransformException or MessageError.
   Eigen::Isometry3d lookUpMounting(const std_msgs::Header& header);
-  /// Compares the mounting from tf with the road; warns once per mounting.
+  /// Checks the measured mounting and that from tf; warns once until a reset.
   void checkMounting(const ScaleRecovery::Output& output);
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const cv::Mat& rectified,
                const cv::Mat& mask, const std_msgs::Header& header);
@@ -142,7 +143,8 @@ class ScaleRecoveryNodelet : public nodelet::Nodelet {
   std::optional<OdometryFrames> odometry_frames_;
   ros::Time mounting_stamp_;      ///< of the image that odometry_frames_ is from
   std::string mounting_error_;    ///< why odometryFrames() was null for the last frame; else empty
-  std::string mounting_warning_;  ///< mountingContradiction() of the last frame with a pose
+  std::string mounting_warning_;  ///< of the last frame
+  TurnAxis turn_axis_;
   bool has_warned_of_mounting_ = false;
   PoseOrigin pose_origin_;
   std::unique_ptr<BoundedPath> path_;

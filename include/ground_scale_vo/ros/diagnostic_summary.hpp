@@ -11,8 +11,8 @@ namespace ground_scale_vo {
 
 /// Level and message of a nodelet's diagnostics: ERROR if the input is missing or unusable, the
 /// odometry is lost (of MonoVo; ScaleRecovery then holds the scale), the mounting of the camera is
-/// not known, or the set-up is wrong (two cameras, two parents on tf); WARN while starting and if
-/// the output is degraded, OK otherwise.
+/// not known, or the set-up is wrong (two cameras, a camera_info that keeps changing, two parents
+/// on tf); WARN while starting, without a clock, and if the output is degraded, OK otherwise.
 struct DiagnosticSummary {
   enum class Level : std::uint8_t { kOk = 0, kWarn = 1, kError = 2 };  // as in DiagnosticStatus
   Level level = Level::kOk;
@@ -25,6 +25,7 @@ struct InputState {
   std::optional<double> silent_s;  ///< wall time since the last message; empty before the first
   std::optional<double> unused_s;  ///< the same since the last one that was processed
   std::uint64_t dropped = 0;       ///< in the last second: queue full, refused, invalid stamp
+  std::string clock_error;         ///< missingClock()
 };
 
 struct MonoVoState {
@@ -32,7 +33,7 @@ struct MonoVoState {
   std::string camera_info_topic;
   bool camera_known = false;
   std::string camera_info_error;      ///< why the last camera_info was refused; empty: accepted
-  std::string source_error;           ///< two cameras publish on one topic; empty: one
+  std::string source_error;           ///< ImageReceiver::sourceError()
   std::string rectification_warning;  ///< ImageReceiver::rectificationWarning()
   std::optional<VoStatus> status;
 };
@@ -43,8 +44,9 @@ struct ScaleRecoveryState {
   ScaleReason reason = ScaleReason::kNone;
   double held_s = 0;           ///< since the first HELD frame after a measurement or standstill [s]
   std::string mounting_error;  ///< why no metric pose can be published; empty: it can
-  std::string mounting_warning;  ///< mountingContradiction()
+  std::string mounting_warning;  ///< unsupportedMounting() or wrongMountingOnTf()
   std::string tf_error;          ///< another parent of the frame on tf; empty: none
+  std::string source_error;      ///< ImageReceiver::sourceError()
   std::string sequence_error;    ///< what is wrong with `sequence` of vo/frame; empty: nothing
   /// Why no image was used in the last second; empty: one was, no frame was processed, or images
   /// are not used (refine: false).

@@ -25,7 +25,8 @@ class ImageReceiver {
  public:
   struct Options {
     bool image_is_rectified = false;
-    std::string mask_file, camera_file;    ///< of ImageRectifier
+    std::string mask_file, camera_file;  ///< of ImageRectifier
+    std::string image_transport = "raw";
     std::uint32_t image_queue_size = 100;  ///< images that may wait for their callback
   };
   struct Handlers {
@@ -37,12 +38,14 @@ class ImageReceiver {
     std::function<void(const std::string& kind, const std::string& reason)> on_drop;
     /// A sentence about input that is used although something is wrong with it, when it changes.
     std::function<void(const std::string& sentence)> on_warning;
+    /// sourceError(), when it begins.
+    std::function<void(const std::string& sentence)> on_error;
   };
 
-  /// private_handle: its parameter image_transport names the transport. `compressed` is decoded
-  /// here; `raw_or_compressed` subscribes to both, where only one of them is published; any other
-  /// one but `raw` needs its plugin. Throws OptionError when that is missing, and for a mask or
-  /// camera file that cannot be used.
+  /// The transport `compressed` is decoded here; `raw_or_compressed` subscribes to both, where only
+  /// one of them is published; any other one but `raw` needs its plugin, which may read parameters of
+  /// private_handle. Throws OptionError when that is missing, and for a mask or camera file that
+  /// cannot be used.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);
   ImageReceiver(const ImageReceiver&) = delete;
@@ -87,12 +90,13 @@ class ImageReceiver {
   const std::string& cameraInfoError() const { return camera_info_error_; }
   /// How image_is_rectified contradicts the last valid camera_info, in one sentence, or empty.
   const std::string& rectificationWarning() const { return rectification_warning_; }
-  /// One sentence while two cameras publish on one topic, else empty.
+  /// One sentence while two cameras publish on one topic or camera_info keeps changing, else empty.
   std::string sourceError() const;
 
  private:
   using Conversion = cv::Mat (ImageRectifier::*)(const sensor_msgs::Image&);
   cv::Mat convert(const sensor_msgs::Image& image, Conversion conversion);
+  void reportSourceError();
   void checkRectification(const sensor_msgs::CameraInfo& info);
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
@@ -105,6 +109,7 @@ class ImageReceiver {
   SourceGuard<std::string> sources_;  ///< of the images: frame_id and size
   std::uint64_t images_received_ = 0;
   std::optional<Stopwatch> since_image_;
+  bool has_source_error_ = false;
   std::string camera_info_error_;
   std::string rectification_warning_;
 

@@ -14,7 +14,7 @@
 namespace ground_scale_vo {
 
 /// Converts the images of one camera to rectified 8-bit grey, by a camera file or by the latest
-/// valid camera_info. Of two calibrations that alternate, the first one is used.
+/// valid camera_info. While it keeps changing (SourceGuard), one calibration stays in use.
 class ImageRectifier {
  public:
   /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
@@ -25,9 +25,9 @@ class ImageRectifier {
   explicit ImageRectifier(bool image_is_rectified, const std::string& mask_file = {},
                           const std::string& camera_file = {});
 
-  /// Throws DataError that names the topic, also for the second of two calibrations that alternate
-  /// and for one whose image size is not that of the mask; the previous calibration stays in use
-  /// then. Precondition: no camera file.
+  /// Throws DataError that names the topic, also while the calibration keeps changing and for
+  /// one whose image size is not that of the mask; the previous calibration stays in use then.
+  /// Precondition: no camera file.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
   /// Null before the first valid camera_info, or before the first image with a camera file that
@@ -40,10 +40,10 @@ class ImageRectifier {
   const std::string& source() const { return source_; }
   /// [s] of the camera file; 0 without one.
   double readoutTime() const { return readout_time_; }
-  /// Two calibrations alternate on the topic.
-  bool calibrationAlternates() const { return calibrations_.alternates(); }
   /// What is suspicious about camera() (checkCalibration()), or empty.
   const std::string& calibrationWarning() const { return calibration_warning_; }
+  /// That the calibration on the topic keeps changing, in one sentence; empty: it does not.
+  std::string calibrationError(const std::string& topic) const;
 
   /// 8-bit grey, rectified. Refers to the message's data if nothing has to be converted. Throws
   /// DataError: GreyConverter's reasons, or not the size of the calibration. Precondition: camera()

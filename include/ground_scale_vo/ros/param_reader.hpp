@@ -47,9 +47,6 @@ class ParamReader {
   /// A number without a default: throws OptionError if it is not set.
   void require(const char* name, double& field, double min, double max, const char* meaning);
 
-  /// A parameter of another library under the same namespace (image_transport).
-  void allow(const char* name) { allowed_.emplace_back(name); }
-
   /// A name that is not a parameter. If it is set, warnings() contains "parameter NAME <note>".
   void note(const std::string& name, const std::string& note) { notes_[name] = note; }
 
@@ -72,7 +69,6 @@ class ParamReader {
   std::string namespace_;
   XmlRpc::XmlRpcValue tree_;
   std::vector<Entry> entries_;
-  std::vector<std::string> allowed_;
   std::map<std::string, std::string> notes_;
   std::vector<std::string> frame_warnings_;
 };

@@ -15,6 +15,7 @@ struct MonoVoParams {
   int queue_size = 5;
   bool image_is_rectified = false;
   std::string mask, camera_file;
+  std::string image_transport = "raw";
   double clock_jump_s = 1.0;
   std::string world_frame = "vo_world";
   SelfCalibratingOdometry::Options odometry;
@@ -35,6 +36,7 @@ struct ScaleRecoveryParams {
   int queue_size = 10;
   bool image_is_rectified = false;
   std::string mask, camera_file;
+  std::string image_transport = "raw";
   double clock_jump_s = 1.0;
   ScaleRecovery::Options scale;
 

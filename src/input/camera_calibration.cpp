@@ -48,7 +48,7 @@ void CameraCalibration::validate() const {
   requireInRange("fy / fx", fy / fx, 0.1, 10);
   requireInRange("readout_time [s]", readout_time, 0, kMaxReadoutTime);
   requireCoefficients(*this);
-  if (!hasSize()) return;
+  if (!hasSize() || is_part) return;
   requireInRange("width * height [px]", 1.0 * width * height, 1, kMaxImagePixels);
   requireInRange("fx [image widths]", fx / width, 0.02, 500);
   requireInRange("cx [image widths]", cx / width, -10, 10);

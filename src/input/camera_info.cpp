@@ -63,7 +63,9 @@ CameraCalibration ofImages(const CameraInfo& info, bool use_P) {
   const auto binning = [](std::uint32_t n) {
     return static_cast<int>(std::clamp(n, 1u, 2 * kMaxImageSide));
   };
-  return camera.ofPart(part, {binning(info.binning_x), binning(info.binning_y)});
+  camera = camera.ofPart(part, {binning(info.binning_x), binning(info.binning_y)});
+  camera.validate();
+  return camera;
 }
 
 /// Points per side of the grid that is mapped between the raw and the rectified image.

@@ -209,7 +209,8 @@ void DriveReader::lose(const std::string& kind, const std::string& reason) {
 }
 
 void DriveReader::requireUsableStamps() const {
-  if (is_at_end_ || wrong_stamps_ == 0 || wrong_stamps_ + 2 < read_) return;
+  if (is_at_end_ || wrong_stamps_ == 0) return;
+  if (wrong_stamps_ + waiting_.size() + 1 < read_) return;
   throw DataError(source_->name() + ": the images have no usable stamps (" +
                   problems_.begin()->second.first +
                   "); if they come at a constant rate, state it with --fps N");

@@ -31,7 +31,7 @@ class MonoVo {
     if (info.width > 1000 || info.height > 1000) return;  // too much memory for a test
     try {
       rectifier_.setCameraInfo(info, "camera_info");
-    } catch (const MessageError&) {
+    } catch (const DataError&) {
     }
   }
 
@@ -41,7 +41,7 @@ class MonoVo {
     cv::Mat grey;
     try {
       grey = rectifier_.rectify(image).clone();  // outlives the message
-    } catch (const MessageError&) {
+    } catch (const DataError&) {
       return;
     }
     const Process process = [=, header = image.header](bool clock_jumped_back) {

@@ -82,7 +82,7 @@ TEST(ImageRectifier, KeepsACalibrationWhileEveryMessageHasAnother) {
   const auto used = rectifier.camera();
   for (const double fx : {10.6, 10.8, 11.0, 11.2}) {
     expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(fx), "t"); },
-                               "camera_info on topic t keeps changing: 8 x 6, fx 10.4, ");
+                               "camera_info on topic t keeps changing: 8x6, fx 10.4, ");
     EXPECT_EQ(rectifier.camera(), used);
   }
   EXPECT_NE(rectifier.calibrationError("t").find("fx 11.2, "), std::string::npos);

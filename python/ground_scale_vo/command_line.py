@@ -87,8 +87,6 @@ def setting(text):
 
 def opener(path, arguments, fov=0.0):
     """A function that opens the drive; each call reads it from the beginning."""
-    if arguments.rectified and (arguments.camera or path.suffix != ".bag"):
-        raise ValueError("--rectified is for the camera_info of a bag, without --camera")
     return functools.partial(_open_reader, str(path), str(arguments.camera or ""), fov, arguments.rectified,
                              arguments.unrectified, str(arguments.mask or ""), arguments.fps, arguments.image)
 
@@ -120,8 +118,6 @@ def run(arguments):
 
 def calibrate(arguments):
     fov = arguments.fov or 0.0
-    if arguments.rectified and fov:
-        raise ValueError("--rectified is for the camera_info of a bag, without --fov")
     files = lens_calibration.output_files(arguments.out, arguments.force)
     # The further drives are of the same camera.
     drives = [opener(path, arguments, fov) for path in arguments.inputs]

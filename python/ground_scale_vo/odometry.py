@@ -190,12 +190,15 @@ def open_drive(path: Union[str, "os.PathLike[str]"], *, camera: Union[str, "os.P
 
 def _open_reader(path, camera, fov, rectified, unrectified, mask, fps, topic):
     """A _core.Reader. fov: [degrees] in place of a calibration; 0: none."""
-    if path.endswith(".bag"):
-        if unrectified:
-            raise ValueError("unrectified is for a KITTI raw drive")
+    is_bag = path.endswith(".bag")
+    if not is_bag:
+        _core.require_no_bag(path)
+    if rectified and (camera or fov or not is_bag):
+        raise ValueError("rectified is for the camera_info of a bag, without a camera file or a field of view")
+    if is_bag and unrectified:
+        raise ValueError("unrectified is for a KITTI raw drive")
+    if is_bag:
         return bags.open_bag(path, topic, rectified, camera, fov, mask, fps)
-    if rectified:
-        raise ValueError("rectified is for the camera_info of a bag")
     return _core.open_files(path, camera, fov, unrectified, mask, fps)
 
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <system_error>
 
 #include "ground_scale_vo/common/format.hpp"
 #include "ground_scale_vo/common/seconds.hpp"
@@ -125,9 +126,10 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
 }
 
 std::string resultName(const std::string& drive) {
-  fs::path path = fs::absolute(drive).lexically_normal();
+  std::error_code ignored;
+  fs::path path = fs::absolute(drive, ignored).lexically_normal();
   if (!path.has_filename()) path = path.parent_path();
-  return fs::is_directory(path) ? path.filename() : path.stem();
+  return fs::is_directory(path, ignored) ? path.filename() : path.stem();
 }
 
 void writeRun(const fs::path& folder, const DriveRun& run, double camera_height,

@@ -118,7 +118,7 @@ def test_files_that_are_no_finished_bag(low_bag, height_file, name, size, text):
     # With a standard deviation of 1 m a segment is 40 m long.
     ("/fix", {"position_covariance": [1, 0, 0, 0, 1, 0, 0, 0, 4]}, "1 segments of the drive can be compared, 4 are"),
     ("/fix", {"status": NavSatStatus(status=-1)}, "none of the 60 fixes on /fix has a position"),
-    (IMAGE, {"encoding": "none"}, f"no image on {IMAGE} could be used: "),
+    (IMAGE, {"encoding": "none"}, f"{IMAGE}: has no image that can be decoded: "),
     (INFO, {"P": [0.0] * 12, "K": [0.0] * 9}, INFO),
 ])
 def test_bag_with_unusable_messages(low_bag, height_file, topic, change, text):

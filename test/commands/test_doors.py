@@ -160,7 +160,7 @@ CASES = {
     "three columns of TUM": Case(folder(times=lambda t: f"{10 * t:05.0f} {t:.6f} 0.0100000")),
     "constant rate": Case(folder(times=None), ("--camera", "CAMERA", "--fps", 10)),
     "video": Case(video()),
-    "one wrong stamp": Case(folder(times=lambda t: f"{t if round(10 * t) != 20 else 500:.1f}"), tolerance=0.02),
+    "one wrong stamp": Case(folder(times=lambda t: f"{t if round(10 * t) != 5 else 500:.1f}"), tolerance=0.02),
     "KITTI, image_2 only": Case(kitti(second_camera), ()),
     "bag": Case(bag_of(), ("--rectified",)),
     "12 bits in a bag": Case(bag_of(lambda m: with_pixels(m, grey_of(m).astype(np.uint16) * 16, "mono16")), ("--rectified",)),
@@ -234,7 +234,7 @@ def through_launch(path, arguments, folder_of_log):
     if not re.search(rf"Playback finished: {FRAMES} of {FRAMES}", text):
         return 1, text, None
     with rosbag.Bag(str(record)) as recorded:
-        positions = [message.pose.pose.position for _, message, _ in recorded.read_messages(["/odometry"])]
+        positions = [message.pose.pose.position for _, message, _ in recorded.read_messages(["odometry"])]
     return 0, text, np.array([(p.x, p.y, p.z) for p in positions])
 
 
@@ -260,13 +260,13 @@ def test_every_door_gives_the_same(gsv, short, bag, plain, tmp_path, monkeypatch
     camera = write_camera(tmp_path / "camera.yaml", short)
     words = {"CAMERA": camera, "CALIB": short / "calib.txt"}
     options = [words.get(word, word) for word in case.options]
-    is_bag = ".bag" in path.name
+    is_bag = ".bag" in path.name or path.suffix == ".mcap"
     doors = {"run": through_command, "python": through_python}
     if not is_bag:
         doors["run_sequence"] = through_run_sequence
     results = {door: through(gsv, path, options, tmp_path / door, monkeypatch, capfd)
                for door, through in doors.items()}
-    if is_bag or path.suffix == ".mcap":
+    if is_bag:
         results["nodelets"] = through_launch(path, case.launch, tmp_path)
     for door, (status, text, positions) in results.items():
         if case.refusal:

@@ -155,17 +155,17 @@ def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
 @pytest.mark.parametrize("status, text, arguments", [
     (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
     (2, "--camera is missing", ["empty.mp4"]),
-    (2, "--rectified is for the camera_info of a bag", ["SHORTEST", "--rectified"]),
+    (2, "rectified is for the camera_info of a bag", ["SHORTEST", "--rectified"]),
     (1, "empty.mp4: is not a video", ["empty.mp4", "--camera", "CALIB"]),
     (1, "empty.mp4: is neither YAML of a camera nor a KITTI calib.txt", ["empty.mp4", "--camera", "empty.mp4"]),
     (1, "has no times.txt with a time for each image", ["sizes", "--camera", "CALIB"]),
-    (1, "size.yaml describes 10x20", ["SHORTEST", "--camera", "size.yaml"]),
+    (1, "size.yaml describes 810x250", ["SHORTEST", "--camera", "size.yaml"]),
     (1, "small.png is 8x4, the camera ", ["SHORTEST", "--camera", "raw.yaml", "--mask", "small.png"]),
 ])
 def test_refuses(refused, shortest, tmp_path, status, text, arguments):
     (tmp_path / "empty.mp4").touch()
     write_kalibr(tmp_path / "raw.yaml", (500, 500, 400, 120), (800, 248), D=[-0.2, 0.05, 0, 0])
-    write_kalibr(tmp_path / "size.yaml", (500, 500, 400, 120), (10, 20), D=[0, 0, 0, 0])
+    write_kalibr(tmp_path / "size.yaml", (500, 500, 400, 120), (810, 250), D=[0, 0, 0, 0])
     cv2.imwrite(str(tmp_path / "small.png"), np.full((4, 8), 255, np.uint8))
     (tmp_path / "sizes").mkdir()
     cv2.imwrite(str(tmp_path / "sizes/0.png"), images_of(shortest)[0])

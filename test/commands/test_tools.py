@@ -39,7 +39,7 @@ def test_help_and_unknown_option(name):
     (1, "has frames 0 to 11", "kitti_to_bag DRIVE --out OUT/x.bag --start 12"),
     (1, "exists already; --force", "kitti_to_bag DRIVE --out OLD/old.bag"),
     (1, "is not a regular file", "kitti_to_bag DRIVE --out OLD/pipe --force"),
-    (1, "over the sequence", "run_sequence OLD/shortest --camera-height 1.65 --out OLD"),
+    (2, "over the sequence", "run_sequence OLD/shortest --camera-height 1.65 --out OLD"),
     (2, "did you mean tracker/cell_size?", "run_sequence DRIVE --camera-height 2 --out OUT --set tracker/cel_size=1"),
     (2, "tracker/cell_size is 7", "evaluate_scenarios pitched --out OUT --set tracker/cell_size=7"),
     (1, "metrics.json: cannot be read", "metrics_table.py OUT"),

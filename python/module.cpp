@@ -273,7 +273,10 @@ class PythonImages : public gsv::ImageSource {
     const py::gil_scoped_acquire acquire;
     PyObject* const item = PyIter_Next(messages_.ptr());
     if (!item) {
-      if (PyErr_Occurred()) throw py::error_already_set();
+      if (PyErr_Occurred()) {
+        const py::error_already_set error;
+        throw gsv::DataError(py::str(error.value()).cast<std::string>());
+      }
       return std::nullopt;
     }
     return read(py::reinterpret_steal<py::tuple>(item));
@@ -319,8 +322,8 @@ ReaderPtr openFiles(const std::string& path, const std::string& camera_file, dou
                     bool unrectified, const std::string& mask_file, double fps) {
   auto reader = std::make_shared<Reader>();
   const py::gil_scoped_release release;
-  reader->drive = gsv::openDrive({path, camera_file, fov_deg, unrectified, {mask_file, fps}},
-                                 &reader->truth);
+  reader->drive =
+      gsv::openDrive({path, camera_file, fov_deg, unrectified, {mask_file, fps}}, &reader->truth);
   return reader;
 }
 
@@ -341,7 +344,8 @@ gsv::CameraInfo toCameraInfo(const py::dict& fields) {
 }
 
 /// infos: iterable over the messages of info_topic; the first valid one is used.
-gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos, const std::string& info_topic,
+gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
+                                            const std::string& info_topic,
                                             const std::string& image_topic, bool is_rectified,
                                             std::string* warning) {
   std::string reason = "topic " + info_topic + " has no message";
@@ -362,8 +366,8 @@ gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos, const std
 /// The camera file, the field of view or the messages of camera_info describe the images.
 ReaderPtr openMessages(const std::string& topic, std::size_t count, const py::object& messages,
                        const std::string& info_topic, const py::iterable& infos, bool is_rectified,
-                       const std::string& camera_file, double fov_deg,
-                       const std::string& mask_file, double fps) {
+                       const std::string& camera_file, double fov_deg, const std::string& mask_file,
+                       double fps) {
   std::string warning;
   gsv::DriveReader::Calibration calibration;
   if (fov_deg > 0) {
@@ -431,10 +435,9 @@ void addDrives(py::module* module) {
                                if (mask.empty()) return py::none();
                                return fromImage(mask);
                              })
-      .def_property_readonly("readout_time",
-                             [](const Reader& r) {
-                               return r.drive->camera().calibration().readout_time;
-                             })
+      .def_property_readonly(
+          "readout_time",
+          [](const Reader& r) { return r.drive->camera().calibration().readout_time; })
       .def_property_readonly("ground_truth",
                              [](const Reader& r) { return fromPoses(r.truth.poses); })
       .def_property_readonly("ground_truth_heights",

@@ -46,9 +46,9 @@ std::string mostFrequentReason(const RunRecord& record) {
                  ? std::string("the scale is not known (") + toString(frame.scale.reason) + ")"
                  : std::string("the odometry is ") + toString(frame.vo_status)];
   }
-  const auto most = std::max_element(counts.begin(), counts.end(), [](const auto& a, const auto& b) {
-    return a.second < b.second;
-  });
+  const auto most =
+      std::max_element(counts.begin(), counts.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
   return most == counts.end() ? "there is no image" : most->first;
 }
 

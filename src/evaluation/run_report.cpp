@@ -9,12 +9,12 @@
 #include <sstream>
 #include <utility>
 
+#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/evaluation/covariance_metrics.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
 #include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
 namespace ground_scale_vo {

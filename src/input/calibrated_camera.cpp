@@ -14,9 +14,7 @@ namespace {
 /// Points per side of the grid on which two rectifications are compared.
 constexpr int kComparedPoints = 5;
 
-cv::Matx33d matrixOf(const CameraCalibration& c) {
-  return {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1};
-}
+cv::Matx33d matrixOf(const CameraCalibration& c) { return {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1}; }
 
 const CameraCalibration& valid(const CameraCalibration& calibration) {
   calibration.validate();
@@ -92,8 +90,8 @@ bool CalibratedCamera::isSameAs(const CalibratedCamera& other) const {
   for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {
     const cv::Point2d rectified((calibration_.width - 1) * (i % kComparedPoints / last),
                                 (calibration_.height - 1) * (i / kComparedPoints / last));
-    const cv::Point2d offset = distortedPixel(calibration_, rectified) -
-                               distortedPixel(other.calibration_, rectified);
+    const cv::Point2d offset =
+        distortedPixel(calibration_, rectified) - distortedPixel(other.calibration_, rectified);
     if (!(std::hypot(offset.x, offset.y) <= kTolerancePx)) return false;
   }
   return true;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/format.hpp"
 
@@ -14,20 +15,35 @@ namespace {
 constexpr double kMinOtherSize = 1.35;  ///< ratio of two sizes that are told apart
 constexpr double kSameFactor = 1.12;    ///< of both coordinates
 constexpr double kOffCentre = 0.3;      ///< [half images]
+/// [degrees] A principal point near the upper left corner is that of smaller images only if their
+/// field of view is then that of a camera on a vehicle; else the images are cropped.
+constexpr double kMinFieldOfView = 30;
 
-bool isOtherFactor(double factor) {
-  return factor > kMinOtherSize || (factor > 0 && factor < 1 / kMinOtherSize);
+/// x, y: the principal point over the centre of the image.
+bool isOfOtherSize(const CameraCalibration& c, double x, double y) {
+  if (!(x > 0 && y > 0) || c.is_part || std::max(x / y, y / x) > kSameFactor) return false;
+  const double fov = 2 * std::atan(c.cx / c.fx);  // of images whose centre is the principal point
+  return std::min(x, y) > kMinOtherSize ||
+         (std::max(x, y) < 1 / kMinOtherSize && fov > kRadiansPerDegree * kMinFieldOfView);
 }
 
 [[noreturn]] void refuseSize(const CameraCalibration& c, const std::string& source,
                              const cv::Size& images) {
-  const double kx = 1.0 * c.width / images.width, ky = 1.0 * c.height / images.height;
+  const int factor = static_cast<int>(std::lround(1.0 * c.width / images.width));
+  const auto isAbout = [factor](int whole, int part) {
+    return std::abs(whole - factor * part) < factor;  // what is left over is cut off
+  };
   std::string hint;
   if (c.width == images.height && c.height == images.width) {
     hint = ": calibrate with images that are turned alike";
-  } else if (kx == ky && kx == std::floor(kx) && kx > 1) {
-    hint = format(": are the images binned by %.0f? Scale the calibration, or set the binning in "
-                  "camera_info", kx);
+  } else if (c.binning.width > 1 || c.binning.height > 1) {
+    hint = " with its binning of " + sizeText(c.binning.width, c.binning.height) +
+           ": if the calibration is of the binned images, set the binning to 1";
+  } else if (factor > 1 && isAbout(c.width, images.width) && isAbout(c.height, images.height)) {
+    hint = format(
+        ": are the images binned by %d? Scale the calibration, or set the binning in "
+        "camera_info",
+        factor);
   }
   throw DataError("the images are " + sizeText(images.width, images.height) + ", but " + source +
                   " describes " + sizeText(c.width, c.height) + hint);
@@ -41,8 +57,7 @@ std::string checkCalibration(const CameraCalibration& c, const std::string& sour
     refuseSize(c, source, images);
   }
   const double x = (c.cx + 0.5) / (0.5 * images.width), y = (c.cy + 0.5) / (0.5 * images.height);
-  const double difference = x > 0 && y > 0 ? std::max(x / y, y / x) : INFINITY;
-  if (!c.is_part && isOtherFactor(x) && isOtherFactor(y) && difference < kSameFactor) {
+  if (isOfOtherSize(c, x, y)) {
     throw DataError(source + " is of another image size: its principal point (" +
                     format("%.4g, %.4g", c.cx, c.cy) + ") is the centre of images of about " +
                     sizeText(x * images.width, y * images.height) + ", the images are " +

@@ -55,7 +55,7 @@ void CameraCalibration::validate() const {
   requireInRange("cy [image heights]", cy / height, -10, 10);
 }
 
-CameraCalibration CameraCalibration::ofPart(const cv::Rect2d& roi, const cv::Size& binning) const {
+CameraCalibration CameraCalibration::ofPart(const cv::Rect2d& roi, const cv::Size& bin) const {
   const bool is_whole = roi.x == 0 && roi.y == 0 && roi.width == width && roi.height == height;
   const std::string image = "the image of " + sizeText(width, height);
   const std::string subject = is_whole ? image
@@ -65,18 +65,19 @@ CameraCalibration CameraCalibration::ofPart(const cv::Rect2d& roi, const cv::Siz
   if (roi.x + roi.width > width || roi.y + roi.height > height) {
     throw OptionError(subject + " is not inside " + image);
   }
-  if (roi.width < binning.width || roi.height < binning.height) {
-    throw OptionError("a binning of " + sizeText(binning.width, binning.height) +
-                      " leaves no pixel of " + subject);
+  if (roi.width < bin.width || roi.height < bin.height) {
+    throw OptionError("a binning of " + sizeText(bin.width, bin.height) + " leaves no pixel of " +
+                      subject);
   }
   CameraCalibration part = *this;
-  part.width = static_cast<int>(roi.width) / binning.width;
-  part.height = static_cast<int>(roi.height) / binning.height;
-  part.fx = fx / binning.width;
-  part.fy = fy / binning.height;
-  part.cx = (cx - roi.x) / binning.width;
-  part.cy = (cy - roi.y) / binning.height;
+  part.width = static_cast<int>(roi.width) / bin.width;
+  part.height = static_cast<int>(roi.height) / bin.height;
+  part.fx = fx / bin.width;
+  part.fy = fy / bin.height;
+  part.cx = (cx - roi.x) / bin.width;
+  part.cy = (cy - roi.y) / bin.height;
   part.is_part = is_part || !is_whole;
+  part.binning = bin;
   return part;
 }
 
@@ -101,7 +102,7 @@ std::string CameraCalibration::describe() const {
 bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
   const auto values = [](const CameraCalibration& c) {
     return std::tie(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.estimated,
-                    c.readout_time, c.is_fisheye, c.is_part);
+                    c.readout_time, c.is_fisheye, c.is_part, c.binning.width, c.binning.height);
   };
   return values(a) == values(b);
 }

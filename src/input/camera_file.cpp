@@ -109,8 +109,7 @@ CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
           {yaml.number(yaml.at({"image_width", "image_Width"})),
            yaml.number(yaml.at({"image_height", "image_Height"}))},
           &camera);
-  setMatrix(yaml,
-            yaml.numbers(yaml.at({"camera_matrix", "Camera_Matrix", "cameraMatrix", "K"})),
+  setMatrix(yaml, yaml.numbers(yaml.at({"camera_matrix", "Camera_Matrix", "cameraMatrix", "K"})),
             &camera);
   camera.distortion = yaml.numbers(yaml.at(
       {"distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D"}));
@@ -120,8 +119,8 @@ CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
                      : is_fisheye ? "equidistant"
                                   : "plumb_bob",
                      &camera);
-  camera.estimated = yaml.has("estimated_from_drives") &&
-                     yaml.word(yaml.at({"estimated_from_drives"})) == "true";
+  camera.estimated =
+      yaml.has("estimated_from_drives") && yaml.word(yaml.at({"estimated_from_drives"})) == "true";
   if (yaml.has("readout_time")) camera.readout_time = yaml.number(yaml.at({"readout_time"}));
   return camera;
 }
@@ -170,8 +169,7 @@ CameraCalibration ofVins(const CameraYaml& yaml) {
           &camera);
   if (model == "PINHOLE") {
     setIntrinsics(yaml, members(yaml, projection, {"fx", "fy", "cx", "cy"}), &camera);
-    camera.distortion =
-        members(yaml, yaml.at({"distortion_parameters"}), {"k1", "k2", "p1", "p2"});
+    camera.distortion = members(yaml, yaml.at({"distortion_parameters"}), {"k1", "k2", "p1", "p2"});
   } else if (model == "KANNALA_BRANDT") {
     setIntrinsics(yaml, members(yaml, projection, {"mu", "mv", "u0", "v0"}), &camera);
     camera.distortion = members(yaml, projection, {"k2", "k3", "k4", "k5"});

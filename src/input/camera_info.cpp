@@ -155,9 +155,9 @@ bool isRectificationOf(const CameraInfo& info) {
 
 std::string withoutTransport(const std::string& topic) {
   const std::string transport = "/compressed";
-  const bool has_one = topic.size() > transport.size() &&
-                       topic.compare(topic.size() - transport.size(), transport.size(),
-                                     transport) == 0;
+  const bool has_one =
+      topic.size() > transport.size() &&
+      topic.compare(topic.size() - transport.size(), transport.size(), transport) == 0;
   return has_one ? topic.substr(0, topic.size() - transport.size()) : topic;
 }
 
@@ -225,11 +225,11 @@ std::string rectificationSentence(const CameraInfo& info, bool image_is_rectifie
   const auto [reason, is_certain] =
       rectificationContradiction(info, image_is_rectified, image_topic);
   if (reason.empty()) return {};
-  const std::string sentence =
-      image_is_rectified ? image_topic + " is used with --rectified, but " + reason +
-                               ": omit --rectified if the images are raw"
-                         : image_topic + " is used without --rectified, but " + reason +
-                               ": add --rectified if the images are rectified";
+  const std::string sentence = image_is_rectified
+                                   ? image_topic + " is used with --rectified, but " + reason +
+                                         ": omit --rectified if the images are raw"
+                                   : image_topic + " is used without --rectified, but " + reason +
+                                         ": add --rectified if the images are rectified";
   if (is_certain) throw DataError(sentence);
   return sentence;
 }

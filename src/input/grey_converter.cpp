@@ -102,8 +102,8 @@ cv::Mat pixelsOf(const RawImage& image) {
 cv::Mat GreyConverter::convert(const cv::Mat& pixels, const std::string& encoding) {
   const auto named = encodings().find(encoding);
   const bool fits = named != encodings().end() && named->second.type == pixels.type();
-  const std::string generic = std::string(pixels.depth() == CV_16U ? "16" : "8") + "UC" +
-                              std::to_string(pixels.channels());
+  const std::string generic =
+      std::string(pixels.depth() == CV_16U ? "16" : "8") + "UC" + std::to_string(pixels.channels());
   if (pixels.depth() != CV_8U && pixels.depth() != CV_16U) {
     throw DataError("its pixels are neither of 8 nor of 16 bits");
   }

@@ -39,6 +39,7 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
   for (;;) {
     Stored stored = load();
     if (!stored.image) {
+      if (!stored.error.empty()) throw DataError(stored.error);
       const std::string reason = first_.empty() ? "" : ": " + first_.front().image->error;
       throw DataError(source_->name() + ": has no image that can be decoded" + reason);
     }
@@ -54,8 +55,8 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
 DriveReader::~DriveReader() = default;
 
 void DriveReader::open(const cv::Size& size) {
-  CameraCalibration sized = calibration_.fov_deg > 0 ? ofFieldOfView(calibration_.fov_deg, size)
-                                                     : calibration_.camera;
+  CameraCalibration sized =
+      calibration_.fov_deg > 0 ? ofFieldOfView(calibration_.fov_deg, size) : calibration_.camera;
   const std::string warning = checkCalibration(sized, calibration_.source, size);
   if (!warning.empty()) warn(warning);
   sized.width = size.width;
@@ -83,7 +84,11 @@ void DriveReader::startLoading() {
   loading_ = std::async(policy, [this] {
     const Stopwatch watch;
     Stored stored;
-    stored.image = source_->next();
+    try {
+      stored.image = source_->next();
+    } catch (const DataError& error) {
+      stored.error = error.what();
+    }
     stored.decode_ms = watch.ms();
     return stored;
   });
@@ -108,6 +113,7 @@ std::optional<DriveReader::Image> DriveReader::next() {
     if (!stored.image) {
       requireUsableStamps();
       is_at_end_ = true;
+      if (!stored.error.empty()) end_error_ = stored.error;
       if (first_used_) decide(*std::exchange(first_used_, std::nullopt), true);
       if (waiting_.empty()) break;
       // The last image is far from the one before it, and nothing confirms it.
@@ -233,6 +239,9 @@ std::vector<std::string> DriveReader::warnings() const {
 
 std::string DriveReader::failure() const {
   const std::string of_all = " of " + std::to_string(count()) + " images";
+  if (!end_error_.empty()) {
+    return end_error_ + "; " + std::to_string(read_) + of_all + " were read";
+  }
   if (read_ + source_->countTolerance() < count()) {
     return name() + " ends early: only " + std::to_string(read_) + of_all + " can be read";
   }

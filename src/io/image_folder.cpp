@@ -74,9 +74,8 @@ std::vector<std::uint64_t> varyingNumbers(const std::map<Numbers, fs::path, Smal
   const Numbers& first = files.begin()->first;
   std::vector<std::size_t> varying;
   for (std::size_t k = 0; k < first.size(); ++k) {
-    const bool varies = std::any_of(files.begin(), files.end(), [&](const auto& file) {
-      return file.first[k] != first[k];
-    });
+    const bool varies = std::any_of(files.begin(), files.end(),
+                                    [&](const auto& file) { return file.first[k] != first[k]; });
     if (varies) varying.push_back(k);
   }
   if (varying.empty()) varying.push_back(first.size() - 1);  // a single file
@@ -120,7 +119,8 @@ Stamps readWords(const TextFile& text) {
     const std::size_t words = text.wordCount(i);
     if (columns == 0) columns = words;
     if (words != columns || (words != 1 && words != 3)) {
-      text.fail(i, "has " + std::to_string(words) + " words; one number a line is expected, a time");
+      text.fail(i,
+                "has " + std::to_string(words) + " words; one number a line is expected, a time");
     }
     std::istringstream line(text.line(i));
     std::string word;
@@ -190,7 +190,8 @@ NumberedFiles numberedFiles(const fs::path& folder, const std::vector<std::strin
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().stem().string();
     const std::string type = lowerCase(entry.path().extension().string());
-    const bool is_wanted = std::find(extensions.begin(), extensions.end(), type) != extensions.end();
+    const bool is_wanted =
+        std::find(extensions.begin(), extensions.end(), type) != extensions.end();
     const auto [pattern, numbers] = split(name);
     if (!is_wanted || name.front() == '.' || numbers.empty() || entry.is_directory()) continue;
     if (files.empty()) {

@@ -2,10 +2,10 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/input/calibration_check.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "kitti_raw.hpp"
 
@@ -117,9 +117,9 @@ void KittiSequence::readRaw(const fs::path& folder, const std::string& camera) {
     };
     if (!options_.unrectified && calibration_.hasSize() && !isSizeOf(calibration_) &&
         isSizeOf(readKittiRawCamera(file, camera, false))) {
-      throw DataError(folder.string() + ": the images are not rectified (" + sizeText(size_.width, size_.height) +
-                      "); --unrectified uses K_" + camera + " and D_" + camera + " of " +
-                      file.string());
+      throw DataError(folder.string() + ": the images are not rectified (" +
+                      sizeText(size_.width, size_.height) + "); --unrectified uses K_" + camera +
+                      " and D_" + camera + " of " + file.string());
     }
   }
   ground_truth_ = readRawGroundTruth(folder);

@@ -44,7 +44,8 @@ std::unique_ptr<ImageSource> openFolder(const fs::path& folder, double fps, std:
   *warning = images.warning;
   const fs::path times = folder / "times.txt";
   if (fps == 0 && !isThere(times)) {
-    throw DataError(folder.string() + ": has no times.txt with a time for each image; if they come "
+    throw DataError(folder.string() +
+                    ": has no times.txt with a time for each image; if they come "
                     "at a constant rate, state it with --fps N");
   }
   return std::make_unique<Files>(
@@ -57,15 +58,18 @@ std::unique_ptr<ImageSource> openFolder(const fs::path& folder, double fps, std:
 void requireNoBag(const fs::path& path) {
   const std::string type = path.extension().string();
   if (type == ".active") {
-    throw DataError(path.string() + ": is a bag whose recording was interrupted; `rosbag reindex` "
+    throw DataError(path.string() +
+                    ": is a bag whose recording was interrupted; `rosbag reindex` "
                     "makes it readable");
   }
   if (type == ".mcap" || type == ".db3") {
-    throw DataError(path.string() + ": is no bag of ROS 1: convert it, for example with "
+    throw DataError(path.string() +
+                    ": is no bag of ROS 1: convert it, for example with "
                     "rosbags-convert (pip install rosbags)");
   }
   if (type == ".bag") {
-    throw DataError(path.string() + ": a bag is read by `ground_scale_vo run`, scripts/demo --bag "
+    throw DataError(path.string() +
+                    ": a bag is read by `ground_scale_vo run`, scripts/demo --bag "
                     "and kitti.launch");
   }
 }
@@ -95,8 +99,8 @@ std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* tru
     if (truth) *truth = {sequence.groundTruth(), sequence.groundTruthHeights()};
   } else {
     if (needs_calibration) {
-      throw OptionError("--camera is missing: " + path.string() +
-                        " is no KITTI folder, which contains its calibration");
+      throw OptionError("--camera FILE is missing: " + path.string() +
+                        " is no KITTI folder, which would contain its calibration");
     }
     source = fs::is_directory(path) ? openFolder(path, fps, &warning) : openVideo(path);
   }

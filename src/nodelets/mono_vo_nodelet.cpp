@@ -148,7 +148,8 @@ void MonoVoNodelet::rectify(const sensor_msgs::ImageConstPtr& image) {
   if (grey.empty()) return;
   const RectifiedImage rectified{image, grey, receiver_->camera(),
                                  refine ? receiver_->givenMask() : receiver_->mask()};
-  for (const auto& accepted : stamp_filter_->filter(toNanoseconds(image->header.stamp), rectified)) {
+  for (const auto& accepted :
+       stamp_filter_->filter(toNanoseconds(image->header.stamp), rectified)) {
     process(accepted.message, accepted.clock_jumped_back);
     frame_ms_ = watch.ms();
   }
@@ -185,7 +186,8 @@ void MonoVoNodelet::prepareOdometry(const RectifiedImage& image, bool clock_jump
     if (camera != odometry_camera_) {
       NODELET_WARN_STREAM("The odometry is reset: camera_info on topic "
                           << receiver_->cameraInfoTopic() << " changed from "
-                          << odometry_camera_->calibration().describe() << " to " << camera->calibration().describe());
+                          << odometry_camera_->calibration().describe() << " to "
+                          << camera->calibration().describe());
     }
     if (!clock_jumped_back && camera == odometry_camera_) return;
   }

@@ -183,7 +183,8 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
   } catch (const MessageError& error) {
     return drop("frame refused", error.what());
   }
-  for (auto& accepted : stamp_filter_->filter(toNanoseconds(msg->header.stamp), std::move(received))) {
+  for (auto& accepted :
+       stamp_filter_->filter(toNanoseconds(msg->header.stamp), std::move(received))) {
     const std::int64_t stamp_ns = accepted.message.frame.stamp_ns;
     if (accepted.clock_jumped_back) {
       NODELET_WARN("The clock jumped back: scale and odometry are reset.");

@@ -21,14 +21,16 @@ std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
   if (pixels.channels() == 1 && encodings::isBayer(source) && encodings::bitDepth(source) == bits) {
     return source;
   }
-  const char* const name = pixels.channels() == 1 ? "mono" : pixels.channels() == 3 ? "bgr" : "bgra";
+  const char* const name = pixels.channels() == 1   ? "mono"
+                           : pixels.channels() == 3 ? "bgr"
+                                                    : "bgra";
   return name + std::to_string(bits);
 }
 
 }  // namespace
 
 RawImage fromMsg(const sensor_msgs::Image& image) {
-  return {image.height, image.width,      image.encoding,   image.is_bigendian != 0,
+  return {image.height, image.width,       image.encoding,   image.is_bigendian != 0,
           image.step,   image.data.data(), image.data.size()};
 }
 

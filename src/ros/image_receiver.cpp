@@ -77,7 +77,8 @@ void ImageReceiver::onCompressedImage(const sensor_msgs::CompressedImageConstPtr
 }
 
 void ImageReceiver::checkRectification(const sensor_msgs::CameraInfo& info) {
-  std::string warning = rectificationContradiction(fromMsg(info), image_is_rectified_, imageTopic()).reason;
+  std::string warning =
+      rectificationContradiction(fromMsg(info), image_is_rectified_, imageTopic()).reason;
   if (!warning.empty()) {
     warning = image_is_rectified_ ? "image_is_rectified is true, but " + warning +
                                         ": if the images are raw, set it to false"

@@ -96,9 +96,8 @@ class BagImages : public ImageSource {
         stored->encoding = raw.encoding;
       } else if (const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>()) {
         stored->stamp_ns = toNanoseconds(compressed->header.stamp);
-        stored->pixels =
-            decodePixels({reinterpret_cast<const char*>(compressed->data.data()),
-                          compressed->data.size()});
+        stored->pixels = decodePixels(
+            {reinterpret_cast<const char*>(compressed->data.data()), compressed->data.size()});
         stored->encoding = encodingOfFormat(compressed->format);
       } else {
         stored->error = "it is a message of the type " + instance.getDataType();

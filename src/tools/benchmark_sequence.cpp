@@ -15,18 +15,18 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/opencv_baseline.hpp"
 #include "ground_scale_vo/evaluation/repeated_drive.hpp"
+#include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/io/csv_stream.hpp"
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "support/command_line.hpp"
-#include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;

@@ -16,11 +16,11 @@
 
 #include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "support/command_line.hpp"
-#include "ground_scale_vo/evaluation/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;

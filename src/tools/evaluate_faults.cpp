@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "ground_scale_vo/simulation/fault_evaluation.hpp"
 #include "support/command_line.hpp"
 #include "support/fault_tables.hpp"
 #include "support/parallel_for.hpp"
-#include "ground_scale_vo/evaluation/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 

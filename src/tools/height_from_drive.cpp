@@ -12,14 +12,14 @@
 #include "ground_scale_vo/calibration/height_report.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "ground_scale_vo/io/stamped_position.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/ros_tools/bag_source.hpp"
 #include "support/command_line.hpp"
 #include "support/drive_arguments.hpp"
-#include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -47,8 +47,7 @@ struct Arguments {
 gsv::DriveRun runDrive(const Arguments& arguments) {
   const bool is_bag = !arguments.bag.bag.empty();
   const auto drive = is_bag ? gsv::openBag(arguments.bag) : gsv::openDrive(arguments.drive);
-  const std::string name =
-      gsv::resultName(is_bag ? arguments.bag.bag : arguments.drive.path);
+  const std::string name = gsv::resultName(is_bag ? arguments.bag.bag : arguments.drive.path);
   gsv::DriveRun run;
   {
     gsv::RunProgress progress(name, drive->count());
@@ -115,7 +114,8 @@ void check(Arguments* arguments) {
   if (!arguments->gps.empty() && bag.bag.empty()) {
     throw gsv::OptionError("--gps needs --bag: a KITTI folder has no fixes");
   }
-  if (arguments->run.to_s <= arguments->run.from_s) throw gsv::OptionError("--to must be greater than --from");
+  if (arguments->run.to_s <= arguments->run.from_s)
+    throw gsv::OptionError("--to must be greater than --from");
   bag.camera_file = arguments->drive.camera_file;
   bag.options = arguments->drive.options;
   arguments->run.odometry.scale.camera_height = kNominalHeight;

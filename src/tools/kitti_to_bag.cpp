@@ -13,15 +13,15 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "ground_scale_vo/ros_tools/kitti_topics.hpp"
 #include "support/command_line.hpp"
-#include "ground_scale_vo/evaluation/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 
@@ -83,7 +83,11 @@ sensor_msgs::ImagePtr imageOf(const std::filesystem::path& file, const std_msgs:
   const cv::Mat pixels = gsv::readPixels(file);
   const std::string bits = pixels.depth() == CV_16U ? "16" : "8";
   const int channels = pixels.channels();
-  return gsv::toMsg(pixels, (channels == 1 ? "mono" : channels == 3 ? "bgr" : "bgra") + bits,
+  return gsv::toMsg(pixels,
+                    (channels == 1   ? "mono"
+                     : channels == 3 ? "bgr"
+                                     : "bgra") +
+                        bits,
                     header);
 }
 
@@ -134,9 +138,8 @@ void convert(const Arguments& arguments) {
     }
     info.header = header;
     pending.bag().write(gsv::kKittiCameraInfoTopic, header.stamp, info);
-    pending.bag().write(
-        gsv::kKittiImageTopics.front(), header.stamp,
-        *imageOf(sequence.files().at(i), header));
+    pending.bag().write(gsv::kKittiImageTopics.front(), header.stamp,
+                        *imageOf(sequence.files().at(i), header));
     progress.step("frames");
   }
   pending.commit();

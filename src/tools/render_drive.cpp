@@ -17,12 +17,12 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/parse_number.hpp"
 #include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/simulation/scenarios.hpp"
 #include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "support/command_line.hpp"
 #include "support/parallel_for.hpp"
-#include "ground_scale_vo/evaluation/progress_line.hpp"
 
 namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;

@@ -8,9 +8,9 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
+#include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "support/command_line.hpp"
 #include "support/drive_arguments.hpp"
-#include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -53,7 +53,8 @@ int main(int argc, char** argv) {
       "run_sequence",
       "Metric odometry of a drive without ROS: every image, deterministic. A pose never "
       "uses later images, except that the frames before the first scale get that scale.",
-      "Exit status: 0 done, 1 the data cannot be used or only in part (the reason is printed), 2 the "
+      "Exit status: 0 done, 1 the data cannot be used or only in part (the reason is printed), 2 "
+      "the "
       "arguments cannot be used.");
   arguments.addTo(&command_line,
                   "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
@@ -72,7 +73,5 @@ int main(int argc, char** argv) {
        "only checks the arguments; reads and writes nothing");
   return command_line.run(
       argc, argv, [&] { arguments.check(); },
-      [&] {
-        return arguments.only_check ? 0 : run(arguments);
-      });
+      [&] { return arguments.only_check ? 0 : run(arguments); });
 }

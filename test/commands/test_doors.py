@@ -190,6 +190,8 @@ CASES = {
     "two series of files": Case(kitti(two_series), (), "holds several series of files"),
     "other types of files": Case(folder(lambda i: f"{i}.bmp"), refusal="the images are .bmp files"),
     "nothing to track": Case(folder(change=np.zeros_like), refusal="no metric pose: the odometry is initialising"),
+    "nothing to track in a bag": Case(bag_of(lambda m: with_pixels(m, np.zeros_like(grey_of(m)), "mono8")),
+                                      ("--rectified",), "no metric pose: the odometry is initialising"),
     "unfinished recording": Case(bag_of(suffix=".bag.active", size=-2**16), ("--rectified",), "rosbag reindex"),
     "recording of ROS 2": Case(bag_of(suffix=".mcap"), ("--rectified",), "convert it"),
 }

@@ -3,18 +3,17 @@
 // image of a drive, unchanged; odd, an image or (kind % 8 == 3) a camera_info, with random changes,
 // and with kind % 16 >= 12 at an irregular stamp.
 
-
 #include <algorithm>
 #include <functional>
 #include <memory>
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
-#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "message_checks.hpp"
@@ -141,8 +140,7 @@ void run(const std::string& bytes) {
       header.frame_id = "camera";
       header.stamp = fromNanoseconds(stamp_ns);
       const auto& images = smallDrive().images;
-      sensor_msgs::Image image =
-          *toMsg(images[k % images.size()], "mono8", header);
+      sensor_msgs::Image image = *toMsg(images[k % images.size()], "mono8", header);
       for (std::size_t n = kind % 2 * input.below(4); n > 0; --n) spoil(&image, &input);
       mono_vo.onImage(image);
     }

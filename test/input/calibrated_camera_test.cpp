@@ -62,8 +62,7 @@ TEST(CalibratedCamera, AppliesRoiAndBinningToPAndIgnoresTheStereoCalibration) {
   EXPECT_TRUE(part.matches({270, 200, 200, 410, 110, 100})) << part.calibration().describe();
   setRoi(&info, 0, 0, 640, 200);
   info.binning_x = 0;
-  EXPECT_TRUE(
-      cameraOf(info).isSameAs(cameraOf(goodInfo())));
+  EXPECT_TRUE(cameraOf(info).isSameAs(cameraOf(goodInfo())));
 }
 
 /// Where the ray (x, y, 1) appears in the raw image of the full resolution, by OpenCV's projection.
@@ -92,7 +91,8 @@ void expectRectified(const Info& info, int binning) {
       along_y.at<std::uint8_t>(v, u) = static_cast<std::uint8_t>(v);
     }
   }
-  const cv::Mat x = rectifier.undistortion().image(along_x), y = rectifier.undistortion().image(along_y);
+  const cv::Mat x = rectifier.undistortion().image(along_x),
+                y = rectifier.undistortion().image(along_y);
   const cv::Point2d origin(info.roi.x_offset, info.roi.y_offset);
   int compared = 0;
   for (int v = 0; v < camera.height; v += 3) {

@@ -57,7 +57,8 @@ TEST_F(CameraFile, RefusesWhatIsNotACamera) {
 // The same camera in every format, in the spelling of its tool.
 TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
   const std::string ros =
-      "image_width: 640\nimage_height: 480\ncamera_name: cam\ncamera_matrix: {rows: 3, cols: 3, data: "
+      "image_width: 640\nimage_height: 480\ncamera_name: cam\ncamera_matrix: {rows: 3, cols: 3, "
+      "data: "
       "[500, 0, 310, 0, 510, 230, 0, 0, 1]}\n";
   const std::string opencv =
       "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\nflags: 2\ncamera_matrix: "
@@ -66,8 +67,10 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
   const std::string vins_size =
       "%YAML:1.0\n---\ncamera_name: camera\nimage_width: 640\nimage_height: 480\n";
   const std::string kalibr =
-      "cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: [-0.2, 0.05, 0.001, "
-      "-0.001]\n  intrinsics: [500, 510, 310, 230]\n  resolution: [640, 480]\n  T_cam_imu:\n  - [1, "
+      "cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: [-0.2, 0.05, "
+      "0.001, "
+      "-0.001]\n  intrinsics: [500, 510, 310, 230]\n  resolution: [640, 480]\n  T_cam_imu:\n  - "
+      "[1, "
       "0, 0, 0]\n  - [0, 1, 0, 0]\n  rostopic: /cam0/image_raw\n";
   const std::vector<double> D = {-0.2, 0.05, 0.001, -0.001};
   const struct {
@@ -76,26 +79,36 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
     std::size_t coefficients = 4;
   } kCases[] = {
       {ros + "camera_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 5, data: [-0.2, "
-             "0.05, 0.001, -0.001, 0]}\n", false, true, 5},
-      {ros + "distortion_model: rational_polynomial\ndistortion_coefficients:\n  data: [-0.2, 0.05, "
-             "0.001, -0.001, 0, 0, 0, 0.1]\n", false, true, 8},
-      {"\xef\xbb\xbf" + ros + "distortion_model: 'equidistant'\r\ndistortion_coefficients: {data: "
-             "[-0.2, 0.05, 0.001, -0.001]}\r\n", true},
-      {opencv + "distortion_coefficients: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: "
-                "[ -2.0e-01, 5.0e-02, 1.0e-03, -1.0e-03 ]\navg_reprojection_error: 0.1\n"},
+             "0.05, 0.001, -0.001, 0]}\n",
+       false, true, 5},
+      {ros +
+           "distortion_model: rational_polynomial\ndistortion_coefficients:\n  data: [-0.2, 0.05, "
+           "0.001, -0.001, 0, 0, 0, 0.1]\n",
+       false, true, 8},
+      {"\xef\xbb\xbf" + ros +
+           "distortion_model: 'equidistant'\r\ndistortion_coefficients: {data: "
+           "[-0.2, 0.05, 0.001, -0.001]}\r\n",
+       true},
+      {opencv +
+       "distortion_coefficients: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: "
+       "[ -2.0e-01, 5.0e-02, 1.0e-03, -1.0e-03 ]\navg_reprojection_error: 0.1\n"},
       {kalibr + "  distortion_model: radtan\n"},
       {kalibr + "  distortion_model: equidistant\n", true},
       {vins_size + "model_type: PINHOLE\ndistortion_parameters:\n   k1: -0.2\n   k2: 0.05\n   p1: "
                    "0.001\n   p2: -0.001\nprojection_parameters:\n   fx: 500\n   fy: 510\n   cx: "
                    "310\n   cy: 230\n"},
-      {vins_size + "model_type: KANNALA_BRANDT\nprojection_parameters:\n   k2: -0.2\n   k3: 0.05\n   "
-                   "k4: 0.001\n   k5: -0.001\n   mu: 500\n   mv: 510\n   u0: 310\n   v0: 230\n", true},
+      {vins_size +
+           "model_type: KANNALA_BRANDT\nprojection_parameters:\n   k2: -0.2\n   k3: 0.05\n   "
+           "k4: 0.001\n   k5: -0.001\n   mu: 500\n   mv: 510\n   u0: 310\n   v0: 230\n",
+       true},
       {"%YAML:1.0\n\nCamera.fx: 500\nCamera.fy: 510\nCamera.cx: 310\nCamera.cy: 230\nCamera.k1: "
-       "-0.2\nCamera.k2: 0.05\nCamera.p1: 0.001\nCamera.p2: -0.001\nCamera.fps: 10.0\nTracking: 1\n",
+       "-0.2\nCamera.k2: 0.05\nCamera.p1: 0.001\nCamera.p2: -0.001\nCamera.fps: 10.0\nTracking: "
+       "1\n",
        false, false},
       {"%YAML:1.0\nCamera.type: \"KannalaBrandt8\"\nCamera1.fx: 500\nCamera1.fy: 510\nCamera1.cx: "
        "310\nCamera1.cy: 230\nCamera1.k1: -0.2\nCamera1.k2: 0.05\nCamera1.k3: 0.001\nCamera1.k4: "
-       "-0.001\nCamera.width: 640\nCamera.height: 480\n", true},
+       "-0.001\nCamera.width: 640\nCamera.height: 480\n",
+       true},
   };
   for (const auto& c : kCases) {
     SCOPED_TRACE(c.text);
@@ -120,8 +133,9 @@ TEST_F(CameraFile, RefusesOtherModelsByName) {
   };
   EXPECT_EQ(error("<?xml version=\"1.0\"?>\n<opencv_storage>\n"),
             "/camera.yaml: is OpenCV's XML, which is not read; save it as YAML");
-  EXPECT_EQ(error("model_type: MEI\nimage_width: 640\nimage_height: 480\nprojection_parameters: {a: 1}"),
-            "/camera.yaml: the camera model is MEI, supported are PINHOLE and KANNALA_BRANDT");
+  EXPECT_EQ(
+      error("model_type: MEI\nimage_width: 640\nimage_height: 480\nprojection_parameters: {a: 1}"),
+      "/camera.yaml: the camera model is MEI, supported are PINHOLE and KANNALA_BRANDT");
   EXPECT_EQ(error("cam0: {camera_model: omni}"),
             "/camera.yaml: the camera model is omni, supported is pinhole");
   EXPECT_EQ(error("Camera.fx: 1\nCamera.fy: 1\nCamera.cx: 1\nCamera.cy: 1\nCamera.type: Omni"),

@@ -31,8 +31,8 @@ struct TestImage {
 };
 
 /// An image whose bytes all are 100.
-TestImage plainImage(const std::string& encoding, std::uint32_t width,
-                              std::uint32_t height, std::uint32_t step, std::size_t bytes) {
+TestImage plainImage(const std::string& encoding, std::uint32_t width, std::uint32_t height,
+                     std::uint32_t step, std::size_t bytes) {
   TestImage image;
   image.encoding = encoding;
   image.width = width;
@@ -89,12 +89,11 @@ std::size_t pixelBytes(const Layout& layout) {
 
 /// Image of the scene. unit: the stored number of one grey level. padding: bytes after each row.
 TestImage imageOf(const Layout& layout, double unit, std::uint32_t padding = 0,
-                           bool big_endian = false) {
+                  bool big_endian = false) {
   const std::size_t numbers = layout.bayer ? 1 : layout.channels.size();
   const auto bytes = static_cast<std::size_t>(layout.bytes);
   const auto step = static_cast<std::uint32_t>(kWidth * pixelBytes(layout)) + padding;
-  TestImage image =
-      plainImage(layout.encoding, kWidth, kHeight, step, std::size_t{step} * kHeight);
+  TestImage image = plainImage(layout.encoding, kWidth, kHeight, step, std::size_t{step} * kHeight);
   image.is_bigendian = big_endian;
   for (int v = 0; v < kHeight; ++v) {
     for (int u = 0; u < kWidth; ++u) {

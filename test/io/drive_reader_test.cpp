@@ -16,7 +16,10 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Grey images of 8 x 6 pixels with these stamps [s]; NaN: an image that cannot be decoded.
+constexpr double kUnreadable = -7;
+
+/// Grey images of 8 x 6 pixels with these stamps [s]. NaN: an image that cannot be decoded;
+/// kUnreadable: nothing can be read from there on.
 class Images : public ImageSource {
  public:
   Images(std::vector<double> stamps, std::size_t declared, int type)
@@ -26,6 +29,7 @@ class Images : public ImageSource {
   std::optional<StoredImage> next() override {
     if (index_ == stamps_.size()) return std::nullopt;
     const double stamp = stamps_[index_++];
+    if (stamp == kUnreadable) throw DataError("cannot be read to its end");
     StoredImage image;
     if (std::isnan(stamp)) {
       image.error = "broken";
@@ -114,10 +118,14 @@ TEST(DriveReader, ReportsWhatIsMissingOrDamaged) {
   DriveReader part = reader({0, 0.1, 0.2}, 10);
   read(&part);
   EXPECT_EQ(part.failure(), "drive ends early: only 3 of 10 images can be read");
+  DriveReader cut = reader({0, 0.1, kUnreadable, 0.3});
+  EXPECT_EQ(read(&cut), (std::vector<double>{0, 0.1}));
+  EXPECT_EQ(cut.failure(), "cannot be read to its end; 2 of 4 images were read");
   DriveReader few = reader({10, 10, 10, 10, 10.1, 10.05});
   read(&few);
   EXPECT_EQ(few.failure(), "only 2 of 6 images could be used");
-  expectThrows<DataError>([&] { reader({kBroken}); }, "drive: has no image that can be decoded: broken");
+  expectThrows<DataError>([&] { reader({kBroken}); },
+                          "drive: has no image that can be decoded: broken");
 }
 
 TEST(DriveReader, TakesSixteenBitsByTheRangeInUse) {
@@ -130,13 +138,25 @@ TEST(DriveReader, RefusesTheCalibrationOfAnotherSize) {
     DriveReader(std::make_unique<Images>(std::vector<double>{0}, 1, CV_8UC1),
                 {calibration, "camera.yaml"}, {});
   };
-  expectThrows<DataError>([&] { open({16, 12, 10, 10, 8, 6}); },
-                          "the images are 8x6, but camera.yaml describes 16x12: are the images "
-                          "binned by 2?");
+  expectThrows<DataError>(
+      [&] {
+        open({16, 12, 10, 10, 8, 6});
+      },
+      "the images are 8x6, but camera.yaml describes 16x12: are the images "
+      "binned by 2?");
   expectThrows<DataError>([&] { open({6, 8, 10, 10, 3, 4}); }, "turned alike");
-  expectThrows<DataError>([&] { open({0, 0, 10, 10, 8, 6}); },
-                          "camera.yaml is of another image size: its principal point (8, 6)");
-  expectThrows<DataError>([&] { open({8, 6, 10, 10, 2, 1.4}); }, "images of about 5x4");
+  expectThrows<DataError>(
+      [&] {
+        open(CameraCalibration{8, 6, 10, 10, 4, 3}.ofPart({0, 0, 8, 6}, {2, 2}));
+      },
+      "camera.yaml describes 4x3 with its binning of 2x2: if the calibration is of the binned");
+  expectThrows<DataError>(
+      [&] {
+        open({0, 0, 10, 10, 8, 6});
+      },
+      "camera.yaml is of another image size: its principal point (8, 6)");
+  expectThrows<DataError>([&] { open({8, 6, 6, 6, 2, 1.4}); }, "images of about 5x4");
+  open({8, 6, 10, 10, 2, 1.4});  // a tele lens in small images, so rather a part of larger ones
 }
 
 }  // namespace

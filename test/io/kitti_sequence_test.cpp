@@ -208,7 +208,9 @@ TEST_F(KittiSequences, TellsUnitsOfStampsApart) {
     std::int64_t first_ns, second_ns;
   } kCases[] = {
       {"0\n0.1\n0.2\n", 0, 100000000},
-      {"\xef\xbb\xbf" "0\r\n0.1\r\n0.2\r\n", 0, 100000000},
+      {"\xef\xbb\xbf"
+       "0\r\n0.1\r\n0.2\r\n",
+       0, 100000000},
       {"# times\n0\n33.5\n67\n", 0, 33500000},
       {"1317042145964\n1317042146064\n1317042146164\n", 1317042145964000000, 1317042146064000000},
       {"1317042145964389445\n1317042146064389445\n1317042146164389445\n", 1317042145964389445,
@@ -236,8 +238,9 @@ TEST_F(KittiSequences, ReadsPartsAndNamesMissingNumbers) {
   EXPECT_EQ(errorOf(folder), "no error");  // a stamp for each
   write("sequences/07/times.txt", "0\n.1\n.2\n.3\n.4\n.5\n.6\n");
   EXPECT_EQ(KittiSequence(folder).stampNs(2), 500000000);  // by its number
-  EXPECT_EQ(KittiSequence(folder).warning().substr(folder_.string().size()),
-            "/sequences/07/image_0: 3 of the image numbers 0 to 5 are missing, the first one after 1");
+  EXPECT_EQ(
+      KittiSequence(folder).warning().substr(folder_.string().size()),
+      "/sequences/07/image_0: 3 of the image numbers 0 to 5 are missing, the first one after 1");
   rename(0, 3);
   rename(1, 4);
   EXPECT_EQ(KittiSequence(folder).stampNs(0), 300000000);
@@ -255,7 +258,8 @@ TEST_F(KittiSequences, RefusesSeveralSeriesOfFiles) {
   EXPECT_NE(errorOf(folder).find(" has the same number as 000000."), std::string::npos);
   fs::remove(folder / "image_0/000000.jpg");
   write("sequences/07/image_0/right000000.png", encoded("png"));
-  EXPECT_EQ(errorOf(folder).find("/sequences/07/image_0 holds several series of files, of 00000"), 0u)
+  EXPECT_EQ(errorOf(folder).find("/sequences/07/image_0 holds several series of files, of 00000"),
+            0u)
       << errorOf(folder);
 }
 
@@ -265,7 +269,7 @@ TEST_F(KittiSequences, ReadsColourImagesAndDrivesBeforeRectification) {
   fs::rename(folder / "image_0", folder / "image_2");
   EXPECT_EQ(KittiSequence(folder).camera().fx, 71);
   folder = makeRaw();
-  const std::string rectified = "P_rect_00: 70 0 16 0 0 71 12 0 0 0 1 0\n";
+  const std::string rectified = "P_rect_00: 20 0 16 0 0 20 12 0 0 0 1 0\n";
   write("2011_09_26/calib_cam_to_cam.txt",
         "S_00: 64 48\nK_00: 80 0 30 0 81 25 0 0 1\nD_00: -0.3 0.1 0 0 0\nS_rect_00: 32 24\n" +
             rectified);
@@ -291,7 +295,9 @@ TEST_F(KittiSequences, RefusesWhatIsNoSequence) {
   EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: no such file");
   fs::remove_all(folder / "image_0");
   fs::create_directory(folder / "image_0");
-  EXPECT_EQ(errorOf(folder), "/sequences/07/image_0 has no file with a number in its name and the type .png, .jpg, .jpeg");
+  EXPECT_EQ(
+      errorOf(folder),
+      "/sequences/07/image_0 has no file with a number in its name and the type .png, .jpg, .jpeg");
 }
 
 TEST_F(KittiSequences, ReadsARawDrive) {

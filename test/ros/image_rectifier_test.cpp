@@ -82,7 +82,7 @@ TEST(ImageRectifier, KeepsACalibrationWhileEveryMessageHasAnother) {
   const auto used = rectifier.camera();
   for (const double fx : {10.6, 10.8, 11.0, 11.2}) {
     expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(fx), "t"); },
-                               "camera_info on topic t keeps changing: 8x6, fx 10.4, ");
+                            "camera_info on topic t keeps changing: 8x6, fx 10.4, ");
     EXPECT_EQ(rectifier.camera(), used);
   }
   EXPECT_NE(rectifier.calibrationError("t").find("fx 11.2, "), std::string::npos);
@@ -93,7 +93,7 @@ TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
   rectifier.setCameraInfo(infoOf(10), "t");
   EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).at<std::uint8_t>(3, 3), 100);
   expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
-                             "the images are 6x8, but camera_info describes 8x6");
+                          "the images are 6x8, but camera_info describes 8x6");
 }
 
 using CameraFile = TemporaryFolder;
@@ -113,7 +113,7 @@ TEST_F(CameraFile, DescribesTheImagesAsTheyCome) {
   EXPECT_EQ(rectifier.mask().at<std::uint8_t>(3, 3), 255);
   EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).at<std::uint8_t>(3, 3), 100);
   expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
-                             "but parameter camera_file: " + file + " describes 8x6");
+                          "but parameter camera_file: " + file + " describes 8x6");
 }
 
 TEST_F(CameraFile, ThatCannotBeUsedIsRefused) {

@@ -90,10 +90,11 @@ TEST_F(BagDrives, ReadFixesInMetresEastNorthUpFromTheFirst) {
   const double minute = 1. / 60;
   sensor_msgs::NavSatFix invalid = fix(2.5, 1, 1, 0);
   invalid.status.status = sensor_msgs::NavSatStatus::STATUS_NO_FIX;
-  const BagFixes drive = readFixes(
-      write({1, 2},
-          {fix(0.5, kNan, kNan, 0), fix(1, 45, 8, 100, {2, 6}), fix(2, 45 + minute, 8, 100, {1, 1}),
-           fix(2, 45, 8 + minute, 100), invalid, fix(3, 45, 8 + minute, 130)}), "/fix");
+  const BagFixes drive =
+      readFixes(write({1, 2}, {fix(0.5, kNan, kNan, 0), fix(1, 45, 8, 100, {2, 6}),
+                               fix(2, 45 + minute, 8, 100, {1, 1}), fix(2, 45, 8 + minute, 100),
+                               invalid, fix(3, 45, 8 + minute, 130)}),
+                "/fix");
   ASSERT_EQ(drive.fixes.size(), 3u);  // not the second one of a stamp, nor those without position
   EXPECT_EQ(drive.fixes[2].stamp_ns, 3000000000);
   EXPECT_LT(drive.fixes[0].p.norm(), 1e-6);

@@ -22,7 +22,9 @@ class Images : public ManagerTest {
   static constexpr std::uint32_t kWidth = 160, kHeight = 80;
   static constexpr double kPeriod = 0.1;  // of the images [s]
 
-  static Info cameraInfo() { return toCameraInfo(PinholeCamera{kWidth, kHeight, 100, 100, 80, 40}); }
+  static Info cameraInfo() {
+    return toCameraInfo(PinholeCamera{kWidth, kHeight, 100, 100, 80, 40});
+  }
 
   static void TearDownTestSuite() {
     const ManagerClient manager("/manager");

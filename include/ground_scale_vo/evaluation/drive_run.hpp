@@ -27,15 +27,17 @@ struct DriveRun {
   std::vector<std::int64_t> stamps_ns;  ///< of every image of the drive
   std::size_t images = 0, used = 0;     ///< of the drive
   std::vector<std::string> warnings;    ///< sentences of DriveReader, and about the result
-  /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), or that there is
-  /// no metric pose, with the most frequent reason.
+  /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), or that there
+  /// is no metric pose, with the most frequent reason.
   std::string failure;
 
-  /// One line: images read, used and not used; share of the frames with a held scale; where the first
-  /// metric pose is; length with its standard deviation.
+  /// One line: images read, used and not used; share of the frames with a held scale; where the
+  /// first metric pose is; length with its standard deviation.
   std::string summary() const;
   /// 0; 1 with a failure, or if is_strict with a warning.
-  int exitStatus(bool is_strict) const { return !failure.empty() || (is_strict && !warnings.empty()); }
+  int exitStatus(bool is_strict) const {
+    return !failure.empty() || (is_strict && !warnings.empty());
+  }
 };
 
 /// Runs MetricOdometry over the images. on_frame: is called after each one. Throws DataError, and

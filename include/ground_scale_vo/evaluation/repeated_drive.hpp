@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
 
 namespace ground_scale_vo {
 

@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <string>
 
-#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 
 namespace ground_scale_vo {
 

@@ -8,18 +8,19 @@
 
 namespace ground_scale_vo {
 
-/// Intrinsics and distortion of a camera's images as they come. Rectified images have no distortion,
-/// or the small one that the rectification has left in them.
+/// Intrinsics and distortion of a camera's images as they come. Rectified images have no
+/// distortion, or the small one that the rectification has left in them.
 struct CameraCalibration {
   int width = 0, height = 0;              ///< [px]; 0: not known, as in a KITTI calib.txt
   double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]
   /// In the order of OpenCV: k1, k2, p1, p2, k3 ... of plumb_bob and rational_polynomial (0, 4, 5,
   /// 8, 12 or 14 numbers), or k1 to k4 of a fisheye camera.
   std::vector<double> distortion = {};
-  bool estimated = false;    ///< from drives: PinholeCamera::lens_is_estimated
-  double readout_time = 0;   ///< [s] of a rolling shutter; 0: global shutter
-  bool is_fisheye = false;   ///< distortion model equidistant
-  bool is_part = false;      ///< of a larger image, whose principal point may lie anywhere
+  bool estimated = false;   ///< from drives: PinholeCamera::lens_is_estimated
+  double readout_time = 0;  ///< [s] of a rolling shutter; 0: global shutter
+  bool is_fisheye = false;  ///< distortion model equidistant
+  bool is_part = false;     ///< of a larger image, whose principal point may lie anywhere
+  cv::Size binning{1, 1};   ///< that is contained in the numbers above
 
   bool hasSize() const { return width > 0 && height > 0; }
   /// True for a fisheye camera too: without coefficients it has distortion all the same.
@@ -46,8 +47,8 @@ CameraCalibration calibrationOf(const PinholeCamera& camera);
 /// The distortion is ignored. Precondition: hasSize().
 PinholeCamera pinholeOf(const CameraCalibration& calibration);
 
-/// Without distortion, with square pixels and the principal point in the centre. degrees: horizontal
-/// field of view. Throws OptionError.
+/// Without distortion, with square pixels and the principal point in the centre. degrees:
+/// horizontal field of view. Throws OptionError.
 CameraCalibration ofFieldOfView(double degrees, const cv::Size& size);
 
 /// The model of OpenCV by its name in ROS, Kalibr and OpenCV; *is_fisheye is set. An empty name

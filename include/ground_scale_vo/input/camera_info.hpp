@@ -25,10 +25,10 @@ struct CameraInfo {
 
 /// The calibration of the images that a camera_info describes.
 ///
-/// Uses K and D; P if K is all zero, as for a rectified camera, or if image_is_rectified states that
-/// the images are rectified although K and D describe the raw camera. ROI and binning are applied. R
-/// and the last column of P are not used: the axes are those of the given images (for images that
-/// are already rectified with R, the rotated ones).
+/// Uses K and D; P if K is all zero, as for a rectified camera, or if image_is_rectified states
+/// that the images are rectified although K and D describe the raw camera. ROI and binning are
+/// applied. R and the last column of P are not used: the axes are those of the given images (for
+/// images that are already rectified with R, the rotated ones).
 ///
 /// topic: for the error. Throws DataError that names it: not calibrated (K and P all zero; P with
 /// image_is_rectified), a K or P that is not that of a pinhole camera, a number that is not finite,
@@ -54,8 +54,8 @@ RectificationContradiction rectificationContradiction(const CameraInfo& info,
                                                       bool image_is_rectified,
                                                       const std::string& image_topic);
 
-/// The same as a sentence for the user of --rectified, or empty. Throws DataError with it when it is
-/// certain.
+/// The same as a sentence for the user of --rectified, or empty. Throws DataError with it when it
+/// is certain.
 std::string rectificationSentence(const CameraInfo& info, bool image_is_rectified,
                                   const std::string& image_topic);
 

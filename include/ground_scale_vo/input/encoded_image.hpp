@@ -21,13 +21,13 @@ struct ImageSize {
 ImageSize encodedSize(std::string_view bytes);
 
 /// The pixels of a PNG or JPEG image as they are stored, of 8 or 16 bits and 1, 3 (BGR) or 4 (BGRA)
-/// channels; the orientation in its metadata is ignored, since calibrations are of the pixels. Throws
-/// DataError ("is not a whole PNG or JPEG image", "states no image size", "states W x H pixels, ...",
-/// "cannot be decoded"; the caller adds the name of the image).
+/// channels; the orientation in its metadata is ignored, since calibrations are of the pixels.
+/// Throws DataError ("is not a whole PNG or JPEG image", "states no image size", "states W x H
+/// pixels, ...", "cannot be decoded"; the caller adds the name of the image).
 cv::Mat decodePixels(std::string_view bytes);
 
-/// The encoding before the compression that the format of a sensor_msgs/CompressedImage begins with,
-/// such as "bayer_rggb8; jpeg compressed". For GreyConverter.
+/// The encoding before the compression that the format of a sensor_msgs/CompressedImage begins
+/// with, such as "bayer_rggb8; jpeg compressed". For GreyConverter.
 std::string encodingOfFormat(const std::string& format);
 
 }  // namespace ground_scale_vo

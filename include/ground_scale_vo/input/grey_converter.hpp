@@ -18,8 +18,8 @@ struct RawImage {
 };
 
 /// The pixels without a copy, in the byte order of this machine (with a copy where it differs).
-/// Throws DataError: no pixels, a side above kMaxImageSide, an encoding without a grey value, a step
-/// that does not fit the width, data shorter or longer than step * height.
+/// Throws DataError: no pixels, a side above kMaxImageSide, an encoding without a grey value, a
+/// step that does not fit the width, data shorter or longer than step * height.
 cv::Mat pixelsOf(const RawImage& image);
 
 /// Converts images to 8-bit grey. Encodings: mono, colour and Bayer of 8 or 16 bits, yuv422 and

@@ -25,8 +25,8 @@ class StampGuard {
   };
 
   /// clock_jump_s: a stamp that is earlier by more than this [s], or later by more than this and
-  /// kMaxIntervalRatio times the last interval, is held. zero_is_unset: a stamp of zero is that of a
-  /// message without a stamp, not the first one of a file.
+  /// kMaxIntervalRatio times the last interval, is held. zero_is_unset: a stamp of zero is that of
+  /// a message without a stamp, not the first one of a file.
   explicit StampGuard(double clock_jump_s, bool zero_is_unset = true)
       : clock_jump_s_(clock_jump_s), zero_is_unset_(zero_is_unset) {}
 

@@ -63,13 +63,14 @@ class DriveReader {
   std::size_t used() const { return used_; }
   /// What went wrong so far: one sentence for each kind, with the number of images.
   std::vector<std::string> warnings() const;
-  /// After the last image: why the result is not that of the whole drive, in one sentence, or empty.
-  /// An image is damaged, the file ends early, or more than half of the images are not used.
+  /// After the last image: why the result is not that of the whole drive, in one sentence, or
+  /// empty. An image is damaged, the file ends early, or more than half of the images are not used.
   std::string failure() const;
 
  private:
   struct Stored {
-    std::optional<StoredImage> image;
+    std::optional<StoredImage> image;  ///< empty: the end, because of the error if there is one
+    std::string error;
     double decode_ms = 0;
   };
   struct Entry {
@@ -108,6 +109,7 @@ class DriveReader {
   std::optional<std::size_t> first_used_;  ///< the first image, while it waits for the second
   std::size_t read_ = 0, used_ = 0, wrong_stamps_ = 0, restarts_ = 0;
   std::map<std::string, Problem> problems_;  ///< by kind
+  std::string end_error_;                    ///< why no further image can be read
   std::vector<std::string> sentences_;       ///< of warn()
 };
 

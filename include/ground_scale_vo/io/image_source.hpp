@@ -28,7 +28,7 @@ class ImageSource {
   virtual bool zeroIsUnset() const { return false; }
   /// [images] by which count() may be wrong.
   virtual std::size_t countTolerance() const { return 0; }
-  /// Empty after the last one.
+  /// Empty after the last one. Throws DataError when no further image can be read.
   virtual std::optional<StoredImage> next() = 0;
 };
 

@@ -14,13 +14,14 @@ namespace ground_scale_vo {
 
 /// A folder of images with calibration, stamps and, where it exists, ground truth. Two layouts are
 /// supported:
-///  - KITTI odometry: `image_0/NNNNNN.png|jpg` (or image_1, image_2, image_3 where that is missing),
+///  - KITTI odometry: `image_0/NNNNNN.png|jpg` (or image_1, image_2, image_3 where that is
+///  missing),
 ///    `calib.txt` (`P0:` ...), `times.txt`, ground truth `poses.txt` beside them or
-///    `../../poses/NN.txt`, and `ground.txt` of a rendered one: a line of height [m] and unit normal
-///    in camera axes for each image, after lines that begin with #;
+///    `../../poses/NN.txt`, and `ground.txt` of a rendered one: a line of height [m] and unit
+///    normal in camera axes for each image, after lines that begin with #;
 ///  - KITTI raw drive: `image_00/data/N.png|jpg` (or image_01 ...), `image_00/timestamps.txt`,
-///    `../calib_cam_to_cam.txt` (`P_rect_00:`; of a drive before rectification `K_00:` and `D_00:`),
-///    ground truth from `oxts/data/*.txt` with `../calib_imu_to_velo.txt` and
+///    `../calib_cam_to_cam.txt` (`P_rect_00:`; of a drive before rectification `K_00:` and
+///    `D_00:`), ground truth from `oxts/data/*.txt` with `../calib_imu_to_velo.txt` and
 ///    `../calib_velo_to_cam.txt` where all of these exist.
 /// Files and stamps: imageFiles(), readImageStamps(). Stamps of raw drives are UTC since the epoch.
 /// Ground truth has a pose for each image.
@@ -30,14 +31,13 @@ class KittiSequence {
   static bool isThere(const std::filesystem::path& folder);
 
   struct Options {
-    bool unrectified = false;     ///< the images of a raw drive are those before rectification
+    bool unrectified = false;  ///< the images of a raw drive are those before rectification
     bool needs_calibration = true;
     double fps = 0;  ///< [Hz] the images have this rate and no stamps; 0: stamps are read
   };
   /// Throws DataError: no such folder, neither layout, missing or malformed file (names file and
   /// line), no stamp for each image, or not one ground truth pose or height per image.
-  explicit KittiSequence(const std::filesystem::path& folder)
-      : KittiSequence(folder, Options{}) {}
+  explicit KittiSequence(const std::filesystem::path& folder) : KittiSequence(folder, Options{}) {}
   KittiSequence(const std::filesystem::path& folder, const Options& options);
 
   const std::string& name() const { return name_; }  ///< the folder's own name

@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 
-#include "ground_scale_vo/input/camera_calibration.hpp"
 #include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/input/camera_calibration.hpp"
 
 namespace ground_scale_vo {
 

@@ -13,13 +13,13 @@
 #include <string>
 
 #include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/image_receiver.hpp"
 #include "ground_scale_vo/ros/missing_input_log.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/ros/rate_meter.hpp"
-#include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"

@@ -43,8 +43,8 @@ class ImageReceiver {
   };
 
   /// The transport `compressed` is decoded here; `raw_or_compressed` subscribes to both, where only
-  /// one of them is published; any other one but `raw` needs its plugin, which may read parameters of
-  /// private_handle. Throws OptionError when that is missing, and for a mask or camera file that
+  /// one of them is published; any other one but `raw` needs its plugin, which may read parameters
+  /// of private_handle. Throws OptionError when that is missing, and for a mask or camera file that
   /// cannot be used.
   ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
                 const Options& options, Handlers handlers);

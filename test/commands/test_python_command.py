@@ -154,7 +154,7 @@ def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
 
 @pytest.mark.parametrize("status, text, arguments", [
     (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
-    (2, "--camera is missing", ["empty.mp4"]),
+    (2, "--camera FILE is missing", ["empty.mp4"]),
     (2, "rectified is for the camera_info of a bag", ["SHORTEST", "--rectified"]),
     (1, "empty.mp4: is not a video", ["empty.mp4", "--camera", "CALIB"]),
     (1, "empty.mp4: is neither YAML of a camera nor a KITTI calib.txt", ["empty.mp4", "--camera", "empty.mp4"]),

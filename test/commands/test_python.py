@@ -54,7 +54,7 @@ def test_module_and_ros_messages_in_one_interpreter(venv, tmp_path, order, is_on
         from ground_scale_vo.msg import VoFrame
         assert "ground_scale_vo._core" not in sys.modules and not hasattr(ground_scale_vo, "none")
         from ground_scale_vo import MetricOdometry
-        from ground_scale_vo.bags import Calibration"""
+        from ground_scale_vo.bags import open_bag"""
     run("/usr/bin/python3", "-c", code, env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))})
 
 

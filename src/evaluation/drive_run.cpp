@@ -78,8 +78,7 @@ std::string DriveRun::summary() const {
       shares.first_metric->T_o_c.translation() - frames.front().T_o_c.translation();
   return text +
          format("first metric pose after %.1f s and %.1f m, scale held in %.0f %%; ",
-                secondsBetween(frames.front().stamp_ns, shares.first_metric->stamp_ns),
-                first.norm(),
+                secondsBetween(*first_stamp_ns, shares.first_metric->stamp_ns), first.norm(),
                 100.0 * static_cast<double>(shares.held) / static_cast<double>(shares.metric)) +
          format("length %.1f m, standard deviation %.1f m", length,
                 lengthSigma(record, *shares.last_metric, length));
@@ -104,6 +103,7 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
     const double since_s = first_ns ? secondsBetween(*first_ns, image->stamp_ns) : 0;
     if (since_s < options.from_s || since_s > options.to_s) continue;
     if (is_used) {
+      if (!run.first_stamp_ns) run.first_stamp_ns = image->stamp_ns;
       const MetricOdometry::Output output = odometry.process(image->given, image->stamp_ns);
       run.record.append(output.vo, output.scale, image->decode_ms);
     } else {

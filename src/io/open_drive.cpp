@@ -12,6 +12,8 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
+constexpr std::int64_t kEpoch = 500000000LL * 1000000000;  // [ns] later stamps are since 1970
+
 class Files : public ImageSource {
  public:
   Files(std::string name, std::vector<fs::path> files, std::vector<std::int64_t> stamps_ns)
@@ -19,6 +21,8 @@ class Files : public ImageSource {
 
   const std::string& name() const override { return name_; }
   std::size_t count() const override { return files_.size(); }
+  /// Among times since 1970.
+  bool zeroIsUnset() const override { return !stamps_ns_.empty() && stamps_ns_.back() > kEpoch; }
   std::optional<StoredImage> next() override {
     if (index_ == files_.size()) return std::nullopt;
     StoredImage image;

@@ -7,12 +7,14 @@
 #include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/io/drive_reader.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
@@ -47,7 +49,6 @@ void readSequenceWith(const std::string& file, const std::string& content) {
   try {
     const KittiSequence sequence(folder());
     sequence.camera().validate();
-    require(sequence.stampNs(0) < sequence.stampNs(1), "stamps increase");
     const auto& poses = sequence.groundTruth();
     for (const auto& pose : poses) require(pose.matrix().allFinite(), "poses are finite");
     if (poses.size() >= 2) {
@@ -57,6 +58,20 @@ void readSequenceWith(const std::string& file, const std::string& content) {
     const std::string text = error.what();
     require(text.find(file) != std::string::npos, "the error names the file");
     require(text.find('\n') == std::string::npos, "the error is one line");
+  }
+}
+
+/// The folder that readSequenceWith() has written.
+void readDrive() {
+  try {
+    const auto drive = openDrive({folder()});
+    std::optional<std::int64_t> last_ns;
+    while (const auto image = drive->next()) {
+      if (image->given.empty()) continue;
+      require(!last_ns || *last_ns < image->stamp_ns, "stamps increase");
+      last_ns = image->stamp_ns;
+    }
+  } catch (const DataError&) {
   }
 }
 
@@ -98,7 +113,10 @@ void run(const std::string& input) {
   const std::string content = input.substr(1);
   const char* const kFiles[] = {"calib.txt", "times.txt", "poses.txt"};
   const std::size_t kind = static_cast<unsigned char>(input[0]) % 5;
-  if (kind < 3) readSequenceWith(kFiles[kind], content);
+  if (kind < 3) {
+    readSequenceWith(kFiles[kind], content);
+    readDrive();
+  }
   if (kind == 3) set(content);
   if (kind == 4) readTrajectory(content);
 }

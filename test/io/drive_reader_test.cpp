@@ -78,7 +78,7 @@ TEST(DriveReader, GivesEveryImageInOrder) {
 }
 
 TEST(DriveReader, AWrongStampCostsOneImage) {
-  for (const double wrong : {500.0, 0.1, 0.05}) {
+  for (const double wrong : {500.0, 0.7, 0.1, 0.05}) {
     DriveReader drive = reader({0, 0.1, wrong, 0.3, 0.4});
     EXPECT_EQ(read(&drive), (std::vector<double>{0, 0.1, -1, 0.3, 0.4})) << wrong;
     ASSERT_EQ(drive.warnings().size(), 1u);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,9 +25,10 @@ struct DriveRun {
 
   RunRecord record;  ///< a frame for every image of the part, also those that are not used
   LensEstimate lens;
-  std::vector<std::int64_t> stamps_ns;  ///< of every image of the drive
-  std::size_t images = 0, used = 0;     ///< of the drive
-  std::vector<std::string> warnings;    ///< sentences of DriveReader, and about the result
+  std::vector<std::int64_t> stamps_ns;         ///< of every image of the drive
+  std::optional<std::int64_t> first_stamp_ns;  ///< of the first used image of the part
+  std::size_t images = 0, used = 0;            ///< of the drive
+  std::vector<std::string> warnings;           ///< sentences of DriveReader, and about the result
   /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), or that there
   /// is no metric pose, with the most frequent reason.
   std::string failure;

@@ -24,9 +24,10 @@ class StampGuard {
     kJumpedBack    ///< the same after a jump back, as in a looped bag: reset, then process both
   };
 
-  /// clock_jump_s: a stamp that is earlier by more than this [s], or later by more than this and
-  /// kMaxIntervalRatio times the last interval, is held. zero_is_unset: a stamp of zero is that of
-  /// a message without a stamp, not the first one of a file.
+  /// clock_jump_s: a stamp that is earlier by more than this [s], or later by more than this or
+  /// kHoldIntervals (and by more than kMaxIntervalRatio times the last interval), is held.
+  /// zero_is_unset: a stamp of zero is that of a message without a stamp, not the first one of a
+  /// file.
   explicit StampGuard(double clock_jump_s, bool zero_is_unset = true)
       : clock_jump_s_(clock_jump_s), zero_is_unset_(zero_is_unset) {}
 
@@ -34,6 +35,9 @@ class StampGuard {
 
   /// Shortest interval between two stamps [s]; a shorter one gives no meaningful velocity.
   static constexpr double kMinStep = 0.001;
+  /// A step of more than so many intervals needs the next stamp's confirmation: accepting a wrong
+  /// one would put the next images in the past.
+  static constexpr double kHoldIntervals = 3;
   /// Longest interval over the previous one, for cameras slower than clock_jump_s.
   static constexpr double kMaxIntervalRatio = 1.5;
 

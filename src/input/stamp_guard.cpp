@@ -24,7 +24,7 @@ StampGuard::Verdict StampGuard::check(std::int64_t stamp_ns) {
     return Verdict::kDrop;
   }
   const double hold_s =
-      interval_s_ > 0 ? std::min(clock_jump_s_, kHoldIntervals * interval_s_) : clock_jump_s_;
+      interval_s_ > 0 ? std::min(clock_jump_s_, hold_intervals_ * interval_s_) : clock_jump_s_;
   const double max_step_s = std::max(hold_s, kMaxIntervalRatio * interval_s_);
   if (!last_ns_ || follows(*last_ns_, stamp_ns, max_step_s)) {
     return accept(stamp_ns, last_ns_, Verdict::kAccept);

@@ -26,15 +26,15 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
       calibration_(std::move(calibration)),
       options_(options),
       stamp_filter_(
-          StampGuard::kDefaultClockJump,
+          StampGuard(StampGuard::kDefaultClockJump, source_->zeroIsUnset() && options.fps == 0,
+                     StampGuard::kHoldIntervalsOfFiles),
           [this](const std::string& reason) {
             const std::size_t index = waiting_.front();
             waiting_.pop_front();
             ++wrong_stamps_;
             lose(kWrongStamp, reason);
             decide(index, false);
-          },
-          source_->zeroIsUnset() && options.fps == 0) {
+          }) {
   startLoading();
   for (;;) {
     Stored stored = load();

@@ -39,7 +39,7 @@ TEST(StampGuard, ASingleStampFarAwayIsRefuted) {
   for (const double jump : {2.0, 30.0, 7200.0, -1.5, -19.0}) {
     EXPECT_EQ(verdicts(StampGuard(1), {20, 20 + jump, 20.1}), "accept hold accept ") << jump;
   }
-  EXPECT_EQ(verdicts(StampGuard(1), {20, 20.1, 20.7, 20.3, 20.4, 20.9, 21}),
+  EXPECT_EQ(verdicts(StampGuard(1, true, 3), {20, 20.1, 20.7, 20.3, 20.4, 20.9, 21}),
             "accept accept hold accept accept hold ahead ");
   // Stamps from which the next one does not continue.
   EXPECT_EQ(verdicts(StampGuard(1), {20, 7210, 19000, 18999, 18999, 12, 11, 20.1}),

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -24,20 +25,23 @@ class StampGuard {
     kJumpedBack    ///< the same after a jump back, as in a looped bag: reset, then process both
   };
 
-  /// clock_jump_s: a stamp that is earlier by more than this [s], or later by more than this or
-  /// kHoldIntervals (and by more than kMaxIntervalRatio times the last interval), is held.
-  /// zero_is_unset: a stamp of zero is that of a message without a stamp, not the first one of a
-  /// file.
-  explicit StampGuard(double clock_jump_s, bool zero_is_unset = true)
-      : clock_jump_s_(clock_jump_s), zero_is_unset_(zero_is_unset) {}
+  /// clock_jump_s: a stamp that is earlier by more than this [s], or later by more than this and
+  /// kMaxIntervalRatio times the last interval, is held. zero_is_unset: a stamp of zero is that of
+  /// a message without a stamp, not the first one of a file. hold_intervals: a stamp that is later
+  /// by more than so many intervals is held too. A wrong one then costs one image instead of those
+  /// that it puts in the past; a file waits for the next image at no cost, a live camera with
+  /// dropped images would not.
+  explicit StampGuard(double clock_jump_s, bool zero_is_unset = true,
+                      double hold_intervals = std::numeric_limits<double>::infinity())
+      : clock_jump_s_(clock_jump_s),
+        zero_is_unset_(zero_is_unset),
+        hold_intervals_(hold_intervals) {}
 
   static constexpr double kDefaultClockJump = 1.0;  // [s]
 
   /// Shortest interval between two stamps [s]; a shorter one gives no meaningful velocity.
   static constexpr double kMinStep = 0.001;
-  /// A step of more than so many intervals needs the next stamp's confirmation: accepting a wrong
-  /// one would put the next images in the past.
-  static constexpr double kHoldIntervals = 3;
+  static constexpr double kHoldIntervalsOfFiles = 3;
   /// Longest interval over the previous one, for cameras slower than clock_jump_s.
   static constexpr double kMaxIntervalRatio = 1.5;
 
@@ -52,6 +56,7 @@ class StampGuard {
 
   const double clock_jump_s_;
   const bool zero_is_unset_;
+  const double hold_intervals_;
   std::optional<std::int64_t> last_ns_;  ///< last accepted stamp
   std::optional<std::int64_t> held_ns_;  ///< stamp of the held message
   double interval_s_ = 0;                ///< between the last two accepted stamps
@@ -68,8 +73,10 @@ class StampFilter {
   };
   using OnDrop = std::function<void(const std::string& reason)>;
 
-  StampFilter(double clock_jump_s, OnDrop on_drop, bool zero_is_unset = true)
-      : guard_(clock_jump_s, zero_is_unset), on_drop_(std::move(on_drop)) {}
+  StampFilter(double clock_jump_s, OnDrop on_drop)
+      : StampFilter(StampGuard(clock_jump_s), std::move(on_drop)) {}
+  StampFilter(const StampGuard& guard, OnDrop on_drop)
+      : guard_(guard), on_drop_(std::move(on_drop)) {}
 
   /// The messages to process now: none, this one, or the one that was held and this one.
   std::vector<Accepted> filter(std::int64_t stamp_ns, Message message) {

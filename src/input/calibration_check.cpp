@@ -11,20 +11,26 @@ namespace ground_scale_vo {
 namespace {
 
 /// Principal points of cameras lie within 15 % of the centre, those of rectified stereo images
-/// within 30 %.
-constexpr double kMinOtherSize = 1.35;  ///< ratio of two sizes that are told apart
-constexpr double kSameFactor = 1.12;    ///< of both coordinates
-constexpr double kOffCentre = 0.3;      ///< [half images]
+/// within 30 %. One factor in both coordinates is that of another size.
+constexpr double kMinOtherSize = 1.15;  ///< ratio of two sizes that are told apart
+constexpr double kSameFactor = 1.06;    ///< of both coordinates
+constexpr double kLargeFactor = 1.35;   ///< from which both coordinates may differ by
+constexpr double kSameLargeFactor = 1.12;
+constexpr double kMaxAspect = 1.1;  ///< fy / fx of square pixels
+constexpr double kOffCentre = 0.3;  ///< [half images]
 /// [degrees] A principal point near the upper left corner is that of smaller images only if their
 /// field of view is then that of a camera on a vehicle; else the images are cropped.
 constexpr double kMinFieldOfView = 30;
 
 /// x, y: the principal point over the centre of the image.
 bool isOfOtherSize(const CameraCalibration& c, double x, double y) {
-  if (!(x > 0 && y > 0) || c.is_part || std::max(x / y, y / x) > kSameFactor) return false;
+  if (!(x > 0 && y > 0) || c.is_part) return false;
+  const double larger = std::min(x, y), smaller = 1 / std::max(x, y);
+  const bool is_large = larger > kLargeFactor || smaller > kLargeFactor;
+  if (std::max(x / y, y / x) > (is_large ? kSameLargeFactor : kSameFactor)) return false;
   const double fov = 2 * std::atan(c.cx / c.fx);  // of images whose centre is the principal point
-  return std::min(x, y) > kMinOtherSize ||
-         (std::max(x, y) < 1 / kMinOtherSize && fov > kRadiansPerDegree * kMinFieldOfView);
+  return larger > kMinOtherSize ||
+         (smaller > kMinOtherSize && fov > kRadiansPerDegree * kMinFieldOfView);
 }
 
 [[noreturn]] void refuseSize(const CameraCalibration& c, const std::string& source,
@@ -62,6 +68,11 @@ std::string checkCalibration(const CameraCalibration& c, const std::string& sour
                     format("%.4g, %.4g", c.cx, c.cy) + ") is the centre of images of about " +
                     sizeText(x * images.width, y * images.height) + ", the images are " +
                     sizeText(images.width, images.height));
+  }
+  const double aspect = std::max(c.fy / c.fx, c.fx / c.fy);
+  if (aspect > kMaxAspect) {
+    return "fx and fy of " + source + format(" (%.4g, %.4g) differ", c.fx, c.fy) +
+           ": are the images scaled in one direction?";
   }
   if (c.is_part || (std::abs(x - 1) <= kOffCentre && std::abs(y - 1) <= kOffCentre)) return {};
   return "the principal point (" + format("%.4g, %.4g", c.cx, c.cy) + ") of " + source +

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <sstream>
 #include <utility>
 
@@ -17,6 +18,8 @@ namespace fs = std::filesystem;
 namespace {
 
 using Numbers = std::vector<std::string>;  // without leading zeros, of any length
+
+constexpr std::size_t kDigitsOfTime = 9, kMaxDecimals = 12;
 
 bool isDigit(char c) { return c >= '0' && c <= '9'; }
 
@@ -39,10 +42,17 @@ std::pair<std::string, Numbers> split(const std::string& name) {
       pattern += name[i++];
       continue;
     }
+    const std::size_t begin = i;
     std::size_t end = i;
     while (end < name.size() && isDigit(name[end])) ++end;
     while (i + 1 < end && name[i] == '0') ++i;
-    numbers.push_back(name.substr(i, end - i));
+    // The decimals of a time such as 1600000000.5 are a fraction: .45 is before .5.
+    const bool is_fraction = !numbers.empty() && pattern.size() > 1 && pattern.back() == '.' &&
+                             pattern[pattern.size() - 2] == '#' &&
+                             numbers.back().size() >= kDigitsOfTime;
+    std::string number = name.substr(is_fraction ? begin : i, end - (is_fraction ? begin : i));
+    if (is_fraction) number.resize(std::max(number.size(), kMaxDecimals), '0');
+    numbers.push_back(number);
     pattern += '#';
     i = end;
   }
@@ -86,6 +96,31 @@ std::vector<std::uint64_t> varyingNumbers(const std::map<Numbers, fs::path, Smal
     numbers.push_back(std::stoull(group));
   }
   return numbers;
+}
+
+/// Throws DataError when a number other than the last one tells series of files apart, as the 0 and
+/// 1 of cam0_000000.png and cam1_000000.png: the other numbers are the same for each of its values.
+void requireOneSeries(const fs::path& folder, const std::map<Numbers, fs::path, Smaller>& files) {
+  const std::size_t groups = files.begin()->first.size();
+  for (std::size_t k = 0; k + 1 < groups; ++k) {
+    std::map<std::string, std::pair<std::set<Numbers>, fs::path>> series;
+    for (const auto& [numbers, file] : files) {
+      Numbers others = numbers;
+      others.erase(others.begin() + static_cast<long>(k));
+      auto& [seen, first] = series[numbers[k]];
+      if (seen.empty()) first = file;
+      seen.insert(others);
+    }
+    const auto& [first, first_file] = series.begin()->second;
+    const bool are_same =
+        std::all_of(series.begin(), series.end(),
+                    [&first = first](const auto& s) { return s.second.first == first; });
+    if (series.size() < 2 || first.size() < 2 || !are_same) continue;
+    throw DataError(folder.string() + " holds several series of files, of " +
+                    first_file.filename().string() + " and of " +
+                    series.rbegin()->second.second.filename().string() +
+                    ": keep those of one camera");
+  }
 }
 
 std::string missingNumbers(const fs::path& folder, const std::vector<std::uint64_t>& numbers) {
@@ -211,6 +246,7 @@ NumberedFiles numberedFiles(const fs::path& folder, const std::vector<std::strin
     }
   }
   if (files.empty()) failWithoutFiles(folder, extensions);
+  requireOneSeries(folder, files);
   NumberedFiles result;
   for (const auto& file : files) result.files.push_back(file.second);
   result.numbers = varyingNumbers(files);

@@ -122,6 +122,17 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   if (run.failure.empty() && !sharesOf(run.record).first_metric) {
     run.failure = "no metric pose: " + mostFrequentReason(run.record);
   }
+  const std::size_t tracked = run.record.trackedFrames(), frames = run.record.frames().size();
+  if (run.failure.empty() && 2 * tracked < frames) {
+    run.failure = "the odometry tracked in only " + std::to_string(tracked) + " of " +
+                  std::to_string(frames) + " images: are they in order, and of one drive?";
+  }
+  const Shares shares = sharesOf(run.record);
+  if (2 * shares.held > shares.metric) {
+    run.warnings.push_back(
+        "the scale is held in more than half of the images: is the road in front "
+        "of the camera visible, and the camera upright?");
+  }
   return run;
 }
 

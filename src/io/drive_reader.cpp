@@ -242,7 +242,7 @@ std::string DriveReader::failure() const {
   if (!end_error_.empty()) {
     return end_error_ + "; " + std::to_string(read_) + of_all + " were read";
   }
-  if (read_ + source_->countTolerance() < count()) {
+  if (source_->endsEarly(read_)) {
     return name() + " ends early: only " + std::to_string(read_) + of_all + " can be read";
   }
   if (const auto damaged = problems_.find(kDamaged); damaged != problems_.end()) {
@@ -251,7 +251,10 @@ std::string DriveReader::failure() const {
   }
   if (2 * used_ < read_) {
     return "only " + std::to_string(used_) + " of " + std::to_string(read_) +
-           " images could be used";
+           " images could be used" +
+           (2 * wrong_stamps_ >= read_
+                ? "; if they come at a constant rate, --fps N replaces the stamps"
+                : "");
   }
   return {};
 }

@@ -19,7 +19,7 @@ namespace {
 
 using Numbers = std::vector<std::string>;  // without leading zeros, of any length
 
-constexpr std::size_t kDigitsOfTime = 9, kMaxDecimals = 12;
+constexpr std::size_t kDecimals = 12;
 
 bool isDigit(char c) { return c >= '0' && c <= '9'; }
 
@@ -33,7 +33,8 @@ struct Smaller {
   }
 };
 
-/// Splits a name into its numbers and the rest, with # for each number.
+/// Splits a name into its numbers and the rest, with # for each number. Digits after a point that
+/// follows a number are its decimals, as in the time 1600000000.5.
 std::pair<std::string, Numbers> split(const std::string& name) {
   std::string pattern;
   Numbers numbers;
@@ -42,19 +43,21 @@ std::pair<std::string, Numbers> split(const std::string& name) {
       pattern += name[i++];
       continue;
     }
-    const std::size_t begin = i;
     std::size_t end = i;
     while (end < name.size() && isDigit(name[end])) ++end;
-    while (i + 1 < end && name[i] == '0') ++i;
-    // The decimals of a time such as 1600000000.5 are a fraction: .45 is before .5.
-    const bool is_fraction = !numbers.empty() && pattern.size() > 1 && pattern.back() == '.' &&
-                             pattern[pattern.size() - 2] == '#' &&
-                             numbers.back().size() >= kDigitsOfTime;
-    std::string number = name.substr(is_fraction ? begin : i, end - (is_fraction ? begin : i));
-    if (is_fraction) number.resize(std::max(number.size(), kMaxDecimals), '0');
-    numbers.push_back(number);
+    std::string digits = name.substr(i, end - i);
+    const std::size_t n = pattern.size();
+    if (n > 1 && pattern[n - 1] == '.' && pattern[n - 2] == '#' && digits.size() <= kDecimals) {
+      digits.resize(kDecimals, '0');
+      numbers.back() += digits;
+    } else {
+      numbers.push_back(digits);
+    }
     pattern += '#';
     i = end;
+  }
+  for (std::string& number : numbers) {
+    number.erase(0, std::min(number.find_first_not_of('0'), number.size() - 1));
   }
   return {pattern, numbers};
 }

@@ -22,8 +22,13 @@ class Video : public ImageSource {
 
   const std::string& name() const override { return name_; }
   std::size_t count() const override { return count_; }
-  /// Some formats state a duration only.
-  std::size_t countTolerance() const override { return 2 + count_ / 100; }
+  /// Some formats state a duration only, or a frame rate that is not that of the images. Then the
+  /// time of the last image tells.
+  bool endsEarly(std::size_t read) const override {
+    constexpr double kWhole = 0.95;
+    const double declared_ms = 1e3 * static_cast<double>(count_) / capture_.get(cv::CAP_PROP_FPS);
+    return read + 2 + count_ / 100 < count_ && last_ms_ + interval_ms_ < kWhole * declared_ms;
+  }
 
   std::optional<StoredImage> next() override {
     StoredImage image;

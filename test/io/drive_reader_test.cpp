@@ -123,7 +123,7 @@ TEST(DriveReader, ReportsWhatIsMissingOrDamaged) {
   EXPECT_EQ(cut.failure(), "cannot be read to its end; 2 of 4 images were read");
   DriveReader few = reader({10, 10, 10, 10, 10.1, 10.05});
   read(&few);
-  EXPECT_EQ(few.failure(), "only 2 of 6 images could be used");
+  EXPECT_EQ(few.failure().find("only 2 of 6 images could be used; "), 0u);
   expectThrows<DataError>([&] { reader({kBroken}); },
                           "drive: has no image that can be decoded: broken");
 }

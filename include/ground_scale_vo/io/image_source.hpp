@@ -26,8 +26,8 @@ class ImageSource {
   virtual std::size_t count() const = 0;
   /// A stamp of zero is that of an image without one, as in ROS messages.
   virtual bool zeroIsUnset() const { return false; }
-  /// [images] by which count() may be wrong.
-  virtual std::size_t countTolerance() const { return 0; }
+  /// After the last image: whether fewer than count() of them were read.
+  virtual bool endsEarly(std::size_t read) const { return read < count(); }
   /// Empty after the last one. Throws DataError when no further image can be read.
   virtual std::optional<StoredImage> next() = 0;
 };

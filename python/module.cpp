@@ -291,7 +291,7 @@ class PythonImages : public gsv::ImageSource {
     try {
       if (message[2].cast<bool>()) {
         image.pixels = gsv::decodePixels(bytes);
-        image.encoding = gsv::encodingOfFormat(image.encoding);
+        image.encoding = gsv::bayerPatternOf(image.encoding);
       } else {
         image.pixels =
             gsv::pixelsOf({message[4].cast<std::uint32_t>(), message[5].cast<std::uint32_t>(),

@@ -18,7 +18,7 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-/// Counts, from the last frame backwards, as in the summary.
+/// Of the frames with a metric pose.
 struct Shares {
   std::size_t metric = 0, held = 0;
   const RunFrame* first_metric = nullptr;
@@ -119,7 +119,8 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   const DriveRun::Options whole;
   const bool is_part = options.from_s > whole.from_s || options.to_s < whole.to_s;
   if (!is_part || unused_in_part > 0) run.failure = drive->failure();
-  if (run.failure.empty() && !sharesOf(run.record).first_metric) {
+  const Shares shares = sharesOf(run.record);
+  if (run.failure.empty() && !shares.first_metric) {
     run.failure = "no metric pose: " + mostFrequentReason(run.record);
   }
   const std::size_t tracked = run.record.trackedFrames(), frames = run.record.frames().size();
@@ -127,7 +128,6 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
     run.failure = "the odometry tracked in only " + std::to_string(tracked) + " of " +
                   std::to_string(frames) + " images: are they in order, and of one drive?";
   }
-  const Shares shares = sharesOf(run.record);
   if (2 * shares.held > shares.metric) {
     run.warnings.push_back(
         "the scale is held in more than half of the images: is the road in front "

@@ -16,6 +16,15 @@ constexpr int kComparedPoints = 5;
 
 cv::Matx33d matrixOf(const CameraCalibration& c) { return {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1}; }
 
+/// Same size and, within the tolerance, same intrinsics.
+bool areClose(const PinholeCamera& a, const PinholeCamera& b) {
+  const auto same = [](double x, double y) {
+    return std::abs(x - y) <= CalibratedCamera::kTolerancePx;
+  };
+  return a.width == b.width && a.height == b.height && same(a.fx, b.fx) && same(a.fy, b.fy) &&
+         same(a.cx, b.cx) && same(a.cy, b.cy);
+}
+
 const CameraCalibration& valid(const CameraCalibration& calibration) {
   calibration.validate();
   if (!calibration.hasSize()) throw OptionError("the image size of the calibration is not known");
@@ -83,25 +92,22 @@ cv::Point2d distortedPixel(const CameraCalibration& camera, const cv::Point2d& r
   return pixel.front();
 }
 
-bool CalibratedCamera::isSameAs(const CalibratedCamera& other) const {
-  if (!matches(other.camera())) return false;
-  if (!calibration_.isDistorted() && !other.calibration_.isDistorted()) return true;
+bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
+  if (a == b) return true;
+  if (!areClose(pinholeOf(a), pinholeOf(b))) return false;
+  if (!a.isDistorted() && !b.isDistorted()) return true;
   const double last = kComparedPoints - 1;
   for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {
-    const cv::Point2d rectified((calibration_.width - 1) * (i % kComparedPoints / last),
-                                (calibration_.height - 1) * (i / kComparedPoints / last));
-    const cv::Point2d offset =
-        distortedPixel(calibration_, rectified) - distortedPixel(other.calibration_, rectified);
-    if (!(std::hypot(offset.x, offset.y) <= kTolerancePx)) return false;
+    const cv::Point2d rectified((a.width - 1) * (i % kComparedPoints / last),
+                                (a.height - 1) * (i / kComparedPoints / last));
+    const cv::Point2d offset = distortedPixel(a, rectified) - distortedPixel(b, rectified);
+    if (!(std::hypot(offset.x, offset.y) <= CalibratedCamera::kTolerancePx)) return false;
   }
   return true;
 }
 
 bool CalibratedCamera::matches(const PinholeCamera& other) const {
-  const auto same = [](double a, double b) { return std::abs(a - b) <= kTolerancePx; };
-  const CameraCalibration& c = calibration_;
-  return c.width == other.width && c.height == other.height && same(c.fx, other.fx) &&
-         same(c.fy, other.fy) && same(c.cx, other.cx) && same(c.cy, other.cy);
+  return areClose(camera(), other);
 }
 
 }  // namespace ground_scale_vo

@@ -18,6 +18,10 @@ constexpr double kMaxCoefficient = 1e3;
 
 bool isZero(double value) { return value == 0; }
 
+bool isOneOf(const std::string& name, std::initializer_list<const char*> names) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
 void requireCoefficients(const CameraCalibration& calibration) {
   const std::size_t n = calibration.distortion.size();
   const std::vector<std::size_t> counts = calibration.is_fisheye
@@ -123,13 +127,18 @@ CameraCalibration ofFieldOfView(double degrees, const cv::Size& size) {
   return {size.width, size.height, f, f, 0.5 * (size.width - 1), 0.5 * (size.height - 1)};
 }
 
+bool isFisheyeModel(const std::string& name) {
+  return isOneOf(name, {"equidistant", "fisheye", "kannala_brandt", "KANNALA_BRANDT"});
+}
+
 void setDistortionModel(const std::string& name, CameraCalibration* calibration) {
-  const auto is = [&](std::initializer_list<const char*> names) {
-    return std::find(names.begin(), names.end(), name) != names.end();
-  };
-  calibration->is_fisheye = is({"equidistant", "fisheye", "kannala_brandt", "KANNALA_BRANDT"});
-  if (calibration->is_fisheye || is({"plumb_bob", "rational_polynomial", "radtan"})) return;
-  if (is({"", "none"}) && !calibration->isDistorted()) return calibration->distortion.clear();
+  calibration->is_fisheye = isFisheyeModel(name);
+  if (calibration->is_fisheye || isOneOf(name, {"plumb_bob", "rational_polynomial", "radtan"})) {
+    return;
+  }
+  if (isOneOf(name, {"", "none"}) && !calibration->isDistorted()) {
+    return calibration->distortion.clear();
+  }
   throw OptionError("the distortion model is \"" + name +
                     "\"; supported are plumb_bob, rational_polynomial and equidistant");
 }

@@ -19,11 +19,6 @@ bool allZero(const Range& values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
 }
 
-/// True for both names of the fisheye model of OpenCV in camera_info.
-bool isFisheye(const std::string& distortion_model) {
-  return distortion_model == "equidistant" || distortion_model == "fisheye";
-}
-
 /// Of the whole image without distortion, from K or P, which has 3 or 4 columns; the last column of
 /// P, the offset of a stereo camera, is not used. Throws OptionError.
 CameraCalibration wholeImage(const CameraInfo& info, const double* matrix, int columns) {
@@ -81,7 +76,7 @@ constexpr double kMinShown = 0.5;
 class Rectification {
  public:
   explicit Rectification(const CameraInfo& info)
-      : is_fisheye_(isFisheye(info.distortion_model)),
+      : is_fisheye_(isFisheyeModel(info.distortion_model)),
         K_(info.K.data()),
         R_(info.R.data()),
         P_(info.P[0], info.P[1], info.P[2], info.P[4], info.P[5], info.P[6], info.P[8], info.P[9],
@@ -202,7 +197,7 @@ RectificationContradiction rectificationContradiction(const CameraInfo& info,
   bool is_certain = false;
   std::ostringstream reason;
   if (!image_is_rectified && !isRectificationOf(info)) {
-    is_certain = !isFisheye(info.distortion_model);
+    is_certain = !isFisheyeModel(info.distortion_model);
     reason << "P of camera_info (fx " << info.P[0] << ") cannot describe images of " << info.width
            << " x " << info.height << " that are rectified with K (fx " << info.K[0] << ") and D";
   } else if (!image_is_rectified && is_distorted && hasPart(image_topic, "rect")) {

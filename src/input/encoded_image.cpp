@@ -87,8 +87,8 @@ cv::Mat decodePixels(std::string_view bytes) {
   return pixels;
 }
 
-std::string encodingOfFormat(const std::string& format) {
-  return format.substr(0, format.find(';'));
+std::string bayerPatternOf(const std::string& format) {
+  return format.rfind("bayer_", 0) == 0 ? format.substr(0, format.find(';')) : "";
 }
 
 }  // namespace ground_scale_vo

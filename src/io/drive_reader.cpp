@@ -5,6 +5,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/common/stopwatch.hpp"
 #include "ground_scale_vo/input/calibration_check.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
@@ -12,7 +13,7 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kNanoseconds = 1e9;
+constexpr std::int64_t kUsualInterval = 100'000'000;  // [ns] before one is known
 /// Images after which unusable stamps are refused.
 constexpr std::size_t kStampProbe = 20;
 constexpr const char* kWrongStamp = "have a stamp that does not continue the others";
@@ -139,10 +140,7 @@ void DriveReader::add(Stored stored) {
   Entry entry;
   entry.image.index = index;
   entry.image.decode_ms = stored.decode_ms;
-  entry.image.stamp_ns =
-      options_.fps > 0
-          ? static_cast<std::int64_t>(kNanoseconds * static_cast<double>(index) / options_.fps)
-          : image.stamp_ns;
+  entry.image.stamp_ns = options_.fps > 0 ? stampAtRate(index, options_.fps) : image.stamp_ns;
   try {
     if (image.pixels.empty()) throw DataError(image.error);
     const cv::Size size(camera_->calibration().width, camera_->calibration().height);
@@ -191,8 +189,7 @@ void DriveReader::use(std::size_t index, bool starts_again) {
 std::int64_t DriveReader::continued(std::int64_t stamp_ns, bool starts_again) {
   if (starts_again) {
     ++restarts_;
-    const std::int64_t interval =
-        interval_ns_ > 0 ? interval_ns_ : static_cast<std::int64_t>(0.1 * kNanoseconds);
+    const std::int64_t interval = interval_ns_ > 0 ? interval_ns_ : kUsualInterval;
     offset_ns_ = last_stamp_ns_ + interval - stamp_ns;
   }
   const std::int64_t result = stamp_ns + offset_ns_;

@@ -171,8 +171,8 @@ Stamps readWords(const TextFile& text) {
 
 /// Frame rates of cameras on vehicles: 0.5 to 250 Hz.
 constexpr long double kMinInterval = 0.004L, kMaxInterval = 2;  // [s]
-/// [s] Stamps between 1986 and 2106 are times since 1970.
-constexpr long double kMinEpoch = 5e8L, kMaxEpoch = kLatestStamp;
+/// [s] Stamps in this range are times since 1970.
+constexpr long double kMinEpoch = kEarliestEpoch, kMaxEpoch = kLatestStamp;
 
 /// The number of nanoseconds in the unit of the stamps. 0: none gives a plausible frame rate.
 long double unitOf(const std::vector<long double>& values) {
@@ -290,7 +290,7 @@ std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFi
 std::vector<std::int64_t> constantRate(std::size_t images, double fps) {
   std::vector<std::int64_t> stamps_ns;
   for (std::size_t i = 0; i < images; ++i) {
-    stamps_ns.push_back(std::llround(1e9 * static_cast<double>(i) / fps));
+    stamps_ns.push_back(stampAtRate(i, fps));
   }
   return stamps_ns;
 }

@@ -13,22 +13,20 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-/// The part of a name after `prefix` of the first sub-folder of a camera, in the order of the
-/// cameras; empty: none.
-std::string firstCamera(const fs::path& folder, const std::string& prefix,
-                        const std::vector<std::string>& cameras) {
-  for (const std::string& camera : cameras) {
-    if (fs::is_directory(folder / (prefix + camera))) return camera;
+/// The first of these cameras that has a folder image_<camera>; empty: none.
+std::string firstCamera(const fs::path& folder, std::initializer_list<const char*> cameras) {
+  for (const char* camera : cameras) {
+    if (fs::is_directory(folder / (std::string("image_") + camera))) return camera;
   }
   return {};
 }
 
 std::string odometryCamera(const fs::path& folder) {
-  return firstCamera(folder, "image_", {"0", "1", "2", "3"});
+  return firstCamera(folder, {"0", "1", "2", "3"});
 }
 
 std::string rawCamera(const fs::path& folder) {
-  return firstCamera(folder, "image_", {"00", "01", "02", "03"});
+  return firstCamera(folder, {"00", "01", "02", "03"});
 }
 
 void requirePoseOfEachImage(const fs::path& source, std::size_t poses, std::size_t images) {

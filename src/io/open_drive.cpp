@@ -1,6 +1,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/seconds.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
 #include "ground_scale_vo/io/drive_reader.hpp"
@@ -12,8 +13,6 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr std::int64_t kEpoch = 500000000LL * 1000000000;  // [ns] later stamps are since 1970
-
 class Files : public ImageSource {
  public:
   Files(std::string name, std::vector<fs::path> files, std::vector<std::int64_t> stamps_ns)
@@ -22,7 +21,9 @@ class Files : public ImageSource {
   const std::string& name() const override { return name_; }
   std::size_t count() const override { return files_.size(); }
   /// Among times since 1970.
-  bool zeroIsUnset() const override { return !stamps_ns_.empty() && stamps_ns_.back() > kEpoch; }
+  bool zeroIsUnset() const override {
+    return !stamps_ns_.empty() && secondsBetween(0, stamps_ns_.back()) > kEarliestEpoch;
+  }
   std::optional<StoredImage> next() override {
     if (index_ == files_.size()) return std::nullopt;
     StoredImage image;

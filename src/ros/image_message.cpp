@@ -16,7 +16,7 @@ namespace {
 /// Of decoded pixels: a Bayer pattern, which the compression has kept, or the channels of OpenCV.
 std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
   namespace encodings = sensor_msgs::image_encodings;
-  const std::string source = encodingOfFormat(format);
+  const std::string source = bayerPatternOf(format);
   const int bits = pixels.depth() == CV_16U ? 16 : 8;
   if (pixels.channels() == 1 && encodings::isBayer(source) && encodings::bitDepth(source) == bits) {
     return source;

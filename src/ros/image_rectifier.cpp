@@ -68,18 +68,17 @@ void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const st
   const CameraCalibration calibration = calibrationOf(fromMsg(info), topic, image_is_rectified_);
   const std::string source = "camera_info on topic " + topic;
   const std::string warning = checkCalibration(calibration, source, sizeOf(calibration));
-  auto camera = std::make_shared<const CalibratedCamera>(calibration);
   try {
-    requireMask(raw_mask_, camera->camera(), mask_name_);
+    requireMask(raw_mask_, pinholeOf(calibration), mask_name_);
   } catch (const OptionError& error) {
     throw DataError(std::string(error.what()) + " of " + source);
   }
-  switch (calibrations_.check(camera)) {
+  switch (calibrations_.check(calibration)) {
     case decltype(calibrations_)::Verdict::kSame:
       return;
     case decltype(calibrations_)::Verdict::kChanged:
       calibration_warning_ = warning;
-      return use(std::move(camera));
+      return use(std::make_shared<const CalibratedCamera>(calibration));
     default:
       throw DataError(calibrationError(topic));
   }
@@ -88,7 +87,7 @@ void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const st
 std::string ImageRectifier::calibrationError(const std::string& topic) const {
   if (!calibrations_.keepsChanging()) return {};
   const std::string used = camera_->calibration().describe(),
-                    other = (*calibrations_.other())->calibration().describe();
+                    other = calibrations_.other()->describe();
   return calibrations_.alternates()
              ? "two cameras publish on " + topic + ": camera_info alternates between " + used +
                    ", which is used, and " + other
@@ -107,9 +106,10 @@ cv::Mat ImageRectifier::given(const sensor_msgs::Image& image) {
 
 /// Before rectification. Throws DataError.
 cv::Mat ImageRectifier::toGrey(const sensor_msgs::Image& image) {
-  checkCalibration(camera_->calibration(), source_,
-                   {static_cast<int>(std::min(image.width, kMaxImageSide)),
-                    static_cast<int>(std::min(image.height, kMaxImageSide))});
+  const CameraCalibration& calibration = camera_->calibration();
+  const cv::Size size(static_cast<int>(std::min(image.width, kMaxImageSide)),
+                      static_cast<int>(std::min(image.height, kMaxImageSide)));
+  if (size != sizeOf(calibration)) checkCalibration(calibration, source_, size);  // throws
   return grey_converter_.convert(fromMsg(image));
 }
 

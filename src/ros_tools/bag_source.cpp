@@ -98,7 +98,7 @@ class BagImages : public ImageSource {
         stored->stamp_ns = toNanoseconds(compressed->header.stamp);
         stored->pixels = decodePixels(
             {reinterpret_cast<const char*>(compressed->data.data()), compressed->data.size()});
-        stored->encoding = encodingOfFormat(compressed->format);
+        stored->encoding = bayerPatternOf(compressed->format);
       } else {
         stored->error = "it is a message of the type " + instance.getDataType();
       }

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/calibration/height_calibration.hpp"
@@ -14,7 +15,6 @@
 #include "ground_scale_vo/common/set_option.hpp"
 #include "ground_scale_vo/common/text_file.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
-#include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/run_progress.hpp"
 #include "ground_scale_vo/io/stamped_position.hpp"
 #include "ground_scale_vo/ros_tools/bag_source.hpp"
@@ -57,7 +57,10 @@ gsv::DriveRun runDrive(const Arguments& arguments) {
   if (run.record.frames().empty()) {
     throw gsv::DataError(drive->name() + " has no image between --from and --to");
   }
-  if (gsv::report(name, run, "", false) != 0) throw gsv::DataError(run.failure);
+  // A failure is printed by CommandLine.
+  const std::string failure = std::exchange(run.failure, "");
+  gsv::report(name, run, "", false);
+  if (!failure.empty()) throw gsv::DataError(failure);
   return run;
 }
 
@@ -119,7 +122,7 @@ void check(Arguments* arguments) {
   bag.camera_file = arguments->drive.camera_file;
   bag.options = arguments->drive.options;
   arguments->run.odometry.scale.camera_height = kNominalHeight;
-  gsv::OfflineRun::Options options = arguments->run.odometry;
+  gsv::MetricOdometry::Options options = arguments->run.odometry;
   for (const std::string& setting : arguments->run.settings) gsv::setOption(options, setting);
   options.validate();
 }

@@ -71,5 +71,12 @@ TEST(EncodedImage, IsDecodedOnlyIfItIsWholeAndOfAPlausibleSize) {
   EXPECT_EQ(refusal(huge), "states 2130706690 x 2130706435 pixels, more than are plausible");
 }
 
+TEST(EncodedImage, OfColourIsBgrWhateverItWasBefore) {
+  EXPECT_EQ(bayerPatternOf("bayer_rggb8; jpeg compressed "), "bayer_rggb8");
+  for (const char* format : {"rgb8; jpeg compressed bgr8", "mono8; png compressed ", "jpeg", ""}) {
+    EXPECT_EQ(bayerPatternOf(format), "") << format;
+  }
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

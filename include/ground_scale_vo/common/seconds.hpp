@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <string>
@@ -11,6 +13,11 @@ namespace ground_scale_vo {
 /// [s] from one stamp [ns] to another; negative when `to_ns` is the earlier one.
 inline double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
   return static_cast<double>(to_ns - from_ns) * 1e-9;
+}
+
+/// Stamp [ns] of image i of images at a constant rate [Hz], from 0 on.
+inline std::int64_t stampAtRate(std::size_t i, double rate_hz) {
+  return std::llround(1e9 * static_cast<double>(i) / rate_hz);
 }
 
 /// Seconds with nine decimals.

@@ -45,9 +45,6 @@ class CalibratedCamera {
   /// Mask of the given images from that of the raw ones.
   cv::Mat givenMask(const cv::Mat& raw_mask) const;
 
-  /// Same calibration: same image size, and both rectify an image to the same intrinsics and from
-  /// the same raw pixels, within kTolerancePx.
-  bool isSameAs(const CalibratedCamera& other) const;
   /// Same image size and, within kTolerancePx, same intrinsics.
   bool matches(const PinholeCamera& other) const;
 
@@ -59,6 +56,10 @@ class CalibratedCamera {
   CameraCalibration calibration_, given_;
   Undistortion undistortion_;
 };
+
+/// Same calibration: same image size, and both rectify an image to the same intrinsics and from the
+/// same raw pixels, within CalibratedCamera::kTolerancePx.
+bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b);
 
 /// Pixel of the raw image that a pixel of the rectified one shows.
 cv::Point2d distortedPixel(const CameraCalibration& camera, const cv::Point2d& rectified);

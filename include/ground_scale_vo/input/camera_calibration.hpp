@@ -51,6 +51,9 @@ PinholeCamera pinholeOf(const CameraCalibration& calibration);
 /// horizontal field of view. Throws OptionError.
 CameraCalibration ofFieldOfView(double degrees, const cv::Size& size);
 
+/// True for every name of OpenCV's fisheye model in ROS, Kalibr and OpenCV.
+bool isFisheyeModel(const std::string& name);
+
 /// The model of OpenCV by its name in ROS, Kalibr and OpenCV; *is_fisheye is set. An empty name
 /// means no distortion and is valid without coefficients only. Throws OptionError.
 void setDistortionModel(const std::string& name, CameraCalibration* calibration);

@@ -26,8 +26,9 @@ ImageSize encodedSize(std::string_view bytes);
 /// pixels, ...", "cannot be decoded"; the caller adds the name of the image).
 cv::Mat decodePixels(std::string_view bytes);
 
-/// The encoding before the compression that the format of a sensor_msgs/CompressedImage begins
-/// with, such as "bayer_rggb8; jpeg compressed". For GreyConverter.
-std::string encodingOfFormat(const std::string& format);
+/// The Bayer pattern of decodePixels(), for GreyConverter, from the format of a
+/// sensor_msgs/CompressedImage, such as "bayer_rggb8; jpeg compressed". Empty without one: decoded
+/// colours are BGR, whatever their order was before the compression.
+std::string bayerPatternOf(const std::string& format);
 
 }  // namespace ground_scale_vo

@@ -34,6 +34,9 @@ NumberedFiles imageFiles(const std::filesystem::path& folder);
 std::vector<std::int64_t> readImageStamps(const std::filesystem::path& file,
                                           const NumberedFiles& images);
 
+/// [s] In 1985: later stamps are times since 1970, earlier ones times since the start of a drive.
+constexpr double kEarliestEpoch = 5e8;
+
 /// Stamps [ns] of images at a constant rate [Hz], from 0 on.
 std::vector<std::int64_t> constantRate(std::size_t images, double fps);
 

@@ -30,8 +30,8 @@ class ImageRectifier {
   /// Precondition: no camera file.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
-  /// Null before the first valid camera_info, or before the first image with a camera file that
-  /// contains no image size. A new object if and only if the calibration changed.
+  /// Without a camera file, null before the first valid camera_info. A new object if and only if
+  /// the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
   /// Mask of the rectified images (Undistortion::mask()); the same cv::Mat while camera() is the
   /// same. Empty when it masks nothing.
@@ -65,8 +65,7 @@ class ImageRectifier {
   double readout_time_ = 0;
   std::string source_ = "camera_info", calibration_warning_;
   std::shared_ptr<const CalibratedCamera> camera_;
-  SourceGuard<std::shared_ptr<const CalibratedCamera>> calibrations_{
-      [](const auto& a, const auto& b) { return a->isSameAs(*b); }};
+  SourceGuard<CameraCalibration> calibrations_{isSameCalibration};
   GreyConverter grey_converter_;
 };
 

@@ -22,7 +22,7 @@ std::string measureOpencvBaseline(const std::vector<std::vector<cv::Point2f>>& p
   mallopt(M_MMAP_THRESHOLD, 32 << 20);
   mallopt(M_TRIM_THRESHOLD, 256 << 20);
   constexpr double kCornerQuality = 0.01;  // relative to the strongest, OpenCV's example value
-  const cv::Size window(options.window_px, options.window_px);
+  const cv::Size window(FeatureTracker::kPatchSide_px, FeatureTracker::kPatchSide_px);
   const auto pyramid = [&](const cv::Mat& base) {
     std::vector<cv::Mat> levels;
     cv::buildOpticalFlowPyramid(base, levels, window, options.pyramid_levels);

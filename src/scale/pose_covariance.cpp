@@ -4,8 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

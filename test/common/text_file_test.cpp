@@ -1,8 +1,7 @@
-#include "ground_scale_vo/common/text_file.hpp"
-
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include "ground_scale_vo/common/files.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

@@ -11,7 +11,7 @@
 #include <sstream>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/evaluation/covariance_metrics.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"

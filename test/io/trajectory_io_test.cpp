@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "ground_scale_vo/common/text_file.hpp"
-#include "ground_scale_vo/io/csv_stream.hpp"
+#include "ground_scale_vo/common/files.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -22,6 +23,11 @@ class OptionError : public std::invalid_argument {
 
 /// Throws OptionError, with the option, its value and range, unless `min <= value <= max`; NaN is
 /// out of range. For the validate() of an Options struct.
-void requireInRange(const char* option, double value, double min, double max);
+inline void requireInRange(const char* option, double value, double min, double max) {
+  if (value >= min && value <= max) return;
+  std::ostringstream sentence;
+  sentence << option << " is " << value << ", it must lie in [" << min << ", " << max << "]";
+  throw OptionError(sentence.str());
+}
 
 }  // namespace ground_scale_vo

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/common/degrees.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
@@ -58,7 +58,6 @@ struct CovarianceMetrics {
     /// Mean of the normalised estimation error squared, e^T P^-1 e, over the six degrees of
     /// freedom: 1 for a consistent covariance, more for an overconfident one.
     double nees_per_dof = 0;
-    double nees_per_dof_exact_ground_truth = 0;  ///< the same if the ground truth were exact
     double within_2_sigma = 0;  ///< share of the six components of all errors; consistent: 0.95
   };
   std::vector<Length> by_length;  ///< of 10, 50 and 100 m, those that have a segment

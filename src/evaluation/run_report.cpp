@@ -58,7 +58,7 @@ void addScaleMetrics(const ScaleMetrics& scale, Json* json) {
 }
 
 void addCovarianceMetrics(const CovarianceMetrics& covariance, Json* json) {
-  (*json)["first_metric_pose_m"] = number(covariance.first_metric_pose_m);
+  (*json)["first_metric_pose_m"] = covariance.first_metric_pose_m;
   Json& array = (*json)["covariance_by_length"] = Json::array();
   for (const CovarianceMetrics::Length& length : covariance.by_length) {
     array.push_back({{"length_m", length.length_m},

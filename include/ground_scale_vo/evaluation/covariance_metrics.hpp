@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstddef>
-#include <optional>
+#include <limits>
 #include <vector>
 
 #include "ground_scale_vo/common/math.hpp"
@@ -61,8 +61,8 @@ struct CovarianceMetrics {
     double within_2_sigma = 0;  ///< share of the six components of all errors; consistent: 0.95
   };
   std::vector<Length> by_length;  ///< of 10, 50 and 100 m, those that have a segment
-  /// Ground truth path length up to the first metric pose; empty without one.
-  std::optional<double> first_metric_pose_m;
+  /// Ground truth path length up to the first metric pose; NaN without one.
+  double first_metric_pose_m = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// ground_truth: T_c0_ci [m] of each frame. Throws OptionError when its size differs from the

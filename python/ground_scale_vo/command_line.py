@@ -124,7 +124,7 @@ def draw(folder):
     except ImportError as error:
         print(f"no plots: {error}", file=sys.stderr)
     else:
-        plot_run.draw(folder, pdf=False)
+        plot_run.draw(folder)
 
 
 def run(arguments):

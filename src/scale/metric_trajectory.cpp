@@ -5,9 +5,12 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
+<<<<<<< HEAD
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/scale/pose_covariance.hpp"
+=======
+>>>>>>> c87bbb28951a5c2679b8d96621cecb4fa1e6388f
 
 namespace ground_scale_vo {
 namespace {
@@ -90,7 +93,7 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
   last_tracked_ = {frame.stamp_ns, frame.T_w_c};
   if (scale.status == ScaleStatus::kUnknown || !(scale.scale > 0)) return std::nullopt;
 
-  pose_covariance_c_ = poseCovariance(frame, scale.scale);
+  pose_covariance_c_ = withScaledPosition(frame.pose_covariance, scale.scale);
   const Eigen::Isometry3d T_ref_c = map_->T_w_ref.inverse() * frame.T_w_c;
   if (!map_->metric) {
     anchorMap(T_ref_c, scale, secondsBetween(map_->ref_stamp_ns, frame.stamp_ns));

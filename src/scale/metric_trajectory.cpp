@@ -5,12 +5,9 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-<<<<<<< HEAD
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/scale/pose_covariance.hpp"
-=======
->>>>>>> c87bbb28951a5c2679b8d96621cecb4fa1e6388f
 
 namespace ground_scale_vo {
 namespace {

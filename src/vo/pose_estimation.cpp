@@ -8,10 +8,7 @@
 #include "common/lanes.hpp"
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
-<<<<<<< HEAD
 #include "ground_scale_vo/common/math.hpp"
-=======
->>>>>>> c87bbb28951a5c2679b8d96621cecb4fa1e6388f
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/projection_jacobian.hpp"
 

@@ -1,7 +1,8 @@
+#include "ground_scale_vo/common/files.hpp"
+
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include "ground_scale_vo/common/files.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

@@ -1,3 +1,5 @@
+#include "ground_scale_vo/common/options.hpp"
+
 #include <gtest/gtest.h>
 
 #include <string>
@@ -5,7 +7,6 @@
 #include <type_traits>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 

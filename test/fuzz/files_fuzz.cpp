@@ -1,5 +1,5 @@
-// The files of a KITTI folder, and the option --set of the tools. The first byte of an input selects
-// what the others are.
+// The files of a KITTI folder, and the option --set of the tools. The first byte of an input
+// selects what the others are.
 
 #include <unistd.h>
 

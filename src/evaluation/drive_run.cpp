@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/common/time.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 

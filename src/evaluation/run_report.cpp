@@ -9,9 +9,7 @@
 
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/time.hpp"
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -12,8 +12,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "scripted_run.hpp"
 #include "support/temporary_folder.hpp"

@@ -12,7 +12,6 @@
 #include <unordered_set>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -15,7 +15,6 @@
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/encoded_image.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
 #include "ground_scale_vo/ros_tools/bag_topics.hpp"
 
 namespace ground_scale_vo {

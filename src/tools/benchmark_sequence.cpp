@@ -25,7 +25,7 @@
 #include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "support/command_line.hpp"
 #include "support/sequence_arguments.hpp"
 

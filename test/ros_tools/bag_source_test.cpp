@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/image_message.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

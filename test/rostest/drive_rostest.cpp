@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "manager_test.hpp"
 #include "support/drive_run.hpp"
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/param_reader.hpp"
+#include "ground_scale_vo/ros/params.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/params.hpp"
 #include "support/expect_throws.hpp"
 
 namespace ground_scale_vo {

@@ -42,6 +42,8 @@ VoFrame someFrame() {
   frame.keyframe = true;
   frame.camera = {1241, 376, 718.856, 718.857, 607.1928, 185.2157};
   frame.T_w_c = test::pose({0.3, -1.2, 2}, {normal(random), normal(random), normal(random)});
+  const Matrix6d root = Matrix6d::NullaryExpr([&] { return normal(random); });
+  frame.pose_covariance = root * root.transpose();
   frame.readout_motion << 0.001, 0.02, -0.003, 0.1, -0.01, 1 / 3.0;
   frame.map_start.stamp_ns = 1317617734123456789;
   frame.map_start.R_previous_w = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).matrix();
@@ -80,6 +82,7 @@ TEST(VoFrameMsg, RoundTripIsExact) {
   EXPECT_EQ(values(back), values(frame));
   EXPECT_EQ(back.T_w_c.translation(), frame.T_w_c.translation());
   EXPECT_LT((back.T_w_c.linear() - frame.T_w_c.linear()).norm(), 1e-15);
+  EXPECT_EQ(back.pose_covariance, frame.pose_covariance);
   EXPECT_EQ(back.readout_motion, frame.readout_motion);
   EXPECT_LT((back.map_start.R_previous_w - frame.map_start.R_previous_w).norm(), 1e-15);
   for (std::size_t i = 0; i < back.features.size(); ++i) {
@@ -106,6 +109,8 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
       {[](VoFrameMsg* m) { m->pose.position.x = kInfinity; }, "the position (inf, "},
       {[](VoFrameMsg* m) { m->pose.orientation = geometry_msgs::Quaternion(); },
        "the quaternion (0, 0, 0, 0) of the pose is not of unit length"},
+      {[](VoFrameMsg* m) { m->pose_covariance[7] = -1; }, "pose_covariance"},
+      {[](VoFrameMsg* m) { m->pose_covariance[1] += 1; }, "pose_covariance"},
       {[](VoFrameMsg* m) { m->readout_motion[5] = kInfinity; }, "readout_motion"},
       {[](VoFrameMsg* m) { m->map_start_rotation.w = 3; }, "of map_start_rotation"},
       {[](VoFrameMsg* m) { m->map_start = m->header.stamp + ros::Duration(1); }, "map_start is"},
@@ -123,11 +128,15 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
   EXPECT_NO_THROW(fromMsg(lost));
 }
 
-TEST(VoFrameMsg, RoundsQuaternionsAndDropsUnusablePoints) {
+TEST(VoFrameMsg, RoundsQuaternionsAndDropsUnusablePointsAndUnknownCovariances) {
   const VoFrame frame = someFrame();
   VoFrameMsg msg = message(frame);
   for (auto* q : {&msg.pose.orientation, &msg.map_start_rotation}) {
     for (double* element : {&q->x, &q->y, &q->z, &q->w}) *element *= 1.005;
+  }
+  for (const double unknown : {0.0, -1.0}) {
+    msg.pose_covariance[0] = unknown;
+    EXPECT_EQ(fromMsg(msg).pose_covariance, Matrix6d::Zero());
   }
   msg.z[1] = -2.f;  // behind the camera
   msg.depth_sigma[2] = std::numeric_limits<float>::infinity();

@@ -84,7 +84,7 @@ TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
   rectifier.setCameraInfo(infoOf(10), "t");
   EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).grey.at<std::uint8_t>(3, 3), 100);
   expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
-                          "the images are 6x8, but camera_info describes 8x6");
+                          "the images are 6x8, but camera_info on topic t describes 8x6");
 }
 
 using CameraFile = TemporaryFolder;

@@ -41,12 +41,13 @@ void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_hand
   if (!params_.odometry.refine_camera) return;
   refined_camera_publisher_ =
       handle.advertise<sensor_msgs::CameraInfo>("refined_camera_info", 1, true);
-  save_camera_server_ = private_handle.advertiseService<std_srvs::Trigger::Request,
-                                                        std_srvs::Trigger::Response>(
-      "save_camera", [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-        saveCamera(&response);
-        return true;
-      });
+  save_camera_server_ =
+      private_handle.advertiseService<std_srvs::Trigger::Request, std_srvs::Trigger::Response>(
+          "save_camera",
+          [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+            saveCamera(&response);
+            return true;
+          });
 }
 
 std::string MonoVoNodelet::reset() {
@@ -91,7 +92,7 @@ void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 void MonoVoNodelet::scheduleProcessing() {
   if (processing_scheduled_ || images_.empty() || !receiver_->camera()) return;
   processing_scheduled_ = true;
-  callbacks_.post([this] {
+  post([this] {
     processing_scheduled_ = false;
     const sensor_msgs::ImageConstPtr image = images_.front();
     images_.pop_front();

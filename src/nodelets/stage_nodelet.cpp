@@ -7,8 +7,8 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kDiagnosticsPeriod = 1.0;              // [s] wall time
-constexpr double kStartup = 5.0;                        // [s] a driver may start after the nodelets
+constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
+constexpr double kStartup = 5.0;            // [s] a driver may start after the nodelets
 constexpr std::chrono::seconds kMissingInputPeriod(30);  // of the warnings in the log
 
 class Task : public ros::CallbackInterface {
@@ -25,13 +25,14 @@ class Task : public ros::CallbackInterface {
 
 }  // namespace
 
-void DedicatedSpinner::post(std::function<void()> task) {
-  queue_.addCallback(boost::make_shared<Task>(std::move(task)));
+void StageNodelet::post(std::function<void()> task) {
+  callbacks_.addCallback(boost::make_shared<Task>(std::move(task)));
 }
 
 void StageNodelet::onInit() {
-  ros::NodeHandle handle = callbacks_.handle(getNodeHandle());
-  ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
+  ros::NodeHandle handle = getNodeHandle(), private_handle = getPrivateNodeHandle();
+  handle.setCallbackQueue(&callbacks_);
+  private_handle.setCallbackQueue(&callbacks_);
   log_ = std::make_unique<WarningLog>(getName());
   try {
     start(handle, private_handle);
@@ -39,20 +40,20 @@ void StageNodelet::onInit() {
     NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
     throw;
   }
-  reset_server_ = private_handle.advertiseService<std_srvs::Trigger::Request,
-                                                  std_srvs::Trigger::Response>(
-      "reset", [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-        response.message = "reset: " + reset();
-        response.success = true;
-        return true;
-      });
+  reset_server_ =
+      private_handle.advertiseService<std_srvs::Trigger::Request, std_srvs::Trigger::Response>(
+          "reset", [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+            response.message = "reset: " + reset();
+            response.success = true;
+            return true;
+          });
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
   updater_->setHardwareID("none");
   updater_->add(stage(), this, &StageNodelet::diagnose);
   diagnostics_timer_ =
       handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
-  callbacks_.start();
+  spinner_.start();
 }
 
 void StageNodelet::logParams(const ParamReader& reader) {

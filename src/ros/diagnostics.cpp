@@ -63,7 +63,8 @@ std::string withMissingClock(const std::string& sentence) {
 }
 
 std::optional<MissingInput> InputWatch::missing(const std::string& topic) const {
-  if (received_ == 0) return MissingInput{name_, "no " + name_ + " received yet on " + topic, false};
+  if (received_ == 0)
+    return MissingInput{name_, "no " + name_ + " received yet on " + topic, false};
   if (since_last_.seconds() < kSilenceS) return std::nullopt;
   return MissingInput{
       name_, "no " + name_ + format(" for %.0f s on ", since_last_.seconds()) + topic, true};
@@ -80,7 +81,8 @@ DiagnosticSummary summarize(const StageState& state) {
   if (state.dropped > 0) {
     if (state.since_processed_s.value_or(kSilenceS) >= kSilenceS) {
       summary = {Level::kError, "no usable " + state.input};
-      if (state.since_processed_s) summary.message += format(" for %.0f s", *state.since_processed_s);
+      if (state.since_processed_s)
+        summary.message += format(" for %.0f s", *state.since_processed_s);
     }
     warnings.insert(warnings.begin(), std::to_string(state.dropped) + " " + state.inputs +
                                           " dropped in the last second");

@@ -45,9 +45,10 @@ std::string unsupported(const std::string& subject, const Eigen::Vector3d& up_c,
     return {};
   }
   return subject + text(up_c) +
-         format(", but at most %.0f deg of pitch and %.0f deg of roll are supported: distances may "
-                "be wrong; mount the camera upright or rotate its images",
-                kMaxPitchDeg, kMaxRollDeg);
+         format(
+             ", but at most %.0f deg of pitch and %.0f deg of roll are supported: distances may "
+             "be wrong; mount the camera upright or rotate its images",
+             kMaxPitchDeg, kMaxRollDeg);
 }
 
 }  // namespace
@@ -74,17 +75,18 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
                             const std::optional<MountingOnTf>& on_tf) {
   // First: where the road is not below the camera, a plane may be measured that is none.
   std::string warning;
-  if (turn_axis_c) warning = unsupported("in turns the camera has ", *turn_axis_c, kTurnAxisErrorDeg);
+  if (turn_axis_c)
+    warning = unsupported("in turns the camera has ", *turn_axis_c, kTurnAxisErrorDeg);
   const double sigma_deg = kDegreesPerRadian * measured.mounting_sigma;
   const bool is_known = sigma_deg <= kMaxSigmaDeg;
   const Eigen::Vector3d n_c = roadNormal(measured.mounting_pitch, measured.mounting_roll);
   if (warning.empty() && is_known) {
-    warning = unsupported("on the road the camera has ", n_c,
-                          kEstimateErrorDeg + kSigmas * sigma_deg);
+    warning =
+        unsupported("on the road the camera has ", n_c, kEstimateErrorDeg + kSigmas * sigma_deg);
   }
   if (!warning.empty() || !on_tf) return warning;
-  const std::string tf = "tf mounts the camera \"" + on_tf->camera_frame + "\" on \"" +
-                         on_tf->base_frame + "\" with ";
+  const std::string tf =
+      "tf mounts the camera \"" + on_tf->camera_frame + "\" on \"" + on_tf->base_frame + "\" with ";
   const double deviation_deg =
       kDegreesPerRadian * std::atan2(on_tf->up_c.cross(n_c).norm(), on_tf->up_c.dot(n_c));
   if (is_known && deviation_deg > kLimitDeg + kSigmas * sigma_deg) {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <set>
 #include <utility>
 
 #include "ground_scale_vo/common/se3.hpp"
@@ -29,6 +28,9 @@ constexpr std::uint32_t kTfQueue = 100;
 /// [s] wall time to wait for tf with moving_mount, which may come later than the image.
 constexpr double kMountingWaitS = 0.2;
 constexpr double kMountingPollS = 0.002;
+
+/// Of a transform on tf_static, which counts as broadcast for ever.
+constexpr auto kStatic = FrameParents::Clock::time_point::max();
 
 /// Transforms a twist or small motion (linear, angular) of a rigid body to other axes, rotated by
 /// R, and to another point of the body, at `lever` from the old one in the old axes: v' = R (v + w
@@ -159,7 +161,7 @@ void BoundedPath::clear() {
 void FrameParents::add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now) {
   for (const geometry_msgs::TransformStamped& transform : message.transforms) {
     parents_[withoutLeadingSlashes(transform.child_frame_id)]
-            [withoutLeadingSlashes(transform.header.frame_id)] = {is_static, now};
+            [withoutLeadingSlashes(transform.header.frame_id)] = is_static ? kStatic : now;
   }
 }
 
@@ -167,22 +169,20 @@ std::string FrameParents::otherParent(const std::string& frame, const std::strin
                                       Clock::time_point now) const {
   const auto found = parents_.find(frame);
   if (found == parents_.end()) return {};
-  for (const auto& [name, other] : found->second) {
-    if (name != parent && (other.is_static || now - other.last <= kMemory)) return name;
+  for (const auto& [name, last] : found->second) {
+    if (name != parent && now - last <= kMemory) return name;
   }
   return {};
 }
 
 std::string FrameParents::staticRoot(const std::string& frame) const {
   std::string root = frame;
-  std::set<std::string> passed;  // a cycle is an error of the sender
-  while (passed.insert(root).second) {
+  for (std::size_t n = 0; n < parents_.size(); ++n) {  // a cycle is an error of the sender
     const auto found = parents_.find(root);
     if (found == parents_.end()) break;
-    const auto parent = std::find_if(found->second.begin(), found->second.end(),
-                                     [](const auto& entry) { return entry.second.is_static; });
-    if (parent == found->second.end()) break;
-    root = parent->first;
+    for (const auto& [parent, last] : found->second) {
+      if (last == kStatic) root = parent;
+    }
   }
   return root;
 }

@@ -75,18 +75,13 @@ const std::vector<std::string> kScaleRecoveryOptions = {
     "trajectory/direction_sigma",            // covariance for fusion with other sensors
 };
 
-/// Declares these options of all stages; a note tells users of the others how to set them. Throws
-/// std::logic_error if the core has no option of a listed name.
+/// Declares these options of all stages. Throws std::logic_error if the core has no option of a
+/// listed name.
 template <typename Options>
 void declareOptions(ParamReader& reader, Options& options, const std::vector<std::string>& names) {
   std::size_t declared = 0;
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
-    if (std::find(names.begin(), names.end(), name) == names.end()) {
-      reader.note(name,
-                  "is not a ROS parameter and has no effect; the offline tools set it: --set " +
-                      name + "=VALUE");
-      return;
-    }
+    if (std::find(names.begin(), names.end(), name) == names.end()) return;
     reader.declare(name.c_str(), field, rest...);
     ++declared;
   });
@@ -109,9 +104,10 @@ void declareImageParams(ParamReader& reader, ImageParams& params) {
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
       "than this and 1.5 times the last interval, is used only if the next one confirms "
       "it; one earlier by less is dropped");
-  reader.declare("image_transport", params.image_transport,
-                 "[] raw, compressed, which the nodelets decode themselves, or the name of another "
-                 "installed plugin of image_transport");
+  reader.declare(
+      "image_transport", params.image_transport,
+      "[] raw, compressed, which the nodelets decode themselves, raw_or_compressed for both, "
+      "or the name of another installed plugin of image_transport");
 }
 
 }  // namespace
@@ -133,8 +129,8 @@ XmlRpcValue* ParamReader::find(const std::string& name, std::initializer_list<in
                                const std::string& requirement) {
   XmlRpcValue* const given = find(name);
   if (given != nullptr && std::find(types.begin(), types.end(), given->getType()) == types.end()) {
-    throw OptionError("parameter " + fullName(name) + " is " + typeName(*given) +
-                      ", it must be " + requirement);
+    throw OptionError("parameter " + fullName(name) + " is " + typeName(*given) + ", it must be " +
+                      requirement);
   }
   return given;
 }
@@ -195,15 +191,9 @@ std::vector<std::string> ParamReader::warnings() const {
   std::vector<std::string> sentences = frame_warnings_;
   for (const std::string& leaf : leaves) {
     if (std::find(known.begin(), known.end(), leaf) != known.end()) continue;
-    std::string note;
-    if (const auto noted = notes_.find(leaf); noted != notes_.end()) {
-      note = noted->second;
-    } else {
-      const std::string nearest = nearestName(leaf, known);
-      note = "is unknown and has no effect" +
-             (nearest.empty() ? "" : "; did you mean " + fullName(nearest) + "?");
-    }
-    sentences.push_back("parameter " + fullName(leaf) + " " + note);
+    const std::string nearest = nearestName(leaf, known);
+    sentences.push_back("parameter " + fullName(leaf) + " is unknown and has no effect" +
+                        (nearest.empty() ? "" : "; did you mean " + fullName(nearest) + "?"));
   }
   return sentences;
 }

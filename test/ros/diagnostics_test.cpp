@@ -27,13 +27,21 @@ TEST(DiagnosticSummary, OfTheInputOfAStage) {
     std::string message;
   } kCases[] = {
       {[](StageState*) {}, Level::kOk, "tracking"},
-      {[](StageState* s) { s->missing = MissingInput{"image", "no image", true}; }, Level::kError,
-       "no image"},
-      {[](StageState* s) { s->errors = {"", "two cameras", "two parents"}; }, Level::kError,
-       "two cameras"},
-      {[](StageState* s) { s->warnings = {"all zeros", "D is not zero"}; }, Level::kWarn,
-       "tracking; all zeros; D is not zero"},
-      {[](StageState* s) { s->stage = {Level::kError, "lost"}, s->warnings = {"zeros"}; },
+      {[](StageState* s) {
+         s->missing = MissingInput{"image", "no image", true};
+       },
+       Level::kError, "no image"},
+      {[](StageState* s) {
+         s->errors = {"", "two cameras", "two parents"};
+       },
+       Level::kError, "two cameras"},
+      {[](StageState* s) {
+         s->warnings = {"all zeros", "D is not zero"};
+       },
+       Level::kWarn, "tracking; all zeros; D is not zero"},
+      {[](StageState* s) {
+         s->stage = {Level::kError, "lost"}, s->warnings = {"zeros"};
+       },
        Level::kError, "lost; zeros"},
       {[](StageState* s) { s->dropped = 3; }, Level::kWarn,
        "tracking; 3 images dropped in the last second"},

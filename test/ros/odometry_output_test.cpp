@@ -187,8 +187,7 @@ TEST_F(BaseOdometry, TheOriginMovesToAPose) {
   second.T_o_c = first.T_o_c * step;
   frames_.moveOrigin(first.T_o_c);
   EXPECT_TRUE(fromMsg(message(first).pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
-  EXPECT_TRUE(
-      fromMsg(message(second).pose.pose).isApprox(T_b_c_ * step * T_b_c_.inverse(), 1e-12));
+  EXPECT_TRUE(fromMsg(message(second).pose.pose).isApprox(T_b_c_ * step * T_b_c_.inverse(), 1e-12));
 }
 
 geometry_msgs::PoseStamped poseAt(double x, double y = 0, double z = 0) {

@@ -87,9 +87,9 @@ TEST_F(Drive, DiagnosticsDescribeTheDriveAndItsLastFrame) {
   ros::NodeHandle handle;
   DiagnosticsRecorder diagnostics(handle);
   const auto text = [](double value) {
-    std::ostringstream text;
-    text << value;
-    return text.str();
+    std::ostringstream stream;
+    stream << value;
+    return stream.str();
   };
   const std::vector<TrackedFeature> features = fromMsg(*run_->frames.last()).features;
   const auto points = std::count_if(features.begin(), features.end(),

@@ -22,7 +22,7 @@ namespace ground_scale_vo {
 /// and dropped ones are counted exactly. Images wait for the first valid camera_info.
 class MonoVoNodelet : public StageNodelet {
  public:
-  ~MonoVoNodelet() override { callbacks_.stop(); }
+  ~MonoVoNodelet() override { stopCallbacks(); }
 
  private:
   struct RectifiedImage {

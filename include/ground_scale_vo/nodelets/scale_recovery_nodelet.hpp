@@ -22,7 +22,7 @@ namespace ground_scale_vo {
 /// only feature-based measurements are made. tf2_ros::TransformListener has a thread of its own.
 class ScaleRecoveryNodelet : public StageNodelet {
  public:
-  ~ScaleRecoveryNodelet() override { callbacks_.stop(); }
+  ~ScaleRecoveryNodelet() override { stopCallbacks(); }
 
  private:
   struct ReceivedFrame {
@@ -35,9 +35,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
   std::string reset() override;
   std::string stage() const override { return "scale"; }
   void describe(StageState* state) override;
-  std::uint64_t dropped() const override {
-    return continuity_.missing() + log_->dropped("frame ");
-  }
+  std::uint64_t dropped() const override { return continuity_.missing() + log_->dropped("frame "); }
   void addValues(diagnostic_updater::DiagnosticStatusWrapper& status) override;
 
   void subscribeToImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle);

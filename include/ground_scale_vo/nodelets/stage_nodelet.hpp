@@ -23,36 +23,17 @@ namespace ground_scale_vo {
 /// a 10 Hz camera.
 constexpr std::uint32_t kPublishQueue = 100;
 
-/// Runs the callbacks of one nodelet, one after the other, on a thread of its own.
-///
-/// The nodelet manager's queue is not used for three reasons: it drops what arrives during onInit
-/// (such as a latched camera_info), it is destroyed before the subscriptions when onInit throws,
-/// and it shares its threads with the other nodelets.
-class DedicatedSpinner {
- public:
-  /// A copy of the handle whose callbacks go to this queue.
-  ros::NodeHandle handle(ros::NodeHandle of_nodelet) {
-    of_nodelet.setCallbackQueue(&queue_);
-    return of_nodelet;
-  }
-  /// Callbacks run from now on.
-  void start() { spinner_.start(); }
-  /// Waits for the callback in progress; no callback runs afterwards.
-  void stop() { spinner_.stop(); }
-  /// Runs the task on the same thread, after all callbacks that wait now.
-  void post(std::function<void()> task);
-
- private:
-  ros::CallbackQueue queue_;
-  ros::AsyncSpinner spinner_{1, &queue_};
-};
-
 /// What both nodelets have: a thread for their callbacks, a log, the service ~reset, and the
-/// diagnostics once a second. The destructor of a derived class must call callbacks_.stop() first,
-/// because its members are destroyed before the spinner.
+/// diagnostics once a second.
+///
+/// All callbacks run one after the other on the nodelet's own thread. The nodelet manager's queue
+/// is not used for three reasons: it drops what arrives during onInit (such as a latched
+/// camera_info), it is destroyed before the subscriptions when onInit throws, and it shares its
+/// threads with the other nodelets.
 class StageNodelet : public nodelet::Nodelet {
  protected:
-  /// Subscribes and advertises; callbacks run afterwards. Throws OptionError.
+  /// Subscribes and advertises with handles of the own queue; callbacks run afterwards. Throws
+  /// OptionError.
   virtual void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) = 0;
   /// ~reset. Returns what happens next, for the answer of the service.
   virtual std::string reset() = 0;
@@ -79,7 +60,12 @@ class StageNodelet : public nodelet::Nodelet {
   void countFrame(const Stopwatch& watch);
   std::uint64_t processed() const { return processed_; }
 
-  DedicatedSpinner callbacks_;  // destroyed after all members that use its handles
+  /// Runs the task on the nodelet's thread, after all callbacks that wait now.
+  void post(std::function<void()> task);
+  /// Waits for the callback in progress; no callback runs afterwards. The destructor of a derived
+  /// class must call it: its members are destroyed before this class.
+  void stopCallbacks() { spinner_.stop(); }
+
   std::unique_ptr<WarningLog> log_;
 
  private:
@@ -88,6 +74,8 @@ class StageNodelet : public nodelet::Nodelet {
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
   void warnOfMissingInput(const MissingInput& missing, bool clock_runs);
 
+  ros::CallbackQueue callbacks_;  // first: destroyed after all that uses it
+  ros::AsyncSpinner spinner_{1, &callbacks_};
   ros::ServiceServer reset_server_;
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;

@@ -148,9 +148,9 @@ class ImageReceiver {
   /// where only one of them is published; any other one but `raw` needs its plugin, which may read
   /// parameters of private_handle. queue_size: images that may wait for their callback. Throws
   /// OptionError when the plugin is missing, and for a mask or camera file that cannot be used.
-  ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
-                const ImageParams& params, std::uint32_t queue_size, WarningLog* log,
-                OnImage on_image, OnCamera on_camera = [] {});
+  ImageReceiver(
+      ros::NodeHandle handle, const ros::NodeHandle& private_handle, const ImageParams& params,
+      std::uint32_t queue_size, WarningLog* log, OnImage on_image, OnCamera on_camera = [] {});
   ImageReceiver(const ImageReceiver&) = delete;
   ImageReceiver& operator=(const ImageReceiver&) = delete;
 

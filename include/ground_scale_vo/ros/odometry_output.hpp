@@ -104,11 +104,8 @@ class FrameParents {
   static constexpr Clock::duration kMemory = std::chrono::seconds(5);
 
  private:
-  struct Parent {
-    bool is_static;
-    Clock::time_point last;
-  };
-  std::map<std::string, std::map<std::string, Parent>> parents_;  ///< child -> its parents
+  /// child -> parent -> last message; kStatic: of tf_static.
+  std::map<std::string, std::map<std::string, Clock::time_point>> parents_;
 };
 
 /// Publishes `odometry`, `path` and on tf odom_frame -> base_frame. Works in the callback queue of

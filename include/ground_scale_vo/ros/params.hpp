@@ -3,7 +3,6 @@
 #include <xmlrpcpp/XmlRpcValue.h>
 
 #include <initializer_list>
-#include <map>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -50,11 +49,8 @@ class ParamReader {
   /// A number without a default: throws OptionError if it is not set.
   void require(const char* name, double& field, double min, double max, const char* meaning);
 
-  /// A name that is not a parameter. If it is set, warnings() contains "parameter NAME <note>".
-  void note(const std::string& name, const std::string& note) { notes_[name] = note; }
-
   /// One sentence for each frame name with a slash, and for each parameter that is set but not
-  /// declared: its note, or else the most similar known name.
+  /// declared, with the most similar known name.
   std::vector<std::string> warnings() const;
 
   /// All declared parameters, in order.
@@ -75,7 +71,6 @@ class ParamReader {
   std::string namespace_;
   XmlRpc::XmlRpcValue tree_;
   std::vector<Entry> entries_;
-  std::map<std::string, std::string> notes_;
   std::vector<std::string> frame_warnings_;
 };
 

@@ -228,17 +228,18 @@ MaskedImage ImageReceiver::imageOf(const VoFrame& frame, const sensor_msgs::Imag
 
 /// The conversion of an image, unless it is of another camera.
 MaskedImage ImageReceiver::checked(const sensor_msgs::Image& image, const Conversion& conversion) {
-  const std::string source = "frame_id \"" + image.header.frame_id + "\", " +
-                             std::to_string(image.width) + " x " + std::to_string(image.height);
-  const bool is_of_other_camera = sources_.check(source) == decltype(sources_)::Verdict::kRefused;
-  reportSourceError();
+  MaskedImage converted;
   try {
-    const MaskedImage converted = conversion();
-    if (!is_of_other_camera) return converted;
-    log_->drop("image of another camera", sourceError());
+    converted = conversion();
   } catch (const std::exception& error) {
     log_->drop("image refused", error.what());
+    return {};
   }
+  const bool is_of_other_camera =
+      sources_.check(image.header.frame_id) == decltype(sources_)::Verdict::kRefused;
+  reportSourceError();
+  if (!is_of_other_camera) return converted;
+  log_->drop("image of another camera", sourceError());
   return {};
 }
 
@@ -255,8 +256,8 @@ std::optional<MissingInput> ImageReceiver::missingCameraInfo() const {
 
 std::string ImageReceiver::sourceError() const {
   if (!sources_.refused()) return rectifier_.calibrationError();
-  return "two cameras publish on " + imageTopic() + ": the images alternate between " +
-         sources_.current() + ", which are used, and " + *sources_.refused();
+  return "two cameras publish on " + imageTopic() + ": images with the frame_id \"" +
+         sources_.current() + "\" are used, those with \"" + *sources_.refused() + "\" are not";
 }
 
 }  // namespace ground_scale_vo

@@ -199,7 +199,7 @@ class ImageReceiver {
   const OnImage on_image_;
   const OnCamera on_camera_;
   ImageRectifier rectifier_;
-  SourceGuard<std::string> sources_;  ///< of the images: frame_id and size
+  SourceGuard<std::string> sources_;  ///< frame_id of the images that can be used
   InputWatch images_{"image"};
   bool has_source_error_ = false;
   std::string camera_info_error_, calibration_warning_;

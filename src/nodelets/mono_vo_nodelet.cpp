@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/write_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/ros/odometry_output.hpp"
 

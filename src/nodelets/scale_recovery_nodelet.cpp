@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
 namespace ground_scale_vo {

@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/input/encoded_image.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/input/image_file.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -3,9 +3,9 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "ground_scale_vo/common/degrees.hpp"
-#include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {

@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "ground_scale_vo/common/nearest_name.hpp"
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {

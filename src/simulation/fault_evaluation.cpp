@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <limits>
 
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 
 namespace ground_scale_vo {

@@ -4,8 +4,8 @@
 #include <functional>
 #include <utility>
 
-#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

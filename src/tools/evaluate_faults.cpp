@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 #include "ground_scale_vo/simulation/fault_evaluation.hpp"
 #include "support/command_line.hpp"

@@ -8,18 +8,17 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/set_option.hpp"
-#include "ground_scale_vo/common/stopwatch.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
-#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/simulation/scenario_evaluation.hpp"
 #include "ground_scale_vo/simulation/scenarios.hpp"
 #include "support/command_line.hpp"
 #include "support/parallel_for.hpp"
 #include "support/scenario_tables.hpp"
-#include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
 

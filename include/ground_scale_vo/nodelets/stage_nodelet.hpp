@@ -13,7 +13,7 @@
 #include <optional>
 #include <string>
 
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/diagnostics.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/simulation/fault_drives.hpp"
 
 namespace ground_scale_vo {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/text.hpp"
 
 namespace ground_scale_vo {
 

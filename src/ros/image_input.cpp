@@ -218,7 +218,9 @@ MaskedImage ImageReceiver::imageOf(const VoFrame& frame, const sensor_msgs::Imag
     std::copy(frame.distortion.begin(), frame.distortion.end(), calibration.distortion.begin());
     return checked(image, [&] { return rectifier_.refined(image, calibration); });
   }
-  if (camera()->matches(frame.camera)) return convert(image, true);
+  if (isSameCalibration(calibrationOf(camera()->camera()), calibrationOf(frame.camera))) {
+    return convert(image, true);
+  }
   const std::string source_error = sourceError();
   log_->drop("other camera", source_error.empty()
                                  ? rectifier_.source() + " describes another camera than vo/frame"

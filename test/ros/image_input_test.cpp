@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/image_rectifier.hpp"
+#include "ground_scale_vo/ros/image_input.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
 #include "support/expect_throws.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -60,40 +60,31 @@ TEST(ImageRectifier, ReplacesItsCameraOnlyForAnotherValidCalibration) {
   }
 }
 
-TEST(ImageRectifier, KeepsTheFirstOfTwoCalibrationsThatAlternate) {
-  ImageRectifier rectifier(false);
-  for (const double fx : {10, 11, 10}) rectifier.setCameraInfo(infoOf(fx), "t");
-  const auto first = rectifier.camera();
-  EXPECT_EQ(first->camera().fx, 10);
-  for (int i = 0; i < 3; ++i) {
-    for (const char* part : {"two cameras publish on t", "fx 10, ", "fx 11, ", "no distortion"}) {
-      expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(11), "t"); }, part);
+TEST(ImageRectifier, KeepsACalibrationWhileItKeepsChanging) {
+  for (const bool alternates : {false, true}) {  // as of two cameras
+    ImageRectifier rectifier(false);
+    for (const double fx : {10.0, 11.0, alternates ? 10.0 : 10.4}) {
+      rectifier.setCameraInfo(infoOf(fx), "t");
     }
-    EXPECT_NE(rectifier.calibrationError("t"), "");
-    rectifier.setCameraInfo(infoOf(10), "t");
-    EXPECT_EQ(rectifier.camera(), first);
+    EXPECT_EQ(rectifier.calibrationError(), "");
+    const auto used = rectifier.camera();
+    for (const double fx : {10.6, 10.8, 11.2, 11.0}) {
+      expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(alternates ? 11 : fx), "t"); },
+                              "camera_info on topic t keeps changing, as of two cameras: 8x6, fx " +
+                                  std::string(alternates ? "10, " : "10.4, "));
+      if (alternates) rectifier.setCameraInfo(infoOf(10), "t");
+      EXPECT_EQ(rectifier.camera(), used);
+    }
+    EXPECT_NE(rectifier.calibrationError().find("the last one is 8x6, fx 11, "), std::string::npos);
   }
-}
-
-TEST(ImageRectifier, KeepsACalibrationWhileEveryMessageHasAnother) {
-  ImageRectifier rectifier(false);
-  for (const double fx : {10.0, 10.2, 10.4}) rectifier.setCameraInfo(infoOf(fx), "t");
-  EXPECT_EQ(rectifier.calibrationError("t"), "");
-  const auto used = rectifier.camera();
-  for (const double fx : {10.6, 10.8, 11.0, 11.2}) {
-    expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(fx), "t"); },
-                            "camera_info on topic t keeps changing: 8x6, fx 10.4, ");
-    EXPECT_EQ(rectifier.camera(), used);
-  }
-  EXPECT_NE(rectifier.calibrationError("t").find("fx 11.2, "), std::string::npos);
 }
 
 TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
   ImageRectifier rectifier(false);
   rectifier.setCameraInfo(infoOf(10), "t");
-  EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).at<std::uint8_t>(3, 3), 100);
+  EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).grey.at<std::uint8_t>(3, 3), 100);
   expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
-                          "the images are 6x8, but camera_info describes 8x6");
+                          "the images are 6x8, but camera_info on topic t describes 8x6");
 }
 
 using CameraFile = TemporaryFolder;
@@ -108,10 +99,11 @@ TEST_F(CameraFile, DescribesTheImagesAsTheyCome) {
   EXPECT_EQ(rectifier.camera()->camera().fy, 11);
   EXPECT_TRUE(rectifier.camera()->camera().lens_is_estimated);
   EXPECT_TRUE(rectifier.camera()->calibration().isDistorted());
-  EXPECT_EQ(rectifier.readoutTime(), 0.02);
-  EXPECT_EQ(rectifier.mask().at<std::uint8_t>(0, 0), 0);  // outside the raw image
-  EXPECT_EQ(rectifier.mask().at<std::uint8_t>(3, 3), 255);
-  EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).at<std::uint8_t>(3, 3), 100);
+  EXPECT_EQ(rectifier.camera()->calibration().readout_time, 0.02);
+  const MaskedImage image = rectifier.rectify(uniformImage(8, 6));
+  EXPECT_EQ(image.mask.at<std::uint8_t>(0, 0), 0);  // outside the raw image
+  EXPECT_EQ(image.mask.at<std::uint8_t>(3, 3), 255);
+  EXPECT_EQ(image.grey.at<std::uint8_t>(3, 3), 100);
   expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
                           "but parameter camera_file: " + file + " describes 8x6");
 }
@@ -140,14 +132,13 @@ class MaskFile : public TemporaryFolder {
 TEST_F(MaskFile, IsRectifiedWithTheImages) {
   for (const int type : {CV_8UC1, CV_8UC3}) {  // most drawing programs write it in colour
     ImageRectifier rectifier(false, writeMask(8, 6, type));
-    EXPECT_TRUE(rectifier.mask().empty());  // no camera yet
     rectifier.setCameraInfo(infoOf(10), "t");
-    const cv::Mat mask = rectifier.mask();
+    const cv::Mat mask = rectifier.rectify(uniformImage(8, 6)).mask;
     ASSERT_EQ(mask.size(), cv::Size(8, 6));
     EXPECT_EQ(cv::countNonZero(mask), 8 * 5);
     EXPECT_EQ(cv::countNonZero(mask.row(0)), 0);
     rectifier.setCameraInfo(infoOf(10, 0.4), "t");
-    EXPECT_LT(cv::countNonZero(rectifier.mask()), 8 * 5);
+    EXPECT_LT(cv::countNonZero(rectifier.rectify(uniformImage(8, 6)).mask), 8 * 5);
   }
 }
 
@@ -168,7 +159,7 @@ TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
   cropped.roi.height = 4;
   cropped.binning_x = cropped.binning_y = 2;
   EXPECT_NO_THROW(rectifier.setCameraInfo(cropped, "t"));
-  EXPECT_EQ(rectifier.mask().size(), cv::Size(3, 2));
+  EXPECT_EQ(rectifier.rectify(uniformImage(3, 2)).mask.size(), cv::Size(3, 2));
 }
 
 TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
@@ -181,6 +172,58 @@ TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
   for (const auto& [file, reason] : kCases) {
     expectThrows<OptionError>([&, file = file] { ImageRectifier(false, file); },
                               "parameter mask: " + file + reason);
+  }
+}
+
+using Guard = SourceGuard<std::string>;
+using SourceVerdict = Guard::Verdict;
+
+TEST(SourceGuard, AChangeOfTheSourceIsAccepted) {
+  Guard guard;
+  for (const std::string source : {"a", "b", "c"}) {
+    EXPECT_EQ(guard.check(source), SourceVerdict::kChanged);
+    EXPECT_EQ(guard.check(source), SourceVerdict::kSame);
+    EXPECT_EQ(guard.current(), source);
+  }
+  EXPECT_FALSE(guard.refused());
+}
+
+TEST(SourceGuard, ASourceThatKeepsChangingStaysInUseUntilItSettles) {
+  for (const bool returns : {false, true}) {  // every second message is the same
+    Guard guard;
+    for (const char* source : {"a", "b", "c"}) guard.check(source);
+    for (int i = 0; i < 300; ++i) {
+      EXPECT_EQ(guard.check(std::to_string(i)), SourceVerdict::kRefused);
+      if (returns) {
+        EXPECT_EQ(guard.check("c"), SourceVerdict::kSame);
+      }
+      EXPECT_EQ(guard.refused(), std::to_string(i));
+      EXPECT_EQ(guard.current(), "c");
+    }
+    for (int i = 0; i < Guard::kMemory - 1; ++i) {
+      EXPECT_NE(guard.check("d"), SourceVerdict::kChanged);
+    }
+    EXPECT_EQ(guard.check("d"), SourceVerdict::kChanged);
+    EXPECT_FALSE(guard.refused());
+  }
+}
+
+TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUseUntilOneEnds) {
+  for (const int ratio : {2, 50}) {
+    for (const std::string left : {"a", "b"}) {
+      Guard guard;
+      for (const char* source : {"a", "b", "a"}) guard.check(source);
+      EXPECT_FALSE(guard.refused());
+      for (int i = 0; i < 1000; ++i) {
+        const bool is_second = i % ratio == 0;
+        EXPECT_EQ(guard.check(is_second ? "b" : "a"),
+                  is_second ? SourceVerdict::kRefused : SourceVerdict::kSame);
+        EXPECT_EQ(guard.refused(), "b");
+      }
+      for (int i = 0; i < Guard::kMemory; ++i) guard.check(left);
+      EXPECT_FALSE(guard.refused());
+      EXPECT_EQ(guard.current(), left);
+    }
   }
 }
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/param_reader.hpp"
+#include "ground_scale_vo/ros/params.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/params.hpp"
 #include "support/expect_throws.hpp"
 
 namespace ground_scale_vo {
@@ -85,7 +84,6 @@ TEST(ParamReader, WarnsOfSlashesInFrameNamesAndOfUnknownNames) {
   tree["odom_frame"] = "/map";
   tree["base_fram"] = "b";
   tree["tracker"]["nonsense_nobody_wrote"] = 1;
-  tree["direct"]["patch_size"] = 0.1;  // of the offline tools
   ParamReader reader("/scale_recovery", tree);
   EXPECT_EQ(ScaleRecoveryParams::read(reader).odom_frame, "map");
   EXPECT_EQ(ParamReader::echo(reader.entries()[1]).find("odom_frame = \"map\" "), 0u);
@@ -95,11 +93,10 @@ TEST(ParamReader, WarnsOfSlashesInFrameNamesAndOfUnknownNames) {
        {"/scale_recovery/odom_frame is \"/map\"",
         "parameter /scale_recovery/base_fram is unknown and has no effect; did you mean "
         "/scale_recovery/base_frame?\n",
-        "parameter /scale_recovery/direct/patch_size is not a ROS ",
         "parameter /scale_recovery/tracker/nonsense_nobody_wrote is unknown and has no effect\n"}) {
     EXPECT_NE(warnings.find(part), std::string::npos) << warnings;
   }
-  EXPECT_EQ(reader.warnings().size(), 4u) << warnings;
+  EXPECT_EQ(reader.warnings().size(), 3u) << warnings;
 }
 
 }  // namespace

@@ -12,7 +12,7 @@
 #include "ground_scale_vo/evaluation/offline_run.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/metric_odometry.hpp"
 #include "ground_scale_vo/ros/turn_axis.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
-#include "ground_scale_vo/simulation/scenarios.hpp"
+#include "simulation/scenarios.hpp"
 
 namespace ground_scale_vo {
 namespace {

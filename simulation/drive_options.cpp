@@ -38,7 +38,7 @@ void SyntheticDrive::Options::validate() const {
   requireInRange("stop_s", stop_s, 0, 3600);
   if (stop_s > 0 && speeds.empty() && path.empty()) {
     const double braking_m = speed * simulation::SpeedProfile::brakingTime(*this) / 2;
-    requireInRange("stop_at_m (at least the braking distance)", stop_at_m, braking_m,
+    requireInRange("stop_at_m (more than the braking distance)", stop_at_m, 1.001 * braking_m,
                    kMaxDriveLength);
   }
   double time = -1e9, drive_m = speeds.empty() ? speed * frames / frame_rate_hz : 0;

@@ -37,15 +37,12 @@ struct ScenarioMetrics {
   /// frames.
   double ok_while_unobservable = 0;
 
-  // The reaction to Scenario::fault; recovered and zero without one. The odometry has settled 3 s
-  // and 20 m after the fault: a new map needs some images, and its scale some distance.
+  // The reaction to Scenario::fault; 0 without one.
 
   /// Frames after the fault until a metric pose with a measured scale (kOk); -1: never.
   int recovery_frames = 0;
-  /// Estimated minus true path length from the last frame before the fault until the odometry has
-  /// settled, if positive [m].
-  double excess_path_m = 0;
-  /// Error of the position over the rest of the drive, relative to its length.
+  /// Error of the position from 3 s and 20 m after the fault to the end of the drive, relative to
+  /// the path length. (A new map needs some images, and its scale some distance.)
   double error_after_fault_percent = 0;
 };
 
@@ -66,11 +63,7 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
 
 /// The first violated threshold: "lost" (too many frames are not tracked), "late scale" (too few
 /// metric frames), "rotation", "RLE", "2 sigma", "ok while unobservable" or, after a fault, "no
-/// recovery", "excess path" or "error after the fault". Empty: none.
+/// recovery" or "error after the fault". Empty: none.
 std::string violatedThreshold(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
-
-/// Thresholds that only a clear violation exceeds: twice the errors, and twice the frames that may
-/// be untracked, without a metric pose, outside two sigma, or wrongly reported as measured.
-ScenarioThresholds doubled(const ScenarioThresholds& thresholds);
 
 }  // namespace ground_scale_vo

@@ -39,7 +39,6 @@ void setSideCamera(Options& o) {
 void setNight(Options& o, double daylight, double noise_sigma) {
   o.daylight = daylight;
   o.noise_sigma = noise_sigma;
-  o.headlamps = true;
   o.shadows = o.moving_cars = false;
 }
 

@@ -39,8 +39,6 @@ struct ScenarioThresholds {
   double max_ok_while_unobservable = 0;  ///< share of the frames in which it is unobservable
   /// The share of frames from the first metric pose on must exceed this.
   double min_metric_share = 0.5;
-  /// Of ScenarioMetrics::excess_path_m [m]: more would move a robot further than it is.
-  double max_excess_path_m = 1;
   double max_error_after_fault_percent = 5;
 };
 

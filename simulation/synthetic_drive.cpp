@@ -153,11 +153,9 @@ struct SyntheticDrive::Impl {
     scene.hood = hood_texture ? &*hood_texture : nullptr;
     scene.hood_share = options.hood;
     scene.daylight = options.daylight;
-    if (options.headlamps) {
-      scene.T_w_lamps = ego.pose.T_w_body;
-      scene.T_w_lamps->translate(
-          Eigen::Vector3d(0, options.camera_height - kLampsHeight, kLampsAhead));
-    }
+    scene.T_w_lamps = ego.pose.T_w_body;
+    scene.T_w_lamps.translate(
+        Eigen::Vector3d(0, options.camera_height - kLampsHeight, kLampsAhead));
     return scene;
   }
 

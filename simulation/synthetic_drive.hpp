@@ -112,8 +112,7 @@ class SyntheticDrive {
     bool own_shadow = false;  ///< of the ego vehicle, which is as high as the camera
     /// Direction towards the sun: x along the road at the start, y left, z up.
     Eigen::Vector3d sun{0.25, 0.62, 0.75};
-    double daylight = 1;     ///< 1: day; 0: only the headlamps give light
-    bool headlamps = false;  ///< of the ego vehicle; visible at night
+    double daylight = 1;  ///< 1: day; below 1 the headlamps are on; 0: only they give light
 
     // --- Image ---
     double hood = 0;         ///< share of the image height that the hood of the ego vehicle covers

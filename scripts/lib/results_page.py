@@ -82,7 +82,7 @@ def component_table(part):
 
 def fault_table(part):
     columns = [("tracked", "tracked_frames"), ("frames", "frames"), ("frames to recover", "recovery_frames"),
-               ("excess path m", "excess_path_m"), ("error afterwards %", "error_after_fault_percent"),
+               ("error afterwards %", "error_after_fault_percent"),
                ("displacement error σ", "displacement_sigmas"), ("violated", "violated")]
     return markdown(["drive", *(heading for heading, _ in columns)],
                     [[f"`{name}`", *(drive[key] for _, key in columns)] for name, drive in sorted(part["drives"].items())])

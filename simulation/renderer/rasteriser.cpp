@@ -108,8 +108,8 @@ class Rasteriser {
         T_c_w_(T_w_c.inverse()),
         R_w_c_(T_w_c.linear()),
         reflection_(reflection),
-        ambient_(std::pow(scene.daylight, kNightGamma)) {
-    if (scene.T_w_lamps) T_l_c_ = scene.T_w_lamps->inverse() * T_w_c;
+        ambient_(std::pow(scene.daylight, kNightGamma)),
+        T_l_c_(scene.T_w_lamps.inverse() * T_w_c) {
     K_ << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
     width_ = kSamplesPerSide * camera.width;
     const auto samples = static_cast<std::size_t>(width_ * kSamplesPerSide * camera.height);
@@ -285,7 +285,6 @@ class Rasteriser {
 
   /// Factor on the daylight grey level of the surface at p_c.
   double nightGain(const Surface& s, const Eigen::Vector3d& p_c) const {
-    if (!scene_.T_w_lamps) return ambient_;
     const Eigen::Vector3d p_l = T_l_c_ * p_c;
     const Eigen::Vector3d n_l =
         T_l_c_.linear() * (K_.transpose() * s.over_z.row(3).transpose()).normalized();
@@ -330,8 +329,8 @@ class Rasteriser {
   const Eigen::Isometry3d T_c_w_;
   const Eigen::Matrix3d R_w_c_;
   const Rasteriser* reflection_;
-  const double ambient_;  // factor on the daylight grey level where no lamp shines
-  Eigen::Isometry3d T_l_c_ = Eigen::Isometry3d::Identity();  // lamps from camera
+  const double ambient_;           // factor on the daylight grey level where no lamp shines
+  const Eigen::Isometry3d T_l_c_;  // lamps from camera
   Eigen::Matrix3d K_;
   int width_ = 0;                     // in samples
   std::vector<float> inverse_depth_;  // of every sample [1/m]

@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <limits>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <vector>
 
 #include "ground_scale_vo/input/camera.hpp"
@@ -77,9 +76,9 @@ struct Scene {
       nullptr;            ///< surfaces with this texture reflect the upper part of the image
   double hood_share = 0;  ///< of the image height
 
-  double daylight = 1;  ///< illumination, 1 = day
-  /// World from headlamps: x right, y down, z ahead, the origin between the two lamps. Empty: off.
-  std::optional<Eigen::Isometry3d> T_w_lamps;
+  double daylight = 1;  ///< illumination, 1 = day; below 1 the headlamps are on
+  /// World from headlamps: x right, y down, z ahead, the origin between the two lamps.
+  Eigen::Isometry3d T_w_lamps = Eigen::Isometry3d::Identity();
 };
 constexpr double kSkyTop = 0.68;  ///< elevation of the upper edge of the panorama [rad]
 

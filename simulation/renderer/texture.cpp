@@ -15,12 +15,6 @@ constexpr int kFractionalBits = 4, kSubTexels = 1 << kFractionalBits;
 
 constexpr int kMaxAnisotropy = 16;  // samples along the major axis of a footprint
 
-/// The largest integer that is not greater than x; without SSE 4.1 faster than std::floor().
-int floorToInt(double x) {
-  const int truncated = static_cast<int>(x);
-  return truncated - static_cast<int>(truncated > x);
-}
-
 }  // namespace
 
 Texture::Texture(const cv::Mat& base, double texel_m, Wrap wrap)
@@ -34,8 +28,9 @@ Texture::Texture(const cv::Mat& base, double texel_m, Wrap wrap)
 
 template <Texture::Wrap wrap>
 float Texture::bilinear(const cv::Mat& image, double x, double y) {
-  int x0 = floorToInt(x), y0 = floorToInt(y), x1 = x0 + 1, y1 = y0 + 1;
-  const auto dx = static_cast<float>(x - x0), dy = static_cast<float>(y - y0);
+  const double left = std::floor(x), top = std::floor(y);
+  int x0 = static_cast<int>(left), y0 = static_cast<int>(top), x1 = x0 + 1, y1 = y0 + 1;
+  const auto dx = static_cast<float>(x - left), dy = static_cast<float>(y - top);
   const int last_column = image.cols - 1, last_row = image.rows - 1;
   if constexpr (wrap == Wrap::kRepeat) {
     x0 &= last_column, x1 &= last_column;

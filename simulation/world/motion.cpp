@@ -49,39 +49,28 @@ Eigen::Isometry3d rotated(Eigen::Isometry3d T_w_c, double pitch, double roll) {
   return T_w_c;
 }
 
+std::vector<SyntheticDrive::SpeedAt> cruiseWithStop(const SyntheticDrive::Options& o) {
+  if (o.stop_s <= 0) return {{0, o.speed}};
+  const double braking = SpeedProfile::brakingTime(o);
+  const double stop = o.stop_at_m / o.speed + braking / 2, start = stop + o.stop_s;
+  return {
+      {0, o.speed}, {stop - braking, o.speed}, {stop, 0}, {start, 0}, {start + braking, o.speed}};
+}
+
 }  // namespace
 
 SpeedProfile::SpeedProfile(const SyntheticDrive::Options& options,
                            std::shared_ptr<const RecordedPath> path)
-    : cruise_speed_(options.speed),
-      braking_s_(brakingTime(options)),
-      stop_s_(options.stop_s),
-      stop_at_m_(options.stop_at_m),
-      brake_at_s_((stop_at_m_ - cruise_speed_ * braking_s_ / 2) / cruise_speed_),
-      speeds_(options.speeds),
+    : speeds_(options.speeds.empty() ? cruiseWithStop(options) : options.speeds),
       path_(std::move(path)) {}
 
 double SpeedProfile::brakingTime(const SyntheticDrive::Options& options) {
   return M_PI * options.speed / (2 * kMaxAcceleration);
 }
 
-/// Cruise, one stop between cosine ramps, cruise.
-LongitudinalState SpeedProfile::cruise(double t) const {
-  const double v = cruise_speed_;
-  if (stop_s_ <= 0 || t <= brake_at_s_) return {v * t, v, 0};
-  const double stop = brake_at_s_ + braking_s_, start = stop + stop_s_;
-  if (t >= stop && t <= start) return {stop_at_m_, 0, 0};
-  // Time until the standstill begins or since it ended: the two ramps differ only in sign.
-  const double since = t < stop ? stop - t : t - start, sign = t < stop ? -1 : 1;
-  if (since >= braking_s_) return {stop_at_m_ + v * (since - braking_s_ / 2), v, 0};
-  const double phase = M_PI * since / braking_s_;
-  return {stop_at_m_ + sign * v / 2 * (since - braking_s_ / M_PI * std::sin(phase)),
-          v / 2 * (1 - std::cos(phase)), sign * v / 2 * M_PI / braking_s_ * std::sin(phase)};
-}
-
-/// Cosine ramps between the speeds of the table; s = 0 at its first time.
-LongitudinalState SpeedProfile::fromTable(double t) const {
-  LongitudinalState state{0, speeds_.front().speed, 0};
+LongitudinalState SpeedProfile::at(double t) const {
+  if (path_) return path_->at(t);
+  LongitudinalState state{0, speeds_.front().speed, 0};  // s = 0 at the first time
   double since = t - speeds_.front().time_s;
   for (std::size_t k = 1; k < speeds_.size() && since > 0; ++k) {
     const double duration = speeds_[k].time_s - speeds_[k - 1].time_s;

@@ -10,31 +10,20 @@
 
 namespace ground_scale_vo::simulation {
 
-/// The position of the car over time: that of the recorded path, or cruise and stop, whose speed
-/// changes follow a cosine.
+/// The position of the car over time: that of the recorded path, or of the speeds, or of cruise and
+/// stop. Between two speeds it changes along a cosine.
 class SpeedProfile {
  public:
   /// path: nullptr for a generated road.
   SpeedProfile(const SyntheticDrive::Options& options, std::shared_ptr<const RecordedPath> path);
 
   /// t [s] may lie before or after the drive.
-  LongitudinalState at(double t) const {
-    if (path_) return path_->at(t);
-    return speeds_.empty() ? cruise(t) : fromTable(t);
-  }
+  LongitudinalState at(double t) const;
 
-  /// Time to brake from the cruising speed to standstill [s].
+  /// Time to brake from the cruising speed to standstill, and to start again [s].
   static double brakingTime(const SyntheticDrive::Options& options);
 
  private:
-  LongitudinalState cruise(double t) const;
-  LongitudinalState fromTable(double t) const;
-
-  const double cruise_speed_;  // [m/s]
-  const double braking_s_;     // to brake, and to start again [s]
-  const double stop_s_;        // at standstill [s]; 0: no stop
-  const double stop_at_m_;
-  const double brake_at_s_;  // when braking begins [s]
   const std::vector<SyntheticDrive::SpeedAt> speeds_;
   const std::shared_ptr<const RecordedPath> path_;
 };

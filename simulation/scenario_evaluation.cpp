@@ -4,12 +4,12 @@
 #include <cmath>
 #include <limits>
 
-#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/set_option.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/evaluation/covariance_metrics.hpp"
 #include "ground_scale_vo/evaluation/odometry_metrics.hpp"
-#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"
 
 namespace ground_scale_vo {

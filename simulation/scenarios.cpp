@@ -4,8 +4,8 @@
 #include <initializer_list>
 #include <utility>
 
-#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "simulation/scenario_entry.hpp"
 
 namespace ground_scale_vo {

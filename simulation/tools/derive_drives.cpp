@@ -14,9 +14,10 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/common/degrees.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"

@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
-#include "ground_scale_vo/common/format.hpp"
-#include "ground_scale_vo/common/set_option.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
-#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "simulation/scenario_evaluation.hpp"
 #include "simulation/scenarios.hpp"

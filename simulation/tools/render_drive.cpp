@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "simulation/scenarios.hpp"

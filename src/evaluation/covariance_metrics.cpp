@@ -108,14 +108,11 @@ CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
       const Vector6d sigma = relative.covariance.diagonal().cwiseSqrt();
       ++sums.segments;
       sums.nees_per_dof += nees(relative) / 6;
-      sums.nees_per_dof_exact_ground_truth +=
-          nees(relativePoseError(record, ground_truth, i, metric[end])) / 6;
       sums.within_2_sigma +=
           static_cast<double>((relative.error.array().abs() <= 2 * sigma.array()).count()) / 6;
     }
     if (sums.segments == 0) continue;
     sums.nees_per_dof /= sums.segments;
-    sums.nees_per_dof_exact_ground_truth /= sums.segments;
     sums.within_2_sigma /= sums.segments;
     metrics.by_length.push_back(sums);
   }

@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/stopwatch.hpp"
-#include "ground_scale_vo/common/write_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/nodelets/topic_rates.hpp"

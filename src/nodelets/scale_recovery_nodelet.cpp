@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/lens/lens.hpp"
 #include "ground_scale_vo/nodelets/load_params.hpp"
 #include "ground_scale_vo/nodelets/topic_rates.hpp"

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/input/encoded_image.hpp"
+#include "ground_scale_vo/input/image_file.hpp"
 
 namespace ground_scale_vo {
 namespace {

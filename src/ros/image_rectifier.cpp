@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/image_limits.hpp"
-#include "ground_scale_vo/input/calibration_check.hpp"
+#include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/input/camera_calibration.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
 #include "ground_scale_vo/ros/image_message.hpp"

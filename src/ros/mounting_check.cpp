@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "ground_scale_vo/common/degrees.hpp"
-#include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {

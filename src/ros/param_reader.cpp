@@ -5,7 +5,7 @@
 #include <sstream>
 #include <utility>
 
-#include "ground_scale_vo/common/nearest_name.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"
 
 namespace ground_scale_vo {

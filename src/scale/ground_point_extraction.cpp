@@ -8,7 +8,7 @@
 #include <random>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/scale/lane_region.hpp"
 
 namespace ground_scale_vo {

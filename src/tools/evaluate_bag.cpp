@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/evaluation/scale_metrics.hpp"

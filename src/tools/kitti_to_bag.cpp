@@ -13,7 +13,8 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"

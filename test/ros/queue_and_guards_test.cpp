@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"
 #include "ground_scale_vo/ros/frame_name.hpp"

@@ -11,7 +11,7 @@
 #include <sstream>
 #include <utility>
 
-#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
 #include "manager_test.hpp"
 #include "support/drive_run.hpp"

@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "ground_scale_vo/evaluation/offline_run.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "support/sanitizer.hpp"
 

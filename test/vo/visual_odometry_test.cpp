@@ -8,7 +8,7 @@
 #include <set>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/vo/exposure.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"

@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/nodelets/dedicated_spinner.hpp"
 #include "ground_scale_vo/ros/bounded_queue.hpp"

@@ -11,7 +11,7 @@
 #include <optional>
 #include <string>
 
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/image_rectifier.hpp"
 #include "ground_scale_vo/ros/source_guard.hpp"
 #include "ground_scale_vo/ros/warning_log.hpp"

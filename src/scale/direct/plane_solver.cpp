@@ -5,8 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo::direct {
 namespace {

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/common/set_option.hpp"
+#include "ground_scale_vo/common/options.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <type_traits>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 
 namespace ground_scale_vo {

@@ -1,22 +1,22 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/common/read_file.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
-#include "ground_scale_vo/common/write_file.hpp"
-
 namespace ground_scale_vo {
-
-/// The latest stamp that ROS can represent, in the year 2106 [s].
-constexpr double kLatestStamp = 4294967295;
 
 /// True if the path exists, possibly as a dangling link.
 bool isThere(const std::filesystem::path& path);
+
+/// Returns the bytes of a file. Throws DataError: no such file, not a file, not readable, more than
+/// max_bytes.
+std::string readFile(const std::filesystem::path& file, std::size_t max_bytes);
+
+/// Writes under a temporary name beside the file and renames, so that the file is complete or
+/// missing. Throws DataError.
+void writeFile(const std::filesystem::path& file, const std::string& content);
 
 /// Throws DataError when the output file exists and `force` is false, when it is a folder, a device
 /// or another file that is not a regular one, or when the folder of a new file does not exist.
@@ -31,7 +31,6 @@ void makeFolder(const std::filesystem::path& folder);
 class TextFile {
  public:
   static constexpr std::size_t kMaxBytes = 64u << 20;
-  static constexpr const char* kBlanks = " \t\r\v\f";  ///< between the words of a line
 
   /// Throws DataError as readFile does, and when the file is empty.
   explicit TextFile(const std::filesystem::path& file);
@@ -41,17 +40,14 @@ class TextFile {
   /// True if line i begins with '#'.
   bool isComment(std::size_t i) const { return line(i).rfind('#', 0) == 0; }
 
-  /// Number of blank-separated words of line i.
-  std::size_t wordCount(std::size_t i) const;
+  /// The blank-separated words of line i.
+  std::vector<std::string> words(std::size_t i) const;
   /// The words of line i from `first` on, which must be exactly `count` numbers. Throws DataError.
   std::vector<double> numbers(std::size_t i, std::size_t count, std::size_t first = 0) const;
   /// True if a line begins with the word `key`.
-  bool has(const std::string& key) const;
+  bool has(const std::string& key) const { return find(key) < size(); }
   /// The first line that begins with the word `key`. Throws DataError when there is none.
   std::size_t lineOf(const std::string& key) const;
-  /// The first word of line i, in seconds, as nanoseconds without rounding error. Throws DataError,
-  /// also when its magnitude exceeds kLatestStamp.
-  std::int64_t nanoseconds(std::size_t i) const;
 
   /// Throws a DataError on line i.
   [[noreturn]] void fail(std::size_t i, const std::string& what) const;

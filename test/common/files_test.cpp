@@ -1,4 +1,4 @@
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

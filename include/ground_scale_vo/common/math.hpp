@@ -3,9 +3,26 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <type_traits>
+#include <vector>
 
 namespace ground_scale_vo {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kDegreesPerRadian = 180 / kPi;
+constexpr double kRadiansPerDegree = kPi / 180;
+
+/// Median; the upper one for an even number of values. Precondition: not empty. Reorders *values.
+inline double median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+inline double median(std::vector<double> values) { return median(&values); }
+
+/// Ratio sigma / MAD (median absolute deviation) for normally distributed data.
+constexpr double kMadToSigma = 1.4826;
 
 // isFinite() of a number, a matrix, a pose, or a container of numbers: the check of every input and
 // result of a class.

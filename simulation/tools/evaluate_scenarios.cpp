@@ -19,7 +19,6 @@
 #include "simulation/scenarios.hpp"
 #include "tools/support/command_line.hpp"
 #include "tools/support/parallel_for.hpp"
-#include "tools/support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
 

@@ -9,7 +9,7 @@
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 
 /// Valid images, and checks of published messages that hold for any input.
 namespace ground_scale_vo::fuzz {

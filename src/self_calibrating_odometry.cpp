@@ -59,6 +59,7 @@ class LensOdometry {
       frame.map_start = *map_start_;
       frame.T_w_c.translation() *= unit_;
       frame.T_w_c = T_w_v_ * frame.T_w_c;
+      frame.pose_covariance = withScaledPosition(frame.pose_covariance, unit_);
       frame.readout_motion.tail<3>() *= unit_;
       for (TrackedFeature& feature : frame.features) {
         feature.p_c *= static_cast<float>(unit_);

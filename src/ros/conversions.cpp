@@ -62,6 +62,17 @@ Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d&
   return T;
 }
 
+using RowMajorMatrix6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+Matrix6d poseCovarianceOf(const VoFrameMsg& msg) {
+  const Eigen::Map<const RowMajorMatrix6d> C(msg.pose_covariance.data());
+  if (C(0, 0) <= 0) return Matrix6d::Zero();  // not known
+  if (!isFinite(C) || C.diagonal().minCoeff() < 0 || !C.isApprox(C.transpose(), 1e-6)) {
+    refuse("pose_covariance is not finite, symmetric and positive on its diagonal");
+  }
+  return C;
+}
+
 MapStart mapStartOf(const VoFrameMsg& msg) {
   MapStart start;
   if (msg.map_start.isZero()) return start;
@@ -106,6 +117,7 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->distortion = frame.distortion;
   msg->lens_is_estimated = frame.camera.lens_is_estimated;
   msg->pose = tf2::toMsg(frame.T_w_c);
+  Eigen::Map<RowMajorMatrix6d>(msg->pose_covariance.data()) = frame.pose_covariance;
   std::copy_n(frame.readout_motion.data(), 6, msg->readout_motion.begin());
   msg->map_start = fromNanoseconds(frame.map_start.stamp_ns);
   msg->map_start_rotation = tf2::toMsg(Eigen::Quaterniond(frame.map_start.R_previous_w));
@@ -175,6 +187,7 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
   }
   if (frame.status == VoStatus::kTracking) {
     frame.T_w_c = fromMsg(msg.pose);
+    frame.pose_covariance = poseCovarianceOf(msg);
     frame.readout_motion = Eigen::Map<const Vector6d>(msg.readout_motion.data());
     if (!isPlausiblePosition(frame.readout_motion)) {
       refuse("the readout_motion ", text(frame.readout_motion), " is not finite or beyond ",

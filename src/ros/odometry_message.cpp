@@ -7,7 +7,6 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/scale/pose_covariance.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -44,12 +43,11 @@ nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Head
   msg->header.frame_id = world_frame;
   msg->child_frame_id = image_header.frame_id;
   msg->pose.pose = tf2::toMsg(frame.T_w_c);
-  const Matrix6d covariance_c = poseCovariance(frame, 1);
-  if (covariance_c.isZero(0)) {
+  if (frame.pose_covariance.isZero(0)) {
     msg->pose.covariance[0] = kUnknown;
   } else {
-    setCovariance(twistTransform(frame.T_w_c.linear(), Eigen::Vector3d::Zero()), covariance_c,
-                  msg->pose.covariance);
+    setCovariance(twistTransform(frame.T_w_c.linear(), Eigen::Vector3d::Zero()),
+                  frame.pose_covariance, msg->pose.covariance);
   }
   msg->twist.covariance[0] = kUnknown;
   return msg;

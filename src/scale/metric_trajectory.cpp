@@ -7,7 +7,6 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
 #include "ground_scale_vo/common/seconds.hpp"
-#include "ground_scale_vo/scale/pose_covariance.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -90,7 +89,7 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
   last_tracked_ = {frame.stamp_ns, frame.T_w_c};
   if (scale.status == ScaleStatus::kUnknown || !(scale.scale > 0)) return std::nullopt;
 
-  pose_covariance_c_ = poseCovariance(frame, scale.scale);
+  pose_covariance_c_ = withScaledPosition(frame.pose_covariance, scale.scale);
   const Eigen::Isometry3d T_ref_c = map_->T_w_ref.inverse() * frame.T_w_c;
   if (!map_->metric) {
     anchorMap(T_ref_c, scale, secondsBetween(map_->ref_stamp_ns, frame.stamp_ns));

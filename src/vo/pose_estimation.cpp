@@ -9,6 +9,7 @@
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/median.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/projection_jacobian.hpp"
 
@@ -28,6 +29,10 @@ constexpr double kInitialScale = 4.0;
 /// Relative damping: keeps H positive definite when a direction is barely constrained.
 constexpr double kDiagonalFactor = 1 + 1e-9;
 constexpr int kMaxPoseIterations = 15;
+/// The same for the covariance, which it bounds when the points do not determine the pose.
+constexpr double kCovarianceDiagonalFactor = 1 + 1e-6;
+/// Median of the squared Mahalanobis distance of a two-dimensional normal error.
+constexpr double kMedianDistance2 = 1.3863;  // 2 ln 2
 /// Gauss-Newton decrement b.delta below which the iteration stops.
 constexpr double kConverged = 1e-6;
 
@@ -124,15 +129,31 @@ GSV_VECTOR_LOOP void sumWeighted(const Eigen::Isometry3d& T_c_w, const Observati
   }
 }
 
-/// Squared Mahalanobis distances, infinite behind the camera. distances2: in whole lanes.
-GSV_VECTOR_LOOP void computeDistances(const Eigen::Isometry3d& T_c_w,
-                                      const ObservationArrays& arrays, double* distances2) {
+/// Squared Mahalanobis distances, infinite behind the camera, and the normal equations of those
+/// below a limit. distances2: in whole lanes.
+GSV_VECTOR_LOOP void sumInliers(const Eigen::Isometry3d& T_c_w, const ObservationArrays& arrays,
+                                double limit2, double* distances2, ProjectionSums* sums) {
   const double infinity = std::numeric_limits<double>::infinity();
   const DoubleLanes infinite = {infinity, infinity, infinity, infinity};
+  const DoubleLanes zero = {}, one = {1, 1, 1, 1};
   for (std::size_t i = 0; i < arrays.size; i += kDoubleLanes) {
     const LinearisedObservations l(T_c_w, arrays, i);
-    lanes(distances2 + i) = l.behind ? infinite : l.distance2;
+    const DoubleLanes distance2 = l.behind ? infinite : l.distance2;
+    const DoubleLanes weight = distance2 < limit2 ? one : zero;
+    lanes(distances2 + i) = distance2;
+    sums->add(l.J, weight * l.xx, weight * l.xy, weight * l.yy, l.r_x, l.r_y);
   }
+}
+
+/// See PoseEstimation::Result. H: over (rotation, position).
+Matrix6d covarianceOf(Matrix6d H, std::vector<double> distances2) {
+  H.diagonal() *= kCovarianceDiagonalFactor;
+  const double variance = median(&distances2) / kMedianDistance2;
+  const Matrix6d C = variance * H.ldlt().solve(Matrix6d::Identity());
+  Matrix6d covariance;
+  covariance << C.bottomRightCorner<3, 3>(), C.bottomLeftCorner<3, 3>(), C.topRightCorner<3, 3>(),
+      C.topLeftCorner<3, 3>();
+  return isFinite(covariance) ? covariance : Matrix6d::Zero();
 }
 
 }  // namespace
@@ -167,7 +188,6 @@ PoseEstimation::Result PoseEstimation::refine(
     sumWeighted(T_c_w, arrays, scale, &sums);
     Matrix6d H = sums.hessian();
     const Vector6d b = -sums.gradientSum();
-    result.information = H;
     H.diagonal() *= kDiagonalFactor;
     const Vector6d step = H.ldlt().solve(b);
     if (!isFinite(step)) break;
@@ -178,9 +198,12 @@ PoseEstimation::Result PoseEstimation::refine(
   result.T_w_c = T_c_w.inverse();
   result.T_w_c.linear() = renormalised(result.T_w_c.linear());
   std::vector<double> distances2(arrays.size);
-  computeDistances(T_c_w, arrays, distances2.data());
-  result.inlier.reserve(observations.size());
   const double limit2 = options_.inlier_sigma * options_.inlier_sigma;
+  ProjectionSums sums;
+  sumInliers(T_c_w, arrays, limit2, distances2.data(), &sums);
+  distances2.resize(observations.size());
+  result.covariance = covarianceOf(sums.hessian(), distances2);
+  result.inlier.reserve(observations.size());
   for (std::size_t i = 0; i < observations.size(); ++i) {
     const bool inlier = distances2[i] < limit2;
     result.inlier.push_back(inlier);

@@ -236,7 +236,7 @@ std::optional<PoseSearch::Result> PoseSearch::locate(const LocalMap& map, const 
     const PoseEstimation::Result pose = pose_estimation_.estimate(result.T_w_c, observations);
     if (pose.status != PoseStatus::kOk) return std::nullopt;
     result.T_w_c = pose.T_w_c;
-    result.rotation_sigma = std::sqrt(pose.information.inverse().diagonal().head<3>().maxCoeff());
+    result.rotation_sigma = std::sqrt(pose.covariance.diagonal().tail<3>().maxCoeff());
     result.features.clear();
     for (std::size_t k = 0; k < index.size(); ++k) {
       if (pose.inlier[k]) result.features.push_back(matches[index[k]]);

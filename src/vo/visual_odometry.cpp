@@ -85,6 +85,7 @@ struct VisualOdometry::Impl {
   const PoseSearch pose_search;
   Mapping mapping;
   MotionModel motion;
+  Matrix6d pose_covariance = Matrix6d::Zero();  ///< see VoFrame
 
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;
@@ -177,6 +178,10 @@ struct VisualOdometry::Impl {
     mapping.map().keyframes().back().readout_motion = readoutMotion(motion);
     map_start = {poses->front().stamp_ns, rotation_to_start.R_first_last(),
                  rotation_to_start.sigma()};
+    pose_covariance =
+        pose_estimation
+            .estimate(motion.T_w_c(), pointObservations(mapping.map(), toCorners(camera, found)))
+            .covariance;
     out->start = std::move(*poses);
     out->frame.keyframe = true;
     tracking.advance(std::move(image), stamp_ns, found);
@@ -369,6 +374,7 @@ struct VisualOdometry::Impl {
 
     const Eigen::Isometry3d T_w_previous = motion.T_w_c();
     motion.update(pose.T_w_c, stamp_ns);
+    pose_covariance = pose.covariance;
     std::vector<bool> inlier(found->size(), true);
     for (std::size_t k = 0; k < index.size(); ++k) inlier[index[k]] = pose.inlier[k];
     removeOutliers(motion.T_w_c().inverse() * T_w_previous, inlier, found, &out->rejected);
@@ -451,6 +457,7 @@ struct VisualOdometry::Impl {
     frame->map_id = map_id;
     if (status != VoStatus::kInitialising) frame->map_start = map_start;
     if (status == VoStatus::kTracking) {
+      frame->pose_covariance = pose_covariance;
       frame->T_w_c = motion.T_w_c();
       frame->readout_motion = readoutMotion(motion);
     }

@@ -11,7 +11,6 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/odometry_message.hpp"
-#include "ground_scale_vo/scale/pose_covariance.hpp"
 #include "support/expect_throws.hpp"
 #include "support/scene.hpp"
 
@@ -42,6 +41,8 @@ VoFrame someFrame() {
   frame.keyframe = true;
   frame.camera = {1241, 376, 718.856, 718.857, 607.1928, 185.2157};
   frame.T_w_c = test::pose({0.3, -1.2, 2}, {normal(random), normal(random), normal(random)});
+  const Matrix6d root = Matrix6d::NullaryExpr([&] { return normal(random); });
+  frame.pose_covariance = root * root.transpose();
   frame.readout_motion << 0.001, 0.02, -0.003, 0.1, -0.01, 1 / 3.0;
   frame.map_start.stamp_ns = 1317617734123456789;
   frame.map_start.R_previous_w = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).matrix();
@@ -80,6 +81,7 @@ TEST(VoFrameMsg, RoundTripIsExact) {
   EXPECT_EQ(values(back), values(frame));
   EXPECT_EQ(back.T_w_c.translation(), frame.T_w_c.translation());
   EXPECT_LT((back.T_w_c.linear() - frame.T_w_c.linear()).norm(), 1e-15);
+  EXPECT_EQ(back.pose_covariance, frame.pose_covariance);
   EXPECT_EQ(back.readout_motion, frame.readout_motion);
   EXPECT_LT((back.map_start.R_previous_w - frame.map_start.R_previous_w).norm(), 1e-15);
   for (std::size_t i = 0; i < back.features.size(); ++i) {
@@ -106,6 +108,8 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
       {[](VoFrameMsg* m) { m->pose.position.x = kInfinity; }, "the position (inf, "},
       {[](VoFrameMsg* m) { m->pose.orientation = geometry_msgs::Quaternion(); },
        "the quaternion (0, 0, 0, 0) of the pose is not of unit length"},
+      {[](VoFrameMsg* m) { m->pose_covariance[7] = -1; }, "pose_covariance"},
+      {[](VoFrameMsg* m) { m->pose_covariance[1] += 1; }, "pose_covariance"},
       {[](VoFrameMsg* m) { m->readout_motion[5] = kInfinity; }, "readout_motion"},
       {[](VoFrameMsg* m) { m->map_start_rotation.w = 3; }, "of map_start_rotation"},
       {[](VoFrameMsg* m) { m->map_start = m->header.stamp + ros::Duration(1); }, "map_start is"},
@@ -123,11 +127,15 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
   EXPECT_NO_THROW(fromMsg(lost));
 }
 
-TEST(VoFrameMsg, RoundsQuaternionsAndDropsUnusablePoints) {
+TEST(VoFrameMsg, RoundsQuaternionsAndDropsUnusablePointsAndUnknownCovariances) {
   const VoFrame frame = someFrame();
   VoFrameMsg msg = message(frame);
   for (auto* q : {&msg.pose.orientation, &msg.map_start_rotation}) {
     for (double* element : {&q->x, &q->y, &q->z, &q->w}) *element *= 1.005;
+  }
+  for (const double unknown : {0.0, -1.0}) {
+    msg.pose_covariance[0] = unknown;
+    EXPECT_EQ(fromMsg(msg).pose_covariance, Matrix6d::Zero());
   }
   msg.z[1] = -2.f;  // behind the camera
   msg.depth_sigma[2] = std::numeric_limits<float>::infinity();
@@ -270,23 +278,15 @@ TEST(CameraOdometry, UpToScaleHasTheCovarianceOfThePoseAndNoTwist) {
   header.frame_id = "camera";
   header.stamp = ros::Time(5, 6);
   const auto unknown = toOdometryMsg(frame, header, "vo_world");
-  EXPECT_EQ(unknown->pose.covariance[0], -1) << "too few points";
+  EXPECT_EQ(unknown->pose.covariance[0], -1);
   EXPECT_EQ(unknown->header.frame_id, "vo_world");
   EXPECT_EQ(unknown->child_frame_id, "camera");
-  for (const Eigen::Vector3d& p : test::randomPoints(100, 1)) {
-    TrackedFeature feature;
-    feature.id = frame.features.size();
-    const double noise = feature.id % 2 == 0 ? 0.5 : -0.5;
-    feature.u = (frame.camera.project(p) + Eigen::Vector2d(noise, noise)).cast<float>();
-    feature.has_point = true;
-    feature.p_c = p.cast<float>();
-    feature.depth_sigma = 0.1F;
-    frame.features.push_back(feature);
-  }
+  frame.pose_covariance.diagonal() << 1, 4, 9, 1e-2, 4e-2, 9e-2;
+  frame.pose_covariance(0, 4) = frame.pose_covariance(4, 0) = 0.05;
   const auto odometry = toOdometryMsg(frame, header, "vo_world");
   const Covariance covariance(odometry->pose.covariance.data());
   const Matrix6d R = blockRotation(frame.T_w_c.linear());
-  EXPECT_TRUE(covariance.isApprox(R * poseCovariance(frame, 1) * R.transpose(), 1e-9));
+  EXPECT_TRUE(covariance.isApprox(R * frame.pose_covariance * R.transpose(), 1e-9));
   EXPECT_GT(covariance(0, 0), 0);
   EXPECT_EQ(odometry->twist.covariance[0], -1);
 }

@@ -7,7 +7,6 @@
 #include <random>
 #include <utility>
 
-#include "ground_scale_vo/scale/pose_covariance.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -191,19 +190,13 @@ TEST(MetricTrajectory, ACorrelatedScaleErrorGrowsWithItsSigma) {
   EXPECT_EQ(pose->covariance, pose->covariance.transpose());
 }
 
-/// Frame i with points whose reprojection errors are 1 px.
-VoFrame withPoints(VoFrame frame) {
-  frame.camera = {640, 480, 500, 500, 320, 240};
-  for (int k = 0; k < 200; ++k) {
-    TrackedFeature feature;
-    feature.has_point = true;
-    feature.p_c =
-        Eigen::Vector3f(static_cast<float>(k % 20) - 9.5f, static_cast<float>(k / 20) - 4.5f,
-                        10 + static_cast<float>(k % 7));
-    const Eigen::Vector2d error = Eigen::Rotation2Dd(k) * Eigen::Vector2d::UnitX();
-    feature.u = (frame.camera.project(feature.p_c.cast<double>()) + error).cast<float>();
-    frame.features.push_back(feature);
-  }
+/// About that of 200 points at a depth of 10, whose pixels have an error of 1 px at 500 px.
+VoFrame withCovariance(VoFrame frame) {
+  Eigen::Matrix<double, 6, 6> root = Eigen::Matrix<double, 6, 6>::Identity();
+  root.diagonal() << 4e-3, 4e-3, 1e-3, 4e-4, 4e-4, 2e-4;
+  root(4, 0) = 3e-4;
+  root(3, 1) = -3e-4;
+  frame.pose_covariance = root * root.transpose();
   return frame;
 }
 
@@ -218,7 +211,7 @@ TEST(MetricTrajectory, TheFirstMotionAndItsErrorsAreInTheAxesOfTheFirstImage) {
   const Eigen::Matrix3d R_o_ref =
       Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix();
   const Eigen::Isometry3d T_ref_c = straight(2) * Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY());
-  VoFrame frame = withPoints(frameAt(7, T_ref_c));
+  VoFrame frame = withCovariance(frameAt(7, T_ref_c));
   frame.map_start = {frameAt(4, {}).stamp_ns, R_o_ref, 0.01};
   const auto pose = trajectory.append(frame, scaleOf(1));
   const Eigen::Vector3d step_o = R_o_ref * Eigen::Vector3d(0, 0, 2);
@@ -226,7 +219,7 @@ TEST(MetricTrajectory, TheFirstMotionAndItsErrorsAreInTheAxesOfTheFirstImage) {
   EXPECT_NEAR((pose->T_o_c.linear() - R_o_ref * T_ref_c.linear()).norm(), 0, 1e-9);
   Matrix6d R = Matrix6d::Zero();
   R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = R_o_ref * T_ref_c.linear();
-  Matrix6d expected = 2 / options.pose_correlation_m * R * poseCovariance(frame, 1) * R.transpose();
+  Matrix6d expected = 2 / options.pose_correlation_m * R * frame.pose_covariance * R.transpose();
   // The error of R_o_ref turns the step.
   Eigen::Matrix<double, 6, 3> G;
   G << -skew(step_o), Eigen::Matrix3d::Identity();
@@ -318,12 +311,14 @@ TEST_P(TrajectoryCovariance, IsThatOfSimulatedErrors) {
   // The axes of the map differ from those of the first camera.
   Eigen::Isometry3d T = Eigen::Isometry3d(Eigen::AngleAxisd(1, Eigen::Vector3d(1, 2, 2) / 3));
   for (int i = 0; i <= kSteps; ++i) {
-    pose = trajectory.append(withPoints(frameAt(i, T)), scaleOf(kScale, kScaleSigma));
+    pose = trajectory.append(withCovariance(frameAt(i, T)), scaleOf(kScale, kScaleSigma));
     Eigen::Isometry3d step = SimulatedErrors::step(i);
     step.translation() /= kScale;
     T = T * step;
   }
-  SimulatedErrors errors(options, kScaleSigma, poseCovariance(withPoints(frameAt(0, T)), kScale));
+  SimulatedErrors errors(
+      options, kScaleSigma,
+      withScaledPosition(withCovariance(frameAt(0, T)).pose_covariance, kScale));
   Matrix6d sample = Matrix6d::Zero();
   for (int run = 0; run < kRuns; ++run) {
     const Vector6d error = errors.run(kSteps);
@@ -343,13 +338,13 @@ INSTANTIATE_TEST_SUITE_P(YoungMap, TrajectoryCovariance, testing::Values(0, 20, 
 /// camera_height: [m]
 std::pair<Matrix6d, Vector6d> twistCovariance(double MetricTrajectory::Options::*error,
                                               double value, double relative_scale_sigma = 0,
-                                              double camera_height = 1, bool has_points = false) {
+                                              double camera_height = 1, bool has_covariance = false) {
   MetricTrajectory::Options options = exact();
   options.position_noise_heights = options.rotation_noise = 0;
   if (error != nullptr) options.*error = value;
   MetricTrajectory trajectory(options);
   const auto frame = [&](int i) {
-    return has_points ? withPoints(frameAt(i, onCircle(i))) : frameAt(i, onCircle(i));
+    return has_covariance ? withCovariance(frameAt(i, onCircle(i))) : frameAt(i, onCircle(i));
   };
   ScaleEstimate scale = scaleOf(2);
   scale.height = camera_height / scale.scale;
@@ -386,10 +381,10 @@ TEST(MetricTrajectory, TheTwistIsInCameraAxesAndContainsEachError) {
   expectCovariance(twistCovariance(&Options::position_noise_heights, 0.01, 0, 1.5),
                    2 * std::pow(0.015, 2) / 0.01 * I, zero);
   expectCovariance(twistCovariance(&Options::rotation_noise, 0.001), zero, 2e-6 / 0.01 * I);
-  const Matrix6d poses = 2 * poseCovariance(withPoints(frameAt(0, {})), 2) / 0.01;
+  const Matrix6d poses = 2 * withScaledPosition(withCovariance(frameAt(0, {})).pose_covariance, 2) / 0.01;
   EXPECT_GT(std::sqrt(poses(4, 4)), 1e-3);
-  const Matrix6d with_points = twistCovariance(nullptr, 0, 0, 1, true).first;
-  EXPECT_NEAR((with_points - poses).norm(), 0, 1e-6 * poses.norm());
+  const Matrix6d with_poses = twistCovariance(nullptr, 0, 0, 1, true).first;
+  EXPECT_NEAR((with_poses - poses).norm(), 0, 1e-6 * poses.norm());
 }
 
 /// 10 m/s for 1 s in map 0, up to frame 10; the pose of frame 10.

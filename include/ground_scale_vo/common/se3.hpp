@@ -60,6 +60,14 @@ inline Eigen::Isometry3d boxplus(const Eigen::Isometry3d& T_a_b, const Vector6d&
   return T_a_b * motionFrom(delta);
 }
 
+/// Covariance of a pose (position, then rotation) whose positions are multiplied by
+/// a factor.
+inline Matrix6d withScaledPosition(const Matrix6d& covariance, double factor) {
+  Vector6d factors;
+  factors << factor, factor, factor, 1, 1, 1;
+  return factors.asDiagonal() * covariance * factors.asDiagonal();
+}
+
 /// Adjoint: turns a small motion (w, v) in the axes of b into the same motion in those of a.
 inline Matrix6d adjoint(const Eigen::Isometry3d& T_a_b) {
   Matrix6d m;

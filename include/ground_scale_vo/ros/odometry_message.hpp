@@ -14,8 +14,8 @@
 
 namespace ground_scale_vo {
 
-/// The up-to-scale pose of a tracked frame in world_frame, with its covariance relative to the map
-/// points (poseCovariance(), in VO units), without drift. A covariance that is not known has -1 as
+/// The up-to-scale pose of a tracked frame in world_frame, with its pose_covariance
+/// turned to the axes of that frame. A covariance that is not known has -1 as
 /// its first element, as in sensor_msgs/Imu: always that of the twist, which is not estimated.
 nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
                                       const std::string& world_frame);

@@ -46,7 +46,7 @@ struct MetricPose {
 /// its correlation length and with the square root beyond it. The error of the angle of rotation is
 /// an independent process of the same kind. The poses add a random walk: after each
 /// pose_correlation_m most map points are new, and the error of the pose relative to them
-/// (poseCovariance()) is independent.
+/// (VoFrame::pose_covariance) is independent.
 class MetricTrajectory {
  public:
   struct Options {
@@ -181,7 +181,7 @@ class MetricTrajectory {
   bool has_pose_ = false;
   MetricPose last_;
   StateCovariance covariance_ = StateCovariance::Zero();
-  Matrix6d pose_covariance_c_ = Matrix6d::Zero();  ///< poseCovariance() of the newest frame
+  Matrix6d pose_covariance_c_ = Matrix6d::Zero();  ///< of the newest frame, in metres
   Velocity velocity_;                              ///< of last_
   std::int64_t last_refused_stamp_ns_ = 0;         ///< of the last pose that was not used
   std::int64_t last_stamp_ns_ = 0;                 ///< of last_

@@ -53,9 +53,10 @@ class PoseEstimation {
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< valid when kOk
     std::vector<bool> inlier;  ///< one per observation; empty when kTooFewPoints
     int inliers = 0;
-    /// Inverse covariance of the pose as a small motion (w, v) in camera axes [rad, VO units]; not
-    /// meaningful when kTooFewPoints.
-    Matrix6d information = Matrix6d::Zero();
+    /// Of the pose, as VoFrame::pose_covariance: sigma^2 (J^T W J)^-1 with the Jacobian J and the
+    /// weights W = 1 / variance of the inliers. sigma^2 is estimated from the residuals, so that it
+    /// adapts to noise, blur and compression. Zero when it cannot be computed.
+    Matrix6d covariance = Matrix6d::Zero();
   };
 
   explicit PoseEstimation(const Options& options);

@@ -59,6 +59,10 @@ struct VoFrame {
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
   /// VO units. Valid only while status is kTracking.
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  /// Covariance of T_w_c relative to the map points, without the drift of the map: position [VO
+  /// units], then rotation [rad], both of a small motion in camera axes (the order of
+  /// geometry_msgs/PoseWithCovariance). Zero: not known. Valid only while status is kTracking.
+  Matrix6d pose_covariance = Matrix6d::Zero();
   /// Motion of the camera (w, v) during the readout of a rolling shutter, which exposes row v at
   /// boxplus(T_w_c, camera.readoutShare(v) * readout_motion). Zero: a global shutter.
   Vector6d readout_motion = Vector6d::Zero();

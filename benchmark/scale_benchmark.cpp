@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "ground_scale_vo/scale/direct_plane_estimator.hpp"
-#include "ground_scale_vo/scale/ground_point_extraction.hpp"
+#include "ground_scale_vo/scale/ground_points.hpp"
 #include "ground_scale_vo/scale/plane_fit.hpp"
 #include "support/road_image.hpp"
 #include "support/road_scene.hpp"
@@ -32,12 +32,12 @@ void overFeatureCounts(benchmark::internal::Benchmark* benchmark) {
 void extraction(benchmark::State& state, bool delaunay_alone) {
   const RoadScene scene = road(static_cast<int>(state.range(0)));
   const VoFrame frame = scene.frame(0);
-  const NormalPrior prior = priorOf(scene);
-  const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
+  RoadPrior prior = priorOf(scene);
+  prior.chord = Chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
   const GroundPointExtraction extraction({});
   GroundPointExtraction::Result result;
   for (auto _ : state) {
-    result = extraction.extract(frame, prior, chord, Eigen::Isometry3d::Identity());
+    result = extraction.extract(frame, prior, Eigen::Isometry3d::Identity());
     if (delaunay_alone) state.SetIterationTime(1e-3 * result.delaunay_ms);
   }
   state.counters["triangles"] = result.triangles;
@@ -59,7 +59,7 @@ void planeFit(benchmark::State& state) {
     points.push_back({p, Eigen::Vector3d::Zero(), p.z(), feature.depth_sigma});
   }
   const PlaneFit fit({});
-  const NormalPrior prior = priorOf(scene);
+  const RoadPrior prior = priorOf(scene);
   std::size_t inliers = 0;
   for (auto _ : state) inliers = fit.fit(points, prior, scene.height).inliers.size();
   state.counters["inliers"] = static_cast<double>(inliers);
@@ -76,28 +76,30 @@ void directPlaneEstimation(benchmark::State& state) {
   for (double* length : {&scene.camera.fx, &scene.camera.fy, &scene.camera.cx, &scene.camera.cy}) {
     *length *= scale;
   }
-  const NormalPrior prior = priorOf(scene);
-  const MotionHistory::Chord chord{prior.forward_c, scene.step, Eigen::Vector3d::Zero()};
   DirectPlaneEstimator estimator({});
+  CameraPath path;
   // The first frames are not timed: they have too few reference images.
   constexpr std::uint32_t kUntimed = 4, kTimed = 4;
   std::vector<cv::Mat> images;
   for (std::uint32_t i = 0; i < kUntimed + kTimed; ++i) {
     images.push_back(roadImage(scene, scene.step * i));
   }
+  const auto estimate = [&](std::uint32_t i) {
+    const VoFrame frame = scene.frame(i);
+    path.add(frame.T_w_c);
+    path.newest().prior = priorOf(scene);
+    return estimator.estimate(frame, images[i], scene.height, &path);
+  };
   DirectPlaneEstimator::Result result;
   std::uint32_t next = 0;
   for (auto _ : state) {
     if (next == 0 || next == images.size()) {
       state.PauseTiming();
-      estimator.reset();
-      for (next = 0; next < kUntimed; ++next) {
-        estimator.estimate(scene.frame(next), images[next], prior, chord, scene.height);
-      }
+      path = CameraPath();
+      for (next = 0; next < kUntimed; ++next) estimate(next);
       state.ResumeTiming();
     }
-    result = estimator.estimate(scene.frame(next), images[next], prior, chord, scene.height);
-    ++next;
+    result = estimate(next++);
   }
   state.counters["patches"] = result.patches;
 }

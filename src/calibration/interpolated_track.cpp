@@ -14,7 +14,7 @@ InterpolatedTrack::InterpolatedTrack(const std::vector<RunFrame>& frames) : fram
   measured_.push_back(0);
   moving_.push_back(0);
   for (const RunFrame& frame : frames) {
-    const bool moves = frame.scale.reason != ScaleReason::kStandstill;
+    const bool moves = frame.scale.measurement != MeasurementStatus::kStandstill;
     measured_.push_back(measured_.back() + (frame.scale.status == ScaleStatus::kOk ? 1 : 0));
     moving_.push_back(moving_.back() + (moves ? 1 : 0));
   }

@@ -432,7 +432,7 @@ void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, const ros
   last_stamp_ = stamp;
   if (output.scale.status == ScaleStatus::kOk) last_measurement_ = stamp;
   if (output.scale.status != ScaleStatus::kHeld ||
-      output.scale.reason == ScaleReason::kStandstill) {
+      output.scale.measurement == MeasurementStatus::kStandstill) {
     held_since_ = ros::Time();
   } else if (held_since_.isZero()) {
     held_since_ = stamp;
@@ -463,7 +463,7 @@ void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper&
   state.frames.dropped = dropped - dropped_at_last_diagnosis_;
   state.frames.clock_error = missingClock();
   state.status = last_scale_.status;
-  state.reason = last_scale_.reason;
+  state.reason = last_scale_.measurement;
   if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);
   state.mounting_error = mounting_error_;
   state.mounting_warning = mounting_warning_;
@@ -494,7 +494,7 @@ void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper
   status.add("frames with a direct measurement", with_direct_);
   for (const auto& [kind, count] : warnings_.counts()) status.add("dropped: " + kind, count);
   status.add("scale status", toString(last_scale_.status));
-  status.add("reason", toString(last_scale_.reason));
+  status.add("reason", toString(last_scale_.measurement));
   status.add("scale [m / VO unit]", last_scale_.scale);
   status.add("sigma [m / VO unit]", last_scale_.sigma);
   if (!last_measurement_.isZero()) {

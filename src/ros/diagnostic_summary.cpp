@@ -79,7 +79,8 @@ DiagnosticSummary summarizeScale(const ScaleRecoveryState& state) {
   switch (state.status) {
     case ScaleStatus::kUnknown:
       return {Level::kWarn,
-              "scale not known yet" + (state.reason == ScaleReason::kNone ? "" : ": " + reason)};
+              "scale not known yet" +
+                  (state.reason == MeasurementStatus::kMeasured ? "" : ": " + reason)};
     case ScaleStatus::kOk:
       if (!state.missing_image_note.empty()) {
         return {Level::kWarn, "scale measured from features only, " + state.missing_image_note};
@@ -88,8 +89,8 @@ DiagnosticSummary summarizeScale(const ScaleRecoveryState& state) {
     case ScaleStatus::kHeld:
       break;
   }
-  if (state.reason == ScaleReason::kStandstill) return {Level::kOk, "scale held: " + reason};
-  const bool normal = state.reason != ScaleReason::kVoNotTracking && state.held_s < kHeldS;
+  if (state.reason == MeasurementStatus::kStandstill) return {Level::kOk, "scale held: " + reason};
+  const bool normal = state.reason != MeasurementStatus::kVoNotTracking && state.held_s < kHeldS;
   return {normal ? Level::kOk : Level::kWarn,
           "scale held for " + seconds(state.held_s, 1) + ": " + reason};
 }

@@ -85,7 +85,8 @@ ScriptedDrive drive(const Script& script) {
       vo.frame.T_w_c.translation() = measured;
       const bool held = i >= script.held_from && i < script.held_to;
       scale.scale.status = stands || held ? ScaleStatus::kHeld : ScaleStatus::kOk;
-      scale.scale.reason = stands ? ScaleReason::kStandstill : ScaleReason::kNone;
+      scale.scale.measurement =
+          stands ? MeasurementStatus::kStandstill : MeasurementStatus::kMeasured;
       scale.scale.scale = 1;
       scale.scale.height = 1;
       scale.scale.sigma = 0.01;

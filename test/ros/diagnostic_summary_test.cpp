@@ -87,7 +87,7 @@ TEST(DiagnosticSummary, OfScaleRecovery) {
   State good;
   good.frames = {"/vo/frame", 0.1, 0.1, 0, ""};
   good.status = ScaleStatus::kOk;
-  const auto held = [](State* s, ScaleReason reason, double seconds) {
+  const auto held = [](State* s, MeasurementStatus reason, double seconds) {
     s->status = ScaleStatus::kHeld;
     s->reason = reason;
     s->held_s = seconds;
@@ -96,15 +96,18 @@ TEST(DiagnosticSummary, OfScaleRecovery) {
       good,
       {{[](State*) {}, kOk, "scale measured"},
        {[](State* s) { s->status = ScaleStatus::kUnknown; }, kWarn, "scale not known yet"},
-       {[](State* s) { s->status = ScaleStatus::kUnknown, s->reason = ScaleReason::kNoPlane; },
+       {[](State* s) {
+          s->status = ScaleStatus::kUnknown, s->reason = MeasurementStatus::kNoPlane;
+        },
         kWarn, "scale not known yet: no_plane"},
        // Holding the scale briefly or at standstill is normal.
-       {[&](State* s) { held(s, ScaleReason::kNoPlane, 0.84); }, kOk,
+       {[&](State* s) { held(s, MeasurementStatus::kNoPlane, 0.84); }, kOk,
         "scale held for 0.8 s: no_plane"},
-       {[&](State* s) { held(s, ScaleReason::kNoPlane, 3.1); }, kWarn,
+       {[&](State* s) { held(s, MeasurementStatus::kNoPlane, 3.1); }, kWarn,
         "scale held for 3.1 s: no_plane"},
-       {[&](State* s) { held(s, ScaleReason::kStandstill, 3.1); }, kOk, "scale held: standstill"},
-       {[&](State* s) { held(s, ScaleReason::kVoNotTracking, 0); }, kWarn,
+       {[&](State* s) { held(s, MeasurementStatus::kStandstill, 3.1); }, kOk,
+        "scale held: standstill"},
+       {[&](State* s) { held(s, MeasurementStatus::kVoNotTracking, 0); }, kWarn,
         "scale held for 0.0 s: vo_not_tracking"},
        // Input.
        {[](State* s) { s->missing_image_note = "no publisher on /image"; }, kWarn,

@@ -41,7 +41,7 @@ struct MonoVoState {
 struct ScaleRecoveryState {
   InputState frames;
   ScaleStatus status = ScaleStatus::kUnknown;
-  ScaleReason reason = ScaleReason::kNone;
+  MeasurementStatus reason = MeasurementStatus::kMeasured;
   double held_s = 0;           ///< since the first HELD frame after a measurement or standstill [s]
   std::string mounting_error;  ///< why no metric pose can be published; empty: it can
   std::string mounting_warning;  ///< unsupportedMounting() or wrongMountingOnTf()

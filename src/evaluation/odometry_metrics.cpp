@@ -1,4 +1,4 @@
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 #include <cmath>
 #include <limits>
@@ -6,7 +6,6 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -184,7 +184,7 @@ void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, std::int6
   report_.stamp_ns = stamp_ns;
   if (output.scale.status == ScaleStatus::kOk) report_.measured_ns = stamp_ns;
   if (output.scale.status != ScaleStatus::kHeld ||
-      output.scale.reason == ScaleReason::kStandstill) {
+      output.scale.measurement == MeasurementStatus::kStandstill) {
     report_.held_since_ns.reset();
   } else if (!report_.held_since_ns) {
     report_.held_since_ns = stamp_ns;
@@ -224,7 +224,7 @@ void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper
   status.add("frames without an image", processed() - with_image_);
   status.add("frames with a direct measurement", with_direct_);
   status.add("scale status", toString(scale.status));
-  status.add("reason", toString(scale.reason));
+  status.add("reason", toString(scale.measurement));
   status.add("scale [m / VO unit]", scale.scale);
   status.add("sigma [m / VO unit]", scale.sigma);
   if (report_.measured_ns) {

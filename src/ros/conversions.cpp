@@ -253,7 +253,7 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
   msg->header = header;
   msg->map_id = map_id;
   msg->status = static_cast<std::uint8_t>(scale.status);
-  msg->reason = static_cast<std::uint8_t>(scale.reason);
+  msg->reason = static_cast<std::uint8_t>(scale.measurement);
   msg->raw_scale = scale.raw_scale;
   msg->scale = scale.scale;
   msg->sigma = scale.sigma;
@@ -274,7 +274,7 @@ ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
   requireAtMost("reason", msg.reason, ScaleEstimateMsg::IMPLAUSIBLE_MOTION);
   ScaleEstimate scale;
   scale.status = static_cast<ScaleStatus>(msg.status);
-  scale.reason = static_cast<ScaleReason>(msg.reason);
+  scale.measurement = static_cast<MeasurementStatus>(msg.reason);
   scale.raw_scale = msg.raw_scale;
   scale.scale = msg.scale;
   scale.sigma = msg.sigma;

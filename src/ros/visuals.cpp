@@ -164,7 +164,8 @@ void drawGroundGrid(Canvas& canvas, const PinholeCamera& camera, const ScaleEsti
 void drawScale(Canvas& canvas, const ScaleRecovery::Output& output) {
   const ScaleEstimate& scale = output.scale;
   std::string first = toString(scale.status);
-  if (scale.reason != ScaleReason::kNone) first += std::string(", ") + toString(scale.reason);
+  if (scale.measurement != MeasurementStatus::kMeasured)
+    first += std::string(", ") + toString(scale.measurement);
   if (scale.status != ScaleStatus::kUnknown) {
     first +=
         cv::format(": %.4g m per VO unit +- %.1f %%", scale.scale, 100 * scale.sigma / scale.scale);

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 #include <gtest/gtest.h>
 

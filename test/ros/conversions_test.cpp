@@ -172,7 +172,7 @@ TEST(VoFrameMsg, MapStartMayBeUnknown) {
 TEST(ScaleEstimateMsg, RoundTripIsExact) {
   ScaleEstimate scale;
   scale.status = ScaleStatus::kHeld;
-  scale.reason = ScaleReason::kPlaneTilted;
+  scale.measurement = MeasurementStatus::kPlaneTilted;
   scale.raw_scale = 1 / 3.0;
   scale.scale = 2 / 3.0;
   scale.sigma = 0.1;
@@ -186,7 +186,7 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   const ScaleEstimateMsg::Ptr msg = toMsg(scale, 8, std_msgs::Header());
   EXPECT_EQ(msg->map_id, 8u);
   const auto values = [](const ScaleEstimate& s) {
-    return std::tuple(s.status, s.reason, s.raw_scale, s.scale, s.sigma, s.height, s.triangles,
+    return std::tuple(s.status, s.measurement, s.raw_scale, s.scale, s.sigma, s.height, s.triangles,
                       s.ground_triangles, s.ground_points, s.window_points, s.plane_inliers);
   };
   EXPECT_EQ(values(fromMsg(*msg)), values(scale));
@@ -205,15 +205,17 @@ TEST(Messages, ConstantsAreTheEnumerators) {
   EXPECT_EQ(int{Scale::UNKNOWN}, static_cast<int>(ScaleStatus::kUnknown));
   EXPECT_EQ(int{Scale::OK}, static_cast<int>(ScaleStatus::kOk));
   EXPECT_EQ(int{Scale::HELD}, static_cast<int>(ScaleStatus::kHeld));
-  EXPECT_EQ(int{Scale::NONE}, static_cast<int>(ScaleReason::kNone));
-  EXPECT_EQ(int{Scale::VO_NOT_TRACKING}, static_cast<int>(ScaleReason::kVoNotTracking));
-  EXPECT_EQ(int{Scale::STANDSTILL}, static_cast<int>(ScaleReason::kStandstill));
-  EXPECT_EQ(int{Scale::TOO_FEW_TRIANGLES}, static_cast<int>(ScaleReason::kTooFewTriangles));
-  EXPECT_EQ(int{Scale::TOO_FEW_GROUND_POINTS}, static_cast<int>(ScaleReason::kTooFewGroundPoints));
-  EXPECT_EQ(int{Scale::NO_PLANE}, static_cast<int>(ScaleReason::kNoPlane));
-  EXPECT_EQ(int{Scale::PLANE_TILTED}, static_cast<int>(ScaleReason::kPlaneTilted));
-  EXPECT_EQ(int{Scale::REJECTED_BY_FILTER}, static_cast<int>(ScaleReason::kRejectedByFilter));
-  EXPECT_EQ(int{Scale::IMPLAUSIBLE_MOTION}, static_cast<int>(ScaleReason::kImplausibleMotion));
+  EXPECT_EQ(int{Scale::NONE}, static_cast<int>(MeasurementStatus::kMeasured));
+  EXPECT_EQ(int{Scale::VO_NOT_TRACKING}, static_cast<int>(MeasurementStatus::kVoNotTracking));
+  EXPECT_EQ(int{Scale::STANDSTILL}, static_cast<int>(MeasurementStatus::kStandstill));
+  EXPECT_EQ(int{Scale::TOO_FEW_TRIANGLES}, static_cast<int>(MeasurementStatus::kTooFewTriangles));
+  EXPECT_EQ(int{Scale::TOO_FEW_GROUND_POINTS},
+            static_cast<int>(MeasurementStatus::kTooFewGroundPoints));
+  EXPECT_EQ(int{Scale::NO_PLANE}, static_cast<int>(MeasurementStatus::kNoPlane));
+  EXPECT_EQ(int{Scale::PLANE_TILTED}, static_cast<int>(MeasurementStatus::kPlaneTilted));
+  EXPECT_EQ(int{Scale::REJECTED_BY_FILTER}, static_cast<int>(MeasurementStatus::kRejectedByFilter));
+  EXPECT_EQ(int{Scale::IMPLAUSIBLE_MOTION},
+            static_cast<int>(MeasurementStatus::kImplausibleMotion));
 }
 
 sensor_msgs::CompressedImage encoded(const std::string& format, const std::string& extension,

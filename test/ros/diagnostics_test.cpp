@@ -73,30 +73,30 @@ TEST(DiagnosticSummary, OfTheOdometry) {
 TEST(DiagnosticSummary, OfTheScale) {
   const struct {
     ScaleStatus status;
-    ScaleReason reason;
+    MeasurementStatus reason;
     double held_s;
     const char* missing_image;
     Level level;
     std::string message;
   } kCases[] = {
-      {ScaleStatus::kOk, ScaleReason::kNone, 0, "", Level::kOk, "scale measured"},
-      {ScaleStatus::kOk, ScaleReason::kNone, 0, "no publisher on /image", Level::kWarn,
+      {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "", Level::kOk, "scale measured"},
+      {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "no publisher on /image", Level::kWarn,
        "scale measured from features only, no publisher on /image"},
-      {ScaleStatus::kUnknown, ScaleReason::kNone, 0, "", Level::kWarn, "scale not known yet"},
-      {ScaleStatus::kUnknown, ScaleReason::kNoPlane, 0, "", Level::kWarn,
+      {ScaleStatus::kUnknown, MeasurementStatus::kMeasured, 0, "", Level::kWarn, "scale not known yet"},
+      {ScaleStatus::kUnknown, MeasurementStatus::kNoPlane, 0, "", Level::kWarn,
        "scale not known yet: no_plane"},
       // Holding the scale briefly or at standstill is normal.
-      {ScaleStatus::kHeld, ScaleReason::kNoPlane, 0.84, "", Level::kOk,
+      {ScaleStatus::kHeld, MeasurementStatus::kNoPlane, 0.84, "", Level::kOk,
        "scale held for 0.8 s: no_plane"},
-      {ScaleStatus::kHeld, ScaleReason::kNoPlane, 3.1, "", Level::kWarn,
+      {ScaleStatus::kHeld, MeasurementStatus::kNoPlane, 3.1, "", Level::kWarn,
        "scale held for 3.1 s: no_plane"},
-      {ScaleStatus::kHeld, ScaleReason::kStandstill, 3.1, "", Level::kOk, "scale held: standstill"},
-      {ScaleStatus::kHeld, ScaleReason::kVoNotTracking, 0, "", Level::kWarn,
+      {ScaleStatus::kHeld, MeasurementStatus::kStandstill, 3.1, "", Level::kOk, "scale held: standstill"},
+      {ScaleStatus::kHeld, MeasurementStatus::kVoNotTracking, 0, "", Level::kWarn,
        "scale held for 0.0 s: vo_not_tracking"}};
   for (const auto& one : kCases) {
     ScaleEstimate scale;
     scale.status = one.status;
-    scale.reason = one.reason;
+    scale.measurement = one.reason;
     EXPECT_EQ(summarize(scale, one.held_s, one.missing_image).level, one.level) << one.message;
     EXPECT_EQ(summarize(scale, one.held_s, one.missing_image).message, one.message);
   }

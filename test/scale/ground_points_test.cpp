@@ -1,22 +1,27 @@
-#include "ground_scale_vo/scale/ground_point_extraction.hpp"
+#include "ground_scale_vo/scale/ground_points.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-MotionHistory::Chord chordOf(const RoadScene& scene) {
-  return {scene.rotation().transpose() * Eigen::Vector3d::UnitZ(), 5.0};
+/// Of a scene, with a chord along the road.
+RoadPrior movingPrior(const RoadScene& scene, double sigma = 0.01) {
+  RoadPrior prior = priorOf(scene, sigma);
+  prior.chord = Chord{prior.forward_c, 5.0};
+  return prior;
 }
 
 GroundPointExtraction::Result extract(const RoadScene& scene, const VoFrame& frame,
                                       const GroundPointExtraction::Options& options = {}) {
-  return GroundPointExtraction(options).extract(frame, priorOf(scene), chordOf(scene),
+  return GroundPointExtraction(options).extract(frame, movingPrior(scene),
                                                 Eigen::Isometry3d::Identity());
 }
 
@@ -31,7 +36,7 @@ TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
   RoadScene scene = roadAhead();
   scene.roll = 0.03;
   const auto result = extract(scene, scene.frame(0));
-  ASSERT_EQ(result.status, ScaleReason::kNone);
+  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
   EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 1e-3);
   EXPECT_GT(result.triangles, 100);
@@ -42,20 +47,20 @@ TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
 TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
   RoadScene scene = roadAhead();
   scene.pitch = 0;
-  const NormalPrior level = priorOf(scene, 0.13);
+  const RoadPrior level = movingPrior(scene, 0.13);
   for (const double roll : {-0.26, 0.26}) {
     scene.roll = roll;
     const auto extractWith = [&](double roll_sigma) {
-      NormalPrior prior = level;
+      RoadPrior prior = level;
       prior.roll_sigma = roll_sigma;
-      return GroundPointExtraction({}).extract(scene.frame(0), prior, chordOf(scene),
+      return GroundPointExtraction({}).extract(scene.frame(0), prior,
                                                Eigen::Isometry3d::Identity());
     };
     const auto uncertain = extractWith(0.13);
-    ASSERT_EQ(uncertain.status, ScaleReason::kNone) << roll;
+    ASSERT_EQ(uncertain.status, MeasurementStatus::kMeasured) << roll;
     EXPECT_NEAR(uncertain.plane.height, 0.7, 1e-3) << roll;
     EXPECT_NEAR((uncertain.plane.n_c - scene.normal()).norm(), 0, 1e-3) << roll;
-    EXPECT_NE(extractWith(0.01).status, ScaleReason::kNone) << roll;
+    EXPECT_NE(extractWith(0.01).status, MeasurementStatus::kMeasured) << roll;
   }
 }
 
@@ -66,7 +71,7 @@ TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
   for (int i = 0; i < 60; ++i)
     scene.points.emplace_back(0.95, -0.01 * i, 2.0 + 0.1 * i);  // its side
   const auto result = extract(scene, scene.frame(0));
-  ASSERT_EQ(result.status, ScaleReason::kNone);
+  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(result.plane.height, 0.7, 0.01);
   std::size_t on_wall = 0;
   for (const GroundPoint& point : result.points) {
@@ -83,7 +88,7 @@ TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedInAnyUnit) {
   scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the camera height up
   for (const double unit : {1.0, 16.0}) {
     const auto result = extract(scene, inUnit(unit, scene).frame(0));
-    ASSERT_EQ(result.status, ScaleReason::kNone);
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     EXPECT_NEAR(result.plane.height / unit, 0.7, 0.005);
     EXPECT_GT(result.points.size(), 100u);
     for (const GroundPoint& point : result.points) EXPECT_LE(point.id, 400u);
@@ -100,7 +105,7 @@ TEST(GroundPointExtraction, TheRegionHasLimitsAndIsWideWhenTheLaneHasFewFeatures
   for (const bool has_lane : {true, false}) {
     if (!has_lane) options.min_lane_features = 100000;
     const auto result = extract(scene, scene.frame(0), options);
-    ASSERT_EQ(result.status, ScaleReason::kNone);
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     int outside = 0;
     for (const GroundPoint& point : result.points) {
       EXPECT_GT(std::hypot(point.p_c.x(), point.p_c.z()), 3.8 * scene.height);
@@ -113,25 +118,25 @@ TEST(GroundPointExtraction, TheRegionHasLimitsAndIsWideWhenTheLaneHasFewFeatures
 
 TEST(GroundPointExtraction, DegenerateInputIsRefusedByStatus) {
   RoadScene scene;
-  EXPECT_EQ(extract(scene, scene.frame(0)).status, ScaleReason::kTooFewTriangles);
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewTriangles);
   scene.points = {{0, 0, 3}, {0.3, 0, 4}};
-  EXPECT_EQ(extract(scene, scene.frame(0)).status, ScaleReason::kTooFewTriangles);
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewTriangles);
   scene.points.push_back({-0.4, 0, 5});
-  EXPECT_EQ(extract(scene, scene.frame(0)).status, ScaleReason::kTooFewGroundPoints);
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewGroundPoints);
   scene.points.clear();
   for (int i = 0; i < 40; ++i) scene.points.emplace_back(0, 0, 2 + 0.2 * i);  // collinear
-  EXPECT_NE(extract(scene, scene.frame(0)).status, ScaleReason::kNone);
+  EXPECT_NE(extract(scene, scene.frame(0)).status, MeasurementStatus::kMeasured);
   scene.points.clear();
   scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, -2.0, 1);  // a ceiling
   const auto ceiling = extract(scene, scene.frame(0));
-  EXPECT_NE(ceiling.status, ScaleReason::kNone);
+  EXPECT_NE(ceiling.status, MeasurementStatus::kMeasured);
   EXPECT_TRUE(ceiling.points.empty());
 
   VoFrame same = roadAhead().frame(0), behind = same;
   for (TrackedFeature& feature : same.features) feature.u = same.features[0].u;
-  EXPECT_EQ(extract(roadAhead(), same).status, ScaleReason::kTooFewTriangles);
+  EXPECT_EQ(extract(roadAhead(), same).status, MeasurementStatus::kTooFewTriangles);
   for (TrackedFeature& feature : behind.features) feature.p_c = -feature.p_c;
-  EXPECT_EQ(extract(roadAhead(), behind).status, ScaleReason::kTooFewTriangles);
+  EXPECT_EQ(extract(roadAhead(), behind).status, MeasurementStatus::kTooFewTriangles);
 }
 
 // Outside the image: as another odometry may report them.
@@ -156,7 +161,7 @@ TEST(GroundPointExtraction, FeaturesWithoutAUsablePointOrOutsideTheImageAreIgnor
   GroundPointExtraction::Options options;
   options.min_lane_features = 100000;  // also of the wide region
   for (const auto& result : {extract(scene, frame), extract(scene, frame, options)}) {
-    ASSERT_EQ(result.status, ScaleReason::kNone);
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
     for (const GroundPoint& point : result.points) EXPECT_EQ(point.id, 6u);
   }
@@ -166,16 +171,16 @@ TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
   const RoadScene scene = roadAhead();
   GroundPointExtraction::Options options;
   for (const double angle : {-0.2, 0.2}) {  // 11 deg off
-    MotionHistory::Chord climbing = chordOf(scene);
-    climbing.direction_c =
-        Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * climbing.direction_c;
-    const auto result = GroundPointExtraction(options).extract(
-        scene.frame(0), priorOf(scene), climbing, Eigen::Isometry3d::Identity());
+    RoadPrior climbing = movingPrior(scene);
+    climbing.chord->direction_c =
+        Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * climbing.forward_c;
+    const auto result = GroundPointExtraction(options).extract(scene.frame(0), climbing,
+                                                               Eigen::Isometry3d::Identity());
     EXPECT_EQ(result.ground_triangles, 0) << angle;
   }
-  const auto without = GroundPointExtraction(options).extract(
-      scene.frame(0), priorOf(scene), std::nullopt, Eigen::Isometry3d::Identity());
-  EXPECT_EQ(without.status, ScaleReason::kNone);
+  const auto without = GroundPointExtraction(options).extract(scene.frame(0), priorOf(scene),
+                                                              Eigen::Isometry3d::Identity());
+  EXPECT_EQ(without.status, MeasurementStatus::kMeasured);
 }
 
 TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
@@ -188,10 +193,99 @@ TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
     const Eigen::Isometry3d motion(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
     for (const Eigen::Isometry3d& last_motion : {motion, Eigen::Isometry3d::Identity()}) {
       const auto result = GroundPointExtraction(options).extract(
-          scene.frame(0), priorOf(expected, 0.01), std::nullopt, last_motion);
+          scene.frame(0), priorOf(expected, 0.01), last_motion);
       const bool is_level = last_motion.linear().isIdentity();
       EXPECT_EQ(result.ground_triangles > 0, is_level) << pitch;
     }
+  }
+}
+
+constexpr double kPlaneHeight = 0.8;  // [VO units]
+
+/// Ground points ahead of a level camera: ids first .. first + n - 1.
+std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
+  std::vector<GroundPoint> points;
+  for (int i = 0; i < n; ++i) {
+    const double z = 2 + 0.37 * (i % 11);
+    points.push_back(
+        {first + static_cast<std::uint64_t>(i), {0.1 * (i % 7) - 0.3, kPlaneHeight, z}, 0.01 * z});
+  }
+  return points;
+}
+
+/// Pose after a distance of z along the optical axis [VO units].
+Eigen::Isometry3d poseAt(double z) {
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  T_w_c.rotate(
+      Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()));  // world axes differ from the camera's
+  T_w_c.translation() = T_w_c.linear() * Eigen::Vector3d(0, 0, z);
+  return T_w_c;
+}
+
+/// Appends a camera with ground points.
+void add(CameraPath* path, double z, std::vector<GroundPoint> points) {
+  path->add(poseAt(z));
+  path->newest().prior.pitch_sigma = path->newest().prior.roll_sigma = 0.02;
+  path->newest().ground_points = std::move(points);
+}
+
+/// In the newest camera.
+GroundPointAggregation::Result aggregate(const CameraPath& path,
+                                         const GroundPointAggregation::Options& options = {}) {
+  return GroundPointAggregation(options).estimate(path, path.newest(), kPlaneHeight);
+}
+
+TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
+  CameraPath path;
+  for (unsigned i = 0; i < 4; ++i) add(&path, 0.5 * i, pointsAhead(15, 1 + 100u * i));
+  const auto result = aggregate(path);
+  ASSERT_EQ(result.fit.status, MeasurementStatus::kMeasured);
+  EXPECT_EQ(result.window.size(), 60u);
+  EXPECT_NEAR(result.fit.plane.height, kPlaneHeight, 1e-5);
+  for (const PlanePoint& point : result.window) EXPECT_NEAR(point.p_c.y(), kPlaneHeight, 1e-9);
+  // The points of the oldest frame, 1.5 VO units behind, come last.
+  EXPECT_NEAR((result.window.back().origin_c - Eigen::Vector3d(0, 0, -1.5)).norm(), 0, 1e-9);
+  EXPECT_NEAR(result.window[45].p_c.z(), 2 - 1.5, 1e-9);
+  EXPECT_NEAR(result.window[45].depth, 2, 1e-9);
+}
+
+TEST(GroundPointAggregation, TheWindowIsBounded) {
+  // Points in the window after ten frames, and the z of its oldest camera.
+  const auto windowOf = [](const GroundPointAggregation::Options& options, double step,
+                           int points) {
+    CameraPath path;
+    for (unsigned i = 0; i < 10; ++i) {
+      add(&path, step * i, pointsAhead(points, 1 + 10000u * i));
+      path.add(poseAt(step * i));  // without ground points it does not count
+    }
+    const auto result = aggregate(path, options);
+    EXPECT_NEAR(result.window.front().origin_c.z(), 0, 1e-9);  // the newest
+    return std::pair(result.window.size(), result.window.back().origin_c.z());
+  };
+  GroundPointAggregation::Options options;
+  options.window_heights = 2;  // 1.6 VO units: four frames
+  const auto [by_length, length] = windowOf(options, 0.5, 20);
+  EXPECT_EQ(by_length, 80u);
+  EXPECT_NEAR(length, -1.5, 1e-9);
+  options.max_frames = 3;
+  const auto [by_frames, three_frames] = windowOf(options, 0.01, 20);
+  EXPECT_EQ(by_frames, 60u);
+  EXPECT_NEAR(three_frames, -0.02, 1e-9);
+  EXPECT_LT(windowOf({}, 0.1, 2000).first, 10000u);  // also the number of points
+}
+
+TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
+  auto older = pointsAhead(20, 1);
+  for (GroundPoint& point : older) point.p_c.z() += 0.5;
+  CameraPath path;
+  add(&path, 0, older);
+  add(&path, 0.5, pointsAhead(20, 1));
+  for (const bool unique : {true, false}) {
+    GroundPointAggregation::Options options;
+    options.unique_features = unique;
+    const auto result = aggregate(path, options);
+    EXPECT_EQ(result.window.size(), unique ? 20u : 40u);
+    EXPECT_EQ(result.window[0].origin_c.norm(), 0);
   }
 }
 

@@ -1,9 +1,8 @@
-#include "ground_scale_vo/scale/lane_region.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <optional>
 
 namespace ground_scale_vo {
 namespace {
@@ -20,12 +19,9 @@ Eigen::Vector3d rayTo(double left, double ahead) {
 
 /// Of a camera that drives through a bend to one side (1 left, -1 right, 0: straight).
 LaneRegion laneRegion(int side, double height) {
-  const NormalPrior prior;
-  MotionHistory::Chord chord;
-  chord.direction_c = prior.forward_c;
-  chord.length = kChord * kCameraHeight;
-  chord.turn_c = side * kChord / kRadius * prior.n_c;
-  return LaneRegion(prior, chord, height, 1.5, 10, kHalfWidth);
+  RoadPrior prior;
+  prior.chord = Chord{prior.forward_c, kChord * kCameraHeight, side * kChord / kRadius * prior.n_c};
+  return LaneRegion(prior, height, 1.5, 10, kHalfWidth);
 }
 
 /// Offset of the circular path from the chord's direction, to the left [camera heights].
@@ -63,17 +59,15 @@ TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
   EXPECT_FALSE(lane.contains({0, -0.1, 1}));
   // Straight while the height or the motion is not known.
   EXPECT_TRUE(laneRegion(1, 0).contains(rayTo(0, 8)));
-  EXPECT_TRUE(
-      LaneRegion({}, std::nullopt, kCameraHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
+  EXPECT_TRUE(LaneRegion({}, kCameraHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
 }
 
 TEST(LaneRegion, IsTheSameBehindTheVehicle) {
-  NormalPrior forward, backward;
-  backward.forward_c = -forward.forward_c;
-  MotionHistory::Chord chord;
-  chord.length = kChord * kCameraHeight;
-  chord.turn_c = kChord / kRadius * forward.n_c;
-  const LaneRegion behind(backward, chord, kCameraHeight, 1.5, 10, kHalfWidth);
+  RoadPrior backward;
+  backward.forward_c = -backward.forward_c;
+  backward.chord =
+      Chord{backward.forward_c, kChord * kCameraHeight, kChord / kRadius * backward.n_c};
+  const LaneRegion behind(backward, kCameraHeight, 1.5, 10, kHalfWidth);
   EXPECT_TRUE(behind.contains(rayTo(0, 2)));
   // The chord ends at the camera, so the driven path starts at a distance of kChord in the image.
   EXPECT_TRUE(behind.contains(rayTo(0, kChord)));
@@ -81,8 +75,8 @@ TEST(LaneRegion, IsTheSameBehindTheVehicle) {
 }
 
 /// Prior of a level camera that looks to the left of the direction of motion.
-NormalPrior levelPrior(double yaw) {
-  NormalPrior prior;
+RoadPrior levelPrior(double yaw) {
+  RoadPrior prior;
   prior.forward_c = {std::sin(yaw), 0, std::cos(yaw)};
   return prior;
 }
@@ -100,7 +94,7 @@ TEST(LaneRegion, OffsetIsZeroWhileThePathIsVisible) {
   EXPECT_EQ(visibleRegionOffset(sky, levelPrior(0)), 0);
 }
 
-TEST(LaneRegion, OffsetIsThatOfTheNearestVisibleBandBesideThePath) {
+TEST(LaneRegion, TheOffsetLeadsToTheNearestVisibleBandBesideThePath) {
   const PinholeCamera camera{640, 480, 500, 500, 320, 240};  // sees the road from 2.1 heights on
   const double left = visibleRegionOffset(camera, levelPrior(0.5 * M_PI));
   EXPECT_GT(left, 2);
@@ -110,9 +104,9 @@ TEST(LaneRegion, OffsetIsThatOfTheNearestVisibleBandBesideThePath) {
   EXPECT_GT(oblique, 0.5);
   EXPECT_LT(oblique, left);
 
-  NormalPrior prior = levelPrior(0.5 * M_PI);
+  RoadPrior prior = levelPrior(0.5 * M_PI);
   prior.region_offset = left;
-  const LaneRegion region(prior, std::nullopt, kCameraHeight, 1.5, 10, kHalfWidth);
+  const LaneRegion region(prior, kCameraHeight, 1.5, 10, kHalfWidth);
   EXPECT_TRUE(region.contains(rayTo(1, left)));
   EXPECT_TRUE(region.contains(rayTo(-1, left)));
   EXPECT_FALSE(region.contains(rayTo(0, left + 1.1)));

@@ -1,11 +1,13 @@
-#include "ground_scale_vo/scale/ground_point_extraction.hpp"
+#include "ground_scale_vo/scale/ground_points.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <random>
+#include <unordered_set>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/time.hpp"
@@ -22,6 +24,9 @@ constexpr std::uint64_t kSeedMultiplier = 0x9E3779B97F4A7C15ull;
 /// Least sine of the angle at the first corner: the normal of a flatter triangle (about 1 degree)
 /// is dominated by the noise of its points.
 constexpr double kMinSine = 0.02;
+
+/// Of GPA: bounds the time of a fit; the newest frames come first.
+constexpr std::size_t kMaxPoints = 3000;
 
 /// Eq. 1 and 2 for three points in camera axes. The normal is oriented upwards (y is down), so h >
 /// 0 exactly when the plane lies below the camera; otherwise, and for degenerate triples, empty.
@@ -40,7 +45,7 @@ std::optional<GroundPlane> planeThrough(const Eigen::Vector3d& x1, const Eigen::
 }
 
 /// Absolute pitch (first) and roll (second) of a normal against the prior [rad].
-std::pair<double, double> tilt(const Eigen::Vector3d& n_c, const NormalPrior& prior) {
+std::pair<double, double> tilt(const Eigen::Vector3d& n_c, const RoadPrior& prior) {
   const double up = n_c.dot(prior.n_c);
   return {std::abs(std::atan2(n_c.dot(prior.forward_c), up)),
           std::abs(std::atan2(n_c.dot(prior.lateral()), up))};
@@ -97,10 +102,9 @@ GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(
 /// Indices of the features with a point whose ray meets the expected plane in the region of
 /// interest: the narrow one if it contains enough of them.
 std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& frame,
-                                                               const NormalPrior& prior) const {
+                                                               const RoadPrior& prior) const {
   const auto region = [&](double half_width) {
-    return LaneRegion(prior, std::nullopt, 0, options_.min_ahead_heights,
-                      options_.max_ahead_heights, half_width);
+    return LaneRegion(prior, 0, options_.min_ahead_heights, options_.max_ahead_heights, half_width);
   };
   const LaneRegion lane_region = region(options_.lane_half_width_heights);
   const LaneRegion wide_region = region(options_.max_half_width_heights);
@@ -122,7 +126,7 @@ std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& fr
 
 /// theta_1 of Alg. 1 line 10 for a triangle's own normal, relative to the mounting. The printed
 /// test of the frame's rotation replaces it with frame_pitch_test.
-bool GroundPointExtraction::isTilted(const GroundPlane& plane, const NormalPrior& prior,
+bool GroundPointExtraction::isTilted(const GroundPlane& plane, const RoadPrior& prior,
                                      double roll_tolerance) const {
   if (options_.frame_pitch_test) return false;
   const auto [pitch, roll] = tilt(plane.n_c, prior);
@@ -131,8 +135,7 @@ bool GroundPointExtraction::isTilted(const GroundPlane& plane, const NormalPrior
 }
 
 GroundPointExtraction::Result GroundPointExtraction::extract(
-    const VoFrame& frame, const NormalPrior& prior,
-    const std::optional<MotionHistory::Chord>& chord, const Eigen::Isometry3d& last_motion) const {
+    const VoFrame& frame, const RoadPrior& prior, const Eigen::Isometry3d& last_motion) const {
   Result result;
   const Stopwatch watch;
   const std::vector<Triangle> triangles =
@@ -147,6 +150,7 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
       !options_.frame_pitch_test ||
       std::abs(std::atan(-R(2, 1) / R(2, 2))) < options_.pitch_tolerance_rad;
 
+  const double max_sine = std::sin(options_.motion_tolerance_rad);
   std::vector<bool> is_ground(frame.features.size(), false);
   for (const Triangle& triangle : triangles) {  // Alg. 1 lines 6-15
     // Alg. 1 line 7: the pixel's ray has no depth, so the tracked map points are the corners.
@@ -157,10 +161,7 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
     if (!plane || !frame_is_level) continue;
     if (isTilted(*plane, prior, options_.roll_tolerance_rad)) continue;  // theta_1 of line 10
     // Line 11 (Eq. 3): |90 deg - angle(n, t)| < theta_2.
-    if (chord && std::abs(std::asin(std::clamp(plane->n_c.dot(chord->direction_c), -1.0, 1.0))) >=
-                     options_.motion_tolerance_rad) {
-      continue;
-    }
+    if (prior.chord && std::abs(plane->n_c.dot(prior.chord->direction_c)) >= max_sine) continue;
     ++result.ground_triangles;
     for (const std::uint32_t corner : triangle) is_ground[corner] = true;  // lines 12 and 16
   }
@@ -172,18 +173,18 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
   }
   // A seed for each frame, so that its result does not depend on earlier frames.
   ransac(options_.random_seed * kSeedMultiplier + frame.sequence, prior, &result);
-  if (result.status != ScaleReason::kNone) result.points.clear();
+  if (result.status != MeasurementStatus::kMeasured) result.points.clear();
   return result;
 }
 
 /// Alg. 1 lines 17-33: keeps the points of *result that lie on the best plane through three of
 /// them: that with the least total distance, truncated at the threshold (Eq. 4; untruncated, one
 /// outlier would decide), or with the most inliers (line 28).
-void GroundPointExtraction::ransac(std::uint64_t seed, const NormalPrior& prior,
+void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
                                    Result* result) const {
   std::vector<GroundPoint>& points = result->points;
   const std::size_t n = points.size();
-  result->status = ScaleReason::kTooFewGroundPoints;
+  result->status = MeasurementStatus::kTooFewGroundPoints;
   if (n < static_cast<std::size_t>(options_.min_points)) return;  // line 18
 
   // For a point near the plane, the relative error of its depth is that of its distance from the
@@ -218,14 +219,57 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const NormalPrior& prior,
       result->plane = *plane;
     }
   }
-  result->status = ScaleReason::kNoPlane;
+  result->status = MeasurementStatus::kNoPlane;
   if (best.empty()) return;
   std::size_t kept = 0;  // line 32
   for (std::size_t g = 0; g < n; ++g) {
     if (best[g]) points[kept++] = points[g];
   }
   points.resize(kept);
-  if (kept >= static_cast<std::size_t>(options_.min_points)) result->status = ScaleReason::kNone;
+  if (kept >= static_cast<std::size_t>(options_.min_points))
+    result->status = MeasurementStatus::kMeasured;
+}
+
+void GroundPointAggregation::Options::validate() const {
+  visitParameters(*this, RangeCheck("gpa/"));
+  fit.validate();
+}
+
+GroundPointAggregation::GroundPointAggregation(const Options& options)
+    : options_(options), fit_(options.fit) {
+  options_.validate();
+}
+
+GroundPointAggregation::Result GroundPointAggregation::estimate(const CameraPath& path,
+                                                                const CameraPath::Camera& camera,
+                                                                double height_hint) const {
+  Result result;
+  result.window = window(path, camera.T_w_c, options_.window_heights * height_hint);
+  result.fit = fit_.fit(result.window, camera.prior, height_hint);  // lines 14-34
+  return result;
+}
+
+/// Alg. 2 lines 7-13. max_length: [VO units] along the path.
+std::vector<PlanePoint> GroundPointAggregation::window(const CameraPath& path,
+                                                       const Eigen::Isometry3d& T_w_c,
+                                                       double max_length) const {
+  std::vector<PlanePoint> points;
+  std::unordered_set<std::uint64_t> seen;  // only tested for membership: its order has no effect
+  int frames = 0;
+  const Eigen::Isometry3d T_c_w = T_w_c.inverse();
+  for (auto camera = path.cameras().rbegin(); camera != path.cameras().rend(); ++camera) {
+    if (path.newest().travelled - camera->travelled > max_length) break;
+    if (camera->ground_points.empty()) continue;
+    if (++frames > options_.max_frames) break;
+    const Eigen::Isometry3d T_c_f = T_c_w * camera->T_w_c;
+    for (const GroundPoint& point : camera->ground_points) {
+      if (points.size() >= kMaxPoints) return points;
+      if (options_.unique_features && !seen.insert(point.id).second) continue;
+      // Eq. 5, but into the camera frame: the fit then does not depend on the world's origin.
+      points.push_back({T_c_f * point.p_c, T_c_f.translation(), point.p_c.z(), point.depth_sigma});
+    }
+  }
+  return points;
 }
 
 }  // namespace ground_scale_vo

@@ -1,24 +1,17 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/scale/ground_plane.hpp"
-#include "ground_scale_vo/scale/motion_history.hpp"
+#include "ground_scale_vo/scale/camera_path.hpp"
+#include "ground_scale_vo/scale/plane_fit.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
-
-/// A feature of one frame that lies on the road.
-struct GroundPoint {
-  std::uint64_t id = 0;                           ///< of the feature
-  Eigen::Vector3d p_c = Eigen::Vector3d::Zero();  ///< in its frame's camera [VO units], z > 0
-  double depth_sigma = 0;                         ///< standard deviation of p_c.z [VO units]
-};
 
 /// Ground Point Extraction (GPE, the paper's section III.A and Alg. 1): selects the features of one
 /// frame that lie on the road.
@@ -86,9 +79,9 @@ class GroundPointExtraction {
   };
 
   struct Result {
-    /// kNone: `points` and `plane` are valid. Otherwise kTooFewTriangles (no triangle of features
-    /// with map points), kTooFewGroundPoints or kNoPlane, and `points` is empty.
-    ScaleReason status = ScaleReason::kTooFewTriangles;
+    /// kMeasured: `points` and `plane` are valid. Otherwise kTooFewTriangles (no triangle of
+    /// features with map points), kTooFewGroundPoints or kNoPlane, and `points` is empty.
+    MeasurementStatus status = MeasurementStatus::kTooFewTriangles;
     std::vector<GroundPoint> points;  ///< ordered by id
     GroundPlane plane;                ///< best RANSAC hypothesis, through three points
     int triangles = 0;                ///< of the triangulation
@@ -99,19 +92,63 @@ class GroundPointExtraction {
   /// Throws OptionError.
   explicit GroundPointExtraction(const Options& options);
 
-  /// frame: tracking. prior: the road's normal in this frame's camera. chord: averaged direction of
-  /// motion for Eq. 3; without it (no motion) that test is skipped. last_motion: T_{t,t-1}, used by
-  /// frame_pitch_test alone. The result depends on the arguments alone, not on earlier calls.
-  Result extract(const VoFrame& frame, const NormalPrior& prior,
-                 const std::optional<MotionHistory::Chord>& chord,
+  /// frame: tracking. prior: of the road in this frame; without a chord (no motion) the test of
+  /// Eq. 3 is skipped. last_motion: T_{t,t-1}, used by frame_pitch_test alone. The result depends
+  /// on the arguments alone, not on earlier calls.
+  Result extract(const VoFrame& frame, const RoadPrior& prior,
                  const Eigen::Isometry3d& last_motion) const;
 
  private:
-  std::vector<std::uint32_t> selectRegion(const VoFrame& frame, const NormalPrior& prior) const;
-  bool isTilted(const GroundPlane& plane, const NormalPrior& prior, double roll_tolerance) const;
-  void ransac(std::uint64_t seed, const NormalPrior& prior, Result* result) const;
+  std::vector<std::uint32_t> selectRegion(const VoFrame& frame, const RoadPrior& prior) const;
+  bool isTilted(const GroundPlane& plane, const RoadPrior& prior, double roll_tolerance) const;
+  void ransac(std::uint64_t seed, const RoadPrior& prior, Result* result) const;
 
   Options options_;
+};
+
+/// Ground Point Aggregation (GPA, the paper's section III.B and Alg. 2): the ground points of a
+/// sliding window of frames, transformed into one camera frame, and the plane through them.
+class GroundPointAggregation {
+ public:
+  struct Options {
+    double window_heights = 3.0;
+    int max_frames = 60;
+    /// A map point has one error however often it is seen; its copies are not independent.
+    bool unique_features = true;
+    PlaneFit::Options fit;
+    template <typename Self, typename Visit>
+    static void visitParameters(Self& self, Visit&& visit) {
+      visit("window_heights", self.window_heights, 0, 1e6,
+            "[camera heights] length of the window, as distance travelled");
+      visit("max_frames", self.max_frames, 1, 1e6,
+            "[frames] in the window at most (Alg. 2 line 8)");
+      visit("unique_features", self.unique_features,
+            "[] a feature seen in several frames counts once, with its newest point");
+    }
+    /// Throws OptionError.
+    void validate() const;
+  };
+
+  struct Result {
+    PlaneFit::Result fit;
+    std::vector<PlanePoint> window;  ///< the points of the fit, newest frame first
+  };
+
+  /// Throws OptionError.
+  explicit GroundPointAggregation(const Options& options);
+
+  /// Plane of the window that ends at the newest camera of the path, in the axes of one of its
+  /// cameras and with the camera's prior. height_hint: approximate camera height [VO units], > 0;
+  /// converts the window's length.
+  Result estimate(const CameraPath& path, const CameraPath::Camera& camera,
+                  double height_hint) const;
+
+ private:
+  std::vector<PlanePoint> window(const CameraPath& path, const Eigen::Isometry3d& T_w_c,
+                                 double max_length) const;
+
+  Options options_;
+  PlaneFit fit_;
 };
 
 }  // namespace ground_scale_vo

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/lane_region.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 
 #include <algorithm>
 #include <array>
@@ -23,7 +23,7 @@ constexpr double kWellVisibleShare = 0.8;
 /// Number of rays of a regular grid over the image that meet the road in each band.
 using Histogram = std::array<int, 2 * kOffsetSteps + 1>;
 
-void addRay(const NormalPrior& prior, const Eigen::Vector3d& lateral, const Eigen::Vector3d& ray,
+void addRay(const RoadPrior& prior, const Eigen::Vector3d& lateral, const Eigen::Vector3d& ray,
             Histogram* visible) {
   const double down = -prior.n_c.dot(ray);
   if (!(down > 0)) return;
@@ -38,8 +38,16 @@ void addRay(const NormalPrior& prior, const Eigen::Vector3d& lateral, const Eige
 
 }  // namespace
 
-LaneRegion::LaneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
-                       double height, double min_distance, double max_ahead, double half_width)
+Eigen::Vector3d roadNormal(double pitch, double roll) {
+  return {-std::sin(roll), -std::cos(roll) * std::cos(pitch), -std::cos(roll) * std::sin(pitch)};
+}
+
+double pitchOf(const Eigen::Vector3d& n_c) { return std::atan2(-n_c.z(), -n_c.y()); }
+
+double rollOf(const Eigen::Vector3d& n_c) { return -std::asin(std::clamp(n_c.x(), -1.0, 1.0)); }
+
+LaneRegion::LaneRegion(const RoadPrior& prior, double height, double min_distance, double max_ahead,
+                       double half_width)
     : up_(prior.n_c),
       ahead_(prior.forward_c),
       left_(prior.lateral()),
@@ -47,9 +55,9 @@ LaneRegion::LaneRegion(const NormalPrior& prior, const std::optional<MotionHisto
       min_distance_(min_distance),
       max_ahead_(max_ahead),
       half_width_(half_width) {
-  if (chord && height > 0) {
-    chord_length_ = chord->length / height;
-    curvature_ = up_.dot(chord->turn_c) / chord_length_;
+  if (prior.chord && height > 0) {
+    chord_length_ = prior.chord->length / height;
+    curvature_ = up_.dot(prior.chord->turn_c) / chord_length_;
   }
 }
 
@@ -65,7 +73,7 @@ bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
   return std::abs(left - path - offset_) <= half_width_;
 }
 
-double visibleRegionOffset(const PinholeCamera& camera, const NormalPrior& prior) {
+double visibleRegionOffset(const PinholeCamera& camera, const RoadPrior& prior) {
   Histogram visible{};
   const Eigen::Vector3d lateral = prior.lateral();
   const double step_x = std::max(kRaySpacing * camera.fx, 1.0 * camera.width / kGridSize);

@@ -81,7 +81,7 @@ gsv_add_unit_tests(simulation ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(integration ${PROJECT_NAME}_simulation)
 # These take longest: two tests, which can run at the same time.
 foreach(drives fault_drives scenarios)
-  gsv_add_unit_test(${drives}_test test/drives/${drives}_test.cpp ${PROJECT_NAME}_tool_support)
+  gsv_add_unit_test(${drives}_test test/drives/${drives}_test.cpp ${PROJECT_NAME}_simulation)
 endforeach()
 if(GROUND_SCALE_VO_ROS)
   gsv_add_unit_tests(ros ${PROJECT_NAME}_nodelets ${PROJECT_NAME}_simulation)

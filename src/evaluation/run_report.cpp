@@ -118,8 +118,8 @@ std::string scaleCsv(const RunRecord& record) {
     const RunFrame& frame = record.frames()[i];
     const ScaleEstimate& s = frame.scale;
     stream << i << ',' << formatSeconds(frame.stamp_ns) << ',' << toString(s.status) << ','
-           << toString(s.reason) << ',' << s.raw_scale << ',' << s.scale << ',' << s.sigma << ','
-           << s.height << ',' << s.n_c.x() << ',' << s.n_c.y() << ',' << s.n_c.z() << ','
+           << toString(s.measurement) << ',' << s.raw_scale << ',' << s.scale << ',' << s.sigma
+           << ',' << s.height << ',' << s.n_c.x() << ',' << s.n_c.y() << ',' << s.n_c.z() << ','
            << s.triangles << ',' << s.ground_triangles << ',' << s.ground_points << ','
            << s.window_points << ',' << s.plane_inliers << ',' << frame.backfilled << ','
            << frame.map_id << ',' << toString(frame.vo_status) << '\n';

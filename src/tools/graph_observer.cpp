@@ -19,7 +19,6 @@
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/messages.hpp"
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "support/command_line.hpp"
 

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 #include "support/temporary_folder.hpp"
 

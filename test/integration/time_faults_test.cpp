@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 
 namespace ground_scale_vo {

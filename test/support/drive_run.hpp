@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/sanitizer.hpp"
 
 namespace ground_scale_vo {

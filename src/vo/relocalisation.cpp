@@ -6,8 +6,9 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
+#include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -39,10 +39,8 @@ class StageNodelet : public nodelet::Nodelet {
   virtual std::string reset() = 0;
   /// Of the name that diagnostics add to that of the nodelet: "odometry".
   virtual std::string stage() const = 0;
-  /// state: without the part that this class knows.
+  /// All but what this class knows. dropped: since construction.
   virtual void describe(StageState* state) = 0;
-  /// Messages of the input that were dropped since construction.
-  virtual std::uint64_t dropped() const = 0;
   /// Further values of the diagnostics.
   virtual void addValues(diagnostic_updater::DiagnosticStatusWrapper& status) = 0;
 

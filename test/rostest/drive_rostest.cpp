@@ -59,7 +59,6 @@ class Drive : public testing::Test {
  protected:
   static void SetUpTestSuite() { drive_ = std::make_unique<RenderedDrive>(smallDrive(90)); }
   static void TearDownTestSuite() {
-    if (run_) run_->unload();
     run_.reset();
     drive_.reset();
   }

@@ -109,14 +109,16 @@ DiagnosticSummary summarize(const ScaleEstimate& scale, double held_s,
   switch (scale.status) {
     case ScaleStatus::kUnknown:
       return {Level::kWarn,
-              "scale not known yet" + (scale.measurement == MeasurementStatus::kMeasured ? "" : ": " + reason)};
+              "scale not known yet" +
+                  (scale.measurement == MeasurementStatus::kMeasured ? "" : ": " + reason)};
     case ScaleStatus::kOk:
       if (missing_image.empty()) return {Level::kOk, "scale measured"};
       return {Level::kWarn, "scale measured from features only, " + missing_image};
     case ScaleStatus::kHeld:
       break;
   }
-  if (scale.measurement == MeasurementStatus::kStandstill) return {Level::kOk, "scale held: " + reason};
+  if (scale.measurement == MeasurementStatus::kStandstill)
+    return {Level::kOk, "scale held: " + reason};
   const bool is_normal = scale.measurement != MeasurementStatus::kVoNotTracking && held_s < kHeldS;
   return {is_normal ? Level::kOk : Level::kWarn,
           format("scale held for %.1f s: ", held_s) + reason};

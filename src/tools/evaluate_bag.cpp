@@ -20,9 +20,9 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
-#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros_tools/bag_topics.hpp"

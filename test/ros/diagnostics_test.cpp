@@ -82,7 +82,8 @@ TEST(DiagnosticSummary, OfTheScale) {
       {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "", Level::kOk, "scale measured"},
       {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "no publisher on /image", Level::kWarn,
        "scale measured from features only, no publisher on /image"},
-      {ScaleStatus::kUnknown, MeasurementStatus::kMeasured, 0, "", Level::kWarn, "scale not known yet"},
+      {ScaleStatus::kUnknown, MeasurementStatus::kMeasured, 0, "", Level::kWarn,
+       "scale not known yet"},
       {ScaleStatus::kUnknown, MeasurementStatus::kNoPlane, 0, "", Level::kWarn,
        "scale not known yet: no_plane"},
       // Holding the scale briefly or at standstill is normal.
@@ -90,7 +91,8 @@ TEST(DiagnosticSummary, OfTheScale) {
        "scale held for 0.8 s: no_plane"},
       {ScaleStatus::kHeld, MeasurementStatus::kNoPlane, 3.1, "", Level::kWarn,
        "scale held for 3.1 s: no_plane"},
-      {ScaleStatus::kHeld, MeasurementStatus::kStandstill, 3.1, "", Level::kOk, "scale held: standstill"},
+      {ScaleStatus::kHeld, MeasurementStatus::kStandstill, 3.1, "", Level::kOk,
+       "scale held: standstill"},
       {ScaleStatus::kHeld, MeasurementStatus::kVoNotTracking, 0, "", Level::kWarn,
        "scale held for 0.0 s: vo_not_tracking"}};
   for (const auto& one : kCases) {

@@ -1,10 +1,9 @@
-#include "ground_scale_vo/evaluation/metrics.hpp"
-
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {

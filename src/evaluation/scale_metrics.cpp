@@ -1,11 +1,10 @@
-#include "ground_scale_vo/evaluation/metrics.hpp"
-
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -11,7 +11,6 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/time.hpp"
-#include "ground_scale_vo/scale/lane_region.hpp"
 
 namespace ground_scale_vo {
 namespace {

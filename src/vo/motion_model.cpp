@@ -5,8 +5,8 @@
 #include <cmath>
 #include <optional>
 
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

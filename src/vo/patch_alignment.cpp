@@ -8,9 +8,9 @@
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/float_patch.hpp"
 #include "vo/exposure.hpp"
 #include "vo/feature.hpp"
+#include "vo/float_patch.hpp"
 #include "vo/patch.hpp"
 
 namespace ground_scale_vo {

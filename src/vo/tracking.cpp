@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/vo/exposure.hpp"
 #include "vo/exposure.hpp"
 
 namespace ground_scale_vo {

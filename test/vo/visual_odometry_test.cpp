@@ -9,9 +9,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/vo/exposure.hpp"
 #include "simulation/synthetic_drive.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 #include "support/scene.hpp"
 #include "vo/exposure.hpp"

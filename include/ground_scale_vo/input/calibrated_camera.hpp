@@ -51,7 +51,8 @@ class CalibratedCamera {
 };
 
 /// Same calibration: same image size, and both rectify an image to the same intrinsics and from the
-/// same raw pixels, within 0.1 px.
+/// same raw pixels, within 0.1 px: publishers that round differently, or another odometry, describe
+/// the same camera with differences below this, which is far below the error of a calibration.
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b);
 
 }  // namespace ground_scale_vo

@@ -37,7 +37,7 @@ class StageNodelet : public nodelet::Nodelet {
   virtual void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) = 0;
   /// ~reset. Returns what happens next, for the answer of the service.
   virtual std::string reset() = 0;
-  /// Of the name that diagnostics add to that of the nodelet: "odometry".
+  /// What the diagnostics append to the name of the nodelet: "odometry" or "scale".
   virtual std::string stage() const = 0;
   /// All but what this class knows. dropped: since construction.
   virtual void describe(StageState* state) = 0;

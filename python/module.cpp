@@ -99,7 +99,7 @@ py::dict toResult(const Output& output) {
   result["stamp"] = output.vo.frame.stamp_ns;
   result["status"] = gsv::toString(output.status());
   result["scale_status"] = gsv::toString(estimate.status);
-  result["reason"] = gsv::toString(estimate.reason);
+  result["reason"] = gsv::toString(estimate.measurement);
   result["map_id"] = output.vo.frame.map_id;
   for (const char* name : {"pose", "covariance", "scale", "sigma", "plane"}) {
     result[name] = py::none();

@@ -82,9 +82,7 @@ std::vector<Scenario> trafficAndShadows() {
               o.sun = {-0.96, 0.12, 0.15};
               o.curvature = 0.01;
               o.moving_cars = false;
-            })
-          .dependsOn("mask of what is static in the image", {kDirectOnly},
-                     {"direct/static_memory_heights=1000000"}),
+            }),
       Entry("tree_shadows", "shadows of trees, houses and parked cars across the lane", 60,
             [](Options& o) {
               o.sun = {0.2, -0.78, 0.6};
@@ -209,7 +207,7 @@ std::vector<Scenario> motions() {
               o.speed = 7;
             })
           .dependsOn("detection of standstill", {},
-                     {"standstill_distance_heights=0", "odometry/standstill_flow=0"})
+                     {"standstill_distance_heights=0", "tracker/standstill_flow=0"})
           .unobservableFrames(42, 50),
       Entry("reversing", "forwards, a stop, and 8 m backwards", 85,
             [](Options& o) {
@@ -218,7 +216,7 @@ std::vector<Scenario> motions() {
               o.moving_cars = false;
             })
           .dependsOn("detection of standstill", {},
-                     {"standstill_distance_heights=0", "odometry/standstill_flow=0"})
+                     {"standstill_distance_heights=0", "tracker/standstill_flow=0"})
           .unobservableFrames(47, 49),
   };
 }

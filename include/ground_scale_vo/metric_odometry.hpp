@@ -37,7 +37,7 @@ class MetricOdometry {
 
   enum class Status : std::uint8_t {
     /// No map or no scale yet: needs motion and a visible road. Also when the pose of a frame is
-    /// refused (ScaleReason::kImplausibleMotion).
+    /// refused (MeasurementStatus::kImplausibleMotion).
     kInitialising,
     kTracking,  ///< pose() is valid
     kLost       ///< no pose; tracking resumes by itself, in the same map or in a new one

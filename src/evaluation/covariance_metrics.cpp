@@ -1,11 +1,9 @@
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/common/time.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 
@@ -42,7 +42,7 @@ std::string mostFrequentReason(const RunRecord& record) {
   for (const RunFrame& frame : record.frames()) {
     if (frame.has_metric_pose) continue;
     ++counts[frame.vo_status == VoStatus::kTracking
-                 ? std::string("the scale is not known (") + toString(frame.scale.reason) + ")"
+                 ? std::string("the scale is not known (") + toString(frame.scale.measurement) + ")"
                  : std::string("the odometry is ") + toString(frame.vo_status)];
   }
   const auto most =

@@ -1,5 +1,3 @@
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,6 +6,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
 namespace ground_scale_vo {

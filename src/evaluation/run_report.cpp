@@ -9,9 +9,7 @@
 
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/time.hpp"
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
@@ -120,8 +118,8 @@ std::string scaleCsv(const RunRecord& record) {
     const RunFrame& frame = record.frames()[i];
     const ScaleEstimate& s = frame.scale;
     stream << i << ',' << formatSeconds(frame.stamp_ns) << ',' << toString(s.status) << ','
-           << toString(s.reason) << ',' << s.raw_scale << ',' << s.scale << ',' << s.sigma << ','
-           << s.height << ',' << s.n_c.x() << ',' << s.n_c.y() << ',' << s.n_c.z() << ','
+           << toString(s.measurement) << ',' << s.raw_scale << ',' << s.scale << ',' << s.sigma
+           << ',' << s.height << ',' << s.n_c.x() << ',' << s.n_c.y() << ',' << s.n_c.z() << ','
            << s.triangles << ',' << s.ground_triangles << ',' << s.ground_points << ','
            << s.window_points << ',' << s.plane_inliers << ',' << frame.backfilled << ','
            << frame.map_id << ',' << toString(frame.vo_status) << '\n';

@@ -1,12 +1,10 @@
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
-
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -1,48 +1,121 @@
 #include "ground_scale_vo/scale/direct_plane_estimator.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/scale/lane_region.hpp"
-#include "scale/direct/height_search.hpp"
-#include "scale/direct/image_buffer.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "scale/direct/patch.hpp"
 #include "scale/direct/patch_matcher.hpp"
-#include "scale/direct/plane_solver.hpp"
-#include "scale/direct/static_mask.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+using direct::kReferences;
+using direct::Match;
+using direct::Patch;
+using direct::Reference;
 
 /// [camera heights] Least length of the visible part of the lane region. A tele lens sees no road
 /// near the vehicle, so its region extends this far beyond the nearest visible road.
 constexpr double kMinLaneLength = 6;
 /// Least slope of a viewing ray towards the road at which patches still resolve its texture.
 constexpr double kMinRaySlope = 0.02;
-
 /// Cosine between optical axis and backward direction from which on a camera faces backwards: its
 /// reference images show the road from nearer than the current one, so PatchExtractor smooths them
 /// instead. To one that looks sideways the road is equally near in all images.
 constexpr double kMinBackwards = 0.5;
 
-/// [1 / camera height] Standard deviation of a curvature that is none.
-constexpr double kNone = 1e-9;
+// Reference images; lengths in baselines.
+constexpr double kMinImageSpacing = 0.2;  ///< between kept images
+/// Kept images. Two baselines at the minimum spacing are ten intervals between eleven images; two
+/// more: the current one, and the one before it, which may be closer to its predecessor.
+constexpr std::size_t kMaxImages = 13;
+/// A shorter distance leaves a parallax of the order of the pose error.
+constexpr double kMinReferenceDistance = 0.2;
+/// Between the distance of an image and the one asked for: allows for large steps between frames.
+constexpr double kMaxReferenceRatio = 8;
 
-/// The road is flat across the lane unless the lens is known.
-DirectPlaneEstimator::Options forCamera(DirectPlaneEstimator::Options options,
-                                        const PinholeCamera& camera) {
-  if (!camera.lens_is_estimated) options.crown_sigma = options.twist_sigma = kNone;
-  return options;
-}
+/// Limits the time spent on an estimate that does not converge.
+constexpr int kMaxSolverIterations = 12;
+/// Relative step of m at which the iteration has converged: far below the 0.5 % that the height is
+/// known to in the best case.
+constexpr double kConvergedPlaneStep = 2e-4;
+/// From then on the robust scale is fixed, otherwise the weights and the scale may oscillate.
+constexpr int kScaleIterations = 5;
+/// [standard deviations] Tuning constant of the Cauchy weights of whole patches.
+constexpr double kPatchCauchyConstant = 2;
+/// Typical mean correlation of patches that show nothing but road. A lower one means that part of
+/// the patches show something else, and inflates the height's standard deviation.
+constexpr double kRoadCorrelation = 0.92;
+/// [1 / camera height] Standard deviation of a curvature that is none.
+constexpr double kNoCurvature = 1e-9;
 
 /// Distance at which the middle of the lower image border meets the road [camera heights]; 0 when
 /// it does not, or at a slope below kMinRaySlope.
-double nearestVisibleRoad(const PinholeCamera& camera, const NormalPrior& prior) {
+double nearestVisibleRoad(const PinholeCamera& camera, const RoadPrior& prior) {
   const Eigen::Vector3d ray(0, (camera.height - 1 - camera.cy) / camera.fy, 1);
   const double slope = -prior.n_c.dot(ray);
   return slope > kMinRaySlope ? (ray + slope * prior.n_c).norm() / slope : 0;
+}
+
+/// Median camera height over the features in the lane, each taken as a road point [VO units]. 0
+/// when there are none.
+double medianFeatureHeight(const VoFrame& frame, const LaneRegion& lane, const RoadPrior& prior) {
+  std::vector<double> heights;
+  for (const TrackedFeature& feature : frame.features) {
+    if (!hasUsablePoint(feature)) continue;
+    if (!lane.contains(frame.camera.ray(feature.u.cast<double>()))) continue;
+    const double height = -prior.n_c.dot(feature.p_c.cast<double>());
+    if (height > 0) heights.push_back(height);
+  }
+  return heights.empty() ? 0 : median(&heights);
+}
+
+double distanceBetween(const CameraPath::Camera& a, const CameraPath::Camera& b) {
+  return (a.T_w_c.translation() - b.T_w_c.translation()).norm();
+}
+
+/// The cameras with an image whose distances from the newest one are nearest to one and two
+/// baselines [VO units]; fewer when there are none in range.
+std::vector<Reference> selectReferences(const CameraPath& path, double baseline) {
+  std::vector<Reference> references;
+  const CameraPath::Camera &current = path.newest(), *first = nullptr;
+  for (int k = 1; k <= kReferences; ++k) {
+    const CameraPath::Camera* best = nullptr;
+    double best_ratio = kMaxReferenceRatio;
+    for (const CameraPath::Camera& camera : path.cameras()) {
+      const double length = distanceBetween(camera, current);
+      if (camera.road.roi.empty() || &camera == first || length < kMinReferenceDistance * baseline)
+        continue;
+      const double ratio = std::max(length / (k * baseline), k * baseline / length);
+      if (ratio < best_ratio) {
+        best_ratio = ratio;
+        best = &camera;
+      }
+    }
+    if (best == nullptr) break;
+    first = best;
+    references.push_back(
+        {best->road, current.road.readout_motion, best->T_w_c.inverse() * current.T_w_c});
+  }
+  return references;
+}
+
+/// Releases the images that no later frame needs as a reference: of the two before the newest the
+/// later one, when they are closer than min_spacing [VO units], and the oldest.
+void releaseImages(double min_spacing, CameraPath* path) {
+  std::vector<CameraPath::Camera*> kept;  // newest first
+  for (auto camera = path->cameras().rbegin(); camera != path->cameras().rend(); ++camera) {
+    if (!camera->road.roi.empty()) kept.push_back(&*camera);
+  }
+  if (kept.size() > 2 && distanceBetween(*kept[1], *kept[2]) < min_spacing) kept[1]->road = {};
+  for (std::size_t i = kMaxImages; i < kept.size(); ++i) kept[i]->road = {};
 }
 
 }  // namespace
@@ -53,143 +126,220 @@ void DirectPlaneEstimator::Options::validate() const {
 }
 
 struct DirectPlaneEstimator::Impl {
-  /// The steps of the method, for images of one camera with one mask. camera: of reduced images.
+  /// For images of one camera with one mask.
   struct Stages {
-    Stages(const Options& options, const PinholeCamera& camera, int reduction, const cv::Mat& mask)
-        : grid(camera, options.patch_size),
-          extractor(camera, reduction, grid, options.image_noise, mask),
-          images(options.baseline_heights),
-          static_mask(camera, grid),
-          matcher(camera, options.image_noise, extractor.allowed()),
-          search(options),
-          solver(forCamera(options, camera)) {}
+    Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask)
+        : extractor(camera, options.patch_size, options.image_noise, mask),
+          matcher(extractor.camera(), options.image_noise, extractor.allowed()) {}
 
-    direct::PatchGrid grid;
     direct::PatchExtractor extractor;
-    direct::ImageBuffer images;
-    direct::StaticMask static_mask;
     direct::PatchMatcher matcher;
-    direct::HeightSearch search;
-    direct::PlaneSolver solver;
   };
+  /// Normal equations H x = b. The unknowns are m (3), the curvature of the road along the path,
+  /// across it (crown) and its twist (3), and for each reference image the error of its relative
+  /// pose (3 rotation, 2 direction of translation).
+  template <int kUnknowns>
+  struct Equations {
+    Eigen::Matrix<double, kUnknowns, kUnknowns> H =
+        Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
+    Eigen::Matrix<double, kUnknowns, 1> b = Eigen::Matrix<double, kUnknowns, 1>::Zero();
+  };
+  using JointEquations = std::array<Equations<11>, kReferences>;
 
   explicit Impl(const Options& o) : options(o) { options.validate(); }
 
-  void setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask);
-  LaneRegion laneRegion(const NormalPrior& prior, const std::optional<MotionHistory::Chord>& chord,
-                        double height) const;
-  Eigen::Vector3d roadCentre(const Eigen::Vector3d& n_c, double height) const;
-  void applyStaticMask();
-  void setOrigin(const Eigen::Isometry3d& T_w_c, const NormalPrior& prior, double height,
-                 const CameraPath& path);
-  Result measure(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior,
-                 double height);
-  void searchAndSolve(const VoFrame& frame, const LaneRegion& lane, const NormalPrior& prior,
-                      Result* result);
-  bool isSearchDue(double height) const;
-  void updateStaticMask(const NormalPrior& prior, double height, bool is_aligned);
+  void setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask, CameraPath* path);
+  LaneRegion laneRegion(const RoadPrior& prior, double height) const;
+  Eigen::Vector3d roadCentre(const GroundPlane& plane) const;
+
+  Result solve(const RoadPrior& prior, double initial_height);
+  bool matchPatches(const Eigen::Vector3d& m, bool linearise, Result* result);
+  double shiftVariance(const Match& match, const Eigen::Vector3d& m) const;
+  JointEquations accumulate(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
+                            double robust_scale) const;
+  Equations<6> marginaliseMotion(JointEquations joint) const;
+  void addPriors(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
+                 Equations<6>* equations) const;
+  void accept(const Eigen::Vector3d& m, const Matrix6d& H, double initial_height,
+              Result* result) const;
 
   const Options options;
-  PinholeCamera image_camera, camera;  ///< of the images, and of the reduced ones
+  PinholeCamera camera;  ///< of the images
   cv::Mat mask;
   std::optional<Stages> stages;  ///< for camera and mask; empty before the first image
-  std::vector<direct::Patch> patches;
-  std::vector<direct::Reference> references;
-  /// Of the camera whose height is measured, in this frame's camera axes [VO units].
+
+  // Of the current frame.
+  std::vector<Patch> patches;
+  std::vector<Reference> references;
+  /// Camera whose height is measured, in this frame's camera axes [VO units].
   Eigen::Vector3d origin_c = Eigen::Vector3d::Zero();
-  /// Camera position at the last success or search.
-  std::optional<Eigen::Vector3d> last_attempt_w;
+  std::vector<Match> matches;  ///< of patch i in reference k: i * kReferences + k
+  std::vector<double> normalised_shifts;
 };
 
-void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera,
-                                           const cv::Mat& new_mask) {
-  if (stages && isSameCamera(image_camera, new_camera) && mask.data == new_mask.data) return;
-  const int reduction = direct::imageReduction(new_camera);
-  image_camera = new_camera;
-  camera = direct::reduced(image_camera, reduction);
+/// The images of another camera or mask cannot be compared with those of the path.
+void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask,
+                                           CameraPath* path) {
+  if (stages && isSameCamera(camera, new_camera) && mask.data == new_mask.data) return;
+  camera = new_camera;
   mask = new_mask;
-  stages.emplace(options, camera, reduction, mask);
+  stages.emplace(options, camera, mask);
+  for (CameraPath::Camera& each : path->cameras()) each.road = {};
 }
 
-LaneRegion DirectPlaneEstimator::Impl::laneRegion(const NormalPrior& prior,
-                                                  const std::optional<MotionHistory::Chord>& chord,
-                                                  double height) const {
+LaneRegion DirectPlaneEstimator::Impl::laneRegion(const RoadPrior& prior, double height) const {
   const double max_ahead =
-      std::max(options.max_ahead_heights, nearestVisibleRoad(camera, prior) + kMinLaneLength);
-  return LaneRegion(prior, chord, height, options.min_ahead_heights, max_ahead,
-                    options.lane_half_width_heights);
+      std::max(options.max_ahead_heights,
+               nearestVisibleRoad(stages->extractor.camera(), prior) + kMinLaneLength);
+  return {prior, height, options.min_ahead_heights, max_ahead, options.lane_half_width_heights};
 }
 
 /// Centre of the patches on a plane, in this frame's camera axes [VO units].
-Eigen::Vector3d DirectPlaneEstimator::Impl::roadCentre(const Eigen::Vector3d& n_c,
-                                                       double height) const {
+Eigen::Vector3d DirectPlaneEstimator::Impl::roadCentre(const GroundPlane& plane) const {
   Eigen::Vector3d centre_c = Eigen::Vector3d::Zero();
-  for (const direct::Patch& patch : patches) {
+  for (const Patch& patch : patches) {
     const Eigen::Vector3d ray(patch.ray_x.mean(), patch.ray_y.mean(), 1);
-    centre_c -= height / (n_c.dot(ray) * static_cast<double>(patches.size())) * ray;
+    centre_c -= plane.height / (plane.n_c.dot(ray) * static_cast<double>(patches.size())) * ray;
   }
   return centre_c;
 }
 
-void DirectPlaneEstimator::Impl::applyStaticMask() {
-  for (direct::Patch& patch : patches) patch.masked = stages->static_mask.contains(patch.cell);
-}
-
-/// The camera of the path above the centre of the patches, see CameraPath.
-void DirectPlaneEstimator::Impl::setOrigin(const Eigen::Isometry3d& T_w_c, const NormalPrior& prior,
-                                           double height, const CameraPath& path) {
-  origin_c.setZero();
-  if (path.empty() || patches.empty()) return;
-  const Eigen::Vector3d centre_c = roadCentre(prior.n_c, height);
-  origin_c = T_w_c.inverse() * path.nearest(T_w_c * centre_c).T_w_c.translation();
-}
-
-/// In every frame while the height is not known; otherwise once per search_interval_heights without
-/// a measurement, because the search is by far the most expensive step.
-bool DirectPlaneEstimator::Impl::isSearchDue(double height) const {
-  const Eigen::Vector3d& position_w = stages->images.current().T_w_c.translation();
-  return !last_attempt_w || !(height > 0) ||
-         (position_w - *last_attempt_w).norm() > options.search_interval_heights * height;
-}
-
-/// Solves from the best height of a search over all heights.
-void DirectPlaneEstimator::Impl::searchAndSolve(const VoFrame& frame, const LaneRegion& lane,
-                                                const NormalPrior& prior, Result* result) {
-  const double centre = direct::medianFeatureHeight(frame, lane, prior);
-  references = stages->images.selectReferences(centre);
-  const std::optional<GroundPlane> found =
-      centre > 0 ? stages->search.find(patches, references, stages->matcher, prior, centre)
-                 : std::nullopt;
-  if (found)
-    *result = stages->solver.solve(patches, references, stages->matcher, prior, *found, origin_c);
-  result->searched = true;
-}
-
-/// From the predicted height, then, if that fails and is due, from a search.
-/// Precondition: references is not empty.
-DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::measure(const VoFrame& frame,
-                                                                 const LaneRegion& lane,
-                                                                 const NormalPrior& prior,
-                                                                 double height) {
+/// Robust Gauss-Newton estimate of the plane m = n / h from the epipolar shifts of all patches in
+/// all reference images. The status of the result is kMeasured or kNoPlane.
+DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& prior,
+                                                               double initial_height) {
   Result result;
-  if (height > 0) {
-    const GroundPlane predicted{prior.n_c, height};
-    result = stages->solver.solve(patches, references, stages->matcher, prior, predicted, origin_c);
+  Eigen::Vector3d m = prior.n_c / initial_height;
+  matches.resize(patches.size() * kReferences);
+  double robust_scale = 1;
+  for (int iteration = 0; iteration < kMaxSolverIterations; ++iteration) {
+    if (!matchPatches(m, iteration == 0, &result)) return result;
+    if (iteration < kScaleIterations) {
+      robust_scale = std::max(1.0, kMadToSigma * median(&normalised_shifts));
+    }
+    Equations<6> equations = marginaliseMotion(accumulate(prior, m, initial_height, robust_scale));
+    addPriors(prior, m, initial_height, &equations);
+    const Eigen::Vector3d step = equations.H.ldlt().solve(equations.b).head<3>();
+    if (!isFinite(step)) return result;
+    if (step.norm() < kConvergedPlaneStep * m.norm()) {
+      // Without this last step, so that the correlation and H are those of the accepted plane.
+      accept(m, equations.H, initial_height, &result);
+      return result;
+    }
+    m += step;
+    if (!(m.dot(prior.n_c) > 0)) return result;
   }
-  const bool failed = result.status != ScaleReason::kNone;
-  if (failed && isSearchDue(height)) searchAndSolve(frame, lane, prior, &result);
-  if (!failed || result.searched) last_attempt_w = frame.T_w_c.translation();
-  return result;
+  return result;  // not converged
 }
 
-void DirectPlaneEstimator::Impl::updateStaticMask(const NormalPrior& prior, double height,
-                                                  bool is_aligned) {
-  if (references.empty() || stages->images.empty()) return;
-  const double step = stages->images.stepLength();
-  const auto rate =
-      static_cast<float>(std::min(1.0, step / (options.static_memory_heights * height)));
-  stages->static_mask.update(patches, references.front(), stages->matcher,
-                             (prior.n_c / height).cast<float>(), is_aligned, rate);
+/// Matches all patches under the plane m. False when too few are valid.
+bool DirectPlaneEstimator::Impl::matchPatches(const Eigen::Vector3d& m, bool linearise,
+                                              Result* result) {
+  double correlation = 0, weights = 0;
+  result->patches = 0;
+  normalised_shifts.clear();
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    for (std::size_t k = 0; k < references.size(); ++k) {
+      Match& match = matches[i * kReferences + k];
+      if (linearise) stages->matcher.linearise(references[k], patches[i], m, &match);
+      stages->matcher.measure(references[k], patches[i], m, &match);
+      if (!match.valid) continue;
+      ++result->patches;
+      correlation += patches[i].texture * match.correlation;
+      weights += patches[i].texture;
+      normalised_shifts.push_back(std::abs(match.shift) / std::sqrt(shiftVariance(match, m)));
+    }
+  }
+  if (result->patches < options.min_patches || !(weights > 0)) return false;
+  result->correlation = correlation / weights;
+  return true;
+}
+
+/// From the pixels, and from the roughness of the road: the reference images see the same bump, so
+/// its variance counts once for each.
+double DirectPlaneEstimator::Impl::shiftVariance(const Match& match,
+                                                 const Eigen::Vector3d& m) const {
+  const double roughness = options.roughness_heights * m.dot(match.ray.cast<double>());
+  return match.variance + kReferences * roughness * roughness;
+}
+
+/// Normal equations of all shifts with Cauchy weights, one system for each reference image.
+DirectPlaneEstimator::Impl::JointEquations DirectPlaneEstimator::Impl::accumulate(
+    const RoadPrior& prior, const Eigen::Vector3d& m, double height, double robust_scale) const {
+  JointEquations joint;
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    for (std::size_t k = 0; k < references.size(); ++k) {
+      const Match& match = matches[i * kReferences + k];
+      if (!match.valid) continue;
+      const Eigen::Vector3d ray = match.ray.cast<double>();
+      const double q = m.dot(ray);
+      // [camera heights] from the origin; the curved road lies lower by c x^2 / 2.
+      const double ahead = prior.forward_c.dot(-ray / q - origin_c) / height;
+      const double across = prior.lateral().dot(-ray / q - origin_c) / height;
+      Eigen::Matrix<double, 11, 1> jacobian;
+      jacobian << ray, -0.5 * q * ahead * ahead, -0.5 * q * across * across, -q * ahead * across,
+          match.motion.cast<double>();
+      const double expected = shiftVariance(match, m) * robust_scale * robust_scale;
+      const double shift = match.shift;
+      const double weight =
+          1 / (expected + shift * shift / (kPatchCauchyConstant * kPatchCauchyConstant));
+      joint[k].H.noalias() += weight * jacobian * jacobian.transpose();
+      joint[k].b += weight * shift * jacobian;
+    }
+  }
+  return joint;
+}
+
+/// Schur complement: removes each reference's motion error, with its prior, from its equations.
+DirectPlaneEstimator::Impl::Equations<6> DirectPlaneEstimator::Impl::marginaliseMotion(
+    JointEquations joint) const {
+  Equations<6> plane;
+  for (std::size_t k = 0; k < references.size(); ++k) {
+    auto& [H, b] = joint[k];
+    H.diagonal().segment<3>(6).array() += std::pow(options.rotation_sigma_rad, -2);
+    H.diagonal().tail<2>().array() += std::pow(options.direction_sigma_rad, -2);
+    const Eigen::Matrix<double, 6, 5> cross = H.topRightCorner<6, 5>();
+    const Eigen::LDLT<Eigen::Matrix<double, 5, 5>> motion(H.bottomRightCorner<5, 5>());
+    plane.H += H.topLeftCorner<6, 6>() - cross * motion.solve(cross.transpose());
+    plane.b += b.head<6>() - cross * motion.solve(b.tail<5>());
+  }
+  return plane;
+}
+
+/// Pitch and roll of the normal, and zero curvatures. The road is flat across the lane unless the
+/// lens is known.
+void DirectPlaneEstimator::Impl::addPriors(const RoadPrior& prior, const Eigen::Vector3d& m,
+                                           double height, Equations<6>* equations) const {
+  for (const auto& [axis, sigma] : {std::pair(prior.forward_c, prior.pitch_sigma),
+                                    std::pair(prior.lateral(), prior.roll_sigma)}) {
+    const Eigen::Vector3d jacobian = height * axis / sigma;
+    equations->H.topLeftCorner<3, 3>() += jacobian * jacobian.transpose();
+    equations->b.head<3>() -= jacobian * jacobian.dot(m);
+  }
+  const bool lens_is_known = camera.lens_is_estimated;
+  equations->H(3, 3) += std::pow(options.curvature_sigma, -2);
+  equations->H(4, 4) += std::pow(lens_is_known ? options.crown_sigma : kNoCurvature, -2);
+  equations->H(5, 5) += std::pow(lens_is_known ? options.twist_sigma : kNoCurvature, -2);
+}
+
+/// Fills in the plane and its standard deviation, and decides whether it is accepted.
+void DirectPlaneEstimator::Impl::accept(const Eigen::Vector3d& m, const Matrix6d& H,
+                                        double initial_height, Result* result) const {
+  const double height = (1 + m.dot(origin_c)) / m.norm();
+  if (!(height > 0)) return;
+  result->plane = {m.normalized(), height};
+  // Of ln height by m.
+  const Eigen::Vector3d gradient = origin_c / (1 + m.dot(origin_c)) - m / m.squaredNorm();
+  const double relative_sigma =
+      std::sqrt(gradient.dot(H.inverse().topLeftCorner<3, 3>() * gradient));
+  const double inflation = std::max(1.0, (1 - result->correlation) / (1 - kRoadCorrelation));
+  result->height_sigma = inflation * relative_sigma * height;
+  const double change = std::abs(std::log(height / initial_height));
+  if (result->correlation >= options.min_correlation &&
+      change <= std::log(options.max_height_change) && relative_sigma <= options.max_sigma) {
+    result->status = MeasurementStatus::kMeasured;
+    result->road_distance = (roadCentre(result->plane) - origin_c).norm();
+  }
 }
 
 DirectPlaneEstimator::DirectPlaneEstimator(const Options& options)
@@ -197,42 +347,38 @@ DirectPlaneEstimator::DirectPlaneEstimator(const Options& options)
 
 DirectPlaneEstimator::~DirectPlaneEstimator() = default;
 
-void DirectPlaneEstimator::reset() {
-  if (impl_->stages) impl_->stages->images.clear();
-  impl_->last_attempt_w.reset();
-}
-
-DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(
-    const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
-    const std::optional<MotionHistory::Chord>& chord, double height, const CameraPath& path,
-    const cv::Mat& mask) {
+DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(const VoFrame& frame,
+                                                            const cv::Mat& image, double height,
+                                                            CameraPath* path, const cv::Mat& mask) {
   Impl& s = *impl_;
-  s.setCamera(frame.camera, mask);
-  Impl::Stages& stages = *s.stages;
-  direct::RoadImage& current = stages.images.current();
-  current.T_w_c = frame.T_w_c;
-  current.readout_motion = frame.readout_motion;
-  const LaneRegion lane = s.laneRegion(prior, chord, height);
+  s.setCamera(frame.camera, mask, path);
+  CameraPath::Camera& current = path->newest();
+  const RoadPrior& prior = current.prior;
+  const LaneRegion lane = s.laneRegion(prior, height);
   const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
-  stages.extractor.extract(image, lane, faces_backwards, &current, &s.patches);
-  s.applyStaticMask();
+  s.patches = s.stages->extractor.extract(image, lane, faces_backwards, &current.road);
+  current.road.readout_motion = frame.readout_motion;
 
   Result result;
-  result.status = ScaleReason::kStandstill;
-  const double rough_height = height > 0 ? height : direct::medianFeatureHeight(frame, lane, prior);
-  if (!(rough_height > 0)) return result;
-  s.setOrigin(frame.T_w_c, prior, rough_height, path);
-  s.references = stages.images.selectReferences(rough_height);
-  if (!s.references.empty()) {
-    result = s.measure(frame, lane, prior, height);
-    const bool is_aligned = result.status == ScaleReason::kNone;
-    if (is_aligned) {
-      result.road_distance =
-          (s.roadCentre(result.plane.n_c, result.plane.height) - s.origin_c).norm();
-    }
-    s.updateStaticMask(prior, is_aligned ? result.plane.height : rough_height, is_aligned);
+  result.status = MeasurementStatus::kStandstill;
+  const double initial = height > 0 ? height : medianFeatureHeight(frame, lane, prior);
+  if (!(initial > 0)) {
+    current.road = {};
+    return result;
   }
-  stages.images.keepCurrent(rough_height);
+  const double baseline = s.options.baseline_heights * initial;
+  s.references = selectReferences(*path, baseline);
+  if (!s.references.empty()) {
+    s.origin_c.setZero();
+    if (!s.patches.empty()) {
+      const Eigen::Vector3d centre_w = current.T_w_c * s.roadCentre({prior.n_c, initial});
+      const double max_length = s.options.max_ahead_heights * initial;
+      s.origin_c =
+          current.T_w_c.inverse() * path->nearest(centre_w, max_length).T_w_c.translation();
+    }
+    result = s.solve(prior, initial);
+  }
+  releaseImages(kMinImageSpacing * baseline, path);
   return result;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
@@ -14,9 +13,11 @@ namespace {
 /// Steps of the numerical integration over a gap between two maps.
 constexpr int kBridgeSteps = 16;
 
-/// Largest ratio of two consecutive intervals of which each gives a velocity. The stamps of images
-/// in pairs are too close to each other for that.
-constexpr double kMaxIntervalRatio = 2;
+/// White noise of a position [camera heights] and of a rotation [rad], for the covariance of the
+/// twist: it never vanishes.
+constexpr double kPositionNoise = 0.002, kRotationNoise = 0.0002;
+/// [m/s, rad/s] Standard deviation of a twist that is not known.
+constexpr double kUnknownSpeedSigma = 50;
 
 /// Displacement in start axes over dt, at a constant rotation rate from the start to the end, with
 /// a velocity in body axes that changes linearly.
@@ -54,11 +55,10 @@ void MetricTrajectory::reset() { *this = MetricTrajectory(options_); }
 std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
                                                    const ScaleEstimate& scale) {
   if (!first_seen_ns_) first_seen_ns_ = frame.stamp_ns;
-  follows_pose_ = std::exchange(newest_stamp_ns_, frame.stamp_ns) == last_tracked_.stamp_ns;
   if (frame.status == VoStatus::kInitialising) initialising_map_id_ = frame.map_id;
   if (frame.status != VoStatus::kTracking || !isFinite(frame.T_w_c) ||
-      scale.reason == ScaleReason::kVoNotTracking ||
-      scale.reason == ScaleReason::kImplausibleMotion) {
+      scale.measurement == MeasurementStatus::kVoNotTracking ||
+      scale.measurement == MeasurementStatus::kImplausibleMotion) {
     if (frame.status == VoStatus::kTracking) last_refused_stamp_ns_ = frame.stamp_ns;
     return std::nullopt;
   }
@@ -74,47 +74,36 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
 
 std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
                                                           const ScaleEstimate& scale) {
-  std::optional<TrackedPose> previous;
+  TrackedPose previous = last_tracked_;
   const bool has_lost_scale = map_ && map_->metric && scale.status == ScaleStatus::kUnknown;
-  if (!map_ || map_->id != frame.map_id || has_left_map_ || has_lost_scale) {
+  const bool starts_map = !map_ || map_->id != frame.map_id || has_left_map_ || has_lost_scale;
+  if (starts_map) {
     map_ = newMap(frame);
     has_left_map_ = false;
-    follows_pose_ = false;
-    if (map_->ref_stamp_ns < frame.stamp_ns) previous = {map_->ref_stamp_ns, map_->T_w_ref};
-    map_->travelled = (map_->T_w_ref.inverse() * frame.T_w_c).translation().norm();
-  } else {
-    previous = last_tracked_;
-    map_->travelled += (frame.T_w_c.translation() - last_tracked_.T_w_c.translation()).norm();
+    last_step_ = {};
+    previous = {map_->ref_stamp_ns, map_->T_w_ref};
   }
+  map_->travelled += (frame.T_w_c.translation() - previous.T_w_c.translation()).norm();
   last_tracked_ = {frame.stamp_ns, frame.T_w_c};
   if (scale.status == ScaleStatus::kUnknown || !(scale.scale > 0)) return std::nullopt;
 
   pose_covariance_c_ = withScaledPosition(frame.pose_covariance, scale.scale);
   const Eigen::Isometry3d T_ref_c = map_->T_w_ref.inverse() * frame.T_w_c;
+  const Eigen::Isometry3d T_previous_c = previous.T_w_c.inverse() * frame.T_w_c;
   if (!map_->metric) {
     anchorMap(T_ref_c, scale, secondsBetween(map_->ref_stamp_ns, frame.stamp_ns));
+    rescaleYoungMap(T_ref_c, T_ref_c, scale);
   } else if (map_->young) {
-    const Eigen::Matrix3d R_o_w = map_->T_o_ref.linear() * map_->T_w_ref.linear().transpose();
-    const Eigen::Vector3d step_w = frame.T_w_c.translation() - previous->T_w_c.translation();
-    const Eigen::Matrix3d rotation_w = frame.T_w_c.linear() * previous->T_w_c.linear().transpose();
-    rescaleYoungMap(T_ref_c, scale,
-                    {R_o_w * step_w * scale.scale, R_o_w * rotationVector(rotation_w),
-                     R_o_w * frame.T_w_c.linear()});
+    rescaleYoungMap(T_previous_c, T_ref_c, scale);
   } else {
-    const Eigen::Isometry3d T_last_now = previous->T_w_c.inverse() * frame.T_w_c;
-    integrate(T_last_now, scale.scale * T_last_now.translation(), scale.sigma / scale.scale);
+    integrate(T_previous_c, scale);
   }
-  if (!has_pose_ || scale.reason != ScaleReason::kStandstill) {
+  if (!has_pose_ || scale.measurement != MeasurementStatus::kStandstill) {
     last_motion_stamp_ns_ = frame.stamp_ns;
   }
   has_pose_ = true;
   last_stamp_ns_ = frame.stamp_ns;
-  if (previous) {
-    setTwist(previous->T_w_c.inverse() * frame.T_w_c, scale,
-             secondsBetween(previous->stamp_ns, frame.stamp_ns));
-  } else {
-    setTwist(Eigen::Isometry3d::Identity(), scale, 0);
-  }
+  setTwist(T_previous_c, scale, secondsBetween(previous.stamp_ns, frame.stamp_ns));
   return last_;
 }
 
@@ -160,8 +149,8 @@ MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
   return map;
 }
 
-/// First metric frame of a map: determines the pose of its reference frame and appends the motion
-/// since then. dt: [s] since the reference frame.
+/// First metric frame of a map: determines the pose of its reference frame, from which it has moved
+/// by T_ref_c in dt [s].
 void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
                                  double dt) {
   map_->metric = true;
@@ -178,10 +167,6 @@ void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEs
   }
   map_->T_o_ref = last_.T_o_c;
   map_->distance_at_ref = last_.distance;
-  rescaleYoungMap(T_ref_c, scale,
-                  {map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale,
-                   map_->T_o_ref.linear() * rotationVector(T_ref_c.linear()),
-                   map_->T_o_ref.linear() * T_ref_c.linear()});
 }
 
 /// Moves last_ and covariance_ to the reference frame of a later map. velocity_ref: mean velocity
@@ -223,12 +208,13 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
   last_.distance += gap.norm();
 }
 
-/// Pose of a young map's frame: the whole motion since the reference frame times the newest scale.
-/// covariance_ does not contain the scale error yet, which is proportional to that motion.
-/// increment: motion since the last metric frame, or since the reference frame.
-void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
-                                       const Increment& increment) {
-  propagateMotion(increment, 1);
+/// Pose of a young map's frame: the whole motion T_ref_c since the reference frame times the newest
+/// scale. T_last_c: motion since the last pose. covariance_ does not contain the scale error yet,
+/// which is proportional to the motion since the reference frame.
+void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_last_c,
+                                       const Eigen::Isometry3d& T_ref_c,
+                                       const ScaleEstimate& scale) {
+  propagateMotion(T_last_c, scale.scale, 1);
   const Eigen::Vector3d motion_o = map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale;
   last_.T_o_c.translation() = map_->T_o_ref.translation() + motion_o;
   last_.T_o_c.linear() = renormalised(map_->T_o_ref.linear() * T_ref_c.linear());
@@ -245,44 +231,44 @@ void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const S
   covariance_ = with_scale;
 }
 
-/// Appends one increment: the rotation of T_last_now, and step_last [m] in the axes of the last
-/// camera.
-void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_now,
-                                 const Eigen::Vector3d& step_last, double relative_sigma) {
-  const Eigen::Vector3d step_o = last_.T_o_c.linear() * step_last;  // Eq. 10 [m]
-  const double length = step_last.norm();
+/// Appends the motion T_last_c since the last pose.
+void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale) {
+  const Eigen::Vector3d step_o =
+      last_.T_o_c.linear() * T_last_c.translation() * scale.scale;  // Eq. 10 [m]
+  const double length = step_o.norm();
   // Gauss-Markov process of the scale error: this share of it remains after the increment.
   const double correlation = std::exp(-length / options_.scale_correlation_m);
-  const double variance = relative_sigma * relative_sigma;
-  propagateMotion({step_o, last_.T_o_c.linear() * rotationVector(T_last_now.linear()),
-                   last_.T_o_c.linear() * T_last_now.linear()},
-                  correlation);
+  const double variance = std::pow(scale.sigma / scale.scale, 2);
+  propagateMotion(T_last_c, scale.scale, correlation);
   covariance_(6, 6) += (1 - correlation * correlation) * variance;
   setScaleVariance(variance);
   last_.T_o_c.translation() += step_o;
-  last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * T_last_now.linear());
+  last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * T_last_c.linear());
   last_.distance += length;
   last_.covariance = covariance_.topLeftCorner<6, 6>();
 }
 
-/// P <- F P F^T + Q, without the noise of the scale error.
-void MetricTrajectory::propagateMotion(const Increment& increment, double scale_correlation) {
-  const double length = increment.step_o.norm();
-  const double angle_correlation = std::exp(-length / options_.scale_correlation_m);
+/// P <- F P F^T + Q for the motion T_last_c since the last pose, without the noise of the scale
+/// error.
+void MetricTrajectory::propagateMotion(const Eigen::Isometry3d& T_last_c, double scale,
+                                       double scale_correlation) {
+  const Eigen::Matrix3d R_o_last = last_.T_o_c.linear();
+  const Eigen::Vector3d step_o = R_o_last * T_last_c.translation() * scale;
+  const double length = step_o.norm();
   const double angle_variance = std::pow(options_.rotation_scale_sigma, 2);
   covariance_(7, 7) = angle_variance;  // stationary; zero before the first increment
   StateCovariance F = StateCovariance::Identity();
-  F.block<3, 3>(0, 3) = -skew(increment.step_o);
-  F.block<3, 1>(0, 6) = increment.step_o;
-  F.block<3, 1>(3, 7) = increment.rotation_o;
+  F.block<3, 3>(0, 3) = -skew(step_o);
+  F.block<3, 1>(0, 6) = step_o;
+  F.block<3, 1>(3, 7) = R_o_last * rotationVector(T_last_c.linear());
   F(6, 6) = scale_correlation;
-  F(7, 7) = angle_correlation;
+  F(7, 7) = std::exp(-length / options_.scale_correlation_m);
   covariance_ = F * covariance_ * F.transpose();
   covariance_(7, 7) = angle_variance;
-  covariance_.block<3, 3>(0, 0) += directionCovariance(increment.step_o);
+  covariance_.block<3, 3>(0, 0) += directionCovariance(step_o);
   covariance_.block<3, 3>(3, 3) += rotationVariance(length) * Eigen::Matrix3d::Identity();
-  covariance_.topLeftCorner<6, 6>() +=
-      length / options_.pose_correlation_m * rotated(increment.R_o_c, pose_covariance_c_);
+  covariance_.topLeftCorner<6, 6>() += length / options_.pose_correlation_m *
+                                       rotated(R_o_last * T_last_c.linear(), pose_covariance_c_);
 }
 
 /// The scale filter provides the variance of the scale error; only the correlations are propagated
@@ -297,55 +283,53 @@ void MetricTrajectory::setScaleVariance(double variance) {
   }
 }
 
-/// Sets the twist: mean velocity over the increment T_last_now [VO units], in the axes of the
-/// camera now. dt: [s]; 0: not known. The errors of both poses are part of the covariance: those of
-/// the map points' reprojections and a white noise, so that it never vanishes.
-void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_now, const ScaleEstimate& scale,
+/// Sets the twist: mean velocity over the motion T_last_c [VO units], in the axes of the camera
+/// now. dt: [s]; 0: not known.
+void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale,
                                 double dt) {
   Matrix6d& covariance = last_.twist_covariance;
   if (!(dt > 0)) {
     last_.twist_c.setZero();
-    covariance = std::pow(options_.unknown_speed_sigma, 2) * Matrix6d::Identity();
-    velocity_ = {Eigen::Vector3d::Zero(), covariance.topLeftCorner<3, 3>().trace(), 0};
+    covariance = std::pow(kUnknownSpeedSigma, 2) * Matrix6d::Identity();
+    velocity_ = {Eigen::Vector3d::Zero(), covariance.topLeftCorner<3, 3>().trace()};
     return;
   }
-  const Eigen::Vector3d velocity_before = T_last_now.linear().transpose() * last_.twist_c.head<3>();
-  const Eigen::Vector3d step_c =
-      scale.scale * (T_last_now.linear().transpose() * T_last_now.translation());
-  const Eigen::Vector3d rotation_c = rotationVector(T_last_now.linear());
-  last_.twist_c << step_c / dt, rotation_c / dt;
-  const double position_variance =
-      2 * std::pow(options_.position_noise_heights * scale.height * scale.scale, 2);
-  const double rotation_variance = 2 * std::pow(options_.rotation_noise, 2);
+  const Eigen::Matrix3d R_c_last = T_last_c.linear().transpose();
+  const Step step{scale.scale * (R_c_last * T_last_c.translation()), dt};
+  const Eigen::Vector3d rotation_c = rotationVector(T_last_c.linear());
+  last_.twist_c << step.motion_c / dt, rotation_c / dt;
   covariance = 2 * pose_covariance_c_;
-  covariance.topLeftCorner<3, 3>() +=
-      directionCovariance(step_c) +
-      std::pow(scale.sigma / scale.scale, 2) * step_c * step_c.transpose() +
-      position_variance * Eigen::Matrix3d::Identity();
+  covariance.topLeftCorner<3, 3>() = stepCovariance(step.motion_c, scale);
   covariance.bottomRightCorner<3, 3>() +=
-      (rotationVariance(step_c.norm()) + rotation_variance) * Eigen::Matrix3d::Identity() +
+      (rotationVariance(step.motion_c.norm()) + 2 * std::pow(kRotationNoise, 2)) *
+          Eigen::Matrix3d::Identity() +
       std::pow(options_.rotation_scale_sigma, 2) * rotation_c * rotation_c.transpose();
   covariance /= dt * dt;
 
-  velocity_.mean_c = last_.twist_c.head<3>();
-  velocity_.variance = covariance.topLeftCorner<3, 3>().trace();
-  // A long interval over lost frames is no irregular one.
-  const double dt_before = std::exchange(velocity_.last_dt, follows_pose_ ? dt : 0);
-  if (follows_pose_ && dt_before > 0 &&
-      std::max(dt, dt_before) > kMaxIntervalRatio * std::min(dt, dt_before)) {
-    const double both = dt + dt_before;
-    velocity_.mean_c = (step_c + dt_before * velocity_before) / both;
-    velocity_.variance *= std::pow(dt / both, 2);
-  }
+  // Over two intervals: the stamps of images in pairs are too close to each other for a velocity.
+  const Step both{step.motion_c + R_c_last * last_step_.motion_c, dt + last_step_.dt};
+  velocity_ = {both.motion_c / both.dt,
+               stepCovariance(both.motion_c, scale).trace() / (both.dt * both.dt)};
+  last_step_ = step;
 }
 
-/// Of a step whose direction has an error: variance only orthogonal to the step [m^2].
+/// Of a step [m] in camera axes, with the errors of the poses at both ends: of the map points'
+/// reprojections, and a white noise.
+Eigen::Matrix3d MetricTrajectory::stepCovariance(const Eigen::Vector3d& step_c,
+                                                 const ScaleEstimate& scale) const {
+  const double noise = kPositionNoise * scale.height * scale.scale;
+  return 2 * pose_covariance_c_.topLeftCorner<3, 3>() + directionCovariance(step_c) +
+         std::pow(scale.sigma / scale.scale, 2) * step_c * step_c.transpose() +
+         2 * noise * noise * Eigen::Matrix3d::Identity();
+}
+
+/// Covariance of a step whose direction has an error: orthogonal to the step [m^2].
 Eigen::Matrix3d MetricTrajectory::directionCovariance(const Eigen::Vector3d& step) const {
   return std::pow(options_.direction_sigma, 2) *
          (step.squaredNorm() * Eigen::Matrix3d::Identity() - step * step.transpose());
 }
 
-/// Of the rotation's random walk over a distance [rad^2].
+/// Variance of the rotation's random walk over a distance [rad^2].
 double MetricTrajectory::rotationVariance(double length) const {
   return std::pow(options_.rotation_sigma_per_sqrt_m, 2) * length;
 }

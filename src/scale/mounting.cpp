@@ -26,29 +26,16 @@ TiltAxes tiltAxes(const Eigen::Vector3d& n_c, const Eigen::Vector3d& direction_c
   return {along, n_c.cross(along)};
 }
 
-bool givesDirection(const std::optional<MotionHistory::Chord>& chord, const Eigen::Vector3d& n_c) {
-  return chord && std::abs(n_c.dot(chord->direction_c)) < kMaxSlope;
+bool givesDirection(const RoadPrior& prior, const Eigen::Vector3d& n_c) {
+  return prior.chord && std::abs(n_c.dot(prior.chord->direction_c)) < kMaxSlope;
 }
 
 }  // namespace
-
-Eigen::Vector3d roadNormal(double pitch, double roll) {
-  return {-std::sin(roll), -std::cos(roll) * std::cos(pitch), -std::cos(roll) * std::sin(pitch)};
-}
-
-double pitchOf(const Eigen::Vector3d& n_c) { return std::atan2(-n_c.z(), -n_c.y()); }
-
-double rollOf(const Eigen::Vector3d& n_c) { return -std::asin(std::clamp(n_c.x(), -1.0, 1.0)); }
 
 void Mounting::Options::validate() const { visitParameters(*this, RangeCheck("mounting/")); }
 
 Mounting::Mounting(const Options& options) : options_(options) {
   options_.validate();
-  reset();
-}
-
-void Mounting::reset() {
-  mean_ = Normal();
   mean_.covariance.diagonal() << std::pow(options_.initial_roll_sigma, 2), 0,
       std::pow(options_.initial_pitch_sigma, 2);
 }
@@ -73,11 +60,11 @@ void Mounting::Normal::update(const Eigen::Vector3d& axis, double tangent,
   set(n_c + gain * tangent);
 }
 
-NormalPrior Mounting::prior(const MotionHistory& history, double height) const {
-  const std::optional<MotionHistory::Chord> chord =
-      history.chord(options_.chord_length_heights * height);
-  const bool has_direction = givesDirection(chord, mean_.n_c);
-  const Eigen::Vector3d ahead = has_direction ? chord->direction_c : Eigen::Vector3d::UnitZ();
+RoadPrior Mounting::prior(const CameraPath& path, double height) const {
+  RoadPrior prior;
+  prior.chord = path.chord(options_.chord_length_heights * height);
+  const bool has_direction = givesDirection(prior, mean_.n_c);
+  const Eigen::Vector3d ahead = has_direction ? prior.chord->direction_c : Eigen::Vector3d::UnitZ();
 
   Normal normal = mean_;
   TiltAxes axes = tiltAxes(normal.n_c, ahead);
@@ -89,13 +76,13 @@ NormalPrior Mounting::prior(const MotionHistory& history, double height) const {
     // Eq. 3 of Tian et al.: the road normal n is orthogonal to the direction of motion t, here that
     // of the chord. The measurement noise is the heave of the vehicle between the ends of the
     // chord; without a known height pitch_motion_sigma.
-    const double chord_sigma = height > 0 ? options_.heave_sigma_heights * height / chord->length
-                                          : options_.pitch_motion_sigma;
+    const double chord_sigma = height > 0
+                                   ? options_.heave_sigma_heights * height / prior.chord->length
+                                   : options_.pitch_motion_sigma;
     normal.update(axes.along, -normal.n_c.dot(ahead) / axes.along.dot(ahead),
                   chord_sigma * chord_sigma);
     axes = tiltAxes(normal.n_c, ahead);
   }
-  NormalPrior prior;
   prior.n_c = normal.n_c;
   prior.forward_c = axes.along;
   prior.pitch_sigma = std::sqrt(normal.variance(axes.along));
@@ -123,10 +110,10 @@ void Mounting::limitTilt() {
   mean_.set(roadNormal(std::clamp(pitch(), -limit, limit), std::clamp(roll(), -limit, limit)));
 }
 
-void Mounting::update(const std::optional<MotionHistory::Chord>& chord, const GroundPlane* plane,
-                      double step, double height) {
-  const bool has_direction = givesDirection(chord, mean_.n_c);
-  const Eigen::Vector3d ahead = has_direction ? chord->direction_c : Eigen::Vector3d::UnitZ();
+void Mounting::update(const RoadPrior& prior, const GroundPlane* plane, double step,
+                      double height) {
+  const bool has_direction = givesDirection(prior, mean_.n_c);
+  const Eigen::Vector3d ahead = has_direction ? prior.chord->direction_c : Eigen::Vector3d::UnitZ();
   if (plane != nullptr) {
     const TiltAxes axes = tiltAxes(mean_.n_c, ahead);
     addSample(axes.across, plane->n_c.dot(axes.across) / plane->n_c.dot(mean_.n_c),
@@ -134,7 +121,7 @@ void Mounting::update(const std::optional<MotionHistory::Chord>& chord, const Gr
   }
   if (has_direction) {
     const TiltAxes axes = tiltAxes(mean_.n_c, ahead);
-    const double chord_sigma = options_.heave_sigma_heights * height / chord->length;
+    const double chord_sigma = options_.heave_sigma_heights * height / prior.chord->length;
     addSample(axes.along, -mean_.n_c.dot(ahead) / axes.along.dot(ahead),
               std::hypot(options_.pitch_motion_sigma, chord_sigma), step / height);
   }

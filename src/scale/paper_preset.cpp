@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/paper_preset.hpp"
+#include "ground_scale_vo/scale/scale_recovery.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -12,8 +12,10 @@ constexpr double kUnlimitedHalfWidth = 1000;  ///< [camera heights]
 
 }  // namespace
 
-ScaleRecovery::Options paperPreset(const ScaleRecovery::Options& options) {
-  ScaleRecovery::Options paper = options;
+ScaleRecovery::Options ScaleRecovery::Options::resolved() const {
+  Options paper = *this;
+  paper.gpe.random_seed = random_seed;
+  if (!paper_literal) return paper;
   paper.refine = false;                   // no direct measurements
   paper.standstill_distance_heights = 0;  // standstill is not detected
 
@@ -29,17 +31,16 @@ ScaleRecovery::Options paperPreset(const ScaleRecovery::Options& options) {
   paper.gpe.most_inliers = true;      // line 28
   paper.gpe.motion_tolerance_rad = kAngleTolerance;
   paper.gpe.pitch_tolerance_rad = kAngleTolerance;
-  paper.gpe.plane_threshold_heights = kPlaneThreshold / options.camera_height;
+  paper.gpe.plane_threshold_heights = kPlaneThreshold / camera_height;
   paper.gpe.plane_threshold_sigma = 0;
 
   // Alg. 2: a window of four frames with all copies of a point.
   paper.gpa.window_heights = 1e6;
   paper.gpa.max_frames = kWindowFrames;
-  paper.gpa.min_frames = kWindowFrames;
   paper.gpa.unique_features = false;
   // Eq. 6 to 8.
   paper.gpa.fit.method = PlaneFit::Method::kHomogeneous;
-  paper.gpa.fit.reject_distance_heights = kPlaneThreshold / options.camera_height;
+  paper.gpa.fit.reject_distance_heights = kPlaneThreshold / camera_height;
 
   paper.filter.moving_average_frames = kMovingAverageFrames;
   return paper;

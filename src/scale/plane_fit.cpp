@@ -58,7 +58,7 @@ bool isCollinear(const std::vector<PlanePoint>& points) {
 
 /// Start of the least-squares fit.
 std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
-                                        const NormalPrior& prior, double height_hint,
+                                        const RoadPrior& prior, double height_hint,
                                         const PlaneFit::Options& options) {
   if (isCollinear(points)) return std::nullopt;
   std::vector<Eigen::Vector3f> scaled;
@@ -76,53 +76,43 @@ std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
   return GroundPlane{(sign * normal).normalized(), height};
 }
 
-/// Inverse depth of a point on the plane m = n / h, and its derivative by m.
-struct Prediction {
-  double inverse_depth = 0;
-  Eigen::Vector3d jacobian;
-};
-
-/// Empty when the plane does not intersect the point's ray ahead of the camera, or lies above that
-/// camera.
-std::optional<Prediction> predict(const PlanePoint& point, const Eigen::Vector3d& m) {
-  const Eigen::Vector3d r = (point.p_c - point.origin_c) / point.depth;
-  const double height_ratio = 1 + m.dot(point.origin_c);  // observing camera's height over h
-  const double inverse_depth = -m.dot(r) / height_ratio;
-  if (!(height_ratio > 0) || !(inverse_depth > 0)) return std::nullopt;
-  return Prediction{inverse_depth, -(r + inverse_depth * point.origin_c) / height_ratio};
-}
-
 /// Measured minus predicted inverse depth of one point [1 / VO unit].
 struct Residual {
-  double value = std::numeric_limits<double>::infinity();  ///< infinite: the plane is not visible
-  double sigma = 0;                                        ///< expected standard deviation (Eq. 8)
-  Eigen::Vector3d jacobian = Eigen::Vector3d::Zero();      ///< of the prediction by m
+  /// Infinite: the plane does not intersect the point's ray ahead of the camera, or lies above that
+  /// camera.
+  double value = std::numeric_limits<double>::infinity();
+  double sigma = 1;                                    ///< expected standard deviation (Eq. 8)
+  Eigen::Vector3d jacobian = Eigen::Vector3d::Zero();  ///< of the prediction by m
 };
 
+/// Of all points, for the plane m = n / h.
 std::vector<Residual> computeResiduals(const std::vector<PlanePoint>& points,
                                        const Eigen::Vector3d& m, double roughness_heights) {
   std::vector<Residual> residuals(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const std::optional<Prediction> prediction = predict(points[i], m);
-    if (!prediction) continue;
+    const PlanePoint& point = points[i];
+    const Eigen::Vector3d r = (point.p_c - point.origin_c) / point.depth;
+    const double height_ratio = 1 + m.dot(point.origin_c);  // observing camera's height over h
+    const double inverse_depth = -m.dot(r) / height_ratio;
+    if (!(height_ratio > 0) || !(inverse_depth > 0)) continue;
+    residuals[i].value = 1 / point.depth - inverse_depth;
     // Eq. 8 for each point: the errors of its depth and of the road surface.
-    residuals[i].sigma = std::hypot(points[i].depth_sigma / (points[i].depth * points[i].depth),
-                                    roughness_heights * prediction->inverse_depth);
-    residuals[i].value = 1 / points[i].depth - prediction->inverse_depth;
-    residuals[i].jacobian = prediction->jacobian;
+    residuals[i].sigma = std::hypot(point.depth_sigma / (point.depth * point.depth),
+                                    roughness_heights * inverse_depth);
+    residuals[i].jacobian = -(r + inverse_depth * point.origin_c) / height_ratio;
   }
   return residuals;
 }
 
-/// Absolute residuals in units of their sigma, of the points that have one.
-std::vector<double> normalisedResiduals(const std::vector<Residual>& residuals) {
+/// Robust standard deviation of the residuals in units of their sigma.
+double robustScale(const std::vector<Residual>& residuals) {
   std::vector<double> normalised;
-  normalised.reserve(residuals.size());
   for (const Residual& residual : residuals) {
-    if (residual.value == std::numeric_limits<double>::infinity()) continue;
-    normalised.push_back(std::abs(residual.value) / residual.sigma);
+    if (!std::isinf(residual.value))
+      normalised.push_back(std::abs(residual.value) / residual.sigma);
   }
-  return normalised;
+  return normalised.empty() ? kMinRobustScale
+                            : std::max(kMinRobustScale, kMadToSigma * median(&normalised));
 }
 
 /// Indices of the residuals within `limit` sigma (Alg. 2 lines 19-24).
@@ -143,7 +133,7 @@ struct NormalEquations {
 /// Eq. 7: of the inliers, and of the prior on the normal's pitch and roll.
 NormalEquations normalEquations(const std::vector<Residual>& residuals,
                                 const std::vector<std::uint32_t>& inliers, double robust_scale,
-                                const NormalPrior& prior, const Eigen::Vector3d& m) {
+                                const RoadPrior& prior, const Eigen::Vector3d& m) {
   NormalEquations equations;
   for (const std::uint32_t i : inliers) {
     const Residual& residual = residuals[i];
@@ -193,11 +183,11 @@ void PlaneFit::Options::validate() const { visitParameters(*this, RangeCheck("fi
 
 PlaneFit::PlaneFit(const Options& options) : options_(options) { options_.validate(); }
 
-PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const NormalPrior& prior,
+PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const RoadPrior& prior,
                                double height_hint) const {
   if (points.size() < static_cast<std::size_t>(options_.min_points)) {
     Result result;
-    result.status = ScaleReason::kTooFewGroundPoints;
+    result.status = MeasurementStatus::kTooFewGroundPoints;
     return result;
   }
   return options_.method == Method::kHomogeneous ? fitHomogeneous(points, height_hint)
@@ -205,7 +195,7 @@ PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const Norm
 }
 
 PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points,
-                                           const NormalPrior& prior, double height_hint) const {
+                                           const RoadPrior& prior, double height_hint) const {
   Result result;
   const std::optional<GroundPlane> start = segmentPlane(points, prior, height_hint, options_);
   if (!start) return result;
@@ -218,11 +208,7 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   double robust_scale = 1;
   for (int iteration = 0; iteration < kMaxFitIterations; ++iteration) {
     residuals = computeResiduals(points, m, options_.roughness_heights);
-    std::vector<double> normalised = normalisedResiduals(residuals);
-    if (normalised.size() < min_points) return result;
-    if (iteration < kRobustScaleIterations) {
-      robust_scale = std::max(kMinRobustScale, kMadToSigma * median(std::move(normalised)));
-    }
+    if (iteration < kRobustScaleIterations) robust_scale = robustScale(residuals);
     inliers = selectInliers(residuals, options_.reject_sigma * robust_scale);
     if (inliers.size() < min_points) return result;
 
@@ -242,7 +228,7 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
       std::hypot(plane.n_c.dot(prior.forward_c) / prior.pitchTolerance(options_.max_tilt_rad),
                  plane.n_c.dot(prior.lateral()) / prior.rollTolerance(options_.max_tilt_rad));
   if (tilt > 1) {
-    result.status = ScaleReason::kPlaneTilted;
+    result.status = MeasurementStatus::kPlaneTilted;
     return result;
   }
   result.median_height = medianHeight(points, residuals, inliers, plane.n_c);
@@ -257,11 +243,11 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   const bool is_certain = std::hypot(fit_sigma, options_.camber_sigma_rad * left_in_region) <=
                           options_.max_sigma * plane.height;
   if (!is_certain || !areFinite(plane.n_c, plane.height, result.median_height)) {
-    result.status = ScaleReason::kNoPlane;
+    result.status = MeasurementStatus::kNoPlane;
     return result;
   }
   result.inliers = std::move(inliers);
-  result.status = ScaleReason::kNone;
+  result.status = MeasurementStatus::kMeasured;
   return result;
 }
 
@@ -310,7 +296,7 @@ PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
   result.height_sigma = std::sqrt(squares / static_cast<double>(kept.size()));
   if (!areFinite(plane.n_c, plane.height, result.height_sigma)) return result;
   result.inliers = std::move(kept);
-  result.status = ScaleReason::kNone;
+  result.status = MeasurementStatus::kMeasured;
   return result;
 }
 

@@ -14,25 +14,25 @@ const char* toString(ScaleStatus status) {
   return "invalid";
 }
 
-const char* toString(ScaleReason reason) {
-  switch (reason) {
-    case ScaleReason::kNone:
+const char* toString(MeasurementStatus status) {
+  switch (status) {
+    case MeasurementStatus::kMeasured:
       return "none";
-    case ScaleReason::kVoNotTracking:
+    case MeasurementStatus::kVoNotTracking:
       return "vo_not_tracking";
-    case ScaleReason::kStandstill:
+    case MeasurementStatus::kStandstill:
       return "standstill";
-    case ScaleReason::kTooFewTriangles:
+    case MeasurementStatus::kTooFewTriangles:
       return "too_few_triangles";
-    case ScaleReason::kTooFewGroundPoints:
+    case MeasurementStatus::kTooFewGroundPoints:
       return "too_few_ground_points";
-    case ScaleReason::kNoPlane:
+    case MeasurementStatus::kNoPlane:
       return "no_plane";
-    case ScaleReason::kPlaneTilted:
+    case MeasurementStatus::kPlaneTilted:
       return "plane_tilted";
-    case ScaleReason::kRejectedByFilter:
+    case MeasurementStatus::kRejectedByFilter:
       return "rejected_by_filter";
-    case ScaleReason::kImplausibleMotion:
+    case MeasurementStatus::kImplausibleMotion:
       return "implausible_motion";
   }
   return "invalid";

@@ -11,11 +11,11 @@
 namespace ground_scale_vo {
 namespace {
 
-/// Bounds of the factor on the variance: sigma changes by at most a factor of 4.5 either way, so
-/// that neither a run of equal measurements nor of outliers makes it useless.
-constexpr double kMinNisScale = 0.05, kMaxNisScale = 20;
+/// Distances to the measured road over which the tilt of a young map decays to 1/e.
+constexpr double kTiltDecay = 0.8;
 
-std::size_t indexOf(ScaleFilter::Source source) { return static_cast<std::size_t>(source); }
+/// Standard deviation of the change of ln h when a refined lens replaces another.
+constexpr double kLensChangeSigma = 0.02;
 
 }  // namespace
 
@@ -23,13 +23,9 @@ void ScaleFilter::Options::validate() const { visitParameters(*this, RangeCheck(
 
 ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.validate(); }
 
-void ScaleFilter::reset() { *this = ScaleFilter(options_); }
-
 double ScaleFilter::height() const { return known_ ? std::exp(state_[0]) : 0; }
 
-double ScaleFilter::sigma() const {
-  return known_ ? height() * std::sqrt(nis_scale_ * covariance_(0, 0)) : 0;
-}
+double ScaleFilter::sigma() const { return known_ ? height() * std::sqrt(covariance_(0, 0)) : 0; }
 
 void ScaleFilter::predict(double distance, double angle) {
   distance_ += distance;
@@ -42,7 +38,7 @@ void ScaleFilter::predict(double distance, double angle) {
 }
 
 void ScaleFilter::changeLens() {
-  if (known_) covariance_(0, 0) += options_.lens_change_sigma * options_.lens_change_sigma;
+  if (known_) covariance_(0, 0) += kLensChangeSigma * kLensChangeSigma;
 }
 
 bool ScaleFilter::update(double height, double sigma, double road_distance, Source source) {
@@ -62,17 +58,16 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   const double innovation = measurement.log_height - H.dot(state_);
   const double predicted_variance = H.dot(covariance_ * H);
   const double innovation_variance = predicted_variance + measurement.variance;
-  const double gate = options_.gate_sigma * options_.gate_sigma;
-  const double nis = innovation * innovation / innovation_variance;
-  updateNisScale(source, std::min(nis, gate));
-  if (nis > gate) return collect(measurement, source);
+  SourceState& source_state = stateOf(source);
+  if (innovation * innovation > options_.gate_sigma * options_.gate_sigma * innovation_variance) {
+    return restart(measurement, &source_state);
+  }
   clearPending(source);
   // Correlated with the previous measurement of this source when that is closer than the
   // correlation length: only this share of its information is new.
-  double& accepted_at = accepted_at_[indexOf(source)];
-  const double share =
-      std::min(1.0, (distance_ - accepted_at) / (options_.correlation_heights * this->height()));
-  accepted_at = distance_;
+  const double share = std::min(1.0, (distance_ - source_state.accepted_at) /
+                                         (options_.correlation_heights * this->height()));
+  source_state.accepted_at = distance_;
   if (share > 0) {
     const Eigen::Vector2d gain =
         covariance_ * H / (predicted_variance + measurement.variance / share);
@@ -99,36 +94,21 @@ bool ScaleFilter::updateMovingAverage(double height, double variance) {
 /// and the decay of the tilt.
 double ScaleFilter::tiltLever(const Measurement& measurement) const {
   const double decay_distance =
-      options_.start_tilt_decay * measurement.road_distance * std::exp(measurement.log_height);
+      kTiltDecay * measurement.road_distance * std::exp(measurement.log_height);
   if (!(decay_distance > 0)) return 0;  // the road below the camera
   return measurement.road_distance * std::exp((tilted_since_ - distance_) / decay_distance);
-}
-
-/// Moving average of the NIS over the distance.
-void ScaleFilter::updateNisScale(Source source, double nis) {
-  double& measured_at = measured_at_[indexOf(source)];
-  const double rate =
-      std::min(1.0, (distance_ - measured_at) / (options_.nis_memory_heights * this->height()));
-  measured_at = distance_;
-  nis_scale_ = std::clamp(nis_scale_ + rate * (nis - nis_scale_), kMinNisScale, kMaxNisScale);
 }
 
 /// After an accepted measurement of a source: the pending ones do not lead to a restart. Direct
 /// measurements start from the filter's own height and would confirm a wrong one, so they do not
 /// clear feature-based ones that deviate strongly.
 void ScaleFilter::clearPending(Source source) {
-  pending_[indexOf(Source::kDirect)].clear();
-  std::deque<Measurement>& feature_based = pending_[indexOf(Source::kFeatureBased)];
+  stateOf(Source::kDirect).pending.clear();
+  std::deque<Measurement>& feature_based = stateOf(Source::kFeatureBased).pending;
   const bool deviates =
       !feature_based.empty() &&
       std::abs(feature_based.back().log_height - state_[0]) > options_.restart_max_deviation;
   if (source == Source::kFeatureBased || !deviates) feature_based.clear();
-}
-
-/// Distance over which the process noise is that of a rotation [camera heights].
-double ScaleFilter::equivalentDistance(double angle) const {
-  const double ratio = options_.drift_per_sqrt_rad / options_.drift_per_sqrt_height;
-  return options_.drift_per_sqrt_height > 0 ? ratio * ratio * angle : 0;
 }
 
 /// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
@@ -136,22 +116,24 @@ double ScaleFilter::equivalentDistance(double angle) const {
 /// distance of equal process noise: in a turn the unit of the map may really change. A young state
 /// is replaced after the distance over which measurements supported it. The tilt is then that of a
 /// new map, because the cause of the contradiction is not known.
-bool ScaleFilter::collect(const Measurement& measurement, Source source) {
-  std::deque<Measurement>& pending = pending_[indexOf(source)];
-  double& pending_since = pending_since_[indexOf(source)];
-  double& turned_before = turned_before_[indexOf(source)];
+bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
+  std::deque<Measurement>& pending = source->pending;
   if (pending.empty()) {
-    pending_since = distance_;
-    turned_before = turned_;
+    source->pending_since = distance_;
+    source->turned_before = turned_;
   }
   pending.push_back(measurement);
   const auto required = static_cast<std::size_t>(options_.restart_measurements);
   if (pending.size() > required) pending.pop_front();
   const double measured_height = std::exp(measurement.log_height);
-  const double required_distance =
-      std::min(pending_since - started_at_, options_.restart_distance_heights * measured_height);
-  const double persisted =
-      distance_ - pending_since + equivalentDistance(turned_ - turned_before) * measured_height;
+  const double heights_per_rad =
+      options_.drift_per_sqrt_height > 0
+          ? std::pow(options_.drift_per_sqrt_rad / options_.drift_per_sqrt_height, 2)
+          : 0;
+  const double persisted = distance_ - source->pending_since +
+                           heights_per_rad * (turned_ - source->turned_before) * measured_height;
+  const double required_distance = std::min(source->pending_since - started_at_,
+                                            options_.restart_distance_heights * measured_height);
   if (pending.size() < required || persisted < required_distance) return false;
   std::vector<double> log_heights;
   double mean_variance = 0;
@@ -176,10 +158,7 @@ void ScaleFilter::start(const Measurement& measurement) {
       -tilt_lever * tilt_variance, -tilt_lever * tilt_variance, tilt_variance;
   known_ = true;
   started_at_ = distance_;
-  accepted_at_.fill(distance_);
-  measured_at_.fill(distance_);
-  nis_scale_ = 1;
-  for (std::deque<Measurement>& each : pending_) each.clear();
+  for (SourceState& source : sources_) source = {distance_, {}, 0, 0};
 }
 
 }  // namespace ground_scale_vo

@@ -1,11 +1,10 @@
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "scripted_run.hpp"
 
 namespace ground_scale_vo {

@@ -1,10 +1,9 @@
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -12,8 +12,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "scripted_run.hpp"
 #include "support/temporary_folder.hpp"
@@ -33,7 +32,7 @@ TEST_F(RunReport, EachColumnHasItsValue) {
   scale.times = {11, 12, 13, 14, 15, 70};
   ScaleEstimate& s = scale.scale;
   s.status = ScaleStatus::kHeld;
-  s.reason = ScaleReason::kStandstill;
+  s.measurement = MeasurementStatus::kStandstill;
   s.raw_scale = 1.25;
   s.scale = 1234.56789;
   s.sigma = 0.125;
@@ -50,7 +49,7 @@ TEST_F(RunReport, EachColumnHasItsValue) {
             "frame,stamp,status,reason,raw_scale,scale,sigma,height,nx,ny,nz,triangles,"
             "ground_triangles,ground_points,window_points,plane_inliers,backfilled,map_id,"
             "vo_status\n0,1.500000000,held," +
-                std::string(toString(s.reason)) +
+                std::string(toString(s.measurement)) +
                 ",1.25,1234.56789,0.125,1.75,0.5,-0.25,0.75,5,4,3,2,1,0,7,tracking\n");
   EXPECT_EQ(timingCsv(record),
             "frame,decode,vo_pyramid,vo_track,vo_adjustment_wait,vo_align,vo_pose,vo_detect,"

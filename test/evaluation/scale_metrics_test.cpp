@@ -1,10 +1,9 @@
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "scripted_run.hpp"
 
 namespace ground_scale_vo {

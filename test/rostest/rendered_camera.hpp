@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "topic_recorder.hpp"
 

@@ -14,11 +14,11 @@ TEST(Mounting, PriorIsAUnitVectorOrthogonalToALongChord) {
   RoadScene scene;
   scene.pitch = 0.06;  // without update(), the mounting's is 0
   Mounting mounting({});
-  MotionHistory history;
-  const NormalPrior without_motion = mounting.prior(history, 0.7);
+  CameraPath path;
+  const RoadPrior without_motion = mounting.prior(path, 0.7);
   EXPECT_EQ(without_motion.n_c, Eigen::Vector3d(0, -1, 0));
-  for (std::uint32_t i = 0; i < 15; ++i) history.add(scene.frame(i).T_w_c);
-  const NormalPrior prior = mounting.prior(history, 0.7);
+  for (std::uint32_t i = 0; i < 15; ++i) path.add(scene.frame(i).T_w_c);
+  const RoadPrior prior = mounting.prior(path, 0.7);
   EXPECT_NEAR(prior.n_c.norm(), 1, 1e-12);
   EXPECT_NEAR(prior.forward_c.dot(prior.n_c), 0, 1e-12);
   EXPECT_NEAR((prior.n_c - scene.normal()).norm(), 0, 1e-3);
@@ -26,13 +26,14 @@ TEST(Mounting, PriorIsAUnitVectorOrthogonalToALongChord) {
   EXPECT_NEAR(prior.roll_sigma, without_motion.roll_sigma, 1e-6);
 }
 
-/// Drives `heights` camera heights in steps of `step` [VO units], after a way of *at [VO units].
+/// Drives `heights` camera heights in steps of `step` [VO units], from the position *at [VO units]
+/// on.
 void drive(Mounting* mounting, const RoadScene& scene, double heights, double step, double* at) {
-  MotionHistory history;
+  CameraPath path;
   const GroundPlane plane{scene.normal(), scene.height};
-  for (double way = 0; way < heights * scene.height; way += step) {
-    history.add(scene.frameAt(0, *at += step).T_w_c);
-    mounting->update(history.chord(3 * scene.height), &plane, step, scene.height);
+  for (double driven = 0; driven < heights * scene.height; driven += step) {
+    path.add(scene.frameAt(0, *at += step).T_w_c);
+    mounting->update(mounting->prior(path, scene.height), &plane, step, scene.height);
   }
 }
 
@@ -80,12 +81,12 @@ TEST(Mounting, PitchAndRollAreLimitedTogether) {
   }
 }
 
-TEST(Mounting, EachMotionSigmaIsThatOfItsAngle) {
+TEST(Mounting, EachMotionSigmaBelongsToItsAngle) {
   Mounting::Options options;
   options.initial_pitch_sigma = options.initial_roll_sigma = 1e-4;
   options.pitch_motion_sigma = 0.001;
   options.roll_motion_sigma = 0.05;
-  const NormalPrior prior = Mounting(options).prior({}, 1);
+  const RoadPrior prior = Mounting(options).prior({}, 1);
   EXPECT_NEAR(prior.pitch_sigma, options.pitch_motion_sigma, 1e-5);
   EXPECT_NEAR(prior.roll_sigma, options.roll_motion_sigma, 1e-5);
 }
@@ -100,18 +101,18 @@ TEST_P(MountingYaw, IsEstimatedInAnyViewingDirection) {
                             -std::cos(kRoll) * std::sin(kPitch));
   const Eigen::Vector3d view(std::sin(GetParam()), 0, std::cos(GetParam()));
   const Eigen::Vector3d ahead = (view - n_c.dot(view) * n_c).normalized();
-  MotionHistory history;
+  CameraPath path;
   Mounting mounting({});
   const GroundPlane plane{Eigen::AngleAxisd(0.1, n_c.cross(ahead)) * n_c, 1};
   for (int i = 0; i < 50; ++i) {
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
     T_w_c.translation() = 0.5 * i * ahead;
-    history.add(T_w_c);
-    mounting.update(history.chord(3), &plane, 0.5, 1);
+    path.add(T_w_c);
+    mounting.update(mounting.prior(path, 1), &plane, 0.5, 1);
   }
   EXPECT_NEAR(mounting.pitch(), kPitch, 3e-3);
   EXPECT_NEAR(mounting.roll(), kRoll, 3e-3);
-  const NormalPrior prior = mounting.prior(history, 1);
+  const RoadPrior prior = mounting.prior(path, 1);
   EXPECT_LT((prior.n_c - n_c).norm(), 3e-3);
   EXPECT_LT((prior.forward_c - ahead).norm(), 3e-3);
   EXPECT_LT(prior.pitch_sigma, 0.01);
@@ -121,22 +122,22 @@ TEST_P(MountingYaw, IsEstimatedInAnyViewingDirection) {
 INSTANTIATE_TEST_SUITE_P(Directions, MountingYaw,
                          testing::Values(0.0, 0.25 * M_PI, 0.5 * M_PI, -0.5 * M_PI, M_PI));
 
-TEST(Mounting, SteepAndNoMotionDoNotUpdateAndResetForgets) {
+TEST(Mounting, SteepAndNoMotionDoNotUpdate) {
   Mounting mounting({});
-  mounting.update(std::nullopt, nullptr, 1, 1);
+  RoadPrior prior;
+  mounting.update(prior, nullptr, 1, 1);
   for (const double slope : {0.9, 1.0}) {
     const Eigen::Vector3d direction(0, slope, std::sqrt(1 - slope * slope));
-    mounting.update(MotionHistory::Chord{direction, 1}, nullptr, 1, 1);
+    prior.chord = Chord{direction, 1};
+    mounting.update(prior, nullptr, 1, 1);
   }
-  EXPECT_EQ(mounting.normal(), Eigen::Vector3d(0, -1, 0));
+  EXPECT_EQ(mounting.pitch(), 0);
+  EXPECT_EQ(mounting.roll(), 0);
   const double initial_sigma = mounting.sigma();
   double at = 0;
   drive(&mounting, RoadScene(), 40, 0.4, &at);
   EXPECT_NE(mounting.pitch(), 0);
   EXPECT_LT(mounting.sigma(), 0.5 * initial_sigma);
-  mounting.reset();
-  EXPECT_EQ(mounting.normal(), Eigen::Vector3d(0, -1, 0));
-  EXPECT_EQ(mounting.sigma(), initial_sigma);
 }
 
 }  // namespace

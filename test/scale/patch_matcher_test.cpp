@@ -12,7 +12,7 @@ namespace {
 const PinholeCamera kCamera{320, 240, 300, 360, 160, 120};
 constexpr float kGreyNoise = 0.5f;  // [grey levels]
 /// Plane of a road 1.5 VO units below a camera that looks down a little.
-const Eigen::Vector3f kPlane = Eigen::Vector3f(0.02f, -1, -0.05f).normalized() / 1.5f;
+const Eigen::Vector3d kPlane = Eigen::Vector3d(0.02, -1, -0.05).normalized() / 1.5;
 
 float waves(float u, float v) { return 100 + 30 * std::sin(0.21f * u) + 30 * std::sin(0.17f * v); }
 
@@ -20,17 +20,16 @@ float waves(float u, float v) { return 100 + 30 * std::sin(0.21f * u) + 30 * std
 class PatchMatcherTest : public testing::Test {
  protected:
   PatchMatcherTest() {
-    image_.roi = {0, 0, kCamera.width, kCamera.height};
-    image_.storage.create(kCamera.height, kCamera.width, CV_32F);
+    reference_.image.roi = {0, 0, kCamera.width, kCamera.height};
+    reference_.image.pixels.create(kCamera.height, kCamera.width, CV_32F);
     for (int v = 0; v < kCamera.height; ++v) {
       for (int u = 0; u < kCamera.width; ++u) {
-        image_.storage.at<float>(v, u) = waves(static_cast<float>(u), static_cast<float>(v));
+        reference_.image.pixels.at<float>(v, u) =
+            waves(static_cast<float>(u), static_cast<float>(v));
       }
     }
-    reference_.image = &image_;
-    reference_.R =
-        Eigen::AngleAxisf(0.02f, Eigen::Vector3f(0.3f, 0.9f, 0.1f).normalized()).toRotationMatrix();
-    setTranslation({0.03f, -0.02f, 0.5f});
+    reference_.T_r_c = Eigen::Translation3d(0.03, -0.02, 0.5) *
+                       Eigen::AngleAxisd(0.02, Eigen::Vector3d(0.3, 0.9, 0.1).normalized());
     movePatch(190, 170);
     renderPatch();
   }
@@ -43,12 +42,6 @@ class PatchMatcherTest : public testing::Test {
       patch_.ray_x[i] = static_cast<float>((u - kCamera.cx) / kCamera.fx);
       patch_.ray_y[i] = static_cast<float>((v - kCamera.cy) / kCamera.fy);
     }
-  }
-
-  void setTranslation(const Eigen::Vector3f& t) {
-    reference_.t = t;
-    reference_.perpendicular[0] = t.norm() * t.unitOrthogonal();
-    reference_.perpendicular[1] = t.cross(reference_.perpendicular[0]).normalized() * t.norm();
   }
 
   /// Sets the intensities and gradients of the patch to those that the reference image shows.
@@ -72,7 +65,7 @@ class PatchMatcherTest : public testing::Test {
     patch_.grad_y = grad_y / deviation_;
   }
 
-  Samples valuesOf(const Reference& reference, const Eigen::Vector3f& m) const {
+  Samples valuesOf(const Reference& reference, const Eigen::Vector3d& m) const {
     Samples values;
     EXPECT_TRUE(matcher_.sample(reference, patch_, m, &values));
     return values;
@@ -80,9 +73,9 @@ class PatchMatcherTest : public testing::Test {
 
   /// Where the reference image shows a sample of the patch.
   Eigen::Vector2d pixelOf(int sample) const {
-    const Eigen::Vector3f ray(patch_.ray_x[sample], patch_.ray_y[sample], 1);
-    const Eigen::Vector3f y = reference_.R * ray - reference_.t * kPlane.dot(ray);
-    return kCamera.project(y.cast<double>());
+    const Eigen::Vector3d ray(patch_.ray_x[sample], patch_.ray_y[sample], 1);
+    return kCamera.project(reference_.T_r_c.linear() * ray -
+                           reference_.T_r_c.translation() * kPlane.dot(ray));
   }
 
   Match linearised() const {
@@ -92,14 +85,13 @@ class PatchMatcherTest : public testing::Test {
   }
 
   const PatchMatcher matcher_{kCamera, kGreyNoise, {}};
-  RoadImage image_;
   Reference reference_;
   Patch patch_;
   float deviation_ = 0;  ///< of the patch's intensities [grey levels]
 };
 
 /// The inverse depth -q of all rays changes with the third component of m.
-Eigen::Vector3f planeMovedBy(float dq) { return kPlane + Eigen::Vector3f(0, 0, dq); }
+Eigen::Vector3d planeMovedBy(float dq) { return kPlane + Eigen::Vector3d(0, 0, dq); }
 
 TEST_F(PatchMatcherTest, JacobianIsTheDerivativeByQ) {
   const Match match = linearised();
@@ -118,12 +110,12 @@ TEST_F(PatchMatcherTest, MotionIsTheShiftByAnErrorOfTheMotion) {
   for (int k = 0; k < 5; ++k) {
     const auto moved = [&](float error) {
       Reference reference = reference_;
+      const Eigen::Vector3d t = reference_.T_r_c.translation();
+      const Eigen::Vector3d side = t.cast<float>().unitOrthogonal().cast<double>();
       if (k < 3) {
-        const Eigen::AngleAxisf rotation(error, Eigen::Vector3f::Unit(k));
-        reference.R = rotation * reference_.R;
-        reference.t = rotation * reference_.t;
+        reference.T_r_c = Eigen::AngleAxisd(error, Eigen::Vector3d::Unit(k)) * reference_.T_r_c;
       } else {
-        reference.t += error * reference_.perpendicular[k - 3];
+        reference.T_r_c.translation() += error * (k == 3 ? t.norm() * side : t.cross(side));
       }
       return valuesOf(reference, kPlane);
     };
@@ -151,11 +143,9 @@ TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   const cv::Point begin(cvFloor(first.x()), cvFloor(first.y()));
   const cv::Point end(cvFloor(last.x()) + 2, cvFloor(last.y()) + 2);
   const auto isSampled = [&](const cv::Rect& roi) {
-    RoadImage part;
-    part.roi = roi;
-    part.storage = image_.storage(roi).clone();
     Reference reference = reference_;
-    reference.image = &part;
+    reference.image.roi = roi;
+    reference.image.pixels = reference_.image.pixels(roi).clone();
     return matcher_.sample(reference, patch_, kPlane, &values);
   };
   ASSERT_TRUE(isSampled({begin, end}));
@@ -165,6 +155,26 @@ TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   EXPECT_FALSE(isSampled({begin + row, end}));
   EXPECT_FALSE(isSampled({begin, end - column}));
   EXPECT_FALSE(isSampled({begin, end - row}));
+}
+
+TEST_F(PatchMatcherTest, NoiseDoesNotLowerTheCorrelation) {
+  Match match = linearised();
+  matcher_.measure(reference_, patch_, kPlane, &match);
+  EXPECT_NEAR(match.correlation, 1, 1e-3);
+  EXPECT_NEAR(match.shift, 0, 1e-3);
+  constexpr float kNoise = 20;
+  patch_.value *= deviation_;
+  normalise(kNoise, &patch_.value, &patch_.texture);
+  EXPECT_LT(patch_.texture, 0.9f);
+  const PatchMatcher noisy(kCamera, kNoise, {});
+  noisy.measure(reference_, patch_, kPlane, &match);
+  EXPECT_NEAR(match.correlation, 1, 1e-3);
+  reference_.image.pixels = 200 - 0.5 * reference_.image.pixels;
+  noisy.measure(reference_, patch_, kPlane, &match);
+  EXPECT_NEAR(match.correlation, -1, 1e-3);
+  reference_.image.pixels.setTo(90);
+  noisy.measure(reference_, patch_, kPlane, &match);
+  EXPECT_EQ(match.correlation, 0);
 }
 
 }  // namespace

@@ -2,62 +2,61 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <utility>
+#include <vector>
 
 namespace ground_scale_vo::direct {
 namespace {
 
-TEST(PatchExtractor, APartOfALargeImageIsReducedLikeTheWholeImage) {
-  const PinholeCamera camera{320, 240, 600, 600, 160, 60};
-  cv::Mat large(2 * camera.height + 1, 2 * camera.width + 1, CV_8UC1), small;
-  cv::RNG(1).fill(large, cv::RNG::UNIFORM, 0, 256);
-  const cv::Rect whole_pixels(0, 0, 2 * camera.width, 2 * camera.height);
-  cv::resize(large(whole_pixels), small, {camera.width, camera.height}, 0, 0, cv::INTER_AREA);
-  const auto extracted = [&](const cv::Mat& image, int reduction) {
-    std::pair<RoadImage, std::vector<Patch>> result;
-    PatchExtractor(camera, reduction, PatchGrid(camera, 0.03), 1, {})
-        .extract(image, LaneRegion({}, {}, 0, 3, 20, 0.3), false, &result.first, &result.second);
-    return result;
-  };
-  const auto [image, patches] = extracted(large, 2);
-  const auto [expected_image, expected_patches] = extracted(small, 1);
-  ASSERT_GT(patches.size(), 5u);
-  ASSERT_EQ(patches.size(), expected_patches.size());
-  EXPECT_EQ(image.roi, expected_image.roi);
-  EXPECT_GT(image.roi.x, 5);  // Inside the image on three sides.
-  EXPECT_GT(image.roi.y, 5);
-  EXPECT_LT(image.roi.br().x, camera.width - 5);
-  EXPECT_LT(cv::norm(image.storage, expected_image.storage, cv::NORM_INF), 1e-3);
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    EXPECT_LT((patches[i].value - expected_patches[i].value).abs().maxCoeff(), 1e-3f);
+const PinholeCamera kCamera{1280, 960, 1200, 1230, 641, 239};
+const LaneRegion kLane({}, 0, 3, 20, 0.3);
+
+TEST(PatchExtractor, AReducedPixelIsTheCentreOfItsPixels) {
+  const PinholeCamera small = PatchExtractor(kCamera, 0.03, 1, {}).camera();
+  EXPECT_EQ(small.width, 640);
+  EXPECT_EQ(small.height, 480);
+  EXPECT_LT((small.ray({0, 0}) - kCamera.ray({0.5, 0.5})).norm(), 1e-12);
+  EXPECT_LT((small.ray({100, 50}) - kCamera.ray({200.5, 100.5})).norm(), 1e-12);
+}
+
+TEST(PatchExtractor, StoresTheReducedAndSmoothedLaneRegion) {
+  const PatchExtractor extractor(kCamera, 0.03, 1, {});
+  cv::Mat image(kCamera.height, kCamera.width, CV_8U), small, once, twice;
+  cv::RNG(1).fill(image, cv::RNG::UNIFORM, 0, 256);
+  cv::resize(image, small, {kCamera.width / 2, kCamera.height / 2}, 0, 0, cv::INTER_AREA);
+  small.convertTo(small, CV_32F);
+  cv::GaussianBlur(small, once, {5, 5}, 0.6);
+  cv::GaussianBlur(once, twice, {5, 5}, 0.6);
+  for (const bool backwards : {false, true}) {
+    RoadImage road;
+    const std::vector<Patch> patches = extractor.extract(image, kLane, backwards, &road);
+    ASSERT_GT(patches.size(), 5u);
+    EXPECT_GT(road.roi.x, 5);  // inside the image on three sides
+    EXPECT_GT(road.roi.y, 5);
+    EXPECT_LT(road.roi.br().x, small.cols - 5);
+    const cv::Rect inner(4, 4, road.roi.width - 8, road.roi.height - 8);
+    const cv::Mat expected = (backwards ? twice : once)(road.roi);
+    EXPECT_LT(cv::norm(road.pixels(inner), expected(inner), cv::NORM_INF), 1);
+    // The images of which the patches are compared with references are the smoother ones.
+    const cv::Mat& sampled = backwards ? once : twice;
+    for (const Patch& patch : patches) {
+      const cv::Point first = patch.corner + cv::Point(1, 1), next = first + cv::Point(2, 0);
+      EXPECT_GT(
+          (sampled.at<float>(next) - sampled.at<float>(first)) * (patch.value[1] - patch.value[0]),
+          -1e-3);
+    }
   }
 }
 
-TEST(Patch, AReducedPixelIsTheCentreOfItsPixels) {
-  const PinholeCamera camera{640, 480, 500, 510, 321, 239};
-  const PinholeCamera small = reduced(camera, 3);
-  EXPECT_EQ(small.width, 213);
-  EXPECT_EQ(small.height, 160);
-  EXPECT_LT((small.ray({0, 0}) - camera.ray({1, 1})).norm(), 1e-12);
-  EXPECT_LT((small.ray({100, 50}) - camera.ray({301, 151})).norm(), 1e-12);
-}
-
-TEST(Patch, NoiseDoesNotLowerTheCorrelation) {
-  constexpr float kNoise = 10;
-  Patch patch;
-  for (int i = 0; i < kPatchSamples; ++i) {
-    patch.value[i] = 100 + 12 * std::sin(0.7f * static_cast<float>(i));
-  }
-  Samples same = patch.value, brighter = 1.5f * patch.value + 20, inverted = -patch.value;
-  normalise(kNoise, &patch.value, &patch.texture);
-  EXPECT_LT(patch.texture, 0.5f);
-  EXPECT_NEAR(correlate(patch, kNoise, &same), 1, 1e-3);
-  EXPECT_NEAR(correlate(patch, kNoise, &brighter), 1, 1e-3);
-  EXPECT_NEAR(correlate(patch, kNoise, &inverted), -1, 1e-3);
-  Samples uniform = Samples::Constant(90);
-  EXPECT_EQ(correlate(patch, kNoise, &uniform), 0);
+TEST(PatchExtractor, WithoutVisibleLaneThereAreNoPatches) {
+  RoadPrior sky;
+  sky.n_c = {0, 1, 0};
+  RoadImage road;
+  const cv::Mat image(kCamera.height, kCamera.width, CV_8U, cv::Scalar(90));
+  EXPECT_TRUE(PatchExtractor(kCamera, 0.03, 1, {})
+                  .extract(image, LaneRegion(sky, 0, 3, 20, 0.3), false, &road)
+                  .empty());
+  EXPECT_TRUE(road.roi.empty());
 }
 
 }  // namespace

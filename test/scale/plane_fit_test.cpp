@@ -45,8 +45,8 @@ std::vector<PlanePoint> pointsOn(const GroundPlane& plane, int n, double noise, 
 
 const GroundPlane kPlane{Eigen::Vector3d(0.01, -1, -0.02).normalized(), 0.8};
 
-NormalPrior loosePrior() {
-  NormalPrior prior;
+RoadPrior loosePrior() {
+  RoadPrior prior;
   prior.pitch_sigma = prior.roll_sigma = 0.5;
   return prior;
 }
@@ -69,7 +69,7 @@ TEST(PlaneFit, ExactPointsGiveTheExactPlaneInAnyUnit) {
       SCOPED_TRACE(unit);
       const auto points = inUnit(unit, pointsOn(kPlane, 60, 0, 3, 1));
       const auto result = PlaneFit(options).fit(points, loosePrior(), unit);
-      ASSERT_EQ(result.status, ScaleReason::kNone);
+      ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
       EXPECT_NEAR(result.plane.height / unit, 0.8, 1e-5);
       EXPECT_NEAR((result.plane.n_c - kPlane.n_c).norm(), 0, 1e-5);
       EXPECT_NEAR(result.median_height / unit, 0.8, 1e-5);
@@ -81,7 +81,7 @@ TEST(PlaneFit, ExactPointsGiveTheExactPlaneInAnyUnit) {
 TEST(PlaneFit, NoiseOfTheInverseDepthDoesNotBiasTheHeight) {
   // Relative error 8 %: weights from measured depths would shrink the height by more than 1 %.
   const auto result = PlaneFit({}).fit(pointsOn(kPlane, 20000, 0.08, 3, 2), loosePrior(), 1.0);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
+  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(result.plane.height / 0.8, 1, 0.003);
   EXPECT_NEAR(result.median_height / 0.8, 1, 0.004);
 }
@@ -92,7 +92,7 @@ TEST(PlaneFit, SigmaIsThatOfRepeatedFits) {
   for (int i = 0; i < runs; ++i) {
     const auto result = PlaneFit({}).fit(
         pointsOn(kPlane, 120, 0.03, 3, 100u + static_cast<unsigned>(i)), loosePrior(), 1.0);
-    ASSERT_EQ(result.status, ScaleReason::kNone);
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     squares += std::pow(result.plane.height - 0.8, 2);
     sigma += result.height_sigma;
   }
@@ -131,26 +131,26 @@ TEST(PlaneFit, GroundOnOneSideAloneIsUncertain) {
   options.max_sigma = 0.02;
   const PlaneFit fit({}), strict(options);
   const auto all = pointsBetween(-0.3, 0.3), on_the_right = pointsBetween(0.1, 0.2);
-  NormalPrior prior;
+  RoadPrior prior;
   prior.n_c = kPlane.n_c;
   prior.pitch_sigma = prior.roll_sigma = 0.01;
   const auto both = fit.fit(all, prior, 0.8), right = fit.fit(on_the_right, prior, 0.8);
-  ASSERT_EQ(both.status, ScaleReason::kNone);
-  ASSERT_EQ(right.status, ScaleReason::kNone);
+  ASSERT_EQ(both.status, MeasurementStatus::kMeasured);
+  ASSERT_EQ(right.status, MeasurementStatus::kMeasured);
   EXPECT_LT(both.height_sigma, 0.01 * 0.8);
   // The points lie about one camera height to the right. There the standard deviation of the cross
   // slope, camber_sigma_rad = 0.03, is 0.03 of the height.
   EXPECT_GT(right.height_sigma, 0.02 * 0.8);
   EXPECT_LT(right.height_sigma, 0.045 * 0.8);
-  EXPECT_EQ(strict.fit(on_the_right, prior, 0.8).status, ScaleReason::kNoPlane);
-  EXPECT_EQ(strict.fit(all, prior, 0.8).status, ScaleReason::kNone);
+  EXPECT_EQ(strict.fit(on_the_right, prior, 0.8).status, MeasurementStatus::kNoPlane);
+  EXPECT_EQ(strict.fit(all, prior, 0.8).status, MeasurementStatus::kMeasured);
   // The lane region is on that side: the points suffice, but the height is as uncertain.
   prior.region_offset = -1;
   const auto expected_right = strict.fit(on_the_right, prior, 0.8);
-  EXPECT_EQ(expected_right.status, ScaleReason::kNone);
+  EXPECT_EQ(expected_right.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(expected_right.height_sigma, right.height_sigma, 1e-9);
   prior.region_offset = 1;
-  EXPECT_EQ(strict.fit(on_the_right, prior, 0.8).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(strict.fit(on_the_right, prior, 0.8).status, MeasurementStatus::kNoPlane);
 }
 
 TEST(PlaneFit, OutliersAreRejected) {
@@ -167,7 +167,7 @@ TEST(PlaneFit, OutliersAreRejected) {
       points.push_back(point);
     }
     const auto result = PlaneFit({}).fit(points, loosePrior(), 1.0);
-    ASSERT_EQ(result.status, ScaleReason::kNone) << from;
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured) << from;
     EXPECT_NEAR(result.plane.height / 0.8, 1, 0.01) << from;
     EXPECT_LT(result.inliers.back(), 150u) << from;
   }
@@ -183,31 +183,32 @@ TEST(PlaneFit, PriorsOfPitchAndRollAreIndependent) {
     const double depth = -0.8 / n_c.dot(ray) / (1 + 0.03 * random.gauss());
     points.push_back({depth * ray, Eigen::Vector3d::Zero(), depth, 0.03 * depth});
   }
-  NormalPrior prior;
+  RoadPrior prior;
   prior.pitch_sigma = 0.001;
   prior.roll_sigma = 0.3;
   const auto result = PlaneFit({}).fit(points, prior, 0.8);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
+  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR((result.plane.n_c - n_c).norm(), 0, 0.01);
   EXPECT_NEAR(result.plane.height, 0.8, 0.02);
 }
 
 TEST(PlaneFit, FailuresAreReportedByStatus) {
   const PlaneFit fit{PlaneFit::Options{}};
-  EXPECT_EQ(fit.fit({}, loosePrior(), 1.0).status, ScaleReason::kTooFewGroundPoints);
+  EXPECT_EQ(fit.fit({}, loosePrior(), 1.0).status, MeasurementStatus::kTooFewGroundPoints);
   EXPECT_EQ(fit.fit(pointsOn(kPlane, 5, 0, 0, 1), loosePrior(), 1.0).status,
-            ScaleReason::kTooFewGroundPoints);
+            MeasurementStatus::kTooFewGroundPoints);
   const GroundPlane above{{0, 1, 0}, 0.8};
-  EXPECT_EQ(fit.fit(pointsOn(above, 50, 0, 0, 1), loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(fit.fit(pointsOn(above, 50, 0, 0, 1), loosePrior(), 1.0).status,
+            MeasurementStatus::kNoPlane);
   // Collinear points, and points that coincide.
   std::vector<PlanePoint> line;
   for (int i = 0; i < 40; ++i) {
     const double z = 3 + 0.1 * i;
     line.push_back({{0, 0.8, z}, Eigen::Vector3d::Zero(), z, 0.01 * z});
   }
-  EXPECT_EQ(fit.fit(line, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(fit.fit(line, loosePrior(), 1.0).status, MeasurementStatus::kNoPlane);
   const std::vector<PlanePoint> same(50, pointsOn(kPlane, 1, 0, 0, 1)[0]);
-  EXPECT_EQ(fit.fit(same, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(fit.fit(same, loosePrior(), 1.0).status, MeasurementStatus::kNoPlane);
   // 12 of 16 points on the plane.
   auto some = pointsOn(kPlane, 16, 0, 3, 1);
   for (std::size_t i = 0; i < 4; ++i) {
@@ -216,9 +217,9 @@ TEST(PlaneFit, FailuresAreReportedByStatus) {
   }
   PlaneFit::Options options;
   options.min_points = 12;
-  EXPECT_EQ(PlaneFit(options).fit(some, loosePrior(), 1.0).status, ScaleReason::kNone);
+  EXPECT_EQ(PlaneFit(options).fit(some, loosePrior(), 1.0).status, MeasurementStatus::kMeasured);
   options.min_points = 13;
-  EXPECT_EQ(PlaneFit(options).fit(some, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(PlaneFit(options).fit(some, loosePrior(), 1.0).status, MeasurementStatus::kNoPlane);
 }
 
 // PCL prints an error for each degenerate sample, and when no plane has inliers.
@@ -232,8 +233,8 @@ TEST(PlaneFit, PrintsNothing) {
   for (int i = 0; i < 60; ++i) points.push_back(two[static_cast<std::size_t>(i % 2)]);
   testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
-  EXPECT_EQ(fit.fit(points, loosePrior(), 1.0).status, ScaleReason::kNone);
-  EXPECT_EQ(fit.fit(tilted, loosePrior(), 1.0).status, ScaleReason::kNoPlane);
+  EXPECT_EQ(fit.fit(points, loosePrior(), 1.0).status, MeasurementStatus::kMeasured);
+  EXPECT_EQ(fit.fit(tilted, loosePrior(), 1.0).status, MeasurementStatus::kNoPlane);
   EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
@@ -245,15 +246,15 @@ TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
   const GroundPlane pitched{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
   const GroundPlane rolled{Eigen::Vector3d(0.1, -1, 0).normalized(), 0.8};
   const auto statusOf = [&](const GroundPlane& plane, double pitch_sigma, double roll_sigma) {
-    NormalPrior prior;
+    RoadPrior prior;
     prior.pitch_sigma = pitch_sigma;
     prior.roll_sigma = roll_sigma;
     return PlaneFit(options).fit(pointsOn(plane, 80, 0.001, 0, 1), prior, 1.0).status;
   };
-  EXPECT_EQ(statusOf(pitched, 0.5, 0.01), ScaleReason::kNone);
-  EXPECT_EQ(statusOf(pitched, 0.01, 0.5), ScaleReason::kPlaneTilted);
-  EXPECT_EQ(statusOf(rolled, 0.01, 0.5), ScaleReason::kNone);
-  EXPECT_EQ(statusOf(rolled, 0.5, 0.01), ScaleReason::kPlaneTilted);
+  EXPECT_EQ(statusOf(pitched, 0.5, 0.01), MeasurementStatus::kMeasured);
+  EXPECT_EQ(statusOf(pitched, 0.01, 0.5), MeasurementStatus::kPlaneTilted);
+  EXPECT_EQ(statusOf(rolled, 0.01, 0.5), MeasurementStatus::kMeasured);
+  EXPECT_EQ(statusOf(rolled, 0.5, 0.01), MeasurementStatus::kPlaneTilted);
 }
 
 TEST(PlaneFit, TheHomogeneousFitRejectsOutliers) {
@@ -267,7 +268,7 @@ TEST(PlaneFit, TheHomogeneousFitRejectsOutliers) {
     points[i].p_c += distance * kPlane.n_c;
   }
   const auto result = PlaneFit(options).fit(points, loosePrior(), 80);
-  ASSERT_EQ(result.status, ScaleReason::kNone);
+  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_LE(result.inliers.size(), 980u);
   EXPECT_GT(result.inliers.size(), 950u);
   EXPECT_NEAR(result.plane.height, 80, 1.5);

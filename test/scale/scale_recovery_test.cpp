@@ -55,7 +55,7 @@ TEST(ScaleRecovery, FindsTheScaleOfARoad) {
     }
   }
   EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
-  EXPECT_EQ(output.scale.reason, ScaleReason::kNone);
+  EXPECT_EQ(output.scale.measurement, MeasurementStatus::kMeasured);
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.01);
   EXPECT_LT(std::abs(output.scale.scale - kTrueScale), 3 * output.scale.sigma);
   EXPECT_LT(output.scale.sigma / kTrueScale, 0.03);
@@ -155,7 +155,7 @@ TEST(ScaleRecovery, HeldWithReasonWhenTheRoadIsHidden) {
       frame.T_w_c.linear() = scene.rotation().transpose() * pitched.rotation();
       frame.T_w_c.rotate(Eigen::AngleAxisd(turn * (i - 39), Eigen::Vector3d::UnitY()));
       output = recovery.process(frame);
-      EXPECT_EQ(output.scale.reason, ScaleReason::kTooFewTriangles);
+      EXPECT_EQ(output.scale.measurement, MeasurementStatus::kTooFewTriangles);
     }
     if (turn == 0) {  // the normal follows the direction of motion
       EXPECT_NEAR((output.scale.n_c - pitched.normal()).norm(), 0, 0.01);
@@ -183,7 +183,7 @@ TEST(ScaleRecovery, StandstillHoldsTheScaleAndSlowMotionAddsUp) {
     frame.T_w_c.rotate(Eigen::AngleAxisd(0.01 * (i % 3), Eigen::Vector3d::UnitY()));
     still = recovery.process(frame);
     EXPECT_EQ(still.scale.status, ScaleStatus::kHeld);
-    EXPECT_EQ(still.scale.reason, ScaleReason::kStandstill);
+    EXPECT_EQ(still.scale.measurement, MeasurementStatus::kStandstill);
     EXPECT_EQ(still.scale.scale, moving.scale.scale);
     EXPECT_EQ(still.scale.sigma, moving.scale.sigma);
     EXPECT_EQ(still.scale.n_c, moving.scale.n_c);
@@ -229,7 +229,7 @@ TEST(ScaleRecovery, AJumpOfThePoseIsRefusedButNotALongStepInALongTime) {
     next.stamp_ns += static_cast<std::int64_t>(1e9 * each.extra_s);
     output = recovery.process(next);
     EXPECT_EQ(output.pose.has_value(), !each.is_jump);
-    EXPECT_EQ(output.scale.reason == ScaleReason::kImplausibleMotion, each.is_jump);
+    EXPECT_EQ(output.scale.measurement == MeasurementStatus::kImplausibleMotion, each.is_jump);
     if (!each.is_jump) continue;
     EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
     EXPECT_EQ(output.scale.n_c, n_c);
@@ -258,7 +258,7 @@ TEST(ScaleRecovery, AfterALastingJumpOfThePoseANewMapStarts) {
       if (jumps) frame.T_w_c.translation().x() += 1000;
       output = recovery.process(frame);
       if (i < 34) continue;
-      const bool is_refused = output.scale.reason == ScaleReason::kImplausibleMotion;
+      const bool is_refused = output.scale.measurement == MeasurementStatus::kImplausibleMotion;
       EXPECT_TRUE(i >= 40 || is_refused == jumps) << i;
       refused += i >= 40 && is_refused;
       unknown += output.scale.status == ScaleStatus::kUnknown;
@@ -318,7 +318,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   lost.map_id = 7;  // another odometry may set it to any number in lost frames
   output = recovery.process(lost);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
-  EXPECT_EQ(output.scale.reason, ScaleReason::kVoNotTracking);
+  EXPECT_EQ(output.scale.measurement, MeasurementStatus::kVoNotTracking);
   EXPECT_EQ(output.scale.n_c, n_c);
   EXPECT_FALSE(output.pose.has_value());
   output = recovery.process(scene.frame(41));
@@ -330,7 +330,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   initialising.map_id = 1;
   output = recovery.process(initialising);
   EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
-  EXPECT_EQ(output.scale.reason, ScaleReason::kVoNotTracking);
+  EXPECT_EQ(output.scale.measurement, MeasurementStatus::kVoNotTracking);
   EXPECT_EQ(output.scale.scale, 0);
   EXPECT_EQ(output.scale.sigma, 0);
   EXPECT_EQ(output.scale.height, 0);
@@ -366,7 +366,7 @@ TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
     const auto output_a = a.process(frame_a, image), output_b = b.process(frame_b, image);
     if (i < 25) continue;
     EXPECT_EQ(output_a.scale.status, output_b.scale.status) << i;
-    EXPECT_EQ(output_a.scale.reason, output_b.scale.reason) << i;
+    EXPECT_EQ(output_a.scale.measurement, output_b.scale.measurement) << i;
     EXPECT_EQ(output_a.scale.window_points, output_b.scale.window_points) << i;
     EXPECT_NEAR(output_a.scale.scale, output_b.scale.scale, 1e-9) << i;
     EXPECT_NEAR(output_a.scale.sigma, output_b.scale.sigma, 1e-9) << i;
@@ -454,7 +454,7 @@ TEST(ScaleRecovery, AContradictingMeasurementIsRejected) {
       EXPECT_NEAR(output.plane.height / height, 1, 0.025);
       EXPECT_NEAR(output.scale.raw_scale, 1.65 / height, 0.025 * kTrueScale);
       if (each.has_images) continue;
-      EXPECT_EQ(output.scale.reason, ScaleReason::kRejectedByFilter);
+      EXPECT_EQ(output.scale.measurement, MeasurementStatus::kRejectedByFilter);
       EXPECT_EQ(output.scale.scale, known.scale);
       EXPECT_NEAR(output.mounting_roll, mounting_roll, 1e-4);
     }
@@ -507,6 +507,24 @@ TEST(ScaleRecovery, PaperLiteralRuns) {
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.03);
 }
 
+TEST(ScaleRecovery, UsesThePapersMethodAndNumbersWithPaperLiteral) {
+  ScaleRecovery::Options options = recoveryOptions();
+  options.random_seed = 7;
+  EXPECT_TRUE(options.resolved().refine);
+  options.paper_literal = true;
+  const ScaleRecovery::Options paper = options.resolved();
+  EXPECT_NO_THROW(paper.validate());
+  EXPECT_FALSE(paper.refine);
+  EXPECT_TRUE(paper.gpe.frame_pitch_test);
+  EXPECT_FALSE(paper.gpa.unique_features);
+  EXPECT_EQ(paper.gpa.fit.method, PlaneFit::Method::kHomogeneous);
+  EXPECT_NEAR(paper.gpe.plane_threshold_heights * paper.camera_height, 0.01, 1e-12);
+  EXPECT_NEAR(paper.gpa.fit.reject_distance_heights * paper.camera_height, 0.01, 1e-12);
+  EXPECT_NEAR(paper.gpe.pitch_tolerance_rad * 180 / M_PI, 5, 0.01);
+  EXPECT_EQ(paper.gpa.max_frames, 4);
+  EXPECT_EQ(paper.gpe.random_seed, 7u);
+}
+
 TEST(ScaleRecovery, BadOptionsAreNamed) {
   using Options = ScaleRecovery::Options;
   struct Case {
@@ -519,7 +537,6 @@ TEST(ScaleRecovery, BadOptionsAreNamed) {
       {"fit/roughness_heights", [](Options* o) { o->gpa.fit.roughness_heights = 0; }},
       // Two options that contradict each other.
       {"gpe/max_half_width_heights", [](Options* o) { o->gpe.max_half_width_heights = 0.6; }},
-      {"gpa/min_frames", [](Options* o) { o->gpa.min_frames = o->gpa.max_frames + 1; }},
       {"direct/max_ahead_heights", [](Options* o) { o->direct.max_ahead_heights = 1; }}};
   for (const Case& each : kCases) {
     Options options = recoveryOptions();

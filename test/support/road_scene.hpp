@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "ground_scale_vo/scale/ground_plane.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
@@ -110,9 +110,10 @@ inline RoadScene inUnit(double unit, RoadScene scene) {
   return scene;
 }
 
-/// Prior with the scene's normal and direction of motion. sigma: of pitch and roll [rad].
-inline NormalPrior priorOf(const RoadScene& scene, double sigma = 0.01) {
-  NormalPrior prior;
+/// Prior with the scene's normal and direction of motion, without a chord. sigma: of pitch and roll
+/// [rad].
+inline RoadPrior priorOf(const RoadScene& scene, double sigma = 0.01) {
+  RoadPrior prior;
   prior.n_c = scene.normal();
   prior.forward_c = scene.rotation().transpose() * Eigen::Vector3d::UnitZ();
   prior.pitch_sigma = prior.roll_sigma = sigma;

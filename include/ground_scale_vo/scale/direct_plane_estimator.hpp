@@ -3,12 +3,10 @@
 #include <Eigen/Geometry>
 #include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/camera_path.hpp"
-#include "ground_scale_vo/scale/ground_plane.hpp"
-#include "ground_scale_vo/scale/motion_history.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
@@ -19,17 +17,13 @@ namespace ground_scale_vo {
 ///
 /// Between two frames with relative pose (R, t) a point of the plane m = n / h with viewing ray r
 /// moves to R r - t (m . r). For each frame:
-///  1. The lane, ahead or behind, is divided into patches. Those that were static in the image
-///  while
-///     the camera moved (own vehicle, its shadow) are excluded.
+///  1. The lane, ahead or behind, is divided into patches.
 ///  2. Two reference images are chosen, about one and two baselines away.
 ///  3. Each patch is warped into each reference image by the plane's homography, normalised to zero
 ///     mean and unit variance. Its remaining shift along the epipolar line is a measurement of
 ///     q = m . r, with a variance from its residual and its texture.
 ///  4. A robust Gauss-Newton step corrects m. The errors of the relative poses are marginalised
 ///     out: they shift all patches in common. Steps 3 and 4 are repeated until convergence.
-///  5. Without a predicted height, or when it fails, an exhaustive search over the height provides
-///     the start.
 ///
 /// Regions of a given mask are used in neither image.
 ///
@@ -59,16 +53,6 @@ class DirectPlaneEstimator {
     double min_correlation = 0.8;
     double max_sigma = 0.05;
     int min_patches = 24;
-
-    // Search for the height.
-    double search_range = 10;
-    double search_min_correlation = 0.75;
-    double search_min_peak_margin = 0.15;
-    double search_max_disagreement = 0.09;
-    double search_interval_heights = 3;
-
-    // Static mask.
-    double static_memory_heights = 10;
 
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
@@ -100,38 +84,24 @@ class DirectPlaneEstimator {
       visit("direction_sigma_rad", self.direction_sigma_rad, 1e-9, 1,
             "[rad] standard deviation of the odometry's direction of motion between two images");
       visit("max_height_change", self.max_height_change, 1, 100,
-            "[] largest accepted ratio, in either direction, of the height to the predicted one or "
-            "to that found by the search");
+            "[] largest accepted ratio, in either direction, of the height to the one it starts "
+            "from");
       visit("min_correlation", self.min_correlation, 0, 1,
             "[] least accepted mean correlation of the patches");
       visit("max_sigma", self.max_sigma, 1e-4, 10,
             "[] largest accepted relative standard deviation of the height");
       visit("min_patches", self.min_patches, 3, 1e6,
             "[patches] least number of matched patches, summed over the reference images");
-      visit("search_range", self.search_range, 1, 1000,
-            "[] factor searched around the median height of the features");
-      visit("search_min_correlation", self.search_min_correlation, 0, 1,
-            "[] least correlation of the peak of a search with the first reference image; 0.75 of "
-            "it with the second");
-      visit("search_min_peak_margin", self.search_min_peak_margin, 0, 2,
-            "[] least margin of either peak over the second highest");
-      visit("search_max_disagreement", self.search_max_disagreement, 1e-3, 1,
-            "[] largest relative difference of the heights found with the two reference images");
-      visit("search_interval_heights", self.search_interval_heights, 0, 1e6,
-            "[camera heights] distance between searches while the estimate fails; without a known "
-            "height every frame is searched");
-      visit("static_memory_heights", self.static_memory_heights, 0.1, 1e6,
-            "[camera heights] distance over which parts that are static in the image are learned");
     }
     /// Throws OptionError.
     void validate() const;
   };
 
   struct Result {
-    /// kNone: plane, height_sigma, road_distance and correlation are valid. Otherwise kStandstill
-    /// (no reference image at a sufficient distance, or neither a height nor a feature in the lane)
-    /// or kNoPlane.
-    ScaleReason status = ScaleReason::kNoPlane;
+    /// kMeasured: plane, height_sigma, road_distance and correlation are valid. Otherwise
+    /// kStandstill (no reference image at a sufficient distance, or neither a height nor a feature
+    /// in the lane) or kNoPlane.
+    MeasurementStatus status = MeasurementStatus::kNoPlane;
     /// In the axes of this frame's camera. Its height is that of the camera of the path that is
     /// nearest to the lane region, VO units.
     GroundPlane plane;
@@ -139,25 +109,18 @@ class DirectPlaneEstimator {
     double road_distance = 0;  ///< of the patches' centre from that camera [VO units]
     double correlation = 0;    ///< mean over the matched patches, weighted by texture; -1 to 1
     int patches = 0;           ///< matched patches, counted once for each reference image
-    bool searched = false;     ///< a search was made in this frame
   };
 
   /// Throws OptionError.
   explicit DirectPlaneEstimator(const Options& options);
   ~DirectPlaneEstimator();
 
-  /// Estimates the plane of one frame, and keeps the image as a reference for later frames.
-  /// frame: tracking, of the same map since reset(). image: rectified, 8-bit grey, of the camera's
-  /// size. prior: of the normal in this frame's camera. chord: averaged motion, from which the lane
-  /// region gets its curvature; without it the region is straight. height: predicted [VO units];
-  /// 0: not known, it is searched for. path: up to this frame; empty: this frame alone. mask: as
-  /// for ScaleRecovery::process().
-  Result estimate(const VoFrame& frame, const cv::Mat& image, const NormalPrior& prior,
-                  const std::optional<MotionHistory::Chord>& chord, double height,
-                  const CameraPath& path = {}, const cv::Mat& mask = {});
-
-  /// Starts a new map: drops the reference images, keeps the static mask.
-  void reset();
+  /// Estimates the plane of one frame, and keeps the image in the path as a reference for later
+  /// frames. frame: tracking. image: rectified, 8-bit grey, of the camera's size. height: predicted
+  /// [VO units]; 0: not known, the median of the features in the lane replaces it. path: its newest
+  /// camera is the one of the frame. mask: as for ScaleRecovery::process().
+  Result estimate(const VoFrame& frame, const cv::Mat& image, double height, CameraPath* path,
+                  const cv::Mat& mask = {});
 
  private:
   struct Impl;

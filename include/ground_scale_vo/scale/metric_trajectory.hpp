@@ -22,7 +22,7 @@ struct MetricPose {
   Matrix6d covariance = Matrix6d::Zero();
   /// Mean velocity since the previous tracked frame of the map (in its first tracked frame since
   /// the map's first frame), in camera axes c: linear [m/s], then angular [rad/s]. Zero with a
-  /// covariance of Options::unknown_speed_sigma when no such frame is known.
+  /// standard deviation of 50 m/s and rad/s when no such frame is known.
   Vector6d twist_c = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
   double distance = 0;  ///< travelled so far [m]
@@ -60,9 +60,6 @@ class MetricTrajectory {
     double bridge_acceleration_sigma = 2.0;
     double new_map_position_sigma_per_s = 5.0;
     double new_map_rotation_sigma_per_s = 0.1;
-    double position_noise_heights = 0.002;
-    double rotation_noise = 0.0002;
-    double unknown_speed_sigma = 50;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("pose_correlation_m", self.pose_correlation_m, 1e-3, 1e6,
@@ -89,12 +86,6 @@ class MetricTrajectory {
       visit("new_map_rotation_sigma_per_s", self.new_map_rotation_sigma_per_s, 0, 1e3,
             "[rad/s] standard deviation of the rotation rate between two maps, where the odometry "
             "does not know the rotation");
-      visit("position_noise_heights", self.position_noise_heights, 0, 1,
-            "[camera heights] white noise of a position, for the covariance of the twist");
-      visit("rotation_noise", self.rotation_noise, 0, 1,
-            "[rad] white noise of a rotation, for the covariance of the twist");
-      visit("unknown_speed_sigma", self.unknown_speed_sigma, 0, 1e3,
-            "[m/s, rad/s] standard deviation of a twist that is not known");
     }
     /// Throws OptionError.
     void validate() const;
@@ -104,8 +95,8 @@ class MetricTrajectory {
   explicit MetricTrajectory(const Options& options);
 
   /// Appends one frame. Call it for every frame, also without a pose or a scale. Empty while
-  /// scale.status is kUnknown or the frame is not tracking, when scale.reason tells that its pose
-  /// is not used (kVoNotTracking, kImplausibleMotion), and for an increment without a finite
+  /// scale.status is kUnknown or the frame is not tracking, when scale.measurement tells that its
+  /// pose is not used (kVoNotTracking, kImplausibleMotion), and for an increment without a finite
   /// result, which is skipped.
   std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale);
 
@@ -124,11 +115,6 @@ class MetricTrajectory {
  private:
   /// Of position, rotation, relative scale error, relative error of the angle of rotation.
   using StateCovariance = Eigen::Matrix<double, 8, 8>;
-  struct Increment {
-    Eigen::Vector3d step_o = Eigen::Vector3d::Zero();      ///< [m]
-    Eigen::Vector3d rotation_o = Eigen::Vector3d::Zero();  ///< rotation vector [rad]
-    Eigen::Matrix3d R_o_c = Eigen::Matrix3d::Identity();   ///< after the increment
-  };
   /// The map of the newest tracked frame. Its motion is counted from the reference frame: the map's
   /// first frame, or the first one seen.
   struct Map {
@@ -148,25 +134,28 @@ class MetricTrajectory {
     std::int64_t stamp_ns = 0;
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
   };
-  /// With which a gap is bridged: the linear part of the twist; after two intervals that differ
-  /// much, as those of images in pairs, the mean over both.
+  /// Motion between two tracked poses; dt 0: not known.
+  struct Step {
+    Eigen::Vector3d motion_c = Eigen::Vector3d::Zero();  ///< [m], in the axes of its end
+    double dt = 0;                                       ///< [s]
+  };
+  /// Before a gap: mean over the last two steps.
   struct Velocity {
     Eigen::Vector3d mean_c = Eigen::Vector3d::Zero();  ///< [m/s]
     double variance = 0;                               ///< sum of the axes
-    double last_dt = 0;                                ///< [s] of the last interval; 0: not known
   };
 
   std::optional<MetricPose> appendTracked(const VoFrame& frame, const ScaleEstimate& scale);
   Map newMap(const VoFrame& frame) const;
   void anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale, double dt);
   void bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref, double velocity_sigma);
-  void rescaleYoungMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
-                       const Increment& increment);
-  void integrate(const Eigen::Isometry3d& T_last_now, const Eigen::Vector3d& step_last,
-                 double relative_sigma);
-  void propagateMotion(const Increment& increment, double scale_correlation);
+  void rescaleYoungMap(const Eigen::Isometry3d& T_last_c, const Eigen::Isometry3d& T_ref_c,
+                       const ScaleEstimate& scale);
+  void integrate(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale);
+  void propagateMotion(const Eigen::Isometry3d& T_last_c, double scale, double scale_correlation);
   void setScaleVariance(double variance);
-  void setTwist(const Eigen::Isometry3d& T_last_now, const ScaleEstimate& scale, double dt);
+  void setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale, double dt);
+  Eigen::Matrix3d stepCovariance(const Eigen::Vector3d& step_c, const ScaleEstimate& scale) const;
   Eigen::Matrix3d directionCovariance(const Eigen::Vector3d& step) const;
   double rotationVariance(double length) const;
 
@@ -175,14 +164,13 @@ class MetricTrajectory {
   std::optional<std::uint32_t> initialising_map_id_;  ///< of the last frame without a map
   std::optional<Map> map_;
   bool has_left_map_ = false;
-  TrackedPose last_tracked_;          ///< of map_
-  std::int64_t newest_stamp_ns_ = 0;  ///< of the newest frame, with or without a pose
-  bool follows_pose_ = false;         ///< the newest frame is the one after last_tracked_
+  TrackedPose last_tracked_;  ///< of map_
   bool has_pose_ = false;
   MetricPose last_;
   StateCovariance covariance_ = StateCovariance::Zero();
   Matrix6d pose_covariance_c_ = Matrix6d::Zero();  ///< of the newest frame, in metres
-  Velocity velocity_;                              ///< of last_
+  Step last_step_;                                 ///< to last_
+  Velocity velocity_;                              ///< at last_
   std::int64_t last_refused_stamp_ns_ = 0;         ///< of the last pose that was not used
   std::int64_t last_stamp_ns_ = 0;                 ///< of last_
   std::int64_t last_motion_stamp_ns_ = 0;          ///< of the last frame that was not at standstill

@@ -1,18 +1,10 @@
 #pragma once
 
-#include <optional>
-
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/scale/ground_plane.hpp"
-#include "ground_scale_vo/scale/motion_history.hpp"
+#include "ground_scale_vo/scale/camera_path.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 
 namespace ground_scale_vo {
-
-/// The road's normal in camera axes for a mounting with this pitch and roll [rad]; unit, up.
-Eigen::Vector3d roadNormal(double pitch, double roll);
-/// The inverse [rad]: of a unit normal in camera axes.
-double pitchOf(const Eigen::Vector3d& n_c);
-double rollOf(const Eigen::Vector3d& n_c);
 
 /// The road's normal in camera axes when the vehicle is level on it, as a slow average: its tilt
 /// along the path from the direction of motion, which on average is parallel to the road (Eq. 3),
@@ -64,21 +56,15 @@ class Mounting {
   double roll() const { return rollOf(mean_.n_c); }
   /// Standard deviation of the normal in the direction in which it is known least [rad].
   double sigma() const;
-  /// The road's normal in camera axes when the vehicle is level on it; unit, up.
-  const Eigen::Vector3d& normal() const { return mean_.n_c; }
 
-  /// Prior on the road's normal in the camera of the newest pose of `history`: the mounting's
-  /// normal, corrected towards orthogonality to the direction of motion (Eq. 3) by the ratio of
-  /// their variances. height: of the camera [VO units]; 0 when it is not known.
-  NormalPrior prior(const MotionHistory& history, double height) const;
+  /// Prior for the newest camera of the path: the mounting's normal, corrected towards
+  /// orthogonality to the direction of motion (Eq. 3) by the ratio of their variances.
+  /// height: of the camera [VO units]; 0 when it is not known.
+  RoadPrior prior(const CameraPath& path, double height) const;
 
-  /// Updates the average with one frame. chord: direction of motion up to this frame. plane: the
-  /// accepted plane of this frame, or null. step: distance since the last update; height: of the
-  /// camera [VO units], > 0.
-  void update(const std::optional<MotionHistory::Chord>& chord, const GroundPlane* plane,
-              double step, double height);
-
-  void reset();
+  /// Updates the average with one frame. prior: of this frame. plane: its accepted plane, or null.
+  /// step: distance since the last update; height: of the camera [VO units], > 0.
+  void update(const RoadPrior& prior, const GroundPlane* plane, double step, double height);
 
  private:
   /// Gaussian on the unit sphere.

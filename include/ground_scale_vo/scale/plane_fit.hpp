@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/scale/ground_plane.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
 namespace ground_scale_vo {
@@ -51,7 +51,7 @@ class PlaneFit {
     /// the fit, points on both sides constrain each other.
     double camber_sigma_rad = 0.03;
     double reject_sigma = 2.5;               ///< of kInverseDepth
-    double reject_distance_heights = 0.006;  ///< of kHomogeneous, set by paperPreset()
+    double reject_distance_heights = 0.006;  ///< of kHomogeneous, set by paper_literal
     double max_sigma = 0.05;
     double max_tilt_rad = 0.06;
     template <typename Self, typename Visit>
@@ -82,8 +82,8 @@ class PlaneFit {
   };
 
   struct Result {
-    /// kNone: all below is valid. Otherwise kTooFewGroundPoints, kNoPlane or kPlaneTilted.
-    ScaleReason status = ScaleReason::kNoPlane;
+    /// kMeasured: all below is valid. Otherwise kTooFewGroundPoints, kNoPlane or kPlaneTilted.
+    MeasurementStatus status = MeasurementStatus::kNoPlane;
     GroundPlane plane;                   ///< least squares
     double median_height = 0;            ///< median of Eq. 9 over the inliers [VO units]
     double height_sigma = 0;             ///< of either height, from residuals and camber [VO units]
@@ -95,11 +95,11 @@ class PlaneFit {
 
   /// points: in the camera frame of prior. height_hint: approximate camera height [VO units], > 0;
   /// it only converts the distance thresholds from camera heights.
-  Result fit(const std::vector<PlanePoint>& points, const NormalPrior& prior,
+  Result fit(const std::vector<PlanePoint>& points, const RoadPrior& prior,
              double height_hint) const;
 
  private:
-  Result fitInverseDepth(const std::vector<PlanePoint>& points, const NormalPrior& prior,
+  Result fitInverseDepth(const std::vector<PlanePoint>& points, const RoadPrior& prior,
                          double height_hint) const;
   Result fitHomogeneous(const std::vector<PlanePoint>& points, double height_hint) const;
 

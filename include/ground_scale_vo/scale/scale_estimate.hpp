@@ -11,11 +11,11 @@ enum class ScaleStatus : std::uint8_t {
   kHeld = 2      ///< none was accepted: the last value; sigma grows with the distance travelled
 };
 
-/// Why no measurement of a frame was used.
-enum class ScaleReason : std::uint8_t {
-  kNone = 0,  ///< one was used; while kUnknown: measured, before the filter may start
+/// Whether a stage, or a frame as a whole, has a measurement; if not, the reason.
+enum class MeasurementStatus : std::uint8_t {
+  kMeasured = 0,  ///< of a frame: one was used, or came before the filter may start
   kVoNotTracking = 1,
-  /// Moved less than standstill_distance_heights since the last tracked frame without this reason.
+  /// Moved less than standstill_distance_heights since the last tracked frame without this status.
   kStandstill = 2,
   kTooFewTriangles = 3,
   kTooFewGroundPoints = 4,
@@ -31,7 +31,7 @@ enum class ScaleReason : std::uint8_t {
 /// of Tian et al., ICRA 2021 (docs/explanation/how_it_works.md).
 struct ScaleEstimate {
   ScaleStatus status = ScaleStatus::kUnknown;
-  ScaleReason reason = ScaleReason::kNone;
+  MeasurementStatus measurement = MeasurementStatus::kMeasured;  ///< of this frame
   /// Unfiltered h*/h measured at this frame [m per VO unit], from the aggregation window or from
   /// the alignment with earlier images, so consecutive values are correlated; 0 without one.
   double raw_scale = 0;
@@ -39,7 +39,7 @@ struct ScaleEstimate {
   double sigma = 0;   ///< standard deviation of `scale` [m per VO unit]; 0 while kUnknown
   double height = 0;  ///< filtered height h of the camera [VO units]; 0 while kUnknown
   /// Unit, up, unfiltered. Measured; or, if there is no measurement, predicted from mounting and
-  /// motion. In kStandstill, kVoNotTracking and kImplausibleMotion: that of the previous frame.
+  /// motion. In kStandstill, kVoNotTracking and kImplausibleMotion: as in the previous frame.
   /// Zero before the first plane of a map.
   Eigen::Vector3d n_c = Eigen::Vector3d::Zero();
   int triangles = 0;         ///< Delaunay, of features with 3-D points in the region of interest
@@ -49,7 +49,7 @@ struct ScaleEstimate {
   int plane_inliers = 0;     ///< of these, inliers of the final plane fit
 };
 
-const char* toString(ScaleStatus status);  ///< "unknown", "ok", "held"
-const char* toString(ScaleReason reason);  ///< "none", "vo_not_tracking", ...
+const char* toString(ScaleStatus status);        ///< "unknown", "ok", "held"
+const char* toString(MeasurementStatus status);  ///< "none", "vo_not_tracking", ...
 
 }  // namespace ground_scale_vo

@@ -21,9 +21,6 @@ namespace ground_scale_vo {
 /// two sources per frame, with a gate on the normalised innovation squared (NIS). Neighbouring
 /// measurements of a source see the same road and are correlated, so their information is weighted
 /// by the distance between them; the result does not depend on the frame rate.
-///
-/// The square of sigma() is multiplied by the mean NIS of the latest measurements, accepted or not,
-/// which adapts it to the camera and the road (NIS scaling). The NIS does not influence the gain.
 class ScaleFilter {
  public:
   enum class Source : std::uint8_t {
@@ -39,16 +36,12 @@ class ScaleFilter {
         0.05;  ///< a turn replaces the part of the map that carries the scale
     double min_measurement_sigma = 0.015;
     double gate_sigma = 3;
-    double nis_memory_heights = 20;
 
     double start_distance_heights = 0.5;
     double start_tilt_sigma_rad = 0.007;
-    double start_tilt_decay = 0.8;
     int restart_measurements = 4;
     double restart_max_deviation = 0.15;
     double restart_distance_heights = 12;
-
-    double lens_change_sigma = 0.02;
 
     int moving_average_frames = 0;  ///< replaces the Kalman filter by a moving average of the scale
     template <typename Self, typename Visit>
@@ -63,14 +56,10 @@ class ScaleFilter {
             "[] lower bound of a measurement's relative standard deviation");
       visit("gate_sigma", self.gate_sigma, 0.1, 1000,
             "[sigma] measurements with a larger normalised innovation are rejected");
-      visit("nis_memory_heights", self.nis_memory_heights, 0.1, 1e6,
-            "[camera heights] averaging length of the NIS that scales sigma");
       visit("start_distance_heights", self.start_distance_heights, 0, 1e6,
             "[camera heights] least distance before the first measurement is used");
       visit("start_tilt_sigma_rad", self.start_tilt_sigma_rad, 0, 1,
             "[rad] standard deviation of the tilt of a young map");
-      visit("start_tilt_decay", self.start_tilt_decay, 0.01, 1e6,
-            "[distances to the measured road] distance over which the tilt decays to 1/e");
       visit("restart_measurements", self.restart_measurements, 1, 1000,
             "[frames] consecutive rejected measurements that must agree to restart the filter");
       visit(
@@ -82,8 +71,6 @@ class ScaleFilter {
           "[camera heights] distance since the first rejected measurement before a restart, where "
           "rotation counts as the distance of equal random walk; or the distance from the start of "
           "the filter to that one, if shorter");
-      visit("lens_change_sigma", self.lens_change_sigma, 0, 1,
-            "[] standard deviation of the change of ln h when a refined lens replaces another");
       visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
             "[frames] moving average of the scale instead of the Kalman filter; 0: off");
     }
@@ -112,39 +99,35 @@ class ScaleFilter {
   /// A refined lens replaces the one of the images so far.
   void changeLens();
 
-  void reset();  ///< for a new map, which has another unit of length
-
  private:
-  static constexpr std::size_t kSources = 2;
   struct Measurement {
     double log_height;
     double variance;
     double road_distance;  ///< [camera heights]
   };
+  struct SourceState {
+    double accepted_at = 0;  ///< distance_ at the latest accepted measurement
+    /// The latest consecutive rejected measurements, at most restart_measurements: candidates for a
+    /// restart.
+    std::deque<Measurement> pending;
+    double pending_since = 0, turned_before = 0;  ///< distance_, turned_ at the first
+  };
   bool updateMovingAverage(double height, double variance);
-  bool collect(const Measurement& measurement, Source source);
+  bool restart(const Measurement& measurement, SourceState* source);
   void start(const Measurement& measurement);
   void clearPending(Source source);
-  void updateNisScale(Source source, double nis);
   double tiltLever(const Measurement& measurement) const;
-  double equivalentDistance(double angle) const;
+  SourceState& stateOf(Source source) { return sources_[static_cast<std::size_t>(source)]; }
 
   Options options_;
   bool known_ = false;
   Eigen::Vector2d state_ = Eigen::Vector2d::Zero();       ///< ln h, tilt [rad]
   Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Zero();  ///< of the state
-  double distance_ = 0;                                   ///< travelled since reset() [VO units]
-  double turned_ = 0;                                     ///< rotated since reset() [rad]
+  double distance_ = 0;                                   ///< travelled [VO units]
+  double turned_ = 0;                                     ///< rotated [rad]
   double started_at_ = 0;                                 ///< distance_ at the latest (re)start
   double tilted_since_ = 0;  ///< distance_ from which on the tilt decays
-  double nis_scale_ = 1;     ///< mean normalised innovation squared
-  /// distance_ at the latest accepted measurement, and at the latest one, by source.
-  std::array<double, kSources> accepted_at_{}, measured_at_{};
-  /// The latest rejected measurements, by source, at most restart_measurements: candidates for a
-  /// restart.
-  std::array<std::deque<Measurement>, kSources> pending_;
-  std::array<double, kSources> pending_since_{},
-      turned_before_{};                 ///< distance_, turned_ at the first
+  std::array<SourceState, 2> sources_;
   std::deque<double> inverse_heights_;  ///< of the moving average
 };
 

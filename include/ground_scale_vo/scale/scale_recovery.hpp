@@ -9,10 +9,8 @@
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/direct_plane_estimator.hpp"
-#include "ground_scale_vo/scale/ground_point_aggregation.hpp"
-#include "ground_scale_vo/scale/ground_point_extraction.hpp"
+#include "ground_scale_vo/scale/ground_points.hpp"
 #include "ground_scale_vo/scale/metric_trajectory.hpp"
-#include "ground_scale_vo/scale/motion_history.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
@@ -37,7 +35,7 @@ class ScaleRecovery {
   struct Options {
     double camera_height = 0;       ///< h* above the road [m]; required, there is no default
     std::uint64_t random_seed = 1;  ///< replaces gpe.random_seed
-    bool paper_literal = false;     ///< applies paperPreset() to the stages, for comparison
+    bool paper_literal = false;     ///< resolved() has the choices of the paper, for comparison
     bool refine = true;             ///< false: no direct measurements
     double standstill_distance_heights = 0.02;
     double max_speed = 100;
@@ -75,8 +73,9 @@ class ScaleRecovery {
       visit("filter/", self.filter);
       visit("trajectory/", self.trajectory);
     }
-    /// The options that ScaleRecovery works with: with paper_literal those of paperPreset(), and
-    /// random_seed passed on to the stages. Precondition: validate() does not throw.
+    /// The options that ScaleRecovery works with: random_seed passed on to the stages, and with
+    /// paper_literal the choices of the paper as printed, as far as these can run.
+    /// Precondition: validate() does not throw.
     Options resolved() const;
     /// Throws OptionError.
     void validate() const;
@@ -87,11 +86,12 @@ class ScaleRecovery {
     double delaunay = 0, gpe = 0, gpa = 0, direct = 0, filter = 0, total = 0;
   };
 
-  /// The camera height that one source measured in one frame.
+  /// The plane that one source measured in one frame.
   struct Measurement {
-    double height = 0;         ///< [VO units]; 0: no measurement
+    double height = 0;         ///< of the camera [VO units]; 0: no measurement
     double sigma = 0;          ///< standard deviation [VO units]
     double road_distance = 0;  ///< of the measured road's centre from the path [VO units]
+    Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< normal in this frame's camera
   };
 
   struct Output {
@@ -122,7 +122,8 @@ class ScaleRecovery {
   /// frame.camera (throws OptionError otherwise), or empty: no direct measurement. A frame whose
   /// pose is not finite counts as not tracking; a pose that implies an implausible speed is not
   /// used, but the fourth in a row starts a new map; points that are not finite are ignored. On
-  /// failure output.scale.status and reason say what is missing; values are never NaN or infinite.
+  /// failure output.scale.status and measurement say what is missing; values are never NaN or
+  /// infinite.
   ///
   /// mask: 8-bit, one channel, the image's size (throws OptionError otherwise); 0 where the
   /// camera's images never show the scene. The direct measurement does not use these regions; the

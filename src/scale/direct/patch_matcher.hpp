@@ -1,21 +1,31 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 
+#include "ground_scale_vo/scale/camera_path.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
-#include "scale/direct/image_buffer.hpp"
 #include "scale/direct/patch.hpp"
 
 namespace ground_scale_vo::direct {
 
+constexpr int kReferences = 2;  ///< reference images per frame, at one and at two baselines
+
 using Vector5f = Eigen::Matrix<float, 5, 1>;
+
+/// A reference image and the motion from the current camera (c) to its camera (r):
+/// x_r = R x_c + t.
+struct Reference {
+  RoadImage image;
+  Vector6d readout_motion_c = Vector6d::Zero();             ///< of the current image
+  Eigen::Isometry3d T_r_c = Eigen::Isometry3d::Identity();  ///< VO units
+};
 
 /// A patch of the current image matched with one reference image. The plane m = n / h gives the
 /// viewing ray r the inverse depth -q with q = m . r; an error of m shifts the patch along its
 /// epipolar line, which is an error of q.
 struct Match {
   bool valid = false;     ///< the patch projects into the reference image and observes q
-  float correlation = 0;  ///< zero-mean normalised, -1 to 1
+  float correlation = 0;  ///< zero-mean normalised, corrected for the image noise, -1 to 1
   float shift = 0;        ///< correction of q that aligns the patch [1 / VO unit]
   float variance = 0;     ///< of shift, from the residual intensities
   Eigen::Vector3f ray;    ///< z = 1; mean of the samples' rays by their information on q
@@ -31,34 +41,30 @@ struct Match {
 /// cameras at the exposure of the patch's middle row in both images.
 class PatchMatcher {
  public:
-  /// image_noise: [grey levels]. allowed: PatchExtractor::allowed().
+  /// camera, allowed: of the PatchExtractor. image_noise: [grey levels].
   PatchMatcher(const PinholeCamera& camera, double image_noise, const cv::Mat& allowed);
 
   /// Intensities of the patch in the reference image under the plane m, bilinearly interpolated.
   /// False when a sample lies outside the stored part of the image, behind its camera or at the
   /// mask.
-  bool sample(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
+  bool sample(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,
               Samples* values) const;
 
   /// Derivatives of the patch's intensities in the reference image by q and by the motion. They use
   /// the gradient of the current image, transformed by the homography (inverse compositional).
-  void linearise(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
+  void linearise(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,
                  Match* match) const;
 
   /// One Gauss-Newton step along q with Cauchy weights. Precondition: *match is linearised.
-  void measure(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m,
+  void measure(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,
                Match* match) const;
-
-  float imageNoise() const { return image_noise_; }  ///< [grey levels]
 
  private:
   struct Warp {
-    Reference reference;
-    Eigen::Vector3f m;
-    Eigen::Matrix3f A;  ///< of the rays: R - t m^T for a global shutter
+    Eigen::Matrix3f H;  ///< of the rays: R - t m^T
+    Eigen::Vector3f t, m;
   };
-  Warp warpOf(const Reference& reference, const Patch& patch, const Eigen::Vector3f& m) const;
-  bool isAllowed(const RoadImage& image, const Samples& u, const Samples& v) const;
+  Warp warpOf(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m) const;
 
   PinholeCamera camera_;
   float image_noise_;

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <optional>
+
+#include "ground_scale_vo/input/camera.hpp"
+
+namespace ground_scale_vo {
+
+/// The road as a plane in some camera's axes: n_c . x_c + height = 0, with n_c unit and pointing up
+/// out of the road (its y component is negative). height > 0 is the camera's distance from the
+/// plane in VO units. This is Eq. 2 with the opposite sign of the normal.
+struct GroundPlane {
+  Eigen::Vector3d n_c = Eigen::Vector3d::Zero();
+  double height = 0;
+};
+
+/// The road's normal in camera axes for a mounting with this pitch and roll [rad]; unit, up.
+Eigen::Vector3d roadNormal(double pitch, double roll);
+/// The inverse [rad]: of a unit normal in camera axes.
+double pitchOf(const Eigen::Vector3d& n_c);
+double rollOf(const Eigen::Vector3d& n_c);
+
+/// Straight line between two camera positions of the path: the direction of motion averaged over a
+/// distance, for Eq. 3. The direction t_{t,t-1} of single frames varies by half a degree with the
+/// vehicle's vibration, the direction of a chord over several frames does not.
+struct Chord {
+  Eigen::Vector3d direction_c = Eigen::Vector3d::Zero();  ///< unit, along the motion, camera axes
+  double length = 0;                                      ///< VO units, > 0
+  Eigen::Vector3d turn_c = Eigen::Vector3d::Zero();  ///< rotation from its start to its end [rad]
+};
+
+/// What mounting and motion tell about the road in one frame, before it is measured.
+struct RoadPrior {
+  Eigen::Vector3d n_c = Eigen::Vector3d(0, -1, 0);       ///< unit, up
+  Eigen::Vector3d forward_c = Eigen::Vector3d(0, 0, 1);  ///< unit, orthogonal to n_c
+  double pitch_sigma = 0;      ///< standard deviation about lateral() [rad]
+  double roll_sigma = 0;       ///< standard deviation about forward_c [rad]
+  std::optional<Chord> chord;  ///< ends at this frame; empty: no motion yet
+  /// Lateral position, to the left of the path, of the middle of the region in which the road is
+  /// measured [camera heights]. 0: on the path.
+  double region_offset = 0;
+
+  Eigen::Vector3d lateral() const { return n_c.cross(forward_c); }  ///< unit, to the left
+  /// Largest plausible pitch and roll of a plane against n_c [rad]: the tolerance [rad], and three
+  /// standard deviations of the prior added in quadrature.
+  double pitchTolerance(double tolerance) const { return std::hypot(tolerance, 3 * pitch_sigma); }
+  double rollTolerance(double tolerance) const { return std::hypot(tolerance, 3 * roll_sigma); }
+};
+
+/// Lane-shaped region of the visible road: a band of constant width on the expected plane, with the
+/// curvature of the driven path, ahead of the vehicle and behind it. Lengths are in camera heights,
+/// so the region is defined before the height is known.
+class LaneRegion {
+ public:
+  /// height: of the camera [VO units], converts the length of the prior's chord, which gives the
+  /// curvature; 0 (not known): the region is straight. In camera heights: min_distance from the
+  /// point on the road below the camera, max_ahead along the path in both directions, and
+  /// half_width of the band.
+  LaneRegion(const RoadPrior& prior, double height, double min_distance, double max_ahead,
+             double half_width);
+
+  /// Whether a viewing ray (camera axes, z = 1) meets the plane in the region.
+  bool contains(const Eigen::Vector3d& ray) const;
+
+ private:
+  Eigen::Vector3d up_, ahead_, left_;
+  double offset_, min_distance_, max_ahead_, half_width_;
+  double curvature_ = 0;     ///< to the left [1 / camera height]
+  double chord_length_ = 0;  ///< [camera heights]; the chord runs from ahead = -chord_length_ to 0
+};
+
+/// RoadPrior::region_offset for a prior: 0 while a reasonable part of the path is in the image. A
+/// camera that looks sideways does not see the path; its region is the band beside the path that is
+/// nearest to it and well visible.
+double visibleRegionOffset(const PinholeCamera& camera, const RoadPrior& prior);
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,144 @@
+#include "vo/initialisation.hpp"
+
+#include <utility>
+
+#include "ground_scale_vo/common/math.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// [features] minimum number of matches for initialisation; above TwoView's min_matches (80).
+constexpr std::size_t kMinMatches = 100;
+
+/// Share of the first frame's features below which the initialisation starts again.
+constexpr double kMinTrackedShare = 0.4;
+
+/// Minimum number of landmarks with depth in a new map.
+constexpr std::size_t kMinPoints = kMinMatches / 2;
+
+/// [frames] limits the memory before the first motion: five minutes at 10 Hz.
+constexpr std::size_t kMaxFrames = 3000;
+
+std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const Feature& feature : features) pixels.push_back(feature.atStamp());
+  return pixels;
+}
+
+}  // namespace
+
+Initialisation::Initialisation(const PinholeCamera& camera,
+                               const TwoView::Options& two_view_options,
+                               const PoseEstimation::Options& pose_options, double readout_time)
+    : readout_time_(readout_time),
+      camera_(camera),
+      two_view_(two_view_options),
+      pose_estimation_(pose_options) {}
+
+void Initialisation::restart(std::uint32_t sequence, std::int64_t stamp_ns,
+                             const std::vector<Feature>& features, const cv::Mat& image) {
+  frames_.clear();
+  first_image_ = image;
+  addFrame(sequence, stamp_ns, features);
+}
+
+bool Initialisation::canContinueWith(std::size_t found) const {
+  if (frames_.empty() || frames_.size() > kMaxFrames || found < kMinMatches) return false;
+  const std::size_t first = frames_.front().corners.size();
+  return static_cast<double>(found) >= kMinTrackedShare * static_cast<double>(first);
+}
+
+std::vector<Eigen::Vector2d> Initialisation::pixelsInFirst(
+    const std::vector<Feature>& found) const {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const LocalMap::Corner& corner : entriesOf(found, frames_.front().corners)) {
+    pixels.push_back(camera_.project(corner.x.homogeneous()));
+  }
+  return pixels;
+}
+
+std::optional<RelativeRotation> Initialisation::rotationSinceFirst(
+    const std::vector<Feature>& found) const {
+  return two_view_.estimateRotation(camera_, pixelsInFirst(found), pixelsOf(found));
+}
+
+void Initialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
+                              const std::vector<Feature>& found) {
+  if (frames_.size() == 1 && readout_time_ > 0) shiftFirstToStamp(found);
+  frames_.push_back({sequence, stamp_ns, toCorners(camera_, found)});
+}
+
+void Initialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
+  auto corner = frames_.front().corners.begin();
+  for (const Feature& feature : found) {
+    while (corner->id != feature.id) ++corner;
+    const Eigen::Vector2d u = camera_.project(corner->x.homogeneous());
+    corner->to_stamp = -readout_time_ * camera_.readoutShare(u.y()) * feature.flow;
+    corner->x = camera_.ray(u + corner->to_stamp).head<2>();
+  }
+}
+
+std::optional<std::vector<StartPose>> Initialisation::tryStartMap(const std::vector<Feature>& found,
+                                                                  const ImagePyramid& image,
+                                                                  Mapping* mapping) {
+  const TwoView::Result motion = two_view_.estimate(camera_, pixelsInFirst(found), pixelsOf(found));
+  if (motion.status != TwoViewStatus::kOk) return std::nullopt;
+
+  if (makeMap(found, image, motion, mapping)) {
+    if (auto poses = localiseFrames(mapping->map())) {
+      frames_.clear();
+      return poses;
+    }
+  }
+  mapping->map().clear();
+  return std::nullopt;
+}
+
+/// Creates a map of two keyframes and the triangulated inliers, then runs bundle adjustment.
+/// Returns false when it fails.
+bool Initialisation::makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
+                             const TwoView::Result& motion, Mapping* mapping) const {
+  std::vector<double> depths;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (motion.inlier[i]) depths.push_back(1 / motion.inverse_depth_1[i]);
+  }
+  if (depths.size() < kMinPoints) return false;
+  const double unit = median(depths);
+  Eigen::Isometry3d T_1_2 = motion.T_2_1.inverse();
+  T_1_2.translation() /= unit;
+
+  LocalMap& map = mapping->map();
+  map.clear();
+  map.addKeyframe(Eigen::Isometry3d::Identity(), entriesOf(found, frames_.front().corners),
+                  first_image_);
+  map.addKeyframe(T_1_2, frames_.back().corners, image.image());
+  map.keyframes().back().exposure = image.exposure;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!motion.inlier[i]) continue;
+    const double inverse_depth = motion.inverse_depth_1[i] * unit;
+    map.find(found[i].id)->depth =
+        InverseDepth{inverse_depth, inverse_depth};  // initial sigma: 100 %
+  }
+  return mapping->adjustNow();
+}
+
+/// The poses of all frames in the new map. The first and the last are its keyframes. Empty when one
+/// of them cannot be localised.
+std::optional<std::vector<StartPose>> Initialisation::localiseFrames(const LocalMap& map) const {
+  std::vector<StartPose> poses;
+  Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
+  for (const Frame& frame : frames_) {
+    if (!frame.corners.empty()) {
+      const auto estimate =
+          pose_estimation_.estimate(predicted, pointObservations(map, frame.corners));
+      if (estimate.status != PoseStatus::kOk) return std::nullopt;
+      predicted = estimate.T_w_c;
+    }
+    poses.push_back({frame.sequence, frame.stamp_ns, predicted});
+  }
+  poses.front().T_w_c = Eigen::Isometry3d::Identity();
+  poses.back().T_w_c = map.keyframes().back().T_w_c;
+  return poses;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,293 @@
+#include "ground_scale_vo/scale/ground_points.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "support/road_scene.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// Of a scene, with a chord along the road.
+RoadPrior movingPrior(const RoadScene& scene, double sigma = 0.01) {
+  RoadPrior prior = priorOf(scene, sigma);
+  prior.chord = Chord{prior.forward_c, 5.0};
+  return prior;
+}
+
+GroundPointExtraction::Result extract(const RoadScene& scene, const VoFrame& frame,
+                                      const GroundPointExtraction::Options& options = {}) {
+  return GroundPointExtraction(options).extract(frame, movingPrior(scene),
+                                                Eigen::Isometry3d::Identity());
+}
+
+/// 400 points, ids 1 to 400.
+RoadScene roadAhead() {
+  RoadScene scene;
+  scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, 0, 1);
+  return scene;
+}
+
+TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
+  RoadScene scene = roadAhead();
+  scene.roll = 0.03;
+  const auto result = extract(scene, scene.frame(0));
+  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
+  EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
+  EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 1e-3);
+  EXPECT_GT(result.triangles, 100);
+  EXPECT_GT(result.ground_triangles, result.triangles * 9 / 10);
+  EXPECT_GT(result.points.size(), 100u);
+}
+
+TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
+  RoadScene scene = roadAhead();
+  scene.pitch = 0;
+  const RoadPrior level = movingPrior(scene, 0.13);
+  for (const double roll : {-0.26, 0.26}) {
+    scene.roll = roll;
+    const auto extractWith = [&](double roll_sigma) {
+      RoadPrior prior = level;
+      prior.roll_sigma = roll_sigma;
+      return GroundPointExtraction({}).extract(scene.frame(0), prior,
+                                               Eigen::Isometry3d::Identity());
+    };
+    const auto uncertain = extractWith(0.13);
+    ASSERT_EQ(uncertain.status, MeasurementStatus::kMeasured) << roll;
+    EXPECT_NEAR(uncertain.plane.height, 0.7, 1e-3) << roll;
+    EXPECT_NEAR((uncertain.plane.n_c - scene.normal()).norm(), 0, 1e-3) << roll;
+    EXPECT_NE(extractWith(0.01).status, MeasurementStatus::kMeasured) << roll;
+  }
+}
+
+TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
+  RoadScene scene = roadAhead();
+  const std::size_t on_road = scene.points.size();
+  scene.addWall(150, -0.7, 0.7, 0.6, 5.0, 2);  // back of a car
+  for (int i = 0; i < 60; ++i)
+    scene.points.emplace_back(0.95, -0.01 * i, 2.0 + 0.1 * i);  // its side
+  const auto result = extract(scene, scene.frame(0));
+  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
+  EXPECT_NEAR(result.plane.height, 0.7, 0.01);
+  std::size_t on_wall = 0;
+  for (const GroundPoint& point : result.points) {
+    if (point.id <= on_road) continue;
+    ++on_wall;
+    EXPECT_LT(-scene.points[point.id - 1].y(), 0.07);  // only the base of the wall
+  }
+  EXPECT_LT(on_wall, result.points.size() / 10);
+}
+
+TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedInAnyUnit) {
+  RoadScene scene = roadAhead();
+  scene.depth_sigma = 0.005;
+  scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the camera height up
+  for (const double unit : {1.0, 16.0}) {
+    const auto result = extract(scene, inUnit(unit, scene).frame(0));
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
+    EXPECT_NEAR(result.plane.height / unit, 0.7, 0.005);
+    EXPECT_GT(result.points.size(), 100u);
+    for (const GroundPoint& point : result.points) EXPECT_LE(point.id, 400u);
+  }
+}
+
+TEST(GroundPointExtraction, TheRegionHasLimitsAndIsWideWhenTheLaneHasFewFeatures) {
+  RoadScene scene = roadAhead();
+  scene.addPatch(1000, -1.0, 1.0, 1.0, 9.0, 0, 2);
+  scene.addPatch(400, 1.2, 2.5, 1.0, 9.0, 0, 4);
+  GroundPointExtraction::Options options;
+  options.min_ahead_heights = 4;
+  options.max_ahead_heights = 8;
+  for (const bool has_lane : {true, false}) {
+    if (!has_lane) options.min_lane_features = 100000;
+    const auto result = extract(scene, scene.frame(0), options);
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
+    int outside = 0;
+    for (const GroundPoint& point : result.points) {
+      EXPECT_GT(std::hypot(point.p_c.x(), point.p_c.z()), 3.8 * scene.height);
+      EXPECT_LT(point.p_c.z(), 8.1 * scene.height);
+      outside += point.p_c.x() > 1.4 * scene.height;  // the half width of the lane is 1.2
+    }
+    EXPECT_EQ(outside == 0, has_lane);
+  }
+}
+
+TEST(GroundPointExtraction, DegenerateInputIsRefusedByStatus) {
+  RoadScene scene;
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewTriangles);
+  scene.points = {{0, 0, 3}, {0.3, 0, 4}};
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewTriangles);
+  scene.points.push_back({-0.4, 0, 5});
+  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewGroundPoints);
+  scene.points.clear();
+  for (int i = 0; i < 40; ++i) scene.points.emplace_back(0, 0, 2 + 0.2 * i);  // collinear
+  EXPECT_NE(extract(scene, scene.frame(0)).status, MeasurementStatus::kMeasured);
+  scene.points.clear();
+  scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, -2.0, 1);  // a ceiling
+  const auto ceiling = extract(scene, scene.frame(0));
+  EXPECT_NE(ceiling.status, MeasurementStatus::kMeasured);
+  EXPECT_TRUE(ceiling.points.empty());
+
+  VoFrame same = roadAhead().frame(0), behind = same;
+  for (TrackedFeature& feature : same.features) feature.u = same.features[0].u;
+  EXPECT_EQ(extract(roadAhead(), same).status, MeasurementStatus::kTooFewTriangles);
+  for (TrackedFeature& feature : behind.features) feature.p_c = -feature.p_c;
+  EXPECT_EQ(extract(roadAhead(), behind).status, MeasurementStatus::kTooFewTriangles);
+}
+
+// Outside the image: as another odometry may report them.
+TEST(GroundPointExtraction, FeaturesWithoutAUsablePointOrOutsideTheImageAreIgnored) {
+  const RoadScene scene = roadAhead();
+  VoFrame frame = scene.frame(0);
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  const auto width = static_cast<float>(scene.camera.width);
+  const auto height = static_cast<float>(scene.camera.height);
+  const Eigen::Vector2f outside[] = {
+      {-10, height - 1}, {width + 10, height - 1}, {width / 2, height + 10}, {width / 2, -10}};
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    TrackedFeature& feature = frame.features[i];
+    if (i % 7 == 0) feature.has_point = false;
+    if (i % 7 == 1) feature.p_c.y() = kNan;
+    if (i % 7 == 2) feature.u.x() = kNan;
+    if (i % 7 == 3) feature.depth_sigma = kNan;
+    if (i % 7 == 4) feature.depth_sigma = 0;
+    if (i % 7 == 5) feature.u = outside[i % 4];
+    feature.id = i % 7;
+  }
+  GroundPointExtraction::Options options;
+  options.min_lane_features = 100000;  // also of the wide region
+  for (const auto& result : {extract(scene, frame), extract(scene, frame, options)}) {
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
+    EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
+    for (const GroundPoint& point : result.points) EXPECT_EQ(point.id, 6u);
+  }
+}
+
+TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
+  const RoadScene scene = roadAhead();
+  GroundPointExtraction::Options options;
+  for (const double angle : {-0.2, 0.2}) {  // 11 deg off
+    RoadPrior climbing = movingPrior(scene);
+    climbing.chord->direction_c =
+        Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * climbing.forward_c;
+    const auto result = GroundPointExtraction(options).extract(scene.frame(0), climbing,
+                                                               Eigen::Isometry3d::Identity());
+    EXPECT_EQ(result.ground_triangles, 0) << angle;
+  }
+  const auto without = GroundPointExtraction(options).extract(scene.frame(0), priorOf(scene),
+                                                              Eigen::Isometry3d::Identity());
+  EXPECT_EQ(without.status, MeasurementStatus::kMeasured);
+}
+
+TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
+  const RoadScene scene = roadAhead();
+  GroundPointExtraction::Options options;
+  options.frame_pitch_test = true;
+  for (const double pitch : {-0.2, 0.0, 0.2}) {
+    RoadScene expected = scene;
+    expected.pitch += pitch;  // a wrong prior has no effect
+    const Eigen::Isometry3d motion(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
+    for (const Eigen::Isometry3d& last_motion : {motion, Eigen::Isometry3d::Identity()}) {
+      const auto result = GroundPointExtraction(options).extract(
+          scene.frame(0), priorOf(expected, 0.01), last_motion);
+      const bool is_level = last_motion.linear().isIdentity();
+      EXPECT_EQ(result.ground_triangles > 0, is_level) << pitch;
+    }
+  }
+}
+
+constexpr double kPlaneHeight = 0.8;  // [VO units]
+
+/// Ground points ahead of a level camera: ids first .. first + n - 1.
+std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
+  std::vector<GroundPoint> points;
+  for (int i = 0; i < n; ++i) {
+    const double z = 2 + 0.37 * (i % 11);
+    points.push_back(
+        {first + static_cast<std::uint64_t>(i), {0.1 * (i % 7) - 0.3, kPlaneHeight, z}, 0.01 * z});
+  }
+  return points;
+}
+
+/// Pose after a distance of z along the optical axis [VO units].
+Eigen::Isometry3d poseAt(double z) {
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  T_w_c.rotate(
+      Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()));  // world axes differ from the camera's
+  T_w_c.translation() = T_w_c.linear() * Eigen::Vector3d(0, 0, z);
+  return T_w_c;
+}
+
+/// Appends a camera with ground points.
+void add(CameraPath* path, double z, std::vector<GroundPoint> points) {
+  path->add(poseAt(z));
+  path->newest().prior.pitch_sigma = path->newest().prior.roll_sigma = 0.02;
+  path->newest().ground_points = std::move(points);
+}
+
+/// In the newest camera.
+GroundPointAggregation::Result aggregate(const CameraPath& path,
+                                         const GroundPointAggregation::Options& options = {}) {
+  return GroundPointAggregation(options).estimate(path, path.newest(), kPlaneHeight);
+}
+
+TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
+  CameraPath path;
+  for (unsigned i = 0; i < 4; ++i) add(&path, 0.5 * i, pointsAhead(15, 1 + 100u * i));
+  const auto result = aggregate(path);
+  ASSERT_EQ(result.fit.status, MeasurementStatus::kMeasured);
+  EXPECT_EQ(result.window.size(), 60u);
+  EXPECT_NEAR(result.fit.plane.height, kPlaneHeight, 1e-5);
+  for (const PlanePoint& point : result.window) EXPECT_NEAR(point.p_c.y(), kPlaneHeight, 1e-9);
+  // The points of the oldest frame, 1.5 VO units behind, come last.
+  EXPECT_NEAR((result.window.back().origin_c - Eigen::Vector3d(0, 0, -1.5)).norm(), 0, 1e-9);
+  EXPECT_NEAR(result.window[45].p_c.z(), 2 - 1.5, 1e-9);
+  EXPECT_NEAR(result.window[45].depth, 2, 1e-9);
+}
+
+TEST(GroundPointAggregation, TheWindowIsBounded) {
+  // Points in the window after ten frames, and the z of its oldest camera.
+  const auto windowOf = [](const GroundPointAggregation::Options& options, double step,
+                           int points) {
+    CameraPath path;
+    for (unsigned i = 0; i < 10; ++i) {
+      add(&path, step * i, pointsAhead(points, 1 + 10000u * i));
+      path.add(poseAt(step * i));  // without ground points it does not count
+    }
+    const auto result = aggregate(path, options);
+    EXPECT_NEAR(result.window.front().origin_c.z(), 0, 1e-9);  // the newest
+    return std::pair(result.window.size(), result.window.back().origin_c.z());
+  };
+  GroundPointAggregation::Options options;
+  options.window_heights = 2;  // 1.6 VO units: four frames
+  const auto [by_length, length] = windowOf(options, 0.5, 20);
+  EXPECT_EQ(by_length, 80u);
+  EXPECT_NEAR(length, -1.5, 1e-9);
+  options.max_frames = 3;
+  const auto [by_frames, three_frames] = windowOf(options, 0.01, 20);
+  EXPECT_EQ(by_frames, 60u);
+  EXPECT_NEAR(three_frames, -0.02, 1e-9);
+  EXPECT_LT(windowOf({}, 0.1, 2000).first, 10000u);  // also the number of points
+}
+
+TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
+  auto older = pointsAhead(20, 1);
+  for (GroundPoint& point : older) point.p_c.z() += 0.5;
+  CameraPath path;
+  add(&path, 0, older);
+  add(&path, 0.5, pointsAhead(20, 1));
+  for (const bool unique : {true, false}) {
+    GroundPointAggregation::Options options;
+    options.unique_features = unique;
+    const auto result = aggregate(path, options);
+    EXPECT_EQ(result.window.size(), unique ? 20u : 40u);
+    EXPECT_EQ(result.window[0].origin_c.norm(), 0);
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -93,19 +93,22 @@ function(gsv_add_ros_headers name)
 endfunction()
 
 # gsv_add_layer(NAME SHARED|STATIC MODULE...): adds the library ${PROJECT_NAME}_NAME with all sources
-# of the modules: src/MODULE/*.cpp or src/MODULE.cpp.
+# of the modules: src/MODULE/*.cpp or src/MODULE.cpp; in another folder than the root, MODULE/*.cpp.
 function(gsv_add_layer name type)
   set(sources)
+  set(folder ${CMAKE_CURRENT_SOURCE_DIR})
+  if(folder STREQUAL PROJECT_SOURCE_DIR)
+    set(folder ${PROJECT_SOURCE_DIR}/src)
+  endif()
   foreach(module ${ARGN})
-    file(GLOB module_sources CONFIGURE_DEPENDS
-      ${PROJECT_SOURCE_DIR}/src/${module}/*.cpp ${PROJECT_SOURCE_DIR}/src/${module}.cpp)
+    file(GLOB module_sources CONFIGURE_DEPENDS ${folder}/${module}/*.cpp ${folder}/${module}.cpp)
     list(APPEND sources ${module_sources})
   endforeach()
   if(name STREQUAL simulation AND GROUND_SCALE_VO_SANITIZE)
     # Do not instrument the renderer: it takes most of the tests' time, and its threads only read the
     # scene, which is constant after construction.
     set(renderer ${sources})
-    list(FILTER renderer INCLUDE REGEX "/(rendering|world)/[a-z_]+\\.cpp$|/synthetic_drive\\.cpp$")
+    list(FILTER renderer INCLUDE REGEX "/(renderer|world)/[a-z_]+\\.cpp$|/synthetic_drive\\.cpp$")
     set_source_files_properties(${renderer} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=all;-O3")
   endif()
   if(GROUND_SCALE_VO_SANITIZE STREQUAL thread)

@@ -5,7 +5,7 @@ if(Python3_FOUND)
   find_package(Python3 REQUIRED COMPONENTS Interpreter Development)
 endif()
 find_package(pybind11 REQUIRED)
-pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS python/module.cpp)
+pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS python/module.cpp python/drives.cpp)
 target_link_libraries(${PROJECT_NAME}_python PRIVATE
   ${PROJECT_NAME}_evaluation $<BUILD_INTERFACE:${PROJECT_NAME}_warnings>)
 # The Python package contains the module and, beside it, the library of the core.

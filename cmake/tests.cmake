@@ -1,4 +1,4 @@
-# Unit, fuzz and node tests; micro-benchmarks.
+# Unit, fuzz and node tests.
 
 # gsv_as_test(TARGET HEADERS): include folders, libraries and compile options of a test. HEADERS: the
 # target that precompiles its headers. The tests are compiled at -O1: most of their run time is spent
@@ -77,13 +77,11 @@ gsv_add_unit_tests(input ${PROJECT_NAME}_core)
 gsv_add_unit_tests(lens ${PROJECT_NAME}_core)
 gsv_add_unit_tests(io ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(evaluation ${PROJECT_NAME}_simulation)
-gsv_add_unit_tests(calibration ${PROJECT_NAME}_simulation)
 gsv_add_unit_tests(simulation ${PROJECT_NAME}_simulation)
-gsv_add_unit_tests(tools ${PROJECT_NAME}_tool_support)
 gsv_add_unit_tests(integration ${PROJECT_NAME}_simulation)
 # These take longest: two tests, which can run at the same time.
 foreach(drives fault_drives scenarios)
-  gsv_add_unit_test(${drives}_test test/drives/${drives}_test.cpp ${PROJECT_NAME}_tool_support)
+  gsv_add_unit_test(${drives}_test test/drives/${drives}_test.cpp ${PROJECT_NAME}_simulation)
 endforeach()
 if(GROUND_SCALE_VO_ROS)
   gsv_add_unit_tests(ros ${PROJECT_NAME}_nodelets ${PROJECT_NAME}_simulation)
@@ -123,18 +121,4 @@ if(GROUND_SCALE_VO_ROS)
     set_tests_properties(
       _ctest_${PROJECT_NAME}_rostest_test_rostest_${test}_rostest.test PROPERTIES LABELS long)
   endforeach()
-endif()
-
-# The micro-benchmarks: `cmake --build build --target benchmarks`.
-find_package(benchmark QUIET)
-if(benchmark_FOUND)
-  #catkin_lint: skip
-  file(GLOB BENCHMARK_SOURCES CONFIGURE_DEPENDS benchmark/*_benchmark.cpp)
-  add_executable(benchmarks EXCLUDE_FROM_ALL ${BENCHMARK_SOURCES})
-  target_include_directories(benchmarks PRIVATE ${PROJECT_SOURCE_DIR}/test)  # for test/support
-  set_target_properties(benchmarks PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR})
-  target_link_libraries(benchmarks PRIVATE
-    ${PROJECT_NAME}_core ${PROJECT_NAME}_warnings ${OpenCV_LIBS} benchmark::benchmark_main)
-else()
-  message(STATUS "Google Benchmark (libbenchmark-dev) was not found: there is no target `benchmarks`")
 endif()

@@ -39,13 +39,12 @@ def read_table(file):
     return table
 
 
-def save(figure, file, pdf):
-    """Writes a PNG, and with `pdf` the same as PDF; the file is complete or missing."""
+def save(figure, file):
+    """Writes a PNG; the file is complete or missing."""
     temporary = file.with_suffix(".tmp")
     try:
-        for form in ("png", "pdf") if pdf else ("png",):
-            figure.savefig(temporary, dpi=150, format=form, bbox_inches="tight")
-            temporary.replace(file.with_suffix("." + form))
+        figure.savefig(temporary, dpi=150, format="png", bbox_inches="tight")
+        temporary.replace(file)
     finally:
         temporary.unlink(missing_ok=True)
         plt.close(figure)
@@ -63,7 +62,7 @@ def grid_step(span):
     return max(factor * power for factor in (1, 2, 5) if factor * power <= span / 5)
 
 
-def draw_trajectory(file, estimate, ground_truth, title, pdf):
+def draw_trajectory(file, estimate, ground_truth, title):
     """Top view, as the paper's Fig. 4: equal axes, and a figure in the proportions of the drive,
     with an aspect ratio of at most 5:2."""
     every = [estimate] if ground_truth is None else [estimate, ground_truth]
@@ -90,7 +89,7 @@ def draw_trajectory(file, estimate, ground_truth, title, pdf):
     axes.set(xlabel="x, right [m]", ylabel="z, forward [m]")
     axes.set_title(title, loc="left", fontsize="medium")
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1), borderaxespad=0, frameon=False)
-    save(figure, file, pdf)
+    save(figure, file)
 
 
 def draw_status(axes, edges, scale):
@@ -104,7 +103,7 @@ def draw_status(axes, edges, scale):
                              label=f"{name}: {len(chosen)} frames")
 
 
-def draw_scale(file, scale, camera_height, title, pdf):
+def draw_scale(file, scale, camera_height, title):
     """As the paper's Fig. 3, over time: the unfiltered camera height,
     converted to metres with the filtered scale (camera_height * scale / raw_scale), the +-2 sigma
     band of the filter around the given height, and the distribution of the unfiltered heights;
@@ -174,10 +173,10 @@ def draw_scale(file, scale, camera_height, title, pdf):
     for axes in (grid[0, 0], grid[0, 1], grid[1, 0]):
         axes.grid(True, linewidth=0.4)
     grid[1, 0].set_xlim(0, max(time[-1], 1.0))
-    save(figure, file, pdf)
+    save(figure, file)
 
 
-def draw_timing(file, timing, title, pdf):
+def draw_timing(file, timing, title):
     """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of
     evaluate_bag about one per second)."""
     stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
@@ -202,37 +201,35 @@ def draw_timing(file, timing, title, pdf):
     axes.set_title(title, loc="left", fontsize="medium")
     axes.text(1.01, 1.01, f"{'median [ms]':>11} {'timed':>7}", transform=axes.transAxes,
               fontsize="small", family="monospace")
-    save(figure, file, pdf)
+    save(figure, file)
 
 
-def draw(folder, pdf):
+def draw(folder):
     metrics = json.loads((folder / "metrics.json").read_text())
     name = folder.resolve().name
     estimate = read_positions(folder / "poses.txt")
     has_ground_truth = (folder / "ground_truth.txt").exists()
     ground_truth = read_positions(folder / "ground_truth.txt") if has_ground_truth else None
     for plot in PLOTS:  # of a previous run
-        for form in (".png", ".pdf"):
-            (folder / (plot + form)).unlink(missing_ok=True)
+        (folder / (plot + ".png")).unlink(missing_ok=True)
     title = f"{name}: estimated length {metrics['length_m']:.1f} m"
     if metrics["t_err_percent"] is not None:
         title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
                   f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")
-    draw_trajectory(folder / "trajectory.png", estimate, ground_truth, title, pdf)
-    draw_scale(folder / "scale.png", read_table(folder / "scale.csv"), metrics["camera_height_m"], name, pdf)
+    draw_trajectory(folder / "trajectory.png", estimate, ground_truth, title)
+    draw_scale(folder / "scale.png", read_table(folder / "scale.csv"), metrics["camera_height_m"], name)
     if (folder / "timing.csv").exists():
-        draw_timing(folder / "timing.png", read_table(folder / "timing.csv"), name, pdf)
+        draw_timing(folder / "timing.png", read_table(folder / "timing.csv"), name)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=pathlib.Path, metavar="DIR",
                         help="a result folder")
-    parser.add_argument("--pdf", action="store_true", help="as PDF too, for a paper")
     arguments = parser.parse_args()
     for folder in arguments.folders:
         try:
-            draw(folder, arguments.pdf)
+            draw(folder)
         except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
             sys.exit(f"plot_run.py: {folder}: cannot be drawn ({error})")
 

@@ -1,10 +1,13 @@
-"""The images of a bag, read with the Python module rosbag."""
+"""The images and GPS fixes of a bag, read with the Python module rosbag."""
 
-from typing import Any, Iterator, Optional
+from typing import Any, Iterator, Optional, Tuple
+
+import numpy as np
 
 from . import _core
 from ._core import DataError
 
+DEFAULT_FIX_SIGMA = 2.5  # [m] of a fix relative to its neighbours, where the receiver states none
 _IMAGE_TYPES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
 
 
@@ -23,6 +26,34 @@ def open_bag(file: str, topic: Optional[str], rectified: bool, camera: str, fov:
     fields = (_camera_info(message) for info in infos for message in _messages(bag, file, info))
     return _core.open_messages(name, topics[name].message_count, messages, info_topic, fields, rectified, camera, fov,
                                mask, fps)
+
+
+def fixes(file: str, topic: str) -> Tuple[np.ndarray, np.ndarray, float]:
+    """Of sensor_msgs/NavSatFix: stamps [s], positions east, north, up of the first one [m], and the median standard
+    deviation of a fix [m]. Raises DataError."""
+    bag, topics = _open(file)
+    names = [name for name, info in topics.items() if _bare(name) == _bare(topic) and info.msg_type == "sensor_msgs/NavSatFix"]
+    if not names:
+        raise DataError(f"{file}: has no fixes on {topic}; it holds {', '.join(sorted(topics)) or 'nothing'}")
+    messages = [message for name in names for message in _messages(bag, file, name)]
+    rows = []
+    for fix in messages:
+        row = (fix.header.stamp.to_sec(), np.radians(fix.latitude), np.radians(fix.longitude),
+               fix.altitude if np.isfinite(fix.altitude) else 0.0)
+        if fix.status.status >= 0 and np.isfinite(row).all() and (not rows or row[0] > rows[-1][0]):
+            variance = (fix.position_covariance[0] + fix.position_covariance[4]) / 2
+            is_known = fix.position_covariance_type != 0 and variance > 0
+            rows.append((*row, np.sqrt(variance) if is_known else DEFAULT_FIX_SIGMA))
+    if not rows:
+        raise DataError(f"none of the {len(messages)} fixes on {topic} has a position")
+    stamps, latitude, longitude, altitude, sigma = np.array(rows).T
+    # Radii of curvature of the WGS 84 ellipsoid at the first fix.
+    flattened = 1 - 6.69437999014e-3 * np.sin(latitude[0])**2
+    east_radius = 6378137.0 / np.sqrt(flattened)
+    north_radius = east_radius * (1 - 6.69437999014e-3) / flattened
+    east = (east_radius + altitude[0]) * np.cos(latitude[0]) * (longitude - longitude[0])
+    north = (north_radius + altitude[0]) * (latitude - latitude[0])
+    return stamps, np.stack([east, north, altitude - altitude[0]], -1), float(np.median(sigma))
 
 
 def _bare(topic):

@@ -5,7 +5,7 @@ import functools
 import pathlib
 import sys
 
-from . import _core, lens_calibration
+from . import _core, bags, calibration
 from .odometry import DataError, _open_reader, _setting
 
 
@@ -22,6 +22,12 @@ def parse(arguments):
         "turns. For rectified images the distortion is what the rectification has left.",
         epilog="Exit status: 0 done, 1 the data cannot be used or do not determine the lens, 2 the arguments cannot "
         "be used. Files are written only with status 0."))
+    add_calibrate_height(commands.add_parser(
+        "calibrate_height", help="estimates the camera's height from a drive of known length",
+        description="Runs the odometry over a drive of known length and prints the camera's height above the road and "
+        "its mounting, with the 95 % intervals. One of --length with --length-sigma, --gps and --trajectory is needed.",
+        epilog="Exit status: 0 done, 1 the data cannot be used or leave the height too uncertain, 2 the arguments cannot "
+        "be used. FILE is written only with status 0."))
     return parser.parse_args(arguments)
 
 
@@ -56,6 +62,27 @@ def add_calibrate(command):
                          help="YAML of camera_calibration (default: camera.yaml); beside it FILE.png with the mean "
                          "residuals over the image")
     command.add_argument("--force", action="store_true", help="replace existing files")
+    add_common(command)
+
+
+def add_calibrate_height(command):
+    command.add_argument("input", nargs="?", **INPUT)
+    command.add_argument("--bag", type=pathlib.Path, metavar="FILE", help="the input is this bag")
+    command.add_argument("--camera", **CAMERA)
+    command.add_argument("--length", type=float, metavar="M",
+                         help="odometer reading between the first image and the last [m], and")
+    command.add_argument("--length-sigma", type=float, metavar="M", help="its standard deviation [m]")
+    command.add_argument("--gps", metavar="TOPIC", help="fixes in the bag (sensor_msgs/NavSatFix)")
+    command.add_argument("--trajectory", type=pathlib.Path, metavar="FILE",
+                         help="positions of a point fixed to the vehicle, in any frame: TUM (stamp x y z qx qy qz qw), or "
+                         "KITTI poses, a line for each image")
+    command.add_argument("--from", dest="start", type=float, default=0.0, metavar="S",
+                         help="only from this time after the first image on [s]")
+    command.add_argument("--to", dest="end", type=float, default=float("inf"), metavar="S",
+                         help="only up to this time after the first image [s]")
+    command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("height.yaml"), metavar="FILE",
+                         help="YAML, for height_file:= of the launch files (default: height.yaml)")
+    command.add_argument("--force", action="store_true", help="replace FILE when it exists")
     add_common(command)
 
 
@@ -97,7 +124,7 @@ def draw(folder):
     except ImportError as error:
         print(f"no plots: {error}", file=sys.stderr)
     else:
-        plot_run.draw(folder, pdf=False)
+        plot_run.draw(folder)
 
 
 def run(arguments):
@@ -118,18 +145,35 @@ def run(arguments):
 
 def calibrate(arguments):
     fov = arguments.fov or 0.0
-    files = lens_calibration.output_files(arguments.out, arguments.force)
     # The further drives are of the same camera.
     drives = [opener(path, arguments, fov) for path in arguments.inputs]
     names = [_core.result_name(str(path)) for path in arguments.inputs]
-    lens_calibration.estimate(drives, names, fov > 0, arguments.set, files)
+    calibration.estimate_lens(drives, names, fov > 0, arguments)
+    return 0
+
+
+def calibrate_height(arguments):
+    path = arguments.input or arguments.bag
+    if (arguments.input is None) == (arguments.bag is None):
+        raise ValueError("one drive is needed: SEQ or --bag FILE, see --help")
+    given = (arguments.length is not None, bool(arguments.gps), bool(arguments.trajectory))
+    if sum(given) != 1:
+        raise ValueError("one of --length, --gps and --trajectory is needed, see --help")
+    if given[0] != (arguments.length_sigma is not None):
+        raise ValueError("--length and --length-sigma go together, see --help")
+    if given[0] and not (arguments.length > 0 and 0 <= arguments.length_sigma < float("inf")):
+        raise ValueError("--length must be positive, and --length-sigma not negative")
+    if not arguments.end > arguments.start:
+        raise ValueError("--to must be greater than --from")
+    calibration.estimate_height(opener(path, arguments)(), _core.result_name(str(path)), arguments,
+                                lambda: bags.fixes(str(path), arguments.gps))
     return 0
 
 
 def main():
     arguments = parse(sys.argv[1:])
     try:
-        return {"run": run, "calibrate": calibrate}[arguments.command](arguments)
+        return globals()[arguments.command](arguments)
     except (ValueError, OSError) as error:
         print(f"ground_scale_vo: {error}", file=sys.stderr)
         return 1 if isinstance(error, (DataError, OSError)) else 2

@@ -2,7 +2,7 @@
 
 For each folder in turn: the offline pipeline with all its threads on one processor core, and in the same run the
 baseline, OpenCV's pyramid, corner detection and Lucas-Kanade tracking of as many points on the same images; the same
-on two cores, driven forwards and backwards in turn for 1500 frames (frames per second, memory over time); and both
+on two cores, over the sequence again and again for 1500 frames (frames per second, memory over time); and both
 nodelets under a private ROS master, with the sequence as a bag at several rates (latency from an image to its metric
 odometry, dropped images). Measure on an idle machine.
 

@@ -3,6 +3,7 @@
 #   gsv_setup [section...]   installs missing packages of packages.txt: [run], [build], these sections
 #   gsv_build [target...]    configures and builds in $gsv_build_folder; without a target: everything
 #   gsv_env                  sets the environment of ROS and of this build in the calling shell
+#   gsv_python COMMAND...    runs `ground_scale_vo COMMAND...` of the Python module, after set-up and build
 #   gsv_use_build FOLDER     builds in FOLDER from now on, also in a catkin workspace
 #   $gsv_cmake_arguments     array of further arguments of cmake for gsv_build
 #   $gsv_tools               the folder of the package's executables
@@ -175,6 +176,19 @@ gsv_env() {
   gsv_builds_here || return 0
   export ROS_HOME=$gsv_build_folder/ros ROS_LOG_DIR=$gsv_build_folder/ros/log
   mkdir -p "$ROS_LOG_DIR"
+}
+
+gsv_python() {
+  gsv_setup python
+  gsv_cmake_arguments=(-DGROUND_SCALE_VO_PYTHON=ON)
+  gsv_build ground_scale_vo_python
+  compgen -G "$gsv_tools/python/ground_scale_vo/_core*" >/dev/null || {
+    echo "${0##*/}: $gsv_tools/python has no Python module: build with -DGROUND_SCALE_VO_PYTHON=ON" >&2
+    return 1
+  }
+  # rosbag, for a bag, is in the environment of the distribution.
+  gsv_source_distribution
+  PYTHONPATH=$gsv_tools/python${PYTHONPATH:+:$PYTHONPATH} exec /usr/bin/python3 -m ground_scale_vo "$@"
 }
 
 # gsv_find_folders OUT SEQ...: checks the folders whose results go to OUT/<name>; sets gsv_folders. Returns 1

@@ -7,7 +7,7 @@ Parts:
   sequences   SEQ...
   variants    13 more difficult variants (derive_drives) of each of SEQ... with at least 150 frames, except rendered_04
   scenarios   the rendered scenarios
-  faults      rendered drives with faults
+  faults      rendered drives with a fault each
   ablation    the scenarios in several configurations
   components  SEQ... with one component changed at a time
   benchmark   time and memory on kitti_raw_0926_0039 and kitti_00_0000_0199
@@ -24,10 +24,8 @@ import concurrent.futures
 import datetime
 import hashlib
 import json
-import math
 import os
 import pathlib
-import re
 import shutil
 import subprocess
 import sys
@@ -153,28 +151,18 @@ class Report:
 
     def ablation(self, _, to):
         self.tool("evaluate_scenarios", "--ablation", "--out", to, "--threads", self.arguments.threads)
-        return {entry.pop("drive"): entry for entry in read(to / "ablation.json")}
+        return {entry.pop("drive"): entry for entry in read(to / "scenarios.json")}
 
     def components(self, folders, to):
         return {"rows": [{"label": label, "drives": self.run(folders, to / str(row), settings)}
                          for row, (label, settings) in enumerate(COMPONENTS.items())]}
 
     def faults(self, _, to):
-        done = subprocess.run([self.tools / "evaluate_faults", "--threads", str(self.arguments.threads)],
-                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=False)
-        (to / "faults.txt").write_text(done.stdout, encoding="utf-8")
-        kinds = {}
-        for kind, *values in re.findall(
-                r": ([a-z ]+?) +[\d.]+ s(?:, hides)?: detected (\S+) s, ok \d+, tracking -?\d+, metric (-?\d+), "
-                r"excess path (\S+) m, error (\S+) m, sigma (\S+) m", done.stdout):
-            # Never detected, and metric until the end: nan and -1.
-            values = [math.inf if value in ("nan", "-1") else float(value) for value in values]
-            kinds.setdefault(kind, []).append(values)
-        count, violated = map(int, re.search(r"(\d+) drives, (\d+) with a violated", done.stdout).groups())
-        return {"drives": count, "violated": violated,
-                "max_error_percent": max(map(float, re.findall(r"m, error (\S+) %", done.stdout))),
-                "kinds": {kind: [None if value == math.inf else value for value in map(max, zip(*values))]
-                          for kind, values in kinds.items()}}
+        self.tool("evaluate_scenarios", "faults", "--out", to, "--threads", self.arguments.threads)
+        drives = {entry["drive"]: entry["default"] for entry in read(to / "scenarios.json")}
+        errors = [drive["error_after_fault_percent"] for drive in drives.values()]
+        return {"drives": drives, "violated": sum(bool(drive["violated"]) for drive in drives.values()),
+                "max_error_percent": max((error for error in errors if error is not None), default=None)}
 
     def benchmark(self, folders, to):
         self.tool("benchmark", *folders, "--camera-height", self.arguments.camera_height, "--out", to)

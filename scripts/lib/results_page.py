@@ -81,9 +81,11 @@ def component_table(part):
 
 
 def fault_table(part):
-    headings = ["fault", "detected s", "metric frames", "excess path m", "error m", "σ m"]
-    return markdown(headings, [[kind, *("never" if value is None else value for value in values)]
-                               for kind, values in sorted(part["kinds"].items())])
+    columns = [("tracked", "tracked_frames"), ("frames", "frames"), ("frames to recover", "recovery_frames"),
+               ("error afterwards %", "error_after_fault_percent"),
+               ("displacement error σ", "displacement_sigmas"), ("violated", "violated")]
+    return markdown(["drive", *(heading for heading, _ in columns)],
+                    [[f"`{name}`", *(drive[key] for _, key in columns)] for name, drive in sorted(part["drives"].items())])
 
 
 def sections(results, descriptions):
@@ -101,8 +103,7 @@ def sections(results, descriptions):
         yield "Components over the sequences", "", [component_table(results["components"])]
     if "faults" in results:
         faults = results["faults"]
-        yield "Faults", (f"{faults['drives']} drives, {faults['violated']} with a violated threshold; segments without fault "
-                         f"within {faults['max_error_percent']:.2f} %. The largest value of each kind."), [fault_table(faults)]
+        yield "Faults", (f"{faults['violated']} of {len(faults['drives'])} drives with a violated threshold."), [fault_table(faults)]
     if "benchmark" in results:
         yield "Time and memory", "Measured on two cores; only the ratios carry over to another machine.", list(
             benchmark_tables(drives(results["benchmark"])))

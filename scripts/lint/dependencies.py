@@ -53,10 +53,12 @@ def may_include(module, header):
 
 
 def violations(root):
-    for base in (root / "include/ground_scale_vo", root / "src"):
+    for base in (root / "include/ground_scale_vo", root / "src", root / "simulation"):
         for file in sources(base):
             module = module_of(file.relative_to(base))
             name = file.relative_to(root)
+            if base.name == "simulation" and module != "tools":
+                module = "simulation"
             if module not in ALLOWED:
                 yield f"{name}: the module {module} is missing in the table of this script"
                 continue

@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/text.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -1,11 +1,9 @@
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -108,14 +106,11 @@ CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
       const Vector6d sigma = relative.covariance.diagonal().cwiseSqrt();
       ++sums.segments;
       sums.nees_per_dof += nees(relative) / 6;
-      sums.nees_per_dof_exact_ground_truth +=
-          nees(relativePoseError(record, ground_truth, i, metric[end])) / 6;
       sums.within_2_sigma +=
           static_cast<double>((relative.error.array().abs() <= 2 * sigma.array()).count()) / 6;
     }
     if (sums.segments == 0) continue;
     sums.nees_per_dof /= sums.segments;
-    sums.nees_per_dof_exact_ground_truth /= sums.segments;
     sums.within_2_sigma /= sums.segments;
     metrics.by_length.push_back(sums);
   }

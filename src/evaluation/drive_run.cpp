@@ -6,11 +6,11 @@
 #include <optional>
 #include <system_error>
 
-#include "ground_scale_vo/common/format.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
-#include "ground_scale_vo/common/set_option.hpp"
-#include "ground_scale_vo/common/write_file.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/common/time.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 
@@ -18,23 +18,22 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-/// Of the frames with a metric pose.
-struct Shares {
-  std::size_t metric = 0, held = 0;
-  const RunFrame* first_metric = nullptr;
-  const RunFrame* last_metric = nullptr;
+/// The frames with a metric pose.
+struct MetricFrames {
+  std::size_t count = 0, held = 0;
+  const RunFrame* first = nullptr;
+  const RunFrame* last = nullptr;
 };
 
-Shares sharesOf(const RunRecord& record) {
-  Shares shares;
+MetricFrames metricFramesOf(const RunRecord& record) {
+  MetricFrames metric;
   for (const RunFrame& frame : record.frames()) {
     if (!frame.has_metric_pose) continue;
-    ++shares.metric;
-    if (frame.scale.status == ScaleStatus::kHeld) ++shares.held;
-    if (!shares.first_metric) shares.first_metric = &frame;
-    shares.last_metric = &frame;
+    if (metric.count++ == 0) metric.first = &frame;
+    if (frame.scale.status == ScaleStatus::kHeld) ++metric.held;
+    metric.last = &frame;
   }
-  return shares;
+  return metric;
 }
 
 /// Of the frames without a metric pose.
@@ -68,20 +67,19 @@ double lengthSigma(const RunRecord& record, const RunFrame& last, double length)
 
 std::string DriveRun::summary() const {
   const std::vector<RunFrame>& frames = record.frames();
-  std::string text = std::to_string(images) + " images, " + std::to_string(used) + " used, " +
-                     std::to_string(images - used) + " lost, " +
-                     std::to_string(record.trackedFrames()) + " tracked; ";
-  const Shares shares = sharesOf(record);
-  if (!shares.first_metric) return text + "no metric pose";
+  const std::string text = format("%zu images, %zu used, %zu lost, %zu tracked; ", frames.size(),
+                                  used, frames.size() - used, record.trackedFrames());
+  const MetricFrames metric = metricFramesOf(record);
+  if (metric.count == 0) return text + "no metric pose";
+  const Eigen::Vector3d start = frames.front().T_o_c.translation();
   const double length = pathLength(record.metricPoses());
-  const Eigen::Vector3d first =
-      shares.first_metric->T_o_c.translation() - frames.front().T_o_c.translation();
   return text +
          format("first metric pose after %.1f s and %.1f m, scale held in %.0f %%; ",
-                secondsBetween(*first_stamp_ns, shares.first_metric->stamp_ns), first.norm(),
-                100.0 * static_cast<double>(shares.held) / static_cast<double>(shares.metric)) +
+                secondsBetween(frames.front().stamp_ns, metric.first->stamp_ns),
+                (metric.first->T_o_c.translation() - start).norm(),
+                100.0 * static_cast<double>(metric.held) / static_cast<double>(metric.count)) +
          format("length %.1f m, standard deviation %.1f m", length,
-                lengthSigma(record, *shares.last_metric, length));
+                lengthSigma(record, *metric.last, length));
 }
 
 DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
@@ -91,44 +89,32 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   odometry_options.odometry.vo.readout_time = camera.calibration().readout_time;
   for (const std::string& setting : options.settings) setOption(odometry_options, setting);
   odometry_options.validate();
-  MetricOdometry odometry(lensOf(camera.givenCalibration()), odometry_options, drive->givenMask());
-
-  DriveRun run;
-  std::optional<std::int64_t> first_ns;
-  std::size_t unused_in_part = 0;
+  OfflineRun offline(lensOf(camera.givenCalibration()), odometry_options, drive->givenMask());
   while (const auto image = drive->next()) {
-    run.stamps_ns.push_back(image->stamp_ns);
-    const bool is_used = !image->given.empty();
-    if (is_used && !first_ns) first_ns = image->stamp_ns;
-    const double since_s = first_ns ? secondsBetween(*first_ns, image->stamp_ns) : 0;
-    if (since_s < options.from_s || since_s > options.to_s) continue;
-    if (is_used) {
-      if (!run.first_stamp_ns) run.first_stamp_ns = image->stamp_ns;
-      const MetricOdometry::Output output = odometry.process(image->given, image->stamp_ns);
-      run.record.append(output.vo, output.scale, image->decode_ms);
+    if (image->given.empty()) {
+      offline.appendUnused(image->stamp_ns);
     } else {
-      ++unused_in_part;
-      run.record.appendUnused(image->stamp_ns);
+      offline.process(image->given, image->stamp_ns, image->decode_ms);
     }
-    on_frame(run.record.frames().back());
+    on_frame(offline.record().frames().back());
   }
-  run.lens = odometry.lens();
-  run.images = drive->read();
+  DriveRun run;
+  run.record = offline.record();
+  run.lens = offline.lens();
   run.used = drive->used();
   run.warnings = drive->warnings();
-  const DriveRun::Options whole;
-  const bool is_part = options.from_s > whole.from_s || options.to_s < whole.to_s;
-  if (!is_part || unused_in_part > 0) run.failure = drive->failure();
-  const Shares shares = sharesOf(run.record);
-  if (run.failure.empty() && !shares.first_metric) {
+  run.failure = drive->failure();
+  const MetricFrames metric = metricFramesOf(run.record);
+  const std::size_t tracked = run.record.trackedFrames(), frames = run.record.frames().size();
+  if (run.failure.empty() && metric.count == 0) {
     run.failure = "no metric pose: " + mostFrequentReason(run.record);
   }
-  const std::size_t tracked = run.record.trackedFrames(), frames = run.record.frames().size();
   if (run.failure.empty() && 2 * tracked < frames) {
-    run.failure = "the odometry tracked in only " + std::to_string(tracked) + " of " +
-                  std::to_string(frames) + " images: are they in order, and of one drive?";
+    run.failure = format(
+        "the odometry tracked in only %zu of %zu images: are they in order, and of one drive?",
+        tracked, frames);
   }
-  if (2 * shares.held > shares.metric) {
+  if (2 * metric.held > metric.count) {
     run.warnings.push_back(
         "the scale is held in more than half of the images: is the road in front "
         "of the camera visible, and the camera upright?");

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "ground_scale_vo/common/text.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -17,7 +19,7 @@ constexpr std::chrono::seconds kLogPeriod(10);
 ProgressLine::ProgressLine(std::string name, std::size_t total)
     : name_(std::move(name)), total_(total), is_terminal_(isatty(STDERR_FILENO) != 0) {}
 
-void ProgressLine::step(const Details& details) {
+void ProgressLine::step(const char* unit, const std::function<std::string()>& details) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto now = Clock::now();
   ++done_;
@@ -30,17 +32,10 @@ void ProgressLine::step(const Details& details) {
   is_open_ = true;
   const double seconds = std::chrono::duration<double>(now - start_).count();
   const double rate = seconds > 0 ? static_cast<double>(done_) / seconds : 0;
-  std::fprintf(stderr, is_terminal_ ? "\r%s: %zu/%zu%s\033[K" : "%s: %zu/%zu%s\n", name_.c_str(),
-               done_, total_, details(rate).c_str());
+  std::fprintf(stderr,
+               is_terminal_ ? "\r%s: %zu/%zu %s, %.1f/s%s\033[K" : "%s: %zu/%zu %s, %.1f/s%s\n",
+               name_.c_str(), done_, total_, unit, rate, details ? details().c_str() : "");
   if (done_ == total_) end("\n");
-}
-
-void ProgressLine::step(const char* unit) {
-  step([unit](double rate) {
-    char text[64];
-    std::snprintf(text, sizeof text, " %s, %.1f/s", unit, rate);
-    return std::string(text);
-  });
 }
 
 void ProgressLine::pause(const std::function<void()>& print) {
@@ -53,6 +48,18 @@ void ProgressLine::pause(const std::function<void()>& print) {
 void ProgressLine::end(const char* terminator) {
   if (is_terminal_ && is_open_) std::fputs(terminator, stderr);
   is_open_ = false;
+}
+
+void RunProgress::show(const RunFrame& frame) {
+  distance_ += (frame.T_o_c.translation() - position_).norm();
+  position_ = frame.T_o_c.translation();
+  line_.step("frames", [&] {
+    const ScaleEstimate& scale = frame.scale;
+    return format(", %.1f m, scale ", distance_) +
+           (scale.status == ScaleStatus::kUnknown
+                ? "not yet known"
+                : format("%.4g m/unit (%s)", scale.scale, toString(scale.status)));
+  });
 }
 
 }  // namespace ground_scale_vo

@@ -5,11 +5,6 @@
 #include <stdexcept>
 
 namespace ground_scale_vo {
-namespace {
-
-using Poses = std::vector<Eigen::Isometry3d>;
-
-}  // namespace
 
 void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
                        double decode_ms) {
@@ -95,14 +90,14 @@ std::size_t RunRecord::lostEvents() const {
   return events;
 }
 
-Poses RunRecord::metricPoses() const {
-  Poses poses;
+std::vector<Eigen::Isometry3d> RunRecord::metricPoses() const {
+  std::vector<Eigen::Isometry3d> poses;
   for (const RunFrame& frame : frames_) poses.push_back(frame.T_o_c);
   return poses;
 }
 
-Poses RunRecord::unscaledPoses() const {
-  Poses poses;
+std::vector<Eigen::Isometry3d> RunRecord::unscaledPoses() const {
+  std::vector<Eigen::Isometry3d> poses;
   const RunFrame* last_posed = nullptr;
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_first_w = Eigen::Isometry3d::Identity();  // of the current map

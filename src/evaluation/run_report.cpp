@@ -2,18 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
-#include <locale>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 #include <utility>
 
-#include "ground_scale_vo/common/text_file.hpp"
-#include "ground_scale_vo/evaluation/covariance_metrics.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
-#include "ground_scale_vo/io/csv_stream.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/time.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
@@ -21,34 +17,10 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-using Poses = std::vector<Eigen::Isometry3d>;
 using Json = nlohmann::ordered_json;
 
-/// A number with 10 significant digits; null if it is missing or not finite.
-Json number(std::optional<double> value) {
-  if (!value || !std::isfinite(*value)) return nullptr;
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  text << std::setprecision(10) << *value;
-  return Json::parse(text.str());
-}
-
-/// A member of metrics; null without metrics.
-template <typename Metrics, typename Field>
-Json member(const std::optional<Metrics>& metrics, Field field) {
-  return metrics ? number((*metrics).*field) : Json(nullptr);
-}
-
-Json lengthErrors(const std::vector<OdometryMetrics::LengthError>& errors) {
-  Json array = Json::array();
-  for (const OdometryMetrics::LengthError& error : errors) {
-    array.push_back({{"length_m", number(error.length_m)},
-                     {"segments", error.segments},
-                     {"t_err_percent", number(error.t_err_percent)},
-                     {"r_err_deg_per_m", number(error.r_err_deg_per_m)}});
-  }
-  return array;
-}
+/// null if it is missing; Json writes numbers that are not finite as null, too.
+Json number(std::optional<double> value) { return value ? Json(*value) : Json(nullptr); }
 
 double voTime(const RunFrame& frame) { return frame.vo_times.total; }
 double scaleTime(const RunFrame& frame) { return frame.scale_times.total; }
@@ -63,78 +35,59 @@ std::vector<double> timesOf(const RunRecord& record, double (*time)(const RunFra
   return times;
 }
 
-void addFrameCounts(const RunRecord& record, Json* json) {
-  const std::vector<RunFrame>& frames = record.frames();
-  (*json)["frames"] = frames.size();
-  (*json)["tracked_frames"] = record.trackedFrames();
-  (*json)["lost_events"] = record.lostEvents();
-  (*json)["backfilled_frames"] = std::count_if(
-      frames.begin(), frames.end(), [](const RunFrame& frame) { return frame.backfilled; });
+void addTrajectoryMetrics(const OdometryMetrics& metric, const OdometryMetrics& unscaled,
+                          Json* json) {
+  (*json)["gt_length_m"] = metric.gt_length_m;
+  (*json)["rle_percent"] = number(metric.rle_percent);
+  (*json)["t_err_percent"] = number(metric.t_err_percent);
+  (*json)["r_err_deg_per_m"] = number(metric.r_err_deg_per_m);
+  (*json)["t_err_short_percent"] = number(metric.t_err_short_percent);
+  (*json)["t_err_true_length_percent"] = number(metric.t_err_true_length_percent);
+  (*json)["t_err_sim3_percent"] = number(unscaled.t_err_sim3_percent);
+  (*json)["ate_rmse_m"] = metric.ate_rmse_m;
 }
 
-void addTrajectoryMetrics(const std::optional<OdometryMetrics>& metric,
-                          const std::optional<OdometryMetrics>& unscaled, Json* json) {
-  using Metrics = OdometryMetrics;
-  Json& members = *json;
-  members["gt_length_m"] = member(metric, &Metrics::gt_length_m);
-  members["rle_percent"] = member(metric, &Metrics::rle_percent);
-  members["t_err_percent"] = member(metric, &Metrics::t_err_percent);
-  members["r_err_deg_per_m"] = member(metric, &Metrics::r_err_deg_per_m);
-  members["t_err_short_percent"] = member(metric, &Metrics::t_err_short_percent);
-  members["t_err_true_length_percent"] = member(metric, &Metrics::t_err_true_length_percent);
-  members["t_err_sim3_percent"] = member(unscaled, &Metrics::t_err_sim3_percent);
-  members["direction_median_deg"] = member(metric, &Metrics::direction_median_deg);
-  members["ate_rmse_m"] = member(metric, &Metrics::ate_rmse_m);
+void addScaleMetrics(const ScaleMetrics& scale, Json* json) {
+  (*json)["scale_within_2_sigma"] = scale.within_2_sigma;
+  (*json)["first_scale_error_sigmas"] = scale.first_error_sigmas;
+  (*json)["scale_held_share"] = scale.held_share;
+  (*json)["scale_error_median_percent"] = scale.error_median_percent;
+  (*json)["height_bias_percent"] = scale.height_bias_percent;
 }
 
-void addScaleMetrics(const std::optional<ScaleMetrics>& scale, Json* json) {
-  Json& members = *json;
-  members["scale_within_2_sigma"] = member(scale, &ScaleMetrics::within_2_sigma);
-  members["first_scale_error_sigmas"] = member(scale, &ScaleMetrics::first_error_sigmas);
-  members["scale_held_share"] = member(scale, &ScaleMetrics::held_share);
-  members["scale_error_median_percent"] = member(scale, &ScaleMetrics::error_median_percent);
-  members["scale_error_spread_percent"] = member(scale, &ScaleMetrics::error_spread_percent);
-  members["height_bias_percent"] = member(scale, &ScaleMetrics::height_bias_percent);
-}
-
-void addCovarianceMetrics(const std::optional<CovarianceMetrics>& covariance, Json* json) {
-  (*json)["first_metric_pose_m"] =
-      covariance ? number(covariance->first_metric_pose_m) : Json(nullptr);
-  (*json)["covariance_by_length"] = nullptr;
-  if (!covariance) return;
-  Json array = Json::array();
-  for (const CovarianceMetrics::Length& length : covariance->by_length) {
-    array.push_back(
-        {{"length_m", number(length.length_m)},
-         {"segments", length.segments},
-         {"nees_per_dof", number(length.nees_per_dof)},
-         {"nees_per_dof_exact_ground_truth", number(length.nees_per_dof_exact_ground_truth)},
-         {"within_2_sigma", number(length.within_2_sigma)}});
+void addCovarianceMetrics(const CovarianceMetrics& covariance, Json* json) {
+  (*json)["first_metric_pose_m"] = covariance.first_metric_pose_m;
+  Json& array = (*json)["covariance_by_length"] = Json::array();
+  for (const CovarianceMetrics::Length& length : covariance.by_length) {
+    array.push_back({{"length_m", length.length_m},
+                     {"segments", length.segments},
+                     {"nees_per_dof", length.nees_per_dof},
+                     {"within_2_sigma", length.within_2_sigma}});
   }
-  (*json)["covariance_by_length"] = array;
-}
-
-void addResources(const RunRecord& record, Json* json) {
-  const std::pair<const char*, double (*)(const RunFrame&)> stages[] = {
-      {"ms_vo", voTime}, {"ms_scale", scaleTime}, {"ms_total", totalTime}};
-  for (const auto& [name, time] : stages) {
-    const std::vector<double> times = timesOf(record, time);
-    (*json)[std::string(name) + "_median"] = number(quantile(times, 0.5));
-    (*json)[std::string(name) + "_p95"] = number(quantile(times, 0.95));
-  }
-  (*json)["peak_rss_mb"] = number(processUsage().peak_rss_mb);
 }
 
 }  // namespace
 
-std::string metricsJson(const RunRecord& record, double camera_height, const Poses& ground_truth,
+std::string metricsJson(const RunRecord& record, double camera_height,
+                        const std::vector<Eigen::Isometry3d>& ground_truth,
                         const std::vector<double>& ground_truth_heights) {
-  const Poses metric_poses = record.metricPoses();
-  std::optional<OdometryMetrics> metric, unscaled;
-  std::optional<ScaleMetrics> scale;
-  std::optional<CovarianceMetrics> covariance;
-  if (!ground_truth.empty() && metric_poses.size() >= 2) {
-    metric = computeOdometryMetrics(ground_truth, metric_poses);
+  const std::vector<RunFrame>& frames = record.frames();
+  const std::vector<Eigen::Isometry3d> poses = record.metricPoses();
+  Json json;
+  json["frames"] = frames.size();
+  json["tracked_frames"] = record.trackedFrames();
+  json["lost_events"] = record.lostEvents();
+  json["backfilled_frames"] = std::count_if(frames.begin(), frames.end(),
+                                            [](const RunFrame& frame) { return frame.backfilled; });
+  json["camera_height_m"] = camera_height;
+  json["length_m"] = pathLength(poses);
+  // Without ground truth all are null.
+  OdometryMetrics metric, unscaled;
+  ScaleMetrics scale;
+  CovarianceMetrics covariance;
+  const bool has_truth = !ground_truth.empty() && poses.size() >= 2;
+  if (has_truth) {
+    metric = computeOdometryMetrics(ground_truth, poses);
     unscaled = computeOdometryMetrics(ground_truth, record.unscaledPoses());
     const bool is_exact = !ground_truth_heights.empty();
     covariance = computeCovarianceMetrics(record, ground_truth,
@@ -143,16 +96,17 @@ std::string metricsJson(const RunRecord& record, double camera_height, const Pos
                                 is_exact ? kExactGroundTruthDistance : kMeasuredGroundTruthDistance,
                                 ground_truth_heights);
   }
-  Json json;
-  addFrameCounts(record, &json);
-  json["camera_height_m"] = number(camera_height);
-  json["length_m"] = number(pathLength(metric_poses));
   addTrajectoryMetrics(metric, unscaled, &json);
   addScaleMetrics(scale, &json);
   addCovarianceMetrics(covariance, &json);
-  addResources(record, &json);
-  json["by_length"] = metric ? lengthErrors(metric->by_length) : Json(nullptr);
-  json["by_short_length"] = metric ? lengthErrors(metric->by_short_length) : Json(nullptr);
+  if (!has_truth) json["gt_length_m"] = json["ate_rmse_m"] = json["covariance_by_length"] = nullptr;
+  const std::pair<const char*, double (*)(const RunFrame&)> stages[] = {
+      {"ms_vo", voTime}, {"ms_scale", scaleTime}, {"ms_total", totalTime}};
+  for (const auto& [name, time] : stages) {
+    json[std::string(name) + "_median"] = quantile(timesOf(record, time), 0.5);
+    json[std::string(name) + "_p95"] = quantile(timesOf(record, time), 0.95);
+  }
+  json["peak_rss_mb"] = processUsage().peak_rss_mb;
   return json.dump(2) + "\n";
 }
 

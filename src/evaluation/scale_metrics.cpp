@@ -1,13 +1,10 @@
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
-
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/median.hpp"
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -40,11 +37,6 @@ double share(std::size_t part, std::size_t whole) {
                     : static_cast<double>(part) / static_cast<double>(whole);
 }
 
-double medianDistance(std::vector<double> values, double from) {
-  for (double& value : values) value = std::abs(value - from);
-  return quantile(values, 0.5);
-}
-
 }  // namespace
 
 ScaleMetrics computeScaleMetrics(const RunRecord& record,
@@ -63,7 +55,7 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
   ScaleMetrics metrics;
   metrics.first_error_sigmas = std::numeric_limits<double>::quiet_NaN();
   std::size_t within = 0, held = 0, from_first = 0;
-  std::vector<double> errors, raw_errors, height_errors;
+  std::vector<double> errors, magnitudes, height_errors;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const ScaleEstimate& scale = frames[i].scale;
     if (from_first > 0 || frames[i].has_metric_pose) {
@@ -75,17 +67,15 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
     if (!known) continue;
     if (errors.empty()) metrics.first_error_sigmas = (scale.scale - *known) / scale.sigma;
     errors.push_back(100 * (scale.scale / *known - 1));
+    magnitudes.push_back(std::abs(errors.back()));
     within += std::abs(scale.scale - *known) <= 2 * scale.sigma;
-    if (scale.raw_scale > 0) raw_errors.push_back(100 * (scale.raw_scale / *known - 1));
     if (!ground_truth_heights.empty()) {
       height_errors.push_back(100 * (scale.height * *known / ground_truth_heights[i] - 1));
     }
   }
   metrics.within_2_sigma = share(within, errors.size());
   metrics.error_median_percent = quantile(errors, 0.5);
-  metrics.error_abs_median_percent = medianDistance(errors, 0);
-  metrics.error_spread_percent =
-      kMadToSigma * medianDistance(raw_errors, quantile(raw_errors, 0.5));
+  metrics.error_abs_median_percent = quantile(magnitudes, 0.5);
   metrics.held_share = share(held, from_first);
   metrics.height_bias_percent = quantile(height_errors, 0.5);
   return metrics;

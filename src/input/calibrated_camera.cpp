@@ -6,23 +6,29 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/text.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 /// Points per side of the grid on which two rectifications are compared.
 constexpr int kComparedPoints = 5;
+constexpr double kTolerancePx = 0.1;
 
 cv::Matx33d matrixOf(const CameraCalibration& c) { return {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1}; }
 
-/// Same size and, within the tolerance, same intrinsics.
-bool areClose(const PinholeCamera& a, const PinholeCamera& b) {
-  const auto same = [](double x, double y) {
-    return std::abs(x - y) <= CalibratedCamera::kTolerancePx;
-  };
-  return a.width == b.width && a.height == b.height && same(a.fx, b.fx) && same(a.fy, b.fy) &&
-         same(a.cx, b.cx) && same(a.cy, b.cy);
+/// Pixel of the raw image that a pixel of the rectified one shows.
+cv::Point2d distortedPixel(const CameraCalibration& camera, const cv::Point2d& rectified) {
+  const cv::Matx33d K = matrixOf(camera);
+  const cv::Point2d x((rectified.x - camera.cx) / camera.fx, (rectified.y - camera.cy) / camera.fy);
+  std::vector<cv::Point2d> pixel;
+  if (camera.is_fisheye) {
+    cv::fisheye::distortPoints(std::vector<cv::Point2d>{x}, pixel, K, camera.distortion);
+  } else {
+    cv::projectPoints(std::vector<cv::Point3d>{{x.x, x.y, 1}}, cv::Vec3d(), cv::Vec3d(), K,
+                      camera.distortion, pixel);
+  }
+  return pixel.front();
 }
 
 const CameraCalibration& valid(const CameraCalibration& calibration) {
@@ -79,35 +85,23 @@ cv::Mat CalibratedCamera::givenMask(const cv::Mat& raw_mask) const {
   return isGivenRectified() ? undistortion_.mask(raw_mask) : raw_mask;
 }
 
-cv::Point2d distortedPixel(const CameraCalibration& camera, const cv::Point2d& rectified) {
-  const cv::Matx33d K = matrixOf(camera);
-  const cv::Point2d x((rectified.x - camera.cx) / camera.fx, (rectified.y - camera.cy) / camera.fy);
-  std::vector<cv::Point2d> pixel;
-  if (camera.is_fisheye) {
-    cv::fisheye::distortPoints(std::vector<cv::Point2d>{x}, pixel, K, camera.distortion);
-  } else {
-    cv::projectPoints(std::vector<cv::Point3d>{{x.x, x.y, 1}}, cv::Vec3d(), cv::Vec3d(), K,
-                      camera.distortion, pixel);
-  }
-  return pixel.front();
-}
-
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
   if (a == b) return true;
-  if (!areClose(pinholeOf(a), pinholeOf(b))) return false;
+  const auto isClose = [](double x, double y) { return std::abs(x - y) <= kTolerancePx; };
+  if (a.width != b.width || a.height != b.height || !isClose(a.fx, b.fx) || !isClose(a.fy, b.fy) ||
+      !isClose(a.cx, b.cx) || !isClose(a.cy, b.cy)) {
+    return false;
+  }
   if (!a.isDistorted() && !b.isDistorted()) return true;
   const double last = kComparedPoints - 1;
   for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {
     const cv::Point2d rectified((a.width - 1) * (i % kComparedPoints / last),
                                 (a.height - 1) * (i / kComparedPoints / last));
-    const cv::Point2d offset = distortedPixel(a, rectified) - distortedPixel(b, rectified);
-    if (!(std::hypot(offset.x, offset.y) <= CalibratedCamera::kTolerancePx)) return false;
+    if (!(cv::norm(distortedPixel(a, rectified) - distortedPixel(b, rectified)) <= kTolerancePx)) {
+      return false;
+    }
   }
   return true;
-}
-
-bool CalibratedCamera::matches(const PinholeCamera& other) const {
-  return areClose(camera(), other);
 }
 
 }  // namespace ground_scale_vo

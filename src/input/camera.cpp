@@ -3,8 +3,7 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/format.hpp"
-#include "ground_scale_vo/common/image_limits.hpp"
+#include "ground_scale_vo/common/text.hpp"
 
 namespace ground_scale_vo {
 namespace {

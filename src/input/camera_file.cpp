@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/format.hpp"
-#include "ground_scale_vo/common/image_limits.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -5,8 +5,8 @@
 #include <sstream>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/image_limits.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/image_limits.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -4,10 +4,9 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/format.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
-#include "ground_scale_vo/common/stopwatch.hpp"
-#include "ground_scale_vo/input/calibration_check.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/common/time.hpp"
+#include "ground_scale_vo/input/camera_calibration.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
 
 namespace ground_scale_vo {
@@ -29,13 +28,7 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
       stamp_filter_(
           StampGuard(StampGuard::kDefaultClockJump, source_->zeroIsUnset() && options.fps == 0,
                      StampGuard::kHoldIntervalsOfFiles),
-          [this](const std::string& reason) {
-            const std::size_t index = waiting_.front();
-            waiting_.pop_front();
-            ++wrong_stamps_;
-            lose(kWrongStamp, reason);
-            decide(index, false);
-          }) {
+          [this](const std::string& reason) { loseOldestWaiting(reason); }) {
   startLoading();
   for (;;) {
     Stored stored = load();
@@ -103,7 +96,7 @@ DriveReader::Stored DriveReader::load() {
 }
 
 std::optional<DriveReader::Image> DriveReader::next() {
-  while (entries_.empty() || !entries_.front().is_decided) {
+  while (!is_at_end_ && (entries_.empty() || !entries_.front()->is_decided)) {
     Stored stored;
     if (first_.empty()) {
       stored = load();
@@ -111,78 +104,85 @@ std::optional<DriveReader::Image> DriveReader::next() {
       stored = std::move(first_.front());
       first_.pop_front();
     }
-    if (!stored.image) {
-      requireUsableStamps();
-      is_at_end_ = true;
-      if (!stored.error.empty()) end_error_ = stored.error;
-      if (first_used_) decide(*std::exchange(first_used_, std::nullopt), true);
-      if (waiting_.empty()) break;
-      // The last image is far from the one before it, and nothing confirms it.
-      ++wrong_stamps_;
-      lose(kWrongStamp, "it is the last one");
-      decide(waiting_.front(), false);
-      waiting_.pop_front();
-      continue;
+    if (stored.image) {
+      add(stored);
+      if (read_ == kStampProbe) requireUsableStamps();
+    } else {
+      end(stored.error);
     }
-    add(std::move(stored));
-    if (read_ == kStampProbe) requireUsableStamps();
   }
   if (entries_.empty()) return std::nullopt;
-  Image image = std::move(entries_.front().image);
+  const Image image = entries_.front()->image;
   entries_.pop_front();
   if (!image.given.empty()) ++used_;
   return image;
 }
 
-void DriveReader::add(Stored stored) {
+void DriveReader::add(const Stored& stored) {
   const std::size_t index = read_++;
-  StoredImage& image = *stored.image;
-  Entry entry;
-  entry.image.index = index;
-  entry.image.decode_ms = stored.decode_ms;
-  entry.image.stamp_ns = options_.fps > 0 ? stampAtRate(index, options_.fps) : image.stamp_ns;
+  const StoredImage& image = *stored.image;
+  const auto entry = entries_.emplace_back(std::make_shared<Entry>());
+  entry->image.decode_ms = stored.decode_ms;
+  entry->image.stamp_ns = options_.fps > 0 ? stampAtRate(index, options_.fps) : image.stamp_ns;
+  entry->is_decided = true;
   try {
     if (image.pixels.empty()) throw DataError(image.error);
     const cv::Size size(camera_->calibration().width, camera_->calibration().height);
     if (image.pixels.size() != size) {
-      lose(format("have another size than %d x %d", size.width, size.height),
-           format("it has %d x %d", image.pixels.cols, image.pixels.rows));
-      entry.is_decided = true;
-    } else {
-      entry.image.given = camera_->given(grey_converter_.convert(image.pixels, image.encoding));
+      return lose(format("have another size than %d x %d", size.width, size.height),
+                  format("it has %d x %d", image.pixels.cols, image.pixels.rows));
     }
+    entry->image.given = camera_->given(grey_converter_.convert(image.pixels, image.encoding));
   } catch (const DataError& error) {
-    lose(kDamaged, error.what());
-    entry.is_decided = true;
+    return lose(kDamaged, error.what());
   }
-  entries_.push_back(std::move(entry));
-  if (entries_.back().is_decided) return;
-  waiting_.push_back(index);
-  for (const auto& accepted : stamp_filter_.filter(entries_.back().image.stamp_ns, index)) {
-    waiting_.erase(std::find(waiting_.begin(), waiting_.end(), accepted.message));
+  entry->is_decided = false;
+  waiting_.push_back(entry);
+  for (const auto& accepted : stamp_filter_.filter(entry->image.stamp_ns, entry)) {
+    waiting_.pop_front();
     use(accepted.message, accepted.clock_jumped_back);
   }
 }
 
+void DriveReader::end(const std::string& error) {
+  requireUsableStamps();
+  is_at_end_ = true;
+  end_error_ = error;
+  if (first_used_) decideFirst(true);
+  // The last image is far from the one before it, and nothing confirms it.
+  if (!waiting_.empty()) loseOldestWaiting("it is the last one");
+}
+
 /// The first image waits for the next one: if that is earlier, the first stamp is the wrong one.
-void DriveReader::use(std::size_t index, bool starts_again) {
-  Image& image = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
-                   return entry.image.index == index;
-                 })->image;
+void DriveReader::use(const EntryPtr& entry, bool starts_again) {
   if (!has_first_) {
     has_first_ = true;
-    first_used_ = index;
+    first_used_ = entry;
   } else if (first_used_) {
     if (starts_again) {
       ++wrong_stamps_;
       lose(kWrongStamp, "the stamp of the first image is later than the next ones");
       last_stamp_ns_ = 0;
     }
-    decide(*std::exchange(first_used_, std::nullopt), !starts_again);
+    decideFirst(!starts_again);
     starts_again = false;
   }
-  image.stamp_ns = continued(image.stamp_ns, starts_again);
-  if (!first_used_) decide(index, true);
+  entry->image.stamp_ns = continued(entry->image.stamp_ns, starts_again);
+  entry->is_decided = entry != first_used_;
+}
+
+void DriveReader::decideFirst(bool is_used) {
+  if (!is_used) first_used_->image.given.release();
+  first_used_->is_decided = true;
+  first_used_.reset();
+}
+
+void DriveReader::loseOldestWaiting(const std::string& reason) {
+  ++wrong_stamps_;
+  lose(kWrongStamp, reason);
+  waiting_.front()->image.given.release();
+  waiting_.front()->is_decided = true;
+  waiting_.pop_front();
 }
 
 /// The stamp of a used image, so that stamps which start again continue the earlier ones.
@@ -198,21 +198,13 @@ std::int64_t DriveReader::continued(std::int64_t stamp_ns, bool starts_again) {
   return result;
 }
 
-void DriveReader::decide(std::size_t index, bool is_used) {
-  for (Entry& entry : entries_) {
-    if (entry.image.index != index) continue;
-    entry.is_decided = true;
-    if (!is_used) entry.image.given.release();
-  }
-}
-
 void DriveReader::lose(const std::string& kind, const std::string& reason) {
   Problem& problem = problems_[kind];
   if (problem.images++ == 0) problem.first = reason;
 }
 
 void DriveReader::requireUsableStamps() const {
-  if (is_at_end_ || wrong_stamps_ == 0) return;
+  if (wrong_stamps_ == 0) return;
   if (wrong_stamps_ + waiting_.size() + 1 < read_) return;
   throw DataError(source_->name() + ": the images have no usable stamps (" +
                   problems_.begin()->second.first +

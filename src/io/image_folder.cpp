@@ -2,16 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <map>
 #include <set>
-#include <sstream>
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/format.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
-#include "utc.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;
@@ -104,25 +103,20 @@ std::vector<std::uint64_t> varyingNumbers(const std::map<Numbers, fs::path, Smal
 /// Throws DataError when a number other than the last one tells series of files apart, as the 0 and
 /// 1 of cam0_000000.png and cam1_000000.png: the other numbers are the same for each of its values.
 void requireOneSeries(const fs::path& folder, const std::map<Numbers, fs::path, Smaller>& files) {
-  const std::size_t groups = files.begin()->first.size();
-  for (std::size_t k = 0; k + 1 < groups; ++k) {
-    std::map<std::string, std::pair<std::set<Numbers>, fs::path>> series;
+  for (std::size_t k = 0; k + 1 < files.begin()->first.size(); ++k) {
+    std::map<std::string, fs::path> first_of;  // of each value
+    std::set<Numbers> others;
     for (const auto& [numbers, file] : files) {
-      Numbers others = numbers;
-      others.erase(others.begin() + static_cast<long>(k));
-      auto& [seen, first] = series[numbers[k]];
-      if (seen.empty()) first = file;
-      seen.insert(others);
+      first_of.emplace(numbers[k], file);
+      Numbers rest = numbers;
+      rest.erase(rest.begin() + static_cast<long>(k));
+      others.insert(rest);
     }
-    const auto& [first, first_file] = series.begin()->second;
-    const bool are_same =
-        std::all_of(series.begin(), series.end(),
-                    [&first = first](const auto& s) { return s.second.first == first; });
-    if (series.size() < 2 || first.size() < 2 || !are_same) continue;
+    if (first_of.size() < 2 || others.size() < 2) continue;
+    if (first_of.size() * others.size() > files.size()) continue;
     throw DataError(folder.string() + " holds several series of files, of " +
-                    first_file.filename().string() + " and of " +
-                    series.rbegin()->second.second.filename().string() +
-                    ": keep those of one camera");
+                    first_of.begin()->second.filename().string() + " and of " +
+                    first_of.rbegin()->second.filename().string() + ": keep those of one camera");
   }
 }
 
@@ -143,36 +137,8 @@ std::string missingNumbers(const fs::path& folder, const std::vector<std::uint64
          " are missing, the first one after " + std::to_string(numbers[first_gap - 1]);
 }
 
-/// Words of the stamps, one of each line that is no comment, and the numbers of these lines.
-struct Stamps {
-  std::vector<std::string> words;
-  std::vector<std::size_t> lines;
-};
-
-Stamps readWords(const TextFile& text) {
-  Stamps stamps;
-  std::size_t columns = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text.isComment(i)) continue;
-    const std::size_t words = text.wordCount(i);
-    if (columns == 0) columns = words;
-    if (words != columns || (words != 1 && words != 3)) {
-      text.fail(i,
-                "has " + std::to_string(words) + " words; one number a line is expected, a time");
-    }
-    std::istringstream line(text.line(i));
-    std::string word;
-    for (std::size_t k = 0; k < (columns == 3 ? 2 : 1); ++k) line >> word;
-    stamps.words.push_back(word);
-    stamps.lines.push_back(i);
-  }
-  return stamps;
-}
-
 /// Frame rates of cameras on vehicles: 0.5 to 250 Hz.
 constexpr long double kMinInterval = 0.004L, kMaxInterval = 2;  // [s]
-/// [s] Stamps in this range are times since 1970.
-constexpr long double kMinEpoch = kEarliestEpoch, kMaxEpoch = kLatestStamp;
 
 /// The number of nanoseconds in the unit of the stamps. 0: none gives a plausible frame rate.
 long double unitOf(const std::vector<long double>& values) {
@@ -183,40 +149,67 @@ long double unitOf(const std::vector<long double>& values) {
   const auto middle = intervals.begin() + static_cast<long>(intervals.size() / 2);
   std::nth_element(intervals.begin(), middle, intervals.end());
   for (const long double unit : {1e9L, 1e6L, 1e3L, 1.0L}) {
-    const long double seconds = unit * 1e-9L;
-    if (intervals.empty()) {
-      const long double first = values.front() * seconds;
-      if (unit == 1e9L ? first < kMaxEpoch : first > kMinEpoch && first < kMaxEpoch) return unit;
-    } else if (*middle * seconds >= kMinInterval && *middle * seconds <= kMaxInterval) {
-      return unit;
-    }
+    const long double seconds = unit * 1e-9L, first = values.front() * seconds;
+    const bool is_plausible =
+        intervals.empty() ? first < kLatestStamp && (unit == 1e9L || first > kEarliestEpoch)
+                          : *middle * seconds >= kMinInterval && *middle * seconds <= kMaxInterval;
+    if (is_plausible) return unit;
   }
   return 0;
 }
 
-std::vector<std::int64_t> parseStamps(const TextFile& text, const Stamps& stamps) {
+/// Of one number a line, or of the second of three; lines that are no comments.
+std::vector<std::int64_t> readNumericStamps(const TextFile& text) {
   std::vector<long double> values;
-  for (std::size_t i = 0; i < stamps.words.size(); ++i) {
-    const auto value = parseNumber<long double>(stamps.words[i]);
-    if (!value) text.fail(stamps.lines[i], "'" + stamps.words[i].substr(0, 30) + "' is not a time");
+  std::vector<std::string> stamps;
+  std::vector<std::size_t> lines;
+  std::size_t columns = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text.isComment(i)) continue;
+    const std::vector<std::string> words = text.words(i);
+    if (columns == 0) columns = words.size();
+    if (words.size() != columns || (columns != 1 && columns != 3)) {
+      text.fail(i, "has " + std::to_string(words.size()) +
+                       " words; one number a line is expected, a time");
+    }
+    stamps.push_back(words[columns / 2]);
+    lines.push_back(i);
+    const auto value = parseNumber<long double>(stamps.back());
+    if (!value) text.fail(i, "'" + stamps.back().substr(0, 30) + "' is not a time");
     values.push_back(*value);
   }
+  if (values.empty()) return {};
   const long double unit = unitOf(values);
   if (unit == 0) {
-    const std::string& second = stamps.words[std::min<std::size_t>(1, stamps.words.size() - 1)];
-    text.fail(stamps.lines.front(),
-              "the stamps, " + stamps.words.front() + ", " + second +
+    text.fail(lines.front(),
+              "the stamps, " + stamps.front() + ", " + stamps[values.size() > 1] +
                   " ..., give no plausible frame rate in seconds, milliseconds or nanoseconds");
   }
   std::vector<std::int64_t> stamps_ns;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const long double ns = values[i] * unit;
-    if (!(std::abs(ns) < kMaxEpoch * 1e9L)) {
-      text.fail(stamps.lines[i], "'" + stamps.words[i] + "' is not a time");
+    if (!(std::abs(ns) < kLatestStamp * 1e9L)) {
+      text.fail(lines[i], "'" + stamps[i] + "' is not a time");
     }
     stamps_ns.push_back(std::llround(ns));
   }
   return stamps_ns;
+}
+
+/// Line i of a KITTI raw drive, a time in UTC; independent of the time zone of this machine.
+std::int64_t readUtc(const TextFile& text, std::size_t i) {
+  const std::vector<std::string> words = text.words(i);
+  std::tm date{};
+  const std::string time = words.size() == 2 ? words[0] + " " + words[1] : "";
+  const char* rest = strptime(time.c_str(), "%Y-%m-%d %H:%M:%S", &date);
+  const auto fraction = parseNumber<double>(rest ? "0" + std::string(rest) : "");
+  const int day = date.tm_mday;
+  const std::int64_t seconds = timegm(&date);  // makes the first of March of the 30th of February
+  if (!fraction || !(*fraction < 1) || date.tm_mday != day || seconds < 0 ||
+      static_cast<double>(seconds) > kLatestStamp) {
+    text.fail(i, "is not a time such as 2011-09-26 13:02:25.964389445");
+  }
+  return seconds * 1'000'000'000 + std::llround(1e9 * *fraction);
 }
 
 }  // namespace
@@ -261,16 +254,20 @@ NumberedFiles imageFiles(const fs::path& folder) {
   return numberedFiles(folder, {".png", ".jpg", ".jpeg"});
 }
 
-std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFiles& images) {
-  const TextFile text(file);
-  std::vector<std::int64_t> all;
-  if (text.line(0).find(':') != std::string::npos) {
-    for (std::size_t i = 0; i < text.size(); ++i) all.push_back(readUtc(text, i));
-  } else {
-    const Stamps stamps = readWords(text);
-    if (!stamps.words.empty()) all = parseStamps(text, stamps);
-  }
+std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFiles& images,
+                                          double fps) {
   const std::size_t n = images.files.size();
+  std::vector<std::int64_t> all;
+  if (fps > 0) {
+    for (std::size_t i = 0; i < n; ++i) all.push_back(stampAtRate(i, fps));
+    return all;
+  }
+  const TextFile text(file);
+  if (text.line(0).find(':') == std::string::npos) {
+    all = readNumericStamps(text);
+  } else {
+    for (std::size_t i = 0; i < text.size(); ++i) all.push_back(readUtc(text, i));
+  }
   if (all.size() == n) return all;
   const std::vector<std::uint64_t>& numbers = images.numbers;
   const bool is_range = !numbers.empty() && all.size() == numbers.back() - numbers.front() + 1;
@@ -283,14 +280,6 @@ std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFi
   std::vector<std::int64_t> stamps_ns;
   for (const std::uint64_t number : numbers) {
     stamps_ns.push_back(all[is_range ? number - numbers.front() : number]);
-  }
-  return stamps_ns;
-}
-
-std::vector<std::int64_t> constantRate(std::size_t images, double fps) {
-  std::vector<std::int64_t> stamps_ns;
-  for (std::size_t i = 0; i < images; ++i) {
-    stamps_ns.push_back(stampAtRate(i, fps));
   }
   return stamps_ns;
 }

@@ -1,13 +1,17 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <opencv2/videoio.hpp>
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
 #include "ground_scale_vo/io/drive_reader.hpp"
 #include "ground_scale_vo/io/image_folder.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
-#include "ground_scale_vo/io/video.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;
@@ -44,6 +48,47 @@ class Files : public ImageSource {
   std::size_t index_ = 0;
 };
 
+/// As OpenCV decodes it with FFmpeg: grey, turned as its metadata say. Stamps are those of the
+/// video; phones record with a variable rate.
+class Video : public ImageSource {
+ public:
+  explicit Video(const std::filesystem::path& file) : name_(file.string()) {
+    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);  // silent
+    if (!capture_.open(name_, cv::CAP_FFMPEG)) {
+      throw DataError(name_ + ": is not a video that OpenCV can read");
+    }
+    count_ = static_cast<std::size_t>(std::max(0.0, capture_.get(cv::CAP_PROP_FRAME_COUNT)));
+  }
+
+  const std::string& name() const override { return name_; }
+  std::size_t count() const override { return count_; }
+  /// Some formats state a duration only, or a frame rate that is not that of the images. Then the
+  /// time of the last image tells.
+  bool endsEarly(std::size_t read) const override {
+    constexpr double kWhole = 0.95;
+    const double declared_ms = 1e3 * static_cast<double>(count_) / capture_.get(cv::CAP_PROP_FPS);
+    return read + 2 + count_ / 100 < count_ && last_ms_ + interval_ms_ < kWhole * declared_ms;
+  }
+
+  std::optional<StoredImage> next() override {
+    StoredImage image;
+    if (!capture_.read(image.pixels)) return std::nullopt;
+    double ms = capture_.get(cv::CAP_PROP_POS_MSEC);
+    // OpenCV 4.6 reports 0 for the images that the decoder holds at the end of the file.
+    if (!(ms > 0)) ms = last_ms_ + interval_ms_;
+    interval_ms_ = ms - last_ms_;
+    last_ms_ = ms;
+    image.stamp_ns = std::llround(1e6 * ms);
+    return image;
+  }
+
+ private:
+  const std::string name_;
+  cv::VideoCapture capture_;
+  std::size_t count_ = 0;
+  double last_ms_ = 0, interval_ms_ = 0;
+};
+
 std::unique_ptr<ImageSource> openFolder(const fs::path& folder, double fps, std::string* warning) {
   const NumberedFiles images = imageFiles(folder);
   *warning = images.warning;
@@ -53,9 +98,8 @@ std::unique_ptr<ImageSource> openFolder(const fs::path& folder, double fps, std:
                     ": has no times.txt with a time for each image; if they come "
                     "at a constant rate, state it with --fps N");
   }
-  return std::make_unique<Files>(
-      folder.string(), images.files,
-      fps > 0 ? constantRate(images.files.size(), fps) : readImageStamps(times, images));
+  return std::make_unique<Files>(folder.string(), images.files,
+                                 readImageStamps(times, images, fps));
 }
 
 }  // namespace
@@ -107,7 +151,8 @@ std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* tru
       throw OptionError("--camera FILE is missing: " + path.string() +
                         " is no KITTI folder, which would contain its calibration");
     }
-    source = fs::is_directory(path) ? openFolder(path, fps, &warning) : openVideo(path);
+    source =
+        fs::is_directory(path) ? openFolder(path, fps, &warning) : std::make_unique<Video>(path);
   }
   auto reader = std::make_unique<DriveReader>(std::move(source), calibration, input.options);
   if (!warning.empty()) reader->warn(warning);

@@ -1,31 +1,33 @@
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
-#include <cmath>
-#include <iomanip>
 #include <limits>
 #include <locale>
 #include <sstream>
 
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-/// Tolerance of the entries of a rotation matrix and of the norm of a quaternion.
-constexpr double kRoundingTolerance = 0.01;
-constexpr const char* kTooFar = "its position is implausibly far away";
-
-/// A stream whose numbers parse to the same doubles, in every locale.
-std::ostringstream exactStream() {
+std::ostringstream numberStream(int digits) {
   std::ostringstream stream;
   stream.imbue(std::locale::classic());
-  stream << std::setprecision(std::numeric_limits<double>::max_digits10);
+  stream.precision(digits);
   return stream;
 }
+/// Its numbers parse to the same doubles.
+std::ostringstream exactStream() { return numberStream(std::numeric_limits<double>::max_digits10); }
 
 }  // namespace
+
+std::ostringstream csvStream(const std::string& heading) {
+  std::ostringstream stream = numberStream(10);
+  stream << heading << '\n';
+  return stream;
+}
 
 Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) { return Eigen::Affine3d(m).rotation(); }
 
@@ -34,8 +36,7 @@ std::optional<Eigen::Isometry3d> rigidTransform(const Eigen::Matrix3d& m,
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = nearestRotation(m);
   T.translation() = t;
-  const bool is_rotation =
-      isFinite(T) && (T.linear() - m).cwiseAbs().maxCoeff() <= kRoundingTolerance;
+  const bool is_rotation = isFinite(T) && (T.linear() - m).cwiseAbs().maxCoeff() <= 0.01;
   return is_rotation ? std::make_optional(T) : std::nullopt;
 }
 
@@ -47,7 +48,9 @@ std::vector<Eigen::Isometry3d> readKittiPoses(const fs::path& file) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> rows(numbers.data());
     const auto pose = rigidTransform(rows.leftCols<3>(), rows.col(3));
     if (!pose) text.fail(i, "its 3x3 is not a rotation");
-    if (!isPlausiblePosition(pose->translation())) text.fail(i, kTooFar);
+    if (!isPlausiblePosition(pose->translation())) {
+      text.fail(i, "its position is implausibly far away");
+    }
     poses.push_back(*pose);
   }
   return poses;
@@ -74,26 +77,6 @@ void writeTumTrajectory(const fs::path& file, const std::vector<StampedPose>& po
            << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << q.w() << '\n';
   }
   writeFile(file, stream.str());
-}
-
-std::vector<StampedPose> readTumTrajectory(const fs::path& file) {
-  const TextFile text(file);
-  std::vector<StampedPose> poses;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text.isComment(i)) continue;
-    const std::vector<double> v = text.numbers(i, 8);
-    const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
-    if (std::abs(q.norm() - 1.0) > kRoundingTolerance) {
-      text.fail(i, "its quaternion is not of unit length");
-    }
-    StampedPose pose;
-    pose.stamp_ns = text.nanoseconds(i);
-    pose.T_a_b.linear() = q.normalized().toRotationMatrix();
-    pose.T_a_b.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
-    if (!isPlausiblePosition(pose.T_a_b.translation())) text.fail(i, kTooFar);
-    poses.push_back(pose);
-  }
-  return poses;
 }
 
 }  // namespace ground_scale_vo

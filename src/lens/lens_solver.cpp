@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

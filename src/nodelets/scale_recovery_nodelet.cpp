@@ -1,44 +1,26 @@
 #include "ground_scale_vo/nodelets/scale_recovery_nodelet.hpp"
 
-#include <nav_msgs/Odometry.h>
-#include <nav_msgs/Path.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/Marker.h>
 
 #include <algorithm>
-#include <boost/make_shared.hpp>
 #include <exception>
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
-#include "ground_scale_vo/lens/lens.hpp"
-#include "ground_scale_vo/nodelets/load_params.hpp"
-#include "ground_scale_vo/nodelets/topic_rates.hpp"
-#include "ground_scale_vo/ros/diagnostic_summary.hpp"
-#include "ground_scale_vo/ros/frame_name.hpp"
-#include "ground_scale_vo/ros/missing_clock.hpp"
-#include "ground_scale_vo/ros/mounting_check.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr std::uint32_t kTfQueue = 100;
 /// [images] that may wait for their frame, at least: one second of a 30 Hz camera.
 constexpr int kMinImageBuffer = 30;
 /// [images] beyond queue_size: with the same queue_size and a full queue, MonoVo is late by those
 /// that arrive while it processes one, too.
 constexpr int kImageMargin = 10;
-/// [ms] wall time to wait for tf with moving_mount, which may come later than the image.
-constexpr double kMountingWaitMs = 200;
-constexpr double kMountingPollMs = 2;
 constexpr double kWaitingPeriod = 0.1;  // [s] wall time, between checks of waiting frames
-
-double secondsBetween(const ros::Time& from, const ros::Time& to) {
-  return ground_scale_vo::secondsBetween(toNanoseconds(from), toNanoseconds(to));
-}
 
 std::uint32_t imageBuffer(const ScaleRecoveryParams& params) {
   return static_cast<std::uint32_t>(std::max(kMinImageBuffer, params.queue_size + kImageMargin));
@@ -46,122 +28,48 @@ std::uint32_t imageBuffer(const ScaleRecoveryParams& params) {
 
 }  // namespace
 
-ScaleRecoveryNodelet::~ScaleRecoveryNodelet() { callbacks_.stop(); }
-
-void ScaleRecoveryNodelet::onInit() {
-  startNodelet(getName(), [this] { start(); });
-}
-
-void ScaleRecoveryNodelet::start() {
-  ros::NodeHandle handle = callbacks_.handle(getNodeHandle());
-  ros::NodeHandle private_handle = callbacks_.handle(getPrivateNodeHandle());
-  params_ = loadParams<ScaleRecoveryParams>(getName(), private_handle);
-
+void ScaleRecoveryNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
+  params_ = loadParams<ScaleRecoveryParams>(private_handle);
   recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
   stamp_filter_ = std::make_unique<StampFilter<ReceivedFrame>>(
-      params_.clock_jump_s,
-      [this](const std::string& reason) { drop("frame stamp", withMissingClock(reason)); });
-  path_ = std::make_unique<BoundedPath>(static_cast<std::size_t>(params_.path_max_poses),
-                                        params_.path_spacing_m);
+      params_.images.clock_jump_s,
+      [this](const std::string& reason) { log_->drop("frame stamp", withMissingClock(reason)); });
   Synchronizer::Limits limits;
   limits.images = imageBuffer(params_);
   synchronizer_ = std::make_unique<Synchronizer>(limits);
-  if (!params_.base_frame.empty()) {
-    tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
-    tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_buffer_, handle);
-  }
-  if (params_.publish_tf) {
-    tf_broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
-    // The topics of tf2_ros.
-    for (const bool is_static : {false, true}) {
-      tf_subscribers_.push_back(handle.subscribe<tf2_msgs::TFMessage>(
-          is_static ? "/tf_static" : "/tf", kTfQueue,
-          [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
-            frame_parents_.add(*message, is_static, FrameParents::Clock::now());
-          }));
-    }
-  }
 
-  advertise(handle, private_handle);
+  odometry_ = std::make_unique<OdometryOutput>(handle, params_, log_.get());
+  scale_publisher_ = handle.advertise<ScaleEstimateMsg>("scale", kPublishQueue);
+  points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("points", 1);
+  ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
+  ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 2);
   if (params_.scale.refine) subscribeToImages(handle, private_handle);
   // Last: a publisher that sees this subscription can rely on the subscription to the images.
   frame_subscriber_ = handle.subscribe("vo/frame", static_cast<std::uint32_t>(params_.queue_size),
                                        &ScaleRecoveryNodelet::onFrame, this);
-  callbacks_.start();
-}
-
-void ScaleRecoveryNodelet::advertise(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
-  odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kPublishQueue);
-  scale_publisher_ = handle.advertise<ScaleEstimateMsg>("scale", kPublishQueue);
-  // Latched. It is published only while it has subscribers, so the latched message may be old: each
-  // new subscriber causes a new one.
-  path_publisher_ = handle.advertise<nav_msgs::Path>(
-      "path", 1, [this](const ros::SingleSubscriberPublisher&) { publishPath(); },
-      ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
-  points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("points", 1);
-  ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
-  ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 2);
-  reset_server_ = private_handle.advertiseService("reset", &ScaleRecoveryNodelet::onReset, this);
-
-  updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
-  updater_->setHardwareID("none");
-  updater_->add("scale", this, &ScaleRecoveryNodelet::diagnose);
-  diagnostics_timer_ =
-      handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
-                             [this](const ros::WallTimerEvent&) { updater_->force_update(); });
 }
 
 void ScaleRecoveryNodelet::subscribeToImages(ros::NodeHandle& handle,
                                              ros::NodeHandle& private_handle) {
-  ImageReceiver::Options options;
-  options.image_is_rectified = params_.image_is_rectified;
-  options.mask_file = params_.mask;
-  options.camera_file = params_.camera_file;
-  options.image_transport = params_.image_transport;
-  options.image_queue_size = imageBuffer(params_);
-  ImageReceiver::Handlers handlers;
-  handlers.on_image = [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); };
-  handlers.on_drop = [this](const std::string& kind, const std::string& reason) {
-    drop(kind, reason);
-  };
-  handlers.on_warning = [this](const std::string& sentence) { warn("rectification", sentence); };
-  handlers.on_error = [this](const std::string& sentence) {
-    NODELET_ERROR_STREAM(getName() << ": " << sentence);
-  };
-  receiver_ = std::make_unique<ImageReceiver>(handle, private_handle, options, handlers);
+  receiver_ = std::make_unique<ImageReceiver>(
+      handle, private_handle, params_.images, imageBuffer(params_), log_.get(),
+      [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); });
   road_publisher_ = receiver_->transport().advertise("image_road", 1);
   waiting_timer_ = handle.createWallTimer(ros::WallDuration(kWaitingPeriod),
                                           [this](const ros::WallTimerEvent&) { processReady(); });
 }
 
-bool ScaleRecoveryNodelet::onReset(std_srvs::Trigger::Request& /*request*/,
-                                   std_srvs::Trigger::Response& response) {
-  startAtNextPose();
-  response.success = true;
-  response.message = "reset: scale unknown, the next metric pose is zero";
-  return true;
-}
-
-void ScaleRecoveryNodelet::startAtNextPose() {
+std::string ScaleRecoveryNodelet::reset() {
   processReady(false);
-  reset();
-  pose_origin_.moveToNextPose();
+  continuity_.startTrajectory();
+  restart(true);
+  return "scale unknown, the next metric pose is zero";
 }
 
-void ScaleRecoveryNodelet::reset() {
+void ScaleRecoveryNodelet::restart(bool first_pose_is_zero) {
   recovery_->reset();
-  map_numbering_.startTrajectory();
-  pose_origin_.clear();
-  odometry_frames_.reset();  // the mounting is looked up again
-  mounting_error_.clear();
-  mounting_warning_.clear();
-  turn_axis_ = TurnAxis();
-  has_warned_of_mounting_ = false;
-  path_->clear();
-  publishPath();
-  last_scale_ = ScaleEstimate();
-  last_measurement_ = held_since_ = ros::Time();
-  distance_m_ = 0;
+  odometry_->restart(first_pose_is_zero);
+  report_ = Report();
 }
 
 void ScaleRecoveryNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
@@ -170,222 +78,73 @@ void ScaleRecoveryNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
-  sequence_check_.add(msg->sequence);
-  if (!sequence_check_.error().empty()) warn("sequence", sequence_check_.error());
-  since_frame_.emplace();
-  ReceivedFrame received;
-  received.header = msg->header;
-  received.header.frame_id =
-      frameName(msg->header.frame_id, "frame_id of vo/frame",
-                [this](const std::string& sentence) { warn("frame_id", sentence); });
+  frames_.count();
+  continuity_.receive(msg->sequence);
+  if (!continuity_.sequenceError().empty()) log_->warn("sequence", continuity_.sequenceError());
+  ReceivedFrame received{{}, msg->header};
+  const std::string slash = leadingSlashWarning(msg->header.frame_id, "frame_id of vo/frame");
+  if (!slash.empty()) log_->warn("frame_id", slash);
+  received.header.frame_id = withoutLeadingSlashes(msg->header.frame_id);
   try {
     received.frame = fromMsg(*msg);
   } catch (const MessageError& error) {
-    return drop("frame refused", error.what());
+    log_->drop("frame refused", error.what());
+    return;
   }
-  for (auto& accepted :
+  for (auto& [frame, clock_jumped_back] :
        stamp_filter_->filter(toNanoseconds(msg->header.stamp), std::move(received))) {
-    const std::int64_t stamp_ns = accepted.message.frame.stamp_ns;
-    if (accepted.clock_jumped_back) {
-      NODELET_WARN("The clock jumped back: scale and odometry are reset.");
+    const std::int64_t stamp_ns = frame.frame.stamp_ns;
+    const std::string reason =
+        continuity_.next(frame.frame, frame.header.frame_id, clock_jumped_back);
+    if (!reason.empty()) {
+      NODELET_WARN_STREAM(getName() << ": scale and odometry are reset: " << reason);
       processReady(false);
-      synchronizer_->jumpBack(stamp_ns);
-      reset();
-      latest_clock_ = ros::Time();
+      if (clock_jumped_back) synchronizer_->jumpBack(stamp_ns);
+      restart(!clock_jumped_back);
     }
-    resetForAnotherCamera(accepted.message.header.frame_id);
-    synchronizer_->addFrame(stamp_ns, std::move(accepted.message), Synchronizer::Clock::now());
+    synchronizer_->addFrame(stamp_ns, std::move(frame), Synchronizer::Clock::now());
   }
   processReady();
 }
 
-void ScaleRecoveryNodelet::resetForAnotherCamera(const std::string& camera_frame) {
-  if (camera_frame.empty()) return;
-  if (!camera_frame_.empty() && camera_frame != camera_frame_) {
-    NODELET_WARN_STREAM(getName() << ": scale and odometry are reset: the camera frame of "
-                                  << frame_subscriber_.getTopic() << " changed from \""
-                                  << camera_frame_ << "\" to \"" << camera_frame << "\"");
-    startAtNextPose();
-  }
-  camera_frame_ = camera_frame;
-}
-
 void ScaleRecoveryNodelet::processReady(bool may_wait) {
-  while (auto match = synchronizer_->next(Synchronizer::Clock::now(), may_wait)) {
-    process(std::move(match->frame.frame), match->frame.header, match->image);
+  while (const auto match = synchronizer_->next(Synchronizer::Clock::now(), may_wait)) {
+    process(match->frame.frame, match->frame.header, match->image);
   }
 }
 
-ScaleRecoveryNodelet::FrameImage ScaleRecoveryNodelet::frameImage(
-    const VoFrame& frame, const sensor_msgs::ImageConstPtr& image) {
-  if (!image || !receiver_->camera()) return {};
-  if (!frame.distortion.empty()) return refinedImage(frame, *image);
-  if (receiver_->camera()->matches(frame.camera)) {
-    const cv::Mat rectified = receiver_->rectify(*image);
-    return {rectified, rectified.empty() ? cv::Mat() : receiver_->mask()};
-  }
-  const std::string source_error = receiver_->sourceError();
-  drop("other camera", !source_error.empty()
-                           ? source_error
-                           : receiver_->cameraSource() + " describes another camera than " +
-                                 frame_subscriber_.getTopic());
-  return {};
-}
-
-/// Undistorted as by the odometry, which refines the camera.
-ScaleRecoveryNodelet::FrameImage ScaleRecoveryNodelet::refinedImage(
-    const VoFrame& frame, const sensor_msgs::Image& image) {
-  CameraCalibration calibration = calibrationOf(Lens{frame.camera});
-  std::copy(frame.distortion.begin(), frame.distortion.end(), calibration.distortion.begin());
-  const cv::Mat given = receiver_->given(image);
-  if (given.empty()) return {};
-  if (!refined_ || refined_->given != receiver_->camera() ||
-      !(refined_->calibration == calibration)) {
-    const Undistortion undistortion(calibration);
-    refined_.emplace(RefinedCamera{receiver_->camera(), calibration, undistortion,
-                                   undistortion.mask(receiver_->givenMask())});
-  }
-  try {
-    return {refined_->undistortion.image(given), refined_->mask};
-  } catch (const DataError& error) {
-    drop("other camera", error.what());
-    return {};
-  }
-}
-
-void ScaleRecoveryNodelet::process(VoFrame frame, const std_msgs::Header& header,
-                                   const sensor_msgs::ImageConstPtr& image) {
+void ScaleRecoveryNodelet::process(const VoFrame& frame, const std_msgs::Header& header,
+                                   const sensor_msgs::ImageConstPtr& message) {
   const Stopwatch watch;
-  map_numbering_.apply(frame);
-  const auto [rectified, mask] = frameImage(frame, image);
+  const MaskedImage image = message ? receiver_->imageOf(frame, *message) : MaskedImage();
   ScaleRecovery::Output output;
   try {
-    output = recovery_->process(frame, rectified, mask);
+    output = recovery_->process(frame, image.grey, image.mask);
   } catch (const std::exception& error) {
-    return drop("frame failed", error.what());
+    log_->drop("frame failed", error.what());
+    return;
   }
-  publish(output, frame, rectified, mask, header);
-  if (frame.status == VoStatus::kTracking) turn_axis_.add(frame.map_id, frame.T_w_c.linear());
-  checkMounting(output);
-  record(output, header.stamp, !rectified.empty());
-  frame_ms_ = watch.ms();
-}
-
-Eigen::Isometry3d ScaleRecoveryNodelet::lookUpMounting(const std_msgs::Header& header) {
-  const ros::Time stamp = params_.moving_mount ? header.stamp : ros::Time(0);
-  // In wall time: the timeout of tf2 never ends while the clock of a bag is stopped.
-  const Stopwatch watch;
-  while (params_.moving_mount && watch.ms() < kMountingWaitMs &&
-         !tf_buffer_->canTransform(params_.base_frame, header.frame_id, stamp)) {
-    ros::WallDuration(1e-3 * kMountingPollMs).sleep();
-  }
-  return fromMsg(tf_buffer_->lookupTransform(params_.base_frame, header.frame_id, stamp).transform);
-}
-
-const OdometryFrames* ScaleRecoveryNodelet::odometryFrames(const std_msgs::Header& header) {
-  const std::string& camera_frame = header.frame_id;
-  if (camera_frame.empty()) {
-    mounting_error_ = "the frame_id of the images is empty: no metric pose is published";
-    warn("no frame_id", mounting_error_);
-    return nullptr;
-  }
-  if (odometry_frames_ && (!params_.moving_mount || mounting_stamp_ == header.stamp)) {
-    return &*odometry_frames_;
-  }
-  if (params_.base_frame.empty() || params_.base_frame == camera_frame) {
-    odometry_frames_ = OdometryFrames::ofCamera(params_.odom_frame, camera_frame);
-  } else {
-    try {
-      const Eigen::Isometry3d T_b_c = lookUpMounting(header);
-      if (odometry_frames_) {
-        odometry_frames_->moveMounting(T_b_c, secondsBetween(mounting_stamp_, header.stamp));
-      } else {
-        odometry_frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
-      }
-    } catch (const std::exception& error) {
-      mounting_error_ = "no tf transform from base_frame \"" + params_.base_frame +
-                        "\" to the camera frame \"" + camera_frame +
-                        "\": no metric pose is published";
-      const std::string sentence =
-          other_warnings_.count("no tf", mounting_error_ + ": " + error.what());
-      if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
-      return nullptr;
-    }
-  }
-  mounting_stamp_ = header.stamp;
-  return &*odometry_frames_;
-}
-
-void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output) {
-  mounting_warning_ = unsupportedMounting(output, turn_axis_.upward());
-  const bool is_base = odometry_frames_ && odometry_frames_->base_frame != camera_frame_;
-  if (mounting_warning_.empty() && is_base && !params_.moving_mount) {
-    mounting_warning_ =
-        wrongMountingOnTf(odometry_frames_->base_frame, camera_frame_,
-                          odometry_frames_->T_c_b.linear() * Eigen::Vector3d::UnitZ(), output);
-  }
-  if (mounting_warning_.empty() || std::exchange(has_warned_of_mounting_, true)) return;
-  NODELET_WARN_STREAM(getName() << ": " << mounting_warning_);
+  publish(output, frame, image, header);
+  checkMounting(output, frame);
+  record(output, frame.stamp_ns, !image.grey.empty());
+  countFrame(watch);
 }
 
 void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const VoFrame& frame,
-                                   const cv::Mat& rectified, const cv::Mat& mask,
-                                   const std_msgs::Header& header) {
+                                   const MaskedImage& image, const std_msgs::Header& header) {
   scale_publisher_.publish(toMsg(output.scale, frame.map_id, header));
-  mounting_error_.clear();
-  // With a moving mount from the first image on: odom is the base at the origin.
-  const OdometryFrames* const frames =
-      params_.moving_mount || output.pose ? odometryFrames(header) : nullptr;
-  if (output.scale.status != ScaleStatus::kUnknown) {
-    if (output.pose && frames != nullptr) {
-      publishPose(pose_origin_.relative(*output.pose), *frames, header.stamp);
-    }
-    publishGround(output, header);
-    if (points_publisher_.getNumSubscribers() > 0) {
-      points_publisher_.publish(toPointCloud(frame, header, output.scale.scale));
-    }
-  }
-  if (road_publisher_.getNumSubscribers() > 0 && !rectified.empty()) {
-    road_publisher_.publish(paintRoad(rectified, frame, output, header, mask));
+  odometry_->publish(output.pose, header);
+  if (output.scale.status != ScaleStatus::kUnknown) publishGround(output, frame, header);
+  if (road_publisher_.getNumSubscribers() > 0 && !image.grey.empty()) {
+    road_publisher_.publish(paintRoad(image.grey, frame, output, header, image.mask));
   }
 }
 
-void ScaleRecoveryNodelet::publishPose(const MetricPose& pose, const OdometryFrames& frames,
-                                       const ros::Time& stamp) {
-  const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(pose, frames, stamp);
-  odometry_publisher_.publish(odometry);
-  if (const std::string error = otherParentError(); !error.empty()) {
-    const std::string sentence = other_warnings_.count("tf", error);
-    if (!sentence.empty()) NODELET_ERROR_STREAM(getName() << ": " << sentence);
-  } else if (tf_broadcaster_ && !isOfLastPass(stamp)) {
-    tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
-  }
-
-  geometry_msgs::PoseStamped stamped;
-  stamped.header = odometry->header;
-  stamped.pose = odometry->pose.pose;
-  if (path_->add(stamped) && path_publisher_.getNumSubscribers() > 0) publishPath();
-}
-
-bool ScaleRecoveryNodelet::isOfLastPass(const ros::Time& stamp) {
-  if (!ros::Time::isSimTime()) return false;
-  const ros::Time now = ros::Time::now();
-  latest_clock_ = std::max(latest_clock_, now);
-  // Not by the stamp alone: those of a bag may always be ahead of its clock.
-  return secondsBetween(now, latest_clock_) > params_.clock_jump_s &&
-         secondsBetween(now, stamp) > params_.clock_jump_s;
-}
-
-void ScaleRecoveryNodelet::publishPath() {
-  auto path = boost::make_shared<nav_msgs::Path>();
-  path->header.frame_id = params_.odom_frame;
-  path->poses = path_->poses();
-  path->header.stamp = path->poses.empty() ? last_stamp_ : path->poses.back().header.stamp;
-  path_publisher_.publish(path);
-}
-
-void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output,
+void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output, const VoFrame& frame,
                                          const std_msgs::Header& header) {
+  if (points_publisher_.getNumSubscribers() > 0) {
+    points_publisher_.publish(toPointCloud(frame, header, output.scale.scale));
+  }
   if (ground_points_publisher_.getNumSubscribers() > 0) {
     std::vector<Eigen::Vector3f> metric = output.ground_points_c;
     for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
@@ -398,46 +157,39 @@ void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output,
   }
 }
 
-std::string ScaleRecoveryNodelet::otherParentError() const {
-  if (!tf_broadcaster_ || !odometry_frames_) return {};
-  const std::string& child = odometry_frames_->base_frame;
-  const std::string parent =
-      frame_parents_.otherParent(child, params_.odom_frame, FrameParents::Clock::now());
-  if (parent.empty()) return {};
-  const std::string root = frame_parents_.staticRoot(child);
-  return "frame \"" + child + "\" has the parent \"" + parent + "\" on tf, so " +
-         params_.odom_frame + " -> " + child + " is not broadcast; set " +
-         (root == child ? "publish_tf to false, or stop the other publisher"
-                        : "base_frame to \"" + root + "\"");
+void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output,
+                                         const VoFrame& frame) {
+  if (frame.status == VoStatus::kTracking) {
+    report_.turn_axis.add(frame.map_id, frame.T_w_c.linear());
+  }
+  std::optional<MountingOnTf> on_tf;
+  const auto& frames = odometry_->frames();
+  if (frames && frames->base_frame != continuity_.cameraFrame() && !params_.moving_mount) {
+    on_tf = MountingOnTf{frames->base_frame, continuity_.cameraFrame(),
+                         frames->T_c_b.linear() * Eigen::Vector3d::UnitZ()};
+  }
+  report_.mounting_warning = mountingWarning(output, report_.turn_axis.upward(), on_tf);
+  if (report_.mounting_warning.empty() || std::exchange(report_.has_warned_of_mounting, true)) {
+    return;
+  }
+  NODELET_WARN_STREAM(getName() << ": " << report_.mounting_warning);
 }
 
-void ScaleRecoveryNodelet::warn(const std::string& kind, const std::string& text) {
-  const std::string sentence = other_warnings_.count(kind, text);
-  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
-}
-
-void ScaleRecoveryNodelet::drop(const std::string& kind, const std::string& reason) {
-  const std::string sentence = warnings_.count(kind, reason);
-  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
-}
-
-void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, const ros::Time& stamp,
+void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, std::int64_t stamp_ns,
                                   bool has_image) {
-  ++processed_;
-  since_processed_.emplace();
   last_frame_had_image_ = has_image;
-  if (has_image) ++processed_with_image_;
+  if (has_image) ++with_image_;
   if (output.direct.height > 0) ++with_direct_;
-  last_scale_ = output.scale;
-  last_stamp_ = stamp;
-  if (output.scale.status == ScaleStatus::kOk) last_measurement_ = stamp;
+  report_.scale = output.scale;
+  report_.stamp_ns = stamp_ns;
+  if (output.scale.status == ScaleStatus::kOk) report_.measured_ns = stamp_ns;
   if (output.scale.status != ScaleStatus::kHeld ||
       output.scale.measurement == MeasurementStatus::kStandstill) {
-    held_since_ = ros::Time();
-  } else if (held_since_.isZero()) {
-    held_since_ = stamp;
+    report_.held_since_ns.reset();
+  } else if (!report_.held_since_ns) {
+    report_.held_since_ns = stamp_ns;
   }
-  if (output.pose) distance_m_ = output.pose->distance;
+  if (output.pose) report_.distance_m = output.pose->distance;
 }
 
 std::string ScaleRecoveryNodelet::imageState() const {
@@ -449,58 +201,37 @@ std::string ScaleRecoveryNodelet::imageState() const {
   return last_frame_had_image_ ? "used" : "no image of the last frame";
 }
 
-void ScaleRecoveryNodelet::warnOfMissingInput(const ScaleRecoveryState& state) {
-  const std::string sentence = missing_input_log_.due(missingInput(state), ros::Time::now());
-  if (!sentence.empty()) NODELET_WARN_STREAM(getName() << ": " << sentence);
-}
-
-void ScaleRecoveryNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const std::uint64_t dropped = sequence_check_.missing() + warnings_.total("frame ");
-  ScaleRecoveryState state;
-  state.frames.topic = frame_subscriber_.getTopic();
-  if (since_frame_) state.frames.silent_s = since_frame_->seconds();
-  if (since_processed_) state.frames.unused_s = since_processed_->seconds();
-  state.frames.dropped = dropped - dropped_at_last_diagnosis_;
-  state.frames.clock_error = missingClock();
-  state.status = last_scale_.status;
-  state.reason = last_scale_.measurement;
-  if (!held_since_.isZero()) state.held_s = secondsBetween(held_since_, last_stamp_);
-  state.mounting_error = mounting_error_;
-  state.mounting_warning = mounting_warning_;
-  state.tf_error = otherParentError();
-  if (receiver_) state.source_error = receiver_->sourceError();
-  state.sequence_error = sequence_check_.error();
-  if (receiver_ && processed_ > processed_at_last_diagnosis_ &&
-      processed_with_image_ == with_image_at_last_diagnosis_) {
-    state.missing_image_note = imageState();
-  }
-  dropped_at_last_diagnosis_ = dropped;
-  processed_at_last_diagnosis_ = processed_;
-  with_image_at_last_diagnosis_ = processed_with_image_;
-
-  warnOfMissingInput(state);
-  const DiagnosticSummary summary = summarize(state);
-  status.summary(static_cast<std::uint8_t>(summary.level), summary.message);
-  addValues(status);
+void ScaleRecoveryNodelet::describe(StageState* state) {
+  state->input = "vo/frame";
+  state->inputs = "frames";
+  state->missing = frames_.missing(frame_subscriber_.getTopic());
+  state->errors = {odometry_->mountingError(), odometry_->otherParentError(),
+                   receiver_ ? receiver_->sourceError() : ""};
+  state->warnings = {report_.mounting_warning, continuity_.sequenceError()};
+  const bool has_frames = processed() > std::exchange(diagnosed_processed_, processed());
+  const bool has_images = with_image_ > std::exchange(diagnosed_with_image_, with_image_);
+  state->stage = summarize(
+      report_.scale,
+      report_.held_since_ns ? secondsBetween(*report_.held_since_ns, report_.stamp_ns) : 0,
+      receiver_ && has_frames && !has_images ? imageState() : "");
 }
 
 void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  status.add("rate [Hz]", rate_.rate(processed_));
-  status.add("time of the last frame [ms]", frame_ms_);
-  status.add("frames processed", processed_);
-  status.add("frames dropped, queue full", sequence_check_.missing());
+  const ScaleEstimate& scale = report_.scale;
+  status.add("frames processed", processed());
+  status.add("frames dropped, queue full", continuity_.missing());
   status.add("images", imageState());
-  status.add("frames without an image", processed_ - processed_with_image_);
+  status.add("frames without an image", processed() - with_image_);
   status.add("frames with a direct measurement", with_direct_);
-  for (const auto& [kind, count] : warnings_.counts()) status.add("dropped: " + kind, count);
-  status.add("scale status", toString(last_scale_.status));
-  status.add("reason", toString(last_scale_.measurement));
-  status.add("scale [m / VO unit]", last_scale_.scale);
-  status.add("sigma [m / VO unit]", last_scale_.sigma);
-  if (!last_measurement_.isZero()) {
-    status.add("age of the last measurement [s]", secondsBetween(last_measurement_, last_stamp_));
+  status.add("scale status", toString(scale.status));
+  status.add("reason", toString(scale.measurement));
+  status.add("scale [m / VO unit]", scale.scale);
+  status.add("sigma [m / VO unit]", scale.sigma);
+  if (report_.measured_ns) {
+    status.add("age of the last measurement [s]",
+               secondsBetween(*report_.measured_ns, report_.stamp_ns));
   }
-  status.add("distance [m]", distance_m_);
+  status.add("distance [m]", report_.distance_m);
 }
 
 }  // namespace ground_scale_vo

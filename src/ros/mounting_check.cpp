@@ -1,14 +1,19 @@
 #include "ground_scale_vo/ros/mounting_check.hpp"
 
-#include <Eigen/Geometry>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "ground_scale_vo/common/degrees.hpp"
-#include "ground_scale_vo/common/format.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/se3.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+/// Rotation of which the axis is one sample: a vehicle hardly pitches or rolls by so much.
+constexpr double kTurn = 10 * kRadiansPerDegree;
+constexpr int kMinTurns = 4;
 
 /// [deg] Supported angles of the mounting, either way.
 constexpr double kMaxPitchDeg = 20, kMaxRollDeg = 15;
@@ -24,63 +29,71 @@ constexpr double kLimitDeg = 3;
 constexpr double kMaxSigmaDeg = 0.5;
 constexpr double kSigmas = 3;
 
-struct Angles {
-  double pitch_deg, roll_deg;
-};
-
-Angles anglesOf(const Eigen::Vector3d& up_c) {
-  return {kDegreesPerRadian * pitchOf(up_c), kDegreesPerRadian * rollOf(up_c)};
-}
-
-bool isSupported(const Angles& angles, double tolerance_deg) {
-  return std::abs(angles.pitch_deg) <= kMaxPitchDeg + tolerance_deg &&
-         std::abs(angles.roll_deg) <= kMaxRollDeg + tolerance_deg;
-}
-
 /// Without the minus sign of a value that is rounded to zero.
 double rounded(double degrees) { return std::round(10 * degrees) / 10 + 0.0; }
 
-std::string text(const Angles& angles) {
-  return format("pitch %.1f deg and roll %.1f deg", rounded(angles.pitch_deg),
-                rounded(angles.roll_deg));
+std::string text(const Eigen::Vector3d& up_c) {
+  return format("pitch %.1f deg and roll %.1f deg", rounded(kDegreesPerRadian * pitchOf(up_c)),
+                rounded(kDegreesPerRadian * rollOf(up_c)));
 }
 
-std::string notSupported() {
-  return format(
-      ", but at most %.0f deg of pitch and %.0f deg of roll are supported: distances may be wrong; "
-      "mount the camera upright or rotate its images",
-      kMaxPitchDeg, kMaxRollDeg);
+/// subject: what has the mounting, up to "with" or "has". Empty: it is supported.
+std::string unsupported(const std::string& subject, const Eigen::Vector3d& up_c,
+                        double tolerance_deg) {
+  if (std::abs(kDegreesPerRadian * pitchOf(up_c)) <= kMaxPitchDeg + tolerance_deg &&
+      std::abs(kDegreesPerRadian * rollOf(up_c)) <= kMaxRollDeg + tolerance_deg) {
+    return {};
+  }
+  return subject + text(up_c) +
+         format(
+             ", but at most %.0f deg of pitch and %.0f deg of roll are supported: distances may "
+             "be wrong; mount the camera upright or rotate its images",
+             kMaxPitchDeg, kMaxRollDeg);
 }
 
 }  // namespace
 
-std::string unsupportedMounting(const ScaleRecovery::Output& output,
-                                const std::optional<Eigen::Vector3d>& turn_axis_c) {
-  // First: where the road is not below the camera, a plane may be measured that is none.
-  if (turn_axis_c && !isSupported(anglesOf(*turn_axis_c), kTurnAxisErrorDeg)) {
-    return "in turns the camera has " + text(anglesOf(*turn_axis_c)) + notSupported();
-  }
-  const double sigma_deg = kDegreesPerRadian * output.mounting_sigma;
-  const Angles measured = anglesOf(roadNormal(output.mounting_pitch, output.mounting_roll));
-  if (sigma_deg > kMaxSigmaDeg || isSupported(measured, kEstimateErrorDeg + kSigmas * sigma_deg)) {
-    return {};
-  }
-  return "on the road the camera has " + text(measured) + notSupported();
+void TurnAxis::add(std::uint32_t map_id, const Eigen::Matrix3d& R_w_c) {
+  if (!start_ || map_id != map_id_) start_ = R_w_c;
+  map_id_ = map_id;
+  const Eigen::Vector3d turn_c = rotationVector(start_->transpose() * R_w_c);
+  if (turn_c.norm() < kTurn) return;
+  scatter_ += turn_c.normalized() * turn_c.normalized().transpose();
+  start_ = R_w_c;
+  ++turns_;
 }
 
-std::string wrongMountingOnTf(const std::string& base_frame, const std::string& camera_frame,
-                              const Eigen::Vector3d& up_c, const ScaleRecovery::Output& output) {
-  const std::string on_tf = "tf mounts the camera \"" + camera_frame + "\" on \"" + base_frame +
-                            "\" with " + text(anglesOf(up_c));
-  const double sigma_deg = kDegreesPerRadian * output.mounting_sigma;
-  const Eigen::Vector3d n_c = roadNormal(output.mounting_pitch, output.mounting_roll);
+std::optional<Eigen::Vector3d> TurnAxis::upward() const {
+  if (turns_ < kMinTurns) return std::nullopt;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter_);
+  const Eigen::Vector3d axis = solver.eigenvectors().col(2);  // of the largest eigenvalue
+  return axis.y() > 0 ? Eigen::Vector3d(-axis) : axis;
+}
+
+std::string mountingWarning(const ScaleRecovery::Output& measured,
+                            const std::optional<Eigen::Vector3d>& turn_axis_c,
+                            const std::optional<MountingOnTf>& on_tf) {
+  // First: where the road is not below the camera, a plane may be measured that is none.
+  std::string warning;
+  if (turn_axis_c)
+    warning = unsupported("in turns the camera has ", *turn_axis_c, kTurnAxisErrorDeg);
+  const double sigma_deg = kDegreesPerRadian * measured.mounting_sigma;
+  const bool is_known = sigma_deg <= kMaxSigmaDeg;
+  const Eigen::Vector3d n_c = roadNormal(measured.mounting_pitch, measured.mounting_roll);
+  if (warning.empty() && is_known) {
+    warning =
+        unsupported("on the road the camera has ", n_c, kEstimateErrorDeg + kSigmas * sigma_deg);
+  }
+  if (!warning.empty() || !on_tf) return warning;
+  const std::string tf =
+      "tf mounts the camera \"" + on_tf->camera_frame + "\" on \"" + on_tf->base_frame + "\" with ";
   const double deviation_deg =
-      kDegreesPerRadian * std::atan2(up_c.cross(n_c).norm(), up_c.dot(n_c));
-  if (sigma_deg <= kMaxSigmaDeg && deviation_deg > kLimitDeg + kSigmas * sigma_deg) {
-    return on_tf + ", but on the road it has " + text(anglesOf(n_c)) +
+      kDegreesPerRadian * std::atan2(on_tf->up_c.cross(n_c).norm(), on_tf->up_c.dot(n_c));
+  if (is_known && deviation_deg > kLimitDeg + kSigmas * sigma_deg) {
+    return tf + text(on_tf->up_c) + ", but on the road it has " + text(n_c) +
            format(": the path climbs or sinks by up to %.1f deg", deviation_deg);
   }
-  return isSupported(anglesOf(up_c), kEstimateErrorDeg) ? "" : on_tf + notSupported();
+  return unsupported(tf, on_tf->up_c, kEstimateErrorDeg);
 }
 
 }  // namespace ground_scale_vo

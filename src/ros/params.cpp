@@ -1,14 +1,58 @@
 #include "ground_scale_vo/ros/params.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <sstream>
 #include <stdexcept>
-#include <vector>
+#include <utility>
 
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+using XmlRpc::XmlRpcValue;
+
+std::string text(double value) {
+  std::ostringstream out;
+  out.precision(10);
+  out << value;
+  return out.str();
+}
+
+std::string rangeText(double min, double max) { return "[" + text(min) + ", " + text(max) + "]"; }
+
+const char* typeName(const XmlRpcValue& value) {
+  switch (value.getType()) {
+    case XmlRpcValue::TypeBoolean:
+      return "a boolean";
+    case XmlRpcValue::TypeInt:
+    case XmlRpcValue::TypeDouble:
+      return "a number";
+    case XmlRpcValue::TypeString:
+      return "a string";
+    case XmlRpcValue::TypeArray:
+      return "a list";
+    case XmlRpcValue::TypeStruct:
+      return "a group";
+    default:
+      return "of an unknown type";
+  }
+}
+
+void collectLeaves(XmlRpcValue& tree, const std::string& prefix, std::vector<std::string>& leaves) {
+  for (auto& member : tree) {
+    const std::string name = prefix + member.first;
+    if (member.second.getType() == XmlRpcValue::TypeStruct) {
+      collectLeaves(member.second, name + "/", leaves);
+    } else {
+      leaves.push_back(name);
+    }
+  }
+}
 
 constexpr const char* kReadoutTime = "odometry/readout_time";
 
@@ -31,18 +75,13 @@ const std::vector<std::string> kScaleRecoveryOptions = {
     "trajectory/direction_sigma",            // covariance for fusion with other sensors
 };
 
-/// Declares these options of all stages; a note tells users of the others how to set them. Throws
-/// std::logic_error if the core has no option of a listed name.
+/// Declares these options of all stages. Throws std::logic_error if the core has no option of a
+/// listed name.
 template <typename Options>
 void declareOptions(ParamReader& reader, Options& options, const std::vector<std::string>& names) {
   std::size_t declared = 0;
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
-    if (std::find(names.begin(), names.end(), name) == names.end()) {
-      reader.note(name,
-                  "is not a ROS parameter and has no effect; the offline tools set it: --set " +
-                      name + "=VALUE");
-      return;
-    }
+    if (std::find(names.begin(), names.end(), name) == names.end()) return;
     reader.declare(name.c_str(), field, rest...);
     ++declared;
   });
@@ -51,9 +90,7 @@ void declareOptions(ParamReader& reader, Options& options, const std::vector<std
   }
 }
 
-/// Parameters of both nodelets.
-template <typename Params>
-void declareCommon(ParamReader& reader, Params& params) {
+void declareImageParams(ParamReader& reader, ImageParams& params) {
   reader.declare("image_is_rectified", params.image_is_rectified,
                  "[] the images have no distortion and P of camera_info belongs to them");
   reader.declare("mask", params.mask,
@@ -67,19 +104,111 @@ void declareCommon(ParamReader& reader, Params& params) {
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
       "than this and 1.5 times the last interval, is used only if the next one confirms "
       "it; one earlier by less is dropped");
-  reader.declare("image_transport", params.image_transport,
-                 "[] raw, compressed, which the nodelets decode themselves, or the name of another "
-                 "installed plugin of image_transport");
+  reader.declare(
+      "image_transport", params.image_transport,
+      "[] raw, compressed, which the nodelets decode themselves, raw_or_compressed for both, "
+      "or the name of another installed plugin of image_transport");
 }
 
 }  // namespace
+
+ParamReader::ParamReader(std::string parameter_namespace, const XmlRpcValue& tree)
+    : namespace_(std::move(parameter_namespace)), tree_(tree) {}
+
+XmlRpcValue* ParamReader::find(const std::string& name) {
+  XmlRpcValue* node = &tree_;
+  std::istringstream parts(name);
+  for (std::string part; std::getline(parts, part, '/');) {
+    if (node->getType() != XmlRpcValue::TypeStruct || !node->hasMember(part)) return nullptr;
+    node = &(*node)[part];
+  }
+  return node;
+}
+
+XmlRpcValue* ParamReader::find(const std::string& name, std::initializer_list<int> types,
+                               const std::string& requirement) {
+  XmlRpcValue* const given = find(name);
+  if (given != nullptr && std::find(types.begin(), types.end(), given->getType()) == types.end()) {
+    throw OptionError("parameter " + fullName(name) + " is " + typeName(*given) + ", it must be " +
+                      requirement);
+  }
+  return given;
+}
+
+double ParamReader::number(const char* name, double default_value, double min, double max,
+                           bool whole, const char* meaning) {
+  double value = default_value;
+  XmlRpcValue* const given = find(name, {XmlRpcValue::TypeInt, XmlRpcValue::TypeDouble},
+                                  "a number in " + rangeText(min, max));
+  if (given != nullptr) {
+    value = given->getType() == XmlRpcValue::TypeInt ? static_cast<int>(*given)
+                                                     : static_cast<double>(*given);
+    if (whole && value != std::floor(value)) {
+      throw OptionError("parameter " + fullName(name) + " is " + text(value) +
+                        ", it must be a whole number in " + rangeText(min, max));
+    }
+    requireInRange(("parameter " + fullName(name)).c_str(), value, min, max);
+  }
+  entries_.push_back({name, text(value), rangeText(min, max), meaning, given != nullptr});
+  return value;
+}
+
+void ParamReader::declare(const char* name, bool& field, const char* meaning) {
+  XmlRpcValue* const given = find(name, {XmlRpcValue::TypeBoolean}, "true or false");
+  if (given != nullptr) field = static_cast<bool>(*given);
+  entries_.push_back({name, field ? "true" : "false", "true or false", meaning, given != nullptr});
+}
+
+void ParamReader::declare(const char* name, std::string& field, const char* meaning) {
+  XmlRpcValue* const given = find(name, {XmlRpcValue::TypeString}, "a string");
+  if (given != nullptr) field = static_cast<std::string>(*given);
+  entries_.push_back({name, "\"" + field + "\"", "text", meaning, given != nullptr});
+}
+
+void ParamReader::declareFrame(const char* name, std::string& field, const char* meaning) {
+  declare(name, field, meaning);
+  const std::string warning = leadingSlashWarning(field, "parameter " + fullName(name));
+  if (!warning.empty()) frame_warnings_.push_back(warning);
+  field = withoutLeadingSlashes(field);
+  entries_.back().value = "\"" + field + "\"";
+}
+
+void ParamReader::require(const char* name, double& field, double min, double max,
+                          const char* meaning) {
+  if (find(name) == nullptr) {
+    throw OptionError("parameter " + fullName(name) + " is not set and has no default: " + meaning +
+                      ", in " + rangeText(min, max));
+  }
+  declare(name, field, min, max, meaning);
+}
+
+std::vector<std::string> ParamReader::warnings() const {
+  std::vector<std::string> known, leaves;
+  for (const Entry& entry : entries_) known.push_back(entry.name);
+  XmlRpcValue tree = tree_;
+  if (tree.getType() == XmlRpcValue::TypeStruct) collectLeaves(tree, "", leaves);
+
+  std::vector<std::string> sentences = frame_warnings_;
+  for (const std::string& leaf : leaves) {
+    if (std::find(known.begin(), known.end(), leaf) != known.end()) continue;
+    const std::string nearest = nearestName(leaf, known);
+    sentences.push_back("parameter " + fullName(leaf) + " is unknown and has no effect" +
+                        (nearest.empty() ? "" : "; did you mean " + fullName(nearest) + "?"));
+  }
+  return sentences;
+}
+
+std::string ParamReader::echo(const Entry& entry) {
+  return entry.name + " = " + entry.value + "  " + entry.meaning + ", " + entry.range +
+         (entry.given ? "" : " (default)");
+}
 
 MonoVoParams MonoVoParams::read(ParamReader& reader) {
   MonoVoParams params;
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[images] that may wait; a full queue drops the oldest");
   reader.declareFrame("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
-  declareCommon(reader, params);
+  declareImageParams(reader, params.images);
   reader.declare("refined_camera_file", params.refined_camera_file,
                  "[] file to which the service save_camera writes the refined calibration, for "
                  "camera_file at the next start");
@@ -109,7 +238,7 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
                  "[m] least distance between two poses of path");
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[frames] of vo/frame that may wait; a full queue drops the oldest");
-  declareCommon(reader, params);
+  declareImageParams(reader, params.images);
   declareOptions(reader, params.scale, kScaleRecoveryOptions);
   if (params.odom_frame.empty()) throw OptionError("parameter odom_frame is empty");
   if (params.odom_frame == params.base_frame) {

@@ -2,6 +2,7 @@
 
 #include <sensor_msgs/image_encodings.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
+#include <std_msgs/ColorRGBA.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -12,25 +13,17 @@
 #include <unordered_set>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 /// [m] distance of the quad's centre ahead of the camera, its length and width.
-constexpr double kQuadAhead = 5.0;
-constexpr double kQuadLength = 16.0;
-constexpr double kQuadWidth = 8.0;
+constexpr double kQuadAhead = 5.0, kQuadLength = 16.0, kQuadWidth = 8.0;
 constexpr double kArrowWidth = 0.25;
 
 /// [m] extent of the ground grid ahead and to either side, and its least depth in the camera frame.
 constexpr int kGridFrom = 2, kGridTo = 20, kGridSide = 3;
 constexpr double kGridMinDepth = 0.5;
-const cv::Size kLabelSize(32, 11);  ///< [px] of a distance
-
-/// [px] Image width up to which text and marks have the sizes given in this file. In a wider image,
-/// which viewers show reduced, they grow with the width.
-constexpr double kUnscaledWidth = 800;
 
 constexpr double kBrightness = 0.7;  // of the background image
 constexpr double kOldest = 100;      // [frames] older features have the same colour
@@ -39,8 +32,7 @@ const cv::Scalar kOutlierColour(30, 30, 255), kNotFoundColour(200, 130, 255);
 const cv::Scalar kMaskColour(150, 40, 110);
 const cv::Scalar kMeasuredColour(60, 230, 60), kHeldColour(40, 170, 255),
     kOtherColour(170, 170, 170);
-constexpr int kBoxWidth = 462, kBoxHeight = 34;  // [px] of the texts in the upper left corner
-const cv::Scalar kLegendText(230, 230, 230), kLegendBackground(25, 25, 25);
+const cv::Scalar kTextColour(230, 230, 230), kTextBackground(25, 25, 25);
 
 /// Colour of an age [frames], logarithmic; older is brighter.
 cv::Scalar ageColour(double age) {
@@ -55,80 +47,77 @@ cv::Scalar ageColour(double age) {
   return colours.at<cv::Vec3b>(index);
 }
 
-/// The background: the image darker, its masked pixels tinted.
-cv::Mat background(const cv::Mat& grey, const cv::Mat& mask) {
-  cv::Mat image;
-  grey.convertTo(image, CV_8U, kBrightness);
-  cv::cvtColor(image, image, cv::COLOR_GRAY2BGR);
-  if (mask.empty()) return image;
-  cv::Mat tinted;
-  cv::addWeighted(image, 0.5, cv::Mat(image.size(), image.type(), kMaskColour), 0.5, 0, tinted);
-  tinted.copyTo(image, mask == 0);
-  return image;
-}
-
-double magnification(const cv::Mat& image) { return std::max(1.0, image.cols / kUnscaledWidth); }
-
-/// Length in this image [px] of what has `length` px in an image of at most kUnscaledWidth.
-int scaled(const cv::Mat& image, double length) { return cvRound(magnification(image) * length); }
-
-/// Draws the text with its lower left corner at this pixel. size: before magnification.
-void write(cv::Mat& image, const std::string& text, const cv::Point& at, double size) {
-  cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, magnification(image) * size, kLegendText,
-              scaled(image, 1), cv::LINE_AA);
-}
-
-void drawDot(cv::Mat& image, const cv::Point& at, const cv::Scalar& colour, bool filled) {
-  cv::circle(image, at, scaled(image, 3), colour, filled ? cv::FILLED : scaled(image, 1),
-             cv::LINE_AA);
-}
-
-void drawCross(cv::Mat& image, const cv::Point& at, RejectReason reason) {
-  const bool outlier = reason == RejectReason::kOutlier;
-  cv::drawMarker(image, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
-                 scaled(image, outlier ? 7 : 5), scaled(image, 1));
-}
-
-/// The background of the texts in the upper left corner.
-void drawBox(cv::Mat& image, int height) {
-  cv::rectangle(image, cv::Rect(0, 0, scaled(image, kBoxWidth), scaled(image, height)),
-                kLegendBackground, cv::FILLED);
-}
-
-/// Legend in the upper left corner: colours of ages, and marks, which a narrow image has below.
-void drawLegend(cv::Mat& image) {
-  constexpr int kBar = 120, kLeft = 8;
-  const auto pixel = [&](double x, double y) {
-    return cv::Point(scaled(image, x), scaled(image, y));
-  };
-  const bool is_narrow = image.cols < kBoxWidth;
-  drawBox(image, is_narrow ? 2 * kBoxHeight - 6 : kBoxHeight);
-  const cv::Point from = pixel(kLeft, 4), to = pixel(kLeft + kBar, 14);
-  for (int x = from.x; x <= to.x; ++x) {
-    const double age = std::expm1(std::log1p(kOldest) * (x - from.x) / (to.x - from.x));
-    cv::line(image, {x, from.y}, {x, to.y}, ageColour(age), 1);
+/// A colour image to draw on. Positions of marks are pixels; sizes, and all of the texts in the
+/// upper left corner, are pixels of an image of ordinary width: in a wider one, which viewers show
+/// reduced, they grow with the width, in one that is narrower than the texts they shrink.
+class Canvas {
+ public:
+  /// The image darker, its masked pixels tinted.
+  Canvas(const cv::Mat& grey, const cv::Mat& mask)
+      : zoom_(std::max(grey.cols / kUnscaledWidth, std::min(1.0, grey.cols / kTextWidth))) {
+    grey.convertTo(image_, CV_8U, kBrightness);
+    cv::cvtColor(image_, image_, cv::COLOR_GRAY2BGR);
+    if (mask.empty()) return;
+    cv::Mat tinted;
+    cv::addWeighted(image_, 0.5, cv::Mat(image_.size(), image_.type(), kMaskColour), 0.5, 0,
+                    tinted);
+    tinted.copyTo(image_, mask == 0);
   }
+
+  cv::Mat& image() { return image_; }
+  int scaled(double length) const { return std::max(1, cvRound(zoom_ * length)); }
+
+  void dot(const cv::Point& at, const cv::Scalar& colour, bool filled) {
+    cv::circle(image_, at, scaled(3), colour, filled ? cv::FILLED : scaled(1), cv::LINE_AA);
+  }
+  void cross(const cv::Point& at, RejectReason reason) {
+    const bool outlier = reason == RejectReason::kOutlier;
+    cv::drawMarker(image_, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
+                   scaled(outlier ? 7 : 5), scaled(1));
+  }
+  void text(const std::string& text, const cv::Point& at, const cv::Scalar& colour = kTextColour) {
+    cv::putText(image_, text, at, cv::FONT_HERSHEY_SIMPLEX, zoom_ * kTextSize, colour, scaled(1),
+                cv::LINE_AA);
+  }
+
+  /// The background of two rows of text.
+  void startTexts() {
+    cv::rectangle(image_, cv::Rect(0, 0, scaled(kTextWidth), scaled(34)), kTextBackground,
+                  cv::FILLED);
+  }
+  /// Position in the middle of this row.
+  cv::Point inRow(int row, double x) const { return {scaled(x), scaled(10 + 15 * row)}; }
+  /// Writes in this row from x on. Returns the end of the text.
+  double writeInRow(int row, double x, const std::string& line,
+                    const cv::Scalar& colour = kTextColour) {
+    text(line, inRow(row, x) + cv::Point(0, scaled(4)), colour);
+    return x + cv::getTextSize(line, cv::FONT_HERSHEY_SIMPLEX, kTextSize, 1, nullptr).width;
+  }
+
+ private:
+  static constexpr double kUnscaledWidth = 800, kTextWidth = 462, kTextSize = 0.36;
+
+  double zoom_;
+  cv::Mat image_;
+};
+
+/// Ages in their colours, and the marks.
+void drawLegend(Canvas& canvas) {
+  constexpr int kGap = 12;
+  canvas.startTexts();
+  double x = canvas.writeInRow(0, 8, "age [frames]");
   for (const int age : {0, 1, 3, 10, 30, 100}) {
-    const double x = kLeft + kBar * std::log1p(age) / std::log1p(kOldest);
-    cv::line(image, pixel(x, 12), pixel(x, 16), kLegendText, scaled(image, 1));
-    const std::string text = std::to_string(age);
-    write(image, text, pixel(x - 3.0 * static_cast<double>(text.size()), 29), 0.35);
+    x = canvas.writeInRow(0, x + kGap, std::to_string(age), ageColour(age));
   }
-  int x = kLeft + kBar + 16;
-  write(image, "age [frames]", pixel(x - 4, 14), 0.35);
-  x = is_narrow ? kLeft + 4 : x + 90;
-  const int top = is_narrow ? 28 : 0;
-  const auto entry = [&](const char* text, int row, auto draw) {
-    const int y = top + 10 + 15 * row;
-    draw(pixel(x, y));
-    write(image, text, pixel(x + 8, y + 4), 0.35);
+  x = 0;
+  const auto entry = [&](const char* text, const auto& draw) {
+    draw(canvas.inRow(1, x + kGap));
+    x = canvas.writeInRow(1, x + 2 * kGap - 4, text);
   };
-  const cv::Scalar colour = ageColour(10);
-  entry("has a point", 0, [&](cv::Point at) { drawDot(image, at, colour, true); });
-  entry("no point yet", 1, [&](cv::Point at) { drawDot(image, at, colour, false); });
-  x += 100;
-  entry("outlier, dropped", 0, [&](cv::Point at) { drawCross(image, at, RejectReason::kOutlier); });
-  entry("not found", 1, [&](cv::Point at) { drawCross(image, at, RejectReason::kNotFound); });
+  entry("point", [&](const cv::Point& at) { canvas.dot(at, ageColour(10), true); });
+  entry("no point yet", [&](const cv::Point& at) { canvas.dot(at, ageColour(10), false); });
+  entry("outlier", [&](const cv::Point& at) { canvas.cross(at, RejectReason::kOutlier); });
+  entry("not found", [&](const cv::Point& at) { canvas.cross(at, RejectReason::kNotFound); });
 }
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
@@ -144,7 +133,7 @@ Eigen::Isometry3d groundAxes(const ScaleEstimate& scale) {
 }
 
 /// A grid of 1 m on the ground plane, labelled every 5 m.
-void drawGroundGrid(cv::Mat& image, const PinholeCamera& camera, const ScaleEstimate& scale) {
+void drawGroundGrid(Canvas& canvas, const PinholeCamera& camera, const ScaleEstimate& scale) {
   const Eigen::Isometry3d T_c_ground = groundAxes(scale);
   const auto pixel = [&](double ahead, double left) {
     const Eigen::Vector2d u = camera.project(T_c_ground * Eigen::Vector3d(ahead, left, 0));
@@ -155,89 +144,24 @@ void drawGroundGrid(cv::Mat& image, const PinholeCamera& camera, const ScaleEsti
   int from = kGridFrom;
   while (from < kGridTo && (T_c_ground * Eigen::Vector3d(from, 0, 0)).z() < kGridMinDepth) ++from;
   const cv::Scalar colour = scale.status == ScaleStatus::kOk ? kMeasuredColour : kHeldColour;
-  const int thin = scaled(image, 1), thick = scaled(image, 2);
-  cv::Mat grid = image.clone();
+  cv::Mat grid = canvas.image().clone();
   for (int left = -kGridSide; left <= kGridSide; ++left) {
-    cv::line(grid, pixel(from, left), pixel(kGridTo, left), colour, thin, cv::LINE_AA);
+    cv::line(grid, pixel(from, left), pixel(kGridTo, left), colour, canvas.scaled(1), cv::LINE_AA);
   }
   for (int ahead = from; ahead <= kGridTo; ++ahead) {
     cv::line(grid, pixel(ahead, -kGridSide), pixel(ahead, kGridSide), colour,
-             ahead % 5 ? thin : thick, cv::LINE_AA);
+             canvas.scaled(ahead % 5 ? 1 : 2), cv::LINE_AA);
   }
-  cv::addWeighted(image, 0.5, grid, 0.5, 0, image);
-  // The nearest first; in a small image there is no room for the others.
-  const cv::Size size(scaled(image, kLabelSize.width), scaled(image, kLabelSize.height));
-  cv::Rect last_label;
-  for (int ahead = from; ahead <= kGridTo; ++ahead) {
-    if (ahead % 5 != 0) continue;
-    const cv::Point at = pixel(ahead, -kGridSide) + cv::Point(scaled(image, 4), scaled(image, 4));
-    const cv::Rect label({at.x, at.y - size.height}, size);
-    if (!(label & last_label).empty()) continue;
-    write(image, std::to_string(ahead) + " m", at, 0.4);
-    last_label = label;
+  cv::addWeighted(canvas.image(), 0.5, grid, 0.5, 0, canvas.image());
+  for (int ahead = 5; ahead <= kGridTo; ahead += 5) {
+    if (ahead < from) continue;
+    canvas.text(std::to_string(ahead) + " m",
+                pixel(ahead, -kGridSide) + cv::Point(canvas.scaled(4), canvas.scaled(4)));
   }
 }
 
-std::string percentOf(const ScaleRecovery::Measurement& measured) {
-  return measured.height > 0 ? cv::format("%.1f %%", 100 * measured.sigma / measured.height)
-                             : std::string("none");
-}
-
-/// Writes a line in the box in the upper left corner, smaller in a narrow image.
-void writeLine(cv::Mat& image, const std::string& text, int row) {
-  constexpr double kSize = 0.38;
-  constexpr int kMargin = 8;  // [px]
-  const int width = cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, kSize, 1, nullptr).width;
-  const double fit = static_cast<double>(image.cols - 2 * kMargin) / width;
-  write(image, text, {scaled(image, kMargin), scaled(image, 14 + 15 * row)},
-        kSize * std::min(fit, 1.0));
-}
-
-/// Upper left corner.
-void drawScale(cv::Mat& image, const ScaleRecovery::Output& output) {
-  drawBox(image, kBoxHeight);
-  int row = 0;
-  for (const std::string& line : scaleText(output)) writeLine(image, line, row++);
-}
-
-visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, int type) {
-  auto marker = boost::make_shared<visualization_msgs::Marker>();
-  marker->header = header;
-  marker->ns = "ground_plane";
-  marker->id = id;
-  marker->type = type;
-  marker->action = visualization_msgs::Marker::ADD;
-  return marker;
-}
-
-}  // namespace
-
-sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
-                                            const std::vector<RejectedFeature>& rejected,
-                                            const std_msgs::Header& header, const cv::Mat& mask) {
-  cv::Mat image = background(grey, mask);
-  if (frame.sequence != last_sequence_ + 1) last_.clear();
-  std::map<std::uint64_t, Eigen::Vector2f> now;
-  for (const TrackedFeature& feature : frame.features) {
-    const cv::Scalar colour = ageColour(feature.age);
-    const auto before = last_.find(feature.id);
-    if (before != last_.end()) {
-      cv::line(image, toPixel(before->second), toPixel(feature.u), colour, scaled(image, 1),
-               cv::LINE_AA);
-    }
-    drawDot(image, toPixel(feature.u), colour, feature.has_point);
-    now.emplace_hint(now.end(), feature.id, feature.u);
-  }
-  last_.swap(now);
-  last_sequence_ = frame.sequence;
-  for (const RejectedFeature& feature : rejected) {
-    drawCross(image, toPixel(feature.u), feature.reason);
-  }
-  drawLegend(image);
-  return toMsg(image, sensor_msgs::image_encodings::BGR8, header);
-}
-
-std::array<std::string, 2> scaleText(const ScaleRecovery::Output& output) {
+/// The scale, and the standard deviation of each measurement of this frame.
+void drawScale(Canvas& canvas, const ScaleRecovery::Output& output) {
   const ScaleEstimate& scale = output.scale;
   std::string first = toString(scale.status);
   if (scale.measurement != MeasurementStatus::kMeasured)
@@ -246,28 +170,88 @@ std::array<std::string, 2> scaleText(const ScaleRecovery::Output& output) {
     first +=
         cv::format(": %.4g m per VO unit +- %.1f %%", scale.scale, 100 * scale.sigma / scale.scale);
   }
-  std::string second = "this frame: features " + percentOf(output.feature_based) + ", direct " +
-                       percentOf(output.direct);
+  const auto percent = [](const ScaleRecovery::Measurement& measured) {
+    return measured.height > 0 ? cv::format("%.1f %%", 100 * measured.sigma / measured.height)
+                               : std::string("none");
+  };
+  std::string second = "this frame: features " + percent(output.feature_based) + ", direct " +
+                       percent(output.direct);
   if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
-  return {first, second};
+  canvas.startTexts();
+  canvas.writeInRow(0, 8, first);
+  canvas.writeInRow(1, 8, second);
+}
+
+visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, int type,
+                                       const Eigen::Isometry3d& T_c_marker) {
+  auto marker = boost::make_shared<visualization_msgs::Marker>();
+  marker->header = header;
+  marker->ns = "ground_plane";
+  marker->id = id;
+  marker->type = type;
+  marker->action = visualization_msgs::Marker::ADD;
+  marker->pose = ground_scale_vo::toMsg(T_c_marker);
+  return marker;
+}
+
+std_msgs::ColorRGBA colour(float r, float g, float b, float a) {
+  std_msgs::ColorRGBA colour;
+  colour.r = r;
+  colour.g = g;
+  colour.b = b;
+  colour.a = a;
+  return colour;
+}
+
+geometry_msgs::Vector3 vector(double x, double y, double z) {
+  geometry_msgs::Vector3 vector;
+  vector.x = x;
+  vector.y = y;
+  vector.z = z;
+  return vector;
+}
+
+}  // namespace
+
+sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
+                                            const std::vector<RejectedFeature>& rejected,
+                                            const std_msgs::Header& header, const cv::Mat& mask) {
+  Canvas canvas(grey, mask);
+  if (frame.sequence != last_sequence_ + 1) last_.clear();
+  std::map<std::uint64_t, Eigen::Vector2f> now;
+  for (const TrackedFeature& feature : frame.features) {
+    const cv::Scalar colour = ageColour(feature.age);
+    const auto before = last_.find(feature.id);
+    if (before != last_.end()) {
+      cv::line(canvas.image(), toPixel(before->second), toPixel(feature.u), colour,
+               canvas.scaled(1), cv::LINE_AA);
+    }
+    canvas.dot(toPixel(feature.u), colour, feature.has_point);
+    now.emplace_hint(now.end(), feature.id, feature.u);
+  }
+  last_.swap(now);
+  last_sequence_ = frame.sequence;
+  for (const RejectedFeature& feature : rejected) canvas.cross(toPixel(feature.u), feature.reason);
+  drawLegend(canvas);
+  return toMsg(canvas.image(), sensor_msgs::image_encodings::BGR8, header);
 }
 
 sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
                                   const std_msgs::Header& header, const cv::Mat& mask) {
-  cv::Mat image = background(grey, mask);
+  Canvas canvas(grey, mask);
   if (output.scale.status != ScaleStatus::kUnknown) {
-    drawGroundGrid(image, frame.camera, output.scale);
+    drawGroundGrid(canvas, frame.camera, output.scale);
   }
   const std::unordered_set<std::uint64_t> ground(output.ground_feature_ids.begin(),
                                                  output.ground_feature_ids.end());
   for (const TrackedFeature& feature : frame.features) {
     if (!feature.has_point) continue;
     const bool on_ground = ground.count(feature.id) > 0;
-    drawDot(image, toPixel(feature.u), on_ground ? kMeasuredColour : kOtherColour, on_ground);
+    canvas.dot(toPixel(feature.u), on_ground ? kMeasuredColour : kOtherColour, on_ground);
   }
-  drawScale(image, output);
-  return toMsg(image, sensor_msgs::image_encodings::BGR8, header);
+  drawScale(canvas, output);
+  return toMsg(canvas.image(), sensor_msgs::image_encodings::BGR8, header);
 }
 
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,
@@ -304,29 +288,16 @@ std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate&
   const Eigen::Isometry3d T_c_quad =
       T_c_ground * Eigen::Translation3d(kQuadAhead * Eigen::Vector3d::UnitX());
 
-  const auto quad = marker(header, 0, visualization_msgs::Marker::CUBE);
-  quad->pose = ground_scale_vo::toMsg(T_c_quad);
-  quad->scale.x = kQuadLength;
-  quad->scale.y = kQuadWidth;
-  quad->scale.z = 0.01;
-  quad->color.r = 0.2f;
-  quad->color.g = 0.6f;
-  quad->color.b = 1.0f;
-  quad->color.a = scale.status == ScaleStatus::kOk ? 0.5f : 0.25f;
+  const auto quad = marker(header, 0, visualization_msgs::Marker::CUBE, T_c_quad);
+  quad->scale = vector(kQuadLength, kQuadWidth, 0.01);
+  quad->color = colour(0.2f, 0.6f, 1.0f, scale.status == ScaleStatus::kOk ? 0.5f : 0.25f);
 
   Eigen::Isometry3d T_c_arrow = T_c_ground;  // arrow markers point along x
   T_c_arrow.linear() << T_c_ground.linear().col(2), T_c_ground.linear().col(0),
       T_c_ground.linear().col(1);
-
-  const auto arrow = marker(header, 1, visualization_msgs::Marker::ARROW);
-  arrow->pose = ground_scale_vo::toMsg(T_c_arrow);
-  arrow->scale.x = scale.scale * scale.height;
-  arrow->scale.y = kArrowWidth;
-  arrow->scale.z = kArrowWidth;
-  arrow->color.r = 1.0f;
-  arrow->color.g = 0.8f;
-  arrow->color.b = 0.1f;
-  arrow->color.a = 1.0f;
+  const auto arrow = marker(header, 1, visualization_msgs::Marker::ARROW, T_c_arrow);
+  arrow->scale = vector(scale.scale * scale.height, kArrowWidth, kArrowWidth);
+  arrow->color = colour(1.0f, 0.8f, 0.1f, 1.0f);
   return {quad, arrow};
 }
 

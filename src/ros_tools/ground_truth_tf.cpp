@@ -1,7 +1,6 @@
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/frame_name.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -9,8 +9,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "scale/direct/patch.hpp"
 #include "scale/direct/patch_matcher.hpp"
 

@@ -10,7 +10,7 @@
 #include <unordered_set>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

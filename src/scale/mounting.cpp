@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

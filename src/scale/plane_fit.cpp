@@ -8,8 +8,7 @@
 #include <optional>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "scale/plane_segmentation.hpp"
 
 namespace ground_scale_vo {

@@ -4,9 +4,8 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/seconds.hpp"
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/scale/camera_path.hpp"
 
 namespace ground_scale_vo {

@@ -1,33 +1,31 @@
 // Measures the cost of the offline pipeline over one KITTI folder: times, processor time, memory.
 
+#include <malloc.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/serialization.h>
 #include <sched.h>
 #include <tf2_msgs/TFMessage.h>
 
-#include <cstdio>
+#include <algorithm>
 #include <filesystem>
-#include <nlohmann/json.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/stopwatch.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
-#include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/evaluation/opencv_baseline.hpp"
-#include "ground_scale_vo/evaluation/repeated_drive.hpp"
-#include "ground_scale_vo/evaluation/run_progress.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/time.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
-#include "ground_scale_vo/io/csv_stream.hpp"
-#include "ground_scale_vo/io/image_reader.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
+#include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
-#include "support/command_line.hpp"
-#include "support/sequence_arguments.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
+#include "support/drive_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;
@@ -36,8 +34,6 @@ namespace {
 
 constexpr const char* kDetails =
     R"(Files in DIR:
-  run.json      frames, width, height [px], cores that the process may use, and the settings of --set
-                as one text
   timing.csv    as of run_sequence: milliseconds of every stage and frame
   usage.csv     a line per frame: features: number tracked from the previous image; decode_cpu,
                 frame_cpu: processor time of decoding, and of odometry and scale stage without the
@@ -49,10 +45,9 @@ constexpr const char* kDetails =
 
 Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.)";
 
-struct Arguments : gsv::SequenceArguments {
+struct Arguments : gsv::DriveArguments {
   int cores = 1, repeat = 1;
   bool baseline = false;
-  double image_scale = 1;
 };
 
 /// Restricts this process and its future threads to the first `cores` of the cores that it may use.
@@ -72,12 +67,6 @@ void useCores(int cores) {
     throw gsv::OptionError("--cores is " + std::to_string(cores) + ", but this process may use " +
                            std::to_string(found));
   }
-}
-
-/// Number of cores that this process may use.
-int usableCores() {
-  cpu_set_t allowed;
-  return sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? CPU_COUNT(&allowed) : 0;
 }
 
 /// Fills and serialises the messages that the nodelets would publish for the last frame of the run.
@@ -113,67 +102,117 @@ Pixels trackedPixels(const gsv::VisualOdometry::Output& vo) {
   return pixels;
 }
 
-/// Content of run.json.
-std::string runJson(const gsv::RepeatedDrive& drive, const Arguments& arguments) {
-  std::string settings;
-  for (const std::string& setting : arguments.settings) {
-    settings += (settings.empty() ? "" : " ") + setting;
-  }
-  const nlohmann::ordered_json json{{"frames", drive.size()},
-                                    {"width", drive.camera().width},
-                                    {"height", drive.camera().height},
-                                    {"cores", usableCores()},
-                                    {"settings", settings}};
-  return json.dump() + "\n";
-}
-
-/// Runs the pipeline over the drive and writes run.json, timing.csv and usage.csv. Returns each
-/// frame's pixels with --baseline.
-std::vector<Pixels> measurePipeline(const gsv::RepeatedDrive& drive, const Arguments& arguments) {
-  gsv::OfflineRun run(drive.camera(), arguments.options);
-  gsv::RunProgress progress(drive.name(), drive.size());
+/// Runs the pipeline over the drive, several times in turn with stamps that continue to grow, and
+/// writes timing.csv and usage.csv. Returns each frame's pixels with --baseline.
+std::vector<Pixels> measurePipeline(const Arguments& arguments) {
+  auto drive = gsv::openDrive(arguments.drive);
+  gsv::OfflineRun run(gsv::lensOf(drive->camera().givenCalibration()), arguments.options,
+                      drive->givenMask());
+  gsv::RunProgress progress(gsv::resultName(arguments.drive.path),
+                            arguments.repeat * drive->count());
   const auto frames = gsv::OdometryFrames::ofCamera("odom", "camera");
   std::vector<Pixels> pixels;
   std::ostringstream usage =
       gsv::csvStream("frame,features,decode_cpu,frame_cpu,publish,wall_s,cpu_s,rss_mb,peak_rss_mb");
   const gsv::Stopwatch wall;
   const double cpu_begin = gsv::processUsage().cpu_s;
-  gsv::ImageReader reader(
-      drive.size(), [&](std::size_t i) { return drive.image(i); }, arguments.cores > 1);
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    const gsv::ImageReader::Image image = reader.next();
-    const double frame_cpu_begin = gsv::threadCpuMs();
-    const gsv::RunFrame& frame = run.process(image.image, drive.stampNs(i), image.decode_ms);
-    const double frame_cpu_ms = gsv::threadCpuMs() - frame_cpu_begin;
-    const gsv::Stopwatch watch;
-    if (serialiseMessages(run, frames) == 0) throw std::logic_error("messages without bytes");
-    const double publish_ms = watch.ms();
-    const gsv::VisualOdometry::Output& vo = run.last().vo;
-    if (arguments.baseline) pixels.push_back(trackedPixels(vo));
-    const gsv::ProcessUsage now = gsv::processUsage();
-    usage << i << ',' << vo.frame.features.size() + vo.rejected.size() << ',' << image.decode_cpu_ms
-          << ',' << frame_cpu_ms << ',' << publish_ms << ',' << wall.seconds() << ','
-          << now.cpu_s - cpu_begin << ',' << now.rss_mb << ',' << now.peak_rss_mb << '\n';
-    progress.show(frame);
+  std::int64_t offset_ns = 0, last_ns = 0;
+  for (int pass = 0; pass < arguments.repeat; ++pass) {
+    if (pass > 0) drive = gsv::openDrive(arguments.drive);
+    for (;;) {
+      const double decode_begin = gsv::threadCpuMs();
+      const auto image = drive->next();
+      const double frame_begin = gsv::threadCpuMs();
+      if (!image) break;
+      if (image->given.empty()) continue;
+      constexpr std::int64_t kPause = 100'000'000;  // [ns] between two passes
+      if (pass > 0 && last_ns >= image->stamp_ns + offset_ns) {
+        offset_ns = last_ns + kPause - image->stamp_ns;
+      }
+      last_ns = image->stamp_ns + offset_ns;
+      const std::size_t i = run.record().frames().size();
+      const gsv::RunFrame& frame = run.process(image->given, last_ns, image->decode_ms);
+      const double frame_end = gsv::threadCpuMs();
+      const gsv::Stopwatch watch;
+      if (serialiseMessages(run, frames) == 0) throw std::logic_error("messages without bytes");
+      const double publish_ms = watch.ms();
+      const gsv::VisualOdometry::Output& vo = run.last().vo;
+      if (arguments.baseline) pixels.push_back(trackedPixels(vo));
+      const gsv::ProcessUsage now = gsv::processUsage();
+      usage << i << ',' << vo.frame.features.size() + vo.rejected.size() << ','
+            << frame_begin - decode_begin << ',' << frame_end - frame_begin << ',' << publish_ms
+            << ',' << wall.seconds() << ',' << now.cpu_s - cpu_begin << ',' << now.rss_mb << ','
+            << now.peak_rss_mb << '\n';
+      progress.show(frame);
+    }
   }
   const fs::path out = arguments.out;
-  gsv::writeFile(out / "run.json", runJson(drive, arguments));
   gsv::writeFile(out / "timing.csv", gsv::timingCsv(run.record()));
   gsv::writeFile(out / "usage.csv", usage.str());
   return pixels;
 }
 
-void run(const Arguments& arguments) {
+/// Measures OpenCV alone on the drive: image pyramid, corner detection and Lucas-Kanade tracking in
+/// every frame, the minimum that a feature tracker computes. points[i]: the pixels to track into
+/// image i; points[0] is ignored.
+std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels>& points) {
+  const gsv::FeatureTracker::Options& options = arguments.options.odometry.vo.tracker;
+  // Keep freed memory: whether malloc returns that of OpenCV's large temporary images to the system
+  // after every image would depend on what this process has allocated before.
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  mallopt(M_TRIM_THRESHOLD, 256 << 20);
+  constexpr double kCornerQuality = 0.01;  // relative to the strongest, OpenCV's example value
+  const cv::Size window(options.window_px, options.window_px);
+  const auto pyramid = [&](const cv::Mat& base) {
+    std::vector<cv::Mat> levels;
+    cv::buildOpticalFlowPyramid(base, levels, window, options.pyramid_levels);
+    return levels;
+  };
+  std::ostringstream csv = gsv::csvStream("frame,points,pyramid,detect,track,total,cpu");
+  const auto drive = gsv::openDrive(arguments.drive);
+  const auto nextImage = [&] {
+    for (;;) {
+      const cv::Mat image = drive->next().value().given;
+      if (!image.empty()) return image;
+    }
+  };
+  std::vector<cv::Mat> from = pyramid(nextImage());
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const cv::Mat current = nextImage();
+    const double cpu_begin = gsv::threadCpuMs();
+    gsv::Stopwatch watch;
+    std::vector<cv::Mat> to = pyramid(current);
+    const double pyramid_ms = watch.lapMs();
+
+    std::vector<cv::Point2f> corners;
+    cv::goodFeaturesToTrack(current, corners, std::max(1, static_cast<int>(points[i].size())),
+                            kCornerQuality, options.cell_size * current.cols / 2);
+    const double detect_ms = watch.lapMs();
+
+    std::vector<cv::Point2f> found;
+    std::vector<unsigned char> ok;
+    std::vector<float> error;
+    if (!points[i].empty()) {
+      cv::calcOpticalFlowPyrLK(from, to, points[i], found, ok, error, window,
+                               options.pyramid_levels);
+    }
+    const double track_ms = watch.lapMs();
+    csv << i << ',' << points[i].size() << ',' << pyramid_ms << ',' << detect_ms << ',' << track_ms
+        << ',' << pyramid_ms + detect_ms + track_ms << ',' << gsv::threadCpuMs() - cpu_begin
+        << '\n';
+    from = std::move(to);
+  }
+  return csv.str();
+}
+
+void run(Arguments arguments) {
   useCores(arguments.cores);
   cv::setNumThreads(1);
   gsv::makeFolder(arguments.out);  // fails before the run, not after it
-  const gsv::RepeatedDrive drive(arguments.sequence, arguments.repeat, arguments.image_scale);
-  const std::vector<Pixels> pixels = measurePipeline(drive, arguments);
+  arguments.drive.options.ahead = arguments.cores > 1;
+  const std::vector<Pixels> pixels = measurePipeline(arguments);
   if (!arguments.baseline) return;
-  gsv::writeFile(fs::path(arguments.out) / "baseline.csv",
-                 gsv::measureOpencvBaseline(
-                     pixels, [&](std::size_t i) { return drive.image(i); },
-                     arguments.options.odometry.vo.tracker));
+  gsv::writeFile(fs::path(arguments.out) / "baseline.csv", measureBaseline(arguments, pixels));
 }
 
 }  // namespace
@@ -195,9 +234,7 @@ int main(int argc, char** argv) {
        "alone, "
        "each frame with as many points as the pipeline tracked")  //
       ("repeat", gsv::numberInRange("--repeat", &arguments.repeat, "N", 1, 100000),
-       "drive the sequence N times, forwards and backwards in turn")  //
-      ("image-scale", gsv::numberInRange("--image-scale", &arguments.image_scale, "S", 0.1, 10),
-       "factor on the size of images and camera");
+       "drive the sequence N times in turn");
   return command_line.run(
       argc, argv, [&] { arguments.check(); },
       [&] {

@@ -19,16 +19,14 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/parse_number.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
-#include "ground_scale_vo/evaluation/scale_metrics.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/frame_name.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros_tools/bag_topics.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
-#include "ground_scale_vo/ros_tools/kitti_topics.hpp"
 #include "support/command_line.hpp"
 
 namespace gsv = ground_scale_vo;

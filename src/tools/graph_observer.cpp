@@ -14,11 +14,11 @@
 #include <sstream>
 #include <string>
 
-#include "ground_scale_vo/common/text_file.hpp"
-#include "ground_scale_vo/io/csv_stream.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
+#include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/messages.hpp"
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "support/command_line.hpp"
 

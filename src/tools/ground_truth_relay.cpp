@@ -12,8 +12,8 @@
 #include <deque>
 #include <optional>
 
-#include "ground_scale_vo/ros/bounded_path.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 
 namespace gsv = ground_scale_vo;

@@ -13,14 +13,14 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
+#include "ground_scale_vo/ros_tools/bag_topics.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
-#include "ground_scale_vo/ros_tools/kitti_topics.hpp"
 #include "support/command_line.hpp"
 
 namespace gsv = ground_scale_vo;

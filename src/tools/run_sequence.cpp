@@ -6,32 +6,28 @@
 #include <string>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text_file.hpp"
+#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
-#include "ground_scale_vo/evaluation/run_progress.hpp"
-#include "support/command_line.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "support/drive_arguments.hpp"
-#include "support/sequence_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
 
 namespace {
 
-struct Arguments : gsv::SequenceArguments {
-  gsv::DriveInput drive;
+struct Arguments : gsv::DriveArguments {
   int opencv_threads = 1;
   bool only_check = false, strict = false;
 };
 
-int run(Arguments arguments) {
+int run(const Arguments& arguments) {
   cv::setNumThreads(arguments.opencv_threads);
-  arguments.drive.path = arguments.sequence;
   gsv::GroundTruth truth;
   const auto drive = gsv::openDrive(arguments.drive, &truth);
-  const std::string name = gsv::resultName(arguments.sequence);
+  const std::string name = gsv::resultName(arguments.drive.path);
   const auto folder = std::filesystem::path(arguments.out) / name;
   gsv::makeFolder(folder);  // fails before the run, not after it
-  if (std::filesystem::equivalent(folder, arguments.sequence)) {
+  if (std::filesystem::equivalent(folder, arguments.drive.path)) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
@@ -42,7 +38,14 @@ int run(Arguments arguments) {
                            [&](const gsv::RunFrame& frame) { progress.show(frame); });
   }
   gsv::writeRun(folder, result, arguments.options.scale.camera_height, truth);
-  return gsv::report(name, result, folder.string(), arguments.strict);
+  for (const std::string& sentence : result.warnings) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), sentence.c_str());
+  }
+  std::printf("%s: %s; written to %s\n", name.c_str(), result.summary().c_str(), folder.c_str());
+  if (!result.failure.empty()) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), result.failure.c_str());
+  }
+  return result.exitStatus(arguments.strict);
 }
 
 }  // namespace
@@ -59,7 +62,6 @@ int main(int argc, char** argv) {
   arguments.addTo(&command_line,
                   "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
                   "trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt");
-  gsv::addDriveOptions(&arguments.drive, &command_line.options());
   command_line.options().add_options()  //
       ("refine-camera", gsv::po::bool_switch(&arguments.options.odometry.refine_camera),
        "estimates the lens while driving and undistorts the images by it; the result goes to "

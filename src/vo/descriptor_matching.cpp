@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/vector_loop.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "vo/masked_patch.hpp"
 
 namespace ground_scale_vo {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

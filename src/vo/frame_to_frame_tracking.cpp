@@ -3,7 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/vo/exposure.hpp"
 
 namespace ground_scale_vo {

@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/common/seconds.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "vo/descriptor_matching.hpp"

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

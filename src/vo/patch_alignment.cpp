@@ -7,7 +7,7 @@
 
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "vo/float_patch.hpp"
 
 namespace ground_scale_vo {

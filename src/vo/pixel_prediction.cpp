@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -8,8 +8,7 @@
 #include "common/lanes.hpp"
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/projection_jacobian.hpp"
 

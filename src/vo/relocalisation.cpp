@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {

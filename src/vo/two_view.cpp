@@ -6,8 +6,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/finite.hpp"
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/vo/triangulation.hpp"
 

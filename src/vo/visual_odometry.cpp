@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "ground_scale_vo/common/stopwatch.hpp"
+#include "ground_scale_vo/common/time.hpp"
 #include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
 #include "vo/frame_to_frame_tracking.hpp"

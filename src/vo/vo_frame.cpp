@@ -1,6 +1,6 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 

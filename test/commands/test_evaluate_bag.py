@@ -62,8 +62,8 @@ def test_metrics_of_a_drive(bags, frame, yaw, true_yaw):
         assert poses_of(out / f"{name}.txt")[-1] == pytest.approx(expected, abs=1e-4)
     assert metrics["frames"] == metrics["tracked_frames"] == 100 and metrics["camera_height_m"] == 1.2
     assert metrics["rle_percent"] == pytest.approx(4)
-    nees = metrics["covariance_by_length"][0]["nees_per_dof_exact_ground_truth"]
-    assert nees == pytest.approx((0.04 * 11) ** 2 / (11 * 0.01) / 6, rel=0.05)
+    nees = metrics["covariance_by_length"][0]["nees_per_dof"]  # with that of the ground truth
+    assert nees == pytest.approx((0.04 * 11) ** 2 / (11 * 0.01 + 2 * 0.05 ** 2) / 6, rel=0.05)
     assert [metrics[f"ms_{name}_median"] for name in ("vo", "scale", "total")] == [7.5, 2.5, 10]
 
 

@@ -43,7 +43,7 @@ def line(axes, label):
 
 
 def test_plots_of_a_run(figures, folder):
-    plot_run.draw(folder, pdf=False)
+    plot_run.draw(folder)
     trajectory, scale, timing = figures
     assert line(trajectory.axes[0], "estimate")[-1] == pytest.approx([0.2 * 1.1 * 19, 1.1 * 19])
     assert line(trajectory.axes[0], "ground truth")[-1] == pytest.approx([0.2 * 19, 19])

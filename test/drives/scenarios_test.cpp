@@ -1,6 +1,6 @@
 // The pipeline on the rendered drives of the scenario catalogue, against exact ground truth.
 
-#include "ground_scale_vo/simulation/scenarios.hpp"
+#include "simulation/scenarios.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "ground_scale_vo/evaluation/run_report.hpp"
-#include "ground_scale_vo/simulation/scenario_evaluation.hpp"
+#include "simulation/scenario_evaluation.hpp"
 #include "support/drive_run.hpp"
 #include "support/long_tests.hpp"
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "fuzz_target.hpp"
-#include "ground_scale_vo/ros/messages.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "simulation/synthetic_drive.hpp"
 
 /// Valid images, and checks of published messages that hold for any input.
 namespace ground_scale_vo::fuzz {

@@ -11,9 +11,8 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
-#include "ground_scale_vo/ros/image_rectifier.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/image_input.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "message_checks.hpp"
@@ -39,7 +38,7 @@ class MonoVo {
     if (!camera) return;
     cv::Mat grey;
     try {
-      grey = rectifier_.rectify(image).clone();  // outlives the message
+      grey = rectifier_.rectify(image).grey.clone();  // outlives the message
     } catch (const DataError&) {
       return;
     }

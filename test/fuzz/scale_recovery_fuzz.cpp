@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/simulation/scenario_evaluation.hpp"
+#include "simulation/scenario_evaluation.hpp"
 #include "support/drive_run.hpp"
 #include "support/textured_hood.hpp"
 

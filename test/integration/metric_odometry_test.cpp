@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 
 namespace ground_scale_vo {

@@ -9,8 +9,8 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 
 namespace ground_scale_vo {

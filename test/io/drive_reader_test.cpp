@@ -59,7 +59,6 @@ DriveReader reader(const std::vector<double>& stamps, std::size_t declared = 0, 
 std::vector<double> read(DriveReader* drive) {
   std::vector<double> stamps;
   while (const auto image = drive->next()) {
-    EXPECT_EQ(image->index, stamps.size());
     stamps.push_back(image->given.empty() ? -1 : static_cast<double>(image->stamp_ns) / 1e9);
   }
   return stamps;

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 
-#include "ground_scale_vo/evaluation/odometry_metrics.hpp"
+#include "ground_scale_vo/evaluation/metrics.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

@@ -2,15 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <opencv2/imgcodecs.hpp>
 #include <random>
 #include <string>
 #include <tuple>
 
-#include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "support/expect_throws.hpp"
 #include "support/scene.hpp"
 
@@ -217,188 +218,59 @@ TEST(Messages, ConstantsAreTheEnumerators) {
             static_cast<int>(MeasurementStatus::kImplausibleMotion));
 }
 
-using Covariance = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
-
-Vector6d vectorOf(const geometry_msgs::Twist& twist) {
-  Vector6d vector;
-  vector << twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y,
-      twist.angular.z;
-  return vector;
+sensor_msgs::CompressedImage encoded(const std::string& format, const std::string& extension,
+                                     int type = CV_8UC1) {
+  sensor_msgs::CompressedImage image;
+  image.header.stamp = ros::Time(3, 4);
+  image.header.frame_id = "camera";
+  image.format = format;
+  cv::imencode(extension, cv::Mat(6, 8, type, cv::Scalar::all(90)), image.data);
+  return image;
 }
 
-/// blkdiag(R, R)
-Matrix6d blockRotation(const Eigen::Matrix3d& R) {
-  Matrix6d blocks = Matrix6d::Zero();
-  blocks.topLeftCorner<3, 3>() = blocks.bottomRightCorner<3, 3>() = R;
-  return blocks;
-}
-
-/// A covariance without zeros.
-Matrix6d someCovariance(unsigned seed) {
-  std::mt19937 random(seed);
-  std::normal_distribution<double> normal;
-  Matrix6d root;
-  for (int i = 0; i < root.size(); ++i) root(i) = normal(random);
-  return root * root.transpose();
-}
-
-TEST(CameraOdometry, ACameraThatDrivesForwardMovesAlongX) {
-  MetricPose pose;
-  pose.T_o_c = test::pose({0, 0, 0}, {1, -2, 10});  // 1 right, 2 up, 10 forward
-  pose.twist_c << 0.1, -0.2, 5, 0, 0.3, 0;          // turns right: about y down
-  pose.covariance.diagonal() << 1, 2, 3, 4, 5, 6;
-  const auto odometry =
-      toOdometryMsg(pose, OdometryFrames::ofCamera("odom", "cam"), ros::Time(3, 4));
-  EXPECT_EQ(odometry->header.frame_id, "odom");
-  EXPECT_EQ(odometry->child_frame_id, "cam");
-  EXPECT_EQ(odometry->header.stamp, ros::Time(3, 4));
-  // The child frame is the camera: the orientation is that of an optical frame, and the twist is in
-  // camera axes.
-  const Eigen::Isometry3d T = fromMsg(odometry->pose.pose);
-  EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(10, -1, 2), 1e-12));
-  EXPECT_TRUE(T.linear().isApprox(bodyFromOptical(), 1e-12));
-  EXPECT_TRUE(vectorOf(odometry->twist.twist).isApprox(pose.twist_c, 1e-12));
-  // Covariance in odom axes, which are the camera's z, -x and -y.
-  const Covariance covariance(odometry->pose.covariance.data());
-  Vector6d expected;
-  expected << 3, 1, 2, 6, 4, 5;
-  EXPECT_TRUE(covariance.diagonal().isApprox(expected, 1e-12)) << covariance.diagonal();
-
-  const geometry_msgs::TransformStamped transform = toTransformMsg(*odometry);
-  EXPECT_EQ(transform.header.stamp, ros::Time(3, 4));
-  EXPECT_EQ(transform.header.frame_id, "odom");
-  EXPECT_EQ(transform.child_frame_id, "cam");
-  EXPECT_TRUE(fromMsg(transform.transform).isApprox(T, 1e-12));
-}
-
-TEST(CameraOdometry, UpToScaleHasTheCovarianceOfThePoseAndNoTwist) {
-  VoFrame frame;
-  frame.camera = test::kCamera;
-  frame.status = VoStatus::kTracking;
-  frame.T_w_c = test::pose({0, 0.5, 0}, {1, 2, 3});
-  std_msgs::Header header;
-  header.frame_id = "camera";
-  header.stamp = ros::Time(5, 6);
-  const auto unknown = toOdometryMsg(frame, header, "vo_world");
-  EXPECT_EQ(unknown->pose.covariance[0], -1);
-  EXPECT_EQ(unknown->header.frame_id, "vo_world");
-  EXPECT_EQ(unknown->child_frame_id, "camera");
-  frame.pose_covariance.diagonal() << 1, 4, 9, 1e-2, 4e-2, 9e-2;
-  frame.pose_covariance(0, 4) = frame.pose_covariance(4, 0) = 0.05;
-  const auto odometry = toOdometryMsg(frame, header, "vo_world");
-  const Covariance covariance(odometry->pose.covariance.data());
-  const Matrix6d R = blockRotation(frame.T_w_c.linear());
-  EXPECT_TRUE(covariance.isApprox(R * frame.pose_covariance * R.transpose(), 1e-9));
-  EXPECT_GT(covariance(0, 0), 0);
-  EXPECT_EQ(odometry->twist.covariance[0], -1);
-}
-
-class BaseOdometry : public ::testing::Test {
- protected:
-  nav_msgs::Odometry message(const MetricPose& pose) const {
-    return *toOdometryMsg(pose, frames_, ros::Time(1));
-  }
-
-  const Eigen::Isometry3d T_b_c_ = test::pose({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
-  OdometryFrames frames_ = OdometryFrames::ofBase("odom", "base_link", T_b_c_);
-  const Eigen::Isometry3d T_o_c_ = test::pose({-0.2, 0.7, 0.1}, {3, -1, 20});
-};
-
-TEST_F(BaseOdometry, StartsAtTheOriginAndDrivesAlongX) {
-  Eigen::Isometry3d T_b_c = test::pose({0, 0, 0}, {1.5, 0.2, 1.4});
-  T_b_c.linear() = bodyFromOptical();
-  frames_ = OdometryFrames::ofBase("odom", "base_link", T_b_c);
-  MetricPose pose;
-  EXPECT_TRUE(fromMsg(message(pose).pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
-  pose.T_o_c.translation().z() = 7;
-  EXPECT_TRUE(fromMsg(message(pose).pose.pose).isApprox(test::pose({0, 0, 0}, {7, 0, 0}), 1e-12));
-}
-
-/// The motion of the base, in its axes or in those of odom, per step.
-Vector6d motionPerStep(const Eigen::Isometry3d& motion, double step) {
-  Vector6d vector;
-  vector << motion.translation() / step, rotationVector(motion.linear()) / step;
-  return vector;
-}
-
-TEST_F(BaseOdometry, CovarianceAgreesWithFiniteDifferences) {
-  MetricPose pose;
-  pose.T_o_c = T_o_c_;
-  const Eigen::Isometry3d published = fromMsg(message(pose).pose.pose);
-  constexpr double kStep = 1e-6;
-  for (int k = 0; k < 6; ++k) {
-    MetricPose disturbed = pose;
-    const Vector6d step = kStep * Vector6d::Unit(k);
-    disturbed.T_o_c.translation() += step.head<3>();
-    disturbed.T_o_c.linear() = test::pose(step.tail<3>(), {0, 0, 0}).linear() * T_o_c_.linear();
-    const Eigen::Isometry3d moved = fromMsg(message(disturbed).pose.pose);
-    Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
-    motion.linear() = moved.linear() * published.linear().transpose();
-    motion.translation() = moved.translation() - published.translation();
-    const Vector6d column = motionPerStep(motion, kStep);
-
-    pose.covariance.setZero();
-    pose.covariance(k, k) = 1;
-    const nav_msgs::Odometry odometry = message(pose);
-    const Covariance covariance(odometry.pose.covariance.data());
-    EXPECT_LT((covariance - column * column.transpose()).norm(), 1e-3) << k;
-  }
-  pose.covariance = someCovariance(1);
-  const nav_msgs::Odometry odometry = message(pose);
-  const Covariance covariance(odometry.pose.covariance.data());
-  EXPECT_EQ(covariance, covariance.transpose()) << "exactly";
-}
-
-// The twist of the base must agree with the displacement of the base over a short time.
-TEST_F(BaseOdometry, TwistAndItsCovarianceAreThoseOfTheBase) {
-  constexpr double kTime = 1e-6;
-  for (int k = 0; k < 6; ++k) {
-    MetricPose pose;
-    pose.T_o_c = T_o_c_;
-    pose.twist_c[k] = 2;
-    pose.twist_covariance(k, k) = 4;
-    const Eigen::Isometry3d T_c_then =
-        test::pose(kTime * pose.twist_c.tail<3>(), kTime * pose.twist_c.head<3>());
-    const Vector6d expected = motionPerStep(T_b_c_ * T_c_then * T_b_c_.inverse(), kTime);
-    const nav_msgs::Odometry odometry = message(pose);
-    const Vector6d twist = vectorOf(odometry.twist.twist);
-    EXPECT_LT((twist - expected).norm(), 1e-4) << k;
-    const Covariance covariance(odometry.twist.covariance.data());
-    EXPECT_LT((covariance - twist * twist.transpose()).norm(), 1e-9) << k;
+TEST(CompressedImage, DecodesEveryKindOfPixel) {
+  const struct {
+    const char *format, *extension;
+    int type;
+    const char* encoding;
+  } kKinds[] = {{"mono8; jpeg compressed ", ".jpg", CV_8UC1, "mono8"},
+                {"rgb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"},
+                {"jpeg", ".jpg", CV_8UC3, "bgr8"},
+                {"", ".png", CV_8UC4, "bgra8"},
+                {"mono16; png compressed ", ".png", CV_16UC1, "mono16"},
+                {"rgb16; png compressed ", ".png", CV_16UC3, "bgr16"},
+                {"bayer_rggb8; jpeg compressed ", ".jpg", CV_8UC1, "bayer_rggb8"},
+                {"bayer_grbg16; png compressed ", ".png", CV_16UC1, "bayer_grbg16"},
+                {"bayer_rggb16; jpeg compressed ", ".jpg", CV_8UC1, "mono8"},
+                {"bayer_rggb8; jpeg compressed bgr8", ".jpg", CV_8UC3, "bgr8"}};
+  for (const auto& kind : kKinds) {
+    const auto image = decode(encoded(kind.format, kind.extension, kind.type));
+    EXPECT_EQ(image->encoding, kind.encoding) << kind.format;
+    EXPECT_EQ(image->width, 8u);
+    EXPECT_EQ(image->height, 6u);
+    EXPECT_EQ(image->data.size(), 6u * 8 * CV_ELEM_SIZE(kind.type)) << kind.format;
+    EXPECT_NEAR(image->data[0], 90, 1);
+    EXPECT_EQ(image->header.stamp, ros::Time(3, 4));
+    EXPECT_EQ(image->header.frame_id, "camera");
   }
 }
 
-TEST_F(BaseOdometry, ABaseThatStandsStillUnderAMovingCameraHasNoTwist) {
-  constexpr double kTime = 0.5;  // the camera turns by 0.2 rad, so its axes matter
-  const Eigen::Isometry3d moved = test::pose({0, 0, 0.4 * kTime}, {0.1 * kTime, 0, 0}) * T_b_c_;
-  MetricPose pose;  // of the camera in its first frame
-  pose.T_o_c = T_b_c_.inverse() * moved;
-  pose.twist_c << pose.T_o_c.linear().transpose() * pose.T_o_c.translation() / kTime,
-      rotationVector(pose.T_o_c.linear()) / kTime;
-  frames_.moveMounting(moved, kTime);
-  const nav_msgs::Odometry odometry = message(pose);
-  EXPECT_TRUE(fromMsg(odometry.pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
-  EXPECT_LT(vectorOf(odometry.twist.twist).norm(), 1e-9);
-  frames_.moveMounting(T_b_c_, 0);  // the interval is not known
-  EXPECT_EQ(frames_.mounting_twist_c, Vector6d::Zero());
+TEST(CompressedImage, RefusesWhatCannotBeDecoded) {
+  const sensor_msgs::CompressedImage good = encoded("mono8; jpeg compressed ", ".jpg");
+  sensor_msgs::CompressedImage empty = good, truncated = good, damaged = good;
+  empty.data.clear();
+  truncated.data.resize(good.data.size() - 2);
+  std::fill(damaged.data.begin() + 2, damaged.data.end() - 2, std::uint8_t{0});
+  for (const auto& image : {empty, truncated, damaged}) EXPECT_THROW(decode(image), DataError);
 }
 
-TEST(PoseOrigin, MovesToTheFirstPoseAfterAReset) {
-  const Eigen::Isometry3d step = test::pose({0, 0.1, 0}, {0, 0, 2});
-  PoseOrigin origin;
-  MetricPose first, second;
-  first.T_o_c = test::pose({-0.2, 0.7, 0.1}, {3, -1, 20});
-  second.T_o_c = first.T_o_c * step;
-  second.covariance = someCovariance(3);
-  EXPECT_TRUE(origin.relative(first).T_o_c.isApprox(first.T_o_c));
-  origin.moveToNextPose();
-  EXPECT_EQ(origin.relative(first).T_o_c.matrix(), Eigen::Matrix4d::Identity());
-  const MetricPose moved = origin.relative(second);
-  EXPECT_TRUE(moved.T_o_c.isApprox(step, 1e-12));
-  const Matrix6d R = blockRotation(first.T_o_c.linear().transpose());
-  EXPECT_TRUE(moved.covariance.isApprox(R * second.covariance * R.transpose(), 1e-12));
-  origin.clear();
-  EXPECT_TRUE(origin.relative(second).T_o_c.isApprox(second.T_o_c));
+TEST(FrameName, HasNoLeadingSlash) {
+  EXPECT_EQ(withoutLeadingSlashes("a/b"), "a/b");
+  EXPECT_EQ(leadingSlashWarning("a/b", "frame_id"), "");
+  EXPECT_EQ(withoutLeadingSlashes("//a/b"), "a/b");
+  EXPECT_EQ(leadingSlashWarning("//a/b", "frame_id"),
+            "frame_id is \"//a/b\"; tf2 has no leading slash, \"a/b\" is used");
+  EXPECT_EQ(withoutLeadingSlashes("/"), "");
 }
 
 }  // namespace

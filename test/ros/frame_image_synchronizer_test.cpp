@@ -1,11 +1,16 @@
+// Which image belongs to a frame, and what the frame continues.
+
 #include "ground_scale_vo/ros/frame_image_synchronizer.hpp"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include "ground_scale_vo/ros/frame_continuity.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -112,6 +117,70 @@ TEST_F(FrameImageSynchronization, AClockJumpDropsTheImagesBeforeIt) {
   EXPECT_EQ(matches(), "");
   images({1});
   EXPECT_EQ(matches(), "1 ");
+}
+
+TEST(FrameContinuity, CountsMissingFramesAndReportsNumbersThatCountNothing) {
+  FrameContinuity continuity;
+  for (const std::uint32_t sequence : {3u, 4u, 7u}) continuity.receive(sequence);
+  EXPECT_EQ(continuity.missing(), 2u);
+  continuity.receive(0);  // a restart
+  EXPECT_EQ(continuity.sequenceError(), "");
+  continuity.receive(0);  // another one, before the second image
+  EXPECT_EQ(continuity.sequenceError(), "");
+  continuity.receive(0);
+  EXPECT_NE(continuity.sequenceError().find("sequence is 0 in two vo/frame in a row"),
+            std::string::npos);
+  continuity.receive(4000000000);
+  EXPECT_NE(continuity.sequenceError().find("jumps from 0 to 4000000000"), std::string::npos);
+  continuity.receive(0);
+  EXPECT_EQ(continuity.sequenceError(), "") << "the next number is valid";
+  EXPECT_EQ(continuity.missing(), 2u);
+}
+
+TEST(FrameContinuity, AJumpOfTheClockAndAnotherCameraAreANewTrajectory) {
+  FrameContinuity continuity;
+  const auto reason = [&](const char* camera_frame, bool clock_jumped_back = false) {
+    VoFrame frame;
+    return continuity.next(frame, camera_frame, clock_jumped_back);
+  };
+  EXPECT_EQ(reason("front"), "");
+  EXPECT_EQ(reason("front", true), "the clock jumped back");
+  EXPECT_EQ(reason(""), "") << "not known";
+  EXPECT_NE(reason("rear").find("changed from \"front\" to \"rear\""), std::string::npos);
+  EXPECT_EQ(reason("rear"), "");
+  EXPECT_EQ(continuity.cameraFrame(), "rear");
+}
+
+/// Applies the numbering to a frame whose rotation to the map has a sigma of 0.01 rad.
+VoFrame numbered(FrameContinuity* continuity, std::uint32_t sequence, std::uint32_t map_id) {
+  VoFrame frame;
+  frame.sequence = sequence;
+  frame.map_id = map_id;
+  frame.map_start.rotation_sigma = 0.01;
+  EXPECT_EQ(continuity->next(frame, "", false), "");
+  return frame;
+}
+
+// The first map after a restart relates to its first image, not to the last pose before it.
+TEST(FrameContinuity, ARestartedOdometryHasNewMapsOfUnknownRotation) {
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  const struct {
+    std::uint32_t sequence, map_id, numbered_map_id;
+    double rotation_sigma;
+  } kFrames[] = {{0, 0, 0, 0.01},     {1, 0, 0, 0.01},     {5, 2, 2, 0.01}, {0, 0, 3, kUnknown},
+                 {1, 0, 3, kUnknown}, {2, 1, 4, 0.01},     {2, 1, 4, 0.01}, {0, 0, 5, kUnknown},
+                 {7, 3, 8, 0.01},     {5, 2, 11, kUnknown}};  // its maps 0 and 1 were not received
+  FrameContinuity continuity;
+  for (const auto& frame : kFrames) {
+    const VoFrame result = numbered(&continuity, frame.sequence, frame.map_id);
+    EXPECT_EQ(result.map_id, frame.numbered_map_id);
+    EXPECT_EQ(result.map_start.rotation_sigma, frame.rotation_sigma) << result.map_id;
+  }
+  // A trajectory that starts there, or at a restart, keeps the rotation.
+  for (const std::uint32_t sequence : {6u, 0u, 1u}) {
+    if (sequence != 1u) continuity.startTrajectory();
+    EXPECT_EQ(numbered(&continuity, sequence, 2).map_start.rotation_sigma, 0.01) << sequence;
+  }
 }
 
 }  // namespace

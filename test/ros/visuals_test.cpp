@@ -1,7 +1,6 @@
 #include "ground_scale_vo/ros/visuals.hpp"
 
 #include <gtest/gtest.h>
-#include <sensor_msgs/point_cloud2_iterator.h>
 
 #include <cmath>
 #include <vector>
@@ -128,24 +127,6 @@ TEST(PlaneMarkers, LieOnTheRoadAheadInMetres) {
   EXPECT_NEAR(T_c_arrow.linear().determinant(), 1, 1e-12);
   scale.status = ScaleStatus::kHeld;
   EXPECT_LT(toPlaneMarkers(scale, header)[0]->color.a, markers[0]->color.a);
-}
-
-TEST(PointCloud, HoldsThePointsInMetres) {
-  std_msgs::Header header;
-  header.frame_id = "camera";
-  VoFrame frame;
-  const auto none = toPointCloud(frame, header, 2);
-  frame.features = {feature(1, 100, 5), feature(2, 200, 5, false)};
-  frame.features[0].p_c = {1, 2, 3};
-  const auto cloud = toPointCloud(frame, header, 2);
-  ASSERT_EQ(cloud->width, 1u);
-  sensor_msgs::PointCloud2ConstIterator<float> x(*cloud, "x"), y(*cloud, "y"), z(*cloud, "z");
-  EXPECT_EQ(*x, 2);
-  EXPECT_EQ(*y, 4);
-  EXPECT_EQ(*z, 6);
-  EXPECT_EQ(none->width, 0u);
-  EXPECT_TRUE(none->data.empty());
-  EXPECT_EQ(none->fields, cloud->fields) << "also valid without points";
 }
 
 }  // namespace

@@ -11,8 +11,8 @@
 #include <sstream>
 #include <utility>
 
-#include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "manager_test.hpp"
 #include "support/drive_run.hpp"
 
@@ -87,9 +87,9 @@ TEST_F(Drive, DiagnosticsDescribeTheDriveAndItsLastFrame) {
   ros::NodeHandle handle;
   DiagnosticsRecorder diagnostics(handle);
   const auto text = [](double value) {
-    std::ostringstream text;
-    text << value;
-    return text.str();
+    std::ostringstream stream;
+    stream << value;
+    return stream.str();
   };
   const std::vector<TrackedFeature> features = fromMsg(*run_->frames.last()).features;
   const auto points = std::count_if(features.begin(), features.end(),

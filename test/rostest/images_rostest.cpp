@@ -188,29 +188,17 @@ TEST_F(Images, TwoCamerasOnOneTopicAreAnError) {
   EXPECT_TRUE(diagnostics_.waitForStatus("mono_vo", [](const Status& status) {
     return status.level == Status::ERROR &&
            status.message.find("two cameras publish on /image") == 0 &&
-           status.message.find("frame_id \"other_camera\"") != std::string::npos &&
+           status.message.find("\"other_camera\"") != std::string::npos &&
            numberIn(status, "dropped: image of another camera") > 0;
   }));
   EXPECT_TRUE(publishUntilInitialising()) << "the end of one camera does not end the error";
-
-  for (int i = 0; i < 5; ++i) {
-    Info other = cameraInfo();
-    other.K[0] += 5;
-    topics_->publishInfo(other);
-    topics_->publishInfo(cameraInfo());
-    ASSERT_TRUE(publishAndWait(image()));
-  }
-  EXPECT_TRUE(
-      diagnostics_.waitForSummary("mono_vo", Status::ERROR, "two cameras publish on /camera_info"));
-  for (int i = 0; i < 100; ++i) topics_->publishInfo(cameraInfo());
-  EXPECT_TRUE(publishUntilInitialising());
 }
 
 // The odometry is not reset with every image, and both nodelets report why.
 TEST_F(Images, ACalibrationThatKeepsChangingIsAnError) {
   ASSERT_TRUE(use(cameraInfo()));
   const std::string error = "camera_info on topic /camera_info keeps changing";
-  const std::ptrdiff_t resets = lines("The odometry is reset: camera_info");
+  const std::ptrdiff_t resets = lines("the odometry is reset: camera_info");
   for (int i = 1; i <= 20; ++i) {
     Info drifting = cameraInfo();
     drifting.K[0] += 0.3 * i;
@@ -218,18 +206,11 @@ TEST_F(Images, ACalibrationThatKeepsChangingIsAnError) {
     ASSERT_TRUE(publishAndWait(image()));
   }
   EXPECT_GT(topics_->frames.last()->sequence, 10u);
-  EXPECT_LE(lines("The odometry is reset: camera_info"), resets + 2);
+  EXPECT_LE(lines("the odometry is reset: camera_info"), resets + 2);
   for (const std::string nodelet : {"mono_vo", "scale_recovery"}) {
     EXPECT_TRUE(diagnostics_.waitForSummary(nodelet, Status::ERROR, error));
     EXPECT_TRUE(waitForLine("/" + nodelet + ": " + error));
   }
-  const auto log = log_.messages();
-  EXPECT_EQ(std::count_if(log.begin(), log.end(),
-                          [&](const auto& line) {
-                            return line->level == rosgraph_msgs::Log::ERROR &&
-                                   line->msg.find("mono_vo: " + error) != std::string::npos;
-                          }),
-            1);
   for (int i = 0; i < 100; ++i) topics_->publishInfo(cameraInfo());
   EXPECT_TRUE(publishUntilInitialising()) << "the end of the changes does not end the error";
 }

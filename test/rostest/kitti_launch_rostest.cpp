@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "child_process.hpp"
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "rendered_camera.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -7,7 +7,7 @@
 
 #include <map>
 
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "nodelet_pair.hpp"
 

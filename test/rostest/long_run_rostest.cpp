@@ -12,7 +12,7 @@
 #include <iostream>
 #include <memory>
 
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "manager_test.hpp"

@@ -12,8 +12,7 @@
 #include <vector>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "topic_recorder.hpp"
 
 namespace ground_scale_vo {

@@ -17,7 +17,6 @@
 
 #include "diagnostics_recorder.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_message.hpp"
 #include "manager_client.hpp"
 #include "mounting.hpp"
 #include "support/road_image.hpp"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/odometry_message.hpp"
+#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "manager_test.hpp"
 
 namespace ground_scale_vo {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <string>
 
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "support/road_image.hpp"

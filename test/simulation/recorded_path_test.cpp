@@ -1,4 +1,4 @@
-#include "simulation/recorded_path.hpp"
+#include "simulation/world/recorded_path.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 
 namespace ground_scale_vo::simulation {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 
 namespace ground_scale_vo {
 namespace {

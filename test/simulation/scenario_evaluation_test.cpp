@@ -1,4 +1,4 @@
-#include "ground_scale_vo/simulation/scenario_evaluation.hpp"
+#include "simulation/scenario_evaluation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -30,6 +30,9 @@ TEST(ScenarioEvaluation, LateScaleAndUnknownErrorViolateAThreshold) {
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.lost_events = 1; }), "lost");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.metric_frames = 50; }), "late scale");
   EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rle_percent = NAN; }), "RLE");
+  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.recovery_frames = -1; }), "no recovery");
+  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.error_after_fault_percent = 5.1; }),
+            "error after the fault");
 }
 
 /// Of a drive of 20 frames with a scale that is 3 % too large: a metric pose from frame 4 on, whose
@@ -61,7 +64,7 @@ Metrics metricsOfABiasedRun(const SyntheticDrive& drive) {
     record.append(vo, scale);
   }
   Scenario scenario;
-  scenario.unobservable = Scenario::FrameRange{10, 14};
+  scenario.unobservable = {10, 14};
   return evaluateScenario(scenario, drive, record);
 }
 
@@ -83,6 +86,37 @@ TEST(ScenarioEvaluation, ComparesARunWithTheDrive) {
   EXPECT_NEAR(metrics.within_2_sigma, 7. / 19, 1e-9);  // frame 8 has no true scale
   EXPECT_NEAR(metrics.held_share, 3. / 16, 1e-9);
   EXPECT_NEAR(metrics.ok_while_unobservable, 2. / 5, 1e-9);
+}
+
+/// A fault in frames 10 to 19, in which the position jumps by 3 m. The scale is held until frame 24
+/// and 2 % too large afterwards.
+TEST(ScenarioEvaluation, DescribesTheReactionToAFault) {
+  Scenario scenario;
+  scenario.options.frames = 80;
+  scenario.options.stop_s = 0;
+  scenario.fault = {10, 19};
+  const SyntheticDrive drive(scenario.options);
+  RunRecord record;
+  double z = 0;  // along the path
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const double step = 0.9;
+    z += i == 0 ? 0 : step * (i > 24 ? 1.02 : 1) + (i == 15 ? 3 : 0);
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(i);
+    vo.frame.status = VoStatus::kTracking;
+    ScaleRecovery::Output scale;
+    scale.scale.status = i >= 10 && i < 25 ? ScaleStatus::kHeld : ScaleStatus::kOk;
+    scale.scale.scale = scale.scale.sigma = 1;
+    scale.pose.emplace();
+    scale.pose->T_o_c = drive.frame(i).T_c0_c;
+    scale.pose->T_o_c.translation() *=
+        z / (step * static_cast<double>(std::max<std::size_t>(i, 1)));
+    scale.pose->covariance.setIdentity();
+    record.append(vo, scale);
+  }
+  const Metrics metrics = evaluateScenario(scenario, drive, record);
+  EXPECT_EQ(metrics.recovery_frames, 5);
+  EXPECT_NEAR(metrics.error_after_fault_percent, 2, 1.5);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "simulation/synthetic_drive.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/simulation/scenarios.hpp"
+#include "simulation/scenarios.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -55,7 +55,10 @@ TEST(SyntheticDrive, RejectsOptionsOutOfRange) {
            [](Options& o) { o.camera_height = 0; }, [&](Options& o) { o.pitch_rad = nan; },
            [](Options& o) { o.curvature = 1; }, [](Options& o) { o.lane_offset = -5; },
            [](Options& o) { o.ramp_slope = 0.1; }, [](Options& o) { o.puddles = 0.5; },
-           [&](Options& o) { o.sun.x() = nan; }, [](Options& o) { o.bare_to_m = 1e9; },
+           [&](Options& o) { o.sun.x() = nan; }, [](Options& o) { o.bare.to_m = 1e9; },
+           [](Options& o) {
+             o.faults = {{FaultKind::kFrozen, {0, 3}}};
+           },
            [](Options& o) {
              o.speeds = {{1, 5}, {1, 6}};
            }}) {

@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "ground_scale_vo/evaluation/offline_run.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/sanitizer.hpp"
 
 namespace ground_scale_vo {

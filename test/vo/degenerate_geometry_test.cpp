@@ -6,7 +6,7 @@
 #include <limits>
 #include <string>
 
-#include "ground_scale_vo/common/finite.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "ground_scale_vo/vo/patch_alignment.hpp"

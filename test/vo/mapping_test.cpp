@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "ground_scale_vo/common/median.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "support/scene.hpp"
 #include "vo/map_initialisation.hpp"
 

@@ -65,8 +65,8 @@ TEST(PoseEstimation, IsExactWithoutNoiseAndRobustAgainstWrongPredictionsAndOutli
   for (std::size_t i = 0; i < observations.size(); i += 4) EXPECT_FALSE(robust.inlier[i]);
 }
 
-// The covariance is that of a small motion (position, rotation) in camera axes. Several observations
-// are computed at once, also when their number is not a multiple.
+// The covariance is that of a small motion (position, rotation) in camera axes. Several
+// observations are computed at once, also when their number is not a multiple.
 TEST(PoseEstimation, TheCovarianceMatchesTheErrorsOfThePoseWhateverTheirSigma) {
   const Eigen::Isometry3d T_w_c = pose({0.2, -0.5, 0.1}, {1, 2, -3});
   auto exact = observationsFrom(T_w_c);

@@ -8,9 +8,9 @@
 #include <set>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/median.hpp"
-#include "ground_scale_vo/simulation/synthetic_drive.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/vo/exposure.hpp"
+#include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 #include "support/scene.hpp"
 
@@ -338,22 +338,20 @@ TEST(VisualOdometry, ATurnBeforeTheFirstMapIsKnown) {
 }
 
 /// A drive of which some frames from 45 on are black. The camera turns by 20 degrees in 10 frames.
-SyntheticDrive::Options blackoutInATurn(int frames, int black) {
+SyntheticDrive::Options blackoutInATurn(int frames, std::size_t black) {
   SyntheticDrive::Options options = smallDrive(frames);
   options.random_seed = 2;
   options.speed = 6;
   options.curvature = 0.06;
   options.slope = 0;
-  options.black_first = 45;
-  options.black_frames = black;
+  options.faults = {{FaultKind::kBlack, {45, 44 + black}}};
   return options;
 }
 
 // In the turn, the scene moves into the part of the image that is masked.
 TEST(VisualOdometry, ABlackoutKeepsMapScaleAndHeading) {
   SyntheticDrive::Options ahead = smallDrive(85);
-  ahead.black_first = 45;
-  ahead.black_frames = 15;
+  ahead.faults = {{FaultKind::kBlack, {45, 59}}};
   ahead.moving_cars = false;
   cv::Mat mask(ahead.camera.height, ahead.camera.width, CV_8UC1, cv::Scalar(255));
   mask.colRange(mask.cols * 7 / 8, mask.cols) = 0;
@@ -361,8 +359,8 @@ TEST(VisualOdometry, ABlackoutKeepsMapScaleAndHeading) {
     const SyntheticDrive truth(options);
     const bool turns = options.curvature > 0.05;
     const DriveRun result = run(truth, {}, turns ? mask : cv::Mat());
-    const auto begin = static_cast<std::size_t>(options.black_first);
-    const std::size_t end = begin + static_cast<std::size_t>(options.black_frames);
+    const FrameRange& black = options.faults.front().frames;
+    const std::size_t begin = black.first, end = black.last + 1;
     result.expectTracked(12, begin);
     for (std::size_t i = begin; i < end; ++i) {
       EXPECT_EQ(result.frame(i).status, VoStatus::kLost) << i;

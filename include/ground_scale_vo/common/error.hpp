@@ -1,12 +1,13 @@
 #pragma once
 
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
 namespace ground_scale_vo {
 
 /// Input data or an output file cannot be used. what() is the reason; for a file or folder it
-/// begins with its name (and the line). Of encoded bytes (encoded_image.hpp) the caller adds the
+/// begins with its name (and the line). Of encoded bytes (image_file.hpp) the caller adds the
 /// name.
 class DataError : public std::runtime_error {
  public:
@@ -22,6 +23,11 @@ class OptionError : public std::invalid_argument {
 
 /// Throws OptionError, with the option, its value and range, unless `min <= value <= max`; NaN is
 /// out of range. For the validate() of an Options struct.
-void requireInRange(const char* option, double value, double min, double max);
+inline void requireInRange(const char* option, double value, double min, double max) {
+  if (value >= min && value <= max) return;
+  std::ostringstream sentence;
+  sentence << option << " is " << value << ", it must lie in [" << min << ", " << max << "]";
+  throw OptionError(sentence.str());
+}
 
 }  // namespace ground_scale_vo

@@ -2,6 +2,8 @@
 
 #include <string>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 
@@ -53,5 +55,44 @@ class RangeCheck {
  private:
   std::string group_;  ///< "tracker/", or empty
 };
+
+/// An assignment "group/name=value" of an option, with the conversions of its value. All throw
+/// OptionError.
+class Assignment {
+ public:
+  explicit Assignment(const std::string& text);
+  const std::string& name() const { return name_; }
+
+  template <typename Number>
+  void set(Number* field, double min, double max, const char* /*meaning*/) const {
+    *field = static_cast<Number>(number(min, max, std::is_integral_v<Number>));
+  }
+  void set(bool* field, const char* /*meaning*/) const;
+  /// Names the nearest of the known names.
+  [[noreturn]] void failAsUnknown(const std::vector<std::string>& known) const;
+
+ private:
+  double number(double min, double max, bool whole) const;
+
+  std::string name_, value_;
+};
+
+/// Sets one option of any Options struct with visitStages() by its full name: "group/name=value", a
+/// bool as true or false. Throws OptionError that names the option when the name is unknown, or the
+/// value is not a number (for a bool: not true or false), not whole where an integer is needed, or
+/// out of range.
+template <typename Options>
+void setOption(Options& options, const std::string& assignment) {
+  const Assignment wanted(assignment);
+  std::vector<std::string> known;
+  bool is_found = false;
+  visitAllParameters(options, [&](const std::string& name, auto& field, auto... range) {
+    known.push_back(name);
+    if (name != wanted.name()) return;
+    wanted.set(&field, range...);
+    is_found = true;
+  });
+  if (!is_found) wanted.failAsUnknown(known);
+}
 
 }  // namespace ground_scale_vo

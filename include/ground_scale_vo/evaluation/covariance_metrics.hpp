@@ -3,10 +3,10 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstddef>
-#include <optional>
+#include <limits>
 #include <vector>
 
-#include "ground_scale_vo/common/degrees.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
@@ -58,12 +58,11 @@ struct CovarianceMetrics {
     /// Mean of the normalised estimation error squared, e^T P^-1 e, over the six degrees of
     /// freedom: 1 for a consistent covariance, more for an overconfident one.
     double nees_per_dof = 0;
-    double nees_per_dof_exact_ground_truth = 0;  ///< the same if the ground truth were exact
     double within_2_sigma = 0;  ///< share of the six components of all errors; consistent: 0.95
   };
   std::vector<Length> by_length;  ///< of 10, 50 and 100 m, those that have a segment
-  /// Ground truth path length up to the first metric pose; empty without one.
-  std::optional<double> first_metric_pose_m;
+  /// Ground truth path length up to the first metric pose; NaN without one.
+  double first_metric_pose_m = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// ground_truth: T_c0_ci [m] of each frame. Throws OptionError when its size differs from the

@@ -1,8 +1,6 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,16 +17,13 @@ struct DriveRun {
     MetricOdometry::Options odometry;
     /// GROUP/NAME=VALUE, as of --set: takes precedence over the readout time of the calibration.
     std::vector<std::string> settings;
-    double from_s = 0, to_s = 1e9;  ///< part of the drive, from the first used image on [s]
   };
   using OnFrame = std::function<void(const RunFrame& frame)>;
 
-  RunRecord record;  ///< a frame for every image of the part, also those that are not used
+  RunRecord record;  ///< a frame for every image, also those that are not used
   LensEstimate lens;
-  std::vector<std::int64_t> stamps_ns;         ///< of every image of the drive
-  std::optional<std::int64_t> first_stamp_ns;  ///< of the first used image of the part
-  std::size_t images = 0, used = 0;            ///< of the drive
-  std::vector<std::string> warnings;           ///< sentences of DriveReader, and about the result
+  std::size_t used = 0;               ///< images
+  std::vector<std::string> warnings;  ///< sentences of DriveReader, and about the result
   /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), or that there
   /// is no metric pose, with the most frequent reason.
   std::string failure;

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <chrono>
 #include <cstddef>
 #include <functional>
 #include <mutex>
 #include <string>
+
+#include "ground_scale_vo/evaluation/run_record.hpp"
 
 namespace ground_scale_vo {
 
@@ -17,12 +20,9 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  /// Counts one more of the total as done; the last one ends the line. details(rate) returns the
-  /// rest of the line and is called when the line is written; rate: steps per second.
-  using Details = std::function<std::string(double rate)>;
-  void step(const Details& details);
-  /// The same, with " UNIT, RATE/s" as details.
-  void step(const char* unit);
+  /// Counts one more of the total as done; the last one ends the line, which shows " UNIT, RATE/s"
+  /// and what details() returns.
+  void step(const char* unit, const std::function<std::string()>& details = {});
 
   /// Clears the line while print() writes whole lines of the result to stdout.
   void pause(const std::function<void()>& print);
@@ -41,6 +41,18 @@ class ProgressLine {
   Clock::time_point shown_ = start_;
   std::size_t done_ = 0;
   bool is_open_ = false;  ///< the cursor is on the terminal's progress line
+};
+
+/// The ProgressLine of an offline run: frames, rate, distance travelled, scale and its status.
+class RunProgress {
+ public:
+  RunProgress(const std::string& name, std::size_t frames) : line_(name, frames) {}
+  void show(const RunFrame& frame);  ///< the next frame
+
+ private:
+  ProgressLine line_;
+  double distance_ = 0;  ///< [m]
+  Eigen::Vector3d position_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace ground_scale_vo

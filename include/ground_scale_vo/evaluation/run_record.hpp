@@ -7,8 +7,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/scale/scale_recovery.hpp"
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/metric_odometry.hpp"
 
 namespace ground_scale_vo {
 
@@ -59,6 +58,36 @@ class RunRecord {
   std::vector<RunFrame> frames_;
   std::vector<std::size_t> frame_of_;  ///< of each frame number of the odometry
   bool has_metric_pose_ = false;
+};
+
+/// MetricOdometry and the record of its run.
+class OfflineRun {
+ public:
+  using Options = MetricOdometry::Options;
+
+  /// The arguments of MetricOdometry. Throws OptionError.
+  OfflineRun(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {})
+      : OfflineRun(Lens{camera}, options, mask) {}
+  OfflineRun(const Lens& lens, const Options& options, const cv::Mat& mask = {})
+      : odometry_(lens, options, mask) {}
+
+  /// image and stamp as for MetricOdometry::process(); decode_ms: for the record. Throws
+  /// OptionError. Returns the record of this image; valid until the next call.
+  const RunFrame& process(const cv::Mat& image, std::int64_t stamp_ns, double decode_ms = 0) {
+    last_ = odometry_.process(image, stamp_ns);
+    record_.append(last_.vo, last_.scale, decode_ms);
+    return record_.frames().back();
+  }
+  void appendUnused(std::int64_t stamp_ns) { record_.appendUnused(stamp_ns); }
+
+  const LensEstimate& lens() const { return odometry_.lens(); }
+  const RunRecord& record() const { return record_; }
+  const MetricOdometry::Output& last() const { return last_; }
+
+ private:
+  MetricOdometry odometry_;
+  RunRecord record_;
+  MetricOdometry::Output last_;
 };
 
 }  // namespace ground_scale_vo

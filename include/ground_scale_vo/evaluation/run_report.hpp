@@ -15,13 +15,12 @@ namespace ground_scale_vo {
 ///   the other members of OdometryMetrics under their names, of the metric trajectory (but
 ///   t_err_sim3_percent of the unscaled one); null without ground truth;
 ///   scale_within_2_sigma, first_scale_error_sigmas, scale_held_share, scale_error_median_percent,
-///   scale_error_spread_percent, height_bias_percent: of ScaleMetrics; null without ground truth,
-///   height_bias_percent also without ground_truth_heights;
+///   height_bias_percent: of ScaleMetrics; null without ground truth, height_bias_percent also
+///   without ground_truth_heights;
 ///   first_metric_pose_m, covariance_by_length: of CovarianceMetrics; null without ground truth;
 ///   ms_vo_median, ms_vo_p95 and the same for ms_scale_ and ms_total_: time per frame [ms], without
 ///   image reading;
-///   peak_rss_mb: peak memory of this process [MiB];
-///   by_length, by_short_length: arrays of OdometryMetrics::LengthError.
+///   peak_rss_mb: peak memory of this process [MiB].
 /// ground_truth: T_c0_ci [m] of each frame, or empty. ground_truth_heights: of the camera above the
 /// road [m] of each frame, or empty; where they are given, the ground truth counts as exact. Throws
 /// OptionError when a size differs from the record's.

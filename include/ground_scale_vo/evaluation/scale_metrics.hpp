@@ -19,10 +19,6 @@ struct ScaleMetrics {
   double error_median_percent = kNone;      ///< of scale / true - 1, signed
   double error_abs_median_percent = kNone;  ///< of |scale / true - 1|
   double first_error_sigmas = kNone;        ///< (scale - true) / sigma of the first of these frames
-
-  /// 1.4826 MAD of raw_scale / true - 1 [%], over the frames that have both: the standard deviation
-  /// of single-frame measurements, robust against outliers.
-  double error_spread_percent = kNone;
   double held_share = kNone;  ///< share of frames with kHeld, from the first metric pose on
   /// Median of (estimated height times true scale) / true height - 1 [%]: the bias of the plane's
   /// height alone.

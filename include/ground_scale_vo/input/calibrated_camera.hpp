@@ -45,23 +45,14 @@ class CalibratedCamera {
   /// Mask of the given images from that of the raw ones.
   cv::Mat givenMask(const cv::Mat& raw_mask) const;
 
-  /// Same image size and, within kTolerancePx, same intrinsics.
-  bool matches(const PinholeCamera& other) const;
-
-  /// [px] Publishers that round differently, or another odometry, describe the same camera with
-  /// differences below this. They are far below the error of a calibration.
-  static constexpr double kTolerancePx = 0.1;
-
  private:
   CameraCalibration calibration_, given_;
   Undistortion undistortion_;
 };
 
 /// Same calibration: same image size, and both rectify an image to the same intrinsics and from the
-/// same raw pixels, within CalibratedCamera::kTolerancePx.
+/// same raw pixels, within 0.1 px: publishers that round differently describe the same camera with
+/// differences below this, which is far below the error of a calibration.
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b);
-
-/// Pixel of the raw image that a pixel of the rectified one shows.
-cv::Point2d distortedPixel(const CameraCalibration& camera, const cv::Point2d& rectified);
 
 }  // namespace ground_scale_vo

@@ -1,10 +1,16 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <string>
 
 namespace ground_scale_vo {
+
+/// Largest side [px] and number of pixels of an image; a larger one is an error of the sender. The
+/// limits keep products of sizes within their types and an 8-bit grey image within 100 MB.
+constexpr std::uint32_t kMaxImageSide = 100000;
+constexpr double kMaxImagePixels = 1e8;
 
 /// A camera without distortion. Pixel convention: the centre of the upper left pixel is (0, 0).
 /// Camera axes: x right, y down, z forward (REP-103 optical).

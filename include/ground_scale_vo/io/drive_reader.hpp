@@ -15,9 +15,32 @@
 #include "ground_scale_vo/input/calibrated_camera.hpp"
 #include "ground_scale_vo/input/grey_converter.hpp"
 #include "ground_scale_vo/input/stamp_guard.hpp"
-#include "ground_scale_vo/io/image_source.hpp"
 
 namespace ground_scale_vo {
+
+/// An image as it is stored.
+struct StoredImage {
+  std::int64_t stamp_ns = 0;
+  cv::Mat pixels;        ///< of 8 or 16 bits; empty with an error
+  std::string encoding;  ///< of the pixels, for GreyConverter::convert()
+  std::string error;     ///< why there are no pixels
+};
+
+/// The images of a drive in their order: a folder, a video, or a topic of a bag.
+class ImageSource {
+ public:
+  virtual ~ImageSource() = default;
+  /// For messages: folder, file or topic.
+  virtual const std::string& name() const = 0;
+  /// Images that the folder or file declares.
+  virtual std::size_t count() const = 0;
+  /// A stamp of zero is that of an image without one, as in ROS messages.
+  virtual bool zeroIsUnset() const { return false; }
+  /// After the last image: whether fewer than count() of them were read.
+  virtual bool endsEarly(std::size_t read) const { return read < count(); }
+  /// Empty after the last one. Throws DataError when no further image can be read.
+  virtual std::optional<StoredImage> next() = 0;
+};
 
 /// Reads a drive image by image, by the rules that the nodelets apply to their topics: decoding,
 /// grey, size, stamps. Decodes an image while the caller processes the previous one.
@@ -35,7 +58,6 @@ class DriveReader {
     bool ahead = true;      ///< decode on a second thread
   };
   struct Image {
-    std::size_t index = 0;      ///< in the source, from 0
     std::int64_t stamp_ns = 0;  ///< increases from image to image
     cv::Mat given;              ///< CalibratedCamera::given(); empty: the image cannot be used
     double decode_ms = 0;
@@ -75,20 +97,22 @@ class DriveReader {
   };
   struct Entry {
     Image image;
-    bool is_decided = false;
+    bool is_decided = false;  ///< whether the image is used
   };
+  using EntryPtr = std::shared_ptr<Entry>;
   struct Problem {
     std::size_t images = 0;
     std::string first;  ///< reason
   };
 
-  Stored load();
   void startLoading();
-  std::optional<Stored> takeNext();
+  Stored load();
   void open(const cv::Size& size);
-  void add(Stored stored);
-  void use(std::size_t index, bool starts_again);
-  void decide(std::size_t index, bool is_used);
+  void add(const Stored& stored);
+  void end(const std::string& error);
+  void use(const EntryPtr& entry, bool starts_again);
+  void decideFirst(bool is_used);
+  void loseOldestWaiting(const std::string& reason);
   void lose(const std::string& kind, const std::string& reason);
   void requireUsableStamps() const;
   std::int64_t continued(std::int64_t stamp_ns, bool starts_again);
@@ -101,12 +125,12 @@ class DriveReader {
   std::unique_ptr<CalibratedCamera> camera_;
   cv::Mat given_mask_, rectified_mask_;
   GreyConverter grey_converter_;
-  StampFilter<std::size_t> stamp_filter_;
-  std::deque<std::size_t> waiting_;  ///< indices in stamp_filter_
-  std::deque<Entry> entries_;
+  StampFilter<EntryPtr> stamp_filter_;
+  std::deque<EntryPtr> entries_;  ///< not yet returned
+  std::deque<EntryPtr> waiting_;  ///< those in stamp_filter_
+  EntryPtr first_used_;           ///< the first image, while it waits for the second
+  bool has_first_ = false, is_at_end_ = false;
   std::int64_t offset_ns_ = 0, last_stamp_ns_ = 0, interval_ns_ = 0;
-  bool is_at_end_ = false, has_first_ = false;
-  std::optional<std::size_t> first_used_;  ///< the first image, while it waits for the second
   std::size_t read_ = 0, used_ = 0, wrong_stamps_ = 0, restarts_ = 0;
   std::map<std::string, Problem> problems_;  ///< by kind
   std::string end_error_;                    ///< why no further image can be read

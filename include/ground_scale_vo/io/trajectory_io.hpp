@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <sstream>
+#include <string>
 #include <vector>
 
 namespace ground_scale_vo {
@@ -27,8 +29,11 @@ struct StampedPose {
   Eigen::Isometry3d T_a_b = Eigen::Isometry3d::Identity();
 };
 /// TUM: `stamp[s] tx ty tz qx qy qz qw`, stamp with nine decimals, exact to the nanosecond. Throws
-/// DataError as the KITTI functions do. Reading skips lines that begin with #.
+/// DataError.
 void writeTumTrajectory(const std::filesystem::path& file, const std::vector<StampedPose>& poses);
-std::vector<StampedPose> readTumTrajectory(const std::filesystem::path& file);
+
+/// A stream for a CSV table that begins with the heading: numbers with 10 significant digits, the
+/// same in every locale.
+std::ostringstream csvStream(const std::string& heading);
 
 }  // namespace ground_scale_vo

@@ -3,23 +3,50 @@
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/Transform.h>
 #include <ros/time.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
 #include <std_msgs/Header.h>
 
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
+#include <opencv2/core.hpp>
+#include <stdexcept>
+#include <string>
 
-#include "ground_scale_vo/ros/message_error.hpp"
-#include "ground_scale_vo/ros/messages.hpp"
+#include "ground_scale_vo/input/camera_info.hpp"
+#include "ground_scale_vo/input/grey_converter.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
+
+// The package's messages and the core's types have the same names in the same namespace. The names
+// that the generated headers define are therefore given the ending Msg here; include this header
+// instead of the generated ones.
+#define VoFrame VoFrameMsg
+#define ScaleEstimate ScaleEstimateMsg
+#include <ground_scale_vo/ScaleEstimate.h>
+#include <ground_scale_vo/VoFrame.h>
+#undef VoFrame
+#undef ScaleEstimate
 
 // Conversions between messages and the types of the core.
 namespace ground_scale_vo {
 
+/// A message that cannot be used. what() is one sentence with the reason.
+class MessageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
 std::int64_t toNanoseconds(const ros::Time& stamp);
 /// Precondition: 0 <= stamp_ns < 2^32 s.
 ros::Time fromNanoseconds(std::int64_t stamp_ns);
+
+/// The name of a tf frame without leading slashes, which tf2 rejects, unlike tf.
+std::string withoutLeadingSlashes(const std::string& frame);
+/// The sentence that a frame name has leading slashes; empty: it has none. subject: what names it.
+std::string leadingSlashWarning(const std::string& frame, const std::string& subject);
 
 /// Exact except for the rotation, which a message holds as a quaternion: fromMsg(toMsg(x)) differs
 /// from x by about 1e-16.
@@ -29,10 +56,10 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header);
 constexpr std::size_t kMaxFeatures = 20000;
 
 /// Any odometry may publish VoFrame, so the message is checked. Throws MessageError: more than
-/// kMaxFeatures features, arrays of
-/// different lengths, ids not in ascending order, pixels that are not finite, an invalid camera or
-/// status, an invalid pose although status is TRACKING, or an invalid map_start. A point that is
-/// not finite or not in front of the camera is dropped; its feature stays.
+/// kMaxFeatures features, arrays of different lengths, ids not in ascending order, pixels that are
+/// not finite, an invalid camera or status, an invalid pose although status is TRACKING, or an
+/// invalid map_start. A point that is not finite or not in front of the camera is dropped; its
+/// feature stays.
 VoFrame fromMsg(const VoFrameMsg& msg);
 
 ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
@@ -45,5 +72,22 @@ geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b);
 /// that is not of unit length.
 Eigen::Isometry3d fromMsg(const geometry_msgs::Pose& pose);
 Eigen::Isometry3d fromMsg(const geometry_msgs::Transform& transform);
+
+/// Refers to the message's data.
+RawImage fromMsg(const sensor_msgs::Image& image);
+CameraInfo fromMsg(const sensor_msgs::CameraInfo& info);
+
+/// Copies the pixels. Precondition: 8 or 16 bits, continuous.
+sensor_msgs::ImagePtr toMsg(const cv::Mat& pixels, const std::string& encoding,
+                            const std_msgs::Header& header);
+
+/// Decodes a JPEG or PNG image without the plugin of image_transport, which Debian lacks. Encoding
+/// of the result: the one that `format` names, if it can be that of the decoded pixels, else mono,
+/// bgr or bgra of 8 or 16 bits. Throws DataError: decodePixels()'s reasons.
+sensor_msgs::ImagePtr decode(const sensor_msgs::CompressedImage& image);
+
+/// camera_info of images with plumb_bob or no distortion.
+sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration);
+sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera);
 
 }  // namespace ground_scale_vo

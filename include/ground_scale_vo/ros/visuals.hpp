@@ -6,7 +6,6 @@
 #include <visualization_msgs/Marker.h>
 
 #include <Eigen/Core>
-#include <array>
 #include <map>
 #include <opencv2/core.hpp>
 #include <string>
@@ -42,10 +41,6 @@ class TrackPainter {
 sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
                                   const std_msgs::Header& header, const cv::Mat& mask = {});
-
-/// The two lines of text that paintRoad writes: the scale, and the standard deviation of each
-/// measurement of this frame.
-std::array<std::string, 2> scaleText(const ScaleRecovery::Output& output);
 
 /// x, y, z [float32] in the header's frame.
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,

@@ -63,6 +63,14 @@ po::typed_value<T>* optionalValue(T* target, const char* unit) {
   return po::value<T>(target)->default_value(*target, text.str())->value_name(unit);
 }
 
+/// --set GROUP/NAME=VALUE, any number of times.
+inline po::typed_value<std::vector<std::string>>* settingsValue(std::vector<std::string>* target) {
+  return po::value(target)->composing()->value_name("GROUP/NAME=VALUE");
+}
+constexpr const char* kSettingsHelp =
+    "sets an option to a value other than its default (docs/reference/parameters.md); may be "
+    "repeated";
+
 /// A topic of a bag. Its name gets the leading slash of a recorded topic when it has none.
 inline po::typed_value<std::string>* topicValue(std::string* target) {
   return po::value(target)->value_name("TOPIC")->notifier([=](const std::string& topic) {

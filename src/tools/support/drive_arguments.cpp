@@ -1,33 +1,40 @@
 #include "drive_arguments.hpp"
 
-#include <cstdio>
+#include "ground_scale_vo/common/options.hpp"
 
 namespace ground_scale_vo {
 
-void addDriveOptions(DriveInput* input, po::options_description* options) {
+void DriveArguments::addTo(CommandLine* command_line, const std::string& out_help) {
   constexpr double kMaxRate = 1000;
-  options->add_options()  //
-      ("camera", po::value(&input->camera_file)->value_name("FILE"),
+  command_line->addPositional(
+      "SEQ",
+      "KITTI odometry folder (image_0/, calib.txt, times.txt; optional: ground truth\n"
+      "     poses.txt or ../../poses/NN.txt, and ground.txt as written by render_drive), KITTI "
+      "raw\n"
+      "     synced drive (image_00/data/, ../calib_cam_to_cam.txt; optional: ground truth from "
+      "oxts/),\n"
+      "     or, with --camera, a folder of images with times.txt, or a video",
+      &drive.path);
+  command_line->options().add_options()  //
+      ("camera-height", requiredValue(&options.scale.camera_height, "M"),
+       "height of the camera above the road [m] (required)")  //
+      ("out", requiredValue(&out, "DIR"), out_help.c_str())   //
+      ("camera", po::value(&drive.camera_file)->value_name("FILE"),
        "calibration of the images as they come, instead of that of the drive: YAML of "
        "camera_calibration, Kalibr, OpenCV, ORB-SLAM or VINS, or calib.txt of KITTI")  //
-      ("mask", optionalValue(&input->options.mask_file, "FILE"),
+      ("mask", optionalValue(&drive.options.mask_file, "FILE"),
        "image of the size of those of the drive, black where they never show the scene (own "
        "vehicle, watermark); these regions are not used")  //
-      ("fps", numberInRange("--fps", &input->options.fps, "HZ", 0, kMaxRate),
+      ("fps", numberInRange("--fps", &drive.options.fps, "HZ", 0, kMaxRate),
        "the images have this rate; their stamps are not used")  //
-      ("unrectified", po::bool_switch(&input->unrectified),
-       "the images of a KITTI raw drive are not rectified: K and D are used");
+      ("unrectified", po::bool_switch(&drive.unrectified),
+       "the images of a KITTI raw drive are not rectified: K and D are used")  //
+      ("set", settingsValue(&settings), kSettingsHelp);
 }
 
-int report(const std::string& name, const DriveRun& run, const std::string& folder,
-           bool is_strict) {
-  for (const std::string& sentence : run.warnings) {
-    std::fprintf(stderr, "%s: %s\n", name.c_str(), sentence.c_str());
-  }
-  std::printf("%s: %s%s\n", name.c_str(), run.summary().c_str(),
-              folder.empty() ? "" : ("; written to " + folder).c_str());
-  if (!run.failure.empty()) std::fprintf(stderr, "%s: %s\n", name.c_str(), run.failure.c_str());
-  return run.exitStatus(is_strict);
+void DriveArguments::check() {
+  for (const std::string& setting : settings) setOption(options, setting);
+  options.validate();
 }
 
 }  // namespace ground_scale_vo

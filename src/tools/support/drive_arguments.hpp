@@ -1,17 +1,25 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "command_line.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
-#include "ground_scale_vo/io/drive_reader.hpp"
 
 namespace ground_scale_vo {
 
-/// Adds --camera, --mask, --fps and --unrectified.
-void addDriveOptions(DriveInput* input, po::options_description* options);
+/// The arguments of the tools that run the odometry over a drive: SEQ, --camera-height, --out,
+/// --set, --camera, --mask, --fps and --unrectified.
+struct DriveArguments {
+  DriveInput drive;
+  std::string out;
+  MetricOdometry::Options options;
+  std::vector<std::string> settings;  ///< of --set
 
-/// Prints the warnings, the failure and the summary of a run. Returns the exit status.
-int report(const std::string& name, const DriveRun& run, const std::string& folder, bool is_strict);
+  /// out_help: of --out.
+  void addTo(CommandLine* command_line, const std::string& out_help);
+  /// Applies and validates the options. Throws OptionError.
+  void check();
+};
 
 }  // namespace ground_scale_vo

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+
+#include "ground_scale_vo/common/text.hpp"
+
+namespace ground_scale_vo {
+
+/// The latest stamp that ROS can represent, in the year 2106 [s].
+constexpr double kLatestStamp = 4294967295;
+
+/// [s] from one stamp [ns] to another; negative when `to_ns` is the earlier one.
+inline double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
+  return static_cast<double>(to_ns - from_ns) * 1e-9;
+}
+
+/// Stamp [ns] of image i of images at a constant rate [Hz], from 0 on.
+inline std::int64_t stampAtRate(std::size_t i, double rate_hz) {
+  return std::llround(1e9 * static_cast<double>(i) / rate_hz);
+}
+
+/// Seconds with nine decimals.
+inline std::string formatSeconds(std::int64_t stamp_ns) {
+  constexpr std::int64_t kSecond = 1000000000;
+  return format("%s%lld.%09lld", stamp_ns < 0 ? "-" : "",
+                static_cast<long long>(std::abs(stamp_ns / kSecond)),
+                static_cast<long long>(std::abs(stamp_ns % kSecond)));
+}
+
+/// Wall time since construction or the last lap.
+class Stopwatch {
+ public:
+  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+  double ms() const { return 1e3 * seconds(); }
+  /// ms(), and starts the next lap.
+  double lapMs() {
+    const double lap = ms();
+    start_ = Clock::now();
+    return lap;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+};
+
+/// Adds its lifetime [ms] to *ms.
+class ScopedTimer {
+ public:
+  explicit ScopedTimer(double* ms) : ms_(ms) {}
+  ~ScopedTimer() { *ms_ += watch_.ms(); }
+  ScopedTimer(const ScopedTimer&) = delete;
+  ScopedTimer& operator=(const ScopedTimer&) = delete;
+
+ private:
+  double* ms_;
+  const Stopwatch watch_;
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,213 @@
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <ros/node_handle.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "ground_scale_vo/input/calibrated_camera.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/ros/diagnostics.hpp"
+#include "ground_scale_vo/ros/params.hpp"
+
+// How both nodelets receive their images.
+namespace ground_scale_vo {
+
+/// Detects that the description of the source in the messages keeps changing: two cameras publish
+/// on one topic, or one describes itself differently in every message. A single change is a source
+/// with new settings, a change that is undone may be one invalid message; the third change keeps
+/// the source in use until kMemory messages in a row agree.
+template <typename Source>
+class SourceGuard {
+ public:
+  enum class Verdict {
+    kSame,     ///< of the source in use
+    kChanged,  ///< of another source, which is in use from now on
+    kRefused   ///< of another source, although the description keeps changing
+  };
+  using IsSame = std::function<bool(const Source&, const Source&)>;
+
+  /// [messages] After this many of one source in a row, the others are forgotten.
+  static constexpr int kMemory = 100;
+  /// The source changes for this many times; further changes are not followed.
+  static constexpr int kMaxChanges = 2;
+
+  explicit SourceGuard(IsSame is_same = std::equal_to<Source>()) : is_same_(std::move(is_same)) {}
+
+  Verdict check(const Source& source) {
+    run_ = last_ && is_same_(*last_, source) ? run_ + 1 : 1;
+    last_ = source;
+    const bool has_settled = run_ >= kMemory;
+    if (has_settled) {
+      changes_ = 0;
+      refused_.reset();
+    }
+    if (current_ && is_same_(*current_, source)) return Verdict::kSame;
+    if (current_ && changes_ >= kMaxChanges) {
+      refused_ = source;
+      return Verdict::kRefused;
+    }
+    if (current_ && !has_settled) ++changes_;
+    current_ = source;
+    return Verdict::kChanged;
+  }
+
+  /// The source in use. Precondition: check() was called.
+  const Source& current() const { return *current_; }
+  /// The last one that was refused; empty: the description does not keep changing.
+  const std::optional<Source>& refused() const { return refused_; }
+
+ private:
+  const IsSame is_same_;
+  std::optional<Source> current_, last_, refused_;
+  int run_ = 0;      ///< messages of last_ in a row
+  int changes_ = 0;  ///< of current_ since a source was settled
+};
+
+/// A rectified image, 8-bit grey, and its mask: 0 where it never shows the scene; empty: no such
+/// region. The mask is the same cv::Mat while the camera is the same. The grey values may refer to
+/// the data of the message.
+struct MaskedImage {
+  cv::Mat grey, mask;
+};
+
+/// Converts the images of one camera to rectified 8-bit grey, by a camera file or by the latest
+/// valid camera_info. While it keeps changing (SourceGuard), one calibration stays in use.
+class ImageRectifier {
+ public:
+  /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
+  /// mask_file: image file of their size before rectification, black where they never show the
+  /// scene; empty: no such region. camera_file: describes the images as they come
+  /// (readCameraFile()); camera_info and image_is_rectified are not used then; empty: camera_info.
+  /// Throws OptionError that names the parameter (mask, camera_file) and the file.
+  explicit ImageRectifier(bool image_is_rectified, const std::string& mask_file = {},
+                          const std::string& camera_file = {});
+
+  /// Throws DataError that names the topic, also while the calibration keeps changing and for
+  /// one whose image size is not that of the mask; the previous calibration stays in use then.
+  /// Precondition: no camera file.
+  void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
+
+  /// Without a camera file, null before the first valid camera_info. A new object if and only if
+  /// the calibration changed.
+  const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
+  /// Of camera(): "camera_info on topic T" or "parameter camera_file: FILE".
+  const std::string& source() const { return source_; }
+  /// What is suspicious about camera() (checkCalibration()), or empty.
+  const std::string& calibrationWarning() const { return calibration_warning_; }
+  /// That camera_info keeps changing, in one sentence; empty: it does not.
+  std::string calibrationError() const;
+
+  // Of the following images, all throw DataError: GreyConverter's reasons, or not the size of the
+  // calibration. Precondition: camera() is not null.
+  MaskedImage rectify(const sensor_msgs::Image& image);
+  /// Described by CalibratedCamera::givenCalibration(): for an odometry that refines the lens.
+  MaskedImage given(const sensor_msgs::Image& image);
+  /// Undistorted by such a refined calibration of the given images.
+  MaskedImage refined(const sensor_msgs::Image& image, const CameraCalibration& calibration);
+
+ private:
+  struct Refined {
+    CameraCalibration calibration;
+    Undistortion undistortion;
+    cv::Mat mask;
+  };
+
+  cv::Mat toGrey(const sensor_msgs::Image& image);
+  void readCamera(const std::string& file);
+  std::string check(const CameraCalibration& calibration, const std::string& source) const;
+  void use(const CameraCalibration& calibration, const std::string& source,
+           const std::string& warning);
+
+  const bool image_is_rectified_;
+  const std::string mask_name_;  ///< of raw_mask_, for errors
+  const cv::Mat raw_mask_;
+  cv::Mat mask_, given_mask_;
+  std::string source_, calibration_warning_;
+  std::shared_ptr<const CalibratedCamera> camera_;
+  std::optional<Refined> refined_;  ///< the last one of camera_
+  SourceGuard<CameraCalibration> calibrations_{isSameCalibration};
+  GreyConverter grey_converter_;
+};
+
+/// Subscribes to `image` (image_transport) and, without a camera file, to `camera_info`, and
+/// rectifies the images. It runs in the callback queue of the node handle.
+class ImageReceiver {
+ public:
+  /// Each image as it arrives, before any check; a compressed one after decoding.
+  using OnImage = std::function<void(const sensor_msgs::ImageConstPtr&)>;
+  using OnCamera = std::function<void()>;  ///< after each valid camera_info
+
+  /// params.image_transport: `compressed` is decoded here; `raw_or_compressed` subscribes to both,
+  /// where only one of them is published; any other one but `raw` needs its plugin, which may read
+  /// parameters of private_handle. queue_size: images that may wait for their callback. Throws
+  /// OptionError when the plugin is missing, and for a mask or camera file that cannot be used.
+  ImageReceiver(
+      ros::NodeHandle handle, const ros::NodeHandle& private_handle, const ImageParams& params,
+      std::uint32_t queue_size, WarningLog* log, OnImage on_image, OnCamera on_camera = [] {});
+  ImageReceiver(const ImageReceiver&) = delete;
+  ImageReceiver& operator=(const ImageReceiver&) = delete;
+
+  const std::shared_ptr<const CalibratedCamera>& camera() const { return rectifier_.camera(); }
+
+  /// ImageRectifier::rectify() or given(). Empty, after log->drop("image refused", …) or
+  /// drop("image of another camera", …), for an image that cannot be used. Precondition: camera()
+  /// is not null.
+  MaskedImage convert(const sensor_msgs::Image& image, bool rectify);
+  /// The image on which the odometry of `frame` worked. Empty also if camera() is another camera
+  /// (drop("other camera", …)) or null.
+  MaskedImage imageOf(const VoFrame& frame, const sensor_msgs::Image& image);
+
+  /// For images derived from the received ones.
+  image_transport::ImageTransport& transport() { return transport_; }
+
+  // For the diagnostics.
+  const InputWatch& images() const { return images_; }
+  std::string imageTopic() const;
+  std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
+  bool hasImagePublisher() const {
+    return image_subscriber_.getNumPublishers() + compressed_subscriber_.getNumPublishers() > 0;
+  }
+  /// That no valid camera_info has come; empty also if the last one was refused.
+  std::optional<MissingInput> missingCameraInfo() const;
+  /// Why the last camera_info was refused; empty if it was accepted.
+  const std::string& cameraInfoError() const { return camera_info_error_; }
+  /// How image_is_rectified contradicts the last valid camera_info, or what is suspicious about the
+  /// calibration, in one sentence, or empty.
+  const std::string& calibrationWarning() const { return calibration_warning_; }
+  /// One sentence while two cameras publish on one topic or camera_info keeps changing, else empty.
+  std::string sourceError() const;
+
+ private:
+  using Conversion = std::function<MaskedImage()>;
+  MaskedImage checked(const sensor_msgs::Image& image, const Conversion& conversion);
+  void reportSourceError();
+  std::string rectificationWarning(const sensor_msgs::CameraInfo& info) const;
+  void warnOfCalibration(const std::string& warning);
+  void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
+  void onImage(const sensor_msgs::ImageConstPtr& image);
+
+  const bool image_is_rectified_;
+  WarningLog* const log_;
+  const OnImage on_image_;
+  const OnCamera on_camera_;
+  ImageRectifier rectifier_;
+  SourceGuard<std::string> sources_;  ///< frame_id of the images that can be used
+  InputWatch images_{"image"};
+  bool has_source_error_ = false;
+  std::string camera_info_error_, calibration_warning_;
+
+  image_transport::ImageTransport transport_;
+  ros::Subscriber camera_info_subscriber_;
+  image_transport::Subscriber image_subscriber_;
+  ros::Subscriber compressed_subscriber_;  ///< with `compressed` and `raw_or_compressed`
+};
+
+}  // namespace ground_scale_vo

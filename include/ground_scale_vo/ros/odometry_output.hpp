@@ -1,0 +1,153 @@
+#pragma once
+
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/ros.h>
+#include <std_msgs/Header.h>
+#include <tf2_msgs/TFMessage.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_broadcaster.h>
+#include <tf2_ros/transform_listener.h>
+
+#include <Eigen/Geometry>
+#include <chrono>
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/ros/diagnostics.hpp"
+#include "ground_scale_vo/ros/params.hpp"
+#include "ground_scale_vo/scale/metric_trajectory.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
+
+// The poses as messages and on tf.
+namespace ground_scale_vo {
+
+/// The up-to-scale pose of a tracked frame in world_frame, with its pose_covariance turned to the
+/// axes of that frame. A covariance that is not known has -1 as its first element, as in
+/// sensor_msgs/Imu: that of the twist, which is not estimated, always.
+nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
+                                      const std::string& world_frame);
+
+/// Rotation from optical axes (x right, y down, z forward) to body axes (x forward, y left, z up).
+Eigen::Matrix3d bodyFromOptical();
+
+/// The frames of the metric odometry: the pose of base_frame (b) in odom_frame.
+struct OdometryFrames {
+  std::string odom_frame;
+  std::string base_frame;
+  /// o is the core's metric frame, see MetricPose.
+  Eigen::Isometry3d T_odom_o = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d T_c_b = Eigen::Isometry3d::Identity();
+  /// Of the camera relative to the base, in camera axes: linear [m/s], then angular [rad/s].
+  Vector6d mounting_twist_c = Vector6d::Zero();
+
+  /// base_frame is the camera: odom has the origin of o, x forward, y left and z up.
+  static OdometryFrames ofCamera(const std::string& odom_frame, const std::string& camera_frame);
+  /// odom is the frame of the base whose camera coincides with o.
+  static OdometryFrames ofBase(const std::string& odom_frame, const std::string& base_frame,
+                               const Eigen::Isometry3d& T_b_c);
+  /// Moves odom to where it would be if o were the camera at T_o_c.
+  void moveOrigin(const Eigen::Isometry3d& T_o_c) { T_odom_o = T_odom_o * T_o_c.inverse(); }
+  /// The camera has moved on the base to T_b_c, in dt [s]. odom stays where it is.
+  void moveMounting(const Eigen::Isometry3d& T_b_c, double dt);
+};
+
+/// Pose of the base in odom with its covariance; twist of the base at its origin and in its axes
+/// (REP-103, REP-105) with its covariance. The adjoint of the frames propagates the covariances.
+nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const OdometryFrames& frames,
+                                      const ros::Time& stamp);
+
+/// The same pose for tf: header.frame_id -> child_frame_id.
+geometry_msgs::TransformStamped toTransformMsg(const nav_msgs::Odometry& odometry);
+
+/// A path with a bounded number of poses, for display. Poses are at least a spacing apart. A full
+/// path drops every second pose and doubles the spacing, so the size of the message does not grow
+/// with the length of the drive.
+class BoundedPath {
+ public:
+  /// Preconditions: max_poses >= 2, spacing_m >= 0.
+  BoundedPath(std::size_t max_poses, double spacing_m);
+
+  /// True if the pose was added.
+  bool add(const geometry_msgs::PoseStamped& pose);
+  void clear();
+  const std::vector<geometry_msgs::PoseStamped>& poses() const { return poses_; }
+
+ private:
+  const std::size_t max_poses_;
+  const double initial_spacing_m_;
+  double spacing_m_;
+  std::vector<geometry_msgs::PoseStamped> poses_;
+};
+
+/// The parents of frames in the messages of tf and tf_static, to find out whether a frame that is
+/// to be broadcast has another parent already. A tf tree allows one; tf2 does not report a second.
+class FrameParents {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  void add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now);
+
+  /// The parent of the frame other than `parent`; empty: none, or not broadcast any more.
+  std::string otherParent(const std::string& frame, const std::string& parent,
+                          Clock::time_point now) const;
+  /// The frame at the top of the chain of static transforms to this frame; the frame itself if
+  /// there is none.
+  std::string staticRoot(const std::string& frame) const;
+
+  /// Time after the last message in which a transform on tf counts as broadcast.
+  static constexpr Clock::duration kMemory = std::chrono::seconds(5);
+
+ private:
+  /// child -> parent -> last message; kStatic: of tf_static.
+  std::map<std::string, std::map<std::string, Clock::time_point>> parents_;
+};
+
+/// Publishes `odometry`, `path` and on tf odom_frame -> base_frame. Works in the callback queue of
+/// the node handle.
+class OdometryOutput {
+ public:
+  OdometryOutput(ros::NodeHandle& handle, const ScaleRecoveryParams& params, WarningLog* log);
+
+  /// pose: of the camera at this image; empty: not known.
+  void publish(const std::optional<MetricPose>& pose, const std_msgs::Header& image);
+  /// A new trajectory. The mounting is looked up again.
+  void restart(bool first_pose_is_zero);
+
+  /// The frames of the last pose; empty: there is none yet.
+  const std::optional<OdometryFrames>& frames() const { return frames_; }
+  /// Why the last image has no pose although the scale may be known; empty: it has one.
+  const std::string& mountingError() const { return mounting_error_; }
+  /// Why the pose is not broadcast on tf: the frame has another parent there. Empty: it has none,
+  /// or publish_tf is false.
+  std::string otherParentError() const;
+
+ private:
+  bool findFrames(const std_msgs::Header& image);
+  Eigen::Isometry3d lookUpMounting(const std_msgs::Header& image) const;
+  bool isOfLastPass(const ros::Time& stamp);
+  void publishPath();
+
+  const ScaleRecoveryParams params_;
+  WarningLog* const log_;
+  std::optional<OdometryFrames> frames_;
+  ros::Time mounting_stamp_;  ///< of the image that frames_ is from
+  std::string mounting_error_;
+  bool next_pose_is_zero_ = false;
+  ros::Time latest_clock_;  ///< since the last restart
+  BoundedPath path_;
+  FrameParents frame_parents_;
+
+  ros::Publisher odometry_publisher_, path_publisher_;
+  std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
+  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
+  std::unique_ptr<tf2_ros::TransformBroadcaster> tf_broadcaster_;
+  std::vector<ros::Subscriber> tf_subscribers_;
+};
+
+}  // namespace ground_scale_vo

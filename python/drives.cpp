@@ -1,0 +1,303 @@
+// Drives of the module ground_scale_vo._core: files, the messages of a bag, and what is computed
+// from them. ground_scale_vo/_core.pyi documents the functions.
+
+#include <array>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "arrays.hpp"
+#include "ground_scale_vo/calibration/lens_calibration.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/evaluation/drive_run.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/input/camera_info.hpp"
+#include "ground_scale_vo/input/image_file.hpp"
+
+namespace {
+
+/// The messages of a bag, which Python reads.
+class PythonImages : public gsv::ImageSource {
+ public:
+  /// messages: iterator over (stamp_ns, encoding or format, is_compressed, is_bigendian, height,
+  /// width, step, data).
+  PythonImages(std::string name, std::size_t count, py::object messages)
+      : name_(std::move(name)), count_(count), messages_(std::move(messages)) {}
+  ~PythonImages() override {
+    const py::gil_scoped_acquire acquire;
+    messages_ = {};
+  }
+
+  const std::string& name() const override { return name_; }
+  std::size_t count() const override { return count_; }
+  bool zeroIsUnset() const override { return true; }
+
+  std::optional<gsv::StoredImage> next() override {
+    const py::gil_scoped_acquire acquire;
+    PyObject* const item = PyIter_Next(messages_.ptr());
+    if (!item) {
+      if (PyErr_Occurred()) {
+        const py::error_already_set error;
+        throw gsv::DataError(py::str(error.value()).cast<std::string>());
+      }
+      return std::nullopt;
+    }
+    return read(py::reinterpret_steal<py::tuple>(item));
+  }
+
+ private:
+  static gsv::StoredImage read(const py::tuple& message) {
+    gsv::StoredImage image;
+    image.stamp_ns = message[0].cast<std::int64_t>();
+    image.encoding = message[1].cast<std::string>();
+    const std::string_view bytes = message[7].cast<std::string_view>();
+    try {
+      if (message[2].cast<bool>()) {
+        image.pixels = gsv::decodePixels(bytes);
+        image.encoding = gsv::bayerPatternOf(image.encoding);
+      } else {
+        image.pixels =
+            gsv::pixelsOf({message[4].cast<std::uint32_t>(), message[5].cast<std::uint32_t>(),
+                           image.encoding, message[3].cast<bool>(),
+                           message[6].cast<std::uint32_t>(),
+                           reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()})
+                .clone();
+      }
+    } catch (const gsv::DataError& error) {
+      image.error = error.what();
+    }
+    return image;
+  }
+
+  const std::string name_;
+  const std::size_t count_;
+  py::object messages_;
+};
+
+/// A drive that is read once.
+struct Reader {
+  std::unique_ptr<gsv::DriveReader> drive;
+  gsv::GroundTruth truth;
+};
+using ReaderPtr = std::shared_ptr<Reader>;
+
+ReaderPtr openFiles(const std::string& path, const std::string& camera_file, double fov_deg,
+                    bool unrectified, const std::string& mask_file, double fps) {
+  auto reader = std::make_shared<Reader>();
+  const py::gil_scoped_release release;
+  reader->drive =
+      gsv::openDrive({path, camera_file, fov_deg, unrectified, {mask_file, fps}}, &reader->truth);
+  return reader;
+}
+
+gsv::CameraInfo toCameraInfo(const py::dict& fields) {
+  gsv::CameraInfo info;
+  info.height = fields["height"].cast<std::uint32_t>();
+  info.width = fields["width"].cast<std::uint32_t>();
+  info.distortion_model = fields["distortion_model"].cast<std::string>();
+  info.D = fields["D"].cast<std::vector<double>>();
+  info.K = fields["K"].cast<std::array<double, 9>>();
+  info.R = fields["R"].cast<std::array<double, 9>>();
+  info.P = fields["P"].cast<std::array<double, 12>>();
+  info.binning_x = fields["binning_x"].cast<std::uint32_t>();
+  info.binning_y = fields["binning_y"].cast<std::uint32_t>();
+  const auto roi = fields["roi"].cast<std::array<std::uint32_t, 4>>();
+  info.roi = {roi[0], roi[1], roi[2], roi[3]};
+  return info;
+}
+
+/// infos: iterable over the messages of info_topic; the first valid one is used.
+gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
+                                            const std::string& info_topic,
+                                            const std::string& image_topic, bool is_rectified,
+                                            std::string* warning) {
+  std::string reason = "topic " + info_topic + " has no message";
+  for (const py::handle fields : infos) {
+    const gsv::CameraInfo info = toCameraInfo(fields.cast<py::dict>());
+    try {
+      const gsv::DriveReader::Calibration calibration{
+          gsv::calibrationOf(info, info_topic, is_rectified), "camera_info on topic " + info_topic};
+      *warning = gsv::rectificationSentence(info, is_rectified, image_topic);
+      return calibration;
+    } catch (const gsv::DataError& error) {
+      reason = error.what();
+    }
+  }
+  throw gsv::DataError(reason);
+}
+
+/// The camera file, the field of view or the messages of camera_info describe the images.
+ReaderPtr openMessages(const std::string& topic, std::size_t count, const py::object& messages,
+                       const std::string& info_topic, const py::iterable& infos, bool is_rectified,
+                       const std::string& camera_file, double fov_deg, const std::string& mask_file,
+                       double fps) {
+  std::string warning;
+  gsv::DriveReader::Calibration calibration;
+  if (fov_deg > 0) {
+    calibration.fov_deg = fov_deg;
+  } else if (!camera_file.empty()) {
+    calibration = {gsv::readCameraFile(camera_file), camera_file};
+  } else {
+    calibration = calibrationIn(infos, info_topic, topic, is_rectified, &warning);
+  }
+  auto reader = std::make_shared<Reader>();
+  reader->drive = std::make_unique<gsv::DriveReader>(
+      std::make_unique<PythonImages>(topic, count, messages), calibration,
+      gsv::DriveReader::Options{mask_file, fps, false});
+  if (!warning.empty()) reader->drive->warn(warning);
+  return reader;
+}
+
+/// The next image that can be used, rectified, and its stamp; None after the last one.
+py::object nextRectified(const ReaderPtr& reader) {
+  for (;;) {
+    std::optional<gsv::DriveReader::Image> image;
+    {
+      const py::gil_scoped_release release;
+      image = reader->drive->next();
+      if (image && !image->given.empty()) {
+        const gsv::CalibratedCamera& camera = reader->drive->camera();
+        if (!camera.isGivenRectified()) image->given = camera.undistortion().image(image->given);
+      }
+    }
+    if (!image) return py::none();
+    if (!image->given.empty()) return py::make_tuple(fromImage(image->given), image->stamp_ns);
+  }
+}
+
+/// Runs the odometry over a drive and writes the results.
+py::dict run(const ReaderPtr& reader, const std::string& name, double camera_height,
+             const std::vector<std::string>& settings, const std::string& folder, bool is_strict) {
+  gsv::DriveRun result;
+  {
+    const py::gil_scoped_release release;
+    gsv::DriveRun::Options options;
+    options.odometry.scale.camera_height = camera_height;
+    options.settings = settings;
+    gsv::RunProgress progress(name, reader->drive->count());
+    result = gsv::runDrive(reader->drive.get(), options,
+                           [&](const gsv::RunFrame& frame) { progress.show(frame); });
+    gsv::writeRun(folder, result, camera_height, reader->truth);
+  }
+  py::dict report;
+  report["warnings"] = result.warnings;
+  report["summary"] = result.summary();
+  report["failure"] = result.failure;
+  report["status"] = result.exitStatus(is_strict);
+  return report;
+}
+
+/// open: () -> Reader. The GIL is held only while it is called.
+gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name) {
+  return [open, name, run = 0](const gsv::ImageVisitor& visit) mutable {
+    ReaderPtr reader;
+    {
+      const py::gil_scoped_acquire acquire;
+      reader = open().cast<ReaderPtr>();
+    }
+    {
+      gsv::ProgressLine progress(name + ", run " + std::to_string(++run), reader->drive->count());
+      while (const auto image = reader->drive->next()) {
+        if (!image->given.empty()) visit(image->given, image->stamp_ns);
+        progress.step(" images");
+      }
+    }
+    const py::gil_scoped_acquire acquire;
+    reader.reset();
+  };
+}
+
+py::dict toReport(const gsv::LensEstimator::Result& drive) {
+  py::dict report;
+  report["status"] = drive.reason.empty() ? gsv::toString(drive.status) : drive.reason.c_str();
+  report["keyframes"] = drive.keyframes;
+  report["tracks"] = drive.tracks;
+  report["rms_before"] = drive.rms_before_px;
+  report["rms_after"] = drive.rms_after_px;
+  return report;
+}
+
+/// The result of ground_scale_vo calibrate, see _core.pyi.
+py::dict calibrateLens(const std::vector<py::object>& drives, const std::vector<std::string>& names,
+                       bool is_rough, const std::vector<std::string>& settings) {
+  const auto first = drives.front()().cast<ReaderPtr>();
+  const gsv::CameraCalibration given = first->drive->camera().calibration();
+  if (!given.hasLens()) {
+    throw gsv::DataError(names.front() + ": the distortion is " + given.describe() +
+                         ", calibrate estimates plumb_bob with at most 5 coefficients; calibrate "
+                         "the camera with that, or rectify the images");
+  }
+  const gsv::Lens start = gsv::lensOf(given);
+  const gsv::PinholeCamera& camera = start.camera;
+  gsv::LensCalibration::Options options;
+  if (is_rough) options.expectRoughStart(camera.width);
+  options.vo.readout_time = given.readout_time;
+  for (const std::string& setting : settings) gsv::setOption(options, setting);
+  std::vector<gsv::RepeatableDrive> repeatable;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    repeatable.push_back(toDrive(drives[i], names[i]));
+  }
+  const gsv::LensCalibration calibration(options);
+  gsv::LensCalibration::Result result;
+  {
+    const py::gil_scoped_release release;
+    result = calibration.calibrate(repeatable, start);
+  }
+  py::list reports;
+  py::dict output;
+  for (const auto& drive : result.drives) {
+    reports.append(toReport(drive));
+    if (drive.status != gsv::LensEstimator::Status::kOk || output.contains("residuals")) continue;
+    std::vector<std::uint8_t> png;
+    cv::imencode(".png", gsv::drawResiduals(drive, camera), png);
+    output["residuals"] = py::bytes(reinterpret_cast<const char*>(png.data()), png.size());
+  }
+  output["drives"] = reports;
+  output["reason"] = result.reason;
+  output["runs"] = result.runs;
+  output["converged"] = result.converged || result.confirmed;
+  output["confirmed"] = result.confirmed;
+  gsv::CameraCalibration estimate = gsv::calibrationOf(result.estimate.lens);
+  estimate.estimated = true;
+  estimate.readout_time = options.vo.readout_time;
+  const std::string table = gsv::lensTable(result);
+  output["table"] = table;
+  output["yaml"] = gsv::cameraYaml(estimate, "Estimated by ground_scale_vo calibrate.\n" + table);
+  return output;
+}
+
+}  // namespace
+
+void addDrives(py::module* module) {
+  py::class_<Reader, ReaderPtr>(*module, "Reader")
+      .def_property_readonly("count", [](const Reader& r) { return r.drive->count(); })
+      .def_property_readonly("camera",
+                             [](const Reader& r) { return toTuple(r.drive->camera().camera()); })
+      .def_property_readonly("mask",
+                             [](const Reader& r) -> py::object {
+                               const cv::Mat& mask = r.drive->rectifiedMask();
+                               if (mask.empty()) return py::none();
+                               return fromImage(mask);
+                             })
+      .def_property_readonly(
+          "readout_time",
+          [](const Reader& r) { return r.drive->camera().calibration().readout_time; })
+      .def_property_readonly("ground_truth",
+                             [](const Reader& r) { return fromPoses(r.truth.poses); })
+      .def_property_readonly("ground_truth_heights",
+                             [](const Reader& r) { return r.truth.heights; })
+      .def("next", &nextRectified)
+      .def("warnings", [](const Reader& r) { return r.drive->warnings(); })
+      .def("failure", [](const Reader& r) { return r.drive->failure(); });
+  module->def("open_files", &openFiles);
+  module->def("open_messages", &openMessages);
+  module->def("camera_info_topic_of", &gsv::cameraInfoTopicOf);
+  module->def("require_no_bag", [](const std::string& path) { gsv::requireNoBag(path); });
+  module->def("result_name", &gsv::resultName);
+  module->def("run", &run);
+  module->def("calibrate_lens", &calibrateLens);
+}

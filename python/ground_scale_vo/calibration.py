@@ -1,0 +1,230 @@
+"""The commands `ground_scale_vo calibrate` (the lens, from drives) and `calibrate_height` (the camera's height, from a
+drive of known length)."""
+
+import pathlib
+import sys
+import tempfile
+from typing import Any, Callable, List, NamedTuple, Tuple
+
+import numpy as np
+
+from . import _core
+from .odometry import DataError
+
+# Lengths are in camera heights: the odometry runs with a height of 1 m, and all its lengths are proportional to it.
+SEGMENT_LENGTH = 12.0  # least length of a segment
+SEGMENT_SIGMAS = 40.0  # the same, in standard deviations of a position
+MIN_SEGMENTS = 4
+OUTLIER_SIGMAS = 4.0
+SCALE_CORRELATION = 6.0  # length over which the errors of the scale are equal
+METHOD_SIGMA = 0.003  # relative: the bias of the estimated plane, which all segments share
+MAX_ERROR = 0.05  # largest relative half width of the 95 % interval
+
+
+class Estimate(NamedTuple):
+    value: float
+    error95: float  # half width of the 95 % interval
+
+    def __format__(self, form: str) -> str:
+        return f"{self.value:{form}} ± {self.error95:{form}} (95 %)"
+
+
+class Track:
+    """The odometry's result for a part of a drive, from its files. stamp [s]; p: N x 3 positions [camera heights];
+    normal: N x 3, of the road in camera axes; section: grows where the path is interrupted, -1 without a metric pose."""
+
+    def __init__(self, folder: pathlib.Path, start_s: float, end_s: float) -> None:
+        table = np.genfromtxt(folder / "scale.csv", delimiter=",", names=True, dtype=None, encoding="ascii")
+        since = table["stamp"] - table["stamp"][0]
+        part = (since >= start_s) & (since <= end_s)
+        if not part.any():
+            raise DataError("the drive has no image between --from and --to")
+        table = table[part]
+        self.stamp = table["stamp"]
+        self.p = np.loadtxt(folder / "poses.txt", ndmin=2)[part].reshape(-1, 3, 4)[:, :, 3]
+        self.normal = np.stack([table[name] for name in ("nx", "ny", "nz")], -1)
+        self.relative_sigma = table["sigma"] / np.maximum(table["scale"], 1e-300)
+        self.is_measured = table["status"] == "ok"
+        self.is_moving = table["reason"] != "standstill"
+        self.is_backfilled = table["backfilled"] == 1
+        is_metric = (table["vo_status"] == "tracking") & (table["status"] != "unknown") & ~self.is_backfilled
+        is_new = np.append(True, (is_metric[1:] != is_metric[:-1]) | (table["map_id"][1:] != table["map_id"][:-1]))
+        self.section = np.where(is_metric, np.cumsum(is_new), -1)
+        if not is_metric.any():
+            raise DataError("no frame got a scale")
+
+    def at(self, stamps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """The positions at these stamps, linear between two frames of a section, and the sections; -1: none."""
+        after = np.clip(np.searchsorted(self.stamp, stamps), 1, len(self.stamp) - 1)
+        sections = np.where(self.section[after] == self.section[after - 1], self.section[after], -1)
+        sections[(stamps < self.stamp[0]) | (stamps > self.stamp[-1])] = -1
+        return np.stack([np.interp(stamps, self.stamp, axis) for axis in self.p.T], -1), sections
+
+
+def mean_of(values: np.ndarray, weights: np.ndarray) -> Estimate:
+    """Weighted mean of independent values, with the quantile of Student's t for their number."""
+    shares, n = weights / weights.sum(), len(values) - 1
+    mean = shares @ values
+    sigma = np.sqrt((shares * (values - mean)) @ (shares * (values - mean)) * (n + 1) / n)
+    return Estimate(float(mean), float((1.96 + 2.4 / n + 3.8 / n**2) * sigma))
+
+
+def similarity_scale(source: np.ndarray, target: np.ndarray) -> float:
+    """Scale of the least-squares similarity transform (Umeyama 1991) between N x 3 points. Noise in the target does
+    not bias it."""
+    source, target = source - source.mean(0), target - target.mean(0)
+    u, s, vt = np.linalg.svd(target.T @ source)
+    s[2] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    return float(s.sum() / (source**2).sum())
+
+
+def height_from_positions(track: Track, stamps: np.ndarray, known: np.ndarray, sigma_m: float) -> Estimate:
+    """From N x 3 positions [m] along the drive: the mean over segments. sigma_m: of a position relative to its
+    neighbours."""
+    p, sections = track.at(stamps)
+    heights, lengths = [], []
+    start = 0
+    for i in range(len(stamps)):
+        if sections[i] != sections[start] or sections[i] < 0:
+            start = i
+            continue
+        length = np.linalg.norm(p[i] - p[start])
+        if length < SEGMENT_LENGTH or i < start + 2 or np.linalg.norm(known[i] - known[start]) < SEGMENT_SIGMAS * sigma_m:
+            continue
+        inside = (track.stamp >= stamps[start]) & (track.stamp <= stamps[i]) & track.is_moving
+        if track.is_measured[inside].sum() >= 0.5 * inside.sum():
+            heights.append(similarity_scale(p[start:i + 1], known[start:i + 1]))
+            lengths.append(length)
+        start = i
+    values, weights = np.array(heights), np.array(lengths)
+    is_used = np.ones(len(values), bool)
+    if heights:
+        deviations = np.abs(values - np.median(values))
+        is_used = deviations <= OUTLIER_SIGMAS * max(1.4826 * np.median(deviations), METHOD_SIGMA * np.median(values))
+    print(f"{is_used.sum()} of {len(values)} segments")
+    if is_used.sum() < MIN_SEGMENTS:
+        raise DataError(f"{is_used.sum()} segments of the drive can be compared, {MIN_SEGMENTS} are needed: it is too "
+                        "short, or tracking or positions have too many gaps")
+    return mean_of(values[is_used], weights[is_used])
+
+
+def height_from_length(track: Track, length_m: float, sigma_m: float) -> Estimate:
+    """From the length of the whole path. The error is that of the reported sigma of the scale."""
+    first = np.argmax(track.section >= 0)
+    at_start = np.argmax(np.any(track.p != track.p[0], axis=1)) - 1
+    if first > 0 and track.is_backfilled[0] and at_start > 0:
+        raise DataError(f"the distance travelled before frame {at_start}, where the odometry started, is not known")
+    lost = np.flatnonzero(track.section[first:] != track.section[first])
+    if len(lost) or not (first == 0 or track.is_backfilled[:first].all()):
+        raise DataError(f"the odometry was lost at or before frame {first + lost[0] if len(lost) else first} of "
+                        f"{len(track.stamp)}, so the length of the whole drive cannot be compared")
+    length, corner = 0.0, track.p[0]
+    for p in track.p:  # shorter steps than half a camera height would add the noise of the positions
+        step = np.linalg.norm(p - corner)
+        if step >= 0.5 or p is track.p[-1]:
+            length, corner = length + step, p
+    if not length > 0:
+        raise DataError("the camera did not move according to the odometry")
+    scale_sigma = np.sqrt((track.relative_sigma[first:]**2).mean() * SCALE_CORRELATION / max(length, SCALE_CORRELATION))
+    return Estimate(length_m / length, 1.96 * float(np.hypot(scale_sigma, sigma_m / length_m)) * length_m / length)
+
+
+def mounting_text(track: Track, height: float) -> str:
+    """Comments with pitch and roll of the camera, and its transform. Their means over segments hide the vehicle's."""
+    moved = np.append(0, np.linalg.norm(np.diff(track.p, axis=0), axis=1))
+    segment = (np.cumsum(moved) / SEGMENT_LENGTH).astype(int)
+    x, y, z = track.normal.T
+    angles = np.degrees([np.arctan2(-z, -y), -np.arcsin(np.clip(x, -1, 1))])
+    counts = np.bincount(segment, track.is_measured)
+    if (counts > 0).sum() < 3:
+        return "# Its pitch and roll are not known: the drive is too short, or the road was measured too rarely.\n"
+    pitch, roll = (mean_of(np.bincount(segment, angle * track.is_measured)[counts > 0] / counts[counts > 0],
+                           counts[counts > 0]) for angle in angles)
+    p, r = np.radians([pitch.value, roll.value])
+    up = np.array([-np.sin(r), -np.cos(r) * np.cos(p), -np.cos(r) * np.sin(p)])
+    forward = np.array([0, 0, 1]) - up[2] * up
+    forward /= np.linalg.norm(forward)
+    R = np.array([forward, np.cross(up, forward), up])  # base from camera
+    angles = np.arctan2(R[1, 0], R[0, 0]), -np.arcsin(R[2, 0]), np.arctan2(R[2, 1], R[2, 2])
+    return (f"# pitch: {pitch:.2f} deg, positive looks down\n# roll: {roll:.2f} deg, positive: the right of the camera is "
+            "lower\n# A base_link on the road below the camera that faces as the camera does, with yaw, pitch and roll:\n"
+            f"# rosrun tf2_ros static_transform_publisher 0 0 {height:.3f} {' '.join(f'{a:.5f}' for a in angles)} "
+            "base_link CAMERA_FRAME\n")
+
+
+def read_trajectory(file: pathlib.Path, image_stamps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Stamps [s] and positions [m] of a file of TUM, or of KITTI with a line for each image."""
+    try:
+        rows = np.loadtxt(file, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise DataError(f"{file}: cannot be read ({error})") from None
+    if rows.shape[1] == 12 and len(rows) != len(image_stamps):
+        raise DataError(f"{file}: has {len(rows)} poses without stamps for {len(image_stamps)} images")
+    if rows.shape[1] not in (8, 12) or not np.isfinite(rows).all():
+        raise DataError(f"{file}: its lines are not 8 (TUM) or 12 (KITTI) finite numbers")
+    stamps, positions = (rows[:, 0], rows[:, 1:4]) if rows.shape[1] == 8 else (image_stamps, rows[:, 3::4])
+    if not (np.diff(stamps) > 0).all():
+        raise DataError(f"{file}: its stamps do not increase")
+    return stamps, positions
+
+
+def estimate_height(reader: Any, name: str, arguments: Any, fixes: Callable[[], Tuple[np.ndarray, np.ndarray, float]]) -> None:
+    """Runs the odometry over the drive and writes arguments.out. fixes(): stamps, positions and sigma of --gps."""
+    _core.require_new_file(str(arguments.out), arguments.force)
+    with tempfile.TemporaryDirectory() as work:
+        result = _core.run(reader, name, 1.0, arguments.set, work, False)
+        for sentence in result["warnings"]:
+            print(f"{name}: {sentence}", file=sys.stderr)
+        print(f"{name}: {result['summary']}")
+        is_whole = arguments.start == 0 and arguments.end == float("inf")
+        if result["failure"] and is_whole:
+            raise DataError(result["failure"])
+        track = Track(pathlib.Path(work), arguments.start, arguments.end)
+        image_stamps = np.genfromtxt(pathlib.Path(work) / "scale.csv", delimiter=",", names=True, usecols=1)["stamp"]
+    if arguments.length:
+        source = f"a drive of {arguments.length:g} m, known to {arguments.length_sigma:g} m"
+        height = height_from_length(track, arguments.length, arguments.length_sigma)
+    elif arguments.gps:
+        source = f"the fixes on {arguments.gps}"
+        height = height_from_positions(track, *fixes())
+    else:
+        source = f"the trajectory {arguments.trajectory}"
+        height = height_from_positions(track, *read_trajectory(arguments.trajectory, image_stamps), 0.0)
+    height = Estimate(height.value, float(np.hypot(height.error95, 1.96 * METHOD_SIGMA * height.value)))
+    error = height.error95 / height.value
+    if error > MAX_ERROR:
+        raise DataError(f"the height would be {height.value:.2f} m, but uncertain by {100 * error:.1f} % (95 %), more than "
+                        f"{100 * MAX_ERROR:.1f} %: drive farther, or measure the length better")
+    text = (f"# From {source}.\ncamera_height: {height.value:.4f}  # [m] ± {height.error95:.4f} (95 %), {100 * error:.2f} %\n"
+            f"# The mounting of the camera, for tf; the scale does not need it.\n{mounting_text(track, height.value)}")
+    print(text, end="")
+    write({arguments.out: text.encode()})
+
+
+def estimate_lens(drives: List[Callable[[], Any]], names: List[str], is_rough: bool, arguments: Any) -> None:
+    """drives: each call opens a drive again. is_rough: the start is a field of view. Prints the result, and writes
+    arguments.out and an image beside it. Raises DataError when the drives do not determine the lens."""
+    files = [arguments.out, arguments.out.with_suffix(".png")]
+    if files[0] == files[1]:
+        raise ValueError(f"--out {arguments.out} is the name of the image beside it, use .yaml")
+    for file in files:
+        _core.require_new_file(str(file), arguments.force)
+    result = _core.calibrate_lens(drives, names, is_rough, arguments.set)
+    for name, report in zip(names, result["drives"]):
+        print("{}: {status}, {keyframes} keyframes, {tracks} tracks, residual rms {rms_before:.3f} -> "
+              "{rms_after:.3f} px".format(name, **report))
+    if result["reason"]:
+        raise DataError(f"the lens is not observable: {result['reason']}")
+    print(result["table"], end="")
+    if result["confirmed"]:
+        print("the drives confirm the calibration: the estimate does not differ significantly from it")
+    if not result["converged"]:
+        print(f"the estimate still changed in run {result['runs']}; run again with --camera {files[0]}", file=sys.stderr)
+    write({files[0]: result["yaml"].encode(), files[1]: result["residuals"]})
+
+
+def write(contents: dict) -> None:
+    """contents: the bytes of each file."""
+    for file, content in contents.items():
+        _core.write_file(str(file), content)
+    print("written to " + " and ".join(map(str, contents)))

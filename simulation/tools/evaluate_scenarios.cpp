@@ -1,0 +1,231 @@
+// Renders the drives of the scenario catalogue and evaluates the pipeline on each.
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/evaluation/run_record.hpp"
+#include "ground_scale_vo/evaluation/run_report.hpp"
+#include "simulation/scenario_evaluation.hpp"
+#include "simulation/scenarios.hpp"
+#include "tools/support/command_line.hpp"
+#include "tools/support/parallel_for.hpp"
+
+namespace gsv = ground_scale_vo;
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Settings = std::vector<std::string>;
+
+constexpr const char* kFaults = "faults";  // the name of all drives with a fault
+
+constexpr const char* kDetails =
+    R"(Without a NAME: all scenarios but the faults. The trajectory errors are computed from the first
+metric pose on. metric: frames from the first metric pose on; RLE: relative error of the path length;
+t_err short: the devkit's translation error, over 10, 20 ... 80 m; rotation: error of the rotation from
+the first to the last image; displacement sigma: error of the displacement from the first metric pose to
+the last frame, along it, over its published standard deviation; scale: median absolute scale error, the
+true scale being computed over at least 2 m of ground truth; held: share of frames without a scale
+measurement of their own (HELD), from the first metric pose on; 2 sigma: share of frames whose true
+scale lies within two reported sigma; ok unobservable: share of the frames with unobservable scale
+(no road texture, hidden road, or standstill) that are reported as OK, which should be 0.
+recovery: frames after a fault until a metric pose with a measured scale again, -1: never; error
+afterwards: of the position, from 3 s and 20 m after the fault to the end, relative to the path length.
+
+The last column is the violated threshold: lost, late scale (no metric pose in the first half), rotation
+(error above 2 degrees), RLE (above 1.5 %), 2 sigma (below 0.75), ok while unobservable, no recovery,
+error after the fault (above 5 %). Some scenarios have other thresholds.
+
+--ablation runs each scenario several times: with the defaults, with the paper's equations and
+thresholds unmodified, with feature-based measurements only, with direct measurements only, and with
+the component that this scenario depends on disabled.
+
+Exit status: 0 success, 1 runtime error, 2 invalid arguments.)";
+
+struct Arguments {
+  std::vector<std::string> names;
+  std::vector<gsv::Scenario> scenarios;
+  std::string out;
+  int threads = 1;
+  bool ablation = false;
+  Settings settings;  ///< of --set
+};
+
+/// A metric: column heading in the table, key in the JSON file, number of decimals in both.
+struct Column {
+  const char *heading, *key;
+  int decimals;
+  double (*value)(const gsv::ScenarioMetrics&);
+};
+using Metrics = gsv::ScenarioMetrics;
+constexpr Column kColumns[] = {
+    {"frames", "frames", 0, [](const Metrics& m) { return static_cast<double>(m.frames); }},
+    {"tracked", "tracked_frames", 0,
+     [](const Metrics& m) { return static_cast<double>(m.tracked_frames); }},
+    {"lost", "lost_events", 0, [](const Metrics& m) { return static_cast<double>(m.lost_events); }},
+    {"metric", "metric_frames", 0,
+     [](const Metrics& m) { return static_cast<double>(m.metric_frames); }},
+    {"RLE %", "rle_percent", 2, [](const Metrics& m) { return m.rle_percent; }},
+    {"t_err short %", "t_err_short_percent", 2,
+     [](const Metrics& m) { return m.t_err_short_percent; }},
+    {"rotation deg", "rotation_error_deg", 2,
+     [](const Metrics& m) { return m.rotation_error_deg; }},
+    {"displacement sigma", "displacement_sigmas", 2,
+     [](const Metrics& m) { return m.displacement_sigmas; }},
+    {"scale %", "scale_error_percent", 2, [](const Metrics& m) { return m.scale_error_percent; }},
+    {"held", "held", 2, [](const Metrics& m) { return m.held_share; }},
+    {"2 sigma", "within_2_sigma", 2, [](const Metrics& m) { return m.within_2_sigma; }},
+    {"ok unobservable", "ok_while_unobservable", 2,
+     [](const Metrics& m) { return m.ok_while_unobservable; }},
+    {"recovery", "recovery_frames", 0,
+     [](const Metrics& m) { return static_cast<double>(m.recovery_frames); }},
+    {"error afterwards %", "error_after_fault_percent", 2,
+     [](const Metrics& m) { return m.error_after_fault_percent; }},
+};
+
+std::string tableHeading() {
+  std::string text = "| drive |", rule = "|---|";
+  for (const Column& column : kColumns) {
+    text += std::string(" ") + column.heading + " |";
+    rule += "---|";
+  }
+  return text + " violated |\n" + rule + "---|\n";
+}
+
+/// The metric as text; `none` if it is not finite.
+std::string number(const Column& column, const Metrics& metrics, const char* none) {
+  const double value = column.value(metrics);
+  return std::isfinite(value) ? gsv::format("%.*f", column.decimals, value) : none;
+}
+
+std::string tableRow(const std::string& name, const Metrics& metrics, const std::string& violated) {
+  std::string text = "| " + name + " |";
+  for (const Column& column : kColumns) text += " " + number(column, metrics, "–") + " |";
+  return text + " " + violated + " |\n";
+}
+
+Json json(const Metrics& metrics, const gsv::ScenarioThresholds& thresholds) {
+  Json object;
+  for (const Column& column : kColumns) {
+    object[column.key] = Json::parse(number(column, metrics, "null"));
+  }
+  object["violated"] = gsv::violatedThreshold(metrics, thresholds);
+  return object;
+}
+
+/// The settings with which a scenario is run: a key of the JSON file, and the settings.
+std::vector<std::pair<std::string, Settings>> variants(const gsv::Scenario& scenario,
+                                                       bool ablation) {
+  if (!ablation) return {{"default", {}}};
+  const gsv::ScenarioAblation& component = scenario.ablation;
+  std::vector<std::pair<std::string, Settings>> all = {{"default", {}},
+                                                       {"paper", {"paper_literal=true"}},
+                                                       {"features_only", {gsv::kFeatureBasedOnly}},
+                                                       {"direct_only", {gsv::kDirectOnly}}};
+  if (!component.disable.empty()) {
+    Settings without = component.base;
+    without.insert(without.end(), component.disable.begin(), component.disable.end());
+    all.emplace_back("disabled", without);
+  }
+  return all;
+}
+
+void writeRun(const std::filesystem::path& folder, const gsv::SyntheticDrive& drive,
+              const gsv::RunRecord& record) {
+  std::vector<Eigen::Isometry3d> ground_truth;
+  std::vector<double> heights;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    ground_truth.push_back(drive.frame(i).T_c0_c);
+    heights.push_back(drive.frame(i).height);
+  }
+  gsv::writeRun(folder, record, drive.cameraHeight(), ground_truth, heights);
+}
+
+void check(Arguments* arguments) {
+  for (const std::string& setting : arguments->settings) {
+    gsv::OfflineRun::Options options;
+    gsv::setOption(options, setting);  // an invalid assignment fails before the runs
+  }
+  if (arguments->names.empty()) arguments->scenarios = gsv::allScenarios();
+  for (const std::string& name : arguments->names) {
+    if (name != kFaults) {
+      arguments->scenarios.push_back(gsv::findScenario(name));
+      continue;
+    }
+    for (const gsv::Scenario& scenario : gsv::faultScenarios()) {
+      arguments->scenarios.push_back(scenario);
+    }
+  }
+}
+
+void run(const Arguments& arguments) {
+  cv::setNumThreads(1);
+  const std::filesystem::path out(arguments.out);
+  gsv::makeFolder(arguments.out);  // fails before the runs, not after them
+  std::fputs(tableHeading().c_str(), stdout);
+  std::size_t steps = 0;  // each image counts once when rendered and once in each run
+  for (const gsv::Scenario& scenario : arguments.scenarios) {
+    steps += (1 + variants(scenario, arguments.ablation).size()) *
+             static_cast<std::size_t>(scenario.options.frames);
+  }
+  gsv::ProgressLine progress("evaluate_scenarios", steps);
+  const auto step = [&progress] { progress.step("steps"); };
+  std::vector<Json> entries(arguments.scenarios.size());
+  gsv::parallelFor(entries.size(), arguments.threads, [&](std::size_t i) {
+    const gsv::Scenario& scenario = arguments.scenarios[i];
+    const gsv::SyntheticDrive drive(scenario.options);
+    const std::vector<cv::Mat> rendered = gsv::renderDrive(drive, step);
+    entries[i] = {{"drive", scenario.name}, {"component", scenario.ablation.component}};
+    for (const auto& [key, settings] : variants(scenario, arguments.ablation)) {
+      Settings all = arguments.settings;
+      all.insert(all.end(), settings.begin(), settings.end());
+      const gsv::RunRecord record = gsv::runDrive(drive, rendered, all, step);
+      if (settings.empty()) writeRun(out / scenario.name, drive, record);
+      const Metrics metrics = gsv::evaluateScenario(scenario, drive, record);
+      entries[i][key] = json(metrics, scenario.thresholds);
+      const std::string name = scenario.name + (settings.empty() ? "" : " " + key);
+      const std::string row =
+          tableRow(name, metrics, gsv::violatedThreshold(metrics, scenario.thresholds));
+      progress.pause([&] { std::fputs(row.c_str(), stdout); });
+    }
+  });
+  gsv::writeFile(out / "scenarios.json", Json(entries).dump(2) + "\n");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  gsv::CommandLine command_line("evaluate_scenarios",
+                                "Renders drives of the scenario catalogue with exact ground truth, "
+                                "runs the odometry over them\n"
+                                "and prints a table of its errors.",
+                                kDetails);
+  command_line.addPositionals("NAME",
+                              "scenario (render_drive --list); \"faults\": all drives with a fault",
+                              &arguments.names);
+  command_line.options().add_options()  //
+      ("out", gsv::requiredValue(&arguments.out, "DIR"),
+       "output folder for scenarios.json, and DIR/NAME/ with the files of run_sequence")  //
+      ("ablation", gsv::po::bool_switch(&arguments.ablation),
+       "run each scenario also with components disabled")  //
+      ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),
+       "drives rendered and run in parallel")  //
+      ("set", gsv::settingsValue(&arguments.settings), gsv::kSettingsHelp);
+  return command_line.run(
+      argc, argv, [&] { check(&arguments); },
+      [&] {
+        run(arguments);
+        return 0;
+      });
+}

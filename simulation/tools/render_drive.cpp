@@ -1,0 +1,225 @@
+// Renders a SyntheticDrive as a KITTI odometry folder with ground truth.
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <iomanip>
+#include <locale>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/io/trajectory_io.hpp"
+#include "simulation/scenarios.hpp"
+#include "simulation/synthetic_drive.hpp"
+#include "tools/support/command_line.hpp"
+#include "tools/support/parallel_for.hpp"
+
+namespace gsv = ground_scale_vo;
+namespace fs = std::filesystem;
+namespace po = boost::program_options;
+
+namespace {
+
+constexpr int kMaxInteger = 1000000;
+
+struct Settings {
+  std::string folder, scenario, path;  ///< scenario and path: empty for the default drive
+  gsv::SyntheticDrive::Options drive;
+  /// Changes requested by the given options; applied to the scenario or to the defaults.
+  std::vector<std::function<void()>> changes;
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  bool list = false;  ///< print the catalogue instead of rendering a drive
+};
+
+/// text: WxH. The focal lengths and cx scale with the width, cy scales with the height.
+void setSize(gsv::PinholeCamera& camera, const std::string& text) {
+  const std::size_t x = text.find('x');
+  if (x == std::string::npos) throw gsv::OptionError("--size is '" + text + "', not WxH");
+  const int width = gsv::parseInteger("--size", text.substr(0, x), 0, kMaxInteger);
+  const int height = gsv::parseInteger("--size", text.substr(x + 1), 0, kMaxInteger);
+  const double scale = static_cast<double>(width) / camera.width;
+  camera.fx *= scale;
+  camera.fy *= scale;
+  camera.cx = (camera.cx + 0.5) * scale - 0.5;
+  camera.cy = (camera.cy + 0.5) * height / camera.height - 0.5;
+  camera.width = width;
+  camera.height = height;
+}
+
+/// Adds the options that change a drive.
+void addDriveOptions(Settings* settings, po::options_description* options) {
+  gsv::SyntheticDrive::Options& drive = settings->drive;
+  // Appends `set` with the value to the changes when the option is given.
+  const auto add = [&](const char* name, auto* value, const std::string& help, const auto& set) {
+    const auto change = [changes = &settings->changes, set](const auto& given) {
+      changes->push_back([set, given] { set(given); });
+    };
+    options->add_options()(name, value->notifier(change), help.c_str());
+  };
+  const auto addNumber = [&](const char* name, const char* unit, const char* help, double* field) {
+    std::ostringstream text;
+    text << help << " (default without --scenario: " << std::setprecision(3) << *field << ")";
+    add(name, po::value<double>()->value_name(unit), text.str(),
+        [field](double value) { *field = value; });
+  };
+  add("frames", po::value<int>()->value_name("N"),
+      "number of frames (default without --scenario: " + std::to_string(drive.frames) + ")",
+      [&drive](int frames) { drive.frames = frames; });
+  add("size", po::value<std::string>()->value_name("WxH"),
+      "image size at a constant horizontal field of view (default without --scenario: " +
+          std::to_string(drive.camera.width) + "x" + std::to_string(drive.camera.height) + ")",
+      [&drive](const std::string& text) { setSize(drive.camera, text); });
+  addNumber("camera-height", "M", "camera height above the road [m]", &drive.camera_height);
+  addNumber("pitch", "RAD", "pitch of the camera mounting [rad], positive: looks down",
+            &drive.pitch_rad);
+  addNumber("roll", "RAD",
+            "roll of the camera mounting [rad], positive: the camera's x axis points down",
+            &drive.roll_rad);
+  addNumber("yaw", "RAD", "yaw of the camera mounting [rad], positive: looks to the left",
+            &drive.yaw_rad);
+  addNumber("speed", "MPS", "cruise speed [m/s]", &drive.speed);
+  addNumber("rate", "HZ", "frame rate [Hz]", &drive.frame_rate_hz);
+  addNumber("curvature", "PER_M", "maximum curvature [1/m], 0: straight road", &drive.curvature);
+  addNumber("slope", "RATIO", "maximum slope [m/m], 0: flat road", &drive.slope);
+  addNumber("stop", "S", "duration of the standstill [s], 0: no stop", &drive.stop_s);
+  addNumber("suspension", "FACTOR", "factor on suspension pitch, roll and heave",
+            &drive.suspension);
+}
+
+void check(Settings* settings) {
+  if (settings->list) return;
+  if (settings->folder.empty()) throw gsv::OptionError("FOLDER is missing, see --help");
+  if (!settings->scenario.empty()) settings->drive = gsv::findScenario(settings->scenario).options;
+  if (!settings->path.empty()) {
+    if (!settings->scenario.empty()) {
+      throw gsv::OptionError("--path and --scenario cannot be combined");
+    }
+    for (const Eigen::Isometry3d& T_c0_c : gsv::readKittiPoses(settings->path)) {
+      settings->drive.path.emplace_back(T_c0_c.translation());
+    }
+    settings->drive.frames = static_cast<int>(settings->drive.path.size());
+  }
+  for (const auto& change : settings->changes) change();
+  settings->drive.validate();
+}
+
+void printCatalogue() {
+  for (const auto& scenarios : {gsv::allScenarios(), gsv::faultScenarios()}) {
+    for (const gsv::Scenario& scenario : scenarios) {
+      std::printf("%-18s %s\n", scenario.name.c_str(), scenario.description.c_str());
+    }
+  }
+}
+
+void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int threads) {
+  fs::create_directories(folder);
+  gsv::ProgressLine progress("render_drive", drive.size());
+  gsv::parallelFor(drive.size(), threads, [&](std::size_t i) {
+    std::ostringstream name;
+    name << std::setw(6) << std::setfill('0') << i << ".png";
+    const std::string file = folder / name.str();
+    std::vector<unsigned char> png;
+    cv::imencode(".png", drive.image(i), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    gsv::writeFile(file, {png.begin(), png.end()});
+    progress.step("frames");
+  });
+}
+
+void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
+  const gsv::PinholeCamera& c = drive.camera();
+  std::ostringstream calib, times, ground;
+  calib << std::setprecision(17) << "P0: " << c.fx << " 0 " << c.cx << " 0 0 " << c.fy << ' '
+        << c.cy << " 0 0 0 1 0\n";
+  ground << std::setprecision(12)
+         << "# camera height above the local road plane [m], its unit normal in camera axes "
+            "(x right, y down, z forward), pointing up\n";
+  times << std::fixed << std::setprecision(9);
+  std::vector<Eigen::Isometry3d> poses;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const gsv::SyntheticDrive::Frame& frame = drive.frame(i);
+    times << static_cast<double>(frame.stamp_ns) * 1e-9 << '\n';
+    ground << frame.height << ' ' << frame.n_c.x() << ' ' << frame.n_c.y() << ' ' << frame.n_c.z()
+           << '\n';
+    poses.push_back(frame.T_c0_c);
+  }
+  gsv::writeFile(folder / "calib.txt", calib.str());
+  gsv::writeFile(folder / "times.txt", times.str());
+  gsv::writeFile(folder / "ground.txt", ground.str());
+  gsv::writeKittiPoses(folder / "poses.txt", poses);
+}
+
+gsv::SyntheticDrive makeDrive(const Settings& settings) {
+  if (settings.path.empty()) return gsv::SyntheticDrive(settings.drive);
+  try {
+    return gsv::SyntheticDrive(settings.drive);
+  } catch (const gsv::OptionError& error) {  // the other options have been validated
+    throw gsv::DataError(settings.path + ": " + error.what());
+  }
+}
+
+/// Writes under a temporary name and renames, so that FOLDER is complete or missing.
+void render(const Settings& settings) {
+  cv::setNumThreads(1);  // frames are rendered in parallel
+  const fs::path folder = settings.folder;
+  if (fs::exists(folder)) throw gsv::DataError(folder.string() + " already exists");
+  const gsv::SyntheticDrive drive = makeDrive(settings);
+  const fs::path normalised = fs::absolute(folder).lexically_normal();
+  const fs::path target = normalised.has_filename() ? normalised : normalised.parent_path();
+  const fs::path partial = target.string() + ".partial." + std::to_string(getpid());
+  try {
+    std::error_code error;
+    fs::create_directories(partial, error);
+    if (error) throw gsv::DataError(folder.string() + " cannot be created: " + error.message());
+    writeImages(drive, partial / "image_0", settings.threads);
+    writeTables(drive, partial);
+    fs::rename(partial, target);
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(partial, ignored);
+    throw;
+  }
+  std::printf("%zu frames in %s\n", drive.size(), folder.c_str());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Settings settings;
+  gsv::CommandLine command_line(
+      "render_drive",
+      "Renders a drive along a generated street or a recorded path as a KITTI odometry folder: "
+      "image_0/NNNNNN.png, calib.txt,\n"
+      "times.txt, exact poses (poses.txt), and the exact camera height and road normal of every "
+      "frame\n"
+      "(ground.txt). kitti_to_bag converts it to a bag.",
+      "Exit status: 0 success, 1 runtime error, 2 invalid arguments.");
+  command_line.addPositional("FOLDER", "output folder; must not exist", &settings.folder, false);
+  command_line.options().add_options()                                                   //
+      ("list", po::bool_switch(&settings.list), "print the scenario catalogue instead")  //
+      ("scenario", po::value(&settings.scenario)->value_name("NAME"),
+       "a drive of the catalogue (--list), changed by the options below")  //
+      ("path", po::value(&settings.path)->value_name("FILE"),
+       "KITTI poses (poses/NN.txt): a street along the recorded positions, smoothed, with one "
+       "frame "
+       "for each line. --frames N: only the first N; --speed, --stop, --curvature and --slope have "
+       "no effect")  //
+      ("threads", gsv::numberInRange("--threads", &settings.threads, "N", 1, 256),
+       "number of rendering threads");
+  addDriveOptions(&settings, &command_line.options());
+  return command_line.run(
+      argc, argv, [&] { check(&settings); },
+      [&] {
+        settings.list ? printCatalogue() : render(settings);
+        return 0;
+      });
+}

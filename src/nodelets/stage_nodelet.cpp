@@ -1,0 +1,106 @@
+#include "ground_scale_vo/nodelets/stage_nodelet.hpp"
+
+#include <boost/make_shared.hpp>
+#include <exception>
+#include <utility>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
+constexpr double kStartup = 5.0;            // [s] a driver may start after the nodelets
+constexpr std::chrono::seconds kMissingInputPeriod(30);  // of the warnings in the log
+
+class Task : public ros::CallbackInterface {
+ public:
+  explicit Task(std::function<void()> task) : task_(std::move(task)) {}
+  CallResult call() override {
+    task_();
+    return Success;
+  }
+
+ private:
+  const std::function<void()> task_;
+};
+
+}  // namespace
+
+void StageNodelet::post(std::function<void()> task) {
+  callbacks_.addCallback(boost::make_shared<Task>(std::move(task)));
+}
+
+void StageNodelet::onInit() {
+  ros::NodeHandle handle = getNodeHandle(), private_handle = getPrivateNodeHandle();
+  handle.setCallbackQueue(&callbacks_);
+  private_handle.setCallbackQueue(&callbacks_);
+  log_ = std::make_unique<WarningLog>(getName());
+  try {
+    start(handle, private_handle);
+  } catch (const std::exception& error) {  // passed on: the nodelet manager refuses the nodelet
+    NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
+    throw;
+  }
+  reset_server_ =
+      private_handle.advertiseService<std_srvs::Trigger::Request, std_srvs::Trigger::Response>(
+          "reset", [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+            response.message = "reset: " + reset();
+            response.success = true;
+            return true;
+          });
+  updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
+  updater_->setHardwareID("none");
+  updater_->add(stage(), this, &StageNodelet::diagnose);
+  diagnostics_timer_ =
+      handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
+                             [this](const ros::WallTimerEvent&) { updater_->force_update(); });
+  spinner_.start();
+}
+
+void StageNodelet::logParams(const ParamReader& reader) {
+  std::string echo;
+  for (const ParamReader::Entry& entry : reader.entries()) {
+    echo += "\n  " + ParamReader::echo(entry);
+  }
+  NODELET_INFO_STREAM(getName() << ": parameters" << echo);
+  for (const std::string& sentence : reader.warnings()) {
+    NODELET_WARN_STREAM(getName() << ": " << sentence);
+  }
+}
+
+void StageNodelet::countFrame(const Stopwatch& watch) {
+  ++processed_;
+  since_processed_.emplace();
+  frame_ms_ = watch.ms();
+}
+
+void StageNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const ros::Time now = ros::Time::now();
+  const bool clock_runs = now != std::exchange(last_ros_time_, now);
+  StageState state;
+  describe(&state);
+  if (state.missing) {
+    state.missing->sentence = withMissingClock(state.missing->sentence);
+    warnOfMissingInput(*state.missing, clock_runs);
+  }
+  if (since_processed_) state.since_processed_s = since_processed_->seconds();
+  state.dropped = dropped() - std::exchange(diagnosed_dropped_, dropped());
+  state.clock_error = missingClock();
+  const DiagnosticSummary summary = summarize(state);
+  status.summary(static_cast<std::uint8_t>(summary.level), summary.message);
+  const auto frames =
+      static_cast<double>(processed_ - std::exchange(diagnosed_processed_, processed_));
+  status.add("rate [Hz]", 1e3 * frames / since_diagnosis_.lapMs());
+  status.add("time of the last frame [ms]", frame_ms_);
+  addValues(status);
+  for (const auto& [kind, count] : log_->dropped()) status.add("dropped: " + kind, count);
+}
+
+/// 5 s after the start, or, if the input was received before, when the diagnostics report it; then
+/// every 30 s. While ROS time stands still, because a bag is paused or has ended, silence of an
+/// input is not reported.
+void StageNodelet::warnOfMissingInput(const MissingInput& missing, bool clock_runs) {
+  if (missing.was_received ? !clock_runs : since_start_.seconds() < kStartup) return;
+  log_->warn("missing " + missing.input, missing.sentence, kMissingInputPeriod);
+}
+
+}  // namespace ground_scale_vo

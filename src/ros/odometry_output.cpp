@@ -1,0 +1,318 @@
+#include "ground_scale_vo/ros/odometry_output.hpp"
+
+#include <nav_msgs/Path.h>
+#include <tf2_eigen/tf2_eigen.h>
+
+#include <algorithm>
+#include <boost/make_shared.hpp>
+#include <cmath>
+#include <utility>
+
+#include "ground_scale_vo/common/se3.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// First element of a covariance without an estimate, as sensor_msgs/Imu defines it; nav_msgs and
+/// geometry_msgs define none.
+constexpr double kUnknown = -1;
+
+/// [m] least spacing of a path after a thinning: an initial spacing may be zero.
+constexpr double kMinDoubledSpacing = 0.1;
+
+/// [messages] that wait for a slow subscriber: ten seconds of a 10 Hz camera.
+constexpr std::uint32_t kOdometryQueue = 100;
+constexpr std::uint32_t kTfQueue = 100;
+
+/// [s] wall time to wait for tf with moving_mount, which may come later than the image.
+constexpr double kMountingWaitS = 0.2;
+constexpr double kMountingPollS = 0.002;
+
+/// Of a transform on tf_static, which counts as broadcast for ever.
+constexpr auto kStatic = FrameParents::Clock::time_point::max();
+
+/// Transforms a twist or small motion (linear, angular) of a rigid body to other axes, rotated by
+/// R, and to another point of the body, at `lever` from the old one in the old axes: v' = R (v + w
+/// x lever), w' = R w.
+Matrix6d twistTransform(const Eigen::Matrix3d& R, const Eigen::Vector3d& lever) {
+  Matrix6d J = Matrix6d::Zero();
+  J.topLeftCorner<3, 3>() = R;
+  J.topRightCorner<3, 3>() = -R * skew(lever);
+  J.bottomRightCorner<3, 3>() = R;
+  return J;
+}
+
+/// array = J C J', made exactly symmetric.
+template <typename Array>
+void setCovariance(const Matrix6d& J, const Matrix6d& covariance, Array& array) {
+  const Matrix6d propagated = J * covariance * J.transpose();
+  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(array.data()) =
+      0.5 * (propagated + propagated.transpose());
+}
+
+}  // namespace
+
+nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
+                                      const std::string& world_frame) {
+  auto msg = boost::make_shared<nav_msgs::Odometry>();
+  msg->header.stamp = image_header.stamp;
+  msg->header.frame_id = world_frame;
+  msg->child_frame_id = image_header.frame_id;
+  msg->pose.pose = tf2::toMsg(frame.T_w_c);
+  if (frame.pose_covariance.isZero(0)) {
+    msg->pose.covariance[0] = kUnknown;
+  } else {
+    setCovariance(twistTransform(frame.T_w_c.linear(), Eigen::Vector3d::Zero()),
+                  frame.pose_covariance, msg->pose.covariance);
+  }
+  msg->twist.covariance[0] = kUnknown;
+  return msg;
+}
+
+Eigen::Matrix3d bodyFromOptical() {
+  Eigen::Matrix3d R;
+  R << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  return R;
+}
+
+OdometryFrames OdometryFrames::ofCamera(const std::string& odom_frame,
+                                        const std::string& camera_frame) {
+  OdometryFrames frames;
+  frames.odom_frame = odom_frame;
+  frames.base_frame = camera_frame;
+  frames.T_odom_o.linear() = bodyFromOptical();
+  return frames;
+}
+
+OdometryFrames OdometryFrames::ofBase(const std::string& odom_frame, const std::string& base_frame,
+                                      const Eigen::Isometry3d& T_b_c) {
+  OdometryFrames frames;
+  frames.odom_frame = odom_frame;
+  frames.base_frame = base_frame;
+  frames.T_odom_o = T_b_c;
+  frames.T_c_b = T_b_c.inverse();
+  return frames;
+}
+
+void OdometryFrames::moveMounting(const Eigen::Isometry3d& T_b_c, double dt) {
+  const Eigen::Isometry3d T_last_now = T_c_b * T_b_c;
+  mounting_twist_c.setZero();
+  if (dt > 0) {
+    mounting_twist_c << T_last_now.linear().transpose() * T_last_now.translation() / dt,
+        rotationVector(T_last_now.linear()) / dt;
+  }
+  T_c_b = T_b_c.inverse();
+}
+
+nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const OdometryFrames& frames,
+                                      const ros::Time& stamp) {
+  const Eigen::Vector3d base_in_c = frames.T_c_b.translation();
+
+  auto msg = boost::make_shared<nav_msgs::Odometry>();
+  msg->header.stamp = stamp;
+  msg->header.frame_id = frames.odom_frame;
+  msg->child_frame_id = frames.base_frame;
+  msg->pose.pose = tf2::toMsg(frames.T_odom_o * pose.T_o_c * frames.T_c_b);
+  setCovariance(twistTransform(frames.T_odom_o.linear(), pose.T_o_c.linear() * base_in_c),
+                pose.covariance, msg->pose.covariance);
+
+  const Matrix6d J = twistTransform(frames.T_c_b.linear().transpose(), base_in_c);
+  const Vector6d twist_b = J * (pose.twist_c - frames.mounting_twist_c);
+  msg->twist.twist = tf2::toMsg(twist_b);
+  setCovariance(J, pose.twist_covariance, msg->twist.covariance);
+  return msg;
+}
+
+geometry_msgs::TransformStamped toTransformMsg(const nav_msgs::Odometry& odometry) {
+  geometry_msgs::TransformStamped transform;
+  transform.header = odometry.header;
+  transform.child_frame_id = odometry.child_frame_id;
+  transform.transform.translation.x = odometry.pose.pose.position.x;
+  transform.transform.translation.y = odometry.pose.pose.position.y;
+  transform.transform.translation.z = odometry.pose.pose.position.z;
+  transform.transform.rotation = odometry.pose.pose.orientation;
+  return transform;
+}
+
+BoundedPath::BoundedPath(std::size_t max_poses, double spacing_m)
+    : max_poses_(max_poses), initial_spacing_m_(spacing_m), spacing_m_(spacing_m) {}
+
+bool BoundedPath::add(const geometry_msgs::PoseStamped& pose) {
+  if (!poses_.empty()) {
+    const geometry_msgs::Point &a = poses_.back().pose.position, &b = pose.pose.position;
+    if (std::hypot(a.x - b.x, a.y - b.y, a.z - b.z) < spacing_m_) return false;
+  }
+  if (poses_.size() == max_poses_) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < poses_.size(); i += 2) poses_[kept++] = poses_[i];
+    poses_.resize(kept);
+    spacing_m_ = std::max(2.0 * spacing_m_, kMinDoubledSpacing);
+  }
+  poses_.push_back(pose);
+  return true;
+}
+
+void BoundedPath::clear() {
+  poses_.clear();
+  spacing_m_ = initial_spacing_m_;
+}
+
+void FrameParents::add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now) {
+  for (const geometry_msgs::TransformStamped& transform : message.transforms) {
+    parents_[withoutLeadingSlashes(transform.child_frame_id)]
+            [withoutLeadingSlashes(transform.header.frame_id)] = is_static ? kStatic : now;
+  }
+}
+
+std::string FrameParents::otherParent(const std::string& frame, const std::string& parent,
+                                      Clock::time_point now) const {
+  const auto found = parents_.find(frame);
+  if (found == parents_.end()) return {};
+  for (const auto& [name, last] : found->second) {
+    if (name != parent && now - last <= kMemory) return name;
+  }
+  return {};
+}
+
+std::string FrameParents::staticRoot(const std::string& frame) const {
+  std::string root = frame;
+  for (std::size_t n = 0; n < parents_.size(); ++n) {  // a cycle is an error of the sender
+    const auto found = parents_.find(root);
+    if (found == parents_.end()) break;
+    for (const auto& [parent, last] : found->second) {
+      if (last == kStatic) root = parent;
+    }
+  }
+  return root;
+}
+
+OdometryOutput::OdometryOutput(ros::NodeHandle& handle, const ScaleRecoveryParams& params,
+                               WarningLog* log)
+    : params_(params),
+      log_(log),
+      path_(static_cast<std::size_t>(params.path_max_poses), params.path_spacing_m) {
+  odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kOdometryQueue);
+  // Latched. It is published only while it has subscribers, so the latched message may be old: each
+  // new subscriber causes a new one.
+  path_publisher_ = handle.advertise<nav_msgs::Path>(
+      "path", 1, [this](const ros::SingleSubscriberPublisher&) { publishPath(); },
+      ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
+  if (!params_.base_frame.empty()) {
+    tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
+    tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_buffer_, handle);
+  }
+  if (!params_.publish_tf) return;
+  tf_broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
+  for (const bool is_static : {false, true}) {
+    tf_subscribers_.push_back(handle.subscribe<tf2_msgs::TFMessage>(
+        is_static ? "/tf_static" : "/tf", kTfQueue,
+        [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
+          frame_parents_.add(*message, is_static, FrameParents::Clock::now());
+        }));
+  }
+}
+
+void OdometryOutput::restart(bool first_pose_is_zero) {
+  frames_.reset();
+  mounting_error_.clear();
+  next_pose_is_zero_ = first_pose_is_zero;
+  latest_clock_ = ros::Time();
+  path_.clear();
+  publishPath();
+}
+
+void OdometryOutput::publish(const std::optional<MetricPose>& pose, const std_msgs::Header& image) {
+  mounting_error_.clear();
+  // With a moving mount from the first image on: odom is the base at the origin.
+  if (!(pose || params_.moving_mount) || !findFrames(image) || !pose) return;
+  if (std::exchange(next_pose_is_zero_, false)) frames_->moveOrigin(pose->T_o_c);
+  const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(*pose, *frames_, image.stamp);
+  odometry_publisher_.publish(odometry);
+  if (const std::string error = otherParentError(); !error.empty()) {
+    log_->error("tf", error);
+  } else if (tf_broadcaster_ && !isOfLastPass(image.stamp)) {
+    tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
+  }
+  geometry_msgs::PoseStamped stamped;
+  stamped.header = odometry->header;
+  stamped.pose = odometry->pose.pose;
+  if (path_.add(stamped) && path_publisher_.getNumSubscribers() > 0) publishPath();
+}
+
+/// Sets frames_ for this image. False while tf lacks the mounting or the frame_id is empty.
+bool OdometryOutput::findFrames(const std_msgs::Header& image) {
+  if (image.frame_id.empty()) {
+    mounting_error_ = "the frame_id of the images is empty: no metric pose is published";
+    log_->warn("no frame_id", mounting_error_);
+    return false;
+  }
+  const bool is_camera = params_.base_frame.empty() || params_.base_frame == image.frame_id;
+  if (is_camera && !frames_) frames_ = OdometryFrames::ofCamera(params_.odom_frame, image.frame_id);
+  if (frames_ && (is_camera || !params_.moving_mount || mounting_stamp_ == image.stamp)) {
+    return true;
+  }
+  try {
+    const Eigen::Isometry3d T_b_c = lookUpMounting(image);
+    if (frames_) {
+      frames_->moveMounting(T_b_c, (image.stamp - mounting_stamp_).toSec());
+    } else {
+      frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
+    }
+  } catch (const std::exception& error) {
+    mounting_error_ = "no tf transform from base_frame \"" + params_.base_frame +
+                      "\" to the camera frame \"" + image.frame_id +
+                      "\": no metric pose is published";
+    log_->error("no tf", mounting_error_ + ": " + error.what());
+    return false;
+  }
+  mounting_stamp_ = image.stamp;
+  return true;
+}
+
+/// Pose of the camera in base_frame, from tf: at the stamp with moving_mount, else the latest one.
+/// Throws tf2::TransformException or MessageError.
+Eigen::Isometry3d OdometryOutput::lookUpMounting(const std_msgs::Header& image) const {
+  const ros::Time stamp = params_.moving_mount ? image.stamp : ros::Time(0);
+  // In wall time: the timeout of tf2 never ends while the clock of a bag is stopped.
+  const Stopwatch watch;
+  while (params_.moving_mount && watch.seconds() < kMountingWaitS &&
+         !tf_buffer_->canTransform(params_.base_frame, image.frame_id, stamp)) {
+    ros::WallDuration(kMountingPollS).sleep();
+  }
+  return fromMsg(tf_buffer_->lookupTransform(params_.base_frame, image.frame_id, stamp).transform);
+}
+
+/// /clock has jumped back, as in a looped bag, but the stamps of the frames have not yet. On tf
+/// such a frame would be in the future, and tf2 would then ignore the new pass.
+bool OdometryOutput::isOfLastPass(const ros::Time& stamp) {
+  if (!ros::Time::isSimTime()) return false;
+  const ros::Time now = ros::Time::now();
+  latest_clock_ = std::max(latest_clock_, now);
+  // Not by the stamp alone: those of a bag may always be ahead of its clock.
+  const double jump_s = params_.images.clock_jump_s;
+  return (latest_clock_ - now).toSec() > jump_s && (stamp - now).toSec() > jump_s;
+}
+
+void OdometryOutput::publishPath() {
+  auto path = boost::make_shared<nav_msgs::Path>();
+  path->header.frame_id = params_.odom_frame;
+  path->poses = path_.poses();
+  if (!path->poses.empty()) path->header.stamp = path->poses.back().header.stamp;
+  path_publisher_.publish(path);
+}
+
+std::string OdometryOutput::otherParentError() const {
+  if (!tf_broadcaster_ || !frames_) return {};
+  const std::string& child = frames_->base_frame;
+  const std::string parent =
+      frame_parents_.otherParent(child, params_.odom_frame, FrameParents::Clock::now());
+  if (parent.empty()) return {};
+  const std::string root = frame_parents_.staticRoot(child);
+  return "frame \"" + child + "\" has the parent \"" + parent + "\" on tf, so " +
+         params_.odom_frame + " -> " + child + " is not broadcast; set " +
+         (root == child ? "publish_tf to false, or stop the other publisher"
+                        : "base_frame to \"" + root + "\"");
+}
+
+}  // namespace ground_scale_vo

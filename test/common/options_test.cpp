@@ -1,0 +1,98 @@
+#include "ground_scale_vo/common/options.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <tuple>
+#include <type_traits>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/metric_odometry.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// The error message for an assignment; empty if there is no error.
+std::string errorOf(const std::string& assignment) {
+  MetricOdometry::Options options;
+  try {
+    setOption(options, assignment);
+  } catch (const OptionError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(SetOption, SetsEveryFieldTypeInOdometryAndScale) {
+  MetricOdometry::Options options;
+  setOption(options, "tracker/min_corner_ratio=0.25");
+  setOption(options, "odometry/max_outlier_frames=7");
+  setOption(options, "fit/reject_sigma=4e0");
+  setOption(options, "direct/min_patches=30");
+  setOption(options, "random_seed=5");
+  setOption(options, "refine=false");
+  setOption(options, "paper_literal=true");
+  EXPECT_EQ(options.odometry.vo.tracker.min_corner_ratio, 0.25);
+  EXPECT_EQ(options.odometry.vo.max_outlier_frames, 7);
+  EXPECT_EQ(options.scale.gpa.fit.reject_sigma, 4.0);
+  EXPECT_EQ(options.scale.direct.min_patches, 30);
+  EXPECT_EQ(options.scale.random_seed, 5u);
+  EXPECT_FALSE(options.scale.refine);
+  EXPECT_TRUE(options.scale.paper_literal);
+}
+
+TEST(SetOption, ErrorsNameTheOption) {
+  EXPECT_EQ(errorOf("direct/patch_size"),
+            "'direct/patch_size' is not an assignment; expected [GROUP/]NAME=VALUE");
+  EXPECT_EQ(errorOf("dirct/patch_size=0.1"),
+            "there is no option dirct/patch_size; did you mean direct/patch_size?");
+  EXPECT_EQ(errorOf("xyzzy=1"), "there is no option xyzzy");
+  EXPECT_EQ(errorOf("direct/patch_size=wide"), "direct/patch_size: 'wide' is not a number");
+  EXPECT_EQ(errorOf("direct/patch_size="), "direct/patch_size: '' is not a number");
+  EXPECT_EQ(errorOf("direct/min_patches=30.5"), "direct/min_patches: '30.5' is not an integer");
+  EXPECT_EQ(errorOf("direct/min_patches=1e99"),
+            "direct/min_patches is 1e+99, it must lie in [3, 1e+06]");
+  EXPECT_EQ(errorOf("direct/patch_size=2"), "direct/patch_size is 2, it must lie in [0.001, 1]");
+  EXPECT_EQ(errorOf("refine=1"), "refine is '1', it must be true or false");
+}
+
+TEST(VisitAllParameters, EveryRangeIsCheckedUnderTheNameOfItsOption) {
+  MetricOdometry::Options valid;
+  valid.scale.camera_height = 1.65;
+  ASSERT_NO_THROW(valid.validate());
+  int numbers = 0;
+  visitAllParameters(valid, [&](const std::string& name, auto&, auto... range) {
+    if constexpr (sizeof...(range) == 3) {
+      MetricOdometry::Options options = valid;
+      visitAllParameters(options, [&](const std::string& other, auto& field, auto... limits) {
+        if constexpr (sizeof...(limits) == 3) {
+          if (other != name) return;
+          const double max = std::get<1>(std::tuple(limits...));
+          field = static_cast<std::decay_t<decltype(field)>>(max + 1);
+        }
+      });
+      try {
+        options.validate();
+        ADD_FAILURE() << name << " accepted";
+      } catch (const OptionError& error) {
+        EXPECT_EQ(std::string(error.what()).rfind(name + " is ", 0), 0u) << error.what();
+      }
+      ++numbers;
+    }
+  });
+  EXPECT_GT(numbers, 50);
+}
+
+TEST(ParseNumber, AcceptsOnlyCompleteFiniteNumbers) {
+  EXPECT_EQ(parseNumber<double>("-1.5e2"), -150.0);
+  for (const char* text : {"", " 1", "1,5", "1.5m", "nan", "inf", "1e999", "0x10"}) {
+    EXPECT_FALSE(parseNumber<double>(text)) << text;
+  }
+  EXPECT_EQ(parseInteger("--threads", "8", 1, 8), 8);
+  EXPECT_THROW(parseInteger("--threads", "9", 1, 8), OptionError);
+  EXPECT_THROW(parseInteger("--threads", "1.5", 1, 8), OptionError);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,231 @@
+#include "ground_scale_vo/ros/image_input.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "support/expect_throws.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+sensor_msgs::CameraInfo infoOf(double fx, double k1 = 0) {
+  sensor_msgs::CameraInfo info = toCameraInfo(PinholeCamera{8, 6, fx, 10, 4, 3});
+  info.D[0] = k1;
+  return info;
+}
+
+sensor_msgs::Image uniformImage(std::uint32_t width, std::uint32_t height) {
+  sensor_msgs::Image image;
+  image.encoding = "mono8";
+  image.width = image.step = width;
+  image.height = height;
+  image.data.assign(width * height, 100);
+  return image;
+}
+
+TEST(ImageRectifier, ReplacesItsCameraOnlyForAnotherValidCalibration) {
+  for (const double k1 : {0.0, -0.2}) {
+    const sensor_msgs::CameraInfo original = infoOf(10, k1);
+    ImageRectifier rectifier(false);
+    EXPECT_EQ(rectifier.camera(), nullptr);
+    rectifier.setCameraInfo(original, "t");
+    const auto first = rectifier.camera();
+    ASSERT_NE(first, nullptr);
+    EXPECT_THROW(rectifier.setCameraInfo(sensor_msgs::CameraInfo(), "t"), DataError);
+    EXPECT_EQ(rectifier.camera(), first);
+    // A calibration on line varies by less than a tenth of a pixel.
+    sensor_msgs::CameraInfo other;
+    for (const std::size_t i : {0, 2, 4, 5}) {
+      other = original;
+      other.K[i] += 0.05;
+      rectifier.setCameraInfo(other, "t");
+      EXPECT_EQ(rectifier.camera(), first) << i;
+    }
+    other = original;
+    other.D[0] += 1e-3;
+    rectifier.setCameraInfo(other, "t");
+    EXPECT_EQ(rectifier.camera(), first);
+    other.D[0] += 0.2;
+    rectifier.setCameraInfo(other, "t");
+    EXPECT_NE(rectifier.camera(), first);
+    rectifier.setCameraInfo(infoOf(11, k1), "t");
+    EXPECT_EQ(rectifier.camera()->camera().fx, 11);
+  }
+}
+
+TEST(ImageRectifier, KeepsACalibrationWhileItKeepsChanging) {
+  for (const bool alternates : {false, true}) {  // as of two cameras
+    ImageRectifier rectifier(false);
+    for (const double fx : {10.0, 11.0, alternates ? 10.0 : 10.4}) {
+      rectifier.setCameraInfo(infoOf(fx), "t");
+    }
+    EXPECT_EQ(rectifier.calibrationError(), "");
+    const auto used = rectifier.camera();
+    for (const double fx : {10.6, 10.8, 11.2, 11.0}) {
+      expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(alternates ? 11 : fx), "t"); },
+                              "camera_info on topic t keeps changing, as of two cameras: 8x6, fx " +
+                                  std::string(alternates ? "10, " : "10.4, "));
+      if (alternates) rectifier.setCameraInfo(infoOf(10), "t");
+      EXPECT_EQ(rectifier.camera(), used);
+    }
+    EXPECT_NE(rectifier.calibrationError().find("the last one is 8x6, fx 11, "), std::string::npos);
+  }
+}
+
+TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
+  ImageRectifier rectifier(false);
+  rectifier.setCameraInfo(infoOf(10), "t");
+  EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).grey.at<std::uint8_t>(3, 3), 100);
+  expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
+                          "the images are 6x8, but camera_info on topic t describes 8x6");
+}
+
+using CameraFile = TemporaryFolder;
+
+TEST_F(CameraFile, DescribesTheImagesAsTheyCome) {
+  CameraCalibration calibration{8, 6, 10, 11, 4, 3, {0.5, 0, 0, 0, 0}};
+  calibration.estimated = true;
+  calibration.readout_time = 0.02;
+  const std::string file = write("camera.yaml", cameraYaml(calibration, ""));
+  ImageRectifier rectifier(true, "", file);
+  ASSERT_NE(rectifier.camera(), nullptr);
+  EXPECT_EQ(rectifier.camera()->camera().fy, 11);
+  EXPECT_TRUE(rectifier.camera()->camera().lens_is_estimated);
+  EXPECT_TRUE(rectifier.camera()->calibration().isDistorted());
+  EXPECT_EQ(rectifier.camera()->calibration().readout_time, 0.02);
+  const MaskedImage image = rectifier.rectify(uniformImage(8, 6));
+  EXPECT_EQ(image.mask.at<std::uint8_t>(0, 0), 0);  // outside the raw image
+  EXPECT_EQ(image.mask.at<std::uint8_t>(3, 3), 255);
+  EXPECT_EQ(image.grey.at<std::uint8_t>(3, 3), 100);
+  expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
+                          "but parameter camera_file: " + file + " describes 8x6");
+}
+
+TEST_F(CameraFile, ThatCannotBeUsedIsRefused) {
+  const CameraCalibration wide{8, 6, 1e-3, 10, 4, 3, {}};
+  const std::string file = write("camera.yaml", cameraYaml(wide, ""));
+  expectThrows<OptionError>([&] { ImageRectifier(false, "", file); },
+                            "parameter camera_file: " + file + " cannot be used: ");
+  expectThrows<OptionError>([&] { ImageRectifier(false, "", file + "l"); },
+                            "parameter camera_file: " + file + "l: no such file");
+}
+
+class MaskFile : public TemporaryFolder {
+ protected:
+  /// White but for its first row.
+  std::string writeMask(int width, int height, int type = CV_8UC1) const {
+    cv::Mat mask(height, width, type, cv::Scalar::all(255));
+    mask.row(0).setTo(0);
+    const std::string file = folder_ / "mask.png";
+    EXPECT_TRUE(cv::imwrite(file, mask));
+    return file;
+  }
+};
+
+TEST_F(MaskFile, IsRectifiedWithTheImages) {
+  for (const int type : {CV_8UC1, CV_8UC3}) {  // most drawing programs write it in colour
+    ImageRectifier rectifier(false, writeMask(8, 6, type));
+    rectifier.setCameraInfo(infoOf(10), "t");
+    const cv::Mat mask = rectifier.rectify(uniformImage(8, 6)).mask;
+    ASSERT_EQ(mask.size(), cv::Size(8, 6));
+    EXPECT_EQ(cv::countNonZero(mask), 8 * 5);
+    EXPECT_EQ(cv::countNonZero(mask.row(0)), 0);
+    rectifier.setCameraInfo(infoOf(10, 0.4), "t");
+    EXPECT_LT(cv::countNonZero(rectifier.rectify(uniformImage(8, 6)).mask), 8 * 5);
+  }
+}
+
+TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
+  const std::string file = writeMask(3, 2);
+  ImageRectifier rectifier(false, file);
+  expectThrows<DataError>(
+      [&] { rectifier.setCameraInfo(infoOf(10), "/info"); },
+      "parameter mask: " + file + " is 3x2, the camera 8x6 of camera_info on topic /info");
+  const CameraCalibration calibration{8, 6, 10, 10, 4, 3, {}};
+  const std::string camera = write("camera.yaml", cameraYaml(calibration, ""));
+  expectThrows<OptionError>([&] { ImageRectifier(false, file, camera); },
+                            file + " is 3x2, the camera 8x6 of parameter camera_file: " + camera);
+  EXPECT_EQ(rectifier.camera(), nullptr);
+  sensor_msgs::CameraInfo cropped = infoOf(10);
+  cropped.roi.x_offset = 2;
+  cropped.roi.width = 6;
+  cropped.roi.height = 4;
+  cropped.binning_x = cropped.binning_y = 2;
+  EXPECT_NO_THROW(rectifier.setCameraInfo(cropped, "t"));
+  EXPECT_EQ(rectifier.rectify(uniformImage(3, 2)).mask.size(), cv::Size(3, 2));
+}
+
+TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
+  const std::string truncated = writeMask(80, 60);
+  std::filesystem::resize_file(truncated, std::filesystem::file_size(truncated) - 40);
+  const std::pair<std::string, std::string> kCases[] = {
+      {folder_ / "missing.png", ": no such file"},
+      {write("text.png", "no image"), ": is not a whole PNG or JPEG image"},
+      {truncated, ": is not a whole PNG or JPEG image"}};
+  for (const auto& [file, reason] : kCases) {
+    expectThrows<OptionError>([&, file = file] { ImageRectifier(false, file); },
+                              "parameter mask: " + file + reason);
+  }
+}
+
+using Guard = SourceGuard<std::string>;
+using SourceVerdict = Guard::Verdict;
+
+TEST(SourceGuard, AChangeOfTheSourceIsAccepted) {
+  Guard guard;
+  for (const std::string source : {"a", "b", "c"}) {
+    EXPECT_EQ(guard.check(source), SourceVerdict::kChanged);
+    EXPECT_EQ(guard.check(source), SourceVerdict::kSame);
+    EXPECT_EQ(guard.current(), source);
+  }
+  EXPECT_FALSE(guard.refused());
+}
+
+TEST(SourceGuard, ASourceThatKeepsChangingStaysInUseUntilItSettles) {
+  for (const bool returns : {false, true}) {  // every second message is the same
+    Guard guard;
+    for (const char* source : {"a", "b", "c"}) guard.check(source);
+    for (int i = 0; i < 300; ++i) {
+      EXPECT_EQ(guard.check(std::to_string(i)), SourceVerdict::kRefused);
+      if (returns) {
+        EXPECT_EQ(guard.check("c"), SourceVerdict::kSame);
+      }
+      EXPECT_EQ(guard.refused(), std::to_string(i));
+      EXPECT_EQ(guard.current(), "c");
+    }
+    for (int i = 0; i < Guard::kMemory - 1; ++i) {
+      EXPECT_NE(guard.check("d"), SourceVerdict::kChanged);
+    }
+    EXPECT_EQ(guard.check("d"), SourceVerdict::kChanged);
+    EXPECT_FALSE(guard.refused());
+  }
+}
+
+TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUseUntilOneEnds) {
+  for (const int ratio : {2, 50}) {
+    for (const std::string left : {"a", "b"}) {
+      Guard guard;
+      for (const char* source : {"a", "b", "a"}) guard.check(source);
+      EXPECT_FALSE(guard.refused());
+      for (int i = 0; i < 1000; ++i) {
+        const bool is_second = i % ratio == 0;
+        EXPECT_EQ(guard.check(is_second ? "b" : "a"),
+                  is_second ? SourceVerdict::kRefused : SourceVerdict::kSame);
+        EXPECT_EQ(guard.refused(), "b");
+      }
+      for (int i = 0; i < Guard::kMemory; ++i) guard.check(left);
+      EXPECT_FALSE(guard.refused());
+      EXPECT_EQ(guard.current(), left);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -1,0 +1,103 @@
+#include "ground_scale_vo/ros/params.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "support/expect_throws.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using XmlRpc::XmlRpcValue;
+
+TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {
+  XmlRpcValue tree;
+  tree["group"]["count"] = 7;
+  tree["ratio"] = 1;  // a whole number is a number
+  tree["name"] = "abc";
+  tree["flag"] = true;
+  int count = 3, untouched = 4;
+  double ratio = 0.5;
+  std::string name = "x";
+  bool flag = false;
+  ParamReader reader("/n", tree);
+  reader.declare("group/count", count, 1, 10, "[] how many");
+  reader.declare("group/untouched", untouched, 1, 10, "[] how many");
+  reader.declare("ratio", ratio, 0, 1, "[] of all");
+  reader.declare("name", name, "[] of it");
+  reader.declare("flag", flag, "[] on");
+  EXPECT_EQ(count, 7);
+  EXPECT_EQ(untouched, 4);
+  EXPECT_EQ(ratio, 1.0);
+  EXPECT_EQ(name, "abc");
+  EXPECT_TRUE(flag);
+  EXPECT_TRUE(reader.warnings().empty());
+  ASSERT_EQ(reader.entries().size(), 5u);
+  EXPECT_EQ(ParamReader::echo(reader.entries()[0]), "group/count = 7  [] how many, [1, 10]");
+  EXPECT_EQ(ParamReader::echo(reader.entries()[1]),
+            "group/untouched = 4  [] how many, [1, 10] (default)");
+}
+
+XmlRpcValue validTree() {
+  XmlRpcValue tree;
+  tree["camera_height"] = 1.65;
+  return tree;
+}
+
+template <typename Value>
+void expectRefused(const char* name, const Value& value, const std::string& reason) {
+  XmlRpcValue tree = validTree();
+  tree[name] = value;
+  ParamReader reader("/car/scale_recovery", tree);
+  expectThrows<OptionError>([&] { ScaleRecoveryParams::read(reader); }, reason);
+}
+
+TEST(MonoVoParams, KnowWhetherTheReadoutTimeIsGiven) {
+  XmlRpcValue tree;
+  for (const bool given : {false, true}) {
+    ParamReader reader("/mono_vo", tree);
+    EXPECT_EQ(MonoVoParams::read(reader).readout_time_is_given, given);
+    tree["odometry"]["readout_time"] = 0.0;
+  }
+}
+
+TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
+  expectRefused("camera_height", -1.0,
+                "parameter /car/scale_recovery/camera_height is -1, it must lie in [0.05, 100]");
+  expectRefused("camera_height", std::nan(""), "camera_height is nan");
+  expectRefused("camera_height", "1.65", "camera_height is a string, it must be a number");
+  expectRefused("random_seed", 1.5, "random_seed is 1.5, it must be a whole number");
+  expectRefused("publish_tf", 1, "publish_tf is a number, it must be true or false");
+  expectRefused("base_frame", 5, "base_frame is a number, it must be a string");
+  expectRefused("image_transport", 3, "image_transport is a number, it must be a string");
+  expectRefused("base_frame", "/odom", "must differ");
+  expectRefused("odom_frame", "/", "odom_frame is empty");
+  ParamReader without_height("/n", XmlRpcValue());
+  EXPECT_THROW(ScaleRecoveryParams::read(without_height), OptionError);
+}
+
+TEST(ParamReader, WarnsOfSlashesInFrameNamesAndOfUnknownNames) {
+  XmlRpcValue tree = validTree();
+  tree["odom_frame"] = "/map";
+  tree["base_fram"] = "b";
+  tree["tracker"]["nonsense_nobody_wrote"] = 1;
+  ParamReader reader("/scale_recovery", tree);
+  EXPECT_EQ(ScaleRecoveryParams::read(reader).odom_frame, "map");
+  EXPECT_EQ(ParamReader::echo(reader.entries()[1]).find("odom_frame = \"map\" "), 0u);
+  std::string warnings;
+  for (const std::string& warning : reader.warnings()) warnings += warning + '\n';
+  for (const char* part :
+       {"/scale_recovery/odom_frame is \"/map\"",
+        "parameter /scale_recovery/base_fram is unknown and has no effect; did you mean "
+        "/scale_recovery/base_frame?\n",
+        "parameter /scale_recovery/tracker/nonsense_nobody_wrote is unknown and has no effect\n"}) {
+    EXPECT_NE(warnings.find(part), std::string::npos) << warnings;
+  }
+  EXPECT_EQ(reader.warnings().size(), 3u) << warnings;
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

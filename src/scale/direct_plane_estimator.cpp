@@ -53,6 +53,11 @@ constexpr double kPatchCauchyConstant = 2;
 /// Typical mean correlation of patches that show nothing but road. A lower one means that part of
 /// the patches show something else, and inflates the height's standard deviation.
 constexpr double kRoadCorrelation = 0.92;
+/// [grey levels] Standard deviation; patches with less contrast have little weight.
+constexpr double kImageNoise = 2;
+/// Largest accepted ratio, in either direction, of the height to the one that the fit starts from.
+constexpr double kMaxHeightChange = 1.4;
+constexpr double kMaxHeightSigma = 0.05;  ///< largest accepted one, relative to the height
 /// [1 / camera height] Standard deviation of a curvature that is none.
 constexpr double kNoCurvature = 1e-9;
 
@@ -129,8 +134,8 @@ struct DirectPlaneEstimator::Impl {
   /// For images of one camera with one mask.
   struct Stages {
     Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask)
-        : extractor(camera, options.patch_size, options.image_noise, mask),
-          matcher(extractor.camera(), options.image_noise, extractor.allowed()) {}
+        : extractor(camera, options.patch_size, kImageNoise, mask),
+          matcher(extractor.camera(), kImageNoise, extractor.allowed()) {}
 
     direct::PatchExtractor extractor;
     direct::PatchMatcher matcher;
@@ -335,8 +340,8 @@ void DirectPlaneEstimator::Impl::accept(const Eigen::Vector3d& m, const Matrix6d
   const double inflation = std::max(1.0, (1 - result->correlation) / (1 - kRoadCorrelation));
   result->height_sigma = inflation * relative_sigma * height;
   const double change = std::abs(std::log(height / initial_height));
-  if (result->correlation >= options.min_correlation &&
-      change <= std::log(options.max_height_change) && relative_sigma <= options.max_sigma) {
+  if (result->correlation >= options.min_correlation && change <= std::log(kMaxHeightChange) &&
+      relative_sigma <= kMaxHeightSigma) {
     result->status = MeasurementStatus::kMeasured;
     result->road_distance = (roadCentre(result->plane) - origin_c).norm();
   }

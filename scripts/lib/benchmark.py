@@ -107,7 +107,7 @@ def play(tools, bag, rate, height, file):
     with open(log_file, "w", encoding="utf-8") as output:
         options = {"env": environment, "stderr": output}
         master = subprocess.Popen(["roscore", "-p", str(port)], stdout=output, **options)
-        observer = subprocess.Popen([tools / "graph_observer", "--out", file, "--force",
+        observer = subprocess.Popen([tools / "graph_observer", "--out", file,
                                      "image:=/kitti/camera_gray_left/image_rect"],
                                     stdout=subprocess.PIPE, text=True, **options)
         try:

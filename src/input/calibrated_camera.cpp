@@ -17,6 +17,12 @@ constexpr double kTolerancePx = 0.1;
 
 cv::Matx33d matrixOf(const CameraCalibration& c) { return {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1}; }
 
+bool areClose(const PinholeCamera& a, const PinholeCamera& b) {
+  const auto same = [](double x, double y) { return std::abs(x - y) <= kTolerancePx; };
+  return a.width == b.width && a.height == b.height && same(a.fx, b.fx) && same(a.fy, b.fy) &&
+         same(a.cx, b.cx) && same(a.cy, b.cy);
+}
+
 /// Pixel of the raw image that a pixel of the rectified one shows.
 cv::Point2d distortedPixel(const CameraCalibration& camera, const cv::Point2d& rectified) {
   const cv::Matx33d K = matrixOf(camera);
@@ -85,13 +91,13 @@ cv::Mat CalibratedCamera::givenMask(const cv::Mat& raw_mask) const {
   return isGivenRectified() ? undistortion_.mask(raw_mask) : raw_mask;
 }
 
+bool CalibratedCamera::matches(const PinholeCamera& other) const {
+  return areClose(camera(), other);
+}
+
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
   if (a == b) return true;
-  const auto isClose = [](double x, double y) { return std::abs(x - y) <= kTolerancePx; };
-  if (a.width != b.width || a.height != b.height || !isClose(a.fx, b.fx) || !isClose(a.fy, b.fy) ||
-      !isClose(a.cx, b.cx) || !isClose(a.cy, b.cy)) {
-    return false;
-  }
+  if (!areClose(pinholeOf(a), pinholeOf(b))) return false;
   if (!a.isDistorted() && !b.isDistorted()) return true;
   const double last = kComparedPoints - 1;
   for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {

@@ -75,16 +75,6 @@ void setSize(const CameraYaml& yaml, const Numbers& size, CameraCalibration* cam
   camera->height = static_cast<int>(size[1]);
 }
 
-void setMatrix(const CameraYaml& yaml, const Numbers& K, CameraCalibration* camera) {
-  if (K.size() != 9 || K[1] != 0 || K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1) {
-    yaml.fail("camera_matrix is not of the form fx 0 cx, 0 fy cy, 0 0 1");
-  }
-  camera->fx = K[0];
-  camera->fy = K[4];
-  camera->cx = K[2];
-  camera->cy = K[5];
-}
-
 void setIntrinsics(const CameraYaml& yaml, const Numbers& fx_fy_cx_cy, CameraCalibration* camera) {
   if (fx_fy_cx_cy.size() != 4) yaml.fail("intrinsics are not the numbers fx, fy, cx, cy");
   camera->fx = fx_fy_cx_cy[0];
@@ -109,8 +99,11 @@ CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
           {yaml.number(yaml.at({"image_width", "image_Width"})),
            yaml.number(yaml.at({"image_height", "image_Height"}))},
           &camera);
-  setMatrix(yaml, yaml.numbers(yaml.at({"camera_matrix", "Camera_Matrix", "cameraMatrix", "K"})),
-            &camera);
+  const Numbers K = yaml.numbers(yaml.at({"camera_matrix", "Camera_Matrix", "cameraMatrix", "K"}));
+  if (K.size() != 9 || K[1] != 0 || K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1) {
+    yaml.fail("camera_matrix is not of the form fx 0 cx, 0 fy cy, 0 0 1");
+  }
+  setIntrinsics(yaml, {K[0], K[4], K[2], K[5]}, &camera);
   camera.distortion = yaml.numbers(yaml.at(
       {"distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D"}));
   const bool is_named = yaml.has("distortion_model") || yaml.has("camera_model");
@@ -180,27 +173,13 @@ CameraCalibration ofVins(const CameraYaml& yaml) {
   return camera;
 }
 
-CameraCalibration parse(const fs::path& file, const std::string& text) {
-  if (text.find("<opencv_storage>") != std::string::npos) {
-    throw DataError(file.string() + ": is OpenCV's XML, which is not read; save it as YAML");
-  }
-  const CameraYaml yaml(file, text);
-  CameraCalibration camera;
-  if (yaml.has("cam0")) {
-    camera = ofKalibr(yaml);
-  } else if (yaml.has("projection_parameters")) {
-    camera = ofVins(yaml);
-  } else if (yaml.has("Camera.fx") || yaml.has("Camera1.fx")) {
-    camera = ofOrbSlam(yaml, yaml.has("Camera.fx") ? "Camera." : "Camera1.");
-  } else {
-    camera = ofRosOrOpenCv(yaml);
-  }
-  return camera;
-}
-
-void validate(const fs::path& file, const CameraCalibration& camera) {
+/// What read() returns, if it is valid. Its distortion model may be unknown.
+template <typename Read>
+CameraCalibration valid(const fs::path& file, const Read& read) {
   try {
+    const CameraCalibration camera = read();
     camera.validate();
+    return camera;
   } catch (const OptionError& error) {
     throw DataError(file.string() + " cannot be used: " + error.what());
   }
@@ -219,14 +198,17 @@ CameraCalibration readCameraFile(const fs::path& file) {
   if (hasLine(text, "P0:")) return readKittiProjection(file, "P0:");
   // OpenCV's directive %YAML:1.0 is not YAML.
   if (text.rfind("%YAML", 0) == 0) text.erase(0, text.find('\n'));
-  CameraCalibration camera;
-  try {
-    camera = parse(file, text);
-  } catch (const OptionError& error) {  // an unknown distortion model
-    throw DataError(file.string() + " cannot be used: " + error.what());
+  if (text.find("<opencv_storage>") != std::string::npos) {
+    throw DataError(file.string() + ": is OpenCV's XML, which is not read; save it as YAML");
   }
-  validate(file, camera);
-  return camera;
+  const CameraYaml yaml(file, text);
+  return valid(file, [&] {
+    if (yaml.has("cam0")) return ofKalibr(yaml);
+    if (yaml.has("projection_parameters")) return ofVins(yaml);
+    if (yaml.has("Camera.fx")) return ofOrbSlam(yaml, "Camera.");
+    if (yaml.has("Camera1.fx")) return ofOrbSlam(yaml, "Camera1.");
+    return ofRosOrOpenCv(yaml);
+  });
 }
 
 CameraCalibration readKittiProjection(const fs::path& file, const std::string& key) {
@@ -263,8 +245,7 @@ CameraCalibration readKittiRawCamera(const fs::path& file, const std::string& ca
   const Numbers size = text.numbers(text.lineOf(key), 2, 1);
   calibration.width = static_cast<int>(std::min<double>(size[0], kMaxImageSide));
   calibration.height = static_cast<int>(std::min<double>(size[1], kMaxImageSide));
-  validate(file, calibration);
-  return calibration;
+  return valid(file, [&] { return calibration; });
 }
 
 std::string cameraYaml(const CameraCalibration& camera, const std::string& comment) {
@@ -273,22 +254,18 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
   for (std::string line; std::getline(lines, line);) text += "# " + line + "\n";
   std::vector<double> d = camera.distortion;
   d.resize(5);
-  return text +
-         format("image_width: %d\nimage_height: %d\ncamera_name: camera\n", camera.width,
-                camera.height) +
-         format(
-             "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [%.6f, 0, %.6f, 0, %.6f, %.6f, 0, 0, "
-             "1]\n",
-             camera.fx, camera.cx, camera.fy, camera.cy) +
-         format(
-             "distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
-             "  data: [%.8f, %.8f, %.8f, %.8f, %.8f]\n",
-             d[0], d[1], d[2], d[3], d[4]) +
-         "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n" +
-         format(
-             "projection_matrix:\n  rows: 3\n  cols: 4\n"
-             "  data: [%.6f, 0, %.6f, 0, 0, %.6f, %.6f, 0, 0, 0, 1, 0]\n",
-             camera.fx, camera.cx, camera.fy, camera.cy) +
+  const auto matrix = [](const char* name, int rows, int columns, const std::string& data) {
+    return format("%s:\n  rows: %d\n  cols: %d\n  data: [", name, rows, columns) + data + "]\n";
+  };
+  const std::string f_c = format("%.6f, 0, %.6f, ", camera.fx, camera.cx),
+                    below = format("%.6f, %.6f, ", camera.fy, camera.cy);
+  return text + format("image_width: %d\nimage_height: %d\n", camera.width, camera.height) +
+         "camera_name: camera\n" + matrix("camera_matrix", 3, 3, f_c + "0, " + below + "0, 0, 1") +
+         "distortion_model: plumb_bob\n" +
+         matrix("distortion_coefficients", 1, 5,
+                format("%.8f, %.8f, %.8f, %.8f, %.8f", d[0], d[1], d[2], d[3], d[4])) +
+         matrix("rectification_matrix", 3, 3, "1, 0, 0, 0, 1, 0, 0, 0, 1") +
+         matrix("projection_matrix", 3, 4, f_c + "0, 0, " + below + "0, 0, 0, 1, 0") +
          (camera.estimated ? "estimated_from_drives: true\n" : "") +
          (camera.readout_time > 0 ? format("readout_time: %.9g\n", camera.readout_time) : "");
 }

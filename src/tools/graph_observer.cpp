@@ -28,14 +28,11 @@ namespace {
 
 constexpr std::uint32_t kQueue = 1000;  // [messages]
 
-struct Arguments {
-  std::string out, manager = "ground_scale_vo_manager";
-  bool force = false;
-};
+constexpr const char* kManager = "ground_scale_vo_manager";  // of the launch files
 
 class Observer {
  public:
-  explicit Observer(const Arguments& arguments) : manager_(arguments.manager) {
+  Observer() {
     const auto hints = ros::TransportHints().tcpNoDelay();
     image_ = handle_.subscribe<sensor_msgs::Image>(
         "image", kQueue,
@@ -80,11 +77,10 @@ class Observer {
 
   void onFrame(const ros::Time& stamp) {
     Line& line = recordArrival(stamp, &Line::frame);
-    if (!process_) process_ = gsv::processOf(manager_);
+    if (!process_) process_ = gsv::processOf(kManager);
     if (process_) line.usage = gsv::processUsage(*process_);
   }
 
-  const std::string manager_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   ros::NodeHandle handle_;
   std::optional<pid_t> process_;  // of the manager
@@ -92,23 +88,22 @@ class Observer {
   ros::Subscriber image_, frame_, scale_, odometry_;
 };
 
-void run(const Arguments& arguments) {
-  gsv::requireNewFile(arguments.out, arguments.force);
+void run(const std::string& file) {
   // Fails before the run when FILE cannot be written, and leaves no empty table behind.
-  gsv::writeFile(arguments.out, "");
-  std::filesystem::remove(arguments.out);
-  const auto observer = std::make_unique<Observer>(arguments);
+  gsv::writeFile(file, "");
+  std::filesystem::remove(file);
+  const auto observer = std::make_unique<Observer>();
   std::puts("listening");
   std::fflush(stdout);
   ros::spin();
-  gsv::writeFile(arguments.out, observer->csv());
+  gsv::writeFile(file, observer->csv());
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "graph_observer");  // removes the remappings from the arguments
-  Arguments arguments;
+  std::string file;
   gsv::CommandLine command_line(
       "graph_observer",
       "Subscribes to `image`, `vo/frame`, `scale` and `odometry` until it is interrupted (SIGINT), "
@@ -121,16 +116,13 @@ int main(int argc, char** argv) {
       "a ROS master, and prints \"listening\" to stdout when it has subscribed.",
       "Exit status: 0 done, 1 FILE cannot be written, 2 the arguments cannot be used.");
   command_line.options().add_options()  //
-      ("out", gsv::requiredValue(&arguments.out, "FILE"),
-       "the table: stamp, image, frame, scale, odometry, cpu_s, rss_mb, peak_rss_mb")   //
-      ("force", gsv::po::bool_switch(&arguments.force), "replace FILE when it exists")  //
-      ("manager", gsv::optionalValue(&arguments.manager, "NODE"),
-       "the nodelet manager whose processor time and memory [MiB] are recorded with each vo/frame; "
-       "it must run on this machine");
+      ("out", gsv::requiredValue(&file, "FILE"),
+       "the table: stamp, image, frame, scale, odometry, and cpu_s, rss_mb, peak_rss_mb of "
+       "ground_scale_vo_manager on this machine when vo/frame arrived");
   return command_line.run(
       argc, argv, [] {},
       [&] {
-        run(arguments);
+        run(file);
         return 0;
       });
 }

@@ -4,11 +4,9 @@
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_msgs/TFMessage.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
-#include <limits>
 #include <memory>
 #include <string>
 
@@ -33,9 +31,7 @@ constexpr const char* kTfTopic = "/tf";
 constexpr std::int64_t kFirstStampNs = 1000000000;
 
 struct Arguments {
-  std::string sequence, out, style = "native";
-  int start = 0;
-  int end = std::numeric_limits<int>::max();  ///< included
+  std::string sequence, out;
   bool force = false;
 };
 
@@ -93,33 +89,25 @@ sensor_msgs::ImagePtr imageOf(const std::filesystem::path& file, const std_msgs:
 
 void convert(const Arguments& arguments) {
   const gsv::KittiSequence sequence(arguments.sequence);
-  const auto first = static_cast<std::size_t>(arguments.start);
-  const std::size_t last = std::min(static_cast<std::size_t>(arguments.end), sequence.size() - 1);
-  if (first > last) {
-    throw gsv::DataError(arguments.sequence + " has frames 0 to " +
-                         std::to_string(sequence.size() - 1) + ", --start is " +
-                         std::to_string(arguments.start));
-  }
-  const bool native = arguments.style == "native";
   const std::string camera_frame = "camera_gray_left";
   const std::int64_t shift =
       sequence.stampNs(0) < kFirstStampNs ? kFirstStampNs - sequence.stampNs(0) : 0;
 
-  if (static_cast<double>(sequence.stampNs(last) + shift) > gsv::kLatestStamp * 1e9) {
+  if (static_cast<double>(sequence.stampNs(sequence.size() - 1) + shift) >
+      gsv::kLatestStamp * 1e9) {
     throw gsv::DataError(arguments.sequence + ": its stamps exceed those that a bag can hold");
   }
 
   sensor_msgs::CameraInfo info = gsv::toCameraInfo(sequence.camera());
-  if (!native) info.K.fill(0.0);
-  if (!native) info.D.clear();
+  info.K.fill(0.0);
+  info.D.clear();
   geometry_msgs::TransformStamped ground_truth;
-  ground_truth.header.frame_id = native ? "ground_truth" : "world";
-  ground_truth.child_frame_id =
-      native ? gsv::GroundTruthTf::groundTruthFrame(camera_frame) : "camera_left";
+  ground_truth.header.frame_id = "world";
+  ground_truth.child_frame_id = "camera_left";
 
   PendingBag pending(arguments.out);
-  gsv::ProgressLine progress(sequence.name(), last - first + 1);
-  for (std::size_t i = first; i <= last; ++i) {
+  gsv::ProgressLine progress(sequence.name(), sequence.size());
+  for (std::size_t i = 0; i < sequence.size(); ++i) {
     std_msgs::Header header;
     header.seq = static_cast<std::uint32_t>(i);
     header.stamp = gsv::fromNanoseconds(sequence.stampNs(i) + shift);
@@ -143,7 +131,7 @@ void convert(const Arguments& arguments) {
     progress.step("frames");
   }
   pending.commit();
-  std::printf("%s: %zu frames written to %s%s\n", sequence.name().c_str(), last - first + 1,
+  std::printf("%s: %zu frames written to %s%s\n", sequence.name().c_str(), sequence.size(),
               arguments.out.c_str(), sequence.groundTruth().empty() ? ", no ground truth" : "");
 }
 
@@ -162,40 +150,21 @@ int main(int argc, char** argv) {
   Arguments arguments;
   gsv::CommandLine command_line(
       "kitti_to_bag",
-      "Writes the grey images of a KITTI folder, their camera_info and, where there is one, the\n"
-      "ground truth to a bag. Topics are those of kitti2bag: /kitti/camera_gray_left/image_rect "
-      "and\n"
-      "/kitti/camera_gray_left/camera_info.",
-      "Styles:\n"
-      "  native     K and P filled, ground truth on /tf as\n"
-      "             ground_truth -> ground_truth/camera_gray_left\n"
-      "  kitti2bag  as kitti2bag writes an odometry sequence: K zero, P filled, ground truth on "
-      "/tf\n"
-      "             as world -> camera_left\n\n"
+      "Writes the images of a KITTI folder, their camera_info and, where there is one, the ground\n"
+      "truth to a bag, as kitti2bag writes an odometry sequence: on\n"
+      "/kitti/camera_gray_left/image_rect and /camera_info (K zero, P filled), and on /tf as\n"
+      "world -> camera_left.",
       "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
   command_line.addPositional("SEQ", "KITTI odometry folder or KITTI raw synced drive",
                              &arguments.sequence);
-  constexpr double kMaxFrame = 999999999;
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&arguments.out, "FILE"),
-       "the bag; no file has this name until it is complete")                           //
-      ("force", gsv::po::bool_switch(&arguments.force), "replace FILE when it exists")  //
-      ("start", gsv::numberInRange("--start", &arguments.start, "N", 0, kMaxFrame),
-       "first frame")  //
-      ("end", gsv::po::value(&arguments.end)->value_name("N")->notifier([](int end) {
-        gsv::requireInRange("--end", end, 0, kMaxFrame);
-      }),
-       "last frame (default: the sequence's last)")  //
-      ("style", gsv::optionalValue(&arguments.style, "native|kitti2bag"), "see below");
-  const auto check = [&] {
-    if (arguments.style != "native" && arguments.style != "kitti2bag") {
-      throw gsv::OptionError("--style is '" + arguments.style +
-                             "', it must be native or kitti2bag");
-    }
-    if (arguments.end < arguments.start) throw gsv::OptionError("--end lies before --start");
-  };
-  return command_line.run(argc, argv, check, [&] {
-    run(arguments);
-    return 0;
-  });
+       "the bag; no file has this name until it is complete")  //
+      ("force", gsv::po::bool_switch(&arguments.force), "replace FILE when it exists");
+  return command_line.run(
+      argc, argv, [] {},
+      [&] {
+        run(arguments);
+        return 0;
+      });
 }

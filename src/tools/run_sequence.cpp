@@ -16,12 +16,11 @@ namespace gsv = ground_scale_vo;
 namespace {
 
 struct Arguments : gsv::DriveArguments {
-  int opencv_threads = 1;
   bool only_check = false, strict = false;
 };
 
 int run(const Arguments& arguments) {
-  cv::setNumThreads(arguments.opencv_threads);
+  cv::setNumThreads(1);
   gsv::GroundTruth truth;
   const auto drive = gsv::openDrive(arguments.drive, &truth);
   const std::string name = gsv::resultName(arguments.drive.path);
@@ -66,9 +65,6 @@ int main(int argc, char** argv) {
       ("refine-camera", gsv::po::bool_switch(&arguments.options.odometry.refine_camera),
        "estimates the lens while driving and undistorts the images by it; the result goes to "
        "camera.yaml")  //
-      ("opencv-threads",
-       gsv::numberInRange("--opencv-threads", &arguments.opencv_threads, "N", 1, 256),
-       "threads inside OpenCV; the published figures are those with 1")  //
       ("strict", gsv::po::bool_switch(&arguments.strict),
        "exit status 1 also after a warning")  //
       ("check", gsv::po::bool_switch(&arguments.only_check),

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/vo/exposure.hpp"
+#include "vo/exposure.hpp"
 
 #include <algorithm>
 #include <cmath>

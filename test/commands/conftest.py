@@ -177,9 +177,9 @@ def shortest(data):
 
 @pytest.fixture(scope="session")
 def bag(short):
-    """`short` as kitti2bag writes an odometry sequence."""
+    """`short` as a bag."""
     file = short.with_suffix(".bag")
-    return made_once(file, lambda: run(tool("kitti_to_bag"), short, "--out", file, "--style", "kitti2bag"))
+    return made_once(file, lambda: run(tool("kitti_to_bag"), short, "--out", file))
 
 
 @pytest.fixture(scope="session")

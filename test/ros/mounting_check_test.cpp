@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "ground_scale_vo/scale/mounting.hpp"
-#include "simulation/scenarios.hpp"
 
 namespace ground_scale_vo {
 namespace {

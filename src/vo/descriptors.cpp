@@ -8,7 +8,6 @@
 
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/masked_patch.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -6,7 +6,6 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "vo/motion_model.hpp"
-#include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {
 namespace {

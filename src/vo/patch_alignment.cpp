@@ -10,7 +10,6 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "vo/exposure.hpp"
 #include "vo/feature.hpp"
-#include "vo/float_patch.hpp"
 #include "vo/patch.hpp"
 
 namespace ground_scale_vo {

@@ -8,7 +8,6 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
-#include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "ground_scale_vo/common/time.hpp"
-#include "vo/descriptor_matching.hpp"
 #include "vo/descriptors.hpp"
 #include "vo/feature.hpp"
 #include "vo/initialisation.hpp"

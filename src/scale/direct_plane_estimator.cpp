@@ -173,7 +173,7 @@ struct DirectPlaneEstimator::Impl {
   cv::Mat mask;
   std::optional<Stages> stages;  ///< for camera and mask; empty before the first image
 
-  // Of the current frame.
+  // Current frame.
   std::vector<Patch> patches;
   std::vector<Reference> references;
   /// Camera whose height is measured, in this frame's camera axes [VO units].
@@ -182,7 +182,7 @@ struct DirectPlaneEstimator::Impl {
   std::vector<double> normalised_shifts;
 };
 
-/// The images of another camera or mask cannot be compared with those of the path.
+/// The images of another camera or mask cannot be compared with the ones in the path.
 void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask,
                                            CameraPath* path) {
   if (stages && isSameCamera(camera, new_camera) && mask.data == new_mask.data) return;
@@ -227,7 +227,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& 
     const Eigen::Vector3d step = equations.H.ldlt().solve(equations.b).head<3>();
     if (!isFinite(step)) return result;
     if (step.norm() < kConvergedPlaneStep * m.norm()) {
-      // Without this last step, so that the correlation and H are those of the accepted plane.
+      // Without this last step, so that the correlation and H belong to the accepted plane.
       accept(m, equations.H, initial_height, &result);
       return result;
     }

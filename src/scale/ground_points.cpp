@@ -191,8 +191,8 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
   result->status = MeasurementStatus::kTooFewGroundPoints;
   if (n < static_cast<std::size_t>(options_.min_points)) return;  // line 18
 
-  // For a point near the plane, the relative error of its depth is that of its distance from the
-  // plane over the height.
+  // For a point near the plane, the relative error of its depth equals the error of its distance
+  // from the plane over the height.
   std::vector<double> threshold(n);
   for (std::size_t i = 0; i < n; ++i) {
     threshold[i] =

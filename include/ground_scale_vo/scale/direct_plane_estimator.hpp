@@ -92,7 +92,7 @@ class DirectPlaneEstimator {
     /// kStandstill (no reference image at a sufficient distance, or neither a height nor a feature
     /// in the lane) or kNoPlane.
     MeasurementStatus status = MeasurementStatus::kNoPlane;
-    /// In the axes of this frame's camera. Its height is that of the camera of the path that is
+    /// In the axes of this frame's camera. Its height belongs to the camera of the path that is
     /// nearest to the lane region, VO units.
     GroundPlane plane;
     double height_sigma = 0;   ///< standard deviation of plane.height [VO units]

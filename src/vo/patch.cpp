@@ -14,14 +14,17 @@ namespace {
 /// behind.
 constexpr int kMaxIterations = 20;
 /// [px] step length at convergence: a fraction of the noise of an aligned corner (0.2 px).
-constexpr float kConverged_px = 0.004f;
+constexpr float kConverged_px = 0.005f;
 /// [px] two steps whose sum is below it in each coordinate go back and forth.
 constexpr float kOscillation_px = 0.01f;
 /// [grey levels^2 per px^2] least mean over the patch of the squared gradient in its weakest
 /// direction.
 constexpr float kMinSquaredGradient = 0.1f;
-/// [grey levels^2] least sum of squared deviations from the mean, against a division by zero.
-constexpr float kMinSquares = 1e-3f;
+/// Minimum determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
+/// then at least about 1e-3. Below this value the patch is an edge.
+constexpr float kMinCornerness = 1e-3f;
+/// Least sum of squared deviations from the mean, against a division by zero.
+constexpr double kMinSquares = 1;
 
 using Element = std::int16_t;
 constexpr auto kSide = static_cast<std::size_t>(Patch::kSide);
@@ -216,6 +219,26 @@ inline DifferenceSums compare(const Element* pixels, float a, float b, const Pat
   return sums;
 }
 
+/// Sums over the grey levels of two patches and their products, in eighths of a grey level.
+struct ProductSums {
+  std::int32_t a = 0, b = 0, aa = 0, ab = 0, bb = 0;
+};
+static_assert(kCount * (255 * 8) * (255 * 8) < (std::size_t{1} << 31));
+
+GSV_VECTOR_LOOP ProductSums multiply(const Element* __restrict a, const Element* __restrict b) {
+  ProductSums sums;
+  for (std::size_t i = 0; i < kCount; ++i) {
+    const auto p = static_cast<Element>((a[i] >> 2) & kMask[i]);
+    const auto q = static_cast<Element>((b[i] >> 2) & kMask[i]);
+    sums.a += p;
+    sums.b += q;
+    sums.aa += p * p;
+    sums.ab += p * q;
+    sums.bb += q * q;
+  }
+  return sums;
+}
+
 /// See Patch::find(). flatten: all that it calls becomes part of it, and so of its version for
 /// AVX2.
 GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(
@@ -251,7 +274,7 @@ bool Patch::cut(const cv::Mat& image, const cv::Point2f& centre) {
   if (!overlaps(image, centre)) return false;
   Array wide;
   readWide(image, centre, &wide);
-  return prepareSearch(wide);
+  return prepareSearch(wide, false);
 }
 
 bool Patch::cut(const cv::Mat& image, const cv::Point2f& centre, const Eigen::Matrix2f& step) {
@@ -265,24 +288,27 @@ bool Patch::cut(const cv::Mat& image, const cv::Point2f& centre, const Eigen::Ma
   }
   Array wide{};
   readWarped(image, centre, step, &wide);
-  return prepareSearch(wide);
+  return prepareSearch(wide, true);
 }
 
-bool Patch::prepareSearch(const Array& wide) {
+bool Patch::prepareSearch(const Array& wide, bool zero_mean) {
   const GradientSums sums =
       differentiate(wide.data(), grey_.data(), gradient_x_.data(), gradient_y_.data());
   const Eigen::Vector2f sum(static_cast<float>(sums.x), static_cast<float>(sums.y));
   Eigen::Matrix2f hessian;
   hessian << static_cast<float>(sums.xx), static_cast<float>(sums.xy), static_cast<float>(sums.xy),
       static_cast<float>(sums.yy);
-  hessian -= sum * sum.transpose() / kPixels;
-  mean_gradient_ = sum / kPixels;
+  mean_gradient_ = zero_mean ? Eigen::Vector2f(sum / kPixels) : Eigen::Vector2f::Zero();
+  hessian -= mean_gradient_ * mean_gradient_.transpose() * kPixels;
+  constexpr auto kLeast =
+      kMinSquaredGradient * static_cast<float>(kPixels * kGradientUnit * kGradientUnit);
+  // The correlation verifies an aligned patch: there a weak texture suffices, if it is no edge.
+  const float trace = hessian.trace(), determinant = hessian.determinant();
   const float radius = std::hypot(hessian(0, 0) - hessian(1, 1), 2 * hessian(0, 1));
-  const float smaller_eigenvalue = (hessian.trace() - radius) / 2;
-  if (!(smaller_eigenvalue >=
-        kMinSquaredGradient * static_cast<float>(kPixels * kGradientUnit * kGradientUnit))) {
-    return false;
-  }
+  const bool has_texture = zero_mean
+                               ? trace >= kLeast && determinant >= kMinCornerness * trace * trace
+                               : (trace - radius) / 2 >= kLeast;
+  if (!has_texture) return false;
   inverse_hessian_ = hessian.inverse() * (static_cast<float>(kGradientUnit) / kGreyUnit);
   return true;
 }
@@ -298,25 +324,13 @@ bool Patch::find(const cv::Mat& image, float max_distance, cv::Point2f* point) c
 float Patch::correlation(const cv::Mat& image, const cv::Point2f& point) const {
   Array wide;
   readWide(image, point, &wide);
-  std::int32_t a = 0, b = 0;
-  std::int64_t aa = 0, ab = 0, bb = 0;
-  for (std::size_t y = 0; y < kSide; ++y) {
-    const Element* const row_a = &grey_[y * kStride];
-    const Element* const row_b = &wide[(y + 1) * kStride + 1];
-    for (std::size_t x = 0; x < kSide; ++x) {
-      a += row_a[x];
-      b += row_b[x];
-      aa += row_a[x] * row_a[x];
-      ab += row_a[x] * row_b[x];
-      bb += row_b[x] * row_b[x];
-    }
-  }
-  const auto covariance = [](std::int64_t product, std::int32_t p, std::int32_t q) {
-    return static_cast<float>(product - static_cast<std::int64_t>(p) * q / kPixels);
+  const ProductSums sums = multiply(grey_.data(), wide.data() + kStride + 1);
+  const auto covariance = [](std::int32_t product, std::int32_t p, std::int32_t q) {
+    return product - static_cast<double>(p) * q / kPixels;
   };
-  const float least = kMinSquares * kGreyUnit * kGreyUnit;
-  return covariance(ab, a, b) /
-         std::sqrt(std::max(least, covariance(aa, a, a)) * std::max(least, covariance(bb, b, b)));
+  const double aa = covariance(sums.aa, sums.a, sums.a), bb = covariance(sums.bb, sums.b, sums.b);
+  return static_cast<float>(covariance(sums.ab, sums.a, sums.b) /
+                            std::sqrt(std::max(kMinSquares, aa) * std::max(kMinSquares, bb)));
 }
 
 void Patch::prefetch(const cv::Mat& image, const cv::Point2f& centre) {

@@ -361,7 +361,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(const VoFrame& frame
   const RoadPrior& prior = current.prior;
   const LaneRegion lane = s.laneRegion(prior, height);
   const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
-  s.patches = s.stages->extractor.extract(image, lane, faces_backwards, &current.road);
+  s.stages->extractor.extract(image, lane, faces_backwards, &current.road, &s.patches);
   current.road.readout_motion = frame.readout_motion;
 
   Result result;

@@ -20,7 +20,7 @@ TEST(PatchExtractor, AReducedPixelIsTheCentreOfItsPixels) {
 }
 
 TEST(PatchExtractor, StoresTheReducedAndSmoothedLaneRegion) {
-  const PatchExtractor extractor(kLargeCamera, 0.03, 1, {});
+  PatchExtractor extractor(kLargeCamera, 0.03, 1, {});
   cv::Mat image(kLargeCamera.height, kLargeCamera.width, CV_8U), small, once, twice;
   cv::RNG(1).fill(image, cv::RNG::UNIFORM, 0, 256);
   cv::resize(image, small, {kLargeCamera.width / 2, kLargeCamera.height / 2}, 0, 0, cv::INTER_AREA);
@@ -29,7 +29,8 @@ TEST(PatchExtractor, StoresTheReducedAndSmoothedLaneRegion) {
   cv::GaussianBlur(once, twice, {5, 5}, 0.6);
   for (const bool backwards : {false, true}) {
     RoadImage road;
-    const std::vector<Patch> patches = extractor.extract(image, kNarrowLane, backwards, &road);
+    std::vector<Patch> patches;
+    extractor.extract(image, kNarrowLane, backwards, &road, &patches);
     ASSERT_GT(patches.size(), 5u);
     EXPECT_GT(road.roi.x, 5);  // inside the image on three sides
     EXPECT_GT(road.roi.y, 5);
@@ -52,8 +53,9 @@ TEST(PatchExtractor, WithoutVisibleLaneThereAreNoPatches) {
   const LaneRegion empty_region({}, 0, 50, 20, 0.3);  // begins beyond its end
   RoadImage road;
   const cv::Mat image(kLargeCamera.height, kLargeCamera.width, CV_8U, cv::Scalar(90));
-  EXPECT_TRUE(
-      PatchExtractor(kLargeCamera, 0.03, 1, {}).extract(image, empty_region, false, &road).empty());
+  std::vector<Patch> patches;
+  PatchExtractor(kLargeCamera, 0.03, 1, {}).extract(image, empty_region, false, &road, &patches);
+  EXPECT_TRUE(patches.empty());
   EXPECT_TRUE(road.roi.empty());
 }
 

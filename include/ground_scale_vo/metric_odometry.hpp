@@ -61,7 +61,7 @@ class MetricOdometry {
   MetricOdometry(const Lens& lens, const Options& options, const cv::Mat& mask = {});
 
   /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size, rectified
-  /// (throws OptionError otherwise). stamp_ns: [ns]; greater than that of the previous image.
+  /// (throws OptionError otherwise). stamp_ns: [ns]; greater than for the previous image.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
   /// Of the given images, as used in the last frame.

@@ -34,7 +34,7 @@ class Track:
     normal: N x 3, of the road in camera axes; section: grows where the path is interrupted, -1 without a metric pose."""
 
     def __init__(self, folder: pathlib.Path, start_s: float, end_s: float) -> None:
-        table = np.genfromtxt(folder / "scale.csv", delimiter=",", names=True, dtype=None, encoding="ascii")
+        table = np.atleast_1d(np.genfromtxt(folder / "scale.csv", delimiter=",", names=True, dtype=None, encoding="ascii"))
         since = table["stamp"] - table["stamp"][0]
         part = (since >= start_s) & (since <= end_s)
         if not part.any():

@@ -6,21 +6,17 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <iomanip>
 #include <opencv2/core/eigen.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
-#include "ground_scale_vo/io/trajectory_io.hpp"
+#include "simulation/tools/kitti_folder.hpp"
 #include "tools/support/command_line.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -126,22 +122,11 @@ class DerivedDrive {
   }
 
   void write(const fs::path& folder) const {
-    gsv::makeFolder(folder / "image_0");
     cv::RNG random(3);
     for (std::size_t k = 0; k < frames_.size(); ++k) {
-      std::ostringstream name;
-      name << std::setw(6) << std::setfill('0') << k << (changes_.jpeg_quality ? ".jpg" : ".png");
-      const std::vector<int> quality =
-          changes_.jpeg_quality ? std::vector<int>{cv::IMWRITE_JPEG_QUALITY, changes_.jpeg_quality}
-                                : std::vector<int>{cv::IMWRITE_PNG_COMPRESSION, 1};
-      std::vector<unsigned char> bytes;
-      cv::imencode(name.str().substr(6), image(frames_[k], random), bytes, quality);
-      gsv::writeFile(folder / "image_0" / name.str(), {bytes.begin(), bytes.end()});
+      gsv::writeKittiImage(folder, k, image(frames_[k], random), changes_.jpeg_quality);
     }
-    writeTables(folder);
-    if (!sequence_.groundTruthHeights().empty()) {
-      writeGround(source_ / "ground.txt", folder / "ground.txt");
-    }
+    gsv::writeKittiTables(folder, tables());
   }
 
  private:
@@ -167,39 +152,35 @@ class DerivedDrive {
     return image;
   }
 
-  void writeTables(const fs::path& folder) const {
-    std::ostringstream calib, times;
-    calib << std::setprecision(17) << "P0: " << camera_.fx << " 0 " << camera_.cx << " 0 0 "
-          << camera_.fy << ' ' << camera_.cy << " 0 0 0 1 0\n";
+  gsv::KittiTables tables() const {
+    gsv::KittiTables tables;
+    tables.camera = camera_;
     const std::vector<Eigen::Isometry3d>& truth = sequence_.groundTruth();
-    std::vector<Eigen::Isometry3d> poses;
+    const std::vector<Eigen::Vector4d> ground = givenGround();
     const Eigen::Isometry3d T_new_old(R_new_old_);
     for (const std::size_t i : frames_) {
-      const std::int64_t elapsed = sequence_.stampNs(i) - sequence_.stampNs(frames_.front());
-      times << gsv::formatSeconds(std::abs(elapsed)) << '\n';
+      tables.stamps_ns.push_back(
+          std::abs(sequence_.stampNs(i) - sequence_.stampNs(frames_.front())));
+      if (!ground.empty()) {
+        tables.ground.emplace_back();
+        tables.ground.back() << ground.at(i)[0], R_new_old_ * ground.at(i).tail<3>();
+      }
       if (truth.empty()) continue;
       const Eigen::Isometry3d T_first_i = truth[frames_.front()].inverse() * truth[i];
-      poses.push_back(T_new_old * T_first_i * T_new_old.inverse());
+      tables.T_c0_c.push_back(T_new_old * T_first_i * T_new_old.inverse());
     }
-    gsv::writeFile(folder / "calib.txt", calib.str());
-    gsv::writeFile(folder / "times.txt", times.str());
-    if (!poses.empty()) gsv::writeKittiPoses(folder / "poses.txt", poses);
+    return tables;
   }
 
-  /// The height of the camera [m] and the normal of the road in its axes, of each image.
-  void writeGround(const fs::path& from, const fs::path& to) const {
-    const gsv::TextFile file(from);
+  /// The lines of ground.txt.
+  std::vector<Eigen::Vector4d> givenGround() const {
+    if (sequence_.groundTruthHeights().empty()) return {};
+    const gsv::TextFile file(source_ / "ground.txt");
     std::vector<Eigen::Vector4d> lines;
     for (std::size_t i = 0; i < file.size(); ++i) {
       if (!file.isComment(i)) lines.emplace_back(file.numbers(i, 4).data());
     }
-    std::ostringstream text;
-    text << std::setprecision(12);
-    for (const std::size_t i : frames_) {
-      const Eigen::Vector3d n = R_new_old_ * lines.at(i).tail<3>();
-      text << lines.at(i)[0] << ' ' << n.x() << ' ' << n.y() << ' ' << n.z() << '\n';
-    }
-    gsv::writeFile(to, text.str());
+    return lines;
   }
 
   const gsv::KittiSequence& sequence_;
@@ -242,18 +223,8 @@ void run(const Arguments& arguments) {
     Changes changes;
     variant.change(changes);
     const fs::path folder = fs::path(arguments.out) / (sequence.name() + "_" + variant.name);
-    if (gsv::isThere(folder)) throw gsv::DataError(folder.string() + " already exists");
-    // Under a temporary name, so that the folder is complete or missing.
-    const fs::path partial = folder.string() + ".partial";
-    try {
-      fs::remove_all(partial);  // of an interrupted run
-      DerivedDrive(sequence, arguments.sequence, changes).write(partial);
-      fs::rename(partial, folder);
-    } catch (...) {
-      std::error_code ignored;
-      fs::remove_all(partial, ignored);
-      throw;
-    }
+    const DerivedDrive drive(sequence, arguments.sequence, changes);
+    gsv::writeKittiFolder(folder, [&](const fs::path& partial) { drive.write(partial); });
     progress.step("variants");
   }
 }

@@ -1,26 +1,22 @@
 // Renders a SyntheticDrive as a KITTI odometry folder with ground truth.
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <iomanip>
-#include <locale>
-#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "simulation/scenarios.hpp"
 #include "simulation/synthetic_drive.hpp"
+#include "simulation/tools/kitti_folder.hpp"
 #include "tools/support/command_line.hpp"
 #include "tools/support/parallel_for.hpp"
 
@@ -121,43 +117,6 @@ void printCatalogue() {
   }
 }
 
-void writeImages(const gsv::SyntheticDrive& drive, const fs::path& folder, int threads) {
-  fs::create_directories(folder);
-  gsv::ProgressLine progress("render_drive", drive.size());
-  gsv::parallelFor(drive.size(), threads, [&](std::size_t i) {
-    std::ostringstream name;
-    name << std::setw(6) << std::setfill('0') << i << ".png";
-    const std::string file = folder / name.str();
-    std::vector<unsigned char> png;
-    cv::imencode(".png", drive.image(i), png, {cv::IMWRITE_PNG_COMPRESSION, 1});
-    gsv::writeFile(file, {png.begin(), png.end()});
-    progress.step("frames");
-  });
-}
-
-void writeTables(const gsv::SyntheticDrive& drive, const fs::path& folder) {
-  const gsv::PinholeCamera& c = drive.camera();
-  std::ostringstream calib, times, ground;
-  calib << std::setprecision(17) << "P0: " << c.fx << " 0 " << c.cx << " 0 0 " << c.fy << ' '
-        << c.cy << " 0 0 0 1 0\n";
-  ground << std::setprecision(12)
-         << "# camera height above the local road plane [m], its unit normal in camera axes "
-            "(x right, y down, z forward), pointing up\n";
-  times << std::fixed << std::setprecision(9);
-  std::vector<Eigen::Isometry3d> poses;
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    const gsv::SyntheticDrive::Frame& frame = drive.frame(i);
-    times << static_cast<double>(frame.stamp_ns) * 1e-9 << '\n';
-    ground << frame.height << ' ' << frame.n_c.x() << ' ' << frame.n_c.y() << ' ' << frame.n_c.z()
-           << '\n';
-    poses.push_back(frame.T_c0_c);
-  }
-  gsv::writeFile(folder / "calib.txt", calib.str());
-  gsv::writeFile(folder / "times.txt", times.str());
-  gsv::writeFile(folder / "ground.txt", ground.str());
-  gsv::writeKittiPoses(folder / "poses.txt", poses);
-}
-
 gsv::SyntheticDrive makeDrive(const Settings& settings) {
   if (settings.path.empty()) return gsv::SyntheticDrive(settings.drive);
   try {
@@ -167,28 +126,26 @@ gsv::SyntheticDrive makeDrive(const Settings& settings) {
   }
 }
 
-/// Writes under a temporary name and renames, so that FOLDER is complete or missing.
 void render(const Settings& settings) {
   cv::setNumThreads(1);  // frames are rendered in parallel
-  const fs::path folder = settings.folder;
-  if (fs::exists(folder)) throw gsv::DataError(folder.string() + " already exists");
   const gsv::SyntheticDrive drive = makeDrive(settings);
-  const fs::path normalised = fs::absolute(folder).lexically_normal();
-  const fs::path target = normalised.has_filename() ? normalised : normalised.parent_path();
-  const fs::path partial = target.string() + ".partial." + std::to_string(getpid());
-  try {
-    std::error_code error;
-    fs::create_directories(partial, error);
-    if (error) throw gsv::DataError(folder.string() + " cannot be created: " + error.message());
-    writeImages(drive, partial / "image_0", settings.threads);
-    writeTables(drive, partial);
-    fs::rename(partial, target);
-  } catch (...) {
-    std::error_code ignored;
-    fs::remove_all(partial, ignored);
-    throw;
+  gsv::KittiTables tables;
+  tables.camera = drive.camera();
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    const gsv::SyntheticDrive::Frame& frame = drive.frame(i);
+    tables.stamps_ns.push_back(frame.stamp_ns);
+    tables.T_c0_c.push_back(frame.T_c0_c);
+    tables.ground.emplace_back(frame.height, frame.n_c.x(), frame.n_c.y(), frame.n_c.z());
   }
-  std::printf("%zu frames in %s\n", drive.size(), folder.c_str());
+  gsv::writeKittiFolder(settings.folder, [&](const fs::path& folder) {
+    gsv::ProgressLine progress("render_drive", drive.size());
+    gsv::parallelFor(drive.size(), settings.threads, [&](std::size_t i) {
+      gsv::writeKittiImage(folder, i, drive.image(i));
+      progress.step("frames");
+    });
+    gsv::writeKittiTables(folder, tables);
+  });
+  std::printf("%zu frames in %s\n", drive.size(), settings.folder.c_str());
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "ground_scale_vo/common/files.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
@@ -19,8 +20,18 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// null if it is missing; Json writes numbers that are not finite as null, too.
+/// null if it is missing.
 Json number(std::optional<double> value) { return value ? Json(*value) : Json(nullptr); }
+
+/// To ten significant digits: the last ones depend on how a program was compiled.
+void roundNumbers(Json* json) {
+  if (json->is_structured()) {
+    for (Json& child : *json) roundNumbers(&child);
+  } else if (json->is_number_float()) {
+    const auto value = json->get<double>();
+    *json = std::isfinite(value) ? Json::parse(format("%.10g", value)) : Json(nullptr);
+  }
+}
 
 double voTime(const RunFrame& frame) { return frame.vo_times.total; }
 double scaleTime(const RunFrame& frame) { return frame.scale_times.total; }
@@ -107,6 +118,7 @@ std::string metricsJson(const RunRecord& record, double camera_height,
     json[std::string(name) + "_p95"] = quantile(timesOf(record, time), 0.95);
   }
   json["peak_rss_mb"] = processUsage().peak_rss_mb;
+  roundNumbers(&json);
   return json.dump(2) + "\n";
 }
 

@@ -91,10 +91,6 @@ cv::Mat CalibratedCamera::givenMask(const cv::Mat& raw_mask) const {
   return isGivenRectified() ? undistortion_.mask(raw_mask) : raw_mask;
 }
 
-bool CalibratedCamera::matches(const PinholeCamera& other) const {
-  return areClose(camera(), other);
-}
-
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
   if (a == b) return true;
   if (!areClose(pinholeOf(a), pinholeOf(b))) return false;

@@ -185,6 +185,7 @@ void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
 void MonoVoNodelet::describe(StageState* state) {
   state->input = "image";
   state->inputs = "images";
+  state->dropped = dropped_from_queue_ + log_->dropped("image ");
   const std::string& info_error = receiver_->cameraInfoError();
   if (receiver_->camera() || info_error.empty()) {
     state->missing = receiver_->images().missing(receiver_->imageTopic());

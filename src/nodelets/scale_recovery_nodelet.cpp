@@ -42,7 +42,7 @@ void ScaleRecoveryNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& priva
   scale_publisher_ = handle.advertise<ScaleEstimateMsg>("scale", kPublishQueue);
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("points", 1);
   ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
-  ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 2);
+  ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 1);
   if (params_.scale.refine) subscribeToImages(handle, private_handle);
   // Last: a publisher that sees this subscription can rely on the subscription to the images.
   frame_subscriber_ = handle.subscribe("vo/frame", static_cast<std::uint32_t>(params_.queue_size),
@@ -151,9 +151,7 @@ void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output, co
     ground_points_publisher_.publish(toPointCloud(metric, header));
   }
   if (ground_plane_publisher_.getNumSubscribers() > 0) {
-    for (const auto& marker : toPlaneMarkers(output.scale, header)) {
-      ground_plane_publisher_.publish(marker);
-    }
+    ground_plane_publisher_.publish(toPlaneMarker(output.scale, header));
   }
 }
 
@@ -204,6 +202,7 @@ std::string ScaleRecoveryNodelet::imageState() const {
 void ScaleRecoveryNodelet::describe(StageState* state) {
   state->input = "vo/frame";
   state->inputs = "frames";
+  state->dropped = continuity_.missing() + log_->dropped("frame ");
   state->missing = frames_.missing(frame_subscriber_.getTopic());
   state->errors = {odometry_->mountingError(), odometry_->otherParentError(),
                    receiver_ ? receiver_->sourceError() : ""};

@@ -83,7 +83,7 @@ void StageNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status)
     warnOfMissingInput(*state.missing, clock_runs);
   }
   if (since_processed_) state.since_processed_s = since_processed_->seconds();
-  state.dropped = dropped() - std::exchange(diagnosed_dropped_, dropped());
+  state.dropped -= std::exchange(diagnosed_dropped_, state.dropped);
   state.clock_error = missingClock();
   const DiagnosticSummary summary = summarize(state);
   status.summary(static_cast<std::uint8_t>(summary.level), summary.message);

@@ -92,7 +92,8 @@ MapStart mapStartOf(const VoFrameMsg& msg) {
   return start;
 }
 
-/// Of decoded pixels: a Bayer pattern, which the compression has kept, or the channels of OpenCV.
+/// The encoding of decoded pixels: a Bayer pattern, which the compression has kept, or the channels
+/// of OpenCV.
 std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
   namespace encodings = sensor_msgs::image_encodings;
   const std::string source = bayerPatternOf(format);

@@ -29,7 +29,7 @@ constexpr std::uint32_t kTfQueue = 100;
 constexpr double kMountingWaitS = 0.2;
 constexpr double kMountingPollS = 0.002;
 
-/// Of a transform on tf_static, which counts as broadcast for ever.
+/// Time of a transform on tf_static, which counts as broadcast for ever.
 constexpr auto kStatic = FrameParents::Clock::time_point::max();
 
 /// Transforms a twist or small motion (linear, angular) of a rigid body to other axes, rotated by
@@ -289,7 +289,7 @@ bool OdometryOutput::isOfLastPass(const ros::Time& stamp) {
   if (!ros::Time::isSimTime()) return false;
   const ros::Time now = ros::Time::now();
   latest_clock_ = std::max(latest_clock_, now);
-  // Not by the stamp alone: those of a bag may always be ahead of its clock.
+  // Not by the stamp alone: the stamps in a bag may always be ahead of its clock.
   const double jump_s = params_.images.clock_jump_s;
   return (latest_clock_ - now).toSec() > jump_s && (stamp - now).toSec() > jump_s;
 }

@@ -2,7 +2,6 @@
 
 #include <sensor_msgs/image_encodings.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
-#include <std_msgs/ColorRGBA.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -19,7 +18,6 @@ namespace {
 
 /// [m] distance of the quad's centre ahead of the camera, its length and width.
 constexpr double kQuadAhead = 5.0, kQuadLength = 16.0, kQuadWidth = 8.0;
-constexpr double kArrowWidth = 0.25;
 
 /// [m] extent of the ground grid ahead and to either side, and its least depth in the camera frame.
 constexpr int kGridFrom = 2, kGridTo = 20, kGridSide = 3;
@@ -182,35 +180,6 @@ void drawScale(Canvas& canvas, const ScaleRecovery::Output& output) {
   canvas.writeInRow(1, 8, second);
 }
 
-visualization_msgs::Marker::Ptr marker(const std_msgs::Header& header, int id, int type,
-                                       const Eigen::Isometry3d& T_c_marker) {
-  auto marker = boost::make_shared<visualization_msgs::Marker>();
-  marker->header = header;
-  marker->ns = "ground_plane";
-  marker->id = id;
-  marker->type = type;
-  marker->action = visualization_msgs::Marker::ADD;
-  marker->pose = ground_scale_vo::toMsg(T_c_marker);
-  return marker;
-}
-
-std_msgs::ColorRGBA colour(float r, float g, float b, float a) {
-  std_msgs::ColorRGBA colour;
-  colour.r = r;
-  colour.g = g;
-  colour.b = b;
-  colour.a = a;
-  return colour;
-}
-
-geometry_msgs::Vector3 vector(double x, double y, double z) {
-  geometry_msgs::Vector3 vector;
-  vector.x = x;
-  vector.y = y;
-  vector.z = z;
-  return vector;
-}
-
 }  // namespace
 
 sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
@@ -282,23 +251,23 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs:
   return toPointCloud(points, header);
 }
 
-std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate& scale,
-                                                            const std_msgs::Header& header) {
-  const Eigen::Isometry3d T_c_ground = groundAxes(scale);
-  const Eigen::Isometry3d T_c_quad =
-      T_c_ground * Eigen::Translation3d(kQuadAhead * Eigen::Vector3d::UnitX());
-
-  const auto quad = marker(header, 0, visualization_msgs::Marker::CUBE, T_c_quad);
-  quad->scale = vector(kQuadLength, kQuadWidth, 0.01);
-  quad->color = colour(0.2f, 0.6f, 1.0f, scale.status == ScaleStatus::kOk ? 0.5f : 0.25f);
-
-  Eigen::Isometry3d T_c_arrow = T_c_ground;  // arrow markers point along x
-  T_c_arrow.linear() << T_c_ground.linear().col(2), T_c_ground.linear().col(0),
-      T_c_ground.linear().col(1);
-  const auto arrow = marker(header, 1, visualization_msgs::Marker::ARROW, T_c_arrow);
-  arrow->scale = vector(scale.scale * scale.height, kArrowWidth, kArrowWidth);
-  arrow->color = colour(1.0f, 0.8f, 0.1f, 1.0f);
-  return {quad, arrow};
+visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,
+                                              const std_msgs::Header& header) {
+  auto quad = boost::make_shared<visualization_msgs::Marker>();
+  quad->header = header;
+  quad->ns = "ground_plane";
+  quad->type = visualization_msgs::Marker::CUBE;
+  quad->action = visualization_msgs::Marker::ADD;
+  quad->pose = ground_scale_vo::toMsg(groundAxes(scale) *
+                                      Eigen::Translation3d(kQuadAhead * Eigen::Vector3d::UnitX()));
+  quad->scale.x = kQuadLength;
+  quad->scale.y = kQuadWidth;
+  quad->scale.z = 0.01;
+  quad->color.r = 0.2f;
+  quad->color.g = 0.6f;
+  quad->color.b = 1.0f;
+  quad->color.a = scale.status == ScaleStatus::kOk ? 0.5f : 0.25f;
+  return quad;
 }
 
 }  // namespace ground_scale_vo

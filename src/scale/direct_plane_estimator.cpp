@@ -53,6 +53,11 @@ constexpr double kPatchCauchyConstant = 2;
 /// Typical mean correlation of patches that show nothing but road. A lower one means that part of
 /// the patches show something else, and inflates the height's standard deviation.
 constexpr double kRoadCorrelation = 0.92;
+/// [grey levels] Standard deviation; patches with less contrast have little weight.
+constexpr double kImageNoise = 2;
+/// Largest accepted ratio, in either direction, of the height to the one that the fit starts from.
+constexpr double kMaxHeightChange = 1.4;
+constexpr double kMaxHeightSigma = 0.05;  ///< largest accepted one, relative to the height
 /// [1 / camera height] Standard deviation of a curvature that is none.
 constexpr double kNoCurvature = 1e-9;
 
@@ -129,8 +134,8 @@ struct DirectPlaneEstimator::Impl {
   /// For images of one camera with one mask.
   struct Stages {
     Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask)
-        : extractor(camera, options.patch_size, options.image_noise, mask),
-          matcher(extractor.camera(), options.image_noise, extractor.allowed()) {}
+        : extractor(camera, options.patch_size, kImageNoise, mask),
+          matcher(extractor.camera(), kImageNoise, extractor.allowed()) {}
 
     direct::PatchExtractor extractor;
     direct::PatchMatcher matcher;
@@ -168,7 +173,7 @@ struct DirectPlaneEstimator::Impl {
   cv::Mat mask;
   std::optional<Stages> stages;  ///< for camera and mask; empty before the first image
 
-  // Of the current frame.
+  // Current frame.
   std::vector<Patch> patches;
   std::vector<Reference> references;
   /// Camera whose height is measured, in this frame's camera axes [VO units].
@@ -177,7 +182,7 @@ struct DirectPlaneEstimator::Impl {
   std::vector<double> normalised_shifts;
 };
 
-/// The images of another camera or mask cannot be compared with those of the path.
+/// The images of another camera or mask cannot be compared with the ones in the path.
 void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask,
                                            CameraPath* path) {
   if (stages && isSameCamera(camera, new_camera) && mask.data == new_mask.data) return;
@@ -222,7 +227,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& 
     const Eigen::Vector3d step = equations.H.ldlt().solve(equations.b).head<3>();
     if (!isFinite(step)) return result;
     if (step.norm() < kConvergedPlaneStep * m.norm()) {
-      // Without this last step, so that the correlation and H are those of the accepted plane.
+      // Without this last step, so that the correlation and H belong to the accepted plane.
       accept(m, equations.H, initial_height, &result);
       return result;
     }
@@ -335,8 +340,8 @@ void DirectPlaneEstimator::Impl::accept(const Eigen::Vector3d& m, const Matrix6d
   const double inflation = std::max(1.0, (1 - result->correlation) / (1 - kRoadCorrelation));
   result->height_sigma = inflation * relative_sigma * height;
   const double change = std::abs(std::log(height / initial_height));
-  if (result->correlation >= options.min_correlation &&
-      change <= std::log(options.max_height_change) && relative_sigma <= options.max_sigma) {
+  if (result->correlation >= options.min_correlation && change <= std::log(kMaxHeightChange) &&
+      relative_sigma <= kMaxHeightSigma) {
     result->status = MeasurementStatus::kMeasured;
     result->road_distance = (roadCentre(result->plane) - origin_c).norm();
   }
@@ -356,7 +361,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(const VoFrame& frame
   const RoadPrior& prior = current.prior;
   const LaneRegion lane = s.laneRegion(prior, height);
   const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
-  s.patches = s.stages->extractor.extract(image, lane, faces_backwards, &current.road);
+  s.stages->extractor.extract(image, lane, faces_backwards, &current.road, &s.patches);
   current.road.readout_motion = frame.readout_motion;
 
   Result result;

@@ -24,6 +24,11 @@ constexpr std::uint64_t kSeedMultiplier = 0x9E3779B97F4A7C15ull;
 /// is dominated by the noise of its points.
 constexpr double kMinSine = 0.02;
 
+/// [rad] Largest roll of a triangle. Not in the paper: Eq. 3 accepts walls along the road.
+constexpr double kRollTolerance = 0.26;
+
+constexpr int kRansacIterations = 100;  ///< Z of Alg. 1
+
 /// Of GPA: bounds the time of a fit; the newest frames come first.
 constexpr std::size_t kMaxPoints = 3000;
 
@@ -158,7 +163,7 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
         frame.features[triangle[1]].p_c.cast<double>(),
         frame.features[triangle[2]].p_c.cast<double>());  // lines 8-9; h > 0 of line 10
     if (!plane || !frame_is_level) continue;
-    if (isTilted(*plane, prior, options_.roll_tolerance_rad)) continue;  // theta_1 of line 10
+    if (isTilted(*plane, prior, kRollTolerance)) continue;  // theta_1 of line 10
     // Line 11 (Eq. 3): |90 deg - angle(n, t)| < theta_2.
     if (prior.chord && std::abs(plane->n_c.dot(prior.chord->direction_c)) >= max_sine) continue;
     ++result.ground_triangles;
@@ -186,8 +191,8 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
   result->status = MeasurementStatus::kTooFewGroundPoints;
   if (n < static_cast<std::size_t>(options_.min_points)) return;  // line 18
 
-  // For a point near the plane, the relative error of its depth is that of its distance from the
-  // plane over the height.
+  // For a point near the plane, the relative error of its depth equals the error of its distance
+  // from the plane over the height.
   std::vector<double> threshold(n);
   for (std::size_t i = 0; i < n; ++i) {
     threshold[i] =
@@ -197,7 +202,7 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
   std::mt19937_64 random(seed);
   double best_cost = std::numeric_limits<double>::infinity();
   std::vector<bool> best, inlier(n);                                            // G_best, G_k
-  for (int k = 0; k < options_.ransac_iterations; ++k) {                        // line 19
+  for (int k = 0; k < kRansacIterations; ++k) {                                 // line 19
     const std::size_t i1 = random() % n, i2 = random() % n, i3 = random() % n;  // line 20
     if (i1 == i2 || i1 == i3 || i2 == i3) continue;
     const std::optional<GroundPlane> plane =

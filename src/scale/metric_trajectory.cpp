@@ -116,7 +116,7 @@ bool MetricTrajectory::countsFromStart(const VoFrame& frame) const {
 }
 
 /// The map that starts with this frame, or continues with it after it was left or has lost its
-/// scale. The rotation since the last metric pose is the product of those of all maps in between,
+/// scale. The rotation since the last metric pose is the product over all maps in between,
 /// which had no scale.
 MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
   const MapStart& start = frame.map_start;

@@ -18,6 +18,9 @@ namespace {
 /// that exact points keep finite weights.
 constexpr double kMinRobustScale = 0.05;
 
+/// [rad] Tolerance of the normal of the first plane; the prior's uncertainty is added.
+constexpr double kSacTilt = 0.087;
+
 /// From then on the robust scale is fixed, otherwise the set of inliers may oscillate.
 constexpr int kRobustScaleIterations = 5;
 
@@ -58,16 +61,13 @@ bool isCollinear(const std::vector<PlanePoint>& points) {
 
 /// Start of the least-squares fit.
 std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
-                                        const RoadPrior& prior, double height_hint,
-                                        const PlaneFit::Options& options) {
+                                        const RoadPrior& prior, double height_hint) {
   if (isCollinear(points)) return std::nullopt;
   std::vector<Eigen::Vector3f> scaled;
   scaled.reserve(points.size());
   for (const PlanePoint& point : points) scaled.push_back((point.p_c / height_hint).cast<float>());
-  const auto plane = segmentPerpendicularPlane(scaled, prior.n_c.cast<float>(),
-                                               std::max(prior.pitchTolerance(options.sac_tilt_rad),
-                                                        prior.rollTolerance(options.sac_tilt_rad)),
-                                               options);
+  const double max_angle = std::max(prior.pitchTolerance(kSacTilt), prior.rollTolerance(kSacTilt));
+  const auto plane = segmentPerpendicularPlane(scaled, prior.n_c.cast<float>(), max_angle);
   if (!plane) return std::nullopt;
   const Eigen::Vector3d normal = plane->head<3>().cast<double>();
   const double sign = normal.dot(prior.n_c) < 0 ? -1 : 1;
@@ -197,7 +197,7 @@ PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const Road
 PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points,
                                            const RoadPrior& prior, double height_hint) const {
   Result result;
-  const std::optional<GroundPlane> start = segmentPlane(points, prior, height_hint, options_);
+  const std::optional<GroundPlane> start = segmentPlane(points, prior, height_hint);
   if (!start) return result;
 
   const auto min_points = static_cast<std::size_t>(options_.min_points);

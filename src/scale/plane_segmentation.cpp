@@ -44,6 +44,9 @@ using PclModel = pcl::SampleConsensusModelPerpendicularPlane<PclPoint>;
 /// [camera heights^2] Least area of a sample's parallelogram; PCL's own limit is the same.
 constexpr float kMinSampleArea = 1e-5f;
 
+constexpr double kInlierDistance = 0.04;  ///< [camera heights]
+constexpr int kSacIterations = 100;
+
 /// PCL's model without its error messages. PCL prints one for every degenerate sample and one when
 /// no model has inliers. Here a degenerate sample has the invalid plane 0, which has no inliers,
 /// and the count of inliers is at least one, so that RANSAC always ends with a model. A model of an
@@ -90,8 +93,7 @@ class PlaneSegmentation : public pcl::SACSegmentation<PclPoint> {
 
 std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen::Vector3f>& points,
                                                          const Eigen::Vector3f& axis,
-                                                         double max_angle,
-                                                         const PlaneFit::Options& options) {
+                                                         double max_angle) {
   const auto cloud = pcl::make_shared<Cloud>();
   cloud->reserve(points.size());
   for (const Eigen::Vector3f& p : points) cloud->push_back(PclPoint(p));
@@ -99,8 +101,8 @@ std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen
   segmentation.setMethodType(pcl::SAC_RANSAC);
   segmentation.setAxis(axis);
   segmentation.setEpsAngle(max_angle);
-  segmentation.setDistanceThreshold(options.sac_threshold_heights);
-  segmentation.setMaxIterations(options.sac_iterations);
+  segmentation.setDistanceThreshold(kInlierDistance);
+  segmentation.setMaxIterations(kSacIterations);
   segmentation.setOptimizeCoefficients(false);
   segmentation.setInputCloud(cloud);
   pcl::PointIndices inliers;

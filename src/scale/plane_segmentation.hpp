@@ -4,8 +4,6 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/scale/plane_fit.hpp"
-
 namespace ground_scale_vo {
 
 /// Plane (a, b, c, d), a x + b y + c z + d = 0, through points in camera heights, by
@@ -16,7 +14,6 @@ namespace ground_scale_vo {
 /// points, and its verbosity, which is global to the process, is not touched.
 std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen::Vector3f>& points,
                                                          const Eigen::Vector3f& axis,
-                                                         double max_angle,
-                                                         const PlaneFit::Options& options);
+                                                         double max_angle);
 
 }  // namespace ground_scale_vo

@@ -8,7 +8,7 @@ namespace ground_scale_vo {
 namespace {
 
 // Search for the visible band of the road.
-constexpr double kBandHalfWidth = 1;                // [camera heights] about that of a lane
+constexpr double kBandHalfWidth = 1;                // [camera heights] about a lane
 constexpr double kMinDistance = 1, kMaxAhead = 25;  // [camera heights]
 constexpr double kOffsetStep = 0.25;                // [camera heights]
 constexpr int kOffsetSteps = 40;                    // to either side

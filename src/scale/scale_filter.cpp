@@ -114,7 +114,7 @@ void ScaleFilter::clearPending(Source source) {
 /// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
 /// distance, restarts the filter from their median; true when it did. A rotation counts as the
 /// distance of equal process noise: in a turn the unit of the map may really change. A young state
-/// is replaced after the distance over which measurements supported it. The tilt is then that of a
+/// is replaced after the distance over which measurements supported it. The tilt is then as in a
 /// new map, because the cause of the contradiction is not known.
 bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
   std::deque<Measurement>& pending = source->pending;

@@ -109,7 +109,7 @@ void ScaleRecovery::Impl::setCamera(const PinholeCamera& new_camera) {
 }
 
 /// Whether the pose of a tracking frame is used. A pose that jumps is refused; the fourth
-/// consecutive one starts a new map. Its unit of length is that of the map before if the refused
+/// consecutive one starts a new map. It keeps the unit of length of the map before if the refused
 /// poses continue from each other: the end of the jump is then refused, too, also before the new
 /// map has a scale.
 bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {

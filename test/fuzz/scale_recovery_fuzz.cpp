@@ -61,9 +61,7 @@ class Scale {
         require(std::isfinite(output.pose->distance), "the distance is finite");
       }
       if (output.scale.status == ScaleStatus::kUnknown) return;
-      for (const auto& marker : toPlaneMarkers(output.scale, header)) {
-        require(isPose(marker->pose), "the pose of the marker is valid");
-      }
+      require(isPose(toPlaneMarker(output.scale, header)->pose), "the pose of the marker is valid");
     };
     for (const auto& accepted : filter_.filter(toNanoseconds(message.header.stamp), process)) {
       accepted.message(accepted.clock_jumped_back);

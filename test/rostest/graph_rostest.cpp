@@ -34,6 +34,11 @@ class Graph : public DriveTest<50> {
  protected:
   static constexpr std::size_t kHalf = kFrames / 2;
 
+  static std::string temporaryFile(const std::string& extension) {
+    return std::filesystem::temp_directory_path() /
+           ("graph_rostest_" + std::to_string(getpid()) + extension);
+  }
+
   static tf2_msgs::TFMessage tfMessage(const geometry_msgs::TransformStamped& transform,
                                        const ros::Time& stamp) {
     tf2_msgs::TFMessage message;
@@ -65,7 +70,6 @@ TEST_F(Graph, AMissingInputIsAnErrorThatNamesItsTopic) {
   invalid.publish(VoFrameMsg());
   EXPECT_TRUE(
       diagnostics_.waitForSummary("never/scale_recovery", Status::WARN, "scale not known yet"));
-  EXPECT_TRUE(pair.unload());
 }
 
 // The camera_info is latched and arrives while the nodelets are being loaded, ScaleRecovery first.
@@ -88,7 +92,6 @@ TEST_F(Graph, OneLatchedCameraInfoOfRectifiedImagesIsEnough) {
     return status.level == Status::OK && valueIn(status, "images") == "used";
   }));
   EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
-  EXPECT_TRUE(pair.unload());
 }
 
 TEST_F(Graph, ParametersAreUsed) {
@@ -104,7 +107,6 @@ TEST_F(Graph, ParametersAreUsed) {
   ASSERT_TRUE(pair.publishAndWait(kFrames - 1));
   EXPECT_LT(pair.frames.first()->id.size(), 0.8 * static_cast<double>(features));
   EXPECT_TRUE(waitForLine("parameter /configured/mono_vo/quue_size is unknown"));
-  EXPECT_TRUE(pair.unload());
 }
 
 TEST_F(Graph, WrongParametersAreRefusedWithTheReason) {
@@ -164,7 +166,6 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   // The twist is in the axes of the base: x is forward.
   EXPECT_GT(pair.odometry.last()->twist.twist.linear.x, 5);
   EXPECT_TRUE(diagnostics_.waitForSummary("mounted/scale_recovery", Status::OK, "scale measured"));
-  EXPECT_TRUE(pair.unload());
 }
 
 TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
@@ -186,7 +187,6 @@ TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   EXPECT_EQ(T_odom_c.translation().norm(), 0);
   EXPECT_TRUE(T_odom_c.linear().isApprox(bodyFromOptical(), 1e-12));
   EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
-  EXPECT_TRUE(pair.unload());
 }
 
 // A reset of MonoVo alone is a new map, from which the metric pose continues. The heading may have
@@ -205,7 +205,6 @@ TEST_F(Graph, AResetOfMonoVoKeepsTheMetricPose) {
   EXPECT_GT(after.pose.position.x, before.pose.position.x);
   constexpr std::size_t kYaw = 35;  // new_map_rotation_sigma_per_s: 0.1 rad
   EXPECT_NEAR(after.covariance[kYaw] - before.covariance[kYaw], 0.01, 0.001);
-  EXPECT_TRUE(pair.unload());
 }
 
 // The rendered camera is pitched down by 1.1 degrees, the first mounting by 8. The second one looks
@@ -237,7 +236,6 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedUntilAResetFindsAnother) 
   EXPECT_NEAR(pair.odometry.last()->twist.twist.linear.x, 0, 0.5);
   EXPECT_TRUE(diagnostics_.waitForSummary("tilted/scale_recovery", Status::OK, "scale measured"));
   EXPECT_EQ(lines(text), 1);  // not with every image
-  EXPECT_TRUE(pair.unload());
 }
 
 TEST_F(Graph, AMountingThatIsNotSupportedIsReportedWithoutABase) {
@@ -253,7 +251,6 @@ TEST_F(Graph, AMountingThatIsNotSupportedIsReportedWithoutABase) {
   EXPECT_TRUE(diagnostics_.waitForSummary("rolled/scale_recovery", Status::WARN, text));
   EXPECT_TRUE(waitForLine("/rolled/scale_recovery: " + text));
   EXPECT_EQ(lines(text), 1);
-  EXPECT_TRUE(pair.unload());
 }
 
 // The camera slides forward on its base by 0.1 m per image. The transforms of the last images but
@@ -296,7 +293,6 @@ TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
   }
   EXPECT_NEAR(messages.back()->twist.twist.linear.x, 9 - 1, 0.5);
   EXPECT_TRUE(diagnostics_.waitForSummary("moving/scale_recovery", Status::OK, "scale measured"));
-  EXPECT_TRUE(pair.unload());
 }
 
 // An empty base_frame although wheel odometry broadcasts the pose of the camera or the camera is
@@ -337,7 +333,6 @@ TEST_F(Graph, ASecondParentOfTheCameraIsDetected) {
       EXPECT_NE(transform.header.frame_id, "odom") << transform.child_frame_id;
     }
   }
-  EXPECT_TRUE(pair.unload());
 }
 
 TEST_F(Graph, ALateSubscriberGetsTheWholePathUntilAReset) {
@@ -358,7 +353,6 @@ TEST_F(Graph, ALateSubscriberGetsTheWholePathUntilAReset) {
   EXPECT_LE(whole.poses.size(), 6u);
   ASSERT_TRUE(callTrigger("/late/scale_recovery/reset"));
   EXPECT_TRUE(path.wait([](const auto& paths) { return paths.back()->poses.empty(); }));
-  EXPECT_TRUE(pair.unload());
 }
 
 // The images show a hood with a texture.
@@ -367,8 +361,7 @@ TEST_F(Graph, TheRegionOfAMaskIsNotUsedButTinted) {
   const TexturedHood hood(cv::Size(options.camera.width, options.camera.height), 0.1);
   const RenderedDrive drive(options, "camera",
                             [&](const cv::Mat& image) { return hood.cover(image); });
-  const std::string file = std::filesystem::temp_directory_path() /
-                           ("graph_rostest_" + std::to_string(getpid()) + ".png");
+  const std::string file = temporaryFile(".png");
   ASSERT_TRUE(cv::imwrite(file, hood.mask()));
   NodeletPair pair(manager_, drive, "/masked");
   pair.setParamOfBoth("mask", file);
@@ -395,7 +388,6 @@ TEST_F(Graph, TheRegionOfAMaskIsNotUsedButTinted) {
     const auto corner = images->last()->data.end() - 3;  // bgr8
     EXPECT_NE(corner[0], corner[2]);
   }
-  EXPECT_TRUE(pair.unload());
 }
 
 // Without camera_info, and with the same result as the offline tools.
@@ -404,8 +396,7 @@ TEST_F(Graph, ACameraFileDescribesTheImages) {
   CameraCalibration calibration{c.width, c.height, c.fx, c.fy, c.cx, c.cy, {0.02, 0, 0, 0, 0}};
   calibration.estimated = true;
   calibration.readout_time = 0.01;
-  const std::string file = std::filesystem::temp_directory_path() /
-                           ("graph_rostest_" + std::to_string(getpid()) + ".yaml");
+  const std::string file = temporaryFile(".yaml");
   std::ofstream(file) << cameraYaml(calibration, "");
   calibration = readCameraFile(file);
   NodeletPair pair(manager_, *drive_, "/filed");
@@ -428,7 +419,6 @@ TEST_F(Graph, ACameraFileDescribesTheImages) {
   }
   EXPECT_GT(pair.scales.last()->scale, 0);
   EXPECT_TRUE(pair.frames.last()->lens_is_estimated);
-  EXPECT_TRUE(pair.unload());
 }
 
 // Both nodelets undistort the images by the refined lens, and the odometry continues.
@@ -440,8 +430,7 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
   const RenderedDrive drive(options, "camera", [&](const cv::Mat& image) {
     return distorted(image, Lens{options.camera, 0.05, -0.01});
   });
-  const std::string file = std::filesystem::temp_directory_path() /
-                           ("graph_rostest_" + std::to_string(getpid()) + ".yaml");
+  const std::string file = temporaryFile(".yaml");
   NodeletPair pair(manager_, drive, "/refined");
   pair.setParamOfBoth("refine_camera", true);
   pair.setParamOfBoth("refined_camera_file", file);
@@ -463,7 +452,6 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
     const auto &a = poses[i - 1]->pose.pose.position, &b = poses[i]->pose.pose.position;
     EXPECT_LT(std::hypot(a.x - b.x, a.y - b.y, a.z - b.z), 1.3) << i;
   }
-  EXPECT_TRUE(pair.unload());
 }
 
 }  // namespace

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/Marker.h>
 
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "manager_client.hpp"
 #include "rendered_camera.hpp"
@@ -75,13 +78,14 @@ struct Display {
   TopicRecorder<visualization_msgs::Marker> plane;
 };
 
-/// A camera on a rendered drive and both nodelets, in one namespace.
+/// A camera on a rendered drive and both nodelets, in one namespace. The destructor unloads them.
 class NodeletPair : public NodeletTopics {
  public:
   NodeletPair(const ManagerClient& manager, const RenderedDrive& drive, const std::string& ns)
       : NodeletTopics(ns), manager_(manager), drive_(drive), ns_(ns) {
     setParam("scale_recovery", "camera_height", drive.drive().cameraHeight());
   }
+  ~NodeletPair() { EXPECT_TRUE(unload()) << ns_; }
 
   template <typename Value>
   void setParam(const std::string& nodelet, const std::string& name, const Value& value) {
@@ -93,11 +97,15 @@ class NodeletPair : public NodeletTopics {
     setParam("scale_recovery", name, value);
   }
 
-  bool loadMonoVo() { return manager_.load("MonoVo", ns_ + "/mono_vo"); }
-  bool loadScaleRecovery() { return manager_.load("ScaleRecovery", ns_ + "/scale_recovery"); }
+  bool loadMonoVo() { return load("MonoVo", "/mono_vo"); }
+  bool loadScaleRecovery() { return load("ScaleRecovery", "/scale_recovery"); }
   bool load() { return loadMonoVo() && loadScaleRecovery() && waitUntilConnected(); }
   bool unload() {
-    return manager_.unload(ns_ + "/mono_vo") && manager_.unload(ns_ + "/scale_recovery");
+    bool is_unloaded = true;
+    for (const std::string& name : std::exchange(loaded_, {})) {
+      is_unloaded = manager_.unload(name) && is_unloaded;
+    }
+    return is_unloaded;
   }
 
   ros::Time stamp(std::size_t i) const {
@@ -158,9 +166,16 @@ class NodeletPair : public NodeletTopics {
   double start_s = 1000;  ///< stamp of the first image [s]
 
  private:
+  bool load(const std::string& type, const std::string& name) {
+    if (!manager_.load(type, ns_ + name)) return false;
+    loaded_.push_back(ns_ + name);
+    return true;
+  }
+
   const ManagerClient manager_;
   const RenderedDrive& drive_;
   const std::string ns_;
+  std::vector<std::string> loaded_;
 };
 
 }  // namespace ground_scale_vo

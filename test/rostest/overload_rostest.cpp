@@ -35,7 +35,6 @@ TEST_F(Overload, TheScaleStaysCorrectOverTheGaps) {
   ASSERT_TRUE(pair.odometry.waitForStamp(pair.lastStamp()));
   EXPECT_LT(pair.frames.count(), kFrames);
   EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
-  EXPECT_TRUE(pair.unload());
 }
 
 // One subscriber is stopped and never reads its sockets; others connect and disconnect.
@@ -79,7 +78,6 @@ TEST_F(Overload, SubscribersDoNotAffectTheResults) {
   if (!kSanitized) {
     EXPECT_LT(memoryOfManager() - rss_mb, 60);  // [MiB]
   }
-  EXPECT_TRUE(watched.unload());
 }
 
 // Both nodelets, unloaded in either order while they process images.

@@ -22,7 +22,6 @@ namespace {
 class Time : public DriveTest<50> {
  protected:
   static void TearDownTestSuite() {
-    if (pair_) pair_->unload();
     pair_.reset();
     clock_.shutdown();
     DriveTest::TearDownTestSuite();

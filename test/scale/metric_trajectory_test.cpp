@@ -308,7 +308,7 @@ TEST_P(TrajectoryCovariance, FitsSimulatedErrors) {
   options.direction_sigma = 0.03;
   MetricTrajectory trajectory(options);
   std::optional<MetricPose> pose;
-  // The axes of the map differ from those of the first camera.
+  // The axes of the map differ from the axes of the first camera.
   Eigen::Isometry3d T = Eigen::Isometry3d(Eigen::AngleAxisd(1, Eigen::Vector3d(1, 2, 2) / 3));
   for (int i = 0; i <= kSteps; ++i) {
     pose = trajectory.append(withCovariance(frameAt(i, T)), scaleOf(kScale, kScaleSigma));
@@ -430,7 +430,7 @@ TEST(MetricTrajectory, ASecondGapIsTurnedByTheRotationErrorOfTheFirst) {
 }
 
 /// Variance along the path after 1 m at 10 m/s, a gap, and 1 m in a later map, for which a velocity
-/// of 10 m/s is known or not [m^2]. The sigmas are those of the two maps' scales.
+/// of 10 m/s is known or not [m^2]. The sigmas belong to the two maps' scales.
 double varianceAfterGap(double acceleration_sigma, double gap_s, bool has_velocity_after,
                         double relative_sigma_before, double relative_sigma_after) {
   MetricTrajectory::Options options = exact();

@@ -134,7 +134,7 @@ TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   allowed.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
   EXPECT_FALSE(
       PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
-  // Of the stored part of the image the pixels around all samples are needed.
+  // The stored part of the image must contain the pixels around all samples.
   Eigen::Vector2d first = pixelOf(0), last = first;
   for (int i = 1; i < kPatchSamples; ++i) {
     first = first.cwiseMin(pixelOf(i));

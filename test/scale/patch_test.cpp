@@ -8,28 +8,29 @@
 namespace ground_scale_vo::direct {
 namespace {
 
-const PinholeCamera kCamera{1280, 960, 1200, 1230, 641, 239};
-const LaneRegion kLane({}, 0, 3, 20, 0.3);
+const PinholeCamera kLargeCamera{1280, 960, 1200, 1230, 641, 239};
+const LaneRegion kNarrowLane({}, 0, 3, 20, 0.3);
 
 TEST(PatchExtractor, AReducedPixelIsTheCentreOfItsPixels) {
-  const PinholeCamera small = PatchExtractor(kCamera, 0.03, 1, {}).camera();
+  const PinholeCamera small = PatchExtractor(kLargeCamera, 0.03, 1, {}).camera();
   EXPECT_EQ(small.width, 640);
   EXPECT_EQ(small.height, 480);
-  EXPECT_LT((small.ray({0, 0}) - kCamera.ray({0.5, 0.5})).norm(), 1e-12);
-  EXPECT_LT((small.ray({100, 50}) - kCamera.ray({200.5, 100.5})).norm(), 1e-12);
+  EXPECT_LT((small.ray({0, 0}) - kLargeCamera.ray({0.5, 0.5})).norm(), 1e-12);
+  EXPECT_LT((small.ray({100, 50}) - kLargeCamera.ray({200.5, 100.5})).norm(), 1e-12);
 }
 
 TEST(PatchExtractor, StoresTheReducedAndSmoothedLaneRegion) {
-  const PatchExtractor extractor(kCamera, 0.03, 1, {});
-  cv::Mat image(kCamera.height, kCamera.width, CV_8U), small, once, twice;
+  PatchExtractor extractor(kLargeCamera, 0.03, 1, {});
+  cv::Mat image(kLargeCamera.height, kLargeCamera.width, CV_8U), small, once, twice;
   cv::RNG(1).fill(image, cv::RNG::UNIFORM, 0, 256);
-  cv::resize(image, small, {kCamera.width / 2, kCamera.height / 2}, 0, 0, cv::INTER_AREA);
+  cv::resize(image, small, {kLargeCamera.width / 2, kLargeCamera.height / 2}, 0, 0, cv::INTER_AREA);
   small.convertTo(small, CV_32F);
   cv::GaussianBlur(small, once, {5, 5}, 0.6);
   cv::GaussianBlur(once, twice, {5, 5}, 0.6);
   for (const bool backwards : {false, true}) {
     RoadImage road;
-    const std::vector<Patch> patches = extractor.extract(image, kLane, backwards, &road);
+    std::vector<Patch> patches;
+    extractor.extract(image, kNarrowLane, backwards, &road, &patches);
     ASSERT_GT(patches.size(), 5u);
     EXPECT_GT(road.roi.x, 5);  // inside the image on three sides
     EXPECT_GT(road.roi.y, 5);
@@ -49,13 +50,12 @@ TEST(PatchExtractor, StoresTheReducedAndSmoothedLaneRegion) {
 }
 
 TEST(PatchExtractor, WithoutVisibleLaneThereAreNoPatches) {
-  RoadPrior sky;
-  sky.n_c = {0, 1, 0};
+  const LaneRegion empty_region({}, 0, 50, 20, 0.3);  // begins beyond its end
   RoadImage road;
-  const cv::Mat image(kCamera.height, kCamera.width, CV_8U, cv::Scalar(90));
-  EXPECT_TRUE(PatchExtractor(kCamera, 0.03, 1, {})
-                  .extract(image, LaneRegion(sky, 0, 3, 20, 0.3), false, &road)
-                  .empty());
+  const cv::Mat image(kLargeCamera.height, kLargeCamera.width, CV_8U, cv::Scalar(90));
+  std::vector<Patch> patches;
+  PatchExtractor(kLargeCamera, 0.03, 1, {}).extract(image, empty_region, false, &road, &patches);
+  EXPECT_TRUE(patches.empty());
   EXPECT_TRUE(road.roi.empty());
 }
 

@@ -226,7 +226,7 @@ TEST(PlaneFit, FailuresAreReportedByStatus) {
 TEST(PlaneFit, PrintsNothing) {
   const PlaneFit fit{PlaneFit::Options{}};
   auto points = pointsOn(kPlane, 60, 0.01, 3, 1);
-  const GroundPlane slope{Eigen::Vector3d(0, -1, 0.5).normalized(), 0.8};  // beyond sac_tilt_rad
+  const GroundPlane slope{Eigen::Vector3d(0, -1, 0.5).normalized(), 0.8};
   const auto tilted = pointsOn(slope, 60, 0, 0, 1);
   // Half of the points in two places: most samples of three are degenerate.
   const auto two = pointsOn(kPlane, 2, 0, 0, 7);
@@ -241,7 +241,6 @@ TEST(PlaneFit, PrintsNothing) {
 
 TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
   PlaneFit::Options options;
-  options.sac_tilt_rad = 0.5;
   options.max_tilt_rad = 0.05;
   const GroundPlane pitched{Eigen::Vector3d(0, -1, 0.1).normalized(), 0.8};
   const GroundPlane rolled{Eigen::Vector3d(0.1, -1, 0).normalized(), 0.8};

@@ -40,7 +40,7 @@ TEST(LaneRegion, FollowsThePathThroughABend) {
       EXPECT_TRUE(bent.contains(rayTo(path, ahead))) << side << " " << ahead;
       EXPECT_FALSE(bent.contains(rayTo(path - side * 1.6 * kHalfWidth, ahead))) << ahead;
     }
-    // At four camera heights, the straight region and that of the bend no longer overlap.
+    // At four camera heights, the straight region and the one of the bend no longer overlap.
     EXPECT_FALSE(straight.contains(rayTo(pathAt(side, 4), 4)));
     EXPECT_TRUE(straight.contains(rayTo(0, 4)));
     EXPECT_FALSE(bent.contains(rayTo(0, 4)));

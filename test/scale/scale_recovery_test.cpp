@@ -66,7 +66,7 @@ TEST(ScaleRecovery, FindsTheScaleOfARoad) {
   EXPECT_GT(output.ground_feature_ids.size(), 50u);
 }
 
-// A camera that faces backwards and vibrates: the height is that of an earlier camera of the path,
+// A camera that faces backwards and vibrates: the height belongs to an earlier camera of the path,
 // and the direction of motion depends on the length over which it is averaged.
 TEST(ScaleRecovery, IsTheSameInAnyUnit) {
   const auto outputIn = [](double unit) {

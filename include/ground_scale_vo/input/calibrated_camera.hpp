@@ -45,18 +45,14 @@ class CalibratedCamera {
   /// Mask of the given images from that of the raw ones.
   cv::Mat givenMask(const cv::Mat& raw_mask) const;
 
-  /// Same image size and, within 0.1 px, same intrinsics: publishers that round differently, or
-  /// another odometry, describe the same camera with differences below this, which is far below the
-  /// error of a calibration.
-  bool matches(const PinholeCamera& other) const;
-
  private:
   CameraCalibration calibration_, given_;
   Undistortion undistortion_;
 };
 
 /// Same calibration: same image size, and both rectify an image to the same intrinsics and from the
-/// same raw pixels, within 0.1 px.
+/// same raw pixels, within 0.1 px: publishers that round differently, or another odometry, describe
+/// the same camera with differences below this, which is far below the error of a calibration.
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b);
 
 }  // namespace ground_scale_vo

@@ -35,7 +35,6 @@ class MonoVoNodelet : public StageNodelet {
   std::string reset() override;
   std::string stage() const override { return "odometry"; }
   void describe(StageState* state) override;
-  std::uint64_t dropped() const override { return dropped_from_queue_ + log_->dropped("image "); }
   void addValues(diagnostic_updater::DiagnosticStatusWrapper& status) override;
 
   void onImage(const sensor_msgs::ImageConstPtr& image);

@@ -35,7 +35,6 @@ class ScaleRecoveryNodelet : public StageNodelet {
   std::string reset() override;
   std::string stage() const override { return "scale"; }
   void describe(StageState* state) override;
-  std::uint64_t dropped() const override { return continuity_.missing() + log_->dropped("frame "); }
   void addValues(diagnostic_updater::DiagnosticStatusWrapper& status) override;
 
   void subscribeToImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle);

@@ -37,12 +37,10 @@ class StageNodelet : public nodelet::Nodelet {
   virtual void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) = 0;
   /// ~reset. Returns what happens next, for the answer of the service.
   virtual std::string reset() = 0;
-  /// Of the name that diagnostics add to that of the nodelet: "odometry".
+  /// What the diagnostics append to the name of the nodelet: "odometry" or "scale".
   virtual std::string stage() const = 0;
-  /// state: without the part that this class knows.
+  /// All but what this class knows. dropped: since construction.
   virtual void describe(StageState* state) = 0;
-  /// Messages of the input that were dropped since construction.
-  virtual std::uint64_t dropped() const = 0;
   /// Further values of the diagnostics.
   virtual void addValues(diagnostic_updater::DiagnosticStatusWrapper& status) = 0;
 

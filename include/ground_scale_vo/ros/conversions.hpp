@@ -82,7 +82,7 @@ sensor_msgs::ImagePtr toMsg(const cv::Mat& pixels, const std::string& encoding,
                             const std_msgs::Header& header);
 
 /// Decodes a JPEG or PNG image without the plugin of image_transport, which Debian lacks. Encoding
-/// of the result: the one that `format` names, if it can be that of the decoded pixels, else mono,
+/// of the result: the one that `format` names, if the decoded pixels can have it, else mono,
 /// bgr or bgra of 8 or 16 bits. Throws DataError: decodePixels()'s reasons.
 sensor_msgs::ImagePtr decode(const sensor_msgs::CompressedImage& image);
 

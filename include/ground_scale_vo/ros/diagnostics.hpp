@@ -45,7 +45,7 @@ class WarningLog {
   std::map<std::string, std::chrono::steady_clock::time_point> printed_;  ///< by kind
 };
 
-/// That ROS time does not run, in one clause; empty: it does. Drivers then stamp their images with
+/// One clause while ROS time does not run, else empty. Drivers then stamp their images with
 /// zero, or wait for the time.
 std::string missingClock();
 /// The sentence, followed by missingClock().

@@ -90,22 +90,22 @@ class ImageRectifier {
                           const std::string& camera_file = {});
 
   /// Throws DataError that names the topic, also while the calibration keeps changing and for
-  /// one whose image size is not that of the mask; the previous calibration stays in use then.
+  /// one whose image size the mask does not have; the previous calibration stays in use then.
   /// Precondition: no camera file.
   void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
 
   /// Without a camera file, null before the first valid camera_info. A new object if and only if
   /// the calibration changed.
   const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
-  /// Of camera(): "camera_info on topic T" or "parameter camera_file: FILE".
+  /// Where camera() is from: "camera_info on topic T" or "parameter camera_file: FILE".
   const std::string& source() const { return source_; }
   /// What is suspicious about camera() (checkCalibration()), or empty.
   const std::string& calibrationWarning() const { return calibration_warning_; }
-  /// That camera_info keeps changing, in one sentence; empty: it does not.
+  /// One sentence while camera_info keeps changing, else empty.
   std::string calibrationError() const;
 
-  // Of the following images, all throw DataError: GreyConverter's reasons, or not the size of the
-  // calibration. Precondition: camera() is not null.
+  // The next three throw DataError: GreyConverter's reasons, or not the size of the calibration.
+  // Precondition: camera() is not null.
   MaskedImage rectify(const sensor_msgs::Image& image);
   /// Described by CalibratedCamera::givenCalibration(): for an odometry that refines the lens.
   MaskedImage given(const sensor_msgs::Image& image);
@@ -174,7 +174,7 @@ class ImageReceiver {
   bool hasImagePublisher() const {
     return image_subscriber_.getNumPublishers() + compressed_subscriber_.getNumPublishers() > 0;
   }
-  /// That no valid camera_info has come; empty also if the last one was refused.
+  /// One sentence before the first camera_info; empty also if the last one was refused.
   std::optional<MissingInput> missingCameraInfo() const;
   /// Why the last camera_info was refused; empty if it was accepted.
   const std::string& cameraInfoError() const { return camera_info_error_; }

@@ -33,8 +33,8 @@ struct MountingOnTf {
   Eigen::Vector3d up_c;  ///< z axis of the base in camera axes, unit
 };
 
-/// That the mounting of the camera is beyond the supported pitch and roll, or contradicts the road,
-/// in one sentence; empty: neither, or not known well enough yet. measured: of the latest frame.
+/// One sentence if the mounting of the camera is beyond the supported pitch and roll or contradicts
+/// the road; empty: neither, or not known well enough yet. measured: of the latest frame.
 /// turn_axis_c: TurnAxis::upward(). on_tf: empty: the base is the camera, or the camera moves on
 /// it.
 std::string mountingWarning(const ScaleRecovery::Output& measured,

@@ -29,7 +29,7 @@ namespace ground_scale_vo {
 
 /// The up-to-scale pose of a tracked frame in world_frame, with its pose_covariance turned to the
 /// axes of that frame. A covariance that is not known has -1 as its first element, as in
-/// sensor_msgs/Imu: that of the twist, which is not estimated, always.
+/// sensor_msgs/Imu: the covariance of the twist, which is not estimated, always.
 nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
                                       const std::string& world_frame);
 
@@ -43,7 +43,7 @@ struct OdometryFrames {
   /// o is the core's metric frame, see MetricPose.
   Eigen::Isometry3d T_odom_o = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_c_b = Eigen::Isometry3d::Identity();
-  /// Of the camera relative to the base, in camera axes: linear [m/s], then angular [rad/s].
+  /// Twist of the camera relative to the base, in camera axes: linear [m/s], then angular [rad/s].
   Vector6d mounting_twist_c = Vector6d::Zero();
 
   /// base_frame is the camera: odom has the origin of o, x forward, y left and z up.

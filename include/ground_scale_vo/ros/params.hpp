@@ -78,7 +78,7 @@ class ParamReader {
 // are not among them; the offline tools set those (--set NAME=VALUE). docs/reference/parameters.md
 // lists both.
 
-/// Of both nodelets: how they receive images and check stamps.
+/// How both nodelets receive images and check stamps.
 struct ImageParams {
   bool image_is_rectified = false;
   std::string mask, camera_file;
@@ -92,7 +92,7 @@ struct MonoVoParams {
   std::string world_frame = "vo_world";
   SelfCalibratingOdometry::Options odometry;
   std::string refined_camera_file;
-  bool readout_time_is_given = false;  ///< otherwise that of the camera file is used
+  bool readout_time_is_given = false;  ///< otherwise the camera file's is used
 
   /// Throws OptionError that names the parameter.
   static MonoVoParams read(ParamReader& reader);

@@ -51,10 +51,9 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
 sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header,
                                            double scale = 1);
 
-/// The ground plane ahead of the camera as a translucent quad (id 0), and its normal as an arrow
-/// from the plane to the camera (id 1). In metres, in the camera frame. Precondition: scale.status
-/// is not kUnknown.
-std::vector<visualization_msgs::Marker::Ptr> toPlaneMarkers(const ScaleEstimate& scale,
-                                                            const std_msgs::Header& header);
+/// The ground plane ahead of the camera as a translucent quad, whose z axis is the normal. In
+/// metres, in the camera frame. Precondition: scale.status is not kUnknown.
+visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,
+                                              const std_msgs::Header& header);
 
 }  // namespace ground_scale_vo

@@ -40,7 +40,6 @@ class DirectPlaneEstimator {
     double baseline_heights = 0.7;
 
     // Noise model.
-    double image_noise = 2;  ///< [grey levels]
     double roughness_heights = 0.005;
     double curvature_sigma = 1e-3;  ///< [1 / camera height]
     double crown_sigma = 0.03;      ///< [1 / camera height]
@@ -49,9 +48,7 @@ class DirectPlaneEstimator {
     double direction_sigma_rad = 1e-3;
 
     // Acceptance.
-    double max_height_change = 1.4;
     double min_correlation = 0.8;
-    double max_sigma = 0.05;
     int min_patches = 24;
 
     template <typename Self, typename Visit>
@@ -66,8 +63,6 @@ class DirectPlaneEstimator {
       visit("patch_size", self.patch_size, 1e-3, 1, "[focal lengths] side of a patch");
       visit("baseline_heights", self.baseline_heights, 0.01, 100,
             "[camera heights] distance to the first reference image; the second is twice as far");
-      visit("image_noise", self.image_noise, 0.01, 255,
-            "[grey levels] standard deviation; patches with less contrast have little weight");
       visit(
           "roughness_heights", self.roughness_heights, 1e-6, 1,
           "[camera heights] standard deviation of the road surface; limits the weight of a patch");
@@ -83,13 +78,8 @@ class DirectPlaneEstimator {
             "[rad] standard deviation of the odometry's rotation between two images");
       visit("direction_sigma_rad", self.direction_sigma_rad, 1e-9, 1,
             "[rad] standard deviation of the odometry's direction of motion between two images");
-      visit("max_height_change", self.max_height_change, 1, 100,
-            "[] largest accepted ratio, in either direction, of the height to the one it starts "
-            "from");
       visit("min_correlation", self.min_correlation, 0, 1,
             "[] least accepted mean correlation of the patches");
-      visit("max_sigma", self.max_sigma, 1e-4, 10,
-            "[] largest accepted relative standard deviation of the height");
       visit("min_patches", self.min_patches, 3, 1e6,
             "[patches] least number of matched patches, summed over the reference images");
     }
@@ -102,7 +92,7 @@ class DirectPlaneEstimator {
     /// kStandstill (no reference image at a sufficient distance, or neither a height nor a feature
     /// in the lane) or kNoPlane.
     MeasurementStatus status = MeasurementStatus::kNoPlane;
-    /// In the axes of this frame's camera. Its height is that of the camera of the path that is
+    /// In the axes of this frame's camera. Its height belongs to the camera of the path that is
     /// nearest to the lane region, VO units.
     GroundPlane plane;
     double height_sigma = 0;   ///< standard deviation of plane.height [VO units]

@@ -33,9 +33,7 @@ class GroundPointExtraction {
 
     double motion_tolerance_rad = 0.12;
     double pitch_tolerance_rad = 0.12;
-    double roll_tolerance_rad = 0.26;  ///< not in the paper: Eq. 3 accepts walls along the road
     int min_points = 6;
-    int ransac_iterations = 100;
     double plane_threshold_heights = 0.006;  ///< the paper's 0.01 m over 1.65 m
     double plane_threshold_sigma = 2.0;
     bool frame_pitch_test = false;  ///< theta_1 on the pitch of T_{t,t-1}, as printed (line 10)
@@ -60,12 +58,8 @@ class GroundPointExtraction {
           "pitch_tolerance_rad", self.pitch_tolerance_rad, 1e-4, 1.6,
           "[rad] theta_1 of Alg. 1: largest pitch of a triangle, and pitch and roll of the plane, "
           "against the road; three standard deviations of the prior are added in quadrature");
-      visit("roll_tolerance_rad", self.roll_tolerance_rad, 1e-4, 1.6,
-            "[rad] largest roll of a triangle against the road; three standard deviations of the "
-            "prior are added in quadrature");
       visit("min_points", self.min_points, 3, 1e6,
             "[points] least number of ground points (Alg. 1 line 18)");
-      visit("ransac_iterations", self.ransac_iterations, 1, 1e6, "[iterations] Z of Alg. 1");
       visit("plane_threshold_heights", self.plane_threshold_heights, 1e-6, 1,
             "[camera heights] d_thresh of Alg. 1: inlier distance from the plane");
       visit("plane_threshold_sigma", self.plane_threshold_sigma, 0, 100,

@@ -12,9 +12,9 @@
 namespace ground_scale_vo {
 
 /// Camera pose in metres. The odometry frame o has the axes of the camera (x right, y down, z
-/// forward). Its origin is the first frame of the first map with a scale. Its axes are those of the
-/// camera at the first image if the odometry knows the rotation from there to its maps (MapStart),
-/// otherwise those at the origin.
+/// forward). Its origin is the first frame of the first map with a scale. Its axes are the axes of
+/// the camera at the first image if the odometry knows the rotation from there to its maps
+/// (MapStart), otherwise at the origin.
 struct MetricPose {
   Eigen::Isometry3d T_o_c = Eigen::Isometry3d::Identity();
   /// Accumulated covariance of T_o_c in o axes, in the order of geometry_msgs/PoseWithCovariance:

@@ -42,9 +42,6 @@ class PlaneFit {
   struct Options {
     Method method = Method::kInverseDepth;
     int min_points = 14;
-    double sac_threshold_heights = 0.04;
-    double sac_tilt_rad = 0.087;
-    int sac_iterations = 100;
     double roughness_heights = 0.01;
     /// Roads fall off towards the gutter and pavements are higher, so the ground beside the vehicle
     /// is tilted against the ground below it. This enters the height's standard deviation alone: in
@@ -57,13 +54,6 @@ class PlaneFit {
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("min_points", self.min_points, 3, 1e6, "[points] least number for a plane");
-      visit("sac_threshold_heights", self.sac_threshold_heights, 1e-6, 1,
-            "[camera heights] inlier distance of SACSegmentation");
-      visit("sac_tilt_rad", self.sac_tilt_rad, 1e-4, 1.5,
-            "[rad] largest angle of the normal of SACSegmentation's plane from the prior; three "
-            "standard deviations of the prior are added in quadrature");
-      visit("sac_iterations", self.sac_iterations, 1, 1e6,
-            "[iterations] largest number of SACSegmentation");
       visit("roughness_heights", self.roughness_heights, 1e-6, 1,
             "[camera heights] standard deviation of the road surface; limits the weight of near "
             "points");

@@ -27,7 +27,7 @@ constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
 /// Two measurements of the camera height h enter one filter: feature-based (GPE and
 /// GPA: a plane through tracked points) and direct (a plane that aligns the image intensities of
 /// the road). Feature-based measurements start with the first frames and need only some corners,
-/// such as those of road markings; direct ones need texture but no corners.
+/// such as the corners of road markings; direct ones need texture but no corners.
 ///
 /// Deterministic: the same frames give the same bytes. Not thread safe.
 class ScaleRecovery {

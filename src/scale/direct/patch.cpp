@@ -61,24 +61,30 @@ PatchExtractor::PatchExtractor(const PinholeCamera& camera, double patch_size, d
   cv::resize(eroded, allowed_, {camera_.width, camera_.height}, 0, 0, cv::INTER_NEAREST);
 }
 
-std::vector<Patch> PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane,
-                                           bool faces_backwards, RoadImage* road) const {
-  std::vector<Patch> patches = selectCells(lane, road);
-  if (patches.empty()) return patches;
-  const cv::Mat once = smoothed(image, road->roi);
+void PatchExtractor::extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
+                             RoadImage* road, std::vector<Patch>* patches) {
+  selectCells(lane, road, patches);
+  if (patches->empty()) return;
+  const cv::Rect& roi = road->roi;
+  const cv::Mat once = smoothed(image, roi);
   // The reference images show this piece of road from farther away, at a lower resolution. The
   // patches compared with them are smoothed a second time: a difference in sharpness would bias
   // their shifts. With a camera that faces backwards the reference images are the nearer ones.
+  cv::Rect sampled;
+  for (const Patch& patch : *patches) {
+    sampled |= cv::Rect(patch.corner, cv::Size(patch_px_, patch_px_));
+  }
+  const cv::Rect area = faces_backwards ? roi : extended(sampled, 1) & roi;
   cv::Mat twice;
-  cv::GaussianBlur(once, twice, {2 * radius_ + 1, 2 * radius_ + 1}, sigma_);
-  for (Patch& patch : patches) sample(faces_backwards ? once : twice, road->roi.tl(), &patch);
+  cv::GaussianBlur(once(area - roi.tl()), twice, {2 * radius_ + 1, 2 * radius_ + 1}, sigma_);
+  for (Patch& patch : *patches) sample(faces_backwards ? once : twice, area.tl(), &patch);
   road->pixels = faces_backwards ? twice : once;
-  return patches;
 }
 
 /// Creates the patches whose centre lies in the lane, and sets the part of the image to be stored.
-std::vector<Patch> PatchExtractor::selectCells(const LaneRegion& lane, RoadImage* road) const {
-  std::vector<Patch> patches;
+void PatchExtractor::selectCells(const LaneRegion& lane, RoadImage* road,
+                                 std::vector<Patch>* patches) const {
+  patches->clear();
   road->roi = cv::Rect();
   // Cells at the image border have no gradient there.
   for (int y = patch_px_; y + patch_px_ < camera_.height; y += patch_px_) {
@@ -87,18 +93,17 @@ std::vector<Patch> PatchExtractor::selectCells(const LaneRegion& lane, RoadImage
       const cv::Point centre = (cell.tl() + cell.br()) / 2;
       if (!lane.contains(camera_.ray({centre.x, centre.y}))) continue;
       if (!allowed_.empty() && cv::countNonZero(allowed_(cell)) < cell.area()) continue;
-      patches.emplace_back().corner = cell.tl();
+      patches->emplace_back().corner = cell.tl();
       road->roi |= cell;
     }
   }
-  if (patches.empty()) return patches;
+  if (patches->empty()) return;
   // At least one pixel, for the gradients of the outermost samples.
   const int side = std::max(1, static_cast<int>(kSideMargin * camera_.fx));
   const int top = std::max(1, static_cast<int>(kTopMargin * camera_.fy));
   road->roi -= cv::Point(side, top);
   road->roi += cv::Size(2 * side, top + patch_px_);
   road->roi &= cv::Rect(0, 0, camera_.width, camera_.height);
-  return patches;
 }
 
 /// Part of the reduced image, smoothed, CV_32F.
@@ -106,9 +111,9 @@ cv::Mat PatchExtractor::smoothed(const cv::Mat& image, const cv::Rect& area) con
   const cv::Rect wide = extended(area, radius_) & cv::Rect(0, 0, camera_.width, camera_.height);
   cv::Mat part = image(cv::Rect(wide.tl() * reduction_, wide.size() * reduction_));
   if (reduction_ > 1) cv::resize(part, part, wide.size(), 0, 0, cv::INTER_AREA);
-  cv::Mat exact, result;
-  part.convertTo(exact, CV_32F);
-  cv::GaussianBlur(exact(area - wide.tl()), result, {2 * radius_ + 1, 2 * radius_ + 1}, sigma_);
+  const cv::Mat kernel = cv::getGaussianKernel(2 * radius_ + 1, sigma_, CV_32F);
+  cv::Mat result;
+  cv::sepFilter2D(part(area - wide.tl()), result, CV_32F, kernel, kernel);
   return result;
 }
 

@@ -46,12 +46,13 @@ class PatchExtractor {
   const cv::Mat& allowed() const { return allowed_; }
 
   /// image: 8-bit grey. faces_backwards: the camera looks against the direction of motion. Writes
-  /// the smoothed lane region to *road; without patches its roi is empty. None touches the mask.
-  std::vector<Patch> extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
-                             RoadImage* road) const;
+  /// the smoothed lane region to *road and the patches in it to *patches; without patches the roi
+  /// is empty. None touches the mask.
+  void extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards, RoadImage* road,
+               std::vector<Patch>* patches);
 
  private:
-  std::vector<Patch> selectCells(const LaneRegion& lane, RoadImage* road) const;
+  void selectCells(const LaneRegion& lane, RoadImage* road, std::vector<Patch>* patches) const;
   cv::Mat smoothed(const cv::Mat& image, const cv::Rect& area) const;
   void sample(const cv::Mat& smoothed, const cv::Point& origin, Patch* patch) const;
 

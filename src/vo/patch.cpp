@@ -14,7 +14,7 @@ namespace {
 /// behind.
 constexpr int kMaxIterations = 20;
 /// [px] step length at convergence: a fraction of the noise of an aligned corner (0.2 px).
-constexpr float kConverged_px = 0.005f;
+constexpr float kConverged_px = 0.004f;
 /// [px] two steps whose sum is below it in each coordinate go back and forth.
 constexpr float kOscillation_px = 0.01f;
 /// [grey levels^2 per px^2] least mean over the patch of the squared gradient in its weakest
@@ -23,8 +23,8 @@ constexpr float kMinSquaredGradient = 0.1f;
 /// Minimum determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
 /// then at least about 1e-3. Below this value the patch is an edge.
 constexpr float kMinCornerness = 1e-3f;
-/// Least sum of squared deviations from the mean, against a division by zero.
-constexpr double kMinSquares = 1;
+/// [grey levels^2] least sum of squared deviations from the mean, against a division by zero.
+constexpr float kMinSquares = 1e-3f;
 
 using Element = std::int16_t;
 constexpr auto kSide = static_cast<std::size_t>(Patch::kSide);
@@ -219,26 +219,6 @@ inline DifferenceSums compare(const Element* pixels, float a, float b, const Pat
   return sums;
 }
 
-/// Sums over the grey levels of two patches and their products, in eighths of a grey level.
-struct ProductSums {
-  std::int32_t a = 0, b = 0, aa = 0, ab = 0, bb = 0;
-};
-static_assert(kCount * (255 * 8) * (255 * 8) < (std::size_t{1} << 31));
-
-GSV_VECTOR_LOOP ProductSums multiply(const Element* __restrict a, const Element* __restrict b) {
-  ProductSums sums;
-  for (std::size_t i = 0; i < kCount; ++i) {
-    const auto p = static_cast<Element>((a[i] >> 2) & kMask[i]);
-    const auto q = static_cast<Element>((b[i] >> 2) & kMask[i]);
-    sums.a += p;
-    sums.b += q;
-    sums.aa += p * p;
-    sums.ab += p * q;
-    sums.bb += q * q;
-  }
-  return sums;
-}
-
 /// See Patch::find(). flatten: all that it calls becomes part of it, and so of its version for
 /// AVX2.
 GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(
@@ -324,13 +304,25 @@ bool Patch::find(const cv::Mat& image, float max_distance, cv::Point2f* point) c
 float Patch::correlation(const cv::Mat& image, const cv::Point2f& point) const {
   Array wide;
   readWide(image, point, &wide);
-  const ProductSums sums = multiply(grey_.data(), wide.data() + kStride + 1);
-  const auto covariance = [](std::int32_t product, std::int32_t p, std::int32_t q) {
-    return product - static_cast<double>(p) * q / kPixels;
+  std::int32_t a = 0, b = 0;
+  std::int64_t aa = 0, ab = 0, bb = 0;
+  for (std::size_t y = 0; y < kSide; ++y) {
+    const Element* const row_a = &grey_[y * kStride];
+    const Element* const row_b = &wide[(y + 1) * kStride + 1];
+    for (std::size_t x = 0; x < kSide; ++x) {
+      a += row_a[x];
+      b += row_b[x];
+      aa += row_a[x] * row_a[x];
+      ab += row_a[x] * row_b[x];
+      bb += row_b[x] * row_b[x];
+    }
+  }
+  const auto covariance = [](std::int64_t product, std::int32_t p, std::int32_t q) {
+    return static_cast<float>(product - static_cast<std::int64_t>(p) * q / kPixels);
   };
-  const double aa = covariance(sums.aa, sums.a, sums.a), bb = covariance(sums.bb, sums.b, sums.b);
-  return static_cast<float>(covariance(sums.ab, sums.a, sums.b) /
-                            std::sqrt(std::max(kMinSquares, aa) * std::max(kMinSquares, bb)));
+  const float least = kMinSquares * kGreyUnit * kGreyUnit;
+  return covariance(ab, a, b) /
+         std::sqrt(std::max(least, covariance(aa, a, a)) * std::max(least, covariance(bb, b, b)));
 }
 
 void Patch::prefetch(const cv::Mat& image, const cv::Point2f& centre) {

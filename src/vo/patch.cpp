@@ -20,9 +20,6 @@ constexpr float kOscillation_px = 0.01f;
 /// [grey levels^2 per px^2] least mean over the patch of the squared gradient in its weakest
 /// direction.
 constexpr float kMinSquaredGradient = 0.1f;
-/// Minimum determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
-/// then at least about 1e-3. Below this value the patch is an edge.
-constexpr float kMinCornerness = 1e-3f;
 /// [grey levels^2] least sum of squared deviations from the mean, against a division by zero.
 constexpr float kMinSquares = 1e-3f;
 
@@ -254,7 +251,7 @@ bool Patch::cut(const cv::Mat& image, const cv::Point2f& centre) {
   if (!overlaps(image, centre)) return false;
   Array wide;
   readWide(image, centre, &wide);
-  return prepareSearch(wide, false);
+  return prepareSearch(wide);
 }
 
 bool Patch::cut(const cv::Mat& image, const cv::Point2f& centre, const Eigen::Matrix2f& step) {
@@ -268,27 +265,24 @@ bool Patch::cut(const cv::Mat& image, const cv::Point2f& centre, const Eigen::Ma
   }
   Array wide{};
   readWarped(image, centre, step, &wide);
-  return prepareSearch(wide, true);
+  return prepareSearch(wide);
 }
 
-bool Patch::prepareSearch(const Array& wide, bool zero_mean) {
+bool Patch::prepareSearch(const Array& wide) {
   const GradientSums sums =
       differentiate(wide.data(), grey_.data(), gradient_x_.data(), gradient_y_.data());
   const Eigen::Vector2f sum(static_cast<float>(sums.x), static_cast<float>(sums.y));
   Eigen::Matrix2f hessian;
   hessian << static_cast<float>(sums.xx), static_cast<float>(sums.xy), static_cast<float>(sums.xy),
       static_cast<float>(sums.yy);
-  mean_gradient_ = zero_mean ? Eigen::Vector2f(sum / kPixels) : Eigen::Vector2f::Zero();
-  hessian -= mean_gradient_ * mean_gradient_.transpose() * kPixels;
-  constexpr auto kLeast =
-      kMinSquaredGradient * static_cast<float>(kPixels * kGradientUnit * kGradientUnit);
-  // The correlation verifies an aligned patch: there a weak texture suffices, if it is no edge.
-  const float trace = hessian.trace(), determinant = hessian.determinant();
+  hessian -= sum * sum.transpose() / kPixels;
+  mean_gradient_ = sum / kPixels;
   const float radius = std::hypot(hessian(0, 0) - hessian(1, 1), 2 * hessian(0, 1));
-  const bool has_texture = zero_mean
-                               ? trace >= kLeast && determinant >= kMinCornerness * trace * trace
-                               : (trace - radius) / 2 >= kLeast;
-  if (!has_texture) return false;
+  const float smaller_eigenvalue = (hessian.trace() - radius) / 2;
+  if (!(smaller_eigenvalue >=
+        kMinSquaredGradient * static_cast<float>(kPixels * kGradientUnit * kGradientUnit))) {
+    return false;
+  }
   inverse_hessian_ = hessian.inverse() * (static_cast<float>(kGradientUnit) / kGreyUnit);
   return true;
 }

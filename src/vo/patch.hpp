@@ -10,7 +10,7 @@ namespace ground_scale_vo {
 
 /// A square patch of an image with its gradients, which is searched in other images with subpixel
 /// accuracy: Gauss-Newton with the gradients of the patch (inverse-compositional, Baker & Matthews
-/// 2004), squared differences of grey levels.
+/// 2004), zero-mean squared differences of grey levels.
 ///
 /// Grey levels and gradients are 16-bit integers. They are stored row by row in flat arrays with
 /// kStride elements a row; the loops run over an array without regard to rows, so that the compiler
@@ -29,9 +29,8 @@ class Patch {
   /// texture in two directions; then it cannot be searched.
   bool cut(const cv::Mat& image, const cv::Point2f& centre);
 
-  /// The same with the pixels at centre + step * (x, y), for a search with zero-mean differences:
-  /// the illumination may have changed. False also if the pixels are not all inside the image,
-  /// which needs no border.
+  /// The same with the pixels at centre + step * (x, y). False also if they are not all inside the
+  /// image, which needs no border.
   bool cut(const cv::Mat& image, const cv::Point2f& centre, const Eigen::Matrix2f& step);
 
   /// Moves `point` from a guess to where the patch is found. False if it leaves the image, or goes
@@ -52,10 +51,10 @@ class Patch {
   using Array = std::array<std::int16_t, kStride * kStride + 2 * kChunk>;
 
  private:
-  bool prepareSearch(const Array& wide, bool zero_mean);
+  bool prepareSearch(const Array& wide);
 
   Array grey_, gradient_x_, gradient_y_;
-  Eigen::Vector2f mean_gradient_;    ///< zero unless the differences are zero-mean
+  Eigen::Vector2f mean_gradient_;
   Eigen::Matrix2f inverse_hessian_;  ///< [px] per sum of gradient times difference
 };
 

@@ -236,14 +236,13 @@ struct VisualOdometry::Impl {
 
   /// Processes a frame when there is a map. Returns the features tracked in it; empty when lost.
   std::vector<Feature> track(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
-    const bool was_lost = status == VoStatus::kLost;
     std::vector<Feature> found = findFeatures(image, stamp_ns, std::nullopt, out);
     if (!estimatePose(stamp_ns, std::nullopt, &found, out)) {
       const Descriptors previous = tracking.describeFeatures();
       const Descriptors corners = tracking.describeCorners(image);
       const auto matched = relocalisation.matchDescriptors(
           mapping.map(), motion, tracking.features(), previous, corners, stamp_ns);
-      if (!matched || !trackFrom(*matched, image, stamp_ns, false, &found, out)) {
+      if (!matched || !trackFrom(*matched, image, stamp_ns, &found, out)) {
         status = VoStatus::kLost;
         if (tracking.isTextureless(image, found.size())) return {};
         std::optional<Relocalisation::Result> searched;
@@ -251,7 +250,7 @@ struct VisualOdometry::Impl {
           searched = relocalisation.searchPose(mapping.map(), motion, tracking.features(),
                                                tracking.image().image(), image.image(), stamp_ns);
         }
-        if (!searched || !trackFrom(*searched, image, stamp_ns, true, &found, out)) {
+        if (!searched || !trackFrom(*searched, image, stamp_ns, &found, out)) {
           if (++lost_images == options.lost_frames_before_new_map) {
             append(searched ? rotationTo(*searched) : rotationBetween(previous, corners),
                    &next_start);
@@ -263,8 +262,6 @@ struct VisualOdometry::Impl {
         }
       }
     }
-    // After an interruption many features are wrong: they would become observations of a keyframe.
-    if (was_lost) removeInconsistent(motion.T_w_c(), &found, &out->rejected);
     status = VoStatus::kTracking;
     lost_images = 0;
     out->frame.keyframe = mapping.needsKeyframe(motion.T_w_c(), found);
@@ -283,12 +280,12 @@ struct VisualOdometry::Impl {
     return found;
   }
 
-  /// Tracks the features again from the pose found. after_gap: estimates the pose from those that
-  /// are consistent with it, because most features that are tracked over a long gap are wrong.
+  /// Tracks the features again from the pose found, and estimates the pose from those that are
+  /// consistent with it: most features that are tracked over a long interruption are wrong.
   bool trackFrom(const Relocalisation::Result& pose, const ImagePyramid& image,
-                 std::int64_t stamp_ns, bool after_gap, std::vector<Feature>* found, Output* out) {
+                 std::int64_t stamp_ns, std::vector<Feature>* found, Output* out) {
     *found = findFeatures(image, stamp_ns, pose, out);
-    if (after_gap) removeInconsistent(pose.T_w_c, found, &out->rejected);
+    removeInconsistent(pose.T_w_c, found, &out->rejected);
     return estimatePose(stamp_ns, pose.T_w_c, found, out);
   }
 

@@ -207,7 +207,7 @@ std::vector<Scenario> motions() {
               o.speed = 7;
             })
           .dependsOn("detection of standstill", {},
-                     {"standstill_distance_heights=0", "tracker/standstill_flow=0"})
+                     {"standstill_distance_heights=0", "odometry/standstill_flow=0"})
           .unobservableFrames(42, 50),
       Entry("reversing", "forwards, a stop, and 8 m backwards", 85,
             [](Options& o) {
@@ -216,7 +216,7 @@ std::vector<Scenario> motions() {
               o.moving_cars = false;
             })
           .dependsOn("detection of standstill", {},
-                     {"standstill_distance_heights=0", "tracker/standstill_flow=0"})
+                     {"standstill_distance_heights=0", "odometry/standstill_flow=0"})
           .unobservableFrames(47, 49),
   };
 }

@@ -2,14 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "common/parallel_loop.hpp"
 #include "common/vector_loop.hpp"
-#include "vo/corner_strength.hpp"
-#include "vo/patch.hpp"
+#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/vo/corner_strength.hpp"
+#include "vo/free_pixels.hpp"
+#include "vo/lucas_kanade.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -22,18 +23,13 @@ constexpr int kMinCell_px = 8;
 /// [px] Corners are detected in the finest level of the pyramid that has at most as many pixels: in
 /// a larger one the time grows, the number of cells does not.
 constexpr std::size_t kMaxDetection_px = 1'500'000;
-/// [px] from a corner at a whole pixel to the last pixel on which its strength or its patch, with
-/// gradients, depends.
-constexpr int kReach_px = std::max(Patch::kSide / 2, CornerStrength::kReach) + 1;
-static_assert(Patch::kSide == FeatureTracker::kPatchSide_px);
 /// Instead of the strength of a pixel that is not free; less than any strength.
 constexpr float kNotFree = -1;
 
 /// Smaller over larger eigenvalue of the gradient matrix of the patch around a pixel: 0 on a
 /// straight edge, where the aperture problem leaves the position along the edge undetermined.
-double eigenvalueRatio(const cv::Mat& image, const cv::Point& at) {
-  constexpr int half = Patch::kSide / 2;
-  int xx = 0, xy = 0, yy = 0;
+double eigenvalueRatio(const cv::Mat& image, const cv::Point& at, int half) {
+  int xx = 0, xy = 0, yy = 0;  // at most 51 x 51 squares of 255
   for (int y = std::max(1, at.y - half); y <= std::min(image.rows - 2, at.y + half); ++y) {
     const unsigned char* above = image.ptr(y - 1);
     const unsigned char* row = image.ptr(y);
@@ -101,76 +97,24 @@ bool isInside(const cv::Mat& image, const cv::Point2f& u) {
       .contains(u);
 }
 
-/// Pyramidal Lucas-Kanade (Bouguet 2000): searches patches of one pyramid in another one.
-class PyramidSearch {
- public:
-  PyramidSearch(const std::vector<cv::Mat>& from, const std::vector<cv::Mat>& to)
-      : from_(from), to_(to), patches_(std::min(from.size(), to.size())) {}
-
-  /// Requests from memory the pixels of a patch that will soon be searched over `levels`.
-  void prefetch(const cv::Point2f& from_point, const cv::Point2f& guess, int levels) const {
-    for (int level = top(levels); level >= 0; --level) {
-      const auto scale = static_cast<float>(1 << level);
-      Patch::prefetch(from_[static_cast<std::size_t>(level)], from_point / scale);
-      Patch::prefetch(to_[static_cast<std::size_t>(level)], guess / scale);
-    }
-  }
-
-  /// Sets the patch to be searched, around a point of the first pyramid [px].
-  void setPatch(const cv::Point2f& from_point) {
-    from_point_ = from_point;
-    for (LevelPatch& level : patches_) level.state = LevelPatch::kUnknown;
-  }
-
-  /// point: initial guess in the second pyramid [px], replaced by the result. levels: number of
-  /// levels to use above the full resolution. Returns whether the patch has been found.
-  bool find(int levels, cv::Point2f* point) {
-    if (!patchAt(0)) return false;  // whatever the coarser levels find
-    bool found = false;
-    for (int level = top(levels); level >= 0; --level) {
-      const Patch* const patch = patchAt(level);
-      const auto scale = static_cast<float>(1 << level);
-      *point /= scale;
-      found = patch && patch->find(to_[static_cast<std::size_t>(level)],
-                                   std::numeric_limits<float>::infinity(), point);
-      *point *= scale;
-    }
-    return found;
-  }
-
- private:
-  struct LevelPatch {
-    enum { kUnknown, kUsable, kUnusable } state = kUnknown;
-    Patch patch;
-  };
-
-  int top(int levels) const { return std::min(levels, static_cast<int>(patches_.size()) - 1); }
-
-  /// Null if the patch has no texture there or does not overlap the image.
-  const Patch* patchAt(int level) {
-    const auto k = static_cast<std::size_t>(level);
-    LevelPatch& result = patches_[k];
-    if (result.state == LevelPatch::kUnknown) {
-      const cv::Point2f centre = from_point_ / static_cast<float>(1 << level);
-      result.state =
-          result.patch.cut(from_[k], centre) ? LevelPatch::kUsable : LevelPatch::kUnusable;
-    }
-    return result.state == LevelPatch::kUsable ? &result.patch : nullptr;
-  }
-
-  const std::vector<cv::Mat>&from_, &to_;
-  cv::Point2f from_point_;
-  std::vector<LevelPatch> patches_;
-};
-
 }  // namespace
 
-void FeatureTracker::Options::validate() const { visitParameters(*this, RangeCheck("tracker/")); }
+void FeatureTracker::Options::validate() const {
+  visitParameters(*this, RangeCheck("tracker/"));
+  if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
+}
 
 FeatureTracker::FeatureTracker(const Options& options, const cv::Mat& mask)
-    : options_((options.validate(), options)) {
+    : options_((options.validate(), options)),
+      lucas_kanade_(std::make_shared<const LucasKanade>(options_.window_px)) {
   if (mask.empty()) return;
-  cv::erode(mask, allowed_, cv::Mat::ones(2 * kReach_px + 1, 2 * kReach_px + 1, CV_8U));
+  cv::erode(mask, allowed_, cv::Mat::ones(2 * reach() + 1, 2 * reach() + 1, CV_8U));
+}
+
+/// [px] from a corner at a whole pixel to the last pixel on which its strength or its patch, with
+/// gradients, depends.
+int FeatureTracker::reach() const {
+  return std::max(options_.window_px / 2, CornerStrength::kReach) + 1;
 }
 
 /// Precondition: isInside() of an image.
@@ -180,13 +124,8 @@ bool FeatureTracker::isMasked(const cv::Point2f& u) const {
 
 ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
   ImagePyramid result;
-  result.levels.push_back(withBorder(image));
-  for (int level = 0; level < options_.pyramid_levels; ++level) {
-    cv::Mat smaller;
-    cv::pyrDown(result.levels.back(), smaller);
-    if (std::min(smaller.cols, smaller.rows) <= Patch::kSide) break;
-    result.levels.push_back(withBorder(smaller));
-  }
+  result.levels = lucas_kanade_->pyramid(image, options_.pyramid_levels);
+  result.image = result.levels.front();
   return result;
 }
 
@@ -196,7 +135,7 @@ std::vector<cv::Point2f> FeatureTracker::detect(const ImagePyramid& image,
   while (level + 1 < image.levels.size() && image.levels[level].total() > kMaxDetection_px) {
     ++level;
   }
-  if (level == 0) return detectIn(image.image(), allowed_, occupied);
+  if (level == 0) return detectIn(image.image, allowed_, occupied);
   const auto scale = static_cast<float>(1 << level);
   cv::Mat allowed;
   if (!allowed_.empty()) {
@@ -214,7 +153,7 @@ std::vector<cv::Point2f> FeatureTracker::detectIn(const cv::Mat& image, const cv
                                                   const std::vector<cv::Point2f>& occupied) const {
   const int cell =
       std::max(kMinCell_px, static_cast<int>(std::lround(options_.cell_size * image.cols)));
-  constexpr int border = kReach_px;
+  const int border = reach();
   const int columns = (image.cols - 2 * border) / cell;
   const int rows = (image.rows - 2 * border) / cell;
   if (columns < 1 || rows < 1) return {};
@@ -226,12 +165,11 @@ std::vector<cv::Point2f> FeatureTracker::detectIn(const cv::Mat& image, const cv
     return column >= 0 && column < columns && row >= 0 && row < rows ? row * columns + column : -1;
   };
   std::vector<unsigned char> taken(static_cast<std::size_t>(columns * rows), 0);
-  cv::Mat free = allowed.empty() ? cv::Mat(image.size(), CV_8U, cv::Scalar(255)) : allowed.clone();
-  const auto removeDisc = [&](const cv::Point& u) { cv::circle(free, u, cell / 2, 0, cv::FILLED); };
+  FreePixels free(image.size(), allowed, cell / 2);
   for (const cv::Point2f& u : occupied) {
     const int index = cellOf(u);
     if (index >= 0) taken[static_cast<std::size_t>(index)] = 1;
-    removeDisc(u);
+    free.removeDisc(u);
   }
 
   const double ratio = options_.min_corner_ratio;
@@ -243,7 +181,7 @@ std::vector<cv::Point2f> FeatureTracker::detectIn(const cv::Mat& image, const cv
   for (int row = 0; row < rows; ++row) {
     for (; filled < band.rows; ++filled) strength.next(band.ptr<float>(filled));
     const int first_row = border + row * cell - 1;
-    const cv::Mat free_band = free.rowRange(first_row, first_row + band.rows);
+    const cv::Mat free_band = free.mask().rowRange(first_row, first_row + band.rows);
     for (int column = 0; column < columns; ++column) {
       if (taken[static_cast<std::size_t>(row * columns + column)]) continue;
       const cv::Rect area(border + column * cell, 1, cell, cell);
@@ -252,15 +190,27 @@ std::vector<cv::Point2f> FeatureTracker::detectIn(const cv::Mat& image, const cv
       // A maximum on the cell's border may belong to a stronger corner in the next cell.
       if (!peak || !isLocalMaximum(band, *peak)) continue;
       const cv::Point at = *peak + cv::Point(0, first_row);
-      if (eigenvalueRatio(image, at) < ratio) continue;
+      if (eigenvalueRatio(image, at, options_.window_px / 2) < ratio) continue;
       corners.emplace_back(at);
-      removeDisc(at);
+      free.removeDisc(at);
     }
     // The last two rows are the first of the next band.
     band.rowRange(cell, cell + 2).copyTo(band.rowRange(0, 2));
     filled = 2;
   }
   return corners;
+}
+
+/// Whether the patch of `there` is found in the second image, and from there in the first image
+/// again, where it comes from. point: initial guess, replaced by the result.
+bool FeatureTracker::trackThereAndBack(const cv::Point2f& from_point, int levels,
+                                       PyramidSearch* there, PyramidSearch* back, const cv::Mat& to,
+                                       cv::Point2f* point) const {
+  if (!there->find(levels, point) || !isInside(to, *point) || isMasked(*point)) return false;
+  back->setPatch(*point);
+  cv::Point2f returned = from_point;
+  return back->find(0, &returned) &&
+         cv::norm(returned - from_point) <= options_.forward_backward_px;
 }
 
 FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const ImagePyramid& to,
@@ -272,18 +222,8 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
   tracks.points = predicted.empty() ? from_points : predicted;
   tracks.ok.assign(from_points.size(), 0);
   parallelLoop(static_cast<int>(from_points.size()), [&](const cv::Range& range) {
-    PyramidSearch there(from.levels, to.levels), back(to.levels, from.levels);
-    // Whether the patch of `there` is found from the point on, and from there in the first image
-    // again, where it comes from.
-    const auto find = [&](const cv::Point2f& from_point, int top_level, cv::Point2f* point) {
-      if (!there.find(top_level, point) || !isInside(to.image(), *point) || isMasked(*point)) {
-        return false;
-      }
-      back.setPatch(*point);
-      cv::Point2f returned = from_point;
-      return back.find(0, &returned) &&
-             cv::norm(returned - from_point) <= options_.forward_backward_px;
-    };
+    PyramidSearch there(*lucas_kanade_, from.levels, to.levels);
+    PyramidSearch back(*lucas_kanade_, to.levels, from.levels);
     for (auto i = static_cast<std::size_t>(range.start); i < static_cast<std::size_t>(range.end);
          ++i) {
       if (i + 1 < static_cast<std::size_t>(range.end)) {
@@ -291,11 +231,13 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
       }
       cv::Point2f& point = tracks.points[i];
       there.setPatch(from_points[i]);
-      tracks.ok[i] = !predicted.empty() && find(from_points[i], levels_near_prediction, &point);
-      if (!tracks.ok[i]) {
+      bool ok = !predicted.empty() && trackThereAndBack(from_points[i], levels_near_prediction,
+                                                        &there, &back, to.image, &point);
+      if (!ok) {
         point = from_points[i];
-        tracks.ok[i] = find(from_points[i], levels, &point);
+        ok = trackThereAndBack(from_points[i], levels, &there, &back, to.image, &point);
       }
+      tracks.ok[i] = ok;
     }
   });
   return tracks;

@@ -129,7 +129,7 @@ struct LocalBundleAdjustment::Problem {
     const Eigen::Vector3d ray = landmark.ray();
     const std::size_t anchor = landmark.observations.front().keyframe - first_id;
     const std::size_t begin =
-        landmarks.empty() ? Reprojections::kPaddingRow + 1 : landmarks.back().end;
+        landmarks.empty() ? Reprojections::kUnusedRow + 1 : landmarks.back().end;
     Landmark added{id, !isFixed(anchor), begin, begin, begin, 0, 0, 0};
     if (added.free_anchor) addRow(anchor, &added);
     const std::size_t before = residuals.size();
@@ -191,9 +191,12 @@ struct LocalBundleAdjustment::Problem {
     anchor_sums.assign(3 * landmarks.size(), 0);
     for (std::size_t g = 0; g < relative_poses.size(); ++g) {
       const RelativePose& relative = relative_poses[g];
-      const auto blocks =
-          reprojections.linearise(g, relative.T_o_a, rows.data(), anchor_sums.data());
-      if (!isFixed(relative.observer)) addPoseBlocks(relative, blocks);
+      if (isFixed(relative.observer)) {
+        reprojections.lineariseDepths(g, relative.T_o_a, rows.data());
+      } else {
+        addPoseBlocks(relative,
+                      reprojections.linearise(g, relative.T_o_a, rows.data(), anchor_sums.data()));
+      }
     }
     for (std::size_t i = 0; i < landmarks.size(); ++i) finishLandmark(i);
   }

@@ -3,11 +3,21 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+/// Distance between the observation x in camera c and the point's projection, infinite behind the
+/// camera.
+double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
+                         const Eigen::Isometry3d& T_c_anchor, const Eigen::Vector2d& x) {
+  const Eigen::Vector3d p = projectOnRay(ray, inverse_depth, T_c_anchor).p;
+  if (p.z() <= kMinDepthRatio) return std::numeric_limits<double>::infinity();
+  return (p.head<2>() / p.z() - x).norm();
+}
 
 /// The current poses of all keyframes relative to the earlier ones, in which landmarks are
 /// anchored.
@@ -108,7 +118,7 @@ void LocalMap::triangulateNew() {
     if (!depth || depth->value <= 0) continue;
     if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
     const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
-      return reprojectionError(projectOnRay(ray, depth->value, o.T_c_anchor).p, o.x) <
+      return reprojectionError(ray, depth->value, o.T_c_anchor, o.x) <
              options_.max_reprojection_error;
     });
     if (fits) landmark.depth = depth;
@@ -146,9 +156,8 @@ void LocalMap::removeOutliers(double max_reprojection_error) {
     std::vector<Observation>& observations = landmark.observations;
     const auto kept = std::remove_if(
         std::next(observations.begin()), observations.end(), [&](const Observation& o) {
-          const Eigen::Vector3d p =
-              projectOnRay(ray, landmark.depth->value, poses.T_c_anchor(o, landmark)).p;
-          return reprojectionError(p, o.x) > max_reprojection_error;
+          return reprojectionError(ray, landmark.depth->value, poses.T_c_anchor(o, landmark), o.x) >
+                 max_reprojection_error;
         });
     const bool removed = kept != observations.end();
     observations.erase(kept, observations.end());

@@ -5,7 +5,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/time.hpp"
-#include "vo/motion_model.hpp"
+#include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -16,13 +16,11 @@ constexpr double kMinParallaxShare = 0.05;
 
 }  // namespace
 
-Mapping::Mapping(const PinholeCamera& camera, const LocalMap::Options& options,
-                 const LocalBundleAdjustment::Options& adjustment_options, bool rolling_shutter)
+Mapping::Mapping(const PinholeCamera& camera, const VisualOdometry::Options& options)
     : options_(options),
-      rolling_shutter_(rolling_shutter),
       camera_(camera),
-      map_(options),
-      bundle_adjustment_(adjustment_options) {}
+      map_(options.map),
+      bundle_adjustment_(options.bundle_adjustment) {}
 
 Mapping::Parallax Mapping::parallaxToLast(const Eigen::Isometry3d& T_w_c,
                                           const std::vector<Feature>& found) const {
@@ -57,16 +55,20 @@ bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
 }
 
 void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
-                          const ImagePyramid& image, const Vector6d& readout_motion) {
+                          const ImagePyramid& image, VisualOdometry::Times* times,
+                          const Vector6d& readout_motion) {
   if (!map_.keyframes().back().has_parallax) map_.removeNewestKeyframe();
   const Parallax parallax = parallaxToLast(T_w_c, features);
-  map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image());
+  map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image);
   map_.keyframes().back().exposure = image.exposure;
   map_.keyframes().back().readout_motion = readout_motion;
   map_.keyframes().back().has_parallax =
       parallax.features == 0 || parallax.median > kMinParallaxShare * options_.keyframe_parallax;
-  map_.triangulateNew();
-  if (rolling_shutter_) shiftToStamp(camera_, &map_);
+  {
+    ScopedTimer timer(&times->triangulate);
+    map_.triangulateNew();
+  }
+  if (options_.readout_time > 0) shiftToStamp(camera_, &map_);
   bundle_adjustment_.load(map_);
   adjusting_ = std::async(std::launch::async, [this] {
     const Stopwatch watch;
@@ -75,12 +77,13 @@ void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feat
   });
 }
 
-std::optional<Mapping::Adjustment> Mapping::finishAdjustment() {
+std::optional<Eigen::Isometry3d> Mapping::takeAdjustedMap(VisualOdometry::Times* times) {
   if (!adjusting_.valid()) return std::nullopt;
-  const double ms = adjusting_.get();
+  ScopedTimer timer(&times->adjustment_wait);
+  times->bundle_adjustment = adjusting_.get();
   const Eigen::Isometry3d before = map_.keyframes().back().T_w_c;
   storeAdjusted();
-  return Adjustment{map_.keyframes().back().T_w_c * before.inverse(), ms};
+  return map_.keyframes().back().T_w_c * before.inverse();
 }
 
 bool Mapping::adjustNow() {
@@ -92,7 +95,7 @@ bool Mapping::adjustNow() {
 
 void Mapping::storeAdjusted() {
   bundle_adjustment_.store(&map_);
-  map_.removeOutliers(options_.max_adjusted_error);
+  map_.removeOutliers(options_.max_reprojection_error);
   map_.updateSigmas();
 }
 

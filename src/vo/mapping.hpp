@@ -9,6 +9,7 @@
 #include "ground_scale_vo/vo/feature_tracker.hpp"
 #include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "ground_scale_vo/vo/local_map.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "vo/feature.hpp"
 
 namespace ground_scale_vo {
@@ -16,9 +17,7 @@ namespace ground_scale_vo {
 /// The local map: keyframe selection, triangulation, and bundle adjustment on a second thread.
 class Mapping {
  public:
-  /// rolling_shutter: the observations are shifted to the stamps of their keyframes.
-  Mapping(const PinholeCamera& camera, const LocalMap::Options& options,
-          const LocalBundleAdjustment::Options& adjustment_options, bool rolling_shutter);
+  Mapping(const PinholeCamera& camera, const VisualOdometry::Options& options);
 
   LocalMap& map() { return map_; }
   const LocalMap& map() const { return map_; }
@@ -32,18 +31,14 @@ class Mapping {
   /// baseline, and the map would lose its scale. The second thread works on a copy of the poses and
   /// depths, so the map stays usable. readout_motion: see VoFrame.
   void addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
-                   const ImagePyramid& image, const Vector6d& readout_motion = Vector6d::Zero());
+                   const ImagePyramid& image, VisualOdometry::Times* times,
+                   const Vector6d& readout_motion = Vector6d::Zero());
 
-  struct Adjustment {
-    /// C = T_new T_old^-1 of the newest keyframe's pose: a pose T_w_c in the old map becomes C *
-    /// T_w_c.
-    Eigen::Isometry3d correction = Eigen::Isometry3d::Identity();
-    double ms = 0;  ///< duration of the bundle adjustment
-  };
   /// Waits for the bundle adjustment that addKeyframe started, if any, and applies its result.
   /// Called at the same step of each frame, so the result does not depend on the machine's speed.
-  /// Empty if no adjustment was started.
-  std::optional<Adjustment> finishAdjustment();
+  /// Returns the correction C = T_new T_old^-1 of the newest keyframe's pose: a pose T_w_c in the
+  /// old map becomes C * T_w_c. Empty if no adjustment was started.
+  std::optional<Eigen::Isometry3d> takeAdjustedMap(VisualOdometry::Times* times);
 
   /// Runs bundle adjustment on the calling thread. Returns false if its result is not usable.
   bool adjustNow();
@@ -57,8 +52,7 @@ class Mapping {
   Parallax parallaxToLast(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& found) const;
   void storeAdjusted();
 
-  const LocalMap::Options options_;
-  const bool rolling_shutter_;
+  const VisualOdometry::Options options_;
   const PinholeCamera camera_;
 
   LocalMap map_;

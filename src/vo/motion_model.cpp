@@ -1,11 +1,7 @@
 #include "vo/motion_model.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <optional>
 
-#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
@@ -21,48 +17,6 @@ constexpr double kMaxPredictedSteps = 12;
 /// When the last two intervals differ by more than this factor, the velocity over both is
 /// extrapolated: images in pairs have stamps with too short and too long intervals in turn.
 constexpr double kMaxIntervalRatio = 2;
-
-// The grid over the image in which unknown depths are taken from their neighbours': a cell of a
-// KITTI image is 78 x 47 px, and 3 points suffice for a median that one outlier does not move.
-constexpr int kColumns = 16, kRows = 8;
-constexpr std::size_t kMinPointsPerCell = 3;
-
-/// Minimum z of a predicted point; one with less keeps its pixel. Of a map point in VO units (the
-/// unit is the median depth at the start of the map), of any other relative to its guessed depth in
-/// the previous camera.
-constexpr double kMinDepth = 1e-3;
-
-/// Median inverse depth of the map points around a pixel.
-class InverseDepthGuess {
- public:
-  explicit InverseDepthGuess(const PinholeCamera& camera)
-      : width_(camera.width), height_(camera.height) {}
-
-  void add(const Eigen::Vector2d& u, double inverse_depth) {
-    known_[cell(u)].push_back(inverse_depth);
-    all_.push_back(inverse_depth);
-  }
-  void finish() {
-    for (std::size_t i = 0; i < known_.size(); ++i) {
-      if (known_[i].size() >= kMinPointsPerCell) guess_[i] = median(known_[i]);
-    }
-    if (!all_.empty()) overall_ = median(all_);
-  }
-  double at(const Eigen::Vector2d& u) const { return guess_[cell(u)].value_or(overall_); }
-
- private:
-  std::size_t cell(const Eigen::Vector2d& u) const {
-    const int column = std::clamp(static_cast<int>(u.x() * kColumns / width_), 0, kColumns - 1);
-    const int row = std::clamp(static_cast<int>(u.y() * kRows / height_), 0, kRows - 1);
-    return static_cast<std::size_t>(row * kColumns + column);
-  }
-
-  int width_, height_;
-  std::array<std::vector<double>, kColumns * kRows> known_;
-  std::array<std::optional<double>, kColumns * kRows> guess_;
-  std::vector<double> all_;
-  double overall_ = 0;
-};
 
 }  // namespace
 
@@ -106,98 +60,6 @@ void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) 
   }
   T_w_c_ = T_w_c;
   stamp_ns_ = stamp_ns;
-}
-
-std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalMap& map,
-                                       const std::vector<Feature>& features,
-                                       const Eigen::Isometry3d& T_w_previous,
-                                       const Eigen::Isometry3d& T_w_next) {
-  const Eigen::Isometry3d T_previous_w = T_w_previous.inverse();
-  const Eigen::Isometry3d T_next_w = T_w_next.inverse();
-  const Eigen::Isometry3d T_next_previous = T_next_w * T_w_previous;
-  std::vector<std::optional<Eigen::Vector3d>> points;  // p_w
-  points.reserve(features.size());
-  InverseDepthGuess guess(camera);
-  LandmarkWalk landmarks(map.landmarks());
-  for (const Feature& feature : features) {
-    const auto point = map.pointOf(landmarks.find(feature.id));
-    points.emplace_back();
-    if (!point) continue;
-    points.back() = point->p_w;
-    const double z = (T_previous_w * point->p_w).z();
-    if (z > 0) guess.add(feature.u, 1 / z);
-  }
-  guess.finish();
-  std::vector<cv::Point2f> predicted;
-  predicted.reserve(features.size());
-  for (std::size_t i = 0; i < features.size(); ++i) {
-    const Eigen::Vector2d& u = features[i].u;
-    const Eigen::Vector3d p = points[i]
-                                  ? Eigen::Vector3d(T_next_w * *points[i])
-                                  : Eigen::Vector3d(T_next_previous.linear() * camera.ray(u) +
-                                                    guess.at(u) * T_next_previous.translation());
-    Eigen::Vector2d next = u;
-    if (p.z() > kMinDepth) next = camera.project(p);
-    if (p.z() > kMinDepth && points[i]) next -= features[i].to_stamp;
-    predicted.push_back(toCv(next));
-  }
-  return predicted;
-}
-
-std::vector<cv::Point2f> predictPixelsByFlow(const std::vector<Feature>& features, double dt) {
-  std::vector<cv::Point2f> predicted;
-  for (const Feature& feature : features) predicted.push_back(toCv(feature.u + dt * feature.flow));
-  return predicted;
-}
-
-void shiftToStamp(const PinholeCamera& camera, const LocalMap& map, const Eigen::Isometry3d& T_w_c,
-                  const Vector6d& readout_motion, double readout_angle_sigma,
-                  std::vector<Feature>* features) {
-  const auto pixelsAt = [&](double share) {
-    return predictPixels(camera, map, *features, T_w_c, boxplus(T_w_c, share * readout_motion));
-  };
-  const auto first = pixelsAt(-0.5), middle = pixelsAt(0), last = pixelsAt(0.5);
-  for (std::size_t i = 0; i < features->size(); ++i) {
-    Feature& feature = (*features)[i];
-    const double share = camera.readoutShare(feature.u.y());
-    // The parabola through the positions at the three times.
-    const cv::Point2f flow = last[i] - first[i];
-    const cv::Point2f acceleration = 2 * (first[i] - 2 * middle[i] + last[i]);
-    feature.to_stamp =
-        -share * Eigen::Vector2d(flow.x + share * acceleration.x, flow.y + share * acceleration.y);
-    feature.to_stamp_sigma = std::abs(share) * readout_angle_sigma;
-  }
-}
-
-void shiftToStamp(const PinholeCamera& camera, LocalMap* map) {
-  std::vector<Eigen::Isometry3d> T_k_w;
-  for (const Keyframe& keyframe : map->keyframes()) T_k_w.push_back(keyframe.T_w_c.inverse());
-  for (auto& [id, landmark] : map->landmarks()) {
-    const auto point = map->point(landmark);
-    if (!point) continue;
-    for (Observation& o : landmark.observations) {
-      const Keyframe& keyframe = map->keyframe(o.keyframe);
-      const Eigen::Vector3d p_k = T_k_w[keyframe.id - map->keyframes().front().id] * point->p_w;
-      const Eigen::Vector2d u = camera.project(o.x.homogeneous()) - o.to_stamp;
-      const Eigen::Isometry3d T_k_row =
-          motionFrom(camera.readoutShare(u.y()) * keyframe.readout_motion);
-      const Eigen::Vector3d p_row = T_k_row.inverse() * p_k;
-      if (p_k.z() < kMinDepth || p_row.z() < kMinDepth) continue;
-      o.to_stamp = camera.project(p_k) - camera.project(p_row);
-      o.x = camera.ray(u + o.to_stamp).head<2>();
-    }
-  }
-}
-
-void shiftToStampByFlow(const PinholeCamera& camera, double readout_time, double dt,
-                        std::vector<Feature>* features) {
-  for (Feature& feature : *features) {
-    const double previous_v = feature.u.y() - dt * feature.flow.y();
-    const double delay = readout_time * camera.readoutShare(feature.u.y());
-    const double exposures_dt = dt + delay - readout_time * camera.readoutShare(previous_v);
-    if (exposures_dt > 0) feature.flow *= dt / exposures_dt;
-    feature.to_stamp = -delay * feature.flow;
-  }
 }
 
 }  // namespace ground_scale_vo

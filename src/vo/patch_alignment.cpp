@@ -3,32 +3,112 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <utility>
+#include <type_traits>
 
+#include "common/vector_loop.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/exposure.hpp"
-#include "vo/feature.hpp"
-#include "vo/patch.hpp"
+#include "vo/float_patch.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
+/// The window for which there is a faster version: the default of PatchAlignment::Options.
+using UsualWindow = std::integral_constant<int, 9>;
+constexpr int kMaxAlignmentIterations = 10;  // of Gauss-Newton
 /// [px] step of the numeric derivative of the warp: small against a patch, large against rounding.
 constexpr double kWarpStep_px = 2;
+/// [px] step length at convergence: far below the noise of an aligned corner (0.2 px).
+constexpr float kConverged_px = 0.003f;
+/// While iterating, a patch may be this many times max_shift_px from its start.
+constexpr float kMaxIntermediateShift = 2;
+/// Minimum determinant over squared trace of the gradient matrix: the ratio of its eigenvalues is
+/// then at least about 1e-3. Below this value the patch is an edge.
+constexpr float kMinCornerness = 1e-3f;
+/// [grey levels^2] guards the division by the sum of squared deviations from the mean of a uniform
+/// patch in the current image.
+constexpr float kMinSumOfSquares = 1e-3f;
 /// Least ratio of the areas of a patch in the two images, and the inverse of the largest.
 constexpr double kMinAreaRatio = 0.1;
 /// Sine of the minimum angle between the line of sight and the surface (1.1 degrees). Below it the
 /// surface is edge-on and the warp is undetermined.
 constexpr double kMinGrazingSine = 0.02;
-/// If the last successful surface hypothesis reaches this correlation, the others are not tried.
-constexpr float kGoodCorrelation = 0.95f;
 
-/// Whether a patch around this pixel lies inside the image.
-bool contains(const cv::Mat& image, const cv::Point2f& u) {
-  constexpr auto kHalf = static_cast<float>(Patch::kSide / 2);
-  return cv::Rect2f(kHalf, kHalf, static_cast<float>(image.cols) - 1 - 2 * kHalf,
-                    static_cast<float>(image.rows) - 1 - 2 * kHalf)
-      .contains(u);
+/// Whether the square of half side `margin` [px] around u lies inside the image, with the
+/// neighbours that bilinear interpolation needs.
+bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
+  return u.x() >= margin && u.y() >= margin &&
+         u.x() + margin < static_cast<float>(image.cols - 1) &&
+         u.y() + margin < static_cast<float>(image.rows - 1);
+}
+
+/// Normalised, of a patch with the pixels of which these are the sums.
+float correlation(const MatchSums& sums, int pixels, const ZeroMeanPatch& patch) {
+  const float sum = total(sums.grey);
+  const float squares = total(sums.squares) - sum * sum / static_cast<float>(pixels);
+  return total(sums.products) / std::sqrt(std::max(kMinSumOfSquares, squares) * patch.squares);
+}
+
+/// What is aligned, in single precision.
+struct AlignmentTask {
+  const cv::Mat& reference;
+  Eigen::Vector2f u_ref;         ///< [px]
+  Eigen::Matrix2f inverse_warp;  ///< from the current image to the reference
+  const cv::Mat& current;
+  Eigen::Vector2f start;  ///< [px]
+  float max_shift_px;
+};
+
+struct AlignmentResult {
+  bool found = false;
+  Eigen::Vector2f u{0, 0};  ///< [px]
+  float correlation = -1;
+};
+
+/// Not found when a patch lacks texture in two directions, or the search leaves the image or the
+/// neighbourhood of the start.
+template <typename Window>
+AlignmentResult alignPatch(Window window, const FloatPatchGrid& grid, const AlignmentTask& task) {
+  const int pixels = window * window;
+  FloatPatch wide;
+  ZeroMeanPatch patch;
+  sample(window, grid, task.reference, task.u_ref, task.inverse_warp, &wide);
+  differentiate(window, grid.mask.data(), wide, &patch);
+  Eigen::Matrix2f hessian;
+  hessian << patch.xx, patch.xy, patch.xy, patch.yy;
+  const float trace = hessian.trace();
+  if (patch.squares < static_cast<float>(pixels)) return {};  // variance below 1 grey level^2
+  if (hessian.determinant() < kMinCornerness * trace * trace) return {};
+  const Eigen::Matrix2f inverse_hessian = hessian.inverse();
+
+  const auto half = static_cast<float>(window / 2);
+  FloatWindow<Window> around(window, task.current);
+  Eigen::Vector2f u = task.start;
+  MatchSums sums;
+  for (int iteration = 0; iteration < kMaxAlignmentIterations; ++iteration) {
+    if (!((u - task.start).norm() < kMaxIntermediateShift * task.max_shift_px) ||
+        !contains(task.current, u, half)) {
+      return {};
+    }
+    const Eigen::Vector2f corner = u - Eigen::Vector2f::Constant(half);
+    const int column = static_cast<int>(corner.x()), row = static_cast<int>(corner.y());
+    around.moveTo(column, row);
+    sums = compare(window, grid.mask.data(), around.data(), corner.x() - static_cast<float>(column),
+                   corner.y() - static_cast<float>(row), patch);
+    const Eigen::Vector2f step =
+        inverse_hessian * Eigen::Vector2f(total(sums.along_x), total(sums.along_y));
+    u -= step;
+    if (step.norm() < kConverged_px) break;
+  }
+  return {true, u, correlation(sums, pixels, patch)};
+}
+
+/// flatten: all that it calls becomes part of it, and so of its version for AVX2.
+GSV_VECTOR_LOOP __attribute__((flatten)) AlignmentResult alignIn(int window,
+                                                                 const FloatPatchGrid& grid,
+                                                                 const AlignmentTask& task) {
+  return window == UsualWindow() ? alignPatch(UsualWindow(), grid, task)
+                                 : alignPatch(window, grid, task);
 }
 
 }  // namespace
@@ -56,102 +136,34 @@ std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eige
   return warp;
 }
 
-void PatchAlignment::Options::validate() const { visitParameters(*this, RangeCheck("alignment/")); }
-
-PatchAlignment::PatchAlignment(const PinholeCamera& camera, const Options& options)
-    : camera_(camera), options_((options.validate(), options)) {}
-
-void PatchAlignment::align(const LocalMap& map, const ImagePyramid& image,
-                           const Eigen::Isometry3d& predicted_T_w_c,
-                           std::vector<Feature>* features) {
-  const Eigen::Isometry3d T_c_w = predicted_T_w_c.inverse();
-  updateKeyframeImages(map, image.exposure);
-  std::vector<Eigen::Isometry3d> T_r_w, T_c_r;
-  for (const Keyframe& keyframe : map.keyframes()) {
-    T_r_w.push_back(keyframe.T_w_c.inverse());
-    T_c_r.push_back(T_c_w * keyframe.T_w_c);
-  }
-  std::vector<std::pair<Feature*, Reference>> references;
-  LandmarkWalk landmarks(map.landmarks());
-  for (Feature& feature : *features) {
-    const Landmark* const landmark = landmarks.find(feature.id);
-    const auto point = map.pointOf(landmark);
-    if (!point) continue;
-    const double depth = (T_c_w * point->p_w).z();
-    if (!(depth > 0)) continue;
-    const auto reference = findReference(map, *landmark, T_r_w, point->p_w, depth);
-    if (reference) references.emplace_back(&feature, *reference);
-  }
-  for (std::size_t i = 0; i < references.size(); ++i) {
-    if (i + 1 < references.size()) {
-      const auto& [next, next_reference] = references[i + 1];
-      Patch::prefetch(keyframe_images_[next_reference.keyframe].image, toCv(next_reference.u));
-      Patch::prefetch(image.levels.front(), toCv(next->u));
-    }
-    const auto& [feature, reference] = references[i];
-    alignFeature(reference, T_c_r[reference.keyframe], image.levels.front(), feature);
-  }
+void PatchAlignment::Options::validate() const {
+  visitParameters(*this, RangeCheck("alignment/"));
+  if (window_px % 2 == 0) throw OptionError("alignment/window_px must be odd");
 }
 
-/// Applies the gain only for new keyframes or a changed gain.
-void PatchAlignment::updateKeyframeImages(const LocalMap& map, double exposure) {
-  std::vector<KeyframeImage> images;
-  for (const Keyframe& keyframe : map.keyframes()) {
-    const double gain = exposure / keyframe.exposure;
-    const auto cached = std::find_if(
-        keyframe_images_.begin(), keyframe_images_.end(),
-        [&](const auto& k) { return k.original.data == keyframe.image.data && k.gain == gain; });
-    images.push_back(cached != keyframe_images_.end()
-                         ? *cached
-                         : KeyframeImage{keyframe.image, gain, applyGain(keyframe.image, gain)});
-  }
-  keyframe_images_ = std::move(images);
-}
+PatchAlignment::PatchAlignment(const Options& options)
+    : options_((options.validate(), options)),
+      grid_(std::make_shared<const FloatPatchGrid>(options_.window_px)) {}
 
-/// The earliest keyframe observing the landmark whose scale change to the current image is at most
-/// max_scale. depth: of the point p_w in the current camera.
-std::optional<PatchAlignment::Reference> PatchAlignment::findReference(
-    const LocalMap& map, const Landmark& landmark, const std::vector<Eigen::Isometry3d>& T_r_w,
-    const Eigen::Vector3d& p_w, double depth) const {
-  for (const Observation& o : landmark.observations) {
-    const Keyframe& keyframe = map.keyframe(o.keyframe);
-    const std::size_t index = keyframe.id - map.keyframes().front().id;
-    const Eigen::Vector3d p_r = T_r_w[index] * p_w;
-    const double scale = p_r.z() / depth, max_scale = options_.max_scale;
-    if (keyframe.image.empty() || scale > max_scale || scale < 1 / max_scale) continue;
-    return Reference{index, camera_.project(o.x.homogeneous()) - o.to_stamp, p_r};
+std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& reference,
+                                                           const Eigen::Vector2d& u_ref,
+                                                           const Eigen::Matrix2d& warp,
+                                                           const cv::Mat& current,
+                                                           const Eigen::Vector2d& start) const {
+  const AlignmentTask task{
+      reference, u_ref.cast<float>(), warp.cast<float>().inverse(),
+      current,   start.cast<float>(), static_cast<float>(options_.max_shift_px)};
+  // Half the side in the reference, including the border that the gradients need.
+  const float reach = static_cast<float>(options_.window_px / 2 + 1) *
+                          task.inverse_warp.cwiseAbs().rowwise().sum().maxCoeff() +
+                      1;
+  if (!isFinite(reach) || !contains(reference, task.u_ref, reach)) return std::nullopt;
+  const AlignmentResult result = alignIn(options_.window_px, *grid_, task);
+  if (!result.found || !((result.u - task.start).norm() <= task.max_shift_px) ||
+      !(result.correlation >= options_.min_correlation)) {
+    return std::nullopt;
   }
-  return std::nullopt;
-}
-
-/// Tries the last successful surface hypothesis, and the others when it does not fit well.
-void PatchAlignment::alignFeature(const Reference& reference, const Eigen::Isometry3d& T_c_r,
-                                  const cv::Mat& image, Feature* feature) const {
-  const cv::Mat& reference_image = keyframe_images_[reference.keyframe].image;
-  const cv::Point2f start = toCv(feature->u);
-  const PatchSurface last = feature->surface;
-  auto best = static_cast<float>(options_.min_correlation);
-  const auto trySurface = [&](PatchSurface surface) {
-    const auto warp = patchWarp(camera_, reference.p_r, T_c_r, surface);
-    Patch patch;
-    cv::Point2f point = start;
-    if (!warp || !patch.cut(reference_image, toCv(reference.u), warp->inverse().cast<float>()) ||
-        !patch.find(image, static_cast<float>(options_.max_shift_px), &point) ||
-        !contains(image, point)) {
-      return;
-    }
-    const float correlation = patch.correlation(image, point);
-    if (!(correlation >= best)) return;
-    best = correlation;
-    feature->u = Eigen::Vector2d(point.x, point.y);
-    feature->sigma = options_.sigma;
-    feature->surface = surface;
-  };
-  trySurface(last);
-  for (const auto surface :
-       {PatchSurface::kFrontoParallel, PatchSurface::kFloor, PatchSurface::kWall}) {
-    if (surface != last && best < kGoodCorrelation) trySurface(surface);
-  }
+  return Match{result.u.cast<double>(), result.correlation};
 }
 
 }  // namespace ground_scale_vo

@@ -52,6 +52,39 @@ GSV_VECTOR_LOOP void project(const Inputs& in, const Eigen::Isometry3d& T_o_a, d
   *too_close = close[0] || close[1] || close[2] || close[3];
 }
 
+/// Derivative of the residuals with respect to rho, and its products with their information.
+struct DepthJacobian {
+  DoubleLanes x, y, weighted_x, weighted_y;
+
+  DepthJacobian(const Projections<const double>& in, std::size_t i, const Eigen::Matrix4d& T) {
+    const DoubleLanes &inverse_z = lanes(in.inverse_z + i), &w = lanes(in.information + i);
+    x = inverse_z * (T(0, 3) - lanes(in.u_x + i) * T(2, 3));
+    y = inverse_z * (T(1, 3) - lanes(in.u_y + i) * T(2, 3));
+    weighted_x = w * x;
+    weighted_y = w * y;
+  }
+  /// H_ll and gradient.
+  void multiply(const Projections<const double>& in, std::size_t i, DoubleLanes* H_ll,
+                DoubleLanes* gradient) const {
+    *H_ll = weighted_x * x + weighted_y * y;
+    *gradient = weighted_x * lanes(in.e_x + i) + weighted_y * lanes(in.e_y + i);
+  }
+};
+
+GSV_VECTOR_LOOP void sumDepths(const Projections<const double>& in, const Eigen::Isometry3d& T_o_a,
+                               std::size_t count, const std::size_t* row, double* rows) {
+  for (std::size_t i = 0; i < count; i += kDoubleLanes) {
+    const DepthJacobian j(in, i, T_o_a.matrix());
+    DoubleLanes H_ll, gradient;
+    j.multiply(in, i, &H_ll, &gradient);
+    for (std::size_t l = 0; l < kDoubleLanes; ++l) {
+      double* const to = rows + Reprojections::kRow * row[i + l];
+      to[6] = H_ll[l];
+      to[7] = gradient[l];
+    }
+  }
+}
+
 /// row, landmark: indices of each residual.
 GSV_VECTOR_LOOP void sumBlocks(const Projections<const double>& in, const double* rho,
                                const Eigen::Isometry3d& T_o_a, std::size_t count,
@@ -63,15 +96,11 @@ GSV_VECTOR_LOOP void sumBlocks(const Projections<const double>& in, const double
     const ProjectionJacobian J{lanes(in.u_x + i), lanes(in.u_y + i), lanes(rho + i) * inverse_z};
     sums->add(J, w, DoubleLanes{}, w, lanes(in.e_x + i), lanes(in.e_y + i));
 
-    // Derivative of the residuals with respect to rho, and its product with their information.
-    const DoubleLanes j_x = inverse_z * (T(0, 3) - J.ux * T(2, 3));
-    const DoubleLanes j_y = inverse_z * (T(1, 3) - J.uy * T(2, 3));
-    const DoubleLanes weighted_x = w * j_x, weighted_y = w * j_y;
+    const DepthJacobian j(in, i, T);
     DoubleLanes values[Reprojections::kRow];
-    J.multiplyTransposed(-weighted_x, -weighted_y, values);  // the observer moves: -J
-    values[6] = weighted_x * j_x + weighted_y * j_y;
-    values[7] = weighted_x * lanes(in.e_x + i) + weighted_y * lanes(in.e_y + i);
-    const DoubleLanes b_x = inverse_z * weighted_x, b_y = inverse_z * weighted_y;
+    J.multiplyTransposed(-j.weighted_x, -j.weighted_y, values);  // the observer moves: -J
+    j.multiply(in, i, &values[6], &values[7]);
+    const DoubleLanes b_x = inverse_z * j.weighted_x, b_y = inverse_z * j.weighted_y;
     const DoubleLanes b_z = -(J.ux * b_x + J.uy * b_y);
     const DoubleLanes a_x = T(0, 0) * b_x + T(1, 0) * b_y + T(2, 0) * b_z;
     const DoubleLanes a_y = T(0, 1) * b_x + T(1, 1) * b_y + T(2, 1) * b_z;
@@ -110,7 +139,7 @@ void Reprojections::assign(const std::vector<Residual>& residuals,
     const std::size_t end = wholeDoubleLanes(i + 1);
     for (std::size_t k = i; k < end; ++k) {
       landmark_[k] = residual.landmark;
-      row_[k] = k == i ? residual.row : kPaddingRow;
+      row_[k] = k == i ? residual.row : kUnusedRow;
       ray_x_[k] = rays[residual.landmark].x();
       ray_y_[k] = rays[residual.landmark].y();
       x_[k] = residual.x.x();
@@ -145,6 +174,14 @@ Reprojections::Blocks Reprojections::linearise(std::size_t group, const Eigen::I
             rho_.data() + at, T_o_a, begin_[group + 1] - at, row_.data() + at,
             landmark_.data() + at, rows, anchor_sums, &sums);
   return {sums.hessian(), -sums.gradientSum()};
+}
+
+void Reprojections::lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a,
+                                    double* rows) const {
+  const std::size_t at = begin_[group];
+  sumDepths({u_x_.data() + at, u_y_.data() + at, inverse_z_.data() + at, e_x_.data() + at,
+             e_y_.data() + at, information_.data() + at},
+            T_o_a, begin_[group + 1] - at, row_.data() + at, rows);
 }
 
 GSV_VECTOR_LOOP void addOuterProduct(const double* rows, std::size_t count, double h,

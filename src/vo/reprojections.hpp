@@ -16,8 +16,8 @@ class Reprojections {
  public:
   /// [numbers] in a row of linearise().
   static constexpr std::size_t kRow = 8;
-  /// Row of the copies of residuals that fill the last lanes of a group.
-  static constexpr std::size_t kPaddingRow = 0;
+  /// Row that is written and has no meaning.
+  static constexpr std::size_t kUnusedRow = 0;
 
   /// A residual to be added.
   struct Residual {
@@ -45,6 +45,8 @@ class Reprojections {
   /// is H_pl of the translation without its factor -rho.
   Blocks linearise(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows,
                    double* anchor_sums) const;
+  /// The same when the observer's pose is fixed: only H_ll and gradient of the rows.
+  void lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows) const;
 
  private:
   std::vector<std::size_t> begin_;  // of each group, in whole lanes, and the end of the last one

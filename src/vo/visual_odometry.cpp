@@ -8,13 +8,17 @@
 #include <utility>
 
 #include "ground_scale_vo/common/time.hpp"
-#include "vo/descriptors.hpp"
+#include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
-#include "vo/initialisation.hpp"
+#include "vo/frame_to_frame_tracking.hpp"
+#include "vo/map_initialisation.hpp"
 #include "vo/mapping.hpp"
 #include "vo/motion_model.hpp"
+#include "vo/pixel_prediction.hpp"
+#include "vo/pose_search.hpp"
+#include "vo/reference_alignment.hpp"
 #include "vo/relocalisation.hpp"
-#include "vo/tracking.hpp"
+#include "vo/rotation_chain.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -24,17 +28,12 @@ namespace {
 constexpr double kMinEpipolarLine = 1e-12;
 
 /// After an interruption, features with a reprojection error above this multiple of
-/// map/max_adjusted_error are wrong. It exceeds 1 because max_adjusted_error applies after
+/// max_reprojection_error are wrong. It exceeds 1 because max_reprojection_error applies after
 /// bundle adjustment, which has fitted poses and points to the observations.
 constexpr double kMaxInconsistency = 2;
 
 /// [matches] minimum number from which the positions of the other features are predicted.
 constexpr std::size_t kMinPredictingMatches = 25;
-
-/// [image intervals] since the last pose beyond which the pose is searched with patches. While
-/// images follow each other, features that disagree with a pose are evidence against it. The search
-/// ignores them: behind a car that moves along, it would find a pose without motion.
-constexpr double kMinSearchedGap = 4;
 
 /// Standard deviation of the rotation rate at a stamp against the mean over the interval before it,
 /// as a share of the change between two intervals: at a constant angular acceleration it is half.
@@ -48,18 +47,17 @@ double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_
   return norm > kMinEpipolarLine ? std::abs(line.dot(ray_2)) / norm : 0;
 }
 
-MotionModel motionBetween(const StartPose& from, const StartPose& to) {
+MotionModel motionBetween(const VisualOdometry::StartPose& from,
+                          const VisualOdometry::StartPose& to) {
   MotionModel motion(from.T_w_c, from.stamp_ns);
   motion.update(to.T_w_c, to.stamp_ns);
   return motion;
 }
 
-/// Appends a rotation from the camera at the end of `chain` (R_first_last) to another one; empty:
-/// unknown.
-void append(const std::optional<RelativeRotation>& rotation, MapStart* chain) {
-  if (rotation) chain->R_previous_w = chain->R_previous_w * rotation->R_2_1.transpose();
-  chain->rotation_sigma = rotation ? std::hypot(chain->rotation_sigma, rotation->sigma)
-                                   : std::numeric_limits<double>::infinity();
+/// In normalised image coordinates; infinite behind the camera.
+double reprojectionError(const Eigen::Vector3d& p_c, const Eigen::Vector3d& ray) {
+  return p_c.z() > 0 ? (p_c.head<2>() / p_c.z() - ray.head<2>()).norm()
+                     : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
@@ -78,12 +76,13 @@ struct VisualOdometry::Impl {
   const Options options;
   const PinholeCamera camera;
 
-  Tracking tracking;
-  Initialisation initialisation;
-  PatchAlignment patch_alignment;
+  FrameToFrameTracking tracking;
+  MapInitialisation initialisation;
+  ReferenceAlignment reference_alignment;
   const PoseEstimation pose_estimation;
   const TwoView two_view;
   const Relocalisation relocalisation;
+  const PoseSearch pose_search;
   Mapping mapping;
   MotionModel motion;
   Matrix6d pose_covariance = Matrix6d::Zero();  ///< see VoFrame
@@ -92,26 +91,27 @@ struct VisualOdometry::Impl {
   std::uint32_t map_id = 0;
   std::uint32_t next_sequence = 0;
   MapStart map_start;
-  /// Of the next map; so far the rotation to the first frame of its initialisation.
-  MapStart next_start = unmoved();
-  int lost_images = 0;  ///< with texture but without a pose, since the last frame with a pose
+  /// From the last frame with a pose, or from the first image, to the first frame of the next map.
+  RotationChain rotation_to_start;
+  /// Images with texture but without a pose, since the last frame with a pose.
+  struct LostImages {
+    int count = 0;
+    std::optional<Descriptors> last;
+    RotationChain rotation;  ///< to the last of them, from the last frame with a pose
+  };
+  LostImages lost;
 
   Impl(const PinholeCamera& camera_in, const Options& options_in, const cv::Mat& mask)
       : options((options_in.validate(), options_in)),
         camera((camera_in.validate(), requireMask(mask, camera_in), camera_in)),
-        tracking(camera, options.tracker, mask),
-        initialisation(camera, options.two_view, options.pose, options.readout_time),
-        patch_alignment(camera, options.alignment),
+        tracking(camera, options, mask),
+        initialisation(camera, options),
+        reference_alignment(camera, options.alignment, options.feature_sigma_aligned),
         pose_estimation(options.pose),
         two_view(options.two_view),
-        relocalisation(camera, options.pose, mask),
-        mapping(camera, options.map, options.bundle_adjustment, options.readout_time > 0) {}
-
-  static MapStart unmoved() {
-    MapStart start;
-    start.rotation_sigma = 0;
-    return start;
-  }
+        relocalisation(camera, options.pose),
+        pose_search(camera, options.pose, mask),
+        mapping(camera, options) {}
 
   Output process(const cv::Mat& image, std::int64_t stamp_ns) {
     requireImage(image, camera);
@@ -124,7 +124,7 @@ struct VisualOdometry::Impl {
       ImagePyramid pyramid;
       {
         ScopedTimer timer(&out.times.pyramid);
-        pyramid = tracking.prepare(image);
+        pyramid = tracking.pyramid(image);
       }
       const std::vector<Feature> visible = status == VoStatus::kInitialising
                                                ? initialise(std::move(pyramid), stamp_ns, &out)
@@ -153,7 +153,7 @@ struct VisualOdometry::Impl {
     if (!initialisation.canContinueWith(found.size())) {
       ScopedTimer timer(&out->times.detect);
       if (out->frame.sequence > 0) {
-        append(initialisation.rotationSinceFirst(found), &next_start);
+        rotation_to_start.append(initialisation.rotationSinceFirst(found));
       }
       restart(std::move(image), stamp_ns, out->frame.sequence);
       return tracking.features();
@@ -176,8 +176,8 @@ struct VisualOdometry::Impl {
     mapping.map().keyframes().front().readout_motion =
         readoutMotion(motionBetween((*poses)[0], (*poses)[1]));
     mapping.map().keyframes().back().readout_motion = readoutMotion(motion);
-    map_start = std::exchange(next_start, unmoved());
-    map_start.stamp_ns = poses->front().stamp_ns;
+    map_start = {poses->front().stamp_ns, rotation_to_start.R_first_last(),
+                 rotation_to_start.sigma()};
     pose_covariance =
         pose_estimation
             .estimate(motion.T_w_c(), pointObservations(mapping.map(), toCorners(camera, found)))
@@ -216,9 +216,9 @@ struct VisualOdometry::Impl {
     const auto matches = matchDescriptors(previous, next);
     if (matches.size() < kMinPredictingMatches) return;
     std::vector<RejectedFeature> rejected_again;
-    std::vector<Feature> again = tracking.track(
-        image, stamp_ns, displaceAsNeighbours(previous.points(), next.points(), matches),
-        Eigen::Matrix3d::Identity(), &rejected_again);
+    std::vector<Feature> again =
+        tracking.track(image, stamp_ns, predictPixels(previous.points(), next.points(), matches),
+                       Eigen::Matrix3d::Identity(), &rejected_again);
     if (again.size() <= found->size()) return;
     *found = std::move(again);
     *rejected = std::move(rejected_again);
@@ -231,39 +231,40 @@ struct VisualOdometry::Impl {
     image.exposure = 1;
     tracking.advance(std::move(image), stamp_ns, {});
     tracking.detectNew();
-    initialisation.restart(sequence, stamp_ns, tracking.features(), tracking.image().image());
+    initialisation.restart(sequence, stamp_ns, tracking.features(), tracking.image().image);
   }
 
   /// Processes a frame when there is a map. Returns the features tracked in it; empty when lost.
   std::vector<Feature> track(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
+    const bool was_lost = status == VoStatus::kLost;
     std::vector<Feature> found = findFeatures(image, stamp_ns, std::nullopt, out);
     if (!estimatePose(stamp_ns, std::nullopt, &found, out)) {
       const Descriptors previous = tracking.describeFeatures();
-      const Descriptors corners = tracking.describeCorners(image);
-      const auto matched = relocalisation.matchDescriptors(
-          mapping.map(), motion, tracking.features(), previous, corners, stamp_ns);
-      if (!matched || !trackFrom(*matched, image, stamp_ns, &found, out)) {
+      Descriptors corners = tracking.describeCorners(image);
+      if (!relocalise(image, stamp_ns, previous, corners, &found, out)) {
         status = VoStatus::kLost;
         if (tracking.isTextureless(image, found.size())) return {};
-        std::optional<Relocalisation::Result> searched;
-        if (motion.stepsSince(stamp_ns) > kMinSearchedGap) {
-          searched = relocalisation.searchPose(mapping.map(), motion, tracking.features(),
-                                               tracking.image().image(), image.image(), stamp_ns);
+        std::optional<PoseSearch::Result> searched;
+        // While images follow each other, features that disagree with a pose are evidence against
+        // it. The search ignores them: behind a car that moves along, it would find a pose without
+        // motion. Images that follow each other start a new map before this number of intervals;
+        // one more, because stamps are irregular.
+        if (motion.stepsSince(stamp_ns) > options.lost_frames_before_new_map + 1) {
+          searched = pose_search.locate(mapping.map(), motion, tracking.features(),
+                                        tracking.image().image, image.image, stamp_ns);
         }
         if (!searched || !trackFrom(*searched, image, stamp_ns, &found, out)) {
-          if (++lost_images == options.lost_frames_before_new_map) {
-            append(searched ? rotationTo(*searched) : rotationBetween(previous, corners),
-                   &next_start);
-            lost_images = 0;
-            ++map_id;
-            restart(std::move(image), stamp_ns, out->frame.sequence);
-          }
+          const std::optional<RelativeRotation> rotation =
+              searched ? rotationTo(*searched) : rotationBetween(previous, corners);
+          lose(std::move(image), stamp_ns, rotation, std::move(corners), out->frame.sequence);
           return {};
         }
       }
     }
+    // After an interruption many features are wrong: they would become observations of a keyframe.
+    if (was_lost) removeInconsistent(motion.T_w_c(), &found, &out->rejected);
     status = VoStatus::kTracking;
-    lost_images = 0;
+    lost = {};
     out->frame.keyframe = mapping.needsKeyframe(motion.T_w_c(), found);
     if (!out->frame.keyframe) {
       tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
@@ -274,19 +275,30 @@ struct VisualOdometry::Impl {
       ScopedTimer timer(&out->times.detect);
       detectNew();
     }
-    ScopedTimer timer(&out->times.triangulate);
-    mapping.addKeyframe(motion.T_w_c(), tracking.features(), tracking.image(),
+    mapping.addKeyframe(motion.T_w_c(), tracking.features(), tracking.image(), &out->times,
                         readoutMotion(motion));
     return found;
   }
 
-  /// Tracks the features again from the pose found, and estimates the pose from those that are
-  /// consistent with it: most features that are tracked over a long interruption are wrong.
-  bool trackFrom(const Relocalisation::Result& pose, const ImagePyramid& image,
+  /// Finds the pose of the image by matching the previous image's features with its corners, and
+  /// tracks the features again from there.
+  bool relocalise(const ImagePyramid& image, std::int64_t stamp_ns, const Descriptors& previous,
+                  const Descriptors& corners, std::vector<Feature>* found, Output* out) {
+    const auto result = relocalisation.locate(mapping.map(), motion, tracking.features(), previous,
+                                              corners, stamp_ns);
+    if (!result) return false;
+    *found = findFeatures(image, stamp_ns, result, out);
+    return estimatePose(stamp_ns, result->T_w_c, found, out);
+  }
+
+  /// Tracks the features again from the pose found. Most of those that are tracked over a long
+  /// interruption are wrong, so the pose is estimated from those that are consistent with it.
+  bool trackFrom(const PoseSearch::Result& searched, const ImagePyramid& image,
                  std::int64_t stamp_ns, std::vector<Feature>* found, Output* out) {
-    *found = findFeatures(image, stamp_ns, pose, out);
-    removeInconsistent(pose.T_w_c, found, &out->rejected);
-    return estimatePose(stamp_ns, pose.T_w_c, found, out);
+    *found = findFeatures(image, stamp_ns,
+                          Relocalisation::Result{searched.T_w_c, searched.features}, out);
+    removeInconsistent(searched.T_w_c, found, &out->rejected);
+    return estimatePose(stamp_ns, searched.T_w_c, found, out);
   }
 
   /// Removes the features that are not at the projections of their map points.
@@ -296,8 +308,8 @@ struct VisualOdometry::Impl {
     std::vector<Feature> kept;
     for (const Feature& feature : *found) {
       const auto point = mapping.map().point(feature.id);
-      if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.atStamp()).head<2>()) <
-                        kMaxInconsistency * options.map.max_adjusted_error) {
+      if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.atStamp())) <
+                        kMaxInconsistency * options.max_reprojection_error) {
         kept.push_back(feature);
       } else {
         rejected->push_back({feature.id, feature.u.cast<float>(), RejectReason::kOutlier});
@@ -306,11 +318,11 @@ struct VisualOdometry::Impl {
     *found = std::move(kept);
   }
 
-  RelativeRotation rotationTo(const Relocalisation::Result& searched) const {
+  RelativeRotation rotationTo(const PoseSearch::Result& searched) const {
     return {searched.T_w_c.linear().transpose() * motion.T_w_c().linear(), searched.rotation_sigma};
   }
 
-  /// Tracks the features of the previous image (Tracking), and aligns them to the
+  /// Tracks the features of the previous image (FrameToFrameTracking), and aligns them to the
   /// patches of the keyframes. relocalised: predicts the pose of the image instead of the motion
   /// model, and supplies features that cannot be tracked.
   std::vector<Feature> findFeatures(const ImagePyramid& image, std::int64_t stamp_ns,
@@ -331,15 +343,11 @@ struct VisualOdometry::Impl {
           predicted.linear().transpose() * T_w_previous.linear(), &out->rejected);
     }
     if (relocalised) addFeatures(relocalised->features, &found, &out->rejected);
-    {
-      ScopedTimer timer(&out->times.adjustment_wait);
-      if (const auto adjustment = mapping.finishAdjustment()) {
-        motion.correct(adjustment->correction);
-        out->times.bundle_adjustment = adjustment->ms;
-      }
+    if (const auto correction = mapping.takeAdjustedMap(&out->times)) {
+      motion.correct(*correction);
     }
     ScopedTimer timer(&out->times.align);
-    patch_alignment.align(mapping.map(), image, predict(), &found);
+    reference_alignment.align(mapping.map(), image, predict(), &found);
     return found;
   }
 
@@ -399,6 +407,23 @@ struct VisualOdometry::Impl {
       }
     }
     *found = std::move(kept);
+  }
+
+  /// Handles an image with texture but without a pose. rotation: to it from the last image with a
+  /// pose, if known. Starts a new map after several of them.
+  void lose(ImagePyramid image, std::int64_t stamp_ns,
+            const std::optional<RelativeRotation>& rotation, Descriptors corners,
+            std::uint32_t sequence) {
+    RotationChain direct;
+    direct.append(rotation);
+    if (lost.last) lost.rotation.append(rotationBetween(*lost.last, corners));
+    if (!lost.last || direct.sigma() < lost.rotation.sigma()) lost.rotation = direct;
+    lost.last = std::move(corners);
+    if (++lost.count < options.lost_frames_before_new_map) return;
+    rotation_to_start = lost.rotation;
+    lost = {};
+    ++map_id;
+    restart(std::move(image), stamp_ns, sequence);
   }
 
   /// Adds the features that `found` does not contain.

@@ -1,4 +1,4 @@
-#include "vo/corner_strength.hpp"
+#include "ground_scale_vo/vo/corner_strength.hpp"
 
 #include <gtest/gtest.h>
 

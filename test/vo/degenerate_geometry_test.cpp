@@ -16,7 +16,6 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "support/scene.hpp"
 #include "support/texture.hpp"
-#include "vo/patch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -91,6 +90,21 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
   }
 }
 
+TEST(DegenerateGeometry, TriangulationIsFiniteOrEmpty) {
+  const Eigen::Vector3d ray(0.1, 0.05, 1);
+  for (const double t : {0.0, 1e-200, 1e-9, 1.0, 1e9, 1e200, kNan, kInf}) {
+    for (const double x : {0.1, -5.0, 1e9, 1e200, kNan, kInf}) {
+      for (const double sigma : {1e-3, 1e-200, 1e200, kNan}) {
+        const auto point = triangulate(ray, {{pose({0, 0, 0}, {t, 0, 0}), {x, 0.05}, sigma},
+                                             {pose({0, 0.1, 0}, {0, t, 0}), {0.1, x}, sigma}});
+        if (!point) continue;
+        EXPECT_TRUE(areFinite(point->value, point->sigma)) << t << ' ' << x << ' ' << sigma;
+        EXPECT_GE(point->sigma, 0);
+      }
+    }
+  }
+}
+
 TEST(DegenerateGeometry, PoseIsFiniteOrHasAFailureStatus) {
   for (const Scene& scene : degenerateScenes()) {
     SCOPED_TRACE(scene.name);
@@ -113,31 +127,72 @@ TEST(DegenerateGeometry, PoseIsFiniteOrHasAFailureStatus) {
             PoseStatus::kTooFewPoints);
 }
 
+TEST(DegenerateGeometry, BundleAdjustmentIsFiniteOrUnusable) {
+  for (const Scene& scene : degenerateScenes()) {
+    for (const double depth : {1.0, 1e-300, 1e300}) {
+      SCOPED_TRACE(scene.name);
+      LocalMap map({});
+      for (int k = 0; k < 4; ++k) {
+        const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, 0, 1e-9 * k});  // almost no baseline
+        std::vector<LocalMap::Corner> corners;
+        for (std::size_t i = 0; i < scene.points.size(); ++i) {
+          corners.push_back({i, normalised(T_w_c.inverse() * scene.points[i]), 1e-3});
+        }
+        map.addKeyframe(T_w_c, corners);
+      }
+      for (std::size_t i = 0; i < scene.points.size(); ++i) {
+        map.find(i)->depth = InverseDepth{depth, depth};
+      }
+      LocalBundleAdjustment adjustment({});
+      const auto result = adjustment.adjust(&map);
+      EXPECT_TRUE(!result.usable || isFinite(result.rms_sigma));
+      for (const Keyframe& keyframe : map.keyframes()) EXPECT_TRUE(isFinite(keyframe.T_w_c));
+      for (const auto& [id, landmark] : map.landmarks()) {
+        EXPECT_TRUE(isFinite(landmark.depth->value)) << id;
+      }
+    }
+  }
+}
+
 TEST(DegenerateGeometry, InvalidPredictionsAndWarpsGiveFiniteResultsOrNone) {
   const cv::Mat image = test::blurredNoise(7, {200, 100}, 0.5);
   const FeatureTracker tracker({});
   const ImagePyramid pyramid = tracker.pyramid(image);
-  const cv::Mat& bordered = pyramid.image();
-  const Eigen::Matrix2f identity = Eigen::Matrix2f::Identity();
-  const cv::Point2f u(50, 50);
+  const PatchAlignment alignment({});
+  const Eigen::Matrix2d identity = Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d u(50, 50);
   for (const double bad : {kNan, kInf, 1e30, -1e30}) {
     const auto tracks =
         tracker.track(pyramid, pyramid, {{50, 50}}, {{static_cast<float>(bad), 50}});
     EXPECT_TRUE(!tracks.ok[0] || areFinite(tracks.points[0].x, tracks.points[0].y)) << bad;
-    const auto bad_f = static_cast<float>(bad);
-    Patch patch;
-    EXPECT_FALSE(patch.cut(bordered, u, bad_f * identity)) << bad;
-    EXPECT_FALSE(patch.cut(bordered, cv::Point2f(50, bad_f), identity)) << bad;
-    EXPECT_FALSE(patch.cut(bordered, cv::Point2f(50, bad_f))) << bad;
-    ASSERT_TRUE(patch.cut(bordered, u));
-    cv::Point2f guess(bad_f, 50);
-    EXPECT_FALSE(patch.find(bordered, 1.5f, &guess)) << bad;
+    EXPECT_FALSE(alignment.align(image, u, bad * identity, image, u)) << bad;
+    EXPECT_FALSE(alignment.align(image, u, identity, image, {bad, 50})) << bad;
+    EXPECT_FALSE(alignment.align(image, {50, bad}, identity, image, u)) << bad;
     for (const auto surface :
          {PatchSurface::kFrontoParallel, PatchSurface::kFloor, PatchSurface::kWall}) {
       const auto warp = patchWarp(testCamera(), {1, 1, 9}, pose({0, 0, 0}, {0, 0, bad}), surface);
       EXPECT_TRUE(!warp || isFinite(*warp)) << bad;
     }
   }
+}
+
+TEST(DegenerateGeometry, UnusablePointsAreDetected) {
+  TrackedFeature feature;
+  EXPECT_FALSE(hasUsablePoint(feature));
+  feature.has_point = true;
+  feature.p_c = {1, 2, 3};
+  feature.depth_sigma = 0.1f;
+  EXPECT_TRUE(hasUsablePoint(feature));
+  for (const double number : {kNan, kInf, -kInf, 1e10, -1e30}) {
+    const auto bad = static_cast<float>(number);
+    TrackedFeature bad_x = feature, bad_z = feature, bad_sigma = feature;
+    bad_x.p_c.x() = bad_z.p_c.z() = bad_sigma.depth_sigma = bad;
+    EXPECT_FALSE(hasUsablePoint(bad_x)) << number;
+    EXPECT_FALSE(hasUsablePoint(bad_z)) << number;
+    EXPECT_FALSE(hasUsablePoint(bad_sigma)) << number;
+  }
+  feature.p_c.z() = 0;
+  EXPECT_FALSE(hasUsablePoint(feature));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "vo/exposure.hpp"
+#include "ground_scale_vo/vo/exposure.hpp"
 
 #include <gtest/gtest.h>
 

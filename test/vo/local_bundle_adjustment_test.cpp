@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <limits>
 #include <random>
 
 #include "support/ceres_adjustment.hpp"
@@ -16,6 +18,8 @@ using test::kObservationSigma;
 using test::normalised;
 using test::observe;
 using test::pose;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// A realistic map: landmarks appear and disappear, their noise differs, a few observations are
 /// wrong, and the newest poses are inaccurate.
@@ -151,6 +155,42 @@ TEST(LocalBundleAdjustment, SolvesEachLoadedMapOnItsOwn) {
   }
 }
 
+/// Adds large random errors to all poses but the first and to all inverse depths.
+void disturb(unsigned seed, LocalMap* map) {
+  std::mt19937 generator(seed);
+  std::normal_distribution<double> normal(0, 1);
+  const auto error = [&] { return normal(generator); };
+  const auto random = [&] { return Eigen::Vector3d(error(), error(), error()); };
+  for (std::size_t k = 1; k < map->keyframes().size(); ++k) {
+    Eigen::Isometry3d& T = map->keyframes()[k].T_w_c;
+    T = T * pose(0.05 * random(), 0.3 * random());
+  }
+  for (auto& [id, landmark] : map->landmarks()) {
+    if (landmark.depth) landmark.depth->value *= std::exp(error());
+  }
+}
+
+// So far from the minimum that steps are rejected: the cost never increases, and with enough
+// iterations the minimum is found.
+TEST(LocalBundleAdjustment, RejectsStepsThatIncreaseTheCost) {
+  const LocalMap exact = exactMap(6);
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    LocalMap disturbed = exact;
+    disturb(seed, &disturbed);
+    double last = std::numeric_limits<double>::infinity();
+    for (const int iterations : {1, 2, 3, 4, 6, 8, 12, 100}) {
+      LocalBundleAdjustment::Options options;
+      options.max_iterations = iterations;
+      LocalMap map = disturbed;
+      const auto result = LocalBundleAdjustment(options).adjust(&map);
+      ASSERT_TRUE(result.usable);
+      EXPECT_LE(result.rms_sigma, last) << seed << ' ' << iterations;
+      last = result.rms_sigma;
+    }
+    EXPECT_LT(last, 1e-2) << seed;
+  }
+}
+
 // With 14 keyframes, the window of 7 leaves 7 fixed. With 4, all but the first are free: their
 // distance to it fixes the scale.
 TEST(LocalBundleAdjustment, KeepsTheGaugeFixed) {
@@ -207,6 +247,21 @@ TEST(LocalBundleAdjustment, IsNotUsableWithoutEnoughLandmarks) {
     if (keyframe.id > 0) keyframe.T_w_c.translation().z() += 1000;
   }
   expectRefused(behind);
+}
+
+TEST(LocalBundleAdjustment, IsNotUsableWithInputThatIsNotFinite) {
+  const std::function<void(LocalMap*, Landmark*)> changes[] = {
+      [](LocalMap*, Landmark* l) { l->observations.front().x.y() = kNaN; },
+      [](LocalMap*, Landmark* l) { l->observations.back().sigma = kNaN; },
+      [](LocalMap*, Landmark* l) { l->observations.back().sigma = 0; },
+      [](LocalMap*, Landmark* l) { l->depth->value = kNaN; },
+      [](LocalMap* map, Landmark*) { map->keyframes().back().T_w_c.translation().x() = kNaN; }};
+  for (const auto& change : changes) {
+    LocalMap map = exactMap(10);
+    change(&map, map.find(3));
+    SCOPED_TRACE(&change - changes);
+    expectRefused(map);
+  }
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "support/scene.hpp"
-#include "vo/initialisation.hpp"
+#include "vo/map_initialisation.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -29,7 +29,7 @@ std::vector<Feature> featuresOf(const std::vector<Eigen::Vector3d>& points,
 
 ImagePyramid blankImage(double exposure = 1) {
   ImagePyramid image;
-  image.levels.emplace_back(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(100 * exposure));
+  image.image = cv::Mat(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(100 * exposure));
   image.exposure = exposure;
   return image;
 }
@@ -39,8 +39,7 @@ class MappingTest : public testing::Test {
  protected:
   /// The map of keyframes 0 to n - 1 of the test trajectory, adjusted.
   void makeMap(int n) {
-    mapping_ = std::make_unique<Mapping>(kCamera, LocalMap::Options(),
-                                         LocalBundleAdjustment::Options(), false);
+    mapping_ = std::make_unique<Mapping>(kCamera, VisualOdometry::Options());
     map().addKeyframe(keyframePose(0), test::observe(points_, keyframePose(0)));
     for (int k = 1; k < n; ++k) addKeyframe(keyframePose(k), featuresAt(keyframePose(k)));
   }
@@ -48,9 +47,8 @@ class MappingTest : public testing::Test {
   std::optional<Eigen::Isometry3d> addKeyframe(const Eigen::Isometry3d& T_w_c,
                                                const std::vector<Feature>& features,
                                                double exposure = 1) {
-    mapping_->addKeyframe(T_w_c, features, blankImage(exposure));
-    const auto adjustment = mapping_->finishAdjustment();
-    return adjustment ? std::make_optional(adjustment->correction) : std::nullopt;
+    mapping_->addKeyframe(T_w_c, features, blankImage(exposure), &times_);
+    return mapping_->takeAdjustedMap(&times_);
   }
   LocalMap& map() { return mapping_->map(); }
   std::vector<Feature> featuresAt(const Eigen::Isometry3d& T_w_c) const {
@@ -59,13 +57,14 @@ class MappingTest : public testing::Test {
 
   const std::vector<Eigen::Vector3d> points_ = test::farPoints(150);
   std::unique_ptr<Mapping> mapping_;
+  VisualOdometry::Times times_;
 };
 
 TEST_F(MappingTest, AKeyframeIsNeededForParallaxToTheLastOrFewTrackedFeatures) {
-  const LocalMap::Options options;
+  const VisualOdometry::Options options;
   std::vector<Eigen::Vector3d> points = test::randomPoints(200, 1);
   for (Eigen::Vector3d& p : points) p *= 10 / p.norm();  // all at the same distance
-  Mapping mapping(kCamera, options, {}, false);
+  Mapping mapping(kCamera, options);
   mapping.map().addKeyframe(Eigen::Isometry3d::Identity(),
                             test::observe(points, Eigen::Isometry3d::Identity()));
   const auto isNeeded = [&](const Eigen::Isometry3d& T_w_c, double tracked) {
@@ -93,7 +92,7 @@ TEST_F(MappingTest, AKeyframeIsNeededForParallaxToTheLastOrFewTrackedFeatures) {
 TEST_F(MappingTest, TheAdjustmentCorrectsTheNewestKeyframe) {
   for (const int keyframes : {1, 5}) {  // also with the landmarks that only now get a depth
     makeMap(keyframes);
-    EXPECT_FALSE(mapping_->finishAdjustment());
+    EXPECT_FALSE(mapping_->takeAdjustedMap(&times_));
     const Eigen::Isometry3d truth = keyframePose(keyframes);
     const Eigen::Isometry3d disturbed = truth * pose({0.002, -0.001, 0}, {0, 0, 0});
     const auto correction = addKeyframe(disturbed, featuresAt(truth));
@@ -102,8 +101,23 @@ TEST_F(MappingTest, TheAdjustmentCorrectsTheNewestKeyframe) {
     EXPECT_TRUE((*correction * disturbed).isApprox(adjusted, 1e-9));
     EXPECT_LT(test::angleBetween(adjusted, truth), 5e-4);
     EXPECT_LT((adjusted.translation() - truth.translation()).norm(), 0.01);
-    EXPECT_FALSE(mapping_->finishAdjustment()) << "applied once";
+    EXPECT_FALSE(mapping_->takeAdjustedMap(&times_)) << "applied once";
   }
+}
+
+TEST_F(MappingTest, AfterAnAdjustmentOutliersAreRemovedAndSigmasUpdated) {
+  makeMap(5);
+  ASSERT_TRUE(map().find(7)->depth);
+  map().find(8)->depth->sigma = 1;
+  std::vector<Feature> features = featuresAt(keyframePose(5));
+  features[7].u.y() += 0.04 * kCamera.fy;
+  addKeyframe(keyframePose(5), features);
+  EXPECT_EQ(map().find(7)->observations.size(), 5u);
+  EXPECT_EQ(map().find(8)->observations.size(), 6u);
+  EXPECT_LT(map().find(8)->depth->sigma, 0.1);
+  const double updated = map().find(7)->depth->sigma;
+  map().updateSigmas();
+  EXPECT_DOUBLE_EQ(map().find(7)->depth->sigma, updated) << "without the outlier";
 }
 
 // But small steps add up: otherwise a camera that creeps would never get another keyframe.
@@ -129,23 +143,23 @@ TEST_F(MappingTest, KeyframesAtOnePlaceReplaceEachOther) {
 }
 
 /// Three images of random points: the second from the place of the first, the third after a motion.
-struct InitialisationScene {
+struct Initialisation {
   const Eigen::Isometry3d T_w_3 = pose({0, 0.02, 0}, {0.3, 0, 1.5});
   std::vector<Eigen::Vector3d> points;
   std::vector<Feature> first, second, third;
-  Initialisation initialisation;
+  MapInitialisation initialisation;
   Mapping mapping;
 
-  explicit InitialisationScene(int n = 300)
+  explicit Initialisation(int n = 300)
       : points(test::randomPoints(n, 3)),
         first(featuresOf(points, Eigen::Isometry3d::Identity())),
         second(first),
         third(featuresOf(points, T_w_3)),
-        initialisation(kCamera, {}, {}, 0),
-        mapping(kCamera, {}, {}, false) {}
+        initialisation(kCamera, {}),
+        mapping(kCamera, {}) {}
 
-  std::optional<std::vector<StartPose>> start() {
-    initialisation.restart(3, 1000, first, blankImage().image());
+  std::optional<std::vector<VisualOdometry::StartPose>> start() {
+    initialisation.restart(3, 1000, first, blankImage().image);
     initialisation.addFrame(4, 2000, second);
     EXPECT_FALSE(initialisation.tryStartMap(second, blankImage(), &mapping)) << "no motion";
     initialisation.addFrame(5, 3000, third);
@@ -156,8 +170,8 @@ struct InitialisationScene {
   }
 };
 
-TEST(Initialisation, TheUnitOfTheMapIsItsMedianDepth) {
-  InitialisationScene scene;
+TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
+  Initialisation scene;
   const auto poses = scene.start();
   ASSERT_TRUE(poses);
   ASSERT_EQ(poses->size(), 3u);
@@ -185,13 +199,13 @@ TEST(Initialisation, TheUnitOfTheMapIsItsMedianDepth) {
   EXPECT_EQ(two.image.at<unsigned char>(0, 0), 70);
 }
 
-TEST(Initialisation, StartsNoMapWithoutEnoughPointsOrPoses) {
-  InitialisationScene wrong_frame;
+TEST(MapInitialisation, StartsNoMapWithoutEnoughPointsOrPoses) {
+  Initialisation wrong_frame;
   wrong_frame.second =
       featuresOf(test::randomPoints(300, 4), Eigen::Isometry3d::Identity());  // has no pose
   EXPECT_FALSE(wrong_frame.start());
   for (const std::size_t good : {104, 40}) {
-    InitialisationScene scene(104);
+    Initialisation scene(104);
     for (std::size_t i = good; i < 104; ++i) {
       scene.third[i].u.y() +=
           i % 2 == 0 ? 10 + static_cast<double>(i) : -8 - static_cast<double>(i);

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/se3.hpp"
-#include "vo/motion_model.hpp"
+#include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -191,6 +191,20 @@ TEST(TwoView, EstimatesTheRotationWithAndWithoutParallax) {
   }
 }
 
+TEST(TwoView, TheRotationOfPointsOnOneLineIsNoReflection) {
+  const Eigen::Isometry3d T_2_1 = pose({0, 0.06, 0}, {0, 0, 0});
+  for (int row = 99; row < 140; row += 4) {
+    std::vector<Eigen::Vector3d> points;
+    for (int i = 0; i < 60; ++i) points.push_back(10 * testCamera().ray({150 + 8 * i, row}));
+    Views views = project(points, T_2_1);
+    for (std::size_t i = 0; i < views.u2.size(); i += 5) views.u2[i].y() += 60;  // outliers
+    const auto rotation = estimateRotation(views);
+    ASSERT_TRUE(rotation);
+    EXPECT_NEAR(rotation->R_2_1.determinant(), 1, 1e-9) << row;
+    EXPECT_LT((rotation->R_2_1 - T_2_1.linear()).norm(), 1e-3) << row;
+  }
+}
+
 TEST(Triangulation, ScaledDerivativeMatchesTheNumericDerivative) {
   const Eigen::Vector3d ray(0.2, -0.1, 1);
   const Eigen::Isometry3d T = pose({0.02, 0.1, -0.03}, {0.3, 0.1, 0.8});
@@ -202,6 +216,12 @@ TEST(Triangulation, ScaledDerivativeMatchesTheNumericDerivative) {
              projection.scaled_derivative / projection.p.z())
                 .norm(),
             1e-8);
+}
+
+TEST(Triangulation, IsEmptyWithoutBaseline) {
+  const Eigen::Vector3d ray(0.1, 0, 1);
+  EXPECT_FALSE(triangulate(ray, {}));
+  EXPECT_FALSE(triangulate(ray, {{Eigen::Isometry3d::Identity(), ray.head<2>(), 1e-3}}));
 }
 
 }  // namespace

@@ -9,10 +9,10 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/vo/exposure.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 #include "support/scene.hpp"
-#include "vo/exposure.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -178,6 +178,32 @@ TEST(VisualOdometry, FollowsTheSyntheticDrive) {
   }
   EXPECT_GT(outliers, 50u) << "on the other vehicles";
   expectFeaturesWithPoints(result.frame(24), 0.8);
+}
+
+// Neighbouring points have errors in common, which their sigmas do not contain.
+TEST(VisualOdometry, DepthSigmaIsAboutHalfTheErrorOfPointsOnTheRoad) {
+  SyntheticDrive::Options drive_options = straightDrive(45);
+  drive_options.shadows = false;
+  const SyntheticDrive truth(drive_options);
+  const DriveRun result = run(truth);
+  constexpr std::size_t kFirst = 15;
+  const double scale = scaleOver(truth, result, kFirst, truth.size());
+  std::vector<double> errors;  // in units of their sigma
+  for (std::size_t i = kFirst; i < truth.size(); ++i) {
+    const SyntheticDrive::Frame& true_frame = truth.frame(i);
+    for (const TrackedFeature& feature : result.frame(i).features) {
+      const Eigen::Vector3d ray = truth.camera().ray(feature.u.cast<double>());
+      const bool on_road = ray.y() > 0.1 && std::abs(ray.x()) < ray.y();
+      if (!feature.has_point || !on_road) continue;
+      const double true_z = -true_frame.height / true_frame.n_c.dot(ray) / scale;
+      const double z = feature.p_c.z();
+      errors.push_back(std::abs(1 / z - 1 / true_z) * z * z / feature.depth_sigma);
+    }
+  }
+  ASSERT_GT(errors.size(), 100u);
+  const double sigma = 1.48 * median(errors);
+  EXPECT_GT(sigma, 1.1);
+  EXPECT_LT(sigma, 2.8);
 }
 
 TEST(VisualOdometry, AStandstillKeepsPoseMapAndScale) {
@@ -449,8 +475,10 @@ TEST(VisualOdometry, RejectsWrongImagesAndOptions) {
   EXPECT_THROW(VisualOdometry(camera, {}, cv::Mat(248, 801, CV_8UC1)), OptionError);
   using Options = VisualOdometry::Options;
   const std::function<void(Options*)> changes[] = {
-      [](Options* options) { options->map.keyframe_min_tracked = 2; },
+      [](Options* options) { options->keyframe_min_tracked = 2; },
       [](Options* options) { options->tracker.cell_size = 0; },
+      [](Options* options) { options->tracker.window_px = 10; },      // even
+      [](Options* options) { options->alignment.window_px = 1001; },  // exceeds the memory
       [](Options* options) { options->two_view.min_matches = 3; },
       [](Options* options) { options->alignment.min_correlation = 2; },
       [](Options* options) { options->pose.min_inliers = 2; },

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -7,14 +8,14 @@
 
 namespace ground_scale_vo {
 
+class LucasKanade;
+class PyramidSearch;
+
 /// An image with its Gaussian pyramid, computed once for tracking to it and from it.
 struct ImagePyramid {
-  /// 8-bit grey, own memory with a border; each half the size of the one before. None smaller than
-  /// a patch, but the first.
-  std::vector<cv::Mat> levels;
-  double exposure = 1;  ///< relative to an image that the caller chooses
-
-  const cv::Mat& image() const { return levels.front(); }
+  cv::Mat image;                ///< 8-bit grey, level 0, own memory
+  std::vector<cv::Mat> levels;  ///< each half the size of the one before, with a border in memory
+  double exposure = 1;          ///< relative to an image that the caller chooses
 };
 
 /// Shi-Tomasi corners, one per grid cell, and pyramidal Lucas-Kanade with a forward-backward check.
@@ -22,17 +23,13 @@ struct ImagePyramid {
 /// camera's resolution, unless a cell would be smaller than 8 px.
 class FeatureTracker {
  public:
-  static constexpr int kPatchSide_px = 9;
-
   struct Options {
     double cell_size = 0.0129;
     double min_corner_strength = 1e-4;
     double min_corner_ratio = 0.12;
+    int window_px = 9;
     int pyramid_levels = 4;
     double forward_backward_px = 0.7;
-    double sigma = 0.001;
-    double sigma_flow = 0.028;
-    double standstill_flow = 0.0003;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit(
@@ -42,16 +39,11 @@ class FeatureTracker {
             "[] smaller eigenvalue of the gradient matrix, grey levels in [0, 1]");
       visit("min_corner_ratio", self.min_corner_ratio, 0, 1,
             "[] smaller over larger eigenvalue; a corner with less lies on an edge");
+      visit("window_px", self.window_px, 5, 51,
+            "[px] side of the tracked patch, odd; a small patch tolerates more change of size");
       visit("pyramid_levels", self.pyramid_levels, 0, 8, "[levels] above the full resolution");
       visit("forward_backward_px", self.forward_backward_px, 0.05, 10,
             "[px] largest distance after tracking forward and backward");
-      visit("sigma", self.sigma, 1e-6, 0.1,
-            "[focal lengths] standard deviation of a tracked corner without flow");
-      visit("sigma_flow", self.sigma_flow, 1e-4, 100,
-            "[focal lengths] flow that doubles the variance of a tracked corner; the flow of the "
-            "rotation does not count");
-      visit("standstill_flow", self.standstill_flow, 0, 0.1,
-            "[image width] median flow below which the camera stands still");
     }
     /// Throws OptionError.
     void validate() const;
@@ -83,11 +75,15 @@ class FeatureTracker {
                const std::vector<cv::Point2f>& predicted) const;
 
  private:
+  bool trackThereAndBack(const cv::Point2f& from_point, int levels, PyramidSearch* there,
+                         PyramidSearch* back, const cv::Mat& to, cv::Point2f* point) const;
   std::vector<cv::Point2f> detectIn(const cv::Mat& image, const cv::Mat& allowed,
                                     const std::vector<cv::Point2f>& occupied) const;
+  int reach() const;
   bool isMasked(const cv::Point2f& u) const;
 
   Options options_;
+  std::shared_ptr<const LucasKanade> lucas_kanade_;
   cv::Mat allowed_;  ///< 0 at the pixels whose patch touches the mask; empty: no mask
 };
 

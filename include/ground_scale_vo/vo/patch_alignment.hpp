@@ -2,18 +2,16 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/input/camera.hpp"
-#include "ground_scale_vo/vo/feature_tracker.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
 
 namespace ground_scale_vo {
 
-struct Feature;
+struct FloatPatchGrid;
 
 /// Model of the surface on which a patch lies: the direction of its normal in the reference camera.
 enum class PatchSurface : std::uint8_t {
@@ -29,19 +27,19 @@ enum class PatchSurface : std::uint8_t {
 std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eigen::Vector3d& p_r,
                                          const Eigen::Isometry3d& T_c_r, PatchSurface surface);
 
-/// Removes the drift of tracking from frame to frame: aligns each feature that has a map point to
-/// the warped patch of the first keyframe that observed it at about its current size.
+/// Locates the patch of a reference image in the current one with subpixel accuracy: translational
+/// inverse-compositional alignment (Baker & Matthews 2004) of the warped reference patch, zero-mean
+/// SSD. Alignment to a fixed reference does not drift, tracking from frame to frame does.
 class PatchAlignment {
  public:
   struct Options {
-    double sigma = 0.00025;
+    int window_px = 9;
     double min_correlation = 0.8;
     double max_shift_px = 1.5;
     double max_scale = 1.6;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("sigma", self.sigma, 1e-6, 0.1,
-            "[focal lengths] standard deviation of a corner aligned to a keyframe's patch");
+      visit("window_px", self.window_px, 5, 21, "[px] side of the aligned patch, odd");
       visit("min_correlation", self.min_correlation, 0, 1,
             "[] least normalised correlation of an aligned patch");
       visit("max_shift_px", self.max_shift_px, 0.1, 20,
@@ -53,37 +51,26 @@ class PatchAlignment {
     void validate() const;
   };
 
-  PatchAlignment(const PinholeCamera& camera, const Options& options);
+  struct Match {
+    Eigen::Vector2d u = Eigen::Vector2d::Zero();  ///< [px] in the current image
+    double correlation = -1;                      ///< normalised, in [-1, 1]
+  };
 
-  /// predicted_T_w_c: of the image. Updates u, sigma and surface of the aligned features; the
-  /// others keep their tracked values.
-  void align(const LocalMap& map, const ImagePyramid& image,
-             const Eigen::Isometry3d& predicted_T_w_c, std::vector<Feature>* features);
+  explicit PatchAlignment(const Options& options);
+
+  /// reference, current: 8-bit grey. u_ref: [px] in the reference. warp: from patchWarp. start:
+  /// initial position in the current image [px], accurate to about a pixel. Empty when a patch
+  /// leaves its image, lacks gradient in two independent directions (edge or uniform), or is not
+  /// found within max_shift_px of the start with min_correlation.
+  std::optional<Match> align(const cv::Mat& reference, const Eigen::Vector2d& u_ref,
+                             const Eigen::Matrix2d& warp, const cv::Mat& current,
+                             const Eigen::Vector2d& start) const;
+
+  const Options& options() const { return options_; }
 
  private:
-  /// The keyframe (r) whose patch a landmark is aligned to.
-  struct Reference {
-    std::size_t keyframe;  ///< its index in the map
-    Eigen::Vector2d u;     ///< [px]
-    Eigen::Vector3d p_r;   ///< the point in the keyframe's camera
-  };
-  /// A keyframe's image with the exposure of the current image.
-  struct KeyframeImage {
-    cv::Mat original;
-    double gain;
-    cv::Mat image;
-  };
-
-  void updateKeyframeImages(const LocalMap& map, double exposure);
-  std::optional<Reference> findReference(const LocalMap& map, const Landmark& landmark,
-                                         const std::vector<Eigen::Isometry3d>& T_r_w,
-                                         const Eigen::Vector3d& p_w, double depth) const;
-  void alignFeature(const Reference& reference, const Eigen::Isometry3d& T_c_r,
-                    const cv::Mat& image, Feature* feature) const;
-
-  const PinholeCamera camera_;
-  const Options options_;
-  std::vector<KeyframeImage> keyframe_images_;  ///< of the map's keyframes, in their order
+  Options options_;
+  std::shared_ptr<const FloatPatchGrid> grid_;
 };
 
 }  // namespace ground_scale_vo

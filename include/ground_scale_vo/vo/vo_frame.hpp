@@ -30,25 +30,6 @@ struct TrackedFeature {
 /// Whether the feature has a point, which is finite and in front of the camera, and a finite sigma.
 bool hasUsablePoint(const TrackedFeature& feature);
 
-enum class RejectReason : std::uint8_t {
-  kNotFound,  ///< not found in this image, at the mask, or failed the forward-backward check
-  kOutlier    ///< off the projection of its map point; without a map point: off its epipolar line
-};
-
-/// A feature that was not found in this frame, or was removed from it as an outlier.
-struct RejectedFeature {
-  std::uint64_t id = 0;
-  Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] last position; an outlier's in this frame
-  RejectReason reason = RejectReason::kNotFound;
-};
-
-/// The pose of one of the frames from which a map was started.
-struct StartPose {
-  std::uint32_t sequence = 0;
-  std::int64_t stamp_ns = 0;
-  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-};
-
 /// Relation of a map to the motion before it, for the metric trajectory. The default value means
 /// unknown, for example with another odometry.
 struct MapStart {

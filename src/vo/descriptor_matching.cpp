@@ -1,4 +1,4 @@
-#include "vo/descriptors.hpp"
+#include "vo/descriptor_matching.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +8,7 @@
 
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/math.hpp"
+#include "vo/masked_patch.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -34,13 +35,6 @@ bool isInRegion(const SearchRegion& region, std::size_t i, const cv::Point2f& u)
 }
 
 }  // namespace
-
-bool touchesMask(const cv::Mat& mask, const cv::Point2f& u, int reach) {
-  if (mask.empty()) return false;
-  const cv::Rect square(cvRound(u.x) - reach, cvRound(u.y) - reach, 2 * reach + 1, 2 * reach + 1);
-  const cv::Rect inside = square & cv::Rect({0, 0}, mask.size());
-  return cv::countNonZero(mask(inside)) < inside.area();
-}
 
 Descriptors::Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points, const cv::Mat& mask)
     : points_(std::move(points)) {
@@ -121,9 +115,9 @@ std::vector<DescriptorMatch> matchDescriptors(const Descriptors& from, const Des
   return matches;
 }
 
-std::vector<cv::Point2f> displaceAsNeighbours(const std::vector<cv::Point2f>& from,
-                                              const std::vector<cv::Point2f>& to,
-                                              const std::vector<DescriptorMatch>& matches) {
+std::vector<cv::Point2f> predictPixels(const std::vector<cv::Point2f>& from,
+                                       const std::vector<cv::Point2f>& to,
+                                       const std::vector<DescriptorMatch>& matches) {
   const std::size_t neighbours = std::min(kNeighbours, matches.size());
   std::vector<cv::Point2f> predicted;
   std::vector<std::pair<float, std::size_t>> by_distance(matches.size());

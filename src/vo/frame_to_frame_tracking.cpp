@@ -1,10 +1,10 @@
-#include "vo/tracking.hpp"
+#include "vo/frame_to_frame_tracking.hpp"
 
 #include <cmath>
 #include <utility>
 
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/exposure.hpp"
+#include "ground_scale_vo/vo/exposure.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -20,29 +20,30 @@ constexpr std::size_t kStandstillMinTrackedPercent = 90;
 
 }  // namespace
 
-Tracking::Tracking(const PinholeCamera& camera, const FeatureTracker::Options& options,
-                   const cv::Mat& mask)
-    : options_(options), camera_(camera), mask_(mask), tracker_(options, mask) {}
+FrameToFrameTracking::FrameToFrameTracking(const PinholeCamera& camera,
+                                           const VisualOdometry::Options& options,
+                                           const cv::Mat& mask)
+    : options_(options), camera_(camera), mask_(mask), tracker_(options.tracker, mask) {}
 
-ImagePyramid Tracking::prepare(const cv::Mat& image) const {
+ImagePyramid FrameToFrameTracking::pyramid(const cv::Mat& image) const {
   ImagePyramid result = tracker_.pyramid(image);
-  if (!previous_.levels.empty()) {
+  if (hasImage()) {
     result.exposure =
         previous_.exposure * exposureStep(previous_.levels.back(), result.levels.back());
   }
   return result;
 }
 
-std::vector<Feature> Tracking::track(const ImagePyramid& next, std::int64_t stamp_ns,
-                                     const std::vector<cv::Point2f>& predicted,
-                                     const Eigen::Matrix3d& R_next_previous,
-                                     std::vector<RejectedFeature>* rejected) const {
+std::vector<Feature> FrameToFrameTracking::track(const ImagePyramid& next, std::int64_t stamp_ns,
+                                                 const std::vector<cv::Point2f>& predicted,
+                                                 const Eigen::Matrix3d& R_next_previous,
+                                                 std::vector<RejectedFeature>* rejected) const {
   const double dt = secondsUntil(stamp_ns);
   const std::vector<cv::Point2f> points = pixels();
   const double gain = next.exposure / previous_.exposure;
   const FeatureTracker::Tracks tracks =
       gain == 1 ? tracker_.track(previous_, next, points, predicted)
-                : tracker_.track(tracker_.pyramid(applyGain(previous_.image(), gain)), next, points,
+                : tracker_.track(tracker_.pyramid(applyGain(previous_.image, gain)), next, points,
                                  predicted);
   std::vector<Feature> found;
   found.reserve(features_.size());
@@ -59,14 +60,14 @@ std::vector<Feature> Tracking::track(const ImagePyramid& next, std::int64_t stam
         dt > 0 ? Eigen::Vector2d((feature.u - previous.u) / dt) : Eigen::Vector2d::Zero();
     const Eigen::Vector3d rotated = R_next_previous * camera_.ray(previous.u);
     const double flow = (camera_.ray(feature.u).head<2>() - rotated.head<2>() / rotated.z()).norm();
-    feature.sigma = options_.sigma * std::hypot(1.0, flow / options_.sigma_flow);
+    feature.sigma = options_.feature_sigma * std::hypot(1.0, flow / options_.feature_sigma_flow);
     found.push_back(feature);
   }
   return found;
 }
 
 /// [px] since the previous image.
-double Tracking::medianFlow(const std::vector<Feature>& found) const {
+double FrameToFrameTracking::medianFlow(const std::vector<Feature>& found) const {
   const std::vector<Feature> previous = entriesOf(found, features_);
   std::vector<double> flow;
   for (std::size_t i = 0; i < found.size(); ++i) {
@@ -75,8 +76,8 @@ double Tracking::medianFlow(const std::vector<Feature>& found) const {
   return flow.empty() ? 0 : median(flow);
 }
 
-bool Tracking::advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
-                                       std::vector<Feature> found) {
+bool FrameToFrameTracking::advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
+                                                   std::vector<Feature> found) {
   if (medianFlow(found) < options_.standstill_flow * camera_.width &&
       100 * found.size() > kStandstillMinTrackedPercent * features_.size()) {
     return false;
@@ -85,30 +86,39 @@ bool Tracking::advanceUnlessStandstill(ImagePyramid next, std::int64_t stamp_ns,
   return true;
 }
 
-void Tracking::advance(ImagePyramid next, std::int64_t stamp_ns, std::vector<Feature> found) {
+void FrameToFrameTracking::advance(ImagePyramid next, std::int64_t stamp_ns,
+                                   std::vector<Feature> found) {
   previous_ = std::move(next);
   previous_stamp_ns_ = stamp_ns;
   features_ = std::move(found);
 }
 
-void Tracking::detectNew() {
+void FrameToFrameTracking::detectNew() {
   for (const cv::Point2f& corner : tracker_.detect(previous_, pixels())) {
     Feature feature;
     feature.id = next_feature_id_++;
-    feature.sigma = options_.sigma;
+    feature.sigma = options_.feature_sigma;
     feature.u = Eigen::Vector2d(corner.x, corner.y);
     features_.push_back(feature);
   }
 }
 
-std::vector<cv::Point2f> Tracking::pixels() const {
+Descriptors FrameToFrameTracking::describeFeatures() const {
+  return {previous_.image, pixels(), mask_};
+}
+
+Descriptors FrameToFrameTracking::describeCorners(const ImagePyramid& image) const {
+  return {image.image, tracker_.detect(image, {}), mask_};
+}
+
+std::vector<cv::Point2f> FrameToFrameTracking::pixels() const {
   std::vector<cv::Point2f> points;
   points.reserve(features_.size());
   for (const Feature& feature : features_) points.push_back(toCv(feature.u));
   return points;
 }
 
-bool Tracking::isTextureless(const ImagePyramid& image, std::size_t found) const {
+bool FrameToFrameTracking::isTextureless(const ImagePyramid& image, std::size_t found) const {
   return found < kMinCorners && tracker_.detect(image, {}).size() < kMinCorners;
 }
 

@@ -1,6 +1,6 @@
 // The two searches for the pose after an interruption.
 
-#include "vo/relocalisation.hpp"
+#include "vo/pose_search.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,6 +8,8 @@
 
 #include "support/scene.hpp"
 #include "support/wall.hpp"
+#include "vo/descriptor_matching.hpp"
+#include "vo/relocalisation.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -43,11 +45,10 @@ class WallTest : public testing::Test {
     return kCamera.project(T_v_c.inverse() *
                            (test::kWallDistance * kCamera.ray(features_[feature.id].u)));
   }
-  std::optional<Relocalisation::Result> search(const cv::Mat& image,
-                                               const cv::Mat& mask = {}) const {
-    return Relocalisation(kCamera, {}, mask)
-        .searchPose(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity()), image,
-                    test::kAfterGap);
+  std::optional<PoseSearch::Result> search(const cv::Mat& image, const cv::Mat& mask = {}) const {
+    return PoseSearch(kCamera, {}, mask)
+        .locate(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity()), image,
+                test::kAfterGap);
   }
   /// By the descriptors of the features in both images.
   std::optional<Relocalisation::Result> relocalise(const Eigen::Isometry3d& T_v_c) const {
@@ -56,14 +57,13 @@ class WallTest : public testing::Test {
       previous.push_back(toCv(feature.u));
       next.push_back(toCv(pixelAt(T_v_c, feature)));
     }
-    return Relocalisation(kCamera, {}, {})
-        .matchDescriptors(map_, motion_, features_,
-                          {wallFrom(Eigen::Isometry3d::Identity()), previous},
-                          {wallFrom(T_v_c), next}, test::kAfterGap);
+    return Relocalisation(kCamera, {})
+        .locate(map_, motion_, features_, {wallFrom(Eigen::Isometry3d::Identity()), previous},
+                {wallFrom(T_v_c), next}, test::kAfterGap);
   }
   /// Expects the pose and features at their projections.
-  void expectLocated(const std::optional<Relocalisation::Result>& result,
-                     const Eigen::Isometry3d& T_v_c) const {
+  template <typename Result>
+  void expectLocated(const std::optional<Result>& result, const Eigen::Isometry3d& T_v_c) const {
     ASSERT_TRUE(result);
     const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
     EXPECT_LT(test::angleBetween(found, T_v_c), 0.005);
@@ -104,6 +104,27 @@ TEST_F(PoseSearchTest, FindsThePoseAfterATurnOrAChangeOfPitchOrSpeed) {
   motion_ = test::motionTo(T_w_v_, {0, 0, 0.35});  // much nearer to the wall
   const Eigen::Isometry3d T_v_c = pose({0, 0.05, 0}, {0, 0, 9});
   expectLocated(search(wallFrom(T_v_c)), T_v_c);
+}
+
+TEST_F(PoseSearchTest, RotationSigmaIsConsistentWithTheErrorOfTheWorstAxis) {
+  const Eigen::Isometry3d T_v_c = pose({0, 0.1, 0}, {0, 0, 3});
+  Eigen::Vector3d squares = Eigen::Vector3d::Zero();
+  double sigma = 0;
+  constexpr int kRuns = 8;
+  for (int i = 0; i < kRuns; ++i) {
+    cv::Mat image = wallFrom(T_v_c), noise(image.size(), CV_16SC1);
+    cv::RNG(static_cast<std::uint64_t>(i)).fill(noise, cv::RNG::NORMAL, 0, 20);
+    cv::add(image, noise, image, {}, CV_8U);
+    const auto result = search(image);
+    ASSERT_TRUE(result);
+    const Eigen::AngleAxisd error(
+        ((T_w_v_ * T_v_c).linear().transpose() * result->T_w_c.linear()).eval());
+    squares += (error.angle() * error.axis()).cwiseAbs2();
+    sigma += result->rotation_sigma / kRuns;
+  }
+  const Eigen::Vector3d rms = (squares / kRuns).cwiseSqrt();
+  EXPECT_GT(sigma, 0.3 * rms.maxCoeff());
+  EXPECT_LT(sigma, 3 * rms.maxCoeff());
 }
 
 // Half of the predicted distance (3, then 6) and a tenth of the median depth (20).

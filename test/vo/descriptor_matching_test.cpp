@@ -1,4 +1,4 @@
-#include "vo/descriptors.hpp"
+#include "vo/descriptor_matching.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@ namespace {
 const cv::Size kSize(400, 248);
 const cv::Point2f kPoint(200, 120);
 
-TEST(Descriptors, AMatchIsTheBestInBothDirectionsAndDistinct) {
+TEST(DescriptorMatching, AMatchIsTheBestInBothDirectionsAndDistinct) {
   const cv::Mat image = test::blurredNoise(1, kSize);
   const Descriptors once(image, {kPoint}), twice(image, {kPoint, kPoint});
   EXPECT_EQ(matchDescriptors(twice, once).size(), 1u);
@@ -25,7 +25,7 @@ TEST(Descriptors, AMatchIsTheBestInBothDirectionsAndDistinct) {
   EXPECT_TRUE(matchDescriptors(once, {test::blurredNoise(2, kSize), {kPoint}}).empty());
 }
 
-TEST(Descriptors, MatchesPointsOfAnotherSize) {
+TEST(DescriptorMatching, MatchesPointsOfAnotherSize) {
   const cv::Mat image = test::blurredNoise(3, kSize);
   const double scale = 1.9;  // about the square of the ratio between neighbouring scales
   cv::Mat larger;
@@ -42,7 +42,7 @@ TEST(Descriptors, MatchesPointsOfAnotherSize) {
   }
 }
 
-TEST(Descriptors, DoNotDependOnMaskedPixels) {
+TEST(DescriptorMatching, DescriptorsDoNotDependOnMaskedPixels) {
   const cv::Rect masked(100, 60, 200, 100);
   const cv::Mat image = test::blurredNoise(1, kSize), other = image.clone();
   test::blurredNoise(99, kSize)(masked).copyTo(other(masked));

@@ -9,10 +9,6 @@
 
 namespace ground_scale_vo {
 
-/// Whether the square of half side `reach` [px] around u contains a masked pixel (0). mask: as for
-/// VisualOdometry, may be empty.
-bool touchesMask(const cv::Mat& mask, const cv::Point2f& u, int reach);
-
 /// A point of one image and the point of another image with the most similar descriptor.
 struct DescriptorMatch {
   std::size_t from = 0;
@@ -54,8 +50,8 @@ std::vector<DescriptorMatch> matchDescriptors(const Descriptors& from, const Des
 
 /// Predicts where all points of an image are in another one: moves each by the median displacement
 /// of the matches nearest to it. Precondition: matches is not empty.
-std::vector<cv::Point2f> displaceAsNeighbours(const std::vector<cv::Point2f>& from,
-                                              const std::vector<cv::Point2f>& to,
-                                              const std::vector<DescriptorMatch>& matches);
+std::vector<cv::Point2f> predictPixels(const std::vector<cv::Point2f>& from,
+                                       const std::vector<cv::Point2f>& to,
+                                       const std::vector<DescriptorMatch>& matches);
 
 }  // namespace ground_scale_vo

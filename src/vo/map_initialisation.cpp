@@ -1,4 +1,4 @@
-#include "vo/initialisation.hpp"
+#include "vo/map_initialisation.hpp"
 
 #include <utility>
 
@@ -9,9 +9,6 @@ namespace {
 
 /// [features] minimum number of matches for initialisation; above TwoView's min_matches (80).
 constexpr std::size_t kMinMatches = 100;
-
-/// Share of the first frame's features below which the initialisation starts again.
-constexpr double kMinTrackedShare = 0.4;
 
 /// Minimum number of landmarks with depth in a new map.
 constexpr std::size_t kMinPoints = kMinMatches / 2;
@@ -27,28 +24,28 @@ std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
 
 }  // namespace
 
-Initialisation::Initialisation(const PinholeCamera& camera,
-                               const TwoView::Options& two_view_options,
-                               const PoseEstimation::Options& pose_options, double readout_time)
-    : readout_time_(readout_time),
+MapInitialisation::MapInitialisation(const PinholeCamera& camera,
+                                     const VisualOdometry::Options& options)
+    : readout_time_(options.readout_time),
+      min_tracked_(options.initialisation_min_tracked),
       camera_(camera),
-      two_view_(two_view_options),
-      pose_estimation_(pose_options) {}
+      two_view_(options.two_view),
+      pose_estimation_(options.pose) {}
 
-void Initialisation::restart(std::uint32_t sequence, std::int64_t stamp_ns,
-                             const std::vector<Feature>& features, const cv::Mat& image) {
+void MapInitialisation::restart(std::uint32_t sequence, std::int64_t stamp_ns,
+                                const std::vector<Feature>& features, const cv::Mat& image) {
   frames_.clear();
   first_image_ = image;
   addFrame(sequence, stamp_ns, features);
 }
 
-bool Initialisation::canContinueWith(std::size_t found) const {
+bool MapInitialisation::canContinueWith(std::size_t found) const {
   if (frames_.empty() || frames_.size() > kMaxFrames || found < kMinMatches) return false;
   const std::size_t first = frames_.front().corners.size();
-  return static_cast<double>(found) >= kMinTrackedShare * static_cast<double>(first);
+  return static_cast<double>(found) >= min_tracked_ * static_cast<double>(first);
 }
 
-std::vector<Eigen::Vector2d> Initialisation::pixelsInFirst(
+std::vector<Eigen::Vector2d> MapInitialisation::pixelsInFirst(
     const std::vector<Feature>& found) const {
   std::vector<Eigen::Vector2d> pixels;
   for (const LocalMap::Corner& corner : entriesOf(found, frames_.front().corners)) {
@@ -57,18 +54,18 @@ std::vector<Eigen::Vector2d> Initialisation::pixelsInFirst(
   return pixels;
 }
 
-std::optional<RelativeRotation> Initialisation::rotationSinceFirst(
+std::optional<RelativeRotation> MapInitialisation::rotationSinceFirst(
     const std::vector<Feature>& found) const {
   return two_view_.estimateRotation(camera_, pixelsInFirst(found), pixelsOf(found));
 }
 
-void Initialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
-                              const std::vector<Feature>& found) {
+void MapInitialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
+                                 const std::vector<Feature>& found) {
   if (frames_.size() == 1 && readout_time_ > 0) shiftFirstToStamp(found);
   frames_.push_back({sequence, stamp_ns, toCorners(camera_, found)});
 }
 
-void Initialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
+void MapInitialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
   auto corner = frames_.front().corners.begin();
   for (const Feature& feature : found) {
     while (corner->id != feature.id) ++corner;
@@ -78,9 +75,8 @@ void Initialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
   }
 }
 
-std::optional<std::vector<StartPose>> Initialisation::tryStartMap(const std::vector<Feature>& found,
-                                                                  const ImagePyramid& image,
-                                                                  Mapping* mapping) {
+std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::tryStartMap(
+    const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping) {
   const TwoView::Result motion = two_view_.estimate(camera_, pixelsInFirst(found), pixelsOf(found));
   if (motion.status != TwoViewStatus::kOk) return std::nullopt;
 
@@ -96,8 +92,8 @@ std::optional<std::vector<StartPose>> Initialisation::tryStartMap(const std::vec
 
 /// Creates a map of two keyframes and the triangulated inliers, then runs bundle adjustment.
 /// Returns false when it fails.
-bool Initialisation::makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
-                             const TwoView::Result& motion, Mapping* mapping) const {
+bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
+                                const TwoView::Result& motion, Mapping* mapping) const {
   std::vector<double> depths;
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (motion.inlier[i]) depths.push_back(1 / motion.inverse_depth_1[i]);
@@ -111,7 +107,7 @@ bool Initialisation::makeMap(const std::vector<Feature>& found, const ImagePyram
   map.clear();
   map.addKeyframe(Eigen::Isometry3d::Identity(), entriesOf(found, frames_.front().corners),
                   first_image_);
-  map.addKeyframe(T_1_2, frames_.back().corners, image.image());
+  map.addKeyframe(T_1_2, frames_.back().corners, image.image);
   map.keyframes().back().exposure = image.exposure;
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (!motion.inlier[i]) continue;
@@ -124,8 +120,9 @@ bool Initialisation::makeMap(const std::vector<Feature>& found, const ImagePyram
 
 /// The poses of all frames in the new map. The first and the last are its keyframes. Empty when one
 /// of them cannot be localised.
-std::optional<std::vector<StartPose>> Initialisation::localiseFrames(const LocalMap& map) const {
-  std::vector<StartPose> poses;
+std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::localiseFrames(
+    const LocalMap& map) const {
+  std::vector<VisualOdometry::StartPose> poses;
   Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
   for (const Frame& frame : frames_) {
     if (!frame.corners.empty()) {

@@ -1,12 +1,12 @@
-#include "vo/tracking.hpp"
+#include "vo/frame_to_frame_tracking.hpp"
 
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 
+#include "ground_scale_vo/vo/exposure.hpp"
 #include "support/scene.hpp"
 #include "support/texture.hpp"
-#include "vo/exposure.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -21,21 +21,21 @@ cv::Mat movedScene(int shift_px) {
 }
 
 /// Tracks the corners of movedScene(0), its previous image.
-Tracking trackingScene() {
-  Tracking tracking(test::testCamera(), {}, {});
-  tracking.advance(tracking.prepare(movedScene(0)), kStamp, {});
+FrameToFrameTracking trackingScene() {
+  FrameToFrameTracking tracking(test::testCamera(), {}, {});
+  tracking.advance(tracking.pyramid(movedScene(0)), kStamp, {});
   tracking.detectNew();
   return tracking;
 }
 
-std::vector<Feature> track(const Tracking& tracking, const cv::Mat& image) {
+std::vector<Feature> track(const FrameToFrameTracking& tracking, const cv::Mat& image) {
   std::vector<RejectedFeature> rejected;
-  return tracking.track(tracking.prepare(image), kStamp + kPeriod, {}, Eigen::Matrix3d::Identity(),
+  return tracking.track(tracking.pyramid(image), kStamp + kPeriod, {}, Eigen::Matrix3d::Identity(),
                         &rejected);
 }
 
-TEST(Tracking, FollowsFeaturesOverAStepOfTheExposure) {
-  Tracking tracking = trackingScene();
+TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
+  FrameToFrameTracking tracking = trackingScene();
   for (const double gain : {1.0, 0.5, 2.2}) {
     const std::vector<Feature> found = track(tracking, applyGain(movedScene(4), gain));
     EXPECT_GT(found.size(), tracking.features().size() * 9 / 10) << gain;
@@ -47,20 +47,20 @@ TEST(Tracking, FollowsFeaturesOverAStepOfTheExposure) {
     }
   }
   // The exposure is relative to the first image.
-  const ImagePyramid darker = tracking.prepare(applyGain(movedScene(0), 0.6));
+  const ImagePyramid darker = tracking.pyramid(applyGain(movedScene(0), 0.6));
   EXPECT_NEAR(darker.exposure, 0.6, 0.02);
   tracking.advance(darker, kStamp + kPeriod, {});
-  EXPECT_NEAR(tracking.prepare(applyGain(movedScene(0), 0.36)).exposure, 0.36, 0.02);
+  EXPECT_NEAR(tracking.pyramid(applyGain(movedScene(0), 0.36)).exposure, 0.36, 0.02);
 }
 
-TEST(Tracking, KeepsTheImageOnlyAtAStandstill) {
+TEST(FrameToFrameTracking, KeepsTheImageOnlyAtAStandstill) {
   const auto advances = [](int shift_px, double noise_px, double share) {
-    Tracking tracking = trackingScene();
+    FrameToFrameTracking tracking = trackingScene();
     const std::size_t count = tracking.features().size();
     std::vector<Feature> found = track(tracking, movedScene(shift_px));
     for (Feature& feature : found) feature.u.x() += noise_px;
     found.resize(static_cast<std::size_t>(share * static_cast<double>(found.size())));
-    const bool advanced = tracking.advanceUnlessStandstill(tracking.prepare(movedScene(shift_px)),
+    const bool advanced = tracking.advanceUnlessStandstill(tracking.pyramid(movedScene(shift_px)),
                                                            kStamp + kPeriod, found);
     EXPECT_NEAR(tracking.secondsUntil(kStamp + kPeriod), advanced ? 0 : 0.1, 1e-12);
     EXPECT_EQ(tracking.features().front().age, advanced ? 1u : 0u);

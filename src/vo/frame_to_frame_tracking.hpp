@@ -7,23 +7,23 @@
 
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/vo/feature_tracker.hpp"
-#include "ground_scale_vo/vo/vo_frame.hpp"
-#include "vo/descriptors.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
 
 namespace ground_scale_vo {
 
 /// Stores the previous image and its features, and tracks them into the next image. The previous
 /// image is the last tracked one; at standstill an older image is kept.
-class Tracking {
+class FrameToFrameTracking {
  public:
   /// mask: as for VisualOdometry.
-  Tracking(const PinholeCamera& camera, const FeatureTracker::Options& options,
-           const cv::Mat& mask);
+  FrameToFrameTracking(const PinholeCamera& camera, const VisualOdometry::Options& options,
+                       const cv::Mat& mask);
 
-  /// The image with its pyramid, and its exposure relative to the map's first image (1 if there is
-  /// no previous image).
-  ImagePyramid prepare(const cv::Mat& image) const;
+  /// Pyramid of an image, with its exposure relative to the map's first image (1 if there is no
+  /// previous image).
+  ImagePyramid pyramid(const cv::Mat& image) const;
 
   /// Tracks the features into the next image and returns those found, with their new positions; the
   /// others are appended to `rejected`. predicted: predicted position of each feature [px]; empty:
@@ -45,16 +45,15 @@ class Tracking {
   void detectNew();
 
   /// Descriptors of the features in the previous image, in their order.
-  Descriptors describeFeatures() const { return {previous_.image(), pixels(), mask_}; }
+  Descriptors describeFeatures() const;
   /// Descriptors of the corners of an image.
-  Descriptors describeCorners(const ImagePyramid& image) const {
-    return {image.image(), tracker_.detect(image, {}), mask_};
-  }
+  Descriptors describeCorners(const ImagePyramid& image) const;
 
   /// True if the image has too few corners to track (dark, covered or blank). found: number of
   /// features tracked into this image.
   bool isTextureless(const ImagePyramid& image, std::size_t found) const;
 
+  bool hasImage() const { return !previous_.levels.empty(); }
   const ImagePyramid& image() const { return previous_; }
   const std::vector<Feature>& features() const { return features_; }
   std::vector<Feature>& features() { return features_; }
@@ -67,7 +66,7 @@ class Tracking {
   double medianFlow(const std::vector<Feature>& found) const;
   std::vector<cv::Point2f> pixels() const;  ///< of the features
 
-  const FeatureTracker::Options options_;
+  const VisualOdometry::Options options_;
   const PinholeCamera camera_;
   const cv::Mat mask_;
   const FeatureTracker tracker_;

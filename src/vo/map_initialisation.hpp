@@ -10,7 +10,7 @@
 #include "ground_scale_vo/vo/local_map.hpp"
 #include "ground_scale_vo/vo/pose_estimation.hpp"
 #include "ground_scale_vo/vo/two_view.hpp"
-#include "ground_scale_vo/vo/vo_frame.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "vo/feature.hpp"
 #include "vo/mapping.hpp"
 
@@ -19,11 +19,9 @@ namespace ground_scale_vo {
 /// Starts a map: collects frames until the motion between the first and the newest one can be
 /// estimated from their matches (two-view geometry), then makes a map of these two and localises
 /// the frames between them in it.
-class Initialisation {
+class MapInitialisation {
  public:
-  /// readout_time: [s] of a rolling shutter.
-  Initialisation(const PinholeCamera& camera, const TwoView::Options& two_view_options,
-                 const PoseEstimation::Options& pose_options, double readout_time);
+  MapInitialisation(const PinholeCamera& camera, const VisualOdometry::Options& options);
 
   /// Removes all frames. This frame becomes the first one and defines the world frame of the map.
   void restart(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& features,
@@ -47,8 +45,8 @@ class Initialisation {
   /// Creates a map from the first and the newest frame. found, image: features and image of the
   /// newest frame. Returns the poses of all frames; empty, with an empty map, if the motion cannot
   /// be estimated yet. The unit of length is the median depth in the first frame.
-  std::optional<std::vector<StartPose>> tryStartMap(const std::vector<Feature>& found,
-                                                    const ImagePyramid& image, Mapping* mapping);
+  std::optional<std::vector<VisualOdometry::StartPose>> tryStartMap(
+      const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping);
 
  private:
   struct Frame {
@@ -60,11 +58,12 @@ class Initialisation {
   std::vector<Eigen::Vector2d> pixelsInFirst(const std::vector<Feature>& found) const;
   bool makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
                const TwoView::Result& motion, Mapping* mapping) const;
-  std::optional<std::vector<StartPose>> localiseFrames(const LocalMap& map) const;
+  std::optional<std::vector<VisualOdometry::StartPose>> localiseFrames(const LocalMap& map) const;
 
   void shiftFirstToStamp(const std::vector<Feature>& found);
 
   const double readout_time_;  ///< [s]
+  const double min_tracked_;   ///< minimum fraction of the first frame's features
   const PinholeCamera camera_;
   const TwoView two_view_;
   const PoseEstimation pose_estimation_;

@@ -1,0 +1,248 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace ground_scale_vo {
+
+// Square patches in 16-bit integers. They are stored row by row in flat arrays; the loops run over
+// an array without regard to rows, so that the compiler vectorises them, and the gradients are zero
+// in the padding between rows. Sums of up to 128 products are exact integers, and are added as
+// floating-point numbers in a fixed order: the results do not depend on the instruction set.
+//
+// Everything is inline, to become part of one GSV_VECTOR_LOOP: a patch of the usual size has only
+// seven chunks, and calls would take longer than the arithmetic.
+
+constexpr int kGreyUnit = 32;      ///< value of one grey level
+constexpr int kGradientUnit = 16;  ///< value of one grey level per pixel
+
+constexpr int kMaxPatchSide = 51;
+/// [px] that gradients and interpolation between pixels need around a patch, both sides together.
+constexpr int kPatchBorder = 3;
+/// The loops process whole chunks: one or two vector registers.
+constexpr std::size_t kPatchChunk = 16;
+
+constexpr std::size_t wholeChunks(std::size_t count) {
+  return (count + kPatchChunk - 1) / kPatchChunk * kPatchChunk;
+}
+
+/// How the patches of one size are stored.
+struct PatchLayout {
+  explicit PatchLayout(int side_px)  ///< Precondition: odd, at most kMaxPatchSide
+      : side(side_px),
+        stride(static_cast<std::size_t>(side_px + kPatchBorder)),
+        count(wholeChunks(static_cast<std::size_t>(side_px) * stride)),
+        mask(count) {
+    for (std::size_t i = 0; i < count; ++i) mask[i] = maskOf(i, side);
+  }
+  static constexpr std::int16_t maskOf(std::size_t i, int side) {
+    const auto columns = static_cast<std::size_t>(side), stride = columns + kPatchBorder;
+    return i % stride < columns && i / stride < columns ? -1 : 0;
+  }
+
+  int side;                        ///< [px]
+  std::size_t stride;              ///< elements from a row to the next
+  std::size_t count;               ///< elements of a patch with the padding, whole chunks
+  std::vector<std::int16_t> mask;  ///< -1: pixel of the patch, 0: padding
+};
+
+/// The same for a size that the compiler knows, so that it unrolls the loops.
+template <int kSide>
+struct FixedPatchLayout {
+  static constexpr int side = kSide;
+  static constexpr std::size_t stride = kSide + kPatchBorder;
+  static constexpr std::size_t count = wholeChunks(kSide * stride);
+  static constexpr std::array<std::int16_t, count> mask = [] {
+    std::array<std::int16_t, count> result{};
+    for (std::size_t i = 0; i < count; ++i) result[i] = PatchLayout::maskOf(i, kSide);
+    return result;
+  }();
+};
+
+/// Upper left pixel of a patch, and the fractions to its position.
+struct PatchCorner {
+  int column, row;
+  float a, b;
+};
+/// Precondition: finite, near an image.
+inline PatchCorner cornerOf(const cv::Point2f& centre, int side) {
+  const float x = centre.x - static_cast<float>(side / 2);
+  const float y = centre.y - static_cast<float>(side / 2);
+  const float column = std::floor(x), row = std::floor(y);
+  return {static_cast<int>(column), static_cast<int>(row), x - column, y - row};
+}
+
+/// Elements of a patch with a border, at the layout's stride, and what loops access beyond it.
+constexpr std::size_t kMaxPatchElements =
+    (kMaxPatchSide + kPatchBorder) * (kMaxPatchSide + kPatchBorder) + 2 * kPatchChunk;
+using PatchArray = std::array<std::int16_t, kMaxPatchElements>;
+
+/// Sums of products over the pixels of a patch [kGradientUnit^2].
+struct GradientSums {
+  float xx = 0, xy = 0, yy = 0;
+};
+
+namespace patch_arithmetic {
+
+using Element = std::int16_t;
+
+/// Fractions of a pixel have 15 bits.
+constexpr float kFractionUnit = 1 << 15;
+inline Element fixedPoint(float fraction) { return static_cast<Element>(fraction * kFractionUnit); }
+
+/// Elements whose products may be added in 32 bits: a difference of grey is at most 255 *
+/// kGreyUnit, a gradient 127.5 * kGradientUnit.
+constexpr std::size_t kMaxSummed = 128;
+static_assert(kMaxSummed * (255 * kGreyUnit) * (128 * kGradientUnit) < (std::size_t{1} << 31));
+
+/// The upper 16 bits of the product: rounds down.
+inline Element highHalf(Element a, Element b) {
+  return static_cast<Element>((static_cast<std::int32_t>(a) * b) >> 16);
+}
+
+/// p + fraction * (q - p), rounded to the nearest: with rounding down, the tracks of faint features
+/// drift. Written such that gcc translates the product into one instruction of AVX2 (pmulhrsw).
+inline Element interpolated(Element p, Element q, Element fraction) {
+  const auto difference = static_cast<Element>(q - p);
+  const auto part = static_cast<Element>((((difference * std::int32_t{fraction}) >> 14) + 1) >> 1);
+  return static_cast<Element>(p + part);
+}
+
+/// Between four neighbours, of which p is the upper left one.
+inline Element interpolated(const Element* p, std::size_t stride, Element a, Element b) {
+  return interpolated(interpolated(p[0], p[stride], b), interpolated(p[1], p[stride + 1], b), a);
+}
+
+/// 3/16 outer + 10/16 inner + 3/16 outer, rounded to kGradientUnit; the inputs are differences over
+/// two pixels in kGreyUnit.
+inline Element smoothed(Element outer_1, Element inner, Element outer_2) {
+  constexpr Element kOuterWeight = 3 << 12;
+  const auto excess = static_cast<Element>(outer_1 + outer_2 - 2 * inner);
+  static_assert(2 * kGreyUnit == kGradientUnit << 2);
+  const auto sum = static_cast<Element>(inner + highHalf(excess, kOuterWeight) + 2);
+  return static_cast<Element>(sum >> 2);
+}
+
+/// Calls function(begin, end) for parts of whole chunks, of which each may be summed in 32 bits.
+template <typename Function>
+void forBlocks(std::size_t count, Function&& function) {
+  for (std::size_t begin = 0; begin < count; begin += kMaxSummed) {
+    function(begin, std::min(begin + kMaxSummed, count));
+  }
+}
+
+}  // namespace patch_arithmetic
+
+/// The grey levels of a patch and their gradients (Scharr).
+struct GradientPatch {
+  GradientPatch() {}  // Leaves the arrays uninitialised: set() writes what is read.
+  PatchArray grey, x, y;
+
+  /// wide: the patch with a border of one pixel.
+  template <typename Layout>
+  GradientSums set(const Layout& layout, const PatchArray& wide) {
+    using patch_arithmetic::Element, patch_arithmetic::smoothed;
+    GradientSums sums;
+    patch_arithmetic::forBlocks(layout.count, [&](std::size_t begin, std::size_t end) {
+      std::int32_t xx = 0, xy = 0, yy = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        const Element* const upper = wide.data() + i;
+        const Element* const middle = upper + layout.stride;
+        const Element* const lower = middle + layout.stride;
+        const auto gradient_x = smoothed(static_cast<Element>(upper[2] - upper[0]),
+                                         static_cast<Element>(middle[2] - middle[0]),
+                                         static_cast<Element>(lower[2] - lower[0]));
+        const auto gradient_y = smoothed(static_cast<Element>(lower[0] - upper[0]),
+                                         static_cast<Element>(lower[1] - upper[1]),
+                                         static_cast<Element>(lower[2] - upper[2]));
+        grey[i] = middle[1];
+        x[i] = static_cast<Element>(gradient_x & layout.mask[i]);
+        y[i] = static_cast<Element>(gradient_y & layout.mask[i]);
+        xx += x[i] * x[i];
+        xy += x[i] * y[i];
+        yy += y[i] * y[i];
+      }
+      sums.xx += static_cast<float>(xx);
+      sums.xy += static_cast<float>(xy);
+      sums.yy += static_cast<float>(yy);
+    });
+    return sums;
+  }
+};
+
+/// Pixels of an image around a patch, and their values between pixels.
+class PixelWindow {
+ public:
+  /// Reads `rows` rows and columns of pixels from (column, row) on, unless they were the last to be
+  /// read. Precondition: they are pixels of the image or of the larger one that contains it, and
+  /// the images do not change.
+  template <typename Layout>
+  void read(const Layout& layout, const cv::Mat& image, int column, int row, int rows) {
+    // Pointer arithmetic instead of ptr(row): the row may lie outside of the image.
+    const auto step = static_cast<std::ptrdiff_t>(image.step[0]);
+    const unsigned char* from = image.data + row * step + column;
+    if (from == read_from_ && rows == rows_) return;
+    read_from_ = from;
+    rows_ = rows;
+    const auto columns = static_cast<std::ptrdiff_t>(wholeChunks(layout.stride));
+    patch_arithmetic::Element* to = pixels_.data();
+    if (from + (rows - 1) * step + columns <= image.datalimit) {
+      for (int y = 0; y < rows; ++y, from += step, to += layout.stride) widen(from, columns, to);
+    } else {  // At the end of the memory a row cannot be read in whole chunks.
+      for (int y = 0; y < rows; ++y, from += step, to += layout.stride) {
+        widen(from, std::clamp<std::ptrdiff_t>(image.datalimit - from, 0, columns), to);
+      }
+    }
+  }
+
+  /// The pixels shifted by the fractions (a, b) of a pixel, 0 <= a, b < 1: one row less.
+  template <typename Layout>
+  void interpolate(const Layout& layout, float a, float b, PatchArray* out) const {
+    const std::size_t count = wholeChunks((layout.stride - 1) * layout.stride);
+    const auto across = patch_arithmetic::fixedPoint(a), down = patch_arithmetic::fixedPoint(b);
+    for (std::size_t i = 0; i < count; ++i) {
+      (*out)[i] = patch_arithmetic::interpolated(&pixels_[i], layout.stride, across, down);
+    }
+  }
+
+  /// Sums of gradient times difference of the pixels shifted by (a, b) from the patch
+  /// [kGreyUnit * kGradientUnit].
+  template <typename Layout>
+  Eigen::Vector2f gradientTimesDifference(const Layout& layout, float a, float b,
+                                          const GradientPatch& patch) const {
+    using patch_arithmetic::Element;
+    const Element across = patch_arithmetic::fixedPoint(a), down = patch_arithmetic::fixedPoint(b);
+    Eigen::Vector2f sum = Eigen::Vector2f::Zero();
+    patch_arithmetic::forBlocks(layout.count, [&](std::size_t begin, std::size_t end) {
+      std::int32_t sum_x = 0, sum_y = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        const Element grey =
+            patch_arithmetic::interpolated(&pixels_[i], layout.stride, across, down);
+        const auto difference = static_cast<Element>(grey - patch.grey[i]);
+        sum_x += difference * patch.x[i];
+        sum_y += difference * patch.y[i];
+      }
+      sum += Eigen::Vector2f(static_cast<float>(sum_x), static_cast<float>(sum_y));
+    });
+    return sum;
+  }
+
+ private:
+  static void widen(const unsigned char* __restrict from, std::ptrdiff_t count,
+                    std::int16_t* __restrict to) {
+    for (std::ptrdiff_t x = 0; x < count; ++x)
+      to[x] = static_cast<std::int16_t>(from[x] * kGreyUnit);
+  }
+
+  PatchArray pixels_{};
+  const unsigned char* read_from_ = nullptr;
+  int rows_ = 0;
+};
+
+}  // namespace ground_scale_vo

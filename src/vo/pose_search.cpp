@@ -1,0 +1,252 @@
+#include "vo/pose_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "ground_scale_vo/common/math.hpp"
+#include "ground_scale_vo/common/se3.hpp"
+#include "vo/scaled_patches.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+// Grid of poses, rated in a reduced image: its patches of 9 px tolerate the change of perspective,
+// and the whole image can be searched.
+constexpr double kCoarseWidth_px = 320;
+constexpr std::size_t kMaxRatedPoints = 200;
+/// [points] least number in the image at a rated pose.
+constexpr std::size_t kMinRatedPoints = 25;
+/// [px] by which a patch may be displaced at a rated pose, and the steps between the rotations:
+/// together they leave no gaps.
+constexpr int kTolerance_px = 2, kStep_px = 3;
+/// [px] largest rotation about the horizontal axis: 4.5 degrees at a field of view of 80 degrees.
+/// About the vertical axis it is half of the image width.
+constexpr int kMaxVertical_px = 15;
+/// [px] by which the row of a point may change with the rotation about the vertical axis.
+constexpr int kRowChange_px = 8;
+/// Distance travelled over that at the last velocity. A car that brakes or accelerates with
+/// 3 m/s^2 from 10 m/s deviates by 0.3 after 2 s.
+constexpr double kDistances[] = {0.55, 0.7, 0.85, 1, 1.15, 1.3, 1.45};
+/// [standard deviations] least score, see PoseRating::scoreOf(). The best of all wrong poses
+/// reaches about 4.
+constexpr double kMinScore = 5;
+
+/// Largest |k| of a patch size k (ScaledPatches): a factor of 3.4, larger or smaller.
+constexpr int kMaxSize = 7;
+
+/// Refinement: width of the reduced image, and distance from the projection that is searched [px].
+constexpr std::pair<double, int> kLevels[] = {{320, 4}, {640, 5}, {1280, 4}};
+constexpr float kMinCorrelation = 0.7f;
+constexpr int kMinInliers = 15;
+constexpr double kMinInlierShare = 0.3;
+
+PoseEstimation::Options withThresholds(PoseEstimation::Options options) {
+  options.min_inliers = kMinInliers;
+  options.min_inlier_share = kMinInlierShare;
+  return options;
+}
+
+struct Point {
+  const Feature* feature;
+  Eigen::Vector3d p;  ///< in the previous camera
+};
+
+std::vector<Point> pointsOf(const LocalMap& map, const std::vector<Feature>& features,
+                            const Eigen::Isometry3d& T_w_previous) {
+  std::vector<Point> points;
+  for (const Feature& feature : features) {
+    const auto point = map.point(feature.id);
+    if (!point) continue;
+    const Eigen::Vector3d p = T_w_previous.inverse() * point->p_w;
+    if (p.z() > 0) points.push_back({&feature, p});
+  }
+  return points;
+}
+
+double medianDepth(const std::vector<Point>& points) {
+  std::vector<double> depths;
+  for (const Point& point : points) depths.push_back(point.p.z());
+  return median(&depths);
+}
+
+/// Size of the point's patch in the next image; empty if it is too small or too large.
+std::optional<int> sizeOf(const Point& point, const Eigen::Isometry3d& T_next_previous) {
+  const double z = (T_next_previous * point.p).z();
+  if (!(z > 0)) return std::nullopt;
+  const auto size = std::lround(std::log(point.p.z() / z) / std::log(ScaledPatches::kSizeStep));
+  if (std::abs(size) > kMaxSize) return std::nullopt;
+  return static_cast<int>(size);
+}
+
+/// Rates poses by the sum of the correlations of all patches at their projections.
+class PoseRating {
+ public:
+  PoseRating(const PinholeCamera& camera, const std::vector<Point>& points, const cv::Mat& previous,
+             const cv::Mat& image, const cv::Mat& mask)
+      : camera_(camera), patches_(camera, previous, image, mask, kCoarseWidth_px) {
+    const std::size_t count = std::min(kMaxRatedPoints, points.size());
+    for (std::size_t i = 0; i < count; ++i) points_.push_back(points[i * points.size() / count]);
+  }
+
+  /// T_previous_next with the largest score. path: displacement at the last velocity, axes of the
+  /// previous camera. Empty when no score is large enough.
+  std::optional<Eigen::Isometry3d> best(const Eigen::Vector3d& path) {
+    double best_score = kMinScore;
+    std::optional<Eigen::Isometry3d> best;
+    const double fx = camera_.fx * patches_.factor(), fy = camera_.fy * patches_.factor();
+    const int max_horizontal_px = patches_.size().width / 2;
+    for (const double distance : kDistances) {
+      selectResponses(distance * path);
+      for (int x = -max_horizontal_px; x <= max_horizontal_px; x += kStep_px) {
+        for (int y = -kMaxVertical_px; y <= kMaxVertical_px; y += kStep_px) {
+          const Eigen::Isometry3d T = exponentialMap({y / fy, x / fx, 0}, distance * path);
+          const double score = scoreOf(T.inverse());
+          if (score <= best_score) continue;
+          best_score = score;
+          best = T;
+        }
+      }
+    }
+    return best;
+  }
+
+ private:
+  /// Correlation of a patch with a horizontal strip of the image.
+  struct Response {
+    cv::Mat correlation;  ///< the largest within kTolerance_px; empty: unknown
+    cv::Point origin;
+    double mean = 0, variance = 0;  ///< over the strip: those at unrelated places
+  };
+
+  /// Sets selected_ to each point's response at its size after this displacement.
+  void selectResponses(const Eigen::Vector3d& path) {
+    const Eigen::Isometry3d T = exponentialMap({0, 0, 0}, path).inverse();
+    selected_.assign(points_.size(), nullptr);
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      const auto size = sizeOf(points_[i], T);
+      if (!size) continue;
+      const auto [entry, is_new] = responses_.try_emplace({i, *size});
+      if (is_new) {
+        const cv::Point2f u = patches_.resized(camera_.project(T * points_[i].p));
+        entry->second = responseAround(cvRound(u.y), *points_[i].feature, *size);
+      }
+      if (!entry->second.correlation.empty()) selected_[i] = &entry->second;
+    }
+  }
+
+  Response responseAround(int row, const Feature& feature, int size) {
+    constexpr int kReach = kMaxVertical_px + kRowChange_px, kSide = 2 * kTolerance_px + 1;
+    Response response;
+    cv::Rect region(0, row - kReach, patches_.size().width, 2 * kReach + 1);
+    const cv::Mat correlation = patches_.correlate(feature.u, size, &region);
+    if (correlation.empty()) return response;
+    cv::dilate(correlation, response.correlation, cv::Mat::ones(kSide, kSide, CV_8U));
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(response.correlation, mean, deviation, patches_.allowed(region));
+    response.origin = region.tl();
+    response.mean = mean[0];
+    response.variance = deviation[0] * deviation[0];
+    return response;
+  }
+
+  /// In standard deviations of the sum at an unrelated pose; 0 if too few points are in the image.
+  double scoreOf(const Eigen::Isometry3d& T_next_previous) const {
+    double sum = 0, variance = 0;
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      if (!selected_[i]) continue;
+      const Eigen::Vector3d p = T_next_previous * points_[i].p;
+      if (!(p.z() > 0)) continue;
+      const cv::Point2f u = patches_.resized(camera_.project(p));
+      const cv::Mat& correlation = selected_[i]->correlation;
+      const cv::Point pixel(cvRound(u.x), cvRound(u.y));
+      const cv::Point at = pixel - selected_[i]->origin;
+      if (!cv::Rect({0, 0}, correlation.size()).contains(at) || patches_.isMasked(pixel)) continue;
+      sum += correlation.at<float>(at) - selected_[i]->mean;
+      variance += selected_[i]->variance;
+      ++count;
+    }
+    return count < kMinRatedPoints ? 0 : sum / std::sqrt(variance);
+  }
+
+  const PinholeCamera& camera_;
+  ScaledPatches patches_;
+  std::vector<Point> points_;
+  std::map<std::pair<std::size_t, int>, Response> responses_;  ///< by point and size
+  std::vector<const Response*> selected_;                      ///< by point; null: none
+};
+
+/// The features at the pixels near their projections at which their patches correlate best.
+std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<Point>& points,
+                                 const Eigen::Isometry3d& T_next_previous, int reach_px,
+                                 ScaledPatches* patches) {
+  std::vector<Feature> matches;
+  for (const Point& point : points) {
+    const auto size = sizeOf(point, T_next_previous);
+    if (!size) continue;
+    const cv::Point2f u = patches->resized(camera.project(T_next_previous * point.p));
+    cv::Rect region(cvRound(u.x) - reach_px, cvRound(u.y) - reach_px, 2 * reach_px + 1,
+                    2 * reach_px + 1);
+    const cv::Mat correlation = patches->correlate(point.feature->u, *size, &region);
+    if (correlation.empty()) continue;
+    double peak = 0;
+    cv::Point offset;
+    cv::minMaxLoc(correlation, nullptr, &peak, nullptr, &offset);
+    if (peak < kMinCorrelation) continue;
+    Feature feature = *point.feature;
+    feature.age += 1;
+    feature.u = patches->original(region.tl() + offset);
+    feature.flow = Eigen::Vector2d::Zero();  // unknown
+    feature.sigma = 1 / (camera.fx * patches->factor());
+    matches.push_back(feature);
+  }
+  return matches;
+}
+
+}  // namespace
+
+PoseSearch::PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
+                       const cv::Mat& mask)
+    : camera_(camera), mask_(mask), pose_estimation_(withThresholds(options)) {}
+
+std::optional<PoseSearch::Result> PoseSearch::locate(const LocalMap& map, const MotionModel& motion,
+                                                     const std::vector<Feature>& features,
+                                                     const cv::Mat& previous, const cv::Mat& image,
+                                                     std::int64_t stamp_ns) const {
+  const Eigen::Isometry3d& T_w_previous = motion.T_w_c();
+  const std::vector<Point> points = pointsOf(map, features, T_w_previous);
+  if (points.size() < kMinRatedPoints) return std::nullopt;
+  const Eigen::Vector3d path =
+      T_w_previous.linear().transpose() *
+      (motion.extrapolate(stamp_ns).translation() - T_w_previous.translation());
+  const auto coarse = PoseRating(camera_, points, previous, image, mask_).best(path);
+  if (!coarse) return std::nullopt;
+
+  Result result;
+  result.T_w_c = T_w_previous * *coarse;
+  for (const auto& [width, reach] : kLevels) {
+    ScaledPatches patches(camera_, previous, image, mask_, width);
+    const std::vector<Feature> matches =
+        matchesNear(camera_, points, result.T_w_c.inverse() * T_w_previous, reach, &patches);
+    std::vector<std::size_t> index;  // indices of the observed features in `matches`
+    const auto observations = pointObservations(map, toCorners(camera_, matches), &index);
+    const PoseEstimation::Result pose = pose_estimation_.estimate(result.T_w_c, observations);
+    if (pose.status != PoseStatus::kOk) return std::nullopt;
+    result.T_w_c = pose.T_w_c;
+    result.rotation_sigma = std::sqrt(pose.covariance.diagonal().tail<3>().maxCoeff());
+    result.features.clear();
+    for (std::size_t k = 0; k < index.size(); ++k) {
+      if (pose.inlier[k]) result.features.push_back(matches[index[k]]);
+    }
+  }
+  const double distance = (result.T_w_c.translation() - T_w_previous.translation()).norm();
+  if (!(std::abs(distance - path.norm()) <= maxDeviation(path.norm(), medianDepth(points)))) {
+    return std::nullopt;
+  }
+  return result;
+}
+
+}  // namespace ground_scale_vo

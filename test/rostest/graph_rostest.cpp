@@ -239,7 +239,7 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedUntilAResetFindsAnother) 
 }
 
 TEST_F(Graph, AMountingThatIsNotSupportedIsReportedWithoutABase) {
-  SyntheticDrive::Options options = smallDrive(30);
+  SyntheticDrive::Options options = smallDrive(60);
   options.camera.height *= 2;
   options.camera.cy = (options.camera.height - 1) / 2.0;
   options.roll_rad = 20 * kRadPerDeg;

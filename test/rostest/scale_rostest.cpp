@@ -231,6 +231,7 @@ TEST_F(Scale, AnotherCameraFrameResets) {
   ASSERT_TRUE(playUntilOdometry(road));
   ASSERT_TRUE(play(road, kFrames));
   for (Outputs* outputs : {&alone_, &out_}) {
+    ASSERT_TRUE(outputs->scales.waitForStamp(road.lastStamp()));
     ASSERT_TRUE(outputs->odometry.waitForStamp(road.lastStamp()));
     outputs->clear();
   }

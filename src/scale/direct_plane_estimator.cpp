@@ -58,6 +58,16 @@ constexpr double kImageNoise = 2;
 /// Largest accepted ratio, in either direction, of the height to the one that the fit starts from.
 constexpr double kMaxHeightChange = 1.4;
 constexpr double kMaxHeightSigma = 0.05;  ///< largest accepted one, relative to the height
+
+// Search of the plane while the height is not known, over the roll and over ln h.
+/// [rad] Half a step changes the height at the border of the lane by 3 %.
+constexpr double kRollStep = 0.06;
+constexpr double kRollRange = 3;  ///< [standard deviations of the prior]
+constexpr double kHeightStep = 0.05;
+constexpr int kHeightSteps = 20;  ///< to each side: a factor of 2.7
+/// Only every second patch is used; the position of the maximum needs no more.
+constexpr std::size_t kPatchStride = 2;
+
 /// [1 / camera height] Standard deviation of a curvature that is none.
 constexpr double kNoCurvature = 1e-9;
 
@@ -157,7 +167,9 @@ struct DirectPlaneEstimator::Impl {
   LaneRegion laneRegion(const RoadPrior& prior, double height) const;
   Eigen::Vector3d roadCentre(const GroundPlane& plane) const;
 
-  Result solve(const RoadPrior& prior, double initial_height);
+  Result solve(const RoadPrior& prior, const GroundPlane& initial);
+  GroundPlane search(const RoadPrior& prior, double centre) const;
+  double meanCorrelation(const Eigen::Vector3d& m) const;
   bool matchPatches(const Eigen::Vector3d& m, bool linearise, Result* result);
   double shiftVariance(const Match& match, const Eigen::Vector3d& m) const;
   JointEquations accumulate(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
@@ -212,9 +224,10 @@ Eigen::Vector3d DirectPlaneEstimator::Impl::roadCentre(const GroundPlane& plane)
 /// Robust Gauss-Newton estimate of the plane m = n / h from the epipolar shifts of all patches in
 /// all reference images. The status of the result is kMeasured or kNoPlane.
 DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& prior,
-                                                               double initial_height) {
+                                                               const GroundPlane& initial) {
   Result result;
-  Eigen::Vector3d m = prior.n_c / initial_height;
+  const double initial_height = initial.height;
+  Eigen::Vector3d m = initial.n_c / initial_height;
   matches.resize(patches.size() * kReferences);
   double robust_scale = 1;
   for (int iteration = 0; iteration < kMaxSolverIterations; ++iteration) {
@@ -235,6 +248,45 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& 
     if (!(m.dot(prior.n_c) > 0)) return result;
   }
   return result;  // not converged
+}
+
+/// The plane under which the patches correlate best with the first reference image: at the heights
+/// around `centre` [VO units], and within the roll that the prior leaves open. Its pitch is that of
+/// the prior, which knows it from the direction of motion.
+GroundPlane DirectPlaneEstimator::Impl::search(const RoadPrior& prior, double centre) const {
+  GroundPlane best{prior.n_c, centre};
+  double best_correlation = -1;
+  const int rolls = static_cast<int>(kRollRange * prior.roll_sigma / kRollStep);
+  for (int k = -rolls; k <= rolls; ++k) {
+    const Eigen::Vector3d n_c = Eigen::AngleAxisd(kRollStep * k, prior.forward_c) * prior.n_c;
+    for (int i = -kHeightSteps; i <= kHeightSteps; ++i) {
+      const double height = centre * std::exp(kHeightStep * i);
+      const double correlation = meanCorrelation(n_c / height);
+      if (correlation <= best_correlation) continue;
+      best_correlation = correlation;
+      best = {n_c, height};
+    }
+  }
+  return best;
+}
+
+/// Mean correlation of the patches with the first reference image under the plane m, weighted by
+/// texture; -1 when too few project into it.
+double DirectPlaneEstimator::Impl::meanCorrelation(const Eigen::Vector3d& m) const {
+  double sum = 0, weights = 0, all_weights = 0;
+  int inside = 0;
+  direct::Samples values;
+  for (std::size_t i = 0; i < patches.size(); i += kPatchStride) {
+    const Patch& patch = patches[i];
+    all_weights += patch.texture;
+    if (!stages->matcher.sample(references.front(), patch, m, &values)) continue;
+    sum += patch.texture * stages->matcher.correlate(patch, &values);
+    weights += patch.texture;
+    ++inside;
+  }
+  const bool enough = static_cast<int>(kPatchStride) * inside >= options.min_patches &&
+                      weights > 0.5 * all_weights;
+  return enough ? sum / weights : -1;
 }
 
 /// Matches all patches under the plane m. False when too few are valid.
@@ -381,7 +433,10 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(const VoFrame& frame
       s.origin_c =
           current.T_w_c.inverse() * path->nearest(centre_w, max_length).T_w_c.translation();
     }
-    result = s.solve(prior, initial);
+    result = s.solve(prior, {prior.n_c, initial});
+    if (result.status != MeasurementStatus::kMeasured && !(height > 0)) {
+      result = s.solve(prior, s.search(prior, initial));
+    }
   }
   releaseImages(kMinImageSpacing * baseline, path);
   return result;

@@ -13,6 +13,10 @@ namespace {
 /// Steps of the numerical integration over a gap between two maps.
 constexpr int kBridgeSteps = 16;
 
+/// Largest ratio of two consecutive intervals of which each gives a velocity. The images of a pair
+/// are too close to each other for that.
+constexpr double kMaxIntervalRatio = 2;
+
 /// White noise of a position [camera heights] and of a rotation [rad], for the covariance of the
 /// twist: it never vanishes.
 constexpr double kPositionNoise = 0.002, kRotationNoise = 0.0002;
@@ -306,10 +310,13 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEs
       std::pow(options_.rotation_scale_sigma, 2) * rotation_c * rotation_c.transpose();
   covariance /= dt * dt;
 
-  // Over two intervals: the stamps of images in pairs are too close to each other for a velocity.
-  const Step both{step.motion_c + R_c_last * last_step_.motion_c, dt + last_step_.dt};
-  velocity_ = {both.motion_c / both.dt,
-               stepCovariance(both.motion_c, scale).trace() / (both.dt * both.dt)};
+  Step whole = step;
+  if (last_step_.dt > 0 &&
+      std::max(dt, last_step_.dt) > kMaxIntervalRatio * std::min(dt, last_step_.dt)) {
+    whole = {step.motion_c + R_c_last * last_step_.motion_c, dt + last_step_.dt};
+  }
+  velocity_ = {whole.motion_c / whole.dt,
+               stepCovariance(whole.motion_c, scale).trace() / (whole.dt * whole.dt)};
   last_step_ = step;
 }
 

@@ -8,6 +8,8 @@
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
+#include "ground_scale_vo/metric_odometry.hpp"
+#include "simulation/scenarios.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 #include "support/temporary_folder.hpp"
@@ -70,6 +72,23 @@ TEST(Pipeline, ScaleIsProportionalToTheCameraHeight) {
             4.0);
   const RunRecord wrong = runOffline(drive, optionsFor(1.8));
   EXPECT_NEAR(pathLength(wrong.metricPoses()) / pathLength(right.metricPoses()), 1.5, 1e-6);
+}
+
+// Far beyond the supported roll of 15 degrees: the user is told the roll that was measured.
+TEST(Pipeline, TheRollOfACameraThatIsNotUprightIsMeasured) {
+  SyntheticDrive::Options options = findScenario("rolled_15").options;
+  options.roll_rad = 25 * M_PI / 180;
+  options.frames = 24;
+  const SyntheticDrive drive(options);
+  MetricOdometry::Options odometry_options;
+  odometry_options.scale.camera_height = options.camera_height;
+  MetricOdometry odometry(drive.camera(), odometry_options);
+  MetricOdometry::Output output;
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    output = odometry.process(drive.image(i), drive.frame(i).stamp_ns);
+  }
+  EXPECT_NE(output.scale.scale.status, ScaleStatus::kUnknown);
+  EXPECT_NEAR(output.scale.mounting_roll, options.roll_rad, M_PI / 180);
 }
 
 TEST(Pipeline, TheSameInputTwiceGivesTheSameBytes) {

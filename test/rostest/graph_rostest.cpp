@@ -239,10 +239,10 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedUntilAResetFindsAnother) 
 }
 
 TEST_F(Graph, AMountingThatIsNotSupportedIsReportedWithoutABase) {
-  SyntheticDrive::Options options = smallDrive(60);
+  SyntheticDrive::Options options = smallDrive(30);
   options.camera.height *= 2;
   options.camera.cy = (options.camera.height - 1) / 2.0;
-  options.roll_rad = 20 * kRadPerDeg;
+  options.roll_rad = 25 * kRadPerDeg;
   const RenderedDrive rolled(options);
   NodeletPair pair(manager_, rolled, "/rolled");
   ASSERT_TRUE(pair.load());

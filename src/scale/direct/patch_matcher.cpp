@@ -150,10 +150,7 @@ void PatchMatcher::measure(const Reference& reference, const Patch& patch, const
   Samples values;
   match->valid = sample(reference, patch, m, &values);
   if (!match->valid) return;
-  float texture = 0;
-  normalise(image_noise_, &values, &texture);
-  match->correlation = (patch.value * values).mean() /
-                       std::sqrt(std::max(patch.texture * texture, kMinTextureProduct));
+  match->correlation = correlate(patch, &values);
   const Samples residual = patch.value - values;
   const float variance = std::max(residual.square().sum(), kMinResidualVariance) / kPatchSamples;
   const Samples weight =
@@ -167,6 +164,13 @@ void PatchMatcher::measure(const Reference& reference, const Patch& patch, const
       ((weight * residual.square()).sum() / weight.sum() + kMinResidualVariance) / information;
   match->ray = Eigen::Vector3f((information_by_sample * patch.ray_x).sum() / information,
                                (information_by_sample * patch.ray_y).sum() / information, 1.f);
+}
+
+float PatchMatcher::correlate(const Patch& patch, Samples* values) const {
+  float texture = 0;
+  normalise(image_noise_, values, &texture);
+  return (patch.value * *values).mean() /
+         std::sqrt(std::max(patch.texture * texture, kMinTextureProduct));
 }
 
 }  // namespace ground_scale_vo::direct

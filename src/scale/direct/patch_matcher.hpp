@@ -50,6 +50,10 @@ class PatchMatcher {
   bool sample(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,
               Samples* values) const;
 
+  /// Normalises intensities of sample(). Returns their correlation with the patch, corrected for the
+  /// image noise, -1 to 1.
+  float correlate(const Patch& patch, Samples* values) const;
+
   /// Derivatives of the patch's intensities in the reference image by q and by the motion. They use
   /// the gradient of the current image, transformed by the homography (inverse compositional).
   void linearise(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,

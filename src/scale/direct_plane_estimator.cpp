@@ -284,8 +284,8 @@ double DirectPlaneEstimator::Impl::meanCorrelation(const Eigen::Vector3d& m) con
     weights += patch.texture;
     ++inside;
   }
-  const bool enough = static_cast<int>(kPatchStride) * inside >= options.min_patches &&
-                      weights > 0.5 * all_weights;
+  const bool enough =
+      static_cast<int>(kPatchStride) * inside >= options.min_patches && weights > 0.5 * all_weights;
   return enough ? sum / weights : -1;
 }
 

@@ -50,8 +50,8 @@ class PatchMatcher {
   bool sample(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,
               Samples* values) const;
 
-  /// Normalises intensities of sample(). Returns their correlation with the patch, corrected for the
-  /// image noise, -1 to 1.
+  /// Normalises intensities of sample(). Returns their correlation with the patch, corrected for
+  /// the image noise, -1 to 1.
   float correlate(const Patch& patch, Samples* values) const;
 
   /// Derivatives of the patch's intensities in the reference image by q and by the motion. They use

@@ -11,6 +11,10 @@
 namespace ground_scale_vo {
 namespace {
 
+/// Bounds of the factor on the variance: sigma changes by at most a factor of 4.5 either way, so
+/// that neither a run of equal measurements nor of outliers makes it useless.
+constexpr double kMinNisScale = 0.05, kMaxNisScale = 20;
+
 /// Distances to the measured road over which the tilt of a young map decays to 1/e.
 constexpr double kTiltDecay = 0.8;
 
@@ -25,7 +29,9 @@ ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.
 
 double ScaleFilter::height() const { return known_ ? std::exp(state_[0]) : 0; }
 
-double ScaleFilter::sigma() const { return known_ ? height() * std::sqrt(covariance_(0, 0)) : 0; }
+double ScaleFilter::sigma() const {
+  return known_ ? height() * std::sqrt(nis_scale_ * covariance_(0, 0)) : 0;
+}
 
 void ScaleFilter::predict(double distance, double angle) {
   distance_ += distance;
@@ -59,9 +65,10 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   const double predicted_variance = H.dot(covariance_ * H);
   const double innovation_variance = predicted_variance + measurement.variance;
   SourceState& source_state = stateOf(source);
-  if (innovation * innovation > options_.gate_sigma * options_.gate_sigma * innovation_variance) {
-    return restart(measurement, &source_state);
-  }
+  const double gate = options_.gate_sigma * options_.gate_sigma;
+  const double nis = innovation * innovation / innovation_variance;
+  updateNisScale(std::min(nis, gate), &source_state);
+  if (nis > gate) return restart(measurement, &source_state);
   clearPending(source);
   // Correlated with the previous measurement of this source when that is closer than the
   // correlation length: only this share of its information is new.
@@ -97,6 +104,14 @@ double ScaleFilter::tiltLever(const Measurement& measurement) const {
       kTiltDecay * measurement.road_distance * std::exp(measurement.log_height);
   if (!(decay_distance > 0)) return 0;  // the road below the camera
   return measurement.road_distance * std::exp((tilted_since_ - distance_) / decay_distance);
+}
+
+/// Moving average of the NIS over the distance.
+void ScaleFilter::updateNisScale(double nis, SourceState* source) {
+  const double rate = std::min(
+      1.0, (distance_ - source->measured_at) / (options_.nis_memory_heights * this->height()));
+  source->measured_at = distance_;
+  nis_scale_ = std::clamp(nis_scale_ + rate * (nis - nis_scale_), kMinNisScale, kMaxNisScale);
 }
 
 /// After an accepted measurement of a source: the pending ones do not lead to a restart. Direct
@@ -158,7 +173,8 @@ void ScaleFilter::start(const Measurement& measurement) {
       -tilt_lever * tilt_variance, -tilt_lever * tilt_variance, tilt_variance;
   known_ = true;
   started_at_ = distance_;
-  for (SourceState& source : sources_) source = {distance_, {}, 0, 0};
+  nis_scale_ = 1;
+  for (SourceState& source : sources_) source = {distance_, distance_, {}, 0, 0};
 }
 
 }  // namespace ground_scale_vo

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "diagnostics_recorder.hpp"
@@ -21,13 +22,16 @@ class ManagerTest : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(manager_.waitForServices());
-    ASSERT_TRUE(waitUntil([this] { return log_.connected(manager_.name()); }));
+    // The manager may not have noticed yet that the connection of the test before is closed.
+    ASSERT_TRUE(waitUntil([this] { return !isSentToThisNode("/rosout", manager_.name()); }));
+    log_.emplace(handle_, "/rosout");
+    ASSERT_TRUE(waitUntil([this] { return log_->connected(manager_.name()); }));
   }
   void TearDown() override { EXPECT_EQ(manager_.loaded(), 0u); }
 
   /// Number of lines of the log that contain both texts.
   std::ptrdiff_t lines(const std::string& text, const std::string& other = "") {
-    const auto all = log_.messages();
+    const auto all = log_->messages();
     return std::count_if(all.begin(), all.end(), [&](const auto& line) {
       return line->msg.find(text) != std::string::npos &&
              line->msg.find(other) != std::string::npos;
@@ -40,7 +44,7 @@ class ManagerTest : public testing::Test {
   ManagerClient manager_{"/manager"};
   ros::NodeHandle handle_;
   DiagnosticsRecorder diagnostics_{handle_};
-  TopicRecorder<rosgraph_msgs::Log> log_{handle_, "/rosout"};
+  std::optional<TopicRecorder<rosgraph_msgs::Log>> log_;
 };
 
 /// The same, and a drive of small images.

@@ -11,6 +11,13 @@ namespace {
 
 constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
 
+/// Without NIS scaling: the variance follows from the options alone.
+ScaleFilter::Options withoutNisScaling() {
+  ScaleFilter::Options options;
+  options.nis_memory_heights = 1e6;
+  return options;
+}
+
 /// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
 /// measurements the filter used.
 int drive(ScaleFilter* filter, int frames, double height, double sigma,
@@ -82,7 +89,7 @@ double tiltedHeight(double tilt, double road_distance, double travelled) {
 // measurement.
 TEST(ScaleFilter, SigmaOfAYoungMapFitsRandomTilts) {
   constexpr double kNoise = 0.015, kDistance = 6;
-  const ScaleFilter::Options options;
+  const ScaleFilter::Options options = withoutNisScaling();
   std::mt19937 random(3);
   std::normal_distribution<double> tilt(0, options.start_tilt_sigma_rad), noise(0, kNoise);
   constexpr int kRuns = 1000;
@@ -144,7 +151,7 @@ TEST(ScaleFilter, IsTheSameInAnyUnit) {
 }
 
 TEST(ScaleFilter, WithoutMeasurementsSigmaGrowsWithDistanceAndTurns) {
-  ScaleFilter filter({});
+  ScaleFilter filter(withoutNisScaling());
   drive(&filter, 50, 0.8, 0.03);
   const double height = filter.height(), variance = std::pow(filter.sigma() / height, 2);
   filter.predict(0, 0);
@@ -191,7 +198,7 @@ TEST(ScaleFilter, ARestartIsLikeTheStartOfANewMap) {
 }
 
 TEST(ScaleFilter, TheGateIsInStandardDeviationsOfTheInnovation) {
-  ScaleFilter::Options options;
+  ScaleFilter::Options options = withoutNisScaling();
   options.start_tilt_sigma_rad = 0;
   // State and measurement have the same variance.
   const double gate = options.gate_sigma * std::sqrt(2) * options.min_measurement_sigma;
@@ -244,7 +251,7 @@ TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
 }
 
 TEST(ScaleFilter, TwoSourcesReduceSigma) {
-  ScaleFilter one({}), two({});
+  ScaleFilter one(withoutNisScaling()), two(withoutNisScaling());
   for (int i = 0; i < 100; ++i) {
     drive(&one, 1, 0.80, 0.01);
     drive(&two, 1, 0.80, 0.01);
@@ -276,6 +283,29 @@ TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
     filter.update(0.8, 0.001, kRoadDistance, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
+}
+
+// Measurement errors larger or smaller than modelled change sigma, by a limited factor; the gain
+// does not depend on them.
+TEST(ScaleFilter, SigmaIsScaledByTheNis) {
+  // Of the variances, for an error of ln h. A measurement has a standard deviation of 0.015.
+  const auto ratio = [](double error) {
+    ScaleFilter::Options options, unscaled = withoutNisScaling();
+    options.gate_sigma = unscaled.gate_sigma = 1000;
+    ScaleFilter filter(options), reference(unscaled);
+    for (int i = 0; i < 1000; ++i) {
+      const double height = 0.8 * std::exp(i % 2 == 0 ? error : -error);
+      drive(&filter, 1, height, 0);
+      drive(&reference, 1, height, 0);
+    }
+    EXPECT_EQ(filter.height(), reference.height());
+    return std::pow(filter.sigma() / reference.sigma(), 2);
+  };
+  EXPECT_GT(ratio(0), 0.01);
+  EXPECT_LT(ratio(0), 0.2);
+  EXPECT_NEAR(ratio(0.03) / ratio(0.01), 9, 2);  // 9 without the limits
+  EXPECT_GT(ratio(1), 5);
+  EXPECT_LT(ratio(1), 50);
 }
 
 }  // namespace

@@ -21,6 +21,9 @@ namespace ground_scale_vo {
 /// two sources per frame, with a gate on the normalised innovation squared (NIS). Neighbouring
 /// measurements of a source see the same road and are correlated, so their information is weighted
 /// by the distance between them; the result does not depend on the frame rate.
+///
+/// The square of sigma() is multiplied by the mean NIS of the latest measurements, accepted or not,
+/// which adapts it to the camera and the road (NIS scaling). The NIS does not influence the gain.
 class ScaleFilter {
  public:
   enum class Source : std::uint8_t {
@@ -36,6 +39,7 @@ class ScaleFilter {
         0.05;  ///< a turn replaces the part of the map that carries the scale
     double min_measurement_sigma = 0.015;
     double gate_sigma = 3;
+    double nis_memory_heights = 20;
 
     double start_distance_heights = 0.5;
     double start_tilt_sigma_rad = 0.007;
@@ -56,6 +60,8 @@ class ScaleFilter {
             "[] lower bound of a measurement's relative standard deviation");
       visit("gate_sigma", self.gate_sigma, 0.1, 1000,
             "[sigma] measurements with a larger normalised innovation are rejected");
+      visit("nis_memory_heights", self.nis_memory_heights, 0.1, 1e6,
+            "[camera heights] averaging length of the NIS that scales sigma");
       visit("start_distance_heights", self.start_distance_heights, 0, 1e6,
             "[camera heights] least distance before the first measurement is used");
       visit("start_tilt_sigma_rad", self.start_tilt_sigma_rad, 0, 1,
@@ -107,6 +113,7 @@ class ScaleFilter {
   };
   struct SourceState {
     double accepted_at = 0;  ///< distance_ at the latest accepted measurement
+    double measured_at = 0;  ///< distance_ at the latest measurement
     /// The latest consecutive rejected measurements, at most restart_measurements: candidates for a
     /// restart.
     std::deque<Measurement> pending;
@@ -116,6 +123,7 @@ class ScaleFilter {
   bool restart(const Measurement& measurement, SourceState* source);
   void start(const Measurement& measurement);
   void clearPending(Source source);
+  void updateNisScale(double nis, SourceState* source);
   double tiltLever(const Measurement& measurement) const;
   SourceState& stateOf(Source source) { return sources_[static_cast<std::size_t>(source)]; }
 
@@ -127,6 +135,7 @@ class ScaleFilter {
   double turned_ = 0;                                     ///< rotated [rad]
   double started_at_ = 0;                                 ///< distance_ at the latest (re)start
   double tilted_since_ = 0;  ///< distance_ from which on the tilt decays
+  double nis_scale_ = 1;     ///< mean normalised innovation squared
   std::array<SourceState, 2> sources_;
   std::deque<double> inverse_heights_;  ///< of the moving average
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "common/vector_loop.hpp"
@@ -31,17 +32,53 @@ Samples dot(const Eigen::Vector3f& v, const Samples& x, const Samples& y, const 
   return v.x() * x + v.y() * y + v.z() * z;
 }
 
+/// The camera of a part of an image: pixels count from its corner; right and bottom: where
+/// interpolation ends.
+struct RoiCamera {
+  float fx, fy, cx, cy, right, bottom;
+};
+
+/// Pixels u, v of the points H (ray_x, ray_y, 1). Returns how many are in front of the camera and
+/// in [0, right) x [0, bottom); values that are not finite are outside.
+GSV_VECTOR_LOOP int project(const RoiCamera& camera, const Eigen::Matrix3f& H,
+                            const float* __restrict ray_x, const float* __restrict ray_y,
+                            float* __restrict u, float* __restrict v) {
+  const auto [fx, fy, cx, cy, right, bottom] = camera;
+  const float a = H(0, 0), b = H(0, 1), c = H(0, 2), d = H(1, 0), e = H(1, 1), f = H(1, 2),
+              g = H(2, 0), h = H(2, 1), k = H(2, 2);
+  int inside = 0;
+  for (int i = 0; i < kPatchSamples; ++i) {
+    const float z = g * ray_x[i] + h * ray_y[i] + k;
+    u[i] = fx * (a * ray_x[i] + b * ray_y[i] + c) / z + cx;
+    v[i] = fy * (d * ray_x[i] + e * ray_y[i] + f) / z + cy;
+    inside += (z > 0) & (u[i] >= 0) & (v[i] >= 0) & (u[i] < right) & (v[i] < bottom);
+  }
+  return inside;
+}
+
 /// Bilinear, at pixels u, v inside.
-GSV_VECTOR_LOOP void interpolate(const float* data, int stride, const float* u, const float* v,
+GSV_VECTOR_LOOP void interpolate(const float* __restrict data, int stride,
+                                 const float* __restrict u, const float* __restrict v,
                                  float* __restrict values) {
+  int upper_left[kPatchSamples];
+  float a[kPatchSamples], b[kPatchSamples];
   for (int i = 0; i < kPatchSamples; ++i) {
     const auto left = static_cast<int>(u[i]), above = static_cast<int>(v[i]);
-    const float a = u[i] - static_cast<float>(left), b = v[i] - static_cast<float>(above);
-    const float* upper = data + above * stride + left;
-    const float* lower = upper + stride;
-    const float in_upper = upper[0] + a * (upper[1] - upper[0]);
-    const float in_lower = lower[0] + a * (lower[1] - lower[0]);
-    values[i] = in_upper + b * (in_lower - in_upper);
+    a[i] = u[i] - static_cast<float>(left);
+    b[i] = v[i] - static_cast<float>(above);
+    upper_left[i] = above * stride + left;
+  }
+  // Two neighbours are read at once: AVX2's gather instructions read them one by one, and take
+  // longer.
+  float upper[2 * kPatchSamples], lower[2 * kPatchSamples];
+  for (int i = 0; i < kPatchSamples; ++i) {
+    std::memcpy(upper + 2 * i, data + upper_left[i], 2 * sizeof(float));
+    std::memcpy(lower + 2 * i, data + upper_left[i] + stride, 2 * sizeof(float));
+  }
+  for (int i = 0; i < kPatchSamples; ++i) {
+    const float in_upper = upper[2 * i] + a[i] * (upper[2 * i + 1] - upper[2 * i]);
+    const float in_lower = lower[2 * i] + a[i] * (lower[2 * i + 1] - lower[2 * i]);
+    values[i] = in_upper + b[i] * (in_lower - in_upper);
   }
 }
 
@@ -84,17 +121,15 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
                           Samples* values) const {
   const RoadImage& image = reference.image;
   const Eigen::Matrix3f H = warpOf(reference, patch, m).H;
-  const Samples z = transformed(H, 2, patch);
-  const auto fx = static_cast<float>(camera_.fx), fy = static_cast<float>(camera_.fy);
-  const auto cx = static_cast<float>(camera_.cx - image.roi.x);
-  const auto cy = static_cast<float>(camera_.cy - image.roi.y);
-  const Samples u = fx * transformed(H, 0, patch) / z + cx;
-  const Samples v = fy * transformed(H, 1, patch) / z + cy;
-  const auto right = static_cast<float>(image.roi.width - 1);
-  const auto bottom = static_cast<float>(image.roi.height - 1);
-  // Not true of values that are not finite.
-  const bool inside = (z > 0 && u >= 0 && v >= 0 && u < right && v < bottom).all();
-  if (!inside) return false;
+  const RoiCamera camera{static_cast<float>(camera_.fx),
+                         static_cast<float>(camera_.fy),
+                         static_cast<float>(camera_.cx - image.roi.x),
+                         static_cast<float>(camera_.cy - image.roi.y),
+                         static_cast<float>(image.roi.width - 1),
+                         static_cast<float>(image.roi.height - 1)};
+  Samples u, v;
+  const int inside = project(camera, H, patch.ray_x.data(), patch.ray_y.data(), u.data(), v.data());
+  if (inside < kPatchSamples) return false;
   for (int i = 0; !allowed_.empty() && i < kPatchSamples; ++i) {
     const cv::Point pixel(static_cast<int>(u[i]), static_cast<int>(v[i]));
     if (allowed_.at<unsigned char>(image.roi.tl() + pixel) == 0) return false;

@@ -47,5 +47,5 @@ inline CameraTuple toTuple(const gsv::PinholeCamera& c) {
   return {c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.lens_is_estimated};
 }
 
-/// Drives: Reader, open_files, open_messages, run, calibrate_lens.
+/// Drives: Reader, open_files, open_messages, run, calibrate_lens; angles of the mounting.
 void addDrives(py::module* module);

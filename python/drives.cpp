@@ -17,6 +17,7 @@
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/camera_info.hpp"
 #include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 
 namespace {
 
@@ -293,6 +294,9 @@ void addDrives(py::module* module) {
       .def("next", &nextRectified)
       .def("warnings", [](const Reader& r) { return r.drive->warnings(); })
       .def("failure", [](const Reader& r) { return r.drive->failure(); });
+  module->def("road_normal", &gsv::roadNormal);
+  module->def("pitch_of", &gsv::pitchOf);
+  module->def("roll_of", &gsv::rollOf);
   module->def("open_files", &openFiles);
   module->def("open_messages", &openMessages);
   module->def("camera_info_topic_of", &gsv::cameraInfoTopicOf);

@@ -36,6 +36,7 @@ class Track:
     def __init__(self, folder: pathlib.Path, start_s: float, end_s: float) -> None:
         table = np.atleast_1d(np.genfromtxt(folder / "scale.csv", delimiter=",", names=True, dtype=None, encoding="ascii"))
         since = table["stamp"] - table["stamp"][0]
+        self.image_stamps = table["stamp"]  # of the whole drive
         part = (since >= start_s) & (since <= end_s)
         if not part.any():
             raise DataError("the drive has no image between --from and --to")
@@ -133,15 +134,13 @@ def mounting_text(track: Track, height: float) -> str:
     """Comments with pitch and roll of the camera, and its transform. Their means over segments hide the vehicle's."""
     moved = np.append(0, np.linalg.norm(np.diff(track.p, axis=0), axis=1))
     segment = (np.cumsum(moved) / SEGMENT_LENGTH).astype(int)
-    x, y, z = track.normal.T
-    angles = np.degrees([np.arctan2(-z, -y), -np.arcsin(np.clip(x, -1, 1))])
+    angles = np.degrees([[_core.pitch_of(n), _core.roll_of(n)] for n in track.normal]).T
     counts = np.bincount(segment, track.is_measured)
     if (counts > 0).sum() < 3:
         return "# Its pitch and roll are not known: the drive is too short, or the road was measured too rarely.\n"
     pitch, roll = (mean_of(np.bincount(segment, angle * track.is_measured)[counts > 0] / counts[counts > 0],
                            counts[counts > 0]) for angle in angles)
-    p, r = np.radians([pitch.value, roll.value])
-    up = np.array([-np.sin(r), -np.cos(r) * np.cos(p), -np.cos(r) * np.sin(p)])
+    up = _core.road_normal(*np.radians([pitch.value, roll.value]))
     forward = np.array([0, 0, 1]) - up[2] * up
     forward /= np.linalg.norm(forward)
     R = np.array([forward, np.cross(up, forward), up])  # base from camera
@@ -180,7 +179,6 @@ def estimate_height(reader: Any, name: str, arguments: Any, fixes: Callable[[], 
         if result["failure"] and is_whole:
             raise DataError(result["failure"])
         track = Track(pathlib.Path(work), arguments.start, arguments.end)
-        image_stamps = np.genfromtxt(pathlib.Path(work) / "scale.csv", delimiter=",", names=True, usecols=1)["stamp"]
     if arguments.length:
         source = f"a drive of {arguments.length:g} m, known to {arguments.length_sigma:g} m"
         height = height_from_length(track, arguments.length, arguments.length_sigma)
@@ -189,7 +187,7 @@ def estimate_height(reader: Any, name: str, arguments: Any, fixes: Callable[[], 
         height = height_from_positions(track, *fixes())
     else:
         source = f"the trajectory {arguments.trajectory}"
-        height = height_from_positions(track, *read_trajectory(arguments.trajectory, image_stamps), 0.0)
+        height = height_from_positions(track, *read_trajectory(arguments.trajectory, track.image_stamps), 0.0)
     height = Estimate(height.value, float(np.hypot(height.error95, 1.96 * METHOD_SIGMA * height.value)))
     error = height.error95 / height.value
     if error > MAX_ERROR:

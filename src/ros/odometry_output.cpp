@@ -21,9 +21,7 @@ constexpr double kUnknown = -1;
 /// [m] least spacing of a path after a thinning: an initial spacing may be zero.
 constexpr double kMinDoubledSpacing = 0.1;
 
-/// [messages] that wait for a slow subscriber: ten seconds of a 10 Hz camera.
-constexpr std::uint32_t kOdometryQueue = 100;
-constexpr std::uint32_t kTfQueue = 100;
+constexpr std::uint32_t kTfQueue = 100;  // [messages] that wait for their callback
 
 /// [s] wall time to wait for tf with moving_mount, which may come later than the image.
 constexpr double kMountingWaitS = 0.2;
@@ -192,7 +190,7 @@ OdometryOutput::OdometryOutput(ros::NodeHandle& handle, const ScaleRecoveryParam
     : params_(params),
       log_(log),
       path_(static_cast<std::size_t>(params.path_max_poses), params.path_spacing_m) {
-  odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kOdometryQueue);
+  odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kPublishQueue);
   // Latched. It is published only while it has subscribers, so the latched message may be old: each
   // new subscriber causes a new one.
   path_publisher_ = handle.advertise<nav_msgs::Path>(

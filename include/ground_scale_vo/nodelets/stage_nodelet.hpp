@@ -19,10 +19,6 @@
 
 namespace ground_scale_vo {
 
-/// [messages] that wait for a slow subscriber of a topic with one message per image: ten seconds of
-/// a 10 Hz camera.
-constexpr std::uint32_t kPublishQueue = 100;
-
 /// What both nodelets have: a thread for their callbacks, a log, the service ~reset, and the
 /// diagnostics once a second.
 ///

@@ -13,6 +13,7 @@
 #include <Eigen/Geometry>
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -26,6 +27,10 @@
 
 // The poses as messages and on tf.
 namespace ground_scale_vo {
+
+/// [messages] that wait for a slow subscriber of a topic with one message per image: ten seconds of
+/// a 10 Hz camera.
+constexpr std::uint32_t kPublishQueue = 100;
 
 /// The up-to-scale pose of a tracked frame in world_frame, with its pose_covariance turned to the
 /// axes of that frame. A covariance that is not known has -1 as its first element, as in

@@ -64,7 +64,7 @@ class MetricOdometry {
   /// (throws OptionError otherwise). stamp_ns: [ns]; greater than for the previous image.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
-  /// Of the given images, as used in the last frame.
+  /// Lens of the given images, as used in the last frame.
   const LensEstimate& lens() const { return vo_.lens(); }
 
  private:

@@ -103,7 +103,7 @@ struct Tracked {
     tracks =
         tracker.track(tracker.pyramid(blurredNoise(3)), tracker.pyramid(next), from, predicted);
   }
-  /// Of the points found, from this displacement [px].
+  /// Errors of the points found, from this displacement [px].
   std::vector<double> errors(const cv::Point2f& displacement) const {
     std::vector<double> result;
     for (std::size_t i = 0; i < from.size(); ++i) {

@@ -23,15 +23,15 @@ cv::Mat movedScene(int shift_px) {
 /// Tracks the corners of movedScene(0), its previous image.
 FrameToFrameTracking trackingScene() {
   FrameToFrameTracking tracking(test::testCamera(), {}, {});
-  tracking.advance(tracking.pyramid(movedScene(0)), kStamp, {});
+  tracking.advance(tracking.preprocess(movedScene(0)), kStamp, {});
   tracking.detectNew();
   return tracking;
 }
 
 std::vector<Feature> track(const FrameToFrameTracking& tracking, const cv::Mat& image) {
   std::vector<RejectedFeature> rejected;
-  return tracking.track(tracking.pyramid(image), kStamp + kPeriod, {}, Eigen::Matrix3d::Identity(),
-                        &rejected);
+  return tracking.track(tracking.preprocess(image), kStamp + kPeriod, {},
+                        Eigen::Matrix3d::Identity(), &rejected);
 }
 
 TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
@@ -47,10 +47,10 @@ TEST(FrameToFrameTracking, FollowsFeaturesOverAStepOfTheExposure) {
     }
   }
   // The exposure is relative to the first image.
-  const ImagePyramid darker = tracking.pyramid(applyGain(movedScene(0), 0.6));
+  const ImagePyramid darker = tracking.preprocess(applyGain(movedScene(0), 0.6));
   EXPECT_NEAR(darker.exposure, 0.6, 0.02);
   tracking.advance(darker, kStamp + kPeriod, {});
-  EXPECT_NEAR(tracking.pyramid(applyGain(movedScene(0), 0.36)).exposure, 0.36, 0.02);
+  EXPECT_NEAR(tracking.preprocess(applyGain(movedScene(0), 0.36)).exposure, 0.36, 0.02);
 }
 
 TEST(FrameToFrameTracking, KeepsTheImageOnlyAtAStandstill) {
@@ -60,8 +60,8 @@ TEST(FrameToFrameTracking, KeepsTheImageOnlyAtAStandstill) {
     std::vector<Feature> found = track(tracking, movedScene(shift_px));
     for (Feature& feature : found) feature.u.x() += noise_px;
     found.resize(static_cast<std::size_t>(share * static_cast<double>(found.size())));
-    const bool advanced = tracking.advanceUnlessStandstill(tracking.pyramid(movedScene(shift_px)),
-                                                           kStamp + kPeriod, found);
+    const bool advanced = tracking.advanceUnlessStandstill(
+        tracking.preprocess(movedScene(shift_px)), kStamp + kPeriod, found);
     EXPECT_NEAR(tracking.secondsUntil(kStamp + kPeriod), advanced ? 0 : 0.1, 1e-12);
     EXPECT_EQ(tracking.features().front().age, advanced ? 1u : 0u);
     EXPECT_EQ(tracking.features().size(), advanced ? found.size() : count);

@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "support/scene.hpp"
+#include "vo/interruption.hpp"
 #include "vo/pixel_prediction.hpp"
-#include "vo/rotation_chain.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -38,4 +38,21 @@ class CornerStrength {
   std::vector<std::int32_t> xx_, xy_, yy_;  ///< products of the gradients, summed over kSide rows
 };
 
+/// What a corner is, and where one is searched.
+struct CornerCriteria {
+  int cell_px;          ///< side of the cells of a grid; each holds at most one corner
+  int border_px;        ///< without cells, at least CornerStrength::kReach + 1
+  int half_patch_px;    ///< around the corner, for min_ratio
+  double min_strength;  ///< see CornerStrength
+  /// Smaller over larger eigenvalue of the gradient matrix of the patch: 0 on a straight edge.
+  double min_ratio;
+};
+
+/// The strongest corner of each cell without one of `occupied` [px], at least half a cell away from
+/// these and from each other. image: 8-bit grey. allowed: of its size, 0 at pixels that cannot be
+/// corners; empty: all can.
+std::vector<cv::Point2f> detectCorners(const cv::Mat& image, const cv::Mat& allowed,
+                                       const std::vector<cv::Point2f>& occupied,
+                                       const CornerCriteria& criteria);
+
 }  // namespace ground_scale_vo

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/vo/corner_strength.hpp"
+#include "vo/corner_detection.hpp"
 
 #include <gtest/gtest.h>
 

@@ -239,7 +239,7 @@ struct VisualOdometry::Impl {
   }
 
   /// Finds the pose of an image in which tracking has failed, by descriptors or by a search.
-  /// Returns false, and handles the image as lost, when there is none.
+  /// Returns false when there is none; after several images with texture a new map starts.
   bool relocalise(ImagePyramid* image, std::int64_t stamp_ns, std::vector<Feature>* found,
                   Output* out) {
     const Descriptors previous = tracking.describeFeatures();
@@ -262,7 +262,12 @@ struct VisualOdometry::Impl {
             ? std::make_optional(RelativeRotation{
                   pose->T_w_c.linear().transpose() * motion.T_w_c().linear(), pose->rotation_sigma})
             : interruption.rotationBetween(previous, corners);
-    lose(std::move(*image), stamp_ns, rotation, std::move(corners), out->frame.sequence);
+    interruption.addImage(rotation, std::move(corners));
+    if (interruption.images() < options.lost_frames_before_new_map) return false;
+    rotation_to_start = interruption.rotation();
+    interruption.end();
+    ++map_id;
+    restart(std::move(*image), stamp_ns, out->frame.sequence);
     return false;
   }
 
@@ -377,19 +382,6 @@ struct VisualOdometry::Impl {
       }
     }
     *found = std::move(kept);
-  }
-
-  /// Handles an image with texture but without a pose. rotation: to it from the last image with a
-  /// pose, if known. Starts a new map after several of them.
-  void lose(ImagePyramid image, std::int64_t stamp_ns,
-            const std::optional<RelativeRotation>& rotation, Descriptors corners,
-            std::uint32_t sequence) {
-    interruption.addImage(rotation, std::move(corners));
-    if (interruption.images() < options.lost_frames_before_new_map) return;
-    rotation_to_start = interruption.rotation();
-    interruption.end();
-    ++map_id;
-    restart(std::move(image), stamp_ns, sequence);
   }
 
   /// Adds the features that `found` does not contain.

@@ -179,38 +179,6 @@ TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
   EXPECT_NEAR(filter.height(), 1.2, 0.01);
 }
 
-// The restart has the median of the latest measurements and the sigma of a new map. Outliers before
-// them do not delay it.
-TEST(ScaleFilter, ARestartIsLikeTheStartOfANewMap) {
-  const ScaleFilter::Options options;
-  ScaleFilter filter(options);
-  drive(&filter, 100, 0.8, 0.02);
-  for (const double outlier : {0.4, 2.0}) drive(&filter, 1, outlier, 0.02);
-  const auto measure = [&](double height) {
-    filter.predict(6, 0);
-    return filter.update(height, 0.02, kRoadDistance);
-  };
-  for (int i = 1; i < options.restart_measurements; ++i) EXPECT_FALSE(measure(1.2));
-  EXPECT_TRUE(measure(1.32));
-  EXPECT_NEAR(filter.height(), 1.2, 1e-9);
-  const double new_map_sigma = firstSigma(1, 1.2, 0.02, kRoadDistance);
-  EXPECT_NEAR(filter.sigma(), new_map_sigma, 0.2 * new_map_sigma);
-}
-
-TEST(ScaleFilter, TheGateIsInStandardDeviationsOfTheInnovation) {
-  ScaleFilter::Options options = withoutNisScaling();
-  options.start_tilt_sigma_rad = 0;
-  // State and measurement have the same variance.
-  const double gate = options.gate_sigma * std::sqrt(2) * options.min_measurement_sigma;
-  for (const double sign : {-1.0, 1.0}) {
-    ScaleFilter filter(options);
-    filter.predict(1, 0);
-    filter.update(0.8, 0, kRoadDistance);
-    EXPECT_FALSE(filter.update(0.8 * std::exp(1.02 * sign * gate), 0, kRoadDistance));
-    EXPECT_TRUE(filter.update(0.8 * std::exp(0.98 * sign * gate), 0, kRoadDistance));
-  }
-}
-
 // Except outliers of the features among direct measurements, see
 // DirectMeasurementsAtAWrongPeakDoNotPreventARestart.
 TEST(ScaleFilter, OutliersAmongOtherMeasurementsOrThatDisagreeDoNotRestart) {

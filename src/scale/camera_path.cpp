@@ -4,10 +4,11 @@
 
 namespace ground_scale_vo {
 
-void CameraPath::add(const Eigen::Isometry3d& T_w_c) {
+void CameraPath::add(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
   const double travelled = empty() ? 0 : newest().travelled + distanceTo(T_w_c);
   Camera& camera = cameras_.emplace_back();
   camera.T_w_c = T_w_c;
+  camera.stamp_ns = stamp_ns;
   camera.travelled = travelled;
   if (cameras_.size() > kMaxCameras) cameras_.pop_front();
 }

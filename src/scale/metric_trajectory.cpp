@@ -20,6 +20,8 @@ constexpr double kMaxIntervalRatio = 2;
 /// White noise of a position [camera heights] and of a rotation [rad], for the covariance of the
 /// twist: it never vanishes.
 constexpr double kPositionNoise = 0.002, kRotationNoise = 0.0002;
+/// Relative standard deviation of the length of a gap by the speeds.
+constexpr double kGapLengthSigma = 0.02;
 /// [m/s, rad/s] Standard deviation of a twist that is not known.
 constexpr double kUnknownSpeedSigma = 50;
 
@@ -56,8 +58,8 @@ MetricTrajectory::MetricTrajectory(const Options& options) : options_(options) {
 
 void MetricTrajectory::reset() { *this = MetricTrajectory(options_); }
 
-std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
-                                                   const ScaleEstimate& scale) {
+std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame, const ScaleEstimate& scale,
+                                                   const SpeedTrack& speeds) {
   if (!first_seen_ns_) first_seen_ns_ = frame.stamp_ns;
   if (frame.status == VoStatus::kInitialising) initialising_map_id_ = frame.map_id;
   if (frame.status != VoStatus::kTracking || !isFinite(frame.T_w_c) ||
@@ -67,7 +69,7 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
     return std::nullopt;
   }
   const MetricTrajectory before = *this;
-  const std::optional<MetricPose> pose = appendTracked(frame, scale);
+  const std::optional<MetricPose> pose = appendTracked(frame, scale, speeds);
   if (areFinite(last_.T_o_c, last_.distance, last_.covariance, covariance_, last_.twist_c,
                 last_.twist_covariance)) {
     return pose;
@@ -77,7 +79,8 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame,
 }
 
 std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
-                                                          const ScaleEstimate& scale) {
+                                                          const ScaleEstimate& scale,
+                                                          const SpeedTrack& speeds) {
   TrackedPose previous = last_tracked_;
   const bool has_lost_scale = map_ && map_->metric && scale.status == ScaleStatus::kUnknown;
   const bool starts_map = !map_ || map_->id != frame.map_id || has_left_map_ || has_lost_scale;
@@ -87,6 +90,12 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
     last_step_ = {};
     previous = {map_->ref_stamp_ns, map_->T_w_ref};
   }
+  if (scale.measurement == MeasurementStatus::kStandstill &&
+      speeds.standsStill(previous.stamp_ns, frame.stamp_ns)) {
+    // What moves in the images is not the vehicle: the map's reference moves with the camera.
+    map_->T_w_ref = frame.T_w_c * previous.T_w_c.inverse() * map_->T_w_ref;
+    previous.T_w_c = frame.T_w_c;
+  }
   map_->travelled += (frame.T_w_c.translation() - previous.T_w_c.translation()).norm();
   last_tracked_ = {frame.stamp_ns, frame.T_w_c};
   if (scale.status == ScaleStatus::kUnknown || !(scale.scale > 0)) return std::nullopt;
@@ -95,7 +104,7 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
   const Eigen::Isometry3d T_ref_c = map_->T_w_ref.inverse() * frame.T_w_c;
   const Eigen::Isometry3d T_previous_c = previous.T_w_c.inverse() * frame.T_w_c;
   if (!map_->metric) {
-    anchorMap(T_ref_c, scale, secondsBetween(map_->ref_stamp_ns, frame.stamp_ns));
+    anchorMap(T_ref_c, scale, secondsBetween(map_->ref_stamp_ns, frame.stamp_ns), speeds);
     rescaleYoungMap(T_ref_c, T_ref_c, scale);
   } else if (map_->young) {
     rescaleYoungMap(T_previous_c, T_ref_c, scale);
@@ -156,14 +165,15 @@ MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
 /// First metric frame of a map: determines the pose of its reference frame, from which it has moved
 /// by T_ref_c in dt [s].
 void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale,
-                                 double dt) {
+                                 double dt, const SpeedTrack& speeds) {
   map_->metric = true;
   if (has_pose_) {
     const Eigen::Vector3d motion = scale.scale * T_ref_c.translation();
+    const auto length = speeds.distance(last_stamp_ns_, map_->ref_stamp_ns);
     if (dt > 0) {
-      bridgeGap(motion / dt, motion.norm() / dt * scale.sigma / scale.scale);
+      bridgeGap(motion / dt, motion.norm() / dt * scale.sigma / scale.scale, length);
     } else {
-      bridgeGap(std::nullopt, 0);
+      bridgeGap(std::nullopt, 0, length);
     }
   } else {
     last_.T_o_c.linear() = map_->R_last_ref;
@@ -175,9 +185,11 @@ void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEs
 
 /// Moves last_ and covariance_ to the reference frame of a later map. velocity_ref: mean velocity
 /// after it [m/s], reference axes, if known. velocity_sigma: standard deviation of its length.
+/// length: of the gap, by the speeds.
 void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref,
-                                 double velocity_sigma) {
-  const bool stood_still = last_motion_stamp_ns_ < last_stamp_ns_;
+                                 double velocity_sigma,
+                                 const std::optional<SpeedTrack::Distance>& length) {
+  const bool stood_still = !length && last_motion_stamp_ns_ < last_stamp_ns_;
   const double dt = std::max(0.0, secondsBetween(last_stamp_ns_, map_->ref_stamp_ns));
   const bool two_ended = velocity_ref.has_value();
   Eigen::Vector3d gap = Eigen::Vector3d::Zero();
@@ -196,6 +208,12 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
                   : velocity_.variance;
     P.diagonal().head<3>().array() +=
         acceleration_sigma * acceleration_sigma + speed_variance * dt * dt;
+    if (length && gap.norm() > 0) {
+      gap *= std::abs(length->metres) / gap.norm();
+      P = last_.covariance;
+      P.diagonal().head<3>().array() +=
+          std::pow(length->sigma, 2) + std::pow(kGapLengthSigma * length->metres, 2);
+    }
   }
   const Eigen::Vector3d gap_o = last_.T_o_c.linear() * gap;
   Matrix6d F = Matrix6d::Identity();

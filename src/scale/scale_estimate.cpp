@@ -2,6 +2,20 @@
 
 namespace ground_scale_vo {
 
+const char* toString(ScaleSource source) {
+  switch (source) {
+    case ScaleSource::kNone:
+      return "none";
+    case ScaleSource::kRoad:
+      return "road";
+    case ScaleSource::kSpeed:
+      return "speed";
+    case ScaleSource::kBoth:
+      return "both";
+  }
+  return "invalid";
+}
+
 const char* toString(ScaleStatus status) {
   switch (status) {
     case ScaleStatus::kUnknown:

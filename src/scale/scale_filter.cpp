@@ -21,30 +21,92 @@ constexpr double kTiltDecay = 0.8;
 /// Standard deviation of the change of ln h when a refined lens replaces another.
 constexpr double kLensChangeSigma = 0.02;
 
+/// A camera height that is not given: between that of a small robot and of a lorry.
+constexpr double kUnknownHeight = 1.3, kUnknownHeightSigma = 1;  // [m], of its ln
+/// Standard deviation of ln h* from which on it is too large for a scale from the road alone.
+constexpr double kMaxHeightSigma = 0.15;
+/// Random walk of ln h* over a metre, by load and tyres: 1 % in a kilometre.
+constexpr double kHeightDriftPerSqrtMetre = 0.0003;
+
+// Speeds.
+/// A run of rejected speeds that agree within this deviation of their ln restarts the filter, after
+/// this distance [camera heights], or earlier in a young map: a slipping wheel ends before.
+constexpr double kMaxSpeedDeviation = 0.05, kSpeedRestartDistance = 40;
+constexpr std::size_t kMinPendingSpeeds = 4;
+/// Averaging length of the speeds' error [measurements].
+constexpr double kSpeedErrorMemory = 20;
+
 }  // namespace
 
 void ScaleFilter::Options::validate() const { visitParameters(*this, RangeCheck("filter/")); }
 
-ScaleFilter::ScaleFilter(const Options& options) : options_(options) { options_.validate(); }
+ScaleFilter::ScaleFilter(const Options& options, const Prior& prior)
+    : options_(options),
+      prior_height_(prior.camera_height > 0 ? prior.camera_height : kUnknownHeight) {
+  options_.validate();
+  const double height_sigma = prior.camera_height > 0
+                                  ? prior.camera_height_sigma / prior.camera_height
+                                  : kUnknownHeightSigma;
+  covariance_(2, 2) = height_sigma * height_sigma;
+  covariance_(3, 3) = prior.speed_scale_sigma * prior.speed_scale_sigma;
+  height_variance_limit_ = std::pow(std::min(height_sigma, kMaxHeightSigma), 2);
+}
 
-double ScaleFilter::height() const { return known_ ? std::exp(state_[0]) : 0; }
+void ScaleFilter::startMap() {
+  ScaleFilter next = *this;
+  *this = ScaleFilter(options_, {});
+  prior_height_ = next.prior_height_;
+  height_variance_limit_ = next.height_variance_limit_;
+  state_.tail<2>() = next.state_.tail<2>();
+  covariance_.bottomRightCorner<2, 2>() = next.covariance_.bottomRightCorner<2, 2>();
+}
 
-double ScaleFilter::sigma() const {
-  return known_ ? height() * std::sqrt(nis_scale_ * covariance_(0, 0)) : 0;
+bool ScaleFilter::hasCameraHeight() const {
+  return covariance_(2, 2) <= kMaxHeightSigma * kMaxHeightSigma;
+}
+
+bool ScaleFilter::known() const { return started_ && (has_speed_ || hasCameraHeight()); }
+
+bool ScaleFilter::heightKnown() const { return started_ && (has_plane_ || hasCameraHeight()); }
+
+double ScaleFilter::height() const { return heightKnown() ? std::exp(state_[0]) : 0; }
+
+double ScaleFilter::scale() const { return known() ? cameraHeight() / std::exp(state_[0]) : 0; }
+
+/// The NIS of planes tells nothing about the camera height and the factor of the speeds, so what
+/// these contribute is not scaled by it.
+double ScaleFilter::scaleSigma() const {
+  if (!known()) return 0;
+  const Eigen::Vector4d J(-1, 0, 1, 0);
+  const Eigen::Vector4d c = covariance_ * J;
+  double constant = 0;
+  for (const int i : {2, 3}) {
+    if (covariance_(i, i) > 0) constant += c[i] * c[i] / covariance_(i, i);
+  }
+  const double variance = J.dot(c);
+  constant = std::min(constant, variance);
+  return scale() * std::sqrt(nis_scale_ * (variance - constant) + constant);
+}
+
+double ScaleFilter::cameraHeightSigma() const {
+  return cameraHeight() * std::sqrt(covariance_(2, 2));
 }
 
 void ScaleFilter::predict(double distance, double angle) {
   distance_ += distance;
   turned_ += angle;
-  if (known_) {
-    covariance_(0, 0) +=
-        options_.drift_per_sqrt_height * options_.drift_per_sqrt_height * distance / height() +
-        options_.drift_per_sqrt_rad * options_.drift_per_sqrt_rad * angle;
+  if (!started_) return;
+  covariance_(0, 0) += options_.drift_per_sqrt_height * options_.drift_per_sqrt_height * distance /
+                           std::exp(state_[0]) +
+                       options_.drift_per_sqrt_rad * options_.drift_per_sqrt_rad * angle;
+  if (covariance_(2, 2) < height_variance_limit_) {
+    const double drift = kHeightDriftPerSqrtMetre * kHeightDriftPerSqrtMetre * distance * scale();
+    covariance_(2, 2) = std::min(covariance_(2, 2) + drift, height_variance_limit_);
   }
 }
 
 void ScaleFilter::changeLens() {
-  if (known_) covariance_(0, 0) += kLensChangeSigma * kLensChangeSigma;
+  if (started_) covariance_(0, 0) += kLensChangeSigma * kLensChangeSigma;
 }
 
 bool ScaleFilter::update(double height, double sigma, double road_distance, Source source) {
@@ -54,13 +116,13 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   const Measurement measurement{std::log(height), relative_sigma * relative_sigma,
                                 road_distance / height};
   if (options_.moving_average_frames > 0) return updateMovingAverage(height, measurement.variance);
-  if (!known_) {
+  if (!started_) {
     if (distance_ < options_.start_distance_heights * height) return false;
     start(measurement);
     return true;
   }
 
-  const Eigen::Vector2d H(1, tiltLever(measurement));
+  const Eigen::Vector4d H(1, tiltLever(measurement), 0, 0);
   const double innovation = measurement.log_height - H.dot(state_);
   const double predicted_variance = H.dot(covariance_ * H);
   const double innovation_variance = predicted_variance + measurement.variance;
@@ -73,15 +135,70 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   // Correlated with the previous measurement of this source when that is closer than the
   // correlation length: only this share of its information is new.
   const double share = std::min(1.0, (distance_ - source_state.accepted_at) /
-                                         (options_.correlation_heights * this->height()));
+                                         (options_.correlation_heights * std::exp(state_[0])));
   source_state.accepted_at = distance_;
-  if (share > 0) {
-    const Eigen::Vector2d gain =
-        covariance_ * H / (predicted_variance + measurement.variance / share);
-    state_ += gain * innovation;
-    covariance_ -= gain * (covariance_ * H).transpose();
-  }
+  if (share > 0) correct(H, innovation, measurement.variance / share);
+  has_plane_ = true;
   return true;
+}
+
+void ScaleFilter::correct(const Eigen::Vector4d& H, double innovation, double variance) {
+  const Eigen::Vector4d gain = covariance_ * H / (H.dot(covariance_ * H) + variance);
+  state_ += gain * innovation;
+  covariance_ -= gain * (covariance_ * H).transpose();
+}
+
+bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {
+  const double log_scale = std::log(metres_per_unit), variance = relative_sigma * relative_sigma;
+  if (!started_) {
+    startFromSpeed(log_scale, variance);
+    return true;
+  }
+  const Eigen::Vector4d H(-1, 0, 1, 1);
+  const double innovation = log_scale - std::log(prior_height_) - H.dot(state_);
+  const double innovation_variance = H.dot(covariance_ * H) + variance;
+  if (has_speed_) mean_speed_error_ += (innovation - mean_speed_error_) / kSpeedErrorMemory;
+  if (innovation * innovation > options_.gate_sigma * options_.gate_sigma * innovation_variance) {
+    return restartFromSpeed(log_scale, variance);
+  }
+  pending_speeds_.clear();
+  correct(H, innovation, variance);
+  has_speed_ = true;
+  speed_accepted_at_ = distance_;
+  return true;
+}
+
+/// As restart(). The latest half of a minute of consistent speeds is believed more than planes.
+bool ScaleFilter::restartFromSpeed(double log_scale, double variance) {
+  if (pending_speeds_.empty()) pending_speeds_since_ = distance_;
+  pending_speeds_.push_back(log_scale);
+  if (pending_speeds_.size() > kMinPendingSpeeds) pending_speeds_.pop_front();
+  const double required_distance =
+      std::min(pending_speeds_since_ - started_at_, kSpeedRestartDistance * std::exp(state_[0]));
+  if (pending_speeds_.size() < kMinPendingSpeeds ||
+      distance_ - pending_speeds_since_ < required_distance) {
+    return false;
+  }
+  const double middle = median({pending_speeds_.begin(), pending_speeds_.end()});
+  for (const double each : pending_speeds_) {
+    if (std::abs(each - middle) > kMaxSpeedDeviation) return false;
+  }
+  startFromSpeed(middle, variance);
+  return true;
+}
+
+/// h follows from the speed as accurately as h* is known.
+void ScaleFilter::startFromSpeed(double log_scale, double variance) {
+  has_plane_ = false;
+  const double factor_variance = covariance_(3, 3), height_variance = covariance_(2, 2);
+  const double height_factor_covariance = covariance_(2, 3);
+  start({std::log(prior_height_) + state_[2] + state_[3] - log_scale,
+         variance + height_variance + factor_variance + 2 * height_factor_covariance, 0});
+  has_plane_ = false;
+  has_speed_ = true;
+  speed_accepted_at_ = distance_;
+  covariance_(0, 2) = covariance_(2, 0) = height_variance + height_factor_covariance;
+  covariance_(0, 3) = covariance_(3, 0) = factor_variance + height_factor_covariance;
 }
 
 /// The state becomes the mean of the latest scales 1/h.
@@ -93,7 +210,7 @@ bool ScaleFilter::updateMovingAverage(double height, double variance) {
   state_[0] = -std::log(std::accumulate(inverse_heights_.begin(), inverse_heights_.end(), 0.0) /
                         static_cast<double>(inverse_heights_.size()));
   covariance_(0, 0) = variance;
-  known_ = true;
+  started_ = has_plane_ = true;
   return true;
 }
 
@@ -109,7 +226,7 @@ double ScaleFilter::tiltLever(const Measurement& measurement) const {
 /// Moving average of the NIS over the distance.
 void ScaleFilter::updateNisScale(double nis, SourceState* source) {
   const double rate = std::min(
-      1.0, (distance_ - source->measured_at) / (options_.nis_memory_heights * this->height()));
+      1.0, (distance_ - source->measured_at) / (options_.nis_memory_heights * std::exp(state_[0])));
   source->measured_at = distance_;
   nis_scale_ = std::clamp(nis_scale_ + rate * (nis - nis_scale_), kMinNisScale, kMaxNisScale);
 }
@@ -127,7 +244,8 @@ void ScaleFilter::clearPending(Source source) {
 }
 
 /// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
-/// distance, restarts the filter from their median; true when it did. A rotation counts as the
+/// distance, and no speed contradicts them, restarts the filter from their median; true when it
+/// did. A rotation counts as the
 /// distance of equal process noise: in a turn the unit of the map may really change. A young state
 /// is replaced after the distance over which measurements supported it. The tilt is then as in a
 /// new map, because the cause of the contradiction is not known.
@@ -150,6 +268,7 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
   const double required_distance = std::min(source->pending_since - started_at_,
                                             options_.restart_distance_heights * measured_height);
   if (pending.size() < required || persisted < required_distance) return false;
+  if (speed_accepted_at_ && *speed_accepted_at_ > source->pending_since) return false;
   std::vector<double> log_heights;
   double mean_variance = 0;
   for (const Measurement& m : pending) {
@@ -168,10 +287,15 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
 void ScaleFilter::start(const Measurement& measurement) {
   const double tilt_lever = tiltLever(measurement);
   const double tilt_variance = options_.start_tilt_sigma_rad * options_.start_tilt_sigma_rad;
-  state_ << measurement.log_height, 0;
-  covariance_ << measurement.variance + tilt_lever * tilt_lever * tilt_variance,
+  state_.head<2>() << measurement.log_height, 0;
+  covariance_.topRows<2>().setZero();
+  covariance_.leftCols<2>().setZero();
+  covariance_.topLeftCorner<2, 2>()
+      << measurement.variance + tilt_lever * tilt_lever * tilt_variance,
       -tilt_lever * tilt_variance, -tilt_lever * tilt_variance, tilt_variance;
-  known_ = true;
+  started_ = has_plane_ = true;
+  has_speed_ = false;
+  pending_speeds_.clear();
   started_at_ = distance_;
   nis_scale_ = 1;
   for (SourceState& source : sources_) source = {distance_, distance_, {}, 0, 0};

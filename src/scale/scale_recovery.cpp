@@ -7,6 +7,8 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/scale/camera_path.hpp"
+#include "ground_scale_vo/scale/speed_check.hpp"
+#include "ground_scale_vo/scale/speed_track.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -17,10 +19,28 @@ constexpr int kMaxRefusedPoses = 3;
 /// [s] minimum interval of a speed: images that arrive in pairs may have nearly equal stamps.
 constexpr double kMinSpeedInterval = 0.2;
 
+// Pieces of the path that are compared with speeds.
+/// [m] Least length, of the first one and of later ones.
+constexpr double kMinFirstSpeedDistance = 1, kMinSpeedDistance = 3;
+constexpr double kMaxSpeedTime = 10;  ///< [s]
+/// [m] How far the last piece may lie behind. A piece ends where the newest speed ends.
+constexpr double kSpeedReach = 10;
+/// Relative standard deviation of a piece's length in the odometry.
+constexpr double kSpeedNoise = 0.01;
+/// Of a speed that repeats exactly.
+constexpr double kRepeatedSpeedSigma = 0.03;
+/// [m] In a turn the camera and the point whose speed is measured have different paths.
+constexpr double kSpeedLever = 0.3;
+constexpr double kSpeedTimeSigma = 0.05;  ///< [s] standard deviation of the stamps
+
 }  // namespace
 
 void ScaleRecovery::Options::validate() const {
-  requireInRange("camera_height", camera_height, kMinCameraHeight, kMaxCameraHeight);
+  if (use_speed && camera_height == 0) {
+    if (paper_literal) throw OptionError("paper_literal needs a camera_height");
+  } else {
+    requireInRange("camera_height", camera_height, kMinCameraHeight, kMaxCameraHeight);
+  }
   visitParameters(*this, RangeCheck(""));
   mounting.validate();
   gpe.validate();
@@ -38,7 +58,8 @@ struct ScaleRecovery::Impl {
         gpa(options.gpa),
         direct(options.direct),
         trajectory(options.trajectory),
-        map(options.filter) {}
+        speeds(options.speed_sigma),
+        map(options) {}
 
   struct StampedPosition {
     std::int64_t stamp_ns = 0;
@@ -47,20 +68,24 @@ struct ScaleRecovery::Impl {
 
   /// What has the unit of length of one map.
   struct Map {
-    explicit Map(const ScaleFilter::Options& o) : filter(o) {}
+    explicit Map(const Options& o)
+        : filter(o.filter, {o.camera_height, o.camera_height_sigma, o.speed_scale_sigma}) {}
 
     CameraPath path;
     ScaleFilter filter;
     /// Latest estimate of the height [VO units], also before the filter has started; 0: none yet.
     double rough_height = 0;
-    /// By which speeds are judged: the last one of the filter, also of a map before with the same
-    /// unit of length [VO units]; 0: none yet.
-    double known_height = 0;
+    /// By which the motion is judged: the last one of the filter, also of a map before with the
+    /// same unit of length [m per VO unit]; 0: none yet.
+    double known_scale = 0;
+    std::int64_t measured_speed_ns = 0;  ///< end of the last piece of path compared with speeds
+    /// At that end [VO units]; less than 0: its speed was not accepted.
+    double speed_accepted_at = -1;
     Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< of the latest plane; zero: none yet
   };
 
   static Options resolve(const Options& options);
-  void startMap() { map = Map(options.filter); }
+  void startMap();
   void setCamera(const PinholeCamera& new_camera);
   bool hasPlausibleSpeed(const StampedPosition& from, const StampedPosition& to) const;
   bool acceptPose(const VoFrame& frame);
@@ -70,6 +95,8 @@ struct ScaleRecovery::Impl {
   void measureDirect(const VoFrame& frame, const cv::Mat& image, const cv::Mat& mask,
                      Output* output);
   bool updateFilter(Output* output);
+  void measureSpeed(Output* output);
+  bool hasCurrentSpeed() const;
   void fillEstimate(ScaleEstimate* scale) const;
 
   const Options options;
@@ -78,6 +105,8 @@ struct ScaleRecovery::Impl {
   GroundPointAggregation gpa;
   DirectPlaneEstimator direct;
   MetricTrajectory trajectory;
+  SpeedTrack speeds;
+  SpeedCheck speed_check;
 
   Map map;
   std::optional<std::uint32_t> map_id;
@@ -94,12 +123,21 @@ ScaleRecovery::Options ScaleRecovery::Impl::resolve(const Options& options) {
   return result;
 }
 
+/// The camera height and the factor of the speeds are the same in all maps.
+void ScaleRecovery::Impl::startMap() {
+  Map next(options);
+  next.filter = map.filter;
+  next.filter.startMap();
+  map = std::move(next);
+  speed_check.startMap();
+}
+
 bool ScaleRecovery::Impl::hasPlausibleSpeed(const StampedPosition& from,
                                             const StampedPosition& to) const {
-  if (map.known_height == 0) return true;
+  if (map.known_scale == 0) return true;
   const double dt = std::max(kMinSpeedInterval, secondsBetween(from.stamp_ns, to.stamp_ns));
   const double step = (to.position_w - from.position_w).norm();
-  return step / map.known_height * options.camera_height <= options.max_speed * dt;
+  return step * map.known_scale <= options.max_speed * dt;
 }
 
 /// Another lens of the same camera, in the same map: heights differ a little from now on.
@@ -119,15 +157,15 @@ bool ScaleRecovery::Impl::acceptPose(const VoFrame& frame) {
     map_id = frame.map_id;
     // The motion since the map's first frame counts as travelled.
     if (trajectory.countsFromStart(frame)) {
-      map.path.add(Eigen::Isometry3d::Identity());
+      map.path.add(Eigen::Isometry3d::Identity(), frame.map_start.stamp_ns);
       map.path.newest().prior = mounting.prior(map.path, 0);
     }
   } else if (!hasPlausibleSpeed(last_accepted, pose)) {
     refused_continue = refused_continue || continues;
     if (++refused_poses <= kMaxRefusedPoses) return false;
-    const double height = refused_continue ? map.known_height : 0;
+    const double scale = refused_continue ? map.known_scale : 0;
     startMap();
-    map.known_height = height;
+    map.known_scale = scale;
     trajectory.leaveMap();
   }
   refused_poses = 0;
@@ -144,7 +182,10 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
   if (!map.path.empty() && step < options.standstill_distance_heights * map.rough_height) {
     return MeasurementStatus::kStandstill;
   }
-  map.path.add(frame.T_w_c);
+  if (!map.path.empty() && speeds.standsStill(map.path.newest().stamp_ns, frame.stamp_ns)) {
+    return MeasurementStatus::kStandstill;
+  }
+  map.path.add(frame.T_w_c, frame.stamp_ns);
   map.filter.predict(step, Eigen::AngleAxisd(map.path.lastMotion().linear()).angle());
   RoadPrior& prior = map.path.newest().prior;
   prior = mounting.prior(map.path, map.rough_height);
@@ -154,14 +195,18 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
   measureDirect(frame, image, mask, output);
   const Stopwatch watch;
   const bool accepted = updateFilter(output);
+  if (!speeds.empty()) measureSpeed(output);
   const bool has_measurement = output->plane.height > 0;
-  if (map.filter.known()) {
-    map.rough_height = map.known_height = map.filter.height();
+  if (map.filter.known()) map.known_scale = map.filter.scale();
+  if (map.filter.heightKnown()) {
+    map.rough_height = map.filter.height();
   } else if (has_measurement) {
     map.rough_height = output->plane.height;
   }
   if (has_measurement) {
-    output->scale.raw_scale = options.camera_height / output->plane.height;
+    if (map.filter.hasCameraHeight()) {
+      output->scale.raw_scale = map.filter.cameraHeight() / output->plane.height;
+    }
     map.n_c = output->plane.n_c;
   } else if (map.rough_height > 0) {
     map.n_c = prior.n_c;
@@ -171,6 +216,10 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
     mounting.update(prior, accepted ? &output->plane : nullptr, step, map.rough_height);
   }
   output->times.filter = watch.ms();
+  const bool has_speed = hasCurrentSpeed();
+  output->scale.source = accepted ? (has_speed ? ScaleSource::kBoth : ScaleSource::kRoad)
+                                  : (has_speed ? ScaleSource::kSpeed : ScaleSource::kNone);
+  if (has_speed) return MeasurementStatus::kMeasured;
   if (!has_measurement) return feature_based;
   // Before the filter has started, a measurement that it does not accept is too early.
   return accepted || !map.filter.known() ? MeasurementStatus::kMeasured
@@ -191,6 +240,54 @@ bool ScaleRecovery::Impl::updateFilter(Output* output) {
   const Measurement& used = use_direct ? direct_measurement : feature_based;
   output->plane = {used.n_c, used.height};
   return feature_based_accepted || direct_accepted;
+}
+
+/// Compares the latest piece of the path that the speeds cover with them. Nothing waits for a
+/// speed: what arrives late measures an earlier piece.
+void ScaleRecovery::Impl::measureSpeed(Output* output) {
+  const auto& cameras = map.path.cameras();
+  const auto covered = [&](std::int64_t stamp_ns) {
+    return std::find_if(cameras.rbegin(), cameras.rend(),
+                        [&](const CameraPath::Camera& c) { return c.stamp_ns <= stamp_ns; });
+  };
+  const auto to = covered(speeds.samples().back().stamp_ns);
+  if (to == cameras.rend()) return;
+  auto from = covered(map.measured_speed_ns);
+  if (from == cameras.rend()) --from;
+  if (from->stamp_ns >= to->stamp_ns) return;
+  const auto distance = speeds.distance(from->stamp_ns, to->stamp_ns);
+  if (!distance || secondsBetween(from->stamp_ns, to->stamp_ns) > kMaxSpeedTime) {
+    map.measured_speed_ns = to->stamp_ns;  // a gap, or hardly any motion
+    return;
+  }
+  const double metres = std::abs(distance->metres), units = to->travelled - from->travelled;
+  const double min_metres = map.speed_accepted_at < 0 ? kMinFirstSpeedDistance : kMinSpeedDistance;
+  if (metres < min_metres || !(units > 0)) return;
+  const Eigen::Isometry3d motion = from->T_w_c.inverse() * to->T_w_c;
+  const double duration = secondsBetween(from->stamp_ns, to->stamp_ns);
+  // By the acceleration within the piece, the stamps matter.
+  const double acceleration =
+      std::abs(speeds.speedAt(to->stamp_ns) - speeds.speedAt(from->stamp_ns)) / duration;
+  const double sigma =
+      std::hypot(distance->sigma, kSpeedLever * Eigen::AngleAxisd(motion.linear()).angle(),
+                 kSpeedTimeSigma * acceleration * duration) /
+      metres;
+  const double relative_sigma =
+      std::hypot(sigma, kSpeedNoise, speeds.repeats() ? kRepeatedSpeedSigma : 0);
+  SpeedCheck::Piece piece{from->stamp_ns, to->stamp_ns, distance->metres, units};
+  piece.along_axis = motion.translation().normalized().z();
+  piece.error = map.filter.known() ? std::log(metres / (units * map.filter.scale())) : 0;
+  piece.accepted = map.filter.updateSpeed(metres / units, relative_sigma);
+  speed_check.add(piece, speeds);
+  map.measured_speed_ns = to->stamp_ns;
+  map.speed_accepted_at = piece.accepted ? map.path.newest().travelled : -1;
+  if (output->scale.raw_scale == 0) output->scale.raw_scale = metres / units;
+}
+
+/// The last piece was accepted, and is not far behind.
+bool ScaleRecovery::Impl::hasCurrentSpeed() const {
+  return map.speed_accepted_at >= 0 && map.filter.known() &&
+         (map.path.newest().travelled - map.speed_accepted_at) * map.filter.scale() < kSpeedReach;
 }
 
 /// GPE and GPA (Alg. 1 and 2). On kMeasured output->feature_based is set.
@@ -250,17 +347,26 @@ void ScaleRecovery::Impl::measureDirect(const VoFrame& frame, const cv::Mat& ima
 /// Status and filtered values. scale->measurement is set already.
 void ScaleRecovery::Impl::fillEstimate(ScaleEstimate* scale) const {
   scale->n_c = map.n_c;
-  if (!map.filter.known()) return;
+  if (map.filter.hasCameraHeight()) {
+    scale->camera_height = map.filter.cameraHeight();
+    scale->camera_height_sigma = map.filter.cameraHeightSigma();
+  }
+  if (!map.filter.known()) {
+    scale->source = ScaleSource::kNone;
+    return;
+  }
   scale->status =
       scale->measurement == MeasurementStatus::kMeasured ? ScaleStatus::kOk : ScaleStatus::kHeld;
   scale->height = map.filter.height();
-  scale->scale = options.camera_height / scale->height;
-  scale->sigma = scale->scale * map.filter.sigma() / scale->height;
+  scale->scale = map.filter.scale();
+  scale->sigma = map.filter.scaleSigma();
 }
 
 ScaleRecovery::ScaleRecovery(const Options& options) : impl_(std::make_unique<Impl>(options)) {}
 
 ScaleRecovery::~ScaleRecovery() = default;
+
+void ScaleRecovery::addSpeed(const SpeedSample& speed) { impl_->speeds.add(speed); }
 
 void ScaleRecovery::reset() { impl_ = std::make_unique<Impl>(impl_->options); }
 
@@ -291,7 +397,10 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
     output.times = times;
     scale.measurement = MeasurementStatus::kNoPlane;
   }
-  output.pose = impl_->trajectory.append(frame, scale);
+  output.pose = impl_->trajectory.append(frame, scale, impl_->speeds);
+  if (impl_->options.use_speed) {
+    output.speed_warning = impl_->speed_check.warning(impl_->speeds, frame.stamp_ns);
+  }
   output.mounting_pitch = impl_->mounting.pitch();
   output.mounting_roll = impl_->mounting.roll();
   output.mounting_sigma = impl_->mounting.sigma();

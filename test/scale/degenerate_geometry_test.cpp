@@ -99,7 +99,7 @@ TEST(DegenerateRoad, ASceneWithoutRoadHasNoScale) {
 }
 
 TEST(DegenerateFilter, IgnoresInvalidMeasurements) {
-  ScaleFilter filter({});
+  ScaleFilter filter({}, {1.65, 0, 0});
   for (int i = 0; i < 20; ++i) {
     filter.predict(1, 0);
     filter.update(0.7, 0.02, 4);
@@ -113,7 +113,7 @@ TEST(DegenerateFilter, IgnoresInvalidMeasurements) {
     EXPECT_FALSE(filter.update(0.7, 0.02, bad)) << bad;
   }
   EXPECT_NEAR(filter.height(), 0.7, 1e-9);
-  EXPECT_TRUE(isFinite(filter.sigma()));
+  EXPECT_TRUE(isFinite(filter.scaleSigma()));
   EXPECT_TRUE(filter.update(0.7, 0.02, 4));
 }
 

@@ -11,6 +11,12 @@ namespace {
 
 constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
 
+/// A filter with a given camera height.
+struct Filter : ScaleFilter {
+  explicit Filter(const Options& options = {}) : ScaleFilter(options, {1, 0, 0}) {}
+  double sigma() const { return scaleSigma() * height() / scale(); }  ///< of height()
+};
+
 /// Without NIS scaling: the variance follows from the options alone.
 ScaleFilter::Options withoutNisScaling() {
   ScaleFilter::Options options;
@@ -20,7 +26,7 @@ ScaleFilter::Options withoutNisScaling() {
 
 /// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
 /// measurements the filter used.
-int drive(ScaleFilter* filter, int frames, double height, double sigma,
+int drive(Filter* filter, int frames, double height, double sigma,
           ScaleFilter::Source source = ScaleFilter::Source::kFeatureBased) {
   int used = 0;
   for (int i = 0; i < frames; ++i) {
@@ -32,7 +38,7 @@ int drive(ScaleFilter* filter, int frames, double height, double sigma,
 
 /// Sigma after a first measurement at this distance in the map. min_measurement_sigma is 0.015.
 double firstSigma(double travelled, double height, double sigma, double road_distance) {
-  ScaleFilter filter({});
+  Filter filter;
   filter.predict(0.4 * height, 0);  // too short to start
   EXPECT_FALSE(filter.update(height, sigma, road_distance));
   EXPECT_FALSE(filter.known());
@@ -53,7 +59,7 @@ TEST(ScaleFilter, StartsWithTheFirstMeasurementAndTheSigmaOfAYoungMap) {
 }
 
 TEST(ScaleFilter, AWrongStartOrRestartIsReplacedSoon) {
-  ScaleFilter filter({});
+  Filter filter;
   filter.predict(1, 0);
   EXPECT_TRUE(filter.update(2, 0.02, kRoadDistance));
   EXPECT_GT(drive(&filter, 4, 0.8, 0.02), 0);
@@ -68,7 +74,7 @@ TEST(ScaleFilter, AWrongStartOrRestartIsReplacedSoon) {
 
 // The unit of the map changes in a turn with a radius of 7 m; the camera is 1.65 m above the road.
 TEST(ScaleFilter, AcceptsConsistentMeasurementsWithinThreeMetresOfATurn) {
-  ScaleFilter filter({});
+  Filter filter;
   drive(&filter, 100, 1, 0.02);
   constexpr double kHeight = 0.8, kMetre = kHeight / 1.65, kStep = 0.3;
   double driven = 0;  // [m]
@@ -96,7 +102,7 @@ TEST(ScaleFilter, SigmaOfAYoungMapFitsRandomTilts) {
   constexpr double kSteps[] = {1, 5, 5};  // to the first measurement, to the second ... [VO units]
   double nees[std::size(kSteps)] = {};
   for (int run = 0; run < kRuns; ++run) {
-    ScaleFilter filter(options);
+    Filter filter(options);
     const double run_tilt = tilt(random);
     double travelled = 0;
     for (std::size_t i = 0; i < std::size(kSteps); ++i) {
@@ -115,7 +121,7 @@ TEST(ScaleFilter, SigmaOfAYoungMapFitsRandomTilts) {
 }
 
 TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
-  ScaleFilter slow({}), fast({});
+  Filter slow, fast;
   drive(&slow, 8, 0.8, 0.03);
   drive(&fast, 8, 0.8, 0.03);
   for (int i = 0; i < 10; ++i) {
@@ -132,7 +138,7 @@ TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
 
 TEST(ScaleFilter, IsTheSameInAnyUnit) {
   constexpr double kUnit = 100;
-  ScaleFilter filter({}), scaled({});
+  Filter filter, scaled;
   std::mt19937 random(3);
   std::normal_distribution<double> noise(0, 0.01);
   for (int i = 0; i < 150; ++i) {
@@ -151,7 +157,7 @@ TEST(ScaleFilter, IsTheSameInAnyUnit) {
 }
 
 TEST(ScaleFilter, WithoutMeasurementsSigmaGrowsWithDistanceAndTurns) {
-  ScaleFilter filter(withoutNisScaling());
+  Filter filter(withoutNisScaling());
   drive(&filter, 50, 0.8, 0.03);
   const double height = filter.height(), variance = std::pow(filter.sigma() / height, 2);
   filter.predict(0, 0);
@@ -166,7 +172,7 @@ TEST(ScaleFilter, WithoutMeasurementsSigmaGrowsWithDistanceAndTurns) {
 }
 
 TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
-  ScaleFilter filter({});
+  Filter filter;
   drive(&filter, 100, 0.8, 0.02);
   filter.predict(0.5, 0);
   EXPECT_FALSE(filter.update(1.2, 0.02, kRoadDistance));
@@ -179,6 +185,38 @@ TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
   EXPECT_NEAR(filter.height(), 1.2, 0.01);
 }
 
+// The restart has the median of the latest measurements and the sigma of a new map. Outliers before
+// them do not delay it.
+TEST(ScaleFilter, ARestartIsLikeTheStartOfANewMap) {
+  const ScaleFilter::Options options;
+  Filter filter(options);
+  drive(&filter, 100, 0.8, 0.02);
+  for (const double outlier : {0.4, 2.0}) drive(&filter, 1, outlier, 0.02);
+  const auto measure = [&](double height) {
+    filter.predict(6, 0);
+    return filter.update(height, 0.02, kRoadDistance);
+  };
+  for (int i = 1; i < options.restart_measurements; ++i) EXPECT_FALSE(measure(1.2));
+  EXPECT_TRUE(measure(1.32));
+  EXPECT_NEAR(filter.height(), 1.2, 1e-9);
+  const double new_map_sigma = firstSigma(1, 1.2, 0.02, kRoadDistance);
+  EXPECT_NEAR(filter.sigma(), new_map_sigma, 0.2 * new_map_sigma);
+}
+
+TEST(ScaleFilter, TheGateIsInStandardDeviationsOfTheInnovation) {
+  ScaleFilter::Options options = withoutNisScaling();
+  options.start_tilt_sigma_rad = 0;
+  // State and measurement have the same variance.
+  const double gate = options.gate_sigma * std::sqrt(2) * options.min_measurement_sigma;
+  for (const double sign : {-1.0, 1.0}) {
+    Filter filter(options);
+    filter.predict(1, 0);
+    filter.update(0.8, 0, kRoadDistance);
+    EXPECT_FALSE(filter.update(0.8 * std::exp(1.02 * sign * gate), 0, kRoadDistance));
+    EXPECT_TRUE(filter.update(0.8 * std::exp(0.98 * sign * gate), 0, kRoadDistance));
+  }
+}
+
 // Except outliers of the features among direct measurements, see
 // DirectMeasurementsAtAWrongPeakDoNotPreventARestart.
 TEST(ScaleFilter, OutliersAmongOtherMeasurementsOrThatDisagreeDoNotRestart) {
@@ -186,7 +224,7 @@ TEST(ScaleFilter, OutliersAmongOtherMeasurementsOrThatDisagreeDoNotRestart) {
   for (const auto& [outlier, other] : {std::pair(Source::kFeatureBased, Source::kFeatureBased),
                                        std::pair(Source::kDirect, Source::kFeatureBased),
                                        std::pair(Source::kDirect, Source::kDirect)}) {
-    ScaleFilter filter({});
+    Filter filter;
     drive(&filter, 100, 0.8, 0.02);
     for (int i = 0; i < 30; ++i) {
       EXPECT_EQ(drive(&filter, 1, 1.2, 0.02, outlier), 0);
@@ -195,7 +233,7 @@ TEST(ScaleFilter, OutliersAmongOtherMeasurementsOrThatDisagreeDoNotRestart) {
     EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   }
   for (const double other : {0.4, 2.0}) {
-    ScaleFilter filter({});
+    Filter filter;
     drive(&filter, 100, 0.8, 0.02);
     for (int i = 0; i < 30; ++i) {
       drive(&filter, 1, 1.2, 0.02);
@@ -208,7 +246,7 @@ TEST(ScaleFilter, OutliersAmongOtherMeasurementsOrThatDisagreeDoNotRestart) {
 TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
   ScaleFilter::Options options;
   options.moving_average_frames = 2;
-  ScaleFilter filter(options);
+  Filter filter(options);
   filter.update(1.0, 0.1, kRoadDistance);
   EXPECT_DOUBLE_EQ(filter.height(), 1.0);
   EXPECT_NEAR(filter.sigma(), std::hypot(0.1, options.min_measurement_sigma), 1e-12);
@@ -219,7 +257,7 @@ TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
 }
 
 TEST(ScaleFilter, TwoSourcesReduceSigma) {
-  ScaleFilter one(withoutNisScaling()), two(withoutNisScaling());
+  Filter one(withoutNisScaling()), two(withoutNisScaling());
   for (int i = 0; i < 100; ++i) {
     drive(&one, 1, 0.80, 0.01);
     drive(&two, 1, 0.80, 0.01);
@@ -232,7 +270,7 @@ TEST(ScaleFilter, TwoSourcesReduceSigma) {
 
 TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
   for (const double wrong : {0.4, 1.6}) {
-    ScaleFilter filter({});
+    Filter filter;
     drive(&filter, 20, wrong, 0.01, ScaleFilter::Source::kDirect);
     ASSERT_NEAR(filter.height(), wrong, 0.01);
     for (int i = 0; i < 40; ++i) {
@@ -245,7 +283,7 @@ TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
 }
 
 TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
-  ScaleFilter filter({});
+  Filter filter;
   for (int i = 0; i < 200; ++i) {
     drive(&filter, 1, i < 50 ? 0.8 : 0.72, 0.001);
     filter.update(0.8, 0.001, kRoadDistance, ScaleFilter::Source::kDirect);
@@ -260,7 +298,7 @@ TEST(ScaleFilter, SigmaIsScaledByTheNis) {
   const auto ratio = [](double error) {
     ScaleFilter::Options options, unscaled = withoutNisScaling();
     options.gate_sigma = unscaled.gate_sigma = 1000;
-    ScaleFilter filter(options), reference(unscaled);
+    Filter filter(options), reference(unscaled);
     for (int i = 0; i < 1000; ++i) {
       const double height = 0.8 * std::exp(i % 2 == 0 ? error : -error);
       drive(&filter, 1, height, 0);

@@ -35,14 +35,15 @@ class CameraPath {
  public:
   struct Camera {
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+    std::int64_t stamp_ns = 0;
     double travelled = 0;  ///< from the start of the path to this camera
     RoadPrior prior;
     std::vector<GroundPoint> ground_points;  ///< empty: none found
     RoadImage road;
   };
 
-  /// Appends a camera of the same map.
-  void add(const Eigen::Isometry3d& T_w_c);
+  /// Appends a camera of the same map. stamp_ns: to compare the path with speeds.
+  void add(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns = 0);
 
   bool empty() const { return cameras_.empty(); }
   /// The newest kMaxCameras, in the order of the drive.

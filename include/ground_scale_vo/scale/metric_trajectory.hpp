@@ -7,6 +7,7 @@
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/scale/speed_track.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
@@ -98,7 +99,10 @@ class MetricTrajectory {
   /// scale.status is kUnknown or the frame is not tracking, when scale.measurement tells that its
   /// pose is not used (kVoNotTracking, kImplausibleMotion), and for an increment without a finite
   /// result, which is skipped.
-  std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale);
+  /// speeds: of the vehicle. They give the length of a gap between two maps; while they stand still
+  /// (and scale.measurement is kStandstill), the pose stays although the images move.
+  std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale,
+                                   const SpeedTrack& speeds = SpeedTrack(0));
 
   /// frame: the first tracked frame of a map. Whether the motion since the map's own first frame
   /// (MapStart) is part of the trajectory: all frames since then were seen, and the map's world
@@ -145,10 +149,13 @@ class MetricTrajectory {
     double variance = 0;                               ///< sum of the axes
   };
 
-  std::optional<MetricPose> appendTracked(const VoFrame& frame, const ScaleEstimate& scale);
+  std::optional<MetricPose> appendTracked(const VoFrame& frame, const ScaleEstimate& scale,
+                                          const SpeedTrack& speeds);
   Map newMap(const VoFrame& frame) const;
-  void anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale, double dt);
-  void bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref, double velocity_sigma);
+  void anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale, double dt,
+                 const SpeedTrack& speeds);
+  void bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref, double velocity_sigma,
+                 const std::optional<SpeedTrack::Distance>& length);
   void rescaleYoungMap(const Eigen::Isometry3d& T_last_c, const Eigen::Isometry3d& T_ref_c,
                        const ScaleEstimate& scale);
   void integrate(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale);

@@ -25,10 +25,13 @@ enum class MeasurementStatus : std::uint8_t {
   kImplausibleMotion = 8  ///< the pose implies a speed above max_speed: it is not used
 };
 
+/// What the scale of a frame was measured with, in this frame or shortly before.
+enum class ScaleSource : std::uint8_t { kNone = 0, kRoad = 1, kSpeed = 2, kBoth = 3 };
+
 /// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out
 /// of the road, towards the camera), so d = h, the camera's height, positive.
-/// h*: known camera height [m]; h: estimated height [VO units]. Equations and algorithms are those
-/// of Tian et al., ICRA 2021 (docs/explanation/how_it_works.md).
+/// h*: camera height [m], known or learned from speeds; h: estimated height [VO units]. Equations
+/// and algorithms are those of Tian et al., ICRA 2021 (docs/explanation/how_it_works.md).
 struct ScaleEstimate {
   ScaleStatus status = ScaleStatus::kUnknown;
   MeasurementStatus measurement = MeasurementStatus::kMeasured;  ///< of this frame
@@ -38,6 +41,9 @@ struct ScaleEstimate {
   double scale = 0;   ///< filtered, the one in use [m per VO unit]; 0 while kUnknown
   double sigma = 0;   ///< standard deviation of `scale` [m per VO unit]; 0 while kUnknown
   double height = 0;  ///< filtered height h of the camera [VO units]; 0 while kUnknown
+  ScaleSource source = ScaleSource::kNone;  ///< kNone unless status is kOk
+  double camera_height = 0;                 ///< h* [m]; 0 while it is neither given nor learned
+  double camera_height_sigma = 0;           ///< its standard deviation [m]
   /// Unit, up, unfiltered. Measured; or, if there is no measurement, predicted from mounting and
   /// motion. In kStandstill, kVoNotTracking and kImplausibleMotion: as in the previous frame.
   /// Zero before the first plane of a map.
@@ -49,6 +55,7 @@ struct ScaleEstimate {
   int plane_inliers = 0;     ///< of these, inliers of the final plane fit
 };
 
+const char* toString(ScaleSource source);        ///< "none", "road", "speed", "both"
 const char* toString(ScaleStatus status);        ///< "unknown", "ok", "held"
 const char* toString(MeasurementStatus status);  ///< "none", "vo_not_tracking", ...
 

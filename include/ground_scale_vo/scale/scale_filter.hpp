@@ -2,8 +2,10 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <deque>
+#include <optional>
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
@@ -21,6 +23,11 @@ namespace ground_scale_vo {
 /// two sources per frame, with a gate on the normalised innovation squared (NIS). Neighbouring
 /// measurements of a source see the same road and are correlated, so their information is weighted
 /// by the distance between them; the result does not depend on the frame rate.
+///
+/// With a speed of the vehicle two more states are known only roughly: ln of the camera height h*
+/// [m], and ln of the factor by which the speed is too large. Planes measure ln h, speeds measure
+/// ln(h*/h) plus the factor. Both states outlast a map. Without a speed, and with a given h*, they
+/// are constant and the filter is that of the paper.
 ///
 /// The square of sigma() is multiplied by the mean NIS of the latest measurements, accepted or not,
 /// which adapts it to the camera and the road (NIS scaling). The NIS does not influence the gain.
@@ -84,8 +91,18 @@ class ScaleFilter {
     void validate() const;
   };
 
+  /// What is known before the first measurement.
+  struct Prior {
+    double camera_height = 0;        ///< h* [m]; not positive: not known
+    double camera_height_sigma = 0;  ///< standard deviation [m]
+    double speed_scale_sigma = 0;    ///< relative, of the factor of the speeds
+  };
+
   /// Throws OptionError.
-  explicit ScaleFilter(const Options& options);
+  ScaleFilter(const Options& options, const Prior& prior);
+
+  /// Another map: only the camera height and the factor of the speeds are kept.
+  void startMap();
 
   /// Prediction step. distance: travelled since the last call [VO units], >= 0; angle: rotated
   /// since then [rad], >= 0.
@@ -98,9 +115,21 @@ class ScaleFilter {
   bool update(double height, double sigma, double road_distance,
               Source source = Source::kFeatureBased);
 
-  bool known() const { return known_; }  ///< the filter has started
-  double height() const;                 ///< [VO units]; 0 while not known
-  double sigma() const;  ///< standard deviation of height() [VO units]; 0 while not known
+  /// Update step with a speed: the ratio of the distance [m] that followed from it to the one of
+  /// the odometry [VO units], and its relative standard deviation. True when it passed the gate or
+  /// started the filter. Precondition: both positive and finite.
+  bool updateSpeed(double metres_per_unit, double relative_sigma);
+
+  bool known() const;            ///< the scale is known
+  bool heightKnown() const;      ///< height() is: not yet, with a speed but no h* and no plane
+  double height() const;         ///< h [VO units]; 0 while not heightKnown()
+  double scale() const;          ///< h*/h [m per VO unit]; 0 while not known()
+  double scaleSigma() const;     ///< standard deviation of scale(); 0 while not known()
+  bool hasCameraHeight() const;  ///< cameraHeight() is given or learned
+  double cameraHeight() const { return prior_height_ * std::exp(state_[2]); }  ///< h* [m]
+  double cameraHeightSigma() const;  ///< standard deviation of cameraHeight() [m]
+  /// Mean of ln of the speeds by the filter's scale, over the latest measurements.
+  double meanSpeedError() const { return mean_speed_error_; }
 
   /// A refined lens replaces the one of the images so far.
   void changeLens();
@@ -122,22 +151,33 @@ class ScaleFilter {
   bool updateMovingAverage(double height, double variance);
   bool restart(const Measurement& measurement, SourceState* source);
   void start(const Measurement& measurement);
+  bool restartFromSpeed(double log_scale, double variance);
+  void startFromSpeed(double log_scale, double variance);
+  void correct(const Eigen::Vector4d& H, double innovation, double variance);
   void clearPending(Source source);
   void updateNisScale(double nis, SourceState* source);
   double tiltLever(const Measurement& measurement) const;
   SourceState& stateOf(Source source) { return sources_[static_cast<std::size_t>(source)]; }
 
   Options options_;
-  bool known_ = false;
-  Eigen::Vector2d state_ = Eigen::Vector2d::Zero();       ///< ln h, tilt [rad]
-  Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Zero();  ///< of the state
+  double prior_height_;           ///< [m]
+  double height_variance_limit_;  ///< of ln h*
+  bool started_ = false;
+  bool has_plane_ = false, has_speed_ = false;  ///< accepted one since the start
+  /// ln h, tilt [rad], ln h* by prior_height_, ln of the factor of the speeds.
+  Eigen::Vector4d state_ = Eigen::Vector4d::Zero();
+  Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();  ///< of the state
   double distance_ = 0;                                   ///< travelled [VO units]
   double turned_ = 0;                                     ///< rotated [rad]
   double started_at_ = 0;                                 ///< distance_ at the latest (re)start
   double tilted_since_ = 0;  ///< distance_ from which on the tilt decays
   double nis_scale_ = 1;     ///< mean normalised innovation squared
   std::array<SourceState, 2> sources_;
-  std::deque<double> inverse_heights_;  ///< of the moving average
+  std::deque<double> inverse_heights_;       ///< of the moving average
+  std::deque<double> pending_speeds_;        ///< consecutive rejected ones: ln of the ratio
+  double pending_speeds_since_ = 0;          ///< distance_ at the first
+  std::optional<double> speed_accepted_at_;  ///< distance_ at the latest accepted speed
+  double mean_speed_error_ = 0;
 };
 
 }  // namespace ground_scale_vo

@@ -5,6 +5,7 @@
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
@@ -14,6 +15,7 @@
 #include "ground_scale_vo/scale/mounting.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_filter.hpp"
+#include "ground_scale_vo/scale/speed_track.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
@@ -33,7 +35,12 @@ constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
 class ScaleRecovery {
  public:
   struct Options {
-    double camera_height = 0;       ///< h* above the road [m]; required, there is no default
+    /// h* above the road [m]; 0: not known, which needs use_speed.
+    double camera_height = 0;
+    double camera_height_sigma = 0;  ///< [m] learned from speeds if positive
+    bool use_speed = false;          ///< addSpeed() will be called
+    double speed_sigma = 0.05;
+    double speed_scale_sigma = 0;
     std::uint64_t random_seed = 1;  ///< replaces gpe.random_seed
     bool paper_literal = false;     ///< resolved() has the choices of the paper, for comparison
     bool refine = true;             ///< false: no direct measurements
@@ -50,6 +57,14 @@ class ScaleRecovery {
     /// All of this struct but camera_height, which has no default.
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
+      visit("camera_height_sigma", self.camera_height_sigma, 0, 10,
+            "[m] standard deviation of camera_height, which speeds then correct; 0: it is exact");
+      visit("use_speed", self.use_speed,
+            "[] use speeds of the vehicle; camera_height may then be left out");
+      visit("speed_sigma", self.speed_sigma, 1e-4, 100,
+            "[m/s] standard deviation of a speed that comes without one");
+      visit("speed_scale_sigma", self.speed_scale_sigma, 0, 1,
+            "[] relative standard deviation of a constant factor of all speeds (wear of tyres)");
       visit("random_seed", self.random_seed, 0, 2147483647,
             "[] seed of the RANSAC over ground points");
       visit("standstill_distance_heights", self.standstill_distance_heights, 0, 1,
@@ -103,6 +118,7 @@ class ScaleRecovery {
     std::vector<Eigen::Vector3f> ground_points_c;
     /// Ids of this frame's features that GPE classified as ground.
     std::vector<std::uint64_t> ground_feature_ids;
+    std::string speed_warning;  ///< what is wrong with the speeds, one sentence; empty: nothing
     Times times;
     Measurement feature_based, direct;
     double correlation = 0;  ///< of the direct measurement's patches; 0 without a measurement
@@ -130,6 +146,10 @@ class ScaleRecovery {
   /// features of `frame` are used wherever they are. Empty: no such region. Pass the same cv::Mat
   /// for all frames: with another one the direct measurement starts anew, as with another camera.
   Output process(const VoFrame& frame, const cv::Mat& image = {}, const cv::Mat& mask = {});
+
+  /// A speed of the vehicle, in the order of the stamps, before or after the frames of its time.
+  /// One that is not finite or not in order is ignored.
+  void addSpeed(const SpeedSample& speed);
 
   /// Back to the state after construction.
   void reset();

@@ -1,8 +1,10 @@
 #include "vo/corner_detection.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -51,8 +53,8 @@ GSV_VECTOR_LOOP void addProducts(const std::int16_t* __restrict x, const std::in
   }
 }
 
-/// The smaller eigenvalue of each gradient matrix, summed across the window. Leaves kReach columns
-/// on both sides.
+/// The smaller eigenvalue of each gradient matrix, summed across the window. Leaves kCornerReach
+/// columns on both sides.
 GSV_VECTOR_LOOP void smallerEigenvalues(const std::int32_t* __restrict xx,
                                         const std::int32_t* __restrict xy,
                                         const std::int32_t* __restrict yy, int columns,
@@ -60,7 +62,7 @@ GSV_VECTOR_LOOP void smallerEigenvalues(const std::int32_t* __restrict xx,
   const auto across = [](const std::int32_t* sums) {
     return sums[-2] + sums[-1] + sums[0] + sums[1] + sums[2];
   };
-  for (int x = CornerStrength::kReach; x < columns - CornerStrength::kReach; ++x) {
+  for (int x = kCornerReach; x < columns - kCornerReach; ++x) {
     const std::int32_t a = across(xx + x), b = across(xy + x), c = across(yy + x);
     const auto sum = static_cast<float>(a + c), difference = static_cast<float>(a - c),
                mixed = static_cast<float>(2 * b);
@@ -68,6 +70,63 @@ GSV_VECTOR_LOOP void smallerEigenvalues(const std::int32_t* __restrict xx,
     strength[x] = 0.5f * kGradientScale * kGradientScale * (sum - root);
   }
 }
+
+/// Shi-Tomasi corner strength, row by row: the smaller eigenvalue of the gradient matrix around
+/// each pixel, with Sobel gradients summed over a square of 5 px, as in
+/// cv::cornerMinEigenVal(image, ..., 5, 3). The running sums are integers, hence exact, and fit
+/// into the cache.
+class CornerStrength {
+ public:
+  /// image: 8-bit grey, shared, not copied. first_row: the row of the first call of next().
+  /// Precondition: kCornerReach <= first_row, and at least 2 kCornerReach columns.
+  CornerStrength(const cv::Mat& image, int first_row) : image_(image), row_(first_row) {
+    const auto columns = static_cast<std::size_t>(image.cols);
+    for (Gradients& gradients : gradients_) {
+      gradients.x.assign(columns, 0);
+      gradients.y.assign(columns, 0);
+    }
+    smooth_.resize(columns);
+    difference_.resize(columns);
+    for (auto* sums : {&xx_, &xy_, &yy_}) sums->assign(columns, 0);
+    for (int row = first_row - kSide / 2; row < first_row + kSide / 2; ++row) addRow(row);
+  }
+
+  /// Writes the strength of the next row, for grey levels in [0, 1]: one float per image column.
+  /// Precondition: the row is at least kCornerReach above the last.
+  void next(float* strength) {
+    addRow(row_ + kSide / 2);
+    ++row_;
+    std::fill(strength, strength + kCornerReach, 0.f);
+    std::fill(strength + image_.cols - kCornerReach, strength + image_.cols, 0.f);
+    smallerEigenvalues(xx_.data(), xy_.data(), yy_.data(), image_.cols, strength);
+  }
+
+ private:
+  static constexpr int kSide = 5;                ///< [px]
+  static constexpr int kStoredRows = kSide + 1;  ///< the window and the row that it leaves
+  struct Gradients {
+    std::vector<std::int16_t> x, y;
+  };
+  /// Adds the gradients of a row to the running sums and removes those of the row kSide above.
+  void addRow(int row) {
+    const int columns = image_.cols;
+    filterDown(image_.ptr(row - 1), image_.ptr(row), image_.ptr(row + 1), columns, smooth_.data(),
+               difference_.data());
+    Gradients& added = gradients_[static_cast<std::size_t>(row % kStoredRows)];
+    // Row - kSide.
+    const Gradients& old = gradients_[static_cast<std::size_t>((row + 1) % kStoredRows)];
+    std::int16_t* const x = added.x.data();
+    std::int16_t* const y = added.y.data();
+    filterAcross(smooth_.data(), difference_.data(), columns, x, y);
+    addProducts(x, y, old.x.data(), old.y.data(), columns, xx_.data(), xy_.data(), yy_.data());
+  }
+
+  const cv::Mat image_;
+  int row_;                                        ///< the next one
+  std::array<Gradients, kStoredRows> gradients_;   ///< row y at y % kStoredRows
+  std::vector<std::int16_t> smooth_, difference_;  ///< of three rows
+  std::vector<std::int32_t> xx_, xy_, yy_;  ///< products of the gradients, summed over kSide rows
+};
 
 /// [px] The rows of the template are widened to a multiple of it: one or two vector registers.
 constexpr int kBlock = 16;
@@ -194,41 +253,6 @@ bool isLocalMaximum(const cv::Mat& strength, const cv::Point& at) {
 }
 
 }  // namespace
-
-CornerStrength::CornerStrength(const cv::Mat& image, int first_row)
-    : image_(image), row_(first_row) {
-  const auto columns = static_cast<std::size_t>(image.cols);
-  for (Gradients& gradients : gradients_) {
-    gradients.x.assign(columns, 0);
-    gradients.y.assign(columns, 0);
-  }
-  smooth_.resize(columns);
-  difference_.resize(columns);
-  for (auto* sums : {&xx_, &xy_, &yy_}) sums->assign(columns, 0);
-  for (int row = first_row - kSide / 2; row < first_row + kSide / 2; ++row) addRow(row);
-}
-
-/// Adds the gradients of a row to the running sums and removes those of the row kSide above.
-void CornerStrength::addRow(int row) {
-  const int columns = image_.cols;
-  filterDown(image_.ptr(row - 1), image_.ptr(row), image_.ptr(row + 1), columns, smooth_.data(),
-             difference_.data());
-  Gradients& added = gradients_[static_cast<std::size_t>(row % kStoredRows)];
-  // Row - kSide.
-  const Gradients& old = gradients_[static_cast<std::size_t>((row + 1) % kStoredRows)];
-  std::int16_t* const x = added.x.data();
-  std::int16_t* const y = added.y.data();
-  filterAcross(smooth_.data(), difference_.data(), columns, x, y);
-  addProducts(x, y, old.x.data(), old.y.data(), columns, xx_.data(), xy_.data(), yy_.data());
-}
-
-void CornerStrength::next(float* strength) {
-  addRow(row_ + kSide / 2);
-  ++row_;
-  std::fill(strength, strength + kReach, 0.f);
-  std::fill(strength + image_.cols - kReach, strength + image_.cols, 0.f);
-  smallerEigenvalues(xx_.data(), xy_.data(), yy_.data(), image_.cols, strength);
-}
 
 std::vector<cv::Point2f> detectCorners(const cv::Mat& image, const cv::Mat& allowed,
                                        const std::vector<cv::Point2f>& occupied,

@@ -44,9 +44,7 @@ FeatureTracker::FeatureTracker(const Options& options, const cv::Mat& mask)
 
 /// [px] from a corner at a whole pixel to the last pixel on which its strength or its patch, with
 /// gradients, depends.
-int FeatureTracker::reach() const {
-  return std::max(options_.window_px / 2, CornerStrength::kReach) + 1;
-}
+int FeatureTracker::reach() const { return std::max(options_.window_px / 2, kCornerReach) + 1; }
 
 /// Precondition: isInside() of an image.
 bool FeatureTracker::isMasked(const cv::Point2f& u) const {

@@ -23,7 +23,7 @@ constexpr int kMinImageBuffer = 30;
 /// that arrive while it processes one, too.
 constexpr int kImageMargin = 10;
 constexpr std::uint32_t kSpeedQueue = 1000;  // [speeds] ten seconds at 100 Hz
-constexpr double kWaitingPeriod = 0.1;  // [s] wall time, between checks of waiting frames
+constexpr double kWaitingPeriod = 0.1;       // [s] wall time, between checks of waiting frames
 
 std::uint32_t imageBuffer(const ScaleRecoveryParams& params) {
   return static_cast<std::uint32_t>(std::max(kMinImageBuffer, params.queue_size + kImageMargin));
@@ -186,10 +186,10 @@ void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFr
     on_tf = MountingOnTf{frames->base_frame, continuity_.cameraFrame(),
                          frames->T_c_b.linear() * Eigen::Vector3d::UnitZ()};
   }
-  report_.warnings = {mountingWarning(output, report_.turn_axis.upward(), on_tf),
-                      heightWarning(params_.scale.camera_height, params_.scale.camera_height_sigma,
-                                    output.scale),
-                      output.speed_warning};
+  report_.warnings = {
+      mountingWarning(output, report_.turn_axis.upward(), on_tf),
+      heightWarning(params_.scale.camera_height, params_.scale.camera_height_sigma, output.scale),
+      output.speed_warning};
   if (params_.scale.use_speed && speeds_.received() == 0) {
     report_.warnings.back() = "no speed received yet on " + speed_subscriber_.getTopic();
   }

@@ -120,8 +120,10 @@ std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma
   const double error95 = kSigmas95 * std::hypot(sigma, kHeightMethodSigma * height);
   const double percent = 100 * error95 / height;
   if (percent > 100 * kMaxHeightError || (given_sigma > 0 && sigma > kLearnedShare * given_sigma)) {
-    throw DataError(format("the camera height would be %.2f m, but speeds have not taught it yet: its "
-                           "error is %.1f %% (95 %%); drive farther", height, percent));
+    throw DataError(
+        format("the camera height would be %.2f m, but speeds have not taught it yet: its "
+               "error is %.1f %% (95 %%); drive farther",
+               height, percent));
   }
   const double angle95 = kSigmas95 * kDegreesPerRadian * measured.mounting_sigma;
   const Eigen::Vector3d up = roadNormal(measured.mounting_pitch, measured.mounting_roll);
@@ -135,11 +137,14 @@ std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma
                 kDegreesPerRadian * measured.mounting_pitch, angle95) +
          format("# roll: %.2f ± %.2f (95 %%) deg, positive: the right of the camera is lower\n",
                 kDegreesPerRadian * measured.mounting_roll, angle95) +
-         "# A base_link on the road below the camera that faces as the camera does, with yaw, pitch "
+         "# A base_link on the road below the camera that faces as the camera does, with yaw, "
+         "pitch "
          "and roll:\n" +
-         format("# rosrun tf2_ros static_transform_publisher 0 0 %.3f %.5f %.5f %.5f base_link "
-                "CAMERA_FRAME\n", height, std::atan2(R_b_c(1, 0), R_b_c(0, 0)),
-                -std::asin(R_b_c(2, 0)), std::atan2(R_b_c(2, 1), R_b_c(2, 2)));
+         format(
+             "# rosrun tf2_ros static_transform_publisher 0 0 %.3f %.5f %.5f %.5f base_link "
+             "CAMERA_FRAME\n",
+             height, std::atan2(R_b_c(1, 0), R_b_c(0, 0)), -std::asin(R_b_c(2, 0)),
+             std::atan2(R_b_c(2, 1), R_b_c(2, 2)));
 }
 
 }  // namespace ground_scale_vo

@@ -251,7 +251,9 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs:
   return toPointCloud(points, header);
 }
 
-bool hasGroundPlane(const ScaleEstimate& scale) { return scale.height > 0 && !scale.n_c.isZero(); }
+bool hasGroundPlane(const ScaleEstimate& scale) {
+  return scale.status != ScaleStatus::kUnknown && scale.height > 0 && !scale.n_c.isZero();
+}
 
 visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,
                                               const std_msgs::Header& header) {

@@ -150,7 +150,7 @@ TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
             "# roll: -1.00 ± 0.20 (95 %) deg, positive: the right of the camera is lower\n"
             "# A base_link on the road below the camera that faces as the camera does, with yaw, "
             "pitch and roll:\n"
-            "# rosrun tf2_ros static_transform_publisher 0 0 1.650 -1.57080 0.00000 -1.60570 "
+            "# rosrun tf2_ros static_transform_publisher 0 0 1.650 -1.57019 -0.01745 -1.60570 "
             "base_link CAMERA_FRAME\n");
 }
 

@@ -29,8 +29,8 @@ std::vector<std::string> rows(const ParamReader& reader) {
     // A bar would end the cell.
     const std::string meaning =
         std::regex_replace(entry.meaning.substr(end + 2), std::regex("\\|"), "\\|");
-    // The test below gives only the parameter without a default.
-    const std::string value = entry.given ? "**none**" : "`" + entry.value + "`";
+    // The test below gives only the required parameters.
+    const std::string value = entry.given ? "**required**" : "`" + entry.value + "`";
     rows.push_back("| `" + entry.name + "` | " + entry.meaning.substr(1, end - 1) + " | " + value +
                    " | " + entry.range + " | " + meaning + " |");
   }
@@ -88,7 +88,7 @@ void expectOnPage(const std::string& heading, const std::vector<std::string>& co
 TEST(ParameterTable, ListsAllParametersAndOptions) {
   expectOnPage("### MonoVo", parameterRows<MonoVoParams>(XmlRpc::XmlRpcValue()));
   XmlRpc::XmlRpcValue tree;
-  tree["camera_height"] = 1.5;
+  tree["camera_height"] = 1.5;  // required
   expectOnPage("### ScaleRecovery", parameterRows<ScaleRecoveryParams>(tree));
   expectOnPage("## Offline options", optionRows());
 }

@@ -4,7 +4,7 @@
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
-#include <std_msgs/Header.h>
+#include <std_msgs/Float64.h>
 
 #include <cmath>
 #include <limits>
@@ -98,8 +98,8 @@ TEST(SpeedReader, AVelocityThatIsNotAlongXHasNoSign) {
 TEST(SpeedReader, RefusesWhatIsNoSpeedWithTheReason) {
   SpeedReader reader;
   expectThrows<MessageError>(
-      [&] { reader.read(received(std_msgs::Header())); },
-      "has the type std_msgs/Header, accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped "
+      [&] { reader.read(received(std_msgs::Float64())); },
+      "has the type std_msgs/Float64, accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped "
       "and geometry_msgs/TwistWithCovarianceStamped");
   geometry_msgs::TwistStamped without_stamp = twistStamped(1);
   without_stamp.header.stamp = ros::Time();

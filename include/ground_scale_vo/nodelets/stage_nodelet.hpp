@@ -55,7 +55,8 @@ class StageNodelet : public nodelet::Nodelet {
   void countFrame(const Stopwatch& watch);
   std::uint64_t processed() const { return processed_; }
 
-  /// A service of type Trigger. serve: returns the answer; a DataError is a refusal with its reason.
+  /// A service of type Trigger. serve: returns the answer; a DataError is a refusal with its
+  /// reason.
   void advertise(ros::NodeHandle& private_handle, const std::string& name,
                  std::function<std::string()> serve);
 

@@ -13,6 +13,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
+#include "ground_scale_vo/evaluation/speed_file.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/camera_info.hpp"
@@ -172,13 +173,15 @@ py::object nextRectified(const ReaderPtr& reader) {
 
 /// Runs the odometry over a drive and writes the results.
 py::dict run(const ReaderPtr& reader, const std::string& name, double camera_height,
-             const std::vector<std::string>& settings, const std::string& folder, bool is_strict) {
+             const std::vector<std::string>& settings, const std::string& speed_file,
+             const std::string& folder, bool is_strict) {
   gsv::DriveRun result;
   {
     const py::gil_scoped_release release;
     gsv::DriveRun::Options options;
     options.odometry.scale.camera_height = camera_height;
     options.settings = settings;
+    if (!speed_file.empty()) options.speeds = gsv::readSpeeds(speed_file);
     gsv::RunProgress progress(name, reader->drive->count());
     result = gsv::runDrive(reader->drive.get(), options,
                            [&](const gsv::RunFrame& frame) { progress.show(frame); });

@@ -101,7 +101,10 @@ py::dict toResult(const Output& output) {
   result["scale_status"] = gsv::toString(estimate.status);
   result["reason"] = gsv::toString(estimate.measurement);
   result["map_id"] = output.vo.frame.map_id;
-  for (const char* name : {"pose", "covariance", "scale", "sigma", "plane"}) {
+  result["source"] = gsv::toString(estimate.source);
+  result["speed_warning"] = output.scale.speed_warning;
+  for (const char* name :
+       {"pose", "covariance", "scale", "sigma", "plane", "camera_height", "camera_height_sigma"}) {
     result[name] = py::none();
   }
   if (const auto& pose = output.pose()) {
@@ -112,7 +115,11 @@ py::dict toResult(const Output& output) {
     result["scale"] = estimate.scale;
     result["sigma"] = estimate.sigma;
   }
-  if (is_known && !estimate.n_c.isZero()) {
+  if (estimate.camera_height > 0) {
+    result["camera_height"] = estimate.camera_height;
+    result["camera_height_sigma"] = estimate.camera_height_sigma;
+  }
+  if (is_known && !estimate.n_c.isZero() && estimate.height > 0) {
     Eigen::Vector4d plane;
     plane << estimate.n_c, estimate.scale * estimate.height;
     result["plane"] = py::cast(plane);
@@ -131,6 +138,11 @@ class Odometry {
         odometry_(makeCamera(camera), makeOptions(camera_height, settings),
                   mask ? toImage(*mask) : cv::Mat()) {
     if (record) record_.emplace();
+  }
+
+  void addSpeed(std::int64_t stamp_ns, double speed, double sigma) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    odometry_.addSpeed({stamp_ns, speed, sigma});
   }
 
   py::dict process(const py::array& image_array, std::int64_t stamp_ns) {
@@ -192,6 +204,7 @@ PYBIND11_MODULE(_core, module) {
       .def(py::init<const CameraTuple&, double, const std::vector<std::string>&,
                     const std::optional<Bytes>&, bool>())
       .def("process", &Odometry::process)
+      .def("add_speed", &Odometry::addSpeed)
       .def("poses", &Odometry::poses)
       .def("metrics", &Odometry::metrics)
       .def("write", &Odometry::write);

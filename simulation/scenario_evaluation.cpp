@@ -82,12 +82,17 @@ std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive, const std::functio
 
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
                    const std::vector<std::string>& settings, const std::function<void()>& each,
-                   const cv::Mat& mask) {
+                   const cv::Mat& mask, const KnownLengths& known) {
   OfflineRun::Options options;
-  options.scale.camera_height = drive.cameraHeight();
+  options.scale.camera_height = known.camera_height ? drive.cameraHeight() : 0;
+  options.scale.use_speed = !known.speeds.empty();
   for (const std::string& setting : settings) setOption(options, setting);
   OfflineRun run(drive.camera(), options, mask);
+  auto speed = known.speeds.begin();
   for (std::size_t i = 0; i < images.size(); ++i) {
+    while (speed != known.speeds.end() && speed->stamp_ns <= drive.frame(i).stamp_ns) {
+      run.addSpeed(*speed++);
+    }
     run.process(images[i], drive.frame(i).stamp_ns);
     if (each) each();
   }

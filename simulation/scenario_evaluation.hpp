@@ -50,12 +50,19 @@ struct ScenarioMetrics {
 std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive,
                                  const std::function<void()>& each = {});
 
+/// What the odometry knows besides the images.
+struct KnownLengths {
+  bool camera_height = true;
+  std::vector<SpeedSample> speeds;  ///< each is known from its stamp on; empty: not used
+};
+
 /// Runs the pipeline over the images of the drive, with default options except for its camera
 /// height and the settings. each: called after every frame, may be empty. mask: of MetricOdometry.
 /// Throws OptionError.
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
                    const std::vector<std::string>& settings = {},
-                   const std::function<void()>& each = {}, const cv::Mat& mask = {});
+                   const std::function<void()>& each = {}, const cv::Mat& mask = {},
+                   const KnownLengths& known = {});
 
 /// record: of all images of the drive. Throws OptionError when it has another length.
 ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,

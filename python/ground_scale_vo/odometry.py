@@ -46,6 +46,10 @@ class Result(NamedTuple):
     plane: (4,) float64, the road n . x + d = 0 in this camera's axes, n of length 1 and up, d the
         camera's height [m]; None while unknown.
     tracks: (N, 2) float32, tracked corners (u, v) [px].
+    camera_height: [m] above the road, given or learned from speeds; None while neither.
+    camera_height_sigma: its standard deviation [m]; 0: given as exact.
+    source: what the scale was measured with: "road", "speed", "both", or "none".
+    speed_warning: what is wrong with the speeds, one sentence; empty: nothing.
     track_ids: (N,) uint64, ascending; constant while a corner is tracked.
     points: (N, 3) float32, the points of the tracks in this camera's axes [m]; NaN for a track
         without a point and while the scale is unknown.
@@ -61,6 +65,10 @@ class Result(NamedTuple):
     scale: Optional[float]
     sigma: Optional[float]
     plane: Optional[np.ndarray]
+    camera_height: Optional[float]
+    camera_height_sigma: Optional[float]
+    source: str
+    speed_warning: str
     tracks: np.ndarray
     track_ids: np.ndarray
     points: np.ndarray
@@ -71,7 +79,7 @@ class MetricOdometry:
     processed one after the other.
 
     camera: of the rectified images.
-    camera_height: [m] above the road.
+    camera_height: [m] above the road; 0: not known, which needs use_speed=True and add_speed().
     mask: (height, width) uint8, 0 where the images never show the scene (own vehicle, watermark);
         None: no such region.
     record: keep the results (about 1 kB an image) for poses(), metrics() and write().
@@ -104,6 +112,17 @@ class MetricOdometry:
         """
         return Result(**self._odometry.process(_image("image", image, self._shape),
                                                _integer("stamp", stamp, _LAST_STAMP_NS)))
+
+    def add_speed(self, stamp: int, speed: float, sigma: float = 0.0) -> None:
+        """Adds a speed of the vehicle (option use_speed=True), in the order of the stamps, before or after the images
+        of its time.
+
+        stamp: [ns] of the clock of the images.
+        speed: [m/s], negative: backwards.
+        sigma: its standard deviation [m/s]; 0: the option speed_sigma.
+        """
+        self._odometry.add_speed(_integer("stamp", stamp, _LAST_STAMP_NS), _number("speed", speed),
+                                 _number("sigma", sigma))
 
     def poses(self) -> np.ndarray:
         """(N, 4, 4) float64: a pose of every image, from its camera to the first one [m]. Images

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,6 +18,7 @@
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "simulation/scenario_evaluation.hpp"
 #include "simulation/scenarios.hpp"
+#include "simulation/speed_sensor.hpp"
 #include "tools/support/command_line.hpp"
 #include "tools/support/parallel_for.hpp"
 
@@ -50,6 +52,10 @@ error after the fault (above 5 %). Some scenarios have other thresholds.
 thresholds unmodified, with feature-based measurements only, with direct measurements only, and with
 the component that this scenario depends on disabled.
 
+--speed runs each scenario also with a speed at 10 Hz with a noise of 0.5 %: with the camera height, alone,
+and with the camera height and a fault. slip, stuck, zero and gap begin in the middle of the drive and, but
+for stuck and zero, last 2 s; sign, late (0.2 s) and unit (km/h) are those of the whole drive.
+
 Exit status: 0 success, 1 runtime error, 2 invalid arguments.)";
 
 struct Arguments {
@@ -57,7 +63,7 @@ struct Arguments {
   std::vector<gsv::Scenario> scenarios;
   std::string out;
   int threads = 1;
-  bool ablation = false;
+  bool ablation = false, speed = false;
   Settings settings;  ///< of --set
 };
 
@@ -123,19 +129,33 @@ Json json(const Metrics& metrics, const gsv::ScenarioThresholds& thresholds) {
   return object;
 }
 
-/// The settings with which a scenario is run: a key of the JSON file, and the settings.
-std::vector<std::pair<std::string, Settings>> variants(const gsv::Scenario& scenario,
-                                                       bool ablation) {
-  if (!ablation) return {{"default", {}}};
-  const gsv::ScenarioAblation& component = scenario.ablation;
-  std::vector<std::pair<std::string, Settings>> all = {{"default", {}},
-                                                       {"paper", {"paper_literal=true"}},
-                                                       {"features_only", {gsv::kFeatureBasedOnly}},
-                                                       {"direct_only", {gsv::kDirectOnly}}};
-  if (!component.disable.empty()) {
-    Settings without = component.base;
-    without.insert(without.end(), component.disable.begin(), component.disable.end());
-    all.emplace_back("disabled", without);
+/// One run over a scenario.
+struct Variant {
+  std::string key;  ///< of the JSON file
+  Settings settings;
+  std::optional<gsv::SpeedFault> speed;  ///< of the sensor; empty: there is none
+  bool camera_height = true;             ///< is known
+};
+
+std::vector<Variant> variants(const gsv::Scenario& scenario, const Arguments& arguments) {
+  std::vector<Variant> all = {{"default", {}, {}}};
+  if (arguments.ablation) {
+    all.push_back({"paper", {"paper_literal=true"}, {}});
+    all.push_back({"features_only", {gsv::kFeatureBasedOnly}, {}});
+    all.push_back({"direct_only", {gsv::kDirectOnly}, {}});
+    const gsv::ScenarioAblation& component = scenario.ablation;
+    if (!component.disable.empty()) {
+      Settings without = component.base;
+      without.insert(without.end(), component.disable.begin(), component.disable.end());
+      all.push_back({"disabled", without, {}});
+    }
+  }
+  if (arguments.speed) {
+    all.push_back({"speed_alone", {}, gsv::SpeedFault::kNone, false});
+    for (const gsv::SpeedFault fault : gsv::allSpeedFaults()) {
+      const std::string name = gsv::toString(fault);
+      all.push_back({name.empty() ? "speed" : "speed_" + name, {}, fault});
+    }
   }
   return all;
 }
@@ -175,7 +195,7 @@ void run(const Arguments& arguments) {
   std::fputs(tableHeading().c_str(), stdout);
   std::size_t steps = 0;  // each image counts once when rendered and once in each run
   for (const gsv::Scenario& scenario : arguments.scenarios) {
-    steps += (1 + variants(scenario, arguments.ablation).size()) *
+    steps += (1 + variants(scenario, arguments).size()) *
              static_cast<std::size_t>(scenario.options.frames);
   }
   gsv::ProgressLine progress("evaluate_scenarios", steps);
@@ -186,14 +206,17 @@ void run(const Arguments& arguments) {
     const gsv::SyntheticDrive drive(scenario.options);
     const std::vector<cv::Mat> rendered = gsv::renderDrive(drive, step);
     entries[i] = {{"drive", scenario.name}, {"component", scenario.ablation.component}};
-    for (const auto& [key, settings] : variants(scenario, arguments.ablation)) {
+    for (const Variant& variant : variants(scenario, arguments)) {
       Settings all = arguments.settings;
-      all.insert(all.end(), settings.begin(), settings.end());
-      const gsv::RunRecord record = gsv::runDrive(drive, rendered, all, step);
-      if (settings.empty()) writeRun(out / scenario.name, drive, record);
+      all.insert(all.end(), variant.settings.begin(), variant.settings.end());
+      gsv::KnownLengths known{variant.camera_height, {}};
+      if (variant.speed) known.speeds = gsv::simulateSpeeds(drive, *variant.speed);
+      const gsv::RunRecord record = gsv::runDrive(drive, rendered, all, step, {}, known);
+      const bool is_default = variant.key == "default";
+      if (is_default) writeRun(out / scenario.name, drive, record);
       const Metrics metrics = gsv::evaluateScenario(scenario, drive, record);
-      entries[i][key] = json(metrics, scenario.thresholds);
-      const std::string name = scenario.name + (settings.empty() ? "" : " " + key);
+      entries[i][variant.key] = json(metrics, scenario.thresholds);
+      const std::string name = scenario.name + (is_default ? "" : " " + variant.key);
       const std::string row =
           tableRow(name, metrics, gsv::violatedThreshold(metrics, scenario.thresholds));
       progress.pause([&] { std::fputs(row.c_str(), stdout); });
@@ -219,6 +242,8 @@ int main(int argc, char** argv) {
        "output folder for scenarios.json, and DIR/NAME/ with the files of run_sequence")  //
       ("ablation", gsv::po::bool_switch(&arguments.ablation),
        "run each scenario also with components disabled")  //
+      ("speed", gsv::po::bool_switch(&arguments.speed),
+       "run each scenario also with a sensor of the speed, and its faults")  //
       ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),
        "drives rendered and run in parallel")  //
       ("set", gsv::settingsValue(&arguments.settings), gsv::kSettingsHelp);

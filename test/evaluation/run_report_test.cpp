@@ -43,14 +43,17 @@ TEST_F(RunReport, EachColumnHasItsValue) {
   s.ground_points = 3;
   s.window_points = 2;
   s.plane_inliers = 1;
+  s.source = ScaleSource::kSpeed;
+  s.camera_height = 1.625;
+  s.camera_height_sigma = 0.03125;
   RunRecord record;
   record.append(vo, scale, 9);
   EXPECT_EQ(scaleCsv(record),
             "frame,stamp,status,reason,raw_scale,scale,sigma,height,nx,ny,nz,triangles,"
             "ground_triangles,ground_points,window_points,plane_inliers,backfilled,map_id,"
-            "vo_status\n0,1.500000000,held," +
+            "vo_status,source,camera_height,camera_height_sigma\n0,1.500000000,held," +
                 std::string(toString(s.measurement)) +
-                ",1.25,1234.56789,0.125,1.75,0.5,-0.25,0.75,5,4,3,2,1,0,7,tracking\n");
+                ",1.25,1234.56789,0.125,1.75,0.5,-0.25,0.75,5,4,3,2,1,0,7,tracking,speed,1.625,0.03125\n");
   EXPECT_EQ(timingCsv(record),
             "frame,decode,vo_pyramid,vo_track,vo_adjustment_wait,vo_align,vo_pose,vo_detect,"
             "vo_triangulate,vo_bundle_adjustment,vo_total,scale_delaunay,scale_gpe,scale_gpa,"

@@ -64,7 +64,9 @@ void readSequenceWith(const std::string& file, const std::string& content) {
 /// The folder that readSequenceWith() has written.
 void readDrive() {
   try {
-    const auto drive = openDrive({folder()});
+    DriveInput input;
+    input.path = folder();
+    const auto drive = openDrive(input);
     std::optional<std::int64_t> last_ns;
     while (const auto image = drive->next()) {
       if (image->given.empty()) continue;

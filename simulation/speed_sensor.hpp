@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "ground_scale_vo/scale/speed_track.hpp"
+#include "simulation/synthetic_drive.hpp"
+
+namespace ground_scale_vo {
+
+/// From the middle of the drive on: 30 % high for 2 s; the same value; zero; a gap of 2 s. In the
+/// whole drive: the other sign; stamps 0.2 s late; km/h.
+enum class SpeedFault : std::uint8_t { kNone, kSlip, kStuck, kZero, kGap, kSign, kLate, kUnit };
+
+/// "", "slip", "stuck", "zero", "gap", "sign", "late", "unit"
+const char* toString(SpeedFault fault);
+const std::vector<SpeedFault>& allSpeedFaults();  ///< also kNone
+
+/// A sensor of the vehicle's speed: 10 Hz, with a noise of 0.5 % of the speed.
+std::vector<SpeedSample> simulateSpeeds(const SyntheticDrive& drive,
+                                        SpeedFault fault = SpeedFault::kNone);
+
+}  // namespace ground_scale_vo

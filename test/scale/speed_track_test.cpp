@@ -1,0 +1,131 @@
+#include "ground_scale_vo/scale/speed_track.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "ground_scale_vo/scale/speed_check.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+std::int64_t ns(double seconds) { return std::llround(1e9 * seconds); }
+
+/// Samples at 10 Hz from `from` up to `to` [s].
+void add(SpeedTrack* track, double from, double to, const std::function<double(double)>& speed) {
+  for (int i = 0; from + 0.1 * i < to - 1e-9; ++i) {
+    const double t = from + 0.1 * i;
+    track->add({ns(t), speed(t), 0});
+  }
+}
+
+double metres(const SpeedTrack& track, double from, double to) {
+  const auto distance = track.distance(ns(from), ns(to));
+  return distance ? distance->metres : std::numeric_limits<double>::quiet_NaN();
+}
+
+TEST(SpeedTrack, IntegratesBetweenStampsThatItCovers) {
+  SpeedTrack track(0.05);
+  add(&track, 1, 6.05, [](double t) { return 2 * t; });
+  EXPECT_NEAR(metres(track, 1.23, 4.56), 4.56 * 4.56 - 1.23 * 1.23, 1e-9);
+  EXPECT_NEAR(track.speedAt(ns(2.345)), 4.69, 1e-9);
+  EXPECT_TRUE(std::isnan(metres(track, 0.9, 2)));  // before the first
+  EXPECT_TRUE(std::isnan(metres(track, 2, 6.1)));  // after the last
+  EXPECT_TRUE(std::isnan(metres(track, 2, 2)));
+  const double sigma = track.distance(ns(1), ns(5))->sigma;
+  EXPECT_NEAR(sigma, 0.05 * std::sqrt(4 * 0.1), 0.002);
+}
+
+TEST(SpeedTrack, IgnoresWhatIsNoSpeed) {
+  SpeedTrack track(0.05);
+  add(&track, 0, 1.05, [](double) { return 5; });
+  track.add({ns(1.1), std::nan(""), 0});
+  track.add({ns(1.1), 1e9, 0});
+  track.add({ns(0.5), 7, 0});  // out of order
+  EXPECT_EQ(track.samples().size(), 11u);
+  track.add({ns(100), 5, 0});
+  EXPECT_TRUE(std::isnan(metres(track, 0.5, 99)));  // a gap
+  track.add({ns(50), 6, 0});                        // the clock was set back
+  EXPECT_EQ(track.samples().size(), 1u);
+}
+
+TEST(SpeedTrack, LeavesOutASlipAndBelievesANewLevelLater) {
+  SpeedTrack track(0.05);
+  add(&track, 0, 10.05, [](double t) { return t > 3.95 && t < 5.95 ? 13 : 10; });
+  EXPECT_NEAR(metres(track, 1, 9), 80, 0.01);
+  EXPECT_FALSE(track.jumped());
+  SpeedTrack other(0.05);
+  add(&other, 0, 5.05, [](double t) { return t > 2.95 ? 13 : 10; });
+  EXPECT_TRUE(other.jumped());
+  EXPECT_TRUE(std::isnan(metres(other, 1, 4)));
+  add(&other, 5.1, 9.05, [](double) { return 13; });
+  EXPECT_FALSE(other.jumped());
+  EXPECT_NEAR(metres(other, 8, 9), 13, 1e-9);
+}
+
+TEST(SpeedTrack, AStopIsOneThatTheVehicleBrakesTo) {
+  const auto braking = [](double t) { return std::max(0.0, 4 - 2 * t); };
+  SpeedTrack track(0.05);
+  add(&track, 0, 5.05, braking);
+  EXPECT_TRUE(track.standsStill(ns(3), ns(5)));
+  EXPECT_TRUE(track.standsStill(ns(3), ns(5.1)));   // the next one is not due yet
+  EXPECT_FALSE(track.standsStill(ns(3), ns(5.5)));  // silent
+  EXPECT_FALSE(track.standsStill(ns(1), ns(5)));
+  track.distrustZero();
+  EXPECT_FALSE(track.standsStill(ns(3), ns(5)));
+
+  SpeedTrack failed(0.05);
+  add(&failed, 0, 5.05, [](double t) { return t < 2 ? 8 : 0; });
+  EXPECT_FALSE(failed.standsStill(ns(3), ns(5)));
+  SpeedTrack dead(0.05);
+  add(&dead, 0, 5.05, [](double) { return 0; });
+  EXPECT_FALSE(dead.standsStill(ns(3), ns(5)));
+}
+
+double speed(double t) { return 8 + 2 * std::sin(0.8 * t); }
+
+/// The warning after a drive of 20 s at speed(), of which pieces of 0.5 s are compared. sign: of
+/// the motion along the optical axis.
+std::string warningOf(const std::function<double(double)>& sensor, double sign = 1) {
+  SpeedTrack track(0.05);
+  SpeedCheck check;
+  for (double t = 0.5; t < 20; t += 0.5) {
+    add(&track, t == 0.5 ? 0 : t - 0.4, t + 0.05, sensor);
+    const double a = t - 0.5, truth = 4 + 2.5 * (std::cos(0.8 * a) - std::cos(0.8 * t));
+    const auto distance = track.distance(ns(a), ns(t));
+    if (!distance) continue;
+    SpeedCheck::Piece piece;
+    piece.error = piece.log_ratio = std::log(std::abs(distance->metres) / truth);
+    piece.relative_acceleration = (track.speedAt(ns(t)) - track.speedAt(ns(a))) / distance->metres;
+    piece.along_axis = sign * std::copysign(1, distance->metres);
+    piece.accepted = std::abs(piece.error) < 0.15;
+    check.add(piece);
+  }
+  return check.warning(track, ns(19.5));
+}
+
+TEST(SpeedCheck, NamesWhatIsWrong) {
+  const auto contains = [](const std::string& text, const char* part) {
+    return text.find(part) != std::string::npos;
+  };
+  EXPECT_EQ(warningOf(speed), "");
+  EXPECT_EQ(warningOf([&](double t) { return 1.03 * speed(t); }), "");
+  const std::string late = warningOf([&](double t) { return speed(t - 0.2); });
+  EXPECT_TRUE(contains(late, "0.2") && contains(late, "s later than the motion")) << late;
+  EXPECT_TRUE(contains(warningOf([&](double t) { return 3.6 * speed(t); }), "another unit"));
+  EXPECT_TRUE(
+      contains(warningOf([&](double t) { return t < 5.9 ? speed(t) : speed(5.9); }), "stuck"));
+  EXPECT_TRUE(contains(warningOf([&](double t) { return t < 17 ? speed(t) : 1.4 * speed(t); }),
+                       "jumps to"));
+  EXPECT_TRUE(contains(warningOf([&](double t) { return -speed(t); }), "sign"));
+  EXPECT_TRUE(contains(warningOf(speed, -1), "sign"));
+  EXPECT_TRUE(contains(SpeedCheck().warning(SpeedTrack(0.05), 0), "no speed"));
+  SpeedTrack other_clock(0.05);
+  other_clock.add({ns(1000), 5, 0});
+  EXPECT_TRUE(contains(SpeedCheck().warning(other_clock, 0), "1000.0 s later than the images"));
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -25,7 +25,7 @@ class MetricOdometry {
  public:
   struct Options {
     SelfCalibratingOdometry::Options odometry;
-    ScaleRecovery::Options scale;  ///< scale.camera_height [m] is required
+    ScaleRecovery::Options scale;  ///< scale.camera_height [m] is required without scale.use_speed
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
       SelfCalibratingOdometry::Options::visitStages(self.odometry, visit);
@@ -63,6 +63,9 @@ class MetricOdometry {
   /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size, rectified
   /// (throws OptionError otherwise). stamp_ns: [ns]; greater than for the previous image.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
+
+  /// ScaleRecovery::addSpeed(); needs scale.use_speed.
+  void addSpeed(const SpeedSample& speed) { scale_.addSpeed(speed); }
 
   /// Lens of the given images, as used in the last frame.
   const LensEstimate& lens() const { return vo_.lens(); }

@@ -63,6 +63,38 @@ double lengthSigma(const RunRecord& record, const RunFrame& last, double length)
   return sigma * std::max(1.0, length / distance);
 }
 
+/// Every kind of sentence about the speeds that holds for a second or more, with its first wording.
+void addSpeedWarnings(const RunRecord& record, const std::vector<SpeedSample>& speeds,
+                      std::vector<std::string>* warnings) {
+  constexpr std::size_t kMinFrames = 10, kKindLength = 14;
+  struct Kind {
+    std::string sentence;
+    std::size_t frames = 0;
+  };
+  if (record.frames().empty()) return;
+  const std::int64_t first_ns = record.frames().front().stamp_ns;
+  const std::int64_t last_ns = record.frames().back().stamp_ns;
+  if (speeds.front().stamp_ns > last_ns || speeds.back().stamp_ns < first_ns) {
+    warnings->push_back(
+        format("no speed is used: the images are from %s to %s s, the speeds from "
+               "%s to %s s",
+               formatSeconds(first_ns).c_str(), formatSeconds(last_ns).c_str(),
+               formatSeconds(speeds.front().stamp_ns).c_str(),
+               formatSeconds(speeds.back().stamp_ns).c_str()));
+    return;
+  }
+  std::map<std::string, Kind> kinds;
+  for (const RunFrame& frame : record.frames()) {
+    if (frame.speed_warning.empty()) continue;
+    Kind& kind = kinds[frame.speed_warning.substr(0, kKindLength)];
+    if (kind.frames++ == 0) kind.sentence = frame.speed_warning;
+  }
+  for (const auto& [key, kind] : kinds) {
+    if (kind.frames < kMinFrames) continue;
+    warnings->push_back(format("%s (%zu images)", kind.sentence.c_str(), kind.frames));
+  }
+}
+
 }  // namespace
 
 std::string DriveRun::summary() const {
@@ -79,7 +111,11 @@ std::string DriveRun::summary() const {
                 (metric.first->T_o_c.translation() - start).norm(),
                 100.0 * static_cast<double>(metric.held) / static_cast<double>(metric.count)) +
          format("length %.1f m, standard deviation %.1f m", length,
-                lengthSigma(record, *metric.last, length));
+                lengthSigma(record, *metric.last, length)) +
+         (metric.last->scale.camera_height_sigma > 0
+              ? format("; camera height %.3f m, standard deviation %.3f m",
+                       metric.last->scale.camera_height, metric.last->scale.camera_height_sigma)
+              : "");
 }
 
 DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
@@ -88,9 +124,14 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   const CalibratedCamera& camera = drive->camera();
   odometry_options.odometry.vo.readout_time = camera.calibration().readout_time;
   for (const std::string& setting : options.settings) setOption(odometry_options, setting);
+  if (!options.speeds.empty()) odometry_options.scale.use_speed = true;
   odometry_options.validate();
   OfflineRun offline(lensOf(camera.givenCalibration()), odometry_options, drive->givenMask());
+  auto speed = options.speeds.begin();
   while (const auto image = drive->next()) {
+    while (speed != options.speeds.end() && speed->stamp_ns <= image->stamp_ns) {
+      offline.addSpeed(*speed++);
+    }
     if (image->given.empty()) {
       offline.appendUnused(image->stamp_ns);
     } else {
@@ -104,6 +145,7 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   run.used = drive->used();
   run.warnings = drive->warnings();
   run.failure = drive->failure();
+  if (!options.speeds.empty()) addSpeedWarnings(run.record, options.speeds, &run.warnings);
   const MetricFrames metric = metricFramesOf(run.record);
   const std::size_t tracked = run.record.trackedFrames(), frames = run.record.frames().size();
   if (run.failure.empty() && metric.count == 0) {

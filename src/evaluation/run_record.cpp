@@ -19,6 +19,7 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   if (frame.has_vo_pose) frame.T_w_c = vo.frame.T_w_c;
   if (!frames_.empty()) frame.T_o_c = frames_.back().T_o_c;
   frame.scale = scale.scale;
+  frame.speed_warning = scale.speed_warning;
   frame.decode_ms = decode_ms;
   frame.vo_times = vo.times;
   frame.scale_times = scale.times;

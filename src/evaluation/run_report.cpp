@@ -92,6 +92,10 @@ std::string metricsJson(const RunRecord& record, double camera_height,
                                             [](const RunFrame& frame) { return frame.backfilled; });
   json["camera_height_m"] = camera_height;
   json["length_m"] = pathLength(poses);
+  if (!frames.empty() && frames.back().scale.camera_height_sigma > 0) {
+    json["learned_camera_height_m"] = frames.back().scale.camera_height;
+    json["learned_camera_height_sigma_m"] = frames.back().scale.camera_height_sigma;
+  }
   // Without ground truth all are null.
   OdometryMetrics metric, unscaled;
   ScaleMetrics scale;
@@ -125,7 +129,9 @@ std::string metricsJson(const RunRecord& record, double camera_height,
 std::string scaleCsv(const RunRecord& record) {
   std::ostringstream stream = csvStream(
       "frame,stamp,status,reason,raw_scale,scale,sigma,height,nx,ny,nz,triangles,"
-      "ground_triangles,ground_points,window_points,plane_inliers,backfilled,map_id,vo_status");
+      "ground_triangles,ground_points,window_points,plane_inliers,backfilled,map_id,vo_status,"
+      "source,camera_height,"
+      "camera_height_sigma");
   for (std::size_t i = 0; i < record.frames().size(); ++i) {
     const RunFrame& frame = record.frames()[i];
     const ScaleEstimate& s = frame.scale;
@@ -134,7 +140,8 @@ std::string scaleCsv(const RunRecord& record) {
            << ',' << s.height << ',' << s.n_c.x() << ',' << s.n_c.y() << ',' << s.n_c.z() << ','
            << s.triangles << ',' << s.ground_triangles << ',' << s.ground_points << ','
            << s.window_points << ',' << s.plane_inliers << ',' << frame.backfilled << ','
-           << frame.map_id << ',' << toString(frame.vo_status) << '\n';
+           << frame.map_id << ',' << toString(frame.vo_status) << ',' << toString(s.source) << ','
+           << s.camera_height << ',' << s.camera_height_sigma << '\n';
   }
   return stream.str();
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
@@ -93,8 +94,12 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
   if (scale.measurement == MeasurementStatus::kStandstill &&
       speeds.standsStill(previous.stamp_ns, frame.stamp_ns)) {
     // What moves in the images is not the vehicle: the map's reference moves with the camera.
+    if (!map_->before_stop) map_->before_stop = {map_->T_w_ref, previous.T_w_c};
     map_->T_w_ref = frame.T_w_c * previous.T_w_c.inverse() * map_->T_w_ref;
     previous.T_w_c = frame.T_w_c;
+  } else if (map_->before_stop) {
+    if (speeds.isZero()) std::tie(map_->T_w_ref, previous.T_w_c) = *map_->before_stop;
+    map_->before_stop.reset();
   }
   map_->travelled += (frame.T_w_c.translation() - previous.T_w_c.translation()).norm();
   last_tracked_ = {frame.stamp_ns, frame.T_w_c};

@@ -18,6 +18,11 @@ constexpr int kMaxRefusedPoses = 3;
 
 /// [s] minimum interval of a speed: images that arrive in pairs may have nearly equal stamps.
 constexpr double kMinSpeedInterval = 0.2;
+constexpr double kShortestInterval = 0.01;  ///< [s] between two images
+
+/// [m] Apparent motion along the path, and its cosine, from which on a speed of zero is not
+/// believed.
+constexpr double kMaxApparentMotion = 1, kAlongPath = 0.97;
 
 // Pieces of the path that are compared with speeds.
 /// [m] Least length, of the first one and of later ones.
@@ -31,7 +36,7 @@ constexpr double kSpeedNoise = 0.01;
 constexpr double kRepeatedSpeedSigma = 0.03;
 /// [m] In a turn the camera and the point whose speed is measured have different paths.
 constexpr double kSpeedLever = 0.3;
-constexpr double kSpeedTimeSigma = 0.05;  ///< [s] standard deviation of the stamps
+constexpr double kSpeedTimeSigma = 0.1;  ///< [s] standard deviation of the stamps
 
 }  // namespace
 
@@ -95,6 +100,7 @@ struct ScaleRecovery::Impl {
   void measureDirect(const VoFrame& frame, const cv::Mat& image, const cv::Mat& mask,
                      Output* output);
   bool updateFilter(Output* output);
+  bool standsStill(const VoFrame& frame);
   void measureSpeed(Output* output);
   bool hasCurrentSpeed() const;
   void fillEstimate(ScaleEstimate* scale) const;
@@ -182,9 +188,7 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
   if (!map.path.empty() && step < options.standstill_distance_heights * map.rough_height) {
     return MeasurementStatus::kStandstill;
   }
-  if (!map.path.empty() && speeds.standsStill(map.path.newest().stamp_ns, frame.stamp_ns)) {
-    return MeasurementStatus::kStandstill;
-  }
+  if (standsStill(frame)) return MeasurementStatus::kStandstill;
   map.path.add(frame.T_w_c, frame.stamp_ns);
   map.filter.predict(step, Eigen::AngleAxisd(map.path.lastMotion().linear()).angle());
   RoadPrior& prior = map.path.newest().prior;
@@ -242,6 +246,21 @@ bool ScaleRecovery::Impl::updateFilter(Output* output) {
   return feature_based_accepted || direct_accepted;
 }
 
+/// Whether the speeds say that the vehicle stands. What then moves in the images is traffic, unless
+/// the motion is straight along the path.
+bool ScaleRecovery::Impl::standsStill(const VoFrame& frame) {
+  if (map.path.empty()) return false;
+  const CameraPath::Camera& stop = map.path.newest();
+  if (!speeds.standsStill(stop.stamp_ns, frame.stamp_ns)) return false;
+  const Eigen::Vector3d motion_c = (stop.T_w_c.inverse() * frame.T_w_c).translation();
+  if (motion_c.norm() * map.known_scale < kMaxApparentMotion ||
+      motion_c.normalized().dot(stop.prior.forward_c) < kAlongPath) {
+    return true;
+  }
+  speeds.distrustZero();
+  return false;
+}
+
 /// Compares the latest piece of the path that the speeds cover with them. Nothing waits for a
 /// speed: what arrives late measures an earlier piece.
 void ScaleRecovery::Impl::measureSpeed(Output* output) {
@@ -252,6 +271,13 @@ void ScaleRecovery::Impl::measureSpeed(Output* output) {
   };
   const auto to = covered(speeds.samples().back().stamp_ns);
   if (to == cameras.rend()) return;
+  /// [VO units/s] over the step to a camera, or from the first one.
+  const auto speedAt = [&](auto camera) {
+    if (std::next(camera) == cameras.rend()) --camera;
+    const auto previous = std::next(camera);
+    return (camera->travelled - previous->travelled) /
+           std::max(kShortestInterval, secondsBetween(previous->stamp_ns, camera->stamp_ns));
+  };
   auto from = covered(map.measured_speed_ns);
   if (from == cameras.rend()) --from;
   if (from->stamp_ns >= to->stamp_ns) return;
@@ -262,22 +288,24 @@ void ScaleRecovery::Impl::measureSpeed(Output* output) {
   }
   const double metres = std::abs(distance->metres), units = to->travelled - from->travelled;
   const double min_metres = map.speed_accepted_at < 0 ? kMinFirstSpeedDistance : kMinSpeedDistance;
-  if (metres < min_metres || !(units > 0)) return;
+  const bool has_failed =
+      map.filter.known() && units * map.filter.scale() > 5 * std::max(metres, min_metres);
+  if ((metres < min_metres && !has_failed) || !(units > 0)) return;
   const Eigen::Isometry3d motion = from->T_w_c.inverse() * to->T_w_c;
-  const double duration = secondsBetween(from->stamp_ns, to->stamp_ns);
-  // By the acceleration within the piece, the stamps matter.
-  const double acceleration =
-      std::abs(speeds.speedAt(to->stamp_ns) - speeds.speedAt(from->stamp_ns)) / duration;
+  // By the change of the speed within the piece, the stamps matter. The odometry sees it in time.
+  const double change =
+      std::max(std::abs(speeds.speedAt(to->stamp_ns) - speeds.speedAt(from->stamp_ns)),
+               std::abs(speedAt(to) - speedAt(from)) * metres / units);
   const double sigma =
       std::hypot(distance->sigma, kSpeedLever * Eigen::AngleAxisd(motion.linear()).angle(),
-                 kSpeedTimeSigma * acceleration * duration) /
+                 std::hypot(kSpeedTimeSigma, speed_check.delay()) * change) /
       metres;
   const double relative_sigma =
       std::hypot(sigma, kSpeedNoise, speeds.repeats() ? kRepeatedSpeedSigma : 0);
   SpeedCheck::Piece piece{from->stamp_ns, to->stamp_ns, distance->metres, units};
   piece.along_axis = motion.translation().normalized().z();
-  piece.error = map.filter.known() ? std::log(metres / (units * map.filter.scale())) : 0;
-  piece.accepted = map.filter.updateSpeed(metres / units, relative_sigma);
+  piece.error = map.filter.known() ? std::log((metres + 0.01) / (units * map.filter.scale())) : 0;
+  piece.accepted = !has_failed && map.filter.updateSpeed(metres / units, relative_sigma);
   speed_check.add(piece, speeds);
   map.measured_speed_ns = to->stamp_ns;
   map.speed_accepted_at = piece.accepted ? map.path.newest().travelled : -1;

@@ -55,7 +55,8 @@ void SpeedCheck::estimateDelay(const SpeedTrack& speeds) {
   };
   std::vector<const Piece*> covered;
   for (const Piece& piece : pieces_) {
-    if (metresOf(piece, -kMaxDelay) && metresOf(piece, kMaxDelay)) covered.push_back(&piece);
+    const bool is_covered = metresOf(piece, -kMaxDelay) && metresOf(piece, kMaxDelay);
+    if (piece.accepted && is_covered) covered.push_back(&piece);
   }
   if (covered.size() < kMinPieces) return;
   for (int k = -steps; k <= steps; ++k) {
@@ -73,14 +74,15 @@ void SpeedCheck::estimateDelay(const SpeedTrack& speeds) {
       best = k * kDelayStep;
     }
   }
-  const bool is_delayed = std::abs(best) >= kMinDelay && without_shift > kMinResidual &&
-                          least < kMaxResidualRatio * without_shift;
+  // A best shift at the border of the range is no minimum.
+  const bool is_delayed = std::abs(best) >= kMinDelay && std::abs(best) < kMaxDelay - 1e-6 &&
+                          without_shift > kMinResidual && least < kMaxResidualRatio * without_shift;
   delay_ = is_delayed ? best : 0;
 }
 
 std::string SpeedCheck::warning(const SpeedTrack& speeds, std::int64_t stamp_ns) const {
   if (speeds.empty()) return "no speed has arrived yet";
-  const double ahead = secondsBetween(stamp_ns, speeds.samples().back().stamp_ns);
+  const double ahead = secondsBetween(stamp_ns, speeds.newest().stamp_ns);
   if (std::abs(ahead) > kOtherClock) {
     const char* hint = ahead > 0 ? "" : ": the sensor is silent, or its clock is another one";
     return format("the newest speed is %.1f s %s than the images%s", std::abs(ahead),
@@ -91,6 +93,10 @@ std::string SpeedCheck::warning(const SpeedTrack& speeds, std::int64_t stamp_ns)
         "the speeds are %.2f s %s than the motion in the images: their stamps are not "
         "those of the measurement",
         std::abs(delay_), delay_ > 0 ? "later" : "earlier");
+  }
+  if (speeds.jumped()) {
+    return format("the speed jumps to %.2f m/s: wheel slip, or a sensor that fails",
+                  speeds.newest().speed);
   }
   if (rejected_ >= kMinRejected && speeds.repeats()) {
     return format("the speed repeats %.2f m/s while the motion changes: the sensor is stuck",

@@ -9,10 +9,15 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kMaxSpeed = 200;      ///< [m/s]
-constexpr double kZero = 0.02;         ///< [m/s] resolution of a sensor
-constexpr double kLastBeforeStop = 2;  ///< [m/s] speed of the last sample before a stop, at most
-constexpr double kTrackMemory = 120;   ///< [s]
+constexpr double kMaxSpeed = 200;        ///< [m/s]
+constexpr double kZero = 0.02;           ///< [m/s] resolution of a sensor
+constexpr double kLastBeforeStop = 2;    ///< [m/s] speed of the last sample before a stop, at most
+constexpr double kTrackMemory = 120;     ///< [s]
+constexpr double kMinJump = 1;           ///< [m/s]
+constexpr double kMaxAcceleration = 12;  ///< [m/s^2]
+constexpr double kMaxJumpTime = 4;       ///< [s]
+/// [m/s^2] Standard deviation of the acceleration's change between two samples.
+constexpr double kAccelerationSigma = 1;
 constexpr std::size_t kMaxSamples = 20000;
 
 double interpolate(const SpeedSample& a, const SpeedSample& b, std::int64_t stamp_ns) {
@@ -30,34 +35,58 @@ std::deque<SpeedSample>::const_iterator firstAfter(const std::deque<SpeedSample>
 
 }  // namespace
 
-bool SpeedTrack::add(const SpeedSample& sample) {
-  if (!areFinite(sample.speed, sample.sigma) || std::abs(sample.speed) > kMaxSpeed) return false;
-  const bool is_zero = std::abs(sample.speed) < kZero;
+void SpeedTrack::add(const SpeedSample& sample) {
+  if (!areFinite(sample.speed, sample.sigma) || std::abs(sample.speed) > kMaxSpeed) return;
   if (!samples_.empty()) {
-    const double dt = secondsBetween(samples_.back().stamp_ns, sample.stamp_ns);
+    const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
     if (dt < -kMaxInterval) {
       *this = SpeedTrack(default_sigma_);
     } else if (dt <= 0) {
-      return false;
-    } else {
-      const double before = samples_.back().speed;
-      const bool repeats = sample.speed == before && !is_zero;
-      repeated_ = repeats ? repeated_ + 1 : 0;
-      repeated_s_ = repeats ? repeated_s_ + dt : 0;
-      if (is_zero && std::abs(before) >= kZero) {
-        zero_is_stop_ = dt <= kMaxInterval && std::abs(before) < kLastBeforeStop;
-      }
+      return;
     }
   }
-  has_moved_ = has_moved_ || !is_zero;
-  if (!is_zero) zero_is_stop_ = false;
+  const bool is_left_out = !samples_.empty() && isLeftOut(sample);
+  if (!samples_.empty()) updateRuns(sample);
+  newest_ = sample;
+  has_moved_ = has_moved_ || std::abs(sample.speed) >= kZero;
+  if (is_left_out) return;
   samples_.push_back(sample);
   if (!(sample.sigma > 0)) samples_.back().sigma = default_sigma_;
   while (samples_.size() > kMaxSamples ||
          secondsBetween(samples_.front().stamp_ns, sample.stamp_ns) > kTrackMemory) {
     samples_.pop_front();
   }
-  return true;
+}
+
+bool SpeedTrack::isZero() const { return !empty() && std::abs(newest_.speed) < kZero; }
+
+/// From the newest sample: faster than any vehicle accelerates or brakes.
+bool SpeedTrack::jumps(const SpeedSample& sample) const {
+  const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
+  return std::abs(sample.speed - newest_.speed) > kMinJump + kMaxAcceleration * dt;
+}
+
+bool SpeedTrack::isLeftOut(const SpeedSample& sample) {
+  if (!jumped_ns_) {
+    if (jumps(sample)) jumped_ns_ = sample.stamp_ns;
+  } else if (jumps(sample) || secondsBetween(*jumped_ns_, sample.stamp_ns) > kMaxJumpTime) {
+    jumped_ns_.reset();
+  }
+  return jumped_ns_.has_value();
+}
+
+/// Runs of the same value, and of zeros.
+void SpeedTrack::updateRuns(const SpeedSample& sample) {
+  const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
+  const bool is_zero = std::abs(sample.speed) < kZero, was_zero = std::abs(newest_.speed) < kZero;
+  const bool repeats = sample.speed == newest_.speed && !is_zero;
+  repeated_ = repeats ? repeated_ + 1 : 0;
+  repeated_s_ = repeats ? repeated_s_ + dt : 0;
+  if (!is_zero) {
+    zero_is_stop_ = false;
+  } else if (!was_zero) {
+    zero_is_stop_ = dt <= kMaxInterval && !jumped_ns_ && std::abs(newest_.speed) < kLastBeforeStop;
+  }
 }
 
 std::optional<SpeedTrack::Distance> SpeedTrack::distance(std::int64_t from_ns,
@@ -75,7 +104,9 @@ std::optional<SpeedTrack::Distance> SpeedTrack::distance(std::int64_t from_ns,
     distance.metres +=
         0.5 * dt * (interpolate(*previous, *next, a_ns) + interpolate(*previous, *next, b_ns));
     // The noise of the samples is white; one sample holds for the interval between two.
-    variance += next->sigma * next->sigma * dt * secondsBetween(previous->stamp_ns, next->stamp_ns);
+    const double interval = secondsBetween(previous->stamp_ns, next->stamp_ns);
+    variance += next->sigma * next->sigma * dt * interval +
+                std::pow(kAccelerationSigma * interval * dt / 12, 2);
   }
   distance.sigma = std::sqrt(variance);
   return distance;

@@ -33,7 +33,7 @@ int run(const Arguments& arguments) {
   gsv::DriveRun result;
   {
     gsv::RunProgress progress(name, drive->count());
-    result = gsv::runDrive(drive.get(), {arguments.options, arguments.settings},
+    result = gsv::runDrive(drive.get(), {arguments.options, arguments.settings, arguments.speeds},
                            [&](const gsv::RunFrame& frame) { progress.show(frame); });
   }
   gsv::writeRun(folder, result, arguments.options.scale.camera_height, truth);

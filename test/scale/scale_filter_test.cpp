@@ -14,7 +14,7 @@ constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
 /// A filter with a given camera height.
 struct Filter : ScaleFilter {
   explicit Filter(const Options& options = {}) : ScaleFilter(options, {1, 0, 0}) {}
-  double sigma() const { return scaleSigma() * height() / scale(); }  ///< of height()
+  double sigma() const { return known() ? scaleSigma() * height() / scale() : 0; }  ///< of height()
 };
 
 /// Without NIS scaling: the variance follows from the options alone.

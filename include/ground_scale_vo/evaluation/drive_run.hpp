@@ -17,6 +17,8 @@ struct DriveRun {
     MetricOdometry::Options odometry;
     /// GROUP/NAME=VALUE, as of --set: takes precedence over the readout time of the calibration.
     std::vector<std::string> settings;
+    /// In the order of their stamps; not empty: sets use_speed. A speed is known from its stamp on.
+    std::vector<SpeedSample> speeds;
   };
   using OnFrame = std::function<void(const RunFrame& frame)>;
 
@@ -29,7 +31,7 @@ struct DriveRun {
   std::string failure;
 
   /// One line: images read, used and not used; share of the frames with a held scale; where the
-  /// first metric pose is; length with its standard deviation.
+  /// first metric pose is; length with its standard deviation; camera height, if speeds are used.
   std::string summary() const;
   /// 0; 1 with a failure, or if is_strict with a warning.
   int exitStatus(bool is_strict) const {

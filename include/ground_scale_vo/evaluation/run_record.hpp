@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
 #include "ground_scale_vo/common/se3.hpp"
@@ -23,6 +24,7 @@ struct RunFrame {
   bool has_metric_pose = false;  ///< T_o_c was computed at this frame; else held or backfilled
   bool backfilled = false;       ///< T_o_c was computed later, with the first scale
   ScaleEstimate scale;           ///< as reported at this frame
+  std::string speed_warning;     ///< ScaleRecovery::Output
   double decode_ms = 0;          ///< wall time of reading and decoding the image
   VisualOdometry::Times vo_times;
   ScaleRecovery::Times scale_times;
@@ -78,6 +80,7 @@ class OfflineRun {
     record_.append(last_.vo, last_.scale, decode_ms);
     return record_.frames().back();
   }
+  void addSpeed(const SpeedSample& speed) { odometry_.addSpeed(speed); }
   void appendUnused(std::int64_t stamp_ns) { record_.appendUnused(stamp_ns); }
 
   const LensEstimate& lens() const { return odometry_.lens(); }

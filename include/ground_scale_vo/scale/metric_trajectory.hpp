@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/common/se3.hpp"
@@ -133,6 +134,9 @@ class MetricTrajectory {
     bool young = true;
     Eigen::Isometry3d T_o_ref = Eigen::Isometry3d::Identity();
     double distance_at_ref = 0;  ///< [m]
+    /// T_w_ref, and T_w_c of the last frame, before the stop that lasts; empty: there is none. Used
+    /// when it turns out that the speeds have failed and the vehicle moves.
+    std::optional<std::pair<Eigen::Isometry3d, Eigen::Isometry3d>> before_stop;
   };
   struct TrackedPose {
     std::int64_t stamp_ns = 0;

@@ -18,6 +18,7 @@ find_package(catkin REQUIRED COMPONENTS
   tf2_eigen
   tf2_msgs
   tf2_ros
+  topic_tools
   visualization_msgs
 )
 
@@ -33,7 +34,7 @@ catkin_package(
   CATKIN_DEPENDS
     diagnostic_msgs diagnostic_updater geometry_msgs image_transport
     message_runtime nav_msgs nodelet pluginlib roscpp sensor_msgs std_msgs std_srvs tf2
-    tf2_eigen tf2_msgs tf2_ros visualization_msgs
+    tf2_eigen tf2_msgs tf2_ros topic_tools visualization_msgs
   DEPENDS EIGEN3 OpenCV
 )
 

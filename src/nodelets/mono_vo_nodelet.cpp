@@ -41,13 +41,7 @@ void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_hand
   if (!params_.odometry.refine_camera) return;
   refined_camera_publisher_ =
       handle.advertise<sensor_msgs::CameraInfo>("refined_camera_info", 1, true);
-  save_camera_server_ =
-      private_handle.advertiseService<std_srvs::Trigger::Request, std_srvs::Trigger::Response>(
-          "save_camera",
-          [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-            saveCamera(&response);
-            return true;
-          });
+  advertise(private_handle, "save_camera", [this] { return saveCamera(); });
 }
 
 std::string MonoVoNodelet::reset() {
@@ -56,28 +50,22 @@ std::string MonoVoNodelet::reset() {
   return "the next image starts a new map";
 }
 
-void MonoVoNodelet::saveCamera(std_srvs::Trigger::Response* response) const {
-  response->success = false;
+std::string MonoVoNodelet::saveCamera() const {
   if (params_.refined_camera_file.empty()) {
-    response->message = "the parameter refined_camera_file names no file";
-  } else if (!odometry_ || !odometry_->lens().isEstimate()) {
-    response->message = "the calibration is not refined yet: the camera has not turned enough";
-  } else if (odometry_camera_->isGivenRectified()) {
-    response->message =
-        "the refined calibration is that of the rectified images, as the distortion "
-        "of the raw ones is not plumb_bob: it cannot be saved";
-  } else {
-    try {
-      CameraCalibration refined = calibrationOf(odometry_->lens().lens);
-      refined.readout_time = params_.odometry.vo.readout_time;
-      writeFile(params_.refined_camera_file,
-                cameraYaml(refined, "Refined by MonoVo while driving."));
-      response->success = true;
-      response->message = "written to " + params_.refined_camera_file;
-    } catch (const DataError& error) {
-      response->message = error.what();
-    }
+    throw DataError("the parameter refined_camera_file names no file");
   }
+  if (!odometry_ || !odometry_->lens().isEstimate()) {
+    throw DataError("the calibration is not refined yet: the camera has not turned enough");
+  }
+  if (odometry_camera_->isGivenRectified()) {
+    throw DataError(
+        "the refined calibration is that of the rectified images, as the distortion of the raw "
+        "ones is not plumb_bob: it cannot be saved");
+  }
+  CameraCalibration refined = calibrationOf(odometry_->lens().lens);
+  refined.readout_time = params_.odometry.vo.readout_time;
+  writeFile(params_.refined_camera_file, cameraYaml(refined, "Refined by MonoVo while driving."));
+  return "written to " + params_.refined_camera_file;
 }
 
 void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {

@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <exception>
+#include <iterator>
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
@@ -20,7 +22,8 @@ constexpr int kMinImageBuffer = 30;
 /// [images] beyond queue_size: with the same queue_size and a full queue, MonoVo is late by those
 /// that arrive while it processes one, too.
 constexpr int kImageMargin = 10;
-constexpr double kWaitingPeriod = 0.1;  // [s] wall time, between checks of waiting frames
+constexpr std::uint32_t kSpeedQueue = 1000;  // [speeds] ten seconds at 100 Hz
+constexpr double kWaitingPeriod = 0.1;       // [s] wall time, between checks of waiting frames
 
 std::uint32_t imageBuffer(const ScaleRecoveryParams& params) {
   return static_cast<std::uint32_t>(std::max(kMinImageBuffer, params.queue_size + kImageMargin));
@@ -44,6 +47,11 @@ void ScaleRecoveryNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& priva
   ground_points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("ground_points", 1);
   ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 1);
   if (params_.scale.refine) subscribeToImages(handle, private_handle);
+  if (params_.scale.use_speed) {
+    speed_subscriber_ =
+        handle.subscribe("speed", kSpeedQueue, &ScaleRecoveryNodelet::onSpeed, this);
+    advertise(private_handle, "save_height", [this] { return saveHeight(); });
+  }
   // Last: a publisher that sees this subscription can rely on the subscription to the images.
   frame_subscriber_ = handle.subscribe("vo/frame", static_cast<std::uint32_t>(params_.queue_size),
                                        &ScaleRecoveryNodelet::onFrame, this);
@@ -107,6 +115,19 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
   processReady();
 }
 
+void ScaleRecoveryNodelet::onSpeed(const topic_tools::ShapeShifter::ConstPtr& message) {
+  speeds_.count();
+  speed_error_.clear();
+  try {
+    const SpeedSample speed = speed_reader_.read(*message);
+    recovery_->addSpeed(speed);
+    newest_speed_ns_ = speed.stamp_ns;
+  } catch (const MessageError& error) {
+    speed_error_ = "speed on " + speed_subscriber_.getTopic() + " " + error.what();
+    log_->drop("speed refused", withMissingClock(speed_error_));
+  }
+}
+
 void ScaleRecoveryNodelet::processReady(bool may_wait) {
   while (const auto match = synchronizer_->next(Synchronizer::Clock::now(), may_wait)) {
     process(match->frame.frame, match->frame.header, match->image);
@@ -125,8 +146,8 @@ void ScaleRecoveryNodelet::process(const VoFrame& frame, const std_msgs::Header&
     return;
   }
   publish(output, frame, image, header);
-  checkMounting(output, frame);
-  record(output, frame.stamp_ns, !image.grey.empty());
+  check(output, frame);
+  record(std::move(output), frame.stamp_ns, !image.grey.empty());
   countFrame(watch);
 }
 
@@ -150,13 +171,12 @@ void ScaleRecoveryNodelet::publishGround(const ScaleRecovery::Output& output, co
     for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
     ground_points_publisher_.publish(toPointCloud(metric, header));
   }
-  if (ground_plane_publisher_.getNumSubscribers() > 0) {
+  if (ground_plane_publisher_.getNumSubscribers() > 0 && hasGroundPlane(output.scale)) {
     ground_plane_publisher_.publish(toPlaneMarker(output.scale, header));
   }
 }
 
-void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output,
-                                         const VoFrame& frame) {
+void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFrame& frame) {
   if (frame.status == VoStatus::kTracking) {
     report_.turn_axis.add(frame.map_id, frame.T_w_c.linear());
   }
@@ -166,19 +186,32 @@ void ScaleRecoveryNodelet::checkMounting(const ScaleRecovery::Output& output,
     on_tf = MountingOnTf{frames->base_frame, continuity_.cameraFrame(),
                          frames->T_c_b.linear() * Eigen::Vector3d::UnitZ()};
   }
-  report_.mounting_warning = mountingWarning(output, report_.turn_axis.upward(), on_tf);
-  if (report_.mounting_warning.empty() || std::exchange(report_.has_warned_of_mounting, true)) {
-    return;
+  report_.warnings = {
+      mountingWarning(output, report_.turn_axis.upward(), on_tf),
+      heightWarning(params_.scale.camera_height, params_.scale.camera_height_sigma, output.scale),
+      output.speed_warning};
+  if (params_.scale.use_speed && speeds_.received() == 0) {
+    report_.warnings.back() = "no speed received yet on " + speed_subscriber_.getTopic();
   }
-  NODELET_WARN_STREAM(getName() << ": " << report_.mounting_warning);
+  if (!speed_reader_.hasVehicleAxes()) {
+    report_.warnings.push_back("the velocity on " + speed_subscriber_.getTopic() +
+                               " is not along x, so its length without a sign is used");
+  }
+  for (const std::string& warning : report_.warnings) {
+    // Its numbers change from frame to frame.
+    std::string kind;
+    std::remove_copy_if(warning.begin(), warning.end(), std::back_inserter(kind),
+                        [](char c) { return c >= '-' && c <= '9'; });
+    if (kind.empty() || !report_.logged.insert(kind).second) continue;
+    NODELET_WARN_STREAM(getName() << ": " << warning);
+  }
 }
 
-void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, std::int64_t stamp_ns,
+void ScaleRecoveryNodelet::record(ScaleRecovery::Output output, std::int64_t stamp_ns,
                                   bool has_image) {
   last_frame_had_image_ = has_image;
   if (has_image) ++with_image_;
   if (output.direct.height > 0) ++with_direct_;
-  report_.scale = output.scale;
   report_.stamp_ns = stamp_ns;
   if (output.scale.status == ScaleStatus::kOk) report_.measured_ns = stamp_ns;
   if (output.scale.status != ScaleStatus::kHeld ||
@@ -188,6 +221,15 @@ void ScaleRecoveryNodelet::record(const ScaleRecovery::Output& output, std::int6
     report_.held_since_ns = stamp_ns;
   }
   if (output.pose) report_.distance_m = output.pose->distance;
+  report_.last = std::move(output);
+}
+
+std::string ScaleRecoveryNodelet::saveHeight() const {
+  if (params_.height_file.empty()) throw DataError("the parameter height_file names no file");
+  const bool is_given = params_.scale.camera_height > 0;
+  writeFile(params_.height_file,
+            heightYaml(report_.last, is_given ? params_.scale.camera_height_sigma : 0));
+  return "written to " + params_.height_file;
 }
 
 std::string ScaleRecoveryNodelet::imageState() const {
@@ -205,18 +247,19 @@ void ScaleRecoveryNodelet::describe(StageState* state) {
   state->dropped = continuity_.missing() + log_->dropped("frame ");
   state->missing = frames_.missing(frame_subscriber_.getTopic());
   state->errors = {odometry_->mountingError(), odometry_->otherParentError(),
-                   receiver_ ? receiver_->sourceError() : ""};
-  state->warnings = {report_.mounting_warning, continuity_.sequenceError()};
+                   receiver_ ? receiver_->sourceError() : "", speed_error_};
+  state->warnings = report_.warnings;
+  state->warnings.push_back(continuity_.sequenceError());
   const bool has_frames = processed() > std::exchange(diagnosed_processed_, processed());
   const bool has_images = with_image_ > std::exchange(diagnosed_with_image_, with_image_);
   state->stage = summarize(
-      report_.scale,
+      report_.last.scale,
       report_.held_since_ns ? secondsBetween(*report_.held_since_ns, report_.stamp_ns) : 0,
       receiver_ && has_frames && !has_images ? imageState() : "");
 }
 
 void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const ScaleEstimate& scale = report_.scale;
+  const ScaleEstimate& scale = report_.last.scale;
   status.add("frames processed", processed());
   status.add("frames dropped, queue full", continuity_.missing());
   status.add("images", imageState());
@@ -224,6 +267,7 @@ void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper
   status.add("frames with a direct measurement", with_direct_);
   status.add("scale status", toString(scale.status));
   status.add("reason", toString(scale.measurement));
+  status.add("source", toString(scale.source));
   status.add("scale [m / VO unit]", scale.scale);
   status.add("sigma [m / VO unit]", scale.sigma);
   if (report_.measured_ns) {
@@ -231,6 +275,13 @@ void ScaleRecoveryNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper
                secondsBetween(*report_.measured_ns, report_.stamp_ns));
   }
   status.add("distance [m]", report_.distance_m);
+  status.add("camera height [m]", scale.camera_height);
+  status.add("sigma of the camera height [m]", scale.camera_height_sigma);
+  if (!params_.scale.use_speed) return;
+  status.add("speeds received", speeds_.received());
+  if (newest_speed_ns_) {
+    status.add("age of the newest speed [s]", secondsBetween(*newest_speed_ns_, report_.stamp_ns));
+  }
 }
 
 }  // namespace ground_scale_vo

@@ -4,6 +4,8 @@
 #include <exception>
 #include <utility>
 
+#include "ground_scale_vo/common/error.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -40,13 +42,7 @@ void StageNodelet::onInit() {
     NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
     throw;
   }
-  reset_server_ =
-      private_handle.advertiseService<std_srvs::Trigger::Request, std_srvs::Trigger::Response>(
-          "reset", [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-            response.message = "reset: " + reset();
-            response.success = true;
-            return true;
-          });
+  advertise(private_handle, "reset", [this] { return "reset: " + reset(); });
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
   updater_->setHardwareID("none");
   updater_->add(stage(), this, &StageNodelet::diagnose);
@@ -54,6 +50,21 @@ void StageNodelet::onInit() {
       handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
   spinner_.start();
+}
+
+void StageNodelet::advertise(ros::NodeHandle& private_handle, const std::string& name,
+                             std::function<std::string()> serve) {
+  using Trigger = std_srvs::Trigger;
+  services_.push_back(private_handle.advertiseService<Trigger::Request, Trigger::Response>(
+      name, [serve = std::move(serve)](Trigger::Request&, Trigger::Response& response) {
+        try {
+          response.message = serve();
+          response.success = true;
+        } catch (const DataError& refusal) {
+          response.message = refusal.what();
+        }
+        return true;
+      }));
 }
 
 void StageNodelet::logParams(const ParamReader& reader) {

@@ -92,6 +92,62 @@ MapStart mapStartOf(const VoFrameMsg& msg) {
   return start;
 }
 
+void requireEqualSizes(const VoFrameMsg& msg) {
+  const std::size_t size = msg.id.size();
+  if (size > kMaxFeatures) {
+    refuse("the frame has ", size, " features; at most ", kMaxFeatures, " are accepted");
+  }
+  const std::pair<const char*, std::size_t> sizes[] = {{"age", msg.age.size()},
+                                                       {"u", msg.u.size()},
+                                                       {"v", msg.v.size()},
+                                                       {"x", msg.x.size()},
+                                                       {"y", msg.y.size()},
+                                                       {"z", msg.z.size()},
+                                                       {"depth_sigma", msg.depth_sigma.size()}};
+  for (const auto& [name, elements] : sizes) {
+    if (elements != size) refuse(name, " has ", elements, " elements, but id has ", size);
+  }
+}
+
+PinholeCamera cameraOf(const VoFrameMsg& msg) {
+  constexpr auto kMaxSize = static_cast<std::uint32_t>(std::numeric_limits<int>::max());
+  PinholeCamera camera;
+  camera.width = static_cast<int>(std::min(msg.width, kMaxSize));
+  camera.height = static_cast<int>(std::min(msg.height, kMaxSize));
+  camera.fx = msg.fx;
+  camera.fy = msg.fy;
+  camera.cx = msg.cx;
+  camera.cy = msg.cy;
+  camera.lens_is_estimated = msg.lens_is_estimated;
+  try {
+    camera.validate();
+  } catch (const OptionError& error) {
+    refuse("camera intrinsics or image size of the frame are invalid: ", error.what());
+  }
+  return camera;
+}
+
+/// Precondition: i is 0, or the features before it were accepted.
+TrackedFeature featureOf(const VoFrameMsg& msg, std::size_t i) {
+  TrackedFeature feature;
+  feature.id = msg.id[i];
+  feature.age = msg.age[i];
+  feature.u = {msg.u[i], msg.v[i]};
+  if (i > 0 && feature.id <= msg.id[i - 1]) {
+    refuse("the ids are not in ascending order: id[", i, "] is ", feature.id, " after ",
+           msg.id[i - 1]);
+  }
+  if (!isPlausiblePosition(feature.u)) {
+    refuse("feature ", feature.id, " has the pixel ", text(feature.u),
+           ", which is not finite or beyond ", kLargestCoordinate);
+  }
+  TrackedFeature with_point = feature;
+  with_point.has_point = true;
+  with_point.p_c = {msg.x[i], msg.y[i], msg.z[i]};
+  with_point.depth_sigma = msg.depth_sigma[i];
+  return hasUsablePoint(with_point) ? with_point : feature;
+}
+
 /// The encoding of decoded pixels: a Bayer pattern, which the compression has kept, or the channels
 /// of OpenCV.
 std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
@@ -173,47 +229,21 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
 }
 
 VoFrame fromMsg(const VoFrameMsg& msg) {
-  const std::size_t size = msg.id.size();
-  if (size > kMaxFeatures) {
-    refuse("the frame has ", size, " features; at most ", kMaxFeatures, " are accepted");
-  }
-  const std::pair<const char*, std::size_t> sizes[] = {{"age", msg.age.size()},
-                                                       {"u", msg.u.size()},
-                                                       {"v", msg.v.size()},
-                                                       {"x", msg.x.size()},
-                                                       {"y", msg.y.size()},
-                                                       {"z", msg.z.size()},
-                                                       {"depth_sigma", msg.depth_sigma.size()}};
-  for (const auto& [name, elements] : sizes) {
-    if (elements != size) refuse(name, " has ", elements, " elements, but id has ", size);
-  }
+  requireEqualSizes(msg);
   requireAtMost("status", msg.status, VoFrameMsg::LOST);
-
   VoFrame frame;
   frame.stamp_ns = toNanoseconds(msg.header.stamp);
   frame.sequence = msg.sequence;
   frame.status = static_cast<VoStatus>(msg.status);
   frame.map_id = msg.map_id;
   frame.keyframe = msg.keyframe != 0;
-  constexpr auto kMaxSize = static_cast<std::uint32_t>(std::numeric_limits<int>::max());
-  frame.camera.width = static_cast<int>(std::min(msg.width, kMaxSize));
-  frame.camera.height = static_cast<int>(std::min(msg.height, kMaxSize));
-  frame.camera.fx = msg.fx;
-  frame.camera.fy = msg.fy;
-  frame.camera.cx = msg.cx;
-  frame.camera.cy = msg.cy;
-  frame.camera.lens_is_estimated = msg.lens_is_estimated;
   frame.distortion = msg.distortion;
   if (!frame.distortion.empty() &&
       (frame.distortion.size() != 5 || !std::all_of(msg.distortion.begin(), msg.distortion.end(),
                                                     [](double k) { return std::isfinite(k); }))) {
     refuse("distortion of the frame is not 5 finite coefficients");
   }
-  try {
-    frame.camera.validate();
-  } catch (const OptionError& error) {
-    refuse("camera intrinsics or image size of the frame are invalid: ", error.what());
-  }
+  frame.camera = cameraOf(msg);
   if (frame.status == VoStatus::kTracking) {
     frame.T_w_c = fromMsg(msg.pose);
     frame.pose_covariance = poseCovarianceOf(msg);
@@ -224,27 +254,8 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
     }
   }
   frame.map_start = mapStartOf(msg);
-
-  frame.features.resize(size);
-  for (std::size_t i = 0; i < size; ++i) {
-    TrackedFeature& feature = frame.features[i];
-    feature.id = msg.id[i];
-    feature.age = msg.age[i];
-    feature.u = {msg.u[i], msg.v[i]};
-    if (i > 0 && feature.id <= msg.id[i - 1]) {
-      refuse("the ids are not in ascending order: id[", i, "] is ", feature.id, " after ",
-             msg.id[i - 1]);
-    }
-    if (!isPlausiblePosition(feature.u)) {
-      refuse("feature ", feature.id, " has the pixel ", text(feature.u),
-             ", which is not finite or beyond ", kLargestCoordinate);
-    }
-    TrackedFeature with_point = feature;
-    with_point.has_point = true;
-    with_point.p_c = {msg.x[i], msg.y[i], msg.z[i]};
-    with_point.depth_sigma = msg.depth_sigma[i];
-    if (hasUsablePoint(with_point)) feature = with_point;
-  }
+  frame.features.reserve(msg.id.size());
+  for (std::size_t i = 0; i < msg.id.size(); ++i) frame.features.push_back(featureOf(msg, i));
   return frame;
 }
 
@@ -259,6 +270,9 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
   msg->scale = scale.scale;
   msg->sigma = scale.sigma;
   msg->height = scale.height;
+  msg->source = static_cast<std::uint8_t>(scale.source);
+  msg->camera_height = scale.camera_height;
+  msg->camera_height_sigma = scale.camera_height_sigma;
   msg->normal.x = scale.n_c.x();
   msg->normal.y = scale.n_c.y();
   msg->normal.z = scale.n_c.z();
@@ -273,6 +287,7 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
 ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
   requireAtMost("status", msg.status, ScaleEstimateMsg::HELD);
   requireAtMost("reason", msg.reason, ScaleEstimateMsg::IMPLAUSIBLE_MOTION);
+  requireAtMost("source", msg.source, ScaleEstimateMsg::SOURCE_BOTH);
   ScaleEstimate scale;
   scale.status = static_cast<ScaleStatus>(msg.status);
   scale.measurement = static_cast<MeasurementStatus>(msg.reason);
@@ -280,6 +295,9 @@ ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
   scale.scale = msg.scale;
   scale.sigma = msg.sigma;
   scale.height = msg.height;
+  scale.source = static_cast<ScaleSource>(msg.source);
+  scale.camera_height = msg.camera_height;
+  scale.camera_height_sigma = msg.camera_height_sigma;
   scale.n_c = {msg.normal.x, msg.normal.y, msg.normal.z};
   scale.triangles = static_cast<int>(msg.triangles);
   scale.ground_triangles = static_cast<int>(msg.ground_triangles);

@@ -1,8 +1,10 @@
 #include "ground_scale_vo/ros/mounting_check.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/common/text.hpp"
@@ -28,6 +30,12 @@ constexpr double kLimitDeg = 3;
 /// camera heights have been averaged: a single braking or a kerb no longer decides.
 constexpr double kMaxSigmaDeg = 0.5;
 constexpr double kSigmas = 3;
+
+// As calibrate_height: what the estimate has in common over a drive, and the largest error of a
+// height that is saved, both relative; two sigma for 95 %.
+constexpr double kHeightMethodSigma = 0.003, kMaxHeightError = 0.05, kSigmas95 = 1.96;
+/// Share of the given standard deviation below which speeds have taught the height.
+constexpr double kLearnedShare = 0.7;
 
 /// Without the minus sign of a value that is rounded to zero.
 double rounded(double degrees) { return std::round(10 * degrees) / 10 + 0.0; }
@@ -94,6 +102,49 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
            format(": the path climbs or sinks by up to %.1f deg", deviation_deg);
   }
   return unsupported(tf, on_tf->up_c, kEstimateErrorDeg);
+}
+
+std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale) {
+  const double sigma = std::max(given_sigma, scale.camera_height_sigma);
+  if (given == 0 || std::abs(scale.camera_height - given) <= kSigmas * sigma) return {};
+  return format(
+      "the camera height is given as %.2f +- %.2f m, but by the speeds it is %.2f +- %.2f m: "
+      "check the mounting, the load and the unit of the speed",
+      given, given_sigma, scale.camera_height, scale.camera_height_sigma);
+}
+
+std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma) {
+  const double height = measured.scale.camera_height, sigma = measured.scale.camera_height_sigma;
+  if (height == 0) throw DataError("the camera height is not known yet: drive farther");
+  if (sigma == 0) throw DataError("the given camera_height is exact, as camera_height_sigma is 0");
+  const double error95 = kSigmas95 * std::hypot(sigma, kHeightMethodSigma * height);
+  const double percent = 100 * error95 / height;
+  if (percent > 100 * kMaxHeightError || (given_sigma > 0 && sigma > kLearnedShare * given_sigma)) {
+    throw DataError(
+        format("the camera height would be %.2f m, but speeds have not taught it yet: its "
+               "error is %.1f %% (95 %%); drive farther",
+               height, percent));
+  }
+  const double angle95 = kSigmas95 * kDegreesPerRadian * measured.mounting_sigma;
+  const Eigen::Vector3d up = roadNormal(measured.mounting_pitch, measured.mounting_roll);
+  const Eigen::Vector3d forward = (Eigen::Vector3d::UnitZ() - up.z() * up).normalized();
+  Eigen::Matrix3d R_b_c;
+  R_b_c << forward.transpose(), up.cross(forward).transpose(), up.transpose();
+  return "# From the speeds of the vehicle.\n" +
+         format("camera_height: %.4f  # [m] ± %.4f (95 %%), %.2f %%\n", height, error95, percent) +
+         "# The mounting of the camera, for tf; the scale does not need it.\n" +
+         format("# pitch: %.2f ± %.2f (95 %%) deg, positive looks down\n",
+                kDegreesPerRadian * measured.mounting_pitch, angle95) +
+         format("# roll: %.2f ± %.2f (95 %%) deg, positive: the right of the camera is lower\n",
+                kDegreesPerRadian * measured.mounting_roll, angle95) +
+         "# A base_link on the road below the camera that faces as the camera does, with yaw, "
+         "pitch "
+         "and roll:\n" +
+         format(
+             "# rosrun tf2_ros static_transform_publisher 0 0 %.3f %.5f %.5f %.5f base_link "
+             "CAMERA_FRAME\n",
+             height, std::atan2(R_b_c(1, 0), R_b_c(0, 0)), -std::asin(R_b_c(2, 0)),
+             std::atan2(R_b_c(2, 1), R_b_c(2, 2)));
 }
 
 }  // namespace ground_scale_vo

@@ -67,6 +67,10 @@ const std::vector<std::string> kMonoVoOptions = {
 const std::vector<std::string> kScaleRecoveryOptions = {
     "random_seed",
     "refine",
+    "use_speed",            // a vehicle with a speed
+    "camera_height_sigma",  // the same
+    "speed_sigma",
+    "speed_scale_sigma",
     "mounting/initial_pitch_sigma",          // a camera mounted with unknown pitch
     "mounting/max_tilt_rad",                 // a camera that looks steeply down
     "direct/lane_half_width_heights",        // a narrow lane or corridor
@@ -173,15 +177,6 @@ void ParamReader::declareFrame(const char* name, std::string& field, const char*
   entries_.back().value = "\"" + field + "\"";
 }
 
-void ParamReader::require(const char* name, double& field, double min, double max,
-                          const char* meaning) {
-  if (find(name) == nullptr) {
-    throw OptionError("parameter " + fullName(name) + " is not set and has no default: " + meaning +
-                      ", in " + rangeText(min, max));
-  }
-  declare(name, field, min, max, meaning);
-}
-
 std::vector<std::string> ParamReader::warnings() const {
   std::vector<std::string> known, leaves;
   for (const Entry& entry : entries_) known.push_back(entry.name);
@@ -223,8 +218,8 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
 
 ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   ScaleRecoveryParams params;
-  reader.require("camera_height", params.scale.camera_height, kMinCameraHeight, kMaxCameraHeight,
-                 "[m] height of the camera above the road");
+  reader.declare("camera_height", params.scale.camera_height, kMinCameraHeight, kMaxCameraHeight,
+                 "[m] height of the camera above the road; may be left out with use_speed");
   reader.declareFrame("odom_frame", params.odom_frame, "[] fixed frame of the metric odometry");
   reader.declareFrame("base_frame", params.base_frame,
                       "[] frame whose pose is published; empty: the frame of the images");
@@ -240,6 +235,14 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
                  "[frames] of vo/frame that may wait; a full queue drops the oldest");
   declareImageParams(reader, params.images);
   declareOptions(reader, params.scale, kScaleRecoveryOptions);
+  reader.declare("height_file", params.height_file,
+                 "[] file to which the service save_height writes the camera height that speeds "
+                 "have taught");
+  if (params.scale.camera_height == 0 && !params.scale.use_speed) {
+    throw OptionError(
+        "neither camera_height [m] is set nor use_speed true: the scale needs the height of the "
+        "camera above the road, or a speed of the vehicle on the topic speed");
+  }
   if (params.odom_frame.empty()) throw OptionError("parameter odom_frame is empty");
   if (params.odom_frame == params.base_frame) {
     throw OptionError("parameters odom_frame and base_frame are both \"" + params.odom_frame +

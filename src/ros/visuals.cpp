@@ -209,7 +209,7 @@ sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
                                   const std_msgs::Header& header, const cv::Mat& mask) {
   Canvas canvas(grey, mask);
-  if (output.scale.status != ScaleStatus::kUnknown) {
+  if (hasGroundPlane(output.scale)) {
     drawGroundGrid(canvas, frame.camera, output.scale);
   }
   const std::unordered_set<std::uint64_t> ground(output.ground_feature_ids.begin(),
@@ -249,6 +249,10 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs:
     if (feature.has_point) points.push_back(static_cast<float>(scale) * feature.p_c);
   }
   return toPointCloud(points, header);
+}
+
+bool hasGroundPlane(const ScaleEstimate& scale) {
+  return scale.status != ScaleStatus::kUnknown && scale.height > 0 && !scale.n_c.isZero();
 }
 
 visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,

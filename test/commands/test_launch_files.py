@@ -199,3 +199,25 @@ def test_another_vo(image, remapped, transport):
     expected = {"camera_height": 1.2, "refine": bool(image), "image_is_rectified": True, "mask": "/m.png",
                 "odom_frame": "map", "base_frame": "base", "publish_tf": False, "image_transport": transport}
     assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
+
+
+@pytest.mark.parametrize("call", [call for call in FILES if "two_vehicles" not in call])
+def test_a_speed_replaces_the_height(call, height_file, tmp_path):
+    file, node = call.split()[0], "/scale_recovery"
+    _, remappings, parameters, _ = loaded(file, "speed:=/wheel/odom", f"learned_height_file:={height_file}",
+                                          *(["bag:=/x.bag"] if file == "kitti.launch" else []))
+    # The speed of a bag is played on `speed`.
+    assert remappings[node]["speed"] == ("/speed" if file == "kitti.launch" else "/wheel/odom")
+    assert parameters[f"{node}/use_speed"] is True and f"{node}/camera_height" not in parameters
+    assert parameters[f"{node}/height_file"] == f"{tmp_path}/height.yaml"
+    # The height of a file is improved in place. Without a speed nothing is subscribed.
+    _, remappings, parameters, _ = loaded(call, f"height_file:={height_file}")
+    assert parameters[f"{node}/height_file"] == f"{tmp_path}/height.yaml"
+    assert parameters[f"{node}/use_speed"] is False and "speed" not in remappings[node]
+
+
+def test_kitti_launch_plays_the_speed():
+    _, _, parameters, _ = loaded("kitti.launch", "bag:=/x.bag", "speed:=/kitti/oxts/gps/vel")
+    assert parameters["/playback_monitor/speed"] == "/kitti/oxts/gps/vel"
+    assert ["speed", "ground_scale_vo_manager"] in parameters["/playback_monitor/subscribers"]
+    assert loaded("kitti.launch", "bag:=/x.bag")[2]["/playback_monitor/speed"] == ""

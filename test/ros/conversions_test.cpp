@@ -177,6 +177,9 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   scale.scale = 2 / 3.0;
   scale.sigma = 0.1;
   scale.height = 2.5;
+  scale.source = ScaleSource::kBoth;
+  scale.camera_height = 5 / 3.0;
+  scale.camera_height_sigma = 0.01;
   scale.n_c = {0.1, -0.9, -0.2};
   scale.triangles = 5;
   scale.ground_triangles = 4;
@@ -186,11 +189,14 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   const ScaleEstimateMsg::Ptr msg = toMsg(scale, 8, std_msgs::Header());
   EXPECT_EQ(msg->map_id, 8u);
   const auto values = [](const ScaleEstimate& s) {
-    return std::tuple(s.status, s.measurement, s.raw_scale, s.scale, s.sigma, s.height, s.triangles,
-                      s.ground_triangles, s.ground_points, s.window_points, s.plane_inliers);
+    return std::tuple(s.status, s.measurement, s.raw_scale, s.scale, s.sigma, s.height, s.source,
+                      s.camera_height, s.camera_height_sigma, s.triangles, s.ground_triangles,
+                      s.ground_points, s.window_points, s.plane_inliers);
   };
   EXPECT_EQ(values(fromMsg(*msg)), values(scale));
   EXPECT_EQ(fromMsg(*msg).n_c, scale.n_c);
+  msg->source = 4;
+  expectThrows<MessageError>([&] { fromMsg(*msg); }, "source is 4, it must lie in [0, 3]");
   msg->reason = 9;
   expectThrows<MessageError>([&] { fromMsg(*msg); }, "reason is 9, it must lie in [0, 8]");
   msg->status = 3;
@@ -216,6 +222,10 @@ TEST(Messages, ConstantsAreTheEnumerators) {
   EXPECT_EQ(int{Scale::REJECTED_BY_FILTER}, static_cast<int>(MeasurementStatus::kRejectedByFilter));
   EXPECT_EQ(int{Scale::IMPLAUSIBLE_MOTION},
             static_cast<int>(MeasurementStatus::kImplausibleMotion));
+  EXPECT_EQ(int{Scale::SOURCE_NONE}, static_cast<int>(ScaleSource::kNone));
+  EXPECT_EQ(int{Scale::SOURCE_ROAD}, static_cast<int>(ScaleSource::kRoad));
+  EXPECT_EQ(int{Scale::SOURCE_SPEED}, static_cast<int>(ScaleSource::kSpeed));
+  EXPECT_EQ(int{Scale::SOURCE_BOTH}, static_cast<int>(ScaleSource::kBoth));
 }
 
 sensor_msgs::CompressedImage encoded(const std::string& format, const std::string& extension,

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <optional>
 
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
+#include "support/expect_throws.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -117,6 +119,55 @@ TEST(MountingCheck, AcceptsAVehicleThatRidesTiltedAndAnUncertainEstimate) {
   // The deviation may be due to the uncertainty.
   EXPECT_EQ(check(0, 0, 4, 0, 0.4), "");
   EXPECT_NE(check(0, 0, 4, 0, 0.1), "");
+}
+
+ScaleEstimate learned(double height, double sigma) {
+  ScaleEstimate scale;
+  scale.camera_height = height;
+  scale.camera_height_sigma = sigma;
+  return scale;
+}
+
+TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {
+  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.58, 0.01)),
+            "the camera height is given as 1.65 +- 0.02 m, but by the speeds it is 1.58 +- 0.01 m: "
+            "check the mounting, the load and the unit of the speed");
+  EXPECT_NE(heightWarning(1.65, 0.02, learned(1.72, 0.01)), "");
+  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.60, 0.01)), "");
+  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.58, 0.03)), "") << "not known well enough yet";
+  EXPECT_EQ(heightWarning(1.65, 0, learned(1.65, 0)), "");
+  EXPECT_EQ(heightWarning(0, 0, learned(1.58, 0.01)), "") << "none is given";
+}
+
+TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
+  ScaleRecovery::Output measured = estimate(2, -1, 0.1);
+  measured.scale = learned(1.65, 0.01);
+  EXPECT_EQ(heightYaml(measured, 0),
+            "# From the speeds of the vehicle.\n"
+            "camera_height: 1.6500  # [m] ± 0.0219 (95 %), 1.33 %\n"
+            "# The mounting of the camera, for tf; the scale does not need it.\n"
+            "# pitch: 2.00 ± 0.20 (95 %) deg, positive looks down\n"
+            "# roll: -1.00 ± 0.20 (95 %) deg, positive: the right of the camera is lower\n"
+            "# A base_link on the road below the camera that faces as the camera does, with yaw, "
+            "pitch and roll:\n"
+            "# rosrun tf2_ros static_transform_publisher 0 0 1.650 -1.57019 -0.01745 -1.60570 "
+            "base_link CAMERA_FRAME\n");
+}
+
+TEST(CameraHeight, IsNotSavedBeforeSpeedsHaveTaughtIt) {
+  ScaleRecovery::Output measured = estimate(0, 0, 0.1);
+  const auto expectRefused = [&](double given_sigma, const char* reason) {
+    expectThrows<DataError>([&] { heightYaml(measured, given_sigma); }, reason);
+  };
+  expectRefused(0, "not known yet");
+  measured.scale = learned(1.65, 0);
+  expectRefused(0, "camera_height_sigma is 0");
+  measured.scale = learned(1.65, 0.1);
+  expectRefused(0, "its error is 11.9 % (95 %)");
+  measured.scale = learned(1.65, 0.019);
+  expectRefused(0.02, "speeds have not taught it yet");
+  measured.scale = learned(1.65, 0.01);
+  EXPECT_NO_THROW(heightYaml(measured, 0.02));
 }
 
 }  // namespace

@@ -75,8 +75,25 @@ TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   expectRefused("image_transport", 3, "image_transport is a number, it must be a string");
   expectRefused("base_frame", "/odom", "must differ");
   expectRefused("odom_frame", "/", "odom_frame is empty");
-  ParamReader without_height("/n", XmlRpcValue());
-  EXPECT_THROW(ScaleRecoveryParams::read(without_height), OptionError);
+}
+
+TEST(ScaleRecoveryParams, NeedAHeightOrASpeed) {
+  XmlRpcValue tree;
+  for (const bool has_speed : {false, true}) {
+    tree["use_speed"] = has_speed;
+    tree["camera_height"] = 1.5;
+    ParamReader with_height("/n", tree);
+    EXPECT_EQ(ScaleRecoveryParams::read(with_height).scale.camera_height, 1.5);
+    XmlRpcValue without_height;
+    without_height["use_speed"] = has_speed;
+    ParamReader reader("/n", without_height);
+    if (has_speed) {
+      EXPECT_EQ(ScaleRecoveryParams::read(reader).scale.camera_height, 0);
+    } else {
+      expectThrows<OptionError>([&] { ScaleRecoveryParams::read(reader); },
+                                "neither camera_height [m] is set nor use_speed true");
+    }
+  }
 }
 
 TEST(ParamReader, WarnsOfSlashesInFrameNamesAndOfUnknownNames) {

@@ -1,6 +1,7 @@
 // kitti.launch with a bag of each kind: it plays the bag to its end, gives no frame two parents,
 // publishes the ground truth beside the estimate, and ends.
 
+#include <geometry_msgs/TwistStamped.h>
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
@@ -100,10 +101,22 @@ class KittiBag : public TemporaryFolder {
         bag.write("/tf_static", stamp,
                   transform("base_link", "camera_gray_left", stamp, baseFromCamera()));
       }
+      geometry_msgs::TwistStamped speed;
+      speed.header.stamp = stamp;
+      speed.twist.linear.x = speedAt(i);
+      bag.write("/kitti/oxts/gps/vel", stamp, speed);
       bag.write("/kitti/camera_gray_left/camera_info", stamp, info);
       bag.write("/kitti/camera_gray_left/" + image, stamp, *drive_->image(i, stamp));
     }
     return file;
+  }
+
+  /// Of the vehicle at the image: over the intervals before and after it [m/s].
+  static double speedAt(std::size_t i) {
+    const auto &from = drive_->frame(i == 0 ? 0 : i - 1),
+               &to = drive_->frame(std::min(i + 1, kFrames - 1));
+    return (to.T_c0_c.translation() - from.T_c0_c.translation()).norm() /
+           secondsBetween(from.stamp_ns, to.stamp_ns);
   }
 
   static inline std::unique_ptr<RenderedDrive> drive_;
@@ -199,6 +212,50 @@ TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
   EXPECT_EQ(path.header.frame_id, "odom");
   ASSERT_GT(path.poses.size(), 15u);  // a metre per frame
   EXPECT_NEAR(path.poses.back().pose.position.x, true_position.x, 1.1);
+}
+
+// The height alone is the case of the other tests.
+TEST_F(KittiBag, TheScaleIsFromTheSpeedOrFromBothAndNeitherIsRefused) {
+  const fs::path bag = writeBag("native");
+  const struct {
+    std::vector<std::string> arguments;
+    int source;
+    double height_tolerance;  ///< [m]
+  } kCases[] = {
+      {{"speed:=/kitti/oxts/gps/vel"}, ScaleEstimateMsg::SOURCE_BOTH, 0.1},
+      {{"speed:=/kitti/oxts/gps/vel", "camera_height:=1.65"}, ScaleEstimateMsg::SOURCE_BOTH, 0},
+      {{"camera_height:="}, ScaleEstimateMsg::SOURCE_NONE, 0},
+  };
+  for (const auto& one : kCases) {
+    SCOPED_TRACE(one.arguments.front());
+    const fs::path recorded = folder_ / "recorded.bag";
+    fs::remove(recorded);
+    std::vector<std::string> command{"roslaunch",
+                                     "ground_scale_vo",
+                                     "kitti.launch",
+                                     "bag:=" + bag.string(),
+                                     "required:=true",
+                                     "record:=" + recorded.string(),
+                                     "config_dir:=" + folder_.string(),
+                                     "rate:=" + std::to_string(2 / kTimeoutFactor)};
+    command.insert(command.end(), one.arguments.begin(), one.arguments.end());
+    ChildProcess roslaunch(command);
+    ASSERT_TRUE(roslaunch.waitForEnd()) << roslaunch.output();
+    if (one.source == ScaleEstimateMsg::SOURCE_NONE) {
+      EXPECT_NE(roslaunch.output().find("neither camera_height [m] is set nor use_speed true"),
+                std::string::npos)
+          << roslaunch.output();
+      continue;
+    }
+    rosbag::Bag result(recorded.string());
+    rosbag::View scales(result, rosbag::TopicQuery("/scale"));
+    ScaleEstimateMsg::Ptr last;
+    for (const auto& message : scales) last = message.instantiate<ScaleEstimateMsg>();
+    ASSERT_TRUE(last) << roslaunch.output();
+    EXPECT_EQ(last->source, one.source);
+    EXPECT_NEAR(last->camera_height, 1.65, one.height_tolerance);
+    EXPECT_NEAR(last->scale * last->height, last->camera_height, 1e-6);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,

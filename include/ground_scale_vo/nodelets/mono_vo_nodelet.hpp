@@ -48,7 +48,7 @@ class MonoVoNodelet : public StageNodelet {
   std::string restartReason(const RectifiedImage& image, bool clock_jumped_back) const;
   void publish(const SelfCalibratingOdometry::Output& output, const std_msgs::Header& header);
   void publishLens(const std_msgs::Header& header);
-  void saveCamera(std_srvs::Trigger::Response* response) const;
+  std::string saveCamera() const;
 
   MonoVoParams params_;
   std::unique_ptr<ImageReceiver> receiver_;
@@ -65,7 +65,6 @@ class MonoVoNodelet : public StageNodelet {
   ros::Publisher frame_publisher_, odometry_publisher_, points_publisher_;
   ros::Publisher refined_camera_publisher_;
   image_transport::Publisher tracks_publisher_;
-  ros::ServiceServer save_camera_server_;
 };
 
 }  // namespace ground_scale_vo

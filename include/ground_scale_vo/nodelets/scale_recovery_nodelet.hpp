@@ -2,7 +2,9 @@
 
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "ground_scale_vo/input/stamp_guard.hpp"
 #include "ground_scale_vo/nodelets/stage_nodelet.hpp"
@@ -11,12 +13,14 @@
 #include "ground_scale_vo/ros/image_input.hpp"
 #include "ground_scale_vo/ros/mounting_check.hpp"
 #include "ground_scale_vo/ros/odometry_output.hpp"
+#include "ground_scale_vo/ros/speed_input.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
 namespace ground_scale_vo {
 
-/// vo/frame, and image + camera_info if used -> scale, odometry, path, tf; for visualisation
-/// image_road, points, ground_points, ground_plane. Service ~reset.
+/// vo/frame, and image + camera_info and speed if used -> scale, odometry, path, tf; for
+/// visualisation image_road, points, ground_points, ground_plane. Services ~reset, and with
+/// use_speed ~save_height.
 ///
 /// A frame is processed with the image of the same stamp (FrameImageSynchronizer); without an image
 /// only feature-based measurements are made. tf2_ros::TransformListener has a thread of its own.
@@ -40,6 +44,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
   void subscribeToImages(ros::NodeHandle& handle, ros::NodeHandle& private_handle);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFrame(const VoFrameMsg::ConstPtr& msg);
+  void onSpeed(const topic_tools::ShapeShifter::ConstPtr& message);
   /// Processes the frames that do not wait for their image; all of them unless they may_wait.
   void processReady(bool may_wait = true);
   void process(const VoFrame& frame, const std_msgs::Header& header,
@@ -51,11 +56,12 @@ class ScaleRecoveryNodelet : public StageNodelet {
                const std_msgs::Header& header);
   void publishGround(const ScaleRecovery::Output& output, const VoFrame& frame,
                      const std_msgs::Header& header);
-  /// Checks the measured mounting and that from tf; warns once until a restart.
-  void checkMounting(const ScaleRecovery::Output& output, const VoFrame& frame);
+  /// Checks the measured mounting, that from tf, the camera height and the speeds.
+  void check(const ScaleRecovery::Output& output, const VoFrame& frame);
   /// Keeps what the diagnostics report about the frame.
-  void record(const ScaleRecovery::Output& output, std::int64_t stamp_ns, bool has_image);
+  void record(ScaleRecovery::Output output, std::int64_t stamp_ns, bool has_image);
   std::string imageState() const;
+  std::string saveHeight() const;
 
   ScaleRecoveryParams params_;
 
@@ -67,6 +73,11 @@ class ScaleRecoveryNodelet : public StageNodelet {
   InputWatch frames_{"vo/frame"};
   std::unique_ptr<StampFilter<ReceivedFrame>> stamp_filter_;
   FrameContinuity continuity_;
+  ros::Subscriber speed_subscriber_;  ///< with use_speed
+  InputWatch speeds_{"speed"};
+  SpeedReader speed_reader_;
+  std::string speed_error_;  ///< why the newest speed was refused; empty: it was not
+  std::optional<std::int64_t> newest_speed_ns_;
 
   std::unique_ptr<ScaleRecovery> recovery_;
 
@@ -79,9 +90,9 @@ class ScaleRecoveryNodelet : public StageNodelet {
   /// What the diagnostics report of the trajectory.
   struct Report {
     TurnAxis turn_axis;
-    std::string mounting_warning;  ///< of the last frame
-    bool has_warned_of_mounting = false;
-    ScaleEstimate scale;
+    std::vector<std::string> warnings;  ///< of the last frame
+    std::set<std::string> logged;       ///< warnings without their numbers
+    ScaleRecovery::Output last;
     std::int64_t stamp_ns = 0;
     std::optional<std::int64_t> measured_ns;  ///< last measurement
     /// First of the latest HELD frames in a row without standstill; empty: the last frame is none.

@@ -12,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/diagnostics.hpp"
@@ -54,6 +55,11 @@ class StageNodelet : public nodelet::Nodelet {
   void countFrame(const Stopwatch& watch);
   std::uint64_t processed() const { return processed_; }
 
+  /// A service of type Trigger. serve: returns the answer; a DataError is a refusal with its
+  /// reason.
+  void advertise(ros::NodeHandle& private_handle, const std::string& name,
+                 std::function<std::string()> serve);
+
   /// Runs the task on the nodelet's thread, after all callbacks that wait now.
   void post(std::function<void()> task);
   /// Waits for the callback in progress; no callback runs afterwards. The destructor of a derived
@@ -70,7 +76,7 @@ class StageNodelet : public nodelet::Nodelet {
 
   ros::CallbackQueue callbacks_;  // first: destroyed after all that uses it
   ros::AsyncSpinner spinner_{1, &callbacks_};
-  ros::ServiceServer reset_server_;
+  std::vector<ros::ServiceServer> services_;
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
   const Stopwatch since_start_;

@@ -46,9 +46,6 @@ class ParamReader {
   /// The name of a tf frame, without leading slashes; warnings() reports one that has them.
   void declareFrame(const char* name, std::string& field, const char* meaning);
 
-  /// A number without a default: throws OptionError if it is not set.
-  void require(const char* name, double& field, double min, double max, const char* meaning);
-
   /// One sentence for each frame name with a slash, and for each parameter that is set but not
   /// declared, with the most similar known name.
   std::vector<std::string> warnings() const;
@@ -107,6 +104,7 @@ struct ScaleRecoveryParams {
   bool publish_tf = true;
   int path_max_poses = 5000;
   double path_spacing_m = 0.5;
+  std::string height_file;
   ScaleRecovery::Options scale;
 
   /// Throws OptionError that names the parameter.

@@ -51,8 +51,10 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
 sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header,
                                            double scale = 1);
 
+/// The filtered plane is known: not before the scale, nor while this is from speeds alone.
+bool hasGroundPlane(const ScaleEstimate& scale);
 /// The ground plane ahead of the camera as a translucent quad, whose z axis is the normal. In
-/// metres, in the camera frame. Precondition: scale.status is not kUnknown.
+/// metres, in the camera frame. Precondition: hasGroundPlane().
 visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,
                                               const std_msgs::Header& header);
 

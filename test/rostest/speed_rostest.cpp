@@ -1,0 +1,135 @@
+// A vehicle that publishes its speed, as a message of each type: metric odometry without a camera
+// height, which is learned and saved; speeds that cannot be used.
+
+#include <geometry_msgs/TwistStamped.h>
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <std_msgs/Float64.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "manager_test.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kHeightTolerance = 0.03;  // relative
+
+class Speed : public DriveTest<80> {
+ protected:
+  double height() const { return drive_->drive().cameraHeight(); }
+
+  /// Of the camera at the frame, which is that of a vehicle that drives forward [m/s].
+  static double speed(std::size_t i) {
+    const std::size_t a = i == 0 ? 0 : i - 1, b = i == 0 ? 1 : i;
+    return (drive_->frame(b).T_c0_c.translation() - drive_->frame(a).T_c0_c.translation()).norm() /
+           secondsBetween(drive_->frame(a).stamp_ns, drive_->frame(b).stamp_ns);
+  }
+
+  /// Plays the drive with a speed before each image. The speed at an image is that between its
+  /// neighbours.
+  template <typename Message>
+  void play(NodeletPair& pair, const std::string& ns,
+            const std::function<void(Message*, double)>& fill) {
+    const ros::Publisher speeds = handle_.advertise<Message>(ns + "/speed", 100);
+    ASSERT_TRUE(waitUntil([&] { return speeds.getNumSubscribers() > 0; }));
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      Message message;
+      message.header.stamp = pair.stamp(i);
+      fill(&message, 0.5 * (speed(i) + speed(std::min(i + 1, kFrames - 1))));
+      speeds.publish(message);
+      ASSERT_TRUE(pair.publishAndWait(i)) << i;
+    }
+    ASSERT_TRUE(pair.odometry.waitForStamp(pair.lastStamp()));
+  }
+
+  /// Without a height: the whole way is as long as it is, and the height is learned.
+  template <typename Message>
+  void learn(const std::string& ns, const std::function<void(Message*, double)>& fill) {
+    NodeletPair pair(manager_, *drive_, ns);
+    ros::param::del(ns + "/scale_recovery/camera_height");
+    pair.setParam("scale_recovery", "use_speed", true);
+    ASSERT_TRUE(pair.load());
+    play<Message>(pair, ns, fill);
+    EXPECT_NEAR(pair.displacementRatio(), 1, 0.01);
+    const ScaleEstimateMsg& scale = *pair.scales.last();
+    EXPECT_EQ(scale.status, ScaleEstimateMsg::OK);
+    EXPECT_EQ(scale.source, ScaleEstimateMsg::SOURCE_BOTH);
+    EXPECT_NEAR(scale.camera_height, height(), kHeightTolerance * height());
+    EXPECT_GT(scale.camera_height_sigma, 0);
+  }
+};
+
+TEST_F(Speed, OfAnOdometryTeachesTheHeight) {
+  learn<nav_msgs::Odometry>("/odometry_speed", [](nav_msgs::Odometry* message, double speed) {
+    message->twist.twist.linear.x = speed;
+    message->twist.covariance[0] = 0.01 * 0.01;
+  });
+}
+
+TEST_F(Speed, OfATwistInEastAndNorthTeachesTheHeight) {
+  learn<geometry_msgs::TwistStamped>("/twist_speed",
+                                     [](geometry_msgs::TwistStamped* message, double speed) {
+                                       message->twist.linear.x = -0.6 * speed;
+                                       message->twist.linear.y = 0.8 * speed;
+                                     });
+}
+
+TEST_F(Speed, OfATwistWithCovarianceTeachesTheHeightWhichIsSaved) {
+  const std::string file =
+      std::filesystem::temp_directory_path() / ("speed_rostest_" + std::to_string(getpid()));
+  NodeletPair pair(manager_, *drive_, "/saved");
+  pair.setParam("scale_recovery", "camera_height", 1.05 * height());
+  pair.setParam("scale_recovery", "camera_height_sigma", 0.1);
+  pair.setParam("scale_recovery", "use_speed", true);
+  pair.setParam("scale_recovery", "height_file", file);
+  ASSERT_TRUE(pair.load());
+  EXPECT_FALSE(callTrigger("/saved/scale_recovery/save_height"));
+  EXPECT_FALSE(std::filesystem::exists(file));
+  using Message = geometry_msgs::TwistWithCovarianceStamped;
+  play<Message>(pair, "/saved", [](Message* message, double speed) {
+    message->twist.twist.linear.x = speed;
+    message->twist.covariance[0] = 0.02 * 0.02;
+  });
+  EXPECT_NEAR(pair.displacementRatio(), 1, 0.01);
+  EXPECT_NEAR(pair.scales.last()->camera_height, height(), kHeightTolerance * height());
+  EXPECT_TRUE(diagnostics_.waitForStatus("saved/scale_recovery", [&](const Status& status) {
+    return valueIn(status, "source") == "both" && numberIn(status, "speeds received") == kFrames &&
+           std::abs(numberIn(status, "camera height [m]") - height()) < kHeightTolerance * height();
+  }));
+  EXPECT_TRUE(callTrigger("/saved/scale_recovery/save_height"));
+  std::stringstream text;
+  text << std::ifstream(file).rdbuf();
+  EXPECT_NE(text.str().find("\ncamera_height: 1.6"), std::string::npos) << text.str();
+  std::filesystem::remove(file);
+}
+
+// The height alone: as without the parameter.
+TEST_F(Speed, ThatIsMissingOrOfAnotherTypeIsReportedAndTheRoadIsMeasured) {
+  NodeletPair pair(manager_, *drive_, "/mute");
+  pair.setParam("scale_recovery", "use_speed", true);
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(pair.playUntilPose(0, kFrames / 2));
+  EXPECT_TRUE(diagnostics_.waitForSummary("mute/scale_recovery", Status::WARN,
+                                          "no speed received yet on /mute/speed"));
+  EXPECT_TRUE(waitForLine("no speed received yet on /mute/speed"));
+  EXPECT_EQ(lines("no speed received yet on /mute/speed"), 1);
+  EXPECT_EQ(pair.scales.last()->source, ScaleEstimateMsg::SOURCE_ROAD);
+  EXPECT_EQ(pair.scales.last()->camera_height, height());
+
+  const ros::Publisher numbers = handle_.advertise<std_msgs::Float64>("/mute/speed", 10);
+  ASSERT_TRUE(waitUntil([&] { return numbers.getNumSubscribers() > 0; }));
+  numbers.publish(std_msgs::Float64());
+  const std::string error = "speed on /mute/speed has the type std_msgs/Float64, accepted are";
+  EXPECT_TRUE(diagnostics_.waitForSummary("mute/scale_recovery", Status::ERROR, error));
+  EXPECT_TRUE(waitForLine(error));
+  ASSERT_TRUE(pair.play(kFrames / 2 + 1, kFrames - 1));
+  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -91,22 +91,6 @@ TEST(ScaleMetrics, HeightBiasUsesTheTrueScale) {
   EXPECT_NEAR(other.height_bias_percent, 0, 1e-9);
 }
 
-// The true scale changes from 2 to 3 m per unit at frame 5: a longer distance around a frame
-// includes the change sooner.
-TEST(ScaleMetrics, TrueScaleIsThatOfTheDistanceAroundTheFrame) {
-  Poses ground_truth = metreAFrame(12);
-  for (std::size_t i = 6; i < ground_truth.size(); ++i) {
-    ground_truth[i] = ahead(5 + 1.5 * static_cast<double>(i - 5));
-  }
-  const RunRecord run = record(std::vector<Measurement>(12, {kOk, 2.0, 0.01}));
-  // Over 2 m, frames 0 to 4 have a true scale of 2. They use 1 m on each side; frame 0 uses 2 m
-  // ahead.
-  EXPECT_DOUBLE_EQ(computeScaleMetrics(run, ground_truth, 2).within_2_sigma, 5.0 / 12);
-  // Over 4 m, frames 0 to 3: 2 m on each side; frame 1 uses 1 m back and 3 m ahead, frame 0 4 m
-  // ahead.
-  EXPECT_DOUBLE_EQ(computeScaleMetrics(run, ground_truth, 4).within_2_sigma, 4.0 / 12);
-}
-
 TEST(ScaleMetrics, MissingValuesAreNan) {
   const RunRecord without_scale = record({{kUnknown}, {kUnknown}, {kUnknown}});
   ScaleMetrics m = computeScaleMetrics(without_scale, metreAFrame(3), 2);

@@ -105,21 +105,6 @@ TEST_F(MappingTest, TheAdjustmentCorrectsTheNewestKeyframe) {
   }
 }
 
-TEST_F(MappingTest, AfterAnAdjustmentOutliersAreRemovedAndSigmasUpdated) {
-  makeMap(5);
-  ASSERT_TRUE(map().find(7)->depth);
-  map().find(8)->depth->sigma = 1;
-  std::vector<Feature> features = featuresAt(keyframePose(5));
-  features[7].u.y() += 0.04 * kCamera.fy;
-  addKeyframe(keyframePose(5), features);
-  EXPECT_EQ(map().find(7)->observations.size(), 5u);
-  EXPECT_EQ(map().find(8)->observations.size(), 6u);
-  EXPECT_LT(map().find(8)->depth->sigma, 0.1);
-  const double updated = map().find(7)->depth->sigma;
-  map().updateSigmas();
-  EXPECT_DOUBLE_EQ(map().find(7)->depth->sigma, updated) << "without the outlier";
-}
-
 // But small steps add up: otherwise a camera that creeps would never get another keyframe.
 TEST_F(MappingTest, KeyframesAtOnePlaceReplaceEachOther) {
   makeMap(4);

@@ -62,8 +62,8 @@ class WallTest : public testing::Test {
                 {wallFrom(T_v_c), next}, test::kAfterGap);
   }
   /// Expects the pose and features at their projections.
-  template <typename Result>
-  void expectLocated(const std::optional<Result>& result, const Eigen::Isometry3d& T_v_c) const {
+  void expectLocated(const std::optional<RelocalisedPose>& result,
+                     const Eigen::Isometry3d& T_v_c) const {
     ASSERT_TRUE(result);
     const Eigen::Isometry3d found = T_w_v_.inverse() * result->T_w_c;
     EXPECT_LT(test::angleBetween(found, T_v_c), 0.005);

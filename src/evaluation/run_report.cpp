@@ -60,6 +60,7 @@ void addTrajectoryMetrics(const OdometryMetrics& metric, const OdometryMetrics& 
 
 void addScaleMetrics(const ScaleMetrics& scale, Json* json) {
   (*json)["scale_within_2_sigma"] = scale.within_2_sigma;
+  (*json)["scale_nees"] = scale.nees;
   (*json)["first_scale_error_sigmas"] = scale.first_error_sigmas;
   (*json)["scale_held_share"] = scale.held_share;
   (*json)["scale_error_median_percent"] = scale.error_median_percent;

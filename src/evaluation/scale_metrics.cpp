@@ -55,6 +55,7 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
   ScaleMetrics metrics;
   metrics.first_error_sigmas = std::numeric_limits<double>::quiet_NaN();
   std::size_t within = 0, held = 0, from_first = 0;
+  double squares = 0;
   std::vector<double> errors, magnitudes, height_errors;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const ScaleEstimate& scale = frames[i].scale;
@@ -69,11 +70,14 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
     errors.push_back(100 * (scale.scale / *known - 1));
     magnitudes.push_back(std::abs(errors.back()));
     within += std::abs(scale.scale - *known) <= 2 * scale.sigma;
+    squares += std::pow((scale.scale - *known) / scale.sigma, 2);
     if (!ground_truth_heights.empty()) {
       height_errors.push_back(100 * (scale.height * *known / ground_truth_heights[i] - 1));
     }
   }
   metrics.within_2_sigma = share(within, errors.size());
+  metrics.nees = errors.empty() ? std::numeric_limits<double>::quiet_NaN()
+                                : squares / static_cast<double>(errors.size());
   metrics.error_median_percent = quantile(errors, 0.5);
   metrics.error_abs_median_percent = quantile(magnitudes, 0.5);
   metrics.held_share = share(held, from_first);

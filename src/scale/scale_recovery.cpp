@@ -31,7 +31,7 @@ constexpr double kMaxSpeedTime = 10;  ///< [s]
 /// [m] How far the last piece may lie behind. A piece ends where the newest speed ends.
 constexpr double kSpeedReach = 10;
 /// Relative standard deviation of a piece's length in the odometry.
-constexpr double kSpeedNoise = 0.01;
+constexpr double kSpeedNoise = 0.004;
 /// Of a speed that repeats exactly.
 constexpr double kRepeatedSpeedSigma = 0.03;
 /// [m] In a turn the camera and the point whose speed is measured have different paths.

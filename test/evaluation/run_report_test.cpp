@@ -53,7 +53,8 @@ TEST_F(RunReport, EachColumnHasItsValue) {
             "ground_triangles,ground_points,window_points,plane_inliers,backfilled,map_id,"
             "vo_status,source,camera_height,camera_height_sigma\n0,1.500000000,held," +
                 std::string(toString(s.measurement)) +
-                ",1.25,1234.56789,0.125,1.75,0.5,-0.25,0.75,5,4,3,2,1,0,7,tracking,speed,1.625,0.03125\n");
+                ",1.25,1234.56789,0.125,1.75,0.5,-0.25,0.75,5,4,3,2,1,0,7,tracking,speed,1.625,0."
+                "03125\n");
   EXPECT_EQ(timingCsv(record),
             "frame,decode,vo_pyramid,vo_track,vo_adjustment_wait,vo_align,vo_pose,vo_detect,"
             "vo_triangulate,vo_bundle_adjustment,vo_total,scale_delaunay,scale_gpe,scale_gpa,"
@@ -85,9 +86,10 @@ TEST_F(RunReport, MetricsAreNullWithoutGroundTruth) {
                    {"peak_rss_mb", json.at("peak_rss_mb")}};
   for (const char* member :
        {"gt_length_m", "rle_percent", "t_err_percent", "r_err_deg_per_m", "t_err_short_percent",
-        "t_err_true_length_percent", "t_err_sim3_percent", "ate_rmse_m", "scale_within_2_sigma",
-        "scale_held_share", "scale_error_median_percent", "height_bias_percent",
-        "first_scale_error_sigmas", "first_metric_pose_m", "covariance_by_length"}) {
+        "t_err_true_length_percent", "t_err_sim3_percent", "ate_rmse_m", "scale_nees",
+        "scale_within_2_sigma", "scale_held_share", "scale_error_median_percent",
+        "height_bias_percent", "first_scale_error_sigmas", "first_metric_pose_m",
+        "covariance_by_length"}) {
     expected[member] = nullptr;
   }
   EXPECT_EQ(json, expected);

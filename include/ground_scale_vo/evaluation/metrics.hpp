@@ -55,7 +55,8 @@ struct ScaleMetrics {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
   // Errors of the filtered scale, over the frames that have one and a true scale.
-  double within_2_sigma = kNone;            ///< share whose true scale is within two reported sigma
+  double nees = kNone;            ///< mean of the squared error in reported sigma; consistent: 1
+  double within_2_sigma = kNone;  ///< share whose true scale is within two reported sigma
   double error_median_percent = kNone;      ///< of scale / true - 1, signed
   double error_abs_median_percent = kNone;  ///< of |scale / true - 1|
   double first_error_sigmas = kNone;        ///< (scale - true) / sigma of the first of these frames

@@ -116,7 +116,7 @@ function(gsv_add_layer name type)
     # of the caller, and share nothing.
     set(loops ${sources})
     list(FILTER loops INCLUDE REGEX
-      "/(corner_strength|patch_matcher|patch_tracking)\\.cpp$")
+      "/(corner_detection|lucas_kanade|patch_matcher)\\.cpp$")
     set_source_files_properties(${loops} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=all;-O3")
   endif()
   if(name STREQUAL simulation AND GROUND_SCALE_VO_COVERAGE)

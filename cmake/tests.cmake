@@ -95,7 +95,7 @@ foreach(long_test fault_drives scenarios integration vo)
   endif()
 endforeach()
 
-# Fuzz targets: files and options, ROS parameters, and the messages of each nodelet. A driver in
+# Fuzz targets: files and options, and the messages of each nodelet. A driver in
 # test/fuzz mutates valid inputs from a fixed seed.
 function(gsv_add_fuzz_target target headers)
   gsv_add_gtest(${target} test/fuzz/${target}.cpp test/fuzz/fuzz_driver.cpp)
@@ -104,14 +104,14 @@ function(gsv_add_fuzz_target target headers)
 endfunction()
 gsv_add_fuzz_target(files_fuzz gsv_test_headers)
 if(GROUND_SCALE_VO_ROS)
-  foreach(target mono_vo_fuzz parameters_fuzz scale_recovery_fuzz)
+  foreach(target mono_vo_fuzz scale_recovery_fuzz)
     gsv_add_fuzz_target(${target} gsv_ros_test_headers ${PROJECT_NAME}_nodelets)
   endforeach()
 endif()
 
 # Tests that do more, or something else, with GROUND_SCALE_VO_LONG: scripts/test --long.
 foreach(test fault_drives_test scenarios_test
-    files_fuzz mono_vo_fuzz scale_recovery_fuzz parameters_fuzz)
+    files_fuzz mono_vo_fuzz scale_recovery_fuzz)
   if(TEST _ctest_${PROJECT_NAME}_gtest_${test})
     set_tests_properties(_ctest_${PROJECT_NAME}_gtest_${test} PROPERTIES LABELS long)
   endif()

@@ -22,7 +22,7 @@ double rotationError(const SyntheticDrive& drive, const std::vector<RunFrame>& f
          kDegreesPerRadian;
 }
 
-/// Of the displacement from the first metric pose to the last frame.
+/// Normalised error of the displacement from the first metric pose to the last frame.
 double displacementSigmas(const RunRecord& record,
                           const std::vector<Eigen::Isometry3d>& ground_truth) {
   const std::vector<RunFrame>& frames = record.frames();
@@ -39,7 +39,7 @@ double displacementSigmas(const RunRecord& record,
          std::sqrt(along.dot(relative.covariance.topLeftCorner<3, 3>() * along));
 }
 
-/// Of the reaction to the fault.
+/// Sets the metrics of the reaction to the fault.
 void evaluateFault(const FrameRange& fault, const SyntheticDrive& drive, const RunRecord& record,
                    const std::vector<Eigen::Isometry3d>& ground_truth, ScenarioMetrics* metrics) {
   constexpr double kSettlingTime = 3, kSettlingDistance = 20;  // [s, m]

@@ -19,7 +19,7 @@ struct ScenarioMetrics {
   std::size_t lost_events = 0;
   std::size_t metric_frames = 0;  ///< from the first metric pose on
 
-  // Of the trajectory from the first metric pose on; NaN without one.
+  // Errors of the trajectory from the first metric pose on; NaN without one.
   double rle_percent = 0;
   double t_err_short_percent = 0;
   /// Error of the displacement from the first metric pose to the last frame, along the

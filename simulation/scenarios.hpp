@@ -64,7 +64,7 @@ std::vector<Scenario> allScenarios();
 /// begin with "fault_".
 std::vector<Scenario> faultScenarios();
 
-/// Of both. Throws OptionError, which lists the names, if there is no such scenario.
+/// A scenario of either list. Throws OptionError, which lists the names, if there is none.
 Scenario findScenario(const std::string& name);
 
 }  // namespace ground_scale_vo

@@ -44,7 +44,7 @@ class SyntheticDrive {
     double roll_rad = 0;          ///< of the mounting, positive: the camera's x axis points down
     double yaw_rad = 0;           ///< of the mounting, positive looks to the left; pi: rear-facing
     double frame_rate_hz = 10.0;
-    /// Of a rolling shutter: time from the exposure of the first row to that of the last one plus
+    /// Rolling shutter: time from the exposure of the first row to that of the last one plus
     /// one row [s]; 0: global shutter. Stamps, poses and ground planes are those of the middle of
     /// the image: row y is exposed at the stamp + readout_time * ((y + 0.5) / height - 0.5).
     double readout_time = 0;

@@ -67,7 +67,7 @@ class MetricOdometry {
   /// ScaleRecovery::addSpeed(); needs scale.use_speed.
   void addSpeed(const SpeedSample& speed) { scale_.addSpeed(speed); }
 
-  /// Of the given images, as used in the last frame.
+  /// Lens of the given images, as used in the last frame.
   const LensEstimate& lens() const { return vo_.lens(); }
 
  private:

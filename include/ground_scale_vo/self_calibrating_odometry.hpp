@@ -55,7 +55,7 @@ class SelfCalibratingOdometry {
   /// otherwise). Precondition: stamps increase.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
-  /// Of the given images, as used in the last frame. The covariance is zero before the first
+  /// Lens of the given images, as used in the last frame. Its covariance is zero before the first
   /// change.
   const LensEstimate& lens() const;
 

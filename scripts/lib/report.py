@@ -198,7 +198,7 @@ class Report:
         return self.whole_sequences("paths", inputs, to, render)
 
     def hash(self):
-        """Of the programs whose figures are measured."""
+        """A digest of the programs whose figures are measured."""
         digest = hashlib.sha256()
         for file in [*sorted(self.tools.glob("*_*")), *sorted(self.tools.parent.glob("libground_scale_vo*.so"))]:
             if file.is_file():

@@ -10,7 +10,7 @@
 namespace ground_scale_vo::simulation {
 namespace {
 
-// Of coordinates in OpenCV's drawing functions.
+// For coordinates in OpenCV's drawing functions.
 constexpr int kFractionalBits = 4, kSubTexels = 1 << kFractionalBits;
 
 constexpr int kMaxAnisotropy = 16;  // samples along the major axis of a footprint

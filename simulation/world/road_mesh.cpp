@@ -111,7 +111,7 @@ void addStreet(WorldBuilder& builder) {
     const Eigen::Vector2d uv(strip.verge ? inside : unrolled + inside - u, s - road.sBegin());
     return Vertex{road.surfacePoint(s, inside, z), uv, strip.isKerbFace() ? 0.6 : 0.97};
   };
-  // Of the quad from one s to the next: without a kerb at either, or beyond the end of both
+  // Whether the quad from one s to the next has no kerb at either, or lies beyond the end of both
   // borders.
   const auto isLeftOut = [](const Strip& strip, const Borders& from, const Borders& to) {
     if (strip.isCarriageway()) return false;

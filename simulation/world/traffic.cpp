@@ -28,7 +28,7 @@ constexpr double kRoadMargin = 5;  // vehicles keep this distance from the ends 
 Eigen::Vector2d carSize() { return {kCarWidth, kCarLength}; }
 Eigen::Vector2d vanSize() { return {kVanWidth, kVanLength}; }
 
-/// Of a convex polygon, see Scene::ego_shadow. hull: its corners in cyclic order.
+/// Edges of a convex polygon, see Scene::ego_shadow. hull: its corners in cyclic order.
 std::vector<Eigen::Vector3d> edges(const std::vector<cv::Point2f>& hull) {
   std::vector<Eigen::Vector3d> result;
   Eigen::Vector2d middle(0, 0);

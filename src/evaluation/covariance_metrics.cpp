@@ -14,7 +14,7 @@ constexpr double kStartSpacing = 1;                  // between the starts of se
 /// Smallest eigenvalue of a correlation matrix that is not considered singular.
 constexpr double kMinEigenvalue = 0.01;
 
-/// Of P scaled to a unit diagonal, so that the test does not depend on the units.
+/// Scales P to a unit diagonal, so that the test does not depend on the units.
 bool isWellConditioned(const Matrix6d& P) {
   if (!(P.diagonal().minCoeff() > 0)) return false;
   const Vector6d scale = P.diagonal().cwiseSqrt().cwiseInverse();

@@ -26,7 +26,7 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   frame_of_.push_back(frames_.size());
   frames_.push_back(frame);
 
-  for (const VisualOdometry::StartPose& start : vo.start) {
+  for (const StartPose& start : vo.start) {
     RunFrame& earlier = frames_.at(frame_of_.at(start.sequence));
     if (earlier.has_vo_pose) continue;
     earlier.has_vo_pose = true;

@@ -49,7 +49,7 @@ class CameraYaml {
     return node.Scalar();
   }
   double number(const YAML::Node& node) const { return numbers(node).front(); }
-  /// Of a scalar, a list, or the data of a matrix; at least one.
+  /// Numbers of a scalar, a list, or the data of a matrix; at least one.
   Numbers numbers(const YAML::Node& node) const {
     try {
       if (node.IsScalar()) return {node.as<double>()};

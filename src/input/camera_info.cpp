@@ -13,14 +13,14 @@ namespace {
 
 using Points = std::vector<cv::Point2d>;
 
-/// Of K, D or P of camera_info: not set.
+/// Whether K, D or P of camera_info is not set.
 template <typename Range>
 bool allZero(const Range& values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
 }
 
-/// Of the whole image without distortion, from K or P, which has 3 or 4 columns; the last column of
-/// P, the offset of a stereo camera, is not used. Throws OptionError.
+/// Calibration of the whole image without distortion, from K or P, which has 3 or 4 columns; the
+/// last column of P, the offset of a stereo camera, is not used. Throws OptionError.
 CameraCalibration wholeImage(const CameraInfo& info, const double* matrix, int columns) {
   const auto at = [&](int row, int column) { return matrix[row * columns + column]; };
   CameraCalibration camera;

@@ -158,7 +158,7 @@ long double unitOf(const std::vector<long double>& values) {
   return 0;
 }
 
-/// Of one number a line, or of the second of three; lines that are no comments.
+/// Stamps from one number a line, or from the second of three; lines that are no comments.
 std::vector<std::int64_t> readNumericStamps(const TextFile& text) {
   std::vector<long double> values;
   std::vector<std::string> stamps;

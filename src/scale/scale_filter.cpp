@@ -33,6 +33,8 @@ constexpr double kHeightDriftPerSqrtMetre = 0.0003;
 /// this distance [camera heights], or earlier in a young map: a slipping wheel ends before.
 constexpr double kMaxSpeedDeviation = 0.05, kSpeedRestartDistance = 40;
 constexpr std::size_t kMinPendingSpeeds = 4;
+/// Of ln of the scale: a speed that deviates by more from the road is one in another unit.
+constexpr double kOtherUnit = 0.5;
 /// Averaging length of the speeds' error [measurements].
 constexpr double kSpeedErrorMemory = 20;
 
@@ -130,6 +132,10 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   const double gate = options_.gate_sigma * options_.gate_sigma;
   const double nis = innovation * innovation / innovation_variance;
   updateNisScale(std::min(nis, gate), &source_state);
+  if (!has_plane_ && hasCameraHeight() && std::abs(innovation) > kOtherUnit) {
+    start(measurement);  // from the road, after a start from speeds in another unit
+    return true;
+  }
   if (nis > gate) return restart(measurement, &source_state);
   clearPending(source);
   // Correlated with the previous measurement of this source when that is closer than the
@@ -170,6 +176,8 @@ bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {
 
 /// As restart(). The latest half of a minute of consistent speeds is believed more than planes.
 bool ScaleFilter::restartFromSpeed(double log_scale, double variance) {
+  const double deviation = std::abs(log_scale - state_[3] - std::log(scale()));
+  if (has_plane_ && hasCameraHeight() && deviation > kOtherUnit) return false;
   if (pending_speeds_.empty()) pending_speeds_since_ = distance_;
   pending_speeds_.push_back(log_scale);
   if (pending_speeds_.size() > kMinPendingSpeeds) pending_speeds_.pop_front();
@@ -268,7 +276,10 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
   const double required_distance = std::min(source->pending_since - started_at_,
                                             options_.restart_distance_heights * measured_height);
   if (pending.size() < required || persisted < required_distance) return false;
-  if (speed_accepted_at_ && *speed_accepted_at_ > source->pending_since) return false;
+  const bool is_confirmed_by_speed =
+      speed_accepted_at_ && *speed_accepted_at_ > source->pending_since &&
+      (!hasCameraHeight() || std::abs(measurement.log_height - state_[0]) < kOtherUnit);
+  if (is_confirmed_by_speed) return false;
   std::vector<double> log_heights;
   double mean_variance = 0;
   for (const Measurement& m : pending) {

@@ -302,11 +302,14 @@ void ScaleRecovery::Impl::measureSpeed(Output* output) {
       metres;
   const double relative_sigma =
       std::hypot(sigma, kSpeedNoise, speeds.repeats() ? kRepeatedSpeedSigma : 0);
-  SpeedCheck::Piece piece{from->stamp_ns, to->stamp_ns, distance->metres, units};
-  piece.along_axis = motion.translation().normalized().z();
-  piece.error = map.filter.known() ? std::log((metres + 0.01) / (units * map.filter.scale())) : 0;
+  SpeedCheck::Piece piece;
+  piece.log_ratio = std::log((metres + 0.01) / units);
+  piece.relative_acceleration =
+      (speeds.speedAt(to->stamp_ns) - speeds.speedAt(from->stamp_ns)) / distance->metres;
+  piece.along_axis = std::copysign(1, distance->metres) * motion.translation().normalized().z();
+  piece.error = map.filter.known() ? piece.log_ratio - std::log(map.filter.scale()) : 0;
   piece.accepted = !has_failed && map.filter.updateSpeed(metres / units, relative_sigma);
-  speed_check.add(piece, speeds);
+  speed_check.add(piece);
   map.measured_speed_ns = to->stamp_ns;
   map.speed_accepted_at = piece.accepted ? map.path.newest().travelled : -1;
   if (output->scale.raw_scale == 0) output->scale.raw_scale = metres / units;

@@ -1,9 +1,7 @@
 #include "ground_scale_vo/scale/speed_check.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <limits>
-#include <optional>
-#include <vector>
 
 #include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/common/time.hpp"
@@ -17,82 +15,63 @@ constexpr int kMinRejected = 3;  ///< [pieces] consecutive ones, to be named
 constexpr int kMinSignedPieces = 5;
 constexpr double kMinAlongAxis = 0.5;  ///< of a camera that looks along or against the motion
 
-// Delay: the shift of the speeds that explains the motion best.
-constexpr double kMemory = 30;                        ///< [s]
-constexpr double kPeriod = 2;                         ///< [s] between two estimates
-constexpr double kMaxDelay = 0.6, kDelayStep = 0.05;  ///< [s]
-constexpr double kMinDelay = 0.1;                     ///< [s] that is named
-constexpr std::size_t kMinPieces = 8;
-constexpr double kMinResidual = 0.005;     ///< of the distance, without a shift
-constexpr double kMaxResidualRatio = 0.5;  ///< with the best shift to without one
+// Delay.
+constexpr double kMeanMemory = 5, kSumMemory = 60;  ///< [pieces]
+constexpr double kMinPieces = 8;
+constexpr double kMinDelay = 0.13;      ///< [s] that is named
+constexpr double kMinSignificance = 4;  ///< [standard deviations]
 
 }  // namespace
 
-void SpeedCheck::add(const Piece& piece, const SpeedTrack& speeds) {
+void SpeedCheck::add(const Piece& piece) {
   rejected_ = piece.accepted ? 0 : rejected_ + 1;
   rejected_error_ = piece.error;
   if (std::abs(piece.along_axis) > kMinAlongAxis) {
-    const double sign = piece.along_axis * piece.metres > 0 ? 1 : -1;
     ++signed_pieces_;
-    sign_ += (sign - sign_) / std::min(signed_pieces_, 4 * kMinSignedPieces);
+    sign_ += ((piece.along_axis > 0 ? 1 : -1) - sign_) / std::min(signed_pieces_, 20);
   }
-  pieces_.push_back(piece);
-  while (secondsBetween(pieces_.front().to_ns, piece.to_ns) > kMemory) pieces_.pop_front();
-  if (secondsBetween(delay_estimated_ns_, piece.to_ns) > kPeriod) {
-    delay_estimated_ns_ = piece.to_ns;
-    estimateDelay(speeds);
-  }
+  if (piece.accepted) estimateDelay(piece);
 }
 
-/// Relative residual of the distances for every shift, each with the scale that fits it best.
-void SpeedCheck::estimateDelay(const SpeedTrack& speeds) {
-  double least = std::numeric_limits<double>::infinity(), without_shift = least, best = 0;
-  const int steps = static_cast<int>(std::lround(kMaxDelay / kDelayStep));
-  const auto metresOf = [&](const Piece& piece, double shift_s) {
-    const auto shift_ns = static_cast<std::int64_t>(1e9 * shift_s);
-    const auto distance = speeds.distance(piece.from_ns + shift_ns, piece.to_ns + shift_ns);
-    return distance ? std::optional<double>(std::abs(distance->metres)) : std::nullopt;
-  };
-  std::vector<const Piece*> covered;
-  for (const Piece& piece : pieces_) {
-    const bool is_covered = metresOf(piece, -kMaxDelay) && metresOf(piece, kMaxDelay);
-    if (piece.accepted && is_covered) covered.push_back(&piece);
+/// Speeds that are late by L [s] make the ratio too small by L times the relative acceleration.
+/// Both are taken without their slow changes, because the unit of the odometry drifts.
+void SpeedCheck::estimateDelay(const Piece& piece) {
+  if (is_first_of_map_) {
+    is_first_of_map_ = false;
+    mean_ratio_ = piece.log_ratio;
+    mean_acceleration_ = piece.relative_acceleration;
+    return;
   }
-  if (covered.size() < kMinPieces) return;
-  for (int k = -steps; k <= steps; ++k) {
-    double mm = 0, mu = 0, uu = 0;
-    for (const Piece* piece : covered) {
-      const double metres = metresOf(*piece, k * kDelayStep).value_or(0);
-      mm += metres * metres;
-      mu += metres * piece->units;
-      uu += piece->units * piece->units;
-    }
-    const double residual = std::sqrt(std::max(0.0, 1 - mu * mu / (mm * uu)));
-    if (k == 0) without_shift = residual;
-    if (residual < least) {
-      least = residual;
-      best = k * kDelayStep;
-    }
-  }
-  // A best shift at the border of the range is no minimum.
-  const bool is_delayed = std::abs(best) >= kMinDelay && std::abs(best) < kMaxDelay - 1e-6 &&
-                          without_shift > kMinResidual && least < kMaxResidualRatio * without_shift;
-  delay_ = is_delayed ? best : 0;
+  const double ratio = piece.log_ratio - mean_ratio_;
+  const double acceleration = piece.relative_acceleration - mean_acceleration_;
+  mean_ratio_ += ratio / kMeanMemory;
+  mean_acceleration_ += acceleration / kMeanMemory;
+  const double kept = 1 - 1 / kSumMemory;
+  pieces_ = kept * pieces_ + 1;
+  ratio_squares_ = kept * ratio_squares_ + ratio * ratio;
+  acceleration_squares_ = kept * acceleration_squares_ + acceleration * acceleration;
+  products_ = kept * products_ + ratio * acceleration;
+  delay_ = 0;
+  if (pieces_ < kMinPieces || !(acceleration_squares_ > 0)) return;
+  const double slope = products_ / acceleration_squares_;
+  const double residual = std::max(0.0, ratio_squares_ - slope * products_) / pieces_;
+  const double sigma = std::sqrt(residual / acceleration_squares_);
+  if (std::abs(slope) > std::max(kMinDelay, kMinSignificance * sigma)) delay_ = -slope;
 }
 
 std::string SpeedCheck::warning(const SpeedTrack& speeds, std::int64_t stamp_ns) const {
   if (speeds.empty()) return "no speed has arrived yet";
   const double ahead = secondsBetween(stamp_ns, speeds.newest().stamp_ns);
   if (std::abs(ahead) > kOtherClock) {
-    const char* hint = ahead > 0 ? "" : ": the sensor is silent, or its clock is another one";
-    return format("the newest speed is %.1f s %s than the images%s", std::abs(ahead),
-                  ahead > 0 ? "later" : "earlier", hint);
-  }
-  if (delay_ != 0) {
-    return format(
-        "the speeds are %.2f s %s than the motion in the images: their stamps are not "
-        "those of the measurement",
-        std::abs(delay_), delay_ > 0 ? "later" : "earlier");
+    return ahead > 0
+               ? format(
+                     "the newest speed is %.1f s later than the images: its clock is another one",
+                     ahead)
+               : format(
+                     "the newest speed is %.1f s earlier than the images: the sensor is silent, or "
+                     "its "
+                     "clock is another one",
+                     -ahead);
   }
   if (speeds.jumped()) {
     return format("the speed jumps to %.2f m/s: wheel slip, or a sensor that fails",
@@ -100,12 +79,18 @@ std::string SpeedCheck::warning(const SpeedTrack& speeds, std::int64_t stamp_ns)
   }
   if (rejected_ >= kMinRejected && speeds.repeats()) {
     return format("the speed repeats %.2f m/s while the motion changes: the sensor is stuck",
-                  speeds.samples().back().speed);
+                  speeds.newest().speed);
   }
   if (rejected_ >= kMinRejected) {
     return format("the speed is %.0f %% %s than the odometry's: wheel slip, or another unit",
                   100 * std::abs(std::expm1(rejected_error_)),
                   rejected_error_ > 0 ? "higher" : "lower");
+  }
+  if (delay_ != 0) {
+    return format(
+        "the speeds are %.2f s %s than the motion in the images: their stamps are not "
+        "those of the measurement",
+        std::abs(delay_), delay_ > 0 ? "later" : "earlier");
   }
   if (signed_pieces_ >= kMinSignedPieces && sign_ < -0.5) {
     return "the sign of the speed is opposite to the motion along the optical axis, as for a "

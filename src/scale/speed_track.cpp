@@ -12,7 +12,7 @@ namespace {
 constexpr double kMaxSpeed = 200;        ///< [m/s]
 constexpr double kZero = 0.02;           ///< [m/s] resolution of a sensor
 constexpr double kLastBeforeStop = 2;    ///< [m/s] speed of the last sample before a stop, at most
-constexpr double kMemory = 120;          ///< [s]
+constexpr double kTrackMemory = 120;     ///< [s]
 constexpr double kMinJump = 1;           ///< [m/s]
 constexpr double kMaxAcceleration = 12;  ///< [m/s^2]
 constexpr double kMaxJumpTime = 4;       ///< [s]
@@ -53,7 +53,7 @@ void SpeedTrack::add(const SpeedSample& sample) {
   samples_.push_back(sample);
   if (!(sample.sigma > 0)) samples_.back().sigma = default_sigma_;
   while (samples_.size() > kMaxSamples ||
-         secondsBetween(samples_.front().stamp_ns, sample.stamp_ns) > kMemory) {
+         secondsBetween(samples_.front().stamp_ns, sample.stamp_ns) > kTrackMemory) {
     samples_.pop_front();
   }
 }

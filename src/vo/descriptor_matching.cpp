@@ -8,7 +8,7 @@
 
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/masked_patch.hpp"
+#include "vo/feature.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -115,9 +115,9 @@ std::vector<DescriptorMatch> matchDescriptors(const Descriptors& from, const Des
   return matches;
 }
 
-std::vector<cv::Point2f> predictPixels(const std::vector<cv::Point2f>& from,
-                                       const std::vector<cv::Point2f>& to,
-                                       const std::vector<DescriptorMatch>& matches) {
+std::vector<cv::Point2f> predictPixelsByMatches(const std::vector<cv::Point2f>& from,
+                                                const std::vector<cv::Point2f>& to,
+                                                const std::vector<DescriptorMatch>& matches) {
   const std::size_t neighbours = std::min(kNeighbours, matches.size());
   std::vector<cv::Point2f> predicted;
   std::vector<std::pair<float, std::size_t>> by_distance(matches.size());

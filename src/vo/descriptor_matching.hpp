@@ -33,7 +33,7 @@ class Descriptors {
   static int differingBits(const Bits& a, const Bits& b);
 
   std::vector<cv::Point2f> points_;
-  /// Of each point at each scale; empty near the image border and near the mask.
+  /// Descriptor of each point at each scale; empty near the image border and near the mask.
   std::array<std::vector<std::optional<Bits>>, kScales> at_scale_;
 };
 
@@ -50,8 +50,8 @@ std::vector<DescriptorMatch> matchDescriptors(const Descriptors& from, const Des
 
 /// Predicts where all points of an image are in another one: moves each by the median displacement
 /// of the matches nearest to it. Precondition: matches is not empty.
-std::vector<cv::Point2f> predictPixels(const std::vector<cv::Point2f>& from,
-                                       const std::vector<cv::Point2f>& to,
-                                       const std::vector<DescriptorMatch>& matches);
+std::vector<cv::Point2f> predictPixelsByMatches(const std::vector<cv::Point2f>& from,
+                                                const std::vector<cv::Point2f>& to,
+                                                const std::vector<DescriptorMatch>& matches);
 
 }  // namespace ground_scale_vo

@@ -32,6 +32,15 @@ inline cv::Point2f toCv(const Eigen::Vector2d& u) {
   return {static_cast<float>(u.x()), static_cast<float>(u.y())};
 }
 
+/// Whether the square of half side `reach` [px] around u contains a masked pixel (0). mask: as for
+/// VisualOdometry, may be empty.
+inline bool touchesMask(const cv::Mat& mask, const cv::Point2f& u, int reach) {
+  if (mask.empty()) return false;
+  const cv::Rect square(cvRound(u.x) - reach, cvRound(u.y) - reach, 2 * reach + 1, 2 * reach + 1);
+  const cv::Rect inside = square & cv::Rect({0, 0}, mask.size());
+  return cv::countNonZero(mask(inside)) < inside.area();
+}
+
 /// The features as observations of a keyframe, in normalised image coordinates.
 inline std::vector<LocalMap::Corner> toCorners(const PinholeCamera& camera,
                                                const std::vector<Feature>& features) {

@@ -9,26 +9,27 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "common/lanes.hpp"
+#include "common/simd.hpp"
 
 namespace ground_scale_vo {
 
 // Square patches of an odd number of pixels a side, the window, in floating-point numbers. A patch
 // is stored row by row in a flat array with a stride of the window plus two columns. The loops run
-// over the array without regard to rows, kLanes pixels at a time, and a mask removes the padding.
+// over the array without regard to rows, kSimdFloats pixels at a time, and a mask removes the
+// padding.
 //
 // Everything is inline, to become part of one GSV_VECTOR_LOOP. `Window` is int, or
 // std::integral_constant, for which the compiler knows the lengths of the loops.
 
 constexpr int kMaxWindow = 21;
 constexpr std::size_t kMaxStride = kMaxWindow + 2;
-constexpr std::size_t kMaxElements = kMaxStride * kMaxStride + 2 * kLanes;
+constexpr std::size_t kMaxElements = kMaxStride * kMaxStride + 2 * kSimdFloats;
 using FloatPatch = std::array<float, kMaxElements>;
 
 constexpr std::size_t strideOf(int window) { return static_cast<std::size_t>(window + 2); }
 /// Elements of a patch with the padding.
 constexpr std::size_t countOf(int window) {
-  return wholeLanes(static_cast<std::size_t>(window) * strideOf(window));
+  return paddedFloats(static_cast<std::size_t>(window) * strideOf(window));
 }
 
 /// Elements of a FloatWindow that compare() reads.
@@ -45,11 +46,11 @@ struct FloatPatchGrid {
       if (i < window * stride) mask.push_back(i % stride < window ? 1.f : 0.f);
     }
     for (std::vector<float>* values : {&columns, &rows, &mask}) {
-      values->resize(wholeLanes(values->size()));
+      values->resize(paddedFloats(values->size()));
     }
   }
 
-  /// Of a patch with a border of one pixel: from its first column, and from its middle row [px].
+  /// Elements of a patch with a border of one pixel: from its first column and its middle row [px].
   std::vector<float> columns, rows;
   std::vector<float> mask;  ///< of a patch: 1 pixel of the window, 0 padding
 };
@@ -61,20 +62,20 @@ template <typename Window>
 void sample(Window window, const FloatPatchGrid& grid, const cv::Mat& image,
             const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& step, FloatPatch* values) {
   const auto left = -static_cast<float>(window / 2 + 1);
-  const std::size_t places = strideOf(window) * strideOf(window), count = wholeLanes(places);
+  const std::size_t places = strideOf(window) * strideOf(window), count = paddedFloats(places);
   const auto image_step = static_cast<std::int32_t>(image.step[0]);
   FloatPatch a, b;  // fractions between pixels
-  // Of the upper left pixel; then the upper two pixels and the lower two, the right one times 256.
+  // Offset of the upper left pixel; upper two pixels and lower two, the right one times 256.
   std::array<std::int32_t, kMaxElements> offset, upper, lower;
-  for (std::size_t i = 0; i < count; i += kLanes) {
-    const Lanes x = lanes(&grid.columns[i]), y = lanes(&grid.rows[i]);
-    const Lanes at_x = u_ref.x() + (step(0, 0) * left + step(0, 1) * y) + x * step(0, 0);
-    const Lanes at_y = u_ref.y() + (step(1, 0) * left + step(1, 1) * y) + x * step(1, 0);
-    const IntLanes u = __builtin_convertvector(at_x, IntLanes);
-    const IntLanes v = __builtin_convertvector(at_y, IntLanes);
-    lanes(&a[i]) = at_x - __builtin_convertvector(u, Lanes);
-    lanes(&b[i]) = at_y - __builtin_convertvector(v, Lanes);
-    lanes(&offset[i]) = v * image_step + u;
+  for (std::size_t i = 0; i < count; i += kSimdFloats) {
+    const Floats x = simd(&grid.columns[i]), y = simd(&grid.rows[i]);
+    const Floats at_x = u_ref.x() + (step(0, 0) * left + step(0, 1) * y) + x * step(0, 0);
+    const Floats at_y = u_ref.y() + (step(1, 0) * left + step(1, 1) * y) + x * step(1, 0);
+    const Ints u = __builtin_convertvector(at_x, Ints);
+    const Ints v = __builtin_convertvector(at_y, Ints);
+    simd(&a[i]) = at_x - __builtin_convertvector(u, Floats);
+    simd(&b[i]) = at_y - __builtin_convertvector(v, Floats);
+    simd(&offset[i]) = v * image_step + u;
   }
   for (std::size_t i = 0; i < places; ++i) {
     const unsigned char* const p = image.data + offset[i];
@@ -84,16 +85,16 @@ void sample(Window window, const FloatPatchGrid& grid, const cv::Mat& image,
   }
   std::fill(upper.begin() + places, upper.begin() + count, 0);
   std::fill(lower.begin() + places, lower.begin() + count, 0);
-  for (std::size_t i = 0; i < count; i += kLanes) {
-    const IntLanes upper_left = lanes(&upper[i]) & 255, upper_right = lanes(&upper[i]) >> 8;
-    const IntLanes lower_left = lanes(&lower[i]) & 255, lower_right = lanes(&lower[i]) >> 8;
-    const Lanes above = __builtin_convertvector(upper_left, Lanes) +
-                        lanes(&a[i]) * __builtin_convertvector(upper_right - upper_left, Lanes);
-    const Lanes below = __builtin_convertvector(lower_left, Lanes) +
-                        lanes(&a[i]) * __builtin_convertvector(lower_right - lower_left, Lanes);
-    lanes(values->data() + i) = above + lanes(&b[i]) * (below - above);
+  for (std::size_t i = 0; i < count; i += kSimdFloats) {
+    const Ints upper_left = simd(&upper[i]) & 255, upper_right = simd(&upper[i]) >> 8;
+    const Ints lower_left = simd(&lower[i]) & 255, lower_right = simd(&lower[i]) >> 8;
+    const Floats above = __builtin_convertvector(upper_left, Floats) +
+                         simd(&a[i]) * __builtin_convertvector(upper_right - upper_left, Floats);
+    const Floats below = __builtin_convertvector(lower_left, Floats) +
+                         simd(&a[i]) * __builtin_convertvector(lower_right - lower_left, Floats);
+    simd(values->data() + i) = above + simd(&b[i]) * (below - above);
   }
-  std::fill_n(values->begin() + count, kLanes, 0.f);
+  std::fill_n(values->begin() + count, kSimdFloats, 0.f);
 }
 
 /// A patch and its gradients, all with zero mean.
@@ -108,16 +109,16 @@ template <typename Window>
 void differentiate(Window window, const float* mask, const FloatPatch& wide, ZeroMeanPatch* patch) {
   const std::size_t stride = strideOf(window), count = countOf(window);
   const auto pixels = static_cast<float>(window * window);
-  Lanes grey_sum{}, x_sum{}, y_sum{};
-  for (std::size_t i = 0; i < count; i += kLanes) {
+  Floats grey_sum{}, x_sum{}, y_sum{};
+  for (std::size_t i = 0; i < count; i += kSimdFloats) {
     const float* const centre = &wide[i + stride + 1];
-    const Lanes inside = lanes(mask + i);
-    const Lanes value = lanes(centre) * inside;
-    const Lanes x = 0.5f * (lanes(centre + 1) - lanes(centre - 1)) * inside;
-    const Lanes y = 0.5f * (lanes(centre + stride) - lanes(centre - stride)) * inside;
-    lanes(&patch->grey[i]) = value;
-    lanes(&patch->gx[i]) = x;
-    lanes(&patch->gy[i]) = y;
+    const Floats inside = simd(mask + i);
+    const Floats value = simd(centre) * inside;
+    const Floats x = 0.5f * (simd(centre + 1) - simd(centre - 1)) * inside;
+    const Floats y = 0.5f * (simd(centre + stride) - simd(centre - stride)) * inside;
+    simd(&patch->grey[i]) = value;
+    simd(&patch->gx[i]) = x;
+    simd(&patch->gy[i]) = y;
     grey_sum += value;
     x_sum += x;
     y_sum += y;
@@ -125,15 +126,15 @@ void differentiate(Window window, const float* mask, const FloatPatch& wide, Zer
   const float mean = total(grey_sum) / pixels;
   // The residual is zero-mean, so its derivative is the gradient minus the mean gradient.
   const float mean_x = total(x_sum) / pixels, mean_y = total(y_sum) / pixels;
-  Lanes squares{}, xx{}, xy{}, yy{};
-  for (std::size_t i = 0; i < count; i += kLanes) {
-    const Lanes inside = lanes(mask + i);
-    const Lanes value = lanes(&patch->grey[i]) - mean * inside;
-    const Lanes x = lanes(&patch->gx[i]) - mean_x * inside;
-    const Lanes y = lanes(&patch->gy[i]) - mean_y * inside;
-    lanes(&patch->grey[i]) = value;
-    lanes(&patch->gx[i]) = x;
-    lanes(&patch->gy[i]) = y;
+  Floats squares{}, xx{}, xy{}, yy{};
+  for (std::size_t i = 0; i < count; i += kSimdFloats) {
+    const Floats inside = simd(mask + i);
+    const Floats value = simd(&patch->grey[i]) - mean * inside;
+    const Floats x = simd(&patch->gx[i]) - mean_x * inside;
+    const Floats y = simd(&patch->gy[i]) - mean_y * inside;
+    simd(&patch->grey[i]) = value;
+    simd(&patch->gx[i]) = x;
+    simd(&patch->gy[i]) = y;
     squares += value * value;
     xx += x * x;
     xy += x * y;
@@ -162,11 +163,11 @@ class FloatWindow {
     const auto columns = static_cast<std::size_t>(window_ + 1);
     const unsigned char* from = image_.ptr(row) + column;
     float* to = pixels_.data();
-    // At the end of the memory a row cannot be read in whole kLanes.
-    const bool whole = from + window_ * step + wholeLanes(columns) <= image_.datalimit;
+    // At the end of the memory a row cannot be read in whole kSimdFloats.
+    const bool whole = from + window_ * step + paddedFloats(columns) <= image_.datalimit;
     for (int y = 0; y <= window_; ++y, from += step, to += strideOf(window_)) {
       if (whole) {
-        std::copy_n(from, wholeLanes(columns), to);
+        std::copy_n(from, paddedFloats(columns), to);
       } else {
         std::copy_n(from, columns, to);
       }
@@ -183,7 +184,7 @@ class FloatWindow {
 
 /// Sums over the pixels of an image and a patch.
 struct MatchSums {
-  Lanes grey{}, squares{}, products{}, along_x{}, along_y{};
+  Floats grey{}, squares{}, products{}, along_x{}, along_y{};
 };
 
 /// Compares a patch with pixels of a FloatWindow, interpolated at the fractions a and b of a pixel
@@ -192,18 +193,18 @@ template <typename Window>
 MatchSums compare(Window window, const float* mask, const float* pixels, float a, float b,
                   const ZeroMeanPatch& patch) {
   MatchSums sums;
-  for (std::size_t i = 0; i < countOf(window); i += kLanes) {
+  for (std::size_t i = 0; i < countOf(window); i += kSimdFloats) {
     const float* const upper = pixels + i;
     const float* const lower = upper + strideOf(window);
-    const Lanes left = lanes(upper) + b * (lanes(lower) - lanes(upper));
-    const Lanes right = lanes(upper + 1) + b * (lanes(lower + 1) - lanes(upper + 1));
-    const Lanes grey = (left + a * (right - left)) * lanes(mask + i);
-    const Lanes difference = grey - lanes(&patch.grey[i]);
+    const Floats left = simd(upper) + b * (simd(lower) - simd(upper));
+    const Floats right = simd(upper + 1) + b * (simd(lower + 1) - simd(upper + 1));
+    const Floats grey = (left + a * (right - left)) * simd(mask + i);
+    const Floats difference = grey - simd(&patch.grey[i]);
     sums.grey += grey;
     sums.squares += grey * grey;
-    sums.products += grey * lanes(&patch.grey[i]);
-    sums.along_x += lanes(&patch.gx[i]) * difference;
-    sums.along_y += lanes(&patch.gy[i]) * difference;
+    sums.products += grey * simd(&patch.grey[i]);
+    sums.along_x += simd(&patch.gx[i]) * difference;
+    sums.along_y += simd(&patch.gy[i]) * difference;
   }
   return sums;
 }

@@ -21,11 +21,10 @@ constexpr std::size_t kStandstillMinTrackedPercent = 90;
 }  // namespace
 
 FrameToFrameTracking::FrameToFrameTracking(const PinholeCamera& camera,
-                                           const VisualOdometry::Options& options,
-                                           const cv::Mat& mask)
+                                           const OdometryOptions& options, const cv::Mat& mask)
     : options_(options), camera_(camera), mask_(mask), tracker_(options.tracker, mask) {}
 
-ImagePyramid FrameToFrameTracking::pyramid(const cv::Mat& image) const {
+ImagePyramid FrameToFrameTracking::preprocess(const cv::Mat& image) const {
   ImagePyramid result = tracker_.pyramid(image);
   if (hasImage()) {
     result.exposure =

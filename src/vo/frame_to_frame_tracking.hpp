@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/time.hpp"
-#include "ground_scale_vo/vo/feature_tracker.hpp"
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/vo/odometry_stages.hpp"
 #include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
 
@@ -18,12 +17,12 @@ namespace ground_scale_vo {
 class FrameToFrameTracking {
  public:
   /// mask: as for VisualOdometry.
-  FrameToFrameTracking(const PinholeCamera& camera, const VisualOdometry::Options& options,
+  FrameToFrameTracking(const PinholeCamera& camera, const OdometryOptions& options,
                        const cv::Mat& mask);
 
-  /// Pyramid of an image, with its exposure relative to the map's first image (1 if there is no
-  /// previous image).
-  ImagePyramid pyramid(const cv::Mat& image) const;
+  /// Computes the pyramid of an image, and estimates its exposure relative to the map's first image
+  /// (1 if there is no previous image).
+  ImagePyramid preprocess(const cv::Mat& image) const;
 
   /// Tracks the features into the next image and returns those found, with their new positions; the
   /// others are appended to `rejected`. predicted: predicted position of each feature [px]; empty:
@@ -66,7 +65,7 @@ class FrameToFrameTracking {
   double medianFlow(const std::vector<Feature>& found) const;
   std::vector<cv::Point2f> pixels() const;  ///< of the features
 
-  const VisualOdometry::Options options_;
+  const OdometryOptions options_;
   const PinholeCamera camera_;
   const cv::Mat mask_;
   const FeatureTracker tracker_;

@@ -87,7 +87,7 @@ struct LocalBundleAdjustment::Problem {
 
   std::size_t keyframes() const { return state.T_w_c.size(); }
   bool isFixed(std::size_t keyframe) const { return keyframe < first_free; }
-  /// Of the normal equations.
+  /// First row of the keyframe in the normal equations.
   Eigen::Index row(std::size_t keyframe) const {
     return static_cast<Eigen::Index>(6 * (keyframe - first_free));
   }
@@ -129,7 +129,7 @@ struct LocalBundleAdjustment::Problem {
     const Eigen::Vector3d ray = landmark.ray();
     const std::size_t anchor = landmark.observations.front().keyframe - first_id;
     const std::size_t begin =
-        landmarks.empty() ? Reprojections::kUnusedRow + 1 : landmarks.back().end;
+        landmarks.empty() ? Reprojections::kPaddingRow + 1 : landmarks.back().end;
     Landmark added{id, !isFixed(anchor), begin, begin, begin, 0, 0, 0};
     if (added.free_anchor) addRow(anchor, &added);
     const std::size_t before = residuals.size();

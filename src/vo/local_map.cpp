@@ -3,21 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 
 #include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-/// Distance between the observation x in camera c and the point's projection, infinite behind the
-/// camera.
-double reprojectionError(const Eigen::Vector3d& ray, double inverse_depth,
-                         const Eigen::Isometry3d& T_c_anchor, const Eigen::Vector2d& x) {
-  const Eigen::Vector3d p = projectOnRay(ray, inverse_depth, T_c_anchor).p;
-  if (p.z() <= kMinDepthRatio) return std::numeric_limits<double>::infinity();
-  return (p.head<2>() / p.z() - x).norm();
-}
 
 /// The current poses of all keyframes relative to the earlier ones, in which landmarks are
 /// anchored.
@@ -32,7 +22,7 @@ class RelativePoses {
     }
   }
 
-  /// Of an observation of the landmark other than its anchor's.
+  /// For an observation of the landmark other than its anchor's.
   const Eigen::Isometry3d& T_c_anchor(const Observation& o, const Landmark& landmark) const {
     const std::uint32_t anchor = landmark.observations.front().keyframe;
     return T_c_a_[(o.keyframe - first_id_) * size_ + (anchor - first_id_)];
@@ -99,7 +89,7 @@ std::optional<InverseDepth> LocalMap::depthInAnchor(const Landmark& landmark,
   const Eigen::Isometry3d T_c_w = keyframe(landmark.observations.front().keyframe).T_w_c.inverse();
   const double z = (T_c_w * world.p_w).z();
   if (!(z > 0)) return std::nullopt;
-  // Of the whole vector, an upper bound of that of z. With that of z the results are not better.
+  // The sigma of the whole vector bounds the sigma of z, with which the results are not better.
   const double z_sigma = (T_c_w.linear() * world.sigma_w).norm();
   return InverseDepth{1 / z, z_sigma / (z * z)};
 }
@@ -118,7 +108,7 @@ void LocalMap::triangulateNew() {
     if (!depth || depth->value <= 0) continue;
     if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
     const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
-      return reprojectionError(ray, depth->value, o.T_c_anchor, o.x) <
+      return reprojectionError(projectOnRay(ray, depth->value, o.T_c_anchor).p, o.x) <
              options_.max_reprojection_error;
     });
     if (fits) landmark.depth = depth;
@@ -134,7 +124,7 @@ void LocalMap::updateSigmas() {
     for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
       const auto [p, scaled_derivative] =
           projectOnRay(ray, landmark.depth->value, poses.T_c_anchor(*o, landmark));
-      if (p.z() < kMinDepthRatio) continue;
+      if (p.z() < kMinObserverDepthRatio) continue;
       information += (scaled_derivative / (p.z() * o->sigma)).squaredNorm();
     }
     // No observation but the anchor's (the others were dropped with their keyframes): keep sigma.
@@ -156,8 +146,9 @@ void LocalMap::removeOutliers(double max_reprojection_error) {
     std::vector<Observation>& observations = landmark.observations;
     const auto kept = std::remove_if(
         std::next(observations.begin()), observations.end(), [&](const Observation& o) {
-          return reprojectionError(ray, landmark.depth->value, poses.T_c_anchor(o, landmark), o.x) >
-                 max_reprojection_error;
+          const Eigen::Isometry3d& T_c_anchor = poses.T_c_anchor(o, landmark);
+          const Eigen::Vector3d p = projectOnRay(ray, landmark.depth->value, T_c_anchor).p;
+          return reprojectionError(p, o.x) > max_reprojection_error;
         });
     const bool removed = kept != observations.end();
     observations.erase(kept, observations.end());

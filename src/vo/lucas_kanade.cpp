@@ -1,9 +1,121 @@
 #include "vo/lucas_kanade.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/vector_loop.hpp"
+
 namespace ground_scale_vo {
+namespace {
+
+/// With more, patches on edges move along them; with fewer, those in a narrow field of view lag
+/// behind.
+constexpr int kMaxTrackingIterations = 20;
+/// [px] step length at convergence: a fraction of a tracked corner's noise (0.7 px at a focal
+/// length of 718 px).
+constexpr float kTrackingConverged_px = 0.005f;
+/// [px] two steps whose sum is below it in each coordinate go back and forth.
+constexpr float kTrackingOscillation_px = 0.01f;
+/// [grey levels^2 per px^2] least mean over the patch of the squared gradient in its weakest
+/// direction.
+constexpr float kMinSquaredGradient = 0.1f;
+
+/// The size for which there is a faster version: the default of FeatureTracker::Options.
+using UsualLayout = FixedPatchLayout<9>;
+
+float smallerEigenvalue(const GradientSums& m) {
+  const double difference = m.xx - m.yy, twice = 2 * m.xy;
+  const auto radius = static_cast<float>(std::sqrt(difference * difference + twice * twice));
+  return (m.xx + m.yy - radius) / 2;
+}
+
+template <typename Layout>
+GradientSums readTemplate(const Layout& layout, const cv::Mat& image, const cv::Point2f& centre,
+                          PatchWorkspace* workspace, GradientPatch* patch) {
+  const PatchCorner corner = cornerOf(centre, layout.side);
+  workspace->window.read(layout, image, corner.column - 1, corner.row - 1, layout.side + 3);
+  workspace->window.interpolate(layout, corner.a, corner.b, &workspace->wide);
+  return patch->set(layout, workspace->wide);
+}
+
+/// Where the search ends, possibly outside of the image.
+template <typename Layout>
+cv::Point2f minimise(const Layout& layout, const GradientPatch& patch,
+                     const Eigen::Matrix2f& inverse_hessian, const cv::Mat& image,
+                     PixelWindow* window, cv::Point2f point) {
+  cv::Point2f previous_step;
+  for (int iteration = 0; iteration < kMaxTrackingIterations; ++iteration) {
+    if (!overlaps(image, point, layout.side)) break;
+    const PatchCorner corner = cornerOf(point, layout.side);
+    window->read(layout, image, corner.column, corner.row, layout.side + 1);
+    const Eigen::Vector2f product =
+        -inverse_hessian * window->gradientTimesDifference(layout, corner.a, corner.b, patch);
+    const cv::Point2f step(product.x(), product.y());
+    point += step;
+    if (step.dot(step) <= kTrackingConverged_px * kTrackingConverged_px) break;
+    const cv::Point2f sum = step + previous_step;
+    if (iteration > 0 && std::max(std::abs(sum.x), std::abs(sum.y)) < kTrackingOscillation_px) {
+      point -= step / 2;
+      break;
+    }
+    previous_step = step;
+  }
+  return point;
+}
+
+// flatten: all that these call becomes part of them, and so of their version for AVX2.
+
+GSV_VECTOR_LOOP __attribute__((flatten)) GradientSums readTemplateOf(
+    const PatchLayout& layout, const cv::Mat& image, const cv::Point2f& centre,
+    PatchWorkspace* __restrict workspace, GradientPatch* __restrict patch) {
+  return layout.side == UsualLayout::side
+             ? readTemplate(UsualLayout(), image, centre, workspace, patch)
+             : readTemplate(layout, image, centre, workspace, patch);
+}
+
+GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimiseOf(
+    const PatchLayout& layout, const GradientPatch& patch, const Eigen::Matrix2f& inverse_hessian,
+    const cv::Mat& image, PixelWindow* window, const cv::Point2f& point) {
+  return layout.side == UsualLayout::side
+             ? minimise(UsualLayout(), patch, inverse_hessian, image, window, point)
+             : minimise(layout, patch, inverse_hessian, image, window, point);
+}
+
+}  // namespace
+
+void prefetchPatch(const cv::Mat& image, const cv::Point2f& centre, int side) {
+  if (!overlaps(image, centre, side)) return;
+  const PatchCorner corner = cornerOf(centre, side);
+  const auto step = static_cast<std::ptrdiff_t>(image.step[0]);
+  const unsigned char* row = image.data + (corner.row - 1) * step + corner.column - 1;
+  for (int y = 0; y < side + kPatchBorder; ++y, row += step) {
+    __builtin_prefetch(row);
+    __builtin_prefetch(row + side + kPatchBorder - 1);
+  }
+}
+
+bool PatchTemplate::set(const PatchLayout& layout, const cv::Mat& image, const cv::Point2f& centre,
+                        PatchWorkspace* workspace) {
+  if (!overlaps(image, centre, layout.side)) return false;
+  const GradientSums sum = readTemplateOf(layout, image, centre, workspace, &patch_);
+  const float pixels = static_cast<float>(layout.side * layout.side);
+  if (smallerEigenvalue(sum) <
+      kMinSquaredGradient * pixels * static_cast<float>(kGradientUnit * kGradientUnit)) {
+    return false;
+  }
+  Eigen::Matrix2f hessian;
+  hessian << sum.xx, sum.xy, sum.xy, sum.yy;
+  inverse_hessian_ = hessian.inverse() * (static_cast<float>(kGradientUnit) / kGreyUnit);
+  return true;
+}
+
+bool PatchTemplate::find(const PatchLayout& layout, const cv::Mat& image, PatchWorkspace* workspace,
+                         cv::Point2f* point) const {
+  *point = minimiseOf(layout, patch_, inverse_hessian_, image, &workspace->window, *point);
+  return overlaps(image, *point, layout.side);
+}
 
 std::vector<cv::Mat> LucasKanade::pyramid(const cv::Mat& image, int levels) const {
   std::vector<cv::Mat> result;

@@ -24,8 +24,7 @@ std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
 
 }  // namespace
 
-MapInitialisation::MapInitialisation(const PinholeCamera& camera,
-                                     const VisualOdometry::Options& options)
+MapInitialisation::MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options)
     : readout_time_(options.readout_time),
       min_tracked_(options.initialisation_min_tracked),
       camera_(camera),
@@ -75,7 +74,7 @@ void MapInitialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
   }
 }
 
-std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::tryStartMap(
+std::optional<std::vector<StartPose>> MapInitialisation::tryStartMap(
     const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping) {
   const TwoView::Result motion = two_view_.estimate(camera_, pixelsInFirst(found), pixelsOf(found));
   if (motion.status != TwoViewStatus::kOk) return std::nullopt;
@@ -120,9 +119,8 @@ bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePy
 
 /// The poses of all frames in the new map. The first and the last are its keyframes. Empty when one
 /// of them cannot be localised.
-std::optional<std::vector<VisualOdometry::StartPose>> MapInitialisation::localiseFrames(
-    const LocalMap& map) const {
-  std::vector<VisualOdometry::StartPose> poses;
+std::optional<std::vector<StartPose>> MapInitialisation::localiseFrames(const LocalMap& map) const {
+  std::vector<StartPose> poses;
   Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
   for (const Frame& frame : frames_) {
     if (!frame.corners.empty()) {

@@ -7,10 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/local_map.hpp"
-#include "ground_scale_vo/vo/pose_estimation.hpp"
-#include "ground_scale_vo/vo/two_view.hpp"
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/vo/odometry_stages.hpp"
 #include "vo/feature.hpp"
 #include "vo/mapping.hpp"
 
@@ -21,7 +18,7 @@ namespace ground_scale_vo {
 /// the frames between them in it.
 class MapInitialisation {
  public:
-  MapInitialisation(const PinholeCamera& camera, const VisualOdometry::Options& options);
+  MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options);
 
   /// Removes all frames. This frame becomes the first one and defines the world frame of the map.
   void restart(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& features,
@@ -45,8 +42,8 @@ class MapInitialisation {
   /// Creates a map from the first and the newest frame. found, image: features and image of the
   /// newest frame. Returns the poses of all frames; empty, with an empty map, if the motion cannot
   /// be estimated yet. The unit of length is the median depth in the first frame.
-  std::optional<std::vector<VisualOdometry::StartPose>> tryStartMap(
-      const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping);
+  std::optional<std::vector<StartPose>> tryStartMap(const std::vector<Feature>& found,
+                                                    const ImagePyramid& image, Mapping* mapping);
 
  private:
   struct Frame {
@@ -58,7 +55,7 @@ class MapInitialisation {
   std::vector<Eigen::Vector2d> pixelsInFirst(const std::vector<Feature>& found) const;
   bool makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
                const TwoView::Result& motion, Mapping* mapping) const;
-  std::optional<std::vector<VisualOdometry::StartPose>> localiseFrames(const LocalMap& map) const;
+  std::optional<std::vector<StartPose>> localiseFrames(const LocalMap& map) const;
 
   void shiftFirstToStamp(const std::vector<Feature>& found);
 

@@ -16,7 +16,7 @@ constexpr double kMinParallaxShare = 0.05;
 
 }  // namespace
 
-Mapping::Mapping(const PinholeCamera& camera, const VisualOdometry::Options& options)
+Mapping::Mapping(const PinholeCamera& camera, const OdometryOptions& options)
     : options_(options),
       camera_(camera),
       map_(options.map),
@@ -55,7 +55,7 @@ bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
 }
 
 void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
-                          const ImagePyramid& image, VisualOdometry::Times* times,
+                          const ImagePyramid& image, StageTimes* times,
                           const Vector6d& readout_motion) {
   if (!map_.keyframes().back().has_parallax) map_.removeNewestKeyframe();
   const Parallax parallax = parallaxToLast(T_w_c, features);
@@ -77,7 +77,7 @@ void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feat
   });
 }
 
-std::optional<Eigen::Isometry3d> Mapping::takeAdjustedMap(VisualOdometry::Times* times) {
+std::optional<Eigen::Isometry3d> Mapping::applyAdjustment(StageTimes* times) {
   if (!adjusting_.valid()) return std::nullopt;
   ScopedTimer timer(&times->adjustment_wait);
   times->bundle_adjustment = adjusting_.get();

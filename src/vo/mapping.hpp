@@ -6,10 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/feature_tracker.hpp"
-#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/vo/odometry_stages.hpp"
 #include "vo/feature.hpp"
 
 namespace ground_scale_vo {
@@ -17,7 +14,7 @@ namespace ground_scale_vo {
 /// The local map: keyframe selection, triangulation, and bundle adjustment on a second thread.
 class Mapping {
  public:
-  Mapping(const PinholeCamera& camera, const VisualOdometry::Options& options);
+  Mapping(const PinholeCamera& camera, const OdometryOptions& options);
 
   LocalMap& map() { return map_; }
   const LocalMap& map() const { return map_; }
@@ -31,20 +28,20 @@ class Mapping {
   /// baseline, and the map would lose its scale. The second thread works on a copy of the poses and
   /// depths, so the map stays usable. readout_motion: see VoFrame.
   void addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
-                   const ImagePyramid& image, VisualOdometry::Times* times,
+                   const ImagePyramid& image, StageTimes* times,
                    const Vector6d& readout_motion = Vector6d::Zero());
 
   /// Waits for the bundle adjustment that addKeyframe started, if any, and applies its result.
   /// Called at the same step of each frame, so the result does not depend on the machine's speed.
   /// Returns the correction C = T_new T_old^-1 of the newest keyframe's pose: a pose T_w_c in the
   /// old map becomes C * T_w_c. Empty if no adjustment was started.
-  std::optional<Eigen::Isometry3d> takeAdjustedMap(VisualOdometry::Times* times);
+  std::optional<Eigen::Isometry3d> applyAdjustment(StageTimes* times);
 
   /// Runs bundle adjustment on the calling thread. Returns false if its result is not usable.
   bool adjustNow();
 
  private:
-  /// Of the features that both the last keyframe and the current frame observe.
+  /// Between the last keyframe and the current frame, from the features that both observe.
   struct Parallax {
     std::size_t features = 0;
     double median = 0;  ///< [rad], at most pi / 2
@@ -52,7 +49,7 @@ class Mapping {
   Parallax parallaxToLast(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& found) const;
   void storeAdjusted();
 
-  const VisualOdometry::Options options_;
+  const OdometryOptions options_;
   const PinholeCamera camera_;
 
   LocalMap map_;

@@ -7,13 +7,6 @@
 
 namespace ground_scale_vo {
 
-/// [VO units] largest plausible deviation of a motion from the predicted one, of the given
-/// distance: a share of it, and a share of the median depth of the map points for a camera that
-/// starts to move.
-inline double maxDeviation(double predicted_distance, double median_depth) {
-  return 0.5 * predicted_distance + 0.1 * median_depth;
-}
-
 /// The pose of the last tracked frame and the constant-velocity prediction of the next one.
 class MotionModel {
  public:
@@ -23,7 +16,7 @@ class MotionModel {
       : T_w_c_(T_w_c), stamp_ns_(stamp_ns) {}
 
   const Eigen::Isometry3d& T_w_c() const { return T_w_c_; }
-  /// Of the last motion (w, v), in the axes of the last pose [rad/s, VO units/s].
+  /// Twist (w, v) of the last motion, in the axes of the last pose [rad/s, VO units/s].
   Vector6d velocity() const;
   /// Between the last two intervals [rad/s].
   double rotationRateChange() const { return rotation_rate_change_; }
@@ -40,7 +33,7 @@ class MotionModel {
   /// Sets the pose of a newly tracked frame and measures the velocity since the last one.
   void update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
 
-  /// Moves the last pose by a correction of the map in the axes of w (Mapping::takeAdjustedMap());
+  /// Moves the last pose by a correction of the map in the axes of w (Mapping::applyAdjustment());
   /// the velocity is unchanged.
   void correct(const Eigen::Isometry3d& correction) { T_w_c_ = correction * T_w_c_; }
 

@@ -5,7 +5,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
-#include "common/lanes.hpp"
+#include "common/simd.hpp"
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
@@ -52,14 +52,14 @@ constexpr double kRansacConfidence = 0.99;
 /// [normalised coordinates] largest reprojection error of an inlier: 4 px at a focal length of 718.
 constexpr double kRansacThreshold = 0.006;
 
-/// Observations in arrays. The last one also fills the last lanes; the copies have an infinite
+/// Observations in arrays. The last one also fills the last vector; the copies have an infinite
 /// variance.
 struct ObservationArrays {
   std::size_t size;
   std::vector<double> numbers;  // nine arrays of this size
 
   explicit ObservationArrays(const std::vector<PointObservation>& observations)
-      : size(wholeDoubleLanes(observations.size())), numbers(9 * size) {
+      : size(paddedDoubles(observations.size())), numbers(9 * size) {
     for (std::size_t i = 0; i < size; ++i) {
       const bool copy = i >= observations.size();
       const PointObservation& o = copy ? observations.back() : observations[i];
@@ -69,46 +69,44 @@ struct ObservationArrays {
       for (std::size_t k = 0; k < 9; ++k) numbers[k * size + i] = values[k];
     }
   }
-  const DoubleLanes& p_w(std::size_t axis, std::size_t i) const { return at(axis, i); }
-  const DoubleLanes& sigma_w(std::size_t axis, std::size_t i) const { return at(3 + axis, i); }
-  const DoubleLanes& x(std::size_t axis, std::size_t i) const { return at(6 + axis, i); }
-  const DoubleLanes& variance(std::size_t i) const { return at(8, i); }
+  const Doubles& p_w(std::size_t axis, std::size_t i) const { return at(axis, i); }
+  const Doubles& sigma_w(std::size_t axis, std::size_t i) const { return at(3 + axis, i); }
+  const Doubles& x(std::size_t axis, std::size_t i) const { return at(6 + axis, i); }
+  const Doubles& variance(std::size_t i) const { return at(8, i); }
 
  private:
-  const DoubleLanes& at(std::size_t k, std::size_t i) const {
-    return lanes(&numbers[k * size + i]);
-  }
+  const Doubles& at(std::size_t k, std::size_t i) const { return simd(&numbers[k * size + i]); }
 };
 
-/// kDoubleLanes observations from `i` on, at the pose T_c_w.
+/// kSimdDoubles observations from `i` on, at the pose T_c_w.
 struct LinearisedObservations {
-  decltype(DoubleLanes{} < DoubleLanes{}) behind;
+  decltype(Doubles{} < Doubles{}) behind;
   /// By a left perturbation of T_c_w (SO(3) x R^3): motionFrom(delta) * T_c_w.
   ProjectionJacobian J;
-  DoubleLanes r_x, r_y;    // residual
-  DoubleLanes xx, xy, yy;  // information matrix of the residual
-  DoubleLanes distance2;   // squared Mahalanobis distance
+  Doubles r_x, r_y;    // residual
+  Doubles xx, xy, yy;  // information matrix of the residual
+  Doubles distance2;   // squared Mahalanobis distance
 
   LinearisedObservations(const Eigen::Isometry3d& T_c_w, const ObservationArrays& o,
                          std::size_t i) {
     const Eigen::Matrix4d& T = T_c_w.matrix();
-    DoubleLanes p[3], sigma_c[3];
+    Doubles p[3], sigma_c[3];
     for (int k = 0; k < 3; ++k) {
       sigma_c[k] =
           T(k, 0) * o.sigma_w(0, i) + T(k, 1) * o.sigma_w(1, i) + T(k, 2) * o.sigma_w(2, i);
       p[k] = T(k, 0) * o.p_w(0, i) + T(k, 1) * o.p_w(1, i) + T(k, 2) * o.p_w(2, i) + T(k, 3);
     }
     behind = p[2] < kMinObservedDepth;
-    const DoubleLanes one = {1, 1, 1, 1};
-    const DoubleLanes inverse_z = 1 / (behind ? one : p[2]);
+    const Doubles one = {1, 1, 1, 1};
+    const Doubles inverse_z = 1 / (behind ? one : p[2]);
     J = {p[0] * inverse_z, p[1] * inverse_z, inverse_z};
     r_x = J.ux - o.x(0, i);
     r_y = J.uy - o.x(1, i);
-    const DoubleLanes g_x = inverse_z * (sigma_c[0] - J.ux * sigma_c[2]);
-    const DoubleLanes g_y = inverse_z * (sigma_c[1] - J.uy * sigma_c[2]);
+    const Doubles g_x = inverse_z * (sigma_c[0] - J.ux * sigma_c[2]);
+    const Doubles g_y = inverse_z * (sigma_c[1] - J.uy * sigma_c[2]);
     // (sigma^2 I + g g^T)^-1
-    const DoubleLanes& n2 = o.variance(i);
-    const DoubleLanes inverse_n2 = 1 / n2, h = inverse_n2 / (n2 + g_x * g_x + g_y * g_y);
+    const Doubles& n2 = o.variance(i);
+    const Doubles inverse_n2 = 1 / n2, h = inverse_n2 / (n2 + g_x * g_x + g_y * g_y);
     xx = inverse_n2 - h * g_x * g_x;
     xy = -h * g_x * g_y;
     yy = inverse_n2 - h * g_y * g_y;
@@ -119,27 +117,27 @@ struct LinearisedObservations {
 /// Normal equations with the weights of the kernel.
 GSV_VECTOR_LOOP void sumWeighted(const Eigen::Isometry3d& T_c_w, const ObservationArrays& arrays,
                                  double scale, ProjectionSums* sums) {
-  const DoubleLanes zero = {};
-  for (std::size_t i = 0; i < arrays.size; i += kDoubleLanes) {
+  const Doubles zero = {};
+  for (std::size_t i = 0; i < arrays.size; i += kSimdDoubles) {
     const LinearisedObservations l(T_c_w, arrays, i);
-    const DoubleLanes root = 1 / (1 + l.distance2 / (scale * scale * kGemanMcClure));
-    const DoubleLanes weight = l.behind ? zero : root * root;
+    const Doubles root = 1 / (1 + l.distance2 / (scale * scale * kGemanMcClure));
+    const Doubles weight = l.behind ? zero : root * root;
     sums->add(l.J, weight * l.xx, weight * l.xy, weight * l.yy, l.r_x, l.r_y);
   }
 }
 
 /// Squared Mahalanobis distances, infinite behind the camera, and the normal equations of those
-/// below a limit. distances2: in whole lanes.
+/// below a limit. distances2: padded to whole vectors.
 GSV_VECTOR_LOOP void sumInliers(const Eigen::Isometry3d& T_c_w, const ObservationArrays& arrays,
                                 double limit2, double* distances2, ProjectionSums* sums) {
   const double infinity = std::numeric_limits<double>::infinity();
-  const DoubleLanes infinite = {infinity, infinity, infinity, infinity};
-  const DoubleLanes zero = {}, one = {1, 1, 1, 1};
-  for (std::size_t i = 0; i < arrays.size; i += kDoubleLanes) {
+  const Doubles infinite = {infinity, infinity, infinity, infinity};
+  const Doubles zero = {}, one = {1, 1, 1, 1};
+  for (std::size_t i = 0; i < arrays.size; i += kSimdDoubles) {
     const LinearisedObservations l(T_c_w, arrays, i);
-    const DoubleLanes distance2 = l.behind ? infinite : l.distance2;
-    const DoubleLanes weight = distance2 < limit2 ? one : zero;
-    lanes(distances2 + i) = distance2;
+    const Doubles distance2 = l.behind ? infinite : l.distance2;
+    const Doubles weight = distance2 < limit2 ? one : zero;
+    simd(distances2 + i) = distance2;
     sums->add(l.J, weight * l.xx, weight * l.xy, weight * l.yy, l.r_x, l.r_y);
   }
 }

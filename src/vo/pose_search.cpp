@@ -8,7 +8,6 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
-#include "vo/scaled_patches.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -43,10 +42,123 @@ constexpr float kMinCorrelation = 0.7f;
 constexpr int kMinInliers = 15;
 constexpr double kMinInlierShare = 0.3;
 
-PoseEstimation::Options withThresholds(PoseEstimation::Options options) {
-  options.min_inliers = kMinInliers;
-  options.min_inlier_share = kMinInlierShare;
-  return options;
+/// [grey levels] least standard deviation of a patch; sensor noise has about 1 to 2.
+constexpr double kMinDeviation = 2;
+
+/// Least sum of the squared differences from the mean of a patch. A patch of integers has zero or
+/// more than this; the correlation with a patch of zero becomes about zero.
+constexpr double kMinSquaredNorm = 0.5;
+
+cv::Point2f scaled(const Eigen::Vector2d& u, double scale) {
+  return {static_cast<float>((u.x() + 0.5) * scale - 0.5),
+          static_cast<float>((u.y() + 0.5) * scale - 0.5)};
+}
+
+/// Square patches of one image at several sizes, and their normalised cross-correlation with
+/// another image. "Resized" pixels are those of the other image after its reduction to a width.
+class ScaledPatches {
+ public:
+  static constexpr int kHalf_px = 4, kSide_px = 2 * kHalf_px + 1;  ///< of a patch, resized pixels
+  /// Size k: the image `from` is scaled by factor() * kSizeStep^k before the patch is cut out.
+  static constexpr double kSizeStep = 1.19;
+
+  /// from, to: 8-bit grey, of the camera's size. mask: 0 where both never show the scene; empty:
+  /// none. width: [px] to which `to` is reduced; not enlarged.
+  ScaledPatches(const PinholeCamera& camera, const cv::Mat& from, const cv::Mat& to,
+                const cv::Mat& mask, double width);
+
+  double factor() const { return factor_; }  ///< resized over original pixels
+  cv::Size size() const { return to_.size(); }
+  cv::Point2f resized(const Eigen::Vector2d& u) const;
+  Eigen::Vector2d original(const cv::Point2f& u) const;
+
+  /// Whether a patch around this resized pixel touches the mask.
+  bool isMasked(const cv::Point& u) const;
+  /// 0 at the pixels of a region for which isMasked(); empty without a mask.
+  cv::Mat allowed(const cv::Rect& region) const;
+
+  /// Correlation in [-1, 1] of the patch around a pixel with those around the pixels of a region;
+  /// float, one element per pixel. region: [resized px], reduced to the pixels where the patch
+  /// fits; -1 at those of isMasked(). Empty when there are none, when the patch leaves its image,
+  /// touches the mask or has no texture.
+  cv::Mat correlate(const Eigen::Vector2d& u_from, int size, cv::Rect* region);
+
+ private:
+  const cv::Mat& fromAt(int size);
+
+  const cv::Mat from_;
+  const double factor_;
+  const cv::Mat mask_;
+  cv::Mat to_;       ///< float
+  cv::Mat norm_;     ///< of the patch around each pixel of to_, without its mean
+  cv::Mat allowed_;  ///< of the size of to_, 0 where a patch touches the mask; empty: no mask
+  std::map<int, cv::Mat> from_at_;  ///< by size
+};
+
+ScaledPatches::ScaledPatches(const PinholeCamera& camera, const cv::Mat& from, const cv::Mat& to,
+                             const cv::Mat& mask, double width)
+    : from_(from), factor_(std::min(1.0, width / camera.width)), mask_(mask) {
+  cv::Mat resized, mean, mean_square;
+  cv::resize(to, resized, {}, factor_, factor_, cv::INTER_AREA);
+  resized.convertTo(to_, CV_32F);
+  cv::boxFilter(resized, mean, CV_64F, {kSide_px, kSide_px});
+  cv::sqrBoxFilter(resized, mean_square, CV_64F, {kSide_px, kSide_px});
+  cv::Mat norm;
+  cv::sqrt(cv::max((mean_square - mean.mul(mean)) * kSide_px * kSide_px, kMinSquaredNorm), norm);
+  norm.convertTo(norm_, CV_32F);
+  if (mask.empty()) return;
+  cv::resize(mask != 0, allowed_, to_.size(), 0, 0, cv::INTER_AREA);
+  cv::erode(allowed_ == 255, allowed_, cv::Mat::ones(kSide_px, kSide_px, CV_8U));
+}
+
+bool ScaledPatches::isMasked(const cv::Point& u) const {
+  return !allowed_.empty() && allowed_.at<unsigned char>(u) == 0;
+}
+
+cv::Mat ScaledPatches::allowed(const cv::Rect& region) const {
+  return allowed_.empty() ? cv::Mat() : allowed_(region);
+}
+
+cv::Point2f ScaledPatches::resized(const Eigen::Vector2d& u) const { return scaled(u, factor_); }
+
+Eigen::Vector2d ScaledPatches::original(const cv::Point2f& u) const {
+  return {(u.x + 0.5) / factor_ - 0.5, (u.y + 0.5) / factor_ - 0.5};
+}
+
+cv::Mat ScaledPatches::correlate(const Eigen::Vector2d& u_from, int size, cv::Rect* region) {
+  const cv::Mat& source = fromAt(size);
+  const double scale = factor_ * std::pow(kSizeStep, size);
+  const cv::Point2f centre = scaled(u_from, scale);
+  const bool inside = centre.x >= kHalf_px && centre.y >= kHalf_px &&
+                      centre.x < static_cast<float>(source.cols - kHalf_px - 1) &&
+                      centre.y < static_cast<float>(source.rows - kHalf_px - 1);
+  *region &= cv::Rect(kHalf_px, kHalf_px, to_.cols - kSide_px + 1, to_.rows - kSide_px + 1);
+  if (!inside || region->empty()) return {};
+  const cv::Point2f pixel(static_cast<float>(u_from.x()), static_cast<float>(u_from.y()));
+  // With half a pixel of the resized image, and one for the interpolation.
+  if (touchesMask(mask_, pixel, static_cast<int>(std::ceil((kHalf_px + 1.5) / scale)) + 1)) {
+    return {};
+  }
+  cv::Mat patch, correlation;
+  cv::getRectSubPix(source, {kSide_px, kSide_px}, centre, patch);
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(patch, mean, deviation);
+  if (deviation[0] < kMinDeviation) return {};
+  patch.convertTo(patch, CV_32F, 1 / (kSide_px * deviation[0]),
+                  -mean[0] / (kSide_px * deviation[0]));
+  cv::filter2D(to_(*region), correlation, CV_32F, patch);  // also reads around the region
+  cv::divide(correlation, norm_(*region), correlation);
+  if (!mask_.empty()) correlation.setTo(-1, allowed(*region) == 0);
+  return correlation;
+}
+
+const cv::Mat& ScaledPatches::fromAt(int size) {
+  cv::Mat& result = from_at_[size];
+  if (result.empty()) {
+    const double scale = factor_ * std::pow(kSizeStep, size);
+    cv::resize(from_, result, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
+  }
+  return result;
 }
 
 struct Point {
@@ -64,12 +176,6 @@ std::vector<Point> pointsOf(const LocalMap& map, const std::vector<Feature>& fea
     if (p.z() > 0) points.push_back({&feature, p});
   }
   return points;
-}
-
-double medianDepth(const std::vector<Point>& points) {
-  std::vector<double> depths;
-  for (const Point& point : points) depths.push_back(point.p.z());
-  return median(&depths);
 }
 
 /// Size of the point's patch in the next image; empty if it is too small or too large.
@@ -210,12 +316,14 @@ std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<
 
 PoseSearch::PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
                        const cv::Mat& mask)
-    : camera_(camera), mask_(mask), pose_estimation_(withThresholds(options)) {}
+    : camera_(camera),
+      mask_(mask),
+      pose_estimation_(options.withMinInliers(kMinInliers, kMinInlierShare)) {}
 
-std::optional<PoseSearch::Result> PoseSearch::locate(const LocalMap& map, const MotionModel& motion,
-                                                     const std::vector<Feature>& features,
-                                                     const cv::Mat& previous, const cv::Mat& image,
-                                                     std::int64_t stamp_ns) const {
+std::optional<RelocalisedPose> PoseSearch::locate(const LocalMap& map, const MotionModel& motion,
+                                                  const std::vector<Feature>& features,
+                                                  const cv::Mat& previous, const cv::Mat& image,
+                                                  std::int64_t stamp_ns) const {
   const Eigen::Isometry3d& T_w_previous = motion.T_w_c();
   const std::vector<Point> points = pointsOf(map, features, T_w_previous);
   if (points.size() < kMinRatedPoints) return std::nullopt;
@@ -225,27 +333,19 @@ std::optional<PoseSearch::Result> PoseSearch::locate(const LocalMap& map, const 
   const auto coarse = PoseRating(camera_, points, previous, image, mask_).best(path);
   if (!coarse) return std::nullopt;
 
-  Result result;
+  RelocalisedPose result;
   result.T_w_c = T_w_previous * *coarse;
   for (const auto& [width, reach] : kLevels) {
     ScaledPatches patches(camera_, previous, image, mask_, width);
-    const std::vector<Feature> matches =
-        matchesNear(camera_, points, result.T_w_c.inverse() * T_w_previous, reach, &patches);
-    std::vector<std::size_t> index;  // indices of the observed features in `matches`
-    const auto observations = pointObservations(map, toCorners(camera_, matches), &index);
-    const PoseEstimation::Result pose = pose_estimation_.estimate(result.T_w_c, observations);
-    if (pose.status != PoseStatus::kOk) return std::nullopt;
-    result.T_w_c = pose.T_w_c;
-    result.rotation_sigma = std::sqrt(pose.covariance.diagonal().tail<3>().maxCoeff());
-    result.features.clear();
-    for (std::size_t k = 0; k < index.size(); ++k) {
-      if (pose.inlier[k]) result.features.push_back(matches[index[k]]);
-    }
+    auto pose = poseOfMatches(
+        pose_estimation_, camera_, map, result.T_w_c,
+        matchesNear(camera_, points, result.T_w_c.inverse() * T_w_previous, reach, &patches));
+    if (!pose) return std::nullopt;
+    result = std::move(*pose);
   }
   const double distance = (result.T_w_c.translation() - T_w_previous.translation()).norm();
-  if (!(std::abs(distance - path.norm()) <= maxDeviation(path.norm(), medianDepth(points)))) {
-    return std::nullopt;
-  }
+  const double max_deviation = maxDeviation(path.norm(), map, features, T_w_previous);
+  if (!(std::abs(distance - path.norm()) <= max_deviation)) return std::nullopt;
   return result;
 }
 

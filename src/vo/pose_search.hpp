@@ -1,16 +1,11 @@
 #pragma once
 
-#include <Eigen/Geometry>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/input/camera.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
-#include "ground_scale_vo/vo/pose_estimation.hpp"
-#include "vo/feature.hpp"
-#include "vo/motion_model.hpp"
+#include "vo/relocalisation.hpp"
 
 namespace ground_scale_vo {
 
@@ -23,12 +18,6 @@ namespace ground_scale_vo {
 /// coarse to fine.
 class PoseSearch {
  public:
-  struct Result {
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-    double rotation_sigma = 0;      ///< standard deviation of the least certain axis [rad]
-    std::vector<Feature> features;  ///< those whose patches agree with the pose, in the image
-  };
-
   /// options: of the refinement; own limits replace min_inliers and min_inlier_share. mask: as for
   /// VisualOdometry.
   PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
@@ -37,9 +26,10 @@ class PoseSearch {
   /// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
   /// differ. Takes some tenths of a second. Empty when no pose stands out, when too few patches
   /// agree with it, or when the distance deviates too much from that at the last velocity.
-  std::optional<Result> locate(const LocalMap& map, const MotionModel& motion,
-                               const std::vector<Feature>& features, const cv::Mat& previous,
-                               const cv::Mat& image, std::int64_t stamp_ns) const;
+  std::optional<RelocalisedPose> locate(const LocalMap& map, const MotionModel& motion,
+                                        const std::vector<Feature>& features,
+                                        const cv::Mat& previous, const cv::Mat& image,
+                                        std::int64_t stamp_ns) const;
 
  private:
   const PinholeCamera camera_;

@@ -1,21 +1,20 @@
 #pragma once
 
-#include "common/lanes.hpp"
+#include "common/simd.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 
-/// Derivative of the projections u = p_xy / p_z of kDoubleLanes points by a small motion (w, v)
+/// Derivative of the projections u = p_xy / p_z of kSimdDoubles points by a small motion (w, v)
 /// that moves the points, p -> exp([w]x) p + factor v:
 ///   J = [ -ux uy,    1 + ux^2, -uy, s, 0, -ux s ]
 ///       [ -1 - uy^2, ux uy,     ux, 0, s, -uy s ],  s = factor / p_z.
 struct ProjectionJacobian {
-  DoubleLanes ux, uy, s;
+  Doubles ux, uy, s;
 
   /// J^T v. v: one number per row of J.
-  void multiplyTransposed(const DoubleLanes& v_x, const DoubleLanes& v_y,
-                          DoubleLanes product[6]) const {
-    const DoubleLanes along = ux * v_x + uy * v_y;
+  void multiplyTransposed(const Doubles& v_x, const Doubles& v_y, Doubles product[6]) const {
+    const Doubles along = ux * v_x + uy * v_y;
     product[0] = -v_y - uy * along;
     product[1] = v_x + ux * along;
     product[2] = ux * v_y - uy * v_x;
@@ -27,16 +26,16 @@ struct ProjectionJacobian {
 
 /// Sums over residuals r of projections with information matrices W = [xx, xy; xy, yy].
 struct ProjectionSums {
-  DoubleLanes H[21] = {};        // of J^T W J: lower triangle, row by row
-  DoubleLanes gradient[6] = {};  // of J^T W r
+  Doubles H[21] = {};        // of J^T W J: lower triangle, row by row
+  Doubles gradient[6] = {};  // of J^T W r
 
-  void add(const ProjectionJacobian& J, const DoubleLanes& xx, const DoubleLanes& xy,
-           const DoubleLanes& yy, const DoubleLanes& r_x, const DoubleLanes& r_y) {
-    DoubleLanes product[6];
+  void add(const ProjectionJacobian& J, const Doubles& xx, const Doubles& xy, const Doubles& yy,
+           const Doubles& r_x, const Doubles& r_y) {
+    Doubles product[6];
     J.multiplyTransposed(xx * r_x + xy * r_y, xy * r_x + yy * r_y, product);
     for (int i = 0; i < 6; ++i) gradient[i] += product[i];
     // Column by column, J^T (W J).
-    const DoubleLanes xy_u = J.ux * J.uy, x_1 = 1 + J.ux * J.ux, y_1 = 1 + J.uy * J.uy;
+    const Doubles xy_u = J.ux * J.uy, x_1 = 1 + J.ux * J.ux, y_1 = 1 + J.uy * J.uy;
     J.multiplyTransposed(-xx * xy_u - xy * y_1, -xy * xy_u - yy * y_1, product);
     addColumn(0, product);
     J.multiplyTransposed(xx * x_1 + xy * xy_u, xy * x_1 + yy * xy_u, product);
@@ -68,7 +67,7 @@ struct ProjectionSums {
 
  private:
   static constexpr int index(int row, int column) { return row * (row + 1) / 2 + column; }
-  void addColumn(int column, const DoubleLanes product[6]) {
+  void addColumn(int column, const Doubles product[6]) {
     for (int row = column; row < 6; ++row) H[index(row, column)] += product[row];
   }
 };

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "ground_scale_vo/vo/exposure.hpp"
-#include "vo/patch_tracking.hpp"
+#include "vo/lucas_kanade.hpp"
 
 namespace ground_scale_vo {
 namespace {

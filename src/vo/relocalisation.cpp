@@ -22,18 +22,6 @@ constexpr double kMinCoarseInlierShare = 0.25, kMinFineInlierShare = 0.5;
 /// [normalised coordinates] standard deviation of a matched corner: 2 px at a focal length of 718.
 constexpr double kMatchSigma = 0.003;
 
-/// Median depth of the features' map points; 0 if there are none.
-double medianDepth(const LocalMap& map, const std::vector<Feature>& features,
-                   const Eigen::Isometry3d& T_w_c) {
-  std::vector<double> depths;
-  for (const Feature& feature : features) {
-    if (const auto point = map.point(feature.id)) {
-      depths.push_back((T_w_c.inverse() * point->p_w).z());
-    }
-  }
-  return depths.empty() ? 0 : median(&depths);
-}
-
 /// The matched features at their corners in the image, ordered by id.
 std::vector<Feature> featuresAt(const std::vector<Feature>& features, const Descriptors& image,
                                 const std::vector<DescriptorMatch>& matches) {
@@ -50,53 +38,66 @@ std::vector<Feature> featuresAt(const std::vector<Feature>& features, const Desc
   return result;
 }
 
-PoseEstimation::Options withThresholds(PoseEstimation::Options options, int min_inliers,
-                                       double min_inlier_share) {
-  options.min_inliers = min_inliers;
-  options.min_inlier_share = min_inlier_share;
-  return options;
+}  // namespace
+
+std::optional<RelocalisedPose> poseOfMatches(const PoseEstimation& estimation,
+                                             const PinholeCamera& camera, const LocalMap& map,
+                                             const Eigen::Isometry3d& initial_T_w_c,
+                                             const std::vector<Feature>& matches) {
+  std::vector<std::size_t> index;  // indices of the observed features in `matches`
+  const PoseEstimation::Result pose = estimation.estimate(
+      initial_T_w_c, pointObservations(map, toCorners(camera, matches), &index));
+  if (pose.status != PoseStatus::kOk) return std::nullopt;
+  RelocalisedPose result;
+  result.T_w_c = pose.T_w_c;
+  result.rotation_sigma = std::sqrt(pose.covariance.diagonal().tail<3>().maxCoeff());
+  for (std::size_t k = 0; k < index.size(); ++k) {
+    if (pose.inlier[k]) result.features.push_back(matches[index[k]]);
+  }
+  return result;
 }
 
-}  // namespace
+double maxDeviation(double predicted_distance, const LocalMap& map,
+                    const std::vector<Feature>& features, const Eigen::Isometry3d& T_w_previous) {
+  std::vector<double> depths;
+  for (const Feature& feature : features) {
+    const auto point = map.point(feature.id);
+    const double z = point ? (T_w_previous.inverse() * point->p_w).z() : 0;
+    if (z > 0) depths.push_back(z);
+  }
+  return 0.5 * predicted_distance + 0.1 * (depths.empty() ? 0 : median(&depths));
+}
 
 Relocalisation::Relocalisation(const PinholeCamera& camera, const PoseEstimation::Options& options)
     : camera_(camera),
-      coarse_pose_estimation_(withThresholds(options, kMinCoarseInliers, kMinCoarseInlierShare)),
-      fine_pose_estimation_(withThresholds(options, kMinFineInliers, kMinFineInlierShare)) {}
+      coarse_(options.withMinInliers(kMinCoarseInliers, kMinCoarseInlierShare)),
+      fine_(options.withMinInliers(kMinFineInliers, kMinFineInlierShare)) {}
 
-std::optional<Relocalisation::Result> Relocalisation::locate(
+std::optional<RelocalisedPose> Relocalisation::locate(
     const LocalMap& map, const MotionModel& motion, const std::vector<Feature>& features,
     const Descriptors& previous, const Descriptors& next, std::int64_t stamp_ns) const {
   const Eigen::Isometry3d& T_w_previous = motion.T_w_c();
   const Eigen::Isometry3d predicted = motion.extrapolate(stamp_ns);
   const double distance = (predicted.translation() - T_w_previous.translation()).norm();
-  const double max_deviation = maxDeviation(distance, medianDepth(map, features, T_w_previous));
-  const auto isPlausible = [&](const PoseEstimation::Result& pose) {
-    return pose.status == PoseStatus::kOk &&
-           (pose.T_w_c.translation() - predicted.translation()).norm() <= max_deviation;
-  };
+  const double max_deviation = maxDeviation(distance, map, features, T_w_previous);
   const auto regionAround = [&](const Eigen::Isometry3d& T_w_c, double radius) {
     return SearchRegion{predictPixels(camera_, map, features, T_w_previous, T_w_c),
                         static_cast<float>(radius * camera_.width)};
   };
-  for (const SearchRegion& region : {regionAround(predicted, kSearchRadius), SearchRegion{}}) {
-    const auto coarse_matches =
-        featuresAt(features, next, matchDescriptors(previous, next, region));
-    const PoseEstimation::Result coarse = coarse_pose_estimation_.estimate(
-        predicted, pointObservations(map, toCorners(camera_, coarse_matches)));
-    if (!isPlausible(coarse)) continue;
-    const std::vector<Feature> matched =
-        featuresAt(features, next,
-                   matchDescriptors(previous, next, regionAround(coarse.T_w_c, kFineSearchRadius)));
-    std::vector<std::size_t> index;  // indices of the observed features in `matched`
-    const auto observations = pointObservations(map, toCorners(camera_, matched), &index);
-    const PoseEstimation::Result pose = fine_pose_estimation_.estimate(coarse.T_w_c, observations);
-    if (!isPlausible(pose)) continue;
-    Result result{pose.T_w_c, {}};
-    for (std::size_t k = 0; k < index.size(); ++k) {
-      if (pose.inlier[k]) result.features.push_back(matched[index[k]]);
+  const auto poseFrom = [&](const SearchRegion& region, const PoseEstimation& estimation,
+                            const Eigen::Isometry3d& initial_T_w_c) {
+    auto pose = poseOfMatches(estimation, camera_, map, initial_T_w_c,
+                              featuresAt(features, next, matchDescriptors(previous, next, region)));
+    if (pose && !((pose->T_w_c.translation() - predicted.translation()).norm() <= max_deviation)) {
+      pose.reset();
     }
-    return result;
+    return pose;
+  };
+  for (const SearchRegion& region : {regionAround(predicted, kSearchRadius), SearchRegion{}}) {
+    const auto coarse = poseFrom(region, coarse_, predicted);
+    if (!coarse) continue;
+    auto fine = poseFrom(regionAround(coarse->T_w_c, kFineSearchRadius), fine_, coarse->T_w_c);
+    if (fine) return fine;
   }
   return std::nullopt;
 }

@@ -14,15 +14,30 @@
 
 namespace ground_scale_vo {
 
+/// The pose of an image that does not continue the motion before it.
+struct RelocalisedPose {
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+  double rotation_sigma = 0;      ///< standard deviation of the least certain axis [rad]
+  std::vector<Feature> features;  ///< those that agree with the pose, in the image
+};
+
+/// The pose from features at the pixels of the image where they were found. Empty when too few
+/// agree.
+std::optional<RelocalisedPose> poseOfMatches(const PoseEstimation& estimation,
+                                             const PinholeCamera& camera, const LocalMap& map,
+                                             const Eigen::Isometry3d& initial_T_w_c,
+                                             const std::vector<Feature>& matches);
+
+/// [VO units] largest plausible deviation of a motion from the predicted one, of the given
+/// distance: a share of it, and for a camera that starts to move a share of the median depth of the
+/// features in the previous camera.
+double maxDeviation(double predicted_distance, const LocalMap& map,
+                    const std::vector<Feature>& features, const Eigen::Isometry3d& T_w_previous);
+
 /// Finds the pose of an image in the map where tracking has failed: descriptor matches of the
 /// features, the pose from those with a map point, and a second search around it.
 class Relocalisation {
  public:
-  struct Result {
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-    std::vector<Feature> features;  ///< those whose matches agree with the pose, in the image
-  };
-
   Relocalisation(const PinholeCamera& camera, const PoseEstimation::Options& options);
 
   /// features: of the last tracked image; previous: their descriptors, in the same order. next:
@@ -30,14 +45,15 @@ class Relocalisation {
   /// model predicts, then in the whole image. Empty when too few of them agree, or when the motion
   /// deviates too much from the prediction: objects that move along with the camera, together with
   /// the distant scene, also fit a pose.
-  std::optional<Result> locate(const LocalMap& map, const MotionModel& motion,
-                               const std::vector<Feature>& features, const Descriptors& previous,
-                               const Descriptors& next, std::int64_t stamp_ns) const;
+  std::optional<RelocalisedPose> locate(const LocalMap& map, const MotionModel& motion,
+                                        const std::vector<Feature>& features,
+                                        const Descriptors& previous, const Descriptors& next,
+                                        std::int64_t stamp_ns) const;
 
  private:
   const PinholeCamera camera_;
-  const PoseEstimation coarse_pose_estimation_;
-  const PoseEstimation fine_pose_estimation_;
+  const PoseEstimation coarse_;
+  const PoseEstimation fine_;
 };
 
 }  // namespace ground_scale_vo

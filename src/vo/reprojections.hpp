@@ -4,20 +4,20 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/lanes.hpp"
+#include "common/simd.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 
 /// The residuals of a bundle adjustment: e = q_xy / q_z - x with q = R ray + rho t, where R and t
 /// are the pose of the landmark's anchor in the observer's axes. Residuals with this pose in common
-/// follow each other, so that kDoubleLanes of them are computed at once.
+/// follow each other, so that kSimdDoubles of them are computed at once.
 class Reprojections {
  public:
   /// [numbers] in a row of linearise().
   static constexpr std::size_t kRow = 8;
-  /// Row that is written and has no meaning.
-  static constexpr std::size_t kUnusedRow = 0;
+  /// The padding of the groups is written to this row, which has no meaning.
+  static constexpr std::size_t kPaddingRow = 0;
 
   /// A residual to be added.
   struct Residual {
@@ -49,10 +49,10 @@ class Reprojections {
   void lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows) const;
 
  private:
-  std::vector<std::size_t> begin_;  // of each group, in whole lanes, and the end of the last one
+  std::vector<std::size_t> begin_;  // of each group, in whole vectors, and the end of the last one
   std::vector<std::size_t> landmark_, row_;
   std::vector<double> ray_x_, ray_y_, x_, y_, weight_;
-  // Of the last cost(): rho, q_xy / q_z, 1 / q_z, e, and the squared weight with that of Huber.
+  // From the last cost(): rho, q_xy / q_z, 1 / q_z, e, and the squared weight times Huber's.
   std::vector<double> rho_, u_x_, u_y_, inverse_z_, e_x_, e_y_, information_;
 };
 

@@ -41,7 +41,7 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
     information = 0;
     for (const RayObservation& o : observations) {
       const auto [p, scaled_derivative] = projectOnRay(ray, rho, o.T_c_anchor);
-      if (p.z() < kMinDepthRatio) return std::nullopt;
+      if (p.z() < kMinObserverDepthRatio) return std::nullopt;
       const Eigen::Vector2d residual = p.head<2>() / p.z() - o.x;
       const Eigen::Vector2d J = scaled_derivative / p.z();
       const double weight = 1 / (o.sigma * o.sigma);

@@ -44,6 +44,10 @@ constexpr double kMaxNegativeDepthSigmas = 2;
 constexpr double kSameRotation = 0.02;   // [rad]
 constexpr double kSameDirection = 0.15;  // [rad] of the translations
 
+/// Minimum norm of the normal of an epipolar line [normalised image coordinates times VO units]. A
+/// shorter normal has no direction: the camera has not moved, or the ray points to the epipole.
+constexpr double kMinEpipolarLine = 1e-12;
+
 struct Candidate {
   Eigen::Isometry3d T_2_1 = Eigen::Isometry3d::Identity();
   std::vector<bool> inlier;  // fits, with a positive inverse depth
@@ -111,8 +115,8 @@ void evaluate(const std::vector<cv::Point2d>& x1, const std::vector<cv::Point2d>
     const Eigen::Vector2d observed(x2[i].x, x2[i].y);
     const auto point = triangulate(ray, {{c->T_2_1, observed, threshold}});
     if (!point || point->value < -kMaxNegativeDepthSigmas * point->sigma) continue;
-    const Eigen::Vector3d p2 = c->T_2_1.linear() * ray + point->value * c->T_2_1.translation();
-    const double error = (p2.head<2>() / p2.z() - observed).norm() / threshold;
+    const Eigen::Vector3d p2 = projectOnRay(ray, point->value, c->T_2_1).p;
+    const double error = reprojectionError(p2, observed) / threshold;
     if (error > 1) continue;
     c->cost += error * error - 1;
     c->inlier[i] = point->value > 0;
@@ -266,6 +270,13 @@ std::vector<cv::Point2d> normalisedCoordinates(const PinholeCamera& camera,
 }
 
 }  // namespace
+
+double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_1,
+                     const Eigen::Vector3d& ray_2) {
+  const Eigen::Vector3d line = T_2_1.translation().cross(T_2_1.linear() * ray_1);
+  const double norm = line.head<2>().norm();
+  return norm > kMinEpipolarLine ? std::abs(line.dot(ray_2)) / norm : 0;
+}
 
 void TwoView::Options::validate() const { visitParameters(*this, RangeCheck("two_view/")); }
 

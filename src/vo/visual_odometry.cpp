@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <optional>
 #include <utility>
 
@@ -11,6 +10,7 @@
 #include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
 #include "vo/frame_to_frame_tracking.hpp"
+#include "vo/interruption.hpp"
 #include "vo/map_initialisation.hpp"
 #include "vo/mapping.hpp"
 #include "vo/motion_model.hpp"
@@ -18,19 +18,18 @@
 #include "vo/pose_search.hpp"
 #include "vo/reference_alignment.hpp"
 #include "vo/relocalisation.hpp"
-#include "vo/rotation_chain.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-/// Minimum norm of the normal of an epipolar line [normalised image coordinates times VO units]. A
-/// shorter normal has no direction: the camera has not moved, or the ray points to the epipole.
-constexpr double kMinEpipolarLine = 1e-12;
 
 /// After an interruption, features with a reprojection error above this multiple of
 /// max_reprojection_error are wrong. It exceeds 1 because max_reprojection_error applies after
 /// bundle adjustment, which has fitted poses and points to the observations.
 constexpr double kMaxInconsistency = 2;
+
+/// [image intervals] The pose search begins when more images than this have no texture or are
+/// missing. Irregular stamps of images that follow each other look like fewer.
+constexpr double kMaxMissingImages = 4;
 
 /// [matches] minimum number from which the positions of the other features are predicted.
 constexpr std::size_t kMinPredictingMatches = 25;
@@ -39,30 +38,15 @@ constexpr std::size_t kMinPredictingMatches = 25;
 /// as a share of the change between two intervals: at a constant angular acceleration it is half.
 constexpr double kRotationRateSigma = 0.5;
 
-/// Distance of ray_2 from the epipolar line of ray_1, in normalised image coordinates.
-double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_1,
-                     const Eigen::Vector3d& ray_2) {
-  const Eigen::Vector3d line = T_2_1.translation().cross(T_2_1.linear() * ray_1);
-  const double norm = line.head<2>().norm();
-  return norm > kMinEpipolarLine ? std::abs(line.dot(ray_2)) / norm : 0;
-}
-
-MotionModel motionBetween(const VisualOdometry::StartPose& from,
-                          const VisualOdometry::StartPose& to) {
+MotionModel motionBetween(const StartPose& from, const StartPose& to) {
   MotionModel motion(from.T_w_c, from.stamp_ns);
   motion.update(to.T_w_c, to.stamp_ns);
   return motion;
 }
 
-/// In normalised image coordinates; infinite behind the camera.
-double reprojectionError(const Eigen::Vector3d& p_c, const Eigen::Vector3d& ray) {
-  return p_c.z() > 0 ? (p_c.head<2>() / p_c.z() - ray.head<2>()).norm()
-                     : std::numeric_limits<double>::infinity();
-}
-
 }  // namespace
 
-void VisualOdometry::Options::validate() const {
+void OdometryOptions::validate() const {
   visitParameters(*this, RangeCheck("odometry/"));
   tracker.validate();
   two_view.validate();
@@ -80,7 +64,6 @@ struct VisualOdometry::Impl {
   MapInitialisation initialisation;
   ReferenceAlignment reference_alignment;
   const PoseEstimation pose_estimation;
-  const TwoView two_view;
   const Relocalisation relocalisation;
   const PoseSearch pose_search;
   Mapping mapping;
@@ -93,13 +76,7 @@ struct VisualOdometry::Impl {
   MapStart map_start;
   /// From the last frame with a pose, or from the first image, to the first frame of the next map.
   RotationChain rotation_to_start;
-  /// Images with texture but without a pose, since the last frame with a pose.
-  struct LostImages {
-    int count = 0;
-    std::optional<Descriptors> last;
-    RotationChain rotation;  ///< to the last of them, from the last frame with a pose
-  };
-  LostImages lost;
+  Interruption interruption;
 
   Impl(const PinholeCamera& camera_in, const Options& options_in, const cv::Mat& mask)
       : options((options_in.validate(), options_in)),
@@ -108,10 +85,10 @@ struct VisualOdometry::Impl {
         initialisation(camera, options),
         reference_alignment(camera, options.alignment, options.feature_sigma_aligned),
         pose_estimation(options.pose),
-        two_view(options.two_view),
         relocalisation(camera, options.pose),
         pose_search(camera, options.pose, mask),
-        mapping(camera, options) {}
+        mapping(camera, options),
+        interruption(camera, options.two_view) {}
 
   Output process(const cv::Mat& image, std::int64_t stamp_ns) {
     requireImage(image, camera);
@@ -124,7 +101,7 @@ struct VisualOdometry::Impl {
       ImagePyramid pyramid;
       {
         ScopedTimer timer(&out.times.pyramid);
-        pyramid = tracking.pyramid(image);
+        pyramid = tracking.preprocess(image);
       }
       const std::vector<Feature> visible = status == VoStatus::kInitialising
                                                ? initialise(std::move(pyramid), stamp_ns, &out)
@@ -216,9 +193,9 @@ struct VisualOdometry::Impl {
     const auto matches = matchDescriptors(previous, next);
     if (matches.size() < kMinPredictingMatches) return;
     std::vector<RejectedFeature> rejected_again;
-    std::vector<Feature> again =
-        tracking.track(image, stamp_ns, predictPixels(previous.points(), next.points(), matches),
-                       Eigen::Matrix3d::Identity(), &rejected_again);
+    std::vector<Feature> again = tracking.track(
+        image, stamp_ns, predictPixelsByMatches(previous.points(), next.points(), matches),
+        Eigen::Matrix3d::Identity(), &rejected_again);
     if (again.size() <= found->size()) return;
     *found = std::move(again);
     *rejected = std::move(rejected_again);
@@ -238,33 +215,14 @@ struct VisualOdometry::Impl {
   std::vector<Feature> track(ImagePyramid image, std::int64_t stamp_ns, Output* out) {
     const bool was_lost = status == VoStatus::kLost;
     std::vector<Feature> found = findFeatures(image, stamp_ns, std::nullopt, out);
-    if (!estimatePose(stamp_ns, std::nullopt, &found, out)) {
-      const Descriptors previous = tracking.describeFeatures();
-      Descriptors corners = tracking.describeCorners(image);
-      if (!relocalise(image, stamp_ns, previous, corners, &found, out)) {
-        status = VoStatus::kLost;
-        if (tracking.isTextureless(image, found.size())) return {};
-        std::optional<PoseSearch::Result> searched;
-        // While images follow each other, features that disagree with a pose are evidence against
-        // it. The search ignores them: behind a car that moves along, it would find a pose without
-        // motion. Images that follow each other start a new map before this number of intervals;
-        // one more, because stamps are irregular.
-        if (motion.stepsSince(stamp_ns) > options.lost_frames_before_new_map + 1) {
-          searched = pose_search.locate(mapping.map(), motion, tracking.features(),
-                                        tracking.image().image, image.image, stamp_ns);
-        }
-        if (!searched || !trackFrom(*searched, image, stamp_ns, &found, out)) {
-          const std::optional<RelativeRotation> rotation =
-              searched ? rotationTo(*searched) : rotationBetween(previous, corners);
-          lose(std::move(image), stamp_ns, rotation, std::move(corners), out->frame.sequence);
-          return {};
-        }
-      }
+    if (!estimatePose(stamp_ns, std::nullopt, &found, out) &&
+        !relocalise(&image, stamp_ns, &found, out)) {
+      return {};
     }
     // After an interruption many features are wrong: they would become observations of a keyframe.
     if (was_lost) removeInconsistent(motion.T_w_c(), &found, &out->rejected);
     status = VoStatus::kTracking;
-    lost = {};
+    interruption.end();
     out->frame.keyframe = mapping.needsKeyframe(motion.T_w_c(), found);
     if (!out->frame.keyframe) {
       tracking.advanceUnlessStandstill(std::move(image), stamp_ns, found);
@@ -280,25 +238,46 @@ struct VisualOdometry::Impl {
     return found;
   }
 
-  /// Finds the pose of the image by matching the previous image's features with its corners, and
-  /// tracks the features again from there.
-  bool relocalise(const ImagePyramid& image, std::int64_t stamp_ns, const Descriptors& previous,
-                  const Descriptors& corners, std::vector<Feature>* found, Output* out) {
-    const auto result = relocalisation.locate(mapping.map(), motion, tracking.features(), previous,
-                                              corners, stamp_ns);
-    if (!result) return false;
-    *found = findFeatures(image, stamp_ns, result, out);
-    return estimatePose(stamp_ns, result->T_w_c, found, out);
+  /// Finds the pose of an image in which tracking has failed, by descriptors or by a search.
+  /// Returns false when there is none; after several images with texture a new map starts.
+  bool relocalise(ImagePyramid* image, std::int64_t stamp_ns, std::vector<Feature>* found,
+                  Output* out) {
+    const Descriptors previous = tracking.describeFeatures();
+    Descriptors corners = tracking.describeCorners(*image);
+    auto pose = relocalisation.locate(mapping.map(), motion, tracking.features(), previous, corners,
+                                      stamp_ns);
+    if (pose && trackFrom(*pose, *image, stamp_ns, found, out)) return true;
+    status = VoStatus::kLost;
+    if (tracking.isTextureless(*image, found->size())) return false;
+    pose.reset();
+    // While images follow each other, features that disagree with a pose are evidence against it.
+    // The search ignores them: behind a car that moves along, it would find a pose without motion.
+    if (motion.stepsSince(stamp_ns) - interruption.images() > kMaxMissingImages) {
+      pose = pose_search.locate(mapping.map(), motion, tracking.features(), tracking.image().image,
+                                image->image, stamp_ns);
+    }
+    if (pose && trackFrom(*pose, *image, stamp_ns, found, out)) return true;
+    const auto rotation =
+        pose
+            ? std::make_optional(RelativeRotation{
+                  pose->T_w_c.linear().transpose() * motion.T_w_c().linear(), pose->rotation_sigma})
+            : interruption.rotationBetween(previous, corners);
+    interruption.addImage(rotation, std::move(corners));
+    if (interruption.images() < options.lost_frames_before_new_map) return false;
+    rotation_to_start = interruption.rotation();
+    interruption.end();
+    ++map_id;
+    restart(std::move(*image), stamp_ns, out->frame.sequence);
+    return false;
   }
 
   /// Tracks the features again from the pose found. Most of those that are tracked over a long
   /// interruption are wrong, so the pose is estimated from those that are consistent with it.
-  bool trackFrom(const PoseSearch::Result& searched, const ImagePyramid& image,
-                 std::int64_t stamp_ns, std::vector<Feature>* found, Output* out) {
-    *found = findFeatures(image, stamp_ns,
-                          Relocalisation::Result{searched.T_w_c, searched.features}, out);
-    removeInconsistent(searched.T_w_c, found, &out->rejected);
-    return estimatePose(stamp_ns, searched.T_w_c, found, out);
+  bool trackFrom(const RelocalisedPose& pose, const ImagePyramid& image, std::int64_t stamp_ns,
+                 std::vector<Feature>* found, Output* out) {
+    *found = findFeatures(image, stamp_ns, pose, out);
+    removeInconsistent(pose.T_w_c, found, &out->rejected);
+    return estimatePose(stamp_ns, pose.T_w_c, found, out);
   }
 
   /// Removes the features that are not at the projections of their map points.
@@ -308,7 +287,7 @@ struct VisualOdometry::Impl {
     std::vector<Feature> kept;
     for (const Feature& feature : *found) {
       const auto point = mapping.map().point(feature.id);
-      if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.atStamp())) <
+      if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.atStamp()).head<2>()) <
                         kMaxInconsistency * options.max_reprojection_error) {
         kept.push_back(feature);
       } else {
@@ -318,15 +297,11 @@ struct VisualOdometry::Impl {
     *found = std::move(kept);
   }
 
-  RelativeRotation rotationTo(const PoseSearch::Result& searched) const {
-    return {searched.T_w_c.linear().transpose() * motion.T_w_c().linear(), searched.rotation_sigma};
-  }
-
   /// Tracks the features of the previous image (FrameToFrameTracking), and aligns them to the
   /// patches of the keyframes. relocalised: predicts the pose of the image instead of the motion
   /// model, and supplies features that cannot be tracked.
   std::vector<Feature> findFeatures(const ImagePyramid& image, std::int64_t stamp_ns,
-                                    const std::optional<Relocalisation::Result>& relocalised,
+                                    const std::optional<RelocalisedPose>& relocalised,
                                     Output* out) {
     const auto predict = [&] {
       return relocalised ? relocalised->T_w_c : motion.predict(stamp_ns);
@@ -343,7 +318,7 @@ struct VisualOdometry::Impl {
           predicted.linear().transpose() * T_w_previous.linear(), &out->rejected);
     }
     if (relocalised) addFeatures(relocalised->features, &found, &out->rejected);
-    if (const auto correction = mapping.takeAdjustedMap(&out->times)) {
+    if (const auto correction = mapping.applyAdjustment(&out->times)) {
       motion.correct(*correction);
     }
     ScopedTimer timer(&out->times.align);
@@ -409,23 +384,6 @@ struct VisualOdometry::Impl {
     *found = std::move(kept);
   }
 
-  /// Handles an image with texture but without a pose. rotation: to it from the last image with a
-  /// pose, if known. Starts a new map after several of them.
-  void lose(ImagePyramid image, std::int64_t stamp_ns,
-            const std::optional<RelativeRotation>& rotation, Descriptors corners,
-            std::uint32_t sequence) {
-    RotationChain direct;
-    direct.append(rotation);
-    if (lost.last) lost.rotation.append(rotationBetween(*lost.last, corners));
-    if (!lost.last || direct.sigma() < lost.rotation.sigma()) lost.rotation = direct;
-    lost.last = std::move(corners);
-    if (++lost.count < options.lost_frames_before_new_map) return;
-    rotation_to_start = lost.rotation;
-    lost = {};
-    ++map_id;
-    restart(std::move(image), stamp_ns, sequence);
-  }
-
   /// Adds the features that `found` does not contain.
   static void addFeatures(const std::vector<Feature>& features, std::vector<Feature>* found,
                           std::vector<RejectedFeature>* rejected) {
@@ -439,17 +397,6 @@ struct VisualOdometry::Impl {
                          [&](const Feature& f) { return f.id == feature.id; });
     };
     rejected->erase(std::remove_if(rejected->begin(), rejected->end(), is_found), rejected->end());
-  }
-
-  std::optional<RelativeRotation> rotationBetween(const Descriptors& a,
-                                                  const Descriptors& b) const {
-    std::vector<Eigen::Vector2d> u1, u2;
-    for (const DescriptorMatch& match : matchDescriptors(a, b)) {
-      const cv::Point2f &p1 = a.points()[match.from], &p2 = b.points()[match.to];
-      u1.emplace_back(p1.x, p1.y);
-      u2.emplace_back(p2.x, p2.y);
-    }
-    return two_view.estimateRotation(camera, u1, u2);
   }
 
   void fill(const std::vector<Feature>& visible, VoFrame* frame) const {

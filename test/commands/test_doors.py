@@ -246,7 +246,7 @@ def poses_in(out):
 
 
 def length(positions, last):
-    """Of the path of the last images: the nodelets publish none before the first scale."""
+    """The length of the path of the last images: the nodelets publish none before the first scale."""
     return np.linalg.norm(np.diff(positions[-last:], axis=0), axis=1).sum()
 
 

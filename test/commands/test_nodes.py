@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import rosbag
 import rospy
-from conftest import FRAMES, ROOT, run
+from conftest import FRAMES, ROOT
 from geometry_msgs.msg import Point32, Quaternion
 from sensor_msgs.msg import ChannelFloat32
 
@@ -208,18 +208,6 @@ def test_parts_of_a_recording(monitor, bag, tmp_path, monkeypatch):
         monitor.bag_files("/none/it's.bag")
     with pytest.raises(monitor.PlaybackError, match=re.escape('bag:="$PWD/a.bag $PWD/b.bag"')):
         monitor.bag_files("./a.bag b.bag")
-
-
-def test_files_that_are_no_finished_bag(monitor, bag, tmp_path):
-    active, mcap = tmp_path / "my drive.bag.active", tmp_path / "drive.mcap"
-    active.write_bytes(bag.read_bytes()[:bag.stat().st_size // 2])
-    mcap.write_bytes(b"\x89MCAP0\r\n")
-    with pytest.raises(monitor.PlaybackError, match=f"run rosbag reindex '{active}'$"):
-        monitor.BagSummary(str(active), [bags.IMAGE], bags.INFO)
-    run("/usr/bin/rosbag", "reindex", active)
-    assert 0 < monitor.BagSummary(str(active), [bags.IMAGE], bags.INFO).images < FRAMES
-    with pytest.raises(monitor.PlaybackError, match=f"{mcap} is no bag of ROS 1: convert it"):
-        monitor.BagSummary(str(mcap), [bags.IMAGE], bags.INFO)
 
 
 def test_the_bag_ends_with_its_last_image(monitor, bag, tmp_path):

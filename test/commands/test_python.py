@@ -152,18 +152,6 @@ def test_sequence(gsv, short):
     assert drive.camera[2:6] == pytest.approx(camera_matrix(short)[[0, 1, 0, 1], [0, 1, 2, 2]])
 
 
-def test_damaged_image_is_left_out(gsv, shortest, tmp_path):
-    folder = shutil.copytree(shortest, tmp_path / "drive")
-    for name in ("poses.txt", "ground.txt"):
-        (folder / name).unlink()
-    damaged = folder / "image_0/000001.png"
-    damaged.write_bytes(damaged.read_bytes()[:3000])
-    drive = gsv.open_drive(folder)
-    assert drive.ground_truth is drive.ground_truth_heights is None and not drive.warnings
-    assert len(list(drive)) == 11 and "000001.png: is not a whole PNG" in drive.warnings[0]
-    assert drive.failure.endswith("is damaged: 1 of 12 images cannot be decoded")
-
-
 def test_arrays_of_more_bits_are_those_of_eight(gsv, short, results):
     """The camera uses 12 of 16 bits."""
     _, twelve = processed(gsv, short, lambda image, i: image.astype(np.uint16) * 16 + image // 16)

@@ -19,7 +19,7 @@ class TextFiles : public TemporaryFolder {
   std::string writeError(const std::string& name, std::size_t bytes) const {
     return dataErrorOf([&] { writeFile(folder_ / name, std::string(bytes, 'x')); }, folder_);
   }
-  /// Of the entries of the temporary folder.
+  /// Names of the entries of the temporary folder.
   std::vector<std::string> names() const {
     std::vector<std::string> names;
     for (const auto& entry : fs::directory_iterator(folder_))

@@ -80,7 +80,7 @@ class ScriptedRun {
     vo_.frame.map_id = map_id;
     vo_.frame.T_w_c = ahead(z);
     for (const auto& [sequence, start_z] : start) {
-      VisualOdometry::StartPose pose;
+      StartPose pose;
       pose.sequence = sequence;
       pose.T_w_c = ahead(start_z);
       vo_.start.push_back(pose);

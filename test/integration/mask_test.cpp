@@ -4,7 +4,6 @@
 
 #include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "simulation/scenario_evaluation.hpp"
 #include "support/drive_run.hpp"
 #include "support/textured_hood.hpp"
@@ -38,15 +37,6 @@ TEST_P(Mask, MakesATexturedHoodHarmless) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Hoods, Mask, testing::Values(HoodDrive{0.2, 3}, HoodDrive{0.28, 2}));
-
-TEST(Mask, MustHaveTheSizeOfTheImages) {
-  const SyntheticDrive drive{SyntheticDrive::Options()};
-  const cv::Mat mask(drive.camera().height, drive.camera().width + 1, CV_8U, cv::Scalar(255));
-  EXPECT_THROW(MetricOdometry(drive.camera(), optionsFor(1.65), mask), OptionError);
-  VoFrame frame;
-  frame.camera = drive.camera();
-  EXPECT_THROW(ScaleRecovery(optionsFor(1.65).scale).process(frame, {}, mask), OptionError);
-}
 
 }  // namespace
 }  // namespace ground_scale_vo

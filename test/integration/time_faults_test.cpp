@@ -173,7 +173,7 @@ TEST_F(TimeFaults, LongGapsAreReportedWithoutFalseMotion) {
 TEST_F(TimeFaults, ThirtyImagesPerSecondGiveTheSameDistanceAndSpeed) {
   const SyntheticDrive fast(options(30, 90));
   OfflineRun offline(fast.camera(), optionsFor(fast.cameraHeight()));
-  Eigen::Isometry3d T_o_first, T_c0_first;
+  Eigen::Isometry3d T_o_first = Eigen::Isometry3d::Identity(), T_c0_first = T_o_first;
   bool has_pose = false;
   for (std::size_t i = 0; i < fast.size(); ++i) {
     offline.process(fast.image(i), fast.frame(i).stamp_ns);

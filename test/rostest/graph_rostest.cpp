@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 #include <nav_msgs/Path.h>
 #include <sensor_msgs/CameraInfo.h>
-#include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
@@ -37,14 +36,6 @@ class Graph : public DriveTest<50> {
   static std::string temporaryFile(const std::string& extension) {
     return std::filesystem::temp_directory_path() /
            ("graph_rostest_" + std::to_string(getpid()) + extension);
-  }
-
-  static tf2_msgs::TFMessage tfMessage(const geometry_msgs::TransformStamped& transform,
-                                       const ros::Time& stamp) {
-    tf2_msgs::TFMessage message;
-    message.transforms.push_back(transform);
-    message.transforms[0].header.stamp = stamp;
-    return message;
   }
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <geometry_msgs/TransformStamped.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include <string>
 
@@ -22,6 +23,15 @@ inline geometry_msgs::TransformStamped mounting(const std::string& base_frame,
   mounting.child_frame_id = "camera";
   mounting.pose.pose = toMsg(T_b_c);
   return toTransformMsg(mounting);
+}
+
+/// As published on /tf at a time.
+inline tf2_msgs::TFMessage tfMessage(const geometry_msgs::TransformStamped& transform,
+                                     const ros::Time& stamp) {
+  tf2_msgs::TFMessage message;
+  message.transforms.push_back(transform);
+  message.transforms[0].header.stamp = stamp;
+  return message;
 }
 
 }  // namespace ground_scale_vo

@@ -55,7 +55,7 @@ class FlatRoad {
     return image;
   }
 
-  /// Of the frame that next() returned last.
+  /// Stamp of the frame that next() returned last.
   ros::Time lastStamp() const { return ros::Time(start_s_ + kPeriod * (sequence_ - 1.0)); }
   /// The next frame of the odometry.
   VoFrameMsg::Ptr next() {

@@ -33,7 +33,7 @@ class Time : public DriveTest<50> {
       pair_ = std::make_unique<NodeletPair>(manager_, *drive_, "");
       ASSERT_TRUE(pair_->load());
     }
-    // Of the clock: this test and the manager.
+    // The clock has two subscribers: this test and the manager.
     ASSERT_TRUE(waitUntil([this] {
       return clock_.getNumSubscribers() >= 2 && tf_.connected() && diagnostics_.connected();
     }));

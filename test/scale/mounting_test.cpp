@@ -81,16 +81,6 @@ TEST(Mounting, PitchAndRollAreLimitedTogether) {
   }
 }
 
-TEST(Mounting, EachMotionSigmaBelongsToItsAngle) {
-  Mounting::Options options;
-  options.initial_pitch_sigma = options.initial_roll_sigma = 1e-4;
-  options.pitch_motion_sigma = 0.001;
-  options.roll_motion_sigma = 0.05;
-  const RoadPrior prior = Mounting(options).prior({}, 1);
-  EXPECT_NEAR(prior.pitch_sigma, options.pitch_motion_sigma, 1e-5);
-  EXPECT_NEAR(prior.roll_sigma, options.roll_motion_sigma, 1e-5);
-}
-
 /// A camera that looks to the left by yaw [rad] moves forward; the plane's tilt along the path is
 /// not used.
 class MountingYaw : public testing::TestWithParam<double> {};

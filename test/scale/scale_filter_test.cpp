@@ -294,7 +294,7 @@ TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
 // Measurement errors larger or smaller than modelled change sigma, by a limited factor; the gain
 // does not depend on them.
 TEST(ScaleFilter, SigmaIsScaledByTheNis) {
-  // Of the variances, for an error of ln h. A measurement has a standard deviation of 0.015.
+  // Ratio of the variances, for an error of ln h. A measurement has a standard deviation of 0.015.
   const auto ratio = [](double error) {
     ScaleFilter::Options options, unscaled = withoutNisScaling();
     options.gate_sigma = unscaled.gate_sigma = 1000;

@@ -496,17 +496,6 @@ TEST(ScaleRecovery, IsDeterministicAndResetRestoresTheInitialState) {
   EXPECT_EQ(output_a.pose->covariance, output_b.pose->covariance);
 }
 
-TEST(ScaleRecovery, PaperLiteralRuns) {
-  RoadScene scene = pitchedRoad();
-  scene.depth_noise = 0.002;
-  ScaleRecovery::Options o = recoveryOptions();
-  o.paper_literal = true;
-  ScaleRecovery recovery(o);
-  ScaleRecovery::Output output = run(&recovery, scene, 60);
-  ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
-  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.03);
-}
-
 TEST(ScaleRecovery, UsesThePapersMethodAndNumbersWithPaperLiteral) {
   ScaleRecovery::Options options = recoveryOptions();
   options.random_seed = 7;

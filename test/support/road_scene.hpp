@@ -61,7 +61,7 @@ struct RoadScene {
             Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()))
         .toRotationMatrix();
   }
-  /// Of the road in camera axes, pointing up.
+  /// Normal of the road in camera axes, pointing up.
   Eigen::Vector3d normal() const { return rotation().transpose() * Eigen::Vector3d(0, -1, 0); }
 
   /// Frame of the camera at distance `at` along the road [VO units].

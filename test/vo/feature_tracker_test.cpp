@@ -25,8 +25,8 @@ double distanceFrom(const cv::Rect& rectangle, const cv::Point2d& u) {
   return std::max({0.0, first.x - u.x, u.x - last.x, first.y - u.y, u.y - last.y});
 }
 
-TEST(FeatureDetection, FindsLocalMaximaEverywhereApartFromEachOther) {
-  const cv::Mat image = blurredNoise(1);
+/// The corners are local maxima of OpenCV's corner strength, everywhere in the image.
+void expectCorners(const cv::Mat& image) {
   cv::Mat strength, largest;
   cv::cornerMinEigenVal(image, strength, 5, 3);
   cv::dilate(strength, largest, cv::Mat::ones(3, 3, CV_8U));
@@ -49,6 +49,12 @@ TEST(FeatureDetection, FindsLocalMaximaEverywhereApartFromEachOther) {
     EXPECT_TRUE(detect(tracker, blurredNoise(1, {4, 4})).empty());
     EXPECT_LT(detect(tracker, image, corners).size(), corners.size() / 3);
   }
+}
+
+// With little and with full contrast: no sum of gradients overflows.
+TEST(FeatureDetection, FindsLocalMaximaEverywhereApartFromEachOther) {
+  expectCorners(blurredNoise(1));
+  expectCorners(blurredNoise(1, {800, 248}, 3) > 128);
 }
 
 TEST(FeatureDetection, RejectsEdges) {
@@ -103,7 +109,7 @@ struct Tracked {
     tracks =
         tracker.track(tracker.pyramid(blurredNoise(3)), tracker.pyramid(next), from, predicted);
   }
-  /// Of the points found, from this displacement [px].
+  /// Errors of the points found, from this displacement [px].
   std::vector<double> errors(const cv::Point2f& displacement) const {
     std::vector<double> result;
     for (std::size_t i = 0; i < from.size(); ++i) {

@@ -39,7 +39,7 @@ class MappingTest : public testing::Test {
  protected:
   /// The map of keyframes 0 to n - 1 of the test trajectory, adjusted.
   void makeMap(int n) {
-    mapping_ = std::make_unique<Mapping>(kCamera, VisualOdometry::Options());
+    mapping_ = std::make_unique<Mapping>(kCamera, OdometryOptions());
     map().addKeyframe(keyframePose(0), test::observe(points_, keyframePose(0)));
     for (int k = 1; k < n; ++k) addKeyframe(keyframePose(k), featuresAt(keyframePose(k)));
   }
@@ -48,7 +48,7 @@ class MappingTest : public testing::Test {
                                                const std::vector<Feature>& features,
                                                double exposure = 1) {
     mapping_->addKeyframe(T_w_c, features, blankImage(exposure), &times_);
-    return mapping_->takeAdjustedMap(&times_);
+    return mapping_->applyAdjustment(&times_);
   }
   LocalMap& map() { return mapping_->map(); }
   std::vector<Feature> featuresAt(const Eigen::Isometry3d& T_w_c) const {
@@ -57,11 +57,11 @@ class MappingTest : public testing::Test {
 
   const std::vector<Eigen::Vector3d> points_ = test::farPoints(150);
   std::unique_ptr<Mapping> mapping_;
-  VisualOdometry::Times times_;
+  StageTimes times_;
 };
 
 TEST_F(MappingTest, AKeyframeIsNeededForParallaxToTheLastOrFewTrackedFeatures) {
-  const VisualOdometry::Options options;
+  const OdometryOptions options;
   std::vector<Eigen::Vector3d> points = test::randomPoints(200, 1);
   for (Eigen::Vector3d& p : points) p *= 10 / p.norm();  // all at the same distance
   Mapping mapping(kCamera, options);
@@ -92,7 +92,7 @@ TEST_F(MappingTest, AKeyframeIsNeededForParallaxToTheLastOrFewTrackedFeatures) {
 TEST_F(MappingTest, TheAdjustmentCorrectsTheNewestKeyframe) {
   for (const int keyframes : {1, 5}) {  // also with the landmarks that only now get a depth
     makeMap(keyframes);
-    EXPECT_FALSE(mapping_->takeAdjustedMap(&times_));
+    EXPECT_FALSE(mapping_->applyAdjustment(&times_));
     const Eigen::Isometry3d truth = keyframePose(keyframes);
     const Eigen::Isometry3d disturbed = truth * pose({0.002, -0.001, 0}, {0, 0, 0});
     const auto correction = addKeyframe(disturbed, featuresAt(truth));
@@ -101,7 +101,7 @@ TEST_F(MappingTest, TheAdjustmentCorrectsTheNewestKeyframe) {
     EXPECT_TRUE((*correction * disturbed).isApprox(adjusted, 1e-9));
     EXPECT_LT(test::angleBetween(adjusted, truth), 5e-4);
     EXPECT_LT((adjusted.translation() - truth.translation()).norm(), 0.01);
-    EXPECT_FALSE(mapping_->takeAdjustedMap(&times_)) << "applied once";
+    EXPECT_FALSE(mapping_->applyAdjustment(&times_)) << "applied once";
   }
 }
 
@@ -158,7 +158,7 @@ struct Initialisation {
         initialisation(kCamera, {}),
         mapping(kCamera, {}) {}
 
-  std::optional<std::vector<VisualOdometry::StartPose>> start() {
+  std::optional<std::vector<StartPose>> start() {
     initialisation.restart(3, 1000, first, blankImage().image);
     initialisation.addFrame(4, 2000, second);
     EXPECT_FALSE(initialisation.tryStartMap(second, blankImage(), &mapping)) << "no motion";

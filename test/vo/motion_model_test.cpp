@@ -2,11 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "support/scene.hpp"
 #include "vo/pixel_prediction.hpp"
-#include "vo/rotation_chain.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -56,19 +53,6 @@ TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
   const MotionModel motion = drivenUntil(2);
   expectPose(motion.predict(100 * kFramePeriod), motion.predict(1000 * kFramePeriod));
   expectPose(motion.extrapolate(22 * kFramePeriod), poseAt(2) * pose({0, 2, 0}, {4, 0, 20}));
-}
-
-TEST(RotationChain, IsTheProductOfItsRotations) {
-  const Eigen::Matrix3d R_1_2 = pose({0.1, 0.5, 0}, {0, 0, 0}).linear();
-  const Eigen::Matrix3d R_2_3 = pose({0, 0.2, -0.7}, {0, 0, 0}).linear();
-  RotationChain chain;
-  EXPECT_EQ(chain.sigma(), 0);
-  chain.append(RelativeRotation{R_1_2.transpose(), 0.03});
-  chain.append(RelativeRotation{R_2_3.transpose(), 0.04});
-  EXPECT_TRUE(chain.R_first_last().isApprox(R_1_2 * R_2_3, 1e-12));
-  EXPECT_NEAR(chain.sigma(), 0.05, 1e-12);
-  chain.append(std::nullopt);
-  EXPECT_EQ(chain.sigma(), std::numeric_limits<double>::infinity());
 }
 
 // The points of the left half are at a depth of 5, those of the right half at 20. One in five is

@@ -45,13 +45,13 @@ class WallTest : public testing::Test {
     return kCamera.project(T_v_c.inverse() *
                            (test::kWallDistance * kCamera.ray(features_[feature.id].u)));
   }
-  std::optional<PoseSearch::Result> search(const cv::Mat& image, const cv::Mat& mask = {}) const {
+  std::optional<RelocalisedPose> search(const cv::Mat& image, const cv::Mat& mask = {}) const {
     return PoseSearch(kCamera, {}, mask)
         .locate(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity()), image,
                 test::kAfterGap);
   }
   /// By the descriptors of the features in both images.
-  std::optional<Relocalisation::Result> relocalise(const Eigen::Isometry3d& T_v_c) const {
+  std::optional<RelocalisedPose> relocalise(const Eigen::Isometry3d& T_v_c) const {
     std::vector<cv::Point2f> previous, next;
     for (const Feature& feature : features_) {
       previous.push_back(toCv(feature.u));

@@ -20,12 +20,6 @@ Eigen::Vector2d rollingPixel(const Eigen::Vector3d& p_c, const Vector6d& readout
   return u;
 }
 
-TEST(RollingShutter, ReadoutShareIsZeroInTheMiddle) {
-  EXPECT_EQ(kRollingCamera.readoutShare(239.5), 0);
-  EXPECT_EQ(kRollingCamera.readoutShare(-0.5), -0.5);
-  EXPECT_EQ(kRollingCamera.readoutShare(479.5), 0.5);
-}
-
 TEST(RollingShutter, MapPointsAreShiftedToTheStamp) {
   Vector6d readout_motion;
   readout_motion << 0.002, 0.015, -0.001, 0.01, -0.01, 0.6;

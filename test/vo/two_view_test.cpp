@@ -6,14 +6,12 @@
 #include <cmath>
 #include <random>
 
-#include "ground_scale_vo/vo/triangulation.hpp"
 #include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 using test::angleBetween;
-using test::normalised;
 using test::pose;
 using test::randomPoints;
 using test::roadPoints;
@@ -203,25 +201,6 @@ TEST(TwoView, TheRotationOfPointsOnOneLineIsNoReflection) {
     EXPECT_NEAR(rotation->R_2_1.determinant(), 1, 1e-9) << row;
     EXPECT_LT((rotation->R_2_1 - T_2_1.linear()).norm(), 1e-3) << row;
   }
-}
-
-TEST(Triangulation, ScaledDerivativeMatchesTheNumericDerivative) {
-  const Eigen::Vector3d ray(0.2, -0.1, 1);
-  const Eigen::Isometry3d T = pose({0.02, 0.1, -0.03}, {0.3, 0.1, 0.8});
-  const double rho = 0.15, step = 1e-6;
-  const auto x = [&](double at) { return normalised(projectOnRay(ray, at, T).p); };
-  const RayProjection projection = projectOnRay(ray, rho, T);
-  EXPECT_LT((normalised(T * (ray / rho)) - normalised(projection.p)).norm(), 1e-12);
-  EXPECT_LT(((x(rho + step) - x(rho - step)) / (2 * step) -
-             projection.scaled_derivative / projection.p.z())
-                .norm(),
-            1e-8);
-}
-
-TEST(Triangulation, IsEmptyWithoutBaseline) {
-  const Eigen::Vector3d ray(0.1, 0, 1);
-  EXPECT_FALSE(triangulate(ray, {}));
-  EXPECT_FALSE(triangulate(ray, {{Eigen::Isometry3d::Identity(), ray.head<2>(), 1e-3}}));
 }
 
 }  // namespace

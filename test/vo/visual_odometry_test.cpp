@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -473,22 +472,9 @@ TEST(VisualOdometry, RejectsWrongImagesAndOptions) {
   EXPECT_THROW(odometry.process(cv::Mat(248, 801, CV_8UC1), 0), OptionError);
   EXPECT_THROW(VisualOdometry({}, {}), OptionError);
   EXPECT_THROW(VisualOdometry(camera, {}, cv::Mat(248, 801, CV_8UC1)), OptionError);
-  using Options = VisualOdometry::Options;
-  const std::function<void(Options*)> changes[] = {
-      [](Options* options) { options->keyframe_min_tracked = 2; },
-      [](Options* options) { options->tracker.cell_size = 0; },
-      [](Options* options) { options->tracker.window_px = 10; },      // even
-      [](Options* options) { options->alignment.window_px = 1001; },  // exceeds the memory
-      [](Options* options) { options->two_view.min_matches = 3; },
-      [](Options* options) { options->alignment.min_correlation = 2; },
-      [](Options* options) { options->pose.min_inliers = 2; },
-      [](Options* options) { options->map.keyframes = 1; },
-      [](Options* options) { options->bundle_adjustment.window = 0; }};
-  for (const auto& change : changes) {
-    Options options;
-    change(&options);
-    EXPECT_THROW(VisualOdometry(camera, options), OptionError) << &change - changes;
-  }
+  VisualOdometry::Options even_window;  // the ranges of all options: options_test.cpp
+  even_window.tracker.window_px = 10;
+  EXPECT_THROW(VisualOdometry(camera, even_window), OptionError);
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ std::string format(const char* pattern, Values... values) {
   return text;
 }
 
-/// Of an image: "640x480".
+/// Size of an image: "640x480".
 inline std::string sizeText(double width, double height) {
   return format("%.0fx%.0f", width, height);
 }

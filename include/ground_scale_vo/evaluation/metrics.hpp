@@ -54,7 +54,7 @@ double quantile(std::vector<double> values, double q);
 struct ScaleMetrics {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-  // Of the filtered scale, over the frames that have one and a true scale.
+  // Errors of the filtered scale, over the frames that have one and a true scale.
   double within_2_sigma = kNone;            ///< share whose true scale is within two reported sigma
   double error_median_percent = kNone;      ///< of scale / true - 1, signed
   double error_abs_median_percent = kNone;  ///< of |scale / true - 1|
@@ -116,8 +116,8 @@ RelativePoseError relativePoseError(const RunRecord& record,
 
 /// Consistency of the published covariances with the errors.
 struct CovarianceMetrics {
-  /// Of the relative poses over one length: from every frame with a metric pose at least 1 m of
-  /// ground truth path after the start of the previous segment, to the first frame with a metric
+  /// Relative poses over one length: from every frame with a metric pose at least 1 m of ground
+  /// truth path after the start of the previous segment, to the first frame with a metric
   /// pose farther along the ground truth path than the length. The frames in between may be without
   /// a pose.
   struct Length {

@@ -32,8 +32,9 @@ struct CameraCalibration {
   /// camera, or the wrong number of coefficients. The size is checked where it is known.
   void validate() const;
 
-  /// Of the part `roi` of the images, of which every binning.width x binning.height pixels are
-  /// combined into one. Throws OptionError: the part is not inside the image, or nothing is left.
+  /// Calibration of the part `roi` of the images, in which binning.width x binning.height pixels
+  /// are combined into one. Throws OptionError: the part is not inside the image, or nothing is
+  /// left.
   CameraCalibration ofPart(const cv::Rect2d& roi, const cv::Size& binning) const;
 
   /// "640x480, fx 500, fy 500, cx 320, cy 240, plumb_bob, D (-0.3, 0.1, 0, 0)".

@@ -42,10 +42,11 @@ class KittiSequence {
 
   const std::string& name() const { return name_; }  ///< the folder's own name
   std::size_t size() const { return images_.files.size(); }
-  /// Of the images as they are. It may be that of another size: checkCalibration().
+  /// Calibration of the images as they are, or of another size: checkCalibration().
   const CameraCalibration& calibration() const { return calibration_; }
   const std::string& calibrationSource() const { return calibration_source_; }  ///< file and key
-  /// Of images without distortion. Throws DataError: the calibration is not that of the images.
+  /// Camera of images without distortion. Throws DataError: the calibration is that of other
+  /// images.
   PinholeCamera camera() const;
   std::int64_t stampNs(std::size_t i) const { return stamps_ns_.at(i); }
 

@@ -10,6 +10,7 @@ namespace ground_scale_vo {
 
 class LucasKanade;
 class PyramidSearch;
+struct CornerCriteria;
 
 /// An image with its Gaussian pyramid, computed once for tracking to it and from it.
 struct ImagePyramid {
@@ -77,8 +78,7 @@ class FeatureTracker {
  private:
   bool trackThereAndBack(const cv::Point2f& from_point, int levels, PyramidSearch* there,
                          PyramidSearch* back, const cv::Mat& to, cv::Point2f* point) const;
-  std::vector<cv::Point2f> detectIn(const cv::Mat& image, const cv::Mat& allowed,
-                                    const std::vector<cv::Point2f>& occupied) const;
+  CornerCriteria criteria(int image_width) const;
   int reach() const;
   bool isMasked(const cv::Point2f& u) const;
 

@@ -78,7 +78,7 @@ class LocalMap {
   /// observation is left, and does not increase where only one other is left.
   void updateSigmas();
 
-  /// Of the landmarks with a depth: removes observations with a larger error, in normalised image
+  /// Removes observations of landmarks with a depth that have a larger error, in normalised image
   /// coordinates. Removes a landmark that thereby keeps only the observation in the anchor, and one
   /// whose inverse depth is not positive.
   void removeOutliers(double max_reprojection_error);

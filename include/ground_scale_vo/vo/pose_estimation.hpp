@@ -46,6 +46,10 @@ class PoseEstimation {
     }
     /// Throws OptionError.
     void validate() const;
+    /// The same with other limits of the inliers and of their share.
+    Options withMinInliers(int least, double least_share) const {
+      return {inlier_sigma, least, least_share};
+    }
   };
 
   struct Result {
@@ -53,8 +57,8 @@ class PoseEstimation {
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< valid when kOk
     std::vector<bool> inlier;  ///< one per observation; empty when kTooFewPoints
     int inliers = 0;
-    /// Of the pose, as VoFrame::pose_covariance: sigma^2 (J^T W J)^-1 with the Jacobian J and the
-    /// weights W = 1 / variance of the inliers. sigma^2 is estimated from the residuals, so that it
+    /// As VoFrame::pose_covariance: sigma^2 (J^T W J)^-1 with the Jacobian J and the weights
+    /// W = 1 / variance of the inliers. sigma^2 is estimated from the residuals, so that it
     /// adapts to noise, blur and compression. Zero when it cannot be computed.
     Matrix6d covariance = Matrix6d::Zero();
   };

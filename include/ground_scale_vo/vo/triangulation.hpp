@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -34,7 +35,14 @@ inline RayProjection projectOnRay(const Eigen::Vector3d& ray, double inverse_dep
 
 /// Minimum depth in the observer relative to the depth in the anchor; a point with a smaller ratio
 /// is treated as behind the camera.
-constexpr double kMinDepthRatio = 1e-6;
+constexpr double kMinObserverDepthRatio = 1e-6;
+
+/// Distance between the projection of a point and its observation x, in normalised image
+/// coordinates; infinite behind the camera.
+inline double reprojectionError(const Eigen::Vector3d& p, const Eigen::Vector2d& x) {
+  return p.z() > kMinObserverDepthRatio ? (p.head<2>() / p.z() - x).norm()
+                                        : std::numeric_limits<double>::infinity();
+}
 
 /// Inverse depth with the least squared reprojection error in all observations (without the
 /// anchor's own), by Gauss-Newton. ray: in the anchor, z = 1. Empty when there is no observation or

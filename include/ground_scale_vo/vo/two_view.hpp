@@ -23,6 +23,10 @@ struct RelativeRotation {
   double sigma = 0;  ///< standard deviation per axis [rad]
 };
 
+/// Distance of ray_2 from the epipolar line of ray_1 (z = 1), in normalised image coordinates.
+double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_1,
+                     const Eigen::Vector3d& ray_2);
+
 /// The motion between two images of a static scene, up to scale, from matched pixels (Hartley &
 /// Zisserman, ch. 9 and 13). Both an essential matrix and a homography are estimated, so a planar
 /// scene needs no special case: the motions that either decomposes into are compared by the matches

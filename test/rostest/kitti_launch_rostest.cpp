@@ -248,7 +248,8 @@ TEST_F(KittiBag, TheScaleIsFromTheSpeedOrFromBothAndNeitherIsRefused) {
       continue;
     }
     rosbag::Bag result(recorded.string());
-    rosbag::View scales(result, rosbag::TopicQuery("/scale"));
+    rosbag::View scales(result,
+                        rosbag::TypeQuery(ros::message_traits::datatype<ScaleEstimateMsg>()));
     ScaleEstimateMsg::Ptr last;
     for (const auto& message : scales) last = message.instantiate<ScaleEstimateMsg>();
     ASSERT_TRUE(last) << roslaunch.output();

@@ -124,7 +124,11 @@ void ScaleRecoveryNodelet::onSpeed(const topic_tools::ShapeShifter::ConstPtr& me
     newest_speed_ns_ = speed.stamp_ns;
   } catch (const MessageError& error) {
     speed_error_ = "speed on " + speed_subscriber_.getTopic() + " " + error.what();
-    log_->drop("speed refused", withMissingClock(speed_error_));
+    if (dynamic_cast<const SpeedTypeError*>(&error) != nullptr) {
+      log_->error("speed type", speed_error_);
+    } else {
+      log_->drop("speed refused", withMissingClock(speed_error_));
+    }
   }
 }
 
@@ -190,8 +194,9 @@ void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFr
       mountingWarning(output, report_.turn_axis.upward(), on_tf),
       heightWarning(params_.scale.camera_height, params_.scale.camera_height_sigma, output.scale),
       output.speed_warning};
-  if (params_.scale.use_speed && speeds_.received() == 0) {
-    report_.warnings.back() = "no speed received yet on " + speed_subscriber_.getTopic();
+  if (params_.scale.use_speed && !newest_speed_ns_) {
+    report_.warnings.back() =
+        speed_error_.empty() ? "no speed received yet on " + speed_subscriber_.getTopic() : "";
   }
   if (!speed_reader_.hasVehicleAxes()) {
     report_.warnings.push_back("the velocity on " + speed_subscriber_.getTopic() +

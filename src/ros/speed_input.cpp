@@ -39,11 +39,11 @@ Velocity velocityOf(const topic_tools::ShapeShifter& message) {
       return {stamped->header.stamp, stamped->twist.linear};
     }
   } catch (const ros::Exception& error) {  // another definition of the type, or truncated
-    throw MessageError(std::string("cannot be read: ") + error.what());
+    throw SpeedTypeError(std::string("cannot be read: ") + error.what());
   }
-  throw MessageError("has the type " + message.getDataType() +
-                     ", accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped and "
-                     "geometry_msgs/TwistWithCovarianceStamped");
+  throw SpeedTypeError("has the type " + message.getDataType() +
+                       ", accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped and "
+                       "geometry_msgs/TwistWithCovarianceStamped");
 }
 
 double finiteOrZero(double value) { return std::isfinite(value) ? value : 0; }

@@ -97,7 +97,7 @@ TEST(SpeedReader, AVelocityThatIsNotAlongXHasNoSign) {
 
 TEST(SpeedReader, RefusesWhatIsNoSpeedWithTheReason) {
   SpeedReader reader;
-  expectThrows<MessageError>(
+  expectThrows<SpeedTypeError>(
       [&] { reader.read(received(std_msgs::Float64())); },
       "has the type std_msgs/Float64, accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped "
       "and geometry_msgs/TwistWithCovarianceStamped");

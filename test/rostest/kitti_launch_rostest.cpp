@@ -215,47 +215,40 @@ TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
 }
 
 // The height alone is the case of the other tests.
-TEST_F(KittiBag, TheScaleIsFromTheSpeedOrFromBothAndNeitherIsRefused) {
-  const fs::path bag = writeBag("native");
-  const struct {
-    std::vector<std::string> arguments;
-    int source;
-    double height_tolerance;  ///< [m]
-  } kCases[] = {
-      {{"speed:=/kitti/oxts/gps/vel"}, ScaleEstimateMsg::SOURCE_BOTH, 0.1},
-      {{"speed:=/kitti/oxts/gps/vel", "camera_height:=1.65"}, ScaleEstimateMsg::SOURCE_BOTH, 0},
-      {{"camera_height:="}, ScaleEstimateMsg::SOURCE_NONE, 0},
-  };
-  for (const auto& one : kCases) {
-    SCOPED_TRACE(one.arguments.front());
-    const fs::path recorded = folder_ / "recorded.bag";
-    fs::remove(recorded);
+TEST_F(KittiBag, TheScaleIsFromTheSpeedAloneOrFromBoth) {
+  const std::string bag = writeBag("native");
+  for (const bool is_given : {false, true}) {
+    const fs::path recorded = folder_ / (is_given ? "both.bag" : "speed.bag");
     std::vector<std::string> command{"roslaunch",
                                      "ground_scale_vo",
                                      "kitti.launch",
-                                     "bag:=" + bag.string(),
+                                     "bag:=" + bag,
+                                     "speed:=/kitti/oxts/gps/vel",
                                      "required:=true",
                                      "record:=" + recorded.string(),
                                      "config_dir:=" + folder_.string(),
                                      "rate:=" + std::to_string(2 / kTimeoutFactor)};
-    command.insert(command.end(), one.arguments.begin(), one.arguments.end());
+    if (is_given) command.push_back("camera_height:=1.65");
     ChildProcess roslaunch(command);
     ASSERT_TRUE(roslaunch.waitForEnd()) << roslaunch.output();
-    if (one.source == ScaleEstimateMsg::SOURCE_NONE) {
-      EXPECT_NE(roslaunch.output().find("neither camera_height [m] is set nor use_speed true"),
-                std::string::npos)
-          << roslaunch.output();
-      continue;
-    }
     rosbag::Bag result(recorded.string());
-    rosbag::View scales(result, rosbag::TopicQuery("/scale"));
+    rosbag::View scales(result,
+                        rosbag::TypeQuery(ros::message_traits::datatype<ScaleEstimateMsg>()));
     ScaleEstimateMsg::Ptr last;
     for (const auto& message : scales) last = message.instantiate<ScaleEstimateMsg>();
     ASSERT_TRUE(last) << roslaunch.output();
-    EXPECT_EQ(last->source, one.source);
-    EXPECT_NEAR(last->camera_height, 1.65, one.height_tolerance);
+    EXPECT_EQ(last->source, ScaleEstimateMsg::SOURCE_BOTH);
+    EXPECT_NEAR(last->camera_height, 1.65, is_given ? 0 : 0.1);
     EXPECT_NEAR(last->scale * last->height, last->camera_height, 1e-6);
   }
+}
+
+TEST(GroundScaleVoLaunch, IsRefusedWithoutAHeightAndASpeed) {
+  ChildProcess roslaunch({"roslaunch", "ground_scale_vo", "ground_scale_vo.launch"});
+  ASSERT_TRUE(roslaunch.waitForEnd()) << roslaunch.output();
+  EXPECT_NE(roslaunch.output().find("neither camera_height [m] is set nor use_speed true"),
+            std::string::npos)
+      << roslaunch.output();
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,

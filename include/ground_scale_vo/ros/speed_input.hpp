@@ -7,6 +7,12 @@
 
 namespace ground_scale_vo {
 
+/// The topic has a type that holds no speed.
+class SpeedTypeError : public MessageError {
+ public:
+  using MessageError::MessageError;
+};
+
 /// Converts the messages of the topic `speed`, whose type is found at run time:
 /// nav_msgs/Odometry, geometry_msgs/TwistStamped or geometry_msgs/TwistWithCovarianceStamped.
 ///
@@ -16,9 +22,9 @@ namespace ground_scale_vo {
 class SpeedReader {
  public:
   /// A variance (twist.covariance[0]) that is not positive, not finite or above 100 m^2/s^2 is not
-  /// known: sigma is 0. Components y and z that are not finite count as 0. Throws MessageError,
-  /// whose sentence continues "speed on TOPIC": another type, a stamp of zero, an x that is not
-  /// finite.
+  /// known: sigma is 0. Components y and z that are not finite count as 0. Throws SpeedTypeError,
+  /// and MessageError for a stamp of zero and an x that is not finite; their sentences continue
+  /// "speed on TOPIC".
   SpeedSample read(const topic_tools::ShapeShifter& message);
 
   /// False: a velocity was not along x.

@@ -10,7 +10,7 @@ namespace {
 constexpr std::int64_t kSpeedInterval = 100000000;  ///< [ns]
 constexpr double kSpeedNoise = 0.005;
 constexpr double kSlipFactor = 1.3, kFaultTime = 2;  ///< [s]
-constexpr std::int64_t kSpeedDelay = 200000000;     ///< [ns]
+constexpr std::int64_t kSpeedDelay = 200000000;      ///< [ns]
 constexpr double kKilometresPerHour = 3.6;
 constexpr unsigned kSpeedSeed = 1;
 

@@ -171,7 +171,7 @@ def estimate_height(reader: Any, name: str, arguments: Any, fixes: Callable[[], 
     """Runs the odometry over the drive and writes arguments.out. fixes(): stamps, positions and sigma of --gps."""
     _core.require_new_file(str(arguments.out), arguments.force)
     with tempfile.TemporaryDirectory() as work:
-        result = _core.run(reader, name, 1.0, arguments.set, work, False)
+        result = _core.run(reader, name, 1.0, arguments.set, "", work, False)
         for sentence in result["warnings"]:
             print(f"{name}: {sentence}", file=sys.stderr)
         print(f"{name}: {result['summary']}")

@@ -44,7 +44,7 @@ def add_run(command):
     command.add_argument("--camera", **CAMERA)
     command.add_argument("--refine-camera", action="append_const", dest="set", default=[], const="refine_camera=true",
                          help="estimate the lens error that the calibration has left while driving")
-    command.add_argument("--camera-height", type=float, default=0.0, metavar="M",
+    command.add_argument("--camera-height", type=float, metavar="M",
                          help="of the camera above the road [m]; required without --speed")
     command.add_argument("--speed", type=pathlib.Path, metavar="FILE",
                          help="speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally "
@@ -135,10 +135,10 @@ def run(arguments):
     folder = arguments.out / name
     if folder.resolve() == arguments.input.resolve():
         raise ValueError(f"--out {arguments.out} would write the results to the input")
-    if arguments.camera_height == 0 and not arguments.speed:
+    if arguments.camera_height is None and not arguments.speed:
         raise ValueError("--camera-height is needed, or --speed, see --help")
     reader = opener(arguments.input, arguments)()
-    result = _core.run(reader, name, arguments.camera_height, arguments.set, str(arguments.speed or ""), str(folder),
+    result = _core.run(reader, name, arguments.camera_height or 0.0, arguments.set, str(arguments.speed or ""), str(folder),
                        arguments.strict)
     draw(folder)
     for sentence in result["warnings"]:

@@ -4,11 +4,13 @@
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
+#include "ground_scale_vo/evaluation/speed_file.hpp"
 #include "support/drive_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -30,10 +32,12 @@ int run(const Arguments& arguments) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
+  std::vector<gsv::SpeedSample> speeds;
+  if (!arguments.speed_file.empty()) speeds = gsv::readSpeeds(arguments.speed_file);
   gsv::DriveRun result;
   {
     gsv::RunProgress progress(name, drive->count());
-    result = gsv::runDrive(drive.get(), {arguments.options, arguments.settings, arguments.speeds},
+    result = gsv::runDrive(drive.get(), {arguments.options, arguments.settings, speeds},
                            [&](const gsv::RunFrame& frame) { progress.show(frame); });
   }
   gsv::writeRun(folder, result, arguments.options.scale.camera_height, truth);
@@ -62,6 +66,10 @@ int main(int argc, char** argv) {
                   "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
                   "trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt");
   command_line.options().add_options()  //
+      ("speed", gsv::po::value(&arguments.speed_file)->value_name("FILE"),
+       "speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally sigma, "
+       "or "
+       "the folder oxts/ of a KITTI raw drive")  //
       ("refine-camera", gsv::po::bool_switch(&arguments.options.odometry.refine_camera),
        "estimates the lens while driving and undistorts the images by it; the result goes to "
        "camera.yaml")  //

@@ -3,15 +3,20 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
+#include "ground_scale_vo/evaluation/speed_file.hpp"
+#include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "simulation/scenario_evaluation.hpp"
 #include "simulation/scenarios.hpp"
 #include "simulation/speed_sensor.hpp"
 #include "support/drive_run.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -113,6 +118,30 @@ TEST(Speed, MeasuresWithoutARoadAndConfirmsAStandstill) {
   for (const RunFrame& frame : record.frames()) {
     if (frame.scale.status != ScaleStatus::kHeld) continue;
     EXPECT_EQ(frame.scale.measurement, MeasurementStatus::kStandstill);
+  }
+}
+
+// 1.65 m is KITTI's height.
+TEST(Speed, OfAGpsTeachesTheHeightWithinAHundredMetres) {
+  const std::filesystem::path folder = dataPath("kitti_raw_0926_0039");
+  if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no kitti_raw_0926_0039";
+  const KittiSequence sequence(folder);
+  const std::vector<SpeedSample> speeds = readSpeeds(folder / "speed.csv");
+  for (const double given : {0.0, 1.65 * 1.05}) {
+    OfflineRun::Options options = optionsFor(given);
+    options.scale.use_speed = true;
+    options.scale.camera_height_sigma = 0.1;
+    OfflineRun run(sequence.camera(), options);
+    for (const SpeedSample& speed : speeds) run.addSpeed(speed);
+    double length = 0;
+    for (std::size_t i = 0; i < sequence.size(); ++i) {
+      run.process(sequence.image(i), sequence.stampNs(i));
+      const double before = std::exchange(length, pathLength(run.record().metricPoses()));
+      if (before < 100 && length >= 100) {
+        EXPECT_NEAR(run.record().frames().back().scale.camera_height, 1.65, 0.02);
+      }
+    }
+    EXPECT_NEAR(length, 288.0, 0.005 * 288);  // the integrated speed
   }
 }
 

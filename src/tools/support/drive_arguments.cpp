@@ -2,7 +2,6 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/evaluation/speed_file.hpp"
 
 namespace ground_scale_vo {
 
@@ -18,13 +17,12 @@ void DriveArguments::addTo(CommandLine* command_line, const std::string& out_hel
       "     or, with --camera, a folder of images with times.txt, or a video",
       &drive.path);
   command_line->options().add_options()  //
-      ("camera-height", po::value(&options.scale.camera_height)->value_name("M"),
-       "height of the camera above the road [m]; required without --speed")  //
-      ("speed", po::value(&speed_file)->value_name("FILE"),
-       "speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally sigma, "
-       "or "
-       "the folder oxts/ of a KITTI raw drive")              //
-      ("out", requiredValue(&out, "DIR"), out_help.c_str())  //
+      ("camera-height",
+       po::value(&options.scale.camera_height)->value_name("M")->notifier([](double height) {
+         requireInRange("camera_height", height, kMinCameraHeight, kMaxCameraHeight);
+       }),
+       "height of the camera above the road [m] (required without speeds)")  //
+      ("out", requiredValue(&out, "DIR"), out_help.c_str())                  //
       ("camera", po::value(&drive.camera_file)->value_name("FILE"),
        "calibration of the images as they come, instead of that of the drive: YAML of "
        "camera_calibration, Kalibr, OpenCV, ORB-SLAM or VINS, or calib.txt of KITTI")  //
@@ -41,7 +39,6 @@ void DriveArguments::addTo(CommandLine* command_line, const std::string& out_hel
 void DriveArguments::check() {
   for (const std::string& setting : settings) setOption(options, setting);
   if (!speed_file.empty()) {
-    speeds = readSpeeds(speed_file);
     options.scale.use_speed = true;
   } else if (options.scale.camera_height == 0) {
     throw OptionError("--camera-height is missing, see --help");

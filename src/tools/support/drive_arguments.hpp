@@ -9,14 +9,14 @@
 namespace ground_scale_vo {
 
 /// The arguments of the tools that run the odometry over a drive: SEQ, --camera-height, --out,
-/// --speed, --set, --camera, --mask, --fps and --unrectified.
+/// --set, --camera, --mask, --fps and --unrectified.
 struct DriveArguments {
   DriveInput drive;
   std::string out;
   MetricOdometry::Options options;
   std::vector<std::string> settings;  ///< of --set
-  std::string speed_file;             ///< of --speed; empty: none
-  std::vector<SpeedSample> speeds;    ///< of speed_file, after check()
+  /// Speeds of the vehicle, which replace --camera-height; empty: none. For an option of the tool.
+  std::string speed_file;
 
   /// out_help: of --out.
   void addTo(CommandLine* command_line, const std::string& out_help);

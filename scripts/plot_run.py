@@ -105,31 +105,40 @@ def draw_status(axes, edges, scale):
 
 def draw_scale(file, scale, camera_height, title):
     """As the paper's Fig. 3, over time: the unfiltered camera height,
-    converted to metres with the filtered scale (camera_height * scale / raw_scale), the +-2 sigma
-    band of the filter around the given height, and the distribution of the unfiltered heights;
-    below, the scale and its status."""
+    converted to metres with the filtered scale (height * scale / raw_scale), the +-2 sigma
+    band of the filter around the height, which is given or learned from speeds, and the distribution of
+    the unfiltered heights; below, the scale and its status."""
     figure, grid = plt.subplots(2, 2, figsize=(10, 7), sharey="row", sharex="col",
                                 gridspec_kw={"width_ratios": [4, 1], "hspace": 0.22,
                                              "wspace": 0.05})
     time = scale["stamp"] - scale["stamp"][0]
     known = scale["status"] != "unknown"
-    measured = known & (scale["raw_scale"] > 0)
+    # Of speeds alone, the raw scale is not that of a plane.
+    measured = known & (scale["raw_scale"] > 0) & (scale["source"] != "speed")
+    height = np.where(known & (scale["camera_height"] > 0), scale["camera_height"], np.nan)
     filtered = np.where(known, scale["scale"], np.nan)
     sigma = np.where(known, scale["sigma"], np.nan)
-    heights = camera_height * scale["scale"][measured] / scale["raw_scale"][measured]
+    heights = (height * filtered)[measured] / scale["raw_scale"][measured]
 
     axes = grid[0, 0]
     relative = 2 * sigma / np.where(known, scale["scale"], np.nan)
     axes.plot(time[measured], heights, ".", color=RAW, markersize=3, label="unfiltered")
-    axes.fill_between(time, camera_height * (1 - relative), camera_height * (1 + relative),
+    axes.fill_between(time, height * (1 - relative), height * (1 + relative),
                       color=ESTIMATE, alpha=0.25, linewidth=0, label=r"filtered, $\pm 2\sigma$")
-    axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given: {camera_height:g} m")
+    learned = scale["camera_height_sigma"] > 0
+    if learned.any():
+        band = 2 * np.where(learned, scale["camera_height_sigma"], np.nan)
+        axes.fill_between(time, height - band, height + band, color=TARGET, alpha=0.25, linewidth=0,
+                          label=r"learned, $\pm 2\sigma$")
+    if camera_height > 0:
+        axes.axhline(camera_height, color=TARGET, linewidth=1, label=f"given: {camera_height:g} m")
     axes.set(ylabel="camera height [m]")
     if len(heights):
         low, high = np.percentile(heights, [1, 99])
-        margin = 0.5 * max(high - low, 0.02 * camera_height)
-        axes.set_ylim(min(low, camera_height) - margin, max(high, camera_height) + margin)
-    legend_above(axes, 3)
+        levels = [low, high] + [camera_height] * (camera_height > 0)
+        margin = 0.5 * max(high - low, 0.02 * high)
+        axes.set_ylim(min(levels) - margin, max(levels) + margin)
+    legend_above(axes, 4)
     figure.suptitle(title, x=0.125, ha="left", fontsize="medium", y=0.96)
 
     axes = grid[0, 1]
@@ -141,7 +150,8 @@ def draw_scale(file, scale, camera_height, title):
         axes.axhline(median, color="black", linewidth=1,
                      label=f"median {median:.3f} m\nstd. dev. {deviation:.3f} m")
         legend_above(axes, 1)
-    axes.axhline(camera_height, color=TARGET, linewidth=1)
+    if camera_height > 0:
+        axes.axhline(camera_height, color=TARGET, linewidth=1)
     axes.set_xlabel("frames")
     axes.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator("auto", steps=[1, 2, 5, 10],
                                                             integer=True))

@@ -190,10 +190,8 @@ void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFr
     on_tf = MountingOnTf{frames->base_frame, continuity_.cameraFrame(),
                          frames->T_c_b.linear() * Eigen::Vector3d::UnitZ()};
   }
-  report_.warnings = {
-      mountingWarning(output, report_.turn_axis.upward(), on_tf),
-      heightWarning(params_.scale.camera_height, params_.scale.camera_height_sigma, output.scale),
-      output.speed_warning};
+  report_.warnings = {mountingWarning(output, report_.turn_axis.upward(), on_tf),
+                      output.speed_warning};
   if (params_.scale.use_speed && !newest_speed_ns_) {
     report_.warnings.back() =
         speed_error_.empty() ? "no speed received yet on " + speed_subscriber_.getTopic() : "";

@@ -104,15 +104,6 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
   return unsupported(tf, on_tf->up_c, kEstimateErrorDeg);
 }
 
-std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale) {
-  const double sigma = std::max(given_sigma, scale.camera_height_sigma);
-  if (given == 0 || std::abs(scale.camera_height - given) <= kSigmas * sigma) return {};
-  return format(
-      "the camera height is given as %.2f +- %.2f m, but by the speeds it is %.2f +- %.2f m: "
-      "check the mounting, the load and the unit of the speed",
-      given, given_sigma, scale.camera_height, scale.camera_height_sigma);
-}
-
 std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma) {
   const double height = measured.scale.camera_height, sigma = measured.scale.camera_height_sigma;
   if (height == 0) throw DataError("the camera height is not known yet: drive farther");

@@ -174,7 +174,8 @@ void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEs
   map_->metric = true;
   if (has_pose_) {
     const Eigen::Vector3d motion = scale.scale * T_ref_c.translation();
-    const auto length = speeds.distance(last_stamp_ns_, map_->ref_stamp_ns);
+    const auto length =
+        speeds.agrees() ? speeds.distance(last_stamp_ns_, map_->ref_stamp_ns) : std::nullopt;
     if (dt > 0) {
       bridgeGap(motion / dt, motion.norm() / dt * scale.sigma / scale.scale, length);
     } else {

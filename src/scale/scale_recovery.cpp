@@ -36,7 +36,7 @@ constexpr double kSpeedNoise = 0.004;
 constexpr double kRepeatedSpeedSigma = 0.03;
 /// [m] In a turn the camera and the point whose speed is measured have different paths.
 constexpr double kSpeedLever = 0.3;
-constexpr double kSpeedTimeSigma = 0.1;  ///< [s] standard deviation of the stamps
+constexpr double kSpeedTimeSigma = 0.2;  ///< [s] standard deviation of the stamps
 
 }  // namespace
 
@@ -310,6 +310,7 @@ void ScaleRecovery::Impl::measureSpeed(Output* output) {
   piece.error = map.filter.known() ? piece.log_ratio - std::log(map.filter.scale()) : 0;
   piece.accepted = !has_failed && map.filter.updateSpeed(metres / units, relative_sigma);
   speed_check.add(piece);
+  speeds.setAgrees(piece.accepted);
   map.measured_speed_ns = to->stamp_ns;
   map.speed_accepted_at = piece.accepted ? map.path.newest().travelled : -1;
   if (output->scale.raw_scale == 0) output->scale.raw_scale = metres / units;
@@ -431,6 +432,10 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   output.pose = impl_->trajectory.append(frame, scale, impl_->speeds);
   if (impl_->options.use_speed) {
     output.speed_warning = impl_->speed_check.warning(impl_->speeds, frame.stamp_ns);
+    if (output.speed_warning.empty()) {
+      output.speed_warning =
+          heightWarning(impl_->options.camera_height, impl_->options.camera_height_sigma, scale);
+    }
   }
   output.mounting_pitch = impl_->mounting.pitch();
   output.mounting_roll = impl_->mounting.roll();

@@ -15,6 +15,9 @@ constexpr int kMinRejected = 3;  ///< [pieces] consecutive ones, to be named
 constexpr int kMinSignedPieces = 5;
 constexpr double kMinAlongAxis = 0.5;  ///< of a camera that looks along or against the motion
 
+constexpr double kHeightSigmas = 3;                       ///< of a deviation that is named
+constexpr double kLeastHeight = 0.1, kLargestHeight = 4;  ///< [m] of a camera on a vehicle
+
 // Delay.
 constexpr double kMeanMemory = 5, kSumMemory = 60;  ///< [pieces]
 constexpr double kMinPieces = 8;
@@ -98,6 +101,24 @@ std::string SpeedCheck::warning(const SpeedTrack& speeds, std::int64_t stamp_ns)
            "that looks backwards: only its absolute value is used";
   }
   return "";
+}
+
+std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale) {
+  const double sigma = std::max(given_sigma, scale.camera_height_sigma);
+  if (given == 0) {
+    const bool is_usual = scale.camera_height == 0 || (scale.camera_height > kLeastHeight &&
+                                                       scale.camera_height < kLargestHeight);
+    return is_usual ? ""
+                    : format(
+                          "the camera height is %.2f m by the speeds, which is unusual: "
+                          "check their unit",
+                          scale.camera_height);
+  }
+  if (std::abs(scale.camera_height - given) <= kHeightSigmas * sigma) return {};
+  return format(
+      "the camera height is given as %.2f +- %.2f m, but by the speeds it is %.2f +- %.2f m: "
+      "check the mounting, the load and the unit of the speed",
+      given, given_sigma, scale.camera_height, scale.camera_height_sigma);
 }
 
 }  // namespace ground_scale_vo

@@ -28,9 +28,10 @@ def folder(tmp_path):
         poses = np.tile(np.eye(3, 4), (FRAMES, 1, 1))
         poses[:, 0, 3], poses[:, 1, 3], poses[:, 2, 3] = 0.2 * factor * steps, -5, factor * steps
         np.savetxt(folder / f"{name}.txt", poses.reshape(FRAMES, 12))
-    (folder / "scale.csv").write_text("frame,stamp,status,raw_scale,scale,sigma,map_id,vo_status\n" + "".join(
+    (folder / "scale.csv").write_text("frame,stamp,status,raw_scale,scale,sigma,map_id,vo_status,source,camera_height,"
+                                      "camera_height_sigma\n" + "".join(
         f"{i},{100 + 0.1 * i},{'held' if i in (5, 6) else 'ok'},{1.25 if i != 7 else 0},1.5,0.15,0,"
-        f"{'lost' if i == 9 else 'tracking'}\n" for i in range(FRAMES)))
+        f"{'lost' if i == 9 else 'tracking'},road,1.65,0\n" for i in range(FRAMES)))
     (folder / "timing.csv").write_text("frame,vo_total,scale_total\n" + "".join(
         f"{i},{(i + 1) ** 2 if i < 15 else 0},4\n" for i in range(FRAMES)))
     (folder / "metrics.json").write_text(json.dumps({

@@ -128,17 +128,6 @@ ScaleEstimate learned(double height, double sigma) {
   return scale;
 }
 
-TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {
-  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.58, 0.01)),
-            "the camera height is given as 1.65 +- 0.02 m, but by the speeds it is 1.58 +- 0.01 m: "
-            "check the mounting, the load and the unit of the speed");
-  EXPECT_NE(heightWarning(1.65, 0.02, learned(1.72, 0.01)), "");
-  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.60, 0.01)), "");
-  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.58, 0.03)), "") << "not known well enough yet";
-  EXPECT_EQ(heightWarning(1.65, 0, learned(1.65, 0)), "");
-  EXPECT_EQ(heightWarning(0, 0, learned(1.58, 0.01)), "") << "none is given";
-}
-
 TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
   ScaleRecovery::Output measured = estimate(2, -1, 0.1);
   measured.scale = learned(1.65, 0.01);

@@ -127,5 +127,26 @@ TEST(SpeedCheck, NamesWhatIsWrong) {
   EXPECT_TRUE(contains(SpeedCheck().warning(other_clock, 0), "1000.0 s later than the images"));
 }
 
+ScaleEstimate learned(double height, double sigma) {
+  ScaleEstimate scale;
+  scale.camera_height = height;
+  scale.camera_height_sigma = sigma;
+  return scale;
+}
+
+TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {
+  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.58, 0.01)),
+            "the camera height is given as 1.65 +- 0.02 m, but by the speeds it is 1.58 +- 0.01 m: "
+            "check the mounting, the load and the unit of the speed");
+  EXPECT_NE(heightWarning(1.65, 0.02, learned(1.72, 0.01)), "");
+  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.60, 0.01)), "");
+  EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.58, 0.03)), "") << "not known well enough yet";
+  EXPECT_EQ(heightWarning(1.65, 0, learned(1.65, 0)), "");
+  EXPECT_EQ(heightWarning(0, 0, learned(1.58, 0.01)), "") << "none is given";
+  EXPECT_EQ(heightWarning(0, 0, learned(0, 0)), "") << "not known yet";
+  EXPECT_EQ(heightWarning(0, 0, learned(5.94, 0.05)),
+            "the camera height is 5.94 m by the speeds, which is unusual: check their unit");
+}
+
 }  // namespace
 }  // namespace ground_scale_vo

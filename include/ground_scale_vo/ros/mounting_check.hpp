@@ -41,10 +41,6 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
                             const std::optional<Eigen::Vector3d>& turn_axis_c,
                             const std::optional<MountingOnTf>& on_tf);
 
-/// One sentence with both heights if the one that speeds have taught deviates from the given one
-/// [m] by more than three standard deviations of either; empty: it does not, or none was given.
-std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale);
-
 /// The camera height as a file that `calibrate_height` would write, with the measured mounting.
 /// Throws DataError, one sentence, if speeds have not taught it with an error (95 %) of at most 5
 /// %. given_sigma: of a given height [m], 0 without one.

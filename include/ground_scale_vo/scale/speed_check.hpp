@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/speed_track.hpp"
 
 namespace ground_scale_vo {
@@ -43,5 +44,10 @@ class SpeedCheck {
   double mean_ratio_ = 0, mean_acceleration_ = 0;
   double pieces_ = 0, ratio_squares_ = 0, acceleration_squares_ = 0, products_ = 0;
 };
+
+/// One sentence with both heights if the one that speeds have taught deviates from the given one
+/// [m] by more than three standard deviations of either; or, if none was given (0), is not that of
+/// a vehicle. Empty: neither.
+std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale);
 
 }  // namespace ground_scale_vo

@@ -52,6 +52,11 @@ class SpeedTrack {
   /// stuck.
   bool repeats() const { return repeated_ >= kMinRepeated && repeated_s_ > kMinRepeatedTime; }
 
+  /// Whether the latest speeds agree with the motion of the odometry, as its user has found. Those
+  /// that do not are of no use where the odometry has no pose.
+  bool agrees() const { return agrees_; }
+  void setAgrees(bool agrees) { agrees_ = agrees; }
+
   bool empty() const { return samples_.empty(); }
   const SpeedSample& newest() const { return newest_; }   ///< also one that is left out
   bool jumped() const { return jumped_ns_.has_value(); }  ///< the newest one is left out
@@ -66,6 +71,7 @@ class SpeedTrack {
   void updateRuns(const SpeedSample& sample);
 
   double default_sigma_;
+  bool agrees_ = false;
   SpeedSample newest_;                     ///< also one that is left out
   std::optional<std::int64_t> jumped_ns_;  ///< samples are left out since then
   std::deque<SpeedSample> samples_;        ///< in order of the stamps

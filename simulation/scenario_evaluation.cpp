@@ -88,11 +88,8 @@ RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& imag
   options.scale.use_speed = !known.speeds.empty();
   for (const std::string& setting : settings) setOption(options, setting);
   OfflineRun run(drive.camera(), options, mask);
-  auto speed = known.speeds.begin();
+  run.setSpeeds(known.speeds);
   for (std::size_t i = 0; i < images.size(); ++i) {
-    while (speed != known.speeds.end() && speed->stamp_ns <= drive.frame(i).stamp_ns) {
-      run.addSpeed(*speed++);
-    }
     run.process(images[i], drive.frame(i).stamp_ns);
     if (each) each();
   }

@@ -127,11 +127,8 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   if (!options.speeds.empty()) odometry_options.scale.use_speed = true;
   odometry_options.validate();
   OfflineRun offline(lensOf(camera.givenCalibration()), odometry_options, drive->givenMask());
-  auto speed = options.speeds.begin();
+  offline.setSpeeds(options.speeds);
   while (const auto image = drive->next()) {
-    while (speed != options.speeds.end() && speed->stamp_ns <= image->stamp_ns) {
-      offline.addSpeed(*speed++);
-    }
     if (image->given.empty()) {
       offline.appendUnused(image->stamp_ns);
     } else {

@@ -129,8 +129,7 @@ std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma
          format("# roll: %.2f ± %.2f (95 %%) deg, positive: the right of the camera is lower\n",
                 kDegreesPerRadian * measured.mounting_roll, angle95) +
          "# A base_link on the road below the camera that faces as the camera does, with yaw, "
-         "pitch "
-         "and roll:\n" +
+         "pitch and roll:\n" +
          format(
              "# rosrun tf2_ros static_transform_publisher 0 0 %.3f %.5f %.5f %.5f base_link "
              "CAMERA_FRAME\n",

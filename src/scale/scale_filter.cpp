@@ -35,8 +35,6 @@ constexpr double kMaxSpeedDeviation = 0.05, kSpeedRestartDistance = 40;
 constexpr std::size_t kMinPendingSpeeds = 4;
 /// Of ln of the scale: a speed that deviates by more from the road is one in another unit.
 constexpr double kOtherUnit = 0.5;
-/// Averaging length of the speeds' error [measurements].
-constexpr double kSpeedErrorMemory = 20;
 
 }  // namespace
 
@@ -55,12 +53,12 @@ ScaleFilter::ScaleFilter(const Options& options, const Prior& prior)
 }
 
 void ScaleFilter::startMap() {
-  ScaleFilter next = *this;
+  const ScaleFilter before = *this;
   *this = ScaleFilter(options_, {});
-  prior_height_ = next.prior_height_;
-  height_variance_limit_ = next.height_variance_limit_;
-  state_.tail<2>() = next.state_.tail<2>();
-  covariance_.bottomRightCorner<2, 2>() = next.covariance_.bottomRightCorner<2, 2>();
+  prior_height_ = before.prior_height_;
+  height_variance_limit_ = before.height_variance_limit_;
+  state_.tail<2>() = before.state_.tail<2>();
+  covariance_.bottomRightCorner<2, 2>() = before.covariance_.bottomRightCorner<2, 2>();
 }
 
 bool ScaleFilter::hasCameraHeight() const {
@@ -163,7 +161,6 @@ bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {
   const Eigen::Vector4d H(-1, 0, 1, 1);
   const double innovation = log_scale - std::log(prior_height_) - H.dot(state_);
   const double innovation_variance = H.dot(covariance_ * H) + variance;
-  if (has_speed_) mean_speed_error_ += (innovation - mean_speed_error_) / kSpeedErrorMemory;
   if (innovation * innovation > options_.gate_sigma * options_.gate_sigma * innovation_variance) {
     return restartFromSpeed(log_scale, variance);
   }

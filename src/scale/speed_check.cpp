@@ -72,8 +72,7 @@ std::string SpeedCheck::warning(const SpeedTrack& speeds, std::int64_t stamp_ns)
                      ahead)
                : format(
                      "the newest speed is %.1f s earlier than the images: the sensor is silent, or "
-                     "its "
-                     "clock is another one",
+                     "its clock is another one",
                      -ahead);
   }
   if (speeds.jumped()) {
@@ -97,8 +96,7 @@ std::string SpeedCheck::warning(const SpeedTrack& speeds, std::int64_t stamp_ns)
   }
   if (signed_pieces_ >= kMinSignedPieces && sign_ < -0.5) {
     return "the sign of the speed is opposite to the motion along the optical axis, as for a "
-           "camera "
-           "that looks backwards: only its absolute value is used";
+           "camera that looks backwards: only its absolute value is used";
   }
   return "";
 }

@@ -45,7 +45,7 @@ void SpeedTrack::add(const SpeedSample& sample) {
       return;
     }
   }
-  const bool is_left_out = !samples_.empty() && isLeftOut(sample);
+  const bool is_left_out = !samples_.empty() && updateJump(sample);
   if (!samples_.empty()) updateRuns(sample);
   newest_ = sample;
   has_moved_ = has_moved_ || std::abs(sample.speed) >= kZero;
@@ -66,7 +66,8 @@ bool SpeedTrack::jumps(const SpeedSample& sample) const {
   return std::abs(sample.speed - newest_.speed) > kMinJump + kMaxAcceleration * dt;
 }
 
-bool SpeedTrack::isLeftOut(const SpeedSample& sample) {
+/// Whether the sample is left out.
+bool SpeedTrack::updateJump(const SpeedSample& sample) {
   if (!jumped_ns_) {
     if (jumps(sample)) jumped_ns_ = sample.stamp_ns;
   } else if (jumps(sample) || secondsBetween(*jumped_ns_, sample.stamp_ns) > kMaxJumpTime) {

@@ -68,8 +68,7 @@ int main(int argc, char** argv) {
   command_line.options().add_options()  //
       ("speed", gsv::po::value(&arguments.speed_file)->value_name("FILE"),
        "speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally sigma, "
-       "or "
-       "the folder oxts/ of a KITTI raw drive")  //
+       "or the folder oxts/ of a KITTI raw drive")  //
       ("refine-camera", gsv::po::bool_switch(&arguments.options.odometry.refine_camera),
        "estimates the lens while driving and undistorts the images by it; the result goes to "
        "camera.yaml")  //

@@ -73,7 +73,7 @@ TEST(Speed, CorrectsAWrongHeightOfKnownUncertainty) {
   options.scale.use_speed = true;
   options.scale.camera_height_sigma = 0.1;
   OfflineRun run(straight.drive.camera(), options);
-  for (const SpeedSample& speed : simulateSpeeds(straight.drive)) run.addSpeed(speed);
+  run.setSpeeds(simulateSpeeds(straight.drive));
   for (std::size_t i = 0; i < straight.images.size(); ++i) {
     run.process(straight.images[i], straight.drive.frame(i).stamp_ns);
   }
@@ -132,7 +132,7 @@ TEST(Speed, OfAGpsTeachesTheHeightWithinAHundredMetres) {
     options.scale.use_speed = true;
     options.scale.camera_height_sigma = 0.1;
     OfflineRun run(sequence.camera(), options);
-    for (const SpeedSample& speed : speeds) run.addSpeed(speed);
+    run.setSpeeds(speeds);
     double length = 0;
     for (std::size_t i = 0; i < sequence.size(); ++i) {
       run.process(sequence.image(i), sequence.stampNs(i));

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -76,11 +77,17 @@ class OfflineRun {
   /// image and stamp as for MetricOdometry::process(); decode_ms: for the record. Throws
   /// OptionError. Returns the record of this image; valid until the next call.
   const RunFrame& process(const cv::Mat& image, std::int64_t stamp_ns, double decode_ms = 0) {
+    for (; !speeds_.empty() && speeds_.front().stamp_ns <= stamp_ns; speeds_.pop_front()) {
+      odometry_.addSpeed(speeds_.front());
+    }
     last_ = odometry_.process(image, stamp_ns);
     record_.append(last_.vo, last_.scale, decode_ms);
     return record_.frames().back();
   }
-  void addSpeed(const SpeedSample& speed) { odometry_.addSpeed(speed); }
+  /// Speeds in the order of their stamps; the odometry knows each from its stamp on.
+  void setSpeeds(const std::vector<SpeedSample>& speeds) {
+    speeds_.assign(speeds.begin(), speeds.end());
+  }
   void appendUnused(std::int64_t stamp_ns) { record_.appendUnused(stamp_ns); }
 
   const LensEstimate& lens() const { return odometry_.lens(); }
@@ -89,6 +96,7 @@ class OfflineRun {
 
  private:
   MetricOdometry odometry_;
+  std::deque<SpeedSample> speeds_;  ///< that the odometry does not know yet
   RunRecord record_;
   MetricOdometry::Output last_;
 };

@@ -25,8 +25,7 @@ namespace ground_scale_vo {
 ///  4. A robust Gauss-Newton step corrects m. The errors of the relative poses are marginalised
 ///     out: they shift all patches in common. Steps 3 and 4 are repeated until convergence.
 ///  5. When that fails while the height is not known, a search over height and roll provides
-///  another
-///     start.
+///     another start.
 ///
 /// Regions of a given mask are used in neither image.
 ///

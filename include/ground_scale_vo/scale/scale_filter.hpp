@@ -29,8 +29,9 @@ namespace ground_scale_vo {
 /// ln(h*/h) plus the factor. Both states outlast a map. Without a speed, and with a given h*, they
 /// are constant and the filter is that of the paper.
 ///
-/// The square of sigma() is multiplied by the mean NIS of the latest measurements, accepted or not,
-/// which adapts it to the camera and the road (NIS scaling). The NIS does not influence the gain.
+/// The square of scaleSigma() is multiplied by the mean NIS of the latest measurements, accepted or
+/// not, which adapts it to the camera and the road (NIS scaling). The NIS does not influence the
+/// gain.
 class ScaleFilter {
  public:
   enum class Source : std::uint8_t {
@@ -128,8 +129,6 @@ class ScaleFilter {
   bool hasCameraHeight() const;  ///< cameraHeight() is given or learned
   double cameraHeight() const { return prior_height_ * std::exp(state_[2]); }  ///< h* [m]
   double cameraHeightSigma() const;  ///< standard deviation of cameraHeight() [m]
-  /// Mean of ln of the speeds by the filter's scale, over the latest measurements.
-  double meanSpeedError() const { return mean_speed_error_; }
 
   /// A refined lens replaces the one of the images so far.
   void changeLens();
@@ -177,7 +176,6 @@ class ScaleFilter {
   std::deque<double> pending_speeds_;        ///< consecutive rejected ones: ln of the ratio
   double pending_speeds_since_ = 0;          ///< distance_ at the first
   std::optional<double> speed_accepted_at_;  ///< distance_ at the latest accepted speed
-  double mean_speed_error_ = 0;
 };
 
 }  // namespace ground_scale_vo

@@ -67,7 +67,7 @@ class SpeedTrack {
   static constexpr double kMinRepeatedTime = 1.5;  ///< [s]
 
   bool jumps(const SpeedSample& sample) const;
-  bool isLeftOut(const SpeedSample& sample);
+  bool updateJump(const SpeedSample& sample);
   void updateRuns(const SpeedSample& sample);
 
   double default_sigma_;

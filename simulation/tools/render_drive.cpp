@@ -1,10 +1,13 @@
 // Renders a SyntheticDrive as a KITTI odometry folder with ground truth.
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <iomanip>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -14,6 +17,7 @@
 #include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
+#include "ground_scale_vo/lens/lens.hpp"
 #include "simulation/scenarios.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "simulation/tools/kitti_folder.hpp"
@@ -31,6 +35,8 @@ constexpr int kMaxInteger = 1000000;
 struct Settings {
   std::string folder, scenario, path;  ///< scenario and path: empty for the default drive
   gsv::SyntheticDrive::Options drive;
+  /// With the parameters of calib.txt changed by it; empty: the lens is that of calib.txt.
+  std::optional<gsv::LensVector> lens_error;
   /// Changes requested by the given options; applied to the scenario or to the defaults.
   std::vector<std::function<void()>> changes;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
@@ -50,6 +56,35 @@ void setSize(gsv::PinholeCamera& camera, const std::string& text) {
   camera.cy = (camera.cy + 0.5) * height / camera.height - 0.5;
   camera.width = width;
   camera.height = height;
+}
+
+/// text: K1,K2,CX,CY.
+gsv::LensVector parseLensError(const std::string& text) {
+  std::istringstream fields(text);
+  std::vector<double> values;
+  for (std::string field; std::getline(fields, field, ',');) {
+    values.push_back(gsv::parseNumber<double>(field).value_or(NAN));
+  }
+  const auto isSmall = [](double value) { return std::abs(value) < 20; };
+  if (values.size() != 4 || !std::all_of(values.begin(), values.end(), isSmall)) {
+    throw gsv::OptionError("--lens-error is '" + text + "', not four numbers K1,K2,CX,CY");
+  }
+  gsv::LensVector error;
+  error << 0, values[2], values[3], values[0], values[1];
+  return error;
+}
+
+/// Where a camera without the lens error sees what is in each pixel of one with it.
+cv::Mat pixelsWithoutError(const gsv::PinholeCamera& camera, const gsv::LensVector& error) {
+  const gsv::Lens lens = gsv::boxplus(gsv::Lens(camera), error);
+  cv::Mat pixels(camera.height, camera.width, CV_32FC2);
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const Eigen::Vector2d u = gsv::Lens(camera).project(lens.unproject({x, y}));
+      pixels.at<cv::Vec2f>(y, x) = cv::Vec2d(u.x(), u.y());
+    }
+  }
+  return pixels;
 }
 
 /// Adds the options that change a drive.
@@ -137,10 +172,17 @@ void render(const Settings& settings) {
     tables.T_c0_c.push_back(frame.T_c0_c);
     tables.ground.emplace_back(frame.height, frame.n_c.x(), frame.n_c.y(), frame.n_c.z());
   }
+  cv::Mat pixels;
+  if (settings.lens_error) pixels = pixelsWithoutError(drive.camera(), *settings.lens_error);
   gsv::writeKittiFolder(settings.folder, [&](const fs::path& folder) {
     gsv::ProgressLine progress("render_drive", drive.size());
     gsv::parallelFor(drive.size(), settings.threads, [&](std::size_t i) {
-      gsv::writeKittiImage(folder, i, drive.image(i));
+      cv::Mat image = drive.image(i);
+      if (!pixels.empty()) {
+        cv::remap(image.clone(), image, pixels, cv::noArray(), cv::INTER_CUBIC,
+                  cv::BORDER_REPLICATE);
+      }
+      gsv::writeKittiImage(folder, i, image);
       progress.step("frames");
     });
     gsv::writeKittiTables(folder, tables);
@@ -170,6 +212,12 @@ int main(int argc, char** argv) {
        "frame "
        "for each line. --frames N: only the first N; --speed, --stop, --curvature and --slope have "
        "no effect")  //
+      ("lens-error",
+       po::value<std::string>()->value_name("K1,K2,CX,CY")->notifier([&](const std::string& text) {
+         settings.lens_error = parseLensError(text);
+       }),
+       "the images have this radial distortion and shift of the principal point [px], of which "
+       "calib.txt knows nothing")  //
       ("threads", gsv::numberInRange("--threads", &settings.threads, "N", 1, 256),
        "number of rendering threads");
   addDriveOptions(&settings, &command_line.options());

@@ -1,9 +1,11 @@
 # The Python extension module, built and installed by setup.py: ground_scale_vo._core.
 
-if(Python3_FOUND)
-  # catkin has looked for the interpreter only, and pybind11 then looks no further.
-  find_package(Python3 REQUIRED COMPONENTS Interpreter Development)
-endif()
+# catkin and VTK have looked for the interpreter only, and pybind11 then looks no further.
+foreach(python Python Python3)
+  if(${python}_FOUND)
+    find_package(${python} REQUIRED COMPONENTS Interpreter Development)
+  endif()
+endforeach()
 find_package(pybind11 REQUIRED)
 pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS python/module.cpp python/drives.cpp)
 target_link_libraries(${PROJECT_NAME}_python PRIVATE

@@ -16,9 +16,9 @@ constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-10, kLargestDamping = 
 /// lens by less than this part of a standard deviation.
 constexpr double kConvergedCost = 1e-4, kConvergedSigmas = 0.1;
 constexpr int kCombinationSteps = 4;
-/// [px] Modes of the field that a drive measures with a larger standard deviation are those that
-/// poses, points and lens can absorb.
-constexpr double kMaxModeSigma_px = 0.1;
+/// Modes of the field about which a drive knows less than this part of what it knows about the best
+/// known one are those that poses, points and lens can absorb.
+constexpr double kMinModeInformation = 1e-3;
 
 /// Maximum-likelihood variance of zero-mean values that are measured with known variances, from the
 /// squares of the measured values: the fixed point of the weighted moments.
@@ -117,7 +117,7 @@ void LensSolver::measureErrors(const System& system) {
   std::vector<double> squares, variances;  // of the amplitudes of the modes [px^2]
   for (Eigen::Index k = 0; k < kField; ++k) {
     const double information = modes.eigenvalues()[k];
-    if (information * kMaxModeSigma_px * kMaxModeSigma_px < dispersion_) continue;
+    if (information < kMinModeInformation * modes.eigenvalues().maxCoeff()) continue;
     const double amplitude = modes.eigenvectors().col(k).dot(g) / information;
     squares.push_back(amplitude * amplitude);
     variances.push_back(dispersion_ / information);

@@ -61,13 +61,19 @@ def on_full_disk(kib):
     return {"preexec_fn": limit}
 
 
+def assert_one_sentence(text, stderr):
+    """A command wrote one sentence, which contains the text. Beside it may stand the progress of a run of more than
+    ten seconds, on a slow machine, and warnings of OpenCV 4.10 and ROS 1.17."""
+    others = r"\w+: \d+/\d+ |\[ WARN:|Warning: class_loader|\s+at line \d+ in "
+    sentences = [line for line in stderr.splitlines() if not re.match(others, line)]
+    assert len(sentences) == 1 and text in sentences[0], stderr
+
+
 def assert_refused(status, text, command, *arguments, **options):
     """The command exits with this status and one sentence on stderr that contains the text."""
     done = run(command, *arguments, check=False, **options)
-    # A run of more than ten seconds, on a slow machine, also reports its progress.
-    sentences = [line for line in done.stderr.splitlines() if not re.match(r"\w+: \d+/\d+ ", line)]
     assert done.returncode == status, done.stdout + done.stderr
-    assert len(sentences) == 1 and text in sentences[0], done.stderr
+    assert_one_sentence(text, done.stderr)
 
 
 def assert_played(output, results, frames=FRAMES):

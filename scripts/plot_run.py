@@ -18,6 +18,7 @@ import numpy as np  # noqa: E402
 GROUND_TRUTH, ESTIMATE, RAW, TARGET = "0.35", "tab:blue", "tab:green", "tab:red"
 PLOTS = ("trajectory", "scale", "timing")
 STATUS_COLOURS = {"ok": "tab:green", "held": "tab:orange", "unknown": "0.7", "lost": "tab:red"}
+SOURCE_COLOURS = {"road": "tab:cyan", "speed": "tab:purple", "road and speed": "tab:blue"}
 
 
 def read_positions(file):
@@ -92,13 +93,12 @@ def draw_trajectory(file, estimate, ground_truth, title):
     save(figure, file)
 
 
-def draw_status(axes, edges, scale):
-    """A bar at the bottom with the status of each frame, from it to the next one."""
-    state = np.where(scale["vo_status"] == "lost", "lost", scale["status"])
-    for name, colour in STATUS_COLOURS.items():
-        chosen = np.flatnonzero(state == name)
+def draw_bar(axes, edges, states, colours, bottom):
+    """A bar with the state of each frame, from it to the next one."""
+    for name, colour in colours.items():
+        chosen = np.flatnonzero(states == name)
         if len(chosen):
-            axes.broken_barh([(edges[i], edges[i + 1] - edges[i]) for i in chosen], (0, 0.03),
+            axes.broken_barh([(edges[i], edges[i + 1] - edges[i]) for i in chosen], (bottom, 0.03),
                              color=colour, linewidth=0, transform=axes.get_xaxis_transform(),
                              label=f"{name}: {len(chosen)} frames")
 
@@ -166,7 +166,11 @@ def draw_scale(file, scale, camera_height, title):
     for number, change in enumerate(np.flatnonzero(np.diff(scale["map_id"]))):
         axes.axvline(time[change], color="black", linewidth=0.8, linestyle=":",
                      label="" if number else "new map")
-    draw_status(axes, np.append(time, time[-1]), scale)
+    edges = np.append(time, time[-1])
+    draw_bar(axes, edges, np.where(scale["vo_status"] == "lost", "lost", scale["status"]), STATUS_COLOURS, 0)
+    if np.isin(scale["source"], ["speed", "both"]).any():
+        sources = np.where(scale["source"] == "both", "road and speed", scale["source"])
+        draw_bar(axes, edges, sources, SOURCE_COLOURS, 0.04)
     axes.set(xlabel="time [s]", ylabel="scale [m per unit of the odometry]")
     if np.any(known):
         # Limits from percentiles: the band is wide in the first frames of a map.

@@ -38,8 +38,9 @@ def open_messages(topic: str, count: int, messages: Iterator[Tuple[Any, ...]], i
     """messages: (stamp_ns, encoding or format, is_compressed, is_bigendian, height, width, step, data); infos: the
     fields of CameraInfo, of which the first valid one is used."""
 
-def road_normal(pitch: float, roll: float) -> ndarray:
-    """Unit, up, in camera axes [rad]."""
+def height_yaml(source: str, height: float, error95: float) -> str: ...
+def mounting_comments(height: float, pitch: float, pitch95: float, roll: float, roll95: float) -> str:
+    """Angles in rad."""
 def pitch_of(normal: ndarray) -> float: ...
 def roll_of(normal: ndarray) -> float: ...
 

@@ -25,9 +25,6 @@ class Estimate(NamedTuple):
     value: float
     error95: float  # half width of the 95 % interval
 
-    def __format__(self, form: str) -> str:
-        return f"{self.value:{form}} ± {self.error95:{form}} (95 %)"
-
 
 class Track:
     """The odometry's result for a part of a drive, from its files. stamp [s]; p: N x 3 positions [camera heights];
@@ -134,21 +131,13 @@ def mounting_text(track: Track, height: float) -> str:
     """Comments with pitch and roll of the camera, and its transform. Their means over segments hide the vehicle's."""
     moved = np.append(0, np.linalg.norm(np.diff(track.p, axis=0), axis=1))
     segment = (np.cumsum(moved) / SEGMENT_LENGTH).astype(int)
-    angles = np.degrees([[_core.pitch_of(n), _core.roll_of(n)] for n in track.normal]).T
+    angles = np.array([[_core.pitch_of(n), _core.roll_of(n)] for n in track.normal]).T
     counts = np.bincount(segment, track.is_measured)
     if (counts > 0).sum() < 3:
         return "# Its pitch and roll are not known: the drive is too short, or the road was measured too rarely.\n"
     pitch, roll = (mean_of(np.bincount(segment, angle * track.is_measured)[counts > 0] / counts[counts > 0],
                            counts[counts > 0]) for angle in angles)
-    up = _core.road_normal(*np.radians([pitch.value, roll.value]))
-    forward = np.array([0, 0, 1]) - up[2] * up
-    forward /= np.linalg.norm(forward)
-    R = np.array([forward, np.cross(up, forward), up])  # base from camera
-    angles = np.arctan2(R[1, 0], R[0, 0]), -np.arcsin(R[2, 0]), np.arctan2(R[2, 1], R[2, 2])
-    return (f"# pitch: {pitch:.2f} deg, positive looks down\n# roll: {roll:.2f} deg, positive: the right of the camera is "
-            "lower\n# A base_link on the road below the camera that faces as the camera does, with yaw, pitch and roll:\n"
-            f"# rosrun tf2_ros static_transform_publisher 0 0 {height:.3f} {' '.join(f'{a:.5f}' for a in angles)} "
-            "base_link CAMERA_FRAME\n")
+    return str(_core.mounting_comments(height, *pitch, *roll))
 
 
 def read_trajectory(file: pathlib.Path, image_stamps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
@@ -193,8 +182,7 @@ def estimate_height(reader: Any, name: str, arguments: Any, fixes: Callable[[], 
     if error > MAX_ERROR:
         raise DataError(f"the height would be {height.value:.2f} m, but uncertain by {100 * error:.1f} % (95 %), more than "
                         f"{100 * MAX_ERROR:.1f} %: drive farther, or measure the length better")
-    text = (f"# From {source}.\ncamera_height: {height.value:.4f}  # [m] ± {height.error95:.4f} (95 %), {100 * error:.2f} %\n"
-            f"# The mounting of the camera, for tf; the scale does not need it.\n{mounting_text(track, height.value)}")
+    text = _core.height_yaml(source, *height) + mounting_text(track, height.value)
     print(text, end="")
     write({arguments.out: text.encode()})
 

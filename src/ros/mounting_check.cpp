@@ -8,6 +8,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/common/text.hpp"
+#include "ground_scale_vo/scale/height_file.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 
 namespace ground_scale_vo {
@@ -104,7 +105,7 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
   return unsupported(tf, on_tf->up_c, kEstimateErrorDeg);
 }
 
-std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma) {
+std::string learnedHeightYaml(const ScaleRecovery::Output& measured, double given_sigma) {
   const double height = measured.scale.camera_height, sigma = measured.scale.camera_height_sigma;
   if (height == 0) throw DataError("the camera height is not known yet: drive farther");
   if (sigma == 0) throw DataError("the given camera_height is exact, as camera_height_sigma is 0");
@@ -116,25 +117,10 @@ std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma
                "error is %.1f %% (95 %%); drive farther",
                height, percent));
   }
-  const double angle95 = kSigmas95 * kDegreesPerRadian * measured.mounting_sigma;
-  const Eigen::Vector3d up = roadNormal(measured.mounting_pitch, measured.mounting_roll);
-  const Eigen::Vector3d forward = (Eigen::Vector3d::UnitZ() - up.z() * up).normalized();
-  Eigen::Matrix3d R_b_c;
-  R_b_c << forward.transpose(), up.cross(forward).transpose(), up.transpose();
-  return "# From the speeds of the vehicle.\n" +
-         format("camera_height: %.4f  # [m] ± %.4f (95 %%), %.2f %%\n", height, error95, percent) +
-         "# The mounting of the camera, for tf; the scale does not need it.\n" +
-         format("# pitch: %.2f ± %.2f (95 %%) deg, positive looks down\n",
-                kDegreesPerRadian * measured.mounting_pitch, angle95) +
-         format("# roll: %.2f ± %.2f (95 %%) deg, positive: the right of the camera is lower\n",
-                kDegreesPerRadian * measured.mounting_roll, angle95) +
-         "# A base_link on the road below the camera that faces as the camera does, with yaw, "
-         "pitch and roll:\n" +
-         format(
-             "# rosrun tf2_ros static_transform_publisher 0 0 %.3f %.5f %.5f %.5f base_link "
-             "CAMERA_FRAME\n",
-             height, std::atan2(R_b_c(1, 0), R_b_c(0, 0)), -std::asin(R_b_c(2, 0)),
-             std::atan2(R_b_c(2, 1), R_b_c(2, 2)));
+  const double angle95 = kSigmas95 * measured.mounting_sigma;
+  return heightYaml("the speeds of the vehicle", {height, error95}) +
+         mountingComments(height, {measured.mounting_pitch, angle95},
+                          {measured.mounting_roll, angle95});
 }
 
 }  // namespace ground_scale_vo

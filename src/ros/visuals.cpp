@@ -162,6 +162,8 @@ void drawGroundGrid(Canvas& canvas, const PinholeCamera& camera, const ScaleEsti
 void drawScale(Canvas& canvas, const ScaleRecovery::Output& output) {
   const ScaleEstimate& scale = output.scale;
   std::string first = toString(scale.status);
+  if (scale.source == ScaleSource::kSpeed) first += " by speeds";
+  if (scale.source == ScaleSource::kBoth) first += " by road and speeds";
   if (scale.measurement != MeasurementStatus::kMeasured)
     first += std::string(", ") + toString(scale.measurement);
   if (scale.status != ScaleStatus::kUnknown) {

@@ -131,7 +131,7 @@ ScaleEstimate learned(double height, double sigma) {
 TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
   ScaleRecovery::Output measured = estimate(2, -1, 0.1);
   measured.scale = learned(1.65, 0.01);
-  EXPECT_EQ(heightYaml(measured, 0),
+  EXPECT_EQ(learnedHeightYaml(measured, 0),
             "# From the speeds of the vehicle.\n"
             "camera_height: 1.6500  # [m] ± 0.0219 (95 %), 1.33 %\n"
             "# The mounting of the camera, for tf; the scale does not need it.\n"
@@ -146,7 +146,7 @@ TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
 TEST(CameraHeight, IsNotSavedBeforeSpeedsHaveTaughtIt) {
   ScaleRecovery::Output measured = estimate(0, 0, 0.1);
   const auto expectRefused = [&](double given_sigma, const char* reason) {
-    expectThrows<DataError>([&] { heightYaml(measured, given_sigma); }, reason);
+    expectThrows<DataError>([&] { learnedHeightYaml(measured, given_sigma); }, reason);
   };
   expectRefused(0, "not known yet");
   measured.scale = learned(1.65, 0);
@@ -156,7 +156,7 @@ TEST(CameraHeight, IsNotSavedBeforeSpeedsHaveTaughtIt) {
   measured.scale = learned(1.65, 0.019);
   expectRefused(0.02, "speeds have not taught it yet");
   measured.scale = learned(1.65, 0.01);
-  EXPECT_NO_THROW(heightYaml(measured, 0.02));
+  EXPECT_NO_THROW(learnedHeightYaml(measured, 0.02));
 }
 
 }  // namespace

@@ -44,6 +44,6 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
 /// The camera height as a file that `calibrate_height` would write, with the measured mounting.
 /// Throws DataError, one sentence, if speeds have not taught it with an error (95 %) of at most 5
 /// %. given_sigma: of a given height [m], 0 without one.
-std::string heightYaml(const ScaleRecovery::Output& measured, double given_sigma);
+std::string learnedHeightYaml(const ScaleRecovery::Output& measured, double given_sigma);
 
 }  // namespace ground_scale_vo

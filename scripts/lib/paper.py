@@ -45,6 +45,11 @@ SOURCES = {
              "sequence, with a lens that differs from the published one as KITTI's does (render_drive --lens-error "
              "0.02,-0.007,1.5,1.5). Real images are more difficult; the figures of other systems are those on real images."}
 
+EXPLANATION = (
+    "The *published* lens is that of calib.txt; the *estimated* one is the result of `scripts/calibrate_camera` on the sequence "
+    "(NN.yaml), or the published one where the sequence does not determine the lens. A mean is the plain mean of a column's "
+    "complete sequences. The paper's Table I has its two columns exchanged; its relative errors (RLE) are recomputed from them.")
+
 
 def with_run_time(figures, folders):
     """Adds the median time of each stage over the frames in which it ran [ms]."""
@@ -101,10 +106,7 @@ def tables(figures):
 
 def write(part, figures, to):
     texts = ["# The paper's tables and figures", SOURCES[part],
-             "The *published* lens is that of calib.txt; the *estimated* one is the result of `scripts/calibrate_camera` on the "
-             "sequence (NN.yaml), or the published one where the sequence does not determine the lens. "
-             "A mean is the plain mean of a column's complete sequences. The paper's Table I has its two columns exchanged; its "
-             "relative errors (RLE) are recomputed from them. Figs. 3 and 4: scale.png and trajectory.png of each sequence."]
+             f"{EXPLANATION} Figs. 3 and 4: scale.png and trajectory.png of each sequence."]
     for heading, text in tables(figures):
         texts += [f"## {heading}", text]
     (to / "report.md").write_text("\n\n".join(texts) + "\n", encoding="utf-8")

@@ -2,6 +2,7 @@
 
 import math
 
+import paper
 from benchmark import tables as benchmark_tables
 from environment import markdown, mean
 
@@ -104,6 +105,10 @@ def sections(results, descriptions):
     if "faults" in results:
         faults = results["faults"]
         yield "Faults", (f"{faults['violated']} of {len(faults['drives'])} drives with a violated threshold."), [fault_table(faults)]
+    for part, title in (("kitti", "Whole KITTI sequences"), ("paths", "Streets rendered along KITTI's paths")):
+        if part in results:
+            for i, (heading, table) in enumerate(paper.tables(drives(results[part]))):
+                yield f"{title}: {heading}", f"{paper.SOURCES[part]} {paper.EXPLANATION}" if i == 0 else "", [table]
     if "benchmark" in results:
         yield "Time and memory", "Measured on two cores; only the ratios carry over to another machine.", list(
             benchmark_tables(drives(results["benchmark"])))

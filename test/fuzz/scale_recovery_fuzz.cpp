@@ -1,6 +1,6 @@
-// The processing of ScaleRecovery: vo/frame of any odometry and the image in, its topics out. An
-// input is a list of frames: an even byte is the next frame of a drive, unchanged, an odd one a
-// frame with random changes.
+// The processing of ScaleRecovery: vo/frame of any odometry, the image and speeds in, its topics
+// out. An input is a list of frames: an even byte is the next frame of a drive, unchanged, an odd
+// one a frame with random changes.
 
 #include <functional>
 
@@ -41,6 +41,8 @@ class Scale {
  public:
   explicit Scale(const ScaleRecovery::Options& options) : recovery_(options) {}
 
+  void onSpeed(const SpeedSample& speed) { recovery_.addSpeed(speed); }
+
   void onFrame(const VoFrameMsg& message, const cv::Mat& image) {
     VoFrame frame;
     try {
@@ -60,7 +62,7 @@ class Scale {
         check(*toOdometryMsg(*output.pose, frames, header.stamp));
         require(std::isfinite(output.pose->distance), "the distance is finite");
       }
-      if (output.scale.status == ScaleStatus::kUnknown) return;
+      if (!hasGroundPlane(output.scale)) return;
       require(isPose(toPlaneMarker(output.scale, header)->pose), "the pose of the marker is valid");
     };
     for (const auto& accepted : filter_.filter(toNanoseconds(message.header.stamp), process)) {
@@ -120,8 +122,10 @@ void run(const std::string& bytes) {
   Input input(bytes);
   const auto flags = input.take<std::uint8_t>();
   ScaleRecovery::Options options;
-  options.camera_height = 1.65;
   options.paper_literal = flags % 8 == 1;
+  options.use_speed = flags / 8 % 2 == 1 && !options.paper_literal;
+  options.camera_height = options.use_speed && flags / 16 % 2 == 1 ? 0 : 1.65;
+  options.camera_height_sigma = options.use_speed && flags / 32 % 2 == 1 ? 0.1 : 0;
   Scale scale(options);
   const bool with_images = flags % 2 == 0;
   for (std::size_t k = 0; k < kMaxMessages && !input.empty(); ++k) {
@@ -129,6 +133,12 @@ void run(const std::string& bytes) {
     const std::size_t i = k % frames().size();
     VoFrameMsg frame = frames()[i];
     for (std::size_t n = kind % 2 * (1 + input.below(3)); n > 0; --n) spoil(&frame, &input);
+    if (options.use_speed) {
+      const bool spoilt = kind % 4 > 1;
+      const std::int64_t late_ns = spoilt ? static_cast<std::int64_t>(input.below(1000)) : 0;
+      scale.onSpeed({toNanoseconds(frame.header.stamp) - late_ns * 1000000,
+                     spoilt ? input.number() : 9.0, spoilt ? input.number() : 0.0});
+    }
     scale.onFrame(frame, with_images ? smallDrive().images[i] : cv::Mat());
   }
 }

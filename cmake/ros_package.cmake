@@ -1,5 +1,7 @@
 # The catkin package: messages, exports, and install rules.
 
+# Debian bullseye: catkin remembers gmock, but not its targets, when CMake runs a second time.
+unset(GMOCK_FOUND CACHE)
 find_package(catkin REQUIRED COMPONENTS
   diagnostic_msgs
   diagnostic_updater

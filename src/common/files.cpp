@@ -83,6 +83,7 @@ void requireNewFile(const fs::path& file, bool force) {
 
 void makeFolder(const fs::path& folder) {
   std::error_code error;
+  if (fs::is_directory(folder, error)) return;  // a link to one is an error to libstdc++ 10
   fs::create_directories(folder, error);
   if (error) throw DataError(folder.string() + ": cannot be created, " + error.message());
 }

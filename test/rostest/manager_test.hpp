@@ -23,7 +23,7 @@ class ManagerTest : public testing::Test {
   void SetUp() override {
     ASSERT_TRUE(manager_.waitForServices());
     // The manager may not have noticed yet that the connection of the test before is closed.
-    ASSERT_TRUE(waitUntil([this] { return !isSentToThisNode("/rosout", manager_.name()); }));
+    ASSERT_TRUE(waitUntil([this] { return !isSent("/rosout", manager_.name()); }));
     log_.emplace(handle_, "/rosout");
     ASSERT_TRUE(waitUntil([this] { return log_->connected(manager_.name()); }));
   }

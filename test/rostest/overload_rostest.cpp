@@ -52,7 +52,9 @@ TEST_F(Overload, SubscribersDoNotAffectTheResults) {
   const auto waitForOutput = [&](const std::string& text) {
     return waitUntil([&] { return stalled.output().find(text) != std::string::npos; });
   };
-  ASSERT_TRUE(waitForOutput("subscribed to [/watched/vo/image_tracks]")) << stalled.output();
+  for (const char* topic : {"/watched/vo/frame", "/watched/odometry", "/watched/vo/image_tracks"}) {
+    ASSERT_TRUE(waitUntil([&] { return isSent(topic, "", "/rostopic_"); })) << topic;
+  }
   ASSERT_TRUE(watched.play(0, kPart - 1));
   ASSERT_TRUE(waitForOutput("min_delta")) << stalled.output();  // it receives messages
   stalled.send(SIGSTOP);

@@ -20,11 +20,12 @@ namespace ground_scale_vo {
 /// Longest wait for an event in a rostest [s].
 constexpr double kTimeout = 60.0 * kTimeoutFactor;
 
-/// True if one of the publishers of the topic sends it to this node; publisher: only this one,
-/// empty: any. A subscriber counts as connected (ros::Subscriber::getNumPublishers()) a moment
-/// before the publisher sends: roscpp answers the subscriber first, and a message that it publishes
-/// in between is lost.
-inline bool isSentToThisNode(const std::string& topic, const std::string& publisher = "") {
+/// True if one of the publishers of the topic sends it to a node whose name begins with
+/// `receiver`, default: this node; publisher: only this one, empty: any. A subscriber counts as
+/// connected (ros::Subscriber::getNumPublishers()) a moment before the publisher sends: roscpp
+/// answers the subscriber first, and a message that it publishes in between is lost.
+inline bool isSent(const std::string& topic, const std::string& publisher = "",
+                   const std::string& receiver = ros::this_node::getName()) {
   XmlRpc::XmlRpcValue request, response, state;
   request[0] = ros::this_node::getName();
   if (!ros::master::execute("getSystemState", request, response, state, false)) return false;
@@ -39,7 +40,7 @@ inline bool isSentToThisNode(const std::string& topic, const std::string& publis
       for (int c = 0; c < connections->size(); ++c) {
         // Id, node at the other end, direction, transport, topic, and more.
         XmlRpc::XmlRpcValue& connection = (*connections)[c];
-        if (static_cast<std::string>(connection[1]) == ros::this_node::getName() &&
+        if (static_cast<std::string>(connection[1]).rfind(receiver, 0) == 0 &&
             static_cast<std::string>(connection[2]) == "o" &&
             static_cast<std::string>(connection[4]) == topic) {
           return true;
@@ -102,8 +103,7 @@ class TopicRecorder {
   void clear() { take(); }
   /// What is published from now on is recorded. publisher: by this node; empty: by one of them.
   bool connected(const std::string& publisher = "") const {
-    return subscriber_.getNumPublishers() > 0 &&
-           isSentToThisNode(subscriber_.getTopic(), publisher);
+    return subscriber_.getNumPublishers() > 0 && isSent(subscriber_.getTopic(), publisher);
   }
 
  private:

@@ -39,11 +39,13 @@ ROTATION = {  # [deg/m]
 # The paper's stages (its Fig. 5), and the direct measurement: columns of timing.csv.
 STAGES = {"MVO": ["vo_total"], "GPE": ["scale_delaunay", "scale_gpe"], "GPA": ["scale_gpa"],
           "direct": ["scale_direct"], "total": ["total"]}
+# The mean residual error of the lens in KITTI's rectified images: k1, k2, cx [px], cy [px].
+KITTI_LENS_ERROR = "0.02,-0.007,1.5,1.5"
 SOURCES = {
     "kitti": "Measured on the images of KITTI odometry.",
     "paths": "**Rendered**: the images are those of a street, rendered along the smoothed ground-truth path of each "
              "sequence, with a lens that differs from the published one as KITTI's does (render_drive --lens-error "
-             "0.02,-0.007,1.5,1.5). Real images are more difficult; the figures of other systems are those on real images."}
+             f"{KITTI_LENS_ERROR}). Real images are more difficult; the figures of other systems are those on real images."}
 
 EXPLANATION = (
     "The *published* lens is that of calib.txt; the *estimated* one is the result of `scripts/calibrate_camera` on the sequence "

@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <functional>
 #include <iomanip>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -20,6 +19,7 @@
 #include "ground_scale_vo/lens/lens.hpp"
 #include "simulation/scenarios.hpp"
 #include "simulation/synthetic_drive.hpp"
+#include "simulation/tools/distortion.hpp"
 #include "simulation/tools/kitti_folder.hpp"
 #include "tools/support/command_line.hpp"
 #include "tools/support/parallel_for.hpp"
@@ -35,7 +35,7 @@ constexpr int kMaxInteger = 1000000;
 struct Settings {
   std::string folder, scenario, path;  ///< scenario and path: empty for the default drive
   gsv::SyntheticDrive::Options drive;
-  /// With the parameters of calib.txt changed by it; empty: the lens is that of calib.txt.
+  /// Lens of the images minus that of calib.txt; empty: none.
   std::optional<gsv::LensVector> lens_error;
   /// Changes requested by the given options; applied to the scenario or to the defaults.
   std::vector<std::function<void()>> changes;
@@ -72,19 +72,6 @@ gsv::LensVector parseLensError(const std::string& text) {
   gsv::LensVector error;
   error << 0, values[2], values[3], values[0], values[1];
   return error;
-}
-
-/// Where a camera without the lens error sees what is in each pixel of one with it.
-cv::Mat pixelsWithoutError(const gsv::PinholeCamera& camera, const gsv::LensVector& error) {
-  const gsv::Lens lens = gsv::boxplus(gsv::Lens(camera), error);
-  cv::Mat pixels(camera.height, camera.width, CV_32FC2);
-  for (int y = 0; y < camera.height; ++y) {
-    for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector2d u = gsv::Lens(camera).project(lens.unproject({x, y}));
-      pixels.at<cv::Vec2f>(y, x) = cv::Vec2d(u.x(), u.y());
-    }
-  }
-  return pixels;
 }
 
 /// Adds the options that change a drive.
@@ -172,17 +159,16 @@ void render(const Settings& settings) {
     tables.T_c0_c.push_back(frame.T_c0_c);
     tables.ground.emplace_back(frame.height, frame.n_c.x(), frame.n_c.y(), frame.n_c.z());
   }
-  cv::Mat pixels;
-  if (settings.lens_error) pixels = pixelsWithoutError(drive.camera(), *settings.lens_error);
+  std::optional<gsv::Distortion> distortion;
+  if (settings.lens_error) {
+    distortion.emplace(drive.camera(),
+                       gsv::boxplus(gsv::Lens(drive.camera()), *settings.lens_error));
+  }
   gsv::writeKittiFolder(settings.folder, [&](const fs::path& folder) {
     gsv::ProgressLine progress("render_drive", drive.size());
     gsv::parallelFor(drive.size(), settings.threads, [&](std::size_t i) {
-      cv::Mat image = drive.image(i);
-      if (!pixels.empty()) {
-        cv::remap(image.clone(), image, pixels, cv::noArray(), cv::INTER_CUBIC,
-                  cv::BORDER_REPLICATE);
-      }
-      gsv::writeKittiImage(folder, i, image);
+      const cv::Mat image = drive.image(i);
+      gsv::writeKittiImage(folder, i, distortion ? distortion->image(image) : image);
       progress.step("frames");
     });
     gsv::writeKittiTables(folder, tables);
@@ -216,8 +202,8 @@ int main(int argc, char** argv) {
        po::value<std::string>()->value_name("K1,K2,CX,CY")->notifier([&](const std::string& text) {
          settings.lens_error = parseLensError(text);
        }),
-       "the images have this radial distortion and shift of the principal point [px], of which "
-       "calib.txt knows nothing")  //
+       "the images have this radial distortion and shift of the principal point [px], which "
+       "calib.txt does not contain")  //
       ("threads", gsv::numberInRange("--threads", &settings.threads, "N", 1, 256),
        "number of rendering threads");
   addDriveOptions(&settings, &command_line.options());

@@ -16,8 +16,8 @@ constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-10, kLargestDamping = 
 /// lens by less than this part of a standard deviation.
 constexpr double kConvergedCost = 1e-4, kConvergedSigmas = 0.1;
 constexpr int kCombinationSteps = 4;
-/// Modes of the field about which a drive knows less than this part of what it knows about the best
-/// known one are those that poses, points and lens can absorb.
+/// Modes of the field with less than this share of the information of the best determined one are
+/// those that poses, points and lens can absorb.
 constexpr double kMinModeInformation = 1e-3;
 
 /// Maximum-likelihood variance of zero-mean values that are measured with known variances, from the
@@ -114,10 +114,12 @@ void LensSolver::measureErrors(const System& system) {
       system.H.bottomRightCorner<kField, kField>() - A_lf.transpose() * A.solve(A_lf);
   const Eigen::VectorXd g = system.g.tail<kField>() - A_lf.transpose() * A.solve(system.b());
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(H);
+  // The eigenvalues are in increasing order.
+  const double min_information = kMinModeInformation * modes.eigenvalues()[kField - 1];
   std::vector<double> squares, variances;  // of the amplitudes of the modes [px^2]
   for (Eigen::Index k = 0; k < kField; ++k) {
     const double information = modes.eigenvalues()[k];
-    if (information < kMinModeInformation * modes.eigenvalues().maxCoeff()) continue;
+    if (information < min_information) continue;
     const double amplitude = modes.eigenvectors().col(k).dot(g) / information;
     squares.push_back(amplitude * amplitude);
     variances.push_back(dispersion_ / information);

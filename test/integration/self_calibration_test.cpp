@@ -5,7 +5,7 @@
 
 #include "ground_scale_vo/metric_odometry.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
-#include "support/distorted_image.hpp"
+#include "simulation/tools/distortion.hpp"
 #include "support/drive_run.hpp"
 
 namespace ground_scale_vo {
@@ -30,10 +30,11 @@ class SelfCalibration : public testing::Test {
     options.odometry.refine_camera = refine;
     MetricOdometry odometry(drive.camera(), options);
     std::vector<MetricOdometry::Output> outputs;
+    const Distortion distortion(drive.camera(), lens);
     for (std::size_t i = 0; i < drive.size(); ++i) {
       const bool is_exact = lens.k1 == 0;
       outputs.push_back(odometry.process(
-          is_exact ? drive.image(i) : distorted(drive.image(i), lens), drive.frame(i).stamp_ns));
+          is_exact ? drive.image(i) : distortion.image(drive.image(i)), drive.frame(i).stamp_ns));
     }
     if (refined) *refined = odometry.lens();
     return outputs;

@@ -8,6 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 #include "support/expect_throws.hpp"
+#include "support/learned_height.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -119,13 +120,6 @@ TEST(MountingCheck, AcceptsAVehicleThatRidesTiltedAndAnUncertainEstimate) {
   // The deviation may be due to the uncertainty.
   EXPECT_EQ(check(0, 0, 4, 0, 0.4), "");
   EXPECT_NE(check(0, 0, 4, 0, 0.1), "");
-}
-
-ScaleEstimate learned(double height, double sigma) {
-  ScaleEstimate scale;
-  scale.camera_height = height;
-  scale.camera_height_sigma = sigma;
-  return scale;
 }
 
 TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {

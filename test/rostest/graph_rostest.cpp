@@ -20,7 +20,7 @@
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "manager_test.hpp"
 #include "mounting.hpp"
-#include "support/distorted_image.hpp"
+#include "simulation/tools/distortion.hpp"
 #include "support/drive_run.hpp"
 #include "support/textured_hood.hpp"
 
@@ -418,9 +418,9 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
   options.frames = 130;
   options.stop_s = 0;
   options.road_shift_m = 25;
-  const RenderedDrive drive(options, "camera", [&](const cv::Mat& image) {
-    return distorted(image, Lens{options.camera, 0.05, -0.01});
-  });
+  const Distortion distortion(options.camera, Lens{options.camera, 0.05, -0.01});
+  const RenderedDrive drive(options, "camera",
+                            [&](const cv::Mat& image) { return distortion.image(image); });
   const std::string file = temporaryFile(".yaml");
   NodeletPair pair(manager_, drive, "/refined");
   pair.setParamOfBoth("refine_camera", true);

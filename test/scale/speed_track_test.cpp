@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "ground_scale_vo/scale/speed_check.hpp"
+#include "support/learned_height.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -125,13 +126,6 @@ TEST(SpeedCheck, NamesWhatIsWrong) {
   SpeedTrack other_clock(0.05);
   other_clock.add({ns(1000), 5, 0});
   EXPECT_TRUE(contains(SpeedCheck().warning(other_clock, 0), "1000.0 s later than the images"));
-}
-
-ScaleEstimate learned(double height, double sigma) {
-  ScaleEstimate scale;
-  scale.camera_height = height;
-  scale.camera_height_sigma = sigma;
-  return scale;
 }
 
 TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "ground_scale_vo/scale/scale_estimate.hpp"
+
+namespace ground_scale_vo {
+
+/// An estimate with the camera height and its standard deviation [m] that follow from speeds.
+inline ScaleEstimate learned(double height, double sigma) {
+  ScaleEstimate scale;
+  scale.camera_height = height;
+  scale.camera_height_sigma = sigma;
+  return scale;
+}
+
+}  // namespace ground_scale_vo

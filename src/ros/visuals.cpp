@@ -12,6 +12,7 @@
 #include <unordered_set>
 
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/scale/road.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -122,11 +123,9 @@ cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.
 
 /// Frame on the ground below the camera: x in viewing direction, y left, z up.
 Eigen::Isometry3d groundAxes(const ScaleEstimate& scale) {
-  const Eigen::Vector3d up = scale.n_c;
-  const Eigen::Vector3d forward = (Eigen::Vector3d::UnitZ() - up.z() * up).normalized();
   Eigen::Isometry3d T_c_ground = Eigen::Isometry3d::Identity();
-  T_c_ground.linear() << forward, up.cross(forward), up;
-  T_c_ground.translation() = -scale.scale * scale.height * up;
+  T_c_ground.linear() = roadAxes(scale.n_c);
+  T_c_ground.translation() = -scale.scale * scale.height * scale.n_c;
   return T_c_ground;
 }
 

@@ -21,10 +21,7 @@ std::string mountingComments(double height, const Interval95& pitch, const Inter
     return format("%.2f ± %.2f (95 %%) deg", kDegreesPerRadian * angle.value,
                   kDegreesPerRadian * angle.error);
   };
-  const Eigen::Vector3d up = roadNormal(pitch.value, roll.value);
-  const Eigen::Vector3d forward = (Eigen::Vector3d::UnitZ() - up.z() * up).normalized();
-  Eigen::Matrix3d R_b_c;
-  R_b_c << forward.transpose(), up.cross(forward).transpose(), up.transpose();
+  const Eigen::Matrix3d R_b_c = roadAxes(roadNormal(pitch.value, roll.value)).transpose();
   return "# pitch: " + degrees(pitch) + ", positive looks down\n# roll: " + degrees(roll) +
          ", positive: the right of the camera is lower\n# A base_link on the road below the camera "
          "that faces as the camera does, with yaw, pitch and roll:\n" +

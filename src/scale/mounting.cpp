@@ -15,17 +15,6 @@ namespace {
 /// give the direction of travel.
 constexpr double kMaxSlope = 0.8;
 
-/// The two horizontal directions in which the normal can tilt; unit, orthogonal to it.
-struct TiltAxes {
-  Eigen::Vector3d along;   ///< the direction of travel
-  Eigen::Vector3d across;  ///< to its left
-};
-
-TiltAxes tiltAxes(const Eigen::Vector3d& n_c, const Eigen::Vector3d& direction_c) {
-  const Eigen::Vector3d along = (direction_c - n_c.dot(direction_c) * n_c).normalized();
-  return {along, n_c.cross(along)};
-}
-
 bool givesDirection(const RoadPrior& prior, const Eigen::Vector3d& n_c) {
   return prior.chord && std::abs(n_c.dot(prior.chord->direction_c)) < kMaxSlope;
 }
@@ -67,11 +56,11 @@ RoadPrior Mounting::prior(const CameraPath& path, double height) const {
   const Eigen::Vector3d ahead = has_direction ? prior.chord->direction_c : Eigen::Vector3d::UnitZ();
 
   Normal normal = mean_;
-  TiltAxes axes = tiltAxes(normal.n_c, ahead);
+  Eigen::Matrix3d R_c_road = roadAxes(normal.n_c, ahead);  // columns: ahead, left, up
   normal.covariance +=
-      std::pow(options_.pitch_motion_sigma, 2) * axes.along * axes.along.transpose();
+      std::pow(options_.pitch_motion_sigma, 2) * R_c_road.col(0) * R_c_road.col(0).transpose();
   normal.covariance +=
-      std::pow(options_.roll_motion_sigma, 2) * axes.across * axes.across.transpose();
+      std::pow(options_.roll_motion_sigma, 2) * R_c_road.col(1) * R_c_road.col(1).transpose();
   if (has_direction) {
     // Eq. 3 of Tian et al.: the road normal n is orthogonal to the direction of motion t, here that
     // of the chord. The measurement noise is the heave of the vehicle between the ends of the
@@ -79,14 +68,14 @@ RoadPrior Mounting::prior(const CameraPath& path, double height) const {
     const double chord_sigma = height > 0
                                    ? options_.heave_sigma_heights * height / prior.chord->length
                                    : options_.pitch_motion_sigma;
-    normal.update(axes.along, -normal.n_c.dot(ahead) / axes.along.dot(ahead),
+    normal.update(R_c_road.col(0), -normal.n_c.dot(ahead) / R_c_road.col(0).dot(ahead),
                   chord_sigma * chord_sigma);
-    axes = tiltAxes(normal.n_c, ahead);
+    R_c_road = roadAxes(normal.n_c, ahead);
   }
   prior.n_c = normal.n_c;
-  prior.forward_c = axes.along;
-  prior.pitch_sigma = std::sqrt(normal.variance(axes.along));
-  prior.roll_sigma = std::sqrt(normal.variance(axes.across));
+  prior.forward_c = R_c_road.col(0);
+  prior.pitch_sigma = std::sqrt(normal.variance(prior.forward_c));
+  prior.roll_sigma = std::sqrt(normal.variance(prior.lateral()));
   return prior;
 }
 
@@ -115,14 +104,14 @@ void Mounting::update(const RoadPrior& prior, const GroundPlane* plane, double s
   const bool has_direction = givesDirection(prior, mean_.n_c);
   const Eigen::Vector3d ahead = has_direction ? prior.chord->direction_c : Eigen::Vector3d::UnitZ();
   if (plane != nullptr) {
-    const TiltAxes axes = tiltAxes(mean_.n_c, ahead);
-    addSample(axes.across, plane->n_c.dot(axes.across) / plane->n_c.dot(mean_.n_c),
-              options_.roll_motion_sigma, step / height);
+    const Eigen::Vector3d left = roadAxes(mean_.n_c, ahead).col(1);
+    addSample(left, plane->n_c.dot(left) / plane->n_c.dot(mean_.n_c), options_.roll_motion_sigma,
+              step / height);
   }
   if (has_direction) {
-    const TiltAxes axes = tiltAxes(mean_.n_c, ahead);
+    const Eigen::Vector3d along = roadAxes(mean_.n_c, ahead).col(0);
     const double chord_sigma = options_.heave_sigma_heights * height / prior.chord->length;
-    addSample(axes.along, -mean_.n_c.dot(ahead) / axes.along.dot(ahead),
+    addSample(along, -mean_.n_c.dot(ahead) / along.dot(ahead),
               std::hypot(options_.pitch_motion_sigma, chord_sigma), step / height);
   }
 }

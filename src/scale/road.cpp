@@ -1,5 +1,6 @@
 #include "ground_scale_vo/scale/road.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -45,6 +46,13 @@ Eigen::Vector3d roadNormal(double pitch, double roll) {
 double pitchOf(const Eigen::Vector3d& n_c) { return std::atan2(-n_c.z(), -n_c.y()); }
 
 double rollOf(const Eigen::Vector3d& n_c) { return -std::asin(std::clamp(n_c.x(), -1.0, 1.0)); }
+
+Eigen::Matrix3d roadAxes(const Eigen::Vector3d& n_c, const Eigen::Vector3d& direction_c) {
+  const Eigen::Vector3d ahead = (direction_c - n_c.dot(direction_c) * n_c).normalized();
+  Eigen::Matrix3d R_c_road;
+  R_c_road << ahead, n_c.cross(ahead), n_c;
+  return R_c_road;
+}
 
 LaneRegion::LaneRegion(const RoadPrior& prior, double height, double min_distance, double max_ahead,
                        double half_width)

@@ -21,6 +21,11 @@ Eigen::Vector3d roadNormal(double pitch, double roll);
 /// The inverse [rad]: of a unit normal in camera axes.
 double pitchOf(const Eigen::Vector3d& n_c);
 double rollOf(const Eigen::Vector3d& n_c);
+/// Axes of the road in camera axes, the columns of a rotation: ahead, left, up. n_c: unit normal,
+/// up. Ahead is the part of direction_c (default: the viewing direction) that is parallel to the
+/// road.
+Eigen::Matrix3d roadAxes(const Eigen::Vector3d& n_c,
+                         const Eigen::Vector3d& direction_c = Eigen::Vector3d::UnitZ());
 
 /// Straight line between two camera positions of the path: the direction of motion averaged over a
 /// distance, for Eq. 3. The direction t_{t,t-1} of single frames varies by half a degree with the

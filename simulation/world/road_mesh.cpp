@@ -8,7 +8,7 @@
 namespace ground_scale_vo::simulation {
 namespace {
 
-constexpr double kStep = 0.5;         // of the mesh along s [m]
+constexpr double kMeshStep = 0.5;     // of the mesh along s [m]
 constexpr double kMeshLength = 10;    // of one mesh along s, so that it can be culled [m]
 constexpr double kVergeEnd = 25;      // |u| of the outer border of the verges, at most [m]
 constexpr double kBelowBridge = 9;    // depth of the terrain beside a bridge [m]
@@ -57,13 +57,13 @@ void addGravelTrack(WorldBuilder& builder) {
     const double z = roughness(s, u);
     return Vertex{road.surfacePoint(s, u, z), {u, s - road.sBegin()}, 0.95 + 2 * z};
   };
-  for (double first = road.sBegin(); first + kStep < road.sEnd(); first += kMeshLength) {
+  for (double first = road.sBegin(); first + kMeshStep < road.sEnd(); first += kMeshLength) {
     Mesh mesh;
-    for (double s = first; s < std::min(first + kMeshLength, road.sEnd()); s += kStep) {
+    for (double s = first; s < std::min(first + kMeshLength, road.sEnd()); s += kMeshStep) {
       for (double u = -verge; u < verge; u += kWidth) {
         const bool is_track = u > kRightKerb && u < kLeftKerb;
-        mesh.addQuad(vertex(s, u), vertex(s, u + kWidth), vertex(s + kStep, u + kWidth),
-                     vertex(s + kStep, u), is_track ? gravel : *builder.grass);
+        mesh.addQuad(vertex(s, u), vertex(s, u + kWidth), vertex(s + kMeshStep, u + kWidth),
+                     vertex(s + kMeshStep, u), is_track ? gravel : *builder.grass);
       }
     }
     builder.placeGround(std::move(mesh));
@@ -121,12 +121,12 @@ void addStreet(WorldBuilder& builder) {
     };
     return !strip.isKerbFace() && isBeyond(from) && isBeyond(to);
   };
-  const int per_mesh = static_cast<int>(kMeshLength / kStep);
-  const int steps = static_cast<int>((road.sEnd() - road.sBegin()) / kStep);
+  const int per_mesh = static_cast<int>(kMeshLength / kMeshStep);
+  const int steps = static_cast<int>((road.sEnd() - road.sBegin()) / kMeshStep);
   for (int first = 0; first < steps; first += per_mesh) {
     Mesh mesh;
     for (int k = first; k < std::min(first + per_mesh, steps); ++k) {
-      const double s0 = road.sBegin() + kStep * k, s1 = s0 + kStep;
+      const double s0 = road.sBegin() + kMeshStep * k, s1 = s0 + kMeshStep;
       const Borders borders0(road, s0), borders1(road, s1);
       double unrolled = 0;  // length of the cross-section up to here, in the texture
       for (const Strip& strip : strips) {
@@ -142,7 +142,7 @@ void addStreet(WorldBuilder& builder) {
                      strip.verge ? *builder.grass : *builder.world.scene.road);
       }
     }
-    builder.placeGround(std::move(mesh), road.sBegin() + kStep * first);
+    builder.placeGround(std::move(mesh), road.sBegin() + kMeshStep * first);
   }
 }
 

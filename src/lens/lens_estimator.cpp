@@ -260,8 +260,9 @@ void LensEstimator::judge(const LensMatrix& information, const LensEstimate& est
   if (!(sigma <= options_.max_centre_sigma)) {
     result->status = Status::kUnobservable;
     result->reason = format(
-        "the drive determines the principal point to %.2g focal lengths only; turns are needed",
-        sigma);
+        "the drive determines the principal point to %.0f px only, %.0f are needed: drive with "
+        "turns",
+        sigma * estimate.lens.camera.fx, options_.max_centre_sigma * estimate.lens.camera.fx);
     return;
   }
   result->status = Status::kOk;

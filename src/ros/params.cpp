@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdlib>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -97,12 +98,14 @@ void declareOptions(ParamReader& reader, Options& options, const std::vector<std
 void declareImageParams(ParamReader& reader, ImageParams& params) {
   reader.declare("image_is_rectified", params.image_is_rectified,
                  "[] the images have no distortion and P of camera_info belongs to them");
-  reader.declare("mask", params.mask,
-                 "[] image file of the size of the images before rectification: black (0) where "
-                 "they never show the scene; empty: none");
-  reader.declare("camera_file", params.camera_file,
-                 "[] YAML of camera_calibration or calibrate_camera that describes the images as "
-                 "they come, instead of camera_info and image_is_rectified; empty: camera_info");
+  reader.declareFile(
+      "mask", params.mask,
+      "[] image file of the size of the images before rectification: black (0) where "
+      "they never show the scene; empty: none");
+  reader.declareFile(
+      "camera_file", params.camera_file,
+      "[] YAML of camera_calibration or calibrate_camera that describes the images as "
+      "they come, instead of camera_info and image_is_rectified; empty: camera_info");
   reader.declare(
       "clock_jump_s", params.clock_jump_s, 0.0, 3600.0,
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
@@ -177,6 +180,14 @@ void ParamReader::declareFrame(const char* name, std::string& field, const char*
   entries_.back().value = "\"" + field + "\"";
 }
 
+void ParamReader::declareFile(const char* name, std::string& field, const char* meaning) {
+  declare(name, field, meaning);
+  const char* home = std::getenv("HOME");
+  if (home == nullptr || field.rfind("~/", 0) != 0) return;
+  field.replace(0, 1, home);
+  entries_.back().value = "\"" + field + "\"";
+}
+
 std::vector<std::string> ParamReader::warnings() const {
   std::vector<std::string> known, leaves;
   for (const Entry& entry : entries_) known.push_back(entry.name);
@@ -204,9 +215,9 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
                  "[images] that may wait; a full queue drops the oldest");
   reader.declareFrame("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
   declareImageParams(reader, params.images);
-  reader.declare("refined_camera_file", params.refined_camera_file,
-                 "[] file to which the service save_camera writes the refined calibration, for "
-                 "camera_file at the next start");
+  reader.declareFile("refined_camera_file", params.refined_camera_file,
+                     "[] file to which the service save_camera writes the refined calibration, for "
+                     "camera_file at the next start");
   params.odometry.refinement.deterministic = false;
   declareOptions(reader, params.odometry, kMonoVoOptions);
   params.readout_time_is_given =
@@ -235,9 +246,10 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
                  "[frames] of vo/frame that may wait; a full queue drops the oldest");
   declareImageParams(reader, params.images);
   declareOptions(reader, params.scale, kScaleRecoveryOptions);
-  reader.declare("height_file", params.height_file,
-                 "[] file to which the service save_height writes the camera height that speeds "
-                 "have taught");
+  reader.declareFile(
+      "height_file", params.height_file,
+      "[] file to which the service save_height writes the camera height that speeds "
+      "have taught");
   if (params.scale.camera_height == 0 && !params.scale.use_speed) {
     throw OptionError(
         "neither camera_height [m] is set nor use_speed true: the scale needs the height of the "

@@ -79,13 +79,14 @@ def test_nodelets(call, tmp_path):
 def test_arguments_reach_both_nodelets(file, arguments, image, info, transport, is_rectified, publish_tf):
     nodes, remappings, parameters, _ = loaded(
         file, "camera_height:=1.2", "mask:=/m.png", "camera_file:=/c.yaml", "odom_frame:=/map", "base_frame:=base",
-        "rviz:=true", *arguments)
+        "refine_camera:=true", "refined_camera_file:=/r.yaml", "rviz:=true", *arguments)
     for nodelet in ("/mono_vo", "/scale_recovery"):
         assert remappings[nodelet] == {"image": image, "camera_info": info}
         assert parameters[f"{nodelet}/image_transport"] == transport
         assert parameters[f"{nodelet}/image_is_rectified"] is is_rectified
         assert parameters[f"{nodelet}/mask"] == "/m.png" and parameters[f"{nodelet}/camera_file"] == "/c.yaml"
         assert nodes[nodelet].args.endswith(" --no-bond")
+    assert parameters["/mono_vo/refine_camera"] is True and parameters["/mono_vo/refined_camera_file"] == "/r.yaml"
     expected = {"camera_height": 1.2, "odom_frame": "/map", "base_frame": "base", "publish_tf": publish_tf}
     assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
     assert " -f map" in nodes["/rviz"].args  # tf2 has no leading slash
@@ -123,7 +124,7 @@ def test_kitti_launch_plays_the_bag(height_file):
     _, _, parameters, _ = loaded("kitti.launch", "bag:=/x.bag", "camera_file:=~/c.yaml")
     assert ["camera_info", "ground_scale_vo_manager"] not in parameters["/playback_monitor/subscribers"]
     assert parameters["/playback_monitor/camera_info"] == ""
-    assert parameters["/mono_vo/camera_file"] == f"{os.environ['HOME']}/c.yaml"
+    assert parameters["/mono_vo/camera_file"] == "~/c.yaml"
     # With a base_frame the mounting is on /tf_static.
     _, remappings, _, _ = loaded("kitti.launch", "bag:=/x.bag", "base_frame:=base_link")
     for node in ("/playback_monitor", "/ground_truth_relay"):

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,16 @@ TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {
   EXPECT_EQ(ParamReader::echo(reader.entries()[0]), "group/count = 7  [] how many, [1, 10]");
   EXPECT_EQ(ParamReader::echo(reader.entries()[1]),
             "group/untouched = 4  [] how many, [1, 10] (default)");
+}
+
+TEST(ParamReader, ExpandsTheHomeFolderOfFiles) {
+  XmlRpcValue tree;
+  tree["mask"] = "~/mask.png";
+  tree["camera_file"] = "/a/~/camera.yaml";
+  ParamReader reader("/n", tree);
+  const ImageParams images = MonoVoParams::read(reader).images;
+  EXPECT_EQ(images.mask, std::string(std::getenv("HOME")) + "/mask.png");
+  EXPECT_EQ(images.camera_file, "/a/~/camera.yaml");
 }
 
 XmlRpcValue validTree() {

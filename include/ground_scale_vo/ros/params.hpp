@@ -45,6 +45,8 @@ class ParamReader {
 
   /// The name of a tf frame, without leading slashes; warnings() reports one that has them.
   void declareFrame(const char* name, std::string& field, const char* meaning);
+  /// The path of a file; ~/ at its beginning is the home folder (roslaunch does not expand it).
+  void declareFile(const char* name, std::string& field, const char* meaning);
 
   /// One sentence for each frame name with a slash, and for each parameter that is set but not
   /// declared, with the most similar known name.

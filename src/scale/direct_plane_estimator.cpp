@@ -151,15 +151,16 @@ struct DirectPlaneEstimator::Impl {
     direct::PatchMatcher matcher;
   };
   /// Normal equations H x = b. The unknowns are m (3), the curvature of the road along the path,
-  /// across it (crown) and its twist (3), and for each reference image the error of its relative
-  /// pose (3 rotation, 2 direction of translation).
+  /// across it (crown) and its twist (3), the radial distortion of the images (k1, k2), and for
+  /// each reference image the error of its relative pose (3 rotation, 2 direction of translation).
   template <int kUnknowns>
   struct Equations {
     Eigen::Matrix<double, kUnknowns, kUnknowns> H =
         Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
     Eigen::Matrix<double, kUnknowns, 1> b = Eigen::Matrix<double, kUnknowns, 1>::Zero();
   };
-  using JointEquations = std::array<Equations<11>, kReferences>;
+  using PlaneEquations = Equations<8>;
+  using JointEquations = std::array<Equations<13>, kReferences>;
 
   explicit Impl(const Options& o) : options(o) { options.validate(); }
 
@@ -174,10 +175,10 @@ struct DirectPlaneEstimator::Impl {
   double shiftVariance(const Match& match, const Eigen::Vector3d& m) const;
   JointEquations accumulate(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
                             double robust_scale) const;
-  Equations<6> marginaliseMotion(JointEquations joint) const;
+  PlaneEquations marginaliseMotion(JointEquations joint) const;
   void addPriors(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
-                 Equations<6>* equations) const;
-  void accept(const Eigen::Vector3d& m, const Matrix6d& H, double initial_height,
+                 PlaneEquations* equations) const;
+  void accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance, double initial_height,
               Result* result) const;
 
   const Options options;
@@ -235,13 +236,14 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& 
     if (iteration < kScaleIterations) {
       robust_scale = std::max(1.0, kMadToSigma * median(&normalised_shifts));
     }
-    Equations<6> equations = marginaliseMotion(accumulate(prior, m, initial_height, robust_scale));
+    PlaneEquations equations =
+        marginaliseMotion(accumulate(prior, m, initial_height, robust_scale));
     addPriors(prior, m, initial_height, &equations);
     const Eigen::Vector3d step = equations.H.ldlt().solve(equations.b).head<3>();
     if (!isFinite(step)) return result;
     if (step.norm() < kConvergedPlaneStep * m.norm()) {
       // Without this last step, so that the correlation and H belong to the accepted plane.
-      accept(m, equations.H, initial_height, &result);
+      accept(m, equations.H.inverse().topLeftCorner<3, 3>(), initial_height, &result);
       return result;
     }
     m += step;
@@ -333,9 +335,9 @@ DirectPlaneEstimator::Impl::JointEquations DirectPlaneEstimator::Impl::accumulat
       // [camera heights] from the origin; the curved road lies lower by c x^2 / 2.
       const double ahead = prior.forward_c.dot(-ray / q - origin_c) / height;
       const double across = prior.lateral().dot(-ray / q - origin_c) / height;
-      Eigen::Matrix<double, 11, 1> jacobian;
+      Eigen::Matrix<double, 13, 1> jacobian;
       jacobian << ray, -0.5 * q * ahead * ahead, -0.5 * q * across * across, -q * ahead * across,
-          match.motion.cast<double>();
+          match.lens.cast<double>(), match.motion.cast<double>();
       const double expected = shiftVariance(match, m) * robust_scale * robust_scale;
       const double shift = match.shift;
       const double weight =
@@ -348,25 +350,25 @@ DirectPlaneEstimator::Impl::JointEquations DirectPlaneEstimator::Impl::accumulat
 }
 
 /// Schur complement: removes each reference's motion error, with its prior, from its equations.
-DirectPlaneEstimator::Impl::Equations<6> DirectPlaneEstimator::Impl::marginaliseMotion(
+DirectPlaneEstimator::Impl::PlaneEquations DirectPlaneEstimator::Impl::marginaliseMotion(
     JointEquations joint) const {
-  Equations<6> plane;
+  PlaneEquations plane;
   for (std::size_t k = 0; k < references.size(); ++k) {
     auto& [H, b] = joint[k];
-    H.diagonal().segment<3>(6).array() += std::pow(options.rotation_sigma_rad, -2);
+    H.diagonal().segment<3>(8).array() += std::pow(options.rotation_sigma_rad, -2);
     H.diagonal().tail<2>().array() += std::pow(options.direction_sigma_rad, -2);
-    const Eigen::Matrix<double, 6, 5> cross = H.topRightCorner<6, 5>();
+    const Eigen::Matrix<double, 8, 5> cross = H.topRightCorner<8, 5>();
     const Eigen::LDLT<Eigen::Matrix<double, 5, 5>> motion(H.bottomRightCorner<5, 5>());
-    plane.H += H.topLeftCorner<6, 6>() - cross * motion.solve(cross.transpose());
-    plane.b += b.head<6>() - cross * motion.solve(b.tail<5>());
+    plane.H += H.topLeftCorner<8, 8>() - cross * motion.solve(cross.transpose());
+    plane.b += b.head<8>() - cross * motion.solve(b.tail<5>());
   }
   return plane;
 }
 
-/// Pitch and roll of the normal, and zero curvatures. The road is flat across the lane unless the
-/// lens is known.
+/// Pitch and roll of the normal, zero curvatures and no distortion. The road is flat across the
+/// lane unless the lens is known.
 void DirectPlaneEstimator::Impl::addPriors(const RoadPrior& prior, const Eigen::Vector3d& m,
-                                           double height, Equations<6>* equations) const {
+                                           double height, PlaneEquations* equations) const {
   for (const auto& [axis, sigma] : {std::pair(prior.forward_c, prior.pitch_sigma),
                                     std::pair(prior.lateral(), prior.roll_sigma)}) {
     const Eigen::Vector3d jacobian = height * axis / sigma;
@@ -377,18 +379,20 @@ void DirectPlaneEstimator::Impl::addPriors(const RoadPrior& prior, const Eigen::
   equations->H(3, 3) += std::pow(options.curvature_sigma, -2);
   equations->H(4, 4) += std::pow(lens_is_known ? options.crown_sigma : kNoCurvature, -2);
   equations->H(5, 5) += std::pow(lens_is_known ? options.twist_sigma : kNoCurvature, -2);
+  equations->H(6, 6) += std::pow(options.lens_k1_sigma, -2);
+  equations->H(7, 7) += std::pow(options.lens_k2_sigma, -2);
 }
 
-/// Fills in the plane and its standard deviation, and decides whether it is accepted.
-void DirectPlaneEstimator::Impl::accept(const Eigen::Vector3d& m, const Matrix6d& H,
+/// Fills in the plane and its standard deviation, and decides whether it is accepted. covariance:
+/// of m.
+void DirectPlaneEstimator::Impl::accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
                                         double initial_height, Result* result) const {
   const double height = (1 + m.dot(origin_c)) / m.norm();
   if (!(height > 0)) return;
   result->plane = {m.normalized(), height};
   // Of ln height by m.
   const Eigen::Vector3d gradient = origin_c / (1 + m.dot(origin_c)) - m / m.squaredNorm();
-  const double relative_sigma =
-      std::sqrt(gradient.dot(H.inverse().topLeftCorner<3, 3>() * gradient));
+  const double relative_sigma = std::sqrt(gradient.dot(covariance * gradient));
   const double inflation = std::max(1.0, (1 - result->correlation) / (1 - kRoadCorrelation));
   result->height_sigma = inflation * relative_sigma * height;
   const double change = std::abs(std::log(height / initial_height));

@@ -125,6 +125,44 @@ TEST_F(PatchMatcherTest, MotionIsTheShiftByAnErrorOfTheMotion) {
   }
 }
 
+TEST_F(PatchMatcherTest, LensIsTheShiftByARadialDistortion) {
+  reference_.T_r_c.translation().z() = 3;
+  movePatch(220, 190);
+  renderPatch();
+  const Match match = linearised();
+  constexpr float kStep = 0.2f;
+  for (int k = 0; k < 2; ++k) {
+    const auto factor = [k](float error, float x, float y) {
+      return error * static_cast<float>(std::pow(x * x + y * y, k + 1));
+    };
+    const Patch patch = patch_;
+    const auto distorted = [&](float error) {
+      Reference reference = reference_;
+      reference.image.pixels = reference_.image.pixels.clone();
+      for (int v = 0; v < kCamera.height; ++v) {
+        for (int u = 0; u < kCamera.width; ++u) {
+          const Eigen::Vector3f ray = kCamera.ray({u, v}).cast<float>();
+          const float shift = factor(error, ray.x(), ray.y());
+          reference.image.pixels.at<float>(v, u) =
+              waves(static_cast<float>(u) + shift * ray.x() * static_cast<float>(kCamera.fx),
+                    static_cast<float>(v) + shift * ray.y() * static_cast<float>(kCamera.fy));
+        }
+      }
+      for (int i = 0; i < kPatchSamples; ++i) {
+        const float shift = factor(error, patch.ray_x[i], patch.ray_y[i]);
+        patch_.ray_x[i] = (1 - shift) * patch.ray_x[i];
+        patch_.ray_y[i] = (1 - shift) * patch.ray_y[i];
+      }
+      const Samples values = valuesOf(reference, kPlane);
+      patch_ = patch;
+      return values;
+    };
+    const Samples derivative = (distorted(kStep) - distorted(-kStep)) / (2 * kStep * deviation_);
+    const float expected = (match.jacobian * derivative).sum() / match.jacobian.square().sum();
+    EXPECT_NEAR(match.lens[k], expected, 0.08f * std::abs(expected)) << k;
+  }
+}
+
 TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   Samples values;
   cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));

@@ -22,8 +22,9 @@ namespace ground_scale_vo {
 ///  3. Each patch is warped into each reference image by the plane's homography, normalised to zero
 ///     mean and unit variance. Its remaining shift along the epipolar line is a measurement of
 ///     q = m . r, with a variance from its residual and its texture.
-///  4. A robust Gauss-Newton step corrects m. The errors of the relative poses are marginalised
-///     out: they shift all patches in common. Steps 3 and 4 are repeated until convergence.
+///  4. A robust Gauss-Newton step corrects m. The errors of the relative poses and of the lens are
+///     marginalised out: they shift all patches in common. Steps 3 and 4 are repeated until
+///     convergence.
 ///  5. When that fails while the height is not known, a search over height and roll provides
 ///     another start.
 ///
@@ -46,6 +47,8 @@ class DirectPlaneEstimator {
     double curvature_sigma = 1e-3;  ///< [1 / camera height]
     double crown_sigma = 0.03;      ///< [1 / camera height]
     double twist_sigma = 0.01;      ///< [1 / camera height]
+    double lens_k1_sigma = 0.02;
+    double lens_k2_sigma = 0.01;
     double rotation_sigma_rad = 7e-5;
     double direction_sigma_rad = 1e-3;
 
@@ -76,6 +79,9 @@ class DirectPlaneEstimator {
       visit("twist_sigma", self.twist_sigma, 1e-9, 1,
             "[1/camera height] standard deviation of the twist: change of the cross slope along "
             "the path, used with an estimated lens");
+      visit("lens_k1_sigma", self.lens_k1_sigma, 1e-9, 1,
+            "[] standard deviation of the radial distortion (k1) that the calibration has left");
+      visit("lens_k2_sigma", self.lens_k2_sigma, 1e-9, 1, "[] the same of k2");
       visit("rotation_sigma_rad", self.rotation_sigma_rad, 1e-9, 1,
             "[rad] standard deviation of the odometry's rotation between two images");
       visit("direction_sigma_rad", self.direction_sigma_rad, 1e-9, 1,

@@ -170,8 +170,19 @@ void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
   for (int k = 0; k < 5; ++k) {
     match->motion[k] = (match->jacobian * by_motion[k]).sum() / information;
   }
-  // Gradient by the position in the image, and epipolar flow: the position by q.
+  // Gradient by the position in the image.
   const Samples by_u = by_x * y_z, by_v = by_y * y_z;
+  // A radial distortion moves the samples in the reference image, and their rays in the current
+  // one.
+  const Samples radial_r = by_u * xn + by_v * yn;
+  const Samples radial_c =
+      patch.ray_x * dot(H.col(0), by_x, by_y, by_z) + patch.ray_y * dot(H.col(1), by_x, by_y, by_z);
+  const Samples r2_r = xn.square() + yn.square();
+  const Samples r2_c = patch.ray_x.square() + patch.ray_y.square();
+  match->lens[0] = (match->jacobian * (radial_r * r2_r - radial_c * r2_c)).sum() / information;
+  match->lens[1] =
+      (match->jacobian * (radial_r * r2_r.square() - radial_c * r2_c.square())).sum() / information;
+  // Epipolar flow: the position by q.
   const float gradient_energy =
       (by_u - by_u.mean()).square().sum() + (by_v - by_v.mean()).square().sum();
   const float flow_energy =

@@ -33,6 +33,7 @@ struct Match {
   // From the linearisation, which all iterations share.
   Samples jacobian;         ///< of the reference's intensities by q, zero mean
   Vector5f motion;          ///< d shift / d motion error: rotation [rad], direction of t [rad]
+  Eigen::Vector2f lens;     ///< d shift / d lens error: k1, k2 of the distortion that is left
   bool observable = false;  ///< false: the texture runs along the epipolar line (aperture problem)
 };
 
@@ -54,8 +55,9 @@ class PatchMatcher {
   /// the image noise, -1 to 1.
   float correlate(const Patch& patch, Samples* values) const;
 
-  /// Derivatives of the patch's intensities in the reference image by q and by the motion. They use
-  /// the gradient of the current image, transformed by the homography (inverse compositional).
+  /// Derivatives of the patch's intensities in the reference image by q, by the motion and by the
+  /// lens. They use the gradient of the current image, transformed by the homography (inverse
+  /// compositional).
   void linearise(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,
                  Match* match) const;
 

@@ -163,7 +163,7 @@ def estimate_height(reader: Any, name: str, arguments: Any, fixes: Callable[[], 
         result = _core.run(reader, name, 1.0, arguments.set, "", work, False)
         for sentence in result["warnings"]:
             print(f"{name}: {sentence}", file=sys.stderr)
-        print(f"{name}: {result['summary']}")
+        print(f"{name}, in camera heights instead of metres: {result['summary']}")
         is_whole = arguments.start == 0 and arguments.end == float("inf")
         if result["failure"] and is_whole:
             raise DataError(result["failure"])

@@ -18,6 +18,9 @@ constexpr double kMinNisScale = 0.05, kMaxNisScale = 20;
 /// Distances to the measured road over which the tilt of a young map decays to 1/e.
 constexpr double kTiltDecay = 0.8;
 
+/// [camera heights] Since the latest accepted direct measurement, while the road is the same.
+constexpr double kRecentHeights = 5;
+
 /// Standard deviation of the change of ln h when a refined lens replaces another.
 constexpr double kLensChangeSigma = 0.02;
 
@@ -109,10 +112,14 @@ void ScaleFilter::changeLens() {
   if (started_) covariance_(0, 0) += kLensChangeSigma * kLensChangeSigma;
 }
 
-bool ScaleFilter::update(double height, double sigma, double road_distance, Source source) {
+bool ScaleFilter::update(double height, double sigma, double road_distance, Source source,
+                         bool lens_is_known) {
   if (!(height > 0 && sigma >= 0 && road_distance >= 0)) return false;
   if (!areFinite(height, sigma, road_distance)) return false;
-  const double relative_sigma = std::hypot(sigma / height, options_.min_measurement_sigma);
+  double relative_sigma = std::hypot(sigma / height, options_.min_measurement_sigma);
+  if (lens_is_known && source == Source::kFeatureBased && isDirectAccepted()) {
+    relative_sigma *= options_.feature_sigma_factor;
+  }
   const Measurement measurement{std::log(height), relative_sigma * relative_sigma,
                                 road_distance / height};
   if (options_.moving_average_frames > 0) return updateMovingAverage(height, measurement.variance);
@@ -150,6 +157,13 @@ void ScaleFilter::correct(const Eigen::Vector4d& H, double innovation, double va
   const Eigen::Vector4d gain = covariance_ * H / (H.dot(covariance_ * H) + variance);
   state_ += gain * innovation;
   covariance_ -= gain * (covariance_ * H).transpose();
+}
+
+/// Not long ago, in this map.
+bool ScaleFilter::isDirectAccepted() const {
+  const double accepted_at = sources_[static_cast<std::size_t>(Source::kDirect)].accepted_at;
+  return started_ && accepted_at > 0 &&
+         distance_ - accepted_at < kRecentHeights * std::exp(state_[0]);
 }
 
 bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {

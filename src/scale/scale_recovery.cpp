@@ -234,7 +234,8 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
 /// feature-based one alone. Returns whether it accepts any.
 bool ScaleRecovery::Impl::updateFilter(Output* output) {
   const auto accepts = [&](const Measurement& m, ScaleFilter::Source source) {
-    return m.height > 0 && map.filter.update(m.height, m.sigma, m.road_distance, source);
+    return m.height > 0 && map.filter.update(m.height, m.sigma, m.road_distance, source,
+                                             last_camera->lens_is_estimated);
   };
   const Measurement &feature_based = output->feature_based, &direct_measurement = output->direct;
   const bool feature_based_accepted = accepts(feature_based, ScaleFilter::Source::kFeatureBased);

@@ -256,6 +256,23 @@ TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
   EXPECT_NEAR(1 / filter.height(), 2.0, 1e-12);
 }
 
+TEST(ScaleFilter, WithAKnownLensTheDirectMeasurementCountsMore) {
+  const auto heightOf = [](bool lens_is_known, double last_direct) {
+    Filter filter;
+    for (int i = 0; i < 100; ++i) {
+      filter.predict(0.5, 0);
+      filter.update(0.80, 0.01, kRoadDistance, ScaleFilter::Source::kFeatureBased, lens_is_known);
+      if (i >= last_direct) continue;
+      filter.update(0.82, 0.01, kRoadDistance, ScaleFilter::Source::kDirect, lens_is_known);
+    }
+    return filter.height();
+  };
+  EXPECT_NEAR(heightOf(false, 100), 0.81, 0.003);
+  EXPECT_NEAR(heightOf(true, 100), 0.816, 0.002);
+  // Without direct measurements, the feature-based ones have their full weight again.
+  EXPECT_NEAR(heightOf(true, 20), 0.80, 0.001);
+}
+
 TEST(ScaleFilter, TwoSourcesReduceSigma) {
   Filter one(withoutNisScaling()), two(withoutNisScaling());
   for (int i = 0; i < 100; ++i) {

@@ -22,7 +22,9 @@ namespace ground_scale_vo {
 /// in the distance travelled and the rotation. Measurements: ln of a measured height, from one or
 /// two sources per frame, with a gate on the normalised innovation squared (NIS). Neighbouring
 /// measurements of a source see the same road and are correlated, so their information is weighted
-/// by the distance between them; the result does not depend on the frame rate.
+/// by the distance between them; the result does not depend on the frame rate. With a known lens,
+/// feature-based measurements count less while direct ones are accepted: a part of their points
+/// lies on kerbs and pavements.
 ///
 /// With a speed of the vehicle two more states are known only roughly: ln of the camera height h*
 /// [m], and ln of the factor by which the speed is too large. Planes measure ln h, speeds measure
@@ -46,6 +48,7 @@ class ScaleFilter {
     double drift_per_sqrt_rad =
         0.05;  ///< a turn replaces the part of the map that carries the scale
     double min_measurement_sigma = 0.015;
+    double feature_sigma_factor = 2;
     double gate_sigma = 3;
     double nis_memory_heights = 20;
 
@@ -66,6 +69,9 @@ class ScaleFilter {
             "[] random walk of ln h over one radian of rotation");
       visit("min_measurement_sigma", self.min_measurement_sigma, 1e-4, 1,
             "[] lower bound of a measurement's relative standard deviation");
+      visit("feature_sigma_factor", self.feature_sigma_factor, 1, 1000,
+            "[] factor on the standard deviation of feature-based measurements while direct ones "
+            "are accepted, used with an estimated lens");
       visit("gate_sigma", self.gate_sigma, 0.1, 1000,
             "[sigma] measurements with a larger normalised innovation are rejected");
       visit("nis_memory_heights", self.nis_memory_heights, 0.1, 1e6,
@@ -110,11 +116,12 @@ class ScaleFilter {
   void predict(double distance, double angle);
 
   /// Update step with a measured height, its standard deviation, and the distance of the measured
-  /// road from the camera [VO units], at most one per source and frame. True when it passed
+  /// road from the camera [VO units], at most one per source and frame. lens_is_known: where direct
+  /// measurements are accepted, they are more accurate than feature-based ones. True when it passed
   /// the gate or started the filter. Ignored, with false: a value that is negative or not finite, a
   /// height of zero, and a measurement before start_distance_heights.
   bool update(double height, double sigma, double road_distance,
-              Source source = Source::kFeatureBased);
+              Source source = Source::kFeatureBased, bool lens_is_known = false);
 
   /// Update step with a speed: the ratio of the distance [m] that followed from it to the one of
   /// the odometry [VO units], and its relative standard deviation. True when it passed the gate or
@@ -153,6 +160,7 @@ class ScaleFilter {
   bool restartFromSpeed(double log_scale, double variance);
   void startFromSpeed(double log_scale, double variance);
   void correct(const Eigen::Vector4d& H, double innovation, double variance);
+  bool isDirectAccepted() const;
   void clearPending(Source source);
   void updateNisScale(double nis, SourceState* source);
   double tiltLever(const Measurement& measurement) const;

@@ -213,11 +213,11 @@ gsv_find_folders() {
 }
 
 # Prints nothing after the first error: the errors that follow only result from the shutdown.
-# gsv_show_launch NAME FILE [RECORDED]: reduces the output of kitti.launch (stdin) to progress, warnings and
-# errors (stderr); fails after an error. Stops roslaunch, whose process id is in FILE, when it cannot start a
-# node. RECORDED: the bag that it records.
+# gsv_show_launch NAME FILE [RECORDED]: reduces the output of kitti.launch (stdin) to the address of the master,
+# progress, warnings and errors (stderr); fails after an error. Stops roslaunch, whose process id is in FILE,
+# when it cannot start a node. RECORDED: the bag that it records.
 gsv_show_launch() {
-  local name=$1 pid_file=$2 recorded=${3:-} line next_progress=0 failed=no
+  local name=$1 pid_file=$2 recorded=${3:-} line master='' next_progress=0 failed=no
   shopt -s extglob
   show() {
     [[ ! -t 2 ]] || printf '\r\e[K' >&2 # overwrites the progress
@@ -227,7 +227,10 @@ gsv_show_launch() {
     line=${line//$'\e'\[*([0-9;])m/}
     [[ $failed == no ]] || continue
     case $line in
+      ROS_MASTER_URI=*) master=$line ;;
       *'progress: '*) # roslaunch may have written before it on the same line
+        [[ -z $master ]] || show "$name: $master"
+        master=''
         line="$name: ${line#*progress: }"
         if [[ -t 2 ]]; then
           printf '\r\e[K%s' "$line" >&2

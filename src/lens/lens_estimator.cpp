@@ -256,13 +256,14 @@ bool LensEstimator::count(const std::vector<LensSegment>& segments, Result* resu
 
 void LensEstimator::judge(const LensMatrix& information, const LensEstimate& estimate,
                           Result* result) const {
-  const double sigma = std::sqrt(information.inverse()(1, 1)) / estimate.lens.camera.fx;
-  if (!(sigma <= options_.max_centre_sigma)) {
+  const double sigma_px = std::sqrt(information.inverse()(1, 1));
+  const double limit_px = options_.max_centre_sigma * estimate.lens.camera.fx;
+  if (!(sigma_px <= limit_px)) {
     result->status = Status::kUnobservable;
     result->reason = format(
         "the drive determines the principal point to %.0f px only, %.0f are needed: drive with "
         "turns",
-        sigma * estimate.lens.camera.fx, options_.max_centre_sigma * estimate.lens.camera.fx);
+        sigma_px, limit_px);
     return;
   }
   result->status = Status::kOk;

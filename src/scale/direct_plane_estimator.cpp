@@ -68,6 +68,7 @@ constexpr int kHeightSteps = 20;  ///< to each side: a factor of 2.7
 /// Only every second patch is used; the position of the maximum needs no more.
 constexpr std::size_t kPatchStride = 2;
 
+constexpr int kShared = 8, kMotion = 5;  ///< unknowns of both reference images, and of each
 /// [1 / camera height] Standard deviation of a curvature that is none.
 constexpr double kNoCurvature = 1e-9;
 
@@ -159,8 +160,8 @@ struct DirectPlaneEstimator::Impl {
         Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
     Eigen::Matrix<double, kUnknowns, 1> b = Eigen::Matrix<double, kUnknowns, 1>::Zero();
   };
-  using PlaneEquations = Equations<8>;
-  using JointEquations = std::array<Equations<13>, kReferences>;
+  using PlaneEquations = Equations<kShared>;
+  using JointEquations = std::array<Equations<kShared + kMotion>, kReferences>;
 
   explicit Impl(const Options& o) : options(o) { options.validate(); }
 
@@ -335,7 +336,7 @@ DirectPlaneEstimator::Impl::JointEquations DirectPlaneEstimator::Impl::accumulat
       // [camera heights] from the origin; the curved road lies lower by c x^2 / 2.
       const double ahead = prior.forward_c.dot(-ray / q - origin_c) / height;
       const double across = prior.lateral().dot(-ray / q - origin_c) / height;
-      Eigen::Matrix<double, 13, 1> jacobian;
+      Eigen::Matrix<double, kShared + kMotion, 1> jacobian;
       jacobian << ray, -0.5 * q * ahead * ahead, -0.5 * q * across * across, -q * ahead * across,
           match.lens.cast<double>(), match.motion.cast<double>();
       const double expected = shiftVariance(match, m) * robust_scale * robust_scale;
@@ -355,12 +356,12 @@ DirectPlaneEstimator::Impl::PlaneEquations DirectPlaneEstimator::Impl::marginali
   PlaneEquations plane;
   for (std::size_t k = 0; k < references.size(); ++k) {
     auto& [H, b] = joint[k];
-    H.diagonal().segment<3>(8).array() += std::pow(options.rotation_sigma_rad, -2);
+    H.diagonal().segment<3>(kShared).array() += std::pow(options.rotation_sigma_rad, -2);
     H.diagonal().tail<2>().array() += std::pow(options.direction_sigma_rad, -2);
-    const Eigen::Matrix<double, 8, 5> cross = H.topRightCorner<8, 5>();
-    const Eigen::LDLT<Eigen::Matrix<double, 5, 5>> motion(H.bottomRightCorner<5, 5>());
-    plane.H += H.topLeftCorner<8, 8>() - cross * motion.solve(cross.transpose());
-    plane.b += b.head<8>() - cross * motion.solve(b.tail<5>());
+    const Eigen::Matrix<double, kShared, kMotion> cross = H.topRightCorner<kShared, kMotion>();
+    const auto motion = H.bottomRightCorner<kMotion, kMotion>().ldlt();
+    plane.H += H.topLeftCorner<kShared, kShared>() - cross * motion.solve(cross.transpose());
+    plane.b += b.head<kShared>() - cross * motion.solve(b.tail<kMotion>());
   }
   return plane;
 }

@@ -160,10 +160,9 @@ void ScaleFilter::correct(const Eigen::Vector4d& H, double innovation, double va
 }
 
 /// Not long ago, in this map.
-bool ScaleFilter::isDirectAccepted() const {
-  const double accepted_at = sources_[static_cast<std::size_t>(Source::kDirect)].accepted_at;
-  return started_ && accepted_at > 0 &&
-         distance_ - accepted_at < kRecentHeights * std::exp(state_[0]);
+bool ScaleFilter::isDirectAccepted() {
+  const double accepted_at = stateOf(Source::kDirect).accepted_at;
+  return accepted_at > 0 && distance_ - accepted_at < kRecentHeights * std::exp(state_[0]);
 }
 
 bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {

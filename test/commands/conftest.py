@@ -62,9 +62,9 @@ def on_full_disk(kib):
 
 
 def assert_one_sentence(text, stderr):
-    """A command wrote one sentence, which contains the text. Beside it may stand the master of the demo, the progress
-    of a run of more than ten seconds, on a slow machine, and warnings of FFmpeg, OpenCV 4.10 and ROS 1.17."""
-    others = r"demo: ROS_MASTER_URI=|\w+: \d+/\d+ |\[mov,|\[ WARN:|Warning: class_loader|\s+at line \d+ in "
+    """A command wrote one sentence, which contains the text. Beside it may stand the progress of a run of more than
+    ten seconds, on a slow machine, and warnings of FFmpeg, OpenCV 4.10 and ROS 1.17."""
+    others = r"\w+: \d+/\d+ |\[mov,|\[ WARN:|Warning: class_loader|\s+at line \d+ in "
     sentences = [line for line in stderr.splitlines() if not re.match(others, line)]
     assert len(sentences) == 1 and text in sentences[0], stderr
 

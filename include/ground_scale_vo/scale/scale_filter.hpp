@@ -147,7 +147,7 @@ class ScaleFilter {
     double road_distance;  ///< [camera heights]
   };
   struct SourceState {
-    double accepted_at = 0;  ///< distance_ at the latest accepted measurement
+    double accepted_at = 0;  ///< distance_ at the latest accepted measurement; 0: none
     double measured_at = 0;  ///< distance_ at the latest measurement
     /// The latest consecutive rejected measurements, at most restart_measurements: candidates for a
     /// restart.
@@ -160,7 +160,7 @@ class ScaleFilter {
   bool restartFromSpeed(double log_scale, double variance);
   void startFromSpeed(double log_scale, double variance);
   void correct(const Eigen::Vector4d& H, double innovation, double variance);
-  bool isDirectAccepted() const;
+  bool isDirectAccepted();
   void clearPending(Source source);
   void updateNisScale(double nis, SourceState* source);
   double tiltLever(const Measurement& measurement) const;

@@ -312,7 +312,10 @@ std::vector<Scenario> mountingsAndPlainRoads() {
               o.road_texture = 0.15;
               o.lane_markings = o.shadows = false;
               o.parked_cars = o.moving_cars = false;
-            }),
+            })
+          .threshold(&ScenarioThresholds::max_rle_percent, 0.65)
+          .dependsOn("a height of its own for the ground beside the lane", {},
+                     {"filter/kerb_sigma=0"}),
       Entry("motorway", "a smooth road without buildings at 28 m/s", 70,
             [](Options& o) {
               o.speed = 28;

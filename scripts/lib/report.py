@@ -66,6 +66,7 @@ COMPONENTS = {  # label: options
     "direction of motion from one frame": "mounting/chord_length_heights=0.01",
     "RANSAC threshold without the depth error": "gpe/plane_threshold_sigma=0",
     "no camber (features)": "fit/camber_sigma_rad=1e-9",
+    "no height of its own for the ground beside the lane": "filter/kerb_sigma=0",
     "no NIS scaling of sigma": "filter/nis_memory_heights=1000000",
     "independent measurements in the filter": "filter/correlation_heights=0",
     "no drift with rotation": "filter/drift_per_sqrt_rad=0",

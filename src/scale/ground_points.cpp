@@ -104,9 +104,10 @@ GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(
 }
 
 /// Indices of the features with a point whose ray meets the expected plane in the region of
-/// interest: the narrow one if it contains enough of them.
+/// interest: the narrow one if it contains enough of them, otherwise the wide one.
 std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& frame,
-                                                               const RoadPrior& prior) const {
+                                                               const RoadPrior& prior,
+                                                               bool* is_wide) const {
   const auto region = [&](double half_width) {
     return LaneRegion(prior, 0, options_.min_ahead_heights, options_.max_ahead_heights, half_width);
   };
@@ -125,7 +126,8 @@ std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& fr
     wide.push_back(static_cast<std::uint32_t>(i));
     if (lane_region.contains(ray)) lane.push_back(static_cast<std::uint32_t>(i));
   }
-  return lane.size() >= static_cast<std::size_t>(options_.min_lane_features) ? lane : wide;
+  *is_wide = lane.size() < static_cast<std::size_t>(options_.min_lane_features);
+  return *is_wide ? wide : lane;
 }
 
 /// theta_1 of Alg. 1 line 10 for a triangle's own normal, relative to the mounting. The printed
@@ -142,8 +144,8 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
     const VoFrame& frame, const RoadPrior& prior, const Eigen::Isometry3d& last_motion) const {
   Result result;
   const Stopwatch watch;
-  const std::vector<Triangle> triangles =
-      delaunay(frame.camera, frame.features, selectRegion(frame, prior));  // Alg. 1 line 1
+  const std::vector<Triangle> triangles =  // Alg. 1 line 1
+      delaunay(frame.camera, frame.features, selectRegion(frame, prior, &result.are_beside_lane));
   result.delaunay_ms = watch.ms();
   result.triangles = static_cast<int>(triangles.size());
   if (triangles.empty()) return result;

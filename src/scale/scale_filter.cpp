@@ -21,6 +21,9 @@ constexpr double kTiltDecay = 0.8;
 /// [camera heights] Since the latest accepted direct measurement, while the road is the same.
 constexpr double kRecentHeights = 5;
 
+/// [camera heights] Over which the kerb decays to 1/e: it changes along a street.
+constexpr double kKerbHeights = 60;
+
 /// Standard deviation of the change of ln h when a refined lens replaces another.
 constexpr double kLensChangeSigma = 0.02;
 
@@ -50,8 +53,8 @@ ScaleFilter::ScaleFilter(const Options& options, const Prior& prior)
   const double height_sigma = prior.camera_height > 0
                                   ? prior.camera_height_sigma / prior.camera_height
                                   : kUnknownHeightSigma;
-  covariance_(2, 2) = height_sigma * height_sigma;
-  covariance_(3, 3) = prior.speed_scale_sigma * prior.speed_scale_sigma;
+  covariance_(kCameraHeight, kCameraHeight) = height_sigma * height_sigma;
+  covariance_(kSpeedFactor, kSpeedFactor) = prior.speed_scale_sigma * prior.speed_scale_sigma;
   height_variance_limit_ = std::pow(std::min(height_sigma, kMaxHeightSigma), 2);
 }
 
@@ -60,30 +63,34 @@ void ScaleFilter::startMap() {
   *this = ScaleFilter(options_, {});
   prior_height_ = before.prior_height_;
   height_variance_limit_ = before.height_variance_limit_;
+  lens_is_estimated_ = before.lens_is_estimated_;
   state_.tail<2>() = before.state_.tail<2>();
   covariance_.bottomRightCorner<2, 2>() = before.covariance_.bottomRightCorner<2, 2>();
 }
 
 bool ScaleFilter::hasCameraHeight() const {
-  return covariance_(2, 2) <= kMaxHeightSigma * kMaxHeightSigma;
+  return covariance_(kCameraHeight, kCameraHeight) <= kMaxHeightSigma * kMaxHeightSigma;
 }
 
 bool ScaleFilter::known() const { return started_ && (has_speed_ || hasCameraHeight()); }
 
 bool ScaleFilter::heightKnown() const { return started_ && (has_plane_ || hasCameraHeight()); }
 
-double ScaleFilter::height() const { return heightKnown() ? std::exp(state_[0]) : 0; }
+double ScaleFilter::height() const { return heightKnown() ? std::exp(state_[kHeight]) : 0; }
 
-double ScaleFilter::scale() const { return known() ? cameraHeight() / std::exp(state_[0]) : 0; }
+double ScaleFilter::scale() const {
+  return known() ? cameraHeight() / std::exp(state_[kHeight]) : 0;
+}
 
 /// The NIS of planes tells nothing about the camera height and the factor of the speeds, so what
 /// these contribute is not scaled by it.
 double ScaleFilter::scaleSigma() const {
   if (!known()) return 0;
-  const Eigen::Vector4d J(-1, 0, 1, 0);
-  const Eigen::Vector4d c = covariance_ * J;
+  StateVector J = StateVector::Zero();
+  J[kHeight] = -1, J[kCameraHeight] = 1;
+  const StateVector c = covariance_ * J;
   double constant = 0;
-  for (const int i : {2, 3}) {
+  for (const State i : {kCameraHeight, kSpeedFactor}) {
     if (covariance_(i, i) > 0) constant += c[i] * c[i] / covariance_(i, i);
   }
   const double variance = J.dot(c);
@@ -92,36 +99,45 @@ double ScaleFilter::scaleSigma() const {
 }
 
 double ScaleFilter::cameraHeightSigma() const {
-  return cameraHeight() * std::sqrt(covariance_(2, 2));
+  return cameraHeight() * std::sqrt(covariance_(kCameraHeight, kCameraHeight));
 }
 
 void ScaleFilter::predict(double distance, double angle) {
   distance_ += distance;
   turned_ += angle;
   if (!started_) return;
-  covariance_(0, 0) += options_.drift_per_sqrt_height * options_.drift_per_sqrt_height * distance /
-                           std::exp(state_[0]) +
-                       options_.drift_per_sqrt_rad * options_.drift_per_sqrt_rad * angle;
-  if (covariance_(2, 2) < height_variance_limit_) {
+  const double distance_heights = distance / std::exp(state_[kHeight]);
+  const double drift_per_sqrt_rad =
+      lens_is_estimated_ ? options_.drift_per_sqrt_rad_estimated_lens : options_.drift_per_sqrt_rad;
+  covariance_(kHeight, kHeight) +=
+      options_.drift_per_sqrt_height * options_.drift_per_sqrt_height * distance_heights +
+      drift_per_sqrt_rad * drift_per_sqrt_rad * angle;
+  const double kept = std::exp(-distance_heights / kKerbHeights);
+  state_[kKerb] *= kept;
+  covariance_.row(kKerb) *= kept;
+  covariance_.col(kKerb) *= kept;
+  covariance_(kKerb, kKerb) += (1 - kept * kept) * options_.kerb_sigma * options_.kerb_sigma;
+  double& height_variance = covariance_(kCameraHeight, kCameraHeight);
+  if (height_variance < height_variance_limit_) {
     const double drift = kHeightDriftPerSqrtMetre * kHeightDriftPerSqrtMetre * distance * scale();
-    covariance_(2, 2) = std::min(covariance_(2, 2) + drift, height_variance_limit_);
+    height_variance = std::min(height_variance + drift, height_variance_limit_);
   }
 }
 
 void ScaleFilter::changeLens() {
-  if (started_) covariance_(0, 0) += kLensChangeSigma * kLensChangeSigma;
+  if (started_) covariance_(kHeight, kHeight) += kLensChangeSigma * kLensChangeSigma;
 }
 
 bool ScaleFilter::update(double height, double sigma, double road_distance, Source source,
-                         bool lens_is_known) {
+                         bool is_beside_lane) {
   if (!(height > 0 && sigma >= 0 && road_distance >= 0)) return false;
   if (!areFinite(height, sigma, road_distance)) return false;
   double relative_sigma = std::hypot(sigma / height, options_.min_measurement_sigma);
-  if (lens_is_known && source == Source::kFeatureBased && isDirectAccepted()) {
+  if (lens_is_estimated_ && source == Source::kFeatureBased && isDirectAccepted()) {
     relative_sigma *= options_.feature_sigma_factor;
   }
   const Measurement measurement{std::log(height), relative_sigma * relative_sigma,
-                                road_distance / height};
+                                road_distance / height, is_beside_lane};
   if (options_.moving_average_frames > 0) return updateMovingAverage(height, measurement.variance);
   if (!started_) {
     if (distance_ < options_.start_distance_heights * height) return false;
@@ -129,7 +145,8 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
     return true;
   }
 
-  const Eigen::Vector4d H(1, tiltLever(measurement), 0, 0);
+  StateVector H = StateVector::Zero();
+  H[kHeight] = 1, H[kTilt] = tiltLever(measurement), H[kKerb] = is_beside_lane ? 1 : 0;
   const double innovation = measurement.log_height - H.dot(state_);
   const double predicted_variance = H.dot(covariance_ * H);
   const double innovation_variance = predicted_variance + measurement.variance;
@@ -145,16 +162,17 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   clearPending(source);
   // Correlated with the previous measurement of this source when that is closer than the
   // correlation length: only this share of its information is new.
-  const double share = std::min(1.0, (distance_ - source_state.accepted_at) /
-                                         (options_.correlation_heights * std::exp(state_[0])));
+  const double share =
+      std::min(1.0, (distance_ - source_state.accepted_at) /
+                        (options_.correlation_heights * std::exp(state_[kHeight])));
   source_state.accepted_at = distance_;
   if (share > 0) correct(H, innovation, measurement.variance / share);
   has_plane_ = true;
   return true;
 }
 
-void ScaleFilter::correct(const Eigen::Vector4d& H, double innovation, double variance) {
-  const Eigen::Vector4d gain = covariance_ * H / (H.dot(covariance_ * H) + variance);
+void ScaleFilter::correct(const StateVector& H, double innovation, double variance) {
+  const StateVector gain = covariance_ * H / (H.dot(covariance_ * H) + variance);
   state_ += gain * innovation;
   covariance_ -= gain * (covariance_ * H).transpose();
 }
@@ -162,7 +180,7 @@ void ScaleFilter::correct(const Eigen::Vector4d& H, double innovation, double va
 /// Not long ago, in this map.
 bool ScaleFilter::isDirectAccepted() {
   const double accepted_at = stateOf(Source::kDirect).accepted_at;
-  return accepted_at > 0 && distance_ - accepted_at < kRecentHeights * std::exp(state_[0]);
+  return accepted_at > 0 && distance_ - accepted_at < kRecentHeights * std::exp(state_[kHeight]);
 }
 
 bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {
@@ -171,7 +189,8 @@ bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {
     startFromSpeed(log_scale, variance);
     return true;
   }
-  const Eigen::Vector4d H(-1, 0, 1, 1);
+  StateVector H = StateVector::Zero();
+  H[kHeight] = -1, H[kCameraHeight] = H[kSpeedFactor] = 1;
   const double innovation = log_scale - std::log(prior_height_) - H.dot(state_);
   const double innovation_variance = H.dot(covariance_ * H) + variance;
   if (innovation * innovation > options_.gate_sigma * options_.gate_sigma * innovation_variance) {
@@ -186,13 +205,13 @@ bool ScaleFilter::updateSpeed(double metres_per_unit, double relative_sigma) {
 
 /// As restart(). The latest half of a minute of consistent speeds is believed more than planes.
 bool ScaleFilter::restartFromSpeed(double log_scale, double variance) {
-  const double deviation = std::abs(log_scale - state_[3] - std::log(scale()));
+  const double deviation = std::abs(log_scale - state_[kSpeedFactor] - std::log(scale()));
   if (has_plane_ && hasCameraHeight() && deviation > kOtherUnit) return false;
   if (pending_speeds_.empty()) pending_speeds_since_ = distance_;
   pending_speeds_.push_back(log_scale);
   if (pending_speeds_.size() > kMinPendingSpeeds) pending_speeds_.pop_front();
-  const double required_distance =
-      std::min(pending_speeds_since_ - started_at_, kSpeedRestartDistance * std::exp(state_[0]));
+  const double required_distance = std::min(pending_speeds_since_ - started_at_,
+                                            kSpeedRestartDistance * std::exp(state_[kHeight]));
   if (pending_speeds_.size() < kMinPendingSpeeds ||
       distance_ - pending_speeds_since_ < required_distance) {
     return false;
@@ -208,15 +227,18 @@ bool ScaleFilter::restartFromSpeed(double log_scale, double variance) {
 /// h follows from the speed as accurately as h* is known.
 void ScaleFilter::startFromSpeed(double log_scale, double variance) {
   has_plane_ = false;
-  const double factor_variance = covariance_(3, 3), height_variance = covariance_(2, 2);
-  const double height_factor_covariance = covariance_(2, 3);
-  start({std::log(prior_height_) + state_[2] + state_[3] - log_scale,
+  const double factor_variance = covariance_(kSpeedFactor, kSpeedFactor);
+  const double height_variance = covariance_(kCameraHeight, kCameraHeight);
+  const double height_factor_covariance = covariance_(kCameraHeight, kSpeedFactor);
+  start({std::log(cameraHeight()) + state_[kSpeedFactor] - log_scale,
          variance + height_variance + factor_variance + 2 * height_factor_covariance, 0});
   has_plane_ = false;
   has_speed_ = true;
   speed_accepted_at_ = distance_;
-  covariance_(0, 2) = covariance_(2, 0) = height_variance + height_factor_covariance;
-  covariance_(0, 3) = covariance_(3, 0) = factor_variance + height_factor_covariance;
+  covariance_(kHeight, kCameraHeight) = covariance_(kCameraHeight, kHeight) =
+      height_variance + height_factor_covariance;
+  covariance_(kHeight, kSpeedFactor) = covariance_(kSpeedFactor, kHeight) =
+      factor_variance + height_factor_covariance;
 }
 
 /// The state becomes the mean of the latest scales 1/h.
@@ -225,9 +247,10 @@ bool ScaleFilter::updateMovingAverage(double height, double variance) {
   if (inverse_heights_.size() > static_cast<std::size_t>(options_.moving_average_frames)) {
     inverse_heights_.pop_front();
   }
-  state_[0] = -std::log(std::accumulate(inverse_heights_.begin(), inverse_heights_.end(), 0.0) /
-                        static_cast<double>(inverse_heights_.size()));
-  covariance_(0, 0) = variance;
+  state_[kHeight] =
+      -std::log(std::accumulate(inverse_heights_.begin(), inverse_heights_.end(), 0.0) /
+                static_cast<double>(inverse_heights_.size()));
+  covariance_(kHeight, kHeight) = variance;
   started_ = has_plane_ = true;
   return true;
 }
@@ -243,8 +266,8 @@ double ScaleFilter::tiltLever(const Measurement& measurement) const {
 
 /// Moving average of the NIS over the distance.
 void ScaleFilter::updateNisScale(double nis, SourceState* source) {
-  const double rate = std::min(
-      1.0, (distance_ - source->measured_at) / (options_.nis_memory_heights * std::exp(state_[0])));
+  const double rate = std::min(1.0, (distance_ - source->measured_at) /
+                                        (options_.nis_memory_heights * std::exp(state_[kHeight])));
   source->measured_at = distance_;
   nis_scale_ = std::clamp(nis_scale_ + rate * (nis - nis_scale_), kMinNisScale, kMaxNisScale);
 }
@@ -257,7 +280,7 @@ void ScaleFilter::clearPending(Source source) {
   std::deque<Measurement>& feature_based = stateOf(Source::kFeatureBased).pending;
   const bool deviates =
       !feature_based.empty() &&
-      std::abs(feature_based.back().log_height - state_[0]) > options_.restart_max_deviation;
+      std::abs(feature_based.back().log_height - state_[kHeight]) > options_.restart_max_deviation;
   if (source == Source::kFeatureBased || !deviates) feature_based.clear();
 }
 
@@ -288,7 +311,7 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
   if (pending.size() < required || persisted < required_distance) return false;
   const bool is_confirmed_by_speed =
       speed_accepted_at_ && *speed_accepted_at_ > source->pending_since &&
-      (!hasCameraHeight() || std::abs(measurement.log_height - state_[0]) < kOtherUnit);
+      (!hasCameraHeight() || std::abs(measurement.log_height - state_[kHeight]) < kOtherUnit);
   if (is_confirmed_by_speed) return false;
   std::vector<double> log_heights;
   double mean_variance = 0;
@@ -301,19 +324,24 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
     if (std::abs(log_height - middle) > options_.restart_max_deviation) return false;
   }
   tilted_since_ = distance_;
-  start({middle, mean_variance, measurement.road_distance});
+  start({middle, mean_variance, measurement.road_distance, measurement.is_beside_lane});
   return true;
 }
 
 void ScaleFilter::start(const Measurement& measurement) {
   const double tilt_lever = tiltLever(measurement);
   const double tilt_variance = options_.start_tilt_sigma_rad * options_.start_tilt_sigma_rad;
-  state_.head<2>() << measurement.log_height, 0;
-  covariance_.topRows<2>().setZero();
-  covariance_.leftCols<2>().setZero();
-  covariance_.topLeftCorner<2, 2>()
-      << measurement.variance + tilt_lever * tilt_lever * tilt_variance,
-      -tilt_lever * tilt_variance, -tilt_lever * tilt_variance, tilt_variance;
+  const double kerb_lever = measurement.is_beside_lane ? 1 : 0;
+  const double kerb_variance = options_.kerb_sigma * options_.kerb_sigma;
+  state_.head<kCameraHeight>() << measurement.log_height, 0, 0;
+  covariance_.topRows<kCameraHeight>().setZero();
+  covariance_.leftCols<kCameraHeight>().setZero();
+  covariance_.topLeftCorner<kCameraHeight, kCameraHeight>()
+      << measurement.variance + tilt_lever * tilt_lever * tilt_variance +
+             kerb_lever * kerb_lever * kerb_variance,
+      -tilt_lever * tilt_variance, -kerb_lever * kerb_variance,  //
+      -tilt_lever * tilt_variance, tilt_variance, 0,             //
+      -kerb_lever * kerb_variance, 0, kerb_variance;
   started_ = has_plane_ = true;
   has_speed_ = false;
   pending_speeds_.clear();

@@ -149,6 +149,7 @@ bool ScaleRecovery::Impl::hasPlausibleSpeed(const StampedPosition& from,
 /// Another lens of the same camera, in the same map: heights differ a little from now on.
 void ScaleRecovery::Impl::setCamera(const PinholeCamera& new_camera) {
   if (last_camera && !isSameCamera(*last_camera, new_camera)) map.filter.changeLens();
+  map.filter.setLensIsEstimated(new_camera.lens_is_estimated);
   last_camera = new_camera;
 }
 
@@ -234,8 +235,8 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
 /// feature-based one alone. Returns whether it accepts any.
 bool ScaleRecovery::Impl::updateFilter(Output* output) {
   const auto accepts = [&](const Measurement& m, ScaleFilter::Source source) {
-    return m.height > 0 && map.filter.update(m.height, m.sigma, m.road_distance, source,
-                                             last_camera->lens_is_estimated);
+    return m.height > 0 &&
+           map.filter.update(m.height, m.sigma, m.road_distance, source, m.is_beside_lane);
   };
   const Measurement &feature_based = output->feature_based, &direct_measurement = output->direct;
   const bool feature_based_accepted = accepts(feature_based, ScaleFilter::Source::kFeatureBased);
@@ -357,7 +358,7 @@ MeasurementStatus ScaleRecovery::Impl::measureFeatureBased(const VoFrame& frame,
     scale.plane_inliers = static_cast<int>(window.fit.inliers.size());
     output->feature_based = {window.fit.median_height, window.fit.height_sigma,
                              (centre_c - T_c_above.translation()).norm(),
-                             T_c_above.linear() * window.fit.plane.n_c};
+                             T_c_above.linear() * window.fit.plane.n_c, ground.are_beside_lane};
   }
   output->times.gpa = watch.lapMs();
   return window.fit.status;

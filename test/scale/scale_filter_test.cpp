@@ -256,14 +256,15 @@ TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
   EXPECT_NEAR(1 / filter.height(), 2.0, 1e-12);
 }
 
-TEST(ScaleFilter, WithAKnownLensTheDirectMeasurementCountsMore) {
-  const auto heightOf = [](bool lens_is_known, double last_direct) {
+TEST(ScaleFilter, WithAnEstimatedLensTheDirectMeasurementCountsMore) {
+  const auto heightOf = [](bool lens_is_estimated, double last_direct) {
     Filter filter;
+    filter.setLensIsEstimated(lens_is_estimated);
     for (int i = 0; i < 100; ++i) {
       filter.predict(0.5, 0);
-      filter.update(0.80, 0.01, kRoadDistance, ScaleFilter::Source::kFeatureBased, lens_is_known);
+      filter.update(0.80, 0.01, kRoadDistance);
       if (i >= last_direct) continue;
-      filter.update(0.82, 0.01, kRoadDistance, ScaleFilter::Source::kDirect, lens_is_known);
+      filter.update(0.82, 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
     }
     return filter.height();
   };
@@ -271,6 +272,50 @@ TEST(ScaleFilter, WithAKnownLensTheDirectMeasurementCountsMore) {
   EXPECT_NEAR(heightOf(true, 100), 0.816, 0.002);
   // Without direct measurements, the feature-based ones have their full weight again.
   EXPECT_NEAR(heightOf(true, 20), 0.80, 0.001);
+}
+
+TEST(ScaleFilter, WithAnEstimatedLensATurnAddsLessNoise) {
+  const auto sigmaAfterTurn = [](bool lens_is_estimated) {
+    Filter filter(withoutNisScaling());
+    filter.setLensIsEstimated(true);
+    drive(&filter, 100, 0.8, 0.01);
+    filter.startMap();
+    filter.setLensIsEstimated(lens_is_estimated);
+    drive(&filter, 100, 0.8, 0.01);
+    filter.predict(0, 1.5);
+    return filter.sigma();
+  };
+  EXPECT_LT(sigmaAfterTurn(true), 0.6 * sigmaAfterTurn(false));
+}
+
+/// Points on a pavement that is 3 % of the camera height above the lane, and in every tenth frame
+/// up to last_direct a direct measurement of the lane.
+Filter driveBesideAPavement(int frames, int last_direct) {
+  Filter filter(withoutNisScaling());
+  for (int i = 0; i < frames; ++i) {
+    filter.predict(0.5, 0);
+    const bool is_beside_lane = true;
+    filter.update(0.97 * 0.8, 0.01, kRoadDistance, ScaleFilter::Source::kFeatureBased,
+                  is_beside_lane);
+    if (i % 10 != 9 || i > last_direct) continue;
+    EXPECT_TRUE(filter.update(0.8, 0.01, kRoadDistance, ScaleFilter::Source::kDirect));
+  }
+  return filter;
+}
+
+TEST(ScaleFilter, DirectMeasurementsTeachHowMuchHigherTheGroundBesideTheLaneIs) {
+  EXPECT_NEAR(driveBesideAPavement(200, 200).height(), 0.8, 0.005 * 0.8);
+  // For a while without direct measurements, the height that they have taught is used.
+  EXPECT_NEAR(driveBesideAPavement(210, 200).height(), 0.8, 0.01 * 0.8);
+}
+
+TEST(ScaleFilter, WithPointsBesideTheLaneAloneTheHeightIsUncertain) {
+  const Filter beside = driveBesideAPavement(200, 0);
+  EXPECT_NEAR(beside.height(), 0.97 * 0.8, 0.005 * 0.8);
+  EXPECT_GT(beside.sigma(), 0.015 * 0.8);
+  Filter lane(withoutNisScaling());
+  drive(&lane, 200, 0.8, 0.01);
+  EXPECT_LT(lane.sigma(), 0.7 * beside.sigma());
 }
 
 TEST(ScaleFilter, TwoSourcesReduceSigma) {

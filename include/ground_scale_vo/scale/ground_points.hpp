@@ -77,6 +77,7 @@ class GroundPointExtraction {
     /// features with map points), kTooFewGroundPoints or kNoPlane, and `points` is empty.
     MeasurementStatus status = MeasurementStatus::kTooFewTriangles;
     std::vector<GroundPoint> points;  ///< ordered by id
+    bool are_beside_lane = false;     ///< the narrow region has too few features
     GroundPlane plane;                ///< best RANSAC hypothesis, through three points
     int triangles = 0;                ///< of the triangulation
     int ground_triangles = 0;         ///< of these, accepted as ground
@@ -93,7 +94,8 @@ class GroundPointExtraction {
                  const Eigen::Isometry3d& last_motion) const;
 
  private:
-  std::vector<std::uint32_t> selectRegion(const VoFrame& frame, const RoadPrior& prior) const;
+  std::vector<std::uint32_t> selectRegion(const VoFrame& frame, const RoadPrior& prior,
+                                          bool* is_wide) const;
   bool isTilted(const GroundPlane& plane, const RoadPrior& prior, double roll_tolerance) const;
   void ransac(std::uint64_t seed, const RoadPrior& prior, Result* result) const;
 

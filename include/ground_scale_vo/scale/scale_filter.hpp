@@ -18,13 +18,16 @@ namespace ground_scale_vo {
 ///
 /// State: ln h, and the tilt of the young map: its first views have a short baseline, so all its
 /// points are turned about the camera by the same small angle, which raises or lowers the road in
-/// proportion to its distance. The tilt vanishes as the map grows. Process: a random walk of ln h
-/// in the distance travelled and the rotation. Measurements: ln of a measured height, from one or
-/// two sources per frame, with a gate on the normalised innovation squared (NIS). Neighbouring
+/// proportion to its distance. The tilt vanishes as the map grows. Third, the kerb: where the lane
+/// has too few corners, the points lie on kerbs and pavements beside it, and the height above these
+/// is another one than that above the lane. Direct measurements, which see the lane alone, teach
+/// the difference; without them it remains an uncertainty of h. Process: a random walk of ln h in
+/// the distance travelled and the rotation. Measurements: ln of a measured height, from one or two
+/// sources per frame, with a gate on the normalised innovation squared (NIS). Neighbouring
 /// measurements of a source see the same road and are correlated, so their information is weighted
-/// by the distance between them; the result does not depend on the frame rate. With a known lens,
-/// feature-based measurements count less while direct ones are accepted: a part of their points
-/// lies on kerbs and pavements.
+/// by the distance between them; the result does not depend on the frame rate. With an estimated
+/// lens the unit of length is steadier in turns, and feature-based measurements count less while
+/// direct ones are accepted.
 ///
 /// With a speed of the vehicle two more states are known only roughly: ln of the camera height h*
 /// [m], and ln of the factor by which the speed is too large. Planes measure ln h, speeds measure
@@ -47,6 +50,8 @@ class ScaleFilter {
     double drift_per_sqrt_height = 0.01;
     double drift_per_sqrt_rad =
         0.05;  ///< a turn replaces the part of the map that carries the scale
+    double drift_per_sqrt_rad_estimated_lens = 0.02;
+    double kerb_sigma = 0.02;
     double min_measurement_sigma = 0.015;
     double feature_sigma_factor = 2;
     double gate_sigma = 3;
@@ -67,6 +72,11 @@ class ScaleFilter {
             "[] random walk of ln h over one camera height of distance");
       visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
             "[] random walk of ln h over one radian of rotation");
+      visit("drift_per_sqrt_rad_estimated_lens", self.drift_per_sqrt_rad_estimated_lens, 0, 1,
+            "[] the same, used with an estimated lens");
+      visit("kerb_sigma", self.kerb_sigma, 0, 1,
+            "[] standard deviation of the kerb: of ln of the height above the ground beside the "
+            "lane by that above the lane");
       visit("min_measurement_sigma", self.min_measurement_sigma, 1e-4, 1,
             "[] lower bound of a measurement's relative standard deviation");
       visit("feature_sigma_factor", self.feature_sigma_factor, 1, 1000,
@@ -116,12 +126,12 @@ class ScaleFilter {
   void predict(double distance, double angle);
 
   /// Update step with a measured height, its standard deviation, and the distance of the measured
-  /// road from the camera [VO units], at most one per source and frame. lens_is_known: where direct
-  /// measurements are accepted, they are more accurate than feature-based ones. True when it passed
-  /// the gate or started the filter. Ignored, with false: a value that is negative or not finite, a
-  /// height of zero, and a measurement before start_distance_heights.
+  /// road from the camera [VO units], at most one per source and frame. is_beside_lane: above the
+  /// ground beside the lane. True when it passed the gate or started the filter. Ignored, with
+  /// false: a value that is negative or not finite, a height of zero, and a measurement before
+  /// start_distance_heights.
   bool update(double height, double sigma, double road_distance,
-              Source source = Source::kFeatureBased, bool lens_is_known = false);
+              Source source = Source::kFeatureBased, bool is_beside_lane = false);
 
   /// Update step with a speed: the ratio of the distance [m] that followed from it to the one of
   /// the odometry [VO units], and its relative standard deviation. True when it passed the gate or
@@ -134,17 +144,25 @@ class ScaleFilter {
   double scale() const;          ///< h*/h [m per VO unit]; 0 while not known()
   double scaleSigma() const;     ///< standard deviation of scale(); 0 while not known()
   bool hasCameraHeight() const;  ///< cameraHeight() is given or learned
-  double cameraHeight() const { return prior_height_ * std::exp(state_[2]); }  ///< h* [m]
+  double cameraHeight() const {
+    return prior_height_ * std::exp(state_[kCameraHeight]);
+  }                                  ///< h* [m]
   double cameraHeightSigma() const;  ///< standard deviation of cameraHeight() [m]
 
+  /// Whether the lens of the images was estimated from drives. Before predict().
+  void setLensIsEstimated(bool is_estimated) { lens_is_estimated_ = is_estimated; }
   /// A refined lens replaces the one of the images so far.
   void changeLens();
 
  private:
+  enum State { kHeight, kTilt, kKerb, kCameraHeight, kSpeedFactor, kStates };
+  using StateVector = Eigen::Matrix<double, kStates, 1>;
+  using StateMatrix = Eigen::Matrix<double, kStates, kStates>;
   struct Measurement {
     double log_height;
     double variance;
     double road_distance;  ///< [camera heights]
+    bool is_beside_lane = false;
   };
   struct SourceState {
     double accepted_at = 0;  ///< distance_ at the latest accepted measurement; 0: none
@@ -159,7 +177,7 @@ class ScaleFilter {
   void start(const Measurement& measurement);
   bool restartFromSpeed(double log_scale, double variance);
   void startFromSpeed(double log_scale, double variance);
-  void correct(const Eigen::Vector4d& H, double innovation, double variance);
+  void correct(const StateVector& H, double innovation, double variance);
   bool isDirectAccepted();
   void clearPending(Source source);
   void updateNisScale(double nis, SourceState* source);
@@ -171,12 +189,13 @@ class ScaleFilter {
   double height_variance_limit_;  ///< of ln h*
   bool started_ = false;
   bool has_plane_ = false, has_speed_ = false;  ///< accepted one since the start
-  /// ln h, tilt [rad], ln h* by prior_height_, ln of the factor of the speeds.
-  Eigen::Vector4d state_ = Eigen::Vector4d::Zero();
-  Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();  ///< of the state
-  double distance_ = 0;                                   ///< travelled [VO units]
-  double turned_ = 0;                                     ///< rotated [rad]
-  double started_at_ = 0;                                 ///< distance_ at the latest (re)start
+  bool lens_is_estimated_ = false;
+  /// ln h, tilt [rad], kerb, ln h* by prior_height_, ln of the factor of the speeds.
+  StateVector state_ = StateVector::Zero();
+  StateMatrix covariance_ = StateMatrix::Zero();
+  double distance_ = 0;      ///< travelled [VO units]
+  double turned_ = 0;        ///< rotated [rad]
+  double started_at_ = 0;    ///< distance_ at the latest (re)start
   double tilted_since_ = 0;  ///< distance_ from which on the tilt decays
   double nis_scale_ = 1;     ///< mean normalised innovation squared
   std::array<SourceState, 2> sources_;

@@ -107,6 +107,7 @@ class ScaleRecovery {
     double sigma = 0;          ///< standard deviation [VO units]
     double road_distance = 0;  ///< of the measured road's centre from the path [VO units]
     Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< normal in this frame's camera
+    bool is_beside_lane = false;                    ///< the lane itself has too few points
   };
 
   struct Output {

@@ -93,7 +93,7 @@ class LensOdometry {
 
 void SelfCalibratingOdometry::Options::validate() const {
   vo.validate();
-  refinement.validate();
+  refinement.estimator.validate();
 }
 
 struct SelfCalibratingOdometry::Impl {

@@ -33,7 +33,6 @@ class SelfCalibratingOdometry {
     static void visitStages(Self& self, Visit&& visit) {
       VisualOdometry::Options::visitStages(self.vo, visit);
       visit("", self);
-      visit("refinement/", self.refinement);
       visit("lens/", self.refinement.estimator);
     }
     /// Throws OptionError.

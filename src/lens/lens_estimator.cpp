@@ -14,8 +14,16 @@ namespace {
 
 /// Cells of the image, for Result::field and the selection of tracks.
 constexpr int kFieldColumns = 16, kFieldRows = 6;
-/// Least number of keyframes of a segment.
-constexpr std::size_t kMinSegment = 5;
+/// Standard deviations of the distortion of a calibration.
+constexpr double kPriorK1Sigma = 0.05, kPriorK2Sigma = 0.03;
+constexpr double kKeyframeFlow = 0.02;  ///< [image widths] median flow between two keyframes
+/// Numbers of keyframes that are adjusted together; longer drives are divided.
+constexpr std::size_t kMinSegment = 5, kMaxSegment = 100;
+constexpr double kMaxErrorPx = 2;  ///< observations with larger residuals are outliers
+constexpr std::size_t kMinKeyframes = 10, kMinTracks = 100;
+/// [focal lengths] Largest standard deviation of the principal point, from the drive alone, with
+/// which the lens is observable: a straight drive leaves it unknown.
+constexpr double kMaxCentreSigma = 0.004;
 /// Iterations with the lens fixed, in each round between rejections of outliers, and with the lens
 /// of the prior. Poses and points of the odometry are a good start, so that more change the
 /// estimate by less than 0.1 standard deviations.
@@ -129,7 +137,7 @@ LensEstimator::LensEstimator(const Options& options) : options_(options) { optio
 LensEstimate LensEstimator::priorOf(const Lens& calibration) const {
   LensVector sigmas;
   sigmas << options_.prior_focal_sigma, options_.prior_centre_sigma_px,
-      options_.prior_centre_sigma_px, options_.prior_k1_sigma, options_.prior_k2_sigma;
+      options_.prior_centre_sigma_px, kPriorK1Sigma, kPriorK2Sigma;
   return {calibration, sigmas.cwiseAbs2().asDiagonal()};
 }
 
@@ -165,7 +173,7 @@ void LensEstimator::add(const VoFrame& frame) {
     keyframe.features.emplace_back(feature.id, feature.u.cast<double>());
   }
   const bool is_first = keyframes_.empty() || keyframes_.back().run != run_;
-  const double min_flow = options_.keyframe_flow * frame.camera.width;
+  const double min_flow = kKeyframeFlow * frame.camera.width;
   if (is_first || flow(keyframes_.back(), keyframe) >= min_flow) {
     keyframes_.push_back(std::move(keyframe));
   }
@@ -173,10 +181,9 @@ void LensEstimator::add(const VoFrame& frame) {
 
 std::vector<LensSegment> LensEstimator::segments(const Lens& lens, const TrackNoise& noise) const {
   std::vector<LensSegment> result;
-  const auto longest = static_cast<std::size_t>(options_.segment_keyframes);
   for (std::size_t begin = 0, end = 0; begin < keyframes_.size(); begin = end) {
     while (end < keyframes_.size() && keyframes_[end].run == keyframes_[begin].run) ++end;
-    const std::size_t pieces = (end - begin + longest - 1) / longest;
+    const std::size_t pieces = (end - begin + kMaxSegment - 1) / kMaxSegment;
     for (std::size_t i = 0; i < pieces; ++i) {
       const std::size_t first = begin + (end - begin) * i / pieces;
       const std::size_t last = begin + (end - begin) * (i + 1) / pieces;
@@ -209,7 +216,7 @@ LensEstimator::Result LensEstimator::estimate(const LensEstimate& prior,
   solver.optimise(false, kFixedIterations);
   for (int round = 0; round < kRounds; ++round) {
     solver.optimise(true, kRoundIterations);
-    solver.rejectOutliers(options_.max_error_px, min_observations);
+    solver.rejectOutliers(kMaxErrorPx, min_observations);
     if (!count(solver.segments(), &result)) return result;
   }
   const LensEstimate estimate = solver.combineWithPrior();
@@ -235,20 +242,18 @@ bool LensEstimator::count(const std::vector<LensSegment>& segments, Result* resu
       with_parallax += track.used && track.point.z() > kMinParallax;
     }
   }
-  const auto min_keyframes = static_cast<std::size_t>(options_.min_keyframes);
-  const auto min_tracks = static_cast<std::size_t>(options_.min_tracks);
-  const bool only_rotates = segments.empty() && keyframes_.size() >= min_keyframes;
-  if (!only_rotates && (result->keyframes < min_keyframes || result->tracks < min_tracks)) {
+  const bool only_rotates = segments.empty() && keyframes_.size() >= kMinKeyframes;
+  if (!only_rotates && (result->keyframes < kMinKeyframes || result->tracks < kMinTracks)) {
     result->status = Status::kTooFew;
     result->reason = "the drive has " + std::to_string(result->keyframes) + " keyframes with " +
                      std::to_string(result->tracks) + " tracks, fewer than " +
-                     std::to_string(min_keyframes) + " or " + std::to_string(min_tracks);
+                     std::to_string(kMinKeyframes) + " or " + std::to_string(kMinTracks);
     return false;
   }
-  if (with_parallax < min_tracks) {
+  if (with_parallax < kMinTracks) {
     result->status = Status::kUnobservable;
     result->reason = "the camera hardly moves: " + std::to_string(with_parallax) +
-                     " tracks have parallax, fewer than " + std::to_string(min_tracks);
+                     " tracks have parallax, fewer than " + std::to_string(kMinTracks);
     return false;
   }
   return true;
@@ -257,7 +262,7 @@ bool LensEstimator::count(const std::vector<LensSegment>& segments, Result* resu
 void LensEstimator::judge(const LensMatrix& information, const LensEstimate& estimate,
                           Result* result) const {
   const double sigma_px = std::sqrt(information.inverse()(1, 1));
-  const double limit_px = options_.max_centre_sigma * estimate.lens.camera.fx;
+  const double limit_px = kMaxCentreSigma * estimate.lens.camera.fx;
   if (!(sigma_px <= limit_px)) {
     result->status = Status::kUnobservable;
     result->reason = format(

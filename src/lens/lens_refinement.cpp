@@ -8,37 +8,36 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kTurnStep = 0.1;  // [rad]
+/// [rad] Rotation before the first estimate, and the growth of it from one estimate to the next.
+constexpr double kFirstTurn = 0.5, kTurnGrowth = 2;
+constexpr std::size_t kMinEstimateKeyframes = 25, kMaxEstimateKeyframes = 800;  // of an estimate
+/// Least squared Mahalanobis distance of an estimate from the lens in use.
+constexpr double kMinLensSignificance = 25;
+constexpr int kDelayFrames = 20;  // from the start of an estimate to its use
 
 }  // namespace
 
-void LensRefinement::Options::validate() const {
-  visitParameters(*this, RangeCheck("refinement/"));
-  estimator.validate();
-}
-
 LensRefinement::LensRefinement(const Lens& given, const Options& options)
-    : options_((options.validate(), options)),
-      estimator_(options.estimator),
-      prior_(estimator_.priorOf(given)) {
+    : options_(options), estimator_(options.estimator), prior_(estimator_.priorOf(given)) {
   restart();
 }
 
 std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens& in_use) {
-  const bool is_full = static_cast<int>(estimator_.keyframes()) > options_.max_keyframes;
+  const bool is_full = estimator_.keyframes() > kMaxEstimateKeyframes;
   if (!is_full) estimator_.add(frame);  // else its memory would grow without use
   if (const auto result = finished()) {
     if (result->status == LensEstimator::Status::kOk &&
-        result->estimate.significance(in_use) >= options_.min_significance) {
+        result->estimate.significance(in_use) >= kMinLensSignificance) {
       LensEstimate better = result->estimate;
       better.lens.camera.lens_is_estimated = true;
       return better;
     }
   }
   addTurn(frame);
-  const auto keyframes = static_cast<int>(estimator_.keyframes());
-  if (turned_ >= next_turn_ && keyframes >= options_.min_keyframes &&
-      keyframes <= options_.max_keyframes && !pending_.valid()) {
-    next_turn_ = turned_ * options_.turn_growth;
+  const std::size_t keyframes = estimator_.keyframes();
+  if (turned_ >= next_turn_ && keyframes >= kMinEstimateKeyframes &&
+      keyframes <= kMaxEstimateKeyframes && !pending_.valid()) {
+    next_turn_ = turned_ * kTurnGrowth;
     frames_since_start_ = 0;
     pending_ = std::async(std::launch::async, [estimator = estimator_, prior = prior_, in_use] {
       return estimator.estimate(prior, in_use);
@@ -50,7 +49,7 @@ std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens
 void LensRefinement::restart() {
   estimator_ = LensEstimator(options_.estimator);
   turned_ = 0;
-  next_turn_ = options_.first_turn_rad;
+  next_turn_ = kFirstTurn;
 }
 
 /// Counts the rotation in steps, so that suspension and noise do not add up.
@@ -69,7 +68,7 @@ void LensRefinement::addTurn(const VoFrame& frame) {
 
 /// The result of the pending estimate when it is to be used in this frame.
 std::optional<LensEstimator::Result> LensRefinement::finished() {
-  if (!pending_.valid() || ++frames_since_start_ < options_.delay_frames) return std::nullopt;
+  if (!pending_.valid() || ++frames_since_start_ < kDelayFrames) return std::nullopt;
   const bool is_ready = pending_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
   if (!is_ready && !options_.deterministic) return std::nullopt;
   return pending_.get();

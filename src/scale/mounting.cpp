@@ -15,6 +15,9 @@ namespace {
 /// give the direction of travel.
 constexpr double kMaxSlope = 0.8;
 
+/// [rad] Standard deviation of the vehicle's roll against the road (curves, camber).
+constexpr double kRollMotionSigma = 0.012;
+
 bool givesDirection(const RoadPrior& prior, const Eigen::Vector3d& n_c) {
   return prior.chord && std::abs(n_c.dot(prior.chord->direction_c)) < kMaxSlope;
 }
@@ -60,7 +63,7 @@ RoadPrior Mounting::prior(const CameraPath& path, double height) const {
   normal.covariance +=
       std::pow(options_.pitch_motion_sigma, 2) * R_c_road.col(0) * R_c_road.col(0).transpose();
   normal.covariance +=
-      std::pow(options_.roll_motion_sigma, 2) * R_c_road.col(1) * R_c_road.col(1).transpose();
+      kRollMotionSigma * kRollMotionSigma * R_c_road.col(1) * R_c_road.col(1).transpose();
   if (has_direction) {
     // Eq. 3 of Tian et al.: the road normal n is orthogonal to the direction of motion t, here that
     // of the chord. The measurement noise is the heave of the vehicle between the ends of the
@@ -105,7 +108,7 @@ void Mounting::update(const RoadPrior& prior, const GroundPlane* plane, double s
   const Eigen::Vector3d ahead = has_direction ? prior.chord->direction_c : Eigen::Vector3d::UnitZ();
   if (plane != nullptr) {
     const Eigen::Vector3d left = roadAxes(mean_.n_c, ahead).col(1);
-    addSample(left, plane->n_c.dot(left) / plane->n_c.dot(mean_.n_c), options_.roll_motion_sigma,
+    addSample(left, plane->n_c.dot(left) / plane->n_c.dot(mean_.n_c), kRollMotionSigma,
               step / height);
   }
   if (has_direction) {

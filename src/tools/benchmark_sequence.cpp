@@ -162,7 +162,7 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
   mallopt(M_MMAP_THRESHOLD, 32 << 20);
   mallopt(M_TRIM_THRESHOLD, 256 << 20);
   constexpr double kCornerQuality = 0.01;  // relative to the strongest, OpenCV's example value
-  const cv::Size window(options.window_px, options.window_px);
+  const cv::Size window(gsv::FeatureTracker::kPatchSide, gsv::FeatureTracker::kPatchSide);
   const auto pyramid = [&](const cv::Mat& base) {
     std::vector<cv::Mat> levels;
     cv::buildOpticalFlowPyramid(base, levels, window, options.pyramid_levels);

@@ -30,21 +30,19 @@ bool isInside(const cv::Mat& image, const cv::Point2f& u) {
 
 }  // namespace
 
-void FeatureTracker::Options::validate() const {
-  visitParameters(*this, RangeCheck("tracker/"));
-  if (window_px % 2 == 0) throw OptionError("tracker/window_px must be odd");
-}
+static_assert(FeatureTracker::kPatchSide == kTrackedSide);
+
+void FeatureTracker::Options::validate() const { visitParameters(*this, RangeCheck("tracker/")); }
 
 FeatureTracker::FeatureTracker(const Options& options, const cv::Mat& mask)
-    : options_((options.validate(), options)),
-      lucas_kanade_(std::make_shared<const LucasKanade>(options_.window_px)) {
+    : options_((options.validate(), options)) {
   if (mask.empty()) return;
   cv::erode(mask, allowed_, cv::Mat::ones(2 * reach() + 1, 2 * reach() + 1, CV_8U));
 }
 
 /// [px] from a corner at a whole pixel to the last pixel on which its strength or its patch, with
 /// gradients, depends.
-int FeatureTracker::reach() const { return std::max(options_.window_px / 2, kCornerReach) + 1; }
+int FeatureTracker::reach() const { return std::max(kPatchSide / 2, kCornerReach) + 1; }
 
 /// Precondition: isInside() of an image.
 bool FeatureTracker::isMasked(const cv::Point2f& u) const {
@@ -53,15 +51,15 @@ bool FeatureTracker::isMasked(const cv::Point2f& u) const {
 
 ImagePyramid FeatureTracker::pyramid(const cv::Mat& image) const {
   ImagePyramid result;
-  result.levels = lucas_kanade_->pyramid(image, options_.pyramid_levels);
+  result.levels = trackingPyramid(image, options_.pyramid_levels);
   result.image = result.levels.front();
   return result;
 }
 
 CornerCriteria FeatureTracker::criteria(int image_width) const {
   const auto cell = static_cast<int>(std::lround(options_.cell_size * image_width));
-  return {std::max(kMinCell_px, cell), reach(), options_.window_px / 2,
-          options_.min_corner_strength, options_.min_corner_ratio};
+  return {std::max(kMinCell_px, cell), reach(), kPatchSide / 2, options_.min_corner_strength,
+          options_.min_corner_ratio};
 }
 
 std::vector<cv::Point2f> FeatureTracker::detect(const ImagePyramid& image,
@@ -105,8 +103,8 @@ FeatureTracker::Tracks FeatureTracker::track(const ImagePyramid& from, const Ima
   tracks.points = predicted.empty() ? from_points : predicted;
   tracks.ok.assign(from_points.size(), 0);
   parallelLoop(static_cast<int>(from_points.size()), [&](const cv::Range& range) {
-    PyramidSearch there(*lucas_kanade_, from.levels, to.levels);
-    PyramidSearch back(*lucas_kanade_, to.levels, from.levels);
+    PyramidSearch there(from.levels, to.levels);
+    PyramidSearch back(to.levels, from.levels);
     for (auto i = static_cast<std::size_t>(range.start); i < static_cast<std::size_t>(range.end);
          ++i) {
       if (i + 1 < static_cast<std::size_t>(range.end)) {

@@ -7,68 +7,59 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <vector>
 
 #include "common/simd.hpp"
 
 namespace ground_scale_vo {
 
-// Square patches of an odd number of pixels a side, the window, in floating-point numbers. A patch
-// is stored row by row in a flat array with a stride of the window plus two columns. The loops run
-// over the array without regard to rows, kSimdFloats pixels at a time, and a mask removes the
-// padding.
+// Square patches in floating-point numbers. A patch is stored row by row in a flat array with a
+// stride of the side plus two columns. The loops run over the array without regard to rows,
+// kSimdFloats pixels at a time, and a mask removes the padding.
 //
-// Everything is inline, to become part of one GSV_VECTOR_LOOP. `Window` is int, or
-// std::integral_constant, for which the compiler knows the lengths of the loops.
+// Everything is inline, to become part of one GSV_VECTOR_LOOP.
 
-constexpr int kMaxWindow = 21;
-constexpr std::size_t kMaxStride = kMaxWindow + 2;
-constexpr std::size_t kMaxElements = kMaxStride * kMaxStride + 2 * kSimdFloats;
+constexpr int kAlignedSide = 9;  ///< [px] side of a patch
+constexpr std::size_t kAlignedStride = kAlignedSide + 2;
+/// Elements of a patch with the padding; of one with a border of one pixel; and of a FloatWindow
+/// that compare() reads.
+constexpr std::size_t kAlignedCount = paddedFloats(kAlignedSide * kAlignedStride);
+constexpr std::size_t kBorderedCount = paddedFloats(kAlignedStride * kAlignedStride);
+constexpr std::size_t kWindowCount = kAlignedCount + kAlignedStride + 1;
+constexpr std::size_t kMaxElements = kBorderedCount + 2 * kSimdFloats;
+static_assert(kWindowCount <= kMaxElements);
 using FloatPatch = std::array<float, kMaxElements>;
 
-constexpr std::size_t strideOf(int window) { return static_cast<std::size_t>(window + 2); }
-/// Elements of a patch with the padding.
-constexpr std::size_t countOf(int window) {
-  return paddedFloats(static_cast<std::size_t>(window) * strideOf(window));
-}
-
-/// Elements of a FloatWindow that compare() reads.
-constexpr std::size_t windowCountOf(int window) { return countOf(window) + strideOf(window) + 1; }
-static_assert(windowCountOf(kMaxWindow) <= kMaxElements);
-
-/// Where the elements of the patches of one window are.
+/// Where the elements of a patch are.
 struct FloatPatchGrid {
-  explicit FloatPatchGrid(int window) {
-    const int stride = window + 2;
-    for (int i = 0; i < stride * stride; ++i) {
-      columns.push_back(static_cast<float>(i % stride));
-      rows.push_back(static_cast<float>(i / stride - stride / 2));
-      if (i < window * stride) mask.push_back(i % stride < window ? 1.f : 0.f);
-    }
-    for (std::vector<float>* values : {&columns, &rows, &mask}) {
-      values->resize(paddedFloats(values->size()));
-    }
-  }
-
-  /// Elements of a patch with a border of one pixel: from its first column and its middle row [px].
-  std::vector<float> columns, rows;
-  std::vector<float> mask;  ///< of a patch: 1 pixel of the window, 0 padding
+  /// Elements of a patch with a border of one pixel, from its centre [px].
+  FloatPatch columns{}, rows{};
+  FloatPatch mask{};  ///< of a patch: 1 pixel of the patch, 0 padding
 };
+constexpr FloatPatchGrid kFloatPatchGrid = [] {
+  FloatPatchGrid grid;
+  constexpr int stride = kAlignedStride, side = kAlignedSide;
+  for (int i = 0; i < stride * stride; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    grid.columns[k] = static_cast<float>(i % stride);
+    grid.rows[k] = static_cast<float>(i / stride - stride / 2);
+    grid.mask[k] = i % stride < side && i / stride < side ? 1.f : 0.f;
+  }
+  return grid;
+}();
 
 /// Interpolates the image at u_ref + step * (x, y) for the pixels (x, y) of a patch with a border
 /// of one pixel, from its centre. Precondition: these places and their right and lower neighbours
 /// are inside the image.
-template <typename Window>
-void sample(Window window, const FloatPatchGrid& grid, const cv::Mat& image,
-            const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& step, FloatPatch* values) {
-  const auto left = -static_cast<float>(window / 2 + 1);
-  const std::size_t places = strideOf(window) * strideOf(window), count = paddedFloats(places);
+inline void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eigen::Matrix2f& step,
+                   FloatPatch* values) {
+  constexpr float left = -(kAlignedSide / 2 + 1);
+  constexpr std::size_t places = kAlignedStride * kAlignedStride, count = kBorderedCount;
   const auto image_step = static_cast<std::int32_t>(image.step[0]);
   FloatPatch a, b;  // fractions between pixels
   // Offset of the upper left pixel; upper two pixels and lower two, the right one times 256.
   std::array<std::int32_t, kMaxElements> offset, upper, lower;
   for (std::size_t i = 0; i < count; i += kSimdFloats) {
-    const Floats x = simd(&grid.columns[i]), y = simd(&grid.rows[i]);
+    const Floats x = simd(&kFloatPatchGrid.columns[i]), y = simd(&kFloatPatchGrid.rows[i]);
     const Floats at_x = u_ref.x() + (step(0, 0) * left + step(0, 1) * y) + x * step(0, 0);
     const Floats at_y = u_ref.y() + (step(1, 0) * left + step(1, 1) * y) + x * step(1, 0);
     const Ints u = __builtin_convertvector(at_x, Ints);
@@ -105,10 +96,10 @@ struct ZeroMeanPatch {
 };
 
 /// Sets the patch without the border of one pixel that `wide` has.
-template <typename Window>
-void differentiate(Window window, const float* mask, const FloatPatch& wide, ZeroMeanPatch* patch) {
-  const std::size_t stride = strideOf(window), count = countOf(window);
-  const auto pixels = static_cast<float>(window * window);
+inline void differentiate(const FloatPatch& wide, ZeroMeanPatch* patch) {
+  constexpr std::size_t stride = kAlignedStride, count = kAlignedCount;
+  constexpr float pixels = kAlignedSide * kAlignedSide;
+  const float* const mask = kFloatPatchGrid.mask.data();
   Floats grey_sum{}, x_sum{}, y_sum{};
   for (std::size_t i = 0; i < count; i += kSimdFloats) {
     const float* const centre = &wide[i + stride + 1];
@@ -147,11 +138,10 @@ void differentiate(Window window, const float* mask, const FloatPatch& wide, Zer
 }
 
 /// The pixels of an image around a patch.
-template <typename Window>
 class FloatWindow {
  public:
-  FloatWindow(Window window, const cv::Mat& image) : window_(window), image_(image) {
-    std::fill_n(pixels_.begin(), windowCountOf(window), 0.f);
+  explicit FloatWindow(const cv::Mat& image) : image_(image) {
+    std::fill_n(pixels_.begin(), kWindowCount, 0.f);
   }
 
   /// column, row: upper left pixel. Precondition: inside the image with one more row and column.
@@ -160,12 +150,12 @@ class FloatWindow {
     column_ = column;
     row_ = row;
     const auto step = static_cast<std::ptrdiff_t>(image_.step[0]);
-    const auto columns = static_cast<std::size_t>(window_ + 1);
+    constexpr std::size_t columns = kAlignedSide + 1;
     const unsigned char* from = image_.ptr(row) + column;
     float* to = pixels_.data();
     // At the end of the memory a row cannot be read in whole kSimdFloats.
-    const bool whole = from + window_ * step + paddedFloats(columns) <= image_.datalimit;
-    for (int y = 0; y <= window_; ++y, from += step, to += strideOf(window_)) {
+    const bool whole = from + kAlignedSide * step + paddedFloats(columns) <= image_.datalimit;
+    for (int y = 0; y <= kAlignedSide; ++y, from += step, to += kAlignedStride) {
       if (whole) {
         std::copy_n(from, paddedFloats(columns), to);
       } else {
@@ -176,7 +166,6 @@ class FloatWindow {
   const float* data() const { return pixels_.data(); }
 
  private:
-  const Window window_;
   const cv::Mat& image_;
   int column_ = -1, row_ = -1;
   FloatPatch pixels_;
@@ -189,13 +178,12 @@ struct MatchSums {
 
 /// Compares a patch with pixels of a FloatWindow, interpolated at the fractions a and b of a pixel
 /// to the right and down.
-template <typename Window>
-MatchSums compare(Window window, const float* mask, const float* pixels, float a, float b,
-                  const ZeroMeanPatch& patch) {
+inline MatchSums compare(const float* pixels, float a, float b, const ZeroMeanPatch& patch) {
+  const float* const mask = kFloatPatchGrid.mask.data();
   MatchSums sums;
-  for (std::size_t i = 0; i < countOf(window); i += kSimdFloats) {
+  for (std::size_t i = 0; i < kAlignedCount; i += kSimdFloats) {
     const float* const upper = pixels + i;
-    const float* const lower = upper + strideOf(window);
+    const float* const lower = upper + kAlignedStride;
     const Floats left = simd(upper) + b * (simd(lower) - simd(upper));
     const Floats right = simd(upper + 1) + b * (simd(lower + 1) - simd(upper + 1));
     const Floats grey = (left + a * (right - left)) * simd(mask + i);

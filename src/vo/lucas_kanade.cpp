@@ -22,36 +22,34 @@ constexpr float kTrackingOscillation_px = 0.01f;
 /// direction.
 constexpr float kMinSquaredGradient = 0.1f;
 
-/// The size for which there is a faster version: the default of FeatureTracker::Options.
-using UsualLayout = FixedPatchLayout<9>;
-
 float smallerEigenvalue(const GradientSums& m) {
   const double difference = m.xx - m.yy, twice = 2 * m.xy;
   const auto radius = static_cast<float>(std::sqrt(difference * difference + twice * twice));
   return (m.xx + m.yy - radius) / 2;
 }
 
-template <typename Layout>
-GradientSums readTemplate(const Layout& layout, const cv::Mat& image, const cv::Point2f& centre,
-                          PatchWorkspace* workspace, GradientPatch* patch) {
-  const PatchCorner corner = cornerOf(centre, layout.side);
-  workspace->window.read(layout, image, corner.column - 1, corner.row - 1, layout.side + 3);
-  workspace->window.interpolate(layout, corner.a, corner.b, &workspace->wide);
-  return patch->set(layout, workspace->wide);
+// flatten: all that these call becomes part of them, and so of their version for AVX2.
+
+GSV_VECTOR_LOOP __attribute__((flatten)) GradientSums readTemplate(
+    const cv::Mat& image, const cv::Point2f& centre, PatchWorkspace* __restrict workspace,
+    GradientPatch* __restrict patch) {
+  const PatchCorner corner = cornerOf(centre, kTrackedSide);
+  workspace->window.read(image, corner.column - 1, corner.row - 1, kTrackedSide + 3);
+  workspace->window.interpolate(corner.a, corner.b, &workspace->wide);
+  return patch->set(workspace->wide);
 }
 
 /// Where the search ends, possibly outside of the image.
-template <typename Layout>
-cv::Point2f minimise(const Layout& layout, const GradientPatch& patch,
-                     const Eigen::Matrix2f& inverse_hessian, const cv::Mat& image,
-                     PixelWindow* window, cv::Point2f point) {
+GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(
+    const GradientPatch& patch, const Eigen::Matrix2f& inverse_hessian, const cv::Mat& image,
+    PixelWindow* window, cv::Point2f point) {
   cv::Point2f previous_step;
   for (int iteration = 0; iteration < kMaxTrackingIterations; ++iteration) {
-    if (!overlaps(image, point, layout.side)) break;
-    const PatchCorner corner = cornerOf(point, layout.side);
-    window->read(layout, image, corner.column, corner.row, layout.side + 1);
+    if (!overlaps(image, point, kTrackedSide)) break;
+    const PatchCorner corner = cornerOf(point, kTrackedSide);
+    window->read(image, corner.column, corner.row, kTrackedSide + 1);
     const Eigen::Vector2f product =
-        -inverse_hessian * window->gradientTimesDifference(layout, corner.a, corner.b, patch);
+        -inverse_hessian * window->gradientTimesDifference(corner.a, corner.b, patch);
     const cv::Point2f step(product.x(), product.y());
     point += step;
     if (step.dot(step) <= kTrackingConverged_px * kTrackingConverged_px) break;
@@ -63,24 +61,6 @@ cv::Point2f minimise(const Layout& layout, const GradientPatch& patch,
     previous_step = step;
   }
   return point;
-}
-
-// flatten: all that these call becomes part of them, and so of their version for AVX2.
-
-GSV_VECTOR_LOOP __attribute__((flatten)) GradientSums readTemplateOf(
-    const PatchLayout& layout, const cv::Mat& image, const cv::Point2f& centre,
-    PatchWorkspace* __restrict workspace, GradientPatch* __restrict patch) {
-  return layout.side == UsualLayout::side
-             ? readTemplate(UsualLayout(), image, centre, workspace, patch)
-             : readTemplate(layout, image, centre, workspace, patch);
-}
-
-GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimiseOf(
-    const PatchLayout& layout, const GradientPatch& patch, const Eigen::Matrix2f& inverse_hessian,
-    const cv::Mat& image, PixelWindow* window, const cv::Point2f& point) {
-  return layout.side == UsualLayout::side
-             ? minimise(UsualLayout(), patch, inverse_hessian, image, window, point)
-             : minimise(layout, patch, inverse_hessian, image, window, point);
 }
 
 }  // namespace
@@ -96,11 +76,11 @@ void prefetchPatch(const cv::Mat& image, const cv::Point2f& centre, int side) {
   }
 }
 
-bool PatchTemplate::set(const PatchLayout& layout, const cv::Mat& image, const cv::Point2f& centre,
+bool PatchTemplate::set(const cv::Mat& image, const cv::Point2f& centre,
                         PatchWorkspace* workspace) {
-  if (!overlaps(image, centre, layout.side)) return false;
-  const GradientSums sum = readTemplateOf(layout, image, centre, workspace, &patch_);
-  const float pixels = static_cast<float>(layout.side * layout.side);
+  if (!overlaps(image, centre, kTrackedSide)) return false;
+  const GradientSums sum = readTemplate(image, centre, workspace, &patch_);
+  constexpr float pixels = kTrackedSide * kTrackedSide;
   if (smallerEigenvalue(sum) <
       kMinSquaredGradient * pixels * static_cast<float>(kGradientUnit * kGradientUnit)) {
     return false;
@@ -111,18 +91,18 @@ bool PatchTemplate::set(const PatchLayout& layout, const cv::Mat& image, const c
   return true;
 }
 
-bool PatchTemplate::find(const PatchLayout& layout, const cv::Mat& image, PatchWorkspace* workspace,
+bool PatchTemplate::find(const cv::Mat& image, PatchWorkspace* workspace,
                          cv::Point2f* point) const {
-  *point = minimiseOf(layout, patch_, inverse_hessian_, image, &workspace->window, *point);
-  return overlaps(image, *point, layout.side);
+  *point = minimise(patch_, inverse_hessian_, image, &workspace->window, *point);
+  return overlaps(image, *point, kTrackedSide);
 }
 
-std::vector<cv::Mat> LucasKanade::pyramid(const cv::Mat& image, int levels) const {
+std::vector<cv::Mat> trackingPyramid(const cv::Mat& image, int levels) {
   std::vector<cv::Mat> result;
-  const int border = static_cast<int>(layout_.stride);  // a patch outside, and its own border
+  constexpr int border = kPatchStride;  // a patch outside, and its own border
   for (cv::Size size = image.size(); static_cast<int>(result.size()) <= levels;
        size = {(size.width + 1) / 2, (size.height + 1) / 2}) {
-    if (!result.empty() && std::min(size.width, size.height) <= layout_.side) break;
+    if (!result.empty() && std::min(size.width, size.height) <= kTrackedSide) break;
     cv::Mat padded(size.height + 2 * border, size.width + 2 * border, CV_8UC1);
     cv::Mat level = padded({{border, border}, size});
     if (result.empty()) {
@@ -137,19 +117,15 @@ std::vector<cv::Mat> LucasKanade::pyramid(const cv::Mat& image, int levels) cons
   return result;
 }
 
-PyramidSearch::PyramidSearch(const LucasKanade& lucas_kanade, const std::vector<cv::Mat>& from,
-                             const std::vector<cv::Mat>& to)
-    : layout_(lucas_kanade.layout()),
-      from_(from),
-      to_(to),
-      templates_(std::min(from.size(), to.size())) {}
+PyramidSearch::PyramidSearch(const std::vector<cv::Mat>& from, const std::vector<cv::Mat>& to)
+    : from_(from), to_(to), templates_(std::min(from.size(), to.size())) {}
 
 void PyramidSearch::prefetch(const cv::Point2f& from_point, const cv::Point2f& guess,
                              int levels) const {
   for (int level = std::min(levels, static_cast<int>(templates_.size()) - 1); level >= 0; --level) {
     const auto scale = static_cast<float>(1 << level);
-    prefetchPatch(from_[static_cast<std::size_t>(level)], from_point / scale, layout_.side);
-    prefetchPatch(to_[static_cast<std::size_t>(level)], guess / scale, layout_.side);
+    prefetchPatch(from_[static_cast<std::size_t>(level)], from_point / scale, kTrackedSide);
+    prefetchPatch(to_[static_cast<std::size_t>(level)], guess / scale, kTrackedSide);
   }
 }
 
@@ -163,9 +139,8 @@ const PatchTemplate* PyramidSearch::templateOf(int level) {
   LevelTemplate& result = templates_[k];
   if (result.state == LevelTemplate::kUnknown) {
     const cv::Point2f centre = from_point_ / static_cast<float>(1 << level);
-    result.state = result.patch.set(layout_, from_[k], centre, &workspace_)
-                       ? LevelTemplate::kUsable
-                       : LevelTemplate::kUnusable;
+    result.state = result.patch.set(from_[k], centre, &workspace_) ? LevelTemplate::kUsable
+                                                                   : LevelTemplate::kUnusable;
   }
   return result.state == LevelTemplate::kUsable ? &result.patch : nullptr;
 }
@@ -177,7 +152,7 @@ bool PyramidSearch::find(int levels, cv::Point2f* point) {
     const PatchTemplate* const patch = templateOf(level);
     const auto scale = static_cast<float>(1 << level);
     *point /= scale;
-    found = patch && patch->find(layout_, to_[static_cast<std::size_t>(level)], &workspace_, point);
+    found = patch && patch->find(to_[static_cast<std::size_t>(level)], &workspace_, point);
     *point *= scale;
   }
   return found;

@@ -26,17 +26,15 @@ struct PatchWorkspace {
 };
 
 /// A patch of one image that is searched in another one of the same pyramid level. Images: with a
-/// border in memory, see LucasKanade::pyramid().
+/// border in memory, see trackingPyramid().
 class PatchTemplate {
  public:
   /// False if the patch does not overlap the image, or has no texture in two directions.
-  bool set(const PatchLayout& layout, const cv::Mat& image, const cv::Point2f& centre,
-           PatchWorkspace* workspace);
+  bool set(const cv::Mat& image, const cv::Point2f& centre, PatchWorkspace* workspace);
 
   /// Moves `point` from a guess to where the patch is found. False if it leaves the image.
   /// Precondition: set() has returned true.
-  bool find(const PatchLayout& layout, const cv::Mat& image, PatchWorkspace* workspace,
-            cv::Point2f* point) const;
+  bool find(const cv::Mat& image, PatchWorkspace* workspace, cv::Point2f* point) const;
 
  private:
   GradientPatch patch_;
@@ -44,30 +42,17 @@ class PatchTemplate {
   Eigen::Matrix2f inverse_hessian_;
 };
 
+/// The image and at most `levels` smaller ones, each half the size of the one before; none smaller
+/// than a patch. Copies, with a border in memory.
+std::vector<cv::Mat> trackingPyramid(const cv::Mat& image, int levels);
+
 /// Pyramidal Lucas-Kanade (Bouguet 2000) of square patches: finds the displacement that minimises
 /// the squared differences of grey levels. Gauss-Newton with the gradients of the first image.
-class LucasKanade {
- public:
-  /// window_px: side of the patches, odd, at most kMaxPatchSide.
-  explicit LucasKanade(int window_px) : layout_(window_px) {}
-
-  /// The image and at most `levels` smaller ones, each half the size of the one before; none
-  /// smaller than a patch. Copies, with a border in memory.
-  std::vector<cv::Mat> pyramid(const cv::Mat& image, int levels) const;
-
-  const PatchLayout& layout() const { return layout_; }
-
- private:
-  PatchLayout layout_;
-};
-
-/// Searches patches of one pyramid in another, one after the other. Both pyramids are made by
-/// LucasKanade::pyramid() with the same window_px, on which their border in memory depends.
+/// Searches patches of one trackingPyramid() in another, one after the other.
 class PyramidSearch {
  public:
   /// The arguments must outlive the object.
-  PyramidSearch(const LucasKanade& lucas_kanade, const std::vector<cv::Mat>& from,
-                const std::vector<cv::Mat>& to);
+  PyramidSearch(const std::vector<cv::Mat>& from, const std::vector<cv::Mat>& to);
 
   /// Requests from memory the pixels of a patch that will soon be searched over `levels`.
   void prefetch(const cv::Point2f& from_point, const cv::Point2f& guess, int levels) const;
@@ -89,7 +74,6 @@ class PyramidSearch {
   /// Null if the patch has no texture there or does not overlap the image.
   const PatchTemplate* templateOf(int level);
 
-  const PatchLayout& layout_;
   const std::vector<cv::Mat>&from_, &to_;
   cv::Point2f from_point_;
   std::vector<LevelTemplate> templates_;

@@ -7,8 +7,11 @@
 namespace ground_scale_vo {
 namespace {
 
-/// [features] minimum number of matches for initialisation; above TwoView's min_matches (80).
+/// [features] minimum number of matches for initialisation; more than TwoView needs.
 constexpr std::size_t kMinMatches = 100;
+
+/// Share of the first frame's features below which the initialisation restarts.
+constexpr double kMinTracked = 0.4;
 
 /// Minimum number of landmarks with depth in a new map.
 constexpr std::size_t kMinPoints = kMinMatches / 2;
@@ -26,7 +29,6 @@ std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
 
 MapInitialisation::MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options)
     : readout_time_(options.readout_time),
-      min_tracked_(options.initialisation_min_tracked),
       camera_(camera),
       two_view_(options.two_view),
       pose_estimation_(options.pose) {}
@@ -41,7 +43,7 @@ void MapInitialisation::restart(std::uint32_t sequence, std::int64_t stamp_ns,
 bool MapInitialisation::canContinueWith(std::size_t found) const {
   if (frames_.empty() || frames_.size() > kMaxFrames || found < kMinMatches) return false;
   const std::size_t first = frames_.front().corners.size();
-  return static_cast<double>(found) >= min_tracked_ * static_cast<double>(first);
+  return static_cast<double>(found) >= kMinTracked * static_cast<double>(first);
 }
 
 std::vector<Eigen::Vector2d> MapInitialisation::pixelsInFirst(

@@ -60,7 +60,6 @@ class MapInitialisation {
   void shiftFirstToStamp(const std::vector<Feature>& found);
 
   const double readout_time_;  ///< [s]
-  const double min_tracked_;   ///< minimum fraction of the first frame's features
   const PinholeCamera camera_;
   const TwoView two_view_;
   const PoseEstimation pose_estimation_;

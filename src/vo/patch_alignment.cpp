@@ -3,7 +3,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <type_traits>
 
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/error.hpp"
@@ -13,8 +12,6 @@
 namespace ground_scale_vo {
 namespace {
 
-/// The window for which there is a faster version: the default of PatchAlignment::Options.
-using UsualWindow = std::integral_constant<int, 9>;
 constexpr int kMaxAlignmentIterations = 10;  // of Gauss-Newton
 /// [px] step of the numeric derivative of the warp: small against a patch, large against rounding.
 constexpr double kWarpStep_px = 2;
@@ -34,6 +31,8 @@ constexpr double kMinAreaRatio = 0.1;
 /// surface is edge-on and the warp is undetermined.
 constexpr double kMinGrazingSine = 0.02;
 
+constexpr float kPixels = kAlignedSide * kAlignedSide;  ///< of a patch
+
 /// Whether the square of half side `margin` [px] around u lies inside the image, with the
 /// neighbours that bilinear interpolation needs.
 bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
@@ -43,9 +42,9 @@ bool contains(const cv::Mat& image, const Eigen::Vector2f& u, float margin) {
 }
 
 /// Normalised, of a patch with the pixels of which these are the sums.
-float correlation(const MatchSums& sums, int pixels, const ZeroMeanPatch& patch) {
+float correlation(const MatchSums& sums, const ZeroMeanPatch& patch) {
   const float sum = total(sums.grey);
-  const float squares = total(sums.squares) - sum * sum / static_cast<float>(pixels);
+  const float squares = total(sums.squares) - sum * sum / kPixels;
   return total(sums.products) / std::sqrt(std::max(kMinSumOfSquares, squares) * patch.squares);
 }
 
@@ -66,23 +65,22 @@ struct AlignmentResult {
 };
 
 /// Not found when a patch lacks texture in two directions, or the search leaves the image or the
-/// neighbourhood of the start.
-template <typename Window>
-AlignmentResult alignPatch(Window window, const FloatPatchGrid& grid, const AlignmentTask& task) {
-  const int pixels = window * window;
+/// neighbourhood of the start. flatten: all that it calls becomes part of it, and so of its version
+/// for AVX2.
+GSV_VECTOR_LOOP __attribute__((flatten)) AlignmentResult alignPatch(const AlignmentTask& task) {
   FloatPatch wide;
   ZeroMeanPatch patch;
-  sample(window, grid, task.reference, task.u_ref, task.inverse_warp, &wide);
-  differentiate(window, grid.mask.data(), wide, &patch);
+  sample(task.reference, task.u_ref, task.inverse_warp, &wide);
+  differentiate(wide, &patch);
   Eigen::Matrix2f hessian;
   hessian << patch.xx, patch.xy, patch.xy, patch.yy;
   const float trace = hessian.trace();
-  if (patch.squares < static_cast<float>(pixels)) return {};  // variance below 1 grey level^2
+  if (patch.squares < kPixels) return {};  // variance below 1 grey level^2
   if (hessian.determinant() < kMinCornerness * trace * trace) return {};
   const Eigen::Matrix2f inverse_hessian = hessian.inverse();
 
-  const auto half = static_cast<float>(window / 2);
-  FloatWindow<Window> around(window, task.current);
+  constexpr float half = kAlignedSide / 2;
+  FloatWindow around(task.current);
   Eigen::Vector2f u = task.start;
   MatchSums sums;
   for (int iteration = 0; iteration < kMaxAlignmentIterations; ++iteration) {
@@ -93,22 +91,14 @@ AlignmentResult alignPatch(Window window, const FloatPatchGrid& grid, const Alig
     const Eigen::Vector2f corner = u - Eigen::Vector2f::Constant(half);
     const int column = static_cast<int>(corner.x()), row = static_cast<int>(corner.y());
     around.moveTo(column, row);
-    sums = compare(window, grid.mask.data(), around.data(), corner.x() - static_cast<float>(column),
+    sums = compare(around.data(), corner.x() - static_cast<float>(column),
                    corner.y() - static_cast<float>(row), patch);
     const Eigen::Vector2f step =
         inverse_hessian * Eigen::Vector2f(total(sums.along_x), total(sums.along_y));
     u -= step;
     if (step.norm() < kConverged_px) break;
   }
-  return {true, u, correlation(sums, pixels, patch)};
-}
-
-/// flatten: all that it calls becomes part of it, and so of its version for AVX2.
-GSV_VECTOR_LOOP __attribute__((flatten)) AlignmentResult alignIn(int window,
-                                                                 const FloatPatchGrid& grid,
-                                                                 const AlignmentTask& task) {
-  return window == UsualWindow() ? alignPatch(UsualWindow(), grid, task)
-                                 : alignPatch(window, grid, task);
+  return {true, u, correlation(sums, patch)};
 }
 
 }  // namespace
@@ -136,14 +126,9 @@ std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eige
   return warp;
 }
 
-void PatchAlignment::Options::validate() const {
-  visitParameters(*this, RangeCheck("alignment/"));
-  if (window_px % 2 == 0) throw OptionError("alignment/window_px must be odd");
-}
+void PatchAlignment::Options::validate() const { visitParameters(*this, RangeCheck("alignment/")); }
 
-PatchAlignment::PatchAlignment(const Options& options)
-    : options_((options.validate(), options)),
-      grid_(std::make_shared<const FloatPatchGrid>(options_.window_px)) {}
+PatchAlignment::PatchAlignment(const Options& options) : options_((options.validate(), options)) {}
 
 std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& reference,
                                                            const Eigen::Vector2d& u_ref,
@@ -154,11 +139,11 @@ std::optional<PatchAlignment::Match> PatchAlignment::align(const cv::Mat& refere
       reference, u_ref.cast<float>(), warp.cast<float>().inverse(),
       current,   start.cast<float>(), static_cast<float>(options_.max_shift_px)};
   // Half the side in the reference, including the border that the gradients need.
-  const float reach = static_cast<float>(options_.window_px / 2 + 1) *
+  const float reach = static_cast<float>(kAlignedSide / 2 + 1) *
                           task.inverse_warp.cwiseAbs().rowwise().sum().maxCoeff() +
                       1;
   if (!isFinite(reach) || !contains(reference, task.u_ref, reach)) return std::nullopt;
-  const AlignmentResult result = alignIn(options_.window_px, *grid_, task);
+  const AlignmentResult result = alignPatch(task);
   if (!result.found || !((result.u - task.start).norm() <= task.max_shift_px) ||
       !(result.correlation >= options_.min_correlation)) {
     return std::nullopt;

@@ -7,22 +7,21 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <vector>
 
 namespace ground_scale_vo {
 
 // Square patches in 16-bit integers. They are stored row by row in flat arrays; the loops run over
 // an array without regard to rows, so that the compiler vectorises them, and the gradients are zero
-// in the padding between rows. Sums of up to 128 products are exact integers, and are added as
-// floating-point numbers in a fixed order: the results do not depend on the instruction set.
+// in the padding between rows. Sums of products are exact integers: the results do not depend on
+// the instruction set.
 //
-// Everything is inline, to become part of one GSV_VECTOR_LOOP: a patch of the usual size has only
-// seven chunks, and calls would take longer than the arithmetic.
+// Everything is inline, to become part of one GSV_VECTOR_LOOP: a patch has only seven chunks, and
+// calls would take longer than the arithmetic.
 
 constexpr int kGreyUnit = 32;      ///< value of one grey level
 constexpr int kGradientUnit = 16;  ///< value of one grey level per pixel
 
-constexpr int kMaxPatchSide = 51;
+constexpr int kTrackedSide = 9;  ///< [px] side of a patch
 /// [px] that gradients and interpolation between pixels need around a patch, both sides together.
 constexpr int kPatchBorder = 3;
 /// The loops process whole chunks: one or two vector registers.
@@ -32,38 +31,17 @@ constexpr std::size_t wholeChunks(std::size_t count) {
   return (count + kPatchChunk - 1) / kPatchChunk * kPatchChunk;
 }
 
-/// How the patches of one size are stored.
-struct PatchLayout {
-  explicit PatchLayout(int side_px)  ///< Precondition: odd, at most kMaxPatchSide
-      : side(side_px),
-        stride(static_cast<std::size_t>(side_px + kPatchBorder)),
-        count(wholeChunks(static_cast<std::size_t>(side_px) * stride)),
-        mask(count) {
-    for (std::size_t i = 0; i < count; ++i) mask[i] = maskOf(i, side);
+constexpr std::size_t kPatchStride = kTrackedSide + kPatchBorder;  ///< from a row to the next
+/// Elements of a patch with the padding, whole chunks.
+constexpr std::size_t kPatchCount = wholeChunks(kTrackedSide * kPatchStride);
+/// -1: pixel of the patch, 0: padding.
+constexpr std::array<std::int16_t, kPatchCount> kPatchMask = [] {
+  std::array<std::int16_t, kPatchCount> mask{};
+  for (std::size_t i = 0; i < kPatchCount; ++i) {
+    mask[i] = i % kPatchStride < kTrackedSide && i / kPatchStride < kTrackedSide ? -1 : 0;
   }
-  static constexpr std::int16_t maskOf(std::size_t i, int side) {
-    const auto columns = static_cast<std::size_t>(side), stride = columns + kPatchBorder;
-    return i % stride < columns && i / stride < columns ? -1 : 0;
-  }
-
-  int side;                        ///< [px]
-  std::size_t stride;              ///< elements from a row to the next
-  std::size_t count;               ///< elements of a patch with the padding, whole chunks
-  std::vector<std::int16_t> mask;  ///< -1: pixel of the patch, 0: padding
-};
-
-/// The same for a size that the compiler knows, so that it unrolls the loops.
-template <int kSide>
-struct FixedPatchLayout {
-  static constexpr int side = kSide;
-  static constexpr std::size_t stride = kSide + kPatchBorder;
-  static constexpr std::size_t count = wholeChunks(kSide * stride);
-  static constexpr std::array<std::int16_t, count> mask = [] {
-    std::array<std::int16_t, count> result{};
-    for (std::size_t i = 0; i < count; ++i) result[i] = PatchLayout::maskOf(i, kSide);
-    return result;
-  }();
-};
+  return mask;
+}();
 
 /// Upper left pixel of a patch, and the fractions to its position.
 struct PatchCorner {
@@ -78,10 +56,9 @@ inline PatchCorner cornerOf(const cv::Point2f& centre, int side) {
   return {static_cast<int>(column), static_cast<int>(row), x - column, y - row};
 }
 
-/// Elements of a patch with a border, at the layout's stride, and what loops access beyond it.
-constexpr std::size_t kMaxPatchElements =
-    (kMaxPatchSide + kPatchBorder) * (kMaxPatchSide + kPatchBorder) + 2 * kPatchChunk;
-using PatchArray = std::array<std::int16_t, kMaxPatchElements>;
+/// Elements of a patch with a border, and what loops access beyond it.
+constexpr std::size_t kPatchElements = kPatchStride * kPatchStride + 2 * kPatchChunk;
+using PatchArray = std::array<std::int16_t, kPatchElements>;
 
 /// Sums of products over the pixels of a patch [kGradientUnit^2].
 struct GradientSums {
@@ -96,10 +73,9 @@ using Element = std::int16_t;
 constexpr float kFractionUnit = 1 << 15;
 inline Element fixedPoint(float fraction) { return static_cast<Element>(fraction * kFractionUnit); }
 
-/// Elements whose products may be added in 32 bits: a difference of grey is at most 255 *
-/// kGreyUnit, a gradient 127.5 * kGradientUnit.
-constexpr std::size_t kMaxSummed = 128;
-static_assert(kMaxSummed * (255 * kGreyUnit) * (128 * kGradientUnit) < (std::size_t{1} << 31));
+// Their products are added in 32 bits: a difference of grey is at most 255 * kGreyUnit, a gradient
+// 127.5 * kGradientUnit.
+static_assert(kPatchCount * (255 * kGreyUnit) * (128 * kGradientUnit) < (std::size_t{1} << 31));
 
 /// The upper 16 bits of the product: rounds down.
 inline Element highHalf(Element a, Element b) {
@@ -129,14 +105,6 @@ inline Element smoothed(Element outer_1, Element inner, Element outer_2) {
   return static_cast<Element>(sum >> 2);
 }
 
-/// Calls function(begin, end) for parts of whole chunks, of which each may be summed in 32 bits.
-template <typename Function>
-void forBlocks(std::size_t count, Function&& function) {
-  for (std::size_t begin = 0; begin < count; begin += kMaxSummed) {
-    function(begin, std::min(begin + kMaxSummed, count));
-  }
-}
-
 }  // namespace patch_arithmetic
 
 /// The grey levels of a patch and their gradients (Scharr).
@@ -145,34 +113,27 @@ struct GradientPatch {
   PatchArray grey, x, y;
 
   /// wide: the patch with a border of one pixel.
-  template <typename Layout>
-  GradientSums set(const Layout& layout, const PatchArray& wide) {
+  GradientSums set(const PatchArray& wide) {
     using patch_arithmetic::Element, patch_arithmetic::smoothed;
-    GradientSums sums;
-    patch_arithmetic::forBlocks(layout.count, [&](std::size_t begin, std::size_t end) {
-      std::int32_t xx = 0, xy = 0, yy = 0;
-      for (std::size_t i = begin; i < end; ++i) {
-        const Element* const upper = wide.data() + i;
-        const Element* const middle = upper + layout.stride;
-        const Element* const lower = middle + layout.stride;
-        const auto gradient_x = smoothed(static_cast<Element>(upper[2] - upper[0]),
-                                         static_cast<Element>(middle[2] - middle[0]),
-                                         static_cast<Element>(lower[2] - lower[0]));
-        const auto gradient_y = smoothed(static_cast<Element>(lower[0] - upper[0]),
-                                         static_cast<Element>(lower[1] - upper[1]),
-                                         static_cast<Element>(lower[2] - upper[2]));
-        grey[i] = middle[1];
-        x[i] = static_cast<Element>(gradient_x & layout.mask[i]);
-        y[i] = static_cast<Element>(gradient_y & layout.mask[i]);
-        xx += x[i] * x[i];
-        xy += x[i] * y[i];
-        yy += y[i] * y[i];
-      }
-      sums.xx += static_cast<float>(xx);
-      sums.xy += static_cast<float>(xy);
-      sums.yy += static_cast<float>(yy);
-    });
-    return sums;
+    std::int32_t xx = 0, xy = 0, yy = 0;
+    for (std::size_t i = 0; i < kPatchCount; ++i) {
+      const Element* const upper = wide.data() + i;
+      const Element* const middle = upper + kPatchStride;
+      const Element* const lower = middle + kPatchStride;
+      const auto gradient_x = smoothed(static_cast<Element>(upper[2] - upper[0]),
+                                       static_cast<Element>(middle[2] - middle[0]),
+                                       static_cast<Element>(lower[2] - lower[0]));
+      const auto gradient_y = smoothed(static_cast<Element>(lower[0] - upper[0]),
+                                       static_cast<Element>(lower[1] - upper[1]),
+                                       static_cast<Element>(lower[2] - upper[2]));
+      grey[i] = middle[1];
+      x[i] = static_cast<Element>(gradient_x & kPatchMask[i]);
+      y[i] = static_cast<Element>(gradient_y & kPatchMask[i]);
+      xx += x[i] * x[i];
+      xy += x[i] * y[i];
+      yy += y[i] * y[i];
+    }
+    return {static_cast<float>(xx), static_cast<float>(xy), static_cast<float>(yy)};
   }
 };
 
@@ -182,55 +143,46 @@ class PixelWindow {
   /// Reads `rows` rows and columns of pixels from (column, row) on, unless they were the last to be
   /// read. Precondition: they are pixels of the image or of the larger one that contains it, and
   /// the images do not change.
-  template <typename Layout>
-  void read(const Layout& layout, const cv::Mat& image, int column, int row, int rows) {
+  void read(const cv::Mat& image, int column, int row, int rows) {
     // Pointer arithmetic instead of ptr(row): the row may lie outside of the image.
     const auto step = static_cast<std::ptrdiff_t>(image.step[0]);
     const unsigned char* from = image.data + row * step + column;
     if (from == read_from_ && rows == rows_) return;
     read_from_ = from;
     rows_ = rows;
-    const auto columns = static_cast<std::ptrdiff_t>(wholeChunks(layout.stride));
+    const auto columns = static_cast<std::ptrdiff_t>(wholeChunks(kPatchStride));
     patch_arithmetic::Element* to = pixels_.data();
     if (from + (rows - 1) * step + columns <= image.datalimit) {
-      for (int y = 0; y < rows; ++y, from += step, to += layout.stride) widen(from, columns, to);
+      for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) widen(from, columns, to);
     } else {  // At the end of the memory a row cannot be read in whole chunks.
-      for (int y = 0; y < rows; ++y, from += step, to += layout.stride) {
+      for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) {
         widen(from, std::clamp<std::ptrdiff_t>(image.datalimit - from, 0, columns), to);
       }
     }
   }
 
   /// The pixels shifted by the fractions (a, b) of a pixel, 0 <= a, b < 1: one row less.
-  template <typename Layout>
-  void interpolate(const Layout& layout, float a, float b, PatchArray* out) const {
-    const std::size_t count = wholeChunks((layout.stride - 1) * layout.stride);
+  void interpolate(float a, float b, PatchArray* out) const {
+    const std::size_t count = wholeChunks((kPatchStride - 1) * kPatchStride);
     const auto across = patch_arithmetic::fixedPoint(a), down = patch_arithmetic::fixedPoint(b);
     for (std::size_t i = 0; i < count; ++i) {
-      (*out)[i] = patch_arithmetic::interpolated(&pixels_[i], layout.stride, across, down);
+      (*out)[i] = patch_arithmetic::interpolated(&pixels_[i], kPatchStride, across, down);
     }
   }
 
   /// Sums of gradient times difference of the pixels shifted by (a, b) from the patch
   /// [kGreyUnit * kGradientUnit].
-  template <typename Layout>
-  Eigen::Vector2f gradientTimesDifference(const Layout& layout, float a, float b,
-                                          const GradientPatch& patch) const {
+  Eigen::Vector2f gradientTimesDifference(float a, float b, const GradientPatch& patch) const {
     using patch_arithmetic::Element;
     const Element across = patch_arithmetic::fixedPoint(a), down = patch_arithmetic::fixedPoint(b);
-    Eigen::Vector2f sum = Eigen::Vector2f::Zero();
-    patch_arithmetic::forBlocks(layout.count, [&](std::size_t begin, std::size_t end) {
-      std::int32_t sum_x = 0, sum_y = 0;
-      for (std::size_t i = begin; i < end; ++i) {
-        const Element grey =
-            patch_arithmetic::interpolated(&pixels_[i], layout.stride, across, down);
-        const auto difference = static_cast<Element>(grey - patch.grey[i]);
-        sum_x += difference * patch.x[i];
-        sum_y += difference * patch.y[i];
-      }
-      sum += Eigen::Vector2f(static_cast<float>(sum_x), static_cast<float>(sum_y));
-    });
-    return sum;
+    std::int32_t sum_x = 0, sum_y = 0;
+    for (std::size_t i = 0; i < kPatchCount; ++i) {
+      const Element grey = patch_arithmetic::interpolated(&pixels_[i], kPatchStride, across, down);
+      const auto difference = static_cast<Element>(grey - patch.grey[i]);
+      sum_x += difference * patch.x[i];
+      sum_y += difference * patch.y[i];
+    }
+    return {static_cast<float>(sum_x), static_cast<float>(sum_y)};
   }
 
  private:

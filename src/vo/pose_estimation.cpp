@@ -44,6 +44,8 @@ constexpr double kDoubtfulInlierShare = 0.6;
 /// be due to vehicles that move along.
 constexpr double kMinInlierRatio = 1.2;
 
+constexpr double kInlierSigma = 3.5;  ///< largest Mahalanobis distance of an inlier
+
 // RANSAC with P3P, when the prediction fails or is doubtful. With 50 % outliers, 72 draws of 4
 // points contain an all-inlier sample with 99 % probability; 200 suffice at 40 % inliers, the
 // default of min_inlier_share.
@@ -195,7 +197,7 @@ PoseEstimation::Result PoseEstimation::refine(
   result.T_w_c = T_c_w.inverse();
   result.T_w_c.linear() = renormalised(result.T_w_c.linear());
   std::vector<double> distances2(arrays.size);
-  const double limit2 = options_.inlier_sigma * options_.inlier_sigma;
+  const double limit2 = kInlierSigma * kInlierSigma;
   ProjectionSums sums;
   sumInliers(T_c_w, arrays, limit2, distances2.data(), &sums);
   distances2.resize(observations.size());

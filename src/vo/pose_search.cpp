@@ -314,11 +314,8 @@ std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<
 
 }  // namespace
 
-PoseSearch::PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
-                       const cv::Mat& mask)
-    : camera_(camera),
-      mask_(mask),
-      pose_estimation_(options.withMinInliers(kMinInliers, kMinInlierShare)) {}
+PoseSearch::PoseSearch(const PinholeCamera& camera, const cv::Mat& mask)
+    : camera_(camera), mask_(mask), pose_estimation_({kMinInliers, kMinInlierShare}) {}
 
 std::optional<RelocalisedPose> PoseSearch::locate(const LocalMap& map, const MotionModel& motion,
                                                   const std::vector<Feature>& features,

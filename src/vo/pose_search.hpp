@@ -18,10 +18,8 @@ namespace ground_scale_vo {
 /// coarse to fine.
 class PoseSearch {
  public:
-  /// options: of the refinement; own limits replace min_inliers and min_inlier_share. mask: as for
-  /// VisualOdometry.
-  PoseSearch(const PinholeCamera& camera, const PoseEstimation::Options& options,
-             const cv::Mat& mask);
+  /// mask: as for VisualOdometry.
+  PoseSearch(const PinholeCamera& camera, const cv::Mat& mask);
 
   /// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
   /// differ. Takes some tenths of a second. Empty when no pose stands out, when too few patches

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "ground_scale_vo/vo/exposure.hpp"
+#include "vo/float_patch.hpp"
 #include "vo/lucas_kanade.hpp"
 
 namespace ground_scale_vo {
@@ -13,6 +14,9 @@ namespace {
 /// are not tried.
 constexpr double kGoodCorrelation = 0.95;
 
+/// Standard deviation of an aligned feature [normalised image coordinates].
+constexpr double kAlignedSigma = 0.00025;
+
 /// [px] that the pixels of most patches extend beyond the window, both sides together: the border
 /// for the gradients, and the change of size.
 constexpr int kPrefetchMargin_px = 4;
@@ -20,8 +24,8 @@ constexpr int kPrefetchMargin_px = 4;
 }  // namespace
 
 ReferenceAlignment::ReferenceAlignment(const PinholeCamera& camera,
-                                       const PatchAlignment::Options& options, double aligned_sigma)
-    : camera_(camera), alignment_(options), aligned_sigma_(aligned_sigma) {}
+                                       const PatchAlignment::Options& options)
+    : camera_(camera), alignment_(options) {}
 
 void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
                                const Eigen::Isometry3d& predicted_T_w_c,
@@ -43,7 +47,7 @@ void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
     const auto reference = findReference(map, *landmark, poses, point->p_w, depth);
     if (reference) references.emplace_back(&feature, *reference);
   }
-  const int side = alignment_.options().window_px + kPrefetchMargin_px;
+  constexpr int side = kAlignedSide + kPrefetchMargin_px;
   for (std::size_t i = 0; i < references.size(); ++i) {
     if (i + 1 < references.size()) {
       const auto& [next, next_reference] = references[i + 1];
@@ -56,7 +60,7 @@ void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
                      poses[reference.keyframe].T_c_r, image.image);
     if (!aligned) continue;
     feature->u = aligned->match.u;
-    feature->sigma = aligned_sigma_;
+    feature->sigma = kAlignedSigma;
     feature->surface = aligned->surface;
   }
 }

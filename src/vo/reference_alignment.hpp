@@ -17,9 +17,7 @@ namespace ground_scale_vo {
 /// patch of the first keyframe that observed it at about its current size.
 class ReferenceAlignment {
  public:
-  /// aligned_sigma: standard deviation of an aligned feature, normalised image coordinates.
-  ReferenceAlignment(const PinholeCamera& camera, const PatchAlignment::Options& options,
-                     double aligned_sigma);
+  ReferenceAlignment(const PinholeCamera& camera, const PatchAlignment::Options& options);
 
   /// predicted_T_w_c: predicted pose of the image. Updates u, sigma and surface of the aligned
   /// features; the others keep their tracked values.
@@ -59,7 +57,6 @@ class ReferenceAlignment {
 
   const PinholeCamera camera_;
   const PatchAlignment alignment_;
-  const double aligned_sigma_;
 
   std::vector<KeyframeImage> keyframe_images_;  ///< of the map's keyframes, in their order
 };

@@ -68,10 +68,10 @@ double maxDeviation(double predicted_distance, const LocalMap& map,
   return 0.5 * predicted_distance + 0.1 * (depths.empty() ? 0 : median(&depths));
 }
 
-Relocalisation::Relocalisation(const PinholeCamera& camera, const PoseEstimation::Options& options)
+Relocalisation::Relocalisation(const PinholeCamera& camera)
     : camera_(camera),
-      coarse_(options.withMinInliers(kMinCoarseInliers, kMinCoarseInlierShare)),
-      fine_(options.withMinInliers(kMinFineInliers, kMinFineInlierShare)) {}
+      coarse_({kMinCoarseInliers, kMinCoarseInlierShare}),
+      fine_({kMinFineInliers, kMinFineInlierShare}) {}
 
 std::optional<RelocalisedPose> Relocalisation::locate(
     const LocalMap& map, const MotionModel& motion, const std::vector<Feature>& features,

@@ -38,7 +38,7 @@ double maxDeviation(double predicted_distance, const LocalMap& map,
 /// features, the pose from those with a map point, and a second search around it.
 class Relocalisation {
  public:
-  Relocalisation(const PinholeCamera& camera, const PoseEstimation::Options& options);
+  explicit Relocalisation(const PinholeCamera& camera);
 
   /// features: of the last tracked image; previous: their descriptors, in the same order. next:
   /// descriptors of the corners of the image. Matches are searched around the pose that the motion

@@ -30,6 +30,10 @@ constexpr double kMinEpipolarNormal = 1e-18;
 /// Refits of the rotation to the matches below the median angle. Five converge.
 constexpr int kRotationIterations = 5;
 
+constexpr std::size_t kMinModelMatches = 80;
+/// Support of the second best motion over that of the best; more is ambiguous.
+constexpr double kMaxSecondBestRatio = 0.9;
+
 /// [matches] minimum number for a rotation, which has three unknowns: half of them may be outliers.
 constexpr std::size_t kMinRotationMatches = 40;
 
@@ -286,7 +290,7 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
                                   const std::vector<Eigen::Vector2d>& u1,
                                   const std::vector<Eigen::Vector2d>& u2) const {
   Result result;
-  if (u1.size() != u2.size() || static_cast<int>(u1.size()) < options_.min_matches) {
+  if (u1.size() != u2.size() || u1.size() < kMinModelMatches) {
     result.status = TwoViewStatus::kTooFewMatches;
     return result;
   }
@@ -309,7 +313,7 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
   result.inverse_depth_1 = best.inverse_depth_1;
   result.median_parallax = medianParallax(x1, x2, best);
   result.status = result.median_parallax < options_.min_parallax ? TwoViewStatus::kTooLittleParallax
-                  : ambiguousCandidate(candidates, n, options_.max_second_best_ratio)
+                  : ambiguousCandidate(candidates, n, kMaxSecondBestRatio)
                       ? TwoViewStatus::kAmbiguous
                       : TwoViewStatus::kOk;
   return result;
@@ -324,20 +328,20 @@ std::optional<RelativeRotation> TwoView::estimateRotation(
   const RotationFit rotation = fitRotation(x1, x2);
   const double support = rotation.support(options_.inlier_threshold);
   std::vector<Candidate> candidates;
-  if (support <= options_.max_second_best_ratio * n) {  // else no motion can have so much more
+  if (support <= kMaxSecondBestRatio * n) {  // else no motion can have so much more
     candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
   }
   const double best_support = candidates.empty() ? 0 : n - candidates.front().cost;
   // Without parallax beyond the noise, any translation fits. With more, the rotation fitted alone
   // absorbs a part of it: up to three times what it leaves, when the camera looks to the side.
-  if (candidates.empty() || support > options_.max_second_best_ratio * best_support) {
+  if (candidates.empty() || support > kMaxSecondBestRatio * best_support) {
     if (support <= options_.min_inlier_share * n) return std::nullopt;
     return RelativeRotation{rotation.R_2_1, options_.inlier_threshold};
   }
   const Candidate& best = candidates.front();
   if (best.inliers < options_.min_inlier_share * n || !isFinite(best.T_2_1)) return std::nullopt;
   RelativeRotation result{best.T_2_1.linear(), options_.inlier_threshold};
-  if (const Candidate* other = ambiguousCandidate(candidates, n, options_.max_second_best_ratio)) {
+  if (const Candidate* other = ambiguousCandidate(candidates, n, kMaxSecondBestRatio)) {
     result.sigma +=
         Eigen::AngleAxisd(best.T_2_1.linear().transpose() * other->T_2_1.linear()).angle();
   }

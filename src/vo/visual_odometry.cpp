@@ -27,6 +27,9 @@ namespace {
 /// bundle adjustment, which has fitted poses and points to the observations.
 constexpr double kMaxInconsistency = 2;
 
+/// [normalised image coordinates] Largest epipolar distance of a feature without depth.
+constexpr double kMaxEpipolarError = 0.0028;
+
 /// [image intervals] The pose search begins when more images than this have no texture or are
 /// missing. Irregular stamps of images that follow each other look like fewer.
 constexpr double kMaxMissingImages = 4;
@@ -83,10 +86,10 @@ struct VisualOdometry::Impl {
         camera((camera_in.validate(), requireMask(mask, camera_in), camera_in)),
         tracking(camera, options, mask),
         initialisation(camera, options),
-        reference_alignment(camera, options.alignment, options.feature_sigma_aligned),
+        reference_alignment(camera, options.alignment),
         pose_estimation(options.pose),
-        relocalisation(camera, options.pose),
-        pose_search(camera, options.pose, mask),
+        relocalisation(camera),
+        pose_search(camera, mask),
         mapping(camera, options),
         interruption(camera, options.two_view) {}
 
@@ -373,7 +376,7 @@ struct VisualOdometry::Impl {
         keep = landmark->outlier_count <= options.max_outlier_frames;
       } else {
         keep = epipolarError(T_c_previous, camera.ray(previous[i].atStamp()),
-                             camera.ray(feature.atStamp())) < options.max_epipolar_error;
+                             camera.ray(feature.atStamp())) < kMaxEpipolarError;
       }
       if (keep) {
         kept.push_back(feature);

@@ -13,14 +13,14 @@ namespace {
 
 using Pyramid = std::vector<cv::Mat>;
 
-constexpr int kSide = 9, kLevels = 4;
+constexpr int kLevels = 4;
 
 /// Searches the patch around each point of a pyramid, starting from `points`, which become the
 /// results. Returns which have been found.
-std::vector<unsigned char> trackAll(const LucasKanade& lucas_kanade, const Pyramid& from,
-                                    const Pyramid& to, const std::vector<cv::Point2f>& from_points,
-                                    int levels, std::vector<cv::Point2f>* points) {
-  PyramidSearch search(lucas_kanade, from, to);
+std::vector<unsigned char> trackAll(const Pyramid& from, const Pyramid& to,
+                                    const std::vector<cv::Point2f>& from_points, int levels,
+                                    std::vector<cv::Point2f>* points) {
+  PyramidSearch search(from, to);
   std::vector<unsigned char> found;
   for (std::size_t i = 0; i < from_points.size(); ++i) {
     search.setPatch(from_points[i]);
@@ -32,10 +32,9 @@ std::vector<unsigned char> trackAll(const LucasKanade& lucas_kanade, const Pyram
 /// The place of the patch at `point` of an image in the next one, if found in the full resolution.
 std::optional<cv::Point2f> track(const cv::Mat& image, const cv::Mat& next,
                                  const cv::Point2f& point, const cv::Point2f& guess) {
-  const LucasKanade lucas_kanade(kSide);
   std::vector<cv::Point2f> points{guess};
-  const auto found = trackAll(lucas_kanade, lucas_kanade.pyramid(image, 0),
-                              lucas_kanade.pyramid(next, 0), {point}, 0, &points);
+  const auto found =
+      trackAll(trackingPyramid(image, 0), trackingPyramid(next, 0), {point}, 0, &points);
   return found[0] ? std::make_optional(points[0]) : std::nullopt;
 }
 
@@ -47,24 +46,21 @@ std::vector<cv::Point2f> cornersOf(const cv::Mat& image) {
   return corners;
 }
 
-TEST(LucasKanade, AgreesWithOpenCvForPatchesOfEverySize) {
+TEST(LucasKanade, AgreesWithOpenCv) {
   const cv::Mat image = test::blurredNoise(7), next = test::moved(image, 3.3, -1.6, 1.5, 1.04);
   const std::vector<cv::Point2f> corners = cornersOf(image);
-  for (int side = 5; side <= kMaxPatchSide; side += 4) {
-    const LucasKanade lucas_kanade(side);
-    std::vector<cv::Point2f> points = corners, reference = corners;
-    const auto found = trackAll(lucas_kanade, lucas_kanade.pyramid(image, kLevels),
-                                lucas_kanade.pyramid(next, kLevels), corners, kLevels, &points);
-    std::vector<unsigned char> status;
-    cv::calcOpticalFlowPyrLK(image, next, corners, reference, status, cv::noArray(), {side, side},
-                             kLevels, {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100, 1e-3},
-                             cv::OPTFLOW_USE_INITIAL_FLOW);
-    std::size_t equal = 0;
-    for (std::size_t i = 0; i < corners.size(); ++i) {
-      equal += found[i] && status[i] && cv::norm(points[i] - reference[i]) < 0.02;
-    }
-    EXPECT_GT(equal, corners.size() * 8 / 10) << "side " << side;
+  std::vector<cv::Point2f> points = corners, reference = corners;
+  const auto found = trackAll(trackingPyramid(image, kLevels), trackingPyramid(next, kLevels),
+                              corners, kLevels, &points);
+  std::vector<unsigned char> status;
+  cv::calcOpticalFlowPyrLK(
+      image, next, corners, reference, status, cv::noArray(), {kTrackedSide, kTrackedSide}, kLevels,
+      {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100, 1e-3}, cv::OPTFLOW_USE_INITIAL_FLOW);
+  std::size_t equal = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    equal += found[i] && status[i] && cv::norm(points[i] - reference[i]) < 0.02;
   }
+  EXPECT_GT(equal, corners.size() * 8 / 10);
 }
 
 TEST(LucasKanade, DoesNotFindPointsWithoutTextureOrOutsideTheImage) {
@@ -84,8 +80,8 @@ TEST(LucasKanade, DoesNotFindPointsWithoutTextureOrOutsideTheImage) {
 }
 
 // Also patches that overlap the border, at every place of a small image; and with full contrast,
-// where the sums over the largest patches must not overflow.
-TEST(LucasKanade, TracksPatchesOfEverySizeEverywhereInAnImage) {
+// where the sums must not overflow.
+TEST(LucasKanade, TracksPatchesEverywhereInAnImage) {
   cv::Mat squares(37, 61, CV_8UC1);
   for (int y = 0; y < squares.rows; ++y) {
     for (int x = 0; x < squares.cols; ++x) {
@@ -98,17 +94,14 @@ TEST(LucasKanade, TracksPatchesOfEverySizeEverywhereInAnImage) {
     all.push_back(u - cv::Point2f(5.7f, 5.4f));
   }
   for (const cv::Mat& image : {test::blurredNoise(7)({100, 100, 61, 37}).clone(), squares}) {
-    for (int side = 5; side <= kMaxPatchSide; side += 2) {
-      const LucasKanade lucas_kanade(side);
-      const Pyramid pyramid = lucas_kanade.pyramid(image, kLevels);
-      std::vector<cv::Point2f> points = all;
-      for (cv::Point2f& point : points) point += cv::Point2f(0.4f, -0.3f);
-      const auto found = trackAll(lucas_kanade, pyramid, pyramid, all, 0, &points);
-      for (std::size_t i = 0; i < all.size(); ++i) {
-        if (!inside.contains(all[i])) continue;
-        EXPECT_TRUE(found[i]) << all[i] << side;
-        EXPECT_LT(cv::norm(points[i] - all[i]), 0.02) << all[i] << side;
-      }
+    const Pyramid pyramid = trackingPyramid(image, kLevels);
+    std::vector<cv::Point2f> points = all;
+    for (cv::Point2f& point : points) point += cv::Point2f(0.4f, -0.3f);
+    const auto found = trackAll(pyramid, pyramid, all, 0, &points);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (!inside.contains(all[i])) continue;
+      EXPECT_TRUE(found[i]) << all[i];
+      EXPECT_LT(cv::norm(points[i] - all[i]), 0.02) << all[i];
     }
   }
 }

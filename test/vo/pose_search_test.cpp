@@ -46,7 +46,7 @@ class WallTest : public testing::Test {
                            (test::kWallDistance * kCamera.ray(features_[feature.id].u)));
   }
   std::optional<RelocalisedPose> search(const cv::Mat& image, const cv::Mat& mask = {}) const {
-    return PoseSearch(kCamera, {}, mask)
+    return PoseSearch(kCamera, mask)
         .locate(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity()), image,
                 test::kAfterGap);
   }
@@ -57,9 +57,9 @@ class WallTest : public testing::Test {
       previous.push_back(toCv(feature.u));
       next.push_back(toCv(pixelAt(T_v_c, feature)));
     }
-    return Relocalisation(kCamera, {})
-        .locate(map_, motion_, features_, {wallFrom(Eigen::Isometry3d::Identity()), previous},
-                {wallFrom(T_v_c), next}, test::kAfterGap);
+    return Relocalisation(kCamera).locate(map_, motion_, features_,
+                                          {wallFrom(Eigen::Isometry3d::Identity()), previous},
+                                          {wallFrom(T_v_c), next}, test::kAfterGap);
   }
   /// Expects the pose and features at their projections.
   void expectLocated(const std::optional<RelocalisedPose>& result,

@@ -32,39 +32,18 @@ class LensEstimator {
   struct Options {
     double prior_focal_sigma = 0.003;
     double prior_centre_sigma_px = 3;
-    double prior_k1_sigma = 0.05;
-    double prior_k2_sigma = 0.03;
-    double keyframe_flow = 0.02;
-    int segment_keyframes = 100;
     int min_observations = 4;
     int tracks_per_cell = 1;
-    double max_error_px = 2;
-    int min_keyframes = 10;
-    int min_tracks = 100;
-    double max_centre_sigma = 0.004;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("prior_focal_sigma", self.prior_focal_sigma, 1e-5, 1,
             "[] relative standard deviation of the focal length of a calibration");
       visit("prior_centre_sigma_px", self.prior_centre_sigma_px, 1e-3, 1000,
             "[px] standard deviation of each coordinate of its principal point");
-      visit("prior_k1_sigma", self.prior_k1_sigma, 1e-5, 10, "[] standard deviation of its k1");
-      visit("prior_k2_sigma", self.prior_k2_sigma, 1e-5, 10, "[] standard deviation of its k2");
-      visit("keyframe_flow", self.keyframe_flow, 1e-3, 1,
-            "[image widths] median flow between two keyframes");
-      visit("segment_keyframes", self.segment_keyframes, 10, 1000,
-            "[] most keyframes that are adjusted together; longer drives are divided");
       visit("min_observations", self.min_observations, 3, 100,
             "[] least number of keyframes that observe a track");
       visit("tracks_per_cell", self.tracks_per_cell, 1, 1000,
             "[] about as many tracks are used in each of 16 x 6 cells of a keyframe");
-      visit("max_error_px", self.max_error_px, 0.1, 100,
-            "[px] observations with larger residuals are outliers");
-      visit("min_keyframes", self.min_keyframes, 3, 1000, "[] least number of keyframes");
-      visit("min_tracks", self.min_tracks, 10, 100000, "[] least number of tracks");
-      visit("max_centre_sigma", self.max_centre_sigma, 1e-5, 1,
-            "[focal lengths] largest standard deviation of the principal point, from the drive "
-            "alone, with which the lens is observable: a straight drive leaves it unknown");
     }
     /// Throws OptionError.
     void validate() const;

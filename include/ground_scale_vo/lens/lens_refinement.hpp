@@ -20,31 +20,9 @@ class LensRefinement {
  public:
   struct Options {
     LensEstimator::Options estimator;
-    double first_turn_rad = 0.5;
-    double turn_growth = 2;
-    int min_keyframes = 25;
-    int max_keyframes = 800;
-    double min_significance = 25;
-    int delay_frames = 20;
-    /// Determinism: the result of an estimate is used delay_frames after its start, and process()
+    /// The result of an estimate is used a fixed number of frames after its start, and process()
     /// waits for it. False: it is used as soon as it is there, and nothing waits.
     bool deterministic = true;
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("first_turn_rad", self.first_turn_rad, 0, 100,
-            "[rad] rotation before the first estimate");
-      visit("turn_growth", self.turn_growth, 1, 10,
-            "[] growth of the rotation from one estimate to the next");
-      visit("min_keyframes", self.min_keyframes, 10, 10000,
-            "[] keyframes before the first estimate");
-      visit("max_keyframes", self.max_keyframes, 10, 100000, "[] keyframes of the last estimate");
-      visit("min_significance", self.min_significance, 0, 1e6,
-            "[] least squared Mahalanobis distance of an estimate from the lens in use");
-      visit("delay_frames", self.delay_frames, 0, 1000,
-            "[frames] from the start of an estimate to its use");
-    }
-    /// Throws OptionError.
-    void validate() const;
   };
 
   /// given: the calibration. Throws OptionError.

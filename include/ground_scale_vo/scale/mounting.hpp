@@ -19,7 +19,6 @@ class Mounting {
     double initial_pitch_sigma = 0.1;
     double initial_roll_sigma = 0.1;
     double pitch_motion_sigma = 0.012;
-    double roll_motion_sigma = 0.012;
     double heave_sigma_heights = 0.02;
     double chord_length_heights = 3;
     double forgetting_distance_heights = 200;
@@ -32,8 +31,6 @@ class Mounting {
             "[rad] standard deviation of the initial roll, which is zero");
       visit("pitch_motion_sigma", self.pitch_motion_sigma, 1e-4, 1,
             "[rad] standard deviation of the vehicle's pitch against the road (braking, crests)");
-      visit("roll_motion_sigma", self.roll_motion_sigma, 1e-4, 1,
-            "[rad] standard deviation of the vehicle's roll against the road (curves, camber)");
       visit(
           "heave_sigma_heights", self.heave_sigma_heights, 1e-5, 1,
           "[camera heights] standard deviation of the vertical motion against the road between the "

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -8,7 +7,6 @@
 
 namespace ground_scale_vo {
 
-class LucasKanade;
 class PyramidSearch;
 struct CornerCriteria;
 
@@ -24,11 +22,13 @@ struct ImagePyramid {
 /// camera's resolution, unless a cell would be smaller than 8 px.
 class FeatureTracker {
  public:
+  /// [px] Side of the tracked patches: a small patch tolerates more change of size.
+  static constexpr int kPatchSide = 9;
+
   struct Options {
     double cell_size = 0.0129;
     double min_corner_strength = 1e-4;
     double min_corner_ratio = 0.12;
-    int window_px = 9;
     int pyramid_levels = 4;
     double forward_backward_px = 0.7;
     template <typename Self, typename Visit>
@@ -40,8 +40,6 @@ class FeatureTracker {
             "[] smaller eigenvalue of the gradient matrix, grey levels in [0, 1]");
       visit("min_corner_ratio", self.min_corner_ratio, 0, 1,
             "[] smaller over larger eigenvalue; a corner with less lies on an edge");
-      visit("window_px", self.window_px, 5, 51,
-            "[px] side of the tracked patch, odd; a small patch tolerates more change of size");
       visit("pyramid_levels", self.pyramid_levels, 0, 8, "[levels] above the full resolution");
       visit("forward_backward_px", self.forward_backward_px, 0.05, 10,
             "[px] largest distance after tracking forward and backward");
@@ -83,7 +81,6 @@ class FeatureTracker {
   bool isMasked(const cv::Point2f& u) const;
 
   Options options_;
-  std::shared_ptr<const LucasKanade> lucas_kanade_;
   cv::Mat allowed_;  ///< 0 at the pixels whose patch touches the mask; empty: no mask
 };
 

@@ -25,14 +25,11 @@ struct OdometryOptions {
 
   double feature_sigma = 0.001;
   double feature_sigma_flow = 0.028;
-  double feature_sigma_aligned = 0.00025;
   double keyframe_parallax = 0.035;
   double keyframe_min_tracked = 0.6;
   double standstill_flow = 0.0003;
-  double max_epipolar_error = 0.0028;
   double max_reprojection_error = 0.003;
   int max_outlier_frames = 2;
-  double initialisation_min_tracked = 0.4;
   int lost_frames_before_new_map = 3;
   double readout_time = 0;
   template <typename Self, typename Visit>
@@ -43,22 +40,16 @@ struct OdometryOptions {
         "feature_sigma_flow", self.feature_sigma_flow, 1e-4, 100,
         "[focal lengths] rotation-compensated flow that doubles the variance feature_sigma^2 of a "
         "tracked corner");
-    visit("feature_sigma_aligned", self.feature_sigma_aligned, 1e-6, 0.1,
-          "[focal lengths] standard deviation of a corner aligned to a keyframe's patch");
     visit("keyframe_parallax", self.keyframe_parallax, 1e-4, 1,
           "[rad] median parallax to the last keyframe above which a new one is made");
     visit("keyframe_min_tracked", self.keyframe_min_tracked, 0, 1,
           "[] share of the last keyframe's features below which a new one is made");
     visit("standstill_flow", self.standstill_flow, 0, 0.1,
           "[image width] median flow below which the camera stands still");
-    visit("max_epipolar_error", self.max_epipolar_error, 1e-5, 1,
-          "[focal lengths] largest epipolar distance of a feature without depth");
     visit("max_reprojection_error", self.max_reprojection_error, 1e-5, 1,
           "[focal lengths] of an observation after bundle adjustment; larger ones are removed");
     visit("max_outlier_frames", self.max_outlier_frames, 0, 1000,
           "[frames] consecutive outlier frames that a feature may have");
-    visit("initialisation_min_tracked", self.initialisation_min_tracked, 0.01, 1,
-          "[] share of the first frame's features below which initialisation restarts");
     visit("lost_frames_before_new_map", self.lost_frames_before_new_map, 1, 1000,
           "[frames] consecutive textured frames without a pose after which a new map starts");
     visit("readout_time", self.readout_time, 0, 0.2,

@@ -11,8 +11,6 @@
 
 namespace ground_scale_vo {
 
-struct FloatPatchGrid;
-
 /// Model of the surface on which a patch lies: the direction of its normal in the reference camera.
 enum class PatchSurface : std::uint8_t {
   kFrontoParallel,  ///< along z: parallel to the image plane
@@ -33,13 +31,11 @@ std::optional<Eigen::Matrix2d> patchWarp(const PinholeCamera& camera, const Eige
 class PatchAlignment {
  public:
   struct Options {
-    int window_px = 9;
     double min_correlation = 0.8;
     double max_shift_px = 1.5;
     double max_scale = 1.6;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("window_px", self.window_px, 5, 21, "[px] side of the aligned patch, odd");
       visit("min_correlation", self.min_correlation, 0, 1,
             "[] least normalised correlation of an aligned patch");
       visit("max_shift_px", self.max_shift_px, 0.1, 20,
@@ -70,7 +66,6 @@ class PatchAlignment {
 
  private:
   Options options_;
-  std::shared_ptr<const FloatPatchGrid> grid_;
 };
 
 }  // namespace ground_scale_vo

@@ -32,13 +32,10 @@ enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
 class PoseEstimation {
  public:
   struct Options {
-    double inlier_sigma = 3.5;
     int min_inliers = 25;
     double min_inlier_share = 0.4;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("inlier_sigma", self.inlier_sigma, 0.5, 100,
-            "[sigma] largest Mahalanobis distance of an inlier");
       visit("min_inliers", self.min_inliers, 6, 100000,
             "[points] pose estimation fails below this number of inliers");
       visit("min_inlier_share", self.min_inlier_share, 0, 1,
@@ -46,10 +43,6 @@ class PoseEstimation {
     }
     /// Throws OptionError.
     void validate() const;
-    /// The same with other limits of the inliers and of their share.
-    Options withMinInliers(int least, double least_share) const {
-      return {inlier_sigma, least, least_share};
-    }
   };
 
   struct Result {

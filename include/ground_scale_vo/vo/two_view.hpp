@@ -34,22 +34,17 @@ double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_
 class TwoView {
  public:
   struct Options {
-    int min_matches = 80;
     double inlier_threshold = 0.0021;
     double min_parallax = 0.012;
     double min_inlier_share = 0.45;
-    double max_second_best_ratio = 0.9;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
-      visit("min_matches", self.min_matches, 8, 10000, "[matches] no estimate with fewer");
       visit("inlier_threshold", self.inlier_threshold, 1e-5, 0.1,
             "[focal lengths] largest reprojection error of an inlier");
       visit("min_parallax", self.min_parallax, 1e-4, 1,
             "[rad] median angle between the rays after removing the rotation");
       visit("min_inlier_share", self.min_inlier_share, 0, 1,
             "[] inliers over matches; no estimate with fewer");
-      visit("max_second_best_ratio", self.max_second_best_ratio, 0, 1,
-            "[] support of the second best motion over that of the best; more is ambiguous");
     }
     /// Throws OptionError.
     void validate() const;

@@ -22,7 +22,7 @@ constexpr double kTiltDecay = 0.8;
 constexpr double kRecentHeights = 5;
 
 /// [camera heights] Over which the kerb decays to 1/e: it changes along a street.
-constexpr double kKerbHeights = 60;
+constexpr double kKerbHeights = 30;
 
 /// Standard deviation of the change of ln h when a refined lens replaces another.
 constexpr double kLensChangeSigma = 0.02;

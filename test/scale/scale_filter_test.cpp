@@ -315,7 +315,7 @@ TEST(ScaleFilter, WithPointsBesideTheLaneAloneTheHeightIsUncertain) {
   EXPECT_GT(beside.sigma(), 0.015 * 0.8);
   Filter lane(withoutNisScaling());
   drive(&lane, 200, 0.8, 0.01);
-  EXPECT_LT(lane.sigma(), 0.7 * beside.sigma());
+  EXPECT_LT(lane.sigma(), 0.8 * beside.sigma());
 }
 
 TEST(ScaleFilter, TwoSourcesReduceSigma) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -63,7 +64,6 @@ void ScaleFilter::startMap() {
   *this = ScaleFilter(options_, {});
   prior_height_ = before.prior_height_;
   height_variance_limit_ = before.height_variance_limit_;
-  lens_is_estimated_ = before.lens_is_estimated_;
   state_.tail<2>() = before.state_.tail<2>();
   covariance_.bottomRightCorner<2, 2>() = before.covariance_.bottomRightCorner<2, 2>();
 }
@@ -145,8 +145,7 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
     return true;
   }
 
-  StateVector H = StateVector::Zero();
-  H[kHeight] = 1, H[kTilt] = tiltLever(measurement), H[kKerb] = is_beside_lane ? 1 : 0;
+  const StateVector H = jacobianOf(measurement);
   const double innovation = measurement.log_height - H.dot(state_);
   const double predicted_variance = H.dot(covariance_ * H);
   const double innovation_variance = predicted_variance + measurement.variance;
@@ -255,6 +254,15 @@ bool ScaleFilter::updateMovingAverage(double height, double variance) {
   return true;
 }
 
+/// Of the measured ln h by the state.
+ScaleFilter::StateVector ScaleFilter::jacobianOf(const Measurement& measurement) const {
+  StateVector H = StateVector::Zero();
+  H[kHeight] = 1;
+  H[kTilt] = tiltLever(measurement);
+  H[kKerb] = measurement.is_beside_lane ? 1 : 0;
+  return H;
+}
+
 /// Change of the measured ln h by the tilt [1/rad]: the distance of the road, in camera heights,
 /// and the decay of the tilt.
 double ScaleFilter::tiltLever(const Measurement& measurement) const {
@@ -286,10 +294,10 @@ void ScaleFilter::clearPending(Source source) {
 
 /// Adds a measurement that the state does not explain. When the latest few agree over a sufficient
 /// distance, and no speed contradicts them, restarts the filter from their median; true when it
-/// did. A rotation counts as the
-/// distance of equal process noise: in a turn the unit of the map may really change. A young state
-/// is replaced after the distance over which measurements supported it. The tilt is then as in a
-/// new map, because the cause of the contradiction is not known.
+/// did. A rotation counts as the distance of equal process noise, with the noise for a lens that is
+/// not estimated: in a turn the unit of the map may really change. A young state is replaced after
+/// the distance over which measurements supported it. The tilt is then as in a new map, because the
+/// cause of the contradiction is not known.
 bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
   std::deque<Measurement>& pending = source->pending;
   if (pending.empty()) {
@@ -329,19 +337,19 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
 }
 
 void ScaleFilter::start(const Measurement& measurement) {
-  const double tilt_lever = tiltLever(measurement);
-  const double tilt_variance = options_.start_tilt_sigma_rad * options_.start_tilt_sigma_rad;
-  const double kerb_lever = measurement.is_beside_lane ? 1 : 0;
-  const double kerb_variance = options_.kerb_sigma * options_.kerb_sigma;
-  state_.head<kCameraHeight>() << measurement.log_height, 0, 0;
+  const StateVector H = jacobianOf(measurement);
+  state_.head<kCameraHeight>().setZero();
   covariance_.topRows<kCameraHeight>().setZero();
   covariance_.leftCols<kCameraHeight>().setZero();
-  covariance_.topLeftCorner<kCameraHeight, kCameraHeight>()
-      << measurement.variance + tilt_lever * tilt_lever * tilt_variance +
-             kerb_lever * kerb_lever * kerb_variance,
-      -tilt_lever * tilt_variance, -kerb_lever * kerb_variance,  //
-      -tilt_lever * tilt_variance, tilt_variance, 0,             //
-      -kerb_lever * kerb_variance, 0, kerb_variance;
+  state_[kHeight] = measurement.log_height;
+  covariance_(kHeight, kHeight) = measurement.variance;
+  for (const auto& [i, sigma] :
+       {std::pair(kTilt, options_.start_tilt_sigma_rad), std::pair(kKerb, options_.kerb_sigma)}) {
+    const double variance = sigma * sigma;
+    covariance_(i, i) = variance;
+    covariance_(kHeight, i) = covariance_(i, kHeight) = -H[i] * variance;
+    covariance_(kHeight, kHeight) += H[i] * H[i] * variance;
+  }
   started_ = has_plane_ = true;
   has_speed_ = false;
   pending_speeds_.clear();

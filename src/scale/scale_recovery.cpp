@@ -149,7 +149,6 @@ bool ScaleRecovery::Impl::hasPlausibleSpeed(const StampedPosition& from,
 /// Another lens of the same camera, in the same map: heights differ a little from now on.
 void ScaleRecovery::Impl::setCamera(const PinholeCamera& new_camera) {
   if (last_camera && !isSameCamera(*last_camera, new_camera)) map.filter.changeLens();
-  map.filter.setLensIsEstimated(new_camera.lens_is_estimated);
   last_camera = new_camera;
 }
 
@@ -191,6 +190,7 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
   }
   if (standsStill(frame)) return MeasurementStatus::kStandstill;
   map.path.add(frame.T_w_c, frame.stamp_ns);
+  map.filter.setLensIsEstimated(frame.camera.lens_is_estimated);
   map.filter.predict(step, Eigen::AngleAxisd(map.path.lastMotion().linear()).angle());
   RoadPrior& prior = map.path.newest().prior;
   prior = mounting.prior(map.path, map.rough_height);

@@ -5,7 +5,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "common/parallel_loop.hpp"
-#include "ground_scale_vo/common/error.hpp"
 #include "vo/corner_detection.hpp"
 #include "vo/lucas_kanade.hpp"
 

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "common/vector_loop.hpp"
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "vo/float_patch.hpp"
 

@@ -181,6 +181,7 @@ class ScaleFilter {
   bool isDirectAccepted();
   void clearPending(Source source);
   void updateNisScale(double nis, SourceState* source);
+  StateVector jacobianOf(const Measurement& measurement) const;
   double tiltLever(const Measurement& measurement) const;
   SourceState& stateOf(Source source) { return sources_[static_cast<std::size_t>(source)]; }
 

@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 

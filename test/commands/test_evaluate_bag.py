@@ -78,20 +78,6 @@ def test_without_the_last_ground_truth(bags, last_truth, first_pose, frames, len
     assert metrics["gt_length_m"] == (length and pytest.approx(length))
 
 
-def test_parts_of_a_bag_without_slashes(bags):
-    write_drive(*bags, 1.04)
-    halves = [bags[0].with_name(name) for name in ("half 1.bag", "half 2.bag")]
-    with rosbag.Bag(str(bags[0])) as whole, rosbag.Bag(str(halves[0]), "w") as first, \
-            rosbag.Bag(str(halves[1]), "w") as second:
-        for topic, message, stamp in whole.read_messages():
-            (first if stamp.to_sec() < 1005 else second).write(topic.lstrip("/"), message, stamp)
-    words = [*arguments(bags)]
-    words[1:2] = halves[::-1]
-    done = run(EVALUATE_BAG, *words, "--image", IMAGE)
-    assert "100 images in, 100 frames out" in done.stdout
-    assert json.loads((bags[0].parent / "out/metrics.json").read_text())["rle_percent"] == pytest.approx(4)
-
-
 def test_lost_frames(bags):
     """They are of the map of the next frame, or of the last one: the map changes at frame 51."""
     def change(topic, message, i):

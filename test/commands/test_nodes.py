@@ -177,9 +177,9 @@ def test_a_damaged_bag_is_refused(monitor, damaged_bag):
         monitor.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
 
 
-@pytest.mark.parametrize("wanted", ["camera/image", "/camera/image"])
-@pytest.mark.parametrize("written", ["camera/image", "/camera/image", "camera/image/compressed"])
-@pytest.mark.parametrize("is_compressed", [False, True])
+@pytest.mark.parametrize("wanted, written, is_compressed", [
+    ("camera/image", "/camera/image", False), ("/camera/image", "camera/image", False),
+    ("camera/image", "camera/image", True), ("/camera/image", "camera/image/compressed", True)])
 def test_topics_of_the_bag(monitor, bag, tmp_path, wanted, written, is_compressed):
     """With and without a leading slash; the type of the images decides on what topic they are played."""
     file = tmp_path / "images.bag"

@@ -33,6 +33,7 @@ def test_help_and_unknown_option(name):
 
 @pytest.mark.parametrize("status, text, words", [
     (2, "unknown scenario", "render_drive OUT/x --scenario none"),
+    (2, "camera_height is 0, it must lie in", "render_drive OUT/x --camera-height 0"),
     (2, "unknown variant 'none'", "derive_drives DRIVE none --out OUT"),
     (1, "shortest_half already exists", "derive_drives DRIVE half --out OLD"),
     (1, "OUT/none", "kitti_to_bag OUT/none --out OUT/x.bag"),

@@ -9,35 +9,6 @@
 namespace ground_scale_vo {
 namespace {
 
-TEST(CameraPath, ChordAveragesTheDirection) {
-  CameraPath path;
-  EXPECT_FALSE(path.chord(1).has_value());
-  for (int i = 0; i < 30; ++i) {  // with a lateral vibration of a quarter of the step
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-    T_w_c.translation() = Eigen::Vector3d(i % 2 == 0 ? 0.0 : 0.1, 0, 0.4 * i);
-    path.add(T_w_c);
-  }
-  EXPECT_NEAR(path.newest().travelled, 29 * std::hypot(0.4, 0.1), 1e-9);
-  EXPECT_GT(std::abs(path.chord(0.1)->direction_c.x()), 0.2);
-  EXPECT_LT(std::abs(path.chord(4)->direction_c.x()), 0.03);
-  EXPECT_NEAR(path.chord(4)->length, 4.0, 0.5);
-  EXPECT_NEAR(path.chord(1e9)->length, 29 * 0.4, 0.01);
-  EXPECT_NEAR(path.lastMotion().translation().z(), -0.4, 1e-12);
-}
-
-TEST(CameraPath, ChordIsInTheLastCamerasAxesAndSigned) {
-  CameraPath path;
-  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-  path.add(T_w_c);
-  EXPECT_EQ(path.distanceTo(T_w_c), 0);
-  T_w_c.rotate(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()));
-  T_w_c.pretranslate(Eigen::Vector3d(0, 0, -2));  // backwards
-  EXPECT_NEAR(path.distanceTo(T_w_c), 2, 1e-12);
-  path.add(T_w_c);
-  const Eigen::Vector3d expected(std::sin(0.5), 0, -std::cos(0.5));
-  EXPECT_NEAR((path.chord(1)->direction_c - expected).norm(), 0, 1e-12);
-}
-
 TEST(CameraPath, TheTurnOfAChordIsInTheAxesOfItsEnd) {
   CameraPath path;
   Eigen::Isometry3d T_w_c(Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()));

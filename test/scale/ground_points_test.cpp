@@ -32,18 +32,6 @@ RoadScene roadAhead() {
   return scene;
 }
 
-TEST(GroundPointExtraction, ExactRoadGivesItsPlane) {
-  RoadScene scene = roadAhead();
-  scene.roll = 0.03;
-  const auto result = extract(scene, scene.frame(0));
-  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
-  EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
-  EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 1e-3);
-  EXPECT_GT(result.triangles, 100);
-  EXPECT_GT(result.ground_triangles, result.triangles * 9 / 10);
-  EXPECT_GT(result.points.size(), 100u);
-}
-
 TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
   RoadScene scene = roadAhead();
   scene.pitch = 0;
@@ -114,29 +102,6 @@ TEST(GroundPointExtraction, TheRegionHasLimitsAndIsWideWhenTheLaneHasFewFeatures
     }
     EXPECT_EQ(outside == 0, has_lane);
   }
-}
-
-TEST(GroundPointExtraction, DegenerateInputIsRefusedByStatus) {
-  RoadScene scene;
-  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewTriangles);
-  scene.points = {{0, 0, 3}, {0.3, 0, 4}};
-  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewTriangles);
-  scene.points.push_back({-0.4, 0, 5});
-  EXPECT_EQ(extract(scene, scene.frame(0)).status, MeasurementStatus::kTooFewGroundPoints);
-  scene.points.clear();
-  for (int i = 0; i < 40; ++i) scene.points.emplace_back(0, 0, 2 + 0.2 * i);  // collinear
-  EXPECT_NE(extract(scene, scene.frame(0)).status, MeasurementStatus::kMeasured);
-  scene.points.clear();
-  scene.addPatch(400, -1.0, 1.0, 1.0, 9.0, -2.0, 1);  // a ceiling
-  const auto ceiling = extract(scene, scene.frame(0));
-  EXPECT_NE(ceiling.status, MeasurementStatus::kMeasured);
-  EXPECT_TRUE(ceiling.points.empty());
-
-  VoFrame same = roadAhead().frame(0), behind = same;
-  for (TrackedFeature& feature : same.features) feature.u = same.features[0].u;
-  EXPECT_EQ(extract(roadAhead(), same).status, MeasurementStatus::kTooFewTriangles);
-  for (TrackedFeature& feature : behind.features) feature.p_c = -feature.p_c;
-  EXPECT_EQ(extract(roadAhead(), behind).status, MeasurementStatus::kTooFewTriangles);
 }
 
 // Outside the image: as another odometry may report them.
@@ -272,21 +237,6 @@ TEST(GroundPointAggregation, TheWindowIsBounded) {
   EXPECT_EQ(by_frames, 60u);
   EXPECT_NEAR(three_frames, -0.02, 1e-9);
   EXPECT_LT(windowOf({}, 0.1, 2000).first, 10000u);  // also the number of points
-}
-
-TEST(GroundPointAggregation, AFeatureCountsOnceWithItsNewestPoint) {
-  auto older = pointsAhead(20, 1);
-  for (GroundPoint& point : older) point.p_c.z() += 0.5;
-  CameraPath path;
-  add(&path, 0, older);
-  add(&path, 0.5, pointsAhead(20, 1));
-  for (const bool unique : {true, false}) {
-    GroundPointAggregation::Options options;
-    options.unique_features = unique;
-    const auto result = aggregate(path, options);
-    EXPECT_EQ(result.window.size(), unique ? 20u : 40u);
-    EXPECT_EQ(result.window[0].origin_c.norm(), 0);
-  }
 }
 
 }  // namespace

@@ -47,17 +47,6 @@ Eigen::Isometry3d onCircle(int i) {
   return T;
 }
 
-TEST(MetricTrajectory, ConstantScaleGivesTheScaledTrajectory) {
-  MetricTrajectory trajectory({});
-  for (int i = 0; i < 200; ++i) {
-    const auto pose = trajectory.append(frameAt(i, onCircle(i)), scaleOf(2.5));
-    ASSERT_TRUE(pose.has_value());
-    EXPECT_NEAR((pose->T_o_c.translation() - 2.5 * onCircle(i).translation()).norm(), 0, 1e-9);
-    EXPECT_NEAR((pose->T_o_c.linear() - onCircle(i).linear()).norm(), 0, 1e-9);
-    EXPECT_NEAR(pose->distance, 2.5 * 0.5 * i, 1e-9);
-  }
-}
-
 TEST(MetricTrajectory, ANewScaleAppliesToAllMotionOfAYoungMap) {
   MetricTrajectory::Options options;
   options.young_map_heights = 10;
@@ -148,24 +137,6 @@ TEST(MetricTrajectory, AStandstillAddsNothingAndItsTwistIsNotExact) {
   // A pose error of some millimetres in 0.1 s.
   EXPECT_GT(std::sqrt(standstill->twist_covariance.diagonal().head<3>().minCoeff()), 0.01);
   EXPECT_GT(std::sqrt(standstill->twist_covariance.diagonal().tail<3>().minCoeff()), 1e-3);
-}
-
-TEST(MetricTrajectory, AppendsNothingWithoutAPose) {
-  MetricTrajectory trajectory({});
-  trajectory.append(frameAt(0, straight(0)), scaleOf(2));
-  VoFrame lost = frameAt(1, straight(99));
-  lost.status = VoStatus::kLost;
-  EXPECT_FALSE(trajectory.append(lost, scaleOf(2)).has_value());
-  // Poses that the scale estimate did not use.
-  for (const MeasurementStatus reason :
-       {MeasurementStatus::kVoNotTracking, MeasurementStatus::kImplausibleMotion}) {
-    ScaleEstimate held = scaleOf(2);
-    held.status = ScaleStatus::kHeld;
-    held.measurement = reason;
-    EXPECT_FALSE(trajectory.append(frameAt(1, straight(99)), held).has_value());
-  }
-  EXPECT_DOUBLE_EQ(trajectory.append(frameAt(2, straight(1)), scaleOf(2))->T_o_c.translation().z(),
-                   2);
 }
 
 /// Without errors except those that a test adds.

@@ -10,22 +10,6 @@
 namespace ground_scale_vo {
 namespace {
 
-TEST(Mounting, PriorIsAUnitVectorOrthogonalToALongChord) {
-  RoadScene scene;
-  scene.pitch = 0.06;  // without update(), the mounting's is 0
-  Mounting mounting({});
-  CameraPath path;
-  const RoadPrior without_motion = mounting.prior(path, 0.7);
-  EXPECT_EQ(without_motion.n_c, Eigen::Vector3d(0, -1, 0));
-  for (std::uint32_t i = 0; i < 15; ++i) path.add(scene.frame(i).T_w_c);
-  const RoadPrior prior = mounting.prior(path, 0.7);
-  EXPECT_NEAR(prior.n_c.norm(), 1, 1e-12);
-  EXPECT_NEAR(prior.forward_c.dot(prior.n_c), 0, 1e-12);
-  EXPECT_NEAR((prior.n_c - scene.normal()).norm(), 0, 1e-3);
-  EXPECT_LT(prior.pitch_sigma, 0.1 * without_motion.pitch_sigma);
-  EXPECT_NEAR(prior.roll_sigma, without_motion.roll_sigma, 1e-6);
-}
-
 /// Drives `heights` camera heights in steps of `step` [VO units], from the position *at [VO units]
 /// on.
 void drive(Mounting* mounting, const RoadScene& scene, double heights, double step, double* at) {

@@ -47,21 +47,6 @@ TEST(LaneRegion, FollowsThePathThroughABend) {
   }
 }
 
-TEST(LaneRegion, EndsAtItsLimitsAndAtTheHorizon) {
-  const LaneRegion lane = laneRegion(0, kCameraHeight);
-  EXPECT_FALSE(lane.contains(rayTo(0, 1.4)));
-  EXPECT_TRUE(lane.contains(rayTo(0, 1.6)));
-  EXPECT_TRUE(lane.contains(rayTo(0, 9.9)));
-  EXPECT_FALSE(lane.contains(rayTo(0, 10.1)));
-  EXPECT_TRUE(lane.contains(rayTo(0.9, 5)));
-  EXPECT_FALSE(lane.contains(rayTo(1.1, 5)));
-  EXPECT_FALSE(lane.contains({0, 0, 1}));
-  EXPECT_FALSE(lane.contains({0, -0.1, 1}));
-  // Straight while the height or the motion is not known.
-  EXPECT_TRUE(laneRegion(1, 0).contains(rayTo(0, 8)));
-  EXPECT_TRUE(LaneRegion({}, kCameraHeight, 1.5, 10, kHalfWidth).contains(rayTo(0, 8)));
-}
-
 TEST(LaneRegion, IsTheSameBehindTheVehicle) {
   RoadPrior backward;
   backward.forward_c = -backward.forward_c;
@@ -92,25 +77,6 @@ TEST(LaneRegion, OffsetIsZeroWhileThePathIsVisible) {
   PinholeCamera sky = kitti;
   sky.cy = 500;
   EXPECT_EQ(visibleRegionOffset(sky, levelPrior(0)), 0);
-}
-
-TEST(LaneRegion, TheOffsetLeadsToTheNearestVisibleBandBesideThePath) {
-  const PinholeCamera camera{640, 480, 500, 500, 320, 240};  // sees the road from 2.1 heights on
-  const double left = visibleRegionOffset(camera, levelPrior(0.5 * M_PI));
-  EXPECT_GT(left, 2);
-  EXPECT_LT(left, 3.2);
-  EXPECT_EQ(visibleRegionOffset(camera, levelPrior(-0.5 * M_PI)), -left);
-  const double oblique = visibleRegionOffset(camera, levelPrior(0.25 * M_PI));
-  EXPECT_GT(oblique, 0.5);
-  EXPECT_LT(oblique, left);
-
-  RoadPrior prior = levelPrior(0.5 * M_PI);
-  prior.region_offset = left;
-  const LaneRegion region(prior, kCameraHeight, 1.5, 10, kHalfWidth);
-  EXPECT_TRUE(region.contains(rayTo(1, left)));
-  EXPECT_TRUE(region.contains(rayTo(-1, left)));
-  EXPECT_FALSE(region.contains(rayTo(0, left + 1.1)));
-  EXPECT_FALSE(region.contains(rayTo(0, left - 1.1)));
 }
 
 }  // namespace

@@ -69,13 +69,10 @@ class KittiBag : public TemporaryFolder {
     }
   }
 
-  /// kind: "native": ground truth as by kitti_to_bag; "kitti2bag_odometry", "kitti2bag_older":
-  /// pose of the camera on /tf; "kitti2bag_raw": pose of a base on /tf, mounting of the camera on
-  /// /tf_static.
+  /// kind: "odometry": pose of the camera on /tf, as by kitti2bag and kitti_to_bag; "raw": pose of
+  /// a base on /tf, mounting of the camera on /tf_static.
   fs::path writeBag(const std::string& kind) const {
-    const std::string image = kind == "kitti2bag_raw"     ? "image_raw"
-                              : kind == "kitti2bag_older" ? "image"
-                                                          : "image_rect";
+    const std::string image = kind == "raw" ? "image_raw" : "image_rect";
     const fs::path file = folder_ / (kind + ".bag");
     rosbag::Bag bag(file.string(), rosbag::bagmode::Write);
     for (std::size_t i = 0; i < kFrames; ++i) {
@@ -86,14 +83,9 @@ class KittiBag : public TemporaryFolder {
         bag.write("/tf", stamp, transform(parent, child, stamp, T));
       };
       sensor_msgs::CameraInfo info = *drive_->info(stamp);
-      if (kind == "native") {
-        writePose("ground_truth", "ground_truth/camera_gray_left", T_c0_c);
-      } else if (kind == "kitti2bag_odometry") {
+      if (kind == "odometry") {
         info.K.fill(0);
         writePose("world", "camera_left", T_c0_c);
-      } else if (kind == "kitti2bag_older") {
-        info.K.fill(0);
-        writePose("camera_init", "camera_gray_left", T_c0_c);
       } else {
         info.K[0] = info.K[4] = 2 * info.K[0];  // of the raw camera
         info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
@@ -121,46 +113,6 @@ class KittiBag : public TemporaryFolder {
 
   static inline std::unique_ptr<RenderedDrive> drive_;
 };
-
-TEST(GroundTruthRelay, AlignsAnewWhenTheBagBeginsAgain) {
-  ros::NodeHandle handle;
-  TopicRecorder<nav_msgs::Odometry> ground_truth(handle, "ground_truth/odometry");
-  TopicRecorder<nav_msgs::Path> path(handle, "ground_truth/path");
-  auto tf_publisher = handle.advertise<tf2_msgs::TFMessage>("ground_truth/tf", 10);
-  auto estimate_publisher = handle.advertise<nav_msgs::Odometry>("odometry", 100);
-  const fs::path tools = fs::read_symlink("/proc/self/exe").parent_path();
-  ChildProcess relay({tools / "ground_truth_relay"});
-  ASSERT_TRUE(waitUntil([&] {
-    return tf_publisher.getNumSubscribers() > 0 && estimate_publisher.getNumSubscribers() > 0 &&
-           ground_truth.connected() && path.connected();
-  })) << relay.output();
-  for (const double time : {10, 11, 20}) {
-    tf_publisher.publish(transform("ground_truth", "ground_truth/camera", ros::Time(time),
-                                   Eigen::Isometry3d(Eigen::Translation3d(time, 0, 0))));
-  }
-  const auto estimate = [&](double time, double x) {
-    nav_msgs::Odometry odometry;
-    odometry.header.frame_id = "odom";
-    odometry.header.stamp = ros::Time(time);
-    odometry.child_frame_id = "camera";
-    odometry.pose.pose = toMsg(Eigen::Isometry3d(Eigen::Translation3d(x, 0, 0)));
-    estimate_publisher.publish(odometry);
-  };
-  estimate(10, 0);
-  estimate(20, 9);  // a metre too short
-  ASSERT_TRUE(ground_truth.waitForCount(2) && path.waitForCount(2)) << relay.output();
-  estimate(10, 3);
-  estimate(11, 3.5);
-  ASSERT_TRUE(ground_truth.waitForCount(4) && path.waitForCount(4)) << relay.output();
-  std::vector<double> positions;
-  for (const auto& message : ground_truth.messages()) {
-    positions.push_back(message->pose.pose.position.x);
-  }
-  EXPECT_EQ(positions, (std::vector<double>{0, 10, 3, 4}));
-  EXPECT_EQ(path.messages().back()->poses.size(), 2u);
-  relay.send(SIGINT);
-  EXPECT_EQ(relay.waitForEnd(), 0) << relay.output();
-}
 
 class KittiLaunch : public KittiBag, public testing::WithParamInterface<Kind> {};
 
@@ -214,33 +166,21 @@ TEST_P(KittiLaunch, PlaysTheBagAndGivesEveryFrameOneParent) {
   EXPECT_NEAR(path.poses.back().pose.position.x, true_position.x, 1.1);
 }
 
-// The height alone is the case of the other tests.
-TEST_F(KittiBag, TheScaleIsFromTheSpeedAloneOrFromBoth) {
-  const std::string bag = writeBag("native");
-  for (const bool is_given : {false, true}) {
-    const fs::path recorded = folder_ / (is_given ? "both.bag" : "speed.bag");
-    std::vector<std::string> command{"roslaunch",
-                                     "ground_scale_vo",
-                                     "kitti.launch",
-                                     "bag:=" + bag,
-                                     "speed:=/kitti/oxts/gps/vel",
-                                     "required:=true",
-                                     "record:=" + recorded.string(),
-                                     "config_dir:=" + folder_.string(),
-                                     "rate:=" + std::to_string(2 / kTimeoutFactor)};
-    if (is_given) command.push_back("camera_height:=1.65");
-    ChildProcess roslaunch(command);
-    ASSERT_TRUE(roslaunch.waitForEnd()) << roslaunch.output();
-    rosbag::Bag result(recorded.string());
-    rosbag::View scales(result,
-                        rosbag::TypeQuery(ros::message_traits::datatype<ScaleEstimateMsg>()));
-    ScaleEstimateMsg::Ptr last;
-    for (const auto& message : scales) last = message.instantiate<ScaleEstimateMsg>();
-    ASSERT_TRUE(last) << roslaunch.output();
-    EXPECT_EQ(last->source, ScaleEstimateMsg::SOURCE_BOTH);
-    EXPECT_NEAR(last->camera_height, 1.65, is_given ? 0 : 0.1);
-    EXPECT_NEAR(last->scale * last->height, last->camera_height, 1e-6);
-  }
+TEST_F(KittiBag, TheScaleIsFromTheSpeedAlone) {
+  const fs::path recorded = folder_ / "recorded.bag";
+  ChildProcess roslaunch(
+      {"roslaunch", "ground_scale_vo", "kitti.launch", "bag:=" + writeBag("odometry").string(),
+       "speed:=/kitti/oxts/gps/vel", "required:=true", "record:=" + recorded.string(),
+       "config_dir:=" + folder_.string(), "rate:=" + std::to_string(2 / kTimeoutFactor)});
+  ASSERT_TRUE(roslaunch.waitForEnd()) << roslaunch.output();
+  rosbag::Bag result(recorded.string());
+  rosbag::View scales(result, rosbag::TypeQuery(ros::message_traits::datatype<ScaleEstimateMsg>()));
+  ScaleEstimateMsg::Ptr last;
+  for (const auto& message : scales) last = message.instantiate<ScaleEstimateMsg>();
+  ASSERT_TRUE(last) << roslaunch.output();
+  EXPECT_EQ(last->source, ScaleEstimateMsg::SOURCE_BOTH);
+  EXPECT_NEAR(last->camera_height, 1.65, 0.1);
+  EXPECT_NEAR(last->scale * last->height, last->camera_height, 1e-6);
 }
 
 TEST(GroundScaleVoLaunch, IsRefusedWithoutAHeightAndASpeed) {
@@ -252,10 +192,8 @@ TEST(GroundScaleVoLaunch, IsRefusedWithoutAHeightAndASpeed) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, KittiLaunch,
-                         testing::Values(Kind{"native", "", "camera_gray_left"},
-                                         Kind{"kitti2bag_odometry", "", "camera_gray_left"},
-                                         Kind{"kitti2bag_older", "", "camera_gray_left"},
-                                         Kind{"kitti2bag_raw", "base_link", "base_link"}));
+                         testing::Values(Kind{"odometry", "", "camera_gray_left"},
+                                         Kind{"raw", "base_link", "base_link"}));
 
 }  // namespace
 }  // namespace ground_scale_vo

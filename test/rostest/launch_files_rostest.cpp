@@ -1,6 +1,6 @@
-// two_vehicles.launch: both pairs of nodelets run, each in its own namespace. live_camera.launch:
-// the nodelets run with a height_file. another_vo.launch: another odometry with pose and map points
-// gets metric poses; VisualOdometry, run and published by this test, stands in for it.
+// two_vehicles.launch: both pairs of nodelets run, each in its own namespace. another_vo.launch:
+// another odometry with pose and map points gets metric poses; VisualOdometry, run and published by
+// this test, stands in for it.
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/PointCloud.h>
@@ -37,18 +37,12 @@ bool waitForScale(NodeletTopics& topics, const std::string& camera_frame) {
   }
   return false;
 }
-/// The parameter camera_height in a namespace [m]; 0 without it.
-double heightIn(const std::string& ns) {
-  return ros::param::param(ns + "/scale_recovery/camera_height", 0.0);
-}
 
 TEST(TwoVehicles, BothPairsRunIndependently) {
   NodeletTopics first("/first", kImage, kCameraInfo), second("/second", kImage, kCameraInfo);
   ASSERT_TRUE(waitForScale(first, "first/camera"));
   EXPECT_EQ(second.frames.count(), 0u);
   ASSERT_TRUE(waitForScale(second, "second/camera"));
-  EXPECT_EQ(heightIn("/first"), 1.2);
-  EXPECT_EQ(heightIn("/second"), 1.65);
   // No message of one vehicle reaches the other.
   for (const auto& [topics, frame] :
        {std::pair(&first, "first/camera"), {&second, "second/camera"}}) {
@@ -59,12 +53,6 @@ TEST(TwoVehicles, BothPairsRunIndependently) {
       EXPECT_EQ(message->header.frame_id, frame);
     }
   }
-}
-
-TEST(LiveCamera, TakesTheHeightFile) {
-  NodeletTopics live("/live", kImage, kCameraInfo);
-  EXPECT_TRUE(waitForScale(live, "live/camera"));
-  EXPECT_EQ(heightIn("/live"), 1.6539);
 }
 
 /// The map points of a frame in the world of the odometry, and their pixels, as another odometry

@@ -13,6 +13,7 @@
 
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "simulation/synthetic_drive.hpp"
+#include "support/drive_run.hpp"
 #include "topic_recorder.hpp"
 
 namespace ground_scale_vo {
@@ -62,12 +63,7 @@ inline SyntheticDrive::Options smallDrive(int frames, double camera_height = 1.6
   SyntheticDrive::Options options;
   options.frames = frames;
   options.camera_height = camera_height;
-  options.camera.width /= 2;
-  options.camera.height /= 2;
-  options.camera.fx /= 2;
-  options.camera.fy /= 2;
-  options.camera.cx = (options.camera.cx - 0.5) / 2;
-  options.camera.cy = (options.camera.cy - 0.5) / 2;
+  options.camera = halved(options.camera);
   return options;
 }
 

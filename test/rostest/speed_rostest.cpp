@@ -1,4 +1,4 @@
-// A vehicle that publishes its speed, as a message of each type: metric odometry without a camera
+// A vehicle that publishes its speed: metric odometry without a camera
 // height, which is learned and saved; speeds that cannot be used.
 
 #include <geometry_msgs/TwistStamped.h>
@@ -46,37 +46,24 @@ class Speed : public DriveTest<80> {
     }
     ASSERT_TRUE(pair.odometry.waitForStamp(pair.lastStamp()));
   }
-
-  /// Without a height: the whole way is as long as it is, and the height is learned.
-  template <typename Message>
-  void learn(const std::string& ns, const std::function<void(Message*, double)>& fill) {
-    NodeletPair pair(manager_, *drive_, ns);
-    ros::param::del(ns + "/scale_recovery/camera_height");
-    pair.setParam("scale_recovery", "use_speed", true);
-    ASSERT_TRUE(pair.load());
-    play<Message>(pair, ns, fill);
-    EXPECT_NEAR(pair.displacementRatio(), 1, 0.01);
-    const ScaleEstimateMsg& scale = *pair.scales.last();
-    EXPECT_EQ(scale.status, ScaleEstimateMsg::OK);
-    EXPECT_EQ(scale.source, ScaleEstimateMsg::SOURCE_BOTH);
-    EXPECT_NEAR(scale.camera_height, height(), kHeightTolerance * height());
-    EXPECT_GT(scale.camera_height_sigma, 0);
-  }
 };
 
-TEST_F(Speed, OfAnOdometryTeachesTheHeight) {
-  learn<nav_msgs::Odometry>("/odometry_speed", [](nav_msgs::Odometry* message, double speed) {
-    message->twist.twist.linear.x = speed;
-    message->twist.covariance[0] = 0.01 * 0.01;
-  });
-}
-
 TEST_F(Speed, OfATwistInEastAndNorthTeachesTheHeight) {
-  learn<geometry_msgs::TwistStamped>("/twist_speed",
-                                     [](geometry_msgs::TwistStamped* message, double speed) {
-                                       message->twist.linear.x = -0.6 * speed;
-                                       message->twist.linear.y = 0.8 * speed;
-                                     });
+  NodeletPair pair(manager_, *drive_, "/learnt");
+  ros::param::del("/learnt/scale_recovery/camera_height");
+  pair.setParam("scale_recovery", "use_speed", true);
+  ASSERT_TRUE(pair.load());
+  play<geometry_msgs::TwistStamped>(pair, "/learnt",
+                                    [](geometry_msgs::TwistStamped* message, double speed) {
+                                      message->twist.linear.x = -0.6 * speed;
+                                      message->twist.linear.y = 0.8 * speed;
+                                    });
+  EXPECT_NEAR(pair.displacementRatio(), 1, 0.01);
+  const ScaleEstimateMsg& scale = *pair.scales.last();
+  EXPECT_EQ(scale.status, ScaleEstimateMsg::OK);
+  EXPECT_EQ(scale.source, ScaleEstimateMsg::SOURCE_BOTH);
+  EXPECT_NEAR(scale.camera_height, height(), kHeightTolerance * height());
+  EXPECT_GT(scale.camera_height_sigma, 0);
 }
 
 TEST_F(Speed, OfATwistWithCovarianceTeachesTheHeightWhichIsSaved) {

@@ -212,32 +212,5 @@ TEST_F(Time, InvalidStampsAreDroppedAndCounted) {
   ASSERT_TRUE(pair_->publishAndWait(5));
 }
 
-// Such an image is dropped by itself: the odometry is not reset, and neither its pose nor the
-// stamps on tf jump.
-TEST_F(Time, ASingleWrongStampCostsOneImage) {
-  std::size_t i = 20;
-  ASSERT_TRUE(start(500, i));
-  const std::uint32_t map_id = pair_->scales.last()->map_id;
-  for (const double error_s : {2, 3000, -5}) {
-    SCOPED_TRACE(error_s);
-    pair_->publishImage(i, pair_->stamp(i) + ros::Duration(error_s));
-    ASSERT_TRUE(pair_->play(i + 1, i + 4));
-    i += 5;
-    EXPECT_EQ(pair_->scales.last()->map_id, map_id);
-    EXPECT_EQ(pair_->frames.last()->status, VoFrameMsg::TRACKING);
-  }
-  EXPECT_EQ(pair_->frames.count(), i - 3);
-  EXPECT_EQ(pair_->frames.last()->sequence - pair_->frames.first()->sequence, i - 4);
-  ASSERT_TRUE(pair_->odometry.waitForStamp(pair_->stamp(i - 1)));
-  const auto odometry = pair_->odometry.messages();
-  for (std::size_t k = 1; k < odometry.size(); ++k) {
-    const auto &previous = *odometry[k - 1], &next = *odometry[k];
-    EXPECT_GT(next.header.stamp, previous.header.stamp);
-    const double step = next.pose.pose.position.x - previous.pose.pose.position.x;
-    EXPECT_GT(step, 0) << next.header.stamp;
-    EXPECT_LT(step, 3) << next.header.stamp;
-  }
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

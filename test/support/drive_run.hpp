@@ -37,16 +37,20 @@ inline bool isReduced(const SyntheticDrive::Options& drive) {
   return kSanitized && drive.camera.width > kMaxSanitizedWidth;
 }
 
-/// The drive to run: see isReduced().
-inline SyntheticDrive::Options reducedDrive(SyntheticDrive::Options drive) {
-  if (!isReduced(drive)) return drive;
-  PinholeCamera& camera = drive.camera;
+/// The same field of view in half of the width and height.
+inline PinholeCamera halved(PinholeCamera camera) {
   camera.width /= 2;
   camera.height /= 2;
   camera.fx /= 2;
   camera.fy /= 2;
   camera.cx = (camera.cx + 0.5) / 2 - 0.5;
   camera.cy = (camera.cy + 0.5) / 2 - 0.5;
+  return camera;
+}
+
+/// The drive to run: see isReduced().
+inline SyntheticDrive::Options reducedDrive(SyntheticDrive::Options drive) {
+  if (isReduced(drive)) drive.camera = halved(drive.camera);
   return drive;
 }
 

@@ -274,14 +274,5 @@ TEST(CompressedImage, RefusesWhatCannotBeDecoded) {
   for (const auto& image : {empty, truncated, damaged}) EXPECT_THROW(decode(image), DataError);
 }
 
-TEST(FrameName, HasNoLeadingSlash) {
-  EXPECT_EQ(withoutLeadingSlashes("a/b"), "a/b");
-  EXPECT_EQ(leadingSlashWarning("a/b", "frame_id"), "");
-  EXPECT_EQ(withoutLeadingSlashes("//a/b"), "a/b");
-  EXPECT_EQ(leadingSlashWarning("//a/b", "frame_id"),
-            "frame_id is \"//a/b\"; tf2 has no leading slash, \"a/b\" is used");
-  EXPECT_EQ(withoutLeadingSlashes("/"), "");
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

@@ -104,17 +104,6 @@ TEST(DiagnosticSummary, OfTheScale) {
   }
 }
 
-TEST(InputWatch, AnInputIsMissingUntilItsFirstMessage) {
-  InputWatch watch("image");
-  const auto missing = watch.missing("/topic");
-  ASSERT_TRUE(missing);
-  EXPECT_EQ(missing->sentence, "no image received yet on /topic");
-  EXPECT_FALSE(missing->was_received);
-  watch.count();
-  EXPECT_FALSE(watch.missing("/topic"));
-  EXPECT_EQ(watch.received(), 1u);
-}
-
 TEST(WarningLog, CountsAllAndPrintsTheFirstOfEachPeriod) {
   WarningLog log("nodelet");
   EXPECT_TRUE(log.drop("image size", "too small"));

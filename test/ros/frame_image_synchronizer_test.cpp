@@ -137,20 +137,6 @@ TEST(FrameContinuity, CountsMissingFramesAndReportsNumbersThatCountNothing) {
   EXPECT_EQ(continuity.missing(), 2u);
 }
 
-TEST(FrameContinuity, AJumpOfTheClockAndAnotherCameraAreANewTrajectory) {
-  FrameContinuity continuity;
-  const auto reason = [&](const char* camera_frame, bool clock_jumped_back = false) {
-    VoFrame frame;
-    return continuity.next(frame, camera_frame, clock_jumped_back);
-  };
-  EXPECT_EQ(reason("front"), "");
-  EXPECT_EQ(reason("front", true), "the clock jumped back");
-  EXPECT_EQ(reason(""), "") << "not known";
-  EXPECT_NE(reason("rear").find("changed from \"front\" to \"rear\""), std::string::npos);
-  EXPECT_EQ(reason("rear"), "");
-  EXPECT_EQ(continuity.cameraFrame(), "rear");
-}
-
 /// Applies the numbering to a frame whose rotation to the map has a sigma of 0.01 rad.
 VoFrame numbered(FrameContinuity* continuity, std::uint32_t sequence, std::uint32_t map_id) {
   VoFrame frame;

@@ -60,53 +60,7 @@ TEST(ImageRectifier, ReplacesItsCameraOnlyForAnotherValidCalibration) {
   }
 }
 
-TEST(ImageRectifier, KeepsACalibrationWhileItKeepsChanging) {
-  for (const bool alternates : {false, true}) {  // as of two cameras
-    ImageRectifier rectifier(false);
-    for (const double fx : {10.0, 11.0, alternates ? 10.0 : 10.4}) {
-      rectifier.setCameraInfo(infoOf(fx), "t");
-    }
-    EXPECT_EQ(rectifier.calibrationError(), "");
-    const auto used = rectifier.camera();
-    for (const double fx : {10.6, 10.8, 11.2, 11.0}) {
-      expectThrows<DataError>([&] { rectifier.setCameraInfo(infoOf(alternates ? 11 : fx), "t"); },
-                              "camera_info on topic t keeps changing, as of two cameras: 8x6, fx " +
-                                  std::string(alternates ? "10, " : "10.4, "));
-      if (alternates) rectifier.setCameraInfo(infoOf(10), "t");
-      EXPECT_EQ(rectifier.camera(), used);
-    }
-    EXPECT_NE(rectifier.calibrationError().find("the last one is 8x6, fx 11, "), std::string::npos);
-  }
-}
-
-TEST(ImageRectifier, RefusesImagesOfAnotherSize) {
-  ImageRectifier rectifier(false);
-  rectifier.setCameraInfo(infoOf(10), "t");
-  EXPECT_EQ(rectifier.rectify(uniformImage(8, 6)).grey.at<std::uint8_t>(3, 3), 100);
-  expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
-                          "the images are 6x8, but camera_info on topic t describes 8x6");
-}
-
 using CameraFile = TemporaryFolder;
-
-TEST_F(CameraFile, DescribesTheImagesAsTheyCome) {
-  CameraCalibration calibration{8, 6, 10, 11, 4, 3, {0.5, 0, 0, 0, 0}};
-  calibration.estimated = true;
-  calibration.readout_time = 0.02;
-  const std::string file = write("camera.yaml", cameraYaml(calibration, ""));
-  ImageRectifier rectifier(true, "", file);
-  ASSERT_NE(rectifier.camera(), nullptr);
-  EXPECT_EQ(rectifier.camera()->camera().fy, 11);
-  EXPECT_TRUE(rectifier.camera()->camera().lens_is_estimated);
-  EXPECT_TRUE(rectifier.camera()->calibration().isDistorted());
-  EXPECT_EQ(rectifier.camera()->calibration().readout_time, 0.02);
-  const MaskedImage image = rectifier.rectify(uniformImage(8, 6));
-  EXPECT_EQ(image.mask.at<std::uint8_t>(0, 0), 0);  // outside the raw image
-  EXPECT_EQ(image.mask.at<std::uint8_t>(3, 3), 255);
-  EXPECT_EQ(image.grey.at<std::uint8_t>(3, 3), 100);
-  expectThrows<DataError>([&] { rectifier.rectify(uniformImage(6, 8)); },
-                          "but parameter camera_file: " + file + " describes 8x6");
-}
 
 TEST_F(CameraFile, ThatCannotBeUsedIsRefused) {
   const CameraCalibration wide{8, 6, 1e-3, 10, 4, 3, {}};
@@ -115,6 +69,10 @@ TEST_F(CameraFile, ThatCannotBeUsedIsRefused) {
                             "parameter camera_file: " + file + " cannot be used: ");
   expectThrows<OptionError>([&] { ImageRectifier(false, "", file + "l"); },
                             "parameter camera_file: " + file + "l: no such file");
+  const CameraCalibration camera{8, 6, 10, 10, 4, 3, {}};
+  write("camera.yaml", cameraYaml(camera, ""));
+  expectThrows<DataError>([&] { ImageRectifier(false, "", file).rectify(uniformImage(6, 8)); },
+                          "but parameter camera_file: " + file + " describes 8x6");
 }
 
 class MaskFile : public TemporaryFolder {

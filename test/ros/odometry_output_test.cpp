@@ -101,16 +101,6 @@ class BaseOdometry : public ::testing::Test {
   const Eigen::Isometry3d T_o_c_ = test::pose({-0.2, 0.7, 0.1}, {3, -1, 20});
 };
 
-TEST_F(BaseOdometry, StartsAtTheOriginAndDrivesAlongX) {
-  Eigen::Isometry3d T_b_c = test::pose({0, 0, 0}, {1.5, 0.2, 1.4});
-  T_b_c.linear() = bodyFromOptical();
-  frames_ = OdometryFrames::ofBase("odom", "base_link", T_b_c);
-  MetricPose pose;
-  EXPECT_TRUE(fromMsg(message(pose).pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
-  pose.T_o_c.translation().z() = 7;
-  EXPECT_TRUE(fromMsg(message(pose).pose.pose).isApprox(test::pose({0, 0, 0}, {7, 0, 0}), 1e-12));
-}
-
 /// The motion of the base, in its axes or in those of odom, per step.
 Vector6d motionPerStep(const Eigen::Isometry3d& motion, double step) {
   Vector6d vector;
@@ -180,16 +170,6 @@ TEST_F(BaseOdometry, ABaseThatStandsStillUnderAMovingCameraHasNoTwist) {
   EXPECT_EQ(frames_.mounting_twist_c, Vector6d::Zero());
 }
 
-TEST_F(BaseOdometry, TheOriginMovesToAPose) {
-  const Eigen::Isometry3d step = test::pose({0, 0.1, 0}, {0, 0, 2});
-  MetricPose first, second;
-  first.T_o_c = T_o_c_;
-  second.T_o_c = first.T_o_c * step;
-  frames_.moveOrigin(first.T_o_c);
-  EXPECT_TRUE(fromMsg(message(first).pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
-  EXPECT_TRUE(fromMsg(message(second).pose.pose).isApprox(T_b_c_ * step * T_b_c_.inverse(), 1e-12));
-}
-
 geometry_msgs::PoseStamped poseAt(double x, double y = 0, double z = 0) {
   geometry_msgs::PoseStamped pose;
   pose.pose.position.x = x;
@@ -234,21 +214,6 @@ tf2_msgs::TFMessage transform(const std::string& parent, const std::string& chil
 FrameParents::Clock::time_point at(double seconds) {
   return FrameParents::Clock::time_point(
       std::chrono::milliseconds(static_cast<int>(1000 * seconds)));
-}
-
-TEST(FrameParents, FindsAnotherParentAndTheRootOfItsStaticChain) {
-  FrameParents parents;
-  EXPECT_EQ(parents.otherParent("camera", "odom", at(0)), "");
-  EXPECT_EQ(parents.staticRoot("camera"), "camera");
-  parents.add(transform("odom", "camera"), false, at(0));
-  EXPECT_EQ(parents.otherParent("camera", "odom", at(0)), "");
-  parents.add(transform("mast", "/camera"), true, at(0));
-  parents.add(transform("/base_link", "mast"), true, at(0));
-  parents.add(transform("world", "base_link"), false, at(0));
-  EXPECT_EQ(parents.otherParent("camera", "odom", at(3600)), "mast");
-  EXPECT_EQ(parents.staticRoot("camera"), "base_link");
-  parents.add(transform("camera", "base_link"), true, at(0));
-  EXPECT_NE(parents.staticRoot("camera"), "") << "of a cycle";
 }
 
 TEST(FrameParents, ForgetsAParentThatIsNotBroadcastAnyMore) {

@@ -14,34 +14,6 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
-TEST(ParamReader, KeepsDefaultsAndReadsWhatIsGiven) {
-  XmlRpcValue tree;
-  tree["group"]["count"] = 7;
-  tree["ratio"] = 1;  // a whole number is a number
-  tree["name"] = "abc";
-  tree["flag"] = true;
-  int count = 3, untouched = 4;
-  double ratio = 0.5;
-  std::string name = "x";
-  bool flag = false;
-  ParamReader reader("/n", tree);
-  reader.declare("group/count", count, 1, 10, "[] how many");
-  reader.declare("group/untouched", untouched, 1, 10, "[] how many");
-  reader.declare("ratio", ratio, 0, 1, "[] of all");
-  reader.declare("name", name, "[] of it");
-  reader.declare("flag", flag, "[] on");
-  EXPECT_EQ(count, 7);
-  EXPECT_EQ(untouched, 4);
-  EXPECT_EQ(ratio, 1.0);
-  EXPECT_EQ(name, "abc");
-  EXPECT_TRUE(flag);
-  EXPECT_TRUE(reader.warnings().empty());
-  ASSERT_EQ(reader.entries().size(), 5u);
-  EXPECT_EQ(ParamReader::echo(reader.entries()[0]), "group/count = 7  [] how many, [1, 10]");
-  EXPECT_EQ(ParamReader::echo(reader.entries()[1]),
-            "group/untouched = 4  [] how many, [1, 10] (default)");
-}
-
 TEST(ParamReader, ExpandsTheHomeFolderOfFiles) {
   XmlRpcValue tree;
   tree["mask"] = "~/mask.png";
@@ -86,25 +58,6 @@ TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   expectRefused("image_transport", 3, "image_transport is a number, it must be a string");
   expectRefused("base_frame", "/odom", "must differ");
   expectRefused("odom_frame", "/", "odom_frame is empty");
-}
-
-TEST(ScaleRecoveryParams, NeedAHeightOrASpeed) {
-  XmlRpcValue tree;
-  for (const bool has_speed : {false, true}) {
-    tree["use_speed"] = has_speed;
-    tree["camera_height"] = 1.5;
-    ParamReader with_height("/n", tree);
-    EXPECT_EQ(ScaleRecoveryParams::read(with_height).scale.camera_height, 1.5);
-    XmlRpcValue without_height;
-    without_height["use_speed"] = has_speed;
-    ParamReader reader("/n", without_height);
-    if (has_speed) {
-      EXPECT_EQ(ScaleRecoveryParams::read(reader).scale.camera_height, 0);
-    } else {
-      expectThrows<OptionError>([&] { ScaleRecoveryParams::read(reader); },
-                                "neither camera_height [m] is set nor use_speed true");
-    }
-  }
 }
 
 TEST(ParamReader, WarnsOfSlashesInFrameNamesAndOfUnknownNames) {

@@ -45,28 +45,5 @@ TEST(GroundTruthTf, InterpolatesTheFrameThatKitti2bagWrites) {
   EXPECT_FALSE(ground_truth.pose("camera_color", ros::Time(1)));
 }
 
-TEST(GroundTruthTf, FindsTheOtherNameThatKitti2bagGivesToTheCamera) {
-  GroundTruthTf ground_truth;
-  ground_truth.add(transform("map", "world", 1, 0.5), true);
-  ground_truth.add(transform("world", "camera_left", 1, 5), false);
-  // tf2 refuses these.
-  ground_truth.add(transform("camera_left", "camera_left", 1, 6), false);
-  ground_truth.add(transform("other", "camera_left", 1, NAN), false);
-  EXPECT_DOUBLE_EQ(positionOf(ground_truth, "camera_gray_left", 1), 5.5);
-  EXPECT_FALSE(ground_truth.pose("camera_color_left", ros::Time(1)));
-}
-
-TEST(GroundTruthTf, FollowsTheStaticChainThatKitti2bagWritesForKittiRaw) {
-  GroundTruthTf ground_truth;
-  ground_truth.add(transform("base_link", "imu_link", 1, 0.5), true);
-  ground_truth.add(transform("imu_link", "camera_gray_left", 1, 0.25), true);
-  EXPECT_FALSE(ground_truth.pose("camera_gray_left", ros::Time(1)));  // no moving transform yet
-  ground_truth.add(transform("world", "base_link", 1, 5), false);
-  ground_truth.add(transform("world", "base_link", 9, 7), false);  // long after the static ones
-  EXPECT_DOUBLE_EQ(positionOf(ground_truth, "camera_gray_left", 1), 5.75);
-  EXPECT_DOUBLE_EQ(positionOf(ground_truth, "camera_gray_left", 9), 7.75);
-  EXPECT_DOUBLE_EQ(positionOf(ground_truth, "base_link", 1), 5);
-}
-
 }  // namespace
 }  // namespace ground_scale_vo

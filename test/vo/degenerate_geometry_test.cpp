@@ -119,7 +119,7 @@ TEST(DegenerateGeometry, PoseIsFiniteOrHasAFailureStatus) {
       for (const Eigen::Isometry3d& guess : guesses) {
         const auto result = PoseEstimation({}).estimate(guess, observations);
         EXPECT_TRUE(scene.name != "behind" || result.status != PoseStatus::kOk);
-        EXPECT_TRUE(result.status != PoseStatus::kOk || isFinite(result.T_w_c));
+        EXPECT_TRUE(result.status != PoseStatus::kOk || areFinite(result.T_w_c, result.covariance));
       }
     }
   }

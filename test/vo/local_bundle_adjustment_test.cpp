@@ -191,27 +191,6 @@ TEST(LocalBundleAdjustment, RejectsStepsThatIncreaseTheCost) {
   }
 }
 
-// With 14 keyframes, the window of 7 leaves 7 fixed. With 4, all but the first are free: their
-// distance to it fixes the scale.
-TEST(LocalBundleAdjustment, KeepsTheGaugeFixed) {
-  for (const int keyframes : {14, 4}) {
-    const LocalMap before = randomMap(keyframes, 5);
-    LocalMap map = before;
-    ASSERT_TRUE(LocalBundleAdjustment({}).adjust(&map).usable);
-    for (std::size_t k = 0; k < (keyframes == 14 ? 7u : 1u); ++k) {
-      EXPECT_EQ(map.keyframes()[k].T_w_c.matrix(), before.keyframes()[k].T_w_c.matrix());
-    }
-    EXPECT_GT(Difference(before, map).distance, 1e-4);
-    const auto length = [](const LocalMap& m) {
-      return (m.keyframes().back().T_w_c.translation() - m.keyframes()[0].T_w_c.translation())
-          .norm();
-    };
-    if (keyframes == 4) {
-      EXPECT_NEAR(length(map), length(before), 1e-12);
-    }
-  }
-}
-
 TEST(LocalBundleAdjustment, IgnoresPointsBehindTheCameraAndKeyframesWithoutObservations) {
   LocalMap map = exactMap(10);
   const int all = LocalBundleAdjustment({}).adjust(&map).residuals;

@@ -55,45 +55,6 @@ TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
   expectPose(motion.extrapolate(22 * kFramePeriod), poseAt(2) * pose({0, 2, 0}, {4, 0, 20}));
 }
 
-// The points of the left half are at a depth of 5, those of the right half at 20. One in five is
-// not in the map: it has the depth of its neighbours.
-TEST(PixelPrediction, FollowsTheMotionOfKnownAndNewFeatures) {
-  const PinholeCamera camera{640, 480, 500, 500, 320, 240};
-  const Eigen::Isometry3d T_w_previous = poseAt(4), T_previous_next = step();
-  LocalMap map({});
-  std::vector<Feature> features;
-  std::vector<LocalMap::Corner> corners;
-  std::vector<Eigen::Vector3d> points;  // in the previous camera
-  for (int i = 0; i < 600; ++i) {
-    const double depth = i % 30 < 15 ? 5 : 20;
-    points.push_back(depth * Eigen::Vector3d(0.04 * (i % 30 - 14.5), 0.04 * (i / 30 - 9.5), 1));
-    Feature feature;
-    feature.id = static_cast<std::uint64_t>(i);
-    feature.u = camera.project(points.back());
-    features.push_back(feature);
-    if (i % 5 != 0) corners.push_back({feature.id, points.back().head<2>() / depth, 0.001});
-  }
-  map.addKeyframe(T_w_previous, corners);
-  for (auto& [id, landmark] : map.landmarks()) {
-    landmark.depth = InverseDepth{1 / points[id].z(), 0.001};
-  }
-  const auto predicted =
-      predictPixels(camera, map, features, T_w_previous, T_w_previous * T_previous_next);
-  ASSERT_EQ(predicted.size(), features.size());
-  for (std::size_t i = 0; i < features.size(); ++i) {
-    const Eigen::Vector2d offset = (features[i].u - Eigen::Vector2d(320, 240)).cwiseAbs();
-    const bool in_map = i % 5 != 0;
-    if (!in_map && (offset.x() < 60 || offset.x() > 240 || offset.y() > 160)) continue;
-    const Eigen::Vector2d expected = camera.project(T_previous_next.inverse() * points[i]);
-    EXPECT_NEAR(predicted[i].x, expected.x(), 1e-3) << i;
-    EXPECT_NEAR(predicted[i].y, expected.y(), 1e-3) << i;
-  }
-  // Behind the next camera a feature keeps its pixel.
-  const auto passed =
-      predictPixels(camera, map, features, T_w_previous, T_w_previous * pose({0, 0, 0}, {0, 0, 8}));
-  EXPECT_EQ(passed.front(), toCv(features.front().u));
-}
-
 TEST(PixelPrediction, ByFlowIsProportionalToTheTime) {
   Feature feature;
   feature.u = {100, 50};

@@ -94,14 +94,6 @@ TEST(PoseEstimation, TheCovarianceMatchesTheErrorsOfThePoseWhateverTheirSigma) {
   }
 }
 
-TEST(PoseEstimation, TheCovarianceIsFiniteForCoincidentPoints) {
-  const auto observations = std::vector<PointObservation>(
-      30, {Eigen::Vector3d(0, 0, 5), Eigen::Vector3d::Zero(), {0.001, 0}, kObservationSigma});
-  const Matrix6d covariance = estimateFrom(kOrigin, observations).covariance;
-  EXPECT_TRUE(covariance.allFinite());
-  EXPECT_GE(covariance.diagonal().minCoeff(), 0);
-}
-
 /// Observations from 3 units ahead, apart from those with i % 50 < share, which fit the origin, and
 /// those with i % 50 >= first_outlier, which fit nothing.
 std::vector<PointObservation> withMovingObjects(std::size_t share, std::size_t first_outlier = 50) {

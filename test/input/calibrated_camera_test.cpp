@@ -178,18 +178,6 @@ TEST(Rectification, OfAMaskCoversAllThatDependsOnIt) {
   }
 }
 
-TEST(CalibratedCamera, IsTheSameUpToRounding) {
-  const CameraCalibration camera{8, 6, 10, 10, 4, 3};
-  EXPECT_TRUE(
-      isSameCalibration(camera, {8, 6, 10, 10, 4 + 1e-6, 3}));  // after a conversion to float
-  for (const CameraCalibration& other : {CameraCalibration{9, 6, 10, 10, 4, 3},
-                                         {8, 6, 10.2, 10, 4, 3},
-                                         {8, 6, 10, 10, 4, 3.2},
-                                         {8, 6, 10, 10, 4, 3, {-0.3, 0, 0, 0}}}) {
-    EXPECT_FALSE(isSameCalibration(camera, other));
-  }
-}
-
 TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();

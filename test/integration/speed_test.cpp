@@ -67,21 +67,6 @@ TEST(Speed, AloneGivesTheScaleAndTeachesTheHeight) {
   EXPECT_LT(first->T_o_c.translation().norm(), 4);
 }
 
-TEST(Speed, CorrectsAWrongHeightOfKnownUncertainty) {
-  const RenderedDrive& straight = straightDrive();
-  OfflineRun::Options options = optionsFor(1.05 * straight.drive.cameraHeight());
-  options.scale.use_speed = true;
-  options.scale.camera_height_sigma = 0.1;
-  OfflineRun run(straight.drive.camera(), options);
-  run.setSpeeds(simulateSpeeds(straight.drive));
-  for (std::size_t i = 0; i < straight.images.size(); ++i) {
-    run.process(straight.images[i], straight.drive.frame(i).stamp_ns);
-  }
-  const ScaleEstimate& last = run.record().frames().back().scale;
-  EXPECT_NEAR(last.camera_height, straight.drive.cameraHeight(), 0.03);
-  EXPECT_LT(straight.rle(run.record()), 0.5);
-}
-
 TEST(Speed, FaultsOfTheSensorAreNamedAndDoLittleHarm) {
   const RenderedDrive& straight = straightDrive();
   const auto run = [&](SpeedFault fault) {

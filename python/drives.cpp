@@ -1,5 +1,5 @@
 // Drives of the module ground_scale_vo._core: files, the messages of a bag, and what is computed
-// from them. ground_scale_vo/_core.pyi documents the functions.
+// from them. Only the Python files of ground_scale_vo call these functions.
 
 #include <array>
 #include <memory>
@@ -172,7 +172,8 @@ py::object nextRectified(const ReaderPtr& reader) {
   }
 }
 
-/// Runs the odometry over a drive and writes the results.
+/// Runs the odometry over a drive, shows the progress and writes the results. Returns warnings,
+/// summary, failure and exit status.
 py::dict run(const ReaderPtr& reader, const std::string& name, double camera_height,
              const std::vector<std::string>& settings, const std::string& speed_file,
              const std::string& folder, bool is_strict) {
@@ -226,7 +227,11 @@ py::dict toReport(const gsv::LensEstimator::Result& drive) {
   return report;
 }
 
-/// The result of ground_scale_vo calibrate, see _core.pyi.
+/// Estimates the lens from drives, functions that open the same drive at each call; the first one
+/// has the calibration. is_rough: it is from a field of view that may be wrong by 15 %. The result:
+/// reason (why the lens is not observable, else empty); drives, for each one status, keyframes,
+/// tracks, rms_before, rms_after [px]; runs; converged; confirmed; table and yaml (text);
+/// residuals: a PNG image, missing without an observable lens.
 py::dict calibrateLens(const std::vector<py::object>& drives, const std::vector<std::string>& names,
                        bool is_rough, const std::vector<std::string>& settings) {
   const auto first = drives.front()().cast<ReaderPtr>();

@@ -69,8 +69,7 @@ def add_calibrate(command):
 
 
 def add_calibrate_height(command):
-    command.add_argument("input", nargs="?", **INPUT)
-    command.add_argument("--bag", type=pathlib.Path, metavar="FILE", help="the input is this bag")
+    command.add_argument("input", **INPUT)
     command.add_argument("--camera", **CAMERA)
     command.add_argument("--length", type=float, metavar="M",
                          help="odometer reading between the first image and the last [m], and")
@@ -159,9 +158,6 @@ def calibrate(arguments):
 
 
 def calibrate_height(arguments):
-    path = arguments.input or arguments.bag
-    if (arguments.input is None) == (arguments.bag is None):
-        raise ValueError("one drive is needed: SEQ or --bag FILE, see --help")
     given = (arguments.length is not None, bool(arguments.gps), bool(arguments.trajectory))
     if sum(given) != 1:
         raise ValueError("one of --length, --gps and --trajectory is needed, see --help")
@@ -171,8 +167,9 @@ def calibrate_height(arguments):
         raise ValueError("--length must be positive, and --length-sigma not negative")
     if not arguments.end > arguments.start:
         raise ValueError("--to must be greater than --from")
-    calibration.estimate_height(opener(path, arguments)(), _core.result_name(str(path)), arguments,
-                                lambda: bags.fixes(str(path), arguments.gps))
+    drive = str(arguments.input)
+    calibration.estimate_height(opener(drive, arguments)(), _core.result_name(drive), arguments,
+                                lambda: bags.fixes(drive, arguments.gps))
     return 0
 
 

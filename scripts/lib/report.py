@@ -270,8 +270,6 @@ def main():
     for folder in [*arguments.sequences, arguments.kitti, arguments.paths]:
         if folder and not folder.is_dir():
             parser.error(f"{folder}: no such folder")
-    if not (ROOT / "package.xml").exists():
-        sys.exit("report: needs the source tree")
     report = Report(arguments)
     report.tools = build()
     whole = [part for part in ("kitti", "paths") if getattr(arguments, part)]

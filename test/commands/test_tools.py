@@ -58,7 +58,7 @@ def test_help_and_unknown_option(name):
     (1, "exists already", "calibrate_height DRIVE --length 50 --length-sigma 0.1 --out OLD/old.bag"),
     (1, "there is no folder", "calibrate_height DRIVE --length 50 --length-sigma 0.1 --out OUT/none/height.yaml"),
     (1, "uncertain by", "calibrate_height DRIVE --length 50 --length-sigma 5"),
-    (1, "old.bag: is not a bag that can be read", "calibrate_height --bag OLD/old.bag --image /image --gps /fix"),
+    (1, "old.bag: is not a bag that can be read", "calibrate_height OLD/old.bag --image /image --gps /fix"),
     (2, "one of --length", "calibrate_height DRIVE"),
     (2, "--length and --length-sigma go together", "calibrate_height DRIVE --length 50"),
     (2, "--to must be greater", "calibrate_height DRIVE --length 50 --length-sigma 0.1 --from 3 --to 2"),

@@ -57,12 +57,6 @@ def legend_above(axes, columns, **arguments):
                 frameon=False, fontsize="small", handlelength=1.5, columnspacing=1.2, **arguments)
 
 
-def grid_step(span):
-    """1, 2 or 5 times a power of ten, for five to twelve lines over the span."""
-    power = 10.0 ** np.floor(np.log10(span / 5))
-    return max(factor * power for factor in (1, 2, 5) if factor * power <= span / 5)
-
-
 def draw_trajectory(file, estimate, ground_truth, title):
     """Top view, as the paper's Fig. 4: equal axes, and a figure in the proportions of the drive,
     with an aspect ratio of at most 5:2."""
@@ -84,8 +78,6 @@ def draw_trajectory(file, estimate, ground_truth, title):
     middle = (low + high) / 2
     axes.set_xlim(middle[0] - span[0] / 2, middle[0] + span[0] / 2)
     axes.set_ylim(middle[1] - span[1] / 2, middle[1] + span[1] / 2)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(matplotlib.ticker.MultipleLocator(grid_step(span.max())))
     axes.grid(True, linewidth=0.4)
     axes.set(xlabel="x, right [m]", ylabel="z, forward [m]")
     axes.set_title(title, loc="left", fontsize="medium")

@@ -12,16 +12,13 @@ one_core/, long_drive/ (see benchmark_sequence --help) and graph_RATE.csv (see g
 Exit status: 0 done, whatever the times are, 1 a measurement failed, 2 wrong arguments.
 """
 
-import argparse
 import json
 import os
 import pathlib
-import socket
 import subprocess
-import sys
 import tempfile
 
-from environment import build, log, markdown
+from environment import Parser, build, log, markdown, private_master, run
 
 # Columns of timing.csv; publish: of usage.csv; vo_rest: vo_total without the other stages of the odometry.
 STAGES = {
@@ -99,15 +96,11 @@ def graph_figures(file, rate, images):
 
 def play(tools, bag, rate, height, file):
     """Plays the bag through the nodelets; graph_observer writes a line for each image to the file."""
-    with socket.socket() as free:
-        free.bind(("", 0))
-        port = free.getsockname()[1]
-    environment = {key: value for key, value in os.environ.items() if key not in ("ROS_IP", "ROS_NAMESPACE")}
-    environment.update(ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOSTNAME="localhost")
+    port, environment = private_master()
     log_file = file.with_suffix(".log")
     with open(log_file, "w", encoding="utf-8") as output:
         options = {"env": environment, "stderr": output}
-        master = subprocess.Popen(["roscore", "-p", str(port)], stdout=output, **options)
+        master = subprocess.Popen(["roscore", "-p", port], stdout=output, **options)
         observer = subprocess.Popen([tools / "graph_observer", "--out", file,
                                      "image:=/kitti/camera_gray_left/image_rect"],
                                     stdout=subprocess.PIPE, text=True, **options)
@@ -166,8 +159,7 @@ def measure(tools, folder, out, arguments):
 
 
 def main():
-    parser = argparse.ArgumentParser(prog="scripts/benchmark", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser("benchmark", __doc__)
     parser.add_argument("sequences", nargs="+", type=pathlib.Path, metavar="SEQ")
     parser.add_argument("--camera-height", default="1.65", metavar="M", help="above the road [m] (default 1.65)")
     parser.add_argument("--out", type=pathlib.Path, default="results/benchmark", metavar="DIR")
@@ -183,8 +175,8 @@ def main():
         except (OSError, ValueError, KeyError, IndexError, subprocess.CalledProcessError) as error:
             log(f"{sequence.name}: {error}")
             status = 1
-    sys.exit(status)
+    return status
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -20,7 +20,6 @@ Files: DIR/results.json, DIR/results.md, and the results of each part in DIR/PAR
 Exit status: 0 all done, 1 a part failed (the others are still measured), 2 wrong arguments.
 """
 
-import argparse
 import concurrent.futures
 import datetime
 import hashlib
@@ -32,7 +31,7 @@ import subprocess
 import sys
 
 import paper
-from environment import LIB, build, log
+from environment import LIB, Parser, build, log, run
 
 ROOT = LIB.parents[1]
 NAMES = {"kitti_00_0000_0199": "00", "kitti_05_0100_0159": "05", "kitti_06_0000_0050": "06", "kitti_07_0000_0129": "07",
@@ -253,8 +252,7 @@ PARTS = ["sequences", "variants", "scenarios", "faults", "ablation", "components
 
 
 def main():
-    parser = argparse.ArgumentParser(prog="scripts/report", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser("report", __doc__)
     parser.add_argument("sequences", nargs="*", type=pathlib.Path, metavar="SEQ",
                         help="KITTI folders with ground truth, see scripts/evaluate")
     parser.add_argument("--kitti", type=pathlib.Path, metavar="DATASET",
@@ -282,8 +280,8 @@ def main():
     (report.out / "results.md").write_text(results_page.page(results, DESCRIPTIONS), encoding="utf-8")
     if arguments.write:
         results_page.write(results, DESCRIPTIONS, ROOT)
-    sys.exit(1 if failed else 0)
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

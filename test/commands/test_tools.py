@@ -46,7 +46,7 @@ def test_help_and_unknown_option(name):
     (1, "old.bag exists already", "bag_recorder OLD/old.bag"),
     (1, "must be an absolute path: record:=$PWD/my.bag", "bag_recorder my.bag"),
     (2, "SEQ is missing", "evaluate --out OUT"),
-    (1, "none: no such folder", "evaluate OUT/none --out OUT"),
+    (1, "none: no such file or folder", "evaluate OUT/none --out OUT"),
     (2, "have the same name", "evaluate DRIVE OLD/shortest --out OUT"),
     (2, "camera_height is 0", "evaluate DRIVE --out OUT --camera-height 0"),
     (2, "unknown scenario", "evaluate --scenarios none --out OUT"),

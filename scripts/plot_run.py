@@ -3,7 +3,6 @@
 and evaluate_bag."""
 
 import argparse
-import csv
 import json
 import pathlib
 import sys
@@ -27,17 +26,8 @@ def read_positions(file):
 
 
 def read_table(file):
-    """Columns by name; numeric where every cell is a number."""
-    with open(file, newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    table = {}
-    for name in rows[0]:
-        cells = [row[name] for row in rows]
-        try:
-            table[name] = np.array(cells, dtype=float)
-        except ValueError:
-            table[name] = np.array(cells)
-    return table
+    """Columns by name."""
+    return np.atleast_1d(np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding="utf-8"))
 
 
 def save(figure, file):
@@ -185,8 +175,8 @@ def draw_scale(file, scale, camera_height, title):
 def draw_timing(file, timing, title):
     """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of
     evaluate_bag about one per second)."""
-    stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
-              if name != "frame" and np.any(values > 0)]
+    stages = [(name, timing[name][timing[name] > 0], len(timing)) for name in timing.dtype.names
+              if name != "frame" and np.any(timing[name] > 0)]
     figure, axes = plt.subplots(figsize=(8, 0.9 + 0.29 * len(stages)))
     axes.boxplot([ran for _, ran, _ in stages], vert=False, whis=(5, 95), showfliers=False,
                  widths=0.6, medianprops={"color": TARGET})

@@ -41,7 +41,7 @@ ROWS = [("processor time per frame on one core, ms", "cpu_ms_per_frame"),
 def read_table(file):
     """Columns by name."""
     import numpy as np
-    table = np.genfromtxt(file, delimiter=",", names=True, ndmin=1)
+    table = np.atleast_1d(np.genfromtxt(file, delimiter=",", names=True))
     return {name: table[name] for name in table.dtype.names}
 
 

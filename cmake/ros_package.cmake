@@ -65,9 +65,9 @@ catkin_install_python(PROGRAMS nodes/bag_recorder nodes/feed_another_vo nodes/pl
   scripts/metrics_table.py scripts/plot_run.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-# The scripts that need no source tree; they expect the executables in the same directory.
+# The scripts expect the executables in the same directory after installation.
 install(PROGRAMS scripts/benchmark scripts/calibrate_camera scripts/calibrate_height scripts/compare scripts/demo
-  scripts/evaluate
+  scripts/evaluate scripts/package scripts/report
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY scripts/lib DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

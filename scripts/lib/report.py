@@ -270,6 +270,8 @@ def main():
     for folder in [*arguments.sequences, arguments.kitti, arguments.paths]:
         if folder and not folder.is_dir():
             parser.error(f"{folder}: no such folder")
+    if not (ROOT / "package.xml").exists():
+        parser.error("needs the source tree", status=1)
     report = Report(arguments)
     report.tools = build()
     whole = [part for part in ("kitti", "paths") if getattr(arguments, part)]

@@ -6,7 +6,7 @@ import pathlib
 import sys
 
 from . import _core, bags, calibration
-from .odometry import DataError, _open_reader, _setting
+from .odometry import DataError, _open_reader
 
 
 def parse(arguments):
@@ -98,7 +98,7 @@ def add_common(command):
                          help="image, black where the camera's images never show the scene")
     command.add_argument("--fps", type=rate, default=0.0, metavar="HZ",
                          help="the images have this rate; their stamps are not used")
-    command.add_argument("--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
+    command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE",
                          help="option of the odometry (docs/reference/parameters.md); repeatable")
 
 
@@ -107,11 +107,6 @@ def rate(text):
     if not 0 < value <= 1000:
         raise argparse.ArgumentTypeError(f"{text} is not a rate in (0, 1000] Hz")
     return value
-
-
-def setting(text):
-    name, _, value = text.partition("=")
-    return _setting(name, value == "true" if value in ("true", "false") else float(value))
 
 
 def opener(path, arguments, fov=0.0):
@@ -153,7 +148,7 @@ def calibrate(arguments):
     # The further drives are of the same camera.
     drives = [opener(path, arguments, fov) for path in arguments.inputs]
     names = [_core.result_name(str(path)) for path in arguments.inputs]
-    calibration.estimate_lens(drives, names, fov > 0, arguments)
+    _core.calibrate_lens(drives, names, fov > 0, arguments.set, str(arguments.out), arguments.force)
     return 0
 
 

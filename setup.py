@@ -48,7 +48,7 @@ setup(
     license="BSD-3-Clause",
     package_dir={"": "python"},
     packages=["ground_scale_vo"],
-    package_data={"ground_scale_vo": ["py.typed", "*.pyi"]},
+    package_data={"ground_scale_vo": ["py.typed"]},
     ext_modules=[Extension("ground_scale_vo._core", [])],
     cmdclass={"build_ext": CMakeBuild},
     python_requires=">=3.8",

@@ -62,18 +62,6 @@ endif()
 add_library(${PROJECT_NAME}_warnings INTERFACE)
 target_compile_options(${PROJECT_NAME}_warnings INTERFACE -Wall -Wextra -Wshadow -Wconversion)
 
-# clang-tidy and clangd cannot read the precompiled headers of gcc, and need a command for each file:
-# build/clang/compile_commands.json has both.
-file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/clang)
-add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/clang/compile_commands.json
-  COMMAND awk -f ${PROJECT_SOURCE_DIR}/cmake/clang_commands.awk
-    ${CMAKE_BINARY_DIR}/compile_commands.json > ${CMAKE_BINARY_DIR}/clang/compile_commands.json
-  DEPENDS ${CMAKE_BINARY_DIR}/compile_commands.json
-    ${PROJECT_SOURCE_DIR}/cmake/clang_commands.awk
-  VERBATIM)
-add_custom_target(${PROJECT_NAME}_clang_commands ALL
-  DEPENDS ${CMAKE_BINARY_DIR}/clang/compile_commands.json)
-
 # gsv_add_headers(NAME LIBRARY...): precompiles headers for the targets that name it with
 # target_precompile_headers(... REUSE_FROM NAME) and have the same compile options. The headers are
 # those of Eigen, OpenCV and the standard library that most files include.

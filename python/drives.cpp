@@ -1,7 +1,10 @@
 // Drives of the module ground_scale_vo._core: files, the messages of a bag, and what is computed
-// from them. ground_scale_vo/_core.pyi documents the functions.
+// from them. Only the Python files of ground_scale_vo call these functions.
 
+#include <algorithm>
 #include <array>
+#include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
@@ -11,6 +14,7 @@
 #include "arrays.hpp"
 #include "ground_scale_vo/calibration/lens_calibration.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
@@ -172,7 +176,8 @@ py::object nextRectified(const ReaderPtr& reader) {
   }
 }
 
-/// Runs the odometry over a drive and writes the results.
+/// Runs the odometry over a drive, shows the progress and writes the results. Returns warnings,
+/// summary, failure and exit status.
 py::dict run(const ReaderPtr& reader, const std::string& name, double camera_height,
              const std::vector<std::string>& settings, const std::string& speed_file,
              const std::string& folder, bool is_strict) {
@@ -216,19 +221,54 @@ gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name) {
   };
 }
 
-py::dict toReport(const gsv::LensEstimator::Result& drive) {
-  py::dict report;
-  report["status"] = drive.reason.empty() ? gsv::toString(drive.status) : drive.reason.c_str();
-  report["keyframes"] = drive.keyframes;
-  report["tracks"] = drive.tracks;
-  report["rms_before"] = drive.rms_before_px;
-  report["rms_after"] = drive.rms_after_px;
-  return report;
+/// Prints the estimates of the drives. Throws DataError when the lens is not observable.
+void show(const gsv::LensCalibration::Result& result, const std::vector<std::string>& names) {
+  for (std::size_t i = 0; i < result.drives.size(); ++i) {
+    const gsv::LensEstimator::Result& drive = result.drives[i];
+    std::printf("%s: %s, %zu keyframes, %zu tracks, residual rms %.3f -> %.3f px\n",
+                names[i].c_str(),
+                drive.reason.empty() ? gsv::toString(drive.status) : drive.reason.c_str(),
+                drive.keyframes, drive.tracks, drive.rms_before_px, drive.rms_after_px);
+  }
+  if (!result.reason.empty()) {
+    throw gsv::DataError("the lens is not observable: " + result.reason);
+  }
+  std::printf("%s", gsv::lensTable(result).c_str());
+  if (result.confirmed) {
+    std::printf(
+        "the drives confirm the calibration: the estimate does not differ significantly from it\n");
+  } else if (!result.converged) {
+    std::fprintf(stderr,
+                 "the estimate still changed in run %d; run again with the result as --camera\n",
+                 result.runs);
+  }
 }
 
-/// The result of ground_scale_vo calibrate, see _core.pyi.
-py::dict calibrateLens(const std::vector<py::object>& drives, const std::vector<std::string>& names,
-                       bool is_rough, const std::vector<std::string>& settings) {
+/// The mean residuals over the image of the first drive that observes the lens, as PNG.
+std::string residualImage(const gsv::LensCalibration::Result& result,
+                          const gsv::PinholeCamera& camera) {
+  const auto drive = std::find_if(result.drives.begin(), result.drives.end(), [](const auto& one) {
+    return one.status == gsv::LensEstimator::Status::kOk;
+  });
+  std::vector<std::uint8_t> png;
+  cv::imencode(".png", gsv::drawResiduals(*drive, camera), png);
+  return {png.begin(), png.end()};
+}
+
+/// Estimates the lens from drives, functions that open the same drive at each call; the first one
+/// has the calibration. is_rough: it is from a field of view that may be wrong by 15 %. Prints the
+/// result and writes it to the file, with an image of the residuals beside it. Throws DataError
+/// when the drives do not determine the lens.
+void calibrateLens(const std::vector<py::object>& drives, const std::vector<std::string>& names,
+                   bool is_rough, const std::vector<std::string>& settings, const std::string& file,
+                   bool force) {
+  const std::filesystem::path image = std::filesystem::path(file).replace_extension(".png");
+  if (image == file) {
+    throw gsv::OptionError("--out " + file + " is the name of the image beside it, use .yaml");
+  }
+  for (const std::filesystem::path& output : {std::filesystem::path(file), image}) {
+    gsv::requireNewFile(output, force);
+  }
   const auto first = drives.front()().cast<ReaderPtr>();
   const gsv::CameraCalibration given = first->drive->camera().calibration();
   if (!given.hasLens()) {
@@ -237,9 +277,8 @@ py::dict calibrateLens(const std::vector<py::object>& drives, const std::vector<
                          "the camera with that, or rectify the images");
   }
   const gsv::Lens start = gsv::lensOf(given);
-  const gsv::PinholeCamera& camera = start.camera;
   gsv::LensCalibration::Options options;
-  if (is_rough) options.expectRoughStart(camera.width);
+  if (is_rough) options.expectRoughStart(start.camera.width);
   options.vo.readout_time = given.readout_time;
   for (const std::string& setting : settings) gsv::setOption(options, setting);
   std::vector<gsv::RepeatableDrive> repeatable;
@@ -247,32 +286,17 @@ py::dict calibrateLens(const std::vector<py::object>& drives, const std::vector<
     repeatable.push_back(toDrive(drives[i], names[i]));
   }
   const gsv::LensCalibration calibration(options);
-  gsv::LensCalibration::Result result;
-  {
-    const py::gil_scoped_release release;
-    result = calibration.calibrate(repeatable, start);
-  }
-  py::list reports;
-  py::dict output;
-  for (const auto& drive : result.drives) {
-    reports.append(toReport(drive));
-    if (drive.status != gsv::LensEstimator::Status::kOk || output.contains("residuals")) continue;
-    std::vector<std::uint8_t> png;
-    cv::imencode(".png", gsv::drawResiduals(drive, camera), png);
-    output["residuals"] = py::bytes(reinterpret_cast<const char*>(png.data()), png.size());
-  }
-  output["drives"] = reports;
-  output["reason"] = result.reason;
-  output["runs"] = result.runs;
-  output["converged"] = result.converged || result.confirmed;
-  output["confirmed"] = result.confirmed;
+  const py::gil_scoped_release release;
+  const gsv::LensCalibration::Result result = calibration.calibrate(repeatable, start);
+  show(result, names);
   gsv::CameraCalibration estimate = gsv::calibrationOf(result.estimate.lens);
   estimate.estimated = true;
   estimate.readout_time = options.vo.readout_time;
-  const std::string table = gsv::lensTable(result);
-  output["table"] = table;
-  output["yaml"] = gsv::cameraYaml(estimate, "Estimated by ground_scale_vo calibrate.\n" + table);
-  return output;
+  gsv::writeFile(file, gsv::cameraYaml(estimate, "Estimated by ground_scale_vo calibrate.\n" +
+                                                     gsv::lensTable(result)));
+  gsv::writeFile(image, residualImage(result, start.camera));
+  std::printf("written to %s and %s\n", file.c_str(), image.c_str());
+  std::fflush(stdout);
 }
 
 }  // namespace

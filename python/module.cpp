@@ -211,7 +211,7 @@ PYBIND11_MODULE(_core, module) {
   addDrives(&module);
   module.def("require_new_file",
              [](const std::string& file, bool force) { gsv::requireNewFile(file, force); });
-  module.def("write_file", [](const std::string& file, const py::bytes& content) {
-    gsv::writeFile(file, std::string(content));
+  module.def("write_file", [](const std::string& file, const std::string& content) {
+    gsv::writeFile(file, content);
   });
 }

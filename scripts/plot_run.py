@@ -3,7 +3,6 @@
 and evaluate_bag."""
 
 import argparse
-import csv
 import json
 import pathlib
 import sys
@@ -27,17 +26,8 @@ def read_positions(file):
 
 
 def read_table(file):
-    """Columns by name; numeric where every cell is a number."""
-    with open(file, newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    table = {}
-    for name in rows[0]:
-        cells = [row[name] for row in rows]
-        try:
-            table[name] = np.array(cells, dtype=float)
-        except ValueError:
-            table[name] = np.array(cells)
-    return table
+    """Columns by name."""
+    return np.atleast_1d(np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding="utf-8"))
 
 
 def save(figure, file):
@@ -55,12 +45,6 @@ def legend_above(axes, columns, **arguments):
     """A legend above the axes, where it covers no data."""
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.3, ncol=columns,
                 frameon=False, fontsize="small", handlelength=1.5, columnspacing=1.2, **arguments)
-
-
-def grid_step(span):
-    """1, 2 or 5 times a power of ten, for five to twelve lines over the span."""
-    power = 10.0 ** np.floor(np.log10(span / 5))
-    return max(factor * power for factor in (1, 2, 5) if factor * power <= span / 5)
 
 
 def draw_trajectory(file, estimate, ground_truth, title):
@@ -84,8 +68,6 @@ def draw_trajectory(file, estimate, ground_truth, title):
     middle = (low + high) / 2
     axes.set_xlim(middle[0] - span[0] / 2, middle[0] + span[0] / 2)
     axes.set_ylim(middle[1] - span[1] / 2, middle[1] + span[1] / 2)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(matplotlib.ticker.MultipleLocator(grid_step(span.max())))
     axes.grid(True, linewidth=0.4)
     axes.set(xlabel="x, right [m]", ylabel="z, forward [m]")
     axes.set_title(title, loc="left", fontsize="medium")
@@ -193,8 +175,8 @@ def draw_scale(file, scale, camera_height, title):
 def draw_timing(file, timing, title):
     """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of
     evaluate_bag about one per second)."""
-    stages = [(name, values[values > 0], len(values)) for name, values in timing.items()
-              if name != "frame" and np.any(values > 0)]
+    stages = [(name, timing[name][timing[name] > 0], len(timing)) for name in timing.dtype.names
+              if name != "frame" and np.any(timing[name] > 0)]
     figure, axes = plt.subplots(figsize=(8, 0.9 + 0.29 * len(stages)))
     axes.boxplot([ran for _, ran, _ in stages], vert=False, whis=(5, 95), showfliers=False,
                  widths=0.6, medianprops={"color": TARGET})

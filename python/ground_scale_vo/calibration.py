@@ -1,10 +1,9 @@
-"""The commands `ground_scale_vo calibrate` (the lens, from drives) and `calibrate_height` (the camera's height, from a
-drive of known length)."""
+"""The command `ground_scale_vo calibrate_height`: the camera's height, from a drive of known length."""
 
 import pathlib
 import sys
 import tempfile
-from typing import Any, Callable, List, NamedTuple, Tuple
+from typing import Any, Callable, NamedTuple, Tuple
 
 import numpy as np
 
@@ -184,33 +183,5 @@ def estimate_height(reader: Any, name: str, arguments: Any, fixes: Callable[[], 
                         f"{100 * MAX_ERROR:.1f} %: drive farther, or measure the length better")
     text = _core.height_yaml(source, *height) + mounting_text(track, height.value)
     print(text, end="")
-    write({arguments.out: text.encode()})
-
-
-def estimate_lens(drives: List[Callable[[], Any]], names: List[str], is_rough: bool, arguments: Any) -> None:
-    """drives: each call opens a drive again. is_rough: the start is a field of view. Prints the result, and writes
-    arguments.out and an image beside it. Raises DataError when the drives do not determine the lens."""
-    files = [arguments.out, arguments.out.with_suffix(".png")]
-    if files[0] == files[1]:
-        raise ValueError(f"--out {arguments.out} is the name of the image beside it, use .yaml")
-    for file in files:
-        _core.require_new_file(str(file), arguments.force)
-    result = _core.calibrate_lens(drives, names, is_rough, arguments.set)
-    for name, report in zip(names, result["drives"]):
-        print("{}: {status}, {keyframes} keyframes, {tracks} tracks, residual rms {rms_before:.3f} -> "
-              "{rms_after:.3f} px".format(name, **report))
-    if result["reason"]:
-        raise DataError(f"the lens is not observable: {result['reason']}")
-    print(result["table"], end="")
-    if result["confirmed"]:
-        print("the drives confirm the calibration: the estimate does not differ significantly from it")
-    if not result["converged"]:
-        print(f"the estimate still changed in run {result['runs']}; run again with --camera {files[0]}", file=sys.stderr)
-    write({files[0]: result["yaml"].encode(), files[1]: result["residuals"]})
-
-
-def write(contents: dict) -> None:
-    """contents: the bytes of each file."""
-    for file, content in contents.items():
-        _core.write_file(str(file), content)
-    print("written to " + " and ".join(map(str, contents)))
+    _core.write_file(str(arguments.out), text)
+    print(f"written to {arguments.out}")

@@ -6,7 +6,7 @@ import pathlib
 import sys
 
 from . import _core, bags, calibration
-from .odometry import DataError, _open_reader, _setting
+from .odometry import DataError, _open_reader
 
 
 def parse(arguments):
@@ -69,8 +69,7 @@ def add_calibrate(command):
 
 
 def add_calibrate_height(command):
-    command.add_argument("input", nargs="?", **INPUT)
-    command.add_argument("--bag", type=pathlib.Path, metavar="FILE", help="the input is this bag")
+    command.add_argument("input", **INPUT)
     command.add_argument("--camera", **CAMERA)
     command.add_argument("--length", type=float, metavar="M",
                          help="odometer reading between the first image and the last [m], and")
@@ -99,7 +98,7 @@ def add_common(command):
                          help="image, black where the camera's images never show the scene")
     command.add_argument("--fps", type=rate, default=0.0, metavar="HZ",
                          help="the images have this rate; their stamps are not used")
-    command.add_argument("--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
+    command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE",
                          help="option of the odometry (docs/reference/parameters.md); repeatable")
 
 
@@ -108,11 +107,6 @@ def rate(text):
     if not 0 < value <= 1000:
         raise argparse.ArgumentTypeError(f"{text} is not a rate in (0, 1000] Hz")
     return value
-
-
-def setting(text):
-    name, _, value = text.partition("=")
-    return _setting(name, value == "true" if value in ("true", "false") else float(value))
 
 
 def opener(path, arguments, fov=0.0):
@@ -154,14 +148,11 @@ def calibrate(arguments):
     # The further drives are of the same camera.
     drives = [opener(path, arguments, fov) for path in arguments.inputs]
     names = [_core.result_name(str(path)) for path in arguments.inputs]
-    calibration.estimate_lens(drives, names, fov > 0, arguments)
+    _core.calibrate_lens(drives, names, fov > 0, arguments.set, str(arguments.out), arguments.force)
     return 0
 
 
 def calibrate_height(arguments):
-    path = arguments.input or arguments.bag
-    if (arguments.input is None) == (arguments.bag is None):
-        raise ValueError("one drive is needed: SEQ or --bag FILE, see --help")
     given = (arguments.length is not None, bool(arguments.gps), bool(arguments.trajectory))
     if sum(given) != 1:
         raise ValueError("one of --length, --gps and --trajectory is needed, see --help")
@@ -171,8 +162,9 @@ def calibrate_height(arguments):
         raise ValueError("--length must be positive, and --length-sigma not negative")
     if not arguments.end > arguments.start:
         raise ValueError("--to must be greater than --from")
-    calibration.estimate_height(opener(path, arguments)(), _core.result_name(str(path)), arguments,
-                                lambda: bags.fixes(str(path), arguments.gps))
+    drive = str(arguments.input)
+    calibration.estimate_height(opener(drive, arguments)(), _core.result_name(drive), arguments,
+                                lambda: bags.fixes(drive, arguments.gps))
     return 0
 
 

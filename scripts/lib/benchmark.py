@@ -3,8 +3,8 @@
 For each folder in turn: the offline pipeline with all its threads on one processor core, and in the same run the
 baseline, OpenCV's pyramid, corner detection and Lucas-Kanade tracking of as many points on the same images; the same
 on two cores, over the sequence again and again for 1500 frames (frames per second, memory over time); and both
-nodelets under a private ROS master, with the sequence as a bag at several rates (latency from an image to its metric
-odometry, dropped images). Measure on an idle machine.
+nodelets under a private ROS master, with the sequence as a bag at its rate and 15 times as fast (latency from an
+image to its metric odometry, dropped images). Measure on an idle machine.
 
 Files in DIR/<name>/: benchmark.md (time of every stage, as Fig. 5 of the paper), benchmark.json, and the raw data:
 one_core/, long_drive/ (see benchmark_sequence --help) and graph_RATE.csv (see graph_observer --help).
@@ -12,16 +12,13 @@ one_core/, long_drive/ (see benchmark_sequence --help) and graph_RATE.csv (see g
 Exit status: 0 done, whatever the times are, 1 a measurement failed, 2 wrong arguments.
 """
 
-import argparse
 import json
 import os
 import pathlib
-import socket
 import subprocess
-import sys
 import tempfile
 
-from environment import build, log, markdown
+from environment import Parser, build, log, markdown, private_master, run
 
 # Columns of timing.csv; publish: of usage.csv; vo_rest: vo_total without the other stages of the odometry.
 STAGES = {
@@ -30,6 +27,7 @@ STAGES = {
     "vo_rest": "rest", "vo_total": "odometry, total", "vo_bundle_adjustment": "bundle adjustment (own thread)",
     "scale_delaunay": "Delaunay", "scale_gpe": "GPE", "scale_gpa": "GPA", "scale_direct": "direct plane estimation",
     "scale_filter": "filter", "scale_total": "scale stage, total", "publish": "publish", "total": "frame, total"}
+RATES = 1, 15  # of the bag, relative to the recording
 ODOMETRY_STAGES = ["vo_pyramid", "vo_track", "vo_adjustment_wait", "vo_align", "vo_pose", "vo_detect", "vo_triangulate"]
 ROWS = [("processor time per frame on one core, ms", "cpu_ms_per_frame"),
         ("of which PNG decoding, ms", "decode_cpu_ms_per_frame"),
@@ -43,7 +41,7 @@ ROWS = [("processor time per frame on one core, ms", "cpu_ms_per_frame"),
 def read_table(file):
     """Columns by name."""
     import numpy as np
-    table = np.genfromtxt(file, delimiter=",", names=True, ndmin=1)
+    table = np.atleast_1d(np.genfromtxt(file, delimiter=",", names=True))
     return {name: table[name] for name in table.dtype.names}
 
 
@@ -98,15 +96,11 @@ def graph_figures(file, rate, images):
 
 def play(tools, bag, rate, height, file):
     """Plays the bag through the nodelets; graph_observer writes a line for each image to the file."""
-    with socket.socket() as free:
-        free.bind(("", 0))
-        port = free.getsockname()[1]
-    environment = {key: value for key, value in os.environ.items() if key not in ("ROS_IP", "ROS_NAMESPACE")}
-    environment.update(ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOSTNAME="localhost")
+    port, environment = private_master()
     log_file = file.with_suffix(".log")
     with open(log_file, "w", encoding="utf-8") as output:
         options = {"env": environment, "stderr": output}
-        master = subprocess.Popen(["roscore", "-p", str(port)], stdout=output, **options)
+        master = subprocess.Popen(["roscore", "-p", port], stdout=output, **options)
         observer = subprocess.Popen([tools / "graph_observer", "--out", file,
                                      "image:=/kitti/camera_gray_left/image_rect"],
                                     stdout=subprocess.PIPE, text=True, **options)
@@ -114,14 +108,14 @@ def play(tools, bag, rate, height, file):
             if not any(line.strip() == "listening" for line in observer.stdout):  # after messages of roscpp
                 raise ValueError(f"graph_observer did not start, see {log_file}")
             subprocess.run(["roslaunch", "ground_scale_vo", "kitti.launch", "required:=true", f"bag:={bag}",
-                            f"rate:={rate:g}", f"camera_height:={height}"], stdout=output, check=False, **options)
+                            f"rate:={rate}", f"camera_height:={height}"], stdout=output, check=False, **options)
         finally:
             observer.send_signal(subprocess.signal.SIGINT)
             observer.communicate()
             master.terminate()
             master.wait()
     if "Playback finished: " not in log_file.read_text(encoding="utf-8", errors="replace"):
-        raise ValueError(f"the run at rate {rate:g} failed, see {log_file}")
+        raise ValueError(f"the run at rate {rate} failed, see {log_file}")
 
 
 def tables(figures):
@@ -133,10 +127,8 @@ def tables(figures):
                     f"frames ({names[0]})"], stages)
     yield markdown(["", *names], [[label, *(figures[name].get(key) for name in names)] for label, key in ROWS])
     keys = ("median_ms", "p99_ms", "max_ms", "cpu_ms_per_frame", "dropped")
-    rates = sorted(figures[names[0]]["rates"], key=float)
-    if rates:
-        yield markdown(["playback rate", *(f"{name} {key.replace('_', ' ')}" for name in names for key in keys)],
-                       [[rate, *(figures[name]["rates"][rate][key] for name in names for key in keys)] for rate in rates])
+    yield markdown(["playback rate", *(f"{name} {key.replace('_', ' ')}" for name in names for key in keys)],
+                   [[rate, *(figures[name]["rates"][f"{rate}"][key] for name in names for key in keys)] for rate in RATES])
 
 
 def measure(tools, folder, out, arguments):
@@ -154,31 +146,23 @@ def measure(tools, folder, out, arguments):
     figures = {**offline_figures(out), "rates": {}}
     with tempfile.TemporaryDirectory() as work:
         bag = pathlib.Path(work) / "sequence.bag"
-        if arguments.rates:
-            subprocess.run([tools / "kitti_to_bag", folder, "--out", bag], check=True, stdout=subprocess.DEVNULL)
-        for rate in arguments.rates:
-            log(f"{folder.name}: nodelets, bag at {rate:g} times its rate")
-            file = out / f"graph_{rate:g}.csv"
+        subprocess.run([tools / "kitti_to_bag", folder, "--out", bag], check=True, stdout=subprocess.DEVNULL)
+        for rate in RATES:
+            log(f"{folder.name}: nodelets, bag at {rate} times its rate")
+            file = out / f"graph_{rate}.csv"
             play(tools, bag, rate, arguments.camera_height, file)
-            figures["rates"][f"{rate:g}"] = graph_figures(file, rate, frames)
+            figures["rates"][f"{rate}"] = graph_figures(file, rate, frames)
     (out / "benchmark.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
     text = "\n\n".join([f"# {folder.name}: {frames} frames, load {os.getloadavg()[0]:.1f}", *tables({folder.name: figures})])
     (out / "benchmark.md").write_text(text + "\n", encoding="utf-8")
     print(text)
 
 
-def rates(text):
-    return [] if text == "none" else [float(rate) for rate in text.split(",")]
-
-
 def main():
-    parser = argparse.ArgumentParser(prog="scripts/benchmark", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser("benchmark", __doc__)
     parser.add_argument("sequences", nargs="+", type=pathlib.Path, metavar="SEQ")
     parser.add_argument("--camera-height", default="1.65", metavar="M", help="above the road [m] (default 1.65)")
     parser.add_argument("--out", type=pathlib.Path, default="results/benchmark", metavar="DIR")
-    parser.add_argument("--rates", type=rates, default=[1, 15], metavar="R,R...",
-                        help="playback rates of the bag relative to the recording (default 1,15); none: no nodelets")
     arguments = parser.parse_args()
     for sequence in arguments.sequences:
         if not sequence.is_dir():
@@ -191,8 +175,8 @@ def main():
         except (OSError, ValueError, KeyError, IndexError, subprocess.CalledProcessError) as error:
             log(f"{sequence.name}: {error}")
             status = 1
-    sys.exit(status)
+    return status
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

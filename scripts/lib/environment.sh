@@ -3,6 +3,7 @@
 #   gsv_setup [section...]   installs missing packages of packages.txt: [run], [build], these sections
 #   gsv_build [target...]    configures and builds in $gsv_build_folder; without a target: everything
 #   gsv_env                  sets the environment of ROS and of this build in the calling shell
+#   gsv_command NAME ARG...  runs NAME.py of this folder, which does set-up and build
 #   gsv_python COMMAND...    runs `ground_scale_vo COMMAND...` of the Python module, after set-up and build
 #   gsv_use_build FOLDER     builds in FOLDER from now on, also in a catkin workspace
 #   $gsv_cmake_arguments     array of further arguments of cmake for gsv_build
@@ -53,18 +54,21 @@ PATH=/usr/bin:/bin:$PATH
 gsv_source_distribution() {
   local distribution=/opt/ros/${ROS_DISTRO:-noetic}
   [[ -z ${ROS_ROOT:-} && -f $distribution/setup.bash ]] || return 0
-  # The setup scripts fail under `set -u` and `set -e`.
+  gsv_source "$distribution/setup.bash"
+}
+# gsv_source FILE: a setup script of ROS, which would fail under `set -u` and `set -e`.
+gsv_source() {
   local options=$-
   set +eu
-  source "$distribution/setup.bash"
+  source "$1"
   [[ $options != *e* ]] || set -e
   [[ $options != *u* ]] || set -u
 }
 
-# Prints the packages in these sections of packages.txt.
+# Prints the packages in these sections of packages.txt; [SECTION-RELEASE] belongs to [SECTION].
 gsv_packages() {
-  awk -v wanted=" $* " '
-    /^\[/ { section = substr($0, 2, length($0) - 2); next }
+  awk -v wanted=" $* " -v release="-$(. /etc/os-release && echo "${VERSION_CODENAME:-}")" '
+    /^\[/ { section = substr($0, 2, length($0) - 2); sub(release "$", "", section); next }
     /^[a-z0-9]/ && index(wanted, " " section " ") { print $1 }
   ' "$gsv_lib/packages.txt"
 }
@@ -161,7 +165,7 @@ gsv_show_progress() {
 
 gsv_env() {
   gsv_source_distribution
-  local setup=$gsv_space/setup.bash options=$-
+  local setup=$gsv_space/setup.bash
   if [[ $gsv_space == /usr ]]; then
     return 0 # installed by the Debian package, beside Debian's ROS, which needs no environment
   fi
@@ -169,13 +173,15 @@ gsv_env() {
     echo "environment: there is no $setup; build first" >&2
     return 1
   fi
-  set +eu
-  source "$setup"
-  [[ $options != *e* ]] || set -e
-  [[ $options != *u* ]] || set -u
+  gsv_source "$setup"
   gsv_builds_here || return 0
   export ROS_HOME=$gsv_build_folder/ros ROS_LOG_DIR=$gsv_build_folder/ros/log
   mkdir -p "$ROS_LOG_DIR"
+}
+
+gsv_command() {
+  [[ -x /usr/bin/python3 ]] || gsv_setup # on a bare system before the arguments are read
+  exec /usr/bin/python3 -B "$gsv_lib/$1.py" "${@:2}"
 }
 
 gsv_python() {
@@ -189,81 +195,4 @@ gsv_python() {
   # rosbag, for a bag, is in the environment of the distribution.
   gsv_source_distribution
   PYTHONPATH=$gsv_tools/python${PYTHONPATH:+:$PYTHONPATH} exec /usr/bin/python3 -m ground_scale_vo "$@"
-}
-
-# gsv_find_folders OUT SEQ...: checks the folders whose results go to OUT/<name>; sets gsv_folders. Returns 1
-# for a missing folder, 2 for two of the same name.
-gsv_find_folders() {
-  local out=$1 sequence folder name
-  local -A folder_of=()
-  gsv_folders=()
-  for sequence in "${@:2}"; do
-    folder=$(cd -- "$sequence" 2>/dev/null && pwd) || {
-      echo "${0##*/}: $sequence: no such folder" >&2
-      return 1
-    }
-    name=$(basename "$folder")
-    [[ -z ${folder_of[$name]:-} ]] || {
-      echo "${0##*/}: ${folder_of[$name]} and $folder have the same name and would share $out/$name" >&2
-      return 2
-    }
-    folder_of[$name]=$folder
-    gsv_folders+=("$folder")
-  done
-}
-
-# Prints nothing after the first error: the errors that follow only result from the shutdown.
-# gsv_show_launch NAME FILE [RECORDED]: reduces the output of kitti.launch (stdin) to the address of the master,
-# progress, warnings and errors (stderr); fails after an error. Stops roslaunch, whose process id is in FILE,
-# when it cannot start a node. RECORDED: the bag that it records.
-gsv_show_launch() {
-  local name=$1 pid_file=$2 recorded=${3:-} line master='' next_progress=0 failed=no
-  shopt -s extglob
-  show() {
-    [[ ! -t 2 ]] || printf '\r\e[K' >&2 # overwrites the progress
-    printf '%s\n' "$1" >&2
-  }
-  while IFS= read -r line; do
-    line=${line//$'\e'\[*([0-9;])m/}
-    [[ $failed == no ]] || continue
-    case $line in
-      ROS_MASTER_URI=*) master=$line ;;
-      *'progress: '*) # roslaunch may have written before it on the same line
-        [[ -z $master ]] || show "$name: $master"
-        master=''
-        line="$name: ${line#*progress: }"
-        if [[ -t 2 ]]; then
-          printf '\r\e[K%s' "$line" >&2
-        elif ((SECONDS >= next_progress)); then
-          printf '%s\n' "$line" >&2
-          next_progress=$((SECONDS + 10))
-        fi
-        ;;
-      *'playback_monitor: '*)
-        show "playback_monitor: ${line##*playback_monitor: }"
-        failed=yes
-        ;;
-      *'cannot launch node of type'*) # roslaunch continues without it, even when it is required
-        show "$name: roslaunch cannot start ${line#*cannot launch node of type }"
-        kill -TERM "$(<"$pid_file")" 2>/dev/null || true
-        failed=yes
-        ;;
-      *'=REQUIRED process [playback_monitor-'*) ;; # the regular end, or it has printed the error
-      *'=REQUIRED process [bag_recorder-'*'] has died!'*)
-        show "$name: $recorded cannot be written: its recorder stopped; is the disk full?"
-        failed=yes
-        ;;
-      *'=REQUIRED process ['*'] has died!'*)
-        line=${line#*REQUIRED process [}
-        show "$name: the node ${line%%-+([0-9])]*} exited before playback finished"
-        failed=yes
-        ;;
-      '[rviz-'*'process has died'*)
-        show "$name: rviz could not open its window on the display '${DISPLAY:-}', or crashed; the run continues without it"
-        ;;
-      *'[ WARN]'* | *'[ERROR]'* | *'[FATAL]'*) show "$line" ;;
-    esac
-  done
-  [[ ! -t 2 ]] || printf '\n' >&2
-  [[ $failed == no ]]
 }

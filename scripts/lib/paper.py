@@ -1,9 +1,9 @@
 """Tables I and II and Fig. 5 of the paper of Tian et al., with its misprints corrected, beside our figures of whole
 KITTI sequences, for scripts/report."""
 
-import csv
 import statistics
 
+from benchmark import read_table
 from environment import markdown, mean
 
 
@@ -56,12 +56,10 @@ EXPLANATION = (
 def with_run_time(figures, folders):
     """Adds the median time of each stage over the frames in which it ran [ms]."""
     for folder in folders:
-        with open(folder / "timing.csv", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
+        table = read_table(folder / "timing.csv")
         for stage, columns in STAGES.items():
-            times = [sum(float(row[column]) for column in columns) for row in rows]
-            ran = [time for time in times if time > 0]
-            figures[folder.name][f"{stage}_ms"] = statistics.median(ran) if ran else None
+            times = sum(table[column] for column in columns)
+            figures[folder.name][f"{stage}_ms"] = statistics.median(times[times > 0]) if any(times > 0) else None
     return figures
 
 

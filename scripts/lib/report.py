@@ -20,7 +20,6 @@ Files: DIR/results.json, DIR/results.md, and the results of each part in DIR/PAR
 Exit status: 0 all done, 1 a part failed (the others are still measured), 2 wrong arguments.
 """
 
-import argparse
 import concurrent.futures
 import datetime
 import hashlib
@@ -32,16 +31,18 @@ import subprocess
 import sys
 
 import paper
-from environment import LIB, build, log
+from environment import LIB, Parser, build, log, run
 
 ROOT = LIB.parents[1]
-NAMES = {"kitti_00_0000_0199": "00", "kitti_05_0100_0159": "05", "kitti_06_0000_0050": "06", "kitti_07_0000_0129": "07",
-         "kitti_raw_0926_0039": "0039", "rendered_04": "rendered_04", "rendered_09_traffic": "rendered_09"}
-DESCRIPTIONS = {
-    "00": "KITTI odometry 00, frames 0–199", "05": "KITTI odometry 05, frames 100–159",
-    "06": "KITTI odometry 06, frames 0–50", "07": "KITTI odometry 07, frames 0–129",
-    "0039": "KITTI raw 2011_09_26 drive 0039", "rendered_04": "rendered street, path of KITTI 04",
-    "rendered_09": "rendered street with traffic and a stop"}
+DRIVES = {  # folder: its name and its description in the docs
+    "kitti_00_0000_0199": ("00", "KITTI odometry 00, frames 0–199"),
+    "kitti_05_0100_0159": ("05", "KITTI odometry 05, frames 100–159"),
+    "kitti_06_0000_0050": ("06", "KITTI odometry 06, frames 0–50"),
+    "kitti_07_0000_0129": ("07", "KITTI odometry 07, frames 0–129"),
+    "kitti_raw_0926_0039": ("0039", "KITTI raw 2011_09_26 drive 0039"),
+    "rendered_04": ("rendered_04", "rendered street, path of KITTI 04"),
+    "rendered_09_traffic": ("rendered_09", "rendered street with traffic and a stop")}
+DESCRIPTIONS = dict(DRIVES.values())
 LENGTHS = (10, 50, 100)  # of the segments for the covariance [m]
 METRICS = ("frames", "tracked_frames", "lost_events", "gt_length_m", "length_m", "rle_percent", "t_err_percent",
            "r_err_deg_per_m", "t_err_short_percent", "t_err_true_length_percent", "t_err_sim3_percent",
@@ -82,8 +83,8 @@ def read(file):
 
 def short_name(folder):
     """The name in the docs of a drive or of its variant."""
-    known = [name for name in NAMES if folder == name or folder.startswith(name + "_")]
-    return NAMES[known[0]] + folder[len(known[0]):] if known else folder
+    known = [name for name in DRIVES if folder == name or folder.startswith(name + "_")]
+    return DRIVES[known[0]][0] + folder[len(known[0]):] if known else folder
 
 
 class Report:
@@ -253,8 +254,7 @@ PARTS = ["sequences", "variants", "scenarios", "faults", "ablation", "components
 
 
 def main():
-    parser = argparse.ArgumentParser(prog="scripts/report", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser("report", __doc__)
     parser.add_argument("sequences", nargs="*", type=pathlib.Path, metavar="SEQ",
                         help="KITTI folders with ground truth, see scripts/evaluate")
     parser.add_argument("--kitti", type=pathlib.Path, metavar="DATASET",
@@ -271,7 +271,7 @@ def main():
         if folder and not folder.is_dir():
             parser.error(f"{folder}: no such folder")
     if not (ROOT / "package.xml").exists():
-        sys.exit("report: needs the source tree")
+        parser.error("needs the source tree", status=1)
     report = Report(arguments)
     report.tools = build()
     whole = [part for part in ("kitti", "paths") if getattr(arguments, part)]
@@ -284,8 +284,8 @@ def main():
     (report.out / "results.md").write_text(results_page.page(results, DESCRIPTIONS), encoding="utf-8")
     if arguments.write:
         results_page.write(results, DESCRIPTIONS, ROOT)
-    sys.exit(1 if failed else 0)
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

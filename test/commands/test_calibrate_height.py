@@ -54,7 +54,7 @@ def test_camera_file(low, low_bag, height_file):
     """The height is that of this lens, from a folder and from a bag."""
     camera = write_camera(height_file.with_name("camera.yaml"), low, D=[0.03, 0, 0, 0, 0], readout_time=0.02)
     texts = []
-    for drive in ([low, "--camera", camera], ["--bag", low_bag, "--image", IMAGE, "--camera", camera],
+    for drive in ([low, "--camera", camera], [low_bag, "--image", IMAGE, "--camera", camera],
                   [low, "--camera", camera, "--set", "odometry/readout_time=0"], [low]):
         run(CALIBRATE, *drive, *LENGTH, "--out", height_file, "--force")
         texts.append(re.search("(?m)^camera_height: .*", height_file.read_text())[0])
@@ -67,7 +67,7 @@ def test_bag_with_compressed_images_and_fixes(low_bag, height_file):
     bags.compress(low_bag, compressed)
     names = {bags.COMPRESSED: "camera/jpeg", INFO: "camera/camera_info", "/fix": "fix"}
     bags.copy(compressed, renamed, lambda topic, message: (names.get(topic, topic), message))
-    done = run(CALIBRATE, "--bag", renamed, "--image", "/camera/jpeg", "--gps", "/fix", "--out", height_file)
+    done = run(CALIBRATE, renamed, "--image", "/camera/jpeg", "--gps", "/fix", "--out", height_file)
     assert "From the fixes on /fix" in done.stdout + done.stderr
     assert_height(height_file)
 
@@ -76,7 +76,7 @@ def test_rectified_images_without_the_option(low_bag, height_file):
     """The camera_info of a raw drive describes the raw camera in K and D, the images in P."""
     raw = height_file.with_suffix(".bag")
     bags.raw_drive(low_bag, raw)
-    command = (CALIBRATE, "--bag", raw, "--image", RAW_IMAGE, *LENGTH, "--out", height_file)
+    command = (CALIBRATE, raw, "--image", RAW_IMAGE, *LENGTH, "--out", height_file)
     assert_refused(1, f"{RAW_IMAGE} is used without --rectified, but P of camera_info", *command)
     assert not height_file.exists()
 
@@ -94,5 +94,5 @@ def test_unusable_fixes(low_bag, height_file, change, text):
 
     file = height_file.with_suffix(".bag")
     bags.copy(low_bag, file, changed)
-    assert_refused(1, text, CALIBRATE, "--bag", file, *FIXES, "--out", height_file)
+    assert_refused(1, text, CALIBRATE, file, *FIXES, "--out", height_file)
     assert not height_file.exists()

@@ -43,8 +43,8 @@ def test_calibrate_camera_without_the_source_tree(install, short, tmp_path):
 
 
 @pytest.mark.long
-def test_debian_package(tmp_path):
-    package = run(SCRIPTS / "package", "--out", tmp_path, timeout=None).stdout.splitlines()[-1]
+def test_debian_package():
+    package = run(SCRIPTS / "package", timeout=None).stdout.splitlines()[-1]
     contents = run("dpkg-deb", "-c", package).stdout
     for file in ("/usr/lib/ground_scale_vo/demo", "/usr/include/ground_scale_vo/VoFrame.h",
                  "/usr/lib/.*/libground_scale_vo_nodelets.so",

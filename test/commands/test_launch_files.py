@@ -116,7 +116,7 @@ def test_kitti_launch_plays_the_bag(height_file):
                                               "required:=true")
     assert remappings["/playback_monitor"] == {"image": IMAGE, "camera_info": INFO}
     assert shlex.split(nodes["/bag_recorder"].args)[0] == "/it's/y.bag" and parameters["/use_sim_time"] is True
-    assert parameters["/playback_monitor/bag"] == "~/x.bag" and parameters["/playback_monitor/rate"] == "2.5"
+    assert parameters["/playback_monitor/bag"] == "~/x.bag" and parameters["/playback_monitor/rate"] == 2.5
     assert parameters["/playback_monitor/images"][0] == IMAGE and parameters["/playback_monitor/exit_at_end"] is True
     # With a camera_file nothing needs camera_info.
     needed = parameters["/playback_monitor/subscribers"]

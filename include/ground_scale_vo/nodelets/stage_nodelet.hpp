@@ -79,7 +79,7 @@ class StageNodelet : public nodelet::Nodelet {
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
-  const Stopwatch since_start_;
+  const Stopwatch since_start_{};
   Stopwatch since_diagnosis_;
   ros::Time last_ros_time_;  ///< of the last diagnosis
   std::uint64_t processed_ = 0, diagnosed_processed_ = 0, diagnosed_dropped_ = 0;

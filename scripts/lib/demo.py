@@ -1,0 +1,234 @@
+"""Plays a bag through both nodelets, evaluates and plots the result.
+
+Starts a ROS master and both nodelets, plays a bag, and at its end prints a table of one row with the metrics and
+plots trajectory and scale. Installs missing packages and builds first. Without arguments it plays a short rendered
+drive.
+
+Files in DIR/<name>/: docs/reference/commands.md, "Output files".
+Exit status: 0 done, 1 the data are unusable or a node failed, 2 wrong arguments, 130 interrupted.
+"""
+
+import argparse
+import os
+import pathlib
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+from environment import Parser, build, private_master, run
+
+# What the demo runs.
+TARGETS = ("ground_scale_vo_generate_messages", "ground_scale_vo_nodelets", "render_drive", "kitti_to_bag",
+           "ground_truth_relay", "evaluate_bag")
+PROGRESS_PERIOD_S = 10  # in a log; on a terminal one line is overwritten
+
+
+def positive(text):
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def path(text):
+    return pathlib.Path(text).resolve()  # roslaunch and its nodes have other working folders
+
+
+def parse():
+    parser = Parser("demo", __doc__)
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--bag", nargs="+", type=path, default=[], metavar="FILE",
+                        help="play this bag, or the parts of a split recording: --bag drive_*.bag")
+    source.add_argument("--sequence", type=path, metavar="DIR", help="convert this KITTI folder to a bag and play it")
+    parser.add_argument("--camera-height", type=positive, metavar="M",
+                        help="height of the camera above the road [m] (default 1.65, as in KITTI and in the rendered drive; "
+                        "required with other topics than those of /kitti)")
+    parser.add_argument("--rate", type=positive, default=1.0, metavar="R",
+                        help="playback rate relative to the recording (default 1)")
+    parser.add_argument("--rviz", action="store_true", help="start rviz; without a display the run continues without it")
+    parser.add_argument("--out", type=path, default=path("results"), metavar="DIR",
+                        help="results go to DIR/<name>/ (default: results); <name> is that of the (first) bag or of the "
+                        "folder, or demo")
+    parser.add_argument("--image", default="", metavar="TOPIC",
+                        help="images of the bag, raw or compressed (default: image_rect, image_raw or image of "
+                        "/kitti/camera_gray_left, whichever the bag has); TOPIC/compressed is used where the bag has only that")
+    parser.add_argument("--camera-info", default="", metavar="TOPIC",
+                        help="their calibration (default: camera_info beside the images)")
+    parser.add_argument("--rectified", action="store_true", default=None,
+                        help="the images are rectified, and P of camera_info is their projection (default: those of /kitti)")
+    parser.add_argument("--unrectified", action="store_false", dest="rectified",
+                        help="the images are distorted, as K and D describe")
+    parser.add_argument("--camera", type=path, metavar="FILE",
+                        help="YAML of camera_calibration or scripts/calibrate_camera that describes the images as they come, "
+                        "instead of camera_info")
+    parser.add_argument("--mask", type=path, metavar="FILE",
+                        help="image of the size of those of the bag, black where they never show the scene (hood, watermark)")
+    parser.add_argument("--base-frame", default="", metavar="FRAME",
+                        help="frame whose pose is published (default: the image's frame)")
+    arguments = parser.parse_args()
+    check(parser, arguments)
+    return arguments
+
+
+def check(parser, arguments):
+    if arguments.camera_height is None:
+        if arguments.image and not arguments.image.lstrip("/").startswith("kitti/"):
+            parser.error(f"--image {arguments.image} needs --camera-height, which scales all distances")
+        arguments.camera_height = 1.65
+    for what, paths in (("bag", arguments.bag), ("file", filter(None, (arguments.camera, arguments.mask)))):
+        for file in paths:
+            if not file.is_file():
+                parser.error(f"there is no {what} {file}", status=1)
+    if arguments.sequence and not arguments.sequence.is_dir():
+        parser.error(f"there is no folder {arguments.sequence}", status=1)
+    if arguments.sequence:
+        arguments.name = arguments.sequence.name
+    else:
+        arguments.name = arguments.bag[0].stem if arguments.bag else "demo"
+    results = arguments.out / arguments.name
+    if arguments.sequence and results.exists() and results.samefile(arguments.sequence):
+        parser.error(f"--out would write the results into the sequence's own folder {arguments.sequence}")
+    recorded = results / "recorded.bag"
+    for bag in arguments.bag:
+        if recorded.exists() and recorded.samefile(bag):
+            parser.error(f"--out would write recorded.bag over the bag {bag}")
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"the folder {results} cannot be written to ({error.strerror})", status=1)
+    if arguments.rviz and not os.environ.get("DISPLAY"):
+        print("demo: there is no display, so rviz is not started; set DISPLAY, or use xvfb-run", file=sys.stderr)
+        arguments.rviz = False
+
+
+class Display:
+    """Reduces the output of kitti.launch to the address of the master, progress, warnings and the first error: those
+    that follow only result from the shutdown."""
+
+    def __init__(self, launch, name, master, recorded):
+        self._launch, self._name, self._master = launch, name, master
+        self._is_terminal = sys.stderr.isatty()
+        self._next_progress = 0.0
+        self.failed = False
+        self._messages = [  # pattern of a line, text, and whether it is an error that ends the run
+            (r".*playback_monitor: (.*)", "playback_monitor: %s", True),
+            (r".*cannot launch node of type (.*)", f"{name}: roslaunch cannot start %s", True),
+            (r"=+REQUIRED process \[(bag_recorder)-.* has died!",
+             f"{name}: {recorded} cannot be written: %s stopped; is the disk full?", True),
+            # Without the regular end of the monitor, or one that it has explained.
+            (r"=+REQUIRED process \[(?!playback_monitor)(.*)-\d+\] has died!",
+             f"{name}: the node %s exited before playback finished", True),
+            (r"\[(rviz)-.*process has died",
+             f"{name}: %s could not open its window on the display '{os.environ.get('DISPLAY')}', or crashed; the run "
+             "continues without it", False),
+            (r"(.*\[(?: WARN|ERROR|FATAL)\].*)", "%s", False)]
+
+    def follow(self, stream):
+        for line in stream:
+            if not self.failed:
+                self._read(re.sub(r"\x1b\[[0-9;]*m", "", line).rstrip("\n"))
+        if self._is_terminal:
+            print(file=sys.stderr)
+
+    def _show(self, text, end="\n"):
+        clear = "\r\x1b[K" if self._is_terminal else ""  # overwrites the progress
+        print(clear + text, end=end, file=sys.stderr, flush=True)
+
+    def _read(self, line):
+        _, is_progress, progress = line.partition("progress: ")  # roslaunch may have written before it on the same line
+        if is_progress:
+            if not self._next_progress:
+                self._show(f"{self._name}: ROS_MASTER_URI={self._master}")
+            if self._is_terminal or time.monotonic() >= self._next_progress:
+                self._next_progress = time.monotonic() + PROGRESS_PERIOD_S
+                self._show(f"{self._name}: {progress}", end="" if self._is_terminal else "\n")
+            return
+        for pattern, text, is_error in self._messages:
+            found = re.match(pattern, line)
+            if found:
+                self._show(text % found[1])
+                self.failed = is_error
+                if "cannot launch" in line:  # roslaunch continues without the node, even when it is required
+                    self._launch.terminate()
+                return
+
+
+def kill_nodes(master):
+    """Kills the processes of a private master. When roslaunch is killed, or when a required node dies while it still
+    starts others, the master and some nodes remain."""
+    for process in pathlib.Path("/proc").glob("[0-9]*"):
+        try:
+            variables = (process / "environ").read_text(errors="replace").split("\0")
+            if {f"ROS_MASTER_URI={master}", f"ROS_MASTER_URI={master}/"} & {*variables}:  # with a slash by roslaunch
+                os.kill(int(process.name), signal.SIGKILL)
+        except OSError:  # of another user, or ended
+            pass
+
+
+def play(bags, results, arguments):
+    """Whether the bag was played to its end."""
+    port, environment = private_master()
+    options = {
+        "required": "true", "bag": " ".join(shlex.quote(str(bag)) for bag in bags), "camera_height": arguments.camera_height, "image": arguments.image,
+        "camera_info": arguments.camera_info, "rate": arguments.rate, "rviz": str(arguments.rviz).lower(),
+        "base_frame": arguments.base_frame, "mask": arguments.mask or "", "camera_file": arguments.camera or "",
+        "record": results / "recorded.bag"}
+    if arguments.rectified is not None:
+        options["image_is_rectified"] = str(arguments.rectified).lower()
+    launch = subprocess.Popen(
+        ["roslaunch", "-p", port, "ground_scale_vo", "kitti.launch", *(f"{name}:={value}" for name, value in options.items())],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
+    log = results / "roslaunch.log"
+    tee = subprocess.Popen(["tee", log], stdin=launch.stdout, stdout=subprocess.PIPE, text=True, errors="replace",
+                           start_new_session=True)  # the log is complete also after Ctrl-C
+    display = Display(launch, arguments.name, environment["ROS_MASTER_URI"], options["record"])
+    follower = threading.Thread(target=display.follow, args=[tee.stdout])
+    follower.start()
+    try:
+        launch.wait()
+    finally:
+        launch.terminate()  # on SIGTERM roslaunch stops its nodes
+        launch.wait()
+        kill_nodes(environment["ROS_MASTER_URI"])
+        follower.join()
+    if "Playback finished: " in log.read_text(errors="replace"):
+        return True
+    for name in ("recorded.bag", "recorded.bag.active"):
+        (results / name).unlink(missing_ok=True)
+    if not display.failed:
+        print(f"demo: the run ended before the bag, see {log}", file=sys.stderr)
+    return False
+
+
+def main():
+    arguments = parse()
+    tools = build(*TARGETS, packages=["rviz"])  # documented commands use it, too
+    results, bags = arguments.out / arguments.name, arguments.bag
+    for name in ("metrics.json", "recorded.bag", "roslaunch.log"):
+        (results / name).unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(prefix="ground_scale_vo_demo.") as work:
+        sequence = arguments.sequence
+        if not bags and not sequence:
+            sequence = pathlib.Path(work) / "demo"
+            subprocess.run([tools / "render_drive", sequence], check=True)
+        if sequence:
+            bags = [pathlib.Path(work) / f"{arguments.name}.bag"]
+            subprocess.run([tools / "kitti_to_bag", sequence, "--out", bags[0]], check=True)
+        if not play(bags, results, arguments):
+            return 1
+        subprocess.run([tools / "evaluate_bag", "--played", *bags, "--recorded", results / "recorded.bag", "--out", results,
+                        "--camera-height", str(arguments.camera_height),
+                        *(["--image", arguments.image] if arguments.image else [])], check=True)
+        subprocess.run([tools / "metrics_table.py", results], check=True)
+        subprocess.run([tools / "plot_run.py", results], check=True)
+    print(f"results and plots: {results}")
+    return 0
+
+
+if __name__ == "__main__":
+    run(main)

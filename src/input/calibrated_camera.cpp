@@ -1,7 +1,8 @@
 #include "ground_scale_vo/input/calibrated_camera.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <opencv2/calib3d.hpp>
+#include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <string>
 
@@ -15,26 +16,10 @@ namespace {
 constexpr int kComparedPoints = 5;
 constexpr double kTolerancePx = 0.1;
 
-cv::Matx33d matrixOf(const CameraCalibration& c) { return {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1}; }
-
 bool areClose(const PinholeCamera& a, const PinholeCamera& b) {
   const auto same = [](double x, double y) { return std::abs(x - y) <= kTolerancePx; };
   return a.width == b.width && a.height == b.height && same(a.fx, b.fx) && same(a.fy, b.fy) &&
          same(a.cx, b.cx) && same(a.cy, b.cy);
-}
-
-/// Pixel of the raw image that a pixel of the rectified one shows.
-cv::Point2d distortedPixel(const CameraCalibration& camera, const cv::Point2d& rectified) {
-  const cv::Matx33d K = matrixOf(camera);
-  const cv::Point2d x((rectified.x - camera.cx) / camera.fx, (rectified.y - camera.cy) / camera.fy);
-  std::vector<cv::Point2d> pixel;
-  if (camera.is_fisheye) {
-    cv::fisheye::distortPoints(std::vector<cv::Point2d>{x}, pixel, K, camera.distortion);
-  } else {
-    cv::projectPoints(std::vector<cv::Point3d>{{x.x, x.y, 1}}, cv::Vec3d(), cv::Vec3d(), K,
-                      camera.distortion, pixel);
-  }
-  return pixel.front();
 }
 
 const CameraCalibration& valid(const CameraCalibration& calibration) {
@@ -47,13 +32,20 @@ const CameraCalibration& valid(const CameraCalibration& calibration) {
 
 Undistortion::Undistortion(const CameraCalibration& camera) : size_(camera.width, camera.height) {
   if (!camera.isDistorted()) return;
-  const cv::Matx33d K = matrixOf(camera);
-  if (camera.is_fisheye) {
-    cv::fisheye::initUndistortRectifyMap(K, camera.distortion, cv::Matx33d::eye(), K, size_,
-                                         CV_16SC2, map1_, map2_);
-  } else {
-    cv::initUndistortRectifyMap(K, camera.distortion, cv::noArray(), K, size_, CV_16SC2, map1_,
-                                map2_);
+  // The fixed-point maps of cv::initUndistortRectifyMap: whole pixels, and 1/32 of a pixel.
+  map1_.create(size_, CV_16SC2);
+  map2_.create(size_, CV_16UC1);
+  for (int v = 0; v < size_.height; ++v) {
+    CameraCalibration::Pixels row;
+    for (int u = 0; u < size_.width; ++u) row.emplace_back(u, v);
+    const CameraCalibration::Pixels distorted = camera.distorted(row);
+    for (int u = 0; u < size_.width; ++u) {
+      const cv::Point_<int> raw(distorted[static_cast<std::size_t>(u)] * cv::INTER_TAB_SIZE);
+      const int x = raw.x & (cv::INTER_TAB_SIZE - 1), y = raw.y & (cv::INTER_TAB_SIZE - 1);
+      map1_.at<cv::Point_<short>>(v, u) =
+          cv::Point(raw.x >> cv::INTER_BITS, raw.y >> cv::INTER_BITS);
+      map2_.at<std::uint16_t>(v, u) = static_cast<std::uint16_t>(y * cv::INTER_TAB_SIZE + x);
+    }
   }
   const cv::Mat mask = image(cv::Mat(size_, CV_8U, cv::Scalar(255))) == 255;
   if (cv::countNonZero(mask) < size_.area()) mask_ = mask;
@@ -78,9 +70,7 @@ cv::Mat Undistortion::image(const cv::Mat& image) const {
 
 CalibratedCamera::CalibratedCamera(const CameraCalibration& calibration)
     : calibration_(valid(calibration)), given_(calibration_), undistortion_(calibration_) {
-  if (calibration_.hasLens()) return;
-  given_.distortion.clear();
-  given_.is_fisheye = false;
+  if (!calibration_.hasLens()) given_.setDistortion("none", {});
 }
 
 cv::Mat CalibratedCamera::given(const cv::Mat& raw) const {
@@ -92,18 +82,17 @@ cv::Mat CalibratedCamera::givenMask(const cv::Mat& raw_mask) const {
 }
 
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
-  if (a == b) return true;
   if (!areClose(pinholeOf(a), pinholeOf(b))) return false;
-  if (!a.isDistorted() && !b.isDistorted()) return true;
+  CameraCalibration::Pixels grid;
   const double last = kComparedPoints - 1;
   for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {
-    const cv::Point2d rectified((a.width - 1) * (i % kComparedPoints / last),
-                                (a.height - 1) * (i / kComparedPoints / last));
-    if (!(cv::norm(distortedPixel(a, rectified) - distortedPixel(b, rectified)) <= kTolerancePx)) {
-      return false;
-    }
+    grid.emplace_back((a.width - 1) * (i % kComparedPoints / last),
+                      (a.height - 1) * (i / kComparedPoints / last));
   }
-  return true;
+  const auto in_a = a.distorted(grid), in_b = b.distorted(grid);
+  return std::equal(in_a.begin(), in_a.end(), in_b.begin(), [](const auto& u_a, const auto& u_b) {
+    return cv::norm(u_a - u_b) <= kTolerancePx;
+  });
 }
 
 }  // namespace ground_scale_vo

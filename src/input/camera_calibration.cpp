@@ -14,28 +14,6 @@ namespace ground_scale_vo {
 namespace {
 
 constexpr double kMaxReadoutTime = 0.2;  // [s], that of the option odometry/readout_time
-constexpr double kMaxCoefficient = 1e3;
-
-bool isOneOf(const std::string& name, std::initializer_list<const char*> names) {
-  return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-void requireCoefficients(const CameraCalibration& calibration) {
-  const std::size_t n = calibration.distortion.size();
-  const std::vector<std::size_t> counts = calibration.is_fisheye
-                                              ? std::vector<std::size_t>{4}
-                                              : std::vector<std::size_t>{0, 4, 5, 8, 12, 14};
-  if (std::find(counts.begin(), counts.end(), n) == counts.end()) {
-    throw OptionError(calibration.is_fisheye
-                          ? "equidistant distortion has 4 coefficients, not " + std::to_string(n)
-                          : "plumb_bob or rational_polynomial distortion has 4, 5, 8, 12 or 14 "
-                            "coefficients, not " +
-                                std::to_string(n));
-  }
-  for (const double k : calibration.distortion) {
-    requireInRange("distortion coefficient", k, -kMaxCoefficient, kMaxCoefficient);
-  }
-}
 
 /// Principal points of cameras lie within 15 % of the centre, those of rectified stereo images
 /// within 30 %. One factor in both coordinates is that of another size.
@@ -85,8 +63,31 @@ bool isOfOtherSize(const CameraCalibration& c, double x, double y) {
 }  // namespace
 
 bool CameraCalibration::isDistorted() const {
-  return is_fisheye ||
+  return model->counts.front() > 0 ||
          std::any_of(distortion.begin(), distortion.end(), [](double k) { return k != 0; });
+}
+
+void CameraCalibration::setDistortion(const std::string& name,
+                                      const std::vector<double>& coefficients) {
+  const CameraCalibration undistorted;
+  model = undistorted.model;
+  distortion = coefficients;
+  if (isDistorted() || !(name.empty() || name == "none")) {
+    const std::string what = "the distortion model is \"" + name + "\"; ";
+    model = &modelNamed(name, &DistortionModel::names, what);
+  }
+  if (isDistorted()) return;
+  model = undistorted.model;
+  distortion.clear();
+}
+
+CameraCalibration::Pixels CameraCalibration::mapped(DistortionModel::Map* map,
+                                                    Pixels pixels) const {
+  for (cv::Point2d& u : pixels) u = {(u.x - cx) / fx, (u.y - cy) / fy};
+  Pixels result;
+  map(pixels, distortion, &result);
+  for (cv::Point2d& u : result) u = {fx * u.x + cx, fy * u.y + cy};
+  return result;
 }
 
 void CameraCalibration::validate() const {
@@ -95,7 +96,7 @@ void CameraCalibration::validate() const {
   pinholeOf(sized).validate();
   requireInRange("fy / fx", fy / fx, 0.1, 10);
   requireInRange("readout_time [s]", readout_time, 0, kMaxReadoutTime);
-  requireCoefficients(*this);
+  model->validate(distortion);
   if (!hasSize() || is_part) return;
   requireInRange("width * height [px]", 1.0 * width * height, 1, kMaxImagePixels);
   requireInRange("fx [image widths]", fx / width, 0.02, 500);
@@ -138,10 +139,7 @@ std::string CameraCalibration::describe() const {
     text << "no distortion";
     return text.str();
   }
-  text << (is_fisheye               ? "equidistant"
-           : distortion.size() <= 5 ? "plumb_bob"
-                                    : "rational_polynomial")
-       << ", D (";
+  text << model->names.front() << ", D (";
   for (std::size_t i = 0; i < distortion.size(); ++i) text << (i > 0 ? ", " : "") << distortion[i];
   text << ")";
   return text.str();
@@ -150,7 +148,7 @@ std::string CameraCalibration::describe() const {
 bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
   const auto values = [](const CameraCalibration& c) {
     return std::tie(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.estimated,
-                    c.readout_time, c.is_fisheye, c.is_part, c.binning.width, c.binning.height);
+                    c.readout_time, c.model, c.is_part, c.binning.width, c.binning.height);
   };
   return values(a) == values(b);
 }
@@ -169,22 +167,6 @@ CameraCalibration ofFieldOfView(double degrees, const cv::Size& size) {
   requireInRange("the field of view [degrees]", degrees, 10, 150);
   const double f = 0.5 * size.width / std::tan(0.5 * kRadiansPerDegree * degrees);
   return {size.width, size.height, f, f, 0.5 * (size.width - 1), 0.5 * (size.height - 1)};
-}
-
-bool isFisheyeModel(const std::string& name) {
-  return isOneOf(name, {"equidistant", "fisheye", "kannala_brandt", "KANNALA_BRANDT"});
-}
-
-void setDistortionModel(const std::string& name, CameraCalibration* calibration) {
-  calibration->is_fisheye = isFisheyeModel(name);
-  if (calibration->is_fisheye || isOneOf(name, {"plumb_bob", "rational_polynomial", "radtan"})) {
-    return;
-  }
-  if (isOneOf(name, {"", "none"}) && !calibration->isDistorted()) {
-    return calibration->distortion.clear();
-  }
-  throw OptionError("the distortion model is \"" + name +
-                    "\"; supported are plumb_bob, rational_polynomial and equidistant");
 }
 
 std::string checkCalibration(const CameraCalibration& c, const std::string& source,

@@ -83,7 +83,7 @@ void setIntrinsics(const CameraYaml& yaml, const Numbers& fx_fy_cx_cy, CameraCal
   camera->cy = fx_fy_cx_cy[3];
 }
 
-/// The numbers of these keys; those missing at the end are left out.
+/// The numbers of the keys that the node has.
 Numbers members(const CameraYaml& yaml, const YAML::Node& node,
                 std::initializer_list<const char*> keys) {
   Numbers numbers;
@@ -104,14 +104,13 @@ CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
     yaml.fail("camera_matrix is not of the form fx 0 cx, 0 fy cy, 0 0 1");
   }
   setIntrinsics(yaml, {K[0], K[4], K[2], K[5]}, &camera);
-  camera.distortion = yaml.numbers(yaml.at(
-      {"distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D"}));
   const bool is_named = yaml.has("distortion_model") || yaml.has("camera_model");
   const bool is_fisheye = yaml.has("fisheye_model") && yaml.number(yaml.at({"fisheye_model"})) > 0;
-  setDistortionModel(is_named     ? yaml.word(yaml.at({"distortion_model", "camera_model"}))
-                     : is_fisheye ? "equidistant"
-                                  : "plumb_bob",
-                     &camera);
+  camera.setDistortion(is_named     ? yaml.word(yaml.at({"distortion_model", "camera_model"}))
+                       : is_fisheye ? "fisheye"
+                                    : "plumb_bob",
+                       yaml.numbers(yaml.at({"distortion_coefficients", "Distortion_Coefficients",
+                                             "distCoeffs", "dist_coeffs", "D"})));
   camera.estimated =
       yaml.has("estimated_from_drives") && yaml.word(yaml.at({"estimated_from_drives"})) == "true";
   if (yaml.has("readout_time")) camera.readout_time = yaml.number(yaml.at({"readout_time"}));
@@ -126,8 +125,8 @@ CameraCalibration ofKalibr(const CameraYaml& yaml) {
   CameraCalibration camera;
   setIntrinsics(yaml, yaml.numbers(yaml.child(node, "intrinsics")), &camera);
   setSize(yaml, yaml.numbers(yaml.child(node, "resolution")), &camera);
-  camera.distortion = yaml.numbers(yaml.child(node, "distortion_coeffs"));
-  setDistortionModel(yaml.word(yaml.child(node, "distortion_model")), &camera);
+  camera.setDistortion(yaml.word(yaml.child(node, "distortion_model")),
+                       yaml.numbers(yaml.child(node, "distortion_coeffs")));
   return camera;
 }
 
@@ -145,31 +144,29 @@ CameraCalibration ofOrbSlam(const CameraYaml& yaml, const std::string& prefix) {
     setSize(yaml, {yaml.number(yaml.at({"Camera.width"})), yaml.number(yaml.at({"Camera.height"}))},
             &camera);
   }
-  const std::string type =
-      yaml.has("Camera.type") ? yaml.word(yaml.at({"Camera.type"})) : "PinHole";
-  if (type != "PinHole" && type != "KannalaBrandt8" && type != "Rectified") {
-    yaml.fail("the camera type is " + type + ", supported are PinHole and KannalaBrandt8");
+  if (yaml.has("Camera.type")) {
+    const std::string type = yaml.word(yaml.at({"Camera.type"}));
+    camera.model =
+        &modelNamed(type, &DistortionModel::orb_slam_names, "the camera type is " + type + ", ");
   }
-  camera.is_fisheye = type == "KannalaBrandt8";
   return camera;
 }
 
 CameraCalibration ofVins(const CameraYaml& yaml) {
-  const std::string model = yaml.word(yaml.at({"model_type"}));
   const YAML::Node projection = yaml.at({"projection_parameters"});
   CameraCalibration camera;
   setSize(yaml, {yaml.number(yaml.at({"image_width"})), yaml.number(yaml.at({"image_height"}))},
           &camera);
-  if (model == "PINHOLE") {
-    setIntrinsics(yaml, members(yaml, projection, {"fx", "fy", "cx", "cy"}), &camera);
-    camera.distortion = members(yaml, yaml.at({"distortion_parameters"}), {"k1", "k2", "p1", "p2"});
-  } else if (model == "KANNALA_BRANDT") {
-    setIntrinsics(yaml, members(yaml, projection, {"mu", "mv", "u0", "v0"}), &camera);
-    camera.distortion = members(yaml, projection, {"k2", "k3", "k4", "k5"});
-    camera.is_fisheye = true;
-  } else {
-    yaml.fail("the camera model is " + model + ", supported are PINHOLE and KANNALA_BRANDT");
-  }
+  const std::string type = yaml.word(yaml.at({"model_type"}));
+  camera.model =
+      &modelNamed(type, &DistortionModel::vins_names, "the camera model is " + type + ", ");
+  // By the names of a pinhole camera or of a fisheye camera, which has all in one node.
+  setIntrinsics(yaml, members(yaml, projection, {"fx", "mu", "fy", "mv", "cx", "u0", "cy", "v0"}),
+                &camera);
+  camera.distortion =
+      yaml.has("distortion_parameters")
+          ? members(yaml, yaml.at({"distortion_parameters"}), {"k1", "k2", "p1", "p2"})
+          : members(yaml, projection, {"k2", "k3", "k4", "k5"});
   return camera;
 }
 
@@ -234,11 +231,8 @@ CameraCalibration readKittiRawCamera(const fs::path& file, const std::string& ca
     calibration = readKittiProjection(file, "P_rect_" + camera + ":");
   } else {
     const Numbers K = text.numbers(text.lineOf("K_" + camera + ":"), 9, 1);
-    calibration.fx = K[0];
-    calibration.fy = K[4];
-    calibration.cx = K[2];
-    calibration.cy = K[5];
-    calibration.distortion = text.numbers(text.lineOf("D_" + camera + ":"), 5, 1);
+    const Numbers D = text.numbers(text.lineOf("D_" + camera + ":"), 5, 1);
+    calibration = {0, 0, K[0], K[4], K[2], K[5], D};
   }
   const std::string key = (rectified ? "S_rect_" : "S_") + camera + ":";
   if (!text.has(key)) return calibration;

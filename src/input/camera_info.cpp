@@ -1,7 +1,6 @@
 #include "ground_scale_vo/input/camera_info.hpp"
 
 #include <algorithm>
-#include <opencv2/calib3d.hpp>
 #include <sstream>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -11,7 +10,7 @@
 namespace ground_scale_vo {
 namespace {
 
-using Points = std::vector<cv::Point2d>;
+using Points = CameraCalibration::Pixels;
 
 /// Whether K, D or P of camera_info is not set.
 template <typename Range>
@@ -23,14 +22,12 @@ bool allZero(const Range& values) {
 /// last column of P, the offset of a stereo camera, is not used. Throws OptionError.
 CameraCalibration wholeImage(const CameraInfo& info, const double* matrix, int columns) {
   const auto at = [&](int row, int column) { return matrix[row * columns + column]; };
-  CameraCalibration camera;
   // The cast must not overflow; validate() refuses kMaxImageSide + 1.
-  camera.width = static_cast<int>(std::min(info.width, kMaxImageSide + 1));
-  camera.height = static_cast<int>(std::min(info.height, kMaxImageSide + 1));
-  camera.fx = at(0, 0);
-  camera.fy = at(1, 1);
-  camera.cx = at(0, 2);
-  camera.cy = at(1, 2);
+  const auto side = [](std::uint32_t n) {
+    return static_cast<int>(std::min(n, kMaxImageSide + 1));
+  };
+  const CameraCalibration camera{side(info.width), side(info.height), at(0, 0),
+                                 at(1, 1),         at(0, 2),          at(1, 2)};
   pinholeOf(camera).validate();
   if (at(0, 1) != 0 || at(1, 0) != 0 || at(2, 0) != 0 || at(2, 1) != 0 || at(2, 2) != 1) {
     throw OptionError(std::string(columns == 4 ? "P" : "K") +
@@ -40,17 +37,18 @@ CameraCalibration wholeImage(const CameraInfo& info, const double* matrix, int c
   return camera;
 }
 
+/// From K and D. Throws OptionError.
+CameraCalibration wholeRawImage(const CameraInfo& info) {
+  CameraCalibration camera = wholeImage(info, info.K.data(), 3);
+  camera.setDistortion(info.distortion_model, info.D);
+  // Some drivers leave D of a fisheye camera empty.
+  if (info.D.empty()) camera.distortion.assign(camera.model->counts.front(), 0.0);
+  camera.validate();
+  return camera;
+}
+
 CameraCalibration ofImages(const CameraInfo& info, bool use_P) {
-  CameraCalibration camera =
-      use_P ? wholeImage(info, info.P.data(), 4) : wholeImage(info, info.K.data(), 3);
-  if (!use_P) {
-    camera.distortion = info.D;
-    setDistortionModel(info.distortion_model, &camera);
-    // Some drivers leave D of a fisheye camera empty.
-    if (camera.is_fisheye && info.D.empty()) camera.distortion.assign(4, 0.0);
-    if (!camera.isDistorted()) camera.distortion.clear();
-    camera.validate();
-  }
+  CameraCalibration camera = use_P ? wholeImage(info, info.P.data(), 4) : wholeRawImage(info);
   const CameraInfo::RegionOfInterest& roi = info.roi;
   const bool has_roi = roi.x_offset > 0 || roi.y_offset > 0 || roi.width > 0 || roi.height > 0;
   const cv::Rect2d part = has_roi ? cv::Rect2d(roi.x_offset, roi.y_offset, roi.width, roi.height)
@@ -71,52 +69,6 @@ constexpr double kMinFilled = 0.7;
 /// Least share of the raw image that the rectified one shows. Rectifications without black corners
 /// crop the raw image.
 constexpr double kMinShown = 0.5;
-
-/// Maps pixels between the raw image and the rectified one that R and P describe.
-class Rectification {
- public:
-  explicit Rectification(const CameraInfo& info)
-      : is_fisheye_(isFisheyeModel(info.distortion_model)),
-        K_(info.K.data()),
-        R_(info.R.data()),
-        P_(info.P[0], info.P[1], info.P[2], info.P[4], info.P[5], info.P[6], info.P[8], info.P[9],
-           info.P[10]),
-        D_(info.D) {
-    if (cv::norm(R_ * R_.t() - cv::Matx33d::eye()) > 1e-3) R_ = cv::Matx33d::eye();
-    if (D_.empty()) D_.assign(4, 0.0);
-  }
-
-  Points rectify(const Points& raw) const {
-    Points rectified;
-    if (is_fisheye_) {
-      cv::fisheye::undistortPoints(raw, rectified, K_, D_, R_, P_);
-    } else {
-      cv::undistortPoints(raw, rectified, K_, D_, R_, P_);
-    }
-    return rectified;
-  }
-
-  Points unrectify(const Points& rectified) const {
-    const cv::Matx33d to_ray = R_.t() * P_.inv();
-    std::vector<cv::Point3d> rays;
-    for (const cv::Point2d& pixel : rectified) {
-      rays.emplace_back(to_ray * cv::Vec3d(pixel.x, pixel.y, 1));
-    }
-    const cv::Vec3d zero(0, 0, 0);
-    Points raw;
-    if (is_fisheye_) {
-      cv::fisheye::projectPoints(rays, raw, zero, zero, K_, D_);
-    } else {
-      cv::projectPoints(rays, zero, zero, K_, D_, raw);
-    }
-    return raw;
-  }
-
- private:
-  bool is_fisheye_;
-  cv::Matx33d K_, R_, P_;
-  std::vector<double> D_;
-};
 
 Points grid(const cv::Size2d& size) {
   Points points;
@@ -139,11 +91,19 @@ double shareInside(const Points& points, const cv::Size2d& size) {
 bool isRectificationOf(const CameraInfo& info) {
   if (!(info.P[0] > 0) || !(info.P[5] > 0) || info.P[10] != 1) return true;
   const cv::Size2d size(info.width, info.height);
+  const cv::Matx33d K(info.K.data()), P(info.P[0], info.P[1], info.P[2], info.P[4], info.P[5],
+                                        info.P[6], info.P[8], info.P[9], info.P[10]);
+  cv::Matx33d R(info.R.data());
+  if (cv::norm(R * R.t() - cv::Matx33d::eye()) > 1e-3) R = cv::Matx33d::eye();
+  const cv::Matx33d rectification = P * R * K.inv();  // of undistorted pixels
+  Points undistorted, rectified;
   try {
-    const Rectification rectification(info);
-    return shareInside(rectification.unrectify(grid(size)), size) >= kMinFilled &&
-           shareInside(rectification.rectify(grid(size)), size) >= kMinShown;
-  } catch (const cv::Exception&) {
+    const CameraCalibration raw = wholeRawImage(info);
+    cv::perspectiveTransform(grid(size), undistorted, rectification.inv());
+    cv::perspectiveTransform(raw.undistorted(grid(size)), rectified, rectification);
+    return shareInside(raw.distorted(undistorted), size) >= kMinFilled &&
+           shareInside(rectified, size) >= kMinShown;
+  } catch (const OptionError&) {
     return true;
   }
 }
@@ -197,7 +157,7 @@ RectificationContradiction rectificationContradiction(const CameraInfo& info,
   bool is_certain = false;
   std::ostringstream reason;
   if (!image_is_rectified && !isRectificationOf(info)) {
-    is_certain = !isFisheyeModel(info.distortion_model);
+    is_certain = wholeRawImage(info).model->is_brown_conrady;
     reason << "P of camera_info (fx " << info.P[0] << ") cannot describe images of " << info.width
            << " x " << info.height << " that are rectified with K (fx " << info.K[0] << ") and D";
   } else if (!image_is_rectified && is_distorted && hasPart(image_topic, "rect")) {

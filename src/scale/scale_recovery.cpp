@@ -231,21 +231,20 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
                                          : MeasurementStatus::kRejectedByFilter;
 }
 
-/// Of two measured planes output->plane is the direct one, unless the filter accepts the
-/// feature-based one alone. Returns whether it accepts any.
+/// output->plane is the last measurement that the filter accepts, or the last one if it accepts
+/// none. Returns whether it accepts any.
 bool ScaleRecovery::Impl::updateFilter(Output* output) {
-  const auto accepts = [&](const Measurement& m, ScaleFilter::Source source) {
-    return m.height > 0 &&
-           map.filter.update(m.height, m.sigma, m.road_distance, source, m.is_beside_lane);
-  };
-  const Measurement &feature_based = output->feature_based, &direct_measurement = output->direct;
-  const bool feature_based_accepted = accepts(feature_based, ScaleFilter::Source::kFeatureBased);
-  const bool direct_accepted = accepts(direct_measurement, ScaleFilter::Source::kDirect);
-  const bool use_direct =
-      direct_measurement.height > 0 && (direct_accepted || !feature_based_accepted);
-  const Measurement& used = use_direct ? direct_measurement : feature_based;
-  output->plane = {used.n_c, used.height};
-  return feature_based_accepted || direct_accepted;
+  bool any_accepted = false;
+  for (const auto& [source, m] :
+       {std::pair(ScaleFilter::Source::kFeatureBased, output->feature_based),
+        std::pair(ScaleFilter::Source::kDirect, output->direct)}) {
+    if (!(m.height > 0)) continue;
+    const bool accepted =
+        map.filter.update(m.height, m.sigma, m.road_distance, source, m.is_beside_lane);
+    if (accepted || !any_accepted) output->plane = {m.n_c, m.height};
+    any_accepted = any_accepted || accepted;
+  }
+  return any_accepted;
 }
 
 /// Whether the speeds say that the vehicle stands. What then moves in the images is traffic, unless

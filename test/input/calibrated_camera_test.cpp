@@ -202,7 +202,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
       {[](Info* i) { i->width = i->height = 100000, i->K[0] = i->K[4] = 5e4; },
        "width * height [px] is 1e+10"},
       {[](Info* i) { i->distortion_model = "thin_prism"; },
-       "\"thin_prism\"; supported are plumb_bob, rational_polynomial and equidistant"},
+       "\"thin_prism\"; supported are plumb_bob, rational_polynomial"},
       {[](Info* i) { i->distortion_model.clear(), i->D[0] = 0.1; }, "distortion model is \"\""},
       {[](Info* i) { i->D = {0.1}; }, "coefficients, not 1"},
       {[](Info* i) { i->distortion_model = "equidistant"; }, "has 4 coefficients, not 5"},

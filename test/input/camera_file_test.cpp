@@ -119,7 +119,7 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
     EXPECT_EQ(camera.cy, 230);
     EXPECT_EQ(camera.width, c.has_size ? 640 : 0);
     EXPECT_EQ(camera.height, c.has_size ? 480 : 0);
-    EXPECT_EQ(camera.is_fisheye, c.is_fisheye);
+    EXPECT_EQ(camera.model->names.front() == "equidistant", c.is_fisheye);
     EXPECT_EQ(camera.distortion.size(), c.coefficients);
     for (std::size_t i = 0; i < D.size() && i < camera.distortion.size(); ++i) {
       EXPECT_EQ(camera.distortion[i], D[i]);
@@ -135,11 +135,13 @@ TEST_F(CameraFile, RefusesOtherModelsByName) {
             "/camera.yaml: is OpenCV's XML, which is not read; save it as YAML");
   EXPECT_EQ(
       error("model_type: MEI\nimage_width: 640\nimage_height: 480\nprojection_parameters: {a: 1}"),
-      "/camera.yaml: the camera model is MEI, supported are PINHOLE and KANNALA_BRANDT");
+      "/camera.yaml cannot be used: the camera model is MEI, supported are PINHOLE and "
+      "KANNALA_BRANDT");
   EXPECT_EQ(error("cam0: {camera_model: omni}"),
             "/camera.yaml: the camera model is omni, supported is pinhole");
   EXPECT_EQ(error("Camera.fx: 1\nCamera.fy: 1\nCamera.cx: 1\nCamera.cy: 1\nCamera.type: Omni"),
-            "/camera.yaml: the camera type is Omni, supported are PinHole and KannalaBrandt8");
+            "/camera.yaml cannot be used: the camera type is Omni, supported are PinHole and "
+            "KannalaBrandt8");
   EXPECT_EQ(error("just text"), "/camera.yaml: is neither YAML of a camera nor a KITTI calib.txt");
   EXPECT_EQ(error("image_width: 640\n"), "/camera.yaml: has no image_height");
   EXPECT_EQ(error("image_width: 640\nimage_height: high\n"), "/camera.yaml: line 2 has no numbers");

@@ -5,28 +5,38 @@
 #include <vector>
 
 #include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/input/distortion_model.hpp"
 
 namespace ground_scale_vo {
 
 /// Intrinsics and distortion of a camera's images as they come. Rectified images have no
 /// distortion, or the small one that the rectification has left in them.
 struct CameraCalibration {
+  using Pixels = DistortionModel::Points;
+
   int width = 0, height = 0;              ///< [px]; 0: not known, as in a KITTI calib.txt
   double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]
-  /// In the order of OpenCV: k1, k2, p1, p2, k3 ... of plumb_bob and rational_polynomial (0, 4, 5,
-  /// 8, 12 or 14 numbers), or k1 to k4 of a fisheye camera.
-  std::vector<double> distortion = {};
-  bool estimated = false;   ///< from drives: PinholeCamera::lens_is_estimated
-  double readout_time = 0;  ///< [s] of a rolling shutter; 0: global shutter
-  bool is_fisheye = false;  ///< distortion model equidistant
-  bool is_part = false;     ///< of a larger image, whose principal point may lie anywhere
-  cv::Size binning{1, 1};   ///< that is contained in the numbers above
+  std::vector<double> distortion = {};    ///< coefficients of the model
+  bool estimated = false;                 ///< from drives: PinholeCamera::lens_is_estimated
+  double readout_time = 0;                ///< [s] of a rolling shutter; 0: global shutter
+  bool is_part = false;    ///< of a larger image, whose principal point may lie anywhere
+  cv::Size binning{1, 1};  ///< that is contained in the numbers above
+  const DistortionModel* model = &distortionModels().front();
 
   bool hasSize() const { return width > 0 && height > 0; }
-  /// True for a fisheye camera too: without coefficients it has distortion all the same.
   bool isDistorted() const;
   /// The distortion is none or plumb_bob with at most 5 coefficients, which a Lens can hold.
-  bool hasLens() const { return !is_fisheye && distortion.size() <= 5; }
+  bool hasLens() const { return model->is_brown_conrady && distortion.size() <= 5; }
+
+  /// The model by its name in ROS, Kalibr or OpenCV; "" or "none": coefficients that are all zero.
+  /// Throws OptionError.
+  void setDistortion(const std::string& name, const std::vector<double>& coefficients);
+
+  /// Pixels of the images from those of the rectified ones with the same fx, fy, cx and cy, and
+  /// vice versa.
+  Pixels distorted(const Pixels& pixels) const { return mapped(model->distort, pixels); }
+  Pixels undistorted(const Pixels& pixels) const { return mapped(model->undistort, pixels); }
+  Pixels mapped(DistortionModel::Map* map, Pixels pixels) const;
 
   /// Throws OptionError that names the first number that is not finite or not plausible for a
   /// camera, or the wrong number of coefficients. The size is checked where it is known.
@@ -51,13 +61,6 @@ PinholeCamera pinholeOf(const CameraCalibration& calibration);
 /// Without distortion, with square pixels and the principal point in the centre. degrees:
 /// horizontal field of view. Throws OptionError.
 CameraCalibration ofFieldOfView(double degrees, const cv::Size& size);
-
-/// True for every name of OpenCV's fisheye model in ROS, Kalibr and OpenCV.
-bool isFisheyeModel(const std::string& name);
-
-/// The model of OpenCV by its name in ROS, Kalibr and OpenCV; *is_fisheye is set. An empty name
-/// means no distortion and is valid without coefficients only. Throws OptionError.
-void setDistortionModel(const std::string& name, CameraCalibration* calibration);
 
 /// Whether a calibration can be that of images of this size. Where it has a size, that must be the
 /// images'. Its principal point must not be that of images of another size: then it lies at the

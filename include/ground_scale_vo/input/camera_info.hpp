@@ -44,8 +44,8 @@ std::string cameraInfoTopicOf(const std::string& image_topic);
 struct RectificationContradiction {
   std::string reason;  ///< a clause; empty: no contradiction, or there is nothing to compare
   /// P cannot belong to raw images of K and D: no calibration computes it for them. Otherwise a
-  /// hint: a name; P of a fisheye camera, which may show any part of the image; or P that equals K,
-  /// as of images that cv::undistort rectified.
+  /// hint: a name; P of a wide-angle model, which may show any part of the image; or P that equals
+  /// K, as of images that cv::undistort rectified.
   bool is_certain = false;
 };
 

@@ -53,11 +53,9 @@ TEST(SyntheticDrive, RejectsOptionsOutOfRange) {
   for (const auto& change : std::vector<std::function<void(Options&)>>{
            [](Options& o) { o.frames = 0; }, [](Options& o) { o.camera.fx = 0; },
            [](Options& o) { o.camera_height = 0; }, [&](Options& o) { o.pitch_rad = nan; },
-           [](Options& o) { o.curvature = 1; }, [](Options& o) { o.lane_offset = -5; },
-           [](Options& o) { o.ramp_slope = 0.1; }, [](Options& o) { o.puddles = 0.5; },
+           [](Options& o) { o.curvature = 1; }, [](Options& o) { o.puddles = 0.5; },
            [](Options& o) { o.readout_time = -0.01; }, [](Options& o) { o.readout_time = 0.11; },
            [](Options& o) { o.readout_time = 0.03, o.hood = 0.2; },
-           [&](Options& o) { o.sun.x() = nan; }, [](Options& o) { o.bare.to_m = 1e9; },
            [](Options& o) {
              o.faults = {{FaultKind::kFrozen, {0, 3}}};
            },

@@ -50,7 +50,7 @@ class RecordedPath {
   /// Direction in the plan, positive to the left, relative to the first camera [rad].
   double heading(double s) const { return heading_.value(s); }
   double curvature(double s) const { return heading_.derivative(s); }  ///< [1/m]
-  double elevation(double s) const { return elevation_.value(s); }     ///< [m]
+  double elevation(double s) const { return elevation_.value(s); }     ///< up to a constant [m]
   double slope(double s) const { return elevation_.derivative(s); }
   /// t: since the first position [s].
   LongitudinalState at(double t) const {

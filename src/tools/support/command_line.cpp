@@ -68,7 +68,9 @@ void CommandLine::parse(int argc, char** argv) const {
     requireValues(parsed);
     po::notify(variables);
   } catch (const po::required_option& error) {
-    throw OptionError(error.get_option_name() + " is missing, see --help");
+    const std::string option = error.get_option_name();  // with dashes, also a positional argument
+    const bool is_positional = positionals_.find_nothrow(option.substr(2), false) != nullptr;
+    throw OptionError(option.substr(is_positional ? 2 : 0) + " is missing, see --help");
   } catch (const po::error& error) {
     throw OptionError(firstLine(error.what()));
   }

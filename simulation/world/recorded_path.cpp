@@ -27,6 +27,12 @@ std::vector<double> smoothed(std::vector<double> values, double sigma) {
   return values;
 }
 
+std::vector<double> stepsOf(const std::vector<double>& values) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < values.size(); ++i) steps.push_back(values[i] - values[i - 1]);
+  return steps;
+}
+
 /// 0, then the sum of the steps up to each.
 std::vector<double> sumsOf(const std::vector<double>& steps) {
   std::vector<double> sums{0};
@@ -129,15 +135,19 @@ double UniformSpline::secondDerivative(double x) const {
 RecordedPath::RecordedPath(const std::vector<Eigen::Vector3d>& positions, double rate_hz) {
   const Polygon polygon = polygonThrough(positions);
   length_ = polygon.length.back();
-  std::vector<double> headings, climbs;  // of each kSampleSpacing of the polygon [rad, m]
+  // In the middle of each kSampleSpacing of the polygon [rad], and at its ends [m].
+  std::vector<double> headings, elevations;
   for (std::size_t k = 1; k < polygon.vertices.size(); ++k) {
     const Eigen::Vector3d edge = polygon.vertices[k] - polygon.vertices[k - 1];
     const double angle = std::atan2(edge.y(), edge.x()), before = k == 1 ? 0 : headings.back();
     const double heading = before + std::remainder(angle - before, 2 * M_PI);
-    const double climb = kSampleSpacing * edge.z() / edge.head<2>().norm();
+    const double slope = edge.z() / edge.head<2>().norm();
     while ((static_cast<double>(headings.size()) + 0.5) * kSampleSpacing < polygon.length[k]) {
       headings.push_back(heading);
-      climbs.push_back(climb);
+    }
+    while (static_cast<double>(elevations.size()) * kSampleSpacing <= polygon.length[k]) {
+      const double at = static_cast<double>(elevations.size()) * kSampleSpacing;
+      elevations.push_back(polygon.vertices[k - 1].z() + slope * (at - polygon.length[k - 1]));
     }
   }
   headings = smoothed(std::move(headings), kHeadingSigma / kSampleSpacing);
@@ -145,8 +155,8 @@ RecordedPath::RecordedPath(const std::vector<Eigen::Vector3d>& positions, double
   headings.insert(headings.begin(), headings.front());
   headings.push_back(headings.back());
   heading_ = UniformSpline(-kSampleSpacing / 2, kSampleSpacing, std::move(headings));
-  elevation_ =
-      UniformSpline(0, kSampleSpacing, sumsOf(smoothed(climbs, kSlopeSigma / kSampleSpacing)));
+  elevation_ = UniformSpline(0, kSampleSpacing,
+                             sumsOf(smoothed(stepsOf(elevations), kSlopeSigma / kSampleSpacing)));
   motion_ = UniformSpline(0, 1 / rate_hz,
                           sumsOf(smoothed(stepsAlong(polygon, positions), kMotionSigma * rate_hz)));
 

@@ -71,18 +71,15 @@ void evaluateFault(const FrameRange& fault, const SyntheticDrive& drive, const R
 
 }  // namespace
 
-std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive, const std::function<void()>& each) {
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive) {
   std::vector<cv::Mat> images;
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    images.push_back(drive.image(i));
-    if (each) each();
-  }
+  for (std::size_t i = 0; i < drive.size(); ++i) images.push_back(drive.image(i));
   return images;
 }
 
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
-                   const std::vector<std::string>& settings, const std::function<void()>& each,
-                   const cv::Mat& mask, const KnownLengths& known) {
+                   const std::vector<std::string>& settings, const KnownLengths& known,
+                   const cv::Mat& mask) {
   OfflineRun::Options options;
   options.scale.camera_height = known.camera_height ? drive.cameraHeight() : 0;
   options.scale.use_speed = !known.speeds.empty();
@@ -91,7 +88,6 @@ RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& imag
   run.setSpeeds(known.speeds);
   for (std::size_t i = 0; i < images.size(); ++i) {
     run.process(images[i], drive.frame(i).stamp_ns);
-    if (each) each();
   }
   return run.record();
 }
@@ -134,14 +130,14 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
   metrics.lost_events = record.lostEvents();
   metrics.rle_percent = metrics.t_err_short_percent = kNone;
 
-  std::vector<Eigen::Isometry3d> full_ground_truth, ground_truth, estimate;
+  const std::vector<Eigen::Isometry3d> full_ground_truth = groundTruth(drive);
+  std::vector<Eigen::Isometry3d> ground_truth, estimate;  // from the first metric pose on
   std::size_t ok_frames = 0;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const RunFrame& frame = frames[i];
-    full_ground_truth.push_back(drive.frame(i).T_c0_c);
     ok_frames += scenario.unobservable.contains(i) && frame.scale.status == ScaleStatus::kOk;
     if (ground_truth.empty() && !frame.has_metric_pose) continue;
-    ground_truth.push_back(full_ground_truth.back());
+    ground_truth.push_back(full_ground_truth[i]);
     estimate.push_back(frame.T_o_c);
   }
   metrics.rotation_error_deg = rotationError(drive, frames);

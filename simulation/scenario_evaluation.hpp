@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <functional>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -46,9 +45,8 @@ struct ScenarioMetrics {
   double error_after_fault_percent = 0;
 };
 
-/// Renders all images of the drive. each: called after every image, may be empty.
-std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive,
-                                 const std::function<void()>& each = {});
+/// Renders all images of the drive.
+std::vector<cv::Mat> renderDrive(const SyntheticDrive& drive);
 
 /// What the odometry knows besides the images.
 struct KnownLengths {
@@ -57,12 +55,10 @@ struct KnownLengths {
 };
 
 /// Runs the pipeline over the images of the drive, with default options except for its camera
-/// height and the settings. each: called after every frame, may be empty. mask: of MetricOdometry.
-/// Throws OptionError.
+/// height and the settings. mask: of MetricOdometry. Throws OptionError.
 RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& images,
-                   const std::vector<std::string>& settings = {},
-                   const std::function<void()>& each = {}, const cv::Mat& mask = {},
-                   const KnownLengths& known = {});
+                   const std::vector<std::string>& settings = {}, const KnownLengths& known = {},
+                   const cv::Mat& mask = {});
 
 /// record: of all images of the drive. Throws OptionError when it has another length.
 ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive& drive,

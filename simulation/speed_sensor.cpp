@@ -16,35 +16,6 @@ constexpr unsigned kSpeedSeed = 1;
 
 }  // namespace
 
-const char* toString(SpeedFault fault) {
-  switch (fault) {
-    case SpeedFault::kNone:
-      return "";
-    case SpeedFault::kSlip:
-      return "slip";
-    case SpeedFault::kStuck:
-      return "stuck";
-    case SpeedFault::kZero:
-      return "zero";
-    case SpeedFault::kGap:
-      return "gap";
-    case SpeedFault::kSign:
-      return "sign";
-    case SpeedFault::kLate:
-      return "late";
-    case SpeedFault::kUnit:
-      return "unit";
-  }
-  return "invalid";
-}
-
-const std::vector<SpeedFault>& allSpeedFaults() {
-  static const std::vector<SpeedFault> all = {
-      SpeedFault::kNone, SpeedFault::kSlip, SpeedFault::kStuck, SpeedFault::kZero,
-      SpeedFault::kGap,  SpeedFault::kSign, SpeedFault::kLate,  SpeedFault::kUnit};
-  return all;
-}
-
 std::vector<SpeedSample> simulateSpeeds(const SyntheticDrive& drive, SpeedFault fault) {
   std::mt19937 random(kSpeedSeed);
   std::normal_distribution<double> noise(1, kSpeedNoise);

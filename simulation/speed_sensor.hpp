@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/scale/speed_track.hpp"
@@ -13,9 +14,11 @@ namespace ground_scale_vo {
 /// whole drive: the other sign; stamps 0.2 s late; km/h.
 enum class SpeedFault : std::uint8_t { kNone, kSlip, kStuck, kZero, kGap, kSign, kLate, kUnit };
 
-/// "", "slip", "stuck", "zero", "gap", "sign", "late", "unit"
-const char* toString(SpeedFault fault);
-const std::vector<SpeedFault>& allSpeedFaults();  ///< also kNone
+/// All faults with their names.
+inline const std::vector<std::pair<std::string, SpeedFault>> kSpeedFaults = {
+    {"slip", SpeedFault::kSlip}, {"stuck", SpeedFault::kStuck}, {"zero", SpeedFault::kZero},
+    {"gap", SpeedFault::kGap},   {"sign", SpeedFault::kSign},   {"late", SpeedFault::kLate},
+    {"unit", SpeedFault::kUnit}};
 
 /// A sensor of the vehicle's speed: 10 Hz, with a noise of 0.5 % of the speed.
 std::vector<SpeedSample> simulateSpeeds(const SyntheticDrive& drive,

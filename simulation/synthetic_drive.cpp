@@ -223,4 +223,16 @@ cv::Mat SyntheticDrive::image(std::size_t i) const {
   return withFault(fault->kind, image, i - fault->frames.first, o.random_seed);
 }
 
+std::vector<Eigen::Isometry3d> groundTruth(const SyntheticDrive& drive) {
+  std::vector<Eigen::Isometry3d> poses;
+  for (std::size_t i = 0; i < drive.size(); ++i) poses.push_back(drive.frame(i).T_c0_c);
+  return poses;
+}
+
+std::vector<double> groundTruthHeights(const SyntheticDrive& drive) {
+  std::vector<double> heights;
+  for (std::size_t i = 0; i < drive.size(); ++i) heights.push_back(drive.frame(i).height);
+  return heights;
+}
+
 }  // namespace ground_scale_vo

@@ -122,7 +122,7 @@ class SyntheticDrive {
     std::vector<ImageFault> faults;
 
     Options();
-    /// Throws OptionError.
+    /// Checks what users can set, and what must fit together. Throws OptionError.
     void validate() const;
   };
 
@@ -153,5 +153,10 @@ class SyntheticDrive {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// T_c0_c of every frame [m].
+std::vector<Eigen::Isometry3d> groundTruth(const SyntheticDrive& drive);
+/// Height of the camera above the road in every frame [m].
+std::vector<double> groundTruthHeights(const SyntheticDrive& drive);
 
 }  // namespace ground_scale_vo

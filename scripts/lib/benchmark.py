@@ -132,17 +132,18 @@ def tables(figures):
 
 
 def measure(tools, folder, out, arguments):
-    def offline(to, *options):
+    def offline(to, cores, *options):
         subprocess.run(["rm", "-rf", out / to], check=True)
         subprocess.run([tools / "benchmark_sequence", folder, "--camera-height", arguments.camera_height, "--out", out / to,
-                        *options], check=True)
+                        *options], check=True,
+                       preexec_fn=lambda: os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:cores]))
 
     out.mkdir(parents=True, exist_ok=True)
     log(f"{folder.name}: offline on one core, then OpenCV alone")
-    offline("one_core", "--cores", "1", "--baseline")
+    offline("one_core", 1, "--baseline")
     frames = sum(1 for _ in open(out / "one_core/usage.csv", encoding="utf-8")) - 1
     log(f"{folder.name}: long drive on two cores")
-    offline("long_drive", "--cores", str(min(2, os.cpu_count())), "--repeat", str(-(-1500 // frames)))
+    offline("long_drive", 2, "--repeat", str(-(-1500 // frames)))
     figures = {**offline_figures(out), "rates": {}}
     with tempfile.TemporaryDirectory() as work:
         bag = pathlib.Path(work) / "sequence.bag"

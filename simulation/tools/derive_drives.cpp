@@ -215,7 +215,7 @@ void check(Arguments* arguments) {
     arguments->variants.assign(std::begin(kVariants), std::end(kVariants));
 }
 
-void run(const Arguments& arguments) {
+int run(const Arguments& arguments) {
   cv::setNumThreads(1);
   const gsv::KittiSequence sequence(arguments.sequence);
   gsv::ProgressLine progress(sequence.name(), arguments.variants.size());
@@ -227,6 +227,7 @@ void run(const Arguments& arguments) {
     gsv::writeKittiFolder(folder, [&](const fs::path& partial) { drive.write(partial); });
     progress.step("variants");
   }
+  return 0;
 }
 
 }  // namespace
@@ -249,9 +250,5 @@ Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.)
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "the drives are DIR/<name of SEQ>_VARIANT/");
   return command_line.run(
-      argc, argv, [&] { check(&arguments); },
-      [&] {
-        run(arguments);
-        return 0;
-      });
+      argc, argv, [&] { check(&arguments); }, [&] { return run(arguments); });
 }

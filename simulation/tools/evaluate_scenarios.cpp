@@ -152,23 +152,10 @@ std::vector<Variant> variants(const gsv::Scenario& scenario, const Arguments& ar
   }
   if (arguments.speed) {
     all.push_back({"speed_alone", {}, gsv::SpeedFault::kNone, false});
-    for (const gsv::SpeedFault fault : gsv::allSpeedFaults()) {
-      const std::string name = gsv::toString(fault);
-      all.push_back({name.empty() ? "speed" : "speed_" + name, {}, fault});
-    }
+    all.push_back({"speed", {}, gsv::SpeedFault::kNone});
+    for (const auto& [name, fault] : gsv::kSpeedFaults) all.push_back({"speed_" + name, {}, fault});
   }
   return all;
-}
-
-void writeRun(const std::filesystem::path& folder, const gsv::SyntheticDrive& drive,
-              const gsv::RunRecord& record) {
-  std::vector<Eigen::Isometry3d> ground_truth;
-  std::vector<double> heights;
-  for (std::size_t i = 0; i < drive.size(); ++i) {
-    ground_truth.push_back(drive.frame(i).T_c0_c);
-    heights.push_back(drive.frame(i).height);
-  }
-  gsv::writeRun(folder, record, drive.cameraHeight(), ground_truth, heights);
 }
 
 void check(Arguments* arguments) {
@@ -188,41 +175,44 @@ void check(Arguments* arguments) {
   }
 }
 
-void run(const Arguments& arguments) {
+int run(const Arguments& arguments) {
   cv::setNumThreads(1);
   const std::filesystem::path out(arguments.out);
   gsv::makeFolder(arguments.out);  // fails before the runs, not after them
-  std::fputs(tableHeading().c_str(), stdout);
-  std::size_t steps = 0;  // each image counts once when rendered and once in each run
+  std::size_t runs = 0;
   for (const gsv::Scenario& scenario : arguments.scenarios) {
-    steps += (1 + variants(scenario, arguments).size()) *
-             static_cast<std::size_t>(scenario.options.frames);
+    runs += variants(scenario, arguments).size();
   }
-  gsv::ProgressLine progress("evaluate_scenarios", steps);
-  const auto step = [&progress] { progress.step("steps"); };
+  gsv::ProgressLine progress("evaluate_scenarios", runs);
   std::vector<Json> entries(arguments.scenarios.size());
+  std::vector<std::string> rows(entries.size());
   gsv::parallelFor(entries.size(), arguments.threads, [&](std::size_t i) {
     const gsv::Scenario& scenario = arguments.scenarios[i];
     const gsv::SyntheticDrive drive(scenario.options);
-    const std::vector<cv::Mat> rendered = gsv::renderDrive(drive, step);
+    const std::vector<cv::Mat> rendered = gsv::renderDrive(drive);
     entries[i] = {{"drive", scenario.name}, {"component", scenario.ablation.component}};
     for (const Variant& variant : variants(scenario, arguments)) {
       Settings all = arguments.settings;
       all.insert(all.end(), variant.settings.begin(), variant.settings.end());
       gsv::KnownLengths known{variant.camera_height, {}};
       if (variant.speed) known.speeds = gsv::simulateSpeeds(drive, *variant.speed);
-      const gsv::RunRecord record = gsv::runDrive(drive, rendered, all, step, {}, known);
+      const gsv::RunRecord record = gsv::runDrive(drive, rendered, all, known);
       const bool is_default = variant.key == "default";
-      if (is_default) writeRun(out / scenario.name, drive, record);
+      if (is_default) {
+        gsv::writeRun(out / scenario.name, record, drive.cameraHeight(), groundTruth(drive),
+                      groundTruthHeights(drive));
+      }
       const Metrics metrics = gsv::evaluateScenario(scenario, drive, record);
       entries[i][variant.key] = json(metrics, scenario.thresholds);
       const std::string name = scenario.name + (is_default ? "" : " " + variant.key);
-      const std::string row =
-          tableRow(name, metrics, gsv::violatedThreshold(metrics, scenario.thresholds));
-      progress.pause([&] { std::fputs(row.c_str(), stdout); });
+      progress.step("runs");
+      rows[i] += tableRow(name, metrics, gsv::violatedThreshold(metrics, scenario.thresholds));
     }
   });
+  std::fputs(tableHeading().c_str(), stdout);
+  for (const std::string& row : rows) std::fputs(row.c_str(), stdout);
   gsv::writeFile(out / "scenarios.json", Json(entries).dump(2) + "\n");
+  return 0;
 }
 
 }  // namespace
@@ -248,9 +238,5 @@ int main(int argc, char** argv) {
        "drives rendered and run in parallel")  //
       ("set", gsv::settingsValue(&arguments.settings), gsv::kSettingsHelp);
   return command_line.run(
-      argc, argv, [&] { check(&arguments); },
-      [&] {
-        run(arguments);
-        return 0;
-      });
+      argc, argv, [&] { check(&arguments); }, [&] { return run(arguments); });
 }

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <unistd.h>
-
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <filesystem>
@@ -16,6 +14,7 @@
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
+#include "tools/support/complete_output.hpp"
 
 namespace ground_scale_vo {
 
@@ -60,24 +59,17 @@ inline void writeKittiImage(const std::filesystem::path& folder, std::size_t i,
   writeFile(folder / "image_0" / name.str(), {bytes.begin(), bytes.end()});
 }
 
-/// Makes a folder with an empty image_0, calls write(), and gives the folder its name, so that it
-/// is complete or missing. Throws DataError when there is such a folder.
+/// Makes a folder with an empty image_0 by writeCompletely(), and calls write() with its temporary
+/// name. Throws DataError when there is such a folder.
 template <typename Write>
 void writeKittiFolder(const std::filesystem::path& folder, const Write& write) {
   if (isThere(folder)) throw DataError(folder.string() + " already exists");
   const std::filesystem::path normalised = std::filesystem::absolute(folder).lexically_normal();
-  const std::filesystem::path target =
-      normalised.has_filename() ? normalised : normalised.parent_path();
-  const std::filesystem::path partial = target.string() + ".partial." + std::to_string(getpid());
-  try {
-    makeFolder(partial / "image_0");
-    write(partial);
-    std::filesystem::rename(partial, target);
-  } catch (...) {
-    std::error_code ignored;
-    std::filesystem::remove_all(partial, ignored);
-    throw;
-  }
+  writeCompletely(normalised.has_filename() ? normalised : normalised.parent_path(),
+                  [&](const std::filesystem::path& partial) {
+                    makeFolder(partial / "image_0");
+                    write(partial);
+                  });
 }
 
 }  // namespace ground_scale_vo

@@ -1,7 +1,6 @@
 // Renders a SyntheticDrive as a KITTI odometry folder with ground truth.
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -13,7 +12,6 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/lens/lens.hpp"
@@ -30,8 +28,6 @@ namespace po = boost::program_options;
 
 namespace {
 
-constexpr int kMaxInteger = 1000000;
-
 struct Settings {
   std::string folder, scenario, path;  ///< scenario and path: empty for the default drive
   gsv::SyntheticDrive::Options drive;
@@ -45,10 +41,11 @@ struct Settings {
 
 /// text: WxH. The focal lengths and cx scale with the width, cy scales with the height.
 void setSize(gsv::PinholeCamera& camera, const std::string& text) {
-  const std::size_t x = text.find('x');
-  if (x == std::string::npos) throw gsv::OptionError("--size is '" + text + "', not WxH");
-  const int width = gsv::parseInteger("--size", text.substr(0, x), 0, kMaxInteger);
-  const int height = gsv::parseInteger("--size", text.substr(x + 1), 0, kMaxInteger);
+  int width = 0, height = 0;
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%5dx%5d%c", &width, &height, &rest) != 2) {
+    throw gsv::OptionError("--size is '" + text + "', not WxH");
+  }
   const double scale = static_cast<double>(width) / camera.width;
   camera.fx *= scale;
   camera.fy *= scale;
@@ -60,17 +57,14 @@ void setSize(gsv::PinholeCamera& camera, const std::string& text) {
 
 /// text: K1,K2,CX,CY.
 gsv::LensVector parseLensError(const std::string& text) {
-  std::istringstream fields(text);
-  std::vector<double> values;
-  for (std::string field; std::getline(fields, field, ',');) {
-    values.push_back(gsv::parseNumber<double>(field).value_or(NAN));
-  }
-  const auto isSmall = [](double value) { return std::abs(value) < 20; };
-  if (values.size() != 4 || !std::all_of(values.begin(), values.end(), isSmall)) {
+  constexpr double kMaxError = 20;
+  gsv::LensVector error = gsv::LensVector::Zero();  // focal length, centre, k1, k2
+  char rest = 0;
+  const int read = std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf%c", &error[3], &error[4], &error[1],
+                               &error[2], &rest);
+  if (read != 4 || !(error.array().abs() < kMaxError).all()) {
     throw gsv::OptionError("--lens-error is '" + text + "', not four numbers K1,K2,CX,CY");
   }
-  gsv::LensVector error;
-  error << 0, values[2], values[3], values[0], values[1];
   return error;
 }
 
@@ -131,12 +125,13 @@ void check(Settings* settings) {
   settings->drive.validate();
 }
 
-void printCatalogue() {
+int printCatalogue() {
   for (const auto& scenarios : {gsv::allScenarios(), gsv::faultScenarios()}) {
     for (const gsv::Scenario& scenario : scenarios) {
       std::printf("%-18s %s\n", scenario.name.c_str(), scenario.description.c_str());
     }
   }
+  return 0;
 }
 
 gsv::SyntheticDrive makeDrive(const Settings& settings) {
@@ -148,7 +143,7 @@ gsv::SyntheticDrive makeDrive(const Settings& settings) {
   }
 }
 
-void render(const Settings& settings) {
+int render(const Settings& settings) {
   cv::setNumThreads(1);  // frames are rendered in parallel
   const gsv::SyntheticDrive drive = makeDrive(settings);
   gsv::KittiTables tables;
@@ -174,6 +169,7 @@ void render(const Settings& settings) {
     gsv::writeKittiTables(folder, tables);
   });
   std::printf("%zu frames in %s\n", drive.size(), settings.folder.c_str());
+  return 0;
 }
 
 }  // namespace
@@ -209,8 +205,5 @@ int main(int argc, char** argv) {
   addDriveOptions(&settings, &command_line.options());
   return command_line.run(
       argc, argv, [&] { check(&settings); },
-      [&] {
-        settings.list ? printCatalogue() : render(settings);
-        return 0;
-      });
+      [&] { return settings.list ? printCatalogue() : render(settings); });
 }

@@ -14,6 +14,7 @@ struct LongitudinalState {
 /// approximates its control values, and smooths them with a standard deviation of 0.58 steps.
 class UniformSpline {
  public:
+  UniformSpline() = default;
   /// values: at least two control values, of start, start + step, ...
   UniformSpline(double start, double step, std::vector<double> values);
   double value(double x) const;
@@ -26,16 +27,16 @@ class UniformSpline {
     double c[4];  // control values that act in it
   };
   Span spanAt(double x) const;
-  double start_, step_;
+  double start_ = 0, step_ = 1;
   std::vector<double> values_;
 };
 
 /// A drive along recorded positions: the course of a road through them and the motion along it.
-/// Recorded positions have noise that a road and a car do not have, so they are smoothed, with
-/// Gaussian kernels of these standard deviations: the plan 1.5 m, the elevation 10 m, the position
-/// along the road 0.3 s. A position that advances by less than 2 cm is a standstill.
+/// Recorded positions have noise that a road and a car do not have, so what follows from them is
+/// smoothed, with Gaussian kernels of these standard deviations: the heading 1.5 m, the slope 10 m,
+/// the speed 0.3 s. A position that advances by less than 2 cm is a standstill.
 ///
-/// s: length along the smoothed plan from the first position [m]. Beyond both ends the road goes
+/// s: length along the plan from the first position [m]. Beyond both ends the road goes
 /// straight on.
 class RecordedPath {
  public:
@@ -49,7 +50,7 @@ class RecordedPath {
   /// Direction in the plan, positive to the left, relative to the first camera [rad].
   double heading(double s) const { return heading_.value(s); }
   double curvature(double s) const { return heading_.derivative(s); }  ///< [1/m]
-  double elevation(double s) const { return elevation_.value(s); }     ///< [m]
+  double elevation(double s) const { return elevation_.value(s); }     ///< up to a constant [m]
   double slope(double s) const { return elevation_.derivative(s); }
   /// t: since the first position [s].
   LongitudinalState at(double t) const {
@@ -57,16 +58,9 @@ class RecordedPath {
   }
 
  private:
-  struct Course {
-    UniformSpline heading, elevation, motion;
-    double length;
-  };
-  RecordedPath(Course course, std::size_t positions, double rate_hz);
-  static Course fit(const std::vector<Eigen::Vector3d>& positions, double rate_hz);
-
   UniformSpline heading_, elevation_;  // over s
   UniformSpline motion_;               // s over time
-  double length_, top_speed_ = 0;
+  double length_ = 0, top_speed_ = 0;
 };
 
 }  // namespace ground_scale_vo::simulation

@@ -7,8 +7,6 @@
 #include <numeric>
 #include <sstream>
 
-#include "ground_scale_vo/common/error.hpp"
-
 namespace ground_scale_vo {
 namespace {
 
@@ -44,15 +42,6 @@ std::optional<Number> parseNumber(const std::string& text) {
 }
 template std::optional<double> parseNumber(const std::string& text);
 template std::optional<long double> parseNumber(const std::string& text);
-
-int parseInteger(const std::string& option, const std::string& text, int min, int max) {
-  const auto value = parseNumber<double>(text);
-  if (!value) throw OptionError(option + ": '" + text + "' is not a number");
-  requireInRange(option.c_str(), *value, min, max);
-  if (*value != std::floor(*value))
-    throw OptionError(option + ": '" + text + "' is not an integer");
-  return static_cast<int>(*value);
-}
 
 std::string nearestName(const std::string& name, const std::vector<std::string>& candidates) {
   std::string nearest;

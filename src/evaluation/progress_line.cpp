@@ -35,18 +35,11 @@ void ProgressLine::step(const char* unit, const std::function<std::string()>& de
   std::fprintf(stderr,
                is_terminal_ ? "\r%s: %zu/%zu %s, %.1f/s%s\033[K" : "%s: %zu/%zu %s, %.1f/s%s\n",
                name_.c_str(), done_, total_, unit, rate, details ? details().c_str() : "");
-  if (done_ == total_) end("\n");
+  if (done_ == total_) end();
 }
 
-void ProgressLine::pause(const std::function<void()>& print) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  end("\r\033[K");
-  print();
-  std::fflush(stdout);
-}
-
-void ProgressLine::end(const char* terminator) {
-  if (is_terminal_ && is_open_) std::fputs(terminator, stderr);
+void ProgressLine::end() {
+  if (is_terminal_ && is_open_) std::fputs("\n", stderr);
   is_open_ = false;
 }
 

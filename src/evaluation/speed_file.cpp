@@ -20,7 +20,7 @@ constexpr std::size_t kOxtsNumbers = 30, kForwardVelocity = 8;
 
 std::vector<SpeedSample> readOxtsSpeeds(const fs::path& folder) {
   const NumberedFiles files = numberedFiles(folder / "data", {".txt"});
-  const std::vector<std::int64_t> stamps_ns = readImageStamps(folder / "timestamps.txt", files, 0);
+  const std::vector<std::int64_t> stamps_ns = readImageStamps(folder / "timestamps.txt", files);
   std::vector<SpeedSample> speeds;
   for (std::size_t i = 0; i < files.files.size(); ++i) {
     const TextFile text(files.files[i]);

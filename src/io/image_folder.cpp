@@ -16,27 +16,20 @@ namespace ground_scale_vo {
 namespace fs = std::filesystem;
 namespace {
 
-using Numbers = std::vector<std::string>;  // without leading zeros, of any length
+/// Without leading zeros, of any length: compared by the number of digits first.
+using Number = std::pair<std::size_t, std::string>;
+using Numbers = std::vector<Number>;
+using FilesByNumbers = std::map<Numbers, fs::path>;
 
 constexpr std::size_t kDecimals = 12;
 
 bool isDigit(char c) { return c >= '0' && c <= '9'; }
 
-/// By length first: the numbers have no leading zeros.
-struct Smaller {
-  bool operator()(const Numbers& a, const Numbers& b) const {
-    return std::lexicographical_compare(
-        a.begin(), a.end(), b.begin(), b.end(), [](const std::string& x, const std::string& y) {
-          return std::make_pair(x.size(), x) < std::make_pair(y.size(), y);
-        });
-  }
-};
-
 /// Splits a name into its numbers and the rest, with # for each number. Digits after a point that
 /// follows a number are its decimals, as in the time 1600000000.5.
 std::pair<std::string, Numbers> split(const std::string& name) {
   std::string pattern;
-  Numbers numbers;
+  std::vector<std::string> digit_groups;
   for (std::size_t i = 0; i < name.size();) {
     if (!isDigit(name[i])) {
       pattern += name[i++];
@@ -48,15 +41,17 @@ std::pair<std::string, Numbers> split(const std::string& name) {
     const std::size_t n = pattern.size();
     if (n > 1 && pattern[n - 1] == '.' && pattern[n - 2] == '#' && digits.size() <= kDecimals) {
       digits.resize(kDecimals, '0');
-      numbers.back() += digits;
+      digit_groups.back() += digits;
     } else {
-      numbers.push_back(digits);
+      digit_groups.push_back(digits);
     }
     pattern += '#';
     i = end;
   }
-  for (std::string& number : numbers) {
-    number.erase(0, std::min(number.find_first_not_of('0'), number.size() - 1));
+  Numbers numbers;
+  for (std::string& group : digit_groups) {
+    group.erase(0, std::min(group.find_first_not_of('0'), group.size() - 1));
+    numbers.emplace_back(group.size(), group);
   }
   return {pattern, numbers};
 }
@@ -82,7 +77,7 @@ std::string lowerCase(std::string text) {
 }
 
 /// The number that varies, of each file; empty if several vary or one is too long.
-std::vector<std::uint64_t> varyingNumbers(const std::map<Numbers, fs::path, Smaller>& files) {
+std::vector<std::uint64_t> varyingNumbers(const FilesByNumbers& files) {
   const Numbers& first = files.begin()->first;
   std::vector<std::size_t> varying;
   for (std::size_t k = 0; k < first.size(); ++k) {
@@ -93,8 +88,8 @@ std::vector<std::uint64_t> varyingNumbers(const std::map<Numbers, fs::path, Smal
   if (varying.empty()) varying.push_back(first.size() - 1);  // a single file
   std::vector<std::uint64_t> numbers;
   for (const auto& [groups, file] : files) {
-    const std::string& group = groups[varying.front()];
-    if (varying.size() > 1 || group.size() > 18) return {};
+    const auto& [digits, group] = groups[varying.front()];
+    if (varying.size() > 1 || digits > 18) return {};
     numbers.push_back(std::stoull(group));
   }
   return numbers;
@@ -102,9 +97,9 @@ std::vector<std::uint64_t> varyingNumbers(const std::map<Numbers, fs::path, Smal
 
 /// Throws DataError when a number other than the last one tells series of files apart, as the 0 and
 /// 1 of cam0_000000.png and cam1_000000.png: the other numbers are the same for each of its values.
-void requireOneSeries(const fs::path& folder, const std::map<Numbers, fs::path, Smaller>& files) {
+void requireOneSeries(const fs::path& folder, const FilesByNumbers& files) {
   for (std::size_t k = 0; k + 1 < files.begin()->first.size(); ++k) {
-    std::map<std::string, fs::path> first_of;  // of each value
+    std::map<Number, fs::path> first_of;  // of each value
     std::set<Numbers> others;
     for (const auto& [numbers, file] : files) {
       first_of.emplace(numbers[k], file);
@@ -215,7 +210,7 @@ std::int64_t readUtc(const TextFile& text, std::size_t i) {
 }  // namespace
 
 NumberedFiles numberedFiles(const fs::path& folder, const std::vector<std::string>& extensions) {
-  std::map<Numbers, fs::path, Smaller> files;
+  FilesByNumbers files;
   std::string first_pattern;
   fs::path first;
   for (const auto& entry : fs::directory_iterator(folder)) {
@@ -254,14 +249,9 @@ NumberedFiles imageFiles(const fs::path& folder) {
   return numberedFiles(folder, {".png", ".jpg", ".jpeg"});
 }
 
-std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFiles& images,
-                                          double fps) {
+std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFiles& images) {
   const std::size_t n = images.files.size();
   std::vector<std::int64_t> all;
-  if (fps > 0) {
-    for (std::size_t i = 0; i < n; ++i) all.push_back(stampAtRate(i, fps));
-    return all;
-  }
   const TextFile text(file);
   if (text.line(0).find(':') == std::string::npos) {
     all = readNumericStamps(text);

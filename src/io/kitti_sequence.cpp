@@ -186,7 +186,7 @@ void KittiSequence::readRaw(const fs::path& folder, const std::string& camera) {
 
 /// And the size of the images.
 void KittiSequence::setStamps(const fs::path& file) {
-  stamps_ns_ = readImageStamps(file, images_, options_.fps);
+  if (options_.needs_stamps) stamps_ns_ = readImageStamps(file, images_);
   size_ = readPixels(images_.files.front()).size();
 }
 

@@ -19,6 +19,7 @@ namespace {
 
 class Files : public ImageSource {
  public:
+  /// stamps_ns: of each file, or empty.
   Files(std::string name, std::vector<fs::path> files, std::vector<std::int64_t> stamps_ns)
       : name_(std::move(name)), files_(std::move(files)), stamps_ns_(std::move(stamps_ns)) {}
 
@@ -31,7 +32,7 @@ class Files : public ImageSource {
   std::optional<StoredImage> next() override {
     if (index_ == files_.size()) return std::nullopt;
     StoredImage image;
-    image.stamp_ns = stamps_ns_[index_];
+    if (!stamps_ns_.empty()) image.stamp_ns = stamps_ns_[index_];
     try {
       image.pixels = readPixels(files_[index_]);
     } catch (const DataError& error) {
@@ -89,17 +90,20 @@ class Video : public ImageSource {
   double last_ms_ = 0, interval_ms_ = 0;
 };
 
-std::unique_ptr<ImageSource> openFolder(const fs::path& folder, double fps, std::string* warning) {
+std::unique_ptr<ImageSource> openFolder(const fs::path& folder, bool needs_stamps,
+                                        std::string* warning) {
   const NumberedFiles images = imageFiles(folder);
   *warning = images.warning;
+  if (!needs_stamps) {
+    return std::make_unique<Files>(folder.string(), images.files, std::vector<std::int64_t>());
+  }
   const fs::path times = folder / "times.txt";
-  if (fps == 0 && !isThere(times)) {
+  if (!isThere(times)) {
     throw DataError(folder.string() +
                     ": has no times.txt with a time for each image; if they come "
                     "at a constant rate, state it with --fps N");
   }
-  return std::make_unique<Files>(folder.string(), images.files,
-                                 readImageStamps(times, images, fps));
+  return std::make_unique<Files>(folder.string(), images.files, readImageStamps(times, images));
 }
 
 }  // namespace
@@ -125,7 +129,7 @@ void requireNoBag(const fs::path& path) {
 
 std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* truth) {
   const fs::path path = input.path;
-  const double fps = input.options.fps;
+  const bool needs_stamps = input.options.fps == 0;
   if (!isThere(path)) throw DataError(path.string() + ": no such file or folder");
   requireNoBag(path);
   DriveReader::Calibration calibration;
@@ -137,10 +141,8 @@ std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* tru
   std::unique_ptr<ImageSource> source;
   std::string warning;
   if (fs::is_directory(path) && KittiSequence::isThere(path)) {
-    const KittiSequence sequence(path, {input.unrectified, needs_calibration, fps});
-    std::vector<std::int64_t> stamps_ns;
-    for (std::size_t i = 0; i < sequence.size(); ++i) stamps_ns.push_back(sequence.stampNs(i));
-    source = std::make_unique<Files>(path.string(), sequence.files(), stamps_ns);
+    const KittiSequence sequence(path, {input.unrectified, needs_calibration, needs_stamps});
+    source = std::make_unique<Files>(path.string(), sequence.files(), sequence.stamps());
     warning = sequence.warning();
     if (needs_calibration) {
       calibration = {sequence.calibration(), sequence.calibrationSource()};
@@ -151,8 +153,8 @@ std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* tru
       throw OptionError("--camera FILE is missing: " + path.string() +
                         " is no KITTI folder, which would contain its calibration");
     }
-    source =
-        fs::is_directory(path) ? openFolder(path, fps, &warning) : std::make_unique<Video>(path);
+    source = fs::is_directory(path) ? openFolder(path, needs_stamps, &warning)
+                                    : std::make_unique<Video>(path);
   }
   auto reader = std::make_unique<DriveReader>(std::move(source), calibration, input.options);
   if (!warning.empty()) reader->warn(warning);

@@ -35,39 +35,23 @@ namespace {
 constexpr const char* kDetails =
     R"(Files in DIR:
   timing.csv    as of run_sequence: milliseconds of every stage and frame
-  usage.csv     a line per frame: features: number tracked from the previous image; decode_cpu,
-                frame_cpu: processor time of decoding, and of odometry and scale stage without the
-                mapping thread [ms]; publish: wall time of filling and serialising the messages that
-                the nodelets would publish [ms]; wall_s, cpu_s: wall time and processor time of all
-                threads since the start of the run [s]; rss_mb, peak_rss_mb: memory [MiB]
-  baseline.csv  with --baseline, a line per frame from the second on: wall time of each step and of
-                all, and cpu, processor time of all, in milliseconds
+  usage.csv     a line per frame: decode_cpu, frame_cpu: processor time of decoding, and of
+                odometry and scale stage without the mapping thread [ms]; publish: wall time of
+                filling and serialising the messages that the nodelets would publish [ms]; wall_s,
+                cpu_s: wall time and processor time of all threads since the start of the run [s];
+                rss_mb, peak_rss_mb: memory [MiB]
+  baseline.csv  with --baseline, a line per frame from the second on: detect, total: wall time of
+                the corner detection and of all steps; cpu: processor time of all steps [ms]
+
+If it may use more than one processor core (taskset), each image is decoded while the previous one is
+processed, else before it is processed.
 
 Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.)";
 
 struct Arguments : gsv::DriveArguments {
-  int cores = 1, repeat = 1;
+  int repeat = 1;
   bool baseline = false;
 };
-
-/// Restricts this process and its future threads to the first `cores` of the cores that it may use.
-/// Throws OptionError when these are fewer.
-void useCores(int cores) {
-  cpu_set_t allowed, wanted;
-  CPU_ZERO(&wanted);
-  int found = 0;
-  if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) {
-    for (std::size_t i = 0; i < CPU_SETSIZE && found < cores; ++i) {
-      if (!CPU_ISSET(i, &allowed)) continue;
-      CPU_SET(i, &wanted);
-      ++found;
-    }
-  }
-  if (found < cores || sched_setaffinity(0, sizeof wanted, &wanted) != 0) {
-    throw gsv::OptionError("--cores is " + std::to_string(cores) + ", but this process may use " +
-                           std::to_string(found));
-  }
-}
 
 /// Fills and serialises the messages that the nodelets would publish for the last frame of the run.
 /// Returns their size [bytes].
@@ -113,7 +97,7 @@ std::vector<Pixels> measurePipeline(const Arguments& arguments) {
   const auto frames = gsv::OdometryFrames::ofCamera("odom", "camera");
   std::vector<Pixels> pixels;
   std::ostringstream usage =
-      gsv::csvStream("frame,features,decode_cpu,frame_cpu,publish,wall_s,cpu_s,rss_mb,peak_rss_mb");
+      gsv::csvStream("frame,decode_cpu,frame_cpu,publish,wall_s,cpu_s,rss_mb,peak_rss_mb");
   const gsv::Stopwatch wall;
   const double cpu_begin = gsv::processUsage().cpu_s;
   std::int64_t offset_ns = 0, last_ns = 0;
@@ -136,13 +120,11 @@ std::vector<Pixels> measurePipeline(const Arguments& arguments) {
       const gsv::Stopwatch watch;
       if (serialiseMessages(run, frames) == 0) throw std::logic_error("messages without bytes");
       const double publish_ms = watch.ms();
-      const gsv::VisualOdometry::Output& vo = run.last().vo;
-      if (arguments.baseline) pixels.push_back(trackedPixels(vo));
+      if (arguments.baseline) pixels.push_back(trackedPixels(run.last().vo));
       const gsv::ProcessUsage now = gsv::processUsage();
-      usage << i << ',' << vo.frame.features.size() + vo.rejected.size() << ','
-            << frame_begin - decode_begin << ',' << frame_end - frame_begin << ',' << publish_ms
-            << ',' << wall.seconds() << ',' << now.cpu_s - cpu_begin << ',' << now.rss_mb << ','
-            << now.peak_rss_mb << '\n';
+      usage << i << ',' << frame_begin - decode_begin << ',' << frame_end - frame_begin << ','
+            << publish_ms << ',' << wall.seconds() << ',' << now.cpu_s - cpu_begin << ','
+            << now.rss_mb << ',' << now.peak_rss_mb << '\n';
       progress.show(frame);
     }
   }
@@ -168,7 +150,7 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
     cv::buildOpticalFlowPyramid(base, levels, window, options.pyramid_levels);
     return levels;
   };
-  std::ostringstream csv = gsv::csvStream("frame,points,pyramid,detect,track,total,cpu");
+  std::ostringstream csv = gsv::csvStream("frame,detect,total,cpu");
   const auto drive = gsv::openDrive(arguments.drive);
   const auto nextImage = [&] {
     for (;;) {
@@ -180,15 +162,13 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
   for (std::size_t i = 1; i < points.size(); ++i) {
     const cv::Mat current = nextImage();
     const double cpu_begin = gsv::threadCpuMs();
-    gsv::Stopwatch watch;
+    const gsv::Stopwatch total;
     std::vector<cv::Mat> to = pyramid(current);
-    const double pyramid_ms = watch.lapMs();
-
+    const gsv::Stopwatch detection;
     std::vector<cv::Point2f> corners;
     cv::goodFeaturesToTrack(current, corners, std::max(1, static_cast<int>(points[i].size())),
                             kCornerQuality, options.cell_size * current.cols / 2);
-    const double detect_ms = watch.lapMs();
-
+    const double detect_ms = detection.ms();
     std::vector<cv::Point2f> found;
     std::vector<unsigned char> ok;
     std::vector<float> error;
@@ -196,23 +176,24 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
       cv::calcOpticalFlowPyrLK(from, to, points[i], found, ok, error, window,
                                options.pyramid_levels);
     }
-    const double track_ms = watch.lapMs();
-    csv << i << ',' << points[i].size() << ',' << pyramid_ms << ',' << detect_ms << ',' << track_ms
-        << ',' << pyramid_ms + detect_ms + track_ms << ',' << gsv::threadCpuMs() - cpu_begin
+    csv << i << ',' << detect_ms << ',' << total.ms() << ',' << gsv::threadCpuMs() - cpu_begin
         << '\n';
     from = std::move(to);
   }
   return csv.str();
 }
 
-void run(Arguments arguments) {
-  useCores(arguments.cores);
+int run(Arguments arguments) {
   cv::setNumThreads(1);
   gsv::makeFolder(arguments.out);  // fails before the run, not after it
-  arguments.drive.options.ahead = arguments.cores > 1;
+  cpu_set_t cores;                 // that this process may use
+  arguments.drive.options.ahead =
+      sched_getaffinity(0, sizeof cores, &cores) == 0 && CPU_COUNT(&cores) > 1;
   const std::vector<Pixels> pixels = measurePipeline(arguments);
-  if (!arguments.baseline) return;
-  gsv::writeFile(fs::path(arguments.out) / "baseline.csv", measureBaseline(arguments, pixels));
+  if (arguments.baseline) {
+    gsv::writeFile(fs::path(arguments.out) / "baseline.csv", measureBaseline(arguments, pixels));
+  }
+  return 0;
 }
 
 }  // namespace
@@ -226,9 +207,6 @@ int main(int argc, char** argv) {
                                 kDetails);
   arguments.addTo(&command_line, "folder for the files below");
   command_line.options().add_options()  //
-      ("cores", gsv::numberInRange("--cores", &arguments.cores, "N", 1, 1024),
-       "processor cores that the process may use; with 1 each image is decoded before it is "
-       "processed, with more while the previous one is processed")  //
       ("baseline", gsv::po::bool_switch(&arguments.baseline),
        "afterwards, over the same images: OpenCV's pyramid, corner detection and Lucas-Kanade "
        "alone, "
@@ -236,9 +214,5 @@ int main(int argc, char** argv) {
       ("repeat", gsv::numberInRange("--repeat", &arguments.repeat, "N", 1, 100000),
        "drive the sequence N times in turn");
   return command_line.run(
-      argc, argv, [&] { arguments.check(); },
-      [&] {
-        run(arguments);
-        return 0;
-      });
+      argc, argv, [&] { arguments.check(); }, [&] { return run(arguments); });
 }

@@ -283,7 +283,7 @@ void reportInconsistentScale(const gsv::RunRecord& record,
       metrics.error_median_percent);
 }
 
-void evaluate(const Arguments& arguments) {
+int evaluate(const Arguments& arguments) {
   Played played;
   readPlayed(arguments, played);
   Recorded recorded;
@@ -330,6 +330,7 @@ void evaluate(const Arguments& arguments) {
   }
   gsv::writeRun(arguments.out, record, arguments.camera_height, ground_truth);
   if (!ground_truth.empty()) reportInconsistentScale(record, ground_truth);
+  return 0;
 }
 
 }  // namespace
@@ -365,8 +366,5 @@ int main(int argc, char** argv) {
         gsv::requireInRange("--camera-height", arguments.camera_height, gsv::kMinCameraHeight,
                             gsv::kMaxCameraHeight);
       },
-      [&] {
-        evaluate(arguments);
-        return 0;
-      });
+      [&] { return evaluate(arguments); });
 }

@@ -41,10 +41,6 @@ class Observer {
     frame_ = handle_.subscribe<gsv::VoFrameMsg>(
         "vo/frame", kQueue, [this](const auto& message) { onFrame(message->header.stamp); }, {},
         hints);
-    scale_ = handle_.subscribe<gsv::ScaleEstimateMsg>(
-        "scale", kQueue,
-        [this](const auto& message) { recordArrival(message->header.stamp, &Line::scale); }, {},
-        hints);
     odometry_ = handle_.subscribe<nav_msgs::Odometry>(
         "odometry", kQueue,
         [this](const auto& message) { recordArrival(message->header.stamp, &Line::odometry); }, {},
@@ -52,12 +48,11 @@ class Observer {
   }
 
   std::string csv() const {
-    std::ostringstream stream =
-        gsv::csvStream("stamp,image,frame,scale,odometry,cpu_s,rss_mb,peak_rss_mb");
+    std::ostringstream stream = gsv::csvStream("stamp,image,frame,odometry,cpu_s,peak_rss_mb");
     for (const auto& [stamp, line] : lines_) {
       stream << gsv::formatSeconds(gsv::toNanoseconds(stamp)) << ',' << line.image << ','
-             << line.frame << ',' << line.scale << ',' << line.odometry << ',' << line.usage.cpu_s
-             << ',' << line.usage.rss_mb << ',' << line.usage.peak_rss_mb << '\n';
+             << line.frame << ',' << line.odometry << ',' << line.usage.cpu_s << ','
+             << line.usage.peak_rss_mb << '\n';
     }
     return stream.str();
   }
@@ -65,7 +60,7 @@ class Observer {
  private:
   struct Line {
     // Arrival times since the start of this program [s]; NaN: not arrived.
-    double image = NAN, frame = NAN, scale = NAN, odometry = NAN;
+    double image = NAN, frame = NAN, odometry = NAN;
     gsv::ProcessUsage usage;  // of the manager when vo/frame arrived
   };
 
@@ -85,10 +80,10 @@ class Observer {
   ros::NodeHandle handle_;
   std::optional<pid_t> process_;  // of the manager
   std::map<ros::Time, Line> lines_;
-  ros::Subscriber image_, frame_, scale_, odometry_;
+  ros::Subscriber image_, frame_, odometry_;
 };
 
-void run(const std::string& file) {
+int run(const std::string& file) {
   // Fails before the run when FILE cannot be written, and leaves no empty table behind.
   gsv::writeFile(file, "");
   std::filesystem::remove(file);
@@ -97,6 +92,7 @@ void run(const std::string& file) {
   std::fflush(stdout);
   ros::spin();
   gsv::writeFile(file, observer->csv());
+  return 0;
 }
 
 }  // namespace
@@ -106,8 +102,7 @@ int main(int argc, char** argv) {
   std::string file;
   gsv::CommandLine command_line(
       "graph_observer",
-      "Subscribes to `image`, `vo/frame`, `scale` and `odometry` until it is interrupted (SIGINT), "
-      "then\n"
+      "Subscribes to `image`, `vo/frame` and `odometry` until it is interrupted (SIGINT), then\n"
       "writes FILE: a line per stamp, with the wall time [s] since the start of this "
       "program at\n"
       "which it and the messages computed from it arrived (nan: never). Takes ROS remappings. "
@@ -117,12 +112,8 @@ int main(int argc, char** argv) {
       "Exit status: 0 done, 1 FILE cannot be written, 2 the arguments cannot be used.");
   command_line.options().add_options()  //
       ("out", gsv::requiredValue(&file, "FILE"),
-       "the table: stamp, image, frame, scale, odometry, and cpu_s, rss_mb, peak_rss_mb of "
+       "the table: stamp, image, frame, odometry, and cpu_s, peak_rss_mb of "
        "ground_scale_vo_manager on this machine when vo/frame arrived");
   return command_line.run(
-      argc, argv, [] {},
-      [&] {
-        run(file);
-        return 0;
-      });
+      argc, argv, [] {}, [&] { return run(file); });
 }

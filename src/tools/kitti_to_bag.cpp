@@ -20,6 +20,7 @@
 #include "ground_scale_vo/ros_tools/bag_topics.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "support/command_line.hpp"
+#include "support/complete_output.hpp"
 
 namespace gsv = ground_scale_vo;
 
@@ -35,44 +36,26 @@ struct Arguments {
   bool force = false;
 };
 
-/// Writes a bag under a temporary name beside the final one. Without commit() no file remains.
-class PendingBag {
- public:
-  explicit PendingBag(std::filesystem::path final_name)
-      : final_(std::move(final_name)),
-        temporary_(final_.string() + ".tmp"),
-        bag_(std::make_unique<rosbag::Bag>()) {
-    bag_->open(temporary_.string(), rosbag::bagmode::Write);
-  }
-  ~PendingBag() {
-    if (committed_) return;
+/// Opens a bag, and closes it after write(bag).
+template <typename Write>
+void writeBag(const std::filesystem::path& file, const Write& write) {
+  auto bag = std::make_unique<rosbag::Bag>(file.string(), rosbag::bagmode::Write);
+  try {
+    write(*bag);
+    bag->close();
+  } catch (...) {
     try {
-      bag_->close();
+      bag->close();
     } catch (const std::exception&) {
       // On a full disk close() throws, and the bag's destructor would call it again and terminate
-      // the process: leak the bag, and remove its file below.
+      // the process: leak the bag.
       static rosbag::Bag* leaked = nullptr;
-      leaked = bag_.release();
+      leaked = bag.release();
       static_cast<void>(leaked);
     }
-    std::error_code ignored;
-    std::filesystem::remove(temporary_, ignored);
+    throw;
   }
-  PendingBag(const PendingBag&) = delete;
-  PendingBag& operator=(const PendingBag&) = delete;
-
-  rosbag::Bag& bag() { return *bag_; }
-  void commit() {
-    bag_->close();
-    std::filesystem::rename(temporary_, final_);
-    committed_ = true;
-  }
-
- private:
-  const std::filesystem::path final_, temporary_;
-  std::unique_ptr<rosbag::Bag> bag_;
-  bool committed_ = false;
-};
+}
 
 /// With the bits and channels of the file.
 sensor_msgs::ImagePtr imageOf(const std::filesystem::path& file, const std_msgs::Header& header) {
@@ -87,17 +70,8 @@ sensor_msgs::ImagePtr imageOf(const std::filesystem::path& file, const std_msgs:
                     header);
 }
 
-void convert(const Arguments& arguments) {
-  const gsv::KittiSequence sequence(arguments.sequence);
-  const std::string camera_frame = "camera_gray_left";
-  const std::int64_t shift =
-      sequence.stampNs(0) < kFirstStampNs ? kFirstStampNs - sequence.stampNs(0) : 0;
-
-  if (static_cast<double>(sequence.stampNs(sequence.size() - 1) + shift) >
-      gsv::kLatestStamp * 1e9) {
-    throw gsv::DataError(arguments.sequence + ": its stamps exceed those that a bag can hold");
-  }
-
+/// shift: of the stamps [ns].
+void writeMessages(const gsv::KittiSequence& sequence, std::int64_t shift, rosbag::Bag* bag) {
   sensor_msgs::CameraInfo info = gsv::toCameraInfo(sequence.camera());
   info.K.fill(0.0);
   info.D.clear();
@@ -105,13 +79,12 @@ void convert(const Arguments& arguments) {
   ground_truth.header.frame_id = "world";
   ground_truth.child_frame_id = "camera_left";
 
-  PendingBag pending(arguments.out);
   gsv::ProgressLine progress(sequence.name(), sequence.size());
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     std_msgs::Header header;
     header.seq = static_cast<std::uint32_t>(i);
     header.stamp = gsv::fromNanoseconds(sequence.stampNs(i) + shift);
-    header.frame_id = camera_frame;
+    header.frame_id = "camera_gray_left";
 
     if (!sequence.groundTruth().empty()) {
       ground_truth.header.stamp = header.stamp;
@@ -122,26 +95,38 @@ void convert(const Arguments& arguments) {
       ground_truth.transform.rotation = pose.orientation;
       tf2_msgs::TFMessage message;
       message.transforms.push_back(ground_truth);
-      pending.bag().write(kTfTopic, header.stamp, message);
+      bag->write(kTfTopic, header.stamp, message);
     }
     info.header = header;
-    pending.bag().write(gsv::kKittiCameraInfoTopic, header.stamp, info);
-    pending.bag().write(gsv::kKittiImageTopics.front(), header.stamp,
-                        *imageOf(sequence.files().at(i), header));
+    bag->write(gsv::kKittiCameraInfoTopic, header.stamp, info);
+    bag->write(gsv::kKittiImageTopics.front(), header.stamp,
+               *imageOf(sequence.files().at(i), header));
     progress.step("frames");
   }
-  pending.commit();
+}
+
+void convert(const Arguments& arguments) {
+  const gsv::KittiSequence sequence(arguments.sequence);
+  const std::int64_t shift =
+      sequence.stampNs(0) < kFirstStampNs ? kFirstStampNs - sequence.stampNs(0) : 0;
+  if (static_cast<double>(sequence.stamps().back() + shift) > gsv::kLatestStamp * 1e9) {
+    throw gsv::DataError(arguments.sequence + ": its stamps exceed those that a bag can hold");
+  }
+  gsv::writeCompletely(arguments.out, [&](const std::filesystem::path& partial) {
+    writeBag(partial, [&](rosbag::Bag& bag) { writeMessages(sequence, shift, &bag); });
+  });
   std::printf("%s: %zu frames written to %s%s\n", sequence.name().c_str(), sequence.size(),
               arguments.out.c_str(), sequence.groundTruth().empty() ? ", no ground truth" : "");
 }
 
-void run(const Arguments& arguments) {
+int run(const Arguments& arguments) {
   gsv::requireNewFile(arguments.out, arguments.force);
   try {
     convert(arguments);
   } catch (const rosbag::BagException& error) {
     throw gsv::DataError(arguments.out + " cannot be written: " + error.what());
   }
+  return 0;
 }
 
 }  // namespace
@@ -162,9 +147,5 @@ int main(int argc, char** argv) {
        "the bag; no file has this name until it is complete")  //
       ("force", gsv::po::bool_switch(&arguments.force), "replace FILE when it exists");
   return command_line.run(
-      argc, argv, [] {},
-      [&] {
-        run(arguments);
-        return 0;
-      });
+      argc, argv, [] {}, [&] { return run(arguments); });
 }

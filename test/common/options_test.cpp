@@ -89,9 +89,6 @@ TEST(ParseNumber, AcceptsOnlyCompleteFiniteNumbers) {
   for (const char* text : {"", " 1", "1,5", "1.5m", "nan", "inf", "1e999", "0x10"}) {
     EXPECT_FALSE(parseNumber<double>(text)) << text;
   }
-  EXPECT_EQ(parseInteger("--threads", "8", 1, 8), 8);
-  EXPECT_THROW(parseInteger("--threads", "9", 1, 8), OptionError);
-  EXPECT_THROW(parseInteger("--threads", "1.5", 1, 8), OptionError);
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ struct RenderedDrive {
       : drive(options), images(renderDrive(drive)) {}
 
   RunRecord run(const KnownLengths& known, const std::vector<std::string>& settings = {}) const {
-    return runDrive(drive, images, settings, {}, {}, known);
+    return runDrive(drive, images, settings, known);
   }
   double rle(const RunRecord& record) const {
     return computeOdometryMetrics(groundTruth(drive), record.metricPoses()).rle_percent.value();

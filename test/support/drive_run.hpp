@@ -63,20 +63,6 @@ inline RunRecord runOffline(const SyntheticDrive& drive, const OfflineRun::Optio
   return offline.record();
 }
 
-/// Ground truth T_c0_c of every frame [m].
-inline std::vector<Eigen::Isometry3d> groundTruth(const SyntheticDrive& drive) {
-  std::vector<Eigen::Isometry3d> poses;
-  for (std::size_t i = 0; i < drive.size(); ++i) poses.push_back(drive.frame(i).T_c0_c);
-  return poses;
-}
-
-/// Height of the camera above the road in every frame [m].
-inline std::vector<double> groundTruthHeights(const SyntheticDrive& drive) {
-  std::vector<double> heights;
-  for (std::size_t i = 0; i < drive.size(); ++i) heights.push_back(drive.frame(i).height);
-  return heights;
-}
-
 /// Distance between the positions of two poses.
 inline double distanceBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return (b.translation() - a.translation()).norm();

@@ -25,9 +25,6 @@ inline std::string sizeText(double width, double height) {
 template <typename Number>
 std::optional<Number> parseNumber(const std::string& text);  // double, long double
 
-/// The value of an option, an integer in [min, max]. Throws an OptionError that names the option.
-int parseInteger(const std::string& option, const std::string& text, int min, int max);
-
 /// The candidate with the least edit distance (Levenshtein) to a mistyped name, the first of
 /// equals: for "did you mean ...?". Empty when every distance is more than half of the longer
 /// name's length.

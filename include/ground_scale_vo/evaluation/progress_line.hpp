@@ -16,7 +16,7 @@ namespace ground_scale_vo {
 class ProgressLine {
  public:
   ProgressLine(std::string name, std::size_t total);
-  ~ProgressLine() { end("\n"); }
+  ~ProgressLine() { end(); }
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
@@ -24,14 +24,11 @@ class ProgressLine {
   /// and what details() returns.
   void step(const char* unit, const std::function<std::string()>& details = {});
 
-  /// Clears the line while print() writes whole lines of the result to stdout.
-  void pause(const std::function<void()>& print);
-
  private:
   using Clock = std::chrono::steady_clock;
 
-  /// Leaves the progress line, if the cursor is on it, by writing the terminator.
-  void end(const char* terminator);
+  /// Leaves the progress line, if the cursor is on it.
+  void end();
 
   const std::string name_;
   const std::size_t total_;

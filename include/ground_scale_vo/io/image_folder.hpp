@@ -31,10 +31,8 @@ NumberedFiles imageFiles(const std::filesystem::path& folder);
 ///
 /// With more lines than images the number in the name of an image is that of its line, counted from
 /// 0, as in a part of a KITTI sequence. Throws DataError: names file and line.
-///
-/// fps: [Hz] if positive, the file is not read: the images have this rate, from 0 on.
 std::vector<std::int64_t> readImageStamps(const std::filesystem::path& file,
-                                          const NumberedFiles& images, double fps = 0);
+                                          const NumberedFiles& images);
 
 /// [s] In 1985: later stamps are times since 1970, earlier ones times since the start of a drive.
 constexpr double kEarliestEpoch = 5e8;

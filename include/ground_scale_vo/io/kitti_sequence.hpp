@@ -33,7 +33,7 @@ class KittiSequence {
   struct Options {
     bool unrectified = false;  ///< the images of a raw drive are those before rectification
     bool needs_calibration = true;
-    double fps = 0;  ///< [Hz] the images have this rate and no stamps; 0: stamps are read
+    bool needs_stamps = true;
   };
   /// Throws DataError: no such folder, neither layout, missing or malformed file (names file and
   /// line), no stamp for each image, or not one ground truth pose or height per image.
@@ -49,6 +49,7 @@ class KittiSequence {
   /// images.
   PinholeCamera camera() const;
   std::int64_t stampNs(std::size_t i) const { return stamps_ns_.at(i); }
+  const std::vector<std::int64_t>& stamps() const { return stamps_ns_; }  ///< [ns]
 
   const std::vector<std::filesystem::path>& files() const { return images_.files; }
   /// Something about the images that may be wrong, or empty.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <boost/program_options/options_description.hpp>
+#include <boost/program_options/positional_options.hpp>
 #include <boost/program_options/value_semantic.hpp>
 #include <functional>
 #include <sstream>
@@ -38,20 +39,12 @@ class CommandLine {
           const std::function<int()>& run);
 
  private:
-  struct Positional {
-    std::string name, help;
-    bool required;
-    std::string* one;               ///< null for `all`
-    std::vector<std::string>* all;  ///< null for `one`
-  };
-
   void parse(int argc, char** argv) const;
-  void assignPositionals(const std::vector<std::string>& values) const;
   std::string help() const;
 
   const std::string tool_, summary_, details_;
-  std::vector<Positional> positionals_;
-  po::options_description options_;
+  po::options_description options_, positionals_;
+  po::positional_options_description positions_;  ///< the order of positionals_
 };
 
 /// An optional value. --help shows what the target holds now as its default. `unit` is how --help

@@ -83,7 +83,7 @@ void setIntrinsics(const CameraYaml& yaml, const Numbers& fx_fy_cx_cy, CameraCal
   camera->cy = fx_fy_cx_cy[3];
 }
 
-/// The numbers of the keys that the node has.
+/// The numbers of these keys; those that the node does not have are left out.
 Numbers members(const CameraYaml& yaml, const YAML::Node& node,
                 std::initializer_list<const char*> keys) {
   Numbers numbers;
@@ -160,13 +160,13 @@ CameraCalibration ofVins(const CameraYaml& yaml) {
   const std::string type = yaml.word(yaml.at({"model_type"}));
   camera.model =
       &modelNamed(type, &DistortionModel::vins_names, "the camera model is " + type + ", ");
-  // By the names of a pinhole camera or of a fisheye camera, which has all in one node.
-  setIntrinsics(yaml, members(yaml, projection, {"fx", "mu", "fy", "mv", "cx", "u0", "cy", "v0"}),
-                &camera);
-  camera.distortion =
-      yaml.has("distortion_parameters")
-          ? members(yaml, yaml.at({"distortion_parameters"}), {"k1", "k2", "p1", "p2"})
-          : members(yaml, projection, {"k2", "k3", "k4", "k5"});
+  if (camera.model->is_brown_conrady) {
+    setIntrinsics(yaml, members(yaml, projection, {"fx", "fy", "cx", "cy"}), &camera);
+    camera.distortion = members(yaml, yaml.at({"distortion_parameters"}), {"k1", "k2", "p1", "p2"});
+  } else {
+    setIntrinsics(yaml, members(yaml, projection, {"mu", "mv", "u0", "v0"}), &camera);
+    camera.distortion = members(yaml, projection, {"k2", "k3", "k4", "k5"});
+  }
   return camera;
 }
 

@@ -137,6 +137,9 @@ TEST_F(CameraFile, RefusesOtherModelsByName) {
       error("model_type: MEI\nimage_width: 640\nimage_height: 480\nprojection_parameters: {a: 1}"),
       "/camera.yaml cannot be used: the camera model is MEI, supported are PINHOLE and "
       "KANNALA_BRANDT");
+  EXPECT_EQ(error("model_type: PINHOLE\nimage_width: 640\nimage_height: 480\n"
+                  "projection_parameters: {fx: 500, fy: 510, cx: 310, cy: 230}"),
+            "/camera.yaml: has no distortion_parameters");
   EXPECT_EQ(error("cam0: {camera_model: omni}"),
             "/camera.yaml: the camera model is omni, supported is pinhole");
   EXPECT_EQ(error("Camera.fx: 1\nCamera.fy: 1\nCamera.cx: 1\nCamera.cy: 1\nCamera.type: Omni"),

@@ -142,7 +142,7 @@ void SelfCalibratingOdometry::Impl::warmUp(const cv::Mat& image, Output* output)
   next->continueFrom(last, other.frame, length / own_length, first_unused_id);
   next->report(&other);
   other.times.total += output->times.total;
-  other.lens_changed = true;
+  other.frame.continuity = Continuity::kOtherLens;
   *output = std::move(other);
   current = std::move(next);
   better_lens.reset();

@@ -42,7 +42,6 @@ class SelfCalibratingOdometry {
   struct Output : VisualOdometry::Output {
     cv::Mat image;  ///< undistorted, of frame.camera; the given image if that has no distortion
     cv::Mat mask;   ///< of this image; the same cv::Mat while frame.camera is the same
-    bool lens_changed = false;  ///< with this frame
   };
 
   /// lens: of the given images. mask: of the given images, as for VisualOdometry. Throws

@@ -127,7 +127,7 @@ void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back)
   const SelfCalibratingOdometry::Output output =
       odometry_->process(image.pixels.grey, toNanoseconds(header.stamp));
   publish(output, header);
-  if (output.lens_changed) publishLens(header);
+  if (output.frame.continuity == Continuity::kOtherLens) publishLens(header);
   last_frame_ = output.frame;
 }
 

@@ -35,6 +35,16 @@ std::string FrameContinuity::next(VoFrame& frame, const std::string& camera_fram
   if (!camera_frame.empty()) camera_frame_ = camera_frame;
   if (!reason.empty()) startTrajectory();
   numberMap(frame);
+  if (frame.status == VoStatus::kLost) return reason;  // it tells nothing about the map
+  if (!map_id_) {
+    frame.continuity = Continuity::kNewTrajectory;
+  } else if (frame.map_id != *map_id_) {
+    frame.continuity = Continuity::kNewMap;
+  } else if (!isSameCamera(frame.camera, camera_)) {
+    frame.continuity = Continuity::kOtherLens;
+  }
+  map_id_ = frame.map_id;
+  camera_ = frame.camera;
   return reason;
 }
 

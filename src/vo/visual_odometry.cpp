@@ -75,6 +75,7 @@ struct VisualOdometry::Impl {
 
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;
+  Continuity continuity = Continuity::kNewTrajectory;  ///< of the frame that is processed
   std::uint32_t next_sequence = 0;
   MapStart map_start;
   /// From the last frame with a pose, or from the first image, to the first frame of the next map.
@@ -110,6 +111,7 @@ struct VisualOdometry::Impl {
                                                ? initialise(std::move(pyramid), stamp_ns, &out)
                                                : track(std::move(pyramid), stamp_ns, &out);
       fill(visible, &out.frame);
+      continuity = Continuity::kSameMap;
     }
     return out;
   }
@@ -270,6 +272,7 @@ struct VisualOdometry::Impl {
     rotation_to_start = interruption.rotation();
     interruption.end();
     ++map_id;
+    continuity = Continuity::kNewMap;
     restart(std::move(*image), stamp_ns, out->frame.sequence);
     return false;
   }
@@ -405,6 +408,7 @@ struct VisualOdometry::Impl {
   void fill(const std::vector<Feature>& visible, VoFrame* frame) const {
     frame->status = status;
     frame->map_id = map_id;
+    frame->continuity = continuity;
     if (status != VoStatus::kInitialising) frame->map_start = map_start;
     if (status == VoStatus::kTracking) {
       frame->pose_covariance = pose_covariance;

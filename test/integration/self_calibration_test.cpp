@@ -54,7 +54,7 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
     const VoFrame& frame = outputs[i].vo.frame;
     EXPECT_EQ(frame.sequence, i);
     EXPECT_EQ(frame.map_id, 0u);
-    if (outputs[i].vo.lens_changed && !has_changed) {
+    if (outputs[i].vo.frame.continuity == Continuity::kOtherLens && !has_changed) {
       has_changed = true;
       EXPECT_TRUE(frame.keyframe);
       EXPECT_EQ(frame.distortion.size(), 5u);

@@ -14,6 +14,17 @@ enum class VoStatus : std::uint8_t { kInitialising = 0, kTracking = 1, kLost = 2
 
 const char* toString(VoStatus status);  ///< "initialising", "tracking", "lost"
 
+/// How a frame continues the frames before it. Decided once: by the odometry for its own frames, by
+/// FrameContinuity (ros/) for received ones; a pose that jumps is a new map for ScaleRecovery. Each
+/// stage is told and compares nothing.
+enum class Continuity : std::uint8_t {
+  kSameMap,         ///< pose and unit of length continue
+  kOtherLens,       ///< the same, with images of a better lens from this frame on
+  kNewMapSameUnit,  ///< the pose does not continue, the unit of length does
+  kNewMap,          ///< neither does; the rotation to it may be known (MapStart)
+  kNewTrajectory    ///< nothing before this frame counts
+};
+
 /// One tracked corner of one frame.
 struct TrackedFeature {
   std::uint64_t id = 0;  ///< constant while the corner is tracked; never reused
@@ -50,6 +61,7 @@ struct VoFrame {
   std::uint32_t sequence = 0;  ///< number of the image, counted by the odometry from 0
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;  ///< increases by one with each new map; VO units differ between maps
+  Continuity continuity = Continuity::kSameMap;  ///< not of a lost frame, which tells nothing
   bool keyframe = false;
   PinholeCamera camera;
   /// plumb_bob distortion (k1, k2, p1, p2, k3) that the odometry itself has removed from the

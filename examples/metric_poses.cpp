@@ -39,7 +39,8 @@ int main(int argc, char** argv) try {
 
   ground_scale_vo::MetricOdometry::Options options;
   options.scale.camera_height = height;
-  ground_scale_vo::MetricOdometry odometry({size.width, size.height, fx, fy, cx, cy}, options);
+  const ground_scale_vo::PinholeCamera camera{size.width, size.height, fx, fy, cx, cy};
+  ground_scale_vo::MetricOdometry odometry(camera, options);
   for (const std::string& file : files) {
     double stamp = 0;
     if (!(times >> stamp)) throw std::invalid_argument(folder + "/times.txt: no stamp for " + file);

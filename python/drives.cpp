@@ -16,14 +16,15 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/evaluation/speed_file.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/input/camera_info.hpp"
-#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/scale/height_file.hpp"
 #include "ground_scale_vo/scale/road.hpp"
+#include "input/camera_info.hpp"
 
 namespace {
 
@@ -88,17 +89,17 @@ class PythonImages : public gsv::ImageSource {
 /// A drive that is read once.
 struct Reader {
   std::unique_ptr<gsv::DriveReader> drive;
-  gsv::GroundTruth truth;
+  gsv::GroundTruth truth = {};
+  gsv::Undistortion undistortion{drive->camera(), drive->mask()};
 };
 using ReaderPtr = std::shared_ptr<Reader>;
 
 ReaderPtr openFiles(const std::string& path, const std::string& camera_file, double fov_deg,
                     bool unrectified, const std::string& mask_file, double fps) {
-  auto reader = std::make_shared<Reader>();
   const py::gil_scoped_release release;
-  reader->drive =
-      gsv::openDrive({path, camera_file, fov_deg, unrectified, {mask_file, fps}}, &reader->truth);
-  return reader;
+  gsv::GroundTruth truth;
+  auto drive = gsv::openDrive({path, camera_file, fov_deg, unrectified, {mask_file, fps}}, &truth);
+  return std::make_shared<Reader>(Reader{std::move(drive), std::move(truth)});
 }
 
 gsv::CameraInfo toCameraInfo(const py::dict& fields) {
@@ -127,7 +128,8 @@ gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
     const gsv::CameraInfo info = toCameraInfo(fields.cast<py::dict>());
     try {
       const gsv::DriveReader::Calibration calibration{
-          gsv::calibrationOf(info, info_topic, is_rectified), "camera_info on topic " + info_topic};
+          gsv::readCameraInfo(info, info_topic, is_rectified),
+          "camera_info on topic " + info_topic};
       *warning = gsv::rectificationSentence(info, is_rectified, image_topic);
       return calibration;
     } catch (const gsv::DataError& error) {
@@ -151,12 +153,11 @@ ReaderPtr openMessages(const std::string& topic, std::size_t count, const py::ob
   } else {
     calibration = calibrationIn(infos, info_topic, topic, is_rectified, &warning);
   }
-  auto reader = std::make_shared<Reader>();
-  reader->drive = std::make_unique<gsv::DriveReader>(
+  auto drive = std::make_unique<gsv::DriveReader>(
       std::make_unique<PythonImages>(topic, count, messages), calibration,
       gsv::DriveReader::Options{mask_file, fps, false});
-  if (!warning.empty()) reader->drive->warn(warning);
-  return reader;
+  if (!warning.empty()) drive->warn(warning);
+  return std::make_shared<Reader>(Reader{std::move(drive)});
 }
 
 /// The next image that can be used, rectified, and its stamp; None after the last one.
@@ -166,13 +167,12 @@ py::object nextRectified(const ReaderPtr& reader) {
     {
       const py::gil_scoped_release release;
       image = reader->drive->next();
-      if (image && !image->given.empty()) {
-        const gsv::CalibratedCamera& camera = reader->drive->camera();
-        if (!camera.isGivenRectified()) image->given = camera.undistortion().image(image->given);
+      if (image && !image->grey.empty()) {
+        image->grey = reader->undistortion.image(image->grey).grey;
       }
     }
     if (!image) return py::none();
-    if (!image->given.empty()) return py::make_tuple(fromImage(image->given), image->stamp_ns);
+    if (!image->grey.empty()) return py::make_tuple(fromImage(image->grey), image->stamp_ns);
   }
 }
 
@@ -201,18 +201,25 @@ py::dict run(const ReaderPtr& reader, const std::string& name, double camera_hei
   return report;
 }
 
-/// open: () -> Reader. The GIL is held only while it is called.
-gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name) {
-  return [open, name, run = 0](const gsv::ImageVisitor& visit) mutable {
+/// open: () -> Reader. The GIL is held only while it is called. camera: of the images' size, else
+/// the drive throws DataError.
+gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
+                             const gsv::CameraCalibration& camera) {
+  return [open, name, camera, run = 0](const gsv::ImageVisitor& visit) mutable {
     ReaderPtr reader;
     {
       const py::gil_scoped_acquire acquire;
       reader = open().cast<ReaderPtr>();
     }
+    const gsv::CameraCalibration& own = reader->drive->camera();
+    if (own.width != camera.width || own.height != camera.height) {
+      throw gsv::DataError(name + ": the images are " + gsv::sizeText(own.width, own.height) +
+                           ", the calibration is of " + gsv::sizeText(camera.width, camera.height));
+    }
     {
       gsv::ProgressLine progress(name + ", run " + std::to_string(++run), reader->drive->count());
       while (const auto image = reader->drive->next()) {
-        if (!image->given.empty()) visit(image->given, image->stamp_ns);
+        if (!image->grey.empty()) visit(image->grey, image->stamp_ns);
         progress.step(" images");
       }
     }
@@ -270,7 +277,7 @@ void calibrateLens(const std::vector<py::object>& drives, const std::vector<std:
     gsv::requireNewFile(output, force);
   }
   const auto first = drives.front()().cast<ReaderPtr>();
-  const gsv::CameraCalibration given = first->drive->camera().calibration();
+  const gsv::CameraCalibration given = first->drive->camera();
   if (!given.hasLens()) {
     throw gsv::DataError(names.front() + ": the distortion is " + given.describe() +
                          ", calibrate estimates plumb_bob with at most 5 coefficients; calibrate "
@@ -283,7 +290,7 @@ void calibrateLens(const std::vector<py::object>& drives, const std::vector<std:
   for (const std::string& setting : settings) gsv::setOption(options, setting);
   std::vector<gsv::RepeatableDrive> repeatable;
   for (std::size_t i = 0; i < drives.size(); ++i) {
-    repeatable.push_back(toDrive(drives[i], names[i]));
+    repeatable.push_back(toDrive(drives[i], names[i], given));
   }
   const gsv::LensCalibration calibration(options);
   const py::gil_scoped_release release;
@@ -305,16 +312,15 @@ void addDrives(py::module* module) {
   py::class_<Reader, ReaderPtr>(*module, "Reader")
       .def_property_readonly("count", [](const Reader& r) { return r.drive->count(); })
       .def_property_readonly("camera",
-                             [](const Reader& r) { return toTuple(r.drive->camera().camera()); })
+                             [](const Reader& r) { return toTuple(r.undistortion.camera()); })
       .def_property_readonly("mask",
                              [](const Reader& r) -> py::object {
-                               const cv::Mat& mask = r.drive->rectifiedMask();
+                               const cv::Mat& mask = r.undistortion.mask();
                                if (mask.empty()) return py::none();
                                return fromImage(mask);
                              })
-      .def_property_readonly(
-          "readout_time",
-          [](const Reader& r) { return r.drive->camera().calibration().readout_time; })
+      .def_property_readonly("readout_time",
+                             [](const Reader& r) { return r.drive->camera().readout_time; })
       .def_property_readonly("ground_truth",
                              [](const Reader& r) { return fromPoses(r.truth.poses); })
       .def_property_readonly("ground_truth_heights",

@@ -12,8 +12,8 @@
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
-#include "ground_scale_vo/input/camera_calibration.hpp"
-#include "ground_scale_vo/input/grey_converter.hpp"
+#include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
 namespace {
@@ -64,7 +64,7 @@ gsv::PinholeCamera makeCamera(const CameraTuple& camera) {
   gsv::PinholeCamera result{width, height, fx, fy, cx, cy, lens_is_estimated};
   result.validate();
   const std::string warning =
-      gsv::checkCalibration(gsv::calibrationOf(result), "the camera", {width, height});
+      gsv::checkCalibration(gsv::withoutDistortion(result), "the camera", {width, height});
   if (!warning.empty() && PyErr_WarnEx(PyExc_UserWarning, warning.c_str(), 1) != 0) {
     throw py::error_already_set();
   }

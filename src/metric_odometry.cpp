@@ -21,13 +21,14 @@ MetricOdometry::Status MetricOdometry::Output::status() const {
   return vo.frame.status == VoStatus::kLost ? Status::kLost : Status::kInitialising;
 }
 
-MetricOdometry::MetricOdometry(const Lens& lens, const Options& options, const cv::Mat& mask)
-    : vo_(lens, validated(options).odometry, mask), scale_(options.scale) {}
+MetricOdometry::MetricOdometry(const CameraCalibration& camera, const Options& options,
+                               const cv::Mat& mask)
+    : vo_(camera, validated(options).odometry, mask), scale_(options.scale) {}
 
 MetricOdometry::Output MetricOdometry::process(const cv::Mat& image, std::int64_t stamp_ns) {
   Output output;
   output.vo = vo_.process(image, stamp_ns);
-  output.scale = scale_.process(output.vo.frame, output.vo.image, output.vo.mask);
+  output.scale = scale_.process(output.vo.frame, output.vo.image.grey, output.vo.image.mask);
   return output;
 }
 

@@ -6,8 +6,6 @@
 #include <optional>
 #include <utility>
 
-#include "ground_scale_vo/input/calibrated_camera.hpp"
-
 namespace ground_scale_vo {
 namespace {
 
@@ -15,27 +13,34 @@ namespace {
 /// abandoned when it has no map.
 constexpr std::size_t kMinWarmUp = 8, kMaxWarmUp = 40;
 
+/// The undistortion by a refined lens, or by the calibration as it is given.
+Undistortion undistortionBy(const LensEstimate& lens, const CameraCalibration& camera,
+                            const cv::Mat& mask) {
+  if (!lens.isEstimate()) return Undistortion(camera, mask);
+  CameraCalibration refined = calibrationOf(lens.lens);
+  if (!camera.hasLens()) return Undistortion(camera, mask, refined);
+  refined.is_part = camera.is_part;
+  return Undistortion(refined, mask);
+}
+
 }  // namespace
 
 /// An odometry on images that are undistorted by one lens, and the numbers and the world frame in
 /// which its frames are reported.
 class LensOdometry {
  public:
-  LensOdometry(const LensEstimate& lens, const VisualOdometry::Options& options,
-               const cv::Mat& mask)
+  LensOdometry(const LensEstimate& lens, const CameraCalibration& camera,
+               const VisualOdometry::Options& options, const cv::Mat& mask)
       : lens_(lens),
-        undistortion_(calibrationOf(lens.lens)),
-        mask_(undistortion_.mask(mask)),
-        vo_(lens.lens.camera, options, mask_) {}
+        undistortion_(undistortionBy(lens, camera, mask)),
+        vo_(undistortion_.camera(), options, undistortion_.mask()) {}
 
   const LensEstimate& lens() const { return lens_; }
 
   SelfCalibratingOdometry::Output process(const cv::Mat& image, std::int64_t stamp_ns) {
     SelfCalibratingOdometry::Output output;
-    const cv::Mat undistorted = undistortion_.image(image);
-    static_cast<VisualOdometry::Output&>(output) = vo_.process(undistorted, stamp_ns);
-    output.image = undistorted;
-    output.mask = mask_;
+    output.image = undistortion_.image(image);
+    static_cast<VisualOdometry::Output&>(output) = vo_.process(output.image.grey, stamp_ns);
     report(&output);
     return output;
   }
@@ -80,7 +85,6 @@ class LensOdometry {
  private:
   const LensEstimate lens_;
   const Undistortion undistortion_;
-  const cv::Mat mask_;
   VisualOdometry vo_;
   std::uint32_t first_sequence_ = 0, first_map_ = 0;
   std::uint64_t first_id_ = 0;
@@ -97,21 +101,22 @@ void SelfCalibratingOdometry::Options::validate() const {
 }
 
 struct SelfCalibratingOdometry::Impl {
-  Impl(const Lens& lens, const Options& options_in, const cv::Mat& mask_in)
+  Impl(const CameraCalibration& camera_in, const Options& options_in, const cv::Mat& mask_in)
       : options((options_in.validate(), options_in)),
-        camera((requireMask(mask_in, lens.camera), lens.camera)),
+        camera(camera_in),
         mask(mask_in),
-        refinement(lens, options.refinement),
-        current(std::make_unique<LensOdometry>(LensEstimate{lens}, options.vo, mask)) {}
+        current(
+            std::make_unique<LensOdometry>(LensEstimate{lensOf(camera)}, camera, options.vo, mask)),
+        refinement(current->lens().lens, options.refinement) {}
 
   void startNext(const VoFrame& frame);
   void warmUp(const cv::Mat& image, Output* output);
 
   const Options options;
-  const PinholeCamera camera;  ///< of the given images
-  const cv::Mat mask;          ///< of the given images
-  LensRefinement refinement;
+  const CameraCalibration camera;  ///< of the images as they come, as is the mask
+  const cv::Mat mask;
   std::unique_ptr<LensOdometry> current, next;
+  LensRefinement refinement;
   std::optional<LensEstimate> better_lens;  ///< until `current` has it
   std::uint64_t first_unused_id = 0;
   std::uint32_t map_id = 0;                             ///< of `current` at the start of `next`
@@ -119,7 +124,7 @@ struct SelfCalibratingOdometry::Impl {
 };
 
 void SelfCalibratingOdometry::Impl::startNext(const VoFrame& frame) {
-  next = std::make_unique<LensOdometry>(*better_lens, options.vo, mask);
+  next = std::make_unique<LensOdometry>(*better_lens, camera, options.vo, mask);
   map_id = frame.map_id;
   positions_w.clear();
 }
@@ -149,16 +154,15 @@ void SelfCalibratingOdometry::Impl::warmUp(const cv::Mat& image, Output* output)
   refinement.restart();
 }
 
-SelfCalibratingOdometry::SelfCalibratingOdometry(const Lens& lens, const Options& options,
-                                                 const cv::Mat& mask)
-    : impl_(std::make_unique<Impl>(lens, options, mask)) {}
+SelfCalibratingOdometry::SelfCalibratingOdometry(const CameraCalibration& camera,
+                                                 const Options& options, const cv::Mat& mask)
+    : impl_(std::make_unique<Impl>(camera, options, mask)) {}
 
 SelfCalibratingOdometry::~SelfCalibratingOdometry() = default;
 
 SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& image,
                                                                  std::int64_t stamp_ns) {
   Impl& s = *impl_;
-  requireImage(image, s.camera);
   Output output = s.current->process(image, stamp_ns);
   if (!s.options.refine_camera) return output;
   for (const TrackedFeature& feature : output.frame.features) {

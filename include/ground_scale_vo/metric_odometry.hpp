@@ -9,7 +9,7 @@
 
 namespace ground_scale_vo {
 
-/// The whole pipeline without ROS: rectified images in, metric poses out. It runs the two stages of
+/// The whole pipeline without ROS: images in, metric poses out. It runs the two stages of
 /// the nodelets one after the other for every image.
 ///
 ///     PinholeCamera camera{1241, 376, 718.9, 718.9, 607.2, 185.2};  // width height fx fy cx cy
@@ -52,22 +52,22 @@ class MetricOdometry {
     const std::optional<MetricPose>& pose() const { return scale.pose; }
   };
 
-  /// camera: of the rectified images. mask: 8-bit, one channel, of their size, shared, not copied;
-  /// 0 where they never show the scene (own vehicle, watermark); empty: no such region. Throws
-  /// OptionError.
+  /// camera: of the images as they come; their distortion is removed. mask: 8-bit, one channel, of
+  /// their size; 0 where they never show the scene (own vehicle, watermark); empty: no such region.
+  /// Throws OptionError.
+  MetricOdometry(const CameraCalibration& camera, const Options& options, const cv::Mat& mask = {});
+  /// For images without distortion.
   MetricOdometry(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {})
-      : MetricOdometry(Lens{camera}, options, mask) {}
-  /// For images with distortion, which is removed. mask: of the given images.
-  MetricOdometry(const Lens& lens, const Options& options, const cv::Mat& mask = {});
+      : MetricOdometry(withoutDistortion(camera), options, mask) {}
 
-  /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size, rectified
-  /// (throws OptionError otherwise). stamp_ns: [ns]; greater than for the previous image.
+  /// Processes the next image of the drive. image: 8-bit, one channel, the camera's size (throws
+  /// OptionError otherwise). stamp_ns: [ns]; greater than for the previous image.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
   /// ScaleRecovery::addSpeed(); needs scale.use_speed.
   void addSpeed(const SpeedSample& speed) { scale_.addSpeed(speed); }
 
-  /// Lens of the given images, as used in the last frame.
+  /// SelfCalibratingOdometry::lens().
   const LensEstimate& lens() const { return vo_.lens(); }
 
  private:

@@ -4,12 +4,14 @@
 #include <memory>
 #include <opencv2/core.hpp>
 
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/lens/lens_refinement.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
 namespace ground_scale_vo {
 
-/// VisualOdometry on the images of a camera with distortion, whose lens it refines while driving.
+/// VisualOdometry on images as they come: removes their distortion, and refines the lens while
+/// driving.
 ///
 /// When LensRefinement finds a better lens, a second odometry starts with images undistorted by it.
 /// Once that has a map of its own, it replaces the first one at a keyframe: it continues from the
@@ -40,21 +42,21 @@ class SelfCalibratingOdometry {
   };
 
   struct Output : VisualOdometry::Output {
-    cv::Mat image;  ///< undistorted, of frame.camera; the given image if that has no distortion
-    cv::Mat mask;   ///< of this image; the same cv::Mat while frame.camera is the same
+    CameraImage image;  ///< rectified, of frame.camera; its pixels are the given image's data
+                        ///< if that has no distortion
   };
 
-  /// lens: of the given images. mask: of the given images, as for VisualOdometry. Throws
-  /// OptionError.
-  SelfCalibratingOdometry(const Lens& lens, const Options& options, const cv::Mat& mask = {});
+  /// camera and mask: of the images as they come, as for Undistortion. Throws OptionError.
+  SelfCalibratingOdometry(const CameraCalibration& camera, const Options& options,
+                          const cv::Mat& mask = {});
   ~SelfCalibratingOdometry();
 
   /// The next image of the drive, 8-bit, one channel, the camera's size (throws OptionError
   /// otherwise). Precondition: stamps increase.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
-  /// Lens of the given images, as used in the last frame. Its covariance is zero before the first
-  /// change.
+  /// Lens of the images as they come, or of the rectified ones unless CameraCalibration::hasLens(),
+  /// as used in the last frame. Its covariance is zero before the first change.
   const LensEstimate& lens() const;
 
  private:

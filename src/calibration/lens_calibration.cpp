@@ -58,7 +58,7 @@ LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& l
   VisualOdometry odometry(lens.camera, options_.vo, undistortion.mask());
   LensEstimator estimator(options_.estimator);
   drive([&](const cv::Mat& image, std::int64_t stamp_ns) {
-    const VoFrame frame = odometry.process(undistortion.image(image), stamp_ns).frame;
+    const VoFrame frame = odometry.process(undistortion.image(image).grey, stamp_ns).frame;
     estimator.add(withDistortedFeatures(frame, lens));
   });
   return estimator;

@@ -121,18 +121,17 @@ std::string DriveRun::summary() const {
 DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
                   const DriveRun::OnFrame& on_frame) {
   MetricOdometry::Options odometry_options = options.odometry;
-  const CalibratedCamera& camera = drive->camera();
-  odometry_options.odometry.vo.readout_time = camera.calibration().readout_time;
+  odometry_options.odometry.vo.readout_time = drive->camera().readout_time;
   for (const std::string& setting : options.settings) setOption(odometry_options, setting);
   if (!options.speeds.empty()) odometry_options.scale.use_speed = true;
   odometry_options.validate();
-  OfflineRun offline(lensOf(camera.givenCalibration()), odometry_options, drive->givenMask());
+  OfflineRun offline(drive->camera(), odometry_options, drive->mask());
   offline.setSpeeds(options.speeds);
   while (const auto image = drive->next()) {
-    if (image->given.empty()) {
+    if (image->grey.empty()) {
       offline.appendUnused(image->stamp_ns);
     } else {
-      offline.process(image->given, image->stamp_ns, image->decode_ms);
+      offline.process(image->grey, image->stamp_ns, image->decode_ms);
     }
     on_frame(offline.record().frames().back());
   }

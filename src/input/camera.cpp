@@ -1,20 +1,90 @@
 #include "ground_scale_vo/input/camera.hpp"
 
-#include <string>
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <tuple>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/text.hpp"
+#include "input/distortion_model.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 constexpr double kMaxSide = kMaxImageSide;  // [px]
+constexpr double kMaxReadoutTime = 0.2;     // [s], that of the option odometry/readout_time
+
+/// Principal points of cameras lie within 15 % of the centre, those of rectified stereo images
+/// within 30 %. One factor in both coordinates is that of another size.
+constexpr double kMinOtherSize = 1.15;  ///< ratio of two sizes that are told apart
+constexpr double kSameFactor = 1.06;    ///< of both coordinates
+constexpr double kLargeFactor = 1.35;   ///< from which both coordinates may differ by
+constexpr double kSameLargeFactor = 1.12;
+constexpr double kMaxAspect = 1.1;  ///< fy / fx of square pixels
+constexpr double kOffCentre = 0.3;  ///< [half images]
+/// [degrees] A principal point near the upper left corner is that of smaller images only if their
+/// field of view is then that of a camera on a vehicle; else the images are cropped.
+constexpr double kMinFieldOfView = 30;
+
+/// Points per side of the grid on which two rectifications are compared.
+constexpr int kComparedPoints = 5;
+constexpr double kTolerancePx = 0.1;
+
+/// x, y: the principal point over the centre of the image.
+bool isOfOtherSize(const CameraCalibration& c, double x, double y) {
+  if (!(x > 0 && y > 0) || c.is_part) return false;
+  const double larger = std::min(x, y), smaller = 1 / std::max(x, y);
+  const bool is_large = larger > kLargeFactor || smaller > kLargeFactor;
+  if (std::max(x / y, y / x) > (is_large ? kSameLargeFactor : kSameFactor)) return false;
+  const double fov = 2 * std::atan(c.cx / c.fx);  // of images whose centre is the principal point
+  return larger > kMinOtherSize ||
+         (smaller > kMinOtherSize && fov > kRadiansPerDegree * kMinFieldOfView);
+}
+
+[[noreturn]] void refuseSize(const CameraCalibration& c, const std::string& source,
+                             const cv::Size& images) {
+  const int factor = static_cast<int>(std::lround(1.0 * c.width / images.width));
+  const auto isAbout = [factor](int whole, int part) {
+    return std::abs(whole - factor * part) < factor;  // what is left over is cut off
+  };
+  std::string hint;
+  if (c.width == images.height && c.height == images.width) {
+    hint = ": calibrate with images that are turned alike";
+  } else if (c.binning.width > 1 || c.binning.height > 1) {
+    hint = " with its binning of " + sizeText(c.binning.width, c.binning.height) +
+           ": if the calibration is of the binned images, set the binning to 1";
+  } else if (factor > 1 && isAbout(c.width, images.width) && isAbout(c.height, images.height)) {
+    hint = format(
+        ": are the images binned by %d? Scale the calibration, or set the binning in "
+        "camera_info",
+        factor);
+  }
+  throw DataError("the images are " + sizeText(images.width, images.height) + ", but " + source +
+                  " describes " + sizeText(c.width, c.height) + hint);
+}
 
 void require(const cv::Mat& image, const PinholeCamera& camera, const std::string& name) {
   if (image.type() != CV_8UC1) throw OptionError(name + " is not 8-bit with one channel");
   if (image.cols == camera.width && image.rows == camera.height) return;
   throw OptionError(name + " is " + sizeText(image.cols, image.rows) + ", the camera " +
                     sizeText(camera.width, camera.height));
+}
+
+bool areClose(const PinholeCamera& a, const PinholeCamera& b) {
+  const auto same = [](double x, double y) { return std::abs(x - y) <= kTolerancePx; };
+  return a.width == b.width && a.height == b.height && same(a.fx, b.fx) && same(a.fy, b.fy) &&
+         same(a.cx, b.cx) && same(a.cy, b.cy);
+}
+
+CameraCalibration::Pixels mapped(DistortionModel::Map* map, const CameraCalibration& c,
+                                 CameraCalibration::Pixels pixels) {
+  for (cv::Point2d& u : pixels) u = {(u.x - c.cx) / c.fx, (u.y - c.cy) / c.fy};
+  CameraCalibration::Pixels result;
+  map(pixels, c.distortion, &result);
+  for (cv::Point2d& u : result) u = {c.fx * u.x + c.cx, c.fy * u.y + c.cy};
+  return result;
 }
 
 }  // namespace
@@ -39,6 +109,153 @@ void requireImage(const cv::Mat& image, const PinholeCamera& camera) {
 
 void requireMask(const cv::Mat& mask, const PinholeCamera& camera, const std::string& name) {
   if (!mask.empty()) require(mask, camera, name);
+}
+
+bool CameraCalibration::isDistorted() const {
+  return model->counts.front() > 0 ||
+         std::any_of(distortion.begin(), distortion.end(), [](double k) { return k != 0; });
+}
+
+bool CameraCalibration::hasLens() const {
+  return model->is_brown_conrady && distortion.size() <= 5;
+}
+
+void CameraCalibration::setDistortion(const std::string& name,
+                                      const std::vector<double>& coefficients) {
+  const CameraCalibration undistorted;
+  model = undistorted.model;
+  distortion = coefficients;
+  if (isDistorted() || !(name.empty() || name == "none")) {
+    const std::string what = "the distortion model is \"" + name + "\"; ";
+    model = &modelNamed(name, &DistortionModel::names, what);
+  }
+  if (isDistorted()) return;
+  model = undistorted.model;
+  distortion.clear();
+}
+
+CameraCalibration::Pixels CameraCalibration::distorted(const Pixels& pixels) const {
+  return mapped(model->distort, *this, pixels);
+}
+
+CameraCalibration::Pixels CameraCalibration::undistorted(const Pixels& pixels) const {
+  return mapped(model->undistort, *this, pixels);
+}
+
+void CameraCalibration::validate() const {
+  CameraCalibration sized = *this;
+  if (!hasSize() && width == 0 && height == 0) sized.width = sized.height = 1;
+  pinholeOf(sized).validate();
+  requireInRange("fy / fx", fy / fx, 0.1, 10);
+  requireInRange("readout_time [s]", readout_time, 0, kMaxReadoutTime);
+  model->validate(distortion);
+  if (!hasSize() || is_part) return;
+  requireInRange("width * height [px]", 1.0 * width * height, 1, kMaxImagePixels);
+  requireInRange("fx [image widths]", fx / width, 0.02, 500);
+  requireInRange("cx [image widths]", cx / width, -10, 10);
+  requireInRange("cy [image heights]", cy / height, -10, 10);
+}
+
+CameraCalibration CameraCalibration::ofPart(const cv::Rect2d& roi, const cv::Size& bin) const {
+  const bool is_whole = roi.x == 0 && roi.y == 0 && roi.width == width && roi.height == height;
+  const std::string image = "the image of " + sizeText(width, height);
+  const std::string subject = is_whole ? image
+                                       : "the ROI of " + sizeText(roi.width, roi.height) + " at (" +
+                                             std::to_string(static_cast<long long>(roi.x)) + ", " +
+                                             std::to_string(static_cast<long long>(roi.y)) + ")";
+  if (roi.x + roi.width > width || roi.y + roi.height > height) {
+    throw OptionError(subject + " is not inside " + image);
+  }
+  if (roi.width < bin.width || roi.height < bin.height) {
+    throw OptionError("a binning of " + sizeText(bin.width, bin.height) + " leaves no pixel of " +
+                      subject);
+  }
+  CameraCalibration part = *this;
+  part.width = static_cast<int>(roi.width) / bin.width;
+  part.height = static_cast<int>(roi.height) / bin.height;
+  part.fx = fx / bin.width;
+  part.fy = fy / bin.height;
+  part.cx = (cx - roi.x) / bin.width;
+  part.cy = (cy - roi.y) / bin.height;
+  part.is_part = is_part || !is_whole;
+  part.binning = bin;
+  return part;
+}
+
+std::string CameraCalibration::describe() const {
+  std::ostringstream text;
+  text.precision(10);
+  if (hasSize()) text << sizeText(width, height) << ", ";
+  text << "fx " << fx << ", fy " << fy << ", cx " << cx << ", cy " << cy << ", ";
+  if (!isDistorted()) {
+    text << "no distortion";
+    return text.str();
+  }
+  text << model->names.front() << ", D (";
+  for (std::size_t i = 0; i < distortion.size(); ++i) text << (i > 0 ? ", " : "") << distortion[i];
+  text << ")";
+  return text.str();
+}
+
+bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
+  const auto values = [](const CameraCalibration& c) {
+    return std::tie(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.estimated,
+                    c.readout_time, c.model, c.is_part, c.binning.width, c.binning.height);
+  };
+  return values(a) == values(b);
+}
+
+bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
+  if (!areClose(pinholeOf(a), pinholeOf(b))) return false;
+  CameraCalibration::Pixels grid;
+  const double last = kComparedPoints - 1;
+  for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {
+    grid.emplace_back((a.width - 1) * (i % kComparedPoints / last),
+                      (a.height - 1) * (i / kComparedPoints / last));
+  }
+  const auto in_a = a.distorted(grid), in_b = b.distorted(grid);
+  return std::equal(in_a.begin(), in_a.end(), in_b.begin(), [](const auto& u_a, const auto& u_b) {
+    return cv::norm(u_a - u_b) <= kTolerancePx;
+  });
+}
+
+CameraCalibration withoutDistortion(const PinholeCamera& c) {
+  CameraCalibration calibration{c.width, c.height, c.fx, c.fy, c.cx, c.cy};
+  calibration.estimated = c.lens_is_estimated;
+  return calibration;
+}
+
+PinholeCamera pinholeOf(const CameraCalibration& c) {
+  return {c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated};
+}
+
+CameraCalibration ofFieldOfView(double degrees, const cv::Size& size) {
+  requireInRange("the field of view [degrees]", degrees, 10, 150);
+  const double f = 0.5 * size.width / std::tan(0.5 * kRadiansPerDegree * degrees);
+  return {size.width, size.height, f, f, 0.5 * (size.width - 1), 0.5 * (size.height - 1)};
+}
+
+std::string checkCalibration(const CameraCalibration& c, const std::string& source,
+                             const cv::Size& images) {
+  if (c.hasSize() && (c.width != images.width || c.height != images.height)) {
+    refuseSize(c, source, images);
+  }
+  const double x = (c.cx + 0.5) / (0.5 * images.width), y = (c.cy + 0.5) / (0.5 * images.height);
+  if (isOfOtherSize(c, x, y)) {
+    throw DataError(source + " is of another image size: its principal point (" +
+                    format("%.4g, %.4g", c.cx, c.cy) + ") is the centre of images of about " +
+                    sizeText(x * images.width, y * images.height) + ", the images are " +
+                    sizeText(images.width, images.height));
+  }
+  const double aspect = std::max(c.fy / c.fx, c.fx / c.fy);
+  if (aspect > kMaxAspect) {
+    return "fx and fy of " + source + format(" (%.4g, %.4g) differ", c.fx, c.fy) +
+           ": are the images scaled in one direction?";
+  }
+  if (c.is_part || (std::abs(x - 1) <= kOffCentre && std::abs(y - 1) <= kOffCentre)) return {};
+  return "the principal point (" + format("%.4g, %.4g", c.cx, c.cy) + ") of " + source +
+         " is far from the centre of the images of " + sizeText(images.width, images.height) +
+         ": are they cropped?";
 }
 
 }  // namespace ground_scale_vo

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/input/camera.hpp"
+#include "input/distortion_model.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -1,11 +1,11 @@
-#include "ground_scale_vo/input/camera_info.hpp"
+#include "input/camera_info.hpp"
 
 #include <algorithm>
 #include <sstream>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/input/camera.hpp"
+#include "input/distortion_model.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -124,8 +124,8 @@ bool hasPart(const std::string& topic, const std::string& part) {
 
 }  // namespace
 
-CameraCalibration calibrationOf(const CameraInfo& info, const std::string& topic,
-                                bool image_is_rectified) {
+CameraCalibration readCameraInfo(const CameraInfo& info, const std::string& topic,
+                                 bool image_is_rectified) {
   const std::string subject = "camera_info on topic " + topic;
   if (!areFinite(info.K, info.P, info.D, info.R)) {
     throw DataError(subject + " has numbers that are not finite");

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/input/distortion_model.hpp"
+#include "input/distortion_model.hpp"
 
 #include <algorithm>
 #include <opencv2/calib3d.hpp>
@@ -65,6 +65,8 @@ const std::vector<DistortionModel>& distortionModels() {
        undistortFisheye}};
   return kModels;
 }
+
+const DistortionModel& plumbBob() { return distortionModels().front(); }
 
 const DistortionModel& modelNamed(const std::string& name, Names DistortionModel::*names,
                                   const std::string& what) {

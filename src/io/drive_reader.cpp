@@ -6,8 +6,8 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/common/time.hpp"
-#include "ground_scale_vo/input/camera_calibration.hpp"
-#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/input/image.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -49,28 +49,24 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
 DriveReader::~DriveReader() = default;
 
 void DriveReader::open(const cv::Size& size) {
-  CameraCalibration sized =
+  camera_ =
       calibration_.fov_deg > 0 ? ofFieldOfView(calibration_.fov_deg, size) : calibration_.camera;
-  const std::string warning = checkCalibration(sized, calibration_.source, size);
+  const std::string warning = checkCalibration(camera_, calibration_.source, size);
   if (!warning.empty()) warn(warning);
-  sized.width = size.width;
-  sized.height = size.height;
+  camera_.width = size.width;
+  camera_.height = size.height;
   try {
-    camera_ = std::make_unique<CalibratedCamera>(sized);
+    camera_.validate();
   } catch (const OptionError& error) {
     throw DataError(calibration_.source + " cannot be used: " + error.what());
   }
-  cv::Mat mask;
-  if (!options_.mask_file.empty()) {
-    mask = readGreyImage(options_.mask_file);
-    try {
-      requireMask(mask, camera_->camera(), "the mask " + options_.mask_file);
-    } catch (const OptionError& error) {
-      throw DataError(error.what());
-    }
+  if (options_.mask_file.empty()) return;
+  mask_ = readGreyImage(options_.mask_file);
+  try {
+    requireMask(mask_, pinholeOf(camera_), "the mask " + options_.mask_file);
+  } catch (const OptionError& error) {
+    throw DataError(error.what());
   }
-  given_mask_ = camera_->givenMask(mask);
-  rectified_mask_ = camera_->undistortion().mask(mask);
 }
 
 void DriveReader::startLoading() {
@@ -114,7 +110,7 @@ std::optional<DriveReader::Image> DriveReader::next() {
   if (entries_.empty()) return std::nullopt;
   const Image image = entries_.front()->image;
   entries_.pop_front();
-  if (!image.given.empty()) ++used_;
+  if (!image.grey.empty()) ++used_;
   return image;
 }
 
@@ -127,12 +123,12 @@ void DriveReader::add(const Stored& stored) {
   entry->is_decided = true;
   try {
     if (image.pixels.empty()) throw DataError(image.error);
-    const cv::Size size(camera_->calibration().width, camera_->calibration().height);
+    const cv::Size size(camera_.width, camera_.height);
     if (image.pixels.size() != size) {
       return lose(format("have another size than %d x %d", size.width, size.height),
                   format("it has %d x %d", image.pixels.cols, image.pixels.rows));
     }
-    entry->image.given = camera_->given(grey_converter_.convert(image.pixels, image.encoding));
+    entry->image.grey = grey_converter_.convert(image.pixels, image.encoding);
   } catch (const DataError& error) {
     return lose(kDamaged, error.what());
   }
@@ -172,7 +168,7 @@ void DriveReader::use(const EntryPtr& entry, bool starts_again) {
 }
 
 void DriveReader::decideFirst(bool is_used) {
-  if (!is_used) first_used_->image.given.release();
+  if (!is_used) first_used_->image.grey.release();
   first_used_->is_decided = true;
   first_used_.reset();
 }
@@ -180,7 +176,7 @@ void DriveReader::decideFirst(bool is_used) {
 void DriveReader::loseOldestWaiting(const std::string& reason) {
   ++wrong_stamps_;
   lose(kWrongStamp, reason);
-  waiting_.front()->image.given.release();
+  waiting_.front()->image.grey.release();
   waiting_.front()->is_decided = true;
   waiting_.pop_front();
 }

@@ -6,9 +6,9 @@
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/input/camera_calibration.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
 namespace ground_scale_vo {

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/io/drive_reader.hpp"
 #include "ground_scale_vo/io/image_folder.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"

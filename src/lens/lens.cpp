@@ -45,13 +45,14 @@ Eigen::Vector2d Lens::unproject(const Eigen::Vector2d& u) const {
 }
 
 Lens lensOf(const CameraCalibration& calibration) {
+  if (!calibration.hasLens()) return Lens(pinholeOf(calibration));
   std::vector<double> d = calibration.distortion;
   d.resize(5);
   return Lens(pinholeOf(calibration), d[0], d[1], d[4], d[2], d[3]);
 }
 
 CameraCalibration calibrationOf(const Lens& lens) {
-  CameraCalibration calibration = calibrationOf(lens.camera);
+  CameraCalibration calibration = withoutDistortion(lens.camera);
   calibration.distortion = {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3};
   return calibration;
 }

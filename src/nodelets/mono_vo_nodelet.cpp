@@ -24,7 +24,7 @@ constexpr std::uint32_t kImageQueue = 100;  // [images] that wait for their call
 
 void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   params_ = loadParams<MonoVoParams>(private_handle);
-  stamp_filter_ = std::make_unique<StampFilter<RectifiedImage>>(
+  stamp_filter_ = std::make_unique<StampFilter<GreyImage>>(
       params_.images.clock_jump_s,
       [this](const std::string& reason) { log_->drop("image stamp", withMissingClock(reason)); });
   receiver_ = std::make_unique<ImageReceiver>(
@@ -32,7 +32,7 @@ void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_hand
       [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); },
       [this] { scheduleProcessing(); });
   if (!params_.readout_time_is_given && receiver_->camera()) {
-    params_.odometry.vo.readout_time = receiver_->camera()->calibration().readout_time;
+    params_.odometry.vo.readout_time = receiver_->camera()->readout_time;
   }
   frame_publisher_ = handle.advertise<VoFrameMsg>("vo/frame", kPublishQueue);
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("vo/odometry", kPublishQueue);
@@ -57,7 +57,7 @@ std::string MonoVoNodelet::saveCamera() const {
   if (!odometry_ || !odometry_->lens().isEstimate()) {
     throw DataError("the calibration is not refined yet: the camera has not turned enough");
   }
-  if (odometry_camera_->isGivenRectified()) {
+  if (!odometry_camera_->hasLens()) {
     throw DataError(
         "the refined calibration is that of the rectified images, as the distortion of the raw "
         "ones is not plumb_bob: it cannot be saved");
@@ -85,7 +85,7 @@ void MonoVoNodelet::scheduleProcessing() {
     const sensor_msgs::ImageConstPtr image = images_.front();
     images_.pop_front();
     try {
-      rectify(image);
+      convert(image);
     } catch (const std::exception& error) {
       log_->drop("image failed", error.what());
     }
@@ -93,18 +93,18 @@ void MonoVoNodelet::scheduleProcessing() {
   });
 }
 
-void MonoVoNodelet::rectify(const sensor_msgs::ImageConstPtr& image) {
+void MonoVoNodelet::convert(const sensor_msgs::ImageConstPtr& image) {
   const Stopwatch watch;
-  const MaskedImage pixels = receiver_->convert(*image, !params_.odometry.refine_camera);
-  if (pixels.grey.empty()) return;
+  const cv::Mat grey = receiver_->toGrey(*image);
+  if (grey.empty()) return;
   for (const auto& accepted : stamp_filter_->filter(toNanoseconds(image->header.stamp),
-                                                    {image, pixels, receiver_->camera()})) {
+                                                    {image, grey, receiver_->camera()})) {
     process(accepted.message, accepted.clock_jumped_back);
     countFrame(watch);
   }
 }
 
-void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back) {
+void MonoVoNodelet::process(const GreyImage& image, bool clock_jumped_back) {
   std_msgs::Header header = image.message->header;
   const std::string slash = leadingSlashWarning(header.frame_id, "frame_id of the images");
   if (!slash.empty()) log_->warn("frame_id", slash);
@@ -116,29 +116,24 @@ void MonoVoNodelet::process(const RectifiedImage& image, bool clock_jumped_back)
     reset();
   }
   if (!odometry_) {
-    const CalibratedCamera& camera = *image.camera;
-    const Lens lens =
-        params_.odometry.refine_camera ? lensOf(camera.givenCalibration()) : Lens{camera.camera()};
-    odometry_ =
-        std::make_unique<SelfCalibratingOdometry>(lens, params_.odometry, image.pixels.mask);
+    odometry_ = std::make_unique<SelfCalibratingOdometry>(*image.camera, params_.odometry,
+                                                          receiver_->mask());
     odometry_camera_ = image.camera;
     painter_ = TrackPainter();
   }
   const SelfCalibratingOdometry::Output output =
-      odometry_->process(image.pixels.grey, toNanoseconds(header.stamp));
+      odometry_->process(image.grey, toNanoseconds(header.stamp));
   publish(output, header);
   if (output.frame.continuity == Continuity::kOtherLens) publishLens(header);
   last_frame_ = output.frame;
 }
 
-std::string MonoVoNodelet::restartReason(const RectifiedImage& image,
-                                         bool clock_jumped_back) const {
+std::string MonoVoNodelet::restartReason(const GreyImage& image, bool clock_jumped_back) const {
   if (!odometry_) return {};
   if (clock_jumped_back) return "the clock jumped back";
   if (image.camera == odometry_camera_) return {};
   return "camera_info on topic " + receiver_->cameraInfoTopic() + " changed from " +
-         odometry_camera_->calibration().describe() + " to " +
-         image.camera->calibration().describe();
+         odometry_camera_->describe() + " to " + image.camera->describe();
 }
 
 void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
@@ -153,7 +148,7 @@ void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
   }
   if (tracks_publisher_.getNumSubscribers() > 0) {
     tracks_publisher_.publish(
-        painter_.paint(output.image, frame, output.rejected, header, output.mask));
+        painter_.paint(output.image.grey, frame, output.rejected, header, output.image.mask));
   }
 }
 

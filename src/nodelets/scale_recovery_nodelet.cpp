@@ -141,7 +141,7 @@ void ScaleRecoveryNodelet::processReady(bool may_wait) {
 void ScaleRecoveryNodelet::process(const VoFrame& frame, const std_msgs::Header& header,
                                    const sensor_msgs::ImageConstPtr& message) {
   const Stopwatch watch;
-  const MaskedImage image = message ? receiver_->imageOf(frame, *message) : MaskedImage();
+  const CameraImage image = message ? receiver_->imageOf(frame, *message) : CameraImage();
   ScaleRecovery::Output output;
   try {
     output = recovery_->process(frame, image.grey, image.mask);
@@ -156,7 +156,7 @@ void ScaleRecoveryNodelet::process(const VoFrame& frame, const std_msgs::Header&
 }
 
 void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const VoFrame& frame,
-                                   const MaskedImage& image, const std_msgs::Header& header) {
+                                   const CameraImage& image, const std_msgs::Header& header) {
   scale_publisher_.publish(toMsg(output.scale, frame.map_id, header));
   odometry_->publish(output.pose, header);
   if (output.scale.status != ScaleStatus::kUnknown) publishGround(output, frame, header);

@@ -14,7 +14,8 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
+#include "input/camera_info.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -382,7 +383,7 @@ sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& c) {
 }
 
 sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera) {
-  return toCameraInfo(calibrationOf(camera));
+  return toCameraInfo(withoutDistortion(camera));
 }
 
 }  // namespace ground_scale_vo

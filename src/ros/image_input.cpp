@@ -5,10 +5,10 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/camera.hpp"
-#include "ground_scale_vo/input/camera_calibration.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/lens/lens.hpp"
+#include "input/camera_info.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -34,7 +34,7 @@ ImageRectifier::ImageRectifier(bool image_is_rectified, const std::string& mask_
                                const std::string& camera_file)
     : image_is_rectified_(image_is_rectified),
       mask_name_("parameter mask: " + mask_file),
-      raw_mask_(readMask(mask_file)) {
+      mask_(readMask(mask_file)) {
   if (!camera_file.empty()) readCamera(camera_file);
 }
 
@@ -52,7 +52,7 @@ void ImageRectifier::readCamera(const std::string& file) {
 }
 
 void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic) {
-  const CameraCalibration calibration = calibrationOf(fromMsg(info), topic, image_is_rectified_);
+  const CameraCalibration calibration = readCameraInfo(fromMsg(info), topic, image_is_rectified_);
   const std::string source = "camera_info on topic " + topic;
   const std::string warning = check(calibration, source);
   using Verdict = decltype(calibrations_)::Verdict;
@@ -65,7 +65,7 @@ void ImageRectifier::setCameraInfo(const sensor_msgs::CameraInfo& info, const st
 std::string ImageRectifier::check(const CameraCalibration& calibration,
                                   const std::string& source) const {
   try {
-    requireMask(raw_mask_, pinholeOf(calibration), mask_name_);
+    requireMask(mask_, pinholeOf(calibration), mask_name_);
   } catch (const OptionError& error) {
     throw DataError(std::string(error.what()) + " of " + source);
   }
@@ -74,44 +74,41 @@ std::string ImageRectifier::check(const CameraCalibration& calibration,
 
 void ImageRectifier::use(const CameraCalibration& calibration, const std::string& source,
                          const std::string& warning) {
-  camera_ = std::make_shared<const CalibratedCamera>(calibration);
+  undistortion_.emplace(calibration, mask_);
+  camera_ = std::make_shared<const CameraCalibration>(calibration);
   source_ = source;
   calibration_warning_ = warning;
-  mask_ = camera_->undistortion().mask(raw_mask_);
-  given_mask_ = camera_->isGivenRectified() ? mask_ : raw_mask_;
   refined_.reset();
 }
 
 std::string ImageRectifier::calibrationError() const {
   if (!calibrations_.refused()) return {};
-  return source_ + " keeps changing, as of two cameras: " + camera_->calibration().describe() +
+  return source_ + " keeps changing, as of two cameras: " + camera_->describe() +
          " is used until it settles, the last one is " + calibrations_.refused()->describe() +
          "; publish one constant calibration";
 }
 
-MaskedImage ImageRectifier::rectify(const sensor_msgs::Image& image) {
-  return {camera_->undistortion().image(toGrey(image)), mask_};
+CameraImage ImageRectifier::rectify(const sensor_msgs::Image& image) {
+  return undistortion_->image(toGrey(image));
 }
 
-MaskedImage ImageRectifier::given(const sensor_msgs::Image& image) {
-  return {camera_->given(toGrey(image)), given_mask_};
-}
-
-MaskedImage ImageRectifier::refined(const sensor_msgs::Image& image,
-                                    const CameraCalibration& calibration) {
-  if (!refined_ || !(refined_->calibration == calibration)) {
-    const Undistortion undistortion(calibration);
-    refined_.emplace(Refined{calibration, undistortion, undistortion.mask(given_mask_)});
+CameraImage ImageRectifier::refined(const sensor_msgs::Image& image,
+                                    const CameraCalibration& lens) {
+  if (!refined_ || !(lens_ == lens)) {
+    lens_ = lens;
+    if (camera_->hasLens()) {
+      refined_.emplace(lens, mask_);
+    } else {
+      refined_.emplace(*camera_, mask_, lens);
+    }
   }
-  return {refined_->undistortion.image(given(image).grey), refined_->mask};
+  return refined_->image(toGrey(image));
 }
 
-/// Before rectification. Throws DataError.
 cv::Mat ImageRectifier::toGrey(const sensor_msgs::Image& image) {
-  const CameraCalibration& calibration = camera_->calibration();
   const cv::Size size(static_cast<int>(std::min(image.width, kMaxImageSide)),
                       static_cast<int>(std::min(image.height, kMaxImageSide)));
-  if (size != sizeOf(calibration)) checkCalibration(calibration, source_, size);  // throws
+  if (size != sizeOf(*camera_)) checkCalibration(*camera_, source_, size);  // throws
   return grey_converter_.convert(fromMsg(image));
 }
 
@@ -206,20 +203,19 @@ void ImageReceiver::onImage(const sensor_msgs::ImageConstPtr& image) {
   on_image_(image);
 }
 
-MaskedImage ImageReceiver::convert(const sensor_msgs::Image& image, bool rectify) {
-  return checked(image,
-                 [&] { return rectify ? rectifier_.rectify(image) : rectifier_.given(image); });
+cv::Mat ImageReceiver::toGrey(const sensor_msgs::Image& image) {
+  return checked(image, [&] { return CameraImage{rectifier_.toGrey(image), {}, {}}; }).grey;
 }
 
-MaskedImage ImageReceiver::imageOf(const VoFrame& frame, const sensor_msgs::Image& image) {
+CameraImage ImageReceiver::imageOf(const VoFrame& frame, const sensor_msgs::Image& image) {
   if (!camera()) return {};
   if (!frame.distortion.empty()) {  // the odometry refines the lens
     CameraCalibration calibration = calibrationOf(Lens{frame.camera});
     std::copy(frame.distortion.begin(), frame.distortion.end(), calibration.distortion.begin());
     return checked(image, [&] { return rectifier_.refined(image, calibration); });
   }
-  if (isSameCalibration(calibrationOf(camera()->camera()), calibrationOf(frame.camera))) {
-    return convert(image, true);
+  if (isSameCalibration(withoutDistortion(pinholeOf(*camera())), withoutDistortion(frame.camera))) {
+    return checked(image, [&] { return rectifier_.rectify(image); });
   }
   const std::string source_error = sourceError();
   log_->drop("other camera", source_error.empty()
@@ -229,8 +225,8 @@ MaskedImage ImageReceiver::imageOf(const VoFrame& frame, const sensor_msgs::Imag
 }
 
 /// The conversion of an image, unless it is of another camera.
-MaskedImage ImageReceiver::checked(const sensor_msgs::Image& image, const Conversion& conversion) {
-  MaskedImage converted;
+CameraImage ImageReceiver::checked(const sensor_msgs::Image& image, const Conversion& conversion) {
+  CameraImage converted;
   try {
     converted = conversion();
   } catch (const std::exception& error) {

@@ -90,8 +90,7 @@ Pixels trackedPixels(const gsv::VisualOdometry::Output& vo) {
 /// writes timing.csv and usage.csv. Returns each frame's pixels with --baseline.
 std::vector<Pixels> measurePipeline(const Arguments& arguments) {
   auto drive = gsv::openDrive(arguments.drive);
-  gsv::OfflineRun run(gsv::lensOf(drive->camera().givenCalibration()), arguments.options,
-                      drive->givenMask());
+  gsv::OfflineRun run(drive->camera(), arguments.options, drive->mask());
   gsv::RunProgress progress(gsv::resultName(arguments.drive.path),
                             arguments.repeat * drive->count());
   const auto frames = gsv::OdometryFrames::ofCamera("odom", "camera");
@@ -108,14 +107,14 @@ std::vector<Pixels> measurePipeline(const Arguments& arguments) {
       const auto image = drive->next();
       const double frame_begin = gsv::threadCpuMs();
       if (!image) break;
-      if (image->given.empty()) continue;
+      if (image->grey.empty()) continue;
       constexpr std::int64_t kPause = 100'000'000;  // [ns] between two passes
       if (pass > 0 && last_ns >= image->stamp_ns + offset_ns) {
         offset_ns = last_ns + kPause - image->stamp_ns;
       }
       last_ns = image->stamp_ns + offset_ns;
       const std::size_t i = run.record().frames().size();
-      const gsv::RunFrame& frame = run.process(image->given, last_ns, image->decode_ms);
+      const gsv::RunFrame& frame = run.process(image->grey, last_ns, image->decode_ms);
       const double frame_end = gsv::threadCpuMs();
       const gsv::Stopwatch watch;
       if (serialiseMessages(run, frames) == 0) throw std::logic_error("messages without bytes");
@@ -154,7 +153,7 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
   const auto drive = gsv::openDrive(arguments.drive);
   const auto nextImage = [&] {
     for (;;) {
-      const cv::Mat image = drive->next().value().given;
+      const cv::Mat image = drive->next().value().grey;
       if (!image.empty()) return image;
     }
   };

@@ -14,7 +14,7 @@
 #include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
-#include "ground_scale_vo/input/image_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros_tools/bag_topics.hpp"

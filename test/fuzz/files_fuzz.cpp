@@ -69,7 +69,7 @@ void readDrive() {
     const auto drive = openDrive(input);
     std::optional<std::int64_t> last_ns;
     while (const auto image = drive->next()) {
-      if (image->given.empty()) continue;
+      if (image->grey.empty()) continue;
       require(!last_ns || *last_ns < image->stamp_ns, "stamps increase");
       last_ns = image->stamp_ns;
     }

@@ -9,7 +9,7 @@
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/image_input.hpp"
 #include "ground_scale_vo/ros/odometry_output.hpp"
@@ -45,7 +45,7 @@ class MonoVo {
     const Process process = [=, header = image.header](bool clock_jumped_back) {
       if (!odometry_ || camera_ != camera || clock_jumped_back) {
         camera_ = camera;
-        odometry_ = std::make_unique<VisualOdometry>(camera->camera(), VisualOdometry::Options());
+        odometry_ = std::make_unique<VisualOdometry>(pinholeOf(*camera), VisualOdometry::Options());
         painter_ = TrackPainter();
       }
       const auto output = odometry_->process(grey, toNanoseconds(header.stamp));
@@ -64,7 +64,7 @@ class MonoVo {
 
   ImageRectifier rectifier_;
   StampFilter<Process> filter_{1.0, [](const std::string&) {}};
-  std::shared_ptr<const CalibratedCamera> camera_;
+  std::shared_ptr<const CameraCalibration> camera_;
   std::unique_ptr<VisualOdometry> odometry_;
   TrackPainter painter_;
 };

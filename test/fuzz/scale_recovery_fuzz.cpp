@@ -6,7 +6,7 @@
 
 #include "fuzz_target.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"

@@ -7,7 +7,8 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/input/calibrated_camera.hpp"
+#include "ground_scale_vo/input/image.hpp"
+#include "input/distortion_model.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
@@ -169,14 +170,14 @@ TEST(Undistortion, KeepsImagesWithoutDistortionAndMasksTheBorder) {
   CameraCalibration camera = kCamera;
   camera.distortion.assign(5, 0.0);
   const cv::Mat image(480, 640, CV_8U, cv::Scalar(7));
-  EXPECT_EQ(Undistortion(camera).image(image).data, image.data);
+  EXPECT_EQ(Undistortion(camera).image(image).grey.data, image.data);
   EXPECT_TRUE(Undistortion(camera).mask().empty());
   camera.distortion[0] = 0.05;  // pincushion: the corners come from outside
   const Undistortion undistortion(camera);
   EXPECT_EQ(undistortion.mask().at<uchar>(0, 0), 0);
   EXPECT_EQ(undistortion.mask().at<uchar>(240, 320), 255);
-  EXPECT_EQ(undistortion.image(image).at<uchar>(240, 320), 7);
-  EXPECT_THROW(undistortion.image(image.rowRange(0, 100)), DataError);
+  EXPECT_EQ(undistortion.image(image).grey.at<uchar>(240, 320), 7);
+  EXPECT_THROW(undistortion.image(image.rowRange(0, 100)), OptionError);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/input/camera_info.hpp"
+#include "input/camera_info.hpp"
 
 #include <gtest/gtest.h>
 

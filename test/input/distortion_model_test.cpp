@@ -1,4 +1,4 @@
-#include "ground_scale_vo/input/distortion_model.hpp"
+#include "input/distortion_model.hpp"
 
 #include <gtest/gtest.h>
 

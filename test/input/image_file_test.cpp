@@ -1,11 +1,10 @@
-#include "ground_scale_vo/input/image_file.hpp"
-
 #include <gtest/gtest.h>
 
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/input/image.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

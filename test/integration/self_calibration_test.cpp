@@ -58,7 +58,7 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
       has_changed = true;
       EXPECT_TRUE(frame.keyframe);
       EXPECT_EQ(frame.distortion.size(), 5u);
-      EXPECT_NE(outputs[i].vo.image.data, outputs[i - 1].vo.image.data);
+      EXPECT_NE(outputs[i].vo.image.grey.data, outputs[i - 1].vo.image.grey.data);
       for (const TrackedFeature& feature : frame.features) {
         EXPECT_EQ(before.count(feature.id), 0u);
       }

@@ -59,7 +59,7 @@ DriveReader reader(const std::vector<double>& stamps, std::size_t declared = 0, 
 std::vector<double> read(DriveReader* drive) {
   std::vector<double> stamps;
   while (const auto image = drive->next()) {
-    stamps.push_back(image->given.empty() ? -1 : static_cast<double>(image->stamp_ns) / 1e9);
+    stamps.push_back(image->grey.empty() ? -1 : static_cast<double>(image->stamp_ns) / 1e9);
   }
   return stamps;
 }
@@ -69,7 +69,7 @@ constexpr double kBroken = NAN;
 TEST(DriveReader, GivesEveryImageInOrder) {
   DriveReader drive = reader({0, 0.1, 0.2});
   EXPECT_EQ(read(&drive), (std::vector<double>{0, 0.1, 0.2}));
-  EXPECT_EQ(drive.camera().camera().width, 8);  // of the images
+  EXPECT_EQ(drive.camera().width, 8);  // of the images
   EXPECT_TRUE(drive.warnings().empty());
   EXPECT_EQ(drive.failure(), "");
   DriveReader single = reader({3});
@@ -129,7 +129,7 @@ TEST(DriveReader, ReportsWhatIsMissingOrDamaged) {
 
 TEST(DriveReader, TakesSixteenBitsByTheRangeInUse) {
   DriveReader drive = reader({0, 0.1}, 2, 0, CV_16UC1);
-  EXPECT_EQ(drive.next()->given.at<std::uint8_t>(0, 0), 100);
+  EXPECT_EQ(drive.next()->grey.at<std::uint8_t>(0, 0), 100);
 }
 
 TEST(DriveReader, RefusesTheCalibrationOfAnotherSize) {

@@ -56,7 +56,7 @@ TEST(ImageRectifier, ReplacesItsCameraOnlyForAnotherValidCalibration) {
     rectifier.setCameraInfo(other, "t");
     EXPECT_NE(rectifier.camera(), first);
     rectifier.setCameraInfo(infoOf(11, k1), "t");
-    EXPECT_EQ(rectifier.camera()->camera().fx, 11);
+    EXPECT_EQ(rectifier.camera()->fx, 11);
   }
 }
 

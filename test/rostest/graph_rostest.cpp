@@ -15,8 +15,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
-#include "ground_scale_vo/input/calibrated_camera.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "manager_test.hpp"
 #include "mounting.hpp"
@@ -403,17 +403,13 @@ TEST_F(Graph, ACameraFileDescribesTheImages) {
   pair.setParamOfBoth("image_is_rectified", true);
   ASSERT_TRUE(pair.loadMonoVo() && pair.loadScaleRecovery() && pair.waitUntilConnected(false));
   std::filesystem::remove(file);
-  const Undistortion undistortion(calibration);
   auto options = optionsFor(drive_->drive().cameraHeight());
   options.odometry.vo.readout_time = calibration.readout_time;
-  PinholeCamera camera{c.width,        c.height, calibration.fx, calibration.fy, calibration.cx,
-                       calibration.cy, true};
-  OfflineRun offline(camera, options, undistortion.mask());
+  OfflineRun offline(calibration, options);
   for (std::size_t i = 0; i < kHalf; ++i) {
     pair.publishImage(i);
     ASSERT_TRUE(pair.waitForResult(i)) << i;
-    const RunFrame& record =
-        offline.process(undistortion.image(drive_->grey(i)), drive_->frame(i).stamp_ns);
+    const RunFrame& record = offline.process(drive_->grey(i), drive_->frame(i).stamp_ns);
     EXPECT_NEAR(pair.scales.last()->scale, record.scale.scale, 1e-9) << i;
   }
   EXPECT_GT(pair.scales.last()->scale, 0);

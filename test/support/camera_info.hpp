@@ -1,6 +1,6 @@
 #pragma once
 
-#include "ground_scale_vo/input/camera_info.hpp"
+#include "input/camera_info.hpp"
 
 namespace ground_scale_vo {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/input/calibrated_camera.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/lens/lens_estimator.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
@@ -60,8 +60,8 @@ class LensCalibration {
   /// Throws OptionError.
   explicit LensCalibration(const Options& options);
 
-  /// drives: not empty, images of the calibration's size (throws DataError otherwise). A drive that
-  /// does not observe the lens is left out; the status is that of the first drive if all are.
+  /// drives: not empty, images of the calibration's size (throws OptionError otherwise). A drive
+  /// that does not observe the lens is left out; the status is that of the first drive if all are.
   Result calibrate(const std::vector<RepeatableDrive>& drives, const Lens& calibration) const;
 
  private:

@@ -7,7 +7,7 @@
 namespace ground_scale_vo {
 
 /// Input data or an output file cannot be used. what() is the reason; for a file or folder it
-/// begins with its name (and the line). Of encoded bytes (image_file.hpp) the caller adds the
+/// begins with its name (and the line). Of encoded bytes (decodePixels()) the caller adds the
 /// name.
 class DataError : public std::runtime_error {
  public:

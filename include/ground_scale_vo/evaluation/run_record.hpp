@@ -69,10 +69,10 @@ class OfflineRun {
   using Options = MetricOdometry::Options;
 
   /// The arguments of MetricOdometry. Throws OptionError.
+  OfflineRun(const CameraCalibration& camera, const Options& options, const cv::Mat& mask = {})
+      : odometry_(camera, options, mask) {}
   OfflineRun(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {})
-      : OfflineRun(Lens{camera}, options, mask) {}
-  OfflineRun(const Lens& lens, const Options& options, const cv::Mat& mask = {})
-      : odometry_(lens, options, mask) {}
+      : odometry_(camera, options, mask) {}
 
   /// image and stamp as for MetricOdometry::process(); decode_ms: for the record. Throws
   /// OptionError. Returns the record of this image; valid until the next call.

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "ground_scale_vo/input/camera_calibration.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 

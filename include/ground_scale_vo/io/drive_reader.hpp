@@ -12,9 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/input/calibrated_camera.hpp"
-#include "ground_scale_vo/input/grey_converter.hpp"
-#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/input/image.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
 
 namespace ground_scale_vo {
 
@@ -59,7 +58,7 @@ class DriveReader {
   };
   struct Image {
     std::int64_t stamp_ns = 0;  ///< increases from image to image
-    cv::Mat given;              ///< CalibratedCamera::given(); empty: the image cannot be used
+    cv::Mat grey;               ///< 8-bit, as it comes; empty: the image cannot be used
     double decode_ms = 0;
   };
 
@@ -70,10 +69,9 @@ class DriveReader {
 
   const std::string& name() const { return source_->name(); }
   std::size_t count() const { return source_->count(); }  ///< approximate for a video
-  const CalibratedCamera& camera() const { return *camera_; }
-  /// CalibratedCamera::givenMask(), and that of the rectified images.
-  const cv::Mat& givenMask() const { return given_mask_; }
-  const cv::Mat& rectifiedMask() const { return rectified_mask_; }
+  /// Of the images as they come, with their size; and their mask, which may be empty.
+  const CameraCalibration& camera() const { return camera_; }
+  const cv::Mat& mask() const { return mask_; }
 
   /// Every image of the source in order, also those that cannot be used. Empty after the last one.
   /// Throws DataError when the stamps of the first images are unusable.
@@ -122,8 +120,8 @@ class DriveReader {
   const Options options_;
   std::future<Stored> loading_;
   std::deque<Stored> first_;  ///< read by the constructor
-  std::unique_ptr<CalibratedCamera> camera_;
-  cv::Mat given_mask_, rectified_mask_;
+  CameraCalibration camera_;
+  cv::Mat mask_;
   GreyConverter grey_converter_;
   StampFilter<EntryPtr> stamp_filter_;
   std::deque<EntryPtr> entries_;  ///< not yet returned

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/input/camera_calibration.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/io/image_folder.hpp"
 
 namespace ground_scale_vo {

@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 
 #include "ground_scale_vo/input/camera.hpp"
-#include "ground_scale_vo/input/camera_calibration.hpp"
 
 namespace ground_scale_vo {
 
@@ -30,7 +29,7 @@ struct Lens {
   Eigen::Vector2d unproject(const Eigen::Vector2d& u) const;
 };
 
-/// Precondition: CameraCalibration::hasLens().
+/// The lens of the images as they come, or of the rectified ones unless hasLens().
 Lens lensOf(const CameraCalibration& calibration);
 CameraCalibration calibrationOf(const Lens& lens);
 

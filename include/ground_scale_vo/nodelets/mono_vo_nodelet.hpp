@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/nodelets/stage_nodelet.hpp"
 #include "ground_scale_vo/ros/image_input.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
@@ -25,10 +25,10 @@ class MonoVoNodelet : public StageNodelet {
   ~MonoVoNodelet() override { stopCallbacks(); }
 
  private:
-  struct RectifiedImage {
-    sensor_msgs::ImageConstPtr message;  ///< `pixels` may refer to its data
-    MaskedImage pixels;  ///< rectified; with refine_camera as CalibratedCamera::given()
-    std::shared_ptr<const CalibratedCamera> camera;
+  struct GreyImage {
+    sensor_msgs::ImageConstPtr message;  ///< `grey` may refer to its data
+    cv::Mat grey;                        ///< as it comes
+    std::shared_ptr<const CameraCalibration> camera;
   };
 
   void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) override;
@@ -40,12 +40,12 @@ class MonoVoNodelet : public StageNodelet {
   void onImage(const sensor_msgs::ImageConstPtr& image);
   /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
   void scheduleProcessing();
-  /// Rectifies the image and processes those that the stamp filter accepts.
-  void rectify(const sensor_msgs::ImageConstPtr& image);
-  void process(const RectifiedImage& image, bool clock_jumped_back);
+  /// Converts the image and processes those that the stamp filter accepts.
+  void convert(const sensor_msgs::ImageConstPtr& image);
+  void process(const GreyImage& image, bool clock_jumped_back);
   /// Why the odometry starts anew with this image, so that sequence and map ids are 0 again; empty:
   /// it continues.
-  std::string restartReason(const RectifiedImage& image, bool clock_jumped_back) const;
+  std::string restartReason(const GreyImage& image, bool clock_jumped_back) const;
   void publish(const SelfCalibratingOdometry::Output& output, const std_msgs::Header& header);
   void publishLens(const std_msgs::Header& header);
   std::string saveCamera() const;
@@ -55,10 +55,10 @@ class MonoVoNodelet : public StageNodelet {
   std::deque<sensor_msgs::ImageConstPtr> images_;
   std::uint64_t dropped_from_queue_ = 0;
   bool processing_scheduled_ = false;
-  std::unique_ptr<StampFilter<RectifiedImage>> stamp_filter_;
+  std::unique_ptr<StampFilter<GreyImage>> stamp_filter_;
 
   std::unique_ptr<SelfCalibratingOdometry> odometry_;  ///< null: the next image starts one
-  std::shared_ptr<const CalibratedCamera> odometry_camera_;
+  std::shared_ptr<const CameraCalibration> odometry_camera_;
   TrackPainter painter_;
   std::optional<VoFrame> last_frame_;  ///< of odometry_
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/nodelets/stage_nodelet.hpp"
 #include "ground_scale_vo/ros/frame_continuity.hpp"
 #include "ground_scale_vo/ros/frame_image_synchronizer.hpp"
@@ -52,7 +52,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
   /// A new trajectory with an unknown scale.
   void restart(bool first_pose_is_zero);
 
-  void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const MaskedImage& image,
+  void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const CameraImage& image,
                const std_msgs::Header& header);
   void publishGround(const ScaleRecovery::Output& output, const VoFrame& frame,
                      const std_msgs::Header& header);

@@ -15,8 +15,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "ground_scale_vo/input/camera_info.hpp"
-#include "ground_scale_vo/input/grey_converter.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
@@ -32,6 +31,8 @@
 
 // Conversions between messages and the types of the core.
 namespace ground_scale_vo {
+
+struct CameraInfo;  // input/camera_info.hpp
 
 /// A message that cannot be used. what() is one sentence with the reason.
 class MessageError : public std::runtime_error {

@@ -11,7 +11,7 @@
 #include <string>
 #include <utility>
 
-#include "ground_scale_vo/input/calibrated_camera.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros/diagnostics.hpp"
 #include "ground_scale_vo/ros/params.hpp"
@@ -70,15 +70,8 @@ class SourceGuard {
   int changes_ = 0;  ///< of current_ since a source was settled
 };
 
-/// A rectified image, 8-bit grey, and its mask: 0 where it never shows the scene; empty: no such
-/// region. The mask is the same cv::Mat while the camera is the same. The grey values may refer to
-/// the data of the message.
-struct MaskedImage {
-  cv::Mat grey, mask;
-};
-
-/// Converts the images of one camera to rectified 8-bit grey, by a camera file or by the latest
-/// valid camera_info. While it keeps changing (SourceGuard), one calibration stays in use.
+/// Converts the images of one camera to 8-bit grey and rectifies them, by a camera file or by the
+/// latest valid camera_info. While it keeps changing (SourceGuard), one calibration stays in use.
 class ImageRectifier {
  public:
   /// image_is_rectified: the images have no distortion, and P of camera_info belongs to them.
@@ -96,7 +89,9 @@ class ImageRectifier {
 
   /// Without a camera file, null before the first valid camera_info. A new object if and only if
   /// the calibration changed.
-  const std::shared_ptr<const CalibratedCamera>& camera() const { return camera_; }
+  const std::shared_ptr<const CameraCalibration>& camera() const { return camera_; }
+  /// Of the images as they come; may be empty.
+  const cv::Mat& mask() const { return mask_; }
   /// Where camera() is from: "camera_info on topic T" or "parameter camera_file: FILE".
   const std::string& source() const { return source_; }
   /// What is suspicious about camera() (checkCalibration()), or empty.
@@ -104,34 +99,27 @@ class ImageRectifier {
   /// One sentence while camera_info keeps changing, else empty.
   std::string calibrationError() const;
 
-  // The next three throw DataError: GreyConverter's reasons, or not the size of the calibration.
-  // Precondition: camera() is not null.
-  MaskedImage rectify(const sensor_msgs::Image& image);
-  /// Described by CalibratedCamera::givenCalibration(): for an odometry that refines the lens.
-  MaskedImage given(const sensor_msgs::Image& image);
-  /// Undistorted by such a refined calibration of the given images.
-  MaskedImage refined(const sensor_msgs::Image& image, const CameraCalibration& calibration);
+  /// As it comes; may refer to the data of the message. Throws DataError: GreyConverter's reasons,
+  /// or not the size of the calibration. Precondition: camera() is not null.
+  cv::Mat toGrey(const sensor_msgs::Image& image);
+  /// The same without the distortion of camera(), or without that of a refined lens.
+  CameraImage rectify(const sensor_msgs::Image& image);
+  CameraImage refined(const sensor_msgs::Image& image, const CameraCalibration& lens);
 
  private:
-  struct Refined {
-    CameraCalibration calibration;
-    Undistortion undistortion;
-    cv::Mat mask;
-  };
-
-  cv::Mat toGrey(const sensor_msgs::Image& image);
   void readCamera(const std::string& file);
   std::string check(const CameraCalibration& calibration, const std::string& source) const;
   void use(const CameraCalibration& calibration, const std::string& source,
            const std::string& warning);
 
   const bool image_is_rectified_;
-  const std::string mask_name_;  ///< of raw_mask_, for errors
-  const cv::Mat raw_mask_;
-  cv::Mat mask_, given_mask_;
+  const std::string mask_name_;  ///< for errors
+  const cv::Mat mask_;
   std::string source_, calibration_warning_;
-  std::shared_ptr<const CalibratedCamera> camera_;
-  std::optional<Refined> refined_;  ///< the last one of camera_
+  std::shared_ptr<const CameraCalibration> camera_;
+  std::optional<Undistortion> undistortion_;  ///< of camera_
+  std::optional<Undistortion> refined_;       ///< by lens_
+  CameraCalibration lens_;
   SourceGuard<CameraCalibration> calibrations_{isSameCalibration};
   GreyConverter grey_converter_;
 };
@@ -154,15 +142,16 @@ class ImageReceiver {
   ImageReceiver(const ImageReceiver&) = delete;
   ImageReceiver& operator=(const ImageReceiver&) = delete;
 
-  const std::shared_ptr<const CalibratedCamera>& camera() const { return rectifier_.camera(); }
+  const std::shared_ptr<const CameraCalibration>& camera() const { return rectifier_.camera(); }
+  const cv::Mat& mask() const { return rectifier_.mask(); }
 
-  /// ImageRectifier::rectify() or given(). Empty, after log->drop("image refused", …) or
+  /// ImageRectifier::toGrey(). Empty, after log->drop("image refused", …) or
   /// drop("image of another camera", …), for an image that cannot be used. Precondition: camera()
   /// is not null.
-  MaskedImage convert(const sensor_msgs::Image& image, bool rectify);
+  cv::Mat toGrey(const sensor_msgs::Image& image);
   /// The image on which the odometry of `frame` worked. Empty also if camera() is another camera
   /// (drop("other camera", …)) or null.
-  MaskedImage imageOf(const VoFrame& frame, const sensor_msgs::Image& image);
+  CameraImage imageOf(const VoFrame& frame, const sensor_msgs::Image& image);
 
   /// For images derived from the received ones.
   image_transport::ImageTransport& transport() { return transport_; }
@@ -185,8 +174,8 @@ class ImageReceiver {
   std::string sourceError() const;
 
  private:
-  using Conversion = std::function<MaskedImage()>;
-  MaskedImage checked(const sensor_msgs::Image& image, const Conversion& conversion);
+  using Conversion = std::function<CameraImage()>;
+  CameraImage checked(const sensor_msgs::Image& image, const Conversion& conversion);
   void reportSourceError();
   std::string rectificationWarning(const sensor_msgs::CameraInfo& info) const;
   void warnOfCalibration(const std::string& warning);

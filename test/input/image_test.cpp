@@ -1,7 +1,7 @@
 // Images of every encoding: the same scene gives the same grey; invalid images are refused with one
 // sentence.
 
-#include "ground_scale_vo/input/grey_converter.hpp"
+#include "ground_scale_vo/input/image.hpp"
 
 #include <gtest/gtest.h>
 

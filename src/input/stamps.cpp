@@ -1,4 +1,4 @@
-#include "ground_scale_vo/input/stamp_guard.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/input/camera_calibration.hpp"
+#include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 
@@ -34,8 +34,8 @@ struct CameraInfo {
 /// image_is_rectified), a K or P that is not that of a pinhole camera, a number that is not finite,
 /// implausible intrinsics; where K and D are used, an unknown distortion model, a wrong number of
 /// coefficients or implausible ones; an ROI outside the image, a binning of all of it.
-CameraCalibration calibrationOf(const CameraInfo& info, const std::string& topic,
-                                bool image_is_rectified);
+CameraCalibration readCameraInfo(const CameraInfo& info, const std::string& topic,
+                                 bool image_is_rectified);
 
 /// The topic camera_info beside that of the images, TOPIC or TOPIC/compressed.
 std::string cameraInfoTopicOf(const std::string& image_topic);
@@ -49,7 +49,7 @@ struct RectificationContradiction {
   bool is_certain = false;
 };
 
-/// Precondition: calibrationOf() accepts the info.
+/// Precondition: readCameraInfo() accepts the info.
 RectificationContradiction rectificationContradiction(const CameraInfo& info,
                                                       bool image_is_rectified,
                                                       const std::string& image_topic);

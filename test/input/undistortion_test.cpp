@@ -1,7 +1,5 @@
 // camera_info: the intrinsics taken from it, the rectification by it, and what is refused.
 
-#include "ground_scale_vo/input/calibrated_camera.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -12,7 +10,8 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/input/camera_info.hpp"
+#include "ground_scale_vo/input/image.hpp"
+#include "input/camera_info.hpp"
 #include "support/camera_info.hpp"
 #include "support/expect_throws.hpp"
 
@@ -21,8 +20,8 @@ namespace {
 
 using Info = CameraInfo;
 
-CalibratedCamera cameraOf(const Info& info, bool is_rectified = false) {
-  return CalibratedCamera(calibrationOf(info, "/t", is_rectified));
+CameraCalibration cameraOf(const Info& info, bool is_rectified = false) {
+  return readCameraInfo(info, "/t", is_rectified);
 }
 
 /// Undistorted, the same intrinsics in K and P.
@@ -36,34 +35,32 @@ void setRoi(Info* info, std::uint32_t x, std::uint32_t y, std::uint32_t width,
   info->roi.height = height;
 }
 
-TEST(CalibratedCamera, TakesKOfRawAndPOfRectifiedImages) {
+TEST(CameraInfo, TakesKOfRawAndPOfRectifiedImages) {
   // KITTI's raw drives: K and D of the raw camera beside rectified images.
   Info info = goodInfo();
   info.P[0] = 500;
   info.D = {-0.37, 0.2, 0.001, 0.001, -0.07};
-  const CalibratedCamera raw = cameraOf(info), rectified = cameraOf(info, true);
-  EXPECT_TRUE(isSameCamera(raw.camera(), {640, 200, 400, 410, 320, 100}));
-  EXPECT_TRUE(raw.calibration().isDistorted());
-  EXPECT_EQ(rectified.camera().fx, 500);
-  EXPECT_FALSE(rectified.calibration().isDistorted());
+  const CameraCalibration raw = cameraOf(info), rectified = cameraOf(info, true);
+  EXPECT_TRUE(isSameCamera(pinholeOf(raw), {640, 200, 400, 410, 320, 100}));
+  EXPECT_TRUE(raw.isDistorted());
+  EXPECT_EQ(rectified.fx, 500);
+  EXPECT_FALSE(rectified.isDistorted());
   info.K.fill(0);
-  EXPECT_EQ(cameraOf(info).camera().fx, 500) << "without K";
+  EXPECT_EQ(cameraOf(info).fx, 500) << "without K";
 }
 
 // The right camera of a stereo pair has its baseline in P, a stereo calibration has an R; neither
 // changes the rays of the pixels of this camera.
-TEST(CalibratedCamera, AppliesRoiAndBinningToPAndIgnoresTheStereoCalibration) {
+TEST(CameraInfo, AppliesRoiAndBinningToPAndIgnoresTheStereoCalibration) {
   Info info = goodInfo();
   setRoi(&info, 100, 0, 540, 200);
   info.binning_x = 2;
   info.P[3] = -386.1;
   info.R.fill(7);
-  const CalibratedCamera part = cameraOf(info, true);
-  EXPECT_TRUE(isSameCamera(part.camera(), {270, 200, 200, 410, 110, 100}));
+  EXPECT_TRUE(isSameCamera(pinholeOf(cameraOf(info, true)), {270, 200, 200, 410, 110, 100}));
   setRoi(&info, 0, 0, 640, 200);
   info.binning_x = 0;
-  EXPECT_TRUE(
-      isSameCalibration(calibrationOf(info, "/t", false), calibrationOf(goodInfo(), "/t", false)));
+  EXPECT_TRUE(isSameCalibration(cameraOf(info), cameraOf(goodInfo())));
 }
 
 /// Where the ray (x, y, 1) appears in the raw image of the full resolution, by OpenCV's projection.
@@ -82,8 +79,8 @@ cv::Point2d distorted(const Info& info, double x, double y) {
 /// Rectifies two images whose grey value is the column and the row: a rectified pixel then holds
 /// the coordinates of the raw pixel that it shows, which must be those of distorted().
 void expectRectified(const Info& info, int binning) {
-  const CalibratedCamera rectifier = cameraOf(info);
-  const PinholeCamera camera = rectifier.camera();
+  const Undistortion undistortion(cameraOf(info));
+  const PinholeCamera camera = undistortion.camera();
   ASSERT_LE(camera.width, 256);
   cv::Mat along_x(camera.height, camera.width, CV_8U), along_y = along_x.clone();
   for (int v = 0; v < camera.height; ++v) {
@@ -92,8 +89,7 @@ void expectRectified(const Info& info, int binning) {
       along_y.at<std::uint8_t>(v, u) = static_cast<std::uint8_t>(v);
     }
   }
-  const cv::Mat x = rectifier.undistortion().image(along_x),
-                y = rectifier.undistortion().image(along_y);
+  const cv::Mat x = undistortion.image(along_x).grey, y = undistortion.image(along_y).grey;
   const cv::Point2d origin(info.roi.x_offset, info.roi.y_offset);
   int compared = 0;
   for (int v = 0; v < camera.height; v += 3) {
@@ -144,8 +140,8 @@ TEST(Rectification, FollowsEveryDistortionModelWithRoiAndBinning) {
     info.binning_x = info.binning_y = 2;
     expectRectified(info, 2);
     setRoi(&info, 100, 40, 301, 160);
-    EXPECT_EQ(cameraOf(info).camera().width, 150);
-    EXPECT_EQ(cameraOf(info).camera().height, 80);
+    EXPECT_EQ(cameraOf(info).width, 150);
+    EXPECT_EQ(cameraOf(info).height, 80);
     expectRectified(info, 2);
     setRoi(&info, 100, 40, 200, 160);
     info.binning_x = info.binning_y = 1;
@@ -154,7 +150,7 @@ TEST(Rectification, FollowsEveryDistortionModelWithRoiAndBinning) {
 }
 
 /// 800 x 248.
-CalibratedCamera wideCamera(double k1) {
+CameraCalibration wideCamera(double k1) {
   Info info = cameraInfo({800, 248, 464, 464, 400, 119});
   info.D[0] = k1;
   return cameraOf(info);
@@ -163,14 +159,14 @@ CalibratedCamera wideCamera(double k1) {
 // Wherever the image's content comes, even in part, from a masked pixel or from outside the image.
 TEST(Rectification, OfAMaskCoversAllThatDependsOnIt) {
   for (const double k1 : {-0.3, 0.1}) {
-    const CalibratedCamera calibrated = wideCamera(k1);
     const cv::Rect region(550, 120, 100, 60);
     cv::Mat mask(248, 800, CV_8UC1, cv::Scalar(1)), image(248, 800, CV_8UC1, cv::Scalar(200));
     mask(region).setTo(0);
-    const cv::Mat without = calibrated.undistortion().image(image);
+    const Undistortion undistortion(wideCamera(k1), mask);
+    const cv::Mat without = undistortion.image(image).grey;
     image(region).setTo(0);
-    const cv::Mat masked = calibrated.undistortion().mask(mask) == 0;
-    const cv::Mat depends = (calibrated.undistortion().image(image) != without) | (without != 200);
+    const cv::Mat masked = undistortion.mask() == 0;
+    const cv::Mat depends = (undistortion.image(image).grey != without) | (without != 200);
     EXPECT_EQ(cv::countNonZero(depends & ~masked), 0) << k1;
     EXPECT_GT(cv::countNonZero(depends), 3000);
     // 1/255 of a masked pixel masks, 1/200 changes the image.
@@ -178,7 +174,24 @@ TEST(Rectification, OfAMaskCoversAllThatDependsOnIt) {
   }
 }
 
-TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
+// A lens that was refined in the rectified images of another model: one map in place of two.
+TEST(Rectification, RemovesTheRestThatACalibrationHasLeft) {
+  Info info = cameraInfo({250, 120, 130, 133, 121, 63});
+  info.distortion_model = "equidistant";
+  info.D = {0.1, -0.05, 0.02, -0.01};
+  const CameraCalibration camera = cameraOf(info);
+  const CameraCalibration rest{250, 120, 132, 135, 122, 62, {0.02, -0.01, 0, 0, 0}};
+  cv::Mat along_x(120, 250, CV_8U);
+  for (int u = 0; u < 250; ++u) along_x.col(u).setTo(u);
+  const CameraImage image = Undistortion(camera, {}, rest).image(along_x);
+  EXPECT_TRUE(isSameCamera(image.camera, pinholeOf(rest)));
+  const auto raw = camera.distorted(rest.distorted({{40, 50}, {125, 60}, {200, 90}}));
+  EXPECT_NEAR(image.grey.at<std::uint8_t>(50, 40), raw[0].x, 0.55);
+  EXPECT_NEAR(image.grey.at<std::uint8_t>(60, 125), raw[1].x, 0.55);
+  EXPECT_NEAR(image.grey.at<std::uint8_t>(90, 200), raw[2].x, 0.55);
+}
+
+TEST(CameraInfo, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
   constexpr auto kMaxUint32 = std::numeric_limits<std::uint32_t>::max();
@@ -216,7 +229,7 @@ TEST(CalibratedCamera, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
   for (const auto& refused : kCases) {
     Info info = goodInfo();
     refused.change(&info);
-    const auto construct = [&] { calibrationOf(info, "/cam/info", refused.is_rectified); };
+    const auto construct = [&] { readCameraInfo(info, "/cam/info", refused.is_rectified); };
     expectThrows<DataError>(construct, refused.reason);
     expectThrows<DataError>(construct, "camera_info on topic /cam/info ");
   }

@@ -66,7 +66,9 @@ RoadGeometry roadFor(const SyntheticDrive::Options& o, const SpeedProfile& profi
 /// Sensor: noise, quantisation and compression. index: of the image, seeds the noise.
 cv::Mat sensorImage(cv::Mat grey, std::size_t index, const SyntheticDrive::Options& o) {
   if (o.noise_sigma > 0) {
-    cv::RNG rng(simulation::Random(o.random_seed + 0x10001 * (index + 1)).bits());
+    const std::uint64_t seed =
+        o.random_seed + 0x10001 * (index + 1) + 0x9E3779B97F4A7C15u * (o.noise_seed - 1);
+    cv::RNG rng(simulation::Random(seed).bits());
     cv::Mat noise(grey.size(), CV_32F);
     rng.fill(noise, cv::RNG::NORMAL, 0, o.noise_sigma);
     grey += noise;

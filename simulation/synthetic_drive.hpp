@@ -50,6 +50,7 @@ class SyntheticDrive {
     double readout_time = 0;
     int frames = 200;
     std::uint64_t random_seed = 1;
+    std::uint64_t noise_seed = 1;  ///< another one: the same drive with other sensor noise
 
     // --- Motion of the ego vehicle ---
     double speed = 9.0;      ///< at cruise [m/s]

@@ -4,6 +4,7 @@ Less than an hour on two cores for the six sequences of the docs; measure on an 
 measured with this build and these arguments is skipped, so an interrupted run can be continued.
 
 Parts:
+  gate        these four:
   sequences   SEQ...
   variants    13 more difficult variants (derive_drives) of each of SEQ... with at least 150 frames, except rendered_04
   scenarios   the rendered scenarios
@@ -14,7 +15,9 @@ Parts:
   kitti       whole KITTI sequences (--kitti) with the published and with the estimated lens, beside the tables and
               figures of the paper, in DIR/kitti/report.md
   paths       the same on streets rendered along KITTI's paths (--paths), in DIR/paths/report.md; five minutes for 1000 frames
-The measure of a change needs the first five and benchmark: scripts/compare reads two files DIR/results.json.
+The first four are measured with each of --seeds: of the draws of the core, and of the noise of the rendered cameras.
+scripts/compare judges a change by them and, where both versions have it, by benchmark (--only gate --only benchmark); it
+reads two files DIR/results.json.
 
 Files: DIR/results.json, DIR/results.md, and the results of each part in DIR/PART/.
 Exit status: 0 all done, 1 a part failed (the others are still measured), 2 wrong arguments.
@@ -140,34 +143,42 @@ class Report:
                 drive[f"nees_{length}"], drive[f"within_{length}"] = entry.get("nees_per_dof"), entry.get("within_2_sigma")
         return figures
 
+    def for_each_seed(self, to, measure):
+        """measure: of a seed and a folder, the metrics of each drive."""
+        return {"seeds": {seed: measure(seed, to / f"seed_{seed}") for seed in self.arguments.seeds}}
+
     def sequences(self, folders, to):
-        return self.run(folders, to)
+        return self.for_each_seed(to, lambda seed, folder: self.run(folders, folder, f"random_seed={seed}"))
 
     def variants(self, folders, to):
         for folder in folders:
             self.tool("derive_drives", folder, "--out", to / "drives")
-        figures = self.run(sorted((to / "drives").iterdir()), to)
+        figures = self.sequences(sorted((to / "drives").iterdir()), to)
         shutil.rmtree(to / "drives")
         return figures
 
+    def evaluate_scenarios(self, to, *arguments):
+        self.tool("evaluate_scenarios", *arguments, "--out", to, "--threads", self.arguments.threads)
+        return {entry.pop("drive"): entry for entry in read(to / "scenarios.json")}
+
     def scenarios(self, _, to):
-        self.tool("evaluate_scenarios", "--out", to, "--threads", self.arguments.threads)
-        return self.metrics(sorted(file.parent for file in to.glob("*/metrics.json")))
+        def measure(seed, folder):
+            runs = self.evaluate_scenarios(folder, "--seed", seed)
+            drives = self.metrics(folder / name for name in runs)
+            return {name: {**drive, "violated": runs[name]["default"]["violated"]} for name, drive in drives.items()}
+        return self.for_each_seed(to, measure)
+
+    def faults(self, _, to):
+        return self.for_each_seed(to, lambda seed, folder: {
+            name: entry["default"]
+            for name, entry in self.evaluate_scenarios(folder, "faults", "--seed", seed).items()})
 
     def ablation(self, _, to):
-        self.tool("evaluate_scenarios", "--ablation", "--out", to, "--threads", self.arguments.threads)
-        return {entry.pop("drive"): entry for entry in read(to / "scenarios.json")}
+        return self.evaluate_scenarios(to, "--ablation")
 
     def components(self, folders, to):
         return {"rows": [{"label": label, "drives": self.run(folders, to / str(row), settings)}
                          for row, (label, settings) in enumerate(COMPONENTS.items())]}
-
-    def faults(self, _, to):
-        self.tool("evaluate_scenarios", "faults", "--out", to, "--threads", self.arguments.threads)
-        drives = {entry["drive"]: entry["default"] for entry in read(to / "scenarios.json")}
-        errors = [drive["error_after_fault_percent"] for drive in drives.values()]
-        return {"drives": drives, "violated": sum(bool(drive["violated"]) for drive in drives.values()),
-                "max_error_percent": max((error for error in errors if error is not None), default=None)}
 
     def benchmark(self, folders, to):
         self.tool("benchmark", *folders, "--camera-height", self.arguments.camera_height, "--out", to)
@@ -225,7 +236,8 @@ class Report:
     def measure(self, part):
         """False when the part failed."""
         chosen, file = self.chosen(part), self.out / f"{part}.json"
-        key = f"{self.hash()} {self.arguments.camera_height} {' '.join(map(str, chosen or []))}"
+        seeds = ",".join(self.arguments.seeds) if part in GATE else ""
+        key = f"{self.hash()} {self.arguments.camera_height} {seeds} {' '.join(map(str, chosen or []))}"
         if chosen == []:
             return True
         if file.exists() and read(file)["run"]["key"] == key:
@@ -250,7 +262,14 @@ class Report:
         return True
 
 
-PARTS = ["sequences", "variants", "scenarios", "faults", "ablation", "components", "benchmark", "kitti", "paths"]
+GATE = ["sequences", "variants", "scenarios", "faults"]
+PARTS = [*GATE, "ablation", "components", "benchmark", "kitti", "paths"]
+
+
+def seeds(text):
+    if not all(0 < int(seed) <= 1000000 for seed in text.split(",")):
+        raise ValueError
+    return text.split(",")
 
 
 def main():
@@ -262,7 +281,8 @@ def main():
     parser.add_argument("--paths", type=pathlib.Path, metavar="POSES", help="folder with KITTI's 00.txt to 10.txt")
     parser.add_argument("--camera-height", default="1.65", metavar="M", help="above the road [m] (default 1.65)")
     parser.add_argument("--out", type=pathlib.Path, default="results/report", metavar="DIR")
-    parser.add_argument("--only", action="append", choices=PARTS, metavar="PART", help="only this part; repeatable")
+    parser.add_argument("--only", action="append", choices=["gate", *PARTS], metavar="PART", help="only this part; repeatable")
+    parser.add_argument("--seeds", type=seeds, default="1,2,3", metavar="N,...", help="of the gate's parts (default 1,2,3)")
     parser.add_argument("--threads", type=int, default=2, help="drives at once (default 2), except in benchmark")
     parser.add_argument("--write", action="store_true",
                         help="write docs/results.md and the table of README.md from DIR/results.json")
@@ -276,6 +296,7 @@ def main():
     report.tools = build()
     whole = [part for part in ("kitti", "paths") if getattr(arguments, part)]
     parts = arguments.only or (whole if whole and not arguments.sequences else PARTS)
+    parts = [*parts, *(GATE if "gate" in parts else [])]
     failed = [part for part in PARTS if part in parts and not report.measure(part)]
 
     import results_page

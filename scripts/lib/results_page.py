@@ -18,6 +18,9 @@ MARKS = "<!-- results -->", "<!-- /results -->"
 
 
 def drives(part):
+    """Of a part with several seeds: with the first one."""
+    if "seeds" in part:
+        return next(iter(part["seeds"].values()))
     return {name: drive for name, drive in part.items() if name != "run"}
 
 
@@ -86,7 +89,7 @@ def fault_table(part):
                ("error afterwards %", "error_after_fault_percent"),
                ("displacement error σ", "displacement_sigmas"), ("violated", "violated")]
     return markdown(["drive", *(heading for heading, _ in columns)],
-                    [[f"`{name}`", *(drive[key] for _, key in columns)] for name, drive in sorted(part["drives"].items())])
+                    [[f"`{name}`", *(drive[key] for _, key in columns)] for name, drive in sorted(drives(part).items())])
 
 
 def sections(results, descriptions):
@@ -103,8 +106,8 @@ def sections(results, descriptions):
     if "components" in results:
         yield "Components over the sequences", "", [component_table(results["components"])]
     if "faults" in results:
-        faults = results["faults"]
-        yield "Faults", (f"{faults['violated']} of {len(faults['drives'])} drives with a violated threshold."), [fault_table(faults)]
+        violated = [bool(drive["violated"]) for drive in drives(results["faults"]).values()]
+        yield "Faults", f"{sum(violated)} of {len(violated)} drives with a violated threshold.", [fault_table(results["faults"])]
     for part, title in (("kitti", "Whole KITTI sequences"), ("paths", "Streets rendered along KITTI's paths")):
         if part in results:
             for i, (heading, table) in enumerate(paper.tables(drives(results[part]))):

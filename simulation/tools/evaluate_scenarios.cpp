@@ -1,6 +1,7 @@
 // Renders the drives of the scenario catalogue and evaluates the pipeline on each.
 
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -64,6 +65,7 @@ struct Arguments {
   std::string out;
   int threads = 1;
   bool ablation = false, speed = false;
+  int seed = 1;
   Settings settings;  ///< of --set
 };
 
@@ -159,6 +161,8 @@ std::vector<Variant> variants(const gsv::Scenario& scenario, const Arguments& ar
 }
 
 void check(Arguments* arguments) {
+  arguments->settings.insert(arguments->settings.begin(),
+                             "random_seed=" + std::to_string(arguments->seed));
   for (const std::string& setting : arguments->settings) {
     gsv::OfflineRun::Options options;
     gsv::setOption(options, setting);  // an invalid assignment fails before the runs
@@ -172,6 +176,9 @@ void check(Arguments* arguments) {
     for (const gsv::Scenario& scenario : gsv::faultScenarios()) {
       arguments->scenarios.push_back(scenario);
     }
+  }
+  for (gsv::Scenario& scenario : arguments->scenarios) {
+    scenario.options.noise_seed = static_cast<std::uint64_t>(arguments->seed);
   }
 }
 
@@ -234,6 +241,8 @@ int main(int argc, char** argv) {
        "run each scenario also with components disabled")  //
       ("speed", gsv::po::bool_switch(&arguments.speed),
        "run each scenario also with a sensor of the speed, and its faults")  //
+      ("seed", gsv::numberInRange("--seed", &arguments.seed, "N", 1, 1000000),
+       "another one: the same drives with other sensor noise and another random_seed")  //
       ("threads", gsv::numberInRange("--threads", &arguments.threads, "N", 1, 256),
        "drives rendered and run in parallel")  //
       ("set", gsv::settingsValue(&arguments.settings), gsv::kSettingsHelp);

@@ -61,6 +61,19 @@ TEST(SyntheticDrive, HeightAndNormalAgreeWithThePoses) {
   }
 }
 
+TEST(SyntheticDrive, ASeedOfTheNoiseChangesNothingElse) {
+  Options o;
+  o.frames = 1;
+  const cv::Mat image = SyntheticDrive(o).image(0);
+  o.noise_seed = 2;
+  cv::Mat difference, mean, deviation;
+  cv::subtract(SyntheticDrive(o).image(0), image, difference, cv::noArray(), CV_32F);
+  cv::meanStdDev(difference, mean, deviation);
+  EXPECT_NEAR(mean.at<double>(0), 0, 0.02);
+  EXPECT_NEAR(deviation.at<double>(0), std::sqrt(2 * o.noise_sigma * o.noise_sigma + 2 / 12.0),
+              0.2);
+}
+
 TEST(SyntheticDrive, YawTurnsTheCameraOnTheSameVehicle) {
   Options options;
   options.frames = 40;

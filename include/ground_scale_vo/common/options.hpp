@@ -56,6 +56,15 @@ class RangeCheck {
   std::string group_;  ///< "tracker/", or empty
 };
 
+/// Throws OptionError for the first number outside its range. Called once, where options enter a
+/// class that users construct: the stages of that class get options that are valid.
+template <typename Options>
+void requireInRanges(const Options& options) {
+  Options::visitStages(options, [](const std::string& group, const auto& stage) {
+    stage.visitParameters(stage, RangeCheck(group));
+  });
+}
+
 /// An assignment "group/name=value" of an option, with the conversions of its value. All throw
 /// OptionError.
 class Assignment {

@@ -12,11 +12,11 @@
 #include <utility>
 
 #include "arrays.hpp"
+#include "common/files.hpp"
+#include "common/text.hpp"
 #include "ground_scale_vo/calibration/lens_calibration.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/evaluation/speed_file.hpp"

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "arrays.hpp"
+#include "common/files.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/input/camera.hpp"

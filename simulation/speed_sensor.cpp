@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "ground_scale_vo/common/time.hpp"
+#include "common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

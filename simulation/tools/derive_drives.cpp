@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "common/files.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"

@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "ground_scale_vo/common/files.hpp"
+#include "common/files.hpp"
+#include "common/text.hpp"
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"

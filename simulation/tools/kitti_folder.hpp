@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "common/files.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "tools/support/complete_output.hpp"

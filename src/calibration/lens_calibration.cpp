@@ -4,8 +4,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/common/files.hpp"
+#include "common/files.hpp"
 
 #include <algorithm>
 #include <cerrno>
@@ -8,8 +8,8 @@
 #include <sstream>
 #include <system_error>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "ground_scale_vo/common/text.hpp"
+#include "common/text.hpp"
 
 namespace ground_scale_vo {
 

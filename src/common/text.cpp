@@ -1,4 +1,4 @@
-#include "ground_scale_vo/common/text.hpp"
+#include "common/text.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -6,10 +6,10 @@
 #include <optional>
 #include <system_error>
 
-#include "ground_scale_vo/common/files.hpp"
+#include "common/files.hpp"
+#include "common/text.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"

@@ -7,9 +7,9 @@
 #include <sstream>
 #include <utility>
 
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/common/time.hpp"
+#include "common/files.hpp"
+#include "common/text.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"

@@ -6,10 +6,10 @@
 #include <cstddef>
 #include <string>
 
+#include "common/files.hpp"
+#include "common/text.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/io/image_folder.hpp"
 
 namespace ground_scale_vo {

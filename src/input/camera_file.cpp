@@ -5,9 +5,9 @@
 #include <sstream>
 #include <vector>
 
+#include "common/files.hpp"
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "input/distortion_model.hpp"
 
 namespace ground_scale_vo {

@@ -5,7 +5,7 @@
 #include <sstream>
 #include <utility>
 
-#include "ground_scale_vo/common/time.hpp"
+#include "common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

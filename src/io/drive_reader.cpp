@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/text.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/input/image.hpp"
 

@@ -7,10 +7,10 @@
 #include <set>
 #include <utility>
 
+#include "common/files.hpp"
+#include "common/text.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;

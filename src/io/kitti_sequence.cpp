@@ -2,10 +2,10 @@
 
 #include <cmath>
 
+#include "common/files.hpp"
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image.hpp"

@@ -4,9 +4,9 @@
 #include <opencv2/videoio.hpp>
 #include <utility>
 
+#include "common/files.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/io/drive_reader.hpp"

@@ -4,9 +4,9 @@
 #include <locale>
 #include <sstream>
 
-#include "ground_scale_vo/common/files.hpp"
+#include "common/files.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace fs = std::filesystem;

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "lens/lens_solver.hpp"
 
 namespace ground_scale_vo {

@@ -10,8 +10,8 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "common/files.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/ros/odometry_output.hpp"
 

@@ -9,9 +9,9 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <utility>
 
+#include "common/files.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/ros/visuals.hpp"
 
 namespace ground_scale_vo {

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "ground_scale_vo/common/text.hpp"
+#include "common/text.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/scale/height_file.hpp"
 #include "ground_scale_vo/scale/mounting.hpp"
 

@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {

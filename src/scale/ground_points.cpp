@@ -9,8 +9,8 @@
 #include <random>
 #include <unordered_set>
 
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

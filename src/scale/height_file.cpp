@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/scale/road.hpp"
 
 namespace ground_scale_vo {

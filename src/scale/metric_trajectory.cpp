@@ -4,9 +4,9 @@
 #include <cmath>
 #include <tuple>
 
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/scale/camera_path.hpp"
 #include "ground_scale_vo/scale/speed_check.hpp"
 #include "ground_scale_vo/scale/speed_track.hpp"

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "ground_scale_vo/common/text.hpp"
-#include "ground_scale_vo/common/time.hpp"
+#include "common/text.hpp"
+#include "common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/time.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -18,8 +18,8 @@
 #include <string>
 #include <vector>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"

@@ -14,8 +14,8 @@
 #include <sstream>
 #include <string>
 
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/time.hpp"
+#include "common/files.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"

@@ -10,9 +10,9 @@
 #include <memory>
 #include <string>
 
+#include "common/files.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "common/files.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/files.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/evaluation/speed_file.hpp"

@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/common/time.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/vo/odometry_stages.hpp"
 #include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"

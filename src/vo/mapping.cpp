@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/common/time.hpp"
 #include "vo/pixel_prediction.hpp"
 
 namespace ground_scale_vo {

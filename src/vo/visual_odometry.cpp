@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "ground_scale_vo/common/time.hpp"
+#include "common/time.hpp"
 #include "vo/descriptor_matching.hpp"
 #include "vo/feature.hpp"
 #include "vo/frame_to_frame_tracking.hpp"

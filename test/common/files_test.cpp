@@ -1,4 +1,4 @@
-#include "ground_scale_vo/common/files.hpp"
+#include "common/files.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

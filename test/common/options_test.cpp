@@ -6,8 +6,8 @@
 #include <tuple>
 #include <type_traits>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/common/text.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 
 namespace ground_scale_vo {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "ground_scale_vo/common/files.hpp"
+#include "common/files.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/common/time.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/ros/diagnostics.hpp"
 #include "ground_scale_vo/ros/params.hpp"
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/common/time.hpp"
+#include "common/time.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 

@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "ground_scale_vo/common/text.hpp"
+#include "common/text.hpp"
 
 namespace ground_scale_vo {
 

@@ -285,7 +285,7 @@ def main():
     parser.add_argument("--seeds", type=seeds, default="1,2,3", metavar="N,...", help="of the gate's parts (default 1,2,3)")
     parser.add_argument("--threads", type=int, default=2, help="drives at once (default 2), except in benchmark")
     parser.add_argument("--write", action="store_true",
-                        help="write docs/results.md and the table of README.md from DIR/results.json")
+                        help="write docs/results.md (summary, sequences) and the table of README.md from DIR/results.json")
     arguments = parser.parse_args()
     for folder in [*arguments.sequences, arguments.kitti, arguments.paths]:
         if folder and not folder.is_dir():

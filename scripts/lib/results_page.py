@@ -1,4 +1,4 @@
-"""docs/results.md and the table of README.md, from the figures of scripts/report."""
+"""The tables of scripts/report: DIR/results.md, docs/results.md with the first two of them, and the table of README.md."""
 
 import math
 
@@ -94,7 +94,8 @@ def fault_table(part):
 
 def sections(results, descriptions):
     """Heading, remark, and tables."""
-    yield "Summary", "", [summary_table(results)]
+    if any(part in results for part in ("sequences", "variants", "scenarios")):
+        yield "Summary", "", [summary_table(results)]
     remark = "2σ: share of frames whose true scale lies within two standard deviations. NEES per degree of freedom: 1 is " \
              "consistent, more is overconfident."
     for part in ("sequences", "variants", "scenarios"):
@@ -117,10 +118,13 @@ def sections(results, descriptions):
             benchmark_tables(drives(results["benchmark"])))
 
 
-def page(results, descriptions):
-    texts = ["# Results", "Written by `scripts/report`; do not edit. [Commands and files](reference/commands.md#output-files) "
-             "defines the figures."]
+def page(results, descriptions, chosen=None):
+    """chosen: the headings of the sections; None: all."""
+    texts = ["# Results", "Written by `scripts/report`, with all other tables in `DIR/results.md`; do not edit. [Commands and "
+             "files](reference/commands.md#output-files) defines the figures."]
     for heading, remark, tables in sections(results, descriptions):
+        if chosen and heading not in chosen:
+            continue
         texts += [f"## {heading}", *([remark] if remark else []), *tables]
     runs = [[part, results[part]["run"]["version"], results[part]["run"]["date"], results[part]["run"]["load"]]
             for part in results]
@@ -128,7 +132,7 @@ def page(results, descriptions):
 
 
 def write(results, descriptions, root):
-    (root / "docs/results.md").write_text(page(results, descriptions), encoding="utf-8")
+    (root / "docs/results.md").write_text(page(results, descriptions, ("Summary", "Sequences")), encoding="utf-8")
     readme = root / "README.md"
     before, _, rest = readme.read_text(encoding="utf-8").partition(MARKS[0])
     _, _, after = rest.partition(MARKS[1])

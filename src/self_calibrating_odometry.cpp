@@ -79,7 +79,6 @@ class LensOdometry {
     }
     for (TrackedFeature& feature : frame.features) feature.id += first_id_;
     for (RejectedFeature& feature : output->rejected) feature.id += first_id_;
-    for (StartPose& start : output->start) start.sequence += first_sequence_;
   }
 
  private:

@@ -26,8 +26,11 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   frame_of_.push_back(frames_.size());
   frames_.push_back(frame);
 
-  for (const StartPose& start : vo.start) {
-    RunFrame& earlier = frames_.at(frame_of_.at(start.sequence));
+  for (const StampedPose& start : vo.start) {
+    const auto index = std::lower_bound(
+        frame_of_.begin(), frame_of_.end(), start.stamp_ns,
+        [&](std::size_t i, std::int64_t stamp_ns) { return frames_[i].stamp_ns < stamp_ns; });
+    RunFrame& earlier = frames_.at(*index);
     if (earlier.has_vo_pose) continue;
     earlier.has_vo_pose = true;
     earlier.map_id = vo.frame.map_id;

@@ -71,8 +71,8 @@ void writeKittiPoses(const fs::path& file, const std::vector<Eigen::Isometry3d>&
 void writeTumTrajectory(const fs::path& file, const std::vector<StampedPose>& poses) {
   std::ostringstream stream = exactStream();
   for (const StampedPose& pose : poses) {
-    const Eigen::Vector3d t = pose.T_a_b.translation();
-    const Eigen::Quaterniond q(pose.T_a_b.linear());
+    const Eigen::Vector3d t = pose.T_w_c.translation();
+    const Eigen::Quaterniond q(pose.T_w_c.linear());
     stream << formatSeconds(pose.stamp_ns) << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' '
            << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << q.w() << '\n';
   }

@@ -137,16 +137,17 @@ std::vector<Pixels> measurePipeline(const Arguments& arguments) {
 /// every frame, the minimum that a feature tracker computes. points[i]: the pixels to track into
 /// image i; points[0] is ignored.
 std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels>& points) {
-  const gsv::FeatureTracker::Options& options = arguments.options.odometry.vo.tracker;
+  const gsv::VisualOdometry::Options& options = arguments.options.odometry.vo;
   // Keep freed memory: whether malloc returns that of OpenCV's large temporary images to the system
   // after every image would depend on what this process has allocated before.
   mallopt(M_MMAP_THRESHOLD, 32 << 20);
   mallopt(M_TRIM_THRESHOLD, 256 << 20);
   constexpr double kCornerQuality = 0.01;  // relative to the strongest, OpenCV's example value
-  const cv::Size window(gsv::FeatureTracker::kPatchSide, gsv::FeatureTracker::kPatchSide);
+  const cv::Size window(9, 9);             // this and the levels as in src/vo/tracking
+  constexpr int kLevels = 4;
   const auto pyramid = [&](const cv::Mat& base) {
     std::vector<cv::Mat> levels;
-    cv::buildOpticalFlowPyramid(base, levels, window, options.pyramid_levels);
+    cv::buildOpticalFlowPyramid(base, levels, window, kLevels);
     return levels;
   };
   std::ostringstream csv = gsv::csvStream("frame,detect,total,cpu");
@@ -173,7 +174,7 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
     std::vector<float> error;
     if (!points[i].empty()) {
       cv::calcOpticalFlowPyrLK(from, to, points[i], found, ok, error, window,
-                               options.pyramid_levels);
+                               kLevels);
     }
     csv << i << ',' << detect_ms << ',' << total.ms() << ',' << gsv::threadCpuMs() - cpu_begin
         << '\n';

@@ -1,16 +1,25 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/input/camera.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
-#include "ground_scale_vo/vo/patch_alignment.hpp"
-
 namespace ground_scale_vo {
+
+/// An image with its Gaussian pyramid, computed once for tracking to it and from it.
+struct ImagePyramid {
+  cv::Mat image;                ///< 8-bit grey, level 0, own memory
+  std::vector<cv::Mat> levels;  ///< each half the size of the one before, with a border in memory
+  double exposure = 1;          ///< relative to the map's first image
+};
+
+/// Model of the surface on which a patch lies: the direction of its normal in the reference camera.
+enum class PatchSurface : std::uint8_t {
+  kFrontoParallel,  ///< along z: parallel to the image plane
+  kFloor,           ///< along y: road
+  kWall             ///< along x: house front, parked car
+};
 
 /// A corner that is tracked from image to image. Lists of features are ordered by id.
 struct Feature {
@@ -39,18 +48,6 @@ inline bool touchesMask(const cv::Mat& mask, const cv::Point2f& u, int reach) {
   const cv::Rect square(cvRound(u.x) - reach, cvRound(u.y) - reach, 2 * reach + 1, 2 * reach + 1);
   const cv::Rect inside = square & cv::Rect({0, 0}, mask.size());
   return cv::countNonZero(mask(inside)) < inside.area();
-}
-
-/// The features as observations of a keyframe, in normalised image coordinates.
-inline std::vector<LocalMap::Corner> toCorners(const PinholeCamera& camera,
-                                               const std::vector<Feature>& features) {
-  std::vector<LocalMap::Corner> corners;
-  corners.reserve(features.size());
-  for (const Feature& feature : features) {
-    corners.push_back({feature.id, camera.ray(feature.atStamp()).head<2>(),
-                       std::hypot(feature.sigma, feature.to_stamp_sigma), feature.to_stamp});
-  }
-  return corners;
 }
 
 /// The entry of each feature in `list`, which is ordered by id and contains them all.

@@ -5,7 +5,7 @@
 
 #include "common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/pixel_prediction.hpp"
+#include "vo/motion.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -17,10 +17,7 @@ constexpr double kMinParallaxShare = 0.05;
 }  // namespace
 
 Mapping::Mapping(const PinholeCamera& camera, const OdometryOptions& options)
-    : options_(options),
-      camera_(camera),
-      map_(options.map),
-      bundle_adjustment_(options.bundle_adjustment) {}
+    : options_(options), camera_(camera), bundle_adjustment_(options.adjusted_keyframes) {}
 
 Mapping::Parallax Mapping::parallaxToLast(const Eigen::Isometry3d& T_w_c,
                                           const std::vector<Feature>& found) const {
@@ -49,9 +46,9 @@ bool Mapping::needsKeyframe(const Eigen::Isometry3d& T_w_c,
                             const std::vector<Feature>& found) const {
   const Parallax parallax = parallaxToLast(T_w_c, found);
   if (parallax.features == 0) return true;
-  if (parallax.median > options_.keyframe_parallax) return true;
+  if (parallax.median > kKeyframeParallax) return true;
   return static_cast<double>(parallax.features) <
-         options_.keyframe_min_tracked * static_cast<double>(map_.keyframes().back().corners);
+         kKeyframeMinTracked * static_cast<double>(map_.keyframes().back().corners);
 }
 
 void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
@@ -59,11 +56,11 @@ void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feat
                           const Vector6d& readout_motion) {
   if (!map_.keyframes().back().has_parallax) map_.removeNewestKeyframe();
   const Parallax parallax = parallaxToLast(T_w_c, features);
-  map_.addKeyframe(T_w_c, toCorners(camera_, features), image.image);
+  map_.addKeyframe(T_w_c, observationsOf(camera_, features), image.image);
   map_.keyframes().back().exposure = image.exposure;
   map_.keyframes().back().readout_motion = readout_motion;
   map_.keyframes().back().has_parallax =
-      parallax.features == 0 || parallax.median > kMinParallaxShare * options_.keyframe_parallax;
+      parallax.features == 0 || parallax.median > kMinParallaxShare * kKeyframeParallax;
   {
     ScopedTimer timer(&times->triangulate);
     map_.triangulateNew();
@@ -95,7 +92,7 @@ bool Mapping::adjustNow() {
 
 void Mapping::storeAdjusted() {
   bundle_adjustment_.store(&map_);
-  map_.removeOutliers(options_.max_reprojection_error);
+  map_.removeOutliers(kMaxAdjustedError);
   map_.updateSigmas();
 }
 

@@ -6,10 +6,16 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/odometry_stages.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "vo/bundle_adjustment.hpp"
 #include "vo/feature.hpp"
+#include "vo/map.hpp"
 
 namespace ground_scale_vo {
+
+/// [rad] A new keyframe is made above this median parallax to the last one, or when less than this
+/// share of its features is still tracked.
+constexpr double kKeyframeParallax = 0.035, kKeyframeMinTracked = 0.6;
 
 /// The local map: keyframe selection, triangulation, and bundle adjustment on a second thread.
 class Mapping {

@@ -315,7 +315,7 @@ std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<
 }  // namespace
 
 PoseSearch::PoseSearch(const PinholeCamera& camera, const cv::Mat& mask)
-    : camera_(camera), mask_(mask), pose_estimation_({kMinInliers, kMinInlierShare}) {}
+    : camera_(camera), mask_(mask), pose_estimation_(kMinInliers, kMinInlierShare) {}
 
 std::optional<RelocalisedPose> PoseSearch::locate(const LocalMap& map, const MotionModel& motion,
                                                   const std::vector<Feature>& features,

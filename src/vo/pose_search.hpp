@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "vo/relocalisation.hpp"
+#include "vo/recovery.hpp"
 
 namespace ground_scale_vo {
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/vo/two_view.hpp"
+#include "vo/two_view.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/vo/triangulation.hpp"
+#include "vo/map.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -17,8 +17,16 @@ namespace {
 constexpr double kConfidence = 0.9999;
 constexpr int kMaxRansacIterations = 1000;
 
-/// Fraction of min_parallax that must remain after removing the best rotation to start a map: the
-/// rotation that is fitted alone also absorbs part of a translation's flow.
+/// [normalised image coordinates] largest reprojection error of an inlier: 1.5 px at a focal length
+/// of 718.
+constexpr double kInlierThreshold = 0.0021;
+/// [rad] least median angle between the rays without the rotation, to start a map: depths are then
+/// known to about a tenth.
+constexpr double kMinStartParallax = 0.012;
+/// Least share of the matches that agree with a motion.
+constexpr double kMinMotionShare = 0.45;
+/// Fraction of kMinStartParallax that must remain after removing the best rotation to start a map:
+/// the rotation that is fitted alone also absorbs part of a translation's flow.
 constexpr double kMinParallaxFraction = 0.5;
 
 /// Candidates with the lowest cost that are refined, and steps of the refinement.
@@ -282,10 +290,6 @@ double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_
   return norm > kMinEpipolarLine ? std::abs(line.dot(ray_2)) / norm : 0;
 }
 
-void TwoView::Options::validate() const { visitParameters(*this, RangeCheck("two_view/")); }
-
-TwoView::TwoView(const Options& options) : options_(options) { options_.validate(); }
-
 TwoView::Result TwoView::estimate(const PinholeCamera& camera,
                                   const std::vector<Eigen::Vector2d>& u1,
                                   const std::vector<Eigen::Vector2d>& u2) const {
@@ -295,24 +299,24 @@ TwoView::Result TwoView::estimate(const PinholeCamera& camera,
     return result;
   }
   const auto x1 = normalisedCoordinates(camera, u1), x2 = normalisedCoordinates(camera, u2);
-  if (fitRotation(x1, x2).median_angle < kMinParallaxFraction * options_.min_parallax) {
+  if (fitRotation(x1, x2).median_angle < kMinParallaxFraction * kMinStartParallax) {
     result.status = TwoViewStatus::kTooLittleParallax;
     return result;
   }
 
-  const auto candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
+  const auto candidates = rankedCandidates(x1, x2, kInlierThreshold);
   if (candidates.empty()) return result;
   const Candidate& best = candidates.front();
   const double n = static_cast<double>(x1.size());
   if (std::count(best.inlier.begin(), best.inlier.end(), true) == 0 ||
-      best.inliers < options_.min_inlier_share * n || !isFinite(best.T_2_1)) {
+      best.inliers < kMinMotionShare * n || !isFinite(best.T_2_1)) {
     return result;
   }
   result.T_2_1 = best.T_2_1;
   result.inlier = best.inlier;
   result.inverse_depth_1 = best.inverse_depth_1;
   result.median_parallax = medianParallax(x1, x2, best);
-  result.status = result.median_parallax < options_.min_parallax ? TwoViewStatus::kTooLittleParallax
+  result.status = result.median_parallax < kMinStartParallax ? TwoViewStatus::kTooLittleParallax
                   : ambiguousCandidate(candidates, n, kMaxSecondBestRatio)
                       ? TwoViewStatus::kAmbiguous
                       : TwoViewStatus::kOk;
@@ -326,21 +330,21 @@ std::optional<RelativeRotation> TwoView::estimateRotation(
   const auto x1 = normalisedCoordinates(camera, u1), x2 = normalisedCoordinates(camera, u2);
   const double n = static_cast<double>(x1.size());
   const RotationFit rotation = fitRotation(x1, x2);
-  const double support = rotation.support(options_.inlier_threshold);
+  const double support = rotation.support(kInlierThreshold);
   std::vector<Candidate> candidates;
   if (support <= kMaxSecondBestRatio * n) {  // else no motion can have so much more
-    candidates = rankedCandidates(x1, x2, options_.inlier_threshold);
+    candidates = rankedCandidates(x1, x2, kInlierThreshold);
   }
   const double best_support = candidates.empty() ? 0 : n - candidates.front().cost;
   // Without parallax beyond the noise, any translation fits. With more, the rotation fitted alone
   // absorbs a part of it: up to three times what it leaves, when the camera looks to the side.
   if (candidates.empty() || support > kMaxSecondBestRatio * best_support) {
-    if (support <= options_.min_inlier_share * n) return std::nullopt;
-    return RelativeRotation{rotation.R_2_1, options_.inlier_threshold};
+    if (support <= kMinMotionShare * n) return std::nullopt;
+    return RelativeRotation{rotation.R_2_1, kInlierThreshold};
   }
   const Candidate& best = candidates.front();
-  if (best.inliers < options_.min_inlier_share * n || !isFinite(best.T_2_1)) return std::nullopt;
-  RelativeRotation result{best.T_2_1.linear(), options_.inlier_threshold};
+  if (best.inliers < kMinMotionShare * n || !isFinite(best.T_2_1)) return std::nullopt;
+  RelativeRotation result{best.T_2_1.linear(), kInlierThreshold};
   if (const Candidate* other = ambiguousCandidate(candidates, n, kMaxSecondBestRatio)) {
     result.sigma +=
         Eigen::AngleAxisd(best.T_2_1.linear().transpose() * other->T_2_1.linear()).angle();

@@ -80,10 +80,7 @@ class ScriptedRun {
     vo_.frame.map_id = map_id;
     vo_.frame.T_w_c = ahead(z);
     for (const auto& [sequence, start_z] : start) {
-      StartPose pose;
-      pose.sequence = sequence;
-      pose.T_w_c = ahead(start_z);
-      vo_.start.push_back(pose);
+      vo_.start.push_back({100000000 * static_cast<std::int64_t>(sequence), ahead(start_z)});
     }
     vo_.times.total = 10.0 * next_;
   }

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
 #include "support/scene.hpp"
+#include "vo/bundle_adjustment.hpp"
 
 namespace ground_scale_vo::test {
 
@@ -52,13 +52,12 @@ inline PoseParameters toParameters(const Eigen::Isometry3d& T) {
 }
 
 /// The same problem as LocalBundleAdjustment, solved by Ceres with another parametrisation.
-inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment::Options& options,
-                                                     LocalMap* map) {
+inline LocalBundleAdjustment::Result adjustWithCeres(int adjusted_keyframes, LocalMap* map) {
   LocalBundleAdjustment::Result result;
   std::deque<Keyframe>& keyframes = map->keyframes();
   if (keyframes.size() < 2) return result;
 
-  const std::size_t window = static_cast<std::size_t>(options.window);
+  const std::size_t window = static_cast<std::size_t>(adjusted_keyframes);
   const std::size_t first_free = keyframes.size() > window ? keyframes.size() - window : 1;
   const std::uint32_t first_id = keyframes.front().id;
   const Eigen::Isometry3d T_w_r = keyframes.back().T_w_c;
@@ -81,7 +80,7 @@ inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment
 
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::HuberLoss loss(options.huber_sigma);
+  ceres::HuberLoss loss(kHuberSigma);
   ceres::Problem problem(problem_options);
   auto* ordering = new ceres::ParameterBlockOrdering;
   for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -114,7 +113,7 @@ inline LocalBundleAdjustment::Result adjustWithCeres(const LocalBundleAdjustment
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.linear_solver_ordering.reset(ordering);
-  solver.max_num_iterations = options.max_iterations;
+  solver.max_num_iterations = kMaxAdjustmentIterations;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "ground_scale_vo/input/camera.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
+#include "vo/map.hpp"
 
 namespace ground_scale_vo::test {
 
@@ -77,9 +77,9 @@ inline std::vector<Eigen::Vector3d> farPoints(int n) {
 
 /// Noise-free observations of all points in a keyframe, also of those outside the image; the id is
 /// the point's index.
-inline std::vector<LocalMap::Corner> observe(const std::vector<Eigen::Vector3d>& points,
-                                             const Eigen::Isometry3d& T_w_c) {
-  std::vector<LocalMap::Corner> corners;
+inline std::vector<Observation> observe(const std::vector<Eigen::Vector3d>& points,
+                                        const Eigen::Isometry3d& T_w_c) {
+  std::vector<Observation> corners;
   for (std::size_t i = 0; i < points.size(); ++i) {
     corners.push_back({i, normalised(T_w_c.inverse() * points[i]), kObservationSigma});
   }

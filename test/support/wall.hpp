@@ -5,9 +5,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include "ground_scale_vo/input/camera.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
 #include "support/scene.hpp"
-#include "vo/motion_model.hpp"
+#include "vo/map.hpp"
+#include "vo/motion.hpp"
 
 namespace ground_scale_vo::test {
 

@@ -7,15 +7,15 @@
 #include <string>
 
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/vo/feature_tracker.hpp"
-#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
-#include "ground_scale_vo/vo/patch_alignment.hpp"
-#include "ground_scale_vo/vo/pose_estimation.hpp"
-#include "ground_scale_vo/vo/triangulation.hpp"
-#include "ground_scale_vo/vo/two_view.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "support/scene.hpp"
 #include "support/texture.hpp"
+#include "vo/alignment.hpp"
+#include "vo/bundle_adjustment.hpp"
+#include "vo/map.hpp"
+#include "vo/pose.hpp"
+#include "vo/tracking.hpp"
+#include "vo/two_view.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -74,7 +74,7 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
         u1.push_back(testCamera().project(p));
         u2.push_back(testCamera().project(T_2_1 * p));
       }
-      const TwoView::Result result = TwoView({}).estimate(testCamera(), u1, u2);
+      const TwoView::Result result = TwoView().estimate(testCamera(), u1, u2);
       // Standstill and pure rotation never give a motion.
       EXPECT_TRUE(motion >= 2 || result.status != TwoViewStatus::kOk);
       if (result.status != TwoViewStatus::kOk) continue;
@@ -86,7 +86,7 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
   }
   for (const double bad : {kNan, kInf, -kInf, 1e300}) {
     const std::vector<Eigen::Vector2d> u(200, {bad, 5});
-    EXPECT_NE(TwoView({}).estimate(testCamera(), u, u).status, TwoViewStatus::kOk) << bad;
+    EXPECT_NE(TwoView().estimate(testCamera(), u, u).status, TwoViewStatus::kOk) << bad;
   }
 }
 
@@ -117,13 +117,13 @@ TEST(DegenerateGeometry, PoseIsFiniteOrHasAFailureStatus) {
       std::vector<Eigen::Isometry3d> guesses = motions();
       guesses.push_back(pose({0, 0, 0}, {kNan, 0, 0}));
       for (const Eigen::Isometry3d& guess : guesses) {
-        const auto result = PoseEstimation({}).estimate(guess, observations);
+        const auto result = PoseEstimation().estimate(guess, observations);
         EXPECT_TRUE(scene.name != "behind" || result.status != PoseStatus::kOk);
         EXPECT_TRUE(result.status != PoseStatus::kOk || areFinite(result.T_w_c, result.covariance));
       }
     }
   }
-  EXPECT_EQ(PoseEstimation({}).estimate(pose({0, 0, 0}, {0, 0, 0}), {}).status,
+  EXPECT_EQ(PoseEstimation().estimate(pose({0, 0, 0}, {0, 0, 0}), {}).status,
             PoseStatus::kTooFewPoints);
 }
 
@@ -131,10 +131,10 @@ TEST(DegenerateGeometry, BundleAdjustmentIsFiniteOrUnusable) {
   for (const Scene& scene : degenerateScenes()) {
     for (const double depth : {1.0, 1e-300, 1e300}) {
       SCOPED_TRACE(scene.name);
-      LocalMap map({});
+      LocalMap map;
       for (int k = 0; k < 4; ++k) {
         const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, 0, 1e-9 * k});  // almost no baseline
-        std::vector<LocalMap::Corner> corners;
+        std::vector<Observation> corners;
         for (std::size_t i = 0; i < scene.points.size(); ++i) {
           corners.push_back({i, normalised(T_w_c.inverse() * scene.points[i]), 1e-3});
         }
@@ -143,7 +143,7 @@ TEST(DegenerateGeometry, BundleAdjustmentIsFiniteOrUnusable) {
       for (std::size_t i = 0; i < scene.points.size(); ++i) {
         map.find(i)->depth = InverseDepth{depth, depth};
       }
-      LocalBundleAdjustment adjustment({});
+      LocalBundleAdjustment adjustment(7);
       const auto result = adjustment.adjust(&map);
       EXPECT_TRUE(!result.usable || isFinite(result.rms_sigma));
       for (const Keyframe& keyframe : map.keyframes()) EXPECT_TRUE(isFinite(keyframe.T_w_c));
@@ -158,7 +158,7 @@ TEST(DegenerateGeometry, InvalidPredictionsAndWarpsGiveFiniteResultsOrNone) {
   const cv::Mat image = test::blurredNoise(7, {200, 100}, 0.5);
   const FeatureTracker tracker({});
   const ImagePyramid pyramid = tracker.pyramid(image);
-  const PatchAlignment alignment({});
+  const PatchAlignment alignment;
   const Eigen::Matrix2d identity = Eigen::Matrix2d::Identity();
   const Eigen::Vector2d u(50, 50);
   for (const double bad : {kNan, kInf, 1e30, -1e30}) {

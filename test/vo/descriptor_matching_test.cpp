@@ -1,11 +1,10 @@
-#include "vo/descriptor_matching.hpp"
-
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "support/texture.hpp"
+#include "vo/descriptors.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -1,8 +1,8 @@
-#include "ground_scale_vo/vo/exposure.hpp"
-
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
+
+#include "vo/tracking.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -1,5 +1,3 @@
-#include "ground_scale_vo/vo/feature_tracker.hpp"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include <vector>
 
 #include "support/texture.hpp"
+#include "vo/tracking.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -30,7 +29,7 @@ void expectCorners(const cv::Mat& image) {
   cv::Mat strength, largest;
   cv::cornerMinEigenVal(image, strength, 5, 3);
   cv::dilate(strength, largest, cv::Mat::ones(3, 3, CV_8U));
-  FeatureTracker::Options options;
+  OdometryOptions options;
   for (const double cell_size : {options.cell_size, 0.005}) {
     options.cell_size = cell_size;
     const FeatureTracker tracker(options);

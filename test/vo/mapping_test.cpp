@@ -4,7 +4,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "support/scene.hpp"
-#include "vo/map_initialisation.hpp"
+#include "vo/initialisation.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -17,7 +17,7 @@ using test::pose;
 std::vector<Feature> featuresOf(const std::vector<Eigen::Vector3d>& points,
                                 const Eigen::Isometry3d& T_w_c) {
   std::vector<Feature> features;
-  for (const LocalMap::Corner& corner : test::observe(points, T_w_c)) {
+  for (const Observation& corner : test::observe(points, T_w_c)) {
     Feature feature;
     feature.id = corner.id;
     feature.u = kCamera.project(corner.x.homogeneous());
@@ -61,10 +61,9 @@ class MappingTest : public testing::Test {
 };
 
 TEST_F(MappingTest, AKeyframeIsNeededForParallaxToTheLastOrFewTrackedFeatures) {
-  const OdometryOptions options;
   std::vector<Eigen::Vector3d> points = test::randomPoints(200, 1);
   for (Eigen::Vector3d& p : points) p *= 10 / p.norm();  // all at the same distance
-  Mapping mapping(kCamera, options);
+  Mapping mapping(kCamera, {});
   mapping.map().addKeyframe(Eigen::Isometry3d::Identity(),
                             test::observe(points, Eigen::Isometry3d::Identity()));
   const auto isNeeded = [&](const Eigen::Isometry3d& T_w_c, double tracked) {
@@ -75,10 +74,10 @@ TEST_F(MappingTest, AKeyframeIsNeededForParallaxToTheLastOrFewTrackedFeatures) {
   EXPECT_FALSE(isNeeded(pose({0.02, 0.1, 0.05}, {0, 0, 0}), 200)) << "a rotation is no parallax";
   // Sideways: slightly less parallax than displacement over distance, as the points are not all in
   // the direction of view.
-  const double displacement = 10 * options.keyframe_parallax;
+  const double displacement = 10 * kKeyframeParallax;
   EXPECT_FALSE(isNeeded(pose({0, 0.1, 0}, {0.9 * displacement, 0, 0}), 200));
   EXPECT_TRUE(isNeeded(pose({0, 0.1, 0}, {1.3 * displacement, 0, 0}), 200));
-  const double least = 200 * options.keyframe_min_tracked;
+  const double least = 200 * kKeyframeMinTracked;
   EXPECT_TRUE(isNeeded(Eigen::Isometry3d::Identity(), 0));
   EXPECT_TRUE(isNeeded(Eigen::Isometry3d::Identity(), 0.9 * least));
   EXPECT_FALSE(isNeeded(Eigen::Isometry3d::Identity(), 1.1 * least));
@@ -143,11 +142,11 @@ struct Initialisation {
         initialisation(kCamera, {}),
         mapping(kCamera, {}) {}
 
-  std::optional<std::vector<StartPose>> start() {
-    initialisation.restart(3, 1000, first, blankImage().image);
-    initialisation.addFrame(4, 2000, second);
+  std::optional<std::vector<StampedPose>> start() {
+    initialisation.restart(1000, first, blankImage().image);
+    initialisation.addFrame(2000, second);
     EXPECT_FALSE(initialisation.tryStartMap(second, blankImage(), &mapping)) << "no motion";
-    initialisation.addFrame(5, 3000, third);
+    initialisation.addFrame(3000, third);
     auto poses = initialisation.tryStartMap(third, blankImage(0.7), &mapping);
     EXPECT_EQ(mapping.map().keyframes().empty(), !poses);
     EXPECT_EQ(initialisation.canContinueWith(third.size()), !poses);
@@ -160,7 +159,7 @@ TEST(MapInitialisation, TheUnitOfTheMapIsItsMedianDepth) {
   const auto poses = scene.start();
   ASSERT_TRUE(poses);
   ASSERT_EQ(poses->size(), 3u);
-  EXPECT_EQ(poses->front().sequence, 3u);
+  EXPECT_EQ(poses->front().stamp_ns, 1000);
   EXPECT_EQ(poses->back().stamp_ns, 3000);
   EXPECT_EQ(poses->front().T_w_c.matrix(), Eigen::Matrix4d::Identity());
   const LocalMap& map = scene.mapping.map();

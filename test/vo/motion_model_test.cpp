@@ -1,9 +1,7 @@
-#include "vo/motion_model.hpp"
-
 #include <gtest/gtest.h>
 
 #include "support/scene.hpp"
-#include "vo/pixel_prediction.hpp"
+#include "vo/motion.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -1,5 +1,3 @@
-#include "ground_scale_vo/vo/patch_alignment.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 
 #include "support/scene.hpp"
 #include "support/texture.hpp"
+#include "vo/alignment.hpp"
 #include "vo/feature.hpp"
 #include "vo/float_patch.hpp"
 
@@ -53,7 +52,7 @@ Errors alignAll(bool wall, PatchSurface surface, const Eigen::Isometry3d& T_w_c,
                 double offset = 0) {
   const cv::Mat reference = render(Eigen::Isometry3d::Identity(), wall);
   const cv::Mat current = render(T_w_c, wall, offset);
-  const PatchAlignment alignment({});
+  const PatchAlignment alignment;
   Errors errors;
   for (const cv::Point2f& pixel : test::gridPixels(reference.size(), 20, 16)) {
     const Eigen::Vector3d ray = kCamera.ray({pixel.x, pixel.y});
@@ -95,7 +94,7 @@ TEST(PatchAlignment, AlignsPatchesOfAWallUnderOtherIllumination) {
 }
 
 TEST(PatchAlignment, RejectsPatchesOfAnotherPlaceAndWithoutTextureInTwoDirections) {
-  const PatchAlignment alignment({});
+  const PatchAlignment alignment;
   const auto identity = Eigen::Matrix2d::Identity();
   const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
   const cv::Mat other = render(test::pose({0, 0, 0}, {1.3, 0.9, 0}), true);
@@ -125,7 +124,7 @@ TEST(PatchAlignment, RejectsPatchesOfAnotherPlaceAndWithoutTextureInTwoDirection
 // The memory beyond the borders of these parts of an image shows the rest of it, where a patch
 // would fit.
 TEST(PatchAlignment, UsesNoPixelsOutsideTheImages) {
-  const PatchAlignment alignment({});
+  const PatchAlignment alignment;
   const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
   cv::Mat half;
   cv::resize(wall, half, {}, 0.5, 0.5, cv::INTER_AREA);

@@ -1,10 +1,9 @@
-#include "ground_scale_vo/vo/pose_estimation.hpp"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "support/scene.hpp"
+#include "vo/pose.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -32,7 +31,7 @@ std::vector<PointObservation> observationsFrom(const Eigen::Isometry3d& T_w_c, d
 
 PoseEstimation::Result estimateFrom(const Eigen::Isometry3d& predicted,
                                     const std::vector<PointObservation>& observations) {
-  return PoseEstimation({}).estimate(predicted, observations);
+  return PoseEstimation().estimate(predicted, observations);
 }
 
 void expectPose(const PoseEstimation::Result& result, const Eigen::Isometry3d& T_w_c,
@@ -151,10 +150,10 @@ TEST(PoseEstimation, ReportsWhenThereIsNoPose) {
 
   observations = observationsFrom(kOrigin);
   observations.resize(20);
-  PoseEstimation::Options options;
-  for (options.min_inliers = 20; options.min_inliers <= 21; ++options.min_inliers) {
-    EXPECT_EQ(PoseEstimation(options).estimate(kOrigin, observations).status == PoseStatus::kOk,
-              options.min_inliers == 20);
+  for (const int min_inliers : {20, 21}) {
+    EXPECT_EQ(
+        PoseEstimation(min_inliers, 0.4).estimate(kOrigin, observations).status == PoseStatus::kOk,
+        min_inliers == 20);
   }
 }
 

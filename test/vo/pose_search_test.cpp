@@ -8,8 +8,8 @@
 
 #include "support/scene.hpp"
 #include "support/wall.hpp"
-#include "vo/descriptor_matching.hpp"
-#include "vo/relocalisation.hpp"
+#include "vo/descriptors.hpp"
+#include "vo/recovery.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -22,7 +22,7 @@ using test::pose;
 class WallTest : public testing::Test {
  protected:
   explicit WallTest(int repetitions = 1) : repetitions_(repetitions) {
-    std::vector<LocalMap::Corner> corners;
+    std::vector<Observation> corners;
     for (double v = 20; v < kCamera.height - 20; v += 16) {
       for (double u = 20; u < kCamera.width - 20; u += 14.5) {
         Feature feature;
@@ -82,7 +82,7 @@ class WallTest : public testing::Test {
 
   const int repetitions_;  // of the wall's texture
   const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.5, -0.2}, {5, 6, -17});
-  LocalMap map_{{}};
+  LocalMap map_;
   MotionModel motion_ = test::motionTo(T_w_v_);
   std::vector<Feature> features_;
 };

@@ -1,11 +1,10 @@
-#include "vo/reference_alignment.hpp"
-
 #include <gtest/gtest.h>
 
-#include "ground_scale_vo/vo/exposure.hpp"
-#include "ground_scale_vo/vo/feature_tracker.hpp"
+#include "ground_scale_vo/vo/vo_options.hpp"
 #include "support/scene.hpp"
 #include "support/wall.hpp"
+#include "vo/alignment.hpp"
+#include "vo/tracking.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -20,7 +19,7 @@ const Eigen::Vector2d kError(0.8, -0.6);  // of the tracked features [px]
 class ReferenceAlignmentTest : public testing::Test {
  protected:
   ReferenceAlignmentTest() {
-    std::vector<LocalMap::Corner> corners;
+    std::vector<Observation> corners;
     for (int v = 60; v < kCamera.height - 60; v += 16) {
       for (int u = 250; u < kCamera.width - 250; u += 16) {
         corners.push_back({corners.size(), kCamera.ray({u, v}).head<2>(), 0.001});
@@ -62,8 +61,8 @@ class ReferenceAlignmentTest : public testing::Test {
   }
 
   const Eigen::Isometry3d T_w_v_ = pose({0.1, 0.2, -0.1}, {5, 6, 7});
-  LocalMap map_{{}};
-  ReferenceAlignment alignment_{kCamera, {}};
+  LocalMap map_;
+  ReferenceAlignment alignment_{kCamera, OdometryOptions().min_correlation};
   std::vector<Feature> features_;
 };
 
@@ -90,7 +89,7 @@ TEST_F(ReferenceAlignmentTest, AppliesTheGainSinceTheKeyframe) {
 // A second keyframe sees the same features with an error of the tracking, and other features.
 TEST_F(ReferenceAlignmentTest, AlignsToTheImageOfTheFirstKeyframeOfEachFeature) {
   const Eigen::Isometry3d T_v_2 = pose({0, 0, 0}, {0.2, 0, 2});
-  std::vector<LocalMap::Corner> corners;
+  std::vector<Observation> corners;
   for (const auto& [id, landmark] : map_.landmarks()) {
     corners.push_back({id, kCamera.ray(pixelAt(T_v_2, id) + kError).head<2>(), 0.001});
   }

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/se3.hpp"
-#include "vo/pixel_prediction.hpp"
+#include "vo/motion.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -23,8 +23,8 @@ Eigen::Vector2d rollingPixel(const Eigen::Vector3d& p_c, const Vector6d& readout
 TEST(RollingShutter, MapPointsAreShiftedToTheStamp) {
   Vector6d readout_motion;
   readout_motion << 0.002, 0.015, -0.001, 0.01, -0.01, 0.6;
-  LocalMap map({});
-  std::vector<LocalMap::Corner> corners;
+  LocalMap map;
+  std::vector<Observation> corners;
   std::vector<Feature> features;
   std::vector<Eigen::Vector2d> expected;
   for (const Eigen::Vector3d& p_c :

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstdint>
 
 namespace ground_scale_vo {
 
@@ -12,6 +13,12 @@ namespace ground_scale_vo {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+/// The pose of a camera in a world frame at the stamp of an image.
+struct StampedPose {
+  std::int64_t stamp_ns = 0;
+  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+};
 
 /// The matrix of the cross product: skew(a) * b = a x b.
 inline Eigen::Matrix3d skew(const Eigen::Vector3d& a) {

@@ -1,12 +1,13 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
+
+#include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo {
 
@@ -24,10 +25,6 @@ std::vector<Eigen::Isometry3d> readKittiPoses(const std::filesystem::path& file)
 void writeKittiPoses(const std::filesystem::path& file,
                      const std::vector<Eigen::Isometry3d>& poses);
 
-struct StampedPose {
-  std::int64_t stamp_ns = 0;
-  Eigen::Isometry3d T_a_b = Eigen::Isometry3d::Identity();
-};
 /// TUM: `stamp[s] tx ty tz qx qy qz qw`, stamp with nine decimals, exact to the nanosecond. Throws
 /// DataError.
 void writeTumTrajectory(const std::filesystem::path& file, const std::vector<StampedPose>& poses);

@@ -5,10 +5,31 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/vo/odometry_stages.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
+#include "ground_scale_vo/vo/vo_options.hpp"
 
 namespace ground_scale_vo {
+
+enum class RejectReason : std::uint8_t {
+  kNotFound,  ///< not found in this image, at the mask, or failed the forward-backward check
+  kOutlier    ///< off the projection of its map point; without a map point: off its epipolar line
+};
+
+/// A feature that was not found in this frame, or was removed from it as an outlier.
+struct RejectedFeature {
+  std::uint64_t id = 0;
+  Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] last position; an outlier's in this frame
+  RejectReason reason = RejectReason::kNotFound;
+};
+
+/// [ms] wall time.
+struct StageTimes {
+  double pyramid = 0, track = 0, align = 0, detect = 0, pose = 0, triangulate = 0;
+  /// On the second thread, reported in the frame that uses the adjusted map; not part of total.
+  double bundle_adjustment = 0;
+  double adjustment_wait = 0;  ///< for the second thread, and to copy its result into the map
+  double total = 0;
+};
 
 /// Monocular visual odometry up to scale (the paper's MVO thread): images in, VoFrame out.
 ///
@@ -28,7 +49,7 @@ class VisualOdometry {
     VoFrame frame;
     /// Poses of the frames from the map's first to this one, in order, without those that had too
     /// little texture (see sequence); empty unless this frame starts a map.
-    std::vector<StartPose> start;
+    std::vector<StampedPose> start;
     /// For visualisation; not among the frame's features. While the camera stands still or is lost,
     /// the previous image is kept, and a rejected feature may be found again later.
     std::vector<RejectedFeature> rejected;

@@ -7,9 +7,11 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/odometry_stages.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "vo/feature.hpp"
 #include "vo/mapping.hpp"
+#include "vo/pose.hpp"
+#include "vo/two_view.hpp"
 
 namespace ground_scale_vo {
 
@@ -21,8 +23,7 @@ class MapInitialisation {
   MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options);
 
   /// Removes all frames. This frame becomes the first one and defines the world frame of the map.
-  void restart(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& features,
-               const cv::Mat& image);
+  void restart(std::int64_t stamp_ns, const std::vector<Feature>& features, const cv::Mat& image);
 
   /// True if `found` of the first frame's features suffice to continue.
   bool canContinueWith(std::size_t found) const;
@@ -33,36 +34,35 @@ class MapInitialisation {
 
   /// Adds the next frame. found: the features of the first frame that are still tracked. With a
   /// rolling shutter the second frame's flow also shifts the features of the first to its stamp.
-  void addFrame(std::uint32_t sequence, std::int64_t stamp_ns, const std::vector<Feature>& found);
+  void addFrame(std::int64_t stamp_ns, const std::vector<Feature>& found);
 
   /// The newest frame shows no motion since the one before it, whose pose it gets: a long
   /// standstill needs neither memory for its features nor time to localise its frames.
-  void newestStandsStill() { frames_.back().corners = std::vector<LocalMap::Corner>(); }
+  void newestStandsStill() { frames_.back().corners = std::vector<Observation>(); }
 
   /// Creates a map from the first and the newest frame. found, image: features and image of the
   /// newest frame. Returns the poses of all frames; empty, with an empty map, if the motion cannot
   /// be estimated yet. The unit of length is the median depth in the first frame.
-  std::optional<std::vector<StartPose>> tryStartMap(const std::vector<Feature>& found,
-                                                    const ImagePyramid& image, Mapping* mapping);
+  std::optional<std::vector<StampedPose>> tryStartMap(const std::vector<Feature>& found,
+                                                      const ImagePyramid& image, Mapping* mapping);
 
  private:
   struct Frame {
-    std::uint32_t sequence = 0;
     std::int64_t stamp_ns = 0;
-    std::vector<LocalMap::Corner> corners;  ///< empty: at the pose of the frame before
+    std::vector<Observation> corners;  ///< empty: at the pose of the frame before
   };
 
   std::vector<Eigen::Vector2d> pixelsInFirst(const std::vector<Feature>& found) const;
   bool makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
                const TwoView::Result& motion, Mapping* mapping) const;
-  std::optional<std::vector<StartPose>> localiseFrames(const LocalMap& map) const;
+  std::optional<std::vector<StampedPose>> localiseFrames(const LocalMap& map) const;
 
   void shiftFirstToStamp(const std::vector<Feature>& found);
 
   const double readout_time_;  ///< [s]
   const PinholeCamera camera_;
-  const TwoView two_view_;
-  const PoseEstimation pose_estimation_;
+  const TwoView two_view_{};
+  const PoseEstimation pose_estimation_{};
 
   std::vector<Frame> frames_;
   cv::Mat first_image_;

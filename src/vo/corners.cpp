@@ -1,4 +1,4 @@
-#include "vo/corner_detection.hpp"
+#include "vo/corners.hpp"
 
 #include <algorithm>
 #include <array>

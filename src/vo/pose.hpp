@@ -5,7 +5,7 @@
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
+#include "vo/map.hpp"
 
 namespace ground_scale_vo {
 
@@ -22,7 +22,7 @@ struct PointObservation {
 
 /// The corners that have a map point. index: filled with their indices in `corners`, if not null.
 std::vector<PointObservation> pointObservations(const LocalMap& map,
-                                                const std::vector<LocalMap::Corner>& corners,
+                                                const std::vector<Observation>& corners,
                                                 std::vector<std::size_t>* index = nullptr);
 
 enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
@@ -31,20 +31,6 @@ enum class PoseStatus { kOk, kTooFewPoints, kTooFewInliers };
 /// predicted pose; when that fails or has few inliers, from the pose that RANSAC with P3P finds.
 class PoseEstimation {
  public:
-  struct Options {
-    int min_inliers = 25;
-    double min_inlier_share = 0.4;
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("min_inliers", self.min_inliers, 6, 100000,
-            "[points] pose estimation fails below this number of inliers");
-      visit("min_inlier_share", self.min_inlier_share, 0, 1,
-            "[] inliers over tracked points; pose estimation fails below this ratio");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
-
   struct Result {
     PoseStatus status = PoseStatus::kTooFewPoints;
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< valid when kOk
@@ -56,7 +42,9 @@ class PoseEstimation {
     Matrix6d covariance = Matrix6d::Zero();
   };
 
-  explicit PoseEstimation(const Options& options);
+  /// An estimate needs this number of inliers, and this share of the observations.
+  explicit PoseEstimation(int min_inliers = 25, double min_inlier_share = 0.4)
+      : min_inliers_(min_inliers), min_inlier_share_(min_inlier_share) {}
 
   /// Deterministic. Fails with kTooFewPoints if there are too few observations, and with
   /// kTooFewInliers if there are too few inliers or the position is implausibly far away.
@@ -67,7 +55,8 @@ class PoseEstimation {
   Result refine(const Eigen::Isometry3d& start_T_w_c,
                 const std::vector<PointObservation>& observations) const;
 
-  Options options_;
+  int min_inliers_;
+  double min_inlier_share_;
 };
 
 }  // namespace ground_scale_vo

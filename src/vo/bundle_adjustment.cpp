@@ -1,4 +1,4 @@
-#include "ground_scale_vo/vo/local_bundle_adjustment.hpp"
+#include "vo/bundle_adjustment.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -390,12 +390,8 @@ struct LocalBundleAdjustment::Problem {
   }
 };
 
-void LocalBundleAdjustment::Options::validate() const {
-  visitParameters(*this, RangeCheck("bundle_adjustment/"));
-}
-
-LocalBundleAdjustment::LocalBundleAdjustment(const Options& options)
-    : options_((options.validate(), options)), problem_(std::make_unique<Problem>()) {}
+LocalBundleAdjustment::LocalBundleAdjustment(int window)
+    : window_(window), problem_(std::make_unique<Problem>()) {}
 
 LocalBundleAdjustment::~LocalBundleAdjustment() = default;
 
@@ -407,11 +403,11 @@ LocalBundleAdjustment::Result LocalBundleAdjustment::adjust(LocalMap* map) {
 }
 
 void LocalBundleAdjustment::load(const LocalMap& map) {
-  problem_->load(map, static_cast<std::size_t>(options_.window));
+  problem_->load(map, static_cast<std::size_t>(window_));
 }
 
 LocalBundleAdjustment::Result LocalBundleAdjustment::solve() {
-  return problem_->solve(options_.max_iterations, options_.huber_sigma);
+  return problem_->solve(kMaxAdjustmentIterations, kHuberSigma);
 }
 
 void LocalBundleAdjustment::store(LocalMap* map) const { problem_->store(map); }

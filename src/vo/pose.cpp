@@ -1,4 +1,4 @@
-#include "ground_scale_vo/vo/pose_estimation.hpp"
+#include "vo/pose.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -158,7 +158,7 @@ Matrix6d covarianceOf(Matrix6d H, std::vector<double> distances2) {
 }  // namespace
 
 std::vector<PointObservation> pointObservations(const LocalMap& map,
-                                                const std::vector<LocalMap::Corner>& corners,
+                                                const std::vector<Observation>& corners,
                                                 std::vector<std::size_t>* index) {
   std::vector<PointObservation> observations;
   observations.reserve(corners.size());
@@ -171,10 +171,6 @@ std::vector<PointObservation> pointObservations(const LocalMap& map,
   }
   return observations;
 }
-
-void PoseEstimation::Options::validate() const { visitParameters(*this, RangeCheck("pose/")); }
-
-PoseEstimation::PoseEstimation(const Options& options) : options_(options) { options_.validate(); }
 
 PoseEstimation::Result PoseEstimation::refine(
     const Eigen::Isometry3d& start_T_w_c, const std::vector<PointObservation>& observations) const {
@@ -208,9 +204,9 @@ PoseEstimation::Result PoseEstimation::refine(
     result.inlier.push_back(inlier);
     result.inliers += inlier;
   }
-  const double share = options_.min_inlier_share * static_cast<double>(observations.size());
+  const double share = min_inlier_share_ * static_cast<double>(observations.size());
   // An implausible position counts as kTooFewInliers, too.
-  result.status = result.inliers >= options_.min_inliers && result.inliers >= share &&
+  result.status = result.inliers >= min_inliers_ && result.inliers >= share &&
                           isPlausiblePosition(result.T_w_c.translation())
                       ? PoseStatus::kOk
                       : PoseStatus::kTooFewInliers;
@@ -220,7 +216,7 @@ PoseEstimation::Result PoseEstimation::refine(
 PoseEstimation::Result PoseEstimation::estimate(
     const Eigen::Isometry3d& predicted_T_w_c,
     const std::vector<PointObservation>& observations) const {
-  if (static_cast<int>(observations.size()) < options_.min_inliers) return {};
+  if (static_cast<int>(observations.size()) < min_inliers_) return {};
   Result result = refine(predicted_T_w_c, observations);
   const double doubtful = kDoubtfulInlierShare * static_cast<double>(observations.size());
   if (result.status == PoseStatus::kOk && result.inliers >= doubtful) return result;

@@ -1,13 +1,29 @@
-#include "ground_scale_vo/vo/local_map.hpp"
+#include "vo/map.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+/// [VO units^2] minimum information (1 / sigma^2) on the inverse depth; below it there is no
+/// baseline.
+constexpr double kMinInformation = 1e-12;
+/// Gauss-Newton starts at the linear solution and converges in two or three iterations.
+constexpr int kMaxTriangulationIterations = 8;
+/// [standard deviations of the inverse depth] step length at convergence.
+constexpr double kConvergedSigmas = 1e-3;
+
+/// Largest sigma of a new inverse depth, relative to the inverse depth: with more, the depth is
+/// hardly known, and the next keyframe halves it.
+constexpr double kMaxRelativeSigma = 0.35;
+/// [normalised image coordinates] largest error of any observation of a new depth: 3 px at a focal
+/// length of 718, several standard deviations of a tracked corner.
+constexpr double kMaxNewPointError = 0.004;
 
 /// The current poses of all keyframes relative to the earlier ones, in which landmarks are
 /// anchored.
@@ -36,9 +52,58 @@ class RelativePoses {
 
 }  // namespace
 
-void LocalMap::Options::validate() const { visitParameters(*this, RangeCheck("map/")); }
+std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
+                                        const std::vector<RayObservation>& observations) {
+  if (observations.empty()) return std::nullopt;
 
-LocalMap::LocalMap(const Options& options) : options_(options) { options_.validate(); }
+  // In camera c the point is, up to scale, a + rho t with a = R ray. Initialise with the linear
+  // solution of x (a + rho t)_z = (a + rho t)_xy.
+  double numerator = 0, denominator = 0;
+  for (const RayObservation& o : observations) {
+    const Eigen::Vector3d a = o.T_c_anchor.linear() * ray;
+    const Eigen::Vector3d& t = o.T_c_anchor.translation();
+    const Eigen::Vector2d coefficient = o.x * t.z() - t.head<2>();
+    const double weight = 1 / (o.sigma * o.sigma);
+    numerator += weight * coefficient.dot(a.head<2>() - o.x * a.z());
+    denominator += weight * coefficient.squaredNorm();
+  }
+  if (denominator < kMinInformation) return std::nullopt;
+  double rho = numerator / denominator;
+
+  double information = 0;
+  for (int iteration = 0; iteration < kMaxTriangulationIterations; ++iteration) {
+    double gradient = 0;
+    information = 0;
+    for (const RayObservation& o : observations) {
+      const auto [p, scaled_derivative] = projectOnRay(ray, rho, o.T_c_anchor);
+      if (p.z() < kMinObserverDepthRatio) return std::nullopt;
+      const Eigen::Vector2d residual = p.head<2>() / p.z() - o.x;
+      const Eigen::Vector2d J = scaled_derivative / p.z();
+      const double weight = 1 / (o.sigma * o.sigma);
+      gradient += weight * J.dot(residual);
+      information += weight * J.squaredNorm();
+    }
+    if (information < kMinInformation) return std::nullopt;
+    const double step = gradient / information;
+    rho -= step;
+    if (!areFinite(rho, information)) return std::nullopt;
+    if (std::abs(step) < kConvergedSigmas / std::sqrt(information)) {
+      return InverseDepth{rho, 1 / std::sqrt(information)};
+    }
+  }
+  return std::nullopt;
+}
+
+std::vector<Observation> observationsOf(const PinholeCamera& camera,
+                                        const std::vector<Feature>& features) {
+  std::vector<Observation> observations;
+  observations.reserve(features.size());
+  for (const Feature& feature : features) {
+    observations.push_back({feature.id, camera.ray(feature.atStamp()).head<2>(),
+                            std::hypot(feature.sigma, feature.to_stamp_sigma), feature.to_stamp});
+  }
+  return observations;
+}
 
 void LocalMap::clear() {
   keyframes_.clear();
@@ -46,13 +111,15 @@ void LocalMap::clear() {
 }
 
 std::uint32_t LocalMap::addKeyframe(const Eigen::Isometry3d& T_w_c,
-                                    const std::vector<Corner>& corners, const cv::Mat& image) {
+                                    const std::vector<Observation>& corners, const cv::Mat& image) {
   const std::uint32_t id = keyframes_.empty() ? 0 : keyframes_.back().id + 1;
   keyframes_.push_back({id, T_w_c, image, 1, corners.size()});
-  for (const Corner& corner : corners) {
-    landmarks_[corner.id].observations.push_back({id, corner.x, corner.sigma, corner.to_stamp});
+  for (const Observation& corner : corners) {
+    std::vector<Observation>& observations = landmarks_[corner.id].observations;
+    observations.push_back(corner);
+    observations.back().keyframe = id;
   }
-  if (keyframes_.size() > static_cast<std::size_t>(options_.keyframes)) dropOldestKeyframe();
+  if (keyframes_.size() > kMaxKeyframes) dropOldestKeyframe();
   return id;
 }
 
@@ -106,10 +173,10 @@ void LocalMap::triangulateNew() {
     const Eigen::Vector3d ray = landmark.ray();
     const auto depth = triangulate(ray, observations);
     if (!depth || depth->value <= 0) continue;
-    if (depth->sigma > options_.max_relative_sigma * depth->value) continue;
+    if (depth->sigma > kMaxRelativeSigma * depth->value) continue;
     const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
       return reprojectionError(projectOnRay(ray, depth->value, o.T_c_anchor).p, o.x) <
-             options_.max_reprojection_error;
+             kMaxNewPointError;
     });
     if (fits) landmark.depth = depth;
   }

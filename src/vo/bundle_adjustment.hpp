@@ -3,9 +3,13 @@
 #include <memory>
 
 #include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/vo/local_map.hpp"
+#include "vo/map.hpp"
 
 namespace ground_scale_vo {
+
+constexpr int kMaxAdjustmentIterations =
+    6;                             ///< of Levenberg-Marquardt; the cost then hardly changes
+constexpr double kHuberSigma = 1;  ///< [standard deviations] above it Huber's loss is linear
 
 /// Optimises the poses of the newest keyframes and the inverse depths of the landmarks that they
 /// observe: reprojection error with Huber's loss, Levenberg-Marquardt. Older keyframes are fixed,
@@ -22,22 +26,6 @@ namespace ground_scale_vo {
 /// All arrays keep their memory from one adjustment to the next.
 class LocalBundleAdjustment {
  public:
-  struct Options {
-    int window = 7;
-    int max_iterations = 6;
-    double huber_sigma = 1.0;
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("window", self.window, 1, 100,
-            "[keyframes] newest ones that are optimised; older ones are fixed");
-      visit("max_iterations", self.max_iterations, 1, 1000, "[iterations] of Levenberg-Marquardt");
-      visit("huber_sigma", self.huber_sigma, 0.1, 1000,
-            "[sigma] residual above which Huber's loss is linear");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
-
   struct Result {
     /// False if there are too few landmarks, the result is not finite, or no step can be computed;
     /// store() then leaves the map unchanged.
@@ -48,7 +36,8 @@ class LocalBundleAdjustment {
     double rms_sigma = 0;
   };
 
-  explicit LocalBundleAdjustment(const Options& options);
+  /// window: see OdometryOptions::adjusted_keyframes.
+  explicit LocalBundleAdjustment(int window);
   ~LocalBundleAdjustment();
 
   /// load(), solve() and store().
@@ -64,7 +53,7 @@ class LocalBundleAdjustment {
 
  private:
   struct Problem;
-  Options options_;
+  int window_;
   std::unique_ptr<Problem> problem_;
 };
 

@@ -33,23 +33,6 @@ double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_
 /// that triangulate in front of both cameras with a small reprojection error.
 class TwoView {
  public:
-  struct Options {
-    double inlier_threshold = 0.0021;
-    double min_parallax = 0.012;
-    double min_inlier_share = 0.45;
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("inlier_threshold", self.inlier_threshold, 1e-5, 0.1,
-            "[focal lengths] largest reprojection error of an inlier");
-      visit("min_parallax", self.min_parallax, 1e-4, 1,
-            "[rad] median angle between the rays after removing the rotation");
-      visit("min_inlier_share", self.min_inlier_share, 0, 1,
-            "[] inliers over matches; no estimate with fewer");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
-
   struct Result {
     TwoViewStatus status = TwoViewStatus::kNoModel;
     Eigen::Isometry3d T_2_1 = Eigen::Isometry3d::Identity();  ///< |t| = 1; valid when kOk
@@ -57,8 +40,6 @@ class TwoView {
     std::vector<double> inverse_depth_1;  ///< 1 / z in the first camera; valid where inlier
     double median_parallax = 0;           ///< [rad]
   };
-
-  explicit TwoView(const Options& options);
 
   /// u1, u2: [px], same length. Deterministic.
   Result estimate(const PinholeCamera& camera, const std::vector<Eigen::Vector2d>& u1,
@@ -69,9 +50,6 @@ class TwoView {
   std::optional<RelativeRotation> estimateRotation(const PinholeCamera& camera,
                                                    const std::vector<Eigen::Vector2d>& u1,
                                                    const std::vector<Eigen::Vector2d>& u2) const;
-
- private:
-  Options options_;
 };
 
 }  // namespace ground_scale_vo

@@ -1,4 +1,4 @@
-#include "vo/map_initialisation.hpp"
+#include "vo/initialisation.hpp"
 
 #include <utility>
 
@@ -28,16 +28,13 @@ std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
 }  // namespace
 
 MapInitialisation::MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options)
-    : readout_time_(options.readout_time),
-      camera_(camera),
-      two_view_(options.two_view),
-      pose_estimation_(options.pose) {}
+    : readout_time_(options.readout_time), camera_(camera) {}
 
-void MapInitialisation::restart(std::uint32_t sequence, std::int64_t stamp_ns,
-                                const std::vector<Feature>& features, const cv::Mat& image) {
+void MapInitialisation::restart(std::int64_t stamp_ns, const std::vector<Feature>& features,
+                                const cv::Mat& image) {
   frames_.clear();
   first_image_ = image;
-  addFrame(sequence, stamp_ns, features);
+  addFrame(stamp_ns, features);
 }
 
 bool MapInitialisation::canContinueWith(std::size_t found) const {
@@ -49,7 +46,7 @@ bool MapInitialisation::canContinueWith(std::size_t found) const {
 std::vector<Eigen::Vector2d> MapInitialisation::pixelsInFirst(
     const std::vector<Feature>& found) const {
   std::vector<Eigen::Vector2d> pixels;
-  for (const LocalMap::Corner& corner : entriesOf(found, frames_.front().corners)) {
+  for (const Observation& corner : entriesOf(found, frames_.front().corners)) {
     pixels.push_back(camera_.project(corner.x.homogeneous()));
   }
   return pixels;
@@ -60,10 +57,9 @@ std::optional<RelativeRotation> MapInitialisation::rotationSinceFirst(
   return two_view_.estimateRotation(camera_, pixelsInFirst(found), pixelsOf(found));
 }
 
-void MapInitialisation::addFrame(std::uint32_t sequence, std::int64_t stamp_ns,
-                                 const std::vector<Feature>& found) {
+void MapInitialisation::addFrame(std::int64_t stamp_ns, const std::vector<Feature>& found) {
   if (frames_.size() == 1 && readout_time_ > 0) shiftFirstToStamp(found);
-  frames_.push_back({sequence, stamp_ns, toCorners(camera_, found)});
+  frames_.push_back({stamp_ns, observationsOf(camera_, found)});
 }
 
 void MapInitialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
@@ -76,7 +72,7 @@ void MapInitialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
   }
 }
 
-std::optional<std::vector<StartPose>> MapInitialisation::tryStartMap(
+std::optional<std::vector<StampedPose>> MapInitialisation::tryStartMap(
     const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping) {
   const TwoView::Result motion = two_view_.estimate(camera_, pixelsInFirst(found), pixelsOf(found));
   if (motion.status != TwoViewStatus::kOk) return std::nullopt;
@@ -121,8 +117,9 @@ bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePy
 
 /// The poses of all frames in the new map. The first and the last are its keyframes. Empty when one
 /// of them cannot be localised.
-std::optional<std::vector<StartPose>> MapInitialisation::localiseFrames(const LocalMap& map) const {
-  std::vector<StartPose> poses;
+std::optional<std::vector<StampedPose>> MapInitialisation::localiseFrames(
+    const LocalMap& map) const {
+  std::vector<StampedPose> poses;
   Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
   for (const Frame& frame : frames_) {
     if (!frame.corners.empty()) {
@@ -131,7 +128,7 @@ std::optional<std::vector<StartPose>> MapInitialisation::localiseFrames(const Lo
       if (estimate.status != PoseStatus::kOk) return std::nullopt;
       predicted = estimate.T_w_c;
     }
-    poses.push_back({frame.sequence, frame.stamp_ns, predicted});
+    poses.push_back({frame.stamp_ns, predicted});
   }
   poses.front().T_w_c = Eigen::Isometry3d::Identity();
   poses.back().T_w_c = map.keyframes().back().T_w_c;

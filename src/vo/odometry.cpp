@@ -1,5 +1,3 @@
-#include "ground_scale_vo/vo/visual_odometry.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -7,28 +5,32 @@
 #include <utility>
 
 #include "common/time.hpp"
-#include "vo/descriptor_matching.hpp"
+#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "vo/alignment.hpp"
+#include "vo/descriptors.hpp"
 #include "vo/feature.hpp"
-#include "vo/frame_to_frame_tracking.hpp"
-#include "vo/interruption.hpp"
-#include "vo/map_initialisation.hpp"
+#include "vo/initialisation.hpp"
 #include "vo/mapping.hpp"
-#include "vo/motion_model.hpp"
-#include "vo/pixel_prediction.hpp"
+#include "vo/motion.hpp"
 #include "vo/pose_search.hpp"
-#include "vo/reference_alignment.hpp"
-#include "vo/relocalisation.hpp"
+#include "vo/recovery.hpp"
+#include "vo/tracking.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
 /// After an interruption, features with a reprojection error above this multiple of
-/// max_reprojection_error are wrong. It exceeds 1 because max_reprojection_error applies after
+/// kMaxAdjustedError are wrong. It exceeds 1 because that limit applies after
 /// bundle adjustment, which has fitted poses and points to the observations.
 constexpr double kMaxInconsistency = 2;
 
 /// [normalised image coordinates] Largest epipolar distance of a feature without depth.
 constexpr double kMaxEpipolarError = 0.0028;
+
+/// Consecutive frames in which a feature may be an outlier.
+constexpr int kMaxOutlierFrames = 2;
+/// Consecutive images with texture but without a pose after which a new map starts.
+constexpr int kLostImagesBeforeNewMap = 3;
 
 /// [image intervals] The pose search begins when more images than this have no texture or are
 /// missing. Irregular stamps of images that follow each other look like fewer.
@@ -41,23 +43,13 @@ constexpr std::size_t kMinPredictingMatches = 25;
 /// as a share of the change between two intervals: at a constant angular acceleration it is half.
 constexpr double kRotationRateSigma = 0.5;
 
-MotionModel motionBetween(const StartPose& from, const StartPose& to) {
+MotionModel motionBetween(const StampedPose& from, const StampedPose& to) {
   MotionModel motion(from.T_w_c, from.stamp_ns);
   motion.update(to.T_w_c, to.stamp_ns);
   return motion;
 }
 
 }  // namespace
-
-void OdometryOptions::validate() const {
-  visitParameters(*this, RangeCheck("odometry/"));
-  tracker.validate();
-  two_view.validate();
-  alignment.validate();
-  pose.validate();
-  map.validate();
-  bundle_adjustment.validate();
-}
 
 struct VisualOdometry::Impl {
   const Options options;
@@ -87,12 +79,11 @@ struct VisualOdometry::Impl {
         camera((camera_in.validate(), requireMask(mask, camera_in), camera_in)),
         tracking(camera, options, mask),
         initialisation(camera, options),
-        reference_alignment(camera, options.alignment),
-        pose_estimation(options.pose),
+        reference_alignment(camera, options.min_correlation),
         relocalisation(camera),
         pose_search(camera, mask),
         mapping(camera, options),
-        interruption(camera, options.two_view) {}
+        interruption(camera) {}
 
   Output process(const cv::Mat& image, std::int64_t stamp_ns) {
     requireImage(image, camera);
@@ -137,13 +128,13 @@ struct VisualOdometry::Impl {
       if (out->frame.sequence > 0) {
         rotation_to_start.append(initialisation.rotationSinceFirst(found));
       }
-      restart(std::move(image), stamp_ns, out->frame.sequence);
+      restart(std::move(image), stamp_ns);
       return tracking.features();
     }
     if (options.readout_time > 0) {
       shiftToStampByFlow(camera, options.readout_time, tracking.secondsUntil(stamp_ns), &found);
     }
-    initialisation.addFrame(out->frame.sequence, stamp_ns, found);
+    initialisation.addFrame(stamp_ns, found);
 
     ScopedTimer timer(&out->times.pose);
     auto poses = initialisation.tryStartMap(found, image, &mapping);
@@ -160,10 +151,10 @@ struct VisualOdometry::Impl {
     mapping.map().keyframes().back().readout_motion = readoutMotion(motion);
     map_start = {poses->front().stamp_ns, rotation_to_start.R_first_last(),
                  rotation_to_start.sigma()};
-    pose_covariance =
-        pose_estimation
-            .estimate(motion.T_w_c(), pointObservations(mapping.map(), toCorners(camera, found)))
-            .covariance;
+    pose_covariance = pose_estimation
+                          .estimate(motion.T_w_c(),
+                                    pointObservations(mapping.map(), observationsOf(camera, found)))
+                          .covariance;
     out->start = std::move(*poses);
     out->frame.keyframe = true;
     tracking.advance(std::move(image), stamp_ns, found);
@@ -207,13 +198,13 @@ struct VisualOdometry::Impl {
   }
 
   /// Restarts the initialisation with this image as the first one.
-  void restart(ImagePyramid image, std::int64_t stamp_ns, std::uint32_t sequence) {
+  void restart(ImagePyramid image, std::int64_t stamp_ns) {
     status = VoStatus::kInitialising;
     mapping.map().clear();
     image.exposure = 1;
     tracking.advance(std::move(image), stamp_ns, {});
     tracking.detectNew();
-    initialisation.restart(sequence, stamp_ns, tracking.features(), tracking.image().image);
+    initialisation.restart(stamp_ns, tracking.features(), tracking.image().image);
   }
 
   /// Processes a frame when there is a map. Returns the features tracked in it; empty when lost.
@@ -268,12 +259,12 @@ struct VisualOdometry::Impl {
                   pose->T_w_c.linear().transpose() * motion.T_w_c().linear(), pose->rotation_sigma})
             : interruption.rotationBetween(previous, corners);
     interruption.addImage(rotation, std::move(corners));
-    if (interruption.images() < options.lost_frames_before_new_map) return false;
+    if (interruption.images() < kLostImagesBeforeNewMap) return false;
     rotation_to_start = interruption.rotation();
     interruption.end();
     ++map_id;
     continuity = Continuity::kNewMap;
-    restart(std::move(*image), stamp_ns, out->frame.sequence);
+    restart(std::move(*image), stamp_ns);
     return false;
   }
 
@@ -294,7 +285,7 @@ struct VisualOdometry::Impl {
     for (const Feature& feature : *found) {
       const auto point = mapping.map().point(feature.id);
       if (!point || reprojectionError(T_c_w * point->p_w, camera.ray(feature.atStamp()).head<2>()) <
-                        kMaxInconsistency * options.max_reprojection_error) {
+                        kMaxInconsistency * kMaxAdjustedError) {
         kept.push_back(feature);
       } else {
         rejected->push_back({feature.id, feature.u.cast<float>(), RejectReason::kOutlier});
@@ -341,7 +332,7 @@ struct VisualOdometry::Impl {
     const auto estimate = [&](const Eigen::Isometry3d& initial) {
       index.clear();
       return pose_estimation.estimate(
-          initial, pointObservations(mapping.map(), toCorners(camera, *found), &index));
+          initial, pointObservations(mapping.map(), observationsOf(camera, *found), &index));
     };
     PoseEstimation::Result pose = estimate(predicted.value_or(motion.predict(stamp_ns)));
     if (pose.status != PoseStatus::kOk) return false;
@@ -376,7 +367,7 @@ struct VisualOdometry::Impl {
       bool keep;
       if (landmark && landmark->depth) {
         landmark->outlier_count = inlier[i] ? 0 : landmark->outlier_count + 1;
-        keep = landmark->outlier_count <= options.max_outlier_frames;
+        keep = landmark->outlier_count <= kMaxOutlierFrames;
       } else {
         keep = epipolarError(T_c_previous, camera.ray(previous[i].atStamp()),
                              camera.ray(feature.atStamp())) < kMaxEpipolarError;

@@ -1,4 +1,4 @@
-#include "vo/descriptor_matching.hpp"
+#include "vo/descriptors.hpp"
 
 #include <algorithm>
 #include <cmath>

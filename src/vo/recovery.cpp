@@ -1,9 +1,11 @@
-#include "vo/relocalisation.hpp"
+#include "vo/recovery.hpp"
 
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/pixel_prediction.hpp"
+#include "vo/motion.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -46,7 +48,7 @@ std::optional<RelocalisedPose> poseOfMatches(const PoseEstimation& estimation,
                                              const std::vector<Feature>& matches) {
   std::vector<std::size_t> index;  // indices of the observed features in `matches`
   const PoseEstimation::Result pose = estimation.estimate(
-      initial_T_w_c, pointObservations(map, toCorners(camera, matches), &index));
+      initial_T_w_c, pointObservations(map, observationsOf(camera, matches), &index));
   if (pose.status != PoseStatus::kOk) return std::nullopt;
   RelocalisedPose result;
   result.T_w_c = pose.T_w_c;
@@ -70,8 +72,8 @@ double maxDeviation(double predicted_distance, const LocalMap& map,
 
 Relocalisation::Relocalisation(const PinholeCamera& camera)
     : camera_(camera),
-      coarse_({kMinCoarseInliers, kMinCoarseInlierShare}),
-      fine_({kMinFineInliers, kMinFineInlierShare}) {}
+      coarse_(kMinCoarseInliers, kMinCoarseInlierShare),
+      fine_(kMinFineInliers, kMinFineInlierShare) {}
 
 std::optional<RelocalisedPose> Relocalisation::locate(
     const LocalMap& map, const MotionModel& motion, const std::vector<Feature>& features,
@@ -100,6 +102,34 @@ std::optional<RelocalisedPose> Relocalisation::locate(
     if (fine) return fine;
   }
   return std::nullopt;
+}
+
+/// Keeps the more certain of two rotations: the one since the last frame with a pose, and the
+/// product of the rotations from image to image.
+void Interruption::addImage(const std::optional<RelativeRotation>& rotation, Descriptors corners) {
+  RotationChain direct;
+  direct.append(rotation);
+  if (last_) rotation_.append(rotationBetween(*last_, corners));
+  if (!last_ || direct.sigma() < rotation_.sigma()) rotation_ = direct;
+  last_ = std::move(corners);
+  ++images_;
+}
+
+void Interruption::end() {
+  images_ = 0;
+  last_.reset();
+  rotation_ = {};
+}
+
+std::optional<RelativeRotation> Interruption::rotationBetween(const Descriptors& a,
+                                                              const Descriptors& b) const {
+  std::vector<Eigen::Vector2d> u1, u2;
+  for (const DescriptorMatch& match : matchDescriptors(a, b)) {
+    const cv::Point2f &p1 = a.points()[match.from], &p2 = b.points()[match.to];
+    u1.emplace_back(p1.x, p1.y);
+    u2.emplace_back(p2.x, p2.y);
+  }
+  return two_view_.estimateRotation(camera_, u1, u2);
 }
 
 }  // namespace ground_scale_vo

@@ -187,12 +187,11 @@ TEST(PatchWarp, IsEmptyForSurfacesSeenEdgeOnOrFromBehindAndLargeChangesOfSize) {
 TEST(PatchAlignment, AlignsPatchesOfEverySizeUpToTheLargestShift) {
   const Eigen::Vector2d u(400, 120);
   const cv::Mat wall = render(Eigen::Isometry3d::Identity(), true);
-  PatchAlignment::Options options;
   const auto alignedFrom = [&](double x_px, double y_px) {
-    return PatchAlignment(options).align(wall, u, Eigen::Matrix2d::Identity(), wall,
+    return PatchAlignment().align(wall, u, Eigen::Matrix2d::Identity(), wall,
                                          u + Eigen::Vector2d(x_px, y_px));
   };
-  const double limit = options.max_shift_px;
+  constexpr double limit = 1.5;  // [px]
   for (const auto& match : {alignedFrom(0.9 * limit, 0), alignedFrom(0, 0.9 * limit)}) {
     ASSERT_TRUE(match);
     EXPECT_LT((match->u - u).norm(), 0.05);

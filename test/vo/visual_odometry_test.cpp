@@ -413,8 +413,7 @@ TEST(VisualOdometry, AJumpToAnotherPlaceStartsANewMap) {
   for (const cv::Mat& image : imagesOf(elsewhere)) images.push_back(image);
   const DriveRun result = run(truth.camera(), images);
   // The image that is lost for the last time in a row starts the new map.
-  const std::size_t restart =
-      kJump - 1 + static_cast<std::size_t>(VisualOdometry::Options().lost_frames_before_new_map);
+  constexpr std::size_t restart = kJump - 1 + 3;
   const std::size_t back = result.firstTracked(kJump);
   for (std::size_t k = 12; k < back; ++k) {
     const VoFrame& frame = result.frame(k);

@@ -254,14 +254,13 @@ def images_of(folder):
     return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "image_0").iterdir())]
 
 
-def distorted_images_of(folder, D, is_fisheye=False):
+def distorted_images_of(folder, D):
     """What a camera with the distortion D would have taken."""
     K, images = camera_matrix(folder), images_of(folder)
     height, width = images[0].shape
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
-    undistorted = (cv2.fisheye.undistortPoints(pixels, K, np.array(D), None, K) if is_fisheye else
-                   cv2.undistortPoints(pixels, K, np.array(D), None, None, K))
-    maps = undistorted.reshape(height, width, 2).astype(np.float32)
+    points = cv2.undistortPoints(pixels, K, np.array(D), None, None, K)
+    maps = points.reshape(height, width, 2).astype(np.float32)
     return [cv2.remap(image, maps, None, cv2.INTER_CUBIC) for image in images]
 
 

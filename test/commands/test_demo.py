@@ -9,7 +9,7 @@ import subprocess
 
 import bags
 import pytest
-from conftest import (SCRIPTS, TIMEOUT_S, assert_played, assert_refused, on_full_disk, on_terminal, pid_of, run,
+from conftest import (SCRIPTS, TIMEOUT_S, assert_played, on_full_disk, on_terminal, pid_of, run,
                       wait_until, write_camera)
 
 DEMO = SCRIPTS / "demo"
@@ -104,8 +104,3 @@ def test_full_disk(bag, tmp_path):
     assert done.returncode == 1 and message in done.stderr, done.stdout + done.stderr
     assert not list((tmp_path / "short").glob("recorded*"))
     assert not (tmp_path / "short/metrics.json").exists()
-
-
-def test_unreadable_bag(tmp_path):
-    (tmp_path / "text.bag").write_text("text")
-    assert_refused(1, "cannot be read", DEMO, "--out", tmp_path, "--bag", tmp_path / "text.bag")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import rosbag
 import rospy
-from conftest import FRAMES, ROOT
+from conftest import ROOT
 from geometry_msgs.msg import Point32, Quaternion
 from sensor_msgs.msg import ChannelFloat32
 
@@ -176,21 +176,6 @@ def test_a_damaged_bag_is_refused(monitor, damaged_bag):
     with pytest.raises(monitor.PlaybackError, match=re.escape(str(damaged_bag)) + "[^\n]*$"):
         monitor.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
 
-
-@pytest.mark.parametrize("wanted, written, is_compressed", [
-    ("camera/image", "/camera/image", False), ("/camera/image", "camera/image", False),
-    ("camera/image", "camera/image", True), ("/camera/image", "camera/image/compressed", True)])
-def test_topics_of_the_bag(monitor, bag, tmp_path, wanted, written, is_compressed):
-    """With and without a leading slash; the type of the images decides on what topic they are played."""
-    file = tmp_path / "images.bag"
-    (bags.compress if is_compressed else bags.raw_drive)(bag, file)
-    renamed = {bags.COMPRESSED if is_compressed else bags.RAW_IMAGE: written, bags.INFO: "camera/camera_info", "/tf": "tf"}
-    copy = tmp_path / "renamed.bag"
-    bags.copy(file, copy, lambda topic, message: (renamed.get(topic, topic), message))
-    summary = monitor.BagSummary(str(copy), [wanted], "/camera/camera_info")
-    assert (summary.image_topics, summary.image_suffix) == ([written], "/compressed" if is_compressed else "")
-    assert (summary.info_topics, summary.tf_topics, summary.images) == (["camera/camera_info"], ["tf"], FRAMES)
-    assert summary.tf_static_topics == ([] if is_compressed else ["/tf_static"])
 
 
 def test_parts_of_a_recording(monitor, bag, tmp_path, monkeypatch):

@@ -109,14 +109,6 @@ def test_result(gsv, short, results):
     assert 0.5 < sigma / (last.sigma / last.scale) < 2
 
 
-def test_a_new_map_after_a_loss(gsv, short):
-    def change(image, i):  # mirrored, the street is another one
-        return image if i < 12 else 0 * image if i < 16 else image[:, ::-1]
-
-    _, results = processed(gsv, short, change)
-    assert [results[i].status for i in (11, 15, 39)] == ["tracking", "lost", "tracking"]
-    assert results[15].pose is None and results[39].map_id == results[11].map_id + 1
-
 
 def test_options_and_mask_are_used(gsv, shortest):
     def last(**options):

@@ -9,8 +9,7 @@ import bags
 import cv2
 import numpy as np
 import pytest
-from conftest import (CAMERA_HEIGHT, FRAMES, assert_one_sentence, camera_matrix, distorted_images_of, images_of,
-                      on_terminal, run, tool, write_camera)
+from conftest import CAMERA_HEIGHT, FRAMES, assert_one_sentence, images_of, on_terminal, run, tool, write_camera
 
 
 @pytest.fixture
@@ -36,12 +35,6 @@ def refused(command):
     return check
 
 
-def write_kalibr(file, intrinsics, size, model="radtan", D=()):
-    file.write_text(json.dumps({"cam0": {"camera_model": "pinhole", "intrinsics": list(intrinsics), "resolution": size,
-                                         "distortion_model": model, "distortion_coeffs": list(D)}}))
-    return file
-
-
 def distance(results):
     """Between the first and last pose [m]."""
     return np.linalg.norm(np.loadtxt(results / "trajectory_tum.txt")[-1, 1:4])
@@ -59,23 +52,6 @@ def test_installed_command_on_a_terminal(venv, short, evaluated, tmp_path):
     assert metrics["rle_percent"] is not None and metrics["height_bias_percent"] is not None
 
 
-def test_bag(command, bag, short, evaluated, tmp_path):
-    status, output, messages = command(bag, "--camera", short / "calib.txt")
-    assert status == 0 and f"short: {FRAMES} images" in output and not messages
-    assert (tmp_path / "out/short/poses.txt").read_text() == (evaluated / "poses.txt").read_text()
-
-
-@pytest.mark.parametrize("model, D", [("radtan", [-0.2, 0.05, 0.001, -0.001]), ("equidistant", [-0.05, 0.01, 0, 0])])
-def test_folder_of_distorted_images(command, short, evaluated, tmp_path, model, D):
-    folder, K = tmp_path / "raw", camera_matrix(short)
-    folder.mkdir()
-    (folder / "times.txt").write_text((short / "times.txt").read_text())
-    images = distorted_images_of(short, D, model == "equidistant")
-    for i, image in enumerate(images):
-        cv2.imwrite(str(folder / f"{i:06}.png"), image)
-    file = write_kalibr(tmp_path / "camera.yaml", K[[0, 1, 0, 1], [0, 1, 2, 2]], images[0].shape[::-1], model, D)
-    assert command(folder, "--camera", file)[0] == 0
-    assert distance(tmp_path / "out/raw") == pytest.approx(distance(evaluated), rel=0.01)
 
 
 def test_camera_file_as_in_the_offline_tools(command, short, evaluated, tmp_path):
@@ -93,15 +69,12 @@ def test_camera_file_as_in_the_offline_tools(command, short, evaluated, tmp_path
         results[str(options)] = poses
 
 
-def test_options_reach_the_odometry(gsv, command, shortest, tmp_path):
+def test_options_reach_the_odometry(command, shortest, tmp_path):
     mask, height = tmp_path / "mask.png", 2 * CAMERA_HEIGHT
     cv2.imwrite(str(mask), 0 * images_of(shortest)[0])
     _, output, _ = command(shortest, "--mask", mask, "--camera-height", height)
     assert "12 images, 12 used, 0 lost, 0 tracked; no metric pose" in output
     assert json.loads((tmp_path / "out/shortest/metrics.json").read_text())["camera_height_m"] == height
-    parse = importlib.import_module("ground_scale_vo.command_line").parse
-    arguments = parse("run x --camera-height 1 --set refine=false --set a=true --set tracker/cell_size=0.02".split())
-    assert arguments.set == ["refine=false", "a=true", "tracker/cell_size=0.02"]
 
 
 def test_one_of_several_image_topics_must_be_named(command, refused, bag, short, evaluated, tmp_path):
@@ -143,8 +116,8 @@ def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
 ])
 def test_refuses(refused, shortest, tmp_path, status, text, arguments):
     (tmp_path / "empty.mp4").touch()
-    write_kalibr(tmp_path / "raw.yaml", (500, 500, 400, 120), (800, 248), D=[-0.2, 0.05, 0, 0])
-    write_kalibr(tmp_path / "size.yaml", (500, 500, 400, 120), (810, 250), D=[0, 0, 0, 0])
+    write_camera(tmp_path / "raw.yaml", shortest, D=[-0.2, 0.05, 0, 0, 0])
+    write_camera(tmp_path / "size.yaml", shortest, image_width=810, image_height=250)
     cv2.imwrite(str(tmp_path / "small.png"), np.full((4, 8), 255, np.uint8))
     words = {"CALIB": shortest / "calib.txt", "SHORTEST": shortest}
     refused(status, text, *(words.get(word, word) for word in arguments))

@@ -22,9 +22,9 @@
 #include "ground_scale_vo/evaluation/speed_file.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image.hpp"
-#include "ground_scale_vo/scale/height_file.hpp"
-#include "ground_scale_vo/scale/road.hpp"
 #include "input/camera_info.hpp"
+#include "scale/height_file.hpp"
+#include "scale/road.hpp"
 
 namespace {
 

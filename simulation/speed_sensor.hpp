@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "ground_scale_vo/scale/speed.hpp"
 #include "simulation/synthetic_drive.hpp"
 
 namespace ground_scale_vo {

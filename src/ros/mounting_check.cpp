@@ -8,8 +8,8 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/scale/height_file.hpp"
-#include "ground_scale_vo/scale/mounting.hpp"
+#include "scale/height_file.hpp"
+#include "scale/mounting.hpp"
 
 namespace ground_scale_vo {
 namespace {

@@ -12,7 +12,7 @@
 #include <unordered_set>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/scale/road.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo {
 namespace {

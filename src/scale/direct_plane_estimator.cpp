@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/direct_plane_estimator.hpp"
+#include "scale/direct_plane_estimator.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -136,11 +136,6 @@ void releaseImages(double min_spacing, CameraPath* path) {
 
 }  // namespace
 
-void DirectPlaneEstimator::Options::validate() const {
-  visitParameters(*this, RangeCheck("direct/"));
-  requireInRange("direct/max_ahead_heights", max_ahead_heights, min_ahead_heights, 1000);
-}
-
 struct DirectPlaneEstimator::Impl {
   /// For images of one camera with one mask.
   struct Stages {
@@ -163,7 +158,7 @@ struct DirectPlaneEstimator::Impl {
   using PlaneEquations = Equations<kShared>;
   using JointEquations = std::array<Equations<kShared + kMotion>, kReferences>;
 
-  explicit Impl(const Options& o) : options(o) { options.validate(); }
+  explicit Impl(const Options& o) : options(o) {}
 
   void setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask, CameraPath* path);
   LaneRegion laneRegion(const RoadPrior& prior, double height) const;

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/ground_points.hpp"
+#include "scale/ground_points.hpp"
 
 #include <algorithm>
 #include <array>
@@ -92,16 +92,7 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
 
 }  // namespace
 
-void GroundPointExtraction::Options::validate() const {
-  visitParameters(*this, RangeCheck("gpe/"));
-  requireInRange("gpe/max_ahead_heights", max_ahead_heights, min_ahead_heights, 10000);
-  requireInRange("gpe/max_half_width_heights", max_half_width_heights, lane_half_width_heights,
-                 1000);
-}
-
-GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(options) {
-  options_.validate();
-}
+GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(options) {}
 
 /// Indices of the features with a point whose ray meets the expected plane in the region of
 /// interest: the narrow one if it contains enough of them, otherwise the wide one.
@@ -236,15 +227,8 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
     result->status = MeasurementStatus::kMeasured;
 }
 
-void GroundPointAggregation::Options::validate() const {
-  visitParameters(*this, RangeCheck("gpa/"));
-  fit.validate();
-}
-
 GroundPointAggregation::GroundPointAggregation(const Options& options)
-    : options_(options), fit_(options.fit) {
-  options_.validate();
-}
+    : options_(options), fit_(options.fit) {}
 
 GroundPointAggregation::Result GroundPointAggregation::estimate(const CameraPath& path,
                                                                 const CameraPath::Camera& camera,

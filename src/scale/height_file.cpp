@@ -1,11 +1,11 @@
-#include "ground_scale_vo/scale/height_file.hpp"
+#include "scale/height_file.hpp"
 
 #include <Eigen/Geometry>
 #include <cmath>
 
 #include "common/text.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/scale/road.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo {
 

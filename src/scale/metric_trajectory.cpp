@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/metric_trajectory.hpp"
+#include "scale/metric_trajectory.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -49,13 +49,7 @@ Matrix6d rotated(const Eigen::Matrix3d& R_a_b, const Matrix6d& P) {
 
 }  // namespace
 
-void MetricTrajectory::Options::validate() const {
-  visitParameters(*this, RangeCheck("trajectory/"));
-}
-
-MetricTrajectory::MetricTrajectory(const Options& options) : options_(options) {
-  options_.validate();
-}
+MetricTrajectory::MetricTrajectory(const Options& options) : options_(options) {}
 
 void MetricTrajectory::reset() { *this = MetricTrajectory(options_); }
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/mounting.hpp"
+#include "scale/mounting.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -24,10 +24,7 @@ bool givesDirection(const RoadPrior& prior, const Eigen::Vector3d& n_c) {
 
 }  // namespace
 
-void Mounting::Options::validate() const { visitParameters(*this, RangeCheck("mounting/")); }
-
 Mounting::Mounting(const Options& options) : options_(options) {
-  options_.validate();
   mean_.covariance.diagonal() << std::pow(options_.initial_roll_sigma, 2), 0,
       std::pow(options_.initial_pitch_sigma, 2);
 }

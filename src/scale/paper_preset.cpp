@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "ground_scale_vo/scale/scale_options.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -12,8 +12,8 @@ constexpr double kUnlimitedHalfWidth = 1000;  ///< [camera heights]
 
 }  // namespace
 
-ScaleRecovery::Options ScaleRecovery::Options::resolved() const {
-  Options paper = *this;
+ScaleRecoveryOptions ScaleRecoveryOptions::resolved() const {
+  ScaleRecoveryOptions paper = *this;
   paper.gpe.random_seed = random_seed;
   if (!paper_literal) return paper;
   paper.refine = false;                   // no direct measurements
@@ -39,7 +39,7 @@ ScaleRecovery::Options ScaleRecovery::Options::resolved() const {
   paper.gpa.max_frames = kWindowFrames;
   paper.gpa.unique_features = false;
   // Eq. 6 to 8.
-  paper.gpa.fit.method = PlaneFit::Method::kHomogeneous;
+  paper.gpa.fit.homogeneous = true;
   paper.gpa.fit.reject_distance_heights = kPlaneThreshold / camera_height;
 
   paper.filter.moving_average_frames = kMovingAverageFrames;

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/plane_fit.hpp"
+#include "scale/plane_fit.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -179,9 +179,7 @@ double meanLateral(const std::vector<PlanePoint>& points, const std::vector<Resi
 
 }  // namespace
 
-void PlaneFit::Options::validate() const { visitParameters(*this, RangeCheck("fit/")); }
-
-PlaneFit::PlaneFit(const Options& options) : options_(options) { options_.validate(); }
+PlaneFit::PlaneFit(const Options& options) : options_(options) {}
 
 PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const RoadPrior& prior,
                                double height_hint) const {
@@ -190,8 +188,8 @@ PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const Road
     result.status = MeasurementStatus::kTooFewGroundPoints;
     return result;
   }
-  return options_.method == Method::kHomogeneous ? fitHomogeneous(points, height_hint)
-                                                 : fitInverseDepth(points, prior, height_hint);
+  return options_.homogeneous ? fitHomogeneous(points, height_hint)
+                              : fitInverseDepth(points, prior, height_hint);
 }
 
 PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points,

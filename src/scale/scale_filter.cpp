@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/scale_filter.hpp"
+#include "scale/scale_filter.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -45,12 +45,9 @@ constexpr double kOtherUnit = 0.5;
 
 }  // namespace
 
-void ScaleFilter::Options::validate() const { visitParameters(*this, RangeCheck("filter/")); }
-
 ScaleFilter::ScaleFilter(const Options& options, const Prior& prior)
     : options_(options),
       prior_height_(prior.camera_height > 0 ? prior.camera_height : kUnknownHeight) {
-  options_.validate();
   const double height_sigma = prior.camera_height > 0
                                   ? prior.camera_height_sigma / prior.camera_height
                                   : kUnknownHeightSigma;

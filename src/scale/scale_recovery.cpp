@@ -6,9 +6,14 @@
 #include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/scale/camera_path.hpp"
-#include "ground_scale_vo/scale/speed_check.hpp"
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "scale/camera_path.hpp"
+#include "scale/direct_plane_estimator.hpp"
+#include "scale/ground_points.hpp"
+#include "scale/metric_trajectory.hpp"
+#include "scale/mounting.hpp"
+#include "scale/scale_filter.hpp"
+#include "scale/speed_check.hpp"
+#include "scale/speed_track.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -40,19 +45,18 @@ constexpr double kSpeedTimeSigma = 0.2;  ///< [s] standard deviation of the stam
 
 }  // namespace
 
-void ScaleRecovery::Options::validate() const {
+void ScaleRecoveryOptions::validate() const {
   if (use_speed && camera_height == 0) {
     if (paper_literal) throw OptionError("paper_literal needs a camera_height");
   } else {
     requireInRange("camera_height", camera_height, kMinCameraHeight, kMaxCameraHeight);
   }
-  visitParameters(*this, RangeCheck(""));
-  mounting.validate();
-  gpe.validate();
-  gpa.validate();
-  direct.validate();
-  filter.validate();
-  trajectory.validate();
+  requireInRanges(*this);
+  requireInRange("gpe/max_ahead_heights", gpe.max_ahead_heights, gpe.min_ahead_heights, 10000);
+  requireInRange("gpe/max_half_width_heights", gpe.max_half_width_heights,
+                 gpe.lane_half_width_heights, 1000);
+  requireInRange("direct/max_ahead_heights", direct.max_ahead_heights, direct.min_ahead_heights,
+                 1000);
 }
 
 struct ScaleRecovery::Impl {

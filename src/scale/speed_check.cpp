@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/speed_check.hpp"
+#include "scale/speed_check.hpp"
 
 #include <algorithm>
 #include <cmath>

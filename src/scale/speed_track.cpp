@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "scale/speed_track.hpp"
 
 #include <algorithm>
 #include <cmath>

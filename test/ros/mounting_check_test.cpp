@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/scale/mounting.hpp"
+#include "scale/mounting.hpp"
 #include "support/expect_throws.hpp"
 #include "support/learned_height.hpp"
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/camera_path.hpp"
+#include "scale/camera_path.hpp"
 
 #include <gtest/gtest.h>
 

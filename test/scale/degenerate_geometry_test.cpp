@@ -7,8 +7,8 @@
 #include <string>
 
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/scale/scale_filter.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "scale/scale_filter.hpp"
 #include "support/road_image.hpp"
 
 namespace ground_scale_vo {

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/direct_plane_estimator.hpp"
+#include "scale/direct_plane_estimator.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/ground_points.hpp"
+#include "scale/ground_points.hpp"
 
 #include <gtest/gtest.h>
 

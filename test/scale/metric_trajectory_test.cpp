@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/metric_trajectory.hpp"
+#include "scale/metric_trajectory.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/mounting.hpp"
+#include "scale/mounting.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/plane_fit.hpp"
+#include "scale/plane_fit.hpp"
 
 #include <gtest/gtest.h>
 
@@ -62,9 +62,9 @@ std::vector<PlanePoint> inUnit(double unit, std::vector<PlanePoint> points) {
 }
 
 TEST(PlaneFit, ExactPointsGiveTheExactPlaneInAnyUnit) {
-  for (const auto method : {PlaneFit::Method::kInverseDepth, PlaneFit::Method::kHomogeneous}) {
+  for (const bool homogeneous : {false, true}) {
     PlaneFit::Options options;
-    options.method = method;
+    options.homogeneous = homogeneous;
     for (const double unit : {0.01, 1.0, 300.0}) {
       SCOPED_TRACE(unit);
       const auto points = inUnit(unit, pointsOn(kPlane, 60, 0, 3, 1));
@@ -258,7 +258,7 @@ TEST(PlaneFit, TiltedPlaneIsReportedAsSuch) {
 
 TEST(PlaneFit, TheHomogeneousFitRejectsOutliers) {
   PlaneFit::Options options;
-  options.method = PlaneFit::Method::kHomogeneous;
+  options.homogeneous = true;
   options.reject_distance_heights = 0.1;
   auto points = inUnit(100, pointsOn(kPlane, 1000, 0, 0, 1));
   Noise random;

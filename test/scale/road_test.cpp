@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/road.hpp"
+#include "scale/road.hpp"
 
 #include <gtest/gtest.h>
 

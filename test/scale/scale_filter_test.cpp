@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/scale_filter.hpp"
+#include "scale/scale_filter.hpp"
 
 #include <gtest/gtest.h>
 

@@ -507,7 +507,7 @@ TEST(ScaleRecovery, UsesThePapersMethodAndNumbersWithPaperLiteral) {
   EXPECT_FALSE(paper.refine);
   EXPECT_TRUE(paper.gpe.frame_pitch_test);
   EXPECT_FALSE(paper.gpa.unique_features);
-  EXPECT_EQ(paper.gpa.fit.method, PlaneFit::Method::kHomogeneous);
+  EXPECT_TRUE(paper.gpa.fit.homogeneous);
   EXPECT_NEAR(paper.gpe.plane_threshold_heights * paper.camera_height, 0.01, 1e-12);
   EXPECT_NEAR(paper.gpa.fit.reject_distance_heights * paper.camera_height, 0.01, 1e-12);
   EXPECT_NEAR(paper.gpe.pitch_tolerance_rad * 180 / M_PI, 5, 0.01);

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "scale/speed_track.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <functional>
 #include <limits>
 
-#include "ground_scale_vo/scale/speed_check.hpp"
+#include "scale/speed_check.hpp"
 #include "support/learned_height.hpp"
 
 namespace ground_scale_vo {

@@ -6,9 +6,9 @@
 #include <random>
 #include <vector>
 
-#include "ground_scale_vo/scale/road.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo {
 

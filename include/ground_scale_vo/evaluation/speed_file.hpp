@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "ground_scale_vo/scale/speed.hpp"
 
 namespace ground_scale_vo {
 

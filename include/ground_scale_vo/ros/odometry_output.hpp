@@ -22,7 +22,7 @@
 
 #include "ground_scale_vo/ros/diagnostics.hpp"
 #include "ground_scale_vo/ros/params.hpp"
-#include "ground_scale_vo/scale/metric_trajectory.hpp"
+#include "ground_scale_vo/scale/metric_pose.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 // The poses as messages and on tf.

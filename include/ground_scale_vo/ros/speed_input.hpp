@@ -3,7 +3,7 @@
 #include <topic_tools/shape_shifter.h>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "ground_scale_vo/scale/speed.hpp"
 
 namespace ground_scale_vo {
 

@@ -28,6 +28,14 @@ enum class MeasurementStatus : std::uint8_t {
 /// What the scale of a frame was measured with, in this frame or shortly before.
 enum class ScaleSource : std::uint8_t { kNone = 0, kRoad = 1, kSpeed = 2, kBoth = 3 };
 
+/// The road as a plane in some camera's axes: n_c . x_c + height = 0, with n_c unit and pointing up
+/// out of the road (its y component is negative). height > 0 is the camera's distance from the
+/// plane in VO units. This is Eq. 2 with the opposite sign of the normal.
+struct GroundPlane {
+  Eigen::Vector3d n_c = Eigen::Vector3d::Zero();
+  double height = 0;
+};
+
 /// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out
 /// of the road, towards the camera), so d = h, the camera's height, positive.
 /// h*: camera height [m], known or learned from speeds; h: estimated height [VO units]. Equations

@@ -8,20 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/scale/direct_plane_estimator.hpp"
-#include "ground_scale_vo/scale/ground_points.hpp"
-#include "ground_scale_vo/scale/metric_trajectory.hpp"
-#include "ground_scale_vo/scale/mounting.hpp"
+#include "ground_scale_vo/scale/metric_pose.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
-#include "ground_scale_vo/scale/scale_filter.hpp"
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "ground_scale_vo/scale/scale_options.hpp"
+#include "ground_scale_vo/scale/speed.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 namespace ground_scale_vo {
-
-/// [m] range of the camera height above the road.
-constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
 
 /// The paper's GPE-GPA thread, extended by direct measurements: takes the VO's frames and images,
 /// returns the scale s = h*/h and the metric pose.
@@ -34,67 +27,7 @@ constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
 /// Deterministic: the same frames give the same bytes. Not thread safe.
 class ScaleRecovery {
  public:
-  struct Options {
-    /// h* above the road [m]; 0: not known, which needs use_speed.
-    double camera_height = 0;
-    double camera_height_sigma = 0;  ///< [m] learned from speeds if positive
-    bool use_speed = false;          ///< addSpeed() will be called
-    double speed_sigma = 0.05;
-    double speed_scale_sigma = 0;
-    std::uint64_t random_seed = 1;  ///< replaces gpe.random_seed
-    bool paper_literal = false;     ///< resolved() has the choices of the paper, for comparison
-    bool refine = true;             ///< false: no direct measurements
-    double standstill_distance_heights = 0.02;
-    double max_speed = 100;
-
-    Mounting::Options mounting;
-    GroundPointExtraction::Options gpe;
-    GroundPointAggregation::Options gpa;
-    DirectPlaneEstimator::Options direct;
-    ScaleFilter::Options filter;
-    MetricTrajectory::Options trajectory;
-
-    /// All of this struct but camera_height, which has no default.
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("camera_height_sigma", self.camera_height_sigma, 0, 10,
-            "[m] standard deviation of camera_height, which speeds then correct; 0: it is exact");
-      visit("use_speed", self.use_speed,
-            "[] use speeds of the vehicle; camera_height may then be left out");
-      visit("speed_sigma", self.speed_sigma, 1e-4, 100,
-            "[m/s] standard deviation of a speed that comes without one");
-      visit("speed_scale_sigma", self.speed_scale_sigma, 0, 1,
-            "[] relative standard deviation of a constant factor of all speeds (wear of tyres)");
-      visit("random_seed", self.random_seed, 0, 2147483647,
-            "[] seed of the RANSAC over ground points");
-      visit("standstill_distance_heights", self.standstill_distance_heights, 0, 1,
-            "[camera heights] a shorter motion since the last frame without standstill is "
-            "standstill");
-      visit("max_speed", self.max_speed, 1, 1e4,
-            "[m/s] a pose that implies a higher speed is refused");
-      visit("refine", self.refine,
-            "[] use direct measurements from the images; false: feature-based only");
-      visit("paper_literal", self.paper_literal,
-            "[] the paper's choices as printed, for comparison; overrides options of the stages");
-    }
-    template <typename Self, typename Visit>
-    static void visitStages(Self& self, Visit&& visit) {
-      visit("", self);
-      visit("mounting/", self.mounting);
-      visit("gpe/", self.gpe);
-      visit("gpa/", self.gpa);
-      visit("fit/", self.gpa.fit);
-      visit("direct/", self.direct);
-      visit("filter/", self.filter);
-      visit("trajectory/", self.trajectory);
-    }
-    /// The options that ScaleRecovery works with: random_seed passed on to the stages, and with
-    /// paper_literal the choices of the paper as printed, as far as these can run.
-    /// Precondition: validate() does not throw.
-    Options resolved() const;
-    /// Throws OptionError.
-    void validate() const;
-  };
+  using Options = ScaleRecoveryOptions;
 
   /// [ms] wall time of the stages.
   struct Times {

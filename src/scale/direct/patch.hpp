@@ -4,9 +4,9 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "ground_scale_vo/scale/camera_path.hpp"
-#include "ground_scale_vo/scale/road.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
+#include "scale/camera_path.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo::direct {
 

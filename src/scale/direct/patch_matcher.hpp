@@ -2,8 +2,8 @@
 
 #include <Eigen/Geometry>
 
-#include "ground_scale_vo/scale/camera_path.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
+#include "scale/camera_path.hpp"
 #include "scale/direct/patch.hpp"
 
 namespace ground_scale_vo::direct {

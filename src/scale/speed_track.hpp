@@ -4,14 +4,9 @@
 #include <deque>
 #include <optional>
 
-namespace ground_scale_vo {
+#include "ground_scale_vo/scale/speed.hpp"
 
-/// Speed of the vehicle at one instant, of a wheel odometry, CAN bus or GPS.
-struct SpeedSample {
-  std::int64_t stamp_ns = 0;  ///< of the clock of the images [ns]
-  double speed = 0;           ///< [m/s], negative: backwards
-  double sigma = 0;           ///< standard deviation [m/s]; 0: not known
-};
+namespace ground_scale_vo {
 
 /// The speeds of the last minutes, and the distances that follow from them. Between two samples the
 /// speed is interpolated linearly. Samples from a jump that no vehicle makes (a wheel that slips or

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/scale/camera_path.hpp"
-#include "ground_scale_vo/scale/road.hpp"
+#include "ground_scale_vo/scale/scale_options.hpp"
+#include "scale/camera_path.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo {
 
@@ -14,36 +14,7 @@ namespace ground_scale_vo {
 /// ahead.
 class Mounting {
  public:
-  /// Names ending in _heights: camera heights; other sigmas: standard deviations in rad.
-  struct Options {
-    double initial_pitch_sigma = 0.1;
-    double initial_roll_sigma = 0.1;
-    double pitch_motion_sigma = 0.012;
-    double heave_sigma_heights = 0.02;
-    double chord_length_heights = 3;
-    double forgetting_distance_heights = 200;
-    double max_tilt_rad = 0.5;
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("initial_pitch_sigma", self.initial_pitch_sigma, 1e-4, 1,
-            "[rad] standard deviation of the initial pitch, which is zero");
-      visit("initial_roll_sigma", self.initial_roll_sigma, 1e-4, 1,
-            "[rad] standard deviation of the initial roll, which is zero");
-      visit("pitch_motion_sigma", self.pitch_motion_sigma, 1e-4, 1,
-            "[rad] standard deviation of the vehicle's pitch against the road (braking, crests)");
-      visit(
-          "heave_sigma_heights", self.heave_sigma_heights, 1e-5, 1,
-          "[camera heights] standard deviation of the vertical motion against the road between the "
-          "ends of a chord");
-      visit("chord_length_heights", self.chord_length_heights, 0.01, 1000,
-            "[camera heights] length of the chord that defines the direction of motion");
-      visit("forgetting_distance_heights", self.forgetting_distance_heights, 1, 1e6,
-            "[camera heights] averaging length of pitch and roll");
-      visit("max_tilt_rad", self.max_tilt_rad, 0.001, 0.8, "[rad] bound of pitch and roll");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
+  using Options = MountingOptions;
 
   /// Throws OptionError.
   explicit Mounting(const Options& options);

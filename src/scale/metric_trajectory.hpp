@@ -5,30 +5,14 @@
 #include <optional>
 #include <utility>
 
-#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/common/se3.hpp"
+#include "ground_scale_vo/scale/metric_pose.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "ground_scale_vo/scale/scale_options.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
+#include "scale/speed_track.hpp"
 
 namespace ground_scale_vo {
-
-/// Camera pose in metres. The odometry frame o has the axes of the camera (x right, y down, z
-/// forward). Its origin is the first frame of the first map with a scale. Its axes are the axes of
-/// the camera at the first image if the odometry knows the rotation from there to its maps
-/// (MapStart), otherwise at the origin.
-struct MetricPose {
-  Eigen::Isometry3d T_o_c = Eigen::Isometry3d::Identity();
-  /// Accumulated covariance of T_o_c in o axes, in the order of geometry_msgs/PoseWithCovariance:
-  /// position [m^2], then rotation as a left perturbation exp(w) R [rad^2].
-  Matrix6d covariance = Matrix6d::Zero();
-  /// Mean velocity since the previous tracked frame of the map (in its first tracked frame since
-  /// the map's first frame), in camera axes c: linear [m/s], then angular [rad/s]. Zero with a
-  /// standard deviation of 50 m/s and rad/s when no such frame is known.
-  Vector6d twist_c = Vector6d::Zero();
-  Matrix6d twist_covariance = Matrix6d::Zero();
-  double distance = 0;  ///< travelled so far [m]
-};
 
 /// Accumulates metric increments: each rotation unchanged, each translation times the scale of its
 /// frame (Eq. 10 for increments).
@@ -51,47 +35,7 @@ struct MetricPose {
 /// (VoFrame::pose_covariance) is independent.
 class MetricTrajectory {
  public:
-  struct Options {
-    double pose_correlation_m = 2;
-    // Errors of the calibration and rectification of real cameras; rendered ones have none.
-    double rotation_sigma_per_sqrt_m = 0.0005;
-    double rotation_scale_sigma = 0.01;
-    double direction_sigma = 0.005;
-    double scale_correlation_m = 10.0;
-    double young_map_heights = 10;
-    double bridge_acceleration_sigma = 2.0;
-    double new_map_position_sigma_per_s = 5.0;
-    double new_map_rotation_sigma_per_s = 0.1;
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("pose_correlation_m", self.pose_correlation_m, 1e-3, 1e6,
-            "[m] distance after which the errors of two poses, which share map points, count as "
-            "independent");
-      visit("rotation_sigma_per_sqrt_m", self.rotation_sigma_per_sqrt_m, 0, 1,
-            "[rad/sqrt(m)] random walk of the rotation, in addition to the errors of the poses");
-      visit("rotation_scale_sigma", self.rotation_scale_sigma, 0, 1,
-            "[] relative standard deviation of the angle of a rotation, from errors of the camera "
-            "calibration");
-      visit(
-          "direction_sigma", self.direction_sigma, 0, 1,
-          "[rad] standard deviation of the direction of motion between two frames, in addition to "
-          "the errors of the poses");
-      visit("scale_correlation_m", self.scale_correlation_m, 1e-3, 1e6,
-            "[m] correlation length of the errors of the scale and of the angle of rotation");
-      visit("young_map_heights", self.young_map_heights, 0, 1e6,
-            "[camera heights] length of a new map up to which its motion is rescaled with the "
-            "newest scale");
-      visit("bridge_acceleration_sigma", self.bridge_acceleration_sigma, 0, 100,
-            "[m/s^2] standard deviation of the acceleration between two maps");
-      visit("new_map_position_sigma_per_s", self.new_map_position_sigma_per_s, 0, 1e3,
-            "[m/s] standard deviation of the velocity when a standstill ends in a new map");
-      visit("new_map_rotation_sigma_per_s", self.new_map_rotation_sigma_per_s, 0, 1e3,
-            "[rad/s] standard deviation of the rotation rate between two maps, where the odometry "
-            "does not know the rotation");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
+  using Options = MetricTrajectoryOptions;
 
   /// Throws OptionError.
   explicit MetricTrajectory(const Options& options);

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "ground_scale_vo/common/options.hpp"
-#include "ground_scale_vo/scale/road.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/scale/scale_options.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo {
 
@@ -32,44 +32,7 @@ struct PlanePoint {
 /// 1 / (sigma_i^2 + (roughness / z_predicted)^2).
 class PlaneFit {
  public:
-  enum class Method {
-    kInverseDepth,  ///< as above, with the prior on the normal
-    /// Eq. 6 and 7 as printed, without prior or PCL: the eigenvector of the smallest eigenvalue of
-    /// Q, the sum of p p^T over the homogeneous points. The common weight of Eq. 8 has no effect.
-    kHomogeneous
-  };
-  /// Lengths ending in _heights are in camera heights.
-  struct Options {
-    Method method = Method::kInverseDepth;
-    int min_points = 14;
-    double roughness_heights = 0.01;
-    /// Roads fall off towards the gutter and pavements are higher, so the ground beside the vehicle
-    /// is tilted against the ground below it. This enters the height's standard deviation alone: in
-    /// the fit, points on both sides constrain each other.
-    double camber_sigma_rad = 0.03;
-    double reject_sigma = 2.5;               ///< of kInverseDepth
-    double reject_distance_heights = 0.006;  ///< of kHomogeneous, set by paper_literal
-    double max_sigma = 0.05;
-    double max_tilt_rad = 0.06;
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("min_points", self.min_points, 3, 1e6, "[points] least number for a plane");
-      visit("roughness_heights", self.roughness_heights, 1e-6, 1,
-            "[camera heights] standard deviation of the road surface; limits the weight of near "
-            "points");
-      visit("camber_sigma_rad", self.camber_sigma_rad, 1e-9, 1,
-            "[rad] standard deviation of the cross slope beside the vehicle against that below it");
-      visit("reject_sigma", self.reject_sigma, 0.1, 100,
-            "[sigma] points with a larger residual are rejected");
-      visit("max_sigma", self.max_sigma, 1e-4, 10,
-            "[] largest accepted relative standard deviation of the height");
-      visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,
-            "[rad] largest accepted angle of the normal from the prior; three standard deviations "
-            "of the prior are added in quadrature");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
+  using Options = PlaneFitOptions;
 
   struct Result {
     /// kMeasured: all below is valid. Otherwise kTooFewGroundPoints, kNoPlane or kPlaneTilted.

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/se3.hpp"
-#include "ground_scale_vo/scale/road.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo {
 

@@ -5,16 +5,9 @@
 #include <optional>
 
 #include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/scale/scale_estimate.hpp"
 
 namespace ground_scale_vo {
-
-/// The road as a plane in some camera's axes: n_c . x_c + height = 0, with n_c unit and pointing up
-/// out of the road (its y component is negative). height > 0 is the camera's distance from the
-/// plane in VO units. This is Eq. 2 with the opposite sign of the normal.
-struct GroundPlane {
-  Eigen::Vector3d n_c = Eigen::Vector3d::Zero();
-  double height = 0;
-};
 
 /// The road's normal in camera axes for a mounting with this pitch and roll [rad]; unit, up.
 Eigen::Vector3d roadNormal(double pitch, double roll);

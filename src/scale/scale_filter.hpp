@@ -7,8 +7,8 @@
 #include <deque>
 #include <optional>
 
-#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/scale/scale_options.hpp"
 
 namespace ground_scale_vo {
 
@@ -43,70 +43,7 @@ class ScaleFilter {
     kFeatureBased = 0,  ///< plane fitted to the ground points
     kDirect = 1         ///< plane estimated from image intensities
   };
-  /// Lengths ending in _heights are in camera heights; min_measurement_sigma and the drifts are
-  /// relative errors of the height.
-  struct Options {
-    double correlation_heights = 3;
-    double drift_per_sqrt_height = 0.01;
-    double drift_per_sqrt_rad =
-        0.05;  ///< a turn replaces the part of the map that carries the scale
-    double drift_per_sqrt_rad_estimated_lens = 0.02;
-    double kerb_sigma = 0.02;
-    double min_measurement_sigma = 0.015;
-    double feature_sigma_factor = 2;
-    double gate_sigma = 3;
-    double nis_memory_heights = 20;
-
-    double start_distance_heights = 0.5;
-    double start_tilt_sigma_rad = 0.007;
-    int restart_measurements = 4;
-    double restart_max_deviation = 0.15;
-    double restart_distance_heights = 12;
-
-    int moving_average_frames = 0;  ///< replaces the Kalman filter by a moving average of the scale
-    template <typename Self, typename Visit>
-    static void visitParameters(Self& self, Visit&& visit) {
-      visit("correlation_heights", self.correlation_heights, 0, 1e6,
-            "[camera heights] correlation length of the errors of one source");
-      visit("drift_per_sqrt_height", self.drift_per_sqrt_height, 0, 1,
-            "[] random walk of ln h over one camera height of distance");
-      visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
-            "[] random walk of ln h over one radian of rotation");
-      visit("drift_per_sqrt_rad_estimated_lens", self.drift_per_sqrt_rad_estimated_lens, 0, 1,
-            "[] the same, used with an estimated lens");
-      visit("kerb_sigma", self.kerb_sigma, 0, 1,
-            "[] standard deviation of the kerb: of ln of the height above the ground beside the "
-            "lane by that above the lane");
-      visit("min_measurement_sigma", self.min_measurement_sigma, 1e-4, 1,
-            "[] lower bound of a measurement's relative standard deviation");
-      visit("feature_sigma_factor", self.feature_sigma_factor, 1, 1000,
-            "[] factor on the standard deviation of feature-based measurements while direct ones "
-            "are accepted, used with an estimated lens");
-      visit("gate_sigma", self.gate_sigma, 0.1, 1000,
-            "[sigma] measurements with a larger normalised innovation are rejected");
-      visit("nis_memory_heights", self.nis_memory_heights, 0.1, 1e6,
-            "[camera heights] averaging length of the NIS that scales sigma");
-      visit("start_distance_heights", self.start_distance_heights, 0, 1e6,
-            "[camera heights] least distance before the first measurement is used");
-      visit("start_tilt_sigma_rad", self.start_tilt_sigma_rad, 0, 1,
-            "[rad] standard deviation of the tilt of a young map");
-      visit("restart_measurements", self.restart_measurements, 1, 1000,
-            "[frames] consecutive rejected measurements that must agree to restart the filter");
-      visit(
-          "restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
-          "[] of ln h: largest deviation of these measurements from their median; a feature-based "
-          "one that deviates by more from the state is not cancelled by a direct one");
-      visit(
-          "restart_distance_heights", self.restart_distance_heights, 0, 1e6,
-          "[camera heights] distance since the first rejected measurement before a restart, where "
-          "rotation counts as the distance of equal random walk; or the distance from the start of "
-          "the filter to that one, if shorter");
-      visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
-            "[frames] moving average of the scale instead of the Kalman filter; 0: off");
-    }
-    /// Throws OptionError.
-    void validate() const;
-  };
+  using Options = ScaleFilterOptions;
 
   /// What is known before the first measurement.
   struct Prior {

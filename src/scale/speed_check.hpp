@@ -4,7 +4,7 @@
 #include <string>
 
 #include "ground_scale_vo/scale/scale_estimate.hpp"
-#include "ground_scale_vo/scale/speed_track.hpp"
+#include "scale/speed_track.hpp"
 
 namespace ground_scale_vo {
 

@@ -6,35 +6,28 @@
 
 namespace ground_scale_vo {
 
-Assignment::Assignment(const std::string& text) {
-  const std::size_t equals = text.find('=');
-  if (equals == std::string::npos) {
-    throw OptionError("'" + text + "' is not an assignment; expected [GROUP/]NAME=VALUE");
-  }
-  name_ = text.substr(0, equals);
-  value_ = text.substr(equals + 1);
-}
-
-double Assignment::number(double min, double max, bool whole) const {
-  const auto number = parseNumber<double>(value_);
-  if (!number) throw OptionError(name_ + ": '" + value_ + "' is not a number");
-  requireInRange(name_.c_str(), *number, min, max);
-  if (whole && *number != std::floor(*number)) {
-    throw OptionError(name_ + ": '" + value_ + "' is not an integer");
+double optionNumber(const std::string& name, const std::string& text, double min, double max,
+                    bool is_whole) {
+  const auto number = parseNumber<double>(text);
+  if (!number) throw OptionError(name + ": '" + text + "' is not a number");
+  requireInRange(name.c_str(), *number, min, max);
+  if (is_whole && *number != std::floor(*number)) {
+    throw OptionError(name + ": '" + text + "' is not an integer");
   }
   return *number;
 }
 
-void Assignment::set(bool* field, const char* /*meaning*/) const {
-  if (value_ != "true" && value_ != "false") {
-    throw OptionError(name_ + " is '" + value_ + "', it must be true or false");
+void setOptionValue(const std::string& name, const std::string& text, bool* field,
+                    const char* /*meaning*/) {
+  if (text != "true" && text != "false") {
+    throw OptionError(name + " is '" + text + "', it must be true or false");
   }
-  *field = value_ == "true";
+  *field = text == "true";
 }
 
-void Assignment::failAsUnknown(const std::vector<std::string>& known) const {
-  const std::string nearest = nearestName(name_, known);
-  throw OptionError("there is no option " + name_ +
+void failAsUnknownOption(const std::string& name, const std::vector<std::string>& known) {
+  const std::string nearest = nearestName(name, known);
+  throw OptionError("there is no option " + name +
                     (nearest.empty() ? "" : "; did you mean " + nearest + "?"));
 }
 

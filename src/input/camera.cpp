@@ -156,32 +156,6 @@ void CameraCalibration::validate() const {
   requireInRange("cy [image heights]", cy / height, -10, 10);
 }
 
-CameraCalibration CameraCalibration::ofPart(const cv::Rect2d& roi, const cv::Size& bin) const {
-  const bool is_whole = roi.x == 0 && roi.y == 0 && roi.width == width && roi.height == height;
-  const std::string image = "the image of " + sizeText(width, height);
-  const std::string subject = is_whole ? image
-                                       : "the ROI of " + sizeText(roi.width, roi.height) + " at (" +
-                                             std::to_string(static_cast<long long>(roi.x)) + ", " +
-                                             std::to_string(static_cast<long long>(roi.y)) + ")";
-  if (roi.x + roi.width > width || roi.y + roi.height > height) {
-    throw OptionError(subject + " is not inside " + image);
-  }
-  if (roi.width < bin.width || roi.height < bin.height) {
-    throw OptionError("a binning of " + sizeText(bin.width, bin.height) + " leaves no pixel of " +
-                      subject);
-  }
-  CameraCalibration part = *this;
-  part.width = static_cast<int>(roi.width) / bin.width;
-  part.height = static_cast<int>(roi.height) / bin.height;
-  part.fx = fx / bin.width;
-  part.fy = fy / bin.height;
-  part.cx = (cx - roi.x) / bin.width;
-  part.cy = (cy - roi.y) / bin.height;
-  part.is_part = is_part || !is_whole;
-  part.binning = bin;
-  return part;
-}
-
 std::string CameraCalibration::describe() const {
   std::ostringstream text;
   text.precision(10);

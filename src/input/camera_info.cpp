@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "input/distortion_model.hpp"
@@ -47,16 +48,37 @@ CameraCalibration wholeRawImage(const CameraInfo& info) {
   return camera;
 }
 
+/// With ROI and binning. Throws OptionError.
 CameraCalibration ofImages(const CameraInfo& info, bool use_P) {
   CameraCalibration camera = use_P ? wholeImage(info, info.P.data(), 4) : wholeRawImage(info);
-  const CameraInfo::RegionOfInterest& roi = info.roi;
+  const auto& roi = info.roi;
   const bool has_roi = roi.x_offset > 0 || roi.y_offset > 0 || roi.width > 0 || roi.height > 0;
-  const cv::Rect2d part = has_roi ? cv::Rect2d(roi.x_offset, roi.y_offset, roi.width, roi.height)
-                                  : cv::Rect2d(0, 0, info.width, info.height);
+  const cv::Rect2d whole(0, 0, info.width, info.height);
+  const cv::Rect2d part =
+      has_roi ? cv::Rect2d(roi.x_offset, roi.y_offset, roi.width, roi.height) : whole;
+  const std::string image = "the image of " + sizeText(whole.width, whole.height);
+  const std::string subject = part == whole ? image
+                                            : "the ROI of " + sizeText(part.width, part.height) +
+                                                  format(" at (%.0f, %.0f)", part.x, part.y);
+  if (part.x + part.width > whole.width || part.y + part.height > whole.height) {
+    throw OptionError(subject + " is not inside " + image);
+  }
   const auto binning = [](std::uint32_t n) {
     return static_cast<int>(std::clamp(n, 1u, 2 * kMaxImageSide));
   };
-  camera = camera.ofPart(part, {binning(info.binning_x), binning(info.binning_y)});
+  const cv::Size bin(binning(info.binning_x), binning(info.binning_y));
+  if (part.width < bin.width || part.height < bin.height) {
+    throw OptionError("a binning of " + sizeText(bin.width, bin.height) + " leaves no pixel of " +
+                      subject);
+  }
+  camera.width = static_cast<int>(part.width) / bin.width;
+  camera.height = static_cast<int>(part.height) / bin.height;
+  camera.fx /= bin.width;
+  camera.fy /= bin.height;
+  camera.cx = (camera.cx - part.x) / bin.width;
+  camera.cy = (camera.cy - part.y) / bin.height;
+  camera.is_part = part != whole;
+  camera.binning = bin;
   camera.validate();
   return camera;
 }
@@ -110,10 +132,10 @@ bool isRectificationOf(const CameraInfo& info) {
 
 std::string withoutTransport(const std::string& topic) {
   const std::string transport = "/compressed";
+  const std::size_t end = topic.rfind(transport);
   const bool has_one =
-      topic.size() > transport.size() &&
-      topic.compare(topic.size() - transport.size(), transport.size(), transport) == 0;
-  return has_one ? topic.substr(0, topic.size() - transport.size()) : topic;
+      end != std::string::npos && end > 0 && end + transport.size() == topic.size();
+  return has_one ? topic.substr(0, end) : topic;
 }
 
 /// Whether the last part of the topic, without a trailing /compressed, contains the text.

@@ -11,29 +11,23 @@ namespace ground_scale_vo {
 
 /// The fields of a sensor_msgs/CameraInfo under their names.
 struct CameraInfo {
-  struct RegionOfInterest {
-    std::uint32_t x_offset = 0, y_offset = 0, height = 0, width = 0;
-  };
   std::uint32_t height = 0, width = 0;
   std::string distortion_model;
   std::vector<double> D;
   std::array<double, 9> K = {}, R = {};
   std::array<double, 12> P = {};
   std::uint32_t binning_x = 0, binning_y = 0;
-  RegionOfInterest roi;
+  struct {
+    std::uint32_t x_offset = 0, y_offset = 0, height = 0, width = 0;
+  } roi;
 };
 
-/// The calibration of the images that a camera_info describes.
+/// The calibration of the images that a camera_info describes, with ROI and binning.
 ///
 /// Uses K and D; P if K is all zero, as for a rectified camera, or if image_is_rectified states
-/// that the images are rectified although K and D describe the raw camera. ROI and binning are
-/// applied. R and the last column of P are not used: the axes are those of the given images (for
-/// images that are already rectified with R, the rotated ones).
-///
-/// topic: for the error. Throws DataError that names it: not calibrated (K and P all zero; P with
-/// image_is_rectified), a K or P that is not that of a pinhole camera, a number that is not finite,
-/// implausible intrinsics; where K and D are used, an unknown distortion model, a wrong number of
-/// coefficients or implausible ones; an ROI outside the image, a binning of all of it.
+/// that the images are rectified although K and D describe the raw camera. R and the last column of
+/// P are not used: the axes are those of the images as they come. Throws DataError that names the
+/// topic and what cannot be used.
 CameraCalibration readCameraInfo(const CameraInfo& info, const std::string& topic,
                                  bool image_is_rectified);
 

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "common/files.hpp"
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 
 namespace ground_scale_vo {
@@ -16,11 +17,8 @@ namespace {
 /// Share of the pixels that may be brighter than the range: defective ones, and reflections.
 constexpr double kMaxShareOutOfRange = 0.001;
 
-/// How an encoding stores a pixel, and OpenCV's conversion to grey (none: it is grey).
-struct Encoding {
-  int type;
-  std::optional<cv::ColorConversionCodes> conversion;
-};
+/// The type of a pixel, and OpenCV's conversion to grey (none: it is grey).
+using Encoding = std::pair<int, std::optional<cv::ColorConversionCodes>>;
 
 /// By the name in sensor_msgs. Channels without a meaning are read as OpenCV orders them: one is
 /// grey, three or four are blue, green, red (and alpha). OpenCV names a Bayer pattern by its second
@@ -37,12 +35,12 @@ const std::map<std::string, Encoding>& encodings() {
       map["mono" + bits] = map[bits + "UC1"] = grey;
       map["bgr" + bits] = map[bits + "UC3"] = bgr;
       map["bgra" + bits] = map[bits + "UC4"] = bgra;
-      map["rgb" + bits] = {bgr.type, cv::COLOR_RGB2GRAY};
-      map["rgba" + bits] = {bgra.type, cv::COLOR_RGBA2GRAY};
-      map["bayer_rggb" + bits] = {grey.type, cv::COLOR_BayerBG2GRAY};
-      map["bayer_bggr" + bits] = {grey.type, cv::COLOR_BayerRG2GRAY};
-      map["bayer_gbrg" + bits] = {grey.type, cv::COLOR_BayerGR2GRAY};
-      map["bayer_grbg" + bits] = {grey.type, cv::COLOR_BayerGB2GRAY};
+      map["rgb" + bits] = {bgr.first, cv::COLOR_RGB2GRAY};
+      map["rgba" + bits] = {bgra.first, cv::COLOR_RGBA2GRAY};
+      map["bayer_rggb" + bits] = {grey.first, cv::COLOR_BayerBG2GRAY};
+      map["bayer_bggr" + bits] = {grey.first, cv::COLOR_BayerRG2GRAY};
+      map["bayer_gbrg" + bits] = {grey.first, cv::COLOR_BayerGR2GRAY};
+      map["bayer_grbg" + bits] = {grey.first, cv::COLOR_BayerGB2GRAY};
     }
     return map;
   }();
@@ -58,10 +56,9 @@ const Encoding& encodingOf(const std::string& name) {
 }
 
 /// Throws DataError.
-void requireWholeImage(const RawImage& image, const Encoding& encoding) {
+void requireWholeImage(const RawImage& image, int type) {
   const std::size_t step = image.step;
-  if (step < std::size_t{image.width} * CV_ELEM_SIZE(encoding.type) ||
-      step % CV_ELEM_SIZE1(encoding.type) != 0) {
+  if (step < std::size_t{image.width} * CV_ELEM_SIZE(type) || step % CV_ELEM_SIZE1(type) != 0) {
     throw DataError("the step of " + std::to_string(step) + " bytes does not fit " +
                     std::to_string(image.width) + " pixels of " + image.encoding);
   }
@@ -94,10 +91,6 @@ bool ends(std::string_view bytes, std::string_view mark) {
   return bytes.size() >= mark.size() && bytes.substr(bytes.size() - mark.size()) == mark;
 }
 
-struct ImageSize {
-  std::int64_t width = 0, height = 0;  ///< [px]
-};
-
 /// OpenCV fills the missing rows of a truncated JPEG with grey and reports that on stderr only.
 bool isComplete(std::string_view bytes) {
   while (!bytes.empty() && bytes.back() == '\0') bytes.remove_suffix(1);
@@ -107,30 +100,30 @@ bool isComplete(std::string_view bytes) {
 
 /// In the header; 0 x 0 if there is none. The header of a small image may state any size, and
 /// decoding it allocates that much memory.
-ImageSize encodedSize(std::string_view bytes) {
+cv::Size2d encodedSize(std::string_view bytes) {
   const auto number = [&](std::size_t at, std::size_t length) {
-    std::int64_t value = 0;
-    for (std::size_t k = at; k < at + length; ++k) {
-      value = value << 8 | static_cast<unsigned char>(bytes[k]);
+    std::uint32_t value = 0;
+    for (const char byte : bytes.substr(at, length)) {
+      value = value << 8 | static_cast<unsigned char>(byte);
     }
     return value;
   };
   constexpr std::size_t kPngSize = 16;
   if (begins(bytes, kPngBegin)) {
     if (bytes.size() < kPngSize + 8) return {};
-    return {number(kPngSize, 4), number(kPngSize + 4, 4)};
+    return cv::Size2d(number(kPngSize, 4), number(kPngSize + 4, 4));
   }
   // JPEG: segments of a marker (2 bytes), a length (2 bytes, which it counts itself) and data; the
   // size is in the frame header (SOF), before the first scan (SOS). Decoders skip other bytes
   // between segments.
   for (std::size_t at = 2; at + 9 <= bytes.size();) {
-    const std::int64_t marker = bytes[at] == '\xff' ? number(at + 1, 1) : 0xff;
+    const std::uint32_t marker = bytes[at] == '\xff' ? number(at + 1, 1) : 0xff;
     const bool is_frame =
         marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
     const bool has_length = marker > 0x01 && marker < 0xff && (marker < 0xd0 || marker > 0xd8);
-    if (is_frame) return {number(at + 7, 2), number(at + 5, 2)};
+    if (is_frame) return cv::Size2d(number(at + 7, 2), number(at + 5, 2));
     if (marker == 0xda) break;
-    at += marker == 0xff ? 1 : has_length ? 2 + static_cast<std::size_t>(number(at + 2, 2)) : 2;
+    at += marker == 0xff ? 1 : has_length ? 2 + std::size_t{number(at + 2, 2)} : 2;
   }
   return {};
 }
@@ -138,11 +131,11 @@ ImageSize encodedSize(std::string_view bytes) {
 /// Before an image is decoded: the bytes are a complete image of at most kMaxImagePixels.
 void requireDecodable(std::string_view bytes) {
   if (!isComplete(bytes)) throw DataError("is not a whole PNG or JPEG image");
-  const ImageSize size = encodedSize(bytes);
-  if (size.width <= 0 || size.height <= 0) throw DataError("states no image size");
-  if (static_cast<double>(size.width) * static_cast<double>(size.height) > kMaxImagePixels) {
-    throw DataError("states " + std::to_string(size.width) + " x " + std::to_string(size.height) +
-                    " pixels, more than are plausible");
+  const cv::Size2d size = encodedSize(bytes);
+  if (size.empty()) throw DataError("states no image size");
+  if (size.area() > kMaxImagePixels) {
+    throw DataError(
+        format("states %.0f x %.0f pixels, more than are plausible", size.width, size.height));
   }
 }
 
@@ -154,10 +147,10 @@ cv::Mat pixelsOf(const RawImage& image) {
     throw DataError("the image size " + std::to_string(image.width) + " x " +
                     std::to_string(image.height) + " is not plausible for a camera");
   }
-  const Encoding& encoding = encodingOf(image.encoding);
-  requireWholeImage(image, encoding);
+  const int type = encodingOf(image.encoding).first;
+  requireWholeImage(image, type);
   // cv::Mat has no constant pixels; nobody writes to these.
-  const cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), encoding.type,
+  const cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), type,
                        const_cast<std::uint8_t*>(image.data), image.step);
   const bool is_swapped = image.is_bigendian && pixels.depth() == CV_16U;
   return is_swapped ? swapBytes(pixels) : pixels;
@@ -199,13 +192,13 @@ cv::Mat readGreyImage(const std::filesystem::path& file) {
 
 cv::Mat GreyConverter::convert(const cv::Mat& pixels, const std::string& encoding) {
   const auto named = encodings().find(encoding);
-  const bool fits = named != encodings().end() && named->second.type == pixels.type();
+  const bool fits = named != encodings().end() && named->second.first == pixels.type();
   const std::string generic =
       std::string(pixels.depth() == CV_16U ? "16" : "8") + "UC" + std::to_string(pixels.channels());
   if (pixels.depth() != CV_8U && pixels.depth() != CV_16U) {
     throw DataError("its pixels are neither of 8 nor of 16 bits");
   }
-  const auto conversion = fits ? named->second.conversion : encodingOf(generic).conversion;
+  const auto conversion = fits ? named->second.second : encodingOf(generic).second;
   cv::Mat grey;
   if (conversion) {
     cv::cvtColor(pixels, grey, *conversion);

@@ -65,26 +65,19 @@ void requireInRanges(const Options& options) {
   });
 }
 
-/// An assignment "group/name=value" of an option, with the conversions of its value. All throw
-/// OptionError.
-class Assignment {
- public:
-  explicit Assignment(const std::string& text);
-  const std::string& name() const { return name_; }
-
-  template <typename Number>
-  void set(Number* field, double min, double max, const char* /*meaning*/) const {
-    *field = static_cast<Number>(number(min, max, std::is_integral_v<Number>));
-  }
-  void set(bool* field, const char* /*meaning*/) const;
-  /// Names the nearest of the known names.
-  [[noreturn]] void failAsUnknown(const std::vector<std::string>& known) const;
-
- private:
-  double number(double min, double max, bool whole) const;
-
-  std::string name_, value_;
-};
+// Of setOption(): the value of an option from its text. All throw OptionError.
+double optionNumber(const std::string& name, const std::string& text, double min, double max,
+                    bool is_whole);
+template <typename Number>
+void setOptionValue(const std::string& name, const std::string& text, Number* field, double min,
+                    double max, const char* /*meaning*/) {
+  *field = static_cast<Number>(optionNumber(name, text, min, max, std::is_integral_v<Number>));
+}
+void setOptionValue(const std::string& name, const std::string& text, bool* field,
+                    const char* meaning);
+/// Throws OptionError: there is no option of this name; with the nearest of the known names.
+[[noreturn]] void failAsUnknownOption(const std::string& name,
+                                      const std::vector<std::string>& known);
 
 /// Sets one option of any Options struct with visitStages() by its full name: "group/name=value", a
 /// bool as true or false. Throws OptionError that names the option when the name is unknown, or the
@@ -92,16 +85,20 @@ class Assignment {
 /// out of range.
 template <typename Options>
 void setOption(Options& options, const std::string& assignment) {
-  const Assignment wanted(assignment);
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos) {
+    throw OptionError("'" + assignment + "' is not an assignment; expected [GROUP/]NAME=VALUE");
+  }
+  const std::string wanted = assignment.substr(0, equals);
   std::vector<std::string> known;
   bool is_found = false;
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... range) {
     known.push_back(name);
-    if (name != wanted.name()) return;
-    wanted.set(&field, range...);
+    if (name != wanted) return;
+    setOptionValue(name, assignment.substr(equals + 1), &field, range...);
     is_found = true;
   });
-  if (!is_found) wanted.failAsUnknown(known);
+  if (!is_found) failAsUnknownOption(wanted, known);
 }
 
 }  // namespace ground_scale_vo

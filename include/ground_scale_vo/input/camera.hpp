@@ -27,9 +27,7 @@ struct PinholeCamera {
   /// the distortion looks like a curved road.
   bool lens_is_estimated = false;
 
-  /// Throws OptionError that names the first number that is not finite or not plausible: a side
-  /// outside 1 to kMaxImageSide px, a focal length outside 1 to 10 kMaxImageSide px, a principal
-  /// point beyond kMaxImageSide px.
+  /// Throws OptionError that names the first number that is not finite or not plausible.
   void validate() const;
 
   /// x = K^-1 u with z = 1 (the ray of the paper's Alg. 1, line 7). u: [px].
@@ -91,20 +89,15 @@ struct CameraCalibration {
   /// camera, or the wrong number of coefficients. The size is checked where it is known.
   void validate() const;
 
-  /// Calibration of the part `roi` of the images, in which binning.width x binning.height pixels
-  /// are combined into one. Throws OptionError: the part is not inside the image, or nothing is
-  /// left.
-  CameraCalibration ofPart(const cv::Rect2d& roi, const cv::Size& binning) const;
-
   /// "640x480, fx 500, fy 500, cx 320, cy 240, plumb_bob, D (-0.3, 0.1, 0, 0)".
   std::string describe() const;
 };
 
 bool operator==(const CameraCalibration& a, const CameraCalibration& b);
 
-/// Same calibration: same image size, and both rectify an image to the same intrinsics and from the
-/// same raw pixels, within 0.1 px: publishers that round differently, or another odometry, describe
-/// the same camera with differences below this, which is far below the error of a calibration.
+/// Same image size, and both rectify an image to the same intrinsics and from the same raw pixels,
+/// within 0.1 px: publishers that round differently describe the same camera with such differences,
+/// which are far below the error of a calibration.
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b);
 
 /// The calibration of images that have no distortion.
@@ -116,13 +109,10 @@ PinholeCamera pinholeOf(const CameraCalibration& calibration);
 /// horizontal field of view. Throws OptionError.
 CameraCalibration ofFieldOfView(double degrees, const cv::Size& size);
 
-/// Whether a calibration can be that of images of this size. Where it has a size, that must be the
-/// images'. Its principal point must not be that of images of another size: then it lies at the
-/// centre of the image times one factor in both coordinates.
-///
-/// source: names the calibration in the sentences. Throws DataError with the likely size. Returns a
-/// warning when the principal point is far from the centre of the image, as of cropped images, else
-/// an empty text.
+/// Throws DataError, with the likely size, when a calibration cannot be that of images of this
+/// size: it has another one, or its principal point is the centre of the image times one factor in
+/// both coordinates. Returns a warning when the principal point is far from the centre, as of
+/// cropped images, else an empty text. source: names the calibration.
 std::string checkCalibration(const CameraCalibration& calibration, const std::string& source,
                              const cv::Size& images);
 

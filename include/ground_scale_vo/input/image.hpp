@@ -29,9 +29,8 @@ cv::Mat pixelsOf(const RawImage& image);
 
 /// The pixels of a whole PNG or JPEG image as they are stored, of 8 or 16 bits and 1, 3 (BGR) or 4
 /// (BGRA) channels; the orientation in its metadata is ignored, since calibrations are of the
-/// pixels. Zeros may follow the image, as cameras with MJPEG append them. Throws DataError ("is not
-/// a whole PNG or JPEG image", "states no image size", "states W x H pixels, ...", "cannot be
-/// decoded"; the caller adds the name of the image).
+/// pixels. Zeros may follow the image, as cameras with MJPEG append them. Throws DataError, to
+/// which the caller adds the name of the image: "is not a whole PNG or JPEG image", ....
 cv::Mat decodePixels(std::string_view bytes);
 
 /// The Bayer pattern of decodePixels(), for GreyConverter, from the format of a

@@ -86,7 +86,7 @@ def draw_bar(axes, edges, states, colours, bottom):
 
 
 def draw_scale(file, scale, camera_height, title):
-    """As the paper's Fig. 3, over time: the unfiltered camera height,
+    """The paper's Fig. 3, over time: the unfiltered camera height,
     converted to metres with the filtered scale (height * scale / raw_scale), the +-2 sigma
     band of the filter around the height, which is given or learned from speeds, and the distribution of
     the unfiltered heights; below, the scale and its status."""
@@ -95,7 +95,7 @@ def draw_scale(file, scale, camera_height, title):
                                              "wspace": 0.05})
     time = scale["stamp"] - scale["stamp"][0]
     known = scale["status"] != "unknown"
-    # Of speeds alone, the raw scale is not that of a plane.
+    # With speeds alone, the raw scale does not come from a plane.
     measured = known & (scale["raw_scale"] > 0) & (scale["source"] != "speed")
     height = np.where(known & (scale["camera_height"] > 0), scale["camera_height"], np.nan)
     filtered = np.where(known, scale["scale"], np.nan)
@@ -173,7 +173,7 @@ def draw_scale(file, scale, camera_height, title):
 
 
 def draw_timing(file, timing, title):
-    """As the paper's Fig. 5, a row for each stage, over the frames in which it ran and was timed (of
+    """The paper's Fig. 5: a row for each stage, over the frames in which it ran and was timed (of
     evaluate_bag about one per second)."""
     stages = [(name, timing[name][timing[name] > 0], len(timing)) for name in timing.dtype.names
               if name != "frame" and np.any(timing[name] > 0)]

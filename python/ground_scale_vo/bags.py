@@ -29,7 +29,7 @@ def open_bag(file: str, topic: Optional[str], rectified: bool, camera: str, fov:
 
 
 def fixes(file: str, topic: str) -> Tuple[np.ndarray, np.ndarray, float]:
-    """Of sensor_msgs/NavSatFix: stamps [s], positions east, north, up of the first one [m], and the median standard
+    """The fixes of sensor_msgs/NavSatFix: stamps [s], positions east, north, up of the first one [m], and the median standard
     deviation of a fix [m]. Raises DataError."""
     bag, topics = _open(file)
     names = [name for name, info in topics.items() if _bare(name) == _bare(topic) and info.msg_type == "sensor_msgs/NavSatFix"]

@@ -76,7 +76,7 @@ def similarity_scale(source: np.ndarray, target: np.ndarray) -> float:
 
 
 def height_from_positions(track: Track, stamps: np.ndarray, known: np.ndarray, sigma_m: float) -> Estimate:
-    """From N x 3 positions [m] along the drive: the mean over segments. sigma_m: of a position relative to its
+    """The height from N x 3 positions [m] along the drive: the mean over segments. sigma_m: of a position relative to its
     neighbours."""
     p, sections = track.at(stamps)
     heights, lengths = [], []
@@ -106,7 +106,7 @@ def height_from_positions(track: Track, stamps: np.ndarray, known: np.ndarray, s
 
 
 def height_from_length(track: Track, length_m: float, sigma_m: float) -> Estimate:
-    """From the length of the whole path. The error is that of the reported sigma of the scale."""
+    """The height from the length of the whole path; the error is the reported sigma of the scale."""
     first = np.argmax(track.section >= 0)
     at_start = np.argmax(np.any(track.p != track.p[0], axis=1)) - 1
     if first > 0 and track.is_backfilled[0] and at_start > 0:

@@ -108,7 +108,7 @@ class MetricOdometry:
 
         image: (height, width) uint8 or uint16, grey, rectified. It is copied. Images of 10 to 16 bits are
             divided by the range in use, as in the nodelets.
-        stamp: [ns], greater than that of the previous image.
+        stamp: [ns], greater than the previous image's.
         """
         return Result(**self._odometry.process(_image("image", image, self._shape),
                                                _integer("stamp", stamp, _LAST_STAMP_NS)))

@@ -60,14 +60,14 @@ def parse():
     parser.add_argument("--camera-info", default="", metavar="TOPIC",
                         help="their calibration (default: camera_info beside the images)")
     parser.add_argument("--rectified", action="store_true", default=None,
-                        help="the images are rectified, and P of camera_info is their projection (default: those of /kitti)")
+                        help="the images are rectified, and P of camera_info is their projection (default: topics of /kitti)")
     parser.add_argument("--unrectified", action="store_false", dest="rectified",
                         help="the images are distorted, as K and D describe")
     parser.add_argument("--camera", type=path, metavar="FILE",
                         help="YAML of camera_calibration or scripts/calibrate_camera that describes the images as they come, "
                         "instead of camera_info")
     parser.add_argument("--mask", type=path, metavar="FILE",
-                        help="image of the size of those of the bag, black where they never show the scene (hood, watermark)")
+                        help="image of the size of the bag's images, black where they never show the scene (hood, watermark)")
     parser.add_argument("--base-frame", default="", metavar="FRAME",
                         help="frame whose pose is published (default: the image's frame)")
     arguments = parser.parse_args()
@@ -120,7 +120,7 @@ class Display:
             (r".*cannot launch node of type (.*)", f"{name}: roslaunch cannot start %s", True),
             (r"=+REQUIRED process \[(bag_recorder)-.* has died!",
              f"{name}: {recorded} cannot be written: %s stopped; is the disk full?", True),
-            # Without the regular end of the monitor, or one that it has explained.
+            # The monitor has not ended regularly, nor explained its end.
             (r"=+REQUIRED process \[(?!playback_monitor)(.*)-\d+\] has died!",
              f"{name}: the node %s exited before playback finished", True),
             (r"\[(rviz)-.*process has died",
@@ -171,7 +171,7 @@ def kill_nodes(master):
 
 
 def play(bags, results, arguments):
-    """Whether the bag was played to its end."""
+    """True if the bag was played to its end."""
     port, environment = private_master()
     options = {
         "required": "true", "bag": " ".join(shlex.quote(str(bag)) for bag in bags), "camera_height": arguments.camera_height, "image": arguments.image,

@@ -12,7 +12,7 @@ LIB = pathlib.Path(__file__).resolve().parent
 
 
 class Parser(argparse.ArgumentParser):
-    """Of a command of scripts/. Wrong arguments end it with one sentence."""
+    """The arguments of a command of scripts/. Wrong ones end it with one sentence."""
 
     def __init__(self, name, description):
         super().__init__(prog=f"scripts/{name}", description=description, allow_abbrev=False,

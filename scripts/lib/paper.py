@@ -43,12 +43,12 @@ STAGES = {"MVO": ["vo_total"], "GPE": ["scale_delaunay", "scale_gpe"], "GPA": ["
 KITTI_LENS_ERROR = "0.02,-0.007,1.5,1.5"
 SOURCES = {
     "kitti": "Measured on the images of KITTI odometry.",
-    "paths": "**Rendered**: the images are those of a street, rendered along the smoothed ground-truth path of each "
+    "paths": "**Rendered**: the images show a street, rendered along the smoothed ground-truth path of each "
              "sequence, with a lens that differs from the published one as KITTI's does (render_drive --lens-error "
              f"{KITTI_LENS_ERROR}). Real images are more difficult; the figures of other systems are those on real images."}
 
 EXPLANATION = (
-    "The *published* lens is that of calib.txt; the *estimated* one is the result of `scripts/calibrate_camera` on the sequence "
+    "The *published* lens is in calib.txt; the *estimated* one is the result of `scripts/calibrate_camera` on the sequence "
     "(NN.yaml), or the published one where the sequence does not determine the lens. A mean is the plain mean of a column's "
     "complete sequences. The paper's Table I has its two columns exchanged; its relative errors (RLE) are recomputed from them.")
 

@@ -18,7 +18,7 @@ MARKS = "<!-- results -->", "<!-- /results -->"
 
 
 def drives(part):
-    """Of a part with several seeds: with the first one."""
+    """The drives of a part; of several seeds the first one."""
     if "seeds" in part:
         return next(iter(part["seeds"].values()))
     return {name: drive for name, drive in part.items() if name != "run"}

@@ -245,7 +245,7 @@ def poses_of(file):
 
 
 def camera_matrix(folder):
-    """Of a KITTI folder."""
+    """K of a KITTI folder."""
     projection = (folder / "calib.txt").read_text().splitlines()[0].split()[1:]
     return np.array(projection, float).reshape(3, 4)[:, :3]
 

@@ -84,7 +84,7 @@ def test_build_without_ros(build, short, tmp_path):
 
 
 def test_examples_give_metric_poses(examples, venv, short):
-    """In C++ and Python the same."""
+    """The programs in C++ and Python print the same."""
     output = run(examples / "metric_poses", short, CAMERA_HEIGHT).stdout
     estimate = [[float(word) for word in line.split()] for line in output.splitlines()]
     assert len(estimate) > FRAMES / 2

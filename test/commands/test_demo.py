@@ -46,7 +46,7 @@ def test_compressed_images_and_another_height(bag, tmp_path):
 
 
 def test_parts_of_a_bag_with_other_names(bag, tmp_path):
-    """And with another Python first in the path."""
+    """Another Python is first in the path."""
     halves, other = bags.split(bag, tmp_path), tmp_path / "python3"
     other.write_text("#!/bin/sh\nexit 1\n")
     other.chmod(0o755)

@@ -45,7 +45,7 @@ def folder(name=lambda i: f"frame{i:06}.png", change=lambda image: image, times=
 
 
 def video(**parts):
-    """Without loss; parts: share of the file that is kept."""
+    """A video without loss; parts: share of the file that is kept."""
     def make(short, path):
         file = path.with_suffix(".avi")
         images = images_of(short)

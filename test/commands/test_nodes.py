@@ -47,7 +47,7 @@ def monitor(monkeypatch):
 
 
 def rotation(yaw=0.0, pitch=0.0, roll=0.0):
-    """Of a body with x forward, z up; pitch > 0 is down."""
+    """The axes of a body with x forward, z up; pitch > 0 is down."""
     z, y, x = (cv2.Rodrigues(angle * axis)[0] for angle, axis in zip((yaw, pitch, roll), np.eye(3)[::-1]))
     return z @ y @ x
 
@@ -179,7 +179,7 @@ def test_a_damaged_bag_is_refused(monitor, damaged_bag):
 
 
 def test_parts_of_a_recording(monitor, bag, tmp_path, monkeypatch):
-    """In any order."""
+    """The order of the words does not matter."""
     monkeypatch.setenv("HOME", str(tmp_path))
     parts = bags.split(bag, tmp_path)
     whole = monitor.BagSummary(str(bag), [bags.IMAGE], bags.INFO)
@@ -196,7 +196,7 @@ def test_parts_of_a_recording(monitor, bag, tmp_path, monkeypatch):
 
 
 def test_the_bag_ends_with_its_last_image(monitor, bag, tmp_path):
-    """Also when the other topics are longer."""
+    """Longer topics do not matter."""
     longer = tmp_path / "longer.bag"
     with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(longer), "w") as new:
         for topic, message, stamp in old.read_messages(topics=[bags.IMAGE, bags.INFO]):

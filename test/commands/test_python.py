@@ -40,7 +40,7 @@ def without_resources(metrics):
 @pytest.mark.parametrize("is_one_folder", [False, True])
 @pytest.mark.parametrize("order", [["module", "messages"], ["messages", "module"]])
 def test_module_and_ros_messages_in_one_interpreter(venv, tmp_path, order, is_one_folder):
-    """From two folders of the path in any order, or copied to one folder in any order."""
+    """They are in two folders of the path in any order, or copied to one folder in any order."""
     (module,) = venv.glob("lib/*/site-packages")
     places = {"module": module, "messages": BUILD / "devel/lib/python3/dist-packages"}
     folders = [places[name] for name in order]
@@ -186,7 +186,7 @@ def test_refuses(gsv, error, text, call):
 
 
 def test_strange_values_do_not_crash(gsv, tmp_path, monkeypatch):
-    """In any place: the call returns, or raises TypeError or ValueError with a sentence."""
+    """Every call returns, or raises TypeError or ValueError with a sentence."""
     monkeypatch.chdir(tmp_path)
     camera, image, stamps = gsv.Camera(96, 64, 60, 60, 48, 32), np.zeros((64, 96), np.uint8), itertools.count()
     odometry = gsv.MetricOdometry(camera, 1.5, record=True)

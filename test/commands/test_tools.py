@@ -139,7 +139,7 @@ def test_derived_drives(shortest, tmp_path):
 
 
 def rotation_matrix(q):
-    """Of a quaternion."""
+    """The matrix of a quaternion."""
     cross = np.cross(np.eye(3), [q.x, q.y, q.z])
     return np.eye(3) + 2 * q.w * cross + 2 * cross @ cross
 

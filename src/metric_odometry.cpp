@@ -12,7 +12,7 @@ const MetricOdometry::Options& validated(const MetricOdometry::Options& options)
 }  // namespace
 
 void MetricOdometry::Options::validate() const {
-  odometry.validate();
+  requireInRanges(odometry);
   scale.validate();
 }
 

@@ -41,6 +41,7 @@ class LensOdometry {
     SelfCalibratingOdometry::Output output;
     output.image = undistortion_.image(image);
     static_cast<VisualOdometry::Output&>(output) = vo_.process(output.image.grey, stamp_ns);
+    if (output.frame.continuity == Continuity::kNewMap) map_start_.reset();
     report(&output);
     return output;
   }
@@ -60,7 +61,7 @@ class LensOdometry {
 
   void report(SelfCalibratingOdometry::Output* output) const {
     VoFrame& frame = output->frame;
-    if (map_start_ && frame.map_id == 0) {
+    if (map_start_) {
       frame.map_start = *map_start_;
       frame.T_w_c.translation() *= unit_;
       frame.T_w_c = T_w_v_ * frame.T_w_c;
@@ -87,28 +88,22 @@ class LensOdometry {
   VisualOdometry vo_;
   std::uint32_t first_sequence_ = 0, first_map_ = 0;
   std::uint64_t first_id_ = 0;
-  /// Of its first map, when that continues the map of another odometry: T_w_v leads from its own
-  /// world frame, in the reported unit, to the reported one.
+  /// While it is in its first map, if that continues the map of another odometry: T_w_v leads from
+  /// its own world frame, in the reported unit, to the reported one.
   std::optional<MapStart> map_start_;
   double unit_ = 1;
   Eigen::Isometry3d T_w_v_ = Eigen::Isometry3d::Identity();
 };
 
-void SelfCalibratingOdometry::Options::validate() const {
-  vo.validate();
-  refinement.estimator.validate();
-}
-
 struct SelfCalibratingOdometry::Impl {
   Impl(const CameraCalibration& camera_in, const Options& options_in, const cv::Mat& mask_in)
-      : options((options_in.validate(), options_in)),
+      : options((requireInRanges(options_in), options_in)),
         camera(camera_in),
         mask(mask_in),
         current(
             std::make_unique<LensOdometry>(LensEstimate{lensOf(camera)}, camera, options.vo, mask)),
         refinement(current->lens().lens, options.refinement) {}
 
-  void startNext(const VoFrame& frame);
   void warmUp(const cv::Mat& image, Output* output);
 
   const Options options;
@@ -118,15 +113,9 @@ struct SelfCalibratingOdometry::Impl {
   LensRefinement refinement;
   std::optional<LensEstimate> better_lens;  ///< until `current` has it
   std::uint64_t first_unused_id = 0;
-  std::uint32_t map_id = 0;                             ///< of `current` at the start of `next`
-  std::map<std::int64_t, Eigen::Vector3d> positions_w;  ///< of `current` since then, by stamp
+  /// Of `current` since the start of `next`, by stamp.
+  std::map<std::int64_t, Eigen::Vector3d> positions_w;
 };
-
-void SelfCalibratingOdometry::Impl::startNext(const VoFrame& frame) {
-  next = std::make_unique<LensOdometry>(*better_lens, camera, options.vo, mask);
-  map_id = frame.map_id;
-  positions_w.clear();
-}
 
 /// The same image through `next`, which replaces `current` when it has a map: *output becomes its
 /// output then.
@@ -134,8 +123,9 @@ void SelfCalibratingOdometry::Impl::warmUp(const cv::Mat& image, Output* output)
   const VoFrame& last = output->frame;
   Output other = next->process(image, last.stamp_ns);
   positions_w.emplace(last.stamp_ns, last.T_w_c.translation());
-  const bool is_lost = last.status != VoStatus::kTracking || last.map_id != map_id;
-  if (is_lost || positions_w.size() > kMaxWarmUp || other.frame.map_id > 0) return next.reset();
+  const bool is_lost =
+      last.status != VoStatus::kTracking || other.frame.continuity == Continuity::kNewMap;
+  if (is_lost || positions_w.size() > kMaxWarmUp) return next.reset();
   if (positions_w.size() < kMinWarmUp || !other.frame.keyframe) return;
   // The origin of its world frame is the first frame of its map.
   const auto origin = positions_w.find(other.frame.map_start.stamp_ns);
@@ -171,7 +161,10 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
     const Lens& in_use = s.current->lens().lens;
     s.better_lens = s.refinement.add(withDistortedFeatures(output.frame, in_use), in_use);
   }
-  if (s.better_lens && !s.next && output.frame.keyframe) s.startNext(output.frame);
+  if (s.better_lens && !s.next && output.frame.keyframe) {
+    s.next = std::make_unique<LensOdometry>(*s.better_lens, s.camera, s.options.vo, s.mask);
+    s.positions_w.clear();
+  }
   if (s.next) s.warmUp(image, &output);
   return output;
 }

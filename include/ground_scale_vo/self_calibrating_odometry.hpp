@@ -35,10 +35,8 @@ class SelfCalibratingOdometry {
     static void visitStages(Self& self, Visit&& visit) {
       VisualOdometry::Options::visitStages(self.vo, visit);
       visit("", self);
-      visit("lens/", self.refinement.estimator);
+      LensEstimator::Options::visitStages(self.refinement.estimator, visit);
     }
-    /// Throws OptionError.
-    void validate() const;
   };
 
   struct Output : VisualOdometry::Output {

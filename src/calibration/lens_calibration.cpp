@@ -41,9 +41,7 @@ void LensCalibration::Options::expectRoughStart(int image_width) {
 }
 
 void LensCalibration::Options::validate() const {
-  visitStages(*this, [](const std::string& group, auto& stage) {
-    stage.visitParameters(stage, RangeCheck(group));
-  });
+  requireInRanges(*this);
   requireInRange("max_runs", max_runs, 1, 100);
   requireInRange("min_significance", min_significance, 0, 1e6);
   requireInRange("converged_sigmas", converged_sigmas, 0, 10);

@@ -130,9 +130,9 @@ std::vector<LensEstimator::FieldCell> emptyField(const PinholeCamera& camera) {
 
 }  // namespace
 
-void LensEstimator::Options::validate() const { visitParameters(*this, RangeCheck("lens/")); }
-
-LensEstimator::LensEstimator(const Options& options) : options_(options) { options_.validate(); }
+LensEstimator::LensEstimator(const Options& options) : options_(options) {
+  requireInRanges(options_);
+}
 
 LensEstimate LensEstimator::priorOf(const Lens& calibration) const {
   LensVector sigmas;

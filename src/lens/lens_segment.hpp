@@ -136,7 +136,6 @@ class LensSegment {
   template <int kParameters>
   void assemble(const Lens& lens, const TrackNoise& noise, double damping);
   Reduced solve();
-  LensVector score(const Elimination& elimination) const;
   void fixGauge();
 
   std::vector<Eigen::Isometry3d> T_c_w_;

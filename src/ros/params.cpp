@@ -223,7 +223,6 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
   params.readout_time_is_given =
       std::any_of(reader.entries().begin(), reader.entries().end(),
                   [](const auto& entry) { return entry.name == kReadoutTime && entry.given; });
-  params.odometry.validate();
   return params;
 }
 

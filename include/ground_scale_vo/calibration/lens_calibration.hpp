@@ -30,7 +30,7 @@ class LensCalibration {
     double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
-      visit("lens/", self.estimator);
+      LensEstimator::Options::visitStages(self.estimator, visit);
       VisualOdometry::Options::visitStages(self.vo, visit);
     }
     /// For a start from a field of view that is wrong by up to 15 %: a weak prior, more runs.

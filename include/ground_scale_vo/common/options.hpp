@@ -1,8 +1,8 @@
 #pragma once
 
 #include <string>
+#include <tuple>
 #include <type_traits>
-#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
@@ -39,29 +39,16 @@ void visitAllParameters(Options& options, Visit&& visit) {
   });
 }
 
-/// A visitor that throws OptionError for the first number outside its range.
-class RangeCheck {
- public:
-  explicit RangeCheck(std::string group) : group_(std::move(group)) {}
-
-  template <typename Number>
-  void operator()(const char* name, const Number& value, double min, double max,
-                  const char* /*meaning*/) const {
-    static_assert(std::is_arithmetic_v<Number> && !std::is_same_v<Number, bool>);
-    requireInRange((group_ + name).c_str(), static_cast<double>(value), min, max);
-  }
-  void operator()(const char* /*name*/, bool /*value*/, const char* /*meaning*/) const {}
-
- private:
-  std::string group_;  ///< "tracker/", or empty
-};
-
 /// Throws OptionError for the first number outside its range. Called once, where options enter a
 /// class that users construct: the stages of that class get options that are valid.
 template <typename Options>
 void requireInRanges(const Options& options) {
-  Options::visitStages(options, [](const std::string& group, const auto& stage) {
-    stage.visitParameters(stage, RangeCheck(group));
+  visitAllParameters(options, [](const std::string& name, const auto& value, auto... range) {
+    if constexpr (sizeof...(range) == 3) {  // of a number: min, max, meaning
+      const auto limits = std::tuple(range...);
+      requireInRange(name.c_str(), static_cast<double>(value), std::get<0>(limits),
+                     std::get<1>(limits));
+    }
   });
 }
 

@@ -45,8 +45,10 @@ class LensEstimator {
       visit("tracks_per_cell", self.tracks_per_cell, 1, 1000,
             "[] about as many tracks are used in each of 16 x 6 cells of a keyframe");
     }
-    /// Throws OptionError.
-    void validate() const;
+    template <typename Self, typename Visit>
+    static void visitStages(Self& self, Visit&& visit) {
+      visit("lens/", self);
+    }
   };
 
   enum class Status {

@@ -37,7 +37,7 @@ struct OdometryOptions {
     visit("", self);
   }
   /// Throws OptionError.
-  void validate() const { visitParameters(*this, RangeCheck("")); }
+  void validate() const { requireInRanges(*this); }
 };
 
 }  // namespace ground_scale_vo

@@ -15,11 +15,12 @@ Parts:
   kitti       whole KITTI sequences (--kitti) with the published and with the estimated lens, beside the tables and
               figures of the paper, in DIR/kitti/report.md
   paths       the same on streets rendered along KITTI's paths (--paths), in DIR/paths/report.md; five minutes for 1000 frames
-The first four are measured with each of --seeds: of the draws of the core, and of the noise of the rendered cameras.
+The first four are measured with each of --seeds (results.md has the first one): of the draws of the core, and of the noise of the rendered cameras.
 scripts/compare judges a change by them and, where both versions have it, by benchmark (--only gate --only benchmark); it
 reads two files DIR/results.json.
 
-Files: DIR/results.json, DIR/results.md, and the results of each part in DIR/PART/.
+Files: DIR/results.json, DIR/results.md (drives, components), and the results of each part in DIR/PART/, with a table of
+their own: table.md of scenarios, faults and ablation, benchmark.md of benchmark, report.md of kitti and paths.
 Exit status: 0 all done, 1 a part failed (the others are still measured), 2 wrong arguments.
 """
 
@@ -158,7 +159,8 @@ class Report:
         return figures
 
     def evaluate_scenarios(self, to, *arguments):
-        self.tool("evaluate_scenarios", *arguments, "--out", to, "--threads", self.arguments.threads)
+        table = self.tool("evaluate_scenarios", *arguments, "--out", to, "--threads", self.arguments.threads)
+        (to / "table.md").write_text(table, encoding="utf-8")
         return {entry.pop("drive"): entry for entry in read(to / "scenarios.json")}
 
     def scenarios(self, _, to):

@@ -2,8 +2,6 @@
 
 import math
 
-import paper
-from benchmark import tables as benchmark_tables
 from environment import markdown, mean
 
 LENGTHS = (10, 50, 100)  # of the segments for the covariance [m]
@@ -58,20 +56,6 @@ def summary_table(results):
                      for part, members in sets.items()])
 
 
-def ablation_table(part):
-    def outcome(run):
-        if run is None:
-            return ""
-        text = "no scale" if run["rle_percent"] is None else f"{run['rle_percent']:.2f}"
-        return f"**{text}**" if run["violated"] else text
-
-    keys = ("default", "paper", "features_only", "direct_only", "disabled")
-    return markdown(["scenario, RLE % after the start", "defaults", "`paper_literal`", "features only", "direct only",
-                     "without the component", "component"],
-                    [[f"`{name}`", *(outcome(entry.get(key)) for key in keys), entry["component"]]
-                     for name, entry in sorted(drives(part).items())])
-
-
 def component_table(part):
     rows = part["rows"]
     names = sorted(rows[0]["drives"])
@@ -84,48 +68,28 @@ def component_table(part):
                     [[row["label"], *(text(row["drives"][name]) for name in names)] for row in rows])
 
 
-def fault_table(part):
-    columns = [("tracked", "tracked_frames"), ("frames", "frames"), ("frames to recover", "recovery_frames"),
-               ("error afterwards %", "error_after_fault_percent"),
-               ("displacement error σ", "displacement_sigmas"), ("violated", "violated")]
-    return markdown(["drive", *(heading for heading, _ in columns)],
-                    [[f"`{name}`", *(drive[key] for _, key in columns)] for name, drive in sorted(drives(part).items())])
-
-
 def sections(results, descriptions):
-    """Heading, remark, and tables."""
+    """Heading, remark, and table."""
     if any(part in results for part in ("sequences", "variants", "scenarios")):
-        yield "Summary", "", [summary_table(results)]
+        yield "Summary", "", summary_table(results)
     remark = "2σ: share of frames whose true scale lies within two standard deviations. NEES per degree of freedom: 1 is " \
              "consistent, more is overconfident."
     for part in ("sequences", "variants", "scenarios"):
         if part in results:
-            yield part.capitalize(), remark if part == "sequences" else "", [
-                drive_table(results[part], DRIVE_COLUMNS, descriptions)]
-    if "ablation" in results:
-        yield "Ablation over the scenarios", "Bold: a threshold is violated.", [ablation_table(results["ablation"])]
+            yield part.capitalize(), remark if part == "sequences" else "", drive_table(
+                results[part], DRIVE_COLUMNS, descriptions)
     if "components" in results:
-        yield "Components over the sequences", "", [component_table(results["components"])]
-    if "faults" in results:
-        violated = [bool(drive["violated"]) for drive in drives(results["faults"]).values()]
-        yield "Faults", f"{sum(violated)} of {len(violated)} drives with a violated threshold.", [fault_table(results["faults"])]
-    for part, title in (("kitti", "Whole KITTI sequences"), ("paths", "Streets rendered along KITTI's paths")):
-        if part in results:
-            for i, (heading, table) in enumerate(paper.tables(drives(results[part]))):
-                yield f"{title}: {heading}", f"{paper.SOURCES[part]} {paper.EXPLANATION}" if i == 0 else "", [table]
-    if "benchmark" in results:
-        yield "Time and memory", "Measured on two cores; only the ratios carry over to another machine.", list(
-            benchmark_tables(drives(results["benchmark"])))
+        yield "Components over the sequences", "", component_table(results["components"])
 
 
 def page(results, descriptions, chosen=None):
     """chosen: the headings of the sections; None: all."""
     texts = ["# Results", "Written by `scripts/report`, with all other tables in `DIR/results.md`; do not edit. [Commands and "
              "files](reference/commands.md#output-files) defines the figures."]
-    for heading, remark, tables in sections(results, descriptions):
+    for heading, remark, table in sections(results, descriptions):
         if chosen and heading not in chosen:
             continue
-        texts += [f"## {heading}", *([remark] if remark else []), *tables]
+        texts += [f"## {heading}", *([remark] if remark else []), table]
     runs = [[part, results[part]["run"]["version"], results[part]["run"]["date"], results[part]["run"]["load"]]
             for part in results]
     return "\n\n".join([*texts, "## Runs", markdown(["part", "version", "date", "load of the machine"], runs)]) + "\n"

@@ -15,9 +15,9 @@ Parts:
   kitti       whole KITTI sequences (--kitti) with the published and with the estimated lens, beside the tables and
               figures of the paper, in DIR/kitti/report.md
   paths       the same on streets rendered along KITTI's paths (--paths), in DIR/paths/report.md; five minutes for 1000 frames
-The first four are measured with each of --seeds (results.md has the first one): of the draws of the core, and of the noise of the rendered cameras.
-scripts/compare judges a change by them and, where both versions have it, by benchmark (--only gate --only benchmark); it
-reads two files DIR/results.json.
+The gate is measured with each of --seeds: of the draws of the core, and of the noise of the rendered cameras; results.md
+has the first seed. scripts/compare reads two files DIR/results.json and judges a change by the gate and, where both
+versions have it, by benchmark (--only gate --only benchmark).
 
 Files: DIR/results.json, DIR/results.md (drives, components), and the results of each part in DIR/PART/, with a table of
 their own: table.md of scenarios, faults and ablation, benchmark.md of benchmark, report.md of kitti and paths.

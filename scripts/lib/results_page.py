@@ -84,7 +84,7 @@ def sections(results, descriptions):
 
 def page(results, descriptions, chosen=None):
     """chosen: the headings of the sections; None: all."""
-    texts = ["# Results", "Written by `scripts/report`, with all other tables in `DIR/results.md`; do not edit. [Commands and "
+    texts = ["# Results", "Written by `scripts/report`, with further tables in its folder `DIR`; do not edit. [Commands and "
              "files](reference/commands.md#output-files) defines the figures."]
     for heading, remark, table in sections(results, descriptions):
         if chosen and heading not in chosen:

@@ -239,6 +239,21 @@ def gsv(venv):
     return package
 
 
+@pytest.fixture
+def gsv_command(gsv, tmp_path, monkeypatch, capfd):
+    """gsv_command(ARGUMENT...): exit status, output and stderr of the command ground_scale_vo, which runs in tmp_path, in
+    this process: the start of another takes a second."""
+    del gsv
+
+    def call(*arguments):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["ground_scale_vo", *map(str, arguments)])
+        status = importlib.import_module("ground_scale_vo.command_line").main()
+        output = capfd.readouterr()
+        return status, output.out, output.err
+    return call
+
+
 def poses_of(file):
     """N x 3 x 4, of a file of KITTI poses."""
     return np.loadtxt(file, ndmin=2).reshape(-1, 3, 4)

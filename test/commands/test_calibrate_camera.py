@@ -1,8 +1,6 @@
 """The command `ground_scale_vo calibrate` of the Python package, and scripts/calibrate_camera, which runs it."""
 
-import importlib
 import re
-import sys
 
 import cv2
 import pytest
@@ -33,18 +31,6 @@ def distorted(turns, tmp_path_factory):
     return folder, video
 
 
-@pytest.fixture
-def command(gsv, tmp_path, monkeypatch, capfd):
-    """command(ARGUMENT...): its exit status and output, and what it wrote to stderr. In this process, in tmp_path."""
-    def call(*arguments):
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["ground_scale_vo", *map(str, arguments)])
-        status = importlib.import_module("ground_scale_vo.command_line").main()
-        output = capfd.readouterr()
-        return status, output.out, output.err
-    return call
-
-
 def assert_estimated(file, turns):
     """The lens of the distorted images; beside it the residuals before and after."""
     camera = yaml.safe_load(file.read_text())
@@ -56,31 +42,31 @@ def assert_estimated(file, turns):
     return camera
 
 
-def test_folder(gsv, command, distorted, turns, tmp_path):
+def test_folder(gsv, gsv_command, distorted, turns, tmp_path):
     """The distortion of raw images is changed, the readout time copied; the other commands read both."""
     start = write_camera(tmp_path / "start.yaml", turns, D=[-0.03, 0, 0, 0, 0], readout_time=0.0001)
-    status, output, messages = command("calibrate", distorted[0], "--camera", start, "--out", "lens.yaml")
+    status, output, messages = gsv_command("calibrate", distorted[0], "--camera", start, "--out", "lens.yaml")
     assert status == 0 and "turns: ok, " in output
     assert re.search(r"^k1 .* -0.03 ± .* -0.0\d+ ± ", output, re.MULTILINE), output
     assert assert_estimated(tmp_path / "lens.yaml", turns)["readout_time"] == 0.0001
     drive = gsv.open_drive(distorted[0], camera=tmp_path / "lens.yaml")
     assert drive.readout_time == 0.0001 and drive.camera.lens_is_estimated
     written = (tmp_path / "lens.yaml").read_bytes()
-    status, _, messages = command("calibrate", distorted[0], "--camera", start, "--out", "lens.yaml")
+    status, _, messages = gsv_command("calibrate", distorted[0], "--camera", start, "--out", "lens.yaml")
     assert status == 1 and "lens.yaml exists already; --force replaces it" in messages
     assert (tmp_path / "lens.yaml").read_bytes() == written
 
 
-def test_an_exact_calibration_is_kept(command, turns, tmp_path):
-    status, output, _ = command("calibrate", turns)
+def test_an_exact_calibration_is_kept(gsv_command, turns, tmp_path):
+    status, output, _ = gsv_command("calibrate", turns)
     assert status == 0 and "the drives confirm the calibration" in output
     camera = yaml.safe_load((tmp_path / "camera.yaml").read_text())
     assert camera["distortion_coefficients"]["data"] == [0] * 5
     assert camera["camera_matrix"]["data"][0] == pytest.approx(camera_matrix(turns)[0, 0], abs=1e-5)
 
 
-def test_video_without_calibration(command, distorted, turns, tmp_path):
-    assert command("calibrate", distorted[1], "--fov", 75, "--set", "odometry/readout_time=0.0002")[0] == 0
+def test_video_without_calibration(gsv_command, distorted, turns, tmp_path):
+    assert gsv_command("calibrate", distorted[1], "--fov", 75, "--set", "odometry/readout_time=0.0002")[0] == 0
     assert assert_estimated(tmp_path / "camera.yaml", turns)["readout_time"] == 0.0002
 
 
@@ -104,11 +90,11 @@ def test_script_refuses_a_straight_drive(data, tmp_path):
     (2, "lens.png is the name of the image", ["SHORTEST", "--out", "lens.png"]),
     (2, "direct/crown_sigma", ["SHORTEST", "--set", "direct/crown_sigma=1"]),
 ])
-def test_refuses(command, shortest, turns, tmp_path, status, text, arguments):
+def test_refuses(gsv_command, shortest, turns, tmp_path, status, text, arguments):
     write_camera(tmp_path / "rational.yaml", shortest, "rational_polynomial", 8 * [0.1])
     write_camera(tmp_path / "fisheye.yaml", shortest, "equidistant", 4 * [0.1])
     write_camera(tmp_path / "slow.yaml", shortest, readout_time=0.3)
     write_camera(tmp_path / "size.yaml", turns)
-    done, _, message = command("calibrate", *(shortest if word == "SHORTEST" else word for word in arguments))
+    done, _, message = gsv_command("calibrate", *(shortest if word == "SHORTEST" else word for word in arguments))
     assert done == status, message
     assert_one_sentence(text, message)

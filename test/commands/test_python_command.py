@@ -1,9 +1,7 @@
 """The command `ground_scale_vo run` of the Python package."""
 
-import importlib
 import json
 import shutil
-import sys
 
 import bags
 import cv2
@@ -13,17 +11,9 @@ from conftest import CAMERA_HEIGHT, FRAMES, assert_one_sentence, images_of, on_t
 
 
 @pytest.fixture
-def command(gsv, tmp_path, monkeypatch, capfd):
-    """command(ARGUMENT...): its exit status and output, and what it wrote to stderr. In this process: the start
-    of another takes a second. It runs in tmp_path and writes to tmp_path/out."""
-    def call(*arguments):
-        monkeypatch.chdir(tmp_path)
-        words = ["ground_scale_vo", "run", "--out", "out", "--camera-height", CAMERA_HEIGHT, *arguments]
-        monkeypatch.setattr(sys, "argv", [str(word) for word in words])
-        status = importlib.import_module("ground_scale_vo.command_line").main()
-        output = capfd.readouterr()
-        return status, output.out, output.err
-    return call
+def command(gsv_command):
+    """As gsv_command, writes to tmp_path/out."""
+    return lambda *arguments: gsv_command("run", "--out", "out", "--camera-height", CAMERA_HEIGHT, *arguments)
 
 
 @pytest.fixture

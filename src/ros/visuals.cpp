@@ -69,8 +69,7 @@ class Canvas {
   void dot(const cv::Point& at, const cv::Scalar& colour, bool filled) {
     cv::circle(image_, at, scaled(3), colour, filled ? cv::FILLED : scaled(1), cv::LINE_AA);
   }
-  void cross(const cv::Point& at, RejectReason reason) {
-    const bool outlier = reason == RejectReason::kOutlier;
+  void cross(const cv::Point& at, bool outlier) {
     cv::drawMarker(image_, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
                    scaled(outlier ? 7 : 5), scaled(1));
   }
@@ -115,8 +114,8 @@ void drawLegend(Canvas& canvas) {
   };
   entry("point", [&](const cv::Point& at) { canvas.dot(at, ageColour(10), true); });
   entry("no point yet", [&](const cv::Point& at) { canvas.dot(at, ageColour(10), false); });
-  entry("outlier", [&](const cv::Point& at) { canvas.cross(at, RejectReason::kOutlier); });
-  entry("not found", [&](const cv::Point& at) { canvas.cross(at, RejectReason::kNotFound); });
+  entry("outlier", [&](const cv::Point& at) { canvas.cross(at, true); });
+  entry("not found", [&](const cv::Point& at) { canvas.cross(at, false); });
 }
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
@@ -201,7 +200,8 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& 
   }
   last_.swap(now);
   last_sequence_ = frame.sequence;
-  for (const RejectedFeature& feature : rejected) canvas.cross(toPixel(feature.u), feature.reason);
+  for (const RejectedFeature& feature : rejected)
+    canvas.cross(toPixel(feature.u), feature.is_outlier);
   drawLegend(canvas);
   return toMsg(canvas.image(), sensor_msgs::image_encodings::BGR8, header);
 }

@@ -5,14 +5,25 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "common/vector_loop.hpp"
+#include "vo/patch_arithmetic.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+/// [px] Pixels nearer to the image border have no corner strength.
+constexpr int kCornerReach = 3;
+/// [px] from a corner at a whole pixel to the last pixel on which its strength or its tracked
+/// patch, with gradients, depends.
+constexpr int kCornerBorder = std::max(kTrackedSide / 2, kCornerReach) + 1;
+/// [px] least side of a grid cell: corners nearer to each other share most of their patches.
+constexpr int kMinCell_px = 8;
+/// [px] Corners are detected in the finest level of the pyramid that has at most as many pixels: in
+/// a larger one the time grows, the number of cells does not.
+constexpr std::size_t kMaxDetection_px = 1'500'000;
 
 /// Scale of one gradient as in cv::cornerMinEigenVal: sum of the Sobel weights (4), side of the
 /// summation window (5), grey levels (255). The gradient matrix has its square.
@@ -81,10 +92,8 @@ class CornerStrength {
   /// Precondition: kCornerReach <= first_row, and at least 2 kCornerReach columns.
   CornerStrength(const cv::Mat& image, int first_row) : image_(image), row_(first_row) {
     const auto columns = static_cast<std::size_t>(image.cols);
-    for (Gradients& gradients : gradients_) {
-      gradients.x.assign(columns, 0);
-      gradients.y.assign(columns, 0);
-    }
+    gradients_x_.fill(std::vector<std::int16_t>(columns, 0));
+    gradients_y_ = gradients_x_;
     smooth_.resize(columns);
     difference_.resize(columns);
     for (auto* sums : {&xx_, &xy_, &yy_}) sums->assign(columns, 0);
@@ -104,85 +113,26 @@ class CornerStrength {
  private:
   static constexpr int kSide = 5;                ///< [px]
   static constexpr int kStoredRows = kSide + 1;  ///< the window and the row that it leaves
-  struct Gradients {
-    std::vector<std::int16_t> x, y;
-  };
   /// Adds the gradients of a row to the running sums and removes those of the row kSide above.
   void addRow(int row) {
     const int columns = image_.cols;
     filterDown(image_.ptr(row - 1), image_.ptr(row), image_.ptr(row + 1), columns, smooth_.data(),
                difference_.data());
-    Gradients& added = gradients_[static_cast<std::size_t>(row % kStoredRows)];
-    // Row - kSide.
-    const Gradients& old = gradients_[static_cast<std::size_t>((row + 1) % kStoredRows)];
-    std::int16_t* const x = added.x.data();
-    std::int16_t* const y = added.y.data();
+    const auto added = static_cast<std::size_t>(row % kStoredRows);
+    const auto old = static_cast<std::size_t>((row + 1) % kStoredRows);  // row - kSide
+    std::int16_t* const x = gradients_x_[added].data();
+    std::int16_t* const y = gradients_y_[added].data();
     filterAcross(smooth_.data(), difference_.data(), columns, x, y);
-    addProducts(x, y, old.x.data(), old.y.data(), columns, xx_.data(), xy_.data(), yy_.data());
+    addProducts(x, y, gradients_x_[old].data(), gradients_y_[old].data(), columns, xx_.data(),
+                xy_.data(), yy_.data());
   }
 
   const cv::Mat image_;
-  int row_;                                        ///< the next one
-  std::array<Gradients, kStoredRows> gradients_;   ///< row y at y % kStoredRows
+  int row_;  ///< the next one
+  /// Row y at y % kStoredRows.
+  std::array<std::vector<std::int16_t>, kStoredRows> gradients_x_, gradients_y_;
   std::vector<std::int16_t> smooth_, difference_;  ///< of three rows
   std::vector<std::int32_t> xx_, xy_, yy_;  ///< products of the gradients, summed over kSide rows
-};
-
-/// [px] The rows of the template are widened to a multiple of it: one or two vector registers.
-constexpr int kBlock = 16;
-
-/// Sets the pixels to 0 where the template, of whole blocks, is 0. step: between rows of pixels.
-GSV_VECTOR_LOOP void keepBoth(const unsigned char* __restrict disc, int blocks, int rows,
-                              std::size_t step, unsigned char* __restrict pixels) {
-  for (int y = 0; y < rows; ++y) {
-    for (int x = 0; x < blocks * kBlock; ++x) pixels[x] &= disc[x];
-    disc += blocks * kBlock;
-    pixels += step;
-  }
-}
-
-/// The pixels of an image at which a corner may be detected: the allowed ones without discs around
-/// the features and the corners so far. Hundreds of discs are removed, and cv::circle() takes three
-/// times as long: this copies their pixels from a template, and a margin in memory makes clipping
-/// unnecessary.
-class FreePixels {
- public:
-  /// allowed: 8-bit, of the image's size, 0 at pixels that are not free; empty: all are free.
-  /// radius: of the discs [px].
-  FreePixels(const cv::Size& size, const cv::Mat& allowed, int radius) : radius_(radius) {
-    const int side = 2 * radius + 1, width = (side + kBlock - 1) / kBlock * kBlock;
-    disc_ = cv::Mat(side, width, CV_8UC1, cv::Scalar(255));
-    cv::circle(disc_, {radius, radius}, radius, 0, cv::FILLED);
-    // A disc around a centre `radius` outside the image still touches it.
-    const int margin = 2 * radius;
-    padded_.create(size.height + 2 * margin, size.width + 2 * margin + width - side, CV_8UC1);
-    mask_ = padded_(cv::Rect({margin, margin}, size));
-    if (allowed.empty()) {
-      std::memset(padded_.data, 255, padded_.total());
-    } else {
-      allowed.copyTo(mask_);
-    }
-  }
-
-  /// The same pixels as those of a filled cv::circle(). Its centre may be outside the image.
-  void removeDisc(const cv::Point& centre) {
-    if (centre.x < -radius_ || centre.x >= mask_.cols + radius_ || centre.y < -radius_ ||
-        centre.y >= mask_.rows + radius_) {
-      return;
-    }
-    const cv::Point corner = centre + cv::Point(radius_, radius_);  // in padded_: -radius + margin
-    keepBoth(disc_.ptr(), disc_.cols / kBlock, disc_.rows, padded_.step,
-             padded_.ptr(corner.y) + corner.x);
-  }
-
-  /// 8-bit, of the image's size, 0 at pixels that are not free.
-  const cv::Mat& mask() const { return mask_; }
-
- private:
-  int radius_;
-  cv::Mat disc_;    ///< 0 in the disc, 255 around it
-  cv::Mat padded_;  ///< the mask with its margin
-  cv::Mat mask_;    ///< part of padded_
 };
 
 /// Instead of the strength of a pixel that is not free; less than any strength.
@@ -254,10 +204,36 @@ bool isLocalMaximum(const cv::Mat& strength, const cv::Point& at) {
 
 }  // namespace
 
-std::vector<cv::Point2f> detectCorners(const cv::Mat& image, const cv::Mat& allowed,
-                                       const std::vector<cv::Point2f>& occupied,
-                                       const CornerCriteria& criteria) {
-  const int cell = criteria.cell_px, border = criteria.border_px;
+CornerDetector::CornerDetector(const OdometryOptions& options, const cv::Mat& mask)
+    : options_(options) {
+  constexpr int kSquare = 2 * kCornerBorder + 1;
+  if (!mask.empty()) cv::erode(mask, allowed_, cv::Mat::ones(kSquare, kSquare, CV_8U));
+}
+
+std::vector<cv::Point2f> CornerDetector::detect(const ImagePyramid& image,
+                                                const std::vector<cv::Point2f>& occupied) const {
+  std::size_t level = 0;
+  while (level + 1 < image.levels.size() && image.levels[level].total() > kMaxDetection_px) {
+    ++level;
+  }
+  if (level == 0) return detectIn(image.image, allowed_, occupied);
+  const auto scale = static_cast<float>(1 << level);
+  cv::Mat allowed;
+  if (!allowed_.empty()) {
+    cv::resize(allowed_, allowed, image.levels[level].size(), 0, 0, cv::INTER_NEAREST);
+  }
+  std::vector<cv::Point2f> scaled = occupied;
+  for (cv::Point2f& u : scaled) u /= scale;
+  std::vector<cv::Point2f> corners = detectIn(image.levels[level], allowed, scaled);
+  for (cv::Point2f& u : corners) u *= scale;
+  return corners;
+}
+
+std::vector<cv::Point2f> CornerDetector::detectIn(const cv::Mat& image, const cv::Mat& allowed,
+                                                  const std::vector<cv::Point2f>& occupied) const {
+  constexpr int border = kCornerBorder;
+  const int cell =
+      std::max(kMinCell_px, static_cast<int>(std::lround(options_.cell_size * image.cols)));
   const int columns = (image.cols - 2 * border) / cell;
   const int rows = (image.rows - 2 * border) / cell;
   if (columns < 1 || rows < 1) return {};
@@ -269,11 +245,16 @@ std::vector<cv::Point2f> detectCorners(const cv::Mat& image, const cv::Mat& allo
     return column >= 0 && column < columns && row >= 0 && row < rows ? row * columns + column : -1;
   };
   std::vector<unsigned char> taken(static_cast<std::size_t>(columns * rows), 0);
-  FreePixels free(image.size(), allowed, cell / 2);
+  // 0 at pixels that are not allowed or near a feature.
+  cv::Mat free =
+      allowed.empty() ? cv::Mat(image.size(), CV_8UC1, cv::Scalar(255)) : allowed.clone();
+  const auto occupy = [&](const cv::Point& centre) {
+    cv::circle(free, centre, cell / 2, 0, cv::FILLED);
+  };
   for (const cv::Point2f& u : occupied) {
     const int index = cellOf(u);
     if (index >= 0) taken[static_cast<std::size_t>(index)] = 1;
-    free.removeDisc(u);
+    occupy(u);
   }
 
   CornerStrength strength(image, border - 1);
@@ -284,18 +265,18 @@ std::vector<cv::Point2f> detectCorners(const cv::Mat& image, const cv::Mat& allo
   for (int row = 0; row < rows; ++row) {
     for (; filled < band.rows; ++filled) strength.next(band.ptr<float>(filled));
     const int first_row = border + row * cell - 1;
-    const cv::Mat free_band = free.mask().rowRange(first_row, first_row + band.rows);
+    const cv::Mat free_band = free.rowRange(first_row, first_row + band.rows);
     for (int column = 0; column < columns; ++column) {
       if (taken[static_cast<std::size_t>(row * columns + column)]) continue;
       const cv::Rect area(border + column * cell, 1, cell, cell);
       const std::optional<cv::Point> peak =
-          strongest(band, free_band, area, criteria.min_strength, &maxima);
+          strongest(band, free_band, area, options_.min_corner_strength, &maxima);
       // A maximum on the cell's border may belong to a stronger corner in the next cell.
       if (!peak || !isLocalMaximum(band, *peak)) continue;
       const cv::Point at = *peak + cv::Point(0, first_row);
-      if (eigenvalueRatio(image, at, criteria.half_patch_px) < criteria.min_ratio) continue;
+      if (eigenvalueRatio(image, at, kTrackedSide / 2) < options_.min_corner_ratio) continue;
       corners.emplace_back(at);
-      free.removeDisc(at);
+      occupy(at);
     }
     // The last two rows are the first of the next band.
     band.rowRange(cell, cell + 2).copyTo(band.rowRange(0, 2));

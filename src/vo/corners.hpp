@@ -3,26 +3,33 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "ground_scale_vo/vo/vo_options.hpp"
+#include "vo/feature.hpp"
+
 namespace ground_scale_vo {
 
-/// [px] Pixels nearer to the image border have no corner strength.
-constexpr int kCornerReach = 3;
+/// Shi-Tomasi corners, one per cell of a grid. The cell size is a fraction of the image width, so
+/// the number of features does not depend on the camera's resolution, unless a cell would be
+/// smaller than 8 px.
+class CornerDetector {
+ public:
+  /// mask: 8-bit, one channel, of the images' size, 0 where they never show the scene; empty: none.
+  CornerDetector(const OdometryOptions& options, const cv::Mat& mask);
 
-/// What a corner is, and where one is searched.
-struct CornerCriteria {
-  int cell_px;          ///< side of the cells of a grid; each holds at most one corner
-  int border_px;        ///< without cells, at least kCornerReach + 1
-  int half_patch_px;    ///< around the corner, for min_ratio
-  double min_strength;  ///< smaller eigenvalue of the gradient matrix, grey levels in [0, 1]
-  /// Smaller over larger eigenvalue of the gradient matrix of the patch: 0 on a straight edge.
-  double min_ratio;
+  /// 0 at the pixels where the patch of a corner would contain a masked pixel; empty: no mask.
+  const cv::Mat& allowed() const { return allowed_; }
+
+  /// The strongest corner of each allowed cell that holds none of `occupied` [px], at least half a
+  /// cell away from these and from each other. Of a large image, in a coarser level.
+  std::vector<cv::Point2f> detect(const ImagePyramid& image,
+                                  const std::vector<cv::Point2f>& occupied) const;
+
+ private:
+  std::vector<cv::Point2f> detectIn(const cv::Mat& image, const cv::Mat& allowed,
+                                    const std::vector<cv::Point2f>& occupied) const;
+
+  const OdometryOptions options_;
+  cv::Mat allowed_;
 };
-
-/// The strongest corner of each cell without one of `occupied` [px], at least half a cell away from
-/// these and from each other. image: 8-bit grey. allowed: of its size, 0 at pixels that cannot be
-/// corners; empty: all can.
-std::vector<cv::Point2f> detectCorners(const cv::Mat& image, const cv::Mat& allowed,
-                                       const std::vector<cv::Point2f>& occupied,
-                                       const CornerCriteria& criteria);
 
 }  // namespace ground_scale_vo

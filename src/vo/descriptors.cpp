@@ -28,12 +28,6 @@ constexpr double kMaxDistanceRatio = 0.8;
 /// Number of matches whose median displacement predicts that of a point.
 constexpr std::size_t kNeighbours = 7;
 
-bool isInRegion(const SearchRegion& region, std::size_t i, const cv::Point2f& u) {
-  if (region.centres.empty()) return true;
-  const cv::Point2f offset = u - region.centres[i];
-  return offset.dot(offset) <= region.radius_px * region.radius_px;
-}
-
 }  // namespace
 
 Descriptors::Descriptors(const cv::Mat& image, std::vector<cv::Point2f> points, const cv::Mat& mask)
@@ -83,34 +77,36 @@ int Descriptors::distance(std::size_t i, const Descriptors& other, std::size_t k
 }
 
 std::vector<DescriptorMatch> matchDescriptors(const Descriptors& from, const Descriptors& to,
-                                              const SearchRegion& region) {
-  struct Best {
-    int distance = kBits + 1;
-    std::size_t index = 0;
-  };
-  std::vector<Best> best_from(to.points().size());
+                                              const std::vector<cv::Point2f>& near,
+                                              float radius_px) {
+  using Best = std::pair<int, std::size_t>;  // distance and index
+  constexpr Best kNoMatch{kBits + 1, 0};
+  std::vector<Best> best_from(to.points().size(), kNoMatch);
   std::vector<DescriptorMatch> candidates;
   for (std::size_t i = 0; i < from.points().size(); ++i) {
-    Best best;
+    Best best = kNoMatch;
     int second = kBits;
     for (std::size_t k = 0; k < to.points().size(); ++k) {
-      if (!isInRegion(region, i, to.points()[k])) continue;
+      if (!near.empty()) {
+        const cv::Point2f offset = to.points()[k] - near[i];
+        if (!(offset.dot(offset) <= radius_px * radius_px)) continue;
+      }
       const int distance = from.distance(i, to, k);
-      if (distance < best_from[k].distance) best_from[k] = {distance, i};
-      if (distance < best.distance) {
-        second = best.distance;
+      if (distance < best_from[k].first) best_from[k] = {distance, i};
+      if (distance < best.first) {
+        second = best.first;
         best = {distance, k};
       } else {
         second = std::min(second, distance);
       }
     }
-    if (best.distance <= kMaxDistance && best.distance < kMaxDistanceRatio * second) {
-      candidates.push_back({i, best.index});
+    if (best.first <= kMaxDistance && best.first < kMaxDistanceRatio * second) {
+      candidates.push_back({i, best.second});
     }
   }
   std::vector<DescriptorMatch> matches;
   for (const DescriptorMatch& match : candidates) {
-    if (best_from[match.to].index == match.from) matches.push_back(match);
+    if (best_from[match.to].second == match.from) matches.push_back(match);
   }
   return matches;
 }

@@ -37,16 +37,12 @@ class Descriptors {
   std::array<std::vector<std::optional<Bits>>, kScales> at_scale_;
 };
 
-/// Where the points of one image are searched in another one.
-struct SearchRegion {
-  std::vector<cv::Point2f> centres;  ///< one per point; empty: the whole image
-  float radius_px = 0;
-};
-
 /// Matches points of two images; bridges rotations and changes of size that Lucas-Kanade tracking
-/// cannot. A match is the best in both directions and distinctly better than the second best.
+/// cannot. A match is the best in both directions and distinctly better than the second best. near:
+/// where each point is searched, within radius_px; empty: in the whole image.
 std::vector<DescriptorMatch> matchDescriptors(const Descriptors& from, const Descriptors& to,
-                                              const SearchRegion& region = {});
+                                              const std::vector<cv::Point2f>& near = {},
+                                              float radius_px = 0);
 
 /// Predicts where all points of an image are in another one: moves each by the median displacement
 /// of the matches nearest to it. Precondition: matches is not empty.

@@ -41,6 +41,21 @@ inline cv::Point2f toCv(const Eigen::Vector2d& u) {
   return {static_cast<float>(u.x()), static_cast<float>(u.y())};
 }
 
+/// The image with its grey levels multiplied by gain; for 1 the image itself, not a copy.
+inline cv::Mat applyGain(const cv::Mat& image, double gain) {
+  if (gain == 1) return image;
+  cv::Mat result;
+  image.convertTo(result, CV_8U, gain);
+  return result;
+}
+
+/// Whether u lies inside the image, at least `margin` [px] from its last row and column, which
+/// interpolation needs. A negative margin: or so far outside. False for what is not finite.
+inline bool isInside(const cv::Mat& image, const cv::Point2f& u, float margin) {
+  return u.x >= margin && u.y >= margin && u.x + margin < static_cast<float>(image.cols - 1) &&
+         u.y + margin < static_cast<float>(image.rows - 1);
+}
+
 /// Whether the square of half side `reach` [px] around u contains a masked pixel (0). mask: as for
 /// VisualOdometry, may be empty.
 inline bool touchesMask(const cv::Mat& mask, const cv::Point2f& u, int reach) {

@@ -29,22 +29,28 @@ constexpr std::size_t kMaxElements = kBorderedCount + 2 * kSimdFloats;
 static_assert(kWindowCount <= kMaxElements);
 using FloatPatch = std::array<float, kMaxElements>;
 
-/// Where the elements of a patch are.
-struct FloatPatchGrid {
-  /// Elements of a patch with a border of one pixel, from its centre [px].
-  FloatPatch columns{}, rows{};
-  FloatPatch mask{};  ///< of a patch: 1 pixel of the patch, 0 padding
-};
-constexpr FloatPatchGrid kFloatPatchGrid = [] {
-  FloatPatchGrid grid;
-  constexpr int stride = kAlignedStride, side = kAlignedSide;
-  for (int i = 0; i < stride * stride; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    grid.columns[k] = static_cast<float>(i % stride);
-    grid.rows[k] = static_cast<float>(i / stride - stride / 2);
-    grid.mask[k] = i % stride < side && i / stride < side ? 1.f : 0.f;
+/// Columns and rows of the elements of a patch with a border of one pixel, from its centre [px].
+constexpr FloatPatch kBorderedColumns = [] {
+  FloatPatch columns{};
+  for (std::size_t i = 0; i < kAlignedStride * kAlignedStride; ++i) {
+    columns[i] = static_cast<float>(i % kAlignedStride);
   }
-  return grid;
+  return columns;
+}();
+constexpr FloatPatch kBorderedRows = [] {
+  FloatPatch rows{};
+  for (std::size_t i = 0; i < kAlignedStride * kAlignedStride; ++i) {
+    rows[i] = static_cast<float>(i / kAlignedStride) - static_cast<float>(kAlignedStride / 2);
+  }
+  return rows;
+}();
+/// Of the elements of a patch: 1 pixel of the patch, 0 padding.
+constexpr FloatPatch kFloatMask = [] {
+  FloatPatch mask{};
+  for (std::size_t i = 0; i < kAlignedSide * kAlignedStride; ++i) {
+    mask[i] = i % kAlignedStride < kAlignedSide ? 1.f : 0.f;
+  }
+  return mask;
 }();
 
 /// Interpolates the image at u_ref + step * (x, y) for the pixels (x, y) of a patch with a border
@@ -59,7 +65,7 @@ inline void sample(const cv::Mat& image, const Eigen::Vector2f& u_ref, const Eig
   // Offset of the upper left pixel; upper two pixels and lower two, the right one times 256.
   std::array<std::int32_t, kMaxElements> offset, upper, lower;
   for (std::size_t i = 0; i < count; i += kSimdFloats) {
-    const Floats x = simd(&kFloatPatchGrid.columns[i]), y = simd(&kFloatPatchGrid.rows[i]);
+    const Floats x = simd(&kBorderedColumns[i]), y = simd(&kBorderedRows[i]);
     const Floats at_x = u_ref.x() + (step(0, 0) * left + step(0, 1) * y) + x * step(0, 0);
     const Floats at_y = u_ref.y() + (step(1, 0) * left + step(1, 1) * y) + x * step(1, 0);
     const Ints u = __builtin_convertvector(at_x, Ints);
@@ -99,7 +105,7 @@ struct ZeroMeanPatch {
 inline void differentiate(const FloatPatch& wide, ZeroMeanPatch* patch) {
   constexpr std::size_t stride = kAlignedStride, count = kAlignedCount;
   constexpr float pixels = kAlignedSide * kAlignedSide;
-  const float* const mask = kFloatPatchGrid.mask.data();
+  const float* const mask = kFloatMask.data();
   Floats grey_sum{}, x_sum{}, y_sum{};
   for (std::size_t i = 0; i < count; i += kSimdFloats) {
     const float* const centre = &wide[i + stride + 1];
@@ -179,7 +185,7 @@ struct MatchSums {
 /// Compares a patch with pixels of a FloatWindow, interpolated at the fractions a and b of a pixel
 /// to the right and down.
 inline MatchSums compare(const float* pixels, float a, float b, const ZeroMeanPatch& patch) {
-  const float* const mask = kFloatPatchGrid.mask.data();
+  const float* const mask = kFloatMask.data();
   MatchSums sums;
   for (std::size_t i = 0; i < kAlignedCount; i += kSimdFloats) {
     const float* const upper = pixels + i;

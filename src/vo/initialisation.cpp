@@ -27,43 +27,41 @@ std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
 
 }  // namespace
 
-MapInitialisation::MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options)
-    : readout_time_(options.readout_time), camera_(camera) {}
-
 void MapInitialisation::restart(std::int64_t stamp_ns, const std::vector<Feature>& features,
                                 const cv::Mat& image) {
-  frames_.clear();
+  stamps_ns_.clear();
+  observations_.clear();
   first_image_ = image;
   addFrame(stamp_ns, features);
 }
 
 bool MapInitialisation::canContinueWith(std::size_t found) const {
-  if (frames_.empty() || frames_.size() > kMaxFrames || found < kMinMatches) return false;
-  const std::size_t first = frames_.front().corners.size();
+  if (stamps_ns_.empty() || stamps_ns_.size() > kMaxFrames || found < kMinMatches) return false;
+  const std::size_t first = observations_.front().size();
   return static_cast<double>(found) >= kMinTracked * static_cast<double>(first);
 }
 
 std::vector<Eigen::Vector2d> MapInitialisation::pixelsInFirst(
     const std::vector<Feature>& found) const {
   std::vector<Eigen::Vector2d> pixels;
-  for (const Observation& corner : entriesOf(found, frames_.front().corners)) {
+  for (const Observation& corner : entriesOf(found, observations_.front())) {
     pixels.push_back(camera_.project(corner.x.homogeneous()));
   }
   return pixels;
 }
 
-std::optional<RelativeRotation> MapInitialisation::rotationSinceFirst(
-    const std::vector<Feature>& found) const {
-  return two_view_.estimateRotation(camera_, pixelsInFirst(found), pixelsOf(found));
+RelativeRotation MapInitialisation::rotationSinceFirst(const std::vector<Feature>& found) const {
+  return estimateRotation(camera_, pixelsInFirst(found), pixelsOf(found));
 }
 
 void MapInitialisation::addFrame(std::int64_t stamp_ns, const std::vector<Feature>& found) {
-  if (frames_.size() == 1 && readout_time_ > 0) shiftFirstToStamp(found);
-  frames_.push_back({stamp_ns, observationsOf(camera_, found)});
+  if (stamps_ns_.size() == 1 && readout_time_ > 0) shiftFirstToStamp(found);
+  stamps_ns_.push_back(stamp_ns);
+  observations_.push_back(observationsOf(camera_, found));
 }
 
 void MapInitialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
-  auto corner = frames_.front().corners.begin();
+  auto corner = observations_.front().begin();
   for (const Feature& feature : found) {
     while (corner->id != feature.id) ++corner;
     const Eigen::Vector2d u = camera_.project(corner->x.homogeneous());
@@ -74,12 +72,12 @@ void MapInitialisation::shiftFirstToStamp(const std::vector<Feature>& found) {
 
 std::optional<std::vector<StampedPose>> MapInitialisation::tryStartMap(
     const std::vector<Feature>& found, const ImagePyramid& image, Mapping* mapping) {
-  const TwoView::Result motion = two_view_.estimate(camera_, pixelsInFirst(found), pixelsOf(found));
-  if (motion.status != TwoViewStatus::kOk) return std::nullopt;
+  const auto motion = estimateMotion(camera_, pixelsInFirst(found), pixelsOf(found));
+  if (!motion) return std::nullopt;
 
-  if (makeMap(found, image, motion, mapping)) {
+  if (makeMap(found, image, *motion, mapping)) {
     if (auto poses = localiseFrames(mapping->map())) {
-      frames_.clear();
+      stamps_ns_.clear();
       return poses;
     }
   }
@@ -90,7 +88,7 @@ std::optional<std::vector<StampedPose>> MapInitialisation::tryStartMap(
 /// Creates a map of two keyframes and the triangulated inliers, then runs bundle adjustment.
 /// Returns false when it fails.
 bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
-                                const TwoView::Result& motion, Mapping* mapping) const {
+                                const TwoViewMotion& motion, Mapping* mapping) const {
   std::vector<double> depths;
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (motion.inlier[i]) depths.push_back(1 / motion.inverse_depth_1[i]);
@@ -102,9 +100,9 @@ bool MapInitialisation::makeMap(const std::vector<Feature>& found, const ImagePy
 
   LocalMap& map = mapping->map();
   map.clear();
-  map.addKeyframe(Eigen::Isometry3d::Identity(), entriesOf(found, frames_.front().corners),
+  map.addKeyframe(Eigen::Isometry3d::Identity(), entriesOf(found, observations_.front()),
                   first_image_);
-  map.addKeyframe(T_1_2, frames_.back().corners, image.image);
+  map.addKeyframe(T_1_2, observations_.back(), image.image);
   map.keyframes().back().exposure = image.exposure;
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (!motion.inlier[i]) continue;
@@ -121,14 +119,13 @@ std::optional<std::vector<StampedPose>> MapInitialisation::localiseFrames(
     const LocalMap& map) const {
   std::vector<StampedPose> poses;
   Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
-  for (const Frame& frame : frames_) {
-    if (!frame.corners.empty()) {
-      const auto estimate =
-          pose_estimation_.estimate(predicted, pointObservations(map, frame.corners));
-      if (estimate.status != PoseStatus::kOk) return std::nullopt;
+  for (std::size_t i = 0; i < stamps_ns_.size(); ++i) {
+    if (!observations_[i].empty()) {
+      const auto estimate = estimatePose(predicted, pointObservations(map, observations_[i]));
+      if (!estimate.ok) return std::nullopt;
       predicted = estimate.T_w_c;
     }
-    poses.push_back({frame.stamp_ns, predicted});
+    poses.push_back({stamps_ns_[i], predicted});
   }
   poses.front().T_w_c = Eigen::Isometry3d::Identity();
   poses.back().T_w_c = map.keyframes().back().T_w_c;

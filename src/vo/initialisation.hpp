@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/vo/vo_options.hpp"
 #include "vo/feature.hpp"
 #include "vo/mapping.hpp"
 #include "vo/pose.hpp"
@@ -20,7 +20,8 @@ namespace ground_scale_vo {
 /// the frames between them in it.
 class MapInitialisation {
  public:
-  MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options);
+  MapInitialisation(const PinholeCamera& camera, const OdometryOptions& options)
+      : readout_time_(options.readout_time), camera_(camera) {}
 
   /// Removes all frames. This frame becomes the first one and defines the world frame of the map.
   void restart(std::int64_t stamp_ns, const std::vector<Feature>& features, const cv::Mat& image);
@@ -28,9 +29,9 @@ class MapInitialisation {
   /// True if `found` of the first frame's features suffice to continue.
   bool canContinueWith(std::size_t found) const;
 
-  /// Rotation from the first frame to the one in which `found` of its features were tracked. Empty
-  /// when there are too few.
-  std::optional<RelativeRotation> rotationSinceFirst(const std::vector<Feature>& found) const;
+  /// Rotation from the first frame to the one in which `found` of its features were tracked.
+  /// Unknown when there are too few.
+  RelativeRotation rotationSinceFirst(const std::vector<Feature>& found) const;
 
   /// Adds the next frame. found: the features of the first frame that are still tracked. With a
   /// rolling shutter the second frame's flow also shifts the features of the first to its stamp.
@@ -38,7 +39,7 @@ class MapInitialisation {
 
   /// The newest frame shows no motion since the one before it, whose pose it gets: a long
   /// standstill needs neither memory for its features nor time to localise its frames.
-  void newestStandsStill() { frames_.back().corners = std::vector<Observation>(); }
+  void newestStandsStill() { observations_.back() = {}; }
 
   /// Creates a map from the first and the newest frame. found, image: features and image of the
   /// newest frame. Returns the poses of all frames; empty, with an empty map, if the motion cannot
@@ -47,24 +48,19 @@ class MapInitialisation {
                                                       const ImagePyramid& image, Mapping* mapping);
 
  private:
-  struct Frame {
-    std::int64_t stamp_ns = 0;
-    std::vector<Observation> corners;  ///< empty: at the pose of the frame before
-  };
-
   std::vector<Eigen::Vector2d> pixelsInFirst(const std::vector<Feature>& found) const;
   bool makeMap(const std::vector<Feature>& found, const ImagePyramid& image,
-               const TwoView::Result& motion, Mapping* mapping) const;
+               const TwoViewMotion& motion, Mapping* mapping) const;
   std::optional<std::vector<StampedPose>> localiseFrames(const LocalMap& map) const;
 
   void shiftFirstToStamp(const std::vector<Feature>& found);
 
   const double readout_time_;  ///< [s]
   const PinholeCamera camera_;
-  const TwoView two_view_{};
-  const PoseEstimation pose_estimation_{};
 
-  std::vector<Frame> frames_;
+  std::vector<std::int64_t> stamps_ns_;  ///< of the frames
+  /// Of each frame. Empty: the camera has not moved since the frame before.
+  std::vector<std::vector<Observation>> observations_;
   cv::Mat first_image_;
 };
 

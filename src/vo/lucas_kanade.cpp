@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/parallel_loop.hpp"
 #include "common/vector_loop.hpp"
 
 namespace ground_scale_vo {
@@ -22,7 +23,18 @@ constexpr float kTrackingOscillation_px = 0.01f;
 /// direction.
 constexpr float kMinSquaredGradient = 0.1f;
 
-float smallerEigenvalue(const GradientSums& m) {
+/// Pyramid levels above the full resolution when there is a prediction: it is accurate to a few
+/// pixels, and one level doubles the reach of the window.
+constexpr int kLevelsNearPrediction = 1;
+/// [px] largest distance after tracking forward and backward; correct tracks return to 0.1 px.
+constexpr double kMaxReturnError_px = 0.7;
+
+/// Whether a patch overlaps the image; false for coordinates that are not finite.
+bool overlaps(const cv::Mat& image, const cv::Point2f& centre, int side) {
+  return isInside(image, centre, static_cast<float>(side / 2 - side));
+}
+
+float smallerEigenvalue(const GradientPatch& m) {
   const double difference = m.xx - m.yy, twice = 2 * m.xy;
   const auto radius = static_cast<float>(std::sqrt(difference * difference + twice * twice));
   return (m.xx + m.yy - radius) / 2;
@@ -30,13 +42,15 @@ float smallerEigenvalue(const GradientSums& m) {
 
 // flatten: all that these call becomes part of them, and so of their version for AVX2.
 
-GSV_VECTOR_LOOP __attribute__((flatten)) GradientSums readTemplate(
-    const cv::Mat& image, const cv::Point2f& centre, PatchWorkspace* __restrict workspace,
-    GradientPatch* __restrict patch) {
+GSV_VECTOR_LOOP __attribute__((flatten)) void readPatch(const cv::Mat& image,
+                                                        const cv::Point2f& centre,
+                                                        PixelWindow* __restrict window,
+                                                        PatchArray* __restrict wide,
+                                                        GradientPatch* __restrict patch) {
   const PatchCorner corner = cornerOf(centre, kTrackedSide);
-  workspace->window.read(image, corner.column - 1, corner.row - 1, kTrackedSide + 3);
-  workspace->window.interpolate(corner.a, corner.b, &workspace->wide);
-  return patch->set(workspace->wide);
+  window->read(image, corner.column - 1, corner.row - 1, kTrackedSide + 3);
+  window->interpolate(corner.a, corner.b, wide);
+  patch->set(*wide);
 }
 
 /// Where the search ends, possibly outside of the image.
@@ -63,6 +77,20 @@ GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(
   return point;
 }
 
+/// Whether the patch of `there` is found in the second image, and from there in the first image
+/// again, where it comes from. point: initial guess, replaced by the result.
+bool trackThereAndBack(const cv::Point2f& from_point, int levels, PyramidSearch* there,
+                       PyramidSearch* back, const cv::Mat& to, const cv::Mat& allowed,
+                       cv::Point2f* point) {
+  if (!there->find(levels, point) || !isInside(to, *point, 1)) return false;
+  if (!allowed.empty() && allowed.at<unsigned char>(cvRound(point->y), cvRound(point->x)) == 0) {
+    return false;
+  }
+  back->setPatch(*point);
+  cv::Point2f returned = from_point;
+  return back->find(0, &returned) && cv::norm(returned - from_point) <= kMaxReturnError_px;
+}
+
 }  // namespace
 
 void prefetchPatch(const cv::Mat& image, const cv::Point2f& centre, int side) {
@@ -76,53 +104,33 @@ void prefetchPatch(const cv::Mat& image, const cv::Point2f& centre, int side) {
   }
 }
 
-bool PatchTemplate::set(const cv::Mat& image, const cv::Point2f& centre,
-                        PatchWorkspace* workspace) {
-  if (!overlaps(image, centre, kTrackedSide)) return false;
-  const GradientSums sum = readTemplate(image, centre, workspace, &patch_);
-  constexpr float pixels = kTrackedSide * kTrackedSide;
-  if (smallerEigenvalue(sum) <
-      kMinSquaredGradient * pixels * static_cast<float>(kGradientUnit * kGradientUnit)) {
-    return false;
-  }
-  Eigen::Matrix2f hessian;
-  hessian << sum.xx, sum.xy, sum.xy, sum.yy;
-  inverse_hessian_ = hessian.inverse() * (static_cast<float>(kGradientUnit) / kGreyUnit);
-  return true;
-}
-
-bool PatchTemplate::find(const cv::Mat& image, PatchWorkspace* workspace,
-                         cv::Point2f* point) const {
-  *point = minimise(patch_, inverse_hessian_, image, &workspace->window, *point);
-  return overlaps(image, *point, kTrackedSide);
-}
-
-std::vector<cv::Mat> trackingPyramid(const cv::Mat& image, int levels) {
-  std::vector<cv::Mat> result;
+ImagePyramid trackingPyramid(const cv::Mat& image, int levels) {
+  ImagePyramid result;
   constexpr int border = kPatchStride;  // a patch outside, and its own border
-  for (cv::Size size = image.size(); static_cast<int>(result.size()) <= levels;
+  for (cv::Size size = image.size(); static_cast<int>(result.levels.size()) <= levels;
        size = {(size.width + 1) / 2, (size.height + 1) / 2}) {
-    if (!result.empty() && std::min(size.width, size.height) <= kTrackedSide) break;
+    if (!result.levels.empty() && std::min(size.width, size.height) <= kTrackedSide) break;
     cv::Mat padded(size.height + 2 * border, size.width + 2 * border, CV_8UC1);
     cv::Mat level = padded({{border, border}, size});
-    if (result.empty()) {
+    if (result.levels.empty()) {
       image.copyTo(level);
     } else {
-      cv::pyrDown(result.back(), level, size);
+      cv::pyrDown(result.levels.back(), level, size);
     }
     cv::copyMakeBorder(level, padded, border, border, border, border,
                        cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
-    result.push_back(level);
+    result.levels.push_back(level);
   }
+  result.image = result.levels.front();
   return result;
 }
 
-PyramidSearch::PyramidSearch(const std::vector<cv::Mat>& from, const std::vector<cv::Mat>& to)
-    : from_(from), to_(to), templates_(std::min(from.size(), to.size())) {}
+PyramidSearch::PyramidSearch(const ImagePyramid& from, const ImagePyramid& to)
+    : from_(from.levels), to_(to.levels), patches_(std::min(from_.size(), to_.size())) {}
 
 void PyramidSearch::prefetch(const cv::Point2f& from_point, const cv::Point2f& guess,
                              int levels) const {
-  for (int level = std::min(levels, static_cast<int>(templates_.size()) - 1); level >= 0; --level) {
+  for (int level = std::min(levels, static_cast<int>(patches_.size()) - 1); level >= 0; --level) {
     const auto scale = static_cast<float>(1 << level);
     prefetchPatch(from_[static_cast<std::size_t>(level)], from_point / scale, kTrackedSide);
     prefetchPatch(to_[static_cast<std::size_t>(level)], guess / scale, kTrackedSide);
@@ -131,31 +139,74 @@ void PyramidSearch::prefetch(const cv::Point2f& from_point, const cv::Point2f& g
 
 void PyramidSearch::setPatch(const cv::Point2f& from_point) {
   from_point_ = from_point;
-  for (LevelTemplate& level : templates_) level.state = LevelTemplate::kUnknown;
+  for (LevelPatch& level : patches_) level.state = LevelPatch::kUnknown;
 }
 
-const PatchTemplate* PyramidSearch::templateOf(int level) {
-  const auto k = static_cast<std::size_t>(level);
-  LevelTemplate& result = templates_[k];
-  if (result.state == LevelTemplate::kUnknown) {
-    const cv::Point2f centre = from_point_ / static_cast<float>(1 << level);
-    result.state = result.patch.set(from_[k], centre, &workspace_) ? LevelTemplate::kUsable
-                                                                   : LevelTemplate::kUnusable;
+/// Reads the patch of a level, unless it is known. Returns whether it is usable.
+bool PyramidSearch::read(int level) {
+  LevelPatch& at = patches_[static_cast<std::size_t>(level)];
+  if (at.state != LevelPatch::kUnknown) return at.state == LevelPatch::kUsable;
+  at.state = LevelPatch::kUnusable;
+  const cv::Mat& image = from_[static_cast<std::size_t>(level)];
+  const cv::Point2f centre = from_point_ / static_cast<float>(1 << level);
+  if (!overlaps(image, centre, kTrackedSide)) return false;
+  readPatch(image, centre, &window_, &wide_, &at.patch);
+  constexpr float pixels = kTrackedSide * kTrackedSide;
+  if (smallerEigenvalue(at.patch) <
+      kMinSquaredGradient * pixels * static_cast<float>(kGradientUnit * kGradientUnit)) {
+    return false;
   }
-  return result.state == LevelTemplate::kUsable ? &result.patch : nullptr;
+  Eigen::Matrix2f hessian;
+  hessian << at.patch.xx, at.patch.xy, at.patch.xy, at.patch.yy;
+  at.inverse_hessian = hessian.inverse() * (static_cast<float>(kGradientUnit) / kGreyUnit);
+  at.state = LevelPatch::kUsable;
+  return true;
 }
 
 bool PyramidSearch::find(int levels, cv::Point2f* point) {
-  if (!templateOf(0)) return false;  // whatever the coarser levels find
+  if (!read(0)) return false;  // whatever the coarser levels find
   bool found = false;
-  for (int level = std::min(levels, static_cast<int>(templates_.size()) - 1); level >= 0; --level) {
-    const PatchTemplate* const patch = templateOf(level);
+  for (int level = std::min(levels, static_cast<int>(patches_.size()) - 1); level >= 0; --level) {
+    const auto k = static_cast<std::size_t>(level);
     const auto scale = static_cast<float>(1 << level);
     *point /= scale;
-    found = patch && patch->find(to_[static_cast<std::size_t>(level)], &workspace_, point);
+    found = read(level);
+    if (found) {
+      *point = minimise(patches_[k].patch, patches_[k].inverse_hessian, to_[k], &window_, *point);
+      found = overlaps(to_[k], *point, kTrackedSide);
+    }
     *point *= scale;
   }
   return found;
+}
+
+std::vector<std::optional<cv::Point2f>> trackPoints(const ImagePyramid& from,
+                                                    const ImagePyramid& to,
+                                                    const std::vector<cv::Point2f>& points,
+                                                    const std::vector<cv::Point2f>& predicted,
+                                                    const cv::Mat& allowed) {
+  const std::vector<cv::Point2f>& guesses = predicted.empty() ? points : predicted;
+  std::vector<std::optional<cv::Point2f>> tracks(points.size());
+  parallelLoop(static_cast<int>(points.size()), [&](const cv::Range& range) {
+    PyramidSearch there(from, to);
+    PyramidSearch back(to, from);
+    for (auto i = static_cast<std::size_t>(range.start); i < static_cast<std::size_t>(range.end);
+         ++i) {
+      if (i + 1 < static_cast<std::size_t>(range.end)) {
+        there.prefetch(points[i + 1], guesses[i + 1], kLevelsNearPrediction);
+      }
+      const auto trackFrom = [&](cv::Point2f point, int levels) {
+        if (trackThereAndBack(points[i], levels, &there, &back, to.image, allowed, &point)) {
+          tracks[i] = point;
+        }
+        return tracks[i].has_value();
+      };
+      there.setPatch(points[i]);
+      if (!predicted.empty() && trackFrom(predicted[i], kLevelsNearPrediction)) continue;
+      trackFrom(points[i], kPyramidLevels);
+    }
+  });
+  return tracks;
 }
 
 }  // namespace ground_scale_vo

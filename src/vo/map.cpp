@@ -3,12 +3,20 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
+#include <utility>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
 namespace ground_scale_vo {
 namespace {
+
+/// Largest sigma of a new inverse depth, relative to the inverse depth. The point still constrains
+/// poses perpendicular to its epipolar line.
+constexpr double kMaxRelativeSigma = 0.35;
+/// [normalised image coordinates] largest error of any observation of a new depth: 3 px at a focal
+/// length of 718. More than kMaxAdjustedError: the newest pose is not adjusted yet.
+constexpr double kMaxNewPointError = 0.004;
 
 /// [VO units^2] minimum information (1 / sigma^2) on the inverse depth; below it there is no
 /// baseline.
@@ -18,50 +26,36 @@ constexpr int kMaxTriangulationIterations = 8;
 /// [standard deviations of the inverse depth] step length at convergence.
 constexpr double kConvergedSigmas = 1e-3;
 
-/// Largest sigma of a new inverse depth, relative to the inverse depth: with more, the depth is
-/// hardly known, and the next keyframe halves it.
-constexpr double kMaxRelativeSigma = 0.35;
-/// [normalised image coordinates] largest error of any observation of a new depth: 3 px at a focal
-/// length of 718, several standard deviations of a tracked corner.
-constexpr double kMaxNewPointError = 0.004;
-
-/// The current poses of all keyframes relative to the earlier ones, in which landmarks are
-/// anchored.
-class RelativePoses {
- public:
-  explicit RelativePoses(const std::deque<Keyframe>& keyframes)
-      : first_id_(keyframes.empty() ? 0 : keyframes.front().id), size_(keyframes.size()) {
-    T_c_a_.resize(size_ * size_);
-    for (std::size_t c = 1; c < size_; ++c) {
-      const Eigen::Isometry3d T_c_w = keyframes[c].T_w_c.inverse();
-      for (std::size_t a = 0; a < c; ++a) T_c_a_[c * size_ + a] = T_c_w * keyframes[a].T_w_c;
-    }
-  }
-
-  /// For an observation of the landmark other than its anchor's.
-  const Eigen::Isometry3d& T_c_anchor(const Observation& o, const Landmark& landmark) const {
-    const std::uint32_t anchor = landmark.observations.front().keyframe;
-    return T_c_a_[(o.keyframe - first_id_) * size_ + (anchor - first_id_)];
-  }
-
- private:
-  std::uint32_t first_id_;
-  std::size_t size_;
-  std::vector<Eigen::Isometry3d> T_c_a_;
-};
-
 }  // namespace
 
+std::vector<Observation> observationsOf(const PinholeCamera& camera,
+                                        const std::vector<Feature>& features) {
+  std::vector<Observation> observations;
+  observations.reserve(features.size());
+  for (const Feature& feature : features) {
+    observations.push_back({feature.id, camera.ray(feature.atStamp()).head<2>(),
+                            std::hypot(feature.sigma, feature.to_stamp_sigma), feature.to_stamp});
+  }
+  return observations;
+}
+
+double reprojectionError(const Eigen::Vector3d& p, const Eigen::Vector2d& x) {
+  return p.z() > kMinObserverDepthRatio ? (p.head<2>() / p.z() - x).norm()
+                                        : std::numeric_limits<double>::infinity();
+}
+
 std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
-                                        const std::vector<RayObservation>& observations) {
+                                        const std::vector<Eigen::Isometry3d>& T_c_anchor,
+                                        const std::vector<Observation>& observations) {
   if (observations.empty()) return std::nullopt;
 
   // In camera c the point is, up to scale, a + rho t with a = R ray. Initialise with the linear
   // solution of x (a + rho t)_z = (a + rho t)_xy.
   double numerator = 0, denominator = 0;
-  for (const RayObservation& o : observations) {
-    const Eigen::Vector3d a = o.T_c_anchor.linear() * ray;
-    const Eigen::Vector3d& t = o.T_c_anchor.translation();
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const Observation& o = observations[i];
+    const Eigen::Vector3d a = T_c_anchor[i].linear() * ray;
+    const Eigen::Vector3d& t = T_c_anchor[i].translation();
     const Eigen::Vector2d coefficient = o.x * t.z() - t.head<2>();
     const double weight = 1 / (o.sigma * o.sigma);
     numerator += weight * coefficient.dot(a.head<2>() - o.x * a.z());
@@ -74,11 +68,12 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
   for (int iteration = 0; iteration < kMaxTriangulationIterations; ++iteration) {
     double gradient = 0;
     information = 0;
-    for (const RayObservation& o : observations) {
-      const auto [p, scaled_derivative] = projectOnRay(ray, rho, o.T_c_anchor);
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      const Observation& o = observations[i];
+      const Eigen::Vector3d p = projectOnRay(ray, rho, T_c_anchor[i]);
       if (p.z() < kMinObserverDepthRatio) return std::nullopt;
       const Eigen::Vector2d residual = p.head<2>() / p.z() - o.x;
-      const Eigen::Vector2d J = scaled_derivative / p.z();
+      const Eigen::Vector2d J = depthDerivative(p, T_c_anchor[i]) / p.z();
       const double weight = 1 / (o.sigma * o.sigma);
       gradient += weight * J.dot(residual);
       information += weight * J.squaredNorm();
@@ -94,47 +89,71 @@ std::optional<InverseDepth> triangulate(const Eigen::Vector3d& ray,
   return std::nullopt;
 }
 
-std::vector<Observation> observationsOf(const PinholeCamera& camera,
-                                        const std::vector<Feature>& features) {
-  std::vector<Observation> observations;
-  observations.reserve(features.size());
-  for (const Feature& feature : features) {
-    observations.push_back({feature.id, camera.ray(feature.atStamp()).head<2>(),
-                            std::hypot(feature.sigma, feature.to_stamp_sigma), feature.to_stamp});
+void LocalMap::clear() { *this = {}; }
+
+/// Rebuilds index_of_.
+void LocalMap::numberLandmarks() {
+  index_of_.clear();
+  if (landmarks_.empty()) return;
+  first_id_ = landmarks_.front().id();
+  index_of_.assign(landmarks_.back().id() - first_id_ + 1, -1);
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    index_of_[landmarks_[i].id() - first_id_] = static_cast<std::int32_t>(i);
   }
-  return observations;
 }
 
-void LocalMap::clear() {
-  keyframes_.clear();
-  landmarks_.clear();
+const Landmark* LocalMap::find(std::uint64_t id) const {
+  if (id < first_id_ || id - first_id_ >= index_of_.size()) return nullptr;
+  const std::int32_t index = index_of_[id - first_id_];
+  return index < 0 ? nullptr : &landmarks_[static_cast<std::size_t>(index)];
 }
 
-std::uint32_t LocalMap::addKeyframe(const Eigen::Isometry3d& T_w_c,
-                                    const std::vector<Observation>& corners, const cv::Mat& image) {
+Landmark* LocalMap::find(std::uint64_t id) {
+  return const_cast<Landmark*>(std::as_const(*this).find(id));
+}
+
+/// Removes the landmarks for which remove(Landmark*), which may change them, is true.
+template <typename Remove>
+void LocalMap::removeLandmarks(const Remove& remove) {
+  auto kept = landmarks_.begin();
+  for (Landmark& landmark : landmarks_) {
+    if (remove(&landmark)) continue;
+    if (&*kept != &landmark) *kept = std::move(landmark);
+    ++kept;
+  }
+  landmarks_.erase(kept, landmarks_.end());
+  numberLandmarks();
+}
+
+void LocalMap::addKeyframe(const Eigen::Isometry3d& T_w_c,
+                           const std::vector<Observation>& observations, const cv::Mat& image) {
   const std::uint32_t id = keyframes_.empty() ? 0 : keyframes_.back().id + 1;
-  keyframes_.push_back({id, T_w_c, image, 1, corners.size()});
-  for (const Observation& corner : corners) {
-    std::vector<Observation>& observations = landmarks_[corner.id].observations;
-    observations.push_back(corner);
-    observations.back().keyframe = id;
+  keyframes_.push_back({id, T_w_c, image, 1, observations.size()});
+  const auto known = static_cast<std::ptrdiff_t>(landmarks_.size());
+  for (const Observation& observation : observations) {
+    Landmark* landmark = find(observation.id);
+    if (!landmark) landmark = &landmarks_.emplace_back();
+    landmark->observations.push_back(observation);
+    landmark->observations.back().keyframe = id;
   }
+  std::inplace_merge(landmarks_.begin(), landmarks_.begin() + known, landmarks_.end(),
+                     [](const Landmark& a, const Landmark& b) { return a.id() < b.id(); });
+  numberLandmarks();
   if (keyframes_.size() > kMaxKeyframes) dropOldestKeyframe();
-  return id;
 }
 
 void LocalMap::dropOldestKeyframe() {
   const std::uint32_t dropped = keyframes_.front().id;
   const std::uint32_t newest = keyframes_.back().id;
-  landmarks_.removeIf([&](Landmark& landmark) {
-    const bool anchored = landmark.observations.front().keyframe == dropped;
-    const auto world = anchored ? point(landmark) : std::nullopt;
-    if (anchored) landmark.observations.erase(landmark.observations.begin());
-    const bool tracked =
-        !landmark.observations.empty() && landmark.observations.back().keyframe == newest;
+  removeLandmarks([&](Landmark* landmark) {
+    std::vector<Observation>& observations = landmark->observations;
+    const bool anchored = observations.front().keyframe == dropped;
+    const auto world = anchored ? point(*landmark) : std::nullopt;
+    if (anchored) observations.erase(observations.begin());
+    const bool tracked = !observations.empty() && observations.back().keyframe == newest;
     // No longer tracked, and cannot constrain a pose.
-    if (!tracked && landmark.observations.size() < 2) return true;
-    if (world) landmark.depth = depthInAnchor(landmark, *world);
+    if (!tracked && observations.size() < 2) return true;
+    if (world) landmark->depth = depthInAnchor(*landmark, *world);
     return false;
   });
   keyframes_.pop_front();
@@ -142,8 +161,8 @@ void LocalMap::dropOldestKeyframe() {
 
 void LocalMap::removeNewestKeyframe() {
   const std::uint32_t removed = keyframes_.back().id;
-  landmarks_.removeIf([&](Landmark& landmark) {
-    std::vector<Observation>& observations = landmark.observations;
+  removeLandmarks([&](Landmark* landmark) {
+    std::vector<Observation>& observations = landmark->observations;
     if (observations.back().keyframe == removed) observations.pop_back();
     return observations.empty();
   });
@@ -161,38 +180,61 @@ std::optional<InverseDepth> LocalMap::depthInAnchor(const Landmark& landmark,
   return InverseDepth{1 / z, z_sigma / (z * z)};
 }
 
+/// T_c_a of all keyframes c and the earlier ones a, in which landmarks are anchored, at
+/// [c * keyframes + a].
+std::vector<Eigen::Isometry3d> LocalMap::relativePoses() const {
+  const std::size_t n = keyframes_.size();
+  std::vector<Eigen::Isometry3d> T_c_a(n * n);
+  for (std::size_t c = 1; c < n; ++c) {
+    const Eigen::Isometry3d T_c_w = keyframes_[c].T_w_c.inverse();
+    for (std::size_t a = 0; a < c; ++a) T_c_a[c * n + a] = T_c_w * keyframes_[a].T_w_c;
+  }
+  return T_c_a;
+}
+
+/// For an observation of the landmark other than its anchor's.
+const Eigen::Isometry3d& LocalMap::poseOfAnchor(const std::vector<Eigen::Isometry3d>& T_c_a,
+                                                const Observation& o,
+                                                const Landmark& landmark) const {
+  const std::uint32_t anchor = landmark.observations.front().keyframe;
+  return T_c_a[indexOf(o.keyframe) * keyframes_.size() + indexOf(anchor)];
+}
+
 void LocalMap::triangulateNew() {
-  const RelativePoses poses(keyframes_);
-  std::vector<RayObservation> observations;
-  for (auto& [id, landmark] : landmarks_) {
+  const auto poses = relativePoses();
+  std::vector<Eigen::Isometry3d> T_c_anchor;
+  std::vector<Observation> observations;  // without the anchor's
+  for (Landmark& landmark : landmarks_) {
     if (landmark.depth || landmark.observations.size() < 2) continue;
-    observations.clear();
-    for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
-      observations.push_back({poses.T_c_anchor(*o, landmark), o->x, o->sigma});
+    observations.assign(std::next(landmark.observations.begin()), landmark.observations.end());
+    T_c_anchor.clear();
+    for (const Observation& o : observations) {
+      T_c_anchor.push_back(poseOfAnchor(poses, o, landmark));
     }
     const Eigen::Vector3d ray = landmark.ray();
-    const auto depth = triangulate(ray, observations);
+    const auto depth = triangulate(ray, T_c_anchor, observations);
     if (!depth || depth->value <= 0) continue;
     if (depth->sigma > kMaxRelativeSigma * depth->value) continue;
-    const bool fits = std::all_of(observations.begin(), observations.end(), [&](const auto& o) {
-      return reprojectionError(projectOnRay(ray, depth->value, o.T_c_anchor).p, o.x) <
-             kMaxNewPointError;
-    });
+    bool fits = true;
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      const Eigen::Vector3d p = projectOnRay(ray, depth->value, T_c_anchor[i]);
+      fits = fits && reprojectionError(p, observations[i].x) < kMaxNewPointError;
+    }
     if (fits) landmark.depth = depth;
   }
 }
 
 void LocalMap::updateSigmas() {
-  const RelativePoses poses(keyframes_);
-  for (auto& [id, landmark] : landmarks_) {
+  const auto poses = relativePoses();
+  for (Landmark& landmark : landmarks_) {
     if (!landmark.depth) continue;
     const Eigen::Vector3d ray = landmark.ray();
     double information = 0;
     for (auto o = std::next(landmark.observations.begin()); o != landmark.observations.end(); ++o) {
-      const auto [p, scaled_derivative] =
-          projectOnRay(ray, landmark.depth->value, poses.T_c_anchor(*o, landmark));
+      const Eigen::Isometry3d& T_c_anchor = poseOfAnchor(poses, *o, landmark);
+      const Eigen::Vector3d p = projectOnRay(ray, landmark.depth->value, T_c_anchor);
       if (p.z() < kMinObserverDepthRatio) continue;
-      information += (scaled_derivative / (p.z() * o->sigma)).squaredNorm();
+      information += (depthDerivative(p, T_c_anchor) / (p.z() * o->sigma)).squaredNorm();
     }
     // No observation but the anchor's (the others were dropped with their keyframes): keep sigma.
     if (information > 0) {
@@ -204,18 +246,18 @@ void LocalMap::updateSigmas() {
   }
 }
 
-void LocalMap::removeOutliers(double max_reprojection_error) {
-  const RelativePoses poses(keyframes_);
-  landmarks_.removeIf([&](Landmark& landmark) {
-    if (!landmark.depth) return false;
-    if (landmark.depth->value <= 0) return true;
-    const Eigen::Vector3d ray = landmark.ray();
-    std::vector<Observation>& observations = landmark.observations;
+void LocalMap::removeOutliers() {
+  const auto poses = relativePoses();
+  removeLandmarks([&](Landmark* landmark) {
+    if (!landmark->depth) return false;
+    if (landmark->depth->value <= 0) return true;
+    const Eigen::Vector3d ray = landmark->ray();
+    std::vector<Observation>& observations = landmark->observations;
     const auto kept = std::remove_if(
         std::next(observations.begin()), observations.end(), [&](const Observation& o) {
-          const Eigen::Isometry3d& T_c_anchor = poses.T_c_anchor(o, landmark);
-          const Eigen::Vector3d p = projectOnRay(ray, landmark.depth->value, T_c_anchor).p;
-          return reprojectionError(p, o.x) > max_reprojection_error;
+          const auto p =
+              projectOnRay(ray, landmark->depth->value, poseOfAnchor(poses, o, *landmark));
+          return reprojectionError(p, o.x) > kMaxAdjustedError;
         });
     const bool removed = kept != observations.end();
     observations.erase(kept, observations.end());
@@ -223,14 +265,9 @@ void LocalMap::removeOutliers(double max_reprojection_error) {
   });
 }
 
-Landmark* LocalMap::find(std::uint64_t id) {
-  const auto it = landmarks_.find(id);
-  return it == landmarks_.end() ? nullptr : &it->second;
-}
-
 std::optional<WorldPoint> LocalMap::point(std::uint64_t id) const {
-  const auto it = landmarks_.find(id);
-  return it == landmarks_.end() ? std::nullopt : point(it->second);
+  const Landmark* const landmark = find(id);
+  return landmark ? point(*landmark) : std::nullopt;
 }
 
 std::optional<WorldPoint> LocalMap::point(const Landmark& landmark) const {

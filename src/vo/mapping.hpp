@@ -4,9 +4,10 @@
 #include <cstddef>
 #include <future>
 #include <optional>
+#include <utility>
 #include <vector>
 
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/vo/vo_options.hpp"
 #include "vo/bundle_adjustment.hpp"
 #include "vo/feature.hpp"
 #include "vo/map.hpp"
@@ -20,7 +21,10 @@ constexpr double kKeyframeParallax = 0.035, kKeyframeMinTracked = 0.6;
 /// The local map: keyframe selection, triangulation, and bundle adjustment on a second thread.
 class Mapping {
  public:
-  Mapping(const PinholeCamera& camera, const OdometryOptions& options);
+  Mapping(const PinholeCamera& camera, const OdometryOptions& options)
+      : readout_time_(options.readout_time),
+        camera_(camera),
+        bundle_adjustment_(options.adjusted_keyframes) {}
 
   LocalMap& map() { return map_; }
   const LocalMap& map() const { return map_; }
@@ -34,32 +38,27 @@ class Mapping {
   /// baseline, and the map would lose its scale. The second thread works on a copy of the poses and
   /// depths, so the map stays usable. readout_motion: see VoFrame.
   void addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
-                   const ImagePyramid& image, StageTimes* times,
-                   const Vector6d& readout_motion = Vector6d::Zero());
+                   const ImagePyramid& image, const Vector6d& readout_motion = Vector6d::Zero());
 
   /// Waits for the bundle adjustment that addKeyframe started, if any, and applies its result.
   /// Called at the same step of each frame, so the result does not depend on the machine's speed.
   /// Returns the correction C = T_new T_old^-1 of the newest keyframe's pose: a pose T_w_c in the
-  /// old map becomes C * T_w_c. Empty if no adjustment was started.
-  std::optional<Eigen::Isometry3d> applyAdjustment(StageTimes* times);
+  /// old map becomes C * T_w_c. Empty if no adjustment was started. duration_ms: of the adjustment.
+  std::optional<Eigen::Isometry3d> applyAdjustment(double* duration_ms);
 
   /// Runs bundle adjustment on the calling thread. Returns false if its result is not usable.
   bool adjustNow();
 
  private:
-  /// Between the last keyframe and the current frame, from the features that both observe.
-  struct Parallax {
-    std::size_t features = 0;
-    double median = 0;  ///< [rad], at most pi / 2
-  };
-  Parallax parallaxToLast(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& found) const;
+  std::pair<std::size_t, double> parallaxToLast(const Eigen::Isometry3d& T_w_c,
+                                                const std::vector<Feature>& found) const;
   void storeAdjusted();
 
-  const OdometryOptions options_;
+  const double readout_time_;
   const PinholeCamera camera_;
 
   LocalMap map_;
-  LocalBundleAdjustment bundle_adjustment_;
+  BundleAdjustment bundle_adjustment_;
   std::future<double> adjusting_;  ///< its duration [ms]. Last: the destructor waits
 };
 

@@ -32,52 +32,48 @@ constexpr std::size_t kMinPointsPerCell = 3;
 /// the previous camera.
 constexpr double kMinDepth = 1e-3;
 
-/// Median inverse depth of the map points around a pixel.
-class InverseDepthGuess {
- public:
-  explicit InverseDepthGuess(const PinholeCamera& camera)
-      : width_(camera.width), height_(camera.height) {}
-
-  void add(const Eigen::Vector2d& u, double inverse_depth) {
-    known_[cell(u)].push_back(inverse_depth);
-    all_.push_back(inverse_depth);
-  }
-  void finish() {
-    for (std::size_t i = 0; i < known_.size(); ++i) {
-      if (known_[i].size() >= kMinPointsPerCell) guess_[i] = median(known_[i]);
-    }
-    if (!all_.empty()) overall_ = median(all_);
-  }
-  double at(const Eigen::Vector2d& u) const { return guess_[cell(u)].value_or(overall_); }
-
- private:
-  std::size_t cell(const Eigen::Vector2d& u) const {
-    const int column = std::clamp(static_cast<int>(u.x() * kColumns / width_), 0, kColumns - 1);
-    const int row = std::clamp(static_cast<int>(u.y() * kRows / height_), 0, kRows - 1);
+/// The median inverse depth of the known points around each feature, in its cell of the grid.
+/// known: inverse depths of the features; 0: unknown.
+std::vector<double> medianInverseDepths(const PinholeCamera& camera,
+                                        const std::vector<Feature>& features,
+                                        const std::vector<double>& known) {
+  const auto cellOf = [&](const Eigen::Vector2d& u) {
+    const int column =
+        std::clamp(static_cast<int>(u.x() * kColumns / camera.width), 0, kColumns - 1);
+    const int row = std::clamp(static_cast<int>(u.y() * kRows / camera.height), 0, kRows - 1);
     return static_cast<std::size_t>(row * kColumns + column);
+  };
+  std::array<std::vector<double>, kColumns * kRows> in_cell;
+  std::vector<double> all;
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    if (known[i] <= 0) continue;
+    in_cell[cellOf(features[i].u)].push_back(known[i]);
+    all.push_back(known[i]);
   }
-
-  int width_, height_;
-  std::array<std::vector<double>, kColumns * kRows> known_;
-  std::array<std::optional<double>, kColumns * kRows> guess_;
-  std::vector<double> all_;
-  double overall_ = 0;
-};
+  std::array<double, kColumns * kRows> medians;
+  medians.fill(all.empty() ? 0 : median(&all));
+  for (std::size_t i = 0; i < in_cell.size(); ++i) {
+    if (in_cell[i].size() >= kMinPointsPerCell) medians[i] = median(&in_cell[i]);
+  }
+  std::vector<double> result;
+  for (const Feature& feature : features) result.push_back(medians[cellOf(feature.u)]);
+  return result;
+}
 
 }  // namespace
 
 Eigen::Isometry3d MotionModel::predict(std::int64_t stamp_ns) const {
-  const double dt = secondsBetween(stamp_ns_, stamp_ns);
-  return boxplus(T_w_c_, velocity_ * std::min(dt, kMaxPredictedSteps * velocity_dt_));
+  const double dt = secondsBetween(pose_.stamp_ns, stamp_ns);
+  return boxplus(pose_.T_w_c, velocity_ * std::min(dt, kMaxPredictedSteps * velocity_dt_));
 }
 
 Eigen::Isometry3d MotionModel::extrapolate(std::int64_t stamp_ns) const {
-  const double dt = secondsBetween(stamp_ns_, stamp_ns);
-  return boxplus(T_w_c_, long_velocity_ * dt);
+  const double dt = secondsBetween(pose_.stamp_ns, stamp_ns);
+  return boxplus(pose_.T_w_c, long_velocity_ * dt);
 }
 
 double MotionModel::stepsSince(std::int64_t stamp_ns) const {
-  return long_dt_ > 0 ? secondsBetween(stamp_ns_, stamp_ns) / long_dt_ : 0;
+  return long_dt_ > 0 ? secondsBetween(pose_.stamp_ns, stamp_ns) / long_dt_ : 0;
 }
 
 Vector6d MotionModel::velocity() const {
@@ -88,10 +84,10 @@ Vector6d MotionModel::velocity() const {
   return velocity;
 }
 
-void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
-  const double dt = secondsBetween(stamp_ns_, stamp_ns);
+void MotionModel::update(const StampedPose& pose) {
+  const double dt = secondsBetween(pose_.stamp_ns, pose.stamp_ns);
   if (dt > 0) {
-    const Eigen::Isometry3d step = T_w_c_.inverse() * T_w_c;
+    const Eigen::Isometry3d step = pose_.T_w_c.inverse() * pose.T_w_c;
     const Eigen::AngleAxisd rotation(step.linear());
     Vector6d velocity;
     velocity << rotation.angle() / dt * rotation.axis(), step.translation() / dt;
@@ -104,8 +100,7 @@ void MotionModel::update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) 
     velocity_ = velocity;
     velocity_dt_ = dt;
   }
-  T_w_c_ = T_w_c;
-  stamp_ns_ = stamp_ns;
+  pose_ = pose;
 }
 
 std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalMap& map,
@@ -115,27 +110,22 @@ std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalM
   const Eigen::Isometry3d T_previous_w = T_w_previous.inverse();
   const Eigen::Isometry3d T_next_w = T_w_next.inverse();
   const Eigen::Isometry3d T_next_previous = T_next_w * T_w_previous;
-  std::vector<std::optional<Eigen::Vector3d>> points;  // p_w
-  points.reserve(features.size());
-  InverseDepthGuess guess(camera);
-  LandmarkWalk landmarks(map.landmarks());
+  std::vector<std::optional<WorldPoint>> points;
+  std::vector<double> inverse_depths;  // in the previous camera; 0: unknown
   for (const Feature& feature : features) {
-    const auto point = map.pointOf(landmarks.find(feature.id));
-    points.emplace_back();
-    if (!point) continue;
-    points.back() = point->p_w;
-    const double z = (T_previous_w * point->p_w).z();
-    if (z > 0) guess.add(feature.u, 1 / z);
+    points.push_back(map.point(feature.id));
+    const double z = points.back() ? (T_previous_w * points.back()->p_w).z() : 0;
+    inverse_depths.push_back(z > 0 ? 1 / z : 0);
   }
-  guess.finish();
+  const auto guesses = medianInverseDepths(camera, features, inverse_depths);
   std::vector<cv::Point2f> predicted;
   predicted.reserve(features.size());
   for (std::size_t i = 0; i < features.size(); ++i) {
     const Eigen::Vector2d& u = features[i].u;
     const Eigen::Vector3d p = points[i]
-                                  ? Eigen::Vector3d(T_next_w * *points[i])
+                                  ? Eigen::Vector3d(T_next_w * points[i]->p_w)
                                   : Eigen::Vector3d(T_next_previous.linear() * camera.ray(u) +
-                                                    guess.at(u) * T_next_previous.translation());
+                                                    guesses[i] * T_next_previous.translation());
     Eigen::Vector2d next = u;
     if (p.z() > kMinDepth) next = camera.project(p);
     if (p.z() > kMinDepth && points[i]) next -= features[i].to_stamp;
@@ -172,12 +162,12 @@ void shiftToStamp(const PinholeCamera& camera, const LocalMap& map, const Eigen:
 void shiftToStamp(const PinholeCamera& camera, LocalMap* map) {
   std::vector<Eigen::Isometry3d> T_k_w;
   for (const Keyframe& keyframe : map->keyframes()) T_k_w.push_back(keyframe.T_w_c.inverse());
-  for (auto& [id, landmark] : map->landmarks()) {
+  for (Landmark& landmark : map->landmarks()) {
     const auto point = map->point(landmark);
     if (!point) continue;
     for (Observation& o : landmark.observations) {
       const Keyframe& keyframe = map->keyframe(o.keyframe);
-      const Eigen::Vector3d p_k = T_k_w[keyframe.id - map->keyframes().front().id] * point->p_w;
+      const Eigen::Vector3d p_k = T_k_w[map->indexOf(keyframe.id)] * point->p_w;
       const Eigen::Vector2d u = camera.project(o.x.homogeneous()) - o.to_stamp;
       const Eigen::Isometry3d T_k_row =
           motionFrom(camera.readoutShare(u.y()) * keyframe.readout_motion);

@@ -17,10 +17,9 @@ class MotionModel {
  public:
   MotionModel() = default;
   /// Starts at a pose, without a velocity.
-  MotionModel(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns)
-      : T_w_c_(T_w_c), stamp_ns_(stamp_ns) {}
+  explicit MotionModel(const StampedPose& start) : pose_(start) {}
 
-  const Eigen::Isometry3d& T_w_c() const { return T_w_c_; }
+  const Eigen::Isometry3d& T_w_c() const { return pose_.T_w_c; }
   /// Twist (w, v) of the last motion, in the axes of the last pose [rad/s, VO units/s].
   Vector6d velocity() const;
   /// Between the last two intervals [rad/s].
@@ -36,15 +35,14 @@ class MotionModel {
   double stepsSince(std::int64_t stamp_ns) const;
 
   /// Sets the pose of a newly tracked frame and measures the velocity since the last one.
-  void update(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns);
+  void update(const StampedPose& pose);
 
   /// Moves the last pose by a correction of the map in the axes of w (Mapping::applyAdjustment());
   /// the velocity is unchanged.
-  void correct(const Eigen::Isometry3d& correction) { T_w_c_ = correction * T_w_c_; }
+  void correct(const Eigen::Isometry3d& correction) { pose_.T_w_c = correction * pose_.T_w_c; }
 
  private:
-  Eigen::Isometry3d T_w_c_ = Eigen::Isometry3d::Identity();
-  std::int64_t stamp_ns_ = 0;
+  StampedPose pose_;
   Vector6d velocity_ = Vector6d::Zero();  ///< (w, v) in the axes of c [rad/s, VO units/s]
   double rotation_rate_change_ = 0;
   double velocity_dt_ = 0;  ///< interval over which it was measured [s]

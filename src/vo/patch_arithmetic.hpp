@@ -60,11 +60,6 @@ inline PatchCorner cornerOf(const cv::Point2f& centre, int side) {
 constexpr std::size_t kPatchElements = kPatchStride * kPatchStride + 2 * kPatchChunk;
 using PatchArray = std::array<std::int16_t, kPatchElements>;
 
-/// Sums of products over the pixels of a patch [kGradientUnit^2].
-struct GradientSums {
-  float xx = 0, xy = 0, yy = 0;
-};
-
 namespace patch_arithmetic {
 
 using Element = std::int16_t;
@@ -111,11 +106,12 @@ inline Element smoothed(Element outer_1, Element inner, Element outer_2) {
 struct GradientPatch {
   GradientPatch() {}  // Leaves the arrays uninitialised: set() writes what is read.
   PatchArray grey, x, y;
+  float xx, xy, yy;  ///< sums of products of gradients [kGradientUnit^2]
 
   /// wide: the patch with a border of one pixel.
-  GradientSums set(const PatchArray& wide) {
+  void set(const PatchArray& wide) {
     using patch_arithmetic::Element, patch_arithmetic::smoothed;
-    std::int32_t xx = 0, xy = 0, yy = 0;
+    std::int32_t sum_xx = 0, sum_xy = 0, sum_yy = 0;
     for (std::size_t i = 0; i < kPatchCount; ++i) {
       const Element* const upper = wide.data() + i;
       const Element* const middle = upper + kPatchStride;
@@ -129,11 +125,13 @@ struct GradientPatch {
       grey[i] = middle[1];
       x[i] = static_cast<Element>(gradient_x & kPatchMask[i]);
       y[i] = static_cast<Element>(gradient_y & kPatchMask[i]);
-      xx += x[i] * x[i];
-      xy += x[i] * y[i];
-      yy += y[i] * y[i];
+      sum_xx += x[i] * x[i];
+      sum_xy += x[i] * y[i];
+      sum_yy += y[i] * y[i];
     }
-    return {static_cast<float>(xx), static_cast<float>(xy), static_cast<float>(yy)};
+    xx = static_cast<float>(sum_xx);
+    xy = static_cast<float>(sum_xy);
+    yy = static_cast<float>(sum_yy);
   }
 };
 
@@ -170,8 +168,8 @@ class PixelWindow {
     }
   }
 
-  /// Sums of gradient times difference of the pixels shifted by (a, b) from the patch
-  /// [kGreyUnit * kGradientUnit].
+  /// Sums of gradient times difference of the pixels shifted by (a, b) from the patch [kGreyUnit *
+  /// kGradientUnit].
   Eigen::Vector2f gradientTimesDifference(float a, float b, const GradientPatch& patch) const {
     using patch_arithmetic::Element;
     const Element across = patch_arithmetic::fixedPoint(a), down = patch_arithmetic::fixedPoint(b);

@@ -7,7 +7,6 @@
 
 #include "common/simd.hpp"
 #include "common/vector_loop.hpp"
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/projection_jacobian.hpp"
@@ -144,7 +143,7 @@ GSV_VECTOR_LOOP void sumInliers(const Eigen::Isometry3d& T_c_w, const Observatio
   }
 }
 
-/// See PoseEstimation::Result. H: over (rotation, position).
+/// See PoseEstimate. H: over (rotation, position).
 Matrix6d covarianceOf(Matrix6d H, std::vector<double> distances2) {
   H.diagonal() *= kCovarianceDiagonalFactor;
   const double variance = median(&distances2) / kMedianDistance2;
@@ -155,26 +154,10 @@ Matrix6d covarianceOf(Matrix6d H, std::vector<double> distances2) {
   return isFinite(covariance) ? covariance : Matrix6d::Zero();
 }
 
-}  // namespace
-
-std::vector<PointObservation> pointObservations(const LocalMap& map,
-                                                const std::vector<Observation>& corners,
-                                                std::vector<std::size_t>* index) {
-  std::vector<PointObservation> observations;
-  observations.reserve(corners.size());
-  LandmarkWalk landmarks(map.landmarks());
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const auto point = map.pointOf(landmarks.find(corners[i].id));
-    if (!point) continue;
-    observations.push_back({point->p_w, point->sigma_w, corners[i].x, corners[i].sigma});
-    if (index) index->push_back(i);
-  }
-  return observations;
-}
-
-PoseEstimation::Result PoseEstimation::refine(
-    const Eigen::Isometry3d& start_T_w_c, const std::vector<PointObservation>& observations) const {
-  Result result;
+PoseEstimate minimiseReprojections(const Eigen::Isometry3d& start_T_w_c,
+                                   const std::vector<PointObservation>& observations,
+                                   int min_inliers, double min_inlier_share) {
+  PoseEstimate result;
   const ObservationArrays arrays(observations);
   Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
   for (int iteration = 0; iteration < kMaxPoseIterations; ++iteration) {
@@ -204,22 +187,38 @@ PoseEstimation::Result PoseEstimation::refine(
     result.inlier.push_back(inlier);
     result.inliers += inlier;
   }
-  const double share = min_inlier_share_ * static_cast<double>(observations.size());
-  // An implausible position counts as kTooFewInliers, too.
-  result.status = result.inliers >= min_inliers_ && result.inliers >= share &&
-                          isPlausiblePosition(result.T_w_c.translation())
-                      ? PoseStatus::kOk
-                      : PoseStatus::kTooFewInliers;
+  const double share = min_inlier_share * static_cast<double>(observations.size());
+  result.ok = result.inliers >= min_inliers && result.inliers >= share &&
+              isPlausiblePosition(result.T_w_c.translation());
   return result;
 }
 
-PoseEstimation::Result PoseEstimation::estimate(
-    const Eigen::Isometry3d& predicted_T_w_c,
-    const std::vector<PointObservation>& observations) const {
-  if (static_cast<int>(observations.size()) < min_inliers_) return {};
-  Result result = refine(predicted_T_w_c, observations);
+}  // namespace
+
+std::vector<PointObservation> pointObservations(const LocalMap& map,
+                                                const std::vector<Observation>& observations,
+                                                std::vector<std::size_t>* index) {
+  std::vector<PointObservation> with_point;
+  with_point.reserve(observations.size());
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const auto point = map.point(observations[i].id);
+    if (!point) continue;
+    with_point.push_back({*point, observations[i].x, observations[i].sigma});
+    if (index) index->push_back(i);
+  }
+  return with_point;
+}
+
+PoseEstimate estimatePose(const Eigen::Isometry3d& predicted_T_w_c,
+                          const std::vector<PointObservation>& observations, int min_inliers,
+                          double min_inlier_share) {
+  if (static_cast<int>(observations.size()) < min_inliers) return {};
+  const auto estimateFrom = [&](const Eigen::Isometry3d& start_T_w_c) {
+    return minimiseReprojections(start_T_w_c, observations, min_inliers, min_inlier_share);
+  };
+  PoseEstimate result = estimateFrom(predicted_T_w_c);
   const double doubtful = kDoubtfulInlierShare * static_cast<double>(observations.size());
-  if (result.status == PoseStatus::kOk && result.inliers >= doubtful) return result;
+  if (result.ok && result.inliers >= doubtful) return result;
 
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> image_points;
@@ -241,8 +240,8 @@ PoseEstimation::Result PoseEstimation::estimate(
   T_c_w.linear() = R_c_w;
   T_c_w.translation() = Eigen::Vector3d(translation.at<double>(0), translation.at<double>(1),
                                         translation.at<double>(2));
-  Result from_ransac = refine(T_c_w.inverse(), observations);
-  const double min_ratio = result.status == PoseStatus::kOk ? kMinInlierRatio : 1;
+  PoseEstimate from_ransac = estimateFrom(T_c_w.inverse());
+  const double min_ratio = result.ok ? kMinInlierRatio : 1;
   return from_ransac.inliers > min_ratio * result.inliers ? from_ransac : result;
 }
 

@@ -65,27 +65,66 @@ class ScaledPatches {
   /// from, to: 8-bit grey, of the camera's size. mask: 0 where both never show the scene; empty:
   /// none. width: [px] to which `to` is reduced; not enlarged.
   ScaledPatches(const PinholeCamera& camera, const cv::Mat& from, const cv::Mat& to,
-                const cv::Mat& mask, double width);
+                const cv::Mat& mask, double width)
+      : from_(from), factor_(std::min(1.0, width / camera.width)), mask_(mask) {
+    cv::Mat resized, mean, mean_square;
+    cv::resize(to, resized, {}, factor_, factor_, cv::INTER_AREA);
+    resized.convertTo(to_, CV_32F);
+    cv::boxFilter(resized, mean, CV_64F, {kSide_px, kSide_px});
+    cv::sqrBoxFilter(resized, mean_square, CV_64F, {kSide_px, kSide_px});
+    cv::Mat norm;
+    cv::sqrt(cv::max((mean_square - mean.mul(mean)) * kSide_px * kSide_px, kMinSquaredNorm), norm);
+    norm.convertTo(norm_, CV_32F);
+    if (mask.empty()) return;
+    cv::resize(mask != 0, allowed_, to_.size(), 0, 0, cv::INTER_AREA);
+    cv::erode(allowed_ == 255, allowed_, cv::Mat::ones(kSide_px, kSide_px, CV_8U));
+  }
 
   double factor() const { return factor_; }  ///< resized over original pixels
   cv::Size size() const { return to_.size(); }
-  cv::Point2f resized(const Eigen::Vector2d& u) const;
-  Eigen::Vector2d original(const cv::Point2f& u) const;
-
+  cv::Point2f resized(const Eigen::Vector2d& u) const { return scaled(u, factor_); }
+  Eigen::Vector2d original(const cv::Point2f& u) const {
+    return {(u.x + 0.5) / factor_ - 0.5, (u.y + 0.5) / factor_ - 0.5};
+  }
   /// Whether a patch around this resized pixel touches the mask.
-  bool isMasked(const cv::Point& u) const;
+  bool isMasked(const cv::Point& u) const {
+    return !allowed_.empty() && allowed_.at<unsigned char>(u) == 0;
+  }
   /// 0 at the pixels of a region for which isMasked(); empty without a mask.
-  cv::Mat allowed(const cv::Rect& region) const;
+  cv::Mat allowed(const cv::Rect& region) const {
+    return allowed_.empty() ? cv::Mat() : allowed_(region);
+  }
 
   /// Correlation in [-1, 1] of the patch around a pixel with those around the pixels of a region;
   /// float, one element per pixel. region: [resized px], reduced to the pixels where the patch
   /// fits; -1 at those of isMasked(). Empty when there are none, when the patch leaves its image,
   /// touches the mask or has no texture.
-  cv::Mat correlate(const Eigen::Vector2d& u_from, int size, cv::Rect* region);
+  cv::Mat correlate(const Eigen::Vector2d& u_from, int size, cv::Rect* region) {
+    const double scale = factor_ * std::pow(kSizeStep, size);
+    cv::Mat& source = from_at_[size];
+    if (source.empty()) {
+      cv::resize(from_, source, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
+    }
+    const cv::Point2f centre = scaled(u_from, scale);
+    *region &= cv::Rect(kHalf_px, kHalf_px, to_.cols - kSide_px + 1, to_.rows - kSide_px + 1);
+    if (!isInside(source, centre, kHalf_px) || region->empty()) return {};
+    // With half a pixel of the resized image, and one for the interpolation.
+    const int reach = static_cast<int>(std::ceil((kHalf_px + 1.5) / scale)) + 1;
+    if (touchesMask(mask_, toCv(u_from), reach)) return {};
+    cv::Mat patch, correlation;
+    cv::getRectSubPix(source, {kSide_px, kSide_px}, centre, patch);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(patch, mean, deviation);
+    if (deviation[0] < kMinDeviation) return {};
+    patch.convertTo(patch, CV_32F, 1 / (kSide_px * deviation[0]),
+                    -mean[0] / (kSide_px * deviation[0]));
+    cv::filter2D(to_(*region), correlation, CV_32F, patch);  // also reads around the region
+    cv::divide(correlation, norm_(*region), correlation);
+    if (!mask_.empty()) correlation.setTo(-1, allowed(*region) == 0);
+    return correlation;
+  }
 
  private:
-  const cv::Mat& fromAt(int size);
-
   const cv::Mat from_;
   const double factor_;
   const cv::Mat mask_;
@@ -95,76 +134,8 @@ class ScaledPatches {
   std::map<int, cv::Mat> from_at_;  ///< by size
 };
 
-ScaledPatches::ScaledPatches(const PinholeCamera& camera, const cv::Mat& from, const cv::Mat& to,
-                             const cv::Mat& mask, double width)
-    : from_(from), factor_(std::min(1.0, width / camera.width)), mask_(mask) {
-  cv::Mat resized, mean, mean_square;
-  cv::resize(to, resized, {}, factor_, factor_, cv::INTER_AREA);
-  resized.convertTo(to_, CV_32F);
-  cv::boxFilter(resized, mean, CV_64F, {kSide_px, kSide_px});
-  cv::sqrBoxFilter(resized, mean_square, CV_64F, {kSide_px, kSide_px});
-  cv::Mat norm;
-  cv::sqrt(cv::max((mean_square - mean.mul(mean)) * kSide_px * kSide_px, kMinSquaredNorm), norm);
-  norm.convertTo(norm_, CV_32F);
-  if (mask.empty()) return;
-  cv::resize(mask != 0, allowed_, to_.size(), 0, 0, cv::INTER_AREA);
-  cv::erode(allowed_ == 255, allowed_, cv::Mat::ones(kSide_px, kSide_px, CV_8U));
-}
-
-bool ScaledPatches::isMasked(const cv::Point& u) const {
-  return !allowed_.empty() && allowed_.at<unsigned char>(u) == 0;
-}
-
-cv::Mat ScaledPatches::allowed(const cv::Rect& region) const {
-  return allowed_.empty() ? cv::Mat() : allowed_(region);
-}
-
-cv::Point2f ScaledPatches::resized(const Eigen::Vector2d& u) const { return scaled(u, factor_); }
-
-Eigen::Vector2d ScaledPatches::original(const cv::Point2f& u) const {
-  return {(u.x + 0.5) / factor_ - 0.5, (u.y + 0.5) / factor_ - 0.5};
-}
-
-cv::Mat ScaledPatches::correlate(const Eigen::Vector2d& u_from, int size, cv::Rect* region) {
-  const cv::Mat& source = fromAt(size);
-  const double scale = factor_ * std::pow(kSizeStep, size);
-  const cv::Point2f centre = scaled(u_from, scale);
-  const bool inside = centre.x >= kHalf_px && centre.y >= kHalf_px &&
-                      centre.x < static_cast<float>(source.cols - kHalf_px - 1) &&
-                      centre.y < static_cast<float>(source.rows - kHalf_px - 1);
-  *region &= cv::Rect(kHalf_px, kHalf_px, to_.cols - kSide_px + 1, to_.rows - kSide_px + 1);
-  if (!inside || region->empty()) return {};
-  const cv::Point2f pixel(static_cast<float>(u_from.x()), static_cast<float>(u_from.y()));
-  // With half a pixel of the resized image, and one for the interpolation.
-  if (touchesMask(mask_, pixel, static_cast<int>(std::ceil((kHalf_px + 1.5) / scale)) + 1)) {
-    return {};
-  }
-  cv::Mat patch, correlation;
-  cv::getRectSubPix(source, {kSide_px, kSide_px}, centre, patch);
-  cv::Scalar mean, deviation;
-  cv::meanStdDev(patch, mean, deviation);
-  if (deviation[0] < kMinDeviation) return {};
-  patch.convertTo(patch, CV_32F, 1 / (kSide_px * deviation[0]),
-                  -mean[0] / (kSide_px * deviation[0]));
-  cv::filter2D(to_(*region), correlation, CV_32F, patch);  // also reads around the region
-  cv::divide(correlation, norm_(*region), correlation);
-  if (!mask_.empty()) correlation.setTo(-1, allowed(*region) == 0);
-  return correlation;
-}
-
-const cv::Mat& ScaledPatches::fromAt(int size) {
-  cv::Mat& result = from_at_[size];
-  if (result.empty()) {
-    const double scale = factor_ * std::pow(kSizeStep, size);
-    cv::resize(from_, result, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
-  }
-  return result;
-}
-
-struct Point {
-  const Feature* feature;
-  Eigen::Vector3d p;  ///< in the previous camera
-};
+/// A feature and its map point in the previous camera.
+using Point = std::pair<const Feature*, Eigen::Vector3d>;
 
 std::vector<Point> pointsOf(const LocalMap& map, const std::vector<Feature>& features,
                             const Eigen::Isometry3d& T_w_previous) {
@@ -180,9 +151,10 @@ std::vector<Point> pointsOf(const LocalMap& map, const std::vector<Feature>& fea
 
 /// Size of the point's patch in the next image; empty if it is too small or too large.
 std::optional<int> sizeOf(const Point& point, const Eigen::Isometry3d& T_next_previous) {
-  const double z = (T_next_previous * point.p).z();
+  const double z = (T_next_previous * point.second).z();
   if (!(z > 0)) return std::nullopt;
-  const auto size = std::lround(std::log(point.p.z() / z) / std::log(ScaledPatches::kSizeStep));
+  const auto size =
+      std::lround(std::log(point.second.z() / z) / std::log(ScaledPatches::kSizeStep));
   if (std::abs(size) > kMaxSize) return std::nullopt;
   return static_cast<int>(size);
 }
@@ -236,8 +208,8 @@ class PoseRating {
       if (!size) continue;
       const auto [entry, is_new] = responses_.try_emplace({i, *size});
       if (is_new) {
-        const cv::Point2f u = patches_.resized(camera_.project(T * points_[i].p));
-        entry->second = responseAround(cvRound(u.y), *points_[i].feature, *size);
+        const cv::Point2f u = patches_.resized(camera_.project(T * points_[i].second));
+        entry->second = responseAround(cvRound(u.y), *points_[i].first, *size);
       }
       if (!entry->second.correlation.empty()) selected_[i] = &entry->second;
     }
@@ -264,7 +236,7 @@ class PoseRating {
     std::size_t count = 0;
     for (std::size_t i = 0; i < points_.size(); ++i) {
       if (!selected_[i]) continue;
-      const Eigen::Vector3d p = T_next_previous * points_[i].p;
+      const Eigen::Vector3d p = T_next_previous * points_[i].second;
       if (!(p.z() > 0)) continue;
       const cv::Point2f u = patches_.resized(camera_.project(p));
       const cv::Mat& correlation = selected_[i]->correlation;
@@ -293,16 +265,16 @@ std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<
   for (const Point& point : points) {
     const auto size = sizeOf(point, T_next_previous);
     if (!size) continue;
-    const cv::Point2f u = patches->resized(camera.project(T_next_previous * point.p));
+    const cv::Point2f u = patches->resized(camera.project(T_next_previous * point.second));
     cv::Rect region(cvRound(u.x) - reach_px, cvRound(u.y) - reach_px, 2 * reach_px + 1,
                     2 * reach_px + 1);
-    const cv::Mat correlation = patches->correlate(point.feature->u, *size, &region);
+    const cv::Mat correlation = patches->correlate(point.first->u, *size, &region);
     if (correlation.empty()) continue;
     double peak = 0;
     cv::Point offset;
     cv::minMaxLoc(correlation, nullptr, &peak, nullptr, &offset);
     if (peak < kMinCorrelation) continue;
-    Feature feature = *point.feature;
+    Feature feature = *point.first;
     feature.age += 1;
     feature.u = patches->original(region.tl() + offset);
     feature.flow = Eigen::Vector2d::Zero();  // unknown
@@ -314,29 +286,28 @@ std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<
 
 }  // namespace
 
-PoseSearch::PoseSearch(const PinholeCamera& camera, const cv::Mat& mask)
-    : camera_(camera), mask_(mask), pose_estimation_(kMinInliers, kMinInlierShare) {}
-
-std::optional<RelocalisedPose> PoseSearch::locate(const LocalMap& map, const MotionModel& motion,
-                                                  const std::vector<Feature>& features,
-                                                  const cv::Mat& previous, const cv::Mat& image,
-                                                  std::int64_t stamp_ns) const {
+std::optional<RelocalisedPose> locateBySearch(const PinholeCamera& camera, const cv::Mat& mask,
+                                              const LocalMap& map, const MotionModel& motion,
+                                              const std::vector<Feature>& features,
+                                              const cv::Mat& previous, const cv::Mat& image,
+                                              std::int64_t stamp_ns) {
   const Eigen::Isometry3d& T_w_previous = motion.T_w_c();
   const std::vector<Point> points = pointsOf(map, features, T_w_previous);
   if (points.size() < kMinRatedPoints) return std::nullopt;
   const Eigen::Vector3d path =
       T_w_previous.linear().transpose() *
       (motion.extrapolate(stamp_ns).translation() - T_w_previous.translation());
-  const auto coarse = PoseRating(camera_, points, previous, image, mask_).best(path);
+  const auto coarse = PoseRating(camera, points, previous, image, mask).best(path);
   if (!coarse) return std::nullopt;
 
   RelocalisedPose result;
   result.T_w_c = T_w_previous * *coarse;
   for (const auto& [width, reach] : kLevels) {
-    ScaledPatches patches(camera_, previous, image, mask_, width);
+    ScaledPatches patches(camera, previous, image, mask, width);
     auto pose = poseOfMatches(
-        pose_estimation_, camera_, map, result.T_w_c,
-        matchesNear(camera_, points, result.T_w_c.inverse() * T_w_previous, reach, &patches));
+        camera, map, result.T_w_c,
+        matchesNear(camera, points, result.T_w_c.inverse() * T_w_previous, reach, &patches),
+        kMinInliers, kMinInlierShare);
     if (!pose) return std::nullopt;
     result = std::move(*pose);
   }

@@ -16,23 +16,14 @@ namespace ground_scale_vo {
 /// patches at the projections of their map points, in standard deviations of that sum at unrelated
 /// places. The best pose is refined with the positions at which the single patches correlate best,
 /// coarse to fine.
-class PoseSearch {
- public:
-  /// mask: as for VisualOdometry.
-  PoseSearch(const PinholeCamera& camera, const cv::Mat& mask);
-
-  /// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
-  /// differ. Takes some tenths of a second. Empty when no pose stands out, when too few patches
-  /// agree with it, or when the distance deviates too much from that at the last velocity.
-  std::optional<RelocalisedPose> locate(const LocalMap& map, const MotionModel& motion,
-                                        const std::vector<Feature>& features,
-                                        const cv::Mat& previous, const cv::Mat& image,
-                                        std::int64_t stamp_ns) const;
-
- private:
-  const PinholeCamera camera_;
-  const cv::Mat mask_;
-  const PoseEstimation pose_estimation_;
-};
+/// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
+/// differ. mask: as for VisualOdometry. Takes some tenths of a second. Empty when no pose stands
+/// out, when too few patches agree with it, or when the distance deviates too much from that at the
+/// last velocity.
+std::optional<RelocalisedPose> locateBySearch(const PinholeCamera& camera, const cv::Mat& mask,
+                                              const LocalMap& map, const MotionModel& motion,
+                                              const std::vector<Feature>& features,
+                                              const cv::Mat& previous, const cv::Mat& image,
+                                              std::int64_t stamp_ns);
 
 }  // namespace ground_scale_vo

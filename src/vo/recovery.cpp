@@ -2,10 +2,9 @@
 
 #include <cmath>
 #include <utility>
-#include <vector>
 
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/motion.hpp"
+#include "vo/pose.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -42,14 +41,15 @@ std::vector<Feature> featuresAt(const std::vector<Feature>& features, const Desc
 
 }  // namespace
 
-std::optional<RelocalisedPose> poseOfMatches(const PoseEstimation& estimation,
-                                             const PinholeCamera& camera, const LocalMap& map,
+std::optional<RelocalisedPose> poseOfMatches(const PinholeCamera& camera, const LocalMap& map,
                                              const Eigen::Isometry3d& initial_T_w_c,
-                                             const std::vector<Feature>& matches) {
+                                             const std::vector<Feature>& matches, int min_inliers,
+                                             double min_inlier_share) {
   std::vector<std::size_t> index;  // indices of the observed features in `matches`
-  const PoseEstimation::Result pose = estimation.estimate(
-      initial_T_w_c, pointObservations(map, observationsOf(camera, matches), &index));
-  if (pose.status != PoseStatus::kOk) return std::nullopt;
+  const PoseEstimate pose =
+      estimatePose(initial_T_w_c, pointObservations(map, observationsOf(camera, matches), &index),
+                   min_inliers, min_inlier_share);
+  if (!pose.ok) return std::nullopt;
   RelocalisedPose result;
   result.T_w_c = pose.T_w_c;
   result.rotation_sigma = std::sqrt(pose.covariance.diagonal().tail<3>().maxCoeff());
@@ -70,35 +70,36 @@ double maxDeviation(double predicted_distance, const LocalMap& map,
   return 0.5 * predicted_distance + 0.1 * (depths.empty() ? 0 : median(&depths));
 }
 
-Relocalisation::Relocalisation(const PinholeCamera& camera)
-    : camera_(camera),
-      coarse_(kMinCoarseInliers, kMinCoarseInlierShare),
-      fine_(kMinFineInliers, kMinFineInlierShare) {}
-
-std::optional<RelocalisedPose> Relocalisation::locate(
-    const LocalMap& map, const MotionModel& motion, const std::vector<Feature>& features,
-    const Descriptors& previous, const Descriptors& next, std::int64_t stamp_ns) const {
+std::optional<RelocalisedPose> locateByDescriptors(const PinholeCamera& camera, const LocalMap& map,
+                                                   const MotionModel& motion,
+                                                   const std::vector<Feature>& features,
+                                                   const Descriptors& previous,
+                                                   const Descriptors& next, std::int64_t stamp_ns) {
   const Eigen::Isometry3d& T_w_previous = motion.T_w_c();
   const Eigen::Isometry3d predicted = motion.extrapolate(stamp_ns);
   const double distance = (predicted.translation() - T_w_previous.translation()).norm();
   const double max_deviation = maxDeviation(distance, map, features, T_w_previous);
-  const auto regionAround = [&](const Eigen::Isometry3d& T_w_c, double radius) {
-    return SearchRegion{predictPixels(camera_, map, features, T_w_previous, T_w_c),
-                        static_cast<float>(radius * camera_.width)};
+  const auto pixelsFrom = [&](const Eigen::Isometry3d& T_w_c) {
+    return predictPixels(camera, map, features, T_w_previous, T_w_c);
   };
-  const auto poseFrom = [&](const SearchRegion& region, const PoseEstimation& estimation,
-                            const Eigen::Isometry3d& initial_T_w_c) {
-    auto pose = poseOfMatches(estimation, camera_, map, initial_T_w_c,
-                              featuresAt(features, next, matchDescriptors(previous, next, region)));
+  const auto poseNear = [&](const std::vector<cv::Point2f>& pixels, double radius,
+                            const Eigen::Isometry3d& initial_T_w_c, int min_inliers,
+                            double min_inlier_share) {
+    const auto matches =
+        matchDescriptors(previous, next, pixels, static_cast<float>(radius * camera.width));
+    auto pose = poseOfMatches(camera, map, initial_T_w_c, featuresAt(features, next, matches),
+                              min_inliers, min_inlier_share);
     if (pose && !((pose->T_w_c.translation() - predicted.translation()).norm() <= max_deviation)) {
       pose.reset();
     }
     return pose;
   };
-  for (const SearchRegion& region : {regionAround(predicted, kSearchRadius), SearchRegion{}}) {
-    const auto coarse = poseFrom(region, coarse_, predicted);
+  for (const auto& pixels : {pixelsFrom(predicted), std::vector<cv::Point2f>()}) {
+    const auto coarse =
+        poseNear(pixels, kSearchRadius, predicted, kMinCoarseInliers, kMinCoarseInlierShare);
     if (!coarse) continue;
-    auto fine = poseFrom(regionAround(coarse->T_w_c, kFineSearchRadius), fine_, coarse->T_w_c);
+    auto fine = poseNear(pixelsFrom(coarse->T_w_c), kFineSearchRadius, coarse->T_w_c,
+                         kMinFineInliers, kMinFineInlierShare);
     if (fine) return fine;
   }
   return std::nullopt;
@@ -106,11 +107,9 @@ std::optional<RelocalisedPose> Relocalisation::locate(
 
 /// Keeps the more certain of two rotations: the one since the last frame with a pose, and the
 /// product of the rotations from image to image.
-void Interruption::addImage(const std::optional<RelativeRotation>& rotation, Descriptors corners) {
-  RotationChain direct;
-  direct.append(rotation);
-  if (last_) rotation_.append(rotationBetween(*last_, corners));
-  if (!last_ || direct.sigma() < rotation_.sigma()) rotation_ = direct;
+void Interruption::addImage(const RelativeRotation& rotation, Descriptors corners) {
+  if (last_) rotation_ = rotation_.then(rotationBetween(*last_, corners));
+  if (!last_ || rotation.sigma < rotation_.sigma) rotation_ = rotation;
   last_ = std::move(corners);
   ++images_;
 }
@@ -118,18 +117,16 @@ void Interruption::addImage(const std::optional<RelativeRotation>& rotation, Des
 void Interruption::end() {
   images_ = 0;
   last_.reset();
-  rotation_ = {};
 }
 
-std::optional<RelativeRotation> Interruption::rotationBetween(const Descriptors& a,
-                                                              const Descriptors& b) const {
+RelativeRotation Interruption::rotationBetween(const Descriptors& a, const Descriptors& b) const {
   std::vector<Eigen::Vector2d> u1, u2;
   for (const DescriptorMatch& match : matchDescriptors(a, b)) {
     const cv::Point2f &p1 = a.points()[match.from], &p2 = b.points()[match.to];
     u1.emplace_back(p1.x, p1.y);
     u2.emplace_back(p2.x, p2.y);
   }
-  return two_view_.estimateRotation(camera_, u1, u2);
+  return estimateRotation(camera_, u1, u2);
 }
 
 }  // namespace ground_scale_vo

@@ -1,9 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <cmath>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -12,7 +10,6 @@
 #include "vo/feature.hpp"
 #include "vo/map.hpp"
 #include "vo/motion.hpp"
-#include "vo/pose.hpp"
 #include "vo/two_view.hpp"
 
 namespace ground_scale_vo {
@@ -24,12 +21,25 @@ struct RelocalisedPose {
   std::vector<Feature> features;  ///< those that agree with the pose, in the image
 };
 
-/// The pose from features at the pixels of the image where they were found. Empty when too few
-/// agree.
-std::optional<RelocalisedPose> poseOfMatches(const PoseEstimation& estimation,
-                                             const PinholeCamera& camera, const LocalMap& map,
+/// Finds the pose of an image in the map where tracking has failed: descriptor matches of the
+/// features, the pose from those with a map point, and a second search around it.
+/// features: of the last tracked image; previous: their descriptors, in the same order. next:
+/// descriptors of the corners of the image. Matches are searched around the pose that the motion
+/// model predicts, then in the whole image. Empty when too few of them agree, or when the motion
+/// deviates too much from the prediction: objects that move along with the camera, together with
+/// the distant scene, also fit a pose.
+std::optional<RelocalisedPose> locateByDescriptors(const PinholeCamera& camera, const LocalMap& map,
+                                                   const MotionModel& motion,
+                                                   const std::vector<Feature>& features,
+                                                   const Descriptors& previous,
+                                                   const Descriptors& next, std::int64_t stamp_ns);
+
+/// The pose from features at the pixels of the image where they were found. Empty when fewer than
+/// these numbers agree.
+std::optional<RelocalisedPose> poseOfMatches(const PinholeCamera& camera, const LocalMap& map,
                                              const Eigen::Isometry3d& initial_T_w_c,
-                                             const std::vector<Feature>& matches);
+                                             const std::vector<Feature>& matches, int min_inliers,
+                                             double min_inlier_share);
 
 /// [VO units] largest plausible deviation of a motion from the predicted one, of the given
 /// distance: a share of it, and for a camera that starts to move a share of the median depth of the
@@ -37,67 +47,27 @@ std::optional<RelocalisedPose> poseOfMatches(const PoseEstimation& estimation,
 double maxDeviation(double predicted_distance, const LocalMap& map,
                     const std::vector<Feature>& features, const Eigen::Isometry3d& T_w_previous);
 
-/// Finds the pose of an image in the map where tracking has failed: descriptor matches of the
-/// features, the pose from those with a map point, and a second search around it.
-class Relocalisation {
- public:
-  explicit Relocalisation(const PinholeCamera& camera);
-
-  /// features: of the last tracked image; previous: their descriptors, in the same order. next:
-  /// descriptors of the corners of the image. Matches are searched around the pose that the motion
-  /// model predicts, then in the whole image. Empty when too few of them agree, or when the motion
-  /// deviates too much from the prediction: objects that move along with the camera, together with
-  /// the distant scene, also fit a pose.
-  std::optional<RelocalisedPose> locate(const LocalMap& map, const MotionModel& motion,
-                                        const std::vector<Feature>& features,
-                                        const Descriptors& previous, const Descriptors& next,
-                                        std::int64_t stamp_ns) const;
-
- private:
-  const PinholeCamera camera_;
-  const PoseEstimation coarse_;
-  const PoseEstimation fine_;
-};
-
-/// Rotation over several images, as the product of the rotations between pairs of them.
-class RotationChain {
- public:
-  /// The camera turns from an image 1 to an image 2; empty: by an unknown rotation.
-  void append(const std::optional<RelativeRotation>& rotation) {
-    if (rotation) R_first_last_ = R_first_last_ * rotation->R_2_1.transpose();
-    sigma_ =
-        rotation ? std::hypot(sigma_, rotation->sigma) : std::numeric_limits<double>::infinity();
-  }
-  const Eigen::Matrix3d& R_first_last() const { return R_first_last_; }
-  double sigma() const { return sigma_; }  ///< per axis [rad]; infinite: unknown
-
- private:
-  Eigen::Matrix3d R_first_last_ = Eigen::Matrix3d::Identity();
-  double sigma_ = 0;
-};
-
 /// Images with texture but without a pose, since the last frame with a pose.
 class Interruption {
  public:
   explicit Interruption(const PinholeCamera& camera) : camera_(camera) {}
 
-  /// rotation: from the last frame with a pose to this image, if known. corners: of this image.
-  void addImage(const std::optional<RelativeRotation>& rotation, Descriptors corners);
+  /// rotation: from the last frame with a pose to this image. corners: of this image.
+  void addImage(const RelativeRotation& rotation, Descriptors corners);
   void end();
 
   int images() const { return images_; }
   /// To the last of them, from the last frame with a pose.
-  const RotationChain& rotation() const { return rotation_; }
+  const RelativeRotation& rotation() const { return rotation_; }
 
-  /// Rotation between two images by their descriptors; empty when too few of them match.
-  std::optional<RelativeRotation> rotationBetween(const Descriptors& a, const Descriptors& b) const;
+  /// Rotation between two images by their descriptors; unknown when too few of them match.
+  RelativeRotation rotationBetween(const Descriptors& a, const Descriptors& b) const;
 
  private:
   const PinholeCamera camera_;
-  const TwoView two_view_{};
   int images_ = 0;
   std::optional<Descriptors> last_;
-  RotationChain rotation_;
+  RelativeRotation rotation_;
 };
 
 }  // namespace ground_scale_vo

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/simd.hpp"
-#include "ground_scale_vo/common/se3.hpp"
+#include "vo/projection_jacobian.hpp"
 
 namespace ground_scale_vo {
 
@@ -26,6 +26,7 @@ class Reprojections {
     Eigen::Vector2d x;
     double weight;  // 1 / sigma
   };
+  struct Group;
   /// Replaces all residuals. rays: of the landmarks, z = 1.
   void assign(const std::vector<Residual>& residuals, const std::vector<Eigen::Vector3d>& rays,
               std::size_t groups);
@@ -35,20 +36,19 @@ class Reprojections {
   double cost(std::size_t group, const Eigen::Isometry3d& T_o_a,
               const std::vector<double>& inverse_depths, double huber, double min_depth);
 
-  struct Blocks {
-    Matrix6d H_oo;  // over the observer's pose (boxplus)
-    Vector6d gradient;
-  };
-  /// Normal equations of a group, whose cost was computed last with the same pose and depths.
-  /// rows: of each residual, H_pl (over the observer's pose and the inverse depth; 6), H_ll and
-  /// gradient over the inverse depth. anchor_sums, three numbers per landmark: adds R^T b, where b
-  /// is H_pl of the translation without its factor -rho.
-  Blocks linearise(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows,
-                   double* anchor_sums) const;
+  /// Normal equations of a group, whose cost was computed last with the same pose and depths:
+  /// Hessian and minus the gradient over the observer's pose (boxplus). rows: of each residual,
+  /// H_pl (over the observer's pose and the inverse depth; 6), H_ll and gradient over the inverse
+  /// depth. anchor_sums, three numbers per landmark: adds R^T b, where b is H_pl of the translation
+  /// without its factor -rho.
+  ProjectionSums linearise(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows,
+                           double* anchor_sums);
   /// The same when the observer's pose is fixed: only H_ll and gradient of the rows.
-  void lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows) const;
+  void lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows);
 
  private:
+  Group at(std::size_t group);
+
   std::vector<std::size_t> begin_;  // of each group, in whole vectors, and the end of the last one
   std::vector<std::size_t> landmark_, row_;
   std::vector<double> ray_x_, ray_y_, x_, y_, weight_;

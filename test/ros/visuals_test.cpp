@@ -50,7 +50,7 @@ TEST(TrackPainter, MarksShowAgePointRejectionAndMask) {
   std_msgs::Header header;
   header.frame_id = "camera";
   const auto message = TrackPainter().paint(
-      kGrey, frame, {{6, {400.f, kRow}, RejectReason::kOutlier}}, header, rightMasked());
+      kGrey, frame, {{6, {400.f, kRow}, true}}, header, rightMasked());
   EXPECT_EQ(message->encoding, "bgr8");
   EXPECT_EQ(message->header.frame_id, "camera");
   const auto at = [&](float u) { return pixelOf(*message, u, kRow); };

@@ -14,7 +14,7 @@
 
 namespace ground_scale_vo::test {
 
-// As in LocalBundleAdjustment: least ratio of the depth in the observer to that in the anchor, and
+// As in BundleAdjustment: least ratio of the depth in the observer to that in the anchor, and
 // least number of landmarks.
 constexpr double kMinDepthRatio = 1e-3;
 constexpr std::size_t kMinLandmarks = 10;
@@ -51,11 +51,10 @@ inline PoseParameters toParameters(const Eigen::Isometry3d& T) {
   return {w.x(), w.y(), w.z(), t.x(), t.y(), t.z()};
 }
 
-/// The same problem as LocalBundleAdjustment, solved by Ceres with another parametrisation.
-inline LocalBundleAdjustment::Result adjustWithCeres(int adjusted_keyframes, LocalMap* map) {
-  LocalBundleAdjustment::Result result;
+/// The same problem as BundleAdjustment, solved by Ceres with another parametrisation.
+inline bool adjustWithCeres(int adjusted_keyframes, LocalMap* map) {
   std::deque<Keyframe>& keyframes = map->keyframes();
-  if (keyframes.size() < 2) return result;
+  if (keyframes.size() < 2) return false;
 
   const std::size_t window = static_cast<std::size_t>(adjusted_keyframes);
   const std::size_t first_free = keyframes.size() > window ? keyframes.size() - window : 1;
@@ -71,12 +70,12 @@ inline LocalBundleAdjustment::Result adjustWithCeres(int adjusted_keyframes, Loc
     double inverse_depth;
   };
   std::vector<Adjusted> adjusted;
-  for (auto& [id, landmark] : map->landmarks()) {
+  for (Landmark& landmark : map->landmarks()) {
     if (!landmark.depth || landmark.observations.size() < 2) continue;
     if (landmark.observations.back().keyframe - first_id < first_free) continue;
     adjusted.push_back({&landmark, landmark.depth->value});
   }
-  if (adjusted.size() < kMinLandmarks) return result;
+  if (adjusted.size() < kMinLandmarks) return false;
 
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -95,7 +94,7 @@ inline LocalBundleAdjustment::Result adjustWithCeres(int adjusted_keyframes, Loc
     const std::size_t anchor = observations.front().keyframe - first_id;
     for (std::size_t i = 1; i < observations.size(); ++i) {
       const std::size_t observer = observations[i].keyframe - first_id;
-      // As in LocalBundleAdjustment: leave out observations from behind the camera.
+      // As in BundleAdjustment: leave out observations from behind the camera.
       const Eigen::Vector3d q =
           keyframes[observer].T_w_c.inverse() *
           (keyframes[anchor].T_w_c * Eigen::Vector3d(a.landmark->ray() / a.inverse_depth));
@@ -118,7 +117,7 @@ inline LocalBundleAdjustment::Result adjustWithCeres(int adjusted_keyframes, Loc
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable()) return result;
+  if (!summary.IsSolutionUsable()) return false;
 
   for (std::size_t i = first_free; i < keyframes.size(); ++i) {
     const double* const p = poses[i].data();
@@ -134,11 +133,7 @@ inline LocalBundleAdjustment::Result adjustWithCeres(int adjusted_keyframes, Loc
     }
   }
   for (const Adjusted& a : adjusted) a.landmark->depth->value = a.inverse_depth / unit;
-
-  result.usable = true;
-  result.residuals = summary.num_residuals;
-  result.rms_sigma = std::sqrt(2 * summary.final_cost / std::max(1, summary.num_residuals));
-  return result;
+  return true;
 }
 
 }  // namespace ground_scale_vo::test

@@ -38,7 +38,7 @@ inline cv::Mat wallFrom(const PinholeCamera& camera, const Eigen::Isometry3d& T_
 
 /// Gives all landmarks of a map that were first observed from v the depth of the wall.
 inline void putOnWall(LocalMap* map) {
-  for (auto& [id, landmark] : map->landmarks()) {
+  for (Landmark& landmark : map->landmarks()) {
     landmark.depth = InverseDepth{1 / kWallDistance, 1e-4};
   }
 }
@@ -50,8 +50,8 @@ const Eigen::Vector3d kStep(0, 0, 0.15);                    // in each period be
 
 /// Reaches T_w_v with this step [VO units per period], at the stamp kPeriod.
 inline MotionModel motionTo(const Eigen::Isometry3d& T_w_v, const Eigen::Vector3d& step = kStep) {
-  MotionModel motion(T_w_v * pose({0, 0, 0}, -step), 0);
-  motion.update(T_w_v, kPeriod);
+  MotionModel motion({0, T_w_v * pose({0, 0, 0}, -step)});
+  motion.update({kPeriod, T_w_v});
   return motion;
 }
 

@@ -46,9 +46,8 @@ class WallTest : public testing::Test {
                            (test::kWallDistance * kCamera.ray(features_[feature.id].u)));
   }
   std::optional<RelocalisedPose> search(const cv::Mat& image, const cv::Mat& mask = {}) const {
-    return PoseSearch(kCamera, mask)
-        .locate(map_, motion_, features_, wallFrom(Eigen::Isometry3d::Identity()), image,
-                test::kAfterGap);
+    return locateBySearch(kCamera, mask, map_, motion_, features_,
+                          wallFrom(Eigen::Isometry3d::Identity()), image, test::kAfterGap);
   }
   /// By the descriptors of the features in both images.
   std::optional<RelocalisedPose> relocalise(const Eigen::Isometry3d& T_v_c) const {
@@ -57,9 +56,9 @@ class WallTest : public testing::Test {
       previous.push_back(toCv(feature.u));
       next.push_back(toCv(pixelAt(T_v_c, feature)));
     }
-    return Relocalisation(kCamera).locate(map_, motion_, features_,
-                                          {wallFrom(Eigen::Isometry3d::Identity()), previous},
-                                          {wallFrom(T_v_c), next}, test::kAfterGap);
+    return locateByDescriptors(kCamera, map_, motion_, features_,
+                               {wallFrom(Eigen::Isometry3d::Identity()), previous},
+                               {wallFrom(T_v_c), next}, test::kAfterGap);
   }
   /// Expects the pose and features at their projections.
   void expectLocated(const std::optional<RelocalisedPose>& result,
@@ -154,7 +153,8 @@ class RelocalisationTest : public WallTest {};
 
 // The map points of every tenth feature are wrong, and every tenth has none.
 TEST_F(RelocalisationTest, FindsPoseAndFeaturesNearAndFarFromThePrediction) {
-  for (auto& [id, landmark] : map_.landmarks()) {
+  for (Landmark& landmark : map_.landmarks()) {
+    const std::uint64_t id = landmark.id();
     if (id % 10 == 0) landmark.observations.front().x.y() += 42 / kCamera.fy;
     if (id % 10 == 5) landmark.depth.reset();
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <random>
 
 #include "support/scene.hpp"
@@ -47,20 +48,22 @@ void addOutliers(std::size_t every, Views* views) {
   }
 }
 
-TwoView::Result estimate(const Views& views) {
-  return TwoView().estimate(testCamera(), views.u1, views.u2);
+std::optional<TwoViewMotion> estimate(const Views& views) {
+  return estimateMotion(testCamera(), views.u1, views.u2);
 }
-std::optional<RelativeRotation> estimateRotation(const Views& views) {
-  return TwoView().estimateRotation(testCamera(), views.u1, views.u2);
+RelativeRotation estimateRotation(const Views& views) {
+  return ground_scale_vo::estimateRotation(testCamera(), views.u1, views.u2);
 }
 
-void expectMotion(const TwoView::Result& result, const Eigen::Isometry3d& T_2_1,
+bool isKnown(const RelativeRotation& rotation) { return std::isfinite(rotation.sigma); }
+
+void expectMotion(const std::optional<TwoViewMotion>& result, const Eigen::Isometry3d& T_2_1,
                   double max_rotation_error_rad, double max_direction_error_rad) {
-  ASSERT_EQ(result.status, TwoViewStatus::kOk);
-  EXPECT_LT(angleBetween(result.T_2_1, T_2_1), max_rotation_error_rad);
-  EXPECT_GT(result.T_2_1.translation().dot(T_2_1.translation().normalized()),
+  ASSERT_TRUE(result);
+  EXPECT_LT(angleBetween(result->T_2_1, T_2_1), max_rotation_error_rad);
+  EXPECT_GT(result->T_2_1.translation().dot(T_2_1.translation().normalized()),
             std::cos(max_direction_error_rad));
-  EXPECT_NEAR(result.T_2_1.translation().norm(), 1, 1e-9);
+  EXPECT_NEAR(result->T_2_1.translation().norm(), 1, 1e-9);
 }
 
 TEST(TwoView, FindsTheMotionDespiteNoiseOutliersAndAPlane) {
@@ -86,7 +89,7 @@ TEST(TwoView, FindsTheMotionDespiteNoiseOutliersAndAPlane) {
     if (c.outliers > 0) addOutliers(c.outliers, &views);
     const auto result = estimate(views);
     expectMotion(result, c.T_2_1, c.max_rotation_error, c.max_direction_error);
-    EXPECT_EQ(result.T_2_1.matrix(), estimate(views).T_2_1.matrix()) << "is not deterministic";
+    EXPECT_EQ(result->T_2_1.matrix(), estimate(views)->T_2_1.matrix()) << "is not deterministic";
   }
 }
 
@@ -94,21 +97,21 @@ TEST(TwoView, InliersHaveTheirDepthsInUnitsOfTheBaseline) {
   auto points = randomPoints(300, 2);
   const Views exact = project(points, pose({0, 0.02, 0}, {1, 0, 0}));
   const auto result = estimate(exact);
-  ASSERT_EQ(result.status, TwoViewStatus::kOk);
-  EXPECT_GT(std::count(result.inlier.begin(), result.inlier.end(), true), 270);
+  ASSERT_TRUE(result);
+  EXPECT_GT(std::count(result->inlier.begin(), result->inlier.end(), true), 270);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (result.inlier[i]) {
-      EXPECT_NEAR(result.inverse_depth_1[i] * points[i].z(), 1, 1e-2);
+    if (result->inlier[i]) {
+      EXPECT_NEAR(result->inverse_depth_1[i] * points[i].z(), 1, 1e-2);
     }
   }
   // From noise, some of the distant points are behind the camera.
   for (const Eigen::Vector3d& p : randomPoints(100, 16)) points.push_back(1e5 * p);
   const auto with_noise = estimate(project(points, pose({0, 0.02, 0}, {0.1, 0, -1.5}), 0.3));
-  ASSERT_EQ(with_noise.status, TwoViewStatus::kOk);
+  ASSERT_TRUE(with_noise);
   int behind = 0;
-  for (std::size_t i = 0; i < with_noise.inlier.size(); ++i) {
-    behind += with_noise.inverse_depth_1[i] < 0;
-    EXPECT_FALSE(with_noise.inlier[i] && with_noise.inverse_depth_1[i] <= 0);
+  for (std::size_t i = 0; i < with_noise->inlier.size(); ++i) {
+    behind += with_noise->inverse_depth_1[i] < 0;
+    EXPECT_FALSE(with_noise->inlier[i] && with_noise->inverse_depth_1[i] <= 0);
   }
   EXPECT_GT(behind, 10);
 }
@@ -119,27 +122,26 @@ TEST(TwoView, InliersHaveTheirDepthsInUnitsOfTheBaseline) {
 // the same rotation.
 TEST(TwoView, APlaneAloneIsAmbiguous) {
   const Views road = project(roadPoints(400, 3), pose({0.005, 0.02, 0}, {0.05, 0, -1.5}), 0.1);
-  EXPECT_EQ(estimate(road).status, TwoViewStatus::kAmbiguous);
+  EXPECT_FALSE(estimate(road));
   const auto rotation = estimateRotation(road);
-  ASSERT_TRUE(rotation);
-  EXPECT_GT(rotation->sigma, 0.1);
+  EXPECT_GT(rotation.sigma, 0.1);
+  EXPECT_LT(rotation.sigma, 4);
   std::vector<Eigen::Vector3d> wall;
   for (const Eigen::Vector3d& p : randomPoints(400, 3)) wall.push_back(10 / p.z() * p);
-  EXPECT_EQ(estimate(project(wall, pose({0, 0.005, 0}, {0.16, 0, -0.6}), 0.05)).status,
-            TwoViewStatus::kAmbiguous);
+  EXPECT_FALSE(estimate(project(wall, pose({0, 0.005, 0}, {0.16, 0, -0.6}), 0.05)));
 }
 
 TEST(TwoView, ReportsTooLittleParallax) {
   const Views turning = project(randomPoints(400, 7), pose({0.002, 0.06, 0}, {0, 0, 0}), 0.2);
-  EXPECT_EQ(estimate(turning).status, TwoViewStatus::kTooLittleParallax);
+  EXPECT_FALSE(estimate(turning));
   const Views standing = project(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
-  EXPECT_EQ(estimate(standing).status, TwoViewStatus::kTooLittleParallax);
+  EXPECT_FALSE(estimate(standing));
   Views slow = project(randomPoints(400, 17), pose({0, 0.02, 0}, {0, 0, -0.6}), 0.1);
-  EXPECT_EQ(estimate(slow).status, TwoViewStatus::kTooLittleParallax);
+  EXPECT_FALSE(estimate(slow));
   for (std::size_t i = 0; i < slow.u2.size(); ++i) {  // outliers have no parallax
     if (i % 5 < 2) slow.u2[i] += Eigen::Vector2d(0, i % 2 == 0 ? 60 : -60);
   }
-  EXPECT_EQ(estimate(slow).status, TwoViewStatus::kTooLittleParallax);
+  EXPECT_FALSE(estimate(slow));
 }
 
 TEST(TwoView, FindsNoMotionOfFewOrRandomMatches) {
@@ -148,18 +150,18 @@ TEST(TwoView, FindsNoMotionOfFewOrRandomMatches) {
     return Views{{views.u1.begin(), views.u1.begin() + n},
                  {views.u2.begin(), views.u2.begin() + n}};
   };
-  EXPECT_EQ(estimate(first(20)).status, TwoViewStatus::kTooFewMatches);
-  EXPECT_TRUE(estimateRotation(first(40)));
-  EXPECT_FALSE(estimateRotation(first(20)));
-  EXPECT_FALSE(estimateRotation({}));
+  EXPECT_FALSE(estimate(first(20)));
+  EXPECT_TRUE(isKnown(estimateRotation(first(40))));
+  EXPECT_FALSE(isKnown(estimateRotation(first(20))));
+  EXPECT_FALSE(isKnown(estimateRotation({})));
   std::mt19937 generator(11);
   std::shuffle(views.u2.begin(), views.u2.end(), generator);
-  EXPECT_NE(estimate(views).status, TwoViewStatus::kOk);
-  EXPECT_FALSE(estimateRotation(views));
+  EXPECT_FALSE(estimate(views));
+  EXPECT_FALSE(isKnown(estimateRotation(views)));
   for (const std::size_t every : {2, 1}) {
     Views standing = project(randomPoints(400, 8), Eigen::Isometry3d::Identity(), 0.2);
     addOutliers(every, &standing);
-    EXPECT_EQ(estimateRotation(standing).has_value(), every == 2) << "one outlier in " << every;
+    EXPECT_EQ(isKnown(estimateRotation(standing)), every == 2) << "one outlier in " << every;
   }
 }
 
@@ -169,10 +171,9 @@ TEST(TwoView, EstimatesTheRotationWithAndWithoutParallax) {
   const auto expectRotation = [](const Views& views, const Eigen::Isometry3d& T_2_1,
                                  double max_sigma) {
     const auto rotation = estimateRotation(views);
-    ASSERT_TRUE(rotation);
-    EXPECT_LT(angleBetween(rotation->R_2_1, T_2_1.linear()), 2 * rotation->sigma);
-    EXPECT_LT(rotation->sigma, max_sigma);
-    EXPECT_GT(rotation->sigma, 1e-4);
+    EXPECT_LT(angleBetween(rotation.R_2_1, T_2_1.linear()), 2 * rotation.sigma);
+    EXPECT_LT(rotation.sigma, max_sigma);
+    EXPECT_GT(rotation.sigma, 1e-4);
   };
   for (const double baseline : {0.0, 0.05, 0.2, 0.3, 0.5, 3.0}) {
     SCOPED_TRACE(baseline);
@@ -194,9 +195,8 @@ TEST(TwoView, TheRotationOfPointsOnOneLineIsNoReflection) {
     Views views = project(points, T_2_1);
     for (std::size_t i = 0; i < views.u2.size(); i += 5) views.u2[i].y() += 60;  // outliers
     const auto rotation = estimateRotation(views);
-    ASSERT_TRUE(rotation);
-    EXPECT_NEAR(rotation->R_2_1.determinant(), 1, 1e-9) << row;
-    EXPECT_LT((rotation->R_2_1 - T_2_1.linear()).norm(), 1e-3) << row;
+    EXPECT_NEAR(rotation.R_2_1.determinant(), 1, 1e-9) << row;
+    EXPECT_LT((rotation.R_2_1 - T_2_1.linear()).norm(), 1e-3) << row;
   }
 }
 

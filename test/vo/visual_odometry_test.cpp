@@ -173,7 +173,7 @@ TEST(VisualOdometry, FollowsTheSyntheticDrive) {
   for (std::size_t i = first; i < truth.size(); ++i) {
     expectPose(i, result.frame(i).T_w_c);
     for (const RejectedFeature& rejected : result.outputs[i].rejected) {
-      outliers += rejected.reason == RejectReason::kOutlier && with_point.count(rejected.id) > 0;
+      outliers += rejected.is_outlier && with_point.count(rejected.id) > 0;
     }
     with_point.clear();
     for (const TrackedFeature& feature : result.frame(i).features) {

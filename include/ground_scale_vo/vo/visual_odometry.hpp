@@ -10,21 +10,19 @@
 
 namespace ground_scale_vo {
 
-enum class RejectReason : std::uint8_t {
-  kNotFound,  ///< not found in this image, at the mask, or failed the forward-backward check
-  kOutlier    ///< off the projection of its map point; without a map point: off its epipolar line
-};
-
 /// A feature that was not found in this frame, or was removed from it as an outlier.
 struct RejectedFeature {
   std::uint64_t id = 0;
   Eigen::Vector2f u = Eigen::Vector2f::Zero();  ///< [px] last position; an outlier's in this frame
-  RejectReason reason = RejectReason::kNotFound;
+  /// Off the projection of its map point; without a map point: off its epipolar line. Otherwise not
+  /// found in this image, at the mask, or tracked back to another place.
+  bool is_outlier = false;
 };
 
 /// [ms] wall time.
 struct StageTimes {
-  double pyramid = 0, track = 0, align = 0, detect = 0, pose = 0, triangulate = 0;
+  double pyramid = 0, track = 0, align = 0, detect = 0, pose = 0;
+  double triangulate = 0;  ///< with all that a new keyframe needs
   /// On the second thread, reported in the frame that uses the adjusted map; not part of total.
   double bundle_adjustment = 0;
   double adjustment_wait = 0;  ///< for the second thread, and to copy its result into the map
@@ -68,7 +66,7 @@ class VisualOdometry {
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
  private:
-  struct Impl;
+  class Impl;
   std::unique_ptr<Impl> impl_;
 };
 

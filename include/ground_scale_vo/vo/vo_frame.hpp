@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 
@@ -12,7 +13,17 @@ namespace ground_scale_vo {
 
 enum class VoStatus : std::uint8_t { kInitialising = 0, kTracking = 1, kLost = 2 };
 
-const char* toString(VoStatus status);  ///< "initialising", "tracking", "lost"
+inline const char* toString(VoStatus status) {
+  switch (status) {
+    case VoStatus::kInitialising:
+      return "initialising";
+    case VoStatus::kTracking:
+      return "tracking";
+    case VoStatus::kLost:
+      return "lost";
+  }
+  return "invalid";
+}
 
 /// How a frame continues the frames before it. Decided once: by the odometry for its own frames, by
 /// FrameContinuity (ros/) for received ones; a pose that jumps is a new map for ScaleRecovery. Each
@@ -39,7 +50,10 @@ struct TrackedFeature {
 };
 
 /// Whether the feature has a point, which is finite and in front of the camera, and a finite sigma.
-bool hasUsablePoint(const TrackedFeature& feature);
+inline bool hasUsablePoint(const TrackedFeature& feature) {
+  return feature.has_point && isPlausiblePosition(feature.p_c) && feature.p_c.z() > 0 &&
+         feature.depth_sigma >= 0 && feature.depth_sigma <= kLargestCoordinate;
+}
 
 /// Relation of a map to the motion before it, for the metric trajectory. The default value means
 /// unknown, for example with another odometry.

@@ -1,3 +1,5 @@
+#include "vo/map.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -5,7 +7,6 @@
 #include <random>
 
 #include "support/scene.hpp"
-#include "vo/map.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -38,12 +39,12 @@ TEST(LocalMap, HasTheTruePointsAlsoAfterTheirAnchorsLeft) {
     EXPECT_EQ(map.keyframes().size(),
               static_cast<std::size_t>(std::min(kMostKeyframes, keyframes)));
     int with_depth = 0;
-    for (const auto& [id, landmark] : map.landmarks()) {
+    for (const Landmark& landmark : map.landmarks()) {
       EXPECT_LE(landmark.observations.size(), kMaxKeyframes);
       const auto point = map.point(landmark);
       if (!point) continue;
       ++with_depth;
-      EXPECT_LT((point->p_w - points[id]).norm(), 1e-6 * points[id].norm());
+      EXPECT_LT((point->p_w - points[landmark.id()]).norm(), 1e-6 * points[landmark.id()].norm());
     }
     EXPECT_GT(with_depth, kPoints * 8 / 10);
   }
@@ -88,7 +89,7 @@ TEST(LocalMap, RemovesWrongObservationsAndPointsBehindTheCamera) {
   map.addKeyframe(behind, {observe({kLandmark, {1, 1, 9}, {1, 1, 10}}, behind)[2]});
   map.find(3)->depth = InverseDepth{-0.1, 0.01};
   EXPECT_FALSE(map.point(3)) << "a negative depth";
-  map.removeOutliers(0.003);
+  map.removeOutliers();
   EXPECT_EQ(map.find(0)->observations.size(), 3u);
   EXPECT_EQ(map.find(1)->observations.size(), 4u);
   EXPECT_EQ(map.find(2)->observations.size(), 3u);

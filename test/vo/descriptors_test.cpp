@@ -1,10 +1,11 @@
+#include "vo/descriptors.hpp"
+
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "support/texture.hpp"
-#include "vo/descriptors.hpp"
 
 namespace ground_scale_vo {
 namespace {

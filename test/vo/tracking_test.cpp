@@ -1,0 +1,299 @@
+#include "vo/tracking.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <optional>
+#include <vector>
+
+#include "support/texture.hpp"
+#include "vo/corners.hpp"
+#include "vo/lucas_kanade.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+using test::blurredNoise;
+
+std::vector<cv::Point2f> detect(const CornerDetector& detector, const cv::Mat& image,
+                                const std::vector<cv::Point2f>& occupied = {}) {
+  return detector.detect(trackingPyramid(image), occupied);
+}
+
+/// Distance of a pixel from the nearest one of a rectangle, along the farther axis; 0 inside.
+double distanceFrom(const cv::Rect& rectangle, const cv::Point2d& u) {
+  const cv::Point2d first = rectangle.tl(), last = rectangle.br() - cv::Point(1, 1);
+  return std::max({0.0, first.x - u.x, u.x - last.x, first.y - u.y, u.y - last.y});
+}
+
+/// The corners are local maxima of OpenCV's corner strength, everywhere in the image.
+void expectCorners(const cv::Mat& image) {
+  cv::Mat strength, largest;
+  cv::cornerMinEigenVal(image, strength, 5, 3);
+  cv::dilate(strength, largest, cv::Mat::ones(3, 3, CV_8U));
+  OdometryOptions options;
+  for (const double cell_size : {options.cell_size, 0.005}) {
+    options.cell_size = cell_size;
+    const CornerDetector tracker(options, {});
+    const auto corners = detect(tracker, image);
+    ASSERT_GT(corners.size(), 400u);
+    int quarter[4] = {0, 0, 0, 0};
+    const double distance = std::floor(std::max(8.0, cell_size * image.cols) / 2);
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const cv::Point at(corners[i]);
+      ++quarter[(at.x > 400 ? 1 : 0) + (at.y > 124 ? 2 : 0)];
+      EXPECT_GE(strength.at<float>(at), 0.999f * largest.at<float>(at)) << at;
+      for (std::size_t k = 0; k < i; ++k) EXPECT_GE(cv::norm(corners[i] - corners[k]), distance);
+    }
+    for (const int n : quarter) EXPECT_GT(n, static_cast<int>(corners.size()) / 6);
+    EXPECT_TRUE(detect(tracker, cv::Mat(248, 800, CV_8UC1, cv::Scalar(90))).empty());
+    EXPECT_TRUE(detect(tracker, blurredNoise(1, {4, 4})).empty());
+    EXPECT_LT(detect(tracker, image, corners).size(), corners.size() / 3);
+  }
+}
+
+// With little and with full contrast: no sum of gradients overflows.
+TEST(FeatureDetection, FindsLocalMaximaEverywhereApartFromEachOther) {
+  expectCorners(blurredNoise(1));
+  expectCorners(blurredNoise(1, {800, 248}, 3) > 128);
+}
+
+TEST(FeatureDetection, RejectsEdges) {
+  for (const bool turned : {false, true}) {
+    EXPECT_GT(detect(CornerDetector({}, {}), test::waves(40, turned)).size(), 200u);
+    EXPECT_LT(detect(CornerDetector({}, {}), test::waves(12, turned)).size(), 10u);
+  }
+}
+
+// 12.7 megapixels: the second level of the pyramid has 0.8, the first 3.2.
+TEST(FeatureDetection, InALargeImageFindsTheCornersOfASmallerOne) {
+  cv::Mat image;
+  cv::resize(blurredNoise(1), image, {}, 8, 8, cv::INTER_CUBIC);
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
+  const cv::Rect region(2400, 640, 1600, 800);
+  mask(region).setTo(0);
+  const CornerDetector tracker({}, {}), masked({}, mask);
+  const ImagePyramid pyramid = trackingPyramid(image);
+  const auto corners = tracker.detect(pyramid, {});
+  auto expected = detect(tracker, pyramid.levels[2]);
+  for (cv::Point2f& u : expected) u *= 4;
+  EXPECT_GT(corners.size(), 400u);
+  EXPECT_EQ(corners, expected);
+  for (const cv::Point2f& u : masked.detect(pyramid, {})) EXPECT_GT(distanceFrom(region, u), 4);
+}
+
+// The patch around a corner shows no masked pixel.
+TEST(FeatureDetection, FindsNoCornersWhosePatchTouchesTheMask) {
+  const cv::Mat image = blurredNoise(1);
+  const auto all = detect(CornerDetector({}, {}), image);
+  const cv::Rect region(300, 80, 200, 100);
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(1));  // any value but 0 is scene
+  mask(region).setTo(0);
+  const auto allowed = detect(CornerDetector({}, mask), image);
+  for (const cv::Point2f& u : allowed) {
+    EXPECT_GT(distanceFrom(region, u), kTrackedSide / 2);
+  }
+  EXPECT_GT(allowed.size(), all.size() * 7 / 10);
+}
+
+/// Points on a grid, tracked from a textured image to the next.
+struct Tracked {
+  std::vector<cv::Point2f> from = test::gridPixels({800, 248}, 12, 16);
+  std::vector<std::optional<cv::Point2f>> tracks;
+
+  /// predicted_x: predicted displacement [px].
+  Tracked(const CornerDetector& detector, const cv::Mat& next, float predicted_x) {
+    std::vector<cv::Point2f> predicted = from;
+    for (cv::Point2f& u : predicted) u.x += predicted_x;
+    tracks = trackPoints(trackingPyramid(blurredNoise(3)), trackingPyramid(next), from, predicted,
+                         detector.allowed());
+  }
+  /// Errors of the points found, from this displacement [px].
+  std::vector<double> errors(const cv::Point2f& displacement) const {
+    std::vector<double> result;
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      if (tracks[i]) result.push_back(cv::norm(*tracks[i] - from[i] - displacement));
+    }
+    return result;
+  }
+};
+
+TEST(FeatureTracker, MeasuresAShiftToATenthOfAPixelAlsoFromAWrongPrediction) {
+  const cv::Mat next = test::moved(blurredNoise(3), 6.3, -2.7);
+  for (const float predicted_x : {0.f, -40.f}) {
+    const Tracked tracked(CornerDetector({}, {}), next, predicted_x);
+    const std::vector<double> errors = tracked.errors({6.3f, -2.7f});
+    const auto within = [&](double limit) {
+      return std::count_if(errors.begin(), errors.end(), [&](double e) { return e < limit; });
+    };
+    const auto all = static_cast<double>(tracked.from.size());
+    EXPECT_GT(within(0.3), 0.7 * all) << predicted_x;
+    EXPECT_GT(within(0.1), 0.4 * all) << predicted_x;
+  }
+}
+
+TEST(FeatureTracker, DropsPointsThatLeaveTheImageOrEnterTheMask) {
+  constexpr float kShift = 30;
+  const cv::Mat next = test::moved(blurredNoise(3), kShift, 0);
+  cv::Mat mask(next.size(), CV_8UC1, cv::Scalar(255));
+  const cv::Rect region(400, 0, 100, next.rows);
+  mask(region).setTo(0);
+  const Tracked all(CornerDetector({}, {}), next, kShift);
+  const Tracked masked(CornerDetector({}, mask), next, kShift);
+  int entered = 0, remained = 0, left = 0;
+  for (std::size_t i = 0; i < all.from.size(); ++i) {
+    if (all.from[i].x + kShift > 800) {
+      ++left;
+      EXPECT_FALSE(all.tracks[i] && all.tracks[i]->x > 799);
+    }
+    if (!all.tracks[i]) continue;
+    const double distance = distanceFrom(region, *all.tracks[i]);
+    if (distance < 5) {
+      ++entered;
+      EXPECT_FALSE(masked.tracks[i]) << all.tracks[i]->x;
+    } else if (distance > 6) {
+      ++remained;
+      EXPECT_TRUE(masked.tracks[i]) << all.tracks[i]->x;
+    }
+  }
+  EXPECT_GT(left, 10);
+  EXPECT_GT(entered, 20);
+  EXPECT_GT(remained, 200);
+}
+
+/// Blurred noise (grey 50-100), shifted left by shift_px.
+cv::Mat scene(int shift_px = 0) {
+  cv::Mat noise(24, 80 + 20, CV_8UC1);
+  cv::RNG(3).fill(noise, cv::RNG::UNIFORM, 0, 255);
+  cv::GaussianBlur(noise, noise, {}, 1.5);
+  cv::normalize(noise, noise, 50, 100, cv::NORM_MINMAX);
+  return noise(cv::Rect(shift_px, 0, 80, 24)).clone();
+}
+
+TEST(Exposure, FindsAStepInAMovingSceneDespiteBlackAndSaturatedPixels) {
+  for (const double gain : {0.4, 0.7, 1.5, 2.4}) {
+    EXPECT_NEAR(exposureStep(scene(), applyGain(scene(1), gain)), gain, 0.06 * gain) << gain;
+    for (const int grey : {0, 255}) {
+      for (const bool in_previous : {false, true}) {
+        cv::Mat previous = scene(), current = applyGain(scene(), gain);
+        (in_previous ? previous : current).colRange(0, 27) = grey;  // a third of the image
+        EXPECT_NEAR(exposureStep(previous, current), gain, 0.06 * gain) << grey << in_previous;
+      }
+    }
+  }
+}
+
+TEST(Exposure, ReportsNoStepForOtherChanges) {
+  EXPECT_EQ(exposureStep(scene(), scene()), 1);
+  EXPECT_EQ(exposureStep(scene(), scene(7)), 1) << "motion";
+  EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 1.15)), 1) << "too small";
+  EXPECT_EQ(exposureStep(applyGain(scene(), 0.3), applyGain(scene(), 1.8)), 1) << "too large";
+  EXPECT_EQ(exposureStep(scene(), applyGain(scene(), 0)), 1) << "black";
+  EXPECT_EQ(exposureStep(scene(), cv::Mat(24, 80, CV_8UC1, cv::Scalar(255))), 1) << "white";
+  cv::Mat half = scene();
+  half.colRange(0, 45) *= 0.4;
+  EXPECT_EQ(exposureStep(scene(), half), 1) << "a dark object in front of half of the image";
+  cv::Mat other(24, 80, CV_8UC1);
+  cv::RNG(8).fill(other, cv::RNG::UNIFORM, 10, 120);
+  EXPECT_EQ(exposureStep(scene(), other), 1) << "another scene";
+  EXPECT_EQ(applyGain(scene(), 100).at<unsigned char>(5, 5), 255) << "saturates";
+}
+
+constexpr int kLevels = 4;
+
+/// Searches the patch around each point of a pyramid, starting from `points`, which become the
+/// results. Returns which have been found.
+std::vector<unsigned char> trackAll(const ImagePyramid& from, const ImagePyramid& to,
+                                    const std::vector<cv::Point2f>& from_points, int levels,
+                                    std::vector<cv::Point2f>* points) {
+  PyramidSearch search(from, to);
+  std::vector<unsigned char> found;
+  for (std::size_t i = 0; i < from_points.size(); ++i) {
+    search.setPatch(from_points[i]);
+    found.push_back(search.find(levels, &(*points)[i]));
+  }
+  return found;
+}
+
+/// The place of the patch at `point` of an image in the next one, if found in the full resolution.
+std::optional<cv::Point2f> track(const cv::Mat& image, const cv::Mat& next,
+                                 const cv::Point2f& point, const cv::Point2f& guess) {
+  std::vector<cv::Point2f> points{guess};
+  const auto found =
+      trackAll(trackingPyramid(image, 0), trackingPyramid(next, 0), {point}, 0, &points);
+  return found[0] ? std::make_optional(points[0]) : std::nullopt;
+}
+
+std::vector<cv::Point2f> cornersOf(const cv::Mat& image) {
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(0));
+  mask(cv::Rect(40, 40, image.cols - 80, image.rows - 80)) = 255;
+  std::vector<cv::Point2f> corners;
+  cv::goodFeaturesToTrack(image, corners, 300, 0.01, 8, mask);
+  return corners;
+}
+
+TEST(LucasKanade, AgreesWithOpenCv) {
+  const cv::Mat image = test::blurredNoise(7), next = test::moved(image, 3.3, -1.6, 1.5, 1.04);
+  const std::vector<cv::Point2f> corners = cornersOf(image);
+  std::vector<cv::Point2f> points = corners, reference = corners;
+  const auto found = trackAll(trackingPyramid(image, kLevels), trackingPyramid(next, kLevels),
+                              corners, kLevels, &points);
+  std::vector<unsigned char> status;
+  cv::calcOpticalFlowPyrLK(
+      image, next, corners, reference, status, cv::noArray(), {kTrackedSide, kTrackedSide}, kLevels,
+      {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100, 1e-3}, cv::OPTFLOW_USE_INITIAL_FLOW);
+  std::size_t equal = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    equal += found[i] && status[i] && cv::norm(points[i] - reference[i]) < 0.02;
+  }
+  EXPECT_GT(equal, corners.size() * 8 / 10);
+}
+
+TEST(LucasKanade, DoesNotFindPointsWithoutTextureOrOutsideTheImage) {
+  const cv::Mat image = test::blurredNoise(7);
+  EXPECT_TRUE(track(image, image, {400, 124}, {401, 124}));
+  const cv::Mat blank(image.size(), CV_8UC1, cv::Scalar(90));
+  EXPECT_FALSE(track(blank, image, {400, 124}, {400, 124}));
+  EXPECT_FALSE(track(image, image, {400, 124}, {-20, 124}));
+  EXPECT_FALSE(track(image, image, {400, 124}, {400, 1e9f}));
+  for (const bool turned : {false, true}) {
+    for (const double across : {60.0, 3.0, 0.3}) {
+      const cv::Mat edges = test::waves(across, turned);
+      EXPECT_EQ(track(edges, edges, {400, 124}, {400, 124}).has_value(), across > 1)
+          << across << turned;
+    }
+  }
+}
+
+// Also patches that overlap the border, at every place of a small image; and with full contrast,
+// where the sums must not overflow.
+TEST(LucasKanade, TracksPatchesEverywhereInAnImage) {
+  cv::Mat squares(37, 61, CV_8UC1);
+  for (int y = 0; y < squares.rows; ++y) {
+    for (int x = 0; x < squares.cols; ++x) {
+      squares.at<unsigned char>(y, x) = (x % 6 < 3) != (y % 6 < 3) ? 0 : 255;
+    }
+  }
+  const cv::Rect2f inside(5, 5, 50, 26);
+  std::vector<cv::Point2f> all;
+  for (const cv::Point2f& u : test::gridPixels({73, 49}, 0, 3)) {
+    all.push_back(u - cv::Point2f(5.7f, 5.4f));
+  }
+  for (const cv::Mat& image : {test::blurredNoise(7)({100, 100, 61, 37}).clone(), squares}) {
+    const ImagePyramid pyramid = trackingPyramid(image, kLevels);
+    std::vector<cv::Point2f> points = all;
+    for (cv::Point2f& point : points) point += cv::Point2f(0.4f, -0.3f);
+    const auto found = trackAll(pyramid, pyramid, all, 0, &points);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (!inside.contains(all[i])) continue;
+      EXPECT_TRUE(found[i]) << all[i];
+      EXPECT_LT(cv::norm(points[i] - all[i]), 0.02) << all[i];
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ground_scale_vo

@@ -25,7 +25,7 @@ def test_python_of_the_system():
     assert first_lines == {"#!/usr/bin/env bash", "#!/usr/bin/python3"}
 
 
-@pytest.mark.parametrize("name", [*TOOLS, "demo", "evaluate", "package"])
+@pytest.mark.parametrize("name", [*TOOLS, "demo", "evaluate", "package", "report"])
 def test_help_and_unknown_option(name):
     assert name in run(command(name), "--help").stdout.split("\n\n")[0]
     assert_refused(2, "--nonsense", command(name), "--nonsense")

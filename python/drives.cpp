@@ -13,7 +13,6 @@
 
 #include "arrays.hpp"
 #include "common/files.hpp"
-#include "common/text.hpp"
 #include "ground_scale_vo/calibration/lens_calibration.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
@@ -212,10 +211,7 @@ gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
       reader = open().cast<ReaderPtr>();
     }
     const gsv::CameraCalibration& own = reader->drive->camera();
-    if (own.width != camera.width || own.height != camera.height) {
-      throw gsv::DataError(name + ": the images are " + gsv::sizeText(own.width, own.height) +
-                           ", the calibration is of " + gsv::sizeText(camera.width, camera.height));
-    }
+    gsv::checkCalibration(camera, "the calibration of the first drive", {own.width, own.height});
     {
       gsv::ProgressLine progress(name + ", run " + std::to_string(++run), reader->drive->count());
       while (const auto image = reader->drive->next()) {

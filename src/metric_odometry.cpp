@@ -1,15 +1,6 @@
 #include "ground_scale_vo/metric_odometry.hpp"
 
 namespace ground_scale_vo {
-namespace {
-
-/// Both stages' options are checked before the first stage is built.
-const MetricOdometry::Options& validated(const MetricOdometry::Options& options) {
-  options.validate();
-  return options;
-}
-
-}  // namespace
 
 void MetricOdometry::Options::validate() const {
   requireInRanges(odometry);
@@ -23,7 +14,7 @@ MetricOdometry::Status MetricOdometry::Output::status() const {
 
 MetricOdometry::MetricOdometry(const CameraCalibration& camera, const Options& options,
                                const cv::Mat& mask)
-    : vo_(camera, validated(options).odometry, mask), scale_(options.scale) {}
+    : vo_(camera, options.odometry, mask), scale_(options.scale) {}
 
 MetricOdometry::Output MetricOdometry::process(const cv::Mat& image, std::int64_t stamp_ns) {
   Output output;

@@ -67,12 +67,18 @@ class CameraYaml {
 };
 
 void setSize(const CameraYaml& yaml, const Numbers& size, CameraCalibration* camera) {
-  if (size.size() != 2 || !(size[0] >= 1 && size[1] >= 1) || !(size[0] <= kMaxImageSide) ||
-      !(size[1] <= kMaxImageSide)) {
+  const auto is_side = [](double n) { return n >= 1 && n <= kMaxImageSide; };
+  if (size.size() != 2 || !is_side(size[0]) || !is_side(size[1])) {
     yaml.fail("has an implausible image size");
   }
   camera->width = static_cast<int>(size[0]);
   camera->height = static_cast<int>(size[1]);
+}
+
+/// Of the first keys that the file has.
+void setSize(const CameraYaml& yaml, std::initializer_list<const char*> width,
+             std::initializer_list<const char*> height, CameraCalibration* camera) {
+  setSize(yaml, {yaml.number(yaml.at(width)), yaml.number(yaml.at(height))}, camera);
 }
 
 void setIntrinsics(const CameraYaml& yaml, const Numbers& fx_fy_cx_cy, CameraCalibration* camera) {
@@ -95,10 +101,7 @@ Numbers members(const CameraYaml& yaml, const YAML::Node& node,
 
 CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
   CameraCalibration camera;
-  setSize(yaml,
-          {yaml.number(yaml.at({"image_width", "image_Width"})),
-           yaml.number(yaml.at({"image_height", "image_Height"}))},
-          &camera);
+  setSize(yaml, {"image_width", "image_Width"}, {"image_height", "image_Height"}, &camera);
   const Numbers K = yaml.numbers(yaml.at({"camera_matrix", "Camera_Matrix", "cameraMatrix", "K"}));
   if (K.size() != 9 || K[1] != 0 || K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1) {
     yaml.fail("camera_matrix is not of the form fx 0 cx, 0 fy cy, 0 0 1");
@@ -141,8 +144,7 @@ CameraCalibration ofOrbSlam(const CameraYaml& yaml, const std::string& prefix) {
   }
   setIntrinsics(yaml, {number("fx"), number("fy"), number("cx"), number("cy")}, &camera);
   if (yaml.has("Camera.width") && yaml.has("Camera.height")) {
-    setSize(yaml, {yaml.number(yaml.at({"Camera.width"})), yaml.number(yaml.at({"Camera.height"}))},
-            &camera);
+    setSize(yaml, {"Camera.width"}, {"Camera.height"}, &camera);
   }
   if (yaml.has("Camera.type")) {
     const std::string type = yaml.word(yaml.at({"Camera.type"}));
@@ -155,8 +157,7 @@ CameraCalibration ofOrbSlam(const CameraYaml& yaml, const std::string& prefix) {
 CameraCalibration ofVins(const CameraYaml& yaml) {
   const YAML::Node projection = yaml.at({"projection_parameters"});
   CameraCalibration camera;
-  setSize(yaml, {yaml.number(yaml.at({"image_width"})), yaml.number(yaml.at({"image_height"}))},
-          &camera);
+  setSize(yaml, {"image_width"}, {"image_height"}, &camera);
   const std::string type = yaml.word(yaml.at({"model_type"}));
   camera.model =
       &modelNamed(type, &DistortionModel::vins_names, "the camera model is " + type + ", ");

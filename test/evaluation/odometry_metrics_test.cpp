@@ -4,8 +4,6 @@
 #include <limits>
 
 #include "ground_scale_vo/evaluation/metrics.hpp"
-#include "ground_scale_vo/io/trajectory_io.hpp"
-#include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -139,48 +137,6 @@ TEST(Quantile, IsLinearBetweenNeighbours) {
   EXPECT_DOUBLE_EQ(quantile({7}, 0.95), 7.0);
   EXPECT_TRUE(std::isnan(quantile({}, 0.5)));
 }
-
-/// Result of a public monocular odometry on a public sequence, in the folder peers; "sim": up to
-/// scale. The expected errors are those of a separate NumPy implementation of the same metrics.
-struct Baseline {
-  const char* sequence;
-  const char* system;
-  std::optional<double> t_err_percent, t_err_true_length_percent, t_err_sim3_percent,
-      r_err_deg_per_m;
-};
-
-class DataBaseline : public ::testing::TestWithParam<Baseline> {};
-
-TEST_P(DataBaseline, HasTheErrorsOfASeparateImplementation) {
-  const Baseline& baseline = GetParam();
-  const std::string sequence = baseline.sequence;
-  const auto ground_truth = dataPath(sequence + "/poses.txt");
-  const auto estimate = dataPath("peers/" + sequence + "_" + baseline.system + ".txt");
-  if (ground_truth.empty() || estimate.empty()) {
-    GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no such data";
-  }
-  const OdometryMetrics m =
-      computeOdometryMetrics(readKittiPoses(ground_truth), readKittiPoses(estimate));
-  const auto expectNear = [](std::optional<double> value, std::optional<double> expected,
-                             double tolerance) {
-    if (expected) {
-      EXPECT_NEAR(value.value(), *expected, tolerance);
-    }
-  };
-  expectNear(m.t_err_percent, baseline.t_err_percent, 0.06);
-  expectNear(m.t_err_true_length_percent, baseline.t_err_true_length_percent, 0.005);
-  expectNear(m.t_err_sim3_percent, baseline.t_err_sim3_percent, 0.005);
-  expectNear(m.r_err_deg_per_m, baseline.r_err_deg_per_m, 0.00005);
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    RealData, DataBaseline,
-    ::testing::Values(Baseline{"kitti_raw_0926_0039", "viso2_metric", 3.0, {}, {}, {}},
-                      Baseline{"kitti_00_0000_0199", "viso2_metric", 6.7, {}, {}, {}},
-                      Baseline{"kitti_raw_0926_0039", "ov2slam_sim", {}, 0.62, 1.75, 0.0014},
-                      Baseline{"kitti_raw_0926_0039", "dso_sim", {}, {}, 1.56, {}},
-                      Baseline{"kitti_00_0000_0199", "ov2slam_sim", {}, 1.08, 3.38, 0.0173},
-                      Baseline{"rendered_04", "ov2slam_sim", {}, 0.05, {}, {}}));
 
 }  // namespace
 }  // namespace ground_scale_vo

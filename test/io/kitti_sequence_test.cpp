@@ -85,12 +85,7 @@ TEST_F(KittiSequences, ReadsAnOdometryFolder) {
   const KittiSequence sequence(makeOdometry());
   EXPECT_EQ(sequence.name(), "07");
   EXPECT_EQ(sequence.size(), 3u);
-  EXPECT_EQ(sequence.camera().width, 64);
-  EXPECT_EQ(sequence.camera().height, 48);
-  EXPECT_EQ(sequence.camera().fx, 70);
-  EXPECT_EQ(sequence.camera().fy, 71);
-  EXPECT_EQ(sequence.camera().cx, 32);
-  EXPECT_EQ(sequence.camera().cy, 24);
+  EXPECT_TRUE(isSameCamera(sequence.camera(), {64, 48, 70, 71, 32, 24}));
   EXPECT_EQ(sequence.stampNs(0), 0);
   EXPECT_EQ(sequence.stampNs(1), 103736000);
   EXPECT_EQ(sequence.stampNs(2), 207338600);

@@ -69,9 +69,8 @@ class OfflineRun {
   using Options = MetricOdometry::Options;
 
   /// The arguments of MetricOdometry. Throws OptionError.
-  OfflineRun(const CameraCalibration& camera, const Options& options, const cv::Mat& mask = {})
-      : odometry_(camera, options, mask) {}
-  OfflineRun(const PinholeCamera& camera, const Options& options, const cv::Mat& mask = {})
+  template <typename Camera>
+  OfflineRun(const Camera& camera, const Options& options, const cv::Mat& mask = {})
       : odometry_(camera, options, mask) {}
 
   /// image and stamp as for MetricOdometry::process(); decode_ms: for the record. Throws

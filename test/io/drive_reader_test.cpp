@@ -146,7 +146,9 @@ TEST(DriveReader, RefusesTheCalibrationOfAnotherSize) {
   expectThrows<DataError>([&] { open({6, 8, 10, 10, 3, 4}); }, "turned alike");
   expectThrows<DataError>(
       [&] {
-        open(CameraCalibration{8, 6, 10, 10, 4, 3}.ofPart({0, 0, 8, 6}, {2, 2}));
+        CameraCalibration binned{4, 3, 5, 5, 2, 1.5};
+        binned.binning = {2, 2};
+        open(binned);
       },
       "camera.yaml describes 4x3 with its binning of 2x2: if the calibration is of the binned");
   expectThrows<DataError>(

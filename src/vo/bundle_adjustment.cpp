@@ -41,12 +41,12 @@ void BundleAdjustment::load(const LocalMap& map) {
   rays_.clear();
   residuals_.clear();
   relative_poses_.clear();
-  state_.T_w_c.clear();
-  state_.inverse_depth.clear();
+  T_w_c_.clear();
+  inverse_depths_.clear();
   usable_ = false;
   if (map.keyframes().size() < 2) return;
 
-  for (const Keyframe& keyframe : map.keyframes()) state_.T_w_c.push_back(keyframe.T_w_c);
+  for (const Keyframe& keyframe : map.keyframes()) T_w_c_.push_back(keyframe.T_w_c);
   first_free_ = keyframes() > window_ ? keyframes() - window_ : 1;
   relative_pose_of_.assign(keyframes() * keyframes(), kNone);
   const Eigen::Index size = row(keyframes());
@@ -84,7 +84,7 @@ void BundleAdjustment::addLandmark(const Landmark& landmark, const LocalMap& map
   if (residuals_.size() == before) return;
   landmarks_.push_back(added);
   rays_.push_back(ray);
-  state_.inverse_depth.push_back(landmark.depth->value);
+  inverse_depths_.push_back(landmark.depth->value);
 }
 
 /// Adds the row of a keyframe, and those of free keyframes between the last one and this one.
@@ -103,26 +103,25 @@ std::size_t BundleAdjustment::relativePose(std::size_t observer, std::size_t anc
   std::size_t& index = relative_pose_of_[observer * keyframes() + anchor];
   if (index == kNone) {
     index = relative_poses_.size();
-    relative_poses_.push_back(
-        {observer, anchor, state_.T_w_c[observer].inverse() * state_.T_w_c[anchor]});
+    relative_poses_.push_back({observer, anchor, T_w_c_[observer].inverse() * T_w_c_[anchor]});
   }
   return index;
 }
 
 /// Half the sum of squares with Huber's loss; infinite when a landmark is behind a camera. Leaves
-/// the relative poses as they are in this state.
-double BundleAdjustment::cost(const State& of) {
+/// the relative poses as they are with these poses.
+double BundleAdjustment::cost(const std::vector<Eigen::Isometry3d>& T_w_c,
+                              const std::vector<double>& inverse_depths) {
   double sum = 0;
   for (std::size_t g = 0; g < relative_poses_.size(); ++g) {
     RelativePose& relative = relative_poses_[g];
-    relative.T_o_a = of.T_w_c[relative.observer].inverse() * of.T_w_c[relative.anchor];
-    sum +=
-        reprojections_.cost(g, relative.T_o_a, of.inverse_depth, kHuberSigma, kMinStepDepthRatio);
+    relative.T_o_a = T_w_c[relative.observer].inverse() * T_w_c[relative.anchor];
+    sum += reprojections_.cost(g, relative.T_o_a, inverse_depths, kHuberSigma, kMinStepDepthRatio);
   }
   return sum;
 }
 
-/// Gradient and Gauss-Newton Hessian at `state_`, whose cost was computed last.
+/// Gradient and Gauss-Newton Hessian at the state whose cost was computed last.
 void BundleAdjustment::linearise() {
   H_pp_.setZero();
   gradient_.setZero();
@@ -167,10 +166,10 @@ void BundleAdjustment::finishLandmark(std::size_t i) {
   if (!landmark.free_anchor) return;
   const Eigen::Map<const Eigen::Vector3d> sum(&anchor_sums_[3 * i]);
   Eigen::Map<Vector6d>(&rows_[Reprojections::kRow * landmark.begin]) << rays_[i].cross(sum),
-      state_.inverse_depth[i] * sum;
+      inverse_depths_[i] * sum;
 }
 
-/// Fills `candidate_` with the minimum of the damped quadratic model. Returns the decrease of the
+/// Fills the candidates with the minimum of the damped quadratic model. Returns the decrease of the
 /// undamped model's cost; empty when the equations have no solution.
 std::optional<double> BundleAdjustment::makeStep(double damping) {
   step_ = -gradient_;
@@ -188,9 +187,10 @@ std::optional<double> BundleAdjustment::makeStep(double damping) {
   for (Eigen::Index i = 0; i < step_.size(); ++i) {
     decrease += 0.5 * step_(i) * (addedDiagonal(H_pp_(i, i), damping) * step_(i) - gradient_(i));
   }
-  candidate_ = state_;
+  candidate_T_w_c_ = T_w_c_;
+  candidate_inverse_depths_ = inverse_depths_;
   for (std::size_t k = first_free_; k < keyframes(); ++k) {
-    candidate_.T_w_c[k] = boxplus(state_.T_w_c[k], step_.segment<6>(row(k)));
+    candidate_T_w_c_[k] = boxplus(T_w_c_[k], step_.segment<6>(row(k)));
   }
   padStep();
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
@@ -198,7 +198,7 @@ std::optional<double> BundleAdjustment::makeStep(double damping) {
     const double d = addedDiagonal(landmark.H_ll, damping);
     const double s = -gradientAfterPoseStep(landmark) / (landmark.H_ll + d);
     decrease += 0.5 * s * (d * s - landmark.gradient);
-    candidate_.inverse_depth[i] += s;
+    candidate_inverse_depths_[i] += s;
   }
   return decrease;
 }
@@ -248,18 +248,20 @@ double BundleAdjustment::gradientAfterPoseStep(const Unknown& landmark) const {
                                  .dot(Numbers(padded_.data() + kRow * landmark.first_block, size));
 }
 
-/// Minimises the cost, starting at `state_` with cost `now`.
+/// Minimises the cost, which is `now`.
 void BundleAdjustment::minimise(double now) {
   linearise();
   double damping = kInitialDamping, growth = kInitialDampingGrowth;
   for (int iteration = 1; iteration <= kMaxAdjustmentIterations; ++iteration) {
     const auto decrease = makeStep(damping);
     usable_ = usable_ || decrease;
-    const double then = decrease ? cost(candidate_) : std::numeric_limits<double>::infinity();
+    const double then = decrease ? cost(candidate_T_w_c_, candidate_inverse_depths_)
+                                 : std::numeric_limits<double>::infinity();
     const bool converged = std::abs(now - then) <= kCostTolerance * now;
     const double gain = decrease ? (now - then) / *decrease : 0;
     if (gain > kMinGainRatio) {
-      std::swap(state_, candidate_);
+      std::swap(T_w_c_, candidate_T_w_c_);
+      std::swap(inverse_depths_, candidate_inverse_depths_);
       now = then;
       damping *= std::max(kMinDampingFactor, 1 - std::pow(2 * gain - 1, 3));
       growth = kInitialDampingGrowth;
@@ -275,7 +277,7 @@ void BundleAdjustment::minimise(double now) {
 bool BundleAdjustment::solve() {
   if (landmarks_.size() < kMinLandmarks) return false;
   const double length = baseline();
-  const double initial_cost = cost(state_);
+  const double initial_cost = cost(T_w_c_, inverse_depths_);
   if (!isFinite(initial_cost)) return false;
   minimise(initial_cost);
   if (!usable_) return false;
@@ -284,32 +286,31 @@ bool BundleAdjustment::solve() {
     const double adjusted_length = baseline();
     if (length > 0 && adjusted_length > 0) rescale(length / adjusted_length);
   }
-  usable_ = std::all_of(state_.T_w_c.begin(), state_.T_w_c.end(),
-                        [](const auto& T) { return isFinite(T); }) &&
-            isFinite(state_.inverse_depth);
+  usable_ = std::all_of(T_w_c_.begin(), T_w_c_.end(), [](const auto& T) { return isFinite(T); }) &&
+            isFinite(inverse_depths_);
   return usable_;
 }
 
 /// Distance between the first and the newest keyframe.
 double BundleAdjustment::baseline() const {
-  return (state_.T_w_c.back().translation() - state_.T_w_c.front().translation()).norm();
+  return (T_w_c_.back().translation() - T_w_c_.front().translation()).norm();
 }
 
 void BundleAdjustment::rescale(double factor) {
-  const Eigen::Vector3d origin = state_.T_w_c.front().translation();
-  for (Eigen::Isometry3d& T : state_.T_w_c) {
+  const Eigen::Vector3d origin = T_w_c_.front().translation();
+  for (Eigen::Isometry3d& T : T_w_c_) {
     T.translation() = origin + factor * (T.translation() - origin);
   }
-  for (double& rho : state_.inverse_depth) rho /= factor;
+  for (double& rho : inverse_depths_) rho /= factor;
 }
 
 void BundleAdjustment::store(LocalMap* map) const {
   if (!usable_) return;
   for (std::size_t k = first_free_; k < keyframes(); ++k) {
-    map->keyframes()[k].T_w_c = state_.T_w_c[k];
+    map->keyframes()[k].T_w_c = T_w_c_[k];
   }
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-    map->find(landmarks_[i].id)->depth->value = state_.inverse_depth[i];
+    map->find(landmarks_[i].id)->depth->value = inverse_depths_[i];
   }
 }
 

@@ -24,12 +24,10 @@ constexpr double kHuberSigma = 1;
 /// A landmark with inverse depth rho on the ray of its anchor a projects into observer o as
 ///   q = R_o_a ray + rho t_o_a,   residual r = (q_xy / q_z - x) / sigma,
 /// x: observed position in normalised image coordinates, sigma: its standard deviation.
-/// Poses are updated by boxplus (common/se3.hpp). The inverse depths, a scalar each, are eliminated
-/// by the Schur complement; the remaining system, six rows per keyframe, is solved by Cholesky.
+/// The inverse depths are eliminated by the Schur complement.
 ///
-/// The problem is stored in flat arrays, which keep their memory from one adjustment to the next. A
-/// keyframe is numbered by its position in the map. Keyframes before `first_free` are fixed; the
-/// others have six rows each.
+/// The flat arrays keep their memory from one adjustment to the next. A keyframe is numbered by its
+/// position in the map; those from `first_free_` on have six rows each in the normal equations.
 class BundleAdjustment {
  public:
   /// window: [keyframes] newest ones that are optimised.
@@ -58,10 +56,6 @@ class BundleAdjustment {
 
     std::size_t blocks() const { return end - free_begin; }
   };
-  struct State {
-    std::vector<Eigen::Isometry3d> T_w_c;
-    std::vector<double> inverse_depth;
-  };
   /// Relative pose of an observer o and an anchor a, shared by all landmarks of the anchor that the
   /// observer observes: a group of residuals.
   struct RelativePose {
@@ -73,7 +67,8 @@ class BundleAdjustment {
   std::size_t addRow(std::size_t keyframe, Unknown* landmark) const;
   std::size_t relativePose(std::size_t observer, std::size_t anchor);
 
-  double cost(const State& of);
+  double cost(const std::vector<Eigen::Isometry3d>& T_w_c,
+              const std::vector<double>& inverse_depths);
   void linearise();
   void addPoseBlocks(const RelativePose& relative, const Matrix6d& H_oo,
                      const Vector6d& gradient_o);
@@ -88,7 +83,7 @@ class BundleAdjustment {
   double baseline() const;
   void rescale(double factor);
 
-  std::size_t keyframes() const { return state_.T_w_c.size(); }
+  std::size_t keyframes() const { return T_w_c_.size(); }
   bool isFixed(std::size_t keyframe) const { return keyframe < first_free_; }
   std::size_t freeKeyframes() const { return keyframes() - first_free_; }
   /// First row of the keyframe in the normal equations.
@@ -103,7 +98,8 @@ class BundleAdjustment {
   std::vector<Reprojections::Residual> residuals_;
   std::vector<RelativePose> relative_poses_;
   std::vector<std::size_t> relative_pose_of_;  // [observer * keyframes + anchor]; kNone: not needed
-  State state_, candidate_;
+  std::vector<Eigen::Isometry3d> T_w_c_, candidate_T_w_c_;         // of the keyframes
+  std::vector<double> inverse_depths_, candidate_inverse_depths_;  // of the landmarks
   bool usable_ = false;
 
   Reprojections reprojections_;

@@ -32,11 +32,11 @@ class Mapping {
   /// True if the parallax to the last keyframe is large, or few of its features are still tracked.
   bool needsKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& found) const;
 
-  /// Adds a keyframe, triangulates, and starts the bundle adjustment on the second thread. It
-  /// replaces the newest keyframe if that one was taken at the same place as the one before it: at
-  /// a standstill, images with few features in common would otherwise displace all keyframes with a
-  /// baseline, and the map would lose its scale. The second thread works on a copy of the poses and
-  /// depths, so the map stays usable. readout_motion: see VoFrame.
+  /// Adds a keyframe, triangulates, and starts the bundle adjustment on the second thread, which
+  /// works on a copy. It replaces the newest keyframe if that one was taken at the same place as
+  /// the one before it: at a standstill, images with few features in common would otherwise
+  /// displace all keyframes with a baseline, and the map would lose its scale. readout_motion: see
+  /// VoFrame.
   void addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feature>& features,
                    const ImagePyramid& image, const Vector6d& readout_motion = Vector6d::Zero());
 

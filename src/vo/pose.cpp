@@ -235,11 +235,12 @@ PoseEstimate estimatePose(const Eigen::Isometry3d& predicted_T_w_c,
   }
   cv::Rodrigues(rotation_vector, R);
   Eigen::Matrix3d R_c_w;
+  Eigen::Vector3d t_c_w;
   cv::cv2eigen(R, R_c_w);
+  cv::cv2eigen(translation, t_c_w);
   Eigen::Isometry3d T_c_w = Eigen::Isometry3d::Identity();
   T_c_w.linear() = R_c_w;
-  T_c_w.translation() = Eigen::Vector3d(translation.at<double>(0), translation.at<double>(1),
-                                        translation.at<double>(2));
+  T_c_w.translation() = t_c_w;
   PoseEstimate from_ransac = estimateFrom(T_c_w.inverse());
   const double min_ratio = result.ok ? kMinInlierRatio : 1;
   return from_ransac.inliers > min_ratio * result.inliers ? from_ransac : result;

@@ -10,12 +10,8 @@
 namespace ground_scale_vo {
 
 /// Finds the pose of an image in the map after an interruption in which the camera has moved and
-/// turned too far for descriptors of corners. Poses on a grid are rated: rotations about the
-/// vertical and the horizontal axis since the last pose, and distances around the one predicted
-/// with the last velocity. The score is the sum of the normalised cross-correlations of up to 200
-/// patches at the projections of their map points, in standard deviations of that sum at unrelated
-/// places. The best pose is refined with the positions at which the single patches correlate best,
-/// coarse to fine.
+/// turned too far for descriptors of corners: rates the poses of a grid by the correlations of all
+/// patches at their projections, and refines the best one.
 /// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
 /// differ. mask: as for VisualOdometry. Takes some tenths of a second. Empty when no pose stands
 /// out, when too few patches agree with it, or when the distance deviates too much from that at the

@@ -15,11 +15,9 @@
 namespace ground_scale_vo {
 
 /// Factor between the grey levels of two consecutive images after a step of the camera's exposure:
-/// the median ratio current / previous of the pixels. Returns 1 when the factor is between 1 / 1.25
-/// and 1.25, above 5 or below 1 / 5, when fewer than 20 % of the pixels are unclipped in both
-/// images, or when the factor is not significant compared with the variation of the ratios over the
-/// image, which image motion causes. Both images: 8-bit grey, same size, small (the coarsest level
-/// of a pyramid).
+/// the median ratio current / previous of the unclipped pixels; 1 for a small or implausible
+/// factor, and for one that is not significant compared with its variation over the image, which
+/// motion causes. Both images: 8-bit grey, same size, small (the coarsest level of a pyramid).
 double exposureStep(const cv::Mat& previous, const cv::Mat& current);
 
 /// Stores the previous image and its features, and tracks them into the next image. The previous

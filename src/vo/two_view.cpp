@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
 #include <utility>
 
 #include "ground_scale_vo/common/math.hpp"
@@ -67,17 +68,14 @@ std::vector<cv::Point2d> toPoints(const Rays& rays) {
   return points;
 }
 
-Eigen::Matrix3d toEigen(const cv::Mat& m) {
-  Eigen::Matrix3d result;
-  for (int r = 0; r < 3; ++r)
-    for (int c = 0; c < 3; ++c) result(r, c) = m.at<double>(r, c);
-  return result;
-}
-
-TwoViewMotion candidate(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
+TwoViewMotion candidate(const cv::Mat& R, const cv::Mat& t) {
+  Eigen::Matrix3d R_2_1;
+  Eigen::Vector3d t_2_1;
+  cv::cv2eigen(R, R_2_1);
+  cv::cv2eigen(t, t_2_1);
   TwoViewMotion result;
-  result.T_2_1.linear() = R;
-  result.T_2_1.translation() = t.normalized();
+  result.T_2_1.linear() = R_2_1;
+  result.T_2_1.translation() = t_2_1.normalized();
   return result;
 }
 
@@ -90,9 +88,7 @@ std::vector<TwoViewMotion> essentialCandidates(const std::vector<cv::Point2d>& x
   if (E.rows != 3 || E.cols != 3) return {};
   cv::Mat Ra, Rb, t;
   cv::decomposeEssentialMat(E, Ra, Rb, t);
-  const Eigen::Vector3d t_eigen(t.at<double>(0), t.at<double>(1), t.at<double>(2));
-  return {candidate(toEigen(Ra), t_eigen), candidate(toEigen(Ra), -t_eigen),
-          candidate(toEigen(Rb), t_eigen), candidate(toEigen(Rb), -t_eigen)};
+  return {candidate(Ra, t), candidate(Ra, -t), candidate(Rb, t), candidate(Rb, -t)};
 }
 
 std::vector<TwoViewMotion> homographyCandidates(const std::vector<cv::Point2d>& x1,
@@ -104,11 +100,9 @@ std::vector<TwoViewMotion> homographyCandidates(const std::vector<cv::Point2d>& 
   cv::decomposeHomographyMat(H, cv::Mat::eye(3, 3, CV_64F), rotations, translations, normals);
   std::vector<TwoViewMotion> result;
   for (std::size_t i = 0; i < rotations.size(); ++i) {
-    const cv::Mat& t = translations[i];
-    const Eigen::Vector3d t_eigen(t.at<double>(0), t.at<double>(1), t.at<double>(2));
-    if (t_eigen.norm() < kMinTranslation) continue;
-    result.push_back(candidate(toEigen(rotations[i]), t_eigen));
-    result.push_back(candidate(toEigen(rotations[i]), -t_eigen));
+    if (cv::norm(translations[i]) < kMinTranslation) continue;
+    result.push_back(candidate(rotations[i], translations[i]));
+    result.push_back(candidate(rotations[i], -translations[i]));
   }
   return result;
 }

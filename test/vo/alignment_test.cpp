@@ -10,7 +10,6 @@
 #include "support/texture.hpp"
 #include "support/wall.hpp"
 #include "vo/feature.hpp"
-#include "vo/float_patch.hpp"
 #include "vo/lucas_kanade.hpp"
 
 namespace ground_scale_vo {
@@ -154,24 +153,6 @@ TEST(PatchAlignment, UsesNoPixelsOutsideTheImages) {
     EXPECT_FALSE(isAligned(in_part, enough, too_few, enough, enough));
     EXPECT_FALSE(isAligned(in_part, enough, enough, too_few, enough));
     EXPECT_FALSE(isAligned(in_part, enough, enough, enough, too_few));
-  }
-}
-
-TEST(PatchWarp, IsTheDerivativeOfTheProjection) {
-  const auto T_c_r = test::pose({0.01, 0.03, -0.02}, {0.1, 0.05, -1.5});
-  const Eigen::Vector3d p(1.2, kHeight, 11);
-  const std::pair<PatchSurface, Eigen::Vector3d> surfaces[] = {
-      // and a displacement along it
-      {PatchSurface::kFloor, {0.002, 0, 0.01}},
-      {PatchSurface::kWall, {0, 0.002, 0.01}},
-      {PatchSurface::kFrontoParallel, {0.002, 0.003, 0}}};
-  for (const auto& [surface, displacement] : surfaces) {
-    const auto warp = patchWarp(kCamera, p, T_c_r, surface);
-    ASSERT_TRUE(warp);
-    const Eigen::Vector3d q = p + displacement;
-    const Eigen::Vector2d moved_r = kCamera.project(q) - kCamera.project(p);
-    const Eigen::Vector2d moved_c = kCamera.project(T_c_r * q) - kCamera.project(T_c_r * p);
-    EXPECT_LT((*warp * moved_r - moved_c).norm(), 0.05 * moved_c.norm()) << int(surface);
   }
 }
 

@@ -57,14 +57,6 @@ TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
   expectPose(motion.extrapolate(22 * kFramePeriod), poseAt(2) * pose({0, 2, 0}, {4, 0, 20}));
 }
 
-TEST(PixelPrediction, ByFlowIsProportionalToTheTime) {
-  Feature feature;
-  feature.u = {100, 50};
-  feature.flow = {20, -10};  // [px/s]
-  const auto predicted = predictPixelsByFlow({feature}, 0.5);
-  EXPECT_EQ(predicted, std::vector<cv::Point2f>(1, {110, 45}));
-}
-
 const PinholeCamera kRollingCamera{640, 480, 400, 400, 320, 240};
 
 /// Pixel of a point (in the camera axes at the stamp) in the image of a rolling shutter.

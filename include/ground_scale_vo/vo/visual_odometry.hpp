@@ -30,13 +30,6 @@ struct StageTimes {
 };
 
 /// Monocular visual odometry up to scale (the paper's MVO thread): images in, VoFrame out.
-///
-/// The first frames start a map (two-view geometry between the first and the newest). Each further
-/// frame: features are tracked from the previous image and aligned to the patches of the keyframes,
-/// the pose follows from their map points, and when the parallax has grown enough, or few features
-/// of the last keyframe are left, the frame becomes a keyframe: new corners, triangulation, local
-/// bundle adjustment on a second thread.
-///
 /// Deterministic: the same images give the same bytes. Not thread safe.
 class VisualOdometry {
  public:

@@ -74,10 +74,6 @@ class LensOdometry {
     }
     frame.sequence += first_sequence_;
     frame.map_id += first_map_;
-    if (lens_.isEstimate()) {
-      const CameraCalibration calibration = calibrationOf(lens_.lens);
-      frame.distortion.assign(calibration.distortion.begin(), calibration.distortion.end());
-    }
     for (TrackedFeature& feature : frame.features) feature.id += first_id_;
     for (RejectedFeature& feature : output->rejected) feature.id += first_id_;
   }

@@ -107,7 +107,7 @@ def check(parser, arguments):
 
 
 class Display:
-    """Reduces the output of kitti.launch to the address of the master, progress, warnings and the first error: those
+    """Reduces the output of bag.launch to the address of the master, progress, warnings and the first error: those
     that follow only result from the shutdown."""
 
     def __init__(self, launch, name, master, recorded):
@@ -180,8 +180,10 @@ def play(bags, results, arguments):
         "record": results / "recorded.bag"}
     if arguments.rectified is not None:
         options["image_is_rectified"] = str(arguments.rectified).lower()
+    is_kitti = arguments.image == "" or arguments.image.lstrip("/").startswith("kitti/")
+    file = "kitti.launch" if is_kitti else "bag.launch"
     launch = subprocess.Popen(
-        ["roslaunch", "-p", port, "ground_scale_vo", "kitti.launch", *(f"{name}:={value}" for name, value in options.items())],
+        ["roslaunch", "-p", port, "ground_scale_vo", file, *(f"{name}:={value}" for name, value in options.items())],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
     log = results / "roslaunch.log"
     tee = subprocess.Popen(["tee", log], stdin=launch.stdout, stdout=subprocess.PIPE, text=True, errors="replace",

@@ -18,7 +18,6 @@ ALLOWED = {
     "self_calibrating_odometry": ["common", "input", "vo", "lens"],
     "metric_odometry": ["common", "input", "vo", "scale", "lens", "self_calibrating_odometry"],
     "ros": ["common", "input", "vo", "scale", "lens", "self_calibrating_odometry", "metric_odometry"],
-    "nodelets": ["common", "input", "vo", "scale", "lens", "self_calibrating_odometry", "metric_odometry", "ros"],
     "io": ["common", "input"],
     "evaluation": ["common", "input", "lens", "vo", "scale", "metric_odometry", "io"],
     "calibration": ["common", "input", "lens", "vo", "scale", "metric_odometry", "io", "evaluation"],
@@ -27,7 +26,7 @@ ALLOWED = {
     "tools": ["common", "input", "lens", "vo", "scale", "metric_odometry", "ros", "io", "evaluation", "calibration",
               "simulation", "ros_tools"],
 }
-USES_ROS = {"ros", "nodelets", "ros_tools", "tools"}
+USES_ROS = {"ros", "ros_tools", "tools"}
 TESTS_WITHOUT_ROS = (set(ALLOWED) - USES_ROS) | {"drives", "integration", "support", "tools"}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+[<"]([^>"]+)[>"]', re.MULTILINE)

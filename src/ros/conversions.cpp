@@ -10,17 +10,14 @@
 #include <limits>
 #include <sstream>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "ground_scale_vo/input/image.hpp"
-#include "input/camera_info.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
 
 /// Largest deviation of the norm of a unit quaternion from 1: senders may round it.
 constexpr double kUnitTolerance = 0.01;
@@ -47,7 +44,8 @@ void requireAtMost(const char* field, unsigned value, unsigned max) {
 }
 
 /// name: of the quaternion, for the message of the error.
-Eigen::Matrix3d toRotation(const Eigen::Quaterniond& q, const std::string& name) {
+Eigen::Matrix3d toRotation(const geometry_msgs::Quaternion& msg, const std::string& name) {
+  const Eigen::Quaterniond q(msg.w, msg.x, msg.y, msg.z);
   if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) {
     refuse("the quaternion ", text(q.coeffs()), " of ", name,
            " is not of unit length: its norm is ", q.norm(), ", it must lie in [",
@@ -56,7 +54,10 @@ Eigen::Matrix3d toRotation(const Eigen::Quaterniond& q, const std::string& name)
   return q.normalized().toRotationMatrix();
 }
 
-Eigen::Isometry3d toIsometry(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) {
+/// position: a Point or a Vector3.
+template <typename Position>
+Eigen::Isometry3d toIsometry(const geometry_msgs::Quaternion& q, const Position& position) {
+  const Eigen::Vector3d t(position.x, position.y, position.z);
   if (!isPlausiblePosition(t)) {
     refuse("the position ", text(t), " of the pose is not finite or beyond ", kLargestCoordinate);
   }
@@ -86,9 +87,7 @@ MapStart mapStartOf(const VoFrameMsg& msg) {
   }
   start.stamp_ns = toNanoseconds(msg.map_start);
   if (!isFinite(msg.map_start_rotation_sigma) || msg.map_start_rotation_sigma < 0) return start;
-  Eigen::Quaterniond q;
-  tf2::fromMsg(msg.map_start_rotation, q);
-  start.R_previous_w = toRotation(q, "map_start_rotation");
+  start.R_previous_w = toRotation(msg.map_start_rotation, "map_start_rotation");
   start.rotation_sigma = msg.map_start_rotation_sigma;
   return start;
 }
@@ -112,14 +111,13 @@ void requireEqualSizes(const VoFrameMsg& msg) {
 
 PinholeCamera cameraOf(const VoFrameMsg& msg) {
   constexpr auto kMaxSize = static_cast<std::uint32_t>(std::numeric_limits<int>::max());
-  PinholeCamera camera;
-  camera.width = static_cast<int>(std::min(msg.width, kMaxSize));
-  camera.height = static_cast<int>(std::min(msg.height, kMaxSize));
-  camera.fx = msg.fx;
-  camera.fy = msg.fy;
-  camera.cx = msg.cx;
-  camera.cy = msg.cy;
-  camera.lens_is_estimated = msg.lens_is_estimated;
+  const PinholeCamera camera{static_cast<int>(std::min(msg.width, kMaxSize)),
+                             static_cast<int>(std::min(msg.height, kMaxSize)),
+                             msg.fx,
+                             msg.fy,
+                             msg.cx,
+                             msg.cy,
+                             msg.lens_is_estimated != 0};
   try {
     camera.validate();
   } catch (const OptionError& error) {
@@ -149,6 +147,28 @@ TrackedFeature featureOf(const VoFrameMsg& msg, std::size_t i) {
   return hasUsablePoint(with_point) ? with_point : feature;
 }
 
+/// Each field of a ScaleEstimate with that of its message.
+template <typename Estimate, typename Message, typename Visit>
+void visitFields(Estimate& scale, Message& msg, Visit&& visit) {
+  visit(scale.status, msg.status);
+  visit(scale.measurement, msg.reason);
+  visit(scale.raw_scale, msg.raw_scale);
+  visit(scale.scale, msg.scale);
+  visit(scale.sigma, msg.sigma);
+  visit(scale.height, msg.height);
+  visit(scale.source, msg.source);
+  visit(scale.camera_height, msg.camera_height);
+  visit(scale.camera_height_sigma, msg.camera_height_sigma);
+  visit(scale.n_c.x(), msg.normal.x);
+  visit(scale.n_c.y(), msg.normal.y);
+  visit(scale.n_c.z(), msg.normal.z);
+  visit(scale.triangles, msg.triangles);
+  visit(scale.ground_triangles, msg.ground_triangles);
+  visit(scale.ground_points, msg.ground_points);
+  visit(scale.window_points, msg.window_points);
+  visit(scale.plane_inliers, msg.plane_inliers);
+}
+
 /// The encoding of decoded pixels: a Bayer pattern, which the compression has kept, or the channels
 /// of OpenCV.
 std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
@@ -165,16 +185,6 @@ std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
 }
 
 }  // namespace
-
-std::int64_t toNanoseconds(const ros::Time& stamp) {
-  return static_cast<std::int64_t>(stamp.sec) * kNanosecondsPerSecond +
-         static_cast<std::int64_t>(stamp.nsec);
-}
-
-ros::Time fromNanoseconds(std::int64_t stamp_ns) {
-  return ros::Time(static_cast<std::uint32_t>(stamp_ns / kNanosecondsPerSecond),
-                   static_cast<std::uint32_t>(stamp_ns % kNanosecondsPerSecond));
-}
 
 std::string withoutLeadingSlashes(const std::string& frame) {
   const std::size_t first = frame.find_first_not_of('/');
@@ -200,7 +210,6 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->fy = frame.camera.fy;
   msg->cx = frame.camera.cx;
   msg->cy = frame.camera.cy;
-  msg->distortion = frame.distortion;
   msg->lens_is_estimated = frame.camera.lens_is_estimated;
   msg->pose = tf2::toMsg(frame.T_w_c);
   Eigen::Map<RowMajorMatrix6d>(msg->pose_covariance.data()) = frame.pose_covariance;
@@ -238,12 +247,6 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
   frame.status = static_cast<VoStatus>(msg.status);
   frame.map_id = msg.map_id;
   frame.keyframe = msg.keyframe != 0;
-  frame.distortion = msg.distortion;
-  if (!frame.distortion.empty() &&
-      (frame.distortion.size() != 5 || !std::all_of(msg.distortion.begin(), msg.distortion.end(),
-                                                    [](double k) { return std::isfinite(k); }))) {
-    refuse("distortion of the frame is not 5 finite coefficients");
-  }
   frame.camera = cameraOf(msg);
   if (frame.status == VoStatus::kTracking) {
     frame.T_w_c = fromMsg(msg.pose);
@@ -265,23 +268,9 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
   auto msg = boost::make_shared<ScaleEstimateMsg>();
   msg->header = header;
   msg->map_id = map_id;
-  msg->status = static_cast<std::uint8_t>(scale.status);
-  msg->reason = static_cast<std::uint8_t>(scale.measurement);
-  msg->raw_scale = scale.raw_scale;
-  msg->scale = scale.scale;
-  msg->sigma = scale.sigma;
-  msg->height = scale.height;
-  msg->source = static_cast<std::uint8_t>(scale.source);
-  msg->camera_height = scale.camera_height;
-  msg->camera_height_sigma = scale.camera_height_sigma;
-  msg->normal.x = scale.n_c.x();
-  msg->normal.y = scale.n_c.y();
-  msg->normal.z = scale.n_c.z();
-  msg->triangles = static_cast<std::uint32_t>(scale.triangles);
-  msg->ground_triangles = static_cast<std::uint32_t>(scale.ground_triangles);
-  msg->ground_points = static_cast<std::uint32_t>(scale.ground_points);
-  msg->window_points = static_cast<std::uint32_t>(scale.window_points);
-  msg->plane_inliers = static_cast<std::uint32_t>(scale.plane_inliers);
+  visitFields(scale, *msg, [](const auto& value, auto& field) {
+    field = static_cast<std::decay_t<decltype(field)>>(value);
+  });
   return msg;
 }
 
@@ -290,60 +279,25 @@ ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
   requireAtMost("reason", msg.reason, ScaleEstimateMsg::IMPLAUSIBLE_MOTION);
   requireAtMost("source", msg.source, ScaleEstimateMsg::SOURCE_BOTH);
   ScaleEstimate scale;
-  scale.status = static_cast<ScaleStatus>(msg.status);
-  scale.measurement = static_cast<MeasurementStatus>(msg.reason);
-  scale.raw_scale = msg.raw_scale;
-  scale.scale = msg.scale;
-  scale.sigma = msg.sigma;
-  scale.height = msg.height;
-  scale.source = static_cast<ScaleSource>(msg.source);
-  scale.camera_height = msg.camera_height;
-  scale.camera_height_sigma = msg.camera_height_sigma;
-  scale.n_c = {msg.normal.x, msg.normal.y, msg.normal.z};
-  scale.triangles = static_cast<int>(msg.triangles);
-  scale.ground_triangles = static_cast<int>(msg.ground_triangles);
-  scale.ground_points = static_cast<int>(msg.ground_points);
-  scale.window_points = static_cast<int>(msg.window_points);
-  scale.plane_inliers = static_cast<int>(msg.plane_inliers);
+  visitFields(scale, msg, [](auto& value, const auto& field) {
+    value = static_cast<std::decay_t<decltype(value)>>(field);
+  });
   return scale;
 }
 
 geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b) { return tf2::toMsg(T_a_b); }
 
 Eigen::Isometry3d fromMsg(const geometry_msgs::Pose& pose) {
-  Eigen::Quaterniond q;
-  Eigen::Vector3d t;
-  tf2::fromMsg(pose.orientation, q);
-  tf2::fromMsg(pose.position, t);
-  return toIsometry(q, t);
+  return toIsometry(pose.orientation, pose.position);
 }
 
 Eigen::Isometry3d fromMsg(const geometry_msgs::Transform& transform) {
-  Eigen::Quaterniond q;
-  Eigen::Vector3d t;
-  tf2::fromMsg(transform.rotation, q);
-  tf2::fromMsg(transform.translation, t);
-  return toIsometry(q, t);
+  return toIsometry(transform.rotation, transform.translation);
 }
 
 RawImage fromMsg(const sensor_msgs::Image& image) {
   return {image.height, image.width,       image.encoding,   image.is_bigendian != 0,
           image.step,   image.data.data(), image.data.size()};
-}
-
-CameraInfo fromMsg(const sensor_msgs::CameraInfo& msg) {
-  CameraInfo info;
-  info.height = msg.height;
-  info.width = msg.width;
-  info.distortion_model = msg.distortion_model;
-  info.D = msg.D;
-  std::copy(msg.K.begin(), msg.K.end(), info.K.begin());
-  std::copy(msg.R.begin(), msg.R.end(), info.R.begin());
-  std::copy(msg.P.begin(), msg.P.end(), info.P.begin());
-  info.binning_x = msg.binning_x;
-  info.binning_y = msg.binning_y;
-  info.roi = {msg.roi.x_offset, msg.roi.y_offset, msg.roi.height, msg.roi.width};
-  return info;
 }
 
 sensor_msgs::ImagePtr toMsg(const cv::Mat& pixels, const std::string& encoding,

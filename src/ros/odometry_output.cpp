@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/odometry_output.hpp"
+#include "ros/odometry_output.hpp"
 
 #include <nav_msgs/Path.h>
 #include <tf2_eigen/tf2_eigen.h>
@@ -74,26 +74,7 @@ Eigen::Matrix3d bodyFromOptical() {
   return R;
 }
 
-OdometryFrames OdometryFrames::ofCamera(const std::string& odom_frame,
-                                        const std::string& camera_frame) {
-  OdometryFrames frames;
-  frames.odom_frame = odom_frame;
-  frames.base_frame = camera_frame;
-  frames.T_odom_o.linear() = bodyFromOptical();
-  return frames;
-}
-
-OdometryFrames OdometryFrames::ofBase(const std::string& odom_frame, const std::string& base_frame,
-                                      const Eigen::Isometry3d& T_b_c) {
-  OdometryFrames frames;
-  frames.odom_frame = odom_frame;
-  frames.base_frame = base_frame;
-  frames.T_odom_o = T_b_c;
-  frames.T_c_b = T_b_c.inverse();
-  return frames;
-}
-
-void OdometryFrames::moveMounting(const Eigen::Isometry3d& T_b_c, double dt) {
+void TfFrames::moveMounting(const Eigen::Isometry3d& T_b_c, double dt) {
   const Eigen::Isometry3d T_last_now = T_c_b * T_b_c;
   mounting_twist_c.setZero();
   if (dt > 0) {
@@ -103,7 +84,7 @@ void OdometryFrames::moveMounting(const Eigen::Isometry3d& T_b_c, double dt) {
   T_c_b = T_b_c.inverse();
 }
 
-nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const OdometryFrames& frames,
+nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const TfFrames& frames,
                                       const ros::Time& stamp) {
   const Eigen::Vector3d base_in_c = frames.T_c_b.translation();
 
@@ -133,13 +114,11 @@ geometry_msgs::TransformStamped toTransformMsg(const nav_msgs::Odometry& odometr
   return transform;
 }
 
-BoundedPath::BoundedPath(std::size_t max_poses, double spacing_m)
-    : max_poses_(max_poses), initial_spacing_m_(spacing_m), spacing_m_(spacing_m) {}
-
 bool BoundedPath::add(const geometry_msgs::PoseStamped& pose) {
+  const auto& p = pose.pose.position;
   if (!poses_.empty()) {
-    const geometry_msgs::Point &a = poses_.back().pose.position, &b = pose.pose.position;
-    if (std::hypot(a.x - b.x, a.y - b.y, a.z - b.z) < spacing_m_) return false;
+    const auto& last = poses_.back().pose.position;
+    if (std::hypot(p.x - last.x, p.y - last.y, p.z - last.z) < spacing_m_) return false;
   }
   if (poses_.size() == max_poses_) {
     std::size_t kept = 0;
@@ -149,11 +128,6 @@ bool BoundedPath::add(const geometry_msgs::PoseStamped& pose) {
   }
   poses_.push_back(pose);
   return true;
-}
-
-void BoundedPath::clear() {
-  poses_.clear();
-  spacing_m_ = initial_spacing_m_;
 }
 
 void FrameParents::add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now) {
@@ -212,7 +186,7 @@ OdometryOutput::OdometryOutput(ros::NodeHandle& handle, const ScaleRecoveryParam
 }
 
 void OdometryOutput::restart(bool first_pose_is_zero) {
-  frames_.reset();
+  tf_frames_.reset();
   mounting_error_.clear();
   next_pose_is_zero_ = first_pose_is_zero;
   latest_clock_ = ros::Time();
@@ -224,8 +198,10 @@ void OdometryOutput::publish(const std::optional<MetricPose>& pose, const std_ms
   mounting_error_.clear();
   // With a moving mount from the first image on: odom is the base at the origin.
   if (!(pose || params_.moving_mount) || !findFrames(image) || !pose) return;
-  if (std::exchange(next_pose_is_zero_, false)) frames_->moveOrigin(pose->T_o_c);
-  const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(*pose, *frames_, image.stamp);
+  if (std::exchange(next_pose_is_zero_, false)) {
+    tf_frames_->T_odom_o = tf_frames_->T_odom_o * pose->T_o_c.inverse();
+  }
+  const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(*pose, *tf_frames_, image.stamp);
   odometry_publisher_.publish(odometry);
   if (const std::string error = otherParentError(); !error.empty()) {
     log_->error("tf", error);
@@ -238,7 +214,7 @@ void OdometryOutput::publish(const std::optional<MetricPose>& pose, const std_ms
   if (path_.add(stamped) && path_publisher_.getNumSubscribers() > 0) publishPath();
 }
 
-/// Sets frames_ for this image. False while tf lacks the mounting or the frame_id is empty.
+/// Sets tf_frames_ for this image. False while tf lacks the mounting or the frame_id is empty.
 bool OdometryOutput::findFrames(const std_msgs::Header& image) {
   if (image.frame_id.empty()) {
     mounting_error_ = "the frame_id of the images is empty: no metric pose is published";
@@ -246,16 +222,16 @@ bool OdometryOutput::findFrames(const std_msgs::Header& image) {
     return false;
   }
   const bool is_camera = params_.base_frame.empty() || params_.base_frame == image.frame_id;
-  if (is_camera && !frames_) frames_ = OdometryFrames::ofCamera(params_.odom_frame, image.frame_id);
-  if (frames_ && (is_camera || !params_.moving_mount || mounting_stamp_ == image.stamp)) {
+  if (is_camera && !tf_frames_) tf_frames_ = TfFrames::ofCamera(params_.odom_frame, image.frame_id);
+  if (tf_frames_ && (is_camera || !params_.moving_mount || mounting_stamp_ == image.stamp)) {
     return true;
   }
   try {
     const Eigen::Isometry3d T_b_c = lookUpMounting(image);
-    if (frames_) {
-      frames_->moveMounting(T_b_c, (image.stamp - mounting_stamp_).toSec());
+    if (tf_frames_) {
+      tf_frames_->moveMounting(T_b_c, (image.stamp - mounting_stamp_).toSec());
     } else {
-      frames_ = OdometryFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
+      tf_frames_ = TfFrames::ofBase(params_.odom_frame, params_.base_frame, T_b_c);
     }
   } catch (const std::exception& error) {
     mounting_error_ = "no tf transform from base_frame \"" + params_.base_frame +
@@ -288,7 +264,7 @@ bool OdometryOutput::isOfLastPass(const ros::Time& stamp) {
   const ros::Time now = ros::Time::now();
   latest_clock_ = std::max(latest_clock_, now);
   // Not by the stamp alone: the stamps in a bag may always be ahead of its clock.
-  const double jump_s = params_.images.clock_jump_s;
+  const double jump_s = params_.clock_jump_s;
   return (latest_clock_ - now).toSec() > jump_s && (stamp - now).toSec() > jump_s;
 }
 
@@ -301,8 +277,8 @@ void OdometryOutput::publishPath() {
 }
 
 std::string OdometryOutput::otherParentError() const {
-  if (!tf_broadcaster_ || !frames_) return {};
-  const std::string& child = frames_->base_frame;
+  if (!tf_broadcaster_ || !tf_frames_) return {};
+  const std::string& child = tf_frames_->base_frame;
   const std::string parent =
       frame_parents_.otherParent(child, params_.odom_frame, FrameParents::Clock::now());
   if (parent.empty()) return {};

@@ -1,10 +1,9 @@
-#include "ground_scale_vo/ros/params.hpp"
+#include "ros/params.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdlib>
-#include <sstream>
+#include <map>
 #include <stdexcept>
 #include <utility>
 
@@ -17,40 +16,31 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
-std::string text(double value) {
-  std::ostringstream out;
-  out.precision(10);
-  out << value;
-  return out.str();
-}
+std::string inQuotes(const std::string& value) { return "\"" + value + "\""; }
 
-std::string rangeText(double min, double max) { return "[" + text(min) + ", " + text(max) + "]"; }
-
-const char* typeName(const XmlRpcValue& value) {
+std::string textOf(XmlRpcValue& value) {
   switch (value.getType()) {
     case XmlRpcValue::TypeBoolean:
-      return "a boolean";
+      return static_cast<bool>(value) ? "true" : "false";
     case XmlRpcValue::TypeInt:
+      return std::to_string(static_cast<int>(value));
     case XmlRpcValue::TypeDouble:
-      return "a number";
+      return format("%.17g", static_cast<double>(value));
     case XmlRpcValue::TypeString:
-      return "a string";
-    case XmlRpcValue::TypeArray:
-      return "a list";
-    case XmlRpcValue::TypeStruct:
-      return "a group";
+      return static_cast<std::string>(value);
     default:
-      return "of an unknown type";
+      return "a list";
   }
 }
 
-void collectLeaves(XmlRpcValue& tree, const std::string& prefix, std::vector<std::string>& leaves) {
-  for (auto& member : tree) {
-    const std::string name = prefix + member.first;
-    if (member.second.getType() == XmlRpcValue::TypeStruct) {
-      collectLeaves(member.second, name + "/", leaves);
+/// The values of a tree by `group/name`.
+void collectLeaves(XmlRpcValue& tree, const std::string& prefix,
+                   std::map<std::string, std::string>* leaves) {
+  for (auto& [name, value] : tree) {
+    if (value.getType() == XmlRpcValue::TypeStruct) {
+      collectLeaves(value, prefix + name + "/", leaves);
     } else {
-      leaves.push_back(name);
+      leaves->emplace(prefix + name, textOf(value));
     }
   }
 }
@@ -87,7 +77,7 @@ void declareOptions(ParamReader& reader, Options& options, const std::vector<std
   std::size_t declared = 0;
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
     if (std::find(names.begin(), names.end(), name) == names.end()) return;
-    reader.declare(name.c_str(), field, rest...);
+    reader.declare(name, field, rest...);
     ++declared;
   });
   if (declared != names.size()) {
@@ -95,111 +85,66 @@ void declareOptions(ParamReader& reader, Options& options, const std::vector<std
   }
 }
 
-void declareImageParams(ParamReader& reader, ImageParams& params) {
-  reader.declare("image_is_rectified", params.image_is_rectified,
-                 "[] the images have no distortion and P of camera_info belongs to them");
-  reader.declareFile(
-      "mask", params.mask,
-      "[] image file of the size of the images before rectification: black (0) where "
-      "they never show the scene; empty: none");
-  reader.declareFile(
-      "camera_file", params.camera_file,
-      "[] YAML of camera_calibration or calibrate_camera that describes the images as "
-      "they come, instead of camera_info and image_is_rectified; empty: camera_info");
+void declareClockJump(ParamReader& reader, double& clock_jump_s) {
   reader.declare(
-      "clock_jump_s", params.clock_jump_s, 0.0, 3600.0,
+      "clock_jump_s", clock_jump_s, 0.0, 3600.0,
       "[s] a stamp that is earlier than the last one by more than this, or later by more "
       "than this and 1.5 times the last interval, is used only if the next one confirms "
       "it; one earlier by less is dropped");
-  reader.declare(
-      "image_transport", params.image_transport,
-      "[] raw, compressed, which the nodelets decode themselves, raw_or_compressed for both, "
-      "or the name of another installed plugin of image_transport");
 }
 
 }  // namespace
 
-ParamReader::ParamReader(std::string parameter_namespace, const XmlRpcValue& tree)
-    : namespace_(std::move(parameter_namespace)), tree_(tree) {}
-
-XmlRpcValue* ParamReader::find(const std::string& name) {
-  XmlRpcValue* node = &tree_;
-  std::istringstream parts(name);
-  for (std::string part; std::getline(parts, part, '/');) {
-    if (node->getType() != XmlRpcValue::TypeStruct || !node->hasMember(part)) return nullptr;
-    node = &(*node)[part];
-  }
-  return node;
+ParamReader::ParamReader(std::string parameter_namespace, XmlRpcValue tree)
+    : namespace_(std::move(parameter_namespace)) {
+  if (tree.getType() == XmlRpcValue::TypeStruct) collectLeaves(tree, "", &given_);
 }
 
-XmlRpcValue* ParamReader::find(const std::string& name, std::initializer_list<int> types,
-                               const std::string& requirement) {
-  XmlRpcValue* const given = find(name);
-  if (given != nullptr && std::find(types.begin(), types.end(), given->getType()) == types.end()) {
-    throw OptionError("parameter " + fullName(name) + " is " + typeName(*given) + ", it must be " +
-                      requirement);
-  }
-  return given;
+std::string ParamReader::textOf(double value) { return format("%.10g", value); }
+
+const std::string* ParamReader::find(const std::string& name) const {
+  const auto found = given_.find(name);
+  return found == given_.end() ? nullptr : &found->second;
 }
 
-double ParamReader::number(const char* name, double default_value, double min, double max,
-                           bool whole, const char* meaning) {
-  double value = default_value;
-  XmlRpcValue* const given = find(name, {XmlRpcValue::TypeInt, XmlRpcValue::TypeDouble},
-                                  "a number in " + rangeText(min, max));
-  if (given != nullptr) {
-    value = given->getType() == XmlRpcValue::TypeInt ? static_cast<int>(*given)
-                                                     : static_cast<double>(*given);
-    if (whole && value != std::floor(value)) {
-      throw OptionError("parameter " + fullName(name) + " is " + text(value) +
-                        ", it must be a whole number in " + rangeText(min, max));
-    }
-    requireInRange(("parameter " + fullName(name)).c_str(), value, min, max);
-  }
-  entries_.push_back({name, text(value), rangeText(min, max), meaning, given != nullptr});
-  return value;
+void ParamReader::declare(const std::string& name, bool& field, const char* meaning) {
+  const std::string* const text = find(name);
+  if (text) setOptionValue(fullName(name), *text, &field, meaning);
+  entries_.push_back({name, field ? "true" : "false", "true or false", meaning, text != nullptr});
 }
 
-void ParamReader::declare(const char* name, bool& field, const char* meaning) {
-  XmlRpcValue* const given = find(name, {XmlRpcValue::TypeBoolean}, "true or false");
-  if (given != nullptr) field = static_cast<bool>(*given);
-  entries_.push_back({name, field ? "true" : "false", "true or false", meaning, given != nullptr});
+void ParamReader::declare(const std::string& name, std::string& field, const char* meaning) {
+  const std::string* const text = find(name);
+  if (text) field = *text;
+  entries_.push_back({name, inQuotes(field), "text", meaning, text != nullptr});
 }
 
-void ParamReader::declare(const char* name, std::string& field, const char* meaning) {
-  XmlRpcValue* const given = find(name, {XmlRpcValue::TypeString}, "a string");
-  if (given != nullptr) field = static_cast<std::string>(*given);
-  entries_.push_back({name, "\"" + field + "\"", "text", meaning, given != nullptr});
-}
-
-void ParamReader::declareFrame(const char* name, std::string& field, const char* meaning) {
+void ParamReader::declareFrame(const std::string& name, std::string& field, const char* meaning) {
   declare(name, field, meaning);
-  const std::string warning = leadingSlashWarning(field, "parameter " + fullName(name));
+  const std::string warning = leadingSlashWarning(field, fullName(name));
   if (!warning.empty()) frame_warnings_.push_back(warning);
   field = withoutLeadingSlashes(field);
-  entries_.back().value = "\"" + field + "\"";
+  entries_.back().value = inQuotes(field);
 }
 
-void ParamReader::declareFile(const char* name, std::string& field, const char* meaning) {
+void ParamReader::declareFile(const std::string& name, std::string& field, const char* meaning) {
   declare(name, field, meaning);
   const char* home = std::getenv("HOME");
   if (home == nullptr || field.rfind("~/", 0) != 0) return;
   field.replace(0, 1, home);
-  entries_.back().value = "\"" + field + "\"";
+  entries_.back().value = inQuotes(field);
 }
 
 std::vector<std::string> ParamReader::warnings() const {
-  std::vector<std::string> known, leaves;
+  std::vector<std::string> known;
   for (const Entry& entry : entries_) known.push_back(entry.name);
-  XmlRpcValue tree = tree_;
-  if (tree.getType() == XmlRpcValue::TypeStruct) collectLeaves(tree, "", leaves);
-
   std::vector<std::string> sentences = frame_warnings_;
-  for (const std::string& leaf : leaves) {
-    if (std::find(known.begin(), known.end(), leaf) != known.end()) continue;
-    const std::string nearest = nearestName(leaf, known);
-    sentences.push_back("parameter " + fullName(leaf) + " is unknown and has no effect" +
-                        (nearest.empty() ? "" : "; did you mean " + fullName(nearest) + "?"));
+  for (const auto& [name, value] : given_) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    const std::string nearest = nearestName(name, known);
+    sentences.push_back(
+        fullName(name) + " is unknown and has no effect" +
+        (nearest.empty() ? "" : "; did you mean " + namespace_ + "/" + nearest + "?"));
   }
   return sentences;
 }
@@ -214,7 +159,21 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[images] that may wait; a full queue drops the oldest");
   reader.declareFrame("world_frame", params.world_frame, "[] header.frame_id of vo/odometry");
-  declareImageParams(reader, params.images);
+  reader.declare("image_is_rectified", params.image_is_rectified,
+                 "[] the images have no distortion and P of camera_info belongs to them");
+  reader.declareFile(
+      "mask", params.mask,
+      "[] image file of the size of the images before rectification: black (0) where "
+      "they never show the scene; empty: none");
+  reader.declareFile(
+      "camera_file", params.camera_file,
+      "[] YAML of camera_calibration or calibrate_camera that describes the images as "
+      "they come, instead of camera_info and image_is_rectified; empty: camera_info");
+  declareClockJump(reader, params.clock_jump_s);
+  reader.declare(
+      "image_transport", params.image_transport,
+      "[] raw, compressed, which the nodelet decodes itself, raw_or_compressed for both, "
+      "or the name of another installed plugin of image_transport");
   reader.declareFile("refined_camera_file", params.refined_camera_file,
                      "[] file to which the service save_camera writes the refined calibration, for "
                      "camera_file at the next start");
@@ -243,12 +202,12 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
                  "[m] least distance between two poses of path");
   reader.declare("queue_size", params.queue_size, 1, 1000,
                  "[frames] of vo/frame that may wait; a full queue drops the oldest");
-  declareImageParams(reader, params.images);
+  declareClockJump(reader, params.clock_jump_s);
   declareOptions(reader, params.scale, kScaleRecoveryOptions);
   reader.declareFile(
       "height_file", params.height_file,
-      "[] file to which the service save_height writes the camera height that speeds "
-      "have taught");
+      "[] file to which the service save_height writes the camera height that was learned from "
+      "speeds");
   if (params.scale.camera_height == 0 && !params.scale.use_speed) {
     throw OptionError(
         "neither camera_height [m] is set nor use_speed true: the scale needs the height of the "
@@ -259,7 +218,6 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
     throw OptionError("parameters odom_frame and base_frame are both \"" + params.odom_frame +
                       "\", they must differ");
   }
-  params.scale.validate();
   return params;
 }
 

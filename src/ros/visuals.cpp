@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/visuals.hpp"
+#include "ros/visuals.hpp"
 
 #include <sensor_msgs/image_encodings.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
@@ -52,15 +52,16 @@ cv::Scalar ageColour(double age) {
 class Canvas {
  public:
   /// The image darker, its masked pixels tinted.
-  Canvas(const cv::Mat& grey, const cv::Mat& mask)
-      : zoom_(std::max(grey.cols / kUnscaledWidth, std::min(1.0, grey.cols / kTextWidth))) {
-    grey.convertTo(image_, CV_8U, kBrightness);
+  explicit Canvas(const CameraImage& image)
+      : zoom_(std::max(image.grey.cols / kUnscaledWidth,
+                       std::min(1.0, image.grey.cols / kTextWidth))) {
+    image.grey.convertTo(image_, CV_8U, kBrightness);
     cv::cvtColor(image_, image_, cv::COLOR_GRAY2BGR);
-    if (mask.empty()) return;
+    if (image.mask.empty()) return;
     cv::Mat tinted;
     cv::addWeighted(image_, 0.5, cv::Mat(image_.size(), image_.type(), kMaskColour), 0.5, 0,
                     tinted);
-    tinted.copyTo(image_, mask == 0);
+    tinted.copyTo(image_, image.mask == 0);
   }
 
   cv::Mat& image() { return image_; }
@@ -83,12 +84,10 @@ class Canvas {
     cv::rectangle(image_, cv::Rect(0, 0, scaled(kTextWidth), scaled(34)), kTextBackground,
                   cv::FILLED);
   }
-  /// Position in the middle of this row.
-  cv::Point inRow(int row, double x) const { return {scaled(x), scaled(10 + 15 * row)}; }
   /// Writes in this row from x on. Returns the end of the text.
   double writeInRow(int row, double x, const std::string& line,
                     const cv::Scalar& colour = kTextColour) {
-    text(line, inRow(row, x) + cv::Point(0, scaled(4)), colour);
+    text(line, {scaled(x), scaled(14 + 15 * row)}, colour);
     return x + cv::getTextSize(line, cv::FONT_HERSHEY_SIMPLEX, kTextSize, 1, nullptr).width;
   }
 
@@ -101,21 +100,14 @@ class Canvas {
 
 /// Ages in their colours, and the marks.
 void drawLegend(Canvas& canvas) {
-  constexpr int kGap = 12;
   canvas.startTexts();
   double x = canvas.writeInRow(0, 8, "age [frames]");
   for (const int age : {0, 1, 3, 10, 30, 100}) {
-    x = canvas.writeInRow(0, x + kGap, std::to_string(age), ageColour(age));
+    x = canvas.writeInRow(0, x + 12, std::to_string(age), ageColour(age));
   }
-  x = 0;
-  const auto entry = [&](const char* text, const auto& draw) {
-    draw(canvas.inRow(1, x + kGap));
-    x = canvas.writeInRow(1, x + 2 * kGap - 4, text);
-  };
-  entry("point", [&](const cv::Point& at) { canvas.dot(at, ageColour(10), true); });
-  entry("no point yet", [&](const cv::Point& at) { canvas.dot(at, ageColour(10), false); });
-  entry("outlier", [&](const cv::Point& at) { canvas.cross(at, true); });
-  entry("not found", [&](const cv::Point& at) { canvas.cross(at, false); });
+  x = canvas.writeInRow(1, 8, "filled: point, hollow: no point yet, crosses: ");
+  x = canvas.writeInRow(1, x, "outlier", kOutlierColour);
+  canvas.writeInRow(1, x + 12, "not found", kNotFoundColour);
 }
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
@@ -182,10 +174,10 @@ void drawScale(Canvas& canvas, const ScaleRecovery::Output& output) {
 
 }  // namespace
 
-sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& frame,
+sensor_msgs::Image::Ptr TrackPainter::paint(const CameraImage& image, const VoFrame& frame,
                                             const std::vector<RejectedFeature>& rejected,
-                                            const std_msgs::Header& header, const cv::Mat& mask) {
-  Canvas canvas(grey, mask);
+                                            const std_msgs::Header& header) {
+  Canvas canvas(image);
   if (frame.sequence != last_sequence_ + 1) last_.clear();
   std::map<std::uint64_t, Eigen::Vector2f> now;
   for (const TrackedFeature& feature : frame.features) {
@@ -206,13 +198,11 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const cv::Mat& grey, const VoFrame& 
   return toMsg(canvas.image(), sensor_msgs::image_encodings::BGR8, header);
 }
 
-sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
+sensor_msgs::Image::Ptr paintRoad(const CameraImage& image, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
-                                  const std_msgs::Header& header, const cv::Mat& mask) {
-  Canvas canvas(grey, mask);
-  if (hasGroundPlane(output.scale)) {
-    drawGroundGrid(canvas, frame.camera, output.scale);
-  }
+                                  const std_msgs::Header& header) {
+  Canvas canvas(image);
+  if (hasGroundPlane(output.scale)) drawGroundGrid(canvas, frame.camera, output.scale);
   const std::unordered_set<std::uint64_t> ground(output.ground_feature_ids.begin(),
                                                  output.ground_feature_ids.end());
   for (const TrackedFeature& feature : frame.features) {

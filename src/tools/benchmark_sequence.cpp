@@ -24,7 +24,7 @@
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
+#include "ros/odometry_output.hpp"
 #include "support/drive_arguments.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -55,7 +55,7 @@ struct Arguments : gsv::DriveArguments {
 
 /// Fills and serialises the messages that the nodelets would publish for the last frame of the run.
 /// Returns their size [bytes].
-std::size_t serialiseMessages(const gsv::OfflineRun& run, const gsv::OdometryFrames& frames) {
+std::size_t serialiseMessages(const gsv::OfflineRun& run, const gsv::TfFrames& frames) {
   using ros::serialization::serializeMessage;
   const gsv::VoFrame& frame = run.last().vo.frame;
   const gsv::ScaleRecovery::Output& scale = run.last().scale;
@@ -93,7 +93,7 @@ std::vector<Pixels> measurePipeline(const Arguments& arguments) {
   gsv::OfflineRun run(drive->camera(), arguments.options, drive->mask());
   gsv::RunProgress progress(gsv::resultName(arguments.drive.path),
                             arguments.repeat * drive->count());
-  const auto frames = gsv::OdometryFrames::ofCamera("odom", "camera");
+  const auto frames = gsv::TfFrames::ofCamera("odom", "camera");
   std::vector<Pixels> pixels;
   std::ostringstream usage =
       gsv::csvStream("frame,decode_cpu,frame_cpu,publish,wall_s,cpu_s,rss_mb,peak_rss_mb");

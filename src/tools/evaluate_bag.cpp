@@ -1,4 +1,4 @@
-// Evaluates the nodelets over a bag: poses, scale and metrics from the bag that kitti.launch
+// Evaluates the nodelets over a bag: poses, scale and metrics from the bag that bag.launch
 // recorded.
 
 #include <diagnostic_msgs/DiagnosticArray.h>
@@ -24,9 +24,9 @@
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros_tools/bag_topics.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
+#include "ros/odometry_output.hpp"
 #include "support/command_line.hpp"
 
 namespace gsv = ground_scale_vo;
@@ -351,7 +351,7 @@ int main(int argc, char** argv) {
        "the bag that was played, or its parts: its images define the frames, its tf is the ground "
        "truth")  //
       ("recorded", gsv::requiredValue(&arguments.recorded, "BAG"),
-       "the bag that kitti.launch record:=BAG wrote: scale, odometry, vo/odometry, /diagnostics")  //
+       "the bag that bag.launch record:=BAG wrote: scale, odometry, vo/odometry, /diagnostics")  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "gets the files of run_sequence: poses.txt, poses_unscaled.txt, trajectory_tum.txt, "
        "scale.csv, timing.csv, metrics.json, ground_truth.txt")  //

@@ -1,5 +1,5 @@
 // Publishes the ground truth of a bag in the estimate's odom frame: ground_truth/tf (the bag's tf,
-// remapped by kitti.launch) -> ground_truth/odometry and ground_truth/path. The two trajectories
+// remapped by bag.launch) -> ground_truth/odometry and ground_truth/path. The two trajectories
 // are aligned at the first metric pose.
 
 #include <nav_msgs/Odometry.h>
@@ -13,8 +13,8 @@
 #include <optional>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
+#include "ros/odometry_output.hpp"
 
 namespace gsv = ground_scale_vo;
 

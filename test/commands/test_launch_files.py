@@ -15,6 +15,7 @@ LAUNCH = ROOT / "launch"
 # Each launch file with the least arguments that it needs, and the nodelets that it loads.
 FILES = {
     "ground_scale_vo.launch camera_height:=1.2": ["/mono_vo", "/scale_recovery"],
+    "bag.launch bag:=/x.bag image:=/cam/image camera_height:=1.2": ["/mono_vo", "/scale_recovery"],
     "kitti.launch bag:=/x.bag": ["/mono_vo", "/scale_recovery"],
     "live_camera.launch camera_height:=1.2": ["/mono_vo", "/scale_recovery"],
     "another_vo.launch camera_height:=1.2": ["/scale_recovery"],
@@ -56,8 +57,8 @@ def test_nodelets(call, tmp_path):
     assert [name for name, node in nodes.items() if "ground_scale_vo/" in node.args] == FILES[call]
     for nodelet in FILES[call]:
         assert parameters[f"{nodelet}/queue_size"] == 77 and nodelet in cleared
-        assert parameters.get(f"{nodelet}/mask") == ""
-        assert parameters.get(f"{nodelet}/camera_file", "") == ""
+        if nodelet.endswith("mono_vo"):
+            assert parameters[f"{nodelet}/mask"] == "" and parameters[f"{nodelet}/camera_file"] == ""
     assert {name for name, node in nodes.items() if not node.required} <= {"/ground_truth_relay"}
 
 
@@ -67,25 +68,27 @@ def test_nodelets(call, tmp_path):
     ("ground_scale_vo.launch", [], "/camera/image_raw", "/camera/camera_info", "raw", False, True),
     ("ground_scale_vo.launch", ["image:=/cam/image/compressed"], "/cam/image", "/cam/camera_info", "compressed", False,
      True),
-    ("kitti.launch", ["bag:=/x.bag", "image:=cam/image/compressed", "camera_info:=cam/info",
-                      "image_is_rectified:=false"], "/cam/image", "/cam/info", "raw_or_compressed", False, True),
-    ("kitti.launch", ["bag:=/x.bag", "image:=cam/image", "transport:=theora"], "/cam/image", "/cam/camera_info",
+    ("bag.launch", ["bag:=/x.bag", "image:=cam/image/compressed", "camera_info:=cam/info",
+                    "image_is_rectified:=true"], "/cam/image", "/cam/info", "raw_or_compressed", True, True),
+    ("bag.launch", ["bag:=/x.bag", "image:=cam/image", "transport:=theora"], "/cam/image", "/cam/camera_info",
      "theora", False, True),
+    ("kitti.launch", ["bag:=/x.bag", "image:=cam/image"], "/cam/image", "/cam/camera_info", "raw_or_compressed",
+     False, True),
     ("kitti.launch", ["bag:=/x.bag"], IMAGE, INFO, "raw_or_compressed", True, True),
     ("live_camera.launch", ["camera:=cam", "transport:=compressed", "image_is_rectified:=true",
                             "publish_tf:=false"], "/cam/image_raw", "/cam/camera_info", "compressed", True, False),
     ("live_camera.launch", [], "/camera/image_raw", "/camera/camera_info", "raw", False, True),
 ])
-def test_arguments_reach_both_nodelets(file, arguments, image, info, transport, is_rectified, publish_tf):
+def test_arguments_reach_the_nodelets(file, arguments, image, info, transport, is_rectified, publish_tf):
     nodes, remappings, parameters, _ = loaded(
         file, "camera_height:=1.2", "mask:=/m.png", "camera_file:=/c.yaml", "odom_frame:=/map", "base_frame:=base",
         "refine_camera:=true", "refined_camera_file:=/r.yaml", "rviz:=true", *arguments)
-    for nodelet in ("/mono_vo", "/scale_recovery"):
-        assert remappings[nodelet] == {"image": image, "camera_info": info}
-        assert parameters[f"{nodelet}/image_transport"] == transport
-        assert parameters[f"{nodelet}/image_is_rectified"] is is_rectified
-        assert parameters[f"{nodelet}/mask"] == "/m.png" and parameters[f"{nodelet}/camera_file"] == "/c.yaml"
-        assert nodes[nodelet].args.endswith(" --no-bond")
+    assert remappings["/mono_vo"] == {"image": image, "camera_info": info}
+    assert remappings["/scale_recovery"] == {"vo/image": "/vo/image"}
+    assert parameters["/mono_vo/image_transport"] == transport
+    assert parameters["/mono_vo/image_is_rectified"] is is_rectified
+    assert parameters["/mono_vo/mask"] == "/m.png" and parameters["/mono_vo/camera_file"] == "/c.yaml"
+    assert all(nodes[nodelet].args.endswith(" --no-bond") for nodelet in ("/mono_vo", "/scale_recovery"))
     assert parameters["/mono_vo/refine_camera"] is True and parameters["/mono_vo/refined_camera_file"] == "/r.yaml"
     expected = {"camera_height": 1.2, "odom_frame": "/map", "base_frame": "base", "publish_tf": publish_tf}
     assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
@@ -137,8 +140,7 @@ def test_only_bags_of_kitti_have_a_default_height_and_rectified_images(image, he
     """A wrong height makes all distances wrong, so the nodelet refuses to load without it."""
     _, _, parameters, _ = loaded("kitti.launch", "bag:=/x.bag", f"image:={image}")
     assert parameters.get("/scale_recovery/camera_height") == height
-    for nodelet in ("mono_vo", "scale_recovery"):
-        assert parameters[f"/{nodelet}/image_is_rectified"] is (height is not None)
+    assert parameters["/mono_vo/image_is_rectified"] is (height is not None)
 
 
 def test_live_camera_starts_driver_and_mounting(tmp_path, monkeypatch):
@@ -172,12 +174,13 @@ def test_two_vehicles(tmp_path, height_file):
         expected = {"camera_height": height, "odom_frame": f"{name}/odom", "base_frame": f"{name}/base_link",
                     "publish_tf": False}
         assert {key: parameters[f"{scale}/{key}"] for key in expected} == expected
-        for nodelet in (f"/{name}/mono_vo", scale):
-            assert parameters[f"{nodelet}/mask"] == f"/{name}.png"
-            assert parameters[f"{nodelet}/camera_file"] == f"/{name}.yaml"
-            assert parameters[f"{nodelet}/image_is_rectified"] is True
-            assert remappings[nodelet] == {"image": f"/{name}/cam/image", "camera_info": f"/{name}/cam/info"}
-            assert nodes[nodelet].args.endswith(" /vehicles_manager --no-bond")
+        mono_vo = f"/{name}/mono_vo"
+        assert parameters[f"{mono_vo}/mask"] == f"/{name}.png"
+        assert parameters[f"{mono_vo}/camera_file"] == f"/{name}.yaml"
+        assert parameters[f"{mono_vo}/image_is_rectified"] is True
+        assert remappings[mono_vo] == {"image": f"/{name}/cam/image", "camera_info": f"/{name}/cam/info"}
+        assert remappings[scale] == {"vo/image": f"/{name}/vo/image"}
+        assert all(nodes[nodelet].args.endswith(" /vehicles_manager --no-bond") for nodelet in (mono_vo, scale))
 
 
 def test_respawn():
@@ -187,28 +190,29 @@ def test_respawn():
         assert nodes[name].respawn and not nodes[name].required and not nodes[name].args.endswith("--no-bond")
 
 
-@pytest.mark.parametrize("image, remapped, transport", [
-    ("cam/image/compressed", "/cam/image", "compressed"), ("", None, "raw")])
-def test_another_vo(image, remapped, transport):
+@pytest.mark.parametrize("image", ["cam/image_rect", ""])
+def test_another_vo(image):
     _, remappings, parameters, _ = loaded(
         "another_vo.launch", "camera_height:=1.2", "odometry:=orb/odometry", "tracks:=orb/tracks",
         f"image:={image}", "camera_info:=cam/info", "mask:=/m.png", "odom_frame:=map",
         "base_frame:=base", "publish_tf:=false")
     assert remappings["/feed_another_vo"] == {"odometry_up_to_scale": "/orb/odometry", "tracks": "/orb/tracks",
                                               "camera_info": "/cam/info"}
-    assert remappings["/scale_recovery"] == {"camera_info": "/cam/info", **({"image": remapped} if image else {})}
-    expected = {"camera_height": 1.2, "refine": bool(image), "image_is_rectified": True, "mask": "/m.png",
-                "odom_frame": "map", "base_frame": "base", "publish_tf": False, "image_transport": transport}
+    assert parameters["/feed_another_vo/mask"] == "/m.png"
+    assert remappings["/scale_recovery"] == ({"vo/image": "/cam/image_rect"} if image else {})
+    expected = {"camera_height": 1.2, "refine": bool(image), "odom_frame": "map", "base_frame": "base",
+                "publish_tf": False}
     assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
 
 
 @pytest.mark.parametrize("call", [call for call in FILES if "two_vehicles" not in call])
 def test_a_speed_replaces_the_height(call, height_file):
     file, node = call.split()[0], "/scale_recovery"
+    is_bag = file in ("bag.launch", "kitti.launch")
     _, remappings, parameters, _ = loaded(file, "speed:=/wheel/odom", f"learned_height_file:={height_file}",
-                                          *(["bag:=/x.bag"] if file == "kitti.launch" else []))
+                                          *(["bag:=/x.bag"] if is_bag else []))
     # The speed of a bag is played on `speed`.
-    assert remappings[node]["speed"] == ("/speed" if file == "kitti.launch" else "/wheel/odom")
+    assert remappings[node]["speed"] == ("/speed" if is_bag else "/wheel/odom")
     assert parameters[f"{node}/use_speed"] is True and f"{node}/camera_height" not in parameters
     assert parameters[f"{node}/height_file"] == height_file
     # The height of a file is improved in place. Without a speed nothing is subscribed.

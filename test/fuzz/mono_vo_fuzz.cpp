@@ -11,11 +11,11 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/image_input.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
-#include "ground_scale_vo/ros/visuals.hpp"
-#include "ground_scale_vo/vo/visual_odometry.hpp"
+#include "ground_scale_vo/self_calibrating_odometry.hpp"
 #include "message_checks.hpp"
+#include "ros/image_input.hpp"
+#include "ros/odometry_output.hpp"
+#include "ros/visuals.hpp"
 
 namespace ground_scale_vo::fuzz {
 namespace {
@@ -23,36 +23,37 @@ namespace {
 /// Processes messages as the nodelet does.
 class MonoVo {
  public:
-  explicit MonoVo(bool image_is_rectified) : rectifier_(image_is_rectified) {}
+  explicit MonoVo(bool image_is_rectified) : input_(image_is_rectified) {}
 
   void onCameraInfo(const sensor_msgs::CameraInfo& info) {
     if (info.width > 1000 || info.height > 1000) return;  // too much memory for a test
     try {
-      rectifier_.setCameraInfo(info, "camera_info");
+      input_.setCameraInfo(info, "camera_info");
     } catch (const DataError&) {
     }
   }
 
   void onImage(const sensor_msgs::Image& image) {
-    const auto camera = rectifier_.camera();
+    const auto camera = input_.camera();
     if (!camera) return;
     cv::Mat grey;
     try {
-      grey = rectifier_.rectify(image).grey.clone();  // outlives the message
+      grey = input_.grey(image).clone();  // outlives the message
     } catch (const DataError&) {
       return;
     }
     const Process process = [=, header = image.header](bool clock_jumped_back) {
       if (!odometry_ || camera_ != camera || clock_jumped_back) {
         camera_ = camera;
-        odometry_ = std::make_unique<VisualOdometry>(pinholeOf(*camera), VisualOdometry::Options());
+        odometry_ =
+            std::make_unique<SelfCalibratingOdometry>(*camera, SelfCalibratingOdometry::Options());
         painter_ = TrackPainter();
       }
       const auto output = odometry_->process(grey, toNanoseconds(header.stamp));
       check(*toMsg(output.frame, header));
       check(*toOdometryMsg(output.frame, header, "vo_world"));
       toPointCloud(output.frame, header);
-      painter_.paint(grey, output.frame, output.rejected, header);
+      painter_.paint(output.image, output.frame, output.rejected, header);
     };
     for (const auto& accepted : filter_.filter(toNanoseconds(image.header.stamp), process)) {
       accepted.message(accepted.clock_jumped_back);
@@ -62,10 +63,10 @@ class MonoVo {
  private:
   using Process = std::function<void(bool clock_jumped_back)>;
 
-  ImageRectifier rectifier_;
+  CameraInput input_;
   StampFilter<Process> filter_{1.0, [](const std::string&) {}};
   std::shared_ptr<const CameraCalibration> camera_;
-  std::unique_ptr<VisualOdometry> odometry_;
+  std::unique_ptr<SelfCalibratingOdometry> odometry_;
   TrackPainter painter_;
 };
 

@@ -8,11 +8,11 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
-#include "ground_scale_vo/ros/visuals.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "message_checks.hpp"
+#include "ros/odometry_output.hpp"
+#include "ros/visuals.hpp"
 
 namespace ground_scale_vo::fuzz {
 namespace {
@@ -58,7 +58,7 @@ class Scale {
       for (const auto& p : output.ground_points_c) require(p.allFinite(), "points are finite");
       if (output.pose) {
         require(output.scale.status != ScaleStatus::kUnknown, "nothing metric without a scale");
-        const auto frames = OdometryFrames::ofCamera("odom", "camera");
+        const auto frames = TfFrames::ofCamera("odom", "camera");
         check(*toOdometryMsg(*output.pose, frames, header.stamp));
         require(std::isfinite(output.pose->distance), "the distance is finite");
       }

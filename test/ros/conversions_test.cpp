@@ -211,7 +211,7 @@ TEST(Messages, ConstantsAreTheEnumerators) {
   EXPECT_EQ(int{Scale::UNKNOWN}, static_cast<int>(ScaleStatus::kUnknown));
   EXPECT_EQ(int{Scale::OK}, static_cast<int>(ScaleStatus::kOk));
   EXPECT_EQ(int{Scale::HELD}, static_cast<int>(ScaleStatus::kHeld));
-  EXPECT_EQ(int{Scale::NONE}, static_cast<int>(MeasurementStatus::kMeasured));
+  EXPECT_EQ(int{Scale::MEASURED}, static_cast<int>(MeasurementStatus::kMeasured));
   EXPECT_EQ(int{Scale::VO_NOT_TRACKING}, static_cast<int>(MeasurementStatus::kVoNotTracking));
   EXPECT_EQ(int{Scale::STANDSTILL}, static_cast<int>(MeasurementStatus::kStandstill));
   EXPECT_EQ(int{Scale::TOO_FEW_TRIANGLES}, static_cast<int>(MeasurementStatus::kTooFewTriangles));

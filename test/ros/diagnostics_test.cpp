@@ -1,6 +1,6 @@
 // Level and message of the diagnostics in each state, and what the log prints.
 
-#include "ground_scale_vo/ros/diagnostics.hpp"
+#include "ros/diagnostics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,46 +11,48 @@
 namespace ground_scale_vo {
 namespace {
 
-using Level = DiagnosticSummary::Level;
+using Level = DiagnosticStatus;
 
-TEST(DiagnosticSummary, OfTheInputOfAStage) {
+DiagnosticStatus statusOf(std::int8_t level, const std::string& message) {
+  DiagnosticStatus status;
+  status.level = level;
+  status.message = message;
+  return status;
+}
+
+TEST(Summary, OfTheInputOfAStage) {
   StageState good;
   good.input = "image";
   good.inputs = "images";
-  good.stage = {Level::kOk, "tracking"};
+  good.stage = statusOf(Level::OK, "tracking");
   good.since_processed_s = 0.1;
   good.errors = {""};
   good.warnings = {"", ""};
   const struct {
     std::function<void(StageState*)> change;
-    Level level;
+    std::int8_t level;
     std::string message;
   } kCases[] = {
-      {[](StageState*) {}, Level::kOk, "tracking"},
-      {[](StageState* s) {
-         s->missing = MissingInput{"image", "no image", true};
-       },
-       Level::kError, "no image"},
+      {[](StageState*) {}, Level::OK, "tracking"},
+      {[](StageState* s) { s->missing = "no image"; }, Level::ERROR, "no image"},
       {[](StageState* s) {
          s->errors = {"", "two cameras", "two parents"};
        },
-       Level::kError, "two cameras"},
+       Level::ERROR, "two cameras"},
       {[](StageState* s) {
          s->warnings = {"all zeros", "D is not zero"};
        },
-       Level::kWarn, "tracking; all zeros; D is not zero"},
-      {[](StageState* s) {
-         s->stage = {Level::kError, "lost"}, s->warnings = {"zeros"};
-       },
-       Level::kError, "lost; zeros"},
-      {[](StageState* s) { s->dropped = 3; }, Level::kWarn,
+       Level::WARN, "tracking; all zeros; D is not zero"},
+      {[](StageState* s) { s->stage = statusOf(Level::ERROR, "lost"), s->warnings = {"zeros"}; },
+       Level::ERROR, "lost; zeros"},
+      {[](StageState* s) { s->dropped = 3; }, Level::WARN,
        "tracking; 3 images dropped in the last second"},
-      {[](StageState* s) { s->dropped = 3, s->since_processed_s.reset(); }, Level::kError,
+      {[](StageState* s) { s->dropped = 3, s->since_processed_s.reset(); }, Level::ERROR,
        "no usable image; 3 images dropped in the last second"},
-      {[](StageState* s) { s->dropped = 3, s->since_processed_s = 7; }, Level::kError,
+      {[](StageState* s) { s->dropped = 3, s->since_processed_s = 7; }, Level::ERROR,
        "no usable image for 7 s; 3 images dropped in the last second"},
-      {[](StageState* s) { s->since_processed_s = 7; }, Level::kOk, "tracking"},  // they wait
-      {[](StageState* s) { s->dropped = 3, s->clock_error = "no clock"; }, Level::kWarn,
+      {[](StageState* s) { s->since_processed_s = 7; }, Level::OK, "tracking"},  // they wait
+      {[](StageState* s) { s->dropped = 3, s->warnings = {"no clock"}; }, Level::WARN,
        "tracking; 3 images dropped in the last second; no clock"}};
   for (const auto& one : kCases) {
     StageState state = good;
@@ -60,40 +62,41 @@ TEST(DiagnosticSummary, OfTheInputOfAStage) {
   }
 }
 
-TEST(DiagnosticSummary, OfTheOdometry) {
-  const auto is = [](const std::optional<VoStatus>& status, Level level, const char* message) {
+TEST(Summary, OfTheOdometry) {
+  const auto is = [](const std::optional<VoStatus>& status, std::int8_t level,
+                     const char* message) {
     return summarize(status).level == level && summarize(status).message == message;
   };
-  EXPECT_TRUE(is(std::nullopt, Level::kWarn, "initialising"));
-  EXPECT_TRUE(is(VoStatus::kInitialising, Level::kWarn, "initialising"));
-  EXPECT_TRUE(is(VoStatus::kTracking, Level::kOk, "tracking"));
-  EXPECT_TRUE(is(VoStatus::kLost, Level::kError, "lost"));
+  EXPECT_TRUE(is(std::nullopt, Level::WARN, "initialising"));
+  EXPECT_TRUE(is(VoStatus::kInitialising, Level::WARN, "initialising"));
+  EXPECT_TRUE(is(VoStatus::kTracking, Level::OK, "tracking"));
+  EXPECT_TRUE(is(VoStatus::kLost, Level::ERROR, "lost"));
 }
 
-TEST(DiagnosticSummary, OfTheScale) {
+TEST(Summary, OfTheScale) {
   const struct {
     ScaleStatus status;
     MeasurementStatus reason;
     double held_s;
     const char* missing_image;
-    Level level;
+    std::int8_t level;
     std::string message;
   } kCases[] = {
-      {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "", Level::kOk, "scale measured"},
-      {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "no publisher on /image", Level::kWarn,
+      {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "", Level::OK, "scale measured"},
+      {ScaleStatus::kOk, MeasurementStatus::kMeasured, 0, "no publisher on /image", Level::WARN,
        "scale measured from features only, no publisher on /image"},
-      {ScaleStatus::kUnknown, MeasurementStatus::kMeasured, 0, "", Level::kWarn,
+      {ScaleStatus::kUnknown, MeasurementStatus::kMeasured, 0, "", Level::WARN,
        "scale not known yet"},
-      {ScaleStatus::kUnknown, MeasurementStatus::kNoPlane, 0, "", Level::kWarn,
+      {ScaleStatus::kUnknown, MeasurementStatus::kNoPlane, 0, "", Level::WARN,
        "scale not known yet: no_plane"},
       // Holding the scale briefly or at standstill is normal.
-      {ScaleStatus::kHeld, MeasurementStatus::kNoPlane, 0.84, "", Level::kOk,
+      {ScaleStatus::kHeld, MeasurementStatus::kNoPlane, 0.84, "", Level::OK,
        "scale held for 0.8 s: no_plane"},
-      {ScaleStatus::kHeld, MeasurementStatus::kNoPlane, 3.1, "", Level::kWarn,
+      {ScaleStatus::kHeld, MeasurementStatus::kNoPlane, 3.1, "", Level::WARN,
        "scale held for 3.1 s: no_plane"},
-      {ScaleStatus::kHeld, MeasurementStatus::kStandstill, 3.1, "", Level::kOk,
+      {ScaleStatus::kHeld, MeasurementStatus::kStandstill, 3.1, "", Level::OK,
        "scale held: standstill"},
-      {ScaleStatus::kHeld, MeasurementStatus::kVoNotTracking, 0, "", Level::kWarn,
+      {ScaleStatus::kHeld, MeasurementStatus::kVoNotTracking, 0, "", Level::WARN,
        "scale held for 0.0 s: vo_not_tracking"}};
   for (const auto& one : kCases) {
     ScaleEstimate scale;

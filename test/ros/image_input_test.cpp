@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/image_input.hpp"
+#include "ros/image_input.hpp"
 
 #include <gtest/gtest.h>
 
@@ -30,33 +30,33 @@ sensor_msgs::Image uniformImage(std::uint32_t width, std::uint32_t height) {
   return image;
 }
 
-TEST(ImageRectifier, ReplacesItsCameraOnlyForAnotherValidCalibration) {
+TEST(CameraInput, ReplacesItsCameraOnlyForAnotherValidCalibration) {
   for (const double k1 : {0.0, -0.2}) {
     const sensor_msgs::CameraInfo original = infoOf(10, k1);
-    ImageRectifier rectifier(false);
-    EXPECT_EQ(rectifier.camera(), nullptr);
-    rectifier.setCameraInfo(original, "t");
-    const auto first = rectifier.camera();
+    CameraInput input(false);
+    EXPECT_EQ(input.camera(), nullptr);
+    input.setCameraInfo(original, "t");
+    const auto first = input.camera();
     ASSERT_NE(first, nullptr);
-    EXPECT_THROW(rectifier.setCameraInfo(sensor_msgs::CameraInfo(), "t"), DataError);
-    EXPECT_EQ(rectifier.camera(), first);
+    EXPECT_THROW(input.setCameraInfo(sensor_msgs::CameraInfo(), "t"), DataError);
+    EXPECT_EQ(input.camera(), first);
     // A calibration on line varies by less than a tenth of a pixel.
     sensor_msgs::CameraInfo other;
     for (const std::size_t i : {0, 2, 4, 5}) {
       other = original;
       other.K[i] += 0.05;
-      rectifier.setCameraInfo(other, "t");
-      EXPECT_EQ(rectifier.camera(), first) << i;
+      input.setCameraInfo(other, "t");
+      EXPECT_EQ(input.camera(), first) << i;
     }
     other = original;
     other.D[0] += 1e-3;
-    rectifier.setCameraInfo(other, "t");
-    EXPECT_EQ(rectifier.camera(), first);
+    input.setCameraInfo(other, "t");
+    EXPECT_EQ(input.camera(), first);
     other.D[0] += 0.2;
-    rectifier.setCameraInfo(other, "t");
-    EXPECT_NE(rectifier.camera(), first);
-    rectifier.setCameraInfo(infoOf(11, k1), "t");
-    EXPECT_EQ(rectifier.camera()->fx, 11);
+    input.setCameraInfo(other, "t");
+    EXPECT_NE(input.camera(), first);
+    input.setCameraInfo(infoOf(11, k1), "t");
+    EXPECT_EQ(input.camera()->fx, 11);
   }
 }
 
@@ -65,13 +65,13 @@ using CameraFile = TemporaryFolder;
 TEST_F(CameraFile, ThatCannotBeUsedIsRefused) {
   const CameraCalibration wide{8, 6, 1e-3, 10, 4, 3, {}};
   const std::string file = write("camera.yaml", cameraYaml(wide, ""));
-  expectThrows<OptionError>([&] { ImageRectifier(false, "", file); },
+  expectThrows<OptionError>([&] { CameraInput(false, "", file); },
                             "parameter camera_file: " + file + " cannot be used: ");
-  expectThrows<OptionError>([&] { ImageRectifier(false, "", file + "l"); },
+  expectThrows<OptionError>([&] { CameraInput(false, "", file + "l"); },
                             "parameter camera_file: " + file + "l: no such file");
   const CameraCalibration camera{8, 6, 10, 10, 4, 3, {}};
   write("camera.yaml", cameraYaml(camera, ""));
-  expectThrows<DataError>([&] { ImageRectifier(false, "", file).rectify(uniformImage(6, 8)); },
+  expectThrows<DataError>([&] { CameraInput(false, "", file).grey(uniformImage(6, 8)); },
                           "but parameter camera_file: " + file + " describes 8x6");
 }
 
@@ -87,37 +87,33 @@ class MaskFile : public TemporaryFolder {
   }
 };
 
-TEST_F(MaskFile, IsRectifiedWithTheImages) {
-  for (const int type : {CV_8UC1, CV_8UC3}) {  // most drawing programs write it in colour
-    ImageRectifier rectifier(false, writeMask(8, 6, type));
-    rectifier.setCameraInfo(infoOf(10), "t");
-    const cv::Mat mask = rectifier.rectify(uniformImage(8, 6)).mask;
+TEST_F(MaskFile, MayBeInColour) {  // as most drawing programs write it
+  for (const int type : {CV_8UC1, CV_8UC3}) {
+    const cv::Mat mask = CameraInput(false, writeMask(8, 6, type)).mask();
     ASSERT_EQ(mask.size(), cv::Size(8, 6));
     EXPECT_EQ(cv::countNonZero(mask), 8 * 5);
     EXPECT_EQ(cv::countNonZero(mask.row(0)), 0);
-    rectifier.setCameraInfo(infoOf(10, 0.4), "t");
-    EXPECT_LT(cv::countNonZero(rectifier.rectify(uniformImage(8, 6)).mask), 8 * 5);
   }
 }
 
 TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
   const std::string file = writeMask(3, 2);
-  ImageRectifier rectifier(false, file);
+  CameraInput input(false, file);
   expectThrows<DataError>(
-      [&] { rectifier.setCameraInfo(infoOf(10), "/info"); },
+      [&] { input.setCameraInfo(infoOf(10), "/info"); },
       "parameter mask: " + file + " is 3x2, the camera 8x6 of camera_info on topic /info");
   const CameraCalibration calibration{8, 6, 10, 10, 4, 3, {}};
   const std::string camera = write("camera.yaml", cameraYaml(calibration, ""));
-  expectThrows<OptionError>([&] { ImageRectifier(false, file, camera); },
+  expectThrows<OptionError>([&] { CameraInput(false, file, camera); },
                             file + " is 3x2, the camera 8x6 of parameter camera_file: " + camera);
-  EXPECT_EQ(rectifier.camera(), nullptr);
+  EXPECT_EQ(input.camera(), nullptr);
   sensor_msgs::CameraInfo cropped = infoOf(10);
   cropped.roi.x_offset = 2;
   cropped.roi.width = 6;
   cropped.roi.height = 4;
   cropped.binning_x = cropped.binning_y = 2;
-  EXPECT_NO_THROW(rectifier.setCameraInfo(cropped, "t"));
-  EXPECT_EQ(rectifier.rectify(uniformImage(3, 2)).mask.size(), cv::Size(3, 2));
+  EXPECT_NO_THROW(input.setCameraInfo(cropped, "t"));
+  EXPECT_EQ(input.grey(uniformImage(3, 2)).size(), cv::Size(3, 2));
 }
 
 TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
@@ -128,30 +124,29 @@ TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
       {write("text.png", "no image"), ": is not a whole PNG or JPEG image"},
       {truncated, ": is not a whole PNG or JPEG image"}};
   for (const auto& [file, reason] : kCases) {
-    expectThrows<OptionError>([&, file = file] { ImageRectifier(false, file); },
+    expectThrows<OptionError>([&, file = file] { CameraInput(false, file); },
                               "parameter mask: " + file + reason);
   }
 }
 
 using Guard = SourceGuard<std::string>;
-using SourceVerdict = Guard::Verdict;
 
 TEST(SourceGuard, ASourceThatKeepsChangingStaysInUseUntilItSettles) {
   for (const bool returns : {false, true}) {  // every second message is the same
     Guard guard;
-    for (const char* source : {"a", "b", "c"}) guard.check(source);
+    for (const char* source : {"a", "b", "c"}) guard.accepts(source);
     for (int i = 0; i < 300; ++i) {
-      EXPECT_EQ(guard.check(std::to_string(i)), SourceVerdict::kRefused);
+      EXPECT_FALSE(guard.accepts(std::to_string(i)));
       if (returns) {
-        EXPECT_EQ(guard.check("c"), SourceVerdict::kSame);
+        EXPECT_TRUE(guard.accepts("c"));
       }
       EXPECT_EQ(guard.refused(), std::to_string(i));
       EXPECT_EQ(guard.current(), "c");
     }
     for (int i = 0; i < Guard::kMemory - 1; ++i) {
-      EXPECT_NE(guard.check("d"), SourceVerdict::kChanged);
+      EXPECT_FALSE(guard.accepts("d"));
     }
-    EXPECT_EQ(guard.check("d"), SourceVerdict::kChanged);
+    EXPECT_TRUE(guard.accepts("d"));
     EXPECT_FALSE(guard.refused());
   }
 }
@@ -160,15 +155,14 @@ TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUseUntilOneEnds) {
   for (const int ratio : {2, 50}) {
     for (const std::string left : {"a", "b"}) {
       Guard guard;
-      for (const char* source : {"a", "b", "a"}) guard.check(source);
+      for (const char* source : {"a", "b", "a"}) guard.accepts(source);
       EXPECT_FALSE(guard.refused());
       for (int i = 0; i < 1000; ++i) {
         const bool is_second = i % ratio == 0;
-        EXPECT_EQ(guard.check(is_second ? "b" : "a"),
-                  is_second ? SourceVerdict::kRefused : SourceVerdict::kSame);
+        EXPECT_EQ(guard.accepts(is_second ? "b" : "a"), !is_second);
         EXPECT_EQ(guard.refused(), "b");
       }
-      for (int i = 0; i < Guard::kMemory; ++i) guard.check(left);
+      for (int i = 0; i < Guard::kMemory; ++i) guard.accepts(left);
       EXPECT_FALSE(guard.refused());
       EXPECT_EQ(guard.current(), left);
     }

@@ -1,11 +1,10 @@
-#include "ground_scale_vo/ros/mounting_check.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <optional>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ros/diagnostics.hpp"
 #include "scale/mounting.hpp"
 #include "support/expect_throws.hpp"
 #include "support/learned_height.hpp"
@@ -48,16 +47,22 @@ TEST(MountingCheck, NamesAMeasuredMountingThatIsNotSupported) {
   EXPECT_EQ(measured(0, 25, 0.6), "");
 }
 
+VoFrame frameAt(const Eigen::Quaterniond& R_w_c) {
+  VoFrame frame;
+  frame.status = VoStatus::kTracking;
+  frame.T_w_c.linear() = R_w_c.toRotationMatrix();
+  return frame;
+}
+
 /// After a curve to the left and one to the right, of 40 degrees each, over a crest, with a
 /// suspension that vibrates. roll: of the camera [deg].
 std::optional<Eigen::Vector3d> turnAxis(double roll, int frames = 80) {
   TurnAxis axis;
   for (int i = 0; i < frames; ++i) {
     const double yaw = (i < 40 ? i : 80 - i) * kDegree, pitch = (0.05 * i + i % 2) * kDegree;
-    axis.add(1, (Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
-                 Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
-                 Eigen::AngleAxisd(roll * kDegree, Eigen::Vector3d::UnitZ()))
-                    .toRotationMatrix());
+    axis.add(frameAt(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
+                     Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
+                     Eigen::AngleAxisd(roll * kDegree, Eigen::Vector3d::UnitZ())));
   }
   return axis.upward();
 }
@@ -77,8 +82,10 @@ TEST(MountingCheck, NamesAMountingThatTurnsShow) {
 
 TEST(TurnAxis, ANewMapIsNoTurn) {
   TurnAxis axis;
-  for (std::uint32_t map_id = 0; map_id < 20; ++map_id) {
-    axis.add(map_id, Eigen::AngleAxisd(map_id, Eigen::Vector3d::UnitX()).toRotationMatrix());
+  for (int i = 0; i < 20; ++i) {
+    VoFrame frame = frameAt(Eigen::Quaterniond(Eigen::AngleAxisd(i, Eigen::Vector3d::UnitX())));
+    frame.continuity = Continuity::kNewMap;
+    axis.add(frame);
   }
   EXPECT_FALSE(axis.upward());
 }
@@ -148,7 +155,7 @@ TEST(CameraHeight, IsNotSavedBeforeSpeedsHaveTaughtIt) {
   measured.scale = learned(1.65, 0.1);
   expectRefused(0, "its error is 11.9 % (95 %)");
   measured.scale = learned(1.65, 0.019);
-  expectRefused(0.02, "speeds have not taught it yet");
+  expectRefused(0.02, "speeds have not determined it yet");
   measured.scale = learned(1.65, 0.01);
   EXPECT_NO_THROW(learnedHeightYaml(measured, 0.02));
 }

@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/odometry_output.hpp"
+#include "ros/odometry_output.hpp"
 
 #include <gtest/gtest.h>
 
@@ -44,8 +44,7 @@ TEST(CameraOdometry, ACameraThatDrivesForwardMovesAlongX) {
   pose.T_o_c = test::pose({0, 0, 0}, {1, -2, 10});  // 1 right, 2 up, 10 forward
   pose.twist_c << 0.1, -0.2, 5, 0, 0.3, 0;          // turns right: about y down
   pose.covariance.diagonal() << 1, 2, 3, 4, 5, 6;
-  const auto odometry =
-      toOdometryMsg(pose, OdometryFrames::ofCamera("odom", "cam"), ros::Time(3, 4));
+  const auto odometry = toOdometryMsg(pose, TfFrames::ofCamera("odom", "cam"), ros::Time(3, 4));
   EXPECT_EQ(odometry->header.frame_id, "odom");
   EXPECT_EQ(odometry->child_frame_id, "cam");
   EXPECT_EQ(odometry->header.stamp, ros::Time(3, 4));
@@ -97,7 +96,7 @@ class BaseOdometry : public ::testing::Test {
   }
 
   const Eigen::Isometry3d T_b_c_ = test::pose({0.3, -1.1, 0.4}, {1.5, 0.2, 1.4});
-  OdometryFrames frames_ = OdometryFrames::ofBase("odom", "base_link", T_b_c_);
+  TfFrames frames_ = TfFrames::ofBase("odom", "base_link", T_b_c_);
   const Eigen::Isometry3d T_o_c_ = test::pose({-0.2, 0.7, 0.1}, {3, -1, 20});
 };
 

@@ -14,7 +14,7 @@
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
-#include "ground_scale_vo/ros/params.hpp"
+#include "ros/params.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -50,7 +50,7 @@ std::vector<std::string> optionRows() {
   MetricOdometry::Options options;
   ParamReader reader("/n", XmlRpc::XmlRpcValue());
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
-    reader.declare(name.c_str(), field, rest...);
+    reader.declare(name, field, rest...);
   });
   return rows(reader);
 }

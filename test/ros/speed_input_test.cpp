@@ -1,5 +1,3 @@
-#include "ground_scale_vo/ros/speed_input.hpp"
-
 #include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <gtest/gtest.h>
@@ -10,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "ros/scale_input.hpp"
 #include "support/expect_throws.hpp"
 
 namespace ground_scale_vo {
@@ -97,7 +96,7 @@ TEST(SpeedReader, AVelocityThatIsNotAlongXHasNoSign) {
 
 TEST(SpeedReader, RefusesWhatIsNoSpeedWithTheReason) {
   SpeedReader reader;
-  expectThrows<SpeedTypeError>(
+  expectThrows<MessageError>(
       [&] { reader.read(received(std_msgs::Float64())); },
       "has the type std_msgs/Float64, accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped "
       "and geometry_msgs/TwistWithCovarianceStamped");

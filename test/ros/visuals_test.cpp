@@ -1,4 +1,4 @@
-#include "ground_scale_vo/ros/visuals.hpp"
+#include "ros/visuals.hpp"
 
 #include <gtest/gtest.h>
 
@@ -34,13 +34,14 @@ Pixel pixelOf(const sensor_msgs::Image& message, float u, float v) {
   return {message.data.at(i), message.data.at(i + 1), message.data.at(i + 2)};
 }
 
-const cv::Mat kGrey(kImageHeight, kImageWidth, CV_8UC1, cv::Scalar(128));
+const CameraImage kGrey{cv::Mat(kImageHeight, kImageWidth, CV_8UC1, cv::Scalar(128)), {}, {}};
 
 /// Masks all pixels right of u = 550.
-cv::Mat rightMasked() {
-  cv::Mat mask(kGrey.size(), CV_8UC1, cv::Scalar(255));
-  mask.colRange(550, kImageWidth).setTo(0);
-  return mask;
+CameraImage rightMasked() {
+  CameraImage image = kGrey;
+  image.mask = cv::Mat(kGrey.grey.size(), CV_8UC1, cv::Scalar(255));
+  image.mask.colRange(550, kImageWidth).setTo(0);
+  return image;
 }
 
 TEST(TrackPainter, MarksShowAgePointRejectionAndMask) {
@@ -49,8 +50,8 @@ TEST(TrackPainter, MarksShowAgePointRejectionAndMask) {
                     feature(4, 300, 10, false), feature(5, kImageWidth - 1, 3)};
   std_msgs::Header header;
   header.frame_id = "camera";
-  const auto message = TrackPainter().paint(
-      kGrey, frame, {{6, {400.f, kRow}, true}}, header, rightMasked());
+  const auto message =
+      TrackPainter().paint(rightMasked(), frame, {{6, {400.f, kRow}, true}}, header);
   EXPECT_EQ(message->encoding, "bgr8");
   EXPECT_EQ(message->header.frame_id, "camera");
   const auto at = [&](float u) { return pixelOf(*message, u, kRow); };
@@ -74,7 +75,7 @@ TEST(RoadPainting, ShowsAGridOfOneMetreUnlessTheScaleIsUnknown) {
   output.scale.scale = 3.3;
   output.scale.sigma = 0.03;
   output.scale.status = ScaleStatus::kOk;
-  auto message = paintRoad(kGrey, frame, output, {}, {});
+  auto message = paintRoad(kGrey, frame, output, {});
   /// Pixel that shows the road point `ahead` and `left` of the camera [m].
   const auto onRoad = [&](float ahead, float left) {
     return pixelOf(*message, 320 - 400 * left / ahead, std::round(40 + 400 * 1.65f / ahead));
@@ -89,12 +90,12 @@ TEST(RoadPainting, ShowsAGridOfOneMetreUnlessTheScaleIsUnknown) {
   }
   output.scale.scale *= 2;  // the same pixel is now 11 m ahead
   output.scale.status = ScaleStatus::kHeld;
-  message = paintRoad(kGrey, frame, output, {}, {});
+  message = paintRoad(kGrey, frame, output, {});
   const Pixel held = onRoad(5.5f, 0.25f);
   EXPECT_GT(held.red, held.blue + 50) << "amber";
   EXPECT_GT(held.red, held.green);
   output.scale.status = ScaleStatus::kUnknown;
-  message = paintRoad(kGrey, frame, output, {}, rightMasked());
+  message = paintRoad(rightMasked(), frame, output, {});
   EXPECT_TRUE(onRoad(5.5f, 0.25f).isGrey());
   EXPECT_FALSE(pixelOf(*message, 551, kRow).isGrey()) << "masked";
 }

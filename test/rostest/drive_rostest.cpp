@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "manager_test.hpp"
+#include "ros/odometry_output.hpp"
 #include "support/drive_run.hpp"
 
 namespace ground_scale_vo {

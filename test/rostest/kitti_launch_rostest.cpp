@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "child_process.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "rendered_camera.hpp"
+#include "ros/odometry_output.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {

@@ -7,9 +7,9 @@
 
 #include <map>
 
-#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "nodelet_pair.hpp"
+#include "ros/odometry_output.hpp"
 
 namespace ground_scale_vo {
 namespace {

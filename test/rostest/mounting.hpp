@@ -6,7 +6,7 @@
 #include <string>
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
+#include "ros/odometry_output.hpp"
 
 namespace ground_scale_vo {
 

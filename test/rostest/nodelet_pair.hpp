@@ -91,12 +91,6 @@ class NodeletPair : public NodeletTopics {
   void setParam(const std::string& nodelet, const std::string& name, const Value& value) {
     ros::param::set(ns_ + "/" + nodelet + "/" + name, value);
   }
-  template <typename Value>
-  void setParamOfBoth(const std::string& name, const Value& value) {
-    setParam("mono_vo", name, value);
-    setParam("scale_recovery", name, value);
-  }
-
   bool loadMonoVo() { return load("MonoVo", "/mono_vo"); }
   bool loadScaleRecovery() { return load("ScaleRecovery", "/scale_recovery"); }
   bool load() { return loadMonoVo() && loadScaleRecovery() && waitUntilConnected(); }

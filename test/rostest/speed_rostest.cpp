@@ -12,6 +12,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/time.hpp"
 #include "manager_test.hpp"
 
 namespace ground_scale_vo {

@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/odometry_output.hpp"
 #include "manager_test.hpp"
+#include "ros/odometry_output.hpp"
 
 namespace ground_scale_vo {
 namespace {

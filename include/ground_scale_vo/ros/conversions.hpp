@@ -40,9 +40,13 @@ class MessageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-std::int64_t toNanoseconds(const ros::Time& stamp);
+inline std::int64_t toNanoseconds(const ros::Time& stamp) {
+  return static_cast<std::int64_t>(stamp.toNSec());
+}
 /// Precondition: 0 <= stamp_ns < 2^32 s.
-ros::Time fromNanoseconds(std::int64_t stamp_ns);
+inline ros::Time fromNanoseconds(std::int64_t stamp_ns) {
+  return ros::Time().fromNSec(static_cast<std::uint64_t>(stamp_ns));
+}
 
 /// The name of a tf frame without leading slashes, which tf2 rejects, unlike tf.
 std::string withoutLeadingSlashes(const std::string& frame);
@@ -56,11 +60,8 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header);
 /// Most features of a frame: the time of a frame grows with their number, about 0.2 s for this one.
 constexpr std::size_t kMaxFeatures = 20000;
 
-/// Any odometry may publish VoFrame, so the message is checked. Throws MessageError: more than
-/// kMaxFeatures features, arrays of different lengths, ids not in ascending order, pixels that are
-/// not finite, an invalid camera or status, an invalid pose although status is TRACKING, or an
-/// invalid map_start. A point that is not finite or not in front of the camera is dropped; its
-/// feature stays.
+/// Any odometry may publish VoFrame, so every field is checked. Throws MessageError. A point that
+/// is not finite or not in front of the camera is dropped; its feature stays.
 VoFrame fromMsg(const VoFrameMsg& msg);
 
 ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
@@ -76,15 +77,13 @@ Eigen::Isometry3d fromMsg(const geometry_msgs::Transform& transform);
 
 /// Refers to the message's data.
 RawImage fromMsg(const sensor_msgs::Image& image);
-CameraInfo fromMsg(const sensor_msgs::CameraInfo& info);
 
 /// Copies the pixels. Precondition: 8 or 16 bits, continuous.
 sensor_msgs::ImagePtr toMsg(const cv::Mat& pixels, const std::string& encoding,
                             const std_msgs::Header& header);
 
-/// Decodes a JPEG or PNG image without the plugin of image_transport, which Debian lacks. Encoding
-/// of the result: the one that `format` names, if the decoded pixels can have it, else mono,
-/// bgr or bgra of 8 or 16 bits. Throws DataError: decodePixels()'s reasons.
+/// Decodes a JPEG or PNG image without the plugin of image_transport, which Debian lacks. Throws
+/// DataError.
 sensor_msgs::ImagePtr decode(const sensor_msgs::CompressedImage& image);
 
 /// camera_info of images with plumb_bob or no distortion.

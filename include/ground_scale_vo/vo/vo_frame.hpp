@@ -78,10 +78,6 @@ struct VoFrame {
   Continuity continuity = Continuity::kSameMap;  ///< not of a lost frame, which tells nothing
   bool keyframe = false;
   PinholeCamera camera;
-  /// plumb_bob distortion (k1, k2, p1, p2, k3) that the odometry itself has removed from the
-  /// images, whose intrinsics are those of `camera` (SelfCalibratingOdometry). Empty: the images
-  /// are those that the odometry was given, or rectified by their calibration.
-  std::vector<double> distortion;
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
   /// VO units. Valid only while status is kTracking.
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();

@@ -7,10 +7,10 @@
 
 #include <Eigen/Core>
 #include <map>
-#include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
@@ -21,26 +21,24 @@ namespace ground_scale_vo {
 /// Draws the feature tracks of a frame, coloured by age, and its rejected features, with a legend.
 class TrackPainter {
  public:
-  /// grey: the rectified image of the frame, drawn darker. mask: of its size, 0 at the pixels that
-  /// are not used, which are tinted; empty: none. Filled dots have a map point, hollow
-  /// ones do not yet. A line leads to the position in the previous image, if that was drawn. Red
-  /// crosses are outliers, pink ones features that were not found.
-  sensor_msgs::Image::Ptr paint(const cv::Mat& grey, const VoFrame& frame,
+  /// image: of the frame; drawn darker, its masked pixels tinted. Filled dots have a map point,
+  /// hollow ones do not yet. A line leads to the position in the previous image, if that was drawn.
+  /// Red crosses are outliers, pink ones features that were not found.
+  sensor_msgs::Image::Ptr paint(const CameraImage& image, const VoFrame& frame,
                                 const std::vector<RejectedFeature>& rejected,
-                                const std_msgs::Header& header, const cv::Mat& mask = {});
+                                const std_msgs::Header& header);
 
  private:
   std::uint32_t last_sequence_ = 0;
   std::map<std::uint64_t, Eigen::Vector2f> last_;  ///< pixels of the last drawn frame
 };
 
-/// Draws the estimated ground plane over the rectified image of the frame: a grid of 1 m (green:
-/// scale measured, amber: held, none while unknown), ground points (green), other points (hollow
-/// grey), and the scale with its status. A correct plane puts the grid on the road. mask: as for
-/// TrackPainter.
-sensor_msgs::Image::Ptr paintRoad(const cv::Mat& grey, const VoFrame& frame,
+/// Draws the estimated ground plane over the image of the frame: a grid of 1 m (green: scale
+/// measured, amber: held, none while unknown), ground points (green), other points (hollow grey),
+/// and the scale with its status. A correct plane puts the grid on the road.
+sensor_msgs::Image::Ptr paintRoad(const CameraImage& image, const VoFrame& frame,
                                   const ScaleRecovery::Output& output,
-                                  const std_msgs::Header& header, const cv::Mat& mask = {});
+                                  const std_msgs::Header& header);
 
 /// x, y, z [float32] in the header's frame.
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,

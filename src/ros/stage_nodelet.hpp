@@ -15,31 +15,30 @@
 #include <vector>
 
 #include "common/time.hpp"
-#include "ground_scale_vo/ros/diagnostics.hpp"
-#include "ground_scale_vo/ros/params.hpp"
+#include "ros/diagnostics.hpp"
+#include "ros/params.hpp"
 
 namespace ground_scale_vo {
 
 /// What both nodelets have: a thread for their callbacks, a log, the service ~reset, and the
 /// diagnostics once a second.
 ///
-/// All callbacks run one after the other on the nodelet's own thread. The nodelet manager's queue
-/// is not used for three reasons: it drops what arrives during onInit (such as a latched
-/// camera_info), it is destroyed before the subscriptions when onInit throws, and it shares its
-/// threads with the other nodelets.
+/// All callbacks run one after the other on the nodelet's own thread. The manager's queue drops
+/// what arrives during onInit, is destroyed before the subscriptions when onInit throws, and shares
+/// its threads.
 class StageNodelet : public nodelet::Nodelet {
  protected:
+  /// stage: what the diagnostics append to the name of the nodelet.
+  explicit StageNodelet(std::string stage) : stage_(std::move(stage)) {}
+
   /// Subscribes and advertises with handles of the own queue; callbacks run afterwards. Throws
   /// OptionError.
   virtual void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) = 0;
   /// ~reset. Returns what happens next, for the answer of the service.
   virtual std::string reset() = 0;
-  /// What the diagnostics append to the name of the nodelet: "odometry" or "scale".
-  virtual std::string stage() const = 0;
-  /// All but what this class knows. dropped: since construction.
-  virtual void describe(StageState* state) = 0;
-  /// Further values of the diagnostics.
-  virtual void addValues(diagnostic_updater::DiagnosticStatusWrapper& status) = 0;
+  /// All of *state but what this class knows (dropped: since construction), and values of the
+  /// diagnostics.
+  virtual void describe(StageState* state, diagnostic_updater::DiagnosticStatusWrapper& values) = 0;
 
   /// Reads the parameters, logs those in effect and warns about unknown ones. Throws OptionError.
   template <typename Params>
@@ -66,15 +65,19 @@ class StageNodelet : public nodelet::Nodelet {
   /// class must call it: its members are destroyed before this class.
   void stopCallbacks() { spinner_.stop(); }
 
+  /// The tf frame of a message without leading slashes, which it warns of. subject: what names it.
+  std::string tfFrame(const std::string& name, const std::string& subject);
+
   std::unique_ptr<WarningLog> log_;
 
  private:
   void onInit() final;
   void logParams(const ParamReader& reader);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
-  void warnOfMissingInput(const MissingInput& missing, bool clock_runs);
+  void warnOfMissingInput(const std::string& sentence);
 
-  ros::CallbackQueue callbacks_;  // first: destroyed after all that uses it
+  const std::string stage_;
+  ros::CallbackQueue callbacks_;  // before all that uses it: destroyed after that
   ros::AsyncSpinner spinner_{1, &callbacks_};
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<diagnostic_updater::Updater> updater_;

@@ -1,4 +1,4 @@
-"""kitti.launch plays the whole bag. What it refuses: test_doors.py and test_nodes.py; parts of a bag: test_demo.py."""
+"""bag.launch plays the whole bag. What it refuses: test_doors.py and test_nodes.py; parts of a bag: test_demo.py."""
 
 import re
 
@@ -17,11 +17,12 @@ def test_waits_for_both_nodelets(bag, tmp_path):
     (tmp_path / "nodelets.launch").write_text(
         nodelets.replace('name="mono_vo"', f'name="mono_vo" launch-prefix="{wait}"'))
     delayed = tmp_path / "delayed.launch"
-    delayed.write_text((ROOT / "launch/kitti.launch").read_text().replace(
+    delayed.write_text((ROOT / "launch/bag.launch").read_text().replace(
         "$(find ground_scale_vo)/launch/ground_scale_vo.launch", str(tmp_path / "nodelets.launch")))
 
     log = tmp_path / "log"
-    with roslaunch(log, delayed, f"bag:={bag}", f"config_dir:={tmp_path}") as (process, _):
+    arguments = ["image:=/kitti/camera_gray_left/image_rect", "image_is_rectified:=true", "camera_height:=1.65"]
+    with roslaunch(log, delayed, f"bag:={bag}", *arguments, f"config_dir:={tmp_path}") as (process, _):
         wait_until(lambda: "waits: no node publishes /vo/frame" in log.read_text(), while_runs=process)
         released.touch()
         wait_until(lambda: f"Playback finished: {FRAMES} of {FRAMES} frames" in log.read_text(), while_runs=process)

@@ -20,10 +20,10 @@
 #include <string>
 #include <vector>
 
-#include "ground_scale_vo/ros/diagnostics.hpp"
-#include "ground_scale_vo/ros/params.hpp"
 #include "ground_scale_vo/scale/metric_pose.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
+#include "ros/diagnostics.hpp"
+#include "ros/params.hpp"
 
 // The poses as messages and on tf.
 namespace ground_scale_vo {
@@ -33,16 +33,16 @@ namespace ground_scale_vo {
 constexpr std::uint32_t kPublishQueue = 100;
 
 /// The up-to-scale pose of a tracked frame in world_frame, with its pose_covariance turned to the
-/// axes of that frame. A covariance that is not known has -1 as its first element, as in
-/// sensor_msgs/Imu: the covariance of the twist, which is not estimated, always.
+/// axes of that frame. A covariance that is not known, as that of the twist, has -1 as its first
+/// element.
 nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
                                       const std::string& world_frame);
 
 /// Rotation from optical axes (x right, y down, z forward) to body axes (x forward, y left, z up).
 Eigen::Matrix3d bodyFromOptical();
 
-/// The frames of the metric odometry: the pose of base_frame (b) in odom_frame.
-struct OdometryFrames {
+/// The tf frames of the metric odometry: the pose of base_frame (b) in odom_frame.
+struct TfFrames {
   std::string odom_frame;
   std::string base_frame;
   /// o is the core's metric frame, see MetricPose.
@@ -52,35 +52,40 @@ struct OdometryFrames {
   Vector6d mounting_twist_c = Vector6d::Zero();
 
   /// base_frame is the camera: odom has the origin of o, x forward, y left and z up.
-  static OdometryFrames ofCamera(const std::string& odom_frame, const std::string& camera_frame);
+  static TfFrames ofCamera(const std::string& odom_frame, const std::string& camera_frame) {
+    return {odom_frame, camera_frame, Eigen::Isometry3d(bodyFromOptical())};
+  }
   /// odom is the frame of the base whose camera coincides with o.
-  static OdometryFrames ofBase(const std::string& odom_frame, const std::string& base_frame,
-                               const Eigen::Isometry3d& T_b_c);
-  /// Moves odom to where it would be if o were the camera at T_o_c.
-  void moveOrigin(const Eigen::Isometry3d& T_o_c) { T_odom_o = T_odom_o * T_o_c.inverse(); }
+  static TfFrames ofBase(const std::string& odom_frame, const std::string& base_frame,
+                         const Eigen::Isometry3d& T_b_c) {
+    return {odom_frame, base_frame, T_b_c, T_b_c.inverse()};
+  }
   /// The camera has moved on the base to T_b_c, in dt [s]. odom stays where it is.
   void moveMounting(const Eigen::Isometry3d& T_b_c, double dt);
 };
 
 /// Pose of the base in odom with its covariance; twist of the base at its origin and in its axes
 /// (REP-103, REP-105) with its covariance. The adjoint of the frames propagates the covariances.
-nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const OdometryFrames& frames,
+nav_msgs::Odometry::Ptr toOdometryMsg(const MetricPose& pose, const TfFrames& frames,
                                       const ros::Time& stamp);
 
 /// The same pose for tf: header.frame_id -> child_frame_id.
 geometry_msgs::TransformStamped toTransformMsg(const nav_msgs::Odometry& odometry);
 
-/// A path with a bounded number of poses, for display. Poses are at least a spacing apart. A full
-/// path drops every second pose and doubles the spacing, so the size of the message does not grow
-/// with the length of the drive.
+/// A path for display, with poses at least a spacing apart. A full path drops every second one and
+/// doubles the spacing.
 class BoundedPath {
  public:
   /// Preconditions: max_poses >= 2, spacing_m >= 0.
-  BoundedPath(std::size_t max_poses, double spacing_m);
+  BoundedPath(std::size_t max_poses, double spacing_m)
+      : max_poses_(max_poses), initial_spacing_m_(spacing_m), spacing_m_(spacing_m) {}
 
   /// True if the pose was added.
   bool add(const geometry_msgs::PoseStamped& pose);
-  void clear();
+  void clear() {
+    poses_.clear();
+    spacing_m_ = initial_spacing_m_;
+  }
   const std::vector<geometry_msgs::PoseStamped>& poses() const { return poses_; }
 
  private:
@@ -90,8 +95,8 @@ class BoundedPath {
   std::vector<geometry_msgs::PoseStamped> poses_;
 };
 
-/// The parents of frames in the messages of tf and tf_static, to find out whether a frame that is
-/// to be broadcast has another parent already. A tf tree allows one; tf2 does not report a second.
+/// The parents of tf frames, to find out whether a frame that is to be broadcast has another one
+/// already; tf2 does not report a second parent.
 class FrameParents {
  public:
   using Clock = std::chrono::steady_clock;
@@ -125,7 +130,7 @@ class OdometryOutput {
   void restart(bool first_pose_is_zero);
 
   /// The frames of the last pose; empty: there is none yet.
-  const std::optional<OdometryFrames>& frames() const { return frames_; }
+  const std::optional<TfFrames>& frames() const { return tf_frames_; }
   /// Why the last image has no pose although the scale may be known; empty: it has one.
   const std::string& mountingError() const { return mounting_error_; }
   /// Why the pose is not broadcast on tf: the frame has another parent there. Empty: it has none,
@@ -140,8 +145,8 @@ class OdometryOutput {
 
   const ScaleRecoveryParams params_;
   WarningLog* const log_;
-  std::optional<OdometryFrames> frames_;
-  ros::Time mounting_stamp_;  ///< of the image that frames_ is from
+  std::optional<TfFrames> tf_frames_;
+  ros::Time mounting_stamp_;  ///< of the image that tf_frames_ is from
   std::string mounting_error_;
   bool next_pose_is_zero_ = false;
   ros::Time latest_clock_;  ///< since the last restart

@@ -1,40 +1,98 @@
-#include "ground_scale_vo/nodelets/mono_vo_nodelet.hpp"
-
 #include <nav_msgs/Odometry.h>
-#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/PointCloud2.h>
+#include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
+#include <deque>
 #include <exception>
+#include <memory>
+#include <optional>
 #include <pluginlib/class_list_macros.hpp>
+#include <string>
 #include <utility>
 
 #include "common/files.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
-#include "ground_scale_vo/ros/odometry_output.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
+#include "ground_scale_vo/self_calibrating_odometry.hpp"
+#include "ros/image_input.hpp"
+#include "ros/odometry_output.hpp"
+#include "ros/stage_nodelet.hpp"
+#include "ros/visuals.hpp"
 
 namespace ground_scale_vo {
-namespace {
 
-constexpr std::uint32_t kImageQueue = 100;  // [images] that wait for their callback
+/// image + camera_info -> vo/frame, vo/odometry, and vo/image with vo/mask, on which the odometry
+/// worked; for visualisation vo/image_tracks, vo/points. Services ~reset, and with refine_camera
+/// ~save_camera.
+///
+/// Bundle adjustment has a thread of its own (Mapping), and feature tracking uses OpenCV's threads
+/// (parallelLoop()). The image callback only stores the image; a posted task processes one stored
+/// image after all callbacks that wait. So the newest `queue_size` images are always in the queue,
+/// and dropped ones are counted exactly. Images wait for the first valid camera_info.
+class MonoVoNodelet : public StageNodelet {
+ public:
+  MonoVoNodelet() : StageNodelet("odometry") {}
+  ~MonoVoNodelet() override { stopCallbacks(); }
 
-}  // namespace
+ private:
+  struct GreyImage {
+    sensor_msgs::ImageConstPtr message;  ///< `grey` may refer to its data
+    cv::Mat grey;
+    std::shared_ptr<const CameraCalibration> camera;
+  };
+
+  void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) override;
+  std::string reset() override;
+  void describe(StageState* state, diagnostic_updater::DiagnosticStatusWrapper& values) override;
+
+  void onImage(const sensor_msgs::ImageConstPtr& image);
+  /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
+  void scheduleProcessing();
+  void processOldest();
+  void process(const GreyImage& image, bool clock_jumped_back);
+  /// Starts the odometry anew if this image does not continue the ones before it: its sequence and
+  /// map ids are 0 again.
+  void startOdometry(const GreyImage& image, bool clock_jumped_back);
+  void publish(const SelfCalibratingOdometry::Output& output, const std_msgs::Header& header);
+  void publishLens(const std_msgs::Header& header);
+  std::string saveCamera() const;
+
+  MonoVoParams params_;
+  std::unique_ptr<ImageReceiver> receiver_;
+  std::deque<sensor_msgs::ImageConstPtr> images_;
+  std::uint64_t dropped_from_queue_ = 0;
+  bool processing_scheduled_ = false;
+  std::unique_ptr<StampFilter<GreyImage>> stamp_filter_;
+
+  std::unique_ptr<SelfCalibratingOdometry> odometry_;  ///< null: the next image starts one
+  std::shared_ptr<const CameraCalibration> odometry_camera_;
+  TrackPainter painter_;
+  std::optional<VoFrame> last_frame_;  ///< of odometry_
+
+  ros::Publisher frame_publisher_, image_publisher_, mask_publisher_, odometry_publisher_,
+      points_publisher_, refined_camera_publisher_;
+  image_transport::Publisher tracks_publisher_;
+};
 
 void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   params_ = loadParams<MonoVoParams>(private_handle);
   stamp_filter_ = std::make_unique<StampFilter<GreyImage>>(
-      params_.images.clock_jump_s,
+      params_.clock_jump_s,
       [this](const std::string& reason) { log_->drop("image stamp", withMissingClock(reason)); });
   receiver_ = std::make_unique<ImageReceiver>(
-      handle, private_handle, params_.images, kImageQueue, log_.get(),
+      handle, private_handle, params_, log_.get(),
       [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); },
       [this] { scheduleProcessing(); });
   if (!params_.readout_time_is_given && receiver_->camera()) {
     params_.odometry.vo.readout_time = receiver_->camera()->readout_time;
   }
   frame_publisher_ = handle.advertise<VoFrameMsg>("vo/frame", kPublishQueue);
+  image_publisher_ = handle.advertise<sensor_msgs::Image>("vo/image", kPublishQueue);
+  mask_publisher_ = handle.advertise<sensor_msgs::Image>("vo/mask", 1, true);
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("vo/odometry", kPublishQueue);
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("vo/points", 1);
   tracks_publisher_ = receiver_->transport().advertise("vo/image_tracks", 1);
@@ -82,10 +140,8 @@ void MonoVoNodelet::scheduleProcessing() {
   processing_scheduled_ = true;
   post([this] {
     processing_scheduled_ = false;
-    const sensor_msgs::ImageConstPtr image = images_.front();
-    images_.pop_front();
     try {
-      convert(image);
+      processOldest();
     } catch (const std::exception& error) {
       log_->drop("image failed", error.what());
     }
@@ -93,9 +149,11 @@ void MonoVoNodelet::scheduleProcessing() {
   });
 }
 
-void MonoVoNodelet::convert(const sensor_msgs::ImageConstPtr& image) {
+void MonoVoNodelet::processOldest() {
   const Stopwatch watch;
-  const cv::Mat grey = receiver_->toGrey(*image);
+  const sensor_msgs::ImageConstPtr image = images_.front();
+  images_.pop_front();
+  const cv::Mat grey = receiver_->grey(*image);
   if (grey.empty()) return;
   for (const auto& accepted : stamp_filter_->filter(toNanoseconds(image->header.stamp),
                                                     {image, grey, receiver_->camera()})) {
@@ -106,39 +164,45 @@ void MonoVoNodelet::convert(const sensor_msgs::ImageConstPtr& image) {
 
 void MonoVoNodelet::process(const GreyImage& image, bool clock_jumped_back) {
   std_msgs::Header header = image.message->header;
-  const std::string slash = leadingSlashWarning(header.frame_id, "frame_id of the images");
-  if (!slash.empty()) log_->warn("frame_id", slash);
-  header.frame_id = withoutLeadingSlashes(header.frame_id);
-
-  const std::string reason = restartReason(image, clock_jumped_back);
-  if (!reason.empty()) {
-    NODELET_WARN_STREAM(getName() << ": the odometry is reset: " << reason);
-    reset();
-  }
-  if (!odometry_) {
-    odometry_ = std::make_unique<SelfCalibratingOdometry>(*image.camera, params_.odometry,
-                                                          receiver_->mask());
-    odometry_camera_ = image.camera;
-    painter_ = TrackPainter();
-  }
+  header.frame_id = tfFrame(header.frame_id, "frame_id of the images");
+  startOdometry(image, clock_jumped_back);
   const SelfCalibratingOdometry::Output output =
       odometry_->process(image.grey, toNanoseconds(header.stamp));
   publish(output, header);
-  if (output.frame.continuity == Continuity::kOtherLens) publishLens(header);
   last_frame_ = output.frame;
 }
 
-std::string MonoVoNodelet::restartReason(const GreyImage& image, bool clock_jumped_back) const {
-  if (!odometry_) return {};
-  if (clock_jumped_back) return "the clock jumped back";
-  if (image.camera == odometry_camera_) return {};
-  return "camera_info on topic " + receiver_->cameraInfoTopic() + " changed from " +
-         odometry_camera_->describe() + " to " + image.camera->describe();
+void MonoVoNodelet::startOdometry(const GreyImage& image, bool clock_jumped_back) {
+  std::string reason;
+  if (clock_jumped_back) {
+    reason = "the clock jumped back";
+  } else if (image.camera != odometry_camera_ && odometry_camera_) {
+    reason = "camera_info on topic " + receiver_->cameraInfoTopic() + " changed from " +
+             odometry_camera_->describe() + " to " + image.camera->describe();
+  }
+  if (odometry_ && reason.empty()) return;
+  if (odometry_) NODELET_WARN_STREAM(getName() << ": the odometry is reset: " << reason);
+  odometry_.reset();
+  last_frame_.reset();
+  odometry_ =
+      std::make_unique<SelfCalibratingOdometry>(*image.camera, params_.odometry, receiver_->mask());
+  odometry_camera_ = image.camera;
+  painter_ = TrackPainter();
 }
 
 void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
                             const std_msgs::Header& header) {
   const VoFrame& frame = output.frame;
+  const bool has_other_lens = frame.continuity == Continuity::kOtherLens;
+  if (!last_frame_ || has_other_lens) {
+    cv::Mat mask = output.image.mask;
+    if (mask.empty()) mask = cv::Mat(output.image.grey.size(), CV_8U, cv::Scalar(255));
+    mask_publisher_.publish(toMsg(mask, sensor_msgs::image_encodings::MONO8, header));
+  }
+  // Before vo/frame: a subscriber of all three that gets them in order waits for none.
+  if (image_publisher_.getNumSubscribers() > 0) {
+    image_publisher_.publish(toMsg(output.image.grey, sensor_msgs::image_encodings::MONO8, header));
+  }
   frame_publisher_.publish(toMsg(frame, header));
   if (frame.status == VoStatus::kTracking) {
     odometry_publisher_.publish(toOdometryMsg(frame, header, params_.world_frame));
@@ -147,9 +211,9 @@ void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
     points_publisher_.publish(toPointCloud(frame, header));
   }
   if (tracks_publisher_.getNumSubscribers() > 0) {
-    tracks_publisher_.publish(
-        painter_.paint(output.image.grey, frame, output.rejected, header, output.image.mask));
+    tracks_publisher_.publish(painter_.paint(output.image, frame, output.rejected, header));
   }
+  if (has_other_lens) publishLens(header);
 }
 
 /// The calibration of the images as they come, or of the rectified ones when their distortion is
@@ -165,30 +229,20 @@ void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
                                 << "), k2 " << lens.k2);
 }
 
-void MonoVoNodelet::describe(StageState* state) {
+void MonoVoNodelet::describe(StageState* state,
+                             diagnostic_updater::DiagnosticStatusWrapper& values) {
+  receiver_->describe(state);
   state->input = "image";
   state->inputs = "images";
   state->dropped = dropped_from_queue_ + log_->dropped("image ");
-  const std::string& info_error = receiver_->cameraInfoError();
-  if (receiver_->camera() || info_error.empty()) {
-    state->missing = receiver_->images().missing(receiver_->imageTopic());
-    if (!state->missing) state->missing = receiver_->missingCameraInfo();
-    state->errors = {receiver_->sourceError()};
-    state->warnings = {info_error, receiver_->calibrationWarning()};
-  } else {
-    state->errors = {info_error};
-  }
   state->stage = summarize(last_frame_ ? std::optional(last_frame_->status) : std::nullopt);
-}
-
-void MonoVoNodelet::addValues(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const VoFrame frame = last_frame_.value_or(VoFrame());
-  status.add("images received", receiver_->images().received());
-  status.add("images processed", processed());
-  status.add("images dropped, queue full", dropped_from_queue_);
-  status.add("map_id", frame.map_id);
-  status.add("features", frame.features.size());
-  status.add("map points", std::count_if(frame.features.begin(), frame.features.end(),
+  values.add("images received", receiver_->received());
+  values.add("images processed", processed());
+  values.add("images dropped, queue full", dropped_from_queue_);
+  values.add("map_id", frame.map_id);
+  values.add("features", frame.features.size());
+  values.add("map points", std::count_if(frame.features.begin(), frame.features.end(),
                                          [](const TrackedFeature& f) { return f.has_point; }));
 }
 

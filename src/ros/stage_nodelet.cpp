@@ -1,10 +1,11 @@
-#include "ground_scale_vo/nodelets/stage_nodelet.hpp"
+#include "ros/stage_nodelet.hpp"
 
 #include <boost/make_shared.hpp>
 #include <exception>
 #include <utility>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -45,7 +46,7 @@ void StageNodelet::onInit() {
   advertise(private_handle, "reset", [this] { return "reset: " + reset(); });
   updater_ = std::make_unique<diagnostic_updater::Updater>(handle, private_handle, getName());
   updater_->setHardwareID("none");
-  updater_->add(stage(), this, &StageNodelet::diagnose);
+  updater_->add(stage_, this, &StageNodelet::diagnose);
   diagnostics_timer_ =
       handle.createWallTimer(ros::WallDuration(kDiagnosticsPeriod),
                              [this](const ros::WallTimerEvent&) { updater_->force_update(); });
@@ -78,6 +79,12 @@ void StageNodelet::logParams(const ParamReader& reader) {
   }
 }
 
+std::string StageNodelet::tfFrame(const std::string& name, const std::string& subject) {
+  const std::string warning = leadingSlashWarning(name, subject);
+  if (!warning.empty()) log_->warn("frame_id", warning);
+  return withoutLeadingSlashes(name);
+}
+
 void StageNodelet::countFrame(const Stopwatch& watch) {
   ++processed_;
   since_processed_.emplace();
@@ -85,33 +92,33 @@ void StageNodelet::countFrame(const Stopwatch& watch) {
 }
 
 void StageNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const ros::Time now = ros::Time::now();
-  const bool clock_runs = now != std::exchange(last_ros_time_, now);
-  StageState state;
-  describe(&state);
-  if (state.missing) {
-    state.missing->sentence = withMissingClock(state.missing->sentence);
-    warnOfMissingInput(*state.missing, clock_runs);
-  }
-  if (since_processed_) state.since_processed_s = since_processed_->seconds();
-  state.dropped -= std::exchange(diagnosed_dropped_, state.dropped);
-  state.clock_error = missingClock();
-  const DiagnosticSummary summary = summarize(state);
-  status.summary(static_cast<std::uint8_t>(summary.level), summary.message);
   const auto frames =
       static_cast<double>(processed_ - std::exchange(diagnosed_processed_, processed_));
   status.add("rate [Hz]", 1e3 * frames / since_diagnosis_.lapMs());
   status.add("time of the last frame [ms]", frame_ms_);
-  addValues(status);
+  StageState state;
+  describe(&state, status);
   for (const auto& [kind, count] : log_->dropped()) status.add("dropped: " + kind, count);
+
+  if (since_processed_) state.since_processed_s = since_processed_->seconds();
+  state.dropped -= std::exchange(diagnosed_dropped_, state.dropped);
+  if (state.missing.empty()) {
+    state.warnings.insert(state.warnings.begin(), missingClock());
+  } else {
+    state.missing = withMissingClock(state.missing);
+  }
+  warnOfMissingInput(state.missing);
+  const DiagnosticStatus summary = summarize(state);
+  status.summary(static_cast<std::uint8_t>(summary.level), summary.message);
 }
 
-/// 5 s after the start, or, if the input was received before, when the diagnostics report it; then
-/// every 30 s. While ROS time stands still, because a bag is paused or has ended, silence of an
-/// input is not reported.
-void StageNodelet::warnOfMissingInput(const MissingInput& missing, bool clock_runs) {
-  if (missing.was_received ? !clock_runs : since_start_.seconds() < kStartup) return;
-  log_->warn("missing " + missing.input, missing.sentence, kMissingInputPeriod);
+/// While ROS time stands still, because a bag is paused or has ended, nothing is expected.
+void StageNodelet::warnOfMissingInput(const std::string& sentence) {
+  const ros::Time now = ros::Time::now();
+  const bool is_paused = now == std::exchange(last_ros_time_, now) && !now.isZero();
+  if (sentence.empty() || is_paused || since_start_.seconds() < kStartup) return;
+  // The name of the input without the duration and the topic.
+  log_->warn(sentence.substr(0, sentence.find(' ', 3)), sentence, kMissingInputPeriod);
 }
 
 }  // namespace ground_scale_vo

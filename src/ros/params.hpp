@@ -2,22 +2,19 @@
 
 #include <xmlrpcpp/XmlRpcValue.h>
 
-#include <initializer_list>
+#include <map>
 #include <string>
-#include <type_traits>
 #include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
 
 namespace ground_scale_vo {
 
-/// Reads the ROS parameters under one namespace into fields.
-///
-/// Each parameter is declared once, with its field (whose value is the default), its range and a
-/// text "[unit] meaning". The list of known names, the log and the documentation follow from these
-/// declarations. Works on a parameter tree, without a ROS master.
+/// Reads the ROS parameters under one namespace into fields. Each parameter is declared once, with
+/// its field (whose value is the default), its range and a text "[unit] meaning"; the list of known
+/// names, the log and the documentation follow from that.
 class ParamReader {
  public:
   struct Entry {
@@ -30,23 +27,24 @@ class ParamReader {
 
   /// parameter_namespace: for messages. tree: all parameters below it; any other type than a struct
   /// means none.
-  ParamReader(std::string parameter_namespace, const XmlRpc::XmlRpcValue& tree);
+  ParamReader(std::string parameter_namespace, XmlRpc::XmlRpcValue tree);
 
-  /// A number. Throws OptionError that names the parameter if its value is not a number, not whole
-  /// for an integer field, or outside [min, max]; NaN is always outside.
+  /// A number. Throws OptionError that names the parameter, as setOption().
   template <typename Number>
-  void declare(const char* name, Number& field, double min, double max, const char* meaning) {
-    static_assert(std::is_arithmetic_v<Number> && !std::is_same_v<Number, bool>);
-    field = static_cast<Number>(
-        number(name, static_cast<double>(field), min, max, std::is_integral_v<Number>, meaning));
+  void declare(const std::string& name, Number& field, double min, double max,
+               const char* meaning) {
+    const std::string* const text = find(name);
+    if (text) setOptionValue(fullName(name), *text, &field, min, max, meaning);
+    entries_.push_back({name, textOf(static_cast<double>(field)),
+                        "[" + textOf(min) + ", " + textOf(max) + "]", meaning, text != nullptr});
   }
-  void declare(const char* name, bool& field, const char* meaning);
-  void declare(const char* name, std::string& field, const char* meaning);
+  void declare(const std::string& name, bool& field, const char* meaning);
+  void declare(const std::string& name, std::string& field, const char* meaning);
 
   /// The name of a tf frame, without leading slashes; warnings() reports one that has them.
-  void declareFrame(const char* name, std::string& field, const char* meaning);
+  void declareFrame(const std::string& name, std::string& field, const char* meaning);
   /// The path of a file; ~/ at its beginning is the home folder (roslaunch does not expand it).
-  void declareFile(const char* name, std::string& field, const char* meaning);
+  void declareFile(const std::string& name, std::string& field, const char* meaning);
 
   /// One sentence for each frame name with a slash, and for each parameter that is set but not
   /// declared, with the most similar known name.
@@ -59,16 +57,15 @@ class ParamReader {
   static std::string echo(const Entry& entry);
 
  private:
-  double number(const char* name, double default_value, double min, double max, bool whole,
-                const char* meaning);
-  XmlRpc::XmlRpcValue* find(const std::string& name);
-  /// Throws OptionError if it has none of these types.
-  XmlRpc::XmlRpcValue* find(const std::string& name, std::initializer_list<int> types,
-                            const std::string& requirement);
-  std::string fullName(const std::string& name) const { return namespace_ + "/" + name; }
+  static std::string textOf(double value);
+  /// The value as text; null: it is not set.
+  const std::string* find(const std::string& name) const;
+  std::string fullName(const std::string& name) const {
+    return "parameter " + namespace_ + "/" + name;
+  }
 
   std::string namespace_;
-  XmlRpc::XmlRpcValue tree_;
+  std::map<std::string, std::string> given_;  ///< values by name below the namespace
   std::vector<Entry> entries_;
   std::vector<std::string> frame_warnings_;
 };
@@ -77,20 +74,15 @@ class ParamReader {
 // are not among them; the offline tools set those (--set NAME=VALUE). docs/reference/parameters.md
 // lists both.
 
-/// How both nodelets receive images and check stamps.
-struct ImageParams {
-  bool image_is_rectified = false;
-  std::string mask, camera_file;
-  std::string image_transport = "raw";
-  double clock_jump_s = 1.0;
-};
-
 struct MonoVoParams {
-  ImageParams images;
   int queue_size = 5;
   std::string world_frame = "vo_world";
-  SelfCalibratingOdometry::Options odometry;
+  bool image_is_rectified = false;
+  std::string mask, camera_file;
+  double clock_jump_s = 1.0;
+  std::string image_transport = "raw";
   std::string refined_camera_file;
+  SelfCalibratingOdometry::Options odometry;
   bool readout_time_is_given = false;  ///< otherwise the camera file's is used
 
   /// Throws OptionError that names the parameter.
@@ -98,14 +90,14 @@ struct MonoVoParams {
 };
 
 struct ScaleRecoveryParams {
-  ImageParams images;
-  int queue_size = 10;
   std::string odom_frame = "odom";
   std::string base_frame;
   bool moving_mount = false;
   bool publish_tf = true;
   int path_max_poses = 5000;
   double path_spacing_m = 0.5;
+  int queue_size = 10;
+  double clock_jump_s = 1.0;
   std::string height_file;
   ScaleRecovery::Options scale;
 

@@ -1,0 +1,176 @@
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <ros/node_handle.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "ground_scale_vo/input/camera.hpp"
+#include "ground_scale_vo/input/image.hpp"
+#include "ros/diagnostics.hpp"
+#include "ros/params.hpp"
+
+// How MonoVo receives its images.
+namespace ground_scale_vo {
+
+/// Detects that the description of the source in the messages keeps changing, as of two cameras on
+/// one topic: the third change keeps the source in use until kMemory messages in a row agree.
+template <typename Source>
+class SourceGuard {
+ public:
+  using IsSame = std::function<bool(const Source&, const Source&)>;
+
+  /// [messages] After this many of one source in a row, the others are forgotten.
+  static constexpr int kMemory = 100;
+  /// The source changes for this many times; further changes are not followed.
+  static constexpr int kMaxChanges = 2;
+
+  explicit SourceGuard(IsSame is_same = std::equal_to<Source>()) : is_same_(std::move(is_same)) {}
+
+  /// Whether a message of this source is used; if it is not that in use, it is so from now on.
+  bool accepts(const Source& source) {
+    run_ = last_ && is_same_(*last_, source) ? run_ + 1 : 1;
+    last_ = source;
+    const bool has_settled = run_ >= kMemory;
+    if (has_settled) {
+      changes_ = 0;
+      refused_.reset();
+    }
+    if (current_ && is_same_(*current_, source)) return true;
+    if (current_ && changes_ >= kMaxChanges) {
+      refused_ = source;
+      return false;
+    }
+    if (current_ && !has_settled) ++changes_;
+    current_ = source;
+    return true;
+  }
+
+  /// The source in use. Precondition: accepts() was called.
+  const Source& current() const { return *current_; }
+  /// The last one that was refused; empty: the description does not keep changing.
+  const std::optional<Source>& refused() const { return refused_; }
+
+ private:
+  const IsSame is_same_;
+  std::optional<Source> current_, last_, refused_;
+  int run_ = 0;      ///< messages of last_ in a row
+  int changes_ = 0;  ///< of current_ since a source was settled
+};
+
+/// The calibration of a camera, from a camera file or from the latest valid camera_info, and its
+/// images as 8-bit grey. While camera_info keeps changing (SourceGuard), one calibration stays in
+/// use.
+class CameraInput {
+ public:
+  /// mask_file: image file of the images' size, black where they never show the scene; empty: no
+  /// such region. camera_file: readCameraFile(); camera_info and image_is_rectified are not used
+  /// then; empty: camera_info. Throws OptionError that names the parameter (mask, camera_file) and
+  /// the file.
+  explicit CameraInput(bool image_is_rectified, const std::string& mask_file = {},
+                       const std::string& camera_file = {});
+
+  /// Throws DataError that names the topic, also while the calibration keeps changing and for
+  /// one whose image size the mask does not have; the previous calibration stays in use then.
+  /// Precondition: no camera file.
+  void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
+
+  /// Of the images as they come. Without a camera file, null before the first valid camera_info. A
+  /// new object if and only if the calibration changed.
+  const std::shared_ptr<const CameraCalibration>& camera() const { return camera_; }
+  /// Of the images as they come; empty: none.
+  const cv::Mat& mask() const { return mask_; }
+  /// What is suspicious about camera() (checkCalibration()), or empty.
+  const std::string& calibrationWarning() const { return calibration_warning_; }
+  /// One sentence while camera_info keeps changing, else empty.
+  std::string calibrationError() const;
+
+  /// As it comes; may refer to the data of the message. Throws DataError: GreyConverter's reasons,
+  /// or not the size of the calibration. Precondition: camera() is not null.
+  cv::Mat grey(const sensor_msgs::Image& image);
+
+ private:
+  void readCamera(const std::string& file);
+  std::string check(const CameraCalibration& calibration, const std::string& source) const;
+  void use(const CameraCalibration& calibration, const std::string& source,
+           const std::string& warning);
+
+  const bool image_is_rectified_;
+  const std::string mask_name_;  ///< for errors
+  const cv::Mat mask_;
+  std::string source_;  ///< of camera_: "camera_info on topic T" or "parameter camera_file: FILE"
+  std::string calibration_warning_;
+  std::shared_ptr<const CameraCalibration> camera_;
+  SourceGuard<CameraCalibration> calibrations_{isSameCalibration};
+  GreyConverter grey_converter_;
+};
+
+/// Subscribes to `image` (image_transport) and, without a camera file, to `camera_info`. It runs in
+/// the callback queue of the node handle.
+class ImageReceiver {
+ public:
+  /// Each image as it arrives, before any check; a compressed one after decoding.
+  using OnImage = std::function<void(const sensor_msgs::ImageConstPtr&)>;
+  using OnCamera = std::function<void()>;  ///< after each valid camera_info
+
+  /// params.image_transport: `compressed` is decoded here; `raw_or_compressed` subscribes to both,
+  /// where only one of them is published; any other one but `raw` needs its plugin, which may read
+  /// parameters of private_handle. Throws OptionError when the plugin is missing, and for a mask or
+  /// camera file that cannot be used.
+  ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
+                const MonoVoParams& params, WarningLog* log, OnImage on_image, OnCamera on_camera);
+  ImageReceiver(const ImageReceiver&) = delete;
+  ImageReceiver& operator=(const ImageReceiver&) = delete;
+
+  const std::shared_ptr<const CameraCalibration>& camera() const { return input_.camera(); }
+  const cv::Mat& mask() const { return input_.mask(); }
+  std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
+
+  /// CameraInput::grey(). Empty, after log->drop("image refused", …) or drop("image of another
+  /// camera", …), for an image that cannot be used. Precondition: camera() is not null.
+  cv::Mat grey(const sensor_msgs::Image& image);
+
+  /// For images derived from the received ones.
+  image_transport::ImageTransport& transport() { return transport_; }
+
+  // For the diagnostics.
+  std::uint64_t received() const { return images_.received(); }
+  /// What is missing or wrong with the input.
+  void describe(StageState* state) const;
+
+ private:
+  std::string imageTopic() const;
+  std::string sourceError() const;
+  std::string rectificationWarning(const sensor_msgs::CameraInfo& info) const;
+  void warnOfCalibration(const std::string& warning);
+  void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
+  void onImage(const sensor_msgs::ImageConstPtr& image);
+
+  const bool image_is_rectified_;
+  WarningLog* const log_;
+  const OnImage on_image_;
+  const OnCamera on_camera_;
+  CameraInput input_;
+  SourceGuard<std::string> sources_;  ///< frame_id of the images that can be used
+  InputWatch images_{"image"};
+  std::string camera_info_error_;  ///< of the last camera_info; empty: it was accepted
+  /// How image_is_rectified contradicts the last valid camera_info, or what is suspicious about it.
+  std::string calibration_warning_;
+
+  image_transport::ImageTransport transport_;
+  ros::Subscriber camera_info_subscriber_;
+  image_transport::Subscriber image_subscriber_;
+  ros::Subscriber compressed_subscriber_;  ///< with `compressed` and `raw_or_compressed`
+};
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,122 @@
+#include "ros/scale_input.hpp"
+
+#include <geometry_msgs/TwistStamped.h>
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
+#include <nav_msgs/Odometry.h>
+
+#include <cmath>
+#include <limits>
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kMaxVariance = 100;  ///< [m^2/s^2] more stands for "not known"
+
+/// Above this speed [m/s], a velocity at more than 45 degrees to x is not along x.
+constexpr double kMinDirectionSpeed = 2;
+
+/// The stamp, and the velocity with its covariance, which is 0 for a type without.
+nav_msgs::Odometry velocityOf(const topic_tools::ShapeShifter& message) {
+  const auto is = [&](const char* type) { return message.getDataType() == type; };
+  nav_msgs::Odometry velocity;
+  try {
+    if (is("nav_msgs/Odometry")) return *message.instantiate<nav_msgs::Odometry>();
+    if (is("geometry_msgs/TwistWithCovarianceStamped")) {
+      const auto stamped = message.instantiate<geometry_msgs::TwistWithCovarianceStamped>();
+      velocity.header = stamped->header;
+      velocity.twist = stamped->twist;
+      return velocity;
+    }
+    if (is("geometry_msgs/TwistStamped")) {
+      const auto stamped = message.instantiate<geometry_msgs::TwistStamped>();
+      velocity.header = stamped->header;
+      velocity.twist.twist = stamped->twist;
+      return velocity;
+    }
+  } catch (const ros::Exception& error) {  // another definition of the type, or truncated
+    throw MessageError(std::string("cannot be read: ") + error.what());
+  }
+  throw MessageError("has the type " + message.getDataType() +
+                     ", accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped and "
+                     "geometry_msgs/TwistWithCovarianceStamped");
+}
+
+double finiteOrZero(double value) { return std::isfinite(value) ? value : 0; }
+
+}  // namespace
+
+void FrameContinuity::receive(std::uint32_t sequence) {
+  sequence_error_.clear();
+  repeats_ = last_received_ == sequence ? repeats_ + 1 : 0;
+  if (repeats_ > (sequence == 0 ? 1 : 0)) {  // 0 twice: two restarts, an image between them
+    sequence_error_ = "sequence is " + std::to_string(sequence) +
+                      " in two vo/frame in a row: the odometry must increase it with every image, "
+                      "otherwise its restarts and lost frames are not detected";
+  } else if (last_received_ && sequence > *last_received_) {
+    const std::uint32_t gap = sequence - *last_received_ - 1;
+    if (gap <= kMaxGap) {
+      missing_ += gap;
+    } else {
+      sequence_error_ = "sequence of vo/frame jumps from " + std::to_string(*last_received_) +
+                        " to " + std::to_string(sequence) + ": it must count the images";
+    }
+  }
+  last_received_ = sequence;
+}
+
+std::string FrameContinuity::next(VoFrame& frame, const std::string& camera_frame,
+                                  bool clock_jumped_back) {
+  std::string reason;
+  if (clock_jumped_back) {
+    reason = "the clock jumped back";
+  } else if (!camera_frame.empty() && !camera_frame_.empty() && camera_frame != camera_frame_) {
+    reason = "the camera frame of vo/frame changed from \"" + camera_frame_ + "\" to \"" +
+             camera_frame + "\"";
+  }
+  if (!camera_frame.empty()) camera_frame_ = camera_frame;
+  if (!reason.empty()) startTrajectory();
+  numberMap(frame);
+  if (!map_id_) {
+    frame.continuity = Continuity::kNewTrajectory;
+  } else if (frame.status == VoStatus::kLost) {
+    return reason;  // it tells nothing about the map
+  } else if (frame.map_id != *map_id_) {
+    frame.continuity = Continuity::kNewMap;
+  } else if (!isSameCamera(frame.camera, camera_)) {
+    frame.continuity = Continuity::kOtherLens;
+  }
+  map_id_ = frame.map_id;
+  camera_ = frame.camera;
+  return reason;
+}
+
+void FrameContinuity::numberMap(VoFrame& frame) {
+  if (last_sequence_ && frame.sequence < *last_sequence_) {
+    map_id_offset_ = last_map_id_ + 1;
+    if (map_id_) map_of_unknown_rotation_ = frame.map_id + map_id_offset_;
+  }
+  last_sequence_ = frame.sequence;
+  frame.map_id += map_id_offset_;
+  last_map_id_ = frame.map_id;
+  if (frame.map_id == map_of_unknown_rotation_) {
+    frame.map_start.rotation_sigma = std::numeric_limits<double>::infinity();
+  }
+}
+
+SpeedSample SpeedReader::read(const topic_tools::ShapeShifter& message) {
+  const nav_msgs::Odometry velocity = velocityOf(message);
+  const ros::Time stamp = velocity.header.stamp;
+  if (stamp.isZero()) throw MessageError("has a stamp of zero, so its time is not known");
+  const geometry_msgs::Vector3& linear = velocity.twist.twist.linear;
+  const double x = linear.x;
+  if (!std::isfinite(x)) throw MessageError("is not finite");
+  const double across = std::hypot(finiteOrZero(linear.y), finiteOrZero(linear.z));
+  const double norm = std::hypot(x, across);
+  if (norm > kMinDirectionSpeed && across > std::abs(x)) has_vehicle_axes_ = false;
+  const double variance = velocity.twist.covariance[0];
+  const bool has_variance = variance > 0 && variance <= kMaxVariance;
+  return {toNanoseconds(stamp), has_vehicle_axes_ ? std::copysign(norm, x) : norm,
+          has_variance ? std::sqrt(variance) : 0};
+}
+
+}  // namespace ground_scale_vo

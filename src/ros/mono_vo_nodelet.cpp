@@ -150,12 +150,12 @@ void MonoVoNodelet::scheduleProcessing() {
 }
 
 void MonoVoNodelet::processOldest() {
-  const Stopwatch watch;
   const sensor_msgs::ImageConstPtr image = images_.front();
   images_.pop_front();
   const GreyImage grey{image, receiver_->grey(*image), receiver_->camera()};
   if (grey.grey.empty()) return;
   stamp_filter_->add(toNanoseconds(image->header.stamp), [=](bool clock_jumped_back) {
+    const Stopwatch watch;  // an image may have been held since it arrived
     process(grey, clock_jumped_back);
     countFrame(watch);
   });

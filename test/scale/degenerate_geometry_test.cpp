@@ -8,6 +8,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
+#include "scale/metric_trajectory.hpp"
 #include "scale/scale_filter.hpp"
 #include "support/road_image.hpp"
 

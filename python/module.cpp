@@ -209,6 +209,7 @@ PYBIND11_MODULE(_core, module) {
       .def("metrics", &Odometry::metrics)
       .def("write", &Odometry::write);
   addDrives(&module);
+  module.def("read_options", &gsv::readOptions);
   module.def("require_new_file",
              [](const std::string& file, bool force) { gsv::requireNewFile(file, force); });
   module.def("write_file", [](const std::string& file, const std::string& content) {

@@ -98,6 +98,8 @@ def add_common(command):
                          help="image, black where the camera's images never show the scene")
     command.add_argument("--fps", type=rate, default=0.0, metavar="HZ",
                          help="the images have this rate; their stamps are not used")
+    command.add_argument("--options", type=pathlib.Path, metavar="FILE",
+                         help="YAML with options, such as config/paper.yaml; --set takes precedence")
     command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE",
                          help="option of the odometry (docs/reference/parameters.md); repeatable")
 
@@ -171,6 +173,8 @@ def calibrate_height(arguments):
 def main():
     arguments = parse(sys.argv[1:])
     try:
+        if getattr(arguments, "options", None):
+            arguments.set = _core.read_options(str(arguments.options)) + arguments.set
         return globals()[arguments.command](arguments)
     except (ValueError, OSError) as error:
         print(f"ground_scale_vo: {error}", file=sys.stderr)

@@ -1,10 +1,39 @@
 #include "ground_scale_vo/common/options.hpp"
 
+#include <yaml-cpp/yaml.h>
+
 #include <cmath>
 
 #include "common/text.hpp"
 
 namespace ground_scale_vo {
+namespace {
+
+void collectAssignments(const YAML::Node& node, const std::string& name,
+                        std::vector<std::string>* assignments) {
+  if (node.IsMap()) {
+    for (const auto& entry : node) {
+      const auto key = entry.first.as<std::string>();
+      collectAssignments(entry.second, name.empty() ? key : name + "/" + key, assignments);
+    }
+  } else if (node.IsScalar() && !name.empty()) {
+    assignments->push_back(name + "=" + node.Scalar());
+  } else {
+    throw DataError(name.empty() ? "it is no map of options" : name + " is not one value");
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> readOptions(const std::string& file) {
+  std::vector<std::string> assignments;
+  try {
+    collectAssignments(YAML::LoadFile(file), "", &assignments);
+  } catch (const std::exception& error) {
+    throw DataError("options file " + file + ": " + error.what());
+  }
+  return assignments;
+}
 
 double optionNumber(const std::string& name, const std::string& text, double min, double max,
                     bool is_whole) {

@@ -70,15 +70,16 @@ const std::vector<std::string> kScaleRecoveryOptions = {
     "trajectory/direction_sigma",            // covariance for fusion with other sensors
 };
 
-/// Declares these options of all stages. Throws std::logic_error if the core has no option of a
+/// Declares these options of all stages, and any other one that is given, as in config/paper.yaml.
+/// Throws std::logic_error if the core has no option of a
 /// listed name.
 template <typename Options>
 void declareOptions(ParamReader& reader, Options& options, const std::vector<std::string>& names) {
   std::size_t declared = 0;
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
-    if (std::find(names.begin(), names.end(), name) == names.end()) return;
-    reader.declare(name, field, rest...);
-    ++declared;
+    const bool is_listed = std::find(names.begin(), names.end(), name) != names.end();
+    if (is_listed || reader.isGiven(name)) reader.declare(name, field, rest...);
+    declared += is_listed ? 1 : 0;
   });
   if (declared != names.size()) {
     throw std::logic_error("the list of ROS parameters names an option that does not exist");

@@ -51,6 +51,7 @@ class ParamReader {
   std::vector<std::string> warnings() const;
 
   /// All declared parameters, in order.
+  bool isGiven(const std::string& name) const { return find(name) != nullptr; }
   const std::vector<Entry>& entries() const { return entries_; }
   /// "name = value  [unit] meaning, range" of an entry, and " (default)" if it is not set, for the
   /// log.

@@ -52,6 +52,10 @@ void requireInRanges(const Options& options) {
   });
 }
 
+/// The options of a YAML file (group/name: value, or nested maps) as assignments for setOption().
+/// Throws DataError that names the file.
+std::vector<std::string> readOptions(const std::string& file);
+
 // Of setOption(): the value of an option from its text. All throw OptionError.
 double optionNumber(const std::string& name, const std::string& text, double min, double max,
                     bool is_whole);

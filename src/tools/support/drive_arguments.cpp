@@ -33,10 +33,15 @@ void DriveArguments::addTo(CommandLine* command_line, const std::string& out_hel
        "the images have this rate; their stamps are not used")  //
       ("unrectified", po::bool_switch(&drive.unrectified),
        "the images of a KITTI raw drive are not rectified: K and D are used")  //
+      ("options", optionalValue(&options_file, "FILE"),
+       "YAML with options, such as config/paper.yaml; --set takes precedence")  //
       ("set", settingsValue(&settings), kSettingsHelp);
 }
 
 void DriveArguments::check() {
+  if (!options_file.empty()) {
+    for (const std::string& setting : readOptions(options_file)) setOption(options, setting);
+  }
   for (const std::string& setting : settings) setOption(options, setting);
   if (!speed_file.empty()) {
     options.scale.use_speed = true;

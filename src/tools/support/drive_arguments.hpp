@@ -9,11 +9,12 @@
 namespace ground_scale_vo {
 
 /// The arguments of the tools that run the odometry over a drive: SEQ, --camera-height, --out,
-/// --set, --camera, --mask, --fps and --unrectified.
+/// --options, --set, --camera, --mask, --fps and --unrectified.
 struct DriveArguments {
   DriveInput drive;
   std::string out;
   MetricOdometry::Options options;
+  std::string options_file;           ///< of --options
   std::vector<std::string> settings;  ///< of --set
   /// Speeds of the vehicle, which replace --camera-height; empty: none. For an option of the tool.
   std::string speed_file;

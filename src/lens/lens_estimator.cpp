@@ -165,9 +165,8 @@ void LensEstimator::add(const VoFrame& frame) {
     interrupted_ = true;
     return;
   }
-  if (interrupted_ || frame.map_id != map_id_) ++run_;
+  if (interrupted_ || frame.continuity >= Continuity::kNewMapSameUnit) ++run_;
   interrupted_ = false;
-  map_id_ = frame.map_id;
   Keyframe keyframe{run_, frame.T_w_c, {}};
   for (const TrackedFeature& feature : frame.features) {
     keyframe.features.emplace_back(feature.id, feature.u.cast<double>());

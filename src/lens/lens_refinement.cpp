@@ -23,6 +23,7 @@ LensRefinement::LensRefinement(const Lens& given, const Options& options)
 }
 
 std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens& in_use) {
+  if (frame.continuity >= Continuity::kNewMapSameUnit) R_w_reference_.reset();
   const bool is_full = estimator_.keyframes() > kMaxEstimateKeyframes;
   if (!is_full) estimator_.add(frame);  // else its memory would grow without use
   if (const auto result = finished()) {
@@ -55,10 +56,7 @@ void LensRefinement::restart() {
 /// Counts the rotation in steps, so that suspension and noise do not add up.
 void LensRefinement::addTurn(const VoFrame& frame) {
   if (frame.status != VoStatus::kTracking) return;
-  if (!R_w_reference_ || map_id_ != frame.map_id) {
-    R_w_reference_ = frame.T_w_c.linear();
-    map_id_ = frame.map_id;
-  }
+  if (!R_w_reference_) R_w_reference_ = frame.T_w_c.linear();
   const double angle =
       Eigen::AngleAxisd(R_w_reference_->transpose() * frame.T_w_c.linear()).angle();
   if (angle < kTurnStep) return;

@@ -113,7 +113,6 @@ class LensEstimator {
   Options options_;
   std::vector<Keyframe> keyframes_;
   std::size_t run_ = 0;
-  std::uint32_t map_id_ = 0;
   bool interrupted_ = true;
 };
 

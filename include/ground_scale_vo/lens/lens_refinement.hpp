@@ -44,7 +44,6 @@ class LensRefinement {
   LensEstimate prior_;
   double turned_ = 0, next_turn_ = 0;  ///< rotation since restart(), and at the next estimate [rad]
   std::optional<Eigen::Matrix3d> R_w_reference_;  ///< of the frame at the last step of turned_
-  std::uint32_t map_id_ = 0;
   std::future<LensEstimator::Result> pending_;
   int frames_since_start_ = 0;  ///< of the pending estimate
 };

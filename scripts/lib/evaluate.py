@@ -1,7 +1,7 @@
 """Runs the odometry over KITTI folders without a ROS master (deterministic, every frame, as fast as possible), plots
 the results, and prints one table over all of them. Installs missing packages and builds first.
 
-  scripts/evaluate SEQ... [--camera FILE] [--mask FILE] [--fps HZ] [--set GROUP/NAME=VALUE]... [--unrectified]
+  scripts/evaluate SEQ... [--camera FILE] [--mask FILE] [--fps HZ] [--options FILE] [--set GROUP/NAME=VALUE]... [--unrectified]
                    [--refine-camera] [--strict]
 
 passes these options to run_sequence: see run_sequence --help.
@@ -48,7 +48,7 @@ def parse():
     parser.add_argument("--threads", type=int, choices=range(1, 1000), default=2, metavar="N",
                         help="sequences processed at once (default 2). The times in timing.csv are valid only if N is at "
                         "most the number of idle cores")
-    for name in ("--camera", "--mask", "--fps", "--set"):
+    for name in ("--camera", "--mask", "--fps", "--options", "--set"):
         parser.add_argument(name, action=Forward, dest="options", default=[], nargs=1, help=argparse.SUPPRESS)
     for name in ("--unrectified", "--refine-camera", "--strict"):
         parser.add_argument(name, action=Forward, dest="options", default=[], nargs=0, help=argparse.SUPPRESS)
@@ -67,6 +67,8 @@ def scenarios(options):
     for name, default in (("--out", "results"), ("--threads", "2")):
         if name not in options:
             options += [name, default]
+    if "--ablation" in options:
+        options += ["--paper", pathlib.Path(__file__).resolve().parents[2] / "config/paper.yaml"]
     return subprocess.run([tools / "evaluate_scenarios", *options], check=False).returncode
 
 

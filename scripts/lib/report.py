@@ -52,9 +52,10 @@ METRICS = ("frames", "tracked_frames", "lost_events", "gt_length_m", "length_m",
            "r_err_deg_per_m", "t_err_short_percent", "t_err_true_length_percent", "t_err_sim3_percent",
            "scale_within_2_sigma", "scale_held_share", "first_metric_pose_m", "first_scale_error_sigmas",
            "height_bias_percent", "peak_rss_mb")
-COMPONENTS = {  # label: options
+PAPER = "config/paper.yaml"
+COMPONENTS = {  # label: options, or a file with them
     "**defaults**": "",
-    "paper as printed": "paper_literal=true",
+    "paper as printed": PAPER,
     "features only (no direct measurement)": "refine=false",
     "direct only": "gpe/min_points=1000000",
     "no road curvature (direct)": "direct/curvature_sigma=1e-9",
@@ -125,7 +126,8 @@ class Report:
     def run(self, folders, to, settings="", options=()):
         """Runs the odometry over KITTI folders; returns the metrics of each by its short name."""
         def one(folder):
-            sets = [word for setting in settings.split() for word in ("--set", setting)]
+            sets = ["--options", ROOT / settings] if settings == PAPER else [
+                word for setting in settings.split() for word in ("--set", setting)]
             self.tool("run_sequence", folder, "--camera-height", self.arguments.camera_height, "--out", to, *options, *sets)
 
         with concurrent.futures.ThreadPoolExecutor(self.arguments.threads) as pool:
@@ -176,7 +178,7 @@ class Report:
             for name, entry in self.evaluate_scenarios(folder, "faults", "--seed", seed).items()})
 
     def ablation(self, _, to):
-        return self.evaluate_scenarios(to, "--ablation")
+        return self.evaluate_scenarios(to, "--ablation", "--paper", ROOT / PAPER)
 
     def components(self, folders, to):
         return {"rows": [{"label": label, "drives": self.run(folders, to / str(row), settings)}

@@ -66,6 +66,7 @@ struct Arguments {
   int threads = 1;
   bool ablation = false, speed = false;
   int seed = 1;
+  std::string paper;  ///< file with options
   Settings settings;  ///< of --set
 };
 
@@ -142,7 +143,7 @@ struct Variant {
 std::vector<Variant> variants(const gsv::Scenario& scenario, const Arguments& arguments) {
   std::vector<Variant> all = {{"default", {}, {}}};
   if (arguments.ablation) {
-    all.push_back({"paper", {"paper_literal=true"}, {}});
+    if (!arguments.paper.empty()) all.push_back({"paper", gsv::readOptions(arguments.paper), {}});
     all.push_back({"features_only", {gsv::kFeatureBasedOnly}, {}});
     all.push_back({"direct_only", {gsv::kDirectOnly}, {}});
     const gsv::ScenarioAblation& component = scenario.ablation;
@@ -239,6 +240,8 @@ int main(int argc, char** argv) {
        "output folder for scenarios.json, and DIR/NAME/ with the files of run_sequence")  //
       ("ablation", gsv::po::bool_switch(&arguments.ablation),
        "run each scenario also with components disabled")  //
+      ("paper", gsv::optionalValue(&arguments.paper, "FILE"),
+       "with --ablation: options of another run, config/paper.yaml")  //
       ("speed", gsv::po::bool_switch(&arguments.speed),
        "run each scenario also with a sensor of the speed, and its faults")  //
       ("seed", gsv::numberInRange("--seed", &arguments.seed, "N", 1, 1000000),

@@ -1,16 +1,41 @@
 #include "scale/camera_path.hpp"
 
 #include <limits>
+#include <utility>
 
 namespace ground_scale_vo {
+namespace {
 
-void CameraPath::add(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns) {
-  const double travelled = empty() ? 0 : newest().travelled + distanceTo(T_w_c);
-  Camera& camera = cameras_.emplace_back();
-  camera.T_w_c = T_w_c;
-  camera.stamp_ns = stamp_ns;
-  camera.travelled = travelled;
-  if (cameras_.size() > kMaxCameras) cameras_.pop_front();
+/// Kept images. Two baselines at the minimum spacing are ten intervals between eleven images; two
+/// more: the current one, and the one before it, which may be closer to its predecessor.
+constexpr std::size_t kMaxImages = 13;
+
+double distanceBetween(const StampedPose& a, const StampedPose& b) {
+  return (a.T_w_c.translation() - b.T_w_c.translation()).norm();
+}
+
+}  // namespace
+
+CameraPath::Pose& CameraPath::add(const StampedPose& pose) {
+  const double travelled = empty() ? 0 : newest().travelled + distanceTo(pose.T_w_c);
+  Pose& added = poses_.emplace_back();
+  static_cast<StampedPose&>(added) = pose;
+  added.travelled = travelled;
+  if (poses_.size() > kMaxPoses) poses_.pop_front();
+  return added;
+}
+
+void CameraPath::keepRoad(RoadImage road, double min_spacing) {
+  for (Pose& pose : poses_) {
+    if (pose.road.setting != road.setting) pose.road = {};
+  }
+  poses_.back().road = std::move(road);
+  std::vector<Pose*> kept;  // newest first
+  for (auto pose = poses_.rbegin(); pose != poses_.rend(); ++pose) {
+    if (!pose->road.roi.empty()) kept.push_back(&*pose);
+  }
+  if (kept.size() > 2 && distanceBetween(*kept[1], *kept[2]) < min_spacing) kept[1]->road = {};
+  for (std::size_t i = kMaxImages; i < kept.size(); ++i) kept[i]->road = {};
 }
 
 double CameraPath::distanceTo(const Eigen::Isometry3d& T_w_c) const {
@@ -18,14 +43,14 @@ double CameraPath::distanceTo(const Eigen::Isometry3d& T_w_c) const {
 }
 
 Eigen::Isometry3d CameraPath::lastMotion() const {
-  if (cameras_.size() < 2) return Eigen::Isometry3d::Identity();
-  return newest().T_w_c.inverse() * cameras_[cameras_.size() - 2].T_w_c;
+  if (poses_.size() < 2) return Eigen::Isometry3d::Identity();
+  return newest().T_w_c.inverse() * poses_[poses_.size() - 2].T_w_c;
 }
 
 std::optional<Chord> CameraPath::chord(double min_length) const {
-  if (cameras_.size() < 2) return std::nullopt;
-  auto start = cameras_.rbegin() + 1;
-  while (start + 1 != cameras_.rend() && newest().travelled - start->travelled < min_length) {
+  if (poses_.size() < 2) return std::nullopt;
+  auto start = poses_.rbegin() + 1;
+  while (start + 1 != poses_.rend() && newest().travelled - start->travelled < min_length) {
     ++start;
   }
   const Eigen::Isometry3d& T_w_c = newest().T_w_c;
@@ -36,15 +61,15 @@ std::optional<Chord> CameraPath::chord(double min_length) const {
                rotationVector(start->T_w_c.linear().transpose() * T_w_c.linear())};
 }
 
-const CameraPath::Camera& CameraPath::nearest(const Eigen::Vector3d& p_w, double max_length) const {
-  const Camera* nearest = &newest();
+const CameraPath::Pose& CameraPath::nearest(const Eigen::Vector3d& p_w, double max_length) const {
+  const Pose* nearest = &newest();
   double least = std::numeric_limits<double>::infinity();
-  for (auto camera = cameras_.rbegin(); camera != cameras_.rend(); ++camera) {
-    if (newest().travelled - camera->travelled > max_length) break;
-    const double distance = (camera->T_w_c.translation() - p_w).norm();
+  for (auto pose = poses_.rbegin(); pose != poses_.rend(); ++pose) {
+    if (newest().travelled - pose->travelled > max_length) break;
+    const double distance = (pose->T_w_c.translation() - p_w).norm();
     if (distance < least) {
       least = distance;
-      nearest = &*camera;
+      nearest = &*pose;
     }
   }
   return *nearest;

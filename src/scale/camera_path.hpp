@@ -25,55 +25,51 @@ struct RoadImage {
   cv::Rect roi;    ///< part of the image that is stored [px]; empty: none
   cv::Mat pixels;  ///< CV_32F, of the roi's size; without gaps, which would cost cache misses
   Vector6d readout_motion = Vector6d::Zero();  ///< see VoFrame
+  int setting = 0;  ///< images of another camera or mask, with another number, are not comparable
 };
 
-/// The cameras of one map in the order of the drive, and what each has seen of the road. All
-/// windows over the past of a map are parts of it: the chord of the motion, the ground points of
-/// GPA, the reference images of the direct measurement, and the camera above a piece of road.
-/// Distances are along the path [VO units].
+/// The poses of one map in the order of the drive, and what each has seen of the road. All windows
+/// over the past of a map are parts of it: the chord of the motion, the ground points of GPA, the
+/// reference images of the direct measurement, and the pose above a piece of road. ScaleRecovery
+/// alone writes into it. Distances are along the path [VO units].
 class CameraPath {
  public:
-  struct Camera {
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-    std::int64_t stamp_ns = 0;
-    double travelled = 0;  ///< from the start of the path to this camera
+  struct Pose : StampedPose {
+    double travelled = 0;  ///< from the start of the path
     RoadPrior prior;
     std::vector<GroundPoint> ground_points;  ///< empty: none found
     RoadImage road;
   };
 
-  /// Appends a camera of the same map. stamp_ns: to compare the path with speeds.
-  void add(const Eigen::Isometry3d& T_w_c, std::int64_t stamp_ns = 0);
+  /// Appends a pose of the same map, and returns it for what this frame tells.
+  Pose& add(const StampedPose& pose);
+  /// Keeps the image for the newest pose, and releases the images that no later frame needs as a
+  /// reference: those of another setting, the oldest, and of the two before the newest the later
+  /// one when they are closer than min_spacing [VO units].
+  void keepRoad(RoadImage road, double min_spacing);
 
-  bool empty() const { return cameras_.empty(); }
-  /// The newest kMaxCameras, in the order of the drive.
-  const std::deque<Camera>& cameras() const { return cameras_; }
-  std::deque<Camera>& cameras() { return cameras_; }
+  bool empty() const { return poses_.empty(); }
+  /// The newest kMaxPoses, in the order of the drive.
+  const std::deque<Pose>& poses() const { return poses_; }
   /// Precondition: not empty.
-  const Camera& newest() const { return cameras_.back(); }
-  Camera& newest() { return cameras_.back(); }
+  const Pose& newest() const { return poses_.back(); }
 
-  /// Distance from the newest camera to one that is not added; 0 without a camera.
+  /// Distance from the newest pose to one that is not added; 0 without a pose.
   double distanceTo(const Eigen::Isometry3d& T_w_c) const;
-  /// Relative pose of the newest camera as the paper's T_{t,t-1}: x_t = T x_{t-1}. Identity with
-  /// fewer than two cameras.
+  /// Of the newest pose as the paper's T_{t,t-1}: x_t = T x_{t-1}. Identity with fewer than two.
   Eigen::Isometry3d lastMotion() const;
-  /// From the latest camera that lies at least min_length back (or the oldest one) to the newest,
-  /// in the newest camera's axes. In reverse it points backwards. Empty when there is no motion.
+  /// From the latest pose that lies at least min_length back (or the oldest one) to the newest, in
+  /// the newest one's axes. In reverse it points backwards. Empty when there is no motion.
   std::optional<Chord> chord(double min_length) const;
 
-  /// The camera nearest to p_w, of those at most max_length back. Precondition: not empty.
-  ///
-  /// The height of a camera above a plane is accurate where the points of the plane are: the error
-  /// of the plane's normal, and of the assumption that the road is plane, grow with the distance.
-  /// Of all cameras the newest is nearest to the road ahead of it. A camera that faces backwards
-  /// sees road that it has passed, so an earlier one is nearer.
-  const Camera& nearest(const Eigen::Vector3d& p_w, double max_length) const;
+  /// The pose nearest to p_w, of those at most max_length back: there the height above a plane
+  /// through points about p_w is accurate. Precondition: not empty.
+  const Pose& nearest(const Eigen::Vector3d& p_w, double max_length) const;
 
  private:
-  static constexpr std::size_t kMaxCameras = 1000;  ///< bounds time and memory
+  static constexpr std::size_t kMaxPoses = 1000;  ///< bounds time and memory
 
-  std::deque<Camera> cameras_;
+  std::deque<Pose> poses_;
 };
 
 }  // namespace ground_scale_vo

@@ -24,6 +24,12 @@ using direct::Reference;
 /// [camera heights] Least length of the visible part of the lane region. A tele lens sees no road
 /// near the vehicle, so its region extends this far beyond the nearest visible road.
 constexpr double kMinLaneLength = 6;
+constexpr double kMinAheadHeights = 1.5;  ///< near end of the lane region
+/// Matched patches, over the reference images, below which the plane is not determined.
+constexpr int kMinPatches = 24;
+/// [1 / camera height] Standard deviation of the curvature of the road's cross-section, and of the
+/// change of the cross slope along the path; used with an estimated lens.
+constexpr double kCrownSigma = 0.03, kTwistSigma = 0.01;
 /// Least slope of a viewing ray towards the road at which patches still resolve its texture.
 constexpr double kMinRaySlope = 0.02;
 /// Cosine between optical axis and backward direction from which on a camera faces backwards: its
@@ -33,9 +39,6 @@ constexpr double kMinBackwards = 0.5;
 
 // Reference images; lengths in baselines.
 constexpr double kMinImageSpacing = 0.2;  ///< between kept images
-/// Kept images. Two baselines at the minimum spacing are ten intervals between eleven images; two
-/// more: the current one, and the one before it, which may be closer to its predecessor.
-constexpr std::size_t kMaxImages = 13;
 /// A shorter distance leaves a parallax of the order of the pose error.
 constexpr double kMinReferenceDistance = 0.2;
 /// Between the distance of an image and the one asked for: allows for large steps between frames.
@@ -68,7 +71,6 @@ constexpr int kHeightSteps = 20;  ///< to each side: a factor of 2.7
 /// Only every second patch is used; the position of the maximum needs no more.
 constexpr std::size_t kPatchStride = 2;
 
-constexpr int kShared = 8, kMotion = 5;  ///< unknowns of both reference images, and of each
 /// [1 / camera height] Standard deviation of a curvature that is none.
 constexpr double kNoCurvature = 1e-9;
 
@@ -93,144 +95,77 @@ double medianFeatureHeight(const VoFrame& frame, const LaneRegion& lane, const R
   return heights.empty() ? 0 : median(&heights);
 }
 
-double distanceBetween(const CameraPath::Camera& a, const CameraPath::Camera& b) {
-  return (a.T_w_c.translation() - b.T_w_c.translation()).norm();
-}
-
-/// The cameras with an image whose distances from the newest one are nearest to one and two
-/// baselines [VO units]; fewer when there are none in range.
-std::vector<Reference> selectReferences(const CameraPath& path, double baseline) {
+/// The images whose distances from the newest pose are nearest to one and two baselines [VO units];
+/// fewer when there are none in range. road: of the newest pose.
+std::vector<Reference> selectReferences(const CameraPath& path, const RoadImage& road,
+                                        double baseline) {
   std::vector<Reference> references;
-  const CameraPath::Camera &current = path.newest(), *first = nullptr;
+  const CameraPath::Pose &current = path.newest(), *first = nullptr;
   for (int k = 1; k <= kReferences; ++k) {
-    const CameraPath::Camera* best = nullptr;
+    const CameraPath::Pose* best = nullptr;
     double best_ratio = kMaxReferenceRatio;
-    for (const CameraPath::Camera& camera : path.cameras()) {
-      const double length = distanceBetween(camera, current);
-      if (camera.road.roi.empty() || &camera == first || length < kMinReferenceDistance * baseline)
-        continue;
+    for (const CameraPath::Pose& pose : path.poses()) {
+      if (pose.road.roi.empty() || pose.road.setting != road.setting || &pose == first) continue;
+      const double length = (pose.T_w_c.translation() - current.T_w_c.translation()).norm();
+      if (length < kMinReferenceDistance * baseline) continue;
       const double ratio = std::max(length / (k * baseline), k * baseline / length);
       if (ratio < best_ratio) {
         best_ratio = ratio;
-        best = &camera;
+        best = &pose;
       }
     }
     if (best == nullptr) break;
     first = best;
-    references.push_back(
-        {best->road, current.road.readout_motion, best->T_w_c.inverse() * current.T_w_c});
+    references.push_back({best->road, road.readout_motion, best->T_w_c.inverse() * current.T_w_c});
   }
   return references;
 }
 
-/// Releases the images that no later frame needs as a reference: of the two before the newest the
-/// later one, when they are closer than min_spacing [VO units], and the oldest.
-void releaseImages(double min_spacing, CameraPath* path) {
-  std::vector<CameraPath::Camera*> kept;  // newest first
-  for (auto camera = path->cameras().rbegin(); camera != path->cameras().rend(); ++camera) {
-    if (!camera->road.roi.empty()) kept.push_back(&*camera);
-  }
-  if (kept.size() > 2 && distanceBetween(*kept[1], *kept[2]) < min_spacing) kept[1]->road = {};
-  for (std::size_t i = kMaxImages; i < kept.size(); ++i) kept[i]->road = {};
-}
-
 }  // namespace
 
-struct DirectPlaneEstimator::Impl {
-  /// For images of one camera with one mask.
-  struct Stages {
-    Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask)
-        : extractor(camera, options.patch_size, kImageNoise, mask),
-          matcher(extractor.camera(), kImageNoise, extractor.allowed()) {}
+DirectPlaneEstimator::Stages::Stages(const Options& options, const PinholeCamera& camera,
+                                     const cv::Mat& mask)
+    : extractor(camera, options.patch_size, kImageNoise, mask),
+      matcher(extractor.camera(), kImageNoise, extractor.allowed()) {}
 
-    direct::PatchExtractor extractor;
-    direct::PatchMatcher matcher;
-  };
-  /// Normal equations H x = b. The unknowns are m (3), the curvature of the road along the path,
-  /// across it (crown) and its twist (3), the radial distortion of the images (k1, k2), and for
-  /// each reference image the error of its relative pose (3 rotation, 2 direction of translation).
-  template <int kUnknowns>
-  struct Equations {
-    Eigen::Matrix<double, kUnknowns, kUnknowns> H =
-        Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
-    Eigen::Matrix<double, kUnknowns, 1> b = Eigen::Matrix<double, kUnknowns, 1>::Zero();
-  };
-  using PlaneEquations = Equations<kShared>;
-  using JointEquations = std::array<Equations<kShared + kMotion>, kReferences>;
-
-  explicit Impl(const Options& o) : options(o) {}
-
-  void setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask, CameraPath* path);
-  LaneRegion laneRegion(const RoadPrior& prior, double height) const;
-  Eigen::Vector3d roadCentre(const GroundPlane& plane) const;
-
-  Result solve(const RoadPrior& prior, const GroundPlane& initial);
-  GroundPlane search(const RoadPrior& prior, double centre) const;
-  double meanCorrelation(const Eigen::Vector3d& m) const;
-  bool matchPatches(const Eigen::Vector3d& m, bool linearise, Result* result);
-  double shiftVariance(const Match& match, const Eigen::Vector3d& m) const;
-  JointEquations accumulate(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
-                            double robust_scale) const;
-  PlaneEquations marginaliseMotion(JointEquations joint) const;
-  void addPriors(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
-                 PlaneEquations* equations) const;
-  void accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance, double initial_height,
-              Result* result) const;
-
-  const Options options;
-  PinholeCamera camera;  ///< of the images
-  cv::Mat mask;
-  std::optional<Stages> stages;  ///< for camera and mask; empty before the first image
-
-  // Current frame.
-  std::vector<Patch> patches;
-  std::vector<Reference> references;
-  /// Camera whose height is measured, in this frame's camera axes [VO units].
-  Eigen::Vector3d origin_c = Eigen::Vector3d::Zero();
-  std::vector<Match> matches;  ///< of patch i in reference k: i * kReferences + k
-  std::vector<double> normalised_shifts;
-};
-
-/// The images of another camera or mask cannot be compared with the ones in the path.
-void DirectPlaneEstimator::Impl::setCamera(const PinholeCamera& new_camera, const cv::Mat& new_mask,
-                                           CameraPath* path) {
-  if (stages && isSameCamera(camera, new_camera) && mask.data == new_mask.data) return;
-  camera = new_camera;
-  mask = new_mask;
-  stages.emplace(options, camera, mask);
-  for (CameraPath::Camera& each : path->cameras()) each.road = {};
+void DirectPlaneEstimator::setCamera(const PinholeCamera& camera, const cv::Mat& mask) {
+  if (stages_ && isSameCamera(camera_, camera) && mask_.data == mask.data) return;
+  camera_ = camera;
+  mask_ = mask;
+  stages_.emplace(options_, camera, mask);
+  ++setting_;
 }
 
-LaneRegion DirectPlaneEstimator::Impl::laneRegion(const RoadPrior& prior, double height) const {
+LaneRegion DirectPlaneEstimator::laneRegion(const RoadPrior& prior, double height) const {
   const double max_ahead =
-      std::max(options.max_ahead_heights,
-               nearestVisibleRoad(stages->extractor.camera(), prior) + kMinLaneLength);
-  return {prior, height, options.min_ahead_heights, max_ahead, options.lane_half_width_heights};
+      std::max(options_.max_ahead_heights,
+               nearestVisibleRoad(stages_->extractor.camera(), prior) + kMinLaneLength);
+  return {prior, height, kMinAheadHeights, max_ahead, options_.lane_half_width_heights};
 }
 
 /// Centre of the patches on a plane, in this frame's camera axes [VO units].
-Eigen::Vector3d DirectPlaneEstimator::Impl::roadCentre(const GroundPlane& plane) const {
+Eigen::Vector3d DirectPlaneEstimator::roadCentre(const GroundPlane& plane) const {
   Eigen::Vector3d centre_c = Eigen::Vector3d::Zero();
-  for (const Patch& patch : patches) {
+  for (const Patch& patch : patches_) {
     const Eigen::Vector3d ray(patch.ray_x.mean(), patch.ray_y.mean(), 1);
-    centre_c -= plane.height / (plane.n_c.dot(ray) * static_cast<double>(patches.size())) * ray;
+    centre_c -= plane.height / (plane.n_c.dot(ray) * static_cast<double>(patches_.size())) * ray;
   }
   return centre_c;
 }
 
 /// Robust Gauss-Newton estimate of the plane m = n / h from the epipolar shifts of all patches in
 /// all reference images. The status of the result is kMeasured or kNoPlane.
-DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& prior,
-                                                               const GroundPlane& initial) {
+DirectPlaneEstimator::Result DirectPlaneEstimator::solve(const RoadPrior& prior,
+                                                         const GroundPlane& initial) {
   Result result;
   const double initial_height = initial.height;
   Eigen::Vector3d m = initial.n_c / initial_height;
-  matches.resize(patches.size() * kReferences);
+  matches_.resize(patches_.size() * kReferences);
   double robust_scale = 1;
   for (int iteration = 0; iteration < kMaxSolverIterations; ++iteration) {
     if (!matchPatches(m, iteration == 0, &result)) return result;
     if (iteration < kScaleIterations) {
-      robust_scale = std::max(1.0, kMadToSigma * median(&normalised_shifts));
+      robust_scale = std::max(1.0, kMadToSigma * median(&normalised_shifts_));
     }
     PlaneEquations equations =
         marginaliseMotion(accumulate(prior, m, initial_height, robust_scale));
@@ -251,7 +186,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::Impl::solve(const RoadPrior& 
 /// The plane under which the patches correlate best with the first reference image: at the heights
 /// around `centre` [VO units], and within the roll that the prior leaves open. Its pitch is that of
 /// the prior, which knows it from the direction of motion.
-GroundPlane DirectPlaneEstimator::Impl::search(const RoadPrior& prior, double centre) const {
+GroundPlane DirectPlaneEstimator::search(const RoadPrior& prior, double centre) const {
   GroundPlane best{prior.n_c, centre};
   double best_correlation = -1;
   const int rolls = static_cast<int>(kRollRange * prior.roll_sigma / kRollStep);
@@ -270,67 +205,67 @@ GroundPlane DirectPlaneEstimator::Impl::search(const RoadPrior& prior, double ce
 
 /// Mean correlation of the patches with the first reference image under the plane m, weighted by
 /// texture; -1 when too few project into it.
-double DirectPlaneEstimator::Impl::meanCorrelation(const Eigen::Vector3d& m) const {
+double DirectPlaneEstimator::meanCorrelation(const Eigen::Vector3d& m) const {
   double sum = 0, weights = 0, all_weights = 0;
   int inside = 0;
   direct::Samples values;
-  for (std::size_t i = 0; i < patches.size(); i += kPatchStride) {
-    const Patch& patch = patches[i];
+  for (std::size_t i = 0; i < patches_.size(); i += kPatchStride) {
+    const Patch& patch = patches_[i];
     all_weights += patch.texture;
-    if (!stages->matcher.sample(references.front(), patch, m, &values)) continue;
-    sum += patch.texture * stages->matcher.correlate(patch, &values);
+    if (!stages_->matcher.sample(references_.front(), patch, m, &values)) continue;
+    sum += patch.texture * stages_->matcher.correlate(patch, &values);
     weights += patch.texture;
     ++inside;
   }
   const bool enough =
-      static_cast<int>(kPatchStride) * inside >= options.min_patches && weights > 0.5 * all_weights;
+      static_cast<int>(kPatchStride) * inside >= kMinPatches && weights > 0.5 * all_weights;
   return enough ? sum / weights : -1;
 }
 
 /// Matches all patches under the plane m. False when too few are valid.
-bool DirectPlaneEstimator::Impl::matchPatches(const Eigen::Vector3d& m, bool linearise,
-                                              Result* result) {
+bool DirectPlaneEstimator::matchPatches(const Eigen::Vector3d& m, bool linearise, Result* result) {
   double correlation = 0, weights = 0;
   result->patches = 0;
-  normalised_shifts.clear();
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    for (std::size_t k = 0; k < references.size(); ++k) {
-      Match& match = matches[i * kReferences + k];
-      if (linearise) stages->matcher.linearise(references[k], patches[i], m, &match);
-      stages->matcher.measure(references[k], patches[i], m, &match);
+  normalised_shifts_.clear();
+  for (std::size_t i = 0; i < patches_.size(); ++i) {
+    for (std::size_t k = 0; k < references_.size(); ++k) {
+      Match& match = matches_[i * kReferences + k];
+      if (linearise) stages_->matcher.linearise(references_[k], patches_[i], m, &match);
+      stages_->matcher.measure(references_[k], patches_[i], m, &match);
       if (!match.valid) continue;
       ++result->patches;
-      correlation += patches[i].texture * match.correlation;
-      weights += patches[i].texture;
-      normalised_shifts.push_back(std::abs(match.shift) / std::sqrt(shiftVariance(match, m)));
+      correlation += patches_[i].texture * match.correlation;
+      weights += patches_[i].texture;
+      normalised_shifts_.push_back(std::abs(match.shift) / std::sqrt(shiftVariance(match, m)));
     }
   }
-  if (result->patches < options.min_patches || !(weights > 0)) return false;
+  if (result->patches < kMinPatches || !(weights > 0)) return false;
   result->correlation = correlation / weights;
   return true;
 }
 
 /// From the pixels, and from the roughness of the road: the reference images see the same bump, so
 /// its variance counts once for each.
-double DirectPlaneEstimator::Impl::shiftVariance(const Match& match,
-                                                 const Eigen::Vector3d& m) const {
-  const double roughness = options.roughness_heights * m.dot(match.ray.cast<double>());
+double DirectPlaneEstimator::shiftVariance(const Match& match, const Eigen::Vector3d& m) const {
+  const double roughness = options_.roughness_heights * m.dot(match.ray.cast<double>());
   return match.variance + kReferences * roughness * roughness;
 }
 
 /// Normal equations of all shifts with Cauchy weights, one system for each reference image.
-DirectPlaneEstimator::Impl::JointEquations DirectPlaneEstimator::Impl::accumulate(
-    const RoadPrior& prior, const Eigen::Vector3d& m, double height, double robust_scale) const {
+DirectPlaneEstimator::JointEquations DirectPlaneEstimator::accumulate(const RoadPrior& prior,
+                                                                      const Eigen::Vector3d& m,
+                                                                      double height,
+                                                                      double robust_scale) const {
   JointEquations joint;
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    for (std::size_t k = 0; k < references.size(); ++k) {
-      const Match& match = matches[i * kReferences + k];
+  for (std::size_t i = 0; i < patches_.size(); ++i) {
+    for (std::size_t k = 0; k < references_.size(); ++k) {
+      const Match& match = matches_[i * kReferences + k];
       if (!match.valid) continue;
       const Eigen::Vector3d ray = match.ray.cast<double>();
       const double q = m.dot(ray);
       // [camera heights] from the origin; the curved road lies lower by c x^2 / 2.
-      const double ahead = prior.forward_c.dot(-ray / q - origin_c) / height;
-      const double across = prior.lateral().dot(-ray / q - origin_c) / height;
+      const double ahead = prior.forward_c.dot(-ray / q - origin_c_) / height;
+      const double across = prior.lateral().dot(-ray / q - origin_c_) / height;
       Eigen::Matrix<double, kShared + kMotion, 1> jacobian;
       jacobian << ray, -0.5 * q * ahead * ahead, -0.5 * q * across * across, -q * ahead * across,
           match.lens.cast<double>(), match.motion.cast<double>();
@@ -346,13 +281,13 @@ DirectPlaneEstimator::Impl::JointEquations DirectPlaneEstimator::Impl::accumulat
 }
 
 /// Schur complement: removes each reference's motion error, with its prior, from its equations.
-DirectPlaneEstimator::Impl::PlaneEquations DirectPlaneEstimator::Impl::marginaliseMotion(
+DirectPlaneEstimator::PlaneEquations DirectPlaneEstimator::marginaliseMotion(
     JointEquations joint) const {
   PlaneEquations plane;
-  for (std::size_t k = 0; k < references.size(); ++k) {
+  for (std::size_t k = 0; k < references_.size(); ++k) {
     auto& [H, b] = joint[k];
-    H.diagonal().segment<3>(kShared).array() += std::pow(options.rotation_sigma_rad, -2);
-    H.diagonal().tail<2>().array() += std::pow(options.direction_sigma_rad, -2);
+    H.diagonal().segment<3>(kShared).array() += std::pow(options_.rotation_sigma_rad, -2);
+    H.diagonal().tail<2>().array() += std::pow(options_.direction_sigma_rad, -2);
     const Eigen::Matrix<double, kShared, kMotion> cross = H.topRightCorner<kShared, kMotion>();
     const auto motion = H.bottomRightCorner<kMotion, kMotion>().ldlt();
     plane.H += H.topLeftCorner<kShared, kShared>() - cross * motion.solve(cross.transpose());
@@ -363,82 +298,72 @@ DirectPlaneEstimator::Impl::PlaneEquations DirectPlaneEstimator::Impl::marginali
 
 /// Pitch and roll of the normal, zero curvatures and no distortion. The road is flat across the
 /// lane unless the lens is known.
-void DirectPlaneEstimator::Impl::addPriors(const RoadPrior& prior, const Eigen::Vector3d& m,
-                                           double height, PlaneEquations* equations) const {
-  for (const auto& [axis, sigma] : {std::pair(prior.forward_c, prior.pitch_sigma),
-                                    std::pair(prior.lateral(), prior.roll_sigma)}) {
-    const Eigen::Vector3d jacobian = height * axis / sigma;
-    equations->H.topLeftCorner<3, 3>() += jacobian * jacobian.transpose();
-    equations->b.head<3>() -= jacobian * jacobian.dot(m);
-  }
-  const bool lens_is_known = camera.lens_is_estimated;
-  equations->H(3, 3) += std::pow(options.curvature_sigma, -2);
-  equations->H(4, 4) += std::pow(lens_is_known ? options.crown_sigma : kNoCurvature, -2);
-  equations->H(5, 5) += std::pow(lens_is_known ? options.twist_sigma : kNoCurvature, -2);
-  equations->H(6, 6) += std::pow(options.lens_k1_sigma, -2);
-  equations->H(7, 7) += std::pow(options.lens_k2_sigma, -2);
+void DirectPlaneEstimator::addPriors(const RoadPrior& prior, const Eigen::Vector3d& m,
+                                     double height, PlaneEquations* equations) const {
+  prior.addTo(m, height, equations->H.topLeftCorner<3, 3>(), equations->b.head<3>());
+  const bool lens_is_known = camera_.lens_is_estimated;
+  equations->H(3, 3) += std::pow(options_.curvature_sigma, -2);
+  equations->H(4, 4) += std::pow(lens_is_known ? kCrownSigma : kNoCurvature, -2);
+  equations->H(5, 5) += std::pow(lens_is_known ? kTwistSigma : kNoCurvature, -2);
+  equations->H(6, 6) += std::pow(options_.lens_k1_sigma, -2);
+  equations->H(7, 7) += std::pow(options_.lens_k2_sigma, -2);
 }
 
 /// Fills in the plane and its standard deviation, and decides whether it is accepted. covariance:
 /// of m.
-void DirectPlaneEstimator::Impl::accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
-                                        double initial_height, Result* result) const {
-  const double height = (1 + m.dot(origin_c)) / m.norm();
+void DirectPlaneEstimator::accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
+                                  double initial_height, Result* result) const {
+  const double height = (1 + m.dot(origin_c_)) / m.norm();
   if (!(height > 0)) return;
   result->plane = {m.normalized(), height};
   // Of ln height by m.
-  const Eigen::Vector3d gradient = origin_c / (1 + m.dot(origin_c)) - m / m.squaredNorm();
+  const Eigen::Vector3d gradient = origin_c_ / (1 + m.dot(origin_c_)) - m / m.squaredNorm();
   const double relative_sigma = std::sqrt(gradient.dot(covariance * gradient));
   const double inflation = std::max(1.0, (1 - result->correlation) / (1 - kRoadCorrelation));
   result->height_sigma = inflation * relative_sigma * height;
   const double change = std::abs(std::log(height / initial_height));
-  if (result->correlation >= options.min_correlation && change <= std::log(kMaxHeightChange) &&
+  if (result->correlation >= options_.min_correlation && change <= std::log(kMaxHeightChange) &&
       relative_sigma <= kMaxHeightSigma) {
     result->status = MeasurementStatus::kMeasured;
-    result->road_distance = (roadCentre(result->plane) - origin_c).norm();
+    result->road_distance = (roadCentre(result->plane) - origin_c_).norm();
   }
 }
 
-DirectPlaneEstimator::DirectPlaneEstimator(const Options& options)
-    : impl_(std::make_unique<Impl>(options)) {}
-
-DirectPlaneEstimator::~DirectPlaneEstimator() = default;
-
 DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(const VoFrame& frame,
                                                             const cv::Mat& image, double height,
-                                                            CameraPath* path, const cv::Mat& mask) {
-  Impl& s = *impl_;
-  s.setCamera(frame.camera, mask, path);
-  CameraPath::Camera& current = path->newest();
+                                                            const CameraPath& path,
+                                                            const cv::Mat& mask) {
+  setCamera(frame.camera, mask);
+  const CameraPath::Pose& current = path.newest();
   const RoadPrior& prior = current.prior;
-  const LaneRegion lane = s.laneRegion(prior, height);
+  const LaneRegion lane = laneRegion(prior, height);
   const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
-  s.stages->extractor.extract(image, lane, faces_backwards, &current.road, &s.patches);
-  current.road.readout_motion = frame.readout_motion;
+  RoadImage road;
+  road.setting = setting_;
+  stages_->extractor.extract(image, lane, faces_backwards, &road, &patches_);
+  road.readout_motion = frame.readout_motion;
 
   Result result;
   result.status = MeasurementStatus::kStandstill;
+  result.road.setting = setting_;
   const double initial = height > 0 ? height : medianFeatureHeight(frame, lane, prior);
-  if (!(initial > 0)) {
-    current.road = {};
-    return result;
-  }
-  const double baseline = s.options.baseline_heights * initial;
-  s.references = selectReferences(*path, baseline);
-  if (!s.references.empty()) {
-    s.origin_c.setZero();
-    if (!s.patches.empty()) {
-      const Eigen::Vector3d centre_w = current.T_w_c * s.roadCentre({prior.n_c, initial});
-      const double max_length = s.options.max_ahead_heights * initial;
-      s.origin_c =
-          current.T_w_c.inverse() * path->nearest(centre_w, max_length).T_w_c.translation();
+  if (!(initial > 0)) return result;
+  const double baseline = options_.baseline_heights * initial;
+  references_ = selectReferences(path, road, baseline);
+  if (!references_.empty()) {
+    origin_c_.setZero();
+    if (!patches_.empty()) {
+      const Eigen::Vector3d centre_w = current.T_w_c * roadCentre({prior.n_c, initial});
+      const double max_length = options_.max_ahead_heights * initial;
+      origin_c_ = current.T_w_c.inverse() * path.nearest(centre_w, max_length).T_w_c.translation();
     }
-    result = s.solve(prior, {prior.n_c, initial});
+    result = solve(prior, {prior.n_c, initial});
     if (result.status != MeasurementStatus::kMeasured && !(height > 0)) {
-      result = s.solve(prior, s.search(prior, initial));
+      result = solve(prior, search(prior, initial));
     }
   }
-  releaseImages(kMinImageSpacing * baseline, path);
+  result.road = std::move(road);
+  result.image_spacing = kMinImageSpacing * baseline;
   return result;
 }
 

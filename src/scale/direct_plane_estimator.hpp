@@ -1,36 +1,25 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <memory>
+#include <array>
 #include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
 
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_options.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/camera_path.hpp"
+#include "scale/direct/patch.hpp"
+#include "scale/direct/patch_matcher.hpp"
 #include "scale/road.hpp"
 
 namespace ground_scale_vo {
 
-/// Direct (photometric) estimate of the ground plane from the intensities of the road. Not
-/// part of the paper. It needs image texture but no corners and no map points.
-///
-/// Between two frames with relative pose (R, t) a point of the plane m = n / h with viewing ray r
-/// moves to R r - t (m . r). For each frame:
-///  1. The lane, ahead or behind, is divided into patches.
-///  2. Two reference images are chosen, about one and two baselines away.
-///  3. Each patch is warped into each reference image by the plane's homography, normalised to zero
-///     mean and unit variance. Its remaining shift along the epipolar line is a measurement of
-///     q = m . r, with a variance from its residual and its texture.
-///  4. A robust Gauss-Newton step corrects m. The errors of the relative poses and of the lens are
-///     marginalised out: they shift all patches in common. Steps 3 and 4 are repeated until
-///     convergence.
-///  5. When that fails while the height is not known, a search over height and roll provides
-///     another start.
-///
-/// Regions of a given mask are used in neither image.
-///
-/// Not thread safe.
+/// Direct (photometric) estimate of the ground plane m = n / h from the intensities of the road:
+/// patches of the lane are aligned with two earlier images along the epipolar lines
+/// (docs/explanation/how_it_works.md). It needs image texture but no corners and no map points.
+/// Regions of a given mask are used in no image. Not thread safe.
 class DirectPlaneEstimator {
  public:
   using Options = DirectPlaneEstimatorOptions;
@@ -40,29 +29,75 @@ class DirectPlaneEstimator {
     /// kStandstill (no reference image at a sufficient distance, or neither a height nor a feature
     /// in the lane) or kNoPlane.
     MeasurementStatus status = MeasurementStatus::kNoPlane;
-    /// In the axes of this frame's camera. Its height belongs to the camera of the path that is
+    /// In the axes of this frame's camera. Its height belongs to the pose of the path that is
     /// nearest to the lane region, VO units.
     GroundPlane plane;
     double height_sigma = 0;   ///< standard deviation of plane.height [VO units]
-    double road_distance = 0;  ///< of the patches' centre from that camera [VO units]
+    double road_distance = 0;  ///< of the patches' centre from that pose [VO units]
     double correlation = 0;    ///< mean over the matched patches, weighted by texture; -1 to 1
     int patches = 0;           ///< matched patches, counted once for each reference image
+    RoadImage road;            ///< of this frame, for CameraPath::keepRoad()
+    double image_spacing = 0;  ///< between kept images [VO units]
   };
 
-  /// Throws OptionError.
-  explicit DirectPlaneEstimator(const Options& options);
-  ~DirectPlaneEstimator();
+  explicit DirectPlaneEstimator(const Options& options) : options_(options) {}
 
-  /// Estimates the plane of one frame, and keeps the image in the path as a reference for later
-  /// frames. frame: tracking. image: rectified, 8-bit grey, of the camera's size. height: predicted
-  /// [VO units]; 0: not known, the median of the features in the lane replaces it. path: its newest
-  /// camera is the one of the frame. mask: as for ScaleRecovery::process().
-  Result estimate(const VoFrame& frame, const cv::Mat& image, double height, CameraPath* path,
+  /// frame: tracking. image: rectified, 8-bit grey, of the camera's size. height: predicted [VO
+  /// units]; 0: not known, the median of the features in the lane replaces it. path: its newest
+  /// pose is the one of the frame. mask: as for ScaleRecovery::process().
+  Result estimate(const VoFrame& frame, const cv::Mat& image, double height, const CameraPath& path,
                   const cv::Mat& mask = {});
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  /// Unknowns of both reference images, and of each.
+  static constexpr int kShared = 8, kMotion = 5;
+  /// For images of one camera with one mask.
+  struct Stages {
+    Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask);
+    direct::PatchExtractor extractor;
+    direct::PatchMatcher matcher;
+  };
+  /// Normal equations H x = b. The unknowns are m (3), the curvature of the road along the path,
+  /// across it (crown) and its twist (3), the radial distortion of the images (k1, k2), and for
+  /// each reference image the error of its relative pose (3 rotation, 2 direction of translation).
+  template <int kUnknowns>
+  struct Equations {
+    Eigen::Matrix<double, kUnknowns, kUnknowns> H =
+        Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
+    Eigen::Matrix<double, kUnknowns, 1> b = Eigen::Matrix<double, kUnknowns, 1>::Zero();
+  };
+  using PlaneEquations = Equations<kShared>;
+  using JointEquations = std::array<Equations<kShared + kMotion>, direct::kReferences>;
+
+  void setCamera(const PinholeCamera& camera, const cv::Mat& mask);
+  LaneRegion laneRegion(const RoadPrior& prior, double height) const;
+  Eigen::Vector3d roadCentre(const GroundPlane& plane) const;
+  Result solve(const RoadPrior& prior, const GroundPlane& initial);
+  GroundPlane search(const RoadPrior& prior, double centre) const;
+  double meanCorrelation(const Eigen::Vector3d& m) const;
+  bool matchPatches(const Eigen::Vector3d& m, bool linearise, Result* result);
+  double shiftVariance(const direct::Match& match, const Eigen::Vector3d& m) const;
+  JointEquations accumulate(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
+                            double robust_scale) const;
+  PlaneEquations marginaliseMotion(JointEquations joint) const;
+  void addPriors(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
+                 PlaneEquations* equations) const;
+  void accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance, double initial_height,
+              Result* result) const;
+
+  Options options_;
+  PinholeCamera camera_;  ///< of the images
+  cv::Mat mask_;
+  std::optional<Stages> stages_;  ///< for camera and mask; empty before the first image
+  int setting_ = 0;               ///< RoadImage::setting of camera and mask
+
+  // Current frame.
+  std::vector<direct::Patch> patches_;
+  std::vector<direct::Reference> references_;
+  /// Camera whose height is measured, in this frame's camera axes [VO units].
+  Eigen::Vector3d origin_c_ = Eigen::Vector3d::Zero();
+  std::vector<direct::Match> matches_;  ///< of patch i in reference k: i * kReferences + k
+  std::vector<double> normalised_shifts_;
 };
 
 }  // namespace ground_scale_vo

@@ -24,6 +24,9 @@ constexpr std::uint64_t kSeedMultiplier = 0x9E3779B97F4A7C15ull;
 /// is dominated by the noise of its points.
 constexpr double kMinSine = 0.02;
 
+/// Near end of the region of interest: nearer road lies below the vehicle.
+constexpr double kMinAheadHeights = 1;
+
 /// [rad] Largest roll of a triangle. Not in the paper: Eq. 3 accepts walls along the road.
 constexpr double kRollTolerance = 0.26;
 
@@ -92,15 +95,13 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
 
 }  // namespace
 
-GroundPointExtraction::GroundPointExtraction(const Options& options) : options_(options) {}
-
 /// Indices of the features with a point whose ray meets the expected plane in the region of
 /// interest: the narrow one if it contains enough of them, otherwise the wide one.
 std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& frame,
                                                                const RoadPrior& prior,
                                                                bool* is_wide) const {
   const auto region = [&](double half_width) {
-    return LaneRegion(prior, 0, options_.min_ahead_heights, options_.max_ahead_heights, half_width);
+    return LaneRegion(prior, 0, kMinAheadHeights, options_.max_ahead_heights, half_width);
   };
   const LaneRegion lane_region = region(options_.lane_half_width_heights);
   const LaneRegion wide_region = region(options_.max_half_width_heights);
@@ -169,7 +170,7 @@ GroundPointExtraction::Result GroundPointExtraction::extract(
         {feature.id, feature.p_c.cast<double>(), static_cast<double>(feature.depth_sigma)});
   }
   // A seed for each frame, so that its result does not depend on earlier frames.
-  ransac(options_.random_seed * kSeedMultiplier + frame.sequence, prior, &result);
+  ransac(random_seed_ * kSeedMultiplier + frame.sequence, prior, &result);
   if (result.status != MeasurementStatus::kMeasured) result.points.clear();
   return result;
 }
@@ -227,15 +228,12 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
     result->status = MeasurementStatus::kMeasured;
 }
 
-GroundPointAggregation::GroundPointAggregation(const Options& options)
-    : options_(options), fit_(options.fit) {}
-
 GroundPointAggregation::Result GroundPointAggregation::estimate(const CameraPath& path,
-                                                                const CameraPath::Camera& camera,
+                                                                const CameraPath::Pose& pose,
                                                                 double height_hint) const {
   Result result;
-  result.window = window(path, camera.T_w_c, options_.window_heights * height_hint);
-  result.fit = fit_.fit(result.window, camera.prior, height_hint);  // lines 14-34
+  result.window = window(path, pose.T_w_c, options_.window_heights * height_hint);
+  result.fit = fit_.fit(result.window, pose.prior, height_hint);  // lines 14-34
   return result;
 }
 
@@ -247,12 +245,12 @@ std::vector<PlanePoint> GroundPointAggregation::window(const CameraPath& path,
   std::unordered_set<std::uint64_t> seen;  // only tested for membership: its order has no effect
   int frames = 0;
   const Eigen::Isometry3d T_c_w = T_w_c.inverse();
-  for (auto camera = path.cameras().rbegin(); camera != path.cameras().rend(); ++camera) {
-    if (path.newest().travelled - camera->travelled > max_length) break;
-    if (camera->ground_points.empty()) continue;
+  for (auto pose = path.poses().rbegin(); pose != path.poses().rend(); ++pose) {
+    if (path.newest().travelled - pose->travelled > max_length) break;
+    if (pose->ground_points.empty()) continue;
     if (++frames > options_.max_frames) break;
-    const Eigen::Isometry3d T_c_f = T_c_w * camera->T_w_c;
-    for (const GroundPoint& point : camera->ground_points) {
+    const Eigen::Isometry3d T_c_f = T_c_w * pose->T_w_c;
+    for (const GroundPoint& point : pose->ground_points) {
       if (points.size() >= kMaxPoints) return points;
       if (options_.unique_features && !seen.insert(point.id).second) continue;
       // Eq. 5, but into the camera frame: the fit then does not depend on the world's origin.

@@ -35,8 +35,8 @@ class GroundPointExtraction {
     double delaunay_ms = 0;           ///< wall time
   };
 
-  /// Throws OptionError.
-  explicit GroundPointExtraction(const Options& options);
+  explicit GroundPointExtraction(const Options& options, std::uint64_t random_seed = 1)
+      : options_(options), random_seed_(random_seed) {}
 
   /// frame: tracking. prior: of the road in this frame; without a chord (no motion) the test of
   /// Eq. 3 is skipped. last_motion: T_{t,t-1}, used by frame_pitch_test alone. The result depends
@@ -51,6 +51,7 @@ class GroundPointExtraction {
   void ransac(std::uint64_t seed, const RoadPrior& prior, Result* result) const;
 
   Options options_;
+  std::uint64_t random_seed_;
 };
 
 /// Ground Point Aggregation (GPA, the paper's section III.B and Alg. 2): the ground points of a
@@ -64,14 +65,12 @@ class GroundPointAggregation {
     std::vector<PlanePoint> window;  ///< the points of the fit, newest frame first
   };
 
-  /// Throws OptionError.
-  explicit GroundPointAggregation(const Options& options);
+  explicit GroundPointAggregation(const Options& options) : options_(options), fit_(options.fit) {}
 
   /// Plane of the window that ends at the newest camera of the path, in the axes of one of its
   /// cameras and with the camera's prior. height_hint: approximate camera height [VO units], > 0;
   /// converts the window's length.
-  Result estimate(const CameraPath& path, const CameraPath::Camera& camera,
-                  double height_hint) const;
+  Result estimate(const CameraPath& path, const CameraPath::Pose& pose, double height_hint) const;
 
  private:
   std::vector<PlanePoint> window(const CameraPath& path, const Eigen::Isometry3d& T_w_c,

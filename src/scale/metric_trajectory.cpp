@@ -23,6 +23,12 @@ constexpr double kMaxIntervalRatio = 2;
 constexpr double kPositionNoise = 0.002, kRotationNoise = 0.0002;
 /// Relative standard deviation of the length of a gap by the speeds.
 constexpr double kGapLengthSigma = 0.02;
+/// [m] After which the errors of two poses, which share map points, count as independent.
+constexpr double kPoseCorrelation = 2;
+/// [m/s] Standard deviation of the velocity when a standstill ends in a new map.
+constexpr double kUnobservedSpeedSigma = 5;
+/// [rad/s] Of the rotation rate between two maps, where the odometry does not know the rotation.
+constexpr double kUnknownRotationSigma = 0.1;
 /// [m/s, rad/s] Standard deviation of a twist that is not known.
 constexpr double kUnknownSpeedSigma = 50;
 
@@ -49,14 +55,14 @@ Matrix6d rotated(const Eigen::Matrix3d& R_a_b, const Matrix6d& P) {
 
 }  // namespace
 
-MetricTrajectory::MetricTrajectory(const Options& options) : options_(options) {}
-
-void MetricTrajectory::reset() { *this = MetricTrajectory(options_); }
-
-std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame, const ScaleEstimate& scale,
+std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame, Continuity continuity,
+                                                   const ScaleEstimate& scale,
                                                    const SpeedTrack& speeds) {
   if (!first_seen_ns_) first_seen_ns_ = frame.stamp_ns;
-  if (frame.status == VoStatus::kInitialising) initialising_map_id_ = frame.map_id;
+  if (continuity >= Continuity::kNewMapSameUnit) {
+    start_ = continuity > frame.continuity ? Start::kInItsMiddle : Start::kUnseen;
+  }
+  if (frame.status == VoStatus::kInitialising && start_ == Start::kUnseen) start_ = Start::kSeen;
   if (frame.status != VoStatus::kTracking || !isFinite(frame.T_w_c) ||
       scale.measurement == MeasurementStatus::kVoNotTracking ||
       scale.measurement == MeasurementStatus::kImplausibleMotion) {
@@ -76,12 +82,10 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame, const S
 std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
                                                           const ScaleEstimate& scale,
                                                           const SpeedTrack& speeds) {
-  TrackedPose previous = last_tracked_;
-  const bool has_lost_scale = map_ && map_->metric && scale.status == ScaleStatus::kUnknown;
-  const bool starts_map = !map_ || map_->id != frame.map_id || has_left_map_ || has_lost_scale;
-  if (starts_map) {
+  StampedPose previous = last_tracked_;
+  if (start_ != Start::kBefore) {
     map_ = newMap(frame);
-    has_left_map_ = false;
+    start_ = Start::kBefore;
     last_step_ = {};
     previous = {map_->ref_stamp_ns, map_->T_w_ref};
   }
@@ -120,24 +124,23 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
 }
 
 bool MetricTrajectory::countsFromStart(const VoFrame& frame) const {
+  const bool starts = frame.continuity >= Continuity::kNewMapSameUnit || start_ != Start::kBefore;
+  if (!starts || start_ == Start::kInItsMiddle) return false;
   const std::int64_t start_ns = frame.map_start.stamp_ns;
   if (start_ns != 0) {
     return start_ns <= frame.stamp_ns && first_seen_ns_.value_or(frame.stamp_ns) <= start_ns;
   }
-  return !map_ && initialising_map_id_ == frame.map_id;
+  return !map_ && start_ == Start::kSeen && frame.continuity < Continuity::kNewMapSameUnit;
 }
 
-/// The map that starts with this frame, or continues with it after it was left or has lost its
-/// scale. The rotation since the last metric pose is the product over all maps in between,
-/// which had no scale.
+/// The map that starts with this frame. The rotation since the last metric pose is the product over
+/// all maps in between, which had no scale.
 MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
   const MapStart& start = frame.map_start;
   const bool is_first = !map_.has_value();
-  const bool continues = !is_first && map_->id == frame.map_id;
-  const bool from_start = !continues && countsFromStart(frame);
+  const bool from_start = countsFromStart(frame);
   const bool has_start = from_start && start.stamp_ns != 0;
   Map map;
-  map.id = frame.map_id;
   if (!from_start) map.T_w_ref = frame.T_w_c;
   map.ref_stamp_ns = has_start ? start.stamp_ns : frame.stamp_ns;
   if (!is_first && !map_->metric) {
@@ -151,12 +154,12 @@ MetricTrajectory::Map MetricTrajectory::newMap(const VoFrame& frame) const {
     // It counts from the last pose of the odometry, which was refused.
     const double unknown_s = secondsBetween(last_tracked_.stamp_ns, last_refused_stamp_ns_);
     if (!is_first && unknown_s > 0) {
-      map.rotation_variance += std::pow(unknown_s * options_.new_map_rotation_sigma_per_s, 2);
+      map.rotation_variance += std::pow(unknown_s * kUnknownRotationSigma, 2);
     }
   } else if (!is_first) {
     const std::int64_t since_ns = map_->metric ? last_motion_stamp_ns_ : last_tracked_.stamp_ns;
     const double dt = std::max(0.0, secondsBetween(since_ns, map.ref_stamp_ns));
-    map.rotation_variance += std::pow(dt * options_.new_map_rotation_sigma_per_s, 2);
+    map.rotation_variance += std::pow(dt * kUnknownRotationSigma, 2);
   }
   return map;
 }
@@ -196,8 +199,7 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
   Matrix6d P = last_.covariance;
   if (stood_still) {
     const double unobserved_s = secondsBetween(last_motion_stamp_ns_, map_->ref_stamp_ns);
-    P.diagonal().head<3>().array() +=
-        std::pow(unobserved_s * options_.new_map_position_sigma_per_s, 2);
+    P.diagonal().head<3>().array() += std::pow(unobserved_s * kUnobservedSpeedSigma, 2);
   } else {
     gap = arc(map_->R_last_ref, velocity_.mean_c, velocity_ref.value_or(velocity_.mean_c), dt);
     // Displacement error of an unknown acceleration; half of it if both ends are known.
@@ -289,8 +291,8 @@ void MetricTrajectory::propagateMotion(const Eigen::Isometry3d& T_last_c, double
   covariance_(7, 7) = angle_variance;
   covariance_.block<3, 3>(0, 0) += directionCovariance(step_o);
   covariance_.block<3, 3>(3, 3) += rotationVariance(length) * Eigen::Matrix3d::Identity();
-  covariance_.topLeftCorner<6, 6>() += length / options_.pose_correlation_m *
-                                       rotated(R_o_last * T_last_c.linear(), pose_covariance_c_);
+  covariance_.topLeftCorner<6, 6>() +=
+      length / kPoseCorrelation * rotated(R_o_last * T_last_c.linear(), pose_covariance_c_);
 }
 
 /// The scale filter provides the variance of the scale error; only the correlations are propagated

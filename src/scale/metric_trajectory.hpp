@@ -15,38 +15,25 @@
 namespace ground_scale_vo {
 
 /// Accumulates metric increments: each rotation unchanged, each translation times the scale of its
-/// frame (Eq. 10 for increments).
-///
-/// In a young map the scale is still uncertain, so all motion since the map's first frame is
-/// multiplied by the newest scale; errors of the first scales do not remain in the trajectory. Once
-/// the map has the length young_map_heights, new motion is only appended.
-///
-/// The first metric frame of a map appends all motion since the map's first frame. A later map
-/// continues from the last metric pose: the gap is bridged with the rotation of MapStart and with
-/// the velocities before and after it. A standstill that ends in a new map counts as unobserved,
-/// because a camera that repeats one image looks the same.
-///
-/// Covariance: first-order propagation of (position, rotation, relative scale error, relative error
-/// of the angle of rotation). The scale error is common to a young map. Afterwards it is a
-/// first-order Gauss-Markov process in the distance, so the position error grows linearly within
-/// its correlation length and with the square root beyond it. The error of the angle of rotation is
-/// an independent process of the same kind. The poses add a random walk: after each
-/// pose_correlation_m most map points are new, and the error of the pose relative to them
-/// (VoFrame::pose_covariance) is independent.
+/// frame (Eq. 10 for increments), with their covariance. In a young map all motion since the map's
+/// first frame is multiplied by the newest scale. A later map continues from the last metric pose:
+/// the gap is bridged. docs/explanation/how_it_works.md describes the model of the errors.
 class MetricTrajectory {
  public:
   using Options = MetricTrajectoryOptions;
 
-  /// Throws OptionError.
-  explicit MetricTrajectory(const Options& options);
+  explicit MetricTrajectory(const Options& options) : options_(options) {}
 
   /// Appends one frame. Call it for every frame, also without a pose or a scale. Empty while
   /// scale.status is kUnknown or the frame is not tracking, when scale.measurement tells that its
   /// pose is not used (kVoNotTracking, kImplausibleMotion), and for an increment without a finite
   /// result, which is skipped.
+  /// continuity: as decided by ScaleRecovery. A map that it starts in the middle of the odometry's
+  /// one (a jump of the pose) does not count from MapStart.
   /// speeds: of the vehicle. They give the length of a gap between two maps; while they stand still
   /// (and scale.measurement is kStandstill), the pose stays although the images move.
-  std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale,
+  std::optional<MetricPose> append(const VoFrame& frame, Continuity continuity,
+                                   const ScaleEstimate& scale,
                                    const SpeedTrack& speeds = SpeedTrack(0));
 
   /// frame: the first tracked frame of a map. Whether the motion since the map's own first frame
@@ -54,20 +41,14 @@ class MetricTrajectory {
   /// frame is the camera at that frame.
   bool countsFromStart(const VoFrame& frame) const;
 
-  /// The next tracked frame starts a new map although its map_id is the same. Not needed when the
-  /// scale of that frame is unknown again.
-  void leaveMap() { has_left_map_ = true; }
-
-  /// Back to the state after construction: the next frame is the origin, also in mid-map.
-  void reset();
-
  private:
+  /// What is known of the map that the next tracked frame starts; kBefore: it starts none.
+  enum class Start : std::uint8_t { kBefore, kUnseen, kSeen, kInItsMiddle };
   /// Of position, rotation, relative scale error, relative error of the angle of rotation.
   using StateCovariance = Eigen::Matrix<double, 8, 8>;
   /// The map of the newest tracked frame. Its motion is counted from the reference frame: the map's
   /// first frame, or the first one seen.
   struct Map {
-    std::uint32_t id = 0;
     Eigen::Isometry3d T_w_ref = Eigen::Isometry3d::Identity();
     std::int64_t ref_stamp_ns = 0;
     /// Rotation of the reference frame in the camera of the last metric pose, or in o before it.
@@ -81,10 +62,6 @@ class MetricTrajectory {
     /// T_w_ref, and T_w_c of the last frame, before the stop that lasts; empty: there is none. Used
     /// when it turns out that the speeds have failed and the vehicle moves.
     std::optional<std::pair<Eigen::Isometry3d, Eigen::Isometry3d>> before_stop;
-  };
-  struct TrackedPose {
-    std::int64_t stamp_ns = 0;
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
   };
   /// Motion between two tracked poses; dt 0: not known.
   struct Step {
@@ -115,11 +92,10 @@ class MetricTrajectory {
   double rotationVariance(double length) const;
 
   Options options_;
-  std::optional<std::int64_t> first_seen_ns_;         ///< stamp of the first frame
-  std::optional<std::uint32_t> initialising_map_id_;  ///< of the last frame without a map
+  std::optional<std::int64_t> first_seen_ns_;  ///< stamp of the first frame
+  Start start_ = Start::kUnseen;
   std::optional<Map> map_;
-  bool has_left_map_ = false;
-  TrackedPose last_tracked_;  ///< of map_
+  StampedPose last_tracked_;  ///< of map_
   bool has_pose_ = false;
   MetricPose last_;
   StateCovariance covariance_ = StateCovariance::Zero();

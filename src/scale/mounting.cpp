@@ -15,6 +15,10 @@ namespace {
 /// give the direction of travel.
 constexpr double kMaxSlope = 0.8;
 
+/// [rad] Standard deviation of the initial roll, which is zero: cameras are mounted level by eye.
+constexpr double kInitialRollSigma = 0.1;
+/// [camera heights] Averaging length of pitch and roll: the load changes slowly.
+constexpr double kForgettingDistance = 200;
 /// [rad] Standard deviation of the vehicle's roll against the road (curves, camber).
 constexpr double kRollMotionSigma = 0.012;
 
@@ -25,7 +29,7 @@ bool givesDirection(const RoadPrior& prior, const Eigen::Vector3d& n_c) {
 }  // namespace
 
 Mounting::Mounting(const Options& options) : options_(options) {
-  mean_.covariance.diagonal() << std::pow(options_.initial_roll_sigma, 2), 0,
+  mean_.covariance.diagonal() << std::pow(kInitialRollSigma, 2), 0,
       std::pow(options_.initial_pitch_sigma, 2);
 }
 
@@ -86,8 +90,7 @@ void Mounting::addSample(const Eigen::Vector3d& axis, double tangent, double sam
       options_.chord_length_heights * sample_sigma * sample_sigma;  // for one camera height
   if (!(step_heights > 0) || !areFinite(step_heights, tangent)) return;
   // Lower bound of the variance: the mean forgets samples older than the forgetting distance.
-  const double shortfall =
-      variance_heights / options_.forgetting_distance_heights - mean_.variance(axis);
+  const double shortfall = variance_heights / kForgettingDistance - mean_.variance(axis);
   if (shortfall > 0) mean_.covariance += shortfall * axis * axis.transpose();
   mean_.update(axis, tangent, variance_heights / step_heights);
   limitTilt();

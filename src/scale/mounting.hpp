@@ -16,7 +16,6 @@ class Mounting {
  public:
   using Options = MountingOptions;
 
-  /// Throws OptionError.
   explicit Mounting(const Options& options);
 
   double pitch() const { return pitchOf(mean_.n_c); }  ///< [rad], positive: the camera looks down

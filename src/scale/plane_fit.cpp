@@ -14,6 +14,15 @@
 namespace ground_scale_vo {
 namespace {
 
+constexpr std::size_t kMinPoints = 14;  ///< of a plane: with fewer, a kerb passes for the road
+/// [camera heights] Standard deviation of the road surface; limits the weight of near points.
+constexpr double kRoughness = 0.01;
+/// [standard deviations] Points with a larger residual are rejected.
+constexpr double kRejectSigma = 2.5;
+constexpr double kMaxSigma = 0.05;  ///< largest accepted one of the height, relative
+/// [rad] Largest accepted angle of the normal from the prior; three standard deviations of the
+/// prior are added in quadrature.
+constexpr double kMaxTilt = 0.06;
 /// Lower bound of the residuals' robust scale relative to their expected standard deviations, so
 /// that exact points keep finite weights.
 constexpr double kMinRobustScale = 0.05;
@@ -141,13 +150,7 @@ NormalEquations normalEquations(const std::vector<Residual>& residuals,
     equations.H += weight * residual.jacobian * residual.jacobian.transpose();
     equations.b += weight * residual.jacobian * residual.value;
   }
-  const double height = 1 / m.norm();
-  for (const auto& [axis, axis_sigma] : {std::pair(prior.forward_c, prior.pitch_sigma),
-                                         std::pair(prior.lateral(), prior.roll_sigma)}) {
-    const Eigen::Vector3d jacobian = height * axis / axis_sigma;
-    equations.H += jacobian * jacobian.transpose();
-    equations.b -= jacobian * jacobian.dot(m);
-  }
+  prior.addTo(m, 1 / m.norm(), equations.H, equations.b);
   return equations;
 }
 
@@ -179,11 +182,9 @@ double meanLateral(const std::vector<PlanePoint>& points, const std::vector<Resi
 
 }  // namespace
 
-PlaneFit::PlaneFit(const Options& options) : options_(options) {}
-
 PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const RoadPrior& prior,
                                double height_hint) const {
-  if (points.size() < static_cast<std::size_t>(options_.min_points)) {
+  if (points.size() < kMinPoints) {
     Result result;
     result.status = MeasurementStatus::kTooFewGroundPoints;
     return result;
@@ -198,17 +199,16 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   const std::optional<GroundPlane> start = segmentPlane(points, prior, height_hint);
   if (!start) return result;
 
-  const auto min_points = static_cast<std::size_t>(options_.min_points);
   Eigen::Vector3d m = start->n_c / start->height;
   NormalEquations equations;
   std::vector<Residual> residuals;
   std::vector<std::uint32_t> inliers, last_inliers;
   double robust_scale = 1;
   for (int iteration = 0; iteration < kMaxFitIterations; ++iteration) {
-    residuals = computeResiduals(points, m, options_.roughness_heights);
+    residuals = computeResiduals(points, m, kRoughness);
     if (iteration < kRobustScaleIterations) robust_scale = robustScale(residuals);
-    inliers = selectInliers(residuals, options_.reject_sigma * robust_scale);
-    if (inliers.size() < min_points) return result;
+    inliers = selectInliers(residuals, kRejectSigma * robust_scale);
+    if (inliers.size() < kMinPoints) return result;
 
     equations = normalEquations(residuals, inliers, robust_scale, prior, m);
     const Eigen::Vector3d step = equations.H.ldlt().solve(equations.b);
@@ -222,9 +222,8 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   GroundPlane& plane = result.plane;
   plane.height = 1 / m.norm();
   plane.n_c = m * plane.height;
-  const double tilt =
-      std::hypot(plane.n_c.dot(prior.forward_c) / prior.pitchTolerance(options_.max_tilt_rad),
-                 plane.n_c.dot(prior.lateral()) / prior.rollTolerance(options_.max_tilt_rad));
+  const double tilt = std::hypot(plane.n_c.dot(prior.forward_c) / prior.pitchTolerance(kMaxTilt),
+                                 plane.n_c.dot(prior.lateral()) / prior.rollTolerance(kMaxTilt));
   if (tilt > 1) {
     result.status = MeasurementStatus::kPlaneTilted;
     return result;
@@ -238,8 +237,8 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   const double left = meanLateral(points, residuals, inliers, prior.lateral());
   const double left_in_region = left - prior.region_offset * plane.height;
   result.height_sigma = std::hypot(fit_sigma, options_.camber_sigma_rad * left);
-  const bool is_certain = std::hypot(fit_sigma, options_.camber_sigma_rad * left_in_region) <=
-                          options_.max_sigma * plane.height;
+  const bool is_certain =
+      std::hypot(fit_sigma, options_.camber_sigma_rad * left_in_region) <= kMaxSigma * plane.height;
   if (!is_certain || !areFinite(plane.n_c, plane.height, result.median_height)) {
     result.status = MeasurementStatus::kNoPlane;
     return result;
@@ -280,7 +279,7 @@ PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
       next.push_back(i);
       squares += distance * distance;
     }
-    if (next.size() < static_cast<std::size_t>(options_.min_points)) return result;
+    if (next.size() < kMinPoints) return result;
     const bool converged = next.size() == kept.size();
     kept = std::move(next);
     if (converged) break;

@@ -43,8 +43,7 @@ class PlaneFit {
     std::vector<std::uint32_t> inliers;  ///< the reserved points p* of Eq. 9, ascending indices
   };
 
-  /// Throws OptionError.
-  explicit PlaneFit(const Options& options);
+  explicit PlaneFit(const Options& options) : options_(options) {}
 
   /// points: in the camera frame of prior. height_hint: approximate camera height [VO units], > 0;
   /// it only converts the distance thresholds from camera heights.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace ground_scale_vo {
 namespace {
@@ -24,17 +25,16 @@ constexpr double kWellVisibleShare = 0.8;
 /// Number of rays of a regular grid over the image that meet the road in each band.
 using Histogram = std::array<int, 2 * kOffsetSteps + 1>;
 
-void addRay(const RoadPrior& prior, const Eigen::Vector3d& lateral, const Eigen::Vector3d& ray,
-            Histogram* visible) {
-  const double down = -prior.n_c.dot(ray);
-  if (!(down > 0)) return;
-  const double ahead = prior.forward_c.dot(ray) / down, left = lateral.dot(ray) / down;
-  if (std::abs(ahead) > kMaxAhead) return;
-  if (ahead * ahead + left * left < kMinDistance * kMinDistance) return;
-  const double limit = kOffsetSteps;
-  const double first = std::max(std::ceil((left - kBandHalfWidth) / kOffsetStep), -limit);
-  const double last = std::min(std::floor((left + kBandHalfWidth) / kOffsetStep), limit);
-  for (double k = first; k <= last; ++k) ++(*visible)[static_cast<std::size_t>(k + limit)];
+/// Where a viewing ray meets the road, ahead and to the left of the point below the camera [camera
+/// heights]. Empty: nowhere, farther along the path than max_ahead, or nearer than min_distance.
+std::optional<Eigen::Vector2d> onRoad(const Eigen::Matrix3d& R_c_road, const Eigen::Vector3d& ray,
+                                      double min_distance, double max_ahead) {
+  const double down = -R_c_road.col(2).dot(ray);
+  if (!(down > 0)) return std::nullopt;
+  const double ahead = R_c_road.col(0).dot(ray) / down, left = R_c_road.col(1).dot(ray) / down;
+  if (std::abs(ahead) > max_ahead) return std::nullopt;
+  if (ahead * ahead + left * left < min_distance * min_distance) return std::nullopt;
+  return Eigen::Vector2d(ahead, left);
 }
 
 }  // namespace
@@ -54,41 +54,52 @@ Eigen::Matrix3d roadAxes(const Eigen::Vector3d& n_c, const Eigen::Vector3d& dire
   return R_c_road;
 }
 
+void RoadPrior::addTo(const Eigen::Vector3d& m, double height,
+                      Eigen::Ref<Eigen::Matrix3d, 0, Eigen::OuterStride<>> H,
+                      Eigen::Ref<Eigen::Vector3d> b) const {
+  for (const auto& [axis, sigma] :
+       {std::pair(forward_c, pitch_sigma), std::pair(lateral(), roll_sigma)}) {
+    const Eigen::Vector3d jacobian = height * axis / sigma;
+    H += jacobian * jacobian.transpose();
+    b -= jacobian * jacobian.dot(m);
+  }
+}
+
 LaneRegion::LaneRegion(const RoadPrior& prior, double height, double min_distance, double max_ahead,
                        double half_width)
-    : up_(prior.n_c),
-      ahead_(prior.forward_c),
-      left_(prior.lateral()),
+    : R_c_road_(prior.axes()),
       offset_(prior.region_offset),
       min_distance_(min_distance),
       max_ahead_(max_ahead),
       half_width_(half_width) {
   if (prior.chord && height > 0) {
     chord_length_ = prior.chord->length / height;
-    curvature_ = up_.dot(prior.chord->turn_c) / chord_length_;
+    curvature_ = prior.n_c.dot(prior.chord->turn_c) / chord_length_;
   }
 }
 
 bool LaneRegion::contains(const Eigen::Vector3d& ray) const {
-  const double down = -up_.dot(ray);
-  if (!(down > 0)) return false;
-  const double ahead = ahead_.dot(ray) / down, left = left_.dot(ray) / down;
-  if (std::abs(ahead) > max_ahead_) return false;
-  if (ahead * ahead + left * left < min_distance_ * min_distance_) return false;
+  const auto point = onRoad(R_c_road_, ray, min_distance_, max_ahead_);
+  if (!point) return false;
   // Lateral position of the path relative to the chord, not to the tangent at the camera: the
   // parabola of the given curvature through both ends of the chord (ahead = 0 and -chord_length_).
-  const double path = 0.5 * curvature_ * ahead * (ahead + chord_length_);
-  return std::abs(left - path - offset_) <= half_width_;
+  const double path = 0.5 * curvature_ * point->x() * (point->x() + chord_length_);
+  return std::abs(point->y() - path - offset_) <= half_width_;
 }
 
 double visibleRegionOffset(const PinholeCamera& camera, const RoadPrior& prior) {
   Histogram visible{};
-  const Eigen::Vector3d lateral = prior.lateral();
+  const Eigen::Matrix3d R_c_road = prior.axes();
   const double step_x = std::max(kRaySpacing * camera.fx, 1.0 * camera.width / kGridSize);
   const double step_y = std::max(kRaySpacing * camera.fy, 1.0 * camera.height / kGridSize);
   for (double y = 0.5 * step_y; y < camera.height; y += step_y) {
     for (double x = 0.5 * step_x; x < camera.width; x += step_x) {
-      addRay(prior, lateral, camera.ray({x, y}), &visible);
+      const auto point = onRoad(R_c_road, camera.ray({x, y}), kMinDistance, kMaxAhead);
+      if (!point) continue;
+      const double limit = kOffsetSteps;
+      const double first = std::max(std::ceil((point->y() - kBandHalfWidth) / kOffsetStep), -limit);
+      const double last = std::min(std::floor((point->y() + kBandHalfWidth) / kOffsetStep), limit);
+      for (double k = first; k <= last; ++k) ++visible[static_cast<std::size_t>(k + limit)];
     }
   }
   const int best = *std::max_element(visible.begin(), visible.end());

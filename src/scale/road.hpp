@@ -41,10 +41,19 @@ struct RoadPrior {
   double region_offset = 0;
 
   Eigen::Vector3d lateral() const { return n_c.cross(forward_c); }  ///< unit, to the left
+  /// The axes of the road in camera axes, the columns of a rotation: ahead, left, up.
+  Eigen::Matrix3d axes() const {
+    return (Eigen::Matrix3d() << forward_c, lateral(), n_c).finished();
+  }
   /// Largest plausible pitch and roll of a plane against n_c [rad]: the tolerance [rad], and three
   /// standard deviations of the prior added in quadrature.
   double pitchTolerance(double tolerance) const { return std::hypot(tolerance, 3 * pitch_sigma); }
   double rollTolerance(double tolerance) const { return std::hypot(tolerance, 3 * roll_sigma); }
+  /// Adds pitch and roll as measurements to the normal equations H x = b of a correction x of
+  /// m = n / h. height: [VO units].
+  void addTo(const Eigen::Vector3d& m, double height,
+             Eigen::Ref<Eigen::Matrix3d, 0, Eigen::OuterStride<>> H,
+             Eigen::Ref<Eigen::Vector3d> b) const;
 };
 
 /// Lane-shaped region of the visible road: a band of constant width on the expected plane, with the
@@ -63,7 +72,7 @@ class LaneRegion {
   bool contains(const Eigen::Vector3d& ray) const;
 
  private:
-  Eigen::Vector3d up_, ahead_, left_;
+  Eigen::Matrix3d R_c_road_;  ///< columns: ahead, left, up
   double offset_, min_distance_, max_ahead_, half_width_;
   double curvature_ = 0;     ///< to the left [1 / camera height]
   double chord_length_ = 0;  ///< [camera heights]; the chord runs from ahead = -chord_length_ to 0

@@ -10,7 +10,7 @@ namespace ground_scale_vo {
 
 /// The speeds of the last minutes, and the distances that follow from them. Between two samples the
 /// speed is interpolated linearly. Samples from a jump that no vehicle makes (a wheel that slips or
-/// locks, a sensor that fails) to the jump back are left out; a new level is believed after a
+/// locks, a sensor that fails) to the jump back are left out; a new level counts after a
 /// while.
 class SpeedTrack {
  public:
@@ -41,7 +41,7 @@ class SpeedTrack {
   bool standsStill(std::int64_t from_ns, std::int64_t to_ns) const;
   bool isZero() const;  ///< the newest sample; false when there is none
   /// The vehicle moves although the newest samples are zero: they are no stop.
-  void distrustZero() { zero_is_stop_ = false; }
+  void ignoreZero() { zero_is_stop_ = false; }
 
   /// Whether the newest samples repeat one value other than zero for so long that the sensor may be
   /// stuck.

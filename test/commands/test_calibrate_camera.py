@@ -88,7 +88,7 @@ def test_script_refuses_a_straight_drive(data, tmp_path):
     (1, "none: no such file or folder", ["none"]),
     (2, "the field of view [degrees] is 5, it must lie in [10, 150]", ["SHORTEST", "--fov", 5]),
     (2, "lens.png is the name of the image", ["SHORTEST", "--out", "lens.png"]),
-    (2, "direct/crown_sigma", ["SHORTEST", "--set", "direct/crown_sigma=1"]),
+    (2, "direct/curvature_sigma", ["SHORTEST", "--set", "direct/curvature_sigma=1"]),
 ])
 def test_refuses(gsv_command, shortest, turns, tmp_path, status, text, arguments):
     write_camera(tmp_path / "rational.yaml", shortest, "rational_polynomial", 8 * [0.1])

@@ -28,18 +28,16 @@ TEST(SetOption, SetsEveryFieldTypeInOdometryAndScale) {
   MetricOdometry::Options options;
   setOption(options, "tracker/min_corner_ratio=0.25");
   setOption(options, "bundle_adjustment/window=9");
-  setOption(options, "fit/reject_sigma=4e0");
-  setOption(options, "direct/min_patches=30");
+  setOption(options, "fit/camber_sigma_rad=4e-2");
+  setOption(options, "gpe/min_points=30");
   setOption(options, "random_seed=5");
   setOption(options, "refine=false");
-  setOption(options, "paper_literal=true");
   EXPECT_EQ(options.odometry.vo.min_corner_ratio, 0.25);
   EXPECT_EQ(options.odometry.vo.adjusted_keyframes, 9);
-  EXPECT_EQ(options.scale.gpa.fit.reject_sigma, 4.0);
-  EXPECT_EQ(options.scale.direct.min_patches, 30);
+  EXPECT_EQ(options.scale.gpa.fit.camber_sigma_rad, 0.04);
+  EXPECT_EQ(options.scale.gpe.min_points, 30);
   EXPECT_EQ(options.scale.random_seed, 5u);
   EXPECT_FALSE(options.scale.refine);
-  EXPECT_TRUE(options.scale.paper_literal);
 }
 
 TEST(SetOption, ErrorsNameTheOption) {
@@ -50,9 +48,8 @@ TEST(SetOption, ErrorsNameTheOption) {
   EXPECT_EQ(errorOf("xyzzy=1"), "there is no option xyzzy");
   EXPECT_EQ(errorOf("direct/patch_size=wide"), "direct/patch_size: 'wide' is not a number");
   EXPECT_EQ(errorOf("direct/patch_size="), "direct/patch_size: '' is not a number");
-  EXPECT_EQ(errorOf("direct/min_patches=30.5"), "direct/min_patches: '30.5' is not an integer");
-  EXPECT_EQ(errorOf("direct/min_patches=1e99"),
-            "direct/min_patches is 1e+99, it must lie in [3, 1e+06]");
+  EXPECT_EQ(errorOf("gpe/min_points=30.5"), "gpe/min_points: '30.5' is not an integer");
+  EXPECT_EQ(errorOf("gpe/min_points=1e99"), "gpe/min_points is 1e+99, it must lie in [3, 1e+06]");
   EXPECT_EQ(errorOf("direct/patch_size=2"), "direct/patch_size is 2, it must lie in [0.001, 1]");
   EXPECT_EQ(errorOf("refine=1"), "refine is '1', it must be true or false");
 }

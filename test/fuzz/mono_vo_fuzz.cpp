@@ -42,7 +42,7 @@ class MonoVo {
     } catch (const DataError&) {
       return;
     }
-    const StampFilter::Process process = [=, header = image.header](bool clock_jumped_back) {
+    const Process process = [=, header = image.header](bool clock_jumped_back) {
       if (!odometry_ || camera_ != camera || clock_jumped_back) {
         camera_ = camera;
         odometry_ =
@@ -55,12 +55,16 @@ class MonoVo {
       toPointCloud(output.frame, header);
       painter_.paint(output.image, output.frame, output.rejected, header);
     };
-    filter_.add(toNanoseconds(image.header.stamp), process);
+    for (const auto& accepted : filter_.filter(toNanoseconds(image.header.stamp), process)) {
+      accepted.message(accepted.clock_jumped_back);
+    }
   }
 
  private:
+  using Process = std::function<void(bool clock_jumped_back)>;
+
   CameraInput input_;
-  StampFilter filter_{1.0, [](const std::string&) {}};
+  StampFilter<Process> filter_{1.0, [](const std::string&) {}};
   std::shared_ptr<const CameraCalibration> camera_;
   std::unique_ptr<SelfCalibratingOdometry> odometry_;
   TrackPainter painter_;

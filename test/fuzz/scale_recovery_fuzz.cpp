@@ -50,7 +50,7 @@ class Scale {
     } catch (const MessageError&) {
       return;
     }
-    const StampFilter::Process process = [=, header = message.header](bool clock_jumped_back) {
+    const Process process = [=, header = message.header](bool clock_jumped_back) {
       if (clock_jumped_back) recovery_.reset();
       const bool fits = image.cols == frame.camera.width && image.rows == frame.camera.height;
       const auto output = recovery_.process(frame, fits ? image : cv::Mat());
@@ -65,12 +65,16 @@ class Scale {
       if (!hasGroundPlane(output.scale)) return;
       require(isPose(toPlaneMarker(output.scale, header)->pose), "the pose of the marker is valid");
     };
-    filter_.add(toNanoseconds(message.header.stamp), process);
+    for (const auto& accepted : filter_.filter(toNanoseconds(message.header.stamp), process)) {
+      accepted.message(accepted.clock_jumped_back);
+    }
   }
 
  private:
+  using Process = std::function<void(bool clock_jumped_back)>;
+
   ScaleRecovery recovery_;
-  StampFilter filter_{1.0, [](const std::string&) {}};
+  StampFilter<Process> filter_{1.0, [](const std::string&) {}};
 };
 
 /// Changes one property of the message, or the geometry of all features.
@@ -118,8 +122,8 @@ void run(const std::string& bytes) {
   Input input(bytes);
   const auto flags = input.take<std::uint8_t>();
   ScaleRecovery::Options options;
-  options.paper_literal = flags % 8 == 1;
-  options.use_speed = flags / 8 % 2 == 1 && !options.paper_literal;
+  options.gpa.fit.homogeneous = options.gpe.frame_pitch_test = flags % 8 == 1;
+  options.use_speed = flags / 8 % 2 == 1 && flags % 8 != 1;
   options.camera_height = options.use_speed && flags / 16 % 2 == 1 ? 0 : 1.65;
   options.camera_height_sigma = options.use_speed && flags / 32 % 2 == 1 ? 0.1 : 0;
   Scale scale(options);

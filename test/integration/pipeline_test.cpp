@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <utility>
@@ -88,12 +89,15 @@ TEST(MetricOdometry, StatusWithoutAPoseIsThatOfTheOdometry) {
   }
 }
 
-TEST(Pipeline, PaperLiteralConfigurationRuns) {
+TEST(Pipeline, TheOptionsOfThePaperRun) {
   SyntheticDrive::Options drive_options = smallImages();
   drive_options.frames = 60;
   const SyntheticDrive drive(drive_options);
   OfflineRun::Options literal = optionsFor(1.65);
-  literal.scale.paper_literal = true;
+  const auto root = std::filesystem::path(__FILE__).parent_path() / "../..";
+  for (const std::string& option : readOptions((root / "config/paper.yaml").string())) {
+    setOption(literal, option);
+  }
   const RunRecord record = runOffline(drive, literal);
   EXPECT_TRUE(record.frames().back().has_metric_pose);
   EXPECT_LT(computeOdometryMetrics(groundTruth(drive), record.metricPoses()).rle_percent.value(),

@@ -135,8 +135,6 @@ TEST(Speed, IsNotNeededButThenTheHeightIs) {
   EXPECT_THROW(options.validate(), OptionError);
   options.scale.use_speed = true;
   options.validate();
-  options.scale.paper_literal = true;
-  EXPECT_THROW(options.validate(), OptionError);
 }
 
 }  // namespace

@@ -189,7 +189,7 @@ TEST_F(Graph, AResetOfMonoVoKeepsTheMetricPose) {
   EXPECT_GT(pair.scales.last()->map_id, map_id);
   const geometry_msgs::PoseWithCovariance after = pair.odometry.last()->pose;
   EXPECT_GT(after.pose.position.x, before.pose.position.x);
-  constexpr std::size_t kYaw = 35;  // new_map_rotation_sigma_per_s: 0.1 rad
+  constexpr std::size_t kYaw = 35;  // 0.1 rad per second
   EXPECT_NEAR(after.covariance[kYaw] - before.covariance[kYaw], 0.01, 0.001);
 }
 

@@ -13,7 +13,7 @@ TEST(CameraPath, TheTurnOfAChordIsInTheAxesOfItsEnd) {
   CameraPath path;
   Eigen::Isometry3d T_w_c(Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()));
   for (int i = 0; i < 10; ++i) {  // 1 VO unit ahead and a yaw of 0.1 rad, in camera axes
-    path.add(T_w_c);
+    path.add({0, T_w_c});
     T_w_c.translation() += T_w_c.linear().col(2);
     T_w_c.rotate(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()));
   }
@@ -25,7 +25,7 @@ TEST(CameraPath, TheTurnOfAChordIsInTheAxesOfItsEnd) {
 TEST(CameraPath, TheNearestCameraIsAtMostTheGivenLengthBack) {
   CameraPath path;
   for (int i = 0; i < 10; ++i) {
-    path.add(Eigen::Isometry3d(Eigen::Translation3d(0, 0, i)));
+    path.add({0, Eigen::Isometry3d(Eigen::Translation3d(0, 0, i))});
   }
   const auto nearest = [&](double z, double max_length) {
     return path.nearest({0, 1, z}, max_length).T_w_c.translation().z();

@@ -127,21 +127,21 @@ TEST(DegenerateTrajectory, SkipsIncrementsThatAreNotFinite) {
   VoFrame frame;
   frame.status = VoStatus::kTracking;
   frame.T_w_c.translation().z() = 1;
-  ASSERT_TRUE(trajectory.append(frame, scale));
+  ASSERT_TRUE(trajectory.append(frame, Continuity::kSameMap, scale));
   for (const double number : {kNotANumber, kInf, 1e300}) {
     VoFrame bad = frame;
     bad.stamp_ns = 50000000;
     bad.T_w_c.translation().x() = number;
-    EXPECT_FALSE(trajectory.append(bad, scale)) << number;
+    EXPECT_FALSE(trajectory.append(bad, Continuity::kSameMap, scale)) << number;
     ScaleEstimate bad_scale = scale;
     bad_scale.sigma = number;
     bad.T_w_c = frame.T_w_c;
     bad.T_w_c.translation().z() = 1.5;
-    EXPECT_FALSE(trajectory.append(bad, bad_scale)) << number;
+    EXPECT_FALSE(trajectory.append(bad, Continuity::kSameMap, bad_scale)) << number;
   }
   frame.T_w_c.translation().z() = 2;
   frame.stamp_ns = 100000000;
-  const auto pose = trajectory.append(frame, scale);
+  const auto pose = trajectory.append(frame, Continuity::kSameMap, scale);
   ASSERT_TRUE(pose);
   EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 2);  // from the first frame seen
   EXPECT_TRUE(isFinite(pose->covariance));

@@ -11,15 +11,27 @@ namespace ground_scale_vo {
 namespace {
 
 /// Frame i of a camera at 10 Hz.
-VoFrame frameAt(int i, const Eigen::Isometry3d& T_w_c, std::uint32_t map_id = 0) {
+VoFrame frameAt(int i, const Eigen::Isometry3d& T_w_c,
+                Continuity continuity = Continuity::kSameMap) {
   VoFrame frame;
   frame.stamp_ns = 100000000ll * i;
   frame.sequence = static_cast<std::uint32_t>(i);
   frame.status = VoStatus::kTracking;
-  frame.map_id = map_id;
+  frame.continuity = continuity;
   frame.T_w_c = T_w_c;
   return frame;
 }
+
+/// With the continuity of the frames.
+class Trajectory : public MetricTrajectory {
+ public:
+  using MetricTrajectory::append;
+  explicit Trajectory(const Options& options = {}) : MetricTrajectory(options) {}
+  std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale,
+                                   const SpeedTrack& speeds = SpeedTrack(0)) {
+    return append(frame, frame.continuity, scale, speeds);
+  }
+};
 
 /// Of a camera at a height of 1 m.
 ScaleEstimate scaleOf(double scale, double relative_sigma = 0) {
@@ -50,7 +62,7 @@ Eigen::Isometry3d onCircle(int i) {
 TEST(MetricTrajectory, ANewScaleAppliesToAllMotionOfAYoungMap) {
   MetricTrajectory::Options options;
   options.young_map_heights = 10;
-  MetricTrajectory trajectory(options);
+  Trajectory trajectory(options);
   const auto append = [&](int i, double z, const ScaleEstimate& scale) {
     return trajectory.append(frameAt(i, straight(z)), scale);
   };
@@ -75,21 +87,23 @@ TEST(MetricTrajectory, ANewScaleAppliesToAllMotionOfAYoungMap) {
 
 // Without MapStart the world frame of a map is known only if its initialisation was seen.
 TEST(MetricTrajectory, AMapCountsFromItsFirstFrameWhenThatWasSeen) {
-  VoFrame initialising = frameAt(3, straight(0), 0);
+  VoFrame initialising = frameAt(3, straight(0));
   initialising.status = VoStatus::kInitialising;
   struct Case {
-    std::uint32_t map_id;
+    bool is_another_map;
     std::int64_t start_ns;  // 0: not known
     bool counts;
   };
   const std::int64_t start_ns = frameAt(4, {}).stamp_ns, next_ns = frameAt(8, {}).stamp_ns;
   for (const Case& each :
-       {Case{0, 0, true}, Case{1, 0, false}, Case{0, start_ns, true}, Case{1, start_ns, true},
-        Case{0, next_ns, false} /* in the future */, Case{0, 1, false} /* before a reset */}) {
+       {Case{false, 0, true}, Case{true, 0, false}, Case{false, start_ns, true},
+        Case{true, start_ns, true}, Case{false, next_ns, false} /* in the future */,
+        Case{false, 1, false} /* before a reset */}) {
     SCOPED_TRACE(each.start_ns);
-    MetricTrajectory trajectory({});
+    Trajectory trajectory;
     trajectory.append(initialising, {});
-    VoFrame frame = frameAt(7, straight(3), each.map_id);
+    VoFrame frame =
+        frameAt(7, straight(3), each.is_another_map ? Continuity::kNewMap : Continuity::kSameMap);
     frame.map_start.stamp_ns = each.start_ns;
     EXPECT_EQ(trajectory.countsFromStart(frame), each.counts);
     const auto pose = trajectory.append(frame, scaleOf(2));
@@ -102,16 +116,16 @@ TEST(MetricTrajectory, AMapCountsFromItsFirstFrameWhenThatWasSeen) {
 }
 
 // The motion since the map's first frame is part of the trajectory already.
-TEST(MetricTrajectory, AMapThatWasLeftOrHasLostItsScaleCountsFromThatFrame) {
-  for (const bool loses_scale : {false, true}) {
-    MetricTrajectory trajectory({});
+TEST(MetricTrajectory, AMapThatStartsInItsMiddleCountsFromThatFrame) {
+  for (const bool has_scale : {true, false}) {
+    Trajectory trajectory;
     std::optional<MetricPose> pose;
     for (int i = 1; i <= 22; ++i) {
-      if (i == 21 && !loses_scale) trajectory.leaveMap();
       VoFrame frame = frameAt(i, straight(i < 21 ? i - 1 : 1000 + i));
       frame.map_start.stamp_ns = frameAt(1, {}).stamp_ns;
-      pose = trajectory.append(frame, i == 21 && loses_scale ? ScaleEstimate() : scaleOf(1));
-      if (i == 21 && !loses_scale) {
+      pose = trajectory.append(frame, i == 21 ? Continuity::kNewMap : Continuity::kSameMap,
+                               i == 21 && !has_scale ? ScaleEstimate() : scaleOf(1));
+      if (i == 21 && has_scale) {
         EXPECT_NEAR(pose->T_o_c.translation().z(), 20, 1e-9);  // the last metre bridges the gap
         EXPECT_NEAR(pose->distance, 20, 1e-9);
       }
@@ -122,9 +136,7 @@ TEST(MetricTrajectory, AMapThatWasLeftOrHasLostItsScaleCountsFromThatFrame) {
 }
 
 TEST(MetricTrajectory, AStandstillAddsNothingAndItsTwistIsNotExact) {
-  MetricTrajectory trajectory({});
-  trajectory.append(frameAt(0, straight(-9)), scaleOf(2, 0.05));
-  trajectory.reset();
+  Trajectory trajectory;
   const auto first = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.05));
   EXPECT_EQ(first->T_o_c.translation().norm(), 0);
   EXPECT_EQ(first->distance, 0);
@@ -152,7 +164,7 @@ TEST(MetricTrajectory, ACorrelatedScaleErrorGrowsWithItsSigma) {
   MetricTrajectory::Options options = exact();
   options.young_map_heights = 0;
   options.scale_correlation_m = 1e6;
-  MetricTrajectory trajectory(options);
+  Trajectory trajectory(options);
   std::optional<MetricPose> pose;
   for (int i = 0; i <= 100; ++i) {
     pose = trajectory.append(frameAt(i, straight(i)), scaleOf(2, i < 50 ? 0.02 : 0.04));
@@ -175,7 +187,7 @@ VoFrame withCovariance(VoFrame frame) {
 TEST(MetricTrajectory, TheFirstMotionAndItsErrorsAreInTheAxesOfTheFirstImage) {
   MetricTrajectory::Options options = exact();
   options.rotation_scale_sigma = 0.1;
-  MetricTrajectory trajectory(options);
+  Trajectory trajectory(options);
   VoFrame initialising = frameAt(0, straight(0));
   initialising.status = VoStatus::kInitialising;
   trajectory.append(initialising, {});
@@ -190,7 +202,7 @@ TEST(MetricTrajectory, TheFirstMotionAndItsErrorsAreInTheAxesOfTheFirstImage) {
   EXPECT_NEAR((pose->T_o_c.linear() - R_o_ref * T_ref_c.linear()).norm(), 0, 1e-9);
   Matrix6d R = Matrix6d::Zero();
   R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = R_o_ref * T_ref_c.linear();
-  Matrix6d expected = 2 / options.pose_correlation_m * R * frame.pose_covariance * R.transpose();
+  Matrix6d expected = R * frame.pose_covariance * R.transpose();
   // The error of R_o_ref turns the step.
   Eigen::Matrix<double, 6, 3> G;
   G << -skew(step_o), Eigen::Matrix3d::Identity();
@@ -229,8 +241,8 @@ class SimulatedErrors {
       estimate.translation() += estimate.linear() * ((1 + scale_error) * kStep + across);
       estimate.linear() = estimate.linear() * rotation((1 + angle_error) * turn(i));
       exact = exact * step(i);
-      const Vector6d random_walk = std::sqrt(length / options_.pose_correlation_m) * pose_root_ *
-                                   (Vector6d() << noise3(), noise3()).finished();
+      const Vector6d random_walk =
+          std::sqrt(length / 2) * pose_root_ * (Vector6d() << noise3(), noise3()).finished();
       estimate.translation() += exact.linear() * random_walk.head<3>();
       const Eigen::Vector3d turned =
           exact.linear() * random_walk.tail<3>() +
@@ -277,7 +289,7 @@ TEST_P(TrajectoryCovariance, FitsSimulatedErrors) {
   options.rotation_sigma_per_sqrt_m = 0.001;
   options.rotation_scale_sigma = 0.03;
   options.direction_sigma = 0.03;
-  MetricTrajectory trajectory(options);
+  Trajectory trajectory(options);
   std::optional<MetricPose> pose;
   // The axes of the map differ from the axes of the first camera.
   Eigen::Isometry3d T = Eigen::Isometry3d(Eigen::AngleAxisd(1, Eigen::Vector3d(1, 2, 2) / 3));
@@ -311,7 +323,7 @@ std::pair<Matrix6d, Vector6d> twistCovariance(double MetricTrajectory::Options::
                                               bool has_covariance = false) {
   MetricTrajectory::Options options = exact();
   if (error != nullptr) options.*error = value;
-  MetricTrajectory trajectory(options);
+  Trajectory trajectory(options);
   const auto frame = [&](int i) {
     return has_covariance ? withCovariance(frameAt(i, onCircle(i))) : frameAt(i, onCircle(i));
   };
@@ -356,7 +368,7 @@ TEST(MetricTrajectory, TheTwistIsInCameraAxesAndContainsEachError) {
 }
 
 /// 10 m/s for 1 s in map 0, up to frame 10; the pose of frame 10.
-MetricPose drive(MetricTrajectory* trajectory) {
+MetricPose drive(Trajectory* trajectory) {
   std::optional<MetricPose> pose;
   for (int i = 0; i <= 10; ++i) {
     pose = trajectory->append(frameAt(i, straight(0.5 * i)), scaleOf(2, 0.02));
@@ -366,15 +378,15 @@ MetricPose drive(MetricTrajectory* trajectory) {
 
 // It counts from its first tracked frame, because its start is not known.
 TEST(MetricTrajectory, ALaterMapContinuesWithAnIndependentScaleError) {
-  MetricTrajectory trajectory(exact());
+  Trajectory trajectory(exact());
   const MetricPose last = drive(&trajectory);
-  VoFrame initialising = frameAt(11, straight(0), 1);
+  VoFrame initialising = frameAt(11, straight(0), Continuity::kNewMap);
   initialising.status = VoStatus::kInitialising;
   trajectory.append(initialising, {});
-  const auto first = trajectory.append(frameAt(12, straight(30), 1), scaleOf(2, 0));
+  const auto first = trajectory.append(frameAt(12, straight(30)), scaleOf(2, 0));
   EXPECT_NEAR(first->T_o_c.translation().z() - last.T_o_c.translation().z(), 2, 1e-9);
   EXPECT_NEAR(first->distance - last.distance, 2, 1e-9);  // 0.2 s at 10 m/s
-  const auto later = trajectory.append(frameAt(13, straight(35), 1), scaleOf(2, 0));
+  const auto later = trajectory.append(frameAt(13, straight(35)), scaleOf(2, 0));
   EXPECT_NEAR(later->covariance(2, 2), first->covariance(2, 2), 1e-12);
 }
 
@@ -382,10 +394,11 @@ TEST(MetricTrajectory, ALaterMapContinuesWithAnIndependentScaleError) {
 TEST(MetricTrajectory, ASecondGapIsTurnedByTheRotationErrorOfTheFirst) {
   MetricTrajectory::Options options = exact();
   options.bridge_acceleration_sigma = 0;
-  MetricTrajectory trajectory(options);
+  Trajectory trajectory(options);
   for (std::uint32_t map = 0; map < 3; ++map) {
     for (const int i : {0, 10}) {
-      VoFrame frame = frameAt(20 * static_cast<int>(map) + i, straight(i), map);
+      VoFrame frame = frameAt(20 * static_cast<int>(map) + i, straight(i),
+                              i == 0 ? Continuity::kNewMap : Continuity::kSameMap);
       frame.map_start = {frameAt(20 * static_cast<int>(map), {}).stamp_ns,
                          Eigen::Matrix3d::Identity(), map == 1 ? 0.1 : 0};
       const auto pose = trajectory.append(frame, scaleOf(1));
@@ -406,11 +419,11 @@ double varianceAfterGap(double acceleration_sigma, double gap_s, bool has_veloci
                         double relative_sigma_before, double relative_sigma_after) {
   MetricTrajectory::Options options = exact();
   options.bridge_acceleration_sigma = acceleration_sigma;
-  MetricTrajectory trajectory(options);
+  Trajectory trajectory(options);
   trajectory.append(frameAt(0, straight(0)), scaleOf(2, relative_sigma_before));
   trajectory.append(frameAt(1, straight(0.5)), scaleOf(2, relative_sigma_before));
   const int start = 1 + static_cast<int>(10 * gap_s);
-  VoFrame frame = frameAt(has_velocity_after ? start + 1 : start, straight(1), 1);
+  VoFrame frame = frameAt(has_velocity_after ? start + 1 : start, straight(1), Continuity::kNewMap);
   frame.map_start = {frameAt(start, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0};
   return trajectory.append(frame, scaleOf(1, relative_sigma_after))->covariance(2, 2);
 }
@@ -436,9 +449,9 @@ TEST(MetricTrajectory, TheSigmaOfAGapContainsAccelerationAndErrorsOfTheScales) {
 // the velocity is v(t) (sin w t, 0, cos w t), with w = pi / 2 per second.
 TEST(MetricTrajectory, AGapWithAKnownRotationIsAnArc) {
   for (const double speed_after : {5.0, 10.0, 20.0}) {  // 10 m/s before
-    MetricTrajectory trajectory({});
+    Trajectory trajectory;
     const MetricPose last = drive(&trajectory);
-    VoFrame frame = frameAt(22, straight(0.02 * speed_after), 1);
+    VoFrame frame = frameAt(22, straight(0.02 * speed_after), Continuity::kNewMap);
     frame.map_start = {frameAt(20, {}).stamp_ns,
                        Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()).matrix(), 0.01};
     const auto pose = trajectory.append(frame, scaleOf(10, 0.02));
@@ -455,7 +468,7 @@ TEST(MetricTrajectory, AGapWithAKnownRotationIsAnArc) {
 // At 9 m/s, the second image of each pair is stamped 1 ms after the first: 900 m/s in the twist.
 TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
   for (const int count : {20, 21}) {  // the last one is the second of a pair, or the first
-    MetricTrajectory trajectory({});
+    Trajectory trajectory;
     MetricPose last;
     VoFrame frame;
     for (int i = 0; i < count; ++i) {
@@ -463,7 +476,7 @@ TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
       frame.stamp_ns += i % 2 * 1000000;
       last = *trajectory.append(frame, scaleOf(2, 0.02));
     }
-    VoFrame next = frameAt(0, straight(0), 1);
+    VoFrame next = frameAt(0, straight(0), Continuity::kNewMap);
     next.stamp_ns = frame.stamp_ns + 3000000000;
     const auto pose = trajectory.append(next, scaleOf(2, 0.02));
     const double gap = pose->T_o_c.translation().z() - last.T_o_c.translation().z();
@@ -477,7 +490,7 @@ TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
 // Two intervals of 0.2 s and 0.05 s at a constant 10 m/s along the first camera's z axis. In the
 // second one the camera turns to the right by 90 degrees, so its motion is along its -x axis.
 TEST(MetricTrajectory, TheMeanVelocityOfAGapIsInTheAxesOfTheCameraBeforeIt) {
-  MetricTrajectory trajectory({});
+  Trajectory trajectory;
   VoFrame frame = frameAt(0, straight(0));
   trajectory.append(frame, scaleOf(2));
   frame = frameAt(2, straight(1));
@@ -486,7 +499,7 @@ TEST(MetricTrajectory, TheMeanVelocityOfAGapIsInTheAxesOfTheCameraBeforeIt) {
   frame.stamp_ns += 50000000;
   const auto last = trajectory.append(frame, scaleOf(2));
   EXPECT_NEAR((last->twist_c.head<3>() - Eigen::Vector3d(-10, 0, 0)).norm(), 0, 1e-9);
-  VoFrame next = frameAt(0, straight(0), 1);
+  VoFrame next = frameAt(0, straight(0), Continuity::kNewMap);
   next.stamp_ns = frame.stamp_ns + 1000000000;
   const auto pose = trajectory.append(next, scaleOf(2));
   const Eigen::Vector3d gap_o = pose->T_o_c.translation() - last->T_o_c.translation();
@@ -496,30 +509,31 @@ TEST(MetricTrajectory, TheMeanVelocityOfAGapIsInTheAxesOfTheCameraBeforeIt) {
 // The axes of a map without a scale do not matter, only the rotation in it. It is 1 s to that map,
 // then 2 s to the next one; the rotation rate has a standard deviation of 0.1 rad/s.
 TEST(MetricTrajectory, UnknownRotationsBetweenMapsInOtherAxesAddUp) {
-  MetricTrajectory trajectory(exact());
+  Trajectory trajectory(exact());
   drive(&trajectory);
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).matrix();
   const Eigen::Isometry3d axes(Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()));
-  VoFrame frame = frameAt(20, axes, 1);
+  VoFrame frame = frameAt(20, axes, Continuity::kNewMap);
   EXPECT_FALSE(trajectory.append(frame, {}).has_value());
-  frame = frameAt(21, axes, 1);
+  frame = frameAt(21, axes);
   frame.T_w_c.rotate(turn);
   EXPECT_FALSE(trajectory.append(frame, {}).has_value());
-  const auto pose = trajectory.append(frameAt(41, straight(0), 2), scaleOf(2));
+  const auto pose = trajectory.append(frameAt(41, straight(0), Continuity::kNewMap), scaleOf(2));
   EXPECT_NEAR((pose->T_o_c.linear() - turn).norm(), 0, 1e-9);
   EXPECT_NEAR(pose->covariance(4, 4), 0.1 * 0.1 + 0.2 * 0.2, 1e-9);
 }
 
 // A camera that repeats one image looks like a standstill until the next new image.
 TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsUnobserved) {
-  MetricTrajectory trajectory(exact());
+  Trajectory trajectory(exact());
   trajectory.append(frameAt(0, straight(0)), scaleOf(2, 0.02));
   const auto last = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.02));
   ScaleEstimate standstill = scaleOf(2, 0.02);
   standstill.status = ScaleStatus::kHeld;
   standstill.measurement = MeasurementStatus::kStandstill;
   for (int i = 2; i <= 21; ++i) trajectory.append(frameAt(i, straight(1)), standstill);
-  const auto first = trajectory.append(frameAt(31, straight(0.7), 1), scaleOf(9, 0.02));
+  const auto first =
+      trajectory.append(frameAt(31, straight(0.7), Continuity::kNewMap), scaleOf(9, 0.02));
   // 5 m/s and 0.1 rad/s for the 3 s since the last motion
   EXPECT_NEAR(first->covariance(0, 0) - last->covariance(0, 0), 15 * 15, 1e-9);
   EXPECT_NEAR(first->covariance(4, 4) - last->covariance(4, 4), 0.3 * 0.3, 1e-9);

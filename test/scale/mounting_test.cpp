@@ -16,7 +16,7 @@ void drive(Mounting* mounting, const RoadScene& scene, double heights, double st
   CameraPath path;
   const GroundPlane plane{scene.normal(), scene.height};
   for (double driven = 0; driven < heights * scene.height; driven += step) {
-    path.add(scene.frameAt(0, *at += step).T_w_c);
+    path.add({0, scene.frameAt(0, *at += step).T_w_c});
     mounting->update(mounting->prior(path, scene.height), &plane, step, scene.height);
   }
 }
@@ -35,15 +35,13 @@ TEST(Mounting, DoesNotDependOnTheFrameRate) {
 }
 
 TEST(Mounting, FollowsAChangeAfterTheForgettingDistance) {
-  Mounting::Options options;
-  options.forgetting_distance_heights = 20;
-  Mounting mounting(options);
+  Mounting mounting({});
   RoadScene scene;
   double at = 0;
   scene.pitch = scene.roll = 0;
   drive(&mounting, scene, 400, 0.4, &at);
   scene.pitch = scene.roll = 0.02;
-  drive(&mounting, scene, 100, 0.4, &at);
+  drive(&mounting, scene, 1000, 0.4, &at);  // 5 times the distance
   EXPECT_NEAR(mounting.pitch(), 0.02, 0.002);
   EXPECT_NEAR(mounting.roll(), 0.02, 0.002);
 }
@@ -81,7 +79,7 @@ TEST_P(MountingYaw, IsEstimatedInAnyViewingDirection) {
   for (int i = 0; i < 50; ++i) {
     Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
     T_w_c.translation() = 0.5 * i * ahead;
-    path.add(T_w_c);
+    path.add({0, T_w_c});
     mounting.update(mounting.prior(path, 1), &plane, 0.5, 1);
   }
   EXPECT_NEAR(mounting.pitch(), kPitch, 3e-3);

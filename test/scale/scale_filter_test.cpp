@@ -86,7 +86,7 @@ TEST(ScaleFilter, SigmaOfAYoungMapFitsRandomTilts) {
     for (std::size_t i = 0; i < std::size(kSteps); ++i) {
       filter.predict(kSteps[i], 0);
       travelled += kSteps[i];
-      // Its sigma of zero leaves min_measurement_sigma, which is kNoise.
+      // Its sigma of zero leaves the lower bound, which is kNoise.
       filter.update(tiltedHeight(run_tilt, kDistance, travelled) * std::exp(noise(random)), 0,
                     kDistance);
       nees[i] += std::pow(std::log(filter.height()) * filter.height() / filter.sigma(), 2) / kRuns;
@@ -159,7 +159,7 @@ TEST(ScaleFilter, ARestartIsLikeTheStartOfANewMap) {
     filter.predict(6, 0);
     return filter.update(height, 0.02, kRoadDistance);
   };
-  for (int i = 1; i < options.restart_measurements; ++i) EXPECT_FALSE(measure(1.2));
+  for (int i = 0; i < 3; ++i) EXPECT_FALSE(measure(1.2));
   EXPECT_TRUE(measure(1.32));
   EXPECT_NEAR(filter.height(), 1.2, 1e-9);
   Filter new_map(options);
@@ -172,7 +172,7 @@ TEST(ScaleFilter, TheGateIsInStandardDeviationsOfTheInnovation) {
   ScaleFilter::Options options = withoutNisScaling();
   options.start_tilt_sigma_rad = 0;
   // State and measurement have the same variance.
-  const double gate = options.gate_sigma * std::sqrt(2) * options.min_measurement_sigma;
+  const double gate = 3 * std::sqrt(2) * 0.015;
   for (const double sign : {-1.0, 1.0}) {
     Filter filter(options);
     filter.predict(1, 0);
@@ -214,7 +214,7 @@ TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
   Filter filter(options);
   filter.update(1.0, 0.1, kRoadDistance);
   EXPECT_DOUBLE_EQ(filter.height(), 1.0);
-  EXPECT_NEAR(filter.sigma(), std::hypot(0.1, options.min_measurement_sigma), 1e-12);
+  EXPECT_NEAR(filter.sigma(), std::hypot(0.1, 0.015), 1e-12);
   filter.update(0.5, 0.1, kRoadDistance);
   EXPECT_NEAR(1 / filter.height(), 1.5, 1e-12);
   filter.update(0.5, 0.1, kRoadDistance);
@@ -311,9 +311,7 @@ TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
 TEST(ScaleFilter, SigmaIsScaledByTheNis) {
   // Ratio of the variances, for an error of ln h. A measurement has a standard deviation of 0.015.
   const auto ratio = [](double error) {
-    ScaleFilter::Options options, unscaled = withoutNisScaling();
-    options.gate_sigma = unscaled.gate_sigma = 1000;
-    Filter filter(options), reference(unscaled);
+    Filter filter, reference(withoutNisScaling());
     for (int i = 0; i < 1000; ++i) {
       const double height = 0.8 * std::exp(i % 2 == 0 ? error : -error);
       drive(&filter, 1, height, 0);

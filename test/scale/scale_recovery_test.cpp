@@ -213,7 +213,7 @@ TEST(ScaleRecovery, TheMotionDuringTheInitialisationCountsAsTravelled) {
   }
 }
 
-// max_speed is 100 m/s, over at least 0.2 s.
+// The highest speed is 100 m/s, over at least 0.2 s.
 TEST(ScaleRecovery, AJumpOfThePoseIsRefusedButNotALongStepInALongTime) {
   struct Case {
     double step_m, extra_s;
@@ -316,7 +316,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   const Eigen::Vector3d n_c = output.scale.n_c;
   VoFrame lost = scene.frame(40);
   lost.status = VoStatus::kLost;
-  lost.map_id = 7;  // another odometry may set it to any number in lost frames
+  lost.continuity = Continuity::kNewMap;  // a lost frame tells nothing
   output = recovery.process(lost);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.measurement, MeasurementStatus::kVoNotTracking);
@@ -328,7 +328,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   // The odometry looks for a start of the next map, of which nothing is known.
   VoFrame initialising = scene.frame(42);
   initialising.status = VoStatus::kInitialising;
-  initialising.map_id = 1;
+  initialising.continuity = Continuity::kNewMap;
   output = recovery.process(initialising);
   EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
   EXPECT_EQ(output.scale.measurement, MeasurementStatus::kVoNotTracking);
@@ -339,7 +339,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   bool has_pose = false;
   for (std::uint32_t i = 43; i < 80; ++i) {
     VoFrame frame = other.frame(i);
-    frame.map_id = 2;  // a later attempt: its first image was not seen
+    if (i == 43) frame.continuity = Continuity::kNewMap;  // its first image was not seen
     output = recovery.process(frame);
     EXPECT_TRUE(i > 43 || output.scale.status == ScaleStatus::kUnknown);
     if (!output.pose || has_pose) continue;
@@ -360,7 +360,7 @@ TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
   ScaleRecovery a(recoveryOptions()), b(recoveryOptions());
   for (std::uint32_t i = 0; i < 45; ++i) {
     VoFrame frame_a = scene.frame(i), frame_b = i < 25 ? larger.frame(i) : frame_a;
-    frame_a.map_id = frame_b.map_id = i < 25 ? 0 : 1;
+    if (i == 25) frame_a.continuity = frame_b.continuity = Continuity::kNewMap;
     // The last pose of the first map lies on the road ahead of the first one of the second map.
     if (i < 25) frame_b.T_w_c.translation().z() += 26 * scene.step + 2 - 24 * larger.step;
     const cv::Mat image = roadImage(scene, scene.step * i);
@@ -495,24 +495,6 @@ TEST(ScaleRecovery, IsDeterministicAndResetRestoresTheInitialState) {
   EXPECT_EQ(output_a.ground_feature_ids, output_b.ground_feature_ids);
   EXPECT_EQ(output_a.pose->T_o_c.matrix(), output_b.pose->T_o_c.matrix());
   EXPECT_EQ(output_a.pose->covariance, output_b.pose->covariance);
-}
-
-TEST(ScaleRecovery, UsesThePapersMethodAndNumbersWithPaperLiteral) {
-  ScaleRecovery::Options options = recoveryOptions();
-  options.random_seed = 7;
-  EXPECT_TRUE(options.resolved().refine);
-  options.paper_literal = true;
-  const ScaleRecovery::Options paper = options.resolved();
-  EXPECT_NO_THROW(paper.validate());
-  EXPECT_FALSE(paper.refine);
-  EXPECT_TRUE(paper.gpe.frame_pitch_test);
-  EXPECT_FALSE(paper.gpa.unique_features);
-  EXPECT_TRUE(paper.gpa.fit.homogeneous);
-  EXPECT_NEAR(paper.gpe.plane_threshold_heights * paper.camera_height, 0.01, 1e-12);
-  EXPECT_NEAR(paper.gpa.fit.reject_distance_heights * paper.camera_height, 0.01, 1e-12);
-  EXPECT_NEAR(paper.gpe.pitch_tolerance_rad * 180 / M_PI, 5, 0.01);
-  EXPECT_EQ(paper.gpa.max_frames, 4);
-  EXPECT_EQ(paper.gpe.random_seed, 7u);
 }
 
 TEST(ScaleRecovery, OptionsThatContradictEachOtherAreNamed) {

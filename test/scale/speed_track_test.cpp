@@ -6,7 +6,7 @@
 #include <functional>
 #include <limits>
 
-#include "scale/speed_check.hpp"
+#include "scale/path_speed.hpp"
 #include "support/learned_height.hpp"
 
 namespace ground_scale_vo {
@@ -74,7 +74,7 @@ TEST(SpeedTrack, AStopIsOneThatTheVehicleBrakesTo) {
   EXPECT_TRUE(track.standsStill(ns(3), ns(5.1)));   // the next one is not due yet
   EXPECT_FALSE(track.standsStill(ns(3), ns(5.5)));  // silent
   EXPECT_FALSE(track.standsStill(ns(1), ns(5)));
-  track.distrustZero();
+  track.ignoreZero();
   EXPECT_FALSE(track.standsStill(ns(3), ns(5)));
 
   SpeedTrack failed(0.05);
@@ -87,27 +87,24 @@ TEST(SpeedTrack, AStopIsOneThatTheVehicleBrakesTo) {
 
 double speed(double t) { return 8 + 2 * std::sin(0.8 * t); }
 
-/// The warning after a drive of 20 s at speed(), of which pieces of 0.5 s are compared. sign: of
-/// the motion along the optical axis.
+/// The warning after a drive of 20 s at speed(), with a pose every 0.5 s in metres. sign: of the
+/// motion along the optical axis.
 std::string warningOf(const std::function<double(double)>& sensor, double sign = 1) {
-  SpeedTrack track(0.05);
-  SpeedCheck check;
-  for (double t = 0.5; t < 20; t += 0.5) {
-    add(&track, t == 0.5 ? 0 : t - 0.4, t + 0.05, sensor);
-    const double a = t - 0.5, truth = 4 + 2.5 * (std::cos(0.8 * a) - std::cos(0.8 * t));
-    const auto distance = track.distance(ns(a), ns(t));
-    if (!distance) continue;
-    SpeedCheck::Piece piece;
-    piece.error = piece.log_ratio = std::log(std::abs(distance->metres) / truth);
-    piece.relative_acceleration = (track.speedAt(ns(t)) - track.speedAt(ns(a))) / distance->metres;
-    piece.along_axis = sign * std::copysign(1, distance->metres);
-    piece.accepted = std::abs(piece.error) < 0.15;
-    check.add(piece);
+  PathSpeed path_speed(0.05);
+  CameraPath path;
+  for (double t = 0; t < 20; t += 0.5) {
+    for (double s = t == 0 ? 0 : t - 0.4; s < t + 0.05; s += 0.1)
+      path_speed.add({ns(s), sensor(s), 0});
+    const double z = 8 * t + 2.5 * (1 - std::cos(0.8 * t));
+    path.add({ns(t), Eigen::Isometry3d(Eigen::Translation3d(0, 0, sign * z))});
+    if (const auto piece = path_speed.measure(path, 1)) {
+      path_speed.add(*piece, std::abs(piece->error) < 0.15, path);
+    }
   }
-  return check.warning(track, ns(19.5));
+  return path_speed.warning(ns(19.5));
 }
 
-TEST(SpeedCheck, NamesWhatIsWrong) {
+TEST(PathSpeed, NamesWhatIsWrong) {
   const auto contains = [](const std::string& text, const char* part) {
     return text.find(part) != std::string::npos;
   };
@@ -122,10 +119,10 @@ TEST(SpeedCheck, NamesWhatIsWrong) {
                        "jumps to"));
   EXPECT_TRUE(contains(warningOf([&](double t) { return -speed(t); }), "sign"));
   EXPECT_TRUE(contains(warningOf(speed, -1), "sign"));
-  EXPECT_TRUE(contains(SpeedCheck().warning(SpeedTrack(0.05), 0), "no speed"));
-  SpeedTrack other_clock(0.05);
+  EXPECT_TRUE(contains(PathSpeed(0.05).warning(0), "no speed"));
+  PathSpeed other_clock(0.05);
   other_clock.add({ns(1000), 5, 0});
-  EXPECT_TRUE(contains(SpeedCheck().warning(other_clock, 0), "1000.0 s later than the images"));
+  EXPECT_TRUE(contains(other_clock.warning(0), "1000.0 s later than the images"));
 }
 
 TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {

@@ -22,7 +22,7 @@ enum class MeasurementStatus : std::uint8_t {
   kNoPlane = 5,      ///< no plane fits, or its height is too uncertain
   kPlaneTilted = 6,  ///< its normal deviates too much from that predicted from mounting and motion
   kRejectedByFilter = 7,  ///< measured, but outside the filter's gate
-  kImplausibleMotion = 8  ///< the pose implies a speed above max_speed: it is not used
+  kImplausibleMotion = 8  ///< the pose implies a speed above 100 m/s: it is not used
 };
 
 /// What the scale of a frame was measured with, in this frame or shortly before.

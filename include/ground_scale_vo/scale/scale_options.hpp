@@ -15,18 +15,14 @@ constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
 /// The average of the camera's mounting.
 struct MountingOptions {
   double initial_pitch_sigma = 0.1;
-  double initial_roll_sigma = 0.1;
   double pitch_motion_sigma = 0.012;
   double heave_sigma_heights = 0.02;
   double chord_length_heights = 3;
-  double forgetting_distance_heights = 200;
   double max_tilt_rad = 0.5;
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
     visit("initial_pitch_sigma", self.initial_pitch_sigma, 1e-4, 1,
           "[rad] standard deviation of the initial pitch, which is zero");
-    visit("initial_roll_sigma", self.initial_roll_sigma, 1e-4, 1,
-          "[rad] standard deviation of the initial roll, which is zero");
     visit("pitch_motion_sigma", self.pitch_motion_sigma, 1e-4, 1,
           "[rad] standard deviation of the vehicle's pitch against the road (braking, crests)");
     visit("heave_sigma_heights", self.heave_sigma_heights, 1e-5, 1,
@@ -34,8 +30,6 @@ struct MountingOptions {
           "ends of a chord");
     visit("chord_length_heights", self.chord_length_heights, 0.01, 1000,
           "[camera heights] length of the chord that defines the direction of motion");
-    visit("forgetting_distance_heights", self.forgetting_distance_heights, 1, 1e6,
-          "[camera heights] averaging length of pitch and roll");
     visit("max_tilt_rad", self.max_tilt_rad, 0.001, 0.8, "[rad] bound of pitch and roll");
   }
 };
@@ -44,7 +38,6 @@ struct MountingOptions {
 struct GroundPointExtractionOptions {
   // Region of interest on the expected plane. It depends on the pixel's ray alone and never on
   // the depth of a point, so it does not bias the depth.
-  double min_ahead_heights = 1.0;
   double max_ahead_heights = 25.0;
   double lane_half_width_heights = 1.2;
   double max_half_width_heights = 4.0;
@@ -58,12 +51,9 @@ struct GroundPointExtractionOptions {
   bool frame_pitch_test = false;  ///< theta_1 on the pitch of T_{t,t-1}, as printed (line 10)
   bool most_inliers = false;
 
-  std::uint64_t random_seed = 1;
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
-    visit("min_ahead_heights", self.min_ahead_heights, 0, 1000,
-          "[camera heights] near end of the region of interest");
-    visit("max_ahead_heights", self.max_ahead_heights, 0, 10000,
+    visit("max_ahead_heights", self.max_ahead_heights, 1, 10000,
           "[camera heights] far end of the region of interest");
     visit("lane_half_width_heights", self.lane_half_width_heights, 0.01, 1000,
           "[camera heights] half width of the region while it contains min_lane_features");
@@ -83,6 +73,8 @@ struct GroundPointExtractionOptions {
     visit("plane_threshold_sigma", self.plane_threshold_sigma, 0, 100,
           "[sigma] multiple of the relative depth error of a point that is added to "
           "plane_threshold_heights in quadrature");
+    visit("frame_pitch_test", self.frame_pitch_test,
+          "[] theta_1 tests the pitch between two frames (Alg. 1 line 10), not the triangles");
     visit("most_inliers", self.most_inliers,
           "[] RANSAC by the number of inliers (Alg. 1), not by the distance (Eq. 4)");
   }
@@ -90,34 +82,22 @@ struct GroundPointExtractionOptions {
 
 /// The plane through the points of GPA.
 struct PlaneFitOptions {
-  int min_points = 14;
-  double roughness_heights = 0.01;
   /// Roads fall off towards the gutter and pavements are higher, so the ground beside the vehicle
   /// is tilted against the ground below it. This enters the height's standard deviation alone: in
   /// the fit, points on both sides constrain each other.
   double camber_sigma_rad = 0.03;
-  double reject_sigma = 2.5;
   /// Eq. 6 and 7 as printed, without prior or PCL: the eigenvector of the smallest eigenvalue of Q,
   /// the sum of p p^T over the homogeneous points. The common weight of Eq. 8 has no effect.
   bool homogeneous = false;
-  double reject_distance_heights = 0.006;  ///< of the homogeneous fit, instead of reject_sigma
-  double max_sigma = 0.05;
-  double max_tilt_rad = 0.06;
+  double reject_distance_heights = 0.006;  ///< of the homogeneous fit
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
-    visit("min_points", self.min_points, 3, 1e6, "[points] least number for a plane");
-    visit("roughness_heights", self.roughness_heights, 1e-6, 1,
-          "[camera heights] standard deviation of the road surface; limits the weight of near "
-          "points");
     visit("camber_sigma_rad", self.camber_sigma_rad, 1e-9, 1,
           "[rad] standard deviation of the cross slope beside the vehicle against that below it");
-    visit("reject_sigma", self.reject_sigma, 0.1, 100,
-          "[sigma] points with a larger residual are rejected");
-    visit("max_sigma", self.max_sigma, 1e-4, 10,
-          "[] largest accepted relative standard deviation of the height");
-    visit("max_tilt_rad", self.max_tilt_rad, 1e-4, 1.5,
-          "[rad] largest accepted angle of the normal from the prior; three standard deviations "
-          "of the prior are added in quadrature");
+    visit("homogeneous", self.homogeneous,
+          "[] the fit of Eq. 6 and 7 as printed, without prior and PCL");
+    visit("reject_distance_heights", self.reject_distance_heights, 1e-6, 1,
+          "[camera heights] largest distance of an inlier of the homogeneous fit");
   }
 };
 
@@ -141,7 +121,6 @@ struct GroundPointAggregationOptions {
 /// Direct measurements.
 struct DirectPlaneEstimatorOptions {
   // Lane region and patches.
-  double min_ahead_heights = 1.5;
   double max_ahead_heights = 10;
   double lane_half_width_heights = 1.0;  ///< the own lane; kerbs and pavements lie higher
   double patch_size = 0.03;              ///< [focal lengths]
@@ -150,8 +129,6 @@ struct DirectPlaneEstimatorOptions {
   // Noise model.
   double roughness_heights = 0.005;
   double curvature_sigma = 1e-3;  ///< [1 / camera height]
-  double crown_sigma = 0.03;      ///< [1 / camera height]
-  double twist_sigma = 0.01;      ///< [1 / camera height]
   double lens_k1_sigma = 0.02;
   double lens_k2_sigma = 0.01;
   double rotation_sigma_rad = 7e-5;
@@ -159,13 +136,10 @@ struct DirectPlaneEstimatorOptions {
 
   // Acceptance.
   double min_correlation = 0.8;
-  int min_patches = 24;
 
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
-    visit("min_ahead_heights", self.min_ahead_heights, 0, 1000,
-          "[camera heights] near end of the lane region");
-    visit("max_ahead_heights", self.max_ahead_heights, 0.1, 1000,
+    visit("max_ahead_heights", self.max_ahead_heights, 1.5, 1000,
           "[camera heights] far end of the lane region; at least 6 beyond the road at the lower "
           "image border");
     visit("lane_half_width_heights", self.lane_half_width_heights, 0.01, 1000,
@@ -177,12 +151,6 @@ struct DirectPlaneEstimatorOptions {
           "[camera heights] standard deviation of the road surface; limits the weight of a patch");
     visit("curvature_sigma", self.curvature_sigma, 1e-9, 1,
           "[1/camera height] standard deviation of the road's vertical curvature");
-    visit("crown_sigma", self.crown_sigma, 1e-9, 1,
-          "[1/camera height] standard deviation of the curvature of the road's cross-section, "
-          "used with an estimated lens");
-    visit("twist_sigma", self.twist_sigma, 1e-9, 1,
-          "[1/camera height] standard deviation of the twist: change of the cross slope along "
-          "the path, used with an estimated lens");
     visit("lens_k1_sigma", self.lens_k1_sigma, 1e-9, 1,
           "[] standard deviation of the radial distortion (k1) that the calibration has left");
     visit("lens_k2_sigma", self.lens_k2_sigma, 1e-9, 1, "[] the same of k2");
@@ -192,65 +160,32 @@ struct DirectPlaneEstimatorOptions {
           "[rad] standard deviation of the odometry's direction of motion between two images");
     visit("min_correlation", self.min_correlation, 0, 1,
           "[] least accepted mean correlation of the patches");
-    visit("min_patches", self.min_patches, 3, 1e6,
-          "[patches] least number of matched patches, summed over the reference images");
   }
 };
 
 /// The filter of the camera height.
 struct ScaleFilterOptions {
   double correlation_heights = 3;
-  double drift_per_sqrt_height = 0.01;
   double drift_per_sqrt_rad = 0.05;  ///< a turn replaces the part of the map that carries the scale
-  double drift_per_sqrt_rad_estimated_lens = 0.02;
   double kerb_sigma = 0.02;
-  double min_measurement_sigma = 0.015;
-  double feature_sigma_factor = 2;
-  double gate_sigma = 3;
   double nis_memory_heights = 20;
 
-  double start_distance_heights = 0.5;
   double start_tilt_sigma_rad = 0.007;
-  int restart_measurements = 4;
-  double restart_max_deviation = 0.15;
-  double restart_distance_heights = 12;
 
   int moving_average_frames = 0;  ///< replaces the Kalman filter by a moving average of the scale
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
     visit("correlation_heights", self.correlation_heights, 0, 1e6,
           "[camera heights] correlation length of the errors of one source");
-    visit("drift_per_sqrt_height", self.drift_per_sqrt_height, 0, 1,
-          "[] random walk of ln h over one camera height of distance");
     visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
           "[] random walk of ln h over one radian of rotation");
-    visit("drift_per_sqrt_rad_estimated_lens", self.drift_per_sqrt_rad_estimated_lens, 0, 1,
-          "[] the same, used with an estimated lens");
     visit("kerb_sigma", self.kerb_sigma, 0, 1,
           "[] standard deviation of the kerb: of ln of the height above the ground beside the "
           "lane by that above the lane");
-    visit("min_measurement_sigma", self.min_measurement_sigma, 1e-4, 1,
-          "[] lower bound of a measurement's relative standard deviation");
-    visit("feature_sigma_factor", self.feature_sigma_factor, 1, 1000,
-          "[] factor on the standard deviation of feature-based measurements while direct ones "
-          "are accepted, used with an estimated lens");
-    visit("gate_sigma", self.gate_sigma, 0.1, 1000,
-          "[sigma] measurements with a larger normalised innovation are rejected");
     visit("nis_memory_heights", self.nis_memory_heights, 0.1, 1e6,
           "[camera heights] averaging length of the NIS that scales sigma");
-    visit("start_distance_heights", self.start_distance_heights, 0, 1e6,
-          "[camera heights] least distance before the first measurement is used");
     visit("start_tilt_sigma_rad", self.start_tilt_sigma_rad, 0, 1,
           "[rad] standard deviation of the tilt of a young map");
-    visit("restart_measurements", self.restart_measurements, 1, 1000,
-          "[frames] consecutive rejected measurements that must agree to restart the filter");
-    visit("restart_max_deviation", self.restart_max_deviation, 1e-4, 10,
-          "[] of ln h: largest deviation of these measurements from their median; a feature-based "
-          "one that deviates by more from the state is not cancelled by a direct one");
-    visit("restart_distance_heights", self.restart_distance_heights, 0, 1e6,
-          "[camera heights] distance since the first rejected measurement before a restart, where "
-          "rotation counts as the distance of equal random walk; or the distance from the start of "
-          "the filter to that one, if shorter");
     visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
           "[frames] moving average of the scale instead of the Kalman filter; 0: off");
   }
@@ -258,7 +193,6 @@ struct ScaleFilterOptions {
 
 /// Metric poses and their covariance.
 struct MetricTrajectoryOptions {
-  double pose_correlation_m = 2;
   // Errors of the calibration and rectification of real cameras; rendered ones have none.
   double rotation_sigma_per_sqrt_m = 0.0005;
   double rotation_scale_sigma = 0.01;
@@ -266,13 +200,8 @@ struct MetricTrajectoryOptions {
   double scale_correlation_m = 10.0;
   double young_map_heights = 10;
   double bridge_acceleration_sigma = 2.0;
-  double new_map_position_sigma_per_s = 5.0;
-  double new_map_rotation_sigma_per_s = 0.1;
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
-    visit("pose_correlation_m", self.pose_correlation_m, 1e-3, 1e6,
-          "[m] distance after which the errors of two poses, which share map points, count as "
-          "independent");
     visit("rotation_sigma_per_sqrt_m", self.rotation_sigma_per_sqrt_m, 0, 1,
           "[rad/sqrt(m)] random walk of the rotation, in addition to the errors of the poses");
     visit("rotation_scale_sigma", self.rotation_scale_sigma, 0, 1,
@@ -288,11 +217,6 @@ struct MetricTrajectoryOptions {
           "newest scale");
     visit("bridge_acceleration_sigma", self.bridge_acceleration_sigma, 0, 100,
           "[m/s^2] standard deviation of the acceleration between two maps");
-    visit("new_map_position_sigma_per_s", self.new_map_position_sigma_per_s, 0, 1e3,
-          "[m/s] standard deviation of the velocity when a standstill ends in a new map");
-    visit("new_map_rotation_sigma_per_s", self.new_map_rotation_sigma_per_s, 0, 1e3,
-          "[rad/s] standard deviation of the rotation rate between two maps, where the odometry "
-          "does not know the rotation");
   }
 };
 
@@ -304,11 +228,9 @@ struct ScaleRecoveryOptions {
   bool use_speed = false;          ///< addSpeed() will be called
   double speed_sigma = 0.05;
   double speed_scale_sigma = 0;
-  std::uint64_t random_seed = 1;  ///< replaces gpe.random_seed
-  bool paper_literal = false;     ///< resolved() has the choices of the paper, for comparison
-  bool refine = true;             ///< false: no direct measurements
+  std::uint64_t random_seed = 1;
+  bool refine = true;  ///< false: no direct measurements
   double standstill_distance_heights = 0.02;
-  double max_speed = 100;
 
   MountingOptions mounting;
   GroundPointExtractionOptions gpe;
@@ -333,12 +255,8 @@ struct ScaleRecoveryOptions {
     visit("standstill_distance_heights", self.standstill_distance_heights, 0, 1,
           "[camera heights] a shorter motion since the last frame without standstill is "
           "standstill");
-    visit("max_speed", self.max_speed, 1, 1e4,
-          "[m/s] a pose that implies a higher speed is refused");
     visit("refine", self.refine,
           "[] use direct measurements from the images; false: feature-based only");
-    visit("paper_literal", self.paper_literal,
-          "[] the paper's choices as printed, for comparison; overrides options of the stages");
   }
   template <typename Self, typename Visit>
   static void visitStages(Self& self, Visit&& visit) {
@@ -351,10 +269,6 @@ struct ScaleRecoveryOptions {
     visit("filter/", self.filter);
     visit("trajectory/", self.trajectory);
   }
-  /// The options that ScaleRecovery works with: random_seed passed on to the stages, and with
-  /// paper_literal the choices of the paper as printed, as far as these can run.
-  /// Precondition: validate() does not throw.
-  ScaleRecoveryOptions resolved() const;
   /// Throws OptionError.
   void validate() const;
 };

@@ -1,0 +1,160 @@
+#include "scale/height_state.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include "ground_scale_vo/common/math.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+/// A camera height that is not given: between that of a small robot and of a lorry.
+constexpr double kUnknownHeight = 1.3, kUnknownHeightSigma = 1;  // [m], of its ln
+/// Standard deviation of ln h* from which on it is too large for a scale from the road alone.
+constexpr double kMaxHeightSigma = 0.15;
+/// Random walk of ln h* over a metre, by load and tyres: 1 % in a kilometre.
+constexpr double kHeightDriftPerSqrtMetre = 0.0003;
+/// [camera heights] Over which the kerb decays to 1/e: it changes along a street.
+constexpr double kKerbHeights = 30;
+/// Standard deviation of the change of ln h when a refined lens replaces another.
+constexpr double kLensChangeSigma = 0.02;
+/// Random walk of ln h over one radian with an estimated lens: in turns the unit is steadier.
+constexpr double kDriftPerSqrtRadEstimatedLens = 0.02;
+
+constexpr std::size_t kRunLength = 4;  ///< measurements that must agree to restart the filter
+
+}  // namespace
+
+HeightState::HeightState(const ScaleFilterOptions& options, const Prior& prior)
+    : options_(options),
+      prior_height_(prior.camera_height > 0 ? prior.camera_height : kUnknownHeight) {
+  const double height_sigma = prior.camera_height > 0
+                                  ? prior.camera_height_sigma / prior.camera_height
+                                  : kUnknownHeightSigma;
+  covariance_(kCameraHeight, kCameraHeight) = height_sigma * height_sigma;
+  covariance_(kSpeedFactor, kSpeedFactor) = prior.speed_scale_sigma * prior.speed_scale_sigma;
+  height_variance_limit_ = std::pow(std::min(height_sigma, kMaxHeightSigma), 2);
+}
+
+void HeightState::startMap() {
+  state_.head<kCameraHeight>().setZero();
+  covariance_.topRows<kCameraHeight>().setZero();
+  covariance_.leftCols<kCameraHeight>().setZero();
+}
+
+void HeightState::start(double log_height, double variance, const Vector& H) {
+  startMap();
+  set(log_height, variance);
+  for (const auto& [i, sigma] :
+       {std::pair(kTilt, options_.start_tilt_sigma_rad), std::pair(kKerb, options_.kerb_sigma)}) {
+    const double of_state = sigma * sigma;
+    covariance_(i, i) = of_state;
+    covariance_(kHeight, i) = covariance_(i, kHeight) = -H[i] * of_state;
+    covariance_(kHeight, kHeight) += H[i] * H[i] * of_state;
+  }
+}
+
+void HeightState::startFromSpeed(double log_scale, double variance) {
+  const double factor_variance = covariance_(kSpeedFactor, kSpeedFactor);
+  const double height_variance = covariance_(kCameraHeight, kCameraHeight);
+  const double height_factor_covariance = covariance_(kCameraHeight, kSpeedFactor);
+  start(std::log(cameraHeight()) + state_[kSpeedFactor] - log_scale,
+        variance + height_variance + factor_variance + 2 * height_factor_covariance,
+        Vector::Unit(kHeight));
+  covariance_(kHeight, kCameraHeight) = covariance_(kCameraHeight, kHeight) =
+      height_variance + height_factor_covariance;
+  covariance_(kHeight, kSpeedFactor) = covariance_(kSpeedFactor, kHeight) =
+      factor_variance + height_factor_covariance;
+}
+
+void HeightState::set(double log_height, double variance) {
+  state_[kHeight] = log_height;
+  covariance_(kHeight, kHeight) = variance;
+}
+
+void HeightState::predict(double distance, double metres_per_unit, double angle,
+                          bool lens_is_estimated) {
+  const double distance_heights = distance / height();
+  const double drift_per_sqrt_rad =
+      lens_is_estimated ? kDriftPerSqrtRadEstimatedLens : options_.drift_per_sqrt_rad;
+  covariance_(kHeight, kHeight) += kDriftPerSqrtHeight * kDriftPerSqrtHeight * distance_heights +
+                                   drift_per_sqrt_rad * drift_per_sqrt_rad * angle;
+  const double kept = std::exp(-distance_heights / kKerbHeights);
+  state_[kKerb] *= kept;
+  covariance_.row(kKerb) *= kept;
+  covariance_.col(kKerb) *= kept;
+  covariance_(kKerb, kKerb) += (1 - kept * kept) * options_.kerb_sigma * options_.kerb_sigma;
+  double& height_variance = covariance_(kCameraHeight, kCameraHeight);
+  if (height_variance < height_variance_limit_) {
+    const double drift =
+        kHeightDriftPerSqrtMetre * kHeightDriftPerSqrtMetre * distance * metres_per_unit;
+    height_variance = std::min(height_variance + drift, height_variance_limit_);
+  }
+}
+
+void HeightState::changeLens() {
+  covariance_(kHeight, kHeight) += kLensChangeSigma * kLensChangeSigma;
+}
+
+void HeightState::correct(const Vector& H, double innovation, double variance) {
+  const Vector gain = covariance_ * H / (H.dot(covariance_ * H) + variance);
+  state_ += gain * innovation;
+  covariance_ -= gain * (covariance_ * H).transpose();
+}
+
+double HeightState::cameraHeightSigma() const {
+  return cameraHeight() * std::sqrt(covariance_(kCameraHeight, kCameraHeight));
+}
+
+bool HeightState::hasCameraHeight() const {
+  return covariance_(kCameraHeight, kCameraHeight) <= kMaxHeightSigma * kMaxHeightSigma;
+}
+
+HeightState::Vector HeightState::speedJacobian() {
+  Vector H = Vector::Zero();
+  H[kHeight] = -1, H[kCameraHeight] = H[kSpeedFactor] = 1;
+  return H;
+}
+
+double HeightState::speedInnovation(double log_scale) const {
+  return log_scale - std::log(prior_height_) - predicted(speedJacobian());
+}
+
+double HeightState::scaleSigma(double nis_scale) const {
+  Vector J = Vector::Zero();
+  J[kHeight] = -1, J[kCameraHeight] = 1;
+  const Vector c = covariance_ * J;
+  double constant = 0;
+  for (const Index i : {kCameraHeight, kSpeedFactor}) {
+    if (covariance_(i, i) > 0) constant += c[i] * c[i] / covariance_(i, i);
+  }
+  const double variance = J.dot(c);
+  constant = std::min(constant, variance);
+  return std::sqrt(nis_scale * (variance - constant) + constant);
+}
+
+void ContradictingRun::add(const Sample& sample, double distance, double turned) {
+  if (samples_.empty()) {
+    since_ = distance;
+    turned_ = turned;
+  }
+  samples_.push_back(sample);
+  if (samples_.size() > kRunLength) samples_.pop_front();
+}
+
+std::optional<ContradictingRun::Sample> ContradictingRun::agreement(double max_deviation) const {
+  if (samples_.size() < kRunLength) return std::nullopt;
+  std::vector<double> values;
+  Sample result;
+  for (const Sample& sample : samples_) {
+    values.push_back(sample.value);
+    result.variance += sample.variance / static_cast<double>(kRunLength);
+  }
+  result.value = median(values);
+  for (const double value : values) {
+    if (std::abs(value - result.value) > max_deviation) return std::nullopt;
+  }
+  return result;
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,213 @@
+#include "scale/path_speed.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/text.hpp"
+#include "common/time.hpp"
+
+namespace ground_scale_vo {
+namespace {
+
+constexpr double kShortestInterval = 0.01;  ///< [s] between two images
+/// [m] Apparent motion along the path, and its cosine, from which on a speed of zero is no stop.
+constexpr double kMaxApparentMotion = 1, kAlongPath = 0.97;
+
+// Pieces of the path.
+constexpr double kMinFirstPiece = 1, kMinPiece = 3;  ///< [m] least length
+constexpr double kMaxPieceTime = 10;                 ///< [s]
+/// [m] How far the last piece may lie behind. A piece ends where the newest speed ends.
+constexpr double kReach = 10;
+/// Relative standard deviation of a piece's length in the odometry.
+constexpr double kPieceNoise = 0.004;
+/// Of a speed that repeats exactly.
+constexpr double kRepeatedSpeedSigma = 0.03;
+/// [m] In a turn the camera and the point whose speed is measured have different paths.
+constexpr double kSpeedLever = 0.3;
+constexpr double kStampSigma = 0.2;  ///< [s] standard deviation of the stamps
+
+/// [s] Difference of the stamps of speeds and images that is no delay of a sensor any more.
+constexpr double kOtherClock = 5;
+constexpr int kMinRejected = 3;  ///< [pieces] consecutive ones, to be named
+constexpr int kMinSignedPieces = 5;
+constexpr double kMinAlongAxis = 0.5;  ///< of a camera that looks along or against the motion
+
+constexpr double kHeightSigmas = 3;                       ///< of a deviation that is named
+constexpr double kLeastHeight = 0.1, kLargestHeight = 4;  ///< [m] of a camera on a vehicle
+
+// Delay.
+constexpr double kMeanMemory = 5, kSumMemory = 60;  ///< [pieces]
+constexpr double kMinPieces = 8;
+constexpr double kMinDelay = 0.13;      ///< [s] that is named
+constexpr double kMinSignificance = 4;  ///< [standard deviations]
+
+}  // namespace
+
+void PathSpeed::startMap() {
+  is_first_of_map_ = true;
+  measured_ns_ = 0;
+  accepted_length_.reset();
+}
+
+bool PathSpeed::standsStill(const CameraPath& path, const VoFrame& frame, double scale) {
+  if (path.empty()) return false;
+  const CameraPath::Pose& stop = path.newest();
+  if (!speeds_.standsStill(stop.stamp_ns, frame.stamp_ns)) return false;
+  const Eigen::Vector3d motion_c = (stop.T_w_c.inverse() * frame.T_w_c).translation();
+  if (motion_c.norm() * scale < kMaxApparentMotion ||
+      motion_c.normalized().dot(stop.prior.forward_c) < kAlongPath) {
+    return true;
+  }
+  speeds_.ignoreZero();
+  return false;
+}
+
+std::optional<PathSpeed::Piece> PathSpeed::measure(const CameraPath& path, double scale) {
+  const auto& poses = path.poses();
+  const auto covered = [&](std::int64_t stamp_ns) {
+    return std::find_if(poses.rbegin(), poses.rend(),
+                        [&](const CameraPath::Pose& pose) { return pose.stamp_ns <= stamp_ns; });
+  };
+  const auto to = covered(speeds_.samples().back().stamp_ns);
+  if (to == poses.rend()) return std::nullopt;
+  /// [VO units/s] over the step to a pose, or from the first one.
+  const auto speedAt = [&](auto pose) {
+    if (std::next(pose) == poses.rend()) --pose;
+    const auto previous = std::next(pose);
+    return (pose->travelled - previous->travelled) /
+           std::max(kShortestInterval, secondsBetween(previous->stamp_ns, pose->stamp_ns));
+  };
+  auto from = covered(measured_ns_);
+  if (from == poses.rend()) --from;
+  if (from->stamp_ns >= to->stamp_ns) return std::nullopt;
+  const auto distance = speeds_.distance(from->stamp_ns, to->stamp_ns);
+  if (!distance || secondsBetween(from->stamp_ns, to->stamp_ns) > kMaxPieceTime) {
+    measured_ns_ = to->stamp_ns;  // a gap, or hardly any motion
+    return std::nullopt;
+  }
+  const double metres = std::abs(distance->metres), units = to->travelled - from->travelled;
+  const double min_metres = accepted_length_ ? kMinPiece : kMinFirstPiece;
+  Piece piece;
+  piece.has_failed = units * scale > 5 * std::max(metres, min_metres);
+  if ((metres < min_metres && !piece.has_failed) || !(units > 0)) return std::nullopt;
+  const Eigen::Isometry3d motion = from->T_w_c.inverse() * to->T_w_c;
+  const double speed_change = speeds_.speedAt(to->stamp_ns) - speeds_.speedAt(from->stamp_ns);
+  // By the change of the speed within the piece, the stamps matter. The odometry sees it in time.
+  const double change =
+      std::max(std::abs(speed_change), std::abs(speedAt(to) - speedAt(from)) * metres / units);
+  const double sigma =
+      std::hypot(distance->sigma, kSpeedLever * Eigen::AngleAxisd(motion.linear()).angle(),
+                 std::hypot(kStampSigma, delay_) * change) /
+      metres;
+  piece.metres_per_unit = metres / units;
+  piece.relative_sigma =
+      std::hypot(sigma, kPieceNoise, speeds_.repeats() ? kRepeatedSpeedSigma : 0);
+  piece.log_ratio = std::log((metres + 0.01) / units);
+  piece.relative_acceleration = speed_change / distance->metres;
+  piece.along_axis = std::copysign(1, distance->metres) * motion.translation().normalized().z();
+  piece.error = scale > 0 ? piece.log_ratio - std::log(scale) : 0;
+  measured_ns_ = to->stamp_ns;
+  return piece;
+}
+
+void PathSpeed::add(const Piece& piece, bool accepted, const CameraPath& path) {
+  rejected_ = accepted ? 0 : rejected_ + 1;
+  rejected_error_ = piece.error;
+  if (std::abs(piece.along_axis) > kMinAlongAxis) {
+    ++signed_pieces_;
+    sign_ += ((piece.along_axis > 0 ? 1 : -1) - sign_) / std::min(signed_pieces_, 20);
+  }
+  if (accepted) estimateDelay(piece);
+  speeds_.setAgrees(accepted);
+  accepted_length_ = accepted ? std::optional(path.newest().travelled) : std::nullopt;
+}
+
+bool PathSpeed::isCurrent(const CameraPath& path, double scale) const {
+  return accepted_length_ && scale > 0 &&
+         (path.newest().travelled - *accepted_length_) * scale < kReach;
+}
+
+/// Speeds that are late by L [s] make the ratio too small by L times the relative acceleration.
+/// Both are taken without their slow changes, because the unit of the odometry drifts.
+void PathSpeed::estimateDelay(const Piece& piece) {
+  if (is_first_of_map_) {
+    is_first_of_map_ = false;
+    mean_ratio_ = piece.log_ratio;
+    mean_acceleration_ = piece.relative_acceleration;
+    return;
+  }
+  const double ratio = piece.log_ratio - mean_ratio_;
+  const double acceleration = piece.relative_acceleration - mean_acceleration_;
+  mean_ratio_ += ratio / kMeanMemory;
+  mean_acceleration_ += acceleration / kMeanMemory;
+  const double kept = 1 - 1 / kSumMemory;
+  pieces_ = kept * pieces_ + 1;
+  ratio_squares_ = kept * ratio_squares_ + ratio * ratio;
+  acceleration_squares_ = kept * acceleration_squares_ + acceleration * acceleration;
+  products_ = kept * products_ + ratio * acceleration;
+  delay_ = 0;
+  if (pieces_ < kMinPieces || !(acceleration_squares_ > 0)) return;
+  const double slope = products_ / acceleration_squares_;
+  const double residual = std::max(0.0, ratio_squares_ - slope * products_) / pieces_;
+  const double sigma = std::sqrt(residual / acceleration_squares_);
+  if (std::abs(slope) > std::max(kMinDelay, kMinSignificance * sigma)) delay_ = -slope;
+}
+
+std::string PathSpeed::warning(std::int64_t stamp_ns) const {
+  if (speeds_.empty()) return "no speed has arrived yet";
+  const double ahead = secondsBetween(stamp_ns, speeds_.newest().stamp_ns);
+  if (std::abs(ahead) > kOtherClock) {
+    return ahead > 0
+               ? format(
+                     "the newest speed is %.1f s later than the images: its clock is another one",
+                     ahead)
+               : format(
+                     "the newest speed is %.1f s earlier than the images: the sensor is silent, or "
+                     "its clock is another one",
+                     -ahead);
+  }
+  if (speeds_.jumped()) {
+    return format("the speed jumps to %.2f m/s: wheel slip, or a sensor that fails",
+                  speeds_.newest().speed);
+  }
+  if (rejected_ >= kMinRejected && speeds_.repeats()) {
+    return format("the speed repeats %.2f m/s while the motion changes: the sensor is stuck",
+                  speeds_.newest().speed);
+  }
+  if (rejected_ >= kMinRejected) {
+    return format("the speed is %.0f %% %s than the odometry's: wheel slip, or another unit",
+                  100 * std::abs(std::expm1(rejected_error_)),
+                  rejected_error_ > 0 ? "higher" : "lower");
+  }
+  if (delay_ != 0) {
+    return format(
+        "the speeds are %.2f s %s than the motion in the images: their stamps are not "
+        "those of the measurement",
+        std::abs(delay_), delay_ > 0 ? "later" : "earlier");
+  }
+  if (signed_pieces_ >= kMinSignedPieces && sign_ < -0.5) {
+    return "the sign of the speed is opposite to the motion along the optical axis, as for a "
+           "camera that looks backwards: only its absolute value is used";
+  }
+  return "";
+}
+
+std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale) {
+  const double sigma = std::max(given_sigma, scale.camera_height_sigma);
+  if (given == 0) {
+    const bool is_usual = scale.camera_height == 0 || (scale.camera_height > kLeastHeight &&
+                                                       scale.camera_height < kLargestHeight);
+    return is_usual ? ""
+                    : format(
+                          "the camera height is %.2f m by the speeds, which is unusual: "
+                          "check their unit",
+                          scale.camera_height);
+  }
+  if (std::abs(scale.camera_height - given) <= kHeightSigmas * sigma) return {};
+  return format(
+      "the camera height is given as %.2f +- %.2f m, but by the speeds it is %.2f +- %.2f m: "
+      "check the mounting, the load and the unit of the speed",
+      given, given_sigma, scale.camera_height, scale.camera_height_sigma);
+}
+
+}  // namespace ground_scale_vo

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "ground_scale_vo/scale/scale_estimate.hpp"
+#include "ground_scale_vo/vo/vo_frame.hpp"
+#include "scale/camera_path.hpp"
+#include "scale/speed_track.hpp"
+
+namespace ground_scale_vo {
+
+/// Compares the path of the odometry with the speeds of the vehicle: pieces of the path measure the
+/// scale, and tell what is wrong with the speeds.
+class PathSpeed {
+ public:
+  /// A piece of the path within one map.
+  struct Piece {
+    double metres_per_unit = 0;        ///< distance by the speeds over that of the odometry
+    double relative_sigma = 0;         ///< of metres_per_unit
+    bool has_failed = false;           ///< the odometry moves while the speeds stand still
+    double log_ratio = 0;              ///< ln of metres_per_unit, finite also at standstill
+    double relative_acceleration = 0;  ///< mean of the change of ln of the speed [1/s]
+    double along_axis = 0;  ///< cosine between the motion and the optical axis; < 0: speed opposite
+    double error = 0;       ///< ln of the speed by the filter's scale
+  };
+
+  /// sigma: of a speed that has none [m/s].
+  explicit PathSpeed(double sigma) : speeds_(sigma) {}
+
+  const SpeedTrack& speeds() const { return speeds_; }
+  void add(const SpeedSample& speed) { speeds_.add(speed); }
+  /// Another unit of length.
+  void startMap();
+
+  /// Whether the speeds say that the vehicle stands since the newest pose of the path. What then
+  /// moves in the images is traffic, unless the motion is straight along the path. scale: [m per VO
+  /// unit], 0: not known.
+  bool standsStill(const CameraPath& path, const VoFrame& frame, double scale);
+
+  /// The latest piece of the path that the speeds cover; empty while it is too short. Nothing waits
+  /// for a speed: what arrives late measures an earlier piece. Precondition: the path is not empty.
+  std::optional<Piece> measure(const CameraPath& path, double scale);
+  /// Whether the filter accepted the piece of measure().
+  void add(const Piece& piece, bool accepted, const CameraPath& path);
+
+  /// The last piece was accepted, and is not far behind.
+  bool isCurrent(const CameraPath& path, double scale) const;
+  /// What is wrong with the speeds, one sentence, or empty. stamp_ns: of the newest image.
+  std::string warning(std::int64_t stamp_ns) const;
+
+ private:
+  void estimateDelay(const Piece& piece);
+
+  SpeedTrack speeds_;
+  std::int64_t measured_ns_ = 0;  ///< end of the last piece
+  /// Length of the path at the last piece [VO units]; empty: it was not accepted.
+  std::optional<double> accepted_length_;
+  int rejected_ = 0;           ///< consecutive pieces
+  double rejected_error_ = 0;  ///< of the newest one
+  double sign_ = 0;            ///< mean of the sign of along_axis
+  int signed_pieces_ = 0;
+  /// [s] by which the stamps of the speeds are later than the motion; 0: not noticeable.
+  double delay_ = 0;
+  // Of the pieces so far, with more weight on the latest: means, and sums of the deviations.
+  bool is_first_of_map_ = true;
+  double mean_ratio_ = 0, mean_acceleration_ = 0;
+  double pieces_ = 0, ratio_squares_ = 0, acceleration_squares_ = 0, products_ = 0;
+};
+
+/// One sentence with both heights if the one by the speeds deviates from the given one [m] by more
+/// than three standard deviations of either; or, if none was given (0), is not that of a vehicle.
+/// Empty: neither.
+std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale);
+
+}  // namespace ground_scale_vo

@@ -24,7 +24,7 @@ using direct::Reference;
 /// [camera heights] Least length of the visible part of the lane region. A tele lens sees no road
 /// near the vehicle, so its region extends this far beyond the nearest visible road.
 constexpr double kMinLaneLength = 6;
-constexpr double kMinAheadHeights = 1.5;  ///< near end of the lane region
+constexpr double kLaneStartHeights = 1.5;  ///< near end of the lane region
 /// Matched patches, over the reference images, below which the plane is not determined.
 constexpr int kMinPatches = 24;
 /// [1 / camera height] Standard deviation of the curvature of the road's cross-section, and of the
@@ -69,7 +69,7 @@ constexpr double kRollRange = 3;  ///< [standard deviations of the prior]
 constexpr double kHeightStep = 0.05;
 constexpr int kHeightSteps = 20;  ///< to each side: a factor of 2.7
 /// Only every second patch is used; the position of the maximum needs no more.
-constexpr std::size_t kPatchStride = 2;
+constexpr std::size_t kSearchStride = 2;
 
 /// [1 / camera height] Standard deviation of a curvature that is none.
 constexpr double kNoCurvature = 1e-9;
@@ -140,7 +140,7 @@ LaneRegion DirectPlaneEstimator::laneRegion(const RoadPrior& prior, double heigh
   const double max_ahead =
       std::max(options_.max_ahead_heights,
                nearestVisibleRoad(stages_->extractor.camera(), prior) + kMinLaneLength);
-  return {prior, height, kMinAheadHeights, max_ahead, options_.lane_half_width_heights};
+  return {prior, height, kLaneStartHeights, max_ahead, options_.lane_half_width_heights};
 }
 
 /// Centre of the patches on a plane, in this frame's camera axes [VO units].
@@ -209,7 +209,7 @@ double DirectPlaneEstimator::meanCorrelation(const Eigen::Vector3d& m) const {
   double sum = 0, weights = 0, all_weights = 0;
   int inside = 0;
   direct::Samples values;
-  for (std::size_t i = 0; i < patches_.size(); i += kPatchStride) {
+  for (std::size_t i = 0; i < patches_.size(); i += kSearchStride) {
     const Patch& patch = patches_[i];
     all_weights += patch.texture;
     if (!stages_->matcher.sample(references_.front(), patch, m, &values)) continue;
@@ -218,7 +218,7 @@ double DirectPlaneEstimator::meanCorrelation(const Eigen::Vector3d& m) const {
     ++inside;
   }
   const bool enough =
-      static_cast<int>(kPatchStride) * inside >= kMinPatches && weights > 0.5 * all_weights;
+      static_cast<int>(kSearchStride) * inside >= kMinPatches && weights > 0.5 * all_weights;
   return enough ? sum / weights : -1;
 }
 

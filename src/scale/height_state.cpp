@@ -11,7 +11,7 @@ namespace {
 /// A camera height that is not given: between that of a small robot and of a lorry.
 constexpr double kUnknownHeight = 1.3, kUnknownHeightSigma = 1;  // [m], of its ln
 /// Standard deviation of ln h* from which on it is too large for a scale from the road alone.
-constexpr double kMaxHeightSigma = 0.15;
+constexpr double kMaxCameraHeightSigma = 0.15;
 /// Random walk of ln h* over a metre, by load and tyres: 1 % in a kilometre.
 constexpr double kHeightDriftPerSqrtMetre = 0.0003;
 /// [camera heights] Over which the kerb decays to 1/e: it changes along a street.
@@ -33,7 +33,7 @@ HeightState::HeightState(const ScaleFilterOptions& options, const Prior& prior)
                                   : kUnknownHeightSigma;
   covariance_(kCameraHeight, kCameraHeight) = height_sigma * height_sigma;
   covariance_(kSpeedFactor, kSpeedFactor) = prior.speed_scale_sigma * prior.speed_scale_sigma;
-  height_variance_limit_ = std::pow(std::min(height_sigma, kMaxHeightSigma), 2);
+  height_variance_limit_ = std::pow(std::min(height_sigma, kMaxCameraHeightSigma), 2);
 }
 
 void HeightState::startMap() {
@@ -107,7 +107,7 @@ double HeightState::cameraHeightSigma() const {
 }
 
 bool HeightState::hasCameraHeight() const {
-  return covariance_(kCameraHeight, kCameraHeight) <= kMaxHeightSigma * kMaxHeightSigma;
+  return covariance_(kCameraHeight, kCameraHeight) <= kMaxCameraHeightSigma * kMaxCameraHeightSigma;
 }
 
 HeightState::Vector HeightState::speedJacobian() {

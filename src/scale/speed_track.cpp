@@ -9,7 +9,7 @@
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kMaxSpeed = 200;        ///< [m/s]
+constexpr double kMaxSampleSpeed = 200;  ///< [m/s]
 constexpr double kZero = 0.02;           ///< [m/s] resolution of a sensor
 constexpr double kLastBeforeStop = 2;    ///< [m/s] speed of the last sample before a stop, at most
 constexpr double kTrackMemory = 120;     ///< [s]
@@ -36,7 +36,7 @@ std::deque<SpeedSample>::const_iterator firstAfter(const std::deque<SpeedSample>
 }  // namespace
 
 void SpeedTrack::add(const SpeedSample& sample) {
-  if (!areFinite(sample.speed, sample.sigma) || std::abs(sample.speed) > kMaxSpeed) return;
+  if (!areFinite(sample.speed, sample.sigma) || std::abs(sample.speed) > kMaxSampleSpeed) return;
   if (!samples_.empty()) {
     const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
     if (dt < -kMaxInterval) {

@@ -173,8 +173,7 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
     std::vector<unsigned char> ok;
     std::vector<float> error;
     if (!points[i].empty()) {
-      cv::calcOpticalFlowPyrLK(from, to, points[i], found, ok, error, window,
-                               kLevels);
+      cv::calcOpticalFlowPyrLK(from, to, points[i], found, ok, error, window, kLevels);
     }
     csv << i << ',' << detect_ms << ',' << total.ms() << ',' << gsv::threadCpuMs() - cpu_begin
         << '\n';

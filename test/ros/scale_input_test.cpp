@@ -1,5 +1,7 @@
 // Which image belongs to a frame, and what the frame continues.
 
+#include "ros/scale_input.hpp"
+
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -7,8 +9,6 @@
 #include <memory>
 #include <string>
 #include <vector>
-
-#include "ros/scale_input.hpp"
 
 namespace ground_scale_vo {
 namespace {

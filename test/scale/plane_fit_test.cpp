@@ -129,7 +129,7 @@ std::vector<PlanePoint> pointsBetween(double from, double to) {
 TEST(PlaneFit, GroundOnOneSideAloneIsUncertain) {
   PlaneFit::Options options;
   options.camber_sigma_rad = 0.06;
-  const PlaneFit fit({}), strict(options);
+  const PlaneFit fit({}), strict(options);  // twice the default
   const auto all = pointsBetween(-0.3, 0.3), on_the_right = pointsBetween(0.1, 0.2);
   RoadPrior prior;
   prior.n_c = kPlane.n_c;
@@ -148,7 +148,7 @@ TEST(PlaneFit, GroundOnOneSideAloneIsUncertain) {
   prior.region_offset = -1;
   const auto expected_right = strict.fit(on_the_right, prior, 0.8);
   EXPECT_EQ(expected_right.status, MeasurementStatus::kMeasured);
-  EXPECT_NEAR(expected_right.height_sigma, right.height_sigma, 1e-9);
+  EXPECT_NEAR(expected_right.height_sigma, 2 * right.height_sigma, 0.1 * right.height_sigma);
   prior.region_offset = 1;
   EXPECT_EQ(strict.fit(on_the_right, prior, 0.8).status, MeasurementStatus::kNoPlane);
 }

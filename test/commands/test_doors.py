@@ -12,7 +12,8 @@ import pytest
 import rosbag
 import rospy
 from bags import IMAGE, INFO
-from conftest import CAMERA_HEIGHT, FRAMES, TIMEOUT_S, camera_matrix, images_of, roslaunch, run, tool, write_camera
+from conftest import (CAMERA_HEIGHT, FRAMES, ROOT, TIMEOUT_S, images_of, roslaunch, run, tool, wait_until,
+                      write_camera)
 from sensor_msgs.msg import CompressedImage, RegionOfInterest
 
 
@@ -257,3 +258,26 @@ def test_every_door_gives_the_same(gsv, gsv_command, short, bag, plain, tmp_path
             assert length(positions, last) == pytest.approx(length(plain, last), rel=case.tolerance), door
             reference = results["run"][2]
             assert length(positions, last) == pytest.approx(length(reference, last), rel=0.001), door
+
+
+def test_bag_launch_waits_for_both_nodelets(bag, tmp_path):
+    """MonoVo starts last, and does not lose the first image. The queues are so long that no frame is dropped on a
+    busy machine."""
+    for file in (ROOT / "config").glob("*.yaml"):
+        (tmp_path / file.name).write_text(re.sub(r"(?m)^queue_size: \d+", "queue_size: 1000", file.read_text()))
+    released, wait = tmp_path / "released", tmp_path / "wait"
+    wait.write_text(f'#!/bin/bash\nuntil [ -e {released} ]; do sleep 0.1; done\nexec "$@"\n')
+    wait.chmod(0o755)
+    nodelets = (ROOT / "launch/ground_scale_vo.launch").read_text()
+    (tmp_path / "nodelets.launch").write_text(
+        nodelets.replace('name="mono_vo"', f'name="mono_vo" launch-prefix="{wait}"'))
+    delayed = tmp_path / "delayed.launch"
+    delayed.write_text((ROOT / "launch/bag.launch").read_text().replace(
+        "$(find ground_scale_vo)/launch/ground_scale_vo.launch", str(tmp_path / "nodelets.launch")))
+
+    log = tmp_path / "log"
+    arguments = [f"image:={IMAGE}", "image_is_rectified:=true", f"camera_height:={CAMERA_HEIGHT}"]
+    with roslaunch(log, delayed, f"bag:={bag}", *arguments, f"config_dir:={tmp_path}") as (process, _):
+        wait_until(lambda: "waits: no node publishes /vo/frame" in log.read_text(), while_runs=process)
+        released.touch()
+        wait_until(lambda: f"Playback finished: {FRAMES} of {FRAMES} frames" in log.read_text(), while_runs=process)

@@ -219,10 +219,3 @@ def test_a_speed_replaces_the_height(call, height_file):
     _, remappings, parameters, _ = loaded(call, f"height_file:={height_file}")
     assert parameters[f"{node}/height_file"] == height_file
     assert parameters[f"{node}/use_speed"] is False and "speed" not in remappings[node]
-
-
-def test_kitti_launch_plays_the_speed():
-    _, _, parameters, _ = loaded("kitti.launch", "bag:=/x.bag", "speed:=/kitti/oxts/gps/vel")
-    assert parameters["/playback_monitor/speed"] == "/kitti/oxts/gps/vel"
-    assert ["speed", "ground_scale_vo_manager"] in parameters["/playback_monitor/subscribers"]
-    assert loaded("kitti.launch", "bag:=/x.bag")[2]["/playback_monitor/speed"] == ""

@@ -177,7 +177,6 @@ def test_a_damaged_bag_is_refused(monitor, damaged_bag):
         monitor.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
 
 
-
 def test_parts_of_a_recording(monitor, bag, tmp_path, monkeypatch):
     """The order of the words does not matter."""
     monkeypatch.setenv("HOME", str(tmp_path))

@@ -109,7 +109,6 @@ def test_result(gsv, short, results):
     assert 0.5 < sigma / (last.sigma / last.scale) < 2
 
 
-
 def test_options_and_mask_are_used(gsv, shortest):
     def last(**options):
         return processed(gsv, shortest, **options)[1][-1]

@@ -10,6 +10,7 @@
 #include <random>
 #include <string>
 #include <tuple>
+#include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
 #include "support/expect_throws.hpp"
@@ -203,29 +204,27 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   expectThrows<MessageError>([&] { fromMsg(*msg); }, "status is 3, it must lie in [0, 2]");
 }
 
+template <typename... Enumerators>
+std::vector<int> codes(Enumerators... enumerators) {
+  return {static_cast<int>(enumerators)...};
+}
+
 TEST(Messages, ConstantsAreTheEnumerators) {
-  EXPECT_EQ(int{VoFrameMsg::INITIALISING}, static_cast<int>(VoStatus::kInitialising));
-  EXPECT_EQ(int{VoFrameMsg::TRACKING}, static_cast<int>(VoStatus::kTracking));
-  EXPECT_EQ(int{VoFrameMsg::LOST}, static_cast<int>(VoStatus::kLost));
+  using Vo = VoFrameMsg;
   using Scale = ScaleEstimateMsg;
-  EXPECT_EQ(int{Scale::UNKNOWN}, static_cast<int>(ScaleStatus::kUnknown));
-  EXPECT_EQ(int{Scale::OK}, static_cast<int>(ScaleStatus::kOk));
-  EXPECT_EQ(int{Scale::HELD}, static_cast<int>(ScaleStatus::kHeld));
-  EXPECT_EQ(int{Scale::MEASURED}, static_cast<int>(MeasurementStatus::kMeasured));
-  EXPECT_EQ(int{Scale::VO_NOT_TRACKING}, static_cast<int>(MeasurementStatus::kVoNotTracking));
-  EXPECT_EQ(int{Scale::STANDSTILL}, static_cast<int>(MeasurementStatus::kStandstill));
-  EXPECT_EQ(int{Scale::TOO_FEW_TRIANGLES}, static_cast<int>(MeasurementStatus::kTooFewTriangles));
-  EXPECT_EQ(int{Scale::TOO_FEW_GROUND_POINTS},
-            static_cast<int>(MeasurementStatus::kTooFewGroundPoints));
-  EXPECT_EQ(int{Scale::NO_PLANE}, static_cast<int>(MeasurementStatus::kNoPlane));
-  EXPECT_EQ(int{Scale::PLANE_TILTED}, static_cast<int>(MeasurementStatus::kPlaneTilted));
-  EXPECT_EQ(int{Scale::REJECTED_BY_FILTER}, static_cast<int>(MeasurementStatus::kRejectedByFilter));
-  EXPECT_EQ(int{Scale::IMPLAUSIBLE_MOTION},
-            static_cast<int>(MeasurementStatus::kImplausibleMotion));
-  EXPECT_EQ(int{Scale::SOURCE_NONE}, static_cast<int>(ScaleSource::kNone));
-  EXPECT_EQ(int{Scale::SOURCE_ROAD}, static_cast<int>(ScaleSource::kRoad));
-  EXPECT_EQ(int{Scale::SOURCE_SPEED}, static_cast<int>(ScaleSource::kSpeed));
-  EXPECT_EQ(int{Scale::SOURCE_BOTH}, static_cast<int>(ScaleSource::kBoth));
+  using Reason = MeasurementStatus;
+  EXPECT_EQ(codes(Vo::INITIALISING, Vo::TRACKING, Vo::LOST),
+            codes(VoStatus::kInitialising, VoStatus::kTracking, VoStatus::kLost));
+  EXPECT_EQ(codes(Scale::UNKNOWN, Scale::OK, Scale::HELD),
+            codes(ScaleStatus::kUnknown, ScaleStatus::kOk, ScaleStatus::kHeld));
+  EXPECT_EQ(codes(Scale::MEASURED, Scale::VO_NOT_TRACKING, Scale::STANDSTILL,
+                  Scale::TOO_FEW_TRIANGLES, Scale::TOO_FEW_GROUND_POINTS, Scale::NO_PLANE,
+                  Scale::PLANE_TILTED, Scale::REJECTED_BY_FILTER, Scale::IMPLAUSIBLE_MOTION),
+            codes(Reason::kMeasured, Reason::kVoNotTracking, Reason::kStandstill,
+                  Reason::kTooFewTriangles, Reason::kTooFewGroundPoints, Reason::kNoPlane,
+                  Reason::kPlaneTilted, Reason::kRejectedByFilter, Reason::kImplausibleMotion));
+  EXPECT_EQ(codes(Scale::SOURCE_NONE, Scale::SOURCE_ROAD, Scale::SOURCE_SPEED, Scale::SOURCE_BOTH),
+            codes(ScaleSource::kNone, ScaleSource::kRoad, ScaleSource::kSpeed, ScaleSource::kBoth));
 }
 
 sensor_msgs::CompressedImage encoded(const std::string& format, const std::string& extension,

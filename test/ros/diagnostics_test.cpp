@@ -1,12 +1,20 @@
-// Level and message of the diagnostics in each state, and what the log prints.
+// Level and message of the diagnostics in each state, what the log prints, and what is said about
+// the mounting and the camera height.
 
 #include "ros/diagnostics.hpp"
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "scale/mounting.hpp"
+#include "support/expect_throws.hpp"
+#include "support/learned_height.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -122,6 +130,154 @@ TEST(WarningLog, CountsAllAndPrintsTheFirstOfEachPeriod) {
   while (!log.warn("other", "of messages that are used", period)) ASSERT_LT(watch.seconds(), 30);
   EXPECT_GE(watch.seconds(), 0.3);
   EXPECT_EQ(log.dropped().count("other"), 0u);
+}
+
+constexpr double kDegree = M_PI / 180;
+
+/// An estimate with these angles [deg].
+ScaleRecovery::Output estimate(double pitch, double roll, double sigma) {
+  ScaleRecovery::Output output;
+  output.mounting_pitch = pitch * kDegree;
+  output.mounting_roll = roll * kDegree;
+  output.mounting_sigma = sigma * kDegree;
+  return output;
+}
+
+/// The sentence for a transform on tf with these angles and an estimate [deg].
+std::string check(double tf_pitch, double tf_roll, double pitch, double roll, double sigma) {
+  return mountingWarning(
+      estimate(pitch, roll, sigma), std::nullopt,
+      MountingOnTf{"base_link", "camera", roadNormal(tf_pitch * kDegree, tf_roll * kDegree)});
+}
+
+std::string measured(double pitch, double roll, double sigma) {
+  return mountingWarning(estimate(pitch, roll, sigma), std::nullopt, std::nullopt);
+}
+
+TEST(MountingCheck, NamesAMeasuredMountingThatIsNotSupported) {
+  EXPECT_EQ(measured(1.8, -19.3, 0.3),
+            "on the road the camera has pitch 1.8 deg and roll -19.3 deg, but at most 20 deg of "
+            "pitch and 15 deg of roll are supported: distances may be wrong; mount the camera "
+            "upright or rotate its images");
+  EXPECT_NE(measured(25, 0, 0.3), "");
+  EXPECT_NE(measured(-25, 0, 0.3), "");
+  // At the limits the estimate may be beyond them.
+  EXPECT_EQ(measured(21.9, -16.9, 0.1), "");
+  EXPECT_EQ(measured(0, 18, 0.4), "");
+  EXPECT_EQ(measured(0, 25, 0.6), "");
+}
+
+VoFrame frameAt(const Eigen::Quaterniond& R_w_c) {
+  VoFrame frame;
+  frame.status = VoStatus::kTracking;
+  frame.T_w_c.linear() = R_w_c.toRotationMatrix();
+  return frame;
+}
+
+/// After a curve to the left and one to the right, of 40 degrees each, over a crest, with a
+/// suspension that vibrates. roll: of the camera [deg].
+std::optional<Eigen::Vector3d> turnAxis(double roll, int frames = 80) {
+  TurnAxis axis;
+  for (int i = 0; i < frames; ++i) {
+    const double yaw = (i < 40 ? i : 80 - i) * kDegree, pitch = (0.05 * i + i % 2) * kDegree;
+    axis.add(frameAt(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
+                     Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
+                     Eigen::AngleAxisd(roll * kDegree, Eigen::Vector3d::UnitZ())));
+  }
+  return axis.upward();
+}
+
+TEST(MountingCheck, NamesAMountingThatTurnsShow) {
+  const ScaleRecovery::Output wrong = estimate(0, -3, 0.2);  // of a facade
+  EXPECT_FALSE(turnAxis(0, 20));
+  for (const double roll : {-15, 0, 15})
+    EXPECT_EQ(mountingWarning(wrong, turnAxis(roll), std::nullopt), "");
+  for (const double roll : {-90, -40, 40, 90}) {
+    EXPECT_EQ(
+        mountingWarning(wrong, turnAxis(roll), std::nullopt).find("in turns the camera has pitch "),
+        0u);
+    EXPECT_NEAR(std::abs(rollOf(*turnAxis(roll))), std::abs(roll) * kDegree, 8 * kDegree);
+  }
+}
+
+TEST(TurnAxis, ANewMapIsNoTurn) {
+  TurnAxis axis;
+  for (int i = 0; i < 20; ++i) {
+    VoFrame frame = frameAt(Eigen::Quaterniond(Eigen::AngleAxisd(i, Eigen::Vector3d::UnitX())));
+    frame.continuity = Continuity::kNewMap;
+    axis.add(frame);
+  }
+  EXPECT_FALSE(axis.upward());
+}
+
+TEST(MountingCheck, NamesAMountingOnTfThatIsNotSupported) {
+  EXPECT_EQ(
+      check(0, 40, 1, -10, 1.5),
+      "tf mounts the camera \"camera\" on \"base_link\" with pitch 0.0 deg and roll 40.0 deg, "
+      "but at most 20 deg of pitch and 15 deg of roll are supported: distances may be wrong; "
+      "mount the camera upright or rotate its images");
+  EXPECT_NE(check(180, 0, 1, -10, 1.5), "") << "upside down";
+}
+
+TEST(MountingCheck, NamesBothPitchesAndRollsAndTheConsequence) {
+  EXPECT_EQ(check(0, 0, 8, 0.02, 0.1),
+            "tf mounts the camera \"camera\" on \"base_link\" with pitch 0.0 deg and roll 0.0 deg, "
+            "but on the road it has pitch 8.0 deg and roll 0.0 deg: the path climbs or sinks by up "
+            "to 8.0 deg");
+  EXPECT_NE(check(-2, 5, 3, -6, 0.1)
+                .find("with pitch -2.0 deg and roll 5.0 deg, but on the road it "
+                      "has pitch 3.0 deg and roll -6.0 deg"),
+            std::string::npos);
+  ScaleRecovery::Output output;  // a base that is upside down or optical
+  for (const Eigen::Vector3d& up_c : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
+    EXPECT_NE(mountingWarning(output, std::nullopt, MountingOnTf{"base_link", "camera", up_c}), "")
+        << up_c.transpose();
+  }
+}
+
+TEST(MountingCheck, AcceptsAVehicleThatRidesTiltedAndAnUncertainEstimate) {
+  for (const double tilt : {-2.0, 0.0, 2.0}) {
+    for (const double pitch : {-3.0, 0.0, 20.0}) {
+      EXPECT_EQ(check(pitch, 0, pitch + tilt, 0, 0.1), "");
+      EXPECT_EQ(check(pitch, 10, pitch, 10 + tilt, 0.1), "");
+    }
+  }
+  // As constructed: the pitch is zero, and not known.
+  EXPECT_EQ(check(20, 15, 0, 0, Mounting({}).sigma() / kDegree), "");
+  // The deviation may be due to the uncertainty.
+  EXPECT_EQ(check(0, 0, 4, 0, 0.4), "");
+  EXPECT_NE(check(0, 0, 4, 0, 0.1), "");
+}
+
+TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
+  ScaleRecovery::Output measured = estimate(2, -1, 0.1);
+  measured.scale = learned(1.65, 0.01);
+  EXPECT_EQ(learnedHeightYaml(measured, 0),
+            "# From the speeds of the vehicle.\n"
+            "camera_height: 1.6500  # [m] ± 0.0219 (95 %), 1.33 %\n"
+            "# The mounting of the camera, for tf; the scale does not need it.\n"
+            "# pitch: 2.00 ± 0.20 (95 %) deg, positive looks down\n"
+            "# roll: -1.00 ± 0.20 (95 %) deg, positive: the right of the camera is lower\n"
+            "# A base_link on the road below the camera that faces as the camera does, with yaw, "
+            "pitch and roll:\n"
+            "# rosrun tf2_ros static_transform_publisher 0 0 1.650 -1.57019 -0.01745 -1.60570 "
+            "base_link CAMERA_FRAME\n");
+}
+
+TEST(CameraHeight, IsNotSavedBeforeSpeedsHaveTaughtIt) {
+  ScaleRecovery::Output measured = estimate(0, 0, 0.1);
+  const auto expectRefused = [&](double given_sigma, const char* reason) {
+    expectThrows<DataError>([&] { learnedHeightYaml(measured, given_sigma); }, reason);
+  };
+  expectRefused(0, "not known yet");
+  measured.scale = learned(1.65, 0);
+  expectRefused(0, "camera_height_sigma is 0");
+  measured.scale = learned(1.65, 0.1);
+  expectRefused(0, "its error is 11.9 % (95 %)");
+  measured.scale = learned(1.65, 0.019);
+  expectRefused(0.02, "speeds have not determined it yet");
+  measured.scale = learned(1.65, 0.01);
+  EXPECT_NO_THROW(learnedHeightYaml(measured, 0.02));
 }
 
 }  // namespace

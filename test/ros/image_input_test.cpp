@@ -21,13 +21,8 @@ sensor_msgs::CameraInfo infoOf(double fx, double k1 = 0) {
   return info;
 }
 
-sensor_msgs::Image uniformImage(std::uint32_t width, std::uint32_t height) {
-  sensor_msgs::Image image;
-  image.encoding = "mono8";
-  image.width = image.step = width;
-  image.height = height;
-  image.data.assign(width * height, 100);
-  return image;
+sensor_msgs::Image uniformImage(int width, int height) {
+  return *toMsg(cv::Mat(height, width, CV_8UC1, cv::Scalar(100)), "mono8", {});
 }
 
 TEST(CameraInput, ReplacesItsCameraOnlyForAnotherValidCalibration) {

@@ -182,19 +182,6 @@ TEST_F(Drive, TfAndPathEqualTheOdometry) {
   }
 }
 
-TEST_F(Drive, ImagesAndTheRoadPlaneAreShown) {
-  for (auto* recorder : {&run_->display.tracks, &run_->display.road}) {
-    EXPECT_GT(recorder->count(), run_->drive.size() / 2);
-    const auto image = recorder->last();
-    EXPECT_EQ(image->encoding, "bgr8");
-    EXPECT_EQ(static_cast<int>(image->width), run_->drive.drive().camera().width);
-  }
-  // Below the camera (y down).
-  for (const auto& quad : run_->display.plane.messages()) {
-    EXPECT_NEAR(quad->pose.position.y, height, 1);
-  }
-}
-
 TEST_F(Drive, PointsAreInMetresAndInVoUnits) {
   std::vector<float> depths;  // [VO units]
   for (const TrackedFeature& feature : fromMsg(*run_->frames.last()).features) {

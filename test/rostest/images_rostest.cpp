@@ -48,14 +48,10 @@ class Images : public ManagerTest {
 
   /// The next image.
   static Image image() {
-    Image image;
-    image.header.stamp = ros::Time(stamp_ += kPeriod);
-    image.header.frame_id = "camera";
-    image.encoding = "mono8";
-    image.width = image.step = kWidth;
-    image.height = kHeight;
-    image.data.assign(image.step * kHeight, 90);
-    return image;
+    std_msgs::Header header;
+    header.stamp = ros::Time(stamp_ += kPeriod);
+    header.frame_id = "camera";
+    return *toMsg(cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(90)), "mono8", header);
   }
   /// Publishes a valid image and waits until both nodelets have processed it.
   bool publishAndWait(const Image& good) {

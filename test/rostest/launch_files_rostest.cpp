@@ -24,12 +24,8 @@ PinholeCamera smallCamera() { return {620, 188, 359.6, 359.6, 309.5, 93.5}; }
 /// be lost.
 bool waitForScale(NodeletTopics& topics, const std::string& camera_frame) {
   topics.publishInfo(toCameraInfo(smallCamera()));
-  sensor_msgs::Image image;
+  sensor_msgs::Image image = *toMsg(cv::Mat(188, 620, CV_8UC1, cv::Scalar(100)), "mono8", {});
   image.header.frame_id = camera_frame;
-  image.encoding = "mono8";
-  image.width = image.step = 620;
-  image.height = 188;
-  image.data.assign(620 * 188, 100);
   for (int s = 1; s <= kTimeout; ++s) {
     image.header.stamp = ros::Time(s);
     topics.publishImage(image);

@@ -10,6 +10,16 @@
 
 namespace ground_scale_vo {
 
+inline geometry_msgs::TransformStamped transformBetween(const std::string& parent,
+                                                        const std::string& child,
+                                                        const Eigen::Isometry3d& T_parent_child) {
+  nav_msgs::Odometry odometry;
+  odometry.header.frame_id = parent;
+  odometry.child_frame_id = child;
+  odometry.pose.pose = toMsg(T_parent_child);
+  return toTransformMsg(odometry);
+}
+
 /// Transform from a base frame to the frame "camera" at this position, looking ahead; pitch [rad],
 /// positive: it looks down; yaw [rad], positive: to the left.
 inline geometry_msgs::TransformStamped mounting(const std::string& base_frame,
@@ -18,11 +28,7 @@ inline geometry_msgs::TransformStamped mounting(const std::string& base_frame,
   Eigen::Isometry3d T_b_c(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * bodyFromOptical() *
                           Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX()));
   T_b_c.translation() = position;
-  nav_msgs::Odometry mounting;
-  mounting.header.frame_id = base_frame;
-  mounting.child_frame_id = "camera";
-  mounting.pose.pose = toMsg(T_b_c);
-  return toTransformMsg(mounting);
+  return transformBetween(base_frame, "camera", T_b_c);
 }
 
 /// As published on /tf at a time.

@@ -1,7 +1,6 @@
-// A vehicle that publishes its speed: metric odometry without a camera
-// height, which is learned and saved; speeds that cannot be used.
+// A vehicle that publishes its speed: the camera height is learned and saved; speeds that cannot be
+// used.
 
-#include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
@@ -33,39 +32,21 @@ class Speed : public DriveTest<80> {
 
   /// Plays the drive with a speed before each image. The speed at an image is that between its
   /// neighbours.
-  template <typename Message>
-  void play(NodeletPair& pair, const std::string& ns,
-            const std::function<void(Message*, double)>& fill) {
+  void play(NodeletPair& pair, const std::string& ns) {
+    using Message = geometry_msgs::TwistWithCovarianceStamped;
     const ros::Publisher speeds = handle_.advertise<Message>(ns + "/speed", 100);
     ASSERT_TRUE(waitUntil([&] { return speeds.getNumSubscribers() > 0; }));
     for (std::size_t i = 0; i < kFrames; ++i) {
       Message message;
       message.header.stamp = pair.stamp(i);
-      fill(&message, 0.5 * (speed(i) + speed(std::min(i + 1, kFrames - 1))));
+      message.twist.twist.linear.x = 0.5 * (speed(i) + speed(std::min(i + 1, kFrames - 1)));
+      message.twist.covariance[0] = 0.02 * 0.02;
       speeds.publish(message);
       ASSERT_TRUE(pair.publishAndWait(i)) << i;
     }
     ASSERT_TRUE(pair.odometry.waitForStamp(pair.lastStamp()));
   }
 };
-
-TEST_F(Speed, OfATwistInEastAndNorthTeachesTheHeight) {
-  NodeletPair pair(manager_, *drive_, "/learnt");
-  ros::param::del("/learnt/scale_recovery/camera_height");
-  pair.setParam("scale_recovery", "use_speed", true);
-  ASSERT_TRUE(pair.load());
-  play<geometry_msgs::TwistStamped>(pair, "/learnt",
-                                    [](geometry_msgs::TwistStamped* message, double speed) {
-                                      message->twist.linear.x = -0.6 * speed;
-                                      message->twist.linear.y = 0.8 * speed;
-                                    });
-  EXPECT_NEAR(pair.displacementRatio(), 1, 0.01);
-  const ScaleEstimateMsg& scale = *pair.scales.last();
-  EXPECT_EQ(scale.status, ScaleEstimateMsg::OK);
-  EXPECT_EQ(scale.source, ScaleEstimateMsg::SOURCE_BOTH);
-  EXPECT_NEAR(scale.camera_height, height(), kHeightTolerance * height());
-  EXPECT_GT(scale.camera_height_sigma, 0);
-}
 
 TEST_F(Speed, OfATwistWithCovarianceTeachesTheHeightWhichIsSaved) {
   const std::string file =
@@ -78,11 +59,7 @@ TEST_F(Speed, OfATwistWithCovarianceTeachesTheHeightWhichIsSaved) {
   ASSERT_TRUE(pair.load());
   EXPECT_FALSE(callTrigger("/saved/scale_recovery/save_height"));
   EXPECT_FALSE(std::filesystem::exists(file));
-  using Message = geometry_msgs::TwistWithCovarianceStamped;
-  play<Message>(pair, "/saved", [](Message* message, double speed) {
-    message->twist.twist.linear.x = speed;
-    message->twist.covariance[0] = 0.02 * 0.02;
-  });
+  play(pair, "/saved");
   EXPECT_NEAR(pair.displacementRatio(), 1, 0.01);
   EXPECT_NEAR(pair.scales.last()->camera_height, height(), kHeightTolerance * height());
   EXPECT_TRUE(diagnostics_.waitForStatus("saved/scale_recovery", [&](const Status& status) {

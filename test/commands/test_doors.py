@@ -278,6 +278,6 @@ def test_bag_launch_waits_for_both_nodelets(bag, tmp_path):
     log = tmp_path / "log"
     arguments = [f"image:={IMAGE}", "image_is_rectified:=true", f"camera_height:={CAMERA_HEIGHT}"]
     with roslaunch(log, delayed, f"bag:={bag}", *arguments, f"config_dir:={tmp_path}") as (process, _):
-        wait_until(lambda: "waits: no node publishes /vo/frame" in log.read_text(), while_runs=process)
+        wait_until(lambda: f"_manager does not receive {IMAGE}" in log.read_text(), while_runs=process)
         released.touch()
         wait_until(lambda: f"Playback finished: {FRAMES} of {FRAMES} frames" in log.read_text(), while_runs=process)

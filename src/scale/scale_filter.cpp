@@ -19,9 +19,9 @@ constexpr double kFeatureSigmaFactor = 2;
 /// [camera heights] Least distance before the first measurement: the first views have a baseline
 /// that is too short.
 constexpr double kStartDistance = 0.5;
-/// Bounds of the factor on the variance: sigma changes by at most a factor of 4.5 either way, so
-/// that neither a run of equal measurements nor of outliers makes it useless.
-constexpr double kMinNisScale = 0.05, kMaxNisScale = 20;
+/// Least factor on the variance: a run of equal measurements divides sigma by at most 4.5. The gate
+/// bounds the innovations, and with them the factor, above.
+constexpr double kMinNisScale = 0.05;
 /// Distances to the measured road over which the tilt of a young map decays to 1/e.
 constexpr double kTiltDecay = 0.8;
 /// [camera heights] Since the latest accepted direct measurement, while the road is the same.
@@ -161,7 +161,7 @@ void ScaleFilter::updateNisScale(double nis, SourceState* source) {
   const double rate = std::min(1.0, (distance_ - source->measured_distance) /
                                         (options_.nis_memory_heights * state_.height()));
   source->measured_distance = distance_;
-  nis_scale_ = std::clamp(nis_scale_ + rate * (nis - nis_scale_), kMinNisScale, kMaxNisScale);
+  nis_scale_ = std::max(kMinNisScale, nis_scale_ + rate * (nis - nis_scale_));
 }
 
 /// After an accepted measurement of a source: the rejected ones do not lead to a restart. Direct

@@ -54,7 +54,7 @@ class ReferenceAlignment {
     cv::Mat original;
     double gain;
     cv::Mat image;
-    Eigen::Isometry3d T_r_w, T_c_r;  ///< to the world and to the current camera
+    Eigen::Isometry3d T_r_w, T_c_r;  ///< from the world, and to the current camera
   };
   /// The patch that a feature is aligned to.
   struct Reference {

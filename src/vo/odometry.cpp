@@ -247,8 +247,8 @@ void VisualOdometry::Impl::findFeatures(const RelocalisedPose* relocalised, Fram
   reference_alignment_.align(mapping_.map(), frame->image, predict(), &frame->found);
 }
 
-/// Estimates the pose and removes the outliers. Returns false, and changes nothing, when there is
-/// no pose.
+/// Estimates the pose and removes the outliers. Returns false, without a new pose, when there is
+/// none.
 bool VisualOdometry::Impl::estimatePose(const Eigen::Isometry3d& predicted_T_w_c, Frame* frame) {
   ScopedTimer timer(&frame->out.times.pose);
   const std::int64_t stamp_ns = frame->out.frame.stamp_ns;

@@ -58,6 +58,7 @@ class Tracking {
   /// features tracked into this image.
   bool isTextureless(const ImagePyramid& image, std::size_t found) const;
 
+  /// The last image that was passed to advance(), and its features.
   const ImagePyramid& image() const { return previous_; }
   const std::vector<Feature>& features() const { return features_; }
   std::vector<Feature>& features() { return features_; }

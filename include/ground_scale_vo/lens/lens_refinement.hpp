@@ -20,7 +20,7 @@ class LensRefinement {
  public:
   struct Options {
     LensEstimator::Options estimator;
-    /// The result of an estimate is used a fixed number of frames after its start, and process()
+    /// The result of an estimate is used a fixed number of frames after its start, and add()
     /// waits for it. False: it is used as soon as it is there, and nothing waits.
     bool deterministic = true;
   };

@@ -25,9 +25,10 @@ inline const char* toString(VoStatus status) {
   return "invalid";
 }
 
-/// How a frame continues the frames before it. Decided once: by the odometry for its own frames, by
-/// FrameContinuity (ros/) for received ones; a pose that jumps is a new map for ScaleRecovery. Each
-/// stage is told and compares nothing.
+/// How a frame continues the frames before it. Decided once, and passed down to the stages: by
+/// VisualOdometry (kNewMap) and SelfCalibratingOdometry (kOtherLens) for their own frames, by
+/// FrameContinuity (ros/) for received ones, from their ids. ScaleRecovery alone may raise it, when
+/// the pose jumps within a map.
 enum class Continuity : std::uint8_t {
   kSameMap,         ///< pose and unit of length continue
   kOtherLens,       ///< the same, with images of a better lens from this frame on
@@ -75,7 +76,7 @@ struct VoFrame {
   std::uint32_t sequence = 0;  ///< number of the image, counted by the odometry from 0
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;  ///< increases by one with each new map; VO units differ between maps
-  Continuity continuity = Continuity::kSameMap;  ///< not of a lost frame, which tells nothing
+  Continuity continuity = Continuity::kSameMap;  ///< of a lost frame: not used
   bool keyframe = false;
   PinholeCamera camera;
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
